@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from planner.report.part_page import part_page
     from planner.report.part_volume import part_volume
     from planner.report.plan_page import plan_page, view
-    from planner.report.svg import simulation_figure
+    from planner.report.simulation_figures import simulation_figure
     from planner.simulation.bar import Bar
     from planner.simulation.export import Export, ExportedMaterial, export
     from planner.simulation.loads import LoadCase
@@ -155,7 +155,7 @@ _MODULES = {
     "planner.report.part_page": "part_page",
     "planner.report.part_volume": "part_volume",
     "planner.report.plan_page": "plan_page view",
-    "planner.report.svg": "simulation_figure",
+    "planner.report.simulation_figures": "simulation_figure",
     "planner.simulation.bar": "Bar",
     "planner.materials.law_blocks": "law_block",
     "planner.simulation.loads": "LoadCase",

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "LAW_PARAMETERS",
+    "SAME_K",
     "LawParameters",
     "Material",
     "Palette",
@@ -123,6 +124,10 @@ class Reference:
     soak_h: float | None = None
     age_days: float | None = None
     orientation: Literal["x", "y", "z"] | None = None
+
+
+SAME_K = 2.0
+"""Temperatures that near are one: the tolerance of a standard atmosphere (ISO 291, class 2)."""
 
 
 class Temperature(msgspec.Struct, forbid_unknown_fields=True, frozen=True):

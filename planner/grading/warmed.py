@@ -6,9 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from planner.errors import PaletteError
-from planner.materials.temperature import SAME_K
 from planner.notes import Caution
-from planner.palette import Palette
+from planner.palette import SAME_K, Palette
 from planner.printers import Printer, palette_of
 
 __all__ = ["at_temperature"]

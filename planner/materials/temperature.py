@@ -11,12 +11,9 @@ from planner.materials.fit import RELATIVE_FLOOR, students_t
 from planner.materials.fit_intervals import ASSUMED_LOG_SD, MaterialFit, loading
 from planner.materials.study import Study
 from planner.numerics import FloatArray
-from planner.palette import Temperature
+from planner.palette import SAME_K, Temperature
 
-__all__ = ["SAME_K", "at_one_temperature", "temperature_table"]
-
-SAME_K = 2.0
-"""Temperatures that near are one: the tolerance of a standard atmosphere (ISO 291, class 2)."""
+__all__ = ["at_one_temperature", "temperature_table"]
 
 _USUAL_C = 23.0
 """Of the same standard: of two temperatures with as many specimens the palette's is the nearer."""

@@ -7,7 +7,16 @@ from pathlib import Path
 from planner.grading.check import Difference, diff
 from planner.plan import Plan
 from planner.report.display import colours_told_apart, shown
-from planner.report.page import asset, begin, end
+from planner.report.page import (
+    asset,
+    begin,
+    data_script,
+    end,
+    figure,
+    head,
+    section,
+    table,
+)
 from planner.report.plan_figure import both_figure
 from planner.report.plan_page import (
     KEYS,
@@ -77,10 +86,10 @@ def _page(sources: Sequence[PlanSource], found: Sequence[Difference]) -> Iterato
     title = " and ".join(dict.fromkeys(plan.part.file for plan in plans))
     yield from begin(f"{title}: two plans", styles=["plan.css"], scripts=scripts)
     yield '<a class="skip" href="#differences">Skip the 3D views</a>'
-    yield f"<header>\n<div>\n<h1>{escape(title)}: two plans</h1>"
-    for side, plan in zip(_SIDES, plans, strict=True):
-        yield f'<p class="quiet"><b>{side}</b> {escape(wish_words(plan))}</p>'
-    yield '</div>\n</header>\n<main>\n<div class="pair">'
+    sides = zip(_SIDES, plans, strict=True)
+    below = [f"<b>{side}</b> {escape(wish_words(plan))}" for side, plan in sides]
+    yield from head(f"{title}: two plans", below)
+    yield '<main>\n<div class="pair">'
     displays = [shown(source.shells) for source in sources]
     for side, plan in zip(_SIDES, plans, strict=True):
         yield (
@@ -103,11 +112,9 @@ def _page(sources: Sequence[PlanSource], found: Sequence[Difference]) -> Iterato
     for side, plan, mine, other in zip(_SIDES, plans, rows, reversed(rows), strict=True):
         changed = [k for k, row in enumerate(mine) if k >= len(other) or row != other[k]]
         name = f"regions-{side}"
-        yield f'<section aria-labelledby="{name}">\n<h2 id="{name}">Regions of {side}</h2>'
-        if changed:
-            yield '<p class="quiet">≠ marks a region that the other plan has not.</p>'
-        yield from regions_table(plan, colours, numbers, name, changed)
-        yield "</section>"
+        marked = '<p class="quiet">≠ marks a region that the other plan has not.</p>'
+        regions = regions_table(plan, colours, numbers, name, changed)
+        yield from section(name, f"Regions of {side}", [marked, *regions] if changed else regions)
     yield "</div>\n</main>\n<footer>"
     for side, source in zip(_SIDES, sources, strict=True):
         made = f"planner {escape(source.plan.version)}, plan.json {source.sha256[:16]}"
@@ -115,9 +122,8 @@ def _page(sources: Sequence[PlanSource], found: Sequence[Difference]) -> Iterato
     yield "</footer>"
     for side, source, display in zip(_SIDES, sources, displays, strict=True):
         inks = [colours[name] for name in source.names]
-        data = viewer_data(source, display, inks, numbers)
-        yield f'<script type="application/json" id="data-{side}">{data}</script>'
-        yield f'<script type="text/plain" id="geometry-{side}">{geometry(display)}</script>'
+        yield data_script(f"data-{side}", viewer_data(source, display, inks, numbers))
+        yield f'<script type="text/plain" id="geometry-{side}">{geometry(display.shells)}</script>'
     yield end(scripts)
 
 
@@ -146,28 +152,20 @@ def _materials(sources: Sequence[PlanSource], colours: dict[str, str]) -> Iterat
 
 
 def _differences(found: Sequence[Difference]) -> Iterator[str]:
-    yield '<section aria-labelledby="differences-title">'
-    count = f" ({len(found)})" if found else ""
-    yield f'<h2 id="differences-title">What differs{count}</h2>'
+    name, title = "differences-title", f"What differs{f' ({len(found)})' if found else ''}"
     if not found:
-        yield "<p>The plans mean the same.</p>\n</section>"
-        return
-    yield '<div class="wide" tabindex="0" role="group" aria-labelledby="differences-title">'
-    yield '<table>\n<thead><tr><th scope="col">what</th><th scope="col">where</th>'
-    yield '<th scope="col">A</th><th scope="col">B</th></tr></thead>\n<tbody>'
-    for each in found:
-        words = (each.what, each.where, each.before, each.after)
-        cells = "".join(f'<td class="words">{escape(cell)}</td>' for cell in words)
-        yield f"<tr>{cells}</tr>"
-    yield "</tbody>\n</table>\n</div>\n</section>"
+        return section(name, title, ["<p>The plans mean the same.</p>"])
+    columns = [(words, "words") for words in ("what", "where", "A", "B")]
+    rows = [("", [escape(w) for w in (d.what, d.where, d.before, d.after)]) for d in found]
+    return section(name, title, table(columns, rows, of=name))
 
 
 def _curves(plans: Sequence[Plan]) -> Iterator[str]:
-    yield '<section aria-labelledby="curves-title">'
-    yield '<h2 id="curves-title">Stiffness along the field</h2>\n<figure>'
-    yield '<div class="wide" tabindex="0" role="group" aria-labelledby="curves-title">'
-    yield both_figure(plans[0], plans[1], "curves-words")
-    yield (
-        '</div>\n<figcaption id="curves-words">Dashed: the targets. Thick: the moduli of what is '
-        "printed there; A is drawn wider.</figcaption>\n</figure>\n</section>"
+    drawn = both_figure(plans[0], plans[1], "curves-words")
+    caption = (
+        '<figcaption id="curves-words">Dashed: the targets. Thick: the moduli of what is '
+        "printed there; A is drawn wider.</figcaption>"
+    )
+    return section(
+        "curves-title", "Stiffness along the field", figure("curves-title", drawn, caption)
     )

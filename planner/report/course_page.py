@@ -1,6 +1,5 @@
 """What the page of a design shows beside that of its plan: the part from rest to full load."""
 
-import base64
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from html import escape
@@ -10,6 +9,8 @@ import numpy as np
 
 from planner.numerics import FloatArray, Point
 from planner.report.display import Shown, thinned
+from planner.report.page import packed
+from planner.report.svg import ramp
 
 if TYPE_CHECKING:
     from planner.inverse_design.design import Course
@@ -29,15 +30,15 @@ _MOST_TRIANGLES = 20_000
 
 def course_data(
     courses: "Sequence[Course]", display: Shown, moved_mm: Point
-) -> tuple[Shown, dict[str, Any], list[dict[str, Any]], str]:
+) -> tuple[Shown, dict[str, Any], str]:
     """Return what the viewer shows of a design.
 
     Returns
     -------
     display : Shown
         The shells, and behind them the shapes that are wanted, on a grid that holds all frames.
-    document, shells
-        What the viewer's JSON holds of the course, and of the shapes.
+    document
+        What the viewer's JSON holds of the course.
     frames : str
         Places and values of all frames, in base64.
     """
@@ -75,21 +76,15 @@ def course_data(
         for _, _, places, off in frames
         for p, v in zip(places, off, strict=True)
     ]
-    packed = b"".join(part + bytes(-len(part) % 4) for part in parts)
     document = {
         "printed": len(first),
         "frames": [{"text": text, "shape": number} for text, number, *_ in frames],
-        "scale": _colours(),
+        "scale": ramp(_SCALE, range(5), np.linspace(0.0, 4.0, 256)),
         "top_mm": top,
     }
-    described = [
-        {"name": "wanted", "number": 0, "modulus": "", "colour": "#2A9D8F", "points": len(points),
-         "faces": len(faces), "wide": len(points) > 1 << 16}
-        for points, faces in last
-    ]  # fmt: skip
     # The last frame of the first case is what the slider begins with; the grid holds all of them.
     shown = replace(display, origin_mm=low, step_mm=step_mm, shells=(*first, *last))
-    return shown, document, described, base64.b64encode(packed).decode()
+    return shown, document, packed(parts)
 
 
 def _left(course: "Course", places_mm: FloatArray, top: float) -> FloatArray:
@@ -100,13 +95,6 @@ def _left(course: "Course", places_mm: FloatArray, top: float) -> FloatArray:
         return np.zeros(len(places_mm))
     nearest = KDTree(course.cells.surface.vertices).query(places_mm)[1]
     return np.asarray(course.off_mm[nearest] / top)
-
-
-def _colours() -> list[str]:
-    known = np.array([[int(colour[i : i + 2], 16) for i in (1, 3, 5)] for colour in _SCALE], float)
-    at = np.linspace(0.0, len(_SCALE) - 1.0, 256)
-    mixed = np.stack([np.interp(at, range(len(_SCALE)), channel) for channel in known.T], axis=1)
-    return ["#" + bytes(np.rint(row).astype(np.uint8)).hex() for row in mixed]
 
 
 def course_controls(document: dict[str, Any]) -> Iterator[str]:

@@ -1,7 +1,7 @@
 """What a screen shows of shells: positions rounded, triangles few enough, colours told apart."""
 
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from planner.mesh.mesh import cancel_opposite, compact, face_normal, repeats_index
 from planner.numerics import Float32Array, FloatArray, IntArray, kernel
+from planner.report.svg import ramp
 
 __all__ = ["MOST_TRIANGLES", "Shown", "colours_told_apart", "shown", "thinned"]
 
@@ -232,16 +233,9 @@ def colours_told_apart(colours: Sequence[str]) -> tuple[str, ...]:
     own = tuple(colours)
     if _least_distance(own) >= _JUST_NOTICEABLE:
         return own
-    scale = tuple(_scale(len(own)))
+    last = len(_SCALE) - 1
+    scale = tuple(ramp(_SCALE, range(last + 1), np.linspace(0.0, last, len(own))))
     return scale if _least_distance(scale) >= _JUST_NOTICEABLE else own
-
-
-def _scale(count: int) -> Iterator[str]:
-    known = _channels(_SCALE)
-    for at in np.linspace(0.0, len(_SCALE) - 1.0, count):
-        lower = min(int(at), len(_SCALE) - 2)
-        mixed = known[lower] + (at - lower) * (known[lower + 1] - known[lower])
-        yield "#" + "".join(f"{round(float(channel)):02X}" for channel in mixed)
 
 
 def _channels(colours: Sequence[str]) -> FloatArray:

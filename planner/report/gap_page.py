@@ -28,7 +28,7 @@ from planner.report.gap_text import (
     scope,
     verdict_sections,
 )
-from planner.report.page import asset, begin, end
+from planner.report.page import asset, begin, end, head, table
 
 __all__ = ["diagnosis_files", "write_diagnosis"]
 
@@ -217,17 +217,13 @@ def _page(d: Diagnosis, figures: Mapping[str, bytes]) -> Iterator[str]:
 
 def _head(d: Diagnosis) -> Iterator[str]:
     """Yield the head: what was diagnosed, and the verdict in figures."""
-    yield f"<header>\n<div>\n<h1>{escape(d.campaign)}</h1>"
-    yield f'<p class="quiet">{escape(headline(d))}</p>'
-    yield f'<p class="quiet">{escape(scope(d))}</p>\n</div>\n<dl class="facts">'
     errors = {"gap before": d.gap.before, "gap after": d.gap.after, "floor": d.gap.floor}
-    for name, value, kind in (
+    facts = (
         ("verdict", d.verdict, "good" if d.ok else "bad"),
         ("probability", probability(best_of(d).probability), ""),
         *((name, percent(error), "") for name, error in errors.items() if error is not None),
-    ):
-        yield f'<div><dt>{name}</dt><dd class="{kind}">{escape(value)}</dd></div>'
-    yield "</dl>\n</header>"
+    )
+    return head(d.campaign, [escape(headline(d)), escape(scope(d))], facts)
 
 
 def _section(section: TextSection) -> Iterator[str]:
@@ -243,16 +239,8 @@ def _section(section: TextSection) -> Iterator[str]:
 
 
 def _table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> Iterator[str]:
-    kinds = [' class="figure"' if name in _FLUSH_RIGHT else "" for name in columns]
-    heads = zip(columns, kinds, strict=True)
-    yield '<div class="wide" tabindex="0" role="group" aria-label="Table">'
-    yield "<table>\n<thead><tr>"
-    yield "".join(f'<th scope="col"{kind}>{escape(name)}</th>' for name, kind in heads)
-    yield "</tr></thead>\n<tbody>"
-    for row in rows:
-        cells = (f"<td{k}>{escape(cell)}</td>" for cell, k in zip(row, kinds, strict=True))
-        yield f"<tr>{''.join(cells)}</tr>"
-    yield "</tbody>\n</table>\n</div>"
+    heads = [(name, "figure" if name in _FLUSH_RIGHT else "") for name in columns]
+    return table(heads, (("", [escape(cell) for cell in row]) for row in rows))
 
 
 # ------------------------------------------------------------------------------------------------

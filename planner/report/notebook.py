@@ -24,7 +24,7 @@ from planner.report.plan_text import (
     plan_table,
     unreachable_words,
 )
-from planner.report.svg import simulation_figure
+from planner.report.simulation_figures import simulation_figure
 from planner.simulation.part import PartSimulation
 from planner.simulation.simulate import Simulation
 

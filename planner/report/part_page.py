@@ -1,21 +1,31 @@
 """A loaded part on one page that needs nothing else: as it moves from step to step, and figures."""
 
-import base64
 from collections.abc import Iterator, Mapping, Sequence
 from html import escape
+from typing import Any
 
 import numpy as np
 
 from planner import __version__
-from planner.formats.files import encode_document
 from planner.numerics import IntArray
 from planner.report.display import thinned
-from planner.report.page import asset, begin, end
-from planner.report.part_cut import cut_figure, cut_of, cut_words
+from planner.report.page import (
+    asset,
+    begin,
+    data_script,
+    end,
+    figure,
+    findings_card,
+    head,
+    packed,
+    section,
+    table,
+)
 from planner.report.part_text import part_title, response_rows, step_rows, summary_words
-from planner.report.plan_page import KEYS, library, section_controls, stage
+from planner.report.plan_page import KEYS, geometry, library, section_controls, shell_data, stage
 from planner.report.plan_text import format_number
-from planner.report.svg import simulation_figure, ticks
+from planner.report.simulation_figures import cut_figure, cut_of, cut_words, simulation_figure
+from planner.report.svg import ramp, ticks
 from planner.simulation.part import PartSimulation
 
 __all__ = ["part_page"]
@@ -95,7 +105,7 @@ def _page(results: Sequence[PartSimulation]) -> Iterator[str]:
         no_view="The figure and the tables below are whole.",
     )
     yield '<div class="panel">'
-    yield from _findings(results)
+    yield from findings_card([(f.message, False) for one in results for f in one.findings])
     yield from _slider(sum(len(one.steps.share) for one in results))
     yield from _legend(top)
     yield from section_controls("xyz")
@@ -103,21 +113,20 @@ def _page(results: Sequence[PartSimulation]) -> Iterator[str]:
     yield '</div>\n</div>\n<div class="below" id="figures">'
     first = 0
     for number, one in enumerate(results):
-        case, mark = (f": {escape(one.case)}", f"-{number}") if one.case else ("", "")
+        case, mark = (f": {one.case}", f"-{number}") if one.case else ("", "")
         rows = list(step_rows(one, len(one.steps.share)))
-        yield f'<section aria-labelledby="curve-title{mark}">'
-        yield f'<h2 id="curve-title{mark}">Load curve{case}</h2>\n<figure>'
-        yield f'<div class="wide" tabindex="0" role="group" aria-labelledby="curve-title{mark}">'
-        yield f"{simulation_figure(one).decode()}</div></figure>\n</section>"
+        name = f"curve-title{mark}"
+        curve = figure(name, simulation_figure(one).decode())
+        yield from section(name, f"Load curve{case}", curve)
         yield from _cut(one, top, case, mark)
         title = f"Where it is held and loaded, at the last step{case}"
-        yield from _table(title, f"responses{mark}", list(response_rows(one)))
-        yield from _table(f"Steps{case}", f"steps-table{mark}", rows, first=first)
+        yield from _table(f"responses{mark}", title, list(response_rows(one)))
+        yield from _table(f"steps-table{mark}", f"Steps{case}", rows, first=first)
         first += len(rows)
-    yield '<section aria-labelledby="notes-title">\n<h2 id="notes-title">Notes</h2>'
     notes = dict.fromkeys(note for one in results for note in (*summary_words(one), *one.notes))
-    yield '<ul class="notes">' + "".join(f"<li>{escape(note)}</li>" for note in notes) + "</ul>"
-    yield "</section>\n</div>\n</main>\n<footer>"
+    items = "".join(f"<li>{escape(note)}</li>" for note in notes)
+    yield from section("notes-title", "Notes", [f'<ul class="notes">{items}</ul>'])
+    yield "</div>\n</main>\n<footer>"
     shown, of = len(faces), len(result.cells.surface.faces)
     simplified = f", simplified for display to {shown} of {of} triangles" if shown < of else ""
     yield (
@@ -127,7 +136,7 @@ def _page(results: Sequence[PartSimulation]) -> Iterator[str]:
         "this file.</p>\n</footer>"
     )
     data, rest, moved = _packed(results, kept, faces, top)
-    yield f'<script type="application/json" id="data">{data}</script>'
+    yield data_script("data", data)
     yield f'<script type="text/plain" id="geometry">{rest}</script>'
     yield f'<script type="text/plain" id="steps">{moved}</script>'
     yield end(scripts)
@@ -141,11 +150,6 @@ def _top(most: float) -> float:
 
 
 def _header(results: Sequence[PartSimulation]) -> Iterator[str]:
-    name = escape(results[0].name)
-    yield f"<header>\n<div>\n<h1>{name} under load</h1>"
-    for result in results:
-        yield f'<p class="quiet">{escape(part_title(result))}</p>'
-    yield '</div>\n<dl class="facts">'
     worst = max(float(result.steps.largest.max()) for result in results)
     found = sum(len(result.findings) for result in results)
     curves = [(one, one.curve) for one in results]
@@ -156,19 +160,7 @@ def _header(results: Sequence[PartSimulation]) -> Iterator[str]:
     ]
     facts.append(("strain / break", format_number(worst), "bad" if worst > 1.0 else "good"))
     facts.append(("findings", str(found), "bad" if found else "good"))
-    for label, value, kind in facts:
-        yield f'<div><dt>{escape(label)}</dt><dd class="{kind}">{escape(value)}</dd></div>'
-    yield "</dl>\n</header>"
-
-
-def _findings(results: Sequence[PartSimulation]) -> Iterator[str]:
-    told = [found.message for result in results for found in result.findings]
-    if told:
-        yield '<section class="card" id="findings" aria-labelledby="findings-title">'
-        yield f'<h2 id="findings-title">Findings ({len(told)})</h2>\n<ol role="list">'
-        for words in told:
-            yield f'<li class="plain">{escape(words)}</li>'
-        yield "</ol>\n</section>"
+    return head(f"{results[0].name} under load", [escape(part_title(r)) for r in results], facts)
 
 
 def _slider(count: int) -> Iterator[str]:
@@ -200,24 +192,21 @@ def _legend(top: float) -> Iterator[str]:
 
 def _cut(result: PartSimulation, top: float, case: str, mark: str) -> Iterator[str]:
     cut = cut_of(result)
-    title = f"cut-title{mark}"
-    yield f'<section aria-labelledby="{title}">\n<h2 id="{title}">Where it would tear{case}</h2>'
-    yield f'<p id="cut-words{mark}">{escape(" ".join(cut_words(result, cut)))}</p>'
-    yield f'<figure><div class="wide" tabindex="0" role="group" aria-labelledby="{title}">'
-    yield f"{cut_figure(result, cut, _colours(), top)}</div></figure>\n</section>"
+    name = f"cut-title{mark}"
+    said = f'<p id="cut-words{mark}">{escape(" ".join(cut_words(result, cut)))}</p>'
+    drawn = figure(name, cut_figure(result, cut, _colours(), top))
+    return section(name, f"Where it would tear{case}", [said, *drawn])
 
 
 def _table(
-    title: str, name: str, rows: Sequence[Mapping[str, str]], *, first: int | None = None
+    name: str, title: str, rows: Sequence[Mapping[str, str]], *, first: int | None = None
 ) -> Iterator[str]:
-    yield f'<section aria-labelledby="{name}">\n<h2 id="{name}">{title}</h2>'
-    yield f'<div class="wide" tabindex="0" role="group" aria-labelledby="{name}">\n<table>'
-    heads = "".join(f'<th scope="col">{escape(column) or "what"}</th>' for column in rows[0])
-    yield f"<thead><tr>{heads}</tr></thead>\n<tbody>"
-    for number, row in enumerate(rows):
-        mark = "" if first is None else f' data-step="{first + number}"'
-        yield f"<tr{mark}>" + "".join(f"<td>{escape(cell)}</td>" for cell in row.values()) + "</tr>"
-    yield "</tbody>\n</table>\n</div>\n</section>"
+    marked = [
+        ("" if first is None else f' data-step="{first + number}"', list(map(escape, row.values())))
+        for number, row in enumerate(rows)
+    ]
+    columns = [(column or "what", "") for column in rows[0]]
+    return section(name, title, table(columns, marked, of=name))
 
 
 # ------------------------------------------------------------------------------------------------
@@ -226,19 +215,17 @@ def _table(
 
 def _packed(
     results: Sequence[PartSimulation], kept: IntArray, faces: IntArray, top: float
-) -> tuple[str, str, str]:
-    """Return the viewer's JSON, the part at rest, and its steps, both in base64."""
+) -> tuple[dict[str, Any], str, str]:
+    """Return what the viewer reads: figures, and in base64 the part at rest and its steps."""
     moves = np.concatenate([one.steps.displacement_mm[:, kept] for one in results])
     over_break = np.concatenate([one.steps.strain_over_break[:, kept] for one in results])
     places = results[0].cells.surface.vertices[kept] + moves
     low, high = places.min(axis=(0, 1)), places.max(axis=(0, 1))
     step_mm = float((high - low).max()) / _POINTS or 1.0
-    wide = len(kept) > 1 << 16
     points = np.floor((places - low) / step_mm + 0.5).astype("<u2")
     # One colour is kept for what is broken: the last.
     values = np.minimum(np.floor(254.0 * np.maximum(over_break, 0.0) / top), 254)
     values[over_break > 1.0] = 255
-    rest = [points[0].tobytes(), faces.astype("<u4" if wide else "<u2").tobytes()]
     moved = [
         one.tobytes() + value.astype("u1").tobytes()
         for one, value in zip(points, values, strict=True)
@@ -248,10 +235,7 @@ def _packed(
         "step": step_mm,
         "moved": [0.0, 0.0, 0.0],
         "size": (high - low).tolist(),
-        "shells": [{
-            "name": "", "number": 1, "modulus": "", "colour": "#8A8F98", "points": len(kept),
-            "faces": len(faces), "wide": wide,
-        }],
+        "shells": [shell_data(points[0], faces, "#8A8F98")],
         "sections": [
             {"name": name, "normal": [float(k == axis) for axis in range(3)], "zero": 0.0}
             for k, name in enumerate("xyz")
@@ -265,19 +249,10 @@ def _packed(
         ],
         "scale": _colours(),
         "top": top,
-    }  # fmt: skip
-    data = encode_document(document).decode().strip().replace("<", "\\u003c")
-    return data, _base64(rest), _base64(moved)
-
-
-def _base64(parts: Sequence[bytes]) -> str:
-    """Return parts that each begin at a multiple of four bytes."""
-    return base64.b64encode(b"".join(part + bytes(-len(part) % 4) for part in parts)).decode()
+    }
+    return document, geometry([(points[0], faces)]), packed(moved)
 
 
 def _colours() -> list[str]:
     """Return 255 colours of the scale, and that of what is broken."""
-    known = np.array([[int(colour[i : i + 2], 16) for i in (1, 3, 5)] for colour in _SCALE], float)
-    at = np.linspace(0.0, len(_SCALE) - 1.0, 255)
-    mixed = np.stack([np.interp(at, range(len(_SCALE)), channel) for channel in known.T], axis=1)
-    return [*("#" + bytes(np.rint(row).astype(np.uint8)).hex() for row in mixed), _BROKEN]
+    return [*ramp(_SCALE, range(len(_SCALE)), np.linspace(0.0, len(_SCALE) - 1.0, 255)), _BROKEN]

@@ -18,6 +18,7 @@ from planner.report.svg import (
     RUST,
     Chart,
     frame,
+    inline,
     line,
     log_ticks,
     rectangle,
@@ -96,10 +97,7 @@ def stiffness_figure(
     ]
     width, height = _LEFT + _WIDTH + 16.0, bottom + 34.0
     named = f'aria-label="{escape(words)}"' if words else 'aria-labelledby="stiffness-words"'
-    return (
-        f'<svg viewBox="0 0 {width:g} {height:g}" width="{width:g}" height="{height:g}" '
-        f'font-size="12" fill="{INK}" role="img" {named}>\n' + "\n".join(parts) + "\n</svg>"
-    )
+    return inline(width, height, parts, named)
 
 
 def target_along(plan: Plan) -> tuple[FloatArray, FloatArray] | None:
@@ -234,7 +232,7 @@ def both_figure(first: Plan, second: Plan, words: str) -> str:
     up = f"secant modulus at strain {' and '.join(strains)}, MPa"
     parts = list(frame(chart, x_label=across, y_label=up, y_ticks=log_ticks(*chart.y_range)))
     styles = (("A", BLUE, 5.0), ("B", RUST, 2.0))
-    for (side, colour, width), plan, target in zip(styles, plans, targets, strict=True):
+    for (side, colour, thick), plan, target in zip(styles, plans, targets, strict=True):
         if target is not None:
             drawn = line(
                 chart, begin + target[0] * way, target[1], colour=colour, width=1.3, dash="6,4"
@@ -247,17 +245,12 @@ def both_figure(first: Plan, second: Plan, words: str) -> str:
             )
             left, right = _span(region, chart, ends)
             y = chart.y(math.log10(region.modulus_MPa))
-            parts += told(said, [segment((left, y), (right, y), colour=colour, width=width)])
-    for place, (side, colour, width) in enumerate(styles):
+            parts += told(said, [segment((left, y), (right, y), colour=colour, width=thick)])
+    for place, (side, colour, thick) in enumerate(styles):
         x = _LEFT + _WIDTH - 100.0 + 56.0 * place
         parts += [
-            segment((x, 14.0), (x + 20.0, 14.0), colour=colour, width=width),
+            segment((x, 14.0), (x + 20.0, 14.0), colour=colour, width=thick),
             text(x + 26.0, 18.0, side),
         ]
-    size = (_LEFT + _WIDTH + 16.0, _TOP + _HEIGHT + 50.0)
-    return (
-        f'<svg viewBox="0 0 {size[0]:g} {size[1]:g}" width="{size[0]:g}" height="{size[1]:g}" '
-        f'font-size="12" fill="{INK}" role="img" aria-labelledby="{words}">\n'
-        + "\n".join(parts)
-        + "\n</svg>"
-    )
+    width, height = _LEFT + _WIDTH + 16.0, _TOP + _HEIGHT + 50.0
+    return inline(width, height, parts, f'aria-labelledby="{words}"')

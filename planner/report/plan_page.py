@@ -1,9 +1,8 @@
 """plan.html: a plan on one page that needs nothing else, with the part in its materials."""
 
-import base64
 import hashlib
 import os
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from html import escape
 from pathlib import Path
@@ -14,7 +13,6 @@ import numpy as np
 
 from planner import __version__
 from planner.errors import OutputError
-from planner.formats.files import encode_document
 from planner.formats.markdown import to_html
 from planner.formats.outputs import SEAL, is_sealed, seal, write_whole
 from planner.formats.threemf import read_threemf
@@ -23,7 +21,18 @@ from planner.numerics import Float32Array, FloatArray, IntArray
 from planner.plan import Plan, decode_plan, plan_file, read_plan, read_shells
 from planner.report.course_page import course_controls, course_data
 from planner.report.display import Shown, colours_told_apart, shown
-from planner.report.page import asset, begin, end
+from planner.report.page import (
+    asset,
+    begin,
+    data_script,
+    end,
+    figure,
+    findings_card,
+    head,
+    packed,
+    section,
+    table,
+)
 from planner.report.plan_figure import stiffness_figure
 from planner.report.plan_text import (
     error_words,
@@ -44,6 +53,7 @@ __all__ = [
     "plan_page",
     "regions_table",
     "section_controls",
+    "shell_data",
     "source_of",
     "stage",
     "swatch",
@@ -228,11 +238,10 @@ def _page(source: PlanSource, courses: "Sequence[Course]") -> Iterator[str]:
     plan = source.plan
     display = shown(source.shells)
     more: dict[str, Any] = {}
-    shapes: list[dict[str, Any]] = []
     frames = ""
     if courses:
         moved = plan.part.translation_mm
-        display, more["course"], shapes, frames = course_data(courses, display, moved)
+        display, more["course"], frames = course_data(courses, display, moved)
     colours = colours_told_apart(source.colours)
     names = ("viewer.js", "page.js", "figure.js", *(("course.js",) if courses else ()))
     own = "\n".join(map(asset, names))
@@ -260,18 +269,16 @@ def _page(source: PlanSource, courses: "Sequence[Course]") -> Iterator[str]:
     yield KEYS
     yield '</div>\n</div>\n<div class="below" id="figures">'
     yield from _figure(source, colours)
-    yield '<section aria-labelledby="table-title">\n<h2 id="table-title">Regions</h2>'
-    yield from regions_table(
-        plan, dict(zip(source.names, colours, strict=True)), _numbers(source), "table-title"
-    )
-    yield "</section>"
+    inks = dict(zip(source.names, colours, strict=True))
+    regions = regions_table(plan, inks, _numbers(source), "table-title")
+    yield from section("table-title", "Regions", regions)
     yield from _remarks(plan)
     yield from _howto(source.howto)
     yield "</div>\n</main>"
     yield from _footer(source, display)
-    data = viewer_data(source, display, colours, _numbers(source), shapes, more)
-    yield f'<script type="application/json" id="data">{data}</script>'
-    yield f'<script type="text/plain" id="geometry">{geometry(display)}</script>'
+    data = viewer_data(source, display, colours, _numbers(source), more)
+    yield data_script("data", data)
+    yield f'<script type="text/plain" id="geometry">{geometry(display.shells)}</script>'
     if courses:
         yield f'<script type="text/plain" id="course-frames">{frames}</script>'
     yield end(scripts)
@@ -291,31 +298,25 @@ def viewer_data(
     display: Shown,
     colours: Sequence[str],
     numbers: Mapping[str, int],
-    shapes: Sequence[Mapping[str, Any]] = (),
     more: Mapping[str, Any] = MappingProxyType({}),
-) -> str:
-    """Return the JSON of the viewer, safe within a script element; `shapes` follow the shells."""
+) -> dict[str, Any]:
+    """Return what the viewer reads; shapes of a design follow the shells."""
     printed = display.shells[: len(source.names)]
     points = np.concatenate([points for points, _ in printed])
     plan = source.plan
-    document = {
+    return {
         "origin": display.origin_mm.tolist(),
         "step": display.step_mm,
         "moved": list(plan.part.translation_mm),
         "size": (display.step_mm * points.max(axis=0).astype(float)).tolist(),
         "shells": [
-            {
-                "name": name,
-                "number": numbers[name],
-                "modulus": _modulus_words(plan, name),
-                "colour": colour,
-                "points": len(points),
-                "faces": len(faces),
-                "wide": _wide(len(points)),
-            }
+            shell_data(points, faces, colour, name, numbers[name], _modulus_words(plan, name))
             for name, colour, (points, faces) in zip(source.names, colours, printed, strict=True)
         ]
-        + list(shapes),
+        + [
+            shell_data(points, faces, "#2A9D8F", "wanted", 0)
+            for points, faces in display.shells[len(source.names) :]
+        ],
         "sections": [
             {"name": name, "normal": normal, "zero": zero} for name, normal, zero in _ways(plan)
         ],
@@ -326,7 +327,6 @@ def viewer_data(
         ],
         **more,
     }
-    return encode_document(document).decode().strip().replace("<", "\\u003c")
 
 
 def _modulus_words(plan: Plan, material: str) -> str:
@@ -346,18 +346,38 @@ def _ways(plan: Plan) -> Iterator[tuple[str, list[float], float]]:
         yield "along the field", [float(d) for d in direction], start
 
 
-def _wide(points: int) -> bool:
-    return points > 1 << 16
+def shell_data(
+    points: IntArray,
+    faces: IntArray,
+    colour: str,
+    name: str = "",
+    number: int = 1,
+    modulus: str = "",
+) -> dict[str, Any]:
+    """Return what the viewer reads of a shell besides its geometry."""
+    return {
+        "name": name,
+        "number": number,
+        "modulus": modulus,
+        "colour": colour,
+        "points": len(points),
+        "faces": len(faces),
+        "wide": _wide(points),
+    }
 
 
-def geometry(display: Shown) -> str:
+def _wide(points: IntArray) -> bool:
+    """Whether a shell has more points than 16 bits count."""
+    return len(points) > 1 << 16
+
+
+def geometry(shells: Iterable[tuple[IntArray, IntArray]]) -> str:
     """Return positions and triangles of each shell, little-endian, at multiples of four bytes."""
-    parts = []
-    for points, faces in display.shells:
-        for values, kind in ((points, "<u2"), (faces, "<u4" if _wide(len(points)) else "<u2")):
-            data = values.astype(kind).tobytes()
-            parts += [data, bytes(-len(data) % 4)]
-    return base64.b64encode(b"".join(parts)).decode()
+    return packed(
+        values.astype(kind).tobytes()
+        for points, faces in shells
+        for values, kind in ((points, "<u2"), (faces, "<u4" if _wide(points) else "<u2"))
+    )
 
 
 # ------------------------------------------------------------------------------------------------
@@ -370,10 +390,8 @@ def _header(source: PlanSource) -> Iterator[str]:
     mass = sum(region.mass_g for region in plan.regions)
     found = len(plan.findings) + len(plan.unreachable)
     failed = [name for name, check in plan.checks.items() if not check.ok]
-    yield f"<header>\n<div>\n<h1>{escape(plan.part.file)}</h1>"
-    yield f'<p class="quiet">{escape(wish_words(plan))}</p>\n</div>\n<dl class="facts">'
     volume = plan.part.volume_mm3
-    for name, value, kind in (
+    facts = (
         ("size, mm", " × ".join(format_number(length, 4) for length in size), ""),
         ("volume, mm³", format_number(volume, 5), "")
         if volume < 1e5
@@ -383,10 +401,8 @@ def _header(source: PlanSource) -> Iterator[str]:
         ("checks that hold", f"{len(plan.checks) - len(failed)} of {len(plan.checks)}",
          "bad" if failed else "good"),
         ("findings", str(found), "bad" if found else "good"),
-    ):  # fmt: skip
-        if value:
-            yield f'<div><dt>{name}</dt><dd class="{kind}">{escape(value)}</dd></div>'
-    yield "</dl>\n</header>"
+    )  # fmt: skip
+    yield from head(plan.part.file, [escape(wish_words(plan))], facts)
 
 
 def wish_words(plan: Plan) -> str:
@@ -484,23 +500,10 @@ def _in_words(plan: Plan) -> str:
 
 
 def _findings(plan: Plan) -> Iterator[str]:
-    messages = unreachable_words(plan)
-    placed = [None for _ in messages] + [found.place_mm for found in plan.findings]
-    messages += [found.message for found in plan.findings]
-    if not messages:
-        return
-    yield '<section class="card" id="findings" aria-labelledby="findings-title">'
-    yield f'<h2 id="findings-title">Findings ({len(messages)})</h2>'
-    yield '<ol role="list">'
-    for number, (place, message) in enumerate(zip(placed, messages, strict=True), start=1):
-        if place is None:
-            yield f'<li class="plain">{escape(message)}</li>'
-        else:
-            yield (
-                f'<li><button type="button" aria-pressed="false"><b>{number}</b>'
-                f"<span>{escape(message)}</span></button></li>"
-            )
-    yield "</ol>\n</section>"
+    missed = [(words, False) for words in unreachable_words(plan)]
+    return findings_card(
+        missed + [(found.message, found.place_mm is not None) for found in plan.findings]
+    )
 
 
 def section_controls(ways: Sequence[str]) -> Iterator[str]:
@@ -584,17 +587,13 @@ KEYS = """<details class="card" data-needs-view hidden><summary>Mouse and keys</
 def _figure(source: PlanSource, colours: Sequence[str]) -> Iterator[str]:
     numbers = _numbers(source)
     drawn = stiffness_figure(source.plan, dict(zip(source.names, colours, strict=True)), numbers)
-    yield '<section aria-labelledby="stiffness-title">'
-    yield '<h2 id="stiffness-title">Stiffness along the field</h2>'
-    yield (
-        '<figure>\n<div class="wide" tabindex="0" role="group" aria-labelledby="stiffness-title">'
-        f"\n{drawn}\n</div>"
-    )
-    yield (
+    caption = (
         '<figcaption id="stiffness-words">Dashed: the target. Thick: the modulus of what is '
         "printed there, with the interval that holds it with 95 % probability. Below: the "
-        "materials by their numbers.</figcaption>\n</figure>\n</section>"
+        "materials by their numbers.</figcaption>"
     )
+    name = "stiffness-title"
+    return section(name, "Stiffness along the field", figure(name, drawn, caption))
 
 
 def regions_table(
@@ -615,30 +614,23 @@ def regions_table(
     changed
         Rows to mark, from 0.
     """
-    table = plan_table(plan)
-    kinds = [' class="figure"' if name in table.right else "" for name in table.columns]
-    yield f'<p class="quiet">{escape(table.title)}</p>'
+    shown = plan_table(plan)
+    yield f'<p class="quiet">{escape(shown.title)}</p>'
     for words in (error_words(plan), moved_words(plan)):
         if words:
             yield f'<p class="quiet">{escape(words)}</p>'
-    yield f'<div class="wide" tabindex="0" role="group" aria-labelledby="{title}">'
-    yield "<table>\n<thead><tr>"
-    heads = zip(table.columns, kinds, strict=True)
-    yield "".join(f'<th scope="col"{kind}>{escape(_heading(name))}</th>' for name, kind in heads)
-    yield "</tr></thead>\n<tbody>"
-    for row_number, (region, row) in enumerate(zip(plan.regions, table.rows, strict=True)):
-        number, other = numbers[region.printed], row_number in changed
-        cells = []
-        for place, (name, kind) in enumerate(zip(table.columns, kinds, strict=True)):
-            before = swatch(colours[region.printed]) if name == "material" else ""
-            before += "<b>≠</b> " if other and place == 0 else ""
-            cells.append(f"<td{kind}>{before}{escape(row[name])}</td>")
-        mark = ' class="changed"' if other else ""
-        yield f'<tr data-material="{number}"{mark}>{"".join(cells)}</tr>'
-    total = zip(table.columns, kinds, strict=True)
-    yield "</tbody>\n<tfoot><tr>"
-    yield "".join(f"<td{kind}>{escape(table.total.get(name, ''))}</td>" for name, kind in total)
-    yield "</tr></tfoot>\n</table>\n</div>"
+    rows = []
+    for place, (region, row) in enumerate(zip(plan.regions, shown.rows, strict=True)):
+        cells = {name: escape(row[name]) for name in shown.columns}
+        cells["material"] = swatch(colours[region.printed]) + cells["material"]
+        mark = f' data-material="{numbers[region.printed]}"'
+        if place in changed:
+            mark += ' class="changed"'
+            cells["#"] = f"<b>≠</b> {cells['#']}"
+        rows.append((mark, tuple(cells.values())))
+    columns = [(_heading(name), "figure" if name in shown.right else "") for name in shown.columns]
+    total = [escape(shown.total.get(name, "")) for name in shown.columns]
+    yield from table(columns, rows, of=title, total=total)
 
 
 def _heading(column: str) -> str:
@@ -646,21 +638,19 @@ def _heading(column: str) -> str:
 
 
 def _remarks(plan: Plan) -> Iterator[str]:
-    yield '<section aria-labelledby="checks-title">\n<h2 id="checks-title">Checks and notes</h2>'
     remarks = [*plan.part.repairs, *plan.warnings]
-    if remarks:
-        items = "".join(f"<li>{escape(remark)}</li>\n" for remark in remarks)
-        yield f'<ul class="notes">\n{items}</ul>'
-    yield '<div class="wide" tabindex="0" role="group" aria-labelledby="checks-title">'
-    yield '<table>\n<thead><tr><th scope="col">check</th><th scope="col" class="figure">value</th>'
-    yield '<th scope="col" class="figure">limit</th><th scope="col">holds</th></tr></thead>'
-    yield "<tbody>"
-    for name, check in plan.checks.items():
-        yield (
-            f'<tr><td>{escape(name)}</td><td class="figure">{check.value:.3g}</td>'
-            f'<td class="figure">{check.limit:.3g}</td><td>{"yes" if check.ok else "NO"}</td></tr>'
+    items = "".join(f"<li>{escape(remark)}</li>\n" for remark in remarks)
+    columns = (("check", ""), ("value", "figure"), ("limit", "figure"), ("holds", ""))
+    rows = [
+        (
+            "",
+            (escape(name), f"{check.value:.3g}", f"{check.limit:.3g}", "yes" if check.ok else "NO"),
         )
-    yield "</tbody>\n</table>\n</div>\n</section>"
+        for name, check in plan.checks.items()
+    ]
+    notes = [f'<ul class="notes">\n{items}</ul>'] if remarks else []
+    name = "checks-title"
+    return section(name, "Checks and notes", [*notes, *table(columns, rows, of=name)])
 
 
 def _howto(text: str) -> Iterator[str]:

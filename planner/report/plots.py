@@ -107,13 +107,8 @@ def _simulation(simulation: Simulation, ax: "Axes") -> None:
 @_draw.register(PartSimulation)
 def _part(result: PartSimulation, ax: "Axes") -> None:
     curve = result.curve
-    edge = [
-        np.outer(sure, values)
-        for sure, values in ((curve.sure_x, curve.x), (curve.sure_y, curve.y))
-    ]
-    (x_low, x_high), (y_low, y_high) = edge
-    x, y = np.concatenate([x_low, x_high[::-1]]), np.concatenate([y_low, y_high[::-1]])
-    ax.fill(x, y, color=BLUE, alpha=0.2, label=f"{100 * result.level:g} % of prints")
+    around = [np.concatenate([low, high[::-1]]) for low, high in curve.interval]
+    ax.fill(*around, color=BLUE, alpha=0.2, label=f"{100 * result.level:g} % of prints")
     ax.plot(curve.x, curve.y, "o-", color=BLUE, markersize=3.0, label="predicted")
     ax.set(xlabel=curve.x_label, ylabel=curve.y_label, title=result.called)
     ax.legend()

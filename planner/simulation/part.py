@@ -360,6 +360,11 @@ class LoadCurve(NamedTuple):
     sure_x: tuple[float, float] = (1.0, 1.0)
     sure_y: tuple[float, float] = (1.0, 1.0)
 
+    @property
+    def interval(self) -> tuple[FloatArray, FloatArray]:
+        """Lower and upper ends of x and of y, (2, steps) each."""
+        return np.outer(self.sure_x, self.x), np.outer(self.sure_y, self.y)
+
 
 @dataclass(frozen=True, eq=False)
 class PartSimulation:

@@ -8,7 +8,7 @@ import planner
 from planner.materials.mixtures import CoefficientModel
 from planner.mesh.clip import clip_hexahedra
 from planner.mesh.mesh import Mesh
-from planner.report.part_cut import cut_of, cut_words
+from planner.report.simulation_figures import cut_of, cut_words
 from planner.simulation.part import PartSimulation
 
 FREE = ["x=min: 0,free,free mm", "y=min: free,0,free mm", "z=min: free,free,0 mm"]

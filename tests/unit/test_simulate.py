@@ -16,7 +16,7 @@ from planner.errors import ArgumentError, FileError, UnknownNameError
 from planner.materials.laws import make_law
 from planner.palette import LawParameters, Palette
 from planner.printers import load_printer
-from planner.report.svg import simulation_figure
+from planner.report.simulation_figures import simulation_figure
 from planner.simulation.bar import Bar
 
 PALETTE = load_printer("connex3").palette()
