@@ -17,6 +17,7 @@ from planner.gap.campaign import Campaign, Specimen, StrainField
 from planner.gap.campaign_folder import (
     CURVES,
     SPECIMENS,
+    ListReader,
     campaign_palette,
     read_campaign,
     read_campaign_file,
@@ -26,12 +27,11 @@ from planner.gap.effect import Effect, Form, Parameter, StatedEffect, stated, wi
 from planner.gap.effects import effect_named, effects_for
 from planner.gap.loading_direction import said_mode
 from planner.gap.noise import USUAL
-from planner.gap.parts import PartReader
 from planner.gap.segments import assemble, path_of, replicate_test
 from planner.numerics import FloatArray
 from planner.palette import Palette
 from planner.printers import Printer, load_printer, palette_of
-from planner.simulation.bar import ProfileDesign, read_profile
+from planner.simulation.bar import ProfileDesign
 from planner.simulation.bar_solver import Prediction, Setup, law_tables, predict
 from planner.simulation.simulate import loading_path
 
@@ -290,33 +290,20 @@ def _retraced(specimen: Specimen) -> Specimen | None:
 
 def _listed(file: Path, name: str, palette: Palette, printer: str, camera: bool) -> Campaign:
     rows, covariates, notes = read_list(file)
-    parts = PartReader(file.parent, palette)
-    designs = [
-        read_profile(path_within(file.parent, row.profile), palette=palette, gauge_mm=row.gauge_mm)[
-            0
-        ]
-        if row.profile
-        else None
-        for row in rows
-    ]
-    strain = virtual_strain(
-        palette, [row.material for row in rows if row.material], [d for d in designs if d]
-    )
+    reader = ListReader(file, palette)
+    read = [reader.fields(row, row.conditions())[0] for row in rows]
+    designs = [fields["profile"] for fields in read if "profile" in fields]
+    strain = virtual_strain(palette, [row.material for row in rows if row.material], designs)
     specimens = []
-    for row, design in zip(rows, designs, strict=True):
+    for row, fields in zip(rows, read, strict=True):
         own = covariates[row.specimen]
-        share = 1.0 if design is None else BAR_SHARE
-        conditions = row.conditions()
-        part = parts.read(row) if row.part else None
-        if part is None:
-            far = _figure(own.get("to_strain"), share * strain, row, file, "to_strain")
-            conditions["gauge_mm"] = _gauge_mm(row, design, file)
-            for size in ("width_mm", "thickness_mm"):
-                conditions[size] = _size(row, size, design, file)
+        share = BAR_SHARE if row.profile else 1.0
+        if row.part:
+            end_mm = float(fields["part"].response.displacement_mm[-1])
+            far = _figure(own.get("to_mm"), end_mm, row, file, "to_mm") / fields["gauge_mm"]
         else:
-            gauge, end_mm = part.response.gauge_mm, float(part.response.displacement_mm[-1])
-            far = _figure(own.get("to_mm"), end_mm, row, file, "to_mm") / gauge
-            conditions["gauge_mm"] = gauge
+            far = _figure(own.get("to_strain"), share * strain, row, file, "to_strain")
+        pushed = not row.part and said_mode([row.mode, *own.values()]) == "compression"
         specimens.append(
             virtual_specimen(
                 palette,
@@ -325,12 +312,9 @@ def _listed(file: Path, name: str, palette: Palette, printer: str, camera: bool)
                 strain=far / share,
                 hold_s=_figure(own.get("hold_s"), HOLD_S, row, file, "hold_s"),
                 camera=camera,
-                pushed=part is None and said_mode([row.mode, *own.values()]) == "compression",
-                material=palette.resolve(row.material).id if row.material else None,
-                profile=design,
-                part=part,
+                pushed=pushed,
                 covariates=own,
-                **conditions,
+                **fields,
             )
         )
     return Campaign(
@@ -341,23 +325,6 @@ def _listed(file: Path, name: str, palette: Palette, printer: str, camera: bool)
         covariates=tuple(rows[0].covariates),
         remarks=tuple(notes),
     )
-
-
-def _gauge_mm(row: Row, design: ProfileDesign | None, file: Path) -> float:
-    gauge = row.gauge_mm if design is None else design.length_mm
-    if gauge is None:
-        raise FileError(f"{file.name}, specimen {row.specimen}: no gauge_mm; give the gauge length")
-    return gauge
-
-
-def _size(row: Row, name: str, design: ProfileDesign | None, file: Path) -> float | None:
-    size: float | None = getattr(row, name)
-    known = (
-        size or getattr(row, f"measured_{name}") or (design and getattr(design, name) is not None)
-    )
-    if not known:
-        raise FileError(f"{file.name}, specimen {row.specimen}: no {name}; give the section")
-    return size
 
 
 def _figure(value: str | float | None, otherwise: float, row: Row, file: Path, name: str) -> float:

@@ -10,8 +10,7 @@ import pytest
 from planner.cli import run
 from planner.gap.campaign import axis_columns
 from planner.gap.campaign_folder import read_campaign
-from planner.gap.diagnosis import Diagnosis, FoundEffect
-from planner.gap.unit_of import UnitOf
+from planner.gap.diagnosis import Diagnosis, FoundEffect, UnitOf
 
 Examples = dict[str, Diagnosis]
 
