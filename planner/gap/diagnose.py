@@ -49,10 +49,9 @@ from planner.gap.evidence.weigh import Effects, Priors, Weighed, weigh
 from planner.gap.localise import localise
 from planner.gap.localise_tests import Whitening
 from planner.gap.observations import ObservationModel, observation_model
-from planner.gap.quality import examine
+from planner.gap.quality import examine, merged_units, suggested_units
 from planner.gap.quality_records import HOLDS, hold_share
 from planner.gap.summary import summary_of
-from planner.gap.unit_of import merged_units, suggested_units
 from planner.numerics import FloatArray, one_blas_thread
 from planner.palette import Palette
 from planner.simulation.bar_solver import predict
@@ -366,6 +365,7 @@ def _diagnose(
         tested=levels_tested(campaign),
         seed=seed,
         traces=_traces_of(problem, chosen),
+        own_palette=campaign.palette,
     )
     return replace(found, summary=summary_of(found))
 
