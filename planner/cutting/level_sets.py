@@ -11,7 +11,6 @@ from planner.cutting.grid import (
     active_cells,
     draw_level_sets,
     field_grid,
-    keep_off_levels,
     touched_cells,
 )
 from planner.cutting.intersect import (
@@ -382,8 +381,9 @@ class DividedField:
 
 
 def _divide_along(
-    mesh: Mesh, field: Field, levels: FloatArray, pitch_mm: float, shift: FloatArray
-) -> DividedField:
+    mesh: Mesh, field: Field, levels: FloatArray, pitch_mm: float, shift: FloatArray,
+    within_mm: float, follow: bool,
+) -> DividedField:  # fmt: skip
     """Divide a part along the level sets of a field, drawn on one grid.
 
     Parameters
@@ -401,9 +401,8 @@ def _divide_along(
     offsets, cells = touched_cells(mesh, origin_mm, pitch_mm, shape)
     active = active_cells(mesh, origin_mm, pitch_mm, cells, shape)
     grid = field_grid(field, origin_mm, pitch_mm, active)
-    keep_off_levels(grid, levels)
     lattice = lattice_for(mesh.bounds_mm, 4.0 * pitch_mm)
-    sets = draw_level_sets(grid, levels, lattice)
+    sets = draw_level_sets(grid, levels, lattice, field if follow else None, within_mm)
     active.reshape(-1)[sets.cell] = 2
     part = _surface(mesh.vertices, mesh.faces, lattice)
     level = _surface(sets.vertices, sets.faces, lattice)
@@ -530,7 +529,9 @@ _SHARE = 2e-3  # of a pitch that levels move by from attempt to attempt
 _STEP = np.array([0.7548776662, 0.5698402910, 0.4301597090])  # spreads evenly over a cube
 
 
-def split_curved(mesh: Mesh, field: Field, levels: FloatArray, pitch_mm: float) -> DividedField:
+def split_curved(
+    mesh: Mesh, field: Field, levels: FloatArray, pitch_mm: float, within_mm: float, follow: bool
+) -> DividedField:
     """Divide a part along level sets on a grid of a pitch.
 
     Decisions are exact, but points are rounded to float32 afterwards. Where surfaces nearly
@@ -561,7 +562,7 @@ def split_curved(mesh: Mesh, field: Field, levels: FloatArray, pitch_mm: float) 
             break
         shift = (FIRST_SHIFT + attempt * _STEP) % 1.0
         moved = levels + _moved(attempt) * pitch_mm / max(float(extent_mm.max()), pitch_mm)
-        found = _divide_along(mesh, field, moved, pitch_mm, shift)
+        found = _divide_along(mesh, field, moved, pitch_mm, shift, within_mm, follow)
         if found.broken or not _shells_close(found, len(levels) + 1):
             continue
         thin = _thin(found, len(mesh.vertices))

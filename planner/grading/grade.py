@@ -319,7 +319,7 @@ class CellDesign:
 
     def cut(self, mesh: Mesh, along: Field, pitch_mm: float) -> Pieces:
         """Divide the part along the cells, whatever the pitch of the field's own grid."""
-        return split(mesh, self.dealt, self.dealt.levels, pitch_mm=self.dealt.cell_mm)
+        return split(mesh, self.dealt, self.dealt.levels, pitch_mm=self.dealt.cell_mm, follow=False)
 
     def regions(
         self, pieces: Pieces, shells: Sequence[Shell], scale: StiffnessScale
