@@ -11,13 +11,13 @@ from planner.errors import ArgumentError
 from planner.fields.basic import Field
 from planner.mesh.mesh import Mesh, compact, key_slot
 from planner.numerics import BoolArray, Float32Array, FloatArray, inner_kernel, kernel
-from planner.voxels.columns import Grid, dense, iterate_columns, voxelize
+from planner.voxels.columns import Grid, dense, iterate_columns
 
 __all__ = [
+    "CELLS",
     "MOST_VERTICES",
     "TETRAHEDRA",
     "active_cells",
-    "affordable_pitch_mm",
     "default_pitch_mm",
     "draw_level_sets",
     "field_grid",
@@ -41,20 +41,23 @@ _CHUNK = 1 << 18
 
 @dataclass(frozen=True, eq=False)
 class FieldGrid:
-    """A field on a grid of cubes, linear within each of the six tetrahedra of a cube.
+    """A field on a grid of cells, and cubes of cells in which level sets are drawn.
 
     Attributes
     ----------
     origin_mm, pitch_mm
-        Lower corner and edge of a cube.
+        Lower corner and edge of a cell.
+    cells
+        Along a cube's edge; a power of two.
     active : (nx, ny, nz) uint8
         Cubes that hold any of the part.
-    values : (nx + 1, ny + 1, nz + 1) float64
-        The field at the corners of active cubes, elsewhere NaN.
+    values : (cells nx + 1, cells ny + 1, cells nz + 1) float64
+        The field at the corners of cubes and of cells that hold any of the part, elsewhere NaN.
     """
 
     origin_mm: FloatArray
     pitch_mm: float
+    cells: int
     active: NDArray[np.uint8]
     values: FloatArray
 
@@ -145,28 +148,34 @@ def _values_at(field: Field, points_mm: FloatArray) -> FloatArray:
 
 
 def field_grid(
-    field: Field, origin_mm: FloatArray, pitch_mm: float, active: NDArray[np.uint8]
-) -> FieldGrid:
-    """Evaluate a field at the corners of active cubes.
+    field: Field, origin_mm: FloatArray, pitch_mm: float, held: NDArray[np.uint8],
+    active: NDArray[np.uint8],
+) -> FieldGrid:  # fmt: skip
+    """Evaluate a field at the corners of cells, `held`, and of cubes, `active`.
 
     Raises
     ------
     ArgumentError
         A value is not finite.
     """
-    nx, ny, nz = active.shape
+    nx, ny, nz = held.shape
+    cells = nx // len(active)
     values = np.full((nx + 1, ny + 1, nz + 1), np.nan)
+    corners = _corners(active)
     layer = max(1, _CHUNK // ((ny + 1) * (nz + 1)))
     for first in range(0, nx + 1, layer):
         last = min(first + layer, nx + 1)
-        wanted = _corners(active[max(first - 1, 0) : last])
+        wanted = _corners(held[max(first - 1, 0) : last])
         wanted = wanted[1 if first > 0 else 0 :][: last - first]
+        wanted[-first % cells :: cells, ::cells, ::cells] |= corners[
+            -(-first // cells) : (last - 1) // cells + 1
+        ]
         index = np.argwhere(wanted)
         index[:, 0] += first
         points = origin_mm + index * pitch_mm
         found = _values_at(field, points)
         values[first:last][wanted] = found
-    return FieldGrid(origin_mm, pitch_mm, active, values)
+    return FieldGrid(origin_mm, pitch_mm, cells, active, values)
 
 
 def _corners(active: NDArray[np.uint8]) -> BoolArray:
@@ -265,64 +274,22 @@ def _in_cube(values: Any, i: Any, j: Any, k: Any, x: Any, y: Any, z: Any) -> Any
 
 
 # ------------------------------------------------------------------------------------------------
-# How large a field's interfaces are before they are drawn, and the pitch that they can have.
-
-
-_MOST_FACES = 1_500_000
-"""Of interfaces, on both sides: some 75 MB of STL, and seconds to draw and verify."""
-
-_FACES_PER_CELL = 30.0
-"""Of both sides, for each square of the pitch's edge: tetrahedra make about 15 of a sheet there."""
-
-_COARSEST = 2.0
-"""Of the usual pitch: beyond it, bands as thick as a printer's smallest feature are not drawn."""
-
-_MOST_VOXELS = 500_000
-
-
-def interface_area_mm2(mesh: Mesh, field: Field, levels: FloatArray, pitch_mm: float) -> float:
-    """Return about how large the level sets are within a part, by counting crossings.
-
-    Lines along x, y and z through voxels inside cross a surface A / 2 times for each unit of their
-    cross-section if its normals point all ways (Cauchy and Crofton); levels that one step crosses
-    count each. What a level set does within a voxel is not seen.
-    """
-    columns = voxelize(mesh, pitch_mm)
-    inside = dense(columns)
-    voxels = np.argwhere(inside)
-    if not len(voxels):
-        return 0.0
-    band = np.full(inside.shape, -1, np.int32)
-    values = _values_at(field, columns.grid.centre_mm(voxels))
-    band[tuple(voxels.T)] = np.searchsorted(levels, values, side="right")
-    crossings = 0
-    for axis in range(3):
-        along = np.moveaxis(band, axis, 0)
-        both = (along[1:] >= 0) & (along[:-1] >= 0)
-        crossings += int(np.abs(along[1:] - along[:-1])[both].sum())
-    return crossings * pitch_mm**2 / 1.5
-
-
-def affordable_pitch_mm(mesh: Mesh, field: Field, levels: FloatArray, usual_mm: float) -> float:
-    """Return the usual pitch, or a coarser one where interfaces would be too many triangles.
-
-    Up to twice the usual, rounded to two digits.
-    """
-    volume_mm3 = abs(mesh.volume_mm3)
-    sampled_mm = max(usual_mm, float(np.cbrt(volume_mm3 / _MOST_VOXELS)))
-    area_mm2 = interface_area_mm2(mesh, field, levels, sampled_mm)
-    needed_mm = float(np.sqrt(_FACES_PER_CELL * area_mm2 / _MOST_FACES))
-    if needed_mm <= usual_mm:
-        return usual_mm
-    return float(f"{min(needed_mm, _COARSEST * usual_mm):.2g}")
-
-
-# ------------------------------------------------------------------------------------------------
 # Marching tetrahedra: all level sets of a field on one grid, which therefore never cross.
 
 
-_DEEPEST = 4
-"""Times that a cube's edge is halved at most, where the field bends."""
+CELLS = 4
+"""Along a cube's edge, where cubes are divided as the field asks for it."""
+
+_DEEPEST = 6
+"""Times that a cube's edge is halved at most."""
+
+_CLEAR = 0.5
+"""Of a cell: how far values beyond those of a cube's corners pass a level, for the cube to be divided
+into cells before any face is drawn in it. What bends less is seen by the faces around."""
+
+_MIDDLE = 0.8
+"""Of the farthest place of a face from its level set: its middle is 8/9 as far on a sphere, by a
+slope that is known to a tenth."""
 
 _FINEST = 2 << _DEEPEST  # parts of a cube's edge: the middles of the shortest edges are of them
 _STACK = 3 * _DEEPEST + 3
@@ -386,8 +353,9 @@ class _Drawn:
 
 
 def draw_level_sets(
-    grid: FieldGrid, levels: FloatArray, lattice: Lattice, field: Field | None, within_mm: float
-) -> LevelSets:
+    grid: FieldGrid, levels: FloatArray, lattice: Lattice, field: Field | None, within_mm: float,
+    most_faces: float,
+) -> LevelSets:  # fmt: skip
     """Draw all level sets, and divide tetrahedra until faces are near enough.
 
     Where a level meets an edge is sought on the field itself. Along an edge levels keep their
@@ -404,19 +372,27 @@ def draw_level_sets(
     field
         None takes the field to be linear between the grid's vertices.
     within_mm
-        How near the middles of faces have to be to their level set.
+        How near faces have to be to their level set.
+    most_faces
+        Beyond these none are divided; those farthest off come first.
     """
     marks = _Marks(np.zeros(grid.active.shape, np.uint8), np.empty(0, np.int64), np.empty(0))
-    rounds = [_drawn(grid, levels, field, marks, 0)]
-    while field is not None and np.isfinite(within_mm) and len(rounds) <= _MOST_ROUNDS:
-        drawn = rounds[-1]
-        off_mm = _distance_mm(field, drawn, levels)
-        wanted = np.unique(drawn.halving[(off_mm > within_mm) & (drawn.halving >= 0)])
-        held = sum(int(one.held(marks, n).sum()) for n, one in enumerate(rounds))
-        if not len(wanted) or 2 * held > _MOST_FACES:
+    if field is None or not np.isfinite(within_mm):
+        return _joined([_drawn(grid, levels, field, marks, 0)], marks, lattice)
+    marks = _halved(grid, field, marks, _hidden(grid, levels), 1)
+    rounds = [_drawn(grid, levels, field, marks, number) for number in (0, 1)]
+    fresh = rounds
+    while len(rounds) <= _MOST_ROUNDS:
+        off_mm = np.concatenate([_distance_mm(field, one, levels) for one in fresh])
+        halving = np.concatenate([one.halving for one in fresh])
+        far = np.flatnonzero((off_mm > _MIDDLE * within_mm) & (halving >= 0))
+        held = sum(int(one.held(marks, number).sum()) for number, one in enumerate(rounds))
+        worst = far[np.argsort(-off_mm[far], kind="stable")][: max(int(most_faces) - held, 0)]
+        if not len(worst):
             break
-        marks = _halved(grid, field, marks, wanted, len(rounds))
-        rounds.append(_drawn(grid, levels, field, marks, len(rounds)))
+        marks = _halved(grid, field, marks, _rising(halving[worst]), len(rounds))
+        fresh = [_drawn(grid, levels, field, marks, len(rounds))]
+        rounds += fresh
     return _joined(rounds, marks, lattice)
 
 
@@ -489,7 +465,8 @@ def _drawn(
 ) -> _Drawn:
     """Draw the level sets in the cubes that were divided in a round."""
     given = (
-        grid.values, grid.active, marks.divided, number, grid.pitch_mm, levels, TETRAHEDRA, _EVEN,
+        grid.values, grid.cells, grid.active, marks.divided, number, grid.pitch_mm, levels,
+        TETRAHEDRA, _EVEN,
         *marks.table(), marks.values,
     )  # fmt: skip
     count = made = 0
@@ -520,7 +497,7 @@ def _halved(
     places, missing = marks.places, wanted
     shape = np.array(grid.active.shape)
     while len(missing):
-        places = np.union1d(places, missing)
+        places = _rising(np.concatenate([places, missing]))
         index = np.stack(np.unravel_index(missing, tuple((shape * _FINEST + 1).tolist())), axis=-1)
         for corner in range(8):
             side = np.array([corner & 1, corner >> 1 & 1, corner >> 2])
@@ -530,7 +507,7 @@ def _halved(
         keys, _ = _Marks(marks.divided, places, marks.values).table()
         room = np.empty(max(4 * len(missing), 1000), dtype=np.int64)
         found = _hanging(grid.active, marks.divided, number, TETRAHEDRA, keys, room)
-        missing = np.unique(room[:found])
+        missing = _rising(room[:found])
     values = np.empty(len(places))
     fresh = np.isin(places, marks.places, assume_unique=True, invert=True)
     values[~fresh] = marks.values
@@ -538,11 +515,37 @@ def _halved(
     return _Marks(marks.divided, places, values)
 
 
+def _rising(places: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Sort, once each; `np.unique` takes a table that numbers of places make slow."""
+    ranked = np.sort(places)
+    return ranked[np.append(True, ranked[1:] > ranked[:-1])[: len(ranked)]]
+
+
 def _places_mm(grid: FieldGrid, places: NDArray[np.int64]) -> FloatArray:
     """Return where vertices of the finest grid lie."""
     nx, ny, nz = (n * _FINEST + 1 for n in grid.active.shape)
     index = np.stack(np.unravel_index(places, (nx, ny, nz)), axis=-1)
-    return np.asarray(grid.origin_mm + index * (grid.pitch_mm / _FINEST))
+    return np.asarray(grid.origin_mm + index * (grid.cells * grid.pitch_mm / _FINEST))
+
+
+def _hidden(grid: FieldGrid, levels: FloatArray) -> NDArray[np.int64]:
+    """Return places that halve cubes, and halves of them, whose corners do not show all levels."""
+    places, size, smaller = [np.empty(0, dtype=np.int64)], 2, np.empty(0)
+    ny, nz = (n * _FINEST + 1 for n in grid.active.shape[1:])
+    while size <= grid.cells:
+        parts = grid.cells // size
+        found = np.zeros(tuple(n * parts for n in grid.active.shape), dtype=np.uint8)
+        _find_hidden(grid.values, size, levels, _CLEAR, found)
+        if len(smaller):
+            x, y, z = found.shape
+            found |= smaller.reshape(x, 2, y, 2, z, 2).max(axis=(1, 3, 5))
+        side = np.arange(3) * (_FINEST // parts // 2)
+        inner = ((side[:, None, None] * ny + side[:, None]) * nz + side).ravel()
+        x, y, z = np.argwhere(found).T * (_FINEST // parts)
+        at = ((x * ny + y) * nz + z)[:, None] + inner
+        places.append(np.delete(at, (0, 2, 6, 8, 18, 20, 24, 26), axis=1).ravel())
+        smaller, size = found, 2 * size
+    return _rising(np.concatenate(places))
 
 
 _ROOT_STEPS = 6
@@ -674,22 +677,27 @@ def _hanging(
 
 
 @inner_kernel
-def _value(place: Any, values: Any, keys: Any, index: Any, more: Any) -> Any:
-    """Return the field at a vertex: of the grid, or of those that halve its tetrahedra."""
-    ny, nz = (values.shape[1] - 1) * _FINEST + 1, (values.shape[2] - 1) * _FINEST + 1
-    x, y, z = place // (ny * nz), place // nz % ny, place % nz
-    if x % _FINEST == 0 and y % _FINEST == 0 and z % _FINEST == 0:
-        return values[x // _FINEST, y // _FINEST, z // _FINEST]
-    return more[index[key_slot(keys, place + 1)]]
+def _index(place: Any, values: Any, step: Any) -> Any:
+    """Coordinates of a vertex of the finest grid."""
+    ny, nz = (values.shape[1] - 1) * step + 1, (values.shape[2] - 1) * step + 1
+    return place // (ny * nz), place // nz % ny, place % nz
 
 
 @inner_kernel
-def _corner(place: Any, values: Any, pitch: Any, at: Any) -> None:
+def _known(place: Any, values: Any, step: Any) -> Any:
+    """Return the field at a vertex, where it was evaluated on the grid; else NaN."""
+    x, y, z = _index(place, values, step)
+    if x % step == 0 and y % step == 0 and z % step == 0:
+        return values[x // step, y // step, z // step]
+    return np.nan
+
+
+@inner_kernel
+def _corner(place: Any, values: Any, step: Any, pitch: Any, at: Any) -> None:
     """Fill in where a vertex of the finest grid lies, in mm from the corner."""
-    ny, nz = (values.shape[1] - 1) * _FINEST + 1, (values.shape[2] - 1) * _FINEST + 1
-    at[0], at[1], at[2] = place // (ny * nz), place // nz % ny, place % nz
+    at[0], at[1], at[2] = _index(place, values, step)
     for d in range(3):
-        at[d] *= pitch / _FINEST
+        at[d] *= pitch / step
 
 
 @inner_kernel
@@ -712,14 +720,44 @@ def _slope(at: Any, v: Any) -> Any:
 
 
 @kernel
+def _find_hidden(values: Any, size: Any, levels: Any, clear: Any, found: Any) -> None:
+    for i in range(found.shape[0]):
+        for j in range(found.shape[1]):
+            for k in range(found.shape[2]):
+                low, high, lowest, highest, known = np.inf, -np.inf, np.inf, -np.inf, True
+                for x in range(size + 1):
+                    for y in range(size + 1):
+                        for z in range(size + 1):
+                            f = values[i * size + x, j * size + y, k * size + z]
+                            if f == f:
+                                lowest, highest = min(lowest, f), max(highest, f)
+                            if x % size == 0 and y % size == 0 and z % size == 0:
+                                known &= f == f
+                                low, high = min(low, f), max(high, f)
+                off = clear * (highest - lowest) / size
+                if known and (
+                    _passed(levels, lowest + off, low) or _passed(levels, high, highest - off)
+                ):
+                    found[i, j, k] = 1
+
+
+@inner_kernel
+def _passed(levels: Any, low: Any, high: Any) -> Any:
+    """Tell whether any level lies between two values."""
+    return np.searchsorted(levels, low, side="right") < np.searchsorted(
+        levels, high, side="right"
+    )
+
+
+@kernel
 def _march(
-    values: Any, active: Any, divided: Any, number: Any, pitch: Any, levels: Any, corners: Any,
+    values: Any, cells: Any, active: Any, divided: Any, number: Any, pitch: Any, levels: Any, corners: Any,
     even: Any, marks: Any, mark_index: Any, mark_values: Any, keys: Any, index: Any, ends: Any,
     end_values: Any, faces: Any, of_face: Any, halving: Any, steepness: Any,
 ) -> Any:  # fmt: skip
     # With room for no faces: counts them. Otherwise fills.
     nx, ny, nz = active.shape
-    count, made, drawing = 0, 0, faces.shape[0] > 0
+    count, made, drawing, step = 0, 0, faces.shape[0] > 0, _FINEST // cells
     v, at, met = np.empty(4), np.empty((4, 3)), np.empty((4, 3))
     vertex = np.empty(4, dtype=np.int32)
     stack = np.empty((_STACK, 7), dtype=np.int64)
@@ -730,11 +768,10 @@ def _march(
         if number == 0:
             low, high = np.inf, -np.inf
             for c in range(8):
-                f = values[i + (c & 1), j + (c >> 1 & 1), k + (c >> 2)]
+                x, y, z = i + (c & 1), j + (c >> 1 & 1), k + (c >> 2)
+                f = values[x * cells, y * cells, z * cells]
                 low, high = min(low, f), max(high, f)
-            if np.searchsorted(levels, low, side="right") == np.searchsorted(
-                levels, high, side="right"
-            ):
+            if not _passed(levels, low, high):
                 continue
         for t in range(6):
             _root(stack, t, i, j, k, ny, nz, corners)
@@ -746,7 +783,9 @@ def _march(
                     continue
                 low, high = np.inf, -np.inf
                 for c in range(4):
-                    v[c] = _value(stack[left, c], values, marks, mark_index, mark_values)
+                    v[c] = _known(stack[left, c], values, step)
+                    if v[c] != v[c]:
+                        v[c] = mark_values[mark_index[key_slot(marks, stack[left, c] + 1)]]
                     low, high = min(low, v[c]), max(high, v[c])
                 first = np.searchsorted(levels, low, side="right")
                 slope, across = -1.0, -1
@@ -764,7 +803,7 @@ def _march(
                         continue
                     if slope < 0.0:
                         for c in range(4):
-                            _corner(stack[left, c], values, pitch, at[c])
+                            _corner(stack[left, c], values, step, pitch, at[c])
                         slope = _slope(at, v)
                     p, q, r, s = even[below, 0], even[below, 1], even[below, 2], even[below, 3]
                     sides = 3

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.cutting.grid import (
+    CELLS,
     MOST_VERTICES,
     active_cells,
     draw_level_sets,
@@ -396,13 +397,26 @@ def _divide_along(
         Place of the grid's corner below the part's, in pitches beyond one: 0 to 1.
     """
     origin_mm = mesh.bounds_mm[0] - (1.0 + shift) * pitch_mm
-    cubes = np.floor((mesh.bounds_mm[1] - origin_mm) / pitch_mm + 1e-2).astype(int) + 1
+    cells_a_cube = CELLS if follow and np.isfinite(within_mm) else 1
+    cube_mm = cells_a_cube * pitch_mm
+    cubes = np.floor((mesh.bounds_mm[1] - origin_mm) / cube_mm + 1e-2).astype(int) + 1
     shape = (int(cubes[0]), int(cubes[1]), int(cubes[2]))
-    offsets, cells = touched_cells(mesh, origin_mm, pitch_mm, shape)
-    active = active_cells(mesh, origin_mm, pitch_mm, cells, shape)
-    grid = field_grid(field, origin_mm, pitch_mm, active)
+    offsets, cells = touched_cells(mesh, origin_mm, cube_mm, shape)
+    active = active_cells(mesh, origin_mm, cube_mm, cells, shape)
+    held = active
+    if cells_a_cube > 1:
+        nx, ny, nz = (n * cells_a_cube for n in shape)
+        _, touched = touched_cells(mesh, origin_mm, pitch_mm, (nx, ny, nz))
+        held = active_cells(mesh, origin_mm, pitch_mm, touched, (nx, ny, nz))
+        blocks = held.reshape(
+            shape[0], cells_a_cube, shape[1], cells_a_cube, shape[2], cells_a_cube
+        )
+        active |= blocks.max(axis=(1, 3, 5))
+    grid = field_grid(field, origin_mm, pitch_mm, held, active)
     lattice = lattice_for(mesh.bounds_mm, 4.0 * pitch_mm)
-    sets = draw_level_sets(grid, levels, lattice, field if follow else None, within_mm)
+    sets = draw_level_sets(grid, levels, lattice, field if follow else None, within_mm,
+        _FACES + _FACES_EACH * len(mesh.faces),
+    )
     active.reshape(-1)[sets.cell] = 2
     part = _surface(mesh.vertices, mesh.faces, lattice)
     level = _surface(sets.vertices, sets.faces, lattice)
@@ -441,6 +455,10 @@ def _divide_along(
     caps, source = caps[kept == 1][order], source[kept == 1][order]
     broken = meetings.broken + part_loops.broken + level_loops.broken
     return _cleaned(pool, faces, label, caps, sets.level[source], broken)
+
+
+_FACES, _FACES_EACH = 150_000, 1.4
+"""Triangles of interfaces, and for each of the part's, that cost as much as the part's own plan."""
 
 
 def _surface(
