@@ -18,7 +18,6 @@ from planner.palette import Reference
 from planner.simulation.bar_solver import Setup
 
 __all__ = [
-    "PEAK",
     "STANDARD",
     "Advice",
     "Apply",
@@ -315,11 +314,6 @@ def stated(*references: Reference) -> Reference:
     names = [field.name for field in fields(Reference)]
     known = [[getattr(at, name) for at in (*references, STANDARD)] for name in names]
     return Reference(*(next(v for v in values if v is not None) for values in known))
-
-
-PEAK = Parameter(
-    "peak", 0.0, 1.0, "mixture that shows most of it, softest 0 to hardest 1", log=False
-)
 
 
 def place_on_palette(setup: Setup) -> FloatArray:
