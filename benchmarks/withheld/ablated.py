@@ -16,8 +16,7 @@ from planner.gap.campaign import Campaign
 from planner.gap.campaign_folder import read_campaign
 from planner.gap.diagnose import LEAST_PROBABILITY, RANKED, prepared
 from planner.gap.evidence.posterior import class_of, evidence_of, ranking_of
-from planner.gap.evidence.problem import Problem
-from planner.gap.evidence.surrogate import Whitened
+from planner.gap.evidence.problem import Problem, Whitened
 from planner.gap.evidence.weigh import Priors, weigh
 from planner.gap.noise import discrepancy_columns, specimen_noise
 from planner.numerics import FloatArray

@@ -19,8 +19,8 @@ from planner.gap.effect import Effect, stated, untestable
 from planner.gap.effects import EFFECTS, effect_named, effects_for
 from planner.gap.evidence.posterior import ALIKE_COSINE, UNKNOWN, detectable_sizes, needed_nats
 from planner.gap.evidence.problem import Problem, applied, set_up
-from planner.gap.evidence.settle import World
-from planner.gap.evidence.surrogate import Candidate, Elimination, SignedForm, node_weights
+from planner.gap.evidence.settle import Elimination, World
+from planner.gap.evidence.surrogate import Candidate, SignedForm, node_weights
 from planner.gap.evidence.weigh import Priors, Weighed
 from planner.gap.noise import Calibration, calibration_columns, calibrations, specimen_noise
 from planner.gap.observations import observation_model
@@ -97,32 +97,14 @@ _STEPS: Mapping[str, tuple[_Change, ...]] = MappingProxyType(
         ),
     }
 )
-"""Steps of a campaign, by what an effect may ask for; ``materials`` and ``bars`` are apart. Chosen:
-what a lab can set on one machine within days and weeks, wide enough for an effect of usual size."""
+"""Steps of a campaign, by what an effect may ask for, each of which may also be the next test;
+``materials`` and ``bars`` are apart. Chosen: what a lab can set on one machine within days and
+weeks, wide enough for an effect of usual size."""
 
 _CROSSED = (
     ("rate", "temperature"), ("temperature", "soak"), ("age", "soak"), ("rate", "cyclic"),
     ("temperature", "cyclic"),
 )  # fmt: skip
-
-_NEXT: tuple[_Change, ...] = (
-    {"protocol": "monotonic"},
-    {"rate_mm_s": _about(10.0)},
-    {"rate_mm_s": lambda speed: _rounded(speed / 10.0)},
-    {"temperature_C": _plus(15.0)},
-    {"temperature_C": _plus(-8.0)},
-    {"soak_h": _plus(24.0)},
-    {"age_days": _plus(60.0)},
-    {"orientation": lambda along: "x" if along == "z" else "z"},
-    {"orientation": lambda along: "x" if along == "y" else "y"},
-    {"width_mm": _times(2.0)},
-    {"thickness_mm": _times(0.5)},
-    {"gauge_mm": _about(1.8)},
-    {"protocol": "cyclic"},
-    {"protocol": "relaxation"},
-)
-"""Steps that a lab could do next; those of materials and a bar are apart. Chosen: of each column
-the step that shows most and is soon done."""
 
 
 def _changed(step: _Change, reference: Mapping[str, Any]) -> dict[str, Any]:
@@ -305,7 +287,7 @@ def _usual_place(form: SignedForm) -> list[float]:
 def _on_nodes(problem: Problem, form: SignedForm, place: Sequence[float]) -> FloatArray:
     """Return the weights of all nodes that stand for a form at a place, (k,)."""
     weights = np.zeros(problem.nodes.stop - problem.nodes.start)
-    weights[form.first : form.first + form.nodes] = node_weights(form, place)
+    weights[form.first : form.first + form.nodes] = node_weights(place)
     return weights
 
 
@@ -320,7 +302,7 @@ def _usual_patterns(problem: Problem, ids: Sequence[str]) -> FloatArray:
         forms = [b for b in problem.branches if b.effect.id == id and b.sign > 0.0]
         for b in forms:
             own = nodes[:, b.first : b.first + b.nodes]
-            patterns.append(own @ node_weights(b, _usual_place(b)) / np.sqrt(len(forms)))
+            patterns.append(own @ node_weights(_usual_place(b)) / np.sqrt(len(forms)))
     return np.stack(patterns, axis=1)
 
 
@@ -816,7 +798,7 @@ def trials_of(campaign: Campaign, setup: Setup) -> tuple[Trial, ...]:
     own = stated(setup.reference)
     known = {k: v for k, v in asdict(own).items() if k in reference}
     ways = [
-        *_NEXT,
+        *(step for steps in _STEPS.values() for step in steps),
         *({"material": m.id} for m in (soft, middle, hard)),
         *({"material": m.id, "protocol": "cyclic"} for m in (soft, hard)),
         # A bar of two materials is pulled: pushed, its soft end gives way sideways.
@@ -1011,7 +993,7 @@ def _known_laws(
     known = np.eye(len(ways))
     sizes = np.zeros((len(candidates), len(ways)))
     for row, candidate in zip(sizes, candidates, strict=True):
-        mean, covariance = weighed.world_of(candidate).laws_off(candidate)
+        mean, covariance = weighed.settled_as(candidate).world.laws_off(candidate)
         row[at] = mean[taken]
         known[np.ix_(at, at)] = covariance[np.ix_(taken, taken)]
     return known, sizes

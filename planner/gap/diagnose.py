@@ -46,8 +46,7 @@ from planner.gap.evidence.problem import Problem, applied, set_up, specimen_forc
 from planner.gap.evidence.settle import World
 from planner.gap.evidence.surrogate import Candidate
 from planner.gap.evidence.weigh import Effects, Priors, Weighed, weigh
-from planner.gap.localise import localise
-from planner.gap.localise_tests import Whitening
+from planner.gap.localise import Whitening, localise
 from planner.gap.observations import ObservationModel, observation_model
 from planner.gap.quality import examine
 from planner.gap.quality_records import HOLDS, hold_share
@@ -160,8 +159,8 @@ def _traces_of(problem: Problem, chosen: Candidate) -> Traces:
     sign = np.where(setup.pushed, -1.0, 1.0)[:, None]
     signs = sign[model.test_of]
     measured = signs * model.measured_N
-    before = signs * specimen_forces_N(problem, Candidate(()), setup)
-    after = signs * specimen_forces_N(problem, chosen, setup)
+    before = signs * specimen_forces_N(problem, Candidate(()))
+    after = signs * specimen_forces_N(problem, chosen)
     return Traces(
         label=tuple(_label(specimens[members[0]], specimens) for members in model.tests),
         specimen_ids=tuple(tuple(specimens[i].id for i in m) for m in model.tests),
@@ -362,7 +361,7 @@ def _diagnose(
             *_confounders(verdict, reasons),
         ),
         unit_of=merged_units([*_units_of(problem, weighed, same_class), *mending]),
-        recalibration=_recalibration_of(weighed.world_of(chosen), chosen),
+        recalibration=_recalibration_of(weighed.settled_as(chosen).world, chosen),
         tested=levels_tested(campaign),
         seed=seed,
         traces=_traces_of(problem, chosen),

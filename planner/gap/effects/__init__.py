@@ -72,7 +72,8 @@ def _with_materials(coordinates: Sequence[float], names: Sequence[str]) -> Mappi
 _LIBRARY = _library()
 
 EFFECTS = _with_materials((0.0, 0.5, 1.0), ("softest", "middle", "hardest"))
-"""Every effect by its id, sorted; `material-law` stands for that of a palette of three."""
+"""Every effect by its id, sorted; `material-law` stands for that of a palette of three.
+Convention: three show what a form is called."""
 
 
 def effects_for(palette: Palette) -> Mapping[str, Effect]:

@@ -446,11 +446,7 @@ def _pseudo_elastic(setup: Setup, values: Values) -> Setup:
 
 
 FORMS: Mapping[str, Mapping[str, Apply]] = {
-    "ageing": {
-        "log-time": _log_time,
-        "graded-log-time": _log_time,
-        "saturating": _saturating,
-    },
+    "ageing": {"log-time": _log_time, "graded-log-time": _log_time, "saturating": _saturating},
     "moisture": {
         "fick": _softened_by(_sheet),
         "graded-fick": _softened_by(_sheet),
@@ -476,11 +472,7 @@ FORMS: Mapping[str, Mapping[str, Apply]] = {
         "threshold": _threshold,
         "power": _set_power,
     },
-    "softening": {
-        "damage": _damage,
-        "graded-damage": _damage,
-        "pseudo-elastic": _pseudo_elastic,
-    },
+    "softening": {"damage": _damage, "graded-damage": _damage, "pseudo-elastic": _pseudo_elastic},
 }
 
 ADVICE: Mapping[str, Advice] = dict.fromkeys(("permanent-set", "softening"), _first_loading_alone)

@@ -219,12 +219,12 @@ _GROWTH = 0.5
 vanish, within two deviations."""
 
 
-def _stiffer_along(axis: str, usual_growth: float = _GROWTH) -> Apply:
+def _stiffer_along(axis: str, *, shaped: bool = False) -> Apply:
     """Return the form of one direction against the other two, perhaps growing with strain."""
 
     def apply(setup: Setup, values: Values) -> Setup:
         change = _along(setup, **{axis: values["change"]})
-        growth = usual_growth * values.get("growth", 0.0)
+        growth = values.get("growth", 0.0) * (1.0 if shaped else _GROWTH)
         return setup.with_(
             log_factor=setup.log_factor + change, log_tilt=setup.log_tilt + growth * change
         )
@@ -362,7 +362,7 @@ FORMS: Mapping[str, Mapping[str, Apply]] = {
         "head-direction": _stiffer_along("x"),
         "swath-direction": _stiffer_along("y"),
         "three-way": _three_way,
-        "strained-layers": _stiffer_along("z", usual_growth=1.0),
+        "strained-layers": _stiffer_along("z", shaped=True),
     },
     "cross-section": {
         "all-sides": _grown("width", "thickness"),

@@ -11,8 +11,8 @@ import pytest
 import scipy.linalg
 from scipy.stats import multivariate_normal
 
+from planner.gap.evidence.problem import Whitened
 from planner.gap.evidence.settle import World
-from planner.gap.evidence.surrogate import Whitened
 from planner.gap.noise import SpecimenNoise
 from planner.numerics import FloatArray
 
