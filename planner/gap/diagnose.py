@@ -7,7 +7,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from planner.errors import ArgumentError, UnknownNameError, did_you_mean
+from planner.errors import ArgumentError
 from planner.formats.tensile import SPECIMEN_COLUMNS
 from planner.gap.campaign import (
     TOLERANCES,
@@ -31,7 +31,7 @@ from planner.gap.diagnosis import (
     signed_error,
 )
 from planner.gap.effect import Effect, untestable
-from planner.gap.effects import EFFECTS, effects_for
+from planner.gap.effects import EFFECTS, effect_named, effects_for
 from planner.gap.evidence.posterior import (
     ENOUGH_SPECIMENS,
     class_of,
@@ -403,11 +403,7 @@ def _library(
     campaign: Campaign, without: Sequence[str]
 ) -> tuple[tuple[Effect, ...], tuple[Untestable, ...]]:
     for id in without:
-        if id not in EFFECTS:
-            hint = did_you_mean(id, EFFECTS)
-            raise UnknownNameError(
-                f"`without` {id}: no such effect; {hint}there are {', '.join(EFFECTS)}"
-            )
+        effect_named(id, EFFECTS, "`without`")
     effects, reasons = [], []
     for id, effect in effects_for(campaign.palette).items():
         if id in without:

@@ -61,25 +61,20 @@ def _model_discrepancy(table: FeatureTable, unpredicted: FloatArray) -> FloatArr
     raw = np.maximum(np.abs(table.measured_raw), np.abs(unpredicted))
     # The derivative of asinh(F / 2 s) by F.
     by_raw = 1.0 / np.hypot(2.0 * table.floor, raw)
+    # A bar's strains go along it, each frame by itself; forces along the path.
+    along = np.where(table.is_field, table.x_mm, table.path)
+    of_frame = np.stack([table.test, np.where(table.is_field, table.step, -1)])
     columns = []
-    for test in np.unique(table.test).tolist():
-        for kind in np.unique(
-            np.where(table.is_field, table.step, -1)[table.test == test]
-        ).tolist():
-            fields = kind >= 0
-            rows = np.flatnonzero(
-                (table.test == test)
-                & (table.is_field == fields)
-                & (np.where(fields, table.step, -1) == kind)
-            )
-            at = table.x_mm[rows] / table.x_mm[rows].max() if fields else table.path[rows]
-            size = raw[rows] if fields else np.full(len(rows), raw[rows].max())
-            places, of = np.unique(at, return_inverse=True)
-            courses = np.exp(-np.abs(np.subtract.outer(places, places)) / _COURSE)
-            root = np.linalg.cholesky(courses + 1e-9 * np.eye(len(places)))
-            own = np.zeros((len(table), len(places)))
-            own[rows] = (size * by_raw[rows])[:, None] * root[of]
-            columns.append(own)
+    for test, step in np.unique(of_frame, axis=1).T:
+        rows = np.flatnonzero((of_frame[0] == test) & (of_frame[1] == step))
+        at = along[rows] / (along[rows].max() if step >= 0 else 1.0)
+        size = raw[rows] if step >= 0 else np.full(len(rows), raw[rows].max())
+        places, of = np.unique(at, return_inverse=True)
+        courses = np.exp(-np.abs(np.subtract.outer(places, places)) / _COURSE)
+        root = np.linalg.cholesky(courses + 1e-9 * np.eye(len(places)))
+        own = np.zeros((len(table), len(places)))
+        own[rows] = (size * by_raw[rows])[:, None] * root[of]
+        columns.append(own)
     return np.concatenate(columns, axis=1)
 
 
