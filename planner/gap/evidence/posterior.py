@@ -111,7 +111,7 @@ def _enough_alone(problem: Problem, weighed: Weighed, both: Effects) -> list[Eff
         for effects in (both, *(tuple(e for e in both if e != id) for id in both))
         if effects in weighed.best
     }
-    return [e for e in errors if e != both and falls(problem, errors[e], errors[both]) < 0.5]
+    return [e for e in errors if e != both and not falls(problem, errors[e], errors[both])]
 
 
 def _fits_of_same_pattern(
@@ -239,9 +239,7 @@ def _closes(problem: Problem, weighed: Weighed) -> Mapping[Effects, bool]:
             for one in (Candidate(()), candidate)
         )
         fewer = [errors[e] for e, closes in found.items() if closes and set(e) < set(effects)]
-        found[effects] = all(
-            falls(problem, one, errors[effects]) >= 0.5 for one in (before, *fewer)
-        )
+        found[effects] = all(falls(problem, one, errors[effects]) for one in (before, *fewer))
     return found
 
 
