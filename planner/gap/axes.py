@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from planner.gap.campaign import TOLERANCES, Campaign, axis_columns
+from planner.gap.campaign import TOLERANCES, Campaign, axis_columns, levels
 from planner.gap.observations import BRANCHES, FeatureTable
 from planner.numerics import FloatArray, IntArray
 from planner.simulation.bar import ProfileDesign
@@ -13,6 +13,7 @@ from planner.simulation.bar import ProfileDesign
 __all__ = [
     "axis_cells",
     "axis_patterns",
+    "column_levels",
     "rows_by_design",
     "specimen_patterns",
     "steps_of",
@@ -82,6 +83,14 @@ def axis_patterns(
     axes = {name: np.concatenate(parts, axis=1) for name, parts in found.items()}
     axes = {name: columns[:, np.any(columns != 0.0, axis=0)] for name, columns in axes.items()}
     return {name: columns for name, columns in axes.items() if columns.shape[1]}
+
+
+def column_levels(name: str, cells: Sequence[float | str | None]) -> tuple[int | str | None, ...]:
+    """Return each cell's level: its text, or a number that cells within tolerance share."""
+    if any(isinstance(cell, str) for cell in cells):
+        return tuple(None if cell is None else str(cell) for cell in cells)
+    numbers = [None if cell is None else float(cell) for cell in cells]
+    return levels(numbers, *TOLERANCES.get(name, (0.0, 1e-6)))
 
 
 def axis_cells(campaign: Campaign) -> Mapping[str, tuple[float | str | None, ...]]:

@@ -1,11 +1,12 @@
 """How far the gap shrinks once the effect is added, on conditions that took no part."""
 
-from collections.abc import Callable, Collection, Hashable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from planner.gap.campaign import TOLERANCES, Specimen, levels
+from planner.gap.axes import column_levels
+from planner.gap.campaign import TOLERANCES, Specimen
 from planner.gap.diagnosis import Gap
 from planner.gap.evidence.posterior import NO_GAP, UNKNOWN
 from planner.gap.evidence.problem import (
@@ -109,13 +110,9 @@ def _levels_out(specimens: Sequence[Specimen], names: Collection[str]) -> list[F
     names
         The columns; others leave nothing out.
     """
-    columns: dict[str, Sequence[Hashable]] = {
-        name: levels([getattr(s, name) for s in specimens], *tolerance)
-        for name, tolerance in TOLERANCES.items()
-    }
-    columns["orientation"] = [s.orientation for s in specimens]
     found: dict[bytes, Fold] = {}
-    for cells in (cells for name, cells in columns.items() if name in names):
+    for name in (name for name in (*TOLERANCES, "orientation") if name in names):
+        cells = column_levels(name, [getattr(s, name) for s in specimens])
         known = [c for c in dict.fromkeys(cells) if c is not None]
         for level in known if len(known) >= _LEAST_LEVELS else ():
             out = np.array([c == level for c in cells])

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from itertools import combinations, pairwise, product
+from itertools import combinations, pairwise
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -20,7 +20,7 @@ from planner.gap.effects import EFFECTS, effect_named, effects_for
 from planner.gap.evidence.posterior import ALIKE_COSINE, UNKNOWN, detectable_sizes, needed_nats
 from planner.gap.evidence.problem import Problem, applied, set_up
 from planner.gap.evidence.settle import Elimination, World
-from planner.gap.evidence.surrogate import Candidate, SignedForm, node_weights
+from planner.gap.evidence.surrogate import Candidate, Search, SignedForm, node_weights
 from planner.gap.evidence.weigh import Priors, Weighed
 from planner.gap.noise import Calibration, calibration_columns, calibrations, specimen_noise
 from planner.gap.observations import observation_model
@@ -242,12 +242,6 @@ def _bars(
 # What a planned campaign would show of each effect, and what it could not tell apart.
 
 
-_SIZE = 0.3
-_SHAPES = (-1.0, 0.0, 1.0)
-"""Smallest size of a rival, as the root of its share of the largest, and its shapes, in their
-prior's range. Numerical: patterns change smoothly, and little below a tenth of the largest."""
-
-
 @dataclass(frozen=True, slots=True)
 class Expected:
     """What is to be expected of one effect.
@@ -336,26 +330,28 @@ def _expected_of(
     """Return what to expect of the effects that were asked for.
 
     An effect is named if its expected evidence makes up for the odds against it and beats that of
-    every other testable effect at its best parameters; both are taken to be normally distributed
-    about what is expected.
+    every other testable effect at its best place, as the diagnosis looks for it; both are taken to
+    be normally distributed about what is expected.
     """
     priors = Priors()
     sizes = {d.id: d for d in detectable_sizes(problem, elimination, priors)}
     needed = needed_nats(priors, len(testable))
     m = elimination.products[problem.nodes, problem.nodes]
-    rivals = {id: _combinations(problem, id) for id in testable}
     found = []
     for id in asked:
         first = next(b for b in problem.branches if b.effect.id == id)
         pattern = _on_nodes(problem, first, _usual_place(first))
         length2 = float(pattern @ m @ pattern)
         named = float(ndtr(np.sqrt(length2) - np.sqrt(2.0 * needed)))
-        cosines = _cosines(m, pattern, length2, {k: v for k, v in rivals.items() if k != id})
-        for cosine in cosines.values():
-            left = length2 * (1.0 - min(cosine, 1.0) ** 2)
-            named = min(named, float(ndtr(0.5 * np.sqrt(max(left, 0.0)))))
+        rivals = dict.fromkeys((k for k in testable if k != id), 0.0)
+        for rival in Search(problem.branches, m @ pattern, m).singles():
+            (k,) = rival.effects
+            if k in rivals:
+                rivals[k] = max(rivals[k], min(2.0 * rival.gain, length2))
+        for explained in rivals.values():
+            named = min(named, float(ndtr(0.5 * np.sqrt(length2 - explained))))
         size = first.form.size
-        alike = tuple(k for k, cosine in cosines.items() if cosine > ALIKE_COSINE)
+        alike = tuple(k for k, explained in rivals.items() if explained > ALIKE_COSINE**2 * length2)
         found.append(
             Expected(
                 id=id,
@@ -369,35 +365,6 @@ def _expected_of(
             )
         )
     return tuple(found)
-
-
-def _combinations(problem: Problem, id: str) -> FloatArray:
-    """Return combinations of nodes that stand for an effect: sizes, shapes, forms, signs."""
-    return np.array(
-        [
-            _on_nodes(problem, b, [size, *shape])
-            for b in problem.branches
-            if b.effect.id == id
-            for size in (max(b.least, _SIZE), _usual_place(b)[0], 1.0)
-            for shape in product(_SHAPES, repeat=b.shapes)
-        ]
-    )
-
-
-def _cosines(
-    m: FloatArray, pattern: FloatArray, length2: float, rivals: Mapping[str, FloatArray]
-) -> dict[str, float]:
-    """Return how alike each rival can be, nuisances projected out."""
-    along = m @ pattern
-    found = {}
-    for id, rows in rivals.items():
-        lengths = np.einsum("ki,ij,kj->k", rows, m, rows, optimize=True)
-        usable = lengths > 1e-9
-        if not usable.any() or length2 <= 0.0:
-            continue
-        cosines = (rows @ along)[usable] / np.sqrt(lengths[usable] * length2)
-        found[id] = float(cosines.max())
-    return found
 
 
 # ------------------------------------------------------------------------------------------------

@@ -1,6 +1,5 @@
 """What an effect is: physically sized, in a family of forms, at one stage of the model."""
 
-import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from types import MappingProxyType
@@ -74,12 +73,16 @@ class Parameter:
     log: bool = True
     signed: bool = False
 
+    def at(self, share: float) -> float:
+        """Return the value of which a share of its prior lies below."""
+        if self.log and self.low > 0.0:
+            return float(self.low * (self.high / self.low) ** share)
+        return float(self.low + share * (self.high - self.low))
+
     @property
     def usual(self) -> float:
         """The middle of its prior."""
-        if self.log and self.low > 0.0:
-            return math.sqrt(self.low * self.high)
-        return 0.5 * (self.low + self.high)
+        return self.at(0.5)
 
 
 @dataclass(frozen=True, slots=True)

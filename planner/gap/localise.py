@@ -9,8 +9,8 @@ import numpy as np
 import scipy.special
 
 from planner.formats.tensile import SPECIMEN_COLUMNS
-from planner.gap.axes import axis_cells, axis_patterns, rows_by_design, steps_of
-from planner.gap.campaign import TOLERANCES, Campaign, levels
+from planner.gap.axes import axis_cells, axis_patterns, column_levels, rows_by_design, steps_of
+from planner.gap.campaign import Campaign
 from planner.gap.diagnosis import SIGNIFICANT, Location
 from planner.gap.noise import SpecimenNoise
 from planner.gap.observations import BRANCHES, FeatureTable
@@ -606,17 +606,16 @@ def _column_parts(
 
 
 def _groups(name: str, cells: Sequence[float | str | None]) -> Iterator[tuple[str, BoolArray]]:
+    level = column_levels(name, cells)
+    known = sorted(set(level) - {None}, key=str)
+    members = [np.array([of == k for of in level]) for k in known]
     if any(isinstance(cell, str) for cell in cells):
-        for text in sorted({str(cell) for cell in cells if cell is not None}):
-            yield text, np.array([cell == text for cell in cells])
+        yield from zip(map(str, known), members, strict=True)
         return
-    numbers = [None if cell is None else float(cell) for cell in cells]
-    value = np.array([np.nan if number is None else number for number in numbers])
-    level = levels(numbers, *TOLERANCES.get(name, (0.0, 1e-6)))
-    if len(set(level) - {None}) <= _MOST_LEVELS:
-        for k in sorted({k for k in level if k is not None}):
-            members = np.array([of == k for of in level])
-            yield f"{float(np.mean(value[members])):.4g}", members
+    value = np.array([np.nan if cell is None else float(cell) for cell in cells])
+    if len(known) <= _MOST_LEVELS:
+        for of_it in members:
+            yield f"{float(np.mean(value[of_it])):.4g}", of_it
         return
     low, high = np.nanquantile(value, (1.0 / 3.0, 2.0 / 3.0)).tolist()
     for third in (value <= low, (value > low) & (value <= high), value > high):

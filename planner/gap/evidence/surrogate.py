@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import ndtr, ndtri
 
-from planner.gap.effect import Effect, Form, Parameter
+from planner.gap.effect import Effect, Form
 from planner.numerics import FloatArray, IntArray
 
 __all__ = ["Candidate", "Place", "Search", "SignedForm", "joined", "node_weights", "signed_forms"]
@@ -21,9 +21,9 @@ __all__ = ["Candidate", "Place", "Search", "SignedForm", "joined", "node_weights
 # Where each form is evaluated, so that everything in between follows by interpolation.
 #
 # The features that a form predicts are smooth in its parameters: three sizes, five values of a
-# first parameter of shape and three of a second carry them. Sizes are spaced as squares, being
-# nought at the first, which needs no evaluation: with size = high s^2, features that are linear in
-# the size are a parabola in s. Times of relaxation over decades take the five.
+# first parameter of shape and three of a second carry them. Sizes are spaced nearly as squares,
+# being nought at the first, which needs no evaluation; a place has the root s of the size over its
+# largest. Times of relaxation over decades take the five.
 
 
 _NODES = np.array(
@@ -87,7 +87,7 @@ class SignedForm:
         size = self.form.size
         values = {size.name: self.sign * size.high * place[0] ** 2}
         for parameter, at in zip(self.form.parameters[1:], place[1:], strict=False):
-            values[parameter.name] = _value_at(parameter, at)
+            values[parameter.name] = parameter.at(0.5 * (at + 1.0))
         values.update(zip(self.form.details, place[1 + self.shapes :], strict=False))
         return values
 
@@ -121,14 +121,6 @@ class SignedForm:
         return float((self.form.size.low / self.form.size.high) ** 0.5)
 
 
-def _value_at(parameter: Parameter, at: float) -> float:
-    """Return a shape parameter's value at a place of its range, -1 to 1."""
-    share = 0.5 * (at + 1.0)
-    if parameter.log:
-        return float(parameter.low * (parameter.high / parameter.low) ** share)
-    return float(parameter.low + share * (parameter.high - parameter.low))
-
-
 def signed_forms(effects: Sequence[Effect]) -> tuple[SignedForm, ...]:
     """Return all branches of the effects, numbered, with their nodes one after another."""
     found: list[SignedForm] = []
@@ -152,9 +144,11 @@ def node_weights(places: ArrayLike) -> FloatArray:
     at = np.asarray(places, dtype=np.float64)
     weights = np.ones((*at.shape[:-1], 1))
     for d in range(at.shape[-1]):
-        powers = np.vander(_NODES[d, : _STOP[d]], increasing=True)
-        own = np.vander(at[..., d].ravel(), _STOP[d], increasing=True) @ np.linalg.inv(powers)
-        own = own.reshape(*at.shape[:-1], -1)[..., _FIRST[d] :]
+        # Polynomials of the size itself, and not of its root, are near at small sizes too.
+        power = 2 if d == 0 else 1
+        nodes = np.vander(_NODES[d, : _STOP[d]] ** power, increasing=True)
+        powers = np.vander(at[..., d].ravel() ** power, _STOP[d], increasing=True)
+        own = (powers @ np.linalg.inv(nodes)).reshape(*at.shape[:-1], -1)[..., _FIRST[d] :]
         weights = (weights[..., :, None] * own[..., None, :]).reshape(*at.shape[:-1], -1)
     return weights
 

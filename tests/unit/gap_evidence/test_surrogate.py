@@ -51,10 +51,10 @@ def test_weights_are_one_at_a_node_and_carry_polynomials(shapes: int) -> None:
     branch = next(b for b in BRANCHES if b.shapes == shapes)
     nodes = branch.node_places()
     assert node_weights(nodes) == pytest.approx(np.eye(branch.nodes), abs=1e-12)
-    # Third order in s, being nought at 0; second order in each shape.
-    values = [s**3 * np.prod([1.0 + x**2 for x in t]) for s, *t in nodes]
+    # Third order in the size, being nought at 0; second order in each shape.
+    values = [s**6 * np.prod([1.0 + x**2 for x in t]) for s, *t in nodes]
     at = [0.4, 0.3, -0.6][: 1 + shapes]
-    expected = 0.4**3 * np.prod([1.0 + x**2 for x in at[1:]])
+    expected = 0.4**6 * np.prod([1.0 + x**2 for x in at[1:]])
     assert node_weights(at) @ values == pytest.approx(expected, rel=1e-12)
 
 
