@@ -277,7 +277,7 @@ class _Predictor:
         self._problem, self._priors, self._weighed = problem, priors, weighed
         self._vain = vain
         self._measured = problem.model.measured_N
-        self._residual = problem.whitened.columns[:, 0]
+        self._residual = problem.columns[:, 0]
         self.before = squared_errors(problem, Candidate(()))
 
     def of_what_is_likely(self, weight: FloatArray) -> FloatArray:
@@ -321,7 +321,7 @@ class _Predictor:
     def recalibrated(self, weight: FloatArray) -> FloatArray:
         """By calibrations that fit the weighted specimens best, no effect added."""
         problem, count = self._problem, len(self._problem.ways)
-        ways = _RECALIBRATION_SD * problem.whitened.nuisance_columns[:, :count]
+        ways = _RECALIBRATION_SD * problem.nuisance_columns[:, :count]
         best = World(problem, nuisances=ways, weight=weight).coefficients(self._residual)
         setup = problem.with_laws_off(_RECALIBRATION_SD * best)
         return squared_errors(problem, Candidate(()), setup)
@@ -333,7 +333,7 @@ class _Predictor:
         once, beside the calibrations.
         """
         problem, table = self._problem, self._problem.table
-        patterns = problem.whitened.columns[:, problem.unknown_span]
+        patterns = problem.columns[:, problem.unknown_span]
         world, amplitude = max(
             (
                 (World(problem, more=amplitude * patterns, weight=weight), amplitude)
@@ -345,7 +345,7 @@ class _Predictor:
         # Without the levels of batches: like the floor's, the specimens are new, and so is theirs.
         raw = problem.calibration @ best[: problem.calibration.shape[1]]
         raw += np.concatenate([a.columns for a in problem.unknown], axis=1) @ (
-            amplitude * best[problem.whitened.nuisances :]
+            amplitude * best[problem.nuisances :]
         )
         predicted = table.transformed(problem.unpredicted) + raw
         # No further than what was measured or predicted goes: patterns grow without an end.

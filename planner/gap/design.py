@@ -290,7 +290,7 @@ def _usual_patterns(problem: Problem, ids: Sequence[str]) -> FloatArray:
 
     Every form has one, all forms of an effect together weighing as one.
     """
-    nodes = problem.whitened.columns[:, problem.nodes]
+    nodes = problem.columns[:, problem.nodes]
     patterns = []
     for id in ids:
         forms = [b for b in problem.branches if b.effect.id == id and b.sign > 0.0]
@@ -317,7 +317,7 @@ def _elimination_of(problem: Problem, weight: FloatArray) -> Elimination:
     weight : (n,)
         How many specimens there are of each condition, spread evenly over the batches.
     """
-    columns = problem.whitened.columns
+    columns = problem.columns
     level = _batch_level(problem)[:, None]
     return World(problem, weight=weight).elimination(
         columns[:, 0], level, columns[:, problem.nodes]
@@ -434,9 +434,9 @@ def _information_of(problem: Problem, asked: Sequence[Effect]) -> Information:
     Nuisances are calibration of the laws, courses, and the level that the batches share.
     """
     patterns = _usual_patterns(problem, [effect.id for effect in asked])
-    nuisances = problem.whitened.columns[:, -problem.whitened.nuisances :]
+    nuisances = problem.columns[:, -problem.nuisances :]
     columns = np.concatenate([patterns, nuisances, _batch_level(problem)[:, None]], axis=1)
-    edges = problem.whitened.first_row.tolist()
+    edges = problem.noise.first_row.tolist()
     parts = [columns[a:b].T @ columns[a:b] for a, b in pairwise(edges)]
     return Information(_BATCHES * np.stack(parts), [len(effect.forms) for effect in asked])
 

@@ -327,8 +327,7 @@ def _diagnose(
     verdict = verdict_of(ranking)
     gap = closure(problem, priors, weighed, evidence.vain, verdict, rng, progress)
     chosen = weighed.best.get(verdict, Candidate(()))
-    whitened = problem.whitened.columns
-    nodes = weighed.plain.elimination(whitened[:, 0], kept=whitened[:, problem.nodes])
+    nodes = weighed.plain.elimination(problem.columns[:, 0], kept=problem.columns[:, problem.nodes])
     where, remainder = _places_of(problem, chosen, rng)
     same_class = class_of(problem, weighed, ranking, verdict)
     data_quality = examine(campaign)

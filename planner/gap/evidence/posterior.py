@@ -370,7 +370,7 @@ def found_effects(
         found.append(_found(branch, at[own], sd[own]))
         first = own.stop
     if candidate.members is not None:
-        h = weighed.plain.products(problem.whitened.columns[:, problem.gains])
+        h = weighed.plain.products(problem.columns[:, problem.gains])
         found.append(_gain_found(problem, h, candidate.members, candidate.log_gain))
     return tuple(sorted(found, key=lambda effect: effect.id))
 

@@ -33,7 +33,6 @@ from planner.simulation.bar_solver import Prediction, Setup, predict, predict_al
 __all__ = [
     "AMPLITUDES",
     "Problem",
-    "Whitened",
     "applied",
     "falls",
     "own_axes",
@@ -182,30 +181,6 @@ def _axis(name: str, columns: FloatArray, claimed: Collection[str]) -> UnknownAx
 # out cost one product each.
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Whitened:
-    """Columns (N, X) whitened specimen by specimen; the last `nuisances` have prior deviation 1.
-
-    Attributes
-    ----------
-    first_row : (n + 1,)
-        Where each specimen's rows begin.
-    """
-
-    columns: FloatArray
-    first_row: IntArray
-    nuisances: int
-
-    @property
-    def nuisance_columns(self) -> FloatArray:
-        """The last columns."""
-        return self.columns[:, self.columns.shape[1] - self.nuisances :]
-
-    def on_rows(self, weight: FloatArray) -> FloatArray:
-        """Return the weight of each row, (N,), from each specimen's, (n,)."""
-        return np.repeat(weight, np.diff(self.first_row))
-
-
 _Progress = Callable[[int, int, str], None]
 
 _STRAY_SD = float(np.log(10.0))
@@ -231,8 +206,9 @@ class Problem:
         Change of the transformed features at each node.
     calibration : (N, q)
         What the palette's laws and a camera may be off by, of prior deviation 1; `ways` first.
-    whitened
-        The residual, nodes, the specimens' own gains, unknown patterns, then nuisances.
+    columns : (N, X)
+        Whitened: the residual, nodes, the specimens' own gains, unknown patterns, then as many
+        `nuisances`, of prior deviation 1.
     of_laws : (nuisances,)
         Which nuisances are courses of laws, in which a poor fit is off by more.
     apart : (n,)
@@ -257,7 +233,8 @@ class Problem:
     unit_gains: FloatArray
     node_features: FloatArray
     calibration: FloatArray
-    whitened: Whitened
+    columns: FloatArray
+    nuisances: int
     unknown: tuple[UnknownAxis, ...]
     of_laws: BoolArray
     apart: FloatArray
@@ -280,9 +257,14 @@ class Problem:
         return slice(self.nodes.stop, self.nodes.stop + len(self.campaign.specimens))
 
     @property
+    def nuisance_columns(self) -> FloatArray:
+        """The last columns."""
+        return self.columns[:, self.columns.shape[1] - self.nuisances :]
+
+    @property
     def unknown_span(self) -> slice:
         """Columns of all axes of the unknown."""
-        return slice(self.gains.stop, self.whitened.columns.shape[1] - self.whitened.nuisances)
+        return slice(self.gains.stop, self.columns.shape[1] - self.nuisances)
 
     def unknown_columns(self, number: int) -> slice:
         """Return the columns of an axis of the unknown."""
@@ -315,7 +297,7 @@ class Problem:
         """Return the whitened change by a candidate's gain of some specimens, (N,)."""
         if candidate.members is None:
             return np.zeros(len(self.table))
-        return self.whitened.columns[:, self.gains] @ (candidate.log_gain * candidate.members)
+        return self.columns[:, self.gains] @ (candidate.log_gain * candidate.members)
 
     def signature(self, candidate: Candidate) -> FloatArray:
         """Return the whole whitened change by a candidate, (N,)."""
@@ -445,7 +427,8 @@ def set_up(
         unit_gains=of_units,
         node_features=changes[len(ways) :],
         calibration=calibration,
-        whitened=Whitened(noise.whiten(columns), noise.first_row, nuisances),
+        columns=noise.whiten(columns),
+        nuisances=nuisances,
         unknown=unknown,
         of_laws=of_laws,
         apart=apart,

@@ -82,11 +82,11 @@ class World:
     ) -> None:
         self.problem, self.scale, self.discrepancy = problem, scale, discrepancy
         self.laws, self.log_share = laws, float(np.log(share))
-        whitened = problem.whitened
-        rows = np.ones(len(problem.table)) if weight is None else whitened.on_rows(weight)
+        each = np.ones(len(problem.noise.rows)) if weight is None else weight
+        rows = np.repeat(each, np.diff(problem.noise.first_row))
         self._root = np.sqrt(rows) / scale
         self._sizes = np.where(problem.of_laws, laws, 1.0)
-        blocks = [whitened.nuisance_columns * self._sizes if nuisances is None else nuisances]
+        blocks = [problem.nuisance_columns * self._sizes if nuisances is None else nuisances]
         blocks += [discrepancy * problem.discrepancy] if discrepancy else []
         blocks += [] if more is None else [more]
         self._nuisances = self._root[:, None] * np.concatenate(blocks, axis=1)
@@ -95,7 +95,7 @@ class World:
         self._factor = scipy.linalg.cholesky(inner, lower=True, check_finite=False)
         log_det = 2.0 * float(np.log(np.diagonal(self._factor)).sum())
         self._offset = -float(rows.sum()) * float(np.log(scale)) - 0.5 * log_det
-        alone = self.elimination(whitened.columns[:, 0])
+        alone = self.elimination(problem.columns[:, 0])
         self.none, self.left = alone.none, float(alone.products[0, 0])
 
     def _half(self, columns: FloatArray) -> FloatArray:
@@ -129,7 +129,7 @@ class World:
     def laws_off(self, candidate: Candidate) -> tuple[FloatArray, FloatArray]:
         """Return the mean and covariance of the problem's ways, the candidate being right."""
         problem, count = self.problem, len(self.problem.ways)
-        left = problem.whitened.columns[:, 0] - problem.signature(candidate)
+        left = problem.columns[:, 0] - problem.signature(candidate)
         unit = np.eye(len(self._factor), count)
         inverse = scipy.linalg.cho_solve((self._factor, True), unit, check_finite=False)[:count]
         sizes = self._sizes[:count]
@@ -345,13 +345,13 @@ class Settled:
     def search(self) -> Search:
         """Return the search of every form for what this candidate leaves."""
         problem = self.world.problem
-        left = self.eliminated(self.world, problem.whitened.columns[:, problem.nodes]).products
+        left = self.eliminated(self.world, problem.columns[:, problem.nodes]).products
         return Search(problem.branches, left[0, 1:], left[1:, 1:])
 
 
 def nothing(world: World) -> Settled:
     """Return no effect at all in a world."""
-    residual = world.problem.whitened.columns[:, 0]
+    residual = world.problem.columns[:, 0]
     none = np.zeros((len(residual), 0))
     return Settled(world, Candidate(()), np.zeros(0), none, none, residual)
 

@@ -449,7 +449,7 @@ def _of_some(world: World, logs: "_LogPriors", one: Settled) -> Candidate:
     Its evidence is that over no effect in the world.
     """
     problem = world.problem
-    e = one.eliminated(world, problem.whitened.columns[:, problem.gains])
+    e = one.eliminated(world, problem.columns[:, problem.gains])
     beside = one.weighed(world, e)
     scatter = replace(problem.scatter, specimen=problem.scatter.specimen * world.scale)
     found = weigh_subset(e.products[1:, 0], e.products[1:, 1:], beside, scatter)
@@ -698,7 +698,7 @@ def _along_axes(problem: Problem, target: Elimination) -> Iterator[tuple[int, fl
 def _add_axes(one: Settled, world: World, logs: _LogPriors, result: Weighed) -> None:
     """Add a candidate with the unknown beside it, along each axis, in a world."""
     problem = world.problem
-    e = one.eliminated(world, problem.whitened.columns[:, problem.unknown_span])
+    e = one.eliminated(world, problem.columns[:, problem.unknown_span])
     alone = e.none - result.plain.none + logs.forms(one.candidate) + world.log_share
     for number, gain in _along_axes(problem, e):
         _add_axis(one.candidate.effects, number, alone + gain, logs, result)
