@@ -36,7 +36,7 @@ class Whitening:
     Attributes
     ----------
     directions, shrink : (N, q), (q,)
-        What specimens share, _orthonormal, and how much of it is taken off.
+        What specimens share, orthonormal, and how much of it is taken off.
     degrees_of_freedom
         Of a scaled chi-square variance that is as uncertain as the noise.
     """
@@ -88,7 +88,7 @@ class Whitening:
 
 
 def _orthonormal(columns: FloatArray, besides: FloatArray | None = None) -> FloatArray:
-    """Return an _orthonormal basis of columns, (N, k), and of what is in them beside another."""
+    """Return an orthonormal basis of columns, (N, k), and of what is in them beside another."""
     if not columns.shape[1]:
         return columns
     scale = np.linalg.norm(columns, axis=0)
@@ -396,8 +396,8 @@ of the mean of a ramp from zero, over its variance; an effect in proportion to a
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Excess:
-    """What there is to explain.
+class _Case:
+    """What every axis is made from, and what there is to explain.
 
     An axis may claim some of the gap that all specimens have in common: with half of them at
     33 degC, soft, and half as predicted, half of the gap is common and yet lies along temperature.
@@ -406,12 +406,21 @@ class _Excess:
 
     Attributes
     ----------
+    signs : (P, n)
+        Of whole specimens, drawn.
     y, varying : (N,)
         Whitened residuals, all and without their common part.
     common : (N, c)
         Orthonormal.
     """
 
+    campaign: Campaign
+    table: FeatureTable
+    residual: FloatArray
+    patterns: Mapping[str, FloatArray]
+    gaps: "_Gaps"
+    signs: FloatArray
+    rng: np.random.Generator
     whitening: Whitening
     y: FloatArray
     varying: FloatArray
@@ -474,9 +483,17 @@ class _Excess:
         found: FloatArray = np.maximum(np.einsum("bk,bk->b", score, solved) - 2.0 * k, 0.0)
         return found
 
+    def basis(self, columns: FloatArray) -> FloatArray:
+        """Return what a gap along columns may look like, whitened, beside the common gap."""
+        return _orthonormal(self.whitening(columns), besides=self.common)
+
+    def flipped(self, basis: FloatArray, y: FloatArray) -> tuple[float, FloatArray]:
+        """Return the p-value of an axis, and that of each draw."""
+        return _axis_p(self.whitening, basis, y, self.signs, self.rng)
+
 
 def _beyond_noise(basis: FloatArray, y: FloatArray, cost: float = 1.0) -> float:
-    """Return the sum of squares along an _orthonormal basis, less a cost a degree of freedom."""
+    """Return the sum of squares along an orthonormal basis, less a cost a degree of freedom."""
     return float(max(np.sum((basis.T @ y) ** 2) - cost * basis.shape[1], 0.0))
 
 
@@ -495,15 +512,15 @@ _ALONE = 0.3
 that what merely goes along with the first ranks behind what does not, and before nothing."""
 
 
-def _ranked(axes: Sequence[_Axis], p: FloatArray, excess: _Excess) -> tuple[list[int], list[float]]:
+def _ranked(axes: Sequence[_Axis], p: FloatArray, case: _Case) -> tuple[list[int], list[float]]:
     """Return the order of axes, and what each adds to the first as a share of its own."""
-    cost = math.log(max(len(excess.whitening.starts) - 1, 2))
-    alone = [max(excess.explained(a) - (cost - 1.0) * a.basis.shape[1], 0.0) for a in axes]
+    cost = math.log(max(len(case.whitening.starts) - 1, 2))
+    alone = [max(case.explained(a) - (cost - 1.0) * a.basis.shape[1], 0.0) for a in axes]
     found = [i for i in range(len(axes)) if p[i] <= SIGNIFICANT]
     if not found:
         return sorted(range(len(axes)), key=lambda i: (p[i], -alone[i])), [1.0] * len(axes)
     first = max(found, key=lambda i: (alone[i], -p[i]))
-    adds = [_added(axis, axes[first], excess, cost) for axis in axes]
+    adds = [_added(axis, axes[first], case, cost) for axis in axes]
     adds[first] = alone[first]
     rest = sorted((i for i in found if i != first), key=lambda i: -(adds[i] + _ALONE * alone[i]))
     others = sorted((i for i in range(len(axes)) if i not in found), key=lambda i: p[i])
@@ -511,11 +528,11 @@ def _ranked(axes: Sequence[_Axis], p: FloatArray, excess: _Excess) -> tuple[list
     return [first, *rest, *others], parts
 
 
-def _added(axis: _Axis, first: _Axis, excess: _Excess, cost: float) -> float:
+def _added(axis: _Axis, first: _Axis, case: _Case, cost: float) -> float:
     if axis.is_common:
-        return max(excess.in_common - _CLAIM * _beyond_noise(first.basis, excess.varying), 0.0)
+        return max(case.in_common - _CLAIM * _beyond_noise(first.basis, case.varying), 0.0)
     beside = axis.basis if first.is_common else _orthonormal(axis.basis, besides=first.basis)
-    return _beyond_noise(beside, excess.varying, cost)
+    return _beyond_noise(beside, case.varying, cost)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -544,7 +561,7 @@ _Part = tuple[BoolArray, str, int]
 
 
 class _Gaps:
-    """_Gaps as shares of force or strain, averaged as weights of what is really told by each.
+    """Gaps as shares of force or strain, averaged as weights of what is really told by each.
 
     Attributes
     ----------
@@ -779,32 +796,6 @@ _ADDS_LITTLE = 0.25
 three quarters of it are the first's then."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Case:
-    """What every axis is made from."""
-
-    campaign: Campaign
-    table: FeatureTable
-    residual: FloatArray
-    patterns: Mapping[str, FloatArray]
-    gaps: _Gaps
-    signs: FloatArray
-    excess: _Excess
-    rng: np.random.Generator
-
-    @property
-    def whitening(self) -> Whitening:
-        return self.excess.whitening
-
-    def basis(self, columns: FloatArray) -> FloatArray:
-        """Return what a gap along columns may look like, whitened, beside the common gap."""
-        return _orthonormal(self.whitening(columns), besides=self.excess.common)
-
-    def flipped(self, basis: FloatArray, y: FloatArray) -> tuple[float, FloatArray]:
-        """Return the p-value of an axis, and that of each draw."""
-        return _axis_p(self.whitening, basis, y, self.signs, self.rng)
-
-
 def localise(
     campaign: Campaign,
     table: FeatureTable,
@@ -844,21 +835,23 @@ def localise(
     common = _orthonormal(whitening(shapes))
     varying = y - common @ (common.T @ y)
     signs: FloatArray = np.where(rng.random((permutations, count)) < 0.5, -1.0, 1.0)
-    excess = _Excess(whitening, y, varying, common)
-    case = _Case(campaign, table, residual, patterns, _Gaps(table, residual), signs, excess, rng)
+    gaps = _Gaps(table, residual)
+    case = _Case(
+        campaign, table, residual, patterns, gaps, signs, rng, whitening, y, varying, common
+    )
     axes = [*_column_axes(case), *_within_axes(case), *_position_axes(case), *_outlying_axes(case)]
     p = _family_wise(
         np.array([a.p for a in axes]),
         np.stack([a.drawn_p for a in axes]),
     )
-    order, adds = _ranked(axes, p, excess)
+    order, adds = _ranked(axes, p, case)
     weights = rng.multinomial(count, np.full(count, 1.0 / count), _BOOTSTRAPS).astype(np.float64)
     places = []
     for i in order:
         sentence = axes[i].detail
         if i != order[0] and p[i] <= SIGNIFICANT and adds[i] < _ADDS_LITTLE:
             sentence += f"; little of it beyond what goes with {axes[order[0]].name}"
-        share, interval = excess.share(axes[i]), excess.interval(axes[i], weights)
+        share, interval = case.share(axes[i]), case.interval(axes[i], weights)
         places.append(Location(axes[i].name, share, interval, float(p[i]), sentence))
     return tuple(places)
 
@@ -872,33 +865,33 @@ def _column_axes(case: _Case) -> Iterator[_Axis]:
         if known >= _FEWEST_KNOWN and basis.shape[1]:
             parts = _column_parts(name, cells[name], ~case.table.is_field, case.whitening.of_row)
             sentence = case.gaps.sentence(parts)
-            yield _Axis(name, basis, *case.flipped(basis, case.excess.varying), sentence)
+            yield _Axis(name, basis, *case.flipped(basis, case.varying), sentence)
 
 
 def _within_axes(case: _Case) -> Iterator[_Axis]:
     """Strain, branch and time of a hold: signs of whole specimens are drawn."""
-    table, gaps, excess = case.table, case.gaps, case.excess
+    table, gaps = case.table, case.gaps
     sentence = gaps.sentence(_strain_parts(table), alike="alike at all strains")
-    p, drawn = case.flipped(excess.common, excess.y)
-    yield _Axis("strain", excess.common, p, drawn, sentence, is_common=True)
+    p, drawn = case.flipped(case.common, case.y)
+    yield _Axis("strain", case.common, p, drawn, sentence, is_common=True)
     for name, parts in (("branch", _branch_parts), ("time", _hold_parts)):
         if name in case.patterns and (basis := case.basis(case.patterns[name])).shape[1]:
             sentence = gaps.sentence(parts(table), ordered=name == "time")
-            yield _Axis(name, basis, *case.flipped(basis, excess.varying), sentence)
+            yield _Axis(name, basis, *case.flipped(basis, case.varying), sentence)
 
 
 def _position_axes(case: _Case) -> Iterator[_Axis]:
     """Places along bars: a smooth pattern, and steps between materials."""
-    table, whitening, excess = case.table, case.whitening, case.excess
+    table, whitening = case.table, case.whitening
     if "position" not in case.patterns:
         return
     bars = whitening(_factors_of_bars(table, whitening.of_row))
-    besides = _orthonormal(np.concatenate([excess.common, bars], axis=1))
+    besides = _orthonormal(np.concatenate([case.common, bars], axis=1))
     columns = whitening(case.patterns["position"])
     basis = _orthonormal(columns, besides=besides)
     if not basis.shape[1]:
         return
-    y = excess.y - besides @ (besides.T @ excess.y)
+    y = case.y - besides @ (besides.T @ case.y)
     y = y / _bar_scale(table, y, basis)
     place = _farthest_place(case.campaign, table, y)
     sentence = _position_sentence(place, case.campaign.palette, case.gaps)
