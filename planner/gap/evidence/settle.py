@@ -179,6 +179,9 @@ _DIFFERENCE = 0.02
 """Step of the derivatives, in prior deviations. Numerical: they are off by a hundredth of what they
 change by over a deviation."""
 
+_SHARES = (0.5, 1.0)
+"""Of a move by a linear model, that are looked at. Numerical: the better is kept, or none."""
+
 _DAMPING, _LESS, _MORE = 1e-2, 0.2, 10.0
 _MOST_DAMPING = 1e6
 """Of Levenberg's and Marquardt's method, at first, and its factors and its end. Numerical: they
@@ -335,7 +338,15 @@ class Settled:
         m = world.products(columns, self.own)
         at = np.linalg.solve(m[1:, 1:] + np.eye(len(m) - 1), m[1:, 0])
         move = np.clip(at - self.coordinates, -_LONGEST, _LONGEST)
-        return _moved(self.candidate, self.coordinates + move)
+        # Slopes say nothing of what is far off: as far as the forward model bears them out.
+        point = _Point(self.world.problem, self.candidate, self.coordinates)
+        tried = [point, *(point.moved(share * move) for share in _SHARES)]
+
+        def cost(one: _Point) -> float:
+            left = (one.left - beside)[:, None]
+            return one.cost(float(world.products(left, self.own)[0, 0]))
+
+        return min(tried, key=cost).candidate
 
     def deviations(self) -> FloatArray:
         """Return the coordinates' posterior deviations, (p,)."""
