@@ -21,7 +21,7 @@ from planner.errors import ArgumentError, FileError, MeshError, did_you_mean
 from planner.formats.archive import USUAL_LIMITS, UnfoldingLimits
 from planner.formats.files import read_file
 from planner.formats.stl import decode_stl, require_finite
-from planner.formats.units import QUANTITY_UNITS, quantities_of, unit_factor
+from planner.formats.units import QUANTITY_UNITS, known_units, quantities_of, unit_factor
 from planner.numerics import Float32Array, FloatArray
 
 __all__ = ["EXTENSIONS", "MILLIMETRES", "canonical_unit", "read_mesh", "unit_scale_mm"]
@@ -137,7 +137,7 @@ def canonical_unit(unit: str) -> str:
     mm = unit_factor("length", unit, where="") if "length" in quantities_of(unit) else math.nan
     called = next((name for name, scale in _SCALE_MM.items() if scale == mm), None)
     if called is None:
-        names = [name for name, mm in QUANTITY_UNITS["length"].items() if mm in _SCALE_MM.values()]
+        names = [name for name, mm in known_units("length").items() if mm in _SCALE_MM.values()]
         hint = did_you_mean(unit, names)
         raise ArgumentError(
             f"`unit` {unit or repr(unit)}: no such unit; {hint}it may be {', '.join(_SCALE_MM)}"
