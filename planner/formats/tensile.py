@@ -689,7 +689,7 @@ def _split(
         except FileError as error:
             if not is_time or any(grid.number(cell) is not None for cell in cells):
                 raise
-            notes.append(f"{error}; time is optional and is left out")
+            notes.append(f"{str(error).partition('; ')[0]}; time is optional and is left out")
     kept = {i: column for i, column in used.items() if column.name in values}
     if "stretch" in values:
         values.setdefault("strain", values.pop("stretch") - 1.0)
@@ -802,7 +802,8 @@ def _used_columns(
                     ) from error
                 example = _example(headings)
                 raise FileError(f"{error}, or {_advice(grid.option, example)}") from error
-            notes.append(f"{error}; {'time is optional and' if is_time else 'it'} is left out")
+            left = f"{'time is optional and' if is_time else 'it'} is left out"
+            notes.append(f"{str(error).partition('; ')[0]}; {left}")
             continue
         same = next((j for j, m in found.items() if m.name == column.name), None)
         if same is None:
