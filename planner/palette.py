@@ -19,9 +19,8 @@ from typing import TYPE_CHECKING, Any, Literal
 import msgspec
 
 from planner.errors import FileError, PaletteError, UnknownNameError, did_you_mean
-from planner.formats.files import SIGNIFICANT_DIGITS, read_file
+from planner.formats.files import SIGNIFICANT_DIGITS, decode_toml, read_file
 from planner.formats.outputs import check_absent, write_whole
-from planner.formats.toml import decode_toml
 from planner.glance import brief, counted, html_of, one_line, plotted
 
 if TYPE_CHECKING:

@@ -12,8 +12,8 @@ import msgspec
 import numpy as np
 
 from planner.errors import ArgumentError, FileError, PaletteError
+from planner.formats.specimens import ListedSpecimen
 from planner.formats.tables import encode_csv, number
-from planner.formats.tensile import ListedSpecimen
 from planner.glance import counted, one_line, outcome, plotted
 from planner.materials.algorithm_one import QuadraticStudy, quadratic_study
 from planner.materials.characterise import (

@@ -9,23 +9,16 @@ from types import MappingProxyType
 import numpy as np
 
 from planner.errors import ArgumentError, FileError, UnknownNameError, did_you_mean
+from planner.formats.files import path_within
 from planner.formats.headings import MODES, mode_of
-from planner.formats.tables import QUANTITY_UNITS
-from planner.formats.tensile import (
-    ListedSpecimen,
-    NoRecordError,
-    TensileTable,
-    is_specimens_file,
-    read_specimens,
-    read_tensile,
-)
-from planner.formats.unit_of import QUANTITIES, UnitOf, factor_of, parsed_unit
-from planner.formats.within import path_within
+from planner.formats.specimens import ListedSpecimen, is_specimens_file, read_specimens
+from planner.formats.tensile import NoRecordError, TensileTable, read_tensile
+from planner.formats.units import QUANTITIES, QUANTITY_UNITS, UnitOf, factor_of, parsed_unit
 from planner.materials.characterise import BROKEN_SHARE, MINIMUM_POINTS, Curve, without_tail
 from planner.notes import Caution, listed
 from planner.numerics import FloatArray
 
-__all__ = ["ReadRecord", "Study", "listed_files", "read_study"]
+__all__ = ["ReadRecord", "Study", "in_stated_units", "listed_files", "read_study", "stated_units"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -675,7 +668,7 @@ def read_study(
     records = _named(found_records)
     used = {name: record for name, record in records.items() if not record.left_out}
     materials = _materials(used, material or "", notes)
-    units = _stated_units(unit_of, materials)
+    units = stated_units(unit_of, materials)
     for name in leave_out:
         known = sorted({*materials, *materials.values()})
         if name not in known:
@@ -693,7 +686,7 @@ def read_study(
     modes: dict[str, str] = {}
     for name, record in used.items():
         sizes[name] = _dimensions_of(record.row, given, record.table, notes)
-        table = _in_stated_units(record.table, units.get(name, {}), f"specimen {name}")
+        table = in_stated_units(record.table, units.get(name, {}), f"specimen {name}")
         records[name] = used[name] = replace(record, table=table)
         said = _said_mode(record, mode)
         modes[name] = said or "tension"
@@ -822,7 +815,7 @@ def _named(found: Sequence[_Record]) -> dict[str, _Record]:
     return records
 
 
-def _stated_units(
+def stated_units(
     stated: str | Sequence[str], materials: Mapping[str, str]
 ) -> Mapping[str, Mapping[str, UnitOf]]:
     """Return the units that are stated of each specimen, by quantity; a material names all its own.
@@ -840,7 +833,7 @@ def _stated_units(
             raise UnknownNameError(
                 f"unit_of {text}: no specimen and no material {unknown!r}; "
                 f"{did_you_mean(unknown, sorted(known))}there are materials "
-                f"{', '.join(dict.fromkeys(materials.values()))}"
+                f"{', '.join(dict.fromkeys(filter(None, materials.values())))}"
             )
         for name, of in materials.items():
             if not one.specimens or name in one.specimens or of in one.specimens:
@@ -848,26 +841,38 @@ def _stated_units(
     return found
 
 
-def _in_stated_units(table: TensileTable, units: Mapping[str, UnitOf], where: str) -> TensileTable:
-    """Return a table with columns in the units that were stated for it, which is noted."""
+def in_stated_units(
+    table: TensileTable, units: Mapping[str, UnitOf], where: str, *, named: bool = True
+) -> TensileTable:
+    """Return a table with columns in the units that were stated for it, which is noted.
+
+    Parameters
+    ----------
+    named
+        Whether the notes begin with `where`.
+
+    Raises
+    ------
+    FileError
+        There is no column of a quantity.
+    """
+    of = f"{where}: " if named else ""
     for quantity, unit in units.items():
         column = QUANTITIES[quantity][0]
-        if column not in table.columns:
+        if column not in table.factors:
             raise FileError(
                 f"{where}: its file has no column of {quantity}, so it cannot be read as "
-                f"{quantity}={unit.unit}; it has {', '.join(table.columns)}"
+                f"{quantity}={unit.unit}; it has {', '.join(table.factors)}"
             )
         factor = factor_of(unit)
         values = table.columns[column] * (factor / table.factors[column])
+        said = f"{of}{quantity} is read in the unit {unit.unit}, as was asked for"
         table = replace(
             table,
             columns=MappingProxyType({**table.columns, column: values}),
             factors=MappingProxyType({**table.factors, column: factor}),
             without_unit=table.without_unit - {column},
-            notes=(
-                *table.notes,
-                f"{where}: {quantity} is read in the unit {unit.unit}, as was asked for",
-            ),
+            notes=(*table.notes, said),
         )
     return table
 

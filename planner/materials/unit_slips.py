@@ -8,8 +8,7 @@ from statistics import NormalDist
 
 import numpy as np
 
-from planner.formats.tables import QUANTITY_UNITS
-from planner.formats.unit_of import QUANTITIES, UnitOf, unit_near
+from planner.formats.units import QUANTITIES, QUANTITY_UNITS, UnitOf, unit_near
 from planner.materials.characterise import SECANT_STRAINS, Characteristics, characterise_curve
 from planner.materials.laws import make_law, secant_modulus_MPa
 from planner.materials.study import Study

@@ -9,10 +9,10 @@ from typing import Any, Literal
 import numpy as np
 
 from planner.errors import ArgumentError, PlannerError, did_you_mean, positive
+from planner.formats.field_file import HEXAHEDRON, encode_vtu
 from planner.formats.files import encode_document
 from planner.formats.inp import HeldNodes, InpMaterial, InpModel, encode_inp
 from planner.formats.outputs import check_absent, write_whole
-from planner.formats.vtu import HEXAHEDRON, encode_vtu
 from planner.glance import counted, one_line
 from planner.materials.law_blocks import hardening, stable_yeoh
 from planner.materials.laws import Yeoh

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from planner.errors import ArgumentError, FileError
-from planner.formats.tensile import read_specimens
+from planner.formats.specimens import read_specimens
 from planner.materials.study import read_study
 
 HEAD = "specimen,material,width_mm,thickness_mm,gauge_mm,operator\n"

@@ -69,7 +69,14 @@ def pulled(rows: np.ndarray, modulus: float, poisson: float, powers: tuple, ends
 
 
 @pytest.mark.parametrize(("name", "material"), GRADES, ids=lambda v: getattr(v, "id", v))
-@pytest.mark.parametrize("to_strain", [0.15, 0.45, np.inf])
+@pytest.mark.parametrize(
+    "to_strain",
+    [
+        pytest.param(0.15, marks=pytest.mark.slow),
+        0.45,
+        pytest.param(np.inf, marks=pytest.mark.slow),
+    ],
+)
 def test_every_grade_bends_right(name, material, to_strain):
     """At rest within 2 %, stress within 5 % up to the strain asked, stable in every mode there."""
     model = CoefficientModel(palette_of(name, None))
