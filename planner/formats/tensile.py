@@ -752,7 +752,7 @@ def _values(group: _Group, used: Sequence[_Column], notes: list[str]) -> dict[st
         except FileError as error:
             if not is_time or any(grid.number(cell) is not None for cell in cells):
                 raise
-            notes.append(f"{error}; time is optional and is left out")
+            notes.append(f"{str(error).partition('; ')[0]}; time is optional and is left out")
     return found
 
 
@@ -823,7 +823,7 @@ def _used_columns(group: _Group) -> tuple[list[_Column], list[str]]:
             others = suffice(headings[j] for j in cells if j != i and headings[j].unit)
             if is_time or (heading.meaning in ("elongation", "position") and others):
                 what = "time is optional and" if is_time else "it"
-                notes.append(f"{error}; {what} is left out")
+                notes.append(f"{str(error).partition('; ')[0]}; {what} is left out")
                 continue
             advice = _advice(grid.option, _example(headings))
             if heading.unit is not None:
