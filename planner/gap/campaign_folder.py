@@ -29,6 +29,7 @@ from planner.formats.tensile import (
 )
 from planner.formats.tensile import ListedSpecimen as Row
 from planner.formats.toml import decode_toml
+from planner.formats.unit_of import QUANTITIES
 from planner.formats.within import path_within
 from planner.gap.campaign import Campaign, PartTest, Specimen, StrainField, named
 from planner.gap.loading_direction import Mode, said_mode, turned
@@ -194,8 +195,14 @@ def _record_of(source: _Source) -> dict[str, Any]:
             f"{where}: the curve has {points} points; at least {MINIMUM_POINTS} are "
             "needed: export all of it, or take the specimen out of specimens.csv"
         )
-    force, force_unit_N = _force(source)
-    travel, travel_unit_mm = _travel(source)
+    force, force_unit_N = _channel(
+        source, "force", "stress_MPa", source.area_mm2,
+        "stress times the section in specimens.csv; it was",
+    )  # fmt: skip
+    travel, travel_unit_mm = _channel(
+        source, "travel", "strain", source.gauge_mm,
+        "strain times the gauge length; the crosshead's was",
+    )  # fmt: skip
     if not np.any(travel):
         raise FileError(f"{where}: the crosshead never moves; check the column of travel")
     if not np.any(force):
@@ -234,32 +241,30 @@ def _record_of(source: _Source) -> dict[str, Any]:
     }
 
 
-def _force(source: _Source) -> tuple[FloatArray, float | None]:
-    """Return the force, and the newtons in a unit of the file's."""
-    columns = source.table.columns
-    if "force_N" in columns:
-        return columns["force_N"], source.table.factors["force_N"]
-    if "stress_MPa" not in columns:
-        raise FileError(f"{source.where}: no column of force; export it, headed 'force_N'")
-    if source.area_mm2 is None:
+def _channel(
+    source: _Source, quantity: str, other: str, times: float | None, how: str
+) -> tuple[FloatArray, float | None]:
+    """Return force or travel, and how many newtons or millimetres a unit of the file's has.
+
+    Parameters
+    ----------
+    other
+        The column that is multiplied by `times` where the quantity was not recorded.
+    how
+        What is noted then.
+    """
+    column, table = QUANTITIES[quantity][0], source.table
+    if column in table.columns:
+        return table.columns[column], table.factors[column]
+    if other not in table.columns:
+        raise FileError(f"{source.where}: no column of {quantity}; export it, headed {column!r}")
+    if times is None:
         raise FileError(
             f"{source.where}: a stress but no force, and the section is unknown; give width_mm and "
             "thickness_mm in specimens.csv"
         )
-    source.notes.append("force is stress times the section in specimens.csv; it was not recorded")
-    return columns["stress_MPa"] * source.area_mm2, None
-
-
-def _travel(source: _Source) -> tuple[FloatArray, float | None]:
-    """Return the travel, and the millimetres in a unit of the file's."""
-    columns = source.table.columns
-    if "displacement_mm" in columns:
-        return columns["displacement_mm"], source.table.factors["displacement_mm"]
-    if "strain" not in columns:
-        what = "no column of travel; export it, headed 'displacement_mm'"
-        raise FileError(f"{source.where}: {what}")
-    source.notes.append("travel is strain times the gauge length; the crosshead's was not recorded")
-    return columns["strain"] * source.gauge_mm, None
+    source.notes.append(f"{quantity} is {how} not recorded")
+    return table.columns[other] * times, None
 
 
 def _time(source: _Source, travel: FloatArray) -> tuple[FloatArray, bool]:
@@ -481,6 +486,10 @@ def campaign_palette(
 SPECIMENS, CURVES, _FIELDS = "specimens.csv", "curves.csv", "fields.csv"
 
 
+_Noted = dict[str, list[str]]
+"""Notes with the specimens that each applies to, in order of appearance."""
+
+
 def read_campaign(
     folder: str | Path,
     palette: str | Path | Palette | None = None,
@@ -522,29 +531,27 @@ def read_campaign(
     file = read_campaign_file(folder)
     palette = campaign_palette(file, folder, palette)
     rows, covariates, slips = read_list(path_within(folder, SPECIMENS))
-    noted = _Notes()
-    for note in slips:
-        noted.add(note)
+    noted: _Noted = {note: [] for note in slips}
     tables = _tables(folder, rows, noted)
     fields: dict[str, MeasuredField] = {}
     if (folder / _FIELDS).is_file():
         fields = _read_strain_fields(path_within(folder, _FIELDS))
         listed = {row.specimen for row in rows}
         for stray in (specimen for specimen in fields if specimen not in listed):
-            noted.add(f"in {_FIELDS} but no row in {SPECIMENS}; left out", stray)
+            _note(noted, f"in {_FIELDS} but no row in {SPECIMENS}; left out", stray)
     units = stated_units(unit_of, {row.specimen: row.material for row in rows})
     reader = ListReader(folder / SPECIMENS, palette)
     specimens: list[Specimen] = []
     for row in rows:
         if row.specimen not in tables:
-            noted.add("no curve; left out", row.specimen)
+            _note(noted, "no curve; left out", row.specimen)
             continue
         id, where = row.specimen, f"specimen {row.specimen} ({tables[row.specimen].file})"
         table = in_stated_units(tables[id], units.get(id, {}), where, named=False)
         specimen, notes = _specimen(row, table, where, fields.get(id), covariates[id], reader)
         specimens.append(specimen)
         for note in notes:
-            noted.add(note, id)
+            _note(noted, note, id)
     if not specimens:
         raise FileError(
             f"{folder}: none of the {len(rows)} specimens has a curve; the column 'specimen' of "
@@ -557,22 +564,12 @@ def read_campaign(
         specimens=tuple(specimens),
         covariates=tuple(rows[0].covariates),
         notes=file.notes,
-        remarks=tuple(noted.sentences()),
+        remarks=tuple(f"{named(ids)}: {note}" if ids else note for note, ids in noted.items()),
     )
 
 
-class _Notes:
-    """Notes with the specimens that each applies to, in order of appearance."""
-
-    def __init__(self) -> None:
-        self._ids: dict[str, list[str]] = {}
-
-    def add(self, note: str, *ids: str) -> None:
-        self._ids.setdefault(note, []).extend(ids)
-
-    def sentences(self) -> Iterator[str]:
-        for note, ids in self._ids.items():
-            yield f"{named(ids)}: {note}" if ids else note
+def _note(noted: _Noted, note: str, id: str) -> None:
+    noted.setdefault(note, []).append(id)
 
 
 @dataclass(frozen=True, slots=True)
@@ -659,7 +656,7 @@ class ListReader:
             raise FileError(f"part {part}: {error}") from error
 
 
-def _tables(folder: Path, rows: Sequence[Row], noted: _Notes) -> dict[str, TensileTable]:
+def _tables(folder: Path, rows: Sequence[Row], noted: _Noted) -> dict[str, TensileTable]:
     """Read each specimen's table: from the file its row names, else from curves.csv."""
     by_id = {row.specimen: row for row in rows}
     files: dict[str, list[Row]] = {}
@@ -695,9 +692,8 @@ def _tables(folder: Path, rows: Sequence[Row], noted: _Notes) -> dict[str, Tensi
             hint = f"; its row names {listed.file or CURVES}" if listed else ""
             if listed is None and (question := did_you_mean(table.specimen, by_id)):
                 hint = f"; {question.rstrip()}"
-            noted.add(
-                f"a curve in {name} but no row in {SPECIMENS}{hint}; left out", table.specimen
-            )
+            said = f"a curve in {name} but no row in {SPECIMENS}{hint}; left out"
+            _note(noted, said, table.specimen)
     return found
 
 

@@ -148,6 +148,7 @@ _LEVELS = 12
 _LOG_FROM = 20.0
 _CURVE_STEPS = 40
 _BRANCHES = ("loading", "unloading", "reloading", "hold")
+_HOLD = 3.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -254,7 +255,9 @@ def _branch_of_steps(travel: FloatArray) -> FloatArray:
     moves = np.diff(travel[known])
     still = np.abs(moves) <= 1e-6 * float(np.ptp(travel[known]))
     fallen = np.logical_or.accumulate((moves < 0.0) & ~still)
-    branch[known[1:]] = np.where(still, 3.0, np.where(moves < 0.0, 1.0, np.where(fallen, 2.0, 0.0)))
+    branch[known[1:]] = np.where(
+        still, _HOLD, np.where(moves < 0.0, 1.0, np.where(fallen, 2.0, 0.0))
+    )
     return branch
 
 
@@ -543,10 +546,7 @@ def _curves_panel(traces: Traces, test: int, left: float, top: float) -> Iterato
 def _is_held(travel: FloatArray, time: FloatArray) -> bool:
     """Tell whether the crosshead stood still for most of the time."""
     known = np.isfinite(travel) & np.isfinite(time)
-    if known.sum() < 2:
-        return False
-    moves, steps = np.abs(np.diff(travel[known])), np.diff(time[known])
-    still = moves <= 1e-6 * float(np.ptp(travel[known]))
+    still, steps = _branch_of_steps(travel[known])[1:] == _HOLD, np.diff(time[known])
     return float(steps[still].sum()) > _HELD * float(steps.sum())
 
 
