@@ -22,10 +22,10 @@ from planner.gap.campaign_folder import (
     read_campaign,
     read_campaign_file,
     read_list,
+    said_mode,
 )
 from planner.gap.effect import Effect, Form, Parameter, StatedEffect, stated, with_effects
 from planner.gap.effects import effect_named, effects_for
-from planner.gap.loading_direction import said_mode
 from planner.gap.noise import USUAL
 from planner.gap.segments import assemble, path_of, replicate_test
 from planner.numerics import FloatArray
