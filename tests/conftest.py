@@ -1,14 +1,22 @@
 """Where samples and shared data lie; small campaigns by planner's own forward model."""
 
+import contextlib
+import fcntl
 import itertools
+import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+# Where several processes share the processors, each computes on one; before numpy starts its own.
+if "PYTEST_XDIST_WORKER" in os.environ:
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 import numpy as np
 import pytest
 
+from planner.cli import run
 from planner.gap.campaign import Campaign
 from planner.gap.virtual import stated_effect, synthetic_campaign, virtual_specimen, virtual_strain
 from planner.palette import Palette, load_palette
@@ -21,6 +29,13 @@ USUAL: Mapping[str, Any] = {
     "temperature_C": 23.0, "soak_h": 0.0, "age_days": 9.0, "orientation": "x",
     "protocol": "monotonic",
 }  # fmt: skip
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Give workers of pytest-xdist whole files where possible: their fixtures are made once."""
+    if config.getoption("numprocesses", None) and config.getoption("dist") == "load":
+        config.option.dist = "worksteal"
+
 
 Planned = Callable[..., Campaign]
 Imitated = Callable[..., Campaign]
@@ -82,6 +97,24 @@ def imitated(palette: Palette) -> Imitated:
 @pytest.fixture(scope="session")
 def samples() -> Path:
     return ROOT / "samples"
+
+
+@pytest.fixture(scope="session")
+def warm_diagnosis(samples: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Diagnose the bundled campaign, once for all workers: its folder, and beside what is printed.
+
+    To be read only: others read it too.
+    """
+    place = tmp_path_factory.getbasetemp()
+    place = place.parent if "PYTEST_XDIST_WORKER" in os.environ else place
+    folder, printed = place / "warm-diagnosis", place / "warm-diagnosis.json"
+    with (place / "warm-diagnosis.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not folder.exists():
+            with printed.open("w", encoding="utf-8") as out, contextlib.redirect_stdout(out):
+                words = ["gap", "diagnose", str(samples / "warm-lab"), "--json", "-o", str(folder)]
+                assert run(words) == 1
+    return folder
 
 
 @pytest.fixture(scope="session")

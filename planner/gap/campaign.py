@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from planner.errors import FileError
-from planner.formats.tensile import SPECIMEN_COLUMNS, SpecimenConditions
+from planner.formats.specimens import SPECIMEN_COLUMNS, SpecimenConditions
 from planner.glance import brief, counted, one_line, plotted
 from planner.materials.characterise import MINIMUM_POINTS
 from planner.numerics import FloatArray

@@ -15,22 +15,19 @@ import msgspec
 import numpy as np
 
 from planner.errors import ArgumentError, FileError, UnknownNameError, did_you_mean, nearest_names
-from planner.formats.files import read_file
+from planner.formats.files import decode_toml, path_within, read_file
 from planner.formats.headings import mode_of
 from planner.formats.outputs import new_folder
-from planner.formats.tables import LONGEST_HEADING, encode_csv, number, read_columns
-from planner.formats.tensile import (
+from planner.formats.specimens import (
     SPECIMEN_COLUMNS,
     SPECIMEN_TEXTS,
     SpecimenConditions,
-    TensileTable,
     read_specimens,
-    read_tensile,
 )
-from planner.formats.tensile import ListedSpecimen as Row
-from planner.formats.toml import decode_toml
-from planner.formats.unit_of import QUANTITIES
-from planner.formats.within import path_within
+from planner.formats.specimens import ListedSpecimen as Row
+from planner.formats.tables import LONGEST_HEADING, encode_csv, number, read_columns
+from planner.formats.tensile import TensileTable, read_tensile
+from planner.formats.units import QUANTITIES
 from planner.gap.campaign import Campaign, PartTest, Specimen, StrainField, named
 from planner.materials.characterise import MINIMUM_POINTS
 from planner.materials.laws import make_law
@@ -766,10 +763,11 @@ class ListReader:
                 )
         return found, notes
 
-    def _part(self, *key: str) -> PartTest:
+    def _part(self, part: str, fix: str, move: str, load: str) -> PartTest:
         """Return a part with its supports and its load, simulated once."""
+        key = (part, fix, move, load)
         if key not in self._parts:
-            self._parts[key] = PartTest(self._response(*key), *key[1:])
+            self._parts[key] = PartTest(self._response(*key), fix, move, load)
         return self._parts[key]
 
     def _response(self, part: str, fix: str, move: str, load: str) -> PartResponse:

@@ -12,9 +12,8 @@ import numpy as np
 
 from planner import __version__
 from planner.errors import FileError, PaletteError
-from planner.formats.files import encode_document, read_file
-from planner.formats.unit_of import UnitOf
-from planner.formats.within import path_within
+from planner.formats.files import encode_document, path_within, read_file
+from planner.formats.units import UnitOf
 from planner.glance import brief, counted, html_of, one_line, plotted
 from planner.numerics import FloatArray
 from planner.palette import Palette, load_palette

@@ -7,9 +7,8 @@ from types import MappingProxyType
 
 import numpy as np
 
-from planner.formats.tables import QUANTITY_UNITS
-from planner.formats.tensile import SPECIMEN_COLUMNS
-from planner.formats.unit_of import OWN, QUANTITIES, UnitOf, unit_near
+from planner.formats.specimens import SPECIMEN_COLUMNS
+from planner.formats.units import OWN, QUANTITIES, QUANTITY_UNITS, UnitOf, unit_near
 from planner.gap.campaign import Campaign, Specimen, replicate_groups
 from planner.gap.diagnosis import FoundEffect, QualityProblem
 from planner.gap.quality_records import (

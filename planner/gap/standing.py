@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from planner.errors import PlannerError
-from planner.formats.tensile import SPECIMEN_COLUMNS, read_tensile
-from planner.formats.within import path_within
+from planner.formats.files import path_within
+from planner.formats.specimens import SPECIMEN_COLUMNS
+from planner.formats.tensile import read_tensile
 from planner.gap.campaign_folder import CURVES, SPECIMENS, read_campaign_file, read_list
 from planner.gap.diagnosis import Diagnosis, read_diagnosis
 from planner.gap.effects import EFFECTS

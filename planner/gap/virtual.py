@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from planner.errors import ArgumentError, FileError, UnknownNameError, did_you_mean
-from planner.formats.tensile import ListedSpecimen as Row
-from planner.formats.tensile import read_specimens
-from planner.formats.within import path_within
+from planner.formats.files import path_within
+from planner.formats.specimens import ListedSpecimen as Row
+from planner.formats.specimens import read_specimens
 from planner.gap.camera import seen_shares
 from planner.gap.campaign import Campaign, Specimen, StrainField
 from planner.gap.campaign_folder import (

@@ -273,7 +273,7 @@ def verdict_sections(diagnosis: Diagnosis, *, whole: bool = False) -> tuple[Text
         ("Limits of this campaign", [tuple(map(sentence, d.limitations))]),
         ("What to test next", _next(d.next_experiments[:_EXPERIMENTS], d.verdict)),
     )
-    filled = ((heading, tuple(filter(None, parts))) for heading, parts in sections)
+    filled = ((heading, tuple(part for part in parts if part)) for heading, parts in sections)
     return tuple(TextSection(heading, parts) for heading, parts in filled if parts)
 
 

@@ -40,8 +40,8 @@ def test_shares_say_what_the_solid_does(name: str) -> None:
     ("effect", "closed"),
     [
         ("temperature", 0.9),
-        pytest.param("machine-compliance", 0.95, marks=pytest.mark.slow),
-        pytest.param("rate", 0.6, marks=pytest.mark.slow),
+        pytest.param("machine-compliance", 0.95, marks=pytest.mark.long),
+        pytest.param("rate", 0.6, marks=pytest.mark.long),
     ],
 )
 def test_the_withheld_effect_is_named(effect: str, closed: float) -> None:

@@ -4,18 +4,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 import planner
+from benchmarks.interfaces import BOX, FACES
 
 pytest.importorskip("selenium")
-
-BOX = np.array([[i & 1, i >> 1 & 1, i >> 2 & 1] for i in range(8)], float)
-FACES = np.array(
-    [[0, 2, 1], [1, 2, 3], [4, 5, 6], [5, 7, 6], [0, 1, 4], [1, 5, 4],
-     [2, 6, 3], [3, 6, 7], [0, 4, 2], [2, 4, 6], [1, 3, 5], [3, 7, 5]]
-)  # fmt: skip
 
 
 @pytest.fixture(scope="module")

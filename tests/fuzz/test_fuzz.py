@@ -23,7 +23,7 @@ def test_500_changed_files(tmp_path):
     fuzz(tmp_path, 0, 500)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_10000_changed_files(tmp_path):
     fuzz(tmp_path, 500, 10_000)
 

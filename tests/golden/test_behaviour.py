@@ -14,8 +14,17 @@ from behaviour import REMAKE, run_case, wrong_in
 from behaviour_cases import CASES
 from behaviour_meaning import differences_of
 
+# Those of a second or more whose commands other cases run too.
+SLOW = {
+    "field-distance", "field-harmonic", "field-radial", "field-refused", "gap-altered",
+    "gap-design", "gap-design-refused", "gap-two-effects", "gap-without", "grade-findings",
+    "refused-meshes", "refused-options",
+}  # fmt: skip
 
-@pytest.mark.parametrize("name", CASES)
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.slow] * (name in SLOW)) for name in CASES]
+)
 def test_as_before(name: str) -> None:
     lines = wrong_in(name, run_case(name))
     if lines:

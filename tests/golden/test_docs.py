@@ -26,7 +26,7 @@ PAGES = sorted(
     if not {"_build", "generated"} & set(p.parts)
 )
 MOST_WORDS = 45_000
-QUICK = {"tutorial/first-part.md", "how-to/work-in-a-notebook.md"}
+QUICK = {"tutorial/first-part.md": "slow", "how-to/work-in-a-notebook.md": "slow"}
 _BLOCK = re.compile(
     r"(?:^ *<!-- (?P<note>exits|not run:) (?P<said>[^\n]*) -->\n)?"
     r"^(?P<indent> *)```(?P<language>console|sh|python)\n(?P<code>.*?)^ *```$",
@@ -77,7 +77,7 @@ def matches(shown: str, printed: str) -> bool:
 @pytest.mark.parametrize(
     "page",
     [
-        pytest.param(page, marks=() if page in QUICK else pytest.mark.slow)
+        pytest.param(page, marks=getattr(pytest.mark, QUICK.get(page, "long")))
         for page in PAGES
         if any(blocks(page))
     ],
@@ -127,7 +127,7 @@ def printed(sample: str, *arguments: str) -> list[str]:
     return done.stdout.splitlines()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_design_loop_runs() -> None:
     """On cells so large that it takes seconds; what is printed comes within 1 % all the same."""
     rows = [re.findall(r"[\d.]+", line) for line in printed("design_loop.py", "5")]

@@ -50,7 +50,7 @@ def thin_solids(draw: st.DrawFn) -> m3.Manifold:
     return solid.rotate(list(draw(st.sampled_from([(0.0, 0.0, 0.0), (10.0, 20.0, 30.0)]))))
 
 
-@settings(deadline=None, derandomize=True, max_examples=15)
+@settings(deadline=None, derandomize=True, max_examples=6)
 @given(
     solid=thin_solids(),
     cell_mm=st.sampled_from([None, 0.5, 0.8, 1.5, 3.0]),

@@ -145,7 +145,7 @@ def test_pieces_of_a_box_have_the_volume_between_the_planes(directions, shares):
     np.testing.assert_allclose(volumes, expected, rtol=0, atol=1e-4)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_thousand_parts():
     total = unsound = 0
     for seed in range(1000):

@@ -290,7 +290,7 @@ def test_planted_faults_are_found(name: str) -> None:
         assert found >= 0.6 * planted
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("name", FAULTS)
 def test_planted_faults_are_found_in_many_campaigns(name: str) -> None:
     """The table in the reference: 84 % and more, but where scatter hides what is no unit."""
@@ -300,7 +300,7 @@ def test_planted_faults_are_found_in_many_campaigns(name: str) -> None:
         assert found >= 0.84 * planted
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("tails", [False, True])
 def test_false_alarms_of_many_clean_campaigns(tails: bool) -> None:
     """One per cent of two thousand campaigns."""

@@ -40,7 +40,7 @@ def _arrays(solid: m3.Manifold) -> tuple[np.ndarray, np.ndarray]:
     return np.asarray(mesh.vert_properties[:, :3]), np.asarray(mesh.tri_verts)
 
 
-@settings(deadline=None, derandomize=True, max_examples=40)
+@settings(deadline=None, derandomize=True, max_examples=15)
 @given(
     solid=solids(),
     ends=st.lists(st.sampled_from(IDS), min_size=2, max_size=2, unique=True),
@@ -64,7 +64,7 @@ def test_every_shell_of_every_part_is_sound(solid, ends, axis, profile, bands) -
     assert len({shell.file for shell in plan.shells}) == len({r.material for r in plan.regions})
 
 
-@settings(deadline=None, derandomize=True, max_examples=10)
+@settings(deadline=None, derandomize=True, max_examples=5)
 @given(solid=solids(), axis=st.sampled_from(["x", "0.3,1,-0.2"]))
 def test_neighbours_do_not_overlap(solid, axis) -> None:
     """Against manifold3d's exact booleans, of shells as their files hold them."""

@@ -21,7 +21,7 @@ def bars(draw: st.DrawFn) -> Bar:
     return Bar(edges, coordinate, 10.0 + 10.0 * area)
 
 
-@settings(derandomize=True, deadline=None, max_examples=60)
+@settings(derandomize=True, deadline=None, max_examples=25)
 @given(bars())
 def test_a_reversed_bar_has_the_same_force_and_its_strains_reversed(bar: Bar) -> None:
     reverse = Bar(bar.edges_mm[-1] - bar.edges_mm[::-1], bar.coordinate[::-1], bar.area_mm2[::-1])
@@ -30,7 +30,7 @@ def test_a_reversed_bar_has_the_same_force_and_its_strains_reversed(bar: Bar) ->
     np.testing.assert_allclose(a.strain, b.strain[:, ::-1], rtol=RTOL)
 
 
-@settings(derandomize=True, deadline=None, max_examples=60)
+@settings(derandomize=True, deadline=None, max_examples=25)
 @given(bars(), st.floats(0.1, 10.0))
 def test_force_goes_with_the_section_and_displacement_with_the_length(
     bar: Bar, factor: float
@@ -41,7 +41,7 @@ def test_force_goes_with_the_section_and_displacement_with_the_length(
     np.testing.assert_allclose(factor * a.displacement_mm, b.displacement_mm, rtol=RTOL)
 
 
-@settings(derandomize=True, deadline=None, max_examples=60)
+@settings(derandomize=True, deadline=None, max_examples=25)
 @given(bars())
 def test_one_force_runs_through_all_slices_and_their_elongations_add_up(bar: Bar) -> None:
     result = simulate(bar, to_strain=0.1, steps=5)
@@ -57,7 +57,7 @@ def test_one_force_runs_through_all_slices_and_their_elongations_add_up(bar: Bar
     assert ((low < result.force_N[1:]) & (result.force_N[1:] < high)).all()
 
 
-@settings(derandomize=True, deadline=None, max_examples=60)
+@settings(derandomize=True, deadline=None, max_examples=25)
 @given(bars(), st.data())
 def test_dividing_a_slice_changes_nothing(bar: Bar, data: st.DataObject) -> None:
     cut = data.draw(st.floats(0.01, 0.99)) * bar.gauge_mm

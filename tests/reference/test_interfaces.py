@@ -87,7 +87,10 @@ def layers(marks, size=(4.0, 4.0), *, aslant=0.0):
 # --- layers within a cell
 
 
-@pytest.mark.parametrize("size", [pytest.param(0.69, marks=pytest.mark.slow), 0.87, 1.05])
+@pytest.mark.parametrize(
+    "size",
+    [pytest.param(0.69, marks=pytest.mark.long), pytest.param(0.87, marks=pytest.mark.slow), 1.05],
+)
 @pytest.mark.parametrize("name", ROWS)
 def test_layers_thinner_than_cells(name: str, size: float) -> None:
     """Soft layers between stiff ones, whatever the cells: CalculiX on conforming meshes."""
@@ -95,7 +98,11 @@ def test_layers_thinner_than_cells(name: str, size: float) -> None:
     assert part.moved_mm(size) == pytest.approx(part.moves_mm, rel=LIMIT)
 
 
-@pytest.mark.parametrize("shift", [0.003, 0.02, 0.05, 0.1, 0.25, 0.4, 0.55, 0.7, 0.9, 0.97])
+@pytest.mark.parametrize(
+    "shift",
+    [0.003, *(pytest.param(shift, marks=pytest.mark.slow)
+              for shift in (0.02, 0.05, 0.1, 0.25, 0.4, 0.55, 0.7, 0.9, 0.97))],
+)  # fmt: skip
 def test_an_interface_anywhere_in_a_cell(shift: float) -> None:
     """The lattice moves through two thin layers: slivers, skins and halves of cells."""
     part = ROWS["two layers of 0.5 mm"]
@@ -138,6 +145,7 @@ def test_layers_in_series_are_exact_at_any_contrast(contrast: float) -> None:
     assert moved == pytest.approx(wanted, rel=2e-3)
 
 
+@pytest.mark.slow
 def test_bonded_rubber_at_contrast_1e5() -> None:
     """1 mm between blocks 1e5 times as stiff: CalculiX, extrapolated from 0.5 and 0.25 mm."""
     part = ROWS["Vero, 1 mm of Tango, Vero, pulled"]
@@ -160,7 +168,10 @@ def test_bonded_rubber_at_contrast_1e5() -> None:
 
 @pytest.mark.parametrize(
     ("size_mm", "axis", "moves_mm"),
-    [((20.0, 4.0, 4.0), "z", 6.2106e-4), ((4.0, 8.0, 8.0), "x", 1.5030e-5)],
+    [
+        pytest.param((20.0, 4.0, 4.0), "z", 6.2106e-4, marks=pytest.mark.slow),
+        ((4.0, 8.0, 8.0), "x", 1.5030e-5),
+    ],
 )
 def test_six_layers_in_a_cell(size_mm, axis: str, moves_mm: float) -> None:
     """Bent, and sheared across: those of nearest moduli are joined in series, and it is told.
@@ -224,7 +235,9 @@ def lame(radii, moduli, pressure, poisson=0.49):
     return a[0] * radii[0] + a[1] / radii[0], a[-2] * radii[-1] + a[-1] / radii[-1]
 
 
-@pytest.mark.parametrize("cell_mm", [1.4, 1.0, 0.7])
+@pytest.mark.parametrize(
+    "cell_mm", [1.4, *(pytest.param(size, marks=pytest.mark.slow) for size in (1.0, 0.7))]
+)
 @pytest.mark.parametrize(
     ("radii", "moduli"),
     [
@@ -260,7 +273,7 @@ def test_a_tube_of_layers_under_pressure(radii, moduli, cell_mm: float) -> None:
         assert found == pytest.approx(wanted, rel=0.005)
 
 
-@pytest.mark.parametrize("cell_mm", [1.5, 1.2])
+@pytest.mark.parametrize("cell_mm", [1.5, pytest.param(1.2, marks=pytest.mark.slow)])
 def test_a_hard_core_in_a_soft_cylinder(cell_mm: float) -> None:
     """Clamped below and pulled on its whole top, which is drawn out around the core.
 

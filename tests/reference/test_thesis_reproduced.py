@@ -45,6 +45,7 @@ def test_close_is_not_careless() -> None:
     assert not close("3 of 7", "3 in 7")
 
 
+@pytest.mark.slow
 def test_tables(script: ModuleType) -> None:
     # 5 %: Nelder and Mead's 3600 steps may part from one machine's rounding to another's.
     page = (FOLDER / "thesis-reproduced.md").read_text(encoding="utf-8")

@@ -226,7 +226,7 @@ def test_no_colour_and_no_control_codes_off_a_terminal(finger: str) -> None:
     assert b"VeroWhitePlus" in done.stdout
 
 
-@pytest.mark.parametrize("width", [80, 140])
+@pytest.mark.parametrize("width", [80, pytest.param(140, marks=pytest.mark.slow)])
 def test_no_figure_is_cut_short_on_a_narrow_terminal(finger: str, width: int) -> None:
     """Under a terminal of its own, as a user has it."""
     import pty

@@ -106,6 +106,7 @@ def test_what_no_one_used_for_a_month_goes_when_something_new_comes(package):
     assert outer.stat().st_mtime > recent.stat().st_mtime  # it was used
 
 
+@pytest.mark.slow
 def test_damaged_and_lost_files_are_compiled_anew(package):
     run(AREAS, package.parent)
     inner, outer = kept(package)
@@ -117,6 +118,7 @@ def test_damaged_and_lost_files_are_compiled_anew(package):
     assert run(AREAS, package.parent) == [2, []]
 
 
+@pytest.mark.slow
 def test_without_a_place_to_write_loops_are_compiled_in_each_process(package, tmp_path):
     (package / "__pycache__").write_text("in the way, for root too")
     home = tmp_path / "home"

@@ -265,7 +265,7 @@ def test_calculix_pulls_a_bar_as_the_palette_does(name, strain, tmp_path):
 
 
 @needs_calculix
-@pytest.mark.parametrize("force_N", [0.05, 1.0])
+@pytest.mark.parametrize("force_N", [pytest.param(0.05, marks=pytest.mark.slow), 1.0])
 def test_calculix_bends_ten_grades_as_planner_does(force_N, tmp_path):
     """Each grade is one layer of cells, in both; the tip moves by 0.3 and 6 mm of 40."""
     plan = planner.grade(box(40.0, 8.0, 8.0), from_="Tango", to="Vero", axis="x", profile="grades")

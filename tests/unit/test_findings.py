@@ -21,7 +21,7 @@ def _bar(length_mm: float) -> tuple[np.ndarray, np.ndarray]:
     return np.asarray(mesh.vert_properties[:, :3]), np.asarray(mesh.tri_verts)
 
 
-@pytest.mark.parametrize("length_mm", [500.0, 700.0, 970.0, 1200.0, 25_000.0])
+@pytest.mark.parametrize("length_mm", [500.0, 25_000.0])
 def test_a_part_over_the_tray_is_planned_and_reported(length_mm: float, tmp_path: Path) -> None:
     plan = planner.grade(_bar(length_mm), from_="Tango", to="Vero", axis="x", force_oversize=True)
     (tray,) = (found for found in plan.findings if found.kind == "tray")

@@ -47,7 +47,7 @@ def compiled(code, *arguments, cache):
     return json.loads(done.stdout.splitlines()[-1])
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_what_is_rehearsed_is_not_compiled_again(samples, tmp_path):
     rehearsed = compiled(REHEARSE, *STAGES, cache=tmp_path / "kept")
     part = str(samples / "finger.stl")

@@ -92,9 +92,9 @@ def surprise(problem: Problem) -> FloatArray:
     return (inverse @ problem.residual[field]) / np.sqrt(np.diagonal(inverse))
 
 
-@pytest.mark.parametrize("stated", [True, False])
+@pytest.mark.parametrize("stated", [True, pytest.param(False, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("facet_mm", [0.0, 0.6, 1.2, 3.0])
-@pytest.mark.parametrize("spacing_mm", [1.0, 0.5])
+@pytest.mark.parametrize("spacing_mm", [1.0, pytest.param(0.5, marks=pytest.mark.slow)])
 def test_a_clean_campaign_has_no_bias_at_steps(spacing_mm, facet_mm, stated) -> None:
     problem = problem_of(clean(spacing_mm, facet_mm, stated=stated))
     far = surprise(problem)

@@ -9,7 +9,7 @@ import pytest
 
 import planner
 from planner.errors import ArgumentError, FileError, UnknownNameError
-from planner.formats.tables import QUANTITY_UNITS
+from planner.formats.units import QUANTITY_UNITS
 from planner.gap.campaign import Campaign
 from planner.gap.diagnosis import FoundEffect, UnitOf
 from planner.gap.quality import merged_units, suggested_units
@@ -134,7 +134,7 @@ def test_units_are_told_once() -> None:
     assert merged_units([one, every]) == merged_units([every, two]) == (every,)
 
 
-@pytest.mark.parametrize("ids", [(), ("S003",)])
+@pytest.mark.parametrize("ids", [pytest.param((), marks=pytest.mark.slow), ("S003",)])
 def test_what_the_diagnosis_hints_at_mends_it(plain, written, ids) -> None:
     folder = written(in_pounds(plain, ids))
     off = planner.diagnose(folder)

@@ -197,6 +197,7 @@ def _plan_outputs(folder: Path) -> Made:
     }
 
 
+@pytest.mark.slow
 def test_a_plans_strings_stay_text(sound: Path, tmp_path: Path) -> None:
     """Each on the plan's own page; then all of them on that of two plans, and over its layers."""
     folder = Path(shutil.copytree(sound, tmp_path / "bar"))

@@ -5,6 +5,7 @@ import re
 import numpy as np
 import pytest
 
+from benchmarks.interfaces import BOX, FACES
 from planner.errors import ArgumentError
 from planner.formats.mesh_file import read_mesh
 from planner.mesh.mesh import Mesh, weld
@@ -17,16 +18,10 @@ from planner.simulation.loads import (
     watched_targets,
 )
 
-FACES = np.array(
-    [[0, 2, 1], [1, 2, 3], [4, 5, 6], [5, 7, 6], [0, 1, 4], [1, 5, 4],
-     [2, 6, 3], [3, 6, 7], [0, 4, 2], [2, 4, 6], [1, 3, 5], [3, 7, 5]]
-)  # fmt: skip
-
 
 def box(low: tuple[float, float, float], high: tuple[float, float, float]) -> np.ndarray:
     """Return the triangles of a box, each cut into 64: (768, 3, 3)."""
-    unit = np.array([[i & 1, i >> 1 & 1, i >> 2 & 1] for i in range(8)], float)
-    triangles = (np.array(low) + unit * (np.array(high) - low))[FACES]
+    triangles = (np.array(low) + BOX * (np.array(high) - low))[FACES]
     for _ in range(3):
         a, b, c = triangles.transpose(1, 0, 2)
         ab, bc, ca = (a + b) / 2, (b + c) / 2, (c + a) / 2

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import planner
+from benchmarks.interfaces import BOX, FACES
 from planner.errors import ArgumentError, FileError
 from planner.formats.mesh_file import read_mesh
 from planner.mesh.distance import nearest, triangle_tree
@@ -20,11 +21,6 @@ from planner.simulation.part import open_solid
 
 PALETTE = load_printer("connex3").palette()
 ENDS = {"from_": "Tango", "to": "FLX9795", "pitch_mm": 2.0}
-BOX = np.array([[i & 1, i >> 1 & 1, i >> 2 & 1] for i in range(8)], float)
-FACES = np.array(
-    [[0, 2, 1], [1, 2, 3], [4, 5, 6], [5, 7, 6], [0, 1, 4], [1, 5, 4],
-     [2, 6, 3], [3, 6, 7], [0, 4, 2], [2, 4, 6], [1, 3, 5], [3, 7, 5]]
-)  # fmt: skip
 CORNER = np.array([7.0, -3.0, 2.0])
 SIZE = np.array([40.0, 12.0, 10.0])
 

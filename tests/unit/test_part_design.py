@@ -11,16 +11,12 @@ import trimesh
 from typer.main import get_command
 
 import planner
+from benchmarks.interfaces import BOX, FACES
 from planner.cli import app, run
 from planner.errors import ArgumentError, PlannerError
 from planner.formats.stl import encode_stl
 from planner.inverse_design.design import _own_advice
 
-BOX = np.array([[i & 1, i >> 1 & 1, i >> 2 & 1] for i in range(8)], float)
-FACES = np.array(
-    [[0, 2, 1], [1, 2, 3], [4, 5, 6], [5, 7, 6], [0, 1, 4], [1, 5, 4],
-     [2, 6, 3], [3, 6, 7], [0, 4, 2], [2, 4, 6], [1, 3, 5], [3, 7, 5]]
-)  # fmt: skip
 BEAM = ([40.0, 5.0, 5.0] * BOX, FACES)
 LOAD = "x=min: 0,0,-0.1 N"
 
@@ -74,7 +70,7 @@ def test_a_smooth_profile_stays_near_the_even_gradient(bent: planner.PartDesign)
     assert np.abs(np.diff(moduli, 2)).max() < 0.25 * np.ptp(moduli)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_soft_uses_less_of_what_is_stiff() -> None:
     """Dithered, so that rounding to grades does not move either profile."""
     soft, smooth = (
@@ -86,6 +82,7 @@ def test_soft_uses_less_of_what_is_stiff() -> None:
     assert means[0] < means[1]
 
 
+@pytest.mark.slow
 def test_stiffness_and_force_are_displacement_and_reaction() -> None:
     """0.0125 N/mm under 0.1 N is 8 mm; a support that moves by 2 mm pulls with what is wanted."""
     stiff = design(load=LOAD, target="x=min stiffness=0.0125 N/mm")
@@ -98,6 +95,7 @@ def test_stiffness_and_force_are_displacement_and_reaction() -> None:
     assert force == pytest.approx(pulled.reached[0].printed, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_two_load_cases_are_met_together() -> None:
     """The beam is to bend by 8 mm at its end and, pressed in its middle, by 0.25 mm."""
     cases = [
@@ -113,7 +111,7 @@ def test_two_load_cases_are_met_together() -> None:
         assert row.continuous == pytest.approx(row.wanted, rel=0.01)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_shape_is_come_near_to(bent: planner.PartDesign, tmp_path: Path) -> None:
     """The shape of a part designed before is found again: marks move as they did there."""
     seen = simulated(bent, load=LOAD)
@@ -134,7 +132,7 @@ def test_a_shape_is_come_near_to(bent: planner.PartDesign, tmp_path: Path) -> No
 # --- limits, and what cannot be had
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_limit_of_strain_is_kept() -> None:
     free = design(load="x=min: 0,0,-0.3 N", target="x=min uz=-16 mm", limit="strain/break<10")
     assert free.strain_over_break is not None
@@ -150,6 +148,7 @@ def test_a_limit_of_slope_is_kept() -> None:
     assert np.abs(np.diff(np.log(even.moduli_MPa))).max() <= 0.1 * 10.0 * (1.0 + 1e-6)
 
 
+@pytest.mark.slow
 def test_two_figures_of_the_same_faces_are_aimed_at() -> None:
     """A tip that bends by 8 mm comes nearer by 1.5 mm or less, which no profile changes much."""
     free = design(load=LOAD, target="x=min uz=-8 mm", blend="dither")

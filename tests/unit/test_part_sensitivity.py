@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import planner
+from benchmarks.interfaces import BOX, FACES
 from planner.errors import ArgumentError, FileError
 from planner.materials.marlow import MarlowTable, marlow_table, uniaxial_strain
 from planner.materials.mixtures import CoefficientModel
@@ -24,11 +25,6 @@ from planner.simulation.part_sensitivity import (
 
 PALETTE = load_printer("connex3").palette()
 TABLE = marlow_table(CoefficientModel(PALETTE))
-BOX = np.array([[i & 1, i >> 1 & 1, i >> 2 & 1] for i in range(8)], float)
-FACES = np.array(
-    [[0, 2, 1], [1, 2, 3], [4, 5, 6], [5, 7, 6], [0, 1, 4], [1, 5, 4],
-     [2, 6, 3], [3, 6, 7], [0, 4, 2], [2, 4, 6], [1, 3, 5], [3, 7, 5]]
-)  # fmt: skip
 STEPS = (0.02, 0.25, 0.5, 0.75, 1.0)
 LOADS = {
     "pulled": {"move": "x=max: 4,0,0 mm"},

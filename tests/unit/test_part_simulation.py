@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 import planner
+from benchmarks.interfaces import BOX, FACES
 from planner.cli import run
 from planner.errors import ArgumentError
 from planner.formats.stl import decode_stl
@@ -21,11 +22,6 @@ from planner.printers import load_printer
 from planner.simulation import part
 
 PALETTE = load_printer("connex3").palette()
-BOX = np.array([[i & 1, i >> 1 & 1, i >> 2 & 1] for i in range(8)], float)
-FACES = np.array(
-    [[0, 2, 1], [1, 2, 3], [4, 5, 6], [5, 7, 6], [0, 1, 4], [1, 5, 4],
-     [2, 6, 3], [3, 6, 7], [0, 4, 2], [2, 4, 6], [1, 3, 5], [3, 7, 5]]
-)  # fmt: skip
 BAR = ([20.0, 4.0, 4.0] * BOX, FACES)
 EVENLY = ["x=min: 0,free,free mm", "y=min: free,0,free mm", "z=min: free,free,0 mm"]
 """Supports under which a pulled bar strains alike everywhere."""

@@ -11,6 +11,7 @@ import pytest
 from scipy.optimize import brentq
 
 import planner
+from benchmarks.interfaces import BOX, FACES
 from planner.cli import run
 from planner.errors import ArgumentError, FileError, UnknownNameError
 from planner.materials.laws import make_law
@@ -20,15 +21,10 @@ from planner.report.simulation_figures import simulation_figure
 from planner.simulation.bar import Bar
 
 PALETTE = load_printer("connex3").palette()
-BOX_FACES = np.array(
-    [[0, 2, 1], [1, 2, 3], [4, 5, 6], [5, 7, 6], [0, 1, 4], [1, 5, 4],
-     [2, 6, 3], [3, 6, 7], [0, 4, 2], [2, 4, 6], [1, 3, 5], [3, 7, 5]]
-)  # fmt: skip
 
 
 def box(x: float, y: float, z: float) -> tuple[np.ndarray, np.ndarray]:
-    corners = np.array([[i & 1, i >> 1 & 1, i >> 2 & 1] for i in range(8)], float)
-    return corners * [x, y, z], BOX_FACES
+    return BOX * [x, y, z], FACES
 
 
 @pytest.fixture(scope="module")

@@ -1,7 +1,5 @@
 """The bundled campaign, diagnosed as a user's first one is: in a room warmer than the palette's."""
 
-import contextlib
-import io
 import json
 import math
 from pathlib import Path
@@ -15,21 +13,14 @@ from planner.printers import load_printer
 SAMPLE = Path(__file__).parents[2] / "samples" / "warm-lab"
 
 
-@pytest.fixture(scope="module")
-def diagnosis(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder that the command writes, and in it what it prints."""
-    folder = tmp_path_factory.mktemp("warm-lab") / "diagnosis"
-    printed = io.StringIO()
-    with contextlib.redirect_stdout(printed):
-        assert run(["gap", "diagnose", str(SAMPLE), "--json", "-o", str(folder)]) == 1
-    written = json.loads((folder / "diagnosis.json").read_bytes())
+def test_what_is_printed_is_what_is_written(warm_diagnosis: Path) -> None:
+    written = json.loads((warm_diagnosis / "diagnosis.json").read_bytes())
     del written["files_sha256"]
-    assert json.loads(printed.getvalue()) == written
-    return folder
+    assert json.loads(warm_diagnosis.with_suffix(".json").read_bytes()) == written
 
 
-def test_the_sample_is_warm(diagnosis: Path) -> None:
-    document = json.loads((diagnosis / "diagnosis.json").read_bytes())
+def test_the_sample_is_warm(warm_diagnosis: Path) -> None:
+    document = json.loads((warm_diagnosis / "diagnosis.json").read_bytes())
     assert document["verdict"] == "temperature"
     # The sample was made with 0.045 per kelvin; its own scatter of 3 % on four warm specimens
     # against fourteen others is worth 0.001 per kelvin.
@@ -40,15 +31,17 @@ def test_the_sample_is_warm(diagnosis: Path) -> None:
     assert document["tested"]["temperature_C"] == [23.0, 40.0]
     assert {entry["id"] if isinstance(entry, dict) else entry
             for entry in document["not_testable"]} >= {"ageing", "orientation"}  # fmt: skip
-    assert (diagnosis / "report.html").is_file()
+    assert (warm_diagnosis / "report.html").is_file()
 
 
-def test_the_loop_moves_the_cuts_of_the_finger(diagnosis: Path, tmp_path: Path, capsys) -> None:
+def test_the_loop_moves_the_cuts_of_the_finger(
+    warm_diagnosis: Path, tmp_path: Path, capsys
+) -> None:
     """The commands of docs/how-to/close-the-loop.md, whose figures these are."""
     finger = str(SAMPLE.parent / "finger.stl")
     first, second, third = (str(tmp_path / name) for name in ("first", "second", "third"))
     warm = str(tmp_path / "warm.toml")
-    correct = ["gap", "correct", str(diagnosis), "--palette", str(SAMPLE / "palette.toml")]
+    correct = ["gap", "correct", str(warm_diagnosis), "--palette", str(SAMPLE / "palette.toml")]
     assert run([*correct, "--temperature-C", "33", "-o", warm, "-q"]) == 0
     assert run(["grade", finger, "--from", "0.5MPa", "--to", "20MPa", "-o", first, "-q"]) == 0
     like = ["grade", finger, "--like", first, "--palette", warm]

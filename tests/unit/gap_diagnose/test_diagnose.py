@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from planner.errors import UnknownNameError
-from planner.formats.tables import QUANTITY_UNITS
+from planner.formats.units import QUANTITY_UNITS
 from planner.gap.campaign_folder import write_campaign
 from planner.gap.diagnose import diagnose
 from planner.gap.diagnosis import Diagnosis
@@ -30,7 +30,7 @@ def test_nothing_is_none(of_nothing: Diagnosis) -> None:
     assert of_nothing.ok
 
 
-@pytest.mark.parametrize("seed", [2, 3])
+@pytest.mark.parametrize("seed", [2, pytest.param(3, marks=pytest.mark.slow)])
 def test_other_draws_of_nothing_name_nothing(rates, imitated, seed: int) -> None:
     assert diagnose(imitated(rates, seed=seed)).verdict == "none"
 
@@ -81,6 +81,7 @@ def test_probabilities_are_of_everything_weighed(of_rate: Diagnosis, of_nothing:
         assert found.verdict == "+".join(found.ranking[0].effects)
 
 
+@pytest.mark.slow
 def test_another_unit_hides_no_second_effect(rate_campaign, of_rate: Diagnosis) -> None:
     """Five of 18 specimens in pounds are found by name, and what acts on all beside them.
 
@@ -168,18 +169,15 @@ def test_progress_is_told(rate_campaign, of_rate: Diagnosis) -> None:
 
 
 def test_the_order_of_specimens_does_not_matter(rate_campaign, of_rate: Diagnosis) -> None:
-    """To 1 %: sums are taken in another order, and searches stop at 2e-4 of a range.
-
-    The probability to 4 %: whether errors fall with an idle effect beside the verdict's (here slip,
-    by 0.2 %) is a toss, and its share, which is small, goes to the others or stays.
-    """
+    """To 1 %: sums are taken in another order, and modes are found to 0.05 nats."""
     turned = replace(rate_campaign, specimens=rate_campaign.specimens[::-1])
     found = diagnose(turned)
     assert found.verdict == of_rate.verdict
-    assert found.ranking[0].probability == pytest.approx(of_rate.ranking[0].probability, rel=0.04)
+    assert found.ranking[0].probability == pytest.approx(of_rate.ranking[0].probability, rel=0.01)
     assert found.gap.before == pytest.approx(of_rate.gap.before, rel=0.01)
 
 
+@pytest.mark.slow
 def test_another_process_and_other_threads_give_the_same_bytes(
     rate_campaign, tmp_path: Path
 ) -> None:

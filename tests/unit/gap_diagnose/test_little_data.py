@@ -32,7 +32,7 @@ ONE = [
     ("monotonic", "grip-slack"),
     ("cyclic", "softening"),
     ("cyclic", "rate:form=prony,share=0.6"),
-    ("relaxation", "rate:form=prony,share=0.6"),
+    pytest.param(("relaxation", "rate:form=prony,share=0.6"), marks=pytest.mark.slow),
 ]
 
 
@@ -80,7 +80,7 @@ def several(planned: Any) -> Campaign:
     return plan
 
 
-@pytest.mark.parametrize("effect", [EFFECTS[0], EFFECTS[2]])
+@pytest.mark.parametrize("effect", [EFFECTS[0], pytest.param(EFFECTS[2], marks=pytest.mark.slow)])
 def test_without_replicates_nothing_wrong_is_named(planned, imitated, effect: str) -> None:
     """Large effects may be seen without; how far they close cannot be known."""
     found = diagnose(imitated(several(planned), effect))
@@ -89,7 +89,7 @@ def test_without_replicates_nothing_wrong_is_named(planned, imitated, effect: st
     assert (found.gap.floor, found.gap.closed) == (None, None)
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_without_replicates_nothing_is_named_where_there_is_nothing(
     planned, imitated, seed: int
 ) -> None:

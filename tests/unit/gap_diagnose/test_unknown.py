@@ -29,7 +29,7 @@ def off(
     return replace(campaign, specimens=specimens, covariates=(column,))
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_a_gap_along_a_column_that_no_effect_claims(plan, imitated, seed: int) -> None:
     """A tenth of the place on the tray per centimetre: found, not named as something else."""
     place = np.random.default_rng(seed).permutation(np.linspace(0.0, 300.0, 16))
@@ -52,6 +52,7 @@ def test_a_gap_along_a_column_of_words(plan, imitated) -> None:
     assert found.where[0].axis == "operator"
 
 
+@pytest.mark.slow
 def test_who_tested_is_no_part_of_the_scatter(plan, imitated) -> None:
     """Levels that go by operator leave it as it was; the same dealt by chance to pairs do not."""
     names = np.random.default_rng(1).permutation(list(LEVELS) * 4).tolist()
@@ -88,7 +89,7 @@ def test_a_column_that_says_nothing_is_not_named(plan, imitated) -> None:
     assert all(p.p > 0.01 for p in found.where)
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_a_form_that_departs_in_one_material_needs_no_second_effect(
     plan, imitated, seed: int
 ) -> None:
