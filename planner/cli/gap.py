@@ -411,8 +411,8 @@ def simulate(
     """Make a campaign with stated effects by planner's own model, to teach or to practise.
 
     It says of itself that it is simulated; it is no evidence of what the diagnosis can do with
-    measurements. A campaign's own palette counts, not that of the options; of its specimens.csv
-    alone, where the options name none.
+    measurements. A campaign's own palette counts, not that of the options; of its specimens.csv or
+    a diagnosis' next-specimens.csv alone, where the options name none.
 
     Example: [bold]planner gap simulate --design plan --effect rate:rise=0.12 -o made[/bold]
     """

@@ -94,8 +94,10 @@ def test_nothing_foreign_is_replaced(tmp_path: Path, examples: Examples) -> None
 
 def test_the_next_specimens_are_read_back(examples: Examples, tmp_path: Path) -> None:
     """As the list of a campaign that is yet to be measured, bars with their designs."""
-    folder = write_diagnosis(examples["rate"], tmp_path / "out")
+    own = replace(planner.load_printer("connex3").palette(), name="lab")
+    folder = write_diagnosis(replace(examples["rate"], own_palette=own), tmp_path / "out")
     made = planner.synthesise_campaign(folder / "next-specimens.csv")
+    assert made.palette.name == "lab"
     assert [s.id for s in made.specimens] == ["SIM-next-2a", "SIM-next-2b"]
     first = made.specimens[0]
     assert first.profile is not None
