@@ -181,8 +181,6 @@ def _correct_report(made: "Correction", output: Path, options: str) -> None:
     import planner
     from planner.cli.output import finding, format_number, format_range, print_table, say, warn
 
-    if made.doubt:
-        warn(made.doubt)
     for note in made.notes:
         (finding if note in made.findings else warn)(note)
     if not made.corrected:

@@ -1,5 +1,6 @@
 """A palette for the conditions of use, from what a diagnosis has found."""
 
+import contextlib
 import itertools
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -419,8 +420,6 @@ class Correction:
     findings
         Those of the notes that need something done before a part is printed: what is left, and
         materials whose factor is not known to the step to the neighbouring grade.
-    doubt
-        Why it may not be the one that was diagnosed; "" where it surely is.
     """
 
     palette: Palette
@@ -432,7 +431,6 @@ class Correction:
     log_sd: Mapping[str, float] = field(default_factory=dict)
     left: tuple[str, ...] = ()
     findings: tuple[str, ...] = ()
-    doubt: str = ""
 
     @one_line
     def __repr__(self) -> str:
@@ -537,37 +535,36 @@ def correct(
         if not 0.0 < value < math.inf:
             raise ArgumentError(f"`{name}` {value:g}: it must be above 0")
     made = _corrected(before, diagnosis, use, (width_mm, thickness_mm), recalibrate)
-    return replace(made, doubt=doubt)
+    return replace(made, notes=(*doubt, *made.notes))
 
 
 def _diagnosed_palette(
     found: Diagnosis, palette: str | Path | Palette | None, printer: str | Printer
-) -> tuple[Palette, str]:
+) -> tuple[Palette, tuple[str, ...]]:
     """Return the palette, and a doubt whether it is the one that was diagnosed."""
-    own = found.own_palette
-    if palette is None and own is not None:
-        return own, ""
-    if palette is None:
-        try:
+    own, chosen = found.own_palette, None
+    if palette is not None:
+        chosen = palette_of(palette, printer)
+    elif own is not None:
+        return own, ()
+    else:
+        with contextlib.suppress(PlannerError):
             chosen = load_printer(printer).palette(found.palette)
-        except PlannerError:
-            has = "does not bring"
-        else:
-            if found.palette_sha256 in ("", chosen.sha256):
-                return chosen, ""
-            has = "brings with other bytes"
+    if chosen is not None and (
+        found.palette_sha256 in ("", chosen.sha256)
+        or (own is not None and encode_palette(chosen) == encode_palette(own))
+    ):
+        return chosen, ()
+    if palette is None or chosen is None:
         machine = printer if isinstance(printer, str) else printer.name
+        has = "does not bring" if chosen is None else "brings with other bytes"
         raise UnknownNameError(
             f"the diagnosis is of a palette {found.palette} that printer {machine} {has}; give "
             "its file, the campaign's palette.toml, with `palette`"
         )
-    chosen = palette_of(palette, printer)
-    same = own is not None and encode_palette(chosen) == encode_palette(own)
-    if same or found.palette_sha256 in ("", chosen.sha256):
-        return chosen, ""
     return chosen, (
         f"palette {chosen.name} is not, byte for byte, the one that was diagnosed; if it has "
-        "other laws, the correction is wrong: give the campaign's own with --palette"
+        "other laws, the correction is wrong: give the campaign's own with --palette",
     )
 
 
