@@ -11,8 +11,9 @@ import numpy as np
 from planner.errors import ArgumentError, did_you_mean
 from planner.formats.mesh_file import read_mesh
 from planner.formats.tables import finite_number, read_records, unit_factor
+from planner.mesh.mesh import Mesh
 from planner.numerics import FloatArray, Point
-from planner.simulation.loads import refuse_held
+from planner.simulation.loads import LoadCase, read_conditions, refuse_held
 
 if TYPE_CHECKING:
     from planner.simulation.loads import Conditions
@@ -23,6 +24,7 @@ __all__ = [
     "Limits",
     "Target",
     "functionals",
+    "posed",
     "read_limits",
     "read_target",
 ]
@@ -269,10 +271,16 @@ class Functional(NamedTuple):
     weight: float
     measure: "Measure"
 
-    @property
-    def hard(self) -> bool:
-        """Whether it is to be met or kept."""
-        return self.kind != "near"
+    def miss(self, figure: float) -> tuple[float, float]:
+        """Return how far a target is missed, ln(figure / wanted), and the slope of that.
+
+        Below a fifth of what is wanted, its tangent: figures may be 0 or of the other sign.
+        """
+        if not self.wanted:
+            return figure / self.scale, 1.0 / self.scale
+        ratio = figure / self.wanted
+        bent = max(ratio, _STRAIGHT)
+        return float(np.log(bent)) + (ratio - bent) / bent, 1.0 / (bent * self.wanted)
 
     def off(self, figure: float) -> float:
         """Return the relative miss; of a limit, by how much it is passed, below 0 if it is not."""
@@ -282,7 +290,23 @@ class Functional(NamedTuple):
         return figure / self.wanted - 1.0 if self.wanted else figure / self.scale
 
 
+_STRAIGHT = 0.2
+"""Of what is wanted: below it a miss goes with the figure, no longer with its logarithm."""
+
 Measure = Callable[["Mechanics", "Equilibrium"], tuple[float, FloatArray]]
+
+
+def posed(
+    cases: Sequence[LoadCase], targets: Sequence[Sequence[Target]], surface: Mesh
+) -> "list[tuple[Conditions, list[Functional]]]":
+    """Return each case's supports and loads on a surface, and what its targets ask there."""
+    size_mm = float(np.linalg.norm(np.ptp(surface.bounds_mm, axis=0)))
+    out = []
+    for case, aims in zip(cases, targets, strict=True):
+        watch = [selector for aim in aims for selector in aim.selectors]
+        on = read_conditions(surface, replace(case, watch=watch))
+        out.append((on, functionals(aims, on, size_mm)))
+    return out
 
 
 def functionals(

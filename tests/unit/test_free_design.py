@@ -19,10 +19,11 @@ from planner.formats.field_file import read_grid_table
 from planner.formats.stl import encode_stl
 from planner.grading.profile import stiffness_scale
 from planner.inverse_design import search
-from planner.inverse_design.controls import lattice, lattice_counts
-from planner.inverse_design.design import PartDesign
+from planner.inverse_design.cases import Case
+from planner.inverse_design.controls import StiffnessRange, lattice, lattice_counts
+from planner.inverse_design.design import DesignFinding, PartDesign
 from planner.inverse_design.goals import Limits, functionals, read_target
-from planner.inverse_design.search import Case, DesignProblem, StiffnessRange, _quadratic, evaluate
+from planner.inverse_design.search import DesignProblem, _quadratic, evaluate
 from planner.inverse_design.shape import ShapeGoal, wanted_shape
 from planner.materials.marlow import marlow_table
 from planner.mesh.mesh import Mesh
@@ -251,6 +252,18 @@ def test_the_page_shows_the_part_from_rest_to_full_load(tmp_path: Path) -> None:
     moved = made.courses[0].displacement_mm
     assert not moved[0].any()
     assert np.abs(moved[2]).max() > 1.5 * np.abs(moved[1]).max()
+    older = page.replace(b'content="planner ', b'content="planner 0.', 1)
+    folder = made.write(tmp_path / "out", page=older)
+    assert planner.view(folder).read_bytes() == older, "what a plan's folder cannot make again"
+
+
+def test_the_page_says_what_is_missed(free: PartDesign, tmp_path: Path) -> None:
+    """The same from the design and from its folder."""
+    short = replace(free, findings=(DesignFinding("target", "the tip is 3 mm short"),))
+    page = planner.plan_page(short)
+    assert b'<li class="plain">the tip is 3 mm short</li>' in page
+    folder = short.write(tmp_path / "out")
+    assert planner.view(folder).read_bytes() == page
 
 
 def test_thin_bands_have_an_error_of_their_own() -> None:

@@ -14,7 +14,7 @@ import planner
 from planner.cli import app, run
 from planner.errors import ArgumentError, PlannerError
 from planner.formats.stl import encode_stl
-from planner.inverse_design.design import _own_advice
+from planner.inverse_design.printing import _own_advice
 
 BOX = np.array([[i & 1, i >> 1 & 1, i >> 2 & 1] for i in range(8)], float)
 FACES = np.array(
@@ -221,7 +221,7 @@ def test_the_command_writes_the_plan_and_the_design(tmp_path: Path, capsys: Any)
         ({"target": "shape: nowhere.csv"}, "nowhere.csv"),
         ({"limit": "strain<1"}, "`limit` strain<1: there are strain/break<0.5"),
         ({"limit": "slope<0"}, "must be above 0"),
-        ({"knots": 1}, "from 2 to 40"),
+        ({"knots": 1}, "from 2 to 100"),
         ({"prefer": "sofd"}, "did you mean"),
         ({"blend": "mix"}, "printed by nearest or by dither"),
         ({"target": "x=max uz=-1 mm"}, "all of its faces are held along z by supports (x=max)"),
