@@ -23,6 +23,7 @@ from planner.grading.regions import point
 from planner.grading.wish import Wish, targets_of
 from planner.inverse_design.controls import (
     TABLE,
+    Controls,
     StiffnessRange,
     lattice,
     lattice_counts,
@@ -50,9 +51,7 @@ from planner.simulation.loads import LoadCase, palette_densities
 from planner.simulation.part import COARSER, check_effort, default_cell_mm, finest_cell_mm
 
 if TYPE_CHECKING:
-    from planner.inverse_design.cases import Case, Solved
-    from planner.inverse_design.printing import Gradient
-    from planner.inverse_design.search import DesignProblem, Found
+    from planner.inverse_design.search import Case, DesignProblem, Found, Solved
     from planner.simulation.cut_cells import CutCells
 
 __all__ = ["DesignFinding", "DesignStage", "PartDesign", "Reached", "design"]
@@ -238,15 +237,17 @@ class PartDesign:
         return self.plan.write(target, force=force, page=page, beside=beside)
 
 
+_Document = dict[str, Any]
+
+
+def _written(file: Path) -> dict[str, Any]:
+    return decode_document(read_file(file), _Document, str(file))
+
+
 def interrupted_design(folder: Path) -> bool:
     """Tell whether a folder holds a design whose search was ended before it was done."""
     file = folder / "design.json"
-    if not file.is_file():
-        return False
-    return decode_document(read_file(file), _Document, str(file)).get("interrupted") is True
-
-
-_Document = dict[str, Any]
+    return file.is_file() and _written(file).get("interrupted") is True
 
 
 def _begun(start: "str | Path | PartDesign | None", count: int) -> FloatArray | None:
@@ -256,8 +257,8 @@ def _begun(start: "str | Path | PartDesign | None", count: int) -> FloatArray | 
     if isinstance(start, PartDesign):
         found: Any = start.values
     else:
-        file = Path(start) / "design.json" if Path(start).is_dir() else Path(start)
-        found = decode_document(read_file(file), _Document, str(file)).get("values")
+        file = Path(start)
+        found = _written(file / "design.json" if file.is_dir() else file).get("values")
     try:
         values = np.array(found, dtype=np.float64)
     except (TypeError, ValueError):
@@ -444,9 +445,8 @@ def design(
     # What is wrong is told before the work.
     posed(cases, wanted, halve_long_edges(mesh, 0.5 * edge)[0])
     progress(DesignStage("loading the solver", 0.0))
-    from planner.inverse_design.cases import WantedOfPart
-    from planner.inverse_design.printing import Printing, corrected
-    from planner.inverse_design.search import DesignProblem
+    from planner.inverse_design.printing import Gradient, Printing, corrected
+    from planner.inverse_design.search import DesignProblem, WantedOfPart
     from planner.inverse_design.shape import wanted_shape
     from planner.materials.marlow import marlow_table
 
@@ -462,12 +462,15 @@ def design(
     asked = WantedOfPart(mesh, cases, wanted, shapes, marlow_table(scale.model), densities)
     if free is not None:
         hard = sum(aim.surface_mm is None for aims in wanted for aim in aims)
-        figured = hard + 12 * sum(map(len, shapes))
-        gradient = _lattice(free, symmetric, figured, mesh, stiffness, setting)
+        box, figured = np.ptp(mesh.bounds_mm, axis=0), hard + 12 * sum(map(len, shapes))
+        counts, follows = lattice_counts(free, box, figured), None
+        controls = lattice(mesh.bounds_mm, counts, ["xyz".index(c) for c in symmetric], 0.5)
     else:
+        counts = (1, 1, 1)
         follows = axis_field(axis, placed) if field is None else build_field(field, setting)
-        first, last = ends.moduli_MPa[0], ends.moduli_MPa[-1]
-        gradient = _profile(follows, knots, first < last, limits, stiffness, setting)
+        rises = ends.moduli_MPa[0] < ends.moduli_MPa[-1]
+        controls = _ramp(follows, knots, rises, limits, stiffness, translation)
+    gradient = Gradient(controls, stiffness, setting, follows, counts)
     normal = NormalDist().inv_cdf(0.5 + level / 2.0) if robust else 0.0
 
     def problem_on(size_mm: float, done: float, before: "Sequence[Case]" = ()) -> DesignProblem:
@@ -475,11 +478,9 @@ def design(
         progress(DesignStage(words, done))
         middle = float(stiffness.coordinates(np.array([0.5]))[0][0])
         on_cells = asked.cut(size_mm, middle, before)
-        return DesignProblem(
-            stiffness, gradient.controls, on_cells, limits, prefer, 0.3 * tolerance, normal
-        )
+        return DesignProblem(stiffness, controls, on_cells, limits, prefer, 0.3 * tolerance, normal)
 
-    begun = _begun(start, len(gradient.controls.even))
+    begun = _begun(start, len(controls.even))
     found, reach = _searched(
         problem_on, edge, mesh, begun, tolerance, progress, is_lattice=free is not None
     )
@@ -490,7 +491,7 @@ def design(
         grade, part, axis=axis, field=field, blend=blend, at_strain=at_strain, printer=machine,
         palette=chosen, unit=unit, bodies=bodies, name=name, force_oversize=force_oversize,
     )  # fmt: skip
-    done = corrected(
+    printed, prints, stopped = corrected(
         Printing(
             asked, gradient, problem, best, graded, scale, machine, problem_mm, blend == "dither",
             tolerance,
@@ -500,7 +501,7 @@ def design(
             DesignStage(f"printed materials: off by {percent(off)}", 0.8)
         ),
     )  # fmt: skip
-    printed, tried = done.best, found.tried + done.tried
+    tried = found.tried + prints
     rows = list(reached(problem, best, reach, printed.solved, level))
     over = None
     if limits.strain_over_break is not None:
@@ -508,24 +509,26 @@ def design(
     told = list(
         findings(rows, over, tolerance, problem, best, printed.values, dithered=blend == "dither")
     )
-    if done.stopped:
+    if stopped:
         told.insert(0, DesignFinding("interrupted", _INTERRUPTED.format(tried=tried)))
-    notes = [shape.note for each in shapes for shape in each]
+    notes, says = [shape.note for each in shapes for shape in each], None
     if free is not None:
+        says = {
+            "counts": list(counts), "bounds_mm": mesh.bounds_mm.tolist(),
+            "symmetric": list(symmetric),
+        }  # fmt: skip
         notes.append(
             f"{counted(len(printed.values), 'control')} on a lattice of "
-            f"{' x '.join(map(str, gradient.counts))}; smoothness (the sum of squared second "
+            f"{' x '.join(map(str, counts))}; smoothness (the sum of squared second "
             f"differences) weighs 1, a target's relative miss {problem.miss_weight:g}, a shape's "
             "squared deviation over 0.3 of the tolerance 20"
         )
-    courses: list[Course] = []
     if steps:
         progress(DesignStage("from rest to full load, for the page", 0.9))
-        named = zip(problem.cases, printed.solved, strict=True)
-        courses = [_course(case.name, one, steps) for case, one in named]
+    named = zip(problem.cases, printed.solved, strict=True)
     profile, _, table = gradient.laid(printed.values)
     return PartDesign(
-        courses=tuple(courses),
+        courses=tuple(_course(case.name, one, steps) for case, one in named if steps),
         plan=printed.plan,
         positions=profile.positions,
         moduli_MPa=profile.moduli_MPa,
@@ -535,15 +538,9 @@ def design(
         cell_mm=problem_mm,
         level=level,
         tried=tried,
-        free=None
-        if free is None
-        else {
-            "counts": list(gradient.counts),
-            "bounds_mm": mesh.bounds_mm.tolist(),
-            "symmetric": list(symmetric),
-        },
+        free=says,
         table=None if table is None else table.data,
-        interrupted=done.stopped,
+        interrupted=stopped,
         findings=tuple(told),
         notes=(
             *notes,
@@ -559,32 +556,17 @@ _INTERRUPTED = (
 )
 
 
-def _lattice(
-    free: str, symmetric: str, figures: int, mesh: Mesh, stiffness: StiffnessRange, setting: Setting
-) -> "Gradient":
-    """Return a gradient that is free on a lattice."""
-    from planner.inverse_design.printing import Gradient
-
-    counts = lattice_counts(free, np.ptp(mesh.bounds_mm, axis=0), figures)
-    controls = lattice(mesh.bounds_mm, counts, ["xyz".index(c) for c in symmetric], 0.5)
-    return Gradient(controls, stiffness, setting, None, counts)
-
-
-def _profile(
+def _ramp(
     along: Field, knots: int, rises: bool, limits: Limits, stiffness: StiffnessRange,
-    setting: Setting,
-) -> "Gradient":  # fmt: skip
-    """Return a gradient that is free at knots along a field; even, it keeps a limit of slope."""
-    from planner.inverse_design.printing import Gradient
-
+    moved_mm: FloatArray,
+) -> Controls:  # fmt: skip
+    """Return knots along a field, from one end of the stiffness to the other as a slope allows."""
     length = along.description().get("span_mm")
     span_mm = length if isinstance(length, float) else 1.0
     ramp = np.linspace(0.0, 1.0, knots)[:: 1 if rises else -1]
     if limits.slope is not None:
         ramp = 0.5 + (ramp - 0.5) * min(1.0, limits.slope * span_mm / stiffness.span)
-    moved = np.array(setting.origin_mm)
-    controls = profile_knots(lambda points: along.values(points + moved), ramp, span_mm)
-    return Gradient(controls, stiffness, setting, along)
+    return profile_knots(lambda points: along.values(points + moved_mm), ramp, span_mm)
 
 
 _NEAR = 0.25
@@ -632,7 +614,6 @@ def _searched(
     if is_lattice:
         controls = replace(controls, even=np.full(len(controls.even), even_share(problem, reach)))
         problem = replace(problem, controls=controls)
-    found = None
     for stiffer in (0.0, 0.5, 0.75, 1.0):
         try:
             found = search(
@@ -642,7 +623,7 @@ def _searched(
             break
         except LostStabilityError:
             continue
-    if found is None:
+    else:
         raise ArgumentError(
             "the part has no stable equilibrium under these loads even in the stiffest material; "
             "take smaller loads"

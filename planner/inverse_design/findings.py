@@ -10,8 +10,7 @@ from planner.glance import percent
 from planner.numerics import FloatArray
 
 if TYPE_CHECKING:
-    from planner.inverse_design.cases import Solved
-    from planner.inverse_design.search import DesignProblem, Tried
+    from planner.inverse_design.search import DesignProblem, Solved, Tried
 
 __all__ = [
     "DesignFinding", "Ends", "Reached", "even_share", "findings", "in_reach", "out_of_reach",
@@ -113,19 +112,17 @@ def in_reach(problem: "DesignProblem") -> list[Ends]:
     return list(zip(*found, strict=True))
 
 
-def out_of_reach(problem: "DesignProblem", reach: Sequence[Ends]) -> list[str]:
+def out_of_reach(problem: "DesignProblem", reach: Sequence[Ends]) -> Iterator[str]:
     """Say which figures no even material gives."""
-    out = []
     for goal, (soft, stiff) in zip(problem.goals, reach, strict=True):
         if goal.kind == "target" and soft is not None and stiff is not None:
             low, high = sorted((soft, stiff))
             if not low <= goal.wanted <= high:
                 way = "the sign is the other one" if goal.wanted * (low + high) < 0.0 else ""
-                out.append(
+                yield (
                     f"{goal.text}: all in the softest material comes to {soft:.4g} {goal.unit}, "
                     f"all in the stiffest to {stiff:.4g}; {way or 'a gradient may not get there'}"
                 )
-    return out
 
 
 def even_share(problem: "DesignProblem", reach: Sequence[Ends]) -> float:

@@ -20,14 +20,8 @@ if TYPE_CHECKING:
     from planner.simulation.solid import Equilibrium, Mechanics
 
 __all__ = [
-    "Functional",
-    "Limits",
-    "Target",
-    "functionals",
-    "posed",
-    "read_limits",
-    "read_target",
-]
+    "Functional", "Limits", "Target", "functionals", "posed", "read_limits", "read_target",
+]  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -282,12 +276,10 @@ class Functional(NamedTuple):
         bent = max(ratio, _STRAIGHT)
         return float(np.log(bent)) + (ratio - bent) / bent, 1.0 / (bent * self.wanted)
 
-    def off(self, figure: float) -> float:
-        """Return the relative miss; of a limit, by how much it is passed, below 0 if it is not."""
-        if self.kind in "<>":
-            over = abs(figure) / self.wanted - 1.0
-            return over if self.kind == "<" else -over
-        return figure / self.wanted - 1.0 if self.wanted else figure / self.scale
+    def passed(self, figure: float) -> float:
+        """Return by how much a limit is passed, over it; below 0 if it is not."""
+        over = abs(figure) / self.wanted - 1.0
+        return over if self.kind == "<" else -over
 
 
 _STRAIGHT = 0.2

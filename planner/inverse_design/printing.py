@@ -15,15 +15,14 @@ from planner.fields.parse import Setting, TableFile
 from planner.formats.vtu import encode_vti
 from planner.grading.profile import Profile, StiffnessScale, natural_bands
 from planner.grading.snap import moved_cuts, snap_limit_mm, snapped_bands
-from planner.inverse_design.cases import Case, Solved, WantedOfPart
 from planner.inverse_design.controls import TABLE, Controls, StiffnessRange
-from planner.inverse_design.search import DesignProblem, Tried, step
+from planner.inverse_design.search import Case, DesignProblem, Solved, Tried, WantedOfPart, step
 from planner.numerics import BoolArray, FloatArray, interrupted
 from planner.plan import Plan
 from planner.printers import Printer
 from planner.simulation.part import filling_along, open_solid
 
-__all__ = ["Corrected", "Gradient", "Print", "Printing", "corrected"]
+__all__ = ["Gradient", "Print", "Printing", "corrected"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -135,18 +134,11 @@ class Printing:
     dithered: bool
     tolerance: float
 
-    @cached_property
-    def _aim(self) -> FloatArray:
-        """What the figures of the goals are to be: those wanted, or the nearest found."""
-        each = zip(self.problem.goals, self.best.figures.tolist(), strict=True)
-        return np.array(
-            [g.wanted if abs(g.off(figure)) <= self.tolerance else figure for g, figure in each]
-        )
-
     def _missed(self, figures: FloatArray) -> FloatArray:
-        each = zip(self.problem.goals, figures.tolist(), self._aim.tolist(), strict=True)
-        missed = [g.miss(now)[0] - g.miss(aim)[0] for g, now, aim in each if g.kind == "target"]
-        return np.array(missed)
+        """Return by how much targets are missed; out of reach, the nearest found."""
+        each = zip(self.problem.goals, figures.tolist(), self.best.figures.tolist(), strict=True)
+        found = [(g.miss(now)[0], g.miss(near)[0]) for g, now, near in each if g.kind == "target"]
+        return np.array([now - near * (abs(near) > self.tolerance) for now, near in found])
 
     def made(self, values: FloatArray, before: Sequence[Case]) -> Print:
         """Plan a gradient and solve what it prints, deformed as `before` where that begins."""
@@ -161,7 +153,7 @@ class Printing:
             filling = filling_along(follows, plan, palette)(cases[0].cells.points_mm)
         else:
             cells, filling = open_solid(plan, None, None, None, palette).cut(self.cell_mm)
-            cases = self.wanted.on(self.wanted.filled(cells, filling), before)
+            cases = self.wanted.on(cells, filling, before, varies=False)
         solved = [case.solve(filling) for case in cases]
         figures = np.concatenate([one.values() for one in solved])
         return Print(values, plan, cases, solved, self._missed(figures))
@@ -230,28 +222,17 @@ class Printing:
 _MET, _MOST_PRINTS = 0.75, 10
 """Chosen: the share of the tolerance within which a print is taken, and the most that are tried."""
 
-_ROUNDS = 10
+_ROUNDS = 20
 """Of foretold prints before one is solved."""
 
 _REACH = 0.25
 """Of a control, in which the gradient is taken to answer as its derivatives say."""
 
 
-class Corrected(NamedTuple):
-    """The print that misses least, how many were solved, and whether the user ended it."""
-
-    best: Print
-    tried: int
-    stopped: bool
-
-
 def corrected(
-    printing: Printing,
-    *,
-    stopped: bool,
-    progress: Callable[[float], None] = lambda missed: None,
-) -> Corrected:
-    """Return the print whose materials come nearest to the aim.
+    printing: Printing, *, stopped: bool, progress: Callable[[float], None]
+) -> tuple[Print, int, bool]:
+    """Return the print that misses least, how many were solved, and whether the user ended it.
 
     Parameters
     ----------
@@ -275,7 +256,7 @@ def corrected(
         stopped = True
     if kept is None:
         kept = printing.made(printing.best.values, printing.problem.cases)
-    return Corrected(kept, max(tried, 1), stopped)
+    return kept, max(tried, 1), stopped
 
 
 def _missed(one: "Print | _Try") -> float:
@@ -341,16 +322,18 @@ def _aimed(
     """
     best, problem = printing.best, printing.problem
     weights = np.array([goal.weight for goal in problem.goals if goal.kind == "target"])
-    values, aim = base, np.zeros(len(foretold))
-    kept, least = values, np.inf
+    values, aim, share = base, np.zeros(len(foretold)), 1.0
+    kept, least, nearest, further = values, np.inf, aim, aim
     for _ in range(_ROUNDS if len(foretold) else 0):
         misses = printing.foretold(values) - foretold
         missed = float(np.abs(misses).max())
         if missed < least:
-            kept, least = values, missed
+            kept, least, share, nearest, further = values, missed, 1.0, aim, misses
+        else:
+            share *= 0.5  # of the way: what is printed goes in steps
         if least <= 0.1 * printing.tolerance:
             break
-        aim = aim - misses
+        aim = nearest - share * further
         at = replace(best, values=base, off=-weights * aim)
         values = step(problem, at, np.where(still, 0.0, _REACH))
     return kept

@@ -19,11 +19,10 @@ from planner.formats.field_file import read_grid_table
 from planner.formats.stl import encode_stl
 from planner.grading.profile import stiffness_scale
 from planner.inverse_design import search
-from planner.inverse_design.cases import Case
 from planner.inverse_design.controls import StiffnessRange, lattice, lattice_counts
 from planner.inverse_design.design import DesignFinding, PartDesign
 from planner.inverse_design.goals import Limits, functionals, read_target
-from planner.inverse_design.search import DesignProblem, _quadratic, evaluate
+from planner.inverse_design.search import Case, DesignProblem, _quadratic, evaluate
 from planner.inverse_design.shape import ShapeGoal, wanted_shape
 from planner.materials.marlow import marlow_table
 from planner.mesh.mesh import Mesh
