@@ -101,14 +101,12 @@ def in_reach(problem: "DesignProblem") -> list[Ends]:
         coordinate, _ = problem.stiffness.coordinates(np.full(problem.basis.shape[0], share))
         each: list[float | None] = []
         for case in problem.cases:
-            case.state = None
             try:
                 each += case.solve(coordinate, steps=4).values().tolist()
             except LostStabilityError:
                 each += [None] * len(case.goals)
+            case.state = None  # as if nothing had been solved
         found.append(each)
-    for case in problem.cases:
-        case.state = None
     return list(zip(*found, strict=True))
 
 
