@@ -321,8 +321,6 @@ _THREADS = 2
 _MOST_ITERATIONS = 40
 _SMALLEST_STEP = 1.0 / 64.0
 _SETTLED = 1e-6
-"""Largest last change of a displacement over the largest displacement, and residual over forces:
-Newton's next change would be about its square."""
 
 Progress = Callable[[float, int, float], None]
 """Called with the share of the load, the iteration, and the residual over the forces."""
@@ -617,10 +615,14 @@ class Mechanics:
         share: float,
         progress: "Progress | None" = None,
         into: "Factor | None" = None,
+        *,
+        settled: float = _SETTLED,
     ) -> "tuple[Equilibrium, Factor]":
         """Return the equilibrium at a share of the load, from a state nearby, and its factor.
 
-        The memory of `into`, a factor that is needed no more, is taken for that.
+        The memory of `into`, a factor that is needed no more, is taken for that. `settled` is the
+        largest last change of a displacement over the largest displacement, and residual over
+        forces: Newton's next change would be about its square.
 
         Raises
         ------
@@ -655,18 +657,22 @@ class Mechanics:
             largest = float(np.abs(u).max())
             moved, before = float(np.abs(change).max()), done
             done = moved
-            if moved <= _SETTLED * largest and (error <= _SETTLED or moved <= 1e-9 * largest):
+            if moved <= settled * largest and (error <= settled or moved <= 1e-9 * largest):
                 return Equilibrium(share, u, strain, stress, pressure, iteration), factored
             if iteration > 12 and moved > before > 0.1 * largest:
                 break  # it wanders
         raise LostStabilityError(state.share, None)
 
     def follow(
-        self, shares: Sequence[float], progress: "Progress | None" = None
+        self,
+        shares: Sequence[float],
+        progress: "Progress | None" = None,
+        *,
+        settled: float = _SETTLED,
     ) -> "Iterator[tuple[Equilibrium, Factor]]":
         """Yield the equilibria at rising shares of the load; steps are halved where they must be.
 
-        The factor of each is good until the next is asked for.
+        The factor of each is good until the next is asked for; `settled` as of `settle`.
 
         Raises
         ------
@@ -682,7 +688,7 @@ class Mechanics:
                     target = share
                 try:
                     start = state if before is None else _onward(before, state, target)
-                    found = self.settle(start, target, progress, factored)
+                    found = self.settle(start, target, progress, factored, settled=settled)
                 except LostStabilityError as lost:
                     before, step = None, 0.5 * step
                     if step < _SMALLEST_STEP:
