@@ -10,7 +10,7 @@ from planner.mesh.distance import nearest, triangle_tree
 from planner.numerics import FloatArray
 from planner.report.svg import INK, Chart, frame, rectangle, segment, text, ticks
 from planner.simulation.part import PartSimulation
-from planner.simulation.part_fields import hats, in_cells
+from planner.simulation.response import hats, in_cells
 from planner.simulation.simulate import called
 
 __all__ = ["PartCut", "cut_figure", "cut_of", "cut_words"]
