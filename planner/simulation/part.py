@@ -48,6 +48,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "COARSER",
+    "COVERS",
     "Discretisation",
     "LoadCurve",
     "PartFinding",
@@ -637,7 +638,7 @@ cells says how much it leaves open."""
 COARSER = 1.5
 """Times larger are the cells that tell how far figures depend on their size."""
 
-_COVERS = 1.15
+COVERS = 1.15
 """Times the sum of what two solutions in such cells change, is what is told. Calibrated by
 benchmarks/discretisation.py: of 24 parts the sum alone bounds the true error of 21, this of 23."""
 
@@ -828,7 +829,7 @@ def _error(here: FloatArray | None, *others: FloatArray | None) -> float | None:
     if here is None or not (size := float(here @ here)):
         return None
     changes = (abs(float(here @ there) / size - 1.0) for there in others if there is not None)
-    return _COVERS * sum(changes)
+    return COVERS * sum(changes)
 
 
 def _findings(
