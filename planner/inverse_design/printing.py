@@ -12,7 +12,7 @@ import numpy as np
 from planner.errors import ArgumentError, ThinBandError
 from planner.fields.basic import Field
 from planner.fields.parse import Setting, TableFile
-from planner.formats.vtu import encode_vti
+from planner.formats.field_file import encode_vti
 from planner.grading.profile import Profile, StiffnessScale, natural_bands
 from planner.grading.snap import moved_cuts, snap_limit_mm, snapped_bands
 from planner.inverse_design.controls import TABLE, Controls, StiffnessRange
