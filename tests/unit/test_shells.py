@@ -142,6 +142,7 @@ def test_holes_nested_loops_and_many_bodies():
     assert audit(pieces.vertices[shell_faces(pieces, [1, 2])]).bodies == 4
 
 
+@pytest.mark.slow
 def test_genus_above_100():
     def solid(x, y, z):
         waves = np.sin(x) * np.cos(y) + np.sin(y) * np.cos(z) + np.sin(z) * np.cos(x)
