@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import planner
+from planner.formats.field_file import encode_vti
 from planner.formats.stl import encode_stl
-from planner.formats.vtu import encode_vti
 from planner.inverse_design.controls import lattice
 from planner.inverse_design.shape import carried_along
 from planner.mesh.distance import closest, triangle_tree

@@ -29,9 +29,14 @@ if TYPE_CHECKING:
     from planner.grading.profile import Profile, StiffnessScale, list_materials
     from planner.grading.warmed import at_temperature
     from planner.inverse_design.design import PartDesign, design
-    from planner.materials.fit_tables import fit_tables
     from planner.materials.law_blocks import law_block
-    from planner.materials.palette_study import Characterisation, PaletteStudy, characterise, fit
+    from planner.materials.palette_study import (
+        Characterisation,
+        PaletteStudy,
+        characterise,
+        fit,
+        fit_tables,
+    )
     from planner.palette import Material, Palette, load_palette, write_palette
     from planner.plan import Plan, Region, read_plan
     from planner.printers import Printer, installed_printers, load_printer
@@ -143,8 +148,7 @@ _MODULES = {
     "planner.grading.profile": "Profile StiffnessScale list_materials",
     "planner.grading.warmed": "at_temperature",
     "planner.inverse_design.design": "PartDesign design",
-    "planner.materials.fit_tables": "fit_tables",
-    "planner.materials.palette_study": "Characterisation PaletteStudy characterise fit",
+    "planner.materials.palette_study": "Characterisation PaletteStudy characterise fit fit_tables",
     "planner.palette": "Material Palette load_palette write_palette",
     "planner.plan": "Plan Region read_plan",
     "planner.printers": "Printer installed_printers load_printer",

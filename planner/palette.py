@@ -19,9 +19,8 @@ from typing import TYPE_CHECKING, Any, Literal
 import msgspec
 
 from planner.errors import FileError, PaletteError, UnknownNameError, did_you_mean
-from planner.formats.files import SIGNIFICANT_DIGITS, read_file
+from planner.formats.files import SIGNIFICANT_DIGITS, decode_toml, read_file
 from planner.formats.outputs import check_absent, write_whole
-from planner.formats.toml import decode_toml
 from planner.glance import brief, counted, html_of, one_line, plotted
 
 if TYPE_CHECKING:
@@ -46,28 +45,19 @@ __all__ = [
 ]
 
 
-LAW_PARAMETERS: Mapping[str, tuple[str, ...]] = MappingProxyType(
+LAW_PARAMETERS: Mapping[str, Mapping[str, int | None]] = MappingProxyType(
     {
-        "linear": ("modulus_MPa",),
-        "yielding": ("modulus_MPa", "flow_MPa", "hardening_MPa", "sharpness"),
-        "neo-hookean": ("mu_MPa",),
-        "yeoh": ("c_MPa",),
-        "ogden": ("mu_MPa", "alpha"),
-        "martins": ("c1", "c2_MPa", "c3", "c4_MPa"),
-        "ogden-thesis": ("c", "strain_min", "strain_max"),
+        "linear": {"modulus_MPa": 1},
+        "yielding": {"modulus_MPa": 1, "flow_MPa": 1, "hardening_MPa": 1, "sharpness": 1},
+        "neo-hookean": {"mu_MPa": 1},
+        "yeoh": {"c_MPa": 3},
+        "ogden": {"mu_MPa": None, "alpha": None},
+        "martins": {"c1": 1, "c2_MPa": 1, "c3": 1, "c4_MPa": 1},
+        "ogden-thesis": {"c": 6, "strain_min": 1, "strain_max": 1},
     }
 )
-"""The models a palette file may name, with the parameters of each, in file units."""
-
-_SAME_LENGTH = {"ogden": ("mu_MPa", "alpha")}
-_LENGTH = {
-    "linear": {"modulus_MPa": 1},
-    "yielding": {"modulus_MPa": 1, "flow_MPa": 1, "hardening_MPa": 1, "sharpness": 1},
-    "neo-hookean": {"mu_MPa": 1},
-    "yeoh": {"c_MPa": 3},
-    "martins": {"c1": 1, "c2_MPa": 1, "c3": 1, "c4_MPa": 1},
-    "ogden-thesis": {"c": 6, "strain_min": 1, "strain_max": 1},
-}
+"""The models a palette file may name, with the parameters of each, in file units, and the length of
+each: a single figure (1), a list (more), or lists of one length among them (None)."""
 
 
 def law_schema() -> dict[str, Any]:
@@ -79,8 +69,7 @@ def law_schema() -> dict[str, Any]:
         return {"type": kind, "items": {"type": "number"}, "minItems": count or 1, **most}
 
     def one(model: str) -> dict[str, Any]:
-        lengths = _LENGTH.get(model, {})
-        known = {name: values(lengths.get(name)) for name in LAW_PARAMETERS[model]}
+        known = {name: values(length) for name, length in LAW_PARAMETERS[model].items()}
         given = {"model": {"const": model}, **known}
         takes = {"properties": given, "required": [*known], "additionalProperties": False}
         return {"if": {"properties": {"model": {"const": model}}}, "then": takes}
@@ -531,7 +520,7 @@ def _law(table: Mapping[str, Any], where: str) -> LawParameters:
         if key != "model" and key not in expected:
             raise PaletteError(f"{where}: unknown key {key!r}; {takes}")
     parameters: dict[str, tuple[float, ...]] = {}
-    for key in expected:
+    for key, length in expected.items():
         if key not in table:
             raise PaletteError(f"{where}: {key!r} is missing; {takes}")
         value = table[key]
@@ -541,11 +530,10 @@ def _law(table: Mapping[str, Any], where: str) -> LawParameters:
             for v in values
         ):
             raise PaletteError(f"{where}: {key} is {value!r}; it must be finite numbers")
-        length = _LENGTH.get(model, {}).get(key)
         if length is not None and len(values) != length:
             raise PaletteError(f"{where}: {key} has {len(values)} values; {model} takes {length}")
         parameters[key] = tuple(float(v) for v in values)
-    lengths = {key: len(parameters[key]) for key in _SAME_LENGTH.get(model, ())}
+    lengths = {key: len(parameters[key]) for key, length in expected.items() if length is None}
     if len(set(lengths.values())) > 1:
         raise PaletteError(f"{where}: {lengths}: these lists must be of one length")
     return LawParameters(model, parameters)
@@ -574,10 +562,6 @@ def _check_names_and_order(materials: tuple[Material, ...], name: str) -> None:
 
 # ------------------------------------------------------------------------------------------------
 # Palette files: TOML in one canonical form, so that equal palettes are equal bytes.
-
-
-_LISTS = {"yeoh", "ogden", "ogden-thesis"}
-"""Models whose parameters are lists whatever their length; the others' are single figures."""
 
 
 def encode_palette(palette: Palette) -> bytes:
@@ -672,7 +656,7 @@ def _toml_law(key: str, law: LawParameters) -> Iterator[str]:
     yield f"[material.{key}]"
     yield f"model = {_text(law.model)}"
     for symbol, values in law.parameters.items():
-        single = len(values) == 1 and (law.model not in _LISTS or symbol.startswith("strain"))
+        single = LAW_PARAMETERS[law.model][symbol] == 1
         yield f"{symbol} = {_number(values[0]) if single else _toml_list(values)}"
 
 

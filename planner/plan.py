@@ -12,10 +12,9 @@ from typing import TYPE_CHECKING, Any, Literal
 import msgspec
 
 from planner.errors import FileError, OutputError, did_you_mean
-from planner.formats.files import decode_document, encode_document, read_file
+from planner.formats.files import decode_document, encode_document, path_within, read_file
 from planner.formats.markdown import as_words
 from planner.formats.threemf import Constituent
-from planner.formats.within import path_within
 from planner.glance import brief, counted, html_of, one_line, outcome, plotted
 from planner.numerics import Float32Array, FloatArray, IntArray, Point
 
@@ -432,8 +431,7 @@ class Plan:
         import numpy as np
 
         from planner.formats.outputs import new_folder
-        from planner.formats.slicers import needs_one_mesh
-        from planner.formats.threemf import ThreemfObject, write_threemf
+        from planner.formats.threemf import ThreemfObject, encode_threemf, needs_one_mesh
         from planner.mesh.mesh import Mesh
         from planner.voxels.picture import pictures_of
 
@@ -481,12 +479,8 @@ class Plan:
             )
             (scratch / "part.png").write_bytes(pictures.outside)
             (scratch / "section.png").write_bytes(pictures.section)
-            write_threemf(
-                scratch / f"{self.name}.3mf",
-                objects,
-                assembly_name=self.name,
-                thumbnail=pictures.thumbnail,
-                one_mesh=one_mesh,
+            (scratch / f"{self.name}.3mf").write_bytes(
+                encode_threemf(objects, self.name, thumbnail=pictures.thumbnail, one_mesh=one_mesh)
             )
             (scratch / "HOWTO.md").write_text(self.howto(), encoding="utf-8", newline="\n")
             if page is not None:

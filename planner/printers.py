@@ -22,7 +22,7 @@ from planner.errors import (
     UnknownNameError,
     did_you_mean,
 )
-from planner.formats.toml import decode_toml
+from planner.formats.files import decode_toml
 from planner.glance import brief
 from planner.palette import Palette, load_palette, parse_palette
 

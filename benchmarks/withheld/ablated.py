@@ -17,7 +17,6 @@ from planner.gap.campaign_folder import read_campaign
 from planner.gap.diagnose import LEAST_PROBABILITY, RANKED, prepared
 from planner.gap.evidence.posterior import class_of, evidence_of, ranking_of
 from planner.gap.evidence.problem import Problem
-from planner.gap.evidence.surrogate import Whitened
 from planner.gap.evidence.weigh import Priors, weigh
 from planner.gap.noise import discrepancy_columns, specimen_noise
 from planner.numerics import FloatArray
@@ -46,25 +45,33 @@ def _without_specimens(problem: Problem, priors: Priors) -> _Part:
         problem.table, problem.sensitivity, scatter, problem.model.sensor_sd_N, unknown
     )
     batches = problem.noise.batch.shape[1]
-    columns = _unwhitened(problem, problem.whitened.columns)
+    columns = _unwhitened(problem, problem.columns)
     columns = columns[:, : columns.shape[1] - batches]
     courses = noise.whiten(_unwhitened(problem, problem.discrepancy))
-    nuisances = problem.whitened.nuisances - batches
-    whitened = Whitened(noise.whiten(columns), noise.first_row, nuisances)
-    changed = {"scatter": scatter, "noise": noise, "whitened": whitened, "discrepancy": courses}
-    return replace(problem, **changed), priors
+    less = replace(
+        problem,
+        scatter=scatter,
+        noise=noise,
+        columns=noise.whiten(columns),
+        nuisances=problem.nuisances - batches,
+        discrepancy=courses,
+    )
+    return less, priors
 
 
 def _without_calibration(problem: Problem, priors: Priors) -> _Part:
     """Take the palette's laws for exact: neither level nor course of a grade is uncertain."""
     courses = discrepancy_columns(problem.campaign, problem.table, problem.sensitivity).shape[1]
     gone = len(problem.ways) + courses
-    old = problem.whitened
-    first = old.columns.shape[1] - old.nuisances
-    columns = np.delete(old.columns, slice(first, first + gone), axis=1)
-    whitened = replace(old, columns=columns, nuisances=old.nuisances - gone)
-    calibration = problem.calibration[:, gone:]
-    return replace(problem, ways=(), calibration=calibration, whitened=whitened), priors
+    first = problem.columns.shape[1] - problem.nuisances
+    less = replace(
+        problem,
+        ways=(),
+        calibration=problem.calibration[:, gone:],
+        columns=np.delete(problem.columns, slice(first, first + gone), axis=1),
+        nuisances=problem.nuisances - gone,
+    )
+    return less, priors
 
 
 def _without_unknown(problem: Problem, priors: Priors) -> _Part:

@@ -15,9 +15,8 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from planner.gap.campaign import Campaign, Specimen
+from planner.gap.campaign import Campaign, PartTest, Specimen
 from planner.gap.diagnose import diagnose
-from planner.gap.parts import PartTest
 from planner.materials.marlow import MarlowTable, marlow_table
 from planner.materials.mixtures import CoefficientModel
 from planner.numerics import FloatArray, IntArray

@@ -18,7 +18,8 @@ def method_sha256(folder: Path | None = None) -> str:
     """
     folder = folder or Path(planner.gap.__path__[0])
     found = hashlib.sha256()
-    for path in sorted(folder.rglob("*.py"), key=lambda p: p.relative_to(folder).as_posix()):
+    sources = (path for path in folder.rglob("*") if path.suffix in (".py", ".toml"))
+    for path in sorted(sources, key=lambda p: p.relative_to(folder).as_posix()):
         data = path.read_bytes()
         found.update(f"{path.relative_to(folder).as_posix()} {len(data)}\n".encode())
         found.update(data)

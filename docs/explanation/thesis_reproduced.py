@@ -20,11 +20,13 @@ from planner.materials.algorithm_one import (
     algorithm_one,
     individual_fit,
     literal_stress_MPa,
+    normalised_rmse,
     pooled_squared_error_MPa2,
     quadratics_through,
+    r_squared,
+    without,
 )
 from planner.materials.mixtures import pchip_slopes, pchip_weights
-from planner.materials.quadratic_study import normalised_rmse, r_squared, without
 from planner.numerics import FloatArray
 from planner.palette import LawParameters
 from printers.connex3.derive import SPECIMEN_LOG_SD

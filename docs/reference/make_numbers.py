@@ -19,7 +19,7 @@ KINDS = {
 }
 _SOURCE = re.compile(rf"(?:^|(?<=\s))({'|'.join(KINDS)}): (.+)$")
 
-_ELSEWHERE = ("Parameter", "Effect", "effect_for")
+_ELSEWHERE = ("Parameter",)
 """Calls whose numbers stand among the effects."""
 
 _LONGEST = 240

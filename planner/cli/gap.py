@@ -14,7 +14,6 @@ if TYPE_CHECKING:
 
     from planner.gap.correct import Correction
     from planner.gap.design import CampaignDesign
-    from planner.gap.diagnosis import Diagnosis
 
 app = typer.Typer(name="gap", rich_markup_mode="rich", invoke_without_command=True)
 
@@ -81,6 +80,7 @@ def diagnose(
     """
     import planner
     from planner.cli.output import print_document, progress, say, say_verdict, terminal_width
+    from planner.gap.standing import next_command
     from planner.report.gap_text import verdict_text
 
     check_targets(context, force=force, folders={"output": (output, "diagnosis.json")})
@@ -105,50 +105,9 @@ def diagnose(
             say("nothing was written (for a report with figures: --output FOLDER)")
         else:
             say(f"wrote {output} (next: open {output / 'report.html'})")
-        command = _next_command(found, campaign, palette, output)
-        if command:
+        if command := next_command(found, output, campaign, palette):
             say(f"next: {command}")
     return 0 if found.ok else 1
-
-
-def _next_command(
-    found: "Diagnosis", campaign: Path, palette: str | None, output: Path | None
-) -> str:
-    """Return the command that follows from a verdict, with the options that it needs; "" for none.
-
-    Conditions of use are the last ones that were tested, to be replaced by the part's own.
-    """
-    from planner.gap.effects import EFFECTS
-
-    again = f" --palette {shlex.quote(palette)}" if palette else ""
-    if found.unit_of:
-        units = "".join(f" --unit-of {shlex.quote(unit.text)}" for unit in found.unit_of)
-        return f"planner gap diagnose {shlex.quote(str(campaign))}{again}{units}"
-    known = [EFFECTS[one.id] for one in found.effect if one.id in EFFECTS]
-    known = [effect for effect in known if effect.advice is None]
-    if not known or output is None:
-        return ""
-    use = ""
-    for condition in dict.fromkeys(effect.condition for effect in known if effect.condition):
-        levels = found.tested.get(condition)
-        if levels:
-            level = levels[-1] if isinstance(levels[-1], str) else f"{levels[-1]:.4g}"
-            use += f" --{condition.removeprefix('strain_').replace('_', '-')} {level}"
-    own = campaign / "palette.toml"
-    if not palette and own.is_file() and not _brought(found):
-        again = f" --palette {shlex.quote(str(own))}"
-    return f"planner gap correct {shlex.quote(str(output))}{again}{use} -o palette-corrected.toml"
-
-
-def _brought(found: "Diagnosis") -> bool:
-    """Return whether the palette is, byte for byte, one that the usual printer brings."""
-    from planner.errors import PlannerError
-    from planner.printers import load_printer
-
-    try:
-        return load_printer("connex3").palette(found.palette).sha256 == found.palette_sha256
-    except PlannerError:
-        return False
 
 
 # ------------------------------------------------------------------------------------------------
@@ -214,7 +173,7 @@ def correct(
         file = output.name if made.corrected else None
         print_document({"schema": 1, "file": file, **made.document()})
     elif not quiet:
-        _correct_report(made, output, "" if printer == "connex3" else f" --printer {printer}")
+        _correct_report(made, output, _again(printer))
     return 0 if made.ok else 1
 
 
@@ -245,7 +204,8 @@ def _correct_report(made: "Correction", output: Path, options: str) -> None:
         title=f"Corrected for {' and '.join(made.corrected)}: {at}",
         right=right,
     )
-    say(f"wrote {output} (next: planner grade PART --like OLD_PLAN --palette {output}{options})")
+    command = f"planner grade PART --like OLD_PLAN --palette {_quoted(output)}{options}"
+    say(f"wrote {output} (next: {command})")
 
 
 # ------------------------------------------------------------------------------------------------
@@ -307,7 +267,7 @@ def design(
     if as_json:
         print_document({"schema": 1, "written": output.name, **made.document()})
     elif not quiet:
-        _design_report(made, output, listed=listed)
+        _design_report(made, output, printer, palette, listed=listed)
     return 0 if made.ok else 1
 
 
@@ -323,7 +283,9 @@ def _check_listed(output: Path, asked: "Sequence[str]") -> None:
         )
 
 
-def _design_report(made: "CampaignDesign", output: Path, *, listed: bool) -> None:
+def _design_report(
+    made: "CampaignDesign", output: Path, printer: str, palette: str | None, *, listed: bool
+) -> None:
     from planner.cli.output import finding, format_number, print_table, say, warn
 
     rows = []
@@ -358,9 +320,22 @@ def _design_report(made: "CampaignDesign", output: Path, *, listed: bool) -> Non
         warn("the bars' strains along their axis are counted on: write them to fields.csv")
     say(made.campaign.notes)
     if listed:
-        say(f"wrote {output} (to practise: planner gap simulate --design {output} -o practice)")
+        again = _again(printer, palette)
+        command = f"planner gap simulate --design {_quoted(output)}{again} -o practice"
+        say(f"wrote {output} (to practise: {command})")
     else:
-        say(f"wrote {output} (next: print, pull, fill curves.csv; planner gap next {output})")
+        command = f"planner gap next {_quoted(output)}"
+        say(f"wrote {output} (next: print, pull, fill curves.csv; {command})")
+
+
+def _again(printer: str, palette: str | None = None) -> str:
+    """Return the options that name a printer and a palette which are not the default ones."""
+    options = ("--printer", "" if printer == "connex3" else printer), ("--palette", palette)
+    return "".join(f" {option} {shlex.quote(name)}" for option, name in options if name)
+
+
+def _quoted(path: Path) -> str:
+    return shlex.quote(str(path))
 
 
 # ------------------------------------------------------------------------------------------------
@@ -369,10 +344,15 @@ def _design_report(made: "CampaignDesign", output: Path, *, listed: bool) -> Non
 
 @app.command("next")
 def next_(
-    campaign: Annotated[Path, Argument(help="Folder with campaign.toml and specimens.csv.")],
+    campaign: Annotated[
+        Path,
+        Argument(
+            help="Folder with campaign.toml and specimens.csv; or a diagnosis, JSON or folder."
+        ),
+    ],
     as_json: AsJson = False,
 ) -> int:
-    """Say where a campaign stands, what is missing, and which command comes next.
+    """Say where a campaign or a diagnosis stands, what is missing, which command comes next.
 
     Example: [bold]planner gap next lab[/bold]
     """
@@ -384,8 +364,9 @@ def next_(
     if as_json:
         print_document(found.document())
         return 0
-    measured = len(found.listed) - len(found.missing)
-    say(f"{found.campaign}: {measured} of {len(found.listed)} specimens have a curve")
+    if found.listed:
+        measured = len(found.listed) - len(found.missing)
+        say(f"{found.campaign}: {measured} of {len(found.listed)} specimens have a curve")
     for name, ids in found.unknown.items():
         say(f"{name} is unknown of {named(ids)}: no effect of it is tested there")
     if found.missing:
@@ -430,7 +411,8 @@ def simulate(
     """Make a campaign with stated effects by planner's own model, to teach or to practise.
 
     It says of itself that it is simulated; it is no evidence of what the diagnosis can do with
-    measurements. A campaign's own palette counts, not that of the options.
+    measurements. A campaign's own palette counts, not that of the options; of its specimens.csv
+    alone, where the options name none.
 
     Example: [bold]planner gap simulate --design plan --effect rate:rise=0.12 -o made[/bold]
     """
@@ -463,5 +445,5 @@ def simulate(
         for note in made.remarks:
             warn(note)
         say(made.notes)
-        say(f"wrote {output} (next: planner gap diagnose {output})")
+        say(f"wrote {output} (next: planner gap diagnose {_quoted(output)})")
     return 0

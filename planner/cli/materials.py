@@ -28,14 +28,24 @@ from planner.cli.output import (
     UnitsOf,
     WidthMm,
     check_targets,
+    finding,
+    format_interval,
+    format_number,
+    print_document,
+    print_table,
+    progress,
+    say,
     split_columns,
+    taken,
+    tell_notes,
 )
+from planner.errors import ArgumentError
 
 if TYPE_CHECKING:
     from planner.grading.invert import Mixture
+    from planner.materials.algorithm_one import QuadraticRow, QuadraticStudy
     from planner.materials.characterise import MaterialCharacteristics, Spread
     from planner.materials.palette_study import PaletteStudy
-    from planner.materials.quadratic_study import QuadraticRow, QuadraticStudy
     from planner.materials.study import ReadRecord
 
 # ------------------------------------------------------------------------------------------------
@@ -75,15 +85,6 @@ def materials(
     [bold]planner materials --palette lab.toml --temperature-C 33 -o warm.toml[/bold]
     """
     import planner
-    from planner.cli.output import (
-        format_interval,
-        format_number,
-        print_document,
-        print_table,
-        say,
-        tell_notes,
-    )
-    from planner.errors import ArgumentError
     from planner.formats.outputs import write_whole
 
     if output is not None and temperature_C is None:
@@ -173,8 +174,6 @@ def invert(
     [bold]planner invert --coordinate 0.4 --law ogden-2[/bold]
     """
     import planner
-    from planner.cli.output import finding, format_number, print_document, tell_notes
-    from planner.errors import ArgumentError
     from planner.printers import palette_of
 
     if not modulus_MPa and not coordinate:
@@ -211,16 +210,13 @@ def invert(
 
 
 def _print_wanted(found: "Sequence[Mixture]", title: str) -> None:
-    from planner.cli.output import format_interval, format_number, print_table
 
     print_table(
         ["target MPa", "nearest", "MPa", "error", "blend", "m", "MPa", "95 % interval"],
         [
             [
                 format_number(target, 4),
-                mixture.nearest,
-                format_number(mixture.nearest_modulus_MPa, 4),
-                f"{100 * (mixture.nearest_modulus_MPa / target - 1):+.1f} %",
+                *_nearest(mixture, target),
                 mixture.blend_text(),
                 f"{mixture.blend.coordinate:.4f}",
                 format_number(mixture.modulus_MPa, 4),
@@ -235,10 +231,15 @@ def _print_wanted(found: "Sequence[Mixture]", title: str) -> None:
     )
 
 
+def _nearest(mixture: "Mixture", wanted_MPa: float) -> tuple[str, str, str]:
+    """Return the cells of the nearest material: its name, modulus and error."""
+    modulus = mixture.nearest_modulus_MPa
+    error = f"{100 * (modulus / wanted_MPa - 1):+.1f} %"
+    return mixture.nearest, format_number(modulus, 4), error
+
+
 def _print_places(found: "Sequence[Mixture]", title: str) -> None:
     """Print what stands at coordinates: stiffness, nearest material, further strains, laws."""
-    from planner.cli.output import format_interval, format_number, print_table
-
     print_table(
         ["m", "blend", "MPa", "95 % interval", "nearest", "MPa", "error"],
         [
@@ -247,9 +248,7 @@ def _print_places(found: "Sequence[Mixture]", title: str) -> None:
                 mixture.blend_text(),
                 format_number(mixture.modulus_MPa, 4),
                 format_interval(mixture.interval_MPa),
-                mixture.nearest,
-                format_number(mixture.nearest_modulus_MPa, 4),
-                f"{100 * (mixture.nearest_modulus_MPa / mixture.modulus_MPa - 1):+.1f} %",
+                *_nearest(mixture, mixture.modulus_MPa),
             ]
             for mixture in found
         ],
@@ -275,7 +274,6 @@ def _print_places(found: "Sequence[Mixture]", title: str) -> None:
 
 
 def _print_laws(found: "Sequence[Mixture]") -> None:
-    from planner.cli.output import format_number, say
 
     for mixture in found:
         where = f"m {mixture.blend.coordinate:g}: "
@@ -332,31 +330,16 @@ def characterise(
     Example: [bold]planner characterise tests/*.csv --width-mm 3 --thickness-mm 2 --gauge-mm 15 -o
     materials.csv --figure tests.svg[/bold]
     """
+    given = locals()
     import planner
-    from planner.cli.output import finding, print_document, say, tell_notes
     from planner.formats.files import encode_document
     from planner.formats.outputs import write_whole
     from planner.materials.study import listed_files
 
     reads = listed_files(files, specimens)
     check_targets(context, force=force, reads=reads, output=output, figure=figure)
-    found = planner.characterise(
-        files,
-        specimens=specimens,
-        material=material,
-        width_mm=width_mm,
-        thickness_mm=thickness_mm,
-        gauge_mm=gauge_mm,
-        columns=split_columns(columns),
-        unit_of=unit_of or (),
-        mode=mode,
-        blocks=blocks,
-        leave_out=leave_out or (),
-        printer=printer,
-        palette=palette,
-        compare=compare,
-        at_strain=at_strain or None,
-    )
+    asked = taken(planner.characterise, given) | {"columns": split_columns(columns)}
+    found = planner.characterise(**asked)
     if output is not None:
         write_whole(output, found.csv())
     if figure is not None:
@@ -379,8 +362,6 @@ def characterise(
 
 def _print_records(records: "Sequence[ReadRecord]") -> None:
     """Say what was read; columns and places of sizes, alike in many records, by their number."""
-    from planner.cli.output import format_number, print_table, say
-
     columns: dict[str, int] = {}
     places: dict[str, int] = {}
     rows = []
@@ -429,7 +410,6 @@ def _corrections(found: "Sequence[MaterialCharacteristics]") -> list[str]:
 
 
 def _tables(found: "Sequence[MaterialCharacteristics]") -> None:
-    from planner.cli.output import format_number, print_table
 
     def value(one: "MaterialCharacteristics", name: str) -> str:
         spread: Spread | None = one.spreads.get(name)
@@ -541,8 +521,8 @@ def fit(
 
     Example: [bold]planner fit samples/tensile -o lab.toml --figure lab.svg --tables lab[/bold]
     """
+    given = locals()
     import planner
-    from planner.cli.output import finding, print_document, progress, say, tell_notes
     from planner.formats.files import encode_document
     from planner.formats.outputs import new_folder, write_whole
     from planner.materials.study import listed_files
@@ -552,32 +532,15 @@ def fit(
         folders={"tables": (tables, _TABLES)},
     )  # fmt: skip
     with progress(not (quiet or as_json)) as stage:
-        result = planner.fit(
-            files,
-            law=law,
-            name=name or output.stem,
-            weighting=weighting,
-            coordinate=_figures(coordinate, "--coordinate"),
-            order=order and [name.strip() for name in order.split(",")],
-            density=_figures(density, "--density"),
-            starts=starts,
-            level=level,
-            coefficients=coefficients,
-            specimens=specimens,
-            material=material,
-            width_mm=width_mm,
-            thickness_mm=thickness_mm,
-            gauge_mm=gauge_mm,
-            columns=split_columns(columns),
-            unit_of=unit_of or (),
-            mode=mode,
-            blocks=blocks,
-            leave_out=leave_out or (),
-            printer=printer,
-            palette=palette,
-            compare=compare,
-            progress=stage,
-        )
+        asked = taken(planner.fit, given) | {
+            "name": name or output.stem,
+            "coordinate": _figures(coordinate, "--coordinate"),
+            "order": order and [name.strip() for name in order.split(",")],
+            "density": _figures(density, "--density"),
+            "columns": split_columns(columns),
+            "progress": stage,
+        }
+        result = planner.fit(**asked)
     planner.write_palette(result.palette, output, force=force)
     if figure is not None:
         write_whole(figure, planner.fit_figure(result))
@@ -610,8 +573,6 @@ _TABLES = "tables.json"
 
 def _figures(given: Sequence[str] | None, option: str) -> dict[str, float]:
     """Read repeated ID=NUMBER options."""
-    from planner.errors import ArgumentError
-
     figures = {}
     for text in given or ():
         key, _, value = text.rpartition("=")
@@ -626,7 +587,6 @@ def _figures(given: Sequence[str] | None, option: str) -> dict[str, float]:
 
 
 def _print_report(result: "PaletteStudy", output: Path) -> None:
-    from planner.cli.output import say
 
     _print_candidates(result)
     _print_parameters(result)
@@ -642,7 +602,6 @@ def _print_report(result: "PaletteStudy", output: Path) -> None:
 
 
 def _print_candidates(result: "PaletteStudy") -> None:
-    from planner.cli.output import format_number, print_table
 
     rows = []
     for material in result.palette.materials:
@@ -679,7 +638,6 @@ def _print_candidates(result: "PaletteStudy") -> None:
 
 
 def _print_parameters(result: "PaletteStudy") -> None:
-    from planner.cli.output import format_number, print_table
 
     rows = []
     for material in result.palette.materials:
@@ -704,7 +662,6 @@ def _print_parameters(result: "PaletteStudy") -> None:
 
 
 def _print_secants(result: "PaletteStudy") -> None:
-    from planner.cli.output import format_number, print_table
 
     rows = []
     level = 0.95
@@ -725,7 +682,6 @@ def _print_secants(result: "PaletteStudy") -> None:
 
 
 def _print_quadratic(found: "QuadraticStudy") -> None:
-    from planner.cli.output import format_number, print_table, say
 
     names = [f"c{number}" for number in range(1, 7)]
     print_table(
@@ -768,8 +724,6 @@ def _print_quadratic(found: "QuadraticStudy") -> None:
 
 def _interval(low: float, high: float) -> str:
     """Write an interval with as many digits as tell its ends apart; an open end is said so."""
-    from planner.cli.output import format_number
-
     if math.isinf(low) and math.isinf(high):
         return "unknown"
     texts: list[str] = []

@@ -1,6 +1,7 @@
 """What a person or a program reads: the only place that prints; and options of many commands."""
 
 import contextlib
+import inspect
 import itertools
 import json
 import os
@@ -74,6 +75,7 @@ __all__ = [
     "say",
     "say_verdict",
     "split_columns",
+    "taken",
     "tell_notes",
     "terminal_width",
     "warn",
@@ -355,6 +357,15 @@ AtStrain = Annotated[
         help="Working strain: stiffness is the secant modulus of the nominal stress up to it.",
     ),
 ]
+
+
+def taken(function: Callable[..., Any], given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return those of a command's options that its function takes, under the same names.
+
+    What is not given is left out: the defaults are the same.
+    """
+    names = inspect.signature(function).parameters
+    return {name: value for name, value in given.items() if name in names and value is not None}
 
 
 def limited_printer(

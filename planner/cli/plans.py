@@ -186,7 +186,7 @@ def grade(
     """
     import planner
     from planner.cli.output import progress
-    from planner.formats.slicers import needs_one_mesh
+    from planner.formats.threemf import needs_one_mesh
 
     folder = Path(f"{part.stem}-graded") if output is None else output
     machine = limited_printer(printer, like, tray, minimum_wall_mm, minimum_feature_mm)

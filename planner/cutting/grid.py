@@ -9,19 +9,18 @@ from numpy.typing import NDArray
 from planner.cutting.intersect import Lattice
 from planner.errors import ArgumentError
 from planner.fields.basic import Field
-from planner.mesh.mesh import Mesh, key_slot
+from planner.mesh.mesh import Mesh, compact, key_slot
 from planner.numerics import BoolArray, Float32Array, FloatArray, inner_kernel, kernel
-from planner.voxels.columns import Grid, dense, iterate_columns, voxelize
+from planner.voxels.columns import Grid, dense, iterate_columns
 
 __all__ = [
+    "CELLS",
     "MOST_VERTICES",
     "TETRAHEDRA",
     "active_cells",
-    "affordable_pitch_mm",
     "default_pitch_mm",
     "draw_level_sets",
     "field_grid",
-    "keep_off_levels",
     "touched_cells",
 ]
 
@@ -42,20 +41,23 @@ _CHUNK = 1 << 18
 
 @dataclass(frozen=True, eq=False)
 class FieldGrid:
-    """A field on a grid of cubes, linear within each of the six tetrahedra of a cube.
+    """A field on a grid of cells, and cubes of cells in which level sets are drawn.
 
     Attributes
     ----------
     origin_mm, pitch_mm
-        Lower corner and edge of a cube.
+        Lower corner and edge of a cell.
+    cells
+        Along a cube's edge; a power of two.
     active : (nx, ny, nz) uint8
         Cubes that hold any of the part.
-    values : (nx + 1, ny + 1, nz + 1) float64
-        The field at the corners of active cubes, elsewhere NaN.
+    values : (cells nx + 1, cells ny + 1, cells nz + 1) float64
+        The field at the corners of cubes and of cells that hold any of the part, elsewhere NaN.
     """
 
     origin_mm: FloatArray
     pitch_mm: float
+    cells: int
     active: NDArray[np.uint8]
     values: FloatArray
 
@@ -146,28 +148,34 @@ def _values_at(field: Field, points_mm: FloatArray) -> FloatArray:
 
 
 def field_grid(
-    field: Field, origin_mm: FloatArray, pitch_mm: float, active: NDArray[np.uint8]
-) -> FieldGrid:
-    """Evaluate a field at the corners of active cubes.
+    field: Field, origin_mm: FloatArray, pitch_mm: float, held: NDArray[np.uint8],
+    active: NDArray[np.uint8],
+) -> FieldGrid:  # fmt: skip
+    """Evaluate a field at the corners of cells, `held`, and of cubes, `active`.
 
     Raises
     ------
     ArgumentError
         A value is not finite.
     """
-    nx, ny, nz = active.shape
+    nx, ny, nz = held.shape
+    cells = nx // len(active)
     values = np.full((nx + 1, ny + 1, nz + 1), np.nan)
+    corners = _corners(active)
     layer = max(1, _CHUNK // ((ny + 1) * (nz + 1)))
     for first in range(0, nx + 1, layer):
         last = min(first + layer, nx + 1)
-        wanted = _corners(active[max(first - 1, 0) : last])
+        wanted = _corners(held[max(first - 1, 0) : last])
         wanted = wanted[1 if first > 0 else 0 :][: last - first]
+        wanted[-first % cells :: cells, ::cells, ::cells] |= corners[
+            -(-first // cells) : (last - 1) // cells + 1
+        ]
         index = np.argwhere(wanted)
         index[:, 0] += first
         points = origin_mm + index * pitch_mm
         found = _values_at(field, points)
         values[first:last][wanted] = found
-    return FieldGrid(origin_mm, pitch_mm, active, values)
+    return FieldGrid(origin_mm, pitch_mm, cells, active, values)
 
 
 def _corners(active: NDArray[np.uint8]) -> BoolArray:
@@ -266,63 +274,29 @@ def _in_cube(values: Any, i: Any, j: Any, k: Any, x: Any, y: Any, z: Any) -> Any
 
 
 # ------------------------------------------------------------------------------------------------
-# How large a field's interfaces are before they are drawn, and the pitch that they can have.
-
-
-_MOST_FACES = 1_500_000
-"""Of interfaces, on both sides: some 75 MB of STL, and seconds to draw and verify."""
-
-_FACES_PER_CELL = 30.0
-"""Of both sides, for each square of the pitch's edge: tetrahedra make about 15 of a sheet there."""
-
-_COARSEST = 2.0
-"""Of the usual pitch: beyond it, bands as thick as a printer's smallest feature are not drawn."""
-
-_MOST_VOXELS = 500_000
-
-
-def interface_area_mm2(mesh: Mesh, field: Field, levels: FloatArray, pitch_mm: float) -> float:
-    """Return about how large the level sets are within a part, by counting crossings.
-
-    Lines along x, y and z through voxels inside cross a surface A / 2 times for each unit of their
-    cross-section if its normals point all ways (Cauchy and Crofton); levels that one step crosses
-    count each. What a level set does within a voxel is not seen.
-    """
-    columns = voxelize(mesh, pitch_mm)
-    inside = dense(columns)
-    voxels = np.argwhere(inside)
-    if not len(voxels):
-        return 0.0
-    band = np.full(inside.shape, -1, np.int32)
-    values = _values_at(field, columns.grid.centre_mm(voxels))
-    band[tuple(voxels.T)] = np.searchsorted(levels, values, side="right")
-    crossings = 0
-    for axis in range(3):
-        along = np.moveaxis(band, axis, 0)
-        both = (along[1:] >= 0) & (along[:-1] >= 0)
-        crossings += int(np.abs(along[1:] - along[:-1])[both].sum())
-    return crossings * pitch_mm**2 / 1.5
-
-
-def affordable_pitch_mm(mesh: Mesh, field: Field, levels: FloatArray, usual_mm: float) -> float:
-    """Return the usual pitch, or a coarser one where interfaces would be too many triangles.
-
-    Up to twice the usual, rounded to two digits.
-    """
-    volume_mm3 = abs(mesh.volume_mm3)
-    sampled_mm = max(usual_mm, float(np.cbrt(volume_mm3 / _MOST_VOXELS)))
-    area_mm2 = interface_area_mm2(mesh, field, levels, sampled_mm)
-    needed_mm = float(np.sqrt(_FACES_PER_CELL * area_mm2 / _MOST_FACES))
-    if needed_mm <= usual_mm:
-        return usual_mm
-    return float(f"{min(needed_mm, _COARSEST * usual_mm):.2g}")
-
-
-# ------------------------------------------------------------------------------------------------
 # Marching tetrahedra: all level sets of a field on one grid, which therefore never cross.
 
 
-_OFF_LEVEL = 1e-3  # of the field's change to the next vertex
+CELLS = 4
+"""Along a cube's edge, where cubes are divided as the field asks for it."""
+
+_DEEPEST = 6
+"""Times that a cube's edge is halved at most."""
+
+_CLEAR = 0.5
+"""Of a cell: how far values beyond those of a cube's corners pass a level, for the cube to be divided
+into cells before any face is drawn in it. What bends less is seen by the faces around."""
+
+_MIDDLE = 0.8
+"""Of the farthest place of a face from its level set: its middle is 8/9 as far on a sphere, by a
+slope that is known to a tenth."""
+
+_FINEST = 2 << _DEEPEST  # parts of a cube's edge: the middles of the shortest edges are of them
+_STACK = 3 * _DEEPEST + 3
+_MOST_ROUNDS = 4 * _DEEPEST
+
+_KEPT_OFF = 1e-3
+"""Of an edge: level sets keep so far off the grid's vertices, where faces would shrink to nothing."""
 
 # A cube's tetrahedra: along its edges from corner 0 to corner 7, one for each order of the axes.
 # Corner c is at (c & 1, c >> 1 & 1, c >> 2), and the first three are right-handed.
@@ -361,142 +335,514 @@ class LevelSets:
     cell: NDArray[np.int32]
 
 
-def keep_off_levels(grid: FieldGrid, levels: FloatArray) -> None:
-    """Move values, in place, off the levels by a thousandth of the change to the next vertex.
+@dataclass(frozen=True, eq=False)
+class _Drawn:
+    """Level sets in some cubes; vertices by a key that is the same wherever they are met.
 
-    Level sets then keep off the grid's vertices, where their faces would shrink to nothing. They
-    move by a thousandth of the pitch at most.
+    `halving` is the place that divides a face's tetrahedron, -1 where it is small enough, and
+    `steepness` the field's slope in it, per mm.
     """
-    _keep_off(grid.values, levels, _OFF_LEVEL)
+
+    key: NDArray[np.int64]
+    points_mm: FloatArray
+    faces: NDArray[np.int32]
+    level: NDArray[np.int32]
+    cell: NDArray[np.int32]
+    halving: NDArray[np.int64]
+    steepness: FloatArray
 
 
-def draw_level_sets(grid: FieldGrid, levels: FloatArray, lattice: Lattice) -> LevelSets:
-    """Draw all level sets.
+def draw_level_sets(
+    grid: FieldGrid, levels: FloatArray, lattice: Lattice, field: Field | None, within_mm: float,
+    most_faces: float,
+) -> LevelSets:  # fmt: skip
+    """Draw all level sets, and divide tetrahedra until faces are near enough.
+
+    Where a level meets an edge is sought on the field itself. Along an edge levels keep their
+    order, and in a tetrahedron all have the same diagonal. So none cross: who cuts off more of
+    each edge cuts off more of the tetrahedron.
+
+    Tetrahedra are halved by bisection (Maubach 1995), and with them those that share the edge, so
+    that no corner lies within a neighbour's side.
 
     Parameters
     ----------
-    grid : FieldGrid
-        Values off the levels; see `keep_off_levels`.
     levels : (L,) float64
         Strictly increasing.
+    field
+        None takes the field to be linear between the grid's vertices.
+    within_mm
+        How near faces have to be to their level set.
+    most_faces
+        Beyond these none are divided; those farthest off come first.
     """
-    none, nowhere = np.empty((0, 3), dtype=np.int32), np.empty((0, 3))
-    empty, keys = np.empty(0, dtype=np.int32), np.zeros(1, dtype=np.int64)
-    shared = (grid.values, grid.active, grid.origin_mm, grid.pitch_mm, levels, TETRAHEDRA, _EVEN)
-    count, _ = _march(*shared, keys, empty, nowhere, none, empty, empty)
-    bits = max(4, int(2 * count + 1).bit_length())
-    keys, number = np.zeros(1 << bits, dtype=np.int64), np.empty(1 << bits, dtype=np.int32)
-    points = np.empty((2 * count + 4, 3))
-    faces = np.empty((count, 3), dtype=np.int32)
-    level, cell = np.empty((2, count), dtype=np.int32)
-    _, made = _march(*shared, keys, number, points, faces, level, cell)
-    return LevelSets(lattice.rounded(points[:made]), faces, level, cell)
+    marks = _Marks(np.zeros(grid.active.shape, np.uint8), np.empty(0, np.int64), np.empty(0))
+    if field is None or not np.isfinite(within_mm):
+        return _joined([_drawn(grid, levels, field, marks, 0)], marks, lattice)
+    marks = _halved(grid, field, marks, _hidden(grid, levels), 1)
+    rounds = [_drawn(grid, levels, field, marks, number) for number in (0, 1)]
+    fresh = rounds
+    while len(rounds) <= _MOST_ROUNDS:
+        off_mm = np.concatenate([_distance_mm(field, one, levels) for one in fresh])
+        halving = np.concatenate([one.halving for one in fresh])
+        far = np.flatnonzero((off_mm > _MIDDLE * within_mm) & (halving >= 0))
+        held = sum(int(one.held(marks, number).sum()) for number, one in enumerate(rounds))
+        worst = far[np.argsort(-off_mm[far], kind="stable")][: max(int(most_faces) - held, 0)]
+        if not len(worst):
+            break
+        marks = _halved(grid, field, marks, _rising(halving[worst]), len(rounds))
+        fresh = [_drawn(grid, levels, field, marks, len(rounds))]
+        rounds += fresh
+    return _joined(rounds, marks, lattice)
+
+
+@dataclass(frozen=True, eq=False)
+class _Marks:
+    """Where tetrahedra are halved.
+
+    `divided` has the round in which each cube was divided last, `places` the numbers of the new
+    vertices, rising, as a grid of the finest cubes' halves counts them, and `values` the field.
+    """
+
+    divided: NDArray[np.uint8]
+    places: NDArray[np.int64]
+    values: FloatArray
+
+    def table(self) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
+        """Return a table of the places for kernels to look into."""
+        bits = max(4, int(2 * len(self.places)).bit_length())
+        keys, index = np.zeros(1 << bits, dtype=np.int64), np.empty(1 << bits, dtype=np.int32)
+        _fill(self.places, keys, index)
+        return keys, index
+
+
+@dataclass(frozen=True, eq=False)
+class _Drawn:
+    """Level sets in some cubes; vertices with a key that is the same wherever they are met.
+
+    `halving` is the place that divides a face's tetrahedron, -1 where it is small enough, and
+    `steepness` the field's slope in it, per mm.
+    """
+
+    key: NDArray[np.int64]
+    points_mm: FloatArray
+    faces: NDArray[np.int32]
+    level: NDArray[np.int32]
+    cell: NDArray[np.int32]
+    halving: NDArray[np.int64]
+    steepness: FloatArray
+
+    def held(self, marks: _Marks, number: int) -> BoolArray:
+        """Tell which faces no later round replaces."""
+        return np.asarray(marks.divided.reshape(-1)[self.cell] == number)
+
+
+def _distance_mm(field: Field, drawn: _Drawn, levels: FloatArray) -> FloatArray:
+    """Estimate how far the middles of faces lie from their level set."""
+    middle = drawn.points_mm[drawn.faces].mean(axis=1)
+    off = np.abs(_values_at(field, middle) - levels[drawn.level])
+    return np.divide(off, drawn.steepness, out=np.full(len(off), np.inf), where=off > 0.0) * (
+        off > 0.0
+    )
+
+
+def _joined(rounds: list[_Drawn], marks: _Marks, lattice: Lattice) -> LevelSets:
+    """Take from each cube what was drawn in it last."""
+    held = [one.held(marks, number) for number, one in enumerate(rounds)]
+    both = list(zip(rounds, held, strict=True))
+    cell = np.concatenate([one.cell[kept] for one, kept in both])
+    order = np.argsort(cell, kind="stable")
+    level = np.concatenate([one.level[kept] for one, kept in both])[order]
+    key, place = np.unique(np.concatenate([one.key for one in rounds]), return_index=True)
+    points = np.concatenate([one.points_mm for one in rounds])[place]
+    faces = np.searchsorted(key, np.concatenate([one.key[one.faces[kept]] for one, kept in both]))
+    used, faces = compact(faces[order].astype(np.int32), len(key))
+    return LevelSets(lattice.rounded(points[used]), faces, level, cell[order])
+
+
+def _drawn(
+    grid: FieldGrid, levels: FloatArray, field: Field | None, marks: _Marks, number: int
+) -> _Drawn:
+    """Draw the level sets in the cubes that were divided in a round."""
+    given = (
+        grid.values, grid.cells, grid.active, marks.divided, number, grid.pitch_mm, levels,
+        TETRAHEDRA, _EVEN,
+        *marks.table(), marks.values,
+    )  # fmt: skip
+    count = made = 0
+    while True:  # first with room for nothing, to count
+        bits = max(4, int(2 * count + 1).bit_length())
+        keys, index = np.zeros(1 << bits, dtype=np.int64), np.empty(1 << bits, dtype=np.int32)
+        ends, values = np.empty((2 * count + 4, 2), dtype=np.int64), np.empty((2 * count + 4, 2))
+        faces, of_face = np.empty((2, count, 3), dtype=np.int32)
+        halving, steepness = np.empty(count, dtype=np.int64), np.empty(count)
+        count, made = _march(
+            *given, keys, index, ends, values, faces, of_face, halving, steepness
+        )  # fmt: skip
+        if len(faces) == count:
+            break
+    held = np.flatnonzero(keys)
+    key, of_vertex = np.empty(made, dtype=np.int64), np.empty(made, dtype=np.int32)
+    key[index[held]] = keys[held]
+    of_vertex[faces] = of_face[:, :1]
+    points = _met(grid, field, ends[:made], values[:made], levels[of_vertex])
+    level, cell = of_face[:, 0].copy(), of_face[:, 1].copy()
+    return _Drawn(key, points, faces, level, cell, halving, steepness)
+
+
+def _halved(
+    grid: FieldGrid, field: Field, marks: _Marks, wanted: NDArray[np.int64], number: int
+) -> _Marks:
+    """Divide tetrahedra at places, and those that then have a corner within an edge."""
+    places, missing = marks.places, wanted
+    shape = np.array(grid.active.shape)
+    while len(missing):
+        places = _rising(np.concatenate([places, missing]))
+        index = np.stack(np.unravel_index(missing, tuple((shape * _FINEST + 1).tolist())), axis=-1)
+        for corner in range(8):
+            side = np.array([corner & 1, corner >> 1 & 1, corner >> 2])
+            cube = (index - side) // _FINEST
+            cube = cube[((cube >= 0) & (cube < shape)).all(axis=1)]
+            marks.divided[tuple(cube.T)] = number
+        keys, _ = _Marks(marks.divided, places, marks.values).table()
+        room = np.empty(max(4 * len(missing), 1000), dtype=np.int64)
+        found = _hanging(grid.active, marks.divided, number, TETRAHEDRA, keys, room)
+        missing = _rising(room[:found])
+    values = np.empty(len(places))
+    fresh = np.isin(places, marks.places, assume_unique=True, invert=True)
+    values[~fresh] = marks.values
+    values[fresh] = _values_at(field, _places_mm(grid, places[fresh]))
+    return _Marks(marks.divided, places, values)
+
+
+def _rising(places: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Sort, once each; `np.unique` takes a table that numbers of places make slow."""
+    ranked = np.sort(places)
+    return ranked[np.append(True, ranked[1:] > ranked[:-1])[: len(ranked)]]
+
+
+def _places_mm(grid: FieldGrid, places: NDArray[np.int64]) -> FloatArray:
+    """Return where vertices of the finest grid lie."""
+    nx, ny, nz = (n * _FINEST + 1 for n in grid.active.shape)
+    index = np.stack(np.unravel_index(places, (nx, ny, nz)), axis=-1)
+    return np.asarray(grid.origin_mm + index * (grid.cells * grid.pitch_mm / _FINEST))
+
+
+def _hidden(grid: FieldGrid, levels: FloatArray) -> NDArray[np.int64]:
+    """Return places that halve cubes, and halves of them, whose corners do not show all levels."""
+    places, size, smaller = [np.empty(0, dtype=np.int64)], 2, np.empty(0)
+    ny, nz = (n * _FINEST + 1 for n in grid.active.shape[1:])
+    while size <= grid.cells:
+        parts = grid.cells // size
+        found = np.zeros(tuple(n * parts for n in grid.active.shape), dtype=np.uint8)
+        _find_hidden(grid.values, size, levels, _CLEAR, found)
+        if len(smaller):
+            x, y, z = found.shape
+            found |= smaller.reshape(x, 2, y, 2, z, 2).max(axis=(1, 3, 5))
+        side = np.arange(3) * (_FINEST // parts // 2)
+        inner = ((side[:, None, None] * ny + side[:, None]) * nz + side).ravel()
+        x, y, z = np.argwhere(found).T * (_FINEST // parts)
+        at = ((x * ny + y) * nz + z)[:, None] + inner
+        places.append(np.delete(at, (0, 2, 6, 8, 18, 20, 24, 26), axis=1).ravel())
+        smaller, size = found, 2 * size
+    return _rising(np.concatenate(places))
+
+
+_ROOT_STEPS = 6
+_SURE = 0.05
+"""Of an edge: after a step so short the next one is a few thousandths."""
+
+
+def _met(
+    grid: FieldGrid, field: Field | None, ends: NDArray[np.int64], values: FloatArray,
+    level: FloatArray,
+) -> FloatArray:  # fmt: skip
+    """Find where levels meet edges, by inverse quadratic interpolation within brackets."""
+    start, end = _places_mm(grid, ends[:, 0]), _places_mm(grid, ends[:, 1])
+    below, above = values[:, 0] - level, values[:, 1] - level
+    share = below / (below - above)
+    if field is None:
+        return np.asarray(start + share[:, None] * (end - start))
+    rising = values[:, 1] > values[:, 0]
+    left, low, high = np.arange(len(share)), np.zeros(len(share)), np.ones(len(share))
+    for _ in range(_ROOT_STEPS):
+        t, a, b, fa, fb = share[left], low[left], high[left], below[left], above[left]
+        at = start[left] + t[:, None] * (end[left] - start[left])
+        f = _values_at(field, at) - level[left]
+        with np.errstate(all="ignore"):
+            better = (
+                a * (f * fb) / ((fa - f) * (fa - fb)) + t * (fa * fb) / ((f - fa) * (f - fb))
+                + b * (fa * f) / ((fb - fa) * (fb - f))
+            )  # fmt: skip
+        beyond = (f < 0.0) == rising[left]
+        a, fa = np.where(beyond, t, a), np.where(beyond, f, fa)
+        b, fb = np.where(beyond, b, t), np.where(beyond, fb, f)
+        better = np.where((better > a) & (better < b), better, 0.5 * (a + b))
+        better = np.where(f == 0.0, t, better)
+        share[left], low[left], high[left], below[left], above[left] = better, a, b, fa, fb
+        left = left[np.abs(better - t) > _SURE]
+        if not len(left):
+            break
+    share = _in_order(ends.sum(axis=1), np.where(rising, level, -level), share)
+    return np.asarray(start + share[:, None] * (end - start))
+
+
+def _in_order(edge: NDArray[np.int64], rank: FloatArray, share: FloatArray) -> FloatArray:
+    """Let levels follow each other along each edge, strictly, and keep off its ends."""
+    order = np.lexsort((rank, edge))
+    first = np.append(True, np.diff(edge[order]) != 0)[: len(order)]
+    number, starts = np.cumsum(first) - 1, np.flatnonzero(first)
+    count = np.diff(np.append(starts, len(order)))[number]
+    place = (np.arange(len(order)) - starts[number] + 1.0) / (count + 1.0)
+    rising = np.maximum.accumulate(share[order] + 2.0 * number) - 2.0 * number
+    found = np.empty(len(order))
+    found[order] = (1.0 - 2.0 * _KEPT_OFF) * rising + 2.0 * _KEPT_OFF * place
+    return found
 
 
 @kernel
-def _keep_off(values: Any, levels: Any, share: Any) -> None:
-    nx, ny, nz = values.shape
-    count = levels.size
-    for i in range(nx):
-        for j in range(ny):
-            for k in range(nz):
-                f = values[i, j, k]
-                if f != f:
+def _fill(places: Any, keys: Any, index: Any) -> None:
+    for n in range(places.size):
+        slot = key_slot(keys, places[n] + 1)
+        keys[slot], index[slot] = places[n] + 1, n
+
+
+@inner_kernel
+def _root(stack: Any, t: Any, i: Any, j: Any, k: Any, ny: Any, nz: Any, corners: Any) -> None:
+    """Begin with a tetrahedron of a cube.
+
+    A row has its vertices, the last of them at the refinement edge's end, how often it was halved,
+    and whether it is left-handed.
+    """
+    for c in range(4):
+        b = corners[t, c]
+        x, y, z = (i + (b & 1)) * _FINEST, (j + (b >> 1 & 1)) * _FINEST, (k + (b >> 2)) * _FINEST
+        stack[0, c] = (x * (ny * _FINEST + 1) + y) * (nz * _FINEST + 1) + z
+    stack[0, 4], stack[0, 5], stack[0, 6] = 3, 0, 1 if t >= 3 else 0
+
+
+@inner_kernel
+def _halve(stack: Any, top: Any) -> Any:
+    """Replace a tetrahedron by its halves (Maubach 1995); return how many there are then."""
+    tag = stack[top, 4]
+    middle = (stack[top, 0] + stack[top, tag]) // 2
+    for c in range(7):
+        stack[top + 1, c] = stack[top, c]
+    for c in range(tag):
+        stack[top + 1, c] = stack[top, c + 1]
+    stack[top, tag] = stack[top + 1, tag] = middle
+    stack[top, 4] = stack[top + 1, 4] = tag - 1 if tag > 1 else 3
+    stack[top, 5] = stack[top + 1, 5] = stack[top, 5] + 1
+    stack[top + 1, 6] = stack[top, 6] ^ (tag & 1)
+    return top + 2
+
+
+@inner_kernel
+def _is_halved(stack: Any, top: Any, keys: Any) -> Any:
+    """Tell whether a tetrahedron has another's corner within one of its edges."""
+    for a in range(3):
+        for b in range(a + 1, 4):
+            if keys[key_slot(keys, (stack[top, a] + stack[top, b]) // 2 + 1)] != 0:
+                return True
+    return False
+
+
+@kernel
+def _hanging(
+    active: Any, divided: Any, number: Any, corners: Any, keys: Any, missing: Any
+) -> Any:
+    """List the places at which tetrahedra have to be halved as well; return how many."""
+    found = 0
+    stack = np.empty((_STACK, 7), dtype=np.int64)
+    for i in range(active.shape[0]):
+        for j in range(active.shape[1]):
+            for k in range(active.shape[2]):
+                if active[i, j, k] == 0 or divided[i, j, k] != number:
                     continue
-                near = np.searchsorted(levels, f)
-                change = 0.0
-                for d in range(6):
-                    a, b, c = i, j, k
-                    step = 1 if d < 3 else -1
-                    if d % 3 == 0:
-                        a += step
-                    elif d % 3 == 1:
-                        b += step
-                    else:
-                        c += step
-                    if 0 <= a < nx and 0 <= b < ny and 0 <= c < nz:
-                        other = abs(values[a, b, c] - f)
-                        if other > change:
-                            change = other
-                off = share * change
-                for n in (near - 1, near):
-                    if n < 0 or n >= count or abs(f - levels[n]) >= off:
-                        continue
-                    if f >= levels[n]:
-                        room = levels[n + 1] - levels[n] if n + 1 < count else np.inf
-                        values[i, j, k] = levels[n] + min(off, 0.5 * room)
-                    else:
-                        room = levels[n] - levels[n - 1] if n > 0 else np.inf
-                        values[i, j, k] = levels[n] - min(off, 0.5 * room)
-                    break
+                for t in range(6):
+                    _root(stack, t, i, j, k, active.shape[1], active.shape[2], corners)
+                    left = 1
+                    while left > 0:
+                        left -= 1
+                        if not _is_halved(stack, left, keys):
+                            continue
+                        middle = (stack[left, 0] + stack[left, stack[left, 4]]) // 2
+                        if keys[key_slot(keys, middle + 1)] == 0:
+                            if found == missing.size:
+                                return found
+                            missing[found] = middle
+                            found += 1
+                        left = _halve(stack, left)
+    return found
+
+
+@inner_kernel
+def _index(place: Any, values: Any, step: Any) -> Any:
+    """Coordinates of a vertex of the finest grid."""
+    ny, nz = (values.shape[1] - 1) * step + 1, (values.shape[2] - 1) * step + 1
+    return place // (ny * nz), place // nz % ny, place % nz
+
+
+@inner_kernel
+def _known(place: Any, values: Any, step: Any) -> Any:
+    """Return the field at a vertex, where it was evaluated on the grid; else NaN."""
+    x, y, z = _index(place, values, step)
+    if x % step == 0 and y % step == 0 and z % step == 0:
+        return values[x // step, y // step, z // step]
+    return np.nan
+
+
+@inner_kernel
+def _corner(place: Any, values: Any, step: Any, pitch: Any, at: Any) -> None:
+    """Fill in where a vertex of the finest grid lies, in mm from the corner."""
+    at[0], at[1], at[2] = _index(place, values, step)
+    for d in range(3):
+        at[d] *= pitch / step
+
+
+@inner_kernel
+def _slope(at: Any, v: Any) -> Any:
+    """Length of the gradient of what is linear in a tetrahedron."""
+    square = volume = 0.0
+    for d in range(3):
+        e, f = (d + 1) % 3, (d + 2) % 3
+        total = 0.0
+        for c in range(1, 4):
+            p, q = c % 3 + 1, (c + 1) % 3 + 1
+            across = (at[p, e] - at[0, e]) * (at[q, f] - at[0, f]) - (at[p, f] - at[0, f]) * (
+                at[q, e] - at[0, e]
+            )
+            total += (v[c] - v[0]) * across
+            if c == 1:
+                volume += (at[1, d] - at[0, d]) * across
+        square += total * total
+    return np.sqrt(square) / abs(volume)
+
+
+@kernel
+def _find_hidden(values: Any, size: Any, levels: Any, clear: Any, found: Any) -> None:
+    for i in range(found.shape[0]):
+        for j in range(found.shape[1]):
+            for k in range(found.shape[2]):
+                low, high, lowest, highest, known = np.inf, -np.inf, np.inf, -np.inf, True
+                for x in range(size + 1):
+                    for y in range(size + 1):
+                        for z in range(size + 1):
+                            f = values[i * size + x, j * size + y, k * size + z]
+                            if f == f:
+                                lowest, highest = min(lowest, f), max(highest, f)
+                            if x % size == 0 and y % size == 0 and z % size == 0:
+                                known &= f == f
+                                low, high = min(low, f), max(high, f)
+                off = clear * (highest - lowest) / size
+                if known and (
+                    _passed(levels, lowest + off, low) or _passed(levels, high, highest - off)
+                ):
+                    found[i, j, k] = 1
+
+
+@inner_kernel
+def _passed(levels: Any, low: Any, high: Any) -> Any:
+    """Tell whether any level lies between two values."""
+    return np.searchsorted(levels, low, side="right") < np.searchsorted(
+        levels, high, side="right"
+    )
 
 
 @kernel
 def _march(
-    values: Any, active: Any, origin: Any, pitch: Any, levels: Any, corners: Any, even: Any,
-    keys: Any, number: Any, points: Any, faces: Any, face_level: Any, face_cell: Any,
+    values: Any, cells: Any, active: Any, divided: Any, number: Any, pitch: Any, levels: Any, corners: Any,
+    even: Any, marks: Any, mark_index: Any, mark_values: Any, keys: Any, index: Any, ends: Any,
+    end_values: Any, faces: Any, of_face: Any, halving: Any, steepness: Any,
 ) -> Any:  # fmt: skip
     # With room for no faces: counts them. Otherwise fills.
     nx, ny, nz = active.shape
-    count, made, drawing = 0, 0, faces.shape[0] > 0
-    v = np.empty(8)
+    count, made, drawing, step = 0, 0, faces.shape[0] > 0, _FINEST // cells
+    v, at, met = np.empty(4), np.empty((4, 3)), np.empty((4, 3))
     vertex = np.empty(4, dtype=np.int32)
-    at = np.empty(3, dtype=np.int64)
-    for i in range(nx):
-        for j in range(ny):
-            for k in range(nz):
-                if active[i, j, k] == 0:
+    stack = np.empty((_STACK, 7), dtype=np.int64)
+    for cube in range(nx * ny * nz):
+        i, j, k = cube // (ny * nz), cube // nz % ny, cube % nz
+        if active[i, j, k] == 0 or divided[i, j, k] != number:
+            continue
+        if number == 0:
+            low, high = np.inf, -np.inf
+            for c in range(8):
+                x, y, z = i + (c & 1), j + (c >> 1 & 1), k + (c >> 2)
+                f = values[x * cells, y * cells, z * cells]
+                low, high = min(low, f), max(high, f)
+            if not _passed(levels, low, high):
+                continue
+        for t in range(6):
+            _root(stack, t, i, j, k, ny, nz, corners)
+            left = 1
+            while left > 0:
+                left -= 1
+                if number > 0 and _is_halved(stack, left, marks):
+                    left = _halve(stack, left)
                     continue
                 low, high = np.inf, -np.inf
-                for c in range(8):
-                    v[c] = values[i + (c & 1), j + (c >> 1 & 1), k + (c >> 2)]
+                for c in range(4):
+                    v[c] = _known(stack[left, c], values, step)
+                    if v[c] != v[c]:
+                        v[c] = mark_values[mark_index[key_slot(marks, stack[left, c] + 1)]]
                     low, high = min(low, v[c]), max(high, v[c])
                 first = np.searchsorted(levels, low, side="right")
-                at[0], at[1], at[2] = i, j, k
+                slope, across = -1.0, -1
                 for n in range(first, levels.size):
                     level = levels[n]
                     if level > high:
                         break
-                    for t in range(6):
-                        below, some = 0, 0
+                    below, some = 0, 0
+                    for c in range(4):
+                        if v[c] < level:
+                            below |= 1 << c
+                            some += 1
+                    if not drawing:
+                        count += 2 if some == 2 else 1
+                        continue
+                    if slope < 0.0:
                         for c in range(4):
-                            if v[corners[t, c]] < level:
-                                below |= 1 << c
-                                some += 1
-                        if some == 0 or some == 4:
-                            continue
-                        if not drawing:
-                            count += 2 if some == 2 else 1
-                            continue
-                        p, q, r, s = even[below, 0], even[below, 1], even[below, 2], even[below, 3]
-                        ends = 3
-                        if some == 2:
-                            ends = 4
-                            pairs = ((p, r), (p, s), (q, s), (q, r))
-                        else:
-                            pairs = ((p, q), (p, r), (p, s), (p, s))
-                        for e in range(ends):
-                            a, b = corners[t, pairs[e][0]], corners[t, pairs[e][1]]
-                            vertex[e], made = _crossing(
-                                a, b, v, at, ny, nz, level, n, levels.size, origin, pitch, keys,
-                                number, points, made,
-                            )  # fmt: skip
-                        turned = (t >= 3) ^ (some == 3)
-                        first_corner = 0
-                        if ends == 4 and _apart(points, vertex[1], vertex[3]) < _apart(
-                            points, vertex[0], vertex[2]
-                        ):
-                            first_corner = 1
-                        for e in range(ends - 2):
-                            x = vertex[first_corner]
-                            y = vertex[(first_corner + e + 1) % ends]
-                            z = vertex[(first_corner + e + 2) % ends]
-                            if turned:
-                                y, z = z, y
-                            faces[count, 0], faces[count, 1], faces[count, 2] = x, y, z
-                            face_level[count] = n
-                            face_cell[count] = (i * ny + j) * nz + k
-                            count += 1
+                            _corner(stack[left, c], values, step, pitch, at[c])
+                        slope = _slope(at, v)
+                    p, q, r, s = even[below, 0], even[below, 1], even[below, 2], even[below, 3]
+                    sides = 3
+                    if some == 2:
+                        sides = 4
+                        pairs = ((p, r), (p, s), (q, s), (q, r))
+                    else:
+                        pairs = ((p, q), (p, r), (p, s), (p, s))
+                    for e in range(sides):
+                        a, b = pairs[e]
+                        if stack[left, a] > stack[left, b]:
+                            a, b = b, a
+                        key = (stack[left, a] + stack[left, b]) * levels.size + n + 1
+                        slot = key_slot(keys, key)
+                        if keys[slot] == 0:
+                            keys[slot], index[slot] = key, made
+                            ends[made, 0], ends[made, 1] = stack[left, a], stack[left, b]
+                            end_values[made, 0], end_values[made, 1] = v[a], v[b]
+                            made += 1
+                        vertex[e] = index[slot]
+                        share = (level - v[a]) / (v[b] - v[a])
+                        for d in range(3):
+                            met[e, d] = at[a, d] + share * (at[b, d] - at[a, d])
+                    if sides == 4 and across < 0:  # all levels have the first one's diagonal
+                        across = 1 if _apart(met, 1, 3) < _apart(met, 0, 2) else 0
+                    turned = (stack[left, 6] == 1) ^ (some == 3)
+                    begin = across if sides == 4 else 0
+                    for e in range(sides - 2):
+                        y = vertex[(begin + e + 1) % sides]
+                        z = vertex[(begin + e + 2) % sides]
+                        if turned:
+                            y, z = z, y
+                        faces[count, 0], faces[count, 1], faces[count, 2] = vertex[begin], y, z
+                        of_face[count, 0], of_face[count, 1] = n, cube
+                        deep = stack[left, 5] >= 3 * _DEEPEST
+                        middle = (stack[left, 0] + stack[left, stack[left, 4]]) // 2
+                        halving[count] = -1 if deep else middle
+                        steepness[count] = slope
+                        count += 1
     return count, made
 
 
@@ -506,27 +852,3 @@ def _apart(points: Any, a: Any, b: Any) -> Any:
     for d in range(3):
         square += (points[a, d] - points[b, d]) ** 2
     return square
-
-
-@inner_kernel
-def _crossing(
-    a: Any, b: Any, v: Any, at: Any, ny: Any, nz: Any, level: Any, n: Any, count: Any,
-    origin: Any, pitch: Any, keys: Any, number: Any, points: Any, made: Any,
-) -> Any:  # fmt: skip
-    """Find the vertex where a level meets an edge of the grid, or make it."""
-    if a > b:
-        a, b = b, a
-    i, j, k = at[0] + (a & 1), at[1] + (a >> 1 & 1), at[2] + (a >> 2)
-    way = b - a  # corners along an edge share the bits of the lower one
-    edge = ((i * (ny + 1) + j) * (nz + 1) + k) * 8 + way
-    key = edge * count + n + 1
-    slot = key_slot(keys, key)
-    if keys[slot] == key:
-        return number[slot], made
-    keys[slot] = key
-    number[slot] = made
-    t = (level - v[a]) / (v[b] - v[a])
-    points[made, 0] = origin[0] + (i + t * (way & 1)) * pitch
-    points[made, 1] = origin[1] + (j + t * (way >> 1 & 1)) * pitch
-    points[made, 2] = origin[2] + (k + t * (way >> 2)) * pitch
-    return np.int32(made), made + 1

@@ -7,11 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.cutting.grid import (
+    CELLS,
     MOST_VERTICES,
     active_cells,
     draw_level_sets,
     field_grid,
-    keep_off_levels,
     touched_cells,
 )
 from planner.cutting.intersect import (
@@ -382,8 +382,9 @@ class DividedField:
 
 
 def _divide_along(
-    mesh: Mesh, field: Field, levels: FloatArray, pitch_mm: float, shift: FloatArray
-) -> DividedField:
+    mesh: Mesh, field: Field, levels: FloatArray, pitch_mm: float, shift: FloatArray,
+    within_mm: float, follow: bool,
+) -> DividedField:  # fmt: skip
     """Divide a part along the level sets of a field, drawn on one grid.
 
     Parameters
@@ -396,14 +397,26 @@ def _divide_along(
         Place of the grid's corner below the part's, in pitches beyond one: 0 to 1.
     """
     origin_mm = mesh.bounds_mm[0] - (1.0 + shift) * pitch_mm
-    cubes = np.floor((mesh.bounds_mm[1] - origin_mm) / pitch_mm + 1e-2).astype(int) + 1
+    cells_a_cube = CELLS if follow and np.isfinite(within_mm) else 1
+    cube_mm = cells_a_cube * pitch_mm
+    cubes = np.floor((mesh.bounds_mm[1] - origin_mm) / cube_mm + 1e-2).astype(int) + 1
     shape = (int(cubes[0]), int(cubes[1]), int(cubes[2]))
-    offsets, cells = touched_cells(mesh, origin_mm, pitch_mm, shape)
-    active = active_cells(mesh, origin_mm, pitch_mm, cells, shape)
-    grid = field_grid(field, origin_mm, pitch_mm, active)
-    keep_off_levels(grid, levels)
+    offsets, cells = touched_cells(mesh, origin_mm, cube_mm, shape)
+    active = active_cells(mesh, origin_mm, cube_mm, cells, shape)
+    held = active
+    if cells_a_cube > 1:
+        nx, ny, nz = (n * cells_a_cube for n in shape)
+        _, touched = touched_cells(mesh, origin_mm, pitch_mm, (nx, ny, nz))
+        held = active_cells(mesh, origin_mm, pitch_mm, touched, (nx, ny, nz))
+        blocks = held.reshape(
+            shape[0], cells_a_cube, shape[1], cells_a_cube, shape[2], cells_a_cube
+        )
+        active |= blocks.max(axis=(1, 3, 5))
+    grid = field_grid(field, origin_mm, pitch_mm, held, active)
     lattice = lattice_for(mesh.bounds_mm, 4.0 * pitch_mm)
-    sets = draw_level_sets(grid, levels, lattice)
+    sets = draw_level_sets(grid, levels, lattice, field if follow else None, within_mm,
+        _FACES + _FACES_EACH * len(mesh.faces),
+    )
     active.reshape(-1)[sets.cell] = 2
     part = _surface(mesh.vertices, mesh.faces, lattice)
     level = _surface(sets.vertices, sets.faces, lattice)
@@ -442,6 +455,10 @@ def _divide_along(
     caps, source = caps[kept == 1][order], source[kept == 1][order]
     broken = meetings.broken + part_loops.broken + level_loops.broken
     return _cleaned(pool, faces, label, caps, sets.level[source], broken)
+
+
+_FACES, _FACES_EACH = 150_000, 1.4
+"""Triangles of interfaces, and for each of the part's, that cost as much as the part's own plan."""
 
 
 def _surface(
@@ -530,7 +547,9 @@ _SHARE = 2e-3  # of a pitch that levels move by from attempt to attempt
 _STEP = np.array([0.7548776662, 0.5698402910, 0.4301597090])  # spreads evenly over a cube
 
 
-def split_curved(mesh: Mesh, field: Field, levels: FloatArray, pitch_mm: float) -> DividedField:
+def split_curved(
+    mesh: Mesh, field: Field, levels: FloatArray, pitch_mm: float, within_mm: float, follow: bool
+) -> DividedField:
     """Divide a part along level sets on a grid of a pitch.
 
     Decisions are exact, but points are rounded to float32 afterwards. Where surfaces nearly
@@ -561,7 +580,7 @@ def split_curved(mesh: Mesh, field: Field, levels: FloatArray, pitch_mm: float) 
             break
         shift = (FIRST_SHIFT + attempt * _STEP) % 1.0
         moved = levels + _moved(attempt) * pitch_mm / max(float(extent_mm.max()), pitch_mm)
-        found = _divide_along(mesh, field, moved, pitch_mm, shift)
+        found = _divide_along(mesh, field, moved, pitch_mm, shift, within_mm, follow)
         if found.broken or not _shells_close(found, len(levels) + 1):
             continue
         thin = _thin(found, len(mesh.vertices))

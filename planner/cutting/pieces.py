@@ -1,5 +1,6 @@
 """Divide a part at levels of a field: planes or level sets, and the pieces that come of it."""
 
+import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -54,8 +55,9 @@ class Pieces:
 
 
 def split(
-    mesh: Mesh, field: Field, levels: Sequence[float] | FloatArray, *, pitch_mm: float | None = None
-) -> Pieces:
+    mesh: Mesh, field: Field, levels: Sequence[float] | FloatArray, *,
+    pitch_mm: float | None = None, within_mm: float = math.inf, follow: bool = True,
+) -> Pieces:  # fmt: skip
     """Divide a part at levels of a field: in planes where its level sets are, else on a grid.
 
     Parameters
@@ -69,6 +71,11 @@ def split(
     pitch_mm : float
         Of the grid on which curved level sets are drawn; see
         `planner.cutting.grid.default_pitch_mm`. Planes need none.
+    within_mm
+        The grid is divided where triangles would lie farther from their level set.
+    follow
+        Whether vertices lie where the field has its levels, or where it has them if linear
+        between the grid's vertices.
 
     Returns
     -------
@@ -97,7 +104,7 @@ def split(
         if not (np.diff(values) > 0).all():
             raise ArgumentError(f"levels {list(levels)}: they must increase")
         pitch_mm = default_pitch_mm(mesh) if pitch_mm is None else pitch_mm
-        curved = split_curved(mesh, field, values, pitch_mm)
+        curved = split_curved(mesh, field, values, pitch_mm, within_mm, follow)
         return Pieces(
             curved.vertices,
             curved.faces,

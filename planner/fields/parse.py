@@ -41,9 +41,8 @@ from planner.fields.solved import (
     solve_pitch_mm,
 )
 from planner.formats.field_file import GridTable, read_grid_table, read_point_table
-from planner.formats.files import read_file
+from planner.formats.files import path_within, read_file
 from planner.formats.mesh_file import EXTENSIONS, read_mesh
-from planner.formats.within import path_within
 from planner.mesh.distance import TriangleTree, triangle_tree, united
 from planner.mesh.mesh import Mesh
 from planner.mesh.part import make_part

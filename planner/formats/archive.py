@@ -5,15 +5,22 @@ import struct
 import zipfile
 import zlib
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 from planner.errors import FileError, OutputError
 
-__all__ = ["LARGEST", "canonical_archive", "most_unpacked", "unpacked"]
+__all__ = [
+    "USUAL_LIMITS",
+    "UnfoldingLimits",
+    "canonical_archive",
+    "most_unpacked",
+    "unpacked",
+]
 
 _DATE = 0 << 9 | 1 << 5 | 1  # 1980-01-01, the earliest that a zip can say
 _VERSION = 20  # deflate and folders, nothing newer
 _UNIX_FILE = 0o100644 << 16
-LARGEST = 0xFFFFFFFE
+_LARGEST = 0xFFFFFFFE
 """Bytes that a zip archive, or a member of it, holds without zip64."""
 
 
@@ -47,7 +54,7 @@ def canonical_archive(data: bytes, first: tuple[str, ...]) -> bytes:
     parts, offset, directory = list[bytes | memoryview](), 0, bytearray()
     for name in names:
         member = members[name]
-        if max(offset + member.compress_size, member.file_size) > LARGEST:
+        if max(offset + member.compress_size, member.file_size) > _LARGEST:
             raise OutputError(
                 f"{name}: {member.file_size} bytes, more than the 4 GiB that readers of 3MF take; "
                 "reduce the number of triangles"
@@ -87,7 +94,9 @@ def most_unpacked(packed_bytes: int) -> int:
     return max(_HARMLESS, _RATIO * packed_bytes)
 
 
-def unpacked(data: bytes, name: str, most_bytes: int) -> Iterator[tuple[str, Iterator[bytes]]]:
+def unpacked(
+    data: bytes, name: str, most_bytes: int = _LARGEST
+) -> Iterator[tuple[str, Iterator[bytes]]]:
     """Yield the members of an archive: the name of each, and its content piece by piece.
 
     A member is worth no more memory than a piece, and its content is checked to be of the length
@@ -164,3 +173,32 @@ def _inflated(packed: memoryview, member: zipfile.ZipInfo, name: str) -> Iterato
         raise FileError(
             f"{name}: {member.filename} cannot be unpacked ({error}); copy or export the file again"
         ) from error
+
+
+@dataclass(frozen=True, slots=True)
+class UnfoldingLimits:
+    """How much a file may hold, and what it places unfold to, before it is refused.
+
+    Attributes
+    ----------
+    triangles
+        As placed; what the file itself holds is read in any case. Grading along an axis takes 400
+        bytes of memory a triangle (measured from 0.3 to 5 million), along a curved field twice to
+        three times that: 10 million are about what a machine of 8 GB grades.
+    objects
+        In the file, and as placed, assemblies included. The time that lib3mf takes grows with the
+        square of their number: some 6 s for 10,000.
+    depth
+        Components within components. lib3mf follows them by recursion: 1,000 levels fit into
+        256 KiB, half of the least stack that a thread usually has.
+    unpacked_bytes
+        Of all members of the archive together; see `unpacked`.
+    """
+
+    triangles: int = 10_000_000
+    objects: int = 10_000
+    depth: int = 1_000
+    unpacked_bytes: int = _LARGEST
+
+
+USUAL_LIMITS = UnfoldingLimits()

@@ -1,11 +1,12 @@
-"""Files as bytes, and JSON documents in one canonical form."""
+"""Files as bytes, TOML documents, and JSON documents in one canonical form."""
 
 import contextlib
 import json
 import math
 import stat
+import tomllib
 from collections.abc import Mapping
-from pathlib import Path
+from pathlib import Path, PureWindowsPath
 from typing import Any, TypeVar
 
 import msgspec
@@ -15,8 +16,10 @@ from planner.errors import FileError
 __all__ = [
     "SIGNIFICANT_DIGITS",
     "decode_document",
+    "decode_toml",
     "encode_document",
     "free_memory_bytes",
+    "path_within",
     "read_file",
 ]
 
@@ -80,6 +83,57 @@ def free_memory_bytes() -> float:
 
 
 _CONTAINER = ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory.current")
+
+
+# ------------------------------------------------------------------------------------------------
+# What a folder's documents name: files and folders that lie in that folder, and no others.
+
+
+def path_within(folder: str | Path, name: str) -> Path:
+    """Return where in a folder a file or folder lies that a document there names.
+
+    Plans, campaigns and diagnoses come from others: what they name is opened only where it lies
+    below their own folder, links followed, and is no device. There may be none of that name.
+
+    Raises
+    ------
+    FileError
+        It lies outside, on a path that is absolute or by a link; or is neither file nor folder.
+    """
+    path = Path(folder) / name
+    try:
+        root, place = Path(folder).resolve(), path.resolve()
+        # What is a drive or a root on one machine is so on all.
+        if PureWindowsPath(name).anchor or root not in place.parents:
+            raise FileError(
+                f"{folder}: {name!r}, which is named there, lies outside the folder; it was not "
+                "read: put it into the folder, and name it by its path from there"
+            )
+        mode = place.stat().st_mode if place.exists() else stat.S_IFREG
+    except (OSError, ValueError, RuntimeError) as error:  # a zero byte; a loop of links
+        reason = getattr(error, "strerror", None) or error
+        raise FileError(f"{path}: cannot be read ({reason}); check the name") from error
+    if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
+        raise FileError(f"{path}: is a device, a pipe or a socket; it was not read: give a file")
+    return path
+
+
+# ------------------------------------------------------------------------------------------------
+# TOML, read: what a person wrote, refused with its place where it is none.
+
+
+def decode_toml(data: bytes, name: str) -> dict[str, Any]:
+    """Read the bytes of a TOML file, which errors call `name`.
+
+    Raises
+    ------
+    FileError
+        Not UTF-8, not TOML, or nested too deep or with numbers too long for Python.
+    """
+    try:
+        return tomllib.loads(data.decode("utf-8"))
+    except (ValueError, RecursionError) as error:  # the first of text, of TOML and of long numbers
+        raise FileError(f"{name}: not a TOML file: {error}") from error
 
 
 # ------------------------------------------------------------------------------------------------

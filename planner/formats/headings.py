@@ -5,85 +5,39 @@ import math
 import re
 import tomllib
 import unicodedata
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 
 from planner.errors import FileError
-from planner.formats.tables import LONGEST_HEADING, is_unit, number, quantities_of, unit_factor
+from planner.formats.tables import LONGEST_HEADING, number
+from planner.formats.units import is_unit, quantities_of, unit_factor
 
 __all__ = [
+    "LENGTHS",
+    "LOADS",
     "MODES",
-    "HeadedColumn",
+    "SIGNS",
     "Heading",
-    "column_of",
     "head_text",
-    "is_of_crosshead",
+    "heading_of",
+    "headings_of",
+    "is_figure",
     "marked_specimen",
-    "may_be_nearer",
     "mode_of",
-    "parse_heading",
     "size_of",
     "split_value",
+    "suffice",
 ]
 
 
 # ------------------------------------------------------------------------------------------------
-# The terms are data, in terms.toml; here stand the words and signs around them.
+# The terms are data, in terms.toml, and so are the words around them; here stand the signs.
 
 
-_SPECIMEN = r"(?:specimen|sample|probe|prüfling|eprouvette|echantillon|probeta|muestra|provino|"
-_SPECIMEN += r"campione|test ?piece|試験片|試料|试样|样品|试件)"
-_BEFORE = re.compile(
-    r"^(?:standard|tensile|compressive|axial|engineering|eng|nomin(?:al|ell?)e?|technische|nenn|zug|druck|"
-    r"引張|圧縮|公称|拉伸|压缩|工程|轴向|machine|primary|measured|actual|corrected|raw|applied|"
-    r"video|optical|instron|specimen|sample|proben|試験片|试样|test|avg|average|initial)\s*"
-)
-_BEHIND = re.compile(
-    r"\s(?:standard|estandar|axiale?|assiale|nominale?|conventionnelle|ingenieril|ingegneristica|"
-    r"absolute?|eprouvette|specimen|probe|provino|probeta|from preload|ab vorkraft|"
-    r"(?:de|en|a|por|di|in) (?:traction|traccion|tension|trazione|compression|compresion|"
-    r"compressione))$"
-)
-"""Words that tell nothing of the quantity; `engineering` is what a column is that is not `true`."""
-
-_COMPRESSIVE = re.compile(r"compress|compresion|^druck|stauch|圧縮|压缩")
-_BRACKET = re.compile(r"[(\[{<]\s*([^()\[\]{}<>]*?)\s*[)\]}>]")
-_CHANNEL = re.compile(
-    r"\d|ext|lvdt|channel|chan|kanal|canal|voie|load cell|clip|video|dic|sensor|aufnehmer|capteur|"
-    r"crosshead|traverse|machine|axial|auto|raw|eng",
-    re.IGNORECASE,
-)
-"""What a bracket without a unit names the source of a column by."""
-
-_NUMBERED_CHANNEL = re.compile(
-    r"(?:c|ch|chan|channel|kanal|canal|voie|canale|通道|チャンネル)(?=[\s_.:#\d])[\s_.:#]*\d*[\s_.:-]+",
-    re.IGNORECASE,
-)
-_SUFFIXED = re.compile(r"(.+)_([^_\s]+)")
-_JOINED = re.compile(r"(.+?)\s*(?:[/,;:]|\s(?:in|en)\s)\s*(.+)")
-_SPACED = re.compile(r"(.+)\s(\S+)")
-_NUMBERED = re.compile(
-    rf"(.+?)(?:[\s_.:#-]+(?P<tag>(?:{_SPECIMEN}\s*)?[A-Za-z]{{0,3}}-?\d+|[A-Z])|(?P<number>\d+))",
-    re.IGNORECASE,
-)
-_TAG = re.compile(rf"(?:{_SPECIMEN}[\s_]*)?[\w-]*\d[\w-]*", re.IGNORECASE)
-_SYMBOL = re.compile(r"(.+) (?:[abdhls]\s?[0o]|[abhtw])")
-"""A size with its symbol in ISO 527: "Probendicke a0"."""
-
-_GAUGE = re.compile(
-    r"(?:(?:anfangs)?messl(?:a|ae)nge|gau?ge length)\b(?!.*(?:bruch|break|final|end|after))"
-)
-"""Which travel or strain it is of may stand behind."""
-
-_MARK = re.compile(
-    rf"[#*%\s]*(?:{_SPECIMEN}n?|(?P<test>test(?: run)?|prüfung|versuch|essai|ensayo|prova|kurve|"
-    r"curve))[\s-]*(?:(?P<counted>no|nr|n|number|nummer|n°|№)(?!\w)|(?:name|id)\b)?"
-    r"\s*(?:(?(test)(?(counted)[.:#]|[.#])|[.:#=_-])+\s*(?P<said>.{1,60})|"
-    r"(?P<number>[\w.-]*\d[\w.-]*|[A-Z])(?:\s*(?:of|von|sur|de|di|/)\s*\d+)?)",
-    re.IGNORECASE,
-)
+def _words(table: str, name: str) -> list[str]:
+    return [word.strip() for word in re.split(r",|\n", _TERMS[table][name]) if word.strip()]
 
 
 @functools.lru_cache(maxsize=8192)
@@ -97,17 +51,49 @@ def _folded(text: str) -> str:
 _TERMS: Mapping[str, Mapping[str, str]] = tomllib.loads(
     Path(__file__).with_name("terms.toml").read_text(encoding="utf-8")
 )
-_MEANING, _SIZE, _TEXT, _SPEED, _MODE = (
-    {
-        _folded(term): meaning
-        for meaning, terms in _TERMS[table].items()
-        for term in re.split(r",|\n", terms)
-        if term.strip()
-    }
-    for table in ("columns", "sizes", "texts", "speeds", "modes")
+_MEANING, _SIZE, _SYMBOLS, _TEXT, _SPEED, _MODE = (
+    {_folded(word): meaning for meaning in _TERMS[table] for word in _words(table, meaning)}
+    for table in ("columns", "sizes", "symbols", "texts", "speeds", "modes")
 )
 MODES = tuple(_TERMS["modes"])
 """The ways of loading that are told apart."""
+
+_BEFORE, _BEHIND = (
+    re.compile(form % "|".join(sorted(map(_folded, _words("qualifiers", name)), key=len)[::-1]))
+    for name, form in (("before", r"^(?:%s)\s*"), ("behind", r"\s(?:%s)$"))
+)
+_ANY = {name: "|".join(_words("signs", name)) for name in _TERMS["signs"]}
+SIGNS = MappingProxyType({name: re.compile(f"(?:{any_})", re.I) for name, any_ in _ANY.items()})
+"""By what cells are known that are no terms; see terms.toml."""
+
+_BRACKET = re.compile(r"[(\[{<]\s*([^()\[\]{}<>]*?)\s*[)\]}>]")
+_NUMBERED_CHANNEL = re.compile(
+    rf"(?:{_ANY['channel']})(?=[\s_.:#\d])[\s_.:#]*\d*[\s_.:-]+", re.IGNORECASE
+)
+_SUFFIXED = re.compile(r"(.+)_([^_\s]+)")
+_JOINED = re.compile(r"(.+?)\s*(?:[/,;:]|\s(?:in|en)\s)\s*(.+)")
+_SPACED = re.compile(r"(.+)\s(\S+)")
+_NUMBERED = re.compile(
+    rf"(.+?)(?:[\s_.:#-]+(?P<tag>(?:(?:{_ANY['specimen']})\s*)?[A-Za-z]{{0,3}}-?\d+|[A-Z])|"
+    r"(?P<number>\d+))",
+    re.IGNORECASE,
+)
+_TAG = re.compile(rf"(?:(?:{_ANY['specimen']})[\s_]*)?[\w-]*\d[\w-]*", re.IGNORECASE)
+_SYMBOL = re.compile(r"(.+) (?:[abdhls]\s?[0o]|[abhtw])")
+"""A size with its symbol in ISO 527: "Probendicke a0"."""
+
+_GAUGE = re.compile(
+    r"(?:(?:anfangs)?messl(?:a|ae)nge|gau?ge length)\b(?!.*(?:bruch|break|final|end|after))"
+)
+"""Which travel or strain it is of may stand behind."""
+
+_MARK = re.compile(
+    rf"[#*%\s]*(?:(?:{_ANY['specimen']})n?|(?P<test>{_ANY['test']}))[\s-]*"
+    r"(?:(?P<counted>no|nr|n|number|nummer|n°|№)(?!\w)|(?:name|id)\b)?"
+    r"\s*(?:(?(test)(?(counted)[.:#]|[.#])|[.:#=_-])+\s*(?P<said>.{1,60})|"
+    r"(?P<number>[\w.-]*\d[\w.-]*|[A-Z])(?:\s*(?:of|von|sur|de|di|/)\s*\d+)?)",
+    re.IGNORECASE,
+)
 
 
 def _looked_up(name: str, table: Mapping[str, str]) -> str | None:
@@ -126,28 +112,24 @@ def _looked_up(name: str, table: Mapping[str, str]) -> str | None:
 # A column's heading: which quantity, in which unit.
 
 
-_COLUMNS: Mapping[str, tuple[str, str]] = MappingProxyType(
+_COLUMNS: Mapping[str, Mapping[str, str]] = MappingProxyType(
     {
-        "time": ("time_s", "time"),
-        "force": ("force_N", "force"),
-        "displacement": ("displacement_mm", "length"),
-        "position": ("displacement_mm", "length"),
-        "strain": ("strain", "strain"),
-        "stress": ("stress_MPa", "stress"),
-        "stretch": ("stretch", "strain"),
-        "true strain": ("true_strain", "strain"),
-        "true stress": ("true_stress_MPa", "stress"),
+        "time": {"time": "time_s"},
+        "force": {"force": "force_N", "stress": "stress_MPa"},  # testXpert: "Standardkraft in MPa"
+        "displacement": {"length": "displacement_mm", "strain": "strain"},
+        "position": {"length": "displacement_mm"},
+        "elongation": {"length": "displacement_mm", "strain": "strain"},
+        "strain": {"strain": "strain", "length": "displacement_mm"},  # an extensometer's travel
+        "stress": {"stress": "stress_MPa"},
+        "stretch": {"strain": "stretch"},
+        "lagrange strain": {"strain": "lagrange_strain"},
+        "true strain": {"strain": "true_strain"},
+        "true stress": {"stress": "true_stress_MPa"},
     }
 )
+"""By meaning: the column, by the quantity that the unit is of; the first where none is stated."""
+
 _OF = {"time": "s", "force": "N", "length": "mm", "stress": "MPa"}
-_UNIT_OPTIONAL = {"strain", "stretch", "true strain"}
-_TOLD_BY_UNIT = {
-    ("strain", "length"): "displacement",  # an extensometer's travel
-    ("elongation", "length"): "displacement",
-    ("elongation", "strain"): "strain",
-    ("displacement", "strain"): "strain",
-    ("force", "stress"): "stress",  # testXpert: "Standardkraft in MPa"
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,42 +156,72 @@ class Heading:
     tag: str = ""
     compressed: bool = False
 
+    @property
+    def quantity(self) -> str:
+        """What the column is of: of several quantities the one that its unit is of."""
+        kinds = quantities_of(self.unit or "")
+        choices = _COLUMNS[self.meaning]
+        return next((kind for kind in choices if kind in kinds), next(iter(choices)))
 
-@dataclass(frozen=True, slots=True)
-class HeadedColumn:
-    """Canonical column name of a heading, and the factor to its unit."""
+    @property
+    def is_of_crosshead(self) -> bool:
+        """Whether it is of the machine's own way, which a nearer sensor's goes before."""
+        return SIGNS["crosshead"].search(_folded(self.text)) is not None
 
-    heading: Heading
-    name: str
-    factor: float
+    @property
+    def may_be_nearer(self) -> bool:
+        """Whether what is not understood may be of a sensor, or a strain of the gauge."""
+        nearer, otherwise = (SIGNS[n].search(_folded(self.text)) for n in ("nearer", "otherwise"))
+        return nearer is not None and otherwise is None
+
+    def column(self, where: str) -> tuple[str, float]:
+        """Return the name of the column, and the factor to its unit.
+
+        Raises
+        ------
+        FileError
+            The unit is missing where one is needed, or is unknown.
+        """
+        where, quantity = f"{where}, column {self.text!r}", self.quantity
+        if self.unit is None and quantity != "strain":
+            unsure = ", so that it may be a length or a strain" * (self.meaning == "elongation")
+            units = ("mm", "%") if unsure else (_OF[quantity],)
+            examples = " or ".join(f"'{self.text} ({unit})'" for unit in units)
+            raise FileError(f"{where}: no unit{unsure}; write it in the heading, as {examples}")
+        return _COLUMNS[self.meaning][quantity], unit_factor(quantity, self.unit or "", where=where)
 
 
 @functools.lru_cache(maxsize=8192)
-def parse_heading(text: str) -> Heading | None:
-    """Take a heading apart, or return None where it names nothing that is known.
+def heading_of(text: str) -> Heading:
+    """Take a heading apart; where it names nothing that is known the meaning is "".
 
     "Load (lbf)", "Load [lbf]", "force_N", "Load N", "Kraft in N", "Kraft / N", "C_1_Force[kN]",
     "Load (5 kN cell) [N]", "S1_force_N" and a bare "Load" are understood.
     """
-    if len(text) > LONGEST_HEADING:
-        return None
-    plain = " ".join(unicodedata.normalize("NFKC", text).split())
+    plain = _plain(text)
     brackets, name = list[str](), plain
     while inner := _BRACKET.findall(name):  # one within another, as WaveMatrix writes them
         brackets, name = inner + brackets, _BRACKET.sub(" ", name)
     name = " ".join(name.split()) or plain
     found = _parse(_NUMBERED_CHANNEL.sub("", name, count=1)) or _tagged(name)
     if found is None:
-        return None
+        return Heading(text, "", None)
     meaning, unit, tag = found
+    unitless = next(iter(_COLUMNS.get(meaning, ())), "") == "strain"
     for bracket in reversed(brackets):
-        stated = is_unit(bracket) and not (bracket.isdigit() and meaning not in _UNIT_OPTIONAL)
-        if stated or not (_CHANNEL.search(bracket) or _looked_up(bracket, _MEANING)):
+        stated = is_unit(bracket) and (unitless or not bracket.isdigit())
+        if stated or not (SIGNS["source"].search(bracket) or _looked_up(bracket, _MEANING)):
             unit = bracket
             if stated:
                 break
-    compressed = _COMPRESSIVE.search(_folded(name)) is not None
+    compressed = SIGNS["compressed"].search(_folded(name)) is not None
     return Heading(text, meaning, unit, tag, compressed)
+
+
+def _plain(text: str) -> str:
+    """Return a cell in one width, with single blanks; of what is too long for a heading ""."""
+    short = unicodedata.normalize("NFKC", text) if len(text) <= LONGEST_HEADING else ""
+    return " ".join(short.split())
 
 
 def _parse(name: str) -> tuple[str, str | None, str] | None:
@@ -219,21 +231,26 @@ def _parse(name: str) -> tuple[str, str | None, str] | None:
     suffixed = _SUFFIXED.fullmatch(name)
     if suffixed and not suffixed[2].isdigit():
         meaning = _looked_up(suffixed[1], _MEANING)
-        if meaning is not None and (is_unit(suffixed[2]) or not _CHANNEL.search(suffixed[2])):
+        if meaning is not None and (
+            is_unit(suffixed[2]) or not SIGNS["source"].search(suffixed[2])
+        ):
             return meaning, suffixed[2], ""
-    for pattern in (_JOINED, _SPACED):
-        match = pattern.fullmatch(name)
-        # Only a known unit: a "Load cell" and a "Time stamp" are no columns.
-        if match and is_unit(match[2]) and not match[2].isdigit():
-            inner = _parse(match[1])
-            if inner is not None:
-                return inner[0], match[2], inner[2]
+    for stem, unit in _apart(name, _JOINED, _SPACED):
+        if (inner := _parse(stem)) is not None:
+            return inner[0], unit, inner[2]
     numbered = _NUMBERED.fullmatch(name)
     if numbered:
         inner = _parse(numbered[1])
         if inner is not None and not inner[2]:
             return inner[0], inner[1], numbered["tag"] or numbered["number"]
     return None
+
+
+def _apart(name: str, *patterns: re.Pattern[str]) -> Iterator[tuple[str, str]]:
+    """Yield a name and the unit behind it, a known one: "Load cell", "Time stamp" have none."""
+    for match in (pattern.fullmatch(name) for pattern in patterns):
+        if match and is_unit(match[2]) and not match[2].isdigit():
+            yield match[1], match[2]
 
 
 def _tagged(name: str) -> tuple[str, str | None, str] | None:
@@ -246,33 +263,29 @@ def _tagged(name: str) -> tuple[str, str | None, str] | None:
     return None
 
 
-def column_of(heading: Heading, *, where: str) -> HeadedColumn:
-    """Return the canonical column of a heading, with the factor to its unit.
+STRAINS = {"strain", "stretch", "true strain", "lagrange strain"}
+LENGTHS = {"displacement", "position", "elongation"} | STRAINS
+LOADS = {"force", "stress", "true stress"}
+"""What a record has one of each of."""
 
-    Raises
-    ------
-    FileError
-        The unit is missing where one is needed, or is unknown.
-    """
-    where = f"{where}, column {heading.text!r}"
-    meaning, unit = heading.meaning, heading.unit
-    kinds = quantities_of(unit or "")
-    told = [other for (of, kind), other in _TOLD_BY_UNIT.items() if of == meaning and kind in kinds]
-    if told and not (meaning in _COLUMNS and _COLUMNS[meaning][1] in kinds):
-        meaning = told[0]
-    elif meaning == "elongation":
-        if unit is None:
-            raise FileError(
-                f"{where}: no unit, so that it may be a length or a strain; write it in the "
-                f"heading, as '{heading.text} (mm)' or '{heading.text} (%)'"
-            )
-        meaning = "displacement"
-    name, quantity = _COLUMNS[meaning]
-    if unit is None and meaning not in _UNIT_OPTIONAL:
-        raise FileError(
-            f"{where}: no unit; write it in the heading, as '{heading.text} ({_OF[quantity]})'"
-        )
-    return HeadedColumn(heading, name, unit_factor(quantity, unit or "", where=where))
+
+def headings_of(cells: Sequence[str]) -> list[Heading] | None:
+    """Return the headings in a row that names a load and a length; None of any other row."""
+    if sum(map(bool, cells)) < 2:
+        return None
+    found = [heading_of("" if is_figure(cell) else cell) for cell in cells]
+    return found if suffice(found) else None
+
+
+def suffice(headings: Iterable[Heading]) -> bool:
+    """Say whether there are a load and a length among headings."""
+    meanings = {heading.meaning for heading in headings}
+    return bool(meanings & LENGTHS and meanings & LOADS)
+
+
+def is_figure(cell: str) -> bool:
+    """Say whether a cell begins as a number does."""
+    return cell[:1].isdigit() or (cell[:1] in "+-.," and cell[1:2].isdigit())
 
 
 # ------------------------------------------------------------------------------------------------
@@ -293,16 +306,11 @@ def split_value(cell: str, separator: str) -> tuple[float, str] | None:
 
 def _names(cell: str) -> Iterator[tuple[str, str]]:
     """Yield the names that a cell such as "Dimension : Width (mm)" may mean, each with its unit."""
-    if len(cell) > LONGEST_HEADING:
-        return
-    plain = " ".join(unicodedata.normalize("NFKC", cell).split()).rstrip(" :=")
+    plain = _plain(cell).rstrip(" :=")
     unit = next((b for b in reversed(_BRACKET.findall(plain)) if is_unit(b)), "")
     name = " ".join(_BRACKET.sub(" ", plain).split()).rstrip(" :=")
-    for pattern in () if unit else (_SUFFIXED, _JOINED, _SPACED):
-        match = pattern.fullmatch(name)
-        if match and is_unit(match[2]) and not match[2].isdigit():
-            name, unit = match[1], match[2]
-            break
+    if not unit:
+        name, unit = next(_apart(name, _SUFFIXED, _JOINED, _SPACED), (name, ""))
     yield name, unit
     group, _, last = name.rpartition(" : ")
     if group:
@@ -315,13 +323,13 @@ def _names(cell: str) -> Iterator[tuple[str, str]]:
             yield part, unit
 
 
-def size_of(cell: str) -> tuple[str | None, str, str]:
+def size_of(cell: str, *, symbols: bool = False) -> tuple[str | None, str, str]:
     """Return the size that a cell beside the columns names, its unit or "", and its number or "".
 
     A size as width_mm, or rate_mm_s, the crosshead's speed. "Width 2" has the number 2: one of
-    several readings.
+    several readings. `symbols` takes "w" for a width too, if its unit is of length or not there.
     """
-    unit = ""
+    name = unit = ""
     for name, unit in _names(cell):
         numbered = _NUMBERED.fullmatch(_folded(name))
         stem, count = (numbered[1], numbered["tag"] or numbered["number"]) if numbered else ("", "")
@@ -333,32 +341,8 @@ def size_of(cell: str) -> tuple[str | None, str, str]:
         size = _looked_up(stem, _SIZE) if len(stem) > 1 and count.isdigit() else None
         if size in ("width_mm", "thickness_mm", "diameter_mm"):
             return size, unit, count
-    return None, unit, ""
-
-
-def is_of_crosshead(heading: str) -> bool:
-    """Say whether a column is the machine's own way, which a nearer sensor's goes before."""
-    return _CROSSHEAD.search(_folded(heading)) is not None
-
-
-def may_be_nearer(heading: str) -> bool:
-    """Say whether a column that is not understood may be a sensor's, or a strain of the gauge."""
-    folded = _folded(heading)
-    return _NEARER.search(folded) is not None and _OTHERWISE.search(folded) is None
-
-
-_NEARER = re.compile(
-    r"strain|dehn|exten|verlang|laser|video|\b(?:ave|dic|lve|d ?l)\b|[δ∆]l|\beps|ε|elong|deform|"
-    r"allong|allung|ひすみ|伸|应变"
-)
-_OTHERWISE = re.compile(
-    r"quer|lateral|transv|width|breite|rate\b|speed|soll|command|setpoint|target|plastic|shear|error|"
-    r"exx|epsx"
-)
-_CROSSHEAD = re.compile(
-    r"crosshead|travers|stroke|machine|maschine|actuator|cabezal|cruceta|kolben|ストローク|"
-    r"クロスヘット|横梁|夹头|十字头"
-)
+    is_symbol = symbols and (not unit or "length" in quantities_of(unit))
+    return _SYMBOLS.get(_folded(name)) if is_symbol else None, unit, ""
 
 
 def head_text(cell: str) -> str | None:

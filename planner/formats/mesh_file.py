@@ -17,10 +17,10 @@ from types import MappingProxyType
 import numpy as np
 
 from planner.errors import ArgumentError, FileError, MeshError, did_you_mean
+from planner.formats.archive import USUAL_LIMITS, UnfoldingLimits
 from planner.formats.files import read_file
 from planner.formats.stl import decode_stl, require_finite
-from planner.formats.tables import QUANTITY_UNITS
-from planner.formats.threemf_structure import USUAL_LIMITS, UnfoldingLimits
+from planner.formats.units import QUANTITY_UNITS
 from planner.numerics import Float32Array, FloatArray
 
 __all__ = ["EXTENSIONS", "MILLIMETRES", "canonical_unit", "read_mesh", "unit_scale_mm"]

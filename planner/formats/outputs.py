@@ -9,6 +9,7 @@ import re
 import shutil
 import stat
 import sys
+import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -28,7 +29,6 @@ __all__ = [
     "is_scratch",
     "is_sealed",
     "is_stream",
-    "kept_files",
     "new_folder",
     "seal",
     "write_whole",
@@ -291,7 +291,7 @@ def is_sealed(path: Path) -> bool:
     return at >= 0 and seal(page[:at] + _OPEN + page[at + len(_OPEN) :]) == page
 
 
-def kept_files(folder: str | Path, record: str) -> tuple[str, ...]:
+def _kept_files(folder: str | Path, record: str) -> tuple[str, ...]:
     """List what planner has not written into a folder, or not as it is now.
 
     Parameters
@@ -407,7 +407,7 @@ def check_target(
     Returns
     -------
     tuple of str
-        What is there and stays; see `kept_files`.
+        What is there and stays; see `_kept_files`.
 
     Raises
     ------
@@ -438,7 +438,7 @@ def check_target(
                     f"{folder}: exists already; replace it with `force`, or name another folder "
                     f"with `{option}`"
                 )
-            kept, listed = kept_files(target, record), _listed(target, record)
+            kept, listed = _kept_files(target, record), _listed(target, record)
             changed = [name for name in kept if name in listed]
             _refuse(folder, changed, "was changed since planner wrote it", option)
         elif target.exists():
@@ -607,13 +607,7 @@ def _exchange(one: Path, other: Path) -> bool:
 
 def _exchange_in_steps(scratch: Path, target: Path) -> None:
     """Do what `_exchange` does by way of a third name, which no run removes."""
-    for number in itertools.count():
-        aside = target.with_name(f".{target.name}.replaced{number or ''}")
-        try:
-            aside.mkdir()
-        except FileExistsError:
-            continue
-        break
+    aside = Path(tempfile.mkdtemp(prefix=f".{target.name}.replaced-", dir=target.parent))
     kept = aside / target.name
     try:
         target.rename(kept)

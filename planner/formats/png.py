@@ -245,39 +245,32 @@ _PER_METRE = 1
 _TRUECOLOUR_ALPHA, _INDEXED = 6, 3
 
 
-@dataclass(frozen=True, slots=True)
-class PngHeader:
-    """What a PNG says of its pixels, 8 bits a channel.
-
-    Attributes
-    ----------
-    pixel_mm
-        Edges of a pixel along the row and down the column.
-    palette
-        Colours by index; None for RGBA pixels.
-    """
-
-    width: int
-    height: int
-    pixel_mm: tuple[float, float]
-    palette: tuple[Rgba, ...] | None = None
-
-
-def _encode_png(header: PngHeader, zlib_stream: bytes) -> bytes:
-    """Return the bytes of a PNG file.
+def _encode_png(
+    size: tuple[int, int],
+    pixel_mm: tuple[float, float],
+    palette: Sequence[Rgba] | None,
+    zlib_stream: bytes,
+) -> bytes:
+    """Return the bytes of a PNG file of 8 bits a channel.
 
     Parameters
     ----------
+    size
+        Pixels along the row and down the column.
+    pixel_mm
+        Edges of a pixel along the same.
+    palette
+        Colours by index; None for RGBA pixels.
     zlib_stream
         The filtered rows, compressed.
     """
-    kind = _TRUECOLOUR_ALPHA if header.palette is None else _INDEXED
-    size = struct.pack(">IIBBBBB", header.width, header.height, 8, kind, 0, 0, 0)
-    per_metre = [min(round(1000.0 / edge), 2**31 - 1) for edge in header.pixel_mm]
-    chunks = [(b"IHDR", size), (b"pHYs", struct.pack(">IIB", *per_metre, _PER_METRE))]
-    if header.palette is not None:
-        chunks.append((b"PLTE", b"".join(bytes(colour[:3]) for colour in header.palette)))
-        chunks.append((b"tRNS", bytes(colour[3] for colour in header.palette)))
+    kind = _TRUECOLOUR_ALPHA if palette is None else _INDEXED
+    header = struct.pack(">IIBBBBB", *size, 8, kind, 0, 0, 0)
+    per_metre = [min(round(1000.0 / edge), 2**31 - 1) for edge in pixel_mm]
+    chunks = [(b"IHDR", header), (b"pHYs", struct.pack(">IIB", *per_metre, _PER_METRE))]
+    if palette is not None:
+        chunks.append((b"PLTE", b"".join(bytes(colour[:3]) for colour in palette)))
+        chunks.append((b"tRNS", bytes(colour[3] for colour in palette)))
     chunks += [(b"IDAT", zlib_stream), (b"IEND", b"")]
     return _SIGNATURE + b"".join(_chunk(name, data) for name, data in chunks)
 
@@ -398,4 +391,4 @@ def encode_layer(
     end = (int(place) + 7) // 8
     data = stream[:end].tobytes() + int(adler).to_bytes(4, "big")
     palette = (NOTHING, *kind.colours) if kind.indexed else None
-    return _encode_png(PngHeader(width, last - first, kind.pixel_mm, palette), data)
+    return _encode_png((width, last - first), kind.pixel_mm, palette, data)

@@ -1,40 +1,38 @@
-"""Text tables: rows of cells whatever the separator, columns of numbers, factors of units."""
+"""Tables: rows of cells of a text, whatever its separator, or of a workbook; columns of numbers."""
 
 import csv
+import datetime
+import functools
 import io
 import math
 import re
-import unicodedata
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from types import MappingProxyType
-from typing import Any
 
 import numpy as np
 
 from planner.errors import FileError
+from planner.formats.archive import unpacked
 from planner.formats.files import SIGNIFICANT_DIGITS, read_file
+from planner.formats.units import unit_factor
 from planner.numerics import FloatArray
 
 __all__ = [
     "LARGEST_FIGURE",
     "LONGEST_HEADING",
-    "QUANTITY_UNITS",
     "TextRow",
     "decode_text",
     "encode_csv",
     "finite_number",
     "finite_numbers",
-    "is_unit",
+    "is_workbook",
     "number",
-    "quantities_of",
     "read_columns",
     "read_records",
     "read_rows",
-    "read_text",
+    "read_sheets",
     "split_rows",
-    "unit_factor",
 ]
 
 
@@ -51,8 +49,8 @@ LARGEST_FIGURE = 1e30
 LONGEST_HEADING = 200
 """Characters; programs write 80 at most, and searching a heading takes the square of them."""
 
-Record = dict[str | Any, str | Any]
-"""A row's cells by heading, None where the row ends before."""
+Record = dict[str, str]
+"""A row's cells by heading, as far as the row goes."""
 
 _THOUSANDS = re.compile(r"[+-]?\d{1,3}(,\d{3})+\.\d*")
 _THOUSANDS_BY_DOTS = re.compile(r"[+-]?\d{1,3}(\.\d{3})+,\d*")
@@ -96,17 +94,6 @@ def _csv_cell(value: str | float | None, digits: int) -> str:
     return f'"{value.replace(chr(34), chr(34) * 2)}"' if re.search(r'[",\r\n]', value) else value
 
 
-def read_text(path: Path) -> str:
-    """Read a text file, see `decode_text`.
-
-    Raises
-    ------
-    FileError
-        The file cannot be read, is empty, or is binary.
-    """
-    return decode_text(read_file(path, advice="give the path of a tensile file"), path)
-
-
 def decode_text(data: bytes, path: Path) -> str:
     """Return a text in UTF-8, UTF-16, GB 18030, Shift-JIS or Windows-1252, whichever it is in.
 
@@ -117,9 +104,9 @@ def decode_text(data: bytes, path: Path) -> str:
     """
     text = _decoded(data)
     if "\0" in text:
-        raise FileError(f"{path}: a binary file; export the test as CSV or text")
+        raise FileError(f"{path}: a binary file; export it as CSV or text")
     if not text.strip():
-        raise FileError(f"{path}: the file is empty; export the test again")
+        raise FileError(f"{path}: the file is empty; export it again")
     return text
 
 
@@ -182,7 +169,7 @@ def read_rows(path: Path) -> tuple[list[str], str, Iterator[TextRow]]:
     FileError
         The file cannot be read, is empty, or is binary.
     """
-    text = read_text(path)
+    text = decode_text(read_file(path, advice="give a CSV file"), path)
     first = next(line for line in text.splitlines() if line.strip())
     separator = max(",;\t", key=first.count)
     rows = ((line, cells) for line, cells in _iterate_rows(text, separator) if any(cells))
@@ -190,7 +177,7 @@ def read_rows(path: Path) -> tuple[list[str], str, Iterator[TextRow]]:
 
 
 def read_records(path: Path, what: str) -> tuple[tuple[str, ...], list[tuple[str, Record]]]:
-    """Read a file separated by commas: its headings, and each row by heading.
+    """Read a table: its headings, and each row by heading.
 
     Parameters
     ----------
@@ -205,20 +192,14 @@ def read_records(path: Path, what: str) -> tuple[tuple[str, ...], list[tuple[str
     Raises
     ------
     FileError
-        The file cannot be read, or is no CSV.
+        The file cannot be read, is empty, or is binary.
     """
     try:
-        text = read_file(path, advice="give a CSV file").decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise FileError(f"{what} {path}: cannot be read ({error}); give a CSV file") from error
+        headings, _, rows = read_rows(path)
+        records = [(line, dict(zip(headings, cells, strict=False))) for line, cells in rows]
     except FileError as error:
         raise FileError(f"{what} {error}") from error
-    reader = csv.DictReader(text.splitlines(), skipinitialspace=True)
-    try:
-        headings = tuple(reader.fieldnames or ())
-        return headings, [(f"{what} {path}, line {reader.line_num}", row) for row in reader]
-    except csv.Error as error:
-        raise FileError(f"{what} {path}: {error}; it is not a CSV file") from error
+    return tuple(headings), [(f"{what} {path}, line {line}", record) for line, record in records]
 
 
 def finite_number(text: str | None, where: str) -> float:
@@ -272,133 +253,112 @@ def number(cell: str, separator: str) -> float | None:
 
 
 # ------------------------------------------------------------------------------------------------
-# Units that testing machines write, as factors to mm, N, MPa, s and fractions.
-#
-# Factors follow the international inch, the avoirdupois pound and standard gravity (NIST SP 811,
-# appendix B).
+# Workbooks (XLSX, XLS, ODS) as sheets of cells, read by calamine once their size is known.
 
 
-_POUND_FORCE_N = 0.45359237 * 9.80665
-_PSI_MPA = _POUND_FORCE_N / 25.4**2
+_MOST_CELLS = 20_000_000
+"""Of a sheet, empty ones included. Chosen: a test of five days at 5 points a second in eight
+columns; what holds more takes gigabytes as cells."""
 
-QUANTITY_UNITS: Mapping[str, Mapping[str, float]] = MappingProxyType(
-    {
-        "time": {
-            "s": 1.0, "sec": 1.0, "secs": 1.0, "second": 1.0, "seconds": 1.0,
-            "ms": 1e-3, "min": 60.0, "minutes": 60.0, "h": 3600.0, "hr": 3600.0,
-        },
-        "length": {
-            "mm": 1.0, "cm": 10.0, "m": 1000.0, "um": 1e-3, "µm": 1e-3, "μm": 1e-3,
-            "in": 25.4, "inch": 25.4, "inches": 25.4, '"': 25.4, "mil": 0.0254, "ft": 304.8,
-        },
-        "force": {
-            "N": 1.0, "mN": 1e-3, "kN": 1e3, "MN": 1e6, "newton": 1.0, "newtons": 1.0,
-            "lbf": _POUND_FORCE_N, "lb": _POUND_FORCE_N, "lbs": _POUND_FORCE_N,
-            "klbf": 1e3 * _POUND_FORCE_N, "kip": 1e3 * _POUND_FORCE_N,
-            "ozf": _POUND_FORCE_N / 16, "oz": _POUND_FORCE_N / 16,
-            "kgf": 9.80665, "kg": 9.80665, "gf": 9.80665e-3, "g": 9.80665e-3,
-        },
-        "stress": {
-            "MPa": 1.0, "Pa": 1e-6, "kPa": 1e-3, "GPa": 1e3, "bar": 0.1,
-            "N/mm2": 1.0, "N/mm^2": 1.0, "N/mm²": 1.0, "N/m2": 1e-6, "N/m^2": 1e-6, "N/m²": 1e-6,
-            "psi": _PSI_MPA, "ksi": 1e3 * _PSI_MPA, "lbf/in2": _PSI_MPA, "lbf/in^2": _PSI_MPA,
-            "kgf/mm2": 9.80665, "kgf/mm^2": 9.80665,
-        },
-        "strain": {
-            "": 1.0, "-": 1.0, "1": 1.0, "mm/mm": 1.0, "m/m": 1.0, "in/in": 1.0, "fraction": 1.0,
-            "%": 0.01, "percent": 0.01, "per cent": 0.01, "pct": 0.01, "mm/mm %": 0.01,
-            "µε": 1e-6, "με": 1e-6, "microstrain": 1e-6,
-        },
-    }
-)  # fmt: skip
-"""Factors to s, mm, N, MPa and fractions, by quantity and unit."""
+_OLE = b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"
+_PLACE = re.compile(rb'\sr="([A-Z]{0,3})(\d{1,7})"')
+_TIMES = re.compile(rb'number-(?:rows|columns)-repeated="(\d{1,9})"')
 
-_UNIT_WORDS = {
-    "s": "sek, sekunden, seg, segundos, secondes, secondi, 秒",
-    "min": "minuten, minutes, minutos, minuti, 分",
-    "mm": "millimeter, millimeters, millimetre, millimetres, millimètres, milímetros, millimetri, "
-    "ミリ, 毫米",
-    "cm": "centimeter, centimeters, centimetre, centimetres",
-    "N": "牛, 牛顿",
-    "kN": "千牛",
-    "MPa": "兆帕",
-    "in": "zoll, pouce, pouces, pulg, pulgadas, pollici, インチ",
-    "%": "prozent, pour cent, por ciento, percento, パーセント",
-}
-"""Units as other languages spell them out, by planner's own word."""
-
-_READ_ALONE = {
-    "force": {"dan": 10.0, "dn": 0.1, "cn": 0.01, "kp": 9.80665},
-    "strain": {"‰": 1e-3, "mm/m": 1e-3, "\u03bcm/m": 1e-6, "um/m": 1e-6},
-}  # fmt: skip
-"""Units that files state and that no one is advised to try: a decanewton is a kilogram-force to
-2 %, nearer than a load cell's gain is known."""
-
-_CASE_MATTERS = {"mN", "MN"}
-_FOLDED = {
-    quantity: {unit.casefold(): f for unit, f in units.items() if unit not in _CASE_MATTERS}
-    | _READ_ALONE.get(quantity, {})
-    | {
-        word.casefold(): units[unit]
-        for unit, words in _UNIT_WORDS.items()
-        if unit in units
-        for word in words.split(", ")
-    }
-    for quantity, units in QUANTITY_UNITS.items()
-}
-_LENGTHS, _TIMES = _FOLDED["length"].items(), _FOLDED["time"].items()
-_FOLDED["area"] = {f"{unit}{two}": f * f for unit, f in _LENGTHS for two in ("2", "^2")}
-_FOLDED["stress"] |= {
-    f"{force}/{area}": newtons / mm2
-    for force, newtons in {**_FOLDED["force"], "mn": 1e-3}.items()
-    for area, mm2 in _FOLDED["area"].items()
-    if f"{force}/{area}" not in _FOLDED["stress"]
-}
-_FOLDED["speed"] = {f"{unit}/{time}": f / s for unit, f in _LENGTHS for time, s in _TIMES}
+Sheet = tuple[str, list[list[str]]]
+"""Its name, and its cells by row; an empty cell is ''."""
 
 
-def _find(quantity: str, unit: str) -> float | None:
-    # "sec.", "in."; the Japanese "％" and "㎜" are one character each.
-    unit = unicodedata.normalize("NFKC", unit).removesuffix(".")
-    if quantity == "stress" and unit.startswith("MN/"):
-        return _find("stress", unit[1:]) and 1e6 * _FOLDED["stress"][unit[1:].casefold()]
-    factor = QUANTITY_UNITS.get(quantity, {}).get(unit)
-    return _FOLDED[quantity].get(unit.casefold()) if factor is None else factor
+def is_workbook(data: bytes) -> bool:
+    """Say whether bytes begin as a workbook does, whatever the file is called."""
+    return data[:4] == b"PK\x03\x04" or data[:8] == _OLE
 
 
-def is_unit(text: str) -> bool:
-    """Say whether `text` is a unit of any quantity that is known here."""
-    return bool(quantities_of(text))
-
-
-def quantities_of(unit: str) -> frozenset[str]:
-    """Return what has a unit: keys of `QUANTITY_UNITS`, "area", "speed"; none of an empty text."""
-    unit = unit.strip()
-    return frozenset(q for q in _FOLDED if unit and _find(q, unit) is not None)
-
-
-def unit_factor(quantity: str, unit: str, *, where: str) -> float:
-    """Return the factor from a unit to planner's own unit of that quantity.
-
-    Parameters
-    ----------
-    quantity
-        A key of `QUANTITY_UNITS`, "area" or "speed".
-    unit
-        As the file writes it; case is ignored, save between mN and MN.
-    where
-        What errors call the place: file and column.
+def read_sheets(data: bytes, name: str) -> list[Sheet]:
+    """Return the sheets of a workbook as texts; numbers with the 15 digits that Excel keeps.
 
     Raises
     ------
     FileError
-        The unit is none of that quantity.
+        No workbook that can be read, or one whose cells would exhaust memory.
     """
-    factor = _find(quantity, unit.strip())
-    if factor is None:
-        known = ", ".join(repr(u) for u in QUANTITY_UNITS.get(quantity, ()) if u.isascii() and u)
-        raise FileError(f"{where}: unknown unit {unit.strip()!r} of {quantity}; use one of {known}")
-    return factor
+    from python_calamine import CalamineWorkbook
+
+    if data[:2] == b"PK":
+        _check_size(data, name)
+    sheets: list[Sheet] = []
+    try:
+        book = CalamineWorkbook.from_filelike(io.BytesIO(data))
+        for called in book.sheet_names:
+            sheet = book.get_sheet_by_name(called)
+            if sheet.total_height * sheet.total_width > _MOST_CELLS:
+                raise _too_many(f"{name}, sheet {called!r}")
+            rows = sheet.to_python(skip_empty_area=False)
+            sheets.append((called or name, [[_text(cell) for cell in row] for row in rows]))
+    except (FileError, MemoryError, KeyboardInterrupt, SystemExit):
+        raise
+    except BaseException as error:  # calamine is compiled: its panics are no Exception
+        said = " ".join(str(error).split())[:200]
+        raise FileError(
+            f"{name}: a workbook that cannot be read ({said}); save it again as XLSX, without a "
+            "password"
+        ) from error
+    return sheets
+
+
+def _text(cell: object) -> str:
+    if isinstance(cell, bool):
+        return str(cell).lower()
+    if isinstance(cell, float):
+        return f"{cell:.15g}"
+    if isinstance(cell, datetime.timedelta):
+        return f"{cell.total_seconds():.15g}"
+    return str(cell).strip()
+
+
+def _too_many(where: str) -> FileError:
+    return FileError(
+        f"{where}: more than {_MOST_CELLS:,} cells, empty ones included; delete what lies far from "
+        "the table, or save the sheet as CSV"
+    )
+
+
+def _check_size(data: bytes, name: str) -> None:
+    """Refuse a workbook that unpacks to too much, or whose cells lie too far apart.
+
+    calamine holds a sheet as one rectangle, so that a single cell in the last row and column
+    would take hundreds of gigabytes.
+    """
+    members = {member: b"".join(pieces) for member, pieces in unpacked(data, name, 1 << 32)}
+    if not any(m.startswith("xl/") or m == "content.xml" for m in members):
+        raise FileError(f"{name}: a zip archive, but no workbook; unpack it and give its files")
+    for member, content in members.items():
+        if member.startswith("xl/worksheets/") and _xlsx_cells(content) > _MOST_CELLS:
+            raise _too_many(f"{name}, {member}")
+    for table in re.split(rb"<table:table[ >]", members.get("content.xml", b""))[1:]:
+        if _ods_cells(table) > _MOST_CELLS:
+            raise _too_many(name)
+
+
+def _xlsx_cells(content: bytes) -> int:
+    places = _PLACE.findall(content)
+    rows = max((int(digits) for _, digits in places), default=1)
+    letters = max((letters for letters, _ in places), key=lambda of: (len(of), of), default=b"A")
+    return rows * functools.reduce(lambda number, letter: 26 * number + letter - 64, letters, 0)
+
+
+def _ods_cells(table: bytes) -> int:
+    """Return the cells of a table's rectangle; repeats of empty cells at its ends take none."""
+    rows = [(_times(row.partition(b">")[0]), row) for row in table.split(b"<table:table-row")[1:]]
+    while rows and b"value" not in rows[-1][1]:
+        rows.pop()
+    ends = [row.find(b">", row.rfind(b"value")) for _, row in rows]
+    cells = [row[:end].split(b"table-cell")[1:] for (_, row), end in zip(rows, ends, strict=True)]
+    return sum(times for times, _ in rows) * max((sum(map(_times, c)) for c in cells), default=0)
+
+
+def _times(element: bytes) -> int:
+    found = _TIMES.search(element)
+    return int(found[1]) if found else 1
 
 
 # ------------------------------------------------------------------------------------------------
@@ -457,48 +417,41 @@ def read_columns(
     """
     where = path.name
     headings, separator, rows = read_rows(path)
-    places: dict[str, tuple[int, float]] = {}
-    named: int | None = None
-    for index, heading in enumerate(headings):
-        if heading == "specimen" and with_specimen:
-            named = index
-            continue
-        found = _column(heading, columns, where)
-        if found is None:
+    named: Mapping[str, str | None] = {"specimen": None, **columns} if with_specimen else columns
+    found: list[tuple[str, float]] = []
+    for heading in headings:
+        column = _column(heading, named, where)
+        if column is None:
             raise FileError(f"{where}: unknown column {heading!r}; it has {', '.join(columns)}")
-        if found[0] in places:
-            raise FileError(f"{where}: two columns {found[0]!r}; keep one")
-        places[found[0]] = (index, found[1])
-    missing = [c for c in columns if c not in places and c not in optional]
-    if with_specimen and named is None:
-        missing.insert(0, "specimen")
+        if column[0] in dict(found):
+            raise FileError(f"{where}: two columns {column[0]!r}; keep one")
+        found.append(column)
+    missing = [name for name in named if name not in dict(found) and name not in optional]
     if missing:
         raise FileError(
             f"{where}: no column {' nor '.join(map(repr, missing))}; its columns are "
             f"{', '.join(headings)}"
         )
-    columns_of_text: list[list[str]] = [[] for _ in headings]
-    lines: list[int] = []
+    lines, table = list[int](), list[list[str]]()
     for line, cells in rows:
         if len(cells) != len(headings):
             raise FileError(f"{where}, line {line}: {len(cells)} cells for {len(headings)} columns")
         lines.append(line)
-        for column, cell in zip(columns_of_text, cells, strict=True):
-            column.append(cell)
+        table.append(cells)
     if not lines:
         raise FileError(f"{where}: headings but no numbers below them; export the file again")
-    numbers = {
-        name: finite_numbers(columns_of_text[i], lines, separator, where, headings[i], factor)
-        for name, (i, factor) in places.items()
-        if name not in gaps
-    }
-    for name in gaps & set(places):
-        i, factor = places[name]
-        kept = [row for row, cell in enumerate(columns_of_text[i]) if cell]
-        cells, at = [columns_of_text[i][row] for row in kept], [lines[row] for row in kept]
-        numbers[name] = np.full(len(lines), np.nan)
-        numbers[name][kept] = finite_numbers(cells, at, separator, where, headings[i], factor)
-    return ColumnFile(numbers, () if named is None else tuple(columns_of_text[named]), tuple(lines))
+    numbers, texts = dict[str, FloatArray](), tuple[str, ...]()
+    for heading, (name, factor), of in zip(headings, found, zip(*table, strict=True), strict=True):
+        if name == "specimen":
+            texts = of
+            continue
+        filled = [row for row, cell in enumerate(of) if cell or name not in gaps]
+        numbers[name] = np.full(len(of), np.nan)
+        numbers[name][filled] = finite_numbers(
+            [of[row] for row in filled], [lines[row] for row in filled],
+            separator, where, heading, factor,
+        )  # fmt: skip
+    return ColumnFile(numbers, texts, tuple(lines))
 
 
 def _column(

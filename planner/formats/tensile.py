@@ -1,60 +1,47 @@
-"""Tensile test files, and the list of specimens: its columns, and what an empty cell stands for."""
+"""Tensile test files: what a testing machine wrote, as one record a specimen."""
 
 import functools
 import math
 import re
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import islice, permutations
+from itertools import permutations
 from pathlib import Path
-from types import MappingProxyType
-from typing import Any, Literal, get_args
 
 import numpy as np
 
 from planner.errors import ArgumentError, FileError
 from planner.formats.files import read_file
 from planner.formats.headings import (
-    HeadedColumn,
+    LENGTHS,
+    LOADS,
+    SIGNS,
     Heading,
-    column_of,
     head_text,
-    is_of_crosshead,
+    heading_of,
+    headings_of,
+    is_figure,
     marked_specimen,
-    may_be_nearer,
     mode_of,
-    parse_heading,
     size_of,
     split_value,
+    suffice,
 )
 from planner.formats.tables import (
-    LARGEST_FIGURE,
     LONGEST_HEADING,
     TextRow,
     decode_text,
     finite_numbers,
-    is_unit,
+    is_workbook,
     number,
-    quantities_of,
-    read_rows,
+    read_sheets,
     split_rows,
-    unit_factor,
 )
-from planner.formats.workbook import is_workbook, read_sheets
+from planner.formats.units import is_unit, quantities_of, unit_factor
 from planner.numerics import FloatArray, IntArray
 
-__all__ = [
-    "SPECIMEN_COLUMNS",
-    "SPECIMEN_TEXTS",
-    "ListedSpecimen",
-    "NoRecordError",
-    "SpecimenConditions",
-    "TensileTable",
-    "is_specimens_file",
-    "read_specimens",
-    "read_tensile",
-]
+__all__ = ["NoRecordError", "TensileTable", "read_tensile"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -123,8 +110,6 @@ class TensileTable:
 
 
 _SEPARATORS = ("\t", ";", ",", "|", "  ", " ")
-_LENGTHS = {"displacement", "position", "elongation", "strain", "stretch", "true strain"}
-_LOADS = {"force", "stress", "true stress"}
 _LENGTH_COLUMNS = ("strain", "true_strain", "displacement_mm")
 _BLOCKS = ("join", "apart")
 
@@ -140,8 +125,15 @@ _FEWEST_ROWS = 3
 _Headings = Sequence[Heading]
 """A row's; of a cell that is not understood the meaning is ""."""
 
+_BLANK = Heading("", "", None)
 
-@dataclass(frozen=True, slots=True)
+
+def _only(headings: _Headings, places: Collection[int]) -> _Headings:
+    """Return headings of which those at other places are blank."""
+    return [h if i in places else _BLANK for i, h in enumerate(headings)]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class _Grid:
     """A sheet's cells, the separator of its numbers (see `number`), and how it is to be read."""
 
@@ -158,6 +150,10 @@ class _Grid:
     def is_number(self, cell: str) -> bool:
         return self.number(cell) is not None or _CLOCK.fullmatch(cell) is not None
 
+    def cell(self, row: int, at: int) -> str:
+        cells = self.rows[row][1]
+        return cells[at] if at < len(cells) else ""
+
 
 @dataclass(frozen=True, slots=True)
 class _Block:
@@ -168,6 +164,36 @@ class _Block:
     headings: _Headings
     rows: list[int]
 
+    @property
+    def is_headed(self) -> bool:
+        return self.place not in self.rows
+
+
+@dataclass(frozen=True, slots=True)
+class _Group:
+    """The columns of a block that are one record's, by place, and the rows in which it goes on."""
+
+    grid: _Grid
+    headings: _Headings
+    places: Sequence[int]
+    rows: Sequence[int]
+
+    def cells(self, at: int) -> list[str]:
+        return [self.grid.cell(row, at) for row in self.rows]
+
+    def numbers(self, at: int) -> list[float | None]:
+        return [self.grid.number(cell) for cell in self.cells(at)]
+
+
+@dataclass(frozen=True, slots=True)
+class _Column:
+    """A column that serves: its place and heading, planner's name, and the factor to its unit."""
+
+    at: int
+    heading: Heading
+    name: str
+    factor: float
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Piece:
@@ -177,7 +203,7 @@ class _Piece:
     grid: _Grid
     block: _Block
     columns: Mapping[str, FloatArray]
-    used: Sequence[HeadedColumn]
+    used: Sequence[_Column]
     lines: list[int]
     unused: tuple[str, ...]
     notes: tuple[str, ...]
@@ -222,51 +248,48 @@ def read_tensile(
         raise ArgumentError(f"blocks is {blocks!r}; it must be one of {', '.join(_BLOCKS)}")
     data = read_file(path, advice="give the path of a tensile file")
     by_position = None if columns is None else _by_position(columns)
-    grids, missed, pieces, notes = list[_Grid](), list[_Grid](), list[_Piece](), list[str]()
-    for sheet, text, rows in _sheets(data, path):
+    of_text = [] if is_workbook(data) else [("", decode_text(data, path))]
+    grids, pieces, notes = dict[_Grid, list[_Block]](), list[_Piece](), list[str]()
+    for sheet, cells in of_text or read_sheets(data, path.name):
         where = f"{path.name}, sheet {sheet!r}" if sheet else path.name
-        grid, found = _best_grid(_Grid(where, sheet, "", rows, by_position, option), text)
-        (grids if found else missed).append(grid)
+        grid, found = _best_grid(_Grid(where, sheet, "", [], by_position, option), cells)
+        grids[grid] = found
         pieces += _joined(_pieces(grid, found, notes), blocks, notes)
-    if not (grids or missed):
+    if not grids:
         raise NoRecordError(f"{path.name}: a workbook without sheets; export the test again")
     if not pieces:
-        longest = max(missed, key=_count_numbers)
+        longest = max(grids, key=_count_numbers)
         few = _count_numbers(longest) < _FEWEST_ROWS
         raise (NoRecordError if few else FileError)(_not_understood(longest))
-    notes += [f"{grid.where}: no record of a test" for grid in missed]
+    ordered = sorted(grids, key=lambda grid: not grids[grid])
+    notes += [f"{grid.where}: no record of a test" for grid in ordered if not grids[grid]]
     fewest = min(len(piece.lines) for piece in pieces)
-    for grid in (*grids, *missed):
+    for grid in ordered:
         read = {line for piece in pieces if piece.grid is grid for line in piece.lines}
         rest = replace(grid, rows=[row for row in grid.rows if row[0] not in read])
-        if _count_numbers(rest) * (1 if grid in missed else 4) >= fewest:
-            said = _not_understood(rest)
-            raise FileError(f"{said}; the rest of the file is understood")
-    return _tables(path, pieces, [*grids, *missed], notes)
+        if _count_numbers(rest) * (4 if grids[grid] else 1) >= fewest:
+            raise FileError(f"{_not_understood(rest)}; the rest of the file is understood")
+    return _tables(path, pieces, ordered, notes)
 
 
-def _sheets(data: bytes, path: Path) -> Iterator[tuple[str, str, list[TextRow]]]:
-    """Yield each sheet: its name, its text where it is one, and its rows where it is none."""
-    if is_workbook(data):
-        for name, rows in read_sheets(data, path.name):
-            yield name or path.name, "", list(enumerate(rows, start=1))
-    else:
-        yield "", decode_text(data, path), []
-
-
-def _best_grid(sheet: _Grid, text: str) -> tuple[_Grid, list[_Block]]:
+def _best_grid(sheet: _Grid, content: str | list[list[str]]) -> tuple[_Grid, list[_Block]]:
     """Return the cells of a sheet, split so that headings stand above numbers, and its blocks."""
     tried: list[_Grid] = []
-    separators = [s for s in _SEPARATORS if s in text or sheet.by_position] if text else []
-    for separator in separators or [";"]:
-        cells = split_rows(text, separator) if text else sheet.rows
+    of_text = isinstance(content, str)
+    splits: Iterable[tuple[str, list[TextRow]]]
+    if isinstance(content, str):
+        in_it = [s for s in _SEPARATORS if s in content or sheet.by_position] or [";"]
+        splits = ((s, split_rows(content, s)) for s in in_it)
+    else:
+        splits = [(";", [*enumerate(content, start=1)])]
+    for separator, rows in splits:
         if separator == " " and sheet.by_position is None:
-            cells = _with_headings_of_words(cells)
-        grid = replace(sheet, separator=_decimals(cells, separator), rows=cells)
+            rows = _with_headings_of_words(rows)
+        grid = replace(sheet, separator=_decimals(rows, separator), rows=rows)
         found = _blocks(grid)
         if any(block.rows for block in found):
             return grid, [block for block in found if block.rows]
-        if found and text and separator.strip():
+        if found and of_text and separator.strip():
             raise FileError(
                 f"{grid.where}: headings but no numbers below them; export the raw data too"
             )
@@ -302,7 +325,7 @@ def _put_together_words(words: Sequence[str], step: int) -> list[str]:
     at = 0
     while at < len(words):
         ends = range(at + 1, min(len(words), at + 5) + 1)[::step]
-        end = next((e for e in ends if parse_heading(" ".join(words[at:e]))), at + 1)
+        end = next((e for e in ends if heading_of(" ".join(words[at:e])).meaning), at + 1)
         cells.append(" ".join(words[at:end]))
         at = end
     return cells
@@ -316,52 +339,30 @@ def _decimals(rows: Sequence[TextRow], separator: str) -> str:
     other stands between thousands.
     """
     cells = [cell for _, row in rows for cell in row if cell[:1].isdigit() or cell[:1] in "+-,."]
-    dots = any(_DECIMAL_DOT.fullmatch(cell) for cell in cells)
-    commas = any(_DECIMAL_COMMA.fullmatch(cell) for cell in cells)
+    dots, commas = (any(map(pattern.fullmatch, cells)) for pattern in _DECIMALS)
     if separator == ",":
         return ",." if dots else ";," if commas else separator
     return f"{separator}," if commas and not dots and separator.strip(" ") else separator
 
 
-_DECIMAL_COMMA, _DECIMAL_DOT = (
+_DECIMALS = [
     re.compile(rf"[+-]?(\d{{4,}}{sign}\d*|\d+{sign}(\d{{1,2}}|\d{{4,}})|0\d*{sign}\d+)")
-    for sign in (",", r"\.")
-)
+    for sign in (r"\.", ",")
+]
 
 
 # ------------------------------------------------------------------------------------------------
 # Blocks: headings, and the numbers below.
 
 
-def _suffice(headings: Iterable[Heading]) -> bool:
-    meanings = {heading.meaning for heading in headings}
-    return bool(meanings & _LENGTHS and meanings & _LOADS)
-
-
-def _headings(cells: Sequence[str]) -> _Headings | None:
-    """Return the headings in a row that names a load and a length; None of any other row."""
-    if sum(map(bool, cells)) < 2:
-        return None
-    found = [_heading("" if _is_figure(cell) else cell) for cell in cells]
-    return found if _suffice(found) else None
-
-
-def _heading(cell: str) -> Heading:
-    return parse_heading(cell) or Heading(cell, "", None)
-
-
-def _is_figure(cell: str) -> bool:
-    return cell[:1].isdigit() or (cell[:1] in "+-.," and cell[1:2].isdigit())
-
-
 def _blocks(grid: _Grid) -> list[_Block]:
-    rows, found = grid.rows, list[_Block]()
+    found = list[_Block]()
     headings = grid.by_position
     start = at = 0
-    while at < len(rows):
-        own = _headings(rows[at][1]) if grid.by_position is None else None
+    while at < len(grid.rows):
+        own = headings_of(grid.rows[at][1]) if grid.by_position is None else None
         place = at
-        if grid.by_position is None and _cell(rows[at][1], 0) == _SEGMENT:
+        if grid.by_position is None and grid.cell(at, 0) == _SEGMENT:
             headings = None
         if own is not None:
             headings, at = _with_units(own, grid, at)
@@ -386,30 +387,27 @@ def _with_units(headings: _Headings, grid: _Grid, place: int) -> tuple[_Headings
 
     The row is below, or, in what LabVIEW writes, above and says so.
     """
-    for row in range(place + 1, min(place + 4, len(grid.rows))):
-        cells = grid.rows[row][1]
+    for row, (_, cells) in enumerate(grid.rows[place + 1 : place + 4], start=place + 1):
         if any(grid.number(cell) is not None for cell in cells if cell not in ("", "1")):
             break
         units = [cell.strip("()[]{} ") for cell in cells]
-        known = [
+        known = any(
             h.meaning and unit and (is_unit(unit) or cell[0] in "([")
             for h, unit, cell in zip(headings, units, cells, strict=False)
-        ]
-        if any(known) and not all(unit.isdigit() for unit in units if unit):
+        )
+        if known and not all(unit.isdigit() for unit in units if unit):
             return _in_units(headings, units), row + 1
     for _, cells in grid.rows[max(place - _NEAR, 0) : place]:
-        if cells and _UNITS.search(cells[0]):
+        if cells and SIGNS["unit"].search(cells[0]):
             return _in_units(headings, cells), place + 1
     return headings, place + 1
 
 
-_UNITS = re.compile(r"\bunit|_unit_|einheit|unité|unidad|unità|単位|单位", re.IGNORECASE)
-
-
 def _in_units(headings: _Headings, units: Sequence[str]) -> _Headings:
+    filled = [*units, *[""] * len(headings)]
     return [
-        replace(h, unit=_cell(units, i)) if _cell(units, i) and not is_unit(h.unit or "") else h
-        for i, h in enumerate(headings)
+        replace(h, unit=unit) if unit and not is_unit(h.unit or "") else h
+        for h, unit in zip(headings, filled, strict=False)
     ]
 
 
@@ -428,17 +426,16 @@ def _numbers_below(
     gap = False
     for place in range(at, len(grid.rows)):
         cells = grid.rows[place][1]
-        if _cell(cells, 0) == _SEGMENT:
+        if grid.cell(place, 0) == _SEGMENT:
             return found, place + (not found)
         filled = [cells[i] for i in wanted if i < len(cells) and cells[i]]
         words = [cell for cell in filled if not grid.is_number(cell)]
         if not any(cells):
             gap = True
         elif _sums_up(grid, place) or (
-            words == filled
-            and (filled or not found or not _names_alone([_cell(cells, i) for i in named], cells))
+            words == filled and (filled or not found or not _names_alone(grid, named, place))
         ):
-            if found or not headed or _headings(cells) is not None:
+            if found or not headed or headings_of(cells) is not None:
                 return found, place if found or headed else place + 1
         elif not found and len(filled) - len(words) < least:
             return found, place + 1
@@ -450,17 +447,26 @@ def _numbers_below(
     return found, len(grid.rows)
 
 
-def _names_alone(names: Iterable[str], cells: Sequence[str]) -> bool:
-    return any(names) and head_text(cells[0]) != "specimen"
+def _names_alone(grid: _Grid, named: Sequence[int], place: int) -> bool:
+    cells = grid.rows[place][1]
+    is_head = head_text(cells[0]) == "specimen" or headings_of(cells) is not None
+    return any(grid.cell(place, i) for i in named) and not is_head
 
 
 def _sums_up(grid: _Grid, place: int) -> bool:
-    """Say whether a row is one of statistics: "Mean" stands before it, and before no other."""
-    label = next(filter(None, grid.rows[place][1]), "")
-    if len(label) < 2 or _is_figure(label) or not _is_statistic(label):
-        return False
-    near = grid.rows[max(place - 1, 0) : place + 2]
-    return sum(next(filter(None, cells), "") == label for _, cells in near) == 1
+    """Say whether a row is one of statistics: "Mean" stands before it, and before no record."""
+    label = _first(grid, place)
+    near = range(max(place - 2, 0), min(place + 3, len(grid.rows)))
+    is_label = len(label) > 1 and _is_statistic(label)
+    return is_label and sum(_first(grid, row) == label for row in near) < _FEWEST_ROWS
+
+
+def _first(grid: _Grid, row: int) -> str:
+    return next(filter(None, grid.rows[row][1]), "")
+
+
+def _is_statistic(word: str) -> bool:
+    return not is_figure(word) and SIGNS["statistic"].fullmatch(word.strip(" .:")) is not None
 
 
 _SEGMENT = "Channels"
@@ -474,11 +480,11 @@ def _ends(grid: _Grid, wanted: Sequence[int], at: int) -> bool:
 
     No row of numbers alone comes before the next one of words alone.
     """
-    for _, cells in islice(grid.rows, at + 1, None):
-        numbers = [grid.is_number(_cell(cells, i)) for i in wanted]
+    for row in range(at + 1, len(grid.rows)):
+        numbers = [grid.is_number(grid.cell(row, i)) for i in wanted]
         if all(numbers):
             return False
-        if any(cells) and not any(numbers):
+        if any(grid.rows[row][1]) and not any(numbers):
             return True
     return True
 
@@ -499,13 +505,12 @@ def _pieces(grid: _Grid, blocks: Sequence[_Block], notes: list[str]) -> list[_Pi
                 f"{grid.where}, line {line}: {len(cells)} cells where the headings have "
                 f"{len(block.headings)}; a decimal comma needs quotes, or semicolons between cells"
             )
-        mark, headed = _marked(grid, block), block.place not in block.rows
-        if mark or headed or not groups:  # else it goes on with the names of the one before
+        mark = _marked(grid, block)
+        if mark or block.is_headed or not groups:  # else it goes on with the names before it
             groups, marked = _groups(grid, block), mark
         for name, places, material in groups:
             several = name if len(blocks) == 1 else f"{marked} {name}".strip()
-            label = marked if len(groups) == 1 else several
-            own = _split(grid, block, places, label, told)
+            own = _split(grid, block, places, marked if len(groups) == 1 else several, told)
             if material:
                 own = [replace(one, texts={"material": material, **one.texts}) for one in own]
             if own and not own[0].name and found and _goes_on(found[-1], own[0]):
@@ -515,11 +520,13 @@ def _pieces(grid: _Grid, blocks: Sequence[_Block], notes: list[str]) -> list[_Pi
         line = results[0].lines[0]
         notes.append(f"{grid.where}: from line {line} on a row a specimen, results of the others")
         found = [piece for piece in found if piece not in results]
-    longest = {p.block.place: len(p.lines) for p in sorted(found, key=lambda p: len(p.lines))}
+    longest = Counter[int]()
+    for piece in found:
+        longest[piece.block.place] = max(longest[piece.block.place], len(piece.lines))
     kept: list[_Piece] = []
     for at, piece in enumerate(found):
-        near = [p for p in (*kept[::-1], *found[at + 1 :]) if p.name == piece.name]
-        alone = not any(_goes_on(*sorted((p, piece), key=lambda p: p.lines[0])) for p in near[:2])
+        near = [p for p in (*kept[::-1], *found[at + 1 :]) if p.name == piece.name][:2]
+        alone = not any(_goes_on(*sorted((p, piece), key=lambda p: p.lines[0])) for p in near)
         if alone and longest[piece.block.place] < _FEWEST_ROWS <= max(longest.values()):
             notes.append(f"{grid.where}: line {piece.lines[0]} is no part of a record")
         else:
@@ -536,85 +543,94 @@ def _results(pieces: Sequence[_Piece]) -> list[_Piece]:
     return [] if ends or any(len(piece.lines) <= rows for piece in others) else first
 
 
-def _groups(grid: _Grid, block: _Block) -> list[tuple[str, list[int], str]]:
-    """Return the columns of each record that stands in a block, with its name and its material.
+_Records = list[tuple[str, list[int], str]]
+"""Of each its name, the places of its columns, and its material."""
+
+
+def _groups(grid: _Grid, block: _Block) -> _Records:
+    """Return the columns of each record that stands in a block.
 
     A row of names above the headings tells them apart, then a part of the headings ("S1_force_N"),
     then headings that come again. Names that come again are a material's, or a batch's.
     """
-
-    def whole(places: Iterable[int]) -> bool:
-        return _suffice(headings[i] for i in places)
-
-    def walk(places: Iterable[int]) -> list[list[int]]:
-        walked: list[list[int]] = [[]]
-        for i in places:
-            if any(_same(headings[i], headings[j]) for j in walked[-1]) and whole(walked[-1]):
-                walked.append([])
-            walked[-1].append(i)
-        return walked
-
     headings = block.headings
     known = [i for i, h in enumerate(headings) if h.meaning]
     tags = [h.tag for h in headings]
     above_of: dict[int, str] = {}
-    numbered: list[tuple[str, list[int], str]] = []
+    numbered: _Records = []
     for names in (*_names_above(grid, block), tags):
         by_name: dict[str, list[int]] = {}
         for i in known:
             by_name.setdefault(names[min(i, len(names) - 1)], []).append(i)
-        shared = [] if whole(by_name.get("", [])) else by_name.pop("", [])
-        if any(len(name) < 2 and not whole(places) for name, places in by_name.items()):
+        shared = [] if _whole(headings, by_name.get("", [])) else by_name.pop("", [])
+        partial = [name for name, places in by_name.items() if not _whole(headings, places)]
+        if any(len(name) < 2 for name in partial):
             continue  # "Force 1" and "Force 2" may be load cells
-        if len(by_name) < 2 or not all(whole([*shared, *at]) for at in by_name.values()):
+        if len(by_name) < 2 or not all(_whole(headings, shared + by_name[n]) for n in partial):
             continue
-        if {name.upper() for name in by_name} == {"X", "Y"} and all(map(whole, by_name.values())):
-            raise FileError(_two_axes(grid, headings, by_name))
+        if {name.upper() for name in by_name} == {"X", "Y"} and not partial:
+            raise _two_axes(grid, headings, by_name)
         called = {
             name: " ".join(name.split()) if "" not in by_name else str(n)
             for n, name in enumerate(by_name, start=1)
         }
-        parts = {name: walk(places) for name, places in by_name.items()}
-        if any(len(walked) > 1 and all(map(whole, walked)) for walked in parts.values()):
-            if names is not tags:
-                above_of = above_of or {i: called[name] for name, at in by_name.items() for i in at}
-            numbered = numbered or [
-                (f"{called[name]} {n}", sorted(shared + places), above_of.get(places[0], ""))
-                for name, walked in parts.items()
-                for n, places in enumerate(walked, start=1)
-            ]
-            continue
-        return [
-            (called[name], sorted(shared + places), above_of.get(places[0], ""))
-            for name, places in by_name.items()
+        walked = {name: _walked(headings, places) for name, places in by_name.items()}
+        again = any(
+            len(parts) > 1 and all(_whole(headings, part) for part in parts)
+            for parts in walked.values()
+        )
+        if again and names is not tags and not above_of:
+            above_of = {i: called[name] for name, places in by_name.items() for i in places}
+        records = [
+            (f"{called[name]} {n}" if again else called[name], places)
+            for name in by_name
+            for n, places in enumerate(walked[name] if again else [by_name[name]], start=1)
         ]
-    if numbered:
-        return numbered
-    walked = walk(known)
-    # What comes once, as time does, belongs to all; a length too where a person headed the columns.
-    kinds = {"time"} | (_LENGTHS if grid.by_position else set())
+        found = [(name, sorted(shared + at), above_of.get(at[0], "")) for name, at in records]
+        if not again:
+            return found
+        numbered = numbered or found
+    # A length belongs to all too where a person headed the columns.
+    alone = {"time"} | (LENGTHS if grid.by_position else set())
+    return numbered or _that_come_again(headings, known, alone)
+
+
+def _that_come_again(headings: _Headings, known: Sequence[int], alone: set[str]) -> _Records:
+    """Return the records whose headings come again; what comes once, as time, belongs to all."""
+    first, *others = _walked(headings, known)
     once = [
-        i for i in walked[0] if headings[i].meaning in kinds
-        and not all(any(_same(headings[i], headings[j]) for j in at) for at in walked[1:])
-    ]  # fmt: skip
-    found = [walked[0], *([*once, *places] for places in walked[1:])]
-    if len(found) < 2 or not all(map(whole, found)):
-        return [("", known, "")]
+        i
+        for i in first
+        if headings[i].meaning in alone
+        and not all(any(_same(headings[i], headings[j]) for j in at) for at in others)
+    ]
+    found = [first, *([*once, *places] for places in others)]
+    if not others or not all(_whole(headings, places) for places in found):
+        return [("", list(known), "")]
     return [(str(n), places, "") for n, places in enumerate(found, start=1)]
 
 
-def _two_axes(grid: _Grid, headings: _Headings, by_name: Mapping[str, Sequence[int]]) -> str:
-    """Return what is said of a test with a load and a length along each of two axes."""
-    said = f"{grid.where}: loads and lengths along {' and '.join(by_name)}, two axes of one test"
-    if not grid.option:
-        return f"{said}; keep one in the file, with the mode 'equibiaxial' if both are loaded alike"
-    examples = [
-        _example([h if i in at or h.meaning == "time" else Heading("", "", None)
-                  for i, h in enumerate(headings)], twice=True)
-        for at in by_name.values()
-    ]  # fmt: skip
-    choice = " or ".join(f"{grid.option} {example}" for example in examples)
-    return f"{said}; take one of them by {choice}, with --mode equibiaxial if both are loaded alike"
+def _whole(headings: _Headings, places: Iterable[int]) -> bool:
+    return suffice(headings[i] for i in places)
+
+
+def _walked(headings: _Headings, places: Iterable[int]) -> list[list[int]]:
+    """Cut columns where a heading comes again, and what stands before it is a record."""
+    walked: list[list[int]] = [[]]
+    for i in places:
+        again = any(_same(headings[i], headings[j]) for j in walked[-1])
+        if again and _whole(headings, walked[-1]):
+            walked.append([])
+        walked[-1].append(i)
+    return walked
+
+
+def _two_axes(grid: _Grid, headings: _Headings, by_name: Mapping[str, Sequence[int]]) -> FileError:
+    said = f"loads and lengths along {' and '.join(by_name)}, two axes of one test"
+    times = [i for i, h in enumerate(headings) if h.meaning == "time"]
+    mode = "--mode equibiaxial" if grid.option else "the mode 'equibiaxial'"
+    ways = [_only(headings, [*at, *times]) for at in by_name.values()]
+    return _one_of(grid, said, ways, f", with {mode} if both are loaded alike")
 
 
 def _names_above(grid: _Grid, block: _Block) -> list[list[str]]:
@@ -623,8 +639,8 @@ def _names_above(grid: _Grid, block: _Block) -> list[list[str]]:
     Figures are sizes; whole numbers may be those of specimens.
     """
     words, numbers = list[list[str]](), list[list[str]]()
-    for row in range(block.place - 1, max(block.place - 4, -1), -1):
-        cells = [*grid.rows[row][1], ""]
+    for _, above in grid.rows[max(block.place - 3, 0) : block.place][::-1]:
+        cells = [*above, ""]
         figures = [cell for cell in cells if grid.number(cell) is not None]
         if not figures:
             words.append(_carried(cells))
@@ -650,7 +666,7 @@ def _marked(grid: _Grid, block: _Block) -> str:
     for _, cells in grid.rows[block.start : block.rows[0]]:
         filled = [cell for cell in cells if cell]
         if len(filled) > 1 and head_text(filled[0]) == "specimen":
-            found = found if _heading(filled[1]).meaning else filled[1]
+            found = found if heading_of(filled[1]).meaning else filled[1]
         elif len(filled) < 3 and (mark := marked_specimen(" ".join(filled))) is not None:
             found = mark
     return found
@@ -660,74 +676,48 @@ def _split(
     grid: _Grid, block: _Block, places: Sequence[int], label: str, told: Sequence[str]
 ) -> list[_Piece]:
     """Return the pieces of one group of columns: one, or as many as its column of specimens has."""
-    where, rows, headings = grid.where, grid.rows, block.headings
+    headings = block.headings
     named = next((i for i in places if headings[i].meaning == "specimen"), None)
     alone = len(places) == sum(bool(h.meaning) for h in headings)
-    filled = [
-        i for i in places if headings[i].meaning in _LOADS | _LENGTHS or (alone and i == named)
-    ]
-    lined = [r for r in block.rows if any(_cell(rows[r][1], i) for i in filled)]
+    filled = [i for i in places if headings[i].meaning in LOADS | LENGTHS or (alone and i == named)]
+    lined = [r for r in block.rows if any(grid.cell(r, i) for i in filled)]
     if not lined:
         return []
-    used, notes = _used_columns(grid, headings, places, lined)
-    lines = [rows[r][0] for r in lined]
-    values: dict[str, FloatArray] = {}
-    for i, column in used.items():
-        line, short = next((rows[r] for r in lined if len(rows[r][1]) <= i), (0, []))
-        if line:
-            raise FileError(
-                f"{where}, line {line}: {len(short)} cells where the headings have "
-                f"{len(headings)}; complete or remove the line"
-            )
-        cells = [rows[r][1][i] for r in lined]
-        is_time, text = column.name == "time_s", column.heading.text
-        cells = [_seconds(cell) for cell in cells] if is_time else cells
-        try:
-            values[column.name] = finite_numbers(
-                cells, lines, grid.separator, where, text, column.factor
-            )
-        except FileError as error:
-            if not is_time or any(grid.number(cell) is not None for cell in cells):
-                raise
-            notes.append(f"{error}; time is optional and is left out")
-    kept = {i: column for i, column in used.items() if column.name in values}
-    if "stretch" in values:
-        values.setdefault("strain", values.pop("stretch") - 1.0)
-    heads = rows[block.place][1] if block.place not in block.rows else []
+    group = _Group(grid, headings, places, lined)
+    used, notes = _used_columns(group)
+    values = _values(group, used, notes)
+    kept = [column for column in used if column.name in values]
+    values = _with_strain(values, grid.where, notes)
+    heads = grid.rows[block.place][1] if block.is_headed else []
     texts = {head_text(cell): i for i, cell in enumerate(heads) if cell}
     texts = {what: i for what, i in texts.items() if what in ("material", "mode")}
+    read = {*(column.at for column in kept), *texts.values(), named}
     unused = tuple(
-        cell for i, cell in enumerate(heads)
-        if cell and i not in (*kept, *texts.values(), named) and size_of(cell)[0] is None
-        and (i in places or not headings[i].meaning) and _cell(rows[lined[0]][1], i)
-    )  # fmt: skip
-
-    def words(i: int) -> list[str]:
-        return _carried(_cell(rows[r][1], i) for r in lined)
-
+        cell
+        for i, cell in enumerate(heads)
+        if cell and i not in read and size_of(cell)[0] is None
+        if (i in places or not headings[i].meaning) and grid.cell(lined[0], i)
+    )
     if named is not None:
-        names = words(named)
+        names = _carried(group.cells(named))
         counts = len(set(names)) == len(lined)
         # Else a list of specimens beside their records.
         if (counts or not alone) and min(Counter(names).values()) < _FEWEST_ROWS <= len(lined):
             named = None
     if named is None:  # several materials, or modes, are several specimens
-        named = next((i for i in texts.values() if len({*words(i)} - {""}) > 1), None)
-    groups: dict[str, list[int]] = {}
-    for at, name in enumerate([""] * len(lined) if named is None else words(named)):
-        groups.setdefault(name, []).append(at)
+        several = (i for i in texts.values() if len({*group.cells(i)} - {""}) > 1)
+        named = next(several, None)
+    rows_of: dict[str, list[int]] = {}
+    for n, name in enumerate([""] * len(lined) if named is None else _carried(group.cells(named))):
+        rows_of.setdefault(name, []).append(n)
     return [
         _Piece(
             name or label, grid, block, {column: array[at] for column, array in values.items()},
-            tuple(kept.values()), [lines[n] for n in at], unused, (*told, *notes), bool(name),
-            {what: _cell(rows[lined[at[0]]][1], i) for what, i in texts.items() if what},
+            kept, [grid.rows[lined[n]][0] for n in at], unused, (*told, *notes), bool(name),
+            {what: grid.cell(lined[at[0]], i) for what, i in texts.items() if what},
         )
-        for name, at in groups.items()
+        for name, at in rows_of.items()
     ]  # fmt: skip
-
-
-def _cell(cells: Sequence[str], at: int) -> str:
-    return cells[at] if at < len(cells) else ""
 
 
 _CLOCK = re.compile(r"(?:(\d+):)?(\d{1,2}):(\d{1,2}(?:[.,]\d*)?)")
@@ -742,9 +732,54 @@ def _seconds(cell: str) -> str:
     return f"{seconds:.15g}"
 
 
-def _used_columns(
-    grid: _Grid, headings: _Headings, places: Sequence[int], lined: Sequence[int]
-) -> tuple[dict[int, HeadedColumn], list[str]]:
+def _values(group: _Group, used: Sequence[_Column], notes: list[str]) -> dict[str, FloatArray]:
+    """Return the numbers of columns, by name; without those of a time that has none."""
+    grid, found = group.grid, dict[str, FloatArray]()
+    lines = [grid.rows[r][0] for r in group.rows]
+    for column in used:
+        for row in group.rows:
+            line, cells = grid.rows[row]
+            if len(cells) <= column.at:
+                raise FileError(
+                    f"{grid.where}, line {line}: {len(cells)} cells where the headings have "
+                    f"{len(group.headings)}; complete or remove the line"
+                )
+        is_time, text = column.name == "time_s", column.heading.text
+        cells = [_seconds(cell) if is_time else cell for cell in group.cells(column.at)]
+        try:
+            found[column.name] = finite_numbers(
+                cells, lines, grid.separator, grid.where, text, column.factor
+            )
+        except FileError as error:
+            if not is_time or any(grid.number(cell) is not None for cell in cells):
+                raise
+            notes.append(f"{error}; time is optional and is left out")
+    return found
+
+
+def _with_strain(
+    values: dict[str, FloatArray], where: str, notes: list[str]
+) -> dict[str, FloatArray]:
+    """Return columns with the strain that a stretch, or else a Lagrange strain E, is of.
+
+    The squared stretch of a line along x is 1 + 2 Exx, however the specimen is sheared.
+    """
+    made = {name: values.pop(name) for name in ("stretch", "lagrange_strain") if name in values}
+    if "strain" in values or not made:
+        return values
+    if "stretch" in made:
+        return {**values, "strain": made["stretch"] - 1.0}
+    lagrange = made["lagrange_strain"]
+    if float(lagrange.min()) <= -0.5:
+        raise FileError(
+            f"{where}: Lagrange strain reaches {lagrange.min():.4g}; it is above -0.5 at any "
+            "stretch: check its unit"
+        )
+    notes.append(f"{where}: strain is sqrt(1 + 2 E) - 1 of Lagrange strain E")
+    return {**values, "strain": np.sqrt(1.0 + 2.0 * lagrange) - 1.0}
+
+
+def _used_columns(group: _Group) -> tuple[list[_Column], list[str]]:
     """Return the columns that serve, by place: of each canonical name the first.
 
     A crosshead's absolute position serves only where nothing else tells the travel, an
@@ -756,152 +791,125 @@ def _used_columns(
     FileError
         A column without a unit, or two of one kind that differ.
     """
-    where, notes = grid.where, list[str]()
-    found: dict[int, HeadedColumn] = {}
-    cells = {
-        i: [_cell(grid.rows[r][1], i) for r in lined]
-        for i in places
-        if headings[i].meaning != "specimen"
-    }
+    grid, headings, where, notes = group.grid, group.headings, group.grid.where, list[str]()
+    cells = {i: group.cells(i) for i in group.places if headings[i].meaning != "specimen"}
     cells = {i: column for i, column in cells.items() if any(column)}
-    if _suffice(headings[i] for i, column in cells.items() if "" not in column):
+    gaps = [i for i, column in cells.items() if "" in column]
+    if suffice(headings[i] for i in cells if i not in gaps):
         for i, j in permutations(cells, 2):
-            if "" in cells[i] and "" not in cells[j] and _same(headings[i], headings[j]):
+            if i in gaps and j not in gaps and _same(headings[i], headings[j]):
                 raise FileError(
                     f"{where}: column {headings[i].text!r} comes again, and what stands beside it "
                     f"is not understood; {_advice(grid.option, _example(headings, twice=True))}"
                 )
-        notes += [
-            f"{where}: column {headings[i].text!r} has empty cells; it is left out"
-            for i, column in cells.items()
-            if "" in column
-        ]
-        cells = {i: column for i, column in cells.items() if "" not in column}
+        for i in gaps:
+            notes.append(f"{where}: column {headings[i].text!r} has empty cells; it is left out")
+            del cells[i]
 
     def rank(i: int) -> tuple[bool, bool, bool, bool]:
-        meaning, of_crosshead = headings[i].meaning, is_of_crosshead(headings[i].text)
+        meaning, of_crosshead = headings[i].meaning, headings[i].is_of_crosshead
         unmeasured = meaning not in ("elongation", "strain")
         return len(set(cells[i])) < 2, meaning == "position", unmeasured, of_crosshead
 
-    doubles: list[tuple[int, int, float]] = []
+    found: dict[str, _Column] = {}
+    doubles: list[tuple[_Column, _Column]] = []
     for i in sorted(cells, key=rank):
         heading = headings[i]
         is_time = heading.meaning == "time"
         if is_time and _CLOCK.fullmatch(cells[i][0]):
             heading = replace(heading, unit="s")
         try:
-            column = column_of(heading, where=where)
+            column = _Column(i, heading, *heading.column(where))
         except FileError as error:
-            others = _suffice(headings[j] for j in cells if j != i and headings[j].unit)
-            if not is_time and not (heading.meaning in ("elongation", "position") and others):
-                if grid.by_position or (heading.unit is not None and not grid.option):
-                    raise
-                if heading.unit is not None:
-                    raise FileError(
-                        f"{error}, or name the columns with units that are known by {grid.option}"
-                    ) from error
-                example = _example(headings)
-                raise FileError(f"{error}, or {_advice(grid.option, example)}") from error
-            notes.append(f"{error}; {'time is optional and' if is_time else 'it'} is left out")
-            continue
-        same = next((j for j, m in found.items() if m.name == column.name), None)
-        if same is None:
-            found[i] = column
+            others = suffice(headings[j] for j in cells if j != i and headings[j].unit)
+            if is_time or (heading.meaning in ("elongation", "position") and others):
+                what = "time is optional and" if is_time else "it"
+                notes.append(f"{error}; {what} is left out")
+                continue
+            advice = _advice(grid.option, _example(headings))
+            if heading.unit is not None:
+                advice = f"name the columns with units that are known by {grid.option}"
+            if grid.by_position or (heading.unit is not None and not grid.option):
+                raise
+            raise FileError(f"{error}, or {advice}") from error
+        same = found.setdefault(column.name, column)
+        if same is column:
             continue
         notes.append(
             f"{where}: column {heading.text!r} left out; {column.name} is read from "
-            f"{found[same].heading.text!r}"
+            f"{same.heading.text!r}"
         )
-        if rank(i) == rank(same) and not is_time:
-            doubles.append((same, i, column.factor))
-    _refuse_ramp(grid, lined, headings)
-    _refuse_far(grid, lined, list(found.values()), headings)
-    strains = {"strain", "true_strain", "stretch"} & {column.name for column in found.values()}
-    for one, other, factor in doubles:
-        if not (strains and found[one].name == "displacement_mm"):
-            _refuse_two(grid, lined, {one: found[one].factor, other: factor}, headings)
-    return {i: found[i] for i in sorted(found)}, notes
+        if rank(i) == rank(same.at) and not is_time:
+            doubles.append((same, column))
+    _refuse_ramp(group)
+    _refuse_far(group, found)
+    is_strain = any(column.heading.quantity == "strain" for column in found.values())
+    for one, other in doubles:
+        if not (is_strain and one.name == "displacement_mm"):
+            _refuse_two(group, one, other)
+    return sorted(found.values(), key=lambda column: column.at), notes
 
 
 _ONE_TEMPERATURE_C = 4.0
 """From the lowest to the highest of a test at one temperature (ISO 23529: within 2 degrees)."""
 
 
-def _refuse_ramp(grid: _Grid, lined: Sequence[int], headings: _Headings) -> None:
+def _refuse_ramp(group: _Group) -> None:
     """Refuse a record through which the temperature goes, as a dynamic test's does."""
-    for i, heading in enumerate(headings):
-        if heading.meaning or not _TEMPERATURE.search(heading.text):
+    for i, heading in enumerate(group.headings):
+        if heading.meaning or not SIGNS["temperature"].search(heading.text):
             continue
-        found = [grid.number(_cell(grid.rows[r][1], i)) for r in lined]
-        known = [value for value in found if value is not None]
+        known = [value for value in group.numbers(i) if value is not None]
         if known and max(known) - min(known) > _ONE_TEMPERATURE_C:
             raise FileError(
-                f"{grid.where}: {heading.text!r} goes from {min(known):g} to {max(known):g}; a "
-                "law is of one temperature: give tests at one each, and what it was in the column "
-                "temperature_C of specimens.csv"
+                f"{group.grid.where}: {heading.text!r} goes from {min(known):g} to {max(known):g}; "
+                "a law is of one temperature: give tests at one each, and what it was in the "
+                "column temperature_C of specimens.csv"
             )
 
 
-_TEMPERATURE = re.compile(r"temp[eé]?rat|\btemp\b|温度|気温", re.IGNORECASE)
-
-
-def _refuse_far(
-    grid: _Grid, lined: Sequence[int], used: Sequence[HeadedColumn], headings: _Headings
-) -> None:
+def _refuse_far(group: _Group, used: Mapping[str, _Column]) -> None:
     """Refuse a plain travel where a column that is not understood may be a nearer sensor's."""
-    lengths = [column.heading for column in used if column.name in _LENGTH_COLUMNS]
-    if (
-        grid.by_position
-        or not lengths
-        or {h.meaning for h in lengths} - {"displacement", "position"}
-    ):
+    grid, headings = group.grid, group.headings
+    lengths = [column.heading for column in used.values() if column.heading.meaning in LENGTHS]
+    plain = {h.meaning for h in lengths} <= {"displacement", "position"}
+    if grid.by_position or not lengths or not plain:
         return
     near: dict[int, Heading] = {}
     for i, h in enumerate(headings):
         unit = h.unit or _unit_at_end(h.text)
         kinds = quantities_of(unit) & {"length", "strain"}
-        if h.meaning or unit.isdigit() or not kinds or not may_be_nearer(h.text):
+        if h.meaning or unit.isdigit() or not kinds or not h.may_be_nearer:
             continue
-        numbers = {grid.number(_cell(grid.rows[r][1], i)) for r in lined}
+        numbers = {*group.numbers(i)}
         if None not in numbers and len(numbers) > 1:
             near[i] = replace(h, meaning=_BY_KIND[min(kinds)], unit=unit)
     if near:
-        blank = Heading("", "", None)
-        taken = [near.get(i, blank if h.meaning in _LENGTHS else h) for i, h in enumerate(headings)]
-        first, twice = next(iter(near.values())), len(near) > 1
-        other = f", or leave it out by {grid.option} {_example(headings)}" if grid.option else ""
-        raise FileError(
-            f"{grid.where}: {first.text!r} is not understood, and may be nearer to the specimen "
-            f"than {lengths[0].text!r}; to take it, "
-            f"{_advice(grid.option, _example(taken, twice=twice))}{other}"
-        )
+        taken = [near.get(i, _BLANK if h.meaning in LENGTHS else h) for i, h in enumerate(headings)]
+        first = next(iter(near.values())).text
+        said = f"{first!r} is not understood, and may be nearer to the specimen than"
+        raise _one_of(grid, f"{said} {lengths[0].text!r}", [taken, headings])
 
 
-def _refuse_two(
-    grid: _Grid, lined: Sequence[int], factors: Mapping[int, float], headings: _Headings
-) -> None:
+def _refuse_two(group: _Group, one: _Column, other: _Column) -> None:
     """Refuse two columns of one kind that differ: of two sensors, or of two specimens."""
-    one, other = (
-        factor * np.array([grid.number(_cell(grid.rows[r][1], i)) for r in lined], dtype=np.float64)
-        for i, factor in factors.items()
+    first, second = (
+        column.factor * np.array(group.numbers(column.at), dtype=np.float64)
+        for column in (one, other)
     )
-    is_load = any(headings[i].meaning in _LOADS for i in factors)
+    is_load = one.heading.meaning in LOADS or other.heading.meaning in LOADS
     if not is_load:
-        one, other = one - one[0], other - other[0]
-    if not float(np.max(np.abs(one - other))) > _SAME * float(np.ptp(one)):
+        first, second = first - first[0], second - second[0]
+    if not float(np.max(np.abs(first - second))) > _SAME * float(np.ptp(first)):
         return
-    first, second = (headings[i].text for i in factors)
+    grid, headings = group.grid, group.headings
     what = "loads over one length, of two load cells or of two specimens"
     what = what if is_load else "lengths of one record, of two sensors"
-    said = f"{grid.where}: {first!r} and {second!r} are two {what}"
-    if not grid.option:
-        raise FileError(f"{said}; keep one in the file")
-    examples = []
-    for left_out in (*reversed(factors), None):
-        kept = [Heading("", "", None) if i == left_out else h for i, h in enumerate(headings)]
-        examples.append(f"{grid.option} {_example(kept, twice=True)}")
-    both = f", or read two specimens by {examples[2]}" if is_load else ""
-    raise FileError(f"{said}; take one of them by {examples[0]} or {examples[1]}{both}")
+    said = f"{one.heading.text!r} and {other.heading.text!r} are two {what}"
+    all_ = {*range(len(headings))}
+    both = f", or read two specimens by {grid.option} {_example(headings, twice=True)}"
+    ways = [_only(headings, all_ - {left_out.at}) for left_out in (other, one)]
+    raise _one_of(grid, said, ways, both if is_load and grid.option else "")
 
 
 _SAME = 0.02
@@ -922,9 +930,9 @@ def _joined(pieces: Sequence[_Piece], blocks: str | None, notes: list[str]) -> l
     """
     found: dict[str, _Piece] = {}
     for count, piece in enumerate(pieces, start=1):
+        if blocks == "apart" and not piece.name and len(pieces) > 1:
+            piece = replace(piece, name=str(count))
         name = piece.name
-        if blocks == "apart" and not name and len(pieces) > 1:
-            name, piece = str(count), replace(piece, name=str(count))
         last = found.get(name)
         if last is not None and blocks != "join" and not _goes_on(last, piece):
             who = f"specimen {name}" if name else "the block"
@@ -960,17 +968,13 @@ _STEP = 0.25
 
 
 def _put_together(one: _Piece, next_: _Piece, notes: list[str]) -> _Piece:
-    names = [c for c in one.columns if c in next_.columns]
-    lost = [c for c in {**one.columns, **next_.columns} if c not in names]
-    if lost:
+    a, b = one.columns, next_.columns
+    if lost := [c for c in {**a, **b} if c not in a or c not in b]:
         notes.append(
             f"{one.grid.where}: {', '.join(lost)} is not in all blocks of the record; left out"
         )
-    return replace(
-        one,
-        columns={c: np.concatenate([one.columns[c], next_.columns[c]]) for c in names},
-        lines=[*one.lines, *next_.lines],
-    )
+    joined = {c: np.concatenate([a[c], b[c]]) for c in a if c in b}
+    return replace(one, columns=joined, lines=[*one.lines, *next_.lines])
 
 
 def _tables(
@@ -998,25 +1002,34 @@ def _tables(
         if name:
             metadata.pop("specimen", None)
         metadata |= piece.texts
-        if any(m.heading.compressed for m in piece.used if m.name != "time_s"):
+        if any(column.heading.compressed for column in piece.used if column.name != "time_s"):
             metadata.setdefault("mode", "compression")
         found.append(
             TensileTable(
-                path.name, MappingProxyType(dict(piece.columns)),
-                MappingProxyType({m.name: m.factor for m in piece.used}),
-                np.array(piece.lines, dtype=np.int64), name or str(metadata.get("specimen", "")),
-                MappingProxyType(metadata),
-                frozenset(m.name for m in piece.used if m.heading.unit is None) - {"stretch"},
-                (*piece.notes, *_behind(piece, pieces), *notes), piece.grid.sheet,
-                MappingProxyType({m.name: _written(m.heading) for m in piece.used}), piece.unused,
-                MappingProxyType(sources), MappingProxyType(unclear),
+                file=path.name,
+                columns=piece.columns,
+                factors={column.name: column.factor for column in piece.used},
+                lines=np.array(piece.lines, dtype=np.int64),
+                specimen=name or str(metadata.get("specimen", "")),
+                metadata=metadata,
+                without_unit=frozenset(
+                    column.name.removeprefix("lagrange_")
+                    for column in piece.used
+                    if column.heading.unit is None and column.name != "stretch"
+                ),
+                notes=(*piece.notes, *_behind(piece, pieces), *notes),
+                sheet=piece.grid.sheet,
+                headings={column.name: _written(column.heading) for column in piece.used},
+                unused=piece.unused,
+                sources=sources,
+                unclear=unclear,
             )
-        )  # fmt: skip
+        )
     return tuple(found)
 
 
 def _written(heading: Heading) -> str:
-    inside = heading.unit is None or _heading(heading.text).unit == heading.unit
+    inside = heading.unit is None or heading_of(heading.text).unit == heading.unit
     return heading.text if inside else f"{heading.text} ({heading.unit})"
 
 
@@ -1064,16 +1077,17 @@ def _said_sizes(grid: _Grid, pieces: Sequence[_Piece]) -> Iterator[_Said]:
     for piece in (p for p in pieces if p.grid is grid):
         width = 1 + max(i for i, h in enumerate(piece.block.headings) if h.meaning)
         data |= {row: max(width, data.get(row, 0)) for row in piece.block.rows}
+    heads = {piece.block.place for piece in pieces if piece.grid is grid}
     beside = min(data, default=0) + _BESIDE
     for row, (_, cells) in enumerate(grid.rows):
         if row in data and row > beside:
             continue
         for at in range(data.get(row, 0), len(cells)):
-            if cells[at] and not _is_figure(cells[at]):
-                yield from _said_at(grid, row, at)
+            if cells[at] and not is_figure(cells[at]):
+                yield from _said_at(grid, row, at, row not in heads)
 
 
-def _said_at(grid: _Grid, row: int, at: int) -> Iterator[_Said]:
+def _said_at(grid: _Grid, row: int, at: int, symbols: bool) -> Iterator[_Said]:
     """Yield what one cell says together with its neighbours: to its right, or below it."""
     cells = grid.rows[row][1]
     key, right = cells[at], [c for c in cells[at + 1 :] if c]
@@ -1083,7 +1097,7 @@ def _said_at(grid: _Grid, row: int, at: int) -> Iterator[_Said]:
     text = head_text(key)
     if text and right and head_text(right[0]) is None and size_of(right[0])[0] is None:
         yield _Said(grid, row, key, text, (("", right[0]),))
-    size, unit, count = size_of(key)
+    size, unit, count = size_of(key, symbols=symbols)
     if size is None:
         return
     figures: list[tuple[str, float]] = []
@@ -1101,18 +1115,23 @@ def _said_at(grid: _Grid, row: int, at: int) -> Iterator[_Said]:
     if not figures:
         figures, unit = _figures_below(grid, row, at, unit)
     if figures and not unit and row + 1 < len(grid.rows):
-        below = _cell(grid.rows[row + 1][1], at + 1)
+        below = grid.cell(row + 1, at + 1)
         unit = below if _is_of_size(below) else ""
+    unit = unit.strip("()[] ")
     if unit:
-        size = size_of(f"{key} [{unit.strip('()[] ')}]")[0] or size  # A0 in mm² is an area
-    factor = _factor(size, unit)
-    if factor is None and unit and len(figures) == 1 and size != "rate_mm_s":
+        size = size_of(f"{key} [{unit}]")[0] or size  # A0 in mm² is an area
+    elif size_of(key)[0] is None:
+        return  # a symbol without a unit may be anything
+    quantity = {"rate_mm_s": "speed", "area_mm2": "area"}.get(size, "length")
+    known = quantity in quantities_of(unit)
+    if not known and unit and len(figures) == 1 and quantity != "speed":
         raise FileError(
             f"{grid.where}, line {grid.rows[row][0]}, {key!r}: unknown unit {unit!r} of "
             f"{size.split('_')[0]}; use one of 'mm', 'cm', 'in'"
         )
-    if figures and (factor is not None or not unit):
-        values = tuple((label, v * factor) for label, v in figures) if factor is not None else ()
+    if figures and (known or not unit):
+        factor = unit_factor(quantity, unit, where="") if known else 0.0
+        values = tuple((label, v * factor) for label, v in figures if known)
         yield _Said(grid, row, key, size, values, count)
 
 
@@ -1120,19 +1139,12 @@ def _is_of_size(unit: str) -> bool:
     return not {"length", "area", "speed"}.isdisjoint(quantities_of(unit.strip("()[] ")))
 
 
-def _factor(size: str, unit: str) -> float | None:
-    """Return the factor of a unit to that of a size; None where it is none of that kind."""
-    quantity = {"rate_mm_s": "speed", "area_mm2": "area"}.get(size, "length")
-    unit = unit.strip("()[] ")
-    return unit_factor(quantity, unit, where="") if quantity in quantities_of(unit) else None
-
-
 def _label_above(grid: _Grid, row: int, at: int) -> str:
     """Return the specimen that heads a column of figures: the row of names near it."""
-    near = range(max(row - _NEAR, 0), min(row + _NEAR, len(grid.rows)))
-    for cells in (grid.rows[other][1] for other in near if other != row):
-        if cells and cells[0] and head_text(cells[0]) == "specimen" and _cell(cells, at):
-            return cells[at]
+    for other in range(max(row - _NEAR, 0), min(row + _NEAR, len(grid.rows))):
+        label = grid.cell(other, at)
+        if other != row and label and head_text(grid.cell(other, 0)) == "specimen":
+            return label
     return ""
 
 
@@ -1143,9 +1155,10 @@ def _figures_below(
     heads = grid.rows[row][1]
     counts = (i for i, c in enumerate(heads) if c.strip(" .").casefold() in ("no", "nr", "n°"))
     named = next((i for i, c in enumerate(heads) if head_text(c) == "specimen"), next(counts, 0))
+    is_named = size_of(heads[named])[0] is None  # no figure names a specimen
     figures: list[tuple[str, float]] = []
-    for _, cells in grid.rows[row + 1 :]:
-        cell = _cell(cells, at)
+    for below in range(row + 1, len(grid.rows)):
+        cells, cell = grid.rows[below][1], grid.cell(below, at)
         value = split_value(cell, grid.separator[0])
         if value is None:
             bare = cell.strip("()[] ")
@@ -1153,7 +1166,7 @@ def _figures_below(
                 break
             unit = bare
             continue
-        label = _cell(cells, named) if named != at else ""
+        label = grid.cell(below, named) if named != at and is_named else ""
         # "Mean" may stand before an empty label; an "x" beside one is an orientation.
         words = [label] if re.search(r"\w", label) else [c for c in cells[:at] if c]
         if any(map(_is_statistic, words)):
@@ -1163,16 +1176,6 @@ def _figures_below(
             figures.append((label, value[0]))
         unit = unit or value[1]
     return figures, unit
-
-
-def _is_statistic(word: str) -> bool:
-    return _STATISTIC.fullmatch(word.strip(" .:").casefold()) is not None
-
-
-_STATISTIC = re.compile(
-    r"mean|average|avg|median|maximum|minimum|max|min|range|s|sd|(?:std|standard)\W*(?:(?:dev|abw|err).*)?|"
-    r"coefficient.*|cv|n|x|x̄|ν|v|mittel.*|mw|moyenne|[eé]cart.*|media|promedio|desv.*|dev.*|平均.*|標準.*|标准.*"
-)
 
 
 _LENGTH_RANKS = ("gauge_mm", "height_mm", "length_mm", "grip_mm")
@@ -1191,74 +1194,79 @@ def _metadata(
     other sheets say.
     """
     first = min(p.block.place for p in pieces if p.grid is piece.grid)
-    scopes: tuple[list[_Said], ...] = ([], [], [])
+    scopes: tuple[dict[str, list[_Said]], ...] = ({}, {}, {})
     for one in said:
         if place not in labels[_series(one.grid)]:
             continue
         if one.grid is not piece.grid:
-            scopes[2].append(one)
+            scope = scopes[2]
         elif piece.block.start <= one.row <= piece.block.rows[-1]:
-            scopes[0].append(one)
+            scope = scopes[0]
         elif one.row < first or len(one.values) > 1:
-            scopes[1].append(one)
+            scope = scopes[1]
+        else:
+            continue
+        scope.setdefault(one.name, []).append(one)
     found: dict[str, tuple[float | str | None, str]] = {}
     for scope in scopes:
-        here: dict[str, dict[float | str | None, str]] = {}
-        open_: dict[str, str] = {}
-        readings_of: dict[str, dict[str, tuple[float, _Said]]] = {}
-        for one in scope:
-            beside = one.grid is piece.grid and one.row == piece.block.place
-            value = _value_for(one, place, labels[_series(one.grid)], beside)
-            of = here.setdefault(one.name, {})
-            if one.number and isinstance(value, float):
-                readings_of.setdefault(one.name, {})[one.number] = value, one
-            elif value is not None:
-                of.pop(value, None)  # the last place of a value is told
-                of[value] = one.place()
-            else:
-                readings = ", ".join(f"{v:g}" for _, v in one.values if isinstance(v, float))
-                gives = f"gives {readings} of specimens" if one.values else "without a unit"
-                of[None] = f"{one.place()} {gives}"
-                if one.values:
-                    open_[one.name] = of[None]
-        for size, each in readings_of.items():
-            figures, told = zip(*each.values(), strict=True)
-            at = " and ".join(one.place() for one in told)
-            alone = len(told) == len(labels[_series(told[0].grid)]) and len(told[0].values) == 1
-            if alone and len(told) > 1 and len({*figures}) > 1:  # or one of each specimen
-                here[size][None] = f"{at}, of one specimen or of {len(told)}"
-            else:
-                here[size][math.fsum(figures) / len(figures)] = at
-        for size, values in here.items():
-            known = [(v, at) for v, at in values.items() if v is not None]
-            if found.get(size, (None, ""))[0] is not None:
-                continue
-            several = [f"{v:g} ({at})" for v, at in known if isinstance(v, float)]
-            several += [open_[size]] if size in open_ and several else []
-            if len(several) > 1:
-                found[size] = None, " and ".join(several)
-            elif known or size not in found:
-                found[size] = known[-1] if known else (None, values[None])
-    compressed = any(column.heading.compressed for column in piece.used)
-    if not compressed and mode_of(str(found.get("mode", ("",))[0])) != "compression":
+        for name, of in scope.items():
+            if found.get(name, (None,))[0] is None:
+                value, where = _agreed(of, piece, place, labels)
+                if value is not None or name not in found:
+                    found[name] = value, where
+    mode = mode_of(str(found.get("mode", ("",))[0]))
+    if mode != "compression" and not any(column.heading.compressed for column in piece.used):
         found.pop("height_mm", None)  # a section's
     ranked = [found.pop(size) for size in _LENGTH_RANKS if size in found]
     if ranked:
         found["gauge_mm"] = ranked[0]
-    if mode_of(str(found.get("mode", ("",))[0])) is None:
+    if mode is None:
         found.pop("mode", None)  # "Test type: QA" is another matter
-    values_ = {size: value for size, (value, _) in found.items() if value is not None}
-    sources = {size: at for size, (_, at) in found.items() if size in values_}
-    return values_, sources, {size: at for size, (_, at) in found.items() if size not in values_}
+    values = {size: value for size, (value, _) in found.items() if value is not None}
+    sources = {size: at for size, (_, at) in found.items() if size in values}
+    return values, sources, {size: at for size, (_, at) in found.items() if size not in values}
+
+
+def _agreed(
+    said: Sequence[_Said], piece: _Piece, place: int, labels: Mapping[str, Mapping[int, str]]
+) -> tuple[float | str | None, str]:
+    """Return the value that all say, None where they differ, and where they say so."""
+    values: dict[float | str, str] = {}
+    readings: dict[str, tuple[float, _Said]] = {}
+    unclear = open_ = ""
+    for one in said:
+        names = labels[_series(one.grid)]
+        beside = one.grid is piece.grid and one.row == piece.block.place
+        value = _value_for(one, place, names, beside)
+        if one.number and isinstance(value, float):
+            readings[one.number] = value, one
+        elif value is not None:
+            values.pop(value, None)  # the last place of a value is told
+            values[value] = one.place()
+        else:
+            figures = ", ".join(f"{v:g}" for _, v in one.values if isinstance(v, float))
+            gives = f"gives {figures} of specimens" if one.values else "without a unit"
+            unclear = f"{one.place()} {gives}"
+            open_ = unclear if one.values else open_
+    if readings:
+        figures_, told = zip(*readings.values(), strict=True)
+        at = " and ".join(one.place() for one in told)
+        alone = len(told) == len(labels[_series(told[0].grid)]) and len(told[0].values) == 1
+        if alone and len(told) > 1 and len({*figures_}) > 1:  # or one of each specimen
+            unclear = f"{at}, of one specimen or of {len(told)}"
+        else:
+            values[math.fsum(figures_) / len(figures_)] = at
+    several = [f"{v:g} ({at})" for v, at in values.items() if isinstance(v, float)]
+    several += [open_] if open_ and several else []
+    if len(several) > 1:
+        return None, " and ".join(several)
+    return [*values.items()][-1] if values else (None, unclear)
 
 
 def _series(grid: _Grid) -> str:
     """Return the number of a series' sheet: the "2" of "Results Series 2"; "" of any other."""
-    match = _SERIES.search(grid.sheet)
+    match = SIGNS["series"].search(grid.sheet)
     return match[1] if match else ""
-
-
-_SERIES = re.compile(r"s[eé]rie[sn]?\s*(\d+)$", re.IGNORECASE)
 
 
 def _labels(series: str, pieces: Sequence[_Piece], names: Sequence[str]) -> dict[int, str]:
@@ -1280,16 +1288,14 @@ def _value_for(
     values = {value for _, value in one.values}
     if len(one.values) == 1 and (len(labels) == 1 or not one.values[0][0]):
         return one.values[0][1]
-    plain = labels[place]
-    told = [_plain_name(label) for label, _ in one.values]
-    named = {v for label, (_, v) in zip(told, one.values, strict=True) if plain and label == plain}
+    told = [(_plain_name(label), value) for label, value in one.values]
+    named = {value for label, value in told if label and label == labels[place]}
     if len(named) == 1:
         return named.pop()
-    if not beside and not set(labels.values()).isdisjoint({*told} - {""}):
-        return values.pop() if len(values) == 1 < len(one.values) else None
-    if len(one.values) == len(labels):
-        return one.values[[*labels].index(place)][1]
-    return values.pop() if len(values) == 1 else None
+    others = not beside and not {label for label, _ in told if label}.isdisjoint(labels.values())
+    if len(told) == len(labels) and not others:
+        return told[[*labels].index(place)][1]
+    return values.pop() if len(values) == 1 and not (others and len(told) == 1) else None
 
 
 @functools.lru_cache(maxsize=8192)
@@ -1313,7 +1319,7 @@ def _with_units_of_head(grid: _Grid, block: _Block) -> tuple[_Block, list[str]]:
         told = _UNIT_OF.fullmatch(" ".join(cell for cell in cells if cell))
         unit = told[2] if told else ""
         of_load = "force" if "force" in quantities_of(unit) else ""
-        meaning = _heading(told[1]).meaning if told and told[1] else of_load
+        meaning = heading_of(told[1]).meaning if told and told[1] else of_load
         if meaning and is_unit(unit) and units.setdefault(meaning, unit) != unit:
             raise FileError(
                 f"{grid.where}, line {line}: unit of {meaning} is {unit!r} here and "
@@ -1321,10 +1327,7 @@ def _with_units_of_head(grid: _Grid, block: _Block) -> tuple[_Block, list[str]]:
             )
     if units:
         units["time"] = "s"
-    filled = [
-        replace(h, unit=units[h.meaning]) if h.unit is None and h.meaning in units else h
-        for h in block.headings
-    ]
+    filled = [replace(h, unit=h.unit or units.get(h.meaning)) for h in block.headings]
     if filled == [*block.headings]:
         return block, []
     stated = ", ".join(f"{meaning} in {unit}" for meaning, unit in units.items())
@@ -1339,14 +1342,14 @@ _UNIT_OF = re.compile(r"(?:(\w+) )?units?\s*:?\s*[(\[]?([^\s()\[\]]+)[)\]]?", re
 
 
 def _by_position(columns: Sequence[str]) -> _Headings:
-    headings = [_heading("" if c.strip() == "-" else c.strip()) for c in columns]
+    headings = [heading_of("" if c.strip() == "-" else c.strip()) for c in columns]
     for heading in headings:
         if heading.text and not heading.meaning:
             raise FileError(
                 f"column {heading.text!r} is unknown; use time_s, displacement_mm, force_N, "
                 "strain, stretch, stress_MPa, specimen, or '-' for a column to leave out"
             )
-    if not _suffice(headings):
+    if not suffice(headings):
         raise FileError(
             f"columns {', '.join(columns)}: name one load (force_N, stress_MPa) and one length "
             "(displacement_mm, strain, stretch)"
@@ -1365,25 +1368,23 @@ def _not_understood(grid: _Grid) -> str:
     if grid.by_position is not None:
         count = len(grid.by_position)
         return f"{grid.where}: no row with {count} columns of numbers; check the columns"
-    line, names, units = _nearest(grid)
-    if not names:
+    line, headings, units = _nearest(grid)
+    if not headings:
         return (
             f"{grid.where}: no row of headings with a load (force, load, stress) and a length "
             "(displacement, extension, travel, strain, stretch) above columns of numbers; export "
             "the raw data, headed as 'time_s,displacement_mm,force_N'"
         )
-    headings = [_heading(name) for name in names]
     known = [f"{h.text!r} as {h.meaning}" for h in headings if h.meaning]
-    unknown = [
-        repr(n if len(n) <= 30 else f"{n[:27]}...") for n in names if n and not _heading(n).meaning
-    ]
-    missing = _missing(headings)
+    unknown = [h.text for h in headings if h.text and not h.meaning]
+    shown = [repr(text if len(text) <= 30 else f"{text[:27]}...") for text in unknown[:8]]
     said = (
-        f"{grid.where}, line {line}: no heading of a {' nor of a '.join(missing)}; understood: "
-        f"{', '.join(known) or 'none'}; not understood: {', '.join(unknown[:8]) or 'none'}"
+        f"{grid.where}, line {line}: no heading of a {' nor of a '.join(_missing(headings))}; "
+        f"understood: {', '.join(known) or 'none'}; not understood: {', '.join(shown) or 'none'}"
     )
     example = _example([replace(h, unit=u) for h, u in zip(headings, units, strict=True)])
-    if example.split(",").count("?") < len(_missing(map(_heading, example.split(",")))):
+    named = example.split(",")
+    if named.count("?") < len(_missing(map(heading_of, named))):
         return f"{said}; export what is missing too"
     return f"{said}; {_advice(grid.option, example)}"
 
@@ -1393,7 +1394,7 @@ def _missing(headings: Iterable[Heading]) -> list[str]:
     return [what for what, kinds in _SOUGHT.items() if kinds.isdisjoint(meanings)]
 
 
-_SOUGHT = {"load (force or stress)": _LOADS, "length (travel or strain)": _LENGTHS}
+_SOUGHT = {"load (force or stress)": LOADS, "length (travel or strain)": LENGTHS}
 
 
 def _advice(option: str, example: str) -> str:
@@ -1408,6 +1409,13 @@ def _advice(option: str, example: str) -> str:
     return f"name the columns by position, for example {option} {example}{left_out}"
 
 
+def _one_of(grid: _Grid, said: str, ways: Iterable[_Headings], end: str = "") -> FileError:
+    """Return the refusal of a file in which two columns may be meant, with a way to each."""
+    options = " or ".join(f"{grid.option} {_example(way, twice=True)}" for way in ways)
+    one = f"take one of them by {options}" if grid.option else "keep one in the file"
+    return FileError(f"{grid.where}: {said}; {one}{end}")
+
+
 def _example(headings: _Headings, *, twice: bool = False) -> str:
     """Return names by position: what is understood, and what units tell of the others.
 
@@ -1418,6 +1426,7 @@ def _example(headings: _Headings, *, twice: bool = False) -> str:
     told = Counter(kind for h in headings if not h.meaning for kind in quantities_of(h.unit or ""))
     for heading in headings:
         unit, name = heading.unit or "", _ALIKE.get(heading.meaning, heading.meaning)
+        unit = "mm/mm" if unit == "1" else unit
         kinds = quantities_of(unit)
         if not name and len(kinds) == 1 and told[min(kinds)] == 1 and not twice:
             name = _BY_KIND.get(min(kinds), "")
@@ -1444,11 +1453,10 @@ _BARE = {"time": "time_s", "force": "force_N", "displacement": "displacement_mm"
          "stress": "stress_MPa", "true_stress": "true_stress_MPa"}  # fmt: skip
 
 
-def _nearest(grid: _Grid) -> tuple[int, Sequence[str], Sequence[str]]:
-    """Return the row that comes nearest to one of headings: line, cells and units.
+def _nearest(grid: _Grid) -> tuple[int, _Headings, Sequence[str]]:
+    """Return the row that comes nearest to one of headings: its line, headings and units.
 
-    The row above the first row of numbers, or above a row of units there; no cells where there is
-    none.
+    The row above the first row of numbers, or above a row of units there; none where there is none.
     """
     rows = [(line, cells) for line, cells in grid.rows if any(cells)]
     for place, (_, cells) in enumerate(rows):
@@ -1463,322 +1471,15 @@ def _nearest(grid: _Grid) -> tuple[int, Sequence[str], Sequence[str]]:
     if not all(is_unit(cell.strip("()[]")) or cell[0] in "([" for cell in below if cell):
         below = []
     line, names = rows[place - 1 - bool(below)]
-    units = [_heading(n).unit if _heading(n).meaning else _unit_at_end(n) for n in names]
-    return line, names, [
-        unit if unit and is_unit(unit) else _cell(below, i).strip("()[] ")
-        for i, unit in enumerate(units)
+    headings = [heading_of(name) for name in names]
+    units = [h.unit if h.meaning else _unit_at_end(h.text) for h in headings]
+    under = [cell.strip("()[] ") for cell in (*below, *[""] * len(names))]
+    return line, headings, [
+        unit if unit and is_unit(unit) else other
+        for unit, other in zip(units, under, strict=False)
     ]  # fmt: skip
 
 
 def _unit_at_end(name: str) -> str:
     """Return the unit in a heading whose name is not known: "Gap (mm)", "Gap_mm", "Gap / mm"."""
     return re.split(r"[\s_(\[]", name.rstrip(")] "))[-1]
-
-
-# ------------------------------------------------------------------------------------------------
-# The list of specimens: what each one is, its size and how it was tested.
-
-
-_Orientation = Literal["x", "y", "z"]
-_Protocol = Literal["monotonic", "cyclic", "relaxation"]
-
-_MODES = frozenset({"tension", "tensile", "compression", "compressive"})
-"""Ways of loading that may stand beside a protocol."""
-
-
-@dataclass(frozen=True, slots=True)
-class SpecimenColumn:
-    """A condition or a size in specimens.csv; numbers are above 0 unless `between` says more.
-
-    Attributes
-    ----------
-    name
-        With its unit as suffix.
-    title
-        What it is, in words.
-    at
-        A sentence's end that tells a value.
-    label
-        The same beside a curve; "" where a curve is not named by it.
-    called
-        Headings of the same quantity that leave the unit open.
-    choices
-        What a cell may say; None for a number, none for any text.
-    between
-        Least and largest number.
-    plausible
-        What tensile specimens have, in mm: beyond, the cell is doubted.
-    tolerance
-        How far apart, absolute and relative, two specimens of one condition may be.
-    scale
-        On which a load's trend over the column is smooth.
-    usual
-        Stands in where neither specimen nor palette tells.
-    is_size
-        Whether it belongs to the specimen's size; the others are conditions of print and test.
-    """
-
-    name: str
-    title: str
-    at: str
-    label: str = ""
-    called: tuple[str, ...] = ()
-    choices: tuple[str, ...] | None = None
-    between: tuple[float, float] | None = None
-    plausible: tuple[float, float] = (0.0, math.inf)
-    tolerance: tuple[float, float] | None = None
-    scale: Callable[[FloatArray], FloatArray] = np.positive
-    usual: float | None = None
-    is_size: bool = False
-
-
-_WIDTHS_MM, _THICKNESSES_MM, _GAUGES_MM = (0.5, 100.0), (0.1, 50.0), (2.0, 500.0)
-"""ASTM D412 and D638, ISO 37 and 527 have widths of 2 to 25 mm, thicknesses of 0.5 to 14 mm and
-gauges of 4 to 80 mm; labs go further, but not beyond these."""
-
-_TEMPERATURES_C = (-100.0, 300.0)
-"""Beyond these every elastomer and jetted resin is glass, or decomposes."""
-
-SPECIMEN_COLUMNS: Mapping[str, SpecimenColumn] = MappingProxyType(
-    {
-        column.name: column
-        for column in (
-            SpecimenColumn(
-                "rate_mm_s", "crosshead speed", "at {} mm/s", "{:g} mm/s", ("rate",),
-                tolerance=(0.0, 0.05), scale=lambda speed: np.log(np.maximum(speed, 1e-9)),
-            ),
-            SpecimenColumn(
-                "temperature_C", "temperature", "at {} °C", "{:g} °C", ("temperature",),
-                between=_TEMPERATURES_C, tolerance=(1.0, 0.0), usual=23.0,
-            ),
-            SpecimenColumn(
-                "soak_h", "soaking time", "after {} h of soaking", "{:g} h soaked", ("soak",),
-                between=(0.0, math.inf), tolerance=(0.25, 0.05), usual=0.0,
-                scale=lambda hours: np.sqrt(np.maximum(hours, 0.0)),
-            ),
-            SpecimenColumn(
-                "age_days", "age at the test", "at an age of {} days", "{:g} d old", ("age",),
-                between=(0.0, math.inf), tolerance=(0.5, 0.1), usual=7.0,
-                scale=lambda days: np.log1p(np.maximum(days, 0.0)),
-            ),
-            SpecimenColumn(
-                "orientation", "orientation on the tray", "along {}", "{}",
-                choices=get_args(_Orientation),
-            ),
-            SpecimenColumn(
-                "protocol", "protocol", "in {} tests", "{}", choices=get_args(_Protocol)
-            ),
-            SpecimenColumn("batch", "batch", "in batch {}", choices=()),
-            SpecimenColumn(
-                "width_mm", "width", "at a width of {} mm", called=("width",),
-                plausible=_WIDTHS_MM, tolerance=(0.0, 0.02), is_size=True,
-            ),
-            SpecimenColumn(
-                "thickness_mm", "thickness", "at a thickness of {} mm", called=("thickness",),
-                plausible=_THICKNESSES_MM, tolerance=(0.0, 0.02), is_size=True,
-            ),
-            SpecimenColumn(
-                "measured_width_mm", "measured width", "at a measured width of {} mm",
-                called=("measured width",), plausible=_WIDTHS_MM, is_size=True,
-            ),
-            SpecimenColumn(
-                "measured_thickness_mm", "measured thickness", "at a measured thickness of {} mm",
-                called=("measured thickness",), plausible=_THICKNESSES_MM, is_size=True,
-            ),
-            SpecimenColumn(
-                "gauge_mm", "gauge length", "at a gauge of {} mm",
-                called=("gauge", "gauge length", "gage", "gage length"),
-                plausible=_GAUGES_MM, tolerance=(0.0, 0.1), is_size=True,
-            ),
-        )
-    }
-)  # fmt: skip
-"""What is known of a specimen besides what it is made of: conditions, then sizes, by name."""
-
-SPECIMEN_TEXTS = ("specimen", "material", "profile", "file")
-"""The columns that say which specimen it is, what it is made of and where its curve stands."""
-
-_PART_TEXTS = ("part", "fix", "move", "load")
-"""Those of whole parts. Without the first, the others are a lab's own columns."""
-
-
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class SpecimenConditions:
-    """How a specimen was made and tested, and its section; None stands for what is unknown."""
-
-    width_mm: float | None = None
-    thickness_mm: float | None = None
-    measured_width_mm: float | None = None
-    measured_thickness_mm: float | None = None
-    rate_mm_s: float | None = None
-    temperature_C: float | None = None
-    soak_h: float | None = None
-    age_days: float | None = None
-    orientation: _Orientation | None = None
-    protocol: _Protocol | None = None
-    batch: str | None = None
-
-    @property
-    def area_mm2(self) -> float | None:
-        """Undeformed section, from measured sizes where there are any; None where unknown."""
-        width = self.measured_width_mm or self.width_mm
-        thickness = self.measured_thickness_mm or self.thickness_mm
-        return None if width is None or thickness is None else width * thickness
-
-
-@dataclass(frozen=True, slots=True)
-class ListedSpecimen(SpecimenConditions):
-    """One row of specimens.csv; None or "" stands for an empty cell, which means unknown.
-
-    Attributes
-    ----------
-    material, profile, part
-        Exactly one is given: a material of one piece, the file of a graded bar's design, or the
-        plan of a whole part.
-    fix, move, load
-        How a part is held and loaded.
-    mode
-        How it was loaded, as a protocol such as "cyclic compression" says; "" where it does not.
-    covariates
-        Further columns as the lab wrote them, by name.
-    """
-
-    specimen: str
-    material: str = ""
-    profile: str = ""
-    part: str = ""
-    fix: str = ""
-    move: str = ""
-    load: str = ""
-    file: str = ""
-    gauge_mm: float | None = None
-    mode: str = ""
-    covariates: Mapping[str, str] = field(default_factory=dict)
-
-    def conditions(self) -> dict[str, Any]:
-        """Return what the row says in each of `SPECIMEN_COLUMNS`."""
-        return {name: getattr(self, name) for name in SPECIMEN_COLUMNS}
-
-
-def is_specimens_file(path: str | Path) -> bool:
-    """Say whether a file lists specimens: a column `specimen`, and what each is made of."""
-    data = read_file(path, advice="give the path of a tensile file")
-    if is_workbook(data):
-        return False
-    first = decode_text(data, Path(path)).lstrip("\n").splitlines()[0]
-    return any(
-        "specimen" in cells and not _MADE_OF.isdisjoint(cells) and _headings(cells) is None
-        for cells in ([c.strip().casefold() for c in first.split(s)] for s in ",;\t")
-    )
-
-
-def read_specimens(path: str | Path) -> tuple[ListedSpecimen, ...]:
-    """Read specimens.csv; the case of planner's own columns does not matter.
-
-    Raises
-    ------
-    FileError
-        A missing column, a size that is no positive number, a condition that no test has, an
-        unknown choice, neither or both of material and profile, or two rows of one specimen; the
-        message names line and column.
-    """
-    path = Path(path)
-    headings, separator, rows = read_rows(path)
-    texts: tuple[str, ...] = SPECIMEN_TEXTS
-    if "part" in (name.casefold() for name in headings):
-        texts += _PART_TEXTS
-    known = {name.casefold(): name for name in (*texts, *SPECIMEN_COLUMNS)}
-    columns = [known.get(name.casefold(), name) for name in headings]
-    for name in columns:
-        if columns.count(name) > 1:
-            raise FileError(f"{path.name}: two columns {name!r}; keep one")
-    if "specimen" not in columns or _MADE_OF.isdisjoint(columns):
-        raise FileError(
-            f"{path.name}: columns are {', '.join(columns)}; 'specimen' and 'material' (or "
-            "'profile', or 'part') are needed"
-        )
-    specimens: dict[str, tuple[int, ListedSpecimen]] = {}
-    for line, cells in rows:
-        where = f"{path.name}, line {line}"
-        if len(cells) > len(columns):
-            raise FileError(
-                f"{where}: {len(cells)} cells for {len(columns)} columns; a comma within a cell "
-                "needs quotes"
-            )
-        row = _listed(dict(zip(columns, cells, strict=False)), texts, separator, where)
-        before = specimens.setdefault(row.specimen, (line, row))[0]
-        if before != line:
-            raise FileError(
-                f"{where}: specimen {row.specimen!r} stands on line {before} already; give each "
-                "specimen its own id"
-            )
-    if not specimens:
-        raise FileError(f"{path.name}: no specimen; write one row a specimen")
-    return tuple(row for _, row in specimens.values())
-
-
-_MADE_OF = frozenset({"material", "profile", "part"})
-
-
-def _listed(
-    record: Mapping[str, str], names: Sequence[str], separator: str, where: str
-) -> ListedSpecimen:
-    texts: dict[str, Any] = {name: record.get(name, "") for name in names}
-    if not texts["specimen"]:
-        raise FileError(f"{where}: column 'specimen' is empty; give the specimen an id")
-    given = {name: texts[name] for name in ("material", "profile", "part") if name in texts}
-    if sum(map(bool, given.values())) != 1:
-        got = " and ".join(map(repr, given.values()))
-        raise FileError(
-            f"{where}: give exactly one of {' and '.join(map(repr, given))} (got {got})"
-        )
-    if not texts.get("part"):
-        loose = next((name for name in _PART_TEXTS[1:] if texts.get(name)), None)
-        if loose is not None:
-            raise FileError(f"{where}: {loose!r} goes with a part; give one, or leave it empty")
-    elif record.get("gauge_mm"):
-        raise FileError(f"{where}: a part has no 'gauge_mm'; leave it empty")
-    record, mode = _without_mode(record)
-    conditions: dict[str, Any] = {
-        column.name: _condition(record.get(column.name, ""), column, separator, where)
-        for column in SPECIMEN_COLUMNS.values()
-    }
-    known = {*names, *SPECIMEN_COLUMNS, ""}
-    others = {name: value for name, value in record.items() if name not in known}
-    return ListedSpecimen(**texts, **conditions, mode=mode, covariates=MappingProxyType(others))
-
-
-def _without_mode(record: Mapping[str, str]) -> tuple[Mapping[str, str], str]:
-    """Return a row whose protocol does not say how the specimen was loaded, and what it said.
-
-    Nothing more of a protocol is a monotonic test.
-    """
-    words = record.get("protocol", "").casefold().split()
-    mode = next((word for word in words if word in _MODES), "")
-    if not mode:
-        return record, ""
-    return {**record, "protocol": " ".join(w for w in words if w != mode) or "monotonic"}, mode
-
-
-def _condition(cell: str, column: SpecimenColumn, separator: str, where: str) -> str | float | None:
-    if not cell:
-        return None
-    if column.choices is not None:
-        if column.choices and cell.casefold() not in column.choices:
-            allowed = ", ".join(column.choices)
-            raise FileError(f"{where}: {column.name} is {cell!r}; it must be one of {allowed}")
-        return cell.casefold() if column.choices else cell
-    value = number(cell, separator)
-    hint = ""
-    measured = value is not None and abs(value) <= LARGEST_FIGURE
-    if value is None or not measured or (column.between is None and value <= 0):
-        must = "a number" if column.between else "a number above 0"
-    else:
-        low, high = column.between or (0.0, math.inf)
-        if low <= value <= high:
-            return value
-        must = f"from {low:g} to {high:g}" if math.isfinite(high) else f"{low:g} or more"
-        hint = "; kelvin or degrees Fahrenheit?" if column.name == "temperature_C" else ""
-    raise FileError(
-        f"{where}: {column.name} is {cell!r}; it must be {must}, or empty if unknown{hint}"
-    )

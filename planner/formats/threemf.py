@@ -4,26 +4,19 @@ import ctypes
 import hashlib
 import re
 import uuid
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
+from xml.sax.saxutils import quoteattr
 
 import lib3mf
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.errors import MeshError, OutputError
-from planner.formats.archive import LARGEST, canonical_archive, unpacked
+from planner.errors import ArgumentError, FileError, MeshError, OutputError, did_you_mean
+from planner.formats.archive import USUAL_LIMITS, UnfoldingLimits, canonical_archive, unpacked
 from planner.formats.files import read_file
-from planner.formats.slicers import (
-    BAMBU_PART,
-    CURA_NAMESPACE,
-    PRUSA_PART,
-    bambu_settings,
-    prusa_settings,
-)
-from planner.formats.threemf_structure import USUAL_LIMITS, UnfoldingLimits, check_structure
 from planner.numerics import Float32Array, FloatArray, IntArray
 
 __all__ = [
@@ -31,10 +24,11 @@ __all__ = [
     "ThreemfObject",
     "composite_name",
     "decode_threemf",
+    "encode_threemf",
     "mixed_colour",
+    "needs_one_mesh",
     "read_threemf",
     "threemf_xml_hashes",
-    "write_threemf",
 ]
 
 
@@ -127,7 +121,7 @@ def threemf_xml_hashes(path: str | Path) -> dict[str, str]:
     """
     data = read_file(path)
     hashes = {}
-    for member, pieces in unpacked(data, str(path), LARGEST):
+    for member, pieces in unpacked(data, str(path)):
         digest = hashlib.sha256()
         for piece in pieces:
             digest.update(piece)
@@ -136,8 +130,177 @@ def threemf_xml_hashes(path: str | Path) -> dict[str, str]:
 
 
 # ------------------------------------------------------------------------------------------------
+# What the build of a file unfolds to, counted from its text before anything is unfolded.
+
+
+_Key = tuple[str, int]
+"""An object: the archive's member that holds it, and its number there."""
+
+
+@dataclass(slots=True)
+class _Object:
+    triangles: int = 0
+    components: list[_Key] = field(default_factory=list)
+
+
+def _check_structure(data: bytes, name: str, limits: UnfoldingLimits) -> None:
+    """Refuse a 3MF file that holds, or unfolds to, more than planner reads.
+
+    Nothing is built of it: members are unpacked piece by piece, and of their text only what
+    makes the structure is looked at (objects, components, build items, a triangle's first corner).
+    Each object is counted once, however often it is placed. Whatever else is wrong with the file
+    is left to its reader.
+
+    Parameters
+    ----------
+    data, name
+        The whole file, and what errors call it.
+
+    Raises
+    ------
+    MeshError
+        No zip archive, or one that does not hold what it promises; or more than a limit.
+    """
+    objects: dict[_Key, _Object] = {}
+    items: list[_Key] = []
+    try:
+        called = f"{name}: not a 3MF file that can be read"
+        for member, pieces in unpacked(data, called, limits.unpacked_bytes):
+            for _ in _scan(member, pieces, objects, items):
+                if len(objects) > limits.objects:
+                    raise _refusal(name, f"holds more than {limits.objects:,} objects")
+    except FileError as error:
+        raise MeshError(str(error)) from error
+    stored = sum(found.triangles for found in objects.values())
+    placed, triangles, depth = _unfold(objects, items)
+    for what, got, most in (
+        ("unfolds to {} objects, assemblies included", placed, limits.objects),
+        ("unfolds to {} triangles", triangles, max(limits.triangles, stored)),
+        ("nests components {} deep", depth, limits.depth),
+    ):
+        if got > most:
+            raise _refusal(
+                name, f"{what.format(_counted(got))}, more than the {most:,} that planner reads"
+            )
+
+
+def _refusal(name: str, what: str) -> MeshError:
+    return MeshError(
+        f"{name}: {what}; print fewer copies at once, export the part coarser, or read it from a "
+        "script with higher limits (planner.formats.mesh_file.read_mesh)"
+    )
+
+
+def _counted(count: int) -> str:
+    return f"{count:,}" if count < 10**15 else "over 10^15"
+
+
+_OPENING = re.compile(rb"<(?:!--|\?|(?:[\w.-]+:)?(object|component|item)(?=\s))")
+_REST = re.compile(rb"""(?:[^>"']|"[^"]*"|'[^']*')*+>""")
+_ATTRIBUTE = re.compile(rb"""([\w.-]+)\s*=\s*(?:"([^"]*)"|'([^']*)')""")
+_ENDS = {b"<!--": b"-->", b"<?": b"?>"}
+_CORNER = b"v1"
+"""Each triangle has this attribute once, whatever its prefix and blanks."""
+
+_LONGEST_TAG = 1 << 20
+
+
+def _scan(
+    member: str, pieces: Iterable[bytes], objects: dict[_Key, _Object], items: list[_Key]
+) -> Iterator[None]:
+    """Add what a member of the archive has of objects and build items, and yield at each piece."""
+    text, current = b"", _Object()
+    for piece in pieces:
+        text += piece
+        place = counted = 0
+        while opening := _OPENING.search(text, place):
+            current.triangles += text.count(_CORNER, counted, opening.start())
+            place = counted = opening.start()
+            if opening[1] is None:
+                end = text.find(_ENDS[opening[0]], opening.end())
+                closed = None if end < 0 else end + len(_ENDS[opening[0]])
+            else:
+                rest = _REST.match(text, opening.end())
+                closed = None if rest is None else rest.end()
+            if closed is None:  # goes on in the next piece
+                break
+            place = counted = closed
+            if opening[1] is not None:
+                found = _ATTRIBUTE.findall(text, opening.end(), closed)
+                said = {key: (double or single) for key, double, single in found}
+                current = _note(member, opening[1], said, objects, items, current)
+        else:
+            opened = text.rfind(b"<", place)
+            # A tag's beginning is kept; a text of any length may follow a whole one.
+            place = opened if opened >= 0 and len(text) - opened < 4096 else len(text)
+            current.triangles += text.count(_CORNER, counted, place)
+        text = text[place:]
+        if len(text) > _LONGEST_TAG:
+            raise FileError(f"{member}: has an XML element of more than {_LONGEST_TAG:,} bytes")
+        yield
+    current.triangles += text.count(_CORNER)
+
+
+def _note(
+    member: str,
+    tag: bytes,
+    said: dict[bytes, bytes],
+    objects: dict[_Key, _Object],
+    items: list[_Key],
+    current: _Object,
+) -> _Object:
+    """Take an element in, and return the object that what follows is of."""
+    key = _key(member, said.get(b"path"), said.get(b"id" if tag == b"object" else b"objectid"))
+    if key is None:  # the reader will say what is wrong
+        return current
+    if tag == b"object":
+        return objects.setdefault(key, _Object())
+    (current.components if tag == b"component" else items).append(key)
+    return current
+
+
+def _key(member: str, path: bytes | None, number: bytes | None) -> _Key | None:
+    where = member if path is None else path.decode("utf-8", "replace").lstrip("/")
+    try:
+        return where.casefold(), int(number or b"")
+    except ValueError:
+        return None
+
+
+def _unfold(objects: dict[_Key, _Object], items: list[_Key]) -> tuple[int, int, int]:
+    """Return how many objects and triangles the items place, and how deep components are nested.
+
+    Each object's own sum is made once, after those of its components. What refers to itself, or to
+    nothing, adds nothing: the reader refuses it.
+    """
+    known: dict[_Key, tuple[int, int, int]] = {}
+    begun: set[_Key] = set()
+    for start in objects:
+        waiting = [start]
+        while waiting:
+            key = waiting[-1]
+            own = objects[key]
+            if key in begun:
+                waiting.pop()
+                parts = (known[one] for one in own.components if one in known)
+                counts, triangles, depths = zip((0, 0, 0), *parts, strict=True)
+                sums = 1 + sum(counts), own.triangles + sum(triangles), 1 + max(depths)
+                known.setdefault(key, sums)
+                continue
+            begun.add(key)
+            waiting += [one for one in {*own.components} if one in objects and one not in begun]
+    placed = (known.get(key, (0, 0, 0)) for key in items)
+    counts, triangles, _ = zip((0, 0, 0), *placed, strict=True)
+    return sum(counts), sum(triangles), max((depth for *_, depth in known.values()), default=0)
+
+
+# ------------------------------------------------------------------------------------------------
 # 3MF read by lib3mf: every mesh where the build puts it.
 
+
+_BAMBU_PART = "/Metadata/model_settings.config"
+_PRUSA_PART = "/Metadata/Slic3r_PE_model.config"
+_CURA_NAMESPACE = "http://software.ultimaker.com/xml/cura/3mf/2015/10"
 
 _UNITS = {
     lib3mf.ModelUnit.MicroMeter: "um",
@@ -189,7 +352,7 @@ def decode_threemf(
         No 3MF, or more than `limits`; or it holds what is no mesh: a beam lattice, an implicit
         volume.
     """
-    check_structure(data, name, limits)
+    _check_structure(data, name, limits)
     wrapper = lib3mf.get_wrapper()
     model = wrapper.CreateModel()
     reader = model.QueryReader("3mf")
@@ -368,7 +531,7 @@ def _metadata(group: Any) -> dict[str, str]:
     return {
         entry.GetName(): entry.GetValue()
         for entry in entries
-        if entry.GetNameSpace() != CURA_NAMESPACE
+        if entry.GetNameSpace() != _CURA_NAMESPACE
     }
 
 
@@ -380,15 +543,10 @@ def _metadata(group: Any) -> dict[str, str]:
 _NAMESPACE = "urn:planner:mixture:1"
 """XML namespace of the metadata that the 3MF core specification has no name for."""
 
-_WELL_KNOWN: tuple[str, ...] = (
-    "Title",
-    "Designer",
-    "Description",
-    "Copyright",
-    "LicenseTerms",
-    "Rating",
+_WELL_KNOWN = (
+    *("Title", "Designer", "Description", "Copyright", "LicenseTerms", "Rating"),
+    *("CreationDate", "ModificationDate", "Application"),
 )
-_WELL_KNOWN += ("CreationDate", "ModificationDate", "Application")
 _SETTINGS = "urn:planner:slicer-settings:1"
 """Relationship from the model to what slicers read beside it."""
 
@@ -399,29 +557,6 @@ textures, and crashes (github.com/assimp/assimp/issues/5328); names of parts do 
 _UUIDS = uuid.uuid5(uuid.NAMESPACE_URL, _NAMESPACE)
 _FIRST = ("[Content_Types].xml", "_rels/.rels", "3D/3dmodel.model")
 _DECIMALS = 9  # from 1 mm up nothing moves by more than one unit in the last place; by 6, eight
-
-
-def write_threemf(
-    path: str | Path,
-    objects: Sequence[ThreemfObject],
-    assembly_name: str,
-    metadata: Mapping[str, str] | None = None,
-    *,
-    thumbnail: bytes | None = None,
-    one_mesh: bool = False,
-) -> None:
-    """Write the file that `encode_threemf` makes.
-
-    Raises
-    ------
-    OutputError
-        It cannot be written, or the content cannot be said in 3MF.
-    """
-    data = encode_threemf(objects, assembly_name, metadata, thumbnail=thumbnail, one_mesh=one_mesh)
-    try:
-        Path(path).write_bytes(data)
-    except OSError as error:
-        raise OutputError(f"{path}: {error.strerror or error}") from error
 
 
 def encode_threemf(
@@ -437,7 +572,7 @@ def encode_threemf(
     Each material is one ``<base>`` with its display colour, each mixture one ``<composite>`` of
     such materials with its mixing ratios (materials extension). The identifiers of objects,
     components, item and build are derived from the content (UUID version 5), so that equal
-    content gives equal bytes. Slicers' settings (`planner.formats.slicers`) number the materials
+    content gives equal bytes. Slicers' settings (`needs_one_mesh`) number the materials
     from 1, in the order of the objects.
 
     Parameters
@@ -478,7 +613,12 @@ def _model_written(
     _add_metadata(model.GetMetaDataGroup(), {**heading, **metadata}, assembly_name)
     palette = _Materials(wrapper, model, model.AddBaseMaterialGroup())
     try:
-        shells = [_Shell(item, palette.property_of(item), _digest(item)) for item in objects]
+        materials = [palette.property_of(item) for item in objects]
+        extruders = {material: n for n, material in enumerate(dict.fromkeys(materials), start=1)}
+        shells = [
+            _Shell(item, material, extruders[material], _digest(item))
+            for item, material in zip(objects, materials, strict=True)
+        ]
         add = _add_one_mesh if one_mesh else _add_assembly
         whole = add(wrapper, model, shells, _text(assembly_name))
         layout = ("one mesh",) if one_mesh else ()
@@ -501,39 +641,37 @@ def _model_written(
 
 @dataclass(frozen=True, slots=True)
 class _Shell:
-    """An object to write, its material as group and entry of the model, and a hash of it all."""
+    """An object to write, its material as group and entry of the model, and a hash of it all.
+
+    Materials are counted from 1, in the order of the shells: that is the `extruder`.
+    """
 
     item: ThreemfObject
     material: tuple[int, int]
+    extruder: int
     digest: str
-
-
-def _extruders(shells: Sequence[_Shell]) -> list[int]:
-    """Return each shell's extruder: the materials counted from 1, in the order of the shells."""
-    materials = list(dict.fromkeys(shell.material for shell in shells))
-    return [materials.index(shell.material) + 1 for shell in shells]
 
 
 def _add_assembly(wrapper: Any, model: Any, shells: Sequence[_Shell], name: str) -> Any:
     assembly = model.AddComponentsObject()
     parts = []
-    for place, (shell, extruder) in enumerate(
-        zip(shells, _extruders(shells), strict=True), start=1
-    ):
+    for place, shell in enumerate(shells, start=1):
         item = shell.item
         mesh = _add_mesh(wrapper, model, item.name, item.vertices, item.faces)
         _add_metadata(mesh.GetMetaDataGroup(), item.metadata, item.name)
         # Cura counts from 0, the others from 1.
-        number = str(extruder - 1)
+        number = str(shell.extruder - 1)
         mesh.GetMetaDataGroup().AddMetaData(
-            CURA_NAMESPACE, "extruder_nr", number, "xs:integer", True
+            _CURA_NAMESPACE, "extruder_nr", number, "xs:integer", True
         )
         mesh.SetUUID(_identifier("object", place, shell.digest))
         mesh.SetObjectLevelProperty(*shell.material)
         component = assembly.AddComponent(mesh, wrapper.GetIdentityTransform())
         component.SetUUID(_identifier("component", place, shell.digest))
-        parts.append((mesh.GetModelResourceID(), _text(item.name), extruder))
-    _attach(model, BAMBU_PART, bambu_settings(assembly.GetModelResourceID(), name, parts))
+        opening = f'part id="{mesh.GetModelResourceID()}" subtype="normal_part"'
+        parts.append((opening, {"name": _text(item.name), "extruder": shell.extruder}))
+    opening = f'object id="{assembly.GetModelResourceID()}"'
+    _attach(model, _BAMBU_PART, _settings(opening, name, parts))
     return assembly
 
 
@@ -551,17 +689,15 @@ def _add_one_mesh(wrapper: Any, model: Any, shells: Sequence[_Shell], name: str)
     mesh.SetObjectLevelProperty(*shells[0].material)
     properties = np.array([(*s.material, s.material[1], s.material[1]) for s in shells], np.uint32)
     properties = np.repeat(properties, counts, axis=0)
-    wrapper.checkError(
-        mesh,
-        wrapper.lib.lib3mf_meshobject_setalltriangleproperties(
-            mesh._handle,
-            ctypes.c_uint64(len(properties)),
-            (lib3mf.TriangleProperties * len(properties)).from_buffer_copy(properties),
-        ),
-    )
-    names = [_text(shell.item.name) for shell in shells]
-    volumes = list(zip(counts, names, _extruders(shells), strict=True))
-    _attach(model, PRUSA_PART, prusa_settings(mesh.GetModelResourceID(), name, volumes))
+    _set(wrapper, mesh, "alltriangleproperties", (lib3mf.TriangleProperties, properties))
+    volumes, first = [], 0
+    for shell, count in zip(shells, counts, strict=True):
+        opening = f'volume firstid="{first}" lastid="{first + count - 1}"'
+        said = {"name": _text(shell.item.name), "volume_type": "ModelPart"}
+        volumes.append((opening, {**said, "extruder": shell.extruder}))
+        first += count
+    opening = f'object id="{mesh.GetModelResourceID()}" instances_count="1"'
+    _attach(model, _PRUSA_PART, _settings(opening, name, volumes, typed=True))
     return mesh
 
 
@@ -653,19 +789,20 @@ def _add_mesh(
         fault = "no triangles" if len(faces) == 0 else "a vertex that is not finite"
         raise OutputError(f"3MF object {name}: {fault}; leave it out or mend the mesh")
     mesh = model.AddMeshObject()
-    # lib3mf's own SetGeometry takes Python lists: 700 times slower on a million triangles.
-    wrapper.checkError(
-        mesh,
-        wrapper.lib.lib3mf_meshobject_setgeometry(
-            mesh._handle,
-            ctypes.c_uint64(len(vertices)),
-            (lib3mf.Position * len(vertices)).from_buffer_copy(vertices),
-            ctypes.c_uint64(len(faces)),
-            (lib3mf.Triangle * len(faces)).from_buffer_copy(faces),
-        ),
-    )
+    _set(wrapper, mesh, "geometry", (lib3mf.Position, vertices), (lib3mf.Triangle, faces))
     mesh.SetName(_text(name))
     return mesh
+
+
+def _set(wrapper: Any, mesh: Any, what: str, *arrays: tuple[Any, NDArray[Any]]) -> None:
+    """Give a mesh arrays at once; lib3mf's setters take lists: 700 times slower on a million."""
+    given = [
+        argument
+        for type_, array in arrays
+        for argument in (ctypes.c_uint64(len(array)), (type_ * len(array)).from_buffer_copy(array))
+    ]
+    call = getattr(wrapper.lib, f"lib3mf_meshobject_set{what}")
+    wrapper.checkError(mesh, call(mesh._handle, *given))
 
 
 def _written(model: Any) -> bytes:
@@ -685,3 +822,65 @@ def _written(model: Any) -> bytes:
 
     writer.WriteToCallback(lib3mf.WriteCallback(write), lib3mf.SeekCallback(seek), None)
     return bytes(stream)
+
+
+# ------------------------------------------------------------------------------------------------
+# What slicers read beside the specification: the extruder or filament of each shell.
+#
+# No slicer takes it from base materials. Bambu Studio and OrcaSlicer read
+# Metadata/model_settings.config, which numbers the parts of an assembly; Cura reads metadata of
+# each mesh; PrusaSlicer makes an object of each component of an assembly, and parts of one object
+# only from ranges of triangles of one mesh, which Metadata/Slic3r_PE_model.config tells.
+
+
+_ONE_MESH = {"prusaslicer": True, "bambu": False, "orca": False, "cura": False}
+
+
+def needs_one_mesh(slicer: str) -> bool:
+    """Tell whether a slicer takes one part of many materials only as one mesh.
+
+    Raises
+    ------
+    ArgumentError
+        No slicer that planner knows; the message says what is near.
+    """
+    try:
+        return _ONE_MESH[slicer.casefold()]
+    except KeyError:
+        raise ArgumentError(
+            f"slicer {slicer!r}: no such slicer; "
+            f"{did_you_mean(slicer, _ONE_MESH)}it may be {', '.join(_ONE_MESH)}"
+        ) from None
+
+
+def _settings(
+    opening: str,
+    name: str,
+    parts: Sequence[tuple[str, Mapping[str, object]]],
+    *,
+    typed: bool = False,
+) -> bytes:
+    """Return the part of a 3MF that says which part of an object has which extruder.
+
+    Parameters
+    ----------
+    opening, name
+        The object's element with its attributes, and what it is called.
+    parts
+        The same of each component or volume, with what is said of it.
+    typed
+        Whether what is said has the element's name as its type.
+    """
+
+    def element(opening: str, said: Mapping[str, object], indent: str) -> list[str]:
+        of = f'type="{opening.partition(" ")[0]}" ' if typed else ""
+        return [f"{indent}<{opening}>"] + [
+            f'{indent}  <metadata {of}key="{key}" value={quoteattr(str(value))}/>'
+            for key, value in said.items()
+        ]
+
+    lines = ['<?xml version="1.0" encoding="UTF-8"?>', "<config>"]
+    lines += element(opening, {"name": name}, "  ")
+    for part, said in parts:
+        lines += [*element(part, said, "    "), f"    </{part.partition(' ')[0]}>"]
+    return "\n".join([*lines, "  </object>", "</config>", ""]).encode("utf-8")

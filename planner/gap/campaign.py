@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from planner.errors import FileError
-from planner.formats.tensile import SPECIMEN_COLUMNS, SpecimenConditions
-from planner.gap.parts import PartTest
+from planner.formats.specimens import SPECIMEN_COLUMNS, SpecimenConditions
 from planner.glance import brief, counted, one_line, plotted
 from planner.materials.characterise import MINIMUM_POINTS
 from planner.numerics import FloatArray
 from planner.palette import Palette
 from planner.simulation.bar import ProfileDesign
+from planner.simulation.part_response import PartResponse
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 __all__ = [
     "TOLERANCES",
     "Campaign",
+    "PartTest",
     "Specimen",
     "StrainField",
     "axis_columns",
@@ -66,6 +67,29 @@ class StrainField:
         shape = (len(self.time_s), len(self.x_mm))
         if self.strain.shape != shape:
             raise FileError(f"strain field: shape {self.strain.shape}; it must be {shape}")
+
+
+@dataclass(frozen=True, slots=True)
+class PartTest:
+    """How a whole part was held and loaded, and what the palette's laws make of it.
+
+    Attributes
+    ----------
+    response
+        Force and shares along that motion.
+    fix, move, load
+        As the lab wrote them: selectors, and a displacement or a force; "" where it did not.
+    """
+
+    response: PartResponse
+    fix: str = ""
+    move: str = ""
+    load: str = ""
+
+    @property
+    def name(self) -> str:
+        """Of the part."""
+        return self.response.name
 
 
 @dataclass(frozen=True, slots=True, eq=False)

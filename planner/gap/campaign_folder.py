@@ -5,7 +5,7 @@ import json
 import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from difflib import SequenceMatcher
 from pathlib import Path
 from types import MappingProxyType
@@ -14,38 +14,35 @@ from typing import Any, Literal
 import msgspec
 import numpy as np
 
-from planner.errors import FileError, UnknownNameError, did_you_mean, nearest_names
-from planner.formats.files import read_file
+from planner.errors import ArgumentError, FileError, UnknownNameError, did_you_mean, nearest_names
+from planner.formats.files import decode_toml, path_within, read_file
 from planner.formats.headings import mode_of
 from planner.formats.outputs import new_folder
-from planner.formats.tables import LONGEST_HEADING, encode_csv, number, read_columns
-from planner.formats.tensile import (
+from planner.formats.specimens import (
     SPECIMEN_COLUMNS,
     SPECIMEN_TEXTS,
     SpecimenConditions,
-    TensileTable,
     read_specimens,
-    read_tensile,
 )
-from planner.formats.tensile import ListedSpecimen as Row
-from planner.formats.toml import decode_toml
-from planner.formats.unit_of import QUANTITIES, UnitOf, factor_of
-from planner.formats.within import path_within
-from planner.gap.campaign import Campaign, Specimen, StrainField, named
+from planner.formats.specimens import ListedSpecimen as Row
+from planner.formats.tables import LONGEST_HEADING, encode_csv, number, read_columns
+from planner.formats.tensile import TensileTable, read_tensile
+from planner.gap.campaign import Campaign, PartTest, Specimen, StrainField, named
 from planner.gap.loading_direction import Mode, said_mode, turned
-from planner.gap.parts import PartReader
-from planner.gap.unit_of import stated_units
 from planner.materials.characterise import MINIMUM_POINTS
 from planner.materials.laws import make_law
+from planner.materials.study import in_stated_units, stated_units
 from planner.numerics import FloatArray
 from planner.palette import Palette, encode_palette, load_palette
+from planner.plan import plan_file
 from planner.printers import load_printer, palette_of
 from planner.simulation.bar import ProfileDesign, read_profile
-from planner.simulation.part_response import encode_response
+from planner.simulation.part_response import PartResponse, encode_response, read_response
 
 __all__ = [
     "CURVES",
     "SPECIMENS",
+    "ListReader",
     "campaign_palette",
     "read_campaign",
     "read_campaign_file",
@@ -169,7 +166,6 @@ class _Source:
     gauge_mm: float
     area_mm2: float | None
     rate_mm_s: float | None
-    units: Mapping[str, UnitOf]
     said: Mode | None
     stress_MPa: Callable[[FloatArray], FloatArray] | None
     notes: list[str]
@@ -239,8 +235,7 @@ def _force(source: _Source) -> tuple[FloatArray, float | None]:
     """Return the force, and the newtons in a unit of the file's."""
     columns = source.table.columns
     if "force_N" in columns:
-        return _in_stated_unit(source, "force")
-    _no_unit_stated(source, "force")
+        return columns["force_N"], source.table.factors["force_N"]
     if "stress_MPa" not in columns:
         raise FileError(f"{source.where}: no column of force; export it, headed 'force_N'")
     if source.area_mm2 is None:
@@ -256,33 +251,12 @@ def _travel(source: _Source) -> tuple[FloatArray, float | None]:
     """Return the travel, and the millimetres in a unit of the file's."""
     columns = source.table.columns
     if "displacement_mm" in columns:
-        return _in_stated_unit(source, "travel")
-    _no_unit_stated(source, "travel")
+        return columns["displacement_mm"], source.table.factors["displacement_mm"]
     if "strain" not in columns:
         what = "no column of travel; export it, headed 'displacement_mm'"
         raise FileError(f"{source.where}: {what}")
     source.notes.append("travel is strain times the gauge length; the crosshead's was not recorded")
     return columns["strain"] * source.gauge_mm, None
-
-
-def _in_stated_unit(source: _Source, quantity: str) -> tuple[FloatArray, float]:
-    """Return a column in the unit that was asked for, else in that of its heading."""
-    column, stated = QUANTITIES[quantity][0], source.units.get(quantity)
-    values, own = source.table.columns[column], source.table.factors[column]
-    if stated is None:
-        return values, own
-    source.notes.append(f"{quantity} is read in the unit {stated.unit}, as was asked for")
-    factor = factor_of(stated)
-    return values * (factor / own), factor
-
-
-def _no_unit_stated(source: _Source, quantity: str) -> None:
-    stated = source.units.get(quantity)
-    if stated is not None:
-        raise FileError(
-            f"{source.where}: its file has no column of {quantity}, so it cannot be read as "
-            f"{stated.quantity}={stated.unit}; name other specimens"
-        )
 
 
 def _time(source: _Source, travel: FloatArray) -> tuple[FloatArray, bool]:
@@ -555,15 +529,19 @@ def read_campaign(
         listed = {row.specimen for row in rows}
         for stray in (specimen for specimen in fields if specimen not in listed):
             noted.add(f"in {_FIELDS} but no row in {SPECIMENS}; left out", stray)
-    units = stated_units(unit_of, [row.specimen for row in rows])
-    place = _Place(folder, palette, noted, units, PartReader(folder, palette))
+    units = stated_units(unit_of, {row.specimen: row.material for row in rows})
+    reader = ListReader(folder / SPECIMENS, palette)
     specimens: list[Specimen] = []
     for row in rows:
         if row.specimen not in tables:
             noted.add("no curve; left out", row.specimen)
             continue
-        measured = fields.get(row.specimen), covariates[row.specimen]
-        specimens.append(_specimen(row, tables[row.specimen], *measured, place))
+        id, where = row.specimen, f"specimen {row.specimen} ({tables[row.specimen].file})"
+        table = in_stated_units(tables[id], units.get(id, {}), where, named=False)
+        specimen, notes = _specimen(row, table, where, fields.get(id), covariates[id], reader)
+        specimens.append(specimen)
+        for note in notes:
+            noted.add(note, id)
     if not specimens:
         raise FileError(
             f"{folder}: none of the {len(rows)} specimens has a curve; the column 'specimen' of "
@@ -595,12 +573,88 @@ class _Notes:
 
 
 @dataclass(frozen=True, slots=True)
-class _Place:
-    folder: Path
+class ListReader:
+    """What the rows of a list of specimens stand for.
+
+    Attributes
+    ----------
+    file
+        The list; what its rows name lies in its folder.
+    """
+
+    file: Path
     palette: Palette
-    noted: _Notes
-    units: Mapping[str, Mapping[str, UnitOf]]
-    parts: PartReader
+    _parts: dict[tuple[str, str, str, str], PartTest] = field(default_factory=dict)
+
+    def fields(self, row: Row, known: Mapping[str, Any]) -> tuple[dict[str, Any], list[str]]:
+        """Return what a specimen is made of, its sizes and conditions; and what is to be noted.
+
+        Parameters
+        ----------
+        known
+            Its sizes and conditions, as its row has them or the head of its curve.
+
+        Returns
+        -------
+        fields
+            As of `Specimen`.
+
+        Raises
+        ------
+        FileError
+            A size that is missing; a design or part that is missing or not understood.
+        UnknownNameError
+            No such material.
+        """
+        where = f"{self.file.name}, specimen {row.specimen}"
+        found, notes, design = dict(known), list[str](), None
+        with _naming(where):
+            if row.material:
+                found["material"] = self.palette.resolve(row.material).id
+            elif row.part:
+                part = self._part(row.part, row.fix, row.move, row.load)
+                found |= {"part": part, "gauge_mm": part.response.gauge_mm}
+            else:
+                file, gauge = path_within(self.file.parent, row.profile), found["gauge_mm"]
+                design, told = read_profile(file, palette=self.palette, gauge_mm=gauge)
+                found |= {"profile": design, "gauge_mm": design.length_mm}
+                notes += told
+        if found["gauge_mm"] is None:
+            raise FileError(f"{where}: the gauge length is unknown; give gauge_mm")
+        for name in ("width_mm", "thickness_mm"):
+            drawn = row.part or getattr(design, name, None) is not None
+            if not (drawn or found[name] or found[f"measured_{name}"]):
+                raise FileError(
+                    f"{where}: the section is unknown, so its force cannot be predicted; give "
+                    f"{name}"
+                )
+        return found, notes
+
+    def _part(self, part: str, fix: str, move: str, load: str) -> PartTest:
+        """Return a part with its supports and its load, simulated once."""
+        key = (part, fix, move, load)
+        if key not in self._parts:
+            self._parts[key] = PartTest(self._response(*key), fix, move, load)
+        return self._parts[key]
+
+    def _response(self, part: str, fix: str, move: str, load: str) -> PartResponse:
+        path = path_within(self.file.parent, part)
+        if path.is_file() and path.name != "plan.json":
+            return read_response(path)
+        if not fix or bool(move) == bool(load):
+            raise FileError(
+                f"part {part}: give 'fix' and one of 'move' and 'load' (got {fix!r}, {move!r} and "
+                f"{load!r}), as in fix x<1 and move x=max: 10,0,0 mm"
+            )
+        plan = plan_file(path)
+        # The solid's solver is slow to import, and few campaigns hold parts.
+        from planner.simulation.part_sensitivity import part_response
+
+        supports = re.split(r"\s*;\s*", fix)
+        try:
+            return part_response(plan, self.palette, fix=supports, move=move, load=load)
+        except ArgumentError as error:
+            raise FileError(f"part {part}: {error}") from error
 
 
 def _tables(folder: Path, rows: Sequence[Row], noted: _Notes) -> dict[str, TensileTable]:
@@ -648,40 +702,18 @@ def _tables(folder: Path, rows: Sequence[Row], noted: _Notes) -> dict[str, Tensi
 def _specimen(
     row: Row,
     table: TensileTable,
+    where: str,
     measured_field: MeasuredField | None,
     covariates: Covariates,
-    place: _Place,
-) -> Specimen:
-    where = f"specimen {row.specimen} ({table.file})"
+    reader: ListReader,
+) -> tuple[Specimen, list[str]]:
+    """Return a specimen, and what was corrected or left out of it."""
     known = row.conditions()
     for name, value in table.metadata.items():  # what the file's head tells, the row does not
         if known.get(name, "") is None and isinstance(value, float) and value > 0.0:
             known[name] = value
-    design, material, part = None, None, None
-    notes: list[str] = []
-    with _naming(f"{SPECIMENS}, specimen {row.specimen}"):
-        if row.material:
-            material = place.palette.resolve(row.material).id
-        elif row.part:
-            part = place.parts.read(row)
-            known["gauge_mm"] = part.response.gauge_mm
-        else:
-            file, gauge = path_within(place.folder, row.profile), known["gauge_mm"]
-            design, told = read_profile(file, palette=place.palette, gauge_mm=gauge)
-            known["gauge_mm"] = design.length_mm
-            notes += told
-    if known["gauge_mm"] is None:
-        raise FileError(f"{where}: the gauge length is unknown; give gauge_mm in {SPECIMENS}")
-    for name in ("width_mm", "thickness_mm"):
-        drawn = part or (design is not None and getattr(design, name) is not None)
-        if not (drawn or known[name] or known[f"measured_{name}"]):
-            raise FileError(
-                f"{where}: the section is unknown, so its force cannot be predicted; give {name} "
-                f"in {SPECIMENS}"
-            )
-    gauge = known.pop("gauge_mm")
-    area = SpecimenConditions(**known).area_mm2
-    units = place.units[row.specimen]
+    area_mm2 = SpecimenConditions(**{k: known[k] for k in known if k != "gauge_mm"}).area_mm2
+    fields, notes = reader.fields(row, known)
     # A part's travel counts along its load, whether that pulls or pushes.
     in_file = table.metadata.get("mode")
     for cell in (row.covariates.get("mode", ""), str(in_file)):
@@ -690,33 +722,25 @@ def _specimen(
                 f"{where}: mode is {cell!r}; a campaign is of tension and compression, so leave "
                 "this specimen out"
             )
-    said = said_mode([row.mode, *covariates.values(), in_file]) if part is None else "tension"
-    law = None if material is None else make_law(place.palette.resolve(material).law)
+    said = "tension" if row.part else said_mode([row.mode, *covariates.values(), in_file])
+    law = make_law(reader.palette.resolve(row.material).law) if row.material else None
     record = _record_of(
         _Source(
-            where, table, gauge, area, known["rate_mm_s"], units, said,
-            None if law is None else law.nominal_stress_MPa, notes,
+            where, table, fields["gauge_mm"], area_mm2,
+            fields["rate_mm_s"], said, None if law is None else law.nominal_stress_MPa, notes,
         )
     )  # fmt: skip
     notes += table.notes
-    if part is not None and measured_field is not None:
+    if row.part and measured_field is not None:
         notes.append("strains along a whole part are not compared; left out")
         measured_field = None
     if measured_field is not None and measured_field.note:
         notes.append(measured_field.note)
-    for note in notes:
-        place.noted.add(note, row.specimen)
-    return Specimen(
-        id=row.specimen,
-        gauge_mm=gauge,
-        material=material,
-        profile=design,
-        part=part,
-        covariates=covariates,
-        strain_field=None if measured_field is None else measured_field.on_gauge(gauge),
-        **record,
-        **known,
+    seen = None if measured_field is None else measured_field.on_gauge(fields["gauge_mm"])
+    specimen = Specimen(
+        id=row.specimen, covariates=covariates, strain_field=seen, **record, **fields
     )
+    return specimen, notes
 
 
 @contextlib.contextmanager
@@ -783,12 +807,8 @@ def write_campaign(campaign: Campaign, output: str | Path, *, measured: bool = T
         (scratch / "curves.csv").write_bytes(encode_csv(_curve_rows(curves)))
         if measured and any(s.strain_field is not None for s in campaign.specimens):
             (scratch / "fields.csv").write_bytes(encode_csv(_field_rows(campaign.specimens)))
-        if designs:
-            (scratch / "profiles").mkdir()
-        for name, design in designs.items():
-            (scratch / name).write_bytes(encode_csv(_profile_rows(design)))
-        for name, data in _part_files(campaign.specimens)[1].items():
-            (scratch / "parts").mkdir(exist_ok=True)
+        for name, data in (designs | _part_files(campaign.specimens)[1]).items():
+            (scratch / name).parent.mkdir(exist_ok=True)
             (scratch / name).write_bytes(data)
     return Path(output)
 
@@ -834,47 +854,48 @@ def _curve_rows(specimens: Sequence[Specimen]) -> Iterable[_CsvRow]:
 
 def _field_rows(specimens: Sequence[Specimen]) -> Iterable[_CsvRow]:
     fields = [(s.id, s.strain_field) for s in specimens if s.strain_field is not None]
-    stated = any(field.facet_mm is not None for _, field in fields)
+    stated = any(seen.facet_mm is not None for _, seen in fields)
     yield ("specimen", "time_s", "x_mm", "strain", *(["facet_mm"] if stated else []))
-    for id, field in fields:
-        facet = [field.facet_mm] if stated else []
-        for time, strains in zip(field.time_s, field.strain, strict=True):
-            for x, strain in zip(field.x_mm, strains, strict=True):
+    for id, seen in fields:
+        facet = [seen.facet_mm] if stated else []
+        for time, strains in zip(seen.time_s, seen.strain, strict=True):
+            for x, strain in zip(seen.x_mm, strains, strict=True):
                 yield (id, time, x, strain, *facet)
 
 
-def _profile_files(specimens: Sequence[Specimen]) -> tuple[list[str], dict[str, ProfileDesign]]:
-    """Name a file for each specimen's design ("" without), equal designs sharing one."""
-    names: list[str] = []
-    designs: dict[str, ProfileDesign] = {}
-    texts: dict[str, bytes] = {}
-    for s in specimens:
-        if s.profile is None:
-            names.append("")
-            continue
-        text = encode_csv(_profile_rows(s.profile))
-        number, name = 1, f"profiles/{s.profile.name}.csv"
-        while texts.setdefault(name, text) != text:
-            number += 1
-            name = f"profiles/{s.profile.name}-{number}.csv"
-        designs[name] = s.profile
-        names.append(name)
-    return names, designs
+def _profile_files(specimens: Sequence[Specimen]) -> tuple[list[str], dict[str, bytes]]:
+    """Name a file for each specimen's design ("" without), and what it holds."""
+    designs = (s.profile for s in specimens)
+    return _named_files(
+        "profiles/{}.csv",
+        [None if d is None else (d.name, encode_csv(_profile_rows(d))) for d in designs],
+    )
 
 
 def _part_files(specimens: Sequence[Specimen]) -> tuple[list[str], dict[str, bytes]]:
     """Name a file for the response of each specimen's part ("" without), and what it holds."""
+    parts = (s.part for s in specimens)
+    return _named_files(
+        "parts/{}.json",
+        [None if p is None else (p.name, encode_response(p.response)) for p in parts],
+    )
+
+
+def _named_files(
+    path: str, contents: Sequence[tuple[str, bytes] | None]
+) -> tuple[list[str], dict[str, bytes]]:
+    """Name a file for each content, equal ones sharing one; "" for none."""
     names: list[str] = []
     files: dict[str, bytes] = {}
-    for s in specimens:
-        if s.part is None:
+    for content in contents:
+        if content is None:
             names.append("")
             continue
-        data = encode_response(s.part.response)
-        number, name = 1, f"parts/{s.part.name}.json"
+        called, data = content
+        number, name = 1, path.format(called)
         while files.setdefault(name, data) != data:
             number += 1
-            name = f"parts/{s.part.name}-{number}.json"
+            name = path.format(f"{called}-{number}")
         names.append(name)
     return names, files
 

@@ -1,11 +1,12 @@
 """How far the gap shrinks once the effect is added, on conditions that took no part."""
 
-from collections.abc import Callable, Collection, Hashable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from planner.gap.campaign import TOLERANCES, Specimen, levels
+from planner.gap.axes import column_levels
+from planner.gap.campaign import TOLERANCES, Specimen
 from planner.gap.diagnosis import Gap
 from planner.gap.evidence.posterior import NO_GAP, UNKNOWN
 from planner.gap.evidence.problem import (
@@ -15,6 +16,7 @@ from planner.gap.evidence.problem import (
     specimen_forces_N,
     squared_errors,
 )
+from planner.gap.evidence.settle import World
 from planner.gap.evidence.surrogate import Candidate
 from planner.gap.evidence.weigh import Effects, Priors, Weighed, reweigh
 from planner.numerics import BoolArray, FloatArray, IntArray
@@ -108,13 +110,9 @@ def _levels_out(specimens: Sequence[Specimen], names: Collection[str]) -> list[F
     names
         The columns; others leave nothing out.
     """
-    columns: dict[str, Sequence[Hashable]] = {
-        name: levels([getattr(s, name) for s in specimens], *tolerance)
-        for name, tolerance in TOLERANCES.items()
-    }
-    columns["orientation"] = [s.orientation for s in specimens]
     found: dict[bytes, Fold] = {}
-    for cells in (cells for name, cells in columns.items() if name in names):
+    for name in (name for name in (*TOLERANCES, "orientation") if name in names):
+        cells = column_levels(name, [getattr(s, name) for s in specimens])
         known = [c for c in dict.fromkeys(cells) if c is not None]
         for level in known if len(known) >= _LEAST_LEVELS else ():
             out = np.array([c == level for c in cells])
@@ -279,9 +277,8 @@ class _Predictor:
         self._problem, self._priors, self._weighed = problem, priors, weighed
         self._vain = vain
         self._measured = problem.model.measured_N
-        self.before = squared_errors(
-            problem, specimen_forces_N(problem, Candidate(()), problem.model.setup)
-        )
+        self._residual = problem.columns[:, 0]
+        self.before = squared_errors(problem, Candidate(()))
 
     def of_what_is_likely(self, weight: FloatArray) -> FloatArray:
         """By forces averaged over what may be the cause, as the weighted specimens say, (n,).
@@ -289,7 +286,7 @@ class _Predictor:
         By the palette's own laws, whatever these specimens say that they are off by: that is
         `recalibrated`.
         """
-        problem, setup = self._problem, self._problem.model.setup
+        problem = self._problem
         world, odds = reweigh(problem, self._priors, self._weighed, weight)
         odds = [(value, c) for value, c in odds if c.effects not in self._vain]
         most = max(value for value, _ in odds)
@@ -301,11 +298,9 @@ class _Predictor:
         ]
         expected = np.zeros_like(self._measured)
         for share, candidate in likely:
-            chosen = Candidate(())
-            if candidate.branches:
-                settled = self._weighed.settled_as(candidate)
-                chosen = settled.fitted(world, problem.gain_of(candidate))
-            forces = specimen_forces_N(problem, replace(chosen, members=None), setup)
+            settled = self._weighed.settled_as(candidate)
+            chosen = settled.fitted(world, problem.gain_of(candidate))
+            forces = specimen_forces_N(problem, replace(chosen, members=None))
             if candidate.members is not None:
                 forces = self._with_own_gain(forces, candidate.log_gain)
             expected += share * forces
@@ -325,30 +320,34 @@ class _Predictor:
 
     def recalibrated(self, weight: FloatArray) -> FloatArray:
         """By calibrations that fit the weighted specimens best, no effect added."""
-        problem, whitened = self._problem, self._problem.whitened
-        inner, cross = self._products(whitened.nuisance_columns[:, : len(problem.ways)], weight)
-        best, _ = _ridge(inner, cross, np.full(len(cross), _RECALIBRATION_SD))
-        setup = problem.with_laws_off(best)
-        return squared_errors(problem, specimen_forces_N(problem, Candidate(()), setup))
+        problem, count = self._problem, len(self._problem.ways)
+        ways = _RECALIBRATION_SD * problem.nuisance_columns[:, :count]
+        best = World(problem, nuisances=ways, weight=weight).coefficients(self._residual)
+        setup = problem.with_laws_off(_RECALIBRATION_SD * best)
+        return squared_errors(problem, Candidate(()), setup)
 
     def generic(self, weight: FloatArray) -> FloatArray:
         """By a generic regressor, on the features of force.
 
         It knows every column, strain and branch, and no physics: all patterns of the unknown at
-        once, beside the calibrations, by ridge regression.
+        once, beside the calibrations.
         """
-        problem, whitened, table = self._problem, self._problem.whitened, self._problem.table
-        inner, cross = self._products(whitened.columns[:, problem.gains.stop :], weight)
-        fits = []
-        for amplitude in _GENERIC_AMPLITUDES:
-            sd = np.full(len(cross), amplitude)
-            sd[len(sd) - whitened.nuisances :] = 1.0
-            fits.append(_ridge(inner, cross, sd))
-        best, _ = max(fits, key=lambda fit: fit[1])
-        patterns = [a.columns for a in problem.unknown]
+        problem, table = self._problem, self._problem.table
+        patterns = problem.columns[:, problem.unknown_span]
+        world, amplitude = max(
+            (
+                (World(problem, more=amplitude * patterns, weight=weight), amplitude)
+                for amplitude in _GENERIC_AMPLITUDES
+            ),
+            key=lambda found: found[0].none,
+        )
+        best = world.coefficients(self._residual)
         # Without the levels of batches: like the floor's, the specimens are new, and so is theirs.
-        raw = np.concatenate([*patterns, problem.calibration], axis=1)
-        predicted = table.transformed(problem.unpredicted) + raw @ best[: raw.shape[1]]
+        raw = problem.calibration @ best[: problem.calibration.shape[1]]
+        raw += np.concatenate([a.columns for a in problem.unknown], axis=1) @ (
+            amplitude * best[problem.nuisances :]
+        )
+        predicted = table.transformed(problem.unpredicted) + raw
         # No further than what was measured or predicted goes: patterns grow without an end.
         most = np.max(np.abs([table.measured, table.transformed(problem.unpredicted)]))
         force = 2.0 * table.floor * np.sinh(np.clip(predicted, -most, most))
@@ -358,20 +357,6 @@ class _Predictor:
             for found in (force, problem.unpredicted)
         )
         return np.asarray(self.before * (after / np.maximum(before, 1e-300)))
-
-    def _products(self, columns: FloatArray, weight: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return weighted inner products of columns with one another and with the residual."""
-        whitened = self._problem.whitened
-        rows = whitened.on_rows(weight)
-        return columns.T @ (columns * rows[:, None]), columns.T @ (whitened.columns[:, 0] * rows)
-
-
-def _ridge(inner: FloatArray, cross: FloatArray, sd: FloatArray) -> tuple[FloatArray, float]:
-    """Return the best coefficients, of prior deviations `sd`, and their log evidence."""
-    scaled = inner * np.outer(sd, sd) + np.eye(len(sd))
-    solution = np.linalg.solve(scaled, sd * cross)
-    evidence = 0.5 * float((sd * cross) @ solution - np.linalg.slogdet(scaled)[1])
-    return sd * solution, evidence
 
 
 def _closed(before: float, after: float, floor: float) -> float | None:

@@ -27,8 +27,14 @@ from planner.gap.factors import (
 from planner.gap.noise import USUAL
 from planner.glance import one_line, outcome
 from planner.materials.characterise import Curve
-from planner.materials.fit import Sample, fit_law, law_stress_MPa, sample_of, unstable_strain
-from planner.materials.fit_yield import least_yielding
+from planner.materials.fit import (
+    Sample,
+    fit_law,
+    law_stress_MPa,
+    least_yielding,
+    sample_of,
+    unstable_strain,
+)
 from planner.materials.laws import FITTED_MODELS, SeparableLaw, make_law
 from planner.materials.mixtures import CoefficientModel
 from planner.numerics import FloatArray
@@ -277,7 +283,8 @@ def correct(
     diagnosis
         A diagnosis, or the file or folder that holds it.
     palette
-        By name, file or value; by default the one that was diagnosed, if the printer brings it.
+        By name, file or value; by default the one that was diagnosed, which lies in the folder of
+        the diagnosis, or the printer brings.
     temperature_C, rate_per_s, soak_h, age_days, orientation
         Conditions of use: strain rate, hours in water, days since the print, and the load's
         direction on the tray, x, y or z. Those that are None are the palette's own.
@@ -298,8 +305,8 @@ def correct(
     ArgumentError
         A condition or size outside what it may be.
     UnknownNameError
-        No such printer or palette; or none is given, and the printer has not the diagnosed one;
-        or the diagnosis names an effect that there is not.
+        No such printer or palette; or none is given, and neither the folder nor the printer has the
+        diagnosed one; or the diagnosis names an effect that there is not.
     FileError
         No diagnosis, or one that names a form or parameters that this palette has not.
     PaletteError
@@ -328,6 +335,9 @@ def _diagnosed_palette(
     found: Diagnosis, palette: str | Path | Palette | None, printer: str | Printer
 ) -> tuple[Palette, str]:
     """Return the palette, and a doubt whether it is the one that was diagnosed."""
+    own = found.own_palette
+    if palette is None and own is not None:
+        return own, ""
     if palette is None:
         try:
             chosen = load_printer(printer).palette(found.palette)
@@ -343,7 +353,8 @@ def _diagnosed_palette(
             "its file, the campaign's palette.toml, with `palette`"
         )
     chosen = palette_of(palette, printer)
-    if found.palette_sha256 in ("", chosen.sha256):
+    same = own is not None and encode_palette(chosen) == encode_palette(own)
+    if same or found.palette_sha256 in ("", chosen.sha256):
         return chosen, ""
     return chosen, (
         f"palette {chosen.name} is not, byte for byte, the one that was diagnosed; if it has "

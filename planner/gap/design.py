@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from itertools import combinations, pairwise, product
+from itertools import combinations, pairwise
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -12,15 +12,15 @@ import scipy.linalg
 from scipy.special import logsumexp, ndtr
 
 from planner.errors import ArgumentError, PaletteError
-from planner.formats.tensile import SPECIMEN_COLUMNS
+from planner.formats.specimens import SPECIMEN_COLUMNS
 from planner.gap.campaign import Campaign, Specimen
 from planner.gap.diagnosis import Experiment, Hypothesis
 from planner.gap.effect import Effect, stated, untestable
 from planner.gap.effects import EFFECTS, effect_named, effects_for
 from planner.gap.evidence.posterior import ALIKE_COSINE, UNKNOWN, detectable_sizes, needed_nats
 from planner.gap.evidence.problem import Problem, applied, set_up
-from planner.gap.evidence.settle import World
-from planner.gap.evidence.surrogate import Candidate, Elimination, SignedForm, node_weights
+from planner.gap.evidence.settle import Elimination, World
+from planner.gap.evidence.surrogate import Candidate, Search, SignedForm, node_weights
 from planner.gap.evidence.weigh import Priors, Weighed
 from planner.gap.noise import Calibration, calibration_columns, calibrations, specimen_noise
 from planner.gap.observations import observation_model
@@ -97,32 +97,14 @@ _STEPS: Mapping[str, tuple[_Change, ...]] = MappingProxyType(
         ),
     }
 )
-"""Steps of a campaign, by what an effect may ask for; ``materials`` and ``bars`` are apart. Chosen:
-what a lab can set on one machine within days and weeks, wide enough for an effect of usual size."""
+"""Steps of a campaign, by what an effect may ask for, each of which may also be the next test;
+``materials`` and ``bars`` are apart. Chosen: what a lab can set on one machine within days and
+weeks, wide enough for an effect of usual size."""
 
 _CROSSED = (
     ("rate", "temperature"), ("temperature", "soak"), ("age", "soak"), ("rate", "cyclic"),
     ("temperature", "cyclic"),
 )  # fmt: skip
-
-_NEXT: tuple[_Change, ...] = (
-    {"protocol": "monotonic"},
-    {"rate_mm_s": _about(10.0)},
-    {"rate_mm_s": lambda speed: _rounded(speed / 10.0)},
-    {"temperature_C": _plus(15.0)},
-    {"temperature_C": _plus(-8.0)},
-    {"soak_h": _plus(24.0)},
-    {"age_days": _plus(60.0)},
-    {"orientation": lambda along: "x" if along == "z" else "z"},
-    {"orientation": lambda along: "x" if along == "y" else "y"},
-    {"width_mm": _times(2.0)},
-    {"thickness_mm": _times(0.5)},
-    {"gauge_mm": _about(1.8)},
-    {"protocol": "cyclic"},
-    {"protocol": "relaxation"},
-)
-"""Steps that a lab could do next; those of materials and a bar are apart. Chosen: of each column
-the step that shows most and is soon done."""
 
 
 def _changed(step: _Change, reference: Mapping[str, Any]) -> dict[str, Any]:
@@ -260,12 +242,6 @@ def _bars(
 # What a planned campaign would show of each effect, and what it could not tell apart.
 
 
-_SIZE = 0.3
-_SHAPES = (-1.0, 0.0, 1.0)
-"""Smallest size of a rival, as the root of its share of the largest, and its shapes, in their
-prior's range. Numerical: patterns change smoothly, and little below a tenth of the largest."""
-
-
 @dataclass(frozen=True, slots=True)
 class Expected:
     """What is to be expected of one effect.
@@ -305,7 +281,7 @@ def _usual_place(form: SignedForm) -> list[float]:
 def _on_nodes(problem: Problem, form: SignedForm, place: Sequence[float]) -> FloatArray:
     """Return the weights of all nodes that stand for a form at a place, (k,)."""
     weights = np.zeros(problem.nodes.stop - problem.nodes.start)
-    weights[form.first : form.first + form.nodes] = node_weights(form, place)
+    weights[form.first : form.first + form.nodes] = node_weights(place)
     return weights
 
 
@@ -314,13 +290,13 @@ def _usual_patterns(problem: Problem, ids: Sequence[str]) -> FloatArray:
 
     Every form has one, all forms of an effect together weighing as one.
     """
-    nodes = problem.whitened.columns[:, problem.nodes]
+    nodes = problem.columns[:, problem.nodes]
     patterns = []
     for id in ids:
         forms = [b for b in problem.branches if b.effect.id == id and b.sign > 0.0]
         for b in forms:
             own = nodes[:, b.first : b.first + b.nodes]
-            patterns.append(own @ node_weights(b, _usual_place(b)) / np.sqrt(len(forms)))
+            patterns.append(own @ node_weights(_usual_place(b)) / np.sqrt(len(forms)))
     return np.stack(patterns, axis=1)
 
 
@@ -341,7 +317,7 @@ def _elimination_of(problem: Problem, weight: FloatArray) -> Elimination:
     weight : (n,)
         How many specimens there are of each condition, spread evenly over the batches.
     """
-    columns = problem.whitened.columns
+    columns = problem.columns
     level = _batch_level(problem)[:, None]
     return World(problem, weight=weight).elimination(
         columns[:, 0], level, columns[:, problem.nodes]
@@ -354,26 +330,28 @@ def _expected_of(
     """Return what to expect of the effects that were asked for.
 
     An effect is named if its expected evidence makes up for the odds against it and beats that of
-    every other testable effect at its best parameters; both are taken to be normally distributed
-    about what is expected.
+    every other testable effect at its best place, as the diagnosis looks for it; both are taken to
+    be normally distributed about what is expected.
     """
     priors = Priors()
     sizes = {d.id: d for d in detectable_sizes(problem, elimination, priors)}
     needed = needed_nats(priors, len(testable))
     m = elimination.products[problem.nodes, problem.nodes]
-    rivals = {id: _combinations(problem, id) for id in testable}
     found = []
     for id in asked:
         first = next(b for b in problem.branches if b.effect.id == id)
         pattern = _on_nodes(problem, first, _usual_place(first))
         length2 = float(pattern @ m @ pattern)
         named = float(ndtr(np.sqrt(length2) - np.sqrt(2.0 * needed)))
-        cosines = _cosines(m, pattern, length2, {k: v for k, v in rivals.items() if k != id})
-        for cosine in cosines.values():
-            left = length2 * (1.0 - min(cosine, 1.0) ** 2)
-            named = min(named, float(ndtr(0.5 * np.sqrt(max(left, 0.0)))))
+        rivals = dict.fromkeys((k for k in testable if k != id), 0.0)
+        for rival in Search(problem.branches, m @ pattern, m).singles():
+            (k,) = rival.effects
+            if k in rivals:
+                rivals[k] = max(rivals[k], min(2.0 * rival.gain, length2))
+        for explained in rivals.values():
+            named = min(named, float(ndtr(0.5 * np.sqrt(length2 - explained))))
         size = first.form.size
-        alike = tuple(k for k, cosine in cosines.items() if cosine > ALIKE_COSINE)
+        alike = tuple(k for k, explained in rivals.items() if explained > ALIKE_COSINE**2 * length2)
         found.append(
             Expected(
                 id=id,
@@ -387,35 +365,6 @@ def _expected_of(
             )
         )
     return tuple(found)
-
-
-def _combinations(problem: Problem, id: str) -> FloatArray:
-    """Return combinations of nodes that stand for an effect: sizes, shapes, forms, signs."""
-    return np.array(
-        [
-            _on_nodes(problem, b, [size, *shape])
-            for b in problem.branches
-            if b.effect.id == id
-            for size in (max(b.least, _SIZE), _usual_place(b)[0], 1.0)
-            for shape in product(_SHAPES, repeat=b.shapes)
-        ]
-    )
-
-
-def _cosines(
-    m: FloatArray, pattern: FloatArray, length2: float, rivals: Mapping[str, FloatArray]
-) -> dict[str, float]:
-    """Return how alike each rival can be, nuisances projected out."""
-    along = m @ pattern
-    found = {}
-    for id, rows in rivals.items():
-        lengths = np.einsum("ki,ij,kj->k", rows, m, rows, optimize=True)
-        usable = lengths > 1e-9
-        if not usable.any() or length2 <= 0.0:
-            continue
-        cosines = (rows @ along)[usable] / np.sqrt(lengths[usable] * length2)
-        found[id] = float(cosines.max())
-    return found
 
 
 # ------------------------------------------------------------------------------------------------
@@ -485,9 +434,9 @@ def _information_of(problem: Problem, asked: Sequence[Effect]) -> Information:
     Nuisances are calibration of the laws, courses, and the level that the batches share.
     """
     patterns = _usual_patterns(problem, [effect.id for effect in asked])
-    nuisances = problem.whitened.columns[:, -problem.whitened.nuisances :]
+    nuisances = problem.columns[:, -problem.nuisances :]
     columns = np.concatenate([patterns, nuisances, _batch_level(problem)[:, None]], axis=1)
-    edges = problem.whitened.first_row.tolist()
+    edges = problem.noise.first_row.tolist()
     parts = [columns[a:b].T @ columns[a:b] for a, b in pairwise(edges)]
     return Information(_BATCHES * np.stack(parts), [len(effect.forms) for effect in asked])
 
@@ -816,7 +765,7 @@ def trials_of(campaign: Campaign, setup: Setup) -> tuple[Trial, ...]:
     own = stated(setup.reference)
     known = {k: v for k, v in asdict(own).items() if k in reference}
     ways = [
-        *_NEXT,
+        *(step for steps in _STEPS.values() for step in steps),
         *({"material": m.id} for m in (soft, middle, hard)),
         *({"material": m.id, "protocol": "cyclic"} for m in (soft, hard)),
         # A bar of two materials is pulled: pushed, its soft end gives way sideways.
@@ -1011,7 +960,7 @@ def _known_laws(
     known = np.eye(len(ways))
     sizes = np.zeros((len(candidates), len(ways)))
     for row, candidate in zip(sizes, candidates, strict=True):
-        mean, covariance = weighed.world_of(candidate).laws_off(candidate)
+        mean, covariance = weighed.settled_as(candidate).world.laws_off(candidate)
         row[at] = mean[taken]
         known[np.ix_(at, at)] = covariance[np.ix_(taken, taken)]
     return known, sizes

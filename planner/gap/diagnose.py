@@ -7,8 +7,8 @@ from types import MappingProxyType
 
 import numpy as np
 
-from planner.errors import ArgumentError, UnknownNameError, did_you_mean
-from planner.formats.tensile import SPECIMEN_COLUMNS
+from planner.errors import ArgumentError
+from planner.formats.specimens import SPECIMEN_COLUMNS
 from planner.gap.campaign import (
     TOLERANCES,
     Campaign,
@@ -31,7 +31,7 @@ from planner.gap.diagnosis import (
     signed_error,
 )
 from planner.gap.effect import Effect, untestable
-from planner.gap.effects import EFFECTS, effects_for
+from planner.gap.effects import EFFECTS, effect_named, effects_for
 from planner.gap.evidence.posterior import (
     ENOUGH_SPECIMENS,
     class_of,
@@ -46,13 +46,11 @@ from planner.gap.evidence.problem import Problem, applied, set_up, specimen_forc
 from planner.gap.evidence.settle import World
 from planner.gap.evidence.surrogate import Candidate
 from planner.gap.evidence.weigh import Effects, Priors, Weighed, weigh
-from planner.gap.localise import localise
-from planner.gap.localise_tests import Whitening
+from planner.gap.localise import Whitening, localise
 from planner.gap.observations import ObservationModel, observation_model
-from planner.gap.quality import examine
+from planner.gap.quality import examine, merged_units, suggested_units
 from planner.gap.quality_records import HOLDS, hold_share
 from planner.gap.summary import summary_of
-from planner.gap.unit_of import merged_units, suggested_units
 from planner.numerics import FloatArray, one_blas_thread
 from planner.palette import Palette
 from planner.simulation.bar_solver import predict
@@ -160,8 +158,8 @@ def _traces_of(problem: Problem, chosen: Candidate) -> Traces:
     sign = np.where(setup.pushed, -1.0, 1.0)[:, None]
     signs = sign[model.test_of]
     measured = signs * model.measured_N
-    before = signs * specimen_forces_N(problem, Candidate(()), setup)
-    after = signs * specimen_forces_N(problem, chosen, setup)
+    before = signs * specimen_forces_N(problem, Candidate(()))
+    after = signs * specimen_forces_N(problem, chosen)
     return Traces(
         label=tuple(_label(specimens[members[0]], specimens) for members in model.tests),
         specimen_ids=tuple(tuple(specimens[i].id for i in m) for m in model.tests),
@@ -328,8 +326,7 @@ def _diagnose(
     verdict = verdict_of(ranking)
     gap = closure(problem, priors, weighed, evidence.vain, verdict, rng, progress)
     chosen = weighed.best.get(verdict, Candidate(()))
-    whitened = problem.whitened.columns
-    nodes = weighed.plain.elimination(whitened[:, 0], kept=whitened[:, problem.nodes])
+    nodes = weighed.plain.elimination(problem.columns[:, 0], kept=problem.columns[:, problem.nodes])
     where, remainder = _places_of(problem, chosen, rng)
     same_class = class_of(problem, weighed, ranking, verdict)
     data_quality = examine(campaign)
@@ -362,10 +359,11 @@ def _diagnose(
             *_confounders(verdict, reasons),
         ),
         unit_of=merged_units([*_units_of(problem, weighed, same_class), *mending]),
-        recalibration=_recalibration_of(weighed.world_of(chosen), chosen),
+        recalibration=_recalibration_of(weighed.settled_as(chosen).world, chosen),
         tested=levels_tested(campaign),
         seed=seed,
         traces=_traces_of(problem, chosen),
+        own_palette=campaign.palette,
     )
     return replace(found, summary=summary_of(found))
 
@@ -404,11 +402,7 @@ def _library(
     campaign: Campaign, without: Sequence[str]
 ) -> tuple[tuple[Effect, ...], tuple[Untestable, ...]]:
     for id in without:
-        if id not in EFFECTS:
-            hint = did_you_mean(id, EFFECTS)
-            raise UnknownNameError(
-                f"`without` {id}: no such effect; {hint}there are {', '.join(EFFECTS)}"
-            )
+        effect_named(id, EFFECTS, "`without`")
     effects, reasons = [], []
     for id, effect in effects_for(campaign.palette).items():
         if id in without:

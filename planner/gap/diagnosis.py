@@ -11,17 +11,18 @@ import msgspec
 import numpy as np
 
 from planner import __version__
-from planner.errors import FileError
-from planner.formats.files import encode_document, read_file
-from planner.formats.unit_of import UnitOf
-from planner.formats.within import path_within
+from planner.errors import FileError, PaletteError
+from planner.formats.files import encode_document, path_within, read_file
+from planner.formats.units import UnitOf
 from planner.glance import brief, counted, html_of, one_line, plotted
 from planner.numerics import FloatArray
+from planner.palette import Palette, load_palette
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 __all__ = [
+    "PALETTE_FILE",
     "SIGNIFICANT",
     "Detectable",
     "Diagnosis",
@@ -303,6 +304,8 @@ class Diagnosis:
         the ids of its materials, from soft to hard, as ``material``.
     summary
         Three sentences: where the gap lies, what causes it, how far it closes.
+    own_palette
+        The palette that was diagnosed; None where it is not at hand.
     """
 
     campaign: str
@@ -328,6 +331,7 @@ class Diagnosis:
     summary: tuple[str, ...] = ()
     seed: int = 0
     traces: Traces | None = None
+    own_palette: Palette | None = None
 
     _repr_html_ = html_of
 
@@ -356,7 +360,8 @@ class Diagnosis:
     def document(self) -> dict[str, Any]:
         """Return the diagnosis as JSON holds it, figures rounded to `_SIGNIFICANT_DIGITS`.
 
-        What is unknown, and the open end of an interval, is None. Traces are left out.
+        What is unknown, and the open end of an interval, is None. Traces and the palette are left
+        out.
 
         Raises
         ------
@@ -455,6 +460,10 @@ class _DiagnosisFile(msgspec.Struct, kw_only=True):
     limitations: tuple[str, ...] = ()
 
 
+PALETTE_FILE = "palette.toml"
+"""What the diagnosed palette is called in the folder of its diagnosis."""
+
+
 def read_diagnosis(path: str | Path) -> Diagnosis:
     """Read a diagnosis.json, or the folder that holds it; there are no traces in it.
 
@@ -468,7 +477,7 @@ def read_diagnosis(path: str | Path) -> Diagnosis:
     Returns
     -------
     Diagnosis
-        Without traces, which the report alone draws.
+        Without traces, which the report alone draws; with the palette that lies in the folder.
 
     Raises
     ------
@@ -511,8 +520,19 @@ def read_diagnosis(path: str | Path) -> Diagnosis:
         effect=tuple(content.effect.values()),
         remainder=content.remainder.where,
         recalibration={m: (r.log_factor, r.sd) for m, r in content.recalibration.items()},
+        own_palette=_own_palette(file, document, content.palette.sha256),
         **{name: getattr(content, name) for name in _ALIKE},
     )
+
+
+def _own_palette(file: Path, document: Mapping[str, Any], sha256: str) -> Palette | None:
+    """Return the palette that was written beside a diagnosis.json, unless it was changed since."""
+    try:
+        found = load_palette(path_within(file.parent, PALETTE_FILE))
+        written = document["files_sha256"][PALETTE_FILE]
+    except (FileError, PaletteError, KeyError, TypeError):
+        return None
+    return replace(found, sha256=sha256) if found.sha256 == written else None
 
 
 def _faults_of(file: _DiagnosisFile) -> Iterator[tuple[str, str, str]]:

@@ -1,6 +1,5 @@
 """What an effect is: physically sized, in a family of forms, at one stage of the model."""
 
-import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from types import MappingProxyType
@@ -9,7 +8,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from planner.formats.tensile import SPECIMEN_COLUMNS
+from planner.formats.specimens import SPECIMEN_COLUMNS
 from planner.gap.campaign import TOLERANCES, Campaign, Specimen, levels
 from planner.gap.diagnosis import FoundEffect
 from planner.gap.quality_records import HOLDS, UNLOADS, hold_share, speed_mm_s, unloading_share
@@ -18,7 +17,6 @@ from planner.palette import Reference
 from planner.simulation.bar_solver import Setup
 
 __all__ = [
-    "PEAK",
     "STANDARD",
     "Advice",
     "Apply",
@@ -75,12 +73,16 @@ class Parameter:
     log: bool = True
     signed: bool = False
 
+    def at(self, share: float) -> float:
+        """Return the value of which a share of its prior lies below."""
+        if self.log and self.low > 0.0:
+            return float(self.low * (self.high / self.low) ** share)
+        return float(self.low + share * (self.high - self.low))
+
     @property
     def usual(self) -> float:
         """The middle of its prior."""
-        if self.log and self.low > 0.0:
-            return math.sqrt(self.low * self.high)
-        return 0.5 * (self.low + self.high)
+        return self.at(0.5)
 
 
 @dataclass(frozen=True, slots=True)
@@ -315,11 +317,6 @@ def stated(*references: Reference) -> Reference:
     names = [field.name for field in fields(Reference)]
     known = [[getattr(at, name) for at in (*references, STANDARD)] for name in names]
     return Reference(*(next(v for v in values if v is not None) for values in known))
-
-
-PEAK = Parameter(
-    "peak", 0.0, 1.0, "mixture that shows most of it, softest 0 to hardest 1", log=False
-)
 
 
 def place_on_palette(setup: Setup) -> FloatArray:

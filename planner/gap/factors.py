@@ -3,14 +3,14 @@
 import itertools
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from typing import TypeAlias
 
 import numpy as np
 
 from planner.gap.campaign import Campaign
 from planner.gap.diagnosis import FoundEffect
-from planner.gap.effect import Form, Parameter, StatedEffect, with_effects
+from planner.gap.effect import Form, StatedEffect, with_effects
 from planner.gap.virtual import single_tests, virtual_specimen
 from planner.numerics import FloatArray
 from planner.palette import Material, Palette, Reference
@@ -168,14 +168,6 @@ def _with(effect: StatedEffect, name: str, value: float) -> StatedEffect:
     return replace(effect, values={**effect.values, name: value})
 
 
-@dataclass(frozen=True, slots=True)
-class _Fit:
-    """A form with its shape given and its size fitted: ln of its weight, and what it predicts."""
-
-    log_weight: float
-    log_factor: FloatArray
-
-
 def forms_sd(factors: Factors, effect: StatedEffect, tests: int, sd: float) -> FloatArray:
     """Return how far the forms of an effect part that fit the tests as well, (P - tests,).
 
@@ -201,10 +193,10 @@ def forms_sd(factors: Factors, effect: StatedEffect, tests: int, sd: float) -> F
         tried = (_fitted(factors, start, found, tests, sd) for start in _starts(form, effect))
         fits = [fit for fit in tried if fit is not None]
         if form.name == effect.form.name:
-            fits.append(_Fit(0.0, found))
+            fits.append((0.0, found))
         if fits:
-            each = np.exp([fit.log_weight for fit in fits])
-            off = np.stack([fit.log_factor[tests:] - found[tests:] for fit in fits])
+            each = np.exp([log_weight for log_weight, _ in fits])
+            off = np.stack([log[tests:] - found[tests:] for _, log in fits])
             best = form.weight * float(each.max())
             total += best * (each @ off**2) / max(float(each.sum()), 1e-300)
             weight += best
@@ -214,24 +206,16 @@ def forms_sd(factors: Factors, effect: StatedEffect, tests: int, sd: float) -> F
 def _starts(form: Form, effect: StatedEffect) -> Iterator[StatedEffect]:
     """Yield the form in every shape of the grid, at the usual size."""
     size, *shapes = form.parameters
-    for values in itertools.product(*map(_spread_over, shapes)):
+    middles = (np.arange(_GRID) + 0.5) / _GRID
+    for values in itertools.product(*([p.at(share) for share in middles] for p in shapes)):
         shape = dict(zip((p.name for p in shapes), values, strict=True))
         yield replace(effect, form=form, values={size.name: size.usual, **shape})
 
 
-def _spread_over(parameter: Parameter) -> list[float]:
-    """Return the middles of equal shares of a parameter's prior."""
-    shares = (np.arange(_GRID) + 0.5) / _GRID
-    low, high = parameter.low, parameter.high
-    if parameter.log and low > 0.0:
-        return [float(v) for v in low * (high / low) ** shares]
-    return [float(v) for v in low + (high - low) * shares]
-
-
 def _fitted(
     factors: Factors, one: StatedEffect, found: FloatArray, tests: int, sd: float
-) -> _Fit | None:
-    """Return a form at the size that comes nearest to the tests.
+) -> tuple[float, FloatArray] | None:
+    """Return ln of the weight and of the factors of a form at the size nearest to the tests.
 
     None where it does not show in them, or leaves no stress. ln factor is nearly proportional to
     the size, so that scaling it by the ratio of the two sets of logarithms converges.
@@ -252,7 +236,7 @@ def _fitted(
             break
         one = _with(one, size.name, better)
     chi2 = float(np.sum(((log[:tests] - found[:tests]) / sd) ** 2))
-    return _Fit(-0.5 * chi2, log)
+    return -0.5 * chi2, log
 
 
 def _at_end(factors: Factors, one: StatedEffect) -> FloatArray:

@@ -2,325 +2,358 @@
 
 import itertools
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.special
 
-from planner.errors import ArgumentError
-from planner.formats.tensile import SPECIMEN_COLUMNS
-from planner.gap.campaign import TOLERANCES, Campaign, Specimen, levels
+from planner.formats.specimens import SPECIMEN_COLUMNS
+from planner.gap.axes import axis_cells, axis_patterns, column_levels, rows_by_design, steps_of
+from planner.gap.campaign import Campaign
 from planner.gap.diagnosis import SIGNIFICANT, Location
-from planner.gap.localise_tests import (
-    Whitening,
-    axis_p,
-    family_wise,
-    orthonormal,
-    outlying_replicates,
-    rank_p,
-    tail_p,
-)
+from planner.gap.noise import SpecimenNoise
 from planner.gap.observations import BRANCHES, FeatureTable
 from planner.numerics import BoolArray, FloatArray, IntArray
 from planner.palette import Palette
 from planner.simulation.bar import ProfileDesign
 
-__all__ = ["localise"]
+__all__ = ["Whitening", "localise", "tail_p"]
 
 
 # ------------------------------------------------------------------------------------------------
-# The shapes over strain that a gap is looked for in: a level, a slope and a bend.
-
-
-_SMALLEST_STRAIN = 0.01
-"""Strains far below it count as one on the logarithmic axis. Chosen: below 1 % little force was
-measured, and slack and zeros decide."""
-
-_HOLD = BRANCHES.index("hold")
-
-
-def _strain_place(table: FeatureTable) -> FloatArray:
-    """Return the logarithm of strain, -1 at the table's smallest and 1 at its largest, (N,)."""
-    log = np.log(np.maximum(table.strain, 0.0) + _SMALLEST_STRAIN)
-    low, high = float(log.min()), float(log.max())
-    middle, half = 0.5 * (low + high), max(0.5 * (high - low), 1e-9)
-    place: FloatArray = (log - middle) / half
-    return place
-
-
-def _strain_shapes(table: FeatureTable) -> FloatArray:
-    """Return level, slope and bend of the forces' logarithm over log strain, (N, 3).
-
-    Legendre's polynomials times the sensitivity, so that a gap in per cent is one.
-    """
-    u = _strain_place(table)
-    h = np.where(table.is_field, 0.0, table.sensitivity(table.measured_raw))
-    return np.stack([h, h * u, h * (1.5 * u**2 - 0.5)], axis=1)
-
-
-def _field_level(table: FeatureTable) -> FloatArray:
-    """Return what all local strains being off by one factor looks like, (N,)."""
-    return np.where(table.is_field, table.sensitivity(table.measured_raw), 0.0)
-
-
-def _branch_columns(table: FeatureTable) -> FloatArray:
-    """Return a level of every later branch, and a slope over strain where strain varies, (N, k)."""
-    level, u = _strain_shapes(table)[:, 0], _strain_place(table)
-    columns = [np.zeros(len(table))]
-    for branch, name in enumerate(BRANCHES):
-        here = table.branch == branch
-        if name not in ("loading", "field") and here.any():
-            columns.append(np.where(here, level, 0.0))
-            if branch != _HOLD:
-                columns.append(np.where(here, level * u, 0.0))
-    return np.stack(columns, axis=1)
-
-
-def _hold_columns(table: FeatureTable) -> FloatArray:
-    """Return a level, a slope and a bend over the logarithm of the time of a hold, (N, 3)."""
-    hold = table.branch == _HOLD
-    if not hold.any():
-        return np.zeros((len(table), 0))
-    log = np.log(np.maximum(table.time_s, 1e-3))
-    low, high = float(log[hold].min()), float(log[hold].max())
-    level = np.where(hold, _strain_shapes(table)[:, 0], 0.0)
-    w = np.where(hold, (log - low) / max(high - low, 1e-9), 0.0)
-    return np.stack([level, level * w, level * w**2], axis=1)
-
-
-# ------------------------------------------------------------------------------------------------
-# Columns of specimens.csv as axes: their levels, and a few coordinates along each.
+# Residuals on a scale where all noise is of unit variance and unrelated.
+#
+# A specimen's own noise is taken out by its covariance, what specimens share by the inverse root of
+# ``I + V V'`` with V the whitened shared columns, which is of low rank. So what laws or batches may
+# well be off by counts no more than its prior allows.
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Column:
-    """A column that takes more than one value.
+class Whitening:
+    """The way from N features to N numbers of unit noise.
 
     Attributes
     ----------
-    values
-        Of each specimen with features; None where unknown.
-    level : (n,)
-        Number of each specimen's level, -1 where unknown.
-    coordinates : (n, m)
-        Orthonormal and of mean zero over the specimens that are known, zero at the others:
-        numbers as polynomials on the column's usual scale, text as levels.
+    directions, shrink : (N, q), (q,)
+        What specimens share, orthonormal, and how much of it is taken off.
+    degrees_of_freedom
+        Of a scaled chi-square variance that is as uncertain as the noise.
     """
 
-    name: str
-    values: tuple[str | float | None, ...]
-    level: IntArray
-    coordinates: FloatArray
+    noise: SpecimenNoise
+    directions: FloatArray
+    shrink: FloatArray
+    degrees_of_freedom: float
+
+    @classmethod
+    def of(cls, noise: SpecimenNoise, shared: FloatArray, log_sd: float) -> "Whitening":
+        """Return the whitening of noise.
+
+        Parameters
+        ----------
+        shared : (N, q)
+            What specimens share, a column of prior deviation 1 each: batches, the calibration of
+            the palette's laws. It is marginalised.
+        log_sd
+            How far the noise may be off, as a standard deviation of its logarithm.
+        """
+        directions, singular, _ = np.linalg.svd(noise.whiten(shared), full_matrices=False)
+        shrink = 1.0 - 1.0 / np.sqrt(1.0 + singular**2)
+        return cls(noise, directions, shrink, 0.5 / max(log_sd, 1e-3) ** 2)
 
     @property
-    def known(self) -> BoolArray:
-        """Which specimens' values are known."""
-        return np.asarray(self.level >= 0)
+    def starts(self) -> IntArray:
+        """Rows of specimen i are ``starts[i]`` to ``starts[i + 1]``, (n + 1,)."""
+        return self.noise.first_row
 
     @property
-    def is_number(self) -> bool:
-        """Whether its values are numbers."""
-        return not any(isinstance(v, str) for v in self.values)
+    def of_row(self) -> IntArray:
+        """Number of each row's specimen, (N,)."""
+        return np.repeat(np.arange(len(self.starts) - 1), np.diff(self.starts))
+
+    def of_all(self, whitened: FloatArray) -> FloatArray:
+        """Return what the noise has whitened with that whitened which specimens share."""
+        along = (self.directions.T @ whitened).T * self.shrink
+        return np.asarray(whitened - self.directions @ along.T, dtype=np.float64)
+
+    def __call__(self, columns: FloatArray) -> FloatArray:
+        """Return columns, (N, ...), whitened."""
+        return self.of_all(self.noise.whiten(columns))
+
+    def summed(self, values: FloatArray) -> FloatArray:
+        """Return sums over each specimen's rows, (n, ...)."""
+        sums: FloatArray = np.add.reduceat(values, self.starts[:-1], axis=0)
+        return sums
 
 
-_DEGREE = 2
-"""Of polynomials along a column of numbers. Chosen: a trend and a bend; a step or a peak still
-shows in these."""
-
-_MANYFOLD = 20.0
-"""Largest over smallest value of an unknown column, from which it is taken in logarithms. Chosen:
-over more than a decade, who sets a column goes by ratios."""
-
-_MOST_COORDINATES = 8
-"""Levels of a column of text that count by themselves, the commonest. Chosen: each costs a degree
-of freedom, and rare levels show little."""
-
-
-def _campaign_columns(campaign: Campaign) -> tuple[_Column, ...]:
-    """Return the columns that vary over the specimens; material first.
-
-    A column whose text is another for nearly every specimen tells them apart, but not why, and is
-    left out.
-    """
-    specimens = campaign.specimens
-    found = [_column("material", [s.named for s in specimens])]
-    found += [_column(name, [_size(s, name) for s in specimens]) for name in TOLERANCES]
-    texts = [name for name, c in SPECIMEN_COLUMNS.items() if c.choices is not None]
-    found += [_column(name, [getattr(s, name) for s in specimens]) for name in texts]
-    names = dict.fromkeys((*campaign.covariates, *(k for s in specimens for k in s.covariates)))
-    found += [_column(name, [s.covariates.get(name) for s in specimens]) for name in names]
-    return tuple(column for column in found if column is not None)
-
-
-def _size(specimen: Specimen, name: str) -> float | None:
-    value: float | None = getattr(specimen, name)
-    if value is None:
-        value = getattr(specimen, f"measured_{name}", None)
-    return value
-
-
-def _column(name: str, values: Sequence[str | float | None]) -> _Column | None:
-    """Return a column by its levels; None where it does not vary."""
-    if any(isinstance(v, str) for v in values):
-        cells: list[str | float | None] = [
-            None if v is None or not str(v).strip() else str(v).strip() for v in values
-        ]
-        texts = sorted({str(c) for c in cells if c is not None})
-        level = np.array([-1 if c is None else texts.index(str(c)) for c in cells])
-        known = level >= 0
-        if len(texts) < 2 or (len(texts) > 3 and 2 * len(texts) > known.sum()):
-            return None
-        common = np.argsort(-np.bincount(level[known]), kind="stable")[:_MOST_COORDINATES]
-        raw = (level[:, None] == common).astype(np.float64)
-    else:
-        numbers = [None if v is None or not np.isfinite(float(v)) else float(v) for v in values]
-        of = levels(numbers, *TOLERANCES.get(name, (0.0, 1e-6)))
-        level = np.array([-1 if k is None else k for k in of])
-        known, cells = level >= 0, [*numbers]
-        if level.max(initial=-1) < 1:
-            return None
-        raw = _powers(name, np.array([v for v in numbers if v is not None]), level, known)
-    centred = np.where(known[:, None], raw - raw[known].mean(axis=0), 0.0)
-    basis, singular, _ = np.linalg.svd(centred, full_matrices=False)
-    kept = singular > 1e-6 * max(float(singular[0]), 1e-12)
-    if not kept.any():
-        return None
-    return _Column(name, tuple(cells), level, np.where(known[:, None], basis[:, kept], 0.0))
-
-
-def _powers(name: str, values: FloatArray, level: IntArray, known: BoolArray) -> FloatArray:
-    """Return polynomials of levels' mean values on the column's usual scale, -1 to 1."""
-    count = int(level.max()) + 1
-    centre = np.array([values[level[known] == k].mean() for k in range(count)])
-    if name in SPECIMEN_COLUMNS:
-        centre = SPECIMEN_COLUMNS[name].scale(centre)
-    elif centre.min() > 0.0 and centre.max() > _MANYFOLD * centre.min():
-        centre = np.log(centre)
-    x = np.zeros(len(level))
-    x[known] = centre[level[known]]
-    x[known] -= 0.5 * (x[known].min() + x[known].max())
-    x /= max(float(np.abs(x).max()), 1e-12)
-    powers = np.stack([x**k for k in range(1, min(_DEGREE, count - 1) + 1)], axis=1)
-    return powers * known[:, None]
+def _orthonormal(columns: FloatArray, besides: FloatArray | None = None) -> FloatArray:
+    """Return an orthonormal basis of columns, (N, k), and of what is in them beside another."""
+    if not columns.shape[1]:
+        return columns
+    scale = np.linalg.norm(columns, axis=0)
+    left: FloatArray = columns[:, scale > 0.0] / scale[scale > 0.0]
+    if besides is not None and left.shape[1]:
+        for _ in range(2):  # once more for rounding
+            left = left - besides @ (besides.T @ left)
+    if not left.shape[1]:
+        return left
+    basis, singular, _ = np.linalg.svd(left, full_matrices=False)
+    # Columns were of unit length: what is left of less than a hundredth is the other's.
+    kept: FloatArray = np.ascontiguousarray(basis[:, singular > 1e-2])
+    return kept
 
 
 # ------------------------------------------------------------------------------------------------
-# The place along graded bars: smooth patterns, and steps between materials.
+# P-values over a family of axes: how often the clearest of all is as clear without a gap.
+#
+# Westfall and Young's single-step minimum of p-values. The statistic of each axis is brought to one
+# scale by its own draws first, so that none dominates; the draws then say how often the smallest of
+# all is as small, whatever the axes have in common. An axis is never clearer than its own statistic
+# says.
+#
+# What draws cannot resolve follows from the tail of its logarithm, which is exponential (a
+# generalised Pareto tail of shape 0, fitted to the clearest tenth of draws, never thinner than that
+# of a true p-value).
 
 
-_KNOTS = 6
-"""Of the smooth pattern along a bar. Chosen: a fifth of the gauge apart; what is narrower shows at
-steps."""
+_SMALLEST = 1e-12
+"""Of a p-value. Convention: a tail fitted to a thousand draws says nothing about less."""
 
-_STEEP_PER_MM = 0.15
-"""Change of a design's coordinate from which it is a step. Chosen: a ramp over a whole gauge of 25
-mm has at most 0.04, materials side by side have far more."""
+_TIES = 1e-9
+"""Relative difference below which a draw is as large as what is seen. Numerical: rounding."""
 
 
-@dataclass(frozen=True, slots=True)
-class Step:
-    """Where a design goes from one coordinate to another, within a millimetre or at once."""
-
-    x_mm: float
-    before: float
-    after: float
-
-
-def _steps_of(design: ProfileDesign) -> tuple[Step, ...]:
-    """Return a design's steps."""
-    x, m = design.x_mm, design.coordinate
-    rise, run = np.diff(m), np.diff(x)
-    steep = (np.abs(rise) > _STEEP_PER_MM * run) & (np.abs(rise) > 1e-3) & (run < 1.0)
-    return tuple(
-        Step(float(0.5 * (x[i] + x[i + 1])), float(m[i]), float(m[i + 1]))
-        for i in np.flatnonzero(steep)
-    )
-
-
-def _rows_by_design(
-    campaign: Campaign, table: FeatureTable
-) -> dict[str, tuple[IntArray, ProfileDesign]]:
-    """Return by design the rows of local strains, bars of one design together."""
-    rows: dict[str, tuple[list[int], ProfileDesign]] = {}
-    for row in np.flatnonzero(table.is_field).tolist():
-        design = campaign.specimens[int(table.specimen[row])].profile
-        if design is not None:
-            rows.setdefault(design.name, ([], design))[0].append(row)
-    return {name: (np.array(found), design) for name, (found, design) in rows.items()}
-
-
-def _position_columns(campaign: Campaign, table: FeatureTable) -> FloatArray:
-    """Return what a gap that varies along the bars may look like, (N, k).
-
-    Hats along each design, and at steps an odd and an even kernel that all steps share, as wide
-    as the camera's spacing.
-    """
-    columns: list[FloatArray] = []
-    odd, even = np.zeros(len(table)), np.zeros(len(table))
-    for rows, design in _rows_by_design(campaign, table).values():
-        x = table.x_mm[rows]
-        hats = np.zeros((_KNOTS, len(table)))
-        knots = np.linspace(x.min(), x.max(), _KNOTS)
-        hats[:, rows] = [np.interp(x, knots, hat) for hat in np.eye(_KNOTS)]
-        columns += [*hats]
-        at = np.unique(np.round(x, 3))
-        width = max(float(np.median(np.diff(at))) if len(at) > 1 else 1.0, 0.5)
-        for step in _steps_of(design):
-            away = (x - step.x_mm) / width
-            bell = np.exp(-0.5 * away**2)
-            size = step.after - step.before
-            odd[rows] += size * away * bell
-            even[rows] += abs(size) * bell
-    return np.stack([*columns, odd, even], axis=1) * _field_level(table)[:, None]
-
-
-def _factors_of_bars(table: FeatureTable, of_row: IntArray) -> FloatArray:
-    """Return a factor on all local strains of each bar, (N, bars): no matter of position."""
-    bars = np.unique(of_row[table.is_field])
-    return np.where(of_row[:, None] == bars, _field_level(table)[:, None], 0.0)
-
-
-def _bar_scale(table: FeatureTable, y: FloatArray, basis: FloatArray) -> float:
-    """Return how much larger the noise of local strains is than declared, at least 1.
-
-    Bars are too few for how they lie together to tell; place by place, replicates tell. Without
-    replicates it is what no pattern along the bars explains.
-    """
-    bars: dict[tuple[int, bytes], list[FloatArray]] = {}
-    for number in np.unique(table.specimen[table.is_field]).tolist():
-        rows = np.flatnonzero(table.is_field & (table.specimen == number))
-        key = int(table.replicates[rows[0]]), np.round(table.x_mm[rows], 3).tobytes()
-        bars.setdefault(key, []).append(y[rows])
-    squares, freedom = 0.0, 0
-    for alike in bars.values():
-        values = np.stack(alike)
-        squares += float(np.sum((values - values.mean(axis=0)) ** 2))
-        freedom += (len(values) - 1) * values.shape[1]
-    if not freedom:
-        left = (y - basis @ (basis.T @ y))[table.is_field]
-        squares, freedom = float(left @ left), max(len(left) - basis.shape[1], 1)
-    return max(1.0, float(np.sqrt(squares / freedom)))
-
-
-def _farthest_place(
-    campaign: Campaign, table: FeatureTable, y: FloatArray
-) -> tuple[ProfileDesign, float, IntArray]:
-    """Return the place along which bar the local strain is farthest off, and its rows.
+def _family_wise(p: FloatArray, drawn: FloatArray) -> FloatArray:
+    """Return family-wise p-values of axes, (A,), from statistics like p-values.
 
     Parameters
     ----------
+    p : (A,)
+    drawn : (A, P)
+        Of draws without a gap, each draw the same for all axes.
+    """
+    own = np.array(
+        [
+            max(a, tail_p(-float(np.log(a)), -np.log(b), 1.0))
+            for a, b in zip(np.minimum(p, 1.0), drawn, strict=True)
+        ]
+    )
+    clearest = -np.log(np.min([_rank_p(-d) for d in drawn], axis=0))
+    return np.array([max(a, tail_p(-float(np.log(a)), clearest, 1.0)) for a in own])
+
+
+def _rank_p(drawn: FloatArray) -> FloatArray:
+    """Return the share of draws that are as large as each one."""
+    as_large = len(drawn) - np.searchsorted(np.sort(drawn), drawn, side="left")
+    share: FloatArray = as_large / len(drawn)
+    return share
+
+
+def _share_p(explained: FloatArray, left: FloatArray, k: float, freedom: float) -> FloatArray:
+    """Return the chance of explaining so much by accident: of Fisher's F.
+
+    Parameters
+    ----------
+    explained, left
+        Sums of squares, in any common unit.
+    k, freedom
+        Their degrees of freedom.
+    """
+    left_over = 1.0 - explained / np.maximum(explained + left, 1e-300)
+    return np.maximum(scipy.special.betainc(0.5 * freedom, 0.5 * k, left_over), 1e-300)
+
+
+def tail_p(seen: float, drawn: FloatArray, thinnest: float) -> float:
+    """Return the chance of a statistic as large as that seen, by draws and their exponential tail.
+
+    Parameters
+    ----------
+    seen, drawn
+        Large where it is clear; the tail falls exponentially.
+    thinnest
+        The least mean excess over a high threshold that is believed.
+    """
+    as_large = drawn >= seen - _TIES * max(abs(seen), 1.0)
+    counted = (1.0 + float(np.sum(as_large))) / (len(drawn) + 1.0)
+    if counted > 1.5 / (len(drawn) + 1.0) or len(drawn) < 50:
+        return counted
+    threshold = float(np.quantile(drawn, 0.9))
+    beyond = drawn[drawn > threshold]
+    mean = max(float(np.mean(beyond - threshold)) if len(beyond) else 0.0, thinnest)
+    share = len(beyond) / len(drawn)
+    tail = share * float(np.exp(-(seen - threshold) / mean))
+    return float(np.clip(tail, _SMALLEST, counted))
+
+
+# ------------------------------------------------------------------------------------------------
+# One axis: what is seen is held against the same with whole specimens' signs drawn.
+#
+# Without a gap a specimen's whitened features are as likely to lie above as below, all together,
+# and no specimen knows of another. The statistic is a one-sample F over specimens: what all of them
+# agree on against how they differ. Signs of few specimens are soon exhausted (three give a quarter
+# at best); then features are drawn from the noise itself, its size moderated by the noise's own
+# degrees of freedom. Noise is never taken to be less than declared.
+
+
+_FEWEST_TO_FLIP = 11.0
+"""Specimens, for signs to be drawn. Numerical: 2**10 arrangements of signs, for a thousand
+draws."""
+
+_SMALLEST_WEIGHT = 1e-2
+"""Weight, of the largest, below which a specimen tells nothing of an axis. Numerical: it
+tells a hundredth as much."""
+
+
+def _axis_p(
+    whitening: Whitening,
+    basis: FloatArray,
+    y: FloatArray,
+    signs: FloatArray,
+    rng: np.random.Generator,
+) -> tuple[float, FloatArray]:
+    """Return the p-value of an axis, and that of each draw.
+
+    Parameters
+    ----------
+    basis : (N, k)
+        Orthonormal.
     y : (N,)
         Whitened.
+    signs : (P, n)
+        -1 or 1.
     """
-    best, found = -1.0, None
-    for rows, design in _rows_by_design(campaign, table).values():
-        at, place = np.unique(np.round(table.x_mm[rows], 3), return_inverse=True)
-        score = np.abs(np.bincount(place, y[rows]) / np.sqrt(np.bincount(place)))
-        peak = int(np.argmax(score))
-        if score[peak] > best:
-            best, found = float(score[peak]), (design, float(at[peak]), rows[place == peak])
-    assert found is not None
-    return found
+    if not basis.shape[1]:
+        return 1.0, np.ones(len(signs))
+    weight = whitening.summed(basis**2)
+    carries = weight > _SMALLEST_WEIGHT * weight.max(axis=0)
+    score = np.where(carries, whitening.summed(basis * y[:, None]), 0.0)
+    root = np.sqrt(np.where(carries, weight, 1.0))
+    k = basis.shape[1]
+    total, extra = np.sum((score / root) ** 2), 0.0
+    freedom = float(carries.sum()) - k
+    # As many specimens as if all that tell weighed alike.
+    units = weight.sum(axis=0) ** 2 / np.sum(weight**2, axis=0)
+    if float(np.median(units)) >= _FEWEST_TO_FLIP and freedom > 0.0:
+        sums = np.concatenate([score.sum(axis=0)[None], signs @ score])
+    else:
+        scores = np.concatenate([score[None], _drawn(whitening, basis, carries, len(signs), rng)])
+        sums, total = scores.sum(axis=1), np.sum((scores / root) ** 2, axis=(1, 2))
+        extra = whitening.degrees_of_freedom
+    explained = np.sum(sums**2, axis=1)
+    left = np.maximum(total - explained, freedom) + extra
+    values = _share_p(explained, left, k, freedom + extra)
+    return float(values[0]), values[1:]
+
+
+def _drawn(
+    whitening: Whitening,
+    basis: FloatArray,
+    carries: FloatArray,
+    draws: int,
+    rng: np.random.Generator,
+) -> FloatArray:
+    """Scores of noise alone, (P, n, k), whose size is as uncertain as the noise's."""
+    n, k = carries.shape
+    scores = np.zeros((draws, n, k))
+    for i in np.flatnonzero(carries.any(axis=1)).tolist():
+        piece = basis[whitening.starts[i] : whitening.starts[i + 1]]
+        scores[:, i] = rng.standard_normal((draws, len(piece))) @ piece
+    freedom = whitening.degrees_of_freedom
+    size = np.sqrt(freedom / rng.chisquare(freedom, draws))
+    return np.where(carries, scores, 0.0) * size[:, None, None]
+
+
+# ------------------------------------------------------------------------------------------------
+# Outlying replicates.
+
+
+_TAIL_FREEDOM = 5.0
+"""Of Student's t, from which specimens are drawn. Chosen: a stray one is no rarity, and yet the
+variance and the kurtosis are finite."""
+
+_NORMAL_MAD = 0.6745
+"""Median absolute deviation over the standard one. Convention: of a normal distribution."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _OutlyingReplicates:
+    """Specimens against their replicates.
+
+    Attributes
+    ----------
+    largest, drawn
+        How far the farthest is off, in deviations of the others, and (P,) that of draws.
+    named
+        Numbers of those that are farther off than 95 of 100 draws, the farthest first; at least
+        that one.
+    shift
+        Of each named one, as a logarithm of force, against its replicates.
+    """
+
+    largest: float
+    drawn: FloatArray
+    named: list[int]
+    shift: list[float]
+
+
+def _outlying_replicates(
+    whitening: Whitening,
+    level: FloatArray,
+    residual: FloatArray,
+    test: IntArray,
+    draws: int,
+    rng: np.random.Generator,
+) -> _OutlyingReplicates | None:
+    """Return which specimens are outliers; None where no test has two specimens.
+
+    Each specimen's level is compared with the mean of its replicates'; the scale is told by the
+    median over all specimens, so that a few that are off do not hide themselves.
+
+    Parameters
+    ----------
+    level : (N,)
+        What a gap of one unit looks like in every force.
+    test : (n,)
+        Number of each specimen's replicates.
+    """
+    phi = whitening.noise.whiten(level)
+    information = whitening.summed(phi**2)
+    seen = information > 0.0
+    known = np.where(seen, information, 1.0)
+    height = whitening.summed(phi * whitening.noise.whiten(residual)) / known
+    alike = (test[:, None] == test) & seen[:, None] & ~np.eye(len(test), dtype=bool)
+
+    def differences(heights: FloatArray, kept: BoolArray) -> tuple[FloatArray, FloatArray]:
+        """Return those from replicates' means, and the same in deviations, (..., n)."""
+        others = np.where(alike & kept, 1.0, 0.0)
+        count = others.sum(axis=1, keepdims=True)
+        contrasts = np.where(count > 0.0, np.eye(len(test)) - others / np.maximum(count, 1.0), 0.0)
+        found = heights @ contrasts.T
+        return found, np.abs(found) / np.sqrt(np.maximum(contrasts**2 @ (1.0 / known), 1e-300))
+
+    compared = (alike & seen).any(axis=1)
+    if compared.sum() < 2:
+        return None
+    drawn = rng.standard_normal((draws, len(test)))
+    drawn /= np.sqrt(known * rng.chisquare(_TAIL_FREEDOM, drawn.shape) / _TAIL_FREEDOM)
+    off = differences(np.concatenate([height[None], drawn]), seen)[1][:, compared]
+    scale = np.maximum(np.median(off, axis=1) / _NORMAL_MAD, 1e-9)
+    farthest = off.max(axis=1) / scale
+    cut = float(np.quantile(farthest[1:], 0.95))
+    named: list[int] = []
+    shift: list[float] = []
+    left = seen.copy()
+    for _ in range(max(1, len(test) // 3)):
+        difference, away = differences(height, left)
+        # Of two that differ from each other only, the one farther from what is predicted.
+        worst = int(np.argmax(np.where(left, away, 0.0) / scale[0] + 1e-6 * np.abs(height)))
+        if named and away[worst] < cut * scale[0]:
+            break
+        named.append(worst)
+        shift.append(float(difference[worst]))
+        left[worst] = False
+    return _OutlyingReplicates(float(farthest[0]), farthest[1:], named, shift)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -328,7 +361,7 @@ def _farthest_place(
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Axis:
+class _Axis:
     """One axis.
 
     Attributes
@@ -363,8 +396,8 @@ of the mean of a ramp from zero, over its variance; an effect in proportion to a
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Excess:
-    """What there is to explain.
+class _Case:
+    """What every axis is made from, and what there is to explain.
 
     An axis may claim some of the gap that all specimens have in common: with half of them at
     33 degC, soft, and half as predicted, half of the gap is common and yet lies along temperature.
@@ -373,12 +406,21 @@ class Excess:
 
     Attributes
     ----------
+    signs : (P, n)
+        Of whole specimens, drawn.
     y, varying : (N,)
         Whitened residuals, all and without their common part.
     common : (N, c)
         Orthonormal.
     """
 
+    campaign: Campaign
+    table: FeatureTable
+    residual: FloatArray
+    patterns: Mapping[str, FloatArray]
+    gaps: "_Gaps"
+    signs: FloatArray
+    rng: np.random.Generator
     whitening: Whitening
     y: FloatArray
     varying: FloatArray
@@ -394,20 +436,20 @@ class Excess:
         """What all specimens have in common, beyond noise."""
         return _beyond_noise(self.common, self.y)
 
-    def explained(self, axis: Axis) -> float:
+    def explained(self, axis: _Axis) -> float:
         """Return what an axis explains beyond noise, its claim on the common gap included."""
         if axis.is_common:
             return self.in_common
         own = _beyond_noise(axis.basis, self.varying)
         return own + min(_CLAIM * own, self.in_common)
 
-    def share(self, axis: Axis) -> float:
+    def share(self, axis: _Axis) -> float:
         """Return the share of the excess, 0 to 1."""
         explained = self.explained(axis)
         total = max(float(self.y @ self.y) - len(self.y), self.least)
         return explained / max(total, explained, 1e-12)
 
-    def interval(self, axis: Axis, weights: FloatArray) -> tuple[float, float]:
+    def interval(self, axis: _Axis, weights: FloatArray) -> tuple[float, float]:
         """Return the 90 % interval of the share over draws of specimens.
 
         Parameters
@@ -441,6 +483,14 @@ class Excess:
         found: FloatArray = np.maximum(np.einsum("bk,bk->b", score, solved) - 2.0 * k, 0.0)
         return found
 
+    def basis(self, columns: FloatArray) -> FloatArray:
+        """Return what a gap along columns may look like, whitened, beside the common gap."""
+        return _orthonormal(self.whitening(columns), besides=self.common)
+
+    def flipped(self, basis: FloatArray, y: FloatArray) -> tuple[float, FloatArray]:
+        """Return the p-value of an axis, and that of each draw."""
+        return _axis_p(self.whitening, basis, y, self.signs, self.rng)
+
 
 def _beyond_noise(basis: FloatArray, y: FloatArray, cost: float = 1.0) -> float:
     """Return the sum of squares along an orthonormal basis, less a cost a degree of freedom."""
@@ -462,15 +512,15 @@ _ALONE = 0.3
 that what merely goes along with the first ranks behind what does not, and before nothing."""
 
 
-def _ranked(axes: Sequence[Axis], p: FloatArray, excess: Excess) -> tuple[list[int], list[float]]:
+def _ranked(axes: Sequence[_Axis], p: FloatArray, case: _Case) -> tuple[list[int], list[float]]:
     """Return the order of axes, and what each adds to the first as a share of its own."""
-    cost = math.log(max(len(excess.whitening.starts) - 1, 2))
-    alone = [max(excess.explained(a) - (cost - 1.0) * a.basis.shape[1], 0.0) for a in axes]
+    cost = math.log(max(len(case.whitening.starts) - 1, 2))
+    alone = [max(case.explained(a) - (cost - 1.0) * a.basis.shape[1], 0.0) for a in axes]
     found = [i for i in range(len(axes)) if p[i] <= SIGNIFICANT]
     if not found:
         return sorted(range(len(axes)), key=lambda i: (p[i], -alone[i])), [1.0] * len(axes)
     first = max(found, key=lambda i: (alone[i], -p[i]))
-    adds = [_added(axis, axes[first], excess, cost) for axis in axes]
+    adds = [_added(axis, axes[first], case, cost) for axis in axes]
     adds[first] = alone[first]
     rest = sorted((i for i in found if i != first), key=lambda i: -(adds[i] + _ALONE * alone[i]))
     others = sorted((i for i in range(len(axes)) if i not in found), key=lambda i: p[i])
@@ -478,11 +528,11 @@ def _ranked(axes: Sequence[Axis], p: FloatArray, excess: Excess) -> tuple[list[i
     return [first, *rest, *others], parts
 
 
-def _added(axis: Axis, first: Axis, excess: Excess, cost: float) -> float:
+def _added(axis: _Axis, first: _Axis, case: _Case, cost: float) -> float:
     if axis.is_common:
-        return max(excess.in_common - _CLAIM * _beyond_noise(first.basis, excess.varying), 0.0)
-    beside = axis.basis if first.is_common else orthonormal(axis.basis, besides=first.basis)
-    return _beyond_noise(beside, excess.varying, cost)
+        return max(case.in_common - _CLAIM * _beyond_noise(first.basis, case.varying), 0.0)
+    beside = axis.basis if first.is_common else _orthonormal(axis.basis, besides=first.basis)
+    return _beyond_noise(beside, case.varying, cost)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -510,7 +560,7 @@ _Part = tuple[BoolArray, str, int]
 """Rows, what to call them, and of how many specimens they are; 0 not to tell."""
 
 
-class Gaps:
+class _Gaps:
     """Gaps as shares of force or strain, averaged as weights of what is really told by each.
 
     Attributes
@@ -561,27 +611,28 @@ class Gaps:
         return "force " + ", ".join([told[0], *(t.replace(" prediction", "", 1) for t in told[1:])])
 
 
-def _column_parts(column: _Column, force: BoolArray, of_row: IntArray) -> Iterator[_Part]:
+def _column_parts(
+    name: str, cells: Sequence[float | str | None], force: BoolArray, of_row: IntArray
+) -> Iterator[_Part]:
     """Levels of a column, or thirds of one of many numbers."""
-    known = SPECIMEN_COLUMNS.get(column.name)
-    phrase = known.at if known else f"where {column.name} is {{}}"
-    phrase = "in {}" if column.name == "material" else phrase
-    for label, members in _groups(column):
+    known = SPECIMEN_COLUMNS.get(name)
+    phrase = known.at if known else f"where {name} is {{}}"
+    phrase = "in {}" if name == "material" else phrase
+    for label, members in _groups(name, cells):
         yield force & members[of_row], phrase.format(label), int(members.sum())
 
 
-def _groups(column: _Column) -> Iterator[tuple[str, BoolArray]]:
-    numbers = np.unique(column.level[column.known]).tolist()
-    if not column.is_number:
-        for k in numbers:
-            members = np.asarray(column.level == k)
-            yield str(column.values[int(np.argmax(members))]), members
+def _groups(name: str, cells: Sequence[float | str | None]) -> Iterator[tuple[str, BoolArray]]:
+    level = column_levels(name, cells)
+    known = sorted(set(level) - {None}, key=str)
+    members = [np.array([of == k for of in level]) for k in known]
+    if any(isinstance(cell, str) for cell in cells):
+        yield from zip(map(str, known), members, strict=True)
         return
-    value = np.array([np.nan if v is None else float(v) for v in column.values])
-    if len(numbers) <= _MOST_LEVELS:
-        for k in numbers:
-            members = np.asarray(column.level == k)
-            yield f"{float(np.mean(value[members])):.4g}", members
+    value = np.array([np.nan if cell is None else float(cell) for cell in cells])
+    if len(known) <= _MOST_LEVELS:
+        for of_it in members:
+            yield f"{float(np.mean(value[of_it])):.4g}", of_it
         return
     low, high = np.nanquantile(value, (1.0 / 3.0, 2.0 / 3.0)).tolist()
     for third in (value <= low, (value > low) & (value <= high), value > high):
@@ -611,14 +662,14 @@ def _branch_parts(table: FeatureTable) -> Iterator[_Part]:
 
 def _hold_parts(table: FeatureTable) -> Iterator[_Part]:
     """Early and late in the hold."""
-    hold = table.branch == _HOLD
+    hold = table.branch == BRANCHES.index("hold")
     early, late = np.quantile(table.time_s[hold], (0.25, 0.75)).tolist()
     yield hold & (table.time_s <= early), f"within {early:.2g} s of the hold", 0
     yield hold & (table.time_s >= late), f"after {late:.2g} s of it", 0
 
 
 def _position_sentence(
-    place: tuple[ProfileDesign, float, IntArray], palette: Palette, gaps: Gaps
+    place: tuple[ProfileDesign, float, IntArray], palette: Palette, gaps: _Gaps
 ) -> str:
     """Return where along which bar the local strain is farthest off."""
     design, at_mm, rows = place
@@ -626,7 +677,7 @@ def _position_sentence(
     off = "off" if mean is None else _off(mean)
     sentence = f"strain {off} near {at_mm:.3g} mm along bar {design.name}"
     reach = max(_STEP_REACH * design.length_mm, _STEP_REACH_mm)
-    step = min(_steps_of(design), key=lambda s: abs(s.x_mm - at_mm), default=None)
+    step = min(steps_of(design), key=lambda s: abs(s.x_mm - at_mm), default=None)
     if step is not None and abs(step.x_mm - at_mm) <= reach:
         grades = [
             min(palette.materials, key=lambda m: abs(m.coordinate - at)).id
@@ -661,6 +712,69 @@ def _off(log: float, what: str = "prediction") -> str:
 
 
 # ------------------------------------------------------------------------------------------------
+# Along bars: how noisy, and where strains are farthest off.
+
+
+def _force_level(table: FeatureTable) -> FloatArray:
+    """Return what all forces being off by one factor looks like, (N,)."""
+    return np.where(table.is_field, 0.0, table.sensitivity(table.measured_raw))
+
+
+def _local_level(table: FeatureTable) -> FloatArray:
+    """Return what all local strains being off by one factor looks like, (N,)."""
+    return np.where(table.is_field, table.sensitivity(table.measured_raw), 0.0)
+
+
+def _factors_of_bars(table: FeatureTable, of_row: IntArray) -> FloatArray:
+    """Return a factor on all local strains of each bar, (N, bars): no matter of position."""
+    bars = np.unique(of_row[table.is_field])
+    return np.where(of_row[:, None] == bars, _local_level(table)[:, None], 0.0)
+
+
+def _bar_scale(table: FeatureTable, y: FloatArray, basis: FloatArray) -> float:
+    """Return how much larger the noise of local strains is than declared, at least 1.
+
+    Bars are too few for how they lie together to tell; place by place, replicates tell. Without
+    replicates it is what no pattern along the bars explains.
+    """
+    bars: dict[tuple[int, bytes], list[FloatArray]] = {}
+    for number in np.unique(table.specimen[table.is_field]).tolist():
+        rows = np.flatnonzero(table.is_field & (table.specimen == number))
+        key = int(table.replicates[rows[0]]), np.round(table.x_mm[rows], 3).tobytes()
+        bars.setdefault(key, []).append(y[rows])
+    squares, freedom = 0.0, 0
+    for alike in bars.values():
+        values = np.stack(alike)
+        squares += float(np.sum((values - values.mean(axis=0)) ** 2))
+        freedom += (len(values) - 1) * values.shape[1]
+    if not freedom:
+        left = (y - basis @ (basis.T @ y))[table.is_field]
+        squares, freedom = float(left @ left), max(len(left) - basis.shape[1], 1)
+    return max(1.0, float(np.sqrt(squares / freedom)))
+
+
+def _farthest_place(
+    campaign: Campaign, table: FeatureTable, y: FloatArray
+) -> tuple[ProfileDesign, float, IntArray]:
+    """Return the place along which bar the local strain is farthest off, and its rows.
+
+    Parameters
+    ----------
+    y : (N,)
+        Whitened.
+    """
+    best, found = -1.0, None
+    for rows, design in rows_by_design(campaign, table).values():
+        at, place = np.unique(np.round(table.x_mm[rows], 3), return_inverse=True)
+        score = np.abs(np.bincount(place, y[rows]) / np.sqrt(np.bincount(place)))
+        peak = int(np.argmax(score))
+        if score[peak] > best:
+            best, found = float(score[peak]), (design, float(at[peak]), rows[place == peak])
+    assert found is not None
+    return found
+
+
+# ------------------------------------------------------------------------------------------------
 # Where the gap of a campaign lies: every axis, with its share, p-value and a sentence.
 
 
@@ -680,31 +794,6 @@ orders at most, of which none is rarer than 1/6."""
 _ADDS_LITTLE = 0.25
 """Share of what an axis explains that is left beside the first, below which that is said. Chosen:
 three quarters of it are the first's then."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Case:
-    """What every axis is made from."""
-
-    campaign: Campaign
-    table: FeatureTable
-    residual: FloatArray
-    gaps: Gaps
-    signs: FloatArray
-    excess: Excess
-    rng: np.random.Generator
-
-    @property
-    def whitening(self) -> Whitening:
-        return self.excess.whitening
-
-    def basis(self, columns: FloatArray) -> FloatArray:
-        """Return what a gap along columns may look like, whitened, beside the common gap."""
-        return orthonormal(self.whitening(columns), besides=self.excess.common)
-
-    def flipped(self, basis: FloatArray, y: FloatArray) -> tuple[float, FloatArray]:
-        """Return the p-value of an axis, and that of each draw."""
-        return axis_p(self.whitening, basis, y, self.signs, self.rng)
 
 
 def localise(
@@ -736,102 +825,89 @@ def localise(
     -------
     places
         Nothing for a single specimen: there is nothing to compare it with.
-
-    Raises
-    ------
-    ArgumentError
-        The residual does not fit the table.
     """
-    if residual.shape != (len(table),) or not np.all(np.isfinite(residual)):
-        raise ArgumentError(
-            f"residual: shape {residual.shape} with {int(np.sum(~np.isfinite(residual)))} values "
-            f"that are no finite number; it must be one finite number for each of {len(table)} "
-            "features"
-        )
     count = len(campaign.specimens)
     if count < 2:
         return ()
     y = whitening(residual)
-    shapes = np.column_stack([_strain_shapes(table), _field_level(table)])
-    common = orthonormal(whitening(shapes))
+    patterns = axis_patterns(campaign, table, table.sensitivity(table.measured_raw))
+    shapes = np.column_stack([_force_level(table), patterns["strain"], _local_level(table)])
+    common = _orthonormal(whitening(shapes))
     varying = y - common @ (common.T @ y)
     signs: FloatArray = np.where(rng.random((permutations, count)) < 0.5, -1.0, 1.0)
-    excess = Excess(whitening, y, varying, common)
-    case = _Case(campaign, table, residual, Gaps(table, residual), signs, excess, rng)
+    gaps = _Gaps(table, residual)
+    case = _Case(
+        campaign, table, residual, patterns, gaps, signs, rng, whitening, y, varying, common
+    )
     axes = [*_column_axes(case), *_within_axes(case), *_position_axes(case), *_outlying_axes(case)]
-    p = family_wise(
+    p = _family_wise(
         np.array([a.p for a in axes]),
         np.stack([a.drawn_p for a in axes]),
     )
-    order, adds = _ranked(axes, p, excess)
+    order, adds = _ranked(axes, p, case)
     weights = rng.multinomial(count, np.full(count, 1.0 / count), _BOOTSTRAPS).astype(np.float64)
     places = []
     for i in order:
         sentence = axes[i].detail
         if i != order[0] and p[i] <= SIGNIFICANT and adds[i] < _ADDS_LITTLE:
             sentence += f"; little of it beyond what goes with {axes[order[0]].name}"
-        share, interval = excess.share(axes[i]), excess.interval(axes[i], weights)
+        share, interval = case.share(axes[i]), case.interval(axes[i], weights)
         places.append(Location(axes[i].name, share, interval, float(p[i]), sentence))
     return tuple(places)
 
 
-def _column_axes(case: _Case) -> Iterator[Axis]:
+def _column_axes(case: _Case) -> Iterator[_Axis]:
     """Material and the columns of specimens.csv."""
-    table, of_row = case.table, case.whitening.of_row
-    shapes = _strain_shapes(table)
-    for column in _campaign_columns(case.campaign):
-        cells = column.coordinates[of_row]
-        basis = case.basis((cells[:, :, None] * shapes[:, None, :]).reshape(len(cells), -1))
-        if column.known.sum() >= _FEWEST_KNOWN and basis.shape[1]:
-            parts = _column_parts(column, ~table.is_field, of_row)
+    cells = axis_cells(case.campaign)
+    for name in (name for name in cells if name in case.patterns):
+        basis = case.basis(case.patterns[name])
+        known = sum(cell is not None for cell in cells[name])
+        if known >= _FEWEST_KNOWN and basis.shape[1]:
+            parts = _column_parts(name, cells[name], ~case.table.is_field, case.whitening.of_row)
             sentence = case.gaps.sentence(parts)
-            yield Axis(column.name, basis, *case.flipped(basis, case.excess.varying), sentence)
+            yield _Axis(name, basis, *case.flipped(basis, case.varying), sentence)
 
 
-def _within_axes(case: _Case) -> Iterator[Axis]:
+def _within_axes(case: _Case) -> Iterator[_Axis]:
     """Strain, branch and time of a hold: signs of whole specimens are drawn."""
-    table, gaps, excess = case.table, case.gaps, case.excess
+    table, gaps = case.table, case.gaps
     sentence = gaps.sentence(_strain_parts(table), alike="alike at all strains")
-    p, drawn = case.flipped(excess.common, excess.y)
-    yield Axis("strain", excess.common, p, drawn, sentence, is_common=True)
-    basis = case.basis(_branch_columns(table))
-    if basis.shape[1]:
-        sentence = gaps.sentence(_branch_parts(table))
-        yield Axis("branch", basis, *case.flipped(basis, excess.varying), sentence)
-    basis = case.basis(_hold_columns(table))
-    if basis.shape[1]:
-        sentence = gaps.sentence(_hold_parts(table), ordered=True)
-        yield Axis("time", basis, *case.flipped(basis, excess.varying), sentence)
+    p, drawn = case.flipped(case.common, case.y)
+    yield _Axis("strain", case.common, p, drawn, sentence, is_common=True)
+    for name, parts in (("branch", _branch_parts), ("time", _hold_parts)):
+        if name in case.patterns and (basis := case.basis(case.patterns[name])).shape[1]:
+            sentence = gaps.sentence(parts(table), ordered=name == "time")
+            yield _Axis(name, basis, *case.flipped(basis, case.varying), sentence)
 
 
-def _position_axes(case: _Case) -> Iterator[Axis]:
+def _position_axes(case: _Case) -> Iterator[_Axis]:
     """Places along bars: a smooth pattern, and steps between materials."""
-    table, whitening, excess = case.table, case.whitening, case.excess
-    if not table.is_field.any():
+    table, whitening = case.table, case.whitening
+    if "position" not in case.patterns:
         return
     bars = whitening(_factors_of_bars(table, whitening.of_row))
-    besides = orthonormal(np.concatenate([excess.common, bars], axis=1))
-    columns = whitening(_position_columns(case.campaign, table))
-    basis = orthonormal(columns, besides=besides)
+    besides = _orthonormal(np.concatenate([case.common, bars], axis=1))
+    columns = whitening(case.patterns["position"])
+    basis = _orthonormal(columns, besides=besides)
     if not basis.shape[1]:
         return
-    y = excess.y - besides @ (besides.T @ excess.y)
+    y = case.y - besides @ (besides.T @ case.y)
     y = y / _bar_scale(table, y, basis)
     place = _farthest_place(case.campaign, table, y)
     sentence = _position_sentence(place, case.campaign.palette, case.gaps)
-    yield Axis("position", basis, *case.flipped(basis, y), sentence)
+    yield _Axis("position", basis, *case.flipped(basis, y), sentence)
 
 
-def _outlying_axes(case: _Case) -> Iterator[Axis]:
+def _outlying_axes(case: _Case) -> Iterator[_Axis]:
     """Specimens against their replicates: noise with stray specimens is drawn."""
     whitening = case.whitening
-    level = _strain_shapes(case.table)[:, 0]
+    level = _force_level(case.table)
     alike = case.table.replicates[whitening.starts[:-1]]
-    found = outlying_replicates(whitening, level, case.residual, alike, len(case.signs), case.rng)
+    found = _outlying_replicates(whitening, level, case.residual, alike, len(case.signs), case.rng)
     if found is None:
         return
     basis = case.basis(np.where(whitening.of_row[:, None] == found.named, level[:, None], 0.0))
     ids = [case.campaign.specimens[i].id for i in found.named]
     p = tail_p(float(np.log(max(found.largest, 1e-9))), np.log(found.drawn), _THINNEST)
     sentence = _outliers_sentence(ids, found.shift)
-    yield Axis("specimen", basis, p, rank_p(found.drawn), sentence)
+    yield _Axis("specimen", basis, p, _rank_p(found.drawn), sentence)

@@ -2,7 +2,7 @@
 
 import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,7 +10,7 @@ import scipy.linalg
 import scipy.optimize
 import scipy.special
 
-from planner.formats.tables import QUANTITY_UNITS
+from planner.formats.units import QUANTITY_UNITS
 from planner.gap.camera import SIDES
 from planner.gap.campaign import Campaign
 from planner.gap.observations import FeatureTable
@@ -328,16 +328,14 @@ USUAL = Scatter(
 thousandths of strain. Of the parts of it the shares are chosen: most of a curve goes together."""
 
 _PRIOR_SD = {"specimen": 1.0, "batch": 0.5, "slope": 0.8, "wander": 0.8, "wander_length": 0.4,
-             "sensor": 0.4}  # fmt: skip
-"""Of their logarithms, before replicates are seen. Physical: 3 % times or by e^(2 * 1.0) holds the
-1 to 9 % of jetted specimens and the 10 to 30 % of some labs'; what batches share is a ratio to it,
-what changes along a curve is not: a level that scatters says nothing of it."""
+             "sensor": 0.4, "field": 1.0, "field_relative": 1.0, "field_shared": 1.5}  # fmt: skip
+"""Of their logarithms, and of the last one's odds, before replicates are seen. Physical: 3 % times
+or by e^(2 * 1.0) holds the 1 to 9 % of jetted specimens and the 10 to 30 % of some labs'; what
+batches share is a ratio to it, what changes along a curve is not: a level that scatters says
+nothing of it. Cameras differ more than specimens do; facets share anything from nothing to all."""
 
-_NAMES = tuple(_PRIOR_SD)
-
-_FIELD_PRIOR_SD = np.array([1.0, 1.0, 1.5])
-"""Of the logarithms of a camera's deviations, and of the log odds of what facets share. Chosen:
-cameras differ more than specimens do; facets share anything from nothing to all."""
+_OF_FORCE = tuple(name for name in _PRIOR_SD if not name.startswith("field"))
+_OF_FIELD = tuple(name for name in _PRIOR_SD if name.startswith("field"))
 
 
 UNIT_GAINS: FloatArray = np.log(
@@ -395,62 +393,64 @@ def estimate_scatter(
         Which features tell of scatter.
     """
     groups = _groups(table, counts & ~table.is_field)
-    seen = _field_scatter(table, sensitivity, residual, aside)
+    bars = _groups(table, table.is_field)
     freedom = sum(len(g) - 1 for g in groups)
-    if not freedom:
-        return _with(np.zeros(len(_NAMES)), seen, USUAL.log_sd, 0)
+    free = (*(_OF_FORCE if groups else ()), *(_OF_FIELD if bars else ()))
     batches = np.unique(batch_of)
     contrasts = [_contrasts(table, rows, batch_of, batches, residual) for rows in groups]
+    along = [scipy.linalg.helmert(len(rows)) @ residual[np.stack(rows)] for rows in bars]
 
     def cost(logs: FloatArray) -> float:
-        scatter = _with(logs, seen, 0.0, freedom)
-        total = 0.5 * float(np.sum((logs / list(_PRIOR_SD.values())) ** 2))
+        scatter = _scatter(dict(zip(free, logs.tolist(), strict=True)))
+        total = 0.5 * sum(
+            (log / _PRIOR_SD[name]) ** 2 for name, log in zip(free, logs, strict=True)
+        )
         inner, cross = np.eye(len(batches)), np.zeros(len(batches))
         for rows, (values, shares) in zip(groups, contrasts, strict=True):
             first = slice(int(rows[0][0]), int(rows[0][-1]) + 1)
             own = _force_block(table, sensitivity, scatter, sensor_sd_N, first)
-            factor = np.linalg.cholesky(own)
             level = scatter.batch * sensitivity[first]
-            white = scipy.linalg.solve_triangular(
-                factor, np.stack([level, *values], axis=1), lower=True, check_finite=False
-            )
-            total += len(values) * float(np.log(np.diagonal(factor)).sum())
-            total += 0.5 * float(np.sum(white[:, 1:] ** 2))
+            half_log, white = _whitened(own, np.stack([level, *values], axis=1))
+            total += len(values) * half_log + 0.5 * float(np.sum(white[:, 1:] ** 2))
             inner += float(white[:, 0] @ white[:, 0]) * shares.T @ shares
             cross += shares.T @ (white[:, 1:].T @ white[:, 0])
         # Levels of batches, which all groups have in common, integrated out.
-        factor = np.linalg.cholesky(inner)
-        half = scipy.linalg.solve_triangular(factor, cross, lower=True, check_finite=False)
-        return total + float(np.log(np.diagonal(factor)).sum() - 0.5 * half @ half)
+        half_log, half = _whitened(inner, cross)
+        total += half_log - 0.5 * float(half @ half)
+        for rows, differences in zip(bars, along, strict=True):
+            first = slice(int(rows[0][0]), int(rows[0][-1]) + 1)
+            # Where replicates differ because their places lie to the side, it is not scatter.
+            own = _field_block(table, sensitivity, scatter, first)
+            own += np.outer(aside[first], aside[first])
+            half_log, white = _whitened(own, differences.T)
+            total += len(differences) * half_log + 0.5 * float(np.sum(white**2))
+        return total
 
+    if not free:
+        return USUAL
     best = scipy.optimize.minimize(
-        cost, np.zeros(len(_NAMES)), method="L-BFGS-B", bounds=[(-2.5, 2.5)] * len(_NAMES),
+        cost, np.zeros(len(free)), method="L-BFGS-B", bounds=[(-2.5, 2.5)] * len(free),
         options={"maxiter": 25},
     )  # fmt: skip
     log_sd = 1.0 / math.sqrt(1.0 / USUAL.log_sd**2 + 2.0 * freedom)
-    return _with(best.x, seen, log_sd, freedom)
+    found = _scatter(dict(zip(free, best.x.tolist(), strict=True)))
+    return replace(found, log_sd=log_sd, degrees_of_freedom=freedom)
 
 
-def _with(logs: FloatArray, seen: Scatter, log_sd: float, freedom: int) -> Scatter:
-    factor = dict(zip(_NAMES, np.exp(logs).tolist(), strict=True))
-    level = USUAL.specimen * factor["specimen"]
-    return replace(
-        seen,
-        specimen=level,
-        batch=level * USUAL.batch / USUAL.specimen * factor["batch"],
-        slope=USUAL.slope * factor["slope"],
-        wander=USUAL.wander * factor["wander"],
-        wander_length=USUAL.wander_length * factor["wander_length"],
-        sensor=USUAL.sensor * factor["sensor"],
-        log_sd=log_sd,
-        degrees_of_freedom=freedom,
-    )
+def _scatter(logs: Mapping[str, float]) -> Scatter:
+    """Return `USUAL` times factors, what batches share times that of the level too."""
+    factor = {name: math.exp(log) for name, log in logs.items()}
+    factor["batch"] = factor.get("batch", 1.0) * factor.get("specimen", 1.0)
+    odds = factor.pop("field_shared", 1.0)
+    changed = {name: getattr(USUAL, name) * f for name, f in factor.items()}
+    return replace(USUAL, **changed, field_shared=odds / (1.0 + odds))
 
 
-def _half_deviance(values: FloatArray, covariance: FloatArray) -> float:
+def _whitened(covariance: FloatArray, columns: FloatArray) -> tuple[float, FloatArray]:
+    """Return half the log determinant of a covariance, and columns on its scale."""
     factor = np.linalg.cholesky(covariance)
-    whitened = scipy.linalg.solve_triangular(factor, values, lower=True, check_finite=False)
-    return float(np.log(np.diagonal(factor)).sum() + 0.5 * whitened @ whitened)
+    white = scipy.linalg.solve_triangular(factor, columns, lower=True, check_finite=False)
+    return float(np.log(np.diagonal(factor)).sum()), white
 
 
 def _groups(table: FeatureTable, of: BoolArray) -> list[list[IntArray]]:
@@ -479,45 +479,6 @@ def _contrasts(
     batch = np.array([batch_of[table.specimen[r[0]]] for r in rows])
     members = (batch[:, None] == batches) & (batch[:, None] >= 0)
     return helmert @ residual[np.stack(rows)], helmert @ members.astype(np.float64)
-
-
-def _field_scatter(
-    table: FeatureTable,
-    sensitivity: FloatArray,
-    residual: FloatArray,
-    aside: FloatArray,
-) -> Scatter:
-    """Return `USUAL` with the camera's own figures.
-
-    Where replicates differ because their places lie to the side, it is not scatter.
-    """
-    bars = _groups(table, table.is_field)
-    contrasts = [scipy.linalg.helmert(len(rows)) @ residual[np.stack(rows)] for rows in bars]
-
-    def scatter(logs: FloatArray) -> Scatter:
-        own, relative, odds = np.exp(logs).tolist()
-        return replace(
-            USUAL,
-            field=USUAL.field * own,
-            field_relative=USUAL.field_relative * relative,
-            field_shared=odds / (1.0 + odds),
-        )
-
-    def cost(logs: FloatArray) -> float:
-        total = 0.5 * float(np.sum((logs / _FIELD_PRIOR_SD) ** 2))
-        for rows, differences in zip(bars, contrasts, strict=True):
-            first = slice(int(rows[0][0]), int(rows[0][-1]) + 1)
-            own = _field_block(table, sensitivity, scatter(logs), first)
-            own += np.outer(aside[first], aside[first])
-            total += sum(_half_deviance(difference, own) for difference in differences)
-        return total
-
-    if not bars:
-        return USUAL
-    best = scipy.optimize.minimize(
-        cost, np.zeros(3), method="L-BFGS-B", bounds=[(-2.5, 2.5)] * 3, options={"maxiter": 25}
-    )
-    return scatter(best.x)
 
 
 # ------------------------------------------------------------------------------------------------

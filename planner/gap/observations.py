@@ -225,10 +225,10 @@ def _feature_table(
     for place, number in sorted((p, k) for k, test in enumerate(tests) for p in test.places):
         test, travel, gauge = tests[number], setup.travel_mm[number], setup.gauge_mm[number]
         floor = max(_FORCE_SHARE * float(peak_N[number]), 2.0 * float(sensor_sd_N[place]))
-        for step in test.grid.feature_steps():
-            segment = test.grid.segments[test.grid.segment[step]]
+        for step in test.feature_steps():
+            segment = test.segments[test.segment[step]]
             # A hold's time counts from the last step of the segment before.
-            first = int(np.argmax(test.grid.segment == test.grid.segment[step]))
+            first = int(np.argmax(test.segment == test.segment[step]))
             begin_s = test.time_s[first - 1] if segment.kind == "hold" else 0.0
             rows.append((
                 place, number, step, BRANCHES.index(segment.kind), travel[step] / gauge,
@@ -238,7 +238,7 @@ def _feature_table(
         if seen is None or setup.designs[number] is None:
             continue
         bins = bins_of(seen, setup, number)
-        for step in (test.grid.step_at(0, fraction) for fraction in test.frames):
+        for step in (test.step_at(0, fraction) for fraction in test.frames):
             means = bins.means(seen, paths[place], float(travel[step]))
             if means is None:
                 continue
@@ -498,7 +498,7 @@ def _measured(
             own = specimen.section_mm2(at)
             # In series the compliances add up, so the ratio that counts is of 1 / area.
             ratio = 1.0 if own is None else float(np.mean(1.0 / own) / np.mean(1.0 / mean))
-            forces[place] = ratio * forces_N(paths[place], test.grid)
+            forces[place] = ratio * forces_N(paths[place], test)
     return forces
 
 

@@ -1,16 +1,16 @@
 """Data quality of a campaign: records held against each other and against the palette."""
 
 import math
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 
-from planner.formats.tables import QUANTITY_UNITS
-from planner.formats.tensile import SPECIMEN_COLUMNS
-from planner.formats.unit_of import QUANTITIES, UnitOf, unit_near
+from planner.formats.specimens import SPECIMEN_COLUMNS
+from planner.formats.units import OWN, QUANTITIES, QUANTITY_UNITS, UnitOf, unit_near
 from planner.gap.campaign import Campaign, Specimen, replicate_groups
-from planner.gap.diagnosis import QualityProblem
+from planner.gap.diagnosis import FoundEffect, QualityProblem
 from planner.gap.quality_records import (
     RATE_TOLERANCE,
     first_turn,
@@ -23,7 +23,7 @@ from planner.numerics import FloatArray
 from planner.palette import Palette
 from planner.simulation.bar_solver import PUSHED_END
 
-__all__ = ["examine", "predicted_stress_MPa"]
+__all__ = ["examine", "merged_units", "predicted_stress_MPa", "suggested_units"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -671,3 +671,57 @@ def examine(campaign: Campaign) -> tuple[QualityProblem, ...]:
     order = {None: -1} | {s.id: place for place, s in enumerate(specimens)}
     problems = (*records, *units, *outliers)
     return tuple(sorted(problems, key=lambda p: (order[p.specimen], _KINDS.index(p.kind))))
+
+
+# ------------------------------------------------------------------------------------------------
+# As a verdict hints: a gain of force or travel that is the factor between two units.
+
+
+_GAINS: Mapping[tuple[str, str], tuple[str, float]] = MappingProxyType(
+    {
+        ("force-scale", "log_gain"): ("force", -1.0),
+        ("force-scale", "factor"): ("force", -1.0),
+        ("strain-scale", "log_factor"): ("travel", 1.0),
+    }
+)
+"""By effect and parameter: the quantity, and the power of true over recorded. Convention: how the
+effects define their sizes."""
+
+
+def suggested_units(
+    found: Iterable[FoundEffect], specimens: Sequence[Specimen]
+) -> Iterator[UnitOf]:
+    """Yield the units in which numbers make sense as they stand in the files, without a gain."""
+    for effect in found:
+        for name, value in effect.parameters.items():
+            if (effect.id, name) not in _GAINS:
+                continue
+            quantity, power = _GAINS[effect.id, name]
+            ends = effect.interval.get(name, (value, value))
+            log, low, high = (
+                power * (x if name.startswith("log_") else math.log(x)) for x in (value, *ends)
+            )
+            reach = max(OWN, abs(low - log), abs(high - log))
+            by_unit: dict[str, list[str]] = {}
+            for s in specimens:
+                own = s.force_unit_N if quantity == "force" else s.travel_unit_mm
+                if own is None or (effect.specimens and s.id not in effect.specimens):
+                    continue
+                unit = unit_near(QUANTITIES[quantity][1], math.log(own) + log, own, reach)
+                if unit is not None:
+                    by_unit.setdefault(unit, []).append(s.id)
+            for unit, ids in by_unit.items():
+                yield UnitOf(quantity, unit, () if len(ids) == len(specimens) else tuple(ids))
+
+
+def merged_units(units: Iterable[UnitOf]) -> tuple[UnitOf, ...]:
+    """Return each unit once, with all its specimens."""
+    found: dict[tuple[str, str], tuple[str, ...]] = {}
+    for one in units:
+        key = one.quantity, one.unit
+        before = found.setdefault(key, one.specimens)
+        # No specimens means all.
+        found[key] = (
+            tuple(dict.fromkeys(before + one.specimens)) if before and one.specimens else ()
+        )
+    return tuple(UnitOf(*key, specimens) for key, specimens in found.items())

@@ -8,8 +8,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from planner.formats.tables import QUANTITY_UNITS
-from planner.formats.tensile import SPECIMEN_COLUMNS, SpecimenColumn
+from planner.formats.specimens import SPECIMEN_COLUMNS, SpecimenColumn
+from planner.formats.units import QUANTITY_UNITS
 from planner.gap.campaign import Specimen, replicate_groups
 from planner.gap.diagnosis import QualityProblem
 from planner.materials.characterise import MINIMUM_POINTS, noise_sd

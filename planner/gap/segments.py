@@ -8,7 +8,7 @@ from typing import Any, Literal
 import numpy as np
 
 from planner.errors import FileError
-from planner.formats.tensile import SPECIMEN_COLUMNS
+from planner.formats.specimens import SPECIMEN_COLUMNS
 from planner.gap.campaign import Campaign, Specimen
 from planner.gap.quality_records import BEARING_SHARE, speed_mm_s, turns, without_spikes
 from planner.materials.characterise import BROKEN_SHARE, Curve, noise_sd, without_tail
@@ -412,21 +412,30 @@ _ROWS_LEAST = 5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class TimeGrid:
-    """The steps of one test.
+class ReplicateTest:
+    """One test: the specimens that went the same way, and their steps.
 
     Attributes
     ----------
+    places
+        Of the specimens.
+    frames
+        Fractions of the first loading at which strain fields are compared.
     segments
         The mean of the specimens' own, rows of the first one's record.
     segment, fraction : (T,)
         Where each step is: its segment, and how much of it is behind it. Of a rest the fraction is
         that of the logarithm of time, see `_hold_scale_s`.
+    time_s : (T,)
+        Mean of the times at which specimens came by each step, rising.
     """
 
+    places: tuple[int, ...]
+    frames: tuple[float, ...]
     segments: tuple[Segment, ...]
     segment: IntArray
     fraction: FloatArray
+    time_s: FloatArray
 
     @property
     def travel_mm(self) -> FloatArray:
@@ -528,17 +537,14 @@ def _feature_places(segments: Sequence[Segment]) -> list[tuple[float, ...]]:
     ]
 
 
-def _time_grid(paths: Sequence[Path], extra: Sequence[float] = ()) -> TimeGrid:
-    """Return the steps of a test whose specimens went these ways.
-
-    Parameters
-    ----------
-    extra
-        Fractions of the first loading that must be steps, beside the features' own.
-    """
-    if len(paths[0].segments) == 1:
-        shortest = min(path.segments[0].end_mm for path in paths)
-        paths = [cut_path(path, shortest) for path in paths]
+def replicate_test(
+    paths: Mapping[int, Path], places: Sequence[int], frames: tuple[float, ...] = ()
+) -> ReplicateTest:
+    """Return the test of the specimens at these places; `frames` are steps beside the features'."""
+    members = whole = [paths[place] for place in places]
+    if len(members[0].segments) == 1:
+        shortest = min(path.segments[0].end_mm for path in members)
+        members = [cut_path(path, shortest) for path in members]
     segments = tuple(
         replace(
             together[0],
@@ -547,16 +553,19 @@ def _time_grid(paths: Sequence[Path], extra: Sequence[float] = ()) -> TimeGrid:
                 for name in ("begin_s", "end_s", "begin_mm", "end_mm")
             },
         )
-        for together in zip(*(path.segments for path in paths), strict=True)
+        for together in zip(*(path.segments for path in members), strict=True)
     )
-    wanted = [sorted({*places, 1.0}) for places in _feature_places(segments)]
-    wanted[0] = sorted({*wanted[0], *extra})
-    counts = _counts(segments, [len(places) for places in wanted])
+    wanted = [sorted({*at, 1.0}) for at in _feature_places(segments)]
+    wanted[0] = sorted({*wanted[0], *frames})
+    counts = _counts(segments, [len(at) for at in wanted])
     segment = np.concatenate([[0], np.repeat(np.arange(len(segments)), counts)])
     fraction = np.concatenate(
         [[0.0], *(_filled(w, n) for w, n in zip(wanted, counts, strict=True))]
     )
-    return TimeGrid(segments, segment, fraction)
+    test = ReplicateTest(tuple(places), frames, segments, segment, fraction, np.zeros(STEPS))
+    times = np.mean([_step_times_s(path, test) for path in whole], axis=0)
+    rising = np.maximum.accumulate(times) + 1e-9 * float(times[-1]) * np.arange(len(times))
+    return replace(test, time_s=rising)
 
 
 def _counts(segments: Sequence[Segment], least: Sequence[int]) -> list[int]:
@@ -594,14 +603,14 @@ _MANY = 200
 still."""
 
 
-def _step_times_s(path: Path, grid: TimeGrid) -> FloatArray:
+def _step_times_s(path: Path, test: ReplicateTest) -> FloatArray:
     """Return when a specimen came by each step, (T,)."""
-    times = np.zeros(len(grid.segment))
-    for number, (own, mean) in enumerate(zip(path.segments, grid.segments, strict=True)):
-        here = (grid.segment == number) & (np.arange(len(times)) > 0)
-        fraction = grid.fraction[here]
+    times = np.zeros(len(test.segment))
+    for number, (own, mean) in enumerate(zip(path.segments, test.segments, strict=True)):
+        here = (test.segment == number) & (np.arange(len(times)) > 0)
+        fraction = test.fraction[here]
         if own.moves:
-            end = min(own.end_mm, mean.end_mm) if len(grid.segments) == 1 else own.end_mm
+            end = min(own.end_mm, mean.end_mm) if len(test.segments) == 1 else own.end_mm
             places = own.begin_mm + fraction * (end - own.begin_mm)
             times[here] = _moments_s(path, own, places)
         else:
@@ -610,16 +619,16 @@ def _step_times_s(path: Path, grid: TimeGrid) -> FloatArray:
     return times
 
 
-def forces_N(path: Path, grid: TimeGrid) -> FloatArray:
+def forces_N(path: Path, test: ReplicateTest) -> FloatArray:
     """Return a specimen's force at the travel, or the time of a rest, of each step, (T,).
 
     A parabola through the rows of the same segment within a quarter of a stride to either side, or
     the nearest few, is taken where the step is.
     """
-    forces = np.zeros(len(grid.segment))
-    travel = grid.travel_mm
-    for number, (own, mean) in enumerate(zip(path.segments, grid.segments, strict=True)):
-        here = np.flatnonzero(grid.segment == number)
+    forces = np.zeros(len(test.segment))
+    travel = test.travel_mm
+    for number, (own, mean) in enumerate(zip(path.segments, test.segments, strict=True)):
+        here = np.flatnonzero(test.segment == number)
         inside = (path.time_s >= own.begin_s - 1e-9) & (path.time_s <= own.end_s + 1e-9)
         inside &= (np.arange(len(inside)) >= own.first) & (np.arange(len(inside)) <= own.last)
         if own.moves:
@@ -630,7 +639,7 @@ def forces_N(path: Path, grid: TimeGrid) -> FloatArray:
             since = np.maximum(path.time_s[inside] - own.begin_s, 0.0)
             rows = np.log1p(since / scale)
             length = own.end_s - own.begin_s
-            places = grid.fraction[here] * np.log1p(length / scale)
+            places = test.fraction[here] * np.log1p(length / scale)
         if not inside.any():
             middle_s = 0.5 * (own.begin_s + own.end_s)
             forces[here] = np.interp(middle_s, path.time_s, path.force_N)
@@ -685,38 +694,6 @@ _ORIENTATIONS = {"x": 0, "y": 1, "z": 2}
 """Of a test, in a setup. Convention: in the order of their letters."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class ReplicateTest:
-    """One test: the specimens that went the same way, by their place, and their steps.
-
-    Attributes
-    ----------
-    frames
-        Fractions of the first loading at which strain fields are compared.
-    """
-
-    places: tuple[int, ...]
-    grid: TimeGrid
-    time_s: FloatArray
-    frames: tuple[float, ...]
-
-
-def replicate_test(
-    paths: Mapping[int, Path], places: Sequence[int], frames: tuple[float, ...] = ()
-) -> ReplicateTest:
-    """Return the test of the specimens at these places."""
-    members = [paths[place] for place in places]
-    grid = _time_grid(members, frames)
-    return ReplicateTest(tuple(places), grid, _mean_times_s(members, grid), frames)
-
-
-def _mean_times_s(paths: Sequence[Path], grid: TimeGrid) -> FloatArray:
-    """Return the mean of the times at which specimens came by each step, rising."""
-    times = np.mean([_step_times_s(path, grid) for path in paths], axis=0)
-    least = 1e-9 * float(times[-1])
-    return np.asarray(np.maximum.accumulate(times) + least * np.arange(len(times)))
-
-
 def _slice_bounds_mm(specimen: Specimen, gauge_mm: float) -> FloatArray:
     """Return the edges of a specimen's slices along the drawn gauge; a part's are its bins."""
     if specimen.part is not None:
@@ -767,7 +744,7 @@ def assemble(
         palette_coordinate=np.array([m.coordinate for m in campaign.palette.materials]),
         first_slice=first_slice,
         time_s=np.stack([test.time_s for test in tests]),
-        travel_mm=np.stack([test.grid.travel_mm for test in tests]),
+        travel_mm=np.stack([test.travel_mm for test in tests]),
         rate_per_s=rate / gauge,
         gauge_mm=gauge,
         orientation=np.array([_ORIENTATIONS[o or reference.orientation or "x"]
@@ -784,7 +761,7 @@ def assemble(
             unaltered(first_slice, len(tests[0].time_s))
             | {
                 "pushed": np.array([group[0].pushed for group in groups]),
-                "reloads": np.stack([_reloads(test.grid) for test in tests]),
+                "reloads": np.stack([_reloads(test) for test in tests]),
             }
         ),
     )  # fmt: skip
@@ -795,16 +772,16 @@ _MET_AGAIN = 20.0
 first loading again some per cent beyond: 10 % beyond, a seventh of the reloads is felt."""
 
 
-def _reloads(grid: TimeGrid) -> FloatArray:
+def _reloads(test: ReplicateTest) -> FloatArray:
     """Return how often a test was loaded again by each step; see `PulledBars.reloads`."""
-    found = np.zeros(len(grid.segment))
-    travel = grid.travel_mm.tolist()
+    found = np.zeros(len(test.segment))
+    travel = test.travel_mm.tolist()
     farthest, count = 0.0, 0.0
     for step in range(1, len(found)):
         now, before = travel[step], travel[step - 1]
         if farthest > 0.0:
             up = max(min(now, farthest) - min(before, farthest), 0.0)
-            count += grid.segments[grid.segment[step]].cycles * up / farthest
+            count += test.segments[test.segment[step]].cycles * up / farthest
             count *= (farthest / max(now, farthest)) ** _MET_AGAIN
         farthest = max(farthest, now)
         found[step] = count

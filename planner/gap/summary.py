@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping
 
-from planner.formats.tensile import SPECIMEN_COLUMNS
+from planner.formats.specimens import SPECIMEN_COLUMNS
 from planner.gap.diagnosis import SIGNIFICANT, Diagnosis, Gap, Hypothesis
 from planner.gap.effects import EFFECTS
 

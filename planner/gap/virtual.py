@@ -9,14 +9,15 @@ from typing import Any
 import numpy as np
 
 from planner.errors import ArgumentError, FileError, UnknownNameError, did_you_mean
-from planner.formats.tensile import ListedSpecimen as Row
-from planner.formats.tensile import read_specimens
-from planner.formats.within import path_within
+from planner.formats.files import path_within
+from planner.formats.specimens import ListedSpecimen as Row
+from planner.formats.specimens import read_specimens
 from planner.gap.camera import seen_shares
 from planner.gap.campaign import Campaign, Specimen, StrainField
 from planner.gap.campaign_folder import (
     CURVES,
     SPECIMENS,
+    ListReader,
     campaign_palette,
     read_campaign,
     read_campaign_file,
@@ -26,12 +27,11 @@ from planner.gap.effect import Effect, Form, Parameter, StatedEffect, stated, wi
 from planner.gap.effects import effect_named, effects_for
 from planner.gap.loading_direction import said_mode
 from planner.gap.noise import USUAL
-from planner.gap.parts import PartReader
 from planner.gap.segments import assemble, path_of, replicate_test
 from planner.numerics import FloatArray
 from planner.palette import Palette
 from planner.printers import Printer, load_printer, palette_of
-from planner.simulation.bar import ProfileDesign, read_profile
+from planner.simulation.bar import ProfileDesign
 from planner.simulation.bar_solver import Prediction, Setup, law_tables, predict
 from planner.simulation.simulate import loading_path
 
@@ -199,7 +199,11 @@ def single_tests(
 
 
 def read_design(
-    path: str | Path, palette: Palette, *, printer: str = "connex3", camera: bool = False
+    path: str | Path,
+    palette: str | Path | Palette | None = None,
+    *,
+    printer: str | Printer = "connex3",
+    camera: bool = False,
 ) -> Campaign:
     """Read which specimens are to be tested: a specimens.csv, or a campaign's folder.
 
@@ -210,7 +214,7 @@ def read_design(
     Parameters
     ----------
     palette, printer
-        Of a list without campaign.toml.
+        Of a list alone; without a palette that of the campaign.toml beside it, if there is one.
     camera
         Whether bars are seen along their axis.
 
@@ -222,8 +226,12 @@ def read_design(
         The palette, or a material that it does not have.
     """
     path = Path(path)
+    if path.is_file() and (palette is not None or not (path.parent / "campaign.toml").is_file()):
+        machine = load_printer(printer)
+        return _listed(path, path.stem, palette_of(palette, machine), machine.name, camera)
     if path.is_file():
-        return _listed(path, path.stem, palette, printer, camera)
+        file = read_campaign_file(path.parent)
+        return _listed(path, path.stem, campaign_palette(file, path.parent), file.printer, camera)
     if not path.is_dir():
         raise FileError(
             f"{path}: no such file or folder; give a specimens.csv or the folder of a campaign"
@@ -282,33 +290,20 @@ def _retraced(specimen: Specimen) -> Specimen | None:
 
 def _listed(file: Path, name: str, palette: Palette, printer: str, camera: bool) -> Campaign:
     rows, covariates, notes = read_list(file)
-    parts = PartReader(file.parent, palette)
-    designs = [
-        read_profile(path_within(file.parent, row.profile), palette=palette, gauge_mm=row.gauge_mm)[
-            0
-        ]
-        if row.profile
-        else None
-        for row in rows
-    ]
-    strain = virtual_strain(
-        palette, [row.material for row in rows if row.material], [d for d in designs if d]
-    )
+    reader = ListReader(file, palette)
+    read = [reader.fields(row, row.conditions())[0] for row in rows]
+    designs = [fields["profile"] for fields in read if "profile" in fields]
+    strain = virtual_strain(palette, [row.material for row in rows if row.material], designs)
     specimens = []
-    for row, design in zip(rows, designs, strict=True):
+    for row, fields in zip(rows, read, strict=True):
         own = covariates[row.specimen]
-        share = 1.0 if design is None else BAR_SHARE
-        conditions = row.conditions()
-        part = parts.read(row) if row.part else None
-        if part is None:
-            far = _figure(own.get("to_strain"), share * strain, row, file, "to_strain")
-            conditions["gauge_mm"] = _gauge_mm(row, design, file)
-            for size in ("width_mm", "thickness_mm"):
-                conditions[size] = _size(row, size, design, file)
+        share = BAR_SHARE if row.profile else 1.0
+        if row.part:
+            end_mm = float(fields["part"].response.displacement_mm[-1])
+            far = _figure(own.get("to_mm"), end_mm, row, file, "to_mm") / fields["gauge_mm"]
         else:
-            gauge, end_mm = part.response.gauge_mm, float(part.response.displacement_mm[-1])
-            far = _figure(own.get("to_mm"), end_mm, row, file, "to_mm") / gauge
-            conditions["gauge_mm"] = gauge
+            far = _figure(own.get("to_strain"), share * strain, row, file, "to_strain")
+        pushed = not row.part and said_mode([row.mode, *own.values()]) == "compression"
         specimens.append(
             virtual_specimen(
                 palette,
@@ -317,12 +312,9 @@ def _listed(file: Path, name: str, palette: Palette, printer: str, camera: bool)
                 strain=far / share,
                 hold_s=_figure(own.get("hold_s"), HOLD_S, row, file, "hold_s"),
                 camera=camera,
-                pushed=part is None and said_mode([row.mode, *own.values()]) == "compression",
-                material=palette.resolve(row.material).id if row.material else None,
-                profile=design,
-                part=part,
+                pushed=pushed,
                 covariates=own,
-                **conditions,
+                **fields,
             )
         )
     return Campaign(
@@ -333,23 +325,6 @@ def _listed(file: Path, name: str, palette: Palette, printer: str, camera: bool)
         covariates=tuple(rows[0].covariates),
         remarks=tuple(notes),
     )
-
-
-def _gauge_mm(row: Row, design: ProfileDesign | None, file: Path) -> float:
-    gauge = row.gauge_mm if design is None else design.length_mm
-    if gauge is None:
-        raise FileError(f"{file.name}, specimen {row.specimen}: no gauge_mm; give the gauge length")
-    return gauge
-
-
-def _size(row: Row, name: str, design: ProfileDesign | None, file: Path) -> float | None:
-    size: float | None = getattr(row, name)
-    known = (
-        size or getattr(row, f"measured_{name}") or (design and getattr(design, name) is not None)
-    )
-    if not known:
-        raise FileError(f"{file.name}, specimen {row.specimen}: no {name}; give the section")
-    return size
 
 
 def _figure(value: str | float | None, otherwise: float, row: Row, file: Path, name: str) -> float:
@@ -486,7 +461,7 @@ def synthesise_campaign(
     camera
         See the strain along planned bars, too.
     printer, palette
-        Of a list without campaign.toml, by name, file or value.
+        Of a list alone, by name, file or value; by default those of the campaign.toml beside it.
 
     Returns
     -------
@@ -509,9 +484,7 @@ def synthesise_campaign(
     >>> planner.diagnose(made).verdict  # doctest: +SKIP
     'rate'
     """
-    machine = load_printer(printer)
-    own = palette_of(palette, machine)
-    plan = read_design(design, own, printer=machine.name, camera=camera)
+    plan = read_design(design, palette, printer=load_printer(printer), camera=camera)
     stated = [effect] if isinstance(effect, str) else effect
     effects = [stated_effect(text, plan.palette) for text in stated]
     rng = np.random.default_rng(seed)

@@ -1,6 +1,7 @@
 """The main job: part + gradient + palette -> Plan."""
 
 import hashlib
+import math
 import unicodedata
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -12,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner import __version__
-from planner.cutting.grid import affordable_pitch_mm, default_pitch_mm
+from planner.cutting.grid import default_pitch_mm
 from planner.cutting.pieces import Pieces, split
 from planner.errors import (
     ArgumentError,
@@ -265,9 +266,9 @@ class BandDesign:
         """Values of the field between bands."""
         return np.array([band.start for band in self.bands[1:]])
 
-    def cut(self, mesh: Mesh, along: Field, pitch_mm: float) -> Pieces:
+    def cut(self, mesh: Mesh, along: Field, pitch_mm: float, within_mm: float) -> Pieces:
         """Divide the part."""
-        return split(mesh, along, self.levels, pitch_mm=pitch_mm)
+        return split(mesh, along, self.levels, pitch_mm=pitch_mm, within_mm=within_mm)
 
     def regions(
         self, pieces: Pieces, shells: Sequence[Shell], scale: StiffnessScale
@@ -292,14 +293,15 @@ class BandDesign:
 
     def held(
         self, mesh: Mesh, along: Field, pieces: Pieces, shells: tuple[Shell, ...], pitch_mm: float,
-        scale: StiffnessScale, machine: Printer, translation_mm: Point,
+        within_mm: float, scale: StiffnessScale, machine: Printer, translation_mm: Point,
     ) -> _Held:  # fmt: skip
         """Hold the pieces against the printer."""
         cure = f"{self._fewer(along, machine)}, a gentler profile there"
         names = [what.name for what in self.printed]
         part = CutPart(
-            mesh, along, self.levels, pieces, names, shells, pitch_mm, cure, translation_mm
-        )
+            mesh, along, self.levels, pieces, names, shells, pitch_mm, within_mm, cure,
+            translation_mm,
+        )  # fmt: skip
         return print_checks(part, machine)
 
 
@@ -317,9 +319,9 @@ class CellDesign:
         """What a plan says of how targets between two materials are met."""
         return {"kind": "dither", "cell_mm": self.dealt.cell_mm, "tile": "blue-noise-32"}
 
-    def cut(self, mesh: Mesh, along: Field, pitch_mm: float) -> Pieces:
+    def cut(self, mesh: Mesh, along: Field, pitch_mm: float, within_mm: float) -> Pieces:
         """Divide the part along the cells, whatever the pitch of the field's own grid."""
-        return split(mesh, self.dealt, self.dealt.levels, pitch_mm=self.dealt.cell_mm)
+        return split(mesh, self.dealt, self.dealt.levels, pitch_mm=self.dealt.cell_mm, follow=False)
 
     def regions(
         self, pieces: Pieces, shells: Sequence[Shell], scale: StiffnessScale
@@ -329,7 +331,7 @@ class CellDesign:
 
     def held(
         self, mesh: Mesh, along: Field, pieces: Pieces, shells: tuple[Shell, ...], pitch_mm: float,
-        scale: StiffnessScale, machine: Printer, translation_mm: Point,
+        within_mm: float, scale: StiffnessScale, machine: Printer, translation_mm: Point,
     ) -> _Held:  # fmt: skip
         """Hold cells against what was wanted, and the part as a whole against the printer.
 
@@ -356,8 +358,9 @@ class CellDesign:
             )
             findings = (Finding(kind="cell", message=message, size_mm=cell_mm), *findings)
         whole = CutPart(
-            mesh, along, np.empty(0), pieces, ["the part"], (), pitch_mm, "", translation_mm
-        )
+            mesh, along, np.empty(0), pieces, ["the part"], (), pitch_mm, within_mm, "",
+            translation_mm,
+        )  # fmt: skip
         walls, thin = print_checks(whole, machine)
         checks = {**checks, **walls, "cell_mm": Check(cell_mm, least_mm, fine)}
         return checks, (*findings, *thin)
@@ -426,6 +429,9 @@ def _dithered(
 
 
 _Progress = Callable[[str], None]
+
+_WITHIN_MM = 0.02
+"""How near interfaces of curved fields are to lie to their level sets: half a printed pixel."""
 
 
 def grade(
@@ -583,15 +589,14 @@ def grade(
             )
             design = replace(design, bands=snapped_bands(design.bands, moved, target))
         _check_thickness(along, design.bands, machine, source.warnings)
-        if wish.pitch_mm is None and not isinstance(along, PlanarField):
-            pitch_mm = affordable_pitch_mm(mesh, along, design.levels, pitch_mm)
-    pieces = design.cut(mesh, along, pitch_mm)
+    within_mm = _WITHIN_MM if wish.pitch_mm is None else math.inf
+    pieces = design.cut(mesh, along, pitch_mm, within_mm)
     shells = shells_of(pieces, design.printed, scale, machine, source.name)
     regions = design.regions(pieces, shells, scale)
 
     progress("looking for what will not print")
     printing, findings = design.held(
-        mesh, along, pieces, shells, pitch_mm, scale, machine, point(translation)
+        mesh, along, pieces, shells, pitch_mm, within_mm, scale, machine, point(translation)
     )
     known = _remarks(scale, regions)
     others = alternatives(
@@ -606,6 +611,8 @@ def grade(
     described = dict(along.description())
     if not isinstance(along, PlanarField):
         described["pitch_mm"] = pitch_mm
+        if math.isfinite(within_mm):
+            described["within_mm"] = within_mm
     plan = Plan(
         schema=1,
         version=__version__,

@@ -17,8 +17,7 @@ from planner.materials.algorithm_one import (
     quadratics_through,
 )
 from planner.materials.characterise import SECANT_STRAINS, Curve
-from planner.materials.fit import fit_law, sample_of
-from planner.materials.fit_yield import by_symbol, least_yielding, logs
+from planner.materials.fit import by_symbol, fit_law, least_yielding, logs, sample_of
 from planner.materials.laws import candidate_laws, make_law
 from planner.materials.mixtures import Blend, CoefficientModel, blend_at, blend_for, nearest
 from planner.numerics import FloatArray

@@ -444,19 +444,11 @@ class StiffnessScale:
 
 
 def _unsound(materials: Sequence[Material]) -> list[str]:
-    """Say up to where laws are stable that are not from stretch 0.6 to their break."""
-    ends = [
-        f"{material.id} ({'; '.join(found.limits)})"
-        for material in materials
-        if not (found := stability(make_law(material.law), material.elongation_at_break)).ok
-    ]
-    if not ends:
-        return []
+    """Say at which stretches laws are stable that are not from 0.6 to their break."""
     return [
-        Caution(
-            "not every law is stable (Drucker) from stretch 0.6 to the break, do not follow them "
-            f"further in a solver of your own: {', '.join(ends)}"
-        )
+        Caution(f"{material.id}: its law is stable (Drucker) only at stretch {', '.join(limits)}")
+        for material in materials
+        if (limits := stability(make_law(material.law), material.elongation_at_break).limits)
     ]
 
 

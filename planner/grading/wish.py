@@ -14,7 +14,7 @@ from planner.errors import ArgumentError, PlannerError, UnknownNameError, positi
 from planner.fields.basic import Field
 from planner.fields.parse import TableFile, field_of
 from planner.formats.mesh_file import MILLIMETRES
-from planner.formats.tables import QUANTITY_UNITS
+from planner.formats.units import QUANTITY_UNITS
 from planner.grading.profile import (
     Profile,
     StiffnessScale,
@@ -133,7 +133,8 @@ class Earlier:
             end=target.moduli_MPa[-1] if ends else None,
             profile=target,
             field=None if laid_anew else self._own_field(),
-            pitch_mm=None if laid_anew else _number(gradient.field.get("pitch_mm")),
+            pitch_mm=None if laid_anew or "within_mm" in gradient.field
+            else _number(gradient.field.get("pitch_mm")),
             at_strain=self.plan.stiffness.at_strain,
             printer=self.plan.printer,
             palette=None if stated.palette is not None else self._own_palette(stated.printer),

@@ -14,10 +14,10 @@ from planner.cutting.grid import default_pitch_mm
 from planner.errors import ArgumentError, FileError, ThinBandError, did_you_mean, positive
 from planner.fields.basic import Field, axis_field
 from planner.fields.parse import Setting, TableFile, build_field
+from planner.formats.field_file import encode_vti
 from planner.formats.files import decode_document, encode_document, read_file
 from planner.formats.mesh_file import read_mesh
 from planner.formats.tables import encode_csv
-from planner.formats.vtu import encode_vti
 from planner.glance import counted, html_of, one_line, outcome, percent
 from planner.grading.grade import grade, open_part, refuse_oversize
 from planner.grading.profile import Profile, stiffness_scale

@@ -10,7 +10,8 @@ import numpy as np
 
 from planner.errors import ArgumentError, did_you_mean
 from planner.formats.mesh_file import read_mesh
-from planner.formats.tables import finite_number, read_records, unit_factor
+from planner.formats.tables import finite_number, read_records
+from planner.formats.units import unit_factor
 from planner.numerics import FloatArray, Point
 from planner.simulation.loads import refuse_held
 

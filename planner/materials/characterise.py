@@ -590,12 +590,12 @@ class MaterialCharacteristics:
         return len(self.specimens)
 
 
-def toe_compensated(curve: Curve, part: LinearPart | None = None) -> Curve:
+def toe_compensated(curve: Curve) -> Curve:
     """Return the curve with strains counted from the end of its toe (ASTM D638, annex A1).
 
     Points before that origin are dropped; a curve without a toe comes back as it is.
     """
-    part = _linear_part(curve) if part is None else part
+    part = _linear_part(curve)
     if part.toe_strain == 0.0:
         return curve
     return curve.part(
@@ -719,8 +719,8 @@ def _toe_note(curve: Curve, part: LinearPart) -> str:
     where = f"specimen {curve.specimen}"
     if part.toe_strain:
         return (
-            f"{where}: a toe; strains count from {part.toe_strain:.4g}, where the tangent at the "
-            "steepest slope meets zero stress (ASTM D638, annex A1)"
+            f"{where}: a toe; strains count from {part.toe_strain:.4g}, where the steepest tangent "
+            "meets zero stress (ASTM D638, A1)"
         )
     if part.kind == "origin":
         return f"{where}: steepens from the start; modulus at the origin, strains not shifted"
@@ -728,9 +728,8 @@ def _toe_note(curve: Curve, part: LinearPart) -> str:
         return f"{where}: bends from the start; modulus at the origin, no toe, strains not shifted"
     if part.start == 0 and part.zero_strain > 0.0 and curve.strain[0] > 0.0:
         return (
-            f"{where}: the record starts within the linear part, at strain {curve.strain[0]:.4g}, "
-            f"whose line meets zero stress at {part.zero_strain:.4g}; no toe is recorded, strains "
-            "not shifted"
+            f"{where}: begins at strain {curve.strain[0]:.4g} on a line from "
+            f"{part.zero_strain:.4g}; no toe is recorded, strains not shifted"
         )
     return f"{where}: no toe; strains not shifted"
 
@@ -744,9 +743,8 @@ def _offset_note(curve: Curve, part: LinearPart) -> list[str]:
         return []
     return [
         Caution(
-            f"specimen {curve.specimen}: the curve's beginning points at {at_rest:.3g} MPa at "
-            f"rest, {100 * at_rest / peak:.2g} % of its peak; the load cell may not have been "
-            "zeroed"
+            f"specimen {curve.specimen}: its beginning points at {at_rest:.3g} MPa at rest, "
+            f"{100 * at_rest / peak:.2g} % of its peak; it may not have been zeroed"
         )
     ]
 
@@ -758,8 +756,8 @@ def _fall_note(curve: Curve) -> list[str]:
     if at_peak > 0.98 * end or fallen < 0.1:
         return []
     return [
-        f"specimen {curve.specimen}: the stress falls slowly from its peak at strain {at_peak:.4g} "
-        f"to the break at {end:.4g}; toughness and strain at break count that as elongation"
+        f"specimen {curve.specimen}: stress falls slowly from its peak at strain {at_peak:.4g} "
+        f"to the break at {end:.4g}, which counts as elongation"
     ]
 
 

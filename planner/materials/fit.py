@@ -1,4 +1,4 @@
-"""Fit laws to specimens by variable projection, and choose one."""
+"""Fit laws to specimens: hyperelastic ones by variable projection, or one that yields."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -9,11 +9,13 @@ import numpy as np
 
 from planner.errors import ArgumentError
 from planner.glance import brief
-from planner.materials.characterise import Curve
+from planner.materials.characterise import Curve, MaterialCharacteristics, toe_compensated
 from planner.materials.laws import (
+    LOWEST_STRETCH,
     NeoHookean,
     Ogden,
     SeparableLaw,
+    Yielding,
     law_name,
     make_law,
     stability,
@@ -31,10 +33,15 @@ __all__ = [
     "LawCandidate",
     "LawFit",
     "Sample",
+    "by_symbol",
     "choose_law",
     "fit_law",
+    "fit_yielding",
     "law_stress_MPa",
+    "least_yielding",
+    "logs",
     "minimise",
+    "rows_leant_on",
     "sample_columns",
     "sample_of",
     "sample_stress_MPa",
@@ -355,6 +362,16 @@ def minimise(
     return Solutions(a, state.coefficients, state.cost, gradient, converged)
 
 
+def rows_leant_on(
+    law: SeparableLaw, sample: Sample, a: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return columns and slopes, as `sample_columns`, of the `SoundRows` that hold a fitted law."""
+    problem = _Problem(law, sample)
+    state = problem.project(a[None], np.full((1, law.columns), np.nan))
+    rows = problem.weighed_rows(a[None])[:, state.broken[0]]
+    return rows[:, :, : law.columns], rows[:, :, law.columns :]
+
+
 class _State(NamedTuple):
     """What projecting at each candidate's a gives; one row a candidate.
 
@@ -369,13 +386,7 @@ class _State(NamedTuple):
     broken: BoolArray
 
     def rows(self, index: IntArray) -> "_State":
-        return _State(
-            self.coefficients[index],
-            self.cost[index],
-            self.slope[index],
-            self.normal[index],
-            self.broken[index],
-        )
+        return _State._make(values[index] for values in self)
 
     def take(self, index: IntArray, other: "_State") -> None:
         for values, new in zip(self, other, strict=True):
@@ -400,6 +411,18 @@ class _Problem:
         self.weigh = self.stiffness * self.rows.matrix
         self.across = self.rows.principal if sample.across and isinstance(law, Ogden) else None
 
+    def weighed_rows(self, a: FloatArray) -> FloatArray:
+        """Return what `SoundRows` make of the columns and of their slopes, (s, m, p + q)."""
+        uniaxial = np.concatenate(self.law.evaluate(self.rows.uniaxial, a), axis=2)
+        planar = np.concatenate(self.law.evaluate(self.rows.planar, a, planar=True), axis=2)
+        rows: FloatArray = self.weigh @ np.concatenate([uniaxial, planar], axis=1)
+        if self.across is None:
+            return rows
+        x = self.across[None, :, None]
+        power = x ** (a[:, None, :] - 2.0)
+        more = np.concatenate([power - _ROOM, power * np.log(x)], axis=2)
+        return np.concatenate([rows, self.stiffness * more], axis=1)
+
     def project(self, a: FloatArray, held_c: FloatArray, near: BoolArray | None = None) -> _State:
         """Solve for the free coefficients at each a, and differentiate the residual by a.
 
@@ -408,14 +431,7 @@ class _Problem:
         law, free = self.law, np.isnan(held_c)
         p, q = law.columns, law.nonlinear
         both = np.concatenate(sample_columns(law, self.sample, a), axis=2) * self.factor[:, None]
-        uniaxial = np.concatenate(law.evaluate(self.rows.uniaxial, a), axis=2)
-        planar = np.concatenate(law.evaluate(self.rows.planar, a, planar=True), axis=2)
-        rows = self.weigh @ np.concatenate([uniaxial, planar], axis=1)
-        if self.across is not None:
-            x = self.across[None, :, None]
-            power = x ** (a[:, None, :] - 2.0)
-            more = np.concatenate([power - _ROOM, power * np.log(x)], axis=2)
-            rows = np.concatenate([rows, self.stiffness * more], axis=1)
+        rows = self.weighed_rows(a)
         if not free.all():
             # A held coefficient is the file's: its column carries the divisor.
             divisor, change = law.divisor(a)
@@ -457,7 +473,8 @@ class _Problem:
         across = turn.transpose(0, 2, 1) @ square
         gradient = np.einsum("sjk,sj->sk", turn, residual)
         by_columns = np.where(free[:, None, :], across[:, :, :p] / norm[:, None, :], 0.0)
-        matrix = _normal_matrix(square[:, :p, :p], norm, free)
+        matrix = square[:, :p, :p] / (norm[:, :, None] * norm[:, None, :])
+        matrix = _of_free(matrix, free, _RIDGE**2)
         solved = np.linalg.solve(matrix, by_columns.transpose(0, 2, 1))
         normal = across @ turn - by_columns @ solved
         return _State(c, np.maximum(cost, 0.0), gradient, normal, active)
@@ -513,25 +530,18 @@ def _solved(
     matrix: FloatArray, right: FloatArray, free: BoolArray, given: FloatArray
 ) -> FloatArray:
     """Return the minimum over the free coefficients of a quadratic form, given the held ones."""
-    p = free.shape[1]
     aim = np.where(free, right - np.einsum("sij,sj->si", matrix, given), given)
-    matrix = np.where(free[:, :, None] & free[:, None, :], matrix, 0.0)
-    diagonal = np.einsum("spp->sp", matrix)
-    # The last term is above the rounding of the first, so that no matrix is singular.
-    matrix[:, range(p), range(p)] += np.where(free, 1e-14 * diagonal, 1.0)
-    return np.asarray(np.linalg.solve(matrix, aim[:, :, None])[:, :, 0], dtype=np.float64)
+    found = np.linalg.solve(_of_free(matrix, free), aim[:, :, None])
+    return np.asarray(found[:, :, 0], dtype=np.float64)
 
 
-def _normal_matrix(
-    square: FloatArray, norm: FloatArray, free: BoolArray, extra: FloatArray | float = 0.0
-) -> FloatArray:
-    """Return the normal matrix of the free unit columns, with the ridge; one for those held."""
+def _of_free(matrix: FloatArray, free: BoolArray, ridge: float = 0.0) -> FloatArray:
+    """Return a normal matrix of the free coefficients alone, one for those held."""
     p = free.shape[1]
-    matrix = square / (norm[:, :, None] * norm[:, None, :]) + extra
     matrix = np.where(free[:, :, None] & free[:, None, :], matrix, 0.0)
     diagonal = np.einsum("spp->sp", matrix)
     # The last term is above the rounding of the first, so that no matrix is singular.
-    matrix[:, range(p), range(p)] += np.where(free, _RIDGE**2, 1.0) + 1e-14 * diagonal
+    matrix[:, range(p), range(p)] += np.where(free, ridge + 1e-14 * diagonal, 1.0)
     return matrix
 
 
@@ -553,10 +563,6 @@ def _normal_matrix(
 #    initial modulus. At equal largest stretch, planar and equibiaxial stress, as shares of
 #    neo-Hooke's, lie within a factor of four of the uniaxial one, which is tested.
 
-
-LOWEST_STRETCH = 0.6
-"""Compression that a fitted law is sound to: the inner side of a finger that bends to a radius of
-1.25 times its thickness, with the neutral fibre in the middle."""
 
 COMPRESSION_FACTOR = 2.0
 """Two Mooney terms with positive coefficients lie at stretch 0.6 within 1 and 1.67 times the
@@ -879,7 +885,7 @@ def unstable_strain(fit: LawFit, working_strain: float, margin: float = _MARGIN)
     strains = [] if rises.all() else [float(middle[int(np.argmin(rises))]) - 1.0]
     if margin:
         law = make_law(LawParameters(fit.law.model, fit.law.parameters(fit.a, fit.c)))
-        found = stability(law, working_strain, stretch_min=LOWEST_STRETCH)
+        found = stability(law, working_strain)
         strains += [
             end - 1.0
             for ends in found.sound.values()
@@ -1090,3 +1096,163 @@ def _reason(chosen: LawCandidate, best: LawCandidate) -> str:
         f"as good as {best.fit.name} (k = {best.fit.parameter_count}, "
         f"{100 * best.held_out_error:.2g} %) within one standard error"
     )
+
+
+# ------------------------------------------------------------------------------------------------
+# Modulus, flow stress, hardening and sharpness are fitted together to the curves, from the end of
+# the toe to the break: what a plan asks of a law is its secant at a strain, behind the yield too.
+# The modulus is the law's slope at rest, within a fifth of the one that `characterise` measures:
+# that one is the slope of a part that is straight within 5 %, and so lies some 2 % below where the
+# curve bends early. Held there, it pushed sharpness and hardening off by more than their intervals.
+# All are sought in their logarithm within bounds, so that stress rises everywhere: a curve that
+# falls behind its yield is run through in the middle, and the misfit says so.
+
+
+_SHARPNESS = (0.5, 20.0)
+"""Bounds of the sharpness. Chosen: below, the bend begins at rest and the modulus means nothing;
+above, the knee is narrower than the points."""
+
+_HARDENING = (0.01, 0.9)
+"""Bounds of hardening strain over flow stress, and over the modulus. Chosen: stress rises by 1 % at
+least over a strain of 1, so that a pulled bar has one answer; and bends at all."""
+
+_MODULUS = 1.2
+"""Factor about the measured modulus within which the law's is sought. Chosen: above what a linear
+part's curvature, toe and noise move it by."""
+
+_SHARPNESS_STARTS = (0.8, 2.0, 6.0)
+
+
+_AT_BOUND = 0.01
+"""Distance of ln(parameter) from its bound that counts as being there: the search keeps inside."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class YieldFit:
+    """A fitted law, and those of the specimens by themselves.
+
+    Attributes
+    ----------
+    own
+        Each specimen's law.
+    at_low, at_high
+        Shape (4,), in the order of `Yielding`: whether the parameter of some specimen lies at its
+        lower or upper bound, so that its test leaves that side open.
+    sample
+        What the law was fitted to.
+    r2, nrmse
+        Of the stresses at the fitted points.
+    """
+
+    law: Yielding
+    own: tuple[Yielding, ...]
+    at_low: BoolArray
+    at_high: BoolArray
+    sample: Sample
+    r2: float
+    nrmse: float
+
+    @property
+    def parameters(self) -> LawParameters:
+        """The law as a palette file holds it."""
+        return LawParameters(Yielding.model, MappingProxyType(by_symbol(logs(self.law))))
+
+
+def fit_yielding(
+    found: MaterialCharacteristics, curves: Sequence[Curve], *, weighting: str = "relative"
+) -> YieldFit:
+    """Fit a yielding law to each specimen by itself, and to all together, brought to one level.
+
+    Parameters
+    ----------
+    found
+        The specimens' characteristics, in the order of `curves`: their Young's moduli.
+    weighting
+        Of the residuals, as in `planner.materials.fit.sample_of`.
+    """
+    whole = [toe_compensated(curve) for curve in curves]
+    moduli = [c.modulus_MPa for c in found.specimens]
+    sample = sample_of(whole, weighting=weighting)
+    own = [
+        least_yielding(modulus, sample_of([curve], weighting=weighting))
+        for modulus, curve in zip(moduli, whole, strict=True)
+    ]
+    sides = np.array([side for _, side in own])
+    # Where one specimen breaks before the others the mean curve would jump to their level.
+    strain = np.linspace(0.0, min(float(c.strain[-1]) for c in whole), 61)[1:]
+    levels = np.array([np.log(one.nominal_stress_MPa(1.0 + strain)).mean() for one, _ in own])
+    levelled = [
+        replace(curve, stress_MPa=curve.stress_MPa * float(np.exp(levels.mean() - level)))
+        for curve, level in zip(whole, levels, strict=True)
+    ]
+    law, _ = least_yielding(
+        float(np.exp(np.mean(np.log(moduli)))), sample_of(levelled, weighting=weighting)
+    )
+    stress = law.nominal_stress_MPa(sample.stretch)
+    error = stress - sample.stress_MPa
+    largest = float(sample.stress_MPa.max())
+    return YieldFit(
+        law=law,
+        own=tuple(one for one, _ in own),
+        at_low=np.asarray((sides < 0).any(axis=0)),
+        at_high=np.asarray((sides > 0).any(axis=0)),
+        sample=sample,
+        r2=1.0 - float(np.sum(error**2) / np.sum((sample.stress_MPa - _mean(sample)) ** 2)),
+        nrmse=float(np.sqrt(np.sum(sample.weight * error**2))) / largest,
+    )
+
+
+_SYMBOLS = ("modulus_MPa", "flow_MPa", "hardening_MPa", "sharpness")
+
+
+def logs(law: Yielding) -> FloatArray:
+    """Return the logarithms of the parameters, shape (4,)."""
+    return np.log([getattr(law, symbol) for symbol in _SYMBOLS])
+
+
+def by_symbol(logs: FloatArray) -> dict[str, tuple[float, ...]]:
+    """Return parameters by symbol; five digits, beyond which no test tells anything."""
+    return {s: (float(f"{v:.5g}"),) for s, v in zip(_SYMBOLS, np.exp(logs).tolist(), strict=True)}
+
+
+def _mean(sample: Sample) -> float:
+    return float(sample.stress_MPa.mean())
+
+
+def least_yielding(
+    modulus_MPa: float, sample: Sample, *, ridge: float = 0.0
+) -> tuple[Yielding, IntArray]:
+    """Return the law of about this modulus whose weighted squares are least, from several starts.
+
+    Of each parameter also -1 or 1 where it lies at its lower or upper bound, else 0. A ridge, the
+    weight of the logarithms' distance from a start's, settles those that a curve leaves open.
+    """
+    from scipy.optimize import least_squares
+
+    largest, strain = float(sample.stress_MPa.max()), float(sample.stretch.max()) - 1.0
+    low, high = np.log(
+        [
+            (modulus_MPa / _MODULUS, modulus_MPa * _MODULUS),
+            (0.05 * largest, 20.0 * largest),
+            (_HARDENING[0] * largest, _HARDENING[1] * modulus_MPa / _MODULUS),
+            _SHARPNESS,
+        ]
+    ).T
+
+    def law_of(logs: FloatArray) -> Yielding:
+        modulus, flow, hardening, sharpness = np.exp(logs).tolist()
+        return Yielding(modulus, flow, hardening, sharpness)
+
+    def residuals(logs: FloatArray) -> FloatArray:
+        stress = law_of(logs).nominal_stress_MPa(sample.stretch)
+        off = (stress - sample.stress_MPa) * sample.factor
+        return np.append(off, ridge * (logs - starts[0])) if ridge else np.asarray(off)
+
+    hardening = np.clip(0.05 * largest / strain, *np.exp([low[2], high[2]]))
+    starts = [np.log([modulus_MPa, 0.9 * largest, hardening, n]) for n in _SHARPNESS_STARTS]
+    best = min(
+        (least_squares(residuals, start, bounds=(low, high)) for start in starts),
+        key=lambda found: float(found.cost),
+    )
+    side = (best.x > high - _AT_BOUND).astype(np.int64) - (best.x < low + _AT_BOUND)
+    return law_of(best.x), side

@@ -1,17 +1,20 @@
-"""A material's law as a block to paste into the input of Abaqus, Ansys or FEBio."""
+"""Laws of other programs: blocks to paste, a stable Yeoh law, an elastic-plastic curve."""
 
 from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
 
 from planner.errors import ArgumentError, did_you_mean
-from planner.materials.hardening import hardening
-from planner.materials.laws import make_law
+from planner.materials.laws import Yeoh, make_law
 from planner.materials.marlow import POISSON
 from planner.numerics import FloatArray
 from planner.palette import Material
 
-__all__ = ["PROGRAMS", "law_block"]
+__all__ = ["hardening", "law_block", "stable_yeoh"]
+
+
+# ------------------------------------------------------------------------------------------------
+# A material's law as a block to paste into the input of Abaqus, Ansys or FEBio.
 
 
 # The programs write Ogden's energy each in its own way, of stretches free of volume change:
@@ -38,9 +41,12 @@ def _ogden(material: Material) -> tuple[tuple[float, ...], tuple[float, ...]] | 
     return tuple(mu * _NEARLY for mu in found["mu_MPa"]), found["alpha"]
 
 
+def _at_rest_MPa(material: Material) -> float:
+    return float(make_law(material.law).tangent_MPa(1.0))
+
+
 def _bulk_MPa(material: Material) -> float:
-    at_rest = float(make_law(material.law).tangent_MPa(1.0))
-    return at_rest / (3.0 * (1.0 - 2.0 * POISSON))
+    return _at_rest_MPa(material) / (3.0 * (1.0 - 2.0 * POISSON))
 
 
 def _curve(material: Material) -> FloatArray:
@@ -53,9 +59,8 @@ def _flow(material: Material) -> FloatArray:
     """Return true stress and plastic strain; none of a law that stays straight."""
     if material.law.model == "linear":
         return np.empty((0, 2))
-    at_rest = float(make_law(material.law).tangent_MPa(1.0))
     strain, stress = _curve(material).T
-    rows = hardening(strain, stress, at_rest, POISSON)
+    rows = hardening(strain, stress, _at_rest_MPa(material), POISSON)
     return np.empty((0, 2)) if rows is None else rows
 
 
@@ -80,7 +85,7 @@ def _abaqus(material: Material) -> Iterator[str]:
         yield from (_listed(stress, strain) for strain, stress in _curve(material).tolist())
     else:
         yield "*ELASTIC"
-        yield _listed(float(make_law(material.law).tangent_MPa(1.0)), POISSON)
+        yield _listed(_at_rest_MPa(material), POISSON)
         rows = _flow(material).tolist()
         yield from ("*PLASTIC", *(_listed(*row) for row in rows)) if rows else ()
     yield "*DENSITY"
@@ -98,7 +103,7 @@ def _ansys(material: Material) -> Iterator[str]:
         yield "TB,HYPER,1,1,3,YEOH"
         values = [*(c * _NEARLY for c in material.law.parameters["c_MPa"]), d, 0.0, 0.0]
     elif material.law.model in ("linear", "yielding"):
-        yield f"MP,EX,1,{float(make_law(material.law).tangent_MPa(1.0)):.9g}"
+        yield f"MP,EX,1,{_at_rest_MPa(material):.9g}"
         yield f"MP,PRXY,1,{POISSON:g}"
         rows = _flow(material).tolist()
         yield from (f"TB,PLASTIC,1,1,{len(rows)},MISO",) if rows else ()
@@ -118,7 +123,7 @@ def _febio(material: Material) -> Iterator[str]:
     yield f'<material id="1" name="{material.id}" type="{kind}">'
     yield f"  <density>{1e-9 * material.density_g_cm3:.9g}</density>"
     if terms is None:
-        yield f"  <E>{float(make_law(material.law).tangent_MPa(1.0)):.9g}</E>"
+        yield f"  <E>{_at_rest_MPa(material):.9g}</E>"
         yield f"  <v>{POISSON:g}</v>"
     else:
         for number, (mu, alpha) in enumerate(zip(*terms, strict=True), start=1):
@@ -135,7 +140,7 @@ def _no_block(material: Material, program: str) -> ArgumentError:
     )
 
 
-PROGRAMS: Mapping[str, tuple[Callable[[Material], Iterator[str]], str, str]] = {
+_PROGRAMS: Mapping[str, tuple[Callable[[Material], Iterator[str]], str, str]] = {
     "abaqus": (_abaqus, "** ", ""), "ansys": (_ansys, "! ", ""), "febio": (_febio, "<!-- ", " -->"),
 }  # fmt: skip
 
@@ -165,10 +170,10 @@ def law_block(material: Material, program: str) -> str:
     >>> tango = planner.list_materials().palette.resolve("Tango")  # doctest: +SKIP
     >>> print(planner.law_block(tango, "abaqus"))  # doctest: +SKIP
     """
-    if program not in PROGRAMS:
-        hint = did_you_mean(program, PROGRAMS)
-        raise ArgumentError(f"program {program!r}: {hint}choose one of {', '.join(PROGRAMS)}")
-    block, begin, end = PROGRAMS[program]
+    if program not in _PROGRAMS:
+        hint = did_you_mean(program, _PROGRAMS)
+        raise ArgumentError(f"program {program!r}: {hint}choose one of {', '.join(_PROGRAMS)}")
+    block, begin, end = _PROGRAMS[program]
     known = (
         f"{material.id}: {material.law.model} law of the palette, mm, N, MPa, t; Poisson's ratio "
         f"{POISSON:g}; to its break at strain {material.elongation_at_break:g}"
@@ -176,3 +181,169 @@ def law_block(material: Material, program: str) -> str:
     if material.law.model == "yielding" and material.deformation == "plastic":
         known += "" if len(_flow(material)) else "; straight: its true stress does not bend over"
     return "\n".join([f"{begin}{known}{end}", *block(material)]) + "\n"
+
+
+# ------------------------------------------------------------------------------------------------
+# A tensile curve that bends over as an elastic-plastic law that hardens, for solvers.
+
+
+# Solvers without Marlow's law have J2 plasticity of large strains (J. C. Simo, Comput. Methods
+# Appl. Mech. Eng. 66 (1988) 199): with the elastic left Cauchy-Green tensor b, its volume taken
+# out, tau = mu dev(b), and b follows the motion less the plastic flow along dev(b). In a tensile
+# test with t = tr(b), q = tau / mu and the logarithmic strain h, its volume taken out,
+#
+#     dt = 2 q dh,   dq = (t + q) dh - t da,   a the plastic strain,
+#
+# so that a curve of stress fixes the plastic strain at each stress, whatever its form. While the
+# load grows, such a law is the curve itself; unloading it differs.
+
+_STEPS = 4000
+
+_NOTHING = 1e-5
+"""Numerical: a plastic strain that no test shows; below it the curve is elastic."""
+
+
+def hardening(
+    strain: FloatArray, stress_MPa: FloatArray, modulus_MPa: float, poisson: float
+) -> FloatArray | None:
+    """Return true stress in MPa and plastic strain of a tensile curve, (n, 2), the first 0.
+
+    Parameters
+    ----------
+    strain, stress_MPa : (n,)
+        Engineering strains, rising from above 0, and nominal stresses.
+    modulus_MPa, poisson
+        At rest.
+
+    Returns
+    -------
+    ndarray or None
+        None of a curve that is nowhere softer than the elastic law, or stiffens faster.
+    """
+    e = float(strain[-1]) * np.linspace(0.0, 1.0, _STEPS + 1) ** 2
+    first = np.concatenate([[0.0], strain])
+    tau = (1.0 + e) * np.interp(e, first, np.concatenate([[0.0], stress_MPa]))
+    mu = modulus_MPa / (2.0 * (1.0 + poisson))
+    bulk = modulus_MPa / (3.0 * (1.0 - 2.0 * poisson))
+    q, steps = tau / mu, np.diff(np.log1p(e) - tau / (9.0 * bulk))
+    middle = 0.5 * (q[1:] + q[:-1])
+    t = 3.0 + np.cumsum(2.0 * middle * steps) - middle * steps
+    plastic = np.cumsum((1.0 + middle / t) * steps - np.diff(q) / t)
+    rows = np.stack([(1.0 + strain) * stress_MPa, np.interp(strain, e[1:], plastic)], axis=1)
+    elastic = int(np.argmax(rows[:, 1] > _NOTHING)) - 1
+    rows = rows[max(elastic, 0) :]
+    rows[0, 1] = 0.0
+    if not (np.diff(rows, axis=0) > 0.0).all():
+        return None
+    # A sheet stretched in two directions flows twice as far as a bar before it is as long.
+    last = rows[-1] + (rows[-1] - rows[-2]) * rows[-1, 1] / (rows[-1, 1] - rows[-2, 1])
+    return np.vstack([rows, last])
+
+
+# ------------------------------------------------------------------------------------------------
+# A Yeoh law nearest to a tensile curve among those that are stable up to its break.
+
+
+# With an energy W of the first invariant alone the stress of a tensile test is
+#
+#     P = 2 W'(I1) (l - l^-2),   W' = C10 + 2 C20 (I1 - 3) + 3 C30 (I1 - 3)²,
+#
+# linear in the coefficients. In principal logarithmic strains, their sum 0, the second derivative
+# of W along n is 4 W' S + 4 W'' T² with S = sum l² n² and T = sum l² n; by Cauchy and Schwarz
+# T² <= S (I1 - 9 / I2). So the material is stable in Drucker's sense wherever
+#
+#     W' > 0  and  W' + W'' (I1 - 9 / I2) > 0.
+#
+# Where W'' < 0 the second is the harder, and hardest where I2 is largest: at a given I1 that is
+# stretch in two directions alike. Both are linear in the coefficients, so that the law whose
+# largest relative error of stress is least is the solution of a linear programme.
+
+_POINTS = 60
+_FARTHEST = 1.1
+"""Times the strain up to which stability is asked. Chosen: a solver's first guess near the break is
+not lost yet; with 2 a law that goes to strain 0.3 is a third worse."""
+
+_SLIGHTEST = 0.02
+"""Least tangent over the stress of the curve's own. Chosen: enough that Newton's method of any
+solver converges; without it the programme would go to the brink of instability."""
+
+_REST = (0.98, 1.0133)
+"""Between which the modulus at rest over the curve's own is held: 2 %, also where a reader of the
+law takes it for incompressible, which at Poisson's ratio 0.49 adds 0.67 %."""
+
+_BEYOND = 3.0
+"""The error beyond the strain that matters may grow with this power of the strain. Chosen: the
+square costs a third more error before, the fourth power gains next to nothing there."""
+
+
+def stable_yeoh(
+    strain: FloatArray, stress_MPa: FloatArray, modulus_MPa: float, to_strain: float
+) -> tuple[Yeoh, float]:
+    """Fit a tensile curve up to its break, nearest up to a strain.
+
+    Also returned is the largest relative error of stress up to that strain.
+
+    Parameters
+    ----------
+    strain, stress_MPa : (n,)
+        Engineering strains, rising from above 0 to the break, and nominal stresses above 0.
+    modulus_MPa
+        At rest.
+    to_strain
+        Up to where the error is least; beyond, it may grow. Up to this stretch in two directions
+        alike, and up to the break in one, the law is stable in every mode.
+    """
+    from scipy.optimize import linprog
+
+    strain = np.asarray(strain, dtype=np.float64)
+    y, slope = _invariant(strain), stress_MPa / (2.0 * (1.0 + strain - (1.0 + strain) ** -2))
+    fit = _columns(y) / slope[:, None]
+    both = 1.0 + _FARTHEST * to_strain  # a sheet stretched in two directions
+    most = max(float(_invariant(_FARTHEST * strain[-1])), 2.0 * both**2 + both**-4 - 3.0)
+    far = most * np.linspace(0.0, 1.0, _POINTS + 1)[1:] ** 2
+    own = np.interp(far, y, slope)
+    positive = _columns(far) / own[:, None]
+    stable = positive + _curvatures(far) * _reach(far)[:, None] / own[:, None]
+    allowed, none = np.maximum(strain / to_strain, 1.0)[:, None] ** _BEYOND, np.zeros((_POINTS, 1))
+    low, high = _REST
+    found = linprog(
+        [0.0, 0.0, 0.0, 1.0],
+        A_ub=np.vstack(
+            [
+                np.hstack([fit, -allowed]),
+                np.hstack([-fit, -allowed]),
+                np.hstack([-positive, none]),
+                np.hstack([-stable, none]),
+            ]
+        ),
+        b_ub=np.concatenate([np.ones(len(y)), -np.ones(len(y)), np.full(2 * _POINTS, -_SLIGHTEST)]),
+        bounds=[
+            (modulus_MPa / 6.0 * low, modulus_MPa / 6.0 * high),
+            *2 * [(None, None)],
+            (0, None),
+        ],
+    )
+    c1, c2, c3, error = np.asarray(found.x).tolist()
+    return Yeoh((c1, c2, c3)), error
+
+
+def _invariant(strain: FloatArray) -> FloatArray:
+    """Return I1 - 3 of tensile strains."""
+    return np.asarray(strain * strain * (strain + 3.0) / (1.0 + strain))
+
+
+def _columns(y: FloatArray) -> FloatArray:
+    """Return W' of each coefficient alone."""
+    return np.stack([np.ones_like(y), 2.0 * y, 3.0 * y * y], axis=1)
+
+
+def _curvatures(y: FloatArray) -> FloatArray:
+    """Return W'' of each coefficient alone."""
+    return np.stack([np.zeros_like(y), np.full_like(y, 2.0), 6.0 * y], axis=1)
+
+
+def _reach(y: FloatArray) -> FloatArray:
+    """Return I1 - 9 / I2 at I1 = 3 + y of a sheet stretched in two directions alike."""
+    stretch = np.geomspace(1.0, 1.0 + np.sqrt(3.0 + float(y.max())), 4001)
+    first = 2.0 * stretch**2 + stretch**-4 - 3.0
+    return 3.0 + y - 9.0 / np.interp(y, first, stretch**4 + 2.0 * stretch**-2)

@@ -1,5 +1,6 @@
 """Constitutive laws in uniaxial tension: what planning evaluates and what a fit seeks."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import ClassVar, Protocol
@@ -13,10 +14,10 @@ from planner.palette import LAW_PARAMETERS, LawParameters
 
 __all__ = [
     "FITTED_MODELS",
+    "LOWEST_STRETCH",
     "Law",
     "Ogden",
     "SeparableLaw",
-    "Soundness",
     "Yielding",
     "candidate_laws",
     "law_name",
@@ -49,37 +50,49 @@ class Law(Protocol):
         ...
 
 
-class SeparableLaw(Law, Protocol):
+class SeparableLaw(ABC):
     """A law as a fit sees it: a sum of columns, ``P(stretch) = sum_j c_j phi_j(stretch; a_j)``.
 
     Linear in the coefficients c, and nonlinear at most in one parameter a_j a column: variable
-    projection solves for c exactly and searches over a alone. What follows is of the model and
-    its number of terms, whatever the parameters of the law that is asked.
+    projection solves for c exactly and searches over a alone. What follows the stress is of the
+    model and its number of terms, whatever the parameters of the law that is asked.
+
+    Attributes
+    ----------
+    model
+        The law's name in a palette file.
     """
 
-    @property
-    def model(self) -> str:
-        """The law's name in a palette file."""
-        ...
+    __slots__ = ()
+    model: ClassVar[str]
+
+    @abstractmethod
+    def nominal_stress_MPa(self, stretch: ArrayLike) -> FloatArray:
+        """Return the nominal stress, of the shape of `stretch`."""
+
+    @abstractmethod
+    def tangent_MPa(self, stretch: ArrayLike) -> FloatArray:
+        """Return the derivative of the nominal stress by the stretch, of the same shape."""
 
     @property
+    @abstractmethod
     def columns(self) -> int:
         """Number p of columns, each with one linear coefficient."""
-        ...
 
     @property
     def nonlinear(self) -> int:
         """Number q of nonlinear parameters: 0, or one a column (q = p)."""
-        ...
+        return 0
 
     def bounds(self, stretch_max: float) -> FloatArray:
         """Return low and high of each nonlinear parameter, shape (q, 2)."""
-        ...
+        return np.empty((0, 2))
 
     def start(self, fraction: FloatArray, stretch_max: float) -> FloatArray:
         """Map points of the unit cube, shape (s, q), to starts within the bounds."""
-        ...
+        return fraction[:, :0]
 
+    @abstractmethod
     def evaluate(
         self, stretch: FloatArray, a: FloatArray, *, planar: bool = False
     ) -> tuple[FloatArray, FloatArray]:
@@ -100,15 +113,16 @@ class SeparableLaw(Law, Protocol):
         tuple of ndarray
             phi and dphi/da, shape (s, n, p) each; the latter is empty (s, n, 0) when q = 0.
         """
-        ...
 
     def divisor(self, a: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return what the coefficients are divided by to give file parameters, and its slope.
 
         Shape (s, p) each: the file's coefficient is c / divisor(a).
         """
-        ...
+        shape = (len(a), self.columns)
+        return np.ones(shape), np.zeros(shape)
 
+    @abstractmethod
     def parameters(self, a: FloatArray, c: FloatArray) -> dict[str, tuple[float, ...]]:
         """Return the parameters under a palette file's names.
 
@@ -119,7 +133,6 @@ class SeparableLaw(Law, Protocol):
         c
             The file's coefficients, shape (p,).
         """
-        ...
 
 
 def positive_stretch(stretch: ArrayLike) -> FloatArray:
@@ -236,41 +249,54 @@ class Yielding:
         return np.asarray(np.logaddexp(0.0, self.sharpness * log_x))
 
 
-class _LinearForm:
-    """The form of a law that is linear in its parameters, which are the coefficients."""
+class _FirstInvariant(SeparableLaw):
+    """An energy W of J = I1 - 3 = λ² + 2/λ - 3 alone: P = W'(J) dJ/dλ."""
 
     __slots__ = ()
-    columns: ClassVar[int]
-    nonlinear = 0
 
-    def _columns(self, front: FloatArray, invariant: FloatArray) -> FloatArray:
-        """Return the columns, (n, p): W'(I1 - 3) times `front`, which is half of d(I1) / dl."""
-        raise NotImplementedError
+    @abstractmethod
+    def energy_slopes_MPa(self, j: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return W' and W''."""
 
-    def bounds(self, stretch_max: float) -> FloatArray:
-        """Return no bounds."""
-        return np.empty((0, 2))
+    def nominal_stress_MPa(self, stretch: ArrayLike) -> FloatArray:
+        """Return W'(J) dJ/dλ."""
+        stretch = positive_stretch(stretch)
+        slope, _ = self.energy_slopes_MPa(stretch**2 + 2.0 / stretch - 3.0)
+        return 2.0 * (stretch - stretch**-2) * slope
 
-    def start(self, fraction: FloatArray, stretch_max: float) -> FloatArray:
-        """Return the empty start."""
-        return fraction[:, :0]
+    def tangent_MPa(self, stretch: ArrayLike) -> FloatArray:
+        """Return W''(J) (dJ/dλ)² + W'(J) d²J/dλ²."""
+        stretch = positive_stretch(stretch)
+        slope, curvature = self.energy_slopes_MPa(stretch**2 + 2.0 / stretch - 3.0)
+        front = 2.0 * (stretch - stretch**-2)
+        return curvature * front**2 + slope * (2.0 + 4.0 * stretch**-3)
+
+
+class _Polynomial(_FirstInvariant):
+    """One in powers of J, linear in its parameters, which are the coefficients of a fit."""
+
+    __slots__ = ()
+    symbol: ClassVar[str]
+    unit: ClassVar[float]
+    """Of dW/dJ, of which a parameter of 1 has one half."""
 
     def evaluate(
         self, stretch: FloatArray, a: FloatArray, *, planar: bool = False
     ) -> tuple[FloatArray, FloatArray]:
         """Return the columns, which are those of every candidate."""
-        phi = self._columns(*_front_and_invariant(stretch, planar))
+        front, invariant = _front_and_invariant(stretch, planar)
+        powers = np.arange(self.columns)
+        phi = self.unit * front[:, None] * (powers + 1) * invariant[:, None] ** powers
         shape = (len(a), *phi.shape)
         return np.broadcast_to(phi, shape), np.empty((*shape[:2], 0))
 
-    def divisor(self, a: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return one: the file holds the coefficients themselves."""
-        shape = (len(a), self.columns)
-        return np.ones(shape), np.zeros(shape)
+    def parameters(self, a: FloatArray, c: FloatArray) -> dict[str, tuple[float, ...]]:
+        """Return the coefficients in MPa."""
+        return {self.symbol: tuple(float(v) for v in c)}
 
 
 @dataclass(frozen=True, slots=True)
-class NeoHookean(_LinearForm):
+class NeoHookean(_Polynomial):
     """Gaussian chains: W = μ/2 (I1 - 3), P = μ (λ - 1/λ²), with I1 = λ² + 2/λ.
 
     μ is the shear modulus, E0 = 3 μ (Treloar, The Physics of Rubber Elasticity, 1975).
@@ -278,29 +304,16 @@ class NeoHookean(_LinearForm):
 
     mu_MPa: float
 
-    model = "neo-hookean"
+    model, symbol, unit = "neo-hookean", "mu_MPa", 1.0
     columns = 1
 
-    def nominal_stress_MPa(self, stretch: ArrayLike) -> FloatArray:
-        """Return μ (λ - 1/λ²)."""
-        stretch = positive_stretch(stretch)
-        return self.mu_MPa * (stretch - stretch**-2)
-
-    def tangent_MPa(self, stretch: ArrayLike) -> FloatArray:
-        """Return μ (1 + 2/λ³)."""
-        stretch = positive_stretch(stretch)
-        return self.mu_MPa * (1.0 + 2.0 * stretch**-3)
-
-    def _columns(self, front: FloatArray, invariant: FloatArray) -> FloatArray:
-        return front[:, None]
-
-    def parameters(self, a: FloatArray, c: FloatArray) -> dict[str, tuple[float, ...]]:
-        """Return mu in MPa."""
-        return {"mu_MPa": (float(c[0]),)}
+    def energy_slopes_MPa(self, j: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return μ/2 and 0."""
+        return np.full_like(j, 0.5 * self.mu_MPa), np.zeros_like(j)
 
 
 @dataclass(frozen=True, slots=True)
-class Yeoh(_LinearForm):
+class Yeoh(_Polynomial):
     """W = c1 J + c2 J² + c3 J³ with J = I1 - 3 = λ² + 2/λ - 3.
 
     P = dW/dλ = 2 (λ - 1/λ²) (c1 + 2 c2 J + 3 c3 J²); the shear modulus is 2 c1, E0 = 6 c1
@@ -310,38 +323,17 @@ class Yeoh(_LinearForm):
 
     c_MPa: tuple[float, float, float]
 
-    model = "yeoh"
+    model, symbol, unit = "yeoh", "c_MPa", 2.0
     columns = 3
 
-    def nominal_stress_MPa(self, stretch: ArrayLike) -> FloatArray:
-        """Return W'(J) dJ/dλ."""
-        stretch = positive_stretch(stretch)
+    def energy_slopes_MPa(self, j: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return c1 + 2 c2 J + 3 c3 J² and its derivative."""
         c1, c2, c3 = self.c_MPa
-        j = stretch**2 + 2.0 / stretch - 3.0
-        return 2.0 * (stretch - stretch**-2) * (c1 + j * (2.0 * c2 + 3.0 * c3 * j))
-
-    def tangent_MPa(self, stretch: ArrayLike) -> FloatArray:
-        """Return W''(J) (dJ/dλ)² + W'(J) d²J/dλ²."""
-        stretch = positive_stretch(stretch)
-        c1, c2, c3 = self.c_MPa
-        j = stretch**2 + 2.0 / stretch - 3.0
-        slope = 2.0 * (stretch - stretch**-2)
-        return (2.0 * c2 + 6.0 * c3 * j) * slope**2 + (c1 + j * (2.0 * c2 + 3.0 * c3 * j)) * (
-            2.0 + 4.0 * stretch**-3
-        )
-
-    def _columns(self, front: FloatArray, invariant: FloatArray) -> FloatArray:
-        powers = invariant[:, None] ** np.arange(3)
-        columns: FloatArray = 2.0 * front[:, None] * np.arange(1, 4) * powers
-        return columns
-
-    def parameters(self, a: FloatArray, c: FloatArray) -> dict[str, tuple[float, ...]]:
-        """Return c1, c2, c3 in MPa."""
-        return {"c_MPa": tuple(float(v) for v in c)}
+        return c1 + j * (2.0 * c2 + 3.0 * c3 * j), 2.0 * c2 + 6.0 * c3 * j
 
 
 @dataclass(frozen=True, slots=True)
-class Ogden:
+class Ogden(SeparableLaw):
     """W = Σ μi/αi (λ^αi + 2 λ^(-αi/2) - 3), P = Σ μi (λ^(αi-1) - λ^(-αi/2-1)).
 
     Twice the shear modulus is Σ μi αi, so E0 = 3/2 Σ μi αi (Ogden, Proc. R. Soc. A 326, 1972).
@@ -440,7 +432,7 @@ class Ogden:
 
 
 @dataclass(frozen=True, slots=True)
-class Martins:
+class Martins(_FirstInvariant):
     """Exponential matrix and fibre: W = c2 (exp(c1 J) - 1) + c4 (exp(c3 (λ-1)²) - 1).
 
     J = I1 - 3 = λ² + 2/λ - 3. With g = λ - 1/λ²,
@@ -458,26 +450,26 @@ class Martins:
     columns = 2
     nonlinear = 2
 
+    def energy_slopes_MPa(self, j: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return those of the matrix: c1 c2 exp(c1 J) and c1 times that."""
+        slope = self.c1 * self.c2_MPa * np.exp(self.c1 * j)
+        return slope, self.c1 * slope
+
+    def fibre_MPa(self, stretch: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the fibre's stress and tangent."""
+        square = (stretch - 1.0) ** 2
+        slope = 2.0 * self.c3 * self.c4_MPa * np.exp(self.c3 * square)
+        return slope * (stretch - 1.0), slope * (1.0 + 2.0 * self.c3 * square)
+
     def nominal_stress_MPa(self, stretch: ArrayLike) -> FloatArray:
         """Return dW/dλ."""
         stretch = positive_stretch(stretch)
-        matrix, fibre = self._matrix_and_fibre_MPa(stretch)
-        return matrix * (stretch - stretch**-2) + fibre * (stretch - 1.0)
+        return _FirstInvariant.nominal_stress_MPa(self, stretch) + self.fibre_MPa(stretch)[0]
 
     def tangent_MPa(self, stretch: ArrayLike) -> FloatArray:
         """Return d²W/dλ²."""
         stretch = positive_stretch(stretch)
-        matrix, fibre = self._matrix_and_fibre_MPa(stretch)
-        g = stretch - stretch**-2
-        return matrix * (1.0 + 2.0 * stretch**-3 + 2.0 * self.c1 * g**2) + fibre * (
-            1.0 + 2.0 * self.c3 * (stretch - 1.0) ** 2
-        )
-
-    def _matrix_and_fibre_MPa(self, stretch: FloatArray) -> tuple[FloatArray, FloatArray]:
-        j = stretch**2 + 2.0 / stretch - 3.0
-        matrix = 2.0 * self.c1 * self.c2_MPa * np.exp(self.c1 * j)
-        fibre = 2.0 * self.c3 * self.c4_MPa * np.exp(self.c3 * (stretch - 1.0) ** 2)
-        return matrix, fibre
+        return _FirstInvariant.tangent_MPa(self, stretch) + self.fibre_MPa(stretch)[1]
 
     def bounds(self, stretch_max: float) -> FloatArray:
         """Return the bounds of c1 and c3, both positive."""
@@ -560,8 +552,8 @@ def make_law(parameters: LawParameters) -> Law:
     if model not in _LAWS:
         names = ", ".join(name for name in LAW_PARAMETERS if name in _LAWS)
         raise ArgumentError(f"law {model!r}: it must be one of {names}")
-    of_terms = model in ("yeoh", "ogden")
-    return _LAWS[model](**{k: v if of_terms else v[0] for k, v in parameters.parameters.items()})
+    lengths, given = LAW_PARAMETERS[model], parameters.parameters
+    return _LAWS[model](**{k: v[0] if lengths[k] == 1 else v for k, v in given.items()})
 
 
 FITTED_MODELS: Mapping[str, tuple[SeparableLaw, ...]] = {
@@ -643,8 +635,9 @@ def secant_modulus_MPa(law: Law, strain: ArrayLike) -> FloatArray:
 _SOUND_POINTS = 400
 """Stretches looked at on either side of rest. Numerical: 0.001 to 0.003 apart."""
 
-_SOUND_FROM = 0.6
-"""Stretch that laws are looked at down to. Chosen: 40 % compression, beyond most soft parts."""
+LOWEST_STRETCH = 0.6
+"""Compression that a law is to be sound to: the inner side of a finger that bends to a radius of
+1.25 times its thickness, with the neutral fibre in the middle."""
 
 _LOADINGS: Mapping[str, tuple[float, float]] = {
     "uniaxial": (-0.5, -0.5), "planar": (0.0, -1.0), "equibiaxial": (1.0, -2.0),
@@ -674,17 +667,15 @@ class Soundness:
 
     @property
     def limits(self) -> tuple[str, ...]:
-        """What ends before it was asked to, as "uniaxial to stretch 1.68"."""
-        low, high = self.asked
+        """The loadings that end before they were asked to, as "uniaxial 0.6 to 1.68"."""
         return tuple(
-            f"{loading} {word} stretch {end:.3g}"
-            for loading, ends in self.sound.items()
-            for word, end, asked in (("down to", ends[0], low), ("to", ends[1], high))
-            if end != asked
+            f"{loading} {low:.3g} to {high:.3g}"
+            for loading, (low, high) in self.sound.items()
+            if (low, high) != self.asked
         )
 
 
-def stability(law: Law, strain_max: float, *, stretch_min: float = _SOUND_FROM) -> Soundness:
+def stability(law: Law, strain_max: float, *, stretch_min: float = LOWEST_STRETCH) -> Soundness:
     """Return between which stretches a law is sound, in each loading it says anything of.
 
     A law is sound where it is stable in Drucker's sense, and its nominal stress rises in uniaxial
@@ -715,7 +706,7 @@ def stability(law: Law, strain_max: float, *, stretch_min: float = _SOUND_FROM) 
         for end in asked:
             stretch = np.geomspace(1.0, end, _SOUND_POINTS + 1)
             stable = np.ones(_SOUND_POINTS + 1, dtype=bool)
-            if isinstance(law, NeoHookean | Yeoh | Ogden | Martins):
+            if isinstance(law, Ogden | _FirstInvariant):
                 for h11, h22, h12 in _second_derivatives_MPa(law, stretch, powers):
                     stable &= (h11 > 0.0) & (h11 * h22 > h12 * h12)
             elif loading != "uniaxial":
@@ -731,7 +722,7 @@ def stability(law: Law, strain_max: float, *, stretch_min: float = _SOUND_FROM) 
 
 
 def _second_derivatives_MPa(
-    law: NeoHookean | Yeoh | Ogden | Martins, stretch: FloatArray, powers: tuple[float, float]
+    law: Ogden | _FirstInvariant, stretch: FloatArray, powers: tuple[float, float]
 ) -> list[tuple[FloatArray, FloatArray, FloatArray]]:
     """Return H11, H22 and H12 of the energy; of Martins' without its fibre too."""
     second, third = (stretch**power for power in powers)
@@ -740,13 +731,7 @@ def _second_derivatives_MPa(
         terms = zip(law.mu_MPa, law.alpha, strict=True)
         h = sum((mu * a * squares ** (a / 2.0) for mu, a in terms), np.zeros_like(squares))
         return [(h[0] + h[2], h[1] + h[2], h[2])]
-    j = squares.sum(axis=0) - 3.0
-    if isinstance(law, Martins):
-        slope = law.c1 * law.c2_MPa * np.exp(law.c1 * j)
-        curvature = law.c1 * slope
-    else:
-        c1, c2, c3 = law.c_MPa if isinstance(law, Yeoh) else (0.5 * law.mu_MPa, 0.0, 0.0)
-        slope, curvature = c1 + j * (2.0 * c2 + 3.0 * c3 * j), 2.0 * c2 + 6.0 * c3 * j
+    slope, curvature = law.energy_slopes_MPa(squares.sum(axis=0) - 3.0)
     h = 4.0 * slope * squares
     g1, g2 = squares[0] - squares[2], squares[1] - squares[2]
     found = (
@@ -756,10 +741,8 @@ def _second_derivatives_MPa(
     )
     if not isinstance(law, Martins):
         return [found]
-    extension = stretch - 1.0
-    fibre = 2.0 * law.c3 * law.c4_MPa * np.exp(law.c3 * extension**2)
-    steepening = 1.0 + 2.0 * law.c3 * extension**2
-    along = stretch * fibre * (extension + stretch * steepening)
+    stress, tangent = law.fibre_MPa(stretch)
+    along = stretch * (stress + stretch * tangent)
     return [(found[0] + along, *found[1:]), found]
 
 

@@ -287,8 +287,7 @@ class CoefficientModel:
                 said.append(
                     Caution(
                         f"between {names[k]} and {names[k + 1]} the stress of a mixture "
-                        f"falls from strain {strain:.3g} on, though that of both rises: do not "
-                        "blend them, or leave a material beside them out"
+                        f"falls from strain {strain:.3g} on, and theirs not: do not blend them"
                     )
                 )
         return tuple(said)

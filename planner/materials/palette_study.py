@@ -2,8 +2,8 @@
 
 import itertools
 import re
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, fields
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from statistics import NormalDist
 from typing import TYPE_CHECKING, Any
@@ -12,9 +12,10 @@ import msgspec
 import numpy as np
 
 from planner.errors import ArgumentError, FileError, PaletteError
+from planner.formats.specimens import ListedSpecimen
 from planner.formats.tables import encode_csv, number
-from planner.formats.tensile import ListedSpecimen
 from planner.glance import counted, one_line, outcome, plotted
+from planner.materials.algorithm_one import QuadraticStudy, quadratic_study
 from planner.materials.characterise import (
     SECANT_STRAINS,
     Curve,
@@ -22,28 +23,29 @@ from planner.materials.characterise import (
     Spread,
     characterise_material,
     doubts,
+    toe_compensated,
 )
-from planner.materials.fit import STARTS, WEIGHTINGS, LawCandidate
-from planner.materials.fit_intervals import ASSUMED_LOG_SD, MaterialFit, fit_material
+from planner.materials.fit import RELATIVE_FLOOR, STARTS, WEIGHTINGS, LawCandidate, students_t
+from planner.materials.fit_intervals import ASSUMED_LOG_SD, MaterialFit, fit_material, loading
 from planner.materials.laws import candidate_laws, make_law, secant_modulus_MPa, stability
 from planner.materials.mixtures import CoefficientModel, left_out_remark
-from planner.materials.quadratic_study import QuadraticStudy, quadratic_study
 from planner.materials.study import ReadRecord, Study, read_study
-from planner.materials.temperature import at_one_temperature, temperature_table
-from planner.materials.unit_slips import (
-    Comparison,
-    against_palette,
-    along_ladder,
-    among_replicates,
-)
-from planner.notes import Caution
-from planner.palette import Material, Palette, Reference, Temperature
+from planner.materials.unit_slips import unit_slips
+from planner.notes import Caution, listed
+from planner.numerics import FloatArray
+from planner.palette import SAME_K, Material, Palette, Reference, Temperature
 from planner.printers import Printer, installed_printers, palette_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["Characterisation", "PaletteStudy", "characterise", "fit"]
+__all__ = [
+    "Characterisation",
+    "PaletteStudy",
+    "characterise",
+    "fit",
+    "fit_tables",
+]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -229,7 +231,8 @@ def characterise(
         for name, curves in study.groups.items()
     ]
     against = _compared(palette, printer) if compare else None
-    slips, asked = _unit_slips(study, against, None)
+    stated = _by_material(study, tuple(study.groups), "coordinate", None)
+    slips, asked = unit_slips(study, against, stated)
     notes = (*study.notes, *_other_modes(study), *asked)
     return Characterisation(
         tuple(found), notes, slips, study.groups, study.records, study.findings()
@@ -259,21 +262,6 @@ def _compared(palette: str | Path | Palette | None, printer: str | Printer) -> P
     if palette is None and not installed_printers():
         return None
     return palette_of(palette, printer)
-
-
-def _unit_slips(
-    study: Study, against: Palette | None, coordinate: Mapping[str, float] | None
-) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return where a unit seems taken for another, and where one may be but need not."""
-    slips = among_replicates(study)
-    if slips:
-        # A material's mean says nothing while its specimens are in two units.
-        return slips, ()
-    compared = Comparison() if against is None else against_palette(study, against)
-    if not compared.findings:
-        places = _by_material(study, tuple(study.groups), "coordinate", coordinate)
-        return along_ladder(study, places), tuple(Caution(said) for said in compared.cautions)
-    return compared.findings, ()
 
 
 def _characteristics_document(material: MaterialCharacteristics) -> dict[str, Any]:
@@ -483,8 +471,9 @@ def fit(
         raise ArgumentError(f"`coefficients` {coefficients!r}: it can be quadratic, or left out")
     laws = candidate_laws(law)
     against = _compared(palette, printer) if compare else None
-    study, elsewhere = at_one_temperature(study)
-    slips, asked = _unit_slips(study, against, coordinate)
+    study, elsewhere = _at_one_temperature(study)
+    stated = _by_material(study, tuple(study.groups), "coordinate", coordinate)
+    slips, asked = unit_slips(study, against, stated)
     notes = [*study.notes, *_other_modes(study, study.groups), *asked]
     fits: dict[str, MaterialFit] = {}
     for called, curves in study.groups.items():
@@ -498,9 +487,8 @@ def fit(
     single = [called for called, fitted in fits.items() if fitted.characteristics.n == 1]
     if single:
         notes.append(
-            f"one specimen of {', '.join(single)}: that tells nothing of the scatter between "
-            f"specimens; {100 * ASSUMED_LOG_SD:g} % is assumed, and laws are judged by blocks of "
-            "strain left out"
+            f"one specimen of {listed(single, 2)}: scatter of {100 * ASSUMED_LOG_SD:g} % is "
+            "assumed; laws are judged by blocks of strain"
         )
     places = _coordinates(study, fits, coordinate, order, notes, slips)
     ordered = sorted(places, key=places.__getitem__)
@@ -522,12 +510,12 @@ def fit(
         )
         for rank, called in enumerate(ordered)
     )
-    table = temperature_table(study, fits, elsewhere, places)
+    table = _temperature_table(study, fits, elsewhere, places)
     fitted_palette = Palette(
         name or "palette", materials, _reference(study, notes), "planner fit", temperature=table
     )
     if table is not None:
-        notes.append(_warming(fitted_palette, table))
+        notes.extend(_warming(fitted_palette, table))
     by_id = {ids[called]: fits[called] for called in ordered}
     found = [_findings(fits[called], _names(slips, called)) for called in ordered]
     findings = (*study.findings(), *slips, *itertools.chain.from_iterable(found))
@@ -550,17 +538,18 @@ def _source(fit: MaterialFit, weighting: str) -> str:
     return said if found.ok else f"{said}; stable (Drucker) {', '.join(found.limits)} only"
 
 
-def _warming(palette: Palette, table: Temperature) -> str:
+def _warming(palette: Palette, table: Temperature) -> Iterator[str]:
     """Say what tests at two temperatures tell of grades."""
     called = {material.coordinate: material.id for material in palette.materials}
-    each = "; ".join(
-        f"{called[m]} {factor:.3g} from {low:g} to {high:g} degC (95 %: "
-        f"{factor * np.exp(-_NORMAL * sd):.3g} .. {factor * np.exp(_NORMAL * sd):.3g})"
-        for m, low, high, factor, sd in zip(*msgspec.structs.astuple(table), strict=True)
-    )
-    return (
-        f"laws are of {palette.reference.temperature_C:g} degC; warming multiplies stress by: "
-        f"{each}; planner materials --temperature-C tells the palette in between"
+    for m, low, high, factor, sd in zip(*msgspec.structs.astuple(table), strict=True):
+        ends = [f"{factor * np.exp(side * _NORMAL * sd):.3g}" for side in (-1.0, 1.0)]
+        yield (
+            f"warming multiplies stress of {called[m]} by {factor:.3g} from {low:g} to {high:g} "
+            f"degC (95 % {' .. '.join(ends)})"
+        )
+    yield (
+        f"laws are of {palette.reference.temperature_C:g} degC; planner materials --temperature-C "
+        "tells them at another"
     )
 
 
@@ -616,10 +605,10 @@ def _coordinates(
         )
     if not found:
         if len(ordered) > 1:
-            how = "given" if order else f"of the secant modulus at strain {_RANKING_STRAIN:g}"
+            how = "as given" if order else f"by the secant modulus at strain {_RANKING_STRAIN:g}"
+            more = "" if order else " or --order"
             notes.append(
-                f"coordinates go from 0 to 1 evenly in the order {how}; give --coordinate for "
-                f"others{'' if order else ', or --order'}"
+                f"coordinates go from 0 to 1 evenly, {how}; --coordinate{more} says others"
             )
         steps = np.linspace(0.0, 1.0, len(ordered))
         found = {material: float(m) for material, m in zip(ordered, steps, strict=True)}
@@ -652,8 +641,8 @@ def _densities(
     assumed = [material for material in ordered if material not in found]
     if assumed:
         notes.append(
-            f"density of {', '.join(assumed)} assumed {_DEFAULT_DENSITY_G_CM3:g} g/cm3; give it by "
-            "--density or a column density_g_cm3 in specimens.csv"
+            f"density of {listed(assumed, 2)} assumed {_DEFAULT_DENSITY_G_CM3:g} g/cm3; --density "
+            "or a column density_g_cm3 says another"
         )
     return dict.fromkeys(assumed, _DEFAULT_DENSITY_G_CM3) | found
 
@@ -713,7 +702,7 @@ def _reference(study: Study, notes: list[str]) -> Reference:
             notes.append(
                 Caution(
                     f"{condition} differs between specimens ({min(found):g} to {max(found):g}); "
-                    "the laws and their scatter mix these conditions, and the mean is written"
+                    "laws and scatter mix them, and the mean is written"
                 )
             )
     unknown = [condition for condition, found in values.items() if not found]
@@ -802,3 +791,214 @@ def _candidate_document(candidate: LawCandidate, chosen: bool) -> dict[str, Any]
         "gradient": fit.convergence.gradient,
         "at_bound": fit.convergence.at_bound,
     }
+
+
+# ------------------------------------------------------------------------------------------------
+# What warming multiplies a material's stress by, from tests at two temperatures or more.
+
+
+_USUAL_C = 23.0
+"""Of the same standard: of two temperatures with as many specimens the palette's is the nearer."""
+
+_STRAINS = np.linspace(0.1, 1.0, 19)
+"""Shares of the strain that all specimens reach, at which stresses are compared. Numerical."""
+
+
+def _at_one_temperature(study: Study) -> tuple[Study, dict[str, tuple[Curve, ...]]]:
+    """Return a study's tests at one temperature, and those of the same materials at others.
+
+    The one is that of most specimens. A material that was not tested there keeps what it has.
+    """
+    told = _temperatures(study)
+    if not told:
+        return study, {}
+    own = max(
+        told.values(),
+        key=lambda t: (sum(abs(v - t) <= SAME_K for v in told.values()), -abs(t - _USUAL_C)),
+    )
+    groups, others = {}, {}
+    for material, curves in study.groups.items():
+        far = tuple(c for c in curves if abs(told.get(c.specimen, own) - own) > SAME_K)
+        if len(far) in (0, len(curves)):
+            groups[material] = curves
+            continue
+        groups[material] = tuple(c for c in curves if c not in far)
+        others[material] = far
+    return replace(study, groups=groups), others
+
+
+def _temperatures(study: Study) -> dict[str, float]:
+    rows = study.specimens.items()
+    return {name: row.temperature_C for name, row in rows if row.temperature_C is not None}
+
+
+def _temperature_table(
+    study: Study,
+    fits: Mapping[str, MaterialFit],
+    others: Mapping[str, Sequence[Curve]],
+    coordinate: Mapping[str, float],
+) -> Temperature | None:
+    """Return the factor of every material tested at two temperatures; None if there is none.
+
+    ln(stress), the mean over strains that all of its specimens reach, is straight in the
+    temperature, by least squares; ln(factor) is its slope times the difference. Its deviation is
+    that of the specimens about the line, widened by Student's t; `ASSUMED_LOG_SD` of two.
+    """
+    told, rows = _temperatures(study), []
+    for material, far in others.items():
+        elastic = fits[material].characteristics.deformation.kind == "elastic"
+        borne = loading(far) if elastic else [toe_compensated(curve) for curve in far]
+        curves = [c for c in (*fits[material].curves, *borne) if c.specimen in told]
+        at = np.array([told[curve.specimen] for curve in curves])
+        if np.ptp(at) <= SAME_K:
+            continue  # those at the palette's own temperature do not state it
+        strain = _STRAINS * min(float(curve.strain.max()) for curve in curves)
+        slope, sd = _line(at, np.array([_level(curve, strain) for curve in curves]))
+        span = float(np.ptp(at))
+        rows.append((coordinate[material], at.min(), at.max(), np.exp(slope * span), sd * span))
+    if not rows:
+        return None
+    return Temperature(
+        *(tuple(float(v) for v in column) for column in zip(*sorted(rows), strict=True))
+    )
+
+
+def _level(curve: Curve, strain: FloatArray) -> float:
+    """Return the mean ln(stress) at strains."""
+    least = RELATIVE_FLOOR * float(curve.stress_MPa.max())
+    return float(
+        np.log(np.maximum(np.interp(strain, curve.strain, curve.stress_MPa), least)).mean()
+    )
+
+
+def _line(x: FloatArray, y: FloatArray) -> tuple[float, float]:
+    """Return the slope of a line by least squares, and its standard deviation."""
+    x = x - x.mean()
+    squares = float(x @ x)
+    slope = float(x @ y) / squares
+    sd = ASSUMED_LOG_SD
+    if len(x) > 2:
+        off = y - y.mean() - slope * x
+        widened = students_t(0.95, len(x) - 1) / NormalDist().inv_cdf(0.975)
+        sd = widened * float(np.sqrt(off @ off / (len(x) - 2.0)))
+    return slope, sd / squares**0.5
+
+
+# ------------------------------------------------------------------------------------------------
+# Named after what they hold; they are Tables 3.1, 3.2 and 4.1 of Hemleben's thesis for one's own
+# tests. Numbers have nine significant digits; an empty cell means unknown, or an open end.
+
+
+_Row = Sequence[str | float | None]
+
+_COEFFICIENTS = tuple(f"c{number}" for number in range(1, 7))
+
+
+def fit_tables(study: PaletteStudy) -> dict[str, bytes]:
+    """Return the tables of a fit as CSV, by the name of their files.
+
+    ``characteristics.csv`` is that of `Characterisation.csv`, ``laws.csv`` has a row for each
+    parameter of each law, ``r2.csv`` the R2 of each law that was tried (the thesis' Table 4.1).
+    Where `fit` ran Algorithm 1: ``coefficients.csv``, eq. 3.8 of each material;
+    ``quadratics.csv``, its coefficients over m; ``goodness.csv``, R2 and errors of each way, also
+    of what the other materials predict.
+
+    Parameters
+    ----------
+    study
+        What `planner.fit` returns.
+
+    Returns
+    -------
+    dict of str to bytes
+        The tables.
+
+    Examples
+    --------
+    >>> tables = planner.fit_tables(planner.fit(["samples/tensile"]))  # doctest: +SKIP
+    >>> Path("laws.csv").write_bytes(tables["laws.csv"])  # doctest: +SKIP
+    """
+    materials = study.palette.materials
+    found = Characterisation(tuple(study.fits[m.id].characteristics for m in materials))
+    tables = {
+        "characteristics.csv": found.csv(), "laws.csv": _laws(study), "r2.csv": _r2(study),
+    }  # fmt: skip
+    if study.quadratic is not None:
+        tables["coefficients.csv"] = _coefficients(study.quadratic)
+        tables["quadratics.csv"] = _quadratics(study.quadratic)
+        tables["goodness.csv"] = _goodness(study.quadratic)
+    return tables
+
+
+def _laws(study: PaletteStudy) -> bytes:
+    header = ["material", "coordinate", "law", "parameter", "term", "value", "low", "high"]
+    rows: list[_Row] = []
+    for material in study.palette.materials:
+        known = study.fits[material.id].uncertainty
+        for symbol, values in material.law.parameters.items():
+            ends = zip(known.law_low[symbol], known.law_high[symbol], strict=True)
+            for term, (value, (low, high)) in enumerate(zip(values, ends, strict=True), start=1):
+                rows.append(
+                    [
+                        material.id, material.coordinate, material.law.model, symbol, term, value,
+                        low, high, known.level, known.specimens, known.r2, known.nrmse,
+                        known.held_out_error,
+                    ]
+                )  # fmt: skip
+    more = ["level", "specimens", "r2", "nrmse", "held_out_error"]
+    return encode_csv([[*header, *more], *rows])
+
+
+def _r2(study: PaletteStudy) -> bytes:
+    rows: list[dict[str, str | float | None]] = []
+    literal = {} if study.quadratic is None else {row.id: row for row in study.quadratic.rows}
+    for material in study.palette.materials:
+        fit = study.fits[material.id]
+        tried = {c.fit.name: c.fit.r2 for c in (fit.choice.candidates if fit.choice else ())}
+        row: dict[str, str | float | None] = {"material": material.id, **tried}
+        row[fit.chosen_name] = fit.uncertainty.r2
+        if material.id in literal:
+            row["eq_3_8"] = literal[material.id].own.r2
+            row["quadratics"] = literal[material.id].quadratics.r2
+        rows.append({**row, "chosen": fit.chosen_name})
+    header = list(dict.fromkeys(["material", "chosen", *(key for row in rows for key in row)]))
+    return encode_csv([header, *([row.get(key) for key in header] for row in rows)])
+
+
+def _coefficients(found: QuadraticStudy) -> bytes:
+    rows: list[_Row] = [
+        [row.id, row.curve.coordinate, name, c, c - half, c + half]
+        for row in found.rows
+        for name, c, half in zip(_COEFFICIENTS, row.fit.c, row.fit.half, strict=True)
+    ]
+    return encode_csv([["material", "coordinate", "coefficient", "value", "low", "high"], *rows])
+
+
+def _quadratics(found: QuadraticStudy) -> bytes:
+    rows: list[_Row] = [
+        [name, *last, *through]
+        for name, last, through in zip(
+            _COEFFICIENTS, found.quadratics.model.rows, found.through.rows, strict=True
+        )
+    ]
+    powers = ("q2", "q1", "q0")
+    return encode_csv(
+        [["coefficient", *powers, *(f"{q}_through_coefficients" for q in powers)], *rows]
+    )
+
+
+def _goodness(found: QuadraticStudy) -> bytes:
+    kinds = {
+        "own": "eq_3_8", "quadratics": "quadratics", "law": "law",
+        "quadratics_without": "quadratics_left_out", "mixtures_without": "mixtures_left_out",
+    }  # fmt: skip
+    rows: list[_Row] = []
+    for row in found.rows:
+        errors = [getattr(row, kind) for kind in kinds]
+        r2 = [one and one.r2 for one in errors]
+        nrmse = [one and one.nrmse for one in errors]
+        near_rest = [row.near_rest_MPa, row.law_near_rest_MPa]
+        rows.append([row.id, row.curve.coordinate, *r2, *nrmse, *near_rest])
+    names = [f"{figure}_{name}" for figure in ("r2", "nrmse") for name in kinds.values()]
+    near_rest_names = ["stress_near_rest_quadratics_MPa", "stress_near_rest_law_MPa"]
+    return encode_csv([["material", "coordinate", *names, *near_rest_names], *rows])

@@ -9,23 +9,16 @@ from types import MappingProxyType
 import numpy as np
 
 from planner.errors import ArgumentError, FileError, UnknownNameError, did_you_mean
+from planner.formats.files import path_within
 from planner.formats.headings import MODES, mode_of
-from planner.formats.tables import QUANTITY_UNITS
-from planner.formats.tensile import (
-    ListedSpecimen,
-    NoRecordError,
-    TensileTable,
-    is_specimens_file,
-    read_specimens,
-    read_tensile,
-)
-from planner.formats.unit_of import QUANTITIES, UnitOf, factor_of, parsed_unit
-from planner.formats.within import path_within
+from planner.formats.specimens import ListedSpecimen, is_specimens_file, read_specimens
+from planner.formats.tensile import NoRecordError, TensileTable, read_tensile
+from planner.formats.units import QUANTITIES, QUANTITY_UNITS, UnitOf, factor_of, parsed_unit
 from planner.materials.characterise import BROKEN_SHARE, MINIMUM_POINTS, Curve, without_tail
 from planner.notes import Caution, listed
 from planner.numerics import FloatArray
 
-__all__ = ["ReadRecord", "Study", "listed_files", "read_study"]
+__all__ = ["ReadRecord", "Study", "in_stated_units", "listed_files", "read_study", "stated_units"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -143,8 +136,7 @@ def _check_agreement(stated: float, derived: float, *, what: str, where: str) ->
         if abs(ratio / factor - 1.0) < 0.1:
             raise FileError(f"{where}: {what}: {stated:.4g} against {derived:.4g}; {advice}")
     if not 0.75 < ratio < 4.0 / 3.0:
-        said = f"{where}: {what}: {stated:.4g} against {derived:.4g}; check sizes and units"
-        return (Caution(said),)
+        return (Caution(f"{where}: {what}: {stated:.4g} to {derived:.4g}; check sizes, units"),)
     return ()
 
 
@@ -285,15 +277,116 @@ def _dimensions_of(
     return Dimensions(area, gauge, rate, MappingProxyType(sources), MappingProxyType(unclear))
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Test:
+    """One specimen's record on its way to a curve; `sign` is -1 where it was compressed."""
+
+    where: str
+    table: TensileTable
+    columns: Mapping[str, FloatArray]
+    dimensions: Dimensions
+    sign: float
+    notes: list[str]
+
+    def strain(self) -> FloatArray:
+        """Return the strain, with its sign turned where the specimen was compressed."""
+        columns, gauge_mm = self.columns, self.dimensions.gauge_mm
+        if "strain" in columns:
+            return columns["strain"]
+        if "true_strain" in columns:
+            self.notes.append(f"{self.where}: strain from true (logarithmic) strain")
+            return self.sign * np.expm1(self.sign * columns["true_strain"])
+        if gauge_mm is None:
+            raise FileError(
+                f"{self.where}: the gauge length is unknown, so displacement gives no strain; add "
+                f"gauge_mm to specimens.csv, or give `gauge_mm`{self._readings('gauge')}"
+            )
+        displacement = columns["displacement_mm"]
+        load = next(columns[name] for name in _LOADS if name in columns)
+        if displacement[0] != 0.0 and abs(load[0]) < _START_SHARE * float(np.max(np.abs(load))):
+            self.notes.append(
+                f"{self.where}: displacement counted from its first value, {displacement[0]:.4g} mm"
+            )
+            displacement = displacement - displacement[0]
+        return displacement / gauge_mm
+
+    def stress_MPa(self, strain: FloatArray) -> FloatArray:
+        """Return the nominal stress, with its sign turned like that of strain."""
+        columns, area_mm2 = self.columns, self.dimensions.area_mm2
+        if "stress_MPa" in columns:
+            return columns["stress_MPa"]
+        if "force_N" not in columns:
+            self.notes.append(f"{self.where}: nominal stress from true stress at constant volume")
+            return columns["true_stress_MPa"] / (1.0 + self.sign * strain)
+        if area_mm2 is None:
+            raise FileError(
+                f"{self.where}: the section is unknown, so force gives no stress; add width_mm and "
+                "thickness_mm to specimens.csv, or give `width_mm` and `thickness_mm`"
+                f"{self._readings('area', 'width', 'thickness', 'diameter')}"
+            )
+        return columns["force_N"] / area_mm2
+
+    def _readings(self, *sizes: str) -> str:
+        """Say what the file leaves unclear of sizes that are missing, or ""."""
+        unclear = self.dimensions.unclear
+        said = [unclear[size] for size in sizes if size in unclear]
+        return f"; the file has {listed(said)}" if said else ""
+
+    def time_s(self) -> FloatArray | None:
+        """Return the time, from 0 on; None where there is none, or it does not rise."""
+        time = self.columns.get("time_s")
+        if time is None:
+            return None
+        back = np.flatnonzero(np.diff(time) <= 0.0)
+        if len(back):
+            line = self.table.lines[back[0] + 1]
+            self.notes.append(
+                f"{self.where}: time does not rise at line {line} ({time[back[0]]:g} s to "
+                f"{time[back[0] + 1]:g} s); the time column is left out"
+            )
+            return None
+        if time[0] < 0.0:
+            self.notes.append(f"{self.where}: time starts at {time[0]:g} s; counted from there")
+            time = time - time[0]
+        return time
+
+    def cross_check(
+        self, strain: FloatArray, stress_MPa: FloatArray, time_s: FloatArray | None
+    ) -> None:
+        """Compare what the file says twice: by its own columns, and by sizes and rate."""
+        columns, sizes = self.columns, self.dimensions
+        twice = []
+        if sizes.gauge_mm is not None and {"strain", "displacement_mm"} <= set(columns):
+            travel = float(np.ptp(columns["displacement_mm"])) / sizes.gauge_mm
+            what = "range of strain against travel over gauge length"
+            twice.append((what, float(np.ptp(strain)), travel))
+        elif sizes.gauge_mm is not None and sizes.rate_mm_s is not None and time_s is not None:
+            travel = sizes.rate_mm_s * float(time_s[-1] - time_s[0]) / sizes.gauge_mm
+            what = "range of strain against rate times time over length"
+            twice.append((what, float(np.ptp(strain)), travel))
+        if sizes.area_mm2 is not None and {"stress_MPa", "force_N"} <= set(columns):
+            nominal = float(np.max(columns["force_N"])) / sizes.area_mm2
+            twice.append(
+                ("peak stress against force over section", float(np.max(stress_MPa)), nominal)
+            )
+        for what, stated, derived in twice:
+            self.notes.extend(_check_agreement(stated, derived, what=what, where=self.where))
+
+    def from_rest(self, strain: FloatArray, stress_MPa: FloatArray) -> slice:
+        """Return the points behind the last strain below zero ahead of the peak."""
+        below = np.flatnonzero(strain[: int(np.argmax(stress_MPa))] < 0.0)
+        if not len(below):
+            return slice(None)
+        count = int(below[-1]) + 1
+        self.notes.append(
+            f"{self.where}: {count} points up to strain {strain[count]:.4g} are left out, for "
+            f"strain is negative there (from {strain[:count].min():.4g})"
+        )
+        return slice(count, None)
+
+
 def _curve_of(
-    table: TensileTable,
-    *,
-    specimen: str,
-    material: str,
-    dimensions: Dimensions,
-    mode: str,
-    is_said: bool,
-    sure: bool,
+    name: str, record: "_Record", material: str, dimensions: Dimensions, said: str, sure: bool
 ) -> Curve:
     """Turn a record into a checked loading curve; every correction is noted.
 
@@ -303,51 +396,53 @@ def _curve_of(
     s = s_true / (1 + e). Of a compressed specimen strain and stress are negative; they are
     checked with their signs turned.
 
+    Parameters
+    ----------
+    said
+        The mode that is said, or "".
+    sure
+        Whether the unit of stress or force was stated.
+
     Raises
     ------
     FileError
         A size is missing, or the columns are implausible, swapped, cyclic or never load.
     """
-    where = f"specimen {specimen}"
-    if Path(table.file).stem != specimen:
+    table, where, notes = record.table, f"specimen {name}", list[str]()
+    if Path(table.file).stem != name:
         where += f" ({table.file})"
     if len(table.lines) < MINIMUM_POINTS:
         raise FileError(
             f"{where}: the record has {len(table.lines)} points; at least {MINIMUM_POINTS} are "
             "needed to characterise it"
         )
-    notes: list[str] = []
-    sign = -1.0 if mode == "compression" else 1.0
-    columns = _upright(table.columns, where, notes, mode if is_said else "")
-    strain = _strain(columns, dimensions, where, notes, sign)
-    stress = _stress(columns, strain, dimensions, where, notes, sign)
+    sign = -1.0 if said == "compression" else 1.0
+    columns = _upright(table.columns, where, notes, said)
+    test = _Test(where, table, columns, dimensions, sign, notes)
+    strain = test.strain()
+    stress = test.stress_MPa(strain)
     if sign < 0.0 and float(strain.max()) >= 1.0:
         raise FileError(
             f"{where}: compressed by {float(strain.max()):.4g} of its length, which is more than "
             "all of it; check the unit of strain and the gauge length"
         )
-    time = _time(columns.get("time_s"), table, where, notes)
+    time = test.time_s()
     unit_stated = not _states_no_strain_unit(table)
     _check_plausible(strain, stress, unit_stated=unit_stated, sure=sure, where=where)
-    notes.extend(_cross_check(columns, strain, stress, time, dimensions, where))
+    test.cross_check(strain, stress, time)
     _check_rising(strain, stress, where=where)
-    tension = slice(_compressed(strain, stress, where, notes), None)
+    kept = test.from_rest(strain, stress)
     curve = Curve(
-        specimen,
-        strain[tension],
-        stress[tension],
-        None if time is None else time[tension],
+        name,
+        strain[kept],
+        stress[kept],
+        None if time is None else time[kept],
         material,
         (*table.notes, *notes),
-        mode=_LOADED_AS[mode],
+        "uniaxial" if said in ("", "tension", "compression") else said,
     )
     curve = without_tail(curve)
     return replace(curve, strain=sign * curve.strain, stress_MPa=sign * curve.stress_MPa)
-
-
-_LOADED_AS = {"tension": "uniaxial", "compression": "uniaxial", "planar": "planar",
-              "equibiaxial": "equibiaxial"}  # fmt: skip
-"""A curve's mode by that of the test: of uniaxial loading the sign of strain tells."""
 
 
 def _upright(
@@ -376,126 +471,13 @@ def _upright(
     if said != "compression":
         notes.extend(
             Caution(
-                f"{where}: {name} is negative and the other is not; taken as tension that counts "
-                "negative, its sign was turned: say --mode compression if it was compressed"
+                f"{where}: only {name} is negative; its sign was turned, as of tension: if it was "
+                "compressed, say --mode compression"
             )
             for name in negative
             if not both
         )
     return {name: -values if name in negative else values for name, values in columns.items()}
-
-
-def _compressed(strain: FloatArray, stress: FloatArray, where: str, notes: list[str]) -> int:
-    """Return how many points lie before the last strain below zero ahead of the peak."""
-    below = np.flatnonzero(strain[: int(np.argmax(stress))] < 0.0)
-    if not len(below):
-        return 0
-    count = int(below[-1]) + 1
-    notes.append(
-        f"{where}: {count} points up to strain {strain[count]:.4g} are left out, for strain is "
-        f"negative there (from {strain[:count].min():.4g})"
-    )
-    return count
-
-
-def _strain(
-    columns: dict[str, FloatArray],
-    dimensions: Dimensions,
-    where: str,
-    notes: list[str],
-    sign: float,
-) -> FloatArray:
-    if "strain" in columns:
-        return columns["strain"]
-    if "true_strain" in columns:
-        notes.append(f"{where}: strain from true (logarithmic) strain")
-        return sign * np.expm1(sign * columns["true_strain"])
-    if dimensions.gauge_mm is None:
-        raise FileError(
-            f"{where}: the gauge length is unknown, so displacement gives no strain; add "
-            f"gauge_mm to specimens.csv, or give `gauge_mm`{_readings(dimensions, 'gauge')}"
-        )
-    displacement = columns["displacement_mm"]
-    load = next(columns[name] for name in _LOADS if name in columns)
-    if displacement[0] != 0.0 and abs(load[0]) < _START_SHARE * float(np.max(np.abs(load))):
-        notes.append(
-            f"{where}: displacement counted from its first value, {displacement[0]:.4g} mm"
-        )
-        displacement = displacement - displacement[0]
-    return displacement / dimensions.gauge_mm
-
-
-def _stress(
-    columns: dict[str, FloatArray],
-    strain: FloatArray,
-    dimensions: Dimensions,
-    where: str,
-    notes: list[str],
-    sign: float,
-) -> FloatArray:
-    if "stress_MPa" in columns:
-        return columns["stress_MPa"]
-    if "force_N" not in columns:
-        notes.append(f"{where}: nominal stress from true stress at constant volume")
-        return columns["true_stress_MPa"] / (1.0 + sign * strain)
-    if dimensions.area_mm2 is None:
-        raise FileError(
-            f"{where}: the section is unknown, so force gives no stress; add width_mm and "
-            "thickness_mm to specimens.csv, or give `width_mm` and `thickness_mm`"
-            f"{_readings(dimensions, 'area', 'width', 'thickness', 'diameter')}"
-        )
-    return columns["force_N"] / dimensions.area_mm2
-
-
-def _readings(dimensions: Dimensions, *sizes: str) -> str:
-    """Say what a file leaves unclear of sizes that are missing, or ""."""
-    said = [dimensions.unclear[size] for size in sizes if size in dimensions.unclear]
-    return f"; the file has {listed(said)}" if said else ""
-
-
-def _time(
-    time: FloatArray | None, table: TensileTable, where: str, notes: list[str]
-) -> FloatArray | None:
-    if time is None:
-        return None
-    back = np.flatnonzero(np.diff(time) <= 0.0)
-    if len(back):
-        line = table.lines[back[0] + 1]
-        notes.append(
-            f"{where}: time does not rise at line {line} ({time[back[0]]:g} s to "
-            f"{time[back[0] + 1]:g} s); the time column is left out"
-        )
-        return None
-    if time[0] < 0.0:
-        notes.append(f"{where}: time starts at {time[0]:g} s; counted from there")
-        time = time - time[0]
-    return time
-
-
-def _cross_check(
-    columns: dict[str, FloatArray],
-    strain: FloatArray,
-    stress: FloatArray,
-    time: FloatArray | None,
-    dimensions: Dimensions,
-    where: str,
-) -> list[str]:
-    """Compare what the file says twice: by its own columns, and by sizes and rate."""
-    notes: list[str] = []
-    gauge, area = dimensions.gauge_mm, dimensions.area_mm2
-    if "strain" in columns and "displacement_mm" in columns and gauge is not None:
-        travel = float(np.ptp(columns["displacement_mm"])) / gauge
-        what = "range of strain against displacement over gauge length"
-        notes += _check_agreement(float(np.ptp(strain)), travel, what=what, where=where)
-    elif time is not None and dimensions.rate_mm_s is not None and gauge is not None:
-        travel = dimensions.rate_mm_s * float(time[-1] - time[0]) / gauge
-        what = "range of strain against crosshead rate times time over gauge length"
-        notes += _check_agreement(float(np.ptp(strain)), travel, what=what, where=where)
-    if "stress_MPa" in columns and "force_N" in columns and area is not None:
-        nominal = float(np.max(columns["force_N"])) / area
-        what = "peak stress against force over section"
-        notes += _check_agreement(float(np.max(stress)), nominal, what=what, where=where)
-    return notes
 
 
 # ------------------------------------------------------------------------------------------------
@@ -666,7 +648,7 @@ def read_study(
             poor = isinstance(error, NoRecordError) and path.parent in paths
             if own or path.stem in rows or not (rows or poor):
                 raise
-            notes.append(Caution(f"{error}; left out"))
+            notes.append(Caution(f"{str(error).partition('; ')[0]}; left out"))
             if path.suffix.casefold() in _SUFFIXES and path.name not in _NO_RECORDS:
                 unlisted += [] if isinstance(error, NoRecordError) else [path.name]
             continue
@@ -686,7 +668,7 @@ def read_study(
     records = _named(found_records)
     used = {name: record for name, record in records.items() if not record.left_out}
     materials = _materials(used, material or "", notes)
-    units = _stated_units(unit_of, materials)
+    units = stated_units(unit_of, materials)
     for name in leave_out:
         known = sorted({*materials, *materials.values()})
         if name not in known:
@@ -698,21 +680,18 @@ def read_study(
     asked = {name for name, of in materials.items() if not {name, of}.isdisjoint(leave_out)}
     if asked:
         records |= {name: replace(used.pop(name), left_out="as asked") for name in sorted(asked)}
-        notes.append(f"left out as asked: {listed(list(dict.fromkeys(leave_out)))}")
+        notes.append(f"left out as asked: {listed(list(dict.fromkeys(leave_out)), 6)}")
     found: dict[str, Curve] = {}
     sizes: dict[str, Dimensions] = {}
     modes: dict[str, str] = {}
     for name, record in used.items():
         sizes[name] = _dimensions_of(record.row, given, record.table, notes)
-        table = _in_stated_units(record.table, units.get(name, {}), f"specimen {name}")
+        table = in_stated_units(record.table, units.get(name, {}), f"specimen {name}")
         records[name] = used[name] = replace(record, table=table)
         said = _said_mode(record, mode)
         modes[name] = said or "tension"
-        found[name] = _curve_of(
-            table, specimen=name, material=materials[name], dimensions=sizes[name],
-            mode=modes[name], is_said=bool(said),
-            sure=not {"stress", "force"}.isdisjoint(units.get(name, {})),
-        )  # fmt: skip
+        sure = not {"stress", "force"}.isdisjoint(units.get(name, {}))
+        found[name] = _curve_of(name, used[name], materials[name], sizes[name], said, sure)
     unstated = [name for name, record in used.items() if _states_no_strain_unit(record.table)]
     # Who names some files means to leave out the others.
     absent = Caution if whole else str
@@ -729,9 +708,7 @@ def read_study(
         notes.append(
             Caution(
                 f"strain of {_some(unstated)} has no unit; taken as a fraction, up to "
-                f"{' .. '.join(f'{v:.4g}' for v in ends)}, that is "
-                f"{' .. '.join(f'{100 * v:.4g}' for v in ends)} %; if it is in per cent, head the "
-                "column 'strain (%)' or give --unit-of strain=%"
+                f"{' .. '.join(f'{v:.4g}' for v in ends)}; if it is not, give --unit-of strain=%"
             )
         )
     order = {name: place for place, name in enumerate(rows)}
@@ -838,7 +815,7 @@ def _named(found: Sequence[_Record]) -> dict[str, _Record]:
     return records
 
 
-def _stated_units(
+def stated_units(
     stated: str | Sequence[str], materials: Mapping[str, str]
 ) -> Mapping[str, Mapping[str, UnitOf]]:
     """Return the units that are stated of each specimen, by quantity; a material names all its own.
@@ -856,7 +833,7 @@ def _stated_units(
             raise UnknownNameError(
                 f"unit_of {text}: no specimen and no material {unknown!r}; "
                 f"{did_you_mean(unknown, sorted(known))}there are materials "
-                f"{', '.join(dict.fromkeys(materials.values()))}"
+                f"{', '.join(dict.fromkeys(filter(None, materials.values())))}"
             )
         for name, of in materials.items():
             if not one.specimens or name in one.specimens or of in one.specimens:
@@ -864,26 +841,38 @@ def _stated_units(
     return found
 
 
-def _in_stated_units(table: TensileTable, units: Mapping[str, UnitOf], where: str) -> TensileTable:
-    """Return a table with columns in the units that were stated for it, which is noted."""
+def in_stated_units(
+    table: TensileTable, units: Mapping[str, UnitOf], where: str, *, named: bool = True
+) -> TensileTable:
+    """Return a table with columns in the units that were stated for it, which is noted.
+
+    Parameters
+    ----------
+    named
+        Whether the notes begin with `where`.
+
+    Raises
+    ------
+    FileError
+        There is no column of a quantity.
+    """
+    of = f"{where}: " if named else ""
     for quantity, unit in units.items():
         column = QUANTITIES[quantity][0]
-        if column not in table.columns:
+        if column not in table.factors:
             raise FileError(
                 f"{where}: its file has no column of {quantity}, so it cannot be read as "
-                f"{quantity}={unit.unit}; it has {', '.join(table.columns)}"
+                f"{quantity}={unit.unit}; it has {', '.join(table.factors)}"
             )
         factor = factor_of(unit)
         values = table.columns[column] * (factor / table.factors[column])
+        said = f"{of}{quantity} is read in the unit {unit.unit}, as was asked for"
         table = replace(
             table,
             columns=MappingProxyType({**table.columns, column: values}),
             factors=MappingProxyType({**table.factors, column: factor}),
             without_unit=table.without_unit - {column},
-            notes=(
-                *table.notes,
-                f"{where}: {quantity} is read in the unit {unit.unit}, as was asked for",
-            ),
+            notes=(*table.notes, said),
         )
     return table
 
@@ -898,8 +887,8 @@ def _copies(curves: Sequence[Curve]) -> list[Caution]:
         if first != curve.specimen:
             said.append(
                 Caution(
-                    f"specimen {curve.specimen}: its record equals that of {first} in every "
-                    "number; leave a copy out, for scatter and intervals come out too small"
+                    f"specimen {curve.specimen}: its record equals that of {first}; leave a copy "
+                    "out, else scatter comes out too small"
                 )
             )
     return said
@@ -1022,10 +1011,11 @@ def _materials(records: Mapping[str, _Record], given: str, notes: list[str]) -> 
     by_name = _materials_by_name(list(dict.fromkeys(told_by[name] for name in unknown)))
     if unknown:
         of = [by_name[told_by[name]] for name in unknown]
-        count = {m: of.count(m) for m in of}
-        groups = ", ".join(m if n == 1 else f"{m} ({n} specimens)" for m, n in count.items())
+        count = dict(sorted({m: of.count(m) for m in of}.items(), key=lambda one: -one[1]))
+        groups = [m if n == 1 else f"{m} ({n} specimens)" for m, n in count.items()]
         notes.append(
-            f"materials by the files' names: {groups}; give --material or a {_SPECIMENS} for others"
+            f"materials by the files' names: {listed(groups, 2)}; --material or {_SPECIMENS} says "
+            "others"
         )
     return {name: known[name] or by_name[told_by[name]] for name in records}
 

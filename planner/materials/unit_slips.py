@@ -8,22 +8,15 @@ from statistics import NormalDist
 
 import numpy as np
 
-from planner.formats.tables import QUANTITY_UNITS
-from planner.formats.unit_of import QUANTITIES, UnitOf, unit_near
+from planner.formats.units import QUANTITIES, QUANTITY_UNITS, UnitOf, unit_near
 from planner.materials.characterise import SECANT_STRAINS, Characteristics, characterise_curve
 from planner.materials.laws import make_law, secant_modulus_MPa
 from planner.materials.study import Study
+from planner.notes import Caution
 from planner.numerics import FloatArray
 from planner.palette import Material, Palette
 
-__all__ = [
-    "Batch",
-    "Comparison",
-    "against_palette",
-    "along_ladder",
-    "among_replicates",
-    "batch_apart",
-]
+__all__ = ["batch_apart", "unit_slips"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -151,21 +144,36 @@ def batch_apart(
 # A study against a palette.
 
 
-@dataclass(frozen=True, slots=True)
-class Comparison:
-    """What a comparison says: findings speak against the figures, cautions ask to look."""
+def unit_slips(
+    study: Study, against: Palette | None, coordinate: Mapping[str, float]
+) -> tuple[tuple[str, ...], tuple[Caution, ...]]:
+    """Return where a unit seems taken for another, and where one may be but need not.
 
-    findings: tuple[str, ...] = ()
-    cautions: tuple[str, ...] = ()
+    Parameters
+    ----------
+    against
+        The palette to compare materials with, by name.
+    coordinate
+        Of materials, where it is stated.
+    """
+    if slips := _among_replicates(study):
+        # A material's mean says nothing while its specimens are in two units.
+        return slips, ()
+    is_sure, said = False, ""
+    if against is not None:
+        is_sure, said = _against_palette(study, against)
+    if is_sure:
+        return (said,), ()
+    return _along_ladder(study, coordinate), (Caution(said),) if said else ()
 
 
-def against_palette(study: Study, palette: Palette) -> Comparison:
+def _against_palette(study: Study, palette: Palette) -> tuple[bool, str]:
     """Compare a study's elastic materials with those of a palette that have their names.
 
-    A batch that is surely off by a factor of units while others agree is a finding, else a caution;
-    if all are off, the palette may be of other prints, and it is a caution too. Rigid grades are
-    left out: by where strain was measured, at the grips or on the specimen, their modulus may
-    differ by as much as units do.
+    Returns whether it is sure, and what is said, or "". A batch that is surely off by a factor of
+    units while others agree is a finding, else a caution; if all are off, the palette may be of
+    other prints, and it is a caution too. Rigid grades are left out: by where strain was measured,
+    at the grips or on the specimen, their modulus may differ by as much as units do.
     """
     named = {n.casefold(): m for m in palette.materials for n in (m.id, *m.aliases)}
     known = {
@@ -174,14 +182,14 @@ def against_palette(study: Study, palette: Palette) -> Comparison:
         if called.casefold() in named and named[called.casefold()].deformation == "elastic"
     }
     if not known:
-        return Comparison()
+        return False, ""
     called = list(known)
     ratios = [_against(study, name, known[name]) for name in called]
     coordinate = np.array([known[name].coordinate for name in called])
     stiffness, variance, elongation = (np.array(v) for v in zip(*ratios, strict=True))
     batch = batch_apart(coordinate, stiffness, variance)
     if batch is None:
-        return Comparison()
+        return False, ""
     inside = [called[i] for i in batch.members]
     others = [name for name in called if name not in inside]
     longer = float(np.mean(elongation[list(batch.members)]))
@@ -189,14 +197,14 @@ def against_palette(study: Study, palette: Palette) -> Comparison:
         longer -= float(np.mean([elongation[called.index(name)] for name in others]))
     advice = _advice(study, inside, batch.shift, longer, reach=_UNIT_REACH)
     if advice is None:
-        return Comparison()
+        return False, ""
     factor, way = math.exp(abs(batch.shift)), "above" if batch.shift > 0.0 else "below"
     of = f"{_some(inside)} {'is' if len(inside) == 1 else 'are'} {factor:.2g} times {way}"
-    agree = ""
-    if others:
-        agree = f", while {_some(others)} {'is' if len(others) == 1 else 'are'} not"
-    said = f"{of} the palette {palette.name}{agree}: {advice}, or --no-compare if they are right"
-    return Comparison((said,)) if others and batch.sure else Comparison(cautions=(said,))
+    if not (others and batch.sure):
+        return False, f"{of} the palette: {advice}, or --no-compare"
+    agree = f"while {_some(others)} {'is' if len(others) == 1 else 'are'} not"
+    whole = f"{of} the palette {palette.name}, {agree}"
+    return True, f"{whole}: {advice}, or --no-compare if they are right"
 
 
 def _against(study: Study, called: str, material: Material) -> tuple[float, float, float]:
@@ -221,7 +229,7 @@ def _log_secants(found: Sequence[Characteristics]) -> list[float]:
 # A ladder of materials whose coordinates are stated, and replicates of one material.
 
 
-def along_ladder(study: Study, coordinate: Mapping[str, float]) -> tuple[str, ...]:
+def _along_ladder(study: Study, coordinate: Mapping[str, float]) -> tuple[str, ...]:
     """Return where a material is far softer than one of a lower coordinate, and by which unit.
 
     The batch is the run of neighbours whose shift makes the ladder smoothest.
@@ -276,7 +284,7 @@ def _smoothest(place: FloatArray, level: FloatArray) -> Batch | None:
     return min(found, key=lambda one: one[:2])[2] if found else None
 
 
-def among_replicates(study: Study) -> tuple[str, ...]:
+def _among_replicates(study: Study) -> tuple[str, ...]:
     """Return which specimens lie off most replicates by the factor between two units."""
     said = []
     for material, curves in study.groups.items():

@@ -6,11 +6,11 @@ from statistics import NormalDist
 
 import numpy as np
 
+from planner.materials.algorithm_one import QuadraticStudy, mixtures_without
 from planner.materials.fit_intervals import MaterialFit
 from planner.materials.laws import make_law
 from planner.materials.mixtures import CoefficientModel
 from planner.materials.palette_study import PaletteStudy
-from planner.materials.quadratic_study import QuadraticStudy, mixtures_without
 from planner.numerics import FloatArray
 from planner.palette import Material
 from planner.report.material_figures import headroom, specimen_key, specimen_line

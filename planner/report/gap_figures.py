@@ -1,8 +1,9 @@
 """Figures of a diagnosis: where the gap lies, evidence, curves, closure."""
 
+import itertools
 import math
 import textwrap
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -44,10 +45,14 @@ def figures_of(diagnosis: Diagnosis) -> dict[str, bytes]:
     What was measured, what causes it, where it lies, how far it closes. Those of curves where there
     are traces.
     """
+    traces = diagnosis.traces
+    if traces is not None and not diagnosis.named:  # no effects to draw
+        after, residual = (np.full_like(v, np.nan) for v in (traces.after_N, traces.residual_after))
+        traces = replace(traces, after_N=after, residual_after=residual)
     drawn = {
-        "curves": _curves_figure(diagnosis),
+        "curves": None if traces is None else _curves_figure(traces),
         "evidence": _evidence_figure(diagnosis),
-        "residuals": _residual_figure(diagnosis),
+        "residuals": None if traces is None else _residual_figure(diagnosis, traces),
         "closure": _closure_figure(diagnosis),
     }
     return {name: svg for name, svg in drawn.items() if svg is not None}
@@ -57,11 +62,19 @@ def figures_of(diagnosis: Diagnosis) -> dict[str, bytes]:
 # Colours that mean the same in every figure, told apart by the colour-blind and in grey.
 
 
-_BEFORE = RUST
-"""What the palette alone predicts."""
+@dataclass(frozen=True, slots=True)
+class _Look:
+    """How a prediction is drawn: its name, colour, dashes, marks, and how far aside they stand."""
 
-_AFTER = BLUE
-"""With the verdict's effects."""
+    of: str
+    colour: str
+    dash: str
+    mark: Callable[..., str]
+    aside: float
+
+
+_BEFORE = _Look("palette alone", RUST, "6,4", ring, -5.0)
+_AFTER = _Look("with the verdict's effects", BLUE, "", disc, 5.0)
 
 _BASELINE = "#9aa3ad"
 """What the effects are held against."""
@@ -176,35 +189,25 @@ def points_along(traces: Traces, axis: str) -> Points | None:
     column = traces.columns.get(axis)
     if column is None:
         return None
-    before, after = _specimen_errors(traces)
-    if len(before) != len(column):
-        return None
-    numbers = [v for v in column if isinstance(v, (int, float))]
-    if numbers and all(v is None or isinstance(v, (int, float)) for v in column):
+    errors, row = (traces.residual_before, traces.residual_after), tuple(range(len(column)))
+    known = dict.fromkeys(v for v in column if v is not None)
+    numbers = [v for v in known if isinstance(v, (int, float))]
+    if numbers and len(numbers) == len(known):
         x = np.array([np.nan if v is None else float(v) for v in column])
         log = min(numbers) > 0.0 and max(numbers) >= _LOG_FROM * min(numbers)
         x = np.log10(x) if log else x
         few = len(np.unique(np.round(x[np.isfinite(x)], 9))) <= _LEVELS
-        return Points(x, before, after, log=log, joined=few, row=tuple(range(len(x))))
-    names = sorted({str(v) for v in column if v is not None})
-    if axis in ("specimen", "material"):
-        names = list(dict.fromkeys(str(v) for v in column if v is not None))
-    places = {name: float(i) for i, name in enumerate(names)}
-    x = np.array([np.nan if v is None else places[str(v)] for v in column])
-    row, joined = tuple(range(len(x))), axis != "specimen"
-    return Points(x, before, after, names=tuple(names), joined=joined, row=row)
-
-
-def _specimen_errors(traces: Traces) -> tuple[FloatArray, FloatArray]:
-    """Return each specimen's error before and after, (n,), below 0 where its force is too low."""
-    before, after = traces.residual_before, traces.residual_after
-    return before, after if len(after) == len(before) else np.full(len(before), np.nan)
+        return Points(x, *errors, log=log, joined=few, row=row)
+    names = tuple(dict.fromkeys(map(str, known)))
+    names = names if axis in ("specimen", "material") else tuple(sorted(names))
+    x = np.array([np.nan if v is None else names.index(str(v)) for v in column])
+    return Points(x, *errors, names=names, joined=axis != "specimen", row=row)
 
 
 def _along_curves(traces: Traces, axis: str) -> Points | None:
     """Return the mean error of each test along its curve, at steps that lie apart."""
     x_of_tests = _strain(traces) if axis == "strain" else traces.time_s
-    before, after = (traces.errors(f) for f in (traces.before_N, traces.after_N))
+    errors = [traces.errors(f) for f in (traces.before_N, traces.after_N)]
     parts: list[tuple[float, ...]] = []
     for test, (x, rows) in enumerate(zip(x_of_tests, traces.rows, strict=True)):
         stop = len(x)
@@ -212,31 +215,27 @@ def _along_curves(traces: Traces, axis: str) -> Points | None:
             stop = int(np.nanargmax(x)) + 1 if np.isfinite(x).any() else 0
         steps = np.linspace(0, max(stop - 1, 0), _CURVE_STEPS).round().astype(np.intp)
         for i in np.unique(steps).tolist():
-            if np.isfinite(x[i]) and np.isfinite(before[rows, i]).any():
-                parts.append((x[i], *(_mean(e[rows, i]) for e in (before, after)), float(test)))
+            if np.isfinite(x[i]) and np.isfinite(errors[0][rows, i]).any():
+                parts.append((x[i], *(_mean(e[rows, i]) for e in errors), float(test)))
     table = np.array(parts).reshape(-1, 4)
-    log = False
-    if axis == "time":
-        table = table[table[:, 0] > 0.0]
-        log = len(table) > 0 and bool(table[:, 0].max() >= _LOG_FROM * table[:, 0].min())
-        table[:, 0] = np.log10(table[:, 0]) if log else table[:, 0]
-    if not len(table):
+    x, before, after, of_curve = table[table[:, 0] > 0.0].T if axis == "time" else table.T
+    if not len(x):
         return None
-    return Points(table[:, 0], table[:, 1], table[:, 2], log=log, of_curve=table[:, 3])
+    log = axis == "time" and bool(x.max() >= _LOG_FROM * x.min())
+    return Points(np.log10(x) if log else x, before, after, log=log, of_curve=of_curve)
 
 
 def _of_branches(traces: Traces) -> Points | None:
     """Return each specimen's error on each way of its path."""
-    before, after = (traces.errors(f) for f in (traces.before_N, traces.after_N))
+    errors = [traces.errors(f) for f in (traces.before_N, traces.after_N)]
     parts: list[tuple[float, ...]] = []
     for travel, rows in zip(traces.travel_mm, traces.rows, strict=True):
         branch = _branch_of_steps(travel)
-        for row in rows:
-            for place in range(len(_BRANCHES)):
-                on = branch == place
-                if on.any() and np.isfinite(before[row, on]).any():
-                    found = (float(signed_error(e[row, on])) for e in (before, after))
-                    parts.append((float(place), *found, float(row)))
+        for row, place in itertools.product(rows, range(len(_BRANCHES))):
+            on = branch == place
+            if np.isfinite(errors[0][row, on]).any():
+                found = (float(signed_error(e[row, on])) for e in errors)
+                parts.append((float(place), *found, float(row)))
     if not parts:
         return None
     places, befores, afters, row = np.array(parts).T
@@ -254,26 +253,17 @@ def _branch_of_steps(travel: FloatArray) -> FloatArray:
         return branch
     moves = np.diff(travel[known])
     still = np.abs(moves) <= 1e-6 * float(np.ptp(travel[known]))
-    fallen = False
-    for place, move, stands in zip(known[1:], moves, still, strict=True):
-        if stands:
-            branch[place] = 3.0
-        elif move < 0.0:
-            branch[place], fallen = 1.0, True
-        else:
-            branch[place] = 2.0 if fallen else 0.0
+    fallen = np.logical_or.accumulate((moves < 0.0) & ~still)
+    branch[known[1:]] = np.where(still, 3.0, np.where(moves < 0.0, 1.0, np.where(fallen, 2.0, 0.0)))
     return branch
 
 
 def _strain(traces: Traces) -> FloatArray:
     """Return travel over gauge length, (P, T); NaN where the gauge length is not known."""
-    gauges = traces.columns.get("gauge_mm", ())
-    strain = np.full(traces.travel_mm.shape, np.nan)
-    for test, rows in enumerate(traces.rows):
-        gauge = gauges[rows[0]] if rows and rows[0] < len(gauges) else None
-        if isinstance(gauge, (int, float)) and gauge > 0.0:
-            strain[test] = traces.travel_mm[test] / gauge
-    return strain
+    gauges = traces.columns.get("gauge_mm") or (None,) * len(traces.specimens)
+    known = [gauges[rows[0]] if rows else None for rows in traces.rows]
+    lengths = [v if isinstance(v, (int, float)) and v > 0.0 else np.nan for v in known]
+    return traces.travel_mm / np.array(lengths, dtype=np.float64)[:, None]
 
 
 def _mean(values: FloatArray) -> float:
@@ -292,7 +282,7 @@ _SIZES = ("specimen", "material", "width_mm", "thickness_mm", "gauge_mm")
 def _specimen_words(traces: Traces, row: int) -> str:
     """Name a specimen with what it is of and the conditions that it was tested in."""
     columns = traces.columns
-    name = traces.specimens[row] if row < len(traces.specimens) else "specimen"
+    name = traces.specimens[row]
     words = [str(columns["material"][row])] if "material" in columns else []
     for column, values in columns.items():
         value = values[row]
@@ -306,8 +296,8 @@ def _specimen_words(traces: Traces, row: int) -> str:
 
 def _error_words(before: float, after: float) -> str:
     """Say what both predictions miss by, as far as it is known."""
-    errors = ((before, "palette alone"), (after, "with the verdict's effects"))
-    known = [f"{percent(error)} ({of})" for error, of in errors if math.isfinite(error)]
+    errors = ((before, _BEFORE), (after, _AFTER))
+    known = [f"{percent(error)} ({look.of})" for error, look in errors if math.isfinite(error)]
     words = f"error {', '.join(known)}" if known else "no error known"
     return words.replace(" %", "\N{NO-BREAK SPACE}%")
 
@@ -317,7 +307,6 @@ def _error_words(before: float, after: float) -> str:
 
 
 _SHOWN, _ACROSS = 4, 2
-_SHIFT = 5.0
 _CHARACTER = 7.0
 _NAMES = 14
 _ERROR = "error, % of the largest force"
@@ -325,11 +314,8 @@ _OVERALL = Location("material", 0.0, (0.0, 0.0), 1.0)
 """Shows every specimen where there is room, whether or not the gap varies along it."""
 
 
-def _residual_figure(diagnosis: Diagnosis) -> bytes | None:
+def _residual_figure(diagnosis: Diagnosis, traces: Traces) -> bytes | None:
     """Return the figure as SVG; None where there are no traces along any axis found."""
-    traces = diagnosis.traces
-    if traces is None:
-        return None
     places = [diagnosis.where[k] for k in clear_places(diagnosis)] or list(diagnosis.where[:1])
     if len(places) < _ACROSS and all(p.axis != "material" for p in places):
         places.append(_OVERALL)
@@ -338,9 +324,6 @@ def _residual_figure(diagnosis: Diagnosis) -> bytes | None:
     shown = [(place, points) for place, points in shown if np.isfinite(points.before).any()]
     if not shown:
         return None
-    has_after = diagnosis.named and any(np.isfinite(points.after).any() for _, points in shown)
-    if not has_after:
-        shown = [(p, replace(q, after=np.full_like(q.before, np.nan))) for p, q in shown]
     y_range = _y_range([points for _, points in shown])
 
     def panel(place: Location, points: Points) -> Panel:
@@ -350,12 +333,23 @@ def _residual_figure(diagnosis: Diagnosis) -> bytes | None:
 
     panels = [panel(place, points) for place, points in shown]
     parts, width, height = in_rows(panels, _ACROSS, (66.0, _TOP), (440.0, 280.0))
+    key = [(_BEFORE, 20.0)]
+    key += [(_AFTER, 160.0)] if any(np.isfinite(points.after).any() for _, points in shown) else []
     return picture(
         width + 16.0,
         height - 16.0,
-        [*_residual_key(has_after), *parts],
+        [*(mark for look, x in key for mark in _key(look, x, with_mark=True)), *parts],
         title="Error of each specimen: measured force above (+) or below (-) prediction",
     )
+
+
+def _key(look: _Look, x: float, *, with_mark: bool = False) -> Iterator[str]:
+    """Draw what a prediction looks like, and its name."""
+    if with_mark:
+        yield look.mark(x + 6.0, 48.0, colour=look.colour, radius=3.2)
+        x += 14.0
+    yield segment((x, 48.0), (x + 22.0, 48.0), colour=look.colour, width=1.8, dash=look.dash)
+    yield text(x + 28.0, 52.0, look.of, colour=_QUIET)
 
 
 def _residual_panel(traces: Traces, place: Location, points: Points, chart: Chart) -> Iterator[str]:
@@ -378,34 +372,28 @@ def _error_lines(traces: Traces, points: Points, chart: Chart, label: str) -> It
     """Draw the error of each test along its curve, or through the means of an axis' levels."""
     across = (chart.x_range[1] - chart.x_range[0]) / chart.width
     readable = axes_of(chart, label, _ERROR, log=points.log)
-    for errors, colour, shift, dash, of in (
-        (points.before, _BEFORE, -_SHIFT, "6,4", "palette alone"),
-        (points.after, _AFTER, _SHIFT, "", "with the verdict's effects"),
-    ):
+    for errors, look in ((points.before, _BEFORE), (points.after, _AFTER)):
         y = np.clip(100.0 * errors, *chart.y_range)
-        x = points.x if points.of_curve is not None else points.x + shift * across
+        x = points.x if points.of_curve is not None else points.x + look.aside * across
         for test, line_x, line_y in _lines(points, x, y):
-            drawn = line(chart, line_x, line_y, colour=colour, width=1.3, dash=dash)
+            drawn = line(chart, line_x, line_y, colour=look.colour, width=1.3, dash=look.dash)
             if test is None:
                 yield drawn
             else:
-                yield from told(f"{traces.label[test]}: error, {of}", [drawn], axes=readable)
+                words = f"{traces.label[test]}: error, {look.of}"
+                yield from told(words, [drawn], axes=readable)
 
 
 def _error_marks(traces: Traces, points: Points, chart: Chart) -> Iterator[str]:
     """Draw a mark a specimen for each prediction."""
-    for i, row in enumerate(points.row):
-        x, marks = float(points.x[i]), []
-        for errors, colour, shift, mark in (
-            (points.before, _BEFORE, -_SHIFT, ring),
-            (points.after, _AFTER, _SHIFT, disc),
-        ):
-            y = 100.0 * float(errors[i])
-            if math.isfinite(x) and math.isfinite(y):
-                marks.append(mark(chart.x(x) + shift, chart.y(y), colour=colour, radius=3.2))
-        words = _error_words(float(points.before[i]), float(points.after[i]))
+    for row, x, *errors in zip(points.row, points.x, points.before, points.after, strict=True):
+        marks = [
+            look.mark(chart.x(x) + look.aside, chart.y(100.0 * e), colour=look.colour, radius=3.2)
+            for e, look in zip(errors, (_BEFORE, _AFTER), strict=True)
+            if math.isfinite(x) and math.isfinite(e)
+        ]
         if marks:
-            yield from told(f"{_specimen_words(traces, row)}; {words}", marks)
+            yield from told(f"{_specimen_words(traces, row)}; {_error_words(*errors)}", marks)
 
 
 def _upright_label(chart: Chart, left_by: float, words: str) -> str:
@@ -481,17 +469,6 @@ def _y_range(panels: Sequence[Points]) -> tuple[float, float]:
     return min(low - room, -1.0), max(high + room, 1.0)
 
 
-def _residual_key(has_after: bool) -> Iterator[str]:
-    y = 48.0
-    yield ring(26.0, y, colour=_BEFORE, radius=3.2)
-    yield segment((34.0, y), (56.0, y), colour=_BEFORE, width=1.5, dash="6,4")
-    yield text(62.0, y + 4.0, "palette alone", colour=_QUIET)
-    if has_after:
-        yield disc(166.0, y, colour=_AFTER, radius=3.2)
-        yield segment((174.0, y), (196.0, y), colour=_AFTER, width=1.5)
-        yield text(202.0, y + 4.0, "with the verdict's effects", colour=_QUIET)
-
-
 # ------------------------------------------------------------------------------------------------
 # Predicted against measured curves of the tests with the largest gap, side by side.
 
@@ -501,13 +478,8 @@ _LABEL, _DOTS = 36, 22
 _HELD = 0.5
 
 
-def _curves_figure(diagnosis: Diagnosis) -> bytes | None:
+def _curves_figure(traces: Traces) -> bytes | None:
     """Return the figure as SVG; None where there is nothing to draw."""
-    traces = diagnosis.traces
-    if traces is None:
-        return None
-    if not diagnosis.named:  # no effects to draw
-        traces = replace(traces, after_N=np.full_like(traces.before_N, np.nan))
     squares = traces.errors(traces.before_N) ** 2
     errors = np.array([_mean(squares[rows]) for rows in traces.rows])
     order = [p for p in np.argsort(-errors, kind="stable").tolist() if np.isfinite(errors[p])]
@@ -520,10 +492,13 @@ def _curves_figure(diagnosis: Diagnosis) -> bytes | None:
         return lambda left, top: _curves_panel(traces, test, left, top)
 
     parts, width, height = in_rows([panel(test) for test in shown], 3, (62.0, _TOP), (292.0, 256.0))
+    key = [disc(26.0, 48.0, colour=INK, radius=2.5), text(36.0, 52.0, "measured", colour=_QUIET)]
+    key += _key(_BEFORE, 112.0)
+    key += _key(_AFTER, 244.0) if np.isfinite(traces.after_N).any() else ()
     return picture(
         max(width + 20.0, 470.0),
         height + 4.0,
-        [*_curves_key(traces), *parts],
+        [*key, *parts],
         title=title,
         heading=f"{title}: predicted and measured",
     )
@@ -548,36 +523,21 @@ def _curves_panel(traces: Traces, test: int, left: float, top: float) -> Iterato
     yield from frame(chart, x_label=across, y_label="", most_ticks=5)
     yield _upright_label(chart, 38.0, "force, N")
     readable = axes_of(chart, across, "force, N")
-    errors = _specimen_errors(traces)
     for row, curve in zip(traces.rows[test], measured, strict=True):
         dots = [
             disc(chart.x(x[i]), chart.y(curve[i]), colour=INK, radius=1.7)
             for i in _places(x, curve)
         ]
-        words = _error_words(*(float(e[row]) if row < len(e) else math.nan for e in errors))
+        words = _error_words(traces.residual_before[row], traces.residual_after[row])
         yield from told(f"measured, {_specimen_words(traces, row)}; {words}", dots, axes=readable)
-    for curve, colour, dash, of in (
-        (before, _BEFORE, "6,4", "palette alone"),
-        (after, _AFTER, "", "with the verdict's effects"),
-    ):
+    for curve, look in ((before, _BEFORE), (after, _AFTER)):
         drawn = [
-            line(chart, x[run], curve[run], colour=colour, width=1.8, dash=dash)
+            line(chart, x[run], curve[run], colour=look.colour, width=1.8, dash=look.dash)
             for run in runs(np.isfinite(x) & np.isfinite(curve))
             if run.stop - run.start > 1
         ]
         if drawn:
-            yield from told(f"predicted, {of}: {traces.label[test]}", drawn, axes=readable)
-
-
-def _curves_key(traces: Traces) -> Iterator[str]:
-    y = 48.0
-    yield segment((112.0, y), (140.0, y), colour=_BEFORE, width=2.0, dash="6,4")
-    yield text(146.0, y + 4.0, "palette alone", colour=_QUIET)
-    yield disc(26.0, y, colour=INK, radius=2.5)
-    yield text(36.0, y + 4.0, "measured", colour=_QUIET)
-    if np.isfinite(traces.after_N).any():
-        yield segment((244.0, y), (272.0, y), colour=_AFTER, width=2.0)
-        yield text(278.0, y + 4.0, "with the verdict's effects", colour=_QUIET)
+            yield from told(f"predicted, {look.of}: {traces.label[test]}", drawn, axes=readable)
 
 
 def _is_held(travel: FloatArray, time: FloatArray) -> bool:
@@ -624,13 +584,13 @@ def _evidence_figure(diagnosis: Diagnosis) -> bytes:
         if h.effects == ("unknown",):
             plain = 0.0
         name = f"{'● ' if h.effects in alike else ''}{h.name}"
-        stretches = ((plain, _AFTER), (width - plain, _PALE))
+        stretches = ((plain, BLUE), (width - plain, _PALE))
         bars.append(_Bar(name, stretches, probability(h.probability)))
     marks = [(_BARS_WIDTH * share, f"{share:g}") for share in (0.0, 0.25, 0.5, 0.75, 1.0)]
     top, step = 82.0, 28.0
     bottom = top + step * max(len(shown), 1)
     drawn = [
-        rectangle(_BARS_LEFT, 48.0, 12.0, 12.0, colour=_AFTER),
+        rectangle(_BARS_LEFT, 48.0, 12.0, 12.0, colour=BLUE),
         text(_BARS_LEFT + 18.0, 58.0, "by itself", colour=_QUIET),
         rectangle(_BARS_LEFT + 92.0, 48.0, 12.0, 12.0, colour=_PALE),
         text(_BARS_LEFT + 110.0, 58.0, "with something unknown beside it", colour=_QUIET),
@@ -657,7 +617,7 @@ _LINE, _LEADING = 104, 15.0
 def _closure_figure(diagnosis: Diagnosis) -> bytes:
     """Return the figure as SVG: a bar an error, the replicate floor as a dashed line."""
     gap = diagnosis.gap
-    colours = {"palette alone": _BEFORE, "with the verdict's effects": _AFTER}
+    colours = {look.of: look.colour for look in (_BEFORE, _AFTER)}
     rows = [
         (words, value, colours.get(words, _BASELINE))
         for words, value in errors_of(diagnosis)
@@ -668,7 +628,7 @@ def _closure_figure(diagnosis: Diagnosis) -> bytes:
     scale = _BARS_WIDTH / (1.12 * most)
     whisker = None if interval is None else (scale * interval[0], scale * interval[1])
     bars = [
-        _Bar(words, [(scale * x, colour)], percent(x), whisker if colour == _AFTER else None)
+        _Bar(words, [(scale * x, colour)], percent(x), whisker if colour == BLUE else None)
         for words, x, colour in rows
     ]
     marks = [(scale * tick / 100.0, f"{tick:g} %") for tick in ticks(0.0, 112.0 * most, 6)]
@@ -693,9 +653,8 @@ def _after_interval(gap: Gap) -> tuple[float, float] | None:
     """Return the error after that the ends of the closure's interval stand for."""
     if gap.after is None or gap.floor is None or gap.closed_interval is None:
         return None
-    low, high = gap.closed_interval
-    if not (math.isfinite(low) and math.isfinite(high)):
+    if not all(map(math.isfinite, gap.closed_interval)):
         return None
     reach = gap.before - gap.floor
-    ends = sorted(max(0.0, gap.floor + (1.0 - closed) * reach) for closed in (low, high))
-    return ends[0], ends[1]
+    low, high = (max(0.0, gap.floor + (1.0 - c) * reach) for c in gap.closed_interval)
+    return min(low, high), max(low, high)

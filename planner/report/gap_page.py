@@ -1,29 +1,25 @@
 """The folder of a diagnosis: report.html, figures and tables."""
 
-import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from html import escape
 from pathlib import Path
 
 from planner import __version__
 from planner.formats.outputs import new_folder
 from planner.formats.tables import encode_csv
-from planner.gap.diagnosis import Diagnosis
+from planner.gap.diagnosis import PALETTE_FILE, Diagnosis
 from planner.gap.summary import (
-    axis_words,
     best_of,
-    number_words,
     percent,
     probability,
     summary_of,
-    title,
 )
+from planner.palette import encode_palette
 from planner.report.gap_figures import figures_of
 from planner.report.gap_text import (
     Table,
     TextSection,
     headline,
-    meaning,
     scope,
     verdict_sections,
 )
@@ -88,90 +84,9 @@ def _next_profiles(diagnosis: Diagnosis) -> dict[str, bytes]:
 _LETTERS = "abcdefghijklmnopqrstuvwxyz"
 
 _FLUSH_RIGHT = {
-    "probability", "with an unknown beside it", "value", "share", "p", "error",
-    "factor on the law's stress", "smallest seen", "no.", "mm/s", "°C", "soak h", "days", "pull to",
+    "probability", "with an unknown beside it", "share", "p", "error",
+    "factor on the law's stress", "no.", "mm/s", "°C", "soak h", "days", "pull to",
 }  # fmt: skip
-
-
-def _page_tables(d: Diagnosis) -> dict[str, list[dict[str, str]]]:
-    """Return the tables of the report by their headings: rows, each by column."""
-    return {
-        "Explanations weighed": [
-            {
-                "hypothesis": h.name,
-                "probability": probability(h.probability),
-                "with an unknown beside it": probability(h.probability * h.with_unknown),
-                "same class as the verdict": "yes" if h.effects in d.same_class else "",
-            }
-            for h in d.ranking
-        ],
-        "Size of the effects": [
-            {
-                "effect": e.id,
-                "form": e.form,
-                "parameter": name,
-                "meaning": meaning(e.id, e.form, name),
-                "value": number_words(value),
-                "90 % interval": _interval(e.interval.get(name)),
-                "unit": _unit(e.units.get(name, "1")),
-            }
-            for e in d.effect
-            for name, value in e.parameters.items()
-        ],
-        "Where it lies": [
-            {
-                "of": of,
-                "along": axis_words(p.axis),
-                "share": percent(p.share),
-                "90 % interval": _interval(p.share_interval, percent),
-                "p": number_words(p.p, 2),
-                "detail": p.detail,
-            }
-            for of, places in (("gap", d.where), ("remainder", d.remainder))
-            for p in places
-        ],
-        "What the data ask of the laws besides": [
-            {
-                "material": material,
-                "factor on the law's stress": number_words(math.exp(factor)),
-                "90 % interval": _interval((factor - 1.645 * sd, factor + 1.645 * sd), _factor),
-            }
-            for material, (factor, sd) in d.recalibration.items()
-        ],
-        "What this campaign could have seen": [
-            {
-                "effect": s.id,
-                "parameter": s.parameter,
-                "meaning": meaning(s.id, "", s.parameter),
-                "smallest seen": "none within its bounds"
-                if s.size is None
-                else number_words(s.size),
-                "unit": _unit(s.unit),
-            }
-            for s in d.detectable
-        ],
-        "What it could not test": [
-            {"effect": u.id, "what it is": title(u.id), "because": u.reason} for u in d.not_testable
-        ],
-        "Data to look at": [
-            {"specimen": q.specimen or "all", "kind": q.kind, "problem": q.problem}
-            for q in d.data_quality
-        ],
-    }
-
-
-def _factor(log: float) -> str:
-    return number_words(math.exp(log))
-
-
-def _unit(unit: str) -> str:
-    return "" if unit == "1" else unit
-
-
-def _interval(
-    ends: tuple[float, float] | None, words: Callable[[float], str] = number_words
-) -> str:
-    return "" if ends is None else f"{words(ends[0])} to {words(ends[1])}"
 
 
 # ------------------------------------------------------------------------------------------------
@@ -201,12 +116,8 @@ def _page(d: Diagnosis, figures: Mapping[str, bytes]) -> Iterator[str]:
     if figures:
         yield f'<p class="quiet">{escape(_SIGN)}</p>'
     yield from (f"<p>{escape(words)}</p>" for words in summary_of(d))
-    for section in verdict_sections(d):
+    for section in verdict_sections(d, whole=True):
         yield from _section(section)
-    for heading, rows in _page_tables(d).items():
-        if rows:
-            yield f"<h2>{escape(heading)}</h2>"
-            yield from _table(tuple(rows[0]), [tuple(row.values()) for row in rows])
     yield "</main>\n<footer>"
     yield f"<p>planner {escape(__version__)}, seed {d.seed}</p>"
     yield f"<p>palette {escape(d.palette)}, sha256 {escape(d.palette_sha256)}</p>"
@@ -250,6 +161,7 @@ def diagnosis_files(diagnosis: Diagnosis) -> dict[str, bytes]:
     """Return the content of each file by its path; the same diagnosis gives the same bytes."""
     figures = figures_of(diagnosis)
     listed = any(x.row for x in diagnosis.next_experiments)
+    palette = diagnosis.own_palette
     return {
         "diagnosis.json": diagnosis.json(),
         "report.html": "\n".join(_page(diagnosis, figures)).encode("utf-8"),
@@ -257,12 +169,13 @@ def diagnosis_files(diagnosis: Diagnosis) -> dict[str, bytes]:
         "ranking.csv": _ranking_csv(diagnosis),
         **({"next-specimens.csv": _next_csv(diagnosis)} if listed else {}),
         **_next_profiles(diagnosis),
+        **({PALETTE_FILE: encode_palette(palette)} if palette is not None else {}),
         **{f"figures/{name}.svg": svg for name, svg in figures.items()},
     }
 
 
 def write_diagnosis(diagnosis: Diagnosis, output: str | Path, *, force: bool = False) -> Path:
-    """Write diagnosis.json, report.html, CSV tables, the next specimens and figures, or nothing.
+    """Write diagnosis.json, its palette, report.html, CSV tables and figures whole, or nothing.
 
     Parameters
     ----------

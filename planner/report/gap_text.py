@@ -3,7 +3,7 @@
 import math
 import re
 import textwrap
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from planner.gap.diagnosis import (
@@ -12,7 +12,6 @@ from planner.gap.diagnosis import (
     Experiment,
     FoundEffect,
     Gap,
-    QualityProblem,
     UnitOf,
     name_of,
 )
@@ -35,8 +34,8 @@ from planner.notes import listed
 __all__ = [
     "Table",
     "TextSection",
+    "errors_of",
     "headline",
-    "meaning",
     "scope",
     "unit_of",
     "verdict_sections",
@@ -73,7 +72,7 @@ def _size_words(effects: Sequence[FoundEffect]) -> Iterator[str]:
                 continue
             unit = effect.units.get(name, "1")
             ends = effect.interval.get(name)
-            words = meaning(effect.id, effect.form, name)
+            words = _meaning(effect.id, effect.form, name)
             size = f"{_label(name, words)} {_shown(name, words, unit, value)}"
             if ends is not None:
                 size += f" (90 % interval {_span(name, words, unit, ends)})"
@@ -100,21 +99,28 @@ def _at_bound(form: Form | None, name: str, value: float) -> str:
     return ""
 
 
-def _detectable_words(detectable: Sequence[Detectable]) -> Iterator[str]:
-    """Yield the smallest size of each effect that would have been seen, the first few alone."""
-    seen = [d for d in detectable if d.size is not None]
-    for d in seen[:_SEEN]:
-        words = meaning(d.id, "", d.parameter)
-        assert d.size is not None
-        yield f"{d.id}: {_label(d.parameter, words)} {_shown(d.parameter, words, d.unit, d.size)}."
-    if len(seen) > _SEEN:
-        yield f"{len(seen) - _SEEN} more of these are in diagnosis.json."
+def _detectable_words(detectable: Sequence[Detectable], most: int | None) -> Iterator[str]:
+    """Yield the smallest size of each effect that would have been seen."""
+    seen = [
+        f"{d.id}: {_label(d.parameter, words)} {_shown(d.parameter, words, d.unit, d.size)}."
+        for d in detectable
+        if d.size is not None
+        for words in [_meaning(d.id, "", d.parameter)]
+    ]
+    yield from _first(seen, most)
     blind = [d.id for d in detectable if d.size is None]
     if blind:
         yield f"Not seen however large: {listed(blind)}."
 
 
-def meaning(effect: str, form: str, parameter: str) -> str:
+def _first(sentences: Sequence[str], most: int | None) -> Iterator[str]:
+    """Yield the first sentences, all where there is no most, and where the others are."""
+    yield from sentences[:most]
+    if most is not None and len(sentences) > most:
+        yield f"{len(sentences) - most} more of these are in diagnosis.json."
+
+
+def _meaning(effect: str, form: str, parameter: str) -> str:
     """Return what a parameter means, as the effect's form says it; "" where none does."""
     forms = EFFECTS[effect].forms if effect in EFFECTS else ()
     own_first = sorted(forms, key=lambda f: f.name != form)
@@ -241,25 +247,70 @@ def headline(diagnosis: Diagnosis) -> str:
     return f"Verdict: {verdict} (probability {probability(best_of(diagnosis).probability)}){more}"
 
 
-def verdict_sections(diagnosis: Diagnosis) -> tuple[TextSection, ...]:
-    """Return the verdict section by section, those with nothing to say left out."""
+def verdict_sections(diagnosis: Diagnosis, *, whole: bool = False) -> tuple[TextSection, ...]:
+    """Return the verdict section by section, those with nothing to say left out.
+
+    A page has it whole: with tables of all that was weighed, and every row of them.
+    """
     d = diagnosis
-    seen = tuple(_detectable_words(d.detectable)) if d.verdict == "none" else ()
-    tests = d.next_experiments[:_EXPERIMENTS]
-    sections = (
-        TextSection("How sure that is", tuple(_how_sure(d))),
-        TextSection("Numbers in another unit", tuple(_units(d.unit_of))),
-        TextSection("How large it is", (tuple(_size_words(d.effect)),)),
-        TextSection("Smaller effects than these may hide", (seen,)),
-        TextSection("Where it lies", (tuple(_where(d)),)),
-        TextSection("How far it closes", tuple(_how_far(d))),
-        TextSection("What remains", tuple(_remainder(d))),
-        TextSection("What could not be tested", (tuple(_not_testable(d)),)),
-        TextSection("Data to look at", (tuple(_quality(d.data_quality)),)),
-        TextSection("Limits of this campaign", (tuple(map(sentence, d.limitations)),)),
-        TextSection("What to test next", tuple(_next(tests, d.verdict))),
+    ranking, places, levels = _tables(d) if whole else ((), (), ())
+    seen = _detectable_words(d.detectable, None if whole else _SEEN)
+    quality = [sentence(f"{q.specimen or 'All specimens'}: {q.problem}") for q in d.data_quality]
+    sections: Sequence[tuple[str, Iterable[str | tuple[str, ...] | Table]]] = (
+        ("How sure that is", (*_how_sure(d), *ranking)),
+        ("Numbers in another unit", _units(d.unit_of)),
+        ("How large it is", [tuple(_size_words(d.effect))]),
+        (
+            "Smaller effects than these may hide",
+            [tuple(seen if whole or d.verdict == "none" else ())],
+        ),
+        ("Where it lies", (tuple(_where(d)), *places)),
+        ("How far it closes", _how_far(d)),
+        ("What remains", _remainder(d)),
+        ("What the data ask of the laws besides", levels),
+        ("What could not be tested", [tuple(_not_testable(d))]),
+        ("Data to look at", [tuple(_first(quality, None if whole else _PROBLEMS))]),
+        ("Limits of this campaign", [tuple(map(sentence, d.limitations))]),
+        ("What to test next", _next(d.next_experiments[:_EXPERIMENTS], d.verdict)),
     )
-    return tuple(s for s in sections if any(s.parts))
+    filled = ((heading, tuple(part for part in parts if part)) for heading, parts in sections)
+    return tuple(TextSection(heading, parts) for heading, parts in filled if parts)
+
+
+def _tables(d: Diagnosis) -> Iterator[tuple[Table, ...]]:
+    """Yield every hypothesis, every axis of the gap and of its remainder, every law's level."""
+    ranking = (
+        (h.name, probability(h.probability), probability(h.probability * h.with_unknown),
+         "yes" if h.effects in d.same_class else "")
+        for h in d.ranking
+    )  # fmt: skip
+    named = ("hypothesis", "probability", "with an unknown beside it", "same class as the verdict")
+    yield _table(named, ranking)
+    places = (
+        (of, axis_words(p.axis), percent(p.share), _ends(p.share_interval, percent),
+         number_words(p.p, 2), p.detail)
+        for of, places in (("gap", d.where), ("remainder", d.remainder))
+        for p in places
+    )  # fmt: skip
+    yield _table(("of", "along", "share", "90 % interval", "p", "detail"), places)
+    levels = (
+        (material, _factor(log), _ends((log - 1.645 * sd, log + 1.645 * sd), _factor))
+        for material, (log, sd) in d.recalibration.items()
+    )
+    yield _table(("material", "factor on the law's stress", "90 % interval"), levels)
+
+
+def _table(columns: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> tuple[Table, ...]:
+    found = tuple(rows)
+    return (Table(columns, found),) if found else ()
+
+
+def _factor(log: float) -> str:
+    return number_words(math.exp(log))
+
+
+def _ends(ends: tuple[float, float], words: Callable[[float], str]) -> str:
+    return f"{words(ends[0])} to {words(ends[1])}"
 
 
 def scope(diagnosis: Diagnosis) -> str:
@@ -318,7 +369,8 @@ def _how_far(diagnosis: Diagnosis) -> Iterator[str | Table]:
     yield _ERROR
     if gap.held_out:
         yield f"These errors are on tests that took no part in the fit ({gap.held_out})."
-    yield errors_table(diagnosis)
+    errors = tuple((words, percent(error)) for words, error in errors_of(diagnosis))
+    yield Table(("prediction", "error"), errors)
     if gap.floor is not None:
         below = any(error < gap.floor for _, error in errors_of(diagnosis))
         yield (
@@ -348,14 +400,6 @@ _ERROR = (
     "of several specimens is the root mean square of theirs."
 )
 """The one definition, of text, tables, figures and diagnosis.json alike."""
-
-
-def errors_table(diagnosis: Diagnosis) -> Table:
-    """Return the errors of force that are known, and what replicates differ by."""
-    return Table(
-        ("prediction", "error"),
-        tuple((words, percent(error)) for words, error in errors_of(diagnosis)),
-    )
 
 
 def errors_of(diagnosis: Diagnosis) -> Iterator[tuple[str, float]]:
@@ -411,13 +455,6 @@ def _not_testable(diagnosis: Diagnosis) -> Iterator[str]:
         reasons.setdefault(untestable.reason, []).append(untestable.id)
     for reason, ids in reasons.items():
         yield f"{listed(ids)}{': ' + reason.rstrip('.') if reason else ''}."
-
-
-def _quality(problems: tuple[QualityProblem, ...]) -> Iterator[str]:
-    for q in problems[:_PROBLEMS]:
-        yield sentence(f"{q.specimen or 'All specimens'}: {q.problem}")
-    if len(problems) > _PROBLEMS:
-        yield f"{len(problems) - _PROBLEMS} more of these are in diagnosis.json."
 
 
 # ------------------------------------------------------------------------------------------------

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from planner.formats.vtu import HEXAHEDRON, TETRAHEDRON, WEDGE, encode_vtu
+from planner.formats.field_file import HEXAHEDRON, TETRAHEDRON, WEDGE, encode_vtu
 from planner.mesh.clip import clip_hexahedra
 from planner.mesh.distance import nearest, triangle_tree
 from planner.numerics import FloatArray

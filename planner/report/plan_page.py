@@ -13,10 +13,10 @@ import numpy as np
 
 from planner import __version__
 from planner.errors import OutputError
+from planner.formats.files import path_within
 from planner.formats.markdown import to_html
 from planner.formats.outputs import SEAL, is_sealed, seal, write_whole
 from planner.formats.threemf import read_threemf
-from planner.formats.within import path_within
 from planner.numerics import Float32Array, FloatArray, IntArray
 from planner.plan import Plan, decode_plan, plan_file, read_plan, read_shells
 from planner.report.course_page import course_controls, course_data

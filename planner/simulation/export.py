@@ -9,15 +9,15 @@ from typing import Any, Literal
 import numpy as np
 
 from planner.errors import ArgumentError, PlannerError, did_you_mean, positive
+from planner.formats.field_file import HEXAHEDRON, encode_vtu
 from planner.formats.files import encode_document
 from planner.formats.inp import HeldNodes, InpMaterial, InpModel, encode_inp
 from planner.formats.outputs import check_absent, write_whole
-from planner.formats.vtu import HEXAHEDRON, encode_vtu
 from planner.glance import counted, one_line
-from planner.materials.hardening import hardening
+from planner.materials.law_blocks import hardening, stable_yeoh
+from planner.materials.laws import Yeoh
 from planner.materials.marlow import POISSON
 from planner.materials.mixtures import CoefficientModel
-from planner.materials.stable_yeoh import StableYeoh, stable_yeoh
 from planner.mesh.halve import halve_long_edges
 from planner.mesh.mesh import Mesh
 from planner.notes import Caution
@@ -370,7 +370,8 @@ class _Law:
     modulus_MPa: float
     curve: FloatArray
     density_g_cm3: float
-    yeoh: StableYeoh | None = None
+    yeoh: Yeoh | None = None
+    fit_error: float | None = None
     hardening: FloatArray | None = None
     to_strain: float | None = None
     is_short: bool = False
@@ -378,10 +379,6 @@ class _Law:
     @property
     def name(self) -> str:
         return "Marlow" if self.to_strain is None else "Yeoh" if self.yeoh else "plastic"
-
-    @property
-    def fit_error(self) -> float | None:
-        return None if self.yeoh is None else self.yeoh.error
 
     @property
     def words(self) -> str:
@@ -406,16 +403,17 @@ def _law(model: CoefficientModel, coordinate: float, to: str, to_strain: float) 
     if to == "abaqus":
         return law
     wanted = min(to_strain, float(strain[-1]))
-    fitted = stable_yeoh(strain, stress, modulus, wanted)
-    if fitted.error > _WITHIN:
+    fitted, error = stable_yeoh(strain, stress, modulus, wanted)
+    if error > _WITHIN:
         rows = hardening(strain, stress, modulus, POISSON)
         if rows is not None:
             return replace(law, hardening=rows, to_strain=float(strain[-1]))
     reached = wanted
-    while fitted.error > _WITHIN:
+    while error > _WITHIN:
         reached *= _LESS
-        fitted = stable_yeoh(strain, stress, modulus, reached)
-    return replace(law, yeoh=fitted, to_strain=reached, is_short=reached < wanted)
+        fitted, error = stable_yeoh(strain, stress, modulus, reached)
+    short = reached < wanted
+    return replace(law, yeoh=fitted, fit_error=error, to_strain=reached, is_short=short)
 
 
 def _reached(source: object, solid: Solid, case: LoadCase, **options: Any) -> tuple[float, str]:
@@ -486,7 +484,7 @@ def _inp(
             elements=np.flatnonzero(of_cell == k),
             curve=law.curve,
             modulus_MPa=law.modulus_MPa,
-            yeoh_MPa=None if law.yeoh is None else law.yeoh.coefficients_MPa,
+            yeoh_MPa=None if law.yeoh is None else law.yeoh.c_MPa,
             hardening=law.hardening,
             poisson=POISSON,
             density_g_cm3=law.density_g_cm3 if np.isfinite(law.density_g_cm3) else None,

@@ -13,9 +13,8 @@ import numpy as np
 
 from planner.errors import ArgumentError, FileError, did_you_mean
 from planner.fields.basic import unit_direction
-from planner.formats.files import read_file
-from planner.formats.tables import QUANTITY_UNITS, quantities_of, unit_factor
-from planner.formats.toml import decode_toml
+from planner.formats.files import decode_toml, read_file
+from planner.formats.units import QUANTITY_UNITS, quantities_of, unit_factor
 from planner.mesh.mesh import Mesh, Topology, connected, measure
 from planner.numerics import BoolArray, FloatArray, IntArray, Point
 from planner.palette import Palette

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import ArgumentError, FileError, UnknownNameError
+from planner.formats.files import path_within
 from planner.formats.png import ImageKind, encode_layer
-from planner.formats.within import path_within
 from planner.glance import brief
 from planner.mesh.mesh import Mesh, compact, weld
 from planner.numerics import IntArray, kernel

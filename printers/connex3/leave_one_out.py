@@ -13,10 +13,11 @@ from planner.materials.algorithm_one import (
     QuadraticCoefficients,
     algorithm_one,
     literal_stress_MPa,
+    normalised_rmse,
     quadratics_through,
+    without,
 )
 from planner.materials.mixtures import CoefficientModel
-from planner.materials.quadratic_study import normalised_rmse, without
 from planner.numerics import FloatArray
 from planner.palette import Palette
 from printers.connex3.thesis import Published, Thesis

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from planner.formats.stl import encode_stl
-from planner.formats.threemf import ThreemfObject, write_threemf
+from planner.formats.threemf import ThreemfObject, encode_threemf
 from planner.mesh.mesh import Mesh
 from planner.voxels.picture import pictures_of
 
@@ -66,7 +66,8 @@ def written(path, *, one_mesh=False):
     metadata = {"printer": "connex3"}
     solids = [(Mesh(v.astype(np.float64), f), "#336699") for v, f, _ in shells]
     picture = pictures_of(solids, width=64, height=64).thumbnail
-    write_threemf(path, objects, "ring", metadata, thumbnail=picture, one_mesh=one_mesh)
+    data = encode_threemf(objects, "ring", metadata, thumbnail=picture, one_mesh=one_mesh)
+    path.write_bytes(data)
     return path, [len(f) for _, f, _ in shells], [volume for *_, volume in shells]
 
 

@@ -279,6 +279,19 @@ def texts() -> dict[str, tuple[str, str]]:
             "名前\t1 _ 1\t1 _ 2", "厚さ(mm)\t2\t2", "幅(mm)\t6\t6", "ゲージ長(mm)\t25\t25", "",
             "1 _ 1\t\t\t1 _ 2\t\t", "\t".join(["時間", "試験力", "ストローク"] * 2),
             "\t".join(["sec", "N", "mm"] * 2), beside([1, 2], "{t}\t{f}\t{d}", "\t", 3))),
+        # Sizes by their symbols; in a table of results with units in a row of their own, headed
+        # like a record; image correlation, whose strain is that of Green and Lagrange.
+        "symbols.csv": ("utf-8", text(
+            "w = 6 mm", "t = 2 mm", "L0 = 25 mm", "", "Time (s),Load (N),Extension (mm)",
+            lines(1, "{t},{f},{d}"))),
+        "results_above.csv": ("utf-8", text(
+            "Specimen,Width,Thickness,Gauge length,Load,Extension", "-,mm,mm,mm,N,mm",
+            "A1,6,2,25,9.9,20", "", "Time,Load,Extension", "s,N,mm", lines(1, "{t},{f},{d}"))),
+        "vic_lagrange.csv": ("utf-8", text(
+            "w,t", "mm,mm", "6,2", "", "Count,Load [N],eyy [1] - Lagrange,exy [1] - Lagrange",
+            [f"{i},{f:.9g},{e + 0.5 * e * e:.9g},0"
+             for i, (f, e) in enumerate(zip(specimen(1)[1], specimen(1)[2] / GAUGE_MM,
+                                            strict=True))])),
         # Remarks between rows of numbers.
         "events.csv": ("utf-8", text(
             "Width (mm),6", "Thickness (mm),2", "Gauge length (mm),25",

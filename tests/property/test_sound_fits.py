@@ -13,7 +13,6 @@ import pytest
 from planner.materials.characterise import Curve
 from planner.materials.fit import (
     COMPRESSION_FACTOR,
-    LOWEST_STRETCH,
     MODES_FACTOR,
     LawFit,
     fit_law,
@@ -21,7 +20,7 @@ from planner.materials.fit import (
     sample_of,
     unstable_strain,
 )
-from planner.materials.laws import candidate_laws
+from planner.materials.laws import LOWEST_STRETCH, candidate_laws
 from planner.materials.study import read_study
 from planner.numerics import FloatArray
 

@@ -6,7 +6,6 @@ curves are not published; eq. 3.8 with Table 3.2's coefficients stands in for th
 
 import numpy as np
 import pytest
-from numpy.typing import ArrayLike
 
 from planner.errors import ArgumentError
 from planner.materials.algorithm_one import (
@@ -17,8 +16,8 @@ from planner.materials.algorithm_one import (
     literal_stress_MPa,
     pooled_squared_error_MPa2,
     quadratics_through,
+    r_squared,
 )
-from planner.materials.quadratic_study import r_squared
 from printers.connex3.leave_one_out import published_curve
 from printers.connex3.thesis import load_thesis
 
@@ -116,19 +115,9 @@ def _powers(curve: LiteralCurve) -> np.ndarray:
     return np.array([curve.coordinate**2, curve.coordinate, 1.0])
 
 
-@pytest.mark.parametrize(
-    ("strain", "stress", "words"),
-    [
-        ([0.1, 0.2], [1.0], r"shapes \(2,\) and \(1,\)"),
-        ([], [], "not empty"),
-        ([[0.1]], [[1.0]], "two rows of one length"),
-        ([0.0, 0.1], [0.0, 1.0], "strain 0; eq. 3.8 diverges"),
-        ([0.1, np.nan], [0.0, 1.0], "not finite"),
-    ],
-)
-def test_bad_curves(strain: ArrayLike, stress: ArrayLike, words: str) -> None:
-    with pytest.raises(ArgumentError, match=words):
-        LiteralCurve(0.5, np.array(strain), np.array(stress))
+def test_a_curve_from_rest_is_refused() -> None:
+    with pytest.raises(ArgumentError, match=r"strain 0; eq\. 3\.8 diverges"):
+        LiteralCurve(0.5, np.array([0.0, 0.1]), np.array([0.0, 1.0]))
 
 
 def test_too_few_materials() -> None:
@@ -136,8 +125,6 @@ def test_too_few_materials() -> None:
         algorithm_one([*CURVES[:2], CURVES[1]], PRINTED)
     with pytest.raises(ArgumentError, match="2 different coordinates"):
         quadratics_through([0.0, 1.0], TABLE[:2])
-    with pytest.raises(ArgumentError, match="six coefficients"):
-        quadratics_through([0.0, 0.5, 1.0], TABLE[:2])
 
 
 def test_a_start_that_overflows() -> None:

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from planner.errors import PaletteError
+from planner.materials.algorithm_one import normalised_rmse, r_squared, without
 from planner.materials.mixtures import (
     CoefficientModel,
     interpolated,
     left_out_errors,
     left_out_remark,
 )
-from planner.materials.quadratic_study import normalised_rmse, r_squared, without
 from planner.palette import LawParameters
 from planner.printers import load_printer
 from planner.simulation.bar_solver import law_tables

@@ -102,7 +102,7 @@ def test_raw_exports_are_read_by_file(folder: Path) -> None:
     (folder / "mark10.txt").write_text(
         "MESURgauge\nUnits: lbf\nTravel Unit: in\nReading\tLoad\tTravel\tTime\n" + rows + "\n"
     )
-    with pytest.raises(FileError, match=r"specimen S2 \(mark10.txt\): the section is unknown"):
+    with pytest.raises(FileError, match=r"specimens.csv, specimen S2: the section is unknown"):
         read_campaign(folder)
     (folder / "specimens.csv").write_text(
         "specimen,material,file,gauge_mm,width_mm,thickness_mm\n"

@@ -9,7 +9,7 @@ import trimesh
 
 import planner
 from planner.errors import ArgumentError
-from planner.formats.tensile import read_specimens
+from planner.formats.specimens import read_specimens
 from planner.grading.coupons import coupon_volume_mm3
 
 ENDS = {"from_": "Tango", "to": "Vero", "axis": "x"}

@@ -10,8 +10,8 @@ import pytest
 import planner
 from planner.cli import run
 from planner.errors import ArgumentError
+from planner.materials.algorithm_one import quadratic_study
 from planner.materials.palette_study import PaletteStudy
-from planner.materials.quadratic_study import quadratic_study
 
 MODULI_MPA = {"A": 0.3, "B": 0.6, "C": 1.3, "D": 2.9, "E": 6.0}
 

@@ -21,6 +21,7 @@ from planner.grading.profile import Profile
 from planner.materials.laws import make_law
 from planner.materials.mixtures import CoefficientModel
 from planner.palette import Palette, Reference, encode_palette, load_palette, parse_palette
+from planner.report.gap_page import write_diagnosis
 
 PALETTE = Path(__file__).parents[2] / "printers/connex3/palettes/connex3-tango-vero.toml"
 OWN = Reference()
@@ -279,6 +280,24 @@ def test_another_palette_of_that_name_is_not_taken_unasked(palette, tmp_path, ca
     path = tmp_path / "diagnosis.json"
     path.write_bytes(other.json())
     assert run(["gap", "correct", str(path), "--temperature-C", "33"]) == 2
+    assert "--palette" in capsys.readouterr().err
+
+
+def test_a_diagnosis_carries_its_palette(palette, tmp_path, capsys) -> None:
+    """A lab's own palette need not be named again; one that was changed since is not believed."""
+    stiffer = tuple(replace(m, law=m.law.stiffened(1.1)) for m in palette.materials)
+    own = replace(palette, name="lab", materials=stiffer, sha256="1" * 64)
+    diagnosis = replace(diagnosed(own, found("temperature")), own_palette=own)
+    folder, out = write_diagnosis(diagnosis, tmp_path / "diagnosis"), tmp_path / "warm.toml"
+    command = ["gap", "correct", str(folder), "--temperature-C", "33", "-o", str(out), "--force"]
+    assert run(command) == 0
+    at_once = correct(diagnosis, temperature_C=33.0).palette
+    # A palette's file has nine digits.
+    assert stresses(load_palette(out), 0.1) == pytest.approx(stresses(at_once, 0.1), rel=1e-7)
+    assert run([*command, "--palette", str(folder / "palette.toml")]) == 0
+    assert "byte for byte" not in capsys.readouterr().err
+    (folder / "palette.toml").write_bytes(encode_palette(palette))
+    assert run(command) == 2
     assert "--palette" in capsys.readouterr().err
 
 

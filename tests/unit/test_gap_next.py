@@ -27,7 +27,8 @@ DIAGNOSIS = {
         "recalibration_only": 0.35,
         "held_out": "leave one condition out",
     },
-    "effect": {},
+    "tested": {"temperature_C": [23.0, 40.0]},
+    "effect": {"temperature": {"parameters": {"slope": 0.045}, "interval": {}}},
     "remainder": {"significant": False, "where": []},
     "data_quality": [],
     "next_experiments": [],
@@ -69,6 +70,17 @@ def test_from_a_list_alone_to_a_correction(lab: Path, capsys: pytest.CaptureFixt
         document = DIAGNOSIS | {"campaign": campaign}
         Path("why/diagnosis.json").write_text(json.dumps(document))
         assert expected in _standing(capsys)["next"]
+
+
+def test_of_a_diagnosis_it_says_the_verdict_and_what_follows(lab: Path, capsys) -> None:
+    Path("why").mkdir()
+    Path("why/diagnosis.json").write_text(json.dumps(DIAGNOSIS))
+    for path in ("why", "why/diagnosis.json"):
+        assert run(["gap", "next", path]) == 0
+        assert capsys.readouterr().out.splitlines() == [
+            f"diagnosed in {path}: temperature",
+            f"next: planner gap correct {path} --temperature-C 40 -o palette-corrected.toml",
+        ]
 
 
 def test_conditions_that_no_one_wrote_down_are_told(

@@ -9,10 +9,11 @@ import pytest
 
 import planner
 from planner.errors import ArgumentError, FileError, UnknownNameError
-from planner.formats.tables import QUANTITY_UNITS
+from planner.formats.units import QUANTITY_UNITS
 from planner.gap.campaign import Campaign
 from planner.gap.diagnosis import FoundEffect, UnitOf
-from planner.gap.unit_of import merged_units, stated_units, suggested_units
+from planner.gap.quality import merged_units, suggested_units
+from planner.materials.study import stated_units
 
 _LBF = QUANTITY_UNITS["force"]["lbf"]
 
@@ -74,7 +75,7 @@ def test_a_unit_replaces_that_of_the_heading(plain, written) -> None:
 )
 def test_what_is_not_understood_is_named(stated: str, error: type[Exception], said: str) -> None:
     with pytest.raises(error) as caught:
-        stated_units(stated, ["A", "FLX9740-1"])
+        stated_units(stated, {"A": "FLX9740", "FLX9740-1": "FLX9740"})
     assert said in str(caught.value)
     assert stated.partition(":")[0] in str(caught.value)
 

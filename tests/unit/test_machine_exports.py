@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 
 from planner.cli import run
 from planner.errors import FileError, PlannerError
+from planner.formats.tables import read_sheets
 from planner.formats.tensile import TensileTable, read_tensile
-from planner.formats.workbook import read_sheets
 from planner.materials.study import Study, read_study
 
 DATA = Path(__file__).parents[1] / "data"
@@ -50,7 +50,7 @@ SPECIMENS = {
     "two_widths_table.csv": 2, "decinewton.csv": 1, "mts_testsuite.txt": 1, "mts_test_runs.csv": 2,
     "emperor.txt": 1, "nexygen.csv": 1, "ta_xt.csv": 1, "wintest.csv": 2, "utm_colon.txt": 1,
     "trapezium_utf16.txt": 2, "events.csv": 1, "testxpert_merged.xlsx": 3, "utm_ja.xlsx": 2,
-    "utm_zh_beside.xlsx": 2,
+    "utm_zh_beside.xlsx": 2, "symbols.csv": 1, "results_above.csv": 1, "vic_lagrange.csv": 1,
 }  # fmt: skip
 WITHOUT_SIZES = {"mark10.txt"}
 NO_SIZES_NEEDED = {
@@ -91,6 +91,51 @@ def test_the_files_are_the_scripts() -> None:
     for name, sheets in MADE.workbooks().items():
         read = read_sheets((EXPORTS / name).read_bytes(), name)
         assert [sheet for sheet, _ in read] == list(sheets)
+
+
+def test_a_symbol_is_a_size_only_with_a_unit_of_length(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    rows = MADE.lines(1, "{t},{f},{d},6.{t}")
+    head = ["w = 6 mm", "t = 20", "Time (s),Load (N),Extension (mm),t (mm)"]
+    path.write_text("\n".join([*head, *rows]), encoding="utf-8")
+    (table,) = read_tensile(path)
+    assert dict(table.metadata) == {"width_mm": 6.0}
+
+
+def test_a_size_that_heads_a_table_names_no_specimen(tmp_path: Path) -> None:
+    """The width of all, 6, is also what one specimen is called."""
+    path = tmp_path / "a.csv"
+    head = ["Width,Thickness,Gauge length", "mm,mm,mm", "6,2,25", ""]
+    heads = "Time (s),Load (N),Extension (mm)"
+    blocks = [[f"Specimen {n}", heads, *MADE.lines(n, "{t},{f},{d}"), ""] for n in (6, 7)]
+    path.write_text("\n".join([*head, *blocks[0], *blocks[1]]), encoding="utf-8")
+    tables = read_tensile(path)
+    assert [table.metadata["thickness_mm"] for table in tables] == [2.0, 2.0]
+
+
+def test_a_lagrange_strain_that_no_stretch_has_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    rows = [f"{n},{-0.02 * n}" for n in range(30)]
+    path.write_text("\n".join(["Load [N],exx [1] - Lagrange", *rows]), encoding="utf-8")
+    with pytest.raises(FileError, match=r"Lagrange strain reaches -0\.58; it is above -0\.5"):
+        read_tensile(path)
+
+
+@pytest.mark.parametrize("heading", ["Stretch", "Lagrange strain"])
+def test_what_strain_is_made_of_takes_no_other_unit_of_strain(tmp_path: Path, heading: str) -> None:
+    path = tmp_path / "a.csv"
+    rows = [f"{1.0 + 0.01 * n},{n}" for n in range(30)]
+    path.write_text("\n".join([f"{heading},Stress (MPa)", *rows]), encoding="utf-8")
+    with pytest.raises(FileError, match="has no column of strain"):
+        read_study([path], unit_of="strain=%")
+
+
+def test_a_statistic_that_stands_twice_is_no_row(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    rows = [f"{n},{row}" for n, row in enumerate(MADE.lines(1, "{t},{f},{d}"))]
+    rows += ["Max,,9.9,20", "Max,,9.9,20"]
+    path.write_text("\n".join(["No,Time (s),Load (N),Extension (mm)", *rows]), encoding="utf-8")
+    assert len(read_tensile(path)[0].lines) == MADE.points(1)
 
 
 def test_what_may_be_two_readings_or_two_specimens_is_not_averaged(tmp_path: Path) -> None:

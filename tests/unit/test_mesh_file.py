@@ -15,10 +15,10 @@ import pytest
 import trimesh
 
 from planner.errors import ArgumentError, FileError, MeshError
+from planner.formats.archive import UnfoldingLimits
 from planner.formats.mesh_file import EXTENSIONS, read_mesh, unit_scale_mm
 from planner.formats.stl import encode_stl
-from planner.formats.threemf import ThreemfObject, write_threemf
-from planner.formats.threemf_structure import UnfoldingLimits
+from planner.formats.threemf import ThreemfObject, encode_threemf
 from planner.mesh.part import make_part
 
 
@@ -41,7 +41,7 @@ def test_each_format_gives_the_same_triangles(kind, box, tmp_path):
     if kind == "3mf":
         faces = box.faces.astype(np.int32)
         item = ThreemfObject("x", box.vertices.astype(np.float32), faces, "m", "#000000")
-        write_threemf(path, [item], "x")
+        path.write_bytes(encode_threemf([item], "x"))
     else:
         box.export(path)
     mesh = read_mesh(path, "mm")

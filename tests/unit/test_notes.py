@@ -64,6 +64,30 @@ def test_notes_on_a_palette_are_short(palette: str, at_strain: float) -> None:
         assert len(note) <= 120, note
 
 
+def test_notes_on_tests_are_short_and_said_once(tmp_path: Path) -> None:
+    """Of records with a toe, a copy, no unit, a fall, an offset, and one specimen a material."""
+    strain = np.linspace(0.0, 1.0, 80)
+    rubber = 0.4 * (1.0 + strain - (1.0 + strain) ** -2)
+    records = {
+        "neat": rubber,
+        "late": np.interp(strain - 0.08, strain, rubber),
+        "falls": rubber * np.interp(strain, [0.0, 0.6, 1.0], [1.0, 1.0, 0.5]),
+        "offset": rubber + 0.05,
+        "steepens": 0.4 * strain**2 + 0.02 * strain,
+    }
+    for name, stress in records.items():
+        rows = "".join(f"{e:.5f},{s:.6f}\n" for e, s in zip(strain, stress, strict=True))
+        for number in (1, 2) if name == "neat" else (1,):
+            file = tmp_path / f"{name}-{number}.csv"
+            file.write_text(f"strain,stress (MPa)\n{rows}", encoding="utf-8")
+    options = {"law": "ogden-1", "starts": 4, "compare": False}
+    for notes in (planner.characterise([tmp_path]).document()["notes"],
+                  planner.fit([tmp_path], **options).document()["notes"]):  # fmt: skip
+        assert len(notes) == len(set(notes)) > 5
+        for note in notes:
+            assert len(note) <= 120, note
+
+
 def test_a_note_is_said_where_the_plan_is_made_and_not_again(tmp_path, capsys) -> None:
     part = tmp_path / "bar.stl"
     trimesh.creation.box((60.0, 10.0, 6.0)).export(part)

@@ -105,7 +105,7 @@ def test_reads_moduli_and_materials(tmp_path) -> None:
 @pytest.mark.parametrize(
     ("text", "reason"),
     [
-        ("", "columns are none"),
+        ("", "the file is empty"),
         ("position\n0\n1\n", "modulus_MPa and material"),
         ("position,modulus_MPa,material\n0,1,Tango\n1,2,Vero\n", "one of"),
         ("position,modulus_MPa\n0,1\n", "from position 0 to position 1"),

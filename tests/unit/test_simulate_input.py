@@ -39,7 +39,7 @@ def test_arguments_out_of_range(options: dict, reason: str) -> None:
 @pytest.mark.parametrize(
     ("text", "reason"),
     [
-        ("", "columns are none"),
+        ("", "the file is empty"),
         ("x_mm\n0\n", "coordinate"),
         ("x_mm,coordinate,colour\n", "'colour'"),
         ("x_mm,coordinate\n0,0.5\n", "beginning to its end"),

@@ -12,12 +12,12 @@ import pytest
 import planner
 from planner.cli import run
 from planner.errors import ArgumentError
-from planner.formats.slicers import needs_one_mesh
 from planner.formats.threemf import (
     Constituent,
     ThreemfObject,
     decode_threemf,
     encode_threemf,
+    needs_one_mesh,
     read_threemf,
 )
 from planner.grading.check import check

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from planner.errors import ArgumentError, FileError
-from planner.formats.tensile import read_specimens
+from planner.formats.specimens import read_specimens
 from planner.materials.study import read_study
 
 HEAD = "specimen,material,width_mm,thickness_mm,gauge_mm,operator\n"
@@ -167,7 +167,7 @@ def test_a_strain_without_unit_is_said(tmp_path: Path) -> None:
         rows = "".join(f"{i / 20},{i / 30}\n" for i in range(20))
         (tmp_path / f"{name}.csv").write_text("strain,stress (MPa)\n" + rows)
     notes = " ".join(read_study([tmp_path]).notes)
-    assert "strain of a, b has no unit; taken as a fraction, up to 0.95, that is 95 %" in notes
+    assert "strain of a, b has no unit; taken as a fraction, up to 0.95; if" in notes
     text = (tmp_path / "a.csv").read_text()
     for name in ("a", "b"):
         (tmp_path / f"{name}.csv").write_text(text.replace("strain", "strain (mm/mm)"))

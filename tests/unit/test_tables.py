@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from planner.errors import FileError
+from planner.formats.specimens import read_specimens
 from planner.formats.tables import finite_number, finite_numbers, read_columns
-from planner.formats.tensile import read_specimens, read_tensile
+from planner.formats.tensile import read_tensile
 
 
 @pytest.mark.parametrize("figure", ["1e300", "-1e31", "1e308"])

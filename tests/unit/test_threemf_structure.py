@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from planner.errors import FileError, MeshError
+from planner.formats.archive import UnfoldingLimits
 from planner.formats.mesh_file import read_mesh
 from planner.formats.threemf import ThreemfObject, decode_threemf, encode_threemf
-from planner.formats.threemf_structure import UnfoldingLimits
 
 CORNERS = np.array([[0, 0, 0], [9, 0, 0], [0, 9, 0], [0, 0, 9]], dtype=np.float32)
 FACES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]], dtype=np.int32)

@@ -3,7 +3,7 @@
 import pytest
 
 from planner.errors import FileError, PaletteError
-from planner.formats.toml import decode_toml
+from planner.formats.files import decode_toml
 from planner.palette import load_palette
 from planner.printers import load_profile
 from planner.simulation.loads import read_cases

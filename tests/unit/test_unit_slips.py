@@ -13,8 +13,7 @@ import pytest
 import planner
 from planner.cli import run
 from planner.errors import UnknownNameError
-from planner.formats.tables import QUANTITY_UNITS
-from planner.formats.unit_of import unit_near
+from planner.formats.units import QUANTITY_UNITS, unit_near
 from planner.materials.laws import make_law
 from planner.materials.unit_slips import batch_apart
 from planner.palette import Palette

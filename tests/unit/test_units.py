@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from planner.errors import FileError
-from planner.formats.tables import is_unit, unit_factor
 from planner.formats.tensile import TensileTable, read_tensile
+from planner.formats.units import is_unit, unit_factor
 
 
 @pytest.mark.parametrize(

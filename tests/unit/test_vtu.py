@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from planner.errors import ArgumentError
-from planner.formats.field_file import read_point_table
-from planner.formats.vtu import HEXAHEDRON, TRIANGLE, encode_vtu
+from planner.formats.field_file import HEXAHEDRON, TRIANGLE, encode_vtu, read_point_table
 
 POINTS = np.array([[i, j, k] for k in (0, 1) for j, i in ((0, 0), (0, 1), (1, 1), (1, 0))], float)
 CELLS = ((HEXAHEDRON, np.arange(8)[None]), (TRIANGLE, np.array([[0, 1, 2], [4, 5, 6]])))

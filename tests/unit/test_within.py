@@ -12,7 +12,7 @@ import trimesh
 import planner
 from planner.errors import ArgumentError, FileError, PlannerError, UnknownNameError
 from planner.fields.parse import field_text
-from planner.formats.within import path_within
+from planner.formats.files import path_within
 from planner.gap.campaign_folder import read_campaign
 from planner.gap.correct import correct
 from planner.gap.diagnosis import read_diagnosis

@@ -1,72 +1,85 @@
 """Effects that a palette's laws do not know: of the print, of conditions, of the test."""
 
-from collections.abc import Mapping
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 from planner.errors import UnknownNameError, did_you_mean
-from planner.gap.effect import Effect
-from planner.gap.effects.conditions import (
-    AGEING,
-    MOISTURE,
-    PERMANENT_SET,
-    RATE,
-    SOFTENING,
-    TEMPERATURE,
-)
-from planner.gap.effects.print import (
-    COMPOSITION_OFFSET,
-    CROSS_SECTION,
-    INTERFACE_BLEED,
-    MATERIAL_LAW,
-    ORIENTATION,
-    SKIN,
-    effect_for,
-)
-from planner.gap.effects.test import (
-    FORCE_OFFSET,
-    FORCE_SCALE,
-    GRIP_SLACK,
-    GRIP_SLIP,
-    MACHINE_COMPLIANCE,
-    STRAIN_SCALE,
-)
+from planner.gap.diagnosis import FoundEffect
+from planner.gap.effect import Apply, Effect, Form, Parameter
+from planner.gap.effects import conditions, print, test
 from planner.palette import Palette
 
 __all__ = ["EFFECTS", "effect_named", "effects_for"]
 
 
-_ALL = (
-    AGEING,
-    COMPOSITION_OFFSET,
-    CROSS_SECTION,
-    FORCE_OFFSET,
-    FORCE_SCALE,
-    GRIP_SLACK,
-    GRIP_SLIP,
-    INTERFACE_BLEED,
-    MACHINE_COMPLIANCE,
-    MATERIAL_LAW,
-    MOISTURE,
-    ORIENTATION,
-    PERMANENT_SET,
-    RATE,
-    SKIN,
-    SOFTENING,
-    STRAIN_SCALE,
-    TEMPERATURE,
-)
+_FORMS = {**conditions.FORMS, **print.FORMS, **test.FORMS}
+_ADVICE = {**conditions.ADVICE, **print.ADVICE}
 
-EFFECTS: Mapping[str, Effect] = MappingProxyType(
-    {effect.id: effect for effect in sorted(_ALL, key=lambda e: e.id)}
-)
-"""Every effect by its id, sorted; `material-law` stands for that of a palette of three."""
+
+def _library() -> Mapping[str, Effect]:
+    """Return the effects of effects.toml by id, sorted, those of laws without a form."""
+    file = Path(__file__).with_name("effects.toml")
+    tables = tomllib.loads(file.read_text(encoding="utf-8"))
+    common = tables.pop("parameters")
+    return {id: _effect(id, tables[id], common) for id in sorted(tables)}
+
+
+def _effect(id: str, table: dict[str, Any], common: Mapping[str, Any]) -> Effect:
+    parameters = {
+        key: Parameter(**{"name": key, **given})
+        for key, given in {**common, **table.pop("parameters", {})}.items()
+    }
+    forms = tuple(
+        _form(name, _FORMS[id][name], given, parameters)
+        for name, given in table.pop("forms", {}).items()
+    )
+    remedy = table.pop("remedy", None)
+    advice = _ADVICE.get(id) if remedy is None else partial(_measure_anew, remedy)
+    return Effect(id=id, advice=advice, forms=forms, **_frozen(table))
+
+
+def _form(
+    name: str, apply: Apply, table: dict[str, Any], parameters: Mapping[str, Parameter]
+) -> Form:
+    own = tuple(parameters[key] for key in table.pop("parameters"))
+    return Form(name=name, parameters=own, apply=apply, **_frozen(table))
+
+
+def _frozen(table: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: tuple(v) if isinstance(v, list) else v for name, v in table.items()}
+
+
+def _measure_anew(remedy: str, found: FoundEffect, width_mm: float, thickness_mm: float) -> str:
+    """Return what to do where what was printed is as predicted, and what was read is not."""
+    return (
+        f"{found.id}: the print was right, the measurement was off ({found.text}); the "
+        f"palette stays as it is: {remedy}, and diagnose again"
+    )
+
+
+def _with_materials(coordinates: Sequence[float], names: Sequence[str]) -> Mapping[str, Effect]:
+    """Return all effects, with a form of `material-law` for each material."""
+    forms = print.material_law_forms(coordinates, names)
+    own = replace(_LIBRARY["material-law"], forms=forms)
+    return MappingProxyType({**_LIBRARY, own.id: own})
+
+
+_LIBRARY = _library()
+
+EFFECTS = _with_materials((0.0, 0.5, 1.0), ("softest", "middle", "hardest"))
+"""Every effect by its id, sorted; `material-law` stands for that of a palette of three.
+Convention: three show what a form is called."""
 
 
 def effects_for(palette: Palette) -> Mapping[str, Effect]:
     """Return every effect by its id, sorted, with the forms of a palette's own materials."""
     materials = palette.materials
-    own = effect_for([m.coordinate for m in materials], [m.id for m in materials])
-    return MappingProxyType({**EFFECTS, own.id: own})
+    return _with_materials([m.coordinate for m in materials], [m.id for m in materials])
 
 
 def effect_named(id: str, effects: Mapping[str, Effect], option: str) -> Effect:

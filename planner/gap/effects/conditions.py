@@ -1,7 +1,7 @@
 """Effects of conditions and history on the material: age, water, temperature, rate, strain."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import lru_cache, partial
 
 import numpy as np
@@ -10,11 +10,8 @@ from scipy.special import erf, rgamma
 
 from planner.gap.diagnosis import FoundEffect
 from planner.gap.effect import (
-    PEAK,
+    Advice,
     Apply,
-    Effect,
-    Form,
-    Parameter,
     Values,
     kept_below,
     place_on_palette,
@@ -28,7 +25,7 @@ from planner.simulation.bar_solver import (
     Setup,
 )
 
-__all__ = ["AGEING", "MOISTURE", "PERMANENT_SET", "RATE", "SOFTENING", "TEMPERATURE"]
+__all__ = ["ADVICE", "FORMS"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -119,8 +116,6 @@ _KNOTS_DECADES: FloatArray = np.linspace(-1.5, 5.5, _KNOTS)
 """Of a time in days or hours: a course keeps its sign over 0.7 decades. Chosen: from an hour, and
 minutes in water, to years beyond any campaign."""
 
-_DECADE = Parameter("change", 0.01, 0.35, "of ln stress per decade of age", signed=True)
-
 
 def _log_time(setup: Setup, values: Values) -> Setup:
     """Decades of age beyond the reference, counted from a first change, or else a day."""
@@ -138,51 +133,8 @@ def _saturating(setup: Setup, values: Values) -> Setup:
     return setup.stiffened(setup.on_slices(values["change"] * gone))
 
 
-AGEING = Effect(
-    "ageing",
-    "ageing since the print",
-    "specimens tested long after printing carry another force than fresh ones",
-    "law",
-    (
-        Form(
-            "log-time",
-            (_DECADE, Parameter("onset", 0.3, 30.0, "age of the first change", "days")),
-            _log_time,
-            "ln stress += a (log10(1 + t / t_0) - log10(1 + t_ref / t_0))",
-            "Struik, Physical Aging in Amorphous Polymers and Other Materials, 1978",
-            details=_WAVE_NAMES,
-        ),
-        Form(
-            "graded-log-time",
-            (_DECADE, PEAK),
-            _log_time,
-            "ln stress += a w(m) (log10(1 + t / 1 day) - log10(1 + t_ref / 1 day))",
-            "Bass, Meisel & Williams, Rapid Prototyping J. 22, 2016, 826",
-        ),
-        Form(
-            "saturating",
-            (
-                Parameter("change", 0.02, 0.6, "of ln stress in the end", signed=True),
-                Parameter("time", 2.0, 600.0, "of the reaction", "days"),
-            ),
-            _saturating,
-            "ln stress += a (exp(-t_ref / tau) - exp(-t / tau))",
-            "Bass, Meisel & Williams, Rapid Prototyping J. 22, 2016, 826",
-        ),
-    ),
-    where=("age_days",),
-    changes=("age",),
-    covariates=("age_days",),
-    condition="age_days",
-)
-
-
 # ------------------------------------------------------------------------------------------------
 # Moisture: soaked elastomer swells and softens, saturating within about a day.
-
-
-_MOISTURE_SIZE = Parameter("softening", 0.02, 0.45, "softening of a saturated specimen", log=False)
-_SHEET_TIME = Parameter("saturation", 1.0, 30.0, "time scale of 3 mm sheet", "h")
 
 
 _LEAST_h = 1e-9
@@ -224,47 +176,8 @@ def _root(setup: Setup, soak_h: FloatArray, saturation_h: float) -> FloatArray:
     return np.tanh(np.sqrt(soak_h / saturation_h))
 
 
-MOISTURE = Effect(
-    "moisture",
-    "water uptake",
-    "water taken up in soaking softens the specimens",
-    "law",
-    (
-        Form(
-            "fick",
-            (_MOISTURE_SIZE, _SHEET_TIME),
-            _softened_by(_sheet),
-            "E = E0 (1 - s sqrt(1 - exp(-4 t / (pi tau)))), tau ~ thickness^2",
-            "Crank, The Mathematics of Diffusion, 1975, ch. 4",
-        ),
-        Form(
-            "graded-fick",
-            (_MOISTURE_SIZE, _SHEET_TIME, PEAK),
-            _softened_by(_sheet),
-            "E = E0 (1 - s w(m) sqrt(1 - exp(-4 t / (pi tau)))), tau ~ thickness^2",
-            "Crank, The Mathematics of Diffusion, 1975, ch. 4",
-            details=_WAVE_NAMES,
-        ),
-        Form(
-            "root-time",
-            (_MOISTURE_SIZE, Parameter("saturation", 2.0, 100.0, "time of saturation", "h")),
-            _softened_by(_root),
-            "E = E0 (1 - s tanh(sqrt(t / t_s)))",
-            "Crank, The Mathematics of Diffusion, 1975, ch. 4 (short times)",
-        ),
-    ),
-    where=("soak_h", "thickness_mm"),
-    changes=("soak", "soak-section"),
-    covariates=("soak_h",),
-    condition="soak_h",
-)
-
-
 # ------------------------------------------------------------------------------------------------
 # Temperature: mixtures soften through a glass transition that lies the higher the harder.
-
-
-_SLOPE = Parameter("slope", 0.003, 0.15, "fall of ln stress per kelvin", "1/K")
 
 
 def _warmer_K(setup: Setup) -> FloatArray:
@@ -334,60 +247,12 @@ def _any_course(setup: Setup, values: Values) -> Setup:
     )
 
 
-TEMPERATURE = Effect(
-    "temperature",
-    "temperature",
-    "stiffness at the test's temperature differs from that at the palette's",
-    "law",
-    (
-        Form(
-            "exponential",
-            (_SLOPE,),
-            _exponential,
-            "ln stress -= b (T - T_ref)",
-            "Reichl & Inman, Exp. Tech. 42, 2018, 19 (Objet Connex materials)",
-        ),
-        Form(
-            "graded-exponential",
-            (_SLOPE, PEAK),
-            _exponential,
-            "ln stress -= b w(m) (T - T_ref)",
-            "Reichl & Inman, Exp. Tech. 42, 2018, 19 (Objet Connex materials)",
-        ),
-        Form(
-            "wlf",
-            (_SLOPE, Parameter("constant", 30.0, 150.0, "the second WLF constant", "K"), PEAK),
-            _wlf,
-            "ln stress -= b w(m) (T - T_ref) / (1 + (T - T_ref) / C2)",
-            "Williams, Landel & Ferry, J. Am. Chem. Soc. 77, 1955, 3701",
-        ),
-        Form(
-            "any-course",
-            (_SLOPE,),
-            _any_course,
-            "ln stress -= b G(T, m), relaxing log10(t / a_T) = log10 t + h b G(T, m), ln G' smooth",
-            "Williams, Landel & Ferry, J. Am. Chem. Soc. 77, 1955, 3701; Ferry, Viscoelastic "
-            "Properties of Polymers, 1980, ch. 11; Mahieux & Reifsnider, Polymer 42, 2001, 3281",
-            details=(*_WAVE_NAMES, "span", "tilt", "haste", "entropy"),
-        ),
-    ),
-    where=("temperature_C",),
-    changes=("temperature",),
-    covariates=("temperature_C",),
-    condition="temperature_C",
-)
-
-
 # ------------------------------------------------------------------------------------------------
 # Rate: elastomers are stiffer when strained faster, and relax when held.
 
 
 _LOG10_TIMES: FloatArray = np.log10(RELAXATION_TIMES_s)
 _TIME_STEP = float(np.log(RELAXATION_TIMES_s[1] / RELAXATION_TIMES_s[0]))
-
-_RISE = Parameter("rise", 0.02, 0.8, "of ln stress per decade of strain rate")
-_SHARE = Parameter("share", 0.04, 0.95, "of the instantaneous stress that relaxes")
-_CENTRE = Parameter("centre", 0.05, 2000.0, "middle of the relaxation times", "s")
 
 
 def _rate_decades(setup: Setup) -> FloatArray:
@@ -482,67 +347,6 @@ _MOST_RELAXING = 0.98
 """Of the stress at once. Numerical: something must be left to carry the slice."""
 
 
-RATE = Effect(
-    "rate",
-    "strain rate and relaxation",
-    "force depends on how fast the specimen is pulled, and relaxes when it is held",
-    "law",
-    (
-        Form(
-            "power-law",
-            (_RISE,),
-            _rate_power,
-            "ln stress += a log10(rate / reference)",
-            "G'Sell & Jonas, J. Mater. Sci. 14, 1979, 583",
-        ),
-        Form(
-            "graded-power-law",
-            (_RISE, PEAK),
-            _rate_power,
-            "ln stress += a w(m) log10(rate / reference)",
-            "Slesarenko & Rudykh, Int. J. Eng. Sci. 123, 2018, 62",
-        ),
-        Form(
-            "prony",
-            (_SHARE, _CENTRE, Parameter("breadth", 0.5, 2.0, "of the times", "decade")),
-            _prony,
-            "G(t) = 1 - g sum p_k (1 - exp(-t / tau_k)), p log-normal",
-            "Fung, Biomechanics, 1981, ch. 7 (quasi-linear viscoelasticity)",
-        ),
-        Form(
-            "graded-prony",
-            (_SHARE, _CENTRE, PEAK),
-            _graded_prony,
-            "G(t) = 1 - g w(m) sum p_k (1 - exp(-t / tau_k)), p log-normal of 1 decade",
-            "Fung, Biomechanics, 1981, ch. 7; Slesarenko & Rudykh, Int. J. Eng. Sci. 123, 2018, 62",
-        ),
-        Form(
-            "fractional",
-            (
-                Parameter("exponent", 0.008, 0.3, "of the decay"),
-                Parameter("onset", 0.02, 5.0, "time from which it decays", "s"),
-                PEAK,
-            ),
-            _fractional,
-            "G(t) = (1 + t / t_0)^(-n w(m)), as exponentials",
-            "Bagley & Torvik, J. Rheol. 27, 1983, 201",
-        ),
-        Form(
-            "spectrum",
-            (_SHARE, _CENTRE, Parameter("breadth", 0.5, 2.0, "of the times", "decade")),
-            _smooth_spectrum,
-            "G(t) = 1 - g(m) sum p_k (1 - exp(-t / tau_k)), p smooth over ln tau",
-            "Honerkamp & Weese, Rheol. Acta 32, 1993, 65 (smooth relaxation spectra)",
-            details=(*_WAVE_NAMES, "trend", "bend", "tilt"),
-        ),
-    ),
-    where=("rate_mm_s", "time", "branch"),
-    changes=("rate", "relaxation"),
-    covariates=("rate_mm_s|hold",),
-    condition="strain_rate_per_s",
-)
-
-
 # ------------------------------------------------------------------------------------------------
 # What a material strained once does next, which a law of first loading does not hold.
 
@@ -557,10 +361,6 @@ def _first_loading_alone(found: FoundEffect, width_mm: float, thickness_mm: floa
 
 # ------------------------------------------------------------------------------------------------
 # Permanent set: a material strained once stays longer, and bears no stress up to there.
-
-
-_SET_SIZE = Parameter("share", 0.01, 0.5, "of the largest strain that stays")
-_SOURCE = "Dorfmann & Ogden, Int. J. Solids Struct. 41, 2004, 1855"
 
 
 _SET_GROWTH = 0.3
@@ -594,54 +394,9 @@ def _set_power(setup: Setup, values: Values) -> Setup:
     return _set(setup, values, SOFTENING_PEAKS ** values["power"])
 
 
-PERMANENT_SET = Effect(
-    "permanent-set",
-    "permanent set",
-    "specimens stay longer after a large strain and come back slack",
-    "law",
-    (
-        Form(
-            "proportional",
-            (_SET_SIZE,),
-            _proportional,
-            "e_p = s e_max; by n reloads, e_p *= 1 + g ln(1 + n)",
-            _SOURCE,
-            details=("cycles",),
-        ),
-        Form("graded", (_SET_SIZE, PEAK), _proportional, "e_p = s w(m) e_max", _SOURCE),
-        Form(
-            "threshold",
-            (_SET_SIZE, Parameter("threshold", 0.05, 0.6, "strain from which it stays")),
-            _threshold,
-            "e_p = s e_max y / (1 + y), y = (e_max / e_0)^4; by n reloads, e_p *= 1 + g ln(1 + n)",
-            "Diani, Fayolle & Gilormini, Eur. Polym. J. 45, 2009, 601",
-            details=("cycles",),
-        ),
-        Form(
-            "power",
-            (
-                Parameter("share", 0.02, 0.7, "of strain 1 that stays"),
-                Parameter("power", 1.1, 3.0, "of the largest strain", log=False),
-            ),
-            _set_power,
-            "e_p = s e_max^p; by n reloads, e_p *= 1 + g ln(1 + n)",
-            "Diani, Fayolle & Gilormini, Eur. Polym. J. 45, 2009, 601",
-            details=("cycles",),
-        ),
-    ),
-    where=("branch", "strain"),
-    changes=("cyclic",),
-    channels=("unloading",),
-    advice=_first_loading_alone,
-)
-
-
 # ------------------------------------------------------------------------------------------------
 # Softening (Mullins): a material strained once is softer below the largest strain it has seen.
 
-
-_SOFTENING_SIZE = Parameter("softening", 0.02, 0.7, "stress lost near rest after a large strain")
-_SCALE = Parameter("scale", 0.03, 1.0, "largest strain at which two thirds are lost")
 
 _SHARES: FloatArray = SOFTENING_SHARES[:, None]
 _PEAKS: FloatArray = SOFTENING_PEAKS[None, :]
@@ -686,46 +441,38 @@ def _pseudo_elastic(setup: Setup, values: Values) -> Setup:
     return _softened(setup, values, erf(missing / reach))
 
 
-SOFTENING = Effect(
-    "softening",
-    "softening by strain (Mullins)",
-    "a specimen is softer once it has been strained (Mullins effect)",
-    "law",
-    (
-        Form(
-            "damage",
-            (_SOFTENING_SIZE, _SCALE, Parameter("power", 0.4, 3.0, "of strain over the largest")),
-            _damage,
-            "stress *= 1 - s (1 - (e / e_max)^p) (1 - exp(-e_max / e_0)) below e_max; "
-            "by n reloads, stress *= (1 + n)^-f",
-            "Simo, Comput. Methods Appl. Mech. Eng. 60, 1987, 153; "
-            "Miehe, Eur. J. Mech. A 14, 1995, 697 (damage that goes on with cycles)",
-            details=("cycles", "mixture"),
-        ),
-        Form(
-            "graded-damage",
-            (_SOFTENING_SIZE, _SCALE, PEAK),
-            _damage,
-            "stress *= 1 - s w(m) (1 - e / e_max) (1 - exp(-e_max / e_0)) below e_max",
-            "Simo, Comput. Methods Appl. Mech. Eng. 60, 1987, 153",
-        ),
-        Form(
-            "pseudo-elastic",
-            (
-                _SOFTENING_SIZE,
-                Parameter("scale", 0.03, 0.6, "strain of slight softening"),
-                Parameter("reach", 0.0, 1.0, "of softening at large strains", log=False),
-            ),
-            _pseudo_elastic,
-            "stress *= 1 - s erf((e_max^2 - e^2) / (e_0^2 + b e_max^2)) below e_max; "
-            "by n reloads, stress *= (1 + n)^-f",
-            "Ogden & Roxburgh, Proc. R. Soc. A 455, 1999, 2861; "
-            "Dorfmann & Ogden, Int. J. Solids Struct. 41, 2004, 1855",
-            details=("cycles", "mixture"),
-        ),
-    ),
-    where=("branch", "strain"),
-    changes=("cyclic",),
-    channels=("unloading",),
-    advice=_first_loading_alone,
-)
+# ------------------------------------------------------------------------------------------------
+# The functions of the forms in effects.toml, and what to do where no palette can hold an effect.
+
+
+FORMS: Mapping[str, Mapping[str, Apply]] = {
+    "ageing": {"log-time": _log_time, "graded-log-time": _log_time, "saturating": _saturating},
+    "moisture": {
+        "fick": _softened_by(_sheet),
+        "graded-fick": _softened_by(_sheet),
+        "root-time": _softened_by(_root),
+    },
+    "temperature": {
+        "exponential": _exponential,
+        "graded-exponential": _exponential,
+        "wlf": _wlf,
+        "any-course": _any_course,
+    },
+    "rate": {
+        "power-law": _rate_power,
+        "graded-power-law": _rate_power,
+        "prony": _prony,
+        "graded-prony": _graded_prony,
+        "fractional": _fractional,
+        "spectrum": _smooth_spectrum,
+    },
+    "permanent-set": {
+        "proportional": _proportional,
+        "graded": _proportional,
+        "threshold": _threshold,
+        "power": _set_power,
+    },
+    "softening": {"damage": _damage, "graded-damage": _damage, "pseudo-elastic": _pseudo_elastic},
+}
+
+ADVICE: Mapping[str, Advice] = dict.fromkeys(("permanent-set", "softening"), _first_loading_alone)

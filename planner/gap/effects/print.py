@@ -1,36 +1,19 @@
 """Effects of the print: mixture, law, interfaces, orientation, section and skin."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 
 import numpy as np
 from scipy.special import erfc
 
 from planner.gap.diagnosis import FoundEffect
-from planner.gap.effect import (
-    PEAK,
-    Apply,
-    Effect,
-    Form,
-    Parameter,
-    Values,
-    kept_below,
-    place_on_palette,
-)
+from planner.gap.effect import Advice, Apply, Form, Parameter, Values, kept_below, place_on_palette
 from planner.numerics import FloatArray
 from planner.simulation.bar import ProfileDesign
 from planner.simulation.bar_solver import Setup
 
-__all__ = [
-    "COMPOSITION_OFFSET",
-    "CROSS_SECTION",
-    "INTERFACE_BLEED",
-    "MATERIAL_LAW",
-    "ORIENTATION",
-    "SKIN",
-    "effect_for",
-]
+__all__ = ["ADVICE", "FORMS", "material_law_forms"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -39,10 +22,6 @@ __all__ = [
 
 _WIDTH = 0.3
 """Of the range over which mixtures are off that much. Chosen: a few neighbours of ten mixtures."""
-
-
-def _shift_of(low: float, high: float, meaning: str) -> Parameter:
-    return Parameter("shift", low, high, meaning, signed=True)
 
 
 def _shifted(setup: Setup, shift: FloatArray) -> Setup:
@@ -77,47 +56,6 @@ def _graded(setup: Setup, values: Values) -> Setup:
     return _shifted(setup, values["shift"] * np.exp(-(away**2)))
 
 
-COMPOSITION_OFFSET = Effect(
-    "composition-offset",
-    "mixture off the one asked for",
-    "what was printed is softer or harder than the mixture asked for",
-    "composition",
-    (
-        Form(
-            "constant",
-            (_shift_of(0.003, 0.12, "of the palette's range"),),
-            _constant,
-            "u += a, u from 0 at the palette's softest to 1 at its hardest, within the palette",
-            "Meisel, Dillard & Williams, Rapid Prototyping J. 24, 2018, 872",
-        ),
-        Form(
-            "dot-gain",
-            (_shift_of(0.004, 0.16, "of the palette's range, at its middle"),),
-            _dot_gain,
-            "u += 4 a u (1 - u), within the palette",
-            "Murray, J. Franklin Inst. 221, 1936, 721; Yule & Nielsen, TAGA Proc. 3, 1951, 65",
-        ),
-        Form(
-            "hard-jets",
-            (_shift_of(0.005, 0.2, "of the palette's range, at its hard end"),),
-            _hard_jets,
-            "u += a u, within the palette",
-            "Meisel, Dillard & Williams, Rapid Prototyping J. 24, 2018, 872",
-        ),
-        Form(
-            "graded",
-            (_shift_of(0.004, 0.16, "of the palette's range, where it is most"), PEAK),
-            _graded,
-            "u += a exp(-((u - peak) / 0.3)^2), within the palette",
-            "Meisel, Dillard & Williams, Rapid Prototyping J. 24, 2018, 872",
-        ),
-    ),
-    where=("material", "position"),
-    changes=("materials", "bars"),
-    channels=("materials",),
-)
-
-
 # ------------------------------------------------------------------------------------------------
 # Material law: the palette's law of one material is off, by a factor or more with strain.
 
@@ -125,8 +63,8 @@ COMPOSITION_OFFSET = Effect(
 _LAW_SOURCE = "laws of one ladder disagree between tables of one thesis: see the thesis' numbers"
 
 
-def effect_for(coordinates: Sequence[float], names: Sequence[str]) -> Effect:
-    """Return the effect with two forms for each material of a palette.
+def material_law_forms(coordinates: Sequence[float], names: Sequence[str]) -> tuple[Form, ...]:
+    """Return two forms of the effect for each material of a palette.
 
     Mixtures between materials feel it in part, as their laws are interpolated.
 
@@ -140,55 +78,23 @@ def effect_for(coordinates: Sequence[float], names: Sequence[str]) -> Effect:
     nodes = np.asarray(coordinates, dtype=np.float64)
     factor = Parameter("log_factor", 0.1, 1.6, "of its stress", signed=True)
     tilt = Parameter("log_tilt", 0.1, 1.2, "of its stress with strain", signed=True)
-    forms = []
-    for place, name in enumerate(names):
-        peak = np.zeros(len(nodes))
-        peak[place] = 1.0
-        forms += [
-            Form(
-                f"{name} factor",
-                (factor,),
-                _factor_of(nodes, peak),
-                f"ln stress += a hat(m), hat 1 at {name} and 0 at its neighbours",
-                _LAW_SOURCE,
-            ),
-            Form(
-                f"{name} tilt",
-                (tilt,),
-                _tilt_of(nodes, peak),
-                f"ln stress += a hat(m) tanh((strain - 0.15) / 0.2), hat 1 at {name}",
-                _LAW_SOURCE,
-            ),
-        ]
-    return Effect(
-        "material-law",
-        "law of one material",
-        "the palette's law of one material does not describe that material",
-        "law",
-        tuple(forms),
-        where=("material", "strain"),
-        changes=("materials",),
-        channels=("materials",),
-    )
+    found = []
+    for name, peak in zip(names, np.eye(len(nodes)), strict=True):
+        factor_is = f"ln stress += a hat(m), hat 1 at {name} and 0 at its neighbours"
+        tilt_is = f"ln stress += a hat(m) tanh((strain - 0.15) / 0.2), hat 1 at {name}"
+        apply = _law_of(nodes, peak)
+        found.append(Form(f"{name} factor", (factor,), apply, factor_is, _LAW_SOURCE))
+        found.append(Form(f"{name} tilt", (tilt,), apply, tilt_is, _LAW_SOURCE))
+    return tuple(found)
 
 
-def _factor_of(nodes: FloatArray, peak: FloatArray) -> Apply:
+def _law_of(nodes: FloatArray, peak: FloatArray) -> Apply:
     def apply(setup: Setup, values: Values) -> Setup:
-        return setup.stiffened(values["log_factor"] * np.interp(setup.coordinate, nodes, peak))
+        hat = np.interp(setup.coordinate, nodes, peak)
+        factor, tilt = (values.get(name, 0.0) for name in ("log_factor", "log_tilt"))
+        return setup.stiffened(factor * hat).with_(log_tilt=setup.log_tilt + tilt * hat)
 
     return apply
-
-
-def _tilt_of(nodes: FloatArray, peak: FloatArray) -> Apply:
-    def apply(setup: Setup, values: Values) -> Setup:
-        tilt = values["log_tilt"] * np.interp(setup.coordinate, nodes, peak)
-        return setup.with_(log_tilt=setup.log_tilt + tilt)
-
-    return apply
-
-
-MATERIAL_LAW = effect_for((0.0, 0.5, 1.0), ("softest", "middle", "hardest"))
-"""Of a palette of three materials; a campaign's own palette has its own forms."""
 
 
 # ------------------------------------------------------------------------------------------------
@@ -295,51 +201,8 @@ def _wide_bands(found: FoundEffect, width_mm: float, thickness_mm: float) -> str
     )
 
 
-INTERFACE_BLEED = Effect(
-    "interface-bleed",
-    "mixing where materials meet",
-    "materials mix where they meet, so that steps in a bar are blurred",
-    "composition",
-    (
-        Form(
-            "gaussian",
-            (Parameter("length", 0.05, 2.0, "standard deviation", "mm"),),
-            _bled(_gaussian),
-            "m = design * normal density: erf across a step",
-            "Crank, The Mathematics of Diffusion, 1975, ch. 2",
-        ),
-        Form(
-            "exponential",
-            (Parameter("length", 0.04, 1.5, "of decay", "mm"),),
-            _bled(_exponential),
-            "m = design * exp(-|x| / l) / (2 l)",
-            "Crank, The Mathematics of Diffusion, 1975, ch. 14 (diffusion with reaction)",
-        ),
-        Form(
-            "droplet",
-            (Parameter("length", 0.1, 4.0, "radius of spreading", "mm"),),
-            _bled(_droplet),
-            "m = design * 3 (1 - (x / l)^2) / (4 l) within l",
-            "Zorzetto et al., Sci. Rep. 10, 2020, 22285",
-        ),
-    ),
-    where=("position", "material"),
-    changes=("bars",),
-    channels=("bar",),
-    advice=_wide_bands,
-)
-
-
 # ------------------------------------------------------------------------------------------------
 # Orientation: swaths and layers make a part stiffer along some directions of the tray.
-
-
-_ORIENTATION_SOURCE = "Bass, Meisel & Williams, Rapid Prototyping J. 22, 2016, 826"
-_PARTS = "Mueller, Shea & Daraio, Mater. Des. 86, 2015, 902"
-
-
-def _change(name: str) -> Parameter:
-    return Parameter("change", 0.02, 0.5, f"of ln stress along {name}", signed=True)
 
 
 def _along(setup: Setup, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> FloatArray:
@@ -356,12 +219,12 @@ _GROWTH = 0.5
 vanish, within two deviations."""
 
 
-def _stiffer_along(axis: str) -> Apply:
+def _stiffer_along(axis: str, *, shaped: bool = False) -> Apply:
     """Return the form of one direction against the other two, perhaps growing with strain."""
 
     def apply(setup: Setup, values: Values) -> Setup:
         change = _along(setup, **{axis: values["change"]})
-        growth = _GROWTH * values.get("growth", 0.0)
+        growth = values.get("growth", 0.0) * (1.0 if shaped else _GROWTH)
         return setup.with_(
             log_factor=setup.log_factor + change, log_tilt=setup.log_tilt + growth * change
         )
@@ -375,78 +238,13 @@ def _three_way(setup: Setup, values: Values) -> Setup:
     return setup.stiffened(_along(setup, y=values["part"] * change, z=change))
 
 
-def _strained_layers(setup: Setup, values: Values) -> Setup:
-    """Across the layers, the more or the less the further the strain."""
-    change = _along(setup, z=values["change"])
-    return setup.with_(
-        log_factor=setup.log_factor + change, log_tilt=setup.log_tilt + values["growth"] * change
-    )
-
-
-ORIENTATION = Effect(
-    "orientation",
-    "direction on the tray",
-    "stiffness depends on how the specimen lay on the tray",
-    "law",
-    (
-        Form(
-            "build-direction",
-            (_change("z"),),
-            _stiffer_along("z"),
-            "ln stress += a along z",
-            _ORIENTATION_SOURCE,
-            details=("growth",),
-        ),
-        Form(
-            "head-direction",
-            (_change("x"),),
-            _stiffer_along("x"),
-            "ln stress += a cos^2 of the angle to x",
-            _PARTS,
-            details=("growth",),
-        ),
-        Form(
-            "swath-direction",
-            (_change("y"),),
-            _stiffer_along("y"),
-            "ln stress += a along y",
-            _PARTS,
-            details=("growth",),
-        ),
-        Form(
-            "three-way",
-            (_change("z"), Parameter("part", -0.5, 1.5, "of it along y", log=False)),
-            _three_way,
-            "ln stress += a along z, r a along y",
-            _ORIENTATION_SOURCE,
-        ),
-        Form(
-            "strained-layers",
-            (_change("z"), Parameter("growth", -1.0, 1.0, "of it with strain", log=False)),
-            _strained_layers,
-            "ln stress += a (1 + k tanh((strain - 0.15) / 0.2)) along z",
-            _ORIENTATION_SOURCE,
-        ),
-    ),
-    where=("orientation",),
-    changes=("orientation",),
-    covariates=("orientation",),
-    condition="orientation",
-)
-
-
 # ------------------------------------------------------------------------------------------------
 # Cross-section: jetted parts print larger or smaller than drawn, and with rounded edges.
 
 
-_SECTION_SOURCE = "Mueller, Shea & Daraio, Mater. Des. 86, 2015, 902"
 _LEAST = 0.1
 """Share of the drawn size below which none shrinks. Numerical: a section must be left; no print is
 off by so much."""
-
-
-def _oversize(meaning: str) -> Parameter:
-    return Parameter("oversize", 0.02, 0.4, meaning, "mm", signed=True)
 
 
 def _sizes_mm(setup: Setup) -> dict[str, FloatArray]:
@@ -501,57 +299,8 @@ def _draw_smaller(found: FoundEffect, width_mm: float, thickness_mm: float) -> s
     return f"{head}draw {which} {abs(over):.2f} mm {'smaller' if over > 0.0 else 'larger'}"
 
 
-CROSS_SECTION = Effect(
-    "cross-section",
-    "section other than drawn",
-    "specimens are thicker or thinner than drawn, so all stresses are off",
-    "geometry",
-    (
-        Form(
-            "all-sides",
-            (_oversize("of width and of thickness"),),
-            _grown("width", "thickness"),
-            "A = A0 (1 + d / w) (1 + d / t)",
-            "Ibrahim et al., J. Cranio-Maxillofac. Surg. 37, 2009, 167",
-        ),
-        Form(
-            "thickness",
-            (_oversize("of thickness"),),
-            _grown("thickness"),
-            "A = A0 (1 + d / t)",
-            _SECTION_SOURCE,
-        ),
-        Form(
-            "width",
-            (_oversize("of width"),),
-            _grown("width"),
-            "A = A0 (1 + d / w)",
-            _SECTION_SOURCE,
-        ),
-        Form(
-            "rounded",
-            (Parameter("radius", 0.3, 2.0, "of the corners", "mm"),),
-            _rounded,
-            "A = A0 - (4 - pi) r^2",
-            _SECTION_SOURCE,
-        ),
-    ),
-    where=("thickness_mm", "width_mm"),
-    changes=("section",),
-    channels=("section",),
-    advice=_draw_smaller,
-)
-
-
 # ------------------------------------------------------------------------------------------------
 # Skin: a surface layer, cured or wetted otherwise, that is stiffer or softer than the inside.
-
-
-_SIZE = Parameter(
-    "log_stiffness", 0.1, 1.5, "ln of the skin's stress over the inside's", signed=True
-)
-_DEPTH = Parameter("depth", 0.04, 0.6, "of the skin", "mm")
-_SKIN_SOURCE = "Voigt, Ann. Phys. 274, 1889, 573 (layers side by side)"
 
 
 def _inside(size_mm: FloatArray, depth_mm: float) -> FloatArray:
@@ -592,36 +341,44 @@ def _take_off(found: FoundEffect, width_mm: float, thickness_mm: float) -> str:
     )
 
 
-SKIN = Effect(
-    "skin",
-    "surface layer",
-    "a surface layer differs from the inside, and weighs more in thin specimens",
-    "geometry",
-    (
-        Form(
-            "all-sides",
-            (_SIZE, _DEPTH),
-            _covered("width", "thickness"),
-            "stress *= 1 + (exp(b) - 1) (1 - (1 - 2 h / w) (1 - 2 h / t))",
-            _SKIN_SOURCE,
-        ),
-        Form(
-            "faces",
-            (_SIZE, _DEPTH),
-            _covered("thickness"),
-            "stress *= 1 + (exp(b) - 1) 2 h / t",
-            _SKIN_SOURCE,
-        ),
-        Form(
-            "edges",
-            (_SIZE, _DEPTH),
-            _covered("width"),
-            "stress *= 1 + (exp(b) - 1) 2 h / w",
-            _SKIN_SOURCE,
-        ),
-    ),
-    where=("thickness_mm", "width_mm"),
-    changes=("section",),
-    channels=("section",),
-    advice=_take_off,
-)
+# ------------------------------------------------------------------------------------------------
+# The functions of the forms in effects.toml, and what to do where no palette can hold an effect.
+
+
+FORMS: Mapping[str, Mapping[str, Apply]] = {
+    "composition-offset": {
+        "constant": _constant,
+        "dot-gain": _dot_gain,
+        "hard-jets": _hard_jets,
+        "graded": _graded,
+    },
+    "interface-bleed": {
+        "gaussian": _bled(_gaussian),
+        "exponential": _bled(_exponential),
+        "droplet": _bled(_droplet),
+    },
+    "orientation": {
+        "build-direction": _stiffer_along("z"),
+        "head-direction": _stiffer_along("x"),
+        "swath-direction": _stiffer_along("y"),
+        "three-way": _three_way,
+        "strained-layers": _stiffer_along("z", shaped=True),
+    },
+    "cross-section": {
+        "all-sides": _grown("width", "thickness"),
+        "thickness": _grown("thickness"),
+        "width": _grown("width"),
+        "rounded": _rounded,
+    },
+    "skin": {
+        "all-sides": _covered("width", "thickness"),
+        "faces": _covered("thickness"),
+        "edges": _covered("width"),
+    },
+}
+
+ADVICE: Mapping[str, Advice] = {
+    "interface-bleed": _wide_bands,
+    "cross-section": _draw_smaller,
+    "skin": _take_off,
+}

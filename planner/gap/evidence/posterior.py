@@ -1,7 +1,7 @@
 """From evidence to probabilities: the verdict, its class, and when it is unknown."""
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from itertools import permutations
 
 import numpy as np
@@ -13,18 +13,13 @@ from planner.gap.evidence.problem import (
     Problem,
     falls,
     replicate_floor,
-    specimen_forces_N,
     squared_errors,
 )
-from planner.gap.evidence.search import GAIN
-from planner.gap.evidence.surrogate import (
-    Candidate,
-    Elimination,
-    SignedForm,
-    node_weights,
-)
+from planner.gap.evidence.settle import Elimination
+from planner.gap.evidence.surrogate import Candidate, SignedForm, node_weights
 from planner.gap.evidence.weigh import (
     ANY,
+    GAIN,
     Effects,
     HypothesisKey,
     Priors,
@@ -112,13 +107,11 @@ def _enough_alone(problem: Problem, weighed: Weighed, both: Effects) -> list[Eff
     evidence: what is small in force may count for much there.
     """
     errors = {
-        effects: squared_errors(
-            problem, specimen_forces_N(problem, weighed.best[effects], problem.model.setup)
-        )
+        effects: squared_errors(problem, weighed.best[effects])
         for effects in (both, *(tuple(e for e in both if e != id) for id in both))
         if effects in weighed.best
     }
-    return [e for e in errors if e != both and falls(problem, errors[e], errors[both]) < 0.5]
+    return [e for e in errors if e != both and not falls(problem, errors[e], errors[both])]
 
 
 def _fits_of_same_pattern(
@@ -188,7 +181,7 @@ class Evidence:
 
 def evidence_of(problem: Problem, weighed: Weighed) -> Evidence:
     """Return what a campaign's ranking goes by."""
-    errors = squared_errors(problem, specimen_forces_N(problem, Candidate(()), problem.model.setup))
+    errors = squared_errors(problem, Candidate(()))
     floor = replicate_floor(problem)
     known = np.isfinite(errors if floor is None else floor) & ~problem.strays
     return Evidence(
@@ -236,19 +229,17 @@ def _closes(problem: Problem, weighed: Weighed) -> Mapping[Effects, bool]:
     errors: dict[Effects, FloatArray] = {}
     for effects in sorted((e for e in value if any(set(e) <= set(b) for b in best)), key=len):
         candidate = weighed.best[effects]
-        world = weighed.world_of(candidate)
+        world = weighed.settled_as(candidate).world
         before, errors[effects] = (
             np.where(
                 problem.strays,
                 np.nan,
-                squared_errors(problem, specimen_forces_N(problem, one, world.calibrated(one))),
+                squared_errors(problem, one, world.calibrated(one)),
             )
             for one in (Candidate(()), candidate)
         )
         fewer = [errors[e] for e, closes in found.items() if closes and set(e) < set(effects)]
-        found[effects] = all(
-            falls(problem, one, errors[effects]) >= 0.5 for one in (before, *fewer)
-        )
+        found[effects] = all(falls(problem, one, errors[effects]) for one in (before, *fewer))
     return found
 
 
@@ -306,64 +297,46 @@ def ranking_of(evidence: Evidence, priors: Priors) -> tuple[Hypothesis, ...]:
     found = evidence.log_evidence
     # Over no effect in models that are exact, or that all miss.
     none = max(found.get(((), axis), -np.inf) for axis in ("", ANY))
-    share = priors.counted(max(found.values()) - none)
-    odds = {key: prior + share * found[key] for key, prior in evidence.log_prior.items()}
-    ranking = posterior(odds)
+    counts = priors.counted(max(found.values()) - none)
+    ranking = posterior(
+        {key: prior + counts * found[key] for key, prior in evidence.log_prior.items()}
+    )
+    p = {h.effects: h.probability for h in ranking}
+    vain = dict.fromkeys(evidence.vain, 1.0)
     if evidence.within_floor:
-        vain = evidence.vain | {UNKNOWN, *((id,) for id in evidence.scatter_like)}
-        ranking = _given(ranking, dict.fromkeys(vain, 1.0), ())
+        no_gap = dict.fromkeys([UNKNOWN, *((id,) for id in evidence.scatter_like)], 1.0)
+        _give(p, vain | no_gap, ())
     else:
-        ranking = _of_what_closes(ranking, evidence.closes, evidence.vain)
-        ranking = _given(ranking, dict.fromkeys(evidence.of_unlike, 0.5), UNKNOWN)
-    none = sum(h.probability for h in ranking if h.effects == ())
-    named = sum(h.probability for h in ranking if h.effects not in ((), UNKNOWN))
-    most = (evidence.specimens - 1) / (ENOUGH_SPECIMENS - 1) * (1.0 - none)
-    if evidence.specimens >= ENOUGH_SPECIMENS or named <= most:
-        return ranking
-    over = {h.effects: 1.0 - most / named for h in ranking if h.effects not in ((), UNKNOWN)}
-    return _given(ranking, over, UNKNOWN)
+        # In proportion, and to an unknown as if that were `_ALIKE_NATS` below what gives: what has
+        # less yet, as a third effect that fits by chance, is no better explanation.
+        given = sum(p.get(effects, 0.0) for effects in vain)
+        unknown = float(np.exp(-_ALIKE_NATS))
+        closing = sum(p.get(e, 0.0) for e, closes in evidence.closes.items() if closes)
+        each = given / max(closing + unknown * given, 1e-300)
+        for effects in p.keys() & evidence.closes.keys():
+            p[effects] *= unknown * each if effects in vain else 1.0 + each
+        _give(p, vain, UNKNOWN)
+        _give(p, dict.fromkeys(evidence.of_unlike, 0.5), UNKNOWN)
+    named = [effects for effects in p if effects not in ((), UNKNOWN)]
+    most = (evidence.specimens - 1) / (ENOUGH_SPECIMENS - 1) * (1.0 - p.get((), 0.0))
+    over = sum(p[effects] for effects in named)
+    if evidence.specimens < ENOUGH_SPECIMENS and over > most:
+        _give(p, dict.fromkeys(named, 1.0 - most / over), UNKNOWN)
+    beside = {h.effects: h.with_unknown for h in ranking}
+    return tuple(
+        Hypothesis(effects, p[effects], 0.0 if effects in ((), UNKNOWN) else beside[effects])
+        for effects in sorted(p, key=lambda e: (-p[e], e))
+    )
 
 
-def _of_what_closes(
-    ranking: Sequence[Hypothesis], looked_at: Collection[Effects], vain: Collection[Effects]
-) -> tuple[Hypothesis, ...]:
-    """Return a ranking in which what closes nothing gives its probability to what closes.
-
-    In proportion, and to an unknown as if that were `_ALIKE_NATS` below what gives: what has less
-    yet, as a third effect that fits by chance, is no better explanation.
-    """
-    given = sum(h.probability for h in ranking if h.effects in vain)
-    closing = sum(h.probability for h in ranking if h.effects in looked_at) - given
-    unknown = float(np.exp(-_ALIKE_NATS))
-    each = given / max(closing + unknown * given, 1e-300)
-    moved = [
-        replace(
-            h, probability=h.probability * (unknown * each if h.effects in vain else 1.0 + each)
-        )
-        if h.effects in looked_at
-        else h
-        for h in ranking
-    ]
-    return _given(moved, dict.fromkeys(vain, 1.0), UNKNOWN)
-
-
-def _given(
-    ranking: Sequence[Hypothesis], share: Mapping[Effects, float], to: Effects
-) -> tuple[Hypothesis, ...]:
-    """Return a ranking in which hypotheses give shares of their probability to another one.
-
-    One that gives up all is gone.
-    """
-    left = {h: share.get(h.effects, 0.0) for h in ranking if h.effects != to}
-    whole = sum(h.probability for h in ranking if h.effects == to)
-    whole += sum(given * h.probability for h, given in left.items())
-    kept = [
-        replace(h, probability=(1.0 - given) * h.probability)
-        for h, given in left.items()
-        if given < 1.0
-    ]
-    kept += [Hypothesis(to, whole)] if whole else []
-    return tuple(sorted(kept, key=lambda h: (-h.probability, h.effects)))
+def _give(p: dict[Effects, float], share: Mapping[Effects, float], to: Effects) -> None:
+    """Give shares of hypotheses' probability to another one; one that gives up all is gone."""
+    for effects in (e for e in share if e in p and e != to):
+        given = share[effects] * p[effects]
+        p[to] = p.get(to, 0.0) + given
+        p[effects] -= given
+        if share[effects] == 1.0:
+            del p[effects]
 
 
 def verdict_of(ranking: Sequence[Hypothesis]) -> Effects:
@@ -390,17 +363,14 @@ def found_effects(
 
     Intervals are the posterior's, normal about its mode in coordinates in which the prior is.
     """
-    found = []
-    if candidate.branches:
-        one = weighed.settled_as(candidate)
-        at, sd = one.coordinates, one.deviations()
-        first = 0
-        for branch, place in zip(candidate.branches, candidate.places, strict=True):
-            own = slice(first, first + len(branch.coordinates(place)))
-            found.append(_found(branch, at[own], sd[own]))
-            first = own.stop
+    one, found, first = weighed.settled_as(candidate), [], 0
+    at, sd = one.coordinates, one.deviations()
+    for branch, place in candidate.parts:
+        own = slice(first, first + len(branch.coordinates(place)))
+        found.append(_found(branch, at[own], sd[own]))
+        first = own.stop
     if candidate.members is not None:
-        h = weighed.plain.products(problem.whitened.columns[:, problem.gains])
+        h = weighed.plain.products(problem.columns[:, problem.gains])
         found.append(_gain_found(problem, h, candidate.members, candidate.log_gain))
     return tuple(sorted(found, key=lambda effect: effect.id))
 
@@ -477,6 +447,6 @@ def needed_nats(priors: Priors, effects: int) -> float:
 
 def _smallest(nodes: FloatArray, branch: SignedForm, needed: float) -> float | None:
     sizes = np.geomspace(branch.least, 1.0, _SIZES)
-    weights = node_weights(branch, [(s, *[0.0] * branch.shapes) for s in sizes])
+    weights = node_weights([(s, *[0.0] * branch.shapes) for s in sizes])
     enough = np.flatnonzero(0.5 * np.sum((weights @ nodes) * weights, axis=1) >= needed)
     return float(sizes[enough[0]]) if len(enough) else None

@@ -8,15 +8,39 @@ import numpy as np
 import scipy.linalg
 
 from planner.gap.evidence.problem import Problem
-from planner.gap.evidence.surrogate import Candidate, Elimination, integrated
+from planner.gap.evidence.surrogate import Candidate, Search
 from planner.numerics import FloatArray
 from planner.simulation.bar_solver import Setup
 
-__all__ = ["Settled", "World", "joined", "settle"]
+__all__ = ["Elimination", "Settled", "World", "nothing", "settle"]
 
 
 # ------------------------------------------------------------------------------------------------
 # How far data may be from any model: by the specimens' scatter, and by the model's own discrepancy.
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Elimination:
+    """Inner products of the kept columns with nuisances integrated out, and ln p(data | none)."""
+
+    products: FloatArray
+    none: float
+
+    def with_random(self, columns: slice, amplitude: float, head: int) -> "Elimination":
+        """Integrate over columns with coefficients of deviation `amplitude`; keep `head` others."""
+        a = self.products
+        inner = a[columns, columns] + np.eye(columns.stop - columns.start) / amplitude**2
+        left, log_det = _integrated(a[:head, :head], a[columns, :head], inner)
+        log_det += 2.0 * len(inner) * float(np.log(amplitude))
+        gain = 0.5 * (float(a[0, 0]) - float(left[0, 0])) - 0.5 * log_det
+        return Elimination(left, self.none + gain)
+
+
+def _integrated(kept: FloatArray, cross: FloatArray, inner: FloatArray) -> tuple[FloatArray, float]:
+    """Return Schur's complement of `inner`, and the logarithm of its determinant."""
+    factor = scipy.linalg.cholesky(inner, lower=True, check_finite=False)
+    half = scipy.linalg.solve_triangular(factor, cross, lower=True, check_finite=False)
+    return kept - half.T @ half, 2.0 * float(np.log(np.diagonal(factor)).sum())
 
 
 class World:
@@ -31,6 +55,8 @@ class World:
         `Problem.discrepancy`.
     laws
         How far laws are off in their course, over what they usually are; see `Problem.of_laws`.
+    nuisances, more : (N, k)
+        Columns of prior deviation 1, whitened, in place of the problem's or beside them.
     share
         Its prior probability.
     weight : (n,)
@@ -50,24 +76,26 @@ class World:
         discrepancy: float = 0.0,
         laws: float = 1.0,
         share: float = 1.0,
+        nuisances: FloatArray | None = None,
+        more: FloatArray | None = None,
         weight: FloatArray | None = None,
     ) -> None:
         self.problem, self.scale, self.discrepancy = problem, scale, discrepancy
         self.laws, self.log_share = laws, float(np.log(share))
-        whitened = problem.whitened
-        rows = np.ones(len(problem.table)) if weight is None else whitened.on_rows(weight)
+        each = np.ones(len(problem.noise.rows)) if weight is None else weight
+        rows = np.repeat(each, np.diff(problem.noise.first_row))
         self._root = np.sqrt(rows) / scale
         self._sizes = np.where(problem.of_laws, laws, 1.0)
-        nuisances = whitened.nuisance_columns * self._sizes
-        if discrepancy:
-            nuisances = np.concatenate([nuisances, discrepancy * problem.discrepancy], axis=1)
-        self._nuisances = self._root[:, None] * nuisances
+        blocks = [problem.nuisance_columns * self._sizes if nuisances is None else nuisances]
+        blocks += [discrepancy * problem.discrepancy] if discrepancy else []
+        blocks += [] if more is None else [more]
+        self._nuisances = self._root[:, None] * np.concatenate(blocks, axis=1)
         inner = self._nuisances.T @ self._nuisances
         inner[np.diag_indices(len(inner))] += 1.0
         self._factor = scipy.linalg.cholesky(inner, lower=True, check_finite=False)
         log_det = 2.0 * float(np.log(np.diagonal(self._factor)).sum())
         self._offset = -float(rows.sum()) * float(np.log(scale)) - 0.5 * log_det
-        alone = self.elimination(whitened.columns[:, 0])
+        alone = self.elimination(problem.columns[:, 0])
         self.none, self.left = alone.none, float(alone.products[0, 0])
 
     def _half(self, columns: FloatArray) -> FloatArray:
@@ -93,15 +121,19 @@ class World:
         m = weighted.T @ weighted - half.T @ half
         return np.asarray(m) if own is None else _without_last(m, count)[0]
 
+    def coefficients(self, left: FloatArray) -> FloatArray:
+        """Return the nuisances' posterior mean, in prior deviations, of what is left, (N,)."""
+        cross = self._nuisances.T @ (self._root * left)
+        return np.asarray(scipy.linalg.cho_solve((self._factor, True), cross, check_finite=False))
+
     def laws_off(self, candidate: Candidate) -> tuple[FloatArray, FloatArray]:
         """Return the mean and covariance of the problem's ways, the candidate being right."""
         problem, count = self.problem, len(self.problem.ways)
-        left = problem.whitened.columns[:, 0] - problem.signature(candidate)
-        cross = self._nuisances.T @ (self._root * left)
-        both = np.concatenate([cross[:, None], np.eye(len(cross), count)], axis=1)
-        found = scipy.linalg.cho_solve((self._factor, True), both, check_finite=False)[:count]
+        left = problem.columns[:, 0] - problem.signature(candidate)
+        unit = np.eye(len(self._factor), count)
+        inverse = scipy.linalg.cho_solve((self._factor, True), unit, check_finite=False)[:count]
         sizes = self._sizes[:count]
-        return sizes * found[:, 0], np.outer(sizes, sizes) * found[:, 1:]
+        return sizes * self.coefficients(left)[:count], np.outer(sizes, sizes) * inverse
 
     def calibrated(self, candidate: Candidate) -> Setup:
         """Return the campaign's setup with laws off as they likeliest are beside a candidate."""
@@ -127,7 +159,7 @@ class World:
 
 def _without_last(m: FloatArray, head: int) -> tuple[FloatArray, float]:
     """Return inner products of the first `head` columns, the others integrated out, prior 1."""
-    return integrated(m[:head, :head], m[head:, :head], m[head:, head:] + np.eye(len(m) - head))
+    return _integrated(m[:head, :head], m[head:, :head], m[head:, head:] + np.eye(len(m) - head))
 
 
 # ------------------------------------------------------------------------------------------------
@@ -137,7 +169,7 @@ def _without_last(m: FloatArray, head: int) -> tuple[FloatArray, float]:
 # of squares: of whitened residuals, nuisances integrated out, and of the coordinates.
 
 
-_STEPS = 12
+_STEPS = 16
 _ENOUGH_NATS = 0.05
 """Iterations, and the gain that is none: one that was made, or that the model linear about a point
 promises still. Numerical: evidence is off by about that, little beside the 3 nats that tell
@@ -160,7 +192,7 @@ the next step goes on."""
 def _moved(candidate: Candidate, coordinates: FloatArray) -> Candidate:
     """Return the candidate at coordinates of all its branches, one after the other."""
     places, first = [], 0
-    for branch, own in zip(candidate.branches, candidate.places, strict=True):
+    for branch, own in candidate.parts:
         stop = first + len(branch.coordinates(own))
         places.append(branch.place(coordinates[first:stop]))
         first = stop
@@ -168,8 +200,7 @@ def _moved(candidate: Candidate, coordinates: FloatArray) -> Candidate:
 
 
 def _coordinates(candidate: Candidate) -> FloatArray:
-    pairs = zip(candidate.branches, candidate.places, strict=True)
-    return np.concatenate([branch.coordinates(place) for branch, place in pairs])
+    return np.concatenate([branch.coordinates(place) for branch, place in candidate.parts])
 
 
 class _Point:
@@ -193,6 +224,10 @@ class _Point:
         """Return where the candidate is after a move of its coordinates."""
         return _Point(self._problem, self.candidate, self.coordinates + move)
 
+    def cost(self, squares: float) -> float:
+        """Return minus ln of the posterior, but for a constant, of the squares that are left."""
+        return 0.5 * (squares + float(self.coordinates @ self.coordinates))
+
     @cached_property
     def slopes(self) -> FloatArray:
         """Derivatives of the whitened features by the coordinates, (N, p)."""
@@ -203,38 +238,51 @@ class _Point:
         changes = problem.changes(problem.predictions(moved, self._prediction[0])) - self._change
         return problem.noise.whiten((changes / steps[:, None]).T)
 
-    def cost(self, world: World, own: FloatArray) -> float:
-        """Return minus ln of the posterior, but for a constant, beside specimens' own sizes."""
-        squares = float(world.products(self.left[:, None], own)[0, 0])
-        return 0.5 * (squares + float(self.coordinates @ self.coordinates))
-
 
 def _mode(world: World, point: _Point, own: FloatArray) -> _Point:
-    """Return the posterior mode in a world from a point on, beside specimens' own sizes."""
-    damping, cost = _DAMPING, point.cost(world, own)
+    """Return the posterior mode in a world from a point on, beside specimens' own sizes.
+
+    Slopes follow the steps (Broyden's rule); where they promise no more they are made anew.
+    """
+    slopes, fresh, damping = point.slopes, True, _DAMPING
     for _ in range(_STEPS):
-        columns = np.concatenate([point.left[:, None], point.slopes], axis=1)
-        m = world.products(columns, own)
-        gradient = m[1:, 0] - point.coordinates
-        curvature = m[1:, 1:] + np.eye(len(gradient))
-        # The evidence of the model linear about a point has its gain already.
-        if 0.5 * float(gradient @ np.linalg.solve(curvature, gradient)) < _ENOUGH_NATS:
-            break
-        before = cost
-        while True:
-            damped = curvature + damping * np.diag(np.diagonal(curvature))
-            move = np.clip(np.linalg.solve(damped, gradient), -_LONGEST, _LONGEST)
-            reached = point.moved(move)
-            cost = reached.cost(world, own)
-            if cost < before:
+        step = _step(world, point, own, slopes, damping)
+        if step is not None:
+            reached, move, gained, damping = step
+            off = point.left - reached.left - slopes @ move
+            slopes = slopes + np.outer(off, move / (move @ move))
+            point = reached
+        if step is None or gained < _ENOUGH_NATS:
+            if fresh:
                 break
-            damping *= _MORE
-            if float(gradient @ move) < _ENOUGH_NATS or damping > _MOST_DAMPING:
-                return point
-        damping, point = damping * _LESS, reached
-        if before - cost < _ENOUGH_NATS:
-            break
+            slopes, fresh, damping = point.slopes, True, _DAMPING
+        else:
+            fresh = False
     return point
+
+
+def _step(
+    world: World, point: _Point, own: FloatArray, slopes: FloatArray, damping: float
+) -> tuple[_Point, FloatArray, float, float] | None:
+    """Return where a damped step leads, that step, its gain and the next one's damping.
+
+    None where the model linear about the point, whose evidence has its gain already, promises
+    nothing, or no step gains.
+    """
+    m = world.products(np.concatenate([point.left[:, None], slopes], axis=1), own)
+    gradient = m[1:, 0] - point.coordinates
+    curvature = m[1:, 1:] + np.eye(len(gradient))
+    cost = point.cost(float(m[0, 0]))
+    promised = 0.5 * float(gradient @ np.linalg.solve(curvature, gradient))
+    while promised >= _ENOUGH_NATS and damping <= _MOST_DAMPING:
+        damped = curvature + damping * np.diag(np.diagonal(curvature))
+        move = np.clip(np.linalg.solve(damped, gradient), -_LONGEST, _LONGEST)
+        reached = point.moved(move)
+        gained = cost - reached.cost(float(world.products(reached.left[:, None], own)[0, 0]))
+        if gained > 0.0:
+            return reached, move, gained, damping * _LESS
+        damping, promised = damping * _MORE, float(gradient @ move)
+    return None
 
 
 # ------------------------------------------------------------------------------------------------
@@ -294,17 +342,18 @@ class Settled:
         inner = self.world.products(self.slopes, self.own) + np.eye(self.slopes.shape[1])
         return np.asarray(np.sqrt(np.diagonal(np.linalg.inv(inner))))
 
-    def conditional(self) -> Elimination:
-        """Return the problem's nodes with nuisances and this candidate integrated out."""
+    def search(self) -> Search:
+        """Return the search of every form for what this candidate leaves."""
         problem = self.world.problem
-        return self.eliminated(self.world, problem.whitened.columns[:, problem.nodes])
+        left = self.eliminated(self.world, problem.columns[:, problem.nodes]).products
+        return Search(problem.branches, left[0, 1:], left[1:, 1:])
 
 
-def joined(one: Candidate, other: Candidate) -> Candidate:
-    """Return two effects as one candidate, sorted."""
-    parts = zip((*one.branches, *other.branches), (*one.places, *other.places), strict=True)
-    branches, places = zip(*sorted(parts, key=lambda part: part[0].effect.id), strict=True)
-    return Candidate(tuple(b.effect.id for b in branches), branches, places)
+def nothing(world: World) -> Settled:
+    """Return no effect at all in a world."""
+    residual = world.problem.columns[:, 0]
+    none = np.zeros((len(residual), 0))
+    return Settled(world, Candidate(()), np.zeros(0), none, none, residual)
 
 
 _ROUNDS = 3

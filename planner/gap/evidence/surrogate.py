@@ -1,84 +1,49 @@
 """A surrogate of the forward model: nodes, interpolation and inner products of each form."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from itertools import product
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import combinations, product
 from math import prod
+from typing import TypeAlias
 
 import numpy as np
-import scipy.linalg
 from numpy.typing import ArrayLike
 from scipy.special import ndtr, ndtri
 
-from planner.gap.effect import Effect, Form, Parameter, Values
-from planner.numerics import FloatArray, IntArray, inner_kernel, kernel
+from planner.gap.effect import Effect, Form
+from planner.numerics import FloatArray, IntArray
 
-__all__ = [
-    "Candidate",
-    "Elimination",
-    "SignedForm",
-    "Whitened",
-    "climbed",
-    "integrated",
-    "node_weights",
-    "signed_forms",
-]
+__all__ = ["Candidate", "Place", "Search", "SignedForm", "joined", "node_weights", "signed_forms"]
 
 
 # ------------------------------------------------------------------------------------------------
 # Where each form is evaluated, so that everything in between follows by interpolation.
 #
-# The features that a form predicts are smooth in its parameters: four sizes, five values of a first
-# parameter of shape and three of a second carry them. Sizes are spaced as squares, being nought at
-# the first, which needs no evaluation: with size = high s^2, features that are linear in the size
-# are a parabola in s. Times of relaxation over decades take the five.
+# The features that a form predicts are smooth in its parameters: three sizes, five values of a
+# first parameter of shape and three of a second carry them. Sizes are spaced nearly as squares,
+# being nought at the first, which needs no evaluation; a place has the root s of the size over its
+# largest. Times of relaxation over decades take the five.
 
 
 _NODES = np.array(
     [
-        [0.0, 0.25, 0.5, 0.75, 1.0],  # of s, the root of size over its largest
+        [0.0, 0.35, 0.7, 1.0, np.nan],  # of s, the root of size over its largest
         [-0.932, -0.576, 0.0, 0.576, 0.932],  # of the ranges, -1 to 1, of a first shape parameter
         [-0.85, 0.0, 0.85, np.nan, np.nan],  # and of a second: nearly Chebyshev's
     ]
 )
-_FIRST, _STOP = (1, 0, 0), (5, 5, 3)
-_MOST = 60
-"""Nodes of a form: where they lie, which are evaluated, and how many at most. Numerical: what lies
-between is interpolated to find where to look; what is found is settled on the model itself."""
+_FIRST, _STOP = (1, 0, 0), (4, 5, 3)
+"""Nodes of a form: where they lie, and which are evaluated. Numerical: what lies between is
+interpolated to find where to look; what is found is settled on the model itself."""
 
 _FAR = 4.0
 """Deviations beyond which no parameter is looked for. Numerical: all but 6e-5 of a prior lies
 within."""
 
 
-@inner_kernel
-def _weights(place: FloatArray, out: FloatArray) -> int:
-    """Fill Lagrange's weights of the nodes at a place (s, shapes...), sizes slowest; count them."""
-    part = np.empty(5)
-    n = 1
-    out[0] = 1.0
-    for d in range(len(place)):
-        first, stop = _FIRST[d], _STOP[d]
-        for j in range(first, stop):
-            value = 1.0
-            for k in range(stop):
-                if k != j:
-                    value *= (place[d] - _NODES[d, k]) / (_NODES[d, j] - _NODES[d, k])
-            part[j - first] = value
-        count = stop - first
-        for i in range(n - 1, -1, -1):
-            old = out[i]
-            for j in range(count):
-                out[i * count + j] = old * part[j]
-        n *= count
-    return n
-
-
-@kernel
-def _fill_weights(places: FloatArray, out: FloatArray) -> None:
-    """Fill the weights of the nodes, (P, nodes), at places (P, 1 + shapes)."""
-    for p in range(len(places)):
-        _weights(places[p], out[p])
+Place: TypeAlias = tuple[float, ...]
+"""Of a form: s, the root of its size over the largest; shapes in -1 to 1; then perhaps details."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,7 +87,7 @@ class SignedForm:
         size = self.form.size
         values = {size.name: self.sign * size.high * place[0] ** 2}
         for parameter, at in zip(self.form.parameters[1:], place[1:], strict=False):
-            values[parameter.name] = _value_at(parameter, at)
+            values[parameter.name] = parameter.at(0.5 * (at + 1.0))
         values.update(zip(self.form.details, place[1 + self.shapes :], strict=False))
         return values
 
@@ -155,19 +120,6 @@ class SignedForm:
         """The smallest s."""
         return float((self.form.size.low / self.form.size.high) ** 0.5)
 
-    @property
-    def lows(self) -> list[float]:
-        """The smallest value of each coordinate of a place; the largest is 1."""
-        return [self.least] + [-1.0] * self.shapes
-
-
-def _value_at(parameter: Parameter, at: float) -> float:
-    """Return a shape parameter's value at a place of its range, -1 to 1."""
-    share = 0.5 * (at + 1.0)
-    if parameter.log:
-        return float(parameter.low * (parameter.high / parameter.low) ** share)
-    return float(parameter.low + share * (parameter.high - parameter.low))
-
 
 def signed_forms(effects: Sequence[Effect]) -> tuple[SignedForm, ...]:
     """Return all branches of the effects, numbered, with their nodes one after another."""
@@ -184,13 +136,21 @@ def signed_forms(effects: Sequence[Effect]) -> tuple[SignedForm, ...]:
     return tuple(found)
 
 
-def node_weights(branch: SignedForm, places: ArrayLike) -> FloatArray:
-    """Return the weight of each node of a branch, (..., nodes), at places (..., 1 + shapes)."""
+def node_weights(places: ArrayLike) -> FloatArray:
+    """Return the weight of each node of a form, (..., nodes), at places (..., 1 + shapes).
+
+    Lagrange's, sizes slowest.
+    """
     at = np.asarray(places, dtype=np.float64)
-    flat = np.ascontiguousarray(at.reshape(-1, at.shape[-1]))
-    weights = np.empty((len(flat), branch.nodes))
-    _fill_weights(flat, weights)
-    return weights.reshape(*at.shape[:-1], branch.nodes)
+    weights = np.ones((*at.shape[:-1], 1))
+    for d in range(at.shape[-1]):
+        # Polynomials of the size itself, and not of its root, are near at small sizes too.
+        power = 2 if d == 0 else 1
+        nodes = np.vander(_NODES[d, : _STOP[d]] ** power, increasing=True)
+        powers = np.vander(at[..., d].ravel() ** power, _STOP[d], increasing=True)
+        own = (powers @ np.linalg.inv(nodes)).reshape(*at.shape[:-1], -1)[..., _FIRST[d] :]
+        weights = (weights[..., :, None] * own[..., None, :]).reshape(*at.shape[:-1], -1)
+    return weights
 
 
 # ------------------------------------------------------------------------------------------------
@@ -219,7 +179,7 @@ class Candidate:
 
     effects: tuple[str, ...]
     branches: tuple[SignedForm, ...] = ()
-    places: tuple[tuple[float, ...], ...] = ()
+    places: tuple[Place, ...] = ()
     gain: float = 0.0
     log_evidence: float = 0.0
     members: FloatArray | None = None
@@ -230,226 +190,165 @@ class Candidate:
         """The s of each effect."""
         return np.array([place[0] for place in self.places])
 
-    def values(self) -> list[tuple[SignedForm, Values]]:
-        """Return the branches with their parameters' values."""
-        pairs = zip(self.branches, self.places, strict=True)
-        return [(branch, branch.values(place)) for branch, place in pairs]
+    @property
+    def parts(self) -> list[tuple[SignedForm, Place]]:
+        """Each branch with its place."""
+        return list(zip(self.branches, self.places, strict=True))
+
+
+def joined(
+    parts: Iterable[tuple[SignedForm, Place]], gain: float = 0.0, log_evidence: float = 0.0
+) -> Candidate:
+    """Return branches at places as one candidate, effects sorted."""
+    branches, places = zip(*sorted(parts, key=lambda part: part[0].effect.id), strict=True)
+    return Candidate(tuple(b.effect.id for b in branches), branches, places, gain, log_evidence)
 
 
 # ------------------------------------------------------------------------------------------------
-# Climb to the best parameters, on inner products alone.
+# Where to look: every form and every pair of effects, on grids of their sizes and shapes.
 #
 # All features of a form are combinations of its nodes' features, so that its likelihood needs their
 # inner products with the residual and with one another, and nothing of the campaign's size.
 
 
-_ROOM = 2 * _MOST
-"""Of weights. Numerical: the nodes of two forms."""
+_GRID = (24, 7, 7)
+"""Sizes and shapes at which a form is looked at. Numerical: its evidence is the mean over them, and
+what is settled starts from the best."""
+
+_SCAN = 8
+"""Sizes at which pairs are scanned. Numerical: the search goes on from there."""
+
+_PAIRS = 30
+"""Pairs of effects that pass the scan. Numerical: more than twice as many as are settled."""
+
+_FORMS = 3
+"""Combinations of forms of such a pair that are sought. Numerical: the best ones of the scan; forms
+of an effect differ little before they are settled."""
+
+_FINER = (0.5, 0.5, 0.25, 0.25, 0.1, 0.1, 0.03, 0.03)
+"""Of the steps of that scan, by which places about the best are looked at, one effect after the
+other. Numerical: sizes are found to a hundredth."""
 
 
-@inner_kernel
-def _gain(
-    b: FloatArray, g: FloatArray, firsts: IntArray, shapes: IntArray, place: FloatArray,
-    c: FloatArray, at: IntArray,
-) -> float:  # fmt: skip
-    """Return the log likelihood over that of no effect, at a place of one or two branches.
-
-    Sums run along rows, side by side: each sum's own order is fixed, and processors add many
-    at a time.
-    """
-    n = 0
-    d = 0
-    for i in range(len(firsts)):
-        at[i] = n
-        n += _weights(place[d : d + 1 + shapes[i]], c[n:])
-        d += 1 + shapes[i]
-    at[len(firsts)] = n
-    total = 0.0
-    for i in range(len(firsts)):
-        mi = at[i + 1] - at[i]
-        inner = c[_ROOM : _ROOM + mi]
-        for p in range(mi):
-            inner[p] = -2.0 * b[firsts[i] + p]
-        for j in range(len(firsts)):
-            mj = at[j + 1] - at[j]
-            for q in range(mj):
-                row = g[firsts[j] + q, firsts[i] : firsts[i] + mi]
-                factor = c[at[j] + q]
-                for p in range(mi):
-                    inner[p] += row[p] * factor
-        for p in range(mi):
-            total += c[at[i] + p] * inner[p]
-    return -0.5 * total
+def _sizes(least: float, count: int) -> FloatArray:
+    """Return sizes s from the smallest to the largest, in equal ratios."""
+    sizes: FloatArray = least ** (1.0 - np.arange(count) / (count - 1.0))
+    return sizes
 
 
-@inner_kernel
-def _climb(
-    b: FloatArray, g: FloatArray, firsts: IntArray, shapes: IntArray, low: FloatArray,
-    place: FloatArray, step: float, c: FloatArray, at: IntArray,
-) -> float:  # fmt: skip
-    """Improve a place by compass search; sizes within (low, 1), shapes within (-1, 1)."""
-    dims = len(place)
-    best = _gain(b, g, firsts, shapes, place, c, at)
-    while step > 2e-4:
-        moved = False
-        for d in range(dims):
-            old = place[d]
-            for sign in (-1.0, 1.0):
-                trial = old + sign * step * (0.5 if low[d] > -1.0 else 1.0)
-                trial = min(max(trial, low[d]), 1.0)
-                if trial == old:
-                    continue
-                place[d] = trial
-                value = _gain(b, g, firsts, shapes, place, c, at)
-                if value > best + 1e-9:
-                    best = value
-                    old = trial
-                    moved = True
-                else:
-                    place[d] = old
-            place[d] = old
-        if not moved:
-            step *= 0.5
-    return best
+def _mesh(axes: Sequence[FloatArray]) -> FloatArray:
+    """Return all combinations of coordinates, (P, len(axes))."""
+    return np.stack([axis.ravel() for axis in np.meshgrid(*axes, indexing="ij")], axis=1)
 
 
-@inner_kernel
-def _laplace(
-    b: FloatArray, g: FloatArray, firsts: IntArray, shapes: IntArray, low: FloatArray,
-    place: FloatArray, best: float, c: FloatArray, at: IntArray,
-) -> float:  # fmt: skip
-    """Return the log evidence by Laplace's method, in coordinates in which the prior is uniform.
-
-    Sizes have priors uniform in their logarithm, u = ln(s / low) / ln(1 / low); shapes uniform.
-    Each direction's width is bounded by its range, and the peak counts in full even at an edge.
-    """
-    dims = len(place)
-    h = 0.02
-    hess = np.empty((dims, dims))
-    move = np.empty(dims)
-    for d in range(dims):
-        # ds for a step h of u; 2 h for shapes, whose range is 2 long
-        move[d] = h * place[d] * np.log(1.0 / low[d]) if low[d] > -1.0 else 2.0 * h
-    trial = place.copy()
-    for i in range(dims):
-        for j in range(i + 1):
-            total = 0.0
-            for si in (-1.0, 1.0):
-                for sj in (-1.0, 1.0):
-                    for d in range(dims):
-                        trial[d] = place[d]
-                    trial[i] += si * move[i]
-                    trial[j] += sj * move[j]
-                    total += si * sj * _gain(b, g, firsts, shapes, trial, c, at)
-            hess[i, j] = -total / (4.0 * h * h)
-            hess[j, i] = hess[i, j]
-    # A flat direction is as wide as its range: sqrt(2 pi / 2 pi) = 1.
-    floor = 2.0 * np.pi
-    values, _ = np.linalg.eigh(hess)
-    log_width = 0.0
-    for d in range(dims):
-        log_width += 0.5 * np.log(floor / max(values[d], floor))
-    return best + log_width
+@lru_cache(maxsize=256)
+def _grid(least: float, shapes: int) -> tuple[FloatArray, FloatArray]:
+    """Return places of a form, and the weights of its nodes there."""
+    of_shapes = [np.linspace(-1.0, 1.0, count) for count in _GRID[1 : 1 + shapes]]
+    places = _mesh([_sizes(least, _GRID[0]), *of_shapes])
+    return places, node_weights(places)
 
 
-@kernel
-def _climbed(
-    b: FloatArray, g: FloatArray, firsts: IntArray, shapes: IntArray, low: FloatArray,
-    place: FloatArray, step: float,
-) -> tuple[float, float]:  # fmt: skip
-    """Climb from a place of one or two branches, in it; return gain and log evidence."""
-    c = np.empty(3 * _MOST)
-    at = np.empty(3, dtype=np.int64)
-    best = _climb(b, g, firsts, shapes, low, place, step, c, at)
-    return best, _laplace(b, g, firsts, shapes, low, place, best, c, at)
+def _gains(weights: FloatArray, residual: FloatArray, nodes: FloatArray) -> FloatArray:
+    """Return log likelihoods over that of no effect, (P,), for weights of nodes (P, nodes)."""
+    return np.asarray(weights @ residual - 0.5 * np.sum((weights @ nodes) * weights, axis=1))
 
 
-def climbed(
-    candidate: Candidate,
-    residual: FloatArray,
-    nodes: FloatArray,
-    firsts: Sequence[int],
-    step: float = 0.1,
-) -> Candidate:
-    """Return a candidate at the best place near its own, with its gain and log evidence there.
+class Search:
+    """Branches searched on inner products of all nodes.
 
     Parameters
     ----------
-    residual : (k,), nodes : (k, k)
-        Inner products of nodes with the residual and with one another.
-    firsts
-        The first of each branch's nodes among these.
-    step
-        To begin with, of the range of a parameter.
-    """
-    branches = candidate.branches
-    place = np.array([x for own in candidate.places for x in own])
-    gain, evidence = _climbed(
-        np.ascontiguousarray(residual),
-        np.ascontiguousarray(nodes),
-        np.array(firsts, dtype=np.int64),
-        np.array([b.shapes for b in branches], dtype=np.int64),
-        np.array([low for b in branches for low in b.lows]),
-        place,
-        step,
-    )
-    ends = np.cumsum([1 + b.shapes for b in branches])[:-1]
-    places = tuple(tuple(own.tolist()) for own in np.split(place, ends))
-    return replace(candidate, places=places, gain=float(gain), log_evidence=float(evidence))
-
-
-# ------------------------------------------------------------------------------------------------
-# All inner products that weighing hypotheses takes, whitened once.
-#
-# Columns are the residual, the features of every node of every form, each specimen's own gain,
-# patterns of the unknown, and nuisances: calibration of the laws and batches. Weights on specimens
-# and a factor on the scatter enter afterwards, so that resampling and leaving out cost one product
-# each.
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Whitened:
-    """Columns (N, X) whitened specimen by specimen; the last `nuisances` have prior deviation 1.
-
-    Attributes
-    ----------
-    first_row : (n + 1,)
-        Where each specimen's rows begin.
+    residual : (nodes,), nodes : (nodes, nodes)
+        Inner products with the residual and with one another.
     """
 
-    columns: FloatArray
-    first_row: IntArray
-    nuisances: int
+    def __init__(
+        self, branches: Sequence[SignedForm], residual: FloatArray, nodes: FloatArray
+    ) -> None:
+        self._branches, self._residual, self._nodes = branches, residual, nodes
 
-    @property
-    def nuisance_columns(self) -> FloatArray:
-        """The last columns."""
-        return self.columns[:, self.columns.shape[1] - self.nuisances :]
+    def singles(self) -> list[Candidate]:
+        """Return every branch alone, at its best place."""
+        return [self._single(branch) for branch in self._branches]
 
-    def on_rows(self, weight: FloatArray) -> FloatArray:
-        """Return the weight of each row, (N,), from each specimen's, (n,)."""
-        return np.repeat(weight, np.diff(self.first_row))
+    def _single(self, branch: SignedForm) -> Candidate:
+        own = branch.own
+        places, weights = _grid(branch.least, branch.shapes)
+        gains = _gains(weights, self._residual[own], self._nodes[own, own])
+        at = int(np.argmax(gains))
+        mean = gains[at] + np.log(np.mean(np.exp(gains - gains[at])))
+        return joined([(branch, tuple(places[at].tolist()))], float(gains[at]), float(mean))
 
+    def _sought(
+        self, branches: Sequence[SignedForm], places: list[FloatArray], cost: float
+    ) -> Candidate:
+        """Return a pair at the best places near these.
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Elimination:
-    """Inner products of the kept columns with nuisances integrated out, and ln p(data | none)."""
+        Parameters
+        ----------
+        cost
+            Nats that the freedom of sizes and shapes takes off the gain.
+        """
+        rows = np.concatenate([np.arange(b.own.start, b.own.stop) for b in branches])
+        b, g = self._residual[rows], self._nodes[np.ix_(rows, rows)]
+        w = np.concatenate([node_weights(place) for place in places])
+        for finer in _FINER:
+            stop = 0
+            for k, branch in enumerate(branches):
+                here = slice(stop, stop := stop + branch.nodes)
+                w[here] = 0.0
+                size, *shapes = places[k].tolist()
+                steps = finer * np.linspace(-1.0, 1.0, 5)
+                sizes = np.clip(size * branch.least ** (steps / (_SCAN - 1.0)), branch.least, 1.0)
+                tried = _mesh([sizes, *(np.clip(at + 0.5 * steps, -1.0, 1.0) for at in shapes)])
+                weights = node_weights(tried)
+                best = int(np.argmax(_gains(weights, b[here] - g[here] @ w, g[here, here])))
+                places[k], w[here] = tried[best], weights[best]
+        gain = float(w @ (b - 0.5 * g @ w))
+        found = [(branch, tuple(p.tolist())) for branch, p in zip(branches, places, strict=True)]
+        return joined(found, gain, gain - cost)
 
-    products: FloatArray
-    none: float
+    def pairs(self, singles: Sequence[Candidate]) -> list[Candidate]:
+        """Return the pairs of effects worth weighing, each in its best forms at the best place.
 
-    def with_random(self, columns: slice, amplitude: float, head: int) -> "Elimination":
-        """Integrate over columns with coefficients of deviation `amplitude`; keep `head` others."""
-        a = self.products
-        inner = a[columns, columns] + np.eye(columns.stop - columns.start) / amplitude**2
-        left, log_det = integrated(a[:head, :head], a[columns, :head], inner)
-        log_det += 2.0 * len(inner) * float(np.log(amplitude))
-        gain = 0.5 * (float(a[0, 0]) - float(left[0, 0])) - 0.5 * log_det
-        return Elimination(left, self.none + gain)
+        Sizes are scanned with shapes held at those of `singles`, one a branch.
+        """
+        if not singles:
+            return []
+        shapes = [single.places[0][1:] for single in singles]
+        costs = [single.gain - single.log_evidence for single in singles]
+        sizes = [_sizes(branch.least, _SCAN) for branch in self._branches]
+        gain, best = self._scanned(sizes, shapes)
+        ids = [branch.effect.id for branch in self._branches]
+        groups: dict[tuple[str, str], list[tuple[float, int, int]]] = {}
+        for other, one in combinations(range(len(ids)), 2):
+            if ids[one] != ids[other]:
+                found = float(gain[one, other]), one, other
+                groups.setdefault((ids[other], ids[one]), []).append(found)
+        ranked = sorted((sorted(group, reverse=True) for group in groups.values()), reverse=True)
+        pairs = []
+        for _, *both in (pair for group in ranked[:_PAIRS] for pair in group[:_FORMS]):
+            at = np.unravel_index(best[tuple(both)], (_SCAN, _SCAN))
+            starts = [np.array([sizes[k][i], *shapes[k]]) for k, i in zip(both, at, strict=True)]
+            branches = [self._branches[k] for k in both]
+            pairs.append(self._sought(branches, starts, sum(costs[k] for k in both)))
+        return pairs
 
-
-def integrated(kept: FloatArray, cross: FloatArray, inner: FloatArray) -> tuple[FloatArray, float]:
-    """Return Schur's complement of `inner`, and the logarithm of its determinant."""
-    factor = scipy.linalg.cholesky(inner, lower=True, check_finite=False)
-    half = scipy.linalg.solve_triangular(factor, cross, lower=True, check_finite=False)
-    return kept - half.T @ half, 2.0 * float(np.log(np.diagonal(factor)).sum())
+    def _scanned(
+        self, sizes: Sequence[FloatArray], shapes: Sequence[tuple[float, ...]]
+    ) -> tuple[FloatArray, IntArray]:
+        """Return the best gain of each pair of branches, and which of its sizes have it, (B, B)."""
+        weights = [
+            node_weights([(s, *shape) for s in own])
+            for own, shape in zip(sizes, shapes, strict=True)
+        ]
+        parts = list(zip(self._branches, weights, strict=True))
+        half = np.concatenate([w @ self._nodes[b.own] for b, w in parts])
+        cross = np.concatenate([half[:, b.own] @ w.T for b, w in parts], axis=1)
+        alone = np.concatenate([w @ self._residual[b.own] for b, w in parts])
+        alone -= 0.5 * np.diagonal(cross)
+        count = len(self._branches)
+        gain = (alone[:, None] + alone - cross).reshape(count, _SCAN, count, _SCAN)
+        flat = gain.swapaxes(1, 2).reshape(count, count, -1)
+        return flat.max(axis=2), flat.argmax(axis=2)

@@ -5,17 +5,18 @@ from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
 import numpy as np
+from scipy.special import logsumexp
 
 from planner.gap.campaign import axis_columns
 from planner.gap.evidence.problem import AMPLITUDES, Problem, own_axes
-from planner.gap.evidence.search import GAIN, Search, weigh_subset
-from planner.gap.evidence.settle import Settled, World, joined, settle
-from planner.gap.evidence.surrogate import Candidate, Elimination
-from planner.gap.noise import FIT_SD, UNIT_GAINS
-from planner.numerics import BoolArray, FloatArray
+from planner.gap.evidence.settle import Elimination, Settled, World, nothing, settle
+from planner.gap.evidence.surrogate import Candidate, joined
+from planner.gap.noise import FIT_SD, UNIT_GAINS, Scatter
+from planner.numerics import BoolArray, FloatArray, kernel
 
 __all__ = [
     "ANY",
+    "GAIN",
     "Effects",
     "HypothesisKey",
     "Priors",
@@ -23,6 +24,7 @@ __all__ = [
     "in_another_unit",
     "reweigh",
     "weigh",
+    "weigh_subset",
 ]
 
 
@@ -70,6 +72,151 @@ class Priors:
         """Return the share of log evidence that counts where the best hypothesis gains so much."""
         rest = self.coarseness_nats / (self.coarseness_nats + max(gain, 0.0))
         return self.temperature + (1.0 - self.temperature) * rest
+
+
+# ------------------------------------------------------------------------------------------------
+# Some specimens, but not the others, have their force off by one factor.
+
+
+GAIN = "force-scale"
+"""The effect that may hold for some specimens only."""
+
+_GAINS = np.geomspace(0.05, 0.6, 24)
+"""Logarithms of a gain of some specimens. Numerical: each 11 % larger than the one before,
+which a few specimens of usual scatter do not resolve."""
+
+_DISTINCT = 2.5
+"""Deviations of the specimens' scatter by which a gain must exceed it. Chosen: by chance one
+specimen in 80 lies so far off, less than one of a campaign."""
+
+_SHARES: FloatArray = np.array([0.07, 0.15, 0.3, 0.5])
+"""Of specimens that are members. Numerical: in steps of two, from two of thirty to half; of more
+the others are members of the inverse gain."""
+
+_LEAST_MEMBERS = 2
+"""Of such a subset, and of the rest. Chosen: one specimen alone is an outlier of the data, not an
+effect."""
+
+
+def _gains_of(scatter: Scatter) -> tuple[FloatArray, FloatArray]:
+    """Return logarithms of the factor, and their log prior: half for any gain, half for units."""
+    some = _GAINS[_DISTINCT * scatter.specimen <= _GAINS]
+    gains = np.concatenate([some, -some, UNIT_GAINS, -UNIT_GAINS])
+    of_units = np.arange(len(gains)) >= 2 * len(some)
+    prior = np.where(of_units, 0.5 / of_units.sum(), 0.5 / max(int((~of_units).sum()), 1))
+    return gains, np.log(prior)
+
+
+_ROUNDS = 30
+_SETTLED = 1e-4
+"""Rounds of beliefs, and the change of one at which they end. Numerical: the bound is flat there,
+and off by much less."""
+
+
+@kernel
+def _best_subset(
+    b: FloatArray, h: FloatArray, likeliest: FloatArray, gammas: FloatArray, shares: FloatArray,
+    belief: FloatArray, best_belief: FloatArray, evidence: FloatArray,
+) -> int:  # fmt: skip
+    """Fill the log evidence of each logarithm of gain; return the best one, its beliefs filled.
+
+    With members z, each of them one with probability `share`, the log likelihood over that of none
+    is g z'b - g^2 z'Hz / 2. Its sum over all z is bounded from below by independent beliefs q in
+    each specimen (mean field), improved one by one:
+
+        sum q g b - g^2/2 (q'Hq + sum q (1 - q) H_ii) + entropy of q + q ln s + (1 - q) ln(1 - s)
+
+    Parameters
+    ----------
+    b : (n,), h : (n, n)
+        Inner products of the specimens' own gains with the residual and one another.
+    likeliest : (n,)
+        Logarithms of every specimen's own gain, all free, from which members are told at first.
+    shares : (m,)
+        Shares of members, equally probable.
+    belief, best_belief : (n,)
+        Workspace, and the beliefs at the best gain.
+    evidence : (gammas,)
+    """
+    n, m = len(b), len(shares)
+    bounds = np.empty(m)
+    best, best_value = 0, -np.inf
+    pull = np.empty(n)
+    for k in range(len(gammas)):
+        gamma = gammas[k]
+        square = gamma * gamma
+        for s in range(m):
+            odds = np.log(shares[s] / (1.0 - shares[s]))
+            for i in range(n):
+                belief[i] = 1.0 if gamma * likeliest[i] > 0.5 * square else 0.0
+            for i in range(n):
+                total = 0.0
+                for j in range(n):
+                    total += h[i, j] * belief[j]
+                pull[i] = total
+            for _ in range(_ROUNDS):
+                moved = 0.0
+                for i in range(n):
+                    others = pull[i] - h[i, i] * belief[i]
+                    logit = gamma * b[i] - square * (others + 0.5 * h[i, i]) + odds
+                    new = 1.0 / (1.0 + np.exp(-min(max(logit, -700.0), 700.0)))
+                    change = new - belief[i]
+                    if change != 0.0:
+                        belief[i] = new
+                        for j in range(n):
+                            pull[j] += change * h[i, j]
+                        moved = max(moved, abs(change))
+                if moved < _SETTLED:
+                    break
+            value = 0.0
+            for i in range(n):
+                q = belief[i]
+                value += q * gamma * b[i]
+                value -= 0.5 * square * (q * pull[i] + q * (1.0 - q) * h[i, i])
+                if q > 0.0:
+                    value += q * (np.log(shares[s]) - np.log(q))
+                if q < 1.0:
+                    value += (1.0 - q) * (np.log(1.0 - shares[s]) - np.log(1.0 - q))
+            bounds[s] = value
+            if value > best_value and np.sum(belief > 0.5) > 0:
+                best, best_value = k, value
+                best_belief[:] = belief
+        most = np.max(bounds)
+        evidence[k] = most + np.log(np.sum(np.exp(bounds - most)) / m)
+    return best
+
+
+def weigh_subset(
+    residual: FloatArray, gains: FloatArray, beside: Candidate, scatter: Scatter
+) -> Candidate:
+    """Return the best subset beside a candidate, with the log evidence of there being one.
+
+    Parameters
+    ----------
+    residual : (n,), gains : (n, n)
+        Inner products of the specimens' own gains with what the candidate leaves of the residual
+        and with one another.
+    """
+    n = len(residual)
+    b, h = np.ascontiguousarray(residual), np.ascontiguousarray(gains)
+    gammas, prior = _gains_of(scatter)
+    belief, best = np.zeros(n), np.zeros(n)
+    evidence = np.empty(len(gammas))
+    likeliest = np.asarray(np.linalg.lstsq(h, b, rcond=1e-9)[0], dtype=np.float64)
+    at = int(_best_subset(b, h, likeliest, gammas, _SHARES, belief, best, evidence))
+    total = float(logsumexp(evidence + prior))
+    gamma, members = float(gammas[at]), (best > 0.5).astype(np.float64)
+    gain = float(gamma * members @ b - 0.5 * gamma**2 * members @ h @ members)
+    if min(members.sum(), n - members.sum()) < _LEAST_MEMBERS:
+        total = -np.inf
+    return replace(
+        beside,
+        effects=tuple(sorted({*beside.effects, GAIN})),
+        gain=beside.gain + gain,
+        log_evidence=beside.log_evidence + total,
+        members=members,
+        log_gain=gamma,
+    )
 
 
 # ------------------------------------------------------------------------------------------------
@@ -128,6 +275,8 @@ class Weighed:
     ----------
     worlds
         Of the scatter as estimated: of models that are exact, of poor laws, of discrepancies.
+    none
+        No effect at all, in the world in which that is likeliest.
     log_prior, log_evidence
         By effects and the axis of an unknown beside them ("" without).
     best
@@ -141,6 +290,7 @@ class Weighed:
     """
 
     worlds: tuple[World, ...]
+    none: Settled
     log_prior: dict[HypothesisKey, float] = field(default_factory=dict)
     log_evidence: dict[HypothesisKey, float] = field(default_factory=dict)
     best: dict[Effects, Candidate] = field(default_factory=dict)
@@ -164,18 +314,14 @@ class Weighed:
 
     def settled_as(self, candidate: Candidate) -> Settled:
         """Return the settled candidate of the same forms, but for a gain of some specimens."""
+        if not candidate.branches:
+            return self.none
         if candidate.members is not None:
             for one in self.beside_some:
                 if one.candidate.places == candidate.places:
                     return one
         forms = [b.number for b in candidate.branches]
         return next(s for s in self.settled if [b.number for b in s.candidate.branches] == forms)
-
-    def world_of(self, candidate: Candidate) -> World:
-        """Return the world in which a candidate is likeliest."""
-        if candidate.branches:
-            return self.settled_as(candidate).world
-        return max(self.worlds, key=lambda world: world.none + world.log_share)
 
     def offer(self, candidate: Candidate) -> None:
         """Keep a candidate if it is the best of its effects."""
@@ -209,38 +355,39 @@ def weigh(problem: Problem, priors: Priors) -> Weighed:
     """Weigh all hypotheses on a campaign."""
     logs = _LogPriors(problem, priors)
     worlds = _worlds(problem)
-    plain, of_scatter = worlds[0], [w for w in worlds if w.scale == 1.0]
-    result = Weighed(tuple(of_scatter))
-    result.settled = _settled(problem, result.worlds, logs)
+    of_scatter = tuple(w for w in worlds if w.scale == 1.0)
+    none = nothing(max(of_scatter, key=lambda world: world.none + world.log_share))
+    result = Weighed(of_scatter, none)
     result.offer(Candidate(()))
     for world in worlds:
-        evidence = world.none - plain.none + world.log_share
+        evidence = result.relative(none.candidate, world)
         # What the palette's own fit leaves of its tests is no gap.
         if world.discrepancy <= _law_errors(problem)[0]:
             result.add((), "", logs.none, evidence)
         else:
             result.add((), ANY, logs.any, evidence)
     if logs.some:
-        for world in worlds:
-            _offer_some(problem, result, _of_some(world, logs), world, logs)
+        _add_subset(none, worlds, logs, result)
+    result.settled = _settled(result.worlds, logs)
     for one in result.settled:
         for world in worlds:
             found = one.weighed(world, one.eliminated(world))
             found = replace(found, log_evidence=found.log_evidence + logs.forms(found))
             _offer(result, found, world, logs)
-    result.beside_some = _settled_beside_some(problem, result, logs)
+    result.beside_some = _settled_beside_some(result, logs)
     for one in result.beside_some:
-        _add_subset(problem, one, worlds, logs, result)
+        _add_subset(one, worlds, logs, result)
     if result.beside_some:
         result.likeliest = result.beside_some[0].world
     elif result.settled:
         result.likeliest = max(result.settled, key=lambda one: one.eliminated(one.world).none).world
     for world in of_scatter:
-        _add_unknown(problem, world, logs, result)
+        _add_axes(none, world, logs, result)
     for one in _chosen(result, logs):
-        _add_beside(problem, one, logs, result)
+        # Of that world alone, as what the unknown gains is: another's scatter may do without it.
+        _add_axes(one, one.world, logs, result)
         if logs.some and len(one.candidate.effects) < _MOST_EFFECTS:
-            _add_subset(problem, one, worlds, logs, result)
+            _add_subset(one, worlds, logs, result)
     return result
 
 
@@ -251,29 +398,24 @@ def _offer(result: Weighed, found: Candidate, world: World, logs: "_LogPriors") 
     result.offer(replace(found, log_evidence=evidence))
 
 
-def _offer_some(
-    problem: Problem,
-    result: Weighed,
-    found: Candidate,
-    world: World,
-    logs: "_LogPriors",
-) -> None:
-    """Add a candidate with a gain of some specimens, weighed in one world.
+def _add_subset(one: Settled, worlds: Sequence[World], logs: "_LogPriors", result: Weighed) -> None:
+    """Add a candidate with a gain of some specimens beside it, weighed in each world.
 
     Where a column tells these from the others, what is in it is likelier to be at work than a load
     cell or a slip of the pen that chose them, unless the gain is a unit's.
     """
-    assert found.members is not None
-    if in_another_unit(found):
-        _offer(result, found, world, logs)
+    if GAIN in one.candidate.effects:
         return
-    evidence = result.relative(found, world)
-    axis = _telling_column(problem, found.members > 0.5)
-    if axis is not None:
-        effects = tuple(b.effect.id for b in found.branches)
-        _add_axis(problem, effects, axis, evidence, logs, result)
-        return
-    _offer(result, found, world, logs)
+    for world in worlds:
+        found = _of_some(world, logs, one)
+        assert found.members is not None
+        axis = None
+        if not in_another_unit(found):
+            axis = _telling_column(world.problem, found.members > 0.5)
+        if axis is None:
+            _offer(result, found, world, logs)
+        else:
+            _add_axis(one.candidate.effects, axis, result.relative(found, world), logs, result)
 
 
 def _telling_column(problem: Problem, members: BoolArray) -> int | None:
@@ -301,18 +443,14 @@ def in_another_unit(candidate: Candidate) -> bool:
     return bool(np.min(np.abs(np.abs(candidate.log_gain) - UNIT_GAINS)) < 1e-9)
 
 
-def _of_some(world: World, logs: "_LogPriors", one: Settled | None = None) -> Candidate:
-    """Return a gain of some specimens, alone or beside a settled effect, priors of forms included.
+def _of_some(world: World, logs: "_LogPriors", one: Settled) -> Candidate:
+    """Return a gain of some specimens beside a settled candidate, priors of forms included.
 
     Its evidence is that over no effect in the world.
     """
     problem = world.problem
-    gains = problem.whitened.columns[:, problem.gains]
-    if one is None:
-        e, beside = world.elimination(problem.whitened.columns[:, 0], kept=gains), Candidate(())
-    else:
-        e = one.eliminated(world, gains)
-        beside = one.weighed(world, e)
+    e = one.eliminated(world, problem.columns[:, problem.gains])
+    beside = one.weighed(world, e)
     scatter = replace(problem.scatter, specimen=problem.scatter.specimen * world.scale)
     found = weigh_subset(e.products[1:, 0], e.products[1:, 1:], beside, scatter)
     log_prior = logs.forms(beside) + float(np.log(_OF_SOME))
@@ -339,7 +477,7 @@ def reweigh(
     settled = [one.weighed(world, one.eliminated(world)) for one in weighed.settled]
     prior = [logs.of(c.effects) + logs.forms(c) for c in settled]
     if weighed.beside_some:
-        some = [_of_some(world, logs, one) for one in (None, *weighed.beside_some)]
+        some = [_of_some(world, logs, one) for one in (weighed.none, *weighed.beside_some)]
         settled += some
         prior += [logs.of(c.effects) for c in some]
     share = priors.counted(max((c.log_evidence for c in settled), default=0.0))
@@ -404,17 +542,21 @@ def _of_axes(problem: Problem, share: float, of_claimed: float) -> FloatArray:
     return shares
 
 
-def _settled(problem: Problem, worlds: Sequence[World], logs: _LogPriors) -> list[Settled]:
-    """Return candidates settled: the best forms of every effect, and the pairs worth weighing."""
-    nodes = problem.whitened.columns[:, problem.nodes]
-    residual = problem.whitened.columns[:, 0]
+def _settled(worlds: Sequence[World], logs: _LogPriors) -> list[Settled]:
+    """Return candidates settled: the best forms of every effect, and of several effects."""
+
+    def log_prior(candidate: Candidate) -> float:
+        return logs.forms(candidate) + logs.of(candidate.effects)
 
     def value(candidate: Candidate) -> float:
-        return candidate.log_evidence + logs.forms(candidate) + logs.of(candidate.effects)
+        return candidate.log_evidence + log_prior(candidate)
+
+    def odds(one: Settled) -> float:
+        return one.eliminated(one.world).none + log_prior(one.candidate)
 
     # Surrogates are compared where models may be off by as much as surrogates are.
     world = max(worlds, key=lambda w: w.none)
-    search = Search.on(problem.branches, world.elimination(residual, kept=nodes), slice(1, None))
+    search = nothing(world).search()
     singles = search.singles()
     ranked = sorted(singles, key=lambda c: -value(c))
     first: dict[Effects, Candidate] = {}
@@ -425,20 +567,14 @@ def _settled(problem: Problem, worlds: Sequence[World], logs: _LogPriors) -> lis
     chosen += [c for c in ranked if c.branches[0].form.details and c not in chosen]
     chosen += [c for c in ranked if c not in chosen][: max(_SINGLES - len(chosen), 0)]
     settled = [settle(worlds, c, world) for c in chosen]
-    ordered = sorted(settled, key=lambda s: -(s.eliminated(s.world).none + logs.forms(s.candidate)))
     best: dict[Effects, Settled] = {}
-    for one in ordered:
+    for one in sorted(settled, key=lambda one: -odds(one)):
         best.setdefault(one.candidate.effects, one)
     pairs = {c.effects: c for c in sorted(search.pairs(singles), key=value)[-_SINGLES // 2 :]}
     for one in reversed(list(best.values())[:_BESIDE]):
-        for c in _partners(problem, one, logs)[: _SINGLES // 4]:
+        for c in _partners(one, logs)[: _SINGLES // 4]:
             pairs[c.effects] = c
     both = [settle(worlds, c, world) for c in pairs.values()]
-
-    def odds(one: Settled) -> float:
-        own = one.candidate
-        return one.eliminated(one.world).none + logs.forms(own) + logs.of(own.effects)
-
     # What looks best with surrogates' forms is looked at in all, and a third effect beside it.
     leading = max(both, key=odds, default=None)
     if leading is None or odds(leading) < max(map(odds, settled)):
@@ -447,48 +583,36 @@ def _settled(problem: Problem, worlds: Sequence[World], logs: _LogPriors) -> lis
         frozenset(b.number for b in c.branches): c
         for id, other in (leading.candidate.effects, leading.candidate.effects[::-1])
         if (id,) in best
-        for c in _partners(problem, best[id,], logs, of=(other,))
+        for c in _partners(best[id,], logs, of=(other,))
     }
     # Each once, or the pair would count so many times.
     for one in both:
         forms.pop(frozenset(b.number for b in one.candidate.branches), None)
     both += [settle(worlds, c, world) for c in forms.values()]
     leading = max(both, key=odds)
-    thirds = _partners(problem, leading, logs)[: _SINGLES // 4]
+    thirds = _partners(leading, logs)[: _SINGLES // 4]
     return [*settled, *both, *(settle(worlds, c, leading.world) for c in thirds)]
 
 
-def _partners(
-    problem: Problem, one: Settled, logs: _LogPriors, of: Effects | None = None
-) -> list[Candidate]:
-    """Return a settled candidate joined with each other effect, the best ones first."""
-    own = one.candidate
-    return [joined(own, c) for c in _others(problem, one.conditional(), own.effects, logs, of)]
-
-
-def _others(
-    problem: Problem,
-    left: Elimination,
-    beside: Effects,
-    logs: _LogPriors,
-    of: Effects | None = None,
-) -> list[Candidate]:
-    """Return the best form of each other effect for what is left, which keeps the nodes.
+def _partners(one: Settled, logs: _LogPriors, of: Effects | None = None) -> list[Candidate]:
+    """Return a settled candidate joined with each other effect in its best form, the best first.
 
     Parameters
     ----------
     of
         One effect instead, of which every form is returned.
     """
-    found = Search.on(problem.branches, left, slice(1, None)).singles()
+    own = one.candidate
+    found = sorted(one.search().singles(), key=lambda c: -(c.log_evidence + logs.forms(c)))
     best: dict[Hashable, Candidate] = {}
-    for c in sorted(found, key=lambda c: -(c.log_evidence + logs.forms(c))):
-        if not set(c.effects) & set(beside) and of in (None, c.effects):
-            best.setdefault(c.effects if of is None else c.branches[0].form.name, c)
+    for c in found:
+        if not set(c.effects) & set(own.effects) and of in (None, c.effects):
+            key = c.effects if of is None else c.branches[0].form.name
+            best.setdefault(key, joined([*own.parts, *c.parts]))
     return list(best.values())
 
 
-def _settled_beside_some(problem: Problem, result: Weighed, logs: _LogPriors) -> list[Settled]:
+def _settled_beside_some(result: Weighed, logs: _LogPriors) -> list[Settled]:
     """Return other effects settled beside a gain of some specimens, where that leads alone.
 
     Without it they settle where they make up for it. The likeliest first.
@@ -497,21 +621,24 @@ def _settled_beside_some(problem: Problem, result: Weighed, logs: _LogPriors) ->
     some = max(singles, key=lambda c: c.log_evidence, default=Candidate(()))
     if some.members is None:
         return []
-    gain = problem.gain_of(some)
-    columns = problem.whitened.columns
-    target, nodes = columns[:, 0] - gain, columns[:, problem.nodes]
-    world = max(result.worlds, key=lambda w: w.elimination(target).none)
-    others = _others(problem, world.elimination(target, kept=nodes), some.effects, logs)
-    beside = [replace(c, members=some.members, log_gain=some.log_gain) for c in others]
-    found = [settle(result.worlds, c, world) for c in beside[: _SINGLES // 4]]
-    found.sort(key=lambda one: -one.eliminated(one.world).none)
-    more = _partners(problem, found[0], logs)[: _SINGLES // 4] if found else []
-    more = [c for c in more if GAIN not in c.effects]
-    found += [
-        settle(result.worlds, replace(c, members=some.members, log_gain=some.log_gain), world)
-        for c in more
-    ]
-    found.sort(key=lambda one: -one.eliminated(one.world).none)
+    gain = result.plain.problem.gain_of(some)
+    left = replace(result.none, target=result.none.target - gain)
+    left = replace(left, world=max(result.worlds, key=lambda w: left.eliminated(w).none))
+    found: list[Settled] = []
+    for _ in range(2):  # one other effect, then two
+        beside = [c for c in _partners(left, logs) if GAIN not in c.effects][: _SINGLES // 4]
+        found += [
+            settle(
+                result.worlds,
+                replace(c, members=some.members, log_gain=some.log_gain),
+                left.world,
+            )
+            for c in beside
+        ]
+        found.sort(key=lambda one: -one.eliminated(one.world).none)
+        if not found:
+            break
+        left = found[0]
     # What the gain does is left for it to make up again, whichever specimens have it.
     return [
         replace(
@@ -568,36 +695,20 @@ def _along_axes(problem: Problem, target: Elimination) -> Iterator[tuple[int, fl
             yield number, left.none - target.none - float(np.log(len(AMPLITUDES)))
 
 
-def _add_unknown(problem: Problem, world: World, logs: _LogPriors, result: Weighed) -> None:
-    """Add the unknown alone, along each axis, in one world."""
-    columns = problem.whitened.columns
-    e = world.elimination(columns[:, 0], kept=columns[:, problem.unknown_span])
-    alone = world.log_share + e.none - result.plain.none
+def _add_axes(one: Settled, world: World, logs: _LogPriors, result: Weighed) -> None:
+    """Add a candidate with the unknown beside it, along each axis, in a world."""
+    problem = world.problem
+    e = one.eliminated(world, problem.columns[:, problem.unknown_span])
+    alone = e.none - result.plain.none + logs.forms(one.candidate) + world.log_share
     for number, gain in _along_axes(problem, e):
-        _add_axis(problem, (), number, alone + gain, logs, result)
-
-
-def _add_beside(problem: Problem, one: Settled, logs: _LogPriors, result: Weighed) -> None:
-    """Add a candidate with the unknown beside it, along each axis, in the world it settled in."""
-    effects = one.candidate.effects
-    e = one.eliminated(one.world, problem.whitened.columns[:, problem.unknown_span])
-    # Of that world alone, as what the unknown gains is: another's scatter may do without it.
-    alone = e.none - result.plain.none + logs.forms(one.candidate)
-    alone += one.world.log_share
-    for number, gain in _along_axes(problem, e):
-        _add_axis(problem, effects, number, alone + gain, logs, result)
+        _add_axis(one.candidate.effects, number, alone + gain, logs, result)
 
 
 def _add_axis(
-    problem: Problem,
-    effects: Effects,
-    number: int,
-    evidence: float,
-    logs: _LogPriors,
-    result: Weighed,
+    effects: Effects, number: int, evidence: float, logs: _LogPriors, result: Weighed
 ) -> None:
     """Add effects beside a free pattern along an axis, which may be an effect's own."""
-    axis = problem.unknown[number].axis
+    axis = result.plain.problem.unknown[number].axis
     owned = logs.owned(effects, axis, result)
     if owned is not None:
         result.add(owned, "", logs.of(owned), evidence + np.log(_FREE))
@@ -605,16 +716,3 @@ def _add_axis(
         result.add(effects, axis, logs.of(effects) + float(logs.beside[number]), evidence)
     else:
         result.add((), axis, float(logs.unknown[number]), evidence)
-
-
-def _add_subset(
-    problem: Problem,
-    one: Settled,
-    worlds: Sequence[World],
-    logs: _LogPriors,
-    result: Weighed,
-) -> None:
-    """Add a single effect beside a gain of some specimens only."""
-    if GAIN not in one.candidate.effects:
-        for world in worlds:
-            _offer_some(problem, result, _of_some(world, logs, one), world, logs)

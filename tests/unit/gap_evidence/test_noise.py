@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from planner.formats.tables import QUANTITY_UNITS
+from planner.formats.units import QUANTITY_UNITS
 from planner.gap.evidence.problem import Problem, replicate_floor, set_up
 from planner.gap.evidence.settle import World
 from planner.gap.noise import USUAL, unit_gains
@@ -94,11 +94,11 @@ def test_whitening_makes_replicates_differences_white(cells, imitated, seed: int
     The scatter was estimated from them and the prior expects the usual: 15 % are added.
     """
     problem = ready(imitated(cells, seed=seed))
-    white = problem.whitened.columns[:, 0]
+    white = problem.columns[:, 0]
     squares, count = 0.0, 0
     for members in problem.model.tests:
-        first = [problem.whitened.first_row[m] for m in members]
-        size = int(problem.whitened.first_row[members[0] + 1] - first[0])
+        first = [problem.noise.first_row[m] for m in members]
+        size = int(problem.noise.first_row[members[0] + 1] - first[0])
         # Four a test, in two batches in turn.
         for a, b in ((0, 2), (1, 3)):
             d = white[first[a] : first[a] + size] - white[first[b] : first[b] + size]
@@ -118,5 +118,5 @@ def test_the_whole_residual_is_as_large_as_its_model_says(cells, imitated, seed:
     problem = ready(imitated(cells, seed=seed))
     left = float(World(problem).left)
     count = len(problem.table)
-    assert 0.85 * chi2.ppf(5e-5, count - problem.whitened.nuisances) < left
+    assert 0.85 * chi2.ppf(5e-5, count - problem.nuisances) < left
     assert left < 1.15 * chi2.ppf(1.0 - 5e-5, count)

@@ -1,4 +1,4 @@
-"""The best parameters by Laplace's method, of forms, pairs, and factors on some specimens' force.
+"""Forms and pairs on grids of their parameters, and factors on some specimens' force.
 
 Sizes have priors uniform in their logarithm over a factor of 40, shapes uniform in -1 to 1. The
 features of the forms here are exactly what nodes can carry: linear in the size, a parabola in the
@@ -15,8 +15,8 @@ from scipy.integrate import nquad
 from scipy.special import logsumexp
 
 from planner.gap.effect import Effect, Form, Parameter
-from planner.gap.evidence.search import Search, weigh_subset
-from planner.gap.evidence.surrogate import Candidate, SignedForm, signed_forms
+from planner.gap.evidence.surrogate import Candidate, Search, SignedForm, signed_forms
+from planner.gap.evidence.weigh import weigh_subset
 from planner.gap.noise import USUAL
 from planner.numerics import FloatArray
 
@@ -94,10 +94,9 @@ def test_a_clear_size_is_weighed_right(seed: int, share: float) -> None:
 @pytest.mark.parametrize("seed", range(8))
 @pytest.mark.parametrize("length", [0.01, 1.0, 10.0, 50.0])
 def test_no_effect_does_not_blow_the_evidence_up(seed: int, length: float) -> None:
-    """At the edge of size 0 the width is bounded: never above the best likelihood.
+    """Where the least size fits best: a mean is never above the best, and its end counts in full.
 
-    The peak counts in full there, which overstates an absent effect, by less than 2.5 nats, and
-    never understates it by more than 0.5. Without the bound a flat direction would add any number.
+    That overstates what a likelihood falls to within half a step of the grid, by ln 2 at most.
     """
     rng = np.random.default_rng(seed)
     d = pattern_of(rng, length)
@@ -105,7 +104,7 @@ def test_no_effect_does_not_blow_the_evidence_up(seed: int, length: float) -> No
     found = best(d, r)
     assert found.log_evidence <= found.gain + 1e-12
     exact = integral(lambda u: likelihood(r, size(u) * d), 1)
-    assert -0.5 < found.log_evidence - exact < 2.5
+    assert -0.1 < found.log_evidence - exact < 0.7
 
 
 def test_what_changes_nothing_weighs_as_nothing() -> None:
@@ -116,7 +115,7 @@ def test_what_changes_nothing_weighs_as_nothing() -> None:
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("length", [0.0, 8.0, 25.0])
 def test_shapes_are_weighed_with_the_size(seed: int, length: float) -> None:
-    """One parameter of shape: within 1 nat where the effect is there, 3 where it is not."""
+    """One parameter of shape: within 1 nat, as seven shapes lie about an error apart."""
     rng = np.random.default_rng(seed)
     a, b = pattern_of(rng, 1.0), pattern_of(rng, 0.6)
     scale = max(length, 8.0) / 0.4
@@ -132,13 +131,13 @@ def test_shapes_are_weighed_with_the_size(seed: int, length: float) -> None:
     (found,) = Search((branch,), nodes @ r, nodes @ nodes.T).singles()
     exact = integral(lambda u, v: likelihood(r, size(u) * pattern(2.0 * v - 1.0)), 2)
     assert found.log_evidence <= found.gain + 1e-12
-    assert found.log_evidence - exact == pytest.approx(0.0, abs=1.0 if length else 3.0)
+    assert found.log_evidence - exact == pytest.approx(0.0, abs=1.0)
 
 
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("shares", [(0.3, 0.4), (0.4, 0.0), (0.0, 0.0)])
 def test_pairs_are_weighed(seed: int, shares: tuple[float, float]) -> None:
-    """Both there: within 0.3 nats; each that is not may overstate by 2.5, as alone."""
+    """Each at the price of its freedom alone: within 1 nat, and 2.5 for one that is not there."""
     rng = np.random.default_rng(seed)
     first, second = pattern_of(rng, 30.0), pattern_of(rng, 30.0)
     r = shares[0] * first + shares[1] * second + rng.standard_normal(FEATURES)
@@ -149,7 +148,7 @@ def test_pairs_are_weighed(seed: int, shares: tuple[float, float]) -> None:
     exact = integral(lambda u, v: likelihood(r, size(u) * first + size(v) * second), 2)
     assert found.log_evidence <= found.gain + 1e-12
     absent = sum(share == 0.0 for share in shares)
-    assert -0.5 < found.log_evidence - exact < 0.3 + 2.5 * absent
+    assert -1.0 < found.log_evidence - exact < 1.0 + 2.5 * absent
 
 
 def test_the_pair_that_was_put_in_is_found() -> None:

@@ -33,8 +33,8 @@ def candidate(problem: Problem, form: str, size: float = 0.6) -> Candidate:
 def test_a_world_integrates_its_nuisances_out(problem: Problem) -> None:
     """As the normal density with the covariance that noise and nuisances make together."""
     world = World(problem, scale=1.3, discrepancy=0.02)
-    columns = problem.whitened.columns
-    j = np.concatenate([problem.whitened.nuisance_columns, 0.02 * problem.discrepancy], axis=1)
+    columns = problem.columns
+    j = np.concatenate([problem.nuisance_columns, 0.02 * problem.discrepancy], axis=1)
     covariance = 1.3**2 * np.eye(len(columns)) + j @ j.T
     residual = columns[:, 0]
     expected = -0.5 * (
@@ -78,7 +78,7 @@ def test_a_discrepancy_is_asked_for_where_no_form_fits(plan, imitated) -> None:
     problem = set_up(campaign, observation_model(campaign), [EFFECTS["rate"]])
     bent = np.sin(np.linspace(0.0, 6.0, len(problem.table))) * 0.05
     exact, off = World(problem), World(problem, discrepancy=0.06)
-    residual = problem.whitened.columns[:, 0]
+    residual = problem.columns[:, 0]
     whitened = residual + problem.noise.whiten(bent)
     gained = off.elimination(whitened).none - exact.elimination(whitened).none
     assert gained > off.none - exact.none

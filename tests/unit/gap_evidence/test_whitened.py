@@ -12,9 +12,8 @@ import scipy.linalg
 from scipy.stats import multivariate_normal
 
 from planner.gap.evidence.settle import World
-from planner.gap.evidence.surrogate import Whitened
 from planner.gap.noise import SpecimenNoise
-from planner.numerics import FloatArray
+from planner.numerics import FloatArray, IntArray
 
 COUNTS = (4, 3, 5)
 """Features of each specimen."""
@@ -33,8 +32,17 @@ def noise_of(rng: np.random.Generator) -> tuple[SpecimenNoise, FloatArray]:
     return SpecimenNoise(rows, blocks, roots, np.zeros((N, 0))), dense
 
 
-def whiten(columns: FloatArray, noise: SpecimenNoise, nuisances: int) -> Whitened:
-    return Whitened(noise.whiten(columns), noise.first_row, nuisances)
+def whiten(columns: FloatArray, noise: SpecimenNoise, nuisances: int) -> SimpleNamespace:
+    """Return columns as a problem has them, the last ones nuisances."""
+    return problem_of(noise.whiten(columns), noise.first_row, nuisances)
+
+
+def problem_of(columns: FloatArray, first_row: IntArray, nuisances: int) -> SimpleNamespace:
+    noise = SimpleNamespace(first_row=first_row, rows=range(len(first_row) - 1))
+    return SimpleNamespace(
+        columns=columns, nuisance_columns=columns[:, columns.shape[1] - nuisances :],
+        noise=noise, table=range(len(columns)), of_laws=np.zeros(nuisances, bool),
+    )  # fmt: skip
 
 
 def log_density(residual: FloatArray, covariance: FloatArray, white: FloatArray) -> float:
@@ -49,12 +57,9 @@ def rng(request: pytest.FixtureRequest) -> np.random.Generator:
     return np.random.default_rng(request.param)
 
 
-def world(white: Whitened, **options: Any) -> World:
+def world(problem: Any, **options: Any) -> World:
     """Return a world of columns and nuisances alone."""
-    problem = SimpleNamespace(
-        whitened=white, table=range(len(white.columns)), of_laws=np.zeros(white.nuisances, bool)
-    )
-    return World(problem, **options)  # type: ignore[arg-type]
+    return World(problem, **options)
 
 
 @pytest.mark.parametrize("scale", [1.0, 0.6, 1.7])
@@ -114,7 +119,7 @@ def test_a_weight_of_two_is_a_copy_and_of_nought_is_absence(rng) -> None:
     noise, _ = noise_of(rng)
     white = whiten(rng.standard_normal((N, 5)), noise, 2)
     rows = [*range(4), *range(4), *range(4, 7)]
-    copies = Whitened(white.columns[rows], np.array([0, 4, 8, 11]), 2)
+    copies = problem_of(white.columns[rows], np.array([0, 4, 8, 11]), 2)
     for scale in (1.0, 1.5):
         weighted = world(white, scale=scale, weight=np.array([2.0, 1.0, 0.0]))
         copied = world(copies, scale=scale)

@@ -10,8 +10,7 @@ import pytest
 from planner.cli import run
 from planner.gap.campaign import axis_columns
 from planner.gap.campaign_folder import read_campaign
-from planner.gap.diagnosis import Diagnosis, FoundEffect
-from planner.gap.unit_of import UnitOf
+from planner.gap.diagnosis import Diagnosis, FoundEffect, UnitOf
 
 Examples = dict[str, Diagnosis]
 
@@ -165,16 +164,6 @@ def test_the_verdict_ends_with_the_command_that_follows(
     assert last == ("next: planner gap correct 'my out' --rate-per-s 0.1 -o palette-corrected.toml")
     assert run(shlex.split(last.removeprefix("next: planner "))) in (0, 1)
     assert Path("palette-corrected.toml").is_file()
-
-
-def test_a_campaigns_own_palette_is_named_where_it_must_be(
-    campaign, monkeypatch, capsys, examples: Examples
-) -> None:
-    (campaign / "palette.toml").write_bytes(b"")
-    found = replace(examples["rate"], unit_of=(), palette="lab", palette_sha256="0" * 64)
-    monkeypatch.setattr("planner.diagnose", lambda *_, **__: found)
-    run(["gap", "diagnose", "lab", "-o", "out"])
-    assert " --palette lab/palette.toml " in capsys.readouterr().out.splitlines()[-1]
 
 
 def test_another_unit_is_named_in_the_next_command(

@@ -1,21 +1,110 @@
-"""The unit that a quantity is in, whatever a file says: as stated, and which one a factor means."""
+"""Units: what machines write, as factors; what a person states; what a factor hints at."""
 
 import math
+import tomllib
+import unicodedata
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
-from planner.errors import ArgumentError, UnknownNameError, did_you_mean
-from planner.formats.tables import QUANTITY_UNITS
+from planner.errors import ArgumentError, FileError, UnknownNameError, did_you_mean
 
 __all__ = [
     "OWN",
     "QUANTITIES",
+    "QUANTITY_UNITS",
     "UnitOf",
     "factor_of",
+    "is_unit",
     "parsed_unit",
+    "quantities_of",
+    "unit_factor",
     "unit_near",
 ]
+
+
+# ------------------------------------------------------------------------------------------------
+# Units that testing machines write, as factors to mm, N, MPa, s and fractions.
+
+
+_UNITS: Mapping[str, Mapping[str, Any]] = tomllib.loads(
+    Path(__file__).with_name("units.toml").read_text(encoding="utf-8")
+)
+QUANTITY_UNITS: Mapping[str, Mapping[str, float]] = MappingProxyType(
+    {quantity: _UNITS[quantity] for quantity in ("time", "length", "force", "stress", "strain")}
+)
+"""Factors to s, mm, N, MPa and fractions, by quantity and unit."""
+
+_FOLDED = {
+    quantity: {unit.casefold(): f for unit, f in units.items() if unit not in ("mN", "MN")}
+    | _UNITS["read-alone"].get(quantity, {})
+    | {
+        word: units[unit]
+        for unit, words in _UNITS["words"].items()
+        if unit in units
+        for word in words.split(", ")
+    }
+    for quantity, units in QUANTITY_UNITS.items()
+}
+_LENGTHS, _TIMES = _FOLDED["length"].items(), _FOLDED["time"].items()
+_FOLDED["area"] = {f"{unit}{two}": f * f for unit, f in _LENGTHS for two in ("2", "^2")}
+_FOLDED["stress"] |= {
+    f"{force}/{area}": newtons / mm2
+    for force, newtons in {**_FOLDED["force"], "mn": 1e-3}.items()
+    for area, mm2 in _FOLDED["area"].items()
+    if f"{force}/{area}" not in _FOLDED["stress"]
+}
+_FOLDED["speed"] = {f"{unit}/{time}": f / s for unit, f in _LENGTHS for time, s in _TIMES}
+
+
+def _find(quantity: str, unit: str) -> float | None:
+    # "sec.", "in."; the Japanese "％" and "㎜" are one character each.
+    unit = unicodedata.normalize("NFKC", unit).removesuffix(".")
+    if quantity == "stress" and unit.startswith("MN/"):
+        return _find("stress", unit[1:]) and 1e6 * _FOLDED["stress"][unit[1:].casefold()]
+    factor = QUANTITY_UNITS.get(quantity, {}).get(unit)
+    return _FOLDED[quantity].get(unit.casefold()) if factor is None else factor
+
+
+def is_unit(text: str) -> bool:
+    """Say whether `text` is a unit of any quantity that is known here."""
+    return bool(quantities_of(text))
+
+
+def quantities_of(unit: str) -> frozenset[str]:
+    """Return what has a unit: keys of `QUANTITY_UNITS`, "area", "speed"; none of an empty text."""
+    unit = unit.strip()
+    return frozenset(q for q in _FOLDED if unit and _find(q, unit) is not None)
+
+
+def unit_factor(quantity: str, unit: str, *, where: str) -> float:
+    """Return the factor from a unit to planner's own unit of that quantity.
+
+    Parameters
+    ----------
+    quantity
+        A key of `QUANTITY_UNITS`, "area" or "speed".
+    unit
+        As the file writes it; case is ignored, save between mN and MN.
+    where
+        What errors call the place: file and column.
+
+    Raises
+    ------
+    FileError
+        The unit is none of that quantity.
+    """
+    factor = _find(quantity, unit.strip())
+    if factor is None:
+        known = ", ".join(repr(u) for u in QUANTITY_UNITS.get(quantity, ()) if u.isascii() and u)
+        raise FileError(f"{where}: unknown unit {unit.strip()!r} of {quantity}; use one of {known}")
+    return factor
+
+
+# ------------------------------------------------------------------------------------------------
+# As a person states it: ``force=lbf:S1,S2``.
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,10 +141,6 @@ QUANTITIES: Mapping[str, tuple[str, str]] = MappingProxyType(
 """Of each that may be in another unit: its column, and the kind of its unit."""
 
 _OF_ONE = {"force": "N", "travel": "mm", "stress": "MPa", "strain": "strain of 1"}
-
-
-# ------------------------------------------------------------------------------------------------
-# As a person states it: ``force=lbf:S1,S2``.
 
 
 def factor_of(stated: UnitOf) -> float:

@@ -1,0 +1,328 @@
+"""The list of specimens: what each one is, its size and how it was tested."""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, Literal, get_args
+
+import numpy as np
+
+from planner.errors import FileError
+from planner.formats.files import read_file
+from planner.formats.headings import headings_of
+from planner.formats.tables import LARGEST_FIGURE, decode_text, is_workbook, number, read_rows
+from planner.numerics import FloatArray
+
+__all__ = [
+    "SPECIMEN_COLUMNS",
+    "SPECIMEN_TEXTS",
+    "ListedSpecimen",
+    "SpecimenColumn",
+    "SpecimenConditions",
+    "is_specimens_file",
+    "read_specimens",
+]
+
+
+_Orientation = Literal["x", "y", "z"]
+_Protocol = Literal["monotonic", "cyclic", "relaxation"]
+
+_MODES = frozenset({"tension", "tensile", "compression", "compressive"})
+"""Ways of loading that may stand beside a protocol."""
+
+
+@dataclass(frozen=True, slots=True)
+class SpecimenColumn:
+    """A condition or a size in specimens.csv; numbers are above 0 unless `between` says more.
+
+    Attributes
+    ----------
+    name
+        With its unit as suffix.
+    title
+        What it is, in words.
+    at
+        A sentence's end that tells a value.
+    label
+        The same beside a curve; "" where a curve is not named by it.
+    called
+        Headings of the same quantity that leave the unit open.
+    choices
+        What a cell may say; None for a number, none for any text.
+    between
+        Least and largest number.
+    plausible
+        What tensile specimens have, in mm: beyond, the cell is doubted.
+    tolerance
+        How far apart, absolute and relative, two specimens of one condition may be.
+    scale
+        On which a load's trend over the column is smooth.
+    usual
+        Stands in where neither specimen nor palette tells.
+    is_size
+        Whether it belongs to the specimen's size; the others are conditions of print and test.
+    """
+
+    name: str
+    title: str
+    at: str
+    label: str = ""
+    called: tuple[str, ...] = ()
+    choices: tuple[str, ...] | None = None
+    between: tuple[float, float] | None = None
+    plausible: tuple[float, float] = (0.0, math.inf)
+    tolerance: tuple[float, float] | None = None
+    scale: Callable[[FloatArray], FloatArray] = np.positive
+    usual: float | None = None
+    is_size: bool = False
+
+
+_WIDTHS_MM, _THICKNESSES_MM, _GAUGES_MM = (0.5, 100.0), (0.1, 50.0), (2.0, 500.0)
+"""ASTM D412 and D638, ISO 37 and 527 have widths of 2 to 25 mm, thicknesses of 0.5 to 14 mm and
+gauges of 4 to 80 mm; labs go further, but not beyond these."""
+
+_TEMPERATURES_C = (-100.0, 300.0)
+"""Beyond these every elastomer and jetted resin is glass, or decomposes."""
+
+
+def _size(
+    what: str,
+    plausible: tuple[float, float],
+    tolerance: tuple[float, float] | None,
+    *called: str,
+) -> SpecimenColumn:
+    return SpecimenColumn(
+        f"{what.replace(' ', '_')}_mm", (called or (what,))[0], f"at a {what} of {{}} mm",
+        called=(what, *called), plausible=plausible, tolerance=tolerance, is_size=True,
+    )  # fmt: skip
+
+
+SPECIMEN_COLUMNS: Mapping[str, SpecimenColumn] = MappingProxyType(
+    {
+        column.name: column
+        for column in (
+            SpecimenColumn(
+                "rate_mm_s", "crosshead speed", "at {} mm/s", "{:g} mm/s", ("rate",),
+                tolerance=(0.0, 0.05), scale=lambda speed: np.log(np.maximum(speed, 1e-9)),
+            ),
+            SpecimenColumn(
+                "temperature_C", "temperature", "at {} °C", "{:g} °C", ("temperature",),
+                between=_TEMPERATURES_C, tolerance=(1.0, 0.0), usual=23.0,
+            ),
+            SpecimenColumn(
+                "soak_h", "soaking time", "after {} h of soaking", "{:g} h soaked", ("soak",),
+                between=(0.0, math.inf), tolerance=(0.25, 0.05), usual=0.0,
+                scale=lambda hours: np.sqrt(np.maximum(hours, 0.0)),
+            ),
+            SpecimenColumn(
+                "age_days", "age at the test", "at an age of {} days", "{:g} d old", ("age",),
+                between=(0.0, math.inf), tolerance=(0.5, 0.1), usual=7.0,
+                scale=lambda days: np.log1p(np.maximum(days, 0.0)),
+            ),
+            SpecimenColumn(
+                "orientation", "orientation on the tray", "along {}", "{}",
+                choices=get_args(_Orientation),
+            ),
+            SpecimenColumn(
+                "protocol", "protocol", "in {} tests", "{}", choices=get_args(_Protocol)
+            ),
+            SpecimenColumn("batch", "batch", "in batch {}", choices=()),
+            _size("width", _WIDTHS_MM, (0.0, 0.02)),
+            _size("thickness", _THICKNESSES_MM, (0.0, 0.02)),
+            _size("measured width", _WIDTHS_MM, None),
+            _size("measured thickness", _THICKNESSES_MM, None),
+            _size("gauge", _GAUGES_MM, (0.0, 0.1), "gauge length", "gage length", "gage"),
+        )
+    }
+)  # fmt: skip
+"""What is known of a specimen besides what it is made of: conditions, then sizes, by name."""
+
+SPECIMEN_TEXTS = ("specimen", "material", "profile", "file")
+"""The columns that say which specimen it is, what it is made of and where its curve stands."""
+
+_PART_TEXTS = ("part", "fix", "move", "load")
+"""Those of whole parts. Without the first, the others are a lab's own columns."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class SpecimenConditions:
+    """How a specimen was made and tested, and its section; None stands for what is unknown."""
+
+    width_mm: float | None = None
+    thickness_mm: float | None = None
+    measured_width_mm: float | None = None
+    measured_thickness_mm: float | None = None
+    rate_mm_s: float | None = None
+    temperature_C: float | None = None
+    soak_h: float | None = None
+    age_days: float | None = None
+    orientation: _Orientation | None = None
+    protocol: _Protocol | None = None
+    batch: str | None = None
+
+    @property
+    def area_mm2(self) -> float | None:
+        """Undeformed section, from measured sizes where there are any; None where unknown."""
+        width = self.measured_width_mm or self.width_mm
+        thickness = self.measured_thickness_mm or self.thickness_mm
+        return None if width is None or thickness is None else width * thickness
+
+
+@dataclass(frozen=True, slots=True)
+class ListedSpecimen(SpecimenConditions):
+    """One row of specimens.csv; None or "" stands for an empty cell, which means unknown.
+
+    Attributes
+    ----------
+    material, profile, part
+        Exactly one is given: a material of one piece, the file of a graded bar's design, or the
+        plan of a whole part.
+    fix, move, load
+        How a part is held and loaded.
+    mode
+        How it was loaded, as a protocol such as "cyclic compression" says; "" where it does not.
+    covariates
+        Further columns as the lab wrote them, by name.
+    """
+
+    specimen: str
+    material: str = ""
+    profile: str = ""
+    part: str = ""
+    fix: str = ""
+    move: str = ""
+    load: str = ""
+    file: str = ""
+    gauge_mm: float | None = None
+    mode: str = ""
+    covariates: Mapping[str, str] = field(default_factory=dict)
+
+    def conditions(self) -> dict[str, Any]:
+        """Return what the row says in each of `SPECIMEN_COLUMNS`."""
+        return {name: getattr(self, name) for name in SPECIMEN_COLUMNS}
+
+
+def is_specimens_file(path: str | Path) -> bool:
+    """Say whether a file lists specimens: a column `specimen`, and what each is made of."""
+    data = read_file(path, advice="give the path of a tensile file")
+    if is_workbook(data):
+        return False
+    first = decode_text(data, Path(path)).lstrip("\n").splitlines()[0]
+    return any(
+        "specimen" in cells and not _MADE_OF.isdisjoint(cells) and headings_of(cells) is None
+        for cells in ([c.strip().casefold() for c in first.split(s)] for s in ",;\t")
+    )
+
+
+def read_specimens(path: str | Path) -> tuple[ListedSpecimen, ...]:
+    """Read specimens.csv; the case of planner's own columns does not matter.
+
+    Raises
+    ------
+    FileError
+        A missing column, a size that is no positive number, a condition that no test has, an
+        unknown choice, neither or both of material and profile, or two rows of one specimen; the
+        message names line and column.
+    """
+    path = Path(path)
+    headings, separator, rows = read_rows(path)
+    texts: tuple[str, ...] = SPECIMEN_TEXTS
+    if "part" in (name.casefold() for name in headings):
+        texts += _PART_TEXTS
+    known = {name.casefold(): name for name in (*texts, *SPECIMEN_COLUMNS)}
+    columns = [known.get(name.casefold(), name) for name in headings]
+    for name in columns:
+        if columns.count(name) > 1:
+            raise FileError(f"{path.name}: two columns {name!r}; keep one")
+    if "specimen" not in columns or _MADE_OF.isdisjoint(columns):
+        raise FileError(
+            f"{path.name}: columns are {', '.join(columns)}; 'specimen' and 'material' (or "
+            "'profile', or 'part') are needed"
+        )
+    specimens: dict[str, tuple[int, ListedSpecimen]] = {}
+    for line, cells in rows:
+        where = f"{path.name}, line {line}"
+        if len(cells) > len(columns):
+            raise FileError(
+                f"{where}: {len(cells)} cells for {len(columns)} columns; a comma within a cell "
+                "needs quotes"
+            )
+        row = _listed(dict(zip(columns, cells, strict=False)), texts, separator, where)
+        before = specimens.setdefault(row.specimen, (line, row))[0]
+        if before != line:
+            raise FileError(
+                f"{where}: specimen {row.specimen!r} stands on line {before} already; give each "
+                "specimen its own id"
+            )
+    if not specimens:
+        raise FileError(f"{path.name}: no specimen; write one row a specimen")
+    return tuple(row for _, row in specimens.values())
+
+
+_MADE_OF = frozenset({"material", "profile", "part"})
+
+
+def _listed(
+    record: Mapping[str, str], names: Sequence[str], separator: str, where: str
+) -> ListedSpecimen:
+    texts: dict[str, Any] = {name: record.get(name, "") for name in names}
+    if not texts["specimen"]:
+        raise FileError(f"{where}: column 'specimen' is empty; give the specimen an id")
+    given = {name: texts[name] for name in ("material", "profile", "part") if name in texts}
+    if sum(map(bool, given.values())) != 1:
+        got = " and ".join(map(repr, given.values()))
+        raise FileError(
+            f"{where}: give exactly one of {' and '.join(map(repr, given))} (got {got})"
+        )
+    if not texts.get("part"):
+        loose = next((name for name in _PART_TEXTS[1:] if texts.get(name)), None)
+        if loose is not None:
+            raise FileError(f"{where}: {loose!r} goes with a part; give one, or leave it empty")
+    elif record.get("gauge_mm"):
+        raise FileError(f"{where}: a part has no 'gauge_mm'; leave it empty")
+    record, mode = _without_mode(record)
+    conditions: dict[str, Any] = {
+        column.name: _condition(record.get(column.name, ""), column, separator, where)
+        for column in SPECIMEN_COLUMNS.values()
+    }
+    known = {*names, *SPECIMEN_COLUMNS, ""}
+    others = {name: value for name, value in record.items() if name not in known}
+    return ListedSpecimen(**texts, **conditions, mode=mode, covariates=MappingProxyType(others))
+
+
+def _without_mode(record: Mapping[str, str]) -> tuple[Mapping[str, str], str]:
+    """Return a row whose protocol does not say how the specimen was loaded, and what it said.
+
+    Nothing more of a protocol is a monotonic test.
+    """
+    words = record.get("protocol", "").casefold().split()
+    mode = next((word for word in words if word in _MODES), "")
+    if not mode:
+        return record, ""
+    return {**record, "protocol": " ".join(w for w in words if w != mode) or "monotonic"}, mode
+
+
+def _condition(cell: str, column: SpecimenColumn, separator: str, where: str) -> str | float | None:
+    if not cell:
+        return None
+    if column.choices is not None:
+        if column.choices and cell.casefold() not in column.choices:
+            allowed = ", ".join(column.choices)
+            raise FileError(f"{where}: {column.name} is {cell!r}; it must be one of {allowed}")
+        return cell.casefold() if column.choices else cell
+    value = number(cell, separator)
+    hint = ""
+    measured = value is not None and abs(value) <= LARGEST_FIGURE
+    if value is None or not measured or (column.between is None and value <= 0):
+        must = "a number" if column.between else "a number above 0"
+    else:
+        low, high = column.between or (0.0, math.inf)
+        if low <= value <= high:
+            return value
+        must = f"from {low:g} to {high:g}" if math.isfinite(high) else f"{low:g} or more"
+        hint = "; kelvin or degrees Fahrenheit?" if column.name == "temperature_C" else ""
+    raise FileError(
+        f"{where}: {column.name} is {cell!r}; it must be {must}, or empty if unknown{hint}"
+    )
