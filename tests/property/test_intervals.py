@@ -41,6 +41,8 @@ LAWS: dict[str, tuple[SeparableLaw, tuple[float, ...], tuple[float, ...]]] = {
 
 
 def synthetic(name: str, seed: int, specimens: int, level_sd: float = 0.06) -> Sample:
+    from scipy.signal import lfilter
+
     law, a, c = LAWS[name]
     rng = np.random.default_rng([seed, specimens])
     curves = []
@@ -49,9 +51,7 @@ def synthetic(name: str, seed: int, specimens: int, level_sd: float = 0.06) -> S
         stress = law_stress_MPa(law, np.array(a), np.array(c), 1.0 + strain)
         level = level_sd * rng.standard_normal() + 0.5 * level_sd * rng.standard_normal() * strain
         white = rng.standard_normal(len(strain))
-        noise = np.zeros(len(strain))
-        for i in range(1, len(strain)):
-            noise[i] = 0.9 * noise[i - 1] + white[i]
+        noise = lfilter([1.0], [1.0, -0.9], np.append(0.0, white[1:]))
         curves.append(
             Curve(f"S{number}", strain, stress * np.exp(level) + 0.003 * stress.max() * noise)
         )
@@ -71,7 +71,9 @@ def coverage(name: str, specimens: int) -> tuple[float, ...]:
     return tuple(held / SEEDS)
 
 
-@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.parametrize(
+    "name", ["neo-hookean", "yeoh", pytest.param("ogden", marks=pytest.mark.slow)]
+)
 @pytest.mark.parametrize("specimens", [3, pytest.param(5, marks=pytest.mark.slow)])
 def test_coverage_is_nominal(name: str, specimens: int) -> None:
     # 95 % of 200 seeds: a binomial standard deviation of 1.5 %; three of them.

@@ -143,6 +143,7 @@ def test_a_limit_of_strain_is_kept() -> None:
     assert kept.strain_over_break < 1.02 * bound
 
 
+@pytest.mark.slow
 def test_a_limit_of_slope_is_kept() -> None:
     even = design(load=LOAD, target="x=min uz=-8 mm", limit="slope<0.1 /mm")
     assert np.abs(np.diff(np.log(even.moduli_MPa))).max() <= 0.1 * 10.0 * (1.0 + 1e-6)

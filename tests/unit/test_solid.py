@@ -754,6 +754,7 @@ def quarter_pulled(table, cells, coordinate, strain):
     return force / (strain / np.sum(share / young) * length[1] * length[2])
 
 
+@pytest.mark.slow
 def test_the_bar_is_softer_than_the_solid_by_what_interfaces_hold(model, table):
     """Soft material between stiff neighbours cannot narrow there: the more, the flatter it is.
 
@@ -801,6 +802,7 @@ def test_a_cut_cylinder_that_is_graded_along_its_length():
 
 
 @pytest.mark.skipif(shutil.which("ccx") is None, reason="ccx is not installed")
+@pytest.mark.slow
 def test_calculix_pulls_a_graded_bar_alike(tmp_path):
     """Neo-Hooke's laws, which both have exactly; ends clamped, so that layers are held."""
     palette = palette_of()
