@@ -215,8 +215,8 @@ def _run_speed() -> bool:
         tutorial_s, many_s, long_s = cpu_s(finger), cpu_s(finger, "--knots", "60"), cpu_s(long)
     ratio = many_s / tutorial_s
     print(
-        f"speed on one processor: the tutorial {tutorial_s:.1f} CPU s ({_TUTORIAL_S:g} allowed); 60 "
-        f"knots {many_s:.1f} CPU s, {ratio:.2f} times 7 ({_KNOTS:g}); 110 mm {long_s:.1f} CPU s "
+        f"speed on one processor: the tutorial {tutorial_s:.1f} CPU s ({_TUTORIAL_S:g} allowed); "
+        f"60 knots {many_s:.1f} CPU s, {ratio:.2f} times 7 ({_KNOTS:g}); 110 mm {long_s:.1f} CPU s "
         f"({_LONG_S:g})"
     )
     return tutorial_s <= _TUTORIAL_S and ratio <= _KNOTS and long_s <= _LONG_S

@@ -232,8 +232,8 @@ def contacts(
         np.column_stack([of, box]), axis=0, return_index=True, return_inverse=True
     )
     size_mm2 = np.linalg.norm(area, axis=1)
-    place = np.stack([np.bincount(into, size_mm2 * x) for x in at[:, :3].T], axis=1)
-    place = place / np.bincount(into, size_mm2)[:, None]
+    moments = np.stack([np.bincount(into, size_mm2 * x) for x in at[:, :3].T], axis=1)
+    place = moments / np.bincount(into, size_mm2)[:, None]
     through = np.bincount(into, np.einsum("ni,ni->n", area, normal[of]))
     real = through > 1e-9 * pitch**2
     ends = pairs[of[first]][real]
