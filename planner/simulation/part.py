@@ -901,7 +901,7 @@ def _notes(body: "Body") -> Iterator[str]:
     cells = body.cells
     thick_mm = 2.0 * cells.surface.volume_mm3 / cells.surface.area_mm2  # of a sheet, exactly
     if float(cells.cell_mm.max()) > thick_mm:
-        # The finger, 2.5 mm on average: cells of 2 mm are right within 3 %, of 3 mm 9 % stiff.
+        # The finger, 2.5 mm on average: cells of 2 mm are 3 % stiff, of 3 mm 7 %.
         yield (
             f"walls are {thick_mm:.2g} mm thick on average, less than a cell: the part may come "
             f"out a tenth too stiff, also where larger cells agree; try {0.75 * thick_mm:.2g} mm"

@@ -154,11 +154,15 @@ _FLAT = 0.05
 """Of a cell: an interface that spreads less along an axis has no slope along it."""
 
 
-def _springs(body: "Body") -> FloatArray:
+def _softer_MPa(body: "Body") -> FloatArray:
+    """Return Young's modulus at rest of the softer of cells that meet, (m,)."""
+    pairs = body.cells.interface.cells
+    return np.asarray(2.0 * (1.0 + body.poisson) * body.cell_shear_MPa[pairs].min(axis=1))
+
+
+def _springs(cells: "CutCells", modulus_MPa: FloatArray) -> FloatArray:
     """Return the springs between the nodes of cells that meet, (m, 54, 54), N/mm."""
-    cells, met = body.cells, body.cells.interface
-    modulus = 2.0 * (1.0 + body.poisson) * body.cell_shear_MPa[met.cells].min(axis=1)
-    stiff = modulus / float(cells.cell_mm.mean())
+    met, stiff = cells.interface, modulus_MPa / float(cells.cell_mm.mean())
     out = np.empty((len(met.cells), 54, 54))
     ends = zip(met.starts[:-1].tolist(), met.starts[1:].tolist(), strict=True)
     for k, (a, b) in enumerate(ends):
@@ -385,7 +389,13 @@ class Mechanics:
             np.ascontiguousarray(cells.cell_mm),
         )
         self._places: dict[bytes, FacetPoints] = {} if like is None else like._places
-        self.springs: FloatArray = _springs(body) if like is None else like.springs
+        self.softer_MPa = _softer_MPa(body)
+        if like is None:
+            self.springs = _springs(cells, self.softer_MPa)
+        elif like.body is body:
+            self.springs = like.springs
+        else:
+            self.springs = like.springs * (self.softer_MPa / like.softer_MPa)[:, None, None]
         self._build_loads()
         self._matrices = np.empty((len(cells.nodes), 81, 81)) if like is None else like._matrices
 

@@ -154,10 +154,15 @@ def test_walls_turn_against_the_ground_they_stand_on(cell_mm: float) -> None:
     held = [(on(cells, 0, 48.0), (0.0, 0.0, 0.0))]
     held += [(on(cells, 2, z), (None, None, 0.0)) for z in (0.0, 2.0)]
     end = on(cells, 0, 0.0)
-    body = Body(cells, exponential(1.0, 1.0, 0.3), np.zeros(len(cells.points)), 0.3)
+    body = Body(cells, exponential(1.0, 100.0, 0.3), np.zeros(len(cells.points)), 0.3)
     problem = mechanics(body, held, [(end, (0.0, -0.001, 0.0))])
     moved = problem.mean(problem.points_of(end), problem.small(1.0).displacement_mm)
     assert -0.025 < -moved[1] / 2.8427 - 1.0 < 0.0
+    # Springs between the pieces go with the material, also where other mechanics lend theirs.
+    stiff = replace(body, coordinate=np.ones(len(cells.points)))
+    other = Mechanics(stiff, problem.conditions, problem.analysis, like=problem)
+    less = other.mean(other.points_of(end), other.small(1.0).displacement_mm)
+    np.testing.assert_allclose(100.0 * less, moved, rtol=1e-6, atol=1e-9)
 
 
 def mean(problem, state, facets):
