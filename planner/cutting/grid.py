@@ -359,7 +359,8 @@ def draw_level_sets(
     """
     marks = _Marks(np.zeros(grid.active.shape, np.uint8), np.empty(0, np.int64), np.empty(0))
     if field is None or not np.isfinite(within_mm):
-        return _joined([_drawn(grid, levels, field, marks, 0)], marks, lattice)
+        one = _drawn(grid, levels, field, marks, 0)
+        return LevelSets(lattice.rounded(one.points_mm), one.faces, one.level, one.cell)
     marks = _halved(grid, field, marks, _hidden(grid, levels), 1)
     rounds = [_drawn(grid, levels, field, marks, number) for number in (0, 1)]
     fresh = rounds
