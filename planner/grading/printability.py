@@ -164,13 +164,16 @@ def _more(unlisted: int, what: str) -> str:
 
 
 _INTERFACE_SAMPLES = 5_000
-_KEPT, _KEPT_AT_A_PITCH = 0.99, 0.9  # at a stated pitch creases are cut off within it
+_KEPT, _KEPT_AT_A_PITCH = 0.99, 0.9  # of the area
 _REACH_MM = 0.01  # for the field's slope
 
 
 def _interfaces(part: CutPart, findings: list[Finding]) -> dict[str, Check]:
     """Hold interfaces against the level sets that they stand for."""
-    error_mm, limit_mm = _interface_error_mm(part), min(part.within_mm, part.pitch_mm / 2)
+    error_mm, limit_mm = _interface_error_mm(part, _KEPT), part.within_mm
+    if error_mm > limit_mm or not math.isfinite(limit_mm):
+        # Creases of a field are cut off within a pitch, however small: the rule of a stated one.
+        error_mm, limit_mm = _interface_error_mm(part, _KEPT_AT_A_PITCH), part.pitch_mm / 2
     ok = error_mm <= limit_mm
     if not ok:
         message = (
@@ -182,10 +185,8 @@ def _interfaces(part: CutPart, findings: list[Finding]) -> dict[str, Check]:
     return {"interface_error_um": Check(1e3 * error_mm, 1e3 * limit_mm, ok)}
 
 
-def _interface_error_mm(part: CutPart) -> float:
-    """Measure the distance from their level sets that 99 % of the interfaces' area keeps.
-
-    90 % where the pitch was stated.
+def _interface_error_mm(part: CutPart, share: float) -> float:
+    """Measure the distance from their level sets that a share of the interfaces' area keeps.
 
     At the centres and corners of up to 5000 triangles, by the field's slope along their normals;
     a pitch at most.
@@ -209,7 +210,6 @@ def _interface_error_mm(part: CutPart) -> float:
         distance = np.where(off > 0.0, _REACH_MM * off / rise, 0.0)
     order = np.argsort(distance, kind="stable")
     area = np.cumsum(length[order])
-    share = _KEPT if math.isfinite(part.within_mm) else _KEPT_AT_A_PITCH
     last = min(int(np.searchsorted(area, share * area[-1])), len(order) - 1)
     return float(min(distance[order[last]], part.pitch_mm))
 
