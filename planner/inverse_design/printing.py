@@ -283,9 +283,8 @@ def _prints(printing: Printing) -> Iterator[Print]:
     base, still = printing.best.values, np.zeros(len(printing.best.values), np.bool_)
     before: Sequence[Case] = printing.problem.cases
     trail, known = list[_Try](), list[FloatArray]()
-    foretold = np.zeros(len(printing.best.off))
+    values = _aimed(printing, base, np.zeros(len(printing.best.off)), still)
     while not still.all():
-        values = _aimed(printing, base, foretold, still)
         if any(np.array_equal(values, other) for other in known):
             return
         known.append(values)
@@ -293,21 +292,22 @@ def _prints(printing: Printing) -> Iterator[Print]:
         yield one
         before = one.cases
         trail.append(_Try(one.values, printing.foretold(one.values), one.misses))
-        if len(foretold) == 1:
+        if len(one.misses) == 1:
+
+            def apart(pair: tuple[_Try, _Try]) -> float:
+                way = pair[0].values - pair[1].values
+                return float(np.abs(printing.best.slopes @ way).max())
+
             pairs = [(a, b) for a in trail for b in trail if a.misses > 0.0 >= b.misses]
-            a, b = min(pairs, key=_apart, default=(trail[-1], trail[-1]))
-            if pairs and (_apart((a, b)) > _CLOSE or a.misses - b.misses < _STEEP * _apart((a, b))):
+            a, b = min(pairs, key=apart, default=(trail[-1], trail[-1]))
+            if pairs and (apart((a, b)) > _CLOSE or a.misses - b.misses < _STEEP * apart((a, b))):
                 share = np.clip(a.misses / (a.misses - b.misses), 0.1, 0.9)
-                foretold = a.foretold + share * (b.foretold - a.foretold)
+                values = a.values + share * (b.values - a.values)
                 continue
             if pairs:
                 trail = [min(trail, key=_missed)]
                 base, still = trail[0].values, still | printing.stepped(a.values, b.values)
-        foretold = trail[-1].foretold - trail[-1].misses
-
-
-def _apart(pair: tuple[_Try, _Try]) -> float:
-    return float(np.abs(pair[0].foretold - pair[1].foretold).max())
+        values = _aimed(printing, base, trail[-1].foretold - trail[-1].misses, still)
 
 
 def _aimed(
