@@ -21,6 +21,7 @@ from planner.numerics import BoolArray, FloatArray, interrupted
 from planner.plan import Plan
 from planner.printers import Printer
 from planner.simulation.part import filling_along, open_solid
+from planner.simulation.solid import LostStabilityError
 
 __all__ = ["Gradient", "Print", "Printing", "corrected"]
 
@@ -285,10 +286,14 @@ def _prints(printing: Printing) -> Iterator[Print]:
     trail, known = list[_Try](), list[FloatArray]()
     values = _aimed(printing, base, np.zeros(len(printing.best.off)), still)
     while not still.all():
-        if any(np.array_equal(values, other) for other in known):
+        if len(known) > _MOST_PRINTS or any(np.array_equal(values, v) for v in known):
             return
         known.append(values)
-        one = printing.made(values, before)
+        try:
+            one = printing.made(values, before)
+        except LostStabilityError:  # cuts may leave a place that hangs by less than a cell
+            values = 0.5 * (values + (trail[-1].values if trail else printing.best.values))
+            continue
         yield one
         before = one.cases
         trail.append(_Try(one.values, printing.foretold(one.values), one.misses))
