@@ -53,10 +53,10 @@ CASES = {
     "organic": Case("organic", TEN_PLANES, seconds=2.5),
     "organic, radial": Case(
         "organic",
-        ("--field", "radial: point=0 0 0", "--pitch", "0.25", "--bands", "10"),
+        ("--field", "radial: point=0 0 0", "--bands", "10"),
         "organic",
         megabytes=700.0,
-        ratio=2.5,
+        ratio=2.0,
     ),
     "large": Case("large", TEN_PLANES, seconds=15.0),
 }

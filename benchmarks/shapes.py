@@ -1,9 +1,11 @@
 """Design towards shapes, checked: manufactured gradients, a strip that becomes an S, a finger.
 
 ``python -m benchmarks.shapes`` runs all; ``... strip finger`` some. Every figure that is asked of
-the design is printed with what it came to.
+the design is printed with what it came to. ``... speed`` times whole commands on one processor:
+the finger's tutorial, its 60 knots beside its 7, and a finger of 110 mm.
 """
 
+import os
 import sys
 import tempfile
 import time
@@ -13,7 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 import planner
+from benchmarks.grade import PLANNER, run_once
 from planner.formats.field_file import encode_vti
+from planner.formats.mesh_file import read_mesh
 from planner.formats.stl import encode_stl
 from planner.inverse_design.controls import lattice
 from planner.inverse_design.shape import carried_along
@@ -186,9 +190,46 @@ def _run_finger() -> bool:
     return made.ok
 
 
+_TUTORIAL_S, _KNOTS, _LONG_S = 20.0, 2.0, 120.0
+"""Processor time: of the tutorial's design, of 60 knots over 7, of a finger of 110 mm."""
+
+
+def _run_speed() -> bool:
+    os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
+    finger = SAMPLES / "finger.stl"
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        triangles = np.asarray(read_mesh(finger).triangles, dtype=np.float64)
+        long = _stl(folder / "long.stl", triangles * 110.0 / float(np.ptp(triangles[..., 0])))
+
+        def cpu_s(part: Path, *options: str) -> float:
+            command = [
+                *PLANNER, "design", str(part), "--from", "Tango", "--to", "Vero", "--axis", "x",
+                "--fix", "x=max", "--load", "x=min: 0,0,-0.5 N", "--target", "x=min uz=-12 mm",
+                "--limit", "strain/break<0.5", "--cell", "2", *options,
+                "--output", str(folder / "out"), "--force",
+            ]  # fmt: skip
+            return run_once(command).cpu_s
+
+        cpu_s(finger, "--cell", "6")  # compiles
+        tutorial_s, many_s, long_s = cpu_s(finger), cpu_s(finger, "--knots", "60"), cpu_s(long)
+    ratio = many_s / tutorial_s
+    print(
+        f"speed on one processor: the tutorial {tutorial_s:.1f} CPU s ({_TUTORIAL_S:g} allowed); "
+        f"60 knots {many_s:.1f} CPU s, {ratio:.2f} times 7 ({_KNOTS:g}); 110 mm {long_s:.1f} CPU s "
+        f"({_LONG_S:g})"
+    )
+    return tutorial_s <= _TUTORIAL_S and ratio <= _KNOTS and long_s <= _LONG_S
+
+
 def main(*names: str) -> None:
     """Run the benchmarks of these names, or all; exit with 1 if a figure is missed."""
-    runs = {"manufactured": _run_manufactured, "strip": _run_strip, "finger": _run_finger}
+    runs = {
+        "manufactured": _run_manufactured,
+        "strip": _run_strip,
+        "finger": _run_finger,
+        "speed": _run_speed,
+    }
     ok = [runs[name]() for name in names or runs]
     sys.exit(0 if all(ok) else 1)
 

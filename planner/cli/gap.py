@@ -181,8 +181,6 @@ def _correct_report(made: "Correction", output: Path, options: str) -> None:
     import planner
     from planner.cli.output import finding, format_number, format_range, print_table, say, warn
 
-    if made.doubt:
-        warn(made.doubt)
     for note in made.notes:
         (finding if note in made.findings else warn)(note)
     if not made.corrected:
@@ -411,8 +409,8 @@ def simulate(
     """Make a campaign with stated effects by planner's own model, to teach or to practise.
 
     It says of itself that it is simulated; it is no evidence of what the diagnosis can do with
-    measurements. A campaign's own palette counts, not that of the options; of its specimens.csv
-    alone, where the options name none.
+    measurements. A campaign's own palette counts, not that of the options; of its specimens.csv or
+    a diagnosis' next-specimens.csv alone, where the options name none.
 
     Example: [bold]planner gap simulate --design plan --effect rate:rise=0.12 -o made[/bold]
     """

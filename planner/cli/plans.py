@@ -74,8 +74,8 @@ def grade(
         float | None,
         Option(
             "--pitch",
-            help="Grid, in mm, on which curved fields are drawn; by default 0.5, finer for parts "
-            "smaller than 25 mm, coarser for those larger than 63 mm.",
+            help="Cells, in mm, in which curved fields are drawn, all alike; without it they are "
+            "divided until interfaces lie within 20 um.",
         ),
     ] = None,
     profile: Annotated[

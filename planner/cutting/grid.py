@@ -73,9 +73,8 @@ def default_pitch_mm(mesh: Mesh) -> float:
     """Return a pitch of 0.5 mm; finer for small parts, coarser for large ones.
 
     A fiftieth of the mean edge of a box smaller than 25 mm, 0.1 mm at least; or such that the
-    box has about two million vertices. On the bundled samples, along fields of all kinds, 0.5 mm
-    draws interfaces within 0.06 mm of where the field has them; half of it takes four times the
-    triangles for a fifth of that. Rounded to two digits: the same for parts that differ by a hair.
+    box has about two million vertices. Rounded to
+    two digits: the same for parts that differ by a hair.
     """
     extent_mm = mesh.bounds_mm[1] - mesh.bounds_mm[0]
     edge_mm = float(np.cbrt(extent_mm.prod()))
@@ -284,19 +283,18 @@ _DEEPEST = 6
 """Times that a cube's edge is halved at most."""
 
 _CLEAR = 0.5
-"""Of a cell: how far values beyond those of a cube's corners pass a level, for the cube to be divided
-into cells before any face is drawn in it. What bends less is seen by the faces around."""
+"""Of a cell: how far values beyond those of a cube's corners pass a level, for the cube to be
+divided before any face is drawn in it. What bends less is seen by the faces around."""
 
-_MIDDLE = 0.8
-"""Of the farthest place of a face from its level set: its middle is 8/9 as far on a sphere, by a
-slope that is known to a tenth."""
+_SURE_OFF = 0.8
+"""Of the wanted distance: slopes are known to a tenth, and saddles bend between places."""
 
 _FINEST = 2 << _DEEPEST  # parts of a cube's edge: the middles of the shortest edges are of them
 _STACK = 3 * _DEEPEST + 3
 _MOST_ROUNDS = 4 * _DEEPEST
 
 _KEPT_OFF = 1e-3
-"""Of an edge: level sets keep so far off the grid's vertices, where faces would shrink to nothing."""
+"""Of an edge: level sets keep so far off the grid's vertices, where faces shrink to nothing."""
 
 # A cube's tetrahedra: along its edges from corner 0 to corner 7, one for each order of the axes.
 # Corner c is at (c & 1, c >> 1 & 1, c >> 2), and the first three are right-handed.
@@ -335,23 +333,6 @@ class LevelSets:
     cell: NDArray[np.int32]
 
 
-@dataclass(frozen=True, eq=False)
-class _Drawn:
-    """Level sets in some cubes; vertices by a key that is the same wherever they are met.
-
-    `halving` is the place that divides a face's tetrahedron, -1 where it is small enough, and
-    `steepness` the field's slope in it, per mm.
-    """
-
-    key: NDArray[np.int64]
-    points_mm: FloatArray
-    faces: NDArray[np.int32]
-    level: NDArray[np.int32]
-    cell: NDArray[np.int32]
-    halving: NDArray[np.int64]
-    steepness: FloatArray
-
-
 def draw_level_sets(
     grid: FieldGrid, levels: FloatArray, lattice: Lattice, field: Field | None, within_mm: float,
     most_faces: float,
@@ -378,19 +359,23 @@ def draw_level_sets(
     """
     marks = _Marks(np.zeros(grid.active.shape, np.uint8), np.empty(0, np.int64), np.empty(0))
     if field is None or not np.isfinite(within_mm):
-        return _joined([_drawn(grid, levels, field, marks, 0)], marks, lattice)
+        one = _drawn(grid, levels, field, marks, 0)
+        return LevelSets(lattice.rounded(one.points_mm), one.faces, one.level, one.cell)
     marks = _halved(grid, field, marks, _hidden(grid, levels), 1)
     rounds = [_drawn(grid, levels, field, marks, number) for number in (0, 1)]
     fresh = rounds
     while len(rounds) <= _MOST_ROUNDS:
         off_mm = np.concatenate([_distance_mm(field, one, levels) for one in fresh])
         halving = np.concatenate([one.halving for one in fresh])
-        far = np.flatnonzero((off_mm > _MIDDLE * within_mm) & (halving >= 0))
+        far = np.flatnonzero((off_mm > _SURE_OFF * within_mm) & (halving[:, 0] >= 0))
         held = sum(int(one.held(marks, number).sum()) for number, one in enumerate(rounds))
         worst = far[np.argsort(-off_mm[far], kind="stable")][: max(int(most_faces) - held, 0)]
         if not len(worst):
             break
-        marks = _halved(grid, field, marks, _rising(halving[worst]), len(rounds))
+        # Three halvings, which make the edges half as long, leave a quarter of what is off at best.
+        wanted = np.where((off_mm[worst] > 4.0 * within_mm)[:, None], halving[worst], -1)
+        wanted[:, 0] = halving[worst, 0]
+        marks = _halved(grid, field, marks, _rising(wanted[wanted >= 0]), len(rounds))
         fresh = [_drawn(grid, levels, field, marks, len(rounds))]
         rounds += fresh
     return _joined(rounds, marks, lattice)
@@ -420,8 +405,8 @@ class _Marks:
 class _Drawn:
     """Level sets in some cubes; vertices with a key that is the same wherever they are met.
 
-    `halving` is the place that divides a face's tetrahedron, -1 where it is small enough, and
-    `steepness` the field's slope in it, per mm.
+    `halving` are the places that divide a face's tetrahedron, its two halves and their four, -1
+    where they are small enough; and `steepness` is the field's slope in it, per mm.
     """
 
     key: NDArray[np.int64]
@@ -438,12 +423,16 @@ class _Drawn:
 
 
 def _distance_mm(field: Field, drawn: _Drawn, levels: FloatArray) -> FloatArray:
-    """Estimate how far the middles of faces lie from their level set."""
-    middle = drawn.points_mm[drawn.faces].mean(axis=1)
-    off = np.abs(_values_at(field, middle) - levels[drawn.level])
-    return np.divide(off, drawn.steepness, out=np.full(len(off), np.inf), where=off > 0.0) * (
-        off > 0.0
-    )
+    """Estimate how far faces lie from their level set: at their middle and their longest edge's."""
+    corners = drawn.points_mm[drawn.faces]
+    ends = corners[:, [1, 2, 0]]
+    longest = np.argmax(((ends - corners) ** 2).sum(axis=2), axis=1)
+    each = np.arange(len(corners))
+    places = corners.mean(axis=1), 0.5 * (corners[each, longest] + ends[each, longest])
+    found = [np.abs(_values_at(field, place) - levels[drawn.level]) for place in places]
+    off = np.maximum(*found)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(np.where(off > 0.0, off / drawn.steepness, 0.0))
 
 
 def _joined(rounds: list[_Drawn], marks: _Marks, lattice: Lattice) -> LevelSets:
@@ -455,8 +444,8 @@ def _joined(rounds: list[_Drawn], marks: _Marks, lattice: Lattice) -> LevelSets:
     level = np.concatenate([one.level[kept] for one, kept in both])[order]
     key, place = np.unique(np.concatenate([one.key for one in rounds]), return_index=True)
     points = np.concatenate([one.points_mm for one in rounds])[place]
-    faces = np.searchsorted(key, np.concatenate([one.key[one.faces[kept]] for one, kept in both]))
-    used, faces = compact(faces[order].astype(np.int32), len(key))
+    at = np.searchsorted(key, np.concatenate([one.key[one.faces[kept]] for one, kept in both]))
+    used, faces = compact(at[order].astype(np.int32), len(key))
     return LevelSets(lattice.rounded(points[used]), faces, level, cell[order])
 
 
@@ -475,7 +464,7 @@ def _drawn(
         keys, index = np.zeros(1 << bits, dtype=np.int64), np.empty(1 << bits, dtype=np.int32)
         ends, values = np.empty((2 * count + 4, 2), dtype=np.int64), np.empty((2 * count + 4, 2))
         faces, of_face = np.empty((2, count, 3), dtype=np.int32)
-        halving, steepness = np.empty(count, dtype=np.int64), np.empty(count)
+        halving, steepness = np.empty((count, 7), dtype=np.int64), np.empty(count)
         count, made = _march(
             *given, keys, index, ends, values, faces, of_face, halving, steepness
         )  # fmt: skip
@@ -518,7 +507,7 @@ def _halved(
 def _rising(places: NDArray[np.int64]) -> NDArray[np.int64]:
     """Sort, once each; `np.unique` takes a table that numbers of places make slow."""
     ranked = np.sort(places)
-    return ranked[np.append(True, ranked[1:] > ranked[:-1])[: len(ranked)]]
+    return np.asarray(ranked[np.append(True, ranked[1:] > ranked[:-1])[: len(ranked)]])
 
 
 def _places_mm(grid: FieldGrid, places: NDArray[np.int64]) -> FloatArray:
@@ -638,6 +627,18 @@ def _halve(stack: Any, top: Any) -> Any:
 
 
 @inner_kernel
+def _middles(tetrahedron: Any, parts: Any, middles: Any) -> None:
+    """Fill in what halves a tetrahedron, its halves, and theirs; -1 for too small ones."""
+    parts[0] = tetrahedron
+    for m in range(7):
+        deep = parts[m, 5] >= 3 * _DEEPEST
+        middles[m] = -1 if deep else (parts[m, 0] + parts[m, parts[m, 4]]) // 2
+        if m < 3:
+            parts[2 * m + 1] = parts[m]
+            _halve(parts, 2 * m + 1)
+
+
+@inner_kernel
 def _is_halved(stack: Any, top: Any, keys: Any) -> Any:
     """Tell whether a tetrahedron has another's corner within one of its edges."""
     for a in range(3):
@@ -648,9 +649,7 @@ def _is_halved(stack: Any, top: Any, keys: Any) -> Any:
 
 
 @kernel
-def _hanging(
-    active: Any, divided: Any, number: Any, corners: Any, keys: Any, missing: Any
-) -> Any:
+def _hanging(active: Any, divided: Any, number: Any, corners: Any, keys: Any, missing: Any) -> Any:
     """List the places at which tetrahedra have to be halved as well; return how many."""
     found = 0
     stack = np.empty((_STACK, 7), dtype=np.int64)
@@ -744,22 +743,21 @@ def _find_hidden(values: Any, size: Any, levels: Any, clear: Any, found: Any) ->
 @inner_kernel
 def _passed(levels: Any, low: Any, high: Any) -> Any:
     """Tell whether any level lies between two values."""
-    return np.searchsorted(levels, low, side="right") < np.searchsorted(
-        levels, high, side="right"
-    )
+    return np.searchsorted(levels, low, side="right") < np.searchsorted(levels, high, side="right")
 
 
 @kernel
 def _march(
-    values: Any, cells: Any, active: Any, divided: Any, number: Any, pitch: Any, levels: Any, corners: Any,
-    even: Any, marks: Any, mark_index: Any, mark_values: Any, keys: Any, index: Any, ends: Any,
-    end_values: Any, faces: Any, of_face: Any, halving: Any, steepness: Any,
+    values: Any, cells: Any, active: Any, divided: Any, number: Any, pitch: Any, levels: Any,
+    corners: Any, even: Any, marks: Any, mark_index: Any, mark_values: Any, keys: Any,
+    index: Any, ends: Any, end_values: Any, faces: Any, of_face: Any, halving: Any, steepness: Any,
 ) -> Any:  # fmt: skip
     # With room for no faces: counts them. Otherwise fills.
     nx, ny, nz = active.shape
     count, made, drawing, step = 0, 0, faces.shape[0] > 0, _FINEST // cells
     v, at, met = np.empty(4), np.empty((4, 3)), np.empty((4, 3))
-    vertex = np.empty(4, dtype=np.int32)
+    vertex, middles = np.empty(4, dtype=np.int32), np.empty(7, dtype=np.int64)
+    parts = np.empty((8, 7), dtype=np.int64)
     stack = np.empty((_STACK, 7), dtype=np.int64)
     for cube in range(nx * ny * nz):
         i, j, k = cube // (ny * nz), cube // nz % ny, cube % nz
@@ -805,6 +803,7 @@ def _march(
                         for c in range(4):
                             _corner(stack[left, c], values, step, pitch, at[c])
                         slope = _slope(at, v)
+                        _middles(stack[left], parts, middles)
                     p, q, r, s = even[below, 0], even[below, 1], even[below, 2], even[below, 3]
                     sides = 3
                     if some == 2:
@@ -838,9 +837,8 @@ def _march(
                             y, z = z, y
                         faces[count, 0], faces[count, 1], faces[count, 2] = vertex[begin], y, z
                         of_face[count, 0], of_face[count, 1] = n, cube
-                        deep = stack[left, 5] >= 3 * _DEEPEST
-                        middle = (stack[left, 0] + stack[left, stack[left, 4]]) // 2
-                        halving[count] = -1 if deep else middle
+                        for c in range(7):
+                            halving[count, c] = middles[c]
                         steepness[count] = slope
                         count += 1
     return count, made

@@ -414,7 +414,12 @@ def _divide_along(
         active |= blocks.max(axis=(1, 3, 5))
     grid = field_grid(field, origin_mm, pitch_mm, held, active)
     lattice = lattice_for(mesh.bounds_mm, 4.0 * pitch_mm)
-    sets = draw_level_sets(grid, levels, lattice, field if follow else None, within_mm,
+    sets = draw_level_sets(
+        grid,
+        levels,
+        lattice,
+        field if follow else None,
+        within_mm,
         _FACES + _FACES_EACH * len(mesh.faces),
     )
     active.reshape(-1)[sets.cell] = 2
@@ -457,8 +462,9 @@ def _divide_along(
     return _cleaned(pool, faces, label, caps, sets.level[source], broken)
 
 
-_FACES, _FACES_EACH = 150_000, 1.4
-"""Triangles of interfaces, and for each of the part's, that cost as much as the part's own plan."""
+_FACES, _FACES_EACH = 300_000, 1.4
+"""Triangles of interfaces, and for each of the part's, beyond which none are divided: smooth fields
+need a third of it, so it bounds the cost of fields with creases."""
 
 
 def _surface(

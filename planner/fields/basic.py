@@ -189,9 +189,7 @@ class PlanarField(Field, Protocol):
 class FunctionField:
     """A field by a function of points (n, 3), and what else a plan says of it.
 
-    At pitch h a level is drawn within 3 h² / 8 times the largest second derivative over the
-    gradient, of a distance 3 h² / 8 r with r its radius of curvature, and within 0.87 h of a kink;
-    planner measures where it lies (check ``interface_error_mm``).
+    planner measures where its levels are drawn (check ``interface_error_um``).
     """
 
     name: str

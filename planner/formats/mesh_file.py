@@ -3,6 +3,7 @@
 import hashlib
 import io
 import json
+import math
 import os
 import re
 import subprocess
@@ -20,7 +21,7 @@ from planner.errors import ArgumentError, FileError, MeshError, did_you_mean
 from planner.formats.archive import USUAL_LIMITS, UnfoldingLimits
 from planner.formats.files import read_file
 from planner.formats.stl import decode_stl, require_finite
-from planner.formats.units import QUANTITY_UNITS
+from planner.formats.units import QUANTITY_UNITS, known_units, quantities_of, unit_factor
 from planner.numerics import Float32Array, FloatArray
 
 __all__ = ["EXTENSIONS", "MILLIMETRES", "canonical_unit", "read_mesh", "unit_scale_mm"]
@@ -31,16 +32,6 @@ MILLIMETRES = "mm"
 _SCALE_MM: Mapping[str, float] = MappingProxyType(
     {unit: QUANTITY_UNITS["length"][unit] for unit in (MILLIMETRES, "cm", "m", "inch", "ft", "um")}
 )
-_ALIASES = (
-    ("mm", ("millimeter", "millimetre")),
-    ("cm", ("centimeter", "centimetre")),
-    ("m", ("meter", "metre")),
-    ("inch", ("in", "inches", '"')),
-    ("ft", ("foot", "feet", "'")),
-    # In lower case the micro sign is a mu.
-    ("um", ("micron", "micrometer", "micrometre", "\u03bcm")),
-)
-_ALSO_CALLED = MappingProxyType({alias: unit for unit, known in _ALIASES for alias in known})
 _BY_TRIMESH = ("ply", "obj", "off", "glb")
 _BY_CASCADIO = ("step", "stp")
 EXTENSIONS = ("stl", "3mf", *_BY_TRIMESH, *_BY_CASCADIO)
@@ -143,14 +134,15 @@ def canonical_unit(unit: str) -> str:
     ArgumentError
         Nothing is called so; the message says what is near.
     """
-    folded = unit.strip().casefold()
-    called = _ALSO_CALLED.get(folded, _ALSO_CALLED.get(folded.removesuffix("s"), folded))
-    if called in _SCALE_MM:
-        return called
-    hint = did_you_mean(unit, [*_SCALE_MM, *_ALSO_CALLED])
-    raise ArgumentError(
-        f"`unit` {unit or repr(unit)}: no such unit; {hint}it may be {', '.join(_SCALE_MM)}"
-    )
+    mm = unit_factor("length", unit, where="") if "length" in quantities_of(unit) else math.nan
+    called = next((name for name, scale in _SCALE_MM.items() if scale == mm), None)
+    if called is None:
+        names = [name for name, mm in known_units("length").items() if mm in _SCALE_MM.values()]
+        hint = did_you_mean(unit, names)
+        raise ArgumentError(
+            f"`unit` {unit or repr(unit)}: no such unit; {hint}it may be {', '.join(_SCALE_MM)}"
+        )
+    return called
 
 
 def unit_scale_mm(unit: str) -> float:

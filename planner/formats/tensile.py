@@ -163,6 +163,7 @@ class _Block:
     place: int
     headings: _Headings
     rows: list[int]
+    notes: tuple[str, ...] = ()
 
     @property
     def is_headed(self) -> bool:
@@ -497,7 +498,7 @@ def _pieces(grid: _Grid, blocks: Sequence[_Block], notes: list[str]) -> list[_Pi
     found: list[_Piece] = []
     groups, marked = list[tuple[str, list[int], str]](), ""
     for block in blocks:
-        block, told = _with_units_of_head(grid, block)
+        block = _with_units_of_head(grid, block)
         longer = [r for r in block.rows if any(grid.rows[r][1][len(block.headings) :])]
         if grid.separator[0] == "," and not grid.by_position and 2 * len(longer) > len(block.rows):
             line, cells = grid.rows[longer[0]]
@@ -510,7 +511,7 @@ def _pieces(grid: _Grid, blocks: Sequence[_Block], notes: list[str]) -> list[_Pi
             groups, marked = _groups(grid, block), mark
         for name, places, material in groups:
             several = name if len(blocks) == 1 else f"{marked} {name}".strip()
-            own = _split(grid, block, places, marked if len(groups) == 1 else several, told)
+            own = _split(grid, block, places, marked if len(groups) == 1 else several)
             if material:
                 own = [replace(one, texts={"material": material, **one.texts}) for one in own]
             if own and not own[0].name and found and _goes_on(found[-1], own[0]):
@@ -672,9 +673,7 @@ def _marked(grid: _Grid, block: _Block) -> str:
     return found
 
 
-def _split(
-    grid: _Grid, block: _Block, places: Sequence[int], label: str, told: Sequence[str]
-) -> list[_Piece]:
+def _split(grid: _Grid, block: _Block, places: Sequence[int], label: str) -> list[_Piece]:
     """Return the pieces of one group of columns: one, or as many as its column of specimens has."""
     headings = block.headings
     named = next((i for i in places if headings[i].meaning == "specimen"), None)
@@ -713,7 +712,7 @@ def _split(
     return [
         _Piece(
             name or label, grid, block, {column: array[at] for column, array in values.items()},
-            kept, [grid.rows[lined[n]][0] for n in at], unused, (*told, *notes), bool(name),
+            kept, [grid.rows[lined[n]][0] for n in at], unused, (*block.notes, *notes), bool(name),
             {what: grid.cell(lined[at[0]], i) for what, i in texts.items() if what},
         )
         for name, at in rows_of.items()
@@ -753,7 +752,7 @@ def _values(group: _Group, used: Sequence[_Column], notes: list[str]) -> dict[st
         except FileError as error:
             if not is_time or any(grid.number(cell) is not None for cell in cells):
                 raise
-            notes.append(f"{error}; time is optional and is left out")
+            notes.append(f"{str(error).partition('; ')[0]}; time is optional and is left out")
     return found
 
 
@@ -824,7 +823,7 @@ def _used_columns(group: _Group) -> tuple[list[_Column], list[str]]:
             others = suffice(headings[j] for j in cells if j != i and headings[j].unit)
             if is_time or (heading.meaning in ("elongation", "position") and others):
                 what = "time is optional and" if is_time else "it"
-                notes.append(f"{error}; {what} is left out")
+                notes.append(f"{str(error).partition('; ')[0]}; {what} is left out")
                 continue
             advice = _advice(grid.option, _example(headings))
             if heading.unit is not None:
@@ -1303,7 +1302,7 @@ def _plain_name(name: str) -> str:
     return re.sub(r"[\s_.-]+", "", marked_specimen(name) or name).casefold()
 
 
-def _with_units_of_head(grid: _Grid, block: _Block) -> tuple[_Block, list[str]]:
+def _with_units_of_head(grid: _Grid, block: _Block) -> _Block:
     """Return a block with the units that a file's head states by lines of their own.
 
     A Mark-10 MESURgauge has "Units: N" (of the load), "Travel Unit: mm", an Emperor "Force Units",
@@ -1329,9 +1328,9 @@ def _with_units_of_head(grid: _Grid, block: _Block) -> tuple[_Block, list[str]]:
         units["time"] = "s"
     filled = [replace(h, unit=h.unit or units.get(h.meaning)) for h in block.headings]
     if filled == [*block.headings]:
-        return block, []
+        return block
     stated = ", ".join(f"{meaning} in {unit}" for meaning, unit in units.items())
-    return replace(block, headings=filled), [f"{grid.where}: {stated} by its head"]
+    return replace(block, headings=filled, notes=(f"{grid.where}: {stated} by its head",))
 
 
 _UNIT_OF = re.compile(r"(?:(\w+) )?units?\s*:?\s*[(\[]?([^\s()\[\]]+)[)\]]?", re.IGNORECASE)

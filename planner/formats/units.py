@@ -18,6 +18,7 @@ __all__ = [
     "UnitOf",
     "factor_of",
     "is_unit",
+    "known_units",
     "parsed_unit",
     "quantities_of",
     "unit_factor",
@@ -37,7 +38,7 @@ QUANTITY_UNITS: Mapping[str, Mapping[str, float]] = MappingProxyType(
 )
 """Factors to s, mm, N, MPa and fractions, by quantity and unit."""
 
-_FOLDED = {
+_FOLDED: dict[str, dict[str, float]] = {
     quantity: {unit.casefold(): f for unit, f in units.items() if unit not in ("mN", "MN")}
     | _UNITS["read-alone"].get(quantity, {})
     | {
@@ -66,6 +67,11 @@ def _find(quantity: str, unit: str) -> float | None:
         return _find("stress", unit[1:]) and 1e6 * _FOLDED["stress"][unit[1:].casefold()]
     factor = QUANTITY_UNITS.get(quantity, {}).get(unit)
     return _FOLDED[quantity].get(unit.casefold()) if factor is None else factor
+
+
+def known_units(quantity: str) -> Mapping[str, float]:
+    """Return the units of a quantity with their factors, spelled out too, in lower case."""
+    return _FOLDED[quantity]
 
 
 def is_unit(text: str) -> bool:

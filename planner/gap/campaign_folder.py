@@ -27,8 +27,8 @@ from planner.formats.specimens import (
 from planner.formats.specimens import ListedSpecimen as Row
 from planner.formats.tables import LONGEST_HEADING, encode_csv, number, read_columns
 from planner.formats.tensile import TensileTable, read_tensile
+from planner.formats.units import QUANTITIES
 from planner.gap.campaign import Campaign, PartTest, Specimen, StrainField, named
-from planner.gap.loading_direction import Mode, said_mode, turned
 from planner.materials.characterise import MINIMUM_POINTS
 from planner.materials.laws import make_law
 from planner.materials.study import in_stated_units, stated_units
@@ -47,6 +47,7 @@ __all__ = [
     "read_campaign",
     "read_campaign_file",
     "read_list",
+    "said_mode",
     "specimens_csv",
     "write_campaign",
 ]
@@ -137,6 +138,142 @@ def _alike(known: str, heading: str) -> bool:
 
 
 # ------------------------------------------------------------------------------------------------
+# Whether a record is of a pull or of a push, whichever way its channels count.
+
+
+_Mode = Literal["tension", "compression"]
+
+_WORDS: dict[str, _Mode] = {
+    **dict.fromkeys(("compression", "compressive", "compressed", "pushed"), "compression"),
+    **dict.fromkeys(("tension", "tensile", "pulled"), "tension"),
+}
+
+_UNIAXIAL = "uniaxial "
+
+
+def said_mode(cells: Iterable[object]) -> _Mode | None:
+    """Return what a row of specimens.csv says of the way of loading; None where it says nothing.
+
+    A cell says so by one word alone: a batch that was moulded by compression may be pulled.
+    """
+    texts = (cell.casefold().removeprefix(_UNIAXIAL) for cell in cells if isinstance(cell, str))
+    return next((_WORDS[text] for text in texts if text in _WORDS), None)
+
+
+_TURNED_RATIO = 5.0
+"""Largest value below zero over the largest above, of what was recorded with its sign turned.
+Chosen: a way back past zero is small beside the pull, so that anything well above 1 does."""
+
+
+def _turned(
+    force_N: FloatArray,
+    travel_mm: FloatArray,
+    *,
+    said: _Mode | None,
+    gauge_mm: float,
+    area_mm2: float | None,
+    stress_MPa: Callable[[FloatArray], FloatArray] | None,
+    notes: list[str],
+) -> tuple[FloatArray, FloatArray]:
+    """Return force and travel, both positive in tension and negative in compression.
+
+    What is said of a specimen holds. Else both negative are a push, both positive a pull. Where
+    one alone is negative, the curve tells, by the law that it is nearer to at any stiffness; where
+    laws are too much alike for that, a piece that is wider than long was pushed: no grip holds it.
+
+    Parameters
+    ----------
+    stress_MPa
+        The material's law, nominal stress of stretches; None where there is none.
+    notes
+        What was turned or looks odd is added.
+    """
+    down = {"force": _is_negative(force_N), "travel": _is_negative(travel_mm)}
+    names = [name for name, negative in down.items() if negative]
+    which = " and ".join(names) or "none"
+    curve = None if stress_MPa is None else _kind(force_N, travel_mm, gauge_mm, stress_MPa)
+    if said is not None:
+        mode = said
+    elif len(names) != 1:
+        mode = "compression" if names else "tension"
+    elif curve is not None:
+        mode = curve
+    else:
+        squat = area_mm2 is not None and gauge_mm**2 < area_mm2
+        mode = "compression" if squat else "tension"
+    pushed = mode == "compression"
+    if pushed and len(names) == 2:
+        notes.append("travel and force are negative; it is compared as compressed")
+    elif pushed and said is not None:
+        notes.append("compared as compressed, as specimens.csv says")
+    elif pushed:
+        why = "the curve bends as in compression" if curve else "it is wider than long"
+        notes.append(
+            f"{which} alone is negative and {why}; it is compared as compressed: if it was pulled, "
+            "write tension in a column 'mode'"
+        )
+    else:
+        notes += [f"{name} is negative in tension; its sign was turned" for name in names]
+        if said is None and curve == "compression":
+            notes.append(
+                "compared as pulled, but the curve bends as in compression; if it was pushed, "
+                "write compression in a column 'mode'"
+            )
+    turn = [name for name, negative in down.items() if negative is not pushed]
+    return (
+        -force_N if "force" in turn else force_N,
+        -travel_mm if "travel" in turn else travel_mm,
+    )
+
+
+def _is_negative(values: FloatArray) -> bool:
+    return float(-values.min()) > _TURNED_RATIO * abs(float(values.max()))
+
+
+_PLACES = 40
+"""Strains at which a curve is looked at. Numerical: laws are straight over a fortieth of them."""
+
+_FARTHEST = 0.6
+"""Strain up to which a curve is looked at. Chosen: a law in compression ends soon after."""
+
+
+def _kind(
+    force_N: FloatArray,
+    travel_mm: FloatArray,
+    gauge_mm: float,
+    stress_MPa: Callable[[FloatArray], FloatArray],
+) -> _Mode | None:
+    """Return the way of loading whose law a first loading is nearer to, at any stiffness.
+
+    None where the two laws differ by less than the nearer one is missed by.
+    """
+    moved = np.abs(travel_mm - travel_mm[0])
+    top = int(np.argmax(moved >= 0.95 * moved.max()))
+    strain, load = moved[: top + 1] / gauge_mm, np.abs(force_N[: top + 1])
+    end = min(float(strain.max()), _FARTHEST)
+    at = np.linspace(0.0, end, _PLACES + 1)[1:]
+    if not end > 0.0 or not load.max() > 0.0:
+        return None
+    rising, first = np.unique(np.maximum.accumulate(strain), return_index=True)
+    measured = _of_size_one(np.interp(at, rising, load[first]))
+    pulled, pushed = _of_size_one(stress_MPa(1.0 + at)), _of_size_one(-stress_MPa(1.0 - at))
+    missed: dict[_Mode, float] = {
+        "tension": _distance(measured, pulled),
+        "compression": _distance(measured, pushed),
+    }
+    nearer = min(missed, key=lambda mode: missed[mode])
+    return nearer if missed[nearer] < _distance(pulled, pushed) - missed[nearer] else None
+
+
+def _of_size_one(values: FloatArray) -> FloatArray:
+    return np.asarray(values / max(float(np.linalg.norm(values)), 1e-300))
+
+
+def _distance(one: FloatArray, other: FloatArray) -> float:
+    return float(np.linalg.norm(one - other))
+
+
+# ------------------------------------------------------------------------------------------------
 # From a tensile file's table to a specimen's record of time, travel and force.
 
 
@@ -166,7 +303,7 @@ class _Source:
     gauge_mm: float
     area_mm2: float | None
     rate_mm_s: float | None
-    said: Mode | None
+    said: _Mode | None
     stress_MPa: Callable[[FloatArray], FloatArray] | None
     notes: list[str]
     """What was corrected, without naming the specimen."""
@@ -175,7 +312,7 @@ class _Source:
 def _record_of(source: _Source) -> dict[str, Any]:
     """Take time, travel and force of a table, and whether the time was recorded.
 
-    Force and travel count positive in tension and negative in compression (see `turned`). Travel
+    Force and travel count positive in tension and negative in compression (see `_turned`). Travel
     counts from its unloaded start, points of one time are averaged, and a time that was not
     recorded is counted from travel and rate; each is noted.
 
@@ -191,8 +328,14 @@ def _record_of(source: _Source) -> dict[str, Any]:
             f"{where}: the curve has {points} points; at least {MINIMUM_POINTS} are "
             "needed: export all of it, or take the specimen out of specimens.csv"
         )
-    force, force_unit_N = _force(source)
-    travel, travel_unit_mm = _travel(source)
+    force, force_unit_N = _channel(
+        source, "force", "stress_MPa", source.area_mm2,
+        "stress times the section in specimens.csv; it was",
+    )  # fmt: skip
+    travel, travel_unit_mm = _channel(
+        source, "travel", "strain", source.gauge_mm,
+        "strain times the gauge length; the crosshead's was",
+    )  # fmt: skip
     if not np.any(travel):
         raise FileError(f"{where}: the crosshead never moves; check the column of travel")
     if not np.any(force):
@@ -205,7 +348,7 @@ def _record_of(source: _Source) -> dict[str, Any]:
         kind = "unloaded start" if unloaded else "start under a preload"
         notes.append(f"travel counts from its {kind}, not from 0 as recorded")
         travel = travel - travel[0]
-    force, travel = turned(
+    force, travel = _turned(
         force, travel, said=source.said, gauge_mm=source.gauge_mm, area_mm2=source.area_mm2,
         stress_MPa=source.stress_MPa, notes=notes,
     )  # fmt: skip
@@ -231,32 +374,30 @@ def _record_of(source: _Source) -> dict[str, Any]:
     }
 
 
-def _force(source: _Source) -> tuple[FloatArray, float | None]:
-    """Return the force, and the newtons in a unit of the file's."""
-    columns = source.table.columns
-    if "force_N" in columns:
-        return columns["force_N"], source.table.factors["force_N"]
-    if "stress_MPa" not in columns:
-        raise FileError(f"{source.where}: no column of force; export it, headed 'force_N'")
-    if source.area_mm2 is None:
+def _channel(
+    source: _Source, quantity: str, other: str, times: float | None, how: str
+) -> tuple[FloatArray, float | None]:
+    """Return force or travel, and how many newtons or millimetres a unit of the file's has.
+
+    Parameters
+    ----------
+    other
+        The column that is multiplied by `times` where the quantity was not recorded.
+    how
+        What is noted then.
+    """
+    column, table = QUANTITIES[quantity][0], source.table
+    if column in table.columns:
+        return table.columns[column], table.factors[column]
+    if other not in table.columns:
+        raise FileError(f"{source.where}: no column of {quantity}; export it, headed {column!r}")
+    if times is None:
         raise FileError(
             f"{source.where}: a stress but no force, and the section is unknown; give width_mm and "
             "thickness_mm in specimens.csv"
         )
-    source.notes.append("force is stress times the section in specimens.csv; it was not recorded")
-    return columns["stress_MPa"] * source.area_mm2, None
-
-
-def _travel(source: _Source) -> tuple[FloatArray, float | None]:
-    """Return the travel, and the millimetres in a unit of the file's."""
-    columns = source.table.columns
-    if "displacement_mm" in columns:
-        return columns["displacement_mm"], source.table.factors["displacement_mm"]
-    if "strain" not in columns:
-        what = "no column of travel; export it, headed 'displacement_mm'"
-        raise FileError(f"{source.where}: {what}")
-    source.notes.append("travel is strain times the gauge length; the crosshead's was not recorded")
-    return columns["strain"] * source.gauge_mm, None
+    source.notes.append(f"{quantity} is {how} not recorded")
+    return table.columns[other] * times, None
 
 
 def _time(source: _Source, travel: FloatArray) -> tuple[FloatArray, bool]:
@@ -478,6 +619,10 @@ def campaign_palette(
 SPECIMENS, CURVES, _FIELDS = "specimens.csv", "curves.csv", "fields.csv"
 
 
+_Noted = dict[str, list[str]]
+"""Notes with the specimens that each applies to, in order of appearance."""
+
+
 def read_campaign(
     folder: str | Path,
     palette: str | Path | Palette | None = None,
@@ -519,29 +664,27 @@ def read_campaign(
     file = read_campaign_file(folder)
     palette = campaign_palette(file, folder, palette)
     rows, covariates, slips = read_list(path_within(folder, SPECIMENS))
-    noted = _Notes()
-    for note in slips:
-        noted.add(note)
+    noted: _Noted = {note: [] for note in slips}
     tables = _tables(folder, rows, noted)
     fields: dict[str, MeasuredField] = {}
     if (folder / _FIELDS).is_file():
         fields = _read_strain_fields(path_within(folder, _FIELDS))
         listed = {row.specimen for row in rows}
         for stray in (specimen for specimen in fields if specimen not in listed):
-            noted.add(f"in {_FIELDS} but no row in {SPECIMENS}; left out", stray)
+            _note(noted, f"in {_FIELDS} but no row in {SPECIMENS}; left out", stray)
     units = stated_units(unit_of, {row.specimen: row.material for row in rows})
     reader = ListReader(folder / SPECIMENS, palette)
     specimens: list[Specimen] = []
     for row in rows:
         if row.specimen not in tables:
-            noted.add("no curve; left out", row.specimen)
+            _note(noted, "no curve; left out", row.specimen)
             continue
         id, where = row.specimen, f"specimen {row.specimen} ({tables[row.specimen].file})"
         table = in_stated_units(tables[id], units.get(id, {}), where, named=False)
         specimen, notes = _specimen(row, table, where, fields.get(id), covariates[id], reader)
         specimens.append(specimen)
         for note in notes:
-            noted.add(note, id)
+            _note(noted, note, id)
     if not specimens:
         raise FileError(
             f"{folder}: none of the {len(rows)} specimens has a curve; the column 'specimen' of "
@@ -554,22 +697,12 @@ def read_campaign(
         specimens=tuple(specimens),
         covariates=tuple(rows[0].covariates),
         notes=file.notes,
-        remarks=tuple(noted.sentences()),
+        remarks=tuple(f"{named(ids)}: {note}" if ids else note for note, ids in noted.items()),
     )
 
 
-class _Notes:
-    """Notes with the specimens that each applies to, in order of appearance."""
-
-    def __init__(self) -> None:
-        self._ids: dict[str, list[str]] = {}
-
-    def add(self, note: str, *ids: str) -> None:
-        self._ids.setdefault(note, []).extend(ids)
-
-    def sentences(self) -> Iterator[str]:
-        for note, ids in self._ids.items():
-            yield f"{named(ids)}: {note}" if ids else note
+def _note(noted: _Noted, note: str, id: str) -> None:
+    noted.setdefault(note, []).append(id)
 
 
 @dataclass(frozen=True, slots=True)
@@ -657,7 +790,7 @@ class ListReader:
             raise FileError(f"part {part}: {error}") from error
 
 
-def _tables(folder: Path, rows: Sequence[Row], noted: _Notes) -> dict[str, TensileTable]:
+def _tables(folder: Path, rows: Sequence[Row], noted: _Noted) -> dict[str, TensileTable]:
     """Read each specimen's table: from the file its row names, else from curves.csv."""
     by_id = {row.specimen: row for row in rows}
     files: dict[str, list[Row]] = {}
@@ -693,9 +826,8 @@ def _tables(folder: Path, rows: Sequence[Row], noted: _Notes) -> dict[str, Tensi
             hint = f"; its row names {listed.file or CURVES}" if listed else ""
             if listed is None and (question := did_you_mean(table.specimen, by_id)):
                 hint = f"; {question.rstrip()}"
-            noted.add(
-                f"a curve in {name} but no row in {SPECIMENS}{hint}; left out", table.specimen
-            )
+            said = f"a curve in {name} but no row in {SPECIMENS}{hint}; left out"
+            _note(noted, said, table.specimen)
     return found
 
 

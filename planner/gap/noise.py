@@ -424,7 +424,7 @@ def estimate_scatter(
             own += np.outer(aside[first], aside[first])
             half_log, white = _whitened(own, differences.T)
             total += len(differences) * half_log + 0.5 * float(np.sum(white**2))
-        return total
+        return float(total)
 
     if not free:
         return USUAL

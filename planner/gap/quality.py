@@ -533,16 +533,16 @@ def _whole(
         return None
     travel = [t for i in near if (t := _travel_slip(specimens[i], palette, loads[i])) is not None]
     if 2 * len(travel) > len(near):
-        return replace(travel[0], specimen=None, unit_of=_of_all(travel[0]))
+        return _of_all(travel[0])
     tolerance = _AGAINST_LAW if abs(shift) < _BEYOND_EFFECTS else 2.0 * _AGAINST_LAW
     if _slip(shift, tolerance) is None:
         return None
-    problem = _problem(specimens[near[0]], shift, "the laws'")
-    return replace(problem, specimen=None, unit_of=_of_all(problem))
+    return _of_all(_problem(specimens[near[0]], shift, "the laws'"))
 
 
-def _of_all(problem: QualityProblem) -> UnitOf | None:
-    return None if problem.unit_of is None else replace(problem.unit_of, specimens=())
+def _of_all(problem: QualityProblem) -> QualityProblem:
+    unit = problem.unit_of
+    return replace(problem, specimen=None, unit_of=unit and replace(unit, specimens=()))
 
 
 def _near_reference(

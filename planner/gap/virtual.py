@@ -22,10 +22,11 @@ from planner.gap.campaign_folder import (
     read_campaign,
     read_campaign_file,
     read_list,
+    said_mode,
 )
+from planner.gap.diagnosis import read_diagnosis
 from planner.gap.effect import Effect, Form, Parameter, StatedEffect, stated, with_effects
 from planner.gap.effects import effect_named, effects_for
-from planner.gap.loading_direction import said_mode
 from planner.gap.noise import USUAL
 from planner.gap.segments import assemble, path_of, replicate_test
 from planner.numerics import FloatArray
@@ -214,7 +215,7 @@ def read_design(
     Parameters
     ----------
     palette, printer
-        Of a list alone; without a palette that of the campaign.toml beside it, if there is one.
+        Of a list alone; by default those of the campaign or diagnosis that it lies beside, if any.
     camera
         Whether bars are seen along their axis.
 
@@ -226,12 +227,11 @@ def read_design(
         The palette, or a material that it does not have.
     """
     path = Path(path)
-    if path.is_file() and (palette is not None or not (path.parent / "campaign.toml").is_file()):
-        machine = load_printer(printer)
-        return _listed(path, path.stem, palette_of(palette, machine), machine.name, camera)
     if path.is_file():
-        file = read_campaign_file(path.parent)
-        return _listed(path, path.stem, campaign_palette(file, path.parent), file.printer, camera)
+        machine = load_printer(printer)
+        beside = _palette_beside(path) if palette is None else None
+        own, name = beside or (palette_of(palette, machine), "")
+        return _listed(path, path.stem, own, name or machine.name, camera)
     if not path.is_dir():
         raise FileError(
             f"{path}: no such file or folder; give a specimens.csv or the folder of a campaign"
@@ -248,6 +248,17 @@ def read_design(
             )
         return replace(campaign, specimens=specimens)
     return _listed(path_within(path, SPECIMENS), file.name, own, file.printer, camera)
+
+
+def _palette_beside(listed: Path) -> tuple[Palette, str] | None:
+    """Return the palette, and the printer if it is told, of the campaign or diagnosis of a list."""
+    folder = listed.parent
+    if (folder / "campaign.toml").is_file():
+        file = read_campaign_file(folder)
+        return campaign_palette(file, folder), file.printer
+    diagnosed = (folder / "diagnosis.json").is_file()
+    own = read_diagnosis(folder).own_palette if diagnosed else None
+    return None if own is None else (own, "")
 
 
 def _has_curves(folder: Path) -> bool:
@@ -461,7 +472,8 @@ def synthesise_campaign(
     camera
         See the strain along planned bars, too.
     printer, palette
-        Of a list alone, by name, file or value; by default those of the campaign.toml beside it.
+        Of a list alone, by name, file or value; by default those of the campaign or diagnosis
+        that it lies beside, if any.
 
     Returns
     -------

@@ -491,8 +491,8 @@ def grade(
         ``"radial: point=0 0 5, to=12"``; a function of points (n, 3) in the part's coordinates
         that returns values from 0 to 1; or any `Field` over the part as placed for printing.
     pitch_mm
-        Of the grid on which curved level sets are drawn; by default 0.5 mm, finer for parts smaller
-        than 25 mm and coarser for those larger than 63 mm.
+        Of the cells in which curved level sets are drawn, all alike; without it they are divided
+        until interfaces lie within 20 um of the field.
     blend
         How a target between two materials is met: ``nearest``, by default, takes the nearer one;
         ``dither`` deals cells of both, as many of each as the target needs; ``bands:N`` lets N

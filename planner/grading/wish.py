@@ -133,7 +133,8 @@ class Earlier:
             end=target.moduli_MPa[-1] if ends else None,
             profile=target,
             field=None if laid_anew else self._own_field(),
-            pitch_mm=None if laid_anew or "within_mm" in gradient.field
+            pitch_mm=None
+            if laid_anew or "within_mm" in gradient.field
             else _number(gradient.field.get("pitch_mm")),
             at_strain=self.plan.stiffness.at_strain,
             printer=self.plan.printer,

@@ -2,15 +2,58 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import combinations
 from typing import Any
 
 import numpy as np
 
 from planner.errors import ArgumentError
+from planner.materials.mixtures import CoefficientModel, coordinate_for
 from planner.numerics import FloatArray
 
-__all__ = ["Controls", "lattice", "lattice_counts", "profile_knots"]
+__all__ = ["TABLE", "Controls", "StiffnessRange", "lattice", "lattice_counts", "profile_knots"]
+
+TABLE = "field.vti"
+"""A lattice's gradient, as a file beside the plan."""
+
+
+@dataclass(frozen=True, eq=False)
+class StiffnessRange:
+    """What a share of the way from ln(softest) to ln(stiffest) means.
+
+    Attributes
+    ----------
+    moduli_MPa
+        Softest and stiffest that is allowed: shares 0 and 1.
+    model, at_strain
+        Turn a modulus into a mixture.
+    """
+
+    moduli_MPa: tuple[float, float]
+    model: CoefficientModel
+    at_strain: float
+
+    @property
+    def span(self) -> float:
+        """ln(stiffest / softest)."""
+        return float(np.log(self.moduli_MPa[1] / self.moduli_MPa[0]))
+
+    def modulus_MPa(self, share: FloatArray) -> FloatArray:
+        """Return the moduli that shares mean."""
+        return np.asarray(self.moduli_MPa[0] * np.exp(self.span * share))
+
+    def coordinates(self, share: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the mixtures' coordinates at shares, and their derivative over the share."""
+        nodes, known = self._known
+        step = nodes[1]
+        cell = np.clip((share / step).astype(np.int64), 0, len(nodes) - 2)
+        return np.interp(share, nodes, known), (known[cell + 1] - known[cell]) / step
+
+    @cached_property
+    def _known(self) -> tuple[FloatArray, FloatArray]:
+        nodes = np.linspace(0.0, 1.0, 2049)
+        return nodes, coordinate_for(self.model, self.modulus_MPa(nodes), self.at_strain)
 
 
 @dataclass(frozen=True, eq=False)

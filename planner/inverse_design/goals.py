@@ -12,21 +12,17 @@ from planner.errors import ArgumentError, did_you_mean
 from planner.formats.mesh_file import read_mesh
 from planner.formats.tables import finite_number, read_records
 from planner.formats.units import unit_factor
+from planner.mesh.mesh import Mesh
 from planner.numerics import FloatArray, Point
-from planner.simulation.loads import refuse_held
+from planner.simulation.loads import LoadCase, read_conditions, refuse_held
 
 if TYPE_CHECKING:
     from planner.simulation.loads import Conditions
     from planner.simulation.solid import Equilibrium, Mechanics
 
 __all__ = [
-    "Functional",
-    "Limits",
-    "Target",
-    "functionals",
-    "read_limits",
-    "read_target",
-]
+    "Functional", "Limits", "Target", "functionals", "posed", "read_limits", "read_target",
+]  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -270,20 +266,40 @@ class Functional(NamedTuple):
     weight: float
     measure: "Measure"
 
-    @property
-    def hard(self) -> bool:
-        """Whether it is to be met or kept."""
-        return self.kind != "near"
+    def miss(self, figure: float) -> tuple[float, float]:
+        """Return how far a target is missed, ln(figure / wanted), and the slope of that.
 
-    def off(self, figure: float) -> float:
-        """Return the relative miss; of a limit, by how much it is passed, below 0 if it is not."""
-        if self.kind in "<>":
-            over = abs(figure) / self.wanted - 1.0
-            return over if self.kind == "<" else -over
-        return figure / self.wanted - 1.0 if self.wanted else figure / self.scale
+        Below a fifth of what is wanted, its tangent: figures may be 0 or of the other sign.
+        """
+        if not self.wanted:
+            return figure / self.scale, 1.0 / self.scale
+        ratio = figure / self.wanted
+        bent = max(ratio, _STRAIGHT)
+        return float(np.log(bent)) + (ratio - bent) / bent, 1.0 / (bent * self.wanted)
 
+    def passed(self, figure: float) -> float:
+        """Return by how much a limit is passed, over it; below 0 if it is not."""
+        over = abs(figure) / self.wanted - 1.0
+        return over if self.kind == "<" else -over
+
+
+_STRAIGHT = 0.2
+"""Of what is wanted: below it a miss goes with the figure, no longer with its logarithm."""
 
 Measure = Callable[["Mechanics", "Equilibrium"], tuple[float, FloatArray]]
+
+
+def posed(
+    cases: Sequence[LoadCase], targets: Sequence[Sequence[Target]], surface: Mesh
+) -> "list[tuple[Conditions, list[Functional]]]":
+    """Return each case's supports and loads on a surface, and what its targets ask there."""
+    size_mm = float(np.linalg.norm(np.ptp(surface.bounds_mm, axis=0)))
+    out = []
+    for case, aims in zip(cases, targets, strict=True):
+        watch = [selector for aim in aims for selector in aim.selectors]
+        on = read_conditions(surface, replace(case, watch=watch))
+        out.append((on, functionals(aims, on, size_mm)))
+    return out
 
 
 def functionals(

@@ -1,69 +1,91 @@
-"""Search for the gradient with which load cases come to their targets."""
+"""Load cases of a part on cells, and the search for the gradient that brings them to targets."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from statistics import NormalDist
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from planner.inverse_design.controls import Controls
-from planner.inverse_design.goals import Functional, Limits
-from planner.inverse_design.shape import Deviation, ShapeGoal
-from planner.materials.mixtures import CoefficientModel, coordinate_for
+from planner.inverse_design.controls import Controls, StiffnessRange
+from planner.inverse_design.goals import Functional, Limits, Target, posed
+from planner.inverse_design.shape import Deviation, ShapeGoal, WantedShape
+from planner.materials.marlow import MarlowTable
+from planner.materials.mixtures import CoefficientModel
+from planner.mesh.mesh import Mesh
 from planner.numerics import FloatArray, interrupted
+from planner.simulation.cut_cells import CutCells, cut_cells
+from planner.simulation.loads import LoadCase
 from planner.simulation.part_sensitivity import moved_by
-from planner.simulation.response import CellAverage, largest_stretch, log_stress_sds
-from planner.simulation.solid import Body, Equilibrium, LostStabilityError, Mechanics, Sensitivity
+from planner.simulation.response import (
+    CellAverage,
+    figure_interval,
+    largest_stretch,
+    log_stress_sds,
+)
+from planner.simulation.solid import Body, Equilibrium, LostStabilityError, Mechanics
+from planner.simulation.sparse_cholesky import analyse
 
 if TYPE_CHECKING:
-    from planner.simulation.cut_cells import CutCells
     from planner.simulation.loads import Conditions
     from planner.simulation.sparse_cholesky import Analysis, Factor
 
-__all__ = ["Case", "DesignProblem", "Found", "StiffnessRange", "Tried", "evaluate", "search"]
-
-
-@dataclass(frozen=True, eq=False)
-class StiffnessRange:
-    """What a share of the way from ln(softest) to ln(stiffest) means.
-
-    Attributes
-    ----------
-    moduli_MPa
-        Softest and stiffest that is allowed: shares 0 and 1.
-    model, at_strain
-        Turn a modulus into a mixture.
-    """
-
-    moduli_MPa: tuple[float, float]
-    model: CoefficientModel
-    at_strain: float
-
-    @property
-    def span(self) -> float:
-        """ln(stiffest / softest)."""
-        return float(np.log(self.moduli_MPa[1] / self.moduli_MPa[0]))
-
-    def modulus_MPa(self, share: FloatArray) -> FloatArray:
-        """Return the moduli that shares mean."""
-        return np.asarray(self.moduli_MPa[0] * np.exp(self.span * share))
-
-    def coordinates(self, share: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the mixtures' coordinates at shares, and their derivative over the share."""
-        nodes, known = self._known
-        step = nodes[1]
-        cell = np.clip((share / step).astype(np.int64), 0, len(nodes) - 2)
-        return np.interp(share, nodes, known), (known[cell + 1] - known[cell]) / step
-
-    @cached_property
-    def _known(self) -> tuple[FloatArray, FloatArray]:
-        nodes = np.linspace(0.0, 1.0, 2049)
-        return nodes, coordinate_for(self.model, self.modulus_MPa(nodes), self.at_strain)
+__all__ = [
+    "Case", "DesignProblem", "Found", "Solved", "Tried", "WantedOfPart", "evaluate", "search",
+    "step",
+]  # fmt: skip
 
 
 # ------------------------------------------------------------------------------------------------
-# One load case on one set of cells.
+# Load cases on one set of cells.
+
+
+@dataclass(frozen=True, eq=False)
+class WantedOfPart:
+    """What is wanted of a part, whatever cells it is cut into.
+
+    Attributes
+    ----------
+    mesh
+        In its own coordinates.
+    cases, targets, shapes
+        Load cases; targets and limits, and shapes by a surface, of each.
+    table, densities
+        Of the materials.
+    """
+
+    mesh: Mesh
+    cases: Sequence[LoadCase]
+    targets: Sequence[Sequence[Target]]
+    shapes: Sequence[Sequence[WantedShape]]
+    table: MarlowTable
+    densities: tuple[FloatArray, FloatArray] | None
+
+    def cut(self, size_mm: float, coordinate: float, before: "Sequence[Case]" = ()) -> "list[Case]":
+        """Return the cases on cells of a size; their stabilisation is that of one mixture."""
+        cells = cut_cells(self.mesh, size_mm)
+        return self.on(cells, np.full(len(cells.points), coordinate), before, varies=True)
+
+    def on(
+        self, cells: CutCells, coordinate: FloatArray, before: "Sequence[Case]", *, varies: bool
+    ) -> "list[Case]":
+        """Return the cases on filled cells, deformed as others are in theirs."""
+        body, made = Body(cells, self.table, coordinate, densities=self.densities), list[Case]()
+        body = replace(body, stabiliser_MPa=body.cell_shear_MPa if varies else None)
+        analysis = analyse(cells.nodes, cells.node_mm, cells.interface.cells)
+        each = posed(self.cases, self.targets, cells.surface)
+        for number, (case, (on, goals)) in enumerate(zip(self.cases, each, strict=True)):
+            name = case.name or (f"case {number + 1}" if len(self.cases) > 1 else "")
+            facets = {watched.selector: watched.facets for watched in on.watched}
+            shapes = [ShapeGoal.on(s, cells, facets.get(s.selector)) for s in self.shapes[number]]
+            made.append(Case(name, cells, on, analysis, goals, body, shapes))
+            if before:
+                made[-1].begin_from(before[number])
+        return made
+
+
+_SETTLED = 1e-4
+"""Numerical: equilibria are off by about its square, derivatives by about as much."""
 
 
 @dataclass(eq=False)
@@ -71,7 +93,7 @@ class Case:
     """A load case on cells; it keeps its last equilibrium, from which the next one starts."""
 
     name: str
-    cells: "CutCells"
+    cells: CutCells
     conditions: "Conditions"
     analysis: "Analysis"
     goals: Sequence[Functional]
@@ -79,7 +101,6 @@ class Case:
     shapes: Sequence[ShapeGoal] = ()
     mechanics: Mechanics | None = None
     state: Equilibrium | None = None
-    average: CellAverage | None = None
 
     def begin_from(self, other: "Case") -> None:
         """Take over how this part is deformed in other cells, as where the next solution starts."""
@@ -113,16 +134,14 @@ class Case:
             elif state is None:
                 raise LostStabilityError(0.0, None)
             for share in np.linspace(0.0, 1.0, max(steps, 1) + 1)[1:].tolist():
-                state, factored = mechanics.settle(state, share)
+                state, factored = mechanics.settle(state, share, into=factored, settled=_SETTLED)
         except LostStabilityError:
             if steps:
                 raise
-            state, factored = list(mechanics.follow([1.0]))[-1]
+            state, factored = list(mechanics.follow([1.0], settled=_SETTLED))[-1]
         assert factored is not None
         self.state = state
-        if self.average is None:
-            self.average = CellAverage(self.cells)
-        return Solved(mechanics, state, factored, self.average, self.goals, self.shapes)
+        return Solved(mechanics, state, factored, self.goals, self.shapes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,22 +151,12 @@ class Solved:
     mechanics: Mechanics
     state: Equilibrium
     factored: "Factor"
-    average: CellAverage
     goals: Sequence[Functional]
     shapes: Sequence[ShapeGoal] = ()
 
     def values(self) -> FloatArray:
         """Return the figures of the goals."""
         return np.array([goal.measure(self.mechanics, self.state)[0] for goal in self.goals])
-
-    def sensitivities(self) -> list[Sensitivity]:
-        """Return their derivatives over the material at the points: one solution for each."""
-        return [
-            self.mechanics.sensitivity(
-                self.state, self.factored, goal.measure(self.mechanics, self.state)[1]
-            )
-            for goal in self.goals
-        ]
 
     def deviations(self) -> list[Deviation]:
         """Return how far the surface is off the shapes that are wanted."""
@@ -164,9 +173,15 @@ class Solved:
             rows.append(seen.rows(by_vertex))
         return np.concatenate(rows)
 
-    def sds(self, model: CoefficientModel, normal: float) -> tuple[FloatArray, FloatArray]:
-        """Return the standard deviations of ln(stress) at the points, both ways."""
-        return log_stress_sds(self.mechanics, self.state, model, normal)
+    def intervals(self, model: CoefficientModel, level: float) -> list[tuple[float, float]]:
+        """Return what prints do, of each goal, from the palette's uncertainty."""
+        normal = NormalDist().inv_cdf(0.5 + level / 2.0)
+        sds = log_stress_sds(self.mechanics, self.state, model, normal)
+        measured = (goal.measure(self.mechanics, self.state) for goal in self.goals)
+        return [
+            figure_interval(self.mechanics, self.state, self.factored, weights, figure, sds, normal)
+            for figure, weights in measured
+        ]
 
     def over_break(self) -> "OverBreak":
         """Return the largest strain over break, and how a smooth stand-in for it changes."""
@@ -175,16 +190,17 @@ class Solved:
         body = mechanics.body
         breaks = body.table.break_at(body.coordinate)
         ratio = (stretch - 1.0) / breaks
-        held = self.average.held
-        nodal = np.where(held, self.average.of(ratio), 0.0)
+        average = CellAverage(body.cells)
+        held = average.held
+        nodal = np.where(held, average.of(ratio), 0.0)
         largest = float(nodal.max())
-        volume = np.where(held, self.average.volume, 0.0)
+        volume = np.where(held, average.volume, 0.0)
         volume /= volume.sum()
         raised = np.maximum(nodal, 0.0) / largest
         norm = float(np.sum(volume * raised**_NORM) ** (1.0 / _NORM))
         # d norm / d mean, then back to the points, then over strain and over the coordinate
         weights = norm ** (1.0 - _NORM) * volume * raised ** (_NORM - 1.0)
-        each = self.average.back(weights)
+        each = average.back(weights)
         square = along[:, [0, 1, 2, 0, 1, 0]] * along[:, [0, 1, 2, 1, 2, 2]]
         tensor = (each / (breaks * stretch))[:, None] * square
         # nodal_forces multiplies by volumes, which `back` has put in already
@@ -235,6 +251,8 @@ class DesignProblem:
         Miss of a shape, over its longest way, that counts as whole.
     normal
         Of standard deviations of the palette by which limits are kept; 0 for its own figures.
+    miss_weight
+        Of a miss of 1 against the wish, whose values are below 1: misses come first.
     """
 
     stiffness: StiffnessRange
@@ -244,6 +262,7 @@ class DesignProblem:
     prefer: str
     tolerance: float = 0.01
     normal: float = 0.0
+    miss_weight: float = 20.0
     basis: Any = field(init=False)
     volume: FloatArray = field(init=False)
 
@@ -267,11 +286,6 @@ class DesignProblem:
             return 0.1 * bend, self.volume
         return bend + 0.2 / count * np.eye(count), -0.2 / count * self.controls.even
 
-    def shape_deviations(self, values: FloatArray) -> list[list[Deviation]]:
-        """Return how far each case is off its shapes, solved anew where there are any."""
-        coordinate, _ = self.stiffness.coordinates(self.basis @ values)
-        return [case.solve(coordinate).deviations() if case.shapes else [] for case in self.cases]
-
 
 @dataclass(frozen=True, eq=False)
 class Tried:
@@ -287,10 +301,13 @@ class Tried:
         Of each limit: by how much it is passed, over it; below 0 where it is kept.
     near, near_slopes : (k,), (k, n)
         Whose sum of squares is that of the shapes' deviations over the tolerance.
-    largest : float
-        Strain over break in all cases; nan if there is no limit.
     shape : float
         The worst shape's root mean square deviation, over its longest way.
+    deviations
+        That of each shape by a surface.
+    by_share : (t, Q)
+        Derivatives of each target's miss, without its weight, over the share of stiffness at the
+        quadrature points.
     """
 
     values: FloatArray
@@ -301,12 +318,9 @@ class Tried:
     over_slopes: FloatArray
     near: FloatArray
     near_slopes: FloatArray
-    largest: float
     shape: float
-
-
-_STRAIGHT = 0.2
-"""Of what is wanted: below it a miss goes with the figure, no longer with its logarithm."""
+    deviations: tuple[float, ...]
+    by_share: FloatArray
 
 
 def evaluate(problem: DesignProblem, values: FloatArray) -> Tried:
@@ -321,49 +335,48 @@ def evaluate(problem: DesignProblem, values: FloatArray) -> Tried:
     coordinate, over_value = problem.stiffness.coordinates(basis @ values)
     figures: list[float] = []
     rows: dict[str, list[tuple[float, FloatArray]]] = {"off": [], "over": [], "near": []}
-    largest, worst, model = float("nan"), 0.0, problem.stiffness.model
+    by_share: list[FloatArray] = []
+    rms, deviations = [0.0], list[float]()
     limit = problem.limits.strain_over_break
     for case in problem.cases:
         solved = case.solve(coordinate)
-        sds = solved.sds(model, problem.normal) if problem.normal else None
+        mechanics, state, sds = solved.mechanics, solved.state, None
+        if problem.normal:
+            sds = log_stress_sds(mechanics, state, problem.stiffness.model, problem.normal)
         points = len([goal for goal in case.goals if goal.kind == "near"])
-        found = zip(case.goals, solved.values().tolist(), solved.sensitivities(), strict=True)
         squares = 0.0
-        for goal, figure, through in found:
+        for goal in case.goals:
+            figure, weights = goal.measure(mechanics, state)
             figures.append(figure)
-            row = basis.T @ (through.coordinate * over_value)
+            through = mechanics.sensitivity(state, solved.factored, weights)
+            at_points = through.coordinate * over_value
+            row = basis.T @ at_points
             if goal.kind in "<>":
                 raised = 1.0
                 if sds is not None and figure:
                     change = _worst(through.log_stress + through.log_bulk, sds, problem.normal)
                     raised += change / abs(figure) * (1.0 if goal.kind == "<" else -1.0)
                 sign = np.sign(figure) * raised * (1.0 if goal.kind == "<" else -1.0)
-                rows["over"].append((goal.off(figure * raised), sign * row / goal.wanted))
+                rows["over"].append((goal.passed(figure * raised), sign * row / goal.wanted))
             elif goal.kind == "near":
                 squares += ((figure - goal.wanted) / goal.scale) ** 2 * 3.0 / points
                 scale = problem.tolerance * goal.scale * np.sqrt(points / 3.0 / goal.weight)
                 rows["near"].append(((figure - goal.wanted) / scale, row / scale))
-            elif goal.wanted:
-                # ln(figure / wanted), and its tangent below: figures may be 0 or of the other sign
-                ratio = figure / goal.wanted
-                bent = max(ratio, _STRAIGHT)
-                off = float(np.log(bent)) + (ratio - bent) / bent
-                rows["off"].append((goal.weight * off, goal.weight * row / (bent * goal.wanted)))
             else:
-                scale = goal.scale / goal.weight
-                rows["off"].append((figure / scale, row / scale))
-        worst = max(worst, float(np.sqrt(squares)))
+                off, slope = goal.miss(figure)
+                rows["off"].append((goal.weight * off, goal.weight * slope * row))
+                by_share.append(slope * at_points)
+        rms.append(float(np.sqrt(squares)))
         if limit is not None:
             seen = solved.over_break()
             most = seen.largest
             if sds is not None:
                 most += _worst(seen.by_stress, sds, problem.normal)
-            largest = float(np.fmax(largest, seen.largest))
             row = basis.T @ (seen.slope * over_value)
             rows["over"].append((float(np.log(most / limit)), row / seen.norm))
         if case.shapes:
             misses = solved.deviations()
-            worst = max(worst, *(miss.rms for miss in misses))
+            deviations += [miss.rms for miss in misses]
             off_all = np.concatenate([miss.off for miss in misses])
             share = basis.multiply(over_value[:, None]).tocsr()
             both = np.column_stack([solved.shape_rows(share), off_all]) / problem.tolerance
@@ -377,7 +390,8 @@ def evaluate(problem: DesignProblem, values: FloatArray) -> Tried:
 
     return Tried(
         values, np.array(figures), *gathered("off"), *gathered("over"), *gathered("near"),
-        largest, worst,
+        max(rms + deviations), tuple(deviations),
+        np.array(by_share).reshape(len(by_share), len(coordinate)),
     )  # fmt: skip
 
 
@@ -386,23 +400,27 @@ def _worst(each: FloatArray, sds: tuple[FloatArray, FloatArray], normal: float) 
     return normal * max(abs(float(each @ sd)) for sd in sds)
 
 
-_PLEASED, _SLACK = 0.03, 0.1
+_PLEASED, _SLACK = 0.03, 0.5
 """A step that reaches the targets and gains less than this share of the merit, or less than this
 share of the tolerance weighs, is the last."""
 
 
 class Found(NamedTuple):
-    """The best gradient, how many were tried, and whether the user ended the search."""
+    """The best gradient, how many were tried, and whether the user ended the search.
+
+    `problem` has the weight of a miss that the search came to.
+    """
 
     best: Tried
     tried: int
+    problem: DesignProblem
     stopped: bool = False
 
 
-MISS_WEIGHT = 20.0
-"""Weight of a miss of 1 against the wish, whose values are below 1: misses come first."""
+_HEAVIER, _HEAVIEST = 10.0, 2000.0
+"""Times a miss weighs more, and at most, where the wish holds the gradient off its targets."""
 
-SHAPE_WEIGHT = 20.0
+_SHAPE_WEIGHT = 20.0
 """Weight of a shape's mean square deviation over the square of the tolerance: it comes first, down
 to a small part of the tolerance."""
 
@@ -440,11 +458,15 @@ def search(
     progress(tried, missed(best))
     try:
         while tried < most:
-            values = _step(problem, best, radius)
+            values = step(problem, best, radius)
             moved = float(np.abs(values - best.values).max())
             hoped = _merit(problem, best) - _foretold(problem, best, values)
             if moved < 1e-4 or hoped <= _enough(problem, best, tolerance) or radius < 1e-3:
-                break
+                if _hard(best) < tolerance or problem.miss_weight >= _HEAVIEST:
+                    break
+                problem = replace(problem, miss_weight=_HEAVIER * problem.miss_weight)
+                radius = max(radius, 0.1)
+                continue
             other = _tried(problem, values)
             tried += 1
             gained = -1.0 if other is None else _merit(problem, best) - _merit(problem, other)
@@ -456,7 +478,7 @@ def search(
                     off=other.off - best.slopes @ change,
                     over=other.over - best.over_slopes @ change,
                 )
-                again = _tried(problem, _step(problem, bent, radius))
+                again = _tried(problem, step(problem, bent, radius))
                 tried += 1
                 if again is not None and _merit(problem, again) < _merit(problem, other):
                     other, gained = again, _merit(problem, best) - _merit(problem, again)
@@ -465,7 +487,7 @@ def search(
                 best = other
                 if gained > 0.7 * hoped:
                     radius = min(2.0 * radius, 0.5)
-                if settled:
+                if settled and _hard(best) < tolerance:
                     progress(tried, missed(best))
                     break
             else:
@@ -474,15 +496,15 @@ def search(
     except (KeyboardInterrupt, SystemError) as error:
         if not interrupted(error):
             raise
-        return Found(best, tried, stopped=True)
-    return Found(best, tried)
+        return Found(best, tried, problem, stopped=True)
+    return Found(best, tried, problem)
 
 
 def _enough(problem: DesignProblem, at: Tried, tolerance: float) -> float:
     """Return which gain is not worth a further step."""
     if missed(at) >= tolerance:
         return (1e-3 if at.shape > tolerance else 1e-5) * _merit(problem, at)
-    return max(_PLEASED * _merit(problem, at), _SLACK * tolerance * MISS_WEIGHT)
+    return max(_PLEASED * _merit(problem, at), _SLACK * tolerance * problem.miss_weight)
 
 
 def _tried(problem: DesignProblem, values: FloatArray) -> Tried | None:
@@ -494,8 +516,12 @@ def _tried(problem: DesignProblem, values: FloatArray) -> Tried | None:
 
 def missed(candidate: Tried) -> float:
     """Return the largest relative miss of a target, a limit or a shape."""
-    off = np.abs(candidate.off).tolist()
-    return float(max([0.0, *off, *candidate.over.tolist(), candidate.shape]))
+    return max(_hard(candidate), candidate.shape)
+
+
+def _hard(candidate: Tried) -> float:
+    """Return that of a target or a limit."""
+    return float(max([0.0, *np.abs(candidate.off).tolist(), *candidate.over.tolist()]))
 
 
 def _merit(problem: DesignProblem, candidate: Tried) -> float:
@@ -516,18 +542,19 @@ def _weighed(
     wish = 0.5 * values @ hessian @ values + slope @ values
     wish -= 0.5 * slope @ even if problem.prefer == "smooth" else 0.0  # so that it is above 0
     misses = float(np.sum(np.abs(off)) + np.sum(np.maximum(over, 0.0)))
-    return float(MISS_WEIGHT * misses + SHAPE_WEIGHT * np.sum(near**2) + wish)
+    return float(problem.miss_weight * misses + _SHAPE_WEIGHT * np.sum(near**2) + wish)
 
 
-def _step(problem: DesignProblem, at: Tried, radius: float) -> FloatArray:
+def step(problem: DesignProblem, at: Tried, radius: float | FloatArray) -> FloatArray:
     """Return the values that make the linear models' merit least within the radius and bounds."""
     hessian, slope = problem.wish
     near = at.near - at.near_slopes @ at.values
-    hessian = hessian + 2.0 * SHAPE_WEIGHT * at.near_slopes.T @ at.near_slopes
-    slope = slope + 2.0 * SHAPE_WEIGHT * at.near_slopes.T @ near
+    hessian = hessian + 2.0 * _SHAPE_WEIGHT * at.near_slopes.T @ at.near_slopes
+    slope = slope + 2.0 * _SHAPE_WEIGHT * at.near_slopes.T @ near
     rows = [at.slopes, at.over_slopes]
     rest = [at.off - at.slopes @ at.values, at.over - at.over_slopes @ at.values]
-    bounds = [(-MISS_WEIGHT, MISS_WEIGHT, len(at.off)), (0.0, MISS_WEIGHT, len(at.over))]
+    weight = problem.miss_weight
+    bounds = [(-weight, weight, len(at.off)), (0.0, weight, len(at.over))]
     if problem.limits.slope is not None:
         steps = problem.controls.slopes * problem.stiffness.span / problem.limits.slope
         rows += [steps, -steps]
@@ -585,6 +612,6 @@ def _quadratic(
                 break
             y = moved
         before, pull = pull, np.clip(pull + stiff * (rows @ y + rest), least, most)
-        if not len(pull) or np.abs(pull - before).max() <= 1e-9 * (1.0 + np.abs(pull).max()):
+        if not len(pull) or np.abs(pull - before).max() <= 1e-9 * (stiff + np.abs(pull).max()):
             break
     return y

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from planner.errors import ArgumentError
-from planner.glance import percent
 from planner.mesh.distance import TriangleTree, closest, triangle_tree
 from planner.mesh.mesh import Mesh, weld
 from planner.numerics import BoolArray, FloatArray
@@ -206,10 +205,6 @@ class ShapeGoal:
         counts = self.share > 0.0
         rms = float(np.sqrt(self.share @ off_mm**2)) / greatest
         return Deviation(rms, float(off_mm[counts].max()) / greatest, off, rows, off_mm * counts)
-
-    def words(self, rms: float) -> str:
-        """Say how far the surface is off."""
-        return f"{rms * self.wanted.greatest_mm:.3g} mm on the mean, {percent(rms)} of the way"
 
 
 def carried_along(rest: FloatArray, moved: FloatArray, place: FloatArray) -> FloatArray:

@@ -9,7 +9,7 @@ import numpy as np
 
 from planner.errors import ArgumentError
 from planner.glance import brief
-from planner.materials.characterise import Curve, MaterialCharacteristics, toe_compensated
+from planner.materials.characterise import Curve
 from planner.materials.laws import (
     LOWEST_STRETCH,
     NeoHookean,
@@ -36,7 +36,6 @@ __all__ = [
     "by_symbol",
     "choose_law",
     "fit_law",
-    "fit_yielding",
     "law_stress_MPa",
     "least_yielding",
     "logs",
@@ -1127,81 +1126,6 @@ _AT_BOUND = 0.01
 """Distance of ln(parameter) from its bound that counts as being there: the search keeps inside."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class YieldFit:
-    """A fitted law, and those of the specimens by themselves.
-
-    Attributes
-    ----------
-    own
-        Each specimen's law.
-    at_low, at_high
-        Shape (4,), in the order of `Yielding`: whether the parameter of some specimen lies at its
-        lower or upper bound, so that its test leaves that side open.
-    sample
-        What the law was fitted to.
-    r2, nrmse
-        Of the stresses at the fitted points.
-    """
-
-    law: Yielding
-    own: tuple[Yielding, ...]
-    at_low: BoolArray
-    at_high: BoolArray
-    sample: Sample
-    r2: float
-    nrmse: float
-
-    @property
-    def parameters(self) -> LawParameters:
-        """The law as a palette file holds it."""
-        return LawParameters(Yielding.model, MappingProxyType(by_symbol(logs(self.law))))
-
-
-def fit_yielding(
-    found: MaterialCharacteristics, curves: Sequence[Curve], *, weighting: str = "relative"
-) -> YieldFit:
-    """Fit a yielding law to each specimen by itself, and to all together, brought to one level.
-
-    Parameters
-    ----------
-    found
-        The specimens' characteristics, in the order of `curves`: their Young's moduli.
-    weighting
-        Of the residuals, as in `planner.materials.fit.sample_of`.
-    """
-    whole = [toe_compensated(curve) for curve in curves]
-    moduli = [c.modulus_MPa for c in found.specimens]
-    sample = sample_of(whole, weighting=weighting)
-    own = [
-        least_yielding(modulus, sample_of([curve], weighting=weighting))
-        for modulus, curve in zip(moduli, whole, strict=True)
-    ]
-    sides = np.array([side for _, side in own])
-    # Where one specimen breaks before the others the mean curve would jump to their level.
-    strain = np.linspace(0.0, min(float(c.strain[-1]) for c in whole), 61)[1:]
-    levels = np.array([np.log(one.nominal_stress_MPa(1.0 + strain)).mean() for one, _ in own])
-    levelled = [
-        replace(curve, stress_MPa=curve.stress_MPa * float(np.exp(levels.mean() - level)))
-        for curve, level in zip(whole, levels, strict=True)
-    ]
-    law, _ = least_yielding(
-        float(np.exp(np.mean(np.log(moduli)))), sample_of(levelled, weighting=weighting)
-    )
-    stress = law.nominal_stress_MPa(sample.stretch)
-    error = stress - sample.stress_MPa
-    largest = float(sample.stress_MPa.max())
-    return YieldFit(
-        law=law,
-        own=tuple(one for one, _ in own),
-        at_low=np.asarray((sides < 0).any(axis=0)),
-        at_high=np.asarray((sides > 0).any(axis=0)),
-        sample=sample,
-        r2=1.0 - float(np.sum(error**2) / np.sum((sample.stress_MPa - _mean(sample)) ** 2)),
-        nrmse=float(np.sqrt(np.sum(sample.weight * error**2))) / largest,
-    )
-
-
 _SYMBOLS = ("modulus_MPa", "flow_MPa", "hardening_MPa", "sharpness")
 
 
@@ -1213,10 +1137,6 @@ def logs(law: Yielding) -> FloatArray:
 def by_symbol(logs: FloatArray) -> dict[str, tuple[float, ...]]:
     """Return parameters by symbol; five digits, beyond which no test tells anything."""
     return {s: (float(f"{v:.5g}"),) for s, v in zip(_SYMBOLS, np.exp(logs).tolist(), strict=True)}
-
-
-def _mean(sample: Sample) -> float:
-    return float(sample.stress_MPa.mean())
 
 
 def least_yielding(

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from statistics import NormalDist
+from types import MappingProxyType
 
 import numpy as np
 
@@ -28,7 +29,7 @@ from planner.materials.fit import (
     by_symbol,
     choose_law,
     fit_law,
-    fit_yielding,
+    least_yielding,
     logs,
     minimise,
     rows_leant_on,
@@ -38,7 +39,7 @@ from planner.materials.fit import (
     students_t,
     unstable_strain,
 )
-from planner.materials.laws import SeparableLaw, make_law, secant_modulus_MPa, stability
+from planner.materials.laws import SeparableLaw, Yielding, make_law, secant_modulus_MPa, stability
 from planner.notes import Caution
 from planner.numerics import BoolArray, FloatArray, IntArray
 from planner.palette import LawParameters, Uncertainty
@@ -783,6 +784,19 @@ def _fit_rounded(parameters: dict[str, tuple[float, ...]]) -> dict[str, tuple[fl
     return {k: tuple(float(f"{v:.4g}") for v in values) for k, values in parameters.items()}
 
 
+def _at_one_level(curves: Sequence[Curve], laws: Sequence[Yielding]) -> list[Curve]:
+    """Return curves brought to the mean level of their laws.
+
+    Where one specimen breaks before the others the mean curve would jump to their level.
+    """
+    strain = np.linspace(0.0, min(float(curve.strain[-1]) for curve in curves), 61)[1:]
+    levels = np.array([np.log(law.nominal_stress_MPa(1.0 + strain)).mean() for law in laws])
+    return [
+        replace(curve, stress_MPa=curve.stress_MPa * float(np.exp(levels.mean() - level)))
+        for curve, level in zip(curves, levels, strict=True)
+    ]
+
+
 def _plastic(
     found: MaterialCharacteristics,
     curves: Sequence[Curve],
@@ -791,39 +805,57 @@ def _plastic(
     level: float,
 ) -> MaterialFit:
     """Fit a law that yields, with intervals of what the specimens' own laws say."""
-    fit = fit_yielding(found, curves, weighting=weighting)
-    own = np.array([logs(law) for law in fit.own])
+    whole = [toe_compensated(curve) for curve in curves]
+    moduli = [c.modulus_MPa for c in found.specimens]
+    sample = sample_of(whole, weighting=weighting)
+    laws, sides = zip(
+        *(
+            least_yielding(modulus, sample_of([curve], weighting=weighting))
+            for modulus, curve in zip(moduli, whole, strict=True)
+        ),
+        strict=True,
+    )
+    levelled = _at_one_level(whole, laws)
+    law, _ = least_yielding(
+        float(np.exp(np.mean(np.log(moduli)))), sample_of(levelled, weighting=weighting)
+    )
+    stress = law.nominal_stress_MPa(sample.stretch)
+    error, measured = stress - sample.stress_MPa, sample.stress_MPa
+    own = np.array([logs(one) for one in laws])
     # The specimens' scatter tells how sure their mean is; the law through all of them at once has
     # its hardening from the few that go on longest, and so less surely. The interval holds both.
     half, middle = _half_widths(own, level), own.mean(axis=0)
-    low, high = np.minimum(middle - half, logs(fit.law)), np.maximum(middle + half, logs(fit.law))
-    strains = [e for e in (0.0, *SECANT_STRAINS) if 1.0 + e <= fit.sample.stretch.max()]
-    each = np.log([secant_modulus_MPa(law, strains) for law in fit.own])
-    value = secant_modulus_MPa(fit.law, strains)
+    low, high = np.minimum(middle - half, logs(law)), np.maximum(middle + half, logs(law))
+    # A parameter at its bound in some specimen is one that its test leaves open on that side.
+    low = np.where((np.array(sides) < 0).any(axis=0), -np.inf, low)
+    high = np.where((np.array(sides) > 0).any(axis=0), np.inf, high)
+    strains = [e for e in (0.0, *SECANT_STRAINS) if 1.0 + e <= sample.stretch.max()]
+    each = np.log([secant_modulus_MPa(one, strains) for one in laws])
+    value = secant_modulus_MPa(law, strains)
     wide = _half_widths(each, level)
-    scatter = _scatter_about(fit.law.nominal_stress_MPa(fit.sample.stretch), fit.sample)
+    scatter = _scatter_about(stress, sample)
     next_ = np.full(len(strains), scatter.log_sd)
     ends = zip(strains, value, value * np.exp(-wide), value * np.exp(wide), next_, strict=True)
     return MaterialFit(
         material=found.material,
         characteristics=found,
-        law=fit.parameters,
+        law=LawParameters(law.model, MappingProxyType(by_symbol(logs(law)))),
         uncertainty=Uncertainty(
             specimens=found.n,
             level=level,
-            law_low=_fit_rounded(by_symbol(np.where(fit.at_low, -np.inf, low))),
-            law_high=_fit_rounded(by_symbol(np.where(fit.at_high, np.inf, high))),
+            law_low=_fit_rounded(by_symbol(low)),
+            law_high=_fit_rounded(by_symbol(high)),
             basis=f"Student's t, by the scatter of {found.n} specimens"
             if np.isfinite(wide).any()
             else _unknown(found.n),
-            r2=fit.r2,
-            nrmse=fit.nrmse,
+            r2=1.0 - float(np.sum(error**2) / np.sum((measured - measured.mean()) ** 2)),
+            nrmse=float(np.sqrt(np.sum(sample.weight * error**2))) / float(measured.max()),
         ),
         scatter=scatter,
         choice=None,
         notes=notes,
         secants=tuple(SecantInterval(*(float(v) for v in row)) for row in ends),
-        curves=tuple(toe_compensated(curve) for curve in curves),
+        curves=tuple(whole),
     )
 
 

@@ -487,7 +487,7 @@ def fit(
     single = [called for called, fitted in fits.items() if fitted.characteristics.n == 1]
     if single:
         notes.append(
-            f"one specimen of {listed(single, 2)}: scatter of {100 * ASSUMED_LOG_SD:g} % is "
+            f"one specimen of {listed(single, 3)}: scatter of {100 * ASSUMED_LOG_SD:g} % is "
             "assumed; laws are judged by blocks of strain"
         )
     places = _coordinates(study, fits, coordinate, order, notes, slips)
@@ -641,7 +641,7 @@ def _densities(
     assumed = [material for material in ordered if material not in found]
     if assumed:
         notes.append(
-            f"density of {listed(assumed, 2)} assumed {_DEFAULT_DENSITY_G_CM3:g} g/cm3; --density "
+            f"density of {listed(assumed, 3)} assumed {_DEFAULT_DENSITY_G_CM3:g} g/cm3; --density "
             "or a column density_g_cm3 says another"
         )
     return dict.fromkeys(assumed, _DEFAULT_DENSITY_G_CM3) | found

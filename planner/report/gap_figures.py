@@ -95,11 +95,13 @@ _GRID = "#e4e4e4"
 _TOP = 84.0
 
 _BARS_LEFT, _BARS_WIDTH, _BARS_RIGHT = 290.0, 380.0, 90.0
+_STEP, _HEIGHT, _LEADING = 28.0, 17.0, 15.0
+_LINE = 104
 
 
 @dataclass(frozen=True, slots=True)
 class _Bar:
-    """A name, stretches of the bar by width and colour, a whisker, and what to write at its end."""
+    """A name, stretches of the bar by width and colour, what to write at its end, a whisker."""
 
     name: str
     stretches: Sequence[tuple[float, str]]
@@ -107,37 +109,48 @@ class _Bar:
     whisker: tuple[float, float] | None = None
 
 
-def _bars(
+def _bar_figure(
+    title: str,
     bars: Sequence[_Bar],
     marks: Sequence[tuple[float, str]],
     *,
-    top: float,
-    step: float,
-    height: float,
-    above: float,
-) -> Iterator[str]:
-    """Draw bars below each other, over a grid with its marks; all widths in pixels."""
-    bottom = top + step * max(len(bars), 1)
+    key: Sequence[str] = (),
+    notes: Sequence[str] = (),
+    dashed: float | None = None,
+) -> bytes:
+    """Draw bars below each other over a grid with its marks, notes below; all widths in pixels."""
+    bottom = _TOP + _STEP * max(len(bars), 1)
+    parts = list(key)
+
+    def upright_line(x: float, colour: str, width: float = 1.0, dash: str = "") -> None:
+        ends = (_BARS_LEFT + x, _TOP - 4.0), (_BARS_LEFT + x, bottom)
+        parts.append(segment(*ends, colour=colour, width=width, dash=dash))
+
     for x, words in marks:
-        x += _BARS_LEFT
-        yield segment((x, top - above), (x, bottom), colour=_GRID)
-        yield text(x, bottom + 16.0, words, anchor="middle", colour=_QUIET)
+        upright_line(x, _GRID)
+        parts.append(text(_BARS_LEFT + x, bottom + 16.0, words, anchor="middle", colour=_QUIET))
     for number, bar in enumerate(bars):
-        first = top + step * number
-        middle = first + 0.5 * height
-        yield text(_BARS_LEFT - 10.0, middle + 4.0, bar.name, anchor="end")
-        end = _BARS_LEFT
+        first, end = _TOP + _STEP * number, _BARS_LEFT
+        middle = first + 0.5 * _HEIGHT
+        parts.append(text(_BARS_LEFT - 10.0, middle + 4.0, bar.name, anchor="end"))
         for width, colour in bar.stretches:
-            yield rectangle(end, first, width, height, colour=colour)
+            parts.append(rectangle(end, first, width, _HEIGHT, colour=colour))
             end += width
         if bar.whisker is not None:
-            ends = [_BARS_LEFT + x for x in bar.whisker]
-            yield segment((ends[0], middle), (ends[1], middle), colour=INK, width=1.5)
-            for x in ends:
-                yield segment((x, middle - 4.0), (x, middle + 4.0), colour=INK, width=1.5)
-            end = max(end, ends[1])
-        yield text(end + 8.0, middle + 4.0, bar.words)
-    yield segment((_BARS_LEFT, top - above), (_BARS_LEFT, bottom), colour=GREY)
+            low, high = (_BARS_LEFT + x for x in bar.whisker)
+            for ends in ((low, 0.0, high, 0.0), (low, -4.0, low, 4.0), (high, -4.0, high, 4.0)):
+                start, stop = (ends[0], middle + ends[1]), (ends[2], middle + ends[3])
+                parts.append(segment(start, stop, colour=INK, width=1.5))
+            end = max(end, high)
+        parts.append(text(end + 8.0, middle + 4.0, bar.words))
+    upright_line(0.0, GREY)
+    if dashed is not None:
+        upright_line(dashed, INK, 1.5, "5,4")
+    lines = [line for note in notes for line in textwrap.wrap(note, _LINE)]
+    for number, words in enumerate(lines):
+        parts.append(text(20.0, bottom + 40.0 + _LEADING * number, words, colour=_QUIET))
+    width, height = _BARS_LEFT + _BARS_WIDTH + _BARS_RIGHT, bottom + 34.0 + _LEADING * len(lines)
+    return picture(width, height, parts, title=title)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -148,6 +161,7 @@ _LEVELS = 12
 _LOG_FROM = 20.0
 _CURVE_STEPS = 40
 _BRANCHES = ("loading", "unloading", "reloading", "hold")
+_HOLD = 3.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -254,7 +268,9 @@ def _branch_of_steps(travel: FloatArray) -> FloatArray:
     moves = np.diff(travel[known])
     still = np.abs(moves) <= 1e-6 * float(np.ptp(travel[known]))
     fallen = np.logical_or.accumulate((moves < 0.0) & ~still)
-    branch[known[1:]] = np.where(still, 3.0, np.where(moves < 0.0, 1.0, np.where(fallen, 2.0, 0.0)))
+    branch[known[1:]] = np.where(
+        still, _HOLD, np.where(moves < 0.0, 1.0, np.where(fallen, 2.0, 0.0))
+    )
     return branch
 
 
@@ -543,10 +559,7 @@ def _curves_panel(traces: Traces, test: int, left: float, top: float) -> Iterato
 def _is_held(travel: FloatArray, time: FloatArray) -> bool:
     """Tell whether the crosshead stood still for most of the time."""
     known = np.isfinite(travel) & np.isfinite(time)
-    if known.sum() < 2:
-        return False
-    moves, steps = np.abs(np.diff(travel[known])), np.diff(time[known])
-    still = moves <= 1e-6 * float(np.ptp(travel[known]))
+    still, steps = _branch_of_steps(travel[known])[1:] == _HOLD, np.diff(time[known])
     return float(steps[still].sum()) > _HELD * float(steps.sum())
 
 
@@ -587,31 +600,20 @@ def _evidence_figure(diagnosis: Diagnosis) -> bytes:
         stretches = ((plain, BLUE), (width - plain, _PALE))
         bars.append(_Bar(name, stretches, probability(h.probability)))
     marks = [(_BARS_WIDTH * share, f"{share:g}") for share in (0.0, 0.25, 0.5, 0.75, 1.0)]
-    top, step = 82.0, 28.0
-    bottom = top + step * max(len(shown), 1)
-    drawn = [
+    key = [
         rectangle(_BARS_LEFT, 48.0, 12.0, 12.0, colour=BLUE),
         text(_BARS_LEFT + 18.0, 58.0, "by itself", colour=_QUIET),
         rectangle(_BARS_LEFT + 92.0, 48.0, 12.0, 12.0, colour=_PALE),
         text(_BARS_LEFT + 110.0, 58.0, "with something unknown beside it", colour=_QUIET),
-        *_bars(bars, marks, top=top, step=step, height=17.0, above=4.0),
     ]
-    if alike:
-        drawn.append(text(20.0, bottom + 36.0, "● not to be told apart here", colour=_QUIET))
     rest = 1.0 - sum(h.probability for h in shown)
-    if rest >= 5e-4:
-        note = f"all others together: {probability(rest)}"
-        right = _BARS_LEFT + _BARS_WIDTH
-        drawn.append(text(right, bottom + 36.0, note, anchor="end", colour=_QUIET))
-    title = "How probable each explanation is"
-    return picture(_BARS_LEFT + _BARS_WIDTH + _BARS_RIGHT, bottom + 50.0, drawn, title=title)
+    notes = ["● not to be told apart here"] if alike else []
+    notes += [f"all others together: {probability(rest)}"] if rest >= 5e-4 else []
+    return _bar_figure("How probable each explanation is", bars, marks, key=key, notes=notes)
 
 
 # ------------------------------------------------------------------------------------------------
 # How far the gap closes: errors before and after, beside the floor and the baselines.
-
-
-_LINE, _LEADING = 104, 15.0
 
 
 def _closure_figure(diagnosis: Diagnosis) -> bytes:
@@ -632,21 +634,12 @@ def _closure_figure(diagnosis: Diagnosis) -> bytes:
         for words, x, colour in rows
     ]
     marks = [(scale * tick / 100.0, f"{tick:g} %") for tick in ticks(0.0, 112.0 * most, 6)]
-    held_out = textwrap.wrap(f"held out: {gap.held_out}", _LINE) if gap.held_out else []
-    top, step = 66.0 + _LEADING * max(len(held_out) - 1, 0), 30.0
-    bottom = top + step * len(rows)
-    parts = [
-        text(20.0, 46.0 + _LEADING * number, words, colour=_QUIET)
-        for number, words in enumerate(held_out)
-    ]
-    parts += _bars(bars, marks, top=top, step=step, height=18.0, above=6.0)
+    notes, floor = [f"held out: {gap.held_out}"] if gap.held_out else [], None
     if gap.floor is not None:
-        x = _BARS_LEFT + scale * gap.floor
-        parts.append(segment((x, top - 6.0), (x, bottom), colour=INK, width=1.5, dash="5,4"))
-        note = f"dashed: scatter between replicates, {percent(gap.floor)}, as good as can be"
-        parts.append(text(_BARS_LEFT, bottom + 38.0, note, colour=_QUIET))
+        floor = scale * gap.floor
+        notes.append(f"dashed: scatter between replicates, {percent(gap.floor)}, as good as can be")
     title = "Error of all specimens, % of the largest force"
-    return picture(_BARS_LEFT + _BARS_WIDTH + _BARS_RIGHT, bottom + 52.0, parts, title=title)
+    return _bar_figure(title, bars, marks, notes=notes, dashed=floor)
 
 
 def _after_interval(gap: Gap) -> tuple[float, float] | None:

@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from html import escape
 from pathlib import Path
+from string import ascii_lowercase
 
 from planner import __version__
 from planner.formats.outputs import new_folder
@@ -63,7 +64,7 @@ def _next_csv(diagnosis: Diagnosis) -> bytes:
     """Return the specimens of the next tests as a list of specimens, one a row."""
     columns = list(dict.fromkeys(name for x in diagnosis.next_experiments for name in x.row))
     rows = (
-        (f"next-{number}{_LETTERS[copy]}", *(x.row.get(name, "") for name in columns))
+        (f"next-{number}{ascii_lowercase[copy]}", *(x.row.get(name, "") for name in columns))
         for number, x in enumerate(diagnosis.next_experiments, start=1)
         for copy in range(x.count if x.row else 0)
     )
@@ -80,8 +81,6 @@ def _next_profiles(diagnosis: Diagnosis) -> dict[str, bytes]:
         if x.design
     }
 
-
-_LETTERS = "abcdefghijklmnopqrstuvwxyz"
 
 _FLUSH_RIGHT = {
     "probability", "with an unknown beside it", "share", "p", "error",

@@ -29,6 +29,7 @@ from planner.gap.summary import (
     sentence,
     summary_of,
 )
+from planner.glance import counted
 from planner.notes import listed
 
 __all__ = [
@@ -77,9 +78,8 @@ def _size_words(effects: Sequence[FoundEffect]) -> Iterator[str]:
             if ends is not None:
                 size += f" (90 % interval {_span(name, words, unit, ends)})"
             sizes.append(size + _at_bound(form, name, value))
-        of = ""
-        if effect.specimens:
-            of = f" (in {listed(effect.specimens, most=_SPECIMENS)} only)"
+        members = listed(effect.specimens, most=_SPECIMENS)
+        of = f" (in {members} only)" if members else ""
         called = f", {effect.form} form" if effect.form else ""
         if details:
             figures = "one more figure" if len(details) == 1 else f"{len(details)} more figures"
@@ -316,8 +316,7 @@ def _ends(ends: tuple[float, float], words: Callable[[float], str]) -> str:
 def scope(diagnosis: Diagnosis) -> str:
     """Return what was diagnosed, in one line."""
     d = diagnosis
-    count = f"{d.specimens} specimen{'s' if d.specimens != 1 else ''}"
-    tests = f"{d.tests} test{'s' if d.tests != 1 else ''}"
+    count, tests = counted(d.specimens, "specimen"), counted(d.tests, "test")
     return f"{d.campaign or 'campaign'}: {count} in {tests}, held against palette {d.palette}"
 
 

@@ -8,7 +8,7 @@ from planner.mesh.distance import nearest, triangle_tree
 from planner.numerics import FloatArray
 from planner.simulation.element import shape_functions
 from planner.simulation.part import PartSimulation
-from planner.simulation.part_fields import hats, in_cells
+from planner.simulation.response import hats, in_cells
 
 __all__ = ["part_volume"]
 

@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 from html import escape
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypedDict
 
 import numpy as np
 
 from planner import __version__
 from planner.errors import OutputError
-from planner.formats.files import path_within
+from planner.formats.files import decode_document, path_within, read_file
 from planner.formats.markdown import to_html
 from planner.formats.outputs import SEAL, is_sealed, seal, write_whole
 from planner.formats.threemf import read_threemf
@@ -78,6 +78,8 @@ class PlanSource:
     ----------
     names, colours
         Of each shell's material.
+    missed
+        What a design says of its targets and limits.
     """
 
     plan: Plan
@@ -86,6 +88,7 @@ class PlanSource:
     names: tuple[str, ...]
     colours: tuple[str, ...]
     shells: tuple[tuple[Float32Array | FloatArray, IntArray], ...]
+    missed: tuple[str, ...] = ()
 
 
 def source_of(plan: Plan | str | Path) -> PlanSource:
@@ -124,7 +127,23 @@ def _from_folder(where: str | Path | Plan) -> PlanSource:
         tuple(names),
         tuple(colours.get(name, "") or "#808080" for name in names),
         tuple(shells),
+        _missed(root / "design.json"),
     )
+
+
+class _Told(TypedDict):
+    message: str
+
+
+class _Design(TypedDict):
+    findings: list[_Told]
+
+
+def _missed(file: Path) -> tuple[str, ...]:
+    if not file.is_file():
+        return ()
+    design = decode_document(read_file(file), _Design, str(file))
+    return tuple(found["message"] for found in design["findings"])
 
 
 def _sha256_of(plan: Plan) -> str:
@@ -163,14 +182,18 @@ def plan_page(plan: "Plan | PartDesign | str | Path") -> bytes:
     >>> plan = planner.grade("finger.stl", from_="Tango", to="Vero")  # doctest: +SKIP
     >>> plan.write("finger-graded", page=planner.plan_page(plan))  # doctest: +SKIP
     """
-    courses: tuple[Course, ...] = ()
-    if not isinstance(plan, (Plan, str, Path)):
-        courses, plan = plan.courses, plan.plan
-    return seal("\n".join(_page(source_of(plan), courses)).encode("utf-8"))
+    if isinstance(plan, (Plan, str, Path)):
+        source, courses = source_of(plan), tuple["Course", ...]()
+    else:
+        missed = tuple(found.message for found in plan.findings)
+        source, courses = replace(source_of(plan.plan), missed=missed), plan.courses
+    return seal("\n".join(_page(source, courses)).encode("utf-8"))
 
 
 def view(plan: str | Path | Plan) -> Path:
     """Return the page of a plan's folder, made where it is missing or of another version.
+
+    That of a design is kept: the part from rest to full load is on the page alone.
 
     Parameters
     ----------
@@ -199,9 +222,11 @@ def view(plan: str | Path | Plan) -> Path:
     page = file.parent / _NAME
     if os.path.lexists(page):
         if page.is_file():
-            with page.open("rb") as stream:
-                if _stamp(_sha256_of(read_plan(file))).encode() in stream.read(_HEAD_BYTES):
-                    return page
+            shown_sha256, data = _sha256_of(read_plan(file)), read_file(page)
+            if _stamp(shown_sha256).encode() in data[:_HEAD_BYTES]:
+                return page
+            if _COURSE.encode() in data and shown_sha256.encode() in data[:_HEAD_BYTES]:
+                return page
         if not (page.is_file() and is_sealed(page)):
             raise OutputError(
                 f"{page}: was not written by planner, or was changed since, and is not replaced; "
@@ -210,6 +235,8 @@ def view(plan: str | Path | Plan) -> Path:
     write_whole(page, plan_page(file))
     return page
 
+
+_COURSE = 'id="course-frames"'
 
 _HEAD_BYTES = 2048
 """The stamp stands within so many bytes of the page's beginning."""
@@ -261,7 +288,7 @@ def _page(source: PlanSource, courses: "Sequence[Course]") -> Iterator[str]:
         _simplified(display) if display.simplified else "",
     )
     yield '<div class="panel">'
-    yield from _findings(plan)
+    yield from _findings(plan, source.missed)
     if courses:
         yield from course_controls(more["course"])
     yield from section_controls([name for name, *_ in _ways(plan)])
@@ -280,7 +307,7 @@ def _page(source: PlanSource, courses: "Sequence[Course]") -> Iterator[str]:
     yield data_script("data", data)
     yield f'<script type="text/plain" id="geometry">{geometry(display.shells)}</script>'
     if courses:
-        yield f'<script type="text/plain" id="course-frames">{frames}</script>'
+        yield f'<script type="text/plain" {_COURSE}>{frames}</script>'
     yield end(scripts)
 
 
@@ -499,11 +526,10 @@ def _in_words(plan: Plan) -> str:
     )
 
 
-def _findings(plan: Plan) -> Iterator[str]:
+def _findings(plan: Plan, more: Sequence[str]) -> Iterator[str]:
     missed = [(words, False) for words in unreachable_words(plan)]
-    return findings_card(
-        missed + [(found.message, found.place_mm is not None) for found in plan.findings]
-    )
+    placed = [(found.message, found.place_mm is not None) for found in plan.findings]
+    return findings_card([*missed, *placed, *((words, False) for words in more)])
 
 
 def section_controls(ways: Sequence[str]) -> Iterator[str]:

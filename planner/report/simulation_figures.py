@@ -31,7 +31,7 @@ from planner.report.svg import (
     ticks,
 )
 from planner.simulation.part import PartSimulation
-from planner.simulation.part_fields import hats, in_cells
+from planner.simulation.response import hats, in_cells
 from planner.simulation.simulate import Simulation, called
 
 __all__ = ["cut_figure", "cut_of", "cut_words", "simulation_figure"]

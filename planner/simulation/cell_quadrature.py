@@ -70,10 +70,8 @@ def quadrature(
     """
     many = int(np.count_nonzero(~full))
     cut = np.where(full, -1, np.cumsum(~full) - 1).astype(np.int32)
-    where = np.append(cut, np.int32(-1))[material.piece]
-    begin = np.append(0, np.cumsum(np.bincount(where[where >= 0], minlength=many)))
-    segments, index = np.empty((int(begin[-1]), 3), np.int32), index[~full]
-    _gather(material.lines, where, index[:, 2].copy(), begin[:-1].copy(), segments)
+    index = index[~full]
+    begin, segments = material.segments_of(cut, index[:, 2])
     share = 1.0 / np.maximum(material.per_foot[material.foot], 1)
     rule = np.stack(np.polynomial.legendre.leggauss(4))
     width = material.columns.grid.shape[0]
@@ -104,23 +102,6 @@ def quadrature(
         else:
             _measure(pieces, p, rows[first:])
     return offsets, rows[:, :3].copy(), rows[:, 3].copy()
-
-
-@kernel
-def _gather(lines: Any, where: Any, layer: Any, cursor: Any, segments: Any) -> None:
-    # Segments (column, low, high) of each piece that `where` numbers, one piece after the other.
-    offsets, start, stop, first, foot, _, voxels = lines
-    for c in range(foot.size):
-        if foot[c] >= 0:
-            for r in range(offsets[c], offsets[c + 1]):
-                for k in range(start[r] // voxels, (stop[r] - 1) // voxels + 1):
-                    p = where[first[r] + k - start[r] // voxels]
-                    if p >= 0:
-                        s = cursor[p]
-                        segments[s, 0] = c
-                        segments[s, 1] = max(start[r], k * voxels) - layer[p] * voxels
-                        segments[s, 2] = min(stop[r], (k + 1) * voxels) - layer[p] * voxels
-                        cursor[p] += 1
 
 
 @kernel

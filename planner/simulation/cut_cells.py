@@ -20,7 +20,8 @@ from planner.mesh.mesh import (
 from planner.numerics import BoolArray, FloatArray, IntArray, inner_kernel, kernel
 from planner.simulation.cell_quadrature import quadrature
 from planner.simulation.element import shape_functions
-from planner.simulation.material_columns import SampledMaterial, column_place, sample
+from planner.simulation.inner_corners import contacts, opposed, parted
+from planner.simulation.material_columns import SampledMaterial, column_place, located, sample
 from planner.voxels.columns import MOST_VOXELS
 
 __all__ = [
@@ -49,10 +50,6 @@ MOST_CELLS = 100_000
 _NEARLY_NOTHING = 0.01
 # of a cell's volume. A body of less, which hangs on nothing, is what columns make of the edge of
 # a blade, and far below what a cell resolves; the material dropped is told.
-
-_PLAIN_STEP = 1e-6
-# of a cell: a point this close to a face of its cell is in the cell that its material is in.
-
 
 # ------------------------------------------------------------------------------------------------
 # Materials that touch, and where they do.
@@ -260,35 +257,10 @@ class CutCells:
         local : (k, 3)
             In the cell's own coordinates: -1..1, and beyond where the piece goes on or is nearest.
         """
-        cell, local, _ = _located(
+        cell, local, _ = located(
             self.material, self.origin_mm, self.cell_mm, self.index, points_mm, inward
         )
         return cell, local
-
-
-def _located(
-    material: SampledMaterial, origin_mm: FloatArray, cell_mm: FloatArray, index: IntArray,
-    points_mm: FloatArray, inward: FloatArray, shell: NDArray[np.int32] | None = None,
-) -> tuple[NDArray[np.int32], FloatArray, FloatArray]:  # fmt: skip
-    """Find points as `CutCells.locate`, if given in shells; also how far their material is."""
-    place = (points_mm - origin_mm) / cell_mm
-    counts = np.array(material.counts)
-    own = np.clip(np.floor(place + _PLAIN_STEP * inward), 0, counts - 1).astype(np.int64)
-    step = material.frame[2]
-    target = points_mm - origin_mm + step * inward
-    target[:, 2] *= material.voxels / cell_mm[2]
-    if shell is None:
-        shell = np.full(len(own), -1, np.int32)
-    cell, away = np.empty(len(points_mm), np.int32), np.empty(len(points_mm))
-    _nearest(
-        material.lines, material.frame, material.piece, np.array(counts),
-        cell_mm[2] / material.voxels, own, target, material.shell, shell, cell, away,
-    )  # fmt: skip
-    found = index[cell]
-    local = 2.0 * (place - found) - 1.0
-    inside = (found == own).all(axis=1)
-    local[inside] = np.clip(local[inside], -1.0, 1.0)
-    return cell, local, away
 
 
 def cut_cells(
@@ -356,7 +328,9 @@ def cut_cells(
     each, touching = [mesh], None
     if shells is not None:
         each, touching = shells.each, _touching(shells, _ACROSS * float(np.min(size)))
-    pieces = _pieces(sample(each, low, extent, cells, columns_across), low, size, touching)
+    surface, triangle = halve_long_edges(mesh, float(np.min(size)) / 2)
+    told, halves = parted(sample(each, low, extent, cells, columns_across), surface, low, size)
+    pieces = _pieces(told, halves, low, size, touching)
     if not len(pieces.index):
         raise MeshError(
             f"no material is found in the part at `cell_mm` {cell_mm:g}: its walls are thinner "
@@ -366,7 +340,6 @@ def cut_cells(
     if len(pieces.index) > most_cells:
         raise _too_many(cell_mm, len(pieces.index), most_cells)
     offsets, points, weights = quadrature(pieces.material, pieces.index, pieces.full, threads)
-    surface, triangle = halve_long_edges(mesh, float(np.min(size)) / 2)
     return CutCells(
         low, size, pieces.index, pieces.nodes, low + pieces.node_place * (size / 2), pieces.body,
         pieces.shares, pieces.interface, offsets, points, weights * float(np.prod(size)), surface,
@@ -405,22 +378,17 @@ class _Pieces:
 
 
 def _pieces(
-    material: SampledMaterial, low: FloatArray, size: FloatArray, touching: _Touching | None
-) -> _Pieces:
-    parent = material.piece.copy()
-    _join_within(material.lines, material.shell, parent)
-    piece = number_groups(parent)
-    n = int(piece.max(initial=-1)) + 1
-    filled, cell, ends = np.zeros(n, np.int64), np.zeros(n, np.int64), np.empty((n, 2, 3))
-    ends[:, 0], ends[:, 1], shell = np.inf, -np.inf, np.zeros(n, np.int32)
-    _fill(
-        material.lines, material.frame, np.array(material.counts), piece, material.shell,
-        filled, cell, ends, shell,
-    )  # fmt: skip
+    material: SampledMaterial, halves: FloatArray, low: FloatArray, size: FloatArray,
+    touching: _Touching | None,
+) -> _Pieces:  # fmt: skip
+    piece, n = material.piece, len(halves)
+    filled, cell, ends, shell = material.measured()
     place = np.stack(np.unravel_index(cell, material.counts), axis=1)
     share = filled / (material.per_foot[cell // material.counts[2]] * material.voxels)
     thin = (material.frame[3] + material.frame[4]) * material.frame[2] / size
     pairs, is_firm = _touch_across(material, piece, thin)
+    apart = opposed(pairs, halves, (place[pairs].mean(axis=1) + 0.5) * size, size)
+    pairs, is_firm = pairs[~apart], is_firm[~apart]
     firm = _without_skins(pairs, is_firm, place, np.ptp(ends, axis=1))
     flat = np.stack([ends[:, 1] <= place + thin, ends[:, 0] >= place + 1 - thin], axis=2)
     into = _merge_skins(pairs, place, flat, share)
@@ -430,6 +398,9 @@ def _pieces(
         meet, local, area = _meeting(told, low, size, place, touching)
         joined = _join_nearest(meet, cell, shell, np.log(touching.modulus_MPa))
         into, meet = joined[into], joined[meet]
+    inner = contacts(material, into[piece], place, size)
+    meet, local = np.concatenate([meet, inner[0]]), np.concatenate([local, inner[1]])
+    area = np.concatenate([area, inner[2]])
     body = connected(n, *np.concatenate([pairs, meet]).T)
     kept = (into == np.arange(n)) & (np.bincount(body, share)[body] >= _NEARLY_NOTHING)
     order = np.flatnonzero(kept)
@@ -487,7 +458,7 @@ def _meeting(
     area = np.linalg.norm(touching.area_mm2, axis=1)
     out = touching.area_mm2 / area[:, None]
     (one, at_one, off_one), (other, at_other, off_other) = (
-        _located(material, low, size, place, touching.place_mm, way, touching.shells[:, side])
+        located(material, low, size, place, touching.place_mm, way, touching.shells[:, side])
         for side, way in ((0, -out), (1, out))
     )
     near = np.maximum(off_one, off_other) <= _ASTRAY * material.frame[2]
@@ -504,28 +475,6 @@ def _interface(pairs: NDArray[np.int32], local: FloatArray, area_mm2: FloatArray
     order = order[(pairs[order, 0] >= 0) & (pairs[order, 0] < pairs[order, 1])]
     cells, starts = np.unique(pairs[order], axis=0, return_index=True)
     return Interface(cells, np.append(starts, len(order)), local[order], area_mm2[order])
-
-
-@kernel
-def _join_within(lines: Any, shell: Any, piece: Any) -> None:
-    offsets, start, stop, first, foot, nu, voxels = lines
-    # Join segments of neighbouring columns, of one shell, that touch within a cell.
-    for c in range(foot.size):
-        for side in range(2):
-            d = c + (nu if side else 1)
-            if foot[c] < 0 or d >= foot.size or (not side and d % nu == 0) or foot[d] != foot[c]:
-                continue
-            r, s = offsets[c], offsets[d]
-            while r < offsets[c + 1] and s < offsets[d + 1]:
-                low, high = max(start[r], start[s]), min(stop[r], stop[s])
-                if low < high and shell[r] == shell[s]:
-                    for k in range(low // voxels, (high - 1) // voxels + 1):
-                        one = first[r] + k - start[r] // voxels
-                        unite(piece, one, first[s] + k - start[s] // voxels)
-                if stop[r] < stop[s]:
-                    r += 1
-                else:
-                    s += 1
 
 
 def _touch_across(
@@ -624,30 +573,6 @@ def _note(p: Any, q: Any, way: Any, firm: Any, last: Any, found: Any, n: Any) ->
     return n + 1
 
 
-@kernel
-def _fill(
-    lines: Any, frame: Any, counts: Any, piece: Any, shell: Any,
-    filled: Any, cell: Any, ends: Any, of: Any,
-) -> None:  # fmt: skip
-    offsets, start, stop, first, foot, nu, voxels = lines
-    # How much of its cell each piece fills, which cell that is, its bounds, in cells, and shell.
-    for c in range(foot.size):
-        if foot[c] < 0:
-            continue
-        x, y = column_place(frame, nu, c)
-        for r in range(offsets[c], offsets[c + 1]):
-            for k in range(start[r] // voxels, (stop[r] - 1) // voxels + 1):
-                p = piece[first[r] + k - start[r] // voxels]
-                low, high = max(start[r], k * voxels), min(stop[r], (k + 1) * voxels)
-                filled[p] += high - low
-                of[p] = shell[r]
-                cell[p] = foot[c] * counts[2] + k
-                ends[p, 0, 0], ends[p, 1, 0] = min(ends[p, 0, 0], x), max(ends[p, 1, 0], x)
-                ends[p, 0, 1], ends[p, 1, 1] = min(ends[p, 0, 1], y), max(ends[p, 1, 1], y)
-                ends[p, 0, 2] = min(ends[p, 0, 2], low / voxels)
-                ends[p, 1, 2] = max(ends[p, 1, 2], high / voxels)
-
-
 def _merge_skins(
     pairs: NDArray[np.int32], place: IntArray, flat: BoolArray, share: FloatArray
 ) -> NDArray[np.int32]:
@@ -738,53 +663,3 @@ def _inward(mesh: Mesh) -> FloatArray:
             )
     length = np.sqrt(np.sum(total**2, axis=1, keepdims=True))
     return total / np.where(length > 0.0, length, 1.0)
-
-
-@kernel
-def _nearest(
-    lines: Any, frame: Any, piece: Any, counts: Any, voxel_mm: Any, own: Any, target: Any,
-    shell: Any, wanted: Any, cell: Any, distance: Any,
-) -> None:  # fmt: skip
-    offsets, start, stop, first, foot, nu, voxels = lines
-    # The piece of the segment nearest to each target (x and y in mm, z in steps), of the wanted
-    # shell or, with -1, of any, in rings of columns about it; and how far it is. One in the point's
-    # own cell is preferred when it is nearer than the nearest of all and a diagonal of the lattice.
-    nv = foot.size // nu
-    pitch = frame[2]
-    slack = np.sqrt(2.0) * pitch
-    for n in range(cell.size):
-        x, y, z = target[n, 0], target[n, 1], target[n, 2]
-        u = (frame[3] * x + frame[4] * y - frame[0]) / pitch
-        v = (frame[3] * y - frame[4] * x - frame[1]) / pitch
-        i0 = min(max(int(np.floor(u + 0.5)), 0), nu - 1)
-        j0 = min(max(int(np.floor(v + 0.5)), 0), nv - 1)
-        mine = own[n, 0] * counts[1] + own[n, 1]
-        low, high = own[n, 2] * voxels, (own[n, 2] + 1) * voxels
-        best, best_own = np.inf, np.inf
-        found, found_own = -1, -1
-        for ring in range(max(nu, nv)):
-            if (ring - 0.5) * pitch > best + slack:
-                break
-            for j in range(max(j0 - ring, 0), min(j0 + ring, nv - 1) + 1):
-                step = 1 if abs(j - j0) == ring else max(2 * ring, 1)
-                for i in range(i0 - ring, i0 + ring + 1, step):
-                    if i < 0 or i >= nu or foot[j * nu + i] < 0:
-                        continue
-                    c = j * nu + i
-                    across = pitch * pitch * ((i - u) ** 2 + (j - v) ** 2)
-                    for r in range(offsets[c], offsets[c + 1]):
-                        k0, k1 = start[r] // voxels, (stop[r] - 1) // voxels
-                        if piece[first[r]] < 0 or (wanted[n] >= 0 and shell[r] != wanted[n]):
-                            continue
-                        at = min(max(z, start[r]), stop[r])
-                        away = np.sqrt(across + ((z - at) * voxel_mm) ** 2)
-                        if away < best:
-                            k = min(max(int(at // voxels), k0), k1)
-                            best, found = away, piece[first[r] + k - k0]
-                        if foot[c] == mine and start[r] < high and stop[r] > low:
-                            at = min(max(z, start[r], low), stop[r], high)
-                            away = np.sqrt(across + ((z - at) * voxel_mm) ** 2)
-                            if away < best_own:
-                                best_own, found_own = away, piece[first[r] + own[n, 2] - k0]
-        distance[n] = min(best, best_own)
-        cell[n] = found_own if best_own <= best + slack else found

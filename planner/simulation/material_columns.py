@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from planner.errors import MeshError
 from planner.mesh.mesh import Mesh
-from planner.numerics import FloatArray, inner_kernel, kernel
+from planner.numerics import FloatArray, IntArray, inner_kernel, kernel
 from planner.voxels.columns import MOST_VOXELS, Columns, Grid, iterate_columns, join
 
-__all__ = ["SampledMaterial", "column_place", "sample"]
+__all__ = ["SampledMaterial", "column_place", "located", "sample", "segment_starts"]
 
 
 # Material is sampled by exact columns along z, on a square lattice turned about z by an angle
@@ -67,6 +67,42 @@ class SampledMaterial:
         c = self.columns
         return (c.offsets, c.start, c.stop, self.first, self.foot, c.grid.shape[0], self.voxels)
 
+    def segments_of(
+        self, number: NDArray[np.int32], layer: IntArray
+    ) -> tuple[IntArray, NDArray[np.int32]]:
+        """Return the segments of some pieces, one piece after the other.
+
+        Parameters
+        ----------
+        number : (pieces,)
+            0 to n - 1 of those that are wanted, else -1.
+        layer : (n,)
+            Cells along z from which each one's segments are measured.
+
+        Returns
+        -------
+        begin : (n + 1,)
+            Where each one's segments begin.
+        segments : (s, 3) int32
+            Column, lower and upper end.
+        """
+        where = np.append(number, np.int32(-1))[self.piece]
+        begin = np.append(0, np.cumsum(np.bincount(where[where >= 0], minlength=len(layer))))
+        segments = np.empty((int(begin[-1]), 3), np.int32)
+        _gather(self.lines, where, layer.copy(), begin[:-1].copy(), segments)
+        return begin, segments
+
+    def measured(self) -> tuple[IntArray, IntArray, FloatArray, NDArray[np.int32]]:
+        """Return steps that each piece fills, its cell, bounds (n, 2, 3) in cells, and shell."""
+        n = int(self.piece.max(initial=-1)) + 1
+        filled, cell, ends = np.zeros(n, np.int64), np.zeros(n, np.int64), np.empty((n, 2, 3))
+        ends[:, 0], ends[:, 1], shell = np.inf, -np.inf, np.zeros(n, np.int32)
+        _fill(
+            self.lines, self.frame, np.array(self.counts), self.piece, self.shell, filled, cell,
+            ends, shell,
+        )  # fmt: skip
+        return filled, cell, ends, shell
+
 
 def sample(
     shells: Sequence[Mesh], low: FloatArray, extent: FloatArray, cells: tuple[int, ...], across: int
@@ -113,13 +149,17 @@ def sample(
     )
     foot = np.empty(nu * nv, np.int32)
     _find_feet(frame, nu, cells[0], cells[1], foot)
-    runs = np.diff(columns.offsets)
-    reach = (columns.stop - 1) // voxels - columns.start // voxels + 1
-    reach[np.repeat(foot < 0, runs)] = 0
-    first = np.append(0, np.cumsum(reach, dtype=np.int64))
+    first = segment_starts(columns, foot, voxels)
     piece = np.arange(first[-1], dtype=np.int32)
     per_foot = np.bincount(foot[foot >= 0], minlength=cells[0] * cells[1])
     return SampledMaterial(columns, cells, voxels, frame, foot, per_foot, first[:-1], shell, piece)
+
+
+def segment_starts(columns: Columns, foot: NDArray[np.int32], voxels: int) -> NDArray[np.int64]:
+    """Return the first segment of each run, and how many there are in all."""
+    reach = (columns.stop - 1) // voxels - columns.start // voxels + 1
+    reach[np.repeat(foot < 0, np.diff(columns.offsets))] = 0
+    return np.append(0, np.cumsum(reach, dtype=np.int64))
 
 
 def _together(sampled: Sequence[Columns]) -> tuple[Columns, NDArray[np.int32]]:
@@ -150,3 +190,127 @@ def _find_feet(frame: Any, nu: Any, cells_x: Any, cells_y: Any, foot: Any) -> No
         x, y = column_place(frame, nu, c)
         i, j = int(np.floor(x)), int(np.floor(y))
         foot[c] = i * cells_y + j if 0 <= i < cells_x and 0 <= j < cells_y else -1
+
+
+@kernel
+def _gather(lines: Any, where: Any, layer: Any, cursor: Any, segments: Any) -> None:
+    # Segments (column, low, high) of each piece that `where` numbers, one piece after the other.
+    offsets, start, stop, first, foot, _, voxels = lines
+    for c in range(foot.size):
+        if foot[c] >= 0:
+            for r in range(offsets[c], offsets[c + 1]):
+                for k in range(start[r] // voxels, (stop[r] - 1) // voxels + 1):
+                    p = where[first[r] + k - start[r] // voxels]
+                    if p >= 0:
+                        s = cursor[p]
+                        segments[s, 0] = c
+                        segments[s, 1] = max(start[r], k * voxels) - layer[p] * voxels
+                        segments[s, 2] = min(stop[r], (k + 1) * voxels) - layer[p] * voxels
+                        cursor[p] += 1
+
+
+@kernel
+def _fill(
+    lines: Any, frame: Any, counts: Any, piece: Any, shell: Any,
+    filled: Any, cell: Any, ends: Any, of: Any,
+) -> None:  # fmt: skip
+    offsets, start, stop, first, foot, nu, voxels = lines
+    # How much of its cell each piece fills, which cell that is, its bounds, in cells, and shell.
+    for c in range(foot.size):
+        if foot[c] < 0:
+            continue
+        x, y = column_place(frame, nu, c)
+        for r in range(offsets[c], offsets[c + 1]):
+            for k in range(start[r] // voxels, (stop[r] - 1) // voxels + 1):
+                p = piece[first[r] + k - start[r] // voxels]
+                low, high = max(start[r], k * voxels), min(stop[r], (k + 1) * voxels)
+                filled[p] += high - low
+                of[p] = shell[r]
+                cell[p] = foot[c] * counts[2] + k
+                ends[p, 0, 0], ends[p, 1, 0] = min(ends[p, 0, 0], x), max(ends[p, 1, 0], x)
+                ends[p, 0, 1], ends[p, 1, 1] = min(ends[p, 0, 1], y), max(ends[p, 1, 1], y)
+                ends[p, 0, 2] = min(ends[p, 0, 2], low / voxels)
+                ends[p, 1, 2] = max(ends[p, 1, 2], high / voxels)
+
+
+# ------------------------------------------------------------------------------------------------
+# Which piece a point of the surface is in.
+
+
+_PLAIN_STEP = 1e-6
+# of a cell: a point this close to a face of its cell is in the cell that its material is in.
+
+
+def located(
+    material: SampledMaterial, origin_mm: FloatArray, cell_mm: FloatArray, index: IntArray,
+    points_mm: FloatArray, inward: FloatArray, shell: NDArray[np.int32] | None = None,
+) -> tuple[NDArray[np.int32], FloatArray, FloatArray]:  # fmt: skip
+    """Find points as `CutCells.locate`, if given in shells; also how far their material is."""
+    place = (points_mm - origin_mm) / cell_mm
+    counts = np.array(material.counts)
+    own = np.clip(np.floor(place + _PLAIN_STEP * inward), 0, counts - 1).astype(np.int64)
+    step = material.frame[2]
+    target = points_mm - origin_mm + step * inward
+    target[:, 2] *= material.voxels / cell_mm[2]
+    if shell is None:
+        shell = np.full(len(own), -1, np.int32)
+    cell, away = np.empty(len(points_mm), np.int32), np.empty(len(points_mm))
+    _nearest(
+        material.lines, material.frame, material.piece, np.array(counts),
+        cell_mm[2] / material.voxels, own, target, material.shell, shell, cell, away,
+    )  # fmt: skip
+    found = index[cell]
+    local = 2.0 * (place - found) - 1.0
+    inside = (found == own).all(axis=1)
+    local[inside] = np.clip(local[inside], -1.0, 1.0)
+    return cell, local, away
+
+
+@kernel
+def _nearest(
+    lines: Any, frame: Any, piece: Any, counts: Any, voxel_mm: Any, own: Any, target: Any,
+    shell: Any, wanted: Any, cell: Any, distance: Any,
+) -> None:  # fmt: skip
+    offsets, start, stop, first, foot, nu, voxels = lines
+    # The piece of the segment nearest to each target (x and y in mm, z in steps), of the wanted
+    # shell or, with -1, of any, in rings of columns about it; and how far it is. One in the point's
+    # own cell is preferred when it is nearer than the nearest of all and a diagonal of the lattice.
+    nv = foot.size // nu
+    pitch = frame[2]
+    slack = np.sqrt(2.0) * pitch
+    for n in range(cell.size):
+        x, y, z = target[n, 0], target[n, 1], target[n, 2]
+        u = (frame[3] * x + frame[4] * y - frame[0]) / pitch
+        v = (frame[3] * y - frame[4] * x - frame[1]) / pitch
+        i0 = min(max(int(np.floor(u + 0.5)), 0), nu - 1)
+        j0 = min(max(int(np.floor(v + 0.5)), 0), nv - 1)
+        mine = own[n, 0] * counts[1] + own[n, 1]
+        low, high = own[n, 2] * voxels, (own[n, 2] + 1) * voxels
+        best, best_own = np.inf, np.inf
+        found, found_own = -1, -1
+        for ring in range(max(nu, nv)):
+            if (ring - 0.5) * pitch > best + slack:
+                break
+            for j in range(max(j0 - ring, 0), min(j0 + ring, nv - 1) + 1):
+                step = 1 if abs(j - j0) == ring else max(2 * ring, 1)
+                for i in range(i0 - ring, i0 + ring + 1, step):
+                    if i < 0 or i >= nu or foot[j * nu + i] < 0:
+                        continue
+                    c = j * nu + i
+                    across = pitch * pitch * ((i - u) ** 2 + (j - v) ** 2)
+                    for r in range(offsets[c], offsets[c + 1]):
+                        k0, k1 = start[r] // voxels, (stop[r] - 1) // voxels
+                        if piece[first[r]] < 0 or (wanted[n] >= 0 and shell[r] != wanted[n]):
+                            continue
+                        at = min(max(z, start[r]), stop[r])
+                        away = np.sqrt(across + ((z - at) * voxel_mm) ** 2)
+                        if away < best:
+                            k = min(max(int(at // voxels), k0), k1)
+                            best, found = away, piece[first[r] + k - k0]
+                        if foot[c] == mine and start[r] < high and stop[r] > low:
+                            at = min(max(z, start[r], low), stop[r], high)
+                            away = np.sqrt(across + ((z - at) * voxel_mm) ** 2)
+                            if away < best_own:
+                                best_own, found_own = away, piece[first[r] + own[n, 2] - k0]
+        distance[n] = min(best, best_own)
+        cell[n] = found_own if best_own <= best + slack else found

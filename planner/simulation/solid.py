@@ -154,11 +154,15 @@ _FLAT = 0.05
 """Of a cell: an interface that spreads less along an axis has no slope along it."""
 
 
-def _springs(body: "Body") -> FloatArray:
+def _softer_MPa(body: "Body") -> FloatArray:
+    """Return Young's modulus at rest of the softer of cells that meet, (m,)."""
+    pairs = body.cells.interface.cells
+    return np.asarray(2.0 * (1.0 + body.poisson) * body.cell_shear_MPa[pairs].min(axis=1))
+
+
+def _springs(cells: "CutCells", modulus_MPa: FloatArray) -> FloatArray:
     """Return the springs between the nodes of cells that meet, (m, 54, 54), N/mm."""
-    cells, met = body.cells, body.cells.interface
-    modulus = 2.0 * (1.0 + body.poisson) * body.cell_shear_MPa[met.cells].min(axis=1)
-    stiff = modulus / float(cells.cell_mm.mean())
+    met, stiff = cells.interface, modulus_MPa / float(cells.cell_mm.mean())
     out = np.empty((len(met.cells), 54, 54))
     ends = zip(met.starts[:-1].tolist(), met.starts[1:].tolist(), strict=True)
     for k, (a, b) in enumerate(ends):
@@ -321,8 +325,6 @@ _THREADS = 2
 _MOST_ITERATIONS = 40
 _SMALLEST_STEP = 1.0 / 64.0
 _SETTLED = 1e-6
-"""Largest last change of a displacement over the largest displacement, and residual over forces:
-Newton's next change would be about its square."""
 
 Progress = Callable[[float, int, float], None]
 """Called with the share of the load, the iteration, and the residual over the forces."""
@@ -387,7 +389,13 @@ class Mechanics:
             np.ascontiguousarray(cells.cell_mm),
         )
         self._places: dict[bytes, FacetPoints] = {} if like is None else like._places
-        self.springs: FloatArray = _springs(body) if like is None else like.springs
+        self.softer_MPa = _softer_MPa(body)
+        if like is None:
+            self.springs = _springs(cells, self.softer_MPa)
+        elif like.body is body:
+            self.springs = like.springs
+        else:
+            self.springs = like.springs * (self.softer_MPa / like.softer_MPa)[:, None, None]
         self._build_loads()
         self._matrices = np.empty((len(cells.nodes), 81, 81)) if like is None else like._matrices
 
@@ -617,10 +625,14 @@ class Mechanics:
         share: float,
         progress: "Progress | None" = None,
         into: "Factor | None" = None,
+        *,
+        settled: float = _SETTLED,
     ) -> "tuple[Equilibrium, Factor]":
         """Return the equilibrium at a share of the load, from a state nearby, and its factor.
 
-        The memory of `into`, a factor that is needed no more, is taken for that.
+        The memory of `into`, a factor that is needed no more, is taken for that. `settled` is the
+        largest last change of a displacement over the largest displacement, and residual over
+        forces: Newton's next change would be about its square.
 
         Raises
         ------
@@ -655,18 +667,22 @@ class Mechanics:
             largest = float(np.abs(u).max())
             moved, before = float(np.abs(change).max()), done
             done = moved
-            if moved <= _SETTLED * largest and (error <= _SETTLED or moved <= 1e-9 * largest):
+            if moved <= settled * largest and (error <= settled or moved <= 1e-9 * largest):
                 return Equilibrium(share, u, strain, stress, pressure, iteration), factored
             if iteration > 12 and moved > before > 0.1 * largest:
                 break  # it wanders
         raise LostStabilityError(state.share, None)
 
     def follow(
-        self, shares: Sequence[float], progress: "Progress | None" = None
+        self,
+        shares: Sequence[float],
+        progress: "Progress | None" = None,
+        *,
+        settled: float = _SETTLED,
     ) -> "Iterator[tuple[Equilibrium, Factor]]":
         """Yield the equilibria at rising shares of the load; steps are halved where they must be.
 
-        The factor of each is good until the next is asked for.
+        The factor of each is good until the next is asked for; `settled` as of `settle`.
 
         Raises
         ------
@@ -682,7 +698,7 @@ class Mechanics:
                     target = share
                 try:
                     start = state if before is None else _onward(before, state, target)
-                    found = self.settle(start, target, progress, factored)
+                    found = self.settle(start, target, progress, factored, settled=settled)
                 except LostStabilityError as lost:
                     before, step = None, 0.5 * step
                     if step < _SMALLEST_STEP:

@@ -2,8 +2,13 @@
 
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
+from functools import cache
+from typing import Any, TypeAlias
 
 import numpy as np
+from llvmlite import ir
+from numba.core import cgutils, types
+from numba.extending import get_cython_function_address, intrinsic
 from numpy.typing import NDArray
 
 from planner.numerics import (
@@ -13,7 +18,6 @@ from planner.numerics import (
     kernel,
     one_blas_thread,
 )
-from planner.simulation.lapack import Int, address_of, blas_addresses, gemm, potrf, syrk, trsm
 
 __all__ = ["Analysis", "Factor", "NotPositiveDefinite", "analyse", "factor"]
 
@@ -45,6 +49,113 @@ Numerical: enough to keep two threads busy, few enough updates that wait at a ti
 
 _THREADS = 2
 """Chosen: the last cut's front is one thread's, and updates of more tasks wait in memory."""
+
+# ------------------------------------------------------------------------------------------------
+# LAPACK and BLAS for compiled loops: factor, divide and multiply dense matrices in place.
+
+
+# Addresses of scipy's functions are asked for at run time and given to kernels as numbers, so that
+# kernels can be cached on disk. Matrices too are addresses: columns one after the other, with a
+# leading dimension. `integers` is scratch of six numbers, by which arguments are handed over.
+
+_Int: TypeAlias = Any
+"""In kernels, of any width."""
+
+
+@cache
+def _blas_addresses() -> NDArray[np.int64]:
+    """Return the addresses of dpotrf, dtrsm, dsyrk and dgemm."""
+    return np.array(
+        [get_cython_function_address("scipy.linalg.cython_lapack", "dpotrf")]
+        + [
+            get_cython_function_address("scipy.linalg.cython_blas", name)
+            for name in ("dtrsm", "dsyrk", "dgemm")
+        ],
+        dtype=np.int64,
+    )
+
+
+def _calling(typing_context: Any, address: Any, pointers: Any) -> Any:
+    """Call the function at an address with a tuple of pointers, all as integers."""
+    unpacked: Any = cgutils.unpack_tuple
+
+    def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        pointer = ir.IntType(8).as_pointer()
+        given = [builder.inttoptr(value, pointer) for value in unpacked(builder, arguments[1])]
+        function = ir.FunctionType(ir.VoidType(), [pointer] * len(given)).as_pointer()
+        builder.call(builder.inttoptr(arguments[0], function), given)
+        return context.get_dummy_value()
+
+    return types.void(address, pointers), code
+
+
+_call: Any = intrinsic(_calling)
+
+
+@inner_kernel
+def _address_of(array: Any) -> _Int:
+    """Return where an array begins; it must live on while the address is used."""
+    return np.int64(array.ctypes.data)
+
+
+_LETTERS = np.frombuffer(b"LRTN", dtype=np.uint8)
+_NUMBERS = np.array([1.0, -1.0, 0.0])
+
+
+@inner_kernel
+def _potrf(address: _Int, n: _Int, a: _Int, lda: _Int, integers: IntArray) -> _Int:
+    """Factor; return 0, or which pivot failed, from 1."""
+    integers[0], integers[1], integers[2] = n, lda, 0
+    i = _address_of(integers)
+    _call(address, (_address_of(_LETTERS), i, a, i + 4, i + 8))
+    return integers[2]
+
+
+@inner_kernel
+def _trsm(
+    address: _Int, side: _Int, transposed: bool, m: _Int, n: _Int, a: _Int, lda: _Int, b: _Int,
+    ldb: _Int, integers: IntArray,
+) -> None:  # fmt: skip
+    """Divide b, (m, n), by a lower triangle, from the left (0) or the right (1)."""
+    integers[0], integers[1], integers[2], integers[3] = m, n, lda, ldb
+    i, letters = _address_of(integers), _address_of(_LETTERS)
+    turned = letters + (2 if transposed else 3)
+    one = _address_of(_NUMBERS)
+    _call(
+        address,
+        (letters + side, letters, turned, letters + 3, i, i + 4, one, a, i + 8, b, i + 12),
+    )
+
+
+@inner_kernel
+def _syrk(
+    address: _Int, n: _Int, k: _Int, a: _Int, lda: _Int, c: _Int, ldc: _Int, integers: IntArray,
+) -> None:  # fmt: skip
+    """Take a times its transpose from the lower triangle of c."""
+    integers[0], integers[1], integers[2], integers[3] = n, k, lda, ldc
+    i, letters, numbers = _address_of(integers), _address_of(_LETTERS), _address_of(_NUMBERS)
+    _call(address, (letters, letters + 3, i, i + 4, numbers + 8, a, i + 8, numbers, c, i + 12))
+
+
+@inner_kernel
+def _gemm(
+    address: _Int, transposed: bool, m: _Int, n: _Int, k: _Int, a: _Int, lda: _Int, b: _Int,
+    ldb: _Int, scale: _Int, c: _Int, ldc: _Int, integers: IntArray,
+) -> None:  # fmt: skip
+    """Set c to a, or its transpose, times b (scale 0); or take that from c (scale 1)."""
+    integers[0], integers[1], integers[2] = m, n, k
+    integers[3], integers[4], integers[5] = lda, ldb, ldc
+    i, letters, numbers = _address_of(integers), _address_of(_LETTERS), _address_of(_NUMBERS)
+    turned = letters + (2 if transposed else 3)
+    by, keep = (numbers + 8, numbers) if scale else (numbers, numbers + 16)
+    _call(
+        address,
+        (turned, letters + 3, i, i + 4, i + 8, by, a, i + 12, b, i + 16, keep, c, i + 20),
+    )
+
+
+# ------------------------------------------------------------------------------------------------
+# What a matrix is made of, and its factor.
 
 
 _NO_LINKS, _NO_SPRINGS = np.empty((0, 2), np.int32), np.empty((0, 54, 54))
@@ -137,7 +248,7 @@ class Factor:
         most = 3 * int(np.diff(a.rest_start).max(initial=0))
         with one_blas_thread():
             _solve(
-                blas_addresses(), a.first, a.rest, a.rest_start, a.panel, self.columns,
+                _blas_addresses(), a.first, a.rest, a.rest_start, a.panel, self.columns,
                 x.ravel(order="K"), np.empty(max(most, 1) * x.shape[1]), x.shape[1],
             )  # fmt: skip
         solved = np.empty_like(columns)
@@ -488,7 +599,7 @@ def factor(
         )
         work = np.empty(a.work[task])
         pivot, at = _factor_fronts(
-            blas_addresses(), start, end, a.first, a.rest_start, a.above, a.below, a.side, a.cells,
+            _blas_addresses(), start, end, a.first, a.rest_start, a.above, a.below, a.side, a.cells,
             a.cell_start, a.begin, a.place, a.panel, matrices, springs, columns, work, outside[0],
             outside[1],
         )  # fmt: skip
@@ -529,11 +640,11 @@ def _aligned(size: int) -> FloatArray:
 
 @kernel
 def _factor_fronts(
-    blas: IntArray, start: Int, end: Int, first: IntArray, rest_start: IntArray, above: IntArray,
+    blas: IntArray, start: _Int, end: _Int, first: IntArray, rest_start: IntArray, above: IntArray,
     below: IntArray, side: IntArray, cells: IntArray, cell_start: IntArray, begin: IntArray,
     place: IntArray, panel_start: IntArray, matrices: FloatArray, springs: FloatArray,
     columns: FloatArray, work: FloatArray, outside_0: FloatArray, outside_1: FloatArray,
-) -> tuple[Int, Int]:  # fmt: skip
+) -> tuple[_Int, _Int]:  # fmt: skip
     """Factor fronts of one task, in order.
 
     Updates stand at both ends of `work`, by depth in turn: those of two halves lie last at one
@@ -590,23 +701,23 @@ def _factor_fronts(
             _add_update(given, to, panel, rows, update, own, rest)
         if own == 0:
             continue
-        a, b, c = address_of(panel), address_of(panel) + 8 * own, address_of(update)
-        failed = potrf(blas[0], own, a, rows, integers)
+        a, b, c = _address_of(panel), _address_of(panel) + 8 * own, _address_of(update)
+        failed = _potrf(blas[0], own, a, rows, integers)
         for j in range(own):  # LAPACK lets what is not a number pass
             if failed == 0 and not panel[j * rows + j] > 0.0:
                 failed = j + 1
         if failed > 0:
             return np.int64(first[t]) + (failed - 1) // 3, at
         if rest > 0:
-            trsm(blas[1], 1, True, rest, own, a, rows, b, rows, integers)
-            syrk(blas[2], rest, own, b, rows, c, rest, integers)
+            _trsm(blas[1], 1, True, rest, own, a, rows, b, rows, integers)
+            _syrk(blas[2], rest, own, b, rows, c, rest, integers)
     return np.int64(-1), at
 
 
 @inner_kernel
 def _add_cell(
-    matrix: FloatArray, place: IntArray, panel: FloatArray, rows: Int, update:
-    FloatArray, own: Int, rest: Int,
+    matrix: FloatArray, place: IntArray, panel: FloatArray, rows: _Int, update:
+    FloatArray, own: _Int, rest: _Int,
 ) -> None:  # fmt: skip
     """Add a cell's matrix to the lower triangle of its front."""
     for b in range(27):
@@ -624,8 +735,8 @@ def _add_cell(
 
 @inner_kernel
 def _add_springs(
-    matrix: FloatArray, place: IntArray, panel: FloatArray, rows: Int, update: FloatArray,
-    own: Int, rest: Int,
+    matrix: FloatArray, place: IntArray, panel: FloatArray, rows: _Int, update: FloatArray,
+    own: _Int, rest: _Int,
 ) -> None:  # fmt: skip
     """Add a link's matrix, along each axis, to the lower triangle of its front."""
     for b in range(54):
@@ -641,8 +752,8 @@ def _add_springs(
 
 @inner_kernel
 def _add_update(
-    given: FloatArray, to: IntArray, panel: FloatArray, rows: Int, update: FloatArray,
-    own: Int, rest: Int,
+    given: FloatArray, to: IntArray, panel: FloatArray, rows: _Int, update: FloatArray,
+    own: _Int, rest: _Int,
 ) -> None:  # fmt: skip
     """Add the lower triangle of a half's update to its front."""
     n = len(to)
@@ -668,7 +779,7 @@ def _add_update(
 @kernel
 def _solve(
     blas: IntArray, first: IntArray, rest: IntArray, rest_start: IntArray, panel_start: IntArray,
-    columns: FloatArray, x: FloatArray, spare: FloatArray, many: Int,
+    columns: FloatArray, x: FloatArray, spare: FloatArray, many: _Int,
 ) -> None:  # fmt: skip
     """Solve in place for `many` right-hand sides, one after the other in x, by the order."""
     length = 3 * np.int64(first[-1])
@@ -683,13 +794,13 @@ def _solve(
         rows = own + n
         if own == 0:
             continue
-        l11 = address_of(columns) + 8 * panel_start[t]
+        l11 = _address_of(columns) + 8 * panel_start[t]
         l21 = l11 + 8 * own
-        x1, s = address_of(x) + 24 * first[t], address_of(spare)
+        x1, s = _address_of(x) + 24 * first[t], _address_of(spare)
         if not back:
-            trsm(blas[1], 0, False, own, many, l11, rows, x1, length, integers)
+            _trsm(blas[1], 0, False, own, many, l11, rows, x1, length, integers)
             if n > 0:
-                gemm(blas[3], False, n, many, own, l21, rows, x1, length, 0, s, n, integers)
+                _gemm(blas[3], False, n, many, own, l21, rows, x1, length, 0, s, n, integers)
                 for k in range(many):
                     for i in range(len(others)):
                         for axis in range(3):
@@ -700,5 +811,5 @@ def _solve(
                     for i in range(len(others)):
                         for axis in range(3):
                             spare[k * n + 3 * i + axis] = x[k * length + 3 * others[i] + axis]
-                gemm(blas[3], True, own, many, n, l21, rows, s, n, 1, x1, length, integers)
-            trsm(blas[1], 0, True, own, many, l11, rows, x1, length, integers)
+                _gemm(blas[3], True, own, many, n, l21, rows, s, n, 1, x1, length, integers)
+            _trsm(blas[1], 0, True, own, many, l11, rows, x1, length, integers)

@@ -324,7 +324,7 @@ def _states(bench: Bench, folder: Path) -> tuple[dict[str, Path], Content, int]:
 
 @pytest.mark.parametrize(
     "writer",
-    [pytest.param(w, id=w.name, marks=[pytest.mark.slow] * (w.name not in ("grade", "materials")))
+    [pytest.param(w, id=w.name, marks=[pytest.mark.slow] * (w.name != "grade"))
      for w in WRITERS if w.name in QUICK],
 )  # fmt: skip
 def test_a_step_of_quick_commands(

@@ -19,6 +19,7 @@ def fuzz(tmp_path: Path, first: int, count: int) -> None:
     assert run.returncode == 0, run.stdout + run.stderr
 
 
+@pytest.mark.slow
 def test_500_changed_files(tmp_path):
     fuzz(tmp_path, 0, 500)
 

@@ -86,6 +86,8 @@ _GAP = {
         "gap correct absent.json -o no.toml",
         "gap diagnose lab -o diagnosis",
         "gap diagnose lab -o lab",
+        "gap next diagnosis",
+        "gap next lab --json",
         "materials --palette warm.toml --json",
     ),
     "gap-without": _searched("gap diagnose samples/warm-lab --without temperature"),

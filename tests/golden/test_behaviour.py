@@ -17,8 +17,9 @@ from behaviour_meaning import differences_of
 # Those of a second or more whose commands other cases run too.
 SLOW = {
     "field-distance", "field-harmonic", "field-radial", "field-refused", "gap-altered",
-    "gap-design", "gap-design-refused", "gap-two-effects", "gap-without", "grade-findings",
-    "refused-meshes", "refused-options",
+    "gap-camera", "gap-design", "gap-design-refused", "gap-two-effects", "gap-without",
+    "grade-axes", "grade-findings", "grade-profiles", "refused-meshes", "refused-options",
+    "slices-refused", "tensile-refused",
 }  # fmt: skip
 
 

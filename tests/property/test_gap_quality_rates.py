@@ -274,6 +274,7 @@ def detection(name: str, seeds: range) -> tuple[int, int, int]:
     return found, wrong, planted
 
 
+@pytest.mark.slow
 def test_clean_campaigns_are_clean() -> None:
     """None of sixty: were one in twenty called wrong, that had a chance of 0.95^60 = 5 %."""
     assert alarms(range(60)) == []

@@ -9,11 +9,14 @@ import functools
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from planner.materials.characterise import Curve
 from planner.materials.fit import Sample, fit_law, law_stress_MPa, sample_of
 from planner.materials.fit_intervals import (
     ASSUMED_LOG_SD,
+    _derivatives,
+    _moves_variance,
     intervals,
     loading,
     scatter_of_fit,
@@ -38,6 +41,8 @@ LAWS: dict[str, tuple[SeparableLaw, tuple[float, ...], tuple[float, ...]]] = {
 
 
 def synthetic(name: str, seed: int, specimens: int, level_sd: float = 0.06) -> Sample:
+    from scipy.signal import lfilter
+
     law, a, c = LAWS[name]
     rng = np.random.default_rng([seed, specimens])
     curves = []
@@ -46,9 +51,7 @@ def synthetic(name: str, seed: int, specimens: int, level_sd: float = 0.06) -> S
         stress = law_stress_MPa(law, np.array(a), np.array(c), 1.0 + strain)
         level = level_sd * rng.standard_normal() + 0.5 * level_sd * rng.standard_normal() * strain
         white = rng.standard_normal(len(strain))
-        noise = np.zeros(len(strain))
-        for i in range(1, len(strain)):
-            noise[i] = 0.9 * noise[i - 1] + white[i]
+        noise = lfilter([1.0], [1.0, -0.9], np.append(0.0, white[1:]))
         curves.append(
             Curve(f"S{number}", strain, stress * np.exp(level) + 0.003 * stress.max() * noise)
         )
@@ -68,7 +71,9 @@ def coverage(name: str, specimens: int) -> tuple[float, ...]:
     return tuple(held / SEEDS)
 
 
-@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.parametrize(
+    "name", ["neo-hookean", "yeoh", pytest.param("ogden", marks=pytest.mark.slow)]
+)
 @pytest.mark.parametrize("specimens", [3, pytest.param(5, marks=pytest.mark.slow)])
 def test_coverage_is_nominal(name: str, specimens: int) -> None:
     # 95 % of 200 seeds: a binomial standard deviation of 1.5 %; three of them.
@@ -170,6 +175,37 @@ def test_the_next_print_is_as_sure_as_the_level_where_nothing_else_scatters() ->
     wide = 4.303 / 1.960 * 0.06 * np.sqrt(1.0 + 1.0 / 3.0)
     # 1e-2: the weights of specimens on the mean follow their levels.
     assert [one.next_log_sd for one in found] == pytest.approx([wide] * 3, rel=1e-2)
+
+
+def test_a_law_that_is_held_is_as_sure_at_rest_as_that_makes_it() -> None:
+    """Martins' leans on what rubbers do in compression in most studies, and is off by less."""
+    (law,) = FITTED_MODELS["martins"]
+    a, c = np.array([0.15, 0.4]), np.array([0.5, 0.2])
+    rest = np.array([1.0 + 1e-7])
+    true = law_stress_MPa(law, a, c, rest)
+    off, variances = [], []
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        strain = np.linspace(0.0, 2.0, 300)[1:]
+        clean = law_stress_MPa(law, a, c, 1.0 + strain)
+        curves = []
+        for number in range(3):
+            scatter = 0.06 * rng.standard_normal() + 0.03 * rng.standard_normal() * strain
+            noise = lfilter([1.0], [1.0, -0.9], rng.standard_normal(len(strain)))
+            stress = clean * np.exp(scatter) + 0.003 * clean.max() * noise
+            curves.append(Curve(f"S{number}", strain, stress))
+        sample = sample_of(curves)
+        fit = fit_law(law, sample, starts=4)
+        slopes, stress = _derivatives(law, fit.a, fit.c, law.evaluate(rest, fit.a[None]))
+        off.append(np.log(stress[0] / true[0]))
+        relative = (slopes / stress[:, None]).T
+        variances.append(
+            [_moves_variance(fit, sample, relative, held=held)[0] for held in (True, False)]
+        )
+    held, free = np.sqrt(np.mean(variances, axis=0) / np.mean(np.square(off)))
+    # Of 40 errors the root mean square is known to 1 / sqrt(80), 11 %; three of them.
+    assert held > 1.0 - 0.34
+    assert free > 1.2 * held
 
 
 def test_the_next_print_is_least_sure_where_the_law_is() -> None:

@@ -62,7 +62,7 @@ def dealt(mesh, profile, cell_mm, axis=(1.0, 0.0, 0.0)):
 
 def check(mesh, field):
     """Cut, and audit every piece and every material as readers see them."""
-    pieces = split(mesh, field, field.levels, pitch_mm=field.cell_mm)
+    pieces = split(mesh, field, field.levels, pitch_mm=field.cell_mm, follow=False)
     grades = np.array([piece.grade for piece in field.pieces])
     members = [np.flatnonzero(grades == g) for g in sorted(set(grades.tolist()))]
     soups = [pieces.vertices[shell_faces(pieces, own)] for own in members]

@@ -64,6 +64,7 @@ def kept(place):
     return sorted(place.glob("**/loops-*/*"))
 
 
+@pytest.mark.slow
 def test_a_loop_is_compiled_anew_when_one_in_another_file_changes_and_found_when_it_is_changed_back(
     package,
 ):

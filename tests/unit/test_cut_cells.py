@@ -170,18 +170,23 @@ def walls(gap: float, bottom: float) -> Mesh:
     return mesh if mesh.volume_mm3 > 0 else Mesh(vertices, mesh.faces[:, ::-1])
 
 
-def test_two_walls_in_a_cell_are_two_pieces_joined_at_the_bottom_only():
+def test_two_walls_in_a_cell_are_pieces_of_their_own_that_touch_their_ground():
     cells = cut_cells(walls(gap=0.8, bottom=1.0), 2.0)  # 1 x 4 x 4 cells, 1.8 mm wide
     assert cells.volume_mm3 == pytest.approx(8 * (1.8 * 1 + 2 * 0.5 * 7), rel=1e-3)
     assert cells.body.max() == 0
-    bottom, upper = cells.index[:, 2] == 0, cells.index[:, 2] > 0
-    assert bottom.sum() == 4
-    assert upper.sum() == 2 * 4 * 3
     middle = np.add.reduceat(cells.weights_mm3[:, None] * places(cells), cells.offsets[:-1])
-    left = middle[:, 0] / np.add.reduceat(cells.weights_mm3, cells.offsets[:-1]) < 0.9
-    shared = np.intersect1d(cells.nodes[upper & left], cells.nodes[upper & ~left])
-    assert np.all(cells.node_mm[shared, 2] == 2.0)  # the face of the bottom cells, 3 x 9 nodes
-    assert len(shared) == 27
+    middle /= np.add.reduceat(cells.weights_mm3, cells.offsets[:-1])[:, None]
+    upper, left = middle[:, 2] > 1.0, middle[:, 0] < 0.9
+    assert (~upper).sum() == 4  # the ground, and on it in the same cells the feet of both walls
+    assert upper.sum() == 2 * 4 * 4
+    assert not np.intersect1d(cells.nodes[upper & left], cells.nodes[~(upper & left)]).size
+    met = cells.interface
+    assert len(met.cells) == 2 * 4
+    assert np.all(upper[met.cells].sum(axis=1) == 1)
+    assert met.area_mm2.sum() == pytest.approx(2 * 0.5 * 8, rel=0.02)  # by columns of 0.075 mm
+    of_point = np.repeat(met.cells[:, 0], np.diff(met.starts))
+    at = cells.origin_mm + (cells.index[of_point] + 0.5 * (met.local[:, 0] + 1)) * cells.cell_mm
+    np.testing.assert_allclose(at[:, 2], 1.0, atol=1e-3)
     # and vertices of the walls are in their own pieces
     high = cells.surface.vertices[:, 2] > 2.1
     of_left = cells.surface.vertices[:, 0] < 0.9

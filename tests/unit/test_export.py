@@ -239,8 +239,9 @@ FREE = ["x=min: 0,free,free mm", "y=min: free,0,free mm", "z=min: free,free,0 mm
 @needs_calculix
 @pytest.mark.parametrize(
     ("name", "strain"),
-    [("TangoPlus", 0.3), ("FLX9785", 0.3), ("FLX9795", 0.004), ("FLX9795", 0.5),
-     ("VeroWhitePlus", 0.05)],
+    [("TangoPlus", 0.3), ("VeroWhitePlus", 0.05),
+     *(pytest.param(*one, marks=pytest.mark.slow)
+       for one in (("FLX9785", 0.3), ("FLX9795", 0.004), ("FLX9795", 0.5)))],
 )  # fmt: skip
 def test_calculix_pulls_a_bar_as_the_palette_does(name, strain, tmp_path):
     made = planner.export(

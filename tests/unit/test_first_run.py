@@ -112,6 +112,7 @@ print(json.dumps([results, calls]))
 """
 
 
+@pytest.mark.slow
 def test_compiling_starts_them_once_and_leaves_garbage_collection_as_it_was(tmp_path):
     script, kept = tmp_path / "loops.py", tmp_path / "kept"
     script.write_text(LOOPS)

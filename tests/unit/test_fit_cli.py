@@ -111,7 +111,7 @@ def test_order_of_stiffness_gives_coordinates_and_what_is_assumed_is_said(capsys
         ("soft", 0.0), ("middle", 0.5), ("hard", 1.0)]  # fmt: skip
     said = capsys.readouterr().err
     assert "assumed 1.14 g/cm3" in said
-    assert "one specimen of hard, soft, middle" in said
+    assert "one specimen of hard, soft and middle" in said
     assert "reference conditions unknown" in said
 
 

@@ -20,10 +20,10 @@ from planner.formats.field_file import read_grid_table
 from planner.formats.stl import encode_stl
 from planner.grading.profile import stiffness_scale
 from planner.inverse_design import search
-from planner.inverse_design.controls import lattice, lattice_counts
-from planner.inverse_design.design import PartDesign
+from planner.inverse_design.controls import StiffnessRange, lattice, lattice_counts
+from planner.inverse_design.design import DesignFinding, PartDesign
 from planner.inverse_design.goals import Limits, functionals, read_target
-from planner.inverse_design.search import Case, DesignProblem, StiffnessRange, _quadratic, evaluate
+from planner.inverse_design.search import Case, DesignProblem, Tried, _quadratic, evaluate
 from planner.inverse_design.shape import ShapeGoal, wanted_shape
 from planner.materials.marlow import marlow_table
 from planner.mesh.mesh import Mesh
@@ -109,6 +109,32 @@ def test_the_step_solves_its_quadratic_programme() -> None:
     other = minimize(cost, np.append(np.zeros(n), [9.0, 9.0]), method="SLSQP", bounds=bounds,
                      constraints=held, options={"maxiter": 500, "ftol": 1e-14})  # fmt: skip
     assert np.allclose(found, other.x[:n], atol=1e-5)
+
+
+def test_misses_weigh_more_where_smoothness_holds_the_gradient_off(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A target that only a strong bend reaches, and each per cent of it by much more of that.
+
+    The bend's energy rises by c² / e for a miss of e c; at a weight of 20 nothing moves.
+    """
+    problem = _problem(["x=min uz=-8 mm"], None, Limits())
+    bend = problem.controls.bends[0]
+    gain, wanted = 0.02, 0.3 * np.abs(bend).sum() / 2.0
+    count, none = len(bend), np.empty((0, len(bend)))
+
+    def linear(problem: DesignProblem, values: Array) -> Tried:
+        off = np.array([gain * (bend @ values - wanted)])
+        return Tried(values, np.zeros(1), off, gain * bend[None], np.empty(0), none, np.empty(0),
+                     none, 0.0, (), np.empty((1, 0)))  # fmt: skip
+
+    monkeypatch.setattr(search, "evaluate", linear)
+    found = search.search(problem, np.full(count, 0.5), tolerance=1e-4)
+    assert abs(found.best.off[0]) < 1e-4
+    assert found.problem.miss_weight > 20.0
+    stuck = replace(problem, miss_weight=20.0)
+    values = search.step(stuck, linear(stuck, np.full(count, 0.5)), 0.5)
+    assert abs(linear(stuck, values).off[0]) > 1e-3, "at a weight of 20"
 
 
 # --- derivatives
@@ -243,6 +269,18 @@ def test_the_page_shows_the_part_from_rest_to_full_load(tmp_path: Path) -> None:
     moved = made.courses[0].displacement_mm
     assert not moved[0].any()
     assert np.abs(moved[2]).max() > 1.5 * np.abs(moved[1]).max()
+    older = page.replace(b'content="planner ', b'content="planner 0.', 1)
+    folder = made.write(tmp_path / "out", page=older)
+    assert planner.view(folder).read_bytes() == older, "what a plan's folder cannot make again"
+
+
+def test_the_page_says_what_is_missed(free: PartDesign, tmp_path: Path) -> None:
+    """The same from the design and from its folder."""
+    short = replace(free, findings=(DesignFinding("target", "the tip is 3 mm short"),))
+    page = planner.plan_page(short)
+    assert b'<li class="plain">the tip is 3 mm short</li>' in page
+    folder = short.write(tmp_path / "out")
+    assert planner.view(folder).read_bytes() == page
 
 
 def test_thin_bands_have_an_error_of_their_own() -> None:

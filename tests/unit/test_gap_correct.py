@@ -11,12 +11,11 @@ import pytest
 import planner
 from planner.cli import run
 from planner.errors import FileError, PaletteError, UnknownNameError
-from planner.gap.correct import Correction, correct
+from planner.gap.correct import Correction, Factors, correct, forms_sd, working_strain
 from planner.gap.diagnose import levels_tested
 from planner.gap.diagnosis import Diagnosis, FoundEffect, Gap
 from planner.gap.effect import StatedEffect, stated
 from planner.gap.effects import EFFECTS, effects_for
-from planner.gap.factors import Factors, forms_sd, working_strain
 from planner.grading.profile import Profile
 from planner.materials.laws import make_law
 from planner.materials.mixtures import CoefficientModel

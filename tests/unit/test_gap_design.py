@@ -58,6 +58,7 @@ def test_the_palettes_own_condition_is_among_them(made, palette) -> None:
     assert (first.width_mm, first.thickness_mm, first.gauge_mm) == (6.0, 3.0, 25.0)
 
 
+@pytest.mark.slow
 def test_more_specimens_promise_more(made, palette) -> None:
     """With four times the specimens, smaller effects are named and the usual ones more surely."""
     less = design_campaign(["rate", "moisture"], made.least, palette=palette)
@@ -113,6 +114,7 @@ def test_sizes_are_the_labs_own(palette) -> None:
     assert {s.rate_mm_s for s in made.campaign.specimens} == {1.7}  # 0.034 per s on 50 mm
 
 
+@pytest.mark.slow
 def test_bars_where_boundaries_matter(palette, tmp_path, capsys) -> None:
     arguments = ["gap", "design", "--effects", "interface-bleed", "--budget", "6", "-o"]
     assert run([*arguments, str(tmp_path / "plan")]) in (0, 1)

@@ -83,6 +83,18 @@ def test_of_a_diagnosis_it_says_the_verdict_and_what_follows(lab: Path, capsys) 
         ]
 
 
+def test_a_list_is_of_the_palette_that_the_campaign_beside_it_names(lab: Path) -> None:
+    """A lab's own material is known; without the campaign's palette it is not."""
+    palette = (lab / "palette.toml").read_text().replace('"TangoPlus"', '"Latex"')
+    (lab / "palette.toml").write_text(palette)
+    listed = (lab / "specimens.csv").read_text().replace("TangoPlus", "Latex")
+    (lab / "specimens.csv").write_text(listed)
+    simulate = ["gap", "simulate", "--design"]
+    assert run([*simulate, "lab/specimens.csv", "-o", "made", "-q"]) == 0
+    Path("alone.csv").write_text(listed)
+    assert run([*simulate, "alone.csv", "-o", "other", "-q"]) == 2
+
+
 def test_conditions_that_no_one_wrote_down_are_told(
     lab: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -83,7 +83,7 @@ def test_same_input_same_bytes():
 
 def test_a_field_that_bends_within_a_pitch_is_a_finding():
     plan = grade("expression: 0.5 + 0.5*sin(3*x)*sin(3*y)", bands=2, pitch_mm=1.5)
-    assert not plan.checks["interface_error_mm"].ok
+    assert not plan.checks["interface_error_um"].ok
     assert any("finer --pitch" in finding.message for finding in plan.findings)
 
 

@@ -47,6 +47,7 @@ def data_of(page: str, name: str) -> str:
     return found[1]
 
 
+@pytest.mark.slow
 def test_the_same_bytes_from_the_plan_and_from_its_folder(graded: Path) -> None:
     code = f"import planner, sys; sys.stdout.buffer.write(planner.plan_page({str(graded)!r}))"
     elsewhere = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True)

@@ -86,6 +86,7 @@ def test_updating_writes_it_says_so_and_then_it_passes(
     project.runpytest(*PLUGIN).assert_outcomes(passed=1)
 
 
+@pytest.mark.slow
 def test_workers_of_xdist_say_what_they_wrote(project: pytest.Pytester) -> None:
     golden = project.path / "goldens" / "part.plan.json"
     golden.unlink()

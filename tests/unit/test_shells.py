@@ -4,6 +4,7 @@ from manifold3d import CrossSection, Error, Manifold
 from manifold3d import Mesh as SolidMesh
 
 from planner.cutting.pieces import piece_bounds_mm, piece_volumes_mm3, shell_faces, split
+from planner.cutting.planes import flip_thin
 from planner.errors import ArgumentError, MeshError
 from planner.fields.basic import axis_field
 from planner.mesh.audit import audit, interfaces_cancel, join_shells
@@ -142,6 +143,7 @@ def test_holes_nested_loops_and_many_bodies():
     assert audit(pieces.vertices[shell_faces(pieces, [1, 2])]).bodies == 4
 
 
+@pytest.mark.slow
 def test_genus_above_100():
     def solid(x, y, z):
         waves = np.sin(x) * np.cos(y) + np.sin(y) * np.cos(z) + np.sin(z) * np.cos(x)
@@ -210,3 +212,13 @@ def test_positions_that_float32_cannot_hold():
 def test_open_part_says_where():
     with pytest.raises(MeshError, match=r"open near \("):
         split(Mesh(BOX.vertices, BOX.faces[1:]), axis_field("x", BOX), [0.5])
+
+
+@pytest.mark.parametrize(("reach", "flipped"), [(0.2, False), (40.0, True)])
+def test_a_thin_triangle_is_flipped_where_that_folds_nothing(reach: float, flipped: bool) -> None:
+    """Seen from c, d hides behind the corner a, unless it lies lower: then they see each other."""
+    h = 1e-7  # mm: under a quarter of the lattice
+    vertices = np.array([[0, 0, 0], [1, 0, 0], [0.5, h, 0], [-1, -reach * h, 0]], np.float32)
+    faces = np.array([[0, 1, 2], [1, 0, 3]], np.int32)
+    flip_thin(vertices, faces)
+    assert faces.tolist() == ([[2, 0, 3], [3, 1, 2]] if flipped else [[0, 1, 2], [1, 0, 3]])

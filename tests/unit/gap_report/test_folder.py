@@ -3,6 +3,7 @@
 import base64
 import hashlib
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -10,10 +11,11 @@ import pytest
 
 import planner
 from planner.errors import OutputError
-from planner.gap.diagnosis import Diagnosis, read_diagnosis
+from planner.gap.diagnosis import Diagnosis, QualityProblem, read_diagnosis
 from planner.gap.summary import percent, probability
 from planner.report.gap_figures import figures_of
 from planner.report.gap_page import write_diagnosis
+from planner.report.gap_text import verdict_text
 
 Examples = dict[str, Diagnosis]
 
@@ -92,8 +94,10 @@ def test_nothing_foreign_is_replaced(tmp_path: Path, examples: Examples) -> None
 
 def test_the_next_specimens_are_read_back(examples: Examples, tmp_path: Path) -> None:
     """As the list of a campaign that is yet to be measured, bars with their designs."""
-    folder = write_diagnosis(examples["rate"], tmp_path / "out")
+    own = replace(planner.load_printer("connex3").palette(), name="lab")
+    folder = write_diagnosis(replace(examples["rate"], own_palette=own), tmp_path / "out")
     made = planner.synthesise_campaign(folder / "next-specimens.csv")
+    assert made.palette.name == "lab"
     assert [s.id for s in made.specimens] == ["SIM-next-2a", "SIM-next-2b"]
     first = made.specimens[0]
     assert first.profile is not None
@@ -102,6 +106,21 @@ def test_the_next_specimens_are_read_back(examples: Examples, tmp_path: Path) ->
         6.0, 0.5, 0.0, None,
     )  # fmt: skip
     assert first.strain.max() == pytest.approx(0.15)
+
+
+def test_the_page_has_all_of_the_verdict_and_each_thing_once(
+    examples: Examples, tmp_path: Path
+) -> None:
+    """Where the terminal stops, the page goes on: every problem, place, hypothesis and size."""
+    problems = tuple(QualityProblem(f"Q{k}", "rate", f"fault {k}") for k in range(20))
+    found = replace(examples["rate"], data_quality=problems)
+    page = (write_diagnosis(found, tmp_path / "out") / "report.html").read_text(encoding="utf-8")
+    headings = re.findall(r"<h2>(.*?)</h2>", page)
+    assert len(headings) == len(set(headings))
+    assert [page.count(f"fault {k}.<") for k in range(20)] == [1] * 20
+    assert "fault 19" not in verdict_text(found)
+    for words in ("machine-compliance+rate</td>", "column operator</td>", "soft</td>", "skin."):
+        assert words in page, words
 
 
 def test_the_head_has_the_verdict_in_figures_and_figures_come_first(

@@ -1,0 +1,254 @@
+"""What a design is able to reach, what it came to, and what stands in the way of the rest."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from planner.glance import percent
+from planner.numerics import FloatArray
+
+if TYPE_CHECKING:
+    from planner.inverse_design.search import DesignProblem, Solved, Tried
+
+__all__ = [
+    "DesignFinding", "Ends", "Reached", "even_share", "findings", "in_reach", "out_of_reach",
+    "reached",
+]  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Reached:
+    """One target or limit, and what it came to.
+
+    Attributes
+    ----------
+    target, case
+        As it was written, and the load case's name.
+    kind
+        ``target``; ``near`` of what the design comes as near to as it can: points, and surfaces,
+        whose figure is the root mean square deviation; ``<`` or ``>`` of a limit.
+    wanted, unit
+        The figure: of a stiffness, the displacement or force that it means.
+    continuous, printed
+        With the gradient as it is wanted, and with the materials of the plan.
+    interval
+        Holds what a print does, from the palette's uncertainty; None of a surface.
+    error
+        (printed - wanted) over wanted, of a surface over its longest way; None where nothing is
+        wanted to move.
+    reach
+        The figure in the softest and in the stiffest material that is allowed; None where the part
+        is not stable in it.
+    largest
+        Of a surface: the largest deviation of the printed part, mm.
+    """
+
+    target: str
+    case: str
+    kind: str
+    unit: str
+    wanted: float
+    continuous: float
+    printed: float
+    interval: tuple[float, float] | None
+    error: float | None
+    reach: tuple[float | None, float | None] = (None, None)
+    largest: float | None = None
+
+    @property
+    def hard(self) -> bool:
+        """Whether it is to be met or kept."""
+        return self.kind != "near"
+
+    @property
+    def missed(self) -> float:
+        """The relative miss; of a limit, by how much it is passed."""
+        return self.missed_by(self.printed)
+
+    def missed_by(self, figure: float) -> float:
+        """Return the relative miss of another figure than the printed."""
+        if self.error is None:
+            return 0.0
+        if self.kind not in "<>":
+            return abs(self.error if self.unit == "mm off" else figure / self.wanted - 1.0)
+        over = abs(figure) / self.wanted - 1.0
+        return max(over if self.kind == "<" else -over, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class DesignFinding:
+    """A target or limit that is not met, and why."""
+
+    kind: str
+    message: str
+
+
+# ------------------------------------------------------------------------------------------------
+# What is in reach: the softest and the stiffest answers, before the search.
+
+
+Ends = tuple[float | None, float | None]
+
+
+def in_reach(problem: "DesignProblem") -> list[Ends]:
+    """Return the figures of all goals in the softest and in the stiffest material."""
+    from planner.simulation.solid import LostStabilityError
+
+    found: list[list[float | None]] = []
+    for share in (0.0, 1.0):
+        coordinate, _ = problem.stiffness.coordinates(np.full(problem.basis.shape[0], share))
+        each: list[float | None] = []
+        for case in problem.cases:
+            try:
+                each += case.solve(coordinate, steps=4).values().tolist()
+            except LostStabilityError:
+                each += [None] * len(case.goals)
+            case.state = None  # as if nothing had been solved
+        found.append(each)
+    return list(zip(*found, strict=True))
+
+
+def out_of_reach(problem: "DesignProblem", reach: Sequence[Ends]) -> Iterator[str]:
+    """Say which figures no even material gives."""
+    for goal, (soft, stiff) in zip(problem.goals, reach, strict=True):
+        if goal.kind == "target" and soft is not None and stiff is not None:
+            low, high = sorted((soft, stiff))
+            if not low <= goal.wanted <= high:
+                way = "the sign is the other one" if goal.wanted * (low + high) < 0.0 else ""
+                yield (
+                    f"{goal.text}: all in the softest material comes to {soft:.4g} {goal.unit}, "
+                    f"all in the stiffest to {stiff:.4g}; {way or 'a gradient may not get there'}"
+                )
+
+
+def even_share(problem: "DesignProblem", reach: Sequence[Ends]) -> float:
+    """Return the share of stiffness at which an even part comes nearest to the targets."""
+    shares = []
+    for goal, (soft, stiff) in zip(problem.goals, reach, strict=True):
+        if goal.kind == "target" and goal.wanted and soft and stiff and soft != stiff:
+            figures = np.array([goal.wanted, stiff]) / soft
+            if (figures > 0.0).all():
+                wanted, span = np.log(figures)
+                shares.append(float(np.clip(wanted / span, 0.05, 0.95)))
+    return float(np.mean(shares)) if shares else 0.5
+
+
+def reached(
+    problem: "DesignProblem", best: "Tried", reach: Sequence[Ends], solved: "Sequence[Solved]",
+    level: float,
+) -> Iterator[Reached]:  # fmt: skip
+    """Yield what targets and limits came to in the printed materials, beside the gradient's own."""
+    figures = iter(zip(best.figures.tolist(), reach, strict=True))
+    ideals = iter(best.deviations)
+    for case, one in zip(problem.cases, solved, strict=True):
+        intervals = one.intervals(problem.stiffness.model, level)
+        for goal, figure, span in zip(case.goals, one.values().tolist(), intervals, strict=True):
+            off = None if not goal.wanted else figure / goal.wanted - 1.0
+            continuous, ends = next(figures)
+            yield Reached(
+                goal.text, case.name, goal.kind, goal.unit, goal.wanted, continuous, figure,
+                span, off, ends,
+            )  # fmt: skip
+        for shape, miss in zip(case.shapes, one.deviations(), strict=True):
+            way_mm = shape.wanted.greatest_mm
+            yield Reached(
+                shape.wanted.text, case.name, "near", "mm off", 0.0, next(ideals) * way_mm,
+                miss.rms * way_mm, None, miss.rms, largest=miss.largest * way_mm,
+            )  # fmt: skip
+
+
+def findings(
+    rows: Sequence[Reached], over: float | None, tolerance: float, problem: "DesignProblem",
+    best: "Tried", values: FloatArray, *, dithered: bool,
+) -> Iterator[DesignFinding]:  # fmt: skip
+    """Say which targets and limits are missed, and what stands in the way.
+
+    Parameters
+    ----------
+    over
+        Largest strain over break in the printed materials, where that is limited.
+    values
+        Of the gradient that is printed.
+    """
+    limit, why = problem.limits.strain_over_break, ""
+    if (values < 0.01).all() or (values > 0.99).all():
+        word = "softest" if values[0] < 0.5 else "stiffest"
+        why = f"; all of the part is in the {word} material that is allowed"
+    elif limit is not None and over is not None and over > 0.97 * limit:
+        why = f"; strain over break is at its limit, {limit:g}"
+    against = _against(problem, best, tolerance)
+    closer = "" if dithered else "; dithered ones follow it closer (blend: dither)"
+    for row in rows:
+        if row.missed <= tolerance or not (row.hard or row.largest is not None):
+            continue
+        name = f"{row.case}: {row.target}" if row.case else row.target
+        if row.largest is not None:
+            yield DesignFinding(
+                "target",
+                f"{name}: the surface is {row.printed:.3g} mm off (root mean square), "
+                f"{percent(row.missed)} of its longest way, and {row.largest:.3g} mm at most; the "
+                f"gradient comes to {row.continuous:.3g} mm"
+                + ("" if row.continuous > 0.8 * row.printed else closer),
+            )
+            continue
+        off = row.missed if row.kind in "<>" else row.printed / row.wanted - 1.0
+        told = f"{name}: {row.printed:.4g} {row.unit} is reached, {percent(off, '+')}; "
+        if row.missed_by(row.continuous) > tolerance:
+            soft, stiff = (f"{e:.4g}" if e is not None else "nothing stable" for e in row.reach)
+            told += (
+                f"the nearest gradient comes to {row.continuous:.4g} {row.unit}{why}"
+                f"{against.get((row.case, row.target), '')}; softest {soft}, stiffest {stiff} "
+                f"{row.unit}"
+            )
+        else:
+            told += (
+                f"the gradient comes to {row.continuous:.4g} {row.unit}, which the printed "
+                f"materials follow in steps{closer}"
+            )
+        yield DesignFinding("target" if row.kind == "target" else "limit", told)
+    if limit is not None and over is not None and over > limit * (1.0 + tolerance):
+        yield DesignFinding(
+            "limit", f"strain/break<{limit:g}: the printed part comes to {over:.3g}"
+        )
+
+
+_OPPOSED = -0.5
+"""Cosine between two derivatives from which targets are said to stand against each other."""
+
+
+def _against(
+    problem: "DesignProblem", best: "Tried", tolerance: float
+) -> dict[tuple[str, str], str]:
+    """Say of each target and limit that is missed which other stands most against it."""
+    off, over = (
+        zip(best.off, best.slopes, strict=True),
+        zip(best.over, best.over_slopes, strict=True),
+    )
+    rows = []
+    for case in problem.cases:
+        for goal in case.goals:
+            if goal.kind != "near":
+                miss, row = next(off if goal.kind == "target" else over)
+                rows.append((case.name, goal.text, goal.kind, float(miss), row))
+        if (limit := problem.limits.strain_over_break) is not None:
+            miss, row = next(over)
+            rows.append((case.name, f"strain/break<{limit:g}", "<", float(miss), row))
+    out = {}
+    for name, text, kind, miss, row in rows:
+        if (abs(miss) if kind == "target" else miss) <= tolerance:
+            continue
+        mend = -np.sign(miss) * row
+        size = float(np.linalg.norm(mend))
+        worst, who = _OPPOSED, ""
+        for other, text2, kind2, miss2, row2 in rows:
+            if (other, text2) == (name, text) or (kind2 != "target" and miss2 < -0.05):
+                continue
+            keep = -np.sign(miss2) * row2 if kind2 == "target" and miss2 else -row2
+            cosine = float(mend @ keep) / max(size * float(np.linalg.norm(keep)), 1e-300)
+            if cosine < worst:
+                worst, who = cosine, f"{other}: {text2}" if other else text2
+        if who:
+            out[name, text] = f"; {who} stands against it"
+    return out

@@ -1,0 +1,344 @@
+"""From a gradient to its print: the plan, what its materials do, the correction for rounding."""
+
+import re
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from planner.errors import ArgumentError, ThinBandError
+from planner.fields.basic import Field
+from planner.fields.parse import Setting, TableFile
+from planner.formats.field_file import encode_vti
+from planner.grading.profile import Profile, StiffnessScale, natural_bands
+from planner.grading.snap import moved_cuts, snap_limit_mm, snapped_bands
+from planner.inverse_design.controls import TABLE, Controls, StiffnessRange
+from planner.inverse_design.search import Case, DesignProblem, Solved, Tried, WantedOfPart, step
+from planner.numerics import BoolArray, FloatArray, interrupted
+from planner.plan import Plan
+from planner.printers import Printer
+from planner.simulation.part import filling_along, open_solid
+from planner.simulation.solid import LostStabilityError
+
+__all__ = ["Gradient", "Print", "Printing", "corrected"]
+
+
+# ------------------------------------------------------------------------------------------------
+# Where a gradient is free, and how a plan is told of it.
+
+
+@dataclass(frozen=True, eq=False)
+class Gradient:
+    """What a design may choose, and what it means: a profile along a field, or a lattice.
+
+    Attributes
+    ----------
+    setting
+        Of the part as placed for printing.
+    along
+        The field of a profile; None of a lattice.
+    counts
+        Of a lattice: controls along x, y and z.
+    """
+
+    controls: Controls
+    stiffness: StiffnessRange
+    setting: Setting
+    along: Field | None
+    counts: tuple[int, int, int] = (1, 1, 1)
+
+    def laid(self, values: FloatArray) -> tuple[Profile, Field, TableFile | None]:
+        """Return the profile, the field that it is along, and the field as a table."""
+        if self.along is not None:
+            positions = tuple(np.linspace(0.0, 1.0, len(values)).tolist())
+            moduli = tuple(self.stiffness.modulus_MPa(values).tolist())
+            return Profile("designed", positions, moduli, "log"), self.along, None
+        held = TableFile(Path(TABLE), "position", self._encoded(values))
+        profile = Profile("designed", (0.0, 1.0), self.stiffness.moduli_MPa, "log")
+        return profile, held.field(self.setting), held
+
+    def _encoded(self, values: FloatArray) -> bytes:
+        """Return a lattice as a VTI file: eight steps between controls, and the box's ends.
+
+        Between points of a table values are linear: off by 1/64 of an eighth of a second
+        difference.
+        """
+        low, high = self.setting.mesh.bounds_mm - np.array(self.setting.origin_mm)
+        steps = [8 * max(count - 2, 1) for count in self.counts]
+        spacing = (high - low) / steps
+        index = np.stack(np.meshgrid(*(np.arange(n + 1) for n in steps), indexing="ij"), axis=-1)
+        places = low + index.reshape(-1, 3) * spacing
+        share = (self.controls.basis(places) @ values).reshape(index.shape[:3]).astype(np.float32)
+        modulus = self.stiffness.modulus_MPa(share.astype(np.float64)).astype(np.float32)
+        return encode_vti(low, spacing, {"position": share, "modulus_MPa": modulus})
+
+
+# ------------------------------------------------------------------------------------------------
+# A gradient's plan, and the equilibria of what it prints.
+
+
+_NUDGE = 1e-3
+"""Of the range of ln(modulus): a profile that cuts a band thinner than a layer is moved by it."""
+
+_BANDS = re.compile(r"(?:--bands|`bands`) \d+ or fewer, (?:or )?a gentler profile(?: there)?")
+_OF_GRADE = re.compile(r"; (?:--tolerance \S+ accepts it|with --snap 0 it is [^;]*)")
+
+
+def _own_advice(text: str, gentler: str) -> str:
+    """Give what `grade` advises as a design can follow it, whose bands come of its profile."""
+    return _OF_GRADE.sub("", _BANDS.sub(gentler, text))
+
+
+class Print(NamedTuple):
+    """A gradient's plan, and what its materials do.
+
+    Attributes
+    ----------
+    misses : (t,)
+        Of targets, against what is aimed at.
+    """
+
+    values: FloatArray
+    plan: Plan
+    cases: list[Case]
+    solved: list[Solved]
+    misses: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Printing:
+    """How gradients are planned, and what their prints come to.
+
+    Attributes
+    ----------
+    problem, best
+        On the cells that plans are solved on, and the gradient that was found there.
+    graded
+        `planner.grade` of the part, given a profile and a table.
+    scale
+        Of the palette.
+    tolerance
+        Relative miss that is accepted.
+    """
+
+    wanted: WantedOfPart
+    gradient: Gradient
+    problem: DesignProblem
+    best: Tried
+    graded: Callable[..., Plan]
+    scale: StiffnessScale
+    machine: Printer
+    cell_mm: float
+    dithered: bool
+    tolerance: float
+
+    def _missed(self, figures: FloatArray) -> FloatArray:
+        """Return by how much targets are missed; out of reach, the nearest found."""
+        each = zip(self.problem.goals, figures.tolist(), self.best.figures.tolist(), strict=True)
+        found = [(g.miss(now)[0], g.miss(near)[0]) for g, now, near in each if g.kind == "target"]
+        return np.array([now - near * (abs(near) > self.tolerance) for now, near in found])
+
+    def made(self, values: FloatArray, before: Sequence[Case]) -> Print:
+        """Plan a gradient and solve what it prints, deformed as `before` where that begins."""
+        try:
+            plan, follows = self._planned(values)
+        except ThinBandError:  # which goes where all is a bit softer
+            values = values - _NUDGE * (values > _NUDGE)
+            plan, follows = self._planned(values)
+        palette = self.scale.palette
+        if self.dithered or len(plan.regions) == 1:
+            cases = list(self.problem.cases)
+            filling = filling_along(follows, plan, palette)(cases[0].cells.points_mm)
+        else:
+            cells, filling = open_solid(plan, None, None, None, palette).cut(self.cell_mm)
+            cases = self.wanted.on(cells, filling, before, varies=False)
+        solved = [case.solve(filling) for case in cases]
+        figures = np.concatenate([one.values() for one in solved])
+        return Print(values, plan, cases, solved, self._missed(figures))
+
+    def _planned(self, values: FloatArray) -> tuple[Plan, Field]:
+        profile, follows, table = self.gradient.laid(values)
+        gentler = "a coarser --free" if table else "fewer --knots"
+        try:
+            more = {} if table is None else {"field": table}
+            plan = self.graded(profile=profile, **more)
+        except ArgumentError as error:
+            raise type(error)(_own_advice(str(error), gentler)) from error
+        advised = [replace(f, message=_own_advice(f.message, gentler)) for f in plan.findings]
+        notes = _own_advice(plan.notes, gentler)
+        return replace(plan, findings=tuple(advised), notes=notes), follows
+
+    @cached_property
+    def _along(self) -> FloatArray | None:
+        """Values of a profile's field at the quadrature points."""
+        along, moved = self.gradient.along, np.array(self.gradient.setting.origin_mm)
+        if along is None:
+            return None
+        return np.asarray(along.values(self.problem.cases[0].cells.points_mm + moved))
+
+    def _shares(self, values: FloatArray) -> FloatArray:
+        """Return the stiffness that is printed at the points, as a share of ln(modulus).
+
+        It is that of the materials that `planner.grade` cuts to: the nearest in ln(modulus), with
+        cuts moved off faces.
+        """
+        share = np.asarray(self.problem.basis @ values)
+        if self.dithered:
+            return share
+        profile, field, _ = self.gradient.laid(values)
+        bands = natural_bands(profile, self.scale.moduli_MPa)
+        moved = moved_cuts(
+            self.gradient.setting.mesh, field, [band.start for band in bands[1:]],
+            snap_mm=snap_limit_mm(None, self.machine), machine=self.machine,
+        )  # fmt: skip
+        starts = [band.start for band in snapped_bands(bands, moved, profile)]
+        moduli = np.array(self.scale.moduli_MPa)[[band.grade for band in bands]]
+        printed = np.log(moduli / self.problem.stiffness.moduli_MPa[0])
+        place = share if self._along is None else self._along
+        band = np.searchsorted(starts, place, side="right") - 1
+        return np.asarray(printed[np.maximum(band, 0)] / self.problem.stiffness.span)
+
+    def foretold(self, values: FloatArray) -> FloatArray:
+        """Return by how much a print misses its targets, by the gradient's derivatives."""
+        change = self._shares(values) - self.problem.basis @ self.best.values
+        return np.asarray(self._missed(self.best.figures) + self.best.by_share @ change)
+
+    def stepped(self, values: FloatArray, other: FloatArray) -> BoolArray:
+        """Return the third of the controls about where two prints differ most, (n,)."""
+        change = np.abs(self._shares(values) - self._shares(other))
+        at = self.problem.basis.T @ (change * np.abs(self.best.by_share).sum(axis=0))
+        return np.asarray(at >= np.sort(at)[-1 - len(at) // 3])
+
+
+# ------------------------------------------------------------------------------------------------
+# The correction for rounding. The gradient is found again, for targets that are off by what
+# rounding to materials makes of it. That is foretold by the gradient's own derivatives at each
+# point, which costs nothing; what solving adds is learnt from each print (space mapping: J. W.
+# Bandler and others, IEEE Trans. Microwave Theory Tech. 42 (1994) 2536).
+
+
+_MET, _MOST_PRINTS = 0.75, 10
+"""Chosen: the share of the tolerance within which a print is taken, and the most that are tried."""
+
+_ROUNDS = 20
+"""Of foretold prints before one is solved."""
+
+_REACH = 0.25
+"""Of a control, in which the gradient is taken to answer as its derivatives say."""
+
+
+def corrected(
+    printing: Printing, *, stopped: bool, progress: Callable[[float], None]
+) -> tuple[Print, int, bool]:
+    """Return the print that misses least, how many were solved, and whether the user ended it.
+
+    Parameters
+    ----------
+    stopped
+        Whether the best gradient is to be printed as it is.
+    progress
+        Called with the least miss so far before each further print.
+    """
+    kept, tried = None, 0
+    try:
+        for one in () if stopped else _prints(printing):
+            tried += 1
+            if kept is None or _missed(one) < _missed(kept):
+                kept = one
+            if _missed(kept) <= _MET * printing.tolerance or tried == _MOST_PRINTS:
+                break
+            progress(_missed(kept))
+    except (KeyboardInterrupt, SystemError) as error:
+        if not interrupted(error):
+            raise
+        stopped = True
+    if kept is None:
+        kept = printing.made(printing.best.values, printing.problem.cases)
+    return kept, max(tried, 1), stopped
+
+
+def _missed(one: "Print | _Try") -> float:
+    return float(np.abs(one.misses).max(initial=0.0))
+
+
+class _Try(NamedTuple):
+    values: FloatArray
+    foretold: FloatArray
+    misses: FloatArray
+
+
+_STEEP, _CLOSE = 2.0, 0.02
+"""Two tries whose foretold misses are so close, and whose misses are times as far apart, have a
+step of what is printed between them. Numerical."""
+
+
+def _prints(printing: Printing) -> Iterator[Print]:
+    """Yield prints, each nearer to the aim than the last as a rule, until all ways are gone.
+
+    One target is looked for between the nearest two that miss to either side. Where what is
+    printed steps there, as a cut passes a wall, what makes the step stays, and the others move.
+    """
+    base, still = printing.best.values, np.zeros(len(printing.best.values), np.bool_)
+    before: Sequence[Case] = printing.problem.cases
+    trail, known = list[_Try](), list[FloatArray]()
+    values = _aimed(printing, base, np.zeros(len(printing.best.off)), still)
+    while not still.all():
+        if len(known) > _MOST_PRINTS or any(np.array_equal(values, v) for v in known):
+            return
+        known.append(values)
+        try:
+            one = printing.made(values, before)
+        except LostStabilityError:  # cuts may leave a place that hangs by less than a cell
+            values = 0.5 * (values + (trail[-1].values if trail else printing.best.values))
+            continue
+        yield one
+        before = one.cases
+        trail.append(_Try(one.values, printing.foretold(one.values), one.misses))
+        if len(one.misses) == 1:
+
+            def apart(pair: tuple[_Try, _Try]) -> float:
+                way = pair[0].values - pair[1].values
+                return float(np.abs(printing.best.slopes @ way).max())
+
+            pairs = [(a, b) for a in trail for b in trail if a.misses > 0.0 >= b.misses]
+            a, b = min(pairs, key=apart, default=(trail[-1], trail[-1]))
+            if pairs and (apart((a, b)) > _CLOSE or a.misses - b.misses < _STEEP * apart((a, b))):
+                share = np.clip(a.misses / (a.misses - b.misses), 0.1, 0.9)
+                values = a.values + share * (b.values - a.values)
+                continue
+            if pairs:
+                trail = [min(trail, key=_missed)]
+                base, still = trail[0].values, still | printing.stepped(a.values, b.values)
+        values = _aimed(printing, base, trail[-1].foretold - trail[-1].misses, still)
+
+
+def _aimed(
+    printing: Printing, base: FloatArray, foretold: FloatArray, still: BoolArray
+) -> FloatArray:
+    """Return a gradient near another whose print is foretold to miss by so much.
+
+    Parameters
+    ----------
+    still : (n,)
+        Which controls stay as they are.
+    """
+    best, problem = printing.best, printing.problem
+    weights = np.array([goal.weight for goal in problem.goals if goal.kind == "target"])
+    values, aim, share = base, np.zeros(len(foretold)), 1.0
+    kept, least, nearest, further = values, np.inf, aim, aim
+    for _ in range(_ROUNDS if len(foretold) else 0):
+        misses = printing.foretold(values) - foretold
+        missed = float(np.abs(misses).max())
+        if missed < least:
+            kept, least, share, nearest, further = values, missed, 1.0, aim, misses
+        else:
+            share *= 0.5  # of the way: what is printed goes in steps
+        if least <= 0.1 * printing.tolerance:
+            break
+        aim = nearest - share * further
+        at = replace(best, values=base, off=-weights * aim)
+        values = step(problem, at, np.where(still, 0.0, _REACH))
+    return kept
