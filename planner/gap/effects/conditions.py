@@ -212,9 +212,9 @@ _HIGHER_K = 20.0
 """Of the transition, from the middle of the palette to its ends. Chosen: about what a transition
 takes from its middle to 90 %, so that mixtures are in it one after the other."""
 
-_HASTE = 3.0
-"""Decades of time for each ln stress of softening. Physical: with 4 % a kelvin, 0.12 a kelvin, as
-polymers shift near their transition."""
+_HASTE = 6.0
+"""Decades of time that do what an ln of softening does. Physical: stress falls by a sixth of an ln
+a decade of time in a transition, so that 4 % a kelvin are 0.24 decades, as polymers shift there."""
 
 _ZERO_K = 273.15
 """0 °C. Physical: above its transition a network's stress is proportional to the absolute
@@ -226,10 +226,10 @@ network bears more of the stress, and softens less."""
 
 
 def _any_course(setup: Setup, values: Values) -> Setup:
-    """Soften along any course, and hasten by as many decades what relaxes.
+    """Soften along any course, or hasten what relaxes by as many decades in place of that.
 
-    So rate and temperature are one law where both vary: times count from one clock, the mean of a
-    bar's mixtures. Where nothing relaxes the softening alone stands.
+    So rate and temperature are one law where both vary: with `haste` 1 all softening is time's, by
+    a clock that is the mean of a bar's mixtures. Where nothing relaxes `haste` has no meaning.
     """
     u = 2.0 * place_on_palette(setup) - 1.0
     higher_K = _HIGHER_K * values.get("span", 0.0) * u
@@ -240,10 +240,11 @@ def _any_course(setup: Setup, values: Values) -> Setup:
     softened = values["slope"] * passed
     haste = np.add.reduceat(softened, setup.first_slice[:-1]) / np.diff(setup.first_slice)
     drawn = values.get("entropy", 0.0) * np.log((now + _ZERO_K) / (at + _ZERO_K))
-    after = setup.stiffened(drawn - softened)
+    faster = values.get("haste", 0.0) if np.any(setup.relaxing) else 0.0
+    after = setup.stiffened(drawn - (1.0 - faster) * softened)
     return after.with_(
         log_tilt=setup.log_tilt + _LESS_FAR * values.get("tilt", 0.0) * softened,
-        clock=setup.clock * 10.0 ** np.clip(_HASTE * values.get("haste", 0.0) * haste, -12.0, 12.0),
+        clock=setup.clock * 10.0 ** np.clip(_HASTE * faster * haste, -12.0, 12.0),
     )
 
 
