@@ -8,12 +8,7 @@ from typing import Any
 
 from benchmarks.withheld.scoring import Answer, Score
 
-__all__ = ["COLUMNS", "Case", "LeftOut", "by_effect", "left_out_rows"]
-
-COLUMNS = (
-    *("effect", "n", "gap before", "without it", "with it", "floor", "true effect"),
-    *("named with it", "unknown", "a class", "sure but wrong", "true axis in the first two"),
-)
+__all__ = ["Case", "LeftOut", "by_effect"]
 
 
 @dataclass(frozen=True)
@@ -71,19 +66,6 @@ def by_effect(cases: Sequence[Case]) -> list[LeftOut]:
     return [_row(effect, groups[effect]) for effect in sorted(groups)]
 
 
-def left_out_rows(rows: Sequence[LeftOut]) -> list[list[str]]:
-    """Return the texts under `COLUMNS`."""
-    return [
-        [
-            r.effect,
-            str(r.campaigns),
-            *(_figure(v) for v in (r.before, r.without, r.with_effect, r.floor, r.true_effect)),
-            *(str(v) for v in (r.named, r.unknown, r.declared, r.misattributed, r.where_hits)),
-        ]
-        for r in rows
-    ]
-
-
 def _row(effect: str, cases: Sequence[Case]) -> LeftOut:
     unknown = sum(c.less_score.verdict == ("unknown",) for c in cases)
     return LeftOut(
@@ -114,7 +96,3 @@ def _after(answer: Answer | None) -> float | None:
 def _median(values: Sequence[float | None]) -> float | None:
     known = [v for v in values if v is not None]
     return median(known) if known else None
-
-
-def _figure(value: float | None) -> str:
-    return "" if value is None else f"{value:.4f}"

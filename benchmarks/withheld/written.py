@@ -6,8 +6,6 @@ from typing import Any
 
 from benchmarks.withheld.comparison import COLUMNS as NAIVE_COLUMNS
 from benchmarks.withheld.comparison import comparison_rows
-from benchmarks.withheld.leave_one_out import COLUMNS as LEFT_OUT_COLUMNS
-from benchmarks.withheld.leave_one_out import LeftOut, left_out_rows
 from benchmarks.withheld.summary import (
     COLUMNS,
     RATES,
@@ -30,7 +28,6 @@ def results_markdown(results: Mapping[str, Any]) -> str:
     made_by = results["made_by"]
     summary = _summary(results["summary"])
     targets = [[t["name"], t["wanted"], t["got"], _MET[t["met"]]] for t in results["targets"]]
-    left_out = [LeftOut(**row) for row in results["left_out"]]
     parts = [
         f"## The {made_by['set']} set, seed {made_by['seed']}",
         f"{_campaigns(made_by)} of {made_by['specimens']} specimens; planner "
@@ -46,10 +43,6 @@ def results_markdown(results: Mapping[str, Any]) -> str:
         "that is left out where every other effect in every form is 5 nats behind. Ours is top-1, "
         "of effects left out 'unknown or class'.",
         "".join(f"- {line}\n" for line in overall_lines(summary)),
-        "### One effect left out of the library at a time",
-        "Gaps are medians of normalised RMS errors of force on held-out conditions; 'true effect' "
-        "is the bench's own, with the effect as it was made.",
-        markdown(LEFT_OUT_COLUMNS, left_out_rows(left_out)),
     ]
     if results["naive"] is not None:
         parts += [
