@@ -17,13 +17,11 @@ from planner.palette import Reference
 from planner.simulation.bar_solver import Setup
 
 __all__ = [
-    "STANDARD",
     "Advice",
     "Apply",
     "Effect",
     "Form",
     "Parameter",
-    "Stage",
     "StatedEffect",
     "Values",
     "kept_below",
@@ -38,8 +36,8 @@ __all__ = [
 # What an effect is: physically sized, in a family of forms, at one stage of the forward model.
 
 
-Stage = Literal["composition", "law", "geometry", "boundary", "sensor"]
-_STAGES: tuple[Stage, ...] = get_args(Stage)
+_Stage = Literal["composition", "law", "geometry", "boundary", "sensor"]
+_STAGES: tuple[_Stage, ...] = get_args(_Stage)
 """In the order in which a specimen comes to be; effects act in this order."""
 
 Values = Mapping[str, float]
@@ -164,7 +162,7 @@ class Effect:
     id: str
     title: str
     clause: str
-    stage: Stage
+    stage: _Stage
     forms: tuple[Form, ...]
     where: tuple[str, ...]
     changes: tuple[str, ...]
@@ -303,7 +301,7 @@ _CHANNELS: Mapping[str, tuple[Callable[[Sequence[Specimen]], bool], str]] = Mapp
 # What the forms of several files need.
 
 
-STANDARD = Reference(
+_STANDARD = Reference(
     strain_rate_per_s=0.03,
     **{name: c.usual for name, c in SPECIMEN_COLUMNS.items() if c.usual is not None},
     orientation="x",
@@ -315,7 +313,7 @@ tensile test at some 50 mm/min on a 25 mm gauge, in a laboratory."""
 def stated(*references: Reference) -> Reference:
     """Return every condition as the first reference that states it, or else the standard."""
     names = [field.name for field in fields(Reference)]
-    known = [[getattr(at, name) for at in (*references, STANDARD)] for name in names]
+    known = [[getattr(at, name) for at in (*references, _STANDARD)] for name in names]
     return Reference(*(next(v for v in values if v is not None) for values in known))
 
 

@@ -13,9 +13,9 @@ from planner.numerics import Float32Array, FloatArray, IntArray
 from planner.plan import Shell
 from planner.printers import Printer
 
-__all__ = ["COUPONS", "coupon_mesh", "coupon_volume_mm3", "coupons_beside"]
+__all__ = ["coupon_volume_mm3", "coupons_beside"]
 
-COUPONS = "coupons/"
+_COUPONS = "coupons/"
 """Where they are in a plan's folder."""
 
 # ASTM D638-14, figure 1, type IV, at most 4 mm thick: lengths in mm.
@@ -60,16 +60,16 @@ def coupons_beside(
                 f"beside the part on the tray of {machine.title}; leave `coupons` out, and print "
                 "them in a job of their own"
             )
-        vertices, faces = coupon_mesh()
+        vertices, faces = _coupon_mesh()
         placed = vertices + np.array([x, y, low_mm[2]], dtype=np.float32)
         name = PurePosixPath(shell.file).name.replace("__", "__coupon_", 1)
-        files[COUPONS + name] = encode_stl(placed, faces, f"coupon {shell.operator_name} unit=mm")
+        files[_COUPONS + name] = encode_stl(placed, faces, f"coupon {shell.operator_name} unit=mm")
         rows.append([shell.material, shell.material, _WIDTH, _THICKNESS, _NARROW, "x"])
         y += _GRIP_WIDTH + _APART
-    return {**files, f"{COUPONS}specimens.csv": encode_csv(rows)}
+    return {**files, f"{_COUPONS}specimens.csv": encode_csv(rows)}
 
 
-def coupon_mesh() -> tuple[Float32Array, IntArray]:
+def _coupon_mesh() -> tuple[Float32Array, IntArray]:
     """Return a closed dumbbell whose corner of least coordinates is the origin."""
     x, half = _outline()
     n = len(x)

@@ -29,7 +29,7 @@ from planner.palette import Material, Palette
 from planner.plan import Gradient, Plan, plan_file, read_plan
 from planner.printers import Printer, load_printer
 
-__all__ = ["Earlier", "End", "Wish", "Wished", "targets_of", "whole_wish"]
+__all__ = ["End", "Wish", "Wished", "targets_of", "whole_wish"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -74,7 +74,7 @@ class Wish:
 _DEFAULTS = Wish(profile="log", blend="nearest", at_strain=0.1, printer="connex3")
 
 
-def whole_wish(stated: Wish, like: str | Path | Plan | None) -> "tuple[Wish, Earlier | None]":
+def whole_wish(stated: Wish, like: str | Path | Plan | None) -> "tuple[Wish, _Earlier | None]":
     """Return a wish with nothing open that a plan needs, and the plan that it follows.
 
     Raises
@@ -97,7 +97,7 @@ def whole_wish(stated: Wish, like: str | Path | Plan | None) -> "tuple[Wish, Ear
 
 
 @dataclass(frozen=True, slots=True)
-class Earlier:
+class _Earlier:
     """A plan to follow, and the hash of its plan.json."""
 
     plan: Plan
@@ -187,15 +187,15 @@ class Earlier:
         return palette
 
 
-def _earlier(like: str | Path | Plan) -> Earlier:
+def _earlier(like: str | Path | Plan) -> _Earlier:
     if isinstance(like, Plan):
-        return Earlier(like, hashlib.sha256(like.json()).hexdigest())
+        return _Earlier(like, hashlib.sha256(like.json()).hexdigest())
     if not isinstance(like, (str, Path)):
         raise ArgumentError(
             f"`like` is a {type(like).__name__}; give a planner.Plan, a plan.json or its folder"
         )
     plan = read_plan(like)
-    return Earlier(plan, hashlib.sha256(plan_file(like).read_bytes()).hexdigest())
+    return _Earlier(plan, hashlib.sha256(plan_file(like).read_bytes()).hexdigest())
 
 
 def _blending(gradient: Gradient) -> dict[str, Any]:

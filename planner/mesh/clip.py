@@ -6,7 +6,7 @@ import numpy as np
 
 from planner.numerics import FloatArray, IntArray
 
-__all__ = ["Clipped", "clip_hexahedra"]
+__all__ = ["clip_hexahedra"]
 
 
 _TETRAHEDRA = np.array(
@@ -16,7 +16,7 @@ _TETRAHEDRA = np.array(
 neighbours on a lattice are halved alike."""
 
 
-class Clipped(NamedTuple):
+class _Clipped(NamedTuple):
     """What is left of hexahedra; points are the given ones, then those on cut edges.
 
     Attributes
@@ -39,7 +39,7 @@ class Clipped(NamedTuple):
     share: FloatArray
 
 
-def clip_hexahedra(corners: IntArray, points_mm: FloatArray, distance: FloatArray) -> Clipped:
+def clip_hexahedra(corners: IntArray, points_mm: FloatArray, distance: FloatArray) -> _Clipped:
     """Keep what of hexahedra is inside: where a distance, linear between points, is 0 or less.
 
     Parameters
@@ -72,7 +72,7 @@ def clip_hexahedra(corners: IntArray, points_mm: FloatArray, distance: FloatArra
     sizes = np.cumsum([len(a) for a, _ in ends])[:-1]
     a1, a2, a3, a, b, c, d, e, f, g = np.split(len(points_mm) + number.ravel(), sizes)
     low, high = distance[edge].T
-    return Clipped(
+    return _Clipped(
         corners[whole],
         np.concatenate(
             [

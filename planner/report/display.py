@@ -12,7 +12,7 @@ from planner.mesh.mesh import cancel_opposite, compact, face_normal, repeats_ind
 from planner.numerics import Float32Array, FloatArray, IntArray, kernel
 from planner.report.svg import ramp
 
-__all__ = ["MOST_TRIANGLES", "Shown", "colours_told_apart", "shown", "thinned"]
+__all__ = ["Shown", "colours_told_apart", "shown", "thinned"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -23,7 +23,7 @@ __all__ = ["MOST_TRIANGLES", "Shown", "colours_told_apart", "shown", "thinned"]
 # of a sum of triangles does not open its boundary, and what collapses has no boundary of its own.
 
 
-MOST_TRIANGLES = 400_000
+_MOST_TRIANGLES = 400_000
 """Shown at most: a processor of two cores, without a graphics card, has so many on the screen after
 3.2 s (headless Chromium, SwiftShader), of the 5 s that a page may take."""
 
@@ -61,7 +61,7 @@ class Shown:
         return self.moved_mm > self.step_mm
 
 
-def shown(shells: Sequence[_Indexed], most: int = MOST_TRIANGLES) -> Shown:
+def shown(shells: Sequence[_Indexed], most: int = _MOST_TRIANGLES) -> Shown:
     """Return shells for display, with at most about so many triangles, and at least one shell."""
     low = np.min([vertices.min(axis=0) for vertices, _ in shells], axis=0).astype(np.float64)
     high = np.max([vertices.max(axis=0) for vertices, _ in shells], axis=0).astype(np.float64)

@@ -1,6 +1,7 @@
 """The figure of a fit: tests over their laws, what lies between the materials, and Algorithm 1."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from functools import partial
 from itertools import pairwise
 from statistics import NormalDist
 
@@ -72,10 +73,10 @@ def fit_figure(study: PaletteStudy) -> bytes:
     >>> Path("fit.svg").write_bytes(figure)  # doctest: +SKIP
     """
     materials = study.palette.materials
-    sections: list[tuple[str, list[Panel], float]] = [
+    sections: list[tuple[str, Sequence[Panel], float]] = [
         (
             "Tests, their laws and residuals",
-            [_law_panel(study, material) for material in materials],
+            [partial(_tests, study, material, study.fits[material.id]) for material in materials],
             _CELL[1] + _RESIDUALS,
         )
     ]
@@ -84,20 +85,18 @@ def fit_figure(study: PaletteStudy) -> bytes:
             (
                 "Coefficients of eq. 3.8 over m: rings, with intervals, each material by itself; "
                 "dotted, the quadratics through them; dashed, those fitted to all curves",
-                [_coefficient_panel(study.quadratic, which) for which in range(6)],
+                [partial(_coefficient, study.quadratic, which) for which in range(6)],
                 _CELL[1],
             )
         )
     if study.problem is None and len(materials) > 1:
         model = CoefficientModel(study.palette)
-        between = [
-            _mixture_panel(study, model, softer, harder) for softer, harder in pairwise(materials)
-        ]
-        panels = [_ladder_panel(study, model, strain) for strain in _ladder_strains(model)]
+        between = [partial(_mixture, study, model, *two) for two in pairwise(materials)]
+        panels = [partial(_ladder, study, model, strain) for strain in _ladder_strains(model)]
         sections.append(("Secant moduli over m", panels, _CELL[1]))
         sections.append(("Mixtures halfway between two materials", between, _CELL[1]))
     left_out = [
-        _left_out_panel(study, material, alone)
+        partial(_left_out, study, material, alone)
         for material in materials
         if (alone := mixtures_without(study.palette, material)) is not None
     ]
@@ -105,9 +104,9 @@ def fit_figure(study: PaletteStudy) -> bytes:
         sections.append(("Each material predicted by the others alone", left_out, _CELL[1]))
     parts = list(_key(study))
     top, width = _TOP, 2.0 * _CELL[0]
-    for heading, panels, height in sections:
+    for heading, drawn_by, height in sections:
         parts.append(text(20.0, top + 6.0, heading, size=14.0))
-        drawn, reach, top = in_rows(panels, _ACROSS, (_LEFT, top + 58.0), (_CELL[0], height))
+        drawn, reach, top = in_rows(drawn_by, _ACROSS, (_LEFT, top + 58.0), (_CELL[0], height))
         parts += drawn
         width = max(width, reach)
     if study.problem is not None:
@@ -141,10 +140,6 @@ _RESIDUALS = 92.0
 """What the residuals add to a cell."""
 
 _RESIDUAL_HEIGHT = 64.0
-
-
-def _law_panel(study: PaletteStudy, material: Material) -> Panel:
-    return lambda left, top: _tests(study, material, study.fits[material.id], left, top)
 
 
 def _tests(
@@ -229,10 +224,6 @@ def _ladder_strains(model: CoefficientModel) -> list[float]:
     return [0.0, *(float(f"{share * model.strain_limit:.1g}") for share in (0.2, 0.6))]
 
 
-def _ladder_panel(study: PaletteStudy, model: CoefficientModel, strain: float) -> Panel:
-    return lambda left, top: _ladder(study, model, strain, left, top)
-
-
 def _ladder(
     study: PaletteStudy, model: CoefficientModel, strain: float, left: float, top: float
 ) -> Iterator[str]:
@@ -271,12 +262,6 @@ def _ladder(
         yield disc(x_at, y_at, colour=material.colour, radius=3.8)
 
 
-def _mixture_panel(
-    study: PaletteStudy, model: CoefficientModel, softer: Material, harder: Material
-) -> Panel:
-    return lambda left, top: _mixture(study, model, softer, harder, left, top)
-
-
 def _mixture(
     study: PaletteStudy,
     model: CoefficientModel,
@@ -308,10 +293,6 @@ def _mixture(
             yield from _within(chart, x, study.quadratic.quadratics.model.literal_stress_MPa(m, x))
 
 
-def _left_out_panel(study: PaletteStudy, material: Material, model: CoefficientModel) -> Panel:
-    return lambda left, top: _left_out(study, material, model, left, top)
-
-
 def _left_out(
     study: PaletteStudy, material: Material, model: CoefficientModel, left: float, top: float
 ) -> Iterator[str]:
@@ -335,10 +316,6 @@ def _left_out(
             x = np.linspace(*_ends(row.curve.strain), _STRAINS)
             yield from _within(chart, x, row.model_without.literal_stress_MPa(m, x))
     yield from specimen_key(chart, [curve.specimen for curve in fit.curves])
-
-
-def _coefficient_panel(found: QuadraticStudy, which: int) -> Panel:
-    return lambda left, top: _coefficient(found, which, left, top)
 
 
 def _coefficient(found: QuadraticStudy, which: int, left: float, top: float) -> Iterator[str]:

@@ -1,6 +1,7 @@
 """Figures of materials: a palette's ladder of stiffness, and what tensile tests show."""
 
 from collections.abc import Iterator, Sequence
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -16,7 +17,6 @@ from planner.report.svg import (
     PALE_BLUE,
     RUST,
     Chart,
-    Panel,
     band,
     cross,
     disc,
@@ -246,11 +246,7 @@ def characterisation_figure(found: Characterisation) -> bytes:
     >>> figure = planner.characterisation_figure(planner.characterise(["tests"]))  # doctest: +SKIP
     >>> Path("tests.svg").write_bytes(figure)  # doctest: +SKIP
     """
-
-    def panel(one: MaterialCharacteristics) -> Panel:
-        return lambda left, top: _tests_panel(one, found.curves[one.material], left, top)
-
-    shown = [panel(one) for one in found.materials]
+    shown = [partial(_tests_panel, one, found.curves[one.material]) for one in found.materials]
     parts, width, height = in_rows(shown, _ACROSS, _CORNER, _CELL)
     return picture(
         max(width, 2.0 * _CELL[0]),

@@ -25,7 +25,6 @@ from planner.simulation.material_columns import SampledMaterial, column_place, l
 from planner.voxels.columns import MOST_VOXELS
 
 __all__ = [
-    "COLUMNS_ACROSS",
     "FEWEST_ALONG",
     "MOST_CELLS",
     "CutCells",
@@ -35,7 +34,7 @@ __all__ = [
 ]
 
 
-COLUMNS_ACROSS = 24
+_COLUMNS_ACROSS = 24
 """Columns of material sampled along an edge of a cell."""
 
 _MOST_COLUMNS = 1 << 26
@@ -269,7 +268,7 @@ def cut_cells(
     *,
     shells: Shells | None = None,
     shift: float = 0.0,
-    columns_across: int = COLUMNS_ACROSS,
+    columns_across: int = _COLUMNS_ACROSS,
     most_cells: int = MOST_CELLS,
     threads: int = 2,
 ) -> CutCells:

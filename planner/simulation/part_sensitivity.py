@@ -32,7 +32,6 @@ if TYPE_CHECKING:
 
 __all__ = [
     "LoadedPart",
-    "Moved",
     "followed",
     "loaded_part",
     "moved_by",
@@ -116,7 +115,7 @@ def _cut(
 
 
 @dataclass(frozen=True, eq=False)
-class Moved:
+class _Moved:
     """Equilibria of a part: mean displacement of what is loaded, the force on it, and its points.
 
     Attributes
@@ -141,7 +140,7 @@ def followed(
     *,
     sensitive: bool = True,
     coordinate: FloatArray | None = None,
-) -> Moved:
+) -> _Moved:
     """Load a part in steps, shares of its whole load, as far as it is stable.
 
     Parameters
@@ -185,7 +184,7 @@ def followed(
             found.append((moved, force, strain, share))
     except LostStabilityError:
         pass  # as far as it came
-    return Moved(*(np.array([step[k] for step in found]) for k in range(4)))
+    return _Moved(*(np.array([step[k] for step in found]) for k in range(4)))
 
 
 # ------------------------------------------------------------------------------------------------
@@ -311,7 +310,7 @@ def part_response(
     return response_of(part, moved, log_sd=log_sd)
 
 
-def response_of(part: LoadedPart, moved: Moved, *, log_sd: float) -> PartResponse:
+def response_of(part: LoadedPart, moved: _Moved, *, log_sd: float) -> PartResponse:
     """Return a part's response from what its points do.
 
     Raises

@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 __all__ = [
     "CellAverage",
     "LoadSteps",
-    "PartFields",
     "Response",
     "figure_interval",
     "hats",
@@ -43,7 +42,7 @@ __all__ = [
 
 
 @dataclass(frozen=True, eq=False)
-class PartFields:
+class _PartFields:
     """One state of a body.
 
     Attributes
@@ -71,7 +70,7 @@ _ROWS = 1 << 14
 
 def _fields_of(
     mechanics: "Mechanics", state: "Equilibrium", strain_over_break: FloatArray
-) -> PartFields:
+) -> _PartFields:
     """Return what stands in a body; Cauchy's stress is F S Fᵀ / J."""
     cells, u = mechanics.body.cells, state.displacement_mm
     of_point = np.repeat(np.arange(len(cells.nodes)), np.diff(cells.offsets))
@@ -83,7 +82,7 @@ def _fields_of(
         S = state.stress_MPa[rows][:, [[0, 3, 5], [3, 1, 4], [5, 4, 2]]]
         full = F @ S @ F.transpose(0, 2, 1) / np.linalg.det(F)[:, None, None]
         stress[rows] = full[:, [0, 1, 2, 0, 1, 0], [0, 1, 2, 1, 2, 2]]
-    return PartFields(u, stress, mechanics.energy_MPa(state), strain_over_break)
+    return _PartFields(u, stress, mechanics.energy_MPa(state), strain_over_break)
 
 
 def hats(local: FloatArray) -> FloatArray:
@@ -210,7 +209,7 @@ class LoadSteps:
     responses: tuple[Response, ...]
     lost: LostStabilityError | None
     iterations: int
-    fields: PartFields
+    fields: _PartFields
 
 
 def respond(

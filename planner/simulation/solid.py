@@ -31,7 +31,6 @@ __all__ = [
     "FacetPoints",
     "LostStabilityError",
     "Mechanics",
-    "Sensitivity",
     "facet_points",
     "spread",
 ]
@@ -221,7 +220,7 @@ class Equilibrium:
     iterations: int = 0
 
 
-class Sensitivity(NamedTuple):
+class _Sensitivity(NamedTuple):
     """Derivatives of a response, at the quadrature points.
 
     Attributes
@@ -780,7 +779,7 @@ class Mechanics:
 
     def sensitivity(
         self, state: Equilibrium, factored: "Factor", weights: FloatArray
-    ) -> Sensitivity:
+    ) -> _Sensitivity:
         """Return the derivatives of the response weights : displacements over the materials.
 
         The load is held. `factored` belongs to the state.
@@ -791,7 +790,7 @@ class Mechanics:
         above = np.minimum(below + 1, len(table.coordinate) - 1)
         gap = np.maximum(table.coordinate[above] - table.coordinate[below], 1e-12)
         rest = table.log_slope_MPa[:, 0, 0]
-        return Sensitivity(
+        return _Sensitivity(
             -seen.isochoric, -seen.volumetric, seen.over_m / gap, (rest[above] - rest[below]) / gap,
             self._weight_over_m(state.share, adjoint),
         )  # fmt: skip

@@ -10,7 +10,7 @@ from planner.mesh.mesh import Mesh
 from planner.numerics import BoolArray, FloatArray, IntArray
 from planner.voxels.columns import Columns, Grid, iterate_columns
 
-__all__ = ["Pictures", "pictures_of"]
+__all__ = ["pictures_of"]
 
 # Rays are the columns of a voxel grid that stands along the line of sight: exact at every edge,
 # and the same everywhere. Steps along a ray are 1/16 of a pixel, from which slopes are taken.
@@ -38,7 +38,7 @@ _MARGIN = 0.03
 """Of the picture's width, on either side."""
 
 
-class Pictures(NamedTuple):
+class _Pictures(NamedTuple):
     """PNGs of the same solids: from outside, cut open, and the first at half the size."""
 
     outside: bytes
@@ -54,7 +54,7 @@ class _Seen(NamedTuple):
     cut: BoolArray
 
 
-def pictures_of(solids: Sequence[tuple[Mesh, str]], *, width: int, height: int) -> Pictures:
+def pictures_of(solids: Sequence[tuple[Mesh, str]], *, width: int, height: int) -> _Pictures:
     """Draw closed solids in their colours, on a transparent ground.
 
     Of the section the half in front of a vertical plane through the middle is taken off. The plane
@@ -96,7 +96,7 @@ def pictures_of(solids: Sequence[tuple[Mesh, str]], *, width: int, height: int) 
     outside, section = (
         _colours(seen, colours, steps / pitch) for seen in _look(turned, grid, plane)
     )
-    return Pictures(_encode(outside), _encode(section), _encode(_halved(outside)))
+    return _Pictures(_encode(outside), _encode(section), _encode(_halved(outside)))
 
 
 def _view() -> FloatArray:

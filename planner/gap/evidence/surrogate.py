@@ -14,7 +14,7 @@ from scipy.special import ndtr, ndtri
 from planner.gap.effect import Effect, Form
 from planner.numerics import FloatArray, IntArray
 
-__all__ = ["Candidate", "Place", "Search", "SignedForm", "joined", "node_weights", "signed_forms"]
+__all__ = ["Candidate", "Search", "SignedForm", "joined", "node_weights", "signed_forms"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -42,7 +42,7 @@ _FAR = 4.0
 within."""
 
 
-Place: TypeAlias = tuple[float, ...]
+_Place: TypeAlias = tuple[float, ...]
 """Of a form: s, the root of its size over the largest; shapes in -1 to 1; then perhaps details."""
 
 
@@ -179,7 +179,7 @@ class Candidate:
 
     effects: tuple[str, ...]
     branches: tuple[SignedForm, ...] = ()
-    places: tuple[Place, ...] = ()
+    places: tuple[_Place, ...] = ()
     gain: float = 0.0
     log_evidence: float = 0.0
     members: FloatArray | None = None
@@ -191,13 +191,13 @@ class Candidate:
         return np.array([place[0] for place in self.places])
 
     @property
-    def parts(self) -> list[tuple[SignedForm, Place]]:
+    def parts(self) -> list[tuple[SignedForm, _Place]]:
         """Each branch with its place."""
         return list(zip(self.branches, self.places, strict=True))
 
 
 def joined(
-    parts: Iterable[tuple[SignedForm, Place]], gain: float = 0.0, log_evidence: float = 0.0
+    parts: Iterable[tuple[SignedForm, _Place]], gain: float = 0.0, log_evidence: float = 0.0
 ) -> Candidate:
     """Return branches at places as one candidate, effects sorted."""
     branches, places = zip(*sorted(parts, key=lambda part: part[0].effect.id), strict=True)
