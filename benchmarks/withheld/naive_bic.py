@@ -72,7 +72,7 @@ def least_sum_of_squares(branch: SignedForm, nodes: FloatArray, residual: FloatA
     axes = [np.linspace(branch.least, 1.0, _SIZES)]
     axes += [np.linspace(-1.0, 1.0, _SHAPES)] * branch.shapes
     places = np.stack([x.ravel() for x in np.meshgrid(*axes, indexing="ij")], axis=1)
-    weights = node_weights(branch, places)
+    weights = node_weights(places)
     explained = 2.0 * weights @ (nodes @ residual)
     explained -= np.sum((weights @ (nodes @ nodes.T)) * weights, axis=1)
     return float(residual @ residual - explained.max())

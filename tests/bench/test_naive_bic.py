@@ -33,7 +33,7 @@ def test_the_grid_finds_the_place_that_made_the_data() -> None:
     nodes = np.random.default_rng(1).normal(size=(branch.nodes, 300))
     # A place of the grid itself: what is left is rounding
     place = [branch.least + 0.5 * (1.0 - branch.least), 0.25, -0.5]
-    made = node_weights(branch, place) @ nodes
+    made = node_weights(place) @ nodes
     assert least_sum_of_squares(branch, nodes, made) == pytest.approx(0.0, abs=1e-9 * made @ made)
 
 
