@@ -39,7 +39,7 @@ def test_shares_say_what_the_solid_does(name: str) -> None:
 @pytest.mark.parametrize(
     ("effect", "closed"),
     [
-        ("temperature", 0.9),
+        pytest.param("temperature", 0.9, marks=pytest.mark.long),
         pytest.param("machine-compliance", 0.95, marks=pytest.mark.long),
         pytest.param("rate", 0.6, marks=pytest.mark.long),
     ],

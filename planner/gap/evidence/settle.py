@@ -179,9 +179,6 @@ _DIFFERENCE = 0.02
 """Step of the derivatives, in prior deviations. Numerical: they are off by a hundredth of what they
 change by over a deviation."""
 
-_SHARES = (0.5, 1.0)
-"""Of a move by a linear model, that are looked at. Numerical: the better is kept, or none."""
-
 _DAMPING, _LESS, _MORE = 1e-2, 0.2, 10.0
 _MOST_DAMPING = 1e6
 """Of Levenberg's and Marquardt's method, at first, and its factors and its end. Numerical: they
@@ -339,14 +336,15 @@ class Settled:
         at = np.linalg.solve(m[1:, 1:] + np.eye(len(m) - 1), m[1:, 0])
         move = np.clip(at - self.coordinates, -_LONGEST, _LONGEST)
         # Slopes say nothing of what is far off: as far as the forward model bears them out.
-        point = _Point(self.world.problem, self.candidate, self.coordinates)
-        tried = [point, *(point.moved(share * move) for share in _SHARES)]
+        point = _Point(self.world.problem, self.candidate, self.coordinates + move)
+        tried = [(one.left, one.coordinates) for one in (point, point.moved(-0.5 * move))]
+        tried.append((self.target - self.slopes @ self.coordinates, self.coordinates))
 
-        def cost(one: _Point) -> float:
-            left = (one.left - beside)[:, None]
-            return one.cost(float(world.products(left, self.own)[0, 0]))
+        def cost(one: tuple[FloatArray, FloatArray]) -> float:
+            left = (one[0] - beside)[:, None]
+            return float(world.products(left, self.own)[0, 0] + one[1] @ one[1])
 
-        return min(tried, key=cost).candidate
+        return _moved(self.candidate, min(tried, key=cost)[1])
 
     def deviations(self) -> FloatArray:
         """Return the coordinates' posterior deviations, (p,)."""
