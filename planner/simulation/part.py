@@ -15,6 +15,7 @@ from planner.fields.parse import Setting, build_field, field_of
 from planner.formats.field_file import TRIANGLE, encode_vtu
 from planner.formats.files import encode_document, free_memory_bytes
 from planner.formats.stl import encode_stl
+from planner.formats.tables import encode_csv
 from planner.glance import counted, html_of, one_line, outcome, plotted
 from planner.grading.grade import open_part
 from planner.grading.profile import dithered_profile, is_dithered
@@ -22,7 +23,7 @@ from planner.materials.mixtures import CoefficientModel
 from planner.mesh.distance import nearest, triangle_tree
 from planner.mesh.halve import halve_long_edges
 from planner.mesh.mesh import Mesh, Topology, cancel_opposite, compact, repeats_index
-from planner.numerics import BoolArray, FloatArray, Point, one_blas_thread
+from planner.numerics import FloatArray, Point, one_blas_thread
 from planner.palette import Palette
 from planner.plan import Plan, Triangles, plan_file, read_plan, read_shells
 from planner.printers import Printer, palette_of
@@ -36,7 +37,7 @@ from planner.simulation.loads import (
     refuse_held,
     watched_targets,
 )
-from planner.simulation.simulate import called, table_csv
+from planner.simulation.simulate import called
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -247,7 +248,8 @@ def open_solid(
     Parameters
     ----------
     source
-        A plan, its plan.json or folder; or a mesh as `planner.grade` takes it.
+        A plan, its plan.json or folder; or a mesh as `planner.grade` takes it. One that is open
+        stays as it is.
     material, unit, bodies
         Of a mesh.
 
@@ -256,6 +258,8 @@ def open_solid(
     PlannerError
         It cannot be read, or has no material, or two.
     """
+    if isinstance(source, Solid):
+        return source
     is_path = isinstance(source, (str, Path))
     if is_path and (Path(str(source)).is_dir() or Path(str(source)).suffix.casefold() == ".json"):
         source = read_plan(plan_file(Path(str(source))))
@@ -526,7 +530,8 @@ class PartSimulation:
             for name, values in {**told, **response.turned}.items():
                 for axis, column in zip("xyz", values.T, strict=True):
                     columns[f"{response.kind}{number}_{axis}_{name.partition('_')[2]}"] = column
-        return table_csv(columns)
+        rows = zip(*(values.tolist() for values in columns.values()), strict=True)
+        return encode_csv([columns, *rows])
 
     def deformed_stl(self, step: int = -1) -> bytes:
         """Return the surface as it is at a step, in the part's own coordinates: a binary STL."""
@@ -809,25 +814,13 @@ def _conditions(surface: Mesh, case: LoadCase, name: str) -> Conditions:
 
 def _small_figures(mechanics: "Mechanics") -> list[FloatArray | None]:
     """Return what each response is of at a small load: displacement, turn, or a support's force."""
+    from planner.simulation.response import answers
     from planner.simulation.solid import LostStabilityError
 
-    on = mechanics.conditions
     try:
-        state = mechanics.small(_SMALL)
+        return [told.figure for told, _ in answers(mechanics, mechanics.small(_SMALL))]
     except LostStabilityError:
         return []  # the steps say so, where it matters
-
-    def moved(facets: BoolArray) -> FloatArray:
-        return mechanics.mean(mechanics.points_of(facets), state.displacement_mm)
-
-    pulls = zip(on.supports, mechanics.reactions(state), strict=True)
-    return [
-        *(moved(force.facets) for force in on.forces),
-        *(mechanics.turn_deg(moment.facets, state.displacement_mm) for moment in on.moments),
-        *(pull if support.moves else None for support, pull in pulls),
-        *(moved(pressure.facets) for pressure in on.pressures),
-        *(moved(watched.facets) for watched in on.watched),
-    ]
 
 
 def _error(here: FloatArray | None, *others: FloatArray | None) -> float | None:

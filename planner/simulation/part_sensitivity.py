@@ -11,7 +11,6 @@ import numpy as np
 from planner.errors import FileError
 from planner.materials.marlow import MarlowTable, marlow_table, uniaxial_strain
 from planner.materials.mixtures import CoefficientModel
-from planner.mesh.mesh import Mesh
 from planner.numerics import FloatArray, IntArray, one_blas_thread
 from planner.palette import Palette
 from planner.simulation.cut_cells import CutCells
@@ -19,6 +18,7 @@ from planner.simulation.element import shape_functions
 from planner.simulation.loads import Conditions, LoadCase, read_conditions
 from planner.simulation.part import COARSER, COVERS, Solid, open_solid
 from planner.simulation.part_response import PartResponse
+from planner.simulation.response import answers
 from planner.simulation.solid import (
     Body,
     Equilibrium,
@@ -54,8 +54,7 @@ class LoadedPart:
         Of the mixture at the cells' quadrature points.
     """
 
-    name: str
-    surface: Mesh
+    solid: Solid
     cells: CutCells
     coordinate: FloatArray
     conditions: Conditions
@@ -67,47 +66,25 @@ than its prints scatter by."""
 
 
 def loaded_part(
-    source: object,
-    palette: Palette,
-    *,
-    fix: Sequence[str],
-    move: str = "",
-    load: str = "",
-    cell_mm: float | None = None,
+    solid: Solid, case: LoadCase, *, cell_mm: float | None = None, shift: float = 0.0
 ) -> LoadedPart:
-    """Read a plan and cut its part into cells.
+    """Cut a part into cells, and hold and load it.
 
     Parameters
     ----------
-    source
-        A plan, its folder or its plan.json.
-    fix, move, load
-        As of `planner.simulate`; one of `move` and `load`, the other "".
+    case
+        Its supports, and a load or a move.
+    shift
+        As of `Solid.cut`.
 
     Raises
     ------
-    FileError
-        No such plan.
     ArgumentError
         Selectors and loads that mean nothing on this part.
     """
-    solid = open_solid(source, None, None, None, palette)
-    return _cut(solid, fix, move, load, cell_mm)
-
-
-def _cut(
-    solid: Solid,
-    fix: Sequence[str],
-    move: str,
-    load: str,
-    cell_mm: float | None,
-    shift: float = 0.0,
-) -> LoadedPart:
     edge = float(np.cbrt(solid.surface.volume_mm3 / _CELLS)) if cell_mm is None else cell_mm
     cells, coordinate = solid.cut(edge, shift=shift)
-    case = LoadCase(fix=fix, move=[move] if move else [], load=[load] if load else [])
-    conditions = read_conditions(cells.surface, case)
-    return LoadedPart(Path(solid.name).stem, solid.surface, cells, coordinate, conditions)
+    return LoadedPart(solid, cells, coordinate, read_conditions(cells.surface, case))
 
 
 # ------------------------------------------------------------------------------------------------
@@ -139,7 +116,6 @@ def followed(
     steps: Sequence[float],
     *,
     sensitive: bool = True,
-    coordinate: FloatArray | None = None,
 ) -> _Moved:
     """Load a part in steps, shares of its whole load, as far as it is stable.
 
@@ -147,41 +123,25 @@ def followed(
     ----------
     table
         Laws; the palette's, or others.
-    coordinate : (Q,), optional
-        Of the mixtures, if others than the part's.
     """
-    cells, conditions = part.cells, part.conditions
-    body = Body(cells, table, part.coordinate if coordinate is None else coordinate)
+    cells = part.cells
     mechanics = Mechanics(
-        body, conditions, analyse(cells.nodes, cells.node_mm, cells.interface.cells)
+        Body(cells, table, part.coordinate),
+        part.conditions,
+        analyse(cells.nodes, cells.node_mm, cells.interface.cells),
     )
-    moving = [k for k, support in enumerate(conditions.supports) if support.moves]
-    if moving:
-        whole = np.array([u or 0.0 for u in conditions.supports[moving[0]].displacement_mm])
-        points = mechanics.held[moving[0]].points
-    else:
-        whole = np.array(conditions.forces[0].force_N)
-        points = mechanics.points_of(conditions.forces[0].facets)
-    size = float(np.linalg.norm(whole))
-    along = whole / size
-    if moving:
-        weights = mechanics.reaction_weights(moving[0], along)
-    else:
-        weights = mechanics.mean_weights(points, along)
-    found: list[tuple[float | FloatArray, ...]] = []
+    found: list[tuple[FloatArray, ...]] = []
     try:
         for state, factored in mechanics.follow(list(steps)):
-            force = state.share * size
-            if moving:
-                force = float(mechanics.reactions(state)[moving[0]] @ along)
+            told = answers(mechanics, state)
+            loaded, weights = next(one for one in told if one[0].kind in ("load", "move"))
             strain = share = np.empty(0)
             if sensitive:
-                own = mechanics.sensitivity(state, factored, weights)
+                own = mechanics.sensitivity(state, factored, weights(loaded.direction))
                 share = own.log_stress + own.log_bulk
                 share = share / share.sum()
                 strain = uniaxial_strain(mechanics.observe(state).x)
-            moved = float(mechanics.mean(points, state.displacement_mm) @ along)
-            found.append((moved, force, strain, share))
+            found.append((loaded.along_mm, loaded.along_N, strain, share))
     except LostStabilityError:
         pass  # as far as it came
     return _Moved(*(np.array([step[k] for step in found]) for k in range(4)))
@@ -283,28 +243,36 @@ def part_response(
     move: str = "",
     load: str = "",
     cell_mm: float | None = None,
-    compare_cells: bool = True,
 ) -> PartResponse:
-    """Simulate a plan with its supports and its load; see `loaded_part`.
+    """Simulate a plan with its supports and its load.
+
+    Parameters
+    ----------
+    source
+        A plan, its folder or its plan.json.
+    fix, move, load
+        As of `planner.simulate`; one of `move` and `load`, the other "".
 
     Raises
     ------
-    FileError, ArgumentError
-        As `loaded_part`; or no equilibrium is found.
+    FileError
+        No such plan, or no equilibrium is found.
+    ArgumentError
+        As `loaded_part`.
     """
     solid = open_solid(source, None, None, None, palette)
-    part = _cut(solid, fix, move, load, cell_mm)
+    case = LoadCase(fix=fix, move=move or (), load=load or ())
+    part = loaded_part(solid, case, cell_mm=cell_mm)
     table = marlow_table(CoefficientModel(palette))
     moved = followed(part, table, _STEPS)
     change = 0.0
-    if compare_cells and len(moved.force_N) > 1:
+    for shift in (0.0, 0.5) if len(moved.force_N) > 1 else ():
         edge = COARSER * float(part.cells.cell_mm.max())
-        for shift in (0.0, 0.5):
-            coarser = _cut(solid, fix, move, load, edge, shift)
-            other = followed(coarser, table, _STEPS[:1], sensitive=False)
-            if len(other.force_N):
-                stiffness = [one.force_N[0] / one.displacement_mm[0] for one in (other, moved)]
-                change += abs(math.log(stiffness[0] / stiffness[1]))
+        coarser = loaded_part(solid, case, cell_mm=edge, shift=shift)
+        other = followed(coarser, table, _STEPS[:1], sensitive=False)
+        if len(other.force_N):
+            stiffness = [one.force_N[0] / one.displacement_mm[0] for one in (other, moved)]
+            change += abs(math.log(stiffness[0] / stiffness[1]))
     # What is told bounds the error of nine parts in ten: 1.645 standard deviations.
     log_sd = math.hypot(_HELD, COVERS * change / 1.645)
     return response_of(part, moved, log_sd=log_sd)
@@ -318,9 +286,10 @@ def response_of(part: LoadedPart, moved: _Moved, *, log_sd: float) -> PartRespon
     FileError
         It was not solved for two steps, or does not resist.
     """
+    name, surface = Path(part.solid.name).stem, part.solid.surface
     if len(moved.force_N) < 2:
         raise FileError(
-            f"part {part.name}: no equilibrium under its load; take a smaller one, or one that "
+            f"part {name}: no equilibrium under its load; take a smaller one, or one that "
             "does not push a slender part along itself"
         )
     weight = np.abs(moved.share).mean(axis=0)
@@ -333,13 +302,13 @@ def response_of(part: LoadedPart, moved: _Moved, *, log_sd: float) -> PartRespon
 
     total = summed(weight)
     return PartResponse(
-        part.name,
+        name,
         moved.displacement_mm,
         moved.force_N,
         summed(weight * part.coordinate) / total,
         np.stack([summed(weight * strain) / total for strain in moved.strain]),
         np.stack([summed(share) for share in moved.share]),
-        thickness_mm=2.0 * part.surface.volume_mm3 / part.surface.area_mm2,
+        thickness_mm=2.0 * surface.volume_mm3 / surface.area_mm2,
         log_sd=log_sd,
     )
 

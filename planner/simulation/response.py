@@ -1,19 +1,21 @@
 """What a solid does under its loads: displacements, reactions, strain over break, intervals."""
 
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import partial
 from statistics import NormalDist
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from planner.materials.marlow import uniaxial_strain
 from planner.materials.mixtures import CoefficientModel
-from planner.numerics import FloatArray, IntArray
+from planner.numerics import BoolArray, FloatArray, IntArray
 from planner.simulation.element import shape_functions
+from planner.simulation.loads import Condition
 from planner.simulation.simulate import log_sds
 from planner.simulation.solid import (
     Equilibrium,
-    FacetPoints,
     LostStabilityError,
     Mechanics,
     Progress,
@@ -28,6 +30,7 @@ __all__ = [
     "CellAverage",
     "LoadSteps",
     "Response",
+    "answers",
     "figure_interval",
     "hats",
     "in_cells",
@@ -120,15 +123,15 @@ def in_cells(cells: "CutCells", places_mm: FloatArray) -> tuple[IntArray, IntArr
 
 @dataclass(frozen=True, eq=False)
 class Response:
-    """What faces did that are loaded, held or watched.
+    """What faces did that are loaded, held or watched, over steps, (steps,), or at one, ().
 
     Attributes
     ----------
     kind
         ``load``, ``moment``, ``move``, ``fix``, ``pressure`` or ``watch``.
-    displacement_mm : (steps, 3)
+    displacement_mm : (..., 3)
         Mean over the faces by their area at rest.
-    force_N : (steps, 3)
+    force_N : (..., 3)
         Of the load, or of the support on the part, in all.
     direction : (3,)
         Of the force or moment, of the motion given, of the axis watched, or of the displacement at
@@ -137,7 +140,7 @@ class Response:
         Of the figure that follows from the others at the last step, with the probability asked
         for: of a load or watched faces the displacement along `direction`, mm; of a moment the turn
         about it, degrees; of a support that moves its force, N. None of the others.
-    moment_N_mm, turn_deg : (steps, 3)
+    moment_N_mm, turn_deg : (..., 3)
         Of a moment: that of its tractions on the faces as they are, and how far these have turned.
     """
 
@@ -146,7 +149,7 @@ class Response:
     displacement_mm: FloatArray
     force_N: FloatArray
     direction: FloatArray
-    interval: tuple[float, float] | None
+    interval: tuple[float, float] | None = None
     moment_N_mm: FloatArray | None = None
     turn_deg: FloatArray | None = None
 
@@ -158,13 +161,19 @@ class Response:
         return {"moment_N_mm": self.moment_N_mm, "turn_deg": self.turn_deg}
 
     @property
+    def figure(self) -> FloatArray | None:
+        """What follows from the rest, (..., 3): mm, degrees or N; None of a support that holds."""
+        own = {"fix": None, "moment": self.turn_deg, "move": self.force_N}
+        return own.get(self.kind, self.displacement_mm)
+
+    @property
     def along_mm(self) -> FloatArray:
-        """Displacement along `direction`, (steps,)."""
+        """Displacement along `direction`, (...)."""
         return np.asarray(self.displacement_mm @ self.direction)
 
     @property
     def along_N(self) -> FloatArray:
-        """Force along `direction`, (steps,)."""
+        """Force along `direction`, (...)."""
         return np.asarray(self.force_N @ self.direction)
 
     @property
@@ -351,6 +360,62 @@ class CellAverage:
         return np.asarray(np.einsum("vc,vc->v", shares, nodal[self.number[self.cells.vertex_cell]]))
 
 
+_Weights = Callable[[FloatArray], FloatArray]
+"""Nodal weights, (N, 3), of a response's figure along a direction."""
+
+
+def answers(mechanics: Mechanics, state: Equilibrium) -> "Iterator[tuple[Response, _Weights]]":
+    """Yield what faces do at one equilibrium, and the derivative of each figure."""
+    on, share, u = mechanics.conditions, state.share, state.displacement_mm
+
+    def answer(
+        kind: str,
+        faces: Condition,
+        force_N: FloatArray,
+        direction: FloatArray | None,
+        weights: _Weights | None = None,
+        **turned: Any,
+    ) -> tuple[Response, _Weights]:
+        points = mechanics.points_of(faces.facets)
+        moved = mechanics.mean(points, u)
+        if direction is None:
+            direction = force_N if kind == "fix" else moved
+        told = Response(faces.selector, kind, moved, force_N, _unit(direction), **turned)
+        return told, weights or partial(mechanics.mean_weights, points)
+
+    for force in on.forces:
+        given = np.array(force.force_N)
+        yield answer("load", force, share * given, given)
+    for moment in on.moments:
+        given = np.array(moment.moment_N_mm)
+        points, pulls = mechanics.couple(moment.facets, given)
+        left = share * np.cross(mechanics.place_mm(points, u), pulls).sum(axis=0)
+        turn = mechanics.turn_deg(moment.facets, u)
+        weights = partial(_turn_weights, mechanics, moment.facets, u)
+        yield answer("moment", moment, np.zeros(3), given, weights, moment_N_mm=left, turn_deg=turn)
+    pulled = zip(on.supports, mechanics.held, mechanics.reactions(state), strict=True)
+    for number, (support, held, pull) in enumerate(pulled):
+        weights = partial(mechanics.reaction_weights, number)
+        if held.target_mm.any():
+            yield answer("move", support, pull, held.target_mm, weights)
+        else:
+            yield answer("fix", support, pull, None)
+    for pressure, pushed in zip(on.pressures, mechanics.pushed, strict=True):
+        yield answer("pressure", pressure, mechanics.push(pushed, share, u), None)
+    for watched in on.watched:
+        axis, seen = watched.axis, watched
+        if axis is not None:
+            seen = replace(watched, selector=f"{watched.selector} u{'xyz'[axis]}")
+        yield answer("watch", seen, np.zeros(3), None if axis is None else np.eye(3)[axis])
+
+
+def _turn_weights(
+    mechanics: Mechanics, facets: BoolArray, u: FloatArray, axis: FloatArray
+) -> FloatArray:
+    points, rates = mechanics.couple(facets, axis, u)
+    return spread(mechanics.body.cells, points, np.degrees(rates))
+
+
 def _responses(
     mechanics: Mechanics,
     states: list[Equilibrium],
@@ -358,71 +423,21 @@ def _responses(
     factored: "Factor",
     model: CoefficientModel,
     level: float,
-) -> "list[Response]":
-    conditions = mechanics.conditions
+) -> Iterator[Response]:
     normal = NormalDist().inv_cdf(0.5 + level / 2.0)
     sds = log_stress_sds(mechanics, last, model, normal)
-    shares = np.array([state.share for state in states])[:, None]
-    reactions = np.array([mechanics.reactions(state) for state in states])
-
-    def interval(figure: float, weights: FloatArray, positive: bool = True) -> tuple[float, float]:
-        return figure_interval(
-            mechanics, last, factored, weights, figure, sds, normal, positive=positive
-        )
-
-    out = []
-
-    def moved(points: FacetPoints) -> FloatArray:
-        return np.array([mechanics.mean(points, state.displacement_mm) for state in states])
-
-    span: tuple[float, float] | None
-
-    def add(
-        name: str, kind: str, points: FacetPoints, pulls: FloatArray, direction: FloatArray | None
-    ) -> None:
-        where = moved(points)
-        along = _unit(where[-1]) if direction is None else direction
+    for steps in zip(*(answers(mechanics, state) for state in states), strict=True):
+        told, weights = steps[-1]
         span = None
-        if kind != "pressure":
-            weights = mechanics.mean_weights(points, along)
+        if told.figure is not None and told.kind != "pressure":
             # Loads do work, so that what they move goes their way.
-            span = interval(float(where[-1] @ along), weights, kind == "load")
-        out.append(Response(name, kind, where, pulls, along, span))
-
-    for force in conditions.forces:
-        given = np.array(force.force_N)
-        points = mechanics.points_of(force.facets)
-        add(force.selector, "load", points, shares * given, _unit(given))
-    for moment in conditions.moments:
-        given = np.array(moment.moment_N_mm)
-        points, pulls = mechanics.couple(moment.facets, given)
-        arms = [mechanics.place_mm(points, state.displacement_mm) for state in states]
-        moments = np.array([np.cross(arm, pulls).sum(axis=0) for arm in arms])
-        turns = np.array([mechanics.turn_deg(moment.facets, s.displacement_mm) for s in states])
-        _, rates = mechanics.couple(moment.facets, _unit(given), last.displacement_mm)
-        weights = spread(mechanics.body.cells, points, np.degrees(rates))
-        out.append(Response(
-            moment.selector, "moment", moved(points), 0.0 * turns, _unit(given),
-            interval(float(turns[-1] @ _unit(given)), weights), shares * moments, turns,
-        ))  # fmt: skip
-    for k, support in enumerate(conditions.supports):
-        held, pull = mechanics.held[k], reactions[:, k]
-        moves = bool(held.target_mm.any())
-        along = _unit(held.target_mm if moves else pull[-1])
-        span = None
-        if moves:
-            span = interval(float(pull[-1] @ along), mechanics.reaction_weights(k, along))
-        kind = "move" if moves else "fix"
-        out.append(Response(support.selector, kind, moved(held.points), pull, along, span))
-    for pressure, pushed in zip(conditions.pressures, mechanics.pushed, strict=True):
-        push = np.array([mechanics.push(pushed, s.share, s.displacement_mm) for s in states])
-        add(pressure.selector, "pressure", pushed.points, push, None)
-    for watched in conditions.watched:
-        axis, points = watched.axis, mechanics.points_of(watched.facets)
-        name = watched.selector if axis is None else f"{watched.selector} u{'xyz'[axis]}"
-        nothing = np.zeros((len(states), 3))
-        add(name, "watch", points, nothing, None if axis is None else np.eye(3)[axis])
-    return out
+            span = figure_interval(
+                mechanics, last, factored, weights(told.direction),
+                float(told.figure @ told.direction), sds, normal, positive=told.kind == "load",
+            )  # fmt: skip
+        series = ("displacement_mm", "force_N", *told.turned)
+        each = {name: np.stack([getattr(one, name) for one, _ in steps]) for name in series}
+        yield replace(told, interval=span, **each)
 
 
 def figure_interval(

@@ -14,6 +14,7 @@ from planner.materials.marlow import MarlowTable, marlow_table, uniaxial_strain
 from planner.materials.mixtures import CoefficientModel
 from planner.numerics import FloatArray
 from planner.printers import load_printer
+from planner.simulation.part import open_solid
 from planner.simulation.part_response import PartResponse, force_factor
 from planner.simulation.part_sensitivity import (
     LoadedPart,
@@ -39,7 +40,8 @@ def loaded(request: pytest.FixtureRequest) -> tuple[LoadedPart, PartResponse]:
     plan = planner.grade(
         ([24.0, 6.0, 4.0] * BOX, FACES), axis="x", from_="FLX9740", to="FLX9760", name="strip"
     )
-    part = loaded_part(plan, PALETTE, fix=["x=min"], cell_mm=4.0, **LOADS[request.param])
+    case = planner.LoadCase(fix="x=min", **LOADS[request.param])
+    part = loaded_part(open_solid(plan, None, None, None, PALETTE), case, cell_mm=4.0)
     return part, response_of(part, followed(part, TABLE, STEPS), log_sd=0.02)
 
 
