@@ -24,7 +24,7 @@ from planner.palette import load_palette
 from planner.simulation.loads import LoadCase
 from planner.simulation.part import open_solid
 from planner.simulation.part_response import encode_response, read_response
-from planner.simulation.part_sensitivity import followed, loaded_part, response_of
+from planner.simulation.response import followed, loaded_part, response_of
 
 ROOT = Path(__file__).resolve().parents[2]
 PALETTE = ROOT / "printers/connex3/palettes/connex3-tango-vero.toml"

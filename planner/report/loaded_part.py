@@ -304,8 +304,8 @@ class _PartCut:
         Numbers of the axes: across the plane, and to the right and upwards in it.
     at_mm
         Where it is along `across`.
-    along_mm (a,), up_mm : (b,)
-        Middles of its squares.
+    along_mm (a,), up_mm : (b,), step_mm
+        Middles of its squares, and their edge.
     strain_over_break : (b, a)
         nan outside of the part.
     place_mm : (3,)
@@ -318,6 +318,7 @@ class _PartCut:
     at_mm: float
     along_mm: FloatArray
     up_mm: FloatArray
+    step_mm: float
     strain_over_break: FloatArray
     place_mm: FloatArray
 
@@ -327,6 +328,10 @@ def _cut_of(result: PartSimulation) -> _PartCut:
 
     The plane is across one of the axes, and not along the surface at that place.
     """
+    return max(_cuts(result), key=lambda c: np.isfinite(c.strain_over_break).sum() * c.step_mm**2)
+
+
+def _cuts(result: PartSimulation) -> Iterator[_PartCut]:
     surface, cell_mm = result.cells.surface, result.cells.cell_mm
     place = result.steps.largest_mm[-1]
     low, high = surface.bounds_mm
@@ -335,7 +340,6 @@ def _cut_of(result: PartSimulation) -> _PartCut:
     normal = np.cross(*(corners[facet, 1:] - corners[facet, 0]))
     normal = np.abs(normal) / np.linalg.norm(normal)
     tree = triangle_tree(surface)
-    best: _PartCut | None = None
     for across in np.flatnonzero(normal <= max(_STEEP, float(normal.min()))).tolist():
         along, up = sorted(
             {0, 1, 2} - {across}, key=lambda axis: (axis == 2, low[axis] - high[axis])
@@ -351,31 +355,21 @@ def _cut_of(result: PartSimulation) -> _PartCut:
         at = float(np.clip(place[across], low[across] + margin, high[across] - margin))
         places[..., across], places[..., along], places[..., up] = at, x, y[:, None]
         _, outside = nearest(tree, places.reshape(-1, 3))
-        inside = np.flatnonzero(~outside)
-        values = np.full(len(y) * len(x), np.nan)
-        if len(inside):
-            _, cell, local = in_cells(result.cells, places.reshape(-1, 3)[inside])
+        values = np.full(places.shape[:2], np.nan)
+        if not outside.all():
+            inside = ~outside.reshape(values.shape)
+            _, cell, local = in_cells(result.cells, places[inside])
             of_cell = result.steps.fields.strain_over_break[cell]
             values[inside] = np.einsum("mc,mc->m", hats(local), of_cell)
-        found = _PartCut(
-            across, along, up, at, x, y, values.reshape(len(y), len(x)), np.asarray(place)
-        )
-        if best is None or _area(found) > _area(best):
-            best = found
-    assert best is not None  # a normal has a component no larger than its least
-    return best
-
-
-def _area(cut: _PartCut) -> float:
-    step = float(np.diff(cut.along_mm[:2])[0]) if len(cut.along_mm) > 1 else 1.0
-    return float(np.isfinite(cut.strain_over_break).sum()) * step**2
+        yield _PartCut(across, along, up, at, x, y, step, values, np.asarray(place))
 
 
 def _cut_words(result: PartSimulation, cut: _PartCut) -> Iterator[str]:
     """Say in plain words what the figure shows, a sentence each."""
     worst = float(result.steps.largest[-1])
     where = ", ".join(f"{x:.4g}" for x in cut.place_mm)
-    coordinate = float(result.surface_coordinate[_vertex(result, cut.place_mm)])
+    away = np.linalg.norm(result.cells.surface.vertices - cut.place_mm, axis=1)
+    coordinate = float(result.surface_coordinate[away.argmin()])
     material = called(CoefficientModel(result.palette), coordinate)
     yield (
         f"The part is cut open across {'xyz'[cut.across]}, at {cut.at_mm:.4g} mm, and looked at as "
@@ -397,11 +391,6 @@ def _cut_words(result: PartSimulation, cut: _PartCut) -> Iterator[str]:
     )
 
 
-def _vertex(result: PartSimulation, place_mm: FloatArray) -> int:
-    away = np.linalg.norm(result.cells.surface.vertices - place_mm, axis=1)
-    return int(away.argmin())
-
-
 def _cut_figure(result: PartSimulation, cut: _PartCut, colours: Sequence[str], top: float) -> str:
     """Draw a cut.
 
@@ -417,8 +406,7 @@ def _cut_figure(result: PartSimulation, cut: _PartCut, colours: Sequence[str], t
     """
     rows, columns = cut.strain_over_break.shape
     width, height = _SQUARE * columns + 2.0 * _MARGIN, _SQUARE * rows + 2.0 * _MARGIN
-    step = float(cut.along_mm[1] - cut.along_mm[0]) if columns > 1 else 1.0
-    room = step * (0.5 + _MARGIN / _SQUARE)
+    room = cut.step_mm * (0.5 + _MARGIN / _SQUARE)
     x_range, y_range = (
         (float(v[0]) - room, float(v[-1]) + room) for v in (cut.along_mm, cut.up_mm)
     )

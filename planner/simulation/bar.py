@@ -12,7 +12,7 @@ from planner.errors import ArgumentError, FileError, UnknownNameError
 from planner.formats.tables import read_columns
 from planner.glance import brief
 from planner.grading.profile import dithered_profile, is_dithered
-from planner.numerics import FloatArray
+from planner.numerics import FloatArray, Point, freeze
 from planner.palette import Palette
 from planner.plan import Plan, Triangles, plan_file, read_plan, read_shells
 from planner.printers import Printer, load_printer, palette_of
@@ -27,6 +27,7 @@ __all__ = [
     "ProfileDesign",
     "bar_between",
     "coupon",
+    "plan_axis",
     "plan_palette",
     "plan_sections",
     "read_profile",
@@ -69,11 +70,10 @@ class Bar:
     __repr__ = brief
 
     def __post_init__(self) -> None:
-        for name in ("edges_mm", "coordinate", "area_mm2"):
-            array = np.array(getattr(self, name), dtype=np.float64)
-            array.setflags(write=False)
-            object.__setattr__(self, name, array)
-            if array.ndim != 1 or not np.isfinite(array).all():
+        names = ("edges_mm", "coordinate", "area_mm2")
+        freeze(self, *names)
+        for name in names:
+            if (array := getattr(self, name)).ndim != 1 or not np.isfinite(array).all():
                 raise ArgumentError(f"bar: {name} must be finite numbers, one a slice")
         n = len(self.coordinate)
         if n < 1 or self.area_mm2.shape != (n,) or self.edges_mm.shape != (n + 1,):
@@ -197,7 +197,7 @@ def plan_sections(plan: Plan, palette: Palette, *, slices: int) -> _Sections:
     """
     from planner.voxels.columns import iterate_columns
 
-    direction, start_mm, span_mm = _axis(plan.gradient.field)
+    direction, start_mm, span_mm = plan_axis(plan.gradient.field)
     mesh = _turned(united(dict(read_shells(plan))), direction)
     grid = _grid(mesh, start_mm, span_mm, slices)
     counts = np.zeros(slices, dtype=np.int64)
@@ -257,7 +257,16 @@ def plan_palette(
     )
 
 
-def _axis(field: Any) -> tuple[tuple[float, float, float], float, float]:
+def plan_axis(field: Any) -> tuple[Point, float, float]:
+    """Return the axis that a plan's field follows: its direction, where it begins, and how far.
+
+    Raises
+    ------
+    ArgumentError
+        The field follows no axis.
+    FileError
+        Figures that are none.
+    """
     if field.get("name") != "axis":
         raise ArgumentError(
             f"the plan's field is {field.get('name')!r}; a bar is simulated along an axis: grade "
@@ -284,7 +293,7 @@ def united(soups: Mapping[str, Triangles]) -> "Mesh":
     return Mesh(vertices.astype(np.float64), faces)
 
 
-def _turned(mesh: "Mesh", direction: tuple[float, float, float]) -> "Mesh":
+def _turned(mesh: "Mesh", direction: Point) -> "Mesh":
     """Turn a mesh so that `direction` becomes z, exactly where it is an axis of coordinates."""
     from planner.fields.basic import project
     from planner.mesh.mesh import Mesh
@@ -387,11 +396,7 @@ class ProfileDesign:
     __repr__ = brief
 
     def __post_init__(self) -> None:
-        for name in ("x_mm", "coordinate", "width_mm", "thickness_mm"):
-            if getattr(self, name) is not None:
-                array = np.array(getattr(self, name), dtype=np.float64)
-                array.setflags(write=False)
-                object.__setattr__(self, name, array)
+        freeze(self, *(name for name in _COLUMNS if getattr(self, name) is not None))
 
     @property
     def length_mm(self) -> float:
@@ -500,7 +505,7 @@ def _of_plan(
     plan = read_plan(path)
     where, notes = plan_file(path).name, []
     try:
-        _, _, span = _axis(plan.gradient.field)
+        _, _, span = plan_axis(plan.gradient.field)
     except ArgumentError as error:
         raise FileError(f"{where}: {error}") from error
     if plan.palette.sha256 and palette.sha256 and plan.palette.sha256 != palette.sha256:

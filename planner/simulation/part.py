@@ -27,7 +27,7 @@ from planner.numerics import FloatArray, Point, one_blas_thread
 from planner.palette import Palette
 from planner.plan import Plan, Triangles, plan_file, read_plan, read_shells
 from planner.printers import Printer, palette_of
-from planner.simulation.bar import plan_palette, region_coordinates, united
+from planner.simulation.bar import plan_axis, plan_palette, region_coordinates, united
 from planner.simulation.cut_cells import FEWEST_ALONG, MOST_CELLS, CutCells, Shells, cut_cells
 from planner.simulation.loads import (
     Conditions,
@@ -50,9 +50,6 @@ if TYPE_CHECKING:
 __all__ = [
     "COARSER",
     "COVERS",
-    "Discretisation",
-    "LoadCurve",
-    "PartFinding",
     "PartSimulation",
     "Solid",
     "check_effort",
@@ -80,11 +77,10 @@ _FLAT_MM = 1e-4
 on a tray of 400 mm, and a hundredth of a printed layer."""
 
 
-def _outer(soups: Mapping[str, Triangles]) -> Mesh:
+def _outer(whole: Mesh) -> Mesh:
     """Return the surface of all shells, without the edges that only their interfaces have cut."""
     import manifold3d
 
-    whole = united(soups)
     faces = whole.faces[~repeats_index(whole.faces)]
     used, faces = compact(faces[cancel_opposite(faces)], len(whole.vertices))
     vertices = np.ascontiguousarray(whole.vertices[used])
@@ -109,15 +105,15 @@ def _filling(
     plan: Plan, shells: Mapping[str, Triangles], placed: Mesh, palette: Palette
 ) -> Filling:
     field = _field(plan, placed)
-    if field is None and is_dithered(plan):
+    if field is not None:
+        return filling_along(field, plan, palette)
+    if is_dithered(plan):
         raise ArgumentError(
             f"{plan.part.file}: its cells are dealt along a field, {plan.gradient.field['name']}, "
             "that plan.json does not hold, so that no mixture is known; grade it with another "
             "`blend` to simulate it"
         )
-    if field is None:
-        return _by_shells(plan, shells, palette)
-    return filling_along(field, plan, palette)
+    return _by_shells(plan, shells, palette)
 
 
 def filling_along(field: Field, plan: Plan, palette: Palette) -> Filling:
@@ -140,9 +136,8 @@ def filling_along(field: Field, plan: Plan, palette: Palette) -> Filling:
 def _field(plan: Plan, placed: Mesh) -> Field | None:
     """Return a plan's field, None where plan.json does not hold it."""
     says = plan.gradient.field
-    x, y, z = says.get("direction", (0.0, 0.0, 0.0))
     if says.get("name") == "axis":
-        return AxisField((x, y, z), float(says["start_mm"]), float(says["span_mm"]))
+        return AxisField(*plan_axis(says))
     if "'faces'" in str(says):
         return None  # of the part's triangles in a box: shells have theirs cut
     try:
@@ -285,13 +280,13 @@ def open_solid(
             raise ArgumentError(f"{name} {given}: it goes with a mesh; a plan has its own")
     chosen, notes = plan_palette(source, palette, printer)
     shells = dict(read_shells(source))
-    placed = _outer(shells)
+    whole = united(shells)
+    placed = _outer(whole)
     filling = _filling(source, shells, placed, chosen)
     surface, strain = _own(source, placed), source.stiffness.at_strain
     made = Solid(source.part.file, surface, filling, chosen, notes, strain)
     if (source.gradient.blend or {}).get("kind") in ("mix", "dither") or len(shells) == 1:
         return made
-    whole = united(shells)
     own = Mesh(whole.vertices - np.array(source.part.translation_mm), whole.faces)
     shell = np.repeat(np.arange(len(shells), dtype=np.int32), [len(s) for s in shells.values()])
     by_file = _coordinates_by_file(source, chosen)

@@ -211,11 +211,11 @@ def _states(
         coordinate=bar.coordinate,
         **unaltered(all_slices, steps),
     )
-    found = predict(bars, laws, tolerance=_TOLERANCE, stiffness=True)
+    found = predict(bars, laws, tolerance=_TOLERANCE)
     still = displacement_mm == 0.0
     found.strain[still], found.force_N[0, still] = 0.0, 0.0
     stress = found.force_N[0][:, None] / bar.area_mm2
-    return found.strain, stress, found.stiffness_N / bar.area_mm2
+    return found.strain, stress, laws.stress_and_tangent_MPa(bar.coordinate, found.strain)[1]
 
 
 # ------------------------------------------------------------------------------------------------
