@@ -20,6 +20,7 @@ from planner.cli.output import (
     Pressures,
     Quiet,
     check_targets,
+    taken,
 )
 
 if TYPE_CHECKING:
@@ -78,11 +79,7 @@ def export(
     check_targets(context, force=force, output=output)
     with progress(not quiet and not as_json) as stage:
         stage("filling the part with cells")
-        model = planner.export(
-            source, to=to, cell_mm=cell_mm, fix=fix or (), load=load or (), moment=moment or (),
-            pressure=pressure or (), move=move or (), gravity=gravity, to_strain=to_strain,
-            material=material, unit=unit, bodies=bodies, printer=printer, palette=palette,
-        )  # fmt: skip
+        model = planner.export(**taken(planner.export, context.params))
     path = model.write(output, force=force)
     if as_json:
         print_document(model.json())

@@ -12,7 +12,7 @@ from planner.errors import FileError
 from planner.formats.specimens import SPECIMEN_COLUMNS, SpecimenConditions
 from planner.glance import brief, counted, one_line, plotted
 from planner.materials.characterise import MINIMUM_POINTS
-from planner.numerics import FloatArray
+from planner.numerics import FloatArray, freeze
 from planner.palette import Palette
 from planner.simulation.bar import ProfileDesign
 from planner.simulation.part_response import PartResponse
@@ -63,7 +63,7 @@ class StrainField:
     __repr__ = brief
 
     def __post_init__(self) -> None:
-        _freeze(self, ("time_s", "x_mm", "strain"))
+        freeze(self, "time_s", "x_mm", "strain")
         shape = (len(self.time_s), len(self.x_mm))
         if self.strain.shape != shape:
             raise FileError(f"strain field: shape {self.strain.shape}; it must be {shape}")
@@ -142,7 +142,7 @@ class Specimen(SpecimenConditions):
         return f"{self.id}: {self.made_of}, {self.protocol}, {counted(len(self.time_s), 'point')}"
 
     def __post_init__(self) -> None:
-        _freeze(self, ("time_s", "displacement_mm", "force_N"))
+        freeze(self, "time_s", "displacement_mm", "force_N")
         where = f"specimen {self.id}"
         columns = {"time_s": self.time_s, "displacement_mm": self.displacement_mm,
                    "force_N": self.force_N}  # fmt: skip
@@ -272,13 +272,6 @@ def _without_stairs(time_s: FloatArray, travel_mm: FloatArray) -> FloatArray:
     arrives[0], leaves[-1] = edges[0], edges[-1]
     knots = np.stack([arrives, np.maximum(leaves, arrives)], axis=1).ravel()
     return np.asarray(np.interp(time_s, knots, np.repeat(travel_mm[first], 2)))
-
-
-def _freeze(value: object, names: tuple[str, ...]) -> None:
-    for name in names:
-        array = np.array(getattr(value, name), dtype=np.float64)
-        array.setflags(write=False)
-        object.__setattr__(value, name, array)
 
 
 # ------------------------------------------------------------------------------------------------

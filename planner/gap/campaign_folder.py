@@ -781,7 +781,7 @@ class ListReader:
             )
         plan = plan_file(path)
         # The solid's solver is slow to import, and few campaigns hold parts.
-        from planner.simulation.part_sensitivity import part_response
+        from planner.simulation.response import part_response
 
         supports = re.split(r"\s*;\s*", fix)
         try:

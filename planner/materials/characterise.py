@@ -10,7 +10,7 @@ import numpy as np
 from planner.errors import ArgumentError, FileError
 from planner.glance import brief
 from planner.notes import Caution
-from planner.numerics import BoolArray, FloatArray, IntArray
+from planner.numerics import BoolArray, FloatArray, IntArray, freeze
 
 __all__ = [
     "BROKEN_SHARE",
@@ -75,14 +75,9 @@ class Curve:
     __repr__ = brief
 
     def __post_init__(self) -> None:
-        columns = {"strain": self.strain, "stress_MPa": self.stress_MPa}
-        if self.time_s is not None:
-            columns["time_s"] = self.time_s
-        for name, values in columns.items():
-            array = np.array(values, dtype=np.float64)
-            array.setflags(write=False)
-            object.__setattr__(self, name, array)
-            columns[name] = array
+        names = ("strain", "stress_MPa", *(["time_s"] if self.time_s is not None else []))
+        freeze(self, *names)
+        columns = {name: getattr(self, name) for name in names}
         where = f"specimen {self.specimen}"
         if len({array.shape for array in columns.values()}) > 1 or self.strain.ndim != 1:
             shapes = {name: array.shape for name, array in columns.items()}

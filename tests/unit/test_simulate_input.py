@@ -47,8 +47,8 @@ def test_arguments_out_of_range(options: dict, reason: str) -> None:
         ("x_mm,coordinate\n0,0.5\n-1,0.5\n", "line 3: x_mm falls"),
         ("x_mm,coordinate\n0,0.5\n1,0\n1,1\n1,0\n", "three times"),
         ("x_mm,coordinate\n0,0.5\n9,1.6\n", "goes from 0 to 1.5"),
-        ("x_mm,coordinate\n0,0.5\n9,nan\n", "line 3: coordinate is 'nan'"),
-        ("x_mm,coordinate\n0,0.5\n9\n", "line 3: coordinate is None"),
+        ("x_mm,coordinate\n0,0.5\n9,nan\n", "line 3, column 'coordinate': 'nan' is no finite"),
+        ("x_mm,coordinate\n0,0.5\n9\n", "line 3: 1 cells for 2 columns"),
         ("x_mm,coordinate,width_mm\n0,0.5,3\n9,1,0\n", "width_mm is 0"),
     ],
 )
