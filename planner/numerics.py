@@ -3,7 +3,7 @@
 import gc
 import importlib
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
@@ -19,6 +19,7 @@ __all__ = [
     "IntArray",
     "Point",
     "at_first_compilation",
+    "freeze_arrays",
     "inner_kernel",
     "interrupted",
     "kernel",
@@ -35,6 +36,15 @@ Float32Array: TypeAlias = NDArray[np.float32]
 IntArray: TypeAlias = NDArray[np.integer[Any]]
 BoolArray: TypeAlias = NDArray[np.bool_]
 Point: TypeAlias = tuple[float, float, float]
+
+
+def freeze_arrays(value: object, names: Iterable[str]) -> None:
+    """Make copies as floats, never to be changed, of arrays that a frozen dataclass was given."""
+    for name in names:
+        if getattr(value, name) is not None:
+            array = np.array(getattr(value, name), dtype=np.float64)
+            array.setflags(write=False)
+            object.__setattr__(value, name, array)
 
 
 # ------------------------------------------------------------------------------------------------

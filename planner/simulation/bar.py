@@ -12,7 +12,7 @@ from planner.errors import ArgumentError, FileError, UnknownNameError
 from planner.formats.tables import finite_number, read_columns, read_records
 from planner.glance import brief
 from planner.grading.profile import dithered_profile, is_dithered
-from planner.numerics import FloatArray
+from planner.numerics import FloatArray, freeze_arrays
 from planner.palette import Palette
 from planner.plan import Plan, Triangles, plan_file, read_plan, read_shells
 from planner.printers import Printer, load_printer, palette_of
@@ -69,10 +69,10 @@ class Bar:
     __repr__ = brief
 
     def __post_init__(self) -> None:
-        for name in ("edges_mm", "coordinate", "area_mm2"):
-            array = np.array(getattr(self, name), dtype=np.float64)
-            array.setflags(write=False)
-            object.__setattr__(self, name, array)
+        names = ("edges_mm", "coordinate", "area_mm2")
+        freeze_arrays(self, names)
+        for name in names:
+            array = getattr(self, name)
             if array.ndim != 1 or not np.isfinite(array).all():
                 raise ArgumentError(f"bar: {name} must be finite numbers, one a slice")
         n = len(self.coordinate)
@@ -436,11 +436,7 @@ class ProfileDesign:
     __repr__ = brief
 
     def __post_init__(self) -> None:
-        for name in ("x_mm", "coordinate", "width_mm", "thickness_mm"):
-            if getattr(self, name) is not None:
-                array = np.array(getattr(self, name), dtype=np.float64)
-                array.setflags(write=False)
-                object.__setattr__(self, name, array)
+        freeze_arrays(self, ("x_mm", "coordinate", "width_mm", "thickness_mm"))
 
     @property
     def length_mm(self) -> float:
