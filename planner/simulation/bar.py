@@ -396,7 +396,7 @@ class ProfileDesign:
     __repr__ = brief
 
     def __post_init__(self) -> None:
-        freeze(self, *(name for name in _COLUMNS if getattr(self, name) is not None))
+        freeze(self, *_COLUMNS)
 
     @property
     def length_mm(self) -> float:

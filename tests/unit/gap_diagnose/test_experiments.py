@@ -34,7 +34,9 @@ def asked(problem: Problem, *candidates: Candidate, seed: int = 0) -> tuple[Expe
     ranking = [Hypothesis(c.effects, share) for c in candidates]
     exact = World(problem)
     weighed = SimpleNamespace(
-        best={c.effects: c for c in candidates}, settled_as=lambda _: SimpleNamespace(world=exact)
+        plain=exact,
+        best={c.effects: c for c in candidates},
+        settled_as=lambda _: SimpleNamespace(world=exact),
     )
     return next_experiments(problem, weighed, ranking, np.random.default_rng(seed))  # type: ignore[arg-type]
 
