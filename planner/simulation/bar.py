@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from planner.errors import ArgumentError, FileError, UnknownNameError
-from planner.formats.tables import finite_number, read_columns, read_records
+from planner.formats.tables import read_columns
 from planner.glance import brief
 from planner.grading.profile import dithered_profile, is_dithered
 from planner.numerics import FloatArray
@@ -316,10 +316,6 @@ def _grid(mesh: "Mesh", start_mm: float, span_mm: float, slices: int) -> "Grid":
 # A bar from a profile file: the printed design of a graded bar along its gauge.
 
 
-_NEEDED = ("x_mm", "coordinate")
-_SECTION = ("width_mm", "thickness_mm")
-
-
 def read_profile_bar(
     path: str | Path, palette: Palette, *, slices: int, width_mm: float, thickness_mm: float
 ) -> Bar:
@@ -340,12 +336,12 @@ def read_profile_bar(
     FileError
         The file cannot be read, or a row breaks the rules; the message names the line.
     """
-    rows = _rows(Path(path), palette)
-    missing = {"width_mm": width_mm, "thickness_mm": thickness_mm}
-    columns = {
-        k: np.array([row.get(k, missing.get(k)) for row in rows]) for k in (*_NEEDED, *_SECTION)
-    }
-    x = columns["x_mm"]
+    path = Path(path)
+    design = _of_csv(path)
+    _check_range(design, palette, path.name)
+    x, sizes = design.x_mm, (design.width_mm, design.thickness_mm)
+    if not x[-1] > x[0]:
+        raise FileError(f"{path.name}: it needs rows from the gauge's beginning to its end")
     share = np.diff(x) / (x[-1] - x[0])
     count = np.where(share > 0.0, np.maximum(np.rint(share * slices), 1.0), 0.0).astype(np.int64)
     segment = np.repeat(np.arange(len(share)), count)
@@ -357,47 +353,15 @@ def read_profile_bar(
         return middle
 
     pieces = [np.linspace(a, b, n + 1)[1:] for a, b, n in zip(x[:-1], x[1:], count, strict=True)]
+    width, thickness = (
+        at_centres(np.full_like(x, usual) if given is None else given)
+        for given, usual in zip(sizes, (width_mm, thickness_mm), strict=True)
+    )
     return Bar(
         np.concatenate([x[:1], *(piece for piece, n in zip(pieces, count, strict=True) if n)]),
-        at_centres(columns["coordinate"]),
-        at_centres(columns["width_mm"]) * at_centres(columns["thickness_mm"]),
+        at_centres(design.coordinate),
+        width * thickness,
     )
-
-
-def _rows(path: Path, palette: Palette) -> list[dict[str, float]]:
-    columns, records = read_records(path, "profile")
-    unknown = [c for c in columns if c not in (*_NEEDED, *_SECTION)]
-    if unknown or not set(_NEEDED) <= set(columns) or len(set(columns)) < len(columns):
-        raise FileError(
-            f"profile {path}: columns are {', '.join(map(repr, columns)) or 'none'}; it takes "
-            f"{', '.join(_NEEDED)} and, optional, {', '.join(_SECTION)}, each once"
-        )
-    rows: list[dict[str, float]] = []
-    for where, cells in records:
-        row = {name: finite_number(cells.get(name), f"{where}: {name}") for name in columns}
-        _check(row, rows, palette, where)
-        rows.append(row)
-    if len(rows) < 2 or not rows[-1]["x_mm"] > rows[0]["x_mm"]:
-        raise FileError(f"profile {path}: it needs rows from the gauge's beginning to its end")
-    return rows
-
-
-def _check(
-    row: dict[str, float], before: list[dict[str, float]], palette: Palette, where: str
-) -> None:
-    x, m = row["x_mm"], row["coordinate"]
-    if before and x < before[-1]["x_mm"]:
-        raise FileError(f"{where}: x_mm falls from {before[-1]['x_mm']:g} to {x:g}; it must rise")
-    if len(before) > 1 and x == before[-2]["x_mm"]:
-        raise FileError(f"{where}: x_mm {x:g} stands three times; a jump is two rows")
-    low, high = palette.materials[0].coordinate, palette.materials[-1].coordinate
-    if not low <= m <= high:
-        raise FileError(
-            f"{where}: coordinate is {m:g}; palette {palette.name} goes from {low:g} to {high:g}"
-        )
-    for name in _SECTION:
-        if not row.get(name, 1.0) > 0.0:
-            raise FileError(f"{where}: {name} is {row[name]:g}; it must be above 0")
 
 
 # ------------------------------------------------------------------------------------------------
@@ -483,15 +447,19 @@ def read_profile(
         design, notes = _of_plan(path, palette, gauge_mm)
     else:
         design, notes = _of_csv(path), ()
+    _check_range(design, palette, path.name)
+    return _on_gauge(design, gauge_mm, path.name), notes
+
+
+def _check_range(design: ProfileDesign, palette: Palette, name: str) -> None:
     soft, hard = palette.materials[0].coordinate, palette.materials[-1].coordinate
     outside = (design.coordinate < soft - 1e-6) | (design.coordinate > hard + 1e-6)
     if outside.any():
         at = int(np.flatnonzero(outside)[0])
         raise FileError(
-            f"{path.name}: coordinate is {design.coordinate[at]:g} at {design.x_mm[at]:g} mm; "
+            f"{name}: coordinate is {design.coordinate[at]:g} at {design.x_mm[at]:g} mm; "
             f"palette {palette.name} goes from {soft:g} to {hard:g}"
         )
-    return _on_gauge(design, gauge_mm, path.name), notes
 
 
 def _of_csv(path: Path) -> ProfileDesign:
@@ -504,6 +472,12 @@ def _of_csv(path: Path) -> ProfileDesign:
         raise FileError(
             f"{path.name}, line {file.lines[fall[0] + 1]}: x_mm falls from {x[fall[0]]:g} to "
             f"{x[fall[0] + 1]:g}; sort the rows by x_mm"
+        )
+    thrice = np.flatnonzero(x[2:] == x[:-2])
+    if len(thrice):
+        raise FileError(
+            f"{path.name}, line {file.lines[thrice[0] + 2]}: x_mm {x[thrice[0]]:g} stands three "
+            "times; a jump is two rows"
         )
     for name in ("width_mm", "thickness_mm"):
         sizes = file.numbers.get(name, np.ones(1))
