@@ -328,7 +328,7 @@ def _check_size(data: bytes, name: str) -> None:
     calamine holds a sheet as one rectangle, so that a single cell in the last row and column
     would take hundreds of gigabytes.
     """
-    members = {member: b"".join(pieces) for member, pieces in unpacked(data, name, 1 << 32)}
+    members = dict(unpacked(data, name, 1 << 32))
     if not any(m.startswith("xl/") or m == "content.xml" for m in members):
         raise FileError(f"{name}: a zip archive, but no workbook; unpack it and give its files")
     for member, content in members.items():
