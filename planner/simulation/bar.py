@@ -463,7 +463,7 @@ def _check_range(design: ProfileDesign, palette: Palette, name: str) -> None:
 
 
 def _of_csv(path: Path) -> ProfileDesign:
-    file = read_columns(path, _COLUMNS, optional=frozenset({"width_mm", "thickness_mm"}))
+    file = read_columns(path, _COLUMNS, optional=("width_mm", "thickness_mm"))
     x = file.numbers["x_mm"]
     if len(x) < 2:
         raise FileError(f"{path.name}: one point; a profile takes at least the gauge's two ends")
