@@ -483,9 +483,9 @@ def _read_strain_fields(path: Path) -> dict[str, MeasuredField]:
         A bad column or cell, one place twice at one time, or too few places; the message names
         file and line or specimen.
     """
-    file = read_columns(path, _COLUMNS, optional=_FACET, gaps=_FACET, with_specimen=True)
+    file = read_columns(path, _COLUMNS, optional=_FACET, gaps=_FACET, texts=("specimen",))
     rows: dict[str, list[int]] = {}
-    for row, specimen in enumerate(file.texts):
+    for row, specimen in enumerate(file.texts["specimen"]):
         rows.setdefault(specimen, []).append(row)
     fields: dict[str, MeasuredField] = {}
     for specimen, at in rows.items():

@@ -455,7 +455,7 @@ def _check_range(design: ProfileDesign, palette: Palette, where: str) -> None:
 
 
 def _of_csv(path: Path) -> ProfileDesign:
-    file = read_columns(path, _COLUMNS, optional=frozenset(_SECTION))
+    file = read_columns(path, _COLUMNS, optional=_SECTION)
     x = file.numbers["x_mm"]
     before = np.append(x[:1], x[:-1])
     third = np.append([False] * 2, x[2:] == x[:-2])
