@@ -15,9 +15,8 @@ from threadpoolctl import threadpool_limits
 from planner.gap.campaign import Campaign
 from planner.gap.campaign_folder import read_campaign
 from planner.gap.diagnose import LEAST_PROBABILITY, RANKED, prepared
-from planner.gap.evidence.posterior import class_of, evidence_of, ranking_of
 from planner.gap.evidence.problem import Problem
-from planner.gap.evidence.weigh import Priors, weigh
+from planner.gap.evidence.weigh import Priors, class_of, evidence_of, ranking_of, weigh
 from planner.gap.noise import NoisyFeatures, discrepancy_columns
 from planner.numerics import FloatArray
 

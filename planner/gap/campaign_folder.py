@@ -6,7 +6,6 @@ import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from difflib import SequenceMatcher
 from functools import cache
 from pathlib import Path
 from types import MappingProxyType
@@ -94,8 +93,8 @@ def read_list(path: Path) -> tuple[tuple[Row, ...], dict[str, Covariates], list[
                 f"{quantity} and head the column so"
             )
         known = [*SPECIMEN_TEXTS, *SPECIMEN_COLUMNS]
-        near = [n for n in nearest_names(heading, known) if _alike(n, heading)]
-        if near:
+        near = nearest_names(heading, known, _ALIKE)
+        if near and abs(len(near[0]) - len(heading)) <= 2:
             notes.append(
                 f"{path.name}: column {heading!r} is unknown and kept as a covariate; rename it if "
                 f"it means {near[0]}"
@@ -131,12 +130,6 @@ def _quantity(heading: str) -> str | None:
 _ALIKE = 0.85
 """Share of letters in common from which a heading is asked about. Chosen: one wrong letter in
 seven."""
-
-
-def _alike(known: str, heading: str) -> bool:
-    """Say whether two names differ by a letter or two, or by case."""
-    a, b = known.casefold(), heading.casefold()
-    return abs(len(a) - len(b)) <= 2 and SequenceMatcher(None, a, b).ratio() > _ALIKE
 
 
 # ------------------------------------------------------------------------------------------------

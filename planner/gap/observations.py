@@ -699,14 +699,9 @@ def _sensor_sd_N(force_N: FloatArray) -> float:
 
 def _coupon_limit(specimen: Specimen, palette: Palette) -> float:
     """Return the largest strain up to which a specimen may be compared."""
-    among = palette.materials
     if specimen.pushed:
         return PUSHED_END
-    if specimen.part is not None:
-        return float(specimen.part.response.displacement_mm[-1]) / specimen.gauge_mm
-    if specimen.material is not None:
-        among = (palette.resolve(specimen.material),)
-    return _BREAK_SHARE * max(m.elongation_at_break for m in among)
+    return (1.0 if specimen.part else _BREAK_SHARE) * specimen.strain_end(palette, max)
 
 
 def _bar_limits_mm(setup: Setup, prediction: Prediction, palette: Palette) -> dict[int, float]:
@@ -736,31 +731,32 @@ def _bar_limits_mm(setup: Setup, prediction: Prediction, palette: Palette) -> di
 def _limitations(
     specimens: Sequence[Specimen], paths: Mapping[int, Path], past: set[int]
 ) -> Iterable[str]:
-    def ids(places: Iterable[int]) -> str:
-        return named([specimens[place].id for place in sorted(places)])
-
-    lost = set(range(len(specimens))) - set(paths)
-    if lost:
-        yield f"{ids(lost)}: no loading of enough points; left out"
-    broken = {place for place, path in paths.items() if path.broken}
-    if broken:
-        yield f"{ids(broken)}: broke; only what came before is compared"
-    if past & set(paths):
-        yield (
-            f"{ids(past & set(paths))}: compared up to {_BREAK_SHARE:g} times the elongation at "
-            f"break, or to a strain of -{PUSHED_END:g}, only"
-        )
-    many = {place for place, path in paths.items() if any(s.cycles > 1 for s in path.segments)}
-    if many:
-        yield (
-            f"{ids(many)}: of many cycles those between the first and the last are compared in "
-            "groups, at the end of each"
-        )
-    bare = {
-        place
-        for place in paths
-        if specimens[place].part is None
-        and specimens[place].section_mm2(np.array([0.5 * specimens[place].gauge_mm])) is None
-    }
-    if bare:
-        yield f"{ids(bare)}: the section is unknown; it is taken to be 1 mm2"
+    told = (
+        (set(range(len(specimens))) - set(paths), "no loading of enough points; left out"),
+        (
+            {place for place, path in paths.items() if path.broken},
+            "broke; only what came before is compared",
+        ),
+        (
+            past & set(paths),
+            f"compared up to {_BREAK_SHARE:g} times the elongation at break, or to a strain of "
+            f"-{PUSHED_END:g}, only",
+        ),
+        (
+            {place for place, path in paths.items() if any(s.cycles > 1 for s in path.segments)},
+            "of many cycles those between the first and the last are compared in groups, at the "
+            "end of each",
+        ),
+        (
+            {
+                place
+                for place in paths
+                if specimens[place].part is None
+                and specimens[place].section_mm2(np.zeros(1)) is None
+            },
+            "the section is unknown; it is taken to be 1 mm2",
+        ),
+    )
+    for places, what in told:
+        if places:
+            yield f"{named([specimens[place].id for place in sorted(places)])}: {what}"

@@ -644,7 +644,8 @@ def _first_loading(specimen: Specimen) -> tuple[FloatArray, FloatArray]:
     load = specimen.load_N
     stop = _first_turn(specimen.travel_mm) + 1
     stop = int(np.argmax(load[:stop])) + 1
-    return specimen.strain[:stop], load[:stop] / _mean_section_mm2(specimen)
+    section = specimen.section_mm2(_slices(specimen))
+    return specimen.strain[:stop], load[:stop] / (1.0 if section is None else np.mean(section))
 
 
 def _stress_at(strain: FloatArray, stress_MPa: FloatArray, at: FloatArray) -> FloatArray:
@@ -713,7 +714,8 @@ def _log_load(specimen: Specimen, palette: Palette, *, stretched: float = 1.0) -
     """
     strain, stress = _first_loading(specimen)
     strain = strain * stretched
-    end = min(float(strain[-1]), _law_end(specimen, palette))
+    law_end = PUSHED_END if specimen.pushed else specimen.strain_end(palette, min)
+    end = min(float(strain[-1]), law_end)
     at = end * _GRID
     at = at[(at > 0.0) & (at >= strain[0])]
     if len(at) < 3:
@@ -724,21 +726,6 @@ def _log_load(specimen: Specimen, palette: Palette, *, stretched: float = 1.0) -
     if both.sum() < 3:
         return None
     return float(np.median(np.log(measured[both] / predicted[both])))
-
-
-def _law_end(specimen: Specimen, palette: Palette) -> float:
-    if specimen.pushed:
-        return PUSHED_END
-    if specimen.part is not None:
-        return float(specimen.part.response.displacement_mm[-1]) / specimen.gauge_mm
-    if specimen.profile is None:
-        return palette.resolve(specimen.material or "").elongation_at_break
-    return min(m.elongation_at_break for m in palette.materials)
-
-
-def _mean_section_mm2(specimen: Specimen) -> float:
-    section = specimen.section_mm2(_slices(specimen))
-    return 1.0 if section is None else float(np.mean(section))
 
 
 def _slices(specimen: Specimen) -> FloatArray:

@@ -18,7 +18,6 @@ __all__ = [
     "probability",
     "sentence",
     "summary_of",
-    "title",
 ]
 
 
@@ -37,7 +36,7 @@ _AXES: Mapping[str, str] = {
 }
 
 
-def title(effect: str) -> str:
+def _title(effect: str) -> str:
     """Return the name that an effect has in a heading."""
     names = {"none": "no gap", "unknown": "an unknown cause"}
     return EFFECTS[effect].title if effect in EFFECTS else names.get(effect, effect)
@@ -45,7 +44,7 @@ def title(effect: str) -> str:
 
 def cause_words(name: str) -> str:
     """Return a hypothesis in words: "no gap", "water uptake", "strain rate + water uptake"."""
-    return " + ".join(title(e) for e in name.split("+"))
+    return " + ".join(_title(e) for e in name.split("+"))
 
 
 def axis_words(axis: str) -> str:
