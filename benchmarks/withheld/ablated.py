@@ -113,7 +113,7 @@ def problem_of(
     campaign: Campaign, without: tuple[str, ...] = ()
 ) -> tuple[Problem, tuple[str, ...]]:
     """Return a campaign ready for weighing, and the effects that it cannot test."""
-    problem, reasons = prepared(campaign, without)
+    problem, reasons, _ = prepared(campaign, without)
     return problem, tuple(reason.id for reason in reasons)
 
 

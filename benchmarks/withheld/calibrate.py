@@ -56,7 +56,7 @@ __all__ = ["Case", "calibrated", "collected", "main", "mean_log_score", "priors_
 def collected(folder: Path, without: tuple[str, ...] = ()) -> dict[str, Any]:
     """Return what a campaign's ranking goes by, as a document; see `Evidence`."""
     with threadpool_limits(1, user_api="blas"):
-        problem, _ = prepared(read_campaign(folder), without)
+        problem, *_ = prepared(read_campaign(folder), without)
         found = evidence_of(problem, weigh(problem, Priors()))
     return {
         "hypotheses": [

@@ -279,18 +279,6 @@ def _usual_weights(problem: Problem, form: SignedForm) -> FloatArray:
     return weights
 
 
-def _usual_patterns(problem: Problem, ids: Sequence[str]) -> FloatArray:
-    """Return whitened patterns of effects at the middle of their priors, (N, k).
-
-    Every form has one, all forms of an effect together weighing as one.
-    """
-    weights = []
-    for id in ids:
-        forms = [b for b in problem.branches if b.effect.id == id and b.sign > 0.0]
-        weights += [_usual_weights(problem, b) / np.sqrt(len(forms)) for b in forms]
-    return np.asarray(problem.columns[:, problem.nodes] @ np.stack(weights, axis=1))
-
-
 def _batch_level(problem: Problem) -> FloatArray:
     """Return the whitened pattern of the batches' mean a deviation off, (N,).
 
@@ -407,9 +395,14 @@ class Information:
 def _information_of(problem: Problem, asked: Sequence[Effect]) -> Information:
     """Return what each candidate tells, a specimen a batch.
 
-    Nuisances are calibration of the laws, courses, and the level that the batches share.
+    Nuisances are calibration of the laws, courses, and the level that the batches share. Every form
+    has a pattern, all forms of an effect together weighing as one.
     """
-    patterns = _usual_patterns(problem, [effect.id for effect in asked])
+    weights = []
+    for effect in asked:
+        forms = [b for b in problem.branches if b.effect.id == effect.id and b.sign > 0.0]
+        weights += [_usual_weights(problem, b) / np.sqrt(len(forms)) for b in forms]
+    patterns = problem.columns[:, problem.nodes] @ np.stack(weights, axis=1)
     nuisances = problem.columns[:, -problem.nuisances :]
     columns = np.concatenate([patterns, nuisances, _batch_level(problem)[:, None]], axis=1)
     edges = problem.noise.first_row.tolist()
@@ -587,7 +580,10 @@ def design_campaign(
     # Small matrices: more threads only change the last digits.
     with one_blas_thread():
         say("forward model of all candidates")
-        problem = _problem(plan, tuple(library.values()))
+        # As measured without any effect: with the sensors' noise figures are as uncertain as ever.
+        made = synthetic_campaign(plan, (), np.random.default_rng(0), scatter=0.0)
+        made = replace(made, covariates=())
+        problem = set_up(made, observation_model(made), tuple(library.values()))
         say("choosing conditions")
         told = _information_of(problem, [library[id] for id in asked])
         counts = _testable(problem, told, [library[id] for id in asked])
@@ -628,16 +624,6 @@ def _check(asked: Sequence[str], budget: int, size: Mapping[str, float]) -> None
             raise ArgumentError(
                 f"`{name}` {value:g}: it must be from {_SMALLEST_mm:g} to {_LARGEST_mm:g}"
             )
-
-
-def _problem(plan: Campaign, effects: Sequence[Effect]) -> Problem:
-    """Return the candidates as a campaign that was measured without any effect.
-
-    Forces have the sensors' noise, so that figures are as uncertain as they will be.
-    """
-    made = synthetic_campaign(plan, (), np.random.default_rng(0), scatter=0.0)
-    made = replace(made, covariates=())
-    return set_up(made, observation_model(made), effects)
 
 
 def _campaign(plan: Campaign, counts: IntArray, asked: Sequence[str]) -> Campaign:

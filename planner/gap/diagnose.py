@@ -3,7 +3,6 @@
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from types import MappingProxyType
 
 import numpy as np
 
@@ -25,6 +24,7 @@ from planner.gap.diagnosis import (
     Diagnosis,
     Effects,
     Location,
+    QualityProblem,
     Traces,
     UnitOf,
     Untestable,
@@ -32,7 +32,7 @@ from planner.gap.diagnosis import (
     signed_error,
 )
 from planner.gap.effect import untestable
-from planner.gap.effects import EFFECTS, effect_named, effects_for
+from planner.gap.effects import EFFECTS, TESTS, effect_named, effects_for
 from planner.gap.evidence.problem import Problem, applied, set_up, specimen_forces_N
 from planner.gap.evidence.settle import World
 from planner.gap.evidence.surrogate import Candidate
@@ -192,20 +192,6 @@ def _label(specimen: Specimen, specimens: tuple[Specimen, ...]) -> str:
 # Effects that could not be tested, but would show where the verdict's effects do.
 
 
-_TESTS: Mapping[str, str] = MappingProxyType(
-    {
-        "rate_mm_s": "test at two speeds that differ tenfold, and write rate_mm_s down",
-        "hold": "hold a specimen at a strain",
-        "temperature_C": "test at two temperatures 10 K apart, and write temperature_C down",
-        "soak_h": "test specimens soaked for a day and dry ones, and write soak_h down",
-        "age_days": "test specimens of two ages weeks apart, and write age_days down",
-        "orientation": "print specimens along two directions, and write orientation down",
-        "materials": "test a second material of the palette",
-        "section": "measure width and thickness",
-    }
-)
-"""What makes a covariate or channel serve."""
-
 _NEVER_THERE = frozenset({"unloading", "bar"})
 """Channels without which an effect does not act: what was never unloaded has no set, what was
 printed of one material no boundary."""
@@ -231,7 +217,7 @@ def _confounders(effects: Sequence[str], not_testable: Sequence[Untestable]) -> 
         if not alike or _NEVER_THERE & set(needs):
             continue
         axes = [axis for axis in other.where if any(axis in EFFECTS[id].where for id in alike)]
-        tests = " and ".join(", or ".join(_TESTS[n] for n in need.split("|")) for need in needs)
+        tests = " and ".join(", or ".join(TESTS[n] for n in need.split("|")) for need in needs)
         settle = f"; to settle it, {tests}" if tests else ""
         yield (
             f"{other.id} could not be tested ({one.reason}), but shows along "
@@ -307,7 +293,7 @@ def diagnose(
     priors = priors or Priors()
     # Small matrices: more threads only get into each other's way, and change the last digits.
     with one_blas_thread():
-        problem, reasons = prepared(campaign, without, progress)
+        problem, reasons, data_quality = prepared(campaign, without, progress)
         campaign, model = problem.campaign, problem.model
         weighed = weigh(problem, priors)
         rng = np.random.default_rng(seed)
@@ -321,7 +307,6 @@ def diagnose(
         )
         where, remainder = _places_of(problem, chosen, rng)
         same_class = class_of(problem, weighed, ranking, verdict)
-        data_quality = examine(campaign)
         mending = [problem.unit_of for problem in data_quality if problem.unit_of is not None]
         found = Diagnosis(
             campaign=campaign.name,
@@ -368,24 +353,30 @@ def _units_of(
 
 def prepared(
     campaign: Campaign, without: Sequence[str] = (), progress: _Progress | None = None
-) -> tuple[Problem, tuple[Untestable, ...]]:
-    """Return a campaign ready for weighing, and the effects that it says nothing about."""
+) -> tuple[Problem, tuple[Untestable, ...], tuple[QualityProblem, ...]]:
+    """Return a campaign ready for weighing, the effects that it says nothing about, and its faults.
+
+    Of specimens that cannot be compared none is told.
+    """
     for id in without:
         effect_named(id, EFFECTS, "`without`")
     campaign = with_modes(campaign)
     library = {id: e for id, e in effects_for(campaign.palette).items() if id not in without}
     reasons = {id: untestable(effect, campaign) for id, effect in library.items()}
     effects = [effect for id, effect in library.items() if reasons[id] is None]
-    problem = set_up(*_comparable(campaign), effects, progress, _strays(campaign))
-    return problem, tuple(Untestable(id, told) for id, told in reasons.items() if told is not None)
+    campaign, model = _comparable(campaign)
+    quality = examine(campaign)
+    problem = set_up(campaign, model, effects, progress, _strays(campaign, quality))
+    untold = (Untestable(id, told) for id, told in reasons.items() if told is not None)
+    return problem, tuple(untold), quality
 
 
-def _strays(campaign: Campaign) -> set[str]:
+def _strays(campaign: Campaign, quality: Sequence[QualityProblem]) -> set[str]:
     """Return the specimen that differs from its replicates by more than scatter, if one does.
 
     Or the two of which it cannot be told. Several are no strays: something sets them apart.
     """
-    off = {p.specimen for p in examine(campaign) if p.kind in ("outlier", "units")}
+    off = {p.specimen for p in quality if p.kind in ("outlier", "units")}
     found = {s.id for s in campaign.specimens if s.id in off}
     alike = [{campaign.specimens[k].id for k in g} for g in replicate_groups(campaign.specimens)]
     return found if len(found) == 1 or found in alike else set()

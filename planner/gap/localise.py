@@ -22,7 +22,6 @@ __all__ = [
     "axis_patterns",
     "localise",
     "specimen_patterns",
-    "tail_p",
 ]
 
 
@@ -252,19 +251,11 @@ class Whitening:
         """Rows of specimen i are ``starts[i]`` to ``starts[i + 1]``, (n + 1,)."""
         return self.noise.first_row
 
-    @property
-    def of_row(self) -> IntArray:
-        """Number of each row's specimen, (N,)."""
-        return np.repeat(np.arange(len(self.starts) - 1), np.diff(self.starts))
-
-    def of_all(self, whitened: FloatArray) -> FloatArray:
-        """Return what the noise has whitened with that whitened which specimens share."""
+    def __call__(self, columns: FloatArray) -> FloatArray:
+        """Return columns, (N, ...), whitened: each specimen's own noise, then what they share."""
+        whitened = self.noise.whiten(columns)
         along = (self.directions.T @ whitened).T * self.shrink
         return np.asarray(whitened - self.directions @ along.T, dtype=np.float64)
-
-    def __call__(self, columns: FloatArray) -> FloatArray:
-        """Return columns, (N, ...), whitened."""
-        return self.of_all(self.noise.whiten(columns))
 
     def summed(self, values: FloatArray) -> FloatArray:
         """Return sums over each specimen's rows, (n, ...)."""
@@ -311,9 +302,9 @@ _TIES = 1e-9
 
 def _family_wise(axes: Sequence["_Axis"]) -> FloatArray:
     """Return family-wise p-values of axes, (A,), from statistics like p-values."""
-    own = [max(a.p, tail_p(-math.log(a.p), -np.log(a.drawn_p), 1.0)) for a in axes]
+    own = [max(a.p, _tail_p(-math.log(a.p), -np.log(a.drawn_p), 1.0)) for a in axes]
     clearest = -np.log(np.min([_rank_p(-a.drawn_p) for a in axes], axis=0))
-    return np.array([max(p, tail_p(-math.log(p), clearest, 1.0)) for p in own])
+    return np.array([max(p, _tail_p(-math.log(p), clearest, 1.0)) for p in own])
 
 
 def _rank_p(drawn: FloatArray) -> FloatArray:
@@ -337,7 +328,7 @@ def _share_p(explained: FloatArray, left: FloatArray, k: float, freedom: float) 
     return np.maximum(scipy.special.betainc(0.5 * freedom, 0.5 * k, left_over), 1e-300)
 
 
-def tail_p(seen: float, drawn: FloatArray, thinnest: float) -> float:
+def _tail_p(seen: float, drawn: FloatArray, thinnest: float) -> float:
     """Return the chance of a statistic as large as that seen, by draws and their exponential tail.
 
     Parameters
@@ -605,7 +596,7 @@ that what merely goes along with the first ranks behind what does not, and befor
 
 def _ranked(axes: Sequence[_Axis], p: FloatArray, case: _Case) -> tuple[list[int], list[float]]:
     """Return the order of axes, and what each adds to the first as a share of its own."""
-    cost = math.log(max(len(case.whitening.starts) - 1, 2))
+    cost = math.log(max(len(case.campaign.specimens), 2))
     alone = [max(case.explained(a) - (cost - 1.0) * a.basis.shape[1], 0.0) for a in axes]
     found = [i for i in range(len(axes)) if p[i] <= SIGNIFICANT]
     if not found:
@@ -654,7 +645,7 @@ def _column_parts(case: _Case, name: str, cells: Sequence[float | str | None]) -
     phrase = known.at if known else f"where {name} is {{}}"
     phrase = "in {}" if name == "material" else phrase
     for label, members in _groups(name, cells):
-        rows = ~case.table.is_field & members[case.whitening.of_row]
+        rows = ~case.table.is_field & members[case.table.specimen]
         yield rows, phrase.format(label), int(members.sum())
 
 
@@ -888,7 +879,7 @@ def _position_axes(case: _Case) -> Iterator[_Axis]:
 
     A factor on all local strains of a bar is no matter of position.
     """
-    whitening, of_row = case.whitening, case.whitening.of_row
+    whitening, of_row = case.whitening, case.table.specimen
     if "position" not in case.patterns:
         return
     is_bar = of_row[:, None] == np.unique(of_row[case.table.is_field])
@@ -954,8 +945,8 @@ def _outlying_axes(case: _Case) -> Iterator[_Axis]:
             break
         shift[worst] = float(difference[worst])
         left[worst] = False
-    is_named = whitening.of_row[:, None] == list(shift)
+    is_named = case.table.specimen[:, None] == list(shift)
     basis = case.basis(np.where(is_named, case.force[:, None], 0.0))
-    p = tail_p(math.log(max(farthest[0], 1e-9)), np.log(farthest[1:]), _THINNEST)
+    p = _tail_p(math.log(max(farthest[0], 1e-9)), np.log(farthest[1:]), _THINNEST)
     sentence = _outliers_sentence({case.campaign.specimens[i].id: shift[i] for i in shift})
     yield _Axis("specimen", basis, p, _rank_p(farthest[1:]), sentence)

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -44,7 +45,6 @@ __all__ = [
     "SIDES",
     "FeatureTable",
     "ObservationModel",
-    "bins_of",
     "observation_model",
     "seen_shares",
 ]
@@ -306,7 +306,7 @@ def _frames_of(field: StrainField, path: Path) -> tuple[FloatArray, FloatArray]:
     return np.interp(time[inside], path.time_s, path.travel_mm), field.strain[inside]
 
 
-def bins_of(field: StrainField, setup: Setup, number: int) -> Bins:
+def _bins_of(field: StrainField, setup: Setup, number: int) -> Bins:
     """Return the bins of a camera's places along a bar, by number among the setup's tests."""
     x, gauge = field.x_mm, float(setup.gauge_mm[number])
     count = max(1, min(_BINS_MOST, len(x) // _PLACES_LEAST))
@@ -420,7 +420,7 @@ def _feature_table(
         seen = specimens[place].strain_field
         if seen is None or setup.designs[number] is None:
             continue
-        bins = bins_of(seen, setup, number)
+        bins = _bins_of(seen, setup, number)
         for step in (test.step_at(0, fraction) for fraction in test.frames):
             means = bins.means(seen, paths[place], float(travel[step]))
             if means is None:
@@ -435,20 +435,14 @@ def _feature_table(
     for row, _, bins in seen_at:
         here = slice(row, row + len(bins.x_mm))
         places[here], overlap[here, : len(bins.x_mm)] = bins.places, bins.overlap
-    *at, strain, time, x, floors, raw = np.array(rows).T
-    specimen, of_test, step, branch = (column.astype(np.int64) for column in at)
+    numbers = ("specimen", "test", "step", "branch")
+    figures = ("strain", "time_s", "x_mm", "floor", "measured_raw")
+    columns: dict[str, Any] = dict(zip((*numbers, *figures), np.array(rows).T, strict=True))
+    columns |= {name: columns[name].astype(np.int64) for name in numbers}
     table = FeatureTable(
-        specimen=specimen,
-        test=of_test,
-        replicates=alike[specimen],
-        step=step,
-        branch=branch,
-        strain=strain,
-        time_s=time,
-        x_mm=x,
-        floor=floors,
-        measured=np.arcsinh(raw / (2.0 * floors)),
-        measured_raw=raw,
+        **columns,
+        replicates=alike[columns["specimen"]],
+        measured=np.arcsinh(columns["measured_raw"] / (2.0 * columns["floor"])),
         places=places,
         overlap=overlap,
     )

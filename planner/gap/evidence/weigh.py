@@ -41,7 +41,6 @@ __all__ = [
     "reweigh",
     "verdict_of",
     "weigh",
-    "weigh_subset",
 ]
 
 
@@ -164,13 +163,11 @@ def _best_subset(
         square = gamma * gamma
         for s in range(m):
             odds = np.log(shares[s] / (1.0 - shares[s]))
+            pull[:] = 0.0
             for i in range(n):
                 belief[i] = 1.0 if gamma * likeliest[i] > 0.5 * square else 0.0
-            for i in range(n):
-                total = 0.0
                 for j in range(n):
-                    total += h[i, j] * belief[j]
-                pull[i] = total
+                    pull[j] += h[j, i] * belief[i]
             for _ in range(_ROUNDS):
                 moved = 0.0
                 for i in range(n):
@@ -203,7 +200,7 @@ def _best_subset(
     return best
 
 
-def weigh_subset(
+def _weigh_subset(
     residual: FloatArray, gains: FloatArray, beside: Candidate, scatter: Scatter
 ) -> Candidate:
     """Return the best subset beside a candidate, with the log evidence of there being one.
@@ -469,7 +466,7 @@ def _of_some(world: World, logs: "_LogPriors", one: Settled) -> Candidate:
     e = one.eliminated(world, problem.columns[:, problem.gains])
     beside = one.weighed(world, e)
     scatter = replace(problem.scatter, specimen=problem.scatter.specimen * world.scale)
-    found = weigh_subset(e.products[1:, 0], e.products[1:, 1:], beside, scatter)
+    found = _weigh_subset(e.products[1:, 0], e.products[1:, 1:], beside, scatter)
     log_prior = logs.forms(beside) + float(np.log(_OF_SOME))
     return replace(found, log_evidence=found.log_evidence + log_prior)
 
@@ -1003,37 +1000,30 @@ def found_effects(
     one, found, first = weighed.settled_as(candidate), [], 0
     at, sd = one.coordinates, one.deviations()
     for branch, place in candidate.parts:
-        own = slice(first, first + len(branch.coordinates(place)))
-        found.append(_found(branch, at[own], sd[own]))
-        first = own.stop
+        own = slice(first, first := first + len(branch.coordinates(place)))
+        ends = [branch.place(at[own] + step * sd[own]) for step in (-_TAIL, 0.0, _TAIL)]
+        low, middle, high = map(branch.values, ends)
+        interval = {n: (min(low[n], high[n]), max(low[n], high[n])) for n in middle}
+        units = {p.name: p.unit for p in branch.form.parameters}
+        units |= dict.fromkeys(branch.form.details, "1")
+        found.append(FoundEffect(branch.effect.id, branch.form.name, middle, interval, units))
     if candidate.members is not None:
-        h = weighed.plain.products(problem.columns[:, problem.gains])
-        found.append(_gain_found(problem, h, candidate.members, candidate.log_gain))
+        members = candidate.members
+        inner = weighed.plain.products(problem.columns[:, problem.gains])
+        sd_of_log = 1.0 / np.sqrt(max(float(members @ inner @ members), 1e-12))
+        factor, reach = float(np.exp(candidate.log_gain)), float(np.exp(_TAIL * sd_of_log))
+        some = zip(problem.campaign.specimens, members, strict=True)
+        found.append(
+            FoundEffect(
+                _GAIN,
+                "of-some-specimens",
+                {"factor": factor},
+                {"factor": (factor / reach, factor * reach)},
+                {"factor": "1"},
+                tuple(s.id for s, member in some if member),
+            )
+        )
     return tuple(sorted(found, key=lambda effect: effect.id))
-
-
-def _gain_found(
-    problem: Problem, inner: FloatArray, members: FloatArray, log_gain: float
-) -> FoundEffect:
-    sd = 1.0 / np.sqrt(max(float(members @ inner @ members), 1e-12))
-    factor, reach = float(np.exp(log_gain)), float(np.exp(_TAIL * sd))
-    return FoundEffect(
-        _GAIN,
-        "of-some-specimens",
-        {"factor": factor},
-        {"factor": (factor / reach, factor * reach)},
-        {"factor": "1"},
-        tuple(s.id for s, m in zip(problem.campaign.specimens, members, strict=True) if m),
-    )
-
-
-def _found(branch: SignedForm, at: FloatArray, sd: FloatArray) -> FoundEffect:
-    ends = [branch.values(branch.place(at + step * sd)) for step in (-_TAIL, 0.0, _TAIL)]
-    low, middle, high = ends
-    interval = {name: (min(low[name], high[name]), max(low[name], high[name])) for name in middle}
-    units = {p.name: p.unit for p in branch.form.parameters}
-    units |= dict.fromkeys(branch.form.details, "1")
-    return FoundEffect(branch.effect.id, branch.form.name, middle, interval, units)
 
 
 # ------------------------------------------------------------------------------------------------
