@@ -494,10 +494,7 @@ class Campaign:
         KeyError
             There is none of that id.
         """
-        for specimen in self.specimens:
-            if specimen.id == id:
-                return specimen
-        raise KeyError(id)
+        return {specimen.id: specimen for specimen in self.specimens}[id]
 
     def replicates(self) -> tuple[tuple[Specimen, ...], ...]:
         """Return the specimens grouped by condition, singles included."""

@@ -4,6 +4,7 @@ import contextlib
 import json
 import math
 import re
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -581,7 +582,7 @@ def has_curves(folder: Path) -> bool:
     return path.is_file() and sum(map(bool, map(bytes.strip, read_file(path).splitlines()))) > 1
 
 
-_Noted = dict[str, list[str]]
+_Noted = defaultdict[str, list[str]]
 """Notes with the specimens that each applies to, in order of appearance."""
 
 
@@ -626,24 +627,24 @@ def read_campaign(
     file = read_campaign_file(folder)
     palette = campaign_palette(file, folder, palette)
     rows, covariates, slips = read_list(path_within(folder, SPECIMENS))
-    noted: _Noted = {note: [] for note in slips}
+    noted: _Noted = defaultdict(list, {note: [] for note in slips})
     tables = _tables(folder, rows, noted)
     fields, listed = _read_fields(folder), {row.specimen for row in rows}
     for stray in (specimen for specimen in fields.rows if specimen not in listed):
-        _note(noted, f"in {_FIELDS} but no row in {SPECIMENS}; left out", stray)
+        noted[f"in {_FIELDS} but no row in {SPECIMENS}; left out"].append(stray)
     units = stated_units(unit_of, {row.specimen: row.material for row in rows})
     reader = ListReader(folder / SPECIMENS, palette)
     specimens: list[Specimen] = []
     for row in rows:
         if row.specimen not in tables:
-            _note(noted, "no curve; left out", row.specimen)
+            noted["no curve; left out"].append(row.specimen)
             continue
         id, where = row.specimen, f"specimen {row.specimen} ({tables[row.specimen].file})"
         table = in_stated_units(tables[id], units.get(id, {}), where, named=False)
         specimen, notes = _specimen(row, table, where, fields, covariates[id], reader)
         specimens.append(specimen)
         for note in notes:
-            _note(noted, note, id)
+            noted[note].append(id)
     if not specimens:
         raise FileError(
             f"{folder}: none of the {len(rows)} specimens has a curve; the column 'specimen' of "
@@ -658,10 +659,6 @@ def read_campaign(
         notes=file.notes,
         remarks=tuple(f"{named(ids)}: {note}" if ids else note for note, ids in noted.items()),
     )
-
-
-def _note(noted: _Noted, note: str, id: str) -> None:
-    noted.setdefault(note, []).append(id)
 
 
 class ListReader:
@@ -773,7 +770,7 @@ def _tables(folder: Path, rows: Sequence[Row], noted: _Noted) -> dict[str, Tensi
             if listed is None and (question := did_you_mean(table.specimen, by_id)):
                 hint = f"; {question.rstrip()}"
             said = f"a curve in {name} but no row in {SPECIMENS}{hint}; left out"
-            _note(noted, said, table.specimen)
+            noted[said].append(table.specimen)
     return found
 
 
