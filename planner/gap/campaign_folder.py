@@ -1,7 +1,6 @@
 """A campaign's folder, read and written."""
 
 import contextlib
-import json
 import math
 import re
 from collections import defaultdict
@@ -16,7 +15,7 @@ import msgspec
 import numpy as np
 
 from planner.errors import ArgumentError, FileError, UnknownNameError, did_you_mean, nearest_names
-from planner.formats.files import decode_toml, path_within, read_file
+from planner.formats.files import decode_toml, path_within, read_file, toml_text
 from planner.formats.headings import mode_of
 from planner.formats.outputs import new_folder
 from planner.formats.specimens import (
@@ -887,11 +886,7 @@ def _campaign_toml(campaign: Campaign) -> bytes:
     pairs = {"name": campaign.name, "printer": campaign.printer, "palette": "palette.toml"}
     if campaign.notes:
         pairs["notes"] = campaign.notes
-    # JSON's strings are TOML's, but for DEL, which JSON lets through.
-    lines = [
-        f"{key} = {json.dumps(value, ensure_ascii=False)}".replace("\x7f", "\\u007f")
-        for key, value in pairs.items()
-    ]
+    lines = [f"{key} = {toml_text(value)}" for key, value in pairs.items()]
     return ("\n".join(["schema = 1", *lines]) + "\n").encode("utf-8")
 
 
