@@ -3,7 +3,7 @@
 import gc
 import importlib
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
@@ -19,7 +19,7 @@ __all__ = [
     "IntArray",
     "Point",
     "at_first_compilation",
-    "freeze_arrays",
+    "freeze",
     "inner_kernel",
     "interrupted",
     "kernel",
@@ -38,8 +38,8 @@ BoolArray: TypeAlias = NDArray[np.bool_]
 Point: TypeAlias = tuple[float, float, float]
 
 
-def freeze_arrays(value: object, names: Iterable[str]) -> None:
-    """Make copies as floats, never to be changed, of arrays that a frozen dataclass was given."""
+def freeze(value: object, *names: str) -> None:
+    """Make arrays of a frozen dataclass that is being made its own, doubles, and unchangeable."""
     for name in names:
         if getattr(value, name) is not None:
             array = np.array(getattr(value, name), dtype=np.float64)

@@ -12,7 +12,7 @@ from planner.errors import FileError
 from planner.formats.specimens import SPECIMEN_COLUMNS, SpecimenConditions
 from planner.glance import brief, counted, one_line, plotted
 from planner.materials.characterise import check_record
-from planner.numerics import FloatArray, freeze_arrays
+from planner.numerics import FloatArray, freeze
 from planner.palette import Palette
 from planner.simulation.bar import ProfileDesign
 from planner.simulation.part_response import PartResponse
@@ -64,7 +64,7 @@ class StrainField:
     __repr__ = brief
 
     def __post_init__(self) -> None:
-        freeze_arrays(self, ("time_s", "x_mm", "strain"))
+        freeze(self, "time_s", "x_mm", "strain")
         shape = (len(self.time_s), len(self.x_mm))
         if self.strain.shape != shape:
             raise FileError(f"strain field: shape {self.strain.shape}; it must be {shape}")
@@ -146,7 +146,7 @@ class Specimen(SpecimenConditions):
         return f"{self.id}: {self.made_of}, {self.protocol}, {counted(len(self.time_s), 'point')}"
 
     def __post_init__(self) -> None:
-        freeze_arrays(self, _RECORD)
+        freeze(self, *_RECORD)
         where = f"specimen {self.id}"
         check_record(where, {name: getattr(self, name) for name in _RECORD})
         if sum(of is not None for of in (self.material, self.profile, self.part)) != 1:

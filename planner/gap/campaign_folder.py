@@ -487,8 +487,8 @@ def _read_fields(folder: Path) -> _Fields:
     if not (folder / _FIELDS).is_file():
         return _Fields({}, np.zeros(0, np.int64), rows)
     path = path_within(folder, _FIELDS)
-    file = read_columns(path, _COLUMNS, optional=_FACET, gaps=_FACET, with_specimen=True)
-    for row, specimen in enumerate(file.texts):
+    file = read_columns(path, _COLUMNS, optional=_FACET, gaps=_FACET, texts=("specimen",))
+    for row, specimen in enumerate(file.texts["specimen"]):
         rows.setdefault(specimen, []).append(row)
     return _Fields(file.numbers, np.array(file.lines), rows)
 
@@ -722,7 +722,7 @@ class ListReader:
             )
         plan = plan_file(path)
         # The solid's solver is slow to import, and few campaigns hold parts.
-        from planner.simulation.part_sensitivity import part_response
+        from planner.simulation.response import part_response
 
         supports = re.split(r"\s*;\s*", fix)
         try:

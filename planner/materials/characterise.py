@@ -10,7 +10,7 @@ import numpy as np
 from planner.errors import ArgumentError, FileError
 from planner.glance import brief
 from planner.notes import Caution
-from planner.numerics import BoolArray, FloatArray, IntArray, freeze_arrays
+from planner.numerics import BoolArray, FloatArray, IntArray, freeze
 
 __all__ = [
     "BROKEN_SHARE",
@@ -76,7 +76,7 @@ class Curve:
     __repr__ = brief
 
     def __post_init__(self) -> None:
-        freeze_arrays(self, ("strain", "stress_MPa", "time_s"))
+        freeze(self, "strain", "stress_MPa", "time_s")
         columns = {"strain": self.strain, "stress_MPa": self.stress_MPa}
         time = {} if self.time_s is None else {"time_s": self.time_s}
         check_record(f"specimen {self.specimen}", columns | time)

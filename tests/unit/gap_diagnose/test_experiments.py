@@ -114,6 +114,7 @@ def test_diagnoses_ask_for_three(of_rate: Diagnosis, of_nothing: Diagnosis) -> N
             assert x.detail
 
 
+@pytest.mark.slow
 def test_rigid_materials_alone_have_a_diagnosis_and_no_test_to_propose(rate_campaign) -> None:
     palette = rate_campaign.palette
     rigid = tuple(replace(m, deformation="plastic") for m in palette.materials)
