@@ -160,7 +160,8 @@ def _cause(d: Diagnosis) -> str:
         )
     clauses = "; and ".join(EFFECTS[e].clause if e in EFFECTS else e for e in effects)
     unsure = "No cause is sure; the likeliest"
-    if d.ranking[0].name in ("none", "unknown"):  # named causes together are the likeliest kind
+    # Named causes together are the likeliest kind. A file may have no ranking.
+    if any(h.name in ("none", "unknown") for h in d.ranking[:1]):
         named = sum(h.probability for h in d.ranking if h.name not in ("none", "unknown"))
         some = "that an effect tested here is at work has"
         unsure = f"No cause is sure: {some} probability {probability(named)}, and the likeliest"
