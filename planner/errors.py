@@ -109,10 +109,14 @@ class OutputError(PlannerError):
     """A result that cannot be written: no permission, no space, or already there."""
 
 
-def nearest_names(name: str, known: Iterable[str]) -> list[str]:
-    """Return up to three of `known` that `name` may be a slip of, nearest first."""
+def nearest_names(name: str, known: Iterable[str], least: float = 0.55) -> list[str]:
+    """Return up to three of `known` that `name` may be a slip of, nearest first.
+
+    They share with it at least that share of letters.
+    """
     folded = {k.casefold(): k for k in known}
-    return [folded[f] for f in difflib.get_close_matches(name.casefold(), folded, n=3, cutoff=0.55)]
+    near = difflib.get_close_matches(name.casefold(), folded, n=3, cutoff=least)
+    return [folded[f] for f in near]
 
 
 def did_you_mean(name: str, known: Iterable[str], most: int = 1) -> str:

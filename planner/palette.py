@@ -7,7 +7,6 @@ Connex3), not a volume fraction. A palette is data alone: the laws' mathematics 
 
 import hashlib
 import itertools
-import json
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -19,7 +18,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import msgspec
 
 from planner.errors import FileError, PaletteError, UnknownNameError, did_you_mean
-from planner.formats.files import SIGNIFICANT_DIGITS, decode_toml, read_file
+from planner.formats.files import SIGNIFICANT_DIGITS, decode_toml, read_file, toml_text
 from planner.formats.outputs import check_absent, write_whole
 from planner.glance import brief, counted, html_of, one_line, plotted
 
@@ -600,12 +599,12 @@ def write_palette(palette: Palette, output: str | Path, *, force: bool = False) 
 
 def _lines(palette: Palette) -> Iterator[str]:
     yield "schema = 1"
-    yield f"name = {_text(palette.name)}"
+    yield f"name = {toml_text(palette.name)}"
     yield 'kind = "palette"'
     if palette.source:
-        yield f"source = {_text(palette.source)}"
+        yield f"source = {toml_text(palette.source)}"
     if palette.base_resins:
-        yield f"base_resins = [{', '.join(map(_text, palette.base_resins))}]"
+        yield f"base_resins = [{', '.join(map(toml_text, palette.base_resins))}]"
     conditions = asdict(palette.reference)
     if any(value is not None for value in conditions.values()):
         yield from ("", "[reference]")
@@ -626,18 +625,18 @@ def _lines(palette: Palette) -> Iterator[str]:
 
 def _toml_material(material: Material) -> Iterator[str]:
     default = Material("", 0.0, 0.0, 0.0, material.law)
-    yield f"id = {_text(material.id)}"
+    yield f"id = {toml_text(material.id)}"
     if material.aliases:
-        yield f"aliases = [{', '.join(_text(a) for a in material.aliases)}]"
+        yield f"aliases = [{', '.join(toml_text(a) for a in material.aliases)}]"
     yield f"coordinate = {_number(material.coordinate)}"
     yield f"elongation_at_break = {_number(material.elongation_at_break)}"
     yield f"density_g_cm3 = {_number(material.density_g_cm3)}"
-    yield f"deformation = {_text(material.deformation)}"
+    yield f"deformation = {toml_text(material.deformation)}"
     yield f"modulus_log_sd = {_number(material.modulus_log_sd)}"
     if material.colour != default.colour:
-        yield f"colour = {_text(material.colour)}"
+        yield f"colour = {toml_text(material.colour)}"
     if material.source:
-        yield f"source = {_text(material.source)}"
+        yield f"source = {toml_text(material.source)}"
     yield from _toml_law("law", material.law)
     if material.published is not None:
         yield from _toml_law("published", material.published)
@@ -645,16 +644,16 @@ def _toml_material(material: Material) -> Iterator[str]:
         yield from _uncertainty(material.uncertainty)
     for reading in material.readings:
         yield "[[material.reading]]"
-        yield f"name = {_text(reading.name)}"
+        yield f"name = {toml_text(reading.name)}"
         yield f"modulus_log_sd = {_number(reading.modulus_log_sd)}"
         if reading.source:
-            yield f"source = {_text(reading.source)}"
+            yield f"source = {toml_text(reading.source)}"
         yield from _toml_law("reading.law", reading.law)
 
 
 def _toml_law(key: str, law: LawParameters) -> Iterator[str]:
     yield f"[material.{key}]"
-    yield f"model = {_text(law.model)}"
+    yield f"model = {toml_text(law.model)}"
     for symbol, values in law.parameters.items():
         single = LAW_PARAMETERS[law.model][symbol] == 1
         yield f"{symbol} = {_number(values[0]) if single else _toml_list(values)}"
@@ -685,7 +684,7 @@ def _uncertainty(uncertainty: Uncertainty) -> Iterator[str]:
 def _pairs(values: Mapping[str, str | float | None]) -> Iterator[str]:
     for key, value in values.items():
         if isinstance(value, str):
-            yield f"{key} = {_text(value)}"
+            yield f"{key} = {toml_text(value)}"
         elif value is not None:
             yield f"{key} = {value if isinstance(value, int) else _number(value)}"
 
@@ -700,8 +699,3 @@ def _number(value: float) -> str:
         return "inf" if value > 0 else "-inf"
     rounded = float(f"{value:.{SIGNIFICANT_DIGITS}g}") + 0.0  # + 0.0 turns -0.0 into 0.0
     return repr(rounded)
-
-
-def _text(value: str) -> str:
-    """Write a TOML basic string: JSON's escapes, and DEL, which JSON lets through."""
-    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")

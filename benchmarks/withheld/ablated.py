@@ -15,9 +15,8 @@ from threadpoolctl import threadpool_limits
 from planner.gap.campaign import Campaign
 from planner.gap.campaign_folder import read_campaign
 from planner.gap.diagnose import LEAST_PROBABILITY, RANKED, prepared
-from planner.gap.evidence.posterior import class_of, evidence_of, ranking_of
 from planner.gap.evidence.problem import Problem
-from planner.gap.evidence.weigh import Priors, weigh
+from planner.gap.evidence.weigh import Priors, class_of, evidence_of, ranking_of, weigh
 from planner.gap.noise import NoisyFeatures, discrepancy_columns
 from planner.numerics import FloatArray
 
@@ -114,7 +113,7 @@ def problem_of(
     campaign: Campaign, without: tuple[str, ...] = ()
 ) -> tuple[Problem, tuple[str, ...]]:
     """Return a campaign ready for weighing, and the effects that it cannot test."""
-    problem, reasons = prepared(campaign, without)
+    problem, reasons, _ = prepared(campaign, without)
     return problem, tuple(reason.id for reason in reasons)
 
 

@@ -35,8 +35,15 @@ from benchmarks.withheld.targets import LEFT_OUT
 from planner.cli.output import progress
 from planner.gap.campaign_folder import read_campaign
 from planner.gap.diagnose import prepared
-from planner.gap.evidence.posterior import Evidence, evidence_of, ranking_of
-from planner.gap.evidence.weigh import ANY, HypothesisKey, Priors, weigh
+from planner.gap.evidence.weigh import (
+    ANY,
+    Evidence,
+    HypothesisKey,
+    Priors,
+    evidence_of,
+    ranking_of,
+    weigh,
+)
 from planner.numerics import FloatArray
 
 __all__ = ["Case", "calibrated", "collected", "main", "mean_log_score", "priors_of", "vector"]
@@ -49,7 +56,7 @@ __all__ = ["Case", "calibrated", "collected", "main", "mean_log_score", "priors_
 def collected(folder: Path, without: tuple[str, ...] = ()) -> dict[str, Any]:
     """Return what a campaign's ranking goes by, as a document; see `Evidence`."""
     with threadpool_limits(1, user_api="blas"):
-        problem, _ = prepared(read_campaign(folder), without)
+        problem, *_ = prepared(read_campaign(folder), without)
         found = evidence_of(problem, weigh(problem, Priors()))
     return {
         "hypotheses": [

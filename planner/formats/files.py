@@ -21,6 +21,7 @@ __all__ = [
     "free_memory_bytes",
     "path_within",
     "read_file",
+    "toml_text",
 ]
 
 
@@ -134,6 +135,11 @@ def decode_toml(data: bytes, name: str) -> dict[str, Any]:
         return tomllib.loads(data.decode("utf-8"))
     except (ValueError, RecursionError) as error:  # the first of text, of TOML and of long numbers
         raise FileError(f"{name}: not a TOML file: {error}") from error
+
+
+def toml_text(value: str) -> str:
+    """Write a TOML basic string: JSON's escapes, and DEL, which JSON lets through."""
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 # ------------------------------------------------------------------------------------------------

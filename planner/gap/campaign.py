@@ -1,7 +1,7 @@
 """A campaign: what a lab measured, on which specimens, under which conditions."""
 
 from collections import Counter
-from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING
@@ -27,6 +27,7 @@ __all__ = [
     "Specimen",
     "StrainField",
     "axis_columns",
+    "column_levels",
     "condition_groups",
     "levels",
     "named",
@@ -199,29 +200,30 @@ class Specimen(SpecimenConditions):
         """Travel the way it loads over gauge length."""
         return self.travel_mm / self.gauge_mm
 
+    def strain_end(self, palette: Palette, of_bar: Callable[[Iterable[float]], float]) -> float:
+        """Return how far its part was simulated, or its law goes; of a bar's laws one is chosen."""
+        if self.part is not None:
+            return float(self.part.response.displacement_mm[-1]) / self.gauge_mm
+        if self.material is not None:
+            return palette.resolve(self.material).elongation_at_break
+        return of_bar(m.elongation_at_break for m in palette.materials)
+
     def section_mm2(self, x_mm: FloatArray) -> FloatArray | None:
         """Return the undeformed section along the gauge, the design's where it has one.
 
         None where it is unknown.
         """
-        area = self.area_mm2
-        design = self.profile
-        if design is None or (design.width_mm is None and design.thickness_mm is None):
-            return None if area is None else np.full(np.shape(x_mm), area)
-        sizes = []
-        for along, alone in (
-            (design.width_mm, self.measured_width_mm or self.width_mm),
-            (design.thickness_mm, self.measured_thickness_mm or self.thickness_mm),
-        ):
-            if along is None and alone is None:
+        design, sizes = self.profile, []
+        for name in ("width_mm", "thickness_mm"):
+            along: FloatArray | None = getattr(design, name, None)
+            alone: float | None = getattr(self, f"measured_{name}") or getattr(self, name)
+            if design is not None and along is not None:
+                sizes.append(np.interp(x_mm, design.x_mm, along))
+            elif alone is not None:
+                sizes.append(np.full(np.shape(x_mm), alone))
+            else:
                 return None
-            sizes.append(
-                np.full(np.shape(x_mm), alone)
-                if along is None
-                else np.interp(x_mm, design.x_mm, along)
-            )
-        section: FloatArray = sizes[0] * sizes[1]
-        return section
+        return np.asarray(sizes[0] * sizes[1])
 
 
 _FEWEST_LEVELS = 5
@@ -279,6 +281,14 @@ def levels(
             level, first = level + 1, value
         found[place] = level
     return tuple(found)
+
+
+def column_levels(name: str, cells: Sequence[float | str | None]) -> tuple[int | str | None, ...]:
+    """Return each cell's level: its text, or a number that cells within tolerance share."""
+    if any(isinstance(cell, str) for cell in cells):
+        return tuple(None if cell is None else str(cell) for cell in cells)
+    numbers = [None if cell is None else float(cell) for cell in cells]
+    return levels(numbers, *TOLERANCES.get(name, (0.0, 1e-6)))
 
 
 def _condition_keys(specimens: Sequence[Specimen]) -> tuple[Hashable, ...]:
@@ -402,12 +412,9 @@ def _limitations_of(specimens: Sequence[Specimen], palette: Palette) -> Iterator
 
 def _range_of(specimen: Specimen, palette: Palette) -> tuple[float, str]:
     """Return the largest strain that is predicted, on average over the bar, and what ends there."""
-    if specimen.part is not None:
-        response = specimen.part.response
-        return float(response.displacement_mm[-1]) / specimen.gauge_mm, "the part's own simulation"
     if specimen.profile is None:
-        material = palette.resolve(specimen.material or "")
-        return material.elongation_at_break, f"the law of {material.id}"
+        of = "the part's own simulation" if specimen.part else f"the law of {specimen.material}"
+        return specimen.strain_end(palette, max), of
     low, high = (float(f(specimen.profile.coordinate)) for f in (np.min, np.max))
     printed = [m for m in palette.materials if low - 1e-6 <= m.coordinate <= high + 1e-6]
     among = printed or list(palette.materials)
@@ -487,10 +494,7 @@ class Campaign:
         KeyError
             There is none of that id.
         """
-        for specimen in self.specimens:
-            if specimen.id == id:
-                return specimen
-        raise KeyError(id)
+        return {specimen.id: specimen for specimen in self.specimens}[id]
 
     def replicates(self) -> tuple[tuple[Specimen, ...], ...]:
         """Return the specimens grouped by condition, singles included."""

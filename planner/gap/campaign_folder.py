@@ -1,12 +1,11 @@
 """A campaign's folder, read and written."""
 
 import contextlib
-import json
 import math
 import re
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from difflib import SequenceMatcher
 from functools import cache
 from pathlib import Path
 from types import MappingProxyType
@@ -16,7 +15,7 @@ import msgspec
 import numpy as np
 
 from planner.errors import ArgumentError, FileError, UnknownNameError, did_you_mean, nearest_names
-from planner.formats.files import decode_toml, path_within, read_file
+from planner.formats.files import decode_toml, path_within, read_file, toml_text
 from planner.formats.headings import mode_of
 from planner.formats.outputs import new_folder
 from planner.formats.specimens import (
@@ -33,7 +32,7 @@ from planner.gap.campaign import Campaign, PartTest, Specimen, StrainField, name
 from planner.materials.characterise import MINIMUM_POINTS
 from planner.materials.laws import make_law
 from planner.materials.study import in_stated_units, stated_units
-from planner.numerics import FloatArray
+from planner.numerics import FloatArray, IntArray
 from planner.palette import Palette, encode_palette, load_palette
 from planner.plan import plan_file
 from planner.printers import load_printer, palette_of
@@ -94,8 +93,8 @@ def read_list(path: Path) -> tuple[tuple[Row, ...], dict[str, Covariates], list[
                 f"{quantity} and head the column so"
             )
         known = [*SPECIMEN_TEXTS, *SPECIMEN_COLUMNS]
-        near = [n for n in nearest_names(heading, known) if _alike(n, heading)]
-        if near:
+        near = nearest_names(heading, known, _ALIKE)
+        if near and abs(len(near[0]) - len(heading)) <= 2:
             notes.append(
                 f"{path.name}: column {heading!r} is unknown and kept as a covariate; rename it if "
                 f"it means {near[0]}"
@@ -131,12 +130,6 @@ def _quantity(heading: str) -> str | None:
 _ALIKE = 0.85
 """Share of letters in common from which a heading is asked about. Chosen: one wrong letter in
 seven."""
-
-
-def _alike(known: str, heading: str) -> bool:
-    """Say whether two names differ by a letter or two, or by case."""
-    a, b = known.casefold(), heading.casefold()
-    return abs(len(a) - len(b)) <= 2 and SequenceMatcher(None, a, b).ratio() > _ALIKE
 
 
 # ------------------------------------------------------------------------------------------------
@@ -414,6 +407,8 @@ def _time(source: _Source, travel: FloatArray) -> tuple[FloatArray, bool]:
 # fields.csv: strain along the axis from image correlation.
 
 
+SPECIMENS, CURVES, _FIELDS = "specimens.csv", "curves.csv", "fields.csv"
+
 _COLUMNS: Mapping[str, str | None] = {"time_s": "time", "x_mm": "length", "strain": None,
                                         "facet_mm": "length"}  # fmt: skip
 
@@ -427,107 +422,87 @@ is useful, may still touch it from beyond."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class MeasuredField:
-    """One specimen's strain field as it stands in a file.
+class _Fields:
+    """The columns of fields.csv, the line of each row, and the rows of each specimen."""
 
-    Attributes
-    ----------
-    lines : (p,)
-        Line of each place's first row.
-    note
-        What was left out, "" for nothing.
-    """
+    columns: Mapping[str, FloatArray]
+    lines: IntArray
+    rows: Mapping[str, list[int]]
 
-    field: StrainField
-    file: str
-    lines: tuple[int, ...]
-    note: str
-
-    def on_gauge(self, gauge_mm: float) -> StrainField:
-        """Return the field, whose places are on the gauge.
+    def of(self, specimen: str, gauge_mm: float, notes: list[str]) -> StrainField | None:
+        """Return a specimen's field, places that were seen at every time; None without one.
 
         Raises
         ------
         FileError
-            A place lies beyond an end of the gauge by more than a facet and 2 % of the gauge.
+            One place twice at one time, too few places, or one that lies beyond an end of the
+            gauge by more than a facet and 2 % of the gauge; the message names line or specimen.
         """
-        x = self.field.x_mm
-        facet = self.field.facet_mm
-        if facet is not None and facet > gauge_mm:
-            raise FileError(
-                f"{self.file}, line {self.lines[0]}: facet_mm is {facet:g}, more than the gauge's "
-                f"{gauge_mm:g} mm; give the length that one strain is the mean of"
-            )
-        facet = float(np.median(np.diff(x))) if facet is None else facet
-        facet = min(facet, _FACET_SHARE * gauge_mm)
-        slack = max(facet, _SLACK_SHARE * gauge_mm)
-        outside = np.flatnonzero((x < -slack) | (x > gauge_mm + slack))
-        if len(outside):
-            at = int(outside[0])
-            raise FileError(
-                f"{self.file}, line {self.lines[at]}: x_mm is {x[at]:g}; the gauge goes from 0 to "
-                f"{gauge_mm:g} mm; count x_mm along the undeformed gauge from its end, and leave "
-                "out what is beyond"
-            )
-        return self.field
-
-
-def _read_strain_fields(path: Path) -> dict[str, MeasuredField]:
-    """Read strain fields by specimen.
-
-    Only places that were seen at every time are kept.
-
-    Raises
-    ------
-    FileError
-        A bad column or cell, one place twice at one time, or too few places; the message names
-        file and line or specimen.
-    """
-    file = read_columns(path, _COLUMNS, optional=_FACET, gaps=_FACET, texts=("specimen",))
-    rows: dict[str, list[int]] = {}
-    for row, specimen in enumerate(file.texts["specimen"]):
-        rows.setdefault(specimen, []).append(row)
-    fields: dict[str, MeasuredField] = {}
-    for specimen, at in rows.items():
-        where = f"{path.name}, specimen {specimen}"
-        times, t = np.unique(file.numbers["time_s"][at], return_inverse=True)
-        places, first, p = np.unique(
-            file.numbers["x_mm"][at], return_index=True, return_inverse=True
-        )
-        count = np.zeros((len(times), len(places)), dtype=np.int64)
+        if specimen not in self.rows:
+            return None
+        at = np.array(self.rows[specimen])
+        lines, columns = self.lines[at], {name: v[at] for name, v in self.columns.items()}
+        times, t = np.unique(columns["time_s"], return_inverse=True)
+        x, first, p = np.unique(columns["x_mm"], return_index=True, return_inverse=True)
+        count = np.zeros((len(times), len(x)), dtype=np.int64)
         np.add.at(count, (t, p), 1)
         if count.max() > 1:
             double = int(np.flatnonzero(count[t, p] > 1)[1])
             raise FileError(
-                f"{path.name}, line {file.lines[at[double]]}: specimen {specimen} has a strain at "
-                "this time and place already; keep one"
-            )
-        facets = file.numbers.get("facet_mm", np.full(len(file.lines), np.nan))[at]
-        known = np.isfinite(facets[0])
-        odd = np.flatnonzero((facets != facets[0]) | (facets < 0.0) if known else facets >= -np.inf)
-        if len(odd):
-            raise FileError(
-                f"{path.name}, line {file.lines[at[int(odd[0])]]}: facet_mm is "
-                f"{facets[odd[0]]:g}; give the specimen's facets one length, 0 for points, or "
-                "none where it is unknown"
+                f"{_FIELDS}, line {lines[double]}: specimen {specimen} has a strain at this time "
+                "and place already; keep one"
             )
         strain = np.zeros(count.shape)
-        strain[t, p] = file.numbers["strain"][at]
+        strain[t, p] = columns["strain"]
         whole = count.all(axis=0)
-        if whole.sum() < 2 or 2 * whole.sum() < len(places):
+        if whole.sum() < 2 or 2 * whole.sum() < len(x):
             raise FileError(
-                f"{where}: only {whole.sum()} of {len(places)} places were seen at all "
-                f"{len(times)} times; export the strains on the same places at each time"
+                f"{_FIELDS}, specimen {specimen}: only {whole.sum()} of {len(x)} places were seen "
+                f"at all {len(times)} times; export the strains on the same places at each time"
             )
-        fields[specimen] = MeasuredField(
-            field=StrainField(
-                times, places[whole], strain[:, whole], float(facets[0]) if known else None
-            ),
-            file=path.name,
-            lines=tuple(file.lines[at[k]] for k in first[whole].tolist()),
-            note="" if whole.all() else "places along the axis not seen at every time are left out",
+        if not whole.all():
+            notes.append("places along the axis not seen at every time are left out")
+        x, first = x[whole], lines[first[whole]]
+        facet = _stated_facet_mm(columns.get("facet_mm", np.full(len(at), np.nan)), lines)
+        if facet is not None and facet > gauge_mm:
+            raise FileError(
+                f"{_FIELDS}, line {first[0]}: facet_mm is {facet:g}, more than the gauge's "
+                f"{gauge_mm:g} mm; give the length that one strain is the mean of"
+            )
+        reach = float(np.median(np.diff(x))) if facet is None else facet
+        slack = max(min(reach, _FACET_SHARE * gauge_mm), _SLACK_SHARE * gauge_mm)
+        outside = np.flatnonzero((x < -slack) | (x > gauge_mm + slack))
+        if len(outside):
+            raise FileError(
+                f"{_FIELDS}, line {first[outside[0]]}: x_mm is {x[outside[0]]:g}; the gauge goes "
+                f"from 0 to {gauge_mm:g} mm; count x_mm along the undeformed gauge from its end, "
+                "and leave out what is beyond"
+            )
+        return StrainField(times, x, strain[:, whole], facet)
+
+
+def _read_fields(folder: Path) -> _Fields:
+    """Read fields.csv, if there is one."""
+    rows: dict[str, list[int]] = {}
+    if not (folder / _FIELDS).is_file():
+        return _Fields({}, np.zeros(0, np.int64), rows)
+    path = path_within(folder, _FIELDS)
+    file = read_columns(path, _COLUMNS, optional=_FACET, gaps=_FACET, texts=("specimen",))
+    for row, specimen in enumerate(file.texts["specimen"]):
+        rows.setdefault(specimen, []).append(row)
+    return _Fields(file.numbers, np.array(file.lines), rows)
+
+
+def _stated_facet_mm(facets: FloatArray, lines: IntArray) -> float | None:
+    """Return the one length of a specimen's facets, (r,); None where it is unknown."""
+    known = np.isfinite(facets[0])
+    odd = np.flatnonzero((facets != facets[0]) | (facets < 0.0) if known else facets >= -np.inf)
+    if len(odd):
+        raise FileError(
+            f"{_FIELDS}, line {lines[odd[0]]}: facet_mm is {facets[odd[0]]:g}; give the specimen's "
+            "facets one length, 0 for points, or none where it is unknown"
         )
-    return fields
+    return float(facets[0]) if known else None
 
 
 # ------------------------------------------------------------------------------------------------
@@ -600,16 +575,13 @@ def campaign_palette(
 # Read a campaign's folder.
 
 
-SPECIMENS, CURVES, _FIELDS = "specimens.csv", "curves.csv", "fields.csv"
-
-
 def has_curves(folder: Path) -> bool:
     """Say whether there is more in curves.csv than the heading, which a design writes."""
     path = path_within(folder, CURVES)
     return path.is_file() and sum(map(bool, map(bytes.strip, read_file(path).splitlines()))) > 1
 
 
-_Noted = dict[str, list[str]]
+_Noted = defaultdict[str, list[str]]
 """Notes with the specimens that each applies to, in order of appearance."""
 
 
@@ -654,27 +626,24 @@ def read_campaign(
     file = read_campaign_file(folder)
     palette = campaign_palette(file, folder, palette)
     rows, covariates, slips = read_list(path_within(folder, SPECIMENS))
-    noted: _Noted = {note: [] for note in slips}
+    noted: _Noted = defaultdict(list, {note: [] for note in slips})
     tables = _tables(folder, rows, noted)
-    fields: dict[str, MeasuredField] = {}
-    if (folder / _FIELDS).is_file():
-        fields = _read_strain_fields(path_within(folder, _FIELDS))
-        listed = {row.specimen for row in rows}
-        for stray in (specimen for specimen in fields if specimen not in listed):
-            _note(noted, f"in {_FIELDS} but no row in {SPECIMENS}; left out", stray)
+    fields, listed = _read_fields(folder), {row.specimen for row in rows}
+    for stray in (specimen for specimen in fields.rows if specimen not in listed):
+        noted[f"in {_FIELDS} but no row in {SPECIMENS}; left out"].append(stray)
     units = stated_units(unit_of, {row.specimen: row.material for row in rows})
     reader = ListReader(folder / SPECIMENS, palette)
     specimens: list[Specimen] = []
     for row in rows:
         if row.specimen not in tables:
-            _note(noted, "no curve; left out", row.specimen)
+            noted["no curve; left out"].append(row.specimen)
             continue
         id, where = row.specimen, f"specimen {row.specimen} ({tables[row.specimen].file})"
         table = in_stated_units(tables[id], units.get(id, {}), where, named=False)
-        specimen, notes = _specimen(row, table, where, fields.get(id), covariates[id], reader)
+        specimen, notes = _specimen(row, table, where, fields, covariates[id], reader)
         specimens.append(specimen)
         for note in notes:
-            _note(noted, note, id)
+            noted[note].append(id)
     if not specimens:
         raise FileError(
             f"{folder}: none of the {len(rows)} specimens has a curve; the column 'specimen' of "
@@ -689,10 +658,6 @@ def read_campaign(
         notes=file.notes,
         remarks=tuple(f"{named(ids)}: {note}" if ids else note for note, ids in noted.items()),
     )
-
-
-def _note(noted: _Noted, note: str, id: str) -> None:
-    noted.setdefault(note, []).append(id)
 
 
 class ListReader:
@@ -804,7 +769,7 @@ def _tables(folder: Path, rows: Sequence[Row], noted: _Noted) -> dict[str, Tensi
             if listed is None and (question := did_you_mean(table.specimen, by_id)):
                 hint = f"; {question.rstrip()}"
             said = f"a curve in {name} but no row in {SPECIMENS}{hint}; left out"
-            _note(noted, said, table.specimen)
+            noted[said].append(table.specimen)
     return found
 
 
@@ -812,7 +777,7 @@ def _specimen(
     row: Row,
     table: TensileTable,
     where: str,
-    measured_field: MeasuredField | None,
+    measured: _Fields,
     covariates: Covariates,
     reader: ListReader,
 ) -> tuple[Specimen, list[str]]:
@@ -840,12 +805,9 @@ def _specimen(
         )
     )  # fmt: skip
     notes += table.notes
-    if row.part and measured_field is not None:
+    if row.part and row.specimen in measured.rows:
         notes.append("strains along a whole part are not compared; left out")
-        measured_field = None
-    if measured_field is not None and measured_field.note:
-        notes.append(measured_field.note)
-    seen = None if measured_field is None else measured_field.on_gauge(fields["gauge_mm"])
+    seen = None if row.part else measured.of(row.specimen, fields["gauge_mm"], notes)
     specimen = Specimen(
         id=row.specimen, covariates=covariates, strain_field=seen, **record, **fields
     )
@@ -924,11 +886,7 @@ def _campaign_toml(campaign: Campaign) -> bytes:
     pairs = {"name": campaign.name, "printer": campaign.printer, "palette": "palette.toml"}
     if campaign.notes:
         pairs["notes"] = campaign.notes
-    # JSON's strings are TOML's, but for DEL, which JSON lets through.
-    lines = [
-        f"{key} = {json.dumps(value, ensure_ascii=False)}".replace("\x7f", "\\u007f")
-        for key, value in pairs.items()
-    ]
+    lines = [f"{key} = {toml_text(value)}" for key, value in pairs.items()]
     return ("\n".join(["schema = 1", *lines]) + "\n").encode("utf-8")
 
 

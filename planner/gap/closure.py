@@ -5,9 +5,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from planner.gap.campaign import TOLERANCES, Specimen
-from planner.gap.diagnosis import Gap
-from planner.gap.evidence.posterior import NO_GAP, UNKNOWN
+from planner.gap.campaign import TOLERANCES, Specimen, column_levels
+from planner.gap.diagnosis import Effects, Gap
 from planner.gap.evidence.problem import (
     Problem,
     own_axes,
@@ -17,8 +16,7 @@ from planner.gap.evidence.problem import (
 )
 from planner.gap.evidence.settle import World
 from planner.gap.evidence.surrogate import Candidate
-from planner.gap.evidence.weigh import Effects, Weighed, reweigh
-from planner.gap.localise import column_levels
+from planner.gap.evidence.weigh import NO_GAP, UNKNOWN, Weighed, reweigh
 from planner.numerics import BoolArray, FloatArray, IntArray
 
 __all__ = ["closure"]

@@ -42,11 +42,11 @@ from planner.palette import (
 from planner.printers import Printer, load_printer, palette_of
 from planner.simulation.bar_solver import LawTables, Setup, law_tables, predict
 
-__all__ = ["Correction", "Factors", "correct", "forms_sd", "working_strain"]
+__all__ = ["Correction", "correct"]
 
 
 # ------------------------------------------------------------------------------------------------
-# Factors on stress: materials pulled at conditions, with effects and without.
+# _Factors on stress: materials pulled at conditions, with effects and without.
 
 
 _GAUGE_mm = 25.0
@@ -70,12 +70,12 @@ _WORKING_STRAIN = 0.1
 stiffness is."""
 
 
-def working_strain(material: Material) -> float:
+def _working_strain(material: Material) -> float:
     """Return the strain at which a factor is told."""
     return min(_WORKING_STRAIN, 0.5 * material.elongation_at_break)
 
 
-class Factors:
+class _Factors:
     """What effects multiply the stress of materials by, against the palette's own conditions.
 
     Parameters
@@ -164,7 +164,7 @@ the size, so that each round leaves a small share of the error; 1e-4 ends them."
 
 
 def _intervals_sd(
-    factors: Factors, found: Sequence[FoundEffect], effects: Sequence[StatedEffect]
+    factors: _Factors, found: Sequence[FoundEffect], effects: Sequence[StatedEffect]
 ) -> FloatArray:
     """Return the deviation of the mean ln factor of every place, from the parameters' intervals."""
     total = np.zeros(len(factors.strain))
@@ -186,7 +186,7 @@ def _with(effect: StatedEffect, name: str, value: float) -> StatedEffect:
     return replace(effect, values={**effect.values, name: value})
 
 
-def forms_sd(factors: Factors, effect: StatedEffect, tests: int, sd: float) -> FloatArray:
+def _parted_sd(factors: _Factors, effect: StatedEffect, tests: int, sd: float) -> FloatArray:
     """Return how far the forms of an effect part that fit the tests as well, (P - tests,).
 
     What the form found says of the tests stands for the tests. Every form, in every shape on a
@@ -231,7 +231,7 @@ def _starts(form: Form, effect: StatedEffect) -> Iterator[StatedEffect]:
 
 
 def _fitted(
-    factors: Factors, one: StatedEffect, found: FloatArray, tests: int, sd: float
+    factors: _Factors, one: StatedEffect, found: FloatArray, tests: int, sd: float
 ) -> tuple[float, FloatArray] | None:
     """Return ln of the weight and of the factors of a form at the size nearest to the tests.
 
@@ -257,7 +257,7 @@ def _fitted(
     return -0.5 * chi2, log
 
 
-def _at_end(factors: Factors, one: StatedEffect) -> FloatArray:
+def _at_end(factors: _Factors, one: StatedEffect) -> FloatArray:
     return np.asarray(factors.log([one])[:, -1])
 
 
@@ -588,9 +588,9 @@ class _Case:
 
     def factors(
         self, places: Sequence[_Place], strain: Callable[[Material], float], steps: int
-    ) -> Factors:
+    ) -> _Factors:
         """Return the factors of materials pulled so far."""
-        return Factors(self.palette, places, self.own, self.section_mm, strain, steps)
+        return _Factors(self.palette, places, self.own, self.section_mm, strain, steps)
 
 
 def _corrected(case: _Case, recalibrate: bool) -> Correction:
@@ -638,7 +638,7 @@ def _corrected(case: _Case, recalibrate: bool) -> Correction:
         misfit[material.id] = fit.misfit
         if fit.tension_alone:
             tension_alone.append(material.id)
-        at = working_strain(material)
+        at = _working_strain(material)
         factor[material.id] = float(np.exp(np.interp(at, strain, log) + level))
         log_sd[material.id] = math.hypot(sure[number], forms[number], level_sd)
         sd = math.hypot(material.modulus_log_sd, log_sd[material.id])
@@ -751,8 +751,8 @@ def _forms_sd(case: _Case, effects: Sequence[StatedEffect]) -> FloatArray:
         tests = _tests_of(case, [materials[n] for n in beside], one.effect.condition)
         if tests:
             places = [*tests, *((materials[n], case.use) for n in numbers)]
-            factors = case.factors(places, working_strain, _STEPS_TO_WORK)
-            total[numbers] += forms_sd(factors, one, len(tests), sd) ** 2
+            factors = case.factors(places, _working_strain, _STEPS_TO_WORK)
+            total[numbers] += _parted_sd(factors, one, len(tests), sd) ** 2
     return np.sqrt(total)
 
 

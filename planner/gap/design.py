@@ -17,14 +17,19 @@ from planner.gap.campaign import Campaign, Specimen
 from planner.gap.diagnosis import Experiment, Hypothesis
 from planner.gap.effect import Effect, stated, untestable
 from planner.gap.effects import EFFECTS, effect_named, effects_for
-from planner.gap.evidence.posterior import ALIKE_COSINE, UNKNOWN, detectable_sizes, needed_nats
 from planner.gap.evidence.problem import Problem, applied, set_up
 from planner.gap.evidence.settle import Elimination, World
 from planner.gap.evidence.surrogate import Candidate, Search, SignedForm, node_weights
-from planner.gap.evidence.weigh import Priors, Weighed
+from planner.gap.evidence.weigh import (
+    ALIKE_COSINE,
+    UNKNOWN,
+    Priors,
+    Weighed,
+    detectable_sizes,
+    needed_nats,
+)
 from planner.gap.noise import Calibration, NoisyFeatures, calibration_columns, calibrations
 from planner.gap.observations import observation_model
-from planner.gap.quality import predicted_stress_MPa
 from planner.gap.virtual import (
     BAR_SHARE,
     HOLD_S,
@@ -158,16 +163,10 @@ def _elastic(palette: Palette) -> tuple[list[Material], list[Material]]:
 # Conditions that a campaign may have: one step from the palette's own each, and a few crossed.
 
 
-@dataclass(frozen=True, slots=True)
-class SpecimenSize:
-    """Of the usual specimen's gauge section. Convention: some 6 by 25 mm, as ASTM D412's die C."""
-
-    width_mm: float = 6.0
-    thickness_mm: float = 3.0
-    gauge_mm: float = 25.0
-
-
-_USUAL_SIZE = SpecimenSize()
+_USUAL_SIZE: Mapping[str, float] = MappingProxyType(
+    {"width_mm": 6.0, "thickness_mm": 3.0, "gauge_mm": 25.0}
+)
+"""Of the usual specimen's gauge section. Convention: some 6 by 25 mm, as ASTM D412's die C."""
 
 
 def may_take_bars(effects: Sequence[str]) -> bool:
@@ -181,7 +180,7 @@ def _strain_of(palette: Palette) -> float:
 
 
 def candidates_of(
-    palette: Palette, effects: Sequence[str], size: SpecimenSize = _USUAL_SIZE
+    palette: Palette, effects: Sequence[str], size: Mapping[str, float] = _USUAL_SIZE
 ) -> tuple[Specimen, ...]:
     """Return one planned specimen a condition, those at the palette's own conditions first.
 
@@ -194,14 +193,14 @@ def candidates_of(
     own = stated(palette.reference)
     assert own.strain_rate_per_s is not None
     reference: dict[str, Any] = {
-        **asdict(size),
+        **size,
         **{name: value for name, value in asdict(own).items() if name != "strain_rate_per_s"},
-        "rate_mm_s": _rounded(own.strain_rate_per_s * size.gauge_mm),
+        "rate_mm_s": _rounded(own.strain_rate_per_s * size["gauge_mm"]),
         "protocol": "monotonic",
     }
     steps = {name: [_changed(one, reference) for one in _STEPS[name]] for name in _STEPS}
     for longer in steps["gauge"]:
-        speed = reference["rate_mm_s"] * longer["gauge_mm"] / size.gauge_mm
+        speed = reference["rate_mm_s"] * longer["gauge_mm"] / size["gauge_mm"]
         longer["rate_mm_s"] = _rounded(speed)
     changes: list[_Change] = [{"material": id} for id in three]
     if "materials" in wanted:
@@ -213,7 +212,7 @@ def candidates_of(
             changes.append({"material": three[0], **steps[first][0], **steps[second][0]})
     if "bars" in wanted and len(grades) > 1:
         ends = soft.coordinate, middle.coordinate, hard.coordinate
-        changes += _bars(*ends, size.gauge_mm, crossed="rate" in wanted)
+        changes += _bars(*ends, size["gauge_mm"], crossed="rate" in wanted)
     strain = _strain_of(palette)
     return tuple(
         _specimen(palette, reference, change, id=f"C{number:03d}", strain=strain, camera=True)
@@ -280,18 +279,6 @@ def _usual_weights(problem: Problem, form: SignedForm) -> FloatArray:
     return weights
 
 
-def _usual_patterns(problem: Problem, ids: Sequence[str]) -> FloatArray:
-    """Return whitened patterns of effects at the middle of their priors, (N, k).
-
-    Every form has one, all forms of an effect together weighing as one.
-    """
-    weights = []
-    for id in ids:
-        forms = [b for b in problem.branches if b.effect.id == id and b.sign > 0.0]
-        weights += [_usual_weights(problem, b) / np.sqrt(len(forms)) for b in forms]
-    return np.asarray(problem.columns[:, problem.nodes] @ np.stack(weights, axis=1))
-
-
 def _batch_level(problem: Problem) -> FloatArray:
     """Return the whitened pattern of the batches' mean a deviation off, (N,).
 
@@ -299,21 +286,6 @@ def _batch_level(problem: Problem) -> FloatArray:
     """
     force = np.where(problem.table.is_field, 0.0, problem.sensitivity)
     return problem.noise.whiten(problem.scatter.batch / np.sqrt(_BATCHES) * force)
-
-
-def _elimination_of(problem: Problem, weight: FloatArray) -> Elimination:
-    """Return inner products with nuisances integrated out, batches among them.
-
-    Parameters
-    ----------
-    weight : (n,)
-        How many specimens there are of each condition, spread evenly over the batches.
-    """
-    columns = problem.columns
-    level = _batch_level(problem)[:, None]
-    return World(problem, weight=weight).elimination(
-        columns[:, 0], level, columns[:, problem.nodes]
-    )
 
 
 def _expected_of(
@@ -423,9 +395,14 @@ class Information:
 def _information_of(problem: Problem, asked: Sequence[Effect]) -> Information:
     """Return what each candidate tells, a specimen a batch.
 
-    Nuisances are calibration of the laws, courses, and the level that the batches share.
+    Nuisances are calibration of the laws, courses, and the level that the batches share. Every form
+    has a pattern, all forms of an effect together weighing as one.
     """
-    patterns = _usual_patterns(problem, [effect.id for effect in asked])
+    weights = []
+    for effect in asked:
+        forms = [b for b in problem.branches if b.effect.id == effect.id and b.sign > 0.0]
+        weights += [_usual_weights(problem, b) / np.sqrt(len(forms)) for b in forms]
+    patterns = problem.columns[:, problem.nodes] @ np.stack(weights, axis=1)
     nuisances = problem.columns[:, -problem.nuisances :]
     columns = np.concatenate([patterns, nuisances, _batch_level(problem)[:, None]], axis=1)
     edges = problem.noise.first_row.tolist()
@@ -546,9 +523,9 @@ def design_campaign(
     *,
     printer: str | Printer = "connex3",
     palette: str | Path | Palette | None = None,
-    width_mm: float = _USUAL_SIZE.width_mm,
-    thickness_mm: float = _USUAL_SIZE.thickness_mm,
-    gauge_mm: float = _USUAL_SIZE.gauge_mm,
+    width_mm: float = _USUAL_SIZE["width_mm"],
+    thickness_mm: float = _USUAL_SIZE["thickness_mm"],
+    gauge_mm: float = _USUAL_SIZE["gauge_mm"],
     progress: Callable[[str], None] | None = None,
 ) -> CampaignDesign:
     """Choose the specimens that tell effects apart, and say how sure the diagnosis will be.
@@ -596,14 +573,17 @@ def design_campaign(
     named = effects.split(",") if isinstance(effects, str) else effects
     wanted = [id.strip() for id in named if id.strip()]
     asked = tuple(effect_named(id, library, "`effects`").id for id in wanted)
-    size = SpecimenSize(width_mm, thickness_mm, gauge_mm)
+    size = {"width_mm": width_mm, "thickness_mm": thickness_mm, "gauge_mm": gauge_mm}
     _check(asked, budget, size)
     say = progress or (lambda what: None)
     plan = Campaign("candidates", machine.name, palette, candidates_of(palette, asked, size))
     # Small matrices: more threads only change the last digits.
     with one_blas_thread():
         say("forward model of all candidates")
-        problem = _problem(plan, tuple(library.values()))
+        # As measured without any effect: with the sensors' noise figures are as uncertain as ever.
+        made = synthetic_campaign(plan, (), np.random.default_rng(0), scatter=0.0)
+        made = replace(made, covariates=())
+        problem = set_up(made, observation_model(made), tuple(library.values()))
         say("choosing conditions")
         told = _information_of(problem, [library[id] for id in asked])
         counts = _testable(problem, told, [library[id] for id in asked])
@@ -617,7 +597,10 @@ def design_campaign(
         counts = told.filled(counts, budget // _BATCHES)
         campaign = _campaign(plan, counts, asked)
         testable = [id for id, e in library.items() if untestable(e, campaign) is None]
-        elimination = _elimination_of(problem, _BATCHES * counts.astype(np.float64))
+        # As many specimens of each condition, spread evenly over the batches.
+        world = World(problem, weight=_BATCHES * counts.astype(np.float64))
+        columns, level = problem.columns, _batch_level(problem)[:, None]
+        elimination = world.elimination(columns[:, 0], level, columns[:, problem.nodes])
         return CampaignDesign(
             campaign=campaign,
             expected=_expected_of(problem, elimination, asked, testable),
@@ -628,7 +611,7 @@ def design_campaign(
         )
 
 
-def _check(asked: Sequence[str], budget: int, size: SpecimenSize) -> None:
+def _check(asked: Sequence[str], budget: int, size: Mapping[str, float]) -> None:
     if not asked:
         raise ArgumentError("`effects`: none; name those to tell apart, as in rate,moisture")
     double = next((id for id in asked if asked.count(id) > 1), None)
@@ -636,22 +619,11 @@ def _check(asked: Sequence[str], budget: int, size: SpecimenSize) -> None:
         raise ArgumentError(f"`effects`: {double} stands twice; name each effect once")
     if budget > _MOST:
         raise ArgumentError(f"`budget` {budget}: it must be at most {_MOST} specimens")
-    for name in ("width_mm", "thickness_mm", "gauge_mm"):
-        value = getattr(size, name)
+    for name, value in size.items():
         if not _SMALLEST_mm <= value <= _LARGEST_mm:
             raise ArgumentError(
                 f"`{name}` {value:g}: it must be from {_SMALLEST_mm:g} to {_LARGEST_mm:g}"
             )
-
-
-def _problem(plan: Campaign, effects: Sequence[Effect]) -> Problem:
-    """Return the candidates as a campaign that was measured without any effect.
-
-    Forces have the sensors' noise, so that figures are as uncertain as they will be.
-    """
-    made = synthetic_campaign(plan, (), np.random.default_rng(0), scatter=0.0)
-    made = replace(made, covariates=())
-    return set_up(made, observation_model(made), effects)
 
 
 def _campaign(plan: Campaign, counts: IntArray, asked: Sequence[str]) -> Campaign:
@@ -703,7 +675,7 @@ _COPIES = 2
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """A test: what differs from the reference, a specimen as if tested, and the test's hours."""
+    """A test: what differs from the reference, a specimen on its way, and the test's hours."""
 
     change: Mapping[str, Any]
     specimen: Specimen
@@ -777,10 +749,6 @@ def trials_of(campaign: Campaign, setup: Setup) -> tuple[Trial, ...]:
             palette, reference, fields, id=f"trial-{number:02d}", strain=strain, steps=100,
             pushed=pushed,
         )  # fmt: skip
-        area = (specimen.width_mm or 1.0) * (specimen.thickness_mm or 1.0)
-        at = np.maximum(specimen.strain, 1e-9)
-        force = predicted_stress_MPa(specimen, palette, at) * area
-        specimen = replace(specimen, force_N=-force if pushed else force)
         trials.append(Trial(change, specimen, _hours(specimen, own.age_days)))
     return tuple(trials)
 
@@ -804,14 +772,16 @@ def _usual_coupon(campaign: Campaign, own: Reference) -> dict[str, Any]:
         return apart + ((s.width_mm, s.thickness_mm, s.gauge_mm) != usual)
 
     best = min(coupons, key=departures)
-    usual_size, rate = SpecimenSize(), best.rate_mm_s
-    gauge_mm = best.gauge_mm if best.part is None else usual_size.gauge_mm
+    rate = best.rate_mm_s
+    gauge_mm = best.gauge_mm if best.part is None else _USUAL_SIZE["gauge_mm"]
     if own.strain_rate_per_s is not None:
         rate = own.strain_rate_per_s * gauge_mm
     return {
         "material": best.material or campaign.palette.materials[0].id,
-        "width_mm": best.width_mm or best.measured_width_mm or usual_size.width_mm,
-        "thickness_mm": best.thickness_mm or best.measured_thickness_mm or usual_size.thickness_mm,
+        **{
+            name: getattr(best, name) or getattr(best, f"measured_{name}") or _USUAL_SIZE[name]
+            for name in ("width_mm", "thickness_mm")
+        },
         "gauge_mm": gauge_mm,
         "rate_mm_s": rate or 1.0,
         **{name: getattr(own, name) for name in conditions},

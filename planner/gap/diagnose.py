@@ -3,7 +3,6 @@
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from types import MappingProxyType
 
 import numpy as np
 
@@ -23,28 +22,32 @@ from planner.gap.closure import closure
 from planner.gap.design import next_experiments
 from planner.gap.diagnosis import (
     Diagnosis,
+    Effects,
     Location,
+    QualityProblem,
     Traces,
     UnitOf,
     Untestable,
     name_of,
     signed_error,
 )
-from planner.gap.effect import Effect, untestable
-from planner.gap.effects import EFFECTS, effect_named, effects_for
-from planner.gap.evidence.posterior import (
+from planner.gap.effect import untestable
+from planner.gap.effects import EFFECTS, TESTS, effect_named, effects_for
+from planner.gap.evidence.problem import Problem, applied, set_up, specimen_forces_N
+from planner.gap.evidence.settle import World
+from planner.gap.evidence.surrogate import Candidate
+from planner.gap.evidence.weigh import (
     ENOUGH_SPECIMENS,
+    Priors,
+    Weighed,
     class_of,
     detectable_sizes,
     evidence_of,
     found_effects,
     ranking_of,
     verdict_of,
+    weigh,
 )
-from planner.gap.evidence.problem import Problem, applied, set_up, specimen_forces_N
-from planner.gap.evidence.settle import World
-from planner.gap.evidence.surrogate import Candidate
-from planner.gap.evidence.weigh import Effects, Priors, Weighed, weigh
 from planner.gap.localise import Whitening, localise
 from planner.gap.observations import ObservationModel, observation_model
 from planner.gap.quality import HOLDS, examine, hold_share, merged_units, suggested_units
@@ -189,20 +192,6 @@ def _label(specimen: Specimen, specimens: tuple[Specimen, ...]) -> str:
 # Effects that could not be tested, but would show where the verdict's effects do.
 
 
-_TESTS: Mapping[str, str] = MappingProxyType(
-    {
-        "rate_mm_s": "test at two speeds that differ tenfold, and write rate_mm_s down",
-        "hold": "hold a specimen at a strain",
-        "temperature_C": "test at two temperatures 10 K apart, and write temperature_C down",
-        "soak_h": "test specimens soaked for a day and dry ones, and write soak_h down",
-        "age_days": "test specimens of two ages weeks apart, and write age_days down",
-        "orientation": "print specimens along two directions, and write orientation down",
-        "materials": "test a second material of the palette",
-        "section": "measure width and thickness",
-    }
-)
-"""What makes a covariate or channel serve."""
-
 _NEVER_THERE = frozenset({"unloading", "bar"})
 """Channels without which an effect does not act: what was never unloaded has no set, what was
 printed of one material no boundary."""
@@ -228,7 +217,7 @@ def _confounders(effects: Sequence[str], not_testable: Sequence[Untestable]) -> 
         if not alike or _NEVER_THERE & set(needs):
             continue
         axes = [axis for axis in other.where if any(axis in EFFECTS[id].where for id in alike)]
-        tests = " and ".join(", or ".join(_TESTS[n] for n in need.split("|")) for need in needs)
+        tests = " and ".join(", or ".join(TESTS[n] for n in need.split("|")) for need in needs)
         settle = f"; to settle it, {tests}" if tests else ""
         yield (
             f"{other.id} could not be tested ({one.reason}), but shows along "
@@ -301,63 +290,55 @@ def diagnose(
     elif palette is not None or unit_of:
         name = "unit_of" if palette is None else "palette"
         raise ArgumentError(f"`{name}` goes with the folder of a campaign; read it with that")
+    priors = priors or Priors()
     # Small matrices: more threads only get into each other's way, and change the last digits.
     with one_blas_thread():
-        return _diagnose(campaign, seed, without, progress, priors or Priors())
-
-
-def _diagnose(
-    campaign: Campaign,
-    seed: int,
-    without: Sequence[str],
-    progress: _Progress | None,
-    priors: Priors,
-) -> Diagnosis:
-    problem, reasons = prepared(campaign, without, progress)
-    campaign, model = problem.campaign, problem.model
-    weighed = weigh(problem, priors)
-    rng = np.random.default_rng(seed)
-    evidence = evidence_of(problem, weighed)
-    ranking = ranking_of(evidence, priors)
-    verdict = verdict_of(ranking)
-    gap = closure(problem, weighed, evidence.vain, verdict, rng, progress)
-    chosen = weighed.best.get(verdict, Candidate(()))
-    nodes = weighed.plain.elimination(problem.columns[:, 0], kept=problem.columns[:, problem.nodes])
-    where, remainder = _places_of(problem, chosen, rng)
-    same_class = class_of(problem, weighed, ranking, verdict)
-    data_quality = examine(campaign)
-    mending = [problem.unit_of for problem in data_quality if problem.unit_of is not None]
-    found = Diagnosis(
-        campaign=campaign.name,
-        palette=campaign.palette.name,
-        palette_sha256=campaign.palette.sha256,
-        specimens=len(campaign.specimens),
-        tests=len(model.tests),
-        verdict=name_of(verdict),
-        ranking=tuple(h for h in ranking[:RANKED] if h.probability >= LEAST_PROBABILITY),
-        same_class=same_class,
-        not_testable=reasons,
-        where=where,
-        gap=gap,
-        effect=found_effects(problem, weighed, chosen),
-        remainder=remainder,
-        data_quality=data_quality,
-        next_experiments=next_experiments(problem, weighed, ranking, rng),
-        detectable=detectable_sizes(problem, nodes, priors),
-        limitations=(
-            *campaign.limitations,
-            *model.limitations,
-            *_cautions(problem),
-            *_confounders(verdict, reasons),
-        ),
-        unit_of=merged_units([*_units_of(problem, weighed, same_class), *mending]),
-        recalibration=_recalibration_of(weighed.settled_as(chosen).world, chosen),
-        tested=levels_tested(campaign),
-        seed=seed,
-        traces=_traces_of(problem, chosen),
-        own_palette=campaign.palette,
-    )
-    return replace(found, summary=summary_of(found))
+        problem, reasons, data_quality = prepared(campaign, without, progress)
+        campaign, model = problem.campaign, problem.model
+        weighed = weigh(problem, priors)
+        rng = np.random.default_rng(seed)
+        evidence = evidence_of(problem, weighed)
+        ranking = ranking_of(evidence, priors)
+        verdict = verdict_of(ranking)
+        gap = closure(problem, weighed, evidence.vain, verdict, rng, progress)
+        chosen = weighed.best.get(verdict, Candidate(()))
+        nodes = weighed.plain.elimination(
+            problem.columns[:, 0], kept=problem.columns[:, problem.nodes]
+        )
+        where, remainder = _places_of(problem, chosen, rng)
+        same_class = class_of(problem, weighed, ranking, verdict)
+        mending = [problem.unit_of for problem in data_quality if problem.unit_of is not None]
+        found = Diagnosis(
+            campaign=campaign.name,
+            palette=campaign.palette.name,
+            palette_sha256=campaign.palette.sha256,
+            specimens=len(campaign.specimens),
+            tests=len(model.tests),
+            verdict=name_of(verdict),
+            ranking=tuple(h for h in ranking[:RANKED] if h.probability >= LEAST_PROBABILITY),
+            same_class=same_class,
+            not_testable=reasons,
+            where=where,
+            gap=gap,
+            effect=found_effects(problem, weighed, chosen),
+            remainder=remainder,
+            data_quality=data_quality,
+            next_experiments=next_experiments(problem, weighed, ranking, rng),
+            detectable=detectable_sizes(problem, nodes, priors),
+            limitations=(
+                *campaign.limitations,
+                *model.limitations,
+                *_cautions(problem),
+                *_confounders(verdict, reasons),
+            ),
+            unit_of=merged_units([*_units_of(problem, weighed, same_class), *mending]),
+            recalibration=_recalibration_of(weighed.settled_as(chosen).world, chosen),
+            tested=levels_tested(campaign),
+            seed=seed,
+            traces=_traces_of(problem, chosen),
+            own_palette=campaign.palette,
+        )
+        return replace(found, summary=summary_of(found))
 
 
 def _units_of(
@@ -372,39 +353,33 @@ def _units_of(
 
 def prepared(
     campaign: Campaign, without: Sequence[str] = (), progress: _Progress | None = None
-) -> tuple[Problem, tuple[Untestable, ...]]:
-    """Return a campaign ready for weighing, and the effects that it says nothing about."""
+) -> tuple[Problem, tuple[Untestable, ...], tuple[QualityProblem, ...]]:
+    """Return a campaign ready for weighing, the effects that it says nothing about, and its faults.
+
+    Of specimens that cannot be compared none is told.
+    """
+    for id in without:
+        effect_named(id, EFFECTS, "`without`")
     campaign = with_modes(campaign)
-    effects, reasons = _library(campaign, without)
-    return set_up(*_comparable(campaign), effects, progress, _strays(campaign)), reasons
+    library = {id: e for id, e in effects_for(campaign.palette).items() if id not in without}
+    reasons = {id: untestable(effect, campaign) for id, effect in library.items()}
+    effects = [effect for id, effect in library.items() if reasons[id] is None]
+    campaign, model = _comparable(campaign)
+    quality = examine(campaign)
+    problem = set_up(campaign, model, effects, progress, _strays(campaign, quality))
+    untold = (Untestable(id, told) for id, told in reasons.items() if told is not None)
+    return problem, tuple(untold), quality
 
 
-def _strays(campaign: Campaign) -> set[str]:
+def _strays(campaign: Campaign, quality: Sequence[QualityProblem]) -> set[str]:
     """Return the specimen that differs from its replicates by more than scatter, if one does.
 
     Or the two of which it cannot be told. Several are no strays: something sets them apart.
     """
-    off = {p.specimen for p in examine(campaign) if p.kind in ("outlier", "units")}
+    off = {p.specimen for p in quality if p.kind in ("outlier", "units")}
     found = {s.id for s in campaign.specimens if s.id in off}
     alike = [{campaign.specimens[k].id for k in g} for g in replicate_groups(campaign.specimens)]
     return found if len(found) == 1 or found in alike else set()
-
-
-def _library(
-    campaign: Campaign, without: Sequence[str]
-) -> tuple[tuple[Effect, ...], tuple[Untestable, ...]]:
-    for id in without:
-        effect_named(id, EFFECTS, "`without`")
-    effects, reasons = [], []
-    for id, effect in effects_for(campaign.palette).items():
-        if id in without:
-            continue
-        reason = untestable(effect, campaign)
-        if reason is not None:
-            reasons.append(Untestable(id, reason))
-        else:
-            effects.append(effect)
-    return tuple(effects), tuple(reasons)
 
 
 def _comparable(campaign: Campaign) -> tuple[Campaign, ObservationModel]:

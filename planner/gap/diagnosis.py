@@ -26,6 +26,7 @@ __all__ = [
     "SIGNIFICANT",
     "Detectable",
     "Diagnosis",
+    "Effects",
     "Experiment",
     "FoundEffect",
     "Gap",
@@ -544,20 +545,17 @@ def _faults_of(file: _DiagnosisFile) -> Iterator[tuple[str, str, str]]:
     strange = sorted(set(file.effect) - set(named))
     if strange:
         yield "effect", f"given for {', '.join(strange)}", f"for the verdict {file.verdict!r} alone"
+    places = {"where": file.where, "remainder.where": file.remainder.where}
     shares = {
-        f"ranking[{i}].{key}": getattr(h, key)
-        for i, h in enumerate(file.ranking)
-        for key in ("probability", "with_unknown")
+        **{f"ranking[{i}].probability": h.probability for i, h in enumerate(file.ranking)},
+        **{f"ranking[{i}].with_unknown": h.with_unknown for i, h in enumerate(file.ranking)},
+        **{f"{key}[{i}].p": at.p for key, found in places.items() for i, at in enumerate(found)},
     }
     for key, value in shares.items():
         if not 0.0 <= value <= _MOST:
             yield key, f"{value:g}", "from 0 to 1"
     if math.fsum(h.probability for h in file.ranking) > _MOST:
         yield "the sum of ranking's probabilities", "over 1", "1 at most"
-    for key, places in (("where", file.where), ("remainder.where", file.remainder.where)):
-        for i, place in enumerate(places):
-            if not 0.0 <= place.p <= _MOST:
-                yield f"{key}[{i}].p", f"{place.p:g}", "from 0 to 1"
     for i, test in enumerate(file.next_experiments):
         profile = str(test.row.get("profile", ""))
         if test.design and not re.fullmatch(r"profiles/[^/\\\0]+\.csv", profile):

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from planner.formats.specimens import SPECIMEN_COLUMNS
-from planner.gap.campaign import TOLERANCES, Campaign, Specimen, levels
+from planner.gap.campaign import Campaign, Specimen, column_levels
 from planner.gap.diagnosis import FoundEffect
 from planner.gap.quality import HOLDS, UNLOADS, hold_share, speed_mm_s, unloading_share
 from planner.numerics import FloatArray
@@ -17,7 +17,6 @@ from planner.palette import Reference
 from planner.simulation.bar_solver import Setup
 
 __all__ = [
-    "Advice",
     "Apply",
     "Effect",
     "Form",
@@ -235,20 +234,13 @@ def _constant(name: str, specimens: Sequence[Specimen]) -> str | None:
     known = [value for value in values if value is not None]
     if not known:
         return f"{name} is not known for any specimen"
-    if _varies(name, known):
+    if len(set(column_levels(name, known))) > 1:
         return None
     first = known[0]
     was = first if isinstance(first, str) else f"{float(np.median(known)):.4g}"  # type: ignore[arg-type]
     if len(known) < len(values):
         return f"{name} is known for {len(known)} of {len(values)} specimens, and was {was} in them"
     return f"{name} was {was} in {'all specimens' if len(values) > 1 else 'the only specimen'}"
-
-
-def _varies(name: str, known: Sequence[str | float]) -> bool:
-    if any(isinstance(value, str) for value in known):
-        return len(set(known)) > 1
-    numbers = [float(value) for value in known]
-    return max(level or 0 for level in levels(numbers, *TOLERANCES.get(name, (0.0, 0.0)))) > 0
 
 
 def _value(name: str, specimen: Specimen) -> str | float | None:

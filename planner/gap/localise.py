@@ -9,20 +9,19 @@ import numpy as np
 import scipy.special
 
 from planner.formats.specimens import SPECIMEN_COLUMNS
-from planner.gap.campaign import TOLERANCES, Campaign, axis_columns, levels
+from planner.gap.campaign import TOLERANCES, Campaign, axis_columns, column_levels
 from planner.gap.diagnosis import SIGNIFICANT, Location
 from planner.gap.noise import SpecimenNoise
 from planner.gap.observations import BRANCHES, FeatureTable
+from planner.glance import counted
 from planner.numerics import BoolArray, FloatArray, IntArray
 from planner.simulation.bar import ProfileDesign
 
 __all__ = [
     "Whitening",
     "axis_patterns",
-    "column_levels",
     "localise",
     "specimen_patterns",
-    "tail_p",
 ]
 
 
@@ -91,14 +90,6 @@ def axis_patterns(
     return {name: columns for name, columns in axes.items() if columns.shape[1]}
 
 
-def column_levels(name: str, cells: Sequence[float | str | None]) -> tuple[int | str | None, ...]:
-    """Return each cell's level: its text, or a number that cells within tolerance share."""
-    if any(isinstance(cell, str) for cell in cells):
-        return tuple(None if cell is None else str(cell) for cell in cells)
-    numbers = [None if cell is None else float(cell) for cell in cells]
-    return levels(numbers, *TOLERANCES.get(name, (0.0, 1e-6)))
-
-
 def _axis_cells(campaign: Campaign) -> Mapping[str, tuple[float | str | None, ...]]:
     """Return columns of specimens.csv by name, sizes that are not stated as they were measured."""
     cells = dict(axis_columns(campaign))
@@ -165,24 +156,17 @@ _STEEP_PER_MM = 0.15
 mm has at most 0.04, materials side by side have far more."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Step:
-    """Where a design goes from one coordinate to another, within a millimetre or at once."""
+def _steps_of(design: ProfileDesign) -> list[list[float]]:
+    """Return where a design goes from one coordinate to another, within a millimetre or at once.
 
-    x_mm: float
-    before: float
-    after: float
-
-
-def _steps_of(design: ProfileDesign) -> tuple[_Step, ...]:
-    """Return a design's steps."""
+    Of each step the place in mm, and the coordinates before and after.
+    """
     x, m = design.x_mm, design.coordinate
     rise, run = np.diff(m), np.diff(x)
     steep = (np.abs(rise) > _STEEP_PER_MM * run) & (np.abs(rise) > 1e-3) & (run < 1.0)
-    return tuple(
-        _Step(float(0.5 * (x[i] + x[i + 1])), float(m[i]), float(m[i + 1]))
-        for i in np.flatnonzero(steep)
-    )
+    steps = np.stack([0.5 * (x[:-1] + x[1:]), m[:-1], m[1:]], axis=1)
+    found: list[list[float]] = steps[steep].tolist()
+    return found
 
 
 def _rows_by_design(
@@ -213,10 +197,9 @@ def _along_bars(campaign: Campaign, table: FeatureTable, sensitivity: FloatArray
         columns += [*hats]
         at = np.unique(np.round(x, 3))
         width = max(float(np.median(np.diff(at))) if len(at) > 1 else 1.0, 0.5)
-        for step in _steps_of(design):
-            away = (x - step.x_mm) / width
+        for at_mm, before, after in _steps_of(design):
+            away, size = (x - at_mm) / width, after - before
             bell = np.exp(-0.5 * away**2)
-            size = step.after - step.before
             odd[rows] += size * away * bell
             even[rows] += abs(size) * bell
     return np.stack([*columns, odd, even], axis=1) * sensitivity[:, None]
@@ -268,19 +251,11 @@ class Whitening:
         """Rows of specimen i are ``starts[i]`` to ``starts[i + 1]``, (n + 1,)."""
         return self.noise.first_row
 
-    @property
-    def of_row(self) -> IntArray:
-        """Number of each row's specimen, (N,)."""
-        return np.repeat(np.arange(len(self.starts) - 1), np.diff(self.starts))
-
-    def of_all(self, whitened: FloatArray) -> FloatArray:
-        """Return what the noise has whitened with that whitened which specimens share."""
+    def __call__(self, columns: FloatArray) -> FloatArray:
+        """Return columns, (N, ...), whitened: each specimen's own noise, then what they share."""
+        whitened = self.noise.whiten(columns)
         along = (self.directions.T @ whitened).T * self.shrink
         return np.asarray(whitened - self.directions @ along.T, dtype=np.float64)
-
-    def __call__(self, columns: FloatArray) -> FloatArray:
-        """Return columns, (N, ...), whitened."""
-        return self.of_all(self.noise.whiten(columns))
 
     def summed(self, values: FloatArray) -> FloatArray:
         """Return sums over each specimen's rows, (n, ...)."""
@@ -327,9 +302,9 @@ _TIES = 1e-9
 
 def _family_wise(axes: Sequence["_Axis"]) -> FloatArray:
     """Return family-wise p-values of axes, (A,), from statistics like p-values."""
-    own = [max(a.p, tail_p(-math.log(a.p), -np.log(a.drawn_p), 1.0)) for a in axes]
+    own = [max(a.p, _tail_p(-math.log(a.p), -np.log(a.drawn_p), 1.0)) for a in axes]
     clearest = -np.log(np.min([_rank_p(-a.drawn_p) for a in axes], axis=0))
-    return np.array([max(p, tail_p(-math.log(p), clearest, 1.0)) for p in own])
+    return np.array([max(p, _tail_p(-math.log(p), clearest, 1.0)) for p in own])
 
 
 def _rank_p(drawn: FloatArray) -> FloatArray:
@@ -353,7 +328,7 @@ def _share_p(explained: FloatArray, left: FloatArray, k: float, freedom: float) 
     return np.maximum(scipy.special.betainc(0.5 * freedom, 0.5 * k, left_over), 1e-300)
 
 
-def tail_p(seen: float, drawn: FloatArray, thinnest: float) -> float:
+def _tail_p(seen: float, drawn: FloatArray, thinnest: float) -> float:
     """Return the chance of a statistic as large as that seen, by draws and their exponential tail.
 
     Parameters
@@ -420,6 +395,10 @@ class _Axis:
     is_common: bool = False
 
 
+_Part = tuple[BoolArray, str, int]
+"""Rows, what to call them, and of how many specimens they are; 0 not to tell."""
+
+
 _CLAIM = 3.0
 """How much of the gap in common an axis may claim, over what varies along it. Physical: the square
 of the mean of a ramp from zero, over its variance; an effect in proportion to a column is such."""
@@ -438,6 +417,9 @@ class _Case:
     ----------
     force, local : (N,)
         What all forces, and all local strains, being off by one factor looks like.
+    log, weight : (N,)
+        Measured over predicted, as a logarithm; and how much a feature says of it: little near
+        zero crossings.
     signs : (P, n)
         Of whole specimens, drawn.
     y, varying : (N,)
@@ -452,7 +434,8 @@ class _Case:
     force: FloatArray
     local: FloatArray
     patterns: Mapping[str, FloatArray]
-    gaps: "_Gaps"
+    log: FloatArray
+    weight: FloatArray
     signs: FloatArray
     rng: np.random.Generator
     whitening: Whitening
@@ -517,6 +500,41 @@ class _Case:
         found: FloatArray = np.maximum(np.einsum("bk,bk->b", score, solved) - 2.0 * k, 0.0)
         return found
 
+    def mean(self, rows: BoolArray) -> float | None:
+        """Return the mean gap over rows, a logarithm; None where nothing is told."""
+        weight = self.weight[rows]
+        return float(weight @ self.log[rows] / weight.sum()) if weight.sum() > 0.0 else None
+
+    def sentence(
+        self, parts: Iterable[_Part], *, ordered: bool = False, alike: str | None = None
+    ) -> str:
+        """Return where the gap is highest and lowest.
+
+        Parameters
+        ----------
+        ordered
+            Tell all parts as they come.
+        alike
+            What to say where they hardly differ.
+        """
+        means = [(self.mean(rows), name, n) for rows, name, n in parts]
+        found = [(mean, name, n) for mean, name, n in means if mean is not None]
+        if not found:
+            return "no force to tell it by"
+        logs = [mean for mean, _, _ in found]
+        if alike is not None and max(logs) - min(logs) < _ALIKE:
+            return f"force {_off(float(np.mean(logs)))} {alike}"
+        if not ordered:
+            # The one farthest from prediction first, then the one farthest from it.
+            first = max(found, key=lambda f: abs(f[0]))
+            second = max(found, key=lambda f: abs(f[0] - first[0]))
+            found = [first, second][: len(found)]
+        told = [
+            f"{_off(mean)} {name}" + (f" ({counted(n, 'specimen')})" if n else "")
+            for mean, name, n in found
+        ]
+        return "force " + ", ".join([told[0], *(t.replace(" prediction", "", 1) for t in told[1:])])
+
     def basis(self, columns: FloatArray) -> FloatArray:
         """Return what a gap along columns may look like, whitened, beside the common gap."""
         return _orthonormal(self.whitening(columns), besides=self.common)
@@ -578,7 +596,7 @@ that what merely goes along with the first ranks behind what does not, and befor
 
 def _ranked(axes: Sequence[_Axis], p: FloatArray, case: _Case) -> tuple[list[int], list[float]]:
     """Return the order of axes, and what each adds to the first as a share of its own."""
-    cost = math.log(max(len(case.whitening.starts) - 1, 2))
+    cost = math.log(max(len(case.campaign.specimens), 2))
     alone = [max(case.explained(a) - (cost - 1.0) * a.basis.shape[1], 0.0) for a in axes]
     found = [i for i in range(len(axes)) if p[i] <= SIGNIFICANT]
     if not found:
@@ -620,60 +638,6 @@ _STEP_REACH, _STEP_REACH_mm = 0.06, 1.0
 """How far off a step of the bar is still told as the place, of its length and at least. Convention:
 one bin of a camera's places."""
 
-_Part = tuple[BoolArray, str, int]
-"""Rows, what to call them, and of how many specimens they are; 0 not to tell."""
-
-
-class _Gaps:
-    """Gaps as shares of force or strain, averaged as weights of what is really told by each.
-
-    Attributes
-    ----------
-    log : (N,)
-        Measured over predicted, as a logarithm.
-    weight : (N,)
-        How much a feature says: little near zero crossings.
-    """
-
-    __slots__ = ("log", "weight")
-
-    def __init__(self, table: FeatureTable, residual: FloatArray) -> None:
-        h = table.sensitivity(table.measured_raw)
-        self.log = residual / np.where(np.abs(h) > _TELLS, h, 1.0)
-        self.weight = np.where(np.abs(h) > _TELLS, h**2, 0.0)
-
-    def mean(self, rows: BoolArray) -> float | None:
-        """Return the mean gap over rows, a logarithm; None where nothing is told."""
-        weight = self.weight[rows]
-        return float(weight @ self.log[rows] / weight.sum()) if weight.sum() > 0.0 else None
-
-    def sentence(
-        self, parts: Iterable[_Part], *, ordered: bool = False, alike: str | None = None
-    ) -> str:
-        """Return where the gap is highest and lowest.
-
-        Parameters
-        ----------
-        ordered
-            Tell all parts as they come.
-        alike
-            What to say where they hardly differ.
-        """
-        means = [(self.mean(rows), name, n) for rows, name, n in parts]
-        found = [(mean, name, n) for mean, name, n in means if mean is not None]
-        if not found:
-            return "no force to tell it by"
-        logs = [mean for mean, _, _ in found]
-        if alike is not None and max(logs) - min(logs) < _ALIKE:
-            return f"force {_off(float(np.mean(logs)))} {alike}"
-        if not ordered:
-            # The one farthest from prediction first, then the one farthest from it.
-            first = max(found, key=lambda f: abs(f[0]))
-            second = max(found, key=lambda f: abs(f[0] - first[0]))
-            found = [first, second][: len(found)]
-        told = [f"{_off(mean)} {name}{_count(n)}" for mean, name, n in found]
-        return "force " + ", ".join([told[0], *(t.replace(" prediction", "", 1) for t in told[1:])])
-
 
 def _column_parts(case: _Case, name: str, cells: Sequence[float | str | None]) -> Iterator[_Part]:
     """Levels of a column, or thirds of one of many numbers."""
@@ -681,7 +645,7 @@ def _column_parts(case: _Case, name: str, cells: Sequence[float | str | None]) -
     phrase = known.at if known else f"where {name} is {{}}"
     phrase = "in {}" if name == "material" else phrase
     for label, members in _groups(name, cells):
-        rows = ~case.table.is_field & members[case.whitening.of_row]
+        rows = ~case.table.is_field & members[case.table.specimen]
         yield rows, phrase.format(label), int(members.sum())
 
 
@@ -733,16 +697,14 @@ def _hold_parts(table: FeatureTable) -> Iterator[_Part]:
 
 def _position_sentence(case: _Case, design: ProfileDesign, at_mm: float, rows: IntArray) -> str:
     """Return where along which bar the local strain is farthest off."""
-    mean = case.gaps.mean(np.isin(np.arange(len(case.y)), rows))
+    mean = case.mean(np.isin(np.arange(len(case.y)), rows))
     off = "off" if mean is None else _off(mean)
     sentence = f"strain {off} near {at_mm:.3g} mm along bar {design.name}"
     reach = max(_STEP_REACH * design.length_mm, _STEP_REACH_mm)
-    step = min(_steps_of(design), key=lambda s: abs(s.x_mm - at_mm), default=None)
-    if step is not None and abs(step.x_mm - at_mm) <= reach:
-        grades = [
-            min(case.campaign.palette.materials, key=lambda m: abs(m.coordinate - at)).id
-            for at in (step.before, step.after)
-        ]
+    near = min(_steps_of(design), key=lambda step: abs(step[0] - at_mm), default=None)
+    if near is not None and abs(near[0] - at_mm) <= reach:
+        materials = case.campaign.palette.materials
+        grades = [min(materials, key=lambda m: abs(m.coordinate - at)).id for at in near[1:]]
         sentence += f", at the step from {grades[0]} to {grades[1]}"
     return sentence
 
@@ -752,10 +714,6 @@ def _outliers_sentence(shift: Mapping[str, float]) -> str:
     told = [f"{id} {_off(value, 'its replicates')}" for id, value in shift.items()]
     more = [f"and {len(told) - _NAMED} more"] if len(told) > _NAMED else []
     return "force of " + "; ".join(told[:_NAMED] + more)
-
-
-def _count(n: int) -> str:
-    return f" ({n} specimen{'s' if n > 1 else ''})" if n else ""
 
 
 def _off(log: float, what: str = "prediction") -> str:
@@ -869,14 +827,15 @@ def localise(
     if count < 2:
         return ()
     y, level = whitening(residual), table.sensitivity(table.measured_raw)
+    tells = np.abs(level) > _TELLS
     force, local = np.where(table.is_field, 0.0, level), np.where(table.is_field, level, 0.0)
     patterns = axis_patterns(campaign, table, level)
     common = _orthonormal(whitening(np.column_stack([force, patterns["strain"], local])))
     varying = y - common @ (common.T @ y)
     signs: FloatArray = np.where(rng.random((permutations, count)) < 0.5, -1.0, 1.0)
     case = _Case(
-        campaign, table, residual, force, local, patterns, _Gaps(table, residual), signs, rng,
-        whitening, y, varying, common,
+        campaign, table, residual, force, local, patterns, residual / np.where(tells, level, 1.0),
+        np.where(tells, level**2, 0.0), signs, rng, whitening, y, varying, common,
     )  # fmt: skip
     axes = [*_column_axes(case), *_within_axes(case), *_position_axes(case), *_outlying_axes(case)]
     p = _family_wise(axes)
@@ -899,19 +858,19 @@ def _column_axes(case: _Case) -> Iterator[_Axis]:
         basis = case.basis(case.patterns[name])
         known = sum(cell is not None for cell in cells[name])
         if known >= _FEWEST_KNOWN and basis.shape[1]:
-            sentence = case.gaps.sentence(_column_parts(case, name, cells[name]))
+            sentence = case.sentence(_column_parts(case, name, cells[name]))
             yield _Axis(name, basis, *case.flipped(basis, case.varying), sentence)
 
 
 def _within_axes(case: _Case) -> Iterator[_Axis]:
     """Strain, branch and time of a hold: signs of whole specimens are drawn."""
-    table, gaps = case.table, case.gaps
-    sentence = gaps.sentence(_strain_parts(table), alike="alike at all strains")
+    table = case.table
+    sentence = case.sentence(_strain_parts(table), alike="alike at all strains")
     p, drawn = case.flipped(case.common, case.y)
     yield _Axis("strain", case.common, p, drawn, sentence, is_common=True)
     for name, parts in (("branch", _branch_parts), ("time", _hold_parts)):
         if name in case.patterns and (basis := case.basis(case.patterns[name])).shape[1]:
-            sentence = gaps.sentence(parts(table), ordered=name == "time")
+            sentence = case.sentence(parts(table), ordered=name == "time")
             yield _Axis(name, basis, *case.flipped(basis, case.varying), sentence)
 
 
@@ -920,7 +879,7 @@ def _position_axes(case: _Case) -> Iterator[_Axis]:
 
     A factor on all local strains of a bar is no matter of position.
     """
-    whitening, of_row = case.whitening, case.whitening.of_row
+    whitening, of_row = case.whitening, case.table.specimen
     if "position" not in case.patterns:
         return
     is_bar = of_row[:, None] == np.unique(of_row[case.table.is_field])
@@ -986,8 +945,8 @@ def _outlying_axes(case: _Case) -> Iterator[_Axis]:
             break
         shift[worst] = float(difference[worst])
         left[worst] = False
-    is_named = whitening.of_row[:, None] == list(shift)
+    is_named = case.table.specimen[:, None] == list(shift)
     basis = case.basis(np.where(is_named, case.force[:, None], 0.0))
-    p = tail_p(math.log(max(farthest[0], 1e-9)), np.log(farthest[1:]), _THINNEST)
+    p = _tail_p(math.log(max(farthest[0], 1e-9)), np.log(farthest[1:]), _THINNEST)
     sentence = _outliers_sentence({case.campaign.specimens[i].id: shift[i] for i in shift})
     yield _Axis("specimen", basis, p, _rank_p(farthest[1:]), sentence)

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -44,7 +45,6 @@ __all__ = [
     "SIDES",
     "FeatureTable",
     "ObservationModel",
-    "bins_of",
     "observation_model",
     "seen_shares",
 ]
@@ -306,7 +306,7 @@ def _frames_of(field: StrainField, path: Path) -> tuple[FloatArray, FloatArray]:
     return np.interp(time[inside], path.time_s, path.travel_mm), field.strain[inside]
 
 
-def bins_of(field: StrainField, setup: Setup, number: int) -> Bins:
+def _bins_of(field: StrainField, setup: Setup, number: int) -> Bins:
     """Return the bins of a camera's places along a bar, by number among the setup's tests."""
     x, gauge = field.x_mm, float(setup.gauge_mm[number])
     count = max(1, min(_BINS_MOST, len(x) // _PLACES_LEAST))
@@ -420,7 +420,7 @@ def _feature_table(
         seen = specimens[place].strain_field
         if seen is None or setup.designs[number] is None:
             continue
-        bins = bins_of(seen, setup, number)
+        bins = _bins_of(seen, setup, number)
         for step in (test.step_at(0, fraction) for fraction in test.frames):
             means = bins.means(seen, paths[place], float(travel[step]))
             if means is None:
@@ -435,20 +435,14 @@ def _feature_table(
     for row, _, bins in seen_at:
         here = slice(row, row + len(bins.x_mm))
         places[here], overlap[here, : len(bins.x_mm)] = bins.places, bins.overlap
-    *at, strain, time, x, floors, raw = np.array(rows).T
-    specimen, of_test, step, branch = (column.astype(np.int64) for column in at)
+    numbers = ("specimen", "test", "step", "branch")
+    figures = ("strain", "time_s", "x_mm", "floor", "measured_raw")
+    columns: dict[str, Any] = dict(zip((*numbers, *figures), np.array(rows).T, strict=True))
+    columns |= {name: columns[name].astype(np.int64) for name in numbers}
     table = FeatureTable(
-        specimen=specimen,
-        test=of_test,
-        replicates=alike[specimen],
-        step=step,
-        branch=branch,
-        strain=strain,
-        time_s=time,
-        x_mm=x,
-        floor=floors,
-        measured=np.arcsinh(raw / (2.0 * floors)),
-        measured_raw=raw,
+        **columns,
+        replicates=alike[columns["specimen"]],
+        measured=np.arcsinh(columns["measured_raw"] / (2.0 * columns["floor"])),
         places=places,
         overlap=overlap,
     )
@@ -699,14 +693,9 @@ def _sensor_sd_N(force_N: FloatArray) -> float:
 
 def _coupon_limit(specimen: Specimen, palette: Palette) -> float:
     """Return the largest strain up to which a specimen may be compared."""
-    among = palette.materials
     if specimen.pushed:
         return PUSHED_END
-    if specimen.part is not None:
-        return float(specimen.part.response.displacement_mm[-1]) / specimen.gauge_mm
-    if specimen.material is not None:
-        among = (palette.resolve(specimen.material),)
-    return _BREAK_SHARE * max(m.elongation_at_break for m in among)
+    return (1.0 if specimen.part else _BREAK_SHARE) * specimen.strain_end(palette, max)
 
 
 def _bar_limits_mm(setup: Setup, prediction: Prediction, palette: Palette) -> dict[int, float]:
@@ -736,31 +725,32 @@ def _bar_limits_mm(setup: Setup, prediction: Prediction, palette: Palette) -> di
 def _limitations(
     specimens: Sequence[Specimen], paths: Mapping[int, Path], past: set[int]
 ) -> Iterable[str]:
-    def ids(places: Iterable[int]) -> str:
-        return named([specimens[place].id for place in sorted(places)])
-
-    lost = set(range(len(specimens))) - set(paths)
-    if lost:
-        yield f"{ids(lost)}: no loading of enough points; left out"
-    broken = {place for place, path in paths.items() if path.broken}
-    if broken:
-        yield f"{ids(broken)}: broke; only what came before is compared"
-    if past & set(paths):
-        yield (
-            f"{ids(past & set(paths))}: compared up to {_BREAK_SHARE:g} times the elongation at "
-            f"break, or to a strain of -{PUSHED_END:g}, only"
-        )
-    many = {place for place, path in paths.items() if any(s.cycles > 1 for s in path.segments)}
-    if many:
-        yield (
-            f"{ids(many)}: of many cycles those between the first and the last are compared in "
-            "groups, at the end of each"
-        )
-    bare = {
-        place
-        for place in paths
-        if specimens[place].part is None
-        and specimens[place].section_mm2(np.array([0.5 * specimens[place].gauge_mm])) is None
-    }
-    if bare:
-        yield f"{ids(bare)}: the section is unknown; it is taken to be 1 mm2"
+    told = (
+        (set(range(len(specimens))) - set(paths), "no loading of enough points; left out"),
+        (
+            {place for place, path in paths.items() if path.broken},
+            "broke; only what came before is compared",
+        ),
+        (
+            past & set(paths),
+            f"compared up to {_BREAK_SHARE:g} times the elongation at break, or to a strain of "
+            f"-{PUSHED_END:g}, only",
+        ),
+        (
+            {place for place, path in paths.items() if any(s.cycles > 1 for s in path.segments)},
+            "of many cycles those between the first and the last are compared in groups, at the "
+            "end of each",
+        ),
+        (
+            {
+                place
+                for place in paths
+                if specimens[place].part is None
+                and specimens[place].section_mm2(np.zeros(1)) is None
+            },
+            "the section is unknown; it is taken to be 1 mm2",
+        ),
+    )
+    for places, what in told:
+        if places:
+            yield f"{named([specimens[place].id for place in sorted(places)])}: {what}"

@@ -26,7 +26,6 @@ __all__ = [
     "examine",
     "hold_share",
     "merged_units",
-    "predicted_stress_MPa",
     "speed_mm_s",
     "suggested_units",
     "turns",
@@ -96,39 +95,32 @@ its force stands still."""
 
 
 def _clipping(s: Specimen) -> _Problems:
-    """Yield a load cell or amplifier that was at its limit."""
-    run = _plateau(s)
-    if run is not None:
-        yield (
-            "clipped",
-            f"force stands at {float(s.force_N[run[0]]):.4g} N over {run[1] - run[0]} points from "
-            f"strain {s.strain[run[0]]:.3g} while the crosshead moves on; the load cell's limit?",
-        )
-
-
-def _plateau(s: Specimen) -> tuple[int, int] | None:
-    """First and last-but-one index of the run at the largest force, if nothing else explains it."""
+    """Yield a load cell or amplifier that was at its limit, if nothing else explains a plateau."""
     force, way = s.load_N, s.travel_mm
     top = float(np.max(force))
     at_top = force >= top - 1e-9 * abs(top)
     start, stop = _longest_run(at_top)
     if stop - start < _SHORTEST or start < _SHORTEST:
-        return None
+        return
     # A coarse resolution gives runs of equal values everywhere, not only at the top.
     equal = (np.diff(force) == 0.0) & ~at_top[1:]
     elsewhere = _longest_run(equal)
     if stop - start < 3 * (elsewhere[1] - elsewhere[0] + 1):
-        return None
+        return
     first = max(start - max(_SHORTEST, (stop - start) // 5), 0)
     travel = float(way[stop - 1] - way[start])
     approach = float(way[start] - way[first])
     if travel <= 0.0 or approach <= 0.0:
-        return None
+        return
     expected = travel * float(top - force[first]) / approach
     steps = np.abs(np.diff(force))
     resolution = float(np.min(steps[steps > 0.0], initial=top))
-    least = max(_RISE * (noise_sd(force[:start]) + resolution), _RISE_SHARE * top)
-    return (start, stop) if expected > least else None
+    if expected > max(_RISE * (noise_sd(force[:start]) + resolution), _RISE_SHARE * top):
+        yield (
+            "clipped",
+            f"force stands at {float(s.force_N[start]):.4g} N over {stop - start} points from "
+            f"strain {s.strain[start]:.3g} while the crosshead moves on; the load cell's limit?",
+        )
 
 
 def _longest_run(flags: np.ndarray) -> tuple[int, int]:
@@ -644,7 +636,8 @@ def _first_loading(specimen: Specimen) -> tuple[FloatArray, FloatArray]:
     load = specimen.load_N
     stop = _first_turn(specimen.travel_mm) + 1
     stop = int(np.argmax(load[:stop])) + 1
-    return specimen.strain[:stop], load[:stop] / _mean_section_mm2(specimen)
+    section = specimen.section_mm2(_slices(specimen))
+    return specimen.strain[:stop], load[:stop] / (1.0 if section is None else np.mean(section))
 
 
 def _stress_at(strain: FloatArray, stress_MPa: FloatArray, at: FloatArray) -> FloatArray:
@@ -668,7 +661,7 @@ def _stress_at(strain: FloatArray, stress_MPa: FloatArray, at: FloatArray) -> Fl
     return np.where(count > 2, mean * at / np.where(middle > 0.0, middle, at), line)
 
 
-def predicted_stress_MPa(specimen: Specimen, palette: Palette, strain: FloatArray) -> FloatArray:
+def _predicted_stress_MPa(specimen: Specimen, palette: Palette, strain: FloatArray) -> FloatArray:
     """Return the mean nominal stress that the palette's laws give, roughly for a graded bar.
 
     A bar's slices are taken as springs of their secant moduli at the mean strain; of a part, whose
@@ -713,32 +706,18 @@ def _log_load(specimen: Specimen, palette: Palette, *, stretched: float = 1.0) -
     """
     strain, stress = _first_loading(specimen)
     strain = strain * stretched
-    end = min(float(strain[-1]), _law_end(specimen, palette))
+    law_end = PUSHED_END if specimen.pushed else specimen.strain_end(palette, min)
+    end = min(float(strain[-1]), law_end)
     at = end * _GRID
     at = at[(at > 0.0) & (at >= strain[0])]
     if len(at) < 3:
         return None
     measured = _stress_at(strain, stress, at)
-    predicted = predicted_stress_MPa(specimen, palette, at)
+    predicted = _predicted_stress_MPa(specimen, palette, at)
     both = (measured > 0.0) & (predicted > 0.0)
     if both.sum() < 3:
         return None
     return float(np.median(np.log(measured[both] / predicted[both])))
-
-
-def _law_end(specimen: Specimen, palette: Palette) -> float:
-    if specimen.pushed:
-        return PUSHED_END
-    if specimen.part is not None:
-        return float(specimen.part.response.displacement_mm[-1]) / specimen.gauge_mm
-    if specimen.profile is None:
-        return palette.resolve(specimen.material or "").elongation_at_break
-    return min(m.elongation_at_break for m in palette.materials)
-
-
-def _mean_section_mm2(specimen: Specimen) -> float:
-    section = specimen.section_mm2(_slices(specimen))
-    return 1.0 if section is None else float(np.mean(section))
 
 
 def _slices(specimen: Specimen) -> FloatArray:

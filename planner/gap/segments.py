@@ -161,8 +161,7 @@ def path_of(specimen: Specimen) -> Path | None:
     spans = _spans(time, travel, spread, noise)
     while spans and (spans[0][0] == "rest" or travel[spans[0][2]] < travel[spans[0][1]]):
         spans.pop(0)
-    named = _named(spans, travel)
-    kept, broken = _unbroken(named, travel, load)
+    kept, broken = _unbroken(spans, travel, load)
     if not kept:
         return None
     held = len(kept) > 1 and kept[1][0] == "hold"
@@ -306,32 +305,19 @@ def _held_rows(
     return first + int(inside[0]), first + int(inside[-1])
 
 
-def _named(
-    spans: list[tuple[str, int, int]], travel: FloatArray
-) -> list[tuple[SegmentKind, int, int]]:
-    named: list[tuple[SegmentKind, int, int]] = []
-    for what, first, last in spans:
-        kind: SegmentKind
-        if what == "rest":
-            loaded = bool(named) and named[-1][0] in ("loading", "reloading")
-            kind = "hold" if loaded else "rest"
-        elif travel[last] < travel[first]:
-            kind = "unloading"
-        else:
-            kind = "reloading" if named else "loading"
-        named.append((kind, first, last))
-    return named
-
-
 def _unbroken(
-    segments: list[tuple[SegmentKind, int, int]], travel: FloatArray, force: FloatArray
+    spans: list[tuple[str, int, int]], travel: FloatArray, force: FloatArray
 ) -> tuple[list[tuple[SegmentKind, int, int]], bool]:
-    """Keep what comes before rupture: seen on a way up, or as a load that is gone in a rest."""
+    """Name what comes before rupture: seen on a way up, or as a load that is gone in a rest."""
     kept: list[tuple[SegmentKind, int, int]] = []
     peak, farthest = 0.0, 0.0
-    for kind, first, last in segments:
-        end = last
-        part = force[first : last + 1]
+    for what, first, last in spans:
+        kind: SegmentKind = "reloading" if kept else "loading"
+        if what == "rest":
+            kind = "hold" if kept and kept[-1][0] in ("loading", "reloading") else "rest"
+        elif travel[last] < travel[first]:
+            kind = "unloading"
+        end, part = last, force[first : last + 1]
         if kind in ("loading", "reloading"):
             there = kind == "reloading" and travel[last] > _SAME_TRAVEL * farthest
             if there and np.max(part) < BROKEN_SHARE * peak:
@@ -344,7 +330,7 @@ def _unbroken(
             end = first + int(none[0]) - 1 if len(none) and part[0] > BEARING_SHARE * peak else last
         peak = max(peak, float(np.max(part)))
         farthest = max(farthest, float(travel[last]))
-        if end - first >= 1:
+        if end > first:
             kept.append((kind, first, end))
         if end < last:
             return kept, True

@@ -18,7 +18,6 @@ __all__ = [
     "probability",
     "sentence",
     "summary_of",
-    "title",
 ]
 
 
@@ -37,7 +36,7 @@ _AXES: Mapping[str, str] = {
 }
 
 
-def title(effect: str) -> str:
+def _title(effect: str) -> str:
     """Return the name that an effect has in a heading."""
     names = {"none": "no gap", "unknown": "an unknown cause"}
     return EFFECTS[effect].title if effect in EFFECTS else names.get(effect, effect)
@@ -45,7 +44,7 @@ def title(effect: str) -> str:
 
 def cause_words(name: str) -> str:
     """Return a hypothesis in words: "no gap", "water uptake", "strain rate + water uptake"."""
-    return " + ".join(title(e) for e in name.split("+"))
+    return " + ".join(_title(e) for e in name.split("+"))
 
 
 def axis_words(axis: str) -> str:
@@ -161,7 +160,8 @@ def _cause(d: Diagnosis) -> str:
         )
     clauses = "; and ".join(EFFECTS[e].clause if e in EFFECTS else e for e in effects)
     unsure = "No cause is sure; the likeliest"
-    if d.ranking[0].name in ("none", "unknown"):  # named causes together are the likeliest kind
+    # Named causes together are the likeliest kind. A file may have no ranking.
+    if any(h.name in ("none", "unknown") for h in d.ranking[:1]):
         named = sum(h.probability for h in d.ranking if h.name not in ("none", "unknown"))
         some = "that an effect tested here is at work has"
         unsure = f"No cause is sure: {some} probability {probability(named)}, and the likeliest"

@@ -365,11 +365,10 @@ def stated_effect(text: str, palette: Palette) -> StatedEffect:
             )
         given[name.strip()] = value.strip()
     form = _form(effect, given.pop("form", None), given, text)
-    values = {p.name: p.usual for p in form.parameters}
-    for parameter in form.parameters:
-        if parameter.name in given:
-            size = parameter is form.size
-            values[parameter.name] = _value(parameter, given[parameter.name], size, text)
+    values = {
+        p.name: _value(p, given[p.name], p is form.size, text) if p.name in given else p.usual
+        for p in form.parameters
+    }
     return StatedEffect(effect, form, values)
 
 

@@ -322,6 +322,8 @@ def _error_words(before: float, after: float) -> str:
 # Where the gap lies: errors of force along the leading axes, before and after.
 
 
+_Range = tuple[float, float]
+
 _SHOWN, _ACROSS = 4, 2
 _CHARACTER = 7.0
 _NAMES = 14
@@ -341,7 +343,7 @@ def _residual_figure(diagnosis: Diagnosis, traces: Traces) -> bytes | None:
     if not shown:
         return None
     y_range = _y_range([points for _, points in shown])
-    panels = [partial(_residual_panel, traces, place, points, y_range) for place, points in shown]
+    panels = [partial(_residual_panel, traces, *one, y_range) for one in shown]
     parts, width, height = in_rows(panels, _ACROSS, (66.0, _TOP), (440.0, 280.0))
     key = [(_BEFORE, 20.0)]
     key += [(_AFTER, 160.0)] if any(np.isfinite(points.after).any() for _, points in shown) else []
@@ -363,12 +365,7 @@ def _key(look: _Look, x: float, *, with_mark: bool = False) -> Iterator[str]:
 
 
 def _residual_panel(
-    traces: Traces,
-    place: Location,
-    points: Points,
-    y_range: tuple[float, float],
-    left: float,
-    top: float,
+    traces: Traces, place: Location, points: Points, y_range: _Range, left: float, top: float
 ) -> Iterator[str]:
     chart = Chart(left, top + 20.0, 350.0, 190.0, _x_range(points), y_range)
     yield text(chart.left, chart.top - 10.0, _heading(place), size=12.5)
@@ -445,7 +442,7 @@ def _lines(
             yield None, x_means, y_means
 
 
-def _x_range(points: Points) -> tuple[float, float]:
+def _x_range(points: Points) -> _Range:
     if points.names:
         return -0.6, len(points.names) - 0.4
     x = points.x[np.isfinite(points.x)]
@@ -478,7 +475,7 @@ def _x_ticks(points: Points, chart: Chart) -> Sequence[tuple[float, str]]:
     return log_ticks(*chart.x_range)
 
 
-def _y_range(panels: Sequence[Points]) -> tuple[float, float]:
+def _y_range(panels: Sequence[Points]) -> _Range:
     """Return a range in per cent that holds zero and every error."""
     values = np.concatenate([np.concatenate([p.before, p.after]) for p in panels])
     values = 100.0 * values[np.isfinite(values)]

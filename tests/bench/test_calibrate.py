@@ -7,8 +7,7 @@ import pytest
 
 from benchmarks.withheld.calibrate import Case, calibrated, mean_log_score, priors_of, vector
 from benchmarks.withheld.scoring import UNKNOWN
-from planner.gap.evidence.posterior import Evidence
-from planner.gap.evidence.weigh import Priors
+from planner.gap.evidence.weigh import Evidence, Priors
 
 SHOWN = 3.0
 START = Priors(

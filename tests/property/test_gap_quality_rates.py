@@ -14,7 +14,7 @@ import pytest
 
 from planner.gap.campaign import Campaign, Specimen
 from planner.gap.diagnosis import QualityProblem
-from planner.gap.quality import examine, predicted_stress_MPa
+from planner.gap.quality import _predicted_stress_MPa, examine
 from planner.printers import load_printer
 from planner.simulation.bar import ProfileDesign
 
@@ -100,7 +100,7 @@ def clean(rng: Generator, *, tails: bool = False) -> Campaign:
                 strain = np.maximum(bare.strain, 1e-6)
                 bent = rng.normal(0.0, 0.3 * scatter[p]) * (strain / reach - 0.5)
                 area = 6.15 * 2.0
-                force = area * predicted_stress_MPa(bare, PALETTE, strain)
+                force = area * _predicted_stress_MPa(bare, PALETTE, strain)
                 force = force * factor * np.exp(level + bent)
                 top = float(force.max())
                 force = force + top * noise * rng.normal(size=len(force))

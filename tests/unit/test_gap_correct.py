@@ -11,7 +11,7 @@ import pytest
 import planner
 from planner.cli import run
 from planner.errors import FileError, PaletteError, UnknownNameError
-from planner.gap.correct import Correction, Factors, correct, forms_sd, working_strain
+from planner.gap.correct import Correction, _Factors, _parted_sd, _working_strain, correct
 from planner.gap.diagnose import levels_tested
 from planner.gap.diagnosis import Diagnosis, FoundEffect, Gap
 from planner.gap.effect import StatedEffect, stated
@@ -408,8 +408,8 @@ def test_forms_of_one_parameter_alone_cannot_part_where_they_are_one(palette) ->
     tests = [
         (palette.materials[0], replace(own, temperature_C=at)) for at in (23.0, 30.0, 40.0, 60.0)
     ]
-    factors = Factors(palette, [*tests, *tests], own, (6.0, 3.0), working_strain, 24)
-    parted = forms_sd(factors, one, len(tests), sd=0.01)
+    factors = _Factors(palette, [*tests, *tests], own, (6.0, 3.0), _working_strain, 24)
+    parted = _parted_sd(factors, one, len(tests), sd=0.01)
     # Two of the deviations that a form may have at each test.
     assert (parted < 0.02).all()
 

@@ -12,7 +12,7 @@ import scipy.stats
 
 from planner.gap.campaign import Campaign, Specimen
 from planner.gap.diagnosis import Location
-from planner.gap.localise import Whitening, localise, tail_p
+from planner.gap.localise import Whitening, _tail_p, localise
 from planner.gap.noise import SpecimenNoise
 from planner.gap.observations import FeatureTable
 from planner.numerics import FloatArray
@@ -346,5 +346,5 @@ def test_p_values_by_the_tail_of_draws() -> None:
     drawn = -np.log(np.random.default_rng(8).random(999))
     # Counted: a binomial deviation of 0.7 %. Beyond: the tail's mean is known to a tenth, which
     # is a factor of exp(0.1 * 9.2) = 2.5 four decades beyond the threshold; two deviations.
-    assert tail_p(-np.log(0.05), drawn, 1.0) == pytest.approx(0.05, abs=0.02)
-    assert 1e-5 / 6.5 < tail_p(-np.log(1e-5), drawn, 1.0) < 1e-5 * 6.5
+    assert _tail_p(-np.log(0.05), drawn, 1.0) == pytest.approx(0.05, abs=0.02)
+    assert 1e-5 / 6.5 < _tail_p(-np.log(1e-5), drawn, 1.0) < 1e-5 * 6.5

@@ -9,7 +9,7 @@ import pytest
 
 from planner.gap.campaign import Campaign, Specimen, StrainField
 from planner.gap.diagnosis import QualityProblem
-from planner.gap.quality import examine, predicted_stress_MPa
+from planner.gap.quality import _predicted_stress_MPa, examine
 from planner.numerics import FloatArray
 from planner.printers import load_printer
 
@@ -40,7 +40,7 @@ def specimen(
         f"S{k}", time, travel, travel, 25.0, material=material, width_mm=6.0, thickness_mm=2.0,
         rate_mm_s=1.0, temperature_C=23.0, protocol=protocol, batch="A",
     )  # fmt: skip
-    force = 12.0 * predicted_stress_MPa(bare, PALETTE, np.maximum(bare.strain, 1e-9))
+    force = 12.0 * _predicted_stress_MPa(bare, PALETTE, np.maximum(bare.strain, 1e-9))
     force = gain * force * np.exp(0.03 * rng.normal())
     force = force + 1e-3 * force.max() * rng.normal(size=len(force))
     return replace(bare, force_N=force, **changes)

@@ -14,7 +14,7 @@ from planner.gap.effect import Effect, Form, Parameter
 from planner.gap.effects import conditions, print, test
 from planner.palette import Palette
 
-__all__ = ["EFFECTS", "effect_named", "effects_for"]
+__all__ = ["EFFECTS", "TESTS", "effect_named", "effects_for"]
 
 
 _FILES = {"conditions": conditions, "print": print, "test": test}
@@ -26,12 +26,10 @@ def _named(function: str) -> Any:
     return getattr(_FILES[file], f"_{name}")
 
 
-def _library() -> Mapping[str, Effect]:
-    """Return the effects of effects.toml by id, sorted, those of laws without a form."""
-    file = Path(__file__).with_name("effects.toml")
-    tables = tomllib.loads(file.read_text(encoding="utf-8"))
-    common = tables.pop("parameters")
-    return {id: _effect(id, tables[id], common) for id in sorted(tables)}
+_TABLES = tomllib.loads(Path(__file__).with_name("effects.toml").read_text(encoding="utf-8"))
+
+TESTS: Mapping[str, str] = MappingProxyType(_TABLES.pop("tests"))
+"""What makes a covariate or channel serve."""
 
 
 def _effect(id: str, table: dict[str, Any], common: Mapping[str, Any]) -> Effect:
@@ -71,7 +69,9 @@ def _with_materials(coordinates: Sequence[float], names: Sequence[str]) -> Mappi
     return MappingProxyType({**_LIBRARY, own.id: own})
 
 
-_LIBRARY = _library()
+_COMMON = _TABLES.pop("parameters")
+_LIBRARY = {id: _effect(id, _TABLES[id], _COMMON) for id in sorted(_TABLES)}
+"""The effects by id, those of laws without a form."""
 
 EFFECTS = _with_materials((0.0, 0.5, 1.0), ("softest", "middle", "hardest"))
 """Every effect by its id, sorted; `material-law` stands for that of a palette of three.

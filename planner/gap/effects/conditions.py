@@ -336,11 +336,8 @@ def _smooth_spectrum(setup: Setup, values: Values) -> Setup:
         share = values["share"] * np.exp(_TREND * more)
         return np.asarray(kept_below(share, _MOST_RELAXING)[:, None] * parts)
 
-    return _tilted(_relaxing(setup, spectrum_at), _TILT * values.get("tilt", 0.0))
-
-
-def _tilted(setup: Setup, log_tilt: float) -> Setup:
-    return setup.with_(log_tilt=setup.log_tilt + log_tilt) if log_tilt else setup
+    tilted = setup.with_(log_tilt=setup.log_tilt + _TILT * values.get("tilt", 0.0))
+    return _relaxing(tilted, spectrum_at)
 
 
 _MOST_RELAXING = 0.98

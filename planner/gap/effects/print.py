@@ -315,18 +315,16 @@ def _draw_smaller(found: FoundEffect, width_mm: float, thickness_mm: float) -> s
 # Skin: a surface layer, cured or wetted otherwise, that is stiffer or softer than the inside.
 
 
-def _inside(size_mm: FloatArray, depth_mm: float) -> FloatArray:
-    """Share of a size that two skins leave; skins that meet leave nothing, smoothly."""
-    return 1.0 - kept_below(2.0 * depth_mm / size_mm, 1.0)
-
-
 def _covered(*sides: str) -> Apply:
-    """Return the form in which layers lie across width, thickness or both."""
+    """Return the form in which layers lie across width, thickness or both.
+
+    Two skins leave a share of a size inside; such that meet leave nothing, smoothly.
+    """
 
     def apply(setup: Setup, values: Values) -> Setup:
         sizes, inside = _sizes_mm(setup), np.ones(len(setup.area_mm2))
         for side in sides:
-            inside *= _inside(sizes[side], values["depth"])
+            inside *= 1.0 - kept_below(2.0 * values["depth"] / sizes[side], 1.0)
         return setup.stiffened(np.log1p(math.expm1(values["log_stiffness"]) * (1.0 - inside)))
 
     return apply

@@ -29,7 +29,6 @@ from planner.numerics import BoolArray, FloatArray, IntArray
 from planner.simulation.bar_solver import Prediction, Setup, predict, predict_all
 
 __all__ = [
-    "AMPLITUDES",
     "Problem",
     "applied",
     "falls",
@@ -81,10 +80,6 @@ def _model_discrepancy(table: FeatureTable, unpredicted: FloatArray) -> FloatArr
 # One axis at a time, each with its amplitude integrated over, beside the uncertain base laws: a
 # pattern that those already cover gains nothing.
 
-
-AMPLITUDES = (0.03, 0.1, 0.3, 0.9)
-"""Standard deviations of an unknown pattern, of the logarithm of force. Numerical: in steps of
-three, from the scatter of specimens to a factor of more than two."""
 
 _ANY = "any"
 """All axes at once that effects claim: what is left when the right effect is not in the library."""
@@ -263,11 +258,6 @@ class Problem:
     def unknown_span(self) -> slice:
         """Columns of all axes of the unknown."""
         return slice(self.gains.stop, self.columns.shape[1] - self.nuisances)
-
-    def unknown_columns(self, number: int) -> slice:
-        """Return the columns of an axis of the unknown."""
-        first = self.gains.stop + sum(a.columns.shape[1] for a in self.unknown[:number])
-        return slice(first, first + self.unknown[number].columns.shape[1])
 
     def predictions(
         self, candidates: Sequence[Candidate], like: Prediction | None = None

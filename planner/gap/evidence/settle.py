@@ -6,6 +6,7 @@ from functools import cached_property
 
 import numpy as np
 import scipy.linalg
+from scipy.linalg.lapack import dpotrf, dtrtrs
 
 from planner.gap.evidence.problem import Problem
 from planner.gap.evidence.surrogate import Candidate, Search
@@ -38,8 +39,11 @@ class Elimination:
 
 def _integrated(kept: FloatArray, cross: FloatArray, inner: FloatArray) -> tuple[FloatArray, float]:
     """Return Schur's complement of `inner`, and the logarithm of its determinant."""
-    factor = scipy.linalg.cholesky(inner, lower=True, check_finite=False)
-    half = scipy.linalg.solve_triangular(factor, cross, lower=True, check_finite=False)
+    if not len(inner):
+        return kept, 0.0
+    # By LAPACK itself: what is around it in scipy costs more than so small matrices do.
+    factor, _ = dpotrf(inner, lower=True)
+    half, _ = dtrtrs(factor, cross, lower=True)
     return kept - half.T @ half, 2.0 * float(np.log(np.diagonal(factor)).sum())
 
 
@@ -98,12 +102,6 @@ class World:
         alone = self.elimination(problem.columns[:, 0])
         self.none, self.left = alone.none, float(alone.products[0, 0])
 
-    def _half(self, columns: FloatArray) -> FloatArray:
-        cross = self._nuisances.T @ columns
-        return np.asarray(
-            scipy.linalg.solve_triangular(self._factor, cross, lower=True, check_finite=False)
-        )
-
     def products(self, columns: FloatArray, own: FloatArray | None = None) -> FloatArray:
         """Return inner products of whitened columns, (k, k), nuisances integrated out.
 
@@ -117,7 +115,7 @@ class World:
         if own is not None:
             columns = np.concatenate([columns, own], axis=1)
         weighted = self._root[:, None] * columns
-        half = self._half(weighted)
+        half, _ = dtrtrs(self._factor, self._nuisances.T @ weighted, lower=True)
         m = weighted.T @ weighted - half.T @ half
         return np.asarray(m) if own is None else _without_last(m, count)[0]
 
@@ -197,10 +195,6 @@ def _moved(candidate: Candidate, coordinates: FloatArray) -> Candidate:
         places.append(branch.place(coordinates[first:stop]))
         first = stop
     return replace(candidate, places=tuple(places))
-
-
-def _coordinates(candidate: Candidate) -> FloatArray:
-    return np.concatenate([branch.coordinates(place) for branch, place in candidate.parts])
 
 
 class _Point:
@@ -393,7 +387,8 @@ def settle(worlds: Sequence[World], candidate: Candidate, start: World) -> Settl
     start
         The world in which the candidate was found.
     """
-    point = _Point(start.problem, candidate, _coordinates(candidate))
+    at = [branch.coordinates(place) for branch, place in candidate.parts]
+    point = _Point(start.problem, candidate, np.concatenate(at))
     point, own = _mode_beside_own(start, point, np.zeros((len(point.left), 0)))
     settled = _settled(start, point, own)
     values = [settled.eliminated(world).none for world in worlds]

@@ -136,6 +136,18 @@ def signed_forms(effects: Sequence[Effect]) -> tuple[SignedForm, ...]:
     return tuple(found)
 
 
+_POWER = (2, 1, 1)
+"""Of a place, in which polynomials are. Numerical: those of the size itself, and not of its root,
+are near at small sizes too."""
+
+
+@lru_cache(maxsize=3)
+def _lagrange(d: int) -> FloatArray:
+    """Return the coefficients of Lagrange's polynomials through the nodes of a parameter."""
+    nodes = _NODES[d, : _STOP[d]] ** _POWER[d]
+    return np.asarray(np.linalg.inv(np.vander(nodes, increasing=True)))
+
+
 def node_weights(places: ArrayLike) -> FloatArray:
     """Return the weight of each node of a form, (..., nodes), at places (..., 1 + shapes).
 
@@ -144,11 +156,8 @@ def node_weights(places: ArrayLike) -> FloatArray:
     at = np.asarray(places, dtype=np.float64)
     weights = np.ones((*at.shape[:-1], 1))
     for d in range(at.shape[-1]):
-        # Polynomials of the size itself, and not of its root, are near at small sizes too.
-        power = 2 if d == 0 else 1
-        nodes = np.vander(_NODES[d, : _STOP[d]] ** power, increasing=True)
-        powers = np.vander(at[..., d].ravel() ** power, _STOP[d], increasing=True)
-        own = (powers @ np.linalg.inv(nodes)).reshape(*at.shape[:-1], -1)[..., _FIRST[d] :]
+        powers = np.vander(at[..., d].ravel() ** _POWER[d], _STOP[d], increasing=True)
+        own = (powers @ _lagrange(d)).reshape(*at.shape[:-1], -1)[..., _FIRST[d] :]
         weights = (weights[..., :, None] * own[..., None, :]).reshape(*at.shape[:-1], -1)
     return weights
 

@@ -1,29 +1,46 @@
-"""Weigh all hypotheses: nothing, single effects, pairs, and each beside an unknown."""
+"""Weigh all hypotheses, and go from evidence to probabilities: the verdict, and its class."""
 
-from collections.abc import Hashable, Iterator, Sequence
+from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import permutations
 
 import numpy as np
 from scipy.special import logsumexp
 
 from planner.gap.campaign import axis_columns
-from planner.gap.evidence.problem import AMPLITUDES, Problem, own_axes
+from planner.gap.diagnosis import Detectable, Effects, FoundEffect, Hypothesis
+from planner.gap.evidence.problem import (
+    Problem,
+    falls,
+    own_axes,
+    replicate_floor,
+    squared_errors,
+)
 from planner.gap.evidence.settle import Elimination, Settled, World, nothing, settle
-from planner.gap.evidence.surrogate import Candidate, joined
+from planner.gap.evidence.surrogate import Candidate, SignedForm, joined, node_weights
 from planner.gap.noise import FIT_SD, UNIT_GAINS, Scatter
 from planner.numerics import BoolArray, FloatArray, kernel
 
 __all__ = [
+    "ALIKE_COSINE",
     "ANY",
-    "GAIN",
-    "Effects",
+    "ENOUGH_SPECIMENS",
+    "NO_GAP",
+    "UNKNOWN",
+    "Evidence",
     "HypothesisKey",
     "Priors",
     "Weighed",
-    "in_another_unit",
+    "class_of",
+    "detectable_sizes",
+    "evidence_of",
+    "found_effects",
+    "needed_nats",
+    "posterior",
+    "ranking_of",
     "reweigh",
+    "verdict_of",
     "weigh",
-    "weigh_subset",
 ]
 
 
@@ -77,7 +94,7 @@ class Priors:
 # Some specimens, but not the others, have their force off by one factor.
 
 
-GAIN = "force-scale"
+_GAIN = "force-scale"
 """The effect that may hold for some specimens only."""
 
 _GAINS = np.geomspace(0.05, 0.6, 24)
@@ -146,13 +163,11 @@ def _best_subset(
         square = gamma * gamma
         for s in range(m):
             odds = np.log(shares[s] / (1.0 - shares[s]))
+            pull[:] = 0.0
             for i in range(n):
                 belief[i] = 1.0 if gamma * likeliest[i] > 0.5 * square else 0.0
-            for i in range(n):
-                total = 0.0
                 for j in range(n):
-                    total += h[i, j] * belief[j]
-                pull[i] = total
+                    pull[j] += h[j, i] * belief[i]
             for _ in range(_ROUNDS):
                 moved = 0.0
                 for i in range(n):
@@ -185,7 +200,7 @@ def _best_subset(
     return best
 
 
-def weigh_subset(
+def _weigh_subset(
     residual: FloatArray, gains: FloatArray, beside: Candidate, scatter: Scatter
 ) -> Candidate:
     """Return the best subset beside a candidate, with the log evidence of there being one.
@@ -210,7 +225,7 @@ def weigh_subset(
         total = -np.inf
     return replace(
         beside,
-        effects=tuple(sorted({*beside.effects, GAIN})),
+        effects=tuple(sorted({*beside.effects, _GAIN})),
         gain=beside.gain + gain,
         log_evidence=beside.log_evidence + total,
         members=members,
@@ -226,7 +241,6 @@ def weigh_subset(
 # form. Odds are relative to no effect at the nominal scatter.
 
 
-Effects = tuple[str, ...]
 HypothesisKey = tuple[Effects, str]
 """Effects, and the axis of an unknown beside them, "" without."""
 
@@ -404,13 +418,13 @@ def _add_subset(one: Settled, worlds: Sequence[World], result: Weighed) -> None:
     Where a column tells these from the others, what is in it is likelier to be at work than a load
     cell or a slip of the pen that chose them, unless the gain is a unit's.
     """
-    if GAIN in one.candidate.effects:
+    if _GAIN in one.candidate.effects:
         return
     for world in worlds:
         found = _of_some(world, result.logs, one)
         assert found.members is not None
         axis = None
-        if not in_another_unit(found):
+        if not _in_another_unit(found):
             axis = _telling_column(world.problem, found.members > 0.5)
         if axis is None:
             result.add_candidate(found, world)
@@ -423,7 +437,7 @@ def _telling_column(problem: Problem, members: BoolArray) -> int | None:
 
     None if the column is one that tells specimens one by one, or one along which gains may go.
     """
-    own = next(b.effect.where for b in problem.branches if b.effect.id == GAIN)
+    own = next(b.effect.where for b in problem.branches if b.effect.id == _GAIN)
     columns = axis_columns(problem.campaign)
     for number, name in enumerate(axis.axis for axis in problem.unknown):
         cells = columns.get(name)
@@ -438,7 +452,7 @@ def _telling_column(problem: Problem, members: BoolArray) -> int | None:
     return None
 
 
-def in_another_unit(candidate: Candidate) -> bool:
+def _in_another_unit(candidate: Candidate) -> bool:
     """Return whether a gain of some specimens is one of a unit's."""
     return bool(np.min(np.abs(np.abs(candidate.log_gain) - UNIT_GAINS)) < 1e-9)
 
@@ -452,7 +466,7 @@ def _of_some(world: World, logs: "_LogPriors", one: Settled) -> Candidate:
     e = one.eliminated(world, problem.columns[:, problem.gains])
     beside = one.weighed(world, e)
     scatter = replace(problem.scatter, specimen=problem.scatter.specimen * world.scale)
-    found = weigh_subset(e.products[1:, 0], e.products[1:, 1:], beside, scatter)
+    found = _weigh_subset(e.products[1:, 0], e.products[1:, 1:], beside, scatter)
     log_prior = logs.forms(beside) + float(np.log(_OF_SOME))
     return replace(found, log_evidence=found.log_evidence + log_prior)
 
@@ -620,7 +634,9 @@ def _settled_beside_some(result: Weighed) -> list[Settled]:
     left = replace(left, world=max(result.worlds, key=lambda w: left.eliminated(w).none))
     found: list[Settled] = []
     for _ in range(2):  # one other effect, then two
-        beside = [c for c in _partners(left, result.logs) if GAIN not in c.effects][: _SINGLES // 4]
+        beside = [c for c in _partners(left, result.logs) if _GAIN not in c.effects][
+            : _SINGLES // 4
+        ]
         both = [replace(c, members=some.members, log_gain=some.log_gain) for c in beside]
         found += [settle(result.worlds, c, left.world) for c in both]
         found.sort(key=lambda one: -one.eliminated(one.world).none)
@@ -667,30 +683,22 @@ def _law_errors(problem: Problem) -> tuple[float, ...]:
     return (largest,) if len(stated) == len(laws) else (largest, max(largest, _POOR_FIT))
 
 
-def _along_axes(problem: Problem, target: Elimination) -> Iterator[tuple[int, float]]:
-    """Yield each axis of the unknown and what a pattern along it gains, for each amplitude.
-
-    Parameters
-    ----------
-    target
-        Keeps the columns of the unknown after the target.
-    """
-    first = problem.unknown_span.start - 1
-    for number in range(len(problem.unknown)):
-        at = problem.unknown_columns(number)
-        for amplitude in AMPLITUDES:
-            left = target.with_random(slice(at.start - first, at.stop - first), amplitude, 1)
-            yield number, left.none - target.none - float(np.log(len(AMPLITUDES)))
+_AMPLITUDES = (0.03, 0.1, 0.3, 0.9)
+"""Standard deviations of an unknown pattern, of the logarithm of force. Numerical: in steps of
+three, from the scatter of specimens to a factor of more than two."""
 
 
 def _add_axes(one: Settled, world: World, result: Weighed) -> None:
     """Add a candidate with the unknown beside it, along each axis, in a world."""
     problem = world.problem
     e = one.eliminated(world, problem.columns[:, problem.unknown_span])
-    forms = result.logs.forms(one.candidate)
-    alone = e.none - result.plain.none + forms + world.log_share
-    for number, gain in _along_axes(problem, e):
-        _add_axis(one.candidate.effects, number, alone + gain, result)
+    forms = result.logs.forms(one.candidate) - float(np.log(len(_AMPLITUDES)))
+    none, stop = forms - result.plain.none + world.log_share, 1
+    for number, axis in enumerate(problem.unknown):
+        own = slice(stop, stop := stop + axis.columns.shape[1])
+        for amplitude in _AMPLITUDES:
+            evidence = e.with_random(own, amplitude, 1).none + none
+            _add_axis(one.candidate.effects, number, evidence, result)
 
 
 def _add_axis(effects: Effects, number: int, evidence: float, result: Weighed) -> None:
@@ -703,3 +711,369 @@ def _add_axis(effects: Effects, number: int, evidence: float, result: Weighed) -
         result.add(effects, axis, logs.of(effects) + float(logs.beside[number]), evidence)
     else:
         result.add((), axis, float(logs.unknown[number]), evidence)
+
+
+# ------------------------------------------------------------------------------------------------
+# From odds to probabilities, a verdict, and what the data cannot tell from it.
+
+
+UNKNOWN: Effects = ("unknown",)
+
+ALIKE_COSINE = 0.95
+"""Of patterns, above which one that fits as well is of the other's class. Chosen: a tenth of one's
+square is not the other's, which few campaigns show."""
+
+_ALIKE_NATS = 3.0
+"""Below the verdict, within which the data do not tell from it. Convention: odds of twenty to one,
+as a level of 5 %."""
+
+
+def posterior(log_odds: Mapping[HypothesisKey, float]) -> tuple[Hypothesis, ...]:
+    """Return probabilities, most probable first."""
+    together: dict[Effects, float] = {}
+    beside: dict[Effects, float] = {}
+    total = float(logsumexp(list(log_odds.values())))
+    for (effects, axis), value in log_odds.items():
+        key = UNKNOWN if not effects and axis else effects
+        share = float(np.exp(value - total))
+        together[key] = together.get(key, 0.0) + share
+        if effects and axis:
+            beside[key] = beside.get(key, 0.0) + share
+    ranked = sorted(together, key=lambda e: (-together[e], e))
+    return tuple(
+        Hypothesis(e, together[e], beside.get(e, 0.0) / max(together[e], 1e-300)) for e in ranked
+    )
+
+
+def class_of(
+    problem: Problem, weighed: Weighed, ranking: Sequence[Hypothesis], verdict: Effects
+) -> tuple[Effects, ...]:
+    """Return the hypotheses that the data cannot tell from the verdict, itself first.
+
+    Those less than `_ALIKE_NATS` below it, single effects whose pattern is the verdict's, and of
+    several effects those beside which another closes nothing of the gap.
+    """
+    odds = {h.effects: float(np.log(max(h.probability, 1e-300))) for h in ranking}
+    leading = odds.get(verdict, max(odds.values()))
+    alike = _fits_of_same_pattern(problem, weighed, list(odds))
+
+    def near(effects: Effects) -> bool:
+        fit = alike.get((verdict, effects), -np.inf)
+        return odds[effects] > leading - _ALIKE_NATS or fit > -2.0 * _ALIKE_NATS
+
+    found = [verdict, *(h.effects for h in ranking if h.effects != verdict and near(h.effects))]
+    for both in [effects for effects in found if len(effects) > 1]:
+        found += [one for one in _enough_alone(problem, weighed, both) if one not in found]
+    return tuple(found)
+
+
+def _enough_alone(problem: Problem, weighed: Weighed, both: Effects) -> list[Effects]:
+    """Return those of several effects, less one, that close as much of the gap.
+
+    The more strongly an effect shows, the more its form's own error asks for a second one, in
+    evidence: what is small in force may count for much there.
+    """
+    errors = {
+        effects: squared_errors(problem, weighed.best[effects])
+        for effects in (both, *(tuple(e for e in both if e != id) for id in both))
+        if effects in weighed.best
+    }
+    return [e for e in errors if e != both and not falls(problem, errors[e], errors[both])]
+
+
+def _fits_of_same_pattern(
+    problem: Problem, weighed: Weighed, among: Iterable[Effects]
+) -> dict[tuple[Effects, Effects], float]:
+    """Return how much better the second effect's best form fits than the first's, in nats.
+
+    Of pairs of single effects, of all specimens, whose whitened patterns, nuisances projected out,
+    have a larger cosine than this.
+    """
+    best = {e: weighed.best[e] for e in among if len(e) == 1 and e in weighed.best}
+    best = {e: candidate for e, candidate in best.items() if candidate.members is None}
+    if len(best) < 2:
+        return {}
+    patterns = np.stack([problem.signature(candidate) for candidate in best.values()], axis=1)
+    m = weighed.plain.products(patterns)
+    size = np.sqrt(np.maximum(np.diagonal(m), 1e-150))
+    alike = m > ALIKE_COSINE * np.outer(size, size)
+    return {
+        (one, other): best[other].gain - best[one].gain
+        for (i, one), (j, other) in permutations(enumerate(best), 2)
+        if alike[i, j]
+    }
+
+
+# ------------------------------------------------------------------------------------------------
+# What a ranking goes by: numbers that the calibration of priors keeps of each campaign.
+
+
+ENOUGH_SPECIMENS = 6
+"""Fewer hardly tell causes apart: what is named then has at most a share, from nothing with one
+specimen on. Chosen: three conditions, twice each."""
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """All that a campaign's ranking goes by.
+
+    Attributes
+    ----------
+    log_prior, log_evidence
+        Of each hypothesis.
+    within_floor, scatter_like
+        Whether the palette misses by no more than replicates differ by, and these along no column;
+        and the effects that look like scatter then.
+    of_unlike
+        Effects with a gain of some specimens, but for a unit's, where replicates are not alike.
+    closes
+        Of the best effects of the library, whether errors fall with them, and with each of them.
+    specimens
+        How many.
+    """
+
+    log_prior: Mapping[HypothesisKey, float]
+    log_evidence: Mapping[HypothesisKey, float]
+    specimens: int = ENOUGH_SPECIMENS
+    within_floor: bool = False
+    scatter_like: frozenset[str] = frozenset()
+    of_unlike: frozenset[Effects] = frozenset()
+    closes: Mapping[Effects, bool] = field(default_factory=dict)
+
+    @property
+    def vain(self) -> frozenset[Effects]:
+        """Effects that close nothing, or no more than fewer of them do."""
+        return frozenset(effects for effects, closes in self.closes.items() if not closes)
+
+
+def evidence_of(problem: Problem, weighed: Weighed) -> Evidence:
+    """Return what a campaign's ranking goes by."""
+    errors = squared_errors(problem, Candidate(()))
+    floor = replicate_floor(problem)
+    known = np.isfinite(errors if floor is None else floor) & ~problem.strays
+    return Evidence(
+        log_prior=weighed.log_prior,
+        log_evidence=weighed.log_evidence,
+        specimens=len(problem.campaign.specimens),
+        within_floor=floor is not None
+        and bool(np.mean(errors[known]) <= NO_GAP**2 * np.mean(floor[known]))
+        and not problem.apart.any(),
+        # What a sensor does to all specimens of one condition, their scatter does as well.
+        scatter_like=frozenset(
+            b.effect.id
+            for b in problem.branches
+            if b.effect.stage == "sensor" and len(problem.model.tests) == 1
+        ),
+        of_unlike=frozenset(
+            effects
+            for effects, candidate in weighed.best.items()
+            if problem.scatter.heterogeneous
+            and candidate.members is not None
+            and not _in_another_unit(candidate)
+        ),
+        closes=_closes(problem, weighed),
+    )
+
+
+_LOOKED_AT = 12
+"""Effects, the best ones by evidence, of which is asked whether errors fall. Convention: as many as
+a diagnosis ranks."""
+
+
+def _closes(problem: Problem, weighed: Weighed) -> Mapping[Effects, bool]:
+    """Return whether tests' errors fall with the best effects, and with each further one of them.
+
+    Laws are as they likeliest are with the effects, and without: what the palette is off by is no
+    effect's to close.
+    """
+    value = {
+        e: weighed.log_evidence[e, ""]
+        for e in weighed.best
+        if e and (e, "") in weighed.log_evidence
+    }
+    best = sorted(value, key=lambda e: -value[e])[:_LOOKED_AT]
+    found: dict[Effects, bool] = {}
+    errors: dict[Effects, FloatArray] = {}
+    for effects in sorted((e for e in value if any(set(e) <= set(b) for b in best)), key=len):
+        candidate = weighed.best[effects]
+        world = weighed.settled_as(candidate).world
+        before, errors[effects] = (
+            np.where(
+                problem.strays,
+                np.nan,
+                squared_errors(problem, one, world.calibrated(one)),
+            )
+            for one in (Candidate(()), candidate)
+        )
+        fewer = [errors[e] for e, closes in found.items() if closes and set(e) < set(effects)]
+        found[effects] = all(falls(problem, one, errors[effects]) for one in (before, *fewer))
+    return found
+
+
+# ------------------------------------------------------------------------------------------------
+# From weighed hypotheses to the ranking that a diagnosis reports.
+
+
+NO_GAP = 1.02
+"""Error before over the floor up to which there is nothing to close. Chosen: the floor itself is
+known no better, and a share of nothing is none."""
+
+
+def ranking_of(evidence: Evidence, priors: Priors) -> tuple[Hypothesis, ...]:
+    """Return hypotheses, the most probable first.
+
+    Evidence counts the share of itself that `Priors` say. A gap no larger than what replicates
+    differ by is no unknown one; a right effect may be smaller than that. What closes nothing is no
+    explanation: of a gap that is larger it speaks for what closes it, or for an unknown. Where
+    replicates are not alike, a condition that nobody wrote down is as likely as a gain of some.
+    Very few specimens show a gap, not its cause: the rest of what they name is unknown.
+    """
+    found = evidence.log_evidence
+    # Over no effect in models that are exact, or that all miss.
+    none = max(found.get(((), axis), -np.inf) for axis in ("", ANY))
+    counts = priors.counted(max(found.values()) - none)
+    ranking = posterior(
+        {key: prior + counts * found[key] for key, prior in evidence.log_prior.items()}
+    )
+    p = {h.effects: h.probability for h in ranking}
+    vain = dict.fromkeys(evidence.vain, 1.0)
+    if evidence.within_floor:
+        no_gap = dict.fromkeys([UNKNOWN, *((id,) for id in evidence.scatter_like)], 1.0)
+        _give(p, vain | no_gap, ())
+    else:
+        # In proportion, and to an unknown as if that were `_ALIKE_NATS` below what gives: what has
+        # less yet, as a third effect that fits by chance, is no better explanation.
+        given = sum(p.get(effects, 0.0) for effects in vain)
+        unknown = float(np.exp(-_ALIKE_NATS))
+        closing = sum(p.get(e, 0.0) for e, closes in evidence.closes.items() if closes)
+        each = given / max(closing + unknown * given, 1e-300)
+        for effects in p.keys() & evidence.closes.keys():
+            p[effects] *= unknown * each if effects in vain else 1.0 + each
+        _give(p, vain, UNKNOWN)
+        _give(p, dict.fromkeys(evidence.of_unlike, 0.5), UNKNOWN)
+    named = [effects for effects in p if effects not in ((), UNKNOWN)]
+    most = (evidence.specimens - 1) / (ENOUGH_SPECIMENS - 1) * (1.0 - p.get((), 0.0))
+    over = sum(p[effects] for effects in named)
+    if evidence.specimens < ENOUGH_SPECIMENS and over > most:
+        _give(p, dict.fromkeys(named, 1.0 - most / over), UNKNOWN)
+    beside = {h.effects: h.with_unknown for h in ranking}
+    return tuple(
+        Hypothesis(effects, p[effects], 0.0 if effects in ((), UNKNOWN) else beside[effects])
+        for effects in sorted(p, key=lambda e: (-p[e], e))
+    )
+
+
+def _give(p: dict[Effects, float], share: Mapping[Effects, float], to: Effects) -> None:
+    """Give shares of hypotheses' probability to another one; one that gives up all is gone."""
+    for effects in (e for e in share if e in p and e != to):
+        given = share[effects] * p[effects]
+        p[to] = p.get(to, 0.0) + given
+        p[effects] -= given
+        if share[effects] == 1.0:
+            del p[effects]
+
+
+def verdict_of(ranking: Sequence[Hypothesis]) -> Effects:
+    """Return the likeliest hypothesis of the likeliest kind: none, unknown or named."""
+    kinds: dict[Effects | None, list[Hypothesis]] = {}
+    for h in ranking:
+        kinds.setdefault(h.effects if h.effects in ((), UNKNOWN) else None, []).append(h)
+    likeliest = max(kinds.values(), key=lambda of_it: sum(h.probability for h in of_it))
+    return likeliest[0].effects
+
+
+# ------------------------------------------------------------------------------------------------
+# How well a candidate's parameters are known.
+
+
+_TAIL = 1.645
+"""Deviations of a normal coordinate to either side. Convention: they hold 90 % of it."""
+
+
+def found_effects(
+    problem: Problem, weighed: Weighed, candidate: Candidate
+) -> tuple[FoundEffect, ...]:
+    """Return each effect's form and parameters with 90 % intervals.
+
+    Intervals are the posterior's, normal about its mode in coordinates in which the prior is.
+    """
+    one, found, first = weighed.settled_as(candidate), [], 0
+    at, sd = one.coordinates, one.deviations()
+    for branch, place in candidate.parts:
+        own = slice(first, first := first + len(branch.coordinates(place)))
+        ends = [branch.place(at[own] + step * sd[own]) for step in (-_TAIL, 0.0, _TAIL)]
+        low, middle, high = map(branch.values, ends)
+        interval = {n: (min(low[n], high[n]), max(low[n], high[n])) for n in middle}
+        units = {p.name: p.unit for p in branch.form.parameters}
+        units |= dict.fromkeys(branch.form.details, "1")
+        found.append(FoundEffect(branch.effect.id, branch.form.name, middle, interval, units))
+    if candidate.members is not None:
+        members = candidate.members
+        inner = weighed.plain.products(problem.columns[:, problem.gains])
+        sd_of_log = 1.0 / np.sqrt(max(float(members @ inner @ members), 1e-12))
+        factor, reach = float(np.exp(candidate.log_gain)), float(np.exp(_TAIL * sd_of_log))
+        some = zip(problem.campaign.specimens, members, strict=True)
+        found.append(
+            FoundEffect(
+                _GAIN,
+                "of-some-specimens",
+                {"factor": factor},
+                {"factor": (factor / reach, factor * reach)},
+                {"factor": "1"},
+                tuple(s.id for s, member in some if member),
+            )
+        )
+    return tuple(sorted(found, key=lambda effect: effect.id))
+
+
+# ------------------------------------------------------------------------------------------------
+# The smallest size of each effect that this campaign would have shown.
+
+
+_WIDTH_NATS = 3.0
+"""What the freedom of size and shape costs an effect, beyond its prior odds. Chosen: ln 20, for a
+size that is known to a twentieth of its prior."""
+
+_SIZES = 60
+"""At which is looked for the smallest that would be named. Numerical: in steps of some 6 % of
+the size, for a largest one of 40 times the smallest."""
+
+
+def detectable_sizes(
+    problem: Problem, elimination: Elimination, priors: Priors
+) -> tuple[Detectable, ...]:
+    """Return, of each effect's first form, the size whose expected evidence would name it.
+
+    That is where half the squared length of its whitened pattern, nuisances projected out, makes
+    up for the prior odds against it and the width of its prior; shapes are at their middle.
+    """
+    nodes = elimination.products[problem.nodes, problem.nodes]
+    first_forms = {b.effect.id: b.form for b in reversed(problem.branches)}
+    found = []
+    for id in dict.fromkeys(b.effect.id for b in problem.branches):
+        size = first_forms[id].size
+        needed = needed_nats(priors, len(first_forms))
+        known = [
+            size.high * s**2
+            for b in problem.branches
+            if b.form is first_forms[id]
+            and (s := _smallest(nodes[b.own, b.own], b, needed)) is not None
+        ]
+        found.append(Detectable(id, size.name, min(known, default=None), size.unit))
+    return tuple(found)
+
+
+def needed_nats(priors: Priors, effects: int) -> float:
+    """Return the gain at which one of so many effects is named rather than none."""
+    odds = float(np.log(priors.none * effects / priors.single))
+    # Where what counts of a gain g, T g + (1 - T) c g / (c + g), makes up for the odds.
+    t, c = priors.temperature, priors.coarseness_nats
+    gain = (odds - c + float(np.sqrt((c - odds) ** 2 + 4.0 * t * odds * c))) / (2.0 * t)
+    return gain + _WIDTH_NATS
+
+
+def _smallest(nodes: FloatArray, branch: SignedForm, needed: float) -> float | None:
+    sizes = np.geomspace(branch.least, 1.0, _SIZES)
+    weights = node_weights([(s, *[0.0] * branch.shapes) for s in sizes])
+    enough = np.flatnonzero(0.5 * np.sum((weights @ nodes) * weights, axis=1) >= needed)
+    return float(sizes[enough[0]]) if len(enough) else None

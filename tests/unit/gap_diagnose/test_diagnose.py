@@ -80,7 +80,7 @@ def test_probabilities_are_of_everything_weighed(of_rate: Diagnosis, of_nothing:
         total = sum(h.probability for h in found.ranking)
         assert 0.95 < total <= 1.0 + 1e-9  # twelve are told
         assert found.ranking[0].effects == found.same_class[0]
-        assert found.verdict == "+".join(found.ranking[0].effects)
+        assert found.verdict == found.ranking[0].name
 
 
 @pytest.mark.slow

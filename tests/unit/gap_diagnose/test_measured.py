@@ -8,10 +8,16 @@ import pytest
 from planner.gap.campaign import Campaign
 from planner.gap.diagnose import diagnose, prepared
 from planner.gap.effects import EFFECTS
-from planner.gap.evidence.posterior import evidence_of, ranking_of, verdict_of
 from planner.gap.evidence.problem import Problem, replicate_floor, set_up
 from planner.gap.evidence.surrogate import Candidate
-from planner.gap.evidence.weigh import Priors, _law_errors, weigh
+from planner.gap.evidence.weigh import (
+    Priors,
+    _law_errors,
+    evidence_of,
+    ranking_of,
+    verdict_of,
+    weigh,
+)
 from planner.gap.noise import FIT_SD
 from planner.gap.observations import observation_model
 from planner.palette import Uncertainty

@@ -6,18 +6,19 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from planner.gap.diagnosis import Hypothesis
-from planner.gap.evidence import posterior as posterior_module
+from planner.gap.diagnosis import Effects, Hypothesis
 from planner.gap.evidence import weigh
-from planner.gap.evidence.posterior import (
+from planner.gap.evidence.weigh import (
     UNKNOWN,
     Evidence,
+    HypothesisKey,
+    Priors,
+    Weighed,
     needed_nats,
     posterior,
     ranking_of,
     verdict_of,
 )
-from planner.gap.evidence.weigh import Effects, HypothesisKey, Priors, Weighed
 
 RATE, SLIP, BOTH = ("rate",), ("grip-slip",), ("grip-slip", "rate")
 PRIOR = {
@@ -124,7 +125,7 @@ def test_the_more_the_best_gains_the_less_evidence_counts(gain: float) -> None:
 @pytest.mark.parametrize("effects", [1, 5, 20])
 def test_what_is_needed_is_what_then_counts(effects: int) -> None:
     priors = Priors()
-    needed = needed_nats(priors, effects) - posterior_module._WIDTH_NATS
+    needed = needed_nats(priors, effects) - weigh._WIDTH_NATS
     odds = np.log(priors.none * effects / priors.single)
     assert priors.counted(needed) * needed == pytest.approx(odds)
 

@@ -16,7 +16,7 @@ from scipy.special import logsumexp
 
 from planner.gap.effect import Effect, Form, Parameter
 from planner.gap.evidence.surrogate import Candidate, Search, SignedForm, signed_forms
-from planner.gap.evidence.weigh import weigh_subset
+from planner.gap.evidence.weigh import _weigh_subset
 from planner.gap.noise import USUAL
 from planner.numerics import FloatArray
 
@@ -192,7 +192,7 @@ def weighed(levels: FloatArray, shared: FloatArray | None = None) -> Candidate:
         covariance = covariance + shared @ shared.T
     columns = np.column_stack([levels, np.eye(n)])
     products = columns.T @ np.linalg.solve(covariance, columns)
-    return weigh_subset(products[1:, 0], products[1:, 1:], Candidate(()), SCATTER_OF)
+    return _weigh_subset(products[1:, 0], products[1:, 1:], Candidate(()), SCATTER_OF)
 
 
 def batches(n: int) -> FloatArray:

@@ -40,11 +40,11 @@ def stub(monkeypatch: pytest.MonkeyPatch, diagnosis: Diagnosis) -> list[dict[str
     calls: list[dict[str, object]] = []
 
     def diagnose(
-        folder, *, palette=None, seed=0, without=(), unit_of=(), progress=None
+        campaign, *, palette=None, seed=0, without=(), unit_of=(), progress=None
     ) -> Diagnosis:
         progress(1, 2, "half")
-        campaign = read_campaign(folder, palette, unit_of)
-        calls.append({"campaign": campaign, "seed": seed, "without": tuple(without)})
+        read = read_campaign(campaign, palette, unit_of)
+        calls.append({"campaign": read, "seed": seed, "without": tuple(without)})
         return diagnosis
 
     monkeypatch.setattr("planner.diagnose", diagnose, raising=False)
