@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     from planner.simulation.simulate import Simulation
 
 _ROWS = 6
-_FINDINGS_SHOWN = 10
 
 _LOADS = ["fix", "load", "moment", "pressure", "move", "gravity"]
 _OF_PART = ["material", "cell_mm", "compare_cells", "unit", "bodies"]
@@ -151,7 +150,7 @@ def simulate(
     Example: [bold]planner simulate finger-graded --fix x=max --load "x=min: 0,0,-0.5 N"[/bold]
     """
     import planner
-    from planner.cli.output import print_document, progress
+    from planner.cli.output import print_document, progress, say, tell_findings
     from planner.formats.files import encode_document
     from planner.formats.outputs import write_whole
     from planner.simulation.loads import read_cases
@@ -223,9 +222,10 @@ def simulate(
         print_document(document)
     elif not quiet:
         (_part_report if whole else _bar_report)(results)
-        findings = [found.message for result in results for found in result.findings]
-        written = [*(path for paths in each for path in paths.values()), *whole_files.values()]
-        _close(findings, [path for path in written if path])
+        tell_findings([f.message for result in results for f in result.findings], "the JSON")
+        for path in (*(path for paths in each for path in paths.values()), *whole_files.values()):
+            if path:
+                say(f"wrote {path}")
     return 0 if all(result.ok for result in results) else 1
 
 
@@ -297,14 +297,3 @@ def _bar_report(results: "Sequence[Simulation]") -> None:
         f"{result.to_strain:g}",
         right=["time s", "mm", "strain", "force N"],
     )
-
-
-def _close(findings: Sequence[str], written: Sequence[Path]) -> None:
-    from planner.cli.output import finding, say
-
-    for message in findings[:_FINDINGS_SHOWN]:
-        finding(message)
-    if len(findings) > _FINDINGS_SHOWN:
-        finding(f"{len(findings) - _FINDINGS_SHOWN} more of these are in the JSON")
-    for path in written:
-        say(f"wrote {path}")
