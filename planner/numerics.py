@@ -41,9 +41,10 @@ Point: TypeAlias = tuple[float, float, float]
 def freeze(value: object, *names: str) -> None:
     """Make arrays of a frozen dataclass that is being made its own, doubles, and unchangeable."""
     for name in names:
-        array = np.array(getattr(value, name), dtype=np.float64)
-        array.setflags(write=False)
-        object.__setattr__(value, name, array)
+        if getattr(value, name) is not None:
+            array = np.array(getattr(value, name), dtype=np.float64)
+            array.setflags(write=False)
+            object.__setattr__(value, name, array)
 
 
 # ------------------------------------------------------------------------------------------------

@@ -7,19 +7,15 @@ from typer import Argument, Context, Option
 
 from planner.cli.output import (
     AsJson,
-    FixedFaces,
     Force,
-    Gravity,
-    Loads,
+    LoadOptions,
     MeshBodies,
     MeshMaterial,
     MeshUnit,
-    Moments,
-    Moves,
     PaletteName,
-    Pressures,
     Quiet,
     check_targets,
+    in_groups,
     taken,
 )
 
@@ -27,6 +23,7 @@ if TYPE_CHECKING:
     from planner.simulation.export import Export
 
 
+@in_groups
 def export(
     context: Context,
     source: Annotated[str, Argument(help="A plan.json or its folder, or with --material a mesh.")],
@@ -40,12 +37,8 @@ def export(
             "--cell", "--cell-mm", help="Edge of a cell in mm; by default what makes about 15000."
         ),
     ] = None,
-    fix: FixedFaces = None,
-    load: Loads = None,
-    moment: Moments = None,
-    pressure: Pressures = None,
-    move: Moves = None,
-    gravity: Gravity = None,
+    *,
+    loads: LoadOptions,
     to_strain: Annotated[
         float | None,
         Option(
@@ -73,13 +66,14 @@ def export(
     Example: [bold]planner export finger-graded --to calculix --fix x=max --load "x=min: 0,0,-0.2
     N"[/bold]
     """
+    given = locals()
     import planner
     from planner.cli.output import print_document, progress, say
 
     check_targets(context, force=force, output=output)
     with progress(not quiet and not as_json) as stage:
         stage("filling the part with cells")
-        model = planner.export(**taken(planner.export, context.params))
+        model = planner.export(**taken(planner.export, given | vars(loads)))
     path = model.write(output, force=force)
     if as_json:
         print_document(model.json())

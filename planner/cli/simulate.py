@@ -10,18 +10,14 @@ from typer import Argument, Context, Option
 from planner.cli.output import (
     AsJson,
     CasesFile,
-    FixedFaces,
-    Gravity,
-    Loads,
+    LoadOptions,
     MeshBodies,
     MeshMaterial,
     MeshUnit,
-    Moments,
-    Moves,
     PaletteName,
-    Pressures,
     Quiet,
     check_targets,
+    in_groups,
 )
 from planner.errors import ArgumentError
 
@@ -41,6 +37,7 @@ _OF_BAR = [
 _OF_BOTH = ["steps", "level", "printer", "palette"]
 
 
+@in_groups
 def simulate(
     context: Context,
     source: Annotated[
@@ -50,12 +47,8 @@ def simulate(
             "thickness_mm]), a material, or with --fix and --load a mesh."
         ),
     ],
-    fix: FixedFaces = None,
-    load: Loads = None,
-    moment: Moments = None,
-    pressure: Pressures = None,
-    move: Moves = None,
-    gravity: Gravity = None,
+    *,
+    loads: LoadOptions,
     cases: CasesFile = None,
     watch: Annotated[
         list[str] | None,

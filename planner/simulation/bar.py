@@ -396,7 +396,7 @@ class ProfileDesign:
     __repr__ = brief
 
     def __post_init__(self) -> None:
-        freeze(self, *(name for name in _COLUMNS if getattr(self, name) is not None))
+        freeze(self, *_COLUMNS)
 
     @property
     def length_mm(self) -> float:
@@ -455,7 +455,7 @@ def _check_range(design: ProfileDesign, palette: Palette, where: str) -> None:
 
 
 def _of_csv(path: Path) -> ProfileDesign:
-    file = read_columns(path, _COLUMNS, optional=frozenset(_SECTION))
+    file = read_columns(path, _COLUMNS, optional=_SECTION)
     x = file.numbers["x_mm"]
     before = np.append(x[:1], x[:-1])
     third = np.append([False] * 2, x[2:] == x[:-2])

@@ -291,8 +291,16 @@ def respond(
     responses = tuple(
         _responses(mechanics, told, last, factored, model, level) if factored is not None else ()
     )
+    share, moved, over_break, largest, largest_mm, energy = (
+        np.stack(each) for each in zip(*kept, strict=True)
+    )
     return LoadSteps(
-        *map(np.stack, zip(*kept, strict=True)),
+        share,
+        moved,
+        over_break,
+        largest,
+        largest_mm,
+        energy,
         responses,
         lost,
         _fields_of(mechanics, last, corners),
