@@ -42,7 +42,7 @@ def test_arguments_out_of_range(options: dict, reason: str) -> None:
         ("", "the file is empty"),
         ("x_mm\n0\n", "coordinate"),
         ("x_mm,coordinate,colour\n", "'colour'"),
-        ("x_mm,coordinate\n0,0.5\n", "one point"),
+        ("x_mm,coordinate\n0,0.5\n", "beginning to its end"),
         ("x_mm,coordinate\n0,0.5\n0,0.5\n", "beginning to its end"),
         ("x_mm,coordinate\n0,0.5\n-1,0.5\n", "line 3: x_mm falls"),
         ("x_mm,coordinate\n0,0.5\n1,0\n1,1\n1,0\n", "three times"),
