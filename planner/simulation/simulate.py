@@ -5,7 +5,7 @@ import math
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from statistics import NormalDist
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -34,9 +34,6 @@ from planner.simulation.bar_solver import (
     predict,
     unaltered,
 )
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 __all__ = [
     "Simulation",
@@ -370,6 +367,7 @@ class Simulation:
     notes: tuple[str, ...] = ()
 
     _repr_html_ = html_of
+    plot = plotted
 
     @one_line
     def __repr__(self) -> str:
@@ -378,10 +376,6 @@ class Simulation:
             f"{counted(len(self.force_N), 'step')}, {counted(len(self.bar.coordinate), 'slice')}, "
             f"{self.force_N.max():.4g} N at most; " + outcome((len(self.findings), "finding"))
         )
-
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Draw force over displacement with matplotlib; return the axes."""
-        return plotted(self, ax)
 
     @property
     def ok(self) -> bool:
