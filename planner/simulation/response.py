@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from statistics import NormalDist
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -601,8 +601,7 @@ def loaded_part(
 # Equilibria along the load, with the derivative of the force by the law at every point.
 
 
-@dataclass(frozen=True, eq=False)
-class _Moved:
+class _Moved(NamedTuple):
     """Equilibria of a part: mean displacement of what is loaded, the force on it, and its points.
 
     Attributes
