@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 
 _ROWS = 6
 
-_LOADS = ["fix", "load", "moment", "pressure", "move", "gravity"]
 _OF_PART = ["material", "cell_mm", "compare_cells", "unit", "bodies"]
 _FILES_OF_PART = ["watch", "deformed", "vtu", "volume", "page"]
 _OF_BAR = [
@@ -155,7 +154,10 @@ def simulate(
         for name, value in context.params.items()
         if getattr(context.get_parameter_source(name), "name", "") == "COMMANDLINE"
     }
-    whole = any(name in given for name in (*_LOADS, "cases"))
+    seen = tuple(watch or ())
+    own = planner.LoadCase(watch=seen, **{k: v for k, v in vars(loads).items() if v is not None})
+    held = [] if own.is_empty else [own]
+    whole = bool(held) or cases is not None
     why = "it is of a whole part; say how that is held and loaded with `fix` and `load`, `moment`, "
     why += "`pressure`, `move` or `gravity`, or with `cases`"
     if whole:
@@ -167,9 +169,6 @@ def simulate(
     if between_mm is not None:
         given["between_mm"] = _between(between_mm)
     options = {name: given[name] for name in (*_OF_BOTH, *_OF_BAR, *_OF_PART) if name in given}
-    seen = tuple(watch or ())
-    own = planner.LoadCase(watch=seen, **{name: given[name] for name in _LOADS if name in given})
-    held = [] if own.is_empty else [own]
     if cases is not None:
         held += [replace(case, watch=(*case.watch, *seen)) for case in read_cases(cases)]
     files: dict[str, tuple[Path | None, Callable[[Any], bytes]]] = {
