@@ -437,7 +437,8 @@ class Simulation:
     def csv(self) -> bytes:
         """Return the curve as CSV, one row a step."""
         steps = {name: np.asarray(values, float).tolist() for name, values in self._steps.items()}
-        names = sorted(steps, key=["gauge_strain", "beyond_break"].count)
+        last = ("gauge_strain", "beyond_break")
+        names = [*(name for name in steps if name not in last), *last]
         return encode_csv([names, *zip(*(steps[name] for name in names), strict=True)])
 
     def field_csv(self) -> bytes:
