@@ -21,7 +21,6 @@ from planner.printers import Printer, palette_of
 from planner.simulation.bar import (
     Bar,
     bar_between,
-    coupon,
     plan_palette,
     plan_sections,
     read_profile_bar,
@@ -476,9 +475,12 @@ def _bar_of(
             source = palette.resolve(str(source))
         except UnknownNameError as error:
             raise UnknownNameError(f"{error}; nor is {path} a file or folder") from error
-    return source.id, coupon(
-        source.coordinate, width_mm=width_mm, thickness_mm=thickness_mm, gauge_mm=gauge_mm
-    )
+    sizes = {"width": width_mm, "thickness": thickness_mm, "gauge": gauge_mm}
+    for name, size in sizes.items():
+        if not 0.0 < size < np.inf:
+            raise ArgumentError(f"{name} of {size:g} mm: it must be above 0 and finite")
+    ends, area = np.array([0.0, gauge_mm]), np.array([width_mm * thickness_mm])
+    return source.id, Bar(ends, np.array([source.coordinate]), area)
 
 
 # ------------------------------------------------------------------------------------------------
