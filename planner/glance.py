@@ -114,8 +114,13 @@ def html_of(value: Any) -> str:
     return notebook.html_of(value)
 
 
-def plotted(value: Any, ax: "Axes | None") -> "Axes":
-    """Return the axes that a value is drawn into by matplotlib, new ones if none are given.
+def plotted(value: Any, ax: "Axes | None" = None) -> "Axes":
+    """Draw a value with matplotlib; return the axes, new ones if none are given.
+
+    Drawn is of a plan the target and achieved stiffness along the field; of a palette, at a strain
+    of 0.1, or a scale of stiffness the modulus over the coordinate m; of a pulled bar force over
+    displacement, and of a loaded part its load curve; of tests and campaigns every specimen's
+    curve; of a diagnosis the error of force before and after. A class has it as `plot`.
 
     Raises
     ------

@@ -13,7 +13,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import msgspec
 
@@ -21,9 +21,6 @@ from planner.errors import FileError, PaletteError, UnknownNameError, did_you_me
 from planner.formats.files import SIGNIFICANT_DIGITS, decode_toml, read_file, toml_text
 from planner.formats.outputs import check_absent, write_whole
 from planner.glance import brief, counted, html_of, one_line, plotted
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 __all__ = [
     "LAW_PARAMETERS",
@@ -273,6 +270,7 @@ class Palette:
     sha256: str = ""
 
     _repr_html_ = html_of
+    plot = plotted
 
     @one_line
     def __repr__(self) -> str:
@@ -280,10 +278,6 @@ class Palette:
             f"{self.name}: {counted(len(self.materials), 'material')}, "
             f"{self.materials[0].id} to {self.materials[-1].id}"
         )
-
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Draw its modulus at a strain of 0.1 over m with matplotlib; return the axes."""
-        return plotted(self, ax)
 
     def resolve(self, name: str) -> Material:
         """Return the material that `name` stands for.

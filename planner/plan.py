@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import msgspec
 
@@ -17,9 +17,6 @@ from planner.formats.markdown import as_words
 from planner.formats.threemf import Constituent
 from planner.glance import brief, counted, html_of, one_line, outcome, plotted
 from planner.numerics import Float32Array, FloatArray, IntArray, Point
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 __all__ = [
     "Box",
@@ -309,6 +306,7 @@ class Plan:
     files_sha256: Mapping[str, str] = field(default_factory=dict, repr=False, compare=False)
 
     _repr_html_ = html_of
+    plot = plotted
 
     @one_line
     def __repr__(self) -> str:
@@ -322,10 +320,6 @@ class Plan:
                 (len(self.unreachable), "target out of reach"),
             )
         )
-
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Draw target and achieved stiffness along the field with matplotlib; return the axes."""
-        return plotted(self, ax)
 
     @property
     def folder(self) -> Path | None:

@@ -57,6 +57,7 @@ __all__ = [
     "say",
     "say_verdict",
     "taken",
+    "tell_findings",
     "tell_notes",
     "terminal_width",
     "warn",
@@ -126,6 +127,17 @@ def terminal_width() -> int:
 def finding(message: str) -> None:
     """Say on stderr what will not come out as planned."""
     _stderr_line("finding", "red", message)
+
+
+_FINDINGS_SHOWN = 10
+
+
+def tell_findings(messages: Sequence[str], listed: str) -> None:
+    """Say findings on stderr, the first few, and where the others are listed."""
+    for message in messages[:_FINDINGS_SHOWN]:
+        finding(message)
+    if len(messages) > _FINDINGS_SHOWN:
+        finding(f"{len(messages) - _FINDINGS_SHOWN} more of these are in {listed}")
 
 
 class Kept(int):

@@ -30,9 +30,6 @@ if TYPE_CHECKING:
 # planner grade.
 
 
-_FINDINGS_SHOWN = 10
-
-
 @in_groups
 def grade(
     context: Context,
@@ -211,7 +208,7 @@ def grade(
 def _grade_report(
     plan: "Plan", folder: Path | None, *, like: Path | None, as_json: bool, quiet: bool
 ) -> None:
-    from planner.cli.output import finding, print_document, say, tell_notes
+    from planner.cli.output import finding, print_document, say, tell_findings, tell_notes
     from planner.notes import Caution
     from planner.report.plan_text import error_words, moved_words, unreachable_words
 
@@ -231,10 +228,7 @@ def _grade_report(
             say(words)
     for words in unreachable_words(plan):
         finding(words)
-    for found in plan.findings[:_FINDINGS_SHOWN]:
-        finding(found.message)
-    if len(plan.findings) > _FINDINGS_SHOWN:
-        finding(f"{len(plan.findings) - _FINDINGS_SHOWN} more of these are in plan.json")
+    tell_findings([found.message for found in plan.findings], "plan.json")
     failed = [name for name, check in plan.checks.items() if not check.ok]
     held = len(plan.checks) - len(failed)
     say(

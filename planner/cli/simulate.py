@@ -26,9 +26,7 @@ if TYPE_CHECKING:
     from planner.simulation.simulate import Simulation
 
 _ROWS = 6
-_FINDINGS_SHOWN = 10
 
-_LOADS = ["fix", "load", "moment", "pressure", "move", "gravity"]
 _OF_PART = ["material", "cell_mm", "compare_cells", "unit", "bodies"]
 _FILES_OF_PART = ["watch", "deformed", "vtu", "volume", "page"]
 _OF_BAR = [
@@ -144,7 +142,7 @@ def simulate(
     Example: [bold]planner simulate finger-graded --fix x=max --load "x=min: 0,0,-0.5 N"[/bold]
     """
     import planner
-    from planner.cli.output import print_document, progress
+    from planner.cli.output import print_document, progress, say, tell_findings
     from planner.formats.files import encode_document
     from planner.formats.outputs import write_whole
     from planner.simulation.loads import read_cases
@@ -156,7 +154,10 @@ def simulate(
         for name, value in context.params.items()
         if getattr(context.get_parameter_source(name), "name", "") == "COMMANDLINE"
     }
-    whole = any(name in given for name in (*_LOADS, "cases"))
+    seen = tuple(watch or ())
+    own = planner.LoadCase(watch=seen, **{k: v for k, v in vars(loads).items() if v is not None})
+    held = [] if own.is_empty else [own]
+    whole = bool(held) or cases is not None
     why = "it is of a whole part; say how that is held and loaded with `fix` and `load`, `moment`, "
     why += "`pressure`, `move` or `gravity`, or with `cases`"
     if whole:
@@ -168,9 +169,6 @@ def simulate(
     if between_mm is not None:
         given["between_mm"] = _between(between_mm)
     options = {name: given[name] for name in (*_OF_BOTH, *_OF_BAR, *_OF_PART) if name in given}
-    seen = tuple(watch or ())
-    own = planner.LoadCase(watch=seen, **{name: given[name] for name in _LOADS if name in given})
-    held = [] if own.is_empty else [own]
     if cases is not None:
         held += [replace(case, watch=(*case.watch, *seen)) for case in read_cases(cases)]
     files: dict[str, tuple[Path | None, Callable[[Any], bytes]]] = {
@@ -216,9 +214,10 @@ def simulate(
         print_document(document)
     elif not quiet:
         (_part_report if whole else _bar_report)(results)
-        findings = [found.message for result in results for found in result.findings]
-        written = [*(path for paths in each for path in paths.values()), *whole_files.values()]
-        _close(findings, [path for path in written if path])
+        tell_findings([f.message for result in results for f in result.findings], "the JSON")
+        for path in (*(path for paths in each for path in paths.values()), *whole_files.values()):
+            if path:
+                say(f"wrote {path}")
     return 0 if all(result.ok for result in results) else 1
 
 
@@ -290,14 +289,3 @@ def _bar_report(results: "Sequence[Simulation]") -> None:
         f"{result.to_strain:g}",
         right=["time s", "mm", "strain", "force N"],
     )
-
-
-def _close(findings: Sequence[str], written: Sequence[Path]) -> None:
-    from planner.cli.output import finding, say
-
-    for message in findings[:_FINDINGS_SHOWN]:
-        finding(message)
-    if len(findings) > _FINDINGS_SHOWN:
-        finding(f"{len(findings) - _FINDINGS_SHOWN} more of these are in the JSON")
-    for path in written:
-        say(f"wrote {path}")

@@ -78,12 +78,10 @@ def encode_csv(
 
 
 def _csv_cell(value: str | float | None, digits: int) -> str:
-    if value is None:
-        return ""
-    if not isinstance(value, str):
-        if isinstance(value, int):
-            return str(value).lower()
+    if isinstance(value, float):
         return f"{value + 0.0:.{digits}g}" if math.isfinite(value) else ""
+    if not isinstance(value, str):
+        return "" if value is None else str(value).lower()
     if _FORMULA.match(value) and not _FIGURE.fullmatch(value):
         value = f"'{value}"
     return f'"{value.replace(chr(34), chr(34) * 2)}"' if re.search(r'[",\r\n]', value) else value

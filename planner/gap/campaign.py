@@ -4,7 +4,6 @@ from collections import Counter
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,9 +15,6 @@ from planner.numerics import FloatArray, freeze
 from planner.palette import Palette
 from planner.simulation.bar import ProfileDesign
 from planner.simulation.part_response import PartResponse
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 __all__ = [
     "TOLERANCES",
@@ -462,16 +458,14 @@ class Campaign:
     notes: str = ""
     remarks: tuple[str, ...] = ()
 
+    plot = plotted
+
     @one_line
     def __repr__(self) -> str:
         return (
             f"{self.name}: {counted(len(self.specimens), 'specimen')}, {self.printer}, "
             f"{self.palette.name}"
         )
-
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Draw every specimen's force over displacement with matplotlib; return the axes."""
-        return plotted(self, ax)
 
     def __post_init__(self) -> None:
         if not self.specimens:

@@ -5,7 +5,7 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import msgspec
 import numpy as np
@@ -17,9 +17,6 @@ from planner.formats.units import UnitOf
 from planner.glance import brief, counted, html_of, one_line, plotted
 from planner.numerics import FloatArray
 from planner.palette import Palette, load_palette
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 __all__ = [
     "PALETTE_FILE",
@@ -335,6 +332,7 @@ class Diagnosis:
     own_palette: Palette | None = None
 
     _repr_html_ = html_of
+    plot = plotted
 
     @one_line
     def __repr__(self) -> str:
@@ -343,10 +341,6 @@ class Diagnosis:
             f"{counted(self.tests, 'test')}, error {self.gap.before:.3g}"
             + ("" if self.gap.after is None else f" -> {self.gap.after:.3g}")
         )
-
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Draw the error of force before and after with matplotlib; return the axes."""
-        return plotted(self, ax)
 
     @property
     def ok(self) -> bool:

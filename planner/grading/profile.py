@@ -29,8 +29,6 @@ from planner.palette import Material, Palette
 from planner.printers import Printer, palette_of
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
     from planner.plan import Plan, Region
 
 __all__ = [
@@ -355,6 +353,7 @@ class StiffnessScale:
     warming: tuple[str, ...] = ()
 
     _repr_html_ = html_of
+    plot = plotted
 
     @one_line
     def __repr__(self) -> str:
@@ -363,10 +362,6 @@ class StiffnessScale:
             f"{min(self.moduli_MPa):.3g} to {max(self.moduli_MPa):.3g} MPa at strain "
             f"{self.at_strain:g}"
         )
-
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Draw the modulus over the coordinate m with matplotlib; return the axes."""
-        return plotted(self, ax)
 
     def modulus_of(self, material_id: str) -> float:
         """Return a material's modulus in MPa."""

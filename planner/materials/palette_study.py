@@ -7,7 +7,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, S
 from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from statistics import NormalDist
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -36,9 +36,6 @@ from planner.notes import Caution, listed
 from planner.numerics import FloatArray
 from planner.palette import SAME_K, Material, Palette, Reference, Temperature
 from planner.printers import Printer, installed_printers, palette_of
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 __all__ = [
     "Characterisation",
@@ -84,6 +81,8 @@ class Characterisation:
     records: tuple[ReadRecord, ...] = ()
     unused: tuple[str, ...] = ()
 
+    plot = plotted
+
     @one_line
     def __repr__(self) -> str:
         return (
@@ -91,10 +90,6 @@ class Characterisation:
             f"{counted(sum(len(one.specimens) for one in self.materials), 'specimen')}; "
             + outcome((len(self.findings), "finding"))
         )
-
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Draw every specimen's stress over strain with matplotlib; return the axes."""
-        return plotted(self, ax)
 
     @property
     def findings(self) -> tuple[str, ...]:

@@ -504,6 +504,7 @@ def response_rows(result: PartSimulation) -> Iterator[Mapping[str, str]]:
     that was not given: the displacement along a force, or the force along a move.
     """
     interval = f"{100.0 * result.level:g} % interval"
+    columns = ("", "faces", "moves mm (x y z)", "force N (x y z)", interval, "N/mm")
     sizes_N = [float(np.linalg.norm(r.force_N[-1])) for r in result.steps.responses]
     long_mm = float(np.ptp(result.cells.surface.bounds_mm, axis=0).max())
     sizes_N += [float(np.linalg.norm(m.moment_N_mm)) / long_mm for m in result.conditions.moments]
@@ -517,23 +518,14 @@ def response_rows(result: PartSimulation) -> Iterator[Mapping[str, str]]:
         force = "" if kind == "watch" else _vector(response.force_N[-1], least_N)
         if turn is not None and response.moment_N_mm is not None:
             moved, force = f"{_vector(turn[-1])} °", f"{_vector(response.moment_N_mm[-1])} N mm"
-        yield {
-            "": kind,
-            "faces": response.selector,
-            "moves mm (x y z)": moved,
-            "force N (x y z)": force,
-            interval: f"{sure} {units.get(kind, 'mm')}" if sure else "",
-            "N/mm": "" if stiffness is None else format_number(stiffness),
-        }
+        sure = f"{sure} {units.get(kind, 'mm')}" if sure else ""
+        stiff = "" if stiffness is None else format_number(stiffness)
+        cells = (kind, response.selector, moved, force, sure, stiff)
+        yield dict(zip(columns, cells, strict=True))
     away, (x, y, z) = result.farthest
-    yield {
-        "": "farthest",
-        "faces": f"({x:.4g}, {y:.4g}, {z:.4g}) mm",
-        "moves mm (x y z)": _vector(away),
-        "force N (x y z)": "",
-        interval: "",
-        "N/mm": "",
-    }
+    place = f"({x:.4g}, {y:.4g}, {z:.4g}) mm"
+    cells = ("farthest", place, _vector(away), "", "", "")
+    yield dict(zip(columns, cells, strict=True))
 
 
 _NOTHING = 5e-6
@@ -634,12 +626,8 @@ def part_volume(result: PartSimulation) -> bytes:
     place = _ACROSS * cells.index[:, None].astype(np.int64) + steps
     wide = place.max(axis=(0, 1)) + 1
     key = (place[..., 0] * wide[1] + place[..., 1]) * wide[2] + place[..., 2]
-    _, first, number = np.unique(
-        np.stack([owner.ravel(), key.ravel()], axis=1),
-        axis=0,
-        return_index=True,
-        return_inverse=True,
-    )
+    pairs = np.stack([owner.ravel(), key.ravel()], axis=1)
+    _, first, number = np.unique(pairs, axis=0, return_index=True, return_inverse=True)
     number = number.reshape(owner.shape)
     local = 2.0 * steps / _ACROSS - 1.0
     shape, _ = shape_functions(local, cells.cell_mm)

@@ -2,7 +2,7 @@
 
 import itertools
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -91,13 +91,10 @@ def _part_figure(result: PartSimulation) -> bytes:
     ends = curve.interval
     x_range, y_range = ((_floor(float(v.min())), _span(float(v.max()))) for v in ends)
     left = _LEFT + _WIDTH + _GAP
+    most = (0.0, _span(float(steps.largest.max())))
     charts = (
-        (Chart(_LEFT, _TOP, _WIDTH, _HEIGHT, x_range, y_range), curve.y, curve.y_label),
-        (
-            Chart(left, _TOP, _WIDTH, _HEIGHT, x_range, (0.0, _span(float(steps.largest.max())))),
-            steps.largest,
-            "largest strain over elongation at break",
-        ),
+        (_chart(_LEFT, x_range, y_range), curve.y, curve.y_label),
+        (_chart(left, x_range, most), steps.largest, "largest strain over elongation at break"),
     )
     parts: list[str] = []
     for number, (chart, values, label) in enumerate(charts):
@@ -120,6 +117,10 @@ def _part_figure(result: PartSimulation) -> bytes:
     return picture(width, height, parts, title=f"{result.called}: load curve")
 
 
+def _chart(left: float, x_range: tuple[float, float], y_range: tuple[float, float]) -> Chart:
+    return Chart(left, _TOP, _WIDTH, _HEIGHT, x_range, y_range)
+
+
 def _floor(least: float) -> float:
     return -_span(-least) if least < 0.0 else 0.0
 
@@ -128,9 +129,7 @@ def _curve(simulation: Simulation) -> Iterator[str]:
     over_time = simulation.protocol == "relaxation"
     x = simulation.time_s if over_time else simulation.displacement_mm
     force, (low, high) = simulation.force_N, simulation.force_interval_N.T
-    chart = Chart(
-        _LEFT, _TOP, _WIDTH, _HEIGHT, (0.0, _span(float(x.max()))), (0.0, _span(float(high.max())))
-    )
+    chart = _chart(_LEFT, (0.0, _span(float(x.max()))), (0.0, _span(float(high.max()))))
     yield band(chart, x, low, high, colour=PALE_BLUE)
     yield from frame(
         chart, x_label="time, s" if over_time else "displacement, mm", y_label="force, N"
@@ -151,14 +150,7 @@ def _along(simulation: Simulation, left: float) -> Iterator[str]:
     bar = simulation.bar
     peak = int(np.argmax(simulation.displacement_mm))
     most = float(simulation.strain[peak].max())
-    chart = Chart(
-        left,
-        _TOP,
-        _WIDTH,
-        _HEIGHT,
-        (float(bar.edges_mm[0]), float(bar.edges_mm[-1])),
-        (0.0, _span(most)),
-    )
+    chart = _chart(left, (float(bar.edges_mm[0]), float(bar.edges_mm[-1])), (0.0, _span(most)))
     yield from frame(chart, x_label="", y_label="strain along the bar")
     steps = sorted({round(share * peak) for share in _SHARES})
     for step, shade in zip(steps, _SHADES[-len(steps) :], strict=True):
@@ -174,8 +166,7 @@ def _along(simulation: Simulation, left: float) -> Iterator[str]:
         yield text(left + 6.0, _TOP + 12.0, "dashed: elongation at break", colour=RED)
 
 
-@dataclass(frozen=True, slots=True)
-class _Band:
+class _Band(NamedTuple):
     """A stretch of the bar of one colour, in pixels, and the grade's name; "" in between grades."""
 
     left: float
@@ -207,13 +198,8 @@ def _bands(simulation: Simulation, left: float) -> list[_Band]:
     names = {m.coordinate: m.id for m in palette.materials}
     turns = [0, *(i for i in range(1, len(colours)) if colours[i] != colours[i - 1]), len(colours)]
     return [
-        _Band(
-            float(places[start]),
-            float(places[stop]),
-            colours[start],
-            names.get(float(bar.coordinate[start]), ""),
-        )
-        for start, stop in itertools.pairwise(turns)
+        _Band(*ends, colours[start], names.get(float(bar.coordinate[start]), ""))
+        for start, ends in zip(turns, itertools.pairwise(places[turns].tolist()), strict=False)
     ]
 
 

@@ -26,7 +26,6 @@ __all__ = [
     "Bar",
     "ProfileDesign",
     "bar_between",
-    "coupon",
     "plan_axis",
     "plan_palette",
     "plan_sections",
@@ -110,23 +109,6 @@ class Bar:
     def gauge_mm(self) -> float:
         """Length of the bar at rest."""
         return float(self.edges_mm[-1] - self.edges_mm[0])
-
-
-def coupon(coordinate: float, *, width_mm: float, thickness_mm: float, gauge_mm: float) -> Bar:
-    """Return a bar of one mixture and one section: a single slice.
-
-    Raises
-    ------
-    ArgumentError
-        A size that is not above 0 and finite.
-    """
-    sizes = {"width": width_mm, "thickness": thickness_mm, "gauge": gauge_mm}
-    for name, size in sizes.items():
-        if not 0.0 < size < np.inf:
-            raise ArgumentError(f"{name} of {size:g} mm: it must be above 0 and finite")
-    return Bar(
-        np.array([0.0, gauge_mm]), np.array([coordinate]), np.array([width_mm * thickness_mm])
-    )
 
 
 def bar_between(

@@ -30,7 +30,6 @@ __all__ = [
     "PUSHED_END",
     "SOFTENING_PEAKS",
     "SOFTENING_SHARES",
-    "STRAIN_END",
     "LawTables",
     "Prediction",
     "PulledBars",
@@ -58,12 +57,12 @@ FARTHEST = 2.0
 """A law is followed to this many times the elongation at break. Chosen: to break it is measured,
 from there to here a specimen stronger than the mean may still hold, beyond it nothing is known."""
 
-STRAIN_END = 3.0
+_STRAIN_END = 3.0
 """The tables' last strain, or farther if laws are; from there on the stress goes on straight.
 Chosen: beyond where jetted elastomers break."""
 
 _TABLE_INTERVALS = 1500
-"""Up to `STRAIN_END`; more of the same width beyond. Numerical: cubics over 0.002 of strain, whose
+"""Up to `_STRAIN_END`; more of the same width beyond. Numerical: cubics over 0.002 of strain, whose
 error goes with the fourth power of that."""
 
 PUSHED_END = 0.7
@@ -150,7 +149,7 @@ def law_tables(
     Parameters
     ----------
     strain_end
-        The tables' last strain; by default as far as any law is followed, `STRAIN_END` at least.
+        The tables' last strain; by default as far as any law is followed, `_STRAIN_END` at least.
 
     Raises
     ------
@@ -159,8 +158,8 @@ def law_tables(
     """
     if strain_end is None:
         widest = max(material.elongation_at_break for material in palette.materials)
-        strain_end = max(STRAIN_END, farthest * widest)
-    intervals = max(_TABLE_INTERVALS, math.ceil(strain_end / STRAIN_END * _TABLE_INTERVALS))
+        strain_end = max(_STRAIN_END, farthest * widest)
+    intervals = max(_TABLE_INTERVALS, math.ceil(strain_end / _STRAIN_END * _TABLE_INTERVALS))
     nodes = np.linspace(0.0, strain_end, intervals + 1)
     pulled, pushed = [], []
     for material in palette.materials:

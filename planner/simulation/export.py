@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -156,20 +156,9 @@ class Export:
 
     def document(self) -> dict[str, Any]:
         """Return what the model is as JSON holds it."""
-        import dataclasses
-
-        return {
-            "schema": 1,
-            "source": self.name,
-            "to": self.to,
-            "cell_mm": list(self.cell_mm),
-            "cells": self.cells,
-            "nodes": self.nodes,
-            "volume_mm3": self.volume_mm3,
-            "part_mm3": self.part_mm3,
-            "materials": [dataclasses.asdict(material) for material in self.materials],
-            "notes": list(self.notes),
-        }
+        said = asdict(self)
+        del said["data"]
+        return {"schema": 1, "source": said.pop("name"), **said}
 
     def json(self) -> bytes:
         """Return the bytes of the JSON document."""

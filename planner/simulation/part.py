@@ -40,8 +40,6 @@ from planner.simulation.loads import (
 from planner.simulation.simulate import called
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
     # The solver is loaded when a part is solved, and not before its input is known to be sound.
     from planner.simulation.response import LoadSteps, Response
     from planner.simulation.solid import Body, Mechanics
@@ -403,6 +401,7 @@ class PartSimulation:
     case: str = ""
 
     _repr_html_ = html_of
+    plot = plotted
 
     @property
     def called(self) -> str:
@@ -417,10 +416,6 @@ class PartSimulation:
             f"{curve.y_label.rpartition(', ')[2].removeprefix('share ')}, "
             f"{counted(len(curve.x) - 1, 'step')}; " + outcome((len(self.findings), "finding"))
         )
-
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Draw the load curve with matplotlib; return the axes."""
-        return plotted(self, ax)
 
     @property
     def ok(self) -> bool:

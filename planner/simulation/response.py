@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from statistics import NormalDist
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -220,8 +220,6 @@ class LoadSteps:
         Stored in the material.
     lost
         Why it stopped early.
-    iterations
-        Of Newton's method, in all.
     fields
         What stands inside at the last step.
     """
@@ -234,7 +232,6 @@ class LoadSteps:
     energy_mJ: FloatArray
     responses: tuple[Response, ...]
     lost: LostStabilityError | None
-    iterations: int
     fields: _PartFields
 
 
@@ -257,75 +254,57 @@ def respond(
     progress
         Called at each iteration with the load's share, the iteration and the residual.
     """
-    cells = mechanics.body.cells
+    body, cells = mechanics.body, mechanics.body.cells
     at_vertices, _ = shape_functions(cells.vertex_local, cells.cell_mm)
     average = CellAverage(cells)
-    states: list[Equilibrium] = [mechanics.at_rest()]
-    iterations = 0
-    lost = None
-
-    def counted(share: float, iteration: int, residual: float) -> None:
-        nonlocal iterations
-        iterations += 1
-        if progress is not None:
-            progress(share, iteration, residual)
-
-    factored, last = None, states[0]
+    factored, last, lost = None, mechanics.at_rest(), None
     kept: list[tuple[Any, ...]] = []
+    told: list[list[tuple[Response, _Weights]]] = []
     corners = np.empty(0)
 
     def keep(state: Equilibrium) -> None:
         nonlocal corners
         u = state.displacement_mm
-        nodal = average.of(_strain_over_break(mechanics, state))
+        stretch, _ = largest_stretch(mechanics.observe(state).strain)
+        nodal = average.of((stretch - 1.0) / body.table.break_at(body.coordinate))
         corners = nodal[average.number]
         worst = int(np.argmax(np.where(average.held, nodal, -np.inf)))
         kept.append((
+            state.share,
             np.einsum("va,vai->vi", at_vertices, u[cells.nodes[cells.vertex_cell]]),
             average.at_vertices(nodal),
             nodal[worst],
             cells.node_mm[average.node[worst]],
             mechanics.energy_mJ(state),
         ))  # fmt: skip
+        told.append(list(answers(mechanics, state)))
 
-    keep(states[0])
+    keep(last)
     try:
-        for state, now in mechanics.follow(np.linspace(0.0, 1.0, steps + 1)[1:].tolist(), counted):
-            factored = now
-            states.append(Equilibrium(  # strains of earlier states are not needed again
-                state.share, state.displacement_mm, *_NOTHING, state.iterations
-            ))  # fmt: skip
-            keep(state)
-            last = state
+        shares = np.linspace(0.0, 1.0, steps + 1)[1:].tolist()
+        for reached in mechanics.follow(shares, progress):
+            last, factored = reached
+            keep(last)
     except LostStabilityError as stop:
         lost = stop
         factored = None if factored is None else mechanics.tangent(last)
     responses = tuple(
-        _responses(mechanics, states, last, factored, model, level) if factored is not None else ()
+        _responses(mechanics, told, last, factored, model, level) if factored is not None else ()
     )
-    moved, strain, largest, largest_mm, energy = (np.stack(of) for of in zip(*kept, strict=True))
+    share, moved, over_break, largest, largest_mm, energy = (
+        np.stack(each) for each in zip(*kept, strict=True)
+    )
     return LoadSteps(
-        np.array([state.share for state in states]),
+        share,
         moved,
-        strain,
+        over_break,
         largest,
         largest_mm,
         energy,
         responses,
         lost,
-        iterations,
         _fields_of(mechanics, last, corners),
     )
-
-
-_NOTHING = (np.empty((0, 6)), np.empty((0, 6)), np.empty((0, 4)))
-
-
-def _strain_over_break(mechanics: Mechanics, state: Equilibrium) -> FloatArray:
-    """Return the largest principal strain over the elongation at break at the points, (Q,)."""
-    stretch, _ = largest_stretch(mechanics.observe(state).strain)
-    body = mechanics.body
-    return np.asarray((stretch - 1.0) / body.table.break_at(body.coordinate))
 
 
 def largest_stretch(strain: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -439,7 +418,7 @@ def _turn_weights(
 
 def _responses(
     mechanics: Mechanics,
-    states: list[Equilibrium],
+    over_steps: "Sequence[Sequence[tuple[Response, _Weights]]]",
     last: Equilibrium,
     factored: "Factor",
     model: CoefficientModel,
@@ -447,7 +426,7 @@ def _responses(
 ) -> Iterator[Response]:
     normal = NormalDist().inv_cdf(0.5 + level / 2.0)
     sds = log_stress_sds(mechanics, last, model, normal)
-    for steps in zip(*(answers(mechanics, state) for state in states), strict=True):
+    for steps in zip(*over_steps, strict=True):
         told, weights = steps[-1]
         span = None
         if told.figure is not None and told.kind != "pressure":
@@ -622,8 +601,7 @@ def loaded_part(
 # Equilibria along the load, with the derivative of the force by the law at every point.
 
 
-@dataclass(frozen=True, eq=False)
-class _Moved:
+class _Moved(NamedTuple):
     """Equilibria of a part: mean displacement of what is loaded, the force on it, and its points.
 
     Attributes

@@ -5,7 +5,7 @@ import math
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from statistics import NormalDist
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -21,7 +21,6 @@ from planner.printers import Printer, palette_of
 from planner.simulation.bar import (
     Bar,
     bar_between,
-    coupon,
     plan_palette,
     plan_sections,
     read_profile_bar,
@@ -34,9 +33,6 @@ from planner.simulation.bar_solver import (
     predict,
     unaltered,
 )
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 __all__ = [
     "Simulation",
@@ -370,6 +366,7 @@ class Simulation:
     notes: tuple[str, ...] = ()
 
     _repr_html_ = html_of
+    plot = plotted
 
     @one_line
     def __repr__(self) -> str:
@@ -378,10 +375,6 @@ class Simulation:
             f"{counted(len(self.force_N), 'step')}, {counted(len(self.bar.coordinate), 'slice')}, "
             f"{self.force_N.max():.4g} N at most; " + outcome((len(self.findings), "finding"))
         )
-
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Draw force over displacement with matplotlib; return the axes."""
-        return plotted(self, ax)
 
     @property
     def ok(self) -> bool:
@@ -443,7 +436,8 @@ class Simulation:
     def csv(self) -> bytes:
         """Return the curve as CSV, one row a step."""
         steps = {name: np.asarray(values, float).tolist() for name, values in self._steps.items()}
-        names = sorted(steps, key=["gauge_strain", "beyond_break"].count)
+        last = ("gauge_strain", "beyond_break")
+        names = [*(name for name in steps if name not in last), *last]
         return encode_csv([names, *zip(*(steps[name] for name in names), strict=True)])
 
     def field_csv(self) -> bytes:
@@ -481,9 +475,12 @@ def _bar_of(
             source = palette.resolve(str(source))
         except UnknownNameError as error:
             raise UnknownNameError(f"{error}; nor is {path} a file or folder") from error
-    return source.id, coupon(
-        source.coordinate, width_mm=width_mm, thickness_mm=thickness_mm, gauge_mm=gauge_mm
-    )
+    sizes = {"width": width_mm, "thickness": thickness_mm, "gauge": gauge_mm}
+    for name, size in sizes.items():
+        if not 0.0 < size < np.inf:
+            raise ArgumentError(f"{name} of {size:g} mm: it must be above 0 and finite")
+    ends, area = np.array([0.0, gauge_mm]), np.array([width_mm * thickness_mm])
+    return source.id, Bar(ends, np.array([source.coordinate]), area)
 
 
 # ------------------------------------------------------------------------------------------------
