@@ -1,6 +1,7 @@
 """3MF by lib3mf, read and written: the same bytes for the same content."""
 
 import ctypes
+import graphlib
 import hashlib
 import re
 import uuid
@@ -157,8 +158,8 @@ def _check_structure(data: bytes, name: str, limits: UnfoldingLimits) -> None:
     """
     objects: dict[_Key, _Object] = {}
     items: list[_Key] = []
+    called = f"{name}: not a 3MF file that can be read"
     try:
-        called = f"{name}: not a 3MF file that can be read"
         for member, text in unpacked(data, called, limits.unpacked_bytes):
             for key in _scan(member, text, objects):
                 items += [key] if key else []
@@ -167,7 +168,12 @@ def _check_structure(data: bytes, name: str, limits: UnfoldingLimits) -> None:
     except FileError as error:
         raise MeshError(str(error)) from error
     stored = sum(found.triangles for found in objects.values())
-    placed, triangles, depth = _unfold(objects, items)
+    try:
+        placed, triangles, depth = _unfold(objects, items)
+    except graphlib.CycleError as error:
+        raise MeshError(
+            f"{called}: objects are components of each other; export the part again"
+        ) from error
     for what, got, most in (
         ("unfolds to {} objects, assemblies included", placed, limits.objects),
         ("unfolds to {} triangles", triangles, max(limits.triangles, stored)),
@@ -230,28 +236,27 @@ def _key(member: str, path: bytes | None, number: bytes | None) -> _Key | None:
 def _unfold(objects: dict[_Key, _Object], items: list[_Key]) -> tuple[int, int, int]:
     """Return how many objects and triangles the items place, and how deep components are nested.
 
-    Each object's own sum is made once, after those of its components. What refers to itself, or to
-    nothing, adds nothing: the reader refuses it.
+    Each object's own sum is made once, after those of its components. What refers to nothing adds
+    nothing: the reader refuses it.
+
+    Raises
+    ------
+    graphlib.CycleError
+        Objects are components of each other.
     """
     known: dict[_Key, tuple[int, int, int]] = {}
-    begun: set[_Key] = set()
-    for start in objects:
-        waiting = [start]
-        while waiting:
-            key = waiting[-1]
-            own = objects[key]
-            if key in begun:
-                waiting.pop()
-                parts = (known[one] for one in own.components if one in known)
-                counts, triangles, depths = zip((0, 0, 0), *parts, strict=True)
-                sums = 1 + sum(counts), own.triangles + sum(triangles), 1 + max(depths)
-                known.setdefault(key, sums)
-                continue
-            begun.add(key)
-            waiting += [one for one in {*own.components} if one in objects and one not in begun]
-    placed = (known.get(key, (0, 0, 0)) for key in items)
-    counts, triangles, _ = zip((0, 0, 0), *placed, strict=True)
-    return sum(counts), sum(triangles), max((depth for *_, depth in known.values()), default=0)
+
+    def of(keys: list[_Key]) -> tuple[int, int, int]:
+        parts = [known[key] for key in keys if key in known]
+        counts, triangles, depths = zip((0, 0, 0), *parts, strict=True)
+        return sum(counts), sum(triangles), max(depths)
+
+    within = {key: own.components for key, own in objects.items()}
+    for key in graphlib.TopologicalSorter(within).static_order():
+        if key in objects:
+            count, triangles, depth = of(objects[key].components)
+            known[key] = 1 + count, objects[key].triangles + triangles, 1 + depth
+    return (*of(items)[:2], of([*known])[2])
 
 
 # ------------------------------------------------------------------------------------------------

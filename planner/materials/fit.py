@@ -9,7 +9,7 @@ import numpy as np
 
 from planner.errors import ArgumentError
 from planner.glance import brief
-from planner.materials.characterise import Curve
+from planner.materials.characterise import Curve, students_t
 from planner.materials.laws import (
     LOWEST_STRETCH,
     NeoHookean,
@@ -44,7 +44,6 @@ __all__ = [
     "sample_columns",
     "sample_of",
     "sample_stress_MPa",
-    "students_t",
     "unstable_strain",
 ]
 
@@ -1060,13 +1059,6 @@ def _held_out(fit: LawFit, sample: Sample, folds: Sequence[BoolArray]) -> tuple[
     # The jackknife's variance; the whole stress, divided by its own size, has about size one.
     spread = np.std(parts, axis=0) * np.sqrt(count - 1.0)
     return np.array(errors), bool(np.all(students_t(0.95, count) * spread < 1.0))
-
-
-def students_t(level: float, specimens: float) -> float:
-    """Return how many standard errors of so many specimens' mean the two-sided level reaches."""
-    from scipy.special import stdtrit
-
-    return float(stdtrit(specimens - 1, 0.5 + 0.5 * level))
 
 
 def _standard_error(values: FloatArray) -> float:

@@ -12,7 +12,7 @@ from planner.formats.units import QUANTITIES, QUANTITY_UNITS, UnitOf, unit_near
 from planner.materials.characterise import SECANT_STRAINS, Characteristics, characterise_curve
 from planner.materials.laws import make_law, secant_modulus_MPa
 from planner.materials.study import Study
-from planner.notes import Caution
+from planner.notes import Caution, listed
 from planner.numerics import FloatArray
 from planner.palette import Material, Palette
 
@@ -199,10 +199,10 @@ def _against_palette(study: Study, palette: Palette) -> tuple[bool, str]:
     if advice is None:
         return False, ""
     factor, way = math.exp(abs(batch.shift)), "above" if batch.shift > 0.0 else "below"
-    of = f"{_some(inside)} {'is' if len(inside) == 1 else 'are'} {factor:.2g} times {way}"
+    of = f"{listed(inside, 6)} {'is' if len(inside) == 1 else 'are'} {factor:.2g} times {way}"
     if not (others and batch.sure):
         return False, f"{of} the palette: {advice}, or --no-compare"
-    agree = f"while {_some(others)} {'is' if len(others) == 1 else 'are'} not"
+    agree = f"while {listed(others, 6)} {'is' if len(others) == 1 else 'are'} not"
     whole = f"{of} the palette {palette.name}, {agree}"
     return True, f"{whole}: {advice}, or --no-compare if they are right"
 
@@ -306,7 +306,7 @@ def _among_replicates(study: Study) -> tuple[str, ...]:
         if advice is not None:
             way = "above" if shift > 0.0 else "below"
             said.append(
-                f"{material}: {_some(names)} {'is' if len(names) == 1 else 'are'} "
+                f"{material}: {listed(names, 6)} {'is' if len(names) == 1 else 'are'} "
                 f"{math.exp(abs(shift)):.3g} times {way} the other specimens: {advice}"
             )
     return tuple(said)
@@ -355,7 +355,3 @@ def _advice(
     # No unit is so small: the numbers were multiplied on the way, as another unit's would be.
     other = unit_near(kind, 2.0 * math.log(own) - math.log(float(unit)), own)
     return f"was {stated} converted as if it were {other}{sizes}? Give --unit-of {option}"
-
-
-def _some(names: Sequence[str]) -> str:
-    return ", ".join(names) if len(names) <= 6 else f"{names[0]} ... {names[-1]}"
