@@ -242,7 +242,7 @@ def _between(text: str) -> tuple[float, float]:
 
 def _part_report(results: "Sequence[PartSimulation]") -> None:
     from planner.cli.output import print_table, say, tell_notes
-    from planner.report.part_text import part_title, response_rows, step_rows, summary_words
+    from planner.report.loaded_part import part_title, response_rows, step_rows, summary_words
 
     tell_notes(note for result in results for note in result.notes)
     for result in results:

@@ -321,6 +321,7 @@ def test_blocks_of_several_sizes_are_read(tmp_path):
         np.testing.assert_array_equal(read_grid_table(tmp_path / "a.vti").values, VALUES)
 
 
+@pytest.mark.slow
 def test_pieces_that_share_one_array_are_counted_together(tmp_path):
     once = vtu("zlib")
     piece = re.search(rb"<Piece.*</Piece>", once, re.DOTALL)[0]
