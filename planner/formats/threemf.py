@@ -282,7 +282,7 @@ _UNKNOWN_ATTRIBUTE = 0x80A7
 readers ignore what they do not know, unless the file requires the extension, which is an error."""
 
 
-def read_threemf(path: str | Path, limits: UnfoldingLimits = USUAL_LIMITS) -> ThreemfModel:
+def read_threemf(path: str | Path) -> ThreemfModel:
     """Read a 3MF file; see `decode_threemf`.
 
     Raises
@@ -290,7 +290,7 @@ def read_threemf(path: str | Path, limits: UnfoldingLimits = USUAL_LIMITS) -> Th
     MeshError
         The file cannot be opened, or see `decode_threemf`.
     """
-    return decode_threemf(read_file(path, error=MeshError), str(path), limits=limits)
+    return decode_threemf(read_file(path, error=MeshError), str(path))
 
 
 def decode_threemf(
@@ -527,7 +527,6 @@ _DECIMALS = 9  # from 1 mm up nothing moves by more than one unit in the last pl
 def encode_threemf(
     objects: Sequence[ThreemfObject],
     assembly_name: str,
-    metadata: Mapping[str, str] | None = None,
     *,
     thumbnail: bytes | None = None,
     one_mesh: bool = False,
@@ -545,9 +544,7 @@ def encode_threemf(
     objects
         At least one, each with at least one triangle.
     assembly_name
-        Name of the assembly, and the model's title unless `metadata` has one.
-    metadata
-        Of the model, as `ThreemfObject.metadata`.
+        Name of the assembly, and the model's title.
     thumbnail
         PNG that file managers show of it.
     one_mesh
@@ -562,20 +559,17 @@ def encode_threemf(
     if not objects:
         raise OutputError(f"3MF of {assembly_name}: no objects; a file needs at least one")
     # The model is gone before the archive is copied: either takes a hundred MB a million triangles.
-    return canonical_archive(
-        _model_written(objects, assembly_name, metadata or {}, thumbnail, one_mesh), _FIRST
-    )
+    return canonical_archive(_model_written(objects, assembly_name, thumbnail, one_mesh), _FIRST)
 
 
 def _model_written(
-    objects: Sequence[ThreemfObject], assembly_name: str, metadata: Mapping[str, str],
-    thumbnail: bytes | None, one_mesh: bool,
-) -> bytes:  # fmt: skip
+    objects: Sequence[ThreemfObject], assembly_name: str, thumbnail: bytes | None, one_mesh: bool
+) -> bytes:
     wrapper = lib3mf.get_wrapper()
     model = wrapper.CreateModel()
     model.SetUnit(lib3mf.ModelUnit.MilliMeter)
     heading = {"Title": assembly_name, "Application": "planner"}
-    _add_metadata(model.GetMetaDataGroup(), {**heading, **metadata}, assembly_name)
+    _add_metadata(model.GetMetaDataGroup(), heading, assembly_name)
     palette = _Materials(wrapper, model, model.AddBaseMaterialGroup())
     try:
         materials = [palette.property_of(item) for item in objects]

@@ -596,8 +596,6 @@ class SoundRows:
     ----------
     largest_stretch
         The largest that was tested.
-    room
-        See `_ROOM`.
 
     Attributes
     ----------
@@ -609,7 +607,7 @@ class SoundRows:
         The principal stretches that a law is stable across at.
     """
 
-    def __init__(self, largest_stretch: float, room: float = _ROOM) -> None:
+    def __init__(self, largest_stretch: float) -> None:
         compressed = _net(1.0, LOWEST_STRETCH, 7)[::-1]
         far = 1.0 + (1.0 + _MARGIN) * (largest_stretch - 1.0)
         rising = np.concatenate([compressed, _net(1.0, far, 16)[1:]])
@@ -630,13 +628,13 @@ class SoundRows:
         # Shares of neo-Hooke's stress, so that the modulus is that at rest.
         share = {k: each[at[k]] / modes[k][:, None] for k in (0, 4, 5, 6, 8)}
         rest = share[0]
-        rows = [np.diff(each[at[1]], axis=0) / np.diff(modes[1])[:, None] - room * rest]
+        rows = [np.diff(each[at[1]], axis=0) / np.diff(modes[1])[:, None] - _ROOM * rest]
         for i in (2, 3, 7):
             kirchhoff = np.diff(each[at[i]] * used[i][:, None], axis=0)
-            rows.append(kirchhoff / np.diff(modes[i] * used[i])[:, None] - room * rest)
-        factor = COMPRESSION_FACTOR * (1.0 - room)
+            rows.append(kirchhoff / np.diff(modes[i] * used[i])[:, None] - _ROOM * rest)
+        factor = COMPRESSION_FACTOR * (1.0 - _ROOM)
         rows += [factor * rest - share[4], share[4] - rest / factor]
-        factor = MODES_FACTOR * (1.0 - room)
+        factor = MODES_FACTOR * (1.0 - _ROOM)
         for other in (share[6], share[8]):
             rows += [factor * share[5] - other, other - share[5] / factor]
         self.uniaxial, self.planar = np.concatenate(used[:7]), np.concatenate(used[7:])
@@ -818,10 +816,10 @@ def fit_law(
 
 
 def law_stress_MPa(
-    law: SeparableLaw, a: FloatArray, c: FloatArray, stretch: FloatArray, *, planar: bool = False
+    law: SeparableLaw, a: FloatArray, c: FloatArray, stretch: FloatArray
 ) -> FloatArray:
     """Return nominal stress of a law with nonlinear parameters a (q,), file coefficients c (p,)."""
-    phi, _ = law.evaluate(stretch, a[None], planar=planar)
+    phi, _ = law.evaluate(stretch, a[None])
     out: FloatArray = phi[0] @ (c * law.divisor(a[None])[0][0])
     return out
 
