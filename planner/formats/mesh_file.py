@@ -508,8 +508,7 @@ def _unit_normals(corners: Float32Array) -> Float32Array:
     normal = np.stack([uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx])
     length = np.sqrt(normal[0] * normal[0] + normal[1] * normal[1] + normal[2] * normal[2])
     length[length == 0.0] = 1.0
-    unit: Float32Array = (normal / length + 0.0).T.astype(np.float32)
-    return unit
+    return np.asarray((normal / length + 0.0).T.astype(np.float32))
 
 
 def _decode_ascii(data: bytes, name: str) -> FloatArray:

@@ -219,11 +219,7 @@ def individual_fit(curve: LiteralCurve, level: float = 0.95) -> LiteralFit:
     if np.isfinite(slopes).all():
         inverse = np.maximum(np.diag(np.linalg.pinv(slopes.T @ slopes)), 0.0)
         half = students_t(level, freedom + 1) * np.sqrt(found.fun / freedom * inverse)
-    return LiteralFit(
-        c=tuple(float(v) for v in found.x),
-        half=tuple(float(v) for v in half),
-        squared_error_MPa2=float(found.fun),
-    )
+    return LiteralFit(tuple(found.x.tolist()), tuple(half.tolist()), float(found.fun))
 
 
 def _slopes(c: FloatArray, strain: FloatArray) -> FloatArray:

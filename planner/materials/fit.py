@@ -181,8 +181,7 @@ def _weights(specimen: IntArray, mode: IntArray | None) -> FloatArray:
     """Return weights that sum to one: each mode's the same, in it each specimen's."""
     numbers, inverse, count = np.unique(specimen, return_inverse=True, return_counts=True)
     if mode is None:
-        out: FloatArray = 1.0 / (count[inverse] * len(numbers))
-        return out
+        return np.asarray(1.0 / (count[inverse] * len(numbers)))
     modes, of_mode = np.unique(mode, return_inverse=True)
     in_mode = np.array([len(np.unique(specimen[mode == m])) for m in modes])
     return np.asarray(1.0 / (count[inverse] * in_mode[of_mode] * len(modes)))
@@ -820,8 +819,7 @@ def law_stress_MPa(
 ) -> FloatArray:
     """Return nominal stress of a law with nonlinear parameters a (q,), file coefficients c (p,)."""
     phi, _ = law.evaluate(stretch, a[None])
-    out: FloatArray = phi[0] @ (c * law.divisor(a[None])[0][0])
-    return out
+    return np.asarray(phi[0] @ (c * law.divisor(a[None])[0][0]))
 
 
 def sample_stress_MPa(
@@ -829,13 +827,11 @@ def sample_stress_MPa(
 ) -> FloatArray:
     """Return a law's nominal stress at a sample's points, each in its own loading."""
     phi, _ = sample_columns(law, sample, a[None])
-    out: FloatArray = phi[0] @ (c * law.divisor(a[None])[0][0])
-    return out
+    return np.asarray(phi[0] @ (c * law.divisor(a[None])[0][0]))
 
 
 def _file_coefficients(law: SeparableLaw, found: Solutions) -> FloatArray:
-    out: FloatArray = found.c / law.divisor(found.a)[0]
-    return out
+    return np.asarray(found.c / law.divisor(found.a)[0])
 
 
 def _best(found: Solutions) -> int:
@@ -1033,8 +1029,7 @@ def _asked(fold: BoolArray, sample: Sample) -> BoolArray:
 
     Beyond it would be extrapolation, which a palette never does.
     """
-    asked: BoolArray = fold & (sample.stretch <= sample.stretch[~fold].max())
-    return asked
+    return np.asarray(fold & (sample.stretch <= sample.stretch[~fold].max()))
 
 
 def _held_out(fit: LawFit, sample: Sample, folds: Sequence[BoolArray]) -> tuple[FloatArray, bool]:

@@ -324,8 +324,7 @@ def _moves_variance(
     own = _own(sample)
     moves = np.stack([_without(unit, residual, i) for i in own]) / size @ directions
     count = len(own)
-    out: FloatArray = moves.var(axis=0) * (count - 1.0)
-    return out
+    return np.asarray(moves.var(axis=0) * (count - 1.0))
 
 
 def _without(unit: FloatArray, residual: FloatArray, own: BoolArray) -> FloatArray:
@@ -460,8 +459,7 @@ def _profile(
 def _interval_rounded(values: FloatArray) -> FloatArray:
     """Round to four digits, so that the last bits of a processor do not choose the path."""
     scale = 10.0 ** np.floor(np.log10(np.maximum(np.abs(values), 1e-300)))
-    out: FloatArray = np.where(np.isfinite(values), np.round(values / scale, 3) * scale, values)
-    return out
+    return np.asarray(np.where(np.isfinite(values), np.round(values / scale, 3) * scale, values))
 
 
 # ------------------------------------------------------------------------------------------------
