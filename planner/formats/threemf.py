@@ -3,6 +3,7 @@
 import ctypes
 import graphlib
 import hashlib
+import io
 import re
 import uuid
 from collections.abc import Iterator, Mapping, Sequence
@@ -342,19 +343,17 @@ def decode_threemf(
 
 
 def _read_from(reader: Any, data: bytes) -> None:
-    place = 0
+    stream = io.BytesIO(data)
 
     def read(address: int, size: int, _: int) -> None:
-        nonlocal place
-        chunk = data[place : place + size]
+        chunk = stream.read(size)
         ctypes.memmove(address, chunk, len(chunk))
-        place += size
 
-    def seek(position: int, _: int) -> None:
-        nonlocal place
-        place = position
+    reader.ReadFromCallback(lib3mf.ReadCallback(read), len(data), _seeking(stream), None)
 
-    reader.ReadFromCallback(lib3mf.ReadCallback(read), len(data), lib3mf.SeekCallback(seek), None)
+
+def _seeking(stream: io.BytesIO) -> Any:
+    return lib3mf.SeekCallback(lambda position, _: stream.seek(position))
 
 
 def _meshes(items: Any, name: str, remarks: list[str]) -> Iterator[tuple[Any, FloatArray]]:
@@ -767,20 +766,13 @@ def _set(wrapper: Any, mesh: Any, what: str, *arrays: tuple[Any, NDArray[Any]]) 
 def _written(model: Any) -> bytes:
     writer = model.QueryWriter("3mf")
     writer.SetDecimalPrecision(_DECIMALS)
-    stream = bytearray()
-    place = 0
+    stream = io.BytesIO()
 
     def write(address: int, size: int, _: int) -> None:
-        nonlocal place
-        stream[place : place + size] = ctypes.string_at(address, size)
-        place += size
+        stream.write(ctypes.string_at(address, size))
 
-    def seek(position: int, _: int) -> None:
-        nonlocal place
-        place = position
-
-    writer.WriteToCallback(lib3mf.WriteCallback(write), lib3mf.SeekCallback(seek), None)
-    return bytes(stream)
+    writer.WriteToCallback(lib3mf.WriteCallback(write), _seeking(stream), None)
+    return stream.getvalue()
 
 
 # ------------------------------------------------------------------------------------------------
