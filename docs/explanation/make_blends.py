@@ -1,6 +1,6 @@
 """Draw blends.svg, solving the pattern again: python docs/explanation/make_blends.py.
 
-Needs matplotlib, and a few minutes.
+Needs matplotlib, and a minute.
 """
 
 import sys

@@ -610,8 +610,7 @@ def left_out_errors(palette: Palette) -> dict[str, float]:
     """Return how far grades left out in turn are off what the others predict, by way.
 
     ``hardness`` and ``coordinate`` are the monotone cubic of ln(secant modulus), which at one
-    strain is that of ln(stress), over places by hardness and over m; ``quadratic`` is one of m
-    near all of the others, which planning does not use: it is off the grades themselves.
+    strain is that of ln(stress), over places by hardness and over m.
 
     Parameters
     ----------
@@ -629,19 +628,16 @@ def left_out_errors(palette: Palette) -> dict[str, float]:
     ways = {"coordinate": m}
     if palette.hardness:
         ways = {"hardness": places_of(palette.hardness, m), **ways}
-    off: dict[str, list[float]] = {way: [] for way in (*ways, "quadratic")}
+    off: dict[str, list[float]] = {way: [] for way in ways}
     for k in range(1, len(m) - 1):
         strain = np.linspace(0.0, materials[k].elongation_at_break, _LEFT_OUT_STRAINS)[1:]
         held = [np.minimum(strain, material.elongation_at_break) for material in materials]
         rows = zip(materials, held, strict=True)
         with np.errstate(invalid="ignore", divide="ignore"):  # of a law that is refused later
             logs = np.log([secant_modulus_MPa(make_law(one.law), e) for one, e in rows])
-        found = {way: _foretold(x, logs, k) for way, x in ways.items()}
-        weights = np.vander(m[[k]], 3)[0] @ np.linalg.pinv(np.vander(np.delete(m, k), 3))
-        found["quadratic"] = weights @ np.delete(logs, k, axis=0)
         own = np.exp(logs[k]) * strain
-        for way, logged in found.items():
-            error = np.exp(logged) * strain - own
+        for way, x in ways.items():
+            error = np.exp(_foretold(x, logs, k)) * strain - own
             off[way].append(float(np.sqrt(np.mean(error**2)) / own.max()))
     return {way: float(np.mean(values)) for way, values in off.items()}
 
@@ -674,7 +670,7 @@ def left_out_remark(palette: Palette) -> list[str]:
         return []
     off = left_out_errors(palette)
     words = {"hardness": "over hardness", "coordinate": "over m"}
-    used = min((way for way in off if way != "quadratic"), key=off.__getitem__)
+    used = min(off, key=off.__getitem__)
     return [
         f"between grades a cubic {words[used]} is used: a grade that is left out it misses by "
         f"{100 * off[used]:.2g} % of its stress"

@@ -1,5 +1,6 @@
 """Units taken for others: specimens off their replicates, a batch off a palette or a ladder."""
 
+import itertools
 import math
 import shlex
 from collections.abc import Mapping, Sequence
@@ -198,13 +199,17 @@ def _against_palette(study: Study, palette: Palette) -> tuple[bool, str]:
     advice = _advice(study, inside, batch.shift, longer, reach=_UNIT_REACH)
     if advice is None:
         return False, ""
-    factor, way = math.exp(abs(batch.shift)), "above" if batch.shift > 0.0 else "below"
-    of = f"{listed(inside, 6)} {'is' if len(inside) == 1 else 'are'} {factor:.2g} times {way}"
+    of = _off(inside, batch.shift, 2)
     if not (others and batch.sure):
         return False, f"{of} the palette: {advice}, or --no-compare"
     agree = f"while {listed(others, 6)} {'is' if len(others) == 1 else 'are'} not"
     whole = f"{of} the palette {palette.name}, {agree}"
     return True, f"{whole}: {advice}, or --no-compare if they are right"
+
+
+def _off(names: Sequence[str], shift: float, digits: int) -> str:
+    way, verb = "above" if shift > 0.0 else "below", "is" if len(names) == 1 else "are"
+    return f"{listed(names, 6)} {verb} {math.exp(abs(shift)):.{digits}g} times {way}"
 
 
 def _against(study: Study, called: str, material: Material) -> tuple[float, float, float]:
@@ -269,18 +274,17 @@ def _smoothest(place: FloatArray, level: FloatArray) -> Batch | None:
         left = (place[i + 1] - place[i]) / (place[i + 1] - place[i - 1])
         bends[i - 1, i - 1 : i + 2] = -left, 1.0, left - 1.0
     found: list[tuple[float, int, Batch]] = []
-    for first in range(n):
-        for last in range(first + 1, n + 1):
-            if 2 * (last - first) > n:
-                continue
-            inside = np.zeros(n)
-            inside[first:last] = 1.0
-            lever = bends @ inside
-            shift = float(lever @ (bends @ level)) / float(lever @ lever)
-            rest = level - shift * inside
-            if np.all(np.diff(rest) > 0.0):
-                batch = Batch(tuple(range(first, last)), shift)
-                found.append((float(np.sum((bends @ rest) ** 2)), last - first, batch))
+    for first, last in itertools.combinations(range(n + 1), 2):
+        if 2 * (last - first) > n:
+            continue
+        inside = np.zeros(n)
+        inside[first:last] = 1.0
+        lever = bends @ inside
+        shift = float(lever @ (bends @ level)) / float(lever @ lever)
+        rest = level - shift * inside
+        if np.all(np.diff(rest) > 0.0):
+            batch = Batch(tuple(range(first, last)), shift)
+            found.append((float(np.sum((bends @ rest) ** 2)), last - first, batch))
     return min(found, key=lambda one: one[:2])[2] if found else None
 
 
@@ -304,11 +308,7 @@ def _among_replicates(study: Study) -> tuple[str, ...]:
         names = [found[i].specimen for i in far]
         advice = _advice(study, names, shift, length, reach=_REPLICATES_REACH)
         if advice is not None:
-            way = "above" if shift > 0.0 else "below"
-            said.append(
-                f"{material}: {listed(names, 6)} {'is' if len(names) == 1 else 'are'} "
-                f"{math.exp(abs(shift)):.3g} times {way} the other specimens: {advice}"
-            )
+            said.append(f"{material}: {_off(names, shift, 3)} the other specimens: {advice}")
     return tuple(said)
 
 
