@@ -529,9 +529,9 @@ def _at_place(faces: _Faces, axis: int, sign: str, word: str, where: str) -> _Ca
         along = faces.centre_mm[:, axis]
         held = {"<": along < at, "<=": along <= at, ">": along > at, ">=": along >= at}[sign]
         return held, f"the part's {faces.reach(axis)}"
-    off = np.abs(faces.mesh.triangles[:, :, axis] - at)
+    off = np.abs(faces.mesh.triangles[:, :, axis] - at).max(axis=1)
     instead = "<" if at <= faces.mesh.bounds_mm[:, axis].mean() else ">"
-    return (off <= faces.flat_mm).all(axis=1), (
+    return np.asarray(off <= faces.flat_mm), (
         f"none lies in the plane at {at:.4g} mm; the part's {faces.reach(axis)}: take a stretch, "
         f"as {'xyz'[axis]}{instead}..., instead"
     )

@@ -303,9 +303,14 @@ def respond(
     responses = tuple(
         _responses(mechanics, states, last, factored, model, level) if factored is not None else ()
     )
+    moved, strain, largest, largest_mm, energy = (np.stack(of) for of in zip(*kept, strict=True))
     return LoadSteps(
         np.array([state.share for state in states]),
-        *map(np.stack, zip(*kept, strict=True)),
+        moved,
+        strain,
+        largest,
+        largest_mm,
+        energy,
         responses,
         lost,
         iterations,
