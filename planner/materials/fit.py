@@ -780,11 +780,12 @@ def fit_law(
     best = _best(found)
     converged = rough.converged
     converged[lowest] = found.converged
-    a = _significant(np.sort(found.a[best]) if law.model == "ogden" else found.a[best])
+    a = np.sort(found.a[best]) if law.model == "ogden" else found.a[best]
+    a = np.array([float(f"{v:.{_SIGNIFICANT_DIGITS}g}") for v in a])
     held = Held(np.ones((1, law.nonlinear), dtype=bool), np.full((1, law.columns), np.nan))
     final = minimise(law, sample, a[None], held)
     a = final.a[0]
-    c = _file_coefficients(law, final)[0]
+    c = final.c[0] / law.divisor(final.a)[0][0]
     residual = sample_stress_MPa(law, a, c, sample) - sample.stress_MPa
     mean = sample.weight @ sample.stress_MPa
     error = float(sample.weight @ residual**2)
@@ -830,10 +831,6 @@ def sample_stress_MPa(
     return np.asarray(phi[0] @ (c * law.divisor(a[None])[0][0]))
 
 
-def _file_coefficients(law: SeparableLaw, found: Solutions) -> FloatArray:
-    return np.asarray(found.c / law.divisor(found.a)[0])
-
-
 def _best(found: Solutions) -> int:
     """Return the start with the lowest cost; among equal ones that with the smallest exponents.
 
@@ -841,10 +838,6 @@ def _best(found: Solutions) -> int:
     """
     equal = np.flatnonzero(found.cost <= found.cost.min() * (1.0 + 1e-6) + 1e-30)
     return int(equal[np.argmin(np.round(np.abs(found.a[equal]).sum(axis=1), 4))])
-
-
-def _significant(values: FloatArray) -> FloatArray:
-    return np.array([float(f"{v:.{_SIGNIFICANT_DIGITS}g}") for v in values])
 
 
 # ------------------------------------------------------------------------------------------------
