@@ -18,7 +18,7 @@ import numpy as np
 
 from benchmarks.periodic_cell import effective_stiffness_MPa, solve_cell, youngs_modulus_MPa
 from planner.grading.dither import blue_noise_ranks
-from planner.materials.homogenisation import dithered_modulus_MPa, hashin_shtrikman_MPa
+from planner.materials.mixtures import dithered_modulus_MPa, hashin_shtrikman_MPa
 
 PLANNER = Path(__file__).parents[1] / "planner"
 BEVELLED = PLANNER / "grading/bevelled.json"

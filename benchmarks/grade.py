@@ -23,7 +23,7 @@ from pathlib import Path
 import manifold3d as m3
 import numpy as np
 
-from planner.formats.stl import encode_stl
+from planner.formats.mesh_file import encode_stl
 
 SAMPLES = Path(__file__).resolve().parents[1] / "samples"
 SEGMENTS = {"organic": 812, "large": 2000}

@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 import planner
 from benchmarks.grade import PLANNER, run_once
 from planner.formats.field_file import encode_vti
-from planner.formats.mesh_file import read_mesh
-from planner.formats.stl import encode_stl
+from planner.formats.mesh_file import encode_stl, read_mesh
 from planner.inverse_design.controls import lattice
 from planner.inverse_design.shape import carried_along
 from planner.mesh.distance import closest, triangle_tree

@@ -41,10 +41,13 @@ if TYPE_CHECKING:
     from planner.plan import Plan, Region, read_plan
     from planner.printers import Printer, installed_printers, load_printer
     from planner.report.compare_page import compare_page
-    from planner.report.fit_figures import fit_figure
     from planner.report.gap_page import write_diagnosis
     from planner.report.loaded_part import part_page, part_volume
-    from planner.report.material_figures import characterisation_figure, materials_figure
+    from planner.report.material_figures import (
+        characterisation_figure,
+        fit_figure,
+        materials_figure,
+    )
     from planner.report.plan_page import plan_page, view
     from planner.report.simulation_figures import simulation_figure
     from planner.simulation.bar import Bar
@@ -152,10 +155,9 @@ _MODULES = {
     "planner.plan": "Plan Region read_plan",
     "planner.printers": "Printer installed_printers load_printer",
     "planner.report.compare_page": "compare_page",
-    "planner.report.fit_figures": "fit_figure",
     "planner.report.gap_page": "write_diagnosis",
     "planner.report.loaded_part": "part_page part_volume",
-    "planner.report.material_figures": "characterisation_figure materials_figure",
+    "planner.report.material_figures": "characterisation_figure fit_figure materials_figure",
     "planner.report.plan_page": "plan_page view",
     "planner.report.simulation_figures": "simulation_figure",
     "planner.simulation.bar": "Bar",

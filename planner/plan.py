@@ -268,7 +268,7 @@ class Shell:
     @property
     def stl(self) -> bytes:
         """The bytes of its binary STL, made anew each time: they are larger than the mesh."""
-        from planner.formats.stl import encode_stl
+        from planner.formats.mesh_file import encode_stl
 
         return encode_stl(self.vertices, self.faces, self.header)
 
@@ -633,7 +633,7 @@ def read_shells(plan: Plan) -> Iterator[tuple[str, Triangles]]:
         A shell is missing, lies outside the folder, or is not the one that the plan was written
         with; or there is none.
     """
-    from planner.formats.stl import decode_stl
+    from planner.formats.mesh_file import decode_stl
 
     for shell in plan.shells:
         yield shell.file, decode_stl(shell.stl, shell.file)

@@ -17,7 +17,7 @@ from pathlib import Path
 import manifold3d as m3
 import numpy as np
 
-from planner.formats.stl import encode_stl
+from planner.formats.mesh_file import encode_stl
 
 THESIS_SCALE = 29.4 / 33.0
 FIRST_CHAMBER = 6.0

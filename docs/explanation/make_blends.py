@@ -1,6 +1,6 @@
 """Draw blends.svg, solving the pattern again: python docs/explanation/make_blends.py.
 
-Needs matplotlib, and a few minutes.
+Needs matplotlib, and a minute.
 """
 
 import sys
@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from planner.grading.dither import blue_noise_ranks
-from planner.materials.homogenisation import (
+from planner.materials.mixtures import (
     dithered_modulus_MPa,
     hashin_shtrikman_MPa,
     reuss_MPa,

@@ -14,7 +14,7 @@ import numpy as np
 import planner
 from planner.cutting.pieces import shell_faces, split
 from planner.fields.basic import AxisField
-from planner.formats.stl import decode_stl
+from planner.formats.mesh_file import decode_stl
 from planner.mesh.mesh import Mesh, weld
 
 WIDTH, OVERSAMPLE, MARGIN = 1200, 2, 40

@@ -478,21 +478,16 @@ def slices(
 
     Example: [bold]planner slices finger-graded -o finger-slices[/bold]
     """
+    given = locals()
     import planner
     from planner.cli.output import finding, print_document, progress_bar
 
     check_targets(context, force=force, folders={"output": (output, "slices.json")})
     with progress_bar("layers", not quiet and not as_json) as advance:
-        stack = planner.write_slices(
-            plan,
-            output,
-            pitch_mm=None if pitch_mm is None else _lengths(pitch_mm),
-            indexed=indexed,
-            printer=printer,
-            scheduler=scheduler,
-            force=force,
-            progress=advance,
-        )
+        asked = taken(planner.write_slices, given) | {"progress": advance}
+        if pitch_mm is not None:
+            asked["pitch_mm"] = _lengths(pitch_mm)
+        stack = planner.write_slices(**asked)
     if as_json:
         print_document(stack.json())
     elif not quiet:

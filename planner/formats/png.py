@@ -314,8 +314,7 @@ def distinct_colours(wished: Sequence[str]) -> tuple[Rgba, ...]:
 
 
 def _squares(colours: IntArray, other: IntArray) -> IntArray:
-    squares: IntArray = ((colours - other) ** 2).sum(axis=-1)
-    return squares
+    return np.asarray(((colours - other) ** 2).sum(axis=-1))
 
 
 # ------------------------------------------------------------------------------------------------

@@ -1,7 +1,9 @@
 """3MF by lib3mf, read and written: the same bytes for the same content."""
 
 import ctypes
+import graphlib
 import hashlib
+import io
 import re
 import uuid
 from collections.abc import Iterator, Mapping, Sequence
@@ -157,8 +159,8 @@ def _check_structure(data: bytes, name: str, limits: UnfoldingLimits) -> None:
     """
     objects: dict[_Key, _Object] = {}
     items: list[_Key] = []
+    called = f"{name}: not a 3MF file that can be read"
     try:
-        called = f"{name}: not a 3MF file that can be read"
         for member, text in unpacked(data, called, limits.unpacked_bytes):
             for key in _scan(member, text, objects):
                 items += [key] if key else []
@@ -167,7 +169,12 @@ def _check_structure(data: bytes, name: str, limits: UnfoldingLimits) -> None:
     except FileError as error:
         raise MeshError(str(error)) from error
     stored = sum(found.triangles for found in objects.values())
-    placed, triangles, depth = _unfold(objects, items)
+    try:
+        placed, triangles, depth = _unfold(objects, items)
+    except graphlib.CycleError as error:
+        raise MeshError(
+            f"{called}: objects are components of each other; export the part again"
+        ) from error
     for what, got, most in (
         ("unfolds to {} objects, assemblies included", placed, limits.objects),
         ("unfolds to {} triangles", triangles, max(limits.triangles, stored)),
@@ -230,28 +237,27 @@ def _key(member: str, path: bytes | None, number: bytes | None) -> _Key | None:
 def _unfold(objects: dict[_Key, _Object], items: list[_Key]) -> tuple[int, int, int]:
     """Return how many objects and triangles the items place, and how deep components are nested.
 
-    Each object's own sum is made once, after those of its components. What refers to itself, or to
-    nothing, adds nothing: the reader refuses it.
+    Each object's own sum is made once, after those of its components. What refers to nothing adds
+    nothing: the reader refuses it.
+
+    Raises
+    ------
+    graphlib.CycleError
+        Objects are components of each other.
     """
     known: dict[_Key, tuple[int, int, int]] = {}
-    begun: set[_Key] = set()
-    for start in objects:
-        waiting = [start]
-        while waiting:
-            key = waiting[-1]
-            own = objects[key]
-            if key in begun:
-                waiting.pop()
-                parts = (known[one] for one in own.components if one in known)
-                counts, triangles, depths = zip((0, 0, 0), *parts, strict=True)
-                sums = 1 + sum(counts), own.triangles + sum(triangles), 1 + max(depths)
-                known.setdefault(key, sums)
-                continue
-            begun.add(key)
-            waiting += [one for one in {*own.components} if one in objects and one not in begun]
-    placed = (known.get(key, (0, 0, 0)) for key in items)
-    counts, triangles, _ = zip((0, 0, 0), *placed, strict=True)
-    return sum(counts), sum(triangles), max((depth for *_, depth in known.values()), default=0)
+
+    def of(keys: list[_Key]) -> tuple[int, int, int]:
+        parts = [known[key] for key in keys if key in known]
+        counts, triangles, depths = zip((0, 0, 0), *parts, strict=True)
+        return sum(counts), sum(triangles), max(depths)
+
+    within = {key: own.components for key, own in objects.items()}
+    for key in graphlib.TopologicalSorter(within).static_order():
+        if key in objects:
+            count, triangles, depth = of(objects[key].components)
+            known[key] = 1 + count, objects[key].triangles + triangles, 1 + depth
+    return (*of(items)[:2], of([*known])[2])
 
 
 # ------------------------------------------------------------------------------------------------
@@ -277,7 +283,7 @@ _UNKNOWN_ATTRIBUTE = 0x80A7
 readers ignore what they do not know, unless the file requires the extension, which is an error."""
 
 
-def read_threemf(path: str | Path, limits: UnfoldingLimits = USUAL_LIMITS) -> ThreemfModel:
+def read_threemf(path: str | Path) -> ThreemfModel:
     """Read a 3MF file; see `decode_threemf`.
 
     Raises
@@ -285,7 +291,7 @@ def read_threemf(path: str | Path, limits: UnfoldingLimits = USUAL_LIMITS) -> Th
     MeshError
         The file cannot be opened, or see `decode_threemf`.
     """
-    return decode_threemf(read_file(path, error=MeshError), str(path), limits=limits)
+    return decode_threemf(read_file(path, error=MeshError), str(path))
 
 
 def decode_threemf(
@@ -337,19 +343,17 @@ def decode_threemf(
 
 
 def _read_from(reader: Any, data: bytes) -> None:
-    place = 0
+    stream = io.BytesIO(data)
 
     def read(address: int, size: int, _: int) -> None:
-        nonlocal place
-        chunk = data[place : place + size]
+        chunk = stream.read(size)
         ctypes.memmove(address, chunk, len(chunk))
-        place += size
 
-    def seek(position: int, _: int) -> None:
-        nonlocal place
-        place = position
+    reader.ReadFromCallback(lib3mf.ReadCallback(read), len(data), _seeking(stream), None)
 
-    reader.ReadFromCallback(lib3mf.ReadCallback(read), len(data), lib3mf.SeekCallback(seek), None)
+
+def _seeking(stream: io.BytesIO) -> Any:
+    return lib3mf.SeekCallback(lambda position, _: stream.seek(position))
 
 
 def _meshes(items: Any, name: str, remarks: list[str]) -> Iterator[tuple[Any, FloatArray]]:
@@ -522,7 +526,6 @@ _DECIMALS = 9  # from 1 mm up nothing moves by more than one unit in the last pl
 def encode_threemf(
     objects: Sequence[ThreemfObject],
     assembly_name: str,
-    metadata: Mapping[str, str] | None = None,
     *,
     thumbnail: bytes | None = None,
     one_mesh: bool = False,
@@ -540,9 +543,7 @@ def encode_threemf(
     objects
         At least one, each with at least one triangle.
     assembly_name
-        Name of the assembly, and the model's title unless `metadata` has one.
-    metadata
-        Of the model, as `ThreemfObject.metadata`.
+        Name of the assembly, and the model's title.
     thumbnail
         PNG that file managers show of it.
     one_mesh
@@ -557,20 +558,17 @@ def encode_threemf(
     if not objects:
         raise OutputError(f"3MF of {assembly_name}: no objects; a file needs at least one")
     # The model is gone before the archive is copied: either takes a hundred MB a million triangles.
-    return canonical_archive(
-        _model_written(objects, assembly_name, metadata or {}, thumbnail, one_mesh), _FIRST
-    )
+    return canonical_archive(_model_written(objects, assembly_name, thumbnail, one_mesh), _FIRST)
 
 
 def _model_written(
-    objects: Sequence[ThreemfObject], assembly_name: str, metadata: Mapping[str, str],
-    thumbnail: bytes | None, one_mesh: bool,
-) -> bytes:  # fmt: skip
+    objects: Sequence[ThreemfObject], assembly_name: str, thumbnail: bytes | None, one_mesh: bool
+) -> bytes:
     wrapper = lib3mf.get_wrapper()
     model = wrapper.CreateModel()
     model.SetUnit(lib3mf.ModelUnit.MilliMeter)
     heading = {"Title": assembly_name, "Application": "planner"}
-    _add_metadata(model.GetMetaDataGroup(), {**heading, **metadata}, assembly_name)
+    _add_metadata(model.GetMetaDataGroup(), heading, assembly_name)
     palette = _Materials(wrapper, model, model.AddBaseMaterialGroup())
     try:
         materials = [palette.property_of(item) for item in objects]
@@ -768,20 +766,13 @@ def _set(wrapper: Any, mesh: Any, what: str, *arrays: tuple[Any, NDArray[Any]]) 
 def _written(model: Any) -> bytes:
     writer = model.QueryWriter("3mf")
     writer.SetDecimalPrecision(_DECIMALS)
-    stream = bytearray()
-    place = 0
+    stream = io.BytesIO()
 
     def write(address: int, size: int, _: int) -> None:
-        nonlocal place
-        stream[place : place + size] = ctypes.string_at(address, size)
-        place += size
+        stream.write(ctypes.string_at(address, size))
 
-    def seek(position: int, _: int) -> None:
-        nonlocal place
-        place = position
-
-    writer.WriteToCallback(lib3mf.WriteCallback(write), lib3mf.SeekCallback(seek), None)
-    return bytes(stream)
+    writer.WriteToCallback(lib3mf.WriteCallback(write), _seeking(stream), None)
+    return stream.getvalue()
 
 
 # ------------------------------------------------------------------------------------------------

@@ -17,7 +17,7 @@ from planner.grading.profile import (
     natural_bands,
 )
 from planner.grading.regions import Printed, mixture
-from planner.materials.homogenisation import reuss_MPa, reuss_share
+from planner.materials.mixtures import reuss_MPa, reuss_share
 from planner.plan import Region
 from planner.printers import Printer
 

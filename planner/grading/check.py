@@ -11,8 +11,8 @@ import numpy as np
 
 from planner.errors import ArgumentError, FileError, PlannerError
 from planner.formats.files import path_within
+from planner.formats.mesh_file import decode_stl
 from planner.formats.outputs import is_scratch
-from planner.formats.stl import decode_stl
 from planner.formats.threemf import ThreemfObject, read_threemf
 from planner.glance import counted, one_line, outcome
 from planner.mesh.audit import JoinedShells, Measured, interfaces_cancel, join_shells

@@ -7,7 +7,7 @@ from pathlib import PurePosixPath
 import numpy as np
 
 from planner.errors import ArgumentError
-from planner.formats.stl import encode_stl
+from planner.formats.mesh_file import encode_stl
 from planner.formats.tables import encode_csv
 from planner.numerics import Float32Array, FloatArray, IntArray
 from planner.plan import Shell

@@ -20,7 +20,7 @@ from planner.fields.basic import Field
 from planner.grading.blends import BlendSegment, blend_interval_MPa
 from planner.grading.profile import Band, Profile, StiffnessScale
 from planner.grading.regions import Printed, region_of
-from planner.materials.homogenisation import (
+from planner.materials.mixtures import (
     dither_table,
     dithered_fraction,
     dithered_modulus_MPa,

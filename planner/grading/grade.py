@@ -26,8 +26,14 @@ from planner.errors import (
 )
 from planner.fields.basic import Field, PlanarField, axis_field
 from planner.fields.parse import Setting, TableFile, build_field
-from planner.formats.mesh_file import MILLIMETRES, canonical_unit, read_mesh, unit_scale_mm
-from planner.formats.stl import decode_stl, stl_holds
+from planner.formats.mesh_file import (
+    MILLIMETRES,
+    canonical_unit,
+    decode_stl,
+    read_mesh,
+    stl_holds,
+    unit_scale_mm,
+)
 from planner.grading.blends import (
     MIXTURES_UNCALIBRATED,
     Laminate,

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from planner.cutting.pieces import Pieces, piece_bounds_mm, piece_volumes_mm3, shell_faces
-from planner.formats.stl import encode_stl
+from planner.formats.mesh_file import encode_stl
 from planner.formats.threemf import Constituent, composite_name, mixed_colour
 from planner.grading.profile import Band, StiffnessScale
 from planner.materials.mixtures import blend_for

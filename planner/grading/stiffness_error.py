@@ -7,7 +7,7 @@ from planner.errors import ArgumentError
 from planner.glance import percent
 from planner.grading.blends import blend_segments
 from planner.grading.profile import Profile, StiffnessScale, natural_bands
-from planner.materials.homogenisation import dither_table
+from planner.materials.mixtures import dither_table
 from planner.plan import Check, Finding, Region
 
 __all__ = ["alternatives", "error_text", "stiffness_check", "tolerated_ratio"]

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from planner.errors import ArgumentError, PaletteError
 from planner.glance import brief
+from planner.materials.characterise import students_t
 from planner.materials.fit import sample_of
 from planner.materials.fit_intervals import MaterialFit
 from planner.materials.laws import make_law
@@ -194,7 +195,6 @@ def individual_fit(curve: LiteralCurve, level: float = 0.95) -> LiteralFit:
         The curve has no more points than coefficients.
     """
     from scipy.optimize import least_squares
-    from scipy.stats import t as student
 
     freedom = len(curve.strain) - 6
     if freedom < 1:
@@ -218,14 +218,8 @@ def individual_fit(curve: LiteralCurve, level: float = 0.95) -> LiteralFit:
     half = np.full(6, np.inf)
     if np.isfinite(slopes).all():
         inverse = np.maximum(np.diag(np.linalg.pinv(slopes.T @ slopes)), 0.0)
-        half = float(student.ppf(0.5 + level / 2.0, freedom)) * np.sqrt(
-            found.fun / freedom * inverse
-        )
-    return LiteralFit(
-        c=tuple(float(v) for v in found.x),
-        half=tuple(float(v) for v in half),
-        squared_error_MPa2=float(found.fun),
-    )
+        half = students_t(level, freedom + 1) * np.sqrt(found.fun / freedom * inverse)
+    return LiteralFit(tuple(found.x.tolist()), tuple(half.tolist()), float(found.fun))
 
 
 def _slopes(c: FloatArray, strain: FloatArray) -> FloatArray:

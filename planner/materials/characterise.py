@@ -23,6 +23,7 @@ __all__ = [
     "check_record",
     "doubts",
     "noise_sd",
+    "students_t",
     "toe_compensated",
     "without_tail",
 ]
@@ -699,12 +700,16 @@ def spread(values: Sequence[float]) -> Spread:
     mean = float(np.mean(values))
     if n < 2:
         return Spread(mean, None, None, None, n)
+    sd = float(np.std(values, ddof=1))
+    half = students_t(_CONFIDENCE, n) * sd / n**0.5
+    return Spread(mean, sd, sd / abs(mean) if mean else None, (mean - half, mean + half), n)
+
+
+def students_t(level: float, specimens: float) -> float:
+    """Return how many standard errors of so many specimens' mean the two-sided level reaches."""
     from scipy.special import stdtrit
 
-    sd = float(np.std(values, ddof=1))
-    half = float(stdtrit(n - 1, 0.5 + _CONFIDENCE / 2)) * sd / np.sqrt(n)
-    cv = sd / abs(mean) if mean else None
-    return Spread(mean, sd, cv, (mean - float(half), mean + float(half)), n)
+    return float(stdtrit(specimens - 1, 0.5 + 0.5 * level))
 
 
 def _secant(curve: Curve, toe: float, strain: float) -> float | None:
@@ -715,13 +720,9 @@ def _secant(curve: Curve, toe: float, strain: float) -> float | None:
     near = np.abs(x - strain)
     # Five points even out noise; where they lie too far apart, two have to do.
     at = np.sort(np.argsort(near, kind="stable")[:5])
-    u = x[at] - strain
-    v = curve.stress_MPa[at]
-    sxx = float(np.sum((u - u.mean()) ** 2))
-    if float(np.ptp(u)) > 0.5 * strain or sxx == 0.0:
+    if not 0.0 < float(np.ptp(x[at])) <= 0.5 * strain:
         return float(np.interp(strain, x, curve.stress_MPa)) / strain
-    slope = float(np.sum((u - u.mean()) * (v - v.mean()))) / sxx
-    return float(v.mean() - slope * u.mean()) / strain
+    return float(np.polyfit(x[at] - strain, curve.stress_MPa[at], 1)[1]) / strain
 
 
 def _toe_note(curve: Curve, part: LinearPart) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 
 from planner.errors import ArgumentError
 from planner.glance import brief
-from planner.materials.characterise import Curve
+from planner.materials.characterise import Curve, students_t
 from planner.materials.laws import (
     LOWEST_STRETCH,
     NeoHookean,
@@ -44,7 +44,6 @@ __all__ = [
     "sample_columns",
     "sample_of",
     "sample_stress_MPa",
-    "students_t",
     "unstable_strain",
 ]
 
@@ -182,8 +181,7 @@ def _weights(specimen: IntArray, mode: IntArray | None) -> FloatArray:
     """Return weights that sum to one: each mode's the same, in it each specimen's."""
     numbers, inverse, count = np.unique(specimen, return_inverse=True, return_counts=True)
     if mode is None:
-        out: FloatArray = 1.0 / (count[inverse] * len(numbers))
-        return out
+        return np.asarray(1.0 / (count[inverse] * len(numbers)))
     modes, of_mode = np.unique(mode, return_inverse=True)
     in_mode = np.array([len(np.unique(specimen[mode == m])) for m in modes])
     return np.asarray(1.0 / (count[inverse] * in_mode[of_mode] * len(modes)))
@@ -597,8 +595,6 @@ class SoundRows:
     ----------
     largest_stretch
         The largest that was tested.
-    room
-        See `_ROOM`.
 
     Attributes
     ----------
@@ -610,7 +606,7 @@ class SoundRows:
         The principal stretches that a law is stable across at.
     """
 
-    def __init__(self, largest_stretch: float, room: float = _ROOM) -> None:
+    def __init__(self, largest_stretch: float) -> None:
         compressed = _net(1.0, LOWEST_STRETCH, 7)[::-1]
         far = 1.0 + (1.0 + _MARGIN) * (largest_stretch - 1.0)
         rising = np.concatenate([compressed, _net(1.0, far, 16)[1:]])
@@ -631,13 +627,13 @@ class SoundRows:
         # Shares of neo-Hooke's stress, so that the modulus is that at rest.
         share = {k: each[at[k]] / modes[k][:, None] for k in (0, 4, 5, 6, 8)}
         rest = share[0]
-        rows = [np.diff(each[at[1]], axis=0) / np.diff(modes[1])[:, None] - room * rest]
+        rows = [np.diff(each[at[1]], axis=0) / np.diff(modes[1])[:, None] - _ROOM * rest]
         for i in (2, 3, 7):
             kirchhoff = np.diff(each[at[i]] * used[i][:, None], axis=0)
-            rows.append(kirchhoff / np.diff(modes[i] * used[i])[:, None] - room * rest)
-        factor = COMPRESSION_FACTOR * (1.0 - room)
+            rows.append(kirchhoff / np.diff(modes[i] * used[i])[:, None] - _ROOM * rest)
+        factor = COMPRESSION_FACTOR * (1.0 - _ROOM)
         rows += [factor * rest - share[4], share[4] - rest / factor]
-        factor = MODES_FACTOR * (1.0 - room)
+        factor = MODES_FACTOR * (1.0 - _ROOM)
         for other in (share[6], share[8]):
             rows += [factor * share[5] - other, other - share[5] / factor]
         self.uniaxial, self.planar = np.concatenate(used[:7]), np.concatenate(used[7:])
@@ -784,11 +780,12 @@ def fit_law(
     best = _best(found)
     converged = rough.converged
     converged[lowest] = found.converged
-    a = _significant(np.sort(found.a[best]) if law.model == "ogden" else found.a[best])
+    a = np.sort(found.a[best]) if law.model == "ogden" else found.a[best]
+    a = np.array([float(f"{v:.{_SIGNIFICANT_DIGITS}g}") for v in a])
     held = Held(np.ones((1, law.nonlinear), dtype=bool), np.full((1, law.columns), np.nan))
     final = minimise(law, sample, a[None], held)
     a = final.a[0]
-    c = _file_coefficients(law, final)[0]
+    c = final.c[0] / law.divisor(final.a)[0][0]
     residual = sample_stress_MPa(law, a, c, sample) - sample.stress_MPa
     mean = sample.weight @ sample.stress_MPa
     error = float(sample.weight @ residual**2)
@@ -819,12 +816,11 @@ def fit_law(
 
 
 def law_stress_MPa(
-    law: SeparableLaw, a: FloatArray, c: FloatArray, stretch: FloatArray, *, planar: bool = False
+    law: SeparableLaw, a: FloatArray, c: FloatArray, stretch: FloatArray
 ) -> FloatArray:
     """Return nominal stress of a law with nonlinear parameters a (q,), file coefficients c (p,)."""
-    phi, _ = law.evaluate(stretch, a[None], planar=planar)
-    out: FloatArray = phi[0] @ (c * law.divisor(a[None])[0][0])
-    return out
+    phi, _ = law.evaluate(stretch, a[None])
+    return np.asarray(phi[0] @ (c * law.divisor(a[None])[0][0]))
 
 
 def sample_stress_MPa(
@@ -832,13 +828,7 @@ def sample_stress_MPa(
 ) -> FloatArray:
     """Return a law's nominal stress at a sample's points, each in its own loading."""
     phi, _ = sample_columns(law, sample, a[None])
-    out: FloatArray = phi[0] @ (c * law.divisor(a[None])[0][0])
-    return out
-
-
-def _file_coefficients(law: SeparableLaw, found: Solutions) -> FloatArray:
-    out: FloatArray = found.c / law.divisor(found.a)[0]
-    return out
+    return np.asarray(phi[0] @ (c * law.divisor(a[None])[0][0]))
 
 
 def _best(found: Solutions) -> int:
@@ -848,10 +838,6 @@ def _best(found: Solutions) -> int:
     """
     equal = np.flatnonzero(found.cost <= found.cost.min() * (1.0 + 1e-6) + 1e-30)
     return int(equal[np.argmin(np.round(np.abs(found.a[equal]).sum(axis=1), 4))])
-
-
-def _significant(values: FloatArray) -> FloatArray:
-    return np.array([float(f"{v:.{_SIGNIFICANT_DIGITS}g}") for v in values])
 
 
 # ------------------------------------------------------------------------------------------------
@@ -1036,8 +1022,7 @@ def _asked(fold: BoolArray, sample: Sample) -> BoolArray:
 
     Beyond it would be extrapolation, which a palette never does.
     """
-    asked: BoolArray = fold & (sample.stretch <= sample.stretch[~fold].max())
-    return asked
+    return np.asarray(fold & (sample.stretch <= sample.stretch[~fold].max()))
 
 
 def _held_out(fit: LawFit, sample: Sample, folds: Sequence[BoolArray]) -> tuple[FloatArray, bool]:
@@ -1060,13 +1045,6 @@ def _held_out(fit: LawFit, sample: Sample, folds: Sequence[BoolArray]) -> tuple[
     # The jackknife's variance; the whole stress, divided by its own size, has about size one.
     spread = np.std(parts, axis=0) * np.sqrt(count - 1.0)
     return np.array(errors), bool(np.all(students_t(0.95, count) * spread < 1.0))
-
-
-def students_t(level: float, specimens: float) -> float:
-    """Return how many standard errors of so many specimens' mean the two-sided level reaches."""
-    from scipy.special import stdtrit
-
-    return float(stdtrit(specimens - 1, 0.5 + 0.5 * level))
 
 
 def _standard_error(values: FloatArray) -> float:

@@ -15,6 +15,7 @@ from planner.materials.characterise import (
     Curve,
     MaterialCharacteristics,
     characterise_material,
+    students_t,
     toe_compensated,
 )
 from planner.materials.fit import (
@@ -36,7 +37,6 @@ from planner.materials.fit import (
     sample_columns,
     sample_of,
     sample_stress_MPa,
-    students_t,
     unstable_strain,
 )
 from planner.materials.laws import SeparableLaw, Yielding, make_law, secant_modulus_MPa, stability
@@ -44,7 +44,7 @@ from planner.notes import Caution
 from planner.numerics import BoolArray, FloatArray, IntArray
 from planner.palette import LawParameters, Uncertainty
 
-__all__ = ["ASSUMED_LOG_SD", "MaterialFit", "by_mode", "fit_material"]
+__all__ = ["ASSUMED_LOG_SD", "MaterialFit", "by_mode", "fit_material", "loading", "widened"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -122,7 +122,7 @@ def scatter_of_levels(levels: Sequence[float], misfit: float) -> ParameterScatte
             count, spread, misfit, float(np.hypot(spread * np.sqrt(2.0), misfit))
         )
     between = float(np.std(levels, ddof=1))
-    predictive = between * _widened(count) * np.sqrt(1.0 + 1.0 / count)
+    predictive = between * widened(count) * np.sqrt(1.0 + 1.0 / count)
     return ParameterScatter(count, between, misfit, float(np.hypot(predictive, misfit)))
 
 
@@ -205,7 +205,7 @@ class SecantInterval:
     next_log_sd: float
 
 
-def _widened(specimens: float) -> float:
+def widened(specimens: float) -> float:
     """Return Student's t of so many specimens over the normal deviation."""
     return students_t(0.95, specimens) / NormalDist().inv_cdf(0.975)
 
@@ -274,7 +274,7 @@ def _next_log_sds(scatter: ParameterScatter, own: FloatArray) -> FloatArray:
     level = scatter.between**2 * (1.0 + 1.0 / scatter.specimens)
     more = np.maximum(own**2 - scatter.between**2 / scatter.specimens, 0.0)
     freedom = others * (level + more) ** 2 / (level**2 + more**2)
-    wide = [_widened(1.0 + one) for one in freedom.tolist()]
+    wide = [widened(1.0 + one) for one in freedom.tolist()]
     return np.hypot(np.sqrt(level + more) * wide, scatter.misfit)
 
 
@@ -324,8 +324,7 @@ def _moves_variance(
     own = _own(sample)
     moves = np.stack([_without(unit, residual, i) for i in own]) / size @ directions
     count = len(own)
-    out: FloatArray = moves.var(axis=0) * (count - 1.0)
-    return out
+    return np.asarray(moves.var(axis=0) * (count - 1.0))
 
 
 def _without(unit: FloatArray, residual: FloatArray, own: BoolArray) -> FloatArray:
@@ -460,8 +459,7 @@ def _profile(
 def _interval_rounded(values: FloatArray) -> FloatArray:
     """Round to four digits, so that the last bits of a processor do not choose the path."""
     scale = 10.0 ** np.floor(np.log10(np.maximum(np.abs(values), 1e-300)))
-    out: FloatArray = np.where(np.isfinite(values), np.round(values / scale, 3) * scale, values)
-    return out
+    return np.asarray(np.where(np.isfinite(values), np.round(values / scale, 3) * scale, values))
 
 
 # ------------------------------------------------------------------------------------------------

@@ -469,14 +469,12 @@ class Martins(_FirstInvariant):
         """Return the bounds of c1 and c3, both positive."""
         invariant = _first_invariant(np.array([stretch_max]))[0]
         largest = np.array([[invariant], [(stretch_max - 1.0) ** 2]])
-        out: FloatArray = np.array(_MARTINS_REACH) / np.maximum(largest, 1e-6)
-        return out
+        return np.asarray(np.array(_MARTINS_REACH) / np.maximum(largest, 1e-6))
 
     def start(self, fraction: FloatArray, stretch_max: float) -> FloatArray:
         """Spread starts evenly in the logarithm."""
         low, high = np.log(self.bounds(stretch_max)).T
-        out: FloatArray = np.exp(low + fraction * (high - low))
-        return out
+        return np.asarray(np.exp(low + fraction * (high - low)))
 
     def evaluate(
         self, stretch: FloatArray, a: FloatArray, *, planar: bool = False
@@ -516,8 +514,7 @@ def _front_and_invariant(stretch: FloatArray, planar: bool) -> tuple[FloatArray,
 def _first_invariant(stretch: FloatArray) -> FloatArray:
     """Return I1 - 3 in uniaxial tension, exact near one."""
     strain = stretch - 1.0
-    out: FloatArray = strain * strain * (stretch + 2.0) / stretch
-    return out
+    return np.asarray(strain * strain * (stretch + 2.0) / stretch)
 
 
 # ------------------------------------------------------------------------------------------------

@@ -1,10 +1,13 @@
-"""Stiffness between a palette's grades, and the grade or blend that has a wanted one."""
+"""Stiffness between a palette's grades or of two phases, and the blend that has a wanted one."""
 
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import InitVar, dataclass, field, replace
+from functools import cache
+from importlib.resources import files
 from statistics import NormalDist
 from typing import TypeVar
 
+import msgspec
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -22,7 +25,11 @@ __all__ = [
     "blend_for",
     "bracketed",
     "coordinate_for",
+    "dither_table",
+    "dithered_fraction",
+    "dithered_modulus_MPa",
     "gent_modulus_MPa",
+    "hashin_shtrikman_MPa",
     "interpolated",
     "left_out_errors",
     "left_out_remark",
@@ -31,7 +38,10 @@ __all__ = [
     "pchip_slopes",
     "pchip_weights",
     "places_of",
+    "reuss_MPa",
+    "reuss_share",
     "thresholds_of",
+    "voigt_MPa",
 ]
 
 
@@ -600,8 +610,7 @@ def left_out_errors(palette: Palette) -> dict[str, float]:
     """Return how far grades left out in turn are off what the others predict, by way.
 
     ``hardness`` and ``coordinate`` are the monotone cubic of ln(secant modulus), which at one
-    strain is that of ln(stress), over places by hardness and over m; ``quadratic`` is one of m
-    near all of the others, which planning does not use: it is off the grades themselves.
+    strain is that of ln(stress), over places by hardness and over m.
 
     Parameters
     ----------
@@ -619,19 +628,16 @@ def left_out_errors(palette: Palette) -> dict[str, float]:
     ways = {"coordinate": m}
     if palette.hardness:
         ways = {"hardness": places_of(palette.hardness, m), **ways}
-    off: dict[str, list[float]] = {way: [] for way in (*ways, "quadratic")}
+    off: dict[str, list[float]] = {way: [] for way in ways}
     for k in range(1, len(m) - 1):
         strain = np.linspace(0.0, materials[k].elongation_at_break, _LEFT_OUT_STRAINS)[1:]
         held = [np.minimum(strain, material.elongation_at_break) for material in materials]
         rows = zip(materials, held, strict=True)
         with np.errstate(invalid="ignore", divide="ignore"):  # of a law that is refused later
             logs = np.log([secant_modulus_MPa(make_law(one.law), e) for one, e in rows])
-        found = {way: _foretold(x, logs, k) for way, x in ways.items()}
-        weights = np.vander(m[[k]], 3)[0] @ np.linalg.pinv(np.vander(np.delete(m, k), 3))
-        found["quadratic"] = weights @ np.delete(logs, k, axis=0)
         own = np.exp(logs[k]) * strain
-        for way, logged in found.items():
-            error = np.exp(logged) * strain - own
+        for way, x in ways.items():
+            error = np.exp(_foretold(x, logs, k)) * strain - own
             off[way].append(float(np.sqrt(np.mean(error**2)) / own.max()))
     return {way: float(np.mean(values)) for way, values in off.items()}
 
@@ -664,7 +670,7 @@ def left_out_remark(palette: Palette) -> list[str]:
         return []
     off = left_out_errors(palette)
     words = {"hardness": "over hardness", "coordinate": "over m"}
-    used = min((way for way in off if way != "quadratic"), key=off.__getitem__)
+    used = min(off, key=off.__getitem__)
     return [
         f"between grades a cubic {words[used]} is used: a grade that is left out it misses by "
         f"{100 * off[used]:.2g} % of its stress"
@@ -827,3 +833,142 @@ def _positive(modulus_MPa: ArrayLike) -> FloatArray:
             f"modulus {modulus[~allowed].flat[0]:g} MPa: it must be above 0 and finite"
         )
     return modulus
+
+
+# ------------------------------------------------------------------------------------------------
+# Bounds on the modulus of a mixture of two phases, both incompressible.
+#
+# Elastomers change their volume a thousand times less readily than their shape, and the laws that
+# planning uses are incompressible throughout: Poisson's ratio is 1/2, the bulk modulus infinite,
+# and E = 3 µ for the phases and for what they make. Hashin and Shtrikman's bounds on µ are then
+# bounds on E.
+
+
+def voigt_MPa(soft_MPa: ArrayLike, hard_MPa: ArrayLike, fraction: ArrayLike) -> FloatArray:
+    """Return the arithmetic mean: phases side by side along the load, equal strain."""
+    soft, hard = np.asarray(soft_MPa, dtype=np.float64), np.asarray(hard_MPa, dtype=np.float64)
+    f = np.asarray(fraction, dtype=np.float64)
+    return np.asarray((1.0 - f) * soft + f * hard)
+
+
+def reuss_MPa(soft_MPa: ArrayLike, hard_MPa: ArrayLike, fraction: ArrayLike) -> FloatArray:
+    """Return the harmonic mean: layers across the load, equal stress."""
+    f = np.asarray(fraction, dtype=np.float64)
+    return np.asarray(1.0 / ((1.0 - f) / np.asarray(soft_MPa) + f / np.asarray(hard_MPa)))
+
+
+def reuss_share(soft_MPa: float, hard_MPa: float, compliance_per_MPa: ArrayLike) -> FloatArray:
+    """Return the share of the harder layer at which layers have a mean compliance, 0 to 1.
+
+    The inverse of `reuss_MPa`; compliances beyond those of the layers are clamped to them.
+    """
+    wanted = np.asarray(compliance_per_MPa, dtype=np.float64)
+    share = (1.0 / soft_MPa - wanted) / (1.0 / soft_MPa - 1.0 / hard_MPa)
+    return np.clip(share, 0.0, 1.0)
+
+
+def hashin_shtrikman_MPa(
+    soft_MPa: ArrayLike, hard_MPa: ArrayLike, fraction: ArrayLike
+) -> tuple[FloatArray, FloatArray]:
+    """Return the bounds on the modulus of any isotropic mixture (Hashin and Shtrikman 1963).
+
+    Parameters
+    ----------
+    soft_MPa, hard_MPa
+        Young's moduli of the phases, the softer first.
+    fraction
+        Volume fraction of the harder one.
+    """
+    f = np.asarray(fraction, dtype=np.float64)
+    soft, hard = np.asarray(soft_MPa, dtype=np.float64), np.asarray(hard_MPa, dtype=np.float64)
+    return _mixed(soft, hard, f, 0.4 / soft), _mixed(hard, soft, 1.0 - f, 0.4 / hard)
+
+
+def _mixed(matrix: FloatArray, other: FloatArray, share: FloatArray, of: FloatArray) -> FloatArray:
+    """Return matrix + share / (1 / (other - matrix) + (1 - share) of), without dividing by zero."""
+    step = other - matrix
+    return np.asarray(matrix + share * step / (1.0 + (1.0 - share) * of * step))
+
+
+# ------------------------------------------------------------------------------------------------
+# Modulus of cells of two materials dealt by the blue-noise tile, and back.
+#
+# Between Hashin and Shtrikman's bounds E- and E+ the modulus is E-^(1-w) E+^w, with w from a table
+# that `benchmarks/calibrate_dither.py` solves on the very pattern, corners bevelled. Phases are
+# taken as linear, each with its secant modulus at the working strain; strains within a cell of two
+# elastomers differ, so at finite strain this is an approximation.
+
+
+_NODES = 513
+
+
+@dataclass(frozen=True, slots=True)
+class DitherTable:
+    """Where the modulus lies between the bounds.
+
+    Attributes
+    ----------
+    volume
+        Volume fractions of the harder phase, rising.
+    contrast
+        Harder modulus over softer one, rising.
+    place
+        w at each volume and contrast.
+    error
+        Largest relative error of a modulus, of any direction, at each contrast. Most of it is that
+        cells are bevelled along one diagonal of their cubes, in which the pattern is stiffest.
+    """
+
+    volume: tuple[float, ...]
+    contrast: tuple[float, ...]
+    place: tuple[tuple[float, ...], ...]
+    error: tuple[float, ...]
+
+    def error_at(self, contrast: float) -> float:
+        """Return the largest relative error at a contrast; beyond the largest it is not known."""
+        return float(np.interp(np.log(contrast), np.log(self.contrast), self.error))
+
+
+@cache
+def dither_table() -> DitherTable:
+    """Return the table that planner brings."""
+    path = files("planner.materials") / "dithered.json"
+    return msgspec.json.decode(path.read_bytes(), type=DitherTable)
+
+
+def dithered_modulus_MPa(soft_MPa: float, hard_MPa: float, volume: ArrayLike) -> FloatArray:
+    """Return the modulus of a dithered mixture.
+
+    Parameters
+    ----------
+    soft_MPa, hard_MPa
+        Moduli of the phases, the softer first. Beyond the table's largest contrast its last
+        column is used, and the bounds alone are sure.
+    volume
+        Volume fraction of the harder phase, 0 to 1.
+    """
+    v = np.asarray(volume, dtype=np.float64)
+    low, high = hashin_shtrikman_MPa(soft_MPa, hard_MPa, v)
+    table = dither_table()
+    contrasts = np.log(table.contrast)
+    contrast = np.clip(np.log(hard_MPa / soft_MPa), contrasts[0], contrasts[-1])
+    column = [float(np.interp(contrast, contrasts, row)) for row in table.place]
+    w = np.interp(v, table.volume, column)
+    return np.asarray(low ** (1.0 - w) * high**w)
+
+
+def dithered_fraction(soft_MPa: float, hard_MPa: float, modulus_MPa: ArrayLike) -> FloatArray:
+    """Return the volume fraction of the harder phase that gives a modulus.
+
+    The inverse of `dithered_modulus_MPa` within 1e-6: it rises with the modulus, from exactly 0 at
+    the softer phase's to exactly 1 at the harder one's, and stays there beyond.
+    """
+    volume = np.linspace(0.0, 1.0, _NODES)
+    ladder = np.log(dithered_modulus_MPa(soft_MPa, hard_MPa, volume))
+    wanted = np.log(np.asarray(modulus_MPa, dtype=np.float64))
+    found = np.interp(wanted, ladder, volume)
+    slope = np.interp(found, volume, np.gradient(ladder, volume))  # and a step of Newton's
+    off = np.log(dithered_modulus_MPa(soft_MPa, hard_MPa, found)) - wanted
+    found = np.clip(found - off / slope, 0.0, 1.0)
+    found = np.where(wanted <= np.log(soft_MPa), 0.0, found)
+    return np.asarray(np.where(wanted >= np.log(hard_MPa), 1.0, found))

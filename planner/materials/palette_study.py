@@ -26,8 +26,14 @@ from planner.materials.characterise import (
     doubts,
     toe_compensated,
 )
-from planner.materials.fit import RELATIVE_FLOOR, STARTS, WEIGHTINGS, LawCandidate, students_t
-from planner.materials.fit_intervals import ASSUMED_LOG_SD, MaterialFit, fit_material, loading
+from planner.materials.fit import RELATIVE_FLOOR, STARTS, WEIGHTINGS, LawCandidate
+from planner.materials.fit_intervals import (
+    ASSUMED_LOG_SD,
+    MaterialFit,
+    fit_material,
+    loading,
+    widened,
+)
 from planner.materials.laws import candidate_laws, make_law, secant_modulus_MPa, stability
 from planner.materials.mixtures import CoefficientModel, left_out_remark
 from planner.materials.study import ReadRecord, Study, read_study
@@ -855,8 +861,7 @@ def _line(x: FloatArray, y: FloatArray) -> tuple[float, float]:
     sd = ASSUMED_LOG_SD
     if len(x) > 2:
         off = y - y.mean() - slope * x
-        widened = students_t(0.95, len(x) - 1) / NormalDist().inv_cdf(0.975)
-        sd = widened * float(np.sqrt(off @ off / (len(x) - 2.0)))
+        sd = widened(len(x) - 1) * float(np.sqrt(off @ off / (len(x) - 2.0)))
     return slope, sd / squares**0.5
 
 

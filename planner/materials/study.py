@@ -707,7 +707,7 @@ def read_study(
         ends = list(dict.fromkeys([min(largest), max(largest)]))
         notes.append(
             Caution(
-                f"strain of {_some(unstated)} has no unit; taken as a fraction, up to "
+                f"strain of {listed(unstated, 4)} has no unit; taken as a fraction, up to "
                 f"{' .. '.join(f'{v:.4g}' for v in ends)}; if it is not, give --unit-of strain=%"
             )
         )
@@ -980,7 +980,7 @@ def _row(
         return own[0]
     if not named:
         raise FileError(
-            f"{path.name}: rows of {_some([row.specimen for row in own])} in {_SPECIMENS} name "
+            f"{path.name}: rows of {listed([row.specimen for row in own], 4)} in {_SPECIMENS} name "
             "this file, and no column 'specimen' in it tells them apart; give each its own file"
         )
     return next((row for row in own if row.specimen == named), None)
@@ -1018,10 +1018,6 @@ def _materials(records: Mapping[str, _Record], given: str, notes: list[str]) -> 
             "others"
         )
     return {name: known[name] or by_name[told_by[name]] for name in records}
-
-
-def _some(names: Sequence[str]) -> str:
-    return ", ".join(names) if len(names) <= 4 else f"{names[0]} and {len(names) - 1} others"
 
 
 def _left_out(row: ListedSpecimen, notes: list[str]) -> str:

@@ -1,5 +1,6 @@
 """Units taken for others: specimens off their replicates, a batch off a palette or a ladder."""
 
+import itertools
 import math
 import shlex
 from collections.abc import Mapping, Sequence
@@ -12,7 +13,7 @@ from planner.formats.units import QUANTITIES, QUANTITY_UNITS, UnitOf, unit_near
 from planner.materials.characterise import SECANT_STRAINS, Characteristics, characterise_curve
 from planner.materials.laws import make_law, secant_modulus_MPa
 from planner.materials.study import Study
-from planner.notes import Caution
+from planner.notes import Caution, listed
 from planner.numerics import FloatArray
 from planner.palette import Material, Palette
 
@@ -198,13 +199,17 @@ def _against_palette(study: Study, palette: Palette) -> tuple[bool, str]:
     advice = _advice(study, inside, batch.shift, longer, reach=_UNIT_REACH)
     if advice is None:
         return False, ""
-    factor, way = math.exp(abs(batch.shift)), "above" if batch.shift > 0.0 else "below"
-    of = f"{_some(inside)} {'is' if len(inside) == 1 else 'are'} {factor:.2g} times {way}"
+    of = _off(inside, batch.shift, 2)
     if not (others and batch.sure):
         return False, f"{of} the palette: {advice}, or --no-compare"
-    agree = f"while {_some(others)} {'is' if len(others) == 1 else 'are'} not"
+    agree = f"while {listed(others, 6)} {'is' if len(others) == 1 else 'are'} not"
     whole = f"{of} the palette {palette.name}, {agree}"
     return True, f"{whole}: {advice}, or --no-compare if they are right"
+
+
+def _off(names: Sequence[str], shift: float, digits: int) -> str:
+    way, verb = "above" if shift > 0.0 else "below", "is" if len(names) == 1 else "are"
+    return f"{listed(names, 6)} {verb} {math.exp(abs(shift)):.{digits}g} times {way}"
 
 
 def _against(study: Study, called: str, material: Material) -> tuple[float, float, float]:
@@ -269,18 +274,17 @@ def _smoothest(place: FloatArray, level: FloatArray) -> Batch | None:
         left = (place[i + 1] - place[i]) / (place[i + 1] - place[i - 1])
         bends[i - 1, i - 1 : i + 2] = -left, 1.0, left - 1.0
     found: list[tuple[float, int, Batch]] = []
-    for first in range(n):
-        for last in range(first + 1, n + 1):
-            if 2 * (last - first) > n:
-                continue
-            inside = np.zeros(n)
-            inside[first:last] = 1.0
-            lever = bends @ inside
-            shift = float(lever @ (bends @ level)) / float(lever @ lever)
-            rest = level - shift * inside
-            if np.all(np.diff(rest) > 0.0):
-                batch = Batch(tuple(range(first, last)), shift)
-                found.append((float(np.sum((bends @ rest) ** 2)), last - first, batch))
+    for first, last in itertools.combinations(range(n + 1), 2):
+        if 2 * (last - first) > n:
+            continue
+        inside = np.zeros(n)
+        inside[first:last] = 1.0
+        lever = bends @ inside
+        shift = float(lever @ (bends @ level)) / float(lever @ lever)
+        rest = level - shift * inside
+        if np.all(np.diff(rest) > 0.0):
+            batch = Batch(tuple(range(first, last)), shift)
+            found.append((float(np.sum((bends @ rest) ** 2)), last - first, batch))
     return min(found, key=lambda one: one[:2])[2] if found else None
 
 
@@ -304,11 +308,7 @@ def _among_replicates(study: Study) -> tuple[str, ...]:
         names = [found[i].specimen for i in far]
         advice = _advice(study, names, shift, length, reach=_REPLICATES_REACH)
         if advice is not None:
-            way = "above" if shift > 0.0 else "below"
-            said.append(
-                f"{material}: {_some(names)} {'is' if len(names) == 1 else 'are'} "
-                f"{math.exp(abs(shift)):.3g} times {way} the other specimens: {advice}"
-            )
+            said.append(f"{material}: {_off(names, shift, 3)} the other specimens: {advice}")
     return tuple(said)
 
 
@@ -355,7 +355,3 @@ def _advice(
     # No unit is so small: the numbers were multiplied on the way, as another unit's would be.
     other = unit_near(kind, 2.0 * math.log(own) - math.log(float(unit)), own)
     return f"was {stated} converted as if it were {other}{sizes}? Give --unit-of {option}"
-
-
-def _some(names: Sequence[str]) -> str:
-    return ", ".join(names) if len(names) <= 6 else f"{names[0]} ... {names[-1]}"

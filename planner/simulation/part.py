@@ -14,7 +14,7 @@ from planner.fields.basic import AxisField, Field
 from planner.fields.parse import Setting, build_field, field_of
 from planner.formats.field_file import TRIANGLE, encode_vtu
 from planner.formats.files import encode_document, free_memory_bytes
-from planner.formats.stl import encode_stl
+from planner.formats.mesh_file import encode_stl
 from planner.formats.tables import encode_csv
 from planner.glance import counted, html_of, one_line, outcome, plotted
 from planner.grading.grade import open_part

@@ -5,7 +5,7 @@ import pytest
 
 from benchmarks.periodic_cell import effective_stiffness_MPa, solve_cell, youngs_modulus_MPa
 from planner.errors import ArgumentError
-from planner.materials.homogenisation import hashin_shtrikman_MPa, reuss_MPa, voigt_MPa
+from planner.materials.mixtures import hashin_shtrikman_MPa, reuss_MPa, voigt_MPa
 
 EXTENSION = [1.0, -0.5, -0.5, 0.0, 0.0, 0.0]
 SHEAR_YZ, SHEAR_XY = [0, 0, 0, 1.0, 0, 0], [0, 0, 0, 0, 0, 1.0]

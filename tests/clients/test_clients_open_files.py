@@ -12,7 +12,7 @@ import manifold3d
 import numpy as np
 import pytest
 
-from planner.formats.stl import encode_stl
+from planner.formats.mesh_file import encode_stl
 from planner.formats.threemf import ThreemfObject, encode_threemf
 from planner.mesh.mesh import Mesh
 from planner.voxels.picture import pictures_of

@@ -24,8 +24,8 @@ import pytest
 import typer
 
 from planner.cli import app, run
+from planner.formats.mesh_file import encode_stl
 from planner.formats.outputs import claimed, is_scratch
-from planner.formats.stl import encode_stl
 
 ATTACKED = Path(__file__).with_name("attacked.py")
 SAMPLES = Path(__file__).resolve().parents[2] / "samples"

@@ -15,9 +15,8 @@ import trimesh
 
 import planner
 from planner.formats.field_file import read_grid_table, read_point_table
-from planner.formats.mesh_file import read_mesh
+from planner.formats.mesh_file import encode_stl, read_mesh
 from planner.formats.specimens import read_specimens
-from planner.formats.stl import encode_stl
 from planner.formats.tensile import read_tensile
 from planner.formats.threemf import ThreemfObject, encode_threemf, threemf_xml_hashes
 from planner.gap.campaign_folder import read_campaign

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from planner.formats.stl import decode_stl
+from planner.formats.mesh_file import decode_stl
 from planner.mesh.audit import audit
 
 

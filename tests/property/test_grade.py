@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import planner
-from planner.formats.stl import decode_stl
+from planner.formats.mesh_file import decode_stl
 
 SHELL_CHECKS = ("shells_unsound", "volume_error", "interfaces_unmatched", "overlap")
 IDS = [m.id for m in planner.load_printer("connex3").palette().materials]

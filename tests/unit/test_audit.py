@@ -4,7 +4,7 @@ from manifold3d import Error, Manifold
 from manifold3d import Mesh as MeshGL
 
 from planner.errors import MeshError
-from planner.formats.stl import encode_stl, stl_holds
+from planner.formats.mesh_file import encode_stl, stl_holds
 from planner.mesh.audit import audit, interfaces_cancel, join_shells
 from planner.mesh.mesh import Mesh
 

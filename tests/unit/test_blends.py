@@ -30,7 +30,7 @@ from planner.grading.dither import (
     thresholds,
 )
 from planner.grading.profile import Profile, dithered_profile, stiffness_scale
-from planner.materials.homogenisation import dithered_modulus_MPa
+from planner.materials.mixtures import dithered_modulus_MPa
 from planner.mesh.audit import audit, interfaces_cancel, join_shells
 from planner.mesh.mesh import Mesh
 from planner.mesh.part import place

@@ -9,7 +9,7 @@ import pytest
 
 import planner
 from planner.cli import run
-from planner.formats.stl import encode_stl
+from planner.formats.mesh_file import encode_stl
 
 _CORNERS = np.array([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=float)
 _QUADS = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))

@@ -11,7 +11,7 @@ import pytest
 import planner
 from planner.cli import run
 from planner.errors import ArgumentError
-from planner.formats.stl import encode_stl
+from planner.formats.mesh_file import encode_stl
 from planner.voxels.columns import MOST_VOXELS
 from planner.voxels.thin_places import longest_checked_mm, raster_for
 

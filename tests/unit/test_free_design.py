@@ -17,7 +17,7 @@ from benchmarks.shapes import block, manufactured
 from planner.cli import run
 from planner.errors import ArgumentError, PlannerError, ThinBandError
 from planner.formats.field_file import read_grid_table
-from planner.formats.stl import encode_stl
+from planner.formats.mesh_file import encode_stl
 from planner.grading.profile import stiffness_scale
 from planner.inverse_design import search
 from planner.inverse_design.controls import StiffnessRange, lattice, lattice_counts

@@ -268,6 +268,6 @@ def test_a_field_that_a_plan_does_not_hold_must_be_given(says, reason) -> None:
 
 
 def _write_bar(path: Path) -> None:
-    from planner.formats.stl import encode_stl
+    from planner.formats.mesh_file import encode_stl
 
     path.write_bytes(encode_stl(MESH[0].astype(np.float32), MESH[1], "bar"))

@@ -16,8 +16,7 @@ import trimesh
 
 from planner.errors import ArgumentError, FileError, MeshError
 from planner.formats.archive import UnfoldingLimits
-from planner.formats.mesh_file import EXTENSIONS, read_mesh, unit_scale_mm
-from planner.formats.stl import encode_stl
+from planner.formats.mesh_file import EXTENSIONS, encode_stl, read_mesh, unit_scale_mm
 from planner.formats.threemf import ThreemfObject, encode_threemf
 from planner.mesh.part import make_part
 

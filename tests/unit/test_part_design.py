@@ -14,7 +14,7 @@ import planner
 from benchmarks.interfaces import BOX, FACES
 from planner.cli import app, run
 from planner.errors import ArgumentError, PlannerError
-from planner.formats.stl import encode_stl
+from planner.formats.mesh_file import encode_stl
 from planner.inverse_design.printing import _own_advice
 
 BEAM = ([40.0, 5.0, 5.0] * BOX, FACES)

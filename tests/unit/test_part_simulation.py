@@ -16,7 +16,7 @@ import planner
 from benchmarks.interfaces import BOX, FACES
 from planner.cli import run
 from planner.errors import ArgumentError
-from planner.formats.stl import decode_stl
+from planner.formats.mesh_file import decode_stl
 from planner.materials.mixtures import CoefficientModel
 from planner.printers import load_printer
 from planner.simulation import part
@@ -424,7 +424,7 @@ def test_the_page_holds_every_step(bent: planner.PartSimulation) -> None:
 
 @pytest.fixture
 def bar_stl(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    from planner.formats.stl import encode_stl
+    from planner.formats.mesh_file import encode_stl
 
     monkeypatch.chdir(tmp_path)
     vertices, faces = BAR

@@ -14,8 +14,8 @@ from PIL import Image
 import planner
 from planner.cli import run
 from planner.errors import ArgumentError, FileError, OutputError, UnknownNameError
+from planner.formats.mesh_file import decode_stl, encode_stl
 from planner.formats.png import distinct_colours
-from planner.formats.stl import decode_stl, encode_stl
 from planner.mesh.mesh import Mesh, weld
 from planner.voxels.columns import Grid, iterate_columns
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from benchmarks.calibrate_dither import bevelled_fractions
 from benchmarks.periodic_cell import solve_cell
 from planner.grading.dither import blue_noise_bevelled, blue_noise_ranks
-from planner.materials.homogenisation import (
+from planner.materials.mixtures import (
     dither_table,
     dithered_fraction,
     dithered_modulus_MPa,
