@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.numerics import BoolArray, FloatArray, inner_kernel, kernel
+from planner.numerics import BoolArray, FloatArray, inner_kernel, kernel, one_blas_thread
 from planner.simulation.material_columns import SampledMaterial, column_place
 
 __all__ = ["quadrature"]
@@ -84,7 +84,7 @@ def quadrature(
         normal, slopes = np.empty((_MOMENTS, _MOMENTS)), np.empty((8 * _POINTS, _MOMENTS))
         _find(pieces, first, stop, measure, normal, slopes, found, used)
 
-    with ThreadPoolExecutor(max(1, threads)) as pool:
+    with one_blas_thread(), ThreadPoolExecutor(max(1, threads)) as pool:
         for _ in pool.map(find, range(0, many, _CHUNK)):
             pass
     counts = np.full(len(full), _POINTS)
@@ -344,14 +344,13 @@ def _settle(moment: Any, place: Any, line: Any, normal: Any, slopes: Any) -> Any
             _add_products(slopes[4 * q + 1], w * _room(place[q, 1]), x, line[4], z)
             _add_products(slopes[4 * q + 2], w * _room(place[q, 2]), x, y, line[5])
             _add_products(slopes[4 * q + 3], w, x, y, z)
-        _solve_normal(slopes, 4 * many, miss, normal, answer)
+        _solve_normal(slopes[: 4 * many], miss, normal, answer)
+        moves = np.dot(slopes[: 4 * many], answer)
         most = 1.0
         for q in range(many):
             for k in range(4):
-                move, at = 0.0, place[q, k]
-                for t in range(moments):
-                    move += slopes[4 * q + k, t] * answer[t]
-                move *= at if k == 3 else _room(at)
+                at = place[q, k]
+                move = moves[4 * q + k] * (at if k == 3 else _room(at))
                 step[q, k] = move
                 room = at if move < 0.0 else np.inf
                 if k < 3:
@@ -399,37 +398,20 @@ def _miss(moment: Any, place: Any, line: Any, miss: Any) -> Any:
 
 
 @inner_kernel
-def _solve_normal(slopes: Any, rows: Any, miss: Any, normal: Any, answer: Any) -> Any:
-    # slopes' slopes answer = miss, by Cholesky's factors from the left; all inner loops run along
-    # rows, so that they are done several numbers at a time.
+def _solve_normal(slopes: Any, miss: Any, normal: Any, answer: Any) -> Any:
+    # slopes' slopes answer = miss
+    np.dot(slopes.T, slopes, normal)
     n = miss.size
-    trace = 0.0
-    for i in range(n):
-        row = normal[i]
-        for j in range(i, n):
-            row[j] = 0.0
-        for v in range(0, rows, 4):
-            s0, s1, s2, s3 = slopes[v], slopes[v + 1], slopes[v + 2], slopes[v + 3]
-            f0, f1, f2, f3 = s0[i], s1[i], s2[i], s3[i]
-            for j in range(i, n):
-                row[j] += (f0 * s0[j] + f1 * s1[j]) + (f2 * s2[j] + f3 * s3[j])
-        trace += row[i]
+    trace = np.trace(normal)
     for i in range(n):
         normal[i, i] += 1e-12 * trace  # points that fall together leave it singular
+    lower = np.linalg.cholesky(normal)
+    for i in range(n):
         answer[i] = miss[i]
-    for k in range(n):
-        row = normal[k]
-        scale = 1.0 / np.sqrt(row[k])
-        for j in range(k, n):
-            row[j] *= scale
-        answer[k] /= row[k]
-        for i in range(k + 1, n):
-            answer[i] -= answer[k] * row[i]
-            target, f = normal[i], row[i]
-            for j in range(i, n):
-                target[j] -= f * row[j]
-    for k in range(n - 1, -1, -1):
-        row = normal[k]
-        for j in range(k + 1, n):
-            answer[k] -= row[j] * answer[j]
-        answer[k] /= row[k]
+        for j in range(i):
+            answer[i] -= lower[i, j] * answer[j]
+        answer[i] /= lower[i, i]
+    for i in range(n - 1, -1, -1):
+        answer[i] /= lower[i, i]
+        for j in range(i):
+            answer[j] -= lower[i, j] * answer[i]
