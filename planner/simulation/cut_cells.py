@@ -1,6 +1,7 @@
 """Cells that a surface cuts from a Cartesian lattice, with positive quadrature in each."""
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -99,11 +100,10 @@ def _touching(shells: Shells, longest_mm: float) -> _Touching:
     apart = (shells.shell[one] != shells.shell[other]) & ~repeats_index(faces[one])
     one, other = one[apart], other[apart]
     fine, of = halve_long_edges(Mesh(shells.mesh.vertices, faces[one]), longest_mm)
-    a, b, c = (fine.triangles[:, k] for k in range(3))
-    area = 0.5 * np.cross(b - a, c - a)
+    area, middle = fine.area_vectors_mm2, fine.triangles.mean(axis=1)
     wide = np.sum(area * area, axis=1) > 0.0
     sides = np.stack([shells.shell[one], shells.shell[other]], axis=1)
-    return _Touching(sides[of[wide]], ((a + b + c) / 3.0)[wide], area[wide], shells.modulus_MPa)
+    return _Touching(sides[of[wide]], middle[wide], area[wide], shells.modulus_MPa)
 
 
 class Interface(NamedTuple):
@@ -213,7 +213,7 @@ class CutCells:
         index = np.repeat(self.index, np.diff(self.offsets), axis=0)
         return self.origin_mm + (index + 0.5 * (self.points + 1.0)) * self.cell_mm
 
-    @property
+    @cached_property
     def cell_volume_mm3(self) -> FloatArray:
         """Volume of the material in each cell, (n,)."""
         return np.asarray(np.add.reduceat(self.weights_mm3, self.offsets[:-1]))
@@ -223,15 +223,22 @@ class CutCells:
         """Volume of the material."""
         return float(np.sum(self.weights_mm3))
 
-    def interpolated(self, places_mm: FloatArray, nodal: FloatArray) -> FloatArray:
-        """Return at places, (n, 3), what is given at the nodes, (N, k), in the nearest material."""
+    def nearest(self, places_mm: FloatArray) -> tuple[IntArray, FloatArray]:
+        """Return the cells of the material nearest to places, (n,), and their shapes there."""
+        cell = np.searchsorted(self.offsets, self._tree.query(places_mm)[1], side="right") - 1
+        corner = self.origin_mm + self.index[cell] * self.cell_mm
+        local = np.clip(2.0 * (places_mm - corner) / self.cell_mm - 1.0, -1.5, 1.5)
+        return cell, shape_functions(local, self.cell_mm)[0]
+
+    @cached_property
+    def _tree(self) -> Any:
         from scipy.spatial import KDTree
 
-        nearest = np.asarray(KDTree(self.points_mm).query(places_mm)[1])
-        cell = np.searchsorted(self.offsets, nearest, side="right") - 1
-        middle = self.origin_mm + (self.index[cell] + 0.5) * self.cell_mm
-        local = np.clip(2.0 * (places_mm - middle) / self.cell_mm, -1.5, 1.5)
-        shape = shape_functions(local, self.cell_mm)[0]
+        return KDTree(self.points_mm)
+
+    def interpolated(self, places_mm: FloatArray, nodal: FloatArray) -> FloatArray:
+        """Return at places, (n, 3), what is given at the nodes, (N, k), in the nearest material."""
+        cell, shape = self.nearest(places_mm)
         return np.asarray(np.einsum("na,nak->nk", shape, nodal[self.nodes[cell]]))
 
     def locate(
@@ -651,14 +658,8 @@ def _number_nodes(
 
 
 def _inward(mesh: Mesh) -> FloatArray:
-    # Unit vectors at vertices against the surface's outward normal, by area of the triangles.
-    corners = mesh.triangles
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    total = np.zeros_like(mesh.vertices)
-    for corner in range(3):
-        for axis in range(3):
-            total[:, axis] -= np.bincount(
-                mesh.faces[:, corner], normal[:, axis], minlength=len(total)
-            )
-    length = np.sqrt(np.sum(total**2, axis=1, keepdims=True))
-    return total / np.where(length > 0.0, length, 1.0)
+    """Return unit vectors at vertices against the surface's outward normal, by triangles' area."""
+    against = np.repeat(-mesh.area_vectors_mm2, 3, axis=0)
+    corner, count = mesh.faces.ravel(), len(mesh.vertices)
+    total = np.stack([np.bincount(corner, along, count) for along in against.T], axis=1)
+    return np.asarray(total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-300))
