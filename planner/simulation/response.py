@@ -261,7 +261,8 @@ def respond(
 
     keep(states[0])
     try:
-        for state, now in mechanics.follow(np.linspace(0.0, 1.0, steps + 1)[1:].tolist(), counted):
+        shares = np.linspace(0.0, 1.0, steps + 1)[1:].tolist()
+        for state, now in mechanics.follow(shares, counted, tangents=False):
             factored = now
             states.append(Equilibrium(  # strains of earlier states are not needed again
                 state.share, state.displacement_mm, *_NOTHING, state.iterations

@@ -84,8 +84,7 @@ class FacetPoints(NamedTuple):
 
 def facet_points(cells: "CutCells", facets: BoolArray) -> FacetPoints:
     """Return the points of the facets that are marked, (F,), of the cells' surface."""
-    corners = cells.surface.triangles[facets]
-    area = 0.5 * np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    corners, area = cells.surface.triangles[facets], cells.surface.area_vectors_mm2[facets]
     size = np.linalg.norm(area, axis=1)
     corners, area, size = (v[size > 0.0] for v in (corners, area, size))
     places = np.einsum("pc,fcx->fpx", _CORNERS, corners).reshape(-1, 3)
@@ -282,19 +281,14 @@ class Body:
         """Mean over each cell, (n,)."""
         cells = self.cells
         total = np.add.reduceat(cells.weights_mm3 * self.shear_modulus_MPa, cells.offsets[:-1])
-        return np.asarray(total / self.cell_mm3)
-
-    @cached_property
-    def cell_mm3(self) -> FloatArray:
-        """Volume of material in each cell, (n,)."""
-        return np.asarray(np.add.reduceat(self.cells.weights_mm3, self.cells.offsets[:-1]))
+        return np.asarray(total / self.cells.cell_volume_mm3)
 
     @cached_property
     def spread(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Variances of each cell's material, (n, 3), rising, their axes, and points from means."""
         cells = self.cells
         starts, counts = cells.offsets[:-1], np.diff(cells.offsets)
-        volume = self.cell_mm3
+        volume = self.cells.cell_volume_mm3
         mean = np.add.reduceat(cells.weights_mm3[:, None] * cells.points, starts) / volume[:, None]
         away = cells.points - np.repeat(mean, counts, axis=0)
         square = cells.weights_mm3[:, None, None] * away[:, :, None] * away[:, None, :]
@@ -345,6 +339,7 @@ class Mechanics:
     """
 
     _matrices: FloatArray
+    _first: tuple[float, FloatArray] | None = None  # a share of the load, and what it does at rest
 
     def __init__(
         self,
@@ -371,7 +366,7 @@ class Mechanics:
         self.compliance[:, range(4), range(4)] -= missing
         held_by = body.cell_shear_MPa if body.stabiliser_MPa is None else body.stabiliser_MPa
         full_mm3 = float(np.prod(cells.cell_mm))
-        cut = body.cell_mm3 < (1.0 - 1e-9) * full_mm3
+        cut = cells.cell_volume_mm3 < (1.0 - 1e-9) * full_mm3
         self.stabiliser = np.where(cut, _STABILISER * held_by * full_mm3 ** (1.0 / 3.0), 0.0)
         i = np.arange(27)
         linear = np.stack([np.ones(27), i % 3 - 1.0, i // 3 % 3 - 1.0, i // 9 - 1.0], axis=1)
@@ -381,12 +376,8 @@ class Mechanics:
         self.flat = (flat, hold * (linear[:, 1:] @ np.linalg.pinv(linear[:, 1:])))
         self.table = (body.table.log_slope_MPa, body.table.step, below, share)
         self.geometry = (
-            np.ascontiguousarray(cells.nodes, dtype=np.int32),
-            np.ascontiguousarray(cells.offsets, dtype=np.int64),
-            np.ascontiguousarray(cells.points),
-            np.ascontiguousarray(cells.weights_mm3),
-            np.ascontiguousarray(cells.cell_mm),
-        )
+            cells.nodes, cells.offsets, cells.points, cells.weights_mm3, cells.cell_mm,
+        )  # fmt: skip
         self._places: dict[bytes, FacetPoints] = {} if like is None else like._places
         self.softer_MPa = _softer_MPa(body)
         if like is None:
@@ -396,7 +387,7 @@ class Mechanics:
         else:
             self.springs = like.springs * (self.softer_MPa / like.softer_MPa)[:, None, None]
         self._build_loads()
-        self._matrices = np.empty((len(cells.nodes), 81, 81)) if like is None else like._matrices
+        self._matrices = np.empty((len(cells.nodes), 27, 6, 27)) if like is None else like._matrices
 
     def points_of(self, facets: BoolArray) -> FacetPoints:
         """Return the quadrature points of facets, as `facet_points`; kept for the next time."""
@@ -501,7 +492,7 @@ class Mechanics:
         state = replace(rest, share=share, displacement_mm=displacement_mm)
         state = replace(state, strain=self.observe(state).strain)
         self._run(
-            advance, *self.geometry, *self.table, self.basis, self.compliance, displacement_mm,
+            advance, self.geometry, self.table, self.basis, self.compliance, displacement_mm,
             np.zeros_like(displacement_mm), state.strain, state.stress_MPa, state.pressure,
         )  # fmt: skip
         return state
@@ -526,15 +517,14 @@ class Mechanics:
         u = state.displacement_mm
         forces = np.empty((len(cells.nodes), 81))
         self._run(
-            assemble, *self.geometry, *self.table, self.basis, self.compliance, self.stabiliser,
+            assemble, self.geometry, self.table, self.basis, self.compliance, self.stabiliser,
             self.roughness, u, state.strain, state.stress_MPa, state.pressure, self._matrices,
             forces,
         )  # fmt: skip
         inner = _summed(cells.nodes, forces, len(cells.node_mm))
         size = float(np.sqrt(np.sum(forces * forces)))
         flat, hold = self.flat
-        for axis in range(3):
-            self._matrices[flat, axis::3, axis::3] += hold
+        self._matrices[flat, :, :3] += hold[:, :, None]
         inner += _summed(cells.nodes[flat], hold @ u[cells.nodes[flat]], len(cells.node_mm))
         linked = cells.nodes[cells.interface.cells].reshape(-1, 54)
         inner += _summed(linked, self.springs @ u[linked], len(cells.node_mm))
@@ -573,7 +563,7 @@ class Mechanics:
         if tangent:
             for cell, springs in zip(at.cell[at.starts[:-1]].tolist(), held.springs, strict=True):
                 for axis in np.flatnonzero(held.axes).tolist():
-                    self._matrices[cell, axis::3, axis::3] += springs
+                    self._matrices[cell, :, axis] += springs
         return spread(cells, at, self._reaction(held, share, u))
 
     def _reaction(self, held: _Held, share: float, u: FloatArray) -> FloatArray:
@@ -609,12 +599,15 @@ class Mechanics:
         from planner.simulation.sparse_cholesky import NotPositiveDefinite
 
         rest = self.at_rest()
-        residual, _ = self._assembled(rest, share)
-        try:
-            change = self._factored(None, at_rest=True).solve(residual.ravel())
-        except NotPositiveDefinite as failed:
-            raise LostStabilityError(0.0, self.body.cells.node_mm[failed.node]) from failed
-        return replace(rest, share=share, displacement_mm=change.reshape(-1, 3))
+        if self._first is None:
+            residual, _ = self._assembled(rest, share)
+            try:
+                change = self._factored(None, at_rest=True).solve(residual.ravel())
+            except NotPositiveDefinite as failed:
+                raise LostStabilityError(0.0, self.body.cells.node_mm[failed.node]) from failed
+            self._first = share, change.reshape(-1, 3)
+        at, change = self._first
+        return replace(rest, share=share, displacement_mm=share / at * change)
 
     # -------------------------------------------------------------------------------------------
 
@@ -626,12 +619,14 @@ class Mechanics:
         into: "Factor | None" = None,
         *,
         settled: float = _SETTLED,
+        tangent: bool = True,
     ) -> "tuple[Equilibrium, Factor]":
         """Return the equilibrium at a share of the load, from a state nearby, and its factor.
 
         The memory of `into`, a factor that is needed no more, is taken for that. `settled` is the
         largest last change of a displacement over the largest displacement, and residual over
-        forces: Newton's next change would be about its square.
+        forces: Newton's next change would be about its square. Without `tangent` the last change
+        is made with the factor before: it is of a state nearby, and the change off by as little.
 
         Raises
         ------
@@ -650,16 +645,20 @@ class Mechanics:
             error = float(np.linalg.norm(residual)) / max(size, 1e-300)
             if progress is not None:
                 progress(share, iteration, error)
+            at_rest = iteration == 1 and not u.any()
+            is_last = iteration > 1 and error <= settled
             try:
-                at_rest = iteration == 1 and not u.any()
-                factored = self._factored(factored, at_rest=at_rest)
+                if tangent or factored is None or not is_last:
+                    factored = self._factored(factored, at_rest=at_rest)
             except NotPositiveDefinite as failed:
                 raise LostStabilityError(state.share, cells.node_mm[failed.node]) from failed
             change = factored.solve(residual.ravel()).reshape(-1, 3)
             if not np.isfinite(change).all():
                 raise LostStabilityError(state.share, None)
+            if at_rest and not self.pushed:  # a pressure has a stiffness, which grows with it
+                self._first = share, change
             self._run(
-                advance, *self.geometry, *self.table, self.basis, self.compliance, u, change,
+                advance, self.geometry, self.table, self.basis, self.compliance, u, change,
                 strain, stress, pressure,
             )  # fmt: skip
             u = u + change
@@ -678,10 +677,12 @@ class Mechanics:
         progress: "Progress | None" = None,
         *,
         settled: float = _SETTLED,
+        tangents: bool = True,
     ) -> "Iterator[tuple[Equilibrium, Factor]]":
         """Yield the equilibria at rising shares of the load; steps are halved where they must be.
 
-        The factor of each is good until the next is asked for; `settled` as of `settle`.
+        The factor of each is good until the next is asked for; without `tangents` it is only the
+        last one's that is of its state. `settled` as of `settle`.
 
         Raises
         ------
@@ -697,7 +698,10 @@ class Mechanics:
                     target = share
                 try:
                     start = state if before is None else _onward(before, state, target)
-                    found = self.settle(start, target, progress, factored, settled=settled)
+                    found = self.settle(
+                        start, target, progress, factored, settled=settled,
+                        tangent=tangents or target == shares[-1],
+                    )  # fmt: skip
                 except LostStabilityError as lost:
                     before, step = None, 0.5 * step
                     if step < _SMALLEST_STEP:
@@ -731,11 +735,7 @@ class Mechanics:
         It is carried by the material nearest to it.
         """
         cells = self.body.cells
-        nearest = int(np.argmin(np.sum((cells.points_mm - place_mm) ** 2, axis=1)))
-        cell = int(np.searchsorted(cells.offsets, nearest, side="right")) - 1
-        middle = cells.origin_mm + (cells.index[cell] + 0.5) * cells.cell_mm
-        local = 2.0 * (place_mm - middle) / cells.cell_mm
-        shape = shape_functions(local[None], cells.cell_mm)[0][0]
+        (cell,), (shape,) = cells.nearest(place_mm[None])
         weights = np.zeros((len(cells.node_mm), 3))
         weights[cells.nodes[cell]] = shape[:, None] * direction
         return weights
@@ -772,7 +772,7 @@ class Mechanics:
         strain = np.empty((count, 6))
         field = np.zeros_like(state.displacement_mm) if adjoint is None else adjoint
         self._run(
-            observe, *self.geometry, *self.table, self.basis, self.compliance, self.bulk,
+            observe, self.geometry, self.table, self.basis, self.compliance, self.bulk,
             state.displacement_mm, state.pressure, field, x, strain, iso, vol, over_m,
         )  # fmt: skip
         return Observed(x, strain, iso, vol, over_m)
@@ -798,7 +798,7 @@ class Mechanics:
     def nodal_forces(self, state: Equilibrium, stress: FloatArray) -> FloatArray:
         """Return the nodal forces, (N, 3), of second Piola-Kirchhoff stresses, (Q, 6)."""
         out = np.zeros_like(state.displacement_mm)
-        pull(*self.geometry, state.displacement_mm, stress, out)
+        pull(self.geometry, state.displacement_mm, stress, out)
         return out
 
     def energy_mJ(self, state: Equilibrium) -> float:

@@ -294,14 +294,17 @@ def analyse(nodes: IntArray, node_mm: FloatArray, links: IntArray = _NO_LINKS) -
     leaf = below[:, 0] < 0
     cell_start = np.concatenate([[0], np.cumsum(np.where(leaf, bounds[:, 1] - bounds[:, 0], 0))])
     cells = np.concatenate([cells[a:b] for a, b in bounds[leaf]] or [cells])
-    rest, above, rest_start, place = _structure(*each, number, first, below, cells, cell_start)
-
+    of_cell = np.empty(len(cells), np.int64)
+    of_cell[cells] = np.repeat(np.arange(fronts), np.diff(cell_start))
+    front_above = np.full(fronts, -1)
+    front_above[below[~leaf].ravel()] = np.repeat(np.flatnonzero(~leaf), 2)
+    rest, above, rest_start, place = _structure(*each, number, first, front_above, of_cell)
     own = 3 * np.diff(first).astype(np.int64)
     update = (3 * np.diff(rest_start)) ** 2
     panel = np.concatenate([[0], np.cumsum(-(-own * (own + 3 * np.diff(rest_start)) // 8) * 8)])
     k, b = own.astype(np.float64), np.sqrt(update)
     flops = k**3 / 3.0 + k * k * b + k * b * b
-    tasks, work, most = _tasks(below, update, flops)
+    tasks, work, most = _tasks(below, front_above, update, flops)
     return Analysis(
         factor_bytes=8 * int(panel[-1]) + 64,
         work_bytes=8 * most,
@@ -440,79 +443,44 @@ def _halved(
     return cells, bounds[:made], halves[:made], depth[:made], owner
 
 
-@kernel
 def _structure(
-    nodes: NDArray[np.int32],
-    begin: IntArray,
-    number: NDArray[np.int32],
-    first: NDArray[np.int32],
-    below: IntArray,
-    cells: IntArray,
-    cell_start: IntArray,
-) -> tuple[NDArray[np.int32], NDArray[np.int32], IntArray, NDArray[np.int32]]:
-    """Return the rest of every front, places in the front above, and of cells' nodes in fronts."""
-    fronts = below.shape[0]
-    rest_start = np.zeros(fronts + 1, dtype=np.int64)
-    rest = np.empty(4 * nodes.size + 16, dtype=np.int32)
-    above = np.empty(4 * nodes.size + 16, dtype=np.int32)
-    place = np.empty(nodes.shape, dtype=np.int32)
-    seen = np.full(len(number), -1, dtype=np.int64)
-    where = np.empty(len(number), dtype=np.int32)
-    for t in range(fronts):
-        start, last, own = rest_start[t], first[t + 1], first[t + 1] - first[t]
-        at = start
-        if below[t, 0] < 0:
-            needed = np.int64(0)
-            for c in cells[cell_start[t] : cell_start[t + 1]]:
-                needed += begin[c + 1] - begin[c]
-        else:
-            needed = np.int64(0)
-            for half in below[t]:
-                needed += rest_start[half + 1] - rest_start[half]
-        if at + needed > len(rest):
-            more = np.empty(2 * (at + needed), dtype=np.int32)
-            more[:at] = rest[:at]
-            rest = more
-            more = np.empty(2 * (at + needed), dtype=np.int32)
-            more[:at] = above[:at]
-            above = more
-        if below[t, 0] < 0:
-            for c in cells[cell_start[t] : cell_start[t + 1]]:
-                for node in nodes[begin[c] : begin[c + 1]]:
-                    e = number[node]
-                    if e >= last and seen[e] != t:
-                        seen[e] = t
-                        rest[at] = e
-                        at += 1
-            rest[start:at] = np.sort(rest[start:at])
-            for i in range(start, at):
-                where[rest[i]] = own + i - start
-            for c in cells[cell_start[t] : cell_start[t + 1]]:
-                for a in range(begin[c], begin[c + 1]):
-                    e = number[nodes[a]]
-                    place[a] = where[e] if e >= last else e - first[t]
-        else:
-            i, j = rest_start[below[t, 0]], rest_start[below[t, 1]]
-            end_i, end_j = rest_start[below[t, 0] + 1], rest_start[below[t, 1] + 1]
-            while i < end_i or j < end_j:
-                e = min(rest[i] if i < end_i else 2147483647, rest[j] if j < end_j else 2147483647)
-                if e >= last:
-                    rest[at] = e
-                    position = own + at - start
-                    at += 1
-                else:
-                    position = np.int64(e - first[t])
-                if i < end_i and rest[i] == e:
-                    above[i] = position
-                    i += 1
-                if j < end_j and rest[j] == e:
-                    above[j] = position
-                    j += 1
-        rest_start[t + 1] = at
-    return rest[: rest_start[-1]].copy(), above[: rest_start[-1]].copy(), rest_start, place
+    members: IntArray, begin: IntArray, number: IntArray, first: IntArray, above: IntArray,
+    leaf: IntArray,
+) -> tuple[IntArray, IntArray, IntArray, IntArray]:  # fmt: skip
+    """Return the rest of every front, places in the front above, and of cells' nodes in fronts.
+
+    Parameters
+    ----------
+    number : (N,)
+        Of each node in the order.
+    above : (T,)
+        The front above each.
+    leaf : (n,)
+        The front that each cell is in.
+    """
+    count = len(number)
+    of, node = np.repeat(leaf, np.diff(begin)), number[members].astype(np.int64)
+    found, key = [], np.unique(of * count + node)
+    while len(key):  # what a front does not eliminate it hands on
+        front, given = np.divmod(key, count)
+        rest = given >= first[front + 1]
+        found.append(key[rest])
+        key = np.unique(above[front[rest]] * count + given[rest])
+    keys = np.unique(np.concatenate(found))
+    front, rest = np.divmod(keys, count)
+    rest_start = np.searchsorted(front, np.arange(len(above) + 1))
+
+    def place(front: IntArray, node: IntArray) -> NDArray[np.int32]:
+        last = first[front + 1].astype(np.int64)
+        in_rest = np.searchsorted(keys, front * count + node) - rest_start[front]
+        return (np.where(node < last, node, last + in_rest) - first[front]).astype(np.int32)
+
+    return rest.astype(np.int32), place(above[front], rest), rest_start, place(of, node)
 
 
-def _tasks(below: IntArray, update: IntArray, flops: FloatArray) -> tuple[IntArray, IntArray, int]:
+def _tasks(
+    below: IntArray, above: IntArray, update: IntArray, flops: FloatArray
+) -> tuple[IntArray, IntArray, int]:
     """Divide the fronts among tasks.
 
     Returns
@@ -536,8 +504,6 @@ def _tasks(below: IntArray, update: IntArray, flops: FloatArray) -> tuple[IntArr
         small[:] = True  # one task has them all
     tasks, work = [], []
     all_at_once = np.zeros(fronts, dtype=np.int64)
-    above = np.full(fronts, -1)
-    above[below[below[:, 0] >= 0].ravel()] = np.repeat(np.flatnonzero(below[:, 0] >= 0), 2)
     for t in range(fronts):
         if small[t]:
             if above[t] >= 0 and small[above[t]]:
@@ -572,8 +538,9 @@ def factor(
 
     Parameters
     ----------
-    element_matrices : (n, 81, 81)
-        Of each cell, symmetric: row 3 a + axis is that of local node a.
+    element_matrices : (n, 27, 6, 27)
+        Of each cell, symmetric: between local nodes a and b, at [a, k, b], for the pair k of axes
+        11, 22, 33, 12, 23, 13, of which the first is that of a.
     springs : (m, 54, 54)
         Of each link, alike along each axis: between the nodes of its cells, one after the other.
     into
@@ -586,7 +553,7 @@ def factor(
     """
     a = analysis
     matrices = np.ascontiguousarray(element_matrices, dtype=np.float64)
-    assert (len(matrices), matrices[0].size) == (len(a.begin) - 1 - len(springs), 81 * 81)
+    assert matrices.shape == (len(a.begin) - 1 - len(springs), 27, 6, 27)
     columns = _aligned(int(a.panel[-1])) if into is None else into.columns
     updates: dict[int, FloatArray] = {}  # of tasks' last fronts, until the front above has them
     none = np.empty(0)
@@ -714,6 +681,9 @@ def _factor_fronts(
     return np.int64(-1), at
 
 
+_SIX = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2]])
+
+
 @inner_kernel
 def _add_cell(
     matrix: FloatArray, place: IntArray, panel: FloatArray, rows: _Int, update:
@@ -728,9 +698,10 @@ def _add_cell(
             )
             for a in range(27):
                 if place[a] >= place[b]:
-                    to, of = offset + 3 * place[a], 3 * a
+                    to = offset + 3 * place[a]
                     for i in range(3):
-                        into[to + i] += matrix[of + i, 3 * b + axis]
+                        k = _SIX[i, axis]
+                        into[to + i] += matrix[a, k, b] if i <= axis else matrix[b, k, a]
 
 
 @inner_kernel

@@ -562,7 +562,7 @@ def test_what_cells_take_is_foretold(samples: Path) -> None:
     surface = open_part(samples / "finger.stl", unit=None).part.mesh
     cells = cut_cells(surface, 3.0, columns_across=6)
     analysis = analyse(cells.nodes, cells.node_mm, cells.interface.cells)
-    needed = analysis.factor_bytes + analysis.work_bytes + 8 * 81**2 * len(cells.nodes)
+    needed = analysis.factor_bytes + analysis.work_bytes + 8 * 6 * 27**2 * len(cells.nodes)
     found = part._effort(surface, np.array([3.0]), factors=1, solutions=1)
     assert found[0][0] == pytest.approx(len(cells.nodes), rel=0.2)
     assert found[1][0] == pytest.approx(3 * len(cells.node_mm), rel=0.2)

@@ -68,7 +68,8 @@ def lattice(size, counts):
 
     return SimpleNamespace(
         origin_mm=np.zeros(3), cell_mm=cell, index=index, offsets=27 * np.arange(len(index) + 1),
-        nodes=np.ravel_multi_index(np.moveaxis(place, 2, 0), grid).astype(np.int32),
+        nodes=np.ravel_multi_index(np.moveaxis(place, 2, 0), grid).astype(np.int32, order="C"),
+        cell_volume_mm3=np.full(len(index), cell.prod()),
         node_mm=np.stack(np.indices(grid), -1).reshape(-1, 3) * cell / 2.0,
         points=np.tile(points, (len(index), 1)), weights_mm3=np.tile(weights, len(index)),
         surface=faces_of(size, counts), locate=locate, interface=NO_INTERFACE,
@@ -697,6 +698,45 @@ def test_a_load_that_hardly_strains_is_in_proportion():
         )
         found.append(mean(problem, settled(problem), tip)[2] / load)
     assert found[1] == pytest.approx(found[0], rel=1e-6)
+
+
+def bent(shares, **more):
+    """A cantilever that bends; its states, with what the load does to each; what is told."""
+    cells = lattice((20.0, 2.0, 2.0), (5, 1, 1))
+    problem = neo_hooke(
+        cells, [(on(cells, 0, 0.0), (0.0, 0.0, 0.0))],
+        forces=[(on(cells, 0, 20.0), (0.0, 0.0, 5e-3))],
+    )  # fmt: skip
+    told = []
+    states = [
+        (state.displacement_mm, factored.solve(problem.dead.ravel()))
+        for state, factored in problem.follow(
+            shares, lambda share, iteration, residual: told.append((share, residual)), **more
+        )
+    ]
+    return problem, states, told
+
+
+def test_the_last_change_of_a_step_may_be_by_the_factor_before():
+    """States are alike, and the last one's factor is its own."""
+    shares = [0.5, 1.0]
+    _, exact, _ = bent(shares)
+    _, quick, told = bent(shares, tangents=False)
+    assert min(residual for share, residual in told if share == 0.5) < 1e-6
+    for (one, _), (other, _) in zip(exact, quick, strict=True):
+        assert np.abs(one).max() > 4.0
+        np.testing.assert_allclose(other, one, rtol=0.0, atol=1e-8 * np.abs(one).max())
+    np.testing.assert_allclose(quick[1][1], exact[1][1], rtol=0.0, atol=1e-6)
+    assert np.abs(quick[0][1] - exact[0][1]).max() > 1e-5
+
+
+def test_a_small_load_is_in_proportion_to_the_first_change():
+    """Whether the body was loaded before, or not."""
+    loaded, _, _ = bent([1.0])
+    fresh, _, _ = bent([])
+    one, other = (problem.small(1e-3).displacement_mm for problem in (loaded, fresh))
+    assert np.abs(other).max() > 1e-3
+    np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-12)
 
 
 # ------------------------------------------------------------------------------------------------
