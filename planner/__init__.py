@@ -43,9 +43,8 @@ if TYPE_CHECKING:
     from planner.report.compare_page import compare_page
     from planner.report.fit_figures import fit_figure
     from planner.report.gap_page import write_diagnosis
+    from planner.report.loaded_part import part_page, part_volume
     from planner.report.material_figures import characterisation_figure, materials_figure
-    from planner.report.part_page import part_page
-    from planner.report.part_volume import part_volume
     from planner.report.plan_page import plan_page, view
     from planner.report.simulation_figures import simulation_figure
     from planner.simulation.bar import Bar
@@ -155,9 +154,8 @@ _MODULES = {
     "planner.report.compare_page": "compare_page",
     "planner.report.fit_figures": "fit_figure",
     "planner.report.gap_page": "write_diagnosis",
+    "planner.report.loaded_part": "part_page part_volume",
     "planner.report.material_figures": "characterisation_figure materials_figure",
-    "planner.report.part_page": "part_page",
-    "planner.report.part_volume": "part_volume",
     "planner.report.plan_page": "plan_page view",
     "planner.report.simulation_figures": "simulation_figure",
     "planner.simulation.bar": "Bar",

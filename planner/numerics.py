@@ -19,6 +19,7 @@ __all__ = [
     "IntArray",
     "Point",
     "at_first_compilation",
+    "freeze",
     "inner_kernel",
     "interrupted",
     "kernel",
@@ -35,6 +36,15 @@ Float32Array: TypeAlias = NDArray[np.float32]
 IntArray: TypeAlias = NDArray[np.integer[Any]]
 BoolArray: TypeAlias = NDArray[np.bool_]
 Point: TypeAlias = tuple[float, float, float]
+
+
+def freeze(value: object, *names: str) -> None:
+    """Make arrays of a frozen dataclass that is being made its own, doubles, and unchangeable."""
+    for name in names:
+        if getattr(value, name) is not None:
+            array = np.array(getattr(value, name), dtype=np.float64)
+            array.setflags(write=False)
+            object.__setattr__(value, name, array)
 
 
 # ------------------------------------------------------------------------------------------------

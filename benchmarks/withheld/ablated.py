@@ -18,7 +18,7 @@ from planner.gap.diagnose import LEAST_PROBABILITY, RANKED, prepared
 from planner.gap.evidence.posterior import class_of, evidence_of, ranking_of
 from planner.gap.evidence.problem import Problem
 from planner.gap.evidence.weigh import Priors, weigh
-from planner.gap.noise import discrepancy_columns, specimen_noise
+from planner.gap.noise import NoisyFeatures, discrepancy_columns
 from planner.numerics import FloatArray
 
 __all__ = ["FULL", "VARIANTS", "ablated_answers", "problem_of", "weighed_answer"]
@@ -41,9 +41,9 @@ def _without_specimens(problem: Problem, priors: Priors) -> _Part:
     none = dict.fromkeys(("specimen", "batch", "slope", "wander"), _NONE)
     scatter = replace(problem.scatter, **none, field_shared=0.0)
     unknown = np.full(len(problem.campaign.specimens), -1)
-    noise = specimen_noise(
-        problem.table, problem.sensitivity, scatter, problem.model.sensor_sd_N, unknown
-    )
+    sensor_sd_N = problem.model.sensor_sd_N
+    features = NoisyFeatures(problem.table, problem.sensitivity, sensor_sd_N, unknown)
+    noise = features.noise(scatter)
     batches = problem.noise.batch.shape[1]
     columns = _unwhitened(problem, problem.columns)
     columns = columns[:, : columns.shape[1] - batches]

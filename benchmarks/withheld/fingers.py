@@ -21,8 +21,10 @@ from planner.materials.marlow import MarlowTable, marlow_table
 from planner.materials.mixtures import CoefficientModel
 from planner.numerics import FloatArray, IntArray
 from planner.palette import load_palette
+from planner.simulation.loads import LoadCase
+from planner.simulation.part import open_solid
 from planner.simulation.part_response import encode_response, read_response
-from planner.simulation.part_sensitivity import followed, loaded_part, response_of
+from planner.simulation.response import followed, loaded_part, response_of
 
 ROOT = Path(__file__).resolve().parents[2]
 PALETTE = ROOT / "printers/connex3/palettes/connex3-tango-vero.toml"
@@ -111,9 +113,10 @@ def solve(plan: Path, folder: Path) -> None:
     palette = load_palette(PALETTE)
     table = marlow_table(CoefficientModel(palette))
     folder.mkdir(parents=True, exist_ok=True)
+    solid = open_solid(plan, None, None, None, palette)
     truths: dict[str, list[list[float]]] = {}
     for name, (fix, move) in LOADED.items():
-        part = loaded_part(plan, palette, fix=[fix], move=move, cell_mm=CELL_MM)
+        part = loaded_part(solid, LoadCase(fix=fix, move=move), cell_mm=CELL_MM)
         moved = followed(part, table, STEPS)
         response = replace(response_of(part, moved, log_sd=0.02), name=f"finger {name}")
         (folder / f"{name}.json").write_bytes(encode_response(response))

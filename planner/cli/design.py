@@ -9,29 +9,24 @@ from typer import Argument, Context, Option
 from planner.cli.output import (
     AsJson,
     CasesFile,
-    FixedFaces,
     Force,
     ForceOversize,
-    Gravity,
-    Loads,
+    LoadOptions,
     MeshBodies,
     MeshUnit,
-    MinimumFeatureMm,
-    MinimumWallMm,
-    Moments,
-    Moves,
     PaletteName,
-    Pressures,
+    PrinterLimits,
     Quiet,
-    TrayMm,
     check_targets,
-    limited_printer,
+    in_groups,
+    taken,
 )
 
 if TYPE_CHECKING:
     from planner.inverse_design.design import PartDesign
 
 
+@in_groups
 def design(
     context: Context,
     part: Annotated[Path, Argument(help="Mesh file, as for planner grade.")],
@@ -49,12 +44,8 @@ def design(
             "makes its miss count twice. Repeatable."
         ),
     ] = None,
-    fix: FixedFaces = None,
-    load: Loads = None,
-    moment: Moments = None,
-    pressure: Pressures = None,
-    move: Moves = None,
-    gravity: Gravity = None,
+    *,
+    loads: LoadOptions,
     cases: CasesFile = None,
     case: Annotated[
         list[str] | None,
@@ -112,9 +103,7 @@ def design(
     printer: Annotated[
         str | None, Option(help="Installed printer, or its TOML file; connex3 by default.")
     ] = None,
-    tray: TrayMm = None,
-    minimum_wall_mm: MinimumWallMm = None,
-    minimum_feature_mm: MinimumFeatureMm = None,
+    limits: PrinterLimits,
     palette: PaletteName = None,
     output: Annotated[
         Path | None, Option("--output", "-o", help="Folder to write; <part>-designed by default.")
@@ -134,31 +123,29 @@ def design(
     Example: [bold]planner design finger.stl --from Tango --to Vero --axis x --fix x=max --load
     "x=min: 0,0,-0.5 N" --target "x=min uz=-12 mm"[/bold]
     """
+    given = locals()
     import planner
     from planner.cli.output import Kept, long_progress, print_document
     from planner.inverse_design.design import interrupted_design
     from planner.simulation.loads import case_of, read_cases
 
     folder = Path(f"{part.stem}-designed") if output is None else output
-    machine = limited_printer(printer, None, tray, minimum_wall_mm, minimum_feature_mm)
     goes_on = interrupted_design(folder)
     force = force or goes_on
     check_targets(context, force=force, folders={"output": (folder, "plan.json")})
     further = [
-        one if one.fix or one.move else replace(one, fix=fix or (), move=move or ())
+        one if one.fix or one.move else replace(one, fix=loads.fix or (), move=loads.move or ())
         for one in map(case_of, case or ())
     ]
     with long_progress(not quiet and not as_json) as stage:
-        made = planner.design(
-            part, from_=from_, to=to, target=target or (), fix=fix or (), load=load or (),
-            moment=moment or (), pressure=pressure or (), move=move or (), gravity=gravity,
-            cases=(*(() if cases is None else read_cases(cases)), *further), limit=limit or (),
-            knots=knots, axis=axis, field=field, free=free, symmetric=symmetric, robust=robust,
-            prefer=prefer, blend=blend, at_strain=at_strain, cell_mm=cell_mm, minutes=minutes,
-            tolerance=tolerance, start=folder if goes_on else None, unit=unit, bodies=bodies,
-            steps=0 if no_page else _STEPS, printer=machine, palette=palette,
-            force_oversize=force_oversize, progress=stage,
-        )  # fmt: skip
+        asked = taken(planner.design, given | vars(loads)) | {
+            "cases": (*(() if cases is None else read_cases(cases)), *further),
+            "start": folder if goes_on else None,
+            "steps": 0 if no_page else _STEPS,
+            "printer": limits.printer(printer),
+            "progress": stage,
+        }
+        made = planner.design(**asked)
         stage("writing the files")
         made.write(folder, force=force, page=None if no_page else planner.plan_page(made))
     if as_json:

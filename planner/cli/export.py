@@ -7,25 +7,23 @@ from typer import Argument, Context, Option
 
 from planner.cli.output import (
     AsJson,
-    FixedFaces,
     Force,
-    Gravity,
-    Loads,
+    LoadOptions,
     MeshBodies,
     MeshMaterial,
     MeshUnit,
-    Moments,
-    Moves,
     PaletteName,
-    Pressures,
     Quiet,
     check_targets,
+    in_groups,
+    taken,
 )
 
 if TYPE_CHECKING:
     from planner.simulation.export import Export
 
 
+@in_groups
 def export(
     context: Context,
     source: Annotated[str, Argument(help="A plan.json or its folder, or with --material a mesh.")],
@@ -39,12 +37,8 @@ def export(
             "--cell", "--cell-mm", help="Edge of a cell in mm; by default what makes about 15000."
         ),
     ] = None,
-    fix: FixedFaces = None,
-    load: Loads = None,
-    moment: Moments = None,
-    pressure: Pressures = None,
-    move: Moves = None,
-    gravity: Gravity = None,
+    *,
+    loads: LoadOptions,
     to_strain: Annotated[
         float | None,
         Option(
@@ -72,17 +66,14 @@ def export(
     Example: [bold]planner export finger-graded --to calculix --fix x=max --load "x=min: 0,0,-0.2
     N"[/bold]
     """
+    given = locals()
     import planner
     from planner.cli.output import print_document, progress, say
 
     check_targets(context, force=force, output=output)
     with progress(not quiet and not as_json) as stage:
         stage("filling the part with cells")
-        model = planner.export(
-            source, to=to, cell_mm=cell_mm, fix=fix or (), load=load or (), moment=moment or (),
-            pressure=pressure or (), move=move or (), gravity=gravity, to_strain=to_strain,
-            material=material, unit=unit, bodies=bodies, printer=printer, palette=palette,
-        )  # fmt: skip
+        model = planner.export(**taken(planner.export, given | vars(loads)))
     path = model.write(output, force=force)
     if as_json:
         print_document(model.json())

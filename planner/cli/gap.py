@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from typer import Argument, Context, Option
 
-from planner.cli.output import AsJson, PaletteName, PrinterName, Quiet, check_targets
+from planner.cli.output import AsJson, PaletteName, PrinterName, Quiet, check_targets, taken
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -78,6 +78,7 @@ def diagnose(
 
     Example: [bold]planner gap diagnose campaign -o diagnosis[/bold]
     """
+    given = locals()
     import planner
     from planner.cli.output import print_document, progress, say, say_verdict, terminal_width
     from planner.gap.standing import next_command
@@ -85,14 +86,10 @@ def diagnose(
 
     check_targets(context, force=force, folders={"output": (output, "diagnosis.json")})
     with progress(not (quiet or as_json)) as stage:
-        found = planner.diagnose(
-            campaign,
-            palette=palette,
-            without=without or (),
-            unit_of=unit_of or (),
-            seed=seed,
-            progress=lambda done, total, what: stage(f"{what}, {done} of {total}"),
-        )
+        asked = taken(planner.diagnose, given) | {
+            "progress": lambda done, total, what: stage(f"{what}, {done} of {total}")
+        }
+        found = planner.diagnose(**asked)
         if output is not None:
             stage("writing the files")
             planner.write_diagnosis(found, output, force=force)
@@ -150,23 +147,12 @@ def correct(
 
     Example: [bold]planner gap correct diagnosis --temperature-C 33 -o warm.toml[/bold]
     """
+    given = locals()
     import planner
     from planner.cli.output import print_document
 
     check_targets(context, force=force, output=output)
-    made = planner.correct(
-        diagnosis,
-        palette=palette,
-        temperature_C=temperature_C,
-        rate_per_s=rate_per_s,
-        soak_h=soak_h,
-        age_days=age_days,
-        orientation=orientation,
-        width_mm=width_mm,
-        thickness_mm=thickness_mm,
-        recalibrate=recalibrate,
-        printer=printer,
-    )
+    made = planner.correct(**taken(planner.correct, given))
     if made.corrected:
         planner.write_palette(made.palette, output, force=force)
     if as_json:
@@ -236,6 +222,7 @@ def design(
 
     Example: [bold]planner gap design --effects rate,moisture --budget 30 -o plan[/bold]
     """
+    given = locals()
     import planner
     from planner.cli.output import print_document, progress
     from planner.formats.outputs import write_whole
@@ -248,16 +235,7 @@ def design(
     else:
         check_targets(context, force=False, folders={"output": (output, None)})
     with progress(not (quiet or as_json)) as stage:
-        made = planner.design_campaign(
-            effects,
-            budget,
-            printer=printer,
-            palette=palette,
-            width_mm=width_mm,
-            thickness_mm=thickness_mm,
-            gauge_mm=gauge_mm,
-            progress=stage,
-        )
+        made = planner.design_campaign(**taken(planner.design_campaign, given), progress=stage)
     if listed:
         write_whole(output, specimens_csv(made.campaign))
     else:
@@ -414,20 +392,13 @@ def simulate(
 
     Example: [bold]planner gap simulate --design plan --effect rate:rise=0.12 -o made[/bold]
     """
+    given = locals()
     import planner
     from planner.cli.output import print_document, say, warn
     from planner.gap.virtual import stated_effect
 
     check_targets(context, force=False, folders={"output": (output, None)})
-    made = planner.synthesise_campaign(
-        design,
-        effect=effect or (),
-        scatter=scatter,
-        seed=seed,
-        camera=camera,
-        printer=printer,
-        palette=palette,
-    )
+    made = planner.synthesise_campaign(**taken(planner.synthesise_campaign, given))
     planner.write_campaign(made, output)
     if as_json:
         print_document(

@@ -2,40 +2,28 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Context, Option
 
 from planner.cli.output import (
     AsJson,
     AtStrain,
-    ColumnNames,
-    Compared,
-    ComparedWith,
     Force,
-    GaugeMm,
-    LeaveOut,
-    LoadingMode,
-    MaterialName,
-    NumberBlocks,
     PaletteName,
     PrinterName,
     Quiet,
-    SpecimensFile,
-    TensileFiles,
-    ThicknessMm,
-    UnitsOf,
-    WidthMm,
     check_targets,
     finding,
     format_interval,
     format_number,
+    in_groups,
     print_document,
     print_table,
     progress,
     say,
-    split_columns,
     taken,
     tell_notes,
 )
@@ -288,28 +276,100 @@ def _print_laws(found: "Sequence[Mixture]") -> None:
 
 
 # ------------------------------------------------------------------------------------------------
+# What `characterise` and `fit` read.
+
+
+@dataclass(frozen=True)
+class _TensileTests:
+    """How tests are read, and what they are compared with."""
+
+    specimens: Annotated[
+        Path | None, Option("--specimens", help="List of specimens: material, size, file.")
+    ] = None
+    material: Annotated[
+        str | None, Option(help="What all specimens without a row are made of.")
+    ] = None
+    width_mm: Annotated[float | None, Option(help="Width of specimens without a row.")] = None
+    thickness_mm: Annotated[
+        float | None, Option("--thickness-mm", help="Thickness of specimens without a row.")
+    ] = None
+    gauge_mm: Annotated[
+        float | None, Option("--gauge-mm", help="Gauge length of specimens without a row.")
+    ] = None
+    columns: Annotated[
+        str | None,
+        Option(
+            help="Headings in place of the files' own, by position: 'stretch,stress_MPa', '-' "
+            "leaves a column out."
+        ),
+    ] = None
+    unit_of: Annotated[
+        list[str] | None,
+        Option(
+            help="Read force, travel, stress or strain in another unit than the files say, as in "
+            "force=lbf:S1,S2 (specimens or materials) or, for all, travel=in; repeatable."
+        ),
+    ] = None
+    mode: Annotated[
+        str | None,
+        Option(
+            help="How specimens were loaded whose row has no mode: tension, compression, planar or "
+            "equibiaxial."
+        ),
+    ] = None
+    blocks: Annotated[
+        str | None,
+        Option(
+            help="Blocks of numbers in one sheet that nothing names: join (one record) or apart "
+            "(specimens)."
+        ),
+    ] = None
+    leave_out: Annotated[
+        list[str] | None, Option(help="Specimen or material to leave out; repeatable.")
+    ] = None
+    printer: PrinterName = "connex3"
+    palette: Annotated[
+        str | None,
+        Option(
+            help="Palette to hold the tests against, a file (TOML) or one of the printer's; else "
+            "its default."
+        ),
+    ] = None
+    compare: Annotated[
+        bool,
+        Option(
+            help="Hold materials that the palette names against it: was a unit taken for another?"
+        ),
+    ] = True
+
+    def given(self) -> dict[str, Any]:
+        """Return them by the names that the functions have."""
+        names = self.columns and [name.strip() for name in self.columns.split(",")]
+        return {**vars(self), "columns": names}
+
+
+_TensileFiles = Annotated[
+    list[Path],
+    Argument(
+        help="Files of tests (CSV, text, XLSX, XLS, ODS, as machines write them), or folders; a "
+        "specimens.csv among or beside them is used."
+    ),
+]
+
+
+# ------------------------------------------------------------------------------------------------
 # planner characterise.
 
 
+@in_groups
 def characterise(
     context: Context,
-    files: TensileFiles,
+    files: _TensileFiles,
     output: Annotated[
         Path | None, Option("--output", "-o", help="CSV file to write, one row a material.")
     ] = None,
-    specimens: SpecimensFile = None,
-    material: MaterialName = None,
-    width_mm: WidthMm = None,
-    thickness_mm: ThicknessMm = None,
-    gauge_mm: GaugeMm = None,
-    columns: ColumnNames = None,
-    unit_of: UnitsOf = None,
-    mode: LoadingMode = None,
-    blocks: NumberBlocks = None,
-    leave_out: LeaveOut = None,
-    printer: PrinterName = "connex3",
-    palette: ComparedWith = None,
-    compare: Compared = True,
+    *,
+    tests: _TensileTests,
     at_strain: Annotated[
         list[float] | None, Option("--at-strain", help="Strain of a secant modulus; repeatable.")
     ] = None,
@@ -336,9 +396,9 @@ def characterise(
     from planner.formats.outputs import write_whole
     from planner.materials.study import listed_files
 
-    reads = listed_files(files, specimens)
+    reads = listed_files(files, tests.specimens)
     check_targets(context, force=force, reads=reads, output=output, figure=figure)
-    asked = taken(planner.characterise, given) | {"columns": split_columns(columns)}
+    asked = taken(planner.characterise, given | tests.given())
     found = planner.characterise(**asked)
     if output is not None:
         write_whole(output, found.csv())
@@ -455,9 +515,10 @@ def _tables(found: "Sequence[MaterialCharacteristics]") -> None:
 # planner fit.
 
 
+@in_groups
 def fit(
     context: Context,
-    files: TensileFiles,
+    files: _TensileFiles,
     output: Annotated[Path, Option("--output", "-o", help="Palette file (TOML) to write.")] = Path(
         "palette.toml"
     ),
@@ -489,19 +550,8 @@ def fit(
             "of m, and compare what it predicts; the palette is the same."
         ),
     ] = None,
-    specimens: SpecimensFile = None,
-    material: MaterialName = None,
-    width_mm: WidthMm = None,
-    thickness_mm: ThicknessMm = None,
-    gauge_mm: GaugeMm = None,
-    columns: ColumnNames = None,
-    unit_of: UnitsOf = None,
-    mode: LoadingMode = None,
-    blocks: NumberBlocks = None,
-    leave_out: LeaveOut = None,
-    printer: PrinterName = "connex3",
-    palette: ComparedWith = None,
-    compare: Compared = True,
+    *,
+    tests: _TensileTests,
     figure: Annotated[
         Path | None,
         Option(help="SVG file to write: tests over laws, residuals, mixtures between."),
@@ -527,17 +577,14 @@ def fit(
     from planner.formats.outputs import new_folder, write_whole
     from planner.materials.study import listed_files
 
-    check_targets(
-        context, force=force, reads=listed_files(files, specimens), output=output, figure=figure,
-        folders={"tables": (tables, _TABLES)},
-    )  # fmt: skip
+    reads, folders = listed_files(files, tests.specimens), {"tables": (tables, _TABLES)}
+    check_targets(context, force=force, reads=reads, output=output, figure=figure, folders=folders)
     with progress(not (quiet or as_json)) as stage:
-        asked = taken(planner.fit, given) | {
+        asked = taken(planner.fit, given | tests.given()) | {
             "name": name or output.stem,
             "coordinate": _figures(coordinate, "--coordinate"),
             "order": order and [name.strip() for name in order.split(",")],
             "density": _figures(density, "--density"),
-            "columns": split_columns(columns),
             "progress": stage,
         }
         result = planner.fit(**asked)

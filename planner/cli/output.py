@@ -1,6 +1,7 @@
 """What a person or a program reads: the only place that prints; and options of many commands."""
 
 import contextlib
+import functools
 import inspect
 import itertools
 import json
@@ -10,11 +11,12 @@ import shutil
 import sys
 import time
 from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any
 
-from typer import Argument, Context, Option
+from typer import Context, Option
 
 from planner.errors import ArgumentError
 from planner.report.plan_text import format_interval, format_number, format_range
@@ -29,44 +31,24 @@ __all__ = [
     "AsJson",
     "AtStrain",
     "CasesFile",
-    "ColumnNames",
-    "Compared",
-    "ComparedWith",
-    "FixedFaces",
     "Force",
     "ForceOversize",
-    "GaugeMm",
-    "Gravity",
     "Kept",
-    "LeaveOut",
-    "LoadingMode",
-    "Loads",
-    "MaterialName",
+    "LoadOptions",
     "MeshBodies",
     "MeshMaterial",
     "MeshUnit",
-    "MinimumFeatureMm",
-    "MinimumWallMm",
-    "Moments",
-    "Moves",
-    "NumberBlocks",
     "PaletteName",
-    "Pressures",
+    "PrinterLimits",
     "PrinterName",
     "Quiet",
-    "SpecimensFile",
-    "TensileFiles",
-    "ThicknessMm",
-    "TrayMm",
-    "UnitsOf",
-    "WidthMm",
     "check_targets",
     "complain",
     "finding",
     "format_interval",
     "format_number",
     "format_range",
-    "limited_printer",
+    "in_groups",
     "long_progress",
     "print_document",
     "print_table",
@@ -74,7 +56,6 @@ __all__ = [
     "progress_bar",
     "say",
     "say_verdict",
-    "split_columns",
     "taken",
     "tell_notes",
     "terminal_width",
@@ -336,17 +317,6 @@ PrinterName = Annotated[
         "--printer", help="Installed printer, see [bold]planner printers[/bold]; or its TOML file."
     ),
 ]
-TrayMm = Annotated[
-    str | None, Option("--tray", help="Largest part, X,Y,Z in mm, in place of the printer's own.")
-]
-MinimumWallMm = Annotated[
-    float | None,
-    Option("--minimum-wall", help="Thinnest wall in mm, in place of the printer's own."),
-]
-MinimumFeatureMm = Annotated[
-    float | None,
-    Option("--minimum-feature", help="Smallest detail in mm, in place of the printer's own."),
-]
 PaletteName = Annotated[
     str | None, Option("--palette", help="Palette file (TOML), or one of the printer's palettes.")
 ]
@@ -359,6 +329,66 @@ AtStrain = Annotated[
 ]
 
 
+def in_groups(command: Callable[..., int]) -> Callable[..., int]:
+    """Let a command take options in groups: each field of a parameter that is a dataclass."""
+    shown: list[inspect.Parameter] = []
+    groups: dict[str, Any] = {}
+    for one in inspect.signature(command).parameters.values():
+        if is_dataclass(one.annotation):
+            groups[one.name] = one.annotation
+            shown += [
+                one.replace(name=option.name, annotation=option.type, default=option.default)
+                for option in fields(one.annotation)
+            ]
+        else:
+            shown.append(one)
+
+    @functools.wraps(command)
+    def run(**given: Any) -> int:
+        for name, group in groups.items():
+            given[name] = group(**{one.name: given.pop(one.name) for one in fields(group)})
+        return command(**given)
+
+    vars(run)["__signature__"] = inspect.Signature(shown)
+    run.__annotations__ = {one.name: one.annotation for one in shown}
+    return run
+
+
+@dataclass(frozen=True)
+class PrinterLimits:
+    """Limits in place of the printer's own."""
+
+    tray: Annotated[
+        str | None,
+        Option("--tray", help="Largest part, X,Y,Z in mm, in place of the printer's own."),
+    ] = None
+    minimum_wall_mm: Annotated[
+        float | None,
+        Option("--minimum-wall", help="Thinnest wall in mm, in place of the printer's own."),
+    ] = None
+    minimum_feature_mm: Annotated[
+        float | None,
+        Option("--minimum-feature", help="Smallest detail in mm, in place of the printer's own."),
+    ] = None
+
+    def printer(self, printer: str | None, like: Path | None = None) -> "str | Printer | None":
+        """Return the printer that is asked for, or that a plan to follow has, with these limits."""
+        import planner
+
+        if self == PrinterLimits():
+            return printer
+        try:
+            x, y, z = map(float, (self.tray or "0,0,0").split(","))
+        except ValueError:
+            raise ArgumentError(f"--tray {self.tray}: give X,Y,Z in mm, as 300,200,150") from None
+        return planner.load_printer(
+            printer or ("connex3" if like is None else planner.read_plan(like).printer),
+            tray_mm=None if self.tray is None else (x, y, z),
+            minimum_wall_mm=self.minimum_wall_mm,
+            minimum_feature_mm=self.minimum_feature_mm,
+        )
+
+
 def taken(function: Callable[..., Any], given: Mapping[str, Any]) -> dict[str, Any]:
     """Return those of a command's options that its function takes, under the same names.
 
@@ -366,30 +396,6 @@ def taken(function: Callable[..., Any], given: Mapping[str, Any]) -> dict[str, A
     """
     names = inspect.signature(function).parameters
     return {name: value for name, value in given.items() if name in names and value is not None}
-
-
-def limited_printer(
-    printer: str | None,
-    like: Path | None,
-    tray: str | None,
-    wall_mm: float | None,
-    feature_mm: float | None,
-) -> "str | Printer | None":
-    """Return the printer that is asked for, or that a plan to follow has, with stated limits."""
-    import planner
-
-    if tray is None and wall_mm is None and feature_mm is None:
-        return printer
-    words = (tray or "").split(",")
-    try:
-        x, y, z = map(float, words) if tray else (None, None, None)
-    except ValueError:
-        raise ArgumentError(f"--tray {tray}: give X,Y,Z in mm, as 300,200,150") from None
-    size = None if x is None or y is None or z is None else (x, y, z)
-    name = printer or ("connex3" if like is None else planner.read_plan(like).printer)
-    return planner.load_printer(
-        name, tray_mm=size, minimum_wall_mm=wall_mm, minimum_feature_mm=feature_mm
-    )
 
 
 def check_targets(
@@ -492,40 +498,48 @@ def _real(path: Path) -> Path:
 
 
 # ------------------------------------------------------------------------------------------------
-# Options of the commands that read tensile tests and write files.
+# Options of the commands that take whole parts and write files.
 
 
 Force = Annotated[bool, Option("--force", help="Replace files that are there.")]
 ForceOversize = Annotated[
     bool, Option("--force-oversize", help="Plan a part that the printer's tray does not hold.")
 ]
-FixedFaces = Annotated[
-    list[str] | None,
-    Option(
-        "--fix",
-        help="Faces of the whole part that do not move, as x=max; for what may stand there see "
-        "docs/how-to/simulate-a-whole-part.md. Repeatable, as all of these.",
-    ),
-]
-Loads = Annotated[
-    list[str] | None, Option("--load", help="Force on faces in all, as 'x=min: 0,0,-0.5 N'.")
-]
-Moments = Annotated[
-    list[str] | None,
-    Option("--moment", help="Moment about the middle of faces, as 'x=min: 0,5,0 N mm'."),
-]
+
+
+@dataclass(frozen=True)
+class LoadOptions:
+    """How a whole part is held and loaded."""
+
+    fix: Annotated[
+        list[str] | None,
+        Option(
+            "--fix",
+            help="Faces of the whole part that do not move, as x=max; for what may stand there see "
+            "docs/how-to/simulate-a-whole-part.md. Repeatable, as all of these.",
+        ),
+    ] = None
+    load: Annotated[
+        list[str] | None, Option("--load", help="Force on faces in all, as 'x=min: 0,0,-0.5 N'.")
+    ] = None
+    moment: Annotated[
+        list[str] | None,
+        Option("--moment", help="Moment about the middle of faces, as 'x=min: 0,5,0 N mm'."),
+    ] = None
+    pressure: Annotated[
+        list[str] | None, Option("--pressure", help="Pressure on faces, as 'cavity: 20 kPa'.")
+    ] = None
+    move: Annotated[
+        list[str] | None, Option("--move", help="Faces that are moved, as 'z>102: 5,free,0 mm'.")
+    ] = None
+    gravity: Annotated[
+        str | None, Option("--gravity", help="Where the part's weight pulls: -z, or dx,dy,dz.")
+    ] = None
+
+
 CasesFile = Annotated[
     Path | None,
     Option("--cases", help="TOML file of load cases: tables 'case' with these options, and name."),
-]
-Pressures = Annotated[
-    list[str] | None, Option("--pressure", help="Pressure on faces, as 'cavity: 20 kPa'.")
-]
-Moves = Annotated[
-    list[str] | None, Option("--move", help="Faces that are moved, as 'z>102: 5,free,0 mm'.")
-]
-Gravity = Annotated[
-    str | None, Option("--gravity", help="Where the part's weight pulls: -z, or dx,dy,dz.")
 ]
 MeshMaterial = Annotated[
     str | None, Option("--material", help="What a mesh is made of, which is no plan.")
@@ -539,82 +553,3 @@ MeshBodies = Annotated[
         "solids around them; or solids, and then all are united.",
     ),
 ]
-TensileFiles = Annotated[
-    list[Path],
-    Argument(
-        help="Files of tests (CSV, text, XLSX, XLS, ODS, as machines write them), or folders; a "
-        "specimens.csv among or beside them is used."
-    ),
-]
-SpecimensFile = Annotated[
-    Path | None, Option("--specimens", help="List of specimens: material, size, file.")
-]
-MaterialName = Annotated[
-    str | None, Option("--material", help="What all specimens without a row are made of.")
-]
-WidthMm = Annotated[float | None, Option("--width-mm", help="Width of specimens without a row.")]
-ThicknessMm = Annotated[
-    float | None, Option("--thickness-mm", help="Thickness of specimens without a row.")
-]
-GaugeMm = Annotated[
-    float | None, Option("--gauge-mm", help="Gauge length of specimens without a row.")
-]
-UnitsOf = Annotated[
-    list[str] | None,
-    Option(
-        "--unit-of",
-        help="Read force, travel, stress or strain in another unit than the files say, as in "
-        "force=lbf:S1,S2 (specimens or materials) or, for all, travel=in; repeatable.",
-    ),
-]
-ComparedWith = Annotated[
-    str | None,
-    Option(
-        "--palette",
-        help="Palette to hold the tests against, a file (TOML) or one of the printer's; else its "
-        "default.",
-    ),
-]
-Compared = Annotated[
-    bool,
-    Option(
-        "--compare/--no-compare",
-        help="Hold materials that the palette names against it: was a unit taken for another?",
-    ),
-]
-ColumnNames = Annotated[
-    str | None,
-    Option(
-        "--columns",
-        help="Headings in place of the files' own, by position: 'stretch,stress_MPa', '-' leaves "
-        "a column out.",
-    ),
-]
-
-
-LoadingMode = Annotated[
-    str | None,
-    Option(
-        "--mode",
-        help="How specimens were loaded whose row has no mode: tension, compression, planar or "
-        "equibiaxial.",
-    ),
-]
-LeaveOut = Annotated[
-    list[str] | None,
-    Option("--leave-out", help="Specimen or material to leave out; repeatable."),
-]
-
-NumberBlocks = Annotated[
-    str | None,
-    Option(
-        "--blocks",
-        help="Blocks of numbers in one sheet that nothing names: join (one record) or apart "
-        "(specimens).",
-    ),
-]
-
-
-def split_columns(columns: str | None) -> list[str] | None:
-    """Take --columns apart."""
-    return None if columns is None else [name.strip() for name in columns.split(",")]

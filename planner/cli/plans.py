@@ -12,13 +12,12 @@ from planner.cli.output import (
     AsJson,
     ForceOversize,
     MeshBodies,
-    MinimumFeatureMm,
-    MinimumWallMm,
     PaletteName,
+    PrinterLimits,
     Quiet,
-    TrayMm,
     check_targets,
-    limited_printer,
+    in_groups,
+    taken,
 )
 from planner.errors import ArgumentError
 
@@ -34,6 +33,7 @@ if TYPE_CHECKING:
 _FINDINGS_SHOWN = 10
 
 
+@in_groups
 def grade(
     context: Context,
     part: Annotated[
@@ -140,9 +140,8 @@ def grade(
             "by default."
         ),
     ] = None,
-    tray: TrayMm = None,
-    minimum_wall_mm: MinimumWallMm = None,
-    minimum_feature_mm: MinimumFeatureMm = None,
+    *,
+    limits: PrinterLimits,
     palette: PaletteName = None,
     output: Annotated[
         Path | None, Option("--output", "-o", help="Folder to write; <part>-graded by default.")
@@ -184,41 +183,21 @@ def grade(
 
     Example: [bold]planner grade finger.stl --from Tango --to Vero --axis x[/bold]
     """
+    given = locals()
     import planner
     from planner.cli.output import progress
     from planner.formats.threemf import needs_one_mesh
 
     folder = Path(f"{part.stem}-graded") if output is None else output
-    machine = limited_printer(printer, like, tray, minimum_wall_mm, minimum_feature_mm)
+    machine = limits.printer(printer, like)
     if slicer is not None:
         needs_one_mesh(slicer)  # a slip is told before the work
     if not dry_run:
         check_targets(context, force=force, folders={"output": (folder, "plan.json")})
     share_compiling()
     with progress(not quiet and not as_json) as stage:
-        plan = planner.grade(
-            part,
-            like=like,
-            from_=from_,
-            to=to,
-            axis=axis,
-            field=field,
-            pitch_mm=pitch_mm,
-            profile=profile,
-            bands=bands,
-            blend=blend,
-            cell_mm=cell_mm,
-            snap_mm=snap_mm,
-            at_strain=at_strain,
-            tolerance=tolerance,
-            unit=unit,
-            bodies=bodies,
-            printer=machine,
-            palette=palette,
-            coupons=coupons,
-            force_oversize=force_oversize,
-            progress=stage,
-        )
+        asked = taken(planner.grade, given) | {"printer": machine, "progress": stage}
+        plan = planner.grade(**asked)
         refused = strict and not plan.ok
         if not (dry_run or refused):
             stage("writing the files")

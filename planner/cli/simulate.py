@@ -10,18 +10,14 @@ from typer import Argument, Context, Option
 from planner.cli.output import (
     AsJson,
     CasesFile,
-    FixedFaces,
-    Gravity,
-    Loads,
+    LoadOptions,
     MeshBodies,
     MeshMaterial,
     MeshUnit,
-    Moments,
-    Moves,
     PaletteName,
-    Pressures,
     Quiet,
     check_targets,
+    in_groups,
 )
 from planner.errors import ArgumentError
 
@@ -42,6 +38,7 @@ _OF_BAR = [
 _OF_BOTH = ["steps", "level", "printer", "palette"]
 
 
+@in_groups
 def simulate(
     context: Context,
     source: Annotated[
@@ -51,12 +48,8 @@ def simulate(
             "thickness_mm]), a material, or with --fix and --load a mesh."
         ),
     ],
-    fix: FixedFaces = None,
-    load: Loads = None,
-    moment: Moments = None,
-    pressure: Pressures = None,
-    move: Moves = None,
-    gravity: Gravity = None,
+    *,
+    loads: LoadOptions,
     cases: CasesFile = None,
     watch: Annotated[
         list[str] | None,
@@ -249,7 +242,7 @@ def _between(text: str) -> tuple[float, float]:
 
 def _part_report(results: "Sequence[PartSimulation]") -> None:
     from planner.cli.output import print_table, say, tell_notes
-    from planner.report.part_text import part_title, response_rows, step_rows, summary_words
+    from planner.report.loaded_part import part_title, response_rows, step_rows, summary_words
 
     tell_notes(note for result in results for note in result.notes)
     for result in results:

@@ -81,7 +81,6 @@ def _deflated(data: bytes, member: zipfile.ZipInfo) -> memoryview:
     return memoryview(data)[start : start + member.compress_size]
 
 
-_PIECE = 1 << 20
 _RATIO = 100
 """Text packs by 4 to 11 (meshes, the most regular ones included); zeros by 1,030."""
 
@@ -94,13 +93,11 @@ def most_unpacked(packed_bytes: int) -> int:
     return max(_HARMLESS, _RATIO * packed_bytes)
 
 
-def unpacked(
-    data: bytes, name: str, most_bytes: int = _LARGEST
-) -> Iterator[tuple[str, Iterator[bytes]]]:
-    """Yield the members of an archive: the name of each, and its content piece by piece.
+def unpacked(data: bytes, name: str, most_bytes: int = _LARGEST) -> Iterator[tuple[str, bytes]]:
+    """Yield the members of an archive: the name of each, and its content.
 
-    A member is worth no more memory than a piece, and its content is checked to be of the length
-    that the archive's directory promises: what is longer is not unpacked.
+    It is checked to be of the length that the archive's directory promises: what is longer is not
+    unpacked.
 
     Parameters
     ----------
@@ -129,50 +126,37 @@ def unpacked(
             "read: it is damaged, or made to exhaust memory; export the part again"
         )
     for member in members:
-        yield member.filename, _pieces(data, member, name)
+        yield member.filename, _content(data, member, name)
 
 
-def _pieces(data: bytes, member: zipfile.ZipInfo, name: str) -> Iterator[bytes]:
+def _content(data: bytes, member: zipfile.ZipInfo, name: str) -> bytes:
     try:
         packed = _deflated(data, member)
     except struct.error:
         packed = memoryview(b"")
-    if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+    most = member.file_size + 1  # one more than promised shows that there is too much
+    if member.compress_type == zipfile.ZIP_STORED:
+        content = bytes(packed[:most])
+    elif member.compress_type == zipfile.ZIP_DEFLATED:
+        try:
+            content = zlib.decompressobj(-zlib.MAX_WBITS).decompress(packed, most)
+        except zlib.error as error:
+            raise FileError(
+                f"{name}: {member.filename} cannot be unpacked ({error}); copy or export the file "
+                "again"
+            ) from error
+    else:
         raise FileError(
             f"{name}: {member.filename} is packed by method {member.compress_type}; only deflate "
             "is read: zip it again"
         )
-    got = 0
-    for piece in _slices(packed) if member.compress_type == 0 else _inflated(packed, member, name):
-        got += len(piece)
-        if got > member.file_size:
-            break
-        yield piece
-    if got != member.file_size:
-        more = "more" if got > member.file_size else f"{got:,}"
+    if len(content) != member.file_size:
+        more = "more" if len(content) == most else f"{len(content):,}"
         raise FileError(
             f"{name}: {member.filename} promises {member.file_size:,} bytes and holds {more}; "
             "copy or export the file again"
         )
-
-
-def _slices(packed: memoryview) -> Iterator[bytes]:
-    for start in range(0, len(packed), _PIECE):
-        yield bytes(packed[start : start + _PIECE])
-
-
-def _inflated(packed: memoryview, member: zipfile.ZipInfo, name: str) -> Iterator[bytes]:
-    unpacker = zlib.decompressobj(-zlib.MAX_WBITS)
-    try:
-        for block in _slices(packed):
-            while block:
-                yield unpacker.decompress(block, _PIECE)
-                block = unpacker.unconsumed_tail
-        yield unpacker.flush(_PIECE)
-    except zlib.error as error:
-        raise FileError(
-            f"{name}: {member.filename} cannot be unpacked ({error}); copy or export the file again"
-        ) from error
+    return content
 
 
 @dataclass(frozen=True, slots=True)

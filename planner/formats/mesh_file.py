@@ -294,24 +294,15 @@ def _check_tree(data: bytes, limits: UnfoldingLimits) -> None:
     tree = json.loads(data[20 : 20 + int.from_bytes(data[12:16], "little")])
     nodes = tree.get("nodes", [])
     parents = {child: k for k, node in enumerate(nodes) for child in node.get("children", ())}
-    depths: dict[int, int] = {}
-    total = 0
-    for start in range(len(nodes)):
-        way = []
-        node: int | None = start
-        while node is not None and node not in depths:
-            depths[node] = 0  # on the way; a node that meets it again turns back
-            way.append(node)
-            node = parents.get(node)
-        depth = 0 if node is None else depths[node]
-        if node is not None and depth == 0:
-            raise ValueError("its nodes turn back on themselves")
-        for node in reversed(way):
-            depth += 1
-            depths[node] = depth
-            total += depth
+    total, level = 0, list(range(len(nodes)))
+    while level:  # of each node the one above, until all are at the root
+        total += len(level)
         if total > 10 * limits.objects:
-            raise ValueError(f"its nodes are nested too deep: over {10 * limits.objects} matrices")
+            raise ValueError(
+                f"its nodes are nested too deep, over {10 * limits.objects} matrices, or turn back "
+                "on themselves"
+            )
+        level = [parents[node] for node in level if node in parents]
 
 
 _ELEMENT = re.compile(rb"^element\s+\S+\s+(\d{1,18})\s*$", re.MULTILINE)

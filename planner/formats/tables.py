@@ -6,7 +6,7 @@ import functools
 import io
 import math
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -24,12 +24,10 @@ __all__ = [
     "TextRow",
     "decode_text",
     "encode_csv",
-    "finite_number",
     "finite_numbers",
     "is_workbook",
     "number",
     "read_columns",
-    "read_records",
     "read_rows",
     "read_sheets",
     "split_rows",
@@ -48,9 +46,6 @@ LARGEST_FIGURE = 1e30
 
 LONGEST_HEADING = 200
 """Characters; programs write 80 at most, and searching a heading takes the square of them."""
-
-Record = dict[str, str]
-"""A row's cells by heading, as far as the row goes."""
 
 _THOUSANDS = re.compile(r"[+-]?\d{1,3}(,\d{3})+\.\d*")
 _THOUSANDS_BY_DOTS = re.compile(r"[+-]?\d{1,3}(\.\d{3})+,\d*")
@@ -176,51 +171,6 @@ def read_rows(path: Path) -> tuple[list[str], str, Iterator[TextRow]]:
     return next(rows)[1], separator, rows
 
 
-def read_records(path: Path, what: str) -> tuple[tuple[str, ...], list[tuple[str, Record]]]:
-    """Read a table: its headings, and each row by heading.
-
-    Parameters
-    ----------
-    what
-        What errors call the file, before its path.
-
-    Returns
-    -------
-    headings, records
-        Each record with what errors call its place.
-
-    Raises
-    ------
-    FileError
-        The file cannot be read, is empty, or is binary.
-    """
-    try:
-        headings, _, rows = read_rows(path)
-        records = [(line, dict(zip(headings, cells, strict=False))) for line, cells in rows]
-    except FileError as error:
-        raise FileError(f"{what} {error}") from error
-    return tuple(headings), [(f"{what} {path}, line {line}", record) for line, record in records]
-
-
-def finite_number(text: str | None, where: str) -> float:
-    """Return the number in a cell of a record.
-
-    Raises
-    ------
-    FileError
-        There is none, or it is not finite.
-    """
-    try:
-        value = float(text or "")
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise FileError(f"{where} is {text!r}; it must be a finite number")
-    if abs(value) > LARGEST_FIGURE:
-        raise FileError(f"{where} is {text!r}; it must be {LARGEST_FIGURE:g} at most")
-    return value
-
-
 def number(cell: str, separator: str) -> float | None:
     """Return the number in a cell, or None where there is none.
 
@@ -328,7 +278,7 @@ def _check_size(data: bytes, name: str) -> None:
     calamine holds a sheet as one rectangle, so that a single cell in the last row and column
     would take hundreds of gigabytes.
     """
-    members = {member: b"".join(pieces) for member, pieces in unpacked(data, name, 1 << 32)}
+    members = dict(unpacked(data, name, 1 << 32))
     if not any(m.startswith("xl/") or m == "content.xml" for m in members):
         raise FileError(f"{name}: a zip archive, but no workbook; unpack it and give its files")
     for member, content in members.items():
@@ -377,13 +327,13 @@ class ColumnFile:
     numbers
         Arrays of one length by column.
     texts
-        The same of the column `specimen`, if that was asked for.
+        The same of the columns of texts.
     lines
         Line number of each row.
     """
 
     numbers: Mapping[str, FloatArray]
-    texts: tuple[str, ...]
+    texts: Mapping[str, tuple[str, ...]]
     lines: tuple[int, ...]
 
 
@@ -391,9 +341,10 @@ def read_columns(
     path: Path,
     columns: Mapping[str, str | None],
     *,
-    optional: frozenset[str] = frozenset(),
-    gaps: frozenset[str] = frozenset(),
-    with_specimen: bool = False,
+    texts: Collection[str] = (),
+    optional: Collection[str] = (),
+    gaps: Collection[str] = (),
+    others: bool = False,
 ) -> ColumnFile:
     """Read a table whose columns are known.
 
@@ -402,12 +353,14 @@ def read_columns(
     columns
         Name, with its unit as suffix, and quantity (see `unit_factor`; None for a bare number).
         Another unit of that quantity may stand in the heading: "x_in", "x (in)".
+    texts
+        Columns of texts.
     optional
         Columns that may be absent.
     gaps
         Columns whose cells may be empty, which is NaN.
-    with_specimen
-        The file has a text column `specimen` besides.
+    others
+        Whether the file may have further columns, which are left out.
 
     Raises
     ------
@@ -417,15 +370,20 @@ def read_columns(
     """
     where = path.name
     headings, separator, rows = read_rows(path)
-    named: Mapping[str, str | None] = {"specimen": None, **columns} if with_specimen else columns
+    named: Mapping[str, str | None] = {**dict.fromkeys(texts), **columns}
     found: list[tuple[str, float]] = []
     for heading in headings:
-        column = _column(heading, named, where)
-        if column is None:
+        try:
+            column = _column(heading, named, where)
+        except FileError:
+            if not others:
+                raise
+            column = None
+        if column is None and not others:
             raise FileError(f"{where}: unknown column {heading!r}; it has {', '.join(columns)}")
-        if column[0] in dict(found):
+        if column is not None and column[0] in dict(found):
             raise FileError(f"{where}: two columns {column[0]!r}; keep one")
-        found.append(column)
+        found.append(column or ("", 0.0))
     missing = [name for name in named if name not in dict(found) and name not in optional]
     if missing:
         raise FileError(
@@ -440,10 +398,10 @@ def read_columns(
         table.append(cells)
     if not lines:
         raise FileError(f"{where}: headings but no numbers below them; export the file again")
-    numbers, texts = dict[str, FloatArray](), tuple[str, ...]()
+    numbers, words = dict[str, FloatArray](), dict[str, tuple[str, ...]]()
     for heading, (name, factor), of in zip(headings, found, zip(*table, strict=True), strict=True):
-        if name == "specimen":
-            texts = of
+        if name not in columns:
+            words[name] = of
             continue
         filled = [row for row, cell in enumerate(of) if cell or name not in gaps]
         numbers[name] = np.full(len(of), np.nan)
@@ -451,7 +409,7 @@ def read_columns(
             [of[row] for row in filled], [lines[row] for row in filled],
             separator, where, heading, factor,
         )  # fmt: skip
-    return ColumnFile(numbers, texts, tuple(lines))
+    return ColumnFile(numbers, words, tuple(lines))
 
 
 def _column(

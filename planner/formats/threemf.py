@@ -4,7 +4,7 @@ import ctypes
 import hashlib
 import re
 import uuid
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -119,14 +119,8 @@ def threemf_xml_hashes(path: str | Path) -> dict[str, str]:
     FileError
         The file is missing or no zip archive.
     """
-    data = read_file(path)
-    hashes = {}
-    for member, pieces in unpacked(data, str(path)):
-        digest = hashlib.sha256()
-        for piece in pieces:
-            digest.update(piece)
-        hashes[member] = digest.hexdigest()
-    return hashes
+    members = unpacked(read_file(path), str(path))
+    return {member: hashlib.sha256(content).hexdigest() for member, content in members}
 
 
 # ------------------------------------------------------------------------------------------------
@@ -146,8 +140,8 @@ class _Object:
 def _check_structure(data: bytes, name: str, limits: UnfoldingLimits) -> None:
     """Refuse a 3MF file that holds, or unfolds to, more than planner reads.
 
-    Nothing is built of it: members are unpacked piece by piece, and of their text only what
-    makes the structure is looked at (objects, components, build items, a triangle's first corner).
+    Nothing is built of it: of the members' text only what makes the structure is looked at
+    (objects, components, build items, a triangle's first corner).
     Each object is counted once, however often it is placed. Whatever else is wrong with the file
     is left to its reader.
 
@@ -165,8 +159,9 @@ def _check_structure(data: bytes, name: str, limits: UnfoldingLimits) -> None:
     items: list[_Key] = []
     try:
         called = f"{name}: not a 3MF file that can be read"
-        for member, pieces in unpacked(data, called, limits.unpacked_bytes):
-            for _ in _scan(member, pieces, objects, items):
+        for member, text in unpacked(data, called, limits.unpacked_bytes):
+            for key in _scan(member, text, objects):
+                items += [key] if key else []
                 if len(objects) > limits.objects:
                     raise _refusal(name, f"holds more than {limits.objects:,} objects")
     except FileError as error:
@@ -195,68 +190,33 @@ def _counted(count: int) -> str:
     return f"{count:,}" if count < 10**15 else "over 10^15"
 
 
-_OPENING = re.compile(rb"<(?:!--|\?|(?:[\w.-]+:)?(object|component|item)(?=\s))")
-_REST = re.compile(rb"""(?:[^>"']|"[^"]*"|'[^']*')*+>""")
+_TAG = re.compile(  # of what is no comment; no value of XML has a "<"
+    rb"<!--.*?(?:-->|\Z)|<\?.*?(?:\?>|\Z)|<(?:[\w.-]+:)?(object|component|item)"
+    rb"""(\s(?:[^<>"']|"[^"<]*"|'[^'<]*')*+)>""",
+    re.DOTALL,
+)
 _ATTRIBUTE = re.compile(rb"""([\w.-]+)\s*=\s*(?:"([^"]*)"|'([^']*)')""")
-_ENDS = {b"<!--": b"-->", b"<?": b"?>"}
 _CORNER = b"v1"
 """Each triangle has this attribute once, whatever its prefix and blanks."""
 
-_LONGEST_TAG = 1 << 20
 
-
-def _scan(
-    member: str, pieces: Iterable[bytes], objects: dict[_Key, _Object], items: list[_Key]
-) -> Iterator[None]:
-    """Add what a member of the archive has of objects and build items, and yield at each piece."""
-    text, current = b"", _Object()
-    for piece in pieces:
-        text += piece
-        place = counted = 0
-        while opening := _OPENING.search(text, place):
-            current.triangles += text.count(_CORNER, counted, opening.start())
-            place = counted = opening.start()
-            if opening[1] is None:
-                end = text.find(_ENDS[opening[0]], opening.end())
-                closed = None if end < 0 else end + len(_ENDS[opening[0]])
-            else:
-                rest = _REST.match(text, opening.end())
-                closed = None if rest is None else rest.end()
-            if closed is None:  # goes on in the next piece
-                break
-            place = counted = closed
-            if opening[1] is not None:
-                found = _ATTRIBUTE.findall(text, opening.end(), closed)
-                said = {key: (double or single) for key, double, single in found}
-                current = _note(member, opening[1], said, objects, items, current)
-        else:
-            opened = text.rfind(b"<", place)
-            # A tag's beginning is kept; a text of any length may follow a whole one.
-            place = opened if opened >= 0 and len(text) - opened < 4096 else len(text)
-            current.triangles += text.count(_CORNER, counted, place)
-        text = text[place:]
-        if len(text) > _LONGEST_TAG:
-            raise FileError(f"{member}: has an XML element of more than {_LONGEST_TAG:,} bytes")
-        yield
-    current.triangles += text.count(_CORNER)
-
-
-def _note(
-    member: str,
-    tag: bytes,
-    said: dict[bytes, bytes],
-    objects: dict[_Key, _Object],
-    items: list[_Key],
-    current: _Object,
-) -> _Object:
-    """Take an element in, and return the object that what follows is of."""
-    key = _key(member, said.get(b"path"), said.get(b"id" if tag == b"object" else b"objectid"))
-    if key is None:  # the reader will say what is wrong
-        return current
-    if tag == b"object":
-        return objects.setdefault(key, _Object())
-    (current.components if tag == b"component" else items).append(key)
-    return current
+def _scan(member: str, text: bytes, objects: dict[_Key, _Object]) -> Iterator[_Key | None]:
+    """Add the objects of a member of the archive, and yield what its build items place."""
+    current, counted = _Object(), 0
+    for tag in _TAG.finditer(text):
+        current.triangles += text.count(_CORNER, counted, tag.start())
+        counted = tag.end()
+        said = {key: double or single for key, double, single in _ATTRIBUTE.findall(tag[2] or b"")}
+        number = said.get(b"id" if tag[1] == b"object" else b"objectid")
+        key = _key(member, said.get(b"path"), number)
+        if key is None:  # the reader will say what is wrong
+            continue
+        if tag[1] == b"object":
+            current = objects.setdefault(key, _Object())
+        elif tag[1] == b"component":
+            current.components.append(key)
+        yield key if tag[1] == b"item" else None
+    current.triangles += text.count(_CORNER, counted)
 
 
 def _key(member: str, path: bytes | None, number: bytes | None) -> _Key | None:

@@ -11,8 +11,8 @@ import numpy as np
 from planner.errors import FileError
 from planner.formats.specimens import SPECIMEN_COLUMNS, SpecimenConditions
 from planner.glance import brief, counted, one_line, plotted
-from planner.materials.characterise import MINIMUM_POINTS
-from planner.numerics import FloatArray
+from planner.materials.characterise import check_record
+from planner.numerics import FloatArray, freeze
 from planner.palette import Palette
 from planner.simulation.bar import ProfileDesign
 from planner.simulation.part_response import PartResponse
@@ -63,7 +63,7 @@ class StrainField:
     __repr__ = brief
 
     def __post_init__(self) -> None:
-        _freeze(self, ("time_s", "x_mm", "strain"))
+        freeze(self, "time_s", "x_mm", "strain")
         shape = (len(self.time_s), len(self.x_mm))
         if self.strain.shape != shape:
             raise FileError(f"strain field: shape {self.strain.shape}; it must be {shape}")
@@ -90,6 +90,9 @@ class PartTest:
     def name(self) -> str:
         """Of the part."""
         return self.response.name
+
+
+_RECORD = ("time_s", "displacement_mm", "force_N")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -142,31 +145,9 @@ class Specimen(SpecimenConditions):
         return f"{self.id}: {self.made_of}, {self.protocol}, {counted(len(self.time_s), 'point')}"
 
     def __post_init__(self) -> None:
-        _freeze(self, ("time_s", "displacement_mm", "force_N"))
+        freeze(self, *_RECORD)
         where = f"specimen {self.id}"
-        columns = {"time_s": self.time_s, "displacement_mm": self.displacement_mm,
-                   "force_N": self.force_N}  # fmt: skip
-        if self.time_s.ndim != 1 or len({array.shape for array in columns.values()}) > 1:
-            shapes = {name: array.shape for name, array in columns.items()}
-            raise FileError(f"{where}: columns differ in shape ({shapes}); give one value a point")
-        if len(self.time_s) < MINIMUM_POINTS:
-            raise FileError(
-                f"{where}: the record has {len(self.time_s)} points; at least {MINIMUM_POINTS} "
-                "are needed: export all of it, or leave the specimen out of specimens.csv"
-            )
-        for name, array in columns.items():
-            bad = np.flatnonzero(~np.isfinite(array))
-            if len(bad):
-                raise FileError(
-                    f"{where}: {name} is {array[bad[0]]} at point {bad[0] + 1}; remove or repair "
-                    "such points"
-                )
-        fall = np.flatnonzero(np.diff(self.time_s) <= 0.0)
-        if len(fall):
-            raise FileError(
-                f"{where}: time goes from {self.time_s[fall[0]]:g} s to "
-                f"{self.time_s[fall[0] + 1]:g} s at point {fall[0] + 2}; time must rise"
-            )
+        check_record(where, {name: getattr(self, name) for name in _RECORD})
         if sum(of is not None for of in (self.material, self.profile, self.part)) != 1:
             raise FileError(f"{where}: give exactly one of material, profile and part")
         if not 0.0 < self.gauge_mm < np.inf:
@@ -272,13 +253,6 @@ def _without_stairs(time_s: FloatArray, travel_mm: FloatArray) -> FloatArray:
     arrives[0], leaves[-1] = edges[0], edges[-1]
     knots = np.stack([arrives, np.maximum(leaves, arrives)], axis=1).ravel()
     return np.asarray(np.interp(time_s, knots, np.repeat(travel_mm[first], 2)))
-
-
-def _freeze(value: object, names: tuple[str, ...]) -> None:
-    for name in names:
-        array = np.array(getattr(value, name), dtype=np.float64)
-        array.setflags(write=False)
-        object.__setattr__(value, name, array)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -390,54 +364,23 @@ def _design_key(specimen: Specimen) -> Hashable:
 # What a campaign cannot tell, whatever is made of it.
 
 
-def _limitations_of(specimens: Sequence[Specimen], palette: Palette) -> tuple[str, ...]:
-    """Return one sentence a limitation that the specimens themselves show."""
-    return (
-        *_of_number(specimens),
-        *_of_replicates(specimens),
-        *_of_unknowns(specimens),
-        *_of_range(specimens, palette),
-        *_of_compression(specimens),
-    )
-
-
-def _of_number(specimens: Sequence[Specimen]) -> Iterator[str]:
+def _limitations_of(specimens: Sequence[Specimen], palette: Palette) -> Iterator[str]:
+    """Yield one sentence a limitation that the specimens themselves show."""
     if len(specimens) == 1:
         yield (
             "one specimen only: no condition varies and there is no scatter to judge a gap by, "
             "so no cause can be named"
         )
-
-
-def _of_replicates(specimens: Sequence[Specimen]) -> Iterator[str]:
-    groups = replicate_groups(specimens)
-    if len(specimens) > 1 and all(len(group) == 1 for group in groups):
+    elif all(len(group) == 1 for group in replicate_groups(specimens)):
         yield (
             "one specimen a condition: without replicates the scatter between specimens is "
             "assumed, not measured; repeat at least one condition three times"
         )
-
-
-def _of_unknowns(specimens: Sequence[Specimen]) -> Iterator[str]:
     for name, column in SPECIMEN_COLUMNS.items():
         unknown = [s.id for s in specimens if getattr(s, name) is None]
-        if column.is_size or not unknown:
-            continue
-        of = "all specimens" if len(unknown) == len(specimens) else named(unknown)
-        yield f"{name} is unknown for {of}; it is not taken to be at the palette's reference"
-
-
-def _of_compression(specimens: Sequence[Specimen]) -> Iterator[str]:
-    pushed = [s for s in specimens if s.pushed]
-    if pushed:
-        far = max(float(np.max(np.abs(s.strain))) for s in pushed)
-        yield (
-            f"{named([s.id for s in pushed])}: compressed, to a strain of {far:.2g}; a palette's "
-            "laws are fitted to tension and extrapolated there, so that a gap may be the law's own"
-        )
-
-
-def _of_range(specimens: Sequence[Specimen], palette: Palette) -> Iterator[str]:
+        if unknown and not column.is_size:
+            of = "all specimens" if len(unknown) == len(specimens) else named(unknown)
+            yield f"{name} is unknown for {of}; it is not taken to be at the palette's reference"
     beyond: dict[tuple[float, str], list[Specimen]] = {}
     for s in specimens:
         end = _range_of(s, palette)
@@ -448,6 +391,12 @@ def _of_range(specimens: Sequence[Specimen], palette: Palette) -> Iterator[str]:
         yield (
             f"{named([s.id for s in over])}: strained to {peak:.4g}, past {reach:.4g}, where "
             f"{of} ends; what lies beyond is not compared"
+        )
+    if pushed := [s for s in specimens if s.pushed]:
+        far = max(float(np.max(np.abs(s.strain))) for s in pushed)
+        yield (
+            f"{named([s.id for s in pushed])}: compressed, to a strain of {far:.2g}; a palette's "
+            "laws are fitted to tension and extrapolated there, so that a gap may be the law's own"
         )
 
 

@@ -5,8 +5,9 @@ import json
 import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from difflib import SequenceMatcher
+from functools import cache
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Literal
@@ -37,13 +38,14 @@ from planner.palette import Palette, encode_palette, load_palette
 from planner.plan import plan_file
 from planner.printers import load_printer, palette_of
 from planner.simulation.bar import ProfileDesign, read_profile
-from planner.simulation.part_response import PartResponse, encode_response, read_response
+from planner.simulation.part_response import encode_response, read_response
 
 __all__ = [
     "CURVES",
     "SPECIMENS",
     "ListReader",
     "campaign_palette",
+    "has_curves",
     "read_campaign",
     "read_campaign_file",
     "read_list",
@@ -166,32 +168,20 @@ Chosen: a way back past zero is small beside the pull, so that anything well abo
 
 
 def _turned(
-    force_N: FloatArray,
-    travel_mm: FloatArray,
-    *,
-    said: _Mode | None,
-    gauge_mm: float,
-    area_mm2: float | None,
-    stress_MPa: Callable[[FloatArray], FloatArray] | None,
-    notes: list[str],
+    source: "_Source", force_N: FloatArray, travel_mm: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return force and travel, both positive in tension and negative in compression.
 
     What is said of a specimen holds. Else both negative are a push, both positive a pull. Where
     one alone is negative, the curve tells, by the law that it is nearer to at any stiffness; where
     laws are too much alike for that, a piece that is wider than long was pushed: no grip holds it.
-
-    Parameters
-    ----------
-    stress_MPa
-        The material's law, nominal stress of stretches; None where there is none.
-    notes
-        What was turned or looks odd is added.
+    What was turned or looks odd is noted.
     """
+    said, notes = source.said, source.notes
     down = {"force": _is_negative(force_N), "travel": _is_negative(travel_mm)}
     names = [name for name, negative in down.items() if negative]
     which = " and ".join(names) or "none"
-    curve = None if stress_MPa is None else _kind(force_N, travel_mm, gauge_mm, stress_MPa)
+    curve = _kind(source, force_N, travel_mm)
     if said is not None:
         mode = said
     elif len(names) != 1:
@@ -199,7 +189,7 @@ def _turned(
     elif curve is not None:
         mode = curve
     else:
-        squat = area_mm2 is not None and gauge_mm**2 < area_mm2
+        squat = source.area_mm2 is not None and source.gauge_mm**2 < source.area_mm2
         mode = "compression" if squat else "tension"
     pushed = mode == "compression"
     if pushed and len(names) == 2:
@@ -237,26 +227,23 @@ _FARTHEST = 0.6
 """Strain up to which a curve is looked at. Chosen: a law in compression ends soon after."""
 
 
-def _kind(
-    force_N: FloatArray,
-    travel_mm: FloatArray,
-    gauge_mm: float,
-    stress_MPa: Callable[[FloatArray], FloatArray],
-) -> _Mode | None:
+def _kind(source: "_Source", force_N: FloatArray, travel_mm: FloatArray) -> _Mode | None:
     """Return the way of loading whose law a first loading is nearer to, at any stiffness.
 
-    None where the two laws differ by less than the nearer one is missed by.
+    None where there is no law, or two differ by less than the nearer one is missed by.
     """
+    if source.stress_MPa is None:
+        return None
     moved = np.abs(travel_mm - travel_mm[0])
     top = int(np.argmax(moved >= 0.95 * moved.max()))
-    strain, load = moved[: top + 1] / gauge_mm, np.abs(force_N[: top + 1])
+    strain, load = moved[: top + 1] / source.gauge_mm, np.abs(force_N[: top + 1])
     end = min(float(strain.max()), _FARTHEST)
     at = np.linspace(0.0, end, _PLACES + 1)[1:]
     if not end > 0.0 or not load.max() > 0.0:
         return None
     rising, first = np.unique(np.maximum.accumulate(strain), return_index=True)
     measured = _of_size_one(np.interp(at, rising, load[first]))
-    pulled, pushed = _of_size_one(stress_MPa(1.0 + at)), _of_size_one(-stress_MPa(1.0 - at))
+    pulled, pushed = (_of_size_one(way * source.stress_MPa(1.0 + way * at)) for way in (1.0, -1.0))
     missed: dict[_Mode, float] = {
         "tension": _distance(measured, pulled),
         "compression": _distance(measured, pushed),
@@ -348,10 +335,7 @@ def _record_of(source: _Source) -> dict[str, Any]:
         kind = "unloaded start" if unloaded else "start under a preload"
         notes.append(f"travel counts from its {kind}, not from 0 as recorded")
         travel = travel - travel[0]
-    force, travel = _turned(
-        force, travel, said=source.said, gauge_mm=source.gauge_mm, area_mm2=source.area_mm2,
-        stress_MPa=source.stress_MPa, notes=notes,
-    )  # fmt: skip
+    force, travel = _turned(source, force, travel)
     time, recorded = _time(source, travel)
     starts = np.flatnonzero(np.diff(time, prepend=-np.inf) > 0.0)
     if len(starts) < points:
@@ -499,9 +483,9 @@ def _read_strain_fields(path: Path) -> dict[str, MeasuredField]:
         A bad column or cell, one place twice at one time, or too few places; the message names
         file and line or specimen.
     """
-    file = read_columns(path, _COLUMNS, optional=_FACET, gaps=_FACET, with_specimen=True)
+    file = read_columns(path, _COLUMNS, optional=_FACET, gaps=_FACET, texts=("specimen",))
     rows: dict[str, list[int]] = {}
-    for row, specimen in enumerate(file.texts):
+    for row, specimen in enumerate(file.texts["specimen"]):
         rows.setdefault(specimen, []).append(row)
     fields: dict[str, MeasuredField] = {}
     for specimen, at in rows.items():
@@ -619,6 +603,12 @@ def campaign_palette(
 SPECIMENS, CURVES, _FIELDS = "specimens.csv", "curves.csv", "fields.csv"
 
 
+def has_curves(folder: Path) -> bool:
+    """Say whether there is more in curves.csv than the heading, which a design writes."""
+    path = path_within(folder, CURVES)
+    return path.is_file() and sum(map(bool, map(bytes.strip, read_file(path).splitlines()))) > 1
+
+
 _Noted = dict[str, list[str]]
 """Notes with the specimens that each applies to, in order of appearance."""
 
@@ -705,19 +695,12 @@ def _note(noted: _Noted, note: str, id: str) -> None:
     noted.setdefault(note, []).append(id)
 
 
-@dataclass(frozen=True, slots=True)
 class ListReader:
-    """What the rows of a list of specimens stand for.
+    """What the rows of a list of specimens stand for; what they name lies in the list's folder."""
 
-    Attributes
-    ----------
-    file
-        The list; what its rows name lies in its folder.
-    """
-
-    file: Path
-    palette: Palette
-    _parts: dict[tuple[str, str, str, str], PartTest] = field(default_factory=dict)
+    def __init__(self, file: Path, palette: Palette) -> None:
+        self.palette, self._file = palette, file
+        self._part = cache(self._part_test)
 
     def fields(self, row: Row, known: Mapping[str, Any]) -> tuple[dict[str, Any], list[str]]:
         """Return what a specimen is made of, its sizes and conditions; and what is to be noted.
@@ -739,16 +722,16 @@ class ListReader:
         UnknownNameError
             No such material.
         """
-        where = f"{self.file.name}, specimen {row.specimen}"
+        where = f"{self._file.name}, specimen {row.specimen}"
         found, notes, design = dict(known), list[str](), None
         with _naming(where):
             if row.material:
                 found["material"] = self.palette.resolve(row.material).id
             elif row.part:
-                part = self._part(row.part, row.fix, row.move, row.load)
+                part = self._part(row.part, row.fix, row.move, row.load)  # simulated once
                 found |= {"part": part, "gauge_mm": part.response.gauge_mm}
             else:
-                file, gauge = path_within(self.file.parent, row.profile), found["gauge_mm"]
+                file, gauge = path_within(self._file.parent, row.profile), found["gauge_mm"]
                 design, told = read_profile(file, palette=self.palette, gauge_mm=gauge)
                 found |= {"profile": design, "gauge_mm": design.length_mm}
                 notes += told
@@ -763,17 +746,10 @@ class ListReader:
                 )
         return found, notes
 
-    def _part(self, part: str, fix: str, move: str, load: str) -> PartTest:
-        """Return a part with its supports and its load, simulated once."""
-        key = (part, fix, move, load)
-        if key not in self._parts:
-            self._parts[key] = PartTest(self._response(*key), fix, move, load)
-        return self._parts[key]
-
-    def _response(self, part: str, fix: str, move: str, load: str) -> PartResponse:
-        path = path_within(self.file.parent, part)
+    def _part_test(self, part: str, fix: str, move: str, load: str) -> PartTest:
+        path = path_within(self._file.parent, part)
         if path.is_file() and path.name != "plan.json":
-            return read_response(path)
+            return PartTest(read_response(path), fix, move, load)
         if not fix or bool(move) == bool(load):
             raise FileError(
                 f"part {part}: give 'fix' and one of 'move' and 'load' (got {fix!r}, {move!r} and "
@@ -781,13 +757,14 @@ class ListReader:
             )
         plan = plan_file(path)
         # The solid's solver is slow to import, and few campaigns hold parts.
-        from planner.simulation.part_sensitivity import part_response
+        from planner.simulation.response import part_response
 
         supports = re.split(r"\s*;\s*", fix)
         try:
-            return part_response(plan, self.palette, fix=supports, move=move, load=load)
+            response = part_response(plan, self.palette, fix=supports, move=move, load=load)
         except ArgumentError as error:
             raise FileError(f"part {part}: {error}") from error
+        return PartTest(response, fix, move, load)
 
 
 def _tables(folder: Path, rows: Sequence[Row], noted: _Noted) -> dict[str, TensileTable]:
@@ -895,8 +872,7 @@ _CsvRow = Sequence[str | float | None]
 
 def specimens_csv(campaign: Campaign) -> bytes:
     """Return the list of specimens as a file's bytes; designs of bars as profiles/NAME.csv."""
-    profiles, _ = _profile_files(campaign.specimens)
-    return encode_csv(_specimen_rows(campaign, profiles))
+    return encode_csv(_specimen_rows(campaign, _own_files(campaign.specimens)[0]))
 
 
 def write_campaign(campaign: Campaign, output: str | Path, *, measured: bool = True) -> Path:
@@ -930,7 +906,6 @@ def write_campaign(campaign: Campaign, output: str | Path, *, measured: bool = T
     >>> made = planner.design_campaign("rate,moisture", 16)  # doctest: +SKIP
     >>> planner.write_campaign(made.campaign, "lab", measured=False)  # doctest: +SKIP
     """
-    _, designs = _profile_files(campaign.specimens)
     with new_folder(output, record=None) as scratch:
         (scratch / "palette.toml").write_bytes(encode_palette(campaign.palette))
         (scratch / "campaign.toml").write_bytes(_campaign_toml(campaign))
@@ -939,7 +914,7 @@ def write_campaign(campaign: Campaign, output: str | Path, *, measured: bool = T
         (scratch / "curves.csv").write_bytes(encode_csv(_curve_rows(curves)))
         if measured and any(s.strain_field is not None for s in campaign.specimens):
             (scratch / "fields.csv").write_bytes(encode_csv(_field_rows(campaign.specimens)))
-        for name, data in (designs | _part_files(campaign.specimens)[1]).items():
+        for name, data in _own_files(campaign.specimens)[1].items():
             (scratch / name).parent.mkdir(exist_ok=True)
             (scratch / name).write_bytes(data)
     return Path(output)
@@ -957,21 +932,21 @@ def _campaign_toml(campaign: Campaign) -> bytes:
     return ("\n".join(["schema = 1", *lines]) + "\n").encode("utf-8")
 
 
-def _specimen_rows(campaign: Campaign, profiles: Sequence[str]) -> Iterable[_CsvRow]:
-    parts, files = _part_files(campaign.specimens)
-    how = ("fix", "move", "load") if files else ()
-    of_parts = ("part", *how) if files else ()
+def _specimen_rows(campaign: Campaign, files: Sequence[str]) -> Iterable[_CsvRow]:
+    has_parts = any(s.part is not None for s in campaign.specimens)
+    of_parts = ("part", "fix", "move", "load") if has_parts else ()
     yield ("specimen", "material", "profile", *of_parts, *_WRITTEN, *campaign.covariates)
-    for s, profile, part in zip(campaign.specimens, profiles, parts, strict=True):
+    for s, file in zip(campaign.specimens, files, strict=True):
         own = {name: getattr(s, name) for name in _WRITTEN}
+        made_of: dict[str, str] = {}
         if s.part is not None:
             own["gauge_mm"] = None  # its response has it
+            made_of = {"part": file, "fix": s.part.fix, "move": s.part.move, "load": s.part.load}
         yield (
             s.id,
             s.material or "",
-            profile,
-            *([part] if files else []),
-            *("" if s.part is None else getattr(s.part, name) for name in how),
+            "" if s.profile is None else file,
+            *(made_of.get(name, "") for name in of_parts),
             *own.values(),
             *(s.covariates.get(name) for name in campaign.covariates),
         )
@@ -995,39 +970,25 @@ def _field_rows(specimens: Sequence[Specimen]) -> Iterable[_CsvRow]:
                 yield (id, time, x, strain, *facet)
 
 
-def _profile_files(specimens: Sequence[Specimen]) -> tuple[list[str], dict[str, bytes]]:
-    """Name a file for each specimen's design ("" without), and what it holds."""
-    designs = (s.profile for s in specimens)
-    return _named_files(
-        "profiles/{}.csv",
-        [None if d is None else (d.name, encode_csv(_profile_rows(d))) for d in designs],
-    )
+def _own_files(specimens: Sequence[Specimen]) -> tuple[list[str], dict[str, bytes]]:
+    """Name a file for each specimen's design or part ("" without), and what it holds.
 
-
-def _part_files(specimens: Sequence[Specimen]) -> tuple[list[str], dict[str, bytes]]:
-    """Name a file for the response of each specimen's part ("" without), and what it holds."""
-    parts = (s.part for s in specimens)
-    return _named_files(
-        "parts/{}.json",
-        [None if p is None else (p.name, encode_response(p.response)) for p in parts],
-    )
-
-
-def _named_files(
-    path: str, contents: Sequence[tuple[str, bytes] | None]
-) -> tuple[list[str], dict[str, bytes]]:
-    """Name a file for each content, equal ones sharing one; "" for none."""
+    Equal ones share one.
+    """
     names: list[str] = []
     files: dict[str, bytes] = {}
-    for content in contents:
-        if content is None:
+    for s in specimens:
+        if s.profile is not None:
+            path, data = "profiles/{}.csv", encode_csv(_profile_rows(s.profile))
+        elif s.part is not None:
+            path, data = "parts/{}.json", encode_response(s.part.response)
+        else:
             names.append("")
             continue
-        called, data = content
-        number, name = 1, path.format(called)
+        number, name = 1, path.format(s.made_of)
         while files.setdefault(name, data) != data:
             number += 1
-            name = path.format(f"{called}-{number}")
+            name = path.format(f"{s.made_of}-{number}")
         names.append(name)
     return names, files
 

@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from planner.gap.axes import column_levels
 from planner.gap.campaign import TOLERANCES, Specimen
 from planner.gap.diagnosis import Gap
 from planner.gap.evidence.posterior import NO_GAP, UNKNOWN
@@ -18,7 +17,8 @@ from planner.gap.evidence.problem import (
 )
 from planner.gap.evidence.settle import World
 from planner.gap.evidence.surrogate import Candidate
-from planner.gap.evidence.weigh import Effects, Priors, Weighed, reweigh
+from planner.gap.evidence.weigh import Effects, Weighed, reweigh
+from planner.gap.localise import column_levels
 from planner.numerics import BoolArray, FloatArray, IntArray
 
 __all__ = ["closure"]
@@ -170,7 +170,6 @@ Calibrated: so much wider, and with the floor's own doubt, it held the closure o
 
 def closure(
     problem: Problem,
-    priors: Priors,
     weighed: Weighed,
     vain: Collection[Effects],
     verdict: Effects,
@@ -189,22 +188,20 @@ def closure(
         Of the whole campaign: with "none" or "unknown" there is no effect to add.
     """
     specimens, nothing = problem.campaign.specimens, verdict in ((), UNKNOWN)
-    predictor = _Predictor(problem, priors, weighed, vain)
+    alone = squared_errors(problem, Candidate(()))
+    predictor = _Predictor(problem, weighed, vain, alone)
     folds, held_out = _conditions_out(specimens, problem.model.tests)
-    folds = [replace(fold, judged=fold.judged & ~problem.strays) for fold in folds]
     floor = replicate_floor(problem)
     if not folds:
-        return Gap(_rms(predictor.before), None, None, None, None, None, None, held_out)
+        return Gap(_rms(alone), None, None, None, None, None, None, held_out)
 
     def errors_of(weight: FloatArray) -> FloatArray:
-        baselines = predictor.recalibrated(weight), predictor.generic(weight)
-        if nothing:
-            return np.stack([predictor.before, *baselines])
-        return np.stack([predictor.of_what_is_likely(weight), *baselines])
+        after = alone if nothing else predictor.of_what_is_likely(weight)
+        return np.stack([after, predictor.recalibrated(weight), predictor.generic(weight)])
 
-    after, recalibrated, generic = _held_out(folds, errors_of, progress)
+    after, recalibrated, generic = _held_out(problem, folds, errors_of, progress)
     judged = np.isfinite(after)
-    before = np.where(judged, predictor.before, np.nan)
+    before = np.where(judged, alone, np.nan)
     if floor is not None:  # of the same specimens as the errors, where some of these are replicated
         same = np.where(judged, floor, np.nan)
         floor = floor if np.isnan(same).all() else same
@@ -230,10 +227,9 @@ def closure(
     )
     if not beyond:
         return gap
-    beyond = [replace(fold, judged=fold.judged & ~problem.strays) for fold in beyond]
-    (errors,) = _held_out(beyond, lambda weight: predictor.of_what_is_likely(weight)[None])
-    left_out = predictor.before[np.isfinite(errors)]
-    return replace(gap, extrapolated_before=_rms(left_out), extrapolated=_rms(errors))
+    (errors,) = _held_out(problem, beyond, lambda weight: predictor.of_what_is_likely(weight)[None])
+    left_out = _rms(alone[np.isfinite(errors)])
+    return replace(gap, extrapolated_before=left_out, extrapolated=_rms(errors))
 
 
 def _rms(squares: FloatArray) -> float:
@@ -242,11 +238,14 @@ def _rms(squares: FloatArray) -> float:
 
 
 def _held_out(
+    problem: Problem,
     folds: Sequence[Fold],
     errors_of: Callable[[FloatArray], FloatArray],
     progress: Callable[[int, int, str], None] | None = None,
 ) -> FloatArray:
     """Return specimens' mean errors over the folds that judge them, (k, n); NaN if none does.
+
+    Of strays none is judged.
 
     Parameters
     ----------
@@ -254,7 +253,7 @@ def _held_out(
         Of specimens' weights, (n,), their errors, (k, n).
     """
     total: FloatArray | float = 0.0
-    times = np.sum([fold.judged for fold in folds], axis=0)
+    times = np.where(problem.strays, 0, np.sum([fold.judged for fold in folds], axis=0))
     for k, fold in enumerate(folds):
         if progress is not None:
             progress(k, len(folds), "held-out conditions")
@@ -262,6 +261,7 @@ def _held_out(
     return np.asarray(total / np.where(times > 0, times, np.nan))
 
 
+@dataclass(frozen=True, slots=True, eq=False)
 class _Predictor:
     """Squared errors of specimens, (n,), relative to their peaks, by several predictions.
 
@@ -271,14 +271,10 @@ class _Predictor:
         Of the palette alone.
     """
 
-    def __init__(
-        self, problem: Problem, priors: Priors, weighed: Weighed, vain: Collection[Effects]
-    ) -> None:
-        self._problem, self._priors, self._weighed = problem, priors, weighed
-        self._vain = vain
-        self._measured = problem.model.measured_N
-        self._residual = problem.columns[:, 0]
-        self.before = squared_errors(problem, Candidate(()))
+    problem: Problem
+    weighed: Weighed
+    vain: Collection[Effects]
+    before: FloatArray
 
     def of_what_is_likely(self, weight: FloatArray) -> FloatArray:
         """By forces averaged over what may be the cause, as the weighted specimens say, (n,).
@@ -286,9 +282,9 @@ class _Predictor:
         By the palette's own laws, whatever these specimens say that they are off by: that is
         `recalibrated`.
         """
-        problem = self._problem
-        world, odds = reweigh(problem, self._priors, self._weighed, weight)
-        odds = [(value, c) for value, c in odds if c.effects not in self._vain]
+        problem = self.problem
+        world, odds = reweigh(self.weighed, weight)
+        odds = [(value, c) for value, c in odds if c.effects not in self.vain]
         most = max(value for value, _ in odds)
         shares = np.exp([value - most for value, _ in odds])
         likely = [
@@ -296,9 +292,9 @@ class _Predictor:
             for share, (_, candidate) in zip((shares / shares.sum()).tolist(), odds, strict=True)
             if share > _LEAST_PROBABILITY
         ]
-        expected = np.zeros_like(self._measured)
+        expected = np.zeros_like(problem.model.measured_N)
         for share, candidate in likely:
-            settled = self._weighed.settled_as(candidate)
+            settled = self.weighed.settled_as(candidate)
             chosen = settled.fitted(world, problem.gain_of(candidate))
             forces = specimen_forces_N(problem, replace(chosen, members=None))
             if candidate.members is not None:
@@ -312,17 +308,15 @@ class _Predictor:
         Which specimens are affected cannot be known of those left out; whether the gain that the
         rest show fits them better than none is read off their own curves, one bit a specimen.
         """
-        scaled = forces * np.exp(log_gain)
-        plain_error, scaled_error = (
-            np.mean((self._measured - f) ** 2, axis=1) for f in (forces, scaled)
-        )
+        scaled, measured = forces * np.exp(log_gain), self.problem.model.measured_N
+        plain_error, scaled_error = (np.mean((measured - f) ** 2, axis=1) for f in (forces, scaled))
         return np.where((scaled_error < plain_error)[:, None], scaled, forces)
 
     def recalibrated(self, weight: FloatArray) -> FloatArray:
         """By calibrations that fit the weighted specimens best, no effect added."""
-        problem, count = self._problem, len(self._problem.ways)
+        problem, count = self.problem, len(self.problem.ways)
         ways = _RECALIBRATION_SD * problem.nuisance_columns[:, :count]
-        best = World(problem, nuisances=ways, weight=weight).coefficients(self._residual)
+        best = World(problem, nuisances=ways, weight=weight).coefficients(problem.columns[:, 0])
         setup = problem.with_laws_off(_RECALIBRATION_SD * best)
         return squared_errors(problem, Candidate(()), setup)
 
@@ -332,7 +326,7 @@ class _Predictor:
         It knows every column, strain and branch, and no physics: all patterns of the unknown at
         once, beside the calibrations.
         """
-        problem, table = self._problem, self._problem.table
+        problem, table = self.problem, self.problem.table
         patterns = problem.columns[:, problem.unknown_span]
         world, amplitude = max(
             (
@@ -341,7 +335,7 @@ class _Predictor:
             ),
             key=lambda found: found[0].none,
         )
-        best = world.coefficients(self._residual)
+        best = world.coefficients(problem.columns[:, 0])
         # Without the levels of batches: like the floor's, the specimens are new, and so is theirs.
         raw = problem.calibration @ best[: problem.calibration.shape[1]]
         raw += np.concatenate([a.columns for a in problem.unknown], axis=1) @ (

@@ -534,7 +534,9 @@ def correct(
     for name, value in (("width_mm", width_mm), ("thickness_mm", thickness_mm)):
         if not 0.0 < value < math.inf:
             raise ArgumentError(f"`{name}` {value:g}: it must be above 0")
-    made = _corrected(before, diagnosis, use, (width_mm, thickness_mm), recalibrate)
+    own = _conditions(Reference(), before.reference)
+    case = _Case(before, diagnosis, own, use, (width_mm, thickness_mm))
+    made = _corrected(case, recalibrate)
     return replace(made, notes=(*doubt, *made.notes))
 
 
@@ -568,13 +570,31 @@ def _diagnosed_palette(
     )
 
 
-def _corrected(
-    palette: Palette,
-    diagnosis: Diagnosis,
-    use: Reference,
-    section: tuple[float, float],
-    recalibrate: bool,
-) -> Correction:
+@dataclass(frozen=True, slots=True)
+class _Case:
+    """A diagnosis, its palette, the palette's own conditions, those of use, a part's section."""
+
+    palette: Palette
+    diagnosis: Diagnosis
+    own: Reference
+    use: Reference
+    section_mm: tuple[float, float]
+
+    @property
+    def grades(self) -> list[int]:
+        """The places on the palette of the materials that were tested, rising."""
+        ids = self.diagnosis.tested.get("material", tuple(self.diagnosis.recalibration))
+        return [k for k, material in enumerate(self.palette.materials) if material.id in ids]
+
+    def factors(
+        self, places: Sequence[_Place], strain: Callable[[Material], float], steps: int
+    ) -> Factors:
+        """Return the factors of materials pulled so far."""
+        return Factors(self.palette, places, self.own, self.section_mm, strain, steps)
+
+
+def _corrected(case: _Case, recalibrate: bool) -> Correction:
+    palette, diagnosis, own, use = case.palette, case.diagnosis, case.own, case.use
     library = effects_for(palette)
     known: list[FoundEffect] = []
     left, notes = [], []
@@ -584,13 +604,12 @@ def _corrected(
             known.append(found)
         else:
             left.append(found.id)
-            notes.append(effect.advice(found, *section))
+            notes.append(effect.advice(found, *case.section_mm))
     findings = list(notes)
     notes += _doubts(diagnosis)
     applied = [_stated(e, library[e.id], palette.name) for e in known]
-    own = _conditions(Reference(), palette.reference)
     places = [(material, use) for material in palette.materials]
-    factors = Factors(palette, places, own, section, _breaks_share, _STEPS)
+    factors = case.factors(places, _breaks_share, _STEPS)
     logs = _whole(factors.log(applied), palette)
     notes += [
         f"{one.effect.id}: nothing changes at {_in_words(use, name)}, the palette's own; "
@@ -610,7 +629,7 @@ def _corrected(
             palette, palette, (), tuple(notes), left=tuple(left), findings=tuple(findings)
         )
     sure = _intervals_sd(factors, known, applied)
-    forms = _forms_sd(palette, diagnosis, acting, own, use, section)
+    forms = _forms_sd(case, acting)
     materials, misfit, factor, log_sd, tension_alone = [], {}, {}, {}, []
     for number, material in enumerate(palette.materials):
         level, level_sd = asked.get(material.id, (0.0, 0.0))
@@ -649,11 +668,11 @@ def _corrected(
             name=palette.name.removesuffix("-corrected") + "-corrected",
             materials=tuple(materials),
             reference=use,
-            source=_source(palette, diagnosis, applied, corrected, use, section[1]),
+            source=_source(case, applied, corrected),
         )
     )
-    notes += _beyond(made, diagnosis, acting, own, log_sd)
-    findings += (guesses := _guesses(made, diagnosis, forms))
+    notes += _beyond(case, acting, log_sd)
+    findings += (guesses := _guesses(case, made, forms))
     notes += guesses
     return Correction(
         made, palette, tuple(corrected), tuple(notes), misfit, factor, log_sd,
@@ -713,34 +732,26 @@ def _stated(found: FoundEffect, effect: Effect, palette: str) -> StatedEffect:
 # How far the use lies from what was tested, and how sure the correction is there.
 
 
-def _forms_sd(
-    palette: Palette,
-    diagnosis: Diagnosis,
-    effects: Sequence[StatedEffect],
-    own: Reference,
-    use: Reference,
-    section: tuple[float, float],
-) -> FloatArray:
+def _forms_sd(case: _Case, effects: Sequence[StatedEffect]) -> FloatArray:
     """Return by how much forms that fit the tests as well differ in use, a material each.
 
     How an effect changes from mixture to mixture the forms know roughly. So for each material
     those tests speak that are next to it on the palette, on either side; its own alone, where it
     was tested.
     """
-    total = np.zeros(len(palette.materials))
+    materials, seen, gap = case.palette.materials, case.grades, case.diagnosis.gap
+    total = np.zeros(len(materials))
     # The form found misses conditions left out by this much; one that is as near to it as that
     # at the tests is as good.
-    missed = [e for e in (diagnosis.gap.after, diagnosis.gap.floor) if e is not None]
-    sd = max(missed, default=USUAL.specimen) or USUAL.specimen
-    materials, seen = palette.materials, _tested_grades(palette, diagnosis)
+    sd = max(gap.after or 0.0, gap.floor or 0.0) or USUAL.specimen
     groups: dict[tuple[int, ...], list[int]] = {}
     for number in range(len(materials)):
         groups.setdefault(_next_to(number, seen), []).append(number)
     for one, (beside, numbers) in itertools.product(effects, groups.items()):
-        tests = _tests_of([materials[n] for n in beside], diagnosis, one.effect.condition, own)
+        tests = _tests_of(case, [materials[n] for n in beside], one.effect.condition)
         if tests:
-            places = [*tests, *((materials[n], use) for n in numbers)]
-            factors = Factors(palette, places, own, section, working_strain, _STEPS_TO_WORK)
+            places = [*tests, *((materials[n], case.use) for n in numbers)]
+            factors = case.factors(places, working_strain, _STEPS_TO_WORK)
             total[numbers] += forms_sd(factors, one, len(tests), sd) ** 2
     return np.sqrt(total)
 
@@ -751,40 +762,29 @@ def _next_to(number: int, seen: Sequence[int]) -> tuple[int, ...]:
     return tuple(dict.fromkeys([*below[-1:], *above[:1]]))
 
 
-def _tests_of(
-    materials: Sequence[Material], diagnosis: Diagnosis, condition: str | None, own: Reference
-) -> list[_Place]:
+def _tests_of(case: _Case, materials: Sequence[Material], condition: str | None) -> list[_Place]:
     """Return materials, each at every level of a condition that was tested."""
     if condition is None:
-        return [(material, own) for material in materials]
-    levels = [cast("Any", {condition: level}) for level in diagnosis.tested.get(condition, ())]
-    return [(material, replace(own, **level)) for material in materials for level in levels]
-
-
-def _tested_grades(palette: Palette, diagnosis: Diagnosis) -> list[int]:
-    """Return the places on the palette of the materials that were tested, rising."""
-    ids = diagnosis.tested.get("material", tuple(diagnosis.recalibration))
-    return [number for number, material in enumerate(palette.materials) if material.id in ids]
+        return [(material, case.own) for material in materials]
+    tested = case.diagnosis.tested.get(condition, ())
+    levels = [cast("Any", {condition: level}) for level in tested]
+    return [(material, replace(case.own, **level)) for material in materials for level in levels]
 
 
 def _beyond(
-    made: Palette,
-    diagnosis: Diagnosis,
-    effects: Sequence[StatedEffect],
-    own: Reference,
-    log_sd: Mapping[str, float],
+    case: _Case, effects: Sequence[StatedEffect], log_sd: Mapping[str, float]
 ) -> Iterator[str]:
     """Yield a sentence for each condition and for the materials that lie beyond the tests."""
-    use, ids, grades = made.reference, list(log_sd), _tested_grades(made, diagnosis)
+    use, ids, grades, all_tested = case.use, list(log_sd), case.grades, case.diagnosis.tested
     conditions = {one.effect.condition for one in effects} - {None}
-    if conditions - set(diagnosis.tested):
+    if conditions - set(all_tested):
         yield (
             "the diagnosis does not say what was tested, so that use beyond it is not told: "
             "diagnose the campaign again"
         )
     for name in (*_CONDITIONS, "orientation"):
-        tested = diagnosis.tested.get(name, ())
-        if not tested or getattr(use, name) == getattr(own, name) or _among(use, name, tested):
+        tested, unchanged = all_tested.get(name, ()), getattr(use, name) == getattr(case.own, name)
+        if not tested or unchanged or _among(use, name, tested):
             continue
         where = f"{_in_words(use, name)} lies beyond the tested {_range_in_words(name, tested)}"
         if name in conditions:
@@ -833,7 +833,7 @@ def _range_in_words(name: str, tested: Sequence[float | str]) -> str:
     return f"{ends} {_CONDITIONS[name][1]}"
 
 
-def _guesses(made: Palette, diagnosis: Diagnosis, forms: FloatArray) -> list[str]:
+def _guesses(case: _Case, made: Palette, forms: FloatArray) -> list[str]:
     """Return a finding for the materials that may be as stiff as their neighbours in this use.
 
     A plan chooses grades. Where forms that fit the tests as well differ, with 95 %, by more than
@@ -843,7 +843,7 @@ def _guesses(made: Palette, diagnosis: Diagnosis, forms: FloatArray) -> list[str
     model = CoefficientModel(made)
     steps = np.diff(np.log(model.grade_moduli_MPa(min(_WORKING_STRAIN, model.strain_limit))))
     nearest = np.minimum(np.append(steps, np.inf), np.append(np.inf, steps))
-    far, grades = _SD_95 * forms > nearest, _tested_grades(made, diagnosis)
+    far, grades = _SD_95 * forms > nearest, case.grades
     ids = [m.id for n, m in enumerate(made.materials) if far[n] and grades[0] <= n <= grades[-1]]
     if not ids:
         return []
@@ -872,14 +872,8 @@ def _doubts(diagnosis: Diagnosis) -> list[str]:
     return notes
 
 
-def _source(
-    palette: Palette,
-    diagnosis: Diagnosis,
-    known: Sequence[StatedEffect],
-    corrected: Sequence[str],
-    use: Reference,
-    thickness_mm: float,
-) -> str:
+def _source(case: _Case, known: Sequence[StatedEffect], corrected: Sequence[str]) -> str:
+    palette, use, thickness_mm = case.palette, case.use, case.section_mm[1]
     ours = [one for one in known if one.effect.id in corrected]
     names = {one.effect.id: f"{one.effect.id} ({one.form.name})" for one in ours}
     what = " and ".join(names.get(id, id) for id in corrected)
@@ -887,7 +881,7 @@ def _source(
     thick = any("thickness_mm" in one.effect.where for one in ours)
     return (
         f"palette {palette.name} (sha256 {palette.sha256[:12]}) corrected for {what} by planner "
-        f"gap correct, from the diagnosis of campaign {diagnosis.campaign}, for {at}"
+        f"gap correct, from the diagnosis of campaign {case.diagnosis.campaign}, for {at}"
         f"{f', parts {thickness_mm:g} mm thick' if thick else ''}; before: {palette.source}"
     )
 

@@ -22,7 +22,7 @@ from planner.gap.evidence.problem import Problem, applied, set_up
 from planner.gap.evidence.settle import Elimination, World
 from planner.gap.evidence.surrogate import Candidate, Search, SignedForm, node_weights
 from planner.gap.evidence.weigh import Priors, Weighed
-from planner.gap.noise import Calibration, calibration_columns, calibrations, specimen_noise
+from planner.gap.noise import Calibration, NoisyFeatures, calibration_columns, calibrations
 from planner.gap.observations import observation_model
 from planner.gap.quality import predicted_stress_MPa
 from planner.gap.virtual import (
@@ -272,16 +272,11 @@ class Expected:
     others: tuple[str, ...]
 
 
-def _usual_place(form: SignedForm) -> list[float]:
-    """Return the place of a form at the middle of its prior."""
-    size = form.form.size
-    return [float(np.sqrt(size.usual / size.high)), *[0.0] * form.shapes]
-
-
-def _on_nodes(problem: Problem, form: SignedForm, place: Sequence[float]) -> FloatArray:
-    """Return the weights of all nodes that stand for a form at a place, (k,)."""
-    weights = np.zeros(problem.nodes.stop - problem.nodes.start)
-    weights[form.first : form.first + form.nodes] = node_weights(place)
+def _usual_weights(problem: Problem, form: SignedForm) -> FloatArray:
+    """Return the weights of all nodes that stand for a form at the middle of its prior, (k,)."""
+    size, weights = form.form.size, np.zeros(len(problem.node_features))
+    place = float(np.sqrt(size.usual / size.high)), *[0.0] * form.shapes
+    weights[form.own] = node_weights(place)
     return weights
 
 
@@ -290,14 +285,11 @@ def _usual_patterns(problem: Problem, ids: Sequence[str]) -> FloatArray:
 
     Every form has one, all forms of an effect together weighing as one.
     """
-    nodes = problem.columns[:, problem.nodes]
-    patterns = []
+    weights = []
     for id in ids:
         forms = [b for b in problem.branches if b.effect.id == id and b.sign > 0.0]
-        for b in forms:
-            own = nodes[:, b.first : b.first + b.nodes]
-            patterns.append(own @ node_weights(_usual_place(b)) / np.sqrt(len(forms)))
-    return np.stack(patterns, axis=1)
+        weights += [_usual_weights(problem, b) / np.sqrt(len(forms)) for b in forms]
+    return np.asarray(problem.columns[:, problem.nodes] @ np.stack(weights, axis=1))
 
 
 def _batch_level(problem: Problem) -> FloatArray:
@@ -340,7 +332,7 @@ def _expected_of(
     found = []
     for id in asked:
         first = next(b for b in problem.branches if b.effect.id == id)
-        pattern = _on_nodes(problem, first, _usual_place(first))
+        pattern = _usual_weights(problem, first)
         length2 = float(pattern @ m @ pattern)
         named = float(ndtr(np.sqrt(length2) - np.sqrt(2.0 * needed)))
         rivals = dict.fromkeys((k for k in testable if k != id), 0.0)
@@ -606,9 +598,34 @@ def design_campaign(
     asked = tuple(effect_named(id, library, "`effects`").id for id in wanted)
     size = SpecimenSize(width_mm, thickness_mm, gauge_mm)
     _check(asked, budget, size)
+    say = progress or (lambda what: None)
+    plan = Campaign("candidates", machine.name, palette, candidates_of(palette, asked, size))
     # Small matrices: more threads only change the last digits.
     with one_blas_thread():
-        return _designed(palette, library, asked, budget, machine.name, size, progress)
+        say("forward model of all candidates")
+        problem = _problem(plan, tuple(library.values()))
+        say("choosing conditions")
+        told = _information_of(problem, [library[id] for id in asked])
+        counts = _testable(problem, told, [library[id] for id in asked])
+        least = _BATCHES * int(counts.sum())
+        if budget < least:
+            raise ArgumentError(
+                f"`budget` {budget}: too few specimens to test {', '.join(asked)}: it takes at "
+                f"least {least}, {least // _BATCHES} conditions in {_BATCHES} batches; raise the "
+                "budget, or ask for fewer effects"
+            )
+        counts = told.filled(counts, budget // _BATCHES)
+        campaign = _campaign(plan, counts, asked)
+        testable = [id for id, e in library.items() if untestable(e, campaign) is None]
+        elimination = _elimination_of(problem, _BATCHES * counts.astype(np.float64))
+        return CampaignDesign(
+            campaign=campaign,
+            expected=_expected_of(problem, elimination, asked, testable),
+            conditions=int((counts > 0).sum()),
+            least=least,
+            left_over=budget - len(campaign.specimens),
+            needs_camera=any(s.profile is not None for s in campaign.specimens),
+        )
 
 
 def _check(asked: Sequence[str], budget: int, size: SpecimenSize) -> None:
@@ -627,77 +644,32 @@ def _check(asked: Sequence[str], budget: int, size: SpecimenSize) -> None:
             )
 
 
-def _designed(
-    palette: Palette,
-    library: Mapping[str, Effect],
-    asked: Sequence[str],
-    budget: int,
-    printer: str,
-    size: SpecimenSize,
-    progress: Callable[[str], None] | None,
-) -> CampaignDesign:
-    say = progress or (lambda what: None)
-    candidates = candidates_of(palette, asked, size)
-    say("forward model of all candidates")
-    problem = _problem(palette, printer, candidates, tuple(library.values()))
-    say("choosing conditions")
-    told = _information_of(problem, [library[id] for id in asked])
-    counts = _testable(problem, told, [library[id] for id in asked])
-    least = _BATCHES * int(counts.sum())
-    if budget < least:
-        raise ArgumentError(
-            f"`budget` {budget}: too few specimens to test {', '.join(asked)}: it takes at least "
-            f"{least}, {least // _BATCHES} conditions in {_BATCHES} batches; raise the budget, or "
-            "ask for fewer effects"
-        )
-    counts = told.filled(counts, budget // _BATCHES)
-    campaign = _campaign(palette, printer, candidates, counts, asked)
-    testable_ids = [id for id, e in library.items() if untestable(e, campaign) is None]
-    elimination = _elimination_of(problem, _BATCHES * counts.astype(np.float64))
-    return CampaignDesign(
-        campaign=campaign,
-        expected=_expected_of(problem, elimination, asked, testable_ids),
-        conditions=int((counts > 0).sum()),
-        least=least,
-        left_over=budget - len(campaign.specimens),
-        needs_camera=any(s.profile is not None for s in campaign.specimens),
-    )
-
-
-def _problem(
-    palette: Palette, printer: str, candidates: tuple[Specimen, ...], effects: Sequence[Effect]
-) -> Problem:
+def _problem(plan: Campaign, effects: Sequence[Effect]) -> Problem:
     """Return the candidates as a campaign that was measured without any effect.
 
     Forces have the sensors' noise, so that figures are as uncertain as they will be.
     """
-    plan = Campaign("candidates", printer, palette, candidates)
     made = synthetic_campaign(plan, (), np.random.default_rng(0), scatter=0.0)
     made = replace(made, covariates=())
     return set_up(made, observation_model(made), effects)
 
 
-def _campaign(
-    palette: Palette,
-    printer: str,
-    candidates: Sequence[Specimen],
-    counts: IntArray,
-    asked: Sequence[str],
-) -> Campaign:
+def _campaign(plan: Campaign, counts: IntArray, asked: Sequence[str]) -> Campaign:
     """Return the chosen conditions with a specimen a batch each."""
-    specimens = []
-    for number, place in enumerate(np.flatnonzero(counts).tolist(), start=1):
-        for copy in range(int(counts[place]) * _BATCHES):
-            batch = copy % _BATCHES + 1
-            specimens.append(
-                replace(candidates[place], id=f"D{number:02d}{'abcdefgh'[copy]}", batch=f"{batch}")
-            )
-    return Campaign(
+    specimens = tuple(
+        replace(
+            plan.specimens[place],
+            id=f"D{number:02d}{'abcdefgh'[copy]}",
+            batch=f"{copy % _BATCHES + 1}",
+        )
+        for number, place in enumerate(np.flatnonzero(counts).tolist(), start=1)
+        for copy in range(int(counts[place]) * _BATCHES)
+    )
+    return replace(
+        plan,
         name=f"to tell {', '.join(asked)} apart",
-        printer=printer,
-        palette=palette,
-        specimens=tuple(specimens),
-        notes=_instructions(specimens, _strain_of(palette)),
+        specimens=specimens,
+        notes=_instructions(specimens, _strain_of(plan.palette)),
     )
 
 
@@ -747,6 +719,24 @@ class Trial:
         cells["protocol"] = f"{s.protocol} compression" if s.pushed else s.protocol
         cells["to_strain"] = _rounded(float(s.strain.max()))
         return {name: cell for name, cell in cells.items() if cell not in (None, "")}
+
+    @property
+    def design(self) -> dict[str, tuple[float, ...]]:
+        """The columns of a bar's profile file; none of a specimen of one material."""
+        bar = self.specimen.profile
+        if bar is None:
+            return {}
+        return {"x_mm": tuple(bar.x_mm.tolist()), "coordinate": tuple(bar.coordinate.tolist())}
+
+    @property
+    def detail(self) -> str:
+        """In words."""
+        what = ", ".join(f"{name} {value}" for name, value in self.change.items())
+        how = "compressed specimens" if self.specimen.pushed else "specimens"
+        return (
+            f"{_COPIES} {how} with {what}, all else as where the palette was measured; about "
+            f"{self.hours:.1f} h"
+        )
 
 
 def trials_of(campaign: Campaign, setup: Setup) -> tuple[Trial, ...]:
@@ -876,7 +866,7 @@ def next_experiments(
     share /= share.sum()
     candidates = [weighed.best[h.effects] for h in known]
     trials = trials_of(problem.campaign, problem.model.setup)
-    means, covariances = _predicted(problem, weighed, candidates, trials)
+    means, covariances = _predicted(weighed, candidates, trials)
     found = []
     widest = max(mean.shape[1] for mean in means)
     noise = rng.standard_normal((len(known) * _DRAWS, widest))
@@ -891,8 +881,8 @@ def next_experiments(
         )
         found.append(
             Experiment(
-                dict(trial.change), named, gain, trial.hours, _detail(trial), _COPIES, trial.row,
-                _design_of(trial.specimen),
+                dict(trial.change), named, gain, trial.hours, trial.detail, _COPIES, trial.row,
+                trial.design,
             )
         )  # fmt: skip
     found.sort(key=lambda e: -e.expected_gain_nats / e.hours)
@@ -903,16 +893,13 @@ def next_experiments(
 
 
 def _predicted(
-    problem: Problem,
-    weighed: Weighed,
-    candidates: Sequence[Candidate],
-    trials: Sequence[Trial],
+    weighed: Weighed, candidates: Sequence[Candidate], trials: Sequence[Trial]
 ) -> tuple[list[FloatArray], list[FloatArray]]:
     """Return, of each trial, the hypotheses' figures (K, d) and their covariance (d, d).
 
     Figures are means over the trial's specimens, which differ by their own scatter.
     """
-    specimens = tuple(t.specimen for t in trials)
+    problem, specimens = weighed.plain.problem, tuple(t.specimen for t in trials)
     campaign = replace(problem.campaign, specimens=specimens, covariates=(), remarks=())
     model = observation_model(campaign)
     table, laws = model.table, model.laws
@@ -926,12 +913,12 @@ def _predicted(
             raw[1 + len(ways) + k] *= np.exp(candidate.log_gain * candidate.members.mean())
     figures = table.transformed(raw)
     shared = calibration_columns(ways, figures[1 : 1 + len(ways)], figures[0])
-    known, sizes = _known_laws(problem, weighed, candidates, ways)
+    known, sizes = _known_laws(weighed, candidates, ways)
     learned = figures[1 + len(ways) :] + sizes @ shared.T
     sensor = np.full(len(trials), float(np.median(problem.model.sensor_sd_N)))
-    noise = specimen_noise(
-        table, table.sensitivity(raw[0]), problem.scatter, sensor, np.full(len(trials), -1)
-    )
+    no_batch = np.full(len(trials), -1)
+    features = NoisyFeatures(table, table.sensitivity(raw[0]), sensor, no_batch)
+    noise = features.noise(problem.scatter)
     by_specimen = dict(zip(np.unique(table.specimen).tolist(), range(len(noise.rows)), strict=True))
     means, covariances = [], []
     for place in range(len(trials)):
@@ -943,17 +930,15 @@ def _predicted(
 
 
 def _known_laws(
-    problem: Problem,
-    weighed: Weighed,
-    candidates: Sequence[Candidate],
-    ways: Sequence[Calibration],
+    weighed: Weighed, candidates: Sequence[Candidate], ways: Sequence[Calibration]
 ) -> tuple[FloatArray, FloatArray]:
     """Return what the campaign has taught about the trials' ways of being off.
 
     Materials that it tested are known much better than the palette says, and each hypothesis has
     its own idea of them: covariance (q, q), and sizes under each hypothesis (K, q), in deviations.
     """
-    by_name = {(way.material, way.kind): k for k, way in enumerate(problem.ways) if way.material}
+    own = enumerate(weighed.plain.problem.ways)
+    by_name = {(way.material, way.kind): k for k, way in own if way.material}
     pairs = [(k, by_name.get((way.material, way.kind))) for k, way in enumerate(ways)]
     at = [k for k, of in pairs if of is not None]
     taken = [of for _, of in pairs if of is not None]
@@ -980,20 +965,3 @@ def _information(
     gain = own - logsumexp(log, axis=1) - np.repeat(np.log(share), _DRAWS)
     # Of a sample it may come out below nought, which information is not.
     return max(float(np.repeat(share, _DRAWS) @ gain / _DRAWS), 0.0), distance
-
-
-def _detail(trial: Trial) -> str:
-    what = ", ".join(f"{name} {value}" for name, value in trial.change.items())
-    how = "compressed specimens" if trial.specimen.pushed else "specimens"
-    return (
-        f"{_COPIES} {how} with {what}, all else as where the palette was measured; about "
-        f"{trial.hours:.1f} h"
-    )
-
-
-def _design_of(specimen: Specimen) -> dict[str, tuple[float, ...]]:
-    """Return the columns of a bar's profile file; none for a specimen of one material."""
-    bar = specimen.profile
-    if bar is None:
-        return {}
-    return {"x_mm": tuple(bar.x_mm.tolist()), "coordinate": tuple(bar.coordinate.tolist())}

@@ -38,7 +38,6 @@ from planner.gap.evidence.posterior import (
     detectable_sizes,
     evidence_of,
     found_effects,
-    heterogeneity_caution,
     ranking_of,
     verdict_of,
 )
@@ -48,9 +47,9 @@ from planner.gap.evidence.surrogate import Candidate
 from planner.gap.evidence.weigh import Effects, Priors, Weighed, weigh
 from planner.gap.localise import Whitening, localise
 from planner.gap.observations import ObservationModel, observation_model
-from planner.gap.quality import examine, merged_units, suggested_units
-from planner.gap.quality_records import HOLDS, hold_share
+from planner.gap.quality import HOLDS, examine, hold_share, merged_units, suggested_units
 from planner.gap.summary import summary_of
+from planner.glance import counted
 from planner.numerics import FloatArray, one_blas_thread
 from planner.palette import Palette
 from planner.simulation.bar_solver import predict
@@ -209,8 +208,8 @@ _NEVER_THERE = frozenset({"unloading", "bar"})
 printed of one material no boundary."""
 
 
-def _confounders(effects: Sequence[str], not_testable: Sequence[Untestable]) -> tuple[str, ...]:
-    """Return a sentence for each effect that may be the cause in place of the verdict's.
+def _confounders(effects: Sequence[str], not_testable: Sequence[Untestable]) -> Iterator[str]:
+    """Yield a sentence for each effect that may be the cause in place of the verdict's.
 
     Such an effect could not be tested, so that no evidence speaks for or against it, and shows
     along an axis along which one of the verdict's effects shows as well.
@@ -220,25 +219,22 @@ def _confounders(effects: Sequence[str], not_testable: Sequence[Untestable]) -> 
     effects
         The verdict's, by id; an "unknown" has no axes of its own and resembles nothing.
     """
-    return tuple(sentence for u in not_testable if (sentence := _sentence(u, effects)) is not None)
-
-
-def _sentence(untestable: Untestable, effects: Sequence[str]) -> str | None:
-    other = EFFECTS[untestable.id]
-    needs = (*other.covariates, *other.channels)
-    if _NEVER_THERE & set(needs):
-        return None
-    alike = [id for id in effects if id in EFFECTS and set(EFFECTS[id].where) & set(other.where)]
-    if not alike:
-        return None
-    axes = [axis for axis in other.where if any(axis in EFFECTS[id].where for id in alike)]
-    tests = " and ".join(", or ".join(_TESTS[n] for n in need.split("|")) for need in needs)
-    settle = f"; to settle it, {tests}" if tests else ""
-    return (
-        f"{other.id} could not be tested ({untestable.reason}), but shows along "
-        f"{' and '.join(axes)} as {' and '.join(alike)} {'do' if len(alike) > 1 else 'does'}, and "
-        f"may be the cause instead, or a part of it{settle}"
-    )
+    for one in not_testable:
+        other = EFFECTS[one.id]
+        needs = (*other.covariates, *other.channels)
+        alike = [
+            id for id in effects if id in EFFECTS and set(EFFECTS[id].where) & set(other.where)
+        ]
+        if not alike or _NEVER_THERE & set(needs):
+            continue
+        axes = [axis for axis in other.where if any(axis in EFFECTS[id].where for id in alike)]
+        tests = " and ".join(", or ".join(_TESTS[n] for n in need.split("|")) for need in needs)
+        settle = f"; to settle it, {tests}" if tests else ""
+        yield (
+            f"{other.id} could not be tested ({one.reason}), but shows along "
+            f"{' and '.join(axes)} as {' and '.join(alike)} {'do' if len(alike) > 1 else 'does'}, "
+            f"and may be the cause instead, or a part of it{settle}"
+        )
 
 
 _OF_UNITS = frozenset({"force-scale", "strain-scale"})
@@ -324,7 +320,7 @@ def _diagnose(
     evidence = evidence_of(problem, weighed)
     ranking = ranking_of(evidence, priors)
     verdict = verdict_of(ranking)
-    gap = closure(problem, priors, weighed, evidence.vain, verdict, rng, progress)
+    gap = closure(problem, weighed, evidence.vain, verdict, rng, progress)
     chosen = weighed.best.get(verdict, Candidate(()))
     nodes = weighed.plain.elimination(problem.columns[:, 0], kept=problem.columns[:, problem.nodes])
     where, remainder = _places_of(problem, chosen, rng)
@@ -338,12 +334,8 @@ def _diagnose(
         specimens=len(campaign.specimens),
         tests=len(model.tests),
         verdict=name_of(verdict),
-        ranking=tuple(
-            replace(h, effects=h.effects or ("none",))
-            for h in ranking[:RANKED]
-            if h.probability >= LEAST_PROBABILITY
-        ),
-        same_class=tuple(e or ("none",) for e in same_class),
+        ranking=tuple(h for h in ranking[:RANKED] if h.probability >= LEAST_PROBABILITY),
+        same_class=same_class,
         not_testable=reasons,
         where=where,
         gap=gap,
@@ -426,20 +418,37 @@ def _comparable(campaign: Campaign) -> tuple[Campaign, ObservationModel]:
     return campaign, observation_model(campaign)
 
 
-def _cautions(problem: Problem) -> tuple[str, ...]:
-    found = []
-    n = len(problem.campaign.specimens)
-    unlike = heterogeneity_caution(problem)
-    if unlike is not None:
-        found.append(unlike)
-    if problem.scatter.degrees_of_freedom == 0:
-        found.append(
+def _cautions(problem: Problem) -> Iterator[str]:
+    """Yield what is to be told of the specimens' number, and of their scatter."""
+    specimens, scatter = problem.campaign.specimens, problem.scatter
+    if scatter.heterogeneous:
+        # Specimens that should be alike and are not: something differs that no effect claims.
+        columns = [
+            name
+            for name in problem.campaign.covariates
+            if any(
+                len({specimens[k].covariates.get(name) for k in alike}) > 1
+                for alike in problem.model.replicates
+            )
+        ]
+        where = (
+            f"they differ in column{'s' if len(columns) > 1 else ''} {', '.join(columns)}, which "
+            "no effect claims"
+            if columns
+            else "no column tells them apart"
+        )
+        yield (
+            f"specimens made and tested alike differ by {100.0 * scatter.specimen:.0f} %, and "
+            f"jetted ones by 1 to 9 %: {where}; give the condition in which they differ its own "
+            "column"
+        )
+    if scatter.degrees_of_freedom == 0:
+        yield (
             "no two specimens were made and tested alike, so that scatter is not measured but "
             "taken to be what is usual (3 % from specimen to specimen): print replicates"
         )
-    if n < ENOUGH_SPECIMENS:
-        found.append(
-            f"{n} specimen{'s' if n > 1 else ''} cannot tell causes apart: take the verdict as "
+    if len(specimens) < ENOUGH_SPECIMENS:
+        yield (
+            f"{counted(len(specimens), 'specimen')} cannot tell causes apart: take the verdict as "
             "a hint of what to test next"
         )
-    return tuple(found)

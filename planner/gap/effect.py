@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from planner.formats.specimens import SPECIMEN_COLUMNS
 from planner.gap.campaign import TOLERANCES, Campaign, Specimen, levels
 from planner.gap.diagnosis import FoundEffect
-from planner.gap.quality_records import HOLDS, UNLOADS, hold_share, speed_mm_s, unloading_share
+from planner.gap.quality import HOLDS, UNLOADS, hold_share, speed_mm_s, unloading_share
 from planner.numerics import FloatArray
 from planner.palette import Reference
 from planner.simulation.bar_solver import Setup

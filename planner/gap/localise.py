@@ -1,4 +1,4 @@
-"""Where the gap of a campaign lies: every axis, with its share, p-value and a sentence."""
+"""Axes along which a gap may lie, and where it lies: share, p-value and a sentence of each."""
 
 import itertools
 import math
@@ -9,16 +9,217 @@ import numpy as np
 import scipy.special
 
 from planner.formats.specimens import SPECIMEN_COLUMNS
-from planner.gap.axes import axis_cells, axis_patterns, column_levels, rows_by_design, steps_of
-from planner.gap.campaign import Campaign
+from planner.gap.campaign import TOLERANCES, Campaign, axis_columns, levels
 from planner.gap.diagnosis import SIGNIFICANT, Location
 from planner.gap.noise import SpecimenNoise
 from planner.gap.observations import BRANCHES, FeatureTable
 from planner.numerics import BoolArray, FloatArray, IntArray
-from planner.palette import Palette
 from planner.simulation.bar import ProfileDesign
 
-__all__ = ["Whitening", "localise", "tail_p"]
+__all__ = [
+    "Whitening",
+    "axis_patterns",
+    "column_levels",
+    "localise",
+    "specimen_patterns",
+    "tail_p",
+]
+
+
+# ------------------------------------------------------------------------------------------------
+# Every axis with its patterns: columns of specimens.csv, then what lies within tests.
+
+
+_CURVED = 0.4
+"""Size of a pattern that bends or steps along a column, relative to a straight one's. Chosen: most
+of what goes with a condition is a trend."""
+
+_LEAP = 0.05
+"""Half the width, of a column's range from -1 to 1, that counts as neither side of a step in its
+middle. Numerical: rounding of a value that is meant to be the middle."""
+
+_SMALL, _MIDDLING, _LARGE = 0.03, 0.12, 0.3
+"""Strains of patterns along strain: two that fade, and one that grows. Chosen: in steps of three to
+four, up to a usual pull's end."""
+
+_CHANGING = 0.4
+"""Size of what changes along a path, relative to what multiplies the whole of it. Chosen: most
+unknown causes act on all of a curve, and not alike all along it."""
+
+
+_HOLD = BRANCHES.index("hold")
+
+
+def axis_patterns(
+    campaign: Campaign, table: FeatureTable, sensitivity: FloatArray
+) -> Mapping[str, FloatArray]:
+    """Return by axis what a gap along it looks like in the features, (N, k); what varies alone.
+
+    Parameters
+    ----------
+    sensitivity : (N,)
+        Of the features by the logarithm of force or strain.
+    """
+    h = np.where(table.is_field, 0.0, sensitivity)
+    travel = _share_of_peak(table) - 0.5
+    level_and_slope = np.stack([h, h * travel], axis=1)
+    cells = _axis_cells(campaign)
+    found: dict[str, list[FloatArray]] = {}
+    for name in (*TOLERANCES, "orientation", "batch", *campaign.covariates):
+        patterns = specimen_patterns(cells[name])
+        if patterns is not None:
+            rows = patterns[table.specimen]
+            changing = _CHANGING * 2.0 * h * travel
+            found[name] = [rows * h[:, None], rows * changing[:, None]]
+    strain = np.minimum(table.strain, 1.0)
+    bumps = [np.exp(-strain / _SMALL), np.exp(-strain / _MIDDLING), strain / _LARGE]
+    found["strain"] = [(h * bump)[:, None] for bump in bumps]
+    found["branch"] = [
+        level_and_slope * (table.branch == k)[:, None]
+        for k, name in enumerate(BRANCHES)
+        if name not in ("loading", "field")
+    ]
+    found["time"] = [_along_hold(table, h)]
+    names = [s.material for s in campaign.specimens]
+    materials = _indicators(names, [n for n in dict.fromkeys(names) if n is not None])
+    if materials.shape[1] > 1:
+        of_each = materials[table.specimen].T
+        found["material"] = [level_and_slope * of_it[:, None] for of_it in of_each]
+    found["position"] = [_along_bars(campaign, table, sensitivity)]
+    axes = {name: np.concatenate(parts, axis=1) for name, parts in found.items()}
+    axes = {name: columns[:, np.any(columns != 0.0, axis=0)] for name, columns in axes.items()}
+    return {name: columns for name, columns in axes.items() if columns.shape[1]}
+
+
+def column_levels(name: str, cells: Sequence[float | str | None]) -> tuple[int | str | None, ...]:
+    """Return each cell's level: its text, or a number that cells within tolerance share."""
+    if any(isinstance(cell, str) for cell in cells):
+        return tuple(None if cell is None else str(cell) for cell in cells)
+    numbers = [None if cell is None else float(cell) for cell in cells]
+    return levels(numbers, *TOLERANCES.get(name, (0.0, 1e-6)))
+
+
+def _axis_cells(campaign: Campaign) -> Mapping[str, tuple[float | str | None, ...]]:
+    """Return columns of specimens.csv by name, sizes that are not stated as they were measured."""
+    cells = dict(axis_columns(campaign))
+    for name in ("width_mm", "thickness_mm"):
+        measured = [getattr(s, f"measured_{name}") for s in campaign.specimens]
+        pairs = zip(cells[name], measured, strict=True)
+        cells[name] = tuple(m if size is None else size for size, m in pairs)
+    return cells
+
+
+def _share_of_peak(table: FeatureTable) -> FloatArray:
+    """Return each feature's strain over the largest of its specimen, (N,)."""
+    peak = np.zeros(int(table.specimen.max()) + 1)
+    np.maximum.at(peak, table.specimen, table.strain)
+    share: FloatArray = table.strain / np.maximum(peak[table.specimen], 1e-12)
+    return share
+
+
+def _indicators(cells: Sequence[object], values: Sequence[object]) -> FloatArray:
+    """Return 1 where a cell is a value and 0 elsewhere, (cells, values)."""
+    return np.array([[float(cell == value) for value in values] for cell in cells])
+
+
+def specimen_patterns(cells: Sequence[str | float | None]) -> FloatArray | None:
+    """Return patterns over specimens, (n, k), mean 0; None where the column does not vary."""
+    known = np.array([c is not None for c in cells])
+    values = [c for c in cells if c is not None]
+    distinct = sorted(set(values), key=str)
+    if len(distinct) < 2:
+        return None
+    if len(distinct) > 3 and not any(isinstance(v, str) for v in values):
+        at = np.array([0.0 if c is None else float(c) for c in cells])
+        low, high = min(at[known]), max(at[known])
+        t = 2.0 * (at - low) / (high - low) - 1.0
+        bend, leap = 1.5 * t * t - 0.5, np.sign(t) * (np.abs(t) > _LEAP)
+        patterns = np.stack([t, _CURVED * bend, _CURVED * leap], axis=1)
+    elif len(distinct) <= max(2, len(values) // 2):
+        patterns = _indicators(cells, distinct)
+    else:
+        return None
+    centred: FloatArray = (patterns - patterns[known].mean(axis=0)) * known[:, None]
+    return centred
+
+
+def _along_hold(table: FeatureTable, h: FloatArray) -> FloatArray:
+    """Return a level, a slope and a bend over the logarithm of the time of a hold, (N, 3)."""
+    hold = table.branch == _HOLD
+    log = np.log(np.maximum(table.time_s, 1e-3))
+    low, high = (float(f(log[hold], initial=0.0)) for f in (np.min, np.max))
+    w = (log - low) / max(high - low, 1e-9)
+    return np.where(hold, h, 0.0)[:, None] * w[:, None] ** np.arange(3)
+
+
+# ------------------------------------------------------------------------------------------------
+# The place along graded bars: smooth patterns, and steps between materials.
+
+
+_KNOTS = 6
+"""Of the smooth pattern along a bar. Chosen: a fifth of the gauge apart; what is narrower shows at
+steps."""
+
+_STEEP_PER_MM = 0.15
+"""Change of a design's coordinate from which it is a step. Chosen: a ramp over a whole gauge of 25
+mm has at most 0.04, materials side by side have far more."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Step:
+    """Where a design goes from one coordinate to another, within a millimetre or at once."""
+
+    x_mm: float
+    before: float
+    after: float
+
+
+def _steps_of(design: ProfileDesign) -> tuple[_Step, ...]:
+    """Return a design's steps."""
+    x, m = design.x_mm, design.coordinate
+    rise, run = np.diff(m), np.diff(x)
+    steep = (np.abs(rise) > _STEEP_PER_MM * run) & (np.abs(rise) > 1e-3) & (run < 1.0)
+    return tuple(
+        _Step(float(0.5 * (x[i] + x[i + 1])), float(m[i]), float(m[i + 1]))
+        for i in np.flatnonzero(steep)
+    )
+
+
+def _rows_by_design(
+    campaign: Campaign, table: FeatureTable
+) -> dict[str, tuple[IntArray, ProfileDesign]]:
+    """Return by design the rows of local strains, bars of one design together."""
+    rows: dict[str, tuple[list[int], ProfileDesign]] = {}
+    for row in np.flatnonzero(table.is_field).tolist():
+        design = campaign.specimens[int(table.specimen[row])].profile
+        if design is not None:
+            rows.setdefault(design.name, ([], design))[0].append(row)
+    return {name: (np.array(found), design) for name, (found, design) in rows.items()}
+
+
+def _along_bars(campaign: Campaign, table: FeatureTable, sensitivity: FloatArray) -> FloatArray:
+    """Return what a gap of strain that varies along the bars may look like, (N, k).
+
+    Hats along each design, and at steps an odd and an even kernel that all steps share, as wide
+    as the camera's spacing.
+    """
+    columns: list[FloatArray] = []
+    odd, even = np.zeros(len(table)), np.zeros(len(table))
+    for rows, design in _rows_by_design(campaign, table).values():
+        x = table.x_mm[rows]
+        hats = np.zeros((_KNOTS, len(table)))
+        knots = np.linspace(x.min(), x.max(), _KNOTS)
+        hats[:, rows] = [np.interp(x, knots, hat) for hat in np.eye(_KNOTS)]
+        columns += [*hats]
+        at = np.unique(np.round(x, 3))
+        width = max(float(np.median(np.diff(at))) if len(at) > 1 else 1.0, 0.5)
+        for step in _steps_of(design):
+            away = (x - step.x_mm) / width
+            bell = np.exp(-0.5 * away**2)
+            size = step.after - step.before
+            odd[rows] += size * away * bell
+            even[rows] += abs(size) * bell
+    return np.stack([*columns, odd, even], axis=1) * sensitivity[:, None]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -124,23 +325,11 @@ _TIES = 1e-9
 """Relative difference below which a draw is as large as what is seen. Numerical: rounding."""
 
 
-def _family_wise(p: FloatArray, drawn: FloatArray) -> FloatArray:
-    """Return family-wise p-values of axes, (A,), from statistics like p-values.
-
-    Parameters
-    ----------
-    p : (A,)
-    drawn : (A, P)
-        Of draws without a gap, each draw the same for all axes.
-    """
-    own = np.array(
-        [
-            max(a, tail_p(-float(np.log(a)), -np.log(b), 1.0))
-            for a, b in zip(np.minimum(p, 1.0), drawn, strict=True)
-        ]
-    )
-    clearest = -np.log(np.min([_rank_p(-d) for d in drawn], axis=0))
-    return np.array([max(a, tail_p(-float(np.log(a)), clearest, 1.0)) for a in own])
+def _family_wise(axes: Sequence["_Axis"]) -> FloatArray:
+    """Return family-wise p-values of axes, (A,), from statistics like p-values."""
+    own = [max(a.p, tail_p(-math.log(a.p), -np.log(a.drawn_p), 1.0)) for a in axes]
+    clearest = -np.log(np.min([_rank_p(-a.drawn_p) for a in axes], axis=0))
+    return np.array([max(p, tail_p(-math.log(p), clearest, 1.0)) for p in own])
 
 
 def _rank_p(drawn: FloatArray) -> FloatArray:
@@ -205,161 +394,6 @@ _SMALLEST_WEIGHT = 1e-2
 tells a hundredth as much."""
 
 
-def _axis_p(
-    whitening: Whitening,
-    basis: FloatArray,
-    y: FloatArray,
-    signs: FloatArray,
-    rng: np.random.Generator,
-) -> tuple[float, FloatArray]:
-    """Return the p-value of an axis, and that of each draw.
-
-    Parameters
-    ----------
-    basis : (N, k)
-        Orthonormal.
-    y : (N,)
-        Whitened.
-    signs : (P, n)
-        -1 or 1.
-    """
-    if not basis.shape[1]:
-        return 1.0, np.ones(len(signs))
-    weight = whitening.summed(basis**2)
-    carries = weight > _SMALLEST_WEIGHT * weight.max(axis=0)
-    score = np.where(carries, whitening.summed(basis * y[:, None]), 0.0)
-    root = np.sqrt(np.where(carries, weight, 1.0))
-    k = basis.shape[1]
-    total, extra = np.sum((score / root) ** 2), 0.0
-    freedom = float(carries.sum()) - k
-    # As many specimens as if all that tell weighed alike.
-    units = weight.sum(axis=0) ** 2 / np.sum(weight**2, axis=0)
-    if float(np.median(units)) >= _FEWEST_TO_FLIP and freedom > 0.0:
-        sums = np.concatenate([score.sum(axis=0)[None], signs @ score])
-    else:
-        scores = np.concatenate([score[None], _drawn(whitening, basis, carries, len(signs), rng)])
-        sums, total = scores.sum(axis=1), np.sum((scores / root) ** 2, axis=(1, 2))
-        extra = whitening.degrees_of_freedom
-    explained = np.sum(sums**2, axis=1)
-    left = np.maximum(total - explained, freedom) + extra
-    values = _share_p(explained, left, k, freedom + extra)
-    return float(values[0]), values[1:]
-
-
-def _drawn(
-    whitening: Whitening,
-    basis: FloatArray,
-    carries: FloatArray,
-    draws: int,
-    rng: np.random.Generator,
-) -> FloatArray:
-    """Scores of noise alone, (P, n, k), whose size is as uncertain as the noise's."""
-    n, k = carries.shape
-    scores = np.zeros((draws, n, k))
-    for i in np.flatnonzero(carries.any(axis=1)).tolist():
-        piece = basis[whitening.starts[i] : whitening.starts[i + 1]]
-        scores[:, i] = rng.standard_normal((draws, len(piece))) @ piece
-    freedom = whitening.degrees_of_freedom
-    size = np.sqrt(freedom / rng.chisquare(freedom, draws))
-    return np.where(carries, scores, 0.0) * size[:, None, None]
-
-
-# ------------------------------------------------------------------------------------------------
-# Outlying replicates.
-
-
-_TAIL_FREEDOM = 5.0
-"""Of Student's t, from which specimens are drawn. Chosen: a stray one is no rarity, and yet the
-variance and the kurtosis are finite."""
-
-_NORMAL_MAD = 0.6745
-"""Median absolute deviation over the standard one. Convention: of a normal distribution."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _OutlyingReplicates:
-    """Specimens against their replicates.
-
-    Attributes
-    ----------
-    largest, drawn
-        How far the farthest is off, in deviations of the others, and (P,) that of draws.
-    named
-        Numbers of those that are farther off than 95 of 100 draws, the farthest first; at least
-        that one.
-    shift
-        Of each named one, as a logarithm of force, against its replicates.
-    """
-
-    largest: float
-    drawn: FloatArray
-    named: list[int]
-    shift: list[float]
-
-
-def _outlying_replicates(
-    whitening: Whitening,
-    level: FloatArray,
-    residual: FloatArray,
-    test: IntArray,
-    draws: int,
-    rng: np.random.Generator,
-) -> _OutlyingReplicates | None:
-    """Return which specimens are outliers; None where no test has two specimens.
-
-    Each specimen's level is compared with the mean of its replicates'; the scale is told by the
-    median over all specimens, so that a few that are off do not hide themselves.
-
-    Parameters
-    ----------
-    level : (N,)
-        What a gap of one unit looks like in every force.
-    test : (n,)
-        Number of each specimen's replicates.
-    """
-    phi = whitening.noise.whiten(level)
-    information = whitening.summed(phi**2)
-    seen = information > 0.0
-    known = np.where(seen, information, 1.0)
-    height = whitening.summed(phi * whitening.noise.whiten(residual)) / known
-    alike = (test[:, None] == test) & seen[:, None] & ~np.eye(len(test), dtype=bool)
-
-    def differences(heights: FloatArray, kept: BoolArray) -> tuple[FloatArray, FloatArray]:
-        """Return those from replicates' means, and the same in deviations, (..., n)."""
-        others = np.where(alike & kept, 1.0, 0.0)
-        count = others.sum(axis=1, keepdims=True)
-        contrasts = np.where(count > 0.0, np.eye(len(test)) - others / np.maximum(count, 1.0), 0.0)
-        found = heights @ contrasts.T
-        return found, np.abs(found) / np.sqrt(np.maximum(contrasts**2 @ (1.0 / known), 1e-300))
-
-    compared = (alike & seen).any(axis=1)
-    if compared.sum() < 2:
-        return None
-    drawn = rng.standard_normal((draws, len(test)))
-    drawn /= np.sqrt(known * rng.chisquare(_TAIL_FREEDOM, drawn.shape) / _TAIL_FREEDOM)
-    off = differences(np.concatenate([height[None], drawn]), seen)[1][:, compared]
-    scale = np.maximum(np.median(off, axis=1) / _NORMAL_MAD, 1e-9)
-    farthest = off.max(axis=1) / scale
-    cut = float(np.quantile(farthest[1:], 0.95))
-    named: list[int] = []
-    shift: list[float] = []
-    left = seen.copy()
-    for _ in range(max(1, len(test) // 3)):
-        difference, away = differences(height, left)
-        # Of two that differ from each other only, the one farther from what is predicted.
-        worst = int(np.argmax(np.where(left, away, 0.0) / scale[0] + 1e-6 * np.abs(height)))
-        if named and away[worst] < cut * scale[0]:
-            break
-        named.append(worst)
-        shift.append(float(difference[worst]))
-        left[worst] = False
-    return _OutlyingReplicates(float(farthest[0]), farthest[1:], named, shift)
-
-
-# ------------------------------------------------------------------------------------------------
-# One axis along which a gap may vary, and how likely what is seen along it is without one.
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class _Axis:
     """One axis.
@@ -386,10 +420,6 @@ class _Axis:
     is_common: bool = False
 
 
-# ------------------------------------------------------------------------------------------------
-# How much of the excess an axis explains, and how sure that is.
-
-
 _CLAIM = 3.0
 """How much of the gap in common an axis may claim, over what varies along it. Physical: the square
 of the mean of a ramp from zero, over its variance; an effect in proportion to a column is such."""
@@ -406,6 +436,8 @@ class _Case:
 
     Attributes
     ----------
+    force, local : (N,)
+        What all forces, and all local strains, being off by one factor looks like.
     signs : (P, n)
         Of whole specimens, drawn.
     y, varying : (N,)
@@ -417,6 +449,8 @@ class _Case:
     campaign: Campaign
     table: FeatureTable
     residual: FloatArray
+    force: FloatArray
+    local: FloatArray
     patterns: Mapping[str, FloatArray]
     gaps: "_Gaps"
     signs: FloatArray
@@ -488,8 +522,38 @@ class _Case:
         return _orthonormal(self.whitening(columns), besides=self.common)
 
     def flipped(self, basis: FloatArray, y: FloatArray) -> tuple[float, FloatArray]:
-        """Return the p-value of an axis, and that of each draw."""
-        return _axis_p(self.whitening, basis, y, self.signs, self.rng)
+        """Return the p-value of an axis of orthonormal columns, and that of each draw."""
+        whitening = self.whitening
+        weight = whitening.summed(basis**2)
+        carries = weight > _SMALLEST_WEIGHT * weight.max(axis=0)
+        score = np.where(carries, whitening.summed(basis * y[:, None]), 0.0)
+        root = np.sqrt(np.where(carries, weight, 1.0))
+        k = basis.shape[1]
+        total, extra = np.sum((score / root) ** 2), 0.0
+        freedom = float(carries.sum()) - k
+        # As many specimens as if all that tell weighed alike.
+        units = weight.sum(axis=0) ** 2 / np.sum(weight**2, axis=0)
+        if float(np.median(units)) >= _FEWEST_TO_FLIP and freedom > 0.0:
+            sums = np.concatenate([score.sum(axis=0)[None], self.signs @ score])
+        else:
+            scores = np.concatenate([score[None], self._scores_of_noise(basis, carries)])
+            sums, total = scores.sum(axis=1), np.sum((scores / root) ** 2, axis=(1, 2))
+            extra = whitening.degrees_of_freedom
+        explained = np.sum(sums**2, axis=1)
+        left = np.maximum(total - explained, freedom) + extra
+        values = _share_p(explained, left, k, freedom + extra)
+        return float(values[0]), values[1:]
+
+    def _scores_of_noise(self, basis: FloatArray, carries: BoolArray) -> FloatArray:
+        """Scores of noise alone, (P, n, k), whose size is as uncertain as the noise's."""
+        starts, draws = self.whitening.starts, len(self.signs)
+        scores = np.zeros((draws, *carries.shape))
+        for i in np.flatnonzero(carries.any(axis=1)).tolist():
+            piece = basis[starts[i] : starts[i + 1]]
+            scores[:, i] = self.rng.standard_normal((draws, len(piece))) @ piece
+        freedom = self.whitening.degrees_of_freedom
+        size = np.sqrt(freedom / self.rng.chisquare(freedom, draws))
+        return np.where(carries, scores, 0.0) * size[:, None, None]
 
 
 def _beyond_noise(basis: FloatArray, y: FloatArray, cost: float = 1.0) -> float:
@@ -611,15 +675,14 @@ class _Gaps:
         return "force " + ", ".join([told[0], *(t.replace(" prediction", "", 1) for t in told[1:])])
 
 
-def _column_parts(
-    name: str, cells: Sequence[float | str | None], force: BoolArray, of_row: IntArray
-) -> Iterator[_Part]:
+def _column_parts(case: _Case, name: str, cells: Sequence[float | str | None]) -> Iterator[_Part]:
     """Levels of a column, or thirds of one of many numbers."""
     known = SPECIMEN_COLUMNS.get(name)
     phrase = known.at if known else f"where {name} is {{}}"
     phrase = "in {}" if name == "material" else phrase
     for label, members in _groups(name, cells):
-        yield force & members[of_row], phrase.format(label), int(members.sum())
+        rows = ~case.table.is_field & members[case.whitening.of_row]
+        yield rows, phrase.format(label), int(members.sum())
 
 
 def _groups(name: str, cells: Sequence[float | str | None]) -> Iterator[tuple[str, BoolArray]]:
@@ -668,33 +731,27 @@ def _hold_parts(table: FeatureTable) -> Iterator[_Part]:
     yield hold & (table.time_s >= late), f"after {late:.2g} s of it", 0
 
 
-def _position_sentence(
-    place: tuple[ProfileDesign, float, IntArray], palette: Palette, gaps: _Gaps
-) -> str:
+def _position_sentence(case: _Case, design: ProfileDesign, at_mm: float, rows: IntArray) -> str:
     """Return where along which bar the local strain is farthest off."""
-    design, at_mm, rows = place
-    mean = gaps.mean(np.isin(np.arange(len(gaps.log)), rows))
+    mean = case.gaps.mean(np.isin(np.arange(len(case.y)), rows))
     off = "off" if mean is None else _off(mean)
     sentence = f"strain {off} near {at_mm:.3g} mm along bar {design.name}"
     reach = max(_STEP_REACH * design.length_mm, _STEP_REACH_mm)
-    step = min(steps_of(design), key=lambda s: abs(s.x_mm - at_mm), default=None)
+    step = min(_steps_of(design), key=lambda s: abs(s.x_mm - at_mm), default=None)
     if step is not None and abs(step.x_mm - at_mm) <= reach:
         grades = [
-            min(palette.materials, key=lambda m: abs(m.coordinate - at)).id
+            min(case.campaign.palette.materials, key=lambda m: abs(m.coordinate - at)).id
             for at in (step.before, step.after)
         ]
         sentence += f", at the step from {grades[0]} to {grades[1]}"
     return sentence
 
 
-def _outliers_sentence(ids: Sequence[str], shift: Sequence[float]) -> str:
+def _outliers_sentence(shift: Mapping[str, float]) -> str:
     """Return which specimens differ from their replicates, and by how much."""
-    listed = [
-        f"{id} {_off(value, 'its replicates')}"
-        for id, value in zip(ids[:_NAMED], shift, strict=False)
-    ]
-    more = len(ids) - len(listed)
-    return "force of " + "; ".join(listed) + (f"; and {more} more" if more else "")
+    told = [f"{id} {_off(value, 'its replicates')}" for id, value in shift.items()]
+    more = [f"and {len(told) - _NAMED} more"] if len(told) > _NAMED else []
+    return "force of " + "; ".join(told[:_NAMED] + more)
 
 
 def _count(n: int) -> str:
@@ -713,22 +770,6 @@ def _off(log: float, what: str = "prediction") -> str:
 
 # ------------------------------------------------------------------------------------------------
 # Along bars: how noisy, and where strains are farthest off.
-
-
-def _force_level(table: FeatureTable) -> FloatArray:
-    """Return what all forces being off by one factor looks like, (N,)."""
-    return np.where(table.is_field, 0.0, table.sensitivity(table.measured_raw))
-
-
-def _local_level(table: FeatureTable) -> FloatArray:
-    """Return what all local strains being off by one factor looks like, (N,)."""
-    return np.where(table.is_field, table.sensitivity(table.measured_raw), 0.0)
-
-
-def _factors_of_bars(table: FeatureTable, of_row: IntArray) -> FloatArray:
-    """Return a factor on all local strains of each bar, (N, bars): no matter of position."""
-    bars = np.unique(of_row[table.is_field])
-    return np.where(of_row[:, None] == bars, _local_level(table)[:, None], 0.0)
 
 
 def _bar_scale(table: FeatureTable, y: FloatArray, basis: FloatArray) -> float:
@@ -753,9 +794,7 @@ def _bar_scale(table: FeatureTable, y: FloatArray, basis: FloatArray) -> float:
     return max(1.0, float(np.sqrt(squares / freedom)))
 
 
-def _farthest_place(
-    campaign: Campaign, table: FeatureTable, y: FloatArray
-) -> tuple[ProfileDesign, float, IntArray]:
+def _farthest_place(case: _Case, y: FloatArray) -> tuple[ProfileDesign, float, IntArray]:
     """Return the place along which bar the local strain is farthest off, and its rows.
 
     Parameters
@@ -764,8 +803,8 @@ def _farthest_place(
         Whitened.
     """
     best, found = -1.0, None
-    for rows, design in rows_by_design(campaign, table).values():
-        at, place = np.unique(np.round(table.x_mm[rows], 3), return_inverse=True)
+    for rows, design in _rows_by_design(case.campaign, case.table).values():
+        at, place = np.unique(np.round(case.table.x_mm[rows], 3), return_inverse=True)
         score = np.abs(np.bincount(place, y[rows]) / np.sqrt(np.bincount(place)))
         peak = int(np.argmax(score))
         if score[peak] > best:
@@ -829,21 +868,18 @@ def localise(
     count = len(campaign.specimens)
     if count < 2:
         return ()
-    y = whitening(residual)
-    patterns = axis_patterns(campaign, table, table.sensitivity(table.measured_raw))
-    shapes = np.column_stack([_force_level(table), patterns["strain"], _local_level(table)])
-    common = _orthonormal(whitening(shapes))
+    y, level = whitening(residual), table.sensitivity(table.measured_raw)
+    force, local = np.where(table.is_field, 0.0, level), np.where(table.is_field, level, 0.0)
+    patterns = axis_patterns(campaign, table, level)
+    common = _orthonormal(whitening(np.column_stack([force, patterns["strain"], local])))
     varying = y - common @ (common.T @ y)
     signs: FloatArray = np.where(rng.random((permutations, count)) < 0.5, -1.0, 1.0)
-    gaps = _Gaps(table, residual)
     case = _Case(
-        campaign, table, residual, patterns, gaps, signs, rng, whitening, y, varying, common
-    )
+        campaign, table, residual, force, local, patterns, _Gaps(table, residual), signs, rng,
+        whitening, y, varying, common,
+    )  # fmt: skip
     axes = [*_column_axes(case), *_within_axes(case), *_position_axes(case), *_outlying_axes(case)]
-    p = _family_wise(
-        np.array([a.p for a in axes]),
-        np.stack([a.drawn_p for a in axes]),
-    )
+    p = _family_wise(axes)
     order, adds = _ranked(axes, p, case)
     weights = rng.multinomial(count, np.full(count, 1.0 / count), _BOOTSTRAPS).astype(np.float64)
     places = []
@@ -858,13 +894,12 @@ def localise(
 
 def _column_axes(case: _Case) -> Iterator[_Axis]:
     """Material and the columns of specimens.csv."""
-    cells = axis_cells(case.campaign)
+    cells = _axis_cells(case.campaign)
     for name in (name for name in cells if name in case.patterns):
         basis = case.basis(case.patterns[name])
         known = sum(cell is not None for cell in cells[name])
         if known >= _FEWEST_KNOWN and basis.shape[1]:
-            parts = _column_parts(name, cells[name], ~case.table.is_field, case.whitening.of_row)
-            sentence = case.gaps.sentence(parts)
+            sentence = case.gaps.sentence(_column_parts(case, name, cells[name]))
             yield _Axis(name, basis, *case.flipped(basis, case.varying), sentence)
 
 
@@ -881,33 +916,78 @@ def _within_axes(case: _Case) -> Iterator[_Axis]:
 
 
 def _position_axes(case: _Case) -> Iterator[_Axis]:
-    """Places along bars: a smooth pattern, and steps between materials."""
-    table, whitening = case.table, case.whitening
+    """Places along bars: a smooth pattern, and steps between materials.
+
+    A factor on all local strains of a bar is no matter of position.
+    """
+    whitening, of_row = case.whitening, case.whitening.of_row
     if "position" not in case.patterns:
         return
-    bars = whitening(_factors_of_bars(table, whitening.of_row))
+    is_bar = of_row[:, None] == np.unique(of_row[case.table.is_field])
+    bars = whitening(np.where(is_bar, case.local[:, None], 0.0))
     besides = _orthonormal(np.concatenate([case.common, bars], axis=1))
-    columns = whitening(case.patterns["position"])
-    basis = _orthonormal(columns, besides=besides)
+    basis = _orthonormal(whitening(case.patterns["position"]), besides=besides)
     if not basis.shape[1]:
         return
     y = case.y - besides @ (besides.T @ case.y)
-    y = y / _bar_scale(table, y, basis)
-    place = _farthest_place(case.campaign, table, y)
-    sentence = _position_sentence(place, case.campaign.palette, case.gaps)
+    y = y / _bar_scale(case.table, y, basis)
+    sentence = _position_sentence(case, *_farthest_place(case, y))
     yield _Axis("position", basis, *case.flipped(basis, y), sentence)
 
 
+_TAIL_FREEDOM = 5.0
+"""Of Student's t, from which specimens are drawn. Chosen: a stray one is no rarity, and yet the
+variance and the kurtosis are finite."""
+
+_NORMAL_MAD = 0.6745
+"""Median absolute deviation over the standard one. Convention: of a normal distribution."""
+
+
 def _outlying_axes(case: _Case) -> Iterator[_Axis]:
-    """Specimens against their replicates: noise with stray specimens is drawn."""
-    whitening = case.whitening
-    level = _force_level(case.table)
-    alike = case.table.replicates[whitening.starts[:-1]]
-    found = _outlying_replicates(whitening, level, case.residual, alike, len(case.signs), case.rng)
-    if found is None:
+    """Specimens against their replicates: noise with stray specimens is drawn.
+
+    Each specimen's level is compared with the mean of its replicates'; the scale is told by the
+    median over all specimens, so that a few that are off do not hide themselves. Told are those
+    that are farther off than 95 of 100 draws, the farthest first; at least that one.
+    """
+    whitening, rng = case.whitening, case.rng
+    test = case.table.replicates[whitening.starts[:-1]]
+    phi = whitening.noise.whiten(case.force)
+    information = whitening.summed(phi**2)
+    seen = information > 0.0
+    known = np.where(seen, information, 1.0)
+    height = whitening.summed(phi * whitening.noise.whiten(case.residual)) / known
+    alike = (test[:, None] == test) & seen[:, None] & ~np.eye(len(test), dtype=bool)
+
+    def differences(heights: FloatArray, kept: BoolArray) -> tuple[FloatArray, FloatArray]:
+        """Return those from replicates' means, and the same in deviations, (..., n)."""
+        others = np.where(alike & kept, 1.0, 0.0)
+        count = others.sum(axis=1, keepdims=True)
+        contrasts = np.where(count > 0.0, np.eye(len(test)) - others / np.maximum(count, 1.0), 0.0)
+        found = heights @ contrasts.T
+        return found, np.abs(found) / np.sqrt(np.maximum(contrasts**2 @ (1.0 / known), 1e-300))
+
+    compared = (alike & seen).any(axis=1)
+    if compared.sum() < 2:
         return
-    basis = case.basis(np.where(whitening.of_row[:, None] == found.named, level[:, None], 0.0))
-    ids = [case.campaign.specimens[i].id for i in found.named]
-    p = tail_p(float(np.log(max(found.largest, 1e-9))), np.log(found.drawn), _THINNEST)
-    sentence = _outliers_sentence(ids, found.shift)
-    yield _Axis("specimen", basis, p, _rank_p(found.drawn), sentence)
+    drawn = rng.standard_normal((len(case.signs), len(test)))
+    drawn /= np.sqrt(known * rng.chisquare(_TAIL_FREEDOM, drawn.shape) / _TAIL_FREEDOM)
+    off = differences(np.concatenate([height[None], drawn]), seen)[1][:, compared]
+    scale = np.maximum(np.median(off, axis=1) / _NORMAL_MAD, 1e-9)
+    farthest = off.max(axis=1) / scale
+    cut = float(np.quantile(farthest[1:], 0.95))
+    shift: dict[int, float] = {}
+    left = seen.copy()
+    for _ in range(max(1, len(test) // 3)):
+        difference, away = differences(height, left)
+        # Of two that differ from each other only, the one farther from what is predicted.
+        worst = int(np.argmax(np.where(left, away, 0.0) / scale[0] + 1e-6 * np.abs(height)))
+        if shift and away[worst] < cut * scale[0]:
+            break
+        shift[worst] = float(difference[worst])
+        left[worst] = False
+    is_named = whitening.of_row[:, None] == list(shift)
+    basis = case.basis(np.where(is_named, case.force[:, None], 0.0))
+    p = tail_p(math.log(max(farthest[0], 1e-9)), np.log(farthest[1:]), _THINNEST)
+    sentence = _outliers_sentence({case.campaign.specimens[i].id: shift[i] for i in shift})
+    yield _Axis("specimen", basis, p, _rank_p(farthest[1:]), sentence)

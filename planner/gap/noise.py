@@ -11,9 +11,8 @@ import scipy.optimize
 import scipy.special
 
 from planner.formats.units import QUANTITY_UNITS
-from planner.gap.camera import SIDES
 from planner.gap.campaign import Campaign
-from planner.gap.observations import FeatureTable
+from planner.gap.observations import SIDES, FeatureTable
 from planner.numerics import BoolArray, FloatArray, IntArray
 from planner.palette import Palette
 from planner.simulation.bar_solver import Setup
@@ -23,17 +22,16 @@ __all__ = [
     "UNIT_GAINS",
     "USUAL",
     "Calibration",
+    "NoisyFeatures",
     "Scatter",
     "SpecimenNoise",
     "calibration_columns",
     "calibrations",
     "discrepancy_columns",
-    "estimate_scatter",
     "field_columns",
     "likeliest_facet",
     "likeliest_sides",
     "seen_otherwise",
-    "specimen_noise",
     "unit_gains",
 ]
 
@@ -131,16 +129,11 @@ class SpecimenNoise:
         return np.concatenate([root @ columns[rows] for root, rows in parts])
 
 
-def specimen_noise(
-    table: FeatureTable,
-    sensitivity: FloatArray,
-    scatter: Scatter,
-    sensor_sd_N: FloatArray,
-    batch_of: IntArray,
-) -> SpecimenNoise:
-    """Return the noise of a campaign's features.
+@dataclass(frozen=True, slots=True, eq=False)
+class NoisyFeatures:
+    """N features, and what their noise goes by.
 
-    Parameters
+    Attributes
     ----------
     sensitivity : (N,)
         Of the transformed features by the logarithm of force or strain.
@@ -149,52 +142,119 @@ def specimen_noise(
     batch_of : (n,)
         Number of each specimen's batch, -1 where unknown.
     """
-    edges = np.flatnonzero(np.diff(table.specimen)) + 1
-    rows = tuple(slice(a, b) for a, b in itertools.pairwise([0, *edges.tolist(), len(table)]))
-    blocks = tuple(_specimen_block(table, sensitivity, scatter, sensor_sd_N, r) for r in rows)
-    batches = sorted(set(batch_of.tolist()) - {-1})
-    columns = np.zeros((len(table), len(batches) if len(batches) > 1 else 0))
-    for column, number in enumerate(batches[: columns.shape[1]]):
-        of_batch = (batch_of[table.specimen] == number) & ~table.is_field
-        columns[of_batch, column] = scatter.batch * sensitivity[of_batch]
-    roots = tuple(np.linalg.inv(np.linalg.cholesky(block)) for block in blocks)
-    return SpecimenNoise(rows, blocks, roots, columns)
 
+    table: FeatureTable
+    sensitivity: FloatArray
+    sensor_sd_N: FloatArray
+    batch_of: IntArray
 
-def _specimen_block(
-    table: FeatureTable,
-    sensitivity: FloatArray,
-    scatter: Scatter,
-    sensor_sd_N: FloatArray,
-    rows: slice,
-) -> FloatArray:
-    """Return the covariance of one specimen's rows, (d, d): forces, then strains along a bar."""
-    stop = rows.stop - int(table.is_field[rows].sum())
-    return scipy.linalg.block_diag(
-        _force_block(table, sensitivity, scatter, sensor_sd_N, slice(rows.start, stop)),
-        _field_block(table, sensitivity, scatter, slice(stop, rows.stop)),
-    )
+    def noise(self, scatter: Scatter) -> SpecimenNoise:
+        """Return the noise of the features where specimens scatter so."""
+        table, batch_of = self.table, self.batch_of
+        edges = np.flatnonzero(np.diff(table.specimen)) + 1
+        rows = tuple(slice(a, b) for a, b in itertools.pairwise([0, *edges.tolist(), len(table)]))
+        blocks = tuple(self._block(scatter, of_one) for of_one in rows)
+        batches = sorted(set(batch_of.tolist()) - {-1})
+        columns = np.zeros((len(table), len(batches) if len(batches) > 1 else 0))
+        for column, number in enumerate(batches[: columns.shape[1]]):
+            of_batch = (batch_of[table.specimen] == number) & ~table.is_field
+            columns[of_batch, column] = scatter.batch * self.sensitivity[of_batch]
+        roots = tuple(np.linalg.inv(np.linalg.cholesky(block)) for block in blocks)
+        return SpecimenNoise(rows, blocks, roots, columns)
 
+    def _block(self, scatter: Scatter, rows: slice) -> FloatArray:
+        """Return the covariance of one specimen's rows, (d, d): forces, then strains of a bar."""
+        stop = rows.stop - int(self.table.is_field[rows].sum())
+        return scipy.linalg.block_diag(
+            self._force_block(scatter, slice(rows.start, stop)),
+            _field_block(self.table, self.sensitivity, scatter, slice(stop, rows.stop)),
+        )
 
-def _force_block(
-    table: FeatureTable,
-    sensitivity: FloatArray,
-    scatter: Scatter,
-    sensor_sd_N: FloatArray,
-    rows: slice,
-) -> FloatArray:
-    """Return the covariance of one specimen's forces, (d, d)."""
-    h = sensitivity[rows]
-    place = table.path[rows]
-    strain = table.strain[rows]
-    travel = strain / max(float(strain.max()), 1e-12)
-    tilt = h * (travel - 0.5)
-    far = np.abs(np.subtract.outer(place, place)) / scatter.wander_length
-    block = scatter.specimen**2 * np.outer(h, h) + scatter.slope**2 * np.outer(tilt, tilt)
-    block += scatter.wander**2 * np.exp(-far) * np.outer(h, h)
-    own = scatter.sensor * sensor_sd_N[table.specimen[rows]] * _by_raw(table, sensitivity, rows)
-    block[np.diag_indices(len(h))] += own**2 + _MODEL_SD**2
-    return block
+    def _force_block(self, scatter: Scatter, rows: slice) -> FloatArray:
+        """Return the covariance of one specimen's forces, (d, d)."""
+        table, h = self.table, self.sensitivity[rows]
+        place, strain = table.path[rows], table.strain[rows]
+        travel = strain / max(float(strain.max()), 1e-12)
+        tilt = h * (travel - 0.5)
+        far = np.abs(np.subtract.outer(place, place)) / scatter.wander_length
+        block = scatter.specimen**2 * np.outer(h, h) + scatter.slope**2 * np.outer(tilt, tilt)
+        block += scatter.wander**2 * np.exp(-far) * np.outer(h, h)
+        sensor = scatter.sensor * self.sensor_sd_N[table.specimen[rows]]
+        own = sensor * _by_raw(table, self.sensitivity, rows)
+        block[np.diag_indices(len(h))] += own**2 + _MODEL_SD**2
+        return block
+
+    def estimated_scatter(
+        self, residual: FloatArray, aside: FloatArray, counts: BoolArray
+    ) -> Scatter:
+        """Return the scatter of the specimens; `USUAL`, widely uncertain, without replicates.
+
+        Differences between replicates do not know what is hidden: they are fitted by restricted
+        maximum likelihood with wide physical priors, so that two replicates a condition say what
+        they can and a campaign without any still has an honest, wide answer.
+
+        Parameters
+        ----------
+        residual : (N,)
+            Transformed measurements, without `unit_gains`, less what the palette predicts, which
+            knows what places each replicate was seen at.
+        aside : (N,)
+            Change of the features were places to the side of where they are said to be.
+        counts : (N,)
+            Which features tell of scatter.
+        """
+        table, batches = self.table, np.unique(self.batch_of)
+        groups = _groups(table, counts & ~table.is_field)
+        bars = _groups(table, table.is_field)
+        freedom = sum(len(g) - 1 for g in groups)
+        free = (*(_OF_FORCE if groups else ()), *(_OF_FIELD if bars else ()))
+        contrasts = [self._contrasts(rows, batches, residual) for rows in groups]
+        along = [scipy.linalg.helmert(len(rows)) @ residual[np.stack(rows)] for rows in bars]
+
+        def cost(logs: FloatArray) -> float:
+            scatter = _scatter(dict(zip(free, logs.tolist(), strict=True)))
+            total = 0.5 * sum(
+                (log / _PRIOR_SD[name]) ** 2 for name, log in zip(free, logs, strict=True)
+            )
+            inner, cross = np.eye(len(batches)), np.zeros(len(batches))
+            for rows, (values, shares) in zip(groups, contrasts, strict=True):
+                first = slice(int(rows[0][0]), int(rows[0][-1]) + 1)
+                level = scatter.batch * self.sensitivity[first]
+                columns = np.stack([level, *values], axis=1)
+                half_log, white = _whitened(self._force_block(scatter, first), columns)
+                total += len(values) * half_log + 0.5 * float(np.sum(white[:, 1:] ** 2))
+                inner += float(white[:, 0] @ white[:, 0]) * shares.T @ shares
+                cross += shares.T @ (white[:, 1:].T @ white[:, 0])
+            # Levels of batches, which all groups have in common, integrated out.
+            half_log, half = _whitened(inner, cross)
+            total += half_log - 0.5 * float(half @ half)
+            for rows, differences in zip(bars, along, strict=True):
+                first = slice(int(rows[0][0]), int(rows[0][-1]) + 1)
+                # Where replicates differ because their places lie to the side, it is not scatter.
+                own = _field_block(table, self.sensitivity, scatter, first)
+                own += np.outer(aside[first], aside[first])
+                half_log, white = _whitened(own, differences.T)
+                total += len(differences) * half_log + 0.5 * float(np.sum(white**2))
+            return float(total)
+
+        if not free:
+            return USUAL
+        best = scipy.optimize.minimize(
+            cost, np.zeros(len(free)), method="L-BFGS-B", bounds=[(-2.5, 2.5)] * len(free),
+            options={"maxiter": 25},
+        )  # fmt: skip
+        log_sd = 1.0 / math.sqrt(1.0 / USUAL.log_sd**2 + 2.0 * freedom)
+        found = _scatter(dict(zip(free, best.x.tolist(), strict=True)))
+        return replace(found, log_sd=log_sd, degrees_of_freedom=freedom)
+
+    def _contrasts(
+        self, rows: list[IntArray], batches: IntArray, residual: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return orthonormal differences of replicates, and how much each has of every batch."""
+        helmert = scipy.linalg.helmert(len(rows))
+        batch = self.batch_of[[self.table.specimen[r[0]] for r in rows]]
+        members = (batch[:, None] == batches) & (batch[:, None] >= 0)
+        return helmert @ residual[np.stack(rows)], helmert @ members.astype(np.float64)
 
 
 def _field_block(
@@ -312,11 +372,7 @@ def calibration_columns(
 
 
 # ------------------------------------------------------------------------------------------------
-# Estimate the scatter from specimens that were made and tested alike.
-#
-# Differences between replicates do not know what is hidden: they are fitted by restricted maximum
-# likelihood with wide physical priors, so that two replicates a condition say what they can and a
-# campaign without any still has an honest, wide answer.
+# What scatter is usual, and specimens that were made and tested alike.
 
 
 USUAL = Scatter(
@@ -371,72 +427,6 @@ def unit_gains(table: FeatureTable) -> FloatArray:
     return found
 
 
-def estimate_scatter(
-    table: FeatureTable,
-    sensitivity: FloatArray,
-    sensor_sd_N: FloatArray,
-    batch_of: IntArray,
-    residual: FloatArray,
-    aside: FloatArray,
-    counts: BoolArray,
-) -> Scatter:
-    """Return the scatter of a campaign's specimens; `USUAL`, widely uncertain, without replicates.
-
-    Parameters are those of `specimen_noise`, and
-
-    residual : (N,)
-        Transformed measurements, without `unit_gains`, less what the palette predicts, which knows
-        what places each replicate was seen at.
-    aside : (N,)
-        Change of the features were places to the side of where they are said to be.
-    counts : (N,)
-        Which features tell of scatter.
-    """
-    groups = _groups(table, counts & ~table.is_field)
-    bars = _groups(table, table.is_field)
-    freedom = sum(len(g) - 1 for g in groups)
-    free = (*(_OF_FORCE if groups else ()), *(_OF_FIELD if bars else ()))
-    batches = np.unique(batch_of)
-    contrasts = [_contrasts(table, rows, batch_of, batches, residual) for rows in groups]
-    along = [scipy.linalg.helmert(len(rows)) @ residual[np.stack(rows)] for rows in bars]
-
-    def cost(logs: FloatArray) -> float:
-        scatter = _scatter(dict(zip(free, logs.tolist(), strict=True)))
-        total = 0.5 * sum(
-            (log / _PRIOR_SD[name]) ** 2 for name, log in zip(free, logs, strict=True)
-        )
-        inner, cross = np.eye(len(batches)), np.zeros(len(batches))
-        for rows, (values, shares) in zip(groups, contrasts, strict=True):
-            first = slice(int(rows[0][0]), int(rows[0][-1]) + 1)
-            own = _force_block(table, sensitivity, scatter, sensor_sd_N, first)
-            level = scatter.batch * sensitivity[first]
-            half_log, white = _whitened(own, np.stack([level, *values], axis=1))
-            total += len(values) * half_log + 0.5 * float(np.sum(white[:, 1:] ** 2))
-            inner += float(white[:, 0] @ white[:, 0]) * shares.T @ shares
-            cross += shares.T @ (white[:, 1:].T @ white[:, 0])
-        # Levels of batches, which all groups have in common, integrated out.
-        half_log, half = _whitened(inner, cross)
-        total += half_log - 0.5 * float(half @ half)
-        for rows, differences in zip(bars, along, strict=True):
-            first = slice(int(rows[0][0]), int(rows[0][-1]) + 1)
-            # Where replicates differ because their places lie to the side, it is not scatter.
-            own = _field_block(table, sensitivity, scatter, first)
-            own += np.outer(aside[first], aside[first])
-            half_log, white = _whitened(own, differences.T)
-            total += len(differences) * half_log + 0.5 * float(np.sum(white**2))
-        return float(total)
-
-    if not free:
-        return USUAL
-    best = scipy.optimize.minimize(
-        cost, np.zeros(len(free)), method="L-BFGS-B", bounds=[(-2.5, 2.5)] * len(free),
-        options={"maxiter": 25},
-    )  # fmt: skip
-    log_sd = 1.0 / math.sqrt(1.0 / USUAL.log_sd**2 + 2.0 * freedom)
-    found = _scatter(dict(zip(free, best.x.tolist(), strict=True)))
-    return replace(found, log_sd=log_sd, degrees_of_freedom=freedom)
-
-
 def _scatter(logs: Mapping[str, float]) -> Scatter:
     """Return `USUAL` times factors, what batches share times that of the level too."""
     factor = {name: math.exp(log) for name, log in logs.items()}
@@ -465,20 +455,6 @@ def _groups(table: FeatureTable, of: BoolArray) -> list[list[IntArray]]:
         if len(specimens) > 1 and len(lengths) == 1:
             groups.append([np.array(rows) for rows in specimens.values()])
     return groups
-
-
-def _contrasts(
-    table: FeatureTable,
-    rows: list[IntArray],
-    batch_of: IntArray,
-    batches: IntArray,
-    residual: FloatArray,
-) -> tuple[FloatArray, FloatArray]:
-    """Return orthonormal differences of replicates, and how much each has of every batch."""
-    helmert = scipy.linalg.helmert(len(rows))
-    batch = np.array([batch_of[table.specimen[r[0]]] for r in rows])
-    members = (batch[:, None] == batches) & (batch[:, None] >= 0)
-    return helmert @ residual[np.stack(rows)], helmert @ members.astype(np.float64)
 
 
 # ------------------------------------------------------------------------------------------------

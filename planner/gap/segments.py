@@ -10,7 +10,7 @@ import numpy as np
 from planner.errors import FileError
 from planner.formats.specimens import SPECIMEN_COLUMNS
 from planner.gap.campaign import Campaign, Specimen
-from planner.gap.quality_records import BEARING_SHARE, speed_mm_s, turns, without_spikes
+from planner.gap.quality import BEARING_SHARE, speed_mm_s, turns, without_spikes
 from planner.materials.characterise import BROKEN_SHARE, Curve, noise_sd, without_tail
 from planner.numerics import BoolArray, FloatArray, IntArray
 from planner.simulation.bar import slice_edges_mm
@@ -694,14 +694,22 @@ _ORIENTATIONS = {"x": 0, "y": 1, "z": 2}
 """Of a test, in a setup. Convention: in the order of their letters."""
 
 
-def _slice_bounds_mm(specimen: Specimen, gauge_mm: float) -> FloatArray:
-    """Return the edges of a specimen's slices along the drawn gauge; a part's are its bins."""
+def _slices_of(
+    campaign: Campaign, specimen: Specimen, gauge_mm: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return the edges of a specimen's slices along the drawn gauge, and their coordinates.
+
+    A part's slices are its bins.
+    """
     if specimen.part is not None:
-        return np.arange(len(specimen.part.response.coordinate) + 1.0)
+        coordinate = specimen.part.response.coordinate
+        return np.arange(len(coordinate) + 1.0), coordinate
     if specimen.profile is None:
-        return np.array([0.0, gauge_mm])
+        material = campaign.palette.resolve(specimen.material or "")
+        return np.array([0.0, gauge_mm]), np.array([material.coordinate])
     edges = slice_edges_mm(specimen.profile)
-    return np.asarray(edges * (gauge_mm / edges[-1]))
+    edges = edges * (gauge_mm / edges[-1])
+    return edges, specimen.profile.at(0.5 * (edges[1:] + edges[:-1]))
 
 
 def assemble(
@@ -710,17 +718,15 @@ def assemble(
     """Return the setup: as printed, by the palette's laws, in a rigid machine."""
     groups = [[campaign.specimens[place] for place in test.places] for test in tests]
     gauge = np.array([paths[test.places[0]].gauge_mm for test in tests])
-    bounds = [
-        _slice_bounds_mm(group[0], length)
+    slices = [
+        _slices_of(campaign, group[0], length)
         for group, length in zip(groups, gauge.tolist(), strict=True)
     ]
-    counts = [len(b) - 1 for b in bounds]
-    coordinate, area = [], []
-    for group, b in zip(groups, bounds, strict=True):
-        middle = 0.5 * (b[1:] + b[:-1])
-        coordinate.append(_coordinates(campaign, group[0], middle))
-        none = group[0].part is not None
-        area.append(np.ones_like(middle) if none else mean_section_mm2(group, middle))
+    middles = [0.5 * (edges[1:] + edges[:-1]) for edges, _ in slices]
+    area = [
+        mean_section_mm2(group if group[0].part is None else (), middle)
+        for group, middle in zip(groups, middles, strict=True)
+    ]
     reference = campaign.palette.reference
     covariates: dict[str, Any] = {}
     known: dict[str, BoolArray] = {}
@@ -738,7 +744,7 @@ def assemble(
     always = np.ones(len(tests), dtype=np.bool_)
     known.update(rate_per_s=always, rate_mm_s=always, gauge_mm=always)
     rate = np.array([np.mean([paths[place].speed_mm_s for place in t.places]) for t in tests])
-    first_slice = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+    first_slice = np.cumsum([0, *map(len, middles)], dtype=np.int64)
     return Setup(
         reference=reference,
         palette_coordinate=np.array([m.coordinate for m in campaign.palette.materials]),
@@ -752,18 +758,15 @@ def assemble(
         known=known,
         designs=tuple(group[0].profile for group in groups),
         parts=tuple(part.response if (part := group[0].part) else None for group in groups),
-        x_mm=np.concatenate([0.5 * (b[1:] + b[:-1]) for b in bounds]),
-        length_mm=np.concatenate([np.diff(b) for b in bounds]),
-        coordinate=np.concatenate(coordinate),
+        x_mm=np.concatenate(middles),
+        length_mm=np.concatenate([np.diff(edges) for edges, _ in slices]),
+        coordinate=np.concatenate([coordinate for _, coordinate in slices]),
         area_mm2=np.concatenate(area),
         **covariates,
-        **(
-            unaltered(first_slice, len(tests[0].time_s))
-            | {
-                "pushed": np.array([group[0].pushed for group in groups]),
-                "reloads": np.stack([_reloads(test) for test in tests]),
-            }
-        ),
+        **unaltered(first_slice, len(tests[0].time_s)),
+    ).with_(
+        pushed=np.array([group[0].pushed for group in groups]),
+        reloads=np.stack([_reloads(test) for test in tests]),
     )  # fmt: skip
 
 
@@ -807,14 +810,6 @@ def _nominal_size_mm(specimen: Specimen, name: str) -> float | None:
         length = design.length_mm
         own = float(np.trapezoid(getattr(design, name), design.x_mm)) / length
     return getattr(specimen, f"measured_{name}") if own is None else own
-
-
-def _coordinates(campaign: Campaign, specimen: Specimen, x_mm: FloatArray) -> FloatArray:
-    if specimen.part is not None:
-        return specimen.part.response.coordinate
-    if specimen.profile is None:
-        return np.full_like(x_mm, campaign.palette.resolve(specimen.material or "").coordinate)
-    return specimen.profile.at(x_mm)
 
 
 def _means(

@@ -10,7 +10,7 @@ from planner.errors import PlannerError
 from planner.formats.files import path_within
 from planner.formats.specimens import SPECIMEN_COLUMNS
 from planner.formats.tensile import read_tensile
-from planner.gap.campaign_folder import CURVES, SPECIMENS, read_campaign_file, read_list
+from planner.gap.campaign_folder import CURVES, SPECIMENS, has_curves, read_campaign_file, read_list
 from planner.gap.diagnosis import Diagnosis, read_diagnosis
 from planner.gap.effects import EFFECTS
 from planner.glance import one_line
@@ -85,7 +85,8 @@ def campaign_standing(campaign: str | Path) -> Standing:
     name = read_campaign_file(folder).name
     rows, _, _ = read_list(path_within(folder, SPECIMENS))
     listed = tuple(row.specimen for row in rows)
-    curves = _with_curve(folder)
+    tables = read_tensile(path_within(folder, CURVES)) if has_curves(folder) else ()
+    curves = {table.specimen for table in tables}
     missing = tuple(
         row.specimen
         for row in rows
@@ -146,14 +147,6 @@ def next_command(
 
 def _quoted(path: Path) -> str:
     return shlex.quote(str(path))
-
-
-def _with_curve(folder: Path) -> set[str]:
-    """Return the specimens of curves.csv, of which a design writes the heading alone."""
-    path = path_within(folder, CURVES)
-    if not path.is_file() or len(path.read_bytes().split(b"\n", 2)) < 3:
-        return set()
-    return {table.specimen for table in read_tensile(path)}
 
 
 def _diagnosis_of(

@@ -160,12 +160,16 @@ def _cause(d: Diagnosis) -> str:
             "was measured, alone or with a second one."
         )
     clauses = "; and ".join(EFFECTS[e].clause if e in EFFECTS else e for e in effects)
+    unsure = "No cause is sure; the likeliest"
+    if d.ranking[0].name in ("none", "unknown"):  # named causes together are the likeliest kind
+        named = sum(h.probability for h in d.ranking if h.name not in ("none", "unknown"))
+        some = "that an effect tested here is at work has"
+        unsure = f"No cause is sure: {some} probability {probability(named)}, and the likeliest"
     if len(effects) == 1:
-        cause = f"The cause is {sure}" if sure else "No cause is sure; the likeliest is"
+        cause = f"The cause is {sure}" if sure else f"{unsure} is"
         return f"{cause} that {clauses} ({d.verdict}, {chance})."
     count = "Two" if len(effects) == 2 else "Three"
-    likeliest = f"No cause is sure; the likeliest are {count.casefold()}"
-    cause = f"{count} causes are {sure} at work" if sure else likeliest
+    cause = f"{count} causes are {sure} at work" if sure else f"{unsure} are {count.casefold()}"
     return f"{cause}: {clauses} ({d.verdict}, {chance})."
 
 

@@ -12,13 +12,12 @@ from planner.errors import ArgumentError, FileError, UnknownNameError, did_you_m
 from planner.formats.files import path_within
 from planner.formats.specimens import ListedSpecimen as Row
 from planner.formats.specimens import read_specimens
-from planner.gap.camera import seen_shares
 from planner.gap.campaign import Campaign, Specimen, StrainField
 from planner.gap.campaign_folder import (
-    CURVES,
     SPECIMENS,
     ListReader,
     campaign_palette,
+    has_curves,
     read_campaign,
     read_campaign_file,
     read_list,
@@ -28,6 +27,7 @@ from planner.gap.diagnosis import read_diagnosis
 from planner.gap.effect import Effect, Form, Parameter, StatedEffect, stated, with_effects
 from planner.gap.effects import effect_named, effects_for
 from planner.gap.noise import USUAL
+from planner.gap.observations import seen_shares
 from planner.gap.segments import assemble, path_of, replicate_test
 from planner.numerics import FloatArray
 from planner.palette import Palette
@@ -238,7 +238,7 @@ def read_design(
         )
     file = read_campaign_file(path)
     own = campaign_palette(file, path)
-    if _has_curves(path):
+    if has_curves(path) or any(row.file for row in read_specimens(path_within(path, SPECIMENS))):
         campaign = read_campaign(path, own)
         specimens = tuple(s for s in map(_retraced, campaign.specimens) if s is not None)
         if not specimens:
@@ -259,18 +259,6 @@ def _palette_beside(listed: Path) -> tuple[Palette, str] | None:
     diagnosed = (folder / "diagnosis.json").is_file()
     own = read_diagnosis(folder).own_palette if diagnosed else None
     return None if own is None else (own, "")
-
-
-def _has_curves(folder: Path) -> bool:
-    if any(row.file for row in read_specimens(path_within(folder, SPECIMENS))):
-        return True
-    try:
-        lines = (
-            path_within(folder, CURVES).read_text(encoding="utf-8", errors="replace").splitlines()
-        )
-    except OSError:
-        return False
-    return sum(bool(line.strip()) for line in lines) > 1
 
 
 def _retraced(specimen: Specimen) -> Specimen | None:
@@ -555,7 +543,18 @@ def synthetic_campaign(
             )
         prediction = predict(with_effects(setup, _drawn(effects, rng)), laws)
         level = batches[specimen.batch] + _course(specimen, scatter, rng)
-        specimens.append(_measured(specimen, setup, prediction, level, rng, how))
+        force = prediction.force_N[0] * np.exp(level)
+        noise = max(_SENSOR * float(np.abs(force).max()), _SENSOR_LEAST_N)
+        specimens.append(
+            replace(
+                specimen,
+                id=f"SIM-{specimen.id}",
+                force_N=force + noise * rng.standard_normal(len(force)),
+                strain_field=_seen(specimen, setup, prediction, rng),
+                covariates={**specimen.covariates, "simulated": how.partition(";")[0]},
+                time_recorded=True,
+            )
+        )
     return replace(
         plan,
         name=f"{plan.name} (simulated)",
@@ -591,36 +590,13 @@ def _course(specimen: Specimen, scatter: float, rng: np.random.Generator) -> Flo
     return course
 
 
-def _measured(
-    specimen: Specimen,
-    setup: Setup,
-    prediction: Prediction,
-    level: FloatArray,
-    rng: np.random.Generator,
-    how: str,
-) -> Specimen:
-    force = prediction.force_N[0] * np.exp(level)
-    noise = max(_SENSOR * float(np.abs(force).max()), _SENSOR_LEAST_N)
-    force = force + noise * rng.standard_normal(len(force))
-    seen = specimen.strain_field
-    return replace(
-        specimen,
-        id=f"SIM-{specimen.id}",
-        force_N=force,
-        strain_field=None if seen is None else _seen(seen, specimen, setup, prediction, rng),
-        covariates={**specimen.covariates, "simulated": how.partition(";")[0]},
-        time_recorded=True,
-    )
-
-
 def _seen(
-    seen: StrainField,
-    specimen: Specimen,
-    setup: Setup,
-    prediction: Prediction,
-    rng: np.random.Generator,
-) -> StrainField:
+    specimen: Specimen, setup: Setup, prediction: Prediction, rng: np.random.Generator
+) -> StrainField | None:
     """Return the strains that a camera sees when it looked; facets of unknown length touch."""
+    seen = specimen.strain_field
+    if seen is None:
+        return None
     facet = float(np.median(np.diff(seen.x_mm))) if seen.facet_mm is None else seen.facet_mm
     along = prediction.strain @ seen_shares(setup, 0, seen.x_mm, facet).T
     strain = np.stack([np.interp(seen.time_s, specimen.time_s, at) for at in along.T], axis=1)

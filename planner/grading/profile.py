@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from planner.errors import ArgumentError, FileError, UnknownNameError, as_number, did_you_mean
 from planner.formats.files import SIGNIFICANT_DIGITS
-from planner.formats.tables import finite_number, read_records
+from planner.formats.tables import read_columns
 from planner.glance import brief, counted, html_of, one_line, plotted
 from planner.grading.warmed import at_temperature
 from planner.materials.laws import make_law, secant_modulus_MPa, stability
@@ -295,28 +295,26 @@ def read_profile(
         The file cannot be read, or a row breaks the rules; the message names the line.
     """
     path = Path(path)
-    columns, rows = read_records(path, "profile")
-    value_columns = [c for c in columns if c in ("modulus_MPa", "material")]
-    if "position" not in columns or len(value_columns) != 1:
+    file = read_columns(
+        path, {"position": None, "modulus_MPa": "stress"}, texts=("material",),
+        optional=("modulus_MPa", "material"), others=True,
+    )  # fmt: skip
+    if ("material" in file.texts) == ("modulus_MPa" in file.numbers):
         raise FileError(
-            f"profile {path}: columns are {', '.join(columns) or 'none'}; it needs position and "
-            "one of modulus_MPa and material"
+            f"{path.name}: it needs position and one of the columns modulus_MPa and material"
         )
-    column = value_columns[0]
-    positions: list[float] = []
-    moduli: list[float] = []
-    for where, row in rows:
-        position = finite_number(row.get("position"), f"{where}: position")
-        if column == "material":
-            try:
-                modulus = moduli_MPa[resolve(str(row.get("material") or ""))]
-            except UnknownNameError as error:
-                raise FileError(f"{where}: {error}") from error
-        else:
-            modulus = finite_number(row.get("modulus_MPa"), f"{where}: modulus_MPa")
-        if not 0.0 <= position <= 1.0 or (positions and position < positions[-1]):
+    places = [f"{path.name}, line {line}" for line in file.lines]
+    positions = file.numbers["position"].tolist()
+    asked = file.numbers.get("modulus_MPa", np.empty(0)).tolist()
+    for where, name in zip(places, file.texts.get("material", ()), strict=False):
+        try:
+            asked.append(moduli_MPa[resolve(name)])
+        except UnknownNameError as error:
+            raise FileError(f"{where}: {error}") from error
+    for k, (where, position, modulus) in enumerate(zip(places, positions, asked, strict=True)):
+        if not 0.0 <= position <= 1.0 or (k and position < positions[k - 1]):
             raise FileError(f"{where}: position is {position:g}; positions rise from 0 to 1")
-        if len(positions) > 1 and position == positions[-2]:
+        if k > 1 and position == positions[k - 2]:
             raise FileError(
                 f"{where}: position {position:g} stands three times; a jump is two rows"
             )
@@ -325,11 +323,9 @@ def read_profile(
                 f"{where}: modulus_MPa is {modulus:g}; it must be above 0, "
                 f"{_LEAST_MPa:g} to {_MOST_MPa:g}"
             )
-        positions.append(position)
-        moduli.append(modulus)
     if len(positions) < 2 or positions[0] != 0.0 or positions[-1] != 1.0:
-        raise FileError(f"profile {path}: it needs rows from position 0 to position 1")
-    return Profile(path.name, tuple(positions), tuple(moduli), "log")
+        raise FileError(f"{path.name}: it needs rows from position 0 to position 1")
+    return Profile(path.name, tuple(positions), tuple(asked), "log")
 
 
 # ------------------------------------------------------------------------------------------------

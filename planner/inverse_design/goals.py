@@ -10,7 +10,7 @@ import numpy as np
 
 from planner.errors import ArgumentError, did_you_mean
 from planner.formats.mesh_file import read_mesh
-from planner.formats.tables import finite_number, read_records
+from planner.formats.tables import read_columns
 from planner.formats.units import unit_factor
 from planner.mesh.mesh import Mesh
 from planner.numerics import FloatArray, Point
@@ -185,18 +185,10 @@ def _shape(text: str, bare: str) -> Target:
     if path.suffix.casefold() != ".csv":
         surface = read_mesh(path).triangles
         return Target(text, on[2] if on else "", "shape", surface_mm=np.asarray(surface, float))
-    columns, rows = read_records(path, "shape")
-    missing = [name for name in _SHAPE_COLUMNS if name not in columns]
-    if missing:
-        raise ArgumentError(
-            f"`target` {text}: column {missing[0]} is missing; it needs "
-            f"{', '.join(_SHAPE_COLUMNS)}: places at rest, and how far each is to move"
-        )
-    values = [
-        [finite_number(row.get(name), f"{where}: {name}") for name in _SHAPE_COLUMNS]
-        for where, row in rows
-    ]
-    if not 1 <= len(values) <= _MOST_POINTS:
+    columns = dict.fromkeys(_SHAPE_COLUMNS, "length")
+    numbers = read_columns(path, columns, others=True).numbers
+    values = np.stack([numbers[name] for name in columns], axis=1).tolist()
+    if len(values) > _MOST_POINTS:
         raise ArgumentError(
             f"`target` {text}: {len(values)} points; a shape takes 1 to {_MOST_POINTS}"
         )

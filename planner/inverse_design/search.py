@@ -16,12 +16,12 @@ from planner.mesh.mesh import Mesh
 from planner.numerics import FloatArray, interrupted
 from planner.simulation.cut_cells import CutCells, cut_cells
 from planner.simulation.loads import LoadCase
-from planner.simulation.part_sensitivity import moved_by
 from planner.simulation.response import (
     CellAverage,
     figure_interval,
     largest_stretch,
     log_stress_sds,
+    moved_by,
 )
 from planner.simulation.solid import Body, Equilibrium, LostStabilityError, Mechanics
 from planner.simulation.sparse_cholesky import analyse

@@ -560,7 +560,7 @@ def quadratic_study(
     rows = []
     for place, (material, curve, fit) in enumerate(zip(elastic, curves, single, strict=True)):
         model, others = found.model, _model_without(curves, single, place)
-        law = make_law(material.law)
+        law, mixtures = make_law(material.law), mixtures_without(palette, material)
         rows.append(
             QuadraticRow(
                 id=material.id,
@@ -572,7 +572,11 @@ def quadratic_study(
                 quadratics_without=None
                 if others is None
                 else _errors(curve, others.literal_stress_MPa(curve.coordinate, curve.strain)),
-                mixtures_without=_mixtures_without(palette, material, curve),
+                mixtures_without=None
+                if mixtures is None
+                else _errors(
+                    curve, mixtures.nominal_stress_MPa(curve.coordinate, 1.0 + curve.strain)
+                ),
                 model_without=others,
                 near_rest_MPa=float(model.literal_stress_MPa(curve.coordinate, _NEAR_REST)),
                 law_near_rest_MPa=float(law.nominal_stress_MPa(1.0 + _NEAR_REST)),
@@ -605,14 +609,6 @@ def _model_without(
     if not math.isfinite(pooled_squared_error_MPa2(start, kept)):
         return None
     return algorithm_one(kept, start).model
-
-
-def _mixtures_without(palette: Palette, material: Material, curve: LiteralCurve) -> Errors | None:
-    """Return the errors of the mixtures of a palette without one of its inner materials."""
-    model = mixtures_without(palette, material)
-    if model is None:
-        return None
-    return _errors(curve, model.nominal_stress_MPa(material.coordinate, 1.0 + curve.strain))
 
 
 def mixtures_without(palette: Palette, material: Material) -> CoefficientModel | None:

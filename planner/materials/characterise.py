@@ -10,7 +10,7 @@ import numpy as np
 from planner.errors import ArgumentError, FileError
 from planner.glance import brief
 from planner.notes import Caution
-from planner.numerics import BoolArray, FloatArray, IntArray
+from planner.numerics import BoolArray, FloatArray, IntArray, freeze
 
 __all__ = [
     "BROKEN_SHARE",
@@ -20,6 +20,7 @@ __all__ = [
     "MaterialCharacteristics",
     "Spread",
     "characterise_material",
+    "check_record",
     "doubts",
     "noise_sd",
     "toe_compensated",
@@ -75,36 +76,10 @@ class Curve:
     __repr__ = brief
 
     def __post_init__(self) -> None:
+        freeze(self, "strain", "stress_MPa", "time_s")
         columns = {"strain": self.strain, "stress_MPa": self.stress_MPa}
-        if self.time_s is not None:
-            columns["time_s"] = self.time_s
-        for name, values in columns.items():
-            array = np.array(values, dtype=np.float64)
-            array.setflags(write=False)
-            object.__setattr__(self, name, array)
-            columns[name] = array
-        where = f"specimen {self.specimen}"
-        if len({array.shape for array in columns.values()}) > 1 or self.strain.ndim != 1:
-            shapes = {name: array.shape for name, array in columns.items()}
-            raise FileError(f"{where}: columns differ in shape ({shapes}); give one value a point")
-        if len(self.strain) < MINIMUM_POINTS:
-            raise FileError(
-                f"{where}: the curve has {len(self.strain)} points; it takes at least "
-                f"{MINIMUM_POINTS} to characterise one"
-            )
-        for name, array in columns.items():
-            bad = np.flatnonzero(~np.isfinite(array))
-            if len(bad):
-                raise FileError(
-                    f"{where}: {name} is {array[bad[0]]} at point {bad[0] + 1}; remove or repair "
-                    "such points"
-                )
-        if self.time_s is not None and np.any(np.diff(self.time_s) <= 0):
-            at = int(np.flatnonzero(np.diff(self.time_s) <= 0)[0])
-            raise FileError(
-                f"{where}: time goes from {self.time_s[at]:g} s to {self.time_s[at + 1]:g} s at "
-                f"point {at + 2}; time must rise"
-            )
+        time = {} if self.time_s is None else {"time_s": self.time_s}
+        check_record(f"specimen {self.specimen}", columns | time)
 
     def part(self, keep: slice | BoolArray, *notes: str, origin: float = 0.0) -> "Curve":
         """Return the points that are kept, strains counted from `origin`, with more notes."""
@@ -114,6 +89,40 @@ class Curve:
             stress_MPa=self.stress_MPa[keep],
             time_s=None if self.time_s is None else self.time_s[keep],
             notes=(*self.notes, *notes),
+        )
+
+
+def check_record(where: str, columns: Mapping[str, FloatArray]) -> None:
+    """Refuse columns that are no record of a test.
+
+    Raises
+    ------
+    FileError
+        They differ in length, hold NaN or infinity, have fewer than `MINIMUM_POINTS` points, or
+        ``time_s`` does not rise.
+    """
+    shapes = {name: array.shape for name, array in columns.items()}
+    points, *more = next(iter(shapes.values()))
+    if len(set(shapes.values())) > 1 or more:
+        raise FileError(f"{where}: columns differ in shape ({shapes}); give one value a point")
+    if points < MINIMUM_POINTS:
+        raise FileError(
+            f"{where}: the record has {points} points; at least {MINIMUM_POINTS} are needed: "
+            "export all of it, or leave the specimen out"
+        )
+    for name, array in columns.items():
+        bad = np.flatnonzero(~np.isfinite(array))
+        if len(bad):
+            raise FileError(
+                f"{where}: {name} is {array[bad[0]]} at point {bad[0] + 1}; remove or repair "
+                "such points"
+            )
+    time = columns.get("time_s", np.arange(points))
+    fall = np.flatnonzero(np.diff(time) <= 0.0)
+    if len(fall):
+        raise FileError(
+            f"{where}: time goes from {time[fall[0]]:g} s to {time[fall[0] + 1]:g} s at point "
+            f"{fall[0] + 2}; time must rise"
         )
 
 

@@ -41,16 +41,18 @@ class Law(Protocol):
     (engineering) stress is force over the area at rest, Cauchy stress over ``stretch``.
     """
 
+    __slots__ = ()
+
+    @abstractmethod
     def nominal_stress_MPa(self, stretch: ArrayLike) -> FloatArray:
         """Return the nominal stress, of the shape of `stretch`."""
-        ...
 
+    @abstractmethod
     def tangent_MPa(self, stretch: ArrayLike) -> FloatArray:
         """Return the derivative of the nominal stress by the stretch, of the same shape."""
-        ...
 
 
-class SeparableLaw(ABC):
+class SeparableLaw(Law, ABC):
     """A law as a fit sees it: a sum of columns, ``P(stretch) = sum_j c_j phi_j(stretch; a_j)``.
 
     Linear in the coefficients c, and nonlinear at most in one parameter a_j a column: variable
@@ -65,14 +67,6 @@ class SeparableLaw(ABC):
 
     __slots__ = ()
     model: ClassVar[str]
-
-    @abstractmethod
-    def nominal_stress_MPa(self, stretch: ArrayLike) -> FloatArray:
-        """Return the nominal stress, of the shape of `stretch`."""
-
-    @abstractmethod
-    def tangent_MPa(self, stretch: ArrayLike) -> FloatArray:
-        """Return the derivative of the nominal stress by the stretch, of the same shape."""
 
     @property
     @abstractmethod

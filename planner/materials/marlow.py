@@ -1,6 +1,5 @@
 """Marlow's law: an energy of the first invariant alone that a measured tensile curve fixes."""
 
-import itertools
 from dataclasses import dataclass
 from typing import Any
 
@@ -156,8 +155,7 @@ def marlow_table(model: CoefficientModel, *, poisson: float = POISSON) -> Marlow
     rows += np.log(1.5 / (1.0 + poisson))
 
     grades = model.coordinates
-    fine = [np.linspace(a, b, _BETWEEN, endpoint=False) for a, b in itertools.pairwise(grades)]
-    nodes = np.concatenate([*fine, grades[-1:]])
+    nodes = model.coordinates_between(_BETWEEN)
     places = model.places
     lower, upper, t, gap = bracketed(places, places_of(model.palette.hardness, nodes))
     slopes = pchip_slopes(places, rows)

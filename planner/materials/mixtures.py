@@ -297,6 +297,11 @@ class CoefficientModel:
         """Coordinates of the grades, strictly rising."""
         return np.array([m.coordinate for m in self.palette.materials])
 
+    def coordinates_between(self, count: int) -> FloatArray:
+        """Return coordinates of all mixtures, in so many steps from grade to grade."""
+        c = self.coordinates
+        return np.append(np.linspace(c[:-1], c[1:], count, endpoint=False, axis=1), c[-1])
+
     @property
     def places(self) -> FloatArray:
         """Places of the grades (`places_of`), strictly rising."""

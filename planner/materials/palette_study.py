@@ -1,5 +1,6 @@
 """From a set of tensile tests to a palette or a table of characteristics."""
 
+import inspect
 import itertools
 import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
@@ -46,6 +47,10 @@ __all__ = [
     "fit",
     "fit_tables",
 ]
+
+
+_READING = tuple(inspect.signature(read_study).parameters)
+"""What `characterise` and `fit` hand on as they are given it."""
 
 
 # ------------------------------------------------------------------------------------------------
@@ -211,19 +216,8 @@ def characterise(
     >>> round(found.materials[0].spreads["modulus_MPa"].mean, 3)  # doctest: +SKIP
     0.606
     """
-    study = read_study(
-        files,
-        specimens=specimens,
-        material=material,
-        width_mm=width_mm,
-        thickness_mm=thickness_mm,
-        gauge_mm=gauge_mm,
-        columns=columns,
-        unit_of=unit_of,
-        mode=mode,
-        blocks=blocks,
-        leave_out=leave_out,
-    )
+    given = locals()
+    study = read_study(**{name: given[name] for name in _READING})
     strains = SECANT_STRAINS if at_strain is None else tuple(at_strain)
     _other_modes(study)
     found = [
@@ -452,19 +446,8 @@ def fit(
     >>> fitted = planner.fit(["samples/tensile"], law="ogden")  # doctest: +SKIP
     >>> planner.write_palette(fitted.palette, "lab.toml")  # doctest: +SKIP
     """
-    study = read_study(
-        files,
-        specimens=specimens,
-        material=material,
-        width_mm=width_mm,
-        thickness_mm=thickness_mm,
-        gauge_mm=gauge_mm,
-        columns=columns,
-        unit_of=unit_of,
-        mode=mode,
-        blocks=blocks,
-        leave_out=leave_out,
-    )
+    given = locals()
+    study = read_study(**{name: given[name] for name in _READING})
     if weighting not in WEIGHTINGS:
         raise ArgumentError(f"weighting {weighting!r}: choose {' or '.join(WEIGHTINGS)}")
     if coefficients not in (None, "quadratic"):
@@ -731,11 +714,9 @@ def _ids(materials: Sequence[str]) -> dict[str, str]:
 
 def _colour(fraction: float) -> str:
     """Return a colour between yellow (soft, 0) and blue (hard, 1)."""
-    at = fraction * (len(_RAMP) - 1)
-    low = min(int(at), len(_RAMP) - 2)
-    ends = [[int(c[i : i + 2], 16) for i in (1, 3, 5)] for c in _RAMP[low : low + 2]]
-    mixed = (round(a + (at - low) * (b - a)) for a, b in zip(*ends, strict=True))
-    return "#" + "".join(f"{v:02X}" for v in mixed)
+    at = np.linspace(0.0, 1.0, len(_RAMP))
+    channels = ([int(colour[i : i + 2], 16) for colour in _RAMP] for i in (1, 3, 5))
+    return "#" + "".join(f"{round(np.interp(fraction, at, one)):02X}" for one in channels)
 
 
 def _material_document(material: Material, fit: MaterialFit) -> dict[str, Any]:

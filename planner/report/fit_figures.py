@@ -228,8 +228,7 @@ def _ladder(
     study: PaletteStudy, model: CoefficientModel, strain: float, left: float, top: float
 ) -> Iterator[str]:
     grades = model.coordinates
-    steps = [np.linspace(a, b, _PLACES, endpoint=False) for a, b in pairwise(grades.tolist())]
-    m = np.concatenate([*steps, grades[-1:]])
+    m = model.coordinates_between(_PLACES)
     low, high = model.modulus_interval_MPa(m, strain)
     room = 0.04 * float(grades[-1] - grades[0])
     least, most = np.log10([low.min(), high.max()]).tolist()

@@ -5,6 +5,7 @@ import math
 import textwrap
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -18,7 +19,6 @@ from planner.report.svg import (
     INK,
     RUST,
     Chart,
-    Panel,
     axes_of,
     disc,
     frame,
@@ -341,13 +341,7 @@ def _residual_figure(diagnosis: Diagnosis, traces: Traces) -> bytes | None:
     if not shown:
         return None
     y_range = _y_range([points for _, points in shown])
-
-    def panel(place: Location, points: Points) -> Panel:
-        return lambda left, top: _residual_panel(
-            traces, place, points, Chart(left, top + 20.0, 350.0, 190.0, _x_range(points), y_range)
-        )
-
-    panels = [panel(place, points) for place, points in shown]
+    panels = [partial(_residual_panel, traces, place, points, y_range) for place, points in shown]
     parts, width, height = in_rows(panels, _ACROSS, (66.0, _TOP), (440.0, 280.0))
     key = [(_BEFORE, 20.0)]
     key += [(_AFTER, 160.0)] if any(np.isfinite(points.after).any() for _, points in shown) else []
@@ -368,7 +362,15 @@ def _key(look: _Look, x: float, *, with_mark: bool = False) -> Iterator[str]:
     yield text(x + 28.0, 52.0, look.of, colour=_QUIET)
 
 
-def _residual_panel(traces: Traces, place: Location, points: Points, chart: Chart) -> Iterator[str]:
+def _residual_panel(
+    traces: Traces,
+    place: Location,
+    points: Points,
+    y_range: tuple[float, float],
+    left: float,
+    top: float,
+) -> Iterator[str]:
+    chart = Chart(left, top + 20.0, 350.0, 190.0, _x_range(points), y_range)
     yield text(chart.left, chart.top - 10.0, _heading(place), size=12.5)
     unit = "s" if place.axis == "time" else unit_of(place.axis)
     label = f"{axis_words(place.axis)}, {unit}" if unit else axis_words(place.axis)
@@ -503,11 +505,8 @@ def _curves_figure(traces: Traces) -> bytes | None:
     if not shown:
         return None
     title = "The tests with the largest gap" if len(order) > len(shown) else "Every test"
-
-    def panel(test: int) -> Panel:
-        return lambda left, top: _curves_panel(traces, test, left, top)
-
-    parts, width, height = in_rows([panel(test) for test in shown], 3, (62.0, _TOP), (292.0, 256.0))
+    panels = [partial(_curves_panel, traces, test) for test in shown]
+    parts, width, height = in_rows(panels, 3, (62.0, _TOP), (292.0, 256.0))
     key = [disc(26.0, 48.0, colour=INK, radius=2.5), text(36.0, 52.0, "measured", colour=_QUIET)]
     key += _key(_BEFORE, 112.0)
     key += _key(_AFTER, 244.0) if np.isfinite(traces.after_N).any() else ()

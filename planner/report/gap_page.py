@@ -30,56 +30,39 @@ __all__ = ["diagnosis_files", "write_diagnosis"]
 
 
 # ------------------------------------------------------------------------------------------------
-# The figures of a diagnosis in rows: as CSV for a spreadsheet, and as tables of the page.
+# The figures of a diagnosis in rows, as CSV for a spreadsheet.
 
 
 _SIGNIFICANT_DIGITS = 6
 
 
-def _ranking_csv(diagnosis: Diagnosis) -> bytes:
-    """Return the hypotheses, most probable first."""
-    rows = (
-        (h.name, h.probability, h.with_unknown, h.effects in diagnosis.same_class)
-        for h in diagnosis.ranking
-    )
-    return encode_csv(
-        [("hypothesis", "probability", "with_unknown", "same_class"), *rows], _SIGNIFICANT_DIGITS
-    )
-
-
-def _where_csv(diagnosis: Diagnosis) -> bytes:
-    """Return the axes of the gap, then those of what remains after the verdict's effects."""
-    rows = (
+def _csv_files(d: Diagnosis) -> dict[str, bytes]:
+    """Return tables by path: axes, hypotheses, specimens to be tested next, designs of bars."""
+    places = [
         (of, place.axis, place.share, *place.share_interval, place.p, place.detail)
-        for of, places in (("gap", diagnosis.where), ("remainder", diagnosis.remainder))
-        for place in places
-    )
-    return encode_csv(
-        [("of", "axis", "share", "share_low", "share_high", "p", "detail"), *rows],
-        _SIGNIFICANT_DIGITS,
-    )
-
-
-def _next_csv(diagnosis: Diagnosis) -> bytes:
-    """Return the specimens of the next tests as a list of specimens, one a row."""
-    columns = list(dict.fromkeys(name for x in diagnosis.next_experiments for name in x.row))
-    rows = (
+        for of, found in (("gap", d.where), ("remainder", d.remainder))
+        for place in found
+    ]
+    ranking = [
+        (h.name, h.probability, h.with_unknown, h.effects in d.same_class) for h in d.ranking
+    ]
+    columns = list(dict.fromkeys(name for x in d.next_experiments for name in x.row))
+    specimens = [
         (f"next-{number}{ascii_lowercase[copy]}", *(x.row.get(name, "") for name in columns))
-        for number, x in enumerate(diagnosis.next_experiments, start=1)
+        for number, x in enumerate(d.next_experiments, start=1)
         for copy in range(x.count if x.row else 0)
-    )
-    return encode_csv([("specimen", *columns), *rows], _SIGNIFICANT_DIGITS)
-
-
-def _next_profiles(diagnosis: Diagnosis) -> dict[str, bytes]:
-    """Return the designs of the bars among the next tests, by the path that their rows name."""
-    return {
-        str(x.row["profile"]): encode_csv(
-            [tuple(x.design), *zip(*x.design.values(), strict=True)], _SIGNIFICANT_DIGITS
-        )
-        for x in diagnosis.next_experiments
-        if x.design
+    ]
+    tables: dict[str, Sequence[Sequence[str | float]]] = {
+        "where.csv": [("of", "axis", "share", "share_low", "share_high", "p", "detail"), *places],
+        "ranking.csv": [("hypothesis", "probability", "with_unknown", "same_class"), *ranking],
+        **({"next-specimens.csv": [("specimen", *columns), *specimens]} if columns else {}),
+        **{
+            str(x.row["profile"]): [tuple(x.design), *zip(*x.design.values(), strict=True)]
+            for x in d.next_experiments
+            if x.design
+        },
     }
+    return {path: encode_csv(rows, _SIGNIFICANT_DIGITS) for path, rows in tables.items()}
 
 
 _FLUSH_RIGHT = {
@@ -159,15 +142,11 @@ def _table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> Iterator[st
 def diagnosis_files(diagnosis: Diagnosis) -> dict[str, bytes]:
     """Return the content of each file by its path; the same diagnosis gives the same bytes."""
     figures = figures_of(diagnosis)
-    listed = any(x.row for x in diagnosis.next_experiments)
     palette = diagnosis.own_palette
     return {
         "diagnosis.json": diagnosis.json(),
         "report.html": "\n".join(_page(diagnosis, figures)).encode("utf-8"),
-        "where.csv": _where_csv(diagnosis),
-        "ranking.csv": _ranking_csv(diagnosis),
-        **({"next-specimens.csv": _next_csv(diagnosis)} if listed else {}),
-        **_next_profiles(diagnosis),
+        **_csv_files(diagnosis),
         **({PALETTE_FILE: encode_palette(palette)} if palette is not None else {}),
         **{f"figures/{name}.svg": svg for name, svg in figures.items()},
     }

@@ -332,7 +332,7 @@ def _how_sure(diagnosis: Diagnosis) -> Iterator[str]:
         if h.name != diagnosis.verdict and h.probability >= _WORTH_NAMING
     ]
     if others:
-        yield f"Less probable, but not ruled out: {listed(others, most=4)}."
+        yield f"Not ruled out: {listed(others, most=4)}."
     yield from _same_class(diagnosis)
 
 

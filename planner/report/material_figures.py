@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Sequence
 from functools import partial
-from itertools import pairwise
 
 import numpy as np
 
@@ -88,8 +87,7 @@ def materials_figure(scale: StiffnessScale) -> bytes:
 def _ladder(scale: StiffnessScale) -> Iterator[str]:
     materials, strain = scale.palette.materials, scale.at_strain
     grades = [material.coordinate for material in materials]
-    steps = [np.linspace(a, b, _PLACES, endpoint=False) for a, b in pairwise(grades)]
-    m = np.concatenate([*steps, grades[-1:]])
+    m = scale.model.coordinates_between(_PLACES)
     low, high = scale.model.modulus_interval_MPa(m, strain)
     others = [
         (material.coordinate, float(secant_modulus_MPa(make_law(reading.law), held)))

@@ -14,8 +14,8 @@ from planner.printers import load_printer
 from planner.report.display import colours_told_apart
 from planner.report.gap_figures import figures_of
 from planner.report.gap_text import headline, scope
+from planner.report.loaded_part import response_rows, summary_words
 from planner.report.material_figures import materials_figure
-from planner.report.part_text import response_rows, summary_words
 from planner.report.plan_figure import stiffness_figure
 from planner.report.plan_text import (
     error_words,

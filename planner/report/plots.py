@@ -3,7 +3,6 @@
 from collections.abc import Iterable
 from functools import singledispatch
 from importlib import import_module
-from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -123,8 +122,7 @@ def _palette(palette: Palette, ax: "Axes") -> None:
 def _scale(scale: StiffnessScale, ax: "Axes") -> None:
     materials, strain = scale.palette.materials, scale.at_strain
     grades = [material.coordinate for material in materials]
-    steps = [np.linspace(a, b, _PLACES, endpoint=False) for a, b in pairwise(grades)]
-    m = np.concatenate([*steps, grades[-1:]])
+    m = scale.model.coordinates_between(_PLACES)
     low, high = scale.model.modulus_interval_MPa(m, strain)
     ax.fill_between(m, low, high, color=BLUE, alpha=0.2, linewidth=0.0, label="95 % of prints")
     ax.plot(m, scale.model.modulus_MPa(m, strain), color=BLUE, label="between materials")

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from planner.errors import ArgumentError, FileError, UnknownNameError
-from planner.formats.tables import finite_number, read_columns, read_records
+from planner.formats.tables import read_columns
 from planner.glance import brief
 from planner.grading.profile import dithered_profile, is_dithered
-from planner.numerics import FloatArray
+from planner.numerics import FloatArray, Point, freeze
 from planner.palette import Palette
 from planner.plan import Plan, Triangles, plan_file, read_plan, read_shells
 from planner.printers import Printer, load_printer, palette_of
@@ -27,6 +27,7 @@ __all__ = [
     "ProfileDesign",
     "bar_between",
     "coupon",
+    "plan_axis",
     "plan_palette",
     "plan_sections",
     "read_profile",
@@ -69,11 +70,10 @@ class Bar:
     __repr__ = brief
 
     def __post_init__(self) -> None:
-        for name in ("edges_mm", "coordinate", "area_mm2"):
-            array = np.array(getattr(self, name), dtype=np.float64)
-            array.setflags(write=False)
-            object.__setattr__(self, name, array)
-            if array.ndim != 1 or not np.isfinite(array).all():
+        names = ("edges_mm", "coordinate", "area_mm2")
+        freeze(self, *names)
+        for name in names:
+            if (array := getattr(self, name)).ndim != 1 or not np.isfinite(array).all():
                 raise ArgumentError(f"bar: {name} must be finite numbers, one a slice")
         n = len(self.coordinate)
         if n < 1 or self.area_mm2.shape != (n,) or self.edges_mm.shape != (n + 1,):
@@ -197,7 +197,7 @@ def plan_sections(plan: Plan, palette: Palette, *, slices: int) -> _Sections:
     """
     from planner.voxels.columns import iterate_columns
 
-    direction, start_mm, span_mm = _axis(plan.gradient.field)
+    direction, start_mm, span_mm = plan_axis(plan.gradient.field)
     mesh = _turned(united(dict(read_shells(plan))), direction)
     grid = _grid(mesh, start_mm, span_mm, slices)
     counts = np.zeros(slices, dtype=np.int64)
@@ -257,7 +257,16 @@ def plan_palette(
     )
 
 
-def _axis(field: Any) -> tuple[tuple[float, float, float], float, float]:
+def plan_axis(field: Any) -> tuple[Point, float, float]:
+    """Return the axis that a plan's field follows: its direction, where it begins, and how far.
+
+    Raises
+    ------
+    ArgumentError
+        The field follows no axis.
+    FileError
+        Figures that are none.
+    """
     if field.get("name") != "axis":
         raise ArgumentError(
             f"the plan's field is {field.get('name')!r}; a bar is simulated along an axis: grade "
@@ -284,7 +293,7 @@ def united(soups: Mapping[str, Triangles]) -> "Mesh":
     return Mesh(vertices.astype(np.float64), faces)
 
 
-def _turned(mesh: "Mesh", direction: tuple[float, float, float]) -> "Mesh":
+def _turned(mesh: "Mesh", direction: Point) -> "Mesh":
     """Turn a mesh so that `direction` becomes z, exactly where it is an axis of coordinates."""
     from planner.fields.basic import project
     from planner.mesh.mesh import Mesh
@@ -316,10 +325,6 @@ def _grid(mesh: "Mesh", start_mm: float, span_mm: float, slices: int) -> "Grid":
 # A bar from a profile file: the printed design of a graded bar along its gauge.
 
 
-_NEEDED = ("x_mm", "coordinate")
-_SECTION = ("width_mm", "thickness_mm")
-
-
 def read_profile_bar(
     path: str | Path, palette: Palette, *, slices: int, width_mm: float, thickness_mm: float
 ) -> Bar:
@@ -340,64 +345,18 @@ def read_profile_bar(
     FileError
         The file cannot be read, or a row breaks the rules; the message names the line.
     """
-    rows = _rows(Path(path), palette)
-    missing = {"width_mm": width_mm, "thickness_mm": thickness_mm}
-    columns = {
-        k: np.array([row.get(k, missing.get(k)) for row in rows]) for k in (*_NEEDED, *_SECTION)
-    }
-    x = columns["x_mm"]
+    design = _of_csv(Path(path))
+    _check_range(design, palette, Path(path).name)
+    x = design.x_mm
     share = np.diff(x) / (x[-1] - x[0])
     count = np.where(share > 0.0, np.maximum(np.rint(share * slices), 1.0), 0.0).astype(np.int64)
-    segment = np.repeat(np.arange(len(share)), count)
-    first = np.concatenate([[0], np.cumsum(count)[:-1]])
-    within = (np.arange(len(segment)) - first[segment] + 0.5) / count[segment]
-
-    def at_centres(values: FloatArray) -> FloatArray:
-        middle: FloatArray = values[segment] + within * np.diff(values)[segment]
-        return middle
-
-    pieces = [np.linspace(a, b, n + 1)[1:] for a, b, n in zip(x[:-1], x[1:], count, strict=True)]
-    return Bar(
-        np.concatenate([x[:1], *(piece for piece, n in zip(pieces, count, strict=True) if n)]),
-        at_centres(columns["coordinate"]),
-        at_centres(columns["width_mm"]) * at_centres(columns["thickness_mm"]),
-    )
-
-
-def _rows(path: Path, palette: Palette) -> list[dict[str, float]]:
-    columns, records = read_records(path, "profile")
-    unknown = [c for c in columns if c not in (*_NEEDED, *_SECTION)]
-    if unknown or not set(_NEEDED) <= set(columns) or len(set(columns)) < len(columns):
-        raise FileError(
-            f"profile {path}: columns are {', '.join(map(repr, columns)) or 'none'}; it takes "
-            f"{', '.join(_NEEDED)} and, optional, {', '.join(_SECTION)}, each once"
-        )
-    rows: list[dict[str, float]] = []
-    for where, cells in records:
-        row = {name: finite_number(cells.get(name), f"{where}: {name}") for name in columns}
-        _check(row, rows, palette, where)
-        rows.append(row)
-    if len(rows) < 2 or not rows[-1]["x_mm"] > rows[0]["x_mm"]:
-        raise FileError(f"profile {path}: it needs rows from the gauge's beginning to its end")
-    return rows
-
-
-def _check(
-    row: dict[str, float], before: list[dict[str, float]], palette: Palette, where: str
-) -> None:
-    x, m = row["x_mm"], row["coordinate"]
-    if before and x < before[-1]["x_mm"]:
-        raise FileError(f"{where}: x_mm falls from {before[-1]['x_mm']:g} to {x:g}; it must rise")
-    if len(before) > 1 and x == before[-2]["x_mm"]:
-        raise FileError(f"{where}: x_mm {x:g} stands three times; a jump is two rows")
-    low, high = palette.materials[0].coordinate, palette.materials[-1].coordinate
-    if not low <= m <= high:
-        raise FileError(
-            f"{where}: coordinate is {m:g}; palette {palette.name} goes from {low:g} to {high:g}"
-        )
-    for name in _SECTION:
-        if not row.get(name, 1.0) > 0.0:
-            raise FileError(f"{where}: {name} is {row[name]:g}; it must be above 0")
+    ends = zip(x[:-1], x[1:], count, strict=True)
+    edges = np.concatenate([x[:1], *(np.linspace(a, b, n + 1)[1:] for a, b, n in ends)])
+    middle = 0.5 * (edges[:-1] + edges[1:])
+    area = np.ones(len(middle))
+    for size, own in ((width_mm, design.width_mm), (thickness_mm, design.thickness_mm)):
+        area *= size if own is None else np.interp(middle, x, own)
+    return Bar(edges, design.at(middle), area)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -407,6 +366,7 @@ def _check(
 _COLUMNS: Mapping[str, str | None] = {
     "x_mm": "length", "coordinate": None, "width_mm": "length", "thickness_mm": "length",
 }  # fmt: skip
+_SECTION = ("width_mm", "thickness_mm")
 _SLACK = 1e-3
 
 
@@ -436,11 +396,7 @@ class ProfileDesign:
     __repr__ = brief
 
     def __post_init__(self) -> None:
-        for name in ("x_mm", "coordinate", "width_mm", "thickness_mm"):
-            if getattr(self, name) is not None:
-                array = np.array(getattr(self, name), dtype=np.float64)
-                array.setflags(write=False)
-                object.__setattr__(self, name, array)
+        freeze(self, *_COLUMNS)
 
     @property
     def length_mm(self) -> float:
@@ -483,35 +439,39 @@ def read_profile(
         design, notes = _of_plan(path, palette, gauge_mm)
     else:
         design, notes = _of_csv(path), ()
-    soft, hard = palette.materials[0].coordinate, palette.materials[-1].coordinate
-    outside = (design.coordinate < soft - 1e-6) | (design.coordinate > hard + 1e-6)
-    if outside.any():
-        at = int(np.flatnonzero(outside)[0])
-        raise FileError(
-            f"{path.name}: coordinate is {design.coordinate[at]:g} at {design.x_mm[at]:g} mm; "
-            f"palette {palette.name} goes from {soft:g} to {hard:g}"
-        )
+    _check_range(design, palette, path.name)
     return _on_gauge(design, gauge_mm, path.name), notes
 
 
-def _of_csv(path: Path) -> ProfileDesign:
-    file = read_columns(path, _COLUMNS, optional=frozenset({"width_mm", "thickness_mm"}))
-    x = file.numbers["x_mm"]
-    if len(x) < 2:
-        raise FileError(f"{path.name}: one point; a profile takes at least the gauge's two ends")
-    fall = np.flatnonzero(np.diff(x) < 0.0)
-    if len(fall):
+def _check_range(design: ProfileDesign, palette: Palette, where: str) -> None:
+    soft, hard = palette.materials[0].coordinate, palette.materials[-1].coordinate
+    outside = (design.coordinate < soft - 1e-6) | (design.coordinate > hard + 1e-6)
+    if outside.any():
+        at = int(np.argmax(outside))
         raise FileError(
-            f"{path.name}, line {file.lines[fall[0] + 1]}: x_mm falls from {x[fall[0]]:g} to "
-            f"{x[fall[0] + 1]:g}; sort the rows by x_mm"
+            f"{where}: coordinate is {design.coordinate[at]:g} at {design.x_mm[at]:g} mm; "
+            f"palette {palette.name} goes from {soft:g} to {hard:g}"
         )
-    for name in ("width_mm", "thickness_mm"):
-        sizes = file.numbers.get(name, np.ones(1))
-        if not np.all(sizes > 0.0):
-            at = int(np.argmin(sizes))
-            raise FileError(
-                f"{path.name}, line {file.lines[at]}: {name} is {sizes[at]:g}; it must be above 0"
-            )
+
+
+def _of_csv(path: Path) -> ProfileDesign:
+    file = read_columns(path, _COLUMNS, optional=_SECTION)
+    x = file.numbers["x_mm"]
+    before = np.append(x[:1], x[:-1])
+    third = np.append([False] * 2, x[2:] == x[:-2])
+    faults = [
+        (x < before, "x_mm falls from {before:g} to {x_mm:g}; sort the rows by x_mm"),
+        (third, "x_mm {x_mm:g} stands three times; a jump is two rows"),
+    ]
+    for name in (name for name in _SECTION if name in file.numbers):
+        faults.append((file.numbers[name] <= 0.0, f"{name} is {{{name}:g}}; it must be above 0"))
+    for bad, fault in faults:
+        for at in np.flatnonzero(bad)[:1].tolist():
+            row = {name: values[at] for name, values in file.numbers.items()}
+            words = fault.format(before=before[at], **row)
+            raise FileError(f"{path.name}, line {file.lines[at]}: {words}")
+    if not x[-1] > x[0]:
+        raise FileError(f"{path.name}: it needs rows from the gauge's beginning to its end")
     return ProfileDesign(path.stem, **file.numbers)
 
 
@@ -544,13 +504,10 @@ def _of_plan(
     """
     plan = read_plan(path)
     where, notes = plan_file(path).name, []
-    instead = "give the bar's profile along the gauge as a CSV file x_mm,coordinate"
-    axis: Mapping[str, Any] = plan.gradient.field
-    span = axis.get("span_mm")
-    if axis.get("name") != "axis" or not isinstance(span, (int, float)) or span <= 0:
-        raise FileError(
-            f"{where}: its gradient follows {axis.get('name')!r}, not an axis; {instead}"
-        )
+    try:
+        _, _, span = plan_axis(plan.gradient.field)
+    except ArgumentError as error:
+        raise FileError(f"{where}: {error}") from error
     if plan.palette.sha256 and palette.sha256 and plan.palette.sha256 != palette.sha256:
         notes.append(
             f"{path.name}: planned with another version of palette {plan.palette.name}; its "
@@ -560,7 +517,8 @@ def _of_plan(
     edges = np.array(sorted(by_stretch)).reshape(-1, 2)
     if np.abs(np.append(edges[:, 0], 1.0) - np.insert(edges[:, 1], 0, 0.0)).max() > 1e-6:
         raise FileError(
-            f"{where}: its regions do not follow each other from 0 to 1 along the axis; {instead}"
+            f"{where}: its regions do not follow each other from 0 to 1 along the axis; give the "
+            "bar's profile along the gauge as a CSV file x_mm,coordinate"
         )
     if is_dithered(plan):
         field, coordinate = dithered_profile(plan, palette)

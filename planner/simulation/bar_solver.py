@@ -164,11 +164,11 @@ def law_tables(
     nodes = np.linspace(0.0, strain_end, intervals + 1)
     pulled, pushed = [], []
     for material in palette.materials:
-        end = farthest * material.elongation_at_break
-        published = material.law.model == "ogden-thesis"
-        law = None if published else make_law(material.law)
-        table = None if law is None else _table_cubics(law, nodes, end)
-        other = None if law is None else _table_cubics(law, nodes, PUSHED_END + 1e-9, -1.0)
+        table = other = None
+        if material.law.model != "ogden-thesis":
+            law, end = make_law(material.law), farthest * material.elongation_at_break
+            table = _table_cubics(law, nodes, end)
+            other = _table_cubics(law, nodes, PUSHED_END + 1e-9, -1.0)
         if table is None or other is None:
             raise PaletteError(
                 f"palette {palette.name}: material {material.id!r}: law: {material.law.model} "
@@ -798,7 +798,7 @@ def _left_strain(table: FloatArray, share: float, largest: float) -> float:
 def _follow_path(
     tests: _Record, paths: _Record, all_slices: _Record, terms: _Record, all_relaxing: _Record,
     cubics: FloatArray, step: float, softening_table: FloatArray, set_table: FloatArray,
-    set_growth: float, tolerance: float, all_strain: FloatArray, all_stiffness: FloatArray,
+    set_growth: float, tolerance: float, all_strain: FloatArray,
 ) -> None:  # fmt: skip
     """Fill in force and strain of every step of every test.
 
@@ -808,8 +808,8 @@ def _follow_path(
         (P,) and (P, T), whose forces are filled in.
     all_slices, terms, all_relaxing
         (S,), (K,) and (S, K).
-    all_strain, all_stiffness
-        Filled in, (T, S); the latter unless it has no rows.
+    all_strain
+        Filled in, (T, S).
     """
     high = cubics.shape[1] * step + _ABOVE
     for p in range(len(tests)):
@@ -817,7 +817,6 @@ def _follow_path(
         slices = all_slices[test.first : test.stop]
         relaxing = all_relaxing[test.first : test.stop]
         strain = all_strain[:, test.first : test.stop]
-        stiffness = all_stiffness[:, test.first : test.stop]
         relaxes = False
         total_length, scale = 0.0, math.inf
         for i in range(len(slices)):
@@ -917,8 +916,6 @@ def _follow_path(
                     if this.set_share != 0.0:
                         this.left = _left_strain(set_table, this.set_share * set_grown, e)
                 strain[t, i] = e
-                if len(stiffness) > 0:
-                    stiffness[t, i] = this.stiffness
             path[t].force_N = force
             largest_N = max(largest_N, force)
             before, settled = settled, target
@@ -1012,15 +1009,12 @@ class Prediction:
         As the load cell shows it.
     strain : (T, S)
         Engineering strain of every slice, of its `PulledBars.length_mm`.
-    stiffness_N : (T, S)
-        Derivative of every slice's force by its strain; without rows where it was not asked for.
     bars
         What was predicted.
     """
 
     force_N: FloatArray
     strain: FloatArray
-    stiffness_N: FloatArray
     bars: PulledBars
 
 
@@ -1056,7 +1050,6 @@ def predict(
     laws: LawTables,
     *,
     tolerance: float = _TOLERANCE,
-    stiffness: bool = False,
     like: Prediction | None = None,
 ) -> Prediction:
     """Follow every test along its path.
@@ -1101,10 +1094,9 @@ def predict(
     relaxing = np.zeros((len(slices), len(used)), dtype=_RELAXING)
     relaxing["share"] = bars.relaxing[:, used]
     strain = np.empty((bars.time_s.shape[1], len(slices)))
-    stiffness_N = np.empty((len(strain) if stiffness else 0, len(slices)))
     force = np.empty(bars.time_s.shape)
     some = np.ones(len(tests), dtype=np.bool_)
-    if like is not None and not stiffness:
+    if like is not None:
         some = _differs(bars, like.bars)
         strain[:], force[:] = like.strain * np.where(pushed, -1.0, 1.0), like.force_N
     # Copies, for kernels are compiled for arrays of one kind.
@@ -1114,7 +1106,7 @@ def predict(
     def follow(tests: _Record, paths: _Record) -> None:
         _follow_path(
             tests, paths, slices.copy(), terms.copy(), relaxing.copy(), laws.cubics,
-            laws.strain_step, softening, left, bars.set_growth, tolerance, strain, stiffness_N,
+            laws.strain_step, softening, left, bars.set_growth, tolerance, strain,
         )  # fmt: skip
 
     of_bars = some.copy()
@@ -1128,7 +1120,7 @@ def predict(
     paths = paths[some]
     signed = np.where(bars.pushed[some, None], -1.0, 1.0) * paths["force_N"]
     force[some] = bars.gain[some] * signed + bars.offset_N[some]
-    return Prediction(force, np.where(pushed, -strain, strain), stiffness_N, bars)
+    return Prediction(force, np.where(pushed, -strain, strain), bars)
 
 
 def predict_all(

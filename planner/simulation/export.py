@@ -11,21 +11,20 @@ import numpy as np
 from planner.errors import ArgumentError, PlannerError, did_you_mean, positive
 from planner.formats.field_file import HEXAHEDRON, encode_vtu
 from planner.formats.files import encode_document
-from planner.formats.inp import HeldNodes, InpMaterial, InpModel, encode_inp
+from planner.formats.inp import HeldNodes, InpMaterial, InpModel, Solver, encode_inp
 from planner.formats.outputs import check_absent, write_whole
 from planner.glance import counted, one_line
 from planner.materials.law_blocks import hardening, stable_yeoh
-from planner.materials.laws import Yeoh
 from planner.materials.marlow import POISSON
 from planner.materials.mixtures import CoefficientModel
 from planner.mesh.halve import halve_long_edges
 from planner.mesh.mesh import Mesh
 from planner.notes import Caution
-from planner.numerics import FloatArray, IntArray
+from planner.numerics import BoolArray, FloatArray, IntArray
 from planner.palette import Palette
 from planner.printers import Printer
 from planner.simulation.hexahedra import FACE_NODES, Hexahedra, fitting_cell_mm, hexahedra
-from planner.simulation.loads import Conditions, LoadCase, couple, read_conditions
+from planner.simulation.loads import LoadCase, couple, read_conditions
 from planner.simulation.part import COARSER, Solid, default_cell_mm, open_solid, simulate_part
 
 __all__ = ["Export", "ExportedMaterial", "export"]
@@ -258,11 +257,16 @@ def export(
     model = CoefficientModel(solid.palette)
     strain = solid.at_strain
     coordinate = solid.filling(mesh.middle_mm)
-    levels, of_cell, notes = _materials(coordinate, model, strain)
-    moduli = model.modulus_MPa(levels, strain)
+    levels, of_cell, notes = _mixtures(coordinate, model, strain)
     notes = (*solid.notes, *_mesh_notes(mesh, part_mm3), *notes)
-    names = list(_names(levels, model))
-    laws: list[_Law] = []
+    elements = [np.flatnonzero(of_cell == k) for k in range(len(levels))]
+    moduli = model.modulus_MPa(levels, strain).tolist()
+    materials = [
+        ExportedMaterial(name, m, modulus, len(own), len(own) * mesh.cell_mm3)
+        for name, m, modulus, own in zip(
+            _names(levels, model), levels.tolist(), moduli, elements, strict=True
+        )
+    ]
     if to == "vtu":
         corners, nodes = np.unique(mesh.nodes[:, :8], return_inverse=True)
         data = encode_vtu(
@@ -276,33 +280,26 @@ def export(
         )
     else:
         if to == "calculix" and is_loaded and to_strain is None:
-            given: dict[str, Any] = {
-                "material": material, "unit": unit, "bodies": bodies, "printer": printer,
-                "palette": palette,
-            }  # fmt: skip
-            to_strain, words = _reached(source, solid, case, **given)
+            to_strain, words = _reached(solid, case)
             notes = (*notes, words)
-        laws = [_law(model, m, to, to_strain or np.inf) for m in levels.tolist()]
-        on = None
-        if is_loaded:
-            surface = halve_long_edges(solid.surface, 0.5 * float(mesh.cell_mm.min()))[0]
-            on = (surface, read_conditions(surface, case))
-        else:
-            notes = (*notes, "nothing holds or loads the part: the file has no *STEP; add one")
-        written = _inp(mesh, of_cell, names, laws, moduli, solid.name, part_mm3, on)
-        data = encode_inp(written, "abaqus" if to == "abaqus" else "calculix")
-        if to == "calculix":
-            notes = (*notes, *_law_notes(names, laws))
-    cells = np.bincount(of_cell, minlength=len(levels)).tolist()
-    materials = [
-        ExportedMaterial(name, m, modulus, n, n * mesh.cell_mm3)
-        for name, m, modulus, n in zip(names, levels.tolist(), moduli.tolist(), cells, strict=True)
-    ]
-    if laws:
-        materials = [
-            replace(made, law=law.name, to_strain=law.to_strain, fit_error=law.fit_error)
-            for made, law in zip(materials, laws, strict=True)
+        solver: Solver = "abaqus" if to == "abaqus" else "calculix"
+        made = [
+            _material(one, own, model, solver, to_strain or np.inf)
+            for one, own in zip(materials, elements, strict=True)
         ]
+        materials, written = [one for one, _ in made], [one for _, one in made]
+        if not is_loaded:
+            notes = (*notes, "nothing holds or loads the part: the file has no *STEP; add one")
+        if to == "calculix":
+            notes = (*notes, *_law_notes(made, to_strain or np.inf))
+        remarks = [
+            f"{solid.name}: {len(mesh.nodes)} cells of "
+            + " x ".join(f"{edge:.4g}" for edge in mesh.cell_mm)
+            + " mm",
+            f"cells at least half full of the part: {mesh.volume_mm3:.6g} mm3 for "
+            f"{part_mm3:.6g} mm3 ({mesh.volume_mm3 / part_mm3 - 1.0:+.1%})",
+        ]
+        data = encode_inp(_inp(mesh, remarks, written, solid.surface, case), solver)
     ex, ey, ez = mesh.cell_mm.tolist()
     return Export(
         name=solid.name,
@@ -338,7 +335,7 @@ def _mesh_notes(mesh: Hexahedra, part_mm3: float) -> Iterator[str]:
 # Materials
 
 
-def _materials(
+def _mixtures(
     coordinate: FloatArray, model: CoefficientModel, strain: float
 ) -> tuple[FloatArray, IntArray, tuple[str, ...]]:
     """Return the coordinates of materials, which of them each cell is made of, and notes."""
@@ -361,71 +358,64 @@ def _names(levels: FloatArray, model: CoefficientModel) -> Iterator[str]:
         yield f"M{number:02d}_" + re.sub(r"[^A-Za-z0-9_-]", "_", word)
 
 
-@dataclass(frozen=True, eq=False)
-class _Law:
-    """What the file takes for a mixture: its curve, or what CalculiX has that is nearest."""
-
-    coordinate: float
-    break_strain: float
-    modulus_MPa: float
-    curve: FloatArray
-    density_g_cm3: float
-    yeoh: Yeoh | None = None
-    fit_error: float | None = None
-    hardening: FloatArray | None = None
-    to_strain: float | None = None
-    is_short: bool = False
-
-    @property
-    def name(self) -> str:
-        return "Marlow" if self.to_strain is None else "Yeoh" if self.yeoh else "plastic"
-
-    @property
-    def words(self) -> str:
-        if self.to_strain is None:
-            return "Marlow's law is its curve"
-        off = "on" if self.fit_error is None else f"within {self.fit_error:.1%} of"
-        return f"{self.name} law, {off} its curve up to strain {self.to_strain:.3g}"
-
-
-def _law(model: CoefficientModel, coordinate: float, to: str, to_strain: float) -> _Law:
+def _material(
+    made: ExportedMaterial,
+    elements: IntArray,
+    model: CoefficientModel,
+    solver: Solver,
+    to_strain: float,
+) -> tuple[ExportedMaterial, InpMaterial]:
+    """Return a material with its law: its curve, or what CalculiX has that is nearest."""
     materials, at = model.palette.materials, model.coordinates
-    end = float(np.interp(coordinate, at, [m.elongation_at_break for m in materials]))
+    end, density = (
+        float(np.interp(made.coordinate, at, [getattr(m, name) for m in materials]))
+        for name in ("elongation_at_break", "density_g_cm3")
+    )
     # Closer at rest, where the curve bends most.
     strain = end * np.linspace(0.0, 1.0, _CURVE_POINTS + 1)[1:] ** 2
-    stress = model.nominal_stress_MPa(coordinate, 1.0 + strain)
+    stress = model.nominal_stress_MPa(made.coordinate, 1.0 + strain)
     rising = np.concatenate([[True], np.diff(stress) > 0.0])
     kept = slice(None if rising.all() else int(np.argmin(rising)))
     strain, stress = strain[kept], stress[kept]
-    modulus = float(model.modulus_MPa(coordinate, 0.0))
-    density = float(np.interp(coordinate, at, [m.density_g_cm3 for m in materials]))
-    law = _Law(coordinate, end, modulus, np.stack([strain, stress], axis=1), density)
-    if to == "abaqus":
-        return law
-    wanted = min(to_strain, float(strain[-1]))
-    fitted, error = stable_yeoh(strain, stress, modulus, wanted)
-    if error > _WITHIN:
-        rows = hardening(strain, stress, modulus, POISSON)
-        if rows is not None:
-            return replace(law, hardening=rows, to_strain=float(strain[-1]))
-    reached = wanted
-    while error > _WITHIN:
-        reached *= _LESS
+    modulus = float(model.modulus_MPa(made.coordinate, 0.0))
+    yeoh, rows, words = None, None, "Marlow's law is its curve"
+    made = replace(made, law="Marlow")
+    if solver == "calculix":
+        reached = min(to_strain, float(strain[-1]))
         fitted, error = stable_yeoh(strain, stress, modulus, reached)
-    short = reached < wanted
-    return replace(law, yeoh=fitted, fit_error=error, to_strain=reached, is_short=short)
+        rows = hardening(strain, stress, modulus, POISSON) if error > _WITHIN else None
+        if rows is not None:
+            made = replace(made, law="plastic", to_strain=float(strain[-1]))
+        else:
+            while error > _WITHIN:
+                reached *= _LESS
+                fitted, error = stable_yeoh(strain, stress, modulus, reached)
+            yeoh = fitted.c_MPa
+            made = replace(made, law="Yeoh", to_strain=reached, fit_error=error)
+        off = "on" if made.fit_error is None else f"within {error:.1%} of"
+        words = f"{made.law} law, {off} its curve up to strain {made.to_strain:.3g}"
+    return made, InpMaterial(
+        name=made.name,
+        remark=f"coordinate {made.coordinate:.4g}, secant modulus {made.modulus_MPa:.4g} MPa, "
+        f"breaks at strain {end:.3g}; {words}",
+        elements=elements,
+        curve=np.stack([strain, stress], axis=1),
+        modulus_MPa=modulus,
+        poisson=POISSON,
+        yeoh_MPa=yeoh,
+        hardening=rows,
+        density_g_cm3=density if np.isfinite(density) else None,
+    )
 
 
-def _reached(source: object, solid: Solid, case: LoadCase, **options: Any) -> tuple[float, str]:
+def _reached(solid: Solid, case: LoadCase) -> tuple[float, str]:
     """Return the strain up to which laws matter under the loads given, and words on it."""
     cell_mm = COARSER * default_cell_mm(solid.surface)
     unknown = (
         "the strain that the part reaches is not known: laws go to the break, or give `to_strain`"
     )
     try:
-        (found,) = simulate_part(
-            source, case, cell_mm=cell_mm, steps=1, compare_cells=False, **options
-        )
+        (found,) = simulate_part(solid, case, cell_mm=cell_mm, steps=1, compare_cells=False)
     except PlannerError as error:
         return np.inf, f"{unknown} ({error})"
     if found.steps.lost is not None:
@@ -441,14 +431,19 @@ def _reached(source: object, solid: Solid, case: LoadCase, **options: Any) -> tu
     )
 
 
-def _law_notes(names: Sequence[str], laws: Sequence[_Law]) -> Iterator[str]:
-    of = dict(zip(names, laws, strict=True))
-    if hard := [name for name, law in of.items() if law.hardening is not None]:
+def _law_notes(
+    made: Sequence[tuple[ExportedMaterial, InpMaterial]], to_strain: float
+) -> Iterator[str]:
+    if hard := [one.name for one, _ in made if one.law == "plastic"]:
         yield (
             f"{', '.join(hard)}: no rubber of CalculiX bends over as the curve does; *ELASTIC and "
             "*PLASTIC follow it while the load grows, and keep a set where it is taken off"
         )
-    if short := [f"{name} {law.to_strain:.2g}" for name, law in of.items() if law.is_short]:
+    if short := [
+        f"{one.name} {one.to_strain:.2g}"
+        for one, written in made
+        if one.to_strain is not None and one.to_strain < min(to_strain, written.curve[-1, 0])
+    ]:
         yield (
             f"stable laws of CalculiX are within {_WITHIN:.0%} of the palette up to these strains "
             f"only: {', '.join(short)}; Abaqus takes the curve itself"
@@ -461,76 +456,59 @@ def _law_notes(names: Sequence[str], laws: Sequence[_Law]) -> Iterator[str]:
 
 def _inp(
     mesh: Hexahedra,
-    of_cell: IntArray,
-    names: Sequence[str],
-    laws: Sequence[_Law],
-    moduli: FloatArray,
-    name: str,
-    part_mm3: float,
-    on: tuple[Mesh, Conditions] | None,
+    remarks: list[str],
+    materials: Sequence[InpMaterial],
+    part: Mesh,
+    case: LoadCase,
 ) -> InpModel:
-    remarks = [
-        f"{name}: {len(mesh.nodes)} cells of "
-        + " x ".join(f"{edge:.4g}" for edge in mesh.cell_mm)
-        + " mm",
-        f"cells at least half full of the part: {mesh.volume_mm3:.6g} mm3 for {part_mm3:.6g} mm3 "
-        f"({mesh.volume_mm3 / part_mm3 - 1.0:+.1%})",
-    ]
-    materials = [
-        InpMaterial(
-            name=word,
-            remark=f"coordinate {law.coordinate:.4g}, secant modulus {modulus:.4g} MPa, breaks at "
-            f"strain {law.break_strain:.3g}; {law.words}",
-            elements=np.flatnonzero(of_cell == k),
-            curve=law.curve,
-            modulus_MPa=law.modulus_MPa,
-            yeoh_MPa=None if law.yeoh is None else law.yeoh.c_MPa,
-            hardening=law.hardening,
-            poisson=POISSON,
-            density_g_cm3=law.density_g_cm3 if np.isfinite(law.density_g_cm3) else None,
-        )
-        for k, (word, law, modulus) in enumerate(zip(names, laws, moduli.tolist(), strict=True))
-    ]
     low, high = mesh.node_mm.min(axis=0), mesh.node_mm.max(axis=0)
     ends = {
         f"{axis}{end}": np.flatnonzero(np.abs(mesh.node_mm[:, a] - place[a]) < 1e-6 * edge)
         for a, (axis, edge) in enumerate(zip("XYZ", mesh.cell_mm.tolist(), strict=True))
         for end, place in (("MIN", low), ("MAX", high))
     }
-    if on is None:
+    if case.is_empty:
         return InpModel(remarks, mesh.node_mm, mesh.nodes, materials, ends)
-    surface, conditions = on
+    surface = halve_long_edges(part, 0.5 * float(mesh.cell_mm.min()))[0]
+    conditions = read_conditions(surface, case)
     if conditions.gravity is not None and any(m.density_g_cm3 is None for m in materials):
         raise ArgumentError("`gravity`: the palette tells no density of a material; add it there")
     facet = _facets(mesh, surface)
+
+    def faces_of(name: str, selector: str, facets: BoolArray) -> IntArray:
+        faces = np.flatnonzero(facets[facet])
+        if not len(faces):
+            raise ArgumentError(
+                f"{selector}: no face of the cells stands for it; take a smaller `cell_mm`"
+            )
+        remarks.append(f"{name}: {selector}")
+        return faces
+
     held: list[HeldNodes] = []
     given = np.full(mesh.node_mm.shape, np.nan)
     for number, support in enumerate(conditions.supports, start=1):
-        nodes = np.unique(_nodes(mesh, _faces(support.facets, facet, support.selector)))
+        name = f"HELD{number}"
+        nodes = np.unique(_nodes(mesh, faces_of(name, support.selector, support.facets)))
         wanted = np.array([np.nan if u is None else u for u in support.displacement_mm])
         # On an edge between two that want different things the first has its way.
         with np.errstate(invalid="ignore"):
             nodes = nodes[~(np.abs(given[nodes] - wanted) > 0.0).any(axis=1)]
         given[nodes] = np.where(np.isnan(wanted), given[nodes], wanted)
-        remarks.append(f"HELD{number}: {support.selector}")
-        held.append(HeldNodes(f"HELD{number}", nodes, support.displacement_mm))
+        held.append(HeldNodes(name, nodes, support.displacement_mm))
     forces = {}
     for number, force in enumerate(conditions.forces, start=1):
-        faces = _faces(force.facets, facet, force.selector)
-        remarks.append(f"LOAD{number}: {force.selector}")
-        nodes, share = _spread(mesh, faces)
-        forces[f"LOAD{number}"] = nodes, share[:, None] * np.array(force.force_N)
+        name = f"LOAD{number}"
+        nodes, share = _spread(mesh, faces_of(name, force.selector, force.facets))
+        forces[name] = nodes, share[:, None] * np.array(force.force_N)
     for number, moment in enumerate(conditions.moments, start=1):
-        faces = _faces(moment.facets, facet, moment.selector)
-        remarks.append(f"MOMENT{number}: {moment.selector}")
-        nodes, share = _spread(mesh, faces)
-        pulls = couple(share, mesh.node_mm[nodes], np.array(moment.moment_N_mm))
-        forces[f"MOMENT{number}"] = nodes, pulls
+        name = f"MOMENT{number}"
+        nodes, share = _spread(mesh, faces_of(name, moment.selector, moment.facets))
+        forces[name] = nodes, couple(share, mesh.node_mm[nodes], np.array(moment.moment_N_mm))
     pressures = {}
     for number, push in enumerate(conditions.pressures, start=1):
-        faces = _faces(push.facets, facet, push.selector)
-        remarks.append(f"PRESSURE{number}: {push.selector}")
-        pressures[f"PRESSURE{number}"] = (mesh.outer[faces], push.pressure_MPa)
+        name = f"PRESSURE{number}"
+        faces = faces_of(name, push.selector, push.facets)
+        pressures[name] = (mesh.outer[faces], push.pressure_MPa)
     return InpModel(
         remarks, mesh.node_mm, mesh.nodes, materials, ends, held, forces, pressures,
         conditions.gravity,
@@ -551,15 +529,6 @@ def _facets(mesh: Hexahedra, surface: Mesh) -> IntArray:
     near = np.asarray(near).reshape(-1, k)
     agrees = np.einsum("nki,ni->nk", normals[near], mesh.outer_normal) > 0.0
     return np.asarray(near[np.arange(len(near)), agrees.argmax(axis=1)])
-
-
-def _faces(facets: FloatArray | Any, facet: IntArray, selector: str) -> IntArray:
-    faces = np.flatnonzero(np.asarray(facets)[facet])
-    if not len(faces):
-        raise ArgumentError(
-            f"{selector}: no face of the cells stands for it; take a smaller `cell_mm`"
-        )
-    return faces
 
 
 def _nodes(mesh: Hexahedra, faces: IntArray) -> IntArray:

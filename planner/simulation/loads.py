@@ -148,52 +148,45 @@ Displacement = tuple[float | None, float | None, float | None]
 
 
 @dataclass(frozen=True, eq=False)
-class Support:
-    """Faces whose displacement is given: `displacement_mm` along x, y, z; None where it is free."""
+class Condition:
+    """Faces that are held, loaded or watched."""
 
     selector: str
     facets: BoolArray
-    displacement_mm: Displacement
-
-    @property
-    def moves(self) -> bool:
-        """Whether it does more than hold."""
-        return any(self.displacement_mm)
 
 
 @dataclass(frozen=True, eq=False)
-class Force:
+class Support(Condition):
+    """Faces whose displacement is given: `displacement_mm` along x, y, z; None where it is free."""
+
+    displacement_mm: Displacement
+
+
+@dataclass(frozen=True, eq=False)
+class Force(Condition):
     """A force of fixed direction, spread evenly over the area of faces at rest."""
 
-    selector: str
-    facets: BoolArray
     force_N: Point
 
 
 @dataclass(frozen=True, eq=False)
-class Moment:
+class Moment(Condition):
     """A moment of fixed direction, by tractions on faces at rest that add up to no force."""
 
-    selector: str
-    facets: BoolArray
     moment_N_mm: Point
 
 
 @dataclass(frozen=True, eq=False)
-class Pressure:
+class Pressure(Condition):
     """A pressure on faces, against their outward normals; it turns and grows with them."""
 
-    selector: str
-    facets: BoolArray
     pressure_MPa: float
 
 
 @dataclass(frozen=True, eq=False)
-class Watched:
+class Watched(Condition):
     """Faces whose displacement is told, along one axis or in its own direction."""
 
-    selector: str
-    facets: BoolArray
     axis: int | None = None
 
 
@@ -273,7 +266,7 @@ def read_conditions(surface: Mesh, case: LoadCase) -> Conditions:
     moments = tuple(Moment(s, facets, (x, y, z)) for s, facets, (x, y, z) in loads("moment", 3))
     pressures = tuple(Pressure(s, facets, p) for s, facets, (p,) in loads("pressure", 1))
     weight = None if case.gravity is None else _gravity(case.gravity)
-    moving = any(support.moves for support in supports)
+    moving = any(any(support.displacement_mm) for support in supports)
     if not (forces or moments or pressures or weight or moving):
         raise ArgumentError(
             "nothing loads the part; give `load`, `moment`, `pressure`, `move` or `gravity`, as in "
@@ -471,6 +464,11 @@ class _Faces:
         low, high = self.mesh.bounds_mm[:, axis].tolist()
         return f"{'xyz'[axis]} goes from {low:.4g} to {high:.4g} mm"
 
+    @property
+    def reaches(self) -> str:
+        """Say where the part is."""
+        return ", ".join(self.reach(axis) for axis in range(3))
+
 
 def _caps(selector: str) -> Iterator[_Cap]:
     """Yield the planes that a support's faces are in, or end at: x=max, and x>99 alike."""
@@ -497,8 +495,7 @@ def _chosen(faces: _Faces, selector: str, where: str, caps: Sequence[_Cap]) -> B
         )
         raise ArgumentError(f"{where} catches no face: none is in all terms at once ({counts})")
     if facets.all():
-        spans = ", ".join(faces.reach(axis) for axis in range(3))
-        raise ArgumentError(f"{where} catches every face of the part: {spans}")
+        raise ArgumentError(f"{where} catches every face of the part: {faces.reaches}")
     return np.asarray(facets)
 
 
@@ -508,14 +505,22 @@ def _term(faces: _Faces, term: str, where: str, caps: Sequence[_Cap]) -> BoolArr
         return _cavity(faces, where, caps)
     if found := _PLACE.fullmatch(term):
         axis, sign, word = "xyz".index(found[1].casefold()), found[2], found[3].casefold()
-        return _at_place(faces, axis, sign, word, where)
-    if found := _CALLED.fullmatch(term):
-        return _BY_NAME[found[1].casefold()](faces, found[2], where)
-    hint = did_you_mean(re.split(r"[^a-z]", term.casefold())[0], ("cavity", *_BY_NAME))
-    raise ArgumentError(f"{where}: {term!r} selects nothing; {hint}there are {_SELECTORS}")
+        held, instead = _at_place(faces, axis, sign, word, where)
+    elif found := _CALLED.fullmatch(term):
+        held, instead = _BY_NAME[found[1].casefold()](faces, found[2], where)
+    else:
+        hint = did_you_mean(re.split(r"[^a-z]", term.casefold())[0], ("cavity", *_BY_NAME))
+        raise ArgumentError(f"{where}: {term!r} selects nothing; {hint}there are {_SELECTORS}")
+    if not held.any():
+        raise ArgumentError(f"{where} catches no face: {instead}")
+    return held
 
 
-def _at_place(faces: _Faces, axis: int, sign: str, word: str, where: str) -> BoolArray:
+_Caught = tuple[BoolArray, str]
+"""Faces, and what to say where there are none."""
+
+
+def _at_place(faces: _Faces, axis: int, sign: str, word: str, where: str) -> _Caught:
     try:
         at = faces.place_mm(axis, word)
     except ValueError:
@@ -523,17 +528,13 @@ def _at_place(faces: _Faces, axis: int, sign: str, word: str, where: str) -> Boo
     if sign != "=":
         along = faces.centre_mm[:, axis]
         held = {"<": along < at, "<=": along <= at, ">": along > at, ">=": along >= at}[sign]
-        if not held.any():
-            raise ArgumentError(f"{where} catches no face: the part's {faces.reach(axis)}")
-        return np.asarray(held)
-    off = np.abs(faces.mesh.triangles[:, :, axis] - at)
-    if not (flat := (off <= faces.flat_mm).all(axis=1)).any():
-        instead = "<" if at <= faces.mesh.bounds_mm[:, axis].mean() else ">"
-        raise ArgumentError(
-            f"{where} catches no face: none lies in the plane at {at:.4g} mm; the part's "
-            f"{faces.reach(axis)}: take a stretch, as {'xyz'[axis]}{instead}..., instead"
-        )
-    return np.asarray(flat)
+        return held, f"the part's {faces.reach(axis)}"
+    off = np.abs(faces.mesh.triangles[:, :, axis] - at).max(axis=1)
+    instead = "<" if at <= faces.mesh.bounds_mm[:, axis].mean() else ">"
+    return np.asarray(off <= faces.flat_mm), (
+        f"none lies in the plane at {at:.4g} mm; the part's {faces.reach(axis)}: take a stretch, "
+        f"as {'xyz'[axis]}{instead}..., instead"
+    )
 
 
 def _numbers(text: str, count: int, where: str) -> list[float]:
@@ -546,29 +547,22 @@ def _numbers(text: str, count: int, where: str) -> list[float]:
     return found
 
 
-def _in_box(faces: _Faces, text: str, where: str) -> BoolArray:
+def _in_box(faces: _Faces, text: str, where: str) -> _Caught:
     corners = np.array(_numbers(text, 6, where)).reshape(2, 3)
     low, high = corners.min(axis=0), corners.max(axis=0)
     held = ((faces.centre_mm >= low) & (faces.centre_mm <= high)).all(axis=1)
-    if not held.any():
-        spans = ", ".join(faces.reach(axis) for axis in range(3))
-        raise ArgumentError(f"{where} catches no face: the part's {spans}")
-    return np.asarray(held)
+    return held, f"the part's {faces.reaches}"
 
 
-def _near(faces: _Faces, text: str, where: str) -> BoolArray:
+def _near(faces: _Faces, text: str, where: str) -> _Caught:
     *place, radius = _numbers(text, 4, where)
     off = np.linalg.norm(faces.centre_mm - np.array(place), axis=1)
-    if not (held := off <= radius).any():
-        x, y, z = faces.centre_mm[off.argmin()].tolist()
-        raise ArgumentError(
-            f"{where} catches no face: the nearest is {off.min():.4g} mm off, at "
-            f"({x:.4g}, {y:.4g}, {z:.4g})"
-        )
-    return np.asarray(held)
+    x, y, z = faces.centre_mm[off.argmin()].tolist()
+    nearest = f"the nearest is {off.min():.4g} mm off, at ({x:.4g}, {y:.4g}, {z:.4g})"
+    return np.asarray(off <= radius), nearest
 
 
-def _turned(faces: _Faces, text: str, where: str) -> BoolArray:
+def _turned(faces: _Faces, text: str, where: str) -> _Caught:
     found = _NORMAL.fullmatch(text.strip())
     if found is None:
         raise ArgumentError(f"{where}: write normal:DIRECTION within DEGREES: normal:+z within 20")
@@ -577,14 +571,10 @@ def _turned(faces: _Faces, text: str, where: str) -> BoolArray:
     except ArgumentError as error:
         raise ArgumentError(f"{where}: {error}") from error
     angle = np.degrees(np.arccos(np.clip(faces.normal @ direction, -1.0, 1.0)))
-    if not (held := angle <= float(found[2])).any():
-        raise ArgumentError(
-            f"{where} catches no face: the nearest is turned {angle.min():.3g}° off"
-        )
-    return np.asarray(held)
+    return angle <= float(found[2]), f"the nearest is turned {angle.min():.3g}° off"
 
 
-_BY_NAME: Mapping[str, Callable[[_Faces, str, str], BoolArray]] = MappingProxyType(
+_BY_NAME: Mapping[str, Callable[[_Faces, str, str], _Caught]] = MappingProxyType(
     {"box": _in_box, "near": _near, "normal": _turned}
 )
 
@@ -665,7 +655,7 @@ def _check_supports(faces: _Faces, supports: Sequence[Support], options: Sequenc
     if not supports:
         raise ArgumentError(
             "nothing holds the part, so that any load carries it away; give `fix`, as in "
-            f'fix="x=min": its {", ".join(faces.reach(axis) for axis in range(3))}'
+            f'fix="x=min": its {faces.reaches}'
         )
     body, bodies = _bodies(faces)
     for number in range(bodies):

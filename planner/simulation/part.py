@@ -15,6 +15,7 @@ from planner.fields.parse import Setting, build_field, field_of
 from planner.formats.field_file import TRIANGLE, encode_vtu
 from planner.formats.files import encode_document, free_memory_bytes
 from planner.formats.stl import encode_stl
+from planner.formats.tables import encode_csv
 from planner.glance import counted, html_of, one_line, outcome, plotted
 from planner.grading.grade import open_part
 from planner.grading.profile import dithered_profile, is_dithered
@@ -22,11 +23,11 @@ from planner.materials.mixtures import CoefficientModel
 from planner.mesh.distance import nearest, triangle_tree
 from planner.mesh.halve import halve_long_edges
 from planner.mesh.mesh import Mesh, Topology, cancel_opposite, compact, repeats_index
-from planner.numerics import BoolArray, FloatArray, Point, one_blas_thread
+from planner.numerics import FloatArray, Point, one_blas_thread
 from planner.palette import Palette
 from planner.plan import Plan, Triangles, plan_file, read_plan, read_shells
 from planner.printers import Printer, palette_of
-from planner.simulation.bar import plan_palette, region_coordinates, united
+from planner.simulation.bar import plan_axis, plan_palette, region_coordinates, united
 from planner.simulation.cut_cells import FEWEST_ALONG, MOST_CELLS, CutCells, Shells, cut_cells
 from planner.simulation.loads import (
     Conditions,
@@ -36,7 +37,7 @@ from planner.simulation.loads import (
     refuse_held,
     watched_targets,
 )
-from planner.simulation.simulate import called, table_csv
+from planner.simulation.simulate import called
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -49,9 +50,6 @@ if TYPE_CHECKING:
 __all__ = [
     "COARSER",
     "COVERS",
-    "Discretisation",
-    "LoadCurve",
-    "PartFinding",
     "PartSimulation",
     "Solid",
     "check_effort",
@@ -79,11 +77,10 @@ _FLAT_MM = 1e-4
 on a tray of 400 mm, and a hundredth of a printed layer."""
 
 
-def _outer(soups: Mapping[str, Triangles]) -> Mesh:
+def _outer(whole: Mesh) -> Mesh:
     """Return the surface of all shells, without the edges that only their interfaces have cut."""
     import manifold3d
 
-    whole = united(soups)
     faces = whole.faces[~repeats_index(whole.faces)]
     used, faces = compact(faces[cancel_opposite(faces)], len(whole.vertices))
     vertices = np.ascontiguousarray(whole.vertices[used])
@@ -108,15 +105,15 @@ def _filling(
     plan: Plan, shells: Mapping[str, Triangles], placed: Mesh, palette: Palette
 ) -> Filling:
     field = _field(plan, placed)
-    if field is None and is_dithered(plan):
+    if field is not None:
+        return filling_along(field, plan, palette)
+    if is_dithered(plan):
         raise ArgumentError(
             f"{plan.part.file}: its cells are dealt along a field, {plan.gradient.field['name']}, "
             "that plan.json does not hold, so that no mixture is known; grade it with another "
             "`blend` to simulate it"
         )
-    if field is None:
-        return _by_shells(plan, shells, palette)
-    return filling_along(field, plan, palette)
+    return _by_shells(plan, shells, palette)
 
 
 def filling_along(field: Field, plan: Plan, palette: Palette) -> Filling:
@@ -139,9 +136,8 @@ def filling_along(field: Field, plan: Plan, palette: Palette) -> Filling:
 def _field(plan: Plan, placed: Mesh) -> Field | None:
     """Return a plan's field, None where plan.json does not hold it."""
     says = plan.gradient.field
-    x, y, z = says.get("direction", (0.0, 0.0, 0.0))
     if says.get("name") == "axis":
-        return AxisField((x, y, z), float(says["start_mm"]), float(says["span_mm"]))
+        return AxisField(*plan_axis(says))
     if "'faces'" in str(says):
         return None  # of the part's triangles in a box: shells have theirs cut
     try:
@@ -247,7 +243,8 @@ def open_solid(
     Parameters
     ----------
     source
-        A plan, its plan.json or folder; or a mesh as `planner.grade` takes it.
+        A plan, its plan.json or folder; or a mesh as `planner.grade` takes it. One that is open
+        stays as it is.
     material, unit, bodies
         Of a mesh.
 
@@ -256,6 +253,8 @@ def open_solid(
     PlannerError
         It cannot be read, or has no material, or two.
     """
+    if isinstance(source, Solid):
+        return source
     is_path = isinstance(source, (str, Path))
     if is_path and (Path(str(source)).is_dir() or Path(str(source)).suffix.casefold() == ".json"):
         source = read_plan(plan_file(Path(str(source))))
@@ -281,13 +280,13 @@ def open_solid(
             raise ArgumentError(f"{name} {given}: it goes with a mesh; a plan has its own")
     chosen, notes = plan_palette(source, palette, printer)
     shells = dict(read_shells(source))
-    placed = _outer(shells)
+    whole = united(shells)
+    placed = _outer(whole)
     filling = _filling(source, shells, placed, chosen)
     surface, strain = _own(source, placed), source.stiffness.at_strain
     made = Solid(source.part.file, surface, filling, chosen, notes, strain)
     if (source.gradient.blend or {}).get("kind") in ("mix", "dither") or len(shells) == 1:
         return made
-    whole = united(shells)
     own = Mesh(whole.vertices - np.array(source.part.translation_mm), whole.faces)
     shell = np.repeat(np.arange(len(shells), dtype=np.int32), [len(s) for s in shells.values()])
     by_file = _coordinates_by_file(source, chosen)
@@ -526,7 +525,8 @@ class PartSimulation:
             for name, values in {**told, **response.turned}.items():
                 for axis, column in zip("xyz", values.T, strict=True):
                     columns[f"{response.kind}{number}_{axis}_{name.partition('_')[2]}"] = column
-        return table_csv(columns)
+        rows = zip(*(values.tolist() for values in columns.values()), strict=True)
+        return encode_csv([columns, *rows])
 
     def deformed_stl(self, step: int = -1) -> bytes:
         """Return the surface as it is at a step, in the part's own coordinates: a binary STL."""
@@ -809,25 +809,13 @@ def _conditions(surface: Mesh, case: LoadCase, name: str) -> Conditions:
 
 def _small_figures(mechanics: "Mechanics") -> list[FloatArray | None]:
     """Return what each response is of at a small load: displacement, turn, or a support's force."""
+    from planner.simulation.response import answers
     from planner.simulation.solid import LostStabilityError
 
-    on = mechanics.conditions
     try:
-        state = mechanics.small(_SMALL)
+        return [told.figure for told, _ in answers(mechanics, mechanics.small(_SMALL))]
     except LostStabilityError:
         return []  # the steps say so, where it matters
-
-    def moved(facets: BoolArray) -> FloatArray:
-        return mechanics.mean(mechanics.points_of(facets), state.displacement_mm)
-
-    pulls = zip(on.supports, mechanics.reactions(state), strict=True)
-    return [
-        *(moved(force.facets) for force in on.forces),
-        *(mechanics.turn_deg(moment.facets, state.displacement_mm) for moment in on.moments),
-        *(pull if support.moves else None for support, pull in pulls),
-        *(moved(pressure.facets) for pressure in on.pressures),
-        *(moved(watched.facets) for watched in on.watched),
-    ]
 
 
 def _error(here: FloatArray | None, *others: FloatArray | None) -> float | None:

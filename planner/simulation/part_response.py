@@ -21,7 +21,7 @@ from scipy.interpolate import PchipInterpolator
 from planner.errors import FileError
 from planner.formats.files import decode_document, encode_document, read_file
 from planner.glance import brief
-from planner.numerics import FloatArray
+from planner.numerics import FloatArray, freeze
 
 __all__ = ["PartResponse", "encode_response", "force_factor", "read_response"]
 
@@ -73,10 +73,7 @@ class PartResponse:
     __repr__ = brief
 
     def __post_init__(self) -> None:
-        for name in _ARRAYS:
-            array = np.array(getattr(self, name), dtype=np.float64)
-            array.setflags(write=False)
-            object.__setattr__(self, name, array)
+        freeze(self, *_ARRAYS)
         steps, bins = self.displacement_mm.shape, self.coordinate.shape
         shapes = (self.force_N.shape, self.strain.shape, self.share.shape)
         problem = None

@@ -1,39 +1,55 @@
 """What a solid does under its loads: displacements, reactions, strain over break, intervals."""
 
-from dataclasses import dataclass
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
 from statistics import NormalDist
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from planner.materials.marlow import uniaxial_strain
+from planner.errors import FileError
+from planner.materials.marlow import MarlowTable, marlow_table, uniaxial_strain
 from planner.materials.mixtures import CoefficientModel
-from planner.numerics import FloatArray, IntArray
+from planner.numerics import BoolArray, FloatArray, IntArray, one_blas_thread
+from planner.palette import Palette
+from planner.simulation.cut_cells import CutCells
 from planner.simulation.element import shape_functions
+from planner.simulation.loads import Condition, Conditions, LoadCase, read_conditions
+from planner.simulation.part import COARSER, COVERS, Solid, open_solid
+from planner.simulation.part_response import PartResponse
 from planner.simulation.simulate import log_sds
 from planner.simulation.solid import (
+    Body,
     Equilibrium,
-    FacetPoints,
     LostStabilityError,
     Mechanics,
     Progress,
     spread,
 )
+from planner.simulation.sparse_cholesky import analyse
 
 if TYPE_CHECKING:
-    from planner.simulation.cut_cells import CutCells
     from planner.simulation.sparse_cholesky import Factor
 
 __all__ = [
     "CellAverage",
     "LoadSteps",
     "Response",
+    "answers",
     "figure_interval",
+    "followed",
     "hats",
     "in_cells",
+    "largest_stretch",
+    "loaded_part",
     "log_stress_sds",
+    "moved_by",
+    "part_response",
     "respond",
-    "strain_over_break",
+    "response_of",
 ]
 
 
@@ -64,6 +80,10 @@ class _PartFields:
     strain_over_break: FloatArray
 
 
+_SQUARE = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2]])
+"""Places of a tensor's six components in its matrix."""
+
+
 _ROWS = 1 << 14
 # Points whose gradients are held at a time: 10 MB.
 
@@ -79,7 +99,7 @@ def _fields_of(
         rows = slice(first, first + _ROWS)
         gradient = shape_functions(cells.points[rows], cells.cell_mm)[1]
         F = np.eye(3) + np.einsum("qai,qaj->qij", u[cells.nodes[of_point[rows]]], gradient)
-        S = state.stress_MPa[rows][:, [[0, 3, 5], [3, 1, 4], [5, 4, 2]]]
+        S = state.stress_MPa[rows][:, _SQUARE]
         full = F @ S @ F.transpose(0, 2, 1) / np.linalg.det(F)[:, None, None]
         stress[rows] = full[:, [0, 1, 2, 0, 1, 0], [0, 1, 2, 1, 2, 2]]
     return _PartFields(u, stress, mechanics.energy_MPa(state), strain_over_break)
@@ -97,7 +117,7 @@ _APART = 10.0
 # Between cells of the lattice, whose own coordinates go to 1.2: none is nearest to another's.
 
 
-def in_cells(cells: "CutCells", places_mm: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:
+def in_cells(cells: CutCells, places_mm: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:
     """Return the nearest quadrature point of places in the part, its cell, and the place in it.
 
     Of all pieces of material that share a place of the lattice, the one with that point.
@@ -120,15 +140,15 @@ def in_cells(cells: "CutCells", places_mm: FloatArray) -> tuple[IntArray, IntArr
 
 @dataclass(frozen=True, eq=False)
 class Response:
-    """What faces did that are loaded, held or watched.
+    """What faces did that are loaded, held or watched, over steps, (steps,), or at one, ().
 
     Attributes
     ----------
     kind
         ``load``, ``moment``, ``move``, ``fix``, ``pressure`` or ``watch``.
-    displacement_mm : (steps, 3)
+    displacement_mm : (..., 3)
         Mean over the faces by their area at rest.
-    force_N : (steps, 3)
+    force_N : (..., 3)
         Of the load, or of the support on the part, in all.
     direction : (3,)
         Of the force or moment, of the motion given, of the axis watched, or of the displacement at
@@ -137,7 +157,7 @@ class Response:
         Of the figure that follows from the others at the last step, with the probability asked
         for: of a load or watched faces the displacement along `direction`, mm; of a moment the turn
         about it, degrees; of a support that moves its force, N. None of the others.
-    moment_N_mm, turn_deg : (steps, 3)
+    moment_N_mm, turn_deg : (..., 3)
         Of a moment: that of its tractions on the faces as they are, and how far these have turned.
     """
 
@@ -146,7 +166,7 @@ class Response:
     displacement_mm: FloatArray
     force_N: FloatArray
     direction: FloatArray
-    interval: tuple[float, float] | None
+    interval: tuple[float, float] | None = None
     moment_N_mm: FloatArray | None = None
     turn_deg: FloatArray | None = None
 
@@ -158,13 +178,19 @@ class Response:
         return {"moment_N_mm": self.moment_N_mm, "turn_deg": self.turn_deg}
 
     @property
+    def figure(self) -> FloatArray | None:
+        """What follows from the rest, (..., 3): mm, degrees or N; None of a support that holds."""
+        own = {"fix": None, "moment": self.turn_deg, "move": self.force_N}
+        return own.get(self.kind, self.displacement_mm)
+
+    @property
     def along_mm(self) -> FloatArray:
-        """Displacement along `direction`, (steps,)."""
+        """Displacement along `direction`, (...)."""
         return np.asarray(self.displacement_mm @ self.direction)
 
     @property
     def along_N(self) -> FloatArray:
-        """Force along `direction`, (steps,)."""
+        """Force along `direction`, (...)."""
         return np.asarray(self.force_N @ self.direction)
 
     @property
@@ -245,19 +271,22 @@ def respond(
             progress(share, iteration, residual)
 
     factored, last = None, states[0]
-    surface, over_break, largest, places, energy = ([] for _ in range(5))
-    corners: list[FloatArray] = []
+    kept: list[tuple[Any, ...]] = []
+    corners = np.empty(0)
 
     def keep(state: Equilibrium) -> None:
+        nonlocal corners
         u = state.displacement_mm
-        surface.append(np.einsum("va,vai->vi", at_vertices, u[cells.nodes[cells.vertex_cell]]))
-        nodal = average.of(strain_over_break(mechanics, state))
-        over_break.append(average.at_vertices(nodal))
-        corners[:] = [nodal[average.number]]
+        nodal = average.of(_strain_over_break(mechanics, state))
+        corners = nodal[average.number]
         worst = int(np.argmax(np.where(average.held, nodal, -np.inf)))
-        largest.append(float(nodal[worst]))
-        places.append(cells.node_mm[average.node[worst]])
-        energy.append(mechanics.energy_mJ(state))
+        kept.append((
+            np.einsum("va,vai->vi", at_vertices, u[cells.nodes[cells.vertex_cell]]),
+            average.at_vertices(nodal),
+            nodal[worst],
+            cells.node_mm[average.node[worst]],
+            mechanics.energy_mJ(state),
+        ))  # fmt: skip
 
     keep(states[0])
     try:
@@ -275,24 +304,25 @@ def respond(
     responses = tuple(
         _responses(mechanics, states, last, factored, model, level) if factored is not None else ()
     )
+    moved, strain, largest, largest_mm, energy = (np.stack(of) for of in zip(*kept, strict=True))
     return LoadSteps(
         np.array([state.share for state in states]),
-        np.stack(surface),
-        np.stack(over_break),
-        np.array(largest),
-        np.stack(places),
-        np.array(energy),
+        moved,
+        strain,
+        largest,
+        largest_mm,
+        energy,
         responses,
         lost,
         iterations,
-        _fields_of(mechanics, last, corners[0]),
+        _fields_of(mechanics, last, corners),
     )
 
 
 _NOTHING = (np.empty((0, 6)), np.empty((0, 6)), np.empty((0, 4)))
 
 
-def strain_over_break(mechanics: Mechanics, state: Equilibrium) -> FloatArray:
+def _strain_over_break(mechanics: Mechanics, state: Equilibrium) -> FloatArray:
     """Return the largest principal strain over the elongation at break at the points, (Q,)."""
     stretch, _ = largest_stretch(mechanics.observe(state).strain)
     body = mechanics.body
@@ -304,7 +334,7 @@ def largest_stretch(strain: FloatArray) -> tuple[FloatArray, FloatArray]:
 
     Its derivative over the strain is the direction's square over the stretch.
     """
-    square = np.eye(3) + 2.0 * strain[:, np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2]])]
+    square = np.eye(3) + 2.0 * strain[:, _SQUARE]
     values, vectors = np.linalg.eigh(square)
     return np.sqrt(np.maximum(values[:, 2], 0.0)), vectors[:, :, 2]
 
@@ -323,7 +353,7 @@ class CellAverage:
         over less, outside of the part, are those of slivers. All, in a part that is thinner.
     """
 
-    def __init__(self, cells: "CutCells") -> None:
+    def __init__(self, cells: CutCells) -> None:
         corners = [i + 3 * j + 9 * k for k in (0, 2) for j in (0, 2) for i in (0, 2)]
         self.cells = cells
         self.corner = cells.nodes[:, corners]
@@ -352,6 +382,62 @@ class CellAverage:
         return np.asarray(np.einsum("vc,vc->v", shares, nodal[self.number[self.cells.vertex_cell]]))
 
 
+_Weights = Callable[[FloatArray], FloatArray]
+"""Nodal weights, (N, 3), of a response's figure along a direction."""
+
+
+def answers(mechanics: Mechanics, state: Equilibrium) -> "Iterator[tuple[Response, _Weights]]":
+    """Yield what faces do at one equilibrium, and the derivative of each figure."""
+    on, share, u = mechanics.conditions, state.share, state.displacement_mm
+
+    def answer(
+        kind: str,
+        faces: Condition,
+        force_N: FloatArray,
+        direction: FloatArray | None,
+        weights: _Weights | None = None,
+        **turned: Any,
+    ) -> tuple[Response, _Weights]:
+        points = mechanics.points_of(faces.facets)
+        moved = mechanics.mean(points, u)
+        if direction is None:
+            direction = force_N if kind == "fix" else moved
+        told = Response(faces.selector, kind, moved, force_N, _unit(direction), **turned)
+        return told, weights or partial(mechanics.mean_weights, points)
+
+    for force in on.forces:
+        given = np.array(force.force_N)
+        yield answer("load", force, share * given, given)
+    for moment in on.moments:
+        given = np.array(moment.moment_N_mm)
+        points, pulls = mechanics.couple(moment.facets, given)
+        left = share * np.cross(mechanics.place_mm(points, u), pulls).sum(axis=0)
+        turn = mechanics.turn_deg(moment.facets, u)
+        weights = partial(_turn_weights, mechanics, moment.facets, u)
+        yield answer("moment", moment, np.zeros(3), given, weights, moment_N_mm=left, turn_deg=turn)
+    pulled = zip(on.supports, mechanics.held, mechanics.reactions(state), strict=True)
+    for number, (support, held, pull) in enumerate(pulled):
+        weights = partial(mechanics.reaction_weights, number)
+        if held.target_mm.any():
+            yield answer("move", support, pull, held.target_mm, weights)
+        else:
+            yield answer("fix", support, pull, None)
+    for pressure, pushed in zip(on.pressures, mechanics.pushed, strict=True):
+        yield answer("pressure", pressure, mechanics.push(pushed, share, u), None)
+    for watched in on.watched:
+        axis, seen = watched.axis, watched
+        if axis is not None:
+            seen = replace(watched, selector=f"{watched.selector} u{'xyz'[axis]}")
+        yield answer("watch", seen, np.zeros(3), None if axis is None else np.eye(3)[axis])
+
+
+def _turn_weights(
+    mechanics: Mechanics, facets: BoolArray, u: FloatArray, axis: FloatArray
+) -> FloatArray:
+    points, rates = mechanics.couple(facets, axis, u)
+    return spread(mechanics.body.cells, points, np.degrees(rates))
+
+
 def _responses(
     mechanics: Mechanics,
     states: list[Equilibrium],
@@ -359,71 +445,21 @@ def _responses(
     factored: "Factor",
     model: CoefficientModel,
     level: float,
-) -> "list[Response]":
-    conditions = mechanics.conditions
+) -> Iterator[Response]:
     normal = NormalDist().inv_cdf(0.5 + level / 2.0)
     sds = log_stress_sds(mechanics, last, model, normal)
-    shares = np.array([state.share for state in states])[:, None]
-    reactions = np.array([mechanics.reactions(state) for state in states])
-
-    def interval(figure: float, weights: FloatArray, positive: bool = True) -> tuple[float, float]:
-        return figure_interval(
-            mechanics, last, factored, weights, figure, sds, normal, positive=positive
-        )
-
-    out = []
-
-    def moved(points: FacetPoints) -> FloatArray:
-        return np.array([mechanics.mean(points, state.displacement_mm) for state in states])
-
-    span: tuple[float, float] | None
-
-    def add(
-        name: str, kind: str, points: FacetPoints, pulls: FloatArray, direction: FloatArray | None
-    ) -> None:
-        where = moved(points)
-        along = _unit(where[-1]) if direction is None else direction
+    for steps in zip(*(answers(mechanics, state) for state in states), strict=True):
+        told, weights = steps[-1]
         span = None
-        if kind != "pressure":
-            weights = mechanics.mean_weights(points, along)
+        if told.figure is not None and told.kind != "pressure":
             # Loads do work, so that what they move goes their way.
-            span = interval(float(where[-1] @ along), weights, kind == "load")
-        out.append(Response(name, kind, where, pulls, along, span))
-
-    for force in conditions.forces:
-        given = np.array(force.force_N)
-        points = mechanics.points_of(force.facets)
-        add(force.selector, "load", points, shares * given, _unit(given))
-    for moment in conditions.moments:
-        given = np.array(moment.moment_N_mm)
-        points, pulls = mechanics.couple(moment.facets, given)
-        arms = [mechanics.place_mm(points, state.displacement_mm) for state in states]
-        moments = np.array([np.cross(arm, pulls).sum(axis=0) for arm in arms])
-        turns = np.array([mechanics.turn_deg(moment.facets, s.displacement_mm) for s in states])
-        _, rates = mechanics.couple(moment.facets, _unit(given), last.displacement_mm)
-        weights = spread(mechanics.body.cells, points, np.degrees(rates))
-        out.append(Response(
-            moment.selector, "moment", moved(points), 0.0 * turns, _unit(given),
-            interval(float(turns[-1] @ _unit(given)), weights), shares * moments, turns,
-        ))  # fmt: skip
-    for k, support in enumerate(conditions.supports):
-        held, pull = mechanics.held[k], reactions[:, k]
-        moves = bool(held.target_mm.any())
-        along = _unit(held.target_mm if moves else pull[-1])
-        span = None
-        if moves:
-            span = interval(float(pull[-1] @ along), mechanics.reaction_weights(k, along))
-        kind = "move" if moves else "fix"
-        out.append(Response(support.selector, kind, moved(held.points), pull, along, span))
-    for pressure, pushed in zip(conditions.pressures, mechanics.pushed, strict=True):
-        push = np.array([mechanics.push(pushed, s.share, s.displacement_mm) for s in states])
-        add(pressure.selector, "pressure", pushed.points, push, None)
-    for watched in conditions.watched:
-        axis, points = watched.axis, mechanics.points_of(watched.facets)
-        name = watched.selector if axis is None else f"{watched.selector} u{'xyz'[axis]}"
-        nothing = np.zeros((len(states), 3))
-        add(name, "watch", points, nothing, None if axis is None else np.eye(3)[axis])
-    return out
+            span = figure_interval(
+                mechanics, last, factored, weights(told.direction),
+                float(told.figure @ told.direction), sds, normal, positive=told.kind == "load",
+            )  # fmt: skip
+        series = ("displacement_mm", "force_N", *told.turned)
+        each = {name: np.stack([getattr(one, name) for one, _ in steps]) for name in series}
+        yield replace(told, interval=span, **each)
 
 
 def figure_interval(
@@ -467,3 +503,302 @@ def log_stress_sds(
     """
     strain = uniaxial_strain(mechanics.observe(state).x)
     return log_sds(model, mechanics.body.coordinate, strain, normal)
+
+
+# ------------------------------------------------------------------------------------------------
+# The other way round: how all of a part moves with the material of many places at once.
+
+
+_RUN = 20_000
+"""Points at a time: 30 MB for each of their fields."""
+
+
+def moved_by(
+    mechanics: Mechanics, state: Equilibrium, factored: "Factor", share: Any
+) -> FloatArray:
+    """Return how far each node goes as the coordinate at the points changes, (N, 3, n).
+
+    It is the tangent K⁻¹ (-∂f/∂m), one solution for each column of `share`; `Mechanics.sensitivity`
+    is its adjoint. The load is held. `factored` belongs to the state.
+
+    Parameters
+    ----------
+    share : (Q, n) sparse
+        Changes of the coordinate at the points.
+    """
+    from scipy.sparse import csr_matrix
+
+    cells, body = mechanics.body.cells, mechanics.body
+    count, width = len(cells.node_mm), share.shape[1]
+    table, below = body.table, mechanics.table[2]
+    above = np.minimum(below + 1, len(table.coordinate) - 1)
+    gap = np.maximum(table.coordinate[above] - table.coordinate[below], 1e-12)
+    rest = table.log_slope_MPa[:, 0, 0]
+    seen = mechanics.observe(state)
+    cell = np.repeat(np.arange(len(cells.nodes)), np.diff(cells.offsets))
+    pressure = np.einsum("qr,qr->q", state.pressure[cell], mechanics.basis)
+    # δp of each cell, by the change of ln κ at its points
+    by_bulk = cells.weights_mm3 * pressure / mechanics.bulk * (rest[above] - rest[below]) / gap
+    swelling = np.stack(
+        [
+            np.add.reduceat(share.multiply((by_bulk * psi)[:, None]).toarray(), cells.offsets[:-1])
+            for psi in mechanics.basis.T
+        ],
+        axis=1,
+    )
+    swelling = np.einsum("crs,csn->crn", mechanics.compliance, swelling)
+    square = 2.0 * seen.strain[:, _SQUARE] + np.eye(3)
+    bulging = np.linalg.det(square)[:, None, None] ** 0.5 * np.linalg.inv(square)
+    iso = state.stress_MPa[:, _SQUARE] - pressure[:, None, None] * bulging
+    iso *= (seen.over_m / gap)[:, None, None]
+    out = np.zeros((3 * count, width))
+    for first in range(0, len(cell), _RUN):
+        run = slice(first, first + _RUN)
+        nodes = cells.nodes[cell[run]]
+        gradient = shape_functions(cells.points[run], cells.cell_mm)[1]
+        slope = np.eye(3) + np.einsum("qai,qaj->qij", state.displacement_mm[nodes], gradient)
+        rows = (3 * nodes[:, :, None] + np.arange(3)).reshape(len(nodes), 81)
+        ends = 81 * np.arange(len(nodes) + 1)
+        changes = (share[run], np.einsum("qr,qrn->qn", mechanics.basis[run], swelling[cell[run]]))
+        for stress, change in zip((iso, bulging), changes, strict=True):
+            pull = np.einsum("qij,qjm,qam->qai", slope, stress[run], gradient, optimize=True)
+            pull *= cells.weights_mm3[run, None, None]
+            spread = csr_matrix((pull.ravel(), rows.ravel(), ends), (len(nodes), 3 * count)).T
+            out -= spread @ change
+    gravity = mechanics.conditions.gravity
+    if gravity is not None:
+        weight = mechanics.weight_over_m(state.share)
+        out += np.kron(weight @ share.toarray(), np.array(gravity)[:, None])
+    return factored.solve(out).reshape(count, 3, width)
+
+
+# ------------------------------------------------------------------------------------------------
+# A plan, held and loaded in one way, cut into cells.
+
+
+@dataclass(frozen=True, eq=False)
+class LoadedPart:
+    """A part's cells with what fills them, its supports and its load.
+
+    Attributes
+    ----------
+    coordinate : (Q,)
+        Of the mixture at the cells' quadrature points.
+    """
+
+    solid: Solid
+    cells: CutCells
+    coordinate: FloatArray
+    conditions: Conditions
+
+
+_CELLS = 1500
+"""Of material, where no size is given. Chosen: a part that bends is within about two per cent, less
+than its prints scatter by."""
+
+
+def loaded_part(
+    solid: Solid, case: LoadCase, *, cell_mm: float | None = None, shift: float = 0.0
+) -> LoadedPart:
+    """Cut a part into cells, and hold and load it.
+
+    Parameters
+    ----------
+    case
+        Its supports, and a load or a move.
+    shift
+        As of `Solid.cut`.
+
+    Raises
+    ------
+    ArgumentError
+        Selectors and loads that mean nothing on this part.
+    """
+    edge = float(np.cbrt(solid.surface.volume_mm3 / _CELLS)) if cell_mm is None else cell_mm
+    cells, coordinate = solid.cut(edge, shift=shift)
+    return LoadedPart(solid, cells, coordinate, read_conditions(cells.surface, case))
+
+
+# ------------------------------------------------------------------------------------------------
+# Equilibria along the load, with the derivative of the force by the law at every point.
+
+
+@dataclass(frozen=True, eq=False)
+class _Moved:
+    """Equilibria of a part: mean displacement of what is loaded, the force on it, and its points.
+
+    Attributes
+    ----------
+    displacement_mm, force_N : (n,)
+        Along the load.
+    strain, share : (n, Q)
+        As of `PartResponse`, at the quadrature points; without rows where they were not asked for.
+    """
+
+    displacement_mm: FloatArray
+    force_N: FloatArray
+    strain: FloatArray
+    share: FloatArray
+
+
+@one_blas_thread()
+def followed(
+    part: LoadedPart,
+    table: MarlowTable,
+    steps: Sequence[float],
+    *,
+    sensitive: bool = True,
+) -> _Moved:
+    """Load a part in steps, shares of its whole load, as far as it is stable.
+
+    Parameters
+    ----------
+    table
+        Laws; the palette's, or others.
+    """
+    cells = part.cells
+    mechanics = Mechanics(
+        Body(cells, table, part.coordinate),
+        part.conditions,
+        analyse(cells.nodes, cells.node_mm, cells.interface.cells),
+    )
+    found: list[tuple[FloatArray, ...]] = []
+    try:
+        for state, factored in mechanics.follow(list(steps)):
+            told = answers(mechanics, state)
+            loaded, weights = next(one for one in told if one[0].kind in ("load", "move"))
+            strain = share = np.empty(0)
+            if sensitive:
+                own = mechanics.sensitivity(state, factored, weights(loaded.direction))
+                share = own.log_stress + own.log_bulk
+                share = share / share.sum()
+                strain = uniaxial_strain(mechanics.observe(state).x)
+            found.append((loaded.along_mm, loaded.along_N, strain, share))
+    except LostStabilityError:
+        pass  # as far as it came
+    return _Moved(*(np.array([step[k] for step in found]) for k in range(4)))
+
+
+# ------------------------------------------------------------------------------------------------
+# The response: points of nearly one mixture and one strain together in a bin.
+
+
+_STEPS = (0.02, *(0.1 * k for k in range(1, 11)))
+"""Shares of the load. Numerical: the first tells the part at rest; between them cubics."""
+
+_BINS = 36
+"""Of a part. Numerical: an effect's change of ln stress differs little within a bin."""
+
+_MIXTURES = 12
+"""Groups of mixtures, where a part has more of them. Numerical: as a palette has grades."""
+
+_HELD = 0.01
+"""Of ln force, whatever the cells. Chosen: what clamps that do not give are off by."""
+
+
+def part_response(
+    source: object,
+    palette: Palette,
+    *,
+    fix: Sequence[str],
+    move: str = "",
+    load: str = "",
+    cell_mm: float | None = None,
+) -> PartResponse:
+    """Simulate a plan with its supports and its load.
+
+    Parameters
+    ----------
+    source
+        A plan, its folder or its plan.json.
+    fix, move, load
+        As of `planner.simulate`; one of `move` and `load`, the other "".
+
+    Raises
+    ------
+    FileError
+        No such plan, or no equilibrium is found.
+    ArgumentError
+        As `loaded_part`.
+    """
+    solid = open_solid(source, None, None, None, palette)
+    case = LoadCase(fix=fix, move=move or (), load=load or ())
+    part = loaded_part(solid, case, cell_mm=cell_mm)
+    table = marlow_table(CoefficientModel(palette))
+    moved = followed(part, table, _STEPS)
+    change = 0.0
+    for shift in (0.0, 0.5) if len(moved.force_N) > 1 else ():
+        edge = COARSER * float(part.cells.cell_mm.max())
+        coarser = loaded_part(solid, case, cell_mm=edge, shift=shift)
+        other = followed(coarser, table, _STEPS[:1], sensitive=False)
+        if len(other.force_N):
+            stiffness = [one.force_N[0] / one.displacement_mm[0] for one in (other, moved)]
+            change += abs(math.log(stiffness[0] / stiffness[1]))
+    # What is told bounds the error of nine parts in ten: 1.645 standard deviations.
+    log_sd = math.hypot(_HELD, COVERS * change / 1.645)
+    return response_of(part, moved, log_sd=log_sd)
+
+
+def response_of(part: LoadedPart, moved: _Moved, *, log_sd: float) -> PartResponse:
+    """Return a part's response from what its points do.
+
+    Raises
+    ------
+    FileError
+        It was not solved for two steps, or does not resist.
+    """
+    name, surface = Path(part.solid.name).stem, part.solid.surface
+    if len(moved.force_N) < 2:
+        raise FileError(
+            f"part {name}: no equilibrium under its load; take a smaller one, or one that "
+            "does not push a slender part along itself"
+        )
+    weight = np.abs(moved.share).mean(axis=0)
+    weight += 1e-9 * weight.max()  # a point that bears nothing has a mean too
+    bin_of = _bins(part.coordinate, moved.strain[-1], weight)
+    count = int(bin_of.max()) + 1
+
+    def summed(values: FloatArray) -> FloatArray:
+        return np.asarray(np.bincount(bin_of, values, count), dtype=np.float64)
+
+    total = summed(weight)
+    return PartResponse(
+        name,
+        moved.displacement_mm,
+        moved.force_N,
+        summed(weight * part.coordinate) / total,
+        np.stack([summed(weight * strain) / total for strain in moved.strain]),
+        np.stack([summed(share) for share in moved.share]),
+        thickness_mm=2.0 * surface.volume_mm3 / surface.area_mm2,
+        log_sd=log_sd,
+    )
+
+
+def _bins(coordinate: FloatArray, strain: FloatArray, weight: FloatArray) -> IntArray:
+    """Return the number of each point's bin: groups of mixtures, each cut by its last strain.
+
+    Groups have as many bins as their part of the weight, one at least.
+    """
+    mixtures = np.unique(np.round(coordinate, 9))
+    group: IntArray = np.searchsorted(mixtures, np.round(coordinate, 9))
+    if len(mixtures) > _MIXTURES:
+        group = _quantiles(coordinate, weight, _MIXTURES)
+    bins = np.empty(len(coordinate), dtype=np.int64)
+    first = 0
+    for number in np.unique(group).tolist():
+        own = group == number
+        wanted = max(1, round(_BINS * float(weight[own].sum() / weight.sum())))
+        within = _quantiles(strain[own], weight[own], wanted)
+        _, within = np.unique(within, return_inverse=True)
+        bins[own] = first + within
+        first += int(within.max()) + 1
+    return bins
+
+
+def _quantiles(values: FloatArray, weight: FloatArray, count: int) -> IntArray:
+    """Return in which of so many groups of equal weight each value lies."""
+    order = np.argsort(values, kind="stable")
+    reach = np.cumsum(weight[order])
+    found = np.empty(len(values), dtype=np.int64)
+    found[order] = np.minimum((count * (reach - 0.5 * weight[order]) / reach[-1]), count - 1)
+    return found

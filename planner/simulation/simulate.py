@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from planner.errors import ArgumentError, FileError, UnknownNameError, did_you_mean
-from planner.formats.files import SIGNIFICANT_DIGITS, encode_document
+from planner.formats.files import encode_document
+from planner.formats.tables import encode_csv
 from planner.glance import counted, html_of, one_line, outcome, plotted
 from planner.materials.mixtures import CoefficientModel
 from planner.numerics import BoolArray, FloatArray, IntArray
@@ -44,7 +45,6 @@ __all__ = [
     "log_sds",
     "simulate",
     "simulate_bar",
-    "table_csv",
 ]
 
 
@@ -123,13 +123,11 @@ _TOLERANCE = 1e-11
 _SLACK = 1e-9  # of the reach: a step just at it is within
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Pulled:
+class _Pulled(NamedTuple):
     """The states that were reached, and how far slices may go.
 
     Attributes
     ----------
-    force_N : (steps,)
     strain, stress_MPa, tangent_MPa : (steps, n)
         Of each slice; steps may be fewer than were asked for.
     break_strain : (n,)
@@ -142,7 +140,6 @@ class _Pulled:
         That slice.
     """
 
-    force_N: FloatArray
     strain: FloatArray
     stress_MPa: FloatArray
     tangent_MPa: FloatArray
@@ -192,9 +189,8 @@ def _pull(bar: Bar, model: CoefficientModel, displacement_mm: FloatArray) -> _Pu
         displacement_mm = displacement_mm[: int(np.argmax(out))]
         strain, _, _ = _states(bar, laws, np.array([reach]))
         stopped_at = int(np.argmax(strain / limit))
-    strain, stress, tangent = _states(bar, laws, displacement_mm)
-    force = bar.area_mm2[0] * stress[:, 0]
-    return _Pulled(force, strain, stress, tangent, break_strain, limit, reach, stopped_at)
+    states = _states(bar, laws, displacement_mm)
+    return _Pulled(*states, break_strain, limit, reach, stopped_at)
 
 
 def _states(
@@ -215,11 +211,11 @@ def _states(
         coordinate=bar.coordinate,
         **unaltered(all_slices, steps),
     )
-    found = predict(bars, laws, tolerance=_TOLERANCE, stiffness=True)
+    found = predict(bars, laws, tolerance=_TOLERANCE)
     still = displacement_mm == 0.0
     found.strain[still], found.force_N[0, still] = 0.0, 0.0
     stress = found.force_N[0][:, None] / bar.area_mm2
-    return found.strain, stress, found.stiffness_N / bar.area_mm2
+    return found.strain, stress, laws.stress_and_tangent_MPa(bar.coordinate, found.strain)[1]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -281,7 +277,24 @@ def _break_findings(
         )
     found.sort(key=lambda finding: finding.gauge_strain)
     if reached.stopped_at is not None:
-        found.append(_unreachable(bar, model, path, reached, reached.stopped_at))
+        k = reached.stopped_at
+        wanted, got = float(gauge_strain.max()), reached.reach_mm / bar.gauge_mm
+        limit, breaks = float(reached.strain_limit[k]), float(reached.break_strain[k])
+        why = (
+            f"{FARTHEST:g} times its elongation at break, and its law is not known further"
+            if limit >= FARTHEST * breaks
+            else "where the stress of its law ceases to rise"
+        )
+        found.append(
+            BreakFinding(
+                "unreachable",
+                f"a strain of {wanted:.3g} is out of reach: at {got:.3g}, "
+                f"{called(model, float(bar.coordinate[k]))} at {bar.x_mm[k]:.4g} mm "
+                f"is strained by {limit:.3g}, {why}",
+                (float(bar.edges_mm[k]), float(bar.edges_mm[k + 1])),
+                got,
+            )
+        )
     return tuple(found)
 
 
@@ -300,26 +313,6 @@ def _yield_notes(bar: Bar, model: CoefficientModel, reached: _Pulled) -> tuple[s
                 f"such grades yield from about {_YIELD_STRAIN:g}, so the force is an upper bound"
             )
     return tuple(notes)
-
-
-def _unreachable(
-    bar: Bar, model: CoefficientModel, path: LoadingPath, reached: _Pulled, at: int
-) -> BreakFinding:
-    wanted = float(path.displacement_mm.max()) / bar.gauge_mm
-    got, name = reached.reach_mm / bar.gauge_mm, called(model, float(bar.coordinate[at]))
-    limit, breaks = float(reached.strain_limit[at]), float(reached.break_strain[at])
-    why = (
-        f"{FARTHEST:g} times its elongation at break, and its law is not known further"
-        if limit >= FARTHEST * breaks
-        else "where the stress of its law ceases to rise"
-    )
-    return BreakFinding(
-        "unreachable",
-        f"a strain of {wanted:.3g} is out of reach: at {got:.3g}, {name} at {bar.x_mm[at]:.4g} mm "
-        f"is strained by {limit:.3g}, {why}",
-        (float(bar.edges_mm[at]), float(bar.edges_mm[at + 1])),
-        got,
-    )
 
 
 def called(model: CoefficientModel, coordinate: float) -> str:
@@ -406,9 +399,21 @@ class Simulation:
         broken = (self.strain > self.break_strain).any(axis=1)
         return np.logical_or.accumulate(broken)
 
+    @property
+    def _steps(self) -> dict[str, FloatArray | BoolArray]:
+        low, high = self.force_interval_N.T
+        return {
+            "time_s": self.time_s,
+            "displacement_mm": self.displacement_mm,
+            "gauge_strain": self.gauge_strain,
+            "force_N": self.force_N,
+            "force_low_N": low,
+            "force_high_N": high,
+            "beyond_break": self.beyond_break,
+        }
+
     def document(self) -> dict[str, Any]:
         """Return the simulation as JSON holds it."""
-        low, high = self.force_interval_N.T
         return {
             "schema": 1,
             "source": self.name,
@@ -418,15 +423,7 @@ class Simulation:
             "to_strain": self.to_strain,
             "gauge_mm": self.bar.gauge_mm,
             "level": self.level,
-            "steps": {
-                "time_s": self.time_s.tolist(),
-                "displacement_mm": self.displacement_mm.tolist(),
-                "gauge_strain": self.gauge_strain.tolist(),
-                "force_N": self.force_N.tolist(),
-                "force_low_N": low.tolist(),
-                "force_high_N": high.tolist(),
-                "beyond_break": self.beyond_break.tolist(),
-            },
+            "steps": {name: values.tolist() for name, values in self._steps.items()},
             "slices": {
                 "x_mm": self.bar.x_mm.tolist(),
                 "length_mm": self.bar.length_mm.tolist(),
@@ -445,34 +442,16 @@ class Simulation:
 
     def csv(self) -> bytes:
         """Return the curve as CSV, one row a step."""
-        columns = {
-            "time_s": self.time_s,
-            "displacement_mm": self.displacement_mm,
-            "force_N": self.force_N,
-            "force_low_N": self.force_interval_N[:, 0],
-            "force_high_N": self.force_interval_N[:, 1],
-            "gauge_strain": self.gauge_strain,
-            "beyond_break": self.beyond_break.astype(np.float64),
-        }
-        return table_csv(columns)
+        steps = {name: np.asarray(values, float).tolist() for name, values in self._steps.items()}
+        names = sorted(steps, key=["gauge_strain", "beyond_break"].count)
+        return encode_csv([names, *zip(*(steps[name] for name in names), strict=True)])
 
     def field_csv(self) -> bytes:
         """Return the strain along the bar as CSV: time_s, x_mm, strain of each step and slice."""
         steps, n = self.strain.shape
-        columns = {
-            "time_s": np.repeat(self.time_s, n),
-            "x_mm": np.tile(self.bar.x_mm, steps),
-            "strain": self.strain.ravel(),
-        }
-        return table_csv(columns)
-
-
-def table_csv(columns: dict[str, FloatArray]) -> bytes:
-    """Return columns of equal length as CSV."""
-    row = ",".join([f"%.{SIGNIFICANT_DIGITS}g"] * len(columns))
-    values = np.stack(list(columns.values()), axis=1) + 0.0  # no -0
-    lines = [",".join(columns), *(row % tuple(figures) for figures in values.tolist())]
-    return ("\n".join(lines) + "\n").encode("ascii")
+        time, x = np.repeat(self.time_s, n), np.tile(self.bar.x_mm, steps)
+        rows = np.stack([time, x, self.strain.ravel()], axis=1).tolist()
+        return encode_csv([("time_s", "x_mm", "strain"), *rows])
 
 
 # ------------------------------------------------------------------------------------------------
@@ -542,8 +521,9 @@ def _force_interval_N(
     weight = weight / np.where(total > 0.0, total, 1.0)
     normal = NormalDist().inv_cdf(0.5 + level / 2.0)
     sds = log_sds(model, bar.coordinate, reached.strain, normal)
+    force_N = bar.area_mm2[0] * reached.stress_MPa[:, 0]
     ends = [
-        reached.force_N * np.exp(sign * normal * np.sum(weight * sd, axis=1))
+        force_N * np.exp(sign * normal * np.sum(weight * sd, axis=1))
         for sign, sd in zip((-1.0, 1.0), sds, strict=True)
     ]
     return np.stack(ends, axis=1)
@@ -722,8 +702,14 @@ def simulate_bar(
         chosen = palette_of(palette, printer)
         name, whole = _bar_of(source, chosen, slices, width_mm, thickness_mm, gauge_mm)
         bar = bar_between(whole.edges_mm, whole.coordinate, whole.area_mm2, between_mm)
-    speed, words = _rate(rate_mm_s, chosen, bar.gauge_mm)
-    notes += words
+    speed = rate_mm_s
+    if speed is None:
+        speed = (chosen.reference.strain_rate_per_s or _UNKNOWN_RATE_PER_S) * bar.gauge_mm
+        if not chosen.reference.strain_rate_per_s:
+            notes += (
+                f"palette {chosen.name} names no strain rate; times are those of "
+                f"{_UNKNOWN_RATE_PER_S:g} /s",
+            )
     if rate_mm_s is not None or protocol != "monotonic":
         notes += ("the palette's laws are elastic: rate and time change no force",)
     way = loading_path(
@@ -742,7 +728,7 @@ def simulate_bar(
         )
     model = CoefficientModel(chosen)
     reached = _pull(bar, model, way.displacement_mm)
-    count = len(reached.force_N)
+    count = len(reached.strain)
     return Simulation(
         name=name,
         palette=chosen,
@@ -753,25 +739,11 @@ def simulate_bar(
         level=level,
         time_s=way.time_s[:count],
         displacement_mm=way.displacement_mm[:count],
-        force_N=reached.force_N,
+        force_N=bar.area_mm2[0] * reached.stress_MPa[:, 0],
         force_interval_N=_force_interval_N(bar, model, reached, level),
         strain=reached.strain,
         stress_MPa=reached.stress_MPa,
         break_strain=reached.break_strain,
         findings=_break_findings(bar, model, way, reached),
         notes=(*notes, *_yield_notes(bar, model, reached)),
-    )
-
-
-def _rate(
-    rate_mm_s: float | None, palette: Palette, gauge_mm: float
-) -> tuple[float, tuple[str, ...]]:
-    if rate_mm_s is not None:
-        return rate_mm_s, ()
-    per_s = palette.reference.strain_rate_per_s
-    if per_s is not None and per_s > 0.0:
-        return per_s * gauge_mm, ()
-    return _UNKNOWN_RATE_PER_S * gauge_mm, (
-        f"palette {palette.name} names no strain rate; times are those of "
-        f"{_UNKNOWN_RATE_PER_S:g} /s",
     )

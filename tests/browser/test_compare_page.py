@@ -40,6 +40,7 @@ def looks(browser: Any) -> Any:
     return browser.execute_script("return planViews.map((viewer) => viewer.look())")
 
 
+@pytest.mark.slow
 def test_both_views_show_and_move_as_one(browser: Any, open_page: Open, page: Path) -> None:
     keys = pytest.importorskip("selenium.webdriver").Keys
     open_page(page)
@@ -59,6 +60,7 @@ def test_both_views_show_and_move_as_one(browser: Any, open_page: Open, page: Pa
             assert second[key] == pytest.approx(first[key], rel=1e-5, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_one_section_and_one_list_for_both(browser: Any, open_page: Open, page: Path) -> None:
     open_page(page)
     whole = [seen(browser, side) for side in (0, 1)]
@@ -74,6 +76,7 @@ def test_one_section_and_one_list_for_both(browser: Any, open_page: Open, page: 
     assert any((whole[side] != off[side]).any() for side in (0, 1))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("dark", "width"), [(False, 1200), (True, 380)])
 def test_light_dark_and_narrow_are_for_all(
     browser: Any, open_page: Open, for_all: Callable[[], None], page: Path, dark: bool, width: int

@@ -23,6 +23,7 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return file
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dark", [False, True])
 def test_the_slider_takes_the_part_from_step_to_step(
     page: Path, dark: bool, browser: Any, open_page: Callable[..., None], for_all: Any
@@ -48,6 +49,7 @@ def test_the_slider_takes_the_part_from_step_to_step(
     assert words.text.startswith("load 0.25: ")
 
 
+@pytest.mark.slow
 def test_the_value_under_the_pointer_the_outline_and_a_section(
     page: Path, browser: Any, open_page: Callable[..., None]
 ) -> None:
@@ -64,6 +66,7 @@ def test_the_value_under_the_pointer_the_outline_and_a_section(
     assert browser.execute_script(told).startswith("inside, at (")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("height", "lines"), [(0, 0), (1000, 1)])
 def test_a_flat_face_folded_on_itself_has_no_edge_there(
     page: Path, browser: Any, open_page: Callable[..., None], height: int, lines: int

@@ -322,6 +322,7 @@ def _states(bench: Bench, folder: Path) -> tuple[dict[str, Path], Content, int]:
     return states, first.found, first.steps
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "writer",
     [pytest.param(w, id=w.name, marks=[pytest.mark.slow] * (w.name != "grade"))
@@ -371,6 +372,7 @@ def test_a_disk_that_takes_no_more(
     assert attacked.found == before
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("force", [pytest.param(False, marks=pytest.mark.slow), True])
 @pytest.mark.parametrize("writer", [WRITERS[0], WRITERS[4]], ids=["folder", "files"])
 def test_two_runs_onto_one_target(

@@ -16,10 +16,11 @@ from behaviour_meaning import differences_of
 
 # Those of a second or more whose commands other cases run too.
 SLOW = {
-    "field-distance", "field-harmonic", "field-radial", "field-refused", "gap-altered",
-    "gap-camera", "gap-design", "gap-design-refused", "gap-two-effects", "gap-without",
+    "blend-bands", "blend-mix", "field-composed", "field-distance", "field-geodesic",
+    "field-harmonic", "field-radial", "field-refused", "field-table", "fit-laws", "gap-altered",
+    "gap-camera", "gap-design", "gap-design-refused", "gap-none", "gap-two-effects", "gap-without",
     "grade-axes", "grade-findings", "grade-profiles", "refused-meshes", "refused-options",
-    "slices-refused", "tensile-refused",
+    "slices-blends", "slices-refused", "tensile-refused",
 }  # fmt: skip
 
 

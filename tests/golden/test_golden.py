@@ -39,6 +39,7 @@ def test_same_bytes_as_the_golden_record(job: str, samples: Path, tmp_path: Path
     assert_golden(folder, HERE / f"{job}.json", update=update)
 
 
+@pytest.mark.slow
 def test_same_bytes_in_another_process_and_place(samples: Path, tmp_path: Path) -> None:
     part, options = JOBS["finger-log"]
     plan = planner.grade(samples / part, **options)

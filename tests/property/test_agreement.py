@@ -50,6 +50,7 @@ def thin_solids(draw: st.DrawFn) -> m3.Manifold:
     return solid.rotate(list(draw(st.sampled_from([(0.0, 0.0, 0.0), (10.0, 20.0, 30.0)]))))
 
 
+@pytest.mark.slow
 @settings(deadline=None, derandomize=True, max_examples=6)
 @given(
     solid=thin_solids(),
@@ -80,6 +81,7 @@ def test_boxes_of_stretches_make_up_their_shells(tmp_path: Path) -> None:
         assert np.array_equal(boxes[:, 1].max(axis=0), shell.vertices.max(axis=0))
 
 
+@pytest.mark.slow
 def test_volume_lost_by_rounding_is_told_by_both(tmp_path: Path) -> None:
     """A plate askew whose thickness is some thousands of steps of float32."""
     plan = planner.grade(_arrays(ROTATED_PLATE), from_="Tango", to="Vero", axis="x")

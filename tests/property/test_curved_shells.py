@@ -60,6 +60,7 @@ def field_text(mesh, rng):
     return kinds[rng.integers(len(kinds))]
 
 
+@pytest.mark.slow
 @settings(max_examples=50, deadline=None, derandomize=True, database=None)
 @given(st.sampled_from(KINDS), st.integers(0, 2**32 - 1))
 def test_every_shell_is_sound(kind, seed):

@@ -35,6 +35,7 @@ def melting(stress, specimen, coordinate):
     return stress * (1.0 - 0.45 * math.atan((specimen.temperature_C - 23.0) / 8.0))
 
 
+@pytest.mark.slow
 def test_a_part_for_a_warm_place_meets_its_target_after_correction(palette) -> None:
     """True moduli fall by 40 % at 33 degC; the first plan knows nothing of that.
 

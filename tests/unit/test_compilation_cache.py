@@ -90,6 +90,7 @@ def test_a_loop_is_compiled_anew_when_one_in_another_file_changes_and_found_when
     assert run(AREAS, package.parent) == [pytest.approx(np.hypot(99, 2)), []]
 
 
+@pytest.mark.slow
 def test_what_no_one_used_for_a_month_goes_when_something_new_comes(package):
     old = package / "__pycache__" / "loops-python3.0"
     old.mkdir(parents=True)

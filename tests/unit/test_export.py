@@ -186,6 +186,7 @@ def test_a_moment_is_forces_at_nodes_that_add_up_to_none():
     np.testing.assert_allclose(moment, [1.0, 2.0, 3.0], atol=1e-6)
 
 
+@pytest.mark.slow
 def test_mixtures_of_dithered_cells_are_binned(plan):
     dithered = planner.grade(
         box(40.0, 8.0, 8.0), from_="Tango", to="FLX9770", axis="x", blend="dither"
@@ -236,6 +237,7 @@ needs_calculix = pytest.mark.skipif(shutil.which("ccx") is None, reason="ccx is 
 FREE = ["x=min: 0,free,free mm", "y=min: free,0,free mm", "z=min: free,free,0 mm"]
 
 
+@pytest.mark.slow
 @needs_calculix
 @pytest.mark.parametrize(
     ("name", "strain"),
@@ -265,6 +267,7 @@ def test_calculix_pulls_a_bar_as_the_palette_does(name, strain, tmp_path):
     assert force == pytest.approx(16.0 * float(stress), rel=(law.fit_error or 0.0) + 0.02)
 
 
+@pytest.mark.slow
 @needs_calculix
 @pytest.mark.parametrize("force_N", [pytest.param(0.05, marks=pytest.mark.slow), 1.0])
 def test_calculix_bends_ten_grades_as_planner_does(force_N, tmp_path):

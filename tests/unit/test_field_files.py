@@ -219,19 +219,19 @@ def refused(folder, name, data, reason, most_bytes=3_000_000):
         (npy(head(shape="(100000, 100000, 100000)"), bytes(192)), "promises 100000 x .* cut short"),
         (npy(head(shape=f"({10**18}, {10**18}, {10**18})"), bytes(192)), "cut short"),
         (npy(head(), bytes(191)), "holds 191 bytes: it is cut short"),
-        (npy(head(shape="(-3, 4, 2)"), bytes(192)), "head is not"),
-        (npy(head(shape="(" * 60_000), bytes(192)), "head is not"),
-        (npy(b"{'descr': " + b"[" * 60_000), "head is not"),
-        (npy(head(descr="'|O'"), pickle.dumps(Explodes())), r"type \|O; it needs real numbers"),
+        (npy(head(shape="(-3, 4, 2)"), bytes(192)), "promises -3 x 4"),
+        (npy(head(shape="(" * 60_000), bytes(192)), "no .npy of numbers"),
+        (npy(b"{'descr': " + b"[" * 60_000), "no .npy of numbers"),
+        (npy(head(descr="'|O'"), pickle.dumps(Explodes())), "type object; it needs real numbers"),
         (pickle.dumps(Explodes()), "no .npy of numbers"),
-        (npy(head(descr="'<c16'"), bytes(384)), "type <c16; it needs real numbers"),
-        (npy(head(descr="[('a', '<f4'), ('b', '<f4')]"), bytes(192)), "type records"),
-        (npy(head(descr="'<M8[s]'"), bytes(192)), r"type <M8\[s\]"),
+        (npy(head(descr="'<c16'"), bytes(384)), "type complex128; it needs real numbers"),
+        (npy(head(descr="[('a', '<f4'), ('b', '<f4')]"), bytes(192)), "type .*it needs real"),
+        (npy(head(descr="'<M8[s]'"), bytes(192)), r"type datetime64\[s\]"),
         (npy(head(descr="'<U2'"), bytes(192)), "type <U2"),
-        (npy(head(descr="'<f3'"), bytes(192)), "type <f3"),
+        (npy(head(descr="'<f3'"), bytes(192)), "no .npy of numbers"),
         (npy(head(), np.full(24, np.inf).tobytes()), "not a finite"),
         (npy(head(shape="(0, 4, 2)")), "holds no values"),
-        (b"\x93NUMPY\x02\x00\xff\xff\xff\xff" + head(), "promises 3 x 4 x 2 values"),
+        (b"\x93NUMPY\x02\x00\xff\xff\xff\xff" + head(), "no .npy of numbers"),
     ],
 )
 def test_npy_is_judged_by_its_head(tmp_path, data, reason):
@@ -321,6 +321,7 @@ def test_blocks_of_several_sizes_are_read(tmp_path):
         np.testing.assert_array_equal(read_grid_table(tmp_path / "a.vti").values, VALUES)
 
 
+@pytest.mark.slow
 def test_pieces_that_share_one_array_are_counted_together(tmp_path):
     once = vtu("zlib")
     piece = re.search(rb"<Piece.*</Piece>", once, re.DOTALL)[0]

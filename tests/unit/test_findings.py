@@ -21,6 +21,7 @@ def _bar(length_mm: float) -> tuple[np.ndarray, np.ndarray]:
     return np.asarray(mesh.vert_properties[:, :3]), np.asarray(mesh.tri_verts)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("length_mm", [500.0, 25_000.0])
 def test_a_part_over_the_tray_is_planned_and_reported(length_mm: float, tmp_path: Path) -> None:
     plan = planner.grade(_bar(length_mm), from_="Tango", to="Vero", axis="x", force_oversize=True)
@@ -69,6 +70,7 @@ def test_a_part_that_fits_turned_is_planned_and_reported() -> None:
     assert "turn it to fit" in tray.message
 
 
+@pytest.mark.slow
 def test_walls_far_over_the_tray_are_said_to_be_unchecked() -> None:
     plan = planner.grade(_bar(25_000.0), from_="Tango", to="Vero", axis="x", force_oversize=True)
     assert "places_too_thin" not in plan.checks

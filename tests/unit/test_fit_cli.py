@@ -78,6 +78,7 @@ def test_planning_takes_the_palette(palette_file: Path, samples: Path, capsys) -
     assert any(Path().glob("*-graded/plan.json"))
 
 
+@pytest.mark.slow
 def test_the_same_tests_give_the_same_bytes(palette_file: Path, samples: Path) -> None:
     """Another process, another hash seed, one thread."""
     command = [sys.executable, "-c", "from planner.cli import main; main()"]
@@ -301,6 +302,7 @@ def test_json_figures_have_nine_digits(capsys) -> None:
         assert len(figure.split("e")[0].replace("-", "").replace(".", "").lstrip("0")) <= 9, figure
 
 
+@pytest.mark.slow
 def test_the_report_fits_a_terminal_of_100_columns(
     samples: Path, capsys, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -250,6 +250,7 @@ def test_paraview_opens_the_table(free: PartDesign, tmp_path: Path) -> None:
     assert reader.GetOutput().GetDimensions() == (25, 9, 9)
 
 
+@pytest.mark.slow
 def test_the_page_shows_the_part_from_rest_to_full_load(tmp_path: Path) -> None:
     fine = block(40.0, 5.0, 5.0, (8, 1, 1))
     file = _stl(tmp_path / "bent.stl", _bent(of=fine.triangles))
@@ -307,6 +308,7 @@ def test_a_manufactured_shape_is_found_again_from_its_surface(seed: int, tmp_pat
     assert correlation > 0.5
 
 
+@pytest.mark.slow
 def test_a_shape_of_other_triangles_is_come_near_to_by_the_nearest_place(tmp_path: Path) -> None:
     """Of a beam graded evenly and bent: within 2 % of its longest way, and it is told."""
     plan = planner.grade(BEAM, from_="Tango", to="Vero", blend="mix", bands=8, axis="x")
@@ -321,6 +323,7 @@ def test_a_shape_of_other_triangles_is_come_near_to_by_the_nearest_place(tmp_pat
     assert made.free is not None
 
 
+@pytest.mark.slow
 def test_a_shape_may_be_wanted_of_some_faces_alone(tmp_path: Path) -> None:
     """The tip is to be where a steeper bend has it, whatever is between."""
     fine = block(40.0, 5.0, 5.0, (16, 2, 2))
@@ -341,6 +344,7 @@ def test_a_shape_may_be_wanted_of_some_faces_alone(tmp_path: Path) -> None:
 SIDE = LoadCase(fix="x=max", load="x=min: 0,0.1,0 N", limit="x=min uy<5 mm", name="side")
 
 
+@pytest.mark.slow
 def test_a_limit_of_another_case_is_kept() -> None:
     """Even, the square beam would bend to the side as far as down: by 8 mm."""
     made = design(load=LOAD, target="x=min uz=-8 mm", cases=[SIDE], free="5x3x3", blend="dither")
@@ -362,6 +366,7 @@ def test_robust_limits_hold_at_the_worst_of_the_interval() -> None:
     assert abs(row.continuous) < 6.0 / 1.1
 
 
+@pytest.mark.slow
 def test_what_stands_against_what_is_told_early_and_at_last() -> None:
     """A profile along the beam, alike across it, bends both ways alike."""
     said: list[str] = []
@@ -381,6 +386,7 @@ def test_what_stands_against_what_is_told_early_and_at_last() -> None:
 # --- interrupted, and gone on with
 
 
+@pytest.mark.slow
 def test_an_interrupted_design_is_a_plan_and_goes_on(
     tmp_path: Path, capsys: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:

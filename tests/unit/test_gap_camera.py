@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 
 from planner.errors import FileError
-from planner.gap.camera import SIDES, bins_of, seen_shares
 from planner.gap.campaign import Campaign, Specimen, StrainField
 from planner.gap.campaign_folder import read_campaign, write_campaign
 from planner.gap.evidence.problem import Problem, set_up
 from planner.gap.noise import likeliest_facet, likeliest_sides
-from planner.gap.observations import observation_model
+from planner.gap.observations import SIDES, bins_of, observation_model, seen_shares
 from planner.gap.virtual import single_tests, synthetic_campaign, virtual_specimen
 from planner.numerics import FloatArray
 from planner.palette import load_palette

@@ -217,6 +217,7 @@ def test_what_was_stretched_in_two_directions_is_not_taken_for_a_pull(tmp_path: 
         read_campaign(folder)
 
 
+@pytest.mark.slow
 def test_a_rubber_at_three_rates_is_diagnosed_and_told_in_sizes() -> None:
     rng = np.random.default_rng(1)
     specimens = [

@@ -126,6 +126,7 @@ def test_bars_where_boundaries_matter(palette, tmp_path, capsys) -> None:
     assert not (tmp_path / "plan.csv").exists()
 
 
+@pytest.mark.slow
 def test_the_command_writes_a_campaign_to_be_measured(tmp_path, capsys, palette) -> None:
     arguments = ["gap", "design", "--effects", "rate, moisture", "--budget", str(BUDGET)]
     for name in ("one", "two"):

@@ -81,6 +81,7 @@ def test_same_input_same_bytes():
     assert [s.stl for s in first.shells] == [s.stl for s in second.shells]
 
 
+@pytest.mark.slow
 def test_a_field_that_bends_within_a_pitch_is_a_finding():
     plan = grade("expression: 0.5 + 0.5*sin(3*x)*sin(3*y)", bands=2, pitch_mm=1.5)
     assert not plan.checks["interface_error_um"].ok
@@ -138,6 +139,7 @@ def test_fields_that_cannot_be(field, reason):
         grade(field)
 
 
+@pytest.mark.slow
 def test_the_command(tmp_path, capsys):
     out = tmp_path / "out"
     command = ["grade", str(FINGER), "--from", "Tango", "--to", "FLX9795", "-o", str(out)]

@@ -65,6 +65,7 @@ def test_programs_and_laws_that_do_not_meet_are_told() -> None:
         planner.law_block(PALETTE.resolve("FLX9795"), "febio")
 
 
+@pytest.mark.slow
 def test_coefficients_at_a_coordinate_and_for_a_modulus() -> None:
     """A law that is asked for stands for the blend; at rest the modulus is the tangent."""
     at = planner.invert(coordinate=0.4, law="ogden-2")

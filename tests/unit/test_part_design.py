@@ -161,6 +161,7 @@ def test_two_figures_of_the_same_faces_are_aimed_at() -> None:
         assert row.continuous == pytest.approx(row.wanted, rel=0.01)
 
 
+@pytest.mark.slow
 def test_weight_and_a_moment_bend_a_part_as_wanted() -> None:
     """What `planner.simulate` says of the plan agrees, with the weight of what is printed."""
     loads = {"gravity": "-z", "moment": "x=min: 0,-1,0 N mm"}
@@ -182,6 +183,7 @@ def test_what_is_out_of_reach_is_told_with_the_nearest() -> None:
 # --- files and the command line
 
 
+@pytest.mark.slow
 def test_the_command_writes_the_plan_and_the_design(tmp_path: Path, capsys: Any) -> None:
     part, folder = tmp_path / "beam.stl", tmp_path / "beam-designed"
     part.write_bytes(encode_stl(BEAM[0].astype(np.float32), FACES, "beam"))

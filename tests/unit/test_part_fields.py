@@ -8,7 +8,7 @@ import planner
 from planner.materials.mixtures import CoefficientModel
 from planner.mesh.clip import clip_hexahedra
 from planner.mesh.mesh import Mesh
-from planner.report.simulation_figures import cut_of, cut_words
+from planner.report.loaded_part import _cut_of, _cut_words
 from planner.simulation.part import PartSimulation
 
 FREE = ["x=min: 0,free,free mm", "y=min: free,0,free mm", "z=min: free,free,0 mm"]
@@ -123,14 +123,14 @@ def test_a_round_part_is_clipped_by_its_surface(tmp_path):
 
 
 def test_the_cut_goes_through_the_worst_place_and_says_so(bent):
-    cut = cut_of(bent)
+    cut = _cut_of(bent)
     worst = bent.steps.largest[-1]
     # Along the bar, not across it, nor along the surface that strains most.
     assert (cut.along, cut.up) == (0, 2)
     assert cut.strain_over_break.shape[1] > 2 * cut.strain_over_break.shape[0]
     assert np.isfinite(cut.strain_over_break).all()
     assert np.nanmax(cut.strain_over_break) == pytest.approx(worst, rel=0.1)
-    words = " ".join(cut_words(bent, cut))
+    words = " ".join(_cut_words(bent, cut))
     assert f"by {100.0 * worst:.2g} % of what" in words
     assert "torn" not in words
     page = planner.part_page(bent).decode()
@@ -143,7 +143,7 @@ def test_what_is_beyond_its_break_is_pink(bent):
         box(12.0, 4.0, 4.0), material="Vero", fix="x=min", move="x=max: 3,0,0 mm", cell_mm=4.0,
         steps=2, compare_cells=False,
     )  # fmt: skip
-    words = " ".join(cut_words(torn, cut_of(torn)))
+    words = " ".join(_cut_words(torn, _cut_of(torn)))
     assert "Pink is beyond its break" in words
     assert planner.part_page(torn).decode().count('fill="#E0218A" shape-rendering') == 1
     assert planner.part_page(bent).decode().count('fill="#E0218A" shape-rendering') == 0

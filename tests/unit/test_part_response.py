@@ -73,9 +73,10 @@ def response(bar, laws):
     d = 1.2 * END_MM * np.array([0.02, *np.arange(0.1, 1.05, 0.1)])
     found = predict(
         bar.with_(travel_mm=d[None], time_s=d[None], **unaltered(bar.first_slice, len(d))),
-        laws, stiffness=True,
-    )  # fmt: skip
-    softness = bar.length_mm / found.stiffness_N * found.force_N[0][:, None]
+        laws,
+    )
+    _, tangent = laws.stress_and_tangent_MPa(bar.coordinate, found.strain)
+    softness = bar.length_mm / (bar.area_mm2 * tangent) * found.force_N[0][:, None]
     return PartResponse(
         "mock", d, found.force_N[0], bar.coordinate, found.strain,
         softness / softness.sum(axis=1, keepdims=True), thickness_mm=3.0,

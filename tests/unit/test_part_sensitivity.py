@@ -14,8 +14,9 @@ from planner.materials.marlow import MarlowTable, marlow_table, uniaxial_strain
 from planner.materials.mixtures import CoefficientModel
 from planner.numerics import FloatArray
 from planner.printers import load_printer
+from planner.simulation.part import open_solid
 from planner.simulation.part_response import PartResponse, force_factor
-from planner.simulation.part_sensitivity import (
+from planner.simulation.response import (
     LoadedPart,
     followed,
     loaded_part,
@@ -39,7 +40,8 @@ def loaded(request: pytest.FixtureRequest) -> tuple[LoadedPart, PartResponse]:
     plan = planner.grade(
         ([24.0, 6.0, 4.0] * BOX, FACES), axis="x", from_="FLX9740", to="FLX9760", name="strip"
     )
-    part = loaded_part(plan, PALETTE, fix=["x=min"], cell_mm=4.0, **LOADS[request.param])
+    case = planner.LoadCase(fix="x=min", **LOADS[request.param])
+    part = loaded_part(open_solid(plan, None, None, None, PALETTE), case, cell_mm=4.0)
     return part, response_of(part, followed(part, TABLE, STEPS), log_sd=0.02)
 
 
@@ -106,7 +108,7 @@ def test_larger_cells_tell_how_sure_a_force_is() -> None:
 def test_a_campaign_s_plan_is_simulated_once(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("planner.simulation.part_sensitivity._CELLS", 20)
+    monkeypatch.setattr("planner.simulation.response._CELLS", 20)
     plan = planner.grade(
         ([24.0, 6.0, 4.0] * BOX, FACES), axis="x", from_="FLX9740", to="FLX9760", name="strip"
     )

@@ -44,7 +44,7 @@ def bent() -> planner.PartSimulation:
 
 def test_a_support_on_which_loads_balance_bears_nothing() -> None:
     """Rounding is no force: two loads against each other leave the support 0 in every direction."""
-    from planner.report.part_text import response_rows
+    from planner.report.loaded_part import response_rows
 
     loads = ["x=max and y>2: 0,0,-0.01 N", "x=max and y<2: 0,0,0.01 N"]
     result = simulate(fix="x=min", load=loads, steps=1)

@@ -82,6 +82,7 @@ def registered(log: Path, process: subprocess.Popen[bytes]) -> None:
         time.sleep(0.01)
 
 
+@pytest.mark.slow
 def test_a_worker_killed_on_the_way_changes_no_byte(plan: Path, tmp_path: Path) -> None:
     address = f"tcp://127.0.0.1:{free_port()}"
     stay = ("--no-dashboard", "--nthreads", "1", "--no-nanny", "--death-timeout", str(HANGS_S))

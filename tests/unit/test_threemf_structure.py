@@ -147,8 +147,8 @@ def test_components_are_counted_however_they_are_written(hide):
         decode_threemf(archive(hide(doubling(14))), "x")
 
 
-def test_the_structure_is_seen_across_pieces():
-    """A file of several pieces of 1 MB: tags that lie across their borders are seen whole."""
+def test_the_structure_of_a_large_file_is_seen():
+    """Of 4 MB every object and triangle is counted."""
     text = model("".join(mesh(k, 5000) for k in range(1, 60)), *range(1, 60), 1)
     with pytest.raises(MeshError, match="unfolds to 300,000 triangles"):
         decode_threemf(archive(text), "x", limits=UnfoldingLimits(triangles=299_999))

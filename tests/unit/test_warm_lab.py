@@ -34,6 +34,7 @@ def test_the_sample_is_warm(warm_diagnosis: Path) -> None:
     assert (warm_diagnosis / "report.html").is_file()
 
 
+@pytest.mark.slow
 def test_the_loop_moves_the_cuts_of_the_finger(
     warm_diagnosis: Path, tmp_path: Path, capsys
 ) -> None:
@@ -78,6 +79,7 @@ def test_from_python_and_again_the_same() -> None:
     assert first.gap == second.gap
 
 
+@pytest.mark.slow
 def test_taken_out_of_the_library_it_is_not_put_down_to_another() -> None:
     diagnosis = planner.diagnose(planner.read_campaign(SAMPLE), without=["temperature"])
     assert diagnosis.verdict == "unknown"

@@ -10,15 +10,20 @@ from typing import Any
 
 from planner.errors import UnknownNameError, did_you_mean
 from planner.gap.diagnosis import FoundEffect
-from planner.gap.effect import Apply, Effect, Form, Parameter
+from planner.gap.effect import Effect, Form, Parameter
 from planner.gap.effects import conditions, print, test
 from planner.palette import Palette
 
 __all__ = ["EFFECTS", "effect_named", "effects_for"]
 
 
-_FORMS = {**conditions.FORMS, **print.FORMS, **test.FORMS}
-_ADVICE = {**conditions.ADVICE, **print.ADVICE}
+_FILES = {"conditions": conditions, "print": print, "test": test}
+
+
+def _named(function: str) -> Any:
+    """Return the function that the table names by its file, as "test.gained"."""
+    file, _, name = function.partition(".")
+    return getattr(_FILES[file], f"_{name}")
 
 
 def _library() -> Mapping[str, Effect]:
@@ -34,19 +39,16 @@ def _effect(id: str, table: dict[str, Any], common: Mapping[str, Any]) -> Effect
         key: Parameter(**{"name": key, **given})
         for key, given in {**common, **table.pop("parameters", {})}.items()
     }
-    forms = tuple(
-        _form(name, _FORMS[id][name], given, parameters)
-        for name, given in table.pop("forms", {}).items()
-    )
-    remedy = table.pop("remedy", None)
-    advice = _ADVICE.get(id) if remedy is None else partial(_measure_anew, remedy)
-    return Effect(id=id, advice=advice, forms=forms, **_frozen(table))
+    forms = tuple(_form(name, given, parameters) for name, given in table.pop("forms", {}).items())
+    remedy, advice = table.pop("remedy", None), table.pop("advice", None)
+    advise = None if advice is None else _named(advice)
+    advise = advise if remedy is None else partial(_measure_anew, remedy)
+    return Effect(id=id, advice=advise, forms=forms, **_frozen(table))
 
 
-def _form(
-    name: str, apply: Apply, table: dict[str, Any], parameters: Mapping[str, Parameter]
-) -> Form:
-    own = tuple(parameters[key] for key in table.pop("parameters"))
+def _form(name: str, table: dict[str, Any], parameters: Mapping[str, Parameter]) -> Form:
+    own, apply = table.pop("parameters"), _named(table.pop("apply"))
+    own = tuple(parameters[key] for key in own)
     return Form(name=name, parameters=own, apply=apply, **_frozen(table))
 
 

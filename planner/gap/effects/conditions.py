@@ -1,7 +1,7 @@
 """Effects of conditions and history on the material: age, water, temperature, rate, strain."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import lru_cache, partial
 
 import numpy as np
@@ -10,7 +10,6 @@ from scipy.special import erf, rgamma
 
 from planner.gap.diagnosis import FoundEffect
 from planner.gap.effect import (
-    Advice,
     Apply,
     Values,
     kept_below,
@@ -24,9 +23,6 @@ from planner.simulation.bar_solver import (
     RELAXATION_TIMES_s,
     Setup,
 )
-
-__all__ = ["ADVICE", "FORMS"]
-
 
 # ------------------------------------------------------------------------------------------------
 # A condition of each test against that at which the palette's laws hold; how much each mixture
@@ -174,6 +170,9 @@ def _sheet(setup: Setup, soak_h: FloatArray, saturation_h: float) -> FloatArray:
 def _root(setup: Setup, soak_h: FloatArray, saturation_h: float) -> FloatArray:
     """Root of the time until saturation, whatever the thickness."""
     return np.tanh(np.sqrt(soak_h / saturation_h))
+
+
+_fick, _root_time = _softened_by(_sheet), _softened_by(_root)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -440,40 +439,3 @@ def _pseudo_elastic(setup: Setup, values: Values) -> Setup:
     missing = _PEAKS**2 * (1.0 - _SHARES**2)
     reach = values["scale"] ** 2 + values["reach"] * _PEAKS**2
     return _softened(setup, values, erf(missing / reach))
-
-
-# ------------------------------------------------------------------------------------------------
-# The functions of the forms in effects.toml, and what to do where no palette can hold an effect.
-
-
-FORMS: Mapping[str, Mapping[str, Apply]] = {
-    "ageing": {"log-time": _log_time, "graded-log-time": _log_time, "saturating": _saturating},
-    "moisture": {
-        "fick": _softened_by(_sheet),
-        "graded-fick": _softened_by(_sheet),
-        "root-time": _softened_by(_root),
-    },
-    "temperature": {
-        "exponential": _exponential,
-        "graded-exponential": _exponential,
-        "wlf": _wlf,
-        "any-course": _any_course,
-    },
-    "rate": {
-        "power-law": _rate_power,
-        "graded-power-law": _rate_power,
-        "prony": _prony,
-        "graded-prony": _graded_prony,
-        "fractional": _fractional,
-        "spectrum": _smooth_spectrum,
-    },
-    "permanent-set": {
-        "proportional": _proportional,
-        "graded": _proportional,
-        "threshold": _threshold,
-        "power": _set_power,
-    },
-    "softening": {"damage": _damage, "graded-damage": _damage, "pseudo-elastic": _pseudo_elastic},
-}
-
-ADVICE: Mapping[str, Advice] = dict.fromkeys(("permanent-set", "softening"), _first_loading_alone)

@@ -1,19 +1,19 @@
 """Effects of the print: mixture, law, interfaces, orientation, section and skin."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 
 import numpy as np
 from scipy.special import erfc
 
 from planner.gap.diagnosis import FoundEffect
-from planner.gap.effect import Advice, Apply, Form, Parameter, Values, kept_below, place_on_palette
+from planner.gap.effect import Apply, Form, Parameter, Values, kept_below, place_on_palette
 from planner.numerics import FloatArray
 from planner.simulation.bar import ProfileDesign
 from planner.simulation.bar_solver import Setup
 
-__all__ = ["ADVICE", "FORMS", "material_law_forms"]
+__all__ = ["material_law_forms"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -191,6 +191,10 @@ def _bled(kernel: Callable[[FloatArray], tuple[FloatArray, FloatArray]]) -> Appl
     return apply
 
 
+_gaussian_bleed, _exponential_bleed = _bled(_gaussian), _bled(_exponential)
+_droplet_bleed = _bled(_droplet)
+
+
 def _wide_bands(found: FoundEffect, width_mm: float, thickness_mm: float) -> str:
     length = next(iter(found.parameters.values()))
     reach = {"gaussian": 2.0, "exponential": 2.0}.get(found.form, 1.0) * length
@@ -230,6 +234,10 @@ def _stiffer_along(axis: str, *, shaped: bool = False) -> Apply:
         )
 
     return apply
+
+
+_stiffer_along_x, _stiffer_along_y = _stiffer_along("x"), _stiffer_along("y")
+_stiffer_along_z, _strained_layers = _stiffer_along("z"), _stiffer_along("z", shaped=True)
 
 
 def _three_way(setup: Setup, values: Values) -> Setup:
@@ -272,6 +280,10 @@ def _grown(*sides: str) -> Apply:
         return setup.with_(area_mm2=setup.area_mm2 * ratio)
 
     return apply
+
+
+_all_sides_grown = _grown("width", "thickness")
+_thickness_grown, _width_grown = _grown("thickness"), _grown("width")
 
 
 def _rounded(setup: Setup, values: Values) -> Setup:
@@ -320,6 +332,10 @@ def _covered(*sides: str) -> Apply:
     return apply
 
 
+_all_sides_covered = _covered("width", "thickness")
+_faces_covered, _edges_covered = _covered("thickness"), _covered("width")
+
+
 def _take_off(found: FoundEffect, width_mm: float, thickness_mm: float) -> str:
     depth = found.parameters["depth"]
     excess = math.expm1(found.parameters["log_stiffness"])
@@ -339,46 +355,3 @@ def _take_off(found: FoundEffect, width_mm: float, thickness_mm: float) -> str:
         f"{stress_factor(3.0):.2f} times at three times that; divide the target by the factor of "
         "your section, or take the skin off"
     )
-
-
-# ------------------------------------------------------------------------------------------------
-# The functions of the forms in effects.toml, and what to do where no palette can hold an effect.
-
-
-FORMS: Mapping[str, Mapping[str, Apply]] = {
-    "composition-offset": {
-        "constant": _constant,
-        "dot-gain": _dot_gain,
-        "hard-jets": _hard_jets,
-        "graded": _graded,
-    },
-    "interface-bleed": {
-        "gaussian": _bled(_gaussian),
-        "exponential": _bled(_exponential),
-        "droplet": _bled(_droplet),
-    },
-    "orientation": {
-        "build-direction": _stiffer_along("z"),
-        "head-direction": _stiffer_along("x"),
-        "swath-direction": _stiffer_along("y"),
-        "three-way": _three_way,
-        "strained-layers": _stiffer_along("z", shaped=True),
-    },
-    "cross-section": {
-        "all-sides": _grown("width", "thickness"),
-        "thickness": _grown("thickness"),
-        "width": _grown("width"),
-        "rounded": _rounded,
-    },
-    "skin": {
-        "all-sides": _covered("width", "thickness"),
-        "faces": _covered("thickness"),
-        "edges": _covered("width"),
-    },
-}
-
-ADVICE: Mapping[str, Advice] = {
-    "interface-bleed": _wide_bands,
-    "cross-section": _draw_smaller,
-    "skin": _take_off,
-}

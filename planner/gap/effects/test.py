@@ -1,16 +1,12 @@
 """Effects of the test: grips, frame, load cell and strain measurement."""
 
 import math
-from collections.abc import Mapping
 
 import numpy as np
 
-from planner.gap.effect import Apply, Values, place_on_palette
+from planner.gap.effect import Values, place_on_palette
 from planner.numerics import FloatArray
 from planner.simulation.bar_solver import Setup
-
-__all__ = ["FORMS"]
-
 
 # ------------------------------------------------------------------------------------------------
 # Force offset: the load cell was not zero when it should have been.
@@ -155,28 +151,3 @@ def _ends(setup: Setup, values: Values) -> Setup:
     """Spread the travel over more than the gauge: the fillets strain as well."""
     share = setup.gauge_mm / (setup.gauge_mm + values["length"])
     return setup.with_(travel_factor=setup.travel_factor * share)
-
-
-# ------------------------------------------------------------------------------------------------
-# The functions of the forms in effects.toml.
-
-
-FORMS: Mapping[str, Mapping[str, Apply]] = {
-    "force-offset": {
-        "constant": _constant,
-        "untared": _constant,
-        "drifting": _drifting,
-        "fading": _fading,
-    },
-    "force-scale": dict.fromkeys(("gain", "pound-force", "kilogram-force", "other-unit"), _gained),
-    "grip-slack": {
-        "dead-travel": _dead_travel,
-        "rounded": _dead_travel,
-        "seating": _seating,
-        "taking-up": _taking_up,
-        "of-soft": _of_soft,
-    },
-    "grip-slip": {"threshold": _threshold, "power": _power},
-    "machine-compliance": dict.fromkeys(("linear", "stiffening"), _in_series),
-    "strain-scale": {"factor": _factor, "ends": _ends, "other-length": _factor, "inch": _factor},
-}

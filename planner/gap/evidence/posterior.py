@@ -7,7 +7,6 @@ from itertools import permutations
 import numpy as np
 from scipy.special import logsumexp
 
-from planner.gap.campaign import Campaign
 from planner.gap.diagnosis import Detectable, FoundEffect, Hypothesis
 from planner.gap.evidence.problem import (
     Problem,
@@ -38,7 +37,6 @@ __all__ = [
     "detectable_sizes",
     "evidence_of",
     "found_effects",
-    "heterogeneity_caution",
     "needed_nats",
     "posterior",
     "ranking_of",
@@ -241,39 +239,6 @@ def _closes(problem: Problem, weighed: Weighed) -> Mapping[Effects, bool]:
         fewer = [errors[e] for e, closes in found.items() if closes and set(e) < set(effects)]
         found[effects] = all(falls(problem, one, errors[effects]) for one in (before, *fewer))
     return found
-
-
-# ------------------------------------------------------------------------------------------------
-# Specimens that should be alike and are not: something differs that no column tells.
-
-
-def heterogeneity_caution(problem: Problem) -> str | None:
-    """Return what to tell of replicates that are not alike; None where they are."""
-    if not problem.scatter.heterogeneous:
-        return None
-    columns = _telling(problem.campaign, problem.model.replicates)
-    where = (
-        f"they differ in column{'s' if len(columns) > 1 else ''} {', '.join(columns)}, which no "
-        "effect claims"
-        if columns
-        else "no column tells them apart"
-    )
-    return (
-        f"specimens made and tested alike differ by {100.0 * problem.scatter.specimen:.0f} %, and "
-        f"jetted ones by 1 to 9 %: {where}; give the condition in which they differ its own column"
-    )
-
-
-def _telling(campaign: Campaign, tests: Sequence[Sequence[int]]) -> list[str]:
-    """Return the further columns that differ within a test's specimens."""
-    return [
-        name
-        for name in campaign.covariates
-        if any(
-            len({campaign.specimens[k].covariates.get(name) for k in members}) > 1
-            for members in tests
-        )
-    ]
 
 
 # ------------------------------------------------------------------------------------------------

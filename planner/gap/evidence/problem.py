@@ -6,27 +6,25 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import fdtrc
 
-from planner.gap.axes import axis_patterns, specimen_patterns
-from planner.gap.camera import SIDES
 from planner.gap.campaign import Campaign, axis_columns
 from planner.gap.effect import Effect
 from planner.gap.evidence.surrogate import Candidate, SignedForm, signed_forms
+from planner.gap.localise import axis_patterns, specimen_patterns
 from planner.gap.noise import (
     Calibration,
+    NoisyFeatures,
     Scatter,
     SpecimenNoise,
     calibration_columns,
     calibrations,
     discrepancy_columns,
-    estimate_scatter,
     field_columns,
     likeliest_facet,
     likeliest_sides,
     seen_otherwise,
-    specimen_noise,
     unit_gains,
 )
-from planner.gap.observations import FeatureTable, ObservationModel
+from planner.gap.observations import SIDES, FeatureTable, ObservationModel
 from planner.numerics import BoolArray, FloatArray, IntArray
 from planner.simulation.bar_solver import Prediction, Setup, predict, predict_all
 
@@ -379,16 +377,15 @@ def set_up(
     # By replicates' mean: each one's own would weigh those that came out low more than the others.
     typical = table.test_means(np.abs(table.measured_raw))
     sensitivity = table.sensitivity(np.maximum(typical, np.abs(unpredicted)))
-    noise_inputs = (model.sensor_sd_N, _batches(campaign))
     facets, aside = seen_otherwise(table, seen, sides, facet)
     of_units = unit_gains(table)
     stray = np.array([s.id in strays for s in campaign.specimens])
     apart = _levels_apart(campaign, model, ~stray)
     own = np.where(field, 0.0, (of_units + apart)[table.specimen])
     in_one_unit = table.transformed(table.measured_raw * np.exp(-own)) - transformed[0]
-    counts = ~stray[table.specimen]
-    scatter = estimate_scatter(table, sensitivity, *noise_inputs, in_one_unit, aside, counts)
-    noise = specimen_noise(table, sensitivity, scatter, *noise_inputs)
+    features = NoisyFeatures(table, sensitivity, model.sensor_sd_N, _batches(campaign))
+    scatter = features.estimated_scatter(in_one_unit, aside, ~stray[table.specimen])
+    noise = features.noise(scatter)
     chord = table.chord(unpredicted)
     gains = np.where(table.is_field, 0.0, chord)[:, None] * (
         table.specimen[:, None] == np.arange(len(campaign.specimens))

@@ -2,7 +2,6 @@
 
 from collections.abc import Hashable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TypeVar
 
 import numpy as np
 from scipy.special import logsumexp
@@ -231,8 +230,6 @@ Effects = tuple[str, ...]
 HypothesisKey = tuple[Effects, str]
 """Effects, and the axis of an unknown beside them, "" without."""
 
-_Key = TypeVar("_Key", bound=Hashable)
-
 _SINGLES = 24
 """Forms of single effects, and as many pairs as half of them, that are settled. Numerical: the best
 ones by the surrogate, of every effect one; it is what a diagnosis' time goes by."""
@@ -273,6 +270,8 @@ class Weighed:
 
     Attributes
     ----------
+    logs
+        Prior log odds.
     worlds
         Of the scatter as estimated: of models that are exact, of poor laws, of discrepancies.
     none
@@ -289,6 +288,7 @@ class Weighed:
         The world in which the likeliest of these settled, if any did.
     """
 
+    logs: "_LogPriors"
     worlds: tuple[World, ...]
     none: Settled
     log_prior: dict[HypothesisKey, float] = field(default_factory=dict)
@@ -308,9 +308,16 @@ class Weighed:
         return found.log_evidence + world.none - self.plain.none + world.log_share
 
     def add(self, effects: Effects, axis: str, log_prior: float, log_evidence: float) -> None:
-        """Add to a hypothesis' evidence."""
-        _add(self.log_evidence, (effects, axis), log_evidence)
+        """Add to a hypothesis' evidence, of which logarithms are kept."""
+        before = self.log_evidence.get((effects, axis), -np.inf)
+        self.log_evidence[effects, axis] = float(np.logaddexp(before, log_evidence))
         self.log_prior[effects, axis] = log_prior
+
+    def add_candidate(self, found: Candidate, world: World) -> None:
+        """Add a candidate without an unknown, weighed in a world; keep the best of its effects."""
+        evidence = self.relative(found, world)
+        self.add(found.effects, "", self.logs.of(found.effects), evidence)
+        self.offer(replace(found, log_evidence=evidence))
 
     def settled_as(self, candidate: Candidate) -> Settled:
         """Return the settled candidate of the same forms, but for a gain of some specimens."""
@@ -357,7 +364,7 @@ def weigh(problem: Problem, priors: Priors) -> Weighed:
     worlds = _worlds(problem)
     of_scatter = tuple(w for w in worlds if w.scale == 1.0)
     none = nothing(max(of_scatter, key=lambda world: world.none + world.log_share))
-    result = Weighed(of_scatter, none)
+    result = Weighed(logs, of_scatter, none)
     result.offer(Candidate(()))
     for world in worlds:
         evidence = result.relative(none.candidate, world)
@@ -367,38 +374,31 @@ def weigh(problem: Problem, priors: Priors) -> Weighed:
         else:
             result.add((), ANY, logs.any, evidence)
     if logs.some:
-        _add_subset(none, worlds, logs, result)
+        _add_subset(none, worlds, result)
     result.settled = _settled(result.worlds, logs)
     for one in result.settled:
         for world in worlds:
             found = one.weighed(world, one.eliminated(world))
             found = replace(found, log_evidence=found.log_evidence + logs.forms(found))
-            _offer(result, found, world, logs)
-    result.beside_some = _settled_beside_some(result, logs)
+            result.add_candidate(found, world)
+    result.beside_some = _settled_beside_some(result)
     for one in result.beside_some:
-        _add_subset(one, worlds, logs, result)
+        _add_subset(one, worlds, result)
     if result.beside_some:
         result.likeliest = result.beside_some[0].world
     elif result.settled:
         result.likeliest = max(result.settled, key=lambda one: one.eliminated(one.world).none).world
     for world in of_scatter:
-        _add_axes(none, world, logs, result)
-    for one in _chosen(result, logs):
+        _add_axes(none, world, result)
+    for one in _chosen(result):
         # Of that world alone, as what the unknown gains is: another's scatter may do without it.
-        _add_axes(one, one.world, logs, result)
+        _add_axes(one, one.world, result)
         if logs.some and len(one.candidate.effects) < _MOST_EFFECTS:
-            _add_subset(one, worlds, logs, result)
+            _add_subset(one, worlds, result)
     return result
 
 
-def _offer(result: Weighed, found: Candidate, world: World, logs: "_LogPriors") -> None:
-    """Add a candidate without an unknown, weighed in one world."""
-    evidence = result.relative(found, world)
-    result.add(found.effects, "", logs.of(found.effects), evidence)
-    result.offer(replace(found, log_evidence=evidence))
-
-
-def _add_subset(one: Settled, worlds: Sequence[World], logs: "_LogPriors", result: Weighed) -> None:
+def _add_subset(one: Settled, worlds: Sequence[World], result: Weighed) -> None:
     """Add a candidate with a gain of some specimens beside it, weighed in each world.
 
     Where a column tells these from the others, what is in it is likelier to be at work than a load
@@ -407,15 +407,15 @@ def _add_subset(one: Settled, worlds: Sequence[World], logs: "_LogPriors", resul
     if GAIN in one.candidate.effects:
         return
     for world in worlds:
-        found = _of_some(world, logs, one)
+        found = _of_some(world, result.logs, one)
         assert found.members is not None
         axis = None
         if not in_another_unit(found):
             axis = _telling_column(world.problem, found.members > 0.5)
         if axis is None:
-            _offer(result, found, world, logs)
+            result.add_candidate(found, world)
         else:
-            _add_axis(one.candidate.effects, axis, result.relative(found, world), logs, result)
+            _add_axis(one.candidate.effects, axis, result.relative(found, world), result)
 
 
 def _telling_column(problem: Problem, members: BoolArray) -> int | None:
@@ -457,9 +457,7 @@ def _of_some(world: World, logs: "_LogPriors", one: Settled) -> Candidate:
     return replace(found, log_evidence=found.log_evidence + log_prior)
 
 
-def reweigh(
-    problem: Problem, priors: Priors, weighed: Weighed, weight: FloatArray
-) -> tuple[World, list[tuple[float, Candidate]]]:
+def reweigh(weighed: Weighed, weight: FloatArray) -> tuple[World, list[tuple[float, Candidate]]]:
     """Weigh settled candidates on specimens weighted by `weight` (n,).
 
     By the model linear about where they settled on all specimens, where they stay.
@@ -471,29 +469,25 @@ def reweigh(
     odds
         Log odds and candidate each.
     """
-    logs = _LogPriors(problem, priors)
+    logs = weighed.logs
     like = weighed.likeliest or weighed.plain
-    world = World(problem, discrepancy=like.discrepancy, laws=like.laws, weight=weight)
+    world = World(like.problem, discrepancy=like.discrepancy, laws=like.laws, weight=weight)
     settled = [one.weighed(world, one.eliminated(world)) for one in weighed.settled]
     prior = [logs.of(c.effects) + logs.forms(c) for c in settled]
     if weighed.beside_some:
         some = [_of_some(world, logs, one) for one in (weighed.none, *weighed.beside_some)]
         settled += some
         prior += [logs.of(c.effects) for c in some]
-    share = priors.counted(max((c.log_evidence for c in settled), default=0.0))
+    share = logs.priors.counted(max((c.log_evidence for c in settled), default=0.0))
     odds = [p + share * c.log_evidence for p, c in zip(prior, settled, strict=True)]
     return world, list(zip(odds, settled, strict=True))
-
-
-def _add(logs: dict[_Key, float], key: _Key, value: float) -> None:
-    """Add to a sum that is kept as a logarithm."""
-    logs[key] = float(np.logaddexp(logs.get(key, -np.inf), value))
 
 
 class _LogPriors:
     """Prior log odds of hypotheses of each kind."""
 
     def __init__(self, problem: Problem, priors: Priors) -> None:
+        self.priors = priors
         effects = {b.effect.id: b.effect for b in problem.branches}
         n = max(len(effects), 1)
         self.some = any(e.some for e in effects.values())
@@ -612,7 +606,7 @@ def _partners(one: Settled, logs: _LogPriors, of: Effects | None = None) -> list
     return list(best.values())
 
 
-def _settled_beside_some(result: Weighed, logs: _LogPriors) -> list[Settled]:
+def _settled_beside_some(result: Weighed) -> list[Settled]:
     """Return other effects settled beside a gain of some specimens, where that leads alone.
 
     Without it they settle where they make up for it. The likeliest first.
@@ -626,15 +620,9 @@ def _settled_beside_some(result: Weighed, logs: _LogPriors) -> list[Settled]:
     left = replace(left, world=max(result.worlds, key=lambda w: left.eliminated(w).none))
     found: list[Settled] = []
     for _ in range(2):  # one other effect, then two
-        beside = [c for c in _partners(left, logs) if GAIN not in c.effects][: _SINGLES // 4]
-        found += [
-            settle(
-                result.worlds,
-                replace(c, members=some.members, log_gain=some.log_gain),
-                left.world,
-            )
-            for c in beside
-        ]
+        beside = [c for c in _partners(left, result.logs) if GAIN not in c.effects][: _SINGLES // 4]
+        both = [replace(c, members=some.members, log_gain=some.log_gain) for c in beside]
+        found += [settle(result.worlds, c, left.world) for c in both]
         found.sort(key=lambda one: -one.eliminated(one.world).none)
         if not found:
             break
@@ -650,10 +638,10 @@ def _settled_beside_some(result: Weighed, logs: _LogPriors) -> list[Settled]:
     ]
 
 
-def _chosen(result: Weighed, logs: _LogPriors) -> list[Settled]:
+def _chosen(result: Weighed) -> list[Settled]:
     """Return the best hypotheses' best forms."""
     odds = {
-        e: result.log_evidence[e, ""] + logs.of(e)
+        e: result.log_evidence[e, ""] + result.logs.of(e)
         for e, c in result.best.items()
         if c.branches and c.members is None
     }
@@ -695,20 +683,19 @@ def _along_axes(problem: Problem, target: Elimination) -> Iterator[tuple[int, fl
             yield number, left.none - target.none - float(np.log(len(AMPLITUDES)))
 
 
-def _add_axes(one: Settled, world: World, logs: _LogPriors, result: Weighed) -> None:
+def _add_axes(one: Settled, world: World, result: Weighed) -> None:
     """Add a candidate with the unknown beside it, along each axis, in a world."""
     problem = world.problem
     e = one.eliminated(world, problem.columns[:, problem.unknown_span])
-    alone = e.none - result.plain.none + logs.forms(one.candidate) + world.log_share
+    forms = result.logs.forms(one.candidate)
+    alone = e.none - result.plain.none + forms + world.log_share
     for number, gain in _along_axes(problem, e):
-        _add_axis(one.candidate.effects, number, alone + gain, logs, result)
+        _add_axis(one.candidate.effects, number, alone + gain, result)
 
 
-def _add_axis(
-    effects: Effects, number: int, evidence: float, logs: _LogPriors, result: Weighed
-) -> None:
+def _add_axis(effects: Effects, number: int, evidence: float, result: Weighed) -> None:
     """Add effects beside a free pattern along an axis, which may be an effect's own."""
-    axis = result.plain.problem.unknown[number].axis
+    axis, logs = result.plain.problem.unknown[number].axis, result.logs
     owned = logs.owned(effects, axis, result)
     if owned is not None:
         result.add(owned, "", logs.of(owned), evidence + np.log(_FREE))

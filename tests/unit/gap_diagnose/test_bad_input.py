@@ -99,6 +99,7 @@ def document(capsys) -> dict[str, object]:
     return found
 
 
+@pytest.mark.slow
 def test_specimens_and_curves_without_each_other_and_force_below_zero(lab: Path, capsys) -> None:
     text = (lab / "curves.csv").read_text().replace("\nA,", "\nE,")
     lines = [
@@ -114,6 +115,7 @@ def test_specimens_and_curves_without_each_other_and_force_below_zero(lab: Path,
     assert "specimen B: force is negative in tension; its sign was turned" in limitations
 
 
+@pytest.mark.slow
 def test_strain_past_the_law_is_left_out_and_said(lab: Path, capsys) -> None:
     lines = (lab / "curves.csv").read_text().splitlines()
     longer = [

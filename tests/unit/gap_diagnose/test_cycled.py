@@ -1,6 +1,7 @@
 """Cyclic tests whose peaks fall from cycle to cycle: softening that goes on, and set."""
 
 import numpy as np
+import pytest
 
 from planner.gap.campaign import Campaign, Specimen
 from planner.gap.diagnose import diagnose
@@ -35,6 +36,7 @@ def foam(id: str, material: str, amplitude: float, rng: np.random.Generator) -> 
     )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_foam_whose_peaks_fall_with_cycles_is_softened_and_explained() -> None:
     rng = np.random.default_rng(0)
     specimens = tuple(

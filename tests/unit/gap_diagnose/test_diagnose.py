@@ -30,6 +30,7 @@ def test_nothing_is_none(of_nothing: Diagnosis) -> None:
     assert of_nothing.ok
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [2, pytest.param(3, marks=pytest.mark.slow)])
 def test_other_draws_of_nothing_name_nothing(rates, imitated, seed: int) -> None:
     assert diagnose(imitated(rates, seed=seed)).verdict == "none"
@@ -50,6 +51,7 @@ def test_rate_is_rate(of_rate: Diagnosis) -> None:
     assert not of_rate.ok
 
 
+@pytest.mark.slow
 def test_temperature_is_not_rate(planned, imitated) -> None:
     plan = planned(2, material=["FLX9760"], rate_mm_s=[0.85, 8.5], temperature_C=[23.0, 38.0])
     found = diagnose(imitated(plan, "temperature:slope=0.04"))
@@ -116,6 +118,7 @@ def test_an_effect_without_its_covariate_is_not_testable(of_rate: Diagnosis) -> 
     assert not named & set(reasons)
 
 
+@pytest.mark.slow
 def test_what_could_not_be_tested_but_looks_the_same_is_told(planned, imitated) -> None:
     """Of what shows along an axis of the verdict's, and how to settle it; of nothing else.
 
@@ -141,6 +144,7 @@ def test_what_could_not_be_tested_but_looks_the_same_is_told(planned, imitated) 
     assert told["material-law"].endswith("test a second material of the palette")
 
 
+@pytest.mark.slow
 def test_an_effect_taken_out_is_missed_and_not_replaced(rate_campaign) -> None:
     found = diagnose(rate_campaign, without=["rate"])
     assert all("rate" not in h.effects for h in found.ranking)
@@ -168,6 +172,7 @@ def test_progress_is_told(rate_campaign, of_rate: Diagnosis) -> None:
     assert found.json() == of_rate.json()
 
 
+@pytest.mark.slow
 def test_the_order_of_specimens_does_not_matter(rate_campaign, of_rate: Diagnosis) -> None:
     """To 1 %: sums are taken in another order, and modes are found to 0.05 nats."""
     turned = replace(rate_campaign, specimens=rate_campaign.specimens[::-1])

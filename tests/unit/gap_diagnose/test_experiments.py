@@ -34,7 +34,9 @@ def asked(problem: Problem, *candidates: Candidate, seed: int = 0) -> tuple[Expe
     ranking = [Hypothesis(c.effects, share) for c in candidates]
     exact = World(problem)
     weighed = SimpleNamespace(
-        best={c.effects: c for c in candidates}, settled_as=lambda _: SimpleNamespace(world=exact)
+        plain=exact,
+        best={c.effects: c for c in candidates},
+        settled_as=lambda _: SimpleNamespace(world=exact),
     )
     return next_experiments(problem, weighed, ranking, np.random.default_rng(seed))  # type: ignore[arg-type]
 
@@ -112,6 +114,7 @@ def test_diagnoses_ask_for_three(of_rate: Diagnosis, of_nothing: Diagnosis) -> N
             assert x.detail
 
 
+@pytest.mark.slow
 def test_rigid_materials_alone_have_a_diagnosis_and_no_test_to_propose(rate_campaign) -> None:
     palette = rate_campaign.palette
     rigid = tuple(replace(m, deformation="plastic") for m in palette.materials)

@@ -80,6 +80,7 @@ def several(planned: Any) -> Campaign:
     return plan
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("effect", [EFFECTS[0], pytest.param(EFFECTS[2], marks=pytest.mark.slow)])
 def test_without_replicates_nothing_wrong_is_named(planned, imitated, effect: str) -> None:
     """Large effects may be seen without; how far they close cannot be known."""
@@ -89,6 +90,7 @@ def test_without_replicates_nothing_wrong_is_named(planned, imitated, effect: st
     assert (found.gap.floor, found.gap.closed) == (None, None)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_without_replicates_nothing_is_named_where_there_is_nothing(
     planned, imitated, seed: int
@@ -97,6 +99,7 @@ def test_without_replicates_nothing_is_named_where_there_is_nothing(
     assert sure_of(diagnose(imitated(several(planned), scatter=0.045, seed=seed))) is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("effect", [EFFECTS[0], "composition-offset", "cross-section"])
 def test_one_material_does_not_tell_mixtures_from_sections(planned, imitated, effect: str) -> None:
     """Off by as much everywhere: of many causes, and none of them named."""
@@ -110,6 +113,7 @@ def test_one_material_does_not_tell_mixtures_from_sections(planned, imitated, ef
         assert sure_of(found) is None
 
 
+@pytest.mark.slow
 def test_coupons_say_nothing_of_bars(planned, imitated) -> None:
     plan = planned(2, material=["TangoPlus", "FLX9760", "FLX9785"], rate_mm_s=[0.85, 8.5])
     found = diagnose(imitated(plan, "interface-bleed"))
@@ -119,6 +123,7 @@ def test_coupons_say_nothing_of_bars(planned, imitated) -> None:
     assert sure_of(found) is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("effect", ["temperature:slope=0.05", "moisture", "orientation"])
 def test_with_every_column_missing_no_cause_by_column_is_named(
     planned, imitated, effect: str

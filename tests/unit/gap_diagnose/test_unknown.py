@@ -29,6 +29,7 @@ def off(
     return replace(campaign, specimens=specimens, covariates=(column,))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_a_gap_along_a_column_that_no_effect_claims(plan, imitated, seed: int) -> None:
     """A tenth of the place on the tray per centimetre: found, not named as something else."""
@@ -44,6 +45,7 @@ def test_a_gap_along_a_column_that_no_effect_claims(plan, imitated, seed: int) -
     assert "tray_x_mm" in {p.axis for p in found.remainder}
 
 
+@pytest.mark.slow
 def test_a_gap_along_a_column_of_words(plan, imitated) -> None:
     """Four operators with a level each."""
     names = np.random.default_rng(1).permutation(list(LEVELS) * 4).tolist()
@@ -71,6 +73,7 @@ def test_who_tested_is_no_part_of_the_scatter(plan, imitated) -> None:
         np.testing.assert_allclose(found, given - given.mean(), atol=0.06)
 
 
+@pytest.mark.slow
 def test_the_floor_is_without_what_a_treatment_causes(plan, imitated) -> None:
     """A cure that stiffens half of each condition's specimens by 35 %; they scatter by 3 %."""
     cells = ["none", "none", "cured", "cured"] * 4
@@ -82,6 +85,7 @@ def test_the_floor_is_without_what_a_treatment_causes(plan, imitated) -> None:
     assert not any("alike differ" in sentence for sentence in found.limitations)
 
 
+@pytest.mark.slow
 def test_a_column_that_says_nothing_is_not_named(plan, imitated) -> None:
     names = np.random.default_rng(1).permutation(list(LEVELS) * 4).tolist()
     found = diagnose(off(imitated(plan), "operator", names, [0.0] * 16))
@@ -89,6 +93,7 @@ def test_a_column_that_says_nothing_is_not_named(plan, imitated) -> None:
     assert all(p.p > 0.01 for p in found.where)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_a_form_that_departs_in_one_material_needs_no_second_effect(
     plan, imitated, seed: int
@@ -116,6 +121,7 @@ def test_of_specimens_that_should_be_alike_and_are_not_no_cause_is_named(planned
     assert "column serial" in told
 
 
+@pytest.mark.slow
 def test_specimens_of_two_machines_are_not_alike(planned, imitated) -> None:
     plan = planned(4, batches=1, material=["FLX9760", "TangoPlus"])
     found = diagnose(off(imitated(plan), "machine", ["A", "B"] * 4, [0.0, 0.59] * 4))

@@ -27,7 +27,7 @@ PRIOR = {
 
 
 def weighed(evidence: dict[HypothesisKey, float]) -> Weighed:
-    result = Weighed((), None)  # type: ignore[arg-type]
+    result = Weighed(None, (), None)  # type: ignore[arg-type]
     for (effects, axis), value in evidence.items():
         result.add(effects, axis, PRIOR[effects, axis], value)
     return result

@@ -92,6 +92,7 @@ def test_nodes_are_exact(everything: Problem) -> None:
 FORMS = sorted({(b.effect.id, b.form.name) for b in BRANCHES if b.effect.id != "material-law"})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("effect", sorted({effect for effect, _ in FORMS}))
 def test_between_nodes_forms_are_near(everything: Problem, effect: str) -> None:
     """At random places of the prior: RMS error over the RMS of the change, all places together."""

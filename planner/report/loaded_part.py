@@ -1,0 +1,686 @@
+"""A loaded part as it is shown: on one page that needs nothing else, in words, as a volume."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from html import escape
+from typing import Any
+
+import numpy as np
+
+from planner import __version__
+from planner.formats.field_file import HEXAHEDRON, TETRAHEDRON, WEDGE, encode_vtu
+from planner.glance import percent
+from planner.materials.mixtures import CoefficientModel
+from planner.mesh.clip import clip_hexahedra
+from planner.mesh.distance import nearest, triangle_tree
+from planner.numerics import FloatArray, IntArray
+from planner.report.display import thinned
+from planner.report.page import (
+    asset,
+    begin,
+    data_script,
+    end,
+    figure,
+    findings_card,
+    head,
+    packed,
+    section,
+    table,
+)
+from planner.report.plan_page import KEYS, geometry, library, section_controls, shell_data, stage
+from planner.report.plan_text import format_interval, format_number
+from planner.report.simulation_figures import simulation_figure
+from planner.report.svg import INK, Chart, frame, inline, ramp, rectangle, segment, text, ticks
+from planner.simulation.element import shape_functions
+from planner.simulation.part import PartSimulation
+from planner.simulation.response import hats, in_cells
+from planner.simulation.simulate import called
+
+__all__ = [
+    "part_page", "part_title", "part_volume", "response_rows", "step_rows", "summary_words",
+]  # fmt: skip
+
+
+# ------------------------------------------------------------------------------------------------
+# The part at every step, coloured by strain, and figures.
+
+
+_MOST_TRIANGLES = 100_000
+"""A step is on the screen 0.3 s after the slider moves, without a graphics card (headless Chromium,
+SwiftShader, two cores)."""
+
+_POINTS = 65535
+"""Positions along the longest edge of all steps' box: what 16 bits count."""
+
+_SCALE = (
+    "#440154", "#482878", "#3E4A89", "#31688E", "#26828E", "#1F9E89", "#35B779", "#6DCD59",
+    "#B4DE2C", "#FDE725",
+)  # fmt: skip
+"""From no strain to the most: lightness rises all the way, for the colour-blind too (the colour map
+"viridis" of matplotlib, CC0)."""
+
+_BROKEN = "#E0218A"
+"""Beyond the elongation at break; no colour of the scale is near it, to the colour-blind either: it
+is half-way light where the scale is green."""
+
+
+def part_page(result: PartSimulation | Sequence[PartSimulation]) -> bytes:
+    """Return the page of a loaded part: the part at every step, coloured by strain, and figures.
+
+    It holds all that it needs, and loads nothing from anywhere.
+
+    Parameters
+    ----------
+    result
+        What `planner.simulate` returns of a whole part, or `planner.simulate_part` of its load
+        cases, which then follow each other.
+
+    Returns
+    -------
+    bytes
+        HTML; the same for the same result.
+
+    Raises
+    ------
+    PlannerError
+        Not of a result that `planner.simulate` returns.
+
+    Examples
+    --------
+    >>> bent = planner.simulate("bar", fix="x=min", gravity="-z")  # doctest: +SKIP
+    >>> Path("bent.html").write_bytes(planner.part_page(bent))  # doctest: +SKIP
+    """
+    results = (result,) if isinstance(result, PartSimulation) else tuple(result)
+    return "\n".join(_page(results)).encode("utf-8")
+
+
+def _page(results: Sequence[PartSimulation]) -> Iterator[str]:
+    result = results[0]
+    kept, faces = thinned(
+        result.cells.surface.vertices, result.cells.surface.faces, _MOST_TRIANGLES
+    )
+    own = "\n".join(map(asset, ("viewer.js", "page.js", "part.js")))
+    scripts = (library(), f"{own}\n")
+    top = _top(max(float(one.steps.strain_over_break.max()) for one in results))
+    yield from begin(
+        f"{result.name}: under load",
+        styles=["plan.css"],
+        scripts=scripts,
+        stamp=f'<meta name="generator" content="planner {__version__}">',
+    )
+    yield '<a class="skip" href="#figures">Skip the 3D view</a>'
+    yield from _header(results)
+    yield '<main>\n<div class="bench">'
+    yield from stage(
+        f"The part {result.name} under load",
+        " ".join(
+            f"{words}." for one in results for words in (part_title(one), *summary_words(one))
+        ),
+        no_view="The figure and the tables below are whole.",
+    )
+    yield '<div class="panel">'
+    yield from findings_card([(f.message, False) for one in results for f in one.findings])
+    yield from _slider(sum(len(one.steps.share) for one in results))
+    yield from _legend(top)
+    yield from section_controls("xyz")
+    yield KEYS
+    yield '</div>\n</div>\n<div class="below" id="figures">'
+    first = 0
+    for number, one in enumerate(results):
+        case, mark = (f": {one.case}", f"-{number}") if one.case else ("", "")
+        rows = list(step_rows(one, len(one.steps.share)))
+        name = f"curve-title{mark}"
+        curve = figure(name, simulation_figure(one).decode())
+        yield from section(name, f"Load curve{case}", curve)
+        yield from _cut(one, top, case, mark)
+        title = f"Where it is held and loaded, at the last step{case}"
+        yield from _table(f"responses{mark}", title, list(response_rows(one)))
+        yield from _table(f"steps-table{mark}", f"Steps{case}", rows, first=first)
+        first += len(rows)
+    notes = dict.fromkeys(note for one in results for note in (*summary_words(one), *one.notes))
+    items = "".join(f"<li>{escape(note)}</li>" for note in notes)
+    yield from section("notes-title", "Notes", [f'<ul class="notes">{items}</ul>'])
+    yield "</div>\n</main>\n<footer>"
+    shown, of = len(faces), len(result.cells.surface.faces)
+    simplified = f", simplified for display to {shown} of {of} triangles" if shown < of else ""
+    yield (
+        f"<p>Places are in the coordinates of the part's own file, in mm{simplified}.</p>\n"
+        f"<p>planner {__version__}; palette {escape(result.palette.name)} "
+        f"{result.palette.sha256[:16]}. 3D view by three.js r187, MIT licence, whose text is in "
+        "this file.</p>\n</footer>"
+    )
+    data, rest, moved = _packed(results, kept, faces, top)
+    yield data_script("data", data)
+    yield f'<script type="text/plain" id="geometry">{rest}</script>'
+    yield f'<script type="text/plain" id="steps">{moved}</script>'
+    yield end(scripts)
+
+
+def _top(most: float) -> float:
+    """Return where the colour scale ends: at the break, or lower where strains are far from it."""
+    if not 0.0 < most <= 0.5:
+        return 1.0
+    return next(tick for tick in ticks(0.0, 2.0 * most) if tick >= most)
+
+
+def _header(results: Sequence[PartSimulation]) -> Iterator[str]:
+    worst = max(float(result.steps.largest.max()) for result in results)
+    found = sum(len(result.findings) for result in results)
+    curves = [(one, one.curve) for one in results]
+    facts = [
+        (f"{one.case}: {label}" if one.case else label, format_number(float(along[-1]), 4), "")
+        for one, curve in curves
+        for label, along in ((curve.x_label, curve.x), (curve.y_label, curve.y))
+    ]
+    facts.append(("strain / break", format_number(worst), "bad" if worst > 1.0 else "good"))
+    facts.append(("findings", str(found), "bad" if found else "good"))
+    return head(f"{results[0].name} under load", [escape(part_title(r)) for r in results], facts)
+
+
+def _slider(count: int) -> Iterator[str]:
+    last = count - 1
+    yield '<fieldset id="load" data-needs-view hidden><legend>Load</legend><div class="slide">'
+    yield (
+        f'<input type="range" id="step" min="0" max="{last}" value="{last}" step="1" '
+        'aria-label="Step of the load">'
+    )
+    yield '<output id="step-words" for="step"></output></div>'
+    yield '<label class="tick"><input type="checkbox" id="ghost"> outline at rest</label>'
+    yield '<label class="tick"><input type="checkbox" id="edges" checked> edges</label></fieldset>'
+
+
+def _legend(top: float) -> Iterator[str]:
+    yield '<section class="card" aria-labelledby="legend-title">'
+    yield '<h2 id="legend-title">Strain over elongation at break</h2>'
+    yield f'<div class="scale" style="background:linear-gradient(90deg,{",".join(_SCALE)})"></div>'
+    yield '<div class="scale-figures">'
+    yield "".join(f"<span>{top * share:.3g}</span>" for share in (0.0, 0.25, 0.5, 0.75, 1.0))
+    yield "</div>"
+    if top == 1.0:
+        yield (
+            f'<p class="note"><span class="beyond" style="background:{_BROKEN}"></span> above 1: '
+            "a print would break here</p>"
+        )
+    yield "</section>"
+
+
+def _cut(result: PartSimulation, top: float, case: str, mark: str) -> Iterator[str]:
+    cut = _cut_of(result)
+    name = f"cut-title{mark}"
+    said = f'<p id="cut-words{mark}">{escape(" ".join(_cut_words(result, cut)))}</p>'
+    drawn = figure(name, _cut_figure(result, cut, _colours(), top))
+    return section(name, f"Where it would tear{case}", [said, *drawn])
+
+
+def _table(
+    name: str, title: str, rows: Sequence[Mapping[str, str]], *, first: int | None = None
+) -> Iterator[str]:
+    marked = [
+        ("" if first is None else f' data-step="{first + number}"', list(map(escape, row.values())))
+        for number, row in enumerate(rows)
+    ]
+    columns = [(column or "what", "") for column in rows[0]]
+    return section(name, title, table(columns, marked, of=name))
+
+
+# ------------------------------------------------------------------------------------------------
+# What the viewer reads: positions of all steps as counts on one grid, values as bytes.
+
+
+def _packed(
+    results: Sequence[PartSimulation], kept: IntArray, faces: IntArray, top: float
+) -> tuple[dict[str, Any], str, str]:
+    """Return what the viewer reads: figures, and in base64 the part at rest and its steps."""
+    moves = np.concatenate([one.steps.displacement_mm[:, kept] for one in results])
+    over_break = np.concatenate([one.steps.strain_over_break[:, kept] for one in results])
+    places = results[0].cells.surface.vertices[kept] + moves
+    low, high = places.min(axis=(0, 1)), places.max(axis=(0, 1))
+    step_mm = float((high - low).max()) / _POINTS or 1.0
+    points = np.floor((places - low) / step_mm + 0.5).astype("<u2")
+    # One colour is kept for what is broken: the last.
+    values = np.minimum(np.floor(254.0 * np.maximum(over_break, 0.0) / top), 254)
+    values[over_break > 1.0] = 255
+    moved = [
+        one.tobytes() + value.astype("u1").tobytes()
+        for one, value in zip(points, values, strict=True)
+    ]
+    document = {
+        "origin": low.tolist(),
+        "step": step_mm,
+        "moved": [0.0, 0.0, 0.0],
+        "size": (high - low).tolist(),
+        "shells": [shell_data(points[0], faces, "#8A8F98")],
+        "sections": [
+            {"name": name, "normal": [float(k == axis) for axis in range(3)], "zero": 0.0}
+            for k, name in enumerate("xyz")
+        ],
+        "findings": [],
+        "steps": [
+            f"{one.case and one.case + ', '}load {share:.3g}: {x:.4g} "
+            f"{one.curve.x_label.rpartition(', ')[2]}"
+            for one in results
+            for share, x in zip(one.steps.share, one.curve.x, strict=True)
+        ],
+        "scale": _colours(),
+        "top": top,
+    }
+    return document, geometry([(points[0], faces)]), packed(moved)
+
+
+def _colours() -> list[str]:
+    """Return 255 colours of the scale, and that of what is broken."""
+    return [*ramp(_SCALE, range(len(_SCALE)), np.linspace(0.0, len(_SCALE) - 1.0, 255)), _BROKEN]
+
+
+# ------------------------------------------------------------------------------------------------
+# The part cut open where it is nearest to breaking: figure and words.
+
+
+_CUT_LEFT, _CUT_TOP = 58.0, 40.0
+_CUT_LONGEST, _CUT_HIGHEST = 620.0, 400.0
+_MARGIN = 12.0
+"""Pixels about the part, so that a ring at its corner meets no axis."""
+
+_SQUARE = 2.0
+"""Pixels along the edge of a square of one colour."""
+
+_BANDS = 20
+"""Colours drawn of the scale: between them are lines of equal strain, and the file is small."""
+
+_SKIN = 0.05
+"""Of a cell: a cut is at least so far inside the part's box; at its end there is nothing to see."""
+
+_STEEP = 0.71
+"""Of a surface's normal along an axis, from which up a cut across the axis would run along it."""
+
+
+@dataclass(frozen=True, eq=False)
+class _PartCut:
+    """A plane across an axis through a part at rest, and strain over break on it at the last step.
+
+    Attributes
+    ----------
+    across, along, up
+        Numbers of the axes: across the plane, and to the right and upwards in it.
+    at_mm
+        Where it is along `across`.
+    along_mm (a,), up_mm : (b,), step_mm
+        Middles of its squares, and their edge.
+    strain_over_break : (b, a)
+        nan outside of the part.
+    place_mm : (3,)
+        Where the strain over break is largest.
+    """
+
+    across: int
+    along: int
+    up: int
+    at_mm: float
+    along_mm: FloatArray
+    up_mm: FloatArray
+    step_mm: float
+    strain_over_break: FloatArray
+    place_mm: FloatArray
+
+
+def _cut_of(result: PartSimulation) -> _PartCut:
+    """Cut a part open where it is nearest to breaking, so that the most of it is seen.
+
+    The plane is across one of the axes, and not along the surface at that place.
+    """
+    return max(_cuts(result), key=lambda c: np.isfinite(c.strain_over_break).sum() * c.step_mm**2)
+
+
+def _cuts(result: PartSimulation) -> Iterator[_PartCut]:
+    surface, cell_mm = result.cells.surface, result.cells.cell_mm
+    place = result.steps.largest_mm[-1]
+    low, high = surface.bounds_mm
+    corners = surface.vertices[surface.faces]
+    facet = int(np.linalg.norm(corners.mean(axis=1) - place, axis=1).argmin())
+    normal = np.cross(*(corners[facet, 1:] - corners[facet, 0]))
+    normal = np.abs(normal) / np.linalg.norm(normal)
+    tree = triangle_tree(surface)
+    for across in np.flatnonzero(normal <= max(_STEEP, float(normal.min()))).tolist():
+        along, up = sorted(
+            {0, 1, 2} - {across}, key=lambda axis: (axis == 2, low[axis] - high[axis])
+        )
+        sizes = high - low
+        step = _SQUARE * max(sizes[along] / _CUT_LONGEST, sizes[up] / _CUT_HIGHEST)
+        x, y = (
+            low[axis] + step * (np.arange(max(int(np.ceil(sizes[axis] / step)), 1)) + 0.5)
+            for axis in (along, up)
+        )
+        places = np.empty((len(y), len(x), 3))
+        margin = _SKIN * float(cell_mm[across])
+        at = float(np.clip(place[across], low[across] + margin, high[across] - margin))
+        places[..., across], places[..., along], places[..., up] = at, x, y[:, None]
+        _, outside = nearest(tree, places.reshape(-1, 3))
+        values = np.full(places.shape[:2], np.nan)
+        if not outside.all():
+            inside = ~outside.reshape(values.shape)
+            _, cell, local = in_cells(result.cells, places[inside])
+            of_cell = result.steps.fields.strain_over_break[cell]
+            values[inside] = np.einsum("mc,mc->m", hats(local), of_cell)
+        yield _PartCut(across, along, up, at, x, y, step, values, np.asarray(place))
+
+
+def _cut_words(result: PartSimulation, cut: _PartCut) -> Iterator[str]:
+    """Say in plain words what the figure shows, a sentence each."""
+    worst = float(result.steps.largest[-1])
+    where = ", ".join(f"{x:.4g}" for x in cut.place_mm)
+    away = np.linalg.norm(result.cells.surface.vertices - cut.place_mm, axis=1)
+    coordinate = float(result.surface_coordinate[away.argmin()])
+    material = called(CoefficientModel(result.palette), coordinate)
+    yield (
+        f"The part is cut open across {'xyz'[cut.across]}, at {cut.at_mm:.4g} mm, and looked at as "
+        "it is at rest; the colours are those of the last step."
+    )
+    bears = f"{worst:.3g} times as far as" if worst > 1.0 else f"by {100.0 * worst:.2g} % of what"
+    yield (
+        f"The ring marks the place nearest to breaking, at ({where}) mm, in {material}: it is "
+        f"stretched {bears} this material bears."
+    )
+    if worst > 1.0:
+        torn = np.count_nonzero(cut.strain_over_break > 1.0)
+        inside = np.count_nonzero(np.isfinite(cut.strain_over_break))
+        share = 100.0 * torn / inside
+        yield f"Pink is beyond its break and would be torn, {share:.2g} % of this cut."
+    yield (
+        "Strains are means over neighbouring cells: at clamped edges and sharp corners they are "
+        "higher."
+    )
+
+
+def _cut_figure(result: PartSimulation, cut: _PartCut, colours: Sequence[str], top: float) -> str:
+    """Draw a cut.
+
+    Parameters
+    ----------
+    colours
+        Of the scale from 0 to `top`, and last that of what is beyond its break.
+
+    Returns
+    -------
+    str
+        An ``svg`` element; the page says what it shows under the id ``cut-words``.
+    """
+    rows, columns = cut.strain_over_break.shape
+    width, height = _SQUARE * columns + 2.0 * _MARGIN, _SQUARE * rows + 2.0 * _MARGIN
+    room = cut.step_mm * (0.5 + _MARGIN / _SQUARE)
+    x_range, y_range = (
+        (float(v[0]) - room, float(v[-1]) + room) for v in (cut.along_mm, cut.up_mm)
+    )
+    chart = Chart(_CUT_LEFT, _CUT_TOP, width, height, x_range, y_range)
+    x, y = chart.x(float(cut.place_mm[cut.along])), chart.y(float(cut.place_mm[cut.up]))
+    worst = float(result.steps.largest[-1])
+    bottom = _CUT_TOP + height + 58.0
+    side = (x - _CUT_LEFT) / width
+    anchor = "start" if side < 0.15 else "end" if side > 0.85 else "middle"
+    parts = [
+        *frame(
+            chart, x_label=f"{'xyz'[cut.along]}, mm", y_label=f"{'xyz'[cut.up]}, mm",
+            y_ticks=[(v, f"{v:g}") for v in ticks(*y_range, max(4, int(height / 30.0)))],
+            most_ticks=max(3, int(width / 60.0)),
+        ),
+        *_squares(cut, colours, top),
+        segment((x, y - 7.0), (x, _CUT_TOP - 8.0), colour="#fefefe", width=3.0),
+        segment((x, y - 7.0), (x, _CUT_TOP - 8.0), colour="#111111"),
+        f'<circle cx="{x:.2f}" cy="{y:.2f}" r="7" fill="none" stroke="#fefefe" stroke-width="4"/>',
+        f'<circle cx="{x:.2f}" cy="{y:.2f}" r="7" fill="none" stroke="#111111" stroke-width="2"/>',
+        text(x, _CUT_TOP - 14.0, f"largest: {worst:.3g}", anchor=anchor),
+        *_cut_legend(colours, top, bottom),
+    ]  # fmt: skip
+    wide, high = _CUT_LEFT + _CUT_LONGEST + 2.0 * _MARGIN + 16.0, bottom + 52.0
+    return inline(wide, high, parts, 'aria-labelledby="cut-words"')
+
+
+def _squares(cut: _PartCut, colours: Sequence[str], top: float) -> Iterator[str]:
+    """Draw squares, those of one colour in one path, neighbours in a row as one rectangle."""
+    values = cut.strain_over_break[::-1]  # the picture's rows go downwards
+    shade = np.clip(np.nan_to_num(values, nan=-1.0) / top * _BANDS, -1.0, _BANDS - 1.0)
+    shade = np.floor(np.where(values < 0.0, 0.0, shade)).astype(int)
+    shade[np.isnan(values)] = -1
+    shade[values > 1.0] = _BANDS
+    padded = np.pad(shade, ((0, 0), (1, 1)), constant_values=-1)
+    row, edge = np.nonzero(np.diff(padded, axis=1))
+    left, above = _CUT_LEFT + _MARGIN, _CUT_TOP + _MARGIN
+    paths: dict[int, list[str]] = {}
+    for r, a, b in zip(row.tolist(), edge.tolist(), [*edge.tolist()[1:], 0], strict=True):
+        if a < b and shade[r, a] >= 0:
+            wide = _SQUARE * (b - a)
+            x, y = left + _SQUARE * a, above + _SQUARE * r
+            path = f"M{x:g},{y:g}h{wide:g}v{_SQUARE:g}h{-wide:g}z"
+            paths.setdefault(int(shade[r, a]), []).append(path)
+    # The outline: what lies beneath all of them looks out by half its line.
+    whole = "".join(each for one in paths.values() for each in one)
+    yield f'<path d="{whole}" fill="none" stroke="{INK}" stroke-width="2"/>'
+    for k, found in sorted(paths.items()):
+        colour = _shade(colours, k)
+        yield f'<path d="{"".join(found)}" fill="{colour}" shape-rendering="crispEdges"/>'
+
+
+def _shade(colours: Sequence[str], number: int) -> str:
+    last = len(colours) - 2
+    return colours[-1] if number == _BANDS else colours[round((number + 0.5) / _BANDS * last)]
+
+
+def _cut_legend(colours: Sequence[str], top: float, y: float) -> Iterator[str]:
+    long = 360.0
+    yield text(
+        _CUT_LEFT, y, "largest principal strain, as a share of the elongation at break (no unit)"
+    )
+    for k in range(_BANDS):
+        left = _CUT_LEFT + long * k / _BANDS
+        yield rectangle(left, y + 8.0, long / _BANDS + 0.3, 14.0, colour=_shade(colours, k))
+    for share in (0.0, 0.25, 0.5, 0.75, 1.0):
+        yield text(_CUT_LEFT + long * share, y + 38.0, f"{top * share:.3g}", anchor="middle")
+    if top == 1.0:
+        yield rectangle(
+            _CUT_LEFT + long + 24.0, y + 8.0, 14.0, 14.0, colour=_shade(colours, _BANDS)
+        )
+        yield text(_CUT_LEFT + long + 44.0, y + 20.0, "above 1: torn")
+
+
+# ------------------------------------------------------------------------------------------------
+# What a loaded part does, as tables of words: what the terminal and the page show.
+
+
+def part_title(result: PartSimulation) -> str:
+    """Say in a line what was solved."""
+    cells = result.cells
+    edges = " x ".join(f"{edge:.3g}" for edge in cells.cell_mm)
+    share = float(result.steps.share[-1])
+    reached = "the whole load" if share == 1.0 else f"{share:.3g} of the load"
+    return (
+        f"{result.called}: {len(cells.nodes)} cells of {edges} mm, {3 * len(cells.node_mm)} "
+        f"unknowns, {reached}"
+    )
+
+
+def response_rows(result: PartSimulation) -> Iterator[Mapping[str, str]]:
+    """Yield what the part does at the last step where it is loaded, held and watched, a row each.
+
+    Of a moment that is how its faces turn, and what is left of it. The interval is of the figure
+    that was not given: the displacement along a force, or the force along a move.
+    """
+    interval = f"{100.0 * result.level:g} % interval"
+    sizes_N = [float(np.linalg.norm(r.force_N[-1])) for r in result.steps.responses]
+    long_mm = float(np.ptp(result.cells.surface.bounds_mm, axis=0).max())
+    sizes_N += [float(np.linalg.norm(m.moment_N_mm)) / long_mm for m in result.conditions.moments]
+    # Loads that balance leave a support nothing but rounding.
+    least_N = _NOTHING * max(sizes_N, default=0.0)
+    units = {"fix": "N", "move": "N", "moment": "°"}
+    for response in result.steps.responses:
+        kind, stiffness, turn = response.kind, response.stiffness_N_mm, response.turn_deg
+        sure = "" if response.interval is None else format_interval(response.interval)
+        moved = "" if kind == "fix" else _vector(response.displacement_mm[-1])
+        force = "" if kind == "watch" else _vector(response.force_N[-1], least_N)
+        if turn is not None and response.moment_N_mm is not None:
+            moved, force = f"{_vector(turn[-1])} °", f"{_vector(response.moment_N_mm[-1])} N mm"
+        yield {
+            "": kind,
+            "faces": response.selector,
+            "moves mm (x y z)": moved,
+            "force N (x y z)": force,
+            interval: f"{sure} {units.get(kind, 'mm')}" if sure else "",
+            "N/mm": "" if stiffness is None else format_number(stiffness),
+        }
+    away, (x, y, z) = result.farthest
+    yield {
+        "": "farthest",
+        "faces": f"({x:.4g}, {y:.4g}, {z:.4g}) mm",
+        "moves mm (x y z)": _vector(away),
+        "force N (x y z)": "",
+        interval: "",
+        "N/mm": "",
+    }
+
+
+_NOTHING = 5e-6
+"""Of a vector's length, or of the largest force, below which a component is written as 0: forces
+are solved for so far."""
+
+
+def _vector(components: FloatArray, least: float = 0.0) -> str:
+    least = max(least, _NOTHING * float(np.linalg.norm(components)))
+    rounded = np.where(np.abs(components) < least, 0.0, components)
+    return " ".join(format_number(float(c)) for c in rounded)
+
+
+def step_rows(result: PartSimulation, most: int) -> Iterator[Mapping[str, str]]:
+    """Yield up to so many steps, from rest to the last."""
+    curve, steps = result.curve, result.steps
+    count = len(steps.share)
+    for k in np.rint(np.linspace(0.0, count - 1.0, min(most, count))).astype(int).tolist():
+        yield {
+            "load": f"{steps.share[k]:.3g}",
+            curve.x_label: format_number(float(curve.x[k]), 4),
+            curve.y_label: format_number(float(curve.y[k]), 4),
+            "energy, mJ": format_number(float(steps.energy_mJ[k]), 4),
+            "strain / break": format_number(float(steps.largest[k])),
+        }
+
+
+def summary_words(result: PartSimulation) -> Iterator[str]:
+    """Say what the largest strain is and where, and how far the figures depend on the cells."""
+    steps, case = result.steps, f"{result.case}: " if result.case else ""
+    k = int(steps.largest.argmax())
+    x, y, z = steps.largest_mm[k].tolist()
+    yield (
+        f"{case}largest strain over elongation at break: {steps.largest[k]:.3g}, "
+        f"at ({x:.4g}, {y:.4g}, {z:.4g}) mm"
+    )
+    found = result.discretisation
+    if found is not None:
+        yield (
+            f"{case}figures are within {percent(found.largest)} of those of ever smaller cells, as "
+            f"two solutions in cells of {found.cell_mm:.3g} mm tell (right for nine parts in ten)"
+        )
+
+
+# ------------------------------------------------------------------------------------------------
+# Its volume with what stands inside it, for ParaView.
+
+
+_ACROSS = 3
+"""Small hexahedra along a cell's edge: one for each quadrature point of a full cell."""
+
+_NEAR = 1e-3
+# of a cell's edge: a corner this near to the surface is on it, so that no sliver is cut off.
+
+_CORNERS = np.array(
+    [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)]
+)
+
+
+def part_volume(result: PartSimulation) -> bytes:
+    """Return the volume of a loaded part at rest, with what stands in it at the last step: VTU.
+
+    Each cell is 27 small hexahedra; those at the surface are clipped by it into wedges and
+    tetrahedra. Points have ``displacement_mm``. Cells have, of the quadrature point that is
+    nearest to them in their cell, Cauchy's ``stress_MPa`` (xx, yy, zz, xy, yz, xz), ``energy_MPa``
+    (stored, over the volume at rest), ``coordinate``, ``material`` (number of the palette's
+    nearest, from 0), ``strain_over_break`` (largest principal strain over the elongation at break,
+    by the mean over neighbouring cells) and ``cell``, the number of the solver's cell.
+
+    Parameters
+    ----------
+    result
+        What `planner.simulate` returns of a whole part.
+
+    Returns
+    -------
+    bytes
+        The file; the same for the same result.
+
+    Raises
+    ------
+    AttributeError
+        Not of a result of a whole part.
+
+    Examples
+    --------
+    >>> bent = planner.simulate("bar", fix="x=min", gravity="-z")  # doctest: +SKIP
+    >>> Path("bent.vtu").write_bytes(planner.part_volume(bent))  # doctest: +SKIP
+    """
+    cells, fields = result.cells, result.steps.fields
+    coordinate = result.coordinate
+    grades = np.array([material.coordinate for material in result.palette.materials])
+    steps = np.stack(np.meshgrid(*3 * [np.arange(_ACROSS + 1)], indexing="ij"), axis=-1)
+    steps = steps.reshape(-1, 3)  # z fastest
+    # A place on a face, edge or corner is shared by the cells that share the node there.
+    part = np.where(steps == 0, 0, np.where(steps == _ACROSS, 2, 1))
+    owner = cells.nodes[:, part @ np.array([1, 3, 9])]
+    place = _ACROSS * cells.index[:, None].astype(np.int64) + steps
+    wide = place.max(axis=(0, 1)) + 1
+    key = (place[..., 0] * wide[1] + place[..., 1]) * wide[2] + place[..., 2]
+    _, first, number = np.unique(
+        np.stack([owner.ravel(), key.ravel()], axis=1),
+        axis=0,
+        return_index=True,
+        return_inverse=True,
+    )
+    number = number.reshape(owner.shape)
+    local = 2.0 * steps / _ACROSS - 1.0
+    shape, _ = shape_functions(local, cells.cell_mm)
+    moved = np.einsum("sa,nai->nsi", shape, fields.displacement_mm[cells.nodes])
+    points = cells.origin_mm + place.reshape(-1, 3)[first] / _ACROSS * cells.cell_mm
+    u = moved.reshape(-1, 3)[first]
+
+    low = steps[(steps < _ACROSS).all(axis=1)]
+    at = (low[:, None] + _CORNERS) @ np.array([(_ACROSS + 1) ** 2, _ACROSS + 1, 1])
+    corners, cell = number[:, at].reshape(-1, 8), np.repeat(np.arange(len(number)), len(low))
+    point, of, inner = in_cells(cells, points[corners].mean(axis=1))
+    mine = of == cell  # another piece of material may stand there
+    corners, cell, point, inner = corners[mine], cell[mine], point[mine], inner[mine]
+
+    distance = np.full(len(points), -1.0)
+    volume = np.zeros(tuple(cells.index.max(axis=0) + 1))
+    np.add.at(volume, tuple(cells.index.T), np.add.reduceat(cells.weights_mm3, cells.offsets[:-1]))
+    full = volume[tuple(cells.index.T)] > (1.0 - 1e-9) * np.prod(cells.cell_mm)
+    asked = np.unique(corners[~full[cell]])
+    away, outside = nearest(triangle_tree(cells.surface), points[asked])
+    distance[asked] = np.where(outside, away, -away) - _NEAR * float(cells.cell_mm.min())
+    kept = clip_hexahedra(corners, points, distance)
+
+    def cut(values: FloatArray) -> FloatArray:
+        a, b = values[kept.edge[:, 0]], values[kept.edge[:, 1]]
+        return np.concatenate([values, a + kept.share[:, None] * (b - a)])
+
+    used = np.concatenate([kept.of_hexahedron, kept.of_wedge, kept.of_tetrahedron])
+    point, shares = point[used], hats(inner[used])
+    return encode_vtu(
+        cut(points),
+        [(HEXAHEDRON, kept.hexahedra), (WEDGE, kept.wedges), (TETRAHEDRON, kept.tetrahedra)],
+        point_data={"displacement_mm": cut(u)},
+        cell_data={
+            "material": np.abs(coordinate[point][:, None] - grades).argmin(axis=1).astype(np.int32),
+            "coordinate": coordinate[point],
+            "stress_MPa": fields.stress_MPa[point].astype(np.float32),
+            "energy_MPa": fields.energy_MPa[point].astype(np.float32),
+            "strain_over_break": np.einsum(
+                "mc,mc->m", shares, fields.strain_over_break[cell[used]]
+            ).astype(np.float32),
+            "cell": cell[used].astype(np.int32),
+        },
+    )
