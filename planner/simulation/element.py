@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 
 from planner.materials.marlow import law_at
-from planner.numerics import FloatArray, IntArray, inner_kernel, kernel
+from planner.numerics import FloatArray, inner_kernel, kernel
 
-__all__ = ["add_push", "advance", "assemble", "observe", "pull", "shape_functions"]
+__all__ = ["advance", "assemble", "observe", "pull", "shape_functions"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -404,38 +404,3 @@ def pull(cells: Any, u: FloatArray, stress: FloatArray, out: FloatArray) -> None
                     first = weights[q] * (first + F[i, 2] * stress[q, _SIX[2, m]])
                     for a in range(27):
                         out[nodes[c, a], i] += first * gradient[m, a]
-
-
-@kernel
-def add_push(
-    starts: IntArray, cell: IntArray, shape: FloatArray, gradient: FloatArray, turned: FloatArray,
-    out: FloatArray,
-) -> None:  # fmt: skip
-    """Add the symmetric part of Σ shape[a] turned[i, j, J] gradient[b, J] to cells' matrices.
-
-    starts : (groups + 1,)
-        Points of one cell lie together.
-    """
-    most = 0
-    for g in range(starts.size - 1):
-        most = max(most, starts[g + 1] - starts[g])
-    right, block = np.empty((most, 243)), np.empty((27, 243))
-    for g in range(starts.size - 1):
-        first, count = starts[g], starts[g + 1] - starts[g]
-        for n in range(count):
-            at = first + n
-            for i in range(3):
-                for j in range(3):
-                    x, y, z = turned[at, i, j, 0], turned[at, i, j, 1], turned[at, i, j, 2]
-                    for b in range(27):
-                        right[n, 27 * (3 * i + j) + b] = (
-                            x * gradient[at, b, 0] + y * gradient[at, b, 1] + z * gradient[at, b, 2]
-                        )
-        np.dot(shape[first : first + count].T, right[:count], block)
-        for a in range(27):
-            for k in range(6):
-                i, j = _PAIRS[k, 0], _PAIRS[k, 1]
-                for b in range(27):
-                    out[cell[first], a, k, b] += 0.5 * (
-                        block[a, 27 * (3 * i + j) + b] + block[b, 27 * (3 * j + i) + a]
-                    )

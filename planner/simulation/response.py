@@ -664,7 +664,7 @@ def followed(
     )
     found: list[tuple[FloatArray, ...]] = []
     try:
-        for state, factored in mechanics.follow(list(steps)):
+        for state, factored in mechanics.follow(list(steps), tangents=sensitive):
             told = answers(mechanics, state)
             loaded, weights = next(one for one in told if one[0].kind in ("load", "move"))
             strain = share = np.empty(0)

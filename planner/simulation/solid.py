@@ -1,5 +1,6 @@
 """Equilibrium of a soft solid on cut cells: large rotations, nearly incompressible, graded."""
 
+import itertools
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -11,7 +12,6 @@ import numpy as np
 from planner.materials.marlow import POISSON, MarlowTable
 from planner.numerics import BoolArray, FloatArray, IntArray
 from planner.simulation.element import (
-    add_push,
     advance,
     assemble,
     observe,
@@ -81,6 +81,11 @@ class FacetPoints(NamedTuple):
     gradient: FloatArray
     area_mm2: FloatArray
 
+    def by_cell(self) -> Iterator[tuple[int, slice]]:
+        """Yield each cell, and which points are in it."""
+        for a, b in itertools.pairwise(self.starts.tolist()):
+            yield int(self.cell[a]), slice(a, b)
+
 
 def facet_points(cells: "CutCells", facets: BoolArray) -> FacetPoints:
     """Return the points of the facets that are marked, (F,), of the cells' surface."""
@@ -110,10 +115,8 @@ def _summed(nodes: IntArray, values: FloatArray, count: int) -> FloatArray:
     return np.stack([np.bincount(flat, column, count) for column in columns], axis=1)
 
 
-_LEVI_CIVITA = (
-    (0, 1, 2, 1.0), (1, 2, 0, 1.0), (2, 0, 1, 1.0),
-    (0, 2, 1, -1.0), (2, 1, 0, -1.0), (1, 0, 2, -1.0),
-)  # fmt: skip
+_LEVI_CIVITA = np.cross(np.eye(3)[:, None], np.eye(3))
+"""ε_ijk, by i, j, k: the cross product of axes i and j along k."""
 
 
 class _Held(NamedTuple):
@@ -162,8 +165,7 @@ def _springs(cells: "CutCells", modulus_MPa: FloatArray) -> FloatArray:
     """Return the springs between the nodes of cells that meet, (m, 54, 54), N/mm."""
     met, stiff = cells.interface, modulus_MPa / float(cells.cell_mm.mean())
     out = np.empty((len(met.cells), 54, 54))
-    ends = zip(met.starts[:-1].tolist(), met.starts[1:].tolist(), strict=True)
-    for k, (a, b) in enumerate(ends):
+    for k, (a, b) in enumerate(itertools.pairwise(met.starts.tolist())):
         root = np.sqrt(met.area_mm2[a:b])[:, None]
         one, other = (shape_functions(met.local[a:b, s], cells.cell_mm)[0] for s in (0, 1))
         jump = root * np.concatenate([one, -other], axis=1)
@@ -441,8 +443,7 @@ class Mechanics:
             stiffness = _PENALTY * modulus / wide * np.linalg.norm(at.area_mm2, axis=1)
             axes = np.array([0.0 if d is None else 1.0 for d in support.displacement_mm])
             target = np.array([d or 0.0 for d in support.displacement_mm])
-            ends = zip(at.starts[:-1].tolist(), at.starts[1:].tolist(), strict=True)
-            springs = [(at.shape[a:b].T * stiffness[a:b]) @ at.shape[a:b] for a, b in ends]
+            springs = [(at.shape[k].T * stiffness[k]) @ at.shape[k] for _, k in at.by_cell()]
             self.held.append(_Held(at, stiffness, springs, axes, target))
 
     @cached_property
@@ -546,11 +547,13 @@ class Mechanics:
         push = -p * np.einsum("nik,nk->ni", cofactor, at.area_mm2)
         if tangent:
             # d cof F / dF, with ε_ijk ε_IJK F_kK A_I = ε_ijk (A × F_k)_J.
-            crossed = np.cross(at.area_mm2[:, None, :], F)  # (n, k, J): A x F_k, sign below
-            turned = np.zeros((len(at.cell), 3, 3, 3))
-            for i, j, k, sign in _LEVI_CIVITA:
-                turned[:, i, j] -= sign * crossed[:, k]
-            add_push(at.starts, at.cell, at.shape, at.gradient, p * turned, self._matrices)
+            crossed = np.cross(at.area_mm2[:, None, :], F)  # (n, k, J): A x F_k
+            turned = -p * np.einsum("ijk,nkJ->nijJ", _LEVI_CIVITA, crossed)
+            for cell, near in at.by_cell():
+                right = np.einsum("nijJ,nbJ->nijb", turned[near], at.gradient[near])
+                block = np.tensordot(at.shape[near], right, (0, 0))  # rows a i, columns j b
+                symmetric = 0.5 * (block + block.transpose(3, 2, 1, 0))
+                self._matrices[cell] += symmetric[:, [0, 1, 2, 0, 1, 0], [0, 1, 2, 1, 2, 2]]
         return spread(cells, at, push)
 
     def push(self, pushed: _Pushed, share: float, u: FloatArray) -> FloatArray:
@@ -561,7 +564,7 @@ class Mechanics:
         """Return the nodal forces of a support; add its stiffness."""
         cells, at = self.body.cells, held.points
         if tangent:
-            for cell, springs in zip(at.cell[at.starts[:-1]].tolist(), held.springs, strict=True):
+            for (cell, _), springs in zip(at.by_cell(), held.springs, strict=True):
                 for axis in np.flatnonzero(held.axes).tolist():
                     self._matrices[cell, :, axis] += springs
         return spread(cells, at, self._reaction(held, share, u))
