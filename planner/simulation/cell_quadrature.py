@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.numerics import BoolArray, FloatArray, inner_kernel, kernel, one_blas_thread
+from planner.simulation.element import LOCAL
 from planner.simulation.material_columns import SampledMaterial, column_place
 
 __all__ = ["quadrature"]
@@ -91,11 +92,9 @@ def quadrature(
     counts[~full] = np.where(used > 0, used, 4 * np.diff(begin))
     offsets = np.append(0, np.cumsum(counts))
     rows = np.empty((int(offsets[-1]), 4))
-    a = np.arange(_POINTS)
     gauss, weight = np.polynomial.legendre.leggauss(3)
-    cell = np.stack([gauss[a % 3], gauss[a // 3 % 3], gauss[a // 9]], axis=1)
-    weights = weight[a % 3] * weight[a // 3 % 3] * weight[a // 9] / 8
-    rows[np.repeat(full, counts)] = np.tile(np.column_stack([cell, weights]), (len(full) - many, 1))
+    whole = np.column_stack([gauss[LOCAL], weight[LOCAL].prod(axis=1) / 8])
+    rows[np.repeat(full, counts)] = np.tile(whole, (len(full) - many, 1))
     for p, first in enumerate(offsets[:-1][~full].tolist()):
         if used[p]:
             rows[first : first + used[p]] = found[p, : used[p]]
@@ -143,11 +142,8 @@ def _find(
         if n > _POINTS:
             _find_box(measure, n, wide, middle, half, turn)
             _into_box(measure, n, middle, half, turn, False)
-            mass = 0.0
-            for q in range(n):
-                mass += measure[q, 3]
-            for t in range(moment.size):
-                moment[t] = 0.0
+            mass = measure[:n, 3].sum()
+            moment[:] = 0.0
             for q in range(n):
                 for axis in range(3):
                     _legendre(measure[q, axis], line[axis], line[3])
@@ -157,22 +153,19 @@ def _find(
                 _guess(measure, n, place)
                 if _settle(moment, place, line, normal, slopes):
                     used[p] = many
-                    for q in range(many):
-                        place[q, 3] *= mass
+                    place[:, 3] *= mass
                     _into_box(place, many, middle, half, turn, True)
                     break
         else:
             used[p] = n
-            for q in range(n):
-                for k in range(4):
-                    found[p, q, k] = measure[q, k]
+            found[p, :n] = measure[:n]
 
 
 @inner_kernel
 def _find_box(measure: Any, n: Any, wide: Any, middle: Any, half: Any, turn: Any) -> Any:
     # The box that holds a piece: along the piece's principal axes (the rows of `turn`), or along
     # the cell's where that is not much smaller.
-    mean, spread = np.zeros(3), np.zeros((3, 3))
+    aligned, mean, spread = np.eye(3), np.zeros(3), np.zeros((3, 3))
     mass = 0.0
     for q in range(n):
         mass += measure[q, 3]
@@ -183,7 +176,7 @@ def _find_box(measure: Any, n: Any, wide: Any, middle: Any, half: Any, turn: Any
     for a in range(3):
         for b in range(3):
             spread[a, b] = spread[a, b] / mass - mean[a] * mean[b] / mass**2
-            turn[a, b] = 1.0 if a == b else 0.0
+    turn[:] = aligned
     for sweep in range(18):  # Jacobi's rotations, six times about each axis
         a, b = sweep % 3, (sweep + 1) % 3
         if abs(spread[a, b]) < 1e-14:
@@ -206,14 +199,9 @@ def _find_box(measure: Any, n: Any, wide: Any, middle: Any, half: Any, turn: Any
                 cos * turn[a, k] - sin * turn[b, k],
                 sin * turn[a, k] + cos * turn[b, k],
             )
-    aligned = np.zeros((3, 3))
-    for a in range(3):
-        aligned[a, a] = 1.0
     whole = _bounds(measure, n, wide, aligned, middle, half)
     if _bounds(measure, n, wide, turn, middle, half) > _MUCH_SMALLER * whole:
-        for a in range(3):
-            for b in range(3):
-                turn[a, b] = aligned[a, b]
+        turn[:] = aligned
         _bounds(measure, n, wide, turn, middle, half)
 
 
@@ -326,10 +314,7 @@ def _settle(moment: Any, place: Any, line: Any, normal: Any, slopes: Any) -> Any
     trial, step = np.empty((many, 4)), np.empty((many, 4))
     error = _miss(moment, place, line, miss)
     for _ in range(_STEPS):
-        worst = 0.0
-        for t in range(moments):
-            worst = max(worst, abs(miss[t]))
-        if worst < _MET:
+        if np.abs(miss).max() < _MET:
             return True
         # slopes of the moments by each place and each weight, in units of the room to the box's
         # sides and of the weight
@@ -337,9 +322,7 @@ def _settle(moment: Any, place: Any, line: Any, normal: Any, slopes: Any) -> Any
             for axis in range(3):
                 _legendre(place[q, axis], line[axis], line[3 + axis])
             x, y, z, w = line[0], line[1], line[2], place[q, 3]
-            for k in range(4):
-                for t in range(moments):
-                    slopes[4 * q + k, t] = 0.0
+            slopes[4 * q : 4 * q + 4] = 0.0
             _add_products(slopes[4 * q], w * _room(place[q, 0]), line[3], y, z)
             _add_products(slopes[4 * q + 1], w * _room(place[q, 1]), x, line[4], z)
             _add_products(slopes[4 * q + 2], w * _room(place[q, 2]), x, y, line[5])
@@ -359,9 +342,7 @@ def _settle(moment: Any, place: Any, line: Any, normal: Any, slopes: Any) -> Any
                     most = 0.9 * room / abs(move)
         trial_error = np.inf
         for _ in range(6):
-            for q in range(many):
-                for k in range(4):
-                    trial[q, k] = place[q, k] + most * step[q, k]
+            trial[:] = place + most * step
             trial_error = _miss(moment, trial, line, trial_miss)
             if trial_error < error * (1.0 - 1e-3 * most):
                 break
@@ -369,11 +350,7 @@ def _settle(moment: Any, place: Any, line: Any, normal: Any, slopes: Any) -> Any
         if not trial_error < error:
             return False
         error = trial_error
-        for t in range(moments):
-            miss[t] = trial_miss[t]
-        for q in range(many):
-            for k in range(4):
-                place[q, k] = trial[q, k]
+        miss[:], place[:] = trial_miss, trial
     return False
 
 
@@ -385,16 +362,12 @@ def _room(x: Any) -> Any:
 @inner_kernel
 def _miss(moment: Any, place: Any, line: Any, miss: Any) -> Any:
     # What the moments lack, and the length of that.
-    for t in range(miss.size):
-        miss[t] = moment[t]
+    miss[:] = moment
     for q in range(place.shape[0]):
         for axis in range(3):
             _legendre(place[q, axis], line[axis], line[3])
         _add_products(miss, -place[q, 3], line[0], line[1], line[2])
-    square = 0.0
-    for t in range(miss.size):
-        square += miss[t] ** 2
-    return np.sqrt(square)
+    return np.sqrt(np.sum(miss**2))
 
 
 @inner_kernel

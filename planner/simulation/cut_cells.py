@@ -20,7 +20,7 @@ from planner.mesh.mesh import (
 )
 from planner.numerics import BoolArray, FloatArray, IntArray, inner_kernel, kernel
 from planner.simulation.cell_quadrature import quadrature
-from planner.simulation.element import shape_functions
+from planner.simulation.element import LOCAL, shape_functions
 from planner.simulation.inner_corners import contacts, opposed, parted
 from planner.simulation.material_columns import SampledMaterial, column_place, located, sample
 from planner.voxels.columns import MOST_VOXELS
@@ -642,9 +642,7 @@ def _number_nodes(
     group: NDArray[np.int32], index: NDArray[np.int32]
 ) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     # Number nodes by their place, x slowest; those at one place by the first cell that has them.
-    a = np.arange(27)
-    local = np.stack([a % 3, a // 3 % 3, a // 9], axis=1)
-    place = (2 * index[:, None] + local).reshape(-1, 3)
+    place = (2 * index[:, None] + LOCAL).reshape(-1, 3)
     _, at, node = np.unique(group, return_index=True, return_inverse=True)
     x, y, z = place[at].T
     order = np.lexsort((at, z, y, x))

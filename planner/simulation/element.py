@@ -7,7 +7,7 @@ import numpy as np
 from planner.materials.marlow import law_at
 from planner.numerics import FloatArray, inner_kernel, kernel
 
-__all__ = ["advance", "assemble", "observe", "pull", "shape_functions"]
+__all__ = ["LOCAL", "advance", "assemble", "observe", "pull", "shape_functions"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -30,6 +30,9 @@ __all__ = ["advance", "assemble", "observe", "pull", "shape_functions"]
 #
 # Symmetric tensors are rows of six: 11, 22, 33, 12, 23, 13.
 
+
+LOCAL = np.stack(np.unravel_index(np.arange(27), (3, 3, 3))[::-1], axis=1)
+"""Place of each node of a cell along x, y, z: 0, 1 or 2; x fastest."""
 
 _PAIRS = np.array([(0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2)])
 _SIX = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2]])
@@ -196,9 +199,7 @@ def assemble(
         Where Newton's method is.
     """
     nodes, offsets, points, weights, cell_mm = cells
-    most = 0
-    for c in range(first, last):
-        most = max(most, offsets[c + 1] - offsets[c])
+    most = np.diff(offsets[first : last + 1]).max()
     gradient, right = np.empty((most, 3, 27)), np.empty((most, 3, 6, 27))
     left, flat = gradient.reshape(3 * most, 27), right.reshape(3 * most, 162)
     Fs, cis, isos = np.empty((most, 3, 3)), np.empty((most, 6)), np.empty((most, 6))
@@ -293,9 +294,7 @@ def advance(
 ) -> None:  # fmt: skip
     """Move strains, stresses and pressures of cells along with a change of the displacements."""
     nodes, offsets, points, weights, cell_mm = cells
-    most = 0
-    for c in range(first, last):
-        most = max(most, offsets[c + 1] - offsets[c])
+    most = np.diff(offsets[first : last + 1]).max()
     gradient, F, G = np.empty((3, 27)), np.empty((3, 3)), np.empty((3, 3))
     cis, isos, gaps = np.empty((most, 6)), np.empty((most, 6)), np.empty((most, 6))
     coefficients, Js, actual, full = np.empty((most, 4)), np.empty(most), np.empty(6), np.empty(6)

@@ -210,8 +210,6 @@ def contacts(
     """
     found, at = np.empty((5 * len(piece), 3), np.int32), np.empty((5 * len(piece), 4))
     many = _touch_within(material.lines, material.frame, material.shell, piece, found, at)
-    if not many:
-        return np.empty((0, 2), np.int32), np.empty((0, 2, 3)), np.empty(0)
     found, at = found[:many], at[:many]
     count = len(index)
     key = found[:, :2].min(axis=1).astype(np.int64) * count + found[:, :2].max(axis=1)
@@ -232,8 +230,8 @@ def contacts(
     np.minimum.at(low, of, place)
     np.maximum.at(span, of, place - low[of])
     box = np.floor((_ACROSS - 1e-9) * (place - low[of]) / np.maximum(span, 0.05)[of])
-    into = np.ravel_multi_index((of, *box.astype(np.int64).T), (len(pairs), *3 * (_ACROSS,)))
-    boxes, into = np.unique(into, return_inverse=True)
+    in_pair = box.astype(np.int64) @ [_ACROSS**2, _ACROSS, 1]
+    boxes, into = np.unique(_ACROSS**3 * of + in_pair, return_inverse=True)
     size_mm2 = np.linalg.norm(area, axis=1)
     moments = np.stack([np.bincount(into, size_mm2 * x) for x in place.T], axis=1)
     middle = moments / np.bincount(into, size_mm2)[:, None]

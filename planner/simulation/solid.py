@@ -12,6 +12,7 @@ import numpy as np
 from planner.materials.marlow import POISSON, MarlowTable
 from planner.numerics import BoolArray, FloatArray, IntArray
 from planner.simulation.element import (
+    LOCAL,
     advance,
     assemble,
     observe,
@@ -370,8 +371,7 @@ class Mechanics:
         full_mm3 = float(np.prod(cells.cell_mm))
         cut = cells.cell_volume_mm3 < (1.0 - 1e-9) * full_mm3
         self.stabiliser = np.where(cut, _STABILISER * held_by * full_mm3 ** (1.0 / 3.0), 0.0)
-        i = np.arange(27)
-        linear = np.stack([np.ones(27), i % 3 - 1.0, i // 3 % 3 - 1.0, i // 9 - 1.0], axis=1)
+        linear = np.column_stack([np.ones(27), LOCAL - 1.0])
         self.roughness = np.eye(27) - linear @ np.linalg.pinv(linear)
         flat = np.flatnonzero(cut & (body.spread[0][:, 0] < _LINE))
         hold = _SLOPE * self.stabiliser[flat, None, None]
@@ -818,13 +818,8 @@ class Mechanics:
         i = place.astype(np.int64)
         t = place - i
         # W goes as x²: between two values its square root is the straighter.
-        energy = [
-            np.square(
-                (1.0 - t) * np.sqrt(table.energy_MPa[k, i])
-                + t * np.sqrt(table.energy_MPa[k, i + 1])
-            )
-            for k in (below, above)
-        ]
+        root, nodes = np.sqrt(table.energy_MPa), np.stack([below, above])
+        energy = ((1.0 - t) * root[nodes, i] + t * root[nodes, i + 1]) ** 2
         isochoric = energy[0] ** (1.0 - share) * energy[1] ** share  # as W' between nodes
         cells = self.body.cells
         pressure = np.repeat(state.pressure, np.diff(cells.offsets), axis=0)

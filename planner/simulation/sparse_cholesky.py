@@ -183,8 +183,6 @@ class Analysis:
     ----------
     factor_bytes, work_bytes
         Of the factor, and of what is needed beside it until it is done, at most.
-    flops
-        Of factoring.
     order : (N,)
         The nodes as they are eliminated.
     first : (T + 1,)
@@ -210,7 +208,6 @@ class Analysis:
 
     factor_bytes: int
     work_bytes: int
-    flops: float
     order: IntArray
     first: IntArray
     rest: IntArray
@@ -308,7 +305,6 @@ def analyse(nodes: IntArray, node_mm: FloatArray, links: IntArray = _NO_LINKS) -
     return Analysis(
         factor_bytes=8 * int(panel[-1]) + 64,
         work_bytes=8 * most,
-        flops=float(flops.sum()),
         order=order, first=first, rest=rest, above=above, rest_start=rest_start, below=below,
         side=(depth % 2).astype(np.int32), cells=cells, cell_start=cell_start, begin=begin,
         place=place, panel=panel, tasks=tasks, work=work,
@@ -359,11 +355,8 @@ def _halved(
     seen = np.full(count, -1, dtype=np.int64)
     touched = np.empty(count, dtype=np.int32)
     spare = np.empty(n, dtype=np.int32)
-    width = 0
-    for axis in range(3):
-        for c in range(n):
-            width = max(width, ranks[axis, c] + 2)
-    on_cut, in_layer = np.zeros(width, dtype=np.int64), np.zeros(width, dtype=np.int64)
+    on_cut = np.zeros(ranks.max() + 2, dtype=np.int64)
+    in_layer = np.zeros_like(on_cut)
     # Waiting: bounds, depth, and the half of which cut it is.
     waiting = [(0, n, 0, -1, 0)]
     made = 0
@@ -393,14 +386,12 @@ def _halved(
         best, best_axis, best_rank = np.inf, -1, 0
         if end - start > most:
             for axis in range(3):
-                least, greatest = ranks[axis, cells[start]], ranks[axis, cells[start]]
-                for place in range(start, end):
-                    least = min(least, ranks[axis, cells[place]])
-                    greatest = max(greatest, ranks[axis, cells[place]])
+                here = ranks[axis][cells[start:end]]
+                least, greatest = here.min(), here.max()
                 on_cut[: greatest - least + 2] = 0
                 in_layer[: greatest - least + 2] = 0
-                for place in range(start, end):
-                    in_layer[ranks[axis, cells[place]] - least] += 1
+                for rank in here:
+                    in_layer[rank - least] += 1
                 for i in range(met):
                     on_cut[low[axis, touched[i]] - least + 1] += 1
                     on_cut[high[axis, touched[i]] - least + 1] -= 1
@@ -438,9 +429,7 @@ def _halved(
         else:
             waiting.append((lower, end, deep + 1, t, 1))
             waiting.append((start, lower, deep + 1, t, 0))
-    for node in range(count):
-        owner[node] = max(owner[node], 0)
-    return cells, bounds[:made], halves[:made], depth[:made], owner
+    return cells, bounds[:made], halves[:made], depth[:made], np.maximum(owner, 0)
 
 
 def _structure(
