@@ -79,33 +79,6 @@ class Shells(NamedTuple):
         return [Mesh(vertices, faces[self.shell == k]) for k in range(len(self.modulus_MPa))]
 
 
-_ACROSS = 0.25
-"""Of a cell: triangles no longer than that have one point each, where both sides are coupled."""
-
-
-class _Touching(NamedTuple):
-    """Points at which two shells touch."""
-
-    shells: NDArray[np.int32]  # (k, 2)
-    place_mm: FloatArray
-    area_mm2: FloatArray  # (k, 3), out of the first and into the second
-    modulus_MPa: FloatArray  # of each shell
-
-
-def _touching(shells: Shells, longest_mm: float) -> _Touching:
-    faces = shells.mesh.faces
-    order, starts = order_rows(*sorted_corners(faces))
-    pairs = starts[np.diff(starts, append=len(order)) == 2]
-    one, other = order[pairs], order[pairs + 1]
-    apart = (shells.shell[one] != shells.shell[other]) & ~repeats_index(faces[one])
-    one, other = one[apart], other[apart]
-    fine, of = halve_long_edges(Mesh(shells.mesh.vertices, faces[one]), longest_mm)
-    area, middle = fine.area_vectors_mm2, fine.triangles.mean(axis=1)
-    wide = np.sum(area * area, axis=1) > 0.0
-    sides = np.stack([shells.shell[one], shells.shell[other]], axis=1)
-    return _Touching(sides[of[wide]], middle[wide], area[wide], shells.modulus_MPa)
-
-
 class Interface(NamedTuple):
     """Where cells of different materials meet.
 
@@ -331,12 +304,10 @@ def cut_cells(
     if shift:
         low, counts = low - shift * size, counts + 1.0
         cells, extent = tuple(int(n) for n in counts), counts * size
-    each, touching = [mesh], None
-    if shells is not None:
-        each, touching = shells.each, _touching(shells, _ACROSS * float(np.min(size)))
+    each = [mesh] if shells is None else shells.each
     surface, triangle = halve_long_edges(mesh, float(np.min(size)) / 2)
     told, halves = parted(sample(each, low, extent, cells, columns_across), surface, low, size)
-    pieces = _pieces(told, halves, low, size, touching)
+    pieces = _pieces(told, halves, low, size, shells)
     if not len(pieces.index):
         raise MeshError(
             f"no material is found in the part at `cell_mm` {cell_mm:g}: its walls are thinner "
@@ -385,7 +356,7 @@ class _Pieces:
 
 def _pieces(
     material: SampledMaterial, halves: FloatArray, low: FloatArray, size: FloatArray,
-    touching: _Touching | None,
+    shells: Shells | None,
 ) -> _Pieces:  # fmt: skip
     piece, n = material.piece, len(halves)
     filled, cell, ends, shell = material.measured()
@@ -399,10 +370,10 @@ def _pieces(
     flat = np.stack([ends[:, 1] <= place + thin, ends[:, 0] >= place + 1 - thin], axis=2)
     into = _merge_skins(pairs, place, flat, share)
     meet, local, area = _NOWHERE
-    if touching is not None:
+    if shells is not None:
         told = replace(material, piece=into[piece])
-        meet, local, area = _meeting(told, low, size, place, touching)
-        joined = _join_nearest(meet, cell, shell, np.log(touching.modulus_MPa))
+        meet, local, area = _meeting(told, low, size, place, shells)
+        joined = _join_nearest(meet, cell, shell, np.log(shells.modulus_MPa))
         into, meet = joined[into], joined[meet]
     inner = contacts(material, into[piece], place, size)
     meet, local = np.concatenate([meet, inner[0]]), np.concatenate([local, inner[1]])
@@ -456,19 +427,32 @@ _ASTRAY = 3.0
 # thin that no column meets it.
 
 
+_ACROSS = 0.25
+"""Of a cell: triangles no longer than that have one point each, where both sides are coupled."""
+
+
 def _meeting(
-    material: SampledMaterial, low: FloatArray, size: FloatArray, place: IntArray,
-    touching: _Touching,
-) -> tuple[NDArray[np.int32], FloatArray, FloatArray]:  # fmt: skip
+    material: SampledMaterial, low: FloatArray, size: FloatArray, place: IntArray, shells: Shells
+) -> tuple[NDArray[np.int32], FloatArray, FloatArray]:
     """Return pieces on both sides of points where shells touch, (k, 2), places there, and areas."""
-    area = np.linalg.norm(touching.area_mm2, axis=1)
-    out = touching.area_mm2 / area[:, None]
-    (one, at_one, off_one), (other, at_other, off_other) = (
-        located(material, low, size, place, touching.place_mm, way, touching.shells[:, side])
-        for side, way in ((0, -out), (1, out))
+    faces, shell = shells.mesh.faces, shells.shell
+    order, starts = order_rows(*sorted_corners(faces))
+    pairs = starts[np.diff(starts, append=len(order)) == 2]
+    one, other = order[pairs], order[pairs + 1]
+    apart = (shell[one] != shell[other]) & ~repeats_index(faces[one])
+    one, other = one[apart], other[apart]
+    touching = Mesh(shells.mesh.vertices, faces[one])
+    fine, of = halve_long_edges(touching, _ACROSS * float(np.min(size)))
+    area = np.linalg.norm(fine.area_vectors_mm2, axis=1)
+    wide = area > 0.0
+    area, of, middle = area[wide], of[wide], fine.triangles.mean(axis=1)[wide]
+    out = fine.area_vectors_mm2[wide] / area[:, None]
+    (at_one, local_one, off_one), (at_other, local_other, off_other) = (
+        located(material, low, size, place, middle, way, shell[side][of])
+        for side, way in ((one, -out), (other, out))
     )
     near = np.maximum(off_one, off_other) <= _ASTRAY * material.frame[2]
-    pairs, local = np.stack([one, other], axis=1), np.stack([at_one, at_other], axis=1)
+    pairs, local = np.stack([at_one, at_other], axis=1), np.stack([local_one, local_other], axis=1)
     return pairs[near], local[near], area[near]
 
 
