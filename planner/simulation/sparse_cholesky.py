@@ -3,7 +3,7 @@
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from llvmlite import ir
@@ -175,8 +175,7 @@ class NotPositiveDefinite(Exception):  # noqa: N818 - it is an answer, no error
         self.node = node
 
 
-@dataclass(frozen=True, eq=False)
-class Analysis:
+class Analysis(NamedTuple):
     """In which order nodes are eliminated, and what that needs; no number of the matrix is known.
 
     Attributes
@@ -550,14 +549,11 @@ def factor(
 
     def run(task: int) -> int:
         start, end = a.tasks[task]
-        outside = (
-            [updates.pop(t, none) for t in a.below[end - 1]] if end - start == 1 else [none, none]
-        )
+        halves = a.below[end - 1] if end - start == 1 else (-1, -1)
+        outside = (updates.pop(halves[0], none), updates.pop(halves[1], none))
         work = np.empty(a.work[task])
         pivot, at = _factor_fronts(
-            _blas_addresses(), start, end, a.first, a.rest_start, a.above, a.below, a.side, a.cells,
-            a.cell_start, a.begin, a.place, a.panel, matrices, springs, columns, work, outside[0],
-            outside[1],
+            _blas_addresses(), a, start, end, matrices, springs, columns, work, outside,
         )  # fmt: skip
         size = 9 * int(a.rest_start[end] - a.rest_start[end - 1]) ** 2
         updates[end - 1] = work if len(work) == size else work[at : at + size].copy()
@@ -596,12 +592,10 @@ def _aligned(size: int) -> FloatArray:
 
 @kernel
 def _factor_fronts(
-    blas: IntArray, start: _Int, end: _Int, first: IntArray, rest_start: IntArray, above: IntArray,
-    below: IntArray, side: IntArray, cells: IntArray, cell_start: IntArray, begin: IntArray,
-    place: IntArray, panel_start: IntArray, matrices: FloatArray, springs: FloatArray,
-    columns: FloatArray, work: FloatArray, outside_0: FloatArray, outside_1: FloatArray,
+    blas: IntArray, analysis: Analysis, start: _Int, end: _Int, matrices: FloatArray,
+    springs: FloatArray, columns: FloatArray, work: FloatArray, outside: Any,
 ) -> tuple[_Int, _Int]:  # fmt: skip
-    """Factor fronts of one task, in order.
+    """Factor fronts of one task, in order; `outside` are updates of halves that others have made.
 
     Updates stand at both ends of `work`, by depth in turn: those of two halves lie last at one
     end when their cut's comes to the other.
@@ -617,56 +611,55 @@ def _factor_fronts(
     where = np.zeros(end - start, dtype=np.int64)
     integers = np.zeros(8, dtype=np.int32)
     for t in range(start, end):
-        own = np.int64(3 * (first[t + 1] - first[t]))
-        rest = 3 * (rest_start[t + 1] - rest_start[t])
+        own = np.int64(3 * (analysis.first[t + 1] - analysis.first[t]))
+        rest = 3 * (analysis.rest_start[t + 1] - analysis.rest_start[t])
         rows, size = own + rest, rest * rest
-        if side[t] == 0:
+        if analysis.side[t] == 0:
             at = low
             low += size
         else:
             high -= size
             at = high
         where[t - start] = at
-        panel = columns[panel_start[t] : panel_start[t] + rows * own]
+        panel = columns[analysis.panel[t] : analysis.panel[t] + rows * own]
         update = work[at : at + size]
         panel[:] = 0.0
         for j in range(rest):
             update[j * rest + j - j % 3 : (j + 1) * rest] = 0.0
-        for c in cells[cell_start[t] : cell_start[t + 1]]:
-            nodes = place[begin[c] : begin[c + 1]]
+        for c in analysis.cells[analysis.cell_start[t] : analysis.cell_start[t + 1]]:
+            nodes = analysis.place[analysis.begin[c] : analysis.begin[c + 1]]
             if c < len(matrices):
                 _add_cell(matrices[c], nodes, panel, rows, update, own, rest)
             else:
                 _add_springs(springs[c - len(matrices)], nodes, panel, rows, update, own, rest)
         for k in range(2):
-            half = below[t, k]
+            half = analysis.below[t, k]
             if half < 0:
                 continue
-            numbers = 9 * (rest_start[half + 1] - rest_start[half]) ** 2
+            numbers = 9 * (analysis.rest_start[half + 1] - analysis.rest_start[half]) ** 2
             if half >= start:
                 given = work[where[half - start] : where[half - start] + numbers]
-                if side[half] == 0:
+                if analysis.side[half] == 0:
                     low -= numbers
                 else:
                     high += numbers
-            elif k == 0:
-                given = outside_0
             else:
-                given = outside_1
-            to = above[rest_start[half] : rest_start[half + 1]]
+                given = outside[k]
+            to = analysis.above[analysis.rest_start[half] : analysis.rest_start[half + 1]]
             _add_update(given, to, panel, rows, update, own, rest)
         if own == 0:
             continue
-        a, b, c = _address_of(panel), _address_of(panel) + 8 * own, _address_of(update)
-        failed = _potrf(blas[0], own, a, rows, integers)
+        diagonal, square = _address_of(panel), _address_of(update)
+        under = diagonal + 8 * own
+        failed = _potrf(blas[0], own, diagonal, rows, integers)
         for j in range(own):  # LAPACK lets what is not a number pass
             if failed == 0 and not panel[j * rows + j] > 0.0:
                 failed = j + 1
         if failed > 0:
-            return np.int64(first[t]) + (failed - 1) // 3, at
+            return np.int64(analysis.first[t]) + (failed - 1) // 3, at
         if rest > 0:
-            _trsm(blas[1], 1, True, rest, own, a, rows, b, rows, integers)
-            _syrk(blas[2], rest, own, b, rows, c, rest, integers)
+            _trsm(blas[1], 1, True, rest, own, diagonal, rows, under, rows, integers)
+            _syrk(blas[2], rest, own, under, rows, square, rest, integers)
     return np.int64(-1), at
 
 
