@@ -185,24 +185,20 @@ def _find_box(measure: Any, n: Any, wide: Any, middle: Any, half: Any, turn: Any
         tan = (1.0 if lean >= 0.0 else -1.0) / (abs(lean) + np.sqrt(lean * lean + 1.0))
         cos = 1.0 / np.sqrt(tan * tan + 1.0)
         sin = tan * cos
-        for k in range(3):
-            spread[k, a], spread[k, b] = (
-                cos * spread[k, a] - sin * spread[k, b],
-                sin * spread[k, a] + cos * spread[k, b],
-            )
-        for k in range(3):
-            spread[a, k], spread[b, k] = (
-                cos * spread[a, k] - sin * spread[b, k],
-                sin * spread[a, k] + cos * spread[b, k],
-            )
-            turn[a, k], turn[b, k] = (
-                cos * turn[a, k] - sin * turn[b, k],
-                sin * turn[a, k] + cos * turn[b, k],
-            )
+        _rotate(spread.T, a, b, cos, sin)
+        _rotate(spread, a, b, cos, sin)
+        _rotate(turn, a, b, cos, sin)
     whole = _bounds(measure, n, wide, aligned, middle, half)
     if _bounds(measure, n, wide, turn, middle, half) > _MUCH_SMALLER * whole:
         turn[:] = aligned
         _bounds(measure, n, wide, turn, middle, half)
+
+
+@inner_kernel
+def _rotate(rows: Any, a: Any, b: Any, cos: Any, sin: Any) -> Any:
+    for k in range(3):
+        one, other = rows[a, k], rows[b, k]
+        rows[a, k], rows[b, k] = cos * one - sin * other, sin * one + cos * other
 
 
 @inner_kernel
