@@ -130,8 +130,6 @@ class CutCells:
         Nodes of each cell: local node i + 3 j + 9 k with i, j, k in 0..2 along x, y, z.
     node_mm : (N, 3)
         Their places.
-    body : (n,) int32
-        Number of the connected body each cell belongs to.
     shares : (n, shells)
         Of each cell's volume, that are of each shell: 1 of one, save where more than four materials
         share a cell of the lattice. There those of nearest moduli that touch are joined.
@@ -145,8 +143,6 @@ class CutCells:
         All above 0; their sum is the volume.
     surface
         The part's surface, its long edges halved until none is longer than half a cell.
-    triangle : (F,) int32
-        The part's own triangle that each facet of `surface` is of.
     vertex_cell : (V,) int32
         The cell each vertex of `surface` bounds.
     vertex_local : (V, 3)
@@ -162,14 +158,12 @@ class CutCells:
     index: NDArray[np.int32]
     nodes: NDArray[np.int32]
     node_mm: FloatArray
-    body: NDArray[np.int32]
     shares: FloatArray
     interface: Interface
     offsets: NDArray[np.int64]
     points: FloatArray
     weights_mm3: FloatArray
     surface: Mesh
-    triangle: NDArray[np.int32]
     dropped_mm3: float
     material: SampledMaterial = field(repr=False)
     vertex_cell: NDArray[np.int32] = field(init=False)
@@ -249,7 +243,6 @@ def cut_cells(
     shells: Shells | None = None,
     shift: float = 0.0,
     columns_across: int = _COLUMNS_ACROSS,
-    most_cells: int = MOST_CELLS,
     threads: int = 2,
 ) -> CutCells:
     """Cut a closed surface into cells.
@@ -267,8 +260,6 @@ def cut_cells(
         has one cell more along each axis.
     columns_across
         Columns of material sampled along an edge of a cell.
-    most_cells
-        Refuse a part that has more.
     threads
         Number of threads; the result does not depend on it.
 
@@ -297,15 +288,15 @@ def cut_cells(
             f"`cell_mm` {cell_mm:g}: {_by(counts)} cells across the part are more than can be "
             "sampled; choose a larger cell"
         )
-    if fewest > most_cells:
-        raise _too_many(cell_mm, fewest, most_cells)
+    if fewest > MOST_CELLS:
+        raise _too_many(cell_mm, fewest)
     cells = tuple(int(n) for n in counts)
     size = extent / counts
     if shift:
         low, counts = low - shift * size, counts + 1.0
         cells, extent = tuple(int(n) for n in counts), counts * size
     each = [mesh] if shells is None else shells.each
-    surface, triangle = halve_long_edges(mesh, float(np.min(size)) / 2)
+    surface, _ = halve_long_edges(mesh, float(np.min(size)) / 2)
     told, halves = parted(sample(each, low, extent, cells, columns_across), surface, low, size)
     pieces = _pieces(told, halves, low, size, shells)
     if not len(pieces.index):
@@ -314,13 +305,13 @@ def cut_cells(
             f"than {pieces.material.frame[2]:.2g} mm; choose a smaller cell, or check the part's "
             "unit"
         )
-    if len(pieces.index) > most_cells:
-        raise _too_many(cell_mm, len(pieces.index), most_cells)
+    if len(pieces.index) > MOST_CELLS:
+        raise _too_many(cell_mm, len(pieces.index))
     offsets, points, weights = quadrature(pieces.material, pieces.index, pieces.full, threads)
     return CutCells(
-        low, size, pieces.index, pieces.nodes, low + pieces.node_place * (size / 2), pieces.body,
+        low, size, pieces.index, pieces.nodes, low + pieces.node_place * (size / 2),
         pieces.shares, pieces.interface, offsets, points, weights * float(np.prod(size)), surface,
-        triangle, pieces.dropped * float(np.prod(size)), pieces.material,
+        pieces.dropped * float(np.prod(size)), pieces.material,
     )  # fmt: skip
 
 
@@ -328,10 +319,11 @@ def _by(sizes: FloatArray) -> str:
     return " x ".join(f"{s:.4g}" for s in sizes)
 
 
-def _too_many(cell_mm: float, cells: float, most: int) -> ArgumentError:
+def _too_many(cell_mm: float, cells: float) -> ArgumentError:
+    larger_mm = cell_mm * (cells / MOST_CELLS) ** (1 / 3)
     return ArgumentError(
-        f"`cell_mm` {cell_mm:g}: the part has at least {cells:.0f} cells, and {most} are possible; "
-        f"choose a larger cell, about {cell_mm * (cells / most) ** (1 / 3):.2g} or more"
+        f"`cell_mm` {cell_mm:g}: the part has at least {cells:.0f} cells, and {MOST_CELLS} are "
+        f"possible; choose a larger cell, about {larger_mm:.2g} or more"
     )
 
 
@@ -347,7 +339,6 @@ class _Pieces:
     index: NDArray[np.int32]
     nodes: NDArray[np.int32]
     node_place: NDArray[np.int32]  # in halves of a cell
-    body: NDArray[np.int32]
     shares: FloatArray
     interface: Interface
     full: BoolArray  # whether the piece is all of its cell, and nothing else
@@ -388,7 +379,6 @@ def _pieces(
     _join_nodes(np.unique(into[firm], axis=0), place, own)
     index = place[order].astype(np.int32)
     nodes, node_place = _number_nodes(number_groups(own).reshape(n, 27)[order], index)
-    bodies = np.unique(body[order], return_inverse=True)[1].astype(np.int32)
     full = (share == 1.0) & (np.bincount(into, minlength=n) == 1)
     dropped = float(np.sum(share[number[into] < 0]))
     told = replace(material, piece=number[into[piece]])
@@ -396,7 +386,7 @@ def _pieces(
     shares = np.zeros((len(order) + 1, int(shell.max(initial=0)) + 1))
     np.add.at(shares, (number[into], shell), share)
     shares = shares[:-1] / shares[:-1].sum(axis=1, keepdims=True)
-    return _Pieces(told, index, nodes, node_place, bodies, shares, interface, full[order], dropped)
+    return _Pieces(told, index, nodes, node_place, shares, interface, full[order], dropped)
 
 
 _MOST_MATERIALS = 4
