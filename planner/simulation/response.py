@@ -220,8 +220,6 @@ class LoadSteps:
         Stored in the material.
     lost
         Why it stopped early.
-    iterations
-        Of Newton's method, in all.
     fields
         What stands inside at the last step.
     """
@@ -234,7 +232,6 @@ class LoadSteps:
     energy_mJ: FloatArray
     responses: tuple[Response, ...]
     lost: LostStabilityError | None
-    iterations: int
     fields: _PartFields
 
 
@@ -261,14 +258,7 @@ def respond(
     at_vertices, _ = shape_functions(cells.vertex_local, cells.cell_mm)
     average = CellAverage(cells)
     states: list[Equilibrium] = [mechanics.at_rest()]
-    iterations = 0
     lost = None
-
-    def counted(share: float, iteration: int, residual: float) -> None:
-        nonlocal iterations
-        iterations += 1
-        if progress is not None:
-            progress(share, iteration, residual)
 
     factored, last = None, states[0]
     kept: list[tuple[Any, ...]] = []
@@ -291,11 +281,10 @@ def respond(
     keep(states[0])
     try:
         shares = np.linspace(0.0, 1.0, steps + 1)[1:].tolist()
-        for state, now in mechanics.follow(shares, counted, tangents=False):
+        for state, now in mechanics.follow(shares, progress, tangents=False):
             factored = now
-            states.append(Equilibrium(  # strains of earlier states are not needed again
-                state.share, state.displacement_mm, *_NOTHING, state.iterations
-            ))  # fmt: skip
+            # strains of earlier states are not needed again
+            states.append(Equilibrium(state.share, state.displacement_mm, *_NOTHING))
             keep(state)
             last = state
     except LostStabilityError as stop:
@@ -314,7 +303,6 @@ def respond(
         energy,
         responses,
         lost,
-        iterations,
         _fields_of(mechanics, last, corners),
     )
 

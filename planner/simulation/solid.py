@@ -210,8 +210,6 @@ class Equilibrium:
         Green-Lagrange's and second Piola-Kirchhoff's.
     pressure : (n, 4)
         Coefficients of the cells' pressure bases.
-    iterations
-        That it took.
     """
 
     share: float
@@ -219,7 +217,6 @@ class Equilibrium:
     strain: FloatArray
     stress_MPa: FloatArray
     pressure: FloatArray
-    iterations: int = 0
 
 
 class _Sensitivity(NamedTuple):
@@ -643,7 +640,7 @@ class Mechanics:
         stress, pressure = state.stress_MPa.copy(), state.pressure.copy()
         done, factored = 0.0, into
         for iteration in range(1, _MOST_ITERATIONS + 1):
-            here = Equilibrium(share, u, strain, stress, pressure, iteration)
+            here = Equilibrium(share, u, strain, stress, pressure)
             residual, size = self._assembled(here, share)
             error = float(np.linalg.norm(residual)) / max(size, 1e-300)
             if progress is not None:
@@ -669,7 +666,7 @@ class Mechanics:
             moved, before = float(np.abs(change).max()), done
             done = moved
             if moved <= settled * largest and (error <= settled or moved <= 1e-9 * largest):
-                return Equilibrium(share, u, strain, stress, pressure, iteration), factored
+                return Equilibrium(share, u, strain, stress, pressure), factored
             if iteration > 12 and moved > before > 0.1 * largest:
                 break  # it wanders
         raise LostStabilityError(state.share, None)
