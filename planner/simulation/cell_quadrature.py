@@ -27,6 +27,7 @@ _MOMENTS = (_DEGREE + 1) * (_DEGREE + 2) * (_DEGREE + 3) // 6
 _POINTS = 27
 """Of a full cell, and of a cut piece unless they cannot be found."""
 
+_THREADS = 2
 _CHUNK = 32  # pieces that a thread takes at once
 
 _OUTERMOST = 0.8611363115940526
@@ -49,7 +50,7 @@ _MET = 1e-12
 
 
 def quadrature(
-    material: SampledMaterial, index: NDArray[np.int32], full: BoolArray, threads: int
+    material: SampledMaterial, index: NDArray[np.int32], full: BoolArray
 ) -> tuple[NDArray[np.int64], FloatArray, FloatArray]:
     """Return the quadrature of all cells.
 
@@ -61,8 +62,6 @@ def quadrature(
         Place of each cell in the lattice.
     full : (n,)
         Whether its material is all of that place.
-    threads
-        The result does not depend on it.
 
     Returns
     -------
@@ -85,7 +84,7 @@ def quadrature(
         normal, slopes = np.empty((_MOMENTS, _MOMENTS)), np.empty((8 * _POINTS, _MOMENTS))
         _find(pieces, first, stop, measure, normal, slopes, found, used)
 
-    with one_blas_thread(), ThreadPoolExecutor(max(1, threads)) as pool:
+    with one_blas_thread(), ThreadPoolExecutor(_THREADS) as pool:
         for _ in pool.map(find, range(0, many, _CHUNK)):
             pass
     counts = np.full(len(full), _POINTS)

@@ -242,8 +242,6 @@ def cut_cells(
     *,
     shells: Shells | None = None,
     shift: float = 0.0,
-    columns_across: int = _COLUMNS_ACROSS,
-    threads: int = 2,
 ) -> CutCells:
     """Cut a closed surface into cells.
 
@@ -258,10 +256,6 @@ def cut_cells(
     shift
         Share of a cell, 0 to 1, by which the lattice begins before the bounding box, which then
         has one cell more along each axis.
-    columns_across
-        Columns of material sampled along an edge of a cell.
-    threads
-        Number of threads; the result does not depend on it.
 
     Raises
     ------
@@ -281,38 +275,24 @@ def cut_cells(
     if not np.min(extent) > 0:
         raise MeshError(f"the part is {_by(extent)} mm, which holds no material; give a solid")
     counts = np.maximum(np.ceil(extent / cell_mm - 1e-6), 1.0)
-    columns = np.sum(extent[:2]) * np.hypot(*extent[:2]) * (columns_across / cell_mm) ** 2
+    columns = np.sum(extent[:2]) * np.hypot(*extent[:2]) * (_COLUMNS_ACROSS / cell_mm) ** 2
     fewest = max(mesh.volume_mm3, 0.0) / cell_mm**3
-    if max(counts) * columns_across * 1.5 > MOST_VOXELS or columns > _MOST_COLUMNS:
+    if max(counts) * _COLUMNS_ACROSS * 1.5 > MOST_VOXELS or columns > _MOST_COLUMNS:
         raise ArgumentError(
             f"`cell_mm` {cell_mm:g}: {_by(counts)} cells across the part are more than can be "
             "sampled; choose a larger cell"
         )
     if fewest > MOST_CELLS:
         raise _too_many(cell_mm, fewest)
-    cells = tuple(int(n) for n in counts)
     size = extent / counts
     if shift:
         low, counts = low - shift * size, counts + 1.0
-        cells, extent = tuple(int(n) for n in counts), counts * size
+        extent = counts * size
+    cells = tuple(int(n) for n in counts)
     each = [mesh] if shells is None else shells.each
     surface, _ = halve_long_edges(mesh, float(np.min(size)) / 2)
-    told, halves = parted(sample(each, low, extent, cells, columns_across), surface, low, size)
-    pieces = _pieces(told, halves, low, size, shells)
-    if not len(pieces.index):
-        raise MeshError(
-            f"no material is found in the part at `cell_mm` {cell_mm:g}: its walls are thinner "
-            f"than {pieces.material.frame[2]:.2g} mm; choose a smaller cell, or check the part's "
-            "unit"
-        )
-    if len(pieces.index) > MOST_CELLS:
-        raise _too_many(cell_mm, len(pieces.index))
-    offsets, points, weights = quadrature(pieces.material, pieces.index, pieces.full, threads)
-    return CutCells(
-        low, size, pieces.index, pieces.nodes, low + pieces.node_place * (size / 2),
-        pieces.shares, pieces.interface, offsets, points, weights * float(np.prod(size)), surface,
-        pieces.dropped * float(np.prod(size)), pieces.material,
-    )  # fmt: skip
+    told, halves = parted(sample(each, low, extent, cells, _COLUMNS_ACROSS), surface, low, size)
+    return _filled(told, halves, low, size, shells, surface, cell_mm)
 
 
 def _by(sizes: FloatArray) -> str:
@@ -331,24 +311,11 @@ def _too_many(cell_mm: float, cells: float) -> ArgumentError:
 # Pieces, and the nodes they share.
 
 
-@dataclass(frozen=True, eq=False)
-class _Pieces:
-    """Connected pieces of material in the cells, in the order of `CutCells`."""
-
-    material: SampledMaterial  # with its segments told to pieces
-    index: NDArray[np.int32]
-    nodes: NDArray[np.int32]
-    node_place: NDArray[np.int32]  # in halves of a cell
-    shares: FloatArray
-    interface: Interface
-    full: BoolArray  # whether the piece is all of its cell, and nothing else
-    dropped: float  # volume left out, in cells
-
-
-def _pieces(
+def _filled(
     material: SampledMaterial, halves: FloatArray, low: FloatArray, size: FloatArray,
-    shells: Shells | None,
-) -> _Pieces:  # fmt: skip
+    shells: Shells | None, surface: Mesh, cell_mm: float,
+) -> CutCells:  # fmt: skip
+    """Return cells of the connected pieces of material, `halves` those that planes have parted."""
     piece, n = material.piece, len(halves)
     filled, cell, ends, shell = material.measured()
     place = np.stack(np.unravel_index(cell, material.counts), axis=1)
@@ -373,20 +340,31 @@ def _pieces(
     kept = (into == np.arange(n)) & (np.bincount(body, share)[body] >= _NEARLY_NOTHING)
     order = np.flatnonzero(kept)
     order = order[np.argsort(cell[order], kind="stable")]
+    if not len(order):
+        raise MeshError(
+            f"no material is found in the part at `cell_mm` {cell_mm:g}: its walls are thinner "
+            f"than {material.frame[2]:.2g} mm; choose a smaller cell, or check the part's unit"
+        )
+    if len(order) > MOST_CELLS:
+        raise _too_many(cell_mm, len(order))
     number = np.full(n, -1, np.int32)
     number[order] = np.arange(len(order))
     own = np.arange(27 * n, dtype=np.int32)
     _join_nodes(np.unique(into[firm], axis=0), place, own)
     index = place[order].astype(np.int32)
     nodes, node_place = _number_nodes(number_groups(own).reshape(n, 27)[order], index)
-    full = (share == 1.0) & (np.bincount(into, minlength=n) == 1)
-    dropped = float(np.sum(share[number[into] < 0]))
+    whole = (share == 1.0) & (np.bincount(into, minlength=n) == 1)
     told = replace(material, piece=number[into[piece]])
-    interface = _interface(number[meet], local, area)
-    shares = np.zeros((len(order) + 1, int(shell.max(initial=0)) + 1))
+    offsets, points, weights = quadrature(told, index, whole[order])
+    shares = np.zeros((len(order) + 1, int(shell.max()) + 1))
     np.add.at(shares, (number[into], shell), share)
     shares = shares[:-1] / shares[:-1].sum(axis=1, keepdims=True)
-    return _Pieces(told, index, nodes, node_place, shares, interface, full[order], dropped)
+    cell_mm3 = float(np.prod(size))
+    return CutCells(
+        low, size, index, nodes, low + node_place * (size / 2), shares,
+        _interface(number[meet], local, area), offsets, points, weights * cell_mm3, surface,
+        float(np.sum(share[number[into] < 0])) * cell_mm3, told,
+    )  # fmt: skip
 
 
 _MOST_MATERIALS = 4

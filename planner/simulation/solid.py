@@ -414,19 +414,18 @@ class Mechanics:
 
     def _build_loads(self) -> None:
         cells, conditions = self.body.cells, self.conditions
-        self.forces: list[FloatArray] = []
+        self.dead = np.zeros((len(cells.node_mm), 3))
         for force in conditions.forces:
             at = self.points_of(force.facets)
             size = np.linalg.norm(at.area_mm2, axis=1)
             share = (size / size.sum())[:, None]
-            self.forces.append(spread(cells, at, share * np.array(force.force_N)))
-        self.dead = sum(self.forces, np.zeros((len(cells.node_mm), 3)))
+            self.dead += spread(cells, at, share * np.array(force.force_N))
         for moment in conditions.moments:
             couples = self.couple(moment.facets, np.array(moment.moment_N_mm))
-            self.dead = self.dead + spread(cells, *couples)
+            self.dead += spread(cells, *couples)
         if conditions.gravity is not None and self.body.densities is not None:
             density = np.interp(self.body.coordinate, *self.body.densities)
-            self.dead = self.dead + np.outer(self._weight @ density, conditions.gravity)
+            self.dead += np.outer(self._weight @ density, conditions.gravity)
         self.pushed = [
             _Pushed(self.points_of(p.facets), p.pressure_MPa) for p in conditions.pressures
         ]
@@ -490,8 +489,8 @@ class Mechanics:
         state = replace(rest, share=share, displacement_mm=displacement_mm)
         state = replace(state, strain=self.observe(state).strain)
         self._run(
-            advance, self.geometry, self.table, self.basis, self.compliance, displacement_mm,
-            np.zeros_like(displacement_mm), state.strain, state.stress_MPa, state.pressure,
+            advance, displacement_mm, np.zeros_like(displacement_mm), state.strain,
+            state.stress_MPa, state.pressure,
         )  # fmt: skip
         return state
 
@@ -500,13 +499,14 @@ class Mechanics:
         offsets = self.body.cells.offsets
         cuts = np.searchsorted(offsets, np.linspace(0, offsets[-1], 4 * _THREADS + 1))
         cuts[-1] = len(offsets) - 1
-        for first, last in zip(cuts[:-1].tolist(), cuts[1:].tolist(), strict=True):
+        for first, last in itertools.pairwise(cuts.tolist()):
             if last > first:
                 yield first, last
 
     def _run(self, function: Callable[..., None], *arguments: Any) -> None:
         with ThreadPoolExecutor(_THREADS) as pool:
-            for job in [pool.submit(function, a, b, *arguments) for a, b in self._shares()]:
+            given = (self.geometry, self.table, self.basis, self.compliance, *arguments)
+            for job in [pool.submit(function, a, b, *given) for a, b in self._shares()]:
                 job.result()
 
     def _assembled(self, state: Equilibrium, share: float) -> tuple[FloatArray, float]:
@@ -515,9 +515,8 @@ class Mechanics:
         u = state.displacement_mm
         forces = np.empty((len(cells.nodes), 81))
         self._run(
-            assemble, self.geometry, self.table, self.basis, self.compliance, self.stabiliser,
-            self.roughness, u, state.strain, state.stress_MPa, state.pressure, self._matrices,
-            forces,
+            assemble, self.stabiliser, self.roughness, u, state.strain, state.stress_MPa,
+            state.pressure, self._matrices, forces,
         )  # fmt: skip
         inner = _summed(cells.nodes, forces, len(cells.node_mm))
         size = float(np.sqrt(np.sum(forces * forces)))
@@ -530,7 +529,7 @@ class Mechanics:
         for pushed in self.pushed:
             outer = outer + self._push(pushed, share, u, tangent=True)
         for held in self.held:
-            outer = outer + self._hold(held, share, u, tangent=True)
+            outer = outer + self._hold(held, share, u)
         return outer - inner, max(size, float(np.linalg.norm(outer)))
 
     def _push(self, pushed: _Pushed, share: float, u: FloatArray, *, tangent: bool) -> FloatArray:
@@ -538,9 +537,7 @@ class Mechanics:
         cells, at = self.body.cells, pushed.points
         p = share * pushed.pressure_MPa
         F = np.eye(3) + np.einsum("nai,nak->nik", u[cells.nodes[at.cell]], at.gradient)
-        cofactor = np.empty_like(F)
-        for i in range(3):
-            cofactor[:, i] = np.cross(F[:, (i + 1) % 3], F[:, (i + 2) % 3])
+        cofactor = np.cross(F[:, [1, 2, 0]], F[:, [2, 0, 1]])
         push = -p * np.einsum("nik,nk->ni", cofactor, at.area_mm2)
         if tangent:
             # d cof F / dF, with ε_ijk ε_IJK F_kK A_I = ε_ijk (A × F_k)_J.
@@ -557,14 +554,13 @@ class Mechanics:
         """Return the whole force of a pressure on the body, (3,)."""
         return np.asarray(self._push(pushed, share, u, tangent=False).sum(axis=0))
 
-    def _hold(self, held: _Held, share: float, u: FloatArray, *, tangent: bool) -> FloatArray:
+    def _hold(self, held: _Held, share: float, u: FloatArray) -> FloatArray:
         """Return the nodal forces of a support; add its stiffness."""
-        cells, at = self.body.cells, held.points
-        if tangent:
-            for (cell, _), springs in zip(at.by_cell(), held.springs, strict=True):
-                for axis in np.flatnonzero(held.axes).tolist():
-                    self._matrices[cell, :, axis] += springs
-        return spread(cells, at, self._reaction(held, share, u))
+        at = held.points
+        for (cell, _), springs in zip(at.by_cell(), held.springs, strict=True):
+            for axis in np.flatnonzero(held.axes).tolist():
+                self._matrices[cell, :, axis] += springs
+        return spread(self.body.cells, at, self._reaction(held, share, u))
 
     def _reaction(self, held: _Held, share: float, u: FloatArray) -> FloatArray:
         """Return the force of a support on the body at each of its points, (n, 3)."""
@@ -638,7 +634,7 @@ class Mechanics:
         cells = self.body.cells
         u, strain = state.displacement_mm.copy(), state.strain.copy()
         stress, pressure = state.stress_MPa.copy(), state.pressure.copy()
-        done, factored = 0.0, into
+        moved, factored = 0.0, into
         for iteration in range(1, _MOST_ITERATIONS + 1):
             here = Equilibrium(share, u, strain, stress, pressure)
             residual, size = self._assembled(here, share)
@@ -657,14 +653,10 @@ class Mechanics:
                 raise LostStabilityError(state.share, None)
             if at_rest and not self.pushed:  # a pressure has a stiffness, which grows with it
                 self._first = share, change
-            self._run(
-                advance, self.geometry, self.table, self.basis, self.compliance, u, change,
-                strain, stress, pressure,
-            )  # fmt: skip
+            self._run(advance, u, change, strain, stress, pressure)
             u = u + change
             largest = float(np.abs(u).max())
-            moved, before = float(np.abs(change).max()), done
-            done = moved
+            before, moved = moved, float(np.abs(change).max())
             if moved <= settled * largest and (error <= settled or moved <= 1e-9 * largest):
                 return Equilibrium(share, u, strain, stress, pressure), factored
             if iteration > 12 and moved > before > 0.1 * largest:
@@ -772,8 +764,8 @@ class Mechanics:
         strain = np.empty((count, 6))
         field = np.zeros_like(state.displacement_mm) if adjoint is None else adjoint
         self._run(
-            observe, self.geometry, self.table, self.basis, self.compliance, self.bulk,
-            state.displacement_mm, state.pressure, field, x, strain, iso, vol, over_m,
+            observe, self.bulk, state.displacement_mm, state.pressure, field, x, strain, iso, vol,
+            over_m,
         )  # fmt: skip
         return Observed(x, strain, iso, vol, over_m)
 

@@ -518,7 +518,6 @@ def factor(
     springs: FloatArray = _NO_SPRINGS,
     *,
     into: Factor | None = None,
-    threads: int = _THREADS,
 ) -> Factor:
     """Sum the matrices of cells and factor the sum.
 
@@ -564,11 +563,11 @@ def factor(
         {above[int(t)] for t in a.below[end - 1] if t in above} if end - start == 1 else set()
         for start, end in a.tasks
     ]
-    with one_blas_thread(), ThreadPoolExecutor(max(threads, 1)) as pool:
+    with one_blas_thread(), ThreadPoolExecutor(_THREADS) as pool:
         todo, done = list(range(len(a.tasks))), set[int]()
         running: dict[Future[int], int] = {}
         while todo or running:
-            for task in [k for k in todo if missing[k] <= done][: max(threads, 1) - len(running)]:
+            for task in [k for k in todo if missing[k] <= done][: _THREADS - len(running)]:
                 todo.remove(task)
                 running[pool.submit(run, task)] = task
             for future in wait(running, return_when=FIRST_COMPLETED).done:

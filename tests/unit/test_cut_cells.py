@@ -5,6 +5,7 @@ import pytest
 import trimesh
 from scipy import sparse
 
+from planner import simulation
 from planner.errors import ArgumentError, MeshError
 from planner.formats.mesh_file import read_mesh
 from planner.mesh.halve import halve_long_edges
@@ -132,13 +133,12 @@ def test_a_box_aslant_has_its_volume_and_moments():
     assert second_moments(cells) == pytest.approx(exact, abs=5e-4 * np.trace(exact))
 
 
-def test_a_sphere_converges_with_the_spacing_of_columns():
+def test_a_sphere_converges_with_the_spacing_of_columns(monkeypatch):
     """Volume of the triangles, exactly known: the error falls faster than the spacing."""
-    mesh = sphere()
-    errors = [
-        abs(cut_cells(mesh, 5.0, columns_across=n).volume_mm3 / mesh.volume_mm3 - 1)
-        for n in (6, 12, 24, 48, 96)
-    ]
+    mesh, errors = sphere(), []
+    for n in (6, 12, 24, 48, 96):
+        monkeypatch.setattr(simulation.cut_cells, "_COLUMNS_ACROSS", n)
+        errors.append(abs(cut_cells(mesh, 5.0).volume_mm3 / mesh.volume_mm3 - 1))
     slope = np.polyfit(np.log([6, 12, 24, 48, 96]), np.log(np.maximum(errors, 1e-7)), 1)[0]
     assert slope < -1.0
     assert errors[2] < 5e-4
@@ -259,9 +259,11 @@ def test_a_plane_fits_the_nodes():
     assert cells.node_mm[cells.nodes] == pytest.approx(place, abs=1e-12)
 
 
-def test_the_same_on_one_thread_and_on_two_and_again():
+def test_the_same_on_one_thread_and_on_two_and_again(monkeypatch):
     mesh = turned(box((10, 6, 4)), (1, 2, 3), 0.7)
-    one, two, again = (cut_cells(mesh, 2.0, threads=n) for n in (1, 2, 2))
+    two, again = cut_cells(mesh, 2.0), cut_cells(mesh, 2.0)
+    monkeypatch.setattr(simulation.cell_quadrature, "_THREADS", 1)
+    one = cut_cells(mesh, 2.0)
     for name in ("index", "nodes", "node_mm", "offsets", "points", "weights_mm3", "vertex_local"):
         assert np.array_equal(getattr(one, name), getattr(two, name)), name
         assert np.array_equal(getattr(two, name), getattr(again, name)), name

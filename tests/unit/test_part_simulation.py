@@ -563,7 +563,7 @@ def test_what_cells_take_is_foretold(samples: Path) -> None:
     from planner.simulation.sparse_cholesky import analyse
 
     surface = open_part(samples / "finger.stl", unit=None).part.mesh
-    cells = cut_cells(surface, 3.0, columns_across=6)
+    cells = cut_cells(surface, 3.0)
     analysis = analyse(cells.nodes, cells.node_mm, cells.interface.cells)
     needed = analysis.factor_bytes + analysis.work_bytes + 8 * 6 * 27**2 * len(cells.nodes)
     found = part._effort(surface, np.array([3.0]), factors=1, solutions=1)
