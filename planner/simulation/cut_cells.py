@@ -29,7 +29,6 @@ __all__ = [
     "FEWEST_ALONG",
     "MOST_CELLS",
     "CutCells",
-    "Interface",
     "Shells",
     "cut_cells",
 ]
@@ -79,7 +78,7 @@ class Shells(NamedTuple):
         return [Mesh(vertices, faces[self.shell == k]) for k in range(len(self.modulus_MPa))]
 
 
-class Interface(NamedTuple):
+class _Interface(NamedTuple):
     """Where cells of different materials meet.
 
     Attributes
@@ -159,7 +158,7 @@ class CutCells:
     nodes: NDArray[np.int32]
     node_mm: FloatArray
     shares: FloatArray
-    interface: Interface
+    interface: _Interface
     offsets: NDArray[np.int64]
     points: FloatArray
     weights_mm3: FloatArray
@@ -424,7 +423,7 @@ def _meeting(
     return pairs[near], local[near], area[near]
 
 
-def _interface(pairs: NDArray[np.int32], local: FloatArray, area_mm2: FloatArray) -> Interface:
+def _interface(pairs: NDArray[np.int32], local: FloatArray, area_mm2: FloatArray) -> _Interface:
     """Put points of each pair of cells together; a cell of -1 is none."""
     turn = np.argsort(pairs, axis=1)
     pairs = np.take_along_axis(pairs, turn, axis=1)
@@ -432,7 +431,7 @@ def _interface(pairs: NDArray[np.int32], local: FloatArray, area_mm2: FloatArray
     order = np.lexsort(pairs.T[::-1])
     order = order[(pairs[order, 0] >= 0) & (pairs[order, 0] < pairs[order, 1])]
     cells, starts = np.unique(pairs[order], axis=0, return_index=True)
-    return Interface(cells, np.append(starts, len(order)), local[order], area_mm2[order])
+    return _Interface(cells, np.append(starts, len(order)), local[order], area_mm2[order])
 
 
 def _touch_across(

@@ -29,10 +29,8 @@ if TYPE_CHECKING:
 __all__ = [
     "Body",
     "Equilibrium",
-    "FacetPoints",
     "LostStabilityError",
     "Mechanics",
-    "facet_points",
     "spread",
 ]
 
@@ -63,7 +61,7 @@ _CORNERS = np.array([[4.0, 1.0, 1.0], [1.0, 4.0, 1.0], [1.0, 1.0, 4.0]]) / 6.0
 """Three points of a triangle, exact for squares: a quadratic displacement times a constant load."""
 
 
-class FacetPoints(NamedTuple):
+class _FacetPoints(NamedTuple):
     """Quadrature points of facets of the surface.
 
     Attributes
@@ -88,7 +86,7 @@ class FacetPoints(NamedTuple):
             yield int(self.cell[a]), slice(a, b)
 
 
-def facet_points(cells: "CutCells", facets: BoolArray) -> FacetPoints:
+def _facet_points(cells: "CutCells", facets: BoolArray) -> _FacetPoints:
     """Return the points of the facets that are marked, (F,), of the cells' surface."""
     corners, area = cells.surface.triangles[facets], cells.surface.area_vectors_mm2[facets]
     size = np.linalg.norm(area, axis=1)
@@ -100,10 +98,10 @@ def facet_points(cells: "CutCells", facets: BoolArray) -> FacetPoints:
     cell = cell[order]
     shape, gradient = shape_functions(local[order], cells.cell_mm)
     starts = np.append(np.flatnonzero(np.diff(cell, prepend=-1)), len(cell))
-    return FacetPoints(starts, cell, shape, gradient, thirds[order])
+    return _FacetPoints(starts, cell, shape, gradient, thirds[order])
 
 
-def spread(cells: "CutCells", at: FacetPoints, forces: FloatArray) -> FloatArray:
+def spread(cells: "CutCells", at: _FacetPoints, forces: FloatArray) -> FloatArray:
     """Return the nodal forces, (N, 3), of forces at points, (n, 3)."""
     each = at.shape[:, :, None] * forces[:, None, :]
     return _summed(cells.nodes[at.cell], each, len(cells.node_mm))
@@ -123,7 +121,7 @@ _LEVI_CIVITA = np.cross(np.eye(3)[:, None], np.eye(3))
 class _Held(NamedTuple):
     """A support as springs."""
 
-    points: FacetPoints
+    points: _FacetPoints
     stiffness: FloatArray  # (n,) of each point, N/mm
     springs: list[FloatArray]  # (27, 27) of each cell, alike along each axis
     axes: FloatArray  # (3,) 1 where held
@@ -133,7 +131,7 @@ class _Held(NamedTuple):
 class _Pushed(NamedTuple):
     """A pressure on facets."""
 
-    points: FacetPoints
+    points: _FacetPoints
     pressure_MPa: float
 
 
@@ -377,7 +375,7 @@ class Mechanics:
         self.geometry = (
             cells.nodes, cells.offsets, cells.points, cells.weights_mm3, cells.cell_mm,
         )  # fmt: skip
-        self._places: dict[bytes, FacetPoints] = {} if like is None else like._places
+        self._places: dict[bytes, _FacetPoints] = {} if like is None else like._places
         self.softer_MPa = _softer_MPa(body)
         if like is None:
             self.springs = _springs(cells, self.softer_MPa)
@@ -388,25 +386,25 @@ class Mechanics:
         self._build_loads()
         self._matrices = np.empty((len(cells.nodes), 27, 6, 27)) if like is None else like._matrices
 
-    def points_of(self, facets: BoolArray) -> FacetPoints:
-        """Return the quadrature points of facets, as `facet_points`; kept for the next time."""
+    def points_of(self, facets: BoolArray) -> _FacetPoints:
+        """Return the quadrature points of facets, as `_facet_points`; kept for the next time."""
         key = np.packbits(facets).tobytes()
         if key not in self._places:
-            self._places[key] = facet_points(self.body.cells, facets)
+            self._places[key] = _facet_points(self.body.cells, facets)
         return self._places[key]
 
-    def _carried(self, at: FacetPoints, nodal: FloatArray) -> FloatArray:
+    def _carried(self, at: _FacetPoints, nodal: FloatArray) -> FloatArray:
         """Return at points of facets, (n, 3), what is given at the nodes, (N, 3)."""
         nodes = self.body.cells.nodes[at.cell]
         return np.asarray(np.einsum("na,nai->ni", at.shape, nodal[nodes]))
 
-    def place_mm(self, at: FacetPoints, u: FloatArray | float = 0.0) -> FloatArray:
+    def place_mm(self, at: _FacetPoints, u: FloatArray | float = 0.0) -> FloatArray:
         """Return where points of facets are, (n, 3), displaced by `u`, (N, 3), or at rest."""
         return self._carried(at, self.body.cells.node_mm + u)
 
     def couple(
         self, facets: BoolArray, moment: FloatArray, u: FloatArray | float = 0.0
-    ) -> tuple[FacetPoints, FloatArray]:
+    ) -> tuple[_FacetPoints, FloatArray]:
         """Return the points of facets, and forces there that come to a moment (`loads.couple`)."""
         at = self.points_of(facets)
         size = np.linalg.norm(at.area_mm2, axis=1)
@@ -711,12 +709,12 @@ class Mechanics:
 
     # -------------------------------------------------------------------------------------------
 
-    def mean(self, points: FacetPoints, u: FloatArray) -> FloatArray:
+    def mean(self, points: _FacetPoints, u: FloatArray) -> FloatArray:
         """Return the mean displacement of facets by area, (3,)."""
         size = np.linalg.norm(points.area_mm2, axis=1)
         return np.asarray(size @ self._carried(points, u) / size.sum())
 
-    def mean_weights(self, points: FacetPoints, direction: FloatArray) -> FloatArray:
+    def mean_weights(self, points: _FacetPoints, direction: FloatArray) -> FloatArray:
         """Return the nodal weights, (N, 3), of the mean displacement along a direction."""
         size = np.linalg.norm(points.area_mm2, axis=1)
         return spread(self.body.cells, points, (size / size.sum())[:, None] * direction)
@@ -760,14 +758,10 @@ class Mechanics:
         """Return invariants and strains at the points, and the work on an adjoint field."""
         cells = self.body.cells
         count = len(cells.points)
-        x, iso, vol, over_m = (np.empty(count) for _ in range(4))
-        strain = np.empty((count, 6))
+        seen = Observed(np.empty(count), np.empty((count, 6)), *np.empty((3, count)))
         field = np.zeros_like(state.displacement_mm) if adjoint is None else adjoint
-        self._run(
-            observe, self.bulk, state.displacement_mm, state.pressure, field, x, strain, iso, vol,
-            over_m,
-        )  # fmt: skip
-        return Observed(x, strain, iso, vol, over_m)
+        self._run(observe, self.bulk, state.displacement_mm, state.pressure, field, *seen)
+        return seen
 
     def sensitivity(
         self, state: Equilibrium, factored: "Factor", weights: FloatArray

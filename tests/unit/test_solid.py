@@ -17,10 +17,10 @@ from planner.mesh.mesh import Mesh
 from planner.palette import LawParameters
 from planner.printers import palette_of
 from planner.simulation import solid
-from planner.simulation.cut_cells import Interface, cut_cells
+from planner.simulation.cut_cells import _Interface, cut_cells
 from planner.simulation.loads import Conditions, Force, Pressure, Support
 from planner.simulation.response import CellAverage, figure_interval, log_stress_sds
-from planner.simulation.solid import Body, LostStabilityError, Mechanics, facet_points
+from planner.simulation.solid import Body, LostStabilityError, Mechanics
 from planner.simulation.sparse_cholesky import analyse
 
 # ------------------------------------------------------------------------------------------------
@@ -45,7 +45,7 @@ def faces_of(size, counts):
     return Mesh(corners.reshape(-1, 3), np.concatenate([four[:, :3], four[:, [0, 2, 3]]]))
 
 
-NO_INTERFACE = Interface(
+NO_INTERFACE = _Interface(
     np.empty((0, 2), np.int32), np.zeros(1, np.int64), np.empty((0, 2, 3)), np.empty(0)
 )
 
@@ -167,7 +167,7 @@ def test_walls_turn_against_the_ground_they_stand_on(cell_mm: float) -> None:
 
 
 def mean(problem, state, facets):
-    return problem.mean(facet_points(problem.body.cells, facets), state.displacement_mm)
+    return problem.mean(problem.points_of(facets), state.displacement_mm)
 
 
 def evenly(cells, ends=(None, None, None)):
@@ -441,7 +441,7 @@ def test_rivlins_tube():
     """p = 0.428228 mu inflates the bore of an incompressible tube, B / A = 2, to a / A = 1.5."""
     problem, bore = inflated_tube(0.428228)
     state = settled(problem)
-    at = facet_points(problem.body.cells, bore)
+    at = problem.points_of(bore)
     nodes = problem.body.cells.nodes[at.cell]
     rest = np.einsum("na,nai->ni", at.shape, problem.body.cells.node_mm[nodes])
     u = np.einsum("na,nai->ni", at.shape, state.displacement_mm[nodes])
@@ -513,7 +513,7 @@ class Beam:
         up = np.array([0.0, 0.0, 1.0])
         if self.moved:
             return problem.reaction_weights(1, up)
-        return problem.mean_weights(facet_points(self.cells, self.end), up)
+        return problem.mean_weights(problem.points_of(self.end), up)
 
 
 @pytest.fixture(scope="module", params=["force", "motion"])
