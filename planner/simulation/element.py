@@ -195,6 +195,8 @@ def assemble(
 
     compliance : (n, 4, 4)
         Inverse of ∫ ψψ / κ of the pressures' basis ψ, (Q, 4).
+    stabiliser : (n, 2), roughness : (2, 27, 27)
+        Stiffness against what is not linear, and against slopes.
     strain, stress : (Q, 6), pressure : (n, 4)
         Where Newton's method is.
     """
@@ -277,10 +279,11 @@ def assemble(
                         value += compliance[c, r, s] * volumetric[i, s, a]
                     for b in range(27):
                         to[b] += value * volumetric[j, r, b]
-        if stabiliser[c] > 0.0:
+        if stabiliser[c, 0] > 0.0:
             for a in range(27):
                 for b in range(27):
-                    hold = stabiliser[c] * roughness[a, b]
+                    hold = stabiliser[c, 0] * roughness[0, a, b]
+                    hold += stabiliser[c, 1] * roughness[1, a, b]
                     for i in range(3):
                         matrix[a, i, b] += hold
                         force[3 * a + i] += hold * u[nodes[c, b], i]

@@ -365,12 +365,12 @@ class Mechanics:
         held_by = body.cell_shear_MPa if body.stabiliser_MPa is None else body.stabiliser_MPa
         full_mm3 = float(np.prod(cells.cell_mm))
         cut = cells.cell_volume_mm3 < (1.0 - 1e-9) * full_mm3
-        self.stabiliser = np.where(cut, _STABILISER * held_by * full_mm3 ** (1.0 / 3.0), 0.0)
+        hold = np.where(cut, _STABILISER * held_by * full_mm3 ** (1.0 / 3.0), 0.0)
+        flat = body.spread[0][:, 0] < _LINE
+        self.stabiliser = np.stack([hold, _SLOPE * np.where(flat, hold, 0.0)], axis=1)
         linear = np.column_stack([np.ones(27), LOCAL - 1.0])
-        self.roughness = np.eye(27) - linear @ np.linalg.pinv(linear)
-        flat = np.flatnonzero(cut & (body.spread[0][:, 0] < _LINE))
-        hold = _SLOPE * self.stabiliser[flat, None, None]
-        self.flat = (flat, hold * (linear[:, 1:] @ np.linalg.pinv(linear[:, 1:])))
+        sloped = linear[:, 1:] @ np.linalg.pinv(linear[:, 1:])
+        self.roughness = np.stack([np.eye(27) - linear @ np.linalg.pinv(linear), sloped])
         self.table = (body.table.log_slope_MPa, body.table.step, below, share)
         self.geometry = (
             cells.nodes, cells.offsets, cells.points, cells.weights_mm3, cells.cell_mm,
@@ -518,9 +518,6 @@ class Mechanics:
         )  # fmt: skip
         inner = _summed(cells.nodes, forces, len(cells.node_mm))
         size = float(np.sqrt(np.sum(forces * forces)))
-        flat, hold = self.flat
-        self._matrices[flat, :, :3] += hold[:, :, None]
-        inner += _summed(cells.nodes[flat], hold @ u[cells.nodes[flat]], len(cells.node_mm))
         linked = cells.nodes[cells.interface.cells].reshape(-1, 54)
         inner += _summed(linked, self.springs @ u[linked], len(cells.node_mm))
         outer = share * self.dead
