@@ -546,36 +546,37 @@ def factor(
     none = np.empty(0)
     failed = len(a.order)
 
-    def run(task: int) -> int:
+    def is_ready(task: int) -> bool:
         start, end = a.tasks[task]
-        halves = a.below[end - 1] if end - start == 1 else (-1, -1)
-        outside = (updates.pop(halves[0], none), updates.pop(halves[1], none))
-        work = np.empty(a.work[task])
-        pivot, at = _factor_fronts(
-            _blas_addresses(), a, start, end, matrices, springs, columns, work, outside,
-        )  # fmt: skip
-        size = 9 * int(a.rest_start[end] - a.rest_start[end - 1]) ** 2
-        updates[end - 1] = work if len(work) == size else work[at : at + size].copy()
-        return int(pivot)
+        return end - start > 1 or all(t < 0 or t in updates for t in a.below[end - 1].tolist())
 
-    above = {int(a.tasks[k, 1]) - 1: k for k in range(len(a.tasks))}
-    missing = [
-        {above[int(t)] for t in a.below[end - 1] if t in above} if end - start == 1 else set()
-        for start, end in a.tasks
-    ]
+    def begin(task: int) -> tuple[Future[Any], tuple[int, FloatArray]]:
+        start, end = a.tasks[task]
+        halves = a.below[end - 1].tolist() if end - start == 1 else (-1, -1)
+        outside = (updates.pop(halves[0], none), updates.pop(halves[1], none))
+        work = np.empty(a.work[task])  # taken in one thread: each keeps what it once had
+        given = (start, end, matrices, springs, columns, work, outside)
+        return pool.submit(_factor_fronts, _blas_addresses(), a, *given), (task, work)
+
+    def keep(task: int, work: FloatArray, at: int) -> None:
+        last = int(a.tasks[task, 1]) - 1
+        size = 9 * int(a.rest_start[last + 1] - a.rest_start[last]) ** 2
+        updates[last] = work if len(work) == size else work[at : at + size].copy()
+
     with one_blas_thread(), ThreadPoolExecutor(_THREADS) as pool:
-        todo, done = list(range(len(a.tasks))), set[int]()
-        running: dict[Future[int], int] = {}
+        todo = list(range(len(a.tasks)))
+        running: dict[Future[Any], tuple[int, FloatArray]] = {}
         while todo or running:
-            for task in [k for k in todo if missing[k] <= done][: _THREADS - len(running)]:
-                todo.remove(task)
-                running[pool.submit(run, task)] = task
+            ready = [k for k in todo if is_ready(k)][: _THREADS - len(running)]
+            todo = [k for k in todo if k not in ready]
+            running.update(map(begin, ready))
             for future in wait(running, return_when=FIRST_COMPLETED).done:
-                task = running.pop(future)
-                done.add(task)
-                if future.result() >= 0:
+                pivot, at = future.result()
+                task = running[future][0]
+                keep(*running.pop(future), at)
+                if pivot >= 0:
                     # Tasks before this one may fail at an earlier pivot; those after it cannot.
-                    failed = min(failed, future.result())
+                    failed = min(failed, pivot)
                     todo = [k for k in todo if k < task]
     if failed < len(a.order):
         raise NotPositiveDefinite(int(a.order[failed]))
