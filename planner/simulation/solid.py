@@ -154,12 +154,6 @@ _FLAT = 0.05
 """Of a cell: an interface that spreads less along an axis has no slope along it."""
 
 
-def _softer_MPa(body: "Body") -> FloatArray:
-    """Return Young's modulus at rest of the softer of cells that meet, (m,)."""
-    pairs = body.cells.interface.cells
-    return np.asarray(2.0 * (1.0 + body.poisson) * body.cell_shear_MPa[pairs].min(axis=1))
-
-
 def _springs(cells: "CutCells", modulus_MPa: FloatArray) -> FloatArray:
     """Return the springs between the nodes of cells that meet, (m, 54, 54), N/mm."""
     met, stiff = cells.interface, modulus_MPa / float(cells.cell_mm.mean())
@@ -376,7 +370,8 @@ class Mechanics:
             cells.nodes, cells.offsets, cells.points, cells.weights_mm3, cells.cell_mm,
         )  # fmt: skip
         self._places: dict[bytes, _FacetPoints] = {} if like is None else like._places
-        self.softer_MPa = _softer_MPa(body)
+        softer = body.cell_shear_MPa[cells.interface.cells].min(axis=1)  # of cells that meet
+        self.softer_MPa = 2.0 * (1.0 + body.poisson) * softer  # Young's modulus at rest
         if like is None:
             self.springs = _springs(cells, self.softer_MPa)
         elif like.body is body:

@@ -65,14 +65,9 @@ _Int: TypeAlias = Any
 @cache
 def _blas_addresses() -> NDArray[np.int64]:
     """Return the addresses of dpotrf, dtrsm, dsyrk and dgemm."""
-    return np.array(
-        [get_cython_function_address("scipy.linalg.cython_lapack", "dpotrf")]
-        + [
-            get_cython_function_address("scipy.linalg.cython_blas", name)
-            for name in ("dtrsm", "dsyrk", "dgemm")
-        ],
-        dtype=np.int64,
-    )
+    names = ("lapack", "dpotrf"), ("blas", "dtrsm"), ("blas", "dsyrk"), ("blas", "dgemm")
+    found = [get_cython_function_address(f"scipy.linalg.cython_{of}", name) for of, name in names]
+    return np.array(found, dtype=np.int64)
 
 
 def _calling(typing_context: Any, address: Any, pointers: Any) -> Any:
