@@ -35,7 +35,7 @@ ROOT = Path(__file__).resolve().parents[1]
 ROOMS = {
     "cutting": ["planner/cutting/*.py"],
     "evidence": ["planner/gap/evidence/*.py"],
-    "cells": ["planner/simulation/*cell*.py", "planner/simulation/hexahedra.py",
+    "cells": ["planner/simulation/*cell*.py", "planner/simulation/export.py",
               "planner/simulation/element.py", "planner/simulation/solid.py"],
     "writers": [f"planner/formats/{name}.py" for name in
                 ("archive", "field_file", "inp", "outputs", "png", "stl", "threemf", "vtu")],

@@ -84,6 +84,12 @@ class Mesh:
         return self.vertices[self.faces]
 
     @cached_property
+    def area_vectors_mm2(self) -> FloatArray:
+        """Outward normals of the faces, as long as their areas, (m, 3)."""
+        a, b, c = self.triangles.transpose(1, 0, 2)
+        return np.asarray(0.5 * np.cross(b - a, c - a))
+
+    @cached_property
     def bounds_mm(self) -> FloatArray:
         """Smallest and largest coordinate of the vertices that faces use, (2, 3) in mm."""
         bounds_mm: FloatArray = self._measured.bounds_mm[0]

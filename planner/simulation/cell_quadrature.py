@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.numerics import BoolArray, FloatArray, inner_kernel, kernel
+from planner.numerics import BoolArray, FloatArray, inner_kernel, kernel, one_blas_thread
+from planner.simulation.element import LOCAL
 from planner.simulation.material_columns import SampledMaterial, column_place
 
 __all__ = ["quadrature"]
@@ -26,6 +27,7 @@ _MOMENTS = (_DEGREE + 1) * (_DEGREE + 2) * (_DEGREE + 3) // 6
 _POINTS = 27
 """Of a full cell, and of a cut piece unless they cannot be found."""
 
+_THREADS = 2
 _CHUNK = 32  # pieces that a thread takes at once
 
 _OUTERMOST = 0.8611363115940526
@@ -48,7 +50,7 @@ _MET = 1e-12
 
 
 def quadrature(
-    material: SampledMaterial, index: NDArray[np.int32], full: BoolArray, threads: int
+    material: SampledMaterial, index: NDArray[np.int32], full: BoolArray
 ) -> tuple[NDArray[np.int64], FloatArray, FloatArray]:
     """Return the quadrature of all cells.
 
@@ -60,8 +62,6 @@ def quadrature(
         Place of each cell in the lattice.
     full : (n,)
         Whether its material is all of that place.
-    threads
-        The result does not depend on it.
 
     Returns
     -------
@@ -84,18 +84,16 @@ def quadrature(
         normal, slopes = np.empty((_MOMENTS, _MOMENTS)), np.empty((8 * _POINTS, _MOMENTS))
         _find(pieces, first, stop, measure, normal, slopes, found, used)
 
-    with ThreadPoolExecutor(max(1, threads)) as pool:
+    with one_blas_thread(), ThreadPoolExecutor(_THREADS) as pool:
         for _ in pool.map(find, range(0, many, _CHUNK)):
             pass
     counts = np.full(len(full), _POINTS)
     counts[~full] = np.where(used > 0, used, 4 * np.diff(begin))
     offsets = np.append(0, np.cumsum(counts))
     rows = np.empty((int(offsets[-1]), 4))
-    a = np.arange(_POINTS)
     gauss, weight = np.polynomial.legendre.leggauss(3)
-    cell = np.stack([gauss[a % 3], gauss[a // 3 % 3], gauss[a // 9]], axis=1)
-    weights = weight[a % 3] * weight[a // 3 % 3] * weight[a // 9] / 8
-    rows[np.repeat(full, counts)] = np.tile(np.column_stack([cell, weights]), (len(full) - many, 1))
+    whole = np.column_stack([gauss[LOCAL], weight[LOCAL].prod(axis=1) / 8])
+    rows[np.repeat(full, counts)] = np.tile(whole, (len(full) - many, 1))
     for p, first in enumerate(offsets[:-1][~full].tolist()):
         if used[p]:
             rows[first : first + used[p]] = found[p, : used[p]]
@@ -143,11 +141,8 @@ def _find(
         if n > _POINTS:
             _find_box(measure, n, wide, middle, half, turn)
             _into_box(measure, n, middle, half, turn, False)
-            mass = 0.0
-            for q in range(n):
-                mass += measure[q, 3]
-            for t in range(moment.size):
-                moment[t] = 0.0
+            mass = measure[:n, 3].sum()
+            moment[:] = 0.0
             for q in range(n):
                 for axis in range(3):
                     _legendre(measure[q, axis], line[axis], line[3])
@@ -157,22 +152,19 @@ def _find(
                 _guess(measure, n, place)
                 if _settle(moment, place, line, normal, slopes):
                     used[p] = many
-                    for q in range(many):
-                        place[q, 3] *= mass
+                    place[:, 3] *= mass
                     _into_box(place, many, middle, half, turn, True)
                     break
         else:
             used[p] = n
-            for q in range(n):
-                for k in range(4):
-                    found[p, q, k] = measure[q, k]
+            found[p, :n] = measure[:n]
 
 
 @inner_kernel
 def _find_box(measure: Any, n: Any, wide: Any, middle: Any, half: Any, turn: Any) -> Any:
     # The box that holds a piece: along the piece's principal axes (the rows of `turn`), or along
     # the cell's where that is not much smaller.
-    mean, spread = np.zeros(3), np.zeros((3, 3))
+    aligned, mean, spread = np.eye(3), np.zeros(3), np.zeros((3, 3))
     mass = 0.0
     for q in range(n):
         mass += measure[q, 3]
@@ -183,7 +175,7 @@ def _find_box(measure: Any, n: Any, wide: Any, middle: Any, half: Any, turn: Any
     for a in range(3):
         for b in range(3):
             spread[a, b] = spread[a, b] / mass - mean[a] * mean[b] / mass**2
-            turn[a, b] = 1.0 if a == b else 0.0
+    turn[:] = aligned
     for sweep in range(18):  # Jacobi's rotations, six times about each axis
         a, b = sweep % 3, (sweep + 1) % 3
         if abs(spread[a, b]) < 1e-14:
@@ -192,29 +184,20 @@ def _find_box(measure: Any, n: Any, wide: Any, middle: Any, half: Any, turn: Any
         tan = (1.0 if lean >= 0.0 else -1.0) / (abs(lean) + np.sqrt(lean * lean + 1.0))
         cos = 1.0 / np.sqrt(tan * tan + 1.0)
         sin = tan * cos
-        for k in range(3):
-            spread[k, a], spread[k, b] = (
-                cos * spread[k, a] - sin * spread[k, b],
-                sin * spread[k, a] + cos * spread[k, b],
-            )
-        for k in range(3):
-            spread[a, k], spread[b, k] = (
-                cos * spread[a, k] - sin * spread[b, k],
-                sin * spread[a, k] + cos * spread[b, k],
-            )
-            turn[a, k], turn[b, k] = (
-                cos * turn[a, k] - sin * turn[b, k],
-                sin * turn[a, k] + cos * turn[b, k],
-            )
-    aligned = np.zeros((3, 3))
-    for a in range(3):
-        aligned[a, a] = 1.0
+        _rotate(spread.T, a, b, cos, sin)
+        _rotate(spread, a, b, cos, sin)
+        _rotate(turn, a, b, cos, sin)
     whole = _bounds(measure, n, wide, aligned, middle, half)
     if _bounds(measure, n, wide, turn, middle, half) > _MUCH_SMALLER * whole:
-        for a in range(3):
-            for b in range(3):
-                turn[a, b] = aligned[a, b]
+        turn[:] = aligned
         _bounds(measure, n, wide, turn, middle, half)
+
+
+@inner_kernel
+def _rotate(rows: Any, a: Any, b: Any, cos: Any, sin: Any) -> Any:
+    for k in range(3):
+        one, other = rows[a, k], rows[b, k]
+        rows[a, k], rows[b, k] = cos * one - sin * other, sin * one + cos * other
 
 
 @inner_kernel
@@ -326,10 +309,7 @@ def _settle(moment: Any, place: Any, line: Any, normal: Any, slopes: Any) -> Any
     trial, step = np.empty((many, 4)), np.empty((many, 4))
     error = _miss(moment, place, line, miss)
     for _ in range(_STEPS):
-        worst = 0.0
-        for t in range(moments):
-            worst = max(worst, abs(miss[t]))
-        if worst < _MET:
+        if np.abs(miss).max() < _MET:
             return True
         # slopes of the moments by each place and each weight, in units of the room to the box's
         # sides and of the weight
@@ -337,21 +317,18 @@ def _settle(moment: Any, place: Any, line: Any, normal: Any, slopes: Any) -> Any
             for axis in range(3):
                 _legendre(place[q, axis], line[axis], line[3 + axis])
             x, y, z, w = line[0], line[1], line[2], place[q, 3]
-            for k in range(4):
-                for t in range(moments):
-                    slopes[4 * q + k, t] = 0.0
+            slopes[4 * q : 4 * q + 4] = 0.0
             _add_products(slopes[4 * q], w * _room(place[q, 0]), line[3], y, z)
             _add_products(slopes[4 * q + 1], w * _room(place[q, 1]), x, line[4], z)
             _add_products(slopes[4 * q + 2], w * _room(place[q, 2]), x, y, line[5])
             _add_products(slopes[4 * q + 3], w, x, y, z)
-        _solve_normal(slopes, 4 * many, miss, normal, answer)
+        _solve_normal(slopes[: 4 * many], miss, normal, answer)
+        moves = np.dot(slopes[: 4 * many], answer)
         most = 1.0
         for q in range(many):
             for k in range(4):
-                move, at = 0.0, place[q, k]
-                for t in range(moments):
-                    move += slopes[4 * q + k, t] * answer[t]
-                move *= at if k == 3 else _room(at)
+                at = place[q, k]
+                move = moves[4 * q + k] * (at if k == 3 else _room(at))
                 step[q, k] = move
                 room = at if move < 0.0 else np.inf
                 if k < 3:
@@ -360,9 +337,7 @@ def _settle(moment: Any, place: Any, line: Any, normal: Any, slopes: Any) -> Any
                     most = 0.9 * room / abs(move)
         trial_error = np.inf
         for _ in range(6):
-            for q in range(many):
-                for k in range(4):
-                    trial[q, k] = place[q, k] + most * step[q, k]
+            trial[:] = place + most * step
             trial_error = _miss(moment, trial, line, trial_miss)
             if trial_error < error * (1.0 - 1e-3 * most):
                 break
@@ -370,11 +345,7 @@ def _settle(moment: Any, place: Any, line: Any, normal: Any, slopes: Any) -> Any
         if not trial_error < error:
             return False
         error = trial_error
-        for t in range(moments):
-            miss[t] = trial_miss[t]
-        for q in range(many):
-            for k in range(4):
-                place[q, k] = trial[q, k]
+        miss[:], place[:] = trial_miss, trial
     return False
 
 
@@ -386,50 +357,29 @@ def _room(x: Any) -> Any:
 @inner_kernel
 def _miss(moment: Any, place: Any, line: Any, miss: Any) -> Any:
     # What the moments lack, and the length of that.
-    for t in range(miss.size):
-        miss[t] = moment[t]
+    miss[:] = moment
     for q in range(place.shape[0]):
         for axis in range(3):
             _legendre(place[q, axis], line[axis], line[3])
         _add_products(miss, -place[q, 3], line[0], line[1], line[2])
-    square = 0.0
-    for t in range(miss.size):
-        square += miss[t] ** 2
-    return np.sqrt(square)
+    return np.sqrt(np.sum(miss**2))
 
 
 @inner_kernel
-def _solve_normal(slopes: Any, rows: Any, miss: Any, normal: Any, answer: Any) -> Any:
-    # slopes' slopes answer = miss, by Cholesky's factors from the left; all inner loops run along
-    # rows, so that they are done several numbers at a time.
+def _solve_normal(slopes: Any, miss: Any, normal: Any, answer: Any) -> Any:
+    # slopes' slopes answer = miss
+    np.dot(slopes.T, slopes, normal)
     n = miss.size
-    trace = 0.0
-    for i in range(n):
-        row = normal[i]
-        for j in range(i, n):
-            row[j] = 0.0
-        for v in range(0, rows, 4):
-            s0, s1, s2, s3 = slopes[v], slopes[v + 1], slopes[v + 2], slopes[v + 3]
-            f0, f1, f2, f3 = s0[i], s1[i], s2[i], s3[i]
-            for j in range(i, n):
-                row[j] += (f0 * s0[j] + f1 * s1[j]) + (f2 * s2[j] + f3 * s3[j])
-        trace += row[i]
+    trace = np.trace(normal)
     for i in range(n):
         normal[i, i] += 1e-12 * trace  # points that fall together leave it singular
+    lower = np.linalg.cholesky(normal)
+    for i in range(n):
         answer[i] = miss[i]
-    for k in range(n):
-        row = normal[k]
-        scale = 1.0 / np.sqrt(row[k])
-        for j in range(k, n):
-            row[j] *= scale
-        answer[k] /= row[k]
-        for i in range(k + 1, n):
-            answer[i] -= answer[k] * row[i]
-            target, f = normal[i], row[i]
-            for j in range(i, n):
-                target[j] -= f * row[j]
-    for k in range(n - 1, -1, -1):
-        row = normal[k]
-        for j in range(k + 1, n):
-            answer[k] -= row[j] * answer[j]
-        answer[k] /= row[k]
+        for j in range(i):
+            answer[i] -= lower[i, j] * answer[j]
+        answer[i] /= lower[i, i]
+    for i in range(n - 1, -1, -1):
+        answer[i] /= lower[i, i]
+        for j in range(i):
+            answer[j] -= lower[i, j] * answer[i]

@@ -1,6 +1,7 @@
 """Cells that a surface cuts from a Cartesian lattice, with positive quadrature in each."""
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,7 +20,7 @@ from planner.mesh.mesh import (
 )
 from planner.numerics import BoolArray, FloatArray, IntArray, inner_kernel, kernel
 from planner.simulation.cell_quadrature import quadrature
-from planner.simulation.element import shape_functions
+from planner.simulation.element import LOCAL, shape_functions
 from planner.simulation.inner_corners import contacts, opposed, parted
 from planner.simulation.material_columns import SampledMaterial, column_place, located, sample
 from planner.voxels.columns import MOST_VOXELS
@@ -28,7 +29,6 @@ __all__ = [
     "FEWEST_ALONG",
     "MOST_CELLS",
     "CutCells",
-    "Interface",
     "Shells",
     "cut_cells",
 ]
@@ -78,35 +78,7 @@ class Shells(NamedTuple):
         return [Mesh(vertices, faces[self.shell == k]) for k in range(len(self.modulus_MPa))]
 
 
-_ACROSS = 0.25
-"""Of a cell: triangles no longer than that have one point each, where both sides are coupled."""
-
-
-class _Touching(NamedTuple):
-    """Points at which two shells touch."""
-
-    shells: NDArray[np.int32]  # (k, 2)
-    place_mm: FloatArray
-    area_mm2: FloatArray  # (k, 3), out of the first and into the second
-    modulus_MPa: FloatArray  # of each shell
-
-
-def _touching(shells: Shells, longest_mm: float) -> _Touching:
-    faces = shells.mesh.faces
-    order, starts = order_rows(*sorted_corners(faces))
-    pairs = starts[np.diff(starts, append=len(order)) == 2]
-    one, other = order[pairs], order[pairs + 1]
-    apart = (shells.shell[one] != shells.shell[other]) & ~repeats_index(faces[one])
-    one, other = one[apart], other[apart]
-    fine, of = halve_long_edges(Mesh(shells.mesh.vertices, faces[one]), longest_mm)
-    a, b, c = (fine.triangles[:, k] for k in range(3))
-    area = 0.5 * np.cross(b - a, c - a)
-    wide = np.sum(area * area, axis=1) > 0.0
-    sides = np.stack([shells.shell[one], shells.shell[other]], axis=1)
-    return _Touching(sides[of[wide]], ((a + b + c) / 3.0)[wide], area[wide], shells.modulus_MPa)
-
-
-class Interface(NamedTuple):
+class _Interface(NamedTuple):
     """Where cells of different materials meet.
 
     Attributes
@@ -157,8 +129,6 @@ class CutCells:
         Nodes of each cell: local node i + 3 j + 9 k with i, j, k in 0..2 along x, y, z.
     node_mm : (N, 3)
         Their places.
-    body : (n,) int32
-        Number of the connected body each cell belongs to.
     shares : (n, shells)
         Of each cell's volume, that are of each shell: 1 of one, save where more than four materials
         share a cell of the lattice. There those of nearest moduli that touch are joined.
@@ -172,8 +142,6 @@ class CutCells:
         All above 0; their sum is the volume.
     surface
         The part's surface, its long edges halved until none is longer than half a cell.
-    triangle : (F,) int32
-        The part's own triangle that each facet of `surface` is of.
     vertex_cell : (V,) int32
         The cell each vertex of `surface` bounds.
     vertex_local : (V, 3)
@@ -189,14 +157,12 @@ class CutCells:
     index: NDArray[np.int32]
     nodes: NDArray[np.int32]
     node_mm: FloatArray
-    body: NDArray[np.int32]
     shares: FloatArray
-    interface: Interface
+    interface: _Interface
     offsets: NDArray[np.int64]
     points: FloatArray
     weights_mm3: FloatArray
     surface: Mesh
-    triangle: NDArray[np.int32]
     dropped_mm3: float
     material: SampledMaterial = field(repr=False)
     vertex_cell: NDArray[np.int32] = field(init=False)
@@ -213,7 +179,7 @@ class CutCells:
         index = np.repeat(self.index, np.diff(self.offsets), axis=0)
         return self.origin_mm + (index + 0.5 * (self.points + 1.0)) * self.cell_mm
 
-    @property
+    @cached_property
     def cell_volume_mm3(self) -> FloatArray:
         """Volume of the material in each cell, (n,)."""
         return np.asarray(np.add.reduceat(self.weights_mm3, self.offsets[:-1]))
@@ -223,15 +189,22 @@ class CutCells:
         """Volume of the material."""
         return float(np.sum(self.weights_mm3))
 
-    def interpolated(self, places_mm: FloatArray, nodal: FloatArray) -> FloatArray:
-        """Return at places, (n, 3), what is given at the nodes, (N, k), in the nearest material."""
+    def nearest(self, places_mm: FloatArray) -> tuple[IntArray, FloatArray]:
+        """Return the cells of the material nearest to places, (n,), and their shapes there."""
+        cell = np.searchsorted(self.offsets, self._tree.query(places_mm)[1], side="right") - 1
+        corner = self.origin_mm + self.index[cell] * self.cell_mm
+        local = np.clip(2.0 * (places_mm - corner) / self.cell_mm - 1.0, -1.5, 1.5)
+        return cell, shape_functions(local, self.cell_mm)[0]
+
+    @cached_property
+    def _tree(self) -> Any:
         from scipy.spatial import KDTree
 
-        nearest = np.asarray(KDTree(self.points_mm).query(places_mm)[1])
-        cell = np.searchsorted(self.offsets, nearest, side="right") - 1
-        middle = self.origin_mm + (self.index[cell] + 0.5) * self.cell_mm
-        local = np.clip(2.0 * (places_mm - middle) / self.cell_mm, -1.5, 1.5)
-        shape = shape_functions(local, self.cell_mm)[0]
+        return KDTree(self.points_mm)
+
+    def interpolated(self, places_mm: FloatArray, nodal: FloatArray) -> FloatArray:
+        """Return at places, (n, 3), what is given at the nodes, (N, k), in the nearest material."""
+        cell, shape = self.nearest(places_mm)
         return np.asarray(np.einsum("na,nak->nk", shape, nodal[self.nodes[cell]]))
 
     def locate(
@@ -268,9 +241,6 @@ def cut_cells(
     *,
     shells: Shells | None = None,
     shift: float = 0.0,
-    columns_across: int = _COLUMNS_ACROSS,
-    most_cells: int = MOST_CELLS,
-    threads: int = 2,
 ) -> CutCells:
     """Cut a closed surface into cells.
 
@@ -285,12 +255,6 @@ def cut_cells(
     shift
         Share of a cell, 0 to 1, by which the lattice begins before the bounding box, which then
         has one cell more along each axis.
-    columns_across
-        Columns of material sampled along an edge of a cell.
-    most_cells
-        Refuse a part that has more.
-    threads
-        Number of threads; the result does not depend on it.
 
     Raises
     ------
@@ -310,50 +274,35 @@ def cut_cells(
     if not np.min(extent) > 0:
         raise MeshError(f"the part is {_by(extent)} mm, which holds no material; give a solid")
     counts = np.maximum(np.ceil(extent / cell_mm - 1e-6), 1.0)
-    columns = np.sum(extent[:2]) * np.hypot(*extent[:2]) * (columns_across / cell_mm) ** 2
+    columns = np.sum(extent[:2]) * np.hypot(*extent[:2]) * (_COLUMNS_ACROSS / cell_mm) ** 2
     fewest = max(mesh.volume_mm3, 0.0) / cell_mm**3
-    if max(counts) * columns_across * 1.5 > MOST_VOXELS or columns > _MOST_COLUMNS:
+    if max(counts) * _COLUMNS_ACROSS * 1.5 > MOST_VOXELS or columns > _MOST_COLUMNS:
         raise ArgumentError(
             f"`cell_mm` {cell_mm:g}: {_by(counts)} cells across the part are more than can be "
             "sampled; choose a larger cell"
         )
-    if fewest > most_cells:
-        raise _too_many(cell_mm, fewest, most_cells)
-    cells = tuple(int(n) for n in counts)
+    if fewest > MOST_CELLS:
+        raise _too_many(cell_mm, fewest)
     size = extent / counts
     if shift:
         low, counts = low - shift * size, counts + 1.0
-        cells, extent = tuple(int(n) for n in counts), counts * size
-    each, touching = [mesh], None
-    if shells is not None:
-        each, touching = shells.each, _touching(shells, _ACROSS * float(np.min(size)))
-    surface, triangle = halve_long_edges(mesh, float(np.min(size)) / 2)
-    told, halves = parted(sample(each, low, extent, cells, columns_across), surface, low, size)
-    pieces = _pieces(told, halves, low, size, touching)
-    if not len(pieces.index):
-        raise MeshError(
-            f"no material is found in the part at `cell_mm` {cell_mm:g}: its walls are thinner "
-            f"than {pieces.material.frame[2]:.2g} mm; choose a smaller cell, or check the part's "
-            "unit"
-        )
-    if len(pieces.index) > most_cells:
-        raise _too_many(cell_mm, len(pieces.index), most_cells)
-    offsets, points, weights = quadrature(pieces.material, pieces.index, pieces.full, threads)
-    return CutCells(
-        low, size, pieces.index, pieces.nodes, low + pieces.node_place * (size / 2), pieces.body,
-        pieces.shares, pieces.interface, offsets, points, weights * float(np.prod(size)), surface,
-        triangle, pieces.dropped * float(np.prod(size)), pieces.material,
-    )  # fmt: skip
+        extent = counts * size
+    cells = tuple(int(n) for n in counts)
+    each = [mesh] if shells is None else shells.each
+    surface, _ = halve_long_edges(mesh, float(np.min(size)) / 2)
+    told, halves = parted(sample(each, low, extent, cells, _COLUMNS_ACROSS), surface, low, size)
+    return _filled(told, halves, low, size, shells, surface, cell_mm)
 
 
 def _by(sizes: FloatArray) -> str:
     return " x ".join(f"{s:.4g}" for s in sizes)
 
 
-def _too_many(cell_mm: float, cells: float, most: int) -> ArgumentError:
+def _too_many(cell_mm: float, cells: float) -> ArgumentError:
+    larger_mm = cell_mm * (cells / MOST_CELLS) ** (1 / 3)
     return ArgumentError(
-        f"`cell_mm` {cell_mm:g}: the part has at least {cells:.0f} cells, and {most} are possible; "
-        f"choose a larger cell, about {cell_mm * (cells / most) ** (1 / 3):.2g} or more"
+        f"`cell_mm` {cell_mm:g}: the part has at least {cells:.0f} cells, and {MOST_CELLS} are "
+        f"possible; choose a larger cell, about {larger_mm:.2g} or more"
     )
 
 
@@ -361,25 +310,11 @@ def _too_many(cell_mm: float, cells: float, most: int) -> ArgumentError:
 # Pieces, and the nodes they share.
 
 
-@dataclass(frozen=True, eq=False)
-class _Pieces:
-    """Connected pieces of material in the cells, in the order of `CutCells`."""
-
-    material: SampledMaterial  # with its segments told to pieces
-    index: NDArray[np.int32]
-    nodes: NDArray[np.int32]
-    node_place: NDArray[np.int32]  # in halves of a cell
-    body: NDArray[np.int32]
-    shares: FloatArray
-    interface: Interface
-    full: BoolArray  # whether the piece is all of its cell, and nothing else
-    dropped: float  # volume left out, in cells
-
-
-def _pieces(
+def _filled(
     material: SampledMaterial, halves: FloatArray, low: FloatArray, size: FloatArray,
-    touching: _Touching | None,
-) -> _Pieces:  # fmt: skip
+    shells: Shells | None, surface: Mesh, cell_mm: float,
+) -> CutCells:  # fmt: skip
+    """Return cells of the connected pieces of material, `halves` those that planes have parted."""
     piece, n = material.piece, len(halves)
     filled, cell, ends, shell = material.measured()
     place = np.stack(np.unravel_index(cell, material.counts), axis=1)
@@ -392,10 +327,10 @@ def _pieces(
     flat = np.stack([ends[:, 1] <= place + thin, ends[:, 0] >= place + 1 - thin], axis=2)
     into = _merge_skins(pairs, place, flat, share)
     meet, local, area = _NOWHERE
-    if touching is not None:
+    if shells is not None:
         told = replace(material, piece=into[piece])
-        meet, local, area = _meeting(told, low, size, place, touching)
-        joined = _join_nearest(meet, cell, shell, np.log(touching.modulus_MPa))
+        meet, local, area = _meeting(told, low, size, place, shells)
+        joined = _join_nearest(meet, cell, shell, np.log(shells.modulus_MPa))
         into, meet = joined[into], joined[meet]
     inner = contacts(material, into[piece], place, size)
     meet, local = np.concatenate([meet, inner[0]]), np.concatenate([local, inner[1]])
@@ -404,21 +339,31 @@ def _pieces(
     kept = (into == np.arange(n)) & (np.bincount(body, share)[body] >= _NEARLY_NOTHING)
     order = np.flatnonzero(kept)
     order = order[np.argsort(cell[order], kind="stable")]
+    if not len(order):
+        raise MeshError(
+            f"no material is found in the part at `cell_mm` {cell_mm:g}: its walls are thinner "
+            f"than {material.frame[2]:.2g} mm; choose a smaller cell, or check the part's unit"
+        )
+    if len(order) > MOST_CELLS:
+        raise _too_many(cell_mm, len(order))
     number = np.full(n, -1, np.int32)
     number[order] = np.arange(len(order))
     own = np.arange(27 * n, dtype=np.int32)
     _join_nodes(np.unique(into[firm], axis=0), place, own)
     index = place[order].astype(np.int32)
     nodes, node_place = _number_nodes(number_groups(own).reshape(n, 27)[order], index)
-    bodies = np.unique(body[order], return_inverse=True)[1].astype(np.int32)
-    full = (share == 1.0) & (np.bincount(into, minlength=n) == 1)
-    dropped = float(np.sum(share[number[into] < 0]))
+    whole = (share == 1.0) & (np.bincount(into, minlength=n) == 1)
     told = replace(material, piece=number[into[piece]])
-    interface = _interface(number[meet], local, area)
-    shares = np.zeros((len(order) + 1, int(shell.max(initial=0)) + 1))
+    offsets, points, weights = quadrature(told, index, whole[order])
+    shares = np.zeros((len(order) + 1, int(shell.max()) + 1))
     np.add.at(shares, (number[into], shell), share)
     shares = shares[:-1] / shares[:-1].sum(axis=1, keepdims=True)
-    return _Pieces(told, index, nodes, node_place, bodies, shares, interface, full[order], dropped)
+    cell_mm3 = float(np.prod(size))
+    return CutCells(
+        low, size, index, nodes, low + node_place * (size / 2), shares,
+        _interface(number[meet], local, area), offsets, points, weights * cell_mm3, surface,
+        float(np.sum(share[number[into] < 0])) * cell_mm3, told,
+    )  # fmt: skip
 
 
 _MOST_MATERIALS = 4
@@ -449,23 +394,36 @@ _ASTRAY = 3.0
 # thin that no column meets it.
 
 
+_ACROSS = 0.25
+"""Of a cell: triangles no longer than that have one point each, where both sides are coupled."""
+
+
 def _meeting(
-    material: SampledMaterial, low: FloatArray, size: FloatArray, place: IntArray,
-    touching: _Touching,
-) -> tuple[NDArray[np.int32], FloatArray, FloatArray]:  # fmt: skip
+    material: SampledMaterial, low: FloatArray, size: FloatArray, place: IntArray, shells: Shells
+) -> tuple[NDArray[np.int32], FloatArray, FloatArray]:
     """Return pieces on both sides of points where shells touch, (k, 2), places there, and areas."""
-    area = np.linalg.norm(touching.area_mm2, axis=1)
-    out = touching.area_mm2 / area[:, None]
-    (one, at_one, off_one), (other, at_other, off_other) = (
-        located(material, low, size, place, touching.place_mm, way, touching.shells[:, side])
-        for side, way in ((0, -out), (1, out))
+    faces, shell = shells.mesh.faces, shells.shell
+    order, starts = order_rows(*sorted_corners(faces))
+    pairs = starts[np.diff(starts, append=len(order)) == 2]
+    one, other = order[pairs], order[pairs + 1]
+    apart = (shell[one] != shell[other]) & ~repeats_index(faces[one])
+    one, other = one[apart], other[apart]
+    touching = Mesh(shells.mesh.vertices, faces[one])
+    fine, of = halve_long_edges(touching, _ACROSS * float(np.min(size)))
+    area = np.linalg.norm(fine.area_vectors_mm2, axis=1)
+    wide = area > 0.0
+    area, of, middle = area[wide], of[wide], fine.triangles.mean(axis=1)[wide]
+    out = fine.area_vectors_mm2[wide] / area[:, None]
+    (at_one, local_one, off_one), (at_other, local_other, off_other) = (
+        located(material, low, size, place, middle, way, shell[side][of])
+        for side, way in ((one, -out), (other, out))
     )
     near = np.maximum(off_one, off_other) <= _ASTRAY * material.frame[2]
-    pairs, local = np.stack([one, other], axis=1), np.stack([at_one, at_other], axis=1)
+    pairs, local = np.stack([at_one, at_other], axis=1), np.stack([local_one, local_other], axis=1)
     return pairs[near], local[near], area[near]
 
 
-def _interface(pairs: NDArray[np.int32], local: FloatArray, area_mm2: FloatArray) -> Interface:
+def _interface(pairs: NDArray[np.int32], local: FloatArray, area_mm2: FloatArray) -> _Interface:
     """Put points of each pair of cells together; a cell of -1 is none."""
     turn = np.argsort(pairs, axis=1)
     pairs = np.take_along_axis(pairs, turn, axis=1)
@@ -473,7 +431,7 @@ def _interface(pairs: NDArray[np.int32], local: FloatArray, area_mm2: FloatArray
     order = np.lexsort(pairs.T[::-1])
     order = order[(pairs[order, 0] >= 0) & (pairs[order, 0] < pairs[order, 1])]
     cells, starts = np.unique(pairs[order], axis=0, return_index=True)
-    return Interface(cells, np.append(starts, len(order)), local[order], area_mm2[order])
+    return _Interface(cells, np.append(starts, len(order)), local[order], area_mm2[order])
 
 
 def _touch_across(
@@ -635,9 +593,7 @@ def _number_nodes(
     group: NDArray[np.int32], index: NDArray[np.int32]
 ) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     # Number nodes by their place, x slowest; those at one place by the first cell that has them.
-    a = np.arange(27)
-    local = np.stack([a % 3, a // 3 % 3, a // 9], axis=1)
-    place = (2 * index[:, None] + local).reshape(-1, 3)
+    place = (2 * index[:, None] + LOCAL).reshape(-1, 3)
     _, at, node = np.unique(group, return_index=True, return_inverse=True)
     x, y, z = place[at].T
     order = np.lexsort((at, z, y, x))
@@ -651,14 +607,8 @@ def _number_nodes(
 
 
 def _inward(mesh: Mesh) -> FloatArray:
-    # Unit vectors at vertices against the surface's outward normal, by area of the triangles.
-    corners = mesh.triangles
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    total = np.zeros_like(mesh.vertices)
-    for corner in range(3):
-        for axis in range(3):
-            total[:, axis] -= np.bincount(
-                mesh.faces[:, corner], normal[:, axis], minlength=len(total)
-            )
-    length = np.sqrt(np.sum(total**2, axis=1, keepdims=True))
-    return total / np.where(length > 0.0, length, 1.0)
+    """Return unit vectors at vertices against the surface's outward normal, by triangles' area."""
+    against = np.repeat(-mesh.area_vectors_mm2, 3, axis=0)
+    corner, count = mesh.faces.ravel(), len(mesh.vertices)
+    total = np.stack([np.bincount(corner, along, count) for along in against.T], axis=1)
+    return np.asarray(total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-300))

@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 
 from planner.materials.marlow import law_at
-from planner.numerics import FloatArray, IntArray, inner_kernel, kernel
+from planner.numerics import FloatArray, inner_kernel, kernel
 
-__all__ = ["add_push", "advance", "assemble", "observe", "pull", "shape_functions"]
+__all__ = ["LOCAL", "advance", "assemble", "observe", "pull", "shape_functions"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -30,6 +30,9 @@ __all__ = ["add_push", "advance", "assemble", "observe", "pull", "shape_function
 #
 # Symmetric tensors are rows of six: 11, 22, 33, 12, 23, 13.
 
+
+LOCAL = np.stack(np.unravel_index(np.arange(27), (3, 3, 3))[::-1], axis=1)
+"""Place of each node of a cell along x, y, z: 0, 1 or 2; x fastest."""
 
 _PAIRS = np.array([(0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2)])
 _SIX = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2]])
@@ -60,7 +63,7 @@ def shape_functions(local: FloatArray, cell_mm: FloatArray) -> tuple[FloatArray,
 
 @inner_kernel
 def _gradients(local: Any, cell_mm: Any, out: Any) -> None:
-    """Write the gradients per mm of the 27 shape functions at a place, (27, 3)."""
+    """Write the gradients per mm of the 27 shape functions at a place, (3, 27)."""
     value, slope = np.empty((3, 3)), np.empty((3, 3))
     for axis in range(3):
         s = local[axis]
@@ -73,34 +76,36 @@ def _gradients(local: Any, cell_mm: Any, out: Any) -> None:
         for j in range(3):
             for i in range(3):
                 a = i + 3 * j + 9 * k
-                out[a, 0] = slope[0, i] * value[1, j] * value[2, k]
-                out[a, 1] = value[0, i] * slope[1, j] * value[2, k]
-                out[a, 2] = value[0, i] * value[1, j] * slope[2, k]
+                out[0, a] = slope[0, i] * value[1, j] * value[2, k]
+                out[1, a] = value[0, i] * slope[1, j] * value[2, k]
+                out[2, a] = value[0, i] * value[1, j] * slope[2, k]
 
 
 @inner_kernel
-def _law(strain: Any, table: Any, step: Any, below: Any, share: Any, ci: Any, stress: Any) -> Any:
-    """Write the inverse of C and the isochoric stress; return J, J - 1, coefficients, d ln W'/dm.
+def _law(strain: Any, law: Any, at: Any, p: Any, ci: Any, stress: Any, c: Any) -> Any:
+    """Write C⁻¹, the isochoric stress and the tangent c; return J, J - 1 and d ln W'/dm.
 
-    4 d²W / dC² = c1 I⊗I + c2 (I⊗C⁻¹ + C⁻¹⊗I) + c3 C⁻¹⊗C⁻¹ + c4 K, K D = C⁻¹ D C⁻¹; the last
-    returned is the change of ln W' over a gap of the table's nodes.
+    At a point and its pressure. 4 d²(W + p J) / dC² = c[0] I⊗I + c[1] (I⊗C⁻¹ + C⁻¹⊗I) +
+    c[2] C⁻¹⊗C⁻¹ + c[3] K, K D = C⁻¹ D C⁻¹; the last returned is the change of ln W' over a gap
+    of the table's nodes.
     """
-    a, b, c = 1.0 + 2.0 * strain[0], 1.0 + 2.0 * strain[1], 1.0 + 2.0 * strain[2]
+    table, step, below, share = law
+    xx, yy, zz = 1.0 + 2.0 * strain[0], 1.0 + 2.0 * strain[1], 1.0 + 2.0 * strain[2]
     d, e, f = 2.0 * strain[3], 2.0 * strain[4], 2.0 * strain[5]
     # J - 1 and 1 - C⁻¹ by what C has over 1: differences would leave rounding times the moduli.
     s, t, u = 2.0 * strain[0], 2.0 * strain[1], 2.0 * strain[2]
     more = s + t + u + s * t + t * u + s * u - d * d - e * e - f * f
     more += s * (t * u - e * e) - d * (d * u - e * f) + f * (d * e - t * f)
     det = 1.0 + more
-    ci[0], ci[1], ci[2] = (b * c - e * e) / det, (a * c - f * f) / det, (a * b - d * d) / det
-    ci[3], ci[4], ci[5] = (e * f - d * c) / det, (d * f - a * e) / det, (d * e - b * f) / det
+    ci[0], ci[1], ci[2] = (yy * zz - e * e) / det, (xx * zz - f * f) / det, (xx * yy - d * d) / det
+    ci[3], ci[4], ci[5] = (e * f - d * zz) / det, (d * f - xx * e) / det, (d * e - yy * f) / det
     J = np.sqrt(det)
     growth = more / (1.0 + J)
-    trace = a + b + c
+    trace = xx + yy + zz
     thin = det ** (-1.0 / 3.0)
     # A rounding at rest may fall below 3; the law's slope over I1 has 1 / x in it.
     x = np.sqrt(max(thin * trace - 3.0, 1e-20))
-    log, over_x, over_m = law_at(table, step, below, share, x)
+    log, over_x, over_m = law_at(table, step, below[at], share[at], x)
     first = np.exp(log)
     second = first * over_x / (2.0 * x)
     stress[0] = (more - (t + u + t * u - e * e)) / det
@@ -109,11 +114,11 @@ def _law(strain: Any, table: Any, step: Any, below: Any, share: Any, ci: Any, st
     stress[3], stress[4], stress[5] = -ci[3], -ci[4], -ci[5]
     for k in range(6):
         stress[k] = 2.0 * first * thin * (stress[k] - (s + t + u) / 3.0 * ci[k])
-    c1 = 4.0 * second * thin * thin
-    c2 = -trace / 3.0 * c1 - 4.0 / 3.0 * first * thin
-    c3 = trace * trace / 9.0 * c1 + 4.0 / 9.0 * trace * first * thin
-    c4 = 4.0 / 3.0 * trace * first * thin
-    return J, growth, c1, c2, c3, c4, over_m
+    c[0] = 4.0 * second * thin * thin
+    c[1] = -trace / 3.0 * c[0] - 4.0 / 3.0 * first * thin
+    c[2] = trace * trace / 9.0 * c[0] + 4.0 / 9.0 * trace * first * thin + p * J
+    c[3] = 4.0 / 3.0 * trace * first * thin - 2.0 * p * J
+    return J, growth, over_m
 
 
 @inner_kernel
@@ -124,7 +129,7 @@ def _slopes(field: Any, nodes: Any, gradient: Any, out: Any) -> None:
         n = nodes[a]
         for i in range(3):
             for k in range(3):
-                out[i, k] += field[n, i] * gradient[a, k]
+                out[i, k] += field[n, i] * gradient[k, a]
 
 
 @inner_kernel
@@ -181,32 +186,29 @@ def _tangent_times(ci: Any, c: Any, d: Any, out: Any) -> None:
 
 @kernel
 def assemble(
-    first: int, last: int,
-    nodes: IntArray, offsets: IntArray, points: FloatArray, weights: FloatArray,
-    cell_mm: FloatArray,
-    table: FloatArray, step: float, below: IntArray, share: FloatArray,
-    basis: FloatArray, compliance: FloatArray, stabiliser: FloatArray, roughness: FloatArray,
+    first: int, last: int, cells: Any, law: Any, basis: FloatArray, compliance: FloatArray,
+    stabiliser: FloatArray, roughness: FloatArray,
     u: FloatArray, strain: FloatArray, stress: FloatArray, pressure: FloatArray,
     matrices: FloatArray, forces: FloatArray,
 ) -> None:  # fmt: skip
-    """Write the matrices (n, 81, 81) and forces (n, 81) of cells `first` to `last`.
+    """Write the matrices, as `sparse_cholesky.factor` has them, and forces (n, 81) of cells.
 
     compliance : (n, 4, 4)
         Inverse of ∫ ψψ / κ of the pressures' basis ψ, (Q, 4).
+    stabiliser : (n, 2), roughness : (2, 27, 27)
+        Stiffness against what is not linear, and against slopes.
     strain, stress : (Q, 6), pressure : (n, 4)
         Where Newton's method is.
     """
-    most = 0
-    for c in range(first, last):
-        most = max(most, offsets[c + 1] - offsets[c])
-    gradient = np.empty((most, 27, 3))
-    left, right = np.empty((3 * most, 27)), np.empty((3 * most, 243))
+    nodes, offsets, points, weights, cell_mm = cells
+    most = np.diff(offsets[first : last + 1]).max()
+    gradient, right = np.empty((most, 3, 27)), np.empty((most, 3, 6, 27))
+    left, flat = gradient.reshape(3 * most, 27), right.reshape(3 * most, 162)
     Fs, cis, isos = np.empty((most, 3, 3)), np.empty((most, 6)), np.empty((most, 6))
     gaps, coefficients, Js = np.empty((most, 6)), np.empty((most, 4)), np.empty(most)
-    block, volumetric = np.empty((27, 243)), np.empty((81, 4))
-    H, B, full = np.empty((3, 3)), np.empty((3, 3)), np.empty(6)
-    A = np.empty((3, 3))
-    actual = np.empty(6)
+    volumetric = np.empty((3, 4, 27))
+    H, B, A = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+    along, full, actual, swell = np.empty(3), np.empty(6), np.empty(6), np.empty(27)
     for c in range(first, last):
         begin, count = offsets[c], offsets[c + 1] - offsets[c]
         right_side, new = np.zeros(4), np.zeros(4)
@@ -214,14 +216,10 @@ def assemble(
             at = begin + q
             _gradients(points[at], cell_mm, gradient[q])
             _deform(u, nodes[c], gradient[q], Fs[q], actual)
-            Js[q], growth, c1, c2, c3, c4, _ = _law(
-                strain[at], table, step, below[at], share[at], cis[q], isos[q]
-            )
-            p = _pressure(pressure[c], basis[at])
-            coefficients[q, 0], coefficients[q, 1] = c1, c2
-            coefficients[q, 2], coefficients[q, 3] = c3 + p * Js[q], c4 - 2.0 * p * Js[q]
             for k in range(6):
                 gaps[q, k] = actual[k] - strain[at, k]
+            p = _pressure(pressure[c], basis[at])
+            Js[q], growth, _ = _law(strain[at], law, at, p, cis[q], isos[q], coefficients[q])
             swelling = growth + Js[q] * _double(cis[q], gaps[q])
             for r in range(4):
                 right_side[r] += weights[at] * basis[at, r] * swelling
@@ -234,6 +232,7 @@ def assemble(
         for q in range(count):
             at = begin + q
             w, F, ci, co, J = weights[at], Fs[q], cis[q], coefficients[q], Js[q]
+            gx, gy, gz = gradient[q, 0], gradient[q, 1], gradient[q, 2]
             p = _pressure(new, basis[at])
             _tangent_times(ci, co, gaps[q], full)
             for k in range(6):
@@ -247,65 +246,59 @@ def assemble(
                     B[i, j] = H[i, 0] * F[j, 0] + H[i, 1] * F[j, 1] + H[i, 2] * F[j, 2]
                     A[i, j] = F[i, 0] * full[_SIX[0, j]] + F[i, 1] * full[_SIX[1, j]]
                     A[i, j] = w * (A[i, j] + F[i, 2] * full[_SIX[2, j]])
-            g = gradient[q]
-            for a in range(27):
-                for i in range(3):
-                    force[3 * a + i] += A[i, 0] * g[a, 0] + A[i, 1] * g[a, 1] + A[i, 2] * g[a, 2]
-                    swell = w * J * (H[i, 0] * g[a, 0] + H[i, 1] * g[a, 1] + H[i, 2] * g[a, 2])
-                    for r in range(4):
-                        volumetric[3 * a + i, r] += swell * basis[at, r]
-            for row in range(3):
-                for b in range(27):
-                    left[3 * q + row, b] = g[b, row]
-                for i in range(3):
-                    for j in range(3):
-                        for m in range(3):
-                            value = co[0] * F[i, row] * F[j, m] + co[2] * H[i, row] * H[j, m]
-                            value += co[1] * (F[i, row] * H[j, m] + H[i, row] * F[j, m])
-                            value += (
-                                0.5 * co[3] * (B[i, j] * ci[_SIX[row, m]] + H[i, m] * H[j, row])
-                            )
-                            if i == j:
-                                value += stress[at, _SIX[row, m]]
-                            A[j, m] = w * value
-                        for b in range(27):
-                            right[3 * q + row, 27 * (3 * i + j) + b] = (
-                                A[j, 0] * g[b, 0] + A[j, 1] * g[b, 1] + A[j, 2] * g[b, 2]
-                            )
-        np.dot(left[: 3 * count].T, right[: 3 * count], block)
-        matrix = matrices[c]
-        stiff = np.dot(volumetric, np.dot(compliance[c], volumetric.T))
-        for a in range(27):
             for i in range(3):
-                for b in range(27):
-                    for j in range(3):
-                        matrix[3 * a + i, 3 * b + j] = (
-                            block[a, 27 * (3 * i + j) + b] + stiff[3 * a + i, 3 * b + j]
-                        )
-        if stabiliser[c] > 0.0:
+                for a in range(27):
+                    force[3 * a + i] += A[i, 0] * gx[a] + A[i, 1] * gy[a] + A[i, 2] * gz[a]
+                    swell[a] = H[i, 0] * gx[a] + H[i, 1] * gy[a] + H[i, 2] * gz[a]
+                for r in range(4):
+                    value = w * J * basis[at, r]
+                    for a in range(27):
+                        volumetric[i, r, a] += value * swell[a]
+            for row in range(3):
+                for k in range(6):
+                    i, j = _PAIRS[k, 0], _PAIRS[k, 1]
+                    for m in range(3):
+                        value = co[0] * F[i, row] * F[j, m] + co[2] * H[i, row] * H[j, m]
+                        value += co[1] * (F[i, row] * H[j, m] + H[i, row] * F[j, m])
+                        value += 0.5 * co[3] * (B[i, j] * ci[_SIX[row, m]] + H[i, m] * H[j, row])
+                        if i == j:
+                            value += stress[at, _SIX[row, m]]
+                        along[m] = w * value
+                    to, x, y, z = right[q, row, k], along[0], along[1], along[2]
+                    for b in range(27):
+                        to[b] = x * gx[b] + y * gy[b] + z * gz[b]
+        matrix = matrices[c]
+        np.dot(left[: 3 * count].T, flat[: 3 * count], matrix.reshape(27, 162))
+        for a in range(27):
+            for k in range(6):
+                i, j = _PAIRS[k, 0], _PAIRS[k, 1]
+                to = matrix[a, k]
+                for r in range(4):
+                    value = 0.0
+                    for s in range(4):
+                        value += compliance[c, r, s] * volumetric[i, s, a]
+                    for b in range(27):
+                        to[b] += value * volumetric[j, r, b]
+        if stabiliser[c, 0] > 0.0:
             for a in range(27):
                 for b in range(27):
-                    hold = stabiliser[c] * roughness[a, b]
+                    hold = stabiliser[c, 0] * roughness[0, a, b]
+                    hold += stabiliser[c, 1] * roughness[1, a, b]
                     for i in range(3):
-                        matrix[3 * a + i, 3 * b + i] += hold
+                        matrix[a, i, b] += hold
                         force[3 * a + i] += hold * u[nodes[c, b], i]
 
 
 @kernel
 def advance(
-    first: int, last: int,
-    nodes: IntArray, offsets: IntArray, points: FloatArray, weights: FloatArray,
-    cell_mm: FloatArray,
-    table: FloatArray, step: float, below: IntArray, share: FloatArray,
-    basis: FloatArray, compliance: FloatArray,
+    first: int, last: int, cells: Any, law: Any, basis: FloatArray, compliance: FloatArray,
     u: FloatArray, change: FloatArray,
     strain: FloatArray, stress: FloatArray, pressure: FloatArray,
 ) -> None:  # fmt: skip
     """Move strains, stresses and pressures of cells along with a change of the displacements."""
-    most = 0
-    for c in range(first, last):
-        most = max(most, offsets[c + 1] - offsets[c])
-    gradient, F, G = np.empty((27, 3)), np.empty((3, 3)), np.empty((3, 3))
+    nodes, offsets, points, weights, cell_mm = cells
+    most = np.diff(offsets[first : last + 1]).max()
+    gradient, F, G = np.empty((3, 27)), np.empty((3, 3)), np.empty((3, 3))
     cis, isos, gaps = np.empty((most, 6)), np.empty((most, 6)), np.empty((most, 6))
     coefficients, Js, actual, full = np.empty((most, 4)), np.empty(most), np.empty(6), np.empty(6)
     moved = np.empty((most, 6))
@@ -325,12 +318,8 @@ def advance(
                 linear = _strained(F, G, k)
                 gaps[q, k] = actual[k] + linear - strain[at, k]
                 moved[q, k] = actual[k] + linear + square
-            Js[q], growth, c1, c2, c3, c4, _ = _law(
-                strain[at], table, step, below[at], share[at], cis[q], isos[q]
-            )
             p = _pressure(pressure[c], basis[at])
-            coefficients[q, 0], coefficients[q, 1] = c1, c2
-            coefficients[q, 2], coefficients[q, 3] = c3 + p * Js[q], c4 - 2.0 * p * Js[q]
+            Js[q], growth, _ = _law(strain[at], law, at, p, cis[q], isos[q], coefficients[q])
             swelling = growth + Js[q] * _double(cis[q], gaps[q])
             for r in range(4):
                 right_side[r] += weights[at] * basis[at, r] * swelling
@@ -354,21 +343,15 @@ def advance(
             if a < 0.04 or minor < 0.02 or det < 0.1 or det > 10.0:
                 for k in range(6):
                     strain[at, k] = moved[q, k]
-                J, _, c1, c2, c3, c4, _ = _law(
-                    moved[q], table, step, below[at], share[at], cis[q], isos[q]
-                )
+                J, _, _ = _law(moved[q], law, at, p, cis[q], isos[q], full)
                 for k in range(6):
                     stress[at, k] = isos[q, k] + p * J * cis[q, k]
 
 
 @kernel
 def observe(
-    first: int, last: int,
-    nodes: IntArray, offsets: IntArray, points: FloatArray, weights: FloatArray,
-    cell_mm: FloatArray,
-    table: FloatArray, step: float, below: IntArray, share: FloatArray,
-    basis: FloatArray, compliance: FloatArray, bulk: FloatArray,
-    u: FloatArray, pressure: FloatArray, adjoint: FloatArray,
+    first: int, last: int, cells: Any, law: Any, basis: FloatArray, compliance: FloatArray,
+    bulk: FloatArray, u: FloatArray, pressure: FloatArray, adjoint: FloatArray,
     invariant: FloatArray, strain: FloatArray,
     isochoric: FloatArray, volumetric: FloatArray, over_m: FloatArray,
 ) -> None:  # fmt: skip
@@ -380,8 +363,10 @@ def observe(
     over_m : (Q,)
         Change of ln W' over a gap of the table's nodes.
     """
-    gradient, F, G = np.empty((27, 3)), np.empty((3, 3)), np.empty((3, 3))
+    nodes, offsets, points, weights, cell_mm = cells
+    gradient, F, G = np.empty((3, 27)), np.empty((3, 3)), np.empty((3, 3))
     ci, iso, actual, work = np.empty(6), np.empty(6), np.empty(6), np.empty(6)
+    tangent = np.empty(4)
     for c in range(first, last):
         turned, y = np.zeros(4), np.zeros(4)
         for q in range(offsets[c], offsets[c + 1]):
@@ -390,7 +375,7 @@ def observe(
             _slopes(adjoint, nodes[c], gradient, G)
             for k in range(6):
                 work[k] = _strained(F, G, k)
-            J, _, _, _, _, _, over_m[q] = _law(actual, table, step, below[q], share[q], ci, iso)
+            J, _, over_m[q] = _law(actual, law, q, 0.0, ci, iso, tangent)
             trace = 3.0 + 2.0 * (actual[0] + actual[1] + actual[2])
             invariant[q] = np.sqrt(max(trace * J ** (-2.0 / 3.0) - 3.0, 0.0))
             isochoric[q] = weights[q] * _double(iso, work)
@@ -407,12 +392,10 @@ def observe(
 
 
 @kernel
-def pull(
-    nodes: IntArray, offsets: IntArray, points: FloatArray, weights: FloatArray,
-    cell_mm: FloatArray, u: FloatArray, stress: FloatArray, out: FloatArray,
-) -> None:  # fmt: skip
+def pull(cells: Any, u: FloatArray, stress: FloatArray, out: FloatArray) -> None:
     """Add the nodal forces (N, 3) of stresses at the points, (Q, 6), times their volumes."""
-    gradient, F, strain = np.empty((27, 3)), np.empty((3, 3)), np.empty(6)
+    nodes, offsets, points, weights, cell_mm = cells
+    gradient, F, strain = np.empty((3, 27)), np.empty((3, 3)), np.empty(6)
     for c in range(nodes.shape[0]):
         for q in range(offsets[c], offsets[c + 1]):
             _gradients(points[q], cell_mm, gradient)
@@ -422,40 +405,4 @@ def pull(
                     first = F[i, 0] * stress[q, _SIX[0, m]] + F[i, 1] * stress[q, _SIX[1, m]]
                     first = weights[q] * (first + F[i, 2] * stress[q, _SIX[2, m]])
                     for a in range(27):
-                        out[nodes[c, a], i] += first * gradient[a, m]
-
-
-@kernel
-def add_push(
-    starts: IntArray, cell: IntArray, shape: FloatArray, gradient: FloatArray, turned: FloatArray,
-    out: FloatArray,
-) -> None:  # fmt: skip
-    """Add the symmetric part of Σ shape[a] turned[i, j, J] gradient[b, J] at row a i, column b j.
-
-    starts : (groups + 1,)
-        Points of one cell lie together.
-    """
-    most = 0
-    for g in range(starts.size - 1):
-        most = max(most, starts[g + 1] - starts[g])
-    right, block = np.empty((most, 243)), np.empty((27, 243))
-    for g in range(starts.size - 1):
-        first, count = starts[g], starts[g + 1] - starts[g]
-        for n in range(count):
-            at = first + n
-            for i in range(3):
-                for j in range(3):
-                    x, y, z = turned[at, i, j, 0], turned[at, i, j, 1], turned[at, i, j, 2]
-                    for b in range(27):
-                        right[n, 27 * (3 * i + j) + b] = (
-                            x * gradient[at, b, 0] + y * gradient[at, b, 1] + z * gradient[at, b, 2]
-                        )
-        np.dot(shape[first : first + count].T, right[:count], block)
-        matrix = out[cell[first]]
-        for a in range(27):
-            for i in range(3):
-                for b in range(27):
-                    for j in range(3):
-                        half = 0.5 * block[a, 27 * (3 * i + j) + b]
-                        matrix[3 * a + i, 3 * b + j] += half
-                        matrix[3 * b + j, 3 * a + i] += half
+                        out[nodes[c, a], i] += first * gradient[m, a]

@@ -78,8 +78,8 @@ def parted(
 def _inner_edges(surface: Mesh, low: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return middles of edges where faces turn to each other, from `low`, and both planes."""
     corners = surface.triangles
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
+    normal = surface.area_vectors_mm2
+    normal = normal / np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
     twin = Topology(surface.faces).twin
     half = np.flatnonzero(twin > np.arange(len(twin)))
     sides = np.stack([half, twin[half]], axis=1)
@@ -210,34 +210,35 @@ def contacts(
     """
     found, at = np.empty((5 * len(piece), 3), np.int32), np.empty((5 * len(piece), 4))
     many = _touch_within(material.lines, material.frame, material.shell, piece, found, at)
-    if not many:
-        return np.empty((0, 2), np.int32), np.empty((0, 2, 3)), np.empty(0)
-    found, at = np.repeat(found[:many], _ACROSS, axis=0), np.repeat(at[:many], _ACROSS, axis=0)
-    at[:, 2] += at[:, 3] * np.tile((np.arange(_ACROSS) + 0.5) / _ACROSS, many)
-    pairs, of = np.unique(np.sort(found[:, :2], axis=1), axis=0, return_inverse=True)
+    found, at = found[:many], at[:many]
+    count = len(index)
+    key = found[:, :2].min(axis=1).astype(np.int64) * count + found[:, :2].max(axis=1)
+    pairs, of = np.unique(key, return_inverse=True)
     # Columns touch in steps. Their vector area is that of the plane.
     _, _, pitch, cos, sin, *_ = material.frame.tolist()
     way = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])[found[:, 2]]
     high = np.where(found[:, 2] < 2, size[2] * at[:, 3], pitch)
     turn = np.where(found[:, 0] < found[:, 1], 1.0, -1.0)
-    area = (turn * pitch * high / _ACROSS)[:, None] * way
+    area = (turn * pitch * high)[:, None] * way
     normal = np.stack([np.bincount(of, a) for a in area.T], axis=1)
     normal = normal / np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
     # A few points stand for all.
+    place = np.repeat(at[:, :3], _ACROSS, axis=0)
+    place[:, 2] += np.outer(at[:, 3], (np.arange(_ACROSS) + 0.5) / _ACROSS).ravel()
+    of, area = np.repeat(of, _ACROSS), np.repeat(area / _ACROSS, _ACROSS, axis=0)
     low, span = np.full((len(pairs), 3), np.inf), np.full((len(pairs), 3), -np.inf)
-    np.minimum.at(low, of, at[:, :3])
-    np.maximum.at(span, of, at[:, :3] - low[of])
-    box = np.floor((_ACROSS - 1e-9) * (at[:, :3] - low[of]) / np.maximum(span, 0.05)[of])
-    _, first, into = np.unique(
-        np.column_stack([of, box]), axis=0, return_index=True, return_inverse=True
-    )
+    np.minimum.at(low, of, place)
+    np.maximum.at(span, of, place - low[of])
+    box = np.floor((_ACROSS - 1e-9) * (place - low[of]) / np.maximum(span, 0.05)[of])
+    in_pair = box.astype(np.int64) @ [_ACROSS**2, _ACROSS, 1]
+    boxes, into = np.unique(_ACROSS**3 * of + in_pair, return_inverse=True)
     size_mm2 = np.linalg.norm(area, axis=1)
-    moments = np.stack([np.bincount(into, size_mm2 * x) for x in at[:, :3].T], axis=1)
-    place = moments / np.bincount(into, size_mm2)[:, None]
+    moments = np.stack([np.bincount(into, size_mm2 * x) for x in place.T], axis=1)
+    middle = moments / np.bincount(into, size_mm2)[:, None]
     through = np.bincount(into, np.einsum("ni,ni->n", area, normal[of]))
     real = through > 1e-9 * pitch**2
-    ends = pairs[of[first]][real]
-    return ends, 2.0 * (place[real, None] - index[ends]) - 1.0, through[real]
+    ends = np.stack(np.divmod(pairs[boxes[real] // _ACROSS**3], count), axis=1).astype(np.int32)
+    return ends, 2.0 * (middle[real, None] - index[ends]) - 1.0, through[real]
 
 
 @kernel

@@ -563,7 +563,7 @@ def _effort(
     inside, across = surface.volume_mm3 / cell_mm3, surface.area_mm2 / cell_mm3 ** (2.0 / 3.0)
     cells, unknowns = inside + 0.3 * across, 3.0 * (8.0 * inside + 4.8 * across)
     # Nested dissection in three dimensions fills in like n^(4/3), and works like n².
-    memory = 8.0 * ((11.0 * factors + 9.0) * unknowns ** (4.0 / 3.0) + (81.0**2 + 6e3) * cells)
+    memory = 8.0 * ((11.0 * factors + 9.0) * unknowns ** (4.0 / 3.0) + 1.04e4 * cells)
     seconds = 3.0 + 1.5e-3 * across + 5.0 * solutions * (1e-4 * cells + unknowns**2 / 1.5e10)
     return cells, unknowns, memory, seconds
 
@@ -744,7 +744,7 @@ def simulate_part(
         progress(f"ordering {3 * len(cells.node_mm)} equations")
         analysis = analyse(cells.nodes, cells.node_mm, cells.interface.cells)
         needed = factors * analysis.factor_bytes + analysis.work_bytes
-        needed += 8 * 81**2 * len(cells.nodes)
+        needed += 8 * 6 * 27**2 * len(cells.nodes)
         check_effort(solid.surface, edge_mm, factors=factors, known_bytes=needed)
         rests: dict[object, Factor] | None = {} if several else None
         made: list[Mechanics] = []

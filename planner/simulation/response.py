@@ -282,7 +282,7 @@ def respond(
     keep(last)
     try:
         shares = np.linspace(0.0, 1.0, steps + 1)[1:].tolist()
-        for reached in mechanics.follow(shares, progress):
+        for reached in mechanics.follow(shares, progress, tangents=False):
             last, factored = reached
             keep(last)
     except LostStabilityError as stop:
@@ -641,7 +641,7 @@ def followed(
     )
     found: list[tuple[FloatArray, ...]] = []
     try:
-        for state, factored in mechanics.follow(list(steps)):
+        for state, factored in mechanics.follow(list(steps), tangents=sensitive):
             told = answers(mechanics, state)
             loaded, weights = next(one for one in told if one[0].kind in ("load", "move"))
             strain = share = np.empty(0)

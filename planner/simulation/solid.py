@@ -1,5 +1,6 @@
 """Equilibrium of a soft solid on cut cells: large rotations, nearly incompressible, graded."""
 
+import itertools
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -11,7 +12,7 @@ import numpy as np
 from planner.materials.marlow import POISSON, MarlowTable
 from planner.numerics import BoolArray, FloatArray, IntArray
 from planner.simulation.element import (
-    add_push,
+    LOCAL,
     advance,
     assemble,
     observe,
@@ -28,10 +29,8 @@ if TYPE_CHECKING:
 __all__ = [
     "Body",
     "Equilibrium",
-    "FacetPoints",
     "LostStabilityError",
     "Mechanics",
-    "facet_points",
     "spread",
 ]
 
@@ -62,7 +61,7 @@ _CORNERS = np.array([[4.0, 1.0, 1.0], [1.0, 4.0, 1.0], [1.0, 1.0, 4.0]]) / 6.0
 """Three points of a triangle, exact for squares: a quadratic displacement times a constant load."""
 
 
-class FacetPoints(NamedTuple):
+class _FacetPoints(NamedTuple):
     """Quadrature points of facets of the surface.
 
     Attributes
@@ -81,11 +80,15 @@ class FacetPoints(NamedTuple):
     gradient: FloatArray
     area_mm2: FloatArray
 
+    def by_cell(self) -> Iterator[tuple[int, slice]]:
+        """Yield each cell, and which points are in it."""
+        for a, b in itertools.pairwise(self.starts.tolist()):
+            yield int(self.cell[a]), slice(a, b)
 
-def facet_points(cells: "CutCells", facets: BoolArray) -> FacetPoints:
+
+def _facet_points(cells: "CutCells", facets: BoolArray) -> _FacetPoints:
     """Return the points of the facets that are marked, (F,), of the cells' surface."""
-    corners = cells.surface.triangles[facets]
-    area = 0.5 * np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    corners, area = cells.surface.triangles[facets], cells.surface.area_vectors_mm2[facets]
     size = np.linalg.norm(area, axis=1)
     corners, area, size = (v[size > 0.0] for v in (corners, area, size))
     places = np.einsum("pc,fcx->fpx", _CORNERS, corners).reshape(-1, 3)
@@ -95,10 +98,10 @@ def facet_points(cells: "CutCells", facets: BoolArray) -> FacetPoints:
     cell = cell[order]
     shape, gradient = shape_functions(local[order], cells.cell_mm)
     starts = np.append(np.flatnonzero(np.diff(cell, prepend=-1)), len(cell))
-    return FacetPoints(starts, cell, shape, gradient, thirds[order])
+    return _FacetPoints(starts, cell, shape, gradient, thirds[order])
 
 
-def spread(cells: "CutCells", at: FacetPoints, forces: FloatArray) -> FloatArray:
+def spread(cells: "CutCells", at: _FacetPoints, forces: FloatArray) -> FloatArray:
     """Return the nodal forces, (N, 3), of forces at points, (n, 3)."""
     each = at.shape[:, :, None] * forces[:, None, :]
     return _summed(cells.nodes[at.cell], each, len(cells.node_mm))
@@ -111,16 +114,14 @@ def _summed(nodes: IntArray, values: FloatArray, count: int) -> FloatArray:
     return np.stack([np.bincount(flat, column, count) for column in columns], axis=1)
 
 
-_LEVI_CIVITA = (
-    (0, 1, 2, 1.0), (1, 2, 0, 1.0), (2, 0, 1, 1.0),
-    (0, 2, 1, -1.0), (2, 1, 0, -1.0), (1, 0, 2, -1.0),
-)  # fmt: skip
+_LEVI_CIVITA = np.cross(np.eye(3)[:, None], np.eye(3))
+"""ε_ijk, by i, j, k: the cross product of axes i and j along k."""
 
 
 class _Held(NamedTuple):
     """A support as springs."""
 
-    points: FacetPoints
+    points: _FacetPoints
     stiffness: FloatArray  # (n,) of each point, N/mm
     springs: list[FloatArray]  # (27, 27) of each cell, alike along each axis
     axes: FloatArray  # (3,) 1 where held
@@ -130,7 +131,7 @@ class _Held(NamedTuple):
 class _Pushed(NamedTuple):
     """A pressure on facets."""
 
-    points: FacetPoints
+    points: _FacetPoints
     pressure_MPa: float
 
 
@@ -153,18 +154,11 @@ _FLAT = 0.05
 """Of a cell: an interface that spreads less along an axis has no slope along it."""
 
 
-def _softer_MPa(body: "Body") -> FloatArray:
-    """Return Young's modulus at rest of the softer of cells that meet, (m,)."""
-    pairs = body.cells.interface.cells
-    return np.asarray(2.0 * (1.0 + body.poisson) * body.cell_shear_MPa[pairs].min(axis=1))
-
-
 def _springs(cells: "CutCells", modulus_MPa: FloatArray) -> FloatArray:
     """Return the springs between the nodes of cells that meet, (m, 54, 54), N/mm."""
     met, stiff = cells.interface, modulus_MPa / float(cells.cell_mm.mean())
     out = np.empty((len(met.cells), 54, 54))
-    ends = zip(met.starts[:-1].tolist(), met.starts[1:].tolist(), strict=True)
-    for k, (a, b) in enumerate(ends):
+    for k, (a, b) in enumerate(itertools.pairwise(met.starts.tolist())):
         root = np.sqrt(met.area_mm2[a:b])[:, None]
         one, other = (shape_functions(met.local[a:b, s], cells.cell_mm)[0] for s in (0, 1))
         jump = root * np.concatenate([one, -other], axis=1)
@@ -208,8 +202,6 @@ class Equilibrium:
         Green-Lagrange's and second Piola-Kirchhoff's.
     pressure : (n, 4)
         Coefficients of the cells' pressure bases.
-    iterations
-        That it took.
     """
 
     share: float
@@ -217,7 +209,6 @@ class Equilibrium:
     strain: FloatArray
     stress_MPa: FloatArray
     pressure: FloatArray
-    iterations: int = 0
 
 
 class _Sensitivity(NamedTuple):
@@ -282,19 +273,14 @@ class Body:
         """Mean over each cell, (n,)."""
         cells = self.cells
         total = np.add.reduceat(cells.weights_mm3 * self.shear_modulus_MPa, cells.offsets[:-1])
-        return np.asarray(total / self.cell_mm3)
-
-    @cached_property
-    def cell_mm3(self) -> FloatArray:
-        """Volume of material in each cell, (n,)."""
-        return np.asarray(np.add.reduceat(self.cells.weights_mm3, self.cells.offsets[:-1]))
+        return np.asarray(total / self.cells.cell_volume_mm3)
 
     @cached_property
     def spread(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Variances of each cell's material, (n, 3), rising, their axes, and points from means."""
         cells = self.cells
         starts, counts = cells.offsets[:-1], np.diff(cells.offsets)
-        volume = self.cell_mm3
+        volume = self.cells.cell_volume_mm3
         mean = np.add.reduceat(cells.weights_mm3[:, None] * cells.points, starts) / volume[:, None]
         away = cells.points - np.repeat(mean, counts, axis=0)
         square = cells.weights_mm3[:, None, None] * away[:, :, None] * away[:, None, :]
@@ -345,6 +331,7 @@ class Mechanics:
     """
 
     _matrices: FloatArray
+    _first: tuple[float, FloatArray] | None = None  # a share of the load, and what it does at rest
 
     def __init__(
         self,
@@ -371,24 +358,20 @@ class Mechanics:
         self.compliance[:, range(4), range(4)] -= missing
         held_by = body.cell_shear_MPa if body.stabiliser_MPa is None else body.stabiliser_MPa
         full_mm3 = float(np.prod(cells.cell_mm))
-        cut = body.cell_mm3 < (1.0 - 1e-9) * full_mm3
-        self.stabiliser = np.where(cut, _STABILISER * held_by * full_mm3 ** (1.0 / 3.0), 0.0)
-        i = np.arange(27)
-        linear = np.stack([np.ones(27), i % 3 - 1.0, i // 3 % 3 - 1.0, i // 9 - 1.0], axis=1)
-        self.roughness = np.eye(27) - linear @ np.linalg.pinv(linear)
-        flat = np.flatnonzero(cut & (body.spread[0][:, 0] < _LINE))
-        hold = _SLOPE * self.stabiliser[flat, None, None]
-        self.flat = (flat, hold * (linear[:, 1:] @ np.linalg.pinv(linear[:, 1:])))
+        cut = cells.cell_volume_mm3 < (1.0 - 1e-9) * full_mm3
+        hold = np.where(cut, _STABILISER * held_by * full_mm3 ** (1.0 / 3.0), 0.0)
+        flat = body.spread[0][:, 0] < _LINE
+        self.stabiliser = np.stack([hold, _SLOPE * np.where(flat, hold, 0.0)], axis=1)
+        linear = np.column_stack([np.ones(27), LOCAL - 1.0])
+        sloped = linear[:, 1:] @ np.linalg.pinv(linear[:, 1:])
+        self.roughness = np.stack([np.eye(27) - linear @ np.linalg.pinv(linear), sloped])
         self.table = (body.table.log_slope_MPa, body.table.step, below, share)
         self.geometry = (
-            np.ascontiguousarray(cells.nodes, dtype=np.int32),
-            np.ascontiguousarray(cells.offsets, dtype=np.int64),
-            np.ascontiguousarray(cells.points),
-            np.ascontiguousarray(cells.weights_mm3),
-            np.ascontiguousarray(cells.cell_mm),
-        )
-        self._places: dict[bytes, FacetPoints] = {} if like is None else like._places
-        self.softer_MPa = _softer_MPa(body)
+            cells.nodes, cells.offsets, cells.points, cells.weights_mm3, cells.cell_mm,
+        )  # fmt: skip
+        self._places: dict[bytes, _FacetPoints] = {} if like is None else like._places
+        softer = body.cell_shear_MPa[cells.interface.cells].min(axis=1)  # of cells that meet
+        self.softer_MPa = 2.0 * (1.0 + body.poisson) * softer  # Young's modulus at rest
         if like is None:
             self.springs = _springs(cells, self.softer_MPa)
         elif like.body is body:
@@ -396,27 +379,27 @@ class Mechanics:
         else:
             self.springs = like.springs * (self.softer_MPa / like.softer_MPa)[:, None, None]
         self._build_loads()
-        self._matrices = np.empty((len(cells.nodes), 81, 81)) if like is None else like._matrices
+        self._matrices = np.empty((len(cells.nodes), 27, 6, 27)) if like is None else like._matrices
 
-    def points_of(self, facets: BoolArray) -> FacetPoints:
-        """Return the quadrature points of facets, as `facet_points`; kept for the next time."""
+    def points_of(self, facets: BoolArray) -> _FacetPoints:
+        """Return the quadrature points of facets, as `_facet_points`; kept for the next time."""
         key = np.packbits(facets).tobytes()
         if key not in self._places:
-            self._places[key] = facet_points(self.body.cells, facets)
+            self._places[key] = _facet_points(self.body.cells, facets)
         return self._places[key]
 
-    def _carried(self, at: FacetPoints, nodal: FloatArray) -> FloatArray:
+    def _carried(self, at: _FacetPoints, nodal: FloatArray) -> FloatArray:
         """Return at points of facets, (n, 3), what is given at the nodes, (N, 3)."""
         nodes = self.body.cells.nodes[at.cell]
         return np.asarray(np.einsum("na,nai->ni", at.shape, nodal[nodes]))
 
-    def place_mm(self, at: FacetPoints, u: FloatArray | float = 0.0) -> FloatArray:
+    def place_mm(self, at: _FacetPoints, u: FloatArray | float = 0.0) -> FloatArray:
         """Return where points of facets are, (n, 3), displaced by `u`, (N, 3), or at rest."""
         return self._carried(at, self.body.cells.node_mm + u)
 
     def couple(
         self, facets: BoolArray, moment: FloatArray, u: FloatArray | float = 0.0
-    ) -> tuple[FacetPoints, FloatArray]:
+    ) -> tuple[_FacetPoints, FloatArray]:
         """Return the points of facets, and forces there that come to a moment (`loads.couple`)."""
         at = self.points_of(facets)
         size = np.linalg.norm(at.area_mm2, axis=1)
@@ -424,19 +407,18 @@ class Mechanics:
 
     def _build_loads(self) -> None:
         cells, conditions = self.body.cells, self.conditions
-        self.forces: list[FloatArray] = []
+        self.dead = np.zeros((len(cells.node_mm), 3))
         for force in conditions.forces:
             at = self.points_of(force.facets)
             size = np.linalg.norm(at.area_mm2, axis=1)
             share = (size / size.sum())[:, None]
-            self.forces.append(spread(cells, at, share * np.array(force.force_N)))
-        self.dead = sum(self.forces, np.zeros((len(cells.node_mm), 3)))
+            self.dead += spread(cells, at, share * np.array(force.force_N))
         for moment in conditions.moments:
             couples = self.couple(moment.facets, np.array(moment.moment_N_mm))
-            self.dead = self.dead + spread(cells, *couples)
+            self.dead += spread(cells, *couples)
         if conditions.gravity is not None and self.body.densities is not None:
             density = np.interp(self.body.coordinate, *self.body.densities)
-            self.dead = self.dead + np.outer(self._weight @ density, conditions.gravity)
+            self.dead += np.outer(self._weight @ density, conditions.gravity)
         self.pushed = [
             _Pushed(self.points_of(p.facets), p.pressure_MPa) for p in conditions.pressures
         ]
@@ -450,8 +432,7 @@ class Mechanics:
             stiffness = _PENALTY * modulus / wide * np.linalg.norm(at.area_mm2, axis=1)
             axes = np.array([0.0 if d is None else 1.0 for d in support.displacement_mm])
             target = np.array([d or 0.0 for d in support.displacement_mm])
-            ends = zip(at.starts[:-1].tolist(), at.starts[1:].tolist(), strict=True)
-            springs = [(at.shape[a:b].T * stiffness[a:b]) @ at.shape[a:b] for a, b in ends]
+            springs = [(at.shape[k].T * stiffness[k]) @ at.shape[k] for _, k in at.by_cell()]
             self.held.append(_Held(at, stiffness, springs, axes, target))
 
     @cached_property
@@ -501,8 +482,8 @@ class Mechanics:
         state = replace(rest, share=share, displacement_mm=displacement_mm)
         state = replace(state, strain=self.observe(state).strain)
         self._run(
-            advance, *self.geometry, *self.table, self.basis, self.compliance, displacement_mm,
-            np.zeros_like(displacement_mm), state.strain, state.stress_MPa, state.pressure,
+            advance, displacement_mm, np.zeros_like(displacement_mm), state.strain,
+            state.stress_MPa, state.pressure,
         )  # fmt: skip
         return state
 
@@ -511,13 +492,14 @@ class Mechanics:
         offsets = self.body.cells.offsets
         cuts = np.searchsorted(offsets, np.linspace(0, offsets[-1], 4 * _THREADS + 1))
         cuts[-1] = len(offsets) - 1
-        for first, last in zip(cuts[:-1].tolist(), cuts[1:].tolist(), strict=True):
+        for first, last in itertools.pairwise(cuts.tolist()):
             if last > first:
                 yield first, last
 
     def _run(self, function: Callable[..., None], *arguments: Any) -> None:
         with ThreadPoolExecutor(_THREADS) as pool:
-            for job in [pool.submit(function, a, b, *arguments) for a, b in self._shares()]:
+            given = (self.geometry, self.table, self.basis, self.compliance, *arguments)
+            for job in [pool.submit(function, a, b, *given) for a, b in self._shares()]:
                 job.result()
 
     def _assembled(self, state: Equilibrium, share: float) -> tuple[FloatArray, float]:
@@ -526,23 +508,18 @@ class Mechanics:
         u = state.displacement_mm
         forces = np.empty((len(cells.nodes), 81))
         self._run(
-            assemble, *self.geometry, *self.table, self.basis, self.compliance, self.stabiliser,
-            self.roughness, u, state.strain, state.stress_MPa, state.pressure, self._matrices,
-            forces,
+            assemble, self.stabiliser, self.roughness, u, state.strain, state.stress_MPa,
+            state.pressure, self._matrices, forces,
         )  # fmt: skip
         inner = _summed(cells.nodes, forces, len(cells.node_mm))
         size = float(np.sqrt(np.sum(forces * forces)))
-        flat, hold = self.flat
-        for axis in range(3):
-            self._matrices[flat, axis::3, axis::3] += hold
-        inner += _summed(cells.nodes[flat], hold @ u[cells.nodes[flat]], len(cells.node_mm))
         linked = cells.nodes[cells.interface.cells].reshape(-1, 54)
         inner += _summed(linked, self.springs @ u[linked], len(cells.node_mm))
         outer = share * self.dead
         for pushed in self.pushed:
             outer = outer + self._push(pushed, share, u, tangent=True)
         for held in self.held:
-            outer = outer + self._hold(held, share, u, tangent=True)
+            outer = outer + self._hold(held, share, u)
         return outer - inner, max(size, float(np.linalg.norm(outer)))
 
     def _push(self, pushed: _Pushed, share: float, u: FloatArray, *, tangent: bool) -> FloatArray:
@@ -550,31 +527,30 @@ class Mechanics:
         cells, at = self.body.cells, pushed.points
         p = share * pushed.pressure_MPa
         F = np.eye(3) + np.einsum("nai,nak->nik", u[cells.nodes[at.cell]], at.gradient)
-        cofactor = np.empty_like(F)
-        for i in range(3):
-            cofactor[:, i] = np.cross(F[:, (i + 1) % 3], F[:, (i + 2) % 3])
+        cofactor = np.cross(F[:, [1, 2, 0]], F[:, [2, 0, 1]])
         push = -p * np.einsum("nik,nk->ni", cofactor, at.area_mm2)
         if tangent:
             # d cof F / dF, with ε_ijk ε_IJK F_kK A_I = ε_ijk (A × F_k)_J.
-            crossed = np.cross(at.area_mm2[:, None, :], F)  # (n, k, J): A x F_k, sign below
-            turned = np.zeros((len(at.cell), 3, 3, 3))
-            for i, j, k, sign in _LEVI_CIVITA:
-                turned[:, i, j] -= sign * crossed[:, k]
-            add_push(at.starts, at.cell, at.shape, at.gradient, p * turned, self._matrices)
+            crossed = np.cross(at.area_mm2[:, None, :], F)  # (n, k, J): A x F_k
+            turned = -p * np.einsum("ijk,nkJ->nijJ", _LEVI_CIVITA, crossed)
+            for cell, near in at.by_cell():
+                right = np.einsum("nijJ,nbJ->nijb", turned[near], at.gradient[near])
+                block = np.tensordot(at.shape[near], right, (0, 0))  # rows a i, columns j b
+                symmetric = 0.5 * (block + block.transpose(3, 2, 1, 0))
+                self._matrices[cell] += symmetric[:, [0, 1, 2, 0, 1, 0], [0, 1, 2, 1, 2, 2]]
         return spread(cells, at, push)
 
     def push(self, pushed: _Pushed, share: float, u: FloatArray) -> FloatArray:
         """Return the whole force of a pressure on the body, (3,)."""
         return np.asarray(self._push(pushed, share, u, tangent=False).sum(axis=0))
 
-    def _hold(self, held: _Held, share: float, u: FloatArray, *, tangent: bool) -> FloatArray:
+    def _hold(self, held: _Held, share: float, u: FloatArray) -> FloatArray:
         """Return the nodal forces of a support; add its stiffness."""
-        cells, at = self.body.cells, held.points
-        if tangent:
-            for cell, springs in zip(at.cell[at.starts[:-1]].tolist(), held.springs, strict=True):
-                for axis in np.flatnonzero(held.axes).tolist():
-                    self._matrices[cell, axis::3, axis::3] += springs
-        return spread(cells, at, self._reaction(held, share, u))
+        at = held.points
+        for (cell, _), springs in zip(at.by_cell(), held.springs, strict=True):
+            for axis in np.flatnonzero(held.axes).tolist():
+                self._matrices[cell, :, axis] += springs
+        return spread(self.body.cells, at, self._reaction(held, share, u))
 
     def _reaction(self, held: _Held, share: float, u: FloatArray) -> FloatArray:
         """Return the force of a support on the body at each of its points, (n, 3)."""
@@ -609,12 +585,15 @@ class Mechanics:
         from planner.simulation.sparse_cholesky import NotPositiveDefinite
 
         rest = self.at_rest()
-        residual, _ = self._assembled(rest, share)
-        try:
-            change = self._factored(None, at_rest=True).solve(residual.ravel())
-        except NotPositiveDefinite as failed:
-            raise LostStabilityError(0.0, self.body.cells.node_mm[failed.node]) from failed
-        return replace(rest, share=share, displacement_mm=change.reshape(-1, 3))
+        if self._first is None:
+            residual, _ = self._assembled(rest, share)
+            try:
+                change = self._factored(None, at_rest=True).solve(residual.ravel())
+            except NotPositiveDefinite as failed:
+                raise LostStabilityError(0.0, self.body.cells.node_mm[failed.node]) from failed
+            self._first = share, change.reshape(-1, 3)
+        at, change = self._first
+        return replace(rest, share=share, displacement_mm=share / at * change)
 
     # -------------------------------------------------------------------------------------------
 
@@ -626,12 +605,14 @@ class Mechanics:
         into: "Factor | None" = None,
         *,
         settled: float = _SETTLED,
+        tangent: bool = True,
     ) -> "tuple[Equilibrium, Factor]":
         """Return the equilibrium at a share of the load, from a state nearby, and its factor.
 
         The memory of `into`, a factor that is needed no more, is taken for that. `settled` is the
         largest last change of a displacement over the largest displacement, and residual over
-        forces: Newton's next change would be about its square.
+        forces: Newton's next change would be about its square. Without `tangent` the last change
+        is made with the factor before: it is of a state nearby, and the change off by as little.
 
         Raises
         ------
@@ -643,31 +624,31 @@ class Mechanics:
         cells = self.body.cells
         u, strain = state.displacement_mm.copy(), state.strain.copy()
         stress, pressure = state.stress_MPa.copy(), state.pressure.copy()
-        done, factored = 0.0, into
+        moved, factored = 0.0, into
         for iteration in range(1, _MOST_ITERATIONS + 1):
-            here = Equilibrium(share, u, strain, stress, pressure, iteration)
+            here = Equilibrium(share, u, strain, stress, pressure)
             residual, size = self._assembled(here, share)
             error = float(np.linalg.norm(residual)) / max(size, 1e-300)
             if progress is not None:
                 progress(share, iteration, error)
+            at_rest = iteration == 1 and not u.any()
+            is_last = iteration > 1 and error <= settled
             try:
-                at_rest = iteration == 1 and not u.any()
-                factored = self._factored(factored, at_rest=at_rest)
+                if tangent or factored is None or not is_last:
+                    factored = self._factored(factored, at_rest=at_rest)
             except NotPositiveDefinite as failed:
                 raise LostStabilityError(state.share, cells.node_mm[failed.node]) from failed
             change = factored.solve(residual.ravel()).reshape(-1, 3)
             if not np.isfinite(change).all():
                 raise LostStabilityError(state.share, None)
-            self._run(
-                advance, *self.geometry, *self.table, self.basis, self.compliance, u, change,
-                strain, stress, pressure,
-            )  # fmt: skip
+            if at_rest and not self.pushed:  # a pressure has a stiffness, which grows with it
+                self._first = share, change
+            self._run(advance, u, change, strain, stress, pressure)
             u = u + change
             largest = float(np.abs(u).max())
-            moved, before = float(np.abs(change).max()), done
-            done = moved
+            before, moved = moved, float(np.abs(change).max())
             if moved <= settled * largest and (error <= settled or moved <= 1e-9 * largest):
-                return Equilibrium(share, u, strain, stress, pressure, iteration), factored
+                return Equilibrium(share, u, strain, stress, pressure), factored
             if iteration > 12 and moved > before > 0.1 * largest:
                 break  # it wanders
         raise LostStabilityError(state.share, None)
@@ -678,10 +659,12 @@ class Mechanics:
         progress: "Progress | None" = None,
         *,
         settled: float = _SETTLED,
+        tangents: bool = True,
     ) -> "Iterator[tuple[Equilibrium, Factor]]":
         """Yield the equilibria at rising shares of the load; steps are halved where they must be.
 
-        The factor of each is good until the next is asked for; `settled` as of `settle`.
+        The factor of each is good until the next is asked for; without `tangents` it is only the
+        last one's that is of its state. `settled` as of `settle`.
 
         Raises
         ------
@@ -697,7 +680,10 @@ class Mechanics:
                     target = share
                 try:
                     start = state if before is None else _onward(before, state, target)
-                    found = self.settle(start, target, progress, factored, settled=settled)
+                    found = self.settle(
+                        start, target, progress, factored, settled=settled,
+                        tangent=tangents or target == shares[-1],
+                    )  # fmt: skip
                 except LostStabilityError as lost:
                     before, step = None, 0.5 * step
                     if step < _SMALLEST_STEP:
@@ -715,12 +701,12 @@ class Mechanics:
 
     # -------------------------------------------------------------------------------------------
 
-    def mean(self, points: FacetPoints, u: FloatArray) -> FloatArray:
+    def mean(self, points: _FacetPoints, u: FloatArray) -> FloatArray:
         """Return the mean displacement of facets by area, (3,)."""
         size = np.linalg.norm(points.area_mm2, axis=1)
         return np.asarray(size @ self._carried(points, u) / size.sum())
 
-    def mean_weights(self, points: FacetPoints, direction: FloatArray) -> FloatArray:
+    def mean_weights(self, points: _FacetPoints, direction: FloatArray) -> FloatArray:
         """Return the nodal weights, (N, 3), of the mean displacement along a direction."""
         size = np.linalg.norm(points.area_mm2, axis=1)
         return spread(self.body.cells, points, (size / size.sum())[:, None] * direction)
@@ -731,11 +717,7 @@ class Mechanics:
         It is carried by the material nearest to it.
         """
         cells = self.body.cells
-        nearest = int(np.argmin(np.sum((cells.points_mm - place_mm) ** 2, axis=1)))
-        cell = int(np.searchsorted(cells.offsets, nearest, side="right")) - 1
-        middle = cells.origin_mm + (cells.index[cell] + 0.5) * cells.cell_mm
-        local = 2.0 * (place_mm - middle) / cells.cell_mm
-        shape = shape_functions(local[None], cells.cell_mm)[0][0]
+        (cell,), (shape,) = cells.nearest(place_mm[None])
         weights = np.zeros((len(cells.node_mm), 3))
         weights[cells.nodes[cell]] = shape[:, None] * direction
         return weights
@@ -768,14 +750,10 @@ class Mechanics:
         """Return invariants and strains at the points, and the work on an adjoint field."""
         cells = self.body.cells
         count = len(cells.points)
-        x, iso, vol, over_m = (np.empty(count) for _ in range(4))
-        strain = np.empty((count, 6))
+        seen = Observed(np.empty(count), np.empty((count, 6)), *np.empty((3, count)))
         field = np.zeros_like(state.displacement_mm) if adjoint is None else adjoint
-        self._run(
-            observe, *self.geometry, *self.table, self.basis, self.compliance, self.bulk,
-            state.displacement_mm, state.pressure, field, x, strain, iso, vol, over_m,
-        )  # fmt: skip
-        return Observed(x, strain, iso, vol, over_m)
+        self._run(observe, self.bulk, state.displacement_mm, state.pressure, field, *seen)
+        return seen
 
     def sensitivity(
         self, state: Equilibrium, factored: "Factor", weights: FloatArray
@@ -798,7 +776,7 @@ class Mechanics:
     def nodal_forces(self, state: Equilibrium, stress: FloatArray) -> FloatArray:
         """Return the nodal forces, (N, 3), of second Piola-Kirchhoff stresses, (Q, 6)."""
         out = np.zeros_like(state.displacement_mm)
-        pull(*self.geometry, state.displacement_mm, stress, out)
+        pull(self.geometry, state.displacement_mm, stress, out)
         return out
 
     def energy_mJ(self, state: Equilibrium) -> float:
@@ -815,13 +793,8 @@ class Mechanics:
         i = place.astype(np.int64)
         t = place - i
         # W goes as x²: between two values its square root is the straighter.
-        energy = [
-            np.square(
-                (1.0 - t) * np.sqrt(table.energy_MPa[k, i])
-                + t * np.sqrt(table.energy_MPa[k, i + 1])
-            )
-            for k in (below, above)
-        ]
+        root, nodes = np.sqrt(table.energy_MPa), np.stack([below, above])
+        energy = ((1.0 - t) * root[nodes, i] + t * root[nodes, i + 1]) ** 2
         isochoric = energy[0] ** (1.0 - share) * energy[1] ** share  # as W' between nodes
         cells = self.body.cells
         pressure = np.repeat(state.pressure, np.diff(cells.offsets), axis=0)

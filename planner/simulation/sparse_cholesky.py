@@ -3,7 +3,7 @@
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from llvmlite import ir
@@ -65,14 +65,9 @@ _Int: TypeAlias = Any
 @cache
 def _blas_addresses() -> NDArray[np.int64]:
     """Return the addresses of dpotrf, dtrsm, dsyrk and dgemm."""
-    return np.array(
-        [get_cython_function_address("scipy.linalg.cython_lapack", "dpotrf")]
-        + [
-            get_cython_function_address("scipy.linalg.cython_blas", name)
-            for name in ("dtrsm", "dsyrk", "dgemm")
-        ],
-        dtype=np.int64,
-    )
+    names = ("lapack", "dpotrf"), ("blas", "dtrsm"), ("blas", "dsyrk"), ("blas", "dgemm")
+    found = [get_cython_function_address(f"scipy.linalg.cython_{of}", name) for of, name in names]
+    return np.array(found, dtype=np.int64)
 
 
 def _calling(typing_context: Any, address: Any, pointers: Any) -> Any:
@@ -175,16 +170,13 @@ class NotPositiveDefinite(Exception):  # noqa: N818 - it is an answer, no error
         self.node = node
 
 
-@dataclass(frozen=True, eq=False)
-class Analysis:
+class Analysis(NamedTuple):
     """In which order nodes are eliminated, and what that needs; no number of the matrix is known.
 
     Attributes
     ----------
     factor_bytes, work_bytes
         Of the factor, and of what is needed beside it until it is done, at most.
-    flops
-        Of factoring.
     order : (N,)
         The nodes as they are eliminated.
     first : (T + 1,)
@@ -210,7 +202,6 @@ class Analysis:
 
     factor_bytes: int
     work_bytes: int
-    flops: float
     order: IntArray
     first: IntArray
     rest: IntArray
@@ -294,18 +285,20 @@ def analyse(nodes: IntArray, node_mm: FloatArray, links: IntArray = _NO_LINKS) -
     leaf = below[:, 0] < 0
     cell_start = np.concatenate([[0], np.cumsum(np.where(leaf, bounds[:, 1] - bounds[:, 0], 0))])
     cells = np.concatenate([cells[a:b] for a, b in bounds[leaf]] or [cells])
-    rest, above, rest_start, place = _structure(*each, number, first, below, cells, cell_start)
-
+    of_cell = np.empty(len(cells), np.int64)
+    of_cell[cells] = np.repeat(np.arange(fronts), np.diff(cell_start))
+    front_above = np.full(fronts, -1)
+    front_above[below[~leaf].ravel()] = np.repeat(np.flatnonzero(~leaf), 2)
+    rest, above, rest_start, place = _structure(*each, number, first, front_above, of_cell)
     own = 3 * np.diff(first).astype(np.int64)
     update = (3 * np.diff(rest_start)) ** 2
     panel = np.concatenate([[0], np.cumsum(-(-own * (own + 3 * np.diff(rest_start)) // 8) * 8)])
     k, b = own.astype(np.float64), np.sqrt(update)
     flops = k**3 / 3.0 + k * k * b + k * b * b
-    tasks, work, most = _tasks(below, update, flops)
+    tasks, work, most = _tasks(below, front_above, update, flops)
     return Analysis(
         factor_bytes=8 * int(panel[-1]) + 64,
         work_bytes=8 * most,
-        flops=float(flops.sum()),
         order=order, first=first, rest=rest, above=above, rest_start=rest_start, below=below,
         side=(depth % 2).astype(np.int32), cells=cells, cell_start=cell_start, begin=begin,
         place=place, panel=panel, tasks=tasks, work=work,
@@ -356,11 +349,8 @@ def _halved(
     seen = np.full(count, -1, dtype=np.int64)
     touched = np.empty(count, dtype=np.int32)
     spare = np.empty(n, dtype=np.int32)
-    width = 0
-    for axis in range(3):
-        for c in range(n):
-            width = max(width, ranks[axis, c] + 2)
-    on_cut, in_layer = np.zeros(width, dtype=np.int64), np.zeros(width, dtype=np.int64)
+    on_cut = np.zeros(ranks.max() + 2, dtype=np.int64)
+    in_layer = np.zeros_like(on_cut)
     # Waiting: bounds, depth, and the half of which cut it is.
     waiting = [(0, n, 0, -1, 0)]
     made = 0
@@ -390,14 +380,12 @@ def _halved(
         best, best_axis, best_rank = np.inf, -1, 0
         if end - start > most:
             for axis in range(3):
-                least, greatest = ranks[axis, cells[start]], ranks[axis, cells[start]]
-                for place in range(start, end):
-                    least = min(least, ranks[axis, cells[place]])
-                    greatest = max(greatest, ranks[axis, cells[place]])
+                here = ranks[axis][cells[start:end]]
+                least, greatest = here.min(), here.max()
                 on_cut[: greatest - least + 2] = 0
                 in_layer[: greatest - least + 2] = 0
-                for place in range(start, end):
-                    in_layer[ranks[axis, cells[place]] - least] += 1
+                for rank in here:
+                    in_layer[rank - least] += 1
                 for i in range(met):
                     on_cut[low[axis, touched[i]] - least + 1] += 1
                     on_cut[high[axis, touched[i]] - least + 1] -= 1
@@ -435,84 +423,47 @@ def _halved(
         else:
             waiting.append((lower, end, deep + 1, t, 1))
             waiting.append((start, lower, deep + 1, t, 0))
-    for node in range(count):
-        owner[node] = max(owner[node], 0)
-    return cells, bounds[:made], halves[:made], depth[:made], owner
+    return cells, bounds[:made], halves[:made], depth[:made], np.maximum(owner, 0)
 
 
-@kernel
 def _structure(
-    nodes: NDArray[np.int32],
-    begin: IntArray,
-    number: NDArray[np.int32],
-    first: NDArray[np.int32],
-    below: IntArray,
-    cells: IntArray,
-    cell_start: IntArray,
-) -> tuple[NDArray[np.int32], NDArray[np.int32], IntArray, NDArray[np.int32]]:
-    """Return the rest of every front, places in the front above, and of cells' nodes in fronts."""
-    fronts = below.shape[0]
-    rest_start = np.zeros(fronts + 1, dtype=np.int64)
-    rest = np.empty(4 * nodes.size + 16, dtype=np.int32)
-    above = np.empty(4 * nodes.size + 16, dtype=np.int32)
-    place = np.empty(nodes.shape, dtype=np.int32)
-    seen = np.full(len(number), -1, dtype=np.int64)
-    where = np.empty(len(number), dtype=np.int32)
-    for t in range(fronts):
-        start, last, own = rest_start[t], first[t + 1], first[t + 1] - first[t]
-        at = start
-        if below[t, 0] < 0:
-            needed = np.int64(0)
-            for c in cells[cell_start[t] : cell_start[t + 1]]:
-                needed += begin[c + 1] - begin[c]
-        else:
-            needed = np.int64(0)
-            for half in below[t]:
-                needed += rest_start[half + 1] - rest_start[half]
-        if at + needed > len(rest):
-            more = np.empty(2 * (at + needed), dtype=np.int32)
-            more[:at] = rest[:at]
-            rest = more
-            more = np.empty(2 * (at + needed), dtype=np.int32)
-            more[:at] = above[:at]
-            above = more
-        if below[t, 0] < 0:
-            for c in cells[cell_start[t] : cell_start[t + 1]]:
-                for node in nodes[begin[c] : begin[c + 1]]:
-                    e = number[node]
-                    if e >= last and seen[e] != t:
-                        seen[e] = t
-                        rest[at] = e
-                        at += 1
-            rest[start:at] = np.sort(rest[start:at])
-            for i in range(start, at):
-                where[rest[i]] = own + i - start
-            for c in cells[cell_start[t] : cell_start[t + 1]]:
-                for a in range(begin[c], begin[c + 1]):
-                    e = number[nodes[a]]
-                    place[a] = where[e] if e >= last else e - first[t]
-        else:
-            i, j = rest_start[below[t, 0]], rest_start[below[t, 1]]
-            end_i, end_j = rest_start[below[t, 0] + 1], rest_start[below[t, 1] + 1]
-            while i < end_i or j < end_j:
-                e = min(rest[i] if i < end_i else 2147483647, rest[j] if j < end_j else 2147483647)
-                if e >= last:
-                    rest[at] = e
-                    position = own + at - start
-                    at += 1
-                else:
-                    position = np.int64(e - first[t])
-                if i < end_i and rest[i] == e:
-                    above[i] = position
-                    i += 1
-                if j < end_j and rest[j] == e:
-                    above[j] = position
-                    j += 1
-        rest_start[t + 1] = at
-    return rest[: rest_start[-1]].copy(), above[: rest_start[-1]].copy(), rest_start, place
+    members: IntArray, begin: IntArray, number: IntArray, first: IntArray, above: IntArray,
+    leaf: IntArray,
+) -> tuple[IntArray, IntArray, IntArray, IntArray]:  # fmt: skip
+    """Return the rest of every front, places in the front above, and of cells' nodes in fronts.
+
+    Parameters
+    ----------
+    number : (N,)
+        Of each node in the order.
+    above : (T,)
+        The front above each.
+    leaf : (n,)
+        The front that each cell is in.
+    """
+    count = len(number)
+    of, node = np.repeat(leaf, np.diff(begin)), number[members].astype(np.int64)
+    found, key = [], np.unique(of * count + node)
+    while len(key):  # what a front does not eliminate it hands on
+        front, given = np.divmod(key, count)
+        rest = given >= first[front + 1]
+        found.append(key[rest])
+        key = np.unique(above[front[rest]] * count + given[rest])
+    keys = np.unique(np.concatenate(found))
+    front, rest = np.divmod(keys, count)
+    rest_start = np.searchsorted(front, np.arange(len(above) + 1))
+
+    def place(front: IntArray, node: IntArray) -> NDArray[np.int32]:
+        last = first[front + 1].astype(np.int64)
+        in_rest = np.searchsorted(keys, front * count + node) - rest_start[front]
+        return (np.where(node < last, node, last + in_rest) - first[front]).astype(np.int32)
+
+    return rest.astype(np.int32), place(above[front], rest), rest_start, place(of, node)
 
 
-def _tasks(below: IntArray, update: IntArray, flops: FloatArray) -> tuple[IntArray, IntArray, int]:
+def _tasks(
+    below: IntArray, above: IntArray, update: IntArray, flops: FloatArray
+) -> tuple[IntArray, IntArray, int]:
     """Divide the fronts among tasks.
 
     Returns
@@ -536,8 +487,6 @@ def _tasks(below: IntArray, update: IntArray, flops: FloatArray) -> tuple[IntArr
         small[:] = True  # one task has them all
     tasks, work = [], []
     all_at_once = np.zeros(fronts, dtype=np.int64)
-    above = np.full(fronts, -1)
-    above[below[below[:, 0] >= 0].ravel()] = np.repeat(np.flatnonzero(below[:, 0] >= 0), 2)
     for t in range(fronts):
         if small[t]:
             if above[t] >= 0 and small[above[t]]:
@@ -564,7 +513,6 @@ def factor(
     springs: FloatArray = _NO_SPRINGS,
     *,
     into: Factor | None = None,
-    threads: int = _THREADS,
 ) -> Factor:
     """Sum the matrices of cells and factor the sum.
 
@@ -572,8 +520,9 @@ def factor(
 
     Parameters
     ----------
-    element_matrices : (n, 81, 81)
-        Of each cell, symmetric: row 3 a + axis is that of local node a.
+    element_matrices : (n, 27, 6, 27)
+        Of each cell, symmetric: between local nodes a and b, at [a, k, b], for the pair k of axes
+        11, 22, 33, 12, 23, 13, of which the first is that of a.
     springs : (m, 54, 54)
         Of each link, alike along each axis: between the nodes of its cells, one after the other.
     into
@@ -586,45 +535,43 @@ def factor(
     """
     a = analysis
     matrices = np.ascontiguousarray(element_matrices, dtype=np.float64)
-    assert (len(matrices), matrices[0].size) == (len(a.begin) - 1 - len(springs), 81 * 81)
+    assert matrices.shape == (len(a.begin) - 1 - len(springs), 27, 6, 27)
     columns = _aligned(int(a.panel[-1])) if into is None else into.columns
     updates: dict[int, FloatArray] = {}  # of tasks' last fronts, until the front above has them
     none = np.empty(0)
     failed = len(a.order)
 
-    def run(task: int) -> int:
+    def is_ready(task: int) -> bool:
         start, end = a.tasks[task]
-        outside = (
-            [updates.pop(t, none) for t in a.below[end - 1]] if end - start == 1 else [none, none]
-        )
-        work = np.empty(a.work[task])
-        pivot, at = _factor_fronts(
-            _blas_addresses(), start, end, a.first, a.rest_start, a.above, a.below, a.side, a.cells,
-            a.cell_start, a.begin, a.place, a.panel, matrices, springs, columns, work, outside[0],
-            outside[1],
-        )  # fmt: skip
-        size = 9 * int(a.rest_start[end] - a.rest_start[end - 1]) ** 2
-        updates[end - 1] = work if len(work) == size else work[at : at + size].copy()
-        return int(pivot)
+        return end - start > 1 or all(t < 0 or t in updates for t in a.below[end - 1].tolist())
 
-    above = {int(a.tasks[k, 1]) - 1: k for k in range(len(a.tasks))}
-    missing = [
-        {above[int(t)] for t in a.below[end - 1] if t in above} if end - start == 1 else set()
-        for start, end in a.tasks
-    ]
-    with one_blas_thread(), ThreadPoolExecutor(max(threads, 1)) as pool:
-        todo, done = list(range(len(a.tasks))), set[int]()
-        running: dict[Future[int], int] = {}
+    def begin(task: int) -> tuple[Future[Any], tuple[int, FloatArray]]:
+        start, end = a.tasks[task]
+        halves = a.below[end - 1].tolist() if end - start == 1 else (-1, -1)
+        outside = (updates.pop(halves[0], none), updates.pop(halves[1], none))
+        work = np.empty(a.work[task])  # taken in one thread: each keeps what it once had
+        given = (start, end, matrices, springs, columns, work, outside)
+        return pool.submit(_factor_fronts, _blas_addresses(), a, *given), (task, work)
+
+    def keep(task: int, work: FloatArray, at: int) -> None:
+        last = int(a.tasks[task, 1]) - 1
+        size = 9 * int(a.rest_start[last + 1] - a.rest_start[last]) ** 2
+        updates[last] = work if len(work) == size else work[at : at + size].copy()
+
+    with one_blas_thread(), ThreadPoolExecutor(_THREADS) as pool:
+        todo = list(range(len(a.tasks)))
+        running: dict[Future[Any], tuple[int, FloatArray]] = {}
         while todo or running:
-            for task in [k for k in todo if missing[k] <= done][: max(threads, 1) - len(running)]:
-                todo.remove(task)
-                running[pool.submit(run, task)] = task
+            ready = [k for k in todo if is_ready(k)][: _THREADS - len(running)]
+            todo = [k for k in todo if k not in ready]
+            running.update(map(begin, ready))
             for future in wait(running, return_when=FIRST_COMPLETED).done:
-                task = running.pop(future)
-                done.add(task)
-                if future.result() >= 0:
+                pivot, at = future.result()
+                task = running[future][0]
+                keep(*running.pop(future), at)
+                if pivot >= 0:
                     # Tasks before this one may fail at an earlier pivot; those after it cannot.
-                    failed = min(failed, future.result())
+                    failed = min(failed, pivot)
                     todo = [k for k in todo if k < task]
     if failed < len(a.order):
         raise NotPositiveDefinite(int(a.order[failed]))
@@ -640,12 +587,10 @@ def _aligned(size: int) -> FloatArray:
 
 @kernel
 def _factor_fronts(
-    blas: IntArray, start: _Int, end: _Int, first: IntArray, rest_start: IntArray, above: IntArray,
-    below: IntArray, side: IntArray, cells: IntArray, cell_start: IntArray, begin: IntArray,
-    place: IntArray, panel_start: IntArray, matrices: FloatArray, springs: FloatArray,
-    columns: FloatArray, work: FloatArray, outside_0: FloatArray, outside_1: FloatArray,
+    blas: IntArray, analysis: Analysis, start: _Int, end: _Int, matrices: FloatArray,
+    springs: FloatArray, columns: FloatArray, work: FloatArray, outside: Any,
 ) -> tuple[_Int, _Int]:  # fmt: skip
-    """Factor fronts of one task, in order.
+    """Factor fronts of one task, in order; `outside` are updates of halves that others have made.
 
     Updates stand at both ends of `work`, by depth in turn: those of two halves lie last at one
     end when their cut's comes to the other.
@@ -661,57 +606,59 @@ def _factor_fronts(
     where = np.zeros(end - start, dtype=np.int64)
     integers = np.zeros(8, dtype=np.int32)
     for t in range(start, end):
-        own = np.int64(3 * (first[t + 1] - first[t]))
-        rest = 3 * (rest_start[t + 1] - rest_start[t])
+        own = np.int64(3 * (analysis.first[t + 1] - analysis.first[t]))
+        rest = 3 * (analysis.rest_start[t + 1] - analysis.rest_start[t])
         rows, size = own + rest, rest * rest
-        if side[t] == 0:
+        if analysis.side[t] == 0:
             at = low
             low += size
         else:
             high -= size
             at = high
         where[t - start] = at
-        panel = columns[panel_start[t] : panel_start[t] + rows * own]
+        panel = columns[analysis.panel[t] : analysis.panel[t] + rows * own]
         update = work[at : at + size]
         panel[:] = 0.0
         for j in range(rest):
             update[j * rest + j - j % 3 : (j + 1) * rest] = 0.0
-        for c in cells[cell_start[t] : cell_start[t + 1]]:
-            nodes = place[begin[c] : begin[c + 1]]
+        for c in analysis.cells[analysis.cell_start[t] : analysis.cell_start[t + 1]]:
+            nodes = analysis.place[analysis.begin[c] : analysis.begin[c + 1]]
             if c < len(matrices):
                 _add_cell(matrices[c], nodes, panel, rows, update, own, rest)
             else:
                 _add_springs(springs[c - len(matrices)], nodes, panel, rows, update, own, rest)
         for k in range(2):
-            half = below[t, k]
+            half = analysis.below[t, k]
             if half < 0:
                 continue
-            numbers = 9 * (rest_start[half + 1] - rest_start[half]) ** 2
+            numbers = 9 * (analysis.rest_start[half + 1] - analysis.rest_start[half]) ** 2
             if half >= start:
                 given = work[where[half - start] : where[half - start] + numbers]
-                if side[half] == 0:
+                if analysis.side[half] == 0:
                     low -= numbers
                 else:
                     high += numbers
-            elif k == 0:
-                given = outside_0
             else:
-                given = outside_1
-            to = above[rest_start[half] : rest_start[half + 1]]
+                given = outside[k]
+            to = analysis.above[analysis.rest_start[half] : analysis.rest_start[half + 1]]
             _add_update(given, to, panel, rows, update, own, rest)
         if own == 0:
             continue
-        a, b, c = _address_of(panel), _address_of(panel) + 8 * own, _address_of(update)
-        failed = _potrf(blas[0], own, a, rows, integers)
+        diagonal, square = _address_of(panel), _address_of(update)
+        under = diagonal + 8 * own
+        failed = _potrf(blas[0], own, diagonal, rows, integers)
         for j in range(own):  # LAPACK lets what is not a number pass
             if failed == 0 and not panel[j * rows + j] > 0.0:
                 failed = j + 1
         if failed > 0:
-            return np.int64(first[t]) + (failed - 1) // 3, at
+            return np.int64(analysis.first[t]) + (failed - 1) // 3, at
         if rest > 0:
-            _trsm(blas[1], 1, True, rest, own, a, rows, b, rows, integers)
-            _syrk(blas[2], rest, own, b, rows, c, rest, integers)
+            _trsm(blas[1], 1, True, rest, own, diagonal, rows, under, rows, integers)
+            _syrk(blas[2], rest, own, under, rows, square, rest, integers)
     return np.int64(-1), at
+
+
+_SIX = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2]])
 
 
 @inner_kernel
@@ -728,9 +675,10 @@ def _add_cell(
             )
             for a in range(27):
                 if place[a] >= place[b]:
-                    to, of = offset + 3 * place[a], 3 * a
+                    to = offset + 3 * place[a]
                     for i in range(3):
-                        into[to + i] += matrix[of + i, 3 * b + axis]
+                        k = _SIX[i, axis]
+                        into[to + i] += matrix[a, k, b] if i <= axis else matrix[b, k, a]
 
 
 @inner_kernel

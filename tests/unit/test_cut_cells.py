@@ -3,9 +3,12 @@
 import numpy as np
 import pytest
 import trimesh
+from scipy import sparse
 
+from planner import simulation
 from planner.errors import ArgumentError, MeshError
 from planner.formats.mesh_file import read_mesh
+from planner.mesh.halve import halve_long_edges
 from planner.mesh.mesh import Mesh, Topology
 from planner.mesh.part import make_part
 from planner.simulation.cut_cells import CutCells, cut_cells
@@ -130,13 +133,12 @@ def test_a_box_aslant_has_its_volume_and_moments():
     assert second_moments(cells) == pytest.approx(exact, abs=5e-4 * np.trace(exact))
 
 
-def test_a_sphere_converges_with_the_spacing_of_columns():
+def test_a_sphere_converges_with_the_spacing_of_columns(monkeypatch):
     """Volume of the triangles, exactly known: the error falls faster than the spacing."""
-    mesh = sphere()
-    errors = [
-        abs(cut_cells(mesh, 5.0, columns_across=n).volume_mm3 / mesh.volume_mm3 - 1)
-        for n in (6, 12, 24, 48, 96)
-    ]
+    mesh, errors = sphere(), []
+    for n in (6, 12, 24, 48, 96):
+        monkeypatch.setattr(simulation.cut_cells, "_COLUMNS_ACROSS", n)
+        errors.append(abs(cut_cells(mesh, 5.0).volume_mm3 / mesh.volume_mm3 - 1))
     slope = np.polyfit(np.log([6, 12, 24, 48, 96]), np.log(np.maximum(errors, 1e-7)), 1)[0]
     assert slope < -1.0
     assert errors[2] < 5e-4
@@ -170,10 +172,19 @@ def walls(gap: float, bottom: float) -> Mesh:
     return mesh if mesh.volume_mm3 > 0 else Mesh(vertices, mesh.faces[:, ::-1])
 
 
+def bodies(cells):
+    """How many bodies there are: their cells share nodes, or meet at an interface."""
+    count = len(cells.nodes)
+    has = sparse.csr_array((np.ones(27 * count), cells.nodes.ravel(), 27 * np.arange(count + 1)))
+    pairs = cells.interface.cells
+    met = sparse.coo_array((np.ones(len(pairs)), tuple(pairs.T)), (count, count))
+    return sparse.csgraph.connected_components(has @ has.T + met.tocsr())[0]
+
+
 def test_two_walls_in_a_cell_are_pieces_of_their_own_that_touch_their_ground():
     cells = cut_cells(walls(gap=0.8, bottom=1.0), 2.0)  # 1 x 4 x 4 cells, 1.8 mm wide
     assert cells.volume_mm3 == pytest.approx(8 * (1.8 * 1 + 2 * 0.5 * 7), rel=1e-3)
-    assert cells.body.max() == 0
+    assert bodies(cells) == 1
     middle = np.add.reduceat(cells.weights_mm3[:, None] * places(cells), cells.offsets[:-1])
     middle /= np.add.reduceat(cells.weights_mm3, cells.offsets[:-1])[:, None]
     upper, left = middle[:, 2] > 1.0, middle[:, 0] < 0.9
@@ -204,11 +215,9 @@ def test_walls_on_a_ground_beside_a_face_of_the_lattice_are_joined_by_the_ground
     assert cells.node_mm[shared, 2].max() == 2.0
 
 
-def test_bodies_apart_share_nothing_and_are_numbered():
+def test_bodies_apart_share_nothing():
     cells = cut_cells(united(box((4, 4, 4)), box((4, 4, 4), low=(4.3, 0, 0))), 2.0)
-    assert cells.body.max() == 1
-    one, other = (cells.nodes[cells.body == b] for b in (0, 1))
-    assert not np.intersect1d(one, other).size
+    assert bodies(cells) == 2
     assert cells.volume_mm3 == pytest.approx(128, rel=5e-4)  # measured 1.5e-4
 
 
@@ -216,7 +225,7 @@ def test_a_thin_plate_aslant_holds_together():
     """0.3 mm in cells of 2 mm: one body, its volume and the moment across its face."""
     extents, axis = (20.0, 20.0, 0.3), (1, 0.5, 0.2)
     cells = cut_cells(turned(box(extents, low=(-10, -10, -0.15)), axis, 0.6), 2.0)
-    assert cells.body.max() == 0
+    assert bodies(cells) == 1
     assert cells.volume_mm3 == pytest.approx(120, rel=1e-3)
     exact = box_moments(extents, axis, 0.6)
     assert second_moments(cells) == pytest.approx(exact, abs=1e-3 * np.trace(exact))
@@ -250,9 +259,11 @@ def test_a_plane_fits_the_nodes():
     assert cells.node_mm[cells.nodes] == pytest.approx(place, abs=1e-12)
 
 
-def test_the_same_on_one_thread_and_on_two_and_again():
+def test_the_same_on_one_thread_and_on_two_and_again(monkeypatch):
     mesh = turned(box((10, 6, 4)), (1, 2, 3), 0.7)
-    one, two, again = (cut_cells(mesh, 2.0, threads=n) for n in (1, 2, 2))
+    two, again = cut_cells(mesh, 2.0), cut_cells(mesh, 2.0)
+    monkeypatch.setattr(simulation.cell_quadrature, "_THREADS", 1)
+    one = cut_cells(mesh, 2.0)
     for name in ("index", "nodes", "node_mm", "offsets", "points", "weights_mm3", "vertex_local"):
         assert np.array_equal(getattr(one, name), getattr(two, name)), name
         assert np.array_equal(getattr(two, name), getattr(again, name)), name
@@ -262,13 +273,15 @@ def test_the_finger_has_its_volume(samples):
     mesh = make_part(read_mesh(samples / "finger.stl").triangles, name="finger").mesh
     cells = cut_cells(mesh, 4.0)
     assert cells.volume_mm3 == pytest.approx(mesh.volume_mm3, rel=1e-4)
-    assert cells.body.max() == 0
+    assert bodies(cells) == 1
     assert cells.dropped_mm3 == 0.0
     assert Topology(cells.surface.faces).closed
     sides = cells.surface.triangles - np.roll(cells.surface.triangles, 1, axis=1)
     assert np.linalg.norm(sides, axis=2).max() <= cells.cell_mm.min() / 2
     assert cells.surface.area_mm2 == pytest.approx(mesh.area_mm2, rel=1e-12)
-    whole = np.bincount(cells.triangle, _areas(cells.surface), minlength=len(mesh.faces))
+    fine, triangle = halve_long_edges(mesh, cells.cell_mm.min() / 2)
+    assert np.array_equal(fine.faces, cells.surface.faces)
+    whole = np.bincount(triangle, _areas(cells.surface), minlength=len(mesh.faces))
     assert whole == pytest.approx(_areas(mesh), rel=1e-9)
 
 

@@ -16,7 +16,8 @@ from planner.materials.mixtures import CoefficientModel
 from planner.mesh.mesh import Mesh
 from planner.notes import Caution
 from planner.printers import palette_of
-from planner.simulation.hexahedra import FACE_NODES, hexahedra
+from planner.simulation.export import _FACE_NODES as FACE_NODES
+from planner.simulation.export import _hexahedra as hexahedra
 
 
 def box(*extents: float) -> Mesh:

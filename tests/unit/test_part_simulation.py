@@ -557,19 +557,19 @@ def test_cells_that_do_not_fit_are_refused_with_the_finest_that_do() -> None:
 
 
 def test_what_cells_take_is_foretold(samples: Path) -> None:
-    """Of walls of one to two cells: within a fifth of the cells, a third of the memory."""
+    """Of walls of about a cell: within a fifth of the cells, and half of the memory."""
     from planner.grading.grade import open_part
     from planner.simulation.cut_cells import cut_cells
     from planner.simulation.sparse_cholesky import analyse
 
     surface = open_part(samples / "finger.stl", unit=None).part.mesh
-    cells = cut_cells(surface, 3.0, columns_across=6)
+    cells = cut_cells(surface, 2.2)
     analysis = analyse(cells.nodes, cells.node_mm, cells.interface.cells)
-    needed = analysis.factor_bytes + analysis.work_bytes + 8 * 81**2 * len(cells.nodes)
-    found = part._effort(surface, np.array([3.0]), factors=1, solutions=1)
+    needed = analysis.factor_bytes + analysis.work_bytes + 8 * 6 * 27**2 * len(cells.nodes)
+    found = part._effort(surface, np.array([2.2]), factors=1, solutions=1)
     assert found[0][0] == pytest.approx(len(cells.nodes), rel=0.2)
     assert found[1][0] == pytest.approx(3 * len(cells.node_mm), rel=0.2)
-    assert 0.95 < found[2][0] / needed < 1.35
+    assert 0.96 < found[2][0] / needed < 1.5
 
 
 def test_more_memory_than_there_is_is_not_taken(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,6 +9,7 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from planner.numerics import BoolArray, FloatArray
+from planner.simulation import sparse_cholesky
 from planner.simulation.sparse_cholesky import NotPositiveDefinite, analyse, factor
 
 
@@ -35,10 +36,18 @@ def walls(shape: tuple[int, int, int]) -> BoolArray:
 
 def element_matrices(n: int, seed: int = 5) -> FloatArray:
     b = np.random.default_rng(seed).normal(size=(n, 30, 81))
-    return np.einsum("nij,nik->njk", b, b) + 0.5 * np.eye(81)
+    whole = (np.einsum("nij,nik->njk", b, b) + 0.5 * np.eye(81)).reshape(n, 27, 3, 27, 3)
+    return np.stack([whole[:, :, i, :, j] for i, j in PAIRS], axis=2)
 
 
-def summed(nodes, matrices, count: int):
+PAIRS = [(0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2)]
+
+
+def summed(nodes, packed, count: int):
+    matrices = np.empty((len(packed), 27, 3, 27, 3))
+    for k, (i, j) in enumerate(PAIRS):
+        matrices[:, :, i, :, j] = packed[:, :, k]
+        matrices[:, :, j, :, i] = packed[:, :, k].transpose(0, 2, 1)
     dof = (3 * nodes[:, :, None] + np.arange(3)).reshape(len(nodes), 81)
     row, column = np.repeat(dof, 81, axis=1).ravel(), np.tile(dof, 81).ravel()
     return sparse.csc_array((matrices.ravel(), (row, column)), shape=(3 * count, 3 * count))
@@ -102,13 +111,15 @@ def test_a_box_fills_in_as_nested_dissection_does():
     )
 
 
-def test_one_thread_and_two_write_the_same_bytes():
+def test_one_thread_and_two_write_the_same_bytes(monkeypatch):
     nodes, node_mm = lattice((12, 5, 4))
     analysis, matrices = analyse(nodes, node_mm), element_matrices(240)
     assert len(analysis.tasks) > 3
-    one = factor(analysis, matrices, threads=1)
+    monkeypatch.setattr(sparse_cholesky, "_THREADS", 1)
+    one = factor(analysis, matrices)
+    monkeypatch.undo()
     rhs = np.random.default_rng(3).normal(size=3 * len(node_mm))
-    two = factor(analysis, matrices, threads=2)
+    two = factor(analysis, matrices)
     rows = 3 * (np.diff(analysis.first) + np.diff(analysis.rest_start))
     sizes = 3 * np.diff(analysis.first) * rows  # between fronts is up to a line of nothing
     for start, size in zip(analysis.panel, sizes, strict=False):
@@ -131,27 +142,29 @@ def test_each_front_is_of_one_task(shape):
 
 @pytest.mark.parametrize("threads", [1, 2])
 @pytest.mark.parametrize("value", [-1e3, np.nan])
-def test_a_failing_pivot_is_named(value, threads):
+def test_a_failing_pivot_is_named(value, threads, monkeypatch):
+    monkeypatch.setattr(sparse_cholesky, "_THREADS", threads)
     nodes, node_mm = lattice((8, 4, 4))
     matrices = element_matrices(len(nodes))
     analysis = analyse(nodes, node_mm)
     cell, local = 37, 13
-    matrices[cell, 3 * local + 1, 3 * local + 1] = value
+    matrices[cell, local, 1, local] = value
     with pytest.raises(NotPositiveDefinite, match=str(nodes[cell, local])) as told:
-        factor(analysis, matrices, threads=threads)
+        factor(analysis, matrices)
     assert told.value.node == nodes[cell, local]
 
 
-def test_of_two_failing_pivots_the_first_eliminated_is_named():
+def test_of_two_failing_pivots_the_first_eliminated_is_named(monkeypatch):
     nodes, node_mm = lattice((16, 4, 4))
     analysis, matrices = analyse(nodes, node_mm), element_matrices(len(nodes))
     failing = [3, 120, 200, 250]
-    matrices[failing, 39, 39] = -1e3  # the node in the middle of a cell
+    matrices[failing, 13, 0, 13] = -1e3  # the node in the middle of a cell
     place = np.argsort(analysis.order)
     expected = min(nodes[failing, 13], key=lambda node: place[node])
     for threads in (1, 2, 2, 2):
+        monkeypatch.setattr(sparse_cholesky, "_THREADS", threads)
         with pytest.raises(NotPositiveDefinite) as told:
-            factor(analysis, matrices, threads=threads)
+            factor(analysis, matrices)
         assert told.value.node == expected
 
 
