@@ -103,27 +103,25 @@ def _course(case: "Case", solved: "Solved", coordinate: FloatArray, steps: int) 
     from planner.simulation.solid import LostStabilityError
 
     cells, last = solved.mechanics.body.cells, solved.state.displacement_mm
-    full = case.solve(coordinate)
-    mechanics, states = full.mechanics, list[Any]()
     shares = np.linspace(0.0, 1.0, steps + 1)[1:-1].tolist()
+    moved = [0.0 * last, last]
     try:
-        for state, _ in mechanics.follow(shares, settled=_SHOWN):
-            states.append(state)
+        full = case.solve(coordinate)
+        states = [state for state, _ in full.mechanics.follow(shares, settled=_SHOWN)]
     except LostStabilityError:
-        pass  # another way led to the last one
-    moved = np.stack([state.displacement_mm for state in (*states, full.state)], axis=1)
-    size = np.linalg.norm(moved, axis=(0, 2)) / np.linalg.norm(moved[:, -1])
-    flat = mechanics.body.cells.interpolated(cells.node_mm, moved.reshape(len(moved), -1))
-    there = flat.reshape(len(cells.node_mm), -1, 3).swapaxes(0, 1)
+        shares = []  # there is no such way in larger cells
+    else:
+        each = np.stack([state.displacement_mm for state in (*states, full.state)], axis=1)
+        size = np.linalg.norm(each, axis=(0, 2)) / np.linalg.norm(each[:, -1])
+        at = full.mechanics.body.cells.interpolated(cells.node_mm, each.reshape(len(each), -1))
+        way = at.reshape(len(last), -1, 3).swapaxes(0, 1)
+        moved[1:1] = way[:-1] + size[:-1, None, None] * (last - way[-1])
     shapes, misses = solved.shapes, solved.deviations()
     return Course(
-        case.name,
-        np.array([0.0, *(state.share for state in states), 1.0]),
-        cells,
-        np.stack([0.0 * last, *(there + size[:, None, None] * (last - there[-1]))]),
+        case.name, np.array([0.0, *shares, 1.0]), cells, np.stack(moved),
         shapes[0].wanted.surface if shapes else None,
         misses[0].off_mm if misses else None,
-    )
+    )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
