@@ -48,7 +48,7 @@ from planner.palette import Palette
 from planner.plan import Plan
 from planner.printers import Printer, load_printer, palette_of
 from planner.simulation.loads import LoadCase, palette_densities
-from planner.simulation.part import COARSER, check_effort, default_cell_mm, finest_cell_mm
+from planner.simulation.part import check_effort, default_cell_mm, finest_cell_mm
 
 if TYPE_CHECKING:
     from planner.inverse_design.search import Case, DesignProblem, Found, Solved
@@ -94,31 +94,34 @@ class Course(NamedTuple):
     off_mm: FloatArray | None
 
 
-_SHOWN = 1e-3
-"""Of the way: a page shows thousandths."""
+_SHOWN = 0.03
+"""Largest last change, over the way: what is left is about its square, a page shows thousandths."""
 
 
-def _course(name: str, solved: "Solved", steps: int) -> Course:
-    """Load a solved part once more, in steps."""
+def _course(case: "Case", solved: "Solved", coordinate: FloatArray, steps: int) -> Course:
+    """Tell how a solved part comes to its load: as in larger cells, scaled to how it is at last."""
     from planner.simulation.solid import LostStabilityError
 
-    states = [solved.mechanics.at_rest()]
+    cells, last = solved.mechanics.body.cells, solved.state.displacement_mm
+    shares = np.linspace(0.0, 1.0, steps + 1)[1:-1].tolist()
+    moved = [0.0 * last, last]
     try:
-        shares = np.linspace(0.0, 1.0, steps + 1)[1:-1].tolist()
-        for state, _ in solved.mechanics.follow(shares, settled=_SHOWN):
-            states.append(state)
+        full = case.solve(coordinate)
+        states = [state for state, _ in full.mechanics.follow(shares, settled=_SHOWN)]
     except LostStabilityError:
-        pass  # another way led to the last one
-    states.append(solved.state)
+        shares = []  # there is no such way in larger cells
+    else:
+        each = np.stack([state.displacement_mm for state in (*states, full.state)], axis=1)
+        size = np.linalg.norm(each, axis=(0, 2)) / np.linalg.norm(each[:, -1])
+        at = full.mechanics.body.cells.interpolated(cells.node_mm, each.reshape(len(each), -1))
+        way = at.reshape(len(last), -1, 3).swapaxes(0, 1)
+        moved[1:1] = way[:-1] + size[:-1, None, None] * (last - way[-1])
     shapes, misses = solved.shapes, solved.deviations()
     return Course(
-        name,
-        np.array([state.share for state in states]),
-        solved.mechanics.body.cells,
-        np.stack([state.displacement_mm for state in states]),
+        case.name, np.array([0.0, *shares, 1.0]), cells, np.stack(moved),
         shapes[0].wanted.surface if shapes else None,
         misses[0].off_mm if misses else None,
-    )
+    )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -370,7 +373,7 @@ def design(
     start
         An earlier design, or its folder, to go on from.
     steps
-        Of each load, to show on plan.html: the printed part is solved for each of them.
+        Of each load, to show on plan.html: on the way as larger cells tell, at last as printed.
     printer, palette, unit, bodies, name, force_oversize
         As `planner.grade`.
     progress
@@ -481,7 +484,7 @@ def design(
         return DesignProblem(stiffness, controls, on_cells, limits, prefer, 0.3 * tolerance, normal)
 
     begun = _begun(start, len(controls.even))
-    found, reach = _searched(
+    found, larger, reach = _searched(
         problem_on, edge, mesh, begun, tolerance, progress, is_lattice=free is not None
     )
     best, problem = found.best, found.problem
@@ -525,10 +528,13 @@ def design(
         )
     if steps:
         progress(DesignStage("from rest to full load, for the page", 0.9))
-    named = zip(problem.cases, printed.solved, strict=True)
+    share = larger.basis @ printed.values
+    courses = zip(larger.cases, printed.solved, strict=True) if steps else ()
     profile, _, table = gradient.laid(printed.values)
     return PartDesign(
-        courses=tuple(_course(case.name, one, steps) for case, one in named if steps),
+        courses=tuple(
+            _course(case, one, stiffness.coordinates(share)[0], steps) for case, one in courses
+        ),
         plan=printed.plan,
         positions=profile.positions,
         moduli_MPa=profile.moduli_MPa,
@@ -572,6 +578,9 @@ def _ramp(
 _NEAR = 0.25
 """Of the work is done in the larger cells."""
 
+_LARGER = 2.0
+"""Times the edge of the cells asked for: an equilibrium there costs about a twentieth."""
+
 
 def _searched(
     problem_on: "Callable[..., DesignProblem]",
@@ -582,13 +591,15 @@ def _searched(
     progress: Callable[[str], None],
     *,
     is_lattice: bool,
-) -> "tuple[Found, list[Ends]]":
+) -> "tuple[Found, DesignProblem, list[Ends]]":
     """Search in larger cells first, then in those asked for.
 
     Returns
     -------
     found
         In the cells that were come to, with all gradients counted.
+    larger
+        In the larger cells.
     reach
         The softest and the stiffest that is allowed, in the larger cells.
     """
@@ -603,9 +614,21 @@ def _searched(
 
         return tell
 
+    def begun_at(
+        problem: "DesignProblem", start: FloatArray, tolerance: float, **more: Any
+    ) -> "Found":
+        for stiffer in (0.0, 0.5, 0.75, 1.0):
+            try:
+                return search(problem, np.maximum(start, stiffer), tolerance=tolerance, **more)
+            except LostStabilityError:
+                continue
+        raise ArgumentError(
+            "the part has no stable equilibrium under these loads even in the stiffest material; "
+            "take smaller loads"
+        )
+
     longest_mm = float(np.ptp(mesh.bounds_mm, axis=0).max())
-    larger_mm = max(edge_mm, min(COARSER * edge_mm, longest_mm / FEWEST_ALONG))
-    problem = problem_on(larger_mm, 0.0)
+    problem = problem_on(max(edge_mm, min(_LARGER * edge_mm, longest_mm / FEWEST_ALONG)), 0.0)
     progress(DesignStage("larger cells: the softest and the stiffest that is allowed", 0.05))
     reach = in_reach(problem)
     for words in out_of_reach(problem, reach):
@@ -614,33 +637,25 @@ def _searched(
     if is_lattice:
         controls = replace(controls, even=np.full(len(controls.even), even_share(problem, reach)))
         problem = replace(problem, controls=controls)
-    for stiffer in (0.0, 0.5, 0.75, 1.0):
-        try:
-            found = search(
-                problem, np.maximum(controls.even, stiffer) if begun is None else begun,
-                tolerance=max(0.02, tolerance), progress=told("larger cells", 0.1, _NEAR),
-            )  # fmt: skip
-            break
-        except LostStabilityError:
-            continue
-    else:
-        raise ArgumentError(
-            "the part has no stable equilibrium under these loads even in the stiffest material; "
-            "take smaller loads"
-        )
+    found = begun_at(
+        problem, controls.even if begun is None else begun, max(0.02, tolerance),
+        progress=told("larger cells", 0.1, _NEAR),
+    )  # fmt: skip
     if found.stopped:
-        return found, reach
+        return found, problem, reach
     try:
         finer = replace(problem_on(edge_mm, _NEAR, problem.cases), controls=controls)
-        after = search(
-            finer, found.best.values, tolerance=0.3 * tolerance, radius=0.1,
+        after = begun_at(
+            finer, found.best.values, 0.3 * tolerance, radius=0.1,
             progress=told("cells asked for", _NEAR, 0.7),
         )  # fmt: skip
     except (KeyboardInterrupt, SystemError) as error:
         if not interrupted(error):
             raise
-        return found._replace(stopped=True), reach
-    return after._replace(tried=found.tried + after.tried), reach
+        return found._replace(stopped=True), problem, reach
+    for case in finer.cases:
+        case.factored = None  # prints have their own, and need the memory
+    return after._replace(tried=found.tried + after.tried), problem, reach
 
 
 def _wanted_of(case: LoadCase) -> list[Target]:

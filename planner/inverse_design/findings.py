@@ -97,12 +97,12 @@ def in_reach(problem: "DesignProblem") -> list[Ends]:
     from planner.simulation.solid import LostStabilityError
 
     found: list[list[float | None]] = []
-    for share in (0.0, 1.0):
+    for share, steps in ((0.0, 4), (1.0, 1)):
         coordinate, _ = problem.stiffness.coordinates(np.full(problem.basis.shape[0], share))
         each: list[float | None] = []
         for case in problem.cases:
             try:
-                each += case.solve(coordinate, steps=4).values().tolist()
+                each += case.solve(coordinate, steps=steps).values().tolist()
             except LostStabilityError:
                 each += [None] * len(case.goals)
             case.state = None  # as if nothing had been solved

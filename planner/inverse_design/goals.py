@@ -351,6 +351,24 @@ def _mean(facets: Any, direction: FloatArray) -> Measure:
     return measure
 
 
+def _reaction(number: int, direction: FloatArray) -> Measure:
+    """Return the force of a support."""
+
+    def measure(mechanics: "Mechanics", state: "Equilibrium") -> tuple[float, FloatArray]:
+        held = mechanics.held[number]
+        constant = float(held.stiffness.sum() * (held.axes * held.target_mm) @ direction)
+        return _linear(mechanics.reaction_weights(number, direction), constant, state)
+
+    return measure
+
+
+def _at(place: Point, direction: FloatArray) -> Measure:
+    def measure(mechanics: "Mechanics", state: "Equilibrium") -> tuple[float, FloatArray]:
+        return _linear(mechanics.place_weights(np.array(place), direction), 0.0, state)
+
+    return measure
+
+
 def _distance(one: Any, other: Any) -> Measure:
     """Return the distance between the middles of faces, by area."""
 
@@ -420,18 +438,7 @@ def _of_loads(
             break
         direction = moved / travel if target.quantity == "stiffness" else np.eye(3)[axis]
         wanted = target.value * travel if target.quantity == "stiffness" else target.value
-
-        def measure(
-            mechanics: "Mechanics",
-            state: "Equilibrium",
-            number: int = number,
-            direction: FloatArray = direction,
-        ) -> tuple[float, FloatArray]:
-            held = mechanics.held[number]
-            constant = float(held.stiffness.sum() * (held.axes * held.target_mm) @ direction)
-            return _linear(mechanics.reaction_weights(number, direction), constant, state)
-
-        return wanted, "N", measure
+        return wanted, "N", _reaction(number, direction)
     raise ArgumentError(
         f"{where}: no load or support is on exactly these faces; a stiffness is that of a `load` "
         "or of a `move`, a force that of a `fix` or a `move`, with the same selector"
@@ -440,25 +447,14 @@ def _of_loads(
 
 def _shape_functionals(target: Target) -> list[Functional]:
     """Return the components of a shape's points; the longest way counts as whole."""
-    out = []
     greatest = float(np.linalg.norm(target.moves_mm, axis=1).max())
-    for number, (place, move) in enumerate(zip(target.points_mm, target.moves_mm, strict=True)):
-        for axis in range(3):
-
-            def measure(
-                mechanics: "Mechanics",
-                state: "Equilibrium",
-                place: Point = place,
-                axis: int = axis,
-            ) -> tuple[float, FloatArray]:
-                return _linear(
-                    mechanics.place_weights(np.array(place), np.eye(3)[axis]), 0.0, state
-                )
-
-            out.append(
-                Functional(
-                    f"{target.text}, point {number + 1}, u{'xyz'[axis]}", move[axis], "mm",
-                    greatest, "near", target.weight, measure,
-                )
-            )  # fmt: skip
-    return out
+    return [
+        Functional(
+            f"{target.text}, point {number}, u{'xyz'[axis]}", move[axis], "mm", greatest, "near",
+            target.weight, _at(place, np.eye(3)[axis]),
+        )
+        for number, (place, move) in enumerate(
+            zip(target.points_mm, target.moves_mm, strict=True), start=1
+        )
+        for axis in range(3)
+    ]  # fmt: skip

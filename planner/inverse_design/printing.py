@@ -13,6 +13,7 @@ from planner.errors import ArgumentError, ThinBandError
 from planner.fields.basic import Field
 from planner.fields.parse import Setting, TableFile
 from planner.formats.field_file import encode_vti
+from planner.glance import percent
 from planner.grading.profile import Profile, StiffnessScale, natural_bands
 from planner.grading.snap import moved_cuts, snap_limit_mm, snapped_bands
 from planner.inverse_design.controls import TABLE, Controls, StiffnessRange
@@ -150,7 +151,8 @@ class Printing:
             plan, follows = self._planned(values)
         palette = self.scale.palette
         if self.dithered or len(plan.regions) == 1:
-            cases = list(self.problem.cases)
+            # The factors of a print stay: it may be the one that is taken.
+            cases = [replace(case, factored=None) for case in self.problem.cases]
             filling = filling_along(follows, plan, palette)(cases[0].cells.points_mm)
         else:
             cells, filling = open_solid(plan, None, None, None, palette).cut(self.cell_mm)
@@ -180,10 +182,11 @@ class Printing:
         return np.asarray(along.values(self.problem.cases[0].cells.points_mm + moved))
 
     def _shares(self, values: FloatArray) -> FloatArray:
-        """Return the stiffness that is printed at the points, as a share of ln(modulus).
+        """Return the stiffness that is printed about the points, as a share of ln(modulus).
 
         It is that of the materials that `planner.grade` cuts to: the nearest in ln(modulus), with
-        cuts moved off faces.
+        cuts moved off faces. A point stands for half of its cell's range of the field. Bands of a
+        profile are taken to lie in series there, those of a lattice in no order.
         """
         share = np.asarray(self.problem.basis @ values)
         if self.dithered:
@@ -196,14 +199,22 @@ class Printing:
         )  # fmt: skip
         starts = [band.start for band in snapped_bands(bands, moved, profile)]
         moduli = np.array(self.scale.moduli_MPa)[[band.grade for band in bands]]
-        printed = np.log(moduli / self.problem.stiffness.moduli_MPa[0])
         place = share if self._along is None else self._along
-        band = np.searchsorted(starts, place, side="right") - 1
-        return np.asarray(printed[np.maximum(band, 0)] / self.problem.stiffness.span)
+        offsets = self.problem.cases[0].cells.offsets
+        range_ = [f.reduceat(place, offsets[:-1]) for f in (np.maximum, np.minimum)]
+        half = np.repeat(np.maximum(0.25 * (range_[0] - range_[1]), 1e-9), np.diff(offsets))
+        edges = np.array([-1.0, *starts[1:], 2.0])
+        sums = np.append(0.0, np.cumsum(np.diff(edges) / moduli))
+        ends = (np.interp(place + sign * half, edges, sums) for sign in (1.0, -1.0))
+        stiffness = self.problem.stiffness
+        softer = np.subtract(*ends) / (2.0 * half) * stiffness.moduli_MPa[0]
+        return np.asarray(-np.log(softer) / stiffness.span)
 
     def foretold(self, values: FloatArray) -> FloatArray:
         """Return by how much a print misses its targets, by the gradient's derivatives."""
         change = self._shares(values) - self.problem.basis @ self.best.values
+        span = self.problem.stiffness.span
+        change = -np.expm1(-span * change) / span
         return np.asarray(self._missed(self.best.figures) + self.best.by_share @ change)
 
     def stepped(self, values: FloatArray, other: FloatArray) -> BoolArray:
@@ -241,6 +252,11 @@ def corrected(
         Whether the best gradient is to be printed as it is.
     progress
         Called with the least miss so far before each further print.
+
+    Raises
+    ------
+    ArgumentError
+        No print has a stable equilibrium.
     """
     kept, tried = None, 0
     try:
@@ -256,7 +272,14 @@ def corrected(
             raise
         stopped = True
     if kept is None:
-        kept = printing.made(printing.best.values, printing.problem.cases)
+        try:
+            kept = printing.made(printing.best.values, printing.problem.cases)
+        except LostStabilityError as lost:
+            raise ArgumentError(
+                "the gradient bears the loads; its print, in the palette's materials, has no "
+                f"stable equilibrium beyond {percent(lost.share)} of them: take smaller loads, a "
+                "stiffer `from_` or `to`, or dithered materials (`blend`), which follow it closer"
+            ) from lost
     return kept, max(tried, 1), stopped
 
 
@@ -292,7 +315,7 @@ def _prints(printing: Printing) -> Iterator[Print]:
         try:
             one = printing.made(values, before)
         except LostStabilityError:  # cuts may leave a place that hangs by less than a cell
-            values = 0.5 * (values + (trail[-1].values if trail else printing.best.values))
+            values = 0.5 * (values + trail[-1].values) if trail else printing.best.values
             continue
         yield one
         before = one.cases
@@ -327,18 +350,19 @@ def _aimed(
     """
     best, problem = printing.best, printing.problem
     weights = np.array([goal.weight for goal in problem.goals if goal.kind == "target"])
-    values, aim, share = base, np.zeros(len(foretold)), 1.0
-    kept, least, nearest, further = values, np.inf, aim, aim
+    beyond = best.off * (np.abs(best.off) > printing.tolerance * weights)  # out of reach
+    aim, share, kept, least = np.zeros(len(foretold)), 1.0, base, np.inf
+    further = aim
     for _ in range(_ROUNDS if len(foretold) else 0):
+        at = replace(best, values=base, off=beyond - weights * aim)
+        values = step(problem, at, np.where(still, 0.0, _REACH))
         misses = printing.foretold(values) - foretold
         missed = float(np.abs(misses).max())
+        # Of the way: what is printed goes in steps, and further than is foretold.
+        share = 0.5 * share if missed >= least or misses @ further < 0.0 else min(2 * share, 1.0)
         if missed < least:
-            kept, least, share, nearest, further = values, missed, 1.0, aim, misses
-        else:
-            share *= 0.5  # of the way: what is printed goes in steps
+            kept, least, nearest, further = values, missed, aim, misses
         if least <= 0.1 * printing.tolerance:
             break
         aim = nearest - share * further
-        at = replace(best, values=base, off=-weights * aim)
-        values = step(problem, at, np.where(still, 0.0, _REACH))
     return kept

@@ -84,13 +84,13 @@ class WantedOfPart:
         return made
 
 
-_SETTLED = 1e-4
+_SETTLED = 5e-3
 """Numerical: equilibria are off by about its square, derivatives by about as much."""
 
 
 @dataclass(eq=False)
 class Case:
-    """A load case on cells; it keeps its last equilibrium, from which the next one starts."""
+    """A load case on cells; it keeps its last equilibrium and factor: the next starts from them."""
 
     name: str
     cells: CutCells
@@ -101,14 +101,14 @@ class Case:
     shapes: Sequence[ShapeGoal] = ()
     mechanics: Mechanics | None = None
     state: Equilibrium | None = None
+    factored: "Factor | None" = None
 
     def begin_from(self, other: "Case") -> None:
         """Take over how this part is deformed in other cells, as where the next solution starts."""
         if other.state is None or other.mechanics is None:
             return
-        mechanics = Mechanics(self.body, self.conditions, self.analysis)
-        moved = other.cells.interpolated(self.cells.node_mm, other.state.displacement_mm)
-        self.mechanics, self.state = mechanics, mechanics.state_of(moved, 1.0)
+        self.mechanics = Mechanics(self.body, self.conditions, self.analysis)
+        self.state = self.mechanics.state_like(other.mechanics, other.state)
 
     def solve(self, coordinate: FloatArray, *, steps: int = 0) -> "Solved":
         """Return the equilibrium with mixtures at the quadrature points.
@@ -127,20 +127,23 @@ class Case:
         body = replace(self.body, coordinate=coordinate)
         mechanics = Mechanics(body, self.conditions, self.analysis, like=self.mechanics)
         self.mechanics = mechanics
-        state, factored = self.state, None
+        state, factored = self.state, self.factored
+        self.factored = None  # its memory is taken
         try:
             if steps:
                 state = mechanics.at_rest()
             elif state is None:
                 raise LostStabilityError(0.0, None)
             for share in np.linspace(0.0, 1.0, max(steps, 1) + 1)[1:].tolist():
-                state, factored = mechanics.settle(state, share, into=factored, settled=_SETTLED)
+                state, factored = mechanics.settle(
+                    state, share, into=factored, near=not steps, settled=_SETTLED
+                )
         except LostStabilityError:
             if steps:
                 raise
             state, factored = list(mechanics.follow([1.0], settled=_SETTLED))[-1]
         assert factored is not None
-        self.state = state
+        self.state, self.factored = state, factored
         return Solved(mechanics, state, factored, self.goals, self.shapes)
 
 

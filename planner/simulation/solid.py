@@ -476,16 +476,27 @@ class Mechanics:
             np.zeros((len(cells.nodes), 4)),
         )
 
-    def state_of(self, displacement_mm: FloatArray, share: float) -> Equilibrium:
-        """Return the state of given displacements, (N, 3), from which `settle` may set out."""
-        rest = self.at_rest()
-        state = replace(rest, share=share, displacement_mm=displacement_mm)
-        state = replace(state, strain=self.observe(state).strain)
-        self._run(
-            advance, displacement_mm, np.zeros_like(displacement_mm), state.strain,
-            state.stress_MPa, state.pressure,
-        )  # fmt: skip
-        return state
+    def state_like(self, other: "Mechanics", state: Equilibrium) -> Equilibrium:
+        """Return the state of a body on other cells, from which `settle` may set out.
+
+        Displacements are interpolated; strains and stresses are those of the nearest points, since
+        those of interpolated displacements are so rough that the stiffness is not positive.
+        """
+        from scipy.spatial import KDTree
+
+        cells, there = self.body.cells, other.body.cells
+        nearest = np.asarray(KDTree(there.points_mm).query(cells.points_mm)[1])
+        p = np.einsum(
+            "qr,qr->q", np.repeat(state.pressure, np.diff(there.offsets), axis=0), other.basis
+        )[nearest]
+        each = (cells.weights_mm3 * p)[:, None] * self.basis
+        return Equilibrium(
+            state.share,
+            there.interpolated(cells.node_mm, state.displacement_mm),
+            state.strain[nearest],
+            state.stress_MPa[nearest],
+            np.add.reduceat(each, cells.offsets[:-1]) / cells.cell_volume_mm3[:, None],
+        )
 
     def _shares(self) -> Iterator[tuple[int, int]]:
         """Divide the cells into runs of about equal work."""
@@ -604,15 +615,19 @@ class Mechanics:
         progress: "Progress | None" = None,
         into: "Factor | None" = None,
         *,
+        near: bool = False,
         settled: float = _SETTLED,
         tangent: bool = True,
     ) -> "tuple[Equilibrium, Factor]":
         """Return the equilibrium at a share of the load, from a state nearby, and its factor.
 
-        The memory of `into`, a factor that is needed no more, is taken for that. `settled` is the
-        largest last change of a displacement over the largest displacement, and residual over
-        forces: Newton's next change would be about its square. Without `tangent` the last change
-        is made with the factor before: it is of a state nearby, and the change off by as little.
+        The memory of `into`, a factor that is needed no more, is taken for that; where it is
+        `near`, of almost this state and material, it gives the first change before. `settled` is
+        the largest last change of a displacement over the largest displacement, and residual over
+        forces: Newton's next change would be about its square. Where changes fall so fast that the
+        next one is foretold to be below that, the residual does not matter. Without `tangent` the
+        last change is made with the factor before: it is of a state nearby, and the change off by
+        as little.
 
         Raises
         ------
@@ -633,21 +648,28 @@ class Mechanics:
                 progress(share, iteration, error)
             at_rest = iteration == 1 and not u.any()
             is_last = iteration > 1 and error <= settled
+            kept = factored is not None and ((near and iteration == 1) or (is_last and not tangent))
             try:
-                if tangent or factored is None or not is_last:
+                if factored is None or not kept:
                     factored = self._factored(factored, at_rest=at_rest)
             except NotPositiveDefinite as failed:
                 raise LostStabilityError(state.share, cells.node_mm[failed.node]) from failed
             change = factored.solve(residual.ravel()).reshape(-1, 3)
             if not np.isfinite(change).all():
                 raise LostStabilityError(state.share, None)
-            if at_rest and not self.pushed:  # a pressure has a stiffness, which grows with it
+            if (
+                at_rest and not kept and not self.pushed
+            ):  # a pressure has a stiffness, which grows with it
                 self._first = share, change
             self._run(advance, u, change, strain, stress, pressure)
             u = u + change
             largest = float(np.abs(u).max())
             before, moved = moved, float(np.abs(change).max())
-            if moved <= settled * largest and (error <= settled or moved <= 1e-9 * largest):
+            # Changes go as squares of those before: next comes moved³ / before².
+            quick = moved**3 <= (settled * before) ** 2 * largest
+            if moved <= settled * largest and (
+                error <= settled or moved <= 1e-9 * largest or quick
+            ):
                 return Equilibrium(share, u, strain, stress, pressure), factored
             if iteration > 12 and moved > before > 0.1 * largest:
                 break  # it wanders

@@ -15,7 +15,8 @@ from benchmarks.interfaces import BOX, FACES
 from planner.cli import app, run
 from planner.errors import ArgumentError, PlannerError
 from planner.formats.mesh_file import encode_stl
-from planner.inverse_design.printing import _own_advice
+from planner.inverse_design.printing import Printing, _own_advice
+from planner.simulation.solid import LostStabilityError
 
 BEAM = ([40.0, 5.0, 5.0] * BOX, FACES)
 LOAD = "x=min: 0,0,-0.1 N"
@@ -178,6 +179,22 @@ def test_what_is_out_of_reach_is_told_with_the_nearest() -> None:
     assert "stiffest material that is allowed" in made.findings[0].message
     assert re.search(r"mm is reached, \+\d+ %;", made.findings[0].message)
     assert made.reached[0].continuous < -0.5
+
+
+def test_a_print_that_is_not_stable_is_told_in_a_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Before that the print that is aimed at and the gradient's own are tried."""
+    tried = 0
+
+    def lost(self: Printing, values: Any, before: Any) -> Any:
+        nonlocal tried
+        tried += 1
+        raise LostStabilityError(0.4, None)
+
+    monkeypatch.setattr(Printing, "made", lost)
+    with pytest.raises(PlannerError, match="beyond 40 % of them: take smaller loads") as told:
+        design(load=LOAD, target="x=min uz=-8 mm")
+    assert "\n" not in str(told.value)
+    assert tried == 3
 
 
 # --- files and the command line
