@@ -707,7 +707,7 @@ def read_study(
         ends = list(dict.fromkeys([min(largest), max(largest)]))
         notes.append(
             Caution(
-                f"strain of {listed(unstated, 4)} has no unit; taken as a fraction, up to "
+                f"strain of {listed(unstated, 2)} has no unit; taken as a fraction, up to "
                 f"{' .. '.join(f'{v:.4g}' for v in ends)}; if it is not, give --unit-of strain=%"
             )
         )

@@ -63,10 +63,9 @@ def written(path, *, one_mesh=False):
             zip(shells, ("FLX9740", "VeroWhitePlus"), ("#336699", "#EEEEEE"), strict=True)
         )
     ]
-    metadata = {"printer": "connex3"}
     solids = [(Mesh(v.astype(np.float64), f), "#336699") for v, f, _ in shells]
     picture = pictures_of(solids, width=64, height=64).thumbnail
-    data = encode_threemf(objects, "ring", metadata, thumbnail=picture, one_mesh=one_mesh)
+    data = encode_threemf(objects, "ring", thumbnail=picture, one_mesh=one_mesh)
     path.write_bytes(data)
     return path, [len(f) for _, f, _ in shells], [volume for *_, volume in shells]
 

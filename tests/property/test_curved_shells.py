@@ -95,6 +95,7 @@ def test_every_shell_is_sound(kind, seed):
     assert {name: check for name, check in checks.items() if not check.ok} == {}
 
 
+@pytest.mark.slow
 def test_there_were_a_hundred_of_them():
     if not counted["shells"]:
         pytest.skip("the sweep above was not run in this process")

@@ -40,7 +40,7 @@ def test_cautions_are_warnings_before_the_notes(tmp_path: Path, capsys) -> None:
     assert kinds[0] == "warning"
     found = planner.characterise([tmp_path])
     cautions = [note for note in found.notes if isinstance(note, Caution)]
-    assert [d.partition(";")[0] for d in cautions] == ["strain of A-1, A-2 has no unit"]
+    assert [d.partition(";")[0] for d in cautions] == ["strain of A-1 and A-2 has no unit"]
     assert cautions[0] in json.loads(json.dumps(found.document()))["notes"]
 
 

@@ -158,7 +158,9 @@ def test_one_file_of_all_specimens_is_told_apart_by_its_own_column(tmp_path: Pat
 def test_two_rows_of_one_record_are_refused(tmp_path: Path) -> None:
     (tmp_path / "one.csv").write_text(curve())
     listing(tmp_path, "specimen,material,file\na,A,one.csv\nb,A,one.csv\n")
-    with pytest.raises(FileError, match=r"one\.csv: rows of a, b in specimens\.csv name this file"):
+    with pytest.raises(
+        FileError, match=r"one\.csv: rows of a and b in specimens\.csv name this file"
+    ):
         read_study([tmp_path], width_mm=2, thickness_mm=1, gauge_mm=10)
 
 
@@ -167,7 +169,7 @@ def test_a_strain_without_unit_is_said(tmp_path: Path) -> None:
         rows = "".join(f"{i / 20},{i / 30}\n" for i in range(20))
         (tmp_path / f"{name}.csv").write_text("strain,stress (MPa)\n" + rows)
     notes = " ".join(read_study([tmp_path]).notes)
-    assert "strain of a, b has no unit; taken as a fraction, up to 0.95; if" in notes
+    assert "strain of a and b has no unit; taken as a fraction, up to 0.95; if" in notes
     text = (tmp_path / "a.csv").read_text()
     for name in ("a", "b"):
         (tmp_path / f"{name}.csv").write_text(text.replace("strain", "strain (mm/mm)"))
