@@ -157,7 +157,6 @@ def test_a_hard_solid_is_refused_or_cut_as_the_plan_says(number, tmp_path):
     assert outcome.verdict not in FAILURES, outcome
 
 
-@pytest.mark.slow
 @pytest.mark.long
 def test_hard_solids_are_refused_or_cut_as_their_plans_say(tmp_path):
     outcomes = []
