@@ -31,7 +31,7 @@ from planner.errors import ArgumentError
 
 if TYPE_CHECKING:
     from planner.grading.invert import Mixture
-    from planner.materials.algorithm_one import QuadraticRow, QuadraticStudy
+    from planner.materials.algorithm_one import QuadraticStudy
     from planner.materials.characterise import MaterialCharacteristics, Spread
     from planner.materials.palette_study import PaletteStudy
     from planner.materials.study import ReadRecord
@@ -640,8 +640,7 @@ def _print_report(result: "PaletteStudy", output: Path) -> None:
     _print_secants(result)
     for material in result.palette.materials:
         fit = result.fits[material.id]
-        reason = fit.characteristics.deformation.reason if fit.choice is None else fit.choice.reason
-        say(f"{material.id}: {reason}")
+        say(f"{material.id}: {fit.choice.reason}")
         say(f"  intervals: {fit.uncertainty.basis}")
     if result.quadratic is not None:
         _print_quadratic(result.quadratic)
@@ -654,8 +653,7 @@ def _print_candidates(result: "PaletteStudy") -> None:
     for material in result.palette.materials:
         fit = result.fits[material.id]
         name = material.id
-        candidates = () if fit.choice is None else fit.choice.candidates
-        for candidate in candidates:
+        for candidate in fit.choice.candidates:
             one, convergence = candidate.fit, candidate.fit.convergence
             unstable = candidate.unstable_strain
             rows.append(
@@ -751,17 +749,15 @@ def _print_quadratic(found: "QuadraticStudy") -> None:
     )
     fits = ["R2: eq. 3.8", "quadratics", "palette's law"]
     left_out = ["left out: quadratics", "mixtures"]
-
-    def errors(row: "QuadraticRow") -> list[str]:
-        predicted = (row.quadratics_without, row.mixtures_without)
-        return [
-            *(f"{one.r2:.4f}" for one in (row.own, row.quadratics, row.law)),
-            *("-" if one is None else f"{100 * one.nrmse:.1f} %" for one in predicted),
-        ]
-
+    rows = []
+    for row in found.rows:
+        *own, quadratics, mixtures = row.errors.values()
+        fitted = [f"{one.r2:.4f}" for one in own if one]
+        predicted = [f"{100 * one.nrmse:.1f} %" if one else "-" for one in (quadratics, mixtures)]
+        rows.append([row.id, *fitted, *predicted])
     print_table(
         ["material", *fits, *left_out],
-        [[row.id, *errors(row)] for row in found.rows],
+        rows,
         title="How well each fits; and the error of what the other materials predict",
         right=[*fits, *left_out],
     )

@@ -9,7 +9,7 @@ import numpy as np
 from planner.grading.profile import StiffnessScale
 from planner.materials.algorithm_one import QuadraticStudy, mixtures_without
 from planner.materials.characterise import Characteristics, Curve, MaterialCharacteristics
-from planner.materials.fit_intervals import MaterialFit
+from planner.materials.fit import MaterialFit
 from planner.materials.laws import make_law, secant_modulus_MPa
 from planner.materials.mixtures import CoefficientModel
 from planner.materials.palette_study import Characterisation, PaletteStudy
