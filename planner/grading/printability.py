@@ -39,29 +39,29 @@ class CutPart:
 
     Attributes
     ----------
-    names
-        What each piece between `levels` is printed in.
-    shells
-        Of each material; none where cells of several lie among each other.
     pitch_mm, within_mm
         Of the grid on which a curved field was drawn, and how near to it.
-    cure
-        What makes bands thicker, in words.
     translation_mm
         What took the part from its file to where it is placed: places are told where the user
         drew them.
+    levels, names
+        Between which levels the pieces lie, and what each is printed in.
+    shells
+        Of each material; none where cells of several lie among each other.
+    cure
+        What makes bands thicker, in words.
     """
 
     mesh: Mesh
     field: Field
-    levels: FloatArray
     pieces: Pieces
-    names: Sequence[str]
-    shells: Sequence[Shell]
     pitch_mm: float
     within_mm: float
-    cure: str
-    translation_mm: Point = (0.0, 0.0, 0.0)
+    translation_mm: Point
+    levels: FloatArray
+    names: Sequence[str] = ("the part",)
+    shells: Sequence[Shell] = ()
+    cure: str = ""
 
     def drawn_mm(self, place_mm: Point) -> Point:
         """Return a place in the coordinates of the part's own file."""
