@@ -46,8 +46,11 @@ LARGEST_FIGURE = 1e30
 LONGEST_HEADING = 200
 """Characters; programs write 80 at most, and searching a heading takes the square of them."""
 
-_THOUSANDS = re.compile(r"[+-]?\d{1,3}(,\d{3})+\.\d*")
-_THOUSANDS_BY_DOTS = re.compile(r"[+-]?\d{1,3}(\.\d{3})+,\d*")
+_THOUSANDS = {
+    ",": re.compile(r"[+-]?\d{1,3}(,\d{3})+\.\d*"),
+    ".": re.compile(r"[+-]?\d{1,3}(\.\d{3})+,\d*"),
+}
+"""By what stands between thousands: figures with a decimal sign."""
 _BY_THOUSANDS = {
     ".": (",", re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")),
     ",": (".", re.compile(r"[+-]?[1-9]\d{0,2}(\.\d{3})+")),
@@ -177,19 +180,13 @@ def number(cell: str, separator: str) -> float | None:
     between, groups = _BY_THOUSANDS.get(separator[1:], ("", None))
     if groups is not None and between in cell and groups.fullmatch(cell):
         return float(cell.replace(between, ""))
-    if "," in cell:
-        if separator[0] == ",":
-            if not _THOUSANDS.fullmatch(cell):
-                return None
-            cell = cell.replace(",", "")
-        else:
-            if "." in cell:
-                if not _THOUSANDS_BY_DOTS.fullmatch(cell):
-                    return None
-                cell = cell.replace(".", "")
-            cell = cell.replace(",", ".")
+    between = "," if separator[0] == "," else "."
+    if "," in cell and between in cell:
+        if not _THOUSANDS[between].fullmatch(cell):
+            return None
+        cell = cell.replace(between, "")
     try:
-        return float(cell) if "_" not in cell else None
+        return float(cell.replace(",", ".")) if "_" not in cell else None
     except ValueError:
         return None
 

@@ -643,6 +643,11 @@ class Band:
     grade: int
     target_MPa: tuple[float, float]
 
+    def joined(self, after: "Band") -> "Band":
+        """Return this band together with the one after it, in this one's material."""
+        (low, high), (least, most) = self.target_MPa, after.target_MPa
+        return replace(self, stop=after.stop, target_MPa=(min(low, least), max(high, most)))
+
 
 @dataclass(frozen=True, slots=True)
 class Shortfall:
@@ -671,12 +676,8 @@ def natural_bands(profile: Profile, moduli_MPa: tuple[float, ...]) -> tuple[Band
     merged: list[Band] = []
     for start, stop in itertools.pairwise(edges):
         band = _band(profile, moduli_MPa, start, stop)
-        if merged and merged[-1].grade == band.grade:
-            last = merged.pop()
-            low = min(last.target_MPa[0], band.target_MPa[0])
-            high = max(last.target_MPa[1], band.target_MPa[1])
-            band = Band(last.start, stop, band.grade, (low, high))
-        merged.append(band)
+        again = merged and merged[-1].grade == band.grade
+        merged.append(merged.pop().joined(band) if again else band)
     return tuple(merged)
 
 
