@@ -1249,10 +1249,9 @@ def _labels(grid: _Grid, pieces: Sequence[_Piece], names: Sequence[str]) -> dict
     """Return the records that a sheet, of one series or all, may speak of: the name by place."""
     series = _series(grid)
     places = [i for i, p in enumerate(pieces) if not series or _series(p.grid) in ("", series)]
-    count = Counter(pieces[i].name for i in places)
-    return {
-        i: _plain_name(pieces[i].name if count[pieces[i].name] == 1 else names[i]) for i in places
-    }
+    own = {i: pieces[i].name for i in places}
+    count = Counter(own.values())
+    return {i: _plain_name(name if count[name] == 1 else names[i]) for i, name in own.items()}
 
 
 def _value_for(
