@@ -12,7 +12,7 @@ import numpy as np
 from planner.errors import ArgumentError, FileError, positive
 from planner.fields.basic import AxisField, Field
 from planner.fields.parse import Setting, build_field, field_of
-from planner.formats.field_file import TRIANGLE, encode_vtu
+from planner.formats.field_file import encode_vtu
 from planner.formats.files import encode_document, free_memory_bytes
 from planner.formats.mesh_file import encode_stl
 from planner.formats.tables import encode_csv
@@ -542,7 +542,7 @@ class PartSimulation:
             "strain_over_break": self.steps.strain_over_break[step],
             "coordinate": self.surface_coordinate,
         }
-        return encode_vtu(surface.vertices, [(TRIANGLE, surface.faces)], point_data=values)
+        return encode_vtu(surface.vertices, [surface.faces], point_data=values)
 
 
 # ------------------------------------------------------------------------------------------------
