@@ -698,12 +698,10 @@ def _facets(mesh: _Hexahedra, surface: Mesh) -> IntArray:
     """
     from scipy.spatial import cKDTree
 
-    corners = surface.vertices[surface.faces]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    k = min(_NEIGHBOURS, len(corners))
-    _, near = cKDTree(corners.mean(axis=1)).query(mesh.outer_mm, k=k)
+    k = min(_NEIGHBOURS, len(surface.faces))
+    _, near = cKDTree(surface.triangles.mean(axis=1)).query(mesh.outer_mm, k=k)
     near = np.asarray(near).reshape(-1, k)
-    agrees = np.einsum("nki,ni->nk", normals[near], mesh.outer_normal) > 0.0
+    agrees = np.einsum("nki,ni->nk", surface.area_vectors_mm2[near], mesh.outer_normal) > 0.0
     return np.asarray(near[np.arange(len(near)), agrees.argmax(axis=1)])
 
 
