@@ -140,8 +140,8 @@ def _halved(
 
     What is on one side and reaches less than `deep` from the plane stays with the other side.
     """
-    old = material.columns
-    room = len(old.start) + int(np.count_nonzero(plane[material.piece].any(axis=1)))
+    old, is_parted = material.columns, np.any(plane, axis=1)
+    room = len(old.start) + int(np.count_nonzero(is_parted[material.piece]))
     offsets, (start, stop) = np.zeros_like(old.offsets), np.empty((2, room), old.start.dtype)
     shell, of = np.empty(room, np.int32), np.empty(len(material.piece) + room, np.int32)
     away = np.empty(len(of))
@@ -156,9 +156,10 @@ def _halved(
     group = _connected(cut, of).piece
     far = np.zeros(int(group.max()) + 1)
     np.maximum.at(far, group, away)
-    of[(far[group] < deep) & plane[of >> 1].any(axis=1)] ^= 1
+    of[(far < deep)[group] & is_parted[of >> 1]] ^= 1
     cut = _connected(cut, of)
-    at = np.unique(cut.piece, return_index=True)[1]
+    at = np.empty(int(cut.piece.max()) + 1, np.int64)
+    at[cut.piece] = np.arange(len(of))  # any segment of each
     return cut, of[at] >> 1, np.where(of[at] & 1, 1.0, -1.0)
 
 
