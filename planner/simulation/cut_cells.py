@@ -246,6 +246,7 @@ def cut_cells(
     *,
     shells: Shells | None = None,
     shift: float = 0.0,
+    like: CutCells | None = None,
 ) -> CutCells:
     """Cut a closed surface into cells.
 
@@ -260,6 +261,8 @@ def cut_cells(
     shift
         Share of a cell, 0 to 1, by which the lattice begins before the bounding box, which then
         has one cell more along each axis.
+    like
+        Cells of that size of nearly the same surface, to save work.
 
     Raises
     ------
@@ -296,7 +299,7 @@ def cut_cells(
     each = [mesh] if shells is None else shells.each
     surface, _ = halve_long_edges(mesh, float(np.min(size)) / 2)
     told, halves = parted(sample(each, low, extent, cells, _COLUMNS_ACROSS), surface, low, size)
-    return _filled(told, halves, low, size, shells, surface, cell_mm)
+    return _filled(told, halves, low, size, shells, surface, cell_mm, like)
 
 
 def _by(sizes: FloatArray) -> str:
@@ -317,7 +320,7 @@ def _too_many(cell_mm: float, cells: float) -> ArgumentError:
 
 def _filled(
     material: SampledMaterial, halves: FloatArray, low: FloatArray, size: FloatArray,
-    shells: Shells | None, surface: Mesh, cell_mm: float,
+    shells: Shells | None, surface: Mesh, cell_mm: float, like: CutCells | None,
 ) -> CutCells:  # fmt: skip
     """Return cells of the connected pieces of material, `halves` those that planes have parted."""
     piece, n = material.piece, len(halves)
@@ -362,7 +365,7 @@ def _filled(
     nodes, node_place = _number_nodes(number_groups(own).reshape(n, 27)[order], index)
     whole = (share == 1.0) & (np.bincount(into, minlength=n) == 1)
     told = replace(material, piece=number[into[piece]])
-    offsets, points, weights = quadrature(told, index, whole[order])
+    offsets, points, weights = quadrature(told, index, whole[order], like)
     shares = np.zeros((len(order) + 1, int(shell.max()) + 1))
     np.add.at(shares, (number[into], shell), share)
     shares = shares[:-1] / shares[:-1].sum(axis=1, keepdims=True)

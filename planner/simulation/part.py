@@ -203,7 +203,9 @@ class Solid:
     shells: Shells | None = None
     shell_coordinate: FloatArray | None = None
 
-    def cut(self, cell_mm: float, *, shift: float = 0.0) -> tuple[CutCells, FloatArray]:
+    def cut(
+        self, cell_mm: float, *, shift: float = 0.0, like: CutCells | None = None
+    ) -> tuple[CutCells, FloatArray]:
         """Return cells, as `cut_cells`, and the coordinate at their quadrature points.
 
         What a cell has joined are layers of like moduli, softer or stiffer than the rest of the
@@ -212,7 +214,7 @@ class Solid:
         where it matters much, stiffer pieces bear what is along the layers. A stack of six in a
         cell is 3 % too soft then at most, and 5 to 10 % too stiff with the geometric mean (tests).
         """
-        cells = cut_cells(self.surface, cell_mm, shells=self.shells, shift=shift)
+        cells = cut_cells(self.surface, cell_mm, shells=self.shells, shift=shift, like=like)
         if self.shells is None or self.shell_coordinate is None:
             return cells, self.filling(cells.points_mm)
         moduli = self.shells.modulus_MPa

@@ -1,6 +1,7 @@
 """Equilibrium of a soft solid on cut cells: large rotations, nearly incompressible, graded."""
 
 import itertools
+import math
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -320,6 +321,9 @@ _THREADS = 2
 _MOST_ITERATIONS = 40
 _SMALLEST_STEP = 1.0 / 64.0
 _SETTLED = 1e-6
+_FALLS = 0.5
+"""Of the change before: a larger one is not made with the factor before. Numerical: Newton's last
+changes fall by ten times and more."""
 
 Progress = Callable[[float, int, float], None]
 """Called with the share of the load, the iteration, and the residual over the forces."""
@@ -335,6 +339,8 @@ class Mechanics:
     like : Mechanics, optional
         Of the same cells, with other materials or conditions: places of loads and supports, and
         memory, are shared; only one of both can be at work at a time.
+    spare : Mechanics, optional
+        Of other cells: its memory is taken, likewise.
     rests
         The last factor of the body at rest, by what holds it: shared by load cases, it serves the
         first iteration of each, and all of one that is linear.
@@ -350,8 +356,11 @@ class Mechanics:
         analysis: "Analysis",
         *,
         like: "Mechanics | None" = None,
+        spare: "Mechanics | None" = None,
         rests: "dict[object, Factor] | None" = None,
     ) -> None:
+        from planner.simulation.sparse_cholesky import taken
+
         cells = body.cells
         self.body, self.conditions, self.analysis, self.rests = body, conditions, analysis, rests
         below, share = body.table.places(body.coordinate)
@@ -389,7 +398,12 @@ class Mechanics:
         else:
             self.springs = like.springs * (self.softer_MPa / like.softer_MPa)[:, None, None]
         self._build_loads()
-        self._matrices = np.empty((len(cells.nodes), 27, 6, 27)) if like is None else like._matrices
+        if like is None:
+            shape = (len(cells.nodes), 27, 6, 27)
+            memory = taken(math.prod(shape), None if spare is None else spare._matrices)
+            self._matrices = memory.reshape(shape)
+        else:
+            self._matrices = like._matrices
 
     def points_of(self, facets: BoolArray) -> _FacetPoints:
         """Return the quadrature points of facets, as `_facet_points`; kept for the next time."""
@@ -644,13 +658,13 @@ class Mechanics:
     ) -> "tuple[Equilibrium, Factor]":
         """Return the equilibrium at a share of the load, from a state nearby, and its factor.
 
-        The memory of `into`, a factor that is needed no more, is taken for that; where it is
-        `near`, of almost this state and material, it gives the first change before. `settled` is
-        the largest last change of a displacement over the largest displacement, and residual over
-        forces: Newton's next change would be about its square. Where changes fall so fast that the
-        next one is foretold to be below that, the residual does not matter. Without `tangent` the
-        last change is made with the factor before: it is of a state nearby, and the change off by
-        as little.
+        The memory of `into`, a factor that is needed no more, of whatever cells, is taken for that;
+        where it is `near`, of almost this state and material, it gives the first change before.
+        `settled` is the largest last change of a displacement over the largest displacement, and
+        residual over forces: Newton's next change would be about its square. Where changes fall so
+        fast that the next one is foretold to be below that, the residual does not matter. Without
+        `tangent` the last change is made with the factor before: it is of a state nearby, and the
+        change off by as little.
 
         Raises
         ------
@@ -672,12 +686,16 @@ class Mechanics:
             at_rest = iteration == 1 and not u.any()
             is_last = iteration > 1 and error <= settled
             kept = factored is not None and ((near and iteration == 1) or (is_last and not tangent))
-            try:
-                if factored is None or not kept:
+            if factored is not None and kept:
+                change = factored.solve(residual.ravel()).reshape(-1, 3)
+                # A sliver may answer quite otherwise than it did before.
+                kept = iteration == 1 or float(np.abs(change).max()) < _FALLS * moved
+            if factored is None or not kept:
+                try:
                     factored = self._factored(factored, at_rest=at_rest)
-            except NotPositiveDefinite as failed:
-                raise LostStabilityError(state.share, cells.node_mm[failed.node]) from failed
-            change = factored.solve(residual.ravel()).reshape(-1, 3)
+                except NotPositiveDefinite as failed:
+                    raise LostStabilityError(state.share, cells.node_mm[failed.node]) from failed
+                change = factored.solve(residual.ravel()).reshape(-1, 3)
             if not np.isfinite(change).all():
                 raise LostStabilityError(state.share, None)
             if (

@@ -1,5 +1,7 @@
 """Cut cells: exact where the answer is known, and pieces that share what they should."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import trimesh
@@ -266,6 +268,24 @@ def test_the_same_on_one_thread_and_on_two_and_again(monkeypatch):
     for name in ("index", "nodes", "node_mm", "offsets", "points", "weights_mm3", "vertex_local"):
         assert np.array_equal(getattr(one, name), getattr(two, name)), name
         assert np.array_equal(getattr(two, name), getattr(again, name)), name
+
+
+def test_cells_of_nearly_the_same_part_take_points_from_there():
+    """The bottom is thicker: about its top pieces are others, which have points of their own."""
+    other, mesh = walls(2.0, 3.0), walls(2.0, 3.6)
+    like, alone = cut_cells(other, 2.0), cut_cells(mesh, 2.0)
+    cells = cut_cells(mesh, 2.0, like=like)
+    assert np.array_equal(cells.points, alone.points)
+    assert cells.weights_mm3 == pytest.approx(alone.weights_mm3, rel=1e-14)
+    heavy = replace(like, weights_mm3=2.0 * like.weights_mm3)
+    cells = cut_cells(mesh, 2.0, like=heavy)
+    ratio = cells.cell_volume_mm3 / alone.cell_volume_mm3
+    taken = np.abs(ratio - 2.0) < 1e-12
+    assert np.abs(ratio[~taken] - 1.0).max() < 1e-12
+    full = alone.cell_volume_mm3 > (1.0 - 1e-12) * np.prod(alone.cell_mm)
+    assert set(alone.index[~(taken | full), 2].tolist()) == {1}
+    moved = cut_cells(Mesh(mesh.vertices * [1.1, 1.0, 1.0], mesh.faces), 2.0, like=heavy)
+    assert moved.volume_mm3 == pytest.approx(1.1 * alone.volume_mm3, rel=1e-3), "another lattice"
 
 
 def test_the_finger_has_its_volume(samples):
