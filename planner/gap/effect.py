@@ -139,8 +139,7 @@ class Effect:
         Axes along which its gap varies: columns of specimens.csv, or ``material``, ``strain``,
         ``time``, ``branch``, ``position``, ``specimen``.
     changes
-        What a campaign changes to see it: steps of `planner.gap.design`, ``materials``
-        or ``bars``.
+        What a campaign changes to see it: `planner.gap.effects.STEPS`, ``materials`` or ``bars``.
     covariates
         Columns that must be known and take more than one value, or it cannot be tested; each
         entry may name alternatives, "rate_mm_s|hold".
