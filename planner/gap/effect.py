@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
+from functools import cache
 from types import MappingProxyType
 from typing import Literal, get_args
 
@@ -301,6 +302,7 @@ _STANDARD = Reference(
 tensile test at some 50 mm/min on a 25 mm gauge, in a laboratory."""
 
 
+@cache
 def stated(*references: Reference) -> Reference:
     """Return every condition as the first reference that states it, or else the standard."""
     names = [field.name for field in fields(Reference)]
