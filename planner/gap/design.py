@@ -51,13 +51,7 @@ from planner.printers import Printer, load_printer, palette_of
 from planner.simulation.bar import ProfileDesign
 from planner.simulation.bar_solver import Setup, predict
 
-__all__ = [
-    "CampaignDesign",
-    "Trial",
-    "design_campaign",
-    "next_experiments",
-    "trials_of",
-]
+__all__ = ["CampaignDesign", "design_campaign", "next_experiments"]
 
 
 # ------------------------------------------------------------------------------------------------

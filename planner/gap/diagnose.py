@@ -55,7 +55,7 @@ from planner.numerics import FloatArray, one_blas_thread
 from planner.palette import Palette
 from planner.simulation.bar_solver import predict
 
-__all__ = ["LEAST_PROBABILITY", "RANKED", "diagnose", "prepared"]
+__all__ = ["diagnose"]
 
 
 # ------------------------------------------------------------------------------------------------

@@ -43,7 +43,7 @@ from planner.palette import encode_palette
 from planner.report.gap_figures import figures_of
 from planner.report.page import asset, begin, end, head, table
 
-__all__ = ["diagnosis_files", "headline", "scope", "verdict_text", "write_diagnosis"]
+__all__ = ["headline", "scope", "verdict_text", "write_diagnosis"]
 
 
 # ------------------------------------------------------------------------------------------------

@@ -44,7 +44,6 @@ __all__ = [
     "own_axes",
     "replicate_floor",
     "set_up",
-    "signed_forms",
     "specimen_forces_N",
     "squared_errors",
 ]

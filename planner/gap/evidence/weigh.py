@@ -26,12 +26,9 @@ from planner.numerics import BoolArray, FloatArray, kernel
 
 __all__ = [
     "ALIKE_COSINE",
-    "ANY",
     "ENOUGH_SPECIMENS",
     "NO_GAP",
     "UNKNOWN",
-    "Evidence",
-    "HypothesisKey",
     "Priors",
     "Weighed",
     "class_of",
@@ -39,7 +36,6 @@ __all__ = [
     "evidence_of",
     "found_effects",
     "needed_nats",
-    "posterior",
     "ranking_of",
     "reweigh",
     "verdict_of",
