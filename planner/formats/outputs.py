@@ -33,6 +33,7 @@ __all__ = [
     "is_stream",
     "new_folder",
     "seal",
+    "write_folder",
     "write_whole",
 ]
 
@@ -501,6 +502,22 @@ def new_folder(
                 f"{folder}: {_reason(error)}; nothing was written; choose another place with "
                 f"`{option}`"
             ) from error
+
+
+def write_folder(
+    folder: str | Path,
+    files: Mapping[str, bytes],
+    *,
+    force: bool = False,
+    record: str | None = None,
+    option: str = "output",
+) -> Path:
+    """Write files by their paths into a folder, whole or not at all; see `new_folder`."""
+    with new_folder(folder, force=force, record=record, option=option) as scratch:
+        for name, content in files.items():
+            (scratch / name).parent.mkdir(parents=True, exist_ok=True)
+            (scratch / name).write_bytes(content)
+    return Path(folder)
 
 
 def _list_files(record: Path) -> None:
