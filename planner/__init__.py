@@ -26,8 +26,7 @@ if TYPE_CHECKING:
     from planner.grading.check import Certificate, Difference, check, diff
     from planner.grading.grade import grade
     from planner.grading.invert import Mixture, invert
-    from planner.grading.profile import Profile, StiffnessScale, list_materials
-    from planner.grading.warmed import at_temperature
+    from planner.grading.profile import Profile, StiffnessScale, at_temperature, list_materials
     from planner.inverse_design.design import PartDesign, design
     from planner.materials.law_blocks import law_block
     from planner.materials.palette_study import (
@@ -147,8 +146,7 @@ _MODULES = {
     "planner.grading.check": "Certificate Difference check diff",
     "planner.grading.grade": "grade",
     "planner.grading.invert": "Mixture invert",
-    "planner.grading.profile": "Profile StiffnessScale list_materials",
-    "planner.grading.warmed": "at_temperature",
+    "planner.grading.profile": "Profile StiffnessScale at_temperature list_materials",
     "planner.inverse_design.design": "PartDesign design",
     "planner.materials.palette_study": "Characterisation PaletteStudy characterise fit fit_tables",
     "planner.palette": "Material Palette load_palette write_palette",

@@ -574,7 +574,7 @@ def fit(
     given = locals()
     import planner
     from planner.formats.files import encode_document
-    from planner.formats.outputs import new_folder, write_whole
+    from planner.formats.outputs import write_folder, write_whole
     from planner.materials.study import listed_files
 
     reads, folders = listed_files(files, tests.specimens), {"tables": (tables, _TABLES)}
@@ -592,10 +592,9 @@ def fit(
     if figure is not None:
         write_whole(figure, planner.fit_figure(result))
     if tables is not None:
-        with new_folder(tables, force=force, record=_TABLES, option="tables") as folder:
-            for table, data in planner.fit_tables(result).items():
-                (folder / table).write_bytes(data)
-            (folder / _TABLES).write_bytes(encode_document({"schema": 1, "palette": output.name}))
+        record = encode_document({"schema": 1, "palette": output.name})
+        rows = {**planner.fit_tables(result), _TABLES: record}
+        write_folder(tables, rows, force=force, record=_TABLES, option="tables")
     if as_json:
         print_document(encode_document({**result.document(), "file": str(output)}))
     elif not quiet:

@@ -138,7 +138,7 @@ def new(
     Example: [bold]planner printers new myjet[/bold]
     """
     from planner.cli.output import say
-    from planner.formats.outputs import new_folder
+    from planner.formats.outputs import write_folder
     from planner.printers import load_printer
 
     if not _NAME.fullmatch(name):
@@ -146,10 +146,7 @@ def new(
     folder = Path(f"{name}-printer") if output is None else output
     check_targets(context, force=False, folders={"output": (folder, None)})
     package = f"{name.replace('-', '_')}_printer"
-    with new_folder(folder, record=None) as scratch:
-        for path, data in _plugin(name, package, load_printer(like)).items():
-            (scratch / path).parent.mkdir(parents=True, exist_ok=True)
-            (scratch / path).write_bytes(data)
+    write_folder(folder, _plugin(name, package, load_printer(like)))
     profile = folder / package / "printer.toml"
     say(f"wrote {folder}: put your printer's figures into {profile}, its materials beside it")
     say(f"use it at once: planner grade PART --printer {profile}")

@@ -18,27 +18,22 @@ from types import MappingProxyType
 import numpy as np
 
 from planner.errors import ArgumentError, FileError, MeshError, OutputError, did_you_mean
-from planner.formats.archive import USUAL_LIMITS, UnfoldingLimits
-from planner.formats.files import read_file
+from planner.formats.files import USUAL_LIMITS, UnfoldingLimits, read_file
 from planner.formats.units import QUANTITY_UNITS, known_units, quantities_of, unit_factor
 from planner.numerics import Float32Array, FloatArray, IntArray
 
 __all__ = [
     "EXTENSIONS",
-    "MILLIMETRES",
     "canonical_unit",
     "decode_stl",
     "encode_stl",
     "read_mesh",
     "stl_holds",
-    "unit_scale_mm",
 ]
 
 
-MILLIMETRES = "mm"
-
 _SCALE_MM: Mapping[str, float] = MappingProxyType(
-    {unit: QUANTITY_UNITS["length"][unit] for unit in (MILLIMETRES, "cm", "m", "inch", "ft", "um")}
+    {unit: QUANTITY_UNITS["length"][unit] for unit in ("mm", "cm", "m", "inch", "ft", "um")}
 )
 _BY_TRIMESH = ("ply", "obj", "off", "glb")
 _BY_CASCADIO = ("step", "stp")
@@ -122,15 +117,13 @@ def read_mesh(
             f"{path}: files ending in {path.suffix or 'nothing'} are not read; convert it to one "
             f"of {', '.join(EXTENSIONS)}"
         )
-    if len(triangles) == 0:
-        raise MeshError(f"{path}: holds no triangles; export the part again")
     _require_finite(triangles, str(path))
     if unit is not None and own is not None and unit != own:
         notes = (*notes, f"read in {unit} as asked, though the file says {own}")
-    used = unit or own or MILLIMETRES
+    used = unit or own or "mm"
     in_mm = np.ascontiguousarray(triangles, dtype=np.float64)
-    if used != MILLIMETRES:
-        in_mm = in_mm * unit_scale_mm(used)
+    if used != "mm":
+        in_mm = in_mm * _SCALE_MM[used]
     return MeshFile(in_mm, path.stem, hashlib.sha256(data).hexdigest(), used, notes)
 
 
@@ -151,17 +144,6 @@ def canonical_unit(unit: str) -> str:
             f"`unit` {unit or repr(unit)}: no such unit; {hint}it may be {', '.join(_SCALE_MM)}"
         )
     return called
-
-
-def unit_scale_mm(unit: str) -> float:
-    """Return how many mm a unit of length has.
-
-    Raises
-    ------
-    ArgumentError
-        No such unit.
-    """
-    return _SCALE_MM[canonical_unit(unit)]
 
 
 def _bytes(path: Path) -> bytes:
@@ -185,13 +167,9 @@ def _threemf(data: bytes, name: str, limits: UnfoldingLimits) -> _Read:
     from planner.formats.threemf import decode_threemf
 
     model = decode_threemf(data, name, limits=limits)
-    triangles = np.empty((sum(len(item.faces) for item in model.objects), 3, 3))
-    end = 0
-    for item in model.objects:
-        begin, end = end, end + len(item.faces)
-        triangles[begin:end] = item.vertices[item.faces]
+    corners = [np.empty((0, 3, 3)), *(item.vertices[item.faces] for item in model.objects)]
     names = [item.name for item in model.objects]
-    return triangles, model.unit, (*model.remarks, *_together(names))
+    return np.concatenate(corners), model.unit, (*model.remarks, *_together(names))
 
 
 def _together(names: Sequence[str]) -> tuple[str, ...]:
@@ -250,10 +228,10 @@ def _step(data: bytes, name: str, limits: UnfoldingLimits) -> _Read:
         raise empty
     stated = _STEP_UNIT.search(data) or _STEP_METRES.search(data)
     word = b"MILLI" if stated is None else next(filter(None, stated.groups()), b"")
-    own = _STEP_UNITS.get(word.upper(), MILLIMETRES)
+    own = _STEP_UNITS.get(word.upper(), "mm")
     # As precise as it was in metres; and both ends of a seam are equal again, to 10 nm.
     in_mm = np.round(1000.0 * in_m, 5).astype(np.float32).astype(np.float64)
-    return in_mm / unit_scale_mm(own), own, _together(names)
+    return in_mm / _SCALE_MM[own], own, _together(names)
 
 
 def _trimesh(
@@ -400,8 +378,6 @@ def decode_stl(data: bytes, name: str) -> Float32Array | FloatArray:
         if binary
         else _decode_ascii(data, name)
     )
-    if len(triangles) == 0:
-        raise MeshError(f"{name}: holds no triangles; export the part again")
     _require_finite(triangles, name)
     return triangles
 
@@ -457,23 +433,19 @@ def stl_holds(data: bytes, vertices: Float32Array, faces: IntArray) -> bool:
         return False
     records = np.frombuffer(data, _RECORD, count, _HEADER_BYTES + 4)
     points = np.ascontiguousarray(vertices, np.float32).view(np.uint32)
-    return all(
-        np.array_equal(
-            np.ascontiguousarray(records["corners"][start : start + _BLOCK]).view(np.uint32),
-            points[faces[start : start + _BLOCK]],
-        )
-        for start in range(0, count, _BLOCK)
-    )
+    return np.array_equal(records["corners"].copy().view(np.uint32), points[faces])
 
 
 def _require_finite(triangles: Float32Array | FloatArray, name: str) -> None:
-    """Refuse triangles with a coordinate that is not a finite number.
+    """Refuse no triangles at all, and those with a coordinate that is not a finite number.
 
     Raises
     ------
     MeshError
         Names the first such triangle, counted from 1, and how many there are.
     """
+    if len(triangles) == 0:
+        raise MeshError(f"{name}: holds no triangles; export the part again")
     if np.isfinite(triangles).all():
         return
     finite = np.isfinite(triangles).all(axis=(1, 2))

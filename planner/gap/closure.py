@@ -8,6 +8,7 @@ import numpy as np
 from planner.gap.campaign import TOLERANCES, Specimen, column_levels
 from planner.gap.diagnosis import Effects, Gap
 from planner.gap.evidence.problem import (
+    Candidate,
     Problem,
     own_axes,
     replicate_floor,
@@ -15,7 +16,6 @@ from planner.gap.evidence.problem import (
     squared_errors,
 )
 from planner.gap.evidence.settle import World
-from planner.gap.evidence.surrogate import Candidate
 from planner.gap.evidence.weigh import NO_GAP, UNKNOWN, Weighed, reweigh
 from planner.numerics import BoolArray, FloatArray, IntArray
 
@@ -313,8 +313,8 @@ class _Predictor:
     def recalibrated(self, weight: FloatArray) -> FloatArray:
         """By calibrations that fit the weighted specimens best, no effect added."""
         problem, count = self.problem, len(self.problem.ways)
-        ways = _RECALIBRATION_SD * problem.nuisance_columns[:, :count]
-        best = World(problem, nuisances=ways, weight=weight).coefficients(problem.columns[:, 0])
+        ways = _RECALIBRATION_SD * problem.nuisances[:, :count]
+        best = World(problem, nuisances=ways, weight=weight).coefficients(problem.target)
         setup = problem.with_laws_off(_RECALIBRATION_SD * best)
         return squared_errors(problem, Candidate(()), setup)
 
@@ -325,19 +325,18 @@ class _Predictor:
         once, beside the calibrations.
         """
         problem, table = self.problem, self.problem.table
-        patterns = problem.columns[:, problem.unknown_span]
         world, amplitude = max(
             (
-                (World(problem, more=amplitude * patterns, weight=weight), amplitude)
+                (World(problem, more=amplitude * problem.patterns, weight=weight), amplitude)
                 for amplitude in _GENERIC_AMPLITUDES
             ),
             key=lambda found: found[0].none,
         )
-        best = world.coefficients(problem.columns[:, 0])
+        best = world.coefficients(problem.target)
         # Without the levels of batches: like the floor's, the specimens are new, and so is theirs.
         raw = problem.calibration @ best[: problem.calibration.shape[1]]
         raw += np.concatenate([a.columns for a in problem.unknown], axis=1) @ (
-            amplitude * best[problem.nuisances :]
+            amplitude * best[problem.nuisances.shape[1] :]
         )
         predicted = table.transformed(problem.unpredicted) + raw
         # No further than what was measured or predicted goes: patterns grow without an end.

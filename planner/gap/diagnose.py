@@ -9,11 +9,10 @@ import numpy as np
 from planner.errors import ArgumentError
 from planner.formats.specimens import SPECIMEN_COLUMNS
 from planner.gap.campaign import (
-    TOLERANCES,
     Campaign,
     Specimen,
     axis_columns,
-    levels,
+    column_levels,
     replicate_groups,
     with_modes,
 )
@@ -33,9 +32,8 @@ from planner.gap.diagnosis import (
 )
 from planner.gap.effect import untestable
 from planner.gap.effects import EFFECTS, TESTS, effect_named, effects_for
-from planner.gap.evidence.problem import Problem, applied, set_up, specimen_forces_N
+from planner.gap.evidence.problem import Candidate, Problem, applied, set_up, specimen_forces_N
 from planner.gap.evidence.settle import World
-from planner.gap.evidence.surrogate import Candidate
 from planner.gap.evidence.weigh import (
     ENOUGH_SPECIMENS,
     Priors,
@@ -57,7 +55,7 @@ from planner.numerics import FloatArray, one_blas_thread
 from planner.palette import Palette
 from planner.simulation.bar_solver import predict
 
-__all__ = ["LEAST_PROBABILITY", "RANKED", "diagnose", "prepared"]
+__all__ = ["diagnose"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -127,13 +125,9 @@ def levels_tested(campaign: Campaign) -> Mapping[str, tuple[float | str, ...]]:
 
 def _levels(values: Sequence[float | None], name: str) -> tuple[float, ...]:
     """Return the means of values that replicates may have in common."""
-    absolute, relative = TOLERANCES[name]
-    level = levels(values, 0.0 if name == "rate_mm_s" else absolute, relative)
-    groups: dict[int, list[float]] = {}
-    for at, value in zip(level, values, strict=True):
-        if at is not None and value is not None:
-            groups.setdefault(at, []).append(value)
-    return tuple(float(np.mean(groups[at])) for at in sorted(groups))
+    known = [value for value in values if value is not None]
+    level = np.array(column_levels(name, known))
+    return tuple(float(np.mean(np.array(known)[level == at])) for at in np.unique(level))
 
 
 def _rates(specimen: Specimen) -> tuple[float, ...]:
@@ -164,7 +158,7 @@ def _traces_of(problem: Problem, chosen: Candidate) -> Traces:
     after = signs * specimen_forces_N(problem, chosen)
     return Traces(
         label=tuple(_label(specimens[members[0]], specimens) for members in model.tests),
-        specimen_ids=tuple(tuple(specimens[i].id for i in m) for m in model.tests),
+        rows=[list(members) for members in model.tests],
         travel_mm=setup.travel_mm,
         time_s=setup.time_s,
         before_N=sign * predict(setup, model.laws).force_N,
@@ -302,9 +296,7 @@ def diagnose(
         verdict = verdict_of(ranking)
         gap = closure(problem, weighed, evidence.vain, verdict, rng, progress)
         chosen = weighed.best.get(verdict, Candidate(()))
-        nodes = weighed.plain.elimination(
-            problem.columns[:, 0], kept=problem.columns[:, problem.nodes]
-        )
+        nodes = weighed.plain.elimination(problem.target, kept=problem.nodes)
         where, remainder = _places_of(problem, chosen, rng)
         same_class = class_of(problem, weighed, ranking, verdict)
         mending = [problem.unit_of for problem in data_quality if problem.unit_of is not None]

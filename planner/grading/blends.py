@@ -329,10 +329,6 @@ def _merged(
     """Join neighbours that come to one mixture, shares being kept to 0.1 %."""
     kept: list[tuple[Band, Printed]] = []
     for band, what in zip(bands, printed, strict=True):
-        if kept and kept[-1][1] == what:
-            last = kept.pop()[0]
-            low = min(last.target_MPa[0], band.target_MPa[0])
-            high = max(last.target_MPa[1], band.target_MPa[1])
-            band = Band(last.start, band.stop, band.grade, (low, high))
-        kept.append((band, what))
+        again = kept and kept[-1][1] == what
+        kept.append((kept.pop()[0].joined(band) if again else band, what))
     return tuple(band for band, _ in kept), tuple(what for _, what in kept)

@@ -2,7 +2,7 @@
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -39,29 +39,29 @@ class CutPart:
 
     Attributes
     ----------
-    names
-        What each piece between `levels` is printed in.
-    shells
-        Of each material; none where cells of several lie among each other.
     pitch_mm, within_mm
         Of the grid on which a curved field was drawn, and how near to it.
-    cure
-        What makes bands thicker, in words.
     translation_mm
         What took the part from its file to where it is placed: places are told where the user
         drew them.
+    levels, names
+        Between which levels the pieces lie, and what each is printed in.
+    shells
+        Of each material; none where cells of several lie among each other.
+    cure
+        What makes bands thicker, in words.
     """
 
     mesh: Mesh
     field: Field
-    levels: FloatArray
     pieces: Pieces
-    names: Sequence[str]
-    shells: Sequence[Shell]
     pitch_mm: float
     within_mm: float
-    cure: str
-    translation_mm: Point = (0.0, 0.0, 0.0)
+    translation_mm: Point
+    levels: FloatArray
+    names: Sequence[str] = ("the part",)
+    shells: Sequence[Shell] = ()
+    cure: str = ""
 
     def drawn_mm(self, place_mm: Point) -> Point:
         """Return a place in the coordinates of the part's own file."""
@@ -387,14 +387,8 @@ def _walls(part: CutPart, machine: Printer, findings: list[Finding]) -> dict[str
     limit_mm = machine.minimum_feature_mm
     walls, unlisted = thin_solid_places(part.mesh, machine.minimum_wall_mm, listed=_LISTED)
     findings += [
-        _wall_finding(
-            place,
-            _piece_name(part, place),
-            part,
-            machine.minimum_wall_mm,
-            unlisted if place is walls[-1] else 0,
-        )
-        for place in walls
+        _wall_finding(place, _piece_name(part, place), part, machine.minimum_wall_mm, more)
+        for place, more in _with_rest(walls, unlisted)
     ]
     loose = small_bodies(part.mesh, limit_mm, max(machine.pixel_mm))
     if loose.count:
@@ -419,9 +413,14 @@ def _walls(part: CutPart, machine: Printer, findings: list[Finding]) -> dict[str
         checks["thinnest_band_mm"] = Check(min(thicknesses), limit_mm, thick)
     gaps, unlisted = thin_space_places(part.mesh, limit_mm, listed=_LISTED)
     findings += [
-        _gap_finding(gap, part, limit_mm, unlisted if gap is gaps[-1] else 0) for gap in gaps
+        _gap_finding(gap, part, limit_mm, more) for gap, more in _with_rest(gaps, unlisted)
     ]
     return checks | {"gaps_too_narrow": Check(len(gaps) + unlisted, 0, not gaps)}
+
+
+def _with_rest(places: Sequence[ThinPlace], unlisted: int) -> Iterable[tuple[ThinPlace, int]]:
+    """Pair each place with how many more there are than are listed, which the last one tells."""
+    return zip(places, [*[0] * (len(places) - 1), unlisted], strict=False)
 
 
 def _layers(
@@ -458,10 +457,8 @@ def _layers(
     unlisted += max(len(places) - _LISTED, 0)
     places = places[:_LISTED]
     findings = [
-        _layer_finding(
-            place, shell.material, part, limit_mm, unlisted if place is places[-1] else 0
-        )
-        for place in places
+        _layer_finding(place, shell.material, part, limit_mm, more)
+        for place, more in _with_rest(places, unlisted)
     ]
     loose = bits.count if bits.total_mm3 >= least_mm3 else 0
     if loose:

@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike
 from planner.errors import ArgumentError, PlannerError, UnknownNameError, positive
 from planner.fields.basic import Field
 from planner.fields.parse import TableFile, field_of
-from planner.formats.mesh_file import MILLIMETRES
 from planner.formats.units import QUANTITY_UNITS
 from planner.grading.profile import (
     Profile,
@@ -139,7 +138,7 @@ class _Earlier:
             at_strain=self.plan.stiffness.at_strain,
             printer=self.plan.printer,
             palette=None if stated.palette is not None else self._own_palette(stated.printer),
-            unit=None if part.unit == MILLIMETRES else part.unit,
+            unit=None if part.unit == "mm" else part.unit,
             **({} if stated.blend is not None else _blending(gradient)),
         )
 

@@ -93,7 +93,7 @@ def profile_knots(
     """
     count = len(even)
     return Controls(
-        lambda points: _splines(np.clip(along(points), 0.0, 1.0), count, 1),
+        lambda points: _splines(along(points)[:, None], (count,), (1,)),
         np.diff(np.eye(count), 2, axis=0),
         np.diff(np.eye(count), axis=0) * (count - 1) / span_mm,
         even,
@@ -112,22 +112,19 @@ _MOST_CONTROLS = 600
 """A step solves for each of them, in memory all at once."""
 
 
-def _splines(at: FloatArray, count: int, degree: int) -> Any:
-    """Return the weights of uniform B-splines at places from 0 to 1, (Q, count) sparse."""
+def _splines(share: FloatArray, counts: Sequence[int], degrees: Sequence[int]) -> Any:
+    """Return the weights of uniform B-splines at places, (Q, axes) from 0 to 1, sparse (Q, n).
+
+    Of the products of each axis' splines, the last axis fastest.
+    """
+    from scipy.interpolate import NdBSpline
     from scipy.sparse import csr_matrix
 
-    spans = count - degree
-    scaled = np.clip(at, 0.0, 1.0) * spans
-    first = np.minimum(scaled.astype(np.int64), spans - 1)
-    t = scaled - first
-    each = {
-        0: [np.ones_like(t)],
-        1: [1.0 - t, t],
-        2: [0.5 * (1.0 - t) ** 2, 0.5 + t - t * t, 0.5 * t * t],
-    }[degree]
-    columns = first[:, None] + np.arange(degree + 1)
-    ends = (degree + 1) * np.arange(len(t) + 1)
-    return csr_matrix((np.stack(each, axis=1).ravel(), columns.ravel(), ends), (len(t), count))
+    knots = tuple(np.arange(-k, n + 1.0) for n, k in zip(counts, degrees, strict=True))
+    places = np.clip(share, 0.0, 1.0) * np.subtract(counts, degrees)
+    made = NdBSpline.design_matrix(places, knots, tuple(degrees))
+    # Its width ends with the last control that has a point.
+    return csr_matrix((made.data, made.indices, made.indptr), (len(share), int(np.prod(counts))))
 
 
 def lattice_counts(text: str, extent_mm: FloatArray, figures: int) -> tuple[int, int, int]:
@@ -188,7 +185,7 @@ def lattice(
         Value of all controls where nothing else is wanted.
     """
     low, extent = bounds_mm[0], np.maximum(np.ptp(bounds_mm, axis=0), 1e-9)
-    total = int(np.prod(counts))
+    total, degrees = int(np.prod(counts)), [min(_DEGREE, count - 1) for count in counts]
     number = np.arange(total).reshape(tuple(counts))
     first = number.copy()
     for axis in symmetric:
@@ -200,17 +197,12 @@ def lattice(
     def basis(points_mm: FloatArray) -> Any:
         from scipy.sparse import csr_matrix
 
-        share = (points_mm - low) / extent
-        x, y, z = (
-            _splines(share[:, axis], count, min(_DEGREE, count - 1))
-            for axis, count in enumerate(counts)
-        )
-        return _products(_products(x, y), z) @ csr_matrix(tie)
+        return _splines((points_mm - low) / extent, counts, degrees) @ csr_matrix(tie)
 
     rows = np.eye(total).reshape(*counts, total)
     slopes, bends = [], []
     for axis, count in enumerate(counts):
-        spacing = extent[axis] / max(count - min(_DEGREE, count - 1), 1)
+        spacing = extent[axis] / (count - degrees[axis])
         slopes.append(np.diff(rows, axis=axis).reshape(-1, total) / spacing)
         lines = total / count
         bends.append(np.diff(rows, 2, axis=axis).reshape(-1, total) / np.sqrt(lines))
@@ -224,16 +216,3 @@ def lattice(
         np.concatenate(slopes) @ tie,
         np.full(len(kept), even),
     )
-
-
-def _products(one: Any, other: Any) -> Any:
-    """Return the products of each row's entries, (Q, a) and (Q, b), as (Q, a b)."""
-    from scipy.sparse import csr_matrix
-
-    count, width = one.shape[0], other.shape[1]
-    a, b = one.nnz // count, other.nnz // count
-    value = one.data.reshape(count, a, 1) * other.data.reshape(count, 1, b)
-    column = one.indices.reshape(count, a, 1).astype(np.int64) * width
-    column = column + other.indices.reshape(count, 1, b)
-    ends = a * b * np.arange(count + 1)
-    return csr_matrix((value.ravel(), column.ravel(), ends), (count, one.shape[1] * width))

@@ -4,8 +4,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
+import msgspec
 import numpy as np
 
 from planner.cutting.grid import default_pitch_mm
@@ -239,39 +240,36 @@ class PartDesign:
         return self.plan.write(target, force=force, page=page, beside=beside)
 
 
-_Document = dict[str, Any]
+class _Earlier(msgspec.Struct):
+    values: tuple[Annotated[float, msgspec.Meta(ge=0.0, le=1.0)], ...]
+    interrupted: bool = False
 
 
-def _written(file: Path) -> dict[str, Any]:
-    return decode_document(read_file(file), _Document, str(file))
+def _written(file: Path) -> _Earlier:
+    return decode_document(read_file(file), _Earlier, str(file))
 
 
 def interrupted_design(folder: Path) -> bool:
     """Tell whether a folder holds a design whose search was ended before it was done."""
     file = folder / "design.json"
-    return file.is_file() and _written(file).get("interrupted") is True
+    return file.is_file() and _written(file).interrupted
 
 
 def _begun(start: "str | Path | PartDesign | None", count: int) -> FloatArray | None:
     """Return the values of an earlier design to go on from."""
     if start is None:
         return None
-    if isinstance(start, PartDesign):
-        found: Any = start.values
-    else:
+    if isinstance(start, (str, Path)):
         file = Path(start)
-        found = _written(file / "design.json" if file.is_dir() else file).get("values")
-    try:
-        values = np.array(found, dtype=np.float64)
-    except (TypeError, ValueError):
-        values = np.empty(0)
-    if values.shape != (count,) or not ((values >= 0.0) & (values <= 1.0)).all():
+        values = _written(file / "design.json" if file.is_dir() else file).values
+    else:
+        values, start = start.values, "design"
+    if len(values) != count:
         raise FileError(
-            f"`start` {start if not isinstance(start, PartDesign) else 'design'}: it has no "
-            f"{count} values from 0 to 1, one for each control of this design; give one with the "
-            "same `free` or `knots`, or none"
+            f"`start` {start}: it has {len(values)} values, this design {count} controls; give one "
+            "with the same `free` or `knots`, or none"
         )
-    return values
+    return np.array(values)
 
 
 @one_blas_thread()
@@ -447,7 +445,7 @@ def design(
     # What is wrong is told before the work.
     posed(cases, wanted, halve_long_edges(mesh, 0.5 * edge)[0])
     progress(DesignStage("loading the solver", 0.0))
-    from planner.inverse_design.printing import Gradient, Printing, corrected
+    from planner.inverse_design.printing import DesignSpace, Printing, corrected
     from planner.inverse_design.search import DesignProblem, WantedOfPart
     from planner.inverse_design.shape import wanted_shape
     from planner.materials.marlow import marlow_table
@@ -472,7 +470,7 @@ def design(
         follows = axis_field(axis, placed) if field is None else build_field(field, setting)
         rises = ends.moduli_MPa[0] < ends.moduli_MPa[-1]
         controls = _ramp(follows, knots, rises, limits, stiffness, translation)
-    gradient = Gradient(controls, stiffness, setting, follows, counts)
+    space = DesignSpace(controls, stiffness, setting, follows, counts)
     normal = normal_quantile(level) if robust else 0.0
 
     def problem_on(size_mm: float, done: float, before: "Sequence[Case]" = ()) -> DesignProblem:
@@ -495,7 +493,7 @@ def design(
     )  # fmt: skip
     printed, prints, stopped = corrected(
         Printing(
-            asked, gradient, problem, best, graded, scale, machine, problem_mm, blend == "dither",
+            asked, space, problem, best, graded, scale, machine, problem_mm, blend == "dither",
             tolerance,
         ),
         stopped=found.stopped,
@@ -529,7 +527,7 @@ def design(
         progress(DesignStage("from rest to full load, for the page", 0.9))
     share = larger.basis @ printed.values
     courses = zip(larger.cases, printed.solved, strict=True) if steps else ()
-    profile, _, table = gradient.laid(printed.values)
+    profile, _, table = space.laid(printed.values)
     return PartDesign(
         courses=tuple(
             _course(case, one, stiffness.coordinates(share)[0], steps) for case, one in courses
@@ -652,8 +650,6 @@ def _searched(
         if not interrupted(error):
             raise
         return found._replace(stopped=True), problem, reach
-    for case in finer.cases:
-        case.factored = None  # prints have their own, and need the memory
     return after._replace(tried=found.tried + after.tried), problem, reach
 
 

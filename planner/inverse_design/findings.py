@@ -102,7 +102,7 @@ def in_reach(problem: "DesignProblem") -> list[Ends]:
         each: list[float | None] = []
         for case in problem.cases:
             try:
-                each += case.solve(coordinate, steps=steps).values().tolist()
+                each += case.solve(coordinate, steps=steps, tangent=False).values().tolist()
             except LostStabilityError:
                 each += [None] * len(case.goals)
             case.state = None  # as if nothing had been solved

@@ -87,9 +87,6 @@ class Limits:
     slope: float | None = None
 
 
-_UNITS = {
-    "u": ("length", "mm"), "f": ("force", "N"), "r": ("angle", "deg"), "d": ("length", "mm"),
-}  # fmt: skip
 _QUANTITIES = (
     "ux", "uy", "uz", "rx", "ry", "rz", "fx", "fy", "fz", "distance", "stiffness",
 )  # fmt: skip
@@ -154,7 +151,7 @@ def read_target(text: str, option: str = "target") -> Target:
         if abs(factor * value) >= 180.0:
             raise ArgumentError(f"{where}: a turn must be below 180 deg")
     else:
-        factor = unit_factor(_UNITS[quantity[0]][0], unit, where=where)
+        factor = unit_factor("force" if quantity[0] == "f" else "length", unit, where=where)
     places = _BETWEEN.split(selector.strip()) if quantity == "distance" else [selector.strip()]
     if quantity == "distance" and (len(places) != 2 or value <= 0.0):
         raise ArgumentError(
@@ -339,34 +336,32 @@ def functionals(
     return out
 
 
-def _linear(weights: FloatArray, constant: float, state: "Equilibrium") -> tuple[float, FloatArray]:
-    return float(np.sum(weights * state.displacement_mm)) + constant, weights
+def _linear(weights_of: "Callable[[Mechanics], FloatArray]") -> Measure:
+    """Return the displacement that nodal weights, (N, 3), tell."""
+
+    def measure(mechanics: "Mechanics", state: "Equilibrium") -> tuple[float, FloatArray]:
+        weights = weights_of(mechanics)
+        return float(np.sum(weights * state.displacement_mm)), weights
+
+    return measure
 
 
 def _mean(facets: Any, direction: FloatArray) -> Measure:
-    def measure(mechanics: "Mechanics", state: "Equilibrium") -> tuple[float, FloatArray]:
-        weights = mechanics.mean_weights(mechanics.points_of(facets), direction)
-        return _linear(weights, 0.0, state)
-
-    return measure
+    return _linear(lambda at: at.mean_weights(at.points_of(facets), direction))
 
 
 def _reaction(number: int, direction: FloatArray) -> Measure:
     """Return the force of a support."""
 
     def measure(mechanics: "Mechanics", state: "Equilibrium") -> tuple[float, FloatArray]:
-        held = mechanics.held[number]
-        constant = float(held.stiffness.sum() * (held.axes * held.target_mm) @ direction)
-        return _linear(mechanics.reaction_weights(number, direction), constant, state)
+        force = mechanics.reactions(state)[number]
+        return float(force @ direction), mechanics.reaction_weights(number, direction)
 
     return measure
 
 
 def _at(place: Point, direction: FloatArray) -> Measure:
-    def measure(mechanics: "Mechanics", state: "Equilibrium") -> tuple[float, FloatArray]:
-        return _linear(mechanics.place_weights(np.array(place), direction), 0.0, state)
-
-    return measure
+    return _linear(lambda at: at.place_weights(np.array(place), direction))
 
 
 def _distance(one: Any, other: Any) -> Measure:

@@ -24,7 +24,7 @@ from planner.printers import Printer
 from planner.simulation.part import filling_along, open_solid
 from planner.simulation.solid import LostStabilityError
 
-__all__ = ["Gradient", "Print", "Printing", "corrected"]
+__all__ = ["DesignSpace", "Print", "Printing", "corrected"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -32,7 +32,7 @@ __all__ = ["Gradient", "Print", "Printing", "corrected"]
 
 
 @dataclass(frozen=True, eq=False)
-class Gradient:
+class DesignSpace:
     """What a design may choose, and what it means: a profile along a field, or a lattice.
 
     Attributes
@@ -126,7 +126,7 @@ class Printing:
     """
 
     wanted: WantedOfPart
-    gradient: Gradient
+    space: DesignSpace
     problem: DesignProblem
     best: Tried
     graded: Callable[..., Plan]
@@ -151,18 +151,20 @@ class Printing:
             plan, follows = self._planned(values)
         palette = self.scale.palette
         if self.dithered or len(plan.regions) == 1:
-            # The factors of a print stay: it may be the one that is taken.
-            cases = [replace(case, factored=None) for case in self.problem.cases]
+            cases = [replace(case) for case in before]
+            for case in before:
+                case.factored = None  # its memory is taken
             filling = filling_along(follows, plan, palette)(cases[0].cells.points_mm)
         else:
-            cells, filling = open_solid(plan, None, None, None, palette).cut(self.cell_mm)
+            solid = open_solid(plan, None, None, None, palette)
+            cells, filling = solid.cut(self.cell_mm, like=before[0].cells)
             cases = self.wanted.on(cells, filling, before, varies=False)
-        solved = [case.solve(filling) for case in cases]
+        solved = [case.solve(filling, tangent=False) for case in cases]
         figures = np.concatenate([one.values() for one in solved])
         return Print(values, plan, cases, solved, self._missed(figures))
 
     def _planned(self, values: FloatArray) -> tuple[Plan, Field]:
-        profile, follows, table = self.gradient.laid(values)
+        profile, follows, table = self.space.laid(values)
         gentler = "a coarser --free" if table else "fewer --knots"
         try:
             more = {} if table is None else {"field": table}
@@ -176,7 +178,7 @@ class Printing:
     @cached_property
     def _along(self) -> FloatArray | None:
         """Values of a profile's field at the quadrature points."""
-        along, moved = self.gradient.along, np.array(self.gradient.setting.origin_mm)
+        along, moved = self.space.along, np.array(self.space.setting.origin_mm)
         if along is None:
             return None
         return np.asarray(along.values(self.problem.cases[0].cells.points_mm + moved))
@@ -191,10 +193,10 @@ class Printing:
         share = np.asarray(self.problem.basis @ values)
         if self.dithered:
             return share
-        profile, field, _ = self.gradient.laid(values)
+        profile, field, _ = self.space.laid(values)
         bands = natural_bands(profile, self.scale.moduli_MPa)
         moved = moved_cuts(
-            self.gradient.setting.mesh, field, [band.start for band in bands[1:]],
+            self.space.setting.mesh, field, [band.start for band in bands[1:]],
             snap_mm=snap_limit_mm(None, self.machine), machine=self.machine,
         )  # fmt: skip
         starts = [band.start for band in snapped_bands(bands, moved, profile)]
@@ -280,7 +282,12 @@ def corrected(
                 f"stable equilibrium beyond {percent(lost.share)} of them: take smaller loads, a "
                 "stiffer `from_` or `to`, or dithered materials (`blend`), which follow it closer"
             ) from lost
-    return kept, max(tried, 1), stopped
+    # The next print has taken the memory of the factors.
+    solved = [
+        one if case.factored else replace(one, factored=one.mechanics.tangent(one.state))
+        for case, one in zip(kept.cases, kept.solved, strict=True)
+    ]
+    return kept._replace(solved=solved), max(tried, 1), stopped
 
 
 def _missed(one: "Print | _Try") -> float:

@@ -103,13 +103,17 @@ class Case:
     factored: "Factor | None" = None
 
     def begin_from(self, other: "Case") -> None:
-        """Take over how this part is deformed in other cells, as where the next solution starts."""
+        """Take over how this part is deformed in other cells, whence the next solution starts.
+
+        The other's memory is taken, and with it its factor.
+        """
         if other.state is None or other.mechanics is None:
             return
-        self.mechanics = Mechanics(self.body, self.conditions, self.analysis)
+        self.mechanics = Mechanics(self.body, self.conditions, self.analysis, spare=other.mechanics)
         self.state = self.mechanics.state_like(other.mechanics, other.state)
+        self.factored, other.factored = other.factored, None
 
-    def solve(self, coordinate: FloatArray, *, steps: int = 0) -> "Solved":
+    def solve(self, coordinate: FloatArray, *, steps: int = 0, tangent: bool = True) -> "Solved":
         """Return the equilibrium with mixtures at the quadrature points.
 
         Parameters
@@ -117,6 +121,8 @@ class Case:
         steps
             Take so many equal ones from rest, and give up where one fails; by default from the
             last equilibrium, else from rest by steps that are halved where they must be.
+        tangent
+            As of `Mechanics.settle`.
 
         Raises
         ------
@@ -128,6 +134,7 @@ class Case:
         self.mechanics = mechanics
         state, factored = self.state, self.factored
         self.factored = None  # its memory is taken
+        near = not steps and factored is not None and factored.analysis is self.analysis
         try:
             if steps:
                 state = mechanics.at_rest()
@@ -135,7 +142,7 @@ class Case:
                 raise LostStabilityError(0.0, None)
             for share in np.linspace(0.0, 1.0, max(steps, 1) + 1)[1:].tolist():
                 state, factored = mechanics.settle(
-                    state, share, into=factored, near=not steps, settled=_SETTLED
+                    state, share, into=factored, near=near, settled=_SETTLED, tangent=tangent
                 )
         except LostStabilityError:
             if steps:

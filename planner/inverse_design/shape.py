@@ -64,9 +64,9 @@ def wanted_shape(
         The shape is the part as it is, or so far away that it is that of another part.
     """
     size = float(np.ptp(part.reshape(-1, 3), axis=0).max())
-    surface = _mesh(moved)
-    same = len(moved) == len(part) and _matched(part, moved, size)
-    if same:
+    surface, rest = _mesh(moved), None
+    if len(moved) == len(part) and _matched(part, moved, size):
+        rest = Mesh(part.reshape(-1, 3), np.arange(3 * len(part), dtype=np.int32).reshape(-1, 3))
         greatest = float(np.linalg.norm(moved - part, axis=2).max())
         note = f"{text}: its triangles are those of the part, which go up to {greatest:.4g} mm"
     else:
@@ -85,13 +85,8 @@ def wanted_shape(
             f"`target` {text}: the shape is {greatest:.3g} mm from the part, which is {size:.4g} "
             "mm long; give the part's surface as it is to be under the load, in the same place"
         )
-    rest = (
-        Mesh(part.reshape(-1, 3), np.arange(3 * len(part), dtype=np.int32).reshape(-1, 3))
-        if same
-        else None
-    )
     return WantedShape(
-        text, selector, weight, surface, greatest, note, rest, moved if same else None
+        text, selector, weight, surface, greatest, note, rest, None if rest is None else moved
     )
 
 
@@ -162,17 +157,15 @@ class ShapeGoal:
         ends = 27 * np.arange(len(shape) + 1)
         nodes = cells.nodes[cells.vertex_cell].ravel()
         carried = csr_matrix((shape.ravel(), nodes, ends), (len(shape), len(cells.node_mm)))
-        a, b, c = surface.triangles.transpose(1, 0, 2)
-        area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+        area = np.linalg.norm(surface.area_vectors_mm2, axis=1)
         area = area if facets is None else area * facets
         share = np.bincount(surface.faces.ravel(), np.repeat(area, 3), len(surface.vertices))
         target = None
         if wanted.rest is not None and wanted.moved is not None:
             place, which = closest(triangle_tree(wanted.rest), surface.vertices)
             target = carried_along(wanted.rest.triangles[which], wanted.moved[which], place)
-        a, b, c = wanted.surface.triangles.transpose(1, 0, 2)
-        normal = np.cross(b - a, c - a)
-        normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
+        normal = wanted.surface.area_vectors_mm2
+        normal = normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
         return cls(
             wanted, surface.vertices, carried, share / share.sum(), target,
             triangle_tree(wanted.surface), normal,

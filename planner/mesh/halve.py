@@ -66,11 +66,12 @@ def _halve(vertices: FloatArray, whole: _Shapes) -> tuple[FloatArray, NDArray[np
             for both, step in (((triangles, strips), 0), ((triangles, strips), 1))
         )
         marked = np.concatenate([triangles.halvings.ravel(), strips.halvings.ravel()]) > 0
-        ends = np.sort(np.stack([tails, heads], axis=1)[marked], axis=1)
-        edges, at = np.unique(ends, axis=0, return_inverse=True)
+        ends = np.sort(np.stack([tails, heads], axis=1)[marked].astype(np.int64), axis=1)
+        edges, at = np.unique(ends @ [len(vertices), 1], return_inverse=True)
         middle = np.full(len(marked), -1, np.int32)
-        middle[marked] = len(vertices) + at.ravel()
-        vertices = np.concatenate([vertices, vertices[edges].mean(axis=1)])
+        middle[marked] = len(vertices) + at
+        pairs = np.stack(np.divmod(edges, len(vertices)), axis=1)
+        vertices = np.concatenate([vertices, vertices[pairs].mean(axis=1)])
         split = triangles.corners.size
         triangles, strips = _cut(
             triangles, middle[:split].reshape(-1, 3), strips, middle[split:].reshape(-1, 4)

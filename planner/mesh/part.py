@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner.errors import ArgumentError, MeshError, did_you_mean
-from planner.formats.mesh_file import unit_scale_mm
+from planner.formats.units import QUANTITY_UNITS
 from planner.mesh.mesh import (
     Mesh,
     Topology,
@@ -328,9 +328,9 @@ def oversize(mesh: Mesh, tray_mm: tuple[float, float, float], unit: str) -> str 
 
 def _unit_hint(extent: FloatArray, stated: str = "mm") -> str:
     """Name the unit, not the stated one, in which the part would have the size of most parts."""
-    low, high = _LIKELY_MM
+    (low, high), mm = _LIKELY_MM, QUANTITY_UNITS["length"]
     for unit in _LIKELY_UNITS:
-        scale = unit_scale_mm(unit) / unit_scale_mm(stated)
+        scale = mm[unit] / mm[stated]
         if unit != stated and low <= scale * extent.max() <= high:
             name = {"inch": "inches"}.get(unit, unit)
             return f"; in {name} it would be {_size(scale * extent, 3)} mm: --unit {unit}"

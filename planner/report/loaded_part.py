@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from planner import __version__
-from planner.formats.field_file import HEXAHEDRON, TETRAHEDRON, WEDGE, encode_vtu
+from planner.formats.field_file import encode_vtu
 from planner.glance import percent
 from planner.materials.mixtures import CoefficientModel
 from planner.mesh.clip import clip_hexahedra
@@ -659,7 +659,7 @@ def part_volume(result: PartSimulation) -> bytes:
     point, shares = point[used], hats(inner[used])
     return encode_vtu(
         cut(points),
-        [(HEXAHEDRON, kept.hexahedra), (WEDGE, kept.wedges), (TETRAHEDRON, kept.tetrahedra)],
+        [kept.hexahedra, kept.wedges, kept.tetrahedra],
         point_data={"displacement_mm": cut(u)},
         cell_data={
             "material": np.abs(coordinate[point][:, None] - grades).argmin(axis=1).astype(np.int32),

@@ -13,7 +13,7 @@ from planner.plan import Plan
 from planner.printers import load_printer
 from planner.report.display import colours_told_apart
 from planner.report.gap_figures import figures_of
-from planner.report.gap_text import headline, scope
+from planner.report.gap_page import headline, scope
 from planner.report.loaded_part import response_rows, summary_words
 from planner.report.material_figures import materials_figure
 from planner.report.plan_figure import stiffness_figure

@@ -10,12 +10,12 @@ import numpy as np
 from planner.errors import ArgumentError
 from planner.gap.campaign import Campaign
 from planner.gap.diagnosis import Diagnosis
+from planner.gap.summary import errors_of
 from planner.grading.profile import StiffnessScale, stiffness_scale
 from planner.materials.palette_study import Characterisation
 from planner.numerics import FloatArray
 from planner.palette import Palette
 from planner.plan import Plan
-from planner.report.gap_text import errors_of
 from planner.report.notebook import AT_STRAIN
 from planner.report.plan_figure import stretches, target_along
 from planner.report.plan_text import mm_along

@@ -12,7 +12,7 @@ import numpy as np
 from planner.errors import ArgumentError, FileError, positive
 from planner.fields.basic import AxisField, Field
 from planner.fields.parse import Setting, build_field, field_of
-from planner.formats.field_file import TRIANGLE, encode_vtu
+from planner.formats.field_file import encode_vtu
 from planner.formats.files import encode_document, free_memory_bytes
 from planner.formats.mesh_file import encode_stl
 from planner.formats.tables import encode_csv
@@ -203,7 +203,9 @@ class Solid:
     shells: Shells | None = None
     shell_coordinate: FloatArray | None = None
 
-    def cut(self, cell_mm: float, *, shift: float = 0.0) -> tuple[CutCells, FloatArray]:
+    def cut(
+        self, cell_mm: float, *, shift: float = 0.0, like: CutCells | None = None
+    ) -> tuple[CutCells, FloatArray]:
         """Return cells, as `cut_cells`, and the coordinate at their quadrature points.
 
         What a cell has joined are layers of like moduli, softer or stiffer than the rest of the
@@ -212,7 +214,7 @@ class Solid:
         where it matters much, stiffer pieces bear what is along the layers. A stack of six in a
         cell is 3 % too soft then at most, and 5 to 10 % too stiff with the geometric mean (tests).
         """
-        cells = cut_cells(self.surface, cell_mm, shells=self.shells, shift=shift)
+        cells = cut_cells(self.surface, cell_mm, shells=self.shells, shift=shift, like=like)
         if self.shells is None or self.shell_coordinate is None:
             return cells, self.filling(cells.points_mm)
         moduli = self.shells.modulus_MPa
@@ -220,7 +222,7 @@ class Solid:
         by_modulus = np.argsort(moduli)
         log = np.log(moduli[by_modulus])
         each = np.interp(np.log(joined), log, self.shell_coordinate[by_modulus])
-        return cells, np.repeat(each, np.diff(cells.offsets))
+        return cells, each[cells.cell_of]
 
 
 def open_solid(
@@ -542,7 +544,7 @@ class PartSimulation:
             "strain_over_break": self.steps.strain_over_break[step],
             "coordinate": self.surface_coordinate,
         }
-        return encode_vtu(surface.vertices, [(TRIANGLE, surface.faces)], point_data=values)
+        return encode_vtu(surface.vertices, [surface.faces], point_data=values)
 
 
 # ------------------------------------------------------------------------------------------------

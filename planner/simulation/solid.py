@@ -1,6 +1,7 @@
 """Equilibrium of a soft solid on cut cells: large rotations, nearly incompressible, graded."""
 
 import itertools
+import math
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -79,6 +80,11 @@ class _FacetPoints(NamedTuple):
     shape: FloatArray
     gradient: FloatArray
     area_mm2: FloatArray
+
+    @property
+    def size_mm2(self) -> FloatArray:
+        """Area of each, (n,)."""
+        return np.asarray(np.linalg.norm(self.area_mm2, axis=1))
 
     def by_cell(self) -> Iterator[tuple[int, slice]]:
         """Yield each cell, and which points are in it."""
@@ -279,10 +285,10 @@ class Body:
     def spread(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Variances of each cell's material, (n, 3), rising, their axes, and points from means."""
         cells = self.cells
-        starts, counts = cells.offsets[:-1], np.diff(cells.offsets)
+        starts = cells.offsets[:-1]
         volume = self.cells.cell_volume_mm3
         mean = np.add.reduceat(cells.weights_mm3[:, None] * cells.points, starts) / volume[:, None]
-        away = cells.points - np.repeat(mean, counts, axis=0)
+        away = cells.points - mean[cells.cell_of]
         square = cells.weights_mm3[:, None, None] * away[:, :, None] * away[:, None, :]
         return *np.linalg.eigh(np.add.reduceat(square, starts) / volume[:, None, None]), away
 
@@ -291,8 +297,13 @@ class Body:
         """Orthonormal over each cell's material: 1, and axes along which it spreads, (Q, 4)."""
         variance, axes, away = self.spread
         scale = np.where(variance > _SPREAD**2, 1.0 / np.sqrt(np.maximum(variance, 1e-12)), 0.0)
-        turned = np.repeat(axes * scale[:, None, :], np.diff(self.cells.offsets), axis=0)
+        turned = (axes * scale[:, None, :])[self.cells.cell_of]
         return np.column_stack([np.ones(len(away)), np.einsum("qi,qij->qj", away, turned)])
+
+    def pressure_MPa(self, coefficients: FloatArray) -> FloatArray:
+        """Return the pressure at the points, (Q,), of `Equilibrium.pressure`."""
+        each = coefficients[self.cells.cell_of]
+        return np.asarray(np.einsum("qr,qr->q", each, self.pressure_basis))
 
 
 def _onward(before: Equilibrium, state: Equilibrium, share: float) -> Equilibrium:
@@ -310,6 +321,9 @@ _THREADS = 2
 _MOST_ITERATIONS = 40
 _SMALLEST_STEP = 1.0 / 64.0
 _SETTLED = 1e-6
+_FALLS = 0.5
+"""Of the change before: a larger one is not made with the factor before. Numerical: Newton's last
+changes fall by ten times and more."""
 
 Progress = Callable[[float, int, float], None]
 """Called with the share of the load, the iteration, and the residual over the forces."""
@@ -325,6 +339,8 @@ class Mechanics:
     like : Mechanics, optional
         Of the same cells, with other materials or conditions: places of loads and supports, and
         memory, are shared; only one of both can be at work at a time.
+    spare : Mechanics, optional
+        Of other cells: its memory is taken, likewise.
     rests
         The last factor of the body at rest, by what holds it: shared by load cases, it serves the
         first iteration of each, and all of one that is linear.
@@ -340,8 +356,11 @@ class Mechanics:
         analysis: "Analysis",
         *,
         like: "Mechanics | None" = None,
+        spare: "Mechanics | None" = None,
         rests: "dict[object, Factor] | None" = None,
     ) -> None:
+        from planner.simulation.sparse_cholesky import taken
+
         cells = body.cells
         self.body, self.conditions, self.analysis, self.rests = body, conditions, analysis, rests
         below, share = body.table.places(body.coordinate)
@@ -379,7 +398,12 @@ class Mechanics:
         else:
             self.springs = like.springs * (self.softer_MPa / like.softer_MPa)[:, None, None]
         self._build_loads()
-        self._matrices = np.empty((len(cells.nodes), 27, 6, 27)) if like is None else like._matrices
+        if like is None:
+            shape = (len(cells.nodes), 27, 6, 27)
+            memory = taken(math.prod(shape), None if spare is None else spare._matrices)
+            self._matrices = memory.reshape(shape)
+        else:
+            self._matrices = like._matrices
 
     def points_of(self, facets: BoolArray) -> _FacetPoints:
         """Return the quadrature points of facets, as `_facet_points`; kept for the next time."""
@@ -402,17 +426,15 @@ class Mechanics:
     ) -> tuple[_FacetPoints, FloatArray]:
         """Return the points of facets, and forces there that come to a moment (`loads.couple`)."""
         at = self.points_of(facets)
-        size = np.linalg.norm(at.area_mm2, axis=1)
-        return at, couple(size, self.place_mm(at, u), moment)
+        return at, couple(at.size_mm2, self.place_mm(at, u), moment)
 
     def _build_loads(self) -> None:
         cells, conditions = self.body.cells, self.conditions
         self.dead = np.zeros((len(cells.node_mm), 3))
         for force in conditions.forces:
             at = self.points_of(force.facets)
-            size = np.linalg.norm(at.area_mm2, axis=1)
-            share = (size / size.sum())[:, None]
-            self.dead += spread(cells, at, share * np.array(force.force_N))
+            share = at.size_mm2 / at.size_mm2.sum()
+            self.dead += spread(cells, at, np.outer(share, force.force_N))
         for moment in conditions.moments:
             couples = self.couple(moment.facets, np.array(moment.moment_N_mm))
             self.dead += spread(cells, *couples)
@@ -429,7 +451,7 @@ class Mechanics:
             modulus = 3.0 * self.body.cell_shear_MPa[at.cell]
             if self.body.stabiliser_MPa is not None:
                 modulus = 3.0 * self.body.stabiliser_MPa[at.cell]
-            stiffness = _PENALTY * modulus / wide * np.linalg.norm(at.area_mm2, axis=1)
+            stiffness = _PENALTY * modulus / wide * at.size_mm2
             axes = np.array([0.0 if d is None else 1.0 for d in support.displacement_mm])
             target = np.array([d or 0.0 for d in support.displacement_mm])
             springs = [(at.shape[k].T * stiffness[k]) @ at.shape[k] for _, k in at.by_cell()]
@@ -444,7 +466,7 @@ class Mechanics:
         # g/cm³ mm³ = 1e-6 kg
         shape = shape_functions(cells.points, cells.cell_mm)[0] * 9.80665e-6
         shape *= cells.weights_mm3[:, None]
-        nodes = cells.nodes[np.repeat(np.arange(len(cells.nodes)), np.diff(cells.offsets))]
+        nodes = cells.nodes[cells.cell_of]
         ends = 27 * np.arange(len(nodes) + 1)
         return csc_matrix((shape.ravel(), nodes.ravel(), ends), (len(cells.node_mm), len(nodes)))
 
@@ -486,9 +508,7 @@ class Mechanics:
 
         cells, there = self.body.cells, other.body.cells
         nearest = np.asarray(KDTree(there.points_mm).query(cells.points_mm)[1])
-        p = np.einsum(
-            "qr,qr->q", np.repeat(state.pressure, np.diff(there.offsets), axis=0), other.basis
-        )[nearest]
+        p = other.body.pressure_MPa(state.pressure)[nearest]
         each = (cells.weights_mm3 * p)[:, None] * self.basis
         return Equilibrium(
             state.share,
@@ -497,6 +517,23 @@ class Mechanics:
             state.stress_MPa[nearest],
             np.add.reduceat(each, cells.offsets[:-1]) / cells.cell_volume_mm3[:, None],
         )
+
+    @cached_property
+    def _beside(self) -> IntArray:
+        """Nodes of the table below and above the mixture at each point, (2, Q)."""
+        below = self.table[2]
+        return np.stack([below, np.minimum(below + 1, len(self.body.table.coordinate) - 1)])
+
+    @cached_property
+    def _gap(self) -> FloatArray:
+        below, above = self.body.table.coordinate[self._beside]
+        return np.maximum(above - below, 1e-12)
+
+    @cached_property
+    def bulk_over_m(self) -> FloatArray:
+        """Derivative of ln κ over m at each point, (Q,)."""
+        below, above = self.body.table.log_slope_MPa[:, 0, 0][self._beside]
+        return np.asarray((above - below) / self._gap)
 
     def _shares(self) -> Iterator[tuple[int, int]]:
         """Divide the cells into runs of about equal work."""
@@ -621,13 +658,13 @@ class Mechanics:
     ) -> "tuple[Equilibrium, Factor]":
         """Return the equilibrium at a share of the load, from a state nearby, and its factor.
 
-        The memory of `into`, a factor that is needed no more, is taken for that; where it is
-        `near`, of almost this state and material, it gives the first change before. `settled` is
-        the largest last change of a displacement over the largest displacement, and residual over
-        forces: Newton's next change would be about its square. Where changes fall so fast that the
-        next one is foretold to be below that, the residual does not matter. Without `tangent` the
-        last change is made with the factor before: it is of a state nearby, and the change off by
-        as little.
+        The memory of `into`, a factor that is needed no more, of whatever cells, is taken for that;
+        where it is `near`, of almost this state and material, it gives the first change before.
+        `settled` is the largest last change of a displacement over the largest displacement, and
+        residual over forces: Newton's next change would be about its square. Where changes fall so
+        fast that the next one is foretold to be below that, the residual does not matter. Without
+        `tangent` the last change is made with the factor before: it is of a state nearby, and the
+        change off by as little.
 
         Raises
         ------
@@ -649,12 +686,16 @@ class Mechanics:
             at_rest = iteration == 1 and not u.any()
             is_last = iteration > 1 and error <= settled
             kept = factored is not None and ((near and iteration == 1) or (is_last and not tangent))
-            try:
-                if factored is None or not kept:
+            if factored is not None and kept:
+                change = factored.solve(residual.ravel()).reshape(-1, 3)
+                # A sliver may answer quite otherwise than it did before.
+                kept = iteration == 1 or float(np.abs(change).max()) < _FALLS * moved
+            if factored is None or not kept:
+                try:
                     factored = self._factored(factored, at_rest=at_rest)
-            except NotPositiveDefinite as failed:
-                raise LostStabilityError(state.share, cells.node_mm[failed.node]) from failed
-            change = factored.solve(residual.ravel()).reshape(-1, 3)
+                except NotPositiveDefinite as failed:
+                    raise LostStabilityError(state.share, cells.node_mm[failed.node]) from failed
+                change = factored.solve(residual.ravel()).reshape(-1, 3)
             if not np.isfinite(change).all():
                 raise LostStabilityError(state.share, None)
             if (
@@ -725,13 +766,13 @@ class Mechanics:
 
     def mean(self, points: _FacetPoints, u: FloatArray) -> FloatArray:
         """Return the mean displacement of facets by area, (3,)."""
-        size = np.linalg.norm(points.area_mm2, axis=1)
+        size = points.size_mm2
         return np.asarray(size @ self._carried(points, u) / size.sum())
 
     def mean_weights(self, points: _FacetPoints, direction: FloatArray) -> FloatArray:
         """Return the nodal weights, (N, 3), of the mean displacement along a direction."""
-        size = np.linalg.norm(points.area_mm2, axis=1)
-        return spread(self.body.cells, points, (size / size.sum())[:, None] * direction)
+        share = points.size_mm2 / points.size_mm2.sum()
+        return spread(self.body.cells, points, np.outer(share, direction))
 
     def place_weights(self, place_mm: FloatArray, direction: FloatArray) -> FloatArray:
         """Return the nodal weights, (N, 3), of the displacement of a place along a direction.
@@ -749,7 +790,7 @@ class Mechanics:
         from scipy.spatial.transform import Rotation
 
         at = self.points_of(facets)
-        size = np.linalg.norm(at.area_mm2, axis=1)
+        size = at.size_mm2
         before, after = (
             place - size @ place / size.sum() for place in (self.place_mm(at), self.place_mm(at, u))
         )
@@ -775,7 +816,7 @@ class Mechanics:
         seen = Observed(np.empty(count), np.empty((count, 6)), *np.empty((3, count)))
         field = np.zeros_like(state.displacement_mm) if adjoint is None else adjoint
         self._run(observe, self.bulk, state.displacement_mm, state.pressure, field, *seen)
-        return seen
+        return seen._replace(over_m=seen.over_m / self._gap)
 
     def sensitivity(
         self, state: Equilibrium, factored: "Factor", weights: FloatArray
@@ -786,14 +827,10 @@ class Mechanics:
         """
         adjoint = factored.solve(weights.ravel()).reshape(-1, 3)
         seen = self.observe(state, adjoint)
-        table, below = self.body.table, self.table[2]
-        above = np.minimum(below + 1, len(table.coordinate) - 1)
-        gap = np.maximum(table.coordinate[above] - table.coordinate[below], 1e-12)
-        rest = table.log_slope_MPa[:, 0, 0]
+        by_weight = self._weight_over_m(state.share, adjoint)
         return _Sensitivity(
-            -seen.isochoric, -seen.volumetric, seen.over_m / gap, (rest[above] - rest[below]) / gap,
-            self._weight_over_m(state.share, adjoint),
-        )  # fmt: skip
+            -seen.isochoric, -seen.volumetric, seen.over_m, self.bulk_over_m, by_weight
+        )
 
     def nodal_forces(self, state: Equilibrium, stress: FloatArray) -> FloatArray:
         """Return the nodal forces, (N, 3), of second Piola-Kirchhoff stresses, (Q, 6)."""
@@ -809,18 +846,14 @@ class Mechanics:
         """Return the energy stored at the points over the volume at rest, N mm / mm³, (Q,)."""
         seen = self.observe(state)
         table = self.body.table
-        _, _, below, share = self.table
-        above = np.minimum(below + 1, len(table.coordinate) - 1)
         place = np.minimum(seen.x / table.step, table.energy_MPa.shape[1] - 1.001)
         i = place.astype(np.int64)
         t = place - i
         # W goes as x²: between two values its square root is the straighter.
-        root, nodes = np.sqrt(table.energy_MPa), np.stack([below, above])
+        root, nodes, share = np.sqrt(table.energy_MPa), self._beside, self.table[3]
         energy = ((1.0 - t) * root[nodes, i] + t * root[nodes, i + 1]) ** 2
         isochoric = energy[0] ** (1.0 - share) * energy[1] ** share  # as W' between nodes
-        cells = self.body.cells
-        pressure = np.repeat(state.pressure, np.diff(cells.offsets), axis=0)
-        p = np.einsum("qr,qr->q", pressure, self.basis)
+        p = self.body.pressure_MPa(state.pressure)
         return np.asarray(isochoric + p * p / (2.0 * self.bulk))
 
 
@@ -836,7 +869,7 @@ class Observed(NamedTuple):
     isochoric, volumetric : (Q,)
         Work of both stresses on the adjoint field, N mm.
     over_m : (Q,)
-        Change of ln W' over a gap of the table's nodes.
+        d ln W' / dm.
     """
 
     x: FloatArray

@@ -18,8 +18,9 @@ from planner.numerics import (
     kernel,
     one_blas_thread,
 )
+from planner.simulation.element import SIX
 
-__all__ = ["Analysis", "Factor", "NotPositiveDefinite", "analyse", "factor"]
+__all__ = ["Analysis", "Factor", "NotPositiveDefinite", "analyse", "factor", "taken"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -526,7 +527,7 @@ def factor(
     springs : (m, 54, 54)
         Of each link, alike along each axis: between the nodes of its cells, one after the other.
     into
-        A factor of the same analysis that is needed no more: its memory is taken.
+        A factor that is needed no more: its memory is taken, where it is enough.
 
     Raises
     ------
@@ -536,7 +537,7 @@ def factor(
     a = analysis
     matrices = np.ascontiguousarray(element_matrices, dtype=np.float64)
     assert matrices.shape == (len(a.begin) - 1 - len(springs), 27, 6, 27)
-    columns = _aligned(int(a.panel[-1])) if into is None else into.columns
+    columns = taken(int(a.panel[-1]), None if into is None else into.columns)
     updates: dict[int, FloatArray] = {}  # of tasks' last fronts, until the front above has them
     none = np.empty(0)
     failed = len(a.order)
@@ -578,9 +579,18 @@ def factor(
     return Factor(analysis, columns)
 
 
-def _aligned(size: int) -> FloatArray:
-    """Return so many numbers in memory that begins where a vector register's line does."""
-    memory = np.empty(size + 8)
+_ROOM = 1.25
+"""Times the memory asked for where another factor's was too small: prints differ by a tenth."""
+
+
+def taken(size: int, from_: FloatArray | None) -> FloatArray:
+    """Return so many numbers in memory that begins where a vector register's line does.
+
+    In that of an array that is needed no more and was returned by this function, if it is enough.
+    """
+    memory: FloatArray = np.empty(0) if from_ is None else np.asarray(from_.base)
+    if len(memory) < size + 8:
+        memory = np.empty((size if from_ is None else int(_ROOM * size)) + 8)
     skip = (-memory.ctypes.data // 8) % 8
     return memory[skip : skip + size]
 
@@ -658,9 +668,6 @@ def _factor_fronts(
     return np.int64(-1), at
 
 
-_SIX = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2]])
-
-
 @inner_kernel
 def _add_cell(
     matrix: FloatArray, place: IntArray, panel: FloatArray, rows: _Int, update:
@@ -677,7 +684,7 @@ def _add_cell(
                 if place[a] >= place[b]:
                     to = offset + 3 * place[a]
                     for i in range(3):
-                        k = _SIX[i, axis]
+                        k = SIX[i, axis]
                         into[to + i] += matrix[a, k, b] if i <= axis else matrix[b, k, a]
 
 

@@ -1,5 +1,7 @@
 """Cut cells: exact where the answer is known, and pieces that share what they should."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import trimesh
@@ -68,14 +70,13 @@ def moments(cells: CutCells) -> np.ndarray:
 def columns_moments(cells: CutCells) -> np.ndarray:
     """The same of the columns themselves, by four Gauss points in each segment."""
     material = cells.material
-    columns, h = material.columns, cells.cell_mm
+    h, (number, low, high) = cells.cell_mm, material.segments.T
     u0, v0, pitch, cos, sin = material.frame[:5]
-    number = np.repeat(np.arange(len(material.foot)), np.diff(columns.offsets))
-    u = u0 + pitch * (number % columns.grid.shape[0])
-    v = v0 + pitch * (number // columns.grid.shape[0])
+    u = u0 + pitch * (number % material.across)
+    v = v0 + pitch * (number // material.across)
     x, y = cos * u - sin * v, sin * u + cos * v
     area = h[0] * h[1] / material.per_foot[material.foot[number]]
-    low, high = columns.start * h[2] / material.voxels, columns.stop * h[2] / material.voxels
+    low, high = low * h[2] / material.voxels, high * h[2] / material.voxels
     middle = np.ptp(cells.surface.bounds_mm, axis=0) / 2
     scale = np.ptp(cells.surface.bounds_mm) / 2
     x, y, low, high = (
@@ -267,6 +268,24 @@ def test_the_same_on_one_thread_and_on_two_and_again(monkeypatch):
     for name in ("index", "nodes", "node_mm", "offsets", "points", "weights_mm3", "vertex_local"):
         assert np.array_equal(getattr(one, name), getattr(two, name)), name
         assert np.array_equal(getattr(two, name), getattr(again, name)), name
+
+
+def test_cells_of_nearly_the_same_part_take_points_from_there():
+    """The bottom is thicker: about its top pieces are others, which have points of their own."""
+    other, mesh = walls(2.0, 3.0), walls(2.0, 3.6)
+    like, alone = cut_cells(other, 2.0), cut_cells(mesh, 2.0)
+    cells = cut_cells(mesh, 2.0, like=like)
+    assert np.array_equal(cells.points, alone.points)
+    assert cells.weights_mm3 == pytest.approx(alone.weights_mm3, rel=1e-14)
+    heavy = replace(like, weights_mm3=2.0 * like.weights_mm3)
+    cells = cut_cells(mesh, 2.0, like=heavy)
+    ratio = cells.cell_volume_mm3 / alone.cell_volume_mm3
+    taken = np.abs(ratio - 2.0) < 1e-12
+    assert np.abs(ratio[~taken] - 1.0).max() < 1e-12
+    full = alone.cell_volume_mm3 > (1.0 - 1e-12) * np.prod(alone.cell_mm)
+    assert set(alone.index[~(taken | full), 2].tolist()) == {1}
+    moved = cut_cells(Mesh(mesh.vertices * [1.1, 1.0, 1.0], mesh.faces), 2.0, like=heavy)
+    assert moved.volume_mm3 == pytest.approx(1.1 * alone.volume_mm3, rel=1e-3), "another lattice"
 
 
 def test_the_finger_has_its_volume(samples):
