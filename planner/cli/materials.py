@@ -653,7 +653,7 @@ def _print_candidates(result: "PaletteStudy") -> None:
         fit = result.fits[material.id]
         name = material.id
         for candidate in fit.choice.candidates:
-            one, convergence = candidate.fit, candidate.fit.convergence
+            one = candidate.fit
             unstable = candidate.unstable_strain
             rows.append(
                 [
@@ -666,7 +666,7 @@ def _print_candidates(result: "PaletteStudy") -> None:
                     f"{one.adjusted_r2:.5f}",
                     f"{100 * one.nrmse:.2f} %",
                     "yes" if unstable is None else f"falls at {format_number(unstable, 2)}",
-                    f"{convergence.agreeing}/{convergence.starts}",
+                    f"{one.agreeing}/{one.starts}",
                 ]
             )
             name = ""

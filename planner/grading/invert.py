@@ -19,7 +19,7 @@ from planner.materials.algorithm_one import (
 from planner.materials.characterise import SECANT_STRAINS, Curve
 from planner.materials.fit import by_symbol, fit_law, least_yielding, logs, sample_of
 from planner.materials.laws import candidate_laws, make_law
-from planner.materials.mixtures import Blend, CoefficientModel, blend_at, blend_for, nearest
+from planner.materials.mixtures import Blend, CoefficientModel, blend_at, blend_for, nearest_on
 from planner.numerics import FloatArray
 from planner.palette import LawParameters, Material, Palette
 from planner.printers import Printer, palette_of
@@ -197,7 +197,7 @@ def invert(
     elif coordinate is not None:
         blend = blend_at(model, coordinate)
     modulus, interval = _modulus(model, blend.coordinate, at_strain)
-    place = int(nearest(model, modulus, at_strain))
+    place = int(nearest_on(model.ladder_MPa(at_strain), modulus))
     return Mixture(
         target_MPa=modulus_MPa,
         at_strain=at_strain,

@@ -22,17 +22,13 @@ if TYPE_CHECKING:
 __all__ = [
     "LiteralCurve",
     "QuadraticCoefficients",
-    "QuadraticFit",
     "QuadraticStudy",
     "algorithm_one",
-    "individual_fit",
     "literal_stress_MPa",
     "mixtures_without",
     "normalised_rmse",
-    "pooled_squared_error_MPa2",
     "quadratic_study",
     "quadratics_through",
-    "r_squared",
     "without",
 ]
 
@@ -161,7 +157,7 @@ class QuadraticFit:
     Attributes
     ----------
     squared_error_MPa2
-        `pooled_squared_error_MPa2` of `model`.
+        Sum over all points of all curves, unweighted, of `model`.
     evaluations
         How often the error was computed.
     converged
@@ -245,13 +241,6 @@ def quadratics_through(coordinates: ArrayLike, coefficients: ArrayLike) -> Quadr
     _check_coordinates(m)
     rows = np.linalg.lstsq(np.vander(m, 3), np.asarray(coefficients), rcond=None)[0].T
     return _model(np.asarray(rows, dtype=np.float64))
-
-
-def pooled_squared_error_MPa2(
-    model: QuadraticCoefficients, curves: Sequence[LiteralCurve]
-) -> float:
-    """Return the sum of squared stress errors over all points of all curves, unweighted."""
-    return _pooled(curves, 2)(np.array(model.rows).ravel())
 
 
 def algorithm_one(curves: Sequence[LiteralCurve], start: QuadraticCoefficients) -> QuadraticFit:

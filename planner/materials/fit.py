@@ -163,10 +163,9 @@ def sample_of(
 
 def _bin_means(x: FloatArray, y: FloatArray, bins: int) -> tuple[FloatArray, FloatArray]:
     index = np.minimum((x / x.max() * bins).astype(np.int64), bins - 1)
-    count = np.bincount(index, minlength=bins)
+    count = np.bincount(index)
     used = count > 0
-    sums = (np.bincount(index, values, minlength=bins)[used] for values in (x, y))
-    mean_x, mean_y = (s / count[used] for s in sums)
+    mean_x, mean_y = (np.bincount(index, values)[used] / count[used] for values in (x, y))
     return mean_x, mean_y
 
 
@@ -222,8 +221,7 @@ and cancelling: tests do not determine such pairs, and they would make figures o
 _ITERATIONS = 80
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Solutions:
+class Solutions(NamedTuple):
     """Where each start ended.
 
     Attributes
@@ -245,8 +243,7 @@ class Solutions:
     converged: BoolArray
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Held:
+class Held(NamedTuple):
     """Parameters that a search leaves alone, one row a start.
 
     Attributes
@@ -668,32 +665,6 @@ _SIGNIFICANT_DIGITS = 5
 is neither determined by tests nor the same on every processor."""
 
 
-@dataclass(frozen=True, slots=True)
-class Convergence:
-    """How a multi-start search ended.
-
-    Attributes
-    ----------
-    starts, converged, agreeing
-        Starts made; how many converged; how many ended within `_AGREEMENT` of the lowest cost.
-    gradient
-        Of the best start: largest cosine between the residual and a direction of search.
-    at_bound
-        Whether a nonlinear parameter of the best lies at its bound.
-    """
-
-    starts: int
-    converged: int
-    agreeing: int
-    gradient: float
-    at_bound: bool
-
-    @property
-    def ok(self) -> bool:
-        """Whether the best start converged and, with several starts, another one agrees."""
-        return self.converged > 0 and self.agreeing >= min(2, self.starts)
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class LawFit:
     """A fitted law.
@@ -715,6 +686,12 @@ class LawFit:
         points, which are correlated: it flatters, and is no criterion of choice.
     nrmse
         Root mean square error over the largest stress.
+    starts, converged, agreeing
+        Starts made; how many converged; how many ended within `_AGREEMENT` of the lowest cost.
+    gradient
+        Of the best start: largest cosine between the residual and a direction of search.
+    at_bound
+        Whether a nonlinear parameter of the best lies at its bound.
     """
 
     law: SeparableLaw
@@ -727,9 +704,18 @@ class LawFit:
     r2: float
     adjusted_r2: float
     nrmse: float
-    convergence: Convergence
+    starts: int
+    converged: int
+    agreeing: int
+    gradient: float
+    at_bound: bool
 
     __repr__ = brief
+
+    @property
+    def found_again(self) -> bool:
+        """Whether the best start converged and, with several starts, another one agrees."""
+        return self.converged > 0 and self.agreeing >= min(2, self.starts)
 
     @property
     def name(self) -> str:
@@ -792,15 +778,11 @@ def fit_law(
         r2=r2,
         adjusted_r2=1.0 - (1.0 - r2) * (count - 1) / max(count - used - 1, 1),
         nrmse=float(np.sqrt(error) / np.abs(sample.stress_MPa).max()),
-        convergence=Convergence(
-            starts=len(spread),
-            converged=int(converged.sum()),
-            agreeing=int((rough.cost <= rough.cost.min() * (1.0 + _AGREEMENT)).sum()),
-            gradient=float(found.gradient[best]),
-            at_bound=bool(
-                np.any((a <= low + 1e-9 * np.abs(low)) | (a >= high - 1e-9 * np.abs(high)))
-            ),
-        ),
+        starts=len(spread),
+        converged=int(converged.sum()),
+        agreeing=int((rough.cost <= rough.cost.min() * (1.0 + _AGREEMENT)).sum()),
+        gradient=float(found.gradient[best]),
+        at_bound=bool(np.any((a <= low + 1e-9 * abs(low)) | (a >= high - 1e-9 * abs(high)))),
     )
 
 
@@ -1814,10 +1796,10 @@ def by_mode(fit: LawFit, sample: Sample) -> list[tuple[str, tuple[float, float]]
 def _doubts(
     material: str, chosen: LawCandidate, secants: Sequence[SecantInterval]
 ) -> Iterator[str]:
-    convergence = chosen.fit.convergence
+    fit = chosen.fit
     if not chosen.determined:
         yield (
-            f"material {material}: tests do not determine single terms of {chosen.fit.name}; read "
+            f"material {material}: tests do not determine single terms of {fit.name}; read "
             "its secant moduli, not its coefficients"
         )
     if len(secants) > 1 and secants[1].value_MPa > secants[0].value_MPa:
@@ -1826,15 +1808,15 @@ def _doubts(
             f"material {material}: its stress steepens from rest on, as in compression or "
             "behind slack: look at the tests"
         )
-    if not convergence.ok:
+    if not fit.found_again:
         yield Caution(
-            f"material {material}: {convergence.agreeing} of {convergence.starts} starts reach "
-            f"the best {chosen.fit.name}; a better one may exist: try more --starts"
+            f"material {material}: {fit.agreeing} of {fit.starts} starts reach the best "
+            f"{fit.name}; a better one may exist: try more --starts"
         )
-    if convergence.at_bound:
+    if fit.at_bound:
         yield Caution(
-            f"material {material}: a parameter of {chosen.fit.name} lies at its bound, so that "
-            "the tests do not determine it"
+            f"material {material}: a parameter of {fit.name} lies at its bound, so that the tests "
+            "do not determine it"
         )
 
 

@@ -13,7 +13,6 @@ from planner.numerics import FloatArray
 from planner.palette import LAW_PARAMETERS, LawParameters
 
 __all__ = [
-    "FITTED_MODELS",
     "LOWEST_STRETCH",
     "Law",
     "Ogden",

@@ -30,9 +30,7 @@ __all__ = [
     "gent_modulus_MPa",
     "hashin_shtrikman_MPa",
     "interpolated",
-    "left_out_errors",
     "left_out_remark",
-    "nearest",
     "nearest_on",
     "pchip_slopes",
     "pchip_weights",
@@ -644,17 +642,14 @@ def _foretold(x: FloatArray, rows: FloatArray, k: int) -> FloatArray:
     return np.asarray(found + (d0 * slopes[k - 1] + d1 * slopes[k]))
 
 
-def left_out_remark(palette: Palette) -> list[str]:
+def left_out_remark(palette: Palette) -> Iterator[str]:
     """Say what the ways between grades are worth on a palette; nothing of three grades or fewer."""
-    if len(palette.materials) < 4:
-        return []
-    off = left_out_errors(palette)
-    words = {"hardness": "over hardness", "coordinate": "over m"}
-    used = min(off, key=off.__getitem__)
-    return [
-        f"between grades a cubic {words[used]} is used: a grade that is left out it misses by "
-        f"{100 * off[used]:.2g} % of its stress"
-    ]
+    if len(palette.materials) > 3:
+        used, error = min(left_out_errors(palette).items(), key=lambda one: one[1])
+        yield (
+            f"between grades a cubic over {'hardness' if used == 'hardness' else 'm'} is used: a "
+            f"grade that is left out it misses by {100 * error:.2g} % of its stress"
+        )
 
 
 # ------------------------------------------------------------------------------------------------
@@ -686,23 +681,16 @@ def thresholds_of(ladder_MPa: ArrayLike) -> FloatArray:
 
 
 def nearest_on(ladder_MPa: ArrayLike, modulus_MPa: ArrayLike) -> IntArray:
-    """Return the rung nearest in log stiffness on a ladder, of equal ones the first; `nearest`."""
-    ladder = np.asarray(ladder_MPa, dtype=np.float64)
-    rung = np.searchsorted(thresholds_of(ladder), _positive(modulus_MPa), side="left")
-    return np.asarray(np.searchsorted(ladder, ladder[rung], side="left"))
-
-
-def nearest(model: CoefficientModel, modulus_MPa: ArrayLike, at_strain: float) -> IntArray:
-    """Return the place of the grade nearest in log stiffness; a tie goes to the softer.
+    """Return the rung nearest in log stiffness on a ladder, of equal ones the first.
 
     Raises
     ------
     ArgumentError
-        A modulus is not above 0, or the strain not a working strain.
-    PaletteError
-        As `CoefficientModel.ladder_MPa`.
+        A modulus is not above 0.
     """
-    return nearest_on(model.ladder_MPa(at_strain), modulus_MPa)
+    ladder = np.asarray(ladder_MPa, dtype=np.float64)
+    rung = np.searchsorted(thresholds_of(ladder), _positive(modulus_MPa), side="left")
+    return np.asarray(np.searchsorted(ladder, ladder[rung], side="left"))
 
 
 def coordinate_for(model: CoefficientModel, modulus_MPa: ArrayLike, at_strain: float) -> FloatArray:
@@ -713,7 +701,9 @@ def coordinate_for(model: CoefficientModel, modulus_MPa: ArrayLike, at_strain: f
     Raises
     ------
     ArgumentError
-        As `nearest`.
+        A modulus is not above 0, or the strain not a working strain.
+    PaletteError
+        As `CoefficientModel.ladder_MPa`.
     """
     ladder, c = model.ladder_MPa(at_strain), model.coordinates
     target = np.clip(_positive(modulus_MPa), ladder[0], ladder[-1])
@@ -787,7 +777,7 @@ def blend_for(model: CoefficientModel, modulus_MPa: float, at_strain: float) -> 
     Raises
     ------
     ArgumentError
-        As `nearest`.
+        As `coordinate_for`.
     """
     return blend_at(model, float(coordinate_for(model, float(modulus_MPa), at_strain)))
 

@@ -762,11 +762,11 @@ def _candidate_document(candidate: LawCandidate, chosen: LawCandidate | None) ->
         "stable": candidate.unstable_strain is None,
         "unstable_at_strain": candidate.unstable_strain,
         "determined": candidate.determined,
-        "starts": fit.convergence.starts,
-        "starts_converged": fit.convergence.converged,
-        "starts_agreeing": fit.convergence.agreeing,
-        "gradient": fit.convergence.gradient,
-        "at_bound": fit.convergence.at_bound,
+        "starts": fit.starts,
+        "starts_converged": fit.converged,
+        "starts_agreeing": fit.agreeing,
+        "gradient": fit.gradient,
+        "at_bound": fit.at_bound,
     }
 
 

@@ -1194,17 +1194,15 @@ def _against_palette(study: Study, palette: Palette) -> tuple[bool, str]:
     if not known:
         return False, ""
     called = list(known)
-    ratios = [_against(study, name, known[name]) for name in called]
-    coordinate = np.array([known[name].coordinate for name in called])
-    stiffness, variance, elongation = (np.array(v) for v in zip(*ratios, strict=True))
+    coordinate = np.array([material.coordinate for material in known.values()])
+    ratios = np.array([_against(study, *one) for one in known.items()])
+    stiffness, variance, elongation = ratios.T
     batch = batch_apart(coordinate, stiffness, variance)
     if batch is None:
         return False, ""
-    inside = [called[i] for i in batch.members]
-    others = [name for name in called if name not in inside]
-    longer = float(np.mean(elongation[list(batch.members)]))
-    if others:
-        longer -= float(np.mean([elongation[called.index(name)] for name in others]))
+    at = list(batch.members)
+    inside, others = [called[i] for i in at], np.delete(called, at).tolist()
+    longer = float(elongation[at].mean() - (np.delete(elongation, at).mean() if others else 0.0))
     advice = _advice(study, inside, batch.shift, longer, reach=_UNIT_REACH)
     if advice is None:
         return False, ""

@@ -17,7 +17,7 @@ from planner.materials.mixtures import (
     coordinate_for,
     gent_modulus_MPa,
     left_out_errors,
-    nearest,
+    nearest_on,
     pchip_slopes,
 )
 from planner.notes import Caution
@@ -393,7 +393,7 @@ def test_grades_within_their_intervals_make_a_ladder_in_any_order(
     assert (np.diff(ladder) >= 0.0).all()
     np.testing.assert_allclose(ladder, np.maximum.accumulate(moduli))
     off = np.abs(np.log(ladder / wanted))
-    assert off[nearest(model, wanted, 0.1)] == pytest.approx(off.min())
+    assert off[nearest_on(model.ladder_MPa(0.1), wanted)] == pytest.approx(off.min())
     assert 0.0 <= coordinate_for(model, wanted, 0.1) <= len(moduli) - 1
 
 

@@ -11,7 +11,7 @@ from planner.materials.mixtures import (
     CoefficientModel,
     blend_for,
     coordinate_for,
-    nearest,
+    nearest_on,
     thresholds_of,
 )
 from planner.palette import LawParameters, Material, Palette
@@ -50,7 +50,7 @@ def test_the_model_undoes_the_inverse(m: float, strain: float) -> None:
 def test_nearest_in_log_stiffness(log_modulus: float, strain: float) -> None:
     modulus = float(np.exp(log_modulus))
     distance = np.abs(np.log(CONNEX3.grade_moduli_MPa(strain) / modulus))
-    found = int(nearest(CONNEX3, modulus, strain))
+    found = int(nearest_on(CONNEX3.ladder_MPa(strain), modulus))
     assert distance[found] <= distance.min() + 1e-12
     changes = thresholds_of(CONNEX3.grade_moduli_MPa(strain))
     assert found == int(np.count_nonzero(changes < modulus))
@@ -61,7 +61,7 @@ def test_a_tie_goes_to_the_softer() -> None:
     materials = tuple(Material(f"M{k}", float(k), 0.5, 1.0, law[k]) for k in range(3))
     model = CoefficientModel(Palette("ties", materials))
     assert thresholds_of(model.grade_moduli_MPa(0.1)).tolist() == [2.0, 8.0]
-    assert nearest(model, [0.1, 2.0, 2.0 + 1e-12, 8.0, 9.0, 99.0], 0.1).tolist() == [
+    assert nearest_on(model.ladder_MPa(0.1), [0.1, 2.0, 2.0 + 1e-12, 8.0, 9.0, 99.0]).tolist() == [
         0, 0, 1, 1, 2, 2,
     ]  # fmt: skip
 
@@ -100,12 +100,12 @@ def test_a_palette_of_one_material() -> None:
     law = LawParameters("linear", {"modulus_MPa": (5.0,)})
     model = CoefficientModel(Palette("one", (Material("Only", 0.3, 0.5, 1.0, law),)))
     assert coordinate_for(model, [1.0, 5.0, 9.0], 0.1).tolist() == [0.3, 0.3, 0.3]
-    assert nearest(model, [1.0, 9.0], 0.1).tolist() == [0, 0]
+    assert nearest_on(model.ladder_MPa(0.1), [1.0, 9.0]).tolist() == [0, 0]
     assert thresholds_of(model.grade_moduli_MPa(0.1)).size == 0
     assert blend_for(model, 9.0, 0.1) == Blend("Only", "Only", 0.0, 0.3)
 
 
-@pytest.mark.parametrize("function", [nearest, coordinate_for, blend_for])
+@pytest.mark.parametrize("function", [coordinate_for, blend_for])
 @pytest.mark.parametrize("modulus", [0.0, -1.0, np.nan, np.inf])
 def test_refuses_what_is_no_modulus(function, modulus: float) -> None:  # type: ignore[no-untyped-def]
     with pytest.raises(ArgumentError, match="must be above 0 and finite"):
@@ -117,4 +117,4 @@ def test_refuses_what_is_no_working_strain(strain: float) -> None:
     with pytest.raises(ArgumentError, match=r"working strain must be from 0 \(at rest\) to 0\.55"):
         coordinate_for(CONNEX3, 1.0, strain)
     with pytest.raises(ArgumentError, match=r"working strain must be from 0 \(at rest\) to 0\.55"):
-        nearest(CONNEX3, 1.0, strain)
+        nearest_on(CONNEX3.ladder_MPa(strain), 1.0)

@@ -11,10 +11,10 @@ from planner.errors import ArgumentError
 from planner.materials.algorithm_one import (
     LiteralCurve,
     QuadraticCoefficients,
+    _pooled,
     algorithm_one,
     individual_fit,
     literal_stress_MPa,
-    pooled_squared_error_MPa2,
     quadratics_through,
     r_squared,
 )
@@ -26,6 +26,10 @@ PRINTED = QuadraticCoefficients(THESIS.quadratics)
 CURVES = [published_curve(THESIS, p) for p in THESIS.elastomers]
 COORDINATES = [c.coordinate for c in CURVES]
 TABLE = [p.c for p in THESIS.elastomers]
+
+
+def pooled_squared_error_MPa2(model: QuadraticCoefficients, curves: list[LiteralCurve]) -> float:
+    return _pooled(curves, 2)(np.array(model.rows).ravel())
 
 
 def test_pooled_error_is_the_sum_over_all_points() -> None:
