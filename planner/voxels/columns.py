@@ -391,7 +391,7 @@ def _fill_runs(offsets: IntArray, start: IntArray, stop: IntArray, dense: IntArr
 #
 # Vertices are rounded to 1/65536 of a voxel (0.6 nm at a pitch of 0.042 mm); from there on every
 # choice is exact, so a voxel is inside by the mesh and the grid alone, whatever the order of the
-# triangles or the direction of the walk (`planner.slices.slices` goes along x). No column is
+# triangles or the direction of the walk (`planner.slices` goes along x). No column is
 # missed or counted twice, also where vertices lie on voxel centres, and bodies that share a face
 # share no voxel.
 
