@@ -10,12 +10,11 @@ from numpy.typing import ArrayLike
 
 from planner.errors import ArgumentError, PaletteError
 from planner.glance import brief
-from planner.materials.characterise import students_t
 from planner.materials.fit import sample_of
 from planner.materials.fit_intervals import MaterialFit
 from planner.materials.laws import make_law
 from planner.materials.mixtures import CoefficientModel, interpolated
-from planner.numerics import FloatArray
+from planner.numerics import FloatArray, students_t
 from planner.palette import Material, Palette
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ import numpy as np
 from planner.errors import ArgumentError, FileError
 from planner.glance import brief
 from planner.notes import Caution
-from planner.numerics import BoolArray, FloatArray, IntArray, freeze
+from planner.numerics import BoolArray, FloatArray, IntArray, freeze, students_t
 
 __all__ = [
     "BROKEN_SHARE",
@@ -23,7 +23,6 @@ __all__ = [
     "check_record",
     "doubts",
     "noise_sd",
-    "students_t",
     "toe_compensated",
     "without_tail",
 ]
@@ -703,13 +702,6 @@ def spread(values: Sequence[float]) -> Spread:
     sd = float(np.std(values, ddof=1))
     half = students_t(_CONFIDENCE, n) * sd / n**0.5
     return Spread(mean, sd, sd / abs(mean) if mean else None, (mean - half, mean + half), n)
-
-
-def students_t(level: float, specimens: float) -> float:
-    """Return how many standard errors of so many specimens' mean the two-sided level reaches."""
-    from scipy.special import stdtrit
-
-    return float(stdtrit(specimens - 1, 0.5 + 0.5 * level))
 
 
 def _secant(curve: Curve, toe: float, strain: float) -> float | None:

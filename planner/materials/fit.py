@@ -9,7 +9,7 @@ import numpy as np
 
 from planner.errors import ArgumentError
 from planner.glance import brief
-from planner.materials.characterise import Curve, students_t
+from planner.materials.characterise import Curve
 from planner.materials.laws import (
     LOWEST_STRETCH,
     NeoHookean,
@@ -20,7 +20,7 @@ from planner.materials.laws import (
     make_law,
     stability,
 )
-from planner.numerics import BoolArray, FloatArray, IntArray
+from planner.numerics import BoolArray, FloatArray, IntArray, students_t
 from planner.palette import LawParameters
 
 __all__ = [

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from statistics import NormalDist
 from types import MappingProxyType
 
 import numpy as np
@@ -15,7 +14,6 @@ from planner.materials.characterise import (
     Curve,
     MaterialCharacteristics,
     characterise_material,
-    students_t,
     toe_compensated,
 )
 from planner.materials.fit import (
@@ -41,7 +39,7 @@ from planner.materials.fit import (
 )
 from planner.materials.laws import SeparableLaw, Yielding, make_law, secant_modulus_MPa, stability
 from planner.notes import Caution
-from planner.numerics import BoolArray, FloatArray, IntArray
+from planner.numerics import BoolArray, FloatArray, IntArray, normal_quantile, students_t
 from planner.palette import LawParameters, Uncertainty
 
 __all__ = ["ASSUMED_LOG_SD", "MaterialFit", "by_mode", "fit_material", "loading", "widened"]
@@ -207,7 +205,7 @@ class SecantInterval:
 
 def widened(specimens: float) -> float:
     """Return Student's t of so many specimens over the normal deviation."""
-    return students_t(0.95, specimens) / NormalDist().inv_cdf(0.975)
+    return students_t(0.95, specimens) / normal_quantile()
 
 
 def intervals(fit: LawFit, sample: Sample, level: float = 0.95) -> Intervals:

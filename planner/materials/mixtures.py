@@ -4,7 +4,6 @@ from collections.abc import Collection, Iterator, Sequence
 from dataclasses import InitVar, dataclass, field, replace
 from functools import cache
 from importlib.resources import files
-from statistics import NormalDist
 from typing import TypeVar
 
 import msgspec
@@ -15,7 +14,7 @@ from planner.errors import ArgumentError, PaletteError
 from planner.glance import brief
 from planner.materials.laws import Law, make_law, positive_stretch, secant_modulus_MPa
 from planner.notes import Caution
-from planner.numerics import BoolArray, FloatArray, IntArray
+from planner.numerics import BoolArray, FloatArray, IntArray, normal_quantile
 from planner.palette import Palette
 
 __all__ = [
@@ -183,7 +182,6 @@ def _scale(hardness: Sequence[tuple[float, float]]) -> tuple[FloatArray, FloatAr
 
 _LADDER_STRAINS = 201
 _PLACES = (1 / 3, 1 / 2, 2 / 3)  # between grades: the middle, and where slopes weigh most
-_NORMAL = NormalDist().inv_cdf(0.975)
 
 
 @dataclass(frozen=True, slots=True)
@@ -388,7 +386,7 @@ class CoefficientModel:
         """
         if not 0.0 < level < 1.0:
             raise ArgumentError(f"level {level:g}: it must be between 0 and 1")
-        normal = NormalDist().inv_cdf(0.5 + level / 2.0)
+        normal = normal_quantile(level)
         modulus = self.modulus_MPa(coordinate, at_strain)
         variance, own = self.wiener_variance(at_strain), self.own_log_sds(at_strain, normal)
         lower, upper, _ = self.bracket(coordinate)
@@ -538,7 +536,8 @@ class _Behind:
 def _behind(model: CoefficientModel, strains: FloatArray) -> Iterator[_Behind]:
     """Compare every grade with all that are softer."""
     moduli = model.grade_moduli_MPa(strains)
-    down, up = _NORMAL * model.own_log_sds(strains, _NORMAL)
+    normal = normal_quantile()
+    down, up = normal * model.own_log_sds(strains, normal)
     for grade in range(1, len(moduli)):
         other = np.argmax(moduli[:grade], axis=0)
         lag = np.log(_rows(moduli, other) / moduli[grade])

@@ -6,7 +6,6 @@ import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
-from statistics import NormalDist
 from typing import Any
 
 import msgspec
@@ -39,7 +38,7 @@ from planner.materials.mixtures import CoefficientModel, left_out_remark
 from planner.materials.study import ReadRecord, Study, read_study
 from planner.materials.unit_slips import unit_slips
 from planner.notes import Caution, listed
-from planner.numerics import FloatArray
+from planner.numerics import FloatArray, normal_quantile
 from planner.palette import SAME_K, Material, Palette, Reference, Temperature
 from planner.printers import Printer, installed_printers, palette_of
 
@@ -308,7 +307,6 @@ _LARGEST_HELD_OUT_ERROR = 0.2
 """A law that does worse than either is reported as a finding."""
 
 _RAMP = ("#FBD724", "#F89540", "#CC4778", "#7E03A8", "#0D0887")
-_NORMAL = NormalDist().inv_cdf(0.975)
 _DIFFERENT = 1e-3
 """Relative spread of a condition that counts as a difference between specimens."""
 
@@ -526,7 +524,7 @@ def _warming(palette: Palette, table: Temperature) -> Iterator[str]:
     """Say what tests at two temperatures tell of grades."""
     called = {material.coordinate: material.id for material in palette.materials}
     for m, low, high, factor, sd in zip(*msgspec.structs.astuple(table), strict=True):
-        ends = [f"{factor * np.exp(side * _NORMAL * sd):.3g}" for side in (-1.0, 1.0)]
+        ends = [f"{factor * np.exp(side * normal_quantile() * sd):.3g}" for side in (-1.0, 1.0)]
         yield (
             f"warming multiplies stress of {called[m]} by {factor:.3g} from {low:g} to {high:g} "
             f"degC (95 % {' .. '.join(ends)})"
@@ -604,8 +602,8 @@ def _coordinates(
         )
     for softer, harder in itertools.pairwise(sorted(found, key=found.__getitem__)):
         beyond = np.log(stiffness[softer] / stiffness[harder])
-        spare = _NORMAL * np.hypot(fits[softer].scatter.log_sd, fits[harder].scatter.log_sd)
-        if found[softer] == found[harder] or beyond > spare:
+        scatter = np.hypot(fits[softer].scatter.log_sd, fits[harder].scatter.log_sd)
+        if found[softer] == found[harder] or beyond > normal_quantile() * scatter:
             low, high = sorted((softer, harder), key=stiffness.__getitem__)
             raise ArgumentError(
                 f"coordinate of {high} is {found[high]:g}, not above {found[low]:g} of "

@@ -5,7 +5,6 @@ import math
 import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from statistics import NormalDist
 
 import numpy as np
 
@@ -14,7 +13,7 @@ from planner.materials.characterise import SECANT_STRAINS, Characteristics, char
 from planner.materials.laws import make_law, secant_modulus_MPa
 from planner.materials.study import Study
 from planner.notes import Caution, listed
-from planner.numerics import FloatArray
+from planner.numerics import FloatArray, normal_quantile
 from planner.palette import Material, Palette
 
 __all__ = ["batch_apart", "unit_slips"]
@@ -127,8 +126,7 @@ def batch_apart(
         found.append((float(rest @ inverse @ rest), batch))
     misfit, best = min(found, key=lambda one: one[0])
     warned, sure = (
-        NormalDist().inv_cdf(1.0 - share / (2.0 * (2.0**n - 1.0))) * best.sd
-        for share in (_WARNED, _FALSE_ALARM)
+        normal_quantile(1.0 - share / (2.0**n - 1.0)) * best.sd for share in (_WARNED, _FALSE_ALARM)
     )
     if abs(best.shift) <= warned or (n > 1 and misfit > float(chdtri(n - 1, 0.01))):
         return None

@@ -5,7 +5,6 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from statistics import NormalDist
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -13,7 +12,7 @@ import numpy as np
 from planner.errors import FileError
 from planner.materials.marlow import MarlowTable, marlow_table, uniaxial_strain
 from planner.materials.mixtures import CoefficientModel
-from planner.numerics import BoolArray, FloatArray, IntArray, one_blas_thread
+from planner.numerics import BoolArray, FloatArray, IntArray, normal_quantile, one_blas_thread
 from planner.palette import Palette
 from planner.simulation.cut_cells import CutCells
 from planner.simulation.element import shape_functions
@@ -424,7 +423,7 @@ def _responses(
     model: CoefficientModel,
     level: float,
 ) -> Iterator[Response]:
-    normal = NormalDist().inv_cdf(0.5 + level / 2.0)
+    normal = normal_quantile(level)
     sds = log_stress_sds(mechanics, last, model, normal)
     for steps in zip(*over_steps, strict=True):
         told, weights = steps[-1]
