@@ -18,7 +18,7 @@ from typing import Any, Literal
 import msgspec
 
 from planner.errors import FileError, PaletteError, UnknownNameError, did_you_mean
-from planner.formats.files import decode_toml, read_file, toml_value
+from planner.formats.files import decode_toml, read_file, toml_text
 from planner.formats.outputs import check_absent, write_whole
 from planner.glance import brief, counted, html_of, one_line, plotted
 
@@ -643,4 +643,4 @@ def _table(head: Sequence[str], values: Mapping[str, Any]) -> Iterator[str]:
     """Write keys under a heading, those that state something; nothing where none does."""
     stated = {key: value for key, value in values.items() if value not in (None, ())}
     if stated:
-        yield from (*head, *(f"{key} = {toml_value(value)}" for key, value in stated.items()))
+        yield from (*head, *(f"{key} = {toml_text(value)}" for key, value in stated.items()))

@@ -166,7 +166,7 @@ def _plugin(name: str, package: str, base: "Printer") -> dict[str, bytes]:
     """Return the files of a plugin by their paths, each figure as the other printer has it."""
     from dataclasses import replace
 
-    from planner.formats.files import toml_value
+    from planner.formats.files import toml_text
     from planner.palette import encode_palette
     from planner.printers import ProfileFile
 
@@ -178,8 +178,8 @@ def _plugin(name: str, package: str, base: "Printer") -> dict[str, bytes]:
         if hasattr(base, key) and key not in ("operator_names", "base")
     }
     figures |= {"name": name, "title": name, "palettes": [palette.name]}
-    lines = [f"{key} = {toml_value(value)}" for key, value in figures.items()]
-    called = [f"{toml_value(id)} = {toml_value(said)}" for id, said in names.items()]
+    lines = [f"{key} = {toml_text(value)}" for key, value in figures.items()]
+    called = [f"{toml_text(id)} = {toml_text(said)}" for id, said in names.items()]
     profile = f"""#:schema ./printer.schema.json
 # Figures of {base.title}: put your own in their place, and say where they are from.
 schema = 1

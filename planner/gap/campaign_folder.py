@@ -15,7 +15,7 @@ import msgspec
 import numpy as np
 
 from planner.errors import ArgumentError, FileError, UnknownNameError, did_you_mean, nearest_names
-from planner.formats.files import decode_toml, path_within, read_file, toml_value
+from planner.formats.files import decode_toml, path_within, read_file, toml_text
 from planner.formats.headings import mode_of
 from planner.formats.outputs import new_folder
 from planner.formats.specimens import (
@@ -886,7 +886,7 @@ def _campaign_toml(campaign: Campaign) -> bytes:
     pairs = {"name": campaign.name, "printer": campaign.printer, "palette": "palette.toml"}
     if campaign.notes:
         pairs["notes"] = campaign.notes
-    lines = [f"{key} = {toml_value(value)}" for key, value in pairs.items()]
+    lines = [f"{key} = {toml_text(value)}" for key, value in pairs.items()]
     return ("\n".join(["schema = 1", *lines]) + "\n").encode("utf-8")
 
 
