@@ -134,8 +134,7 @@ def runs_along_x(slab: SlabTriangles) -> LayerRuns:
     nx, ny, _ = slab.shape
     triangles = (slab.snapped, slab.faces, slab.members, slab.spans)
     layers = (slab.first_layer, slab.last_layer)
-    offsets, start, stop, faults = slab_runs(*triangles, *layers, ny, nx, 0, row_leads=True)
-    return LayerRuns(offsets, start, stop, int(faults[0]))
+    return LayerRuns(*slab_runs(*triangles, *layers, ny, nx, 0, row_leads=True))
 
 
 # ------------------------------------------------------------------------------------------------

@@ -138,7 +138,7 @@ def sample(
         x, y, z = (mesh.vertices - low).T
         turned = Mesh(np.stack([cos * x + sin * y, cos * y - sin * x, z], axis=1), mesh.faces)
         sampled.append(join(list(iterate_columns(turned, grid))))
-        if faults := sampled[-1].faults.open_columns:
+        if faults := sampled[-1].unpaired:
             raise MeshError(
                 f"the surface is open: {faults} lines along z go in and do not "
                 "come out, or come out twice; repair the part first"
