@@ -11,6 +11,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "brief",
+    "channels",
     "counted",
     "format_interval",
     "format_number",
@@ -64,6 +65,11 @@ def brief(value: Any) -> str:
         if room < 0:
             return ", ".join([*words[:-1], "…"])
     return ", ".join(words)
+
+
+def channels(colour: str) -> tuple[int, ...]:
+    """Return red, green and blue of a colour "#RRGGBB", 0 to 255."""
+    return tuple(bytes.fromhex(colour[1:]))
 
 
 def counted(count: int, noun: str) -> str:

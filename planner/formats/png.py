@@ -10,7 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.numerics import FloatArray, IntArray, inner_kernel, kernel
+from planner.glance import channels
+from planner.numerics import IntArray, inner_kernel, kernel
 
 __all__ = ["NOTHING", "ImageKind", "Rgba", "distinct_colours", "encode_layer"]
 
@@ -301,7 +302,7 @@ def distinct_colours(wished: Sequence[str]) -> tuple[Rgba, ...]:
     wished
         "#RRGGBB" by material.
     """
-    wishes = rgb_of(wished).astype(np.int64)
+    wishes = np.array([channels(colour) for colour in wished])
     spare = np.min([_squares(_SPARE, wish) for wish in wishes], axis=0)
     given: list[IntArray] = []
     for wish in wishes:
@@ -311,11 +312,6 @@ def distinct_colours(wished: Sequence[str]) -> tuple[Rgba, ...]:
         given.append(colour)
         spare = np.minimum(spare, _squares(_SPARE, colour))
     return tuple((int(red), int(green), int(blue), 255) for red, green, blue in given)
-
-
-def rgb_of(colours: Sequence[str]) -> FloatArray:
-    """Return the channels of colours "#RRGGBB", 0 to 255, (n, 3)."""
-    return np.array([list(bytes.fromhex(colour[1:])) for colour in colours], np.float64)
 
 
 def _squares(colours: IntArray, other: IntArray) -> IntArray:

@@ -394,9 +394,9 @@ def _part_at_crowded_edges(
             return None
         for one, other in pairs:
             twin[one], twin[other] = other, one
-    half = np.arange(len(twin))
-    after = half - half % 3 + (half + 1) % 3
-    index = connected(len(twin), half, after[twin])  # corners that are neighbours around a vertex
+    corner = np.arange(len(twin))
+    after = corner - corner % 3 + (corner + 1) % 3
+    index = connected(len(twin), corner, after[twin])  # neighbours around a vertex are one
     original = np.zeros(index.max() + 1, dtype=np.int64)
     original[index] = faces.ravel()
     return vertices[original], index.reshape(-1, 3)

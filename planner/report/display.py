@@ -8,7 +8,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.formats.png import rgb_of
+from planner.glance import channels
 from planner.mesh.mesh import cancel_opposite, compact, face_normal, repeats_index
 from planner.numerics import Float32Array, FloatArray, IntArray, kernel
 from planner.report.svg import ramp
@@ -255,7 +255,7 @@ def colours_told_apart(colours: Sequence[str]) -> tuple[str, ...]:
 def _least_distance(colours: Sequence[str]) -> float:
     if len(colours) < 2:
         return np.inf
-    share = rgb_of(colours) / 255.0
+    share = np.array([channels(colour) for colour in colours]) / 255.0
     light = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
     least = np.inf
     for eyes in _BLIND:
