@@ -9,7 +9,7 @@ import struct
 import tomllib
 import zipfile
 import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PureWindowsPath
 from typing import Any, TypeVar
@@ -301,9 +301,15 @@ def decode_toml(data: bytes, name: str) -> dict[str, Any]:
         raise FileError(f"{name}: not a TOML file: {error}") from error
 
 
-def toml_text(value: str) -> str:
-    """Write a TOML basic string: JSON's escapes, and DEL, which JSON lets through."""
-    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+def toml_text(value: str | float | Sequence[Any]) -> str:
+    """Write a TOML value: a text, a figure of `SIGNIFICANT_DIGITS` or inf, or a list of such."""
+    if isinstance(value, str):  # JSON's escapes, and DEL, which JSON lets through
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    if isinstance(value, Sequence):
+        return f"[{', '.join(map(toml_text, value))}]"
+    if isinstance(value, int):
+        return str(value)
+    return repr(float(f"{value:.{SIGNIFICANT_DIGITS}g}") + 0.0)  # + 0.0 turns -0.0 into 0.0
 
 
 # ------------------------------------------------------------------------------------------------

@@ -20,7 +20,7 @@ from planner.grading.profile import (
     between,
     grades_between,
     profile_of,
-    read_profile,
+    read_moduli,
     sampled_profile,
 )
 from planner.numerics import FloatArray
@@ -247,7 +247,11 @@ def targets_of(wish: Wish, scale: StiffnessScale) -> tuple[Profile, str | None, 
         if not isinstance(profile, (str, Path)):
             return _listed(profile, scale), None, None
         moduli = {m.id: scale.modulus_of(m.id) for m in palette.materials}
-        return read_profile(profile, moduli, lambda called: palette.resolve(called).id), None, None
+        return (
+            read_moduli(profile, moduli, lambda called: palette.resolve(called).id),
+            None,
+            None,
+        )
     if wish.start is None or wish.end is None:
         ids = ", ".join(material.id for material in palette.materials)
         raise ArgumentError(
