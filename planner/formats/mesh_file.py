@@ -1,5 +1,6 @@
 """Mesh files of any kind as triangles in millimetres; STL, also written."""
 
+import contextlib
 import hashlib
 import io
 import json
@@ -124,16 +125,12 @@ def read_mesh(
 
 def _bytes(path: Path) -> bytes:
     if not os.path.lexists(path):
-        hint = did_you_mean(path.name, _files_beside(path)) or "check the name and the folder"
+        beside = list[str]()
+        with contextlib.suppress(OSError):
+            beside = sorted(entry.name for entry in path.parent.iterdir() if entry.is_file())
+        hint = did_you_mean(path.name, beside) or "check the name and the folder"
         raise FileError(f"{path}: no such file; {hint.rstrip()}")
     return read_file(path, advice=f"give a mesh file ({', '.join(EXTENSIONS)})")
-
-
-def _files_beside(path: Path) -> list[str]:
-    try:
-        return sorted(entry.name for entry in path.parent.iterdir() if entry.is_file())
-    except OSError:
-        return []
 
 
 _Read = tuple[FloatArray, str | None, tuple[str, ...]]
