@@ -9,7 +9,7 @@ import struct
 import tomllib
 import zipfile
 import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PureWindowsPath
 from typing import Any, TypeVar
@@ -181,7 +181,10 @@ def canonical_archive(data: bytes, first: tuple[str, ...]) -> bytes:
             *(_VERSION, flags, member.compress_type, 0, _DATE),
             *(member.CRC, member.compress_size, member.file_size, len(path), 0),
         )
-        parts += [struct.pack("<4s5H3I2H", b"PK\x03\x04", *facts) + path, _deflated(data, member)]
+        name_size, extra_size = struct.unpack_from("<2H", data, member.header_offset + 26)
+        start = member.header_offset + 30 + name_size + extra_size
+        deflated = memoryview(data)[start : start + member.compress_size]
+        parts += [struct.pack("<4s5H3I2H", b"PK\x03\x04", *facts) + path, deflated]
         made_by = 3 << 8 | _VERSION  # Unix, so that the permissions count
         directory += struct.pack("<4sH5H3I2H", b"PK\x01\x02", made_by, *facts)
         directory += struct.pack("<3H2I", 0, 0, 0, _UNIX_FILE, offset) + path
@@ -189,12 +192,6 @@ def canonical_archive(data: bytes, first: tuple[str, ...]) -> bytes:
     count = len(names)
     end = struct.pack("<4s4H2IH", b"PK\x05\x06", 0, 0, count, count, len(directory), offset, 0)
     return b"".join((*parts, directory, end))
-
-
-def _deflated(data: bytes, member: zipfile.ZipInfo) -> memoryview:
-    name_size, extra_size = struct.unpack_from("<2H", data, member.header_offset + 26)
-    start = member.header_offset + 30 + name_size + extra_size
-    return memoryview(data)[start : start + member.compress_size]
 
 
 _RATIO = 100
@@ -301,9 +298,15 @@ def decode_toml(data: bytes, name: str) -> dict[str, Any]:
         raise FileError(f"{name}: not a TOML file: {error}") from error
 
 
-def toml_text(value: str) -> str:
-    """Write a TOML basic string: JSON's escapes, and DEL, which JSON lets through."""
-    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+def toml_text(value: str | float | Sequence[Any]) -> str:
+    """Write a TOML value: a text, a figure of `SIGNIFICANT_DIGITS` or inf, or a list of such."""
+    if isinstance(value, str):  # JSON's escapes, and DEL, which JSON lets through
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    if isinstance(value, Sequence):
+        return f"[{', '.join(map(toml_text, value))}]"
+    if isinstance(value, int):
+        return str(value)
+    return repr(float(f"{value:.{SIGNIFICANT_DIGITS}g}") + 0.0)  # + 0.0 turns -0.0 into 0.0
 
 
 # ------------------------------------------------------------------------------------------------

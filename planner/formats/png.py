@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.glance import channels
 from planner.numerics import IntArray, inner_kernel, kernel
 
 __all__ = ["NOTHING", "ImageKind", "Rgba", "distinct_colours", "encode_layer"]
@@ -276,7 +277,7 @@ def distinct_colours(wished: Sequence[str]) -> tuple[Rgba, ...]:
     wished
         "#RRGGBB" by material.
     """
-    wishes = np.array([list(bytes.fromhex(colour.removeprefix("#"))) for colour in wished])
+    wishes = np.array([channels(colour) for colour in wished])
     spare = np.min([_squares(_SPARE, wish) for wish in wishes], axis=0)
     given: list[IntArray] = []
     for wish in wishes:

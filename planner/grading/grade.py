@@ -26,18 +26,9 @@ from planner.errors import (
 )
 from planner.fields.basic import Field, PlanarField, axis_field
 from planner.fields.parse import Setting, TableFile, build_field
-from planner.formats.mesh_file import canonical_unit, decode_stl, read_mesh, stl_holds
-from planner.formats.units import QUANTITY_UNITS
-from planner.grading.blends import (
-    MIXTURES_UNCALIBRATED,
-    Laminate,
-    blend_segments,
-    laminated,
-    mixed_bands,
-    with_laminates,
-)
+from planner.formats.mesh_file import decode_stl, read_mesh, stl_holds
+from planner.formats.units import QUANTITY_UNITS, canonical_unit
 from planner.grading.check import plan_checks
-from planner.grading.coupons import coupons_beside
 from planner.grading.dither import (
     CellCounts,
     DitherField,
@@ -47,7 +38,7 @@ from planner.grading.dither import (
     dither_regions,
     fraction_checks,
 )
-from planner.grading.howto import job_notes, tray_notes
+from planner.grading.howto import coupons_beside, job_notes, tray_notes
 from planner.grading.printability import CutPart, print_checks
 from planner.grading.profile import (
     Band,
@@ -58,9 +49,23 @@ from planner.grading.profile import (
     shortfalls,
     stiffness_scale,
 )
-from planner.grading.regions import Printed, catalogue_material, point, regions_of, shells_of
+from planner.grading.regions import (
+    MIXTURES_UNCALIBRATED,
+    Laminate,
+    Printed,
+    alternatives,
+    blend_segments,
+    catalogue_material,
+    laminated,
+    mixed_bands,
+    point,
+    regions_of,
+    shells_of,
+    stiffness_check,
+    tolerated_ratio,
+    with_laminates,
+)
 from planner.grading.snap import MovedCut, moved_cuts, snap_limit_mm, snapped_bands
-from planner.grading.stiffness_error import alternatives, stiffness_check, tolerated_ratio
 from planner.grading.wish import End, Wish, Wished, targets_of, whole_wish
 from planner.mesh.audit import join_shells
 from planner.mesh.mesh import Mesh, weld
@@ -291,13 +296,13 @@ class BandDesign:
         return f"take --bands {max(count, 1)} or fewer"
 
     def held(
-        self, part: CutPart, shells: tuple[Shell, ...], scale: StiffnessScale, machine: Printer
+        self, part: CutPart, shells: Sequence[Shell], scale: StiffnessScale, machine: Printer
     ) -> _Held:
         """Hold the pieces against the printer."""
         cure = f"{self._fewer(part.field, machine)}, a gentler profile there"
         names = [what.name for what in self.printed]
-        cut = replace(part, levels=self.levels, names=names, shells=shells, cure=cure)
-        return print_checks(cut, machine)
+        own = replace(part, levels=self.levels, names=names, shells=shells, cure=cure)
+        return print_checks(own, machine)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -325,7 +330,7 @@ class CellDesign:
         return dither_regions(pieces, self.printed, shells, self.dealt, self.counted, scale)
 
     def held(
-        self, part: CutPart, shells: tuple[Shell, ...], scale: StiffnessScale, machine: Printer
+        self, part: CutPart, shells: Sequence[Shell], scale: StiffnessScale, machine: Printer
     ) -> _Held:
         """Hold cells against what was wanted, and the part as a whole against the printer.
 
@@ -585,8 +590,8 @@ def grade(
     regions = design.regions(pieces, shells, scale)
 
     progress("looking for what will not print")
-    whole = CutPart(mesh, along, pieces, pitch_mm, within_mm, point(translation), np.empty(0))
-    printing, findings = design.held(whole, shells, scale, machine)
+    cut = CutPart(mesh, along, pieces, pitch_mm, within_mm, point(translation), np.empty(0))
+    printing, findings = design.held(cut, shells, scale, machine)
     known = _remarks(scale, regions)
     others = alternatives(
         regions, target, scale, equal_bands=wish.bands is not None,

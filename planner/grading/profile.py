@@ -52,7 +52,7 @@ __all__ = [
     "list_materials",
     "natural_bands",
     "profile_of",
-    "read_profile",
+    "read_moduli",
     "sampled_profile",
     "shortfalls",
     "stiffness_scale",
@@ -279,7 +279,7 @@ def sampled_profile(modulus_MPa: Callable[[FloatArray], ArrayLike]) -> Profile:
     return Profile("function", tuple(u.tolist()), tuple(values), "log")
 
 
-def read_profile(
+def read_moduli(
     path: str | Path, moduli_MPa: Mapping[str, float], resolve: Callable[[str], str]
 ) -> Profile:
     """Read a profile from a CSV file.
@@ -644,19 +644,9 @@ class Band:
     target_MPa: tuple[float, float]
 
     def joined(self, after: "Band") -> "Band":
-        """Return this band together with the one after it, in this one's material."""
-        (low, high), (least, most) = self.target_MPa, after.target_MPa
-        return replace(self, stop=after.stop, target_MPa=(min(low, least), max(high, most)))
-
-
-@dataclass(frozen=True, slots=True)
-class Shortfall:
-    """A stretch of the field whose target no material reaches, and the grade that comes nearest."""
-
-    start: float
-    stop: float
-    target_MPa: tuple[float, float]
-    grade: int
+        """Return this band and the next one as one, printed in the next one's material."""
+        (a, b), (c, d) = self.target_MPa, after.target_MPa
+        return Band(self.start, after.stop, after.grade, (min(a, c), max(b, d)))
 
 
 def natural_bands(profile: Profile, moduli_MPa: tuple[float, ...]) -> tuple[Band, ...]:
@@ -676,8 +666,9 @@ def natural_bands(profile: Profile, moduli_MPa: tuple[float, ...]) -> tuple[Band
     merged: list[Band] = []
     for start, stop in itertools.pairwise(edges):
         band = _band(profile, moduli_MPa, start, stop)
-        again = merged and merged[-1].grade == band.grade
-        merged.append(merged.pop().joined(band) if again else band)
+        if merged and merged[-1].grade == band.grade:
+            band = merged.pop().joined(band)
+        merged.append(band)
     return tuple(merged)
 
 
@@ -691,17 +682,17 @@ def equal_bands(profile: Profile, moduli_MPa: tuple[float, ...], count: int) -> 
     return tuple(_band(profile, moduli_MPa, a, b) for a, b in itertools.pairwise(edges))
 
 
-def shortfalls(profile: Profile, moduli_MPa: tuple[float, ...]) -> tuple[Shortfall, ...]:
-    """Find where the target lies below the softest or above the hardest material."""
+def shortfalls(profile: Profile, moduli_MPa: tuple[float, ...]) -> tuple[Band, ...]:
+    """Find where the target lies below the softest or above the hardest material: the nearest."""
     softest, hardest = moduli_MPa[0], moduli_MPa[-1]
     cuts = [u for limit in (softest, hardest) for u in profile.crossings(limit)]
     found = []
     for start, stop in itertools.pairwise(distinct_positions([*cuts, *profile.positions])):
         low, high = profile.interval_MPa(start, stop)
         if low < softest * (1.0 - _SAME_MODULUS):
-            found.append(Shortfall(start, stop, (low, high), 0))
+            found.append(Band(start, stop, 0, (low, high)))
         elif high > hardest * (1.0 + _SAME_MODULUS):
-            found.append(Shortfall(start, stop, (low, high), len(moduli_MPa) - 1))
+            found.append(Band(start, stop, len(moduli_MPa) - 1, (low, high)))
     return tuple(found)
 
 

@@ -72,7 +72,8 @@ class SampledMaterial:
     def cell(self) -> IntArray:
         """Cell of the lattice that each segment is in, (s,)."""
         column, low, _ = self.segments.T
-        return self.foot[column].astype(np.int64) * self.counts[2] + low // self.voxels
+        found: IntArray = self.foot[column].astype(np.int64) * self.counts[2] + low // self.voxels
+        return found
 
     def place(self, segments: Any = slice(None)) -> tuple[FloatArray, FloatArray]:
         """Return x and y of segments, in cells."""
@@ -172,7 +173,7 @@ def sample(
         x, y, z = (mesh.vertices - low).T
         turned = Mesh(np.stack([cos * x + sin * y, cos * y - sin * x, z], axis=1), mesh.faces)
         sampled.append(join(list(iterate_columns(turned, grid))))
-        if faults := sampled[-1].faults.open_columns:
+        if faults := sampled[-1].unpaired:
             raise MeshError(
                 f"the surface is open: {faults} lines along z go in and do not "
                 "come out, or come out twice; repair the part first"

@@ -527,7 +527,8 @@ class Mechanics:
     @cached_property
     def _gap(self) -> FloatArray:
         below, above = self.body.table.coordinate[self._beside]
-        return np.maximum(above - below, 1e-12)
+        gap: FloatArray = np.maximum(above - below, 1e-12)
+        return gap
 
     @cached_property
     def bulk_over_m(self) -> FloatArray:
