@@ -649,16 +649,6 @@ class Band:
         return replace(self, stop=after.stop, target_MPa=(min(low, least), max(high, most)))
 
 
-@dataclass(frozen=True, slots=True)
-class Shortfall:
-    """A stretch of the field whose target no material reaches, and the grade that comes nearest."""
-
-    start: float
-    stop: float
-    target_MPa: tuple[float, float]
-    grade: int
-
-
 def natural_bands(profile: Profile, moduli_MPa: tuple[float, ...]) -> tuple[Band, ...]:
     """Cut where the catalogue material nearest in log stiffness changes.
 
@@ -691,17 +681,17 @@ def equal_bands(profile: Profile, moduli_MPa: tuple[float, ...], count: int) -> 
     return tuple(_band(profile, moduli_MPa, a, b) for a, b in itertools.pairwise(edges))
 
 
-def shortfalls(profile: Profile, moduli_MPa: tuple[float, ...]) -> tuple[Shortfall, ...]:
-    """Find where the target lies below the softest or above the hardest material."""
+def shortfalls(profile: Profile, moduli_MPa: tuple[float, ...]) -> tuple[Band, ...]:
+    """Find where the target lies below the softest or above the hardest material, the nearest."""
     softest, hardest = moduli_MPa[0], moduli_MPa[-1]
     cuts = [u for limit in (softest, hardest) for u in profile.crossings(limit)]
     found = []
     for start, stop in itertools.pairwise(distinct_positions([*cuts, *profile.positions])):
         low, high = profile.interval_MPa(start, stop)
         if low < softest * (1.0 - _SAME_MODULUS):
-            found.append(Shortfall(start, stop, (low, high), 0))
+            found.append(Band(start, stop, 0, (low, high)))
         elif high > hardest * (1.0 + _SAME_MODULUS):
-            found.append(Shortfall(start, stop, (low, high), len(moduli_MPa) - 1))
+            found.append(Band(start, stop, len(moduli_MPa) - 1, (low, high)))
     return tuple(found)
 
 
