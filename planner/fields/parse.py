@@ -691,9 +691,9 @@ def field_of(says: Mapping[str, Any], origin_mm: Point, folder: Path | None) -> 
 
 def _points(given: FieldArguments, setting: Setting) -> Field:
     path = _file(given, ".csv or .vtu")
-    table = read_point_table(path, array=given.named.get("array"))
-    at, ends = table.points_mm + np.array(setting.origin_mm), ("from", "to")
-    return points_field(path.name, table.sha256, at, table.values, *map(given.number, ends))
+    points, values, sha256 = read_point_table(path, array=given.named.get("array"))
+    at, ends = points + np.array(setting.origin_mm), ("from", "to")
+    return points_field(path.name, sha256, at, values, *map(given.number, ends))
 
 
 def _file(given: FieldArguments, endings: str) -> Path:

@@ -282,15 +282,6 @@ class GridTable:
     sha256: str
 
 
-@dataclass(frozen=True, eq=False)
-class PointTable:
-    """Values at points, (n, 3) in mm and (n,)."""
-
-    points_mm: FloatArray
-    values: FloatArray
-    sha256: str
-
-
 def read_grid_table(
     path: Path,
     *,
@@ -339,8 +330,16 @@ def read_grid_table(
     return GridTable(first, spacing, values, hashlib.sha256(data).hexdigest())
 
 
-def read_point_table(path: Path, *, array: str | None = None) -> PointTable:
+def read_point_table(path: Path, *, array: str | None = None) -> tuple[FloatArray, FloatArray, str]:
     """Read values at points: ``.csv`` with x_mm, y_mm, z_mm and a value, or ``.vtu``.
+
+    Returns
+    -------
+    points : (n, 3)
+        In mm.
+    values : (n,)
+    sha256
+        Of the file's bytes.
 
     Raises
     ------
@@ -357,7 +356,7 @@ def read_point_table(path: Path, *, array: str | None = None) -> PointTable:
         raise FileError(f"{path}: points come as .csv or .vtu; a table is a .csv, .npy or .vti")
     _check(values, path)
     _check(points, path)
-    return PointTable(points, values, hashlib.sha256(data).hexdigest())
+    return points, values, hashlib.sha256(data).hexdigest()
 
 
 def _check(values: FloatArray, path: Path) -> None:

@@ -66,11 +66,10 @@ def _scratch_beside(target: Path, *, folder: bool) -> Iterator[Path]:
         with contextlib.suppress(FileExistsError):  # of a claim within this one
             scratch.mkdir() if folder else scratch.open("xb").close()
             break
-    with _locked(scratch):  # what is made anew in place of what is open has another inode
-        try:
-            yield scratch
-        finally:
-            _remove(scratch)
+    with contextlib.ExitStack() as held:
+        held.callback(_remove, scratch)
+        _lock(scratch, held)  # what is made anew in place of what is open has another inode
+        yield scratch
 
 
 def _remove(path: Path) -> None:
@@ -124,7 +123,7 @@ def claimed(output: str | Path, *, force: bool = True) -> Iterator[Path]:
                     held.callback(_remove_empty, missing)
                 lock = target.with_name(f".{target.name}.partial-0")
                 lock.touch()
-                while not held.enter_context(_locked(lock)):
+                while not _lock(lock, held):
                     if lock.exists():
                         raise OutputError(
                             f"{output}: another run is writing it; wait for that one, or name "
@@ -144,24 +143,19 @@ def claimed(output: str | Path, *, force: bool = True) -> Iterator[Path]:
         yield target
 
 
-@contextmanager
-def _locked(path: Path) -> Iterator[bool]:
-    """Lock a file or folder; False where another run has, or it is not the one of this name."""
-    ours, handle = True, -1
-    try:
-        if _LOCKS:
-            import fcntl
+def _lock(path: Path, held: contextlib.ExitStack) -> bool:
+    """Lock a file or folder until then; False where another run has, or it is not of this name."""
+    if not _LOCKS:
+        return True
+    import fcntl
 
-            handle = os.open(path, os.O_RDONLY | os.O_NOFOLLOW)
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            ours = os.path.samestat(os.fstat(handle), path.lstat())
-    except OSError:
-        ours = False
     try:
-        yield ours
-    finally:
-        if handle >= 0:
-            os.close(handle)
+        handle = os.open(path, os.O_RDONLY | os.O_NOFOLLOW)
+        held.callback(os.close, handle)
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        return os.path.samestat(os.fstat(handle), path.lstat())
+    except OSError:
+        return False
 
 
 def _remove_empty(folder: Path) -> None:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from importlib.resources import files
-from typing import Any
+from typing import Any, NamedTuple
 
 import msgspec
 import numpy as np
@@ -181,8 +181,7 @@ def thresholds(ranks: IntArray) -> FloatArray:
 # materials on both sides of the jump comes to lie there.
 
 
-@dataclass(frozen=True, slots=True)
-class DitherPiece:
+class DitherPiece(NamedTuple):
     """All cells of one material, `grade` its place from soft to hard, between two jumps.
 
     `run` counts the parts of the field over which the target does not jump.
@@ -257,9 +256,8 @@ class DitherField:
         dealt = blue_noise_bevelled().dealt_for(fraction)
         cell = np.floor((points_mm - self.corner_mm) / self.cell_mm).astype(np.int64)
         hard = dither_cells(dealt, cell, thresholds(blue_noise_ranks()))
-        place = {(piece.run, piece.grade): n for n, piece in enumerate(self.pieces)}
-        of_soft = np.array([place[s.run, s.lower] for s in self.along])
-        of_hard = np.array([place[s.run, s.upper] for s in self.along])
+        of_soft = np.array([self.pieces.index(DitherPiece(s.run, s.lower)) for s in self.along])
+        of_hard = np.array([self.pieces.index(DitherPiece(s.run, s.upper)) for s in self.along])
         return stretch, fraction, np.where(hard, of_hard[stretch], of_soft[stretch])
 
     def wanted(self, points_mm: FloatArray) -> tuple[IntArray, FloatArray]:
@@ -466,7 +464,7 @@ def dither_regions(
     regions: list[Region] = []
     for number, stretch in enumerate(dealt.along):
         for grade in sorted({stretch.lower, stretch.upper}):
-            piece = _piece_number(dealt, stretch.run, grade)
+            piece = dealt.pieces.index(DitherPiece(stretch.run, grade))
             volume_mm3 = float(volumes[number, piece])
             if volume_mm3 <= 0.0:
                 continue
@@ -578,7 +576,7 @@ def _shares(volumes_mm3: FloatArray, dealt: DitherField, counted: CellCounts) ->
     found = {}
     for number, stretch in enumerate(dealt.along):
         soft, hard = (
-            float(volumes_mm3[number, _piece_number(dealt, stretch.run, grade)])
+            float(volumes_mm3[number, dealt.pieces.index(DitherPiece(stretch.run, grade))])
             for grade in (stretch.lower, stretch.upper)
         )
         if stretch.lower < stretch.upper and soft + hard > 0.0:
@@ -586,11 +584,6 @@ def _shares(volumes_mm3: FloatArray, dealt: DitherField, counted: CellCounts) ->
             wanted = achieved if math.isnan(wanted) else wanted
             found[number] = _Share(achieved, wanted, float(counted.cells[number]))
     return found
-
-
-def _piece_number(dealt: DitherField, run: int, grade: int) -> int:
-    places = [(piece.run, piece.grade) for piece in dealt.pieces]
-    return places.index((run, grade))
 
 
 def _blended(

@@ -24,9 +24,9 @@ def test_points_and_values_read_back(tmp_path):
     )  # fmt: skip
     file = tmp_path / "a.vtu"
     file.write_bytes(data)
-    table = read_point_table(file, array="modulus & more")
-    np.testing.assert_array_equal(table.points_mm, POINTS)
-    np.testing.assert_array_equal(table.values, values)
+    points, found, _ = read_point_table(file, array="modulus & more")
+    np.testing.assert_array_equal(points, POINTS)
+    np.testing.assert_array_equal(found, values)
     assert data == encode_vtu(
         POINTS, CELLS, point_data={"modulus & more": values},
         cell_data={"material": np.array([3, 1, 2], np.int32)},
