@@ -24,7 +24,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.withheld.reality.__main__ import main as reality
-from planner.gap.campaign import TOLERANCES, Campaign, Specimen, levels
+from planner.gap.campaign import Campaign, Specimen, column_levels
 from planner.gap.campaign_folder import read_campaign
 from planner.gap.correct import correct
 from planner.gap.design import design_campaign
@@ -250,8 +250,7 @@ def kept_apart(campaign: Campaign, column: str) -> tuple[Campaign, tuple[Specime
     reference = campaign.palette.reference
     own = getattr(reference, "strain_rate_per_s" if column == "rate_per_s" else column)
     values = [_condition(s, column) for s in campaign.specimens]
-    spread = (0.0, 0.05) if column == "rate_per_s" else TOLERANCES[column]
-    level = levels(values, *spread)
+    level = column_levels("rate_mm_s" if column == "rate_per_s" else column, values)
     known = {n: v for n, v in zip(level, values, strict=True) if v is not None}
     if len(known) < 2:
         return None

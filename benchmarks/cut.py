@@ -15,9 +15,10 @@ import numpy as np
 import trimesh
 from manifold3d import CrossSection, Manifold
 
-from planner.cutting.pieces import shell_faces, split
+from benchmarks.audit import audit
+from planner.cutting.pieces import split
 from planner.fields.basic import axis_field
-from planner.mesh.audit import audit, interfaces_cancel, join_shells
+from planner.mesh.audit import interfaces_cancel, join_shells
 from planner.mesh.mesh import Mesh
 from planner.mesh.part import place
 
@@ -88,7 +89,7 @@ def run(name, solid):
     field = axis_field(None, mesh)
     normal, offsets = field.plane(0.0)[0], [field.plane(level)[1] for level in LEVELS]
     pieces = split(mesh, field, LEVELS)
-    soups = [pieces.vertices[shell_faces(pieces, [i])] for i in range(pieces.count)]
+    soups = [pieces.vertices[pieces.shell_faces([i])] for i in range(pieces.count)]
     ours = median_s(lambda: split(mesh, field, LEVELS))
     theirs = median_s(lambda: by_manifold3d(moved, normal, offsets), runs=3)
     print(f"{name}: {len(mesh.faces)} triangles")

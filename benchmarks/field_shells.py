@@ -22,11 +22,12 @@ import trimesh
 from manifold3d import CrossSection, Error, Manifold
 from manifold3d import Mesh as SolidMesh
 
-from planner.cutting.pieces import shell_faces, split
+from benchmarks.audit import audit
+from planner.cutting.pieces import split
 from planner.errors import PlannerError
 from planner.fields.parse import Setting, build_field
 from planner.formats.mesh_file import read_mesh
-from planner.mesh.audit import audit, interfaces_cancel, join_shells
+from planner.mesh.audit import interfaces_cancel, join_shells
 from planner.mesh.mesh import Mesh, weld
 from planner.mesh.part import make_part, place
 
@@ -146,7 +147,7 @@ def faults(pieces, mesh):
     trimesh joins and drops what is nearer than 1e-8 mm: a part that it opens is no test of cuts.
     """
     whole = watertight(mesh.triangles.astype(np.float32))
-    soups = [pieces.vertices[shell_faces(pieces, [i])] for i in range(pieces.count)]
+    soups = [pieces.vertices[pieces.shell_faces([i])] for i in range(pieces.count)]
     soups = [soup for soup in soups if len(soup)]
     found = collections.Counter()
     for soup in soups:

@@ -64,7 +64,7 @@ def main() -> None:
         print(f"{len(study.groups)} real materials{'':32}{seconds:6.3f} s")
         for material in result.palette.materials:
             fitted = result.fits[material.id].choice
-            if fitted is not None and fitted.chosen is not None:
+            if fitted.chosen is not None:
                 best = fitted.chosen.fit
                 print(f"  {material.id:30} {best.name:12} R2 {best.r2:.6f}  nRMSE {best.nrmse:.4f}")
 

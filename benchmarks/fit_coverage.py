@@ -19,11 +19,13 @@ from functools import partial
 import numpy as np
 
 from planner.materials.characterise import Curve
-from planner.materials.fit import fit_law, law_stress_MPa, sample_of
-from planner.materials.fit_intervals import (
+from planner.materials.fit import (
+    fit_law,
     fit_material,
     intervals,
+    law_stress_MPa,
     loading,
+    sample_of,
     secant_intervals,
 )
 from planner.materials.laws import SeparableLaw, Yielding, candidate_laws, secant_modulus_MPa

@@ -17,8 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from planner.materials.characterise import Curve
-from planner.materials.fit import MODES, LawFit, Sample, choose_law, fit_law, sample_of
-from planner.materials.fit_intervals import by_mode
+from planner.materials.fit import MODES, LawFit, Sample, by_mode, choose_law, fit_law, sample_of
 from planner.materials.laws import candidate_laws
 
 FOLDER = Path(__file__).parents[2] / "shared" / "data" / "elastomers" / "classic_rubber"

@@ -18,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
-from planner.slices.write import write_slices
+from planner.slices import write_slices
 
 SAMPLES = Path(__file__).parents[1] / "samples"
 NATIVE = (0.042, 0.042, 0.03)

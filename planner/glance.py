@@ -2,14 +2,26 @@
 
 import dataclasses
 import functools
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import PurePath
 from typing import TYPE_CHECKING, Any, TypeVar
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["brief", "counted", "html_of", "one_line", "outcome", "percent", "plotted"]
+__all__ = [
+    "brief",
+    "channels",
+    "counted",
+    "format_interval",
+    "format_number",
+    "format_range",
+    "html_of",
+    "one_line",
+    "outcome",
+    "percent",
+    "plotted",
+]
 
 
 _Value = TypeVar("_Value")
@@ -55,10 +67,35 @@ def brief(value: Any) -> str:
     return ", ".join(words)
 
 
+def channels(colour: str) -> tuple[int, ...]:
+    """Return red, green and blue of a colour "#RRGGBB", 0 to 255."""
+    return tuple(bytes.fromhex(colour[1:]))
+
+
 def counted(count: int, noun: str) -> str:
     """Return a count in words: "1 material", "3 targets out of reach"."""
     first, _, rest = noun.partition(" ")
     return f"{count} {first}{'' if count == 1 else 's'}{rest and ' ' + rest}"
+
+
+def format_number(value: float, digits: int = 3) -> str:
+    """Write a figure with `digits` significant digits, without exponent where it reads well."""
+    if value == 0.0:
+        return "0"
+    if 1e-4 <= abs(value) < 1e6:
+        exponent = int(f"{value:e}".split("e")[1])
+        return f"{value:.{max(0, digits - 1 - exponent)}f}"
+    return f"{value:.{digits - 1}e}"
+
+
+def format_range(ends: Sequence[float]) -> str:
+    """Write the two ends of a range with three significant digits, or the one that they are."""
+    return " .. ".join(dict.fromkeys(format_number(end) for end in ends))
+
+
+def format_interval(ends: Sequence[float]) -> str:
+    """Write how sure a figure is; one of no width is of a palette that states no uncertainty."""
+    return format_range(ends) if ends[0] < ends[-1] else "unknown"
 
 
 def percent(share: float, sign: str = "") -> str:
@@ -127,6 +164,6 @@ def plotted(value: Any, ax: "Axes | None" = None) -> "Axes":
     ArgumentError
         matplotlib is not installed.
     """
-    from planner.report import plots
+    from planner.report import notebook
 
-    return plots.draw(value, ax)
+    return notebook.draw(value, ax)

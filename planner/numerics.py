@@ -23,7 +23,9 @@ __all__ = [
     "inner_kernel",
     "interrupted",
     "kernel",
+    "normal_quantile",
     "one_blas_thread",
+    "students_t",
 ]
 
 
@@ -45,6 +47,24 @@ def freeze(value: object, *names: str) -> None:
             array = np.array(getattr(value, name), dtype=np.float64)
             array.setflags(write=False)
             object.__setattr__(value, name, array)
+
+
+# ------------------------------------------------------------------------------------------------
+# How far a level reaches on both sides.
+
+
+def normal_quantile(level: float = 0.95) -> float:
+    """Return the deviations about its mean within which a normal variable is, at a level."""
+    from statistics import NormalDist
+
+    return NormalDist().inv_cdf(0.5 + level / 2.0)
+
+
+def students_t(level: float, specimens: float) -> float:
+    """Return how many standard errors of so many specimens' mean the two-sided level reaches."""
+    from scipy.special import stdtrit
+
+    return float(stdtrit(specimens - 1, 0.5 + 0.5 * level))
 
 
 # ------------------------------------------------------------------------------------------------

@@ -18,7 +18,7 @@ from typing import Any, Literal
 import msgspec
 
 from planner.errors import FileError, PaletteError, UnknownNameError, did_you_mean
-from planner.formats.files import SIGNIFICANT_DIGITS, decode_toml, read_file, toml_text
+from planner.formats.files import decode_toml, read_file, toml_text
 from planner.formats.outputs import check_absent, write_whole
 from planner.glance import brief, counted, html_of, one_line, plotted
 
@@ -592,104 +592,55 @@ def write_palette(palette: Palette, output: str | Path, *, force: bool = False) 
 
 
 def _lines(palette: Palette) -> Iterator[str]:
-    yield "schema = 1"
-    yield f"name = {toml_text(palette.name)}"
-    yield 'kind = "palette"'
-    if palette.source:
-        yield f"source = {toml_text(palette.source)}"
-    if palette.base_resins:
-        yield f"base_resins = [{', '.join(map(toml_text, palette.base_resins))}]"
-    conditions = asdict(palette.reference)
-    if any(value is not None for value in conditions.values()):
-        yield from ("", "[reference]")
-        yield from _pairs(conditions)
-    if palette.hardness:
-        coordinates, shore = zip(*palette.hardness, strict=True)
-        yield from ("", "[hardness]")
-        yield f"coordinate = {_toml_list(coordinates)}"
-        yield f"shore_A = {_toml_list(shore)}"
+    head = {"schema": 1, "name": palette.name, "kind": "palette", "source": palette.source or None}
+    yield from _table((), head | {"base_resins": palette.base_resins})
+    yield from _table(("", "[reference]"), asdict(palette.reference))
+    coordinates, shore = zip(*palette.hardness, strict=True) if palette.hardness else ((), ())
+    yield from _table(("", "[hardness]"), {"coordinate": coordinates, "shore_A": shore})
     if palette.temperature is not None:
-        yield from ("", "[temperature]")
-        for key, values in msgspec.structs.asdict(palette.temperature).items():
-            yield f"{key} = {_toml_list(values)}"
+        yield from _table(("", "[temperature]"), msgspec.structs.asdict(palette.temperature))
     for material in palette.materials:
-        yield from ("", "[[material]]")
         yield from _toml_material(material)
 
 
 def _toml_material(material: Material) -> Iterator[str]:
     default = Material("", 0.0, 0.0, 0.0, material.law)
-    yield f"id = {toml_text(material.id)}"
-    if material.aliases:
-        yield f"aliases = [{', '.join(toml_text(a) for a in material.aliases)}]"
-    yield f"coordinate = {_number(material.coordinate)}"
-    yield f"elongation_at_break = {_number(material.elongation_at_break)}"
-    yield f"density_g_cm3 = {_number(material.density_g_cm3)}"
-    yield f"deformation = {toml_text(material.deformation)}"
-    yield f"modulus_log_sd = {_number(material.modulus_log_sd)}"
-    if material.colour != default.colour:
-        yield f"colour = {toml_text(material.colour)}"
-    if material.source:
-        yield f"source = {toml_text(material.source)}"
+    stated = {
+        "id": material.id,
+        "aliases": material.aliases,
+        "coordinate": material.coordinate,
+        "elongation_at_break": material.elongation_at_break,
+        "density_g_cm3": material.density_g_cm3,
+        "deformation": material.deformation,
+        "modulus_log_sd": material.modulus_log_sd,
+        "colour": None if material.colour == default.colour else material.colour,
+        "source": material.source or None,
+    }
+    yield from _table(("", "[[material]]"), stated)
     yield from _toml_law("law", material.law)
     if material.published is not None:
         yield from _toml_law("published", material.published)
     if material.uncertainty is not None:
-        yield from _uncertainty(material.uncertainty)
+        sure = msgspec.structs.asdict(material.uncertainty)
+        sure["basis"] = sure["basis"] or None
+        ends = {key: sure.pop(key) for key in ("law_low", "law_high")}
+        yield from _table(("[material.uncertainty]",), sure)
+        for key, values in ends.items():
+            yield from _table((f"[material.uncertainty.{key}]",), values)
     for reading in material.readings:
-        yield "[[material.reading]]"
-        yield f"name = {toml_text(reading.name)}"
-        yield f"modulus_log_sd = {_number(reading.modulus_log_sd)}"
-        if reading.source:
-            yield f"source = {toml_text(reading.source)}"
+        stated = {"modulus_log_sd": reading.modulus_log_sd, "source": reading.source or None}
+        yield from _table(("[[material.reading]]",), {"name": reading.name, **stated})
         yield from _toml_law("reading.law", reading.law)
 
 
 def _toml_law(key: str, law: LawParameters) -> Iterator[str]:
-    yield f"[material.{key}]"
-    yield f"model = {toml_text(law.model)}"
-    for symbol, values in law.parameters.items():
-        single = LAW_PARAMETERS[law.model][symbol] == 1
-        yield f"{symbol} = {_number(values[0]) if single else _toml_list(values)}"
+    known = LAW_PARAMETERS[law.model]
+    values = {s: v[0] if known[s] == 1 else v for s, v in law.parameters.items()}
+    yield from _table((f"[material.{key}]",), {"model": law.model, **values})
 
 
-def _uncertainty(uncertainty: Uncertainty) -> Iterator[str]:
-    yield "[material.uncertainty]"
-    yield from _pairs(
-        {
-            "specimens": uncertainty.specimens,
-            "level": uncertainty.level,
-            "basis": uncertainty.basis or None,
-            "r2": uncertainty.r2,
-            "nrmse": uncertainty.nrmse,
-            "held_out_error": uncertainty.held_out_error,
-        }
-    )
-    if uncertainty.strain:
-        yield f"strain = {_toml_list(uncertainty.strain)}"
-        yield f"log_sd = {_toml_list(uncertainty.log_sd)}"
-    for key, ends in (("law_low", uncertainty.law_low), ("law_high", uncertainty.law_high)):
-        if ends:
-            yield f"[material.uncertainty.{key}]"
-            for symbol, values in ends.items():
-                yield f"{symbol} = {_toml_list(values)}"
-
-
-def _pairs(values: Mapping[str, str | float | None]) -> Iterator[str]:
-    for key, value in values.items():
-        if isinstance(value, str):
-            yield f"{key} = {toml_text(value)}"
-        elif value is not None:
-            yield f"{key} = {value if isinstance(value, int) else _number(value)}"
-
-
-def _toml_list(values: Sequence[float]) -> str:
-    return f"[{', '.join(_number(v) for v in values)}]"
-
-
-def _number(value: float) -> str:
-    """Write a TOML float; open ends of intervals are inf."""
-    if math.isinf(value):
-        return "inf" if value > 0 else "-inf"
-    rounded = float(f"{value:.{SIGNIFICANT_DIGITS}g}") + 0.0  # + 0.0 turns -0.0 into 0.0
-    return repr(rounded)
+def _table(head: Sequence[str], values: Mapping[str, Any]) -> Iterator[str]:
+    """Write keys under a heading, those that state something; nothing where none does."""
+    stated = {key: value for key, value in values.items() if value not in (None, ())}
+    if stated:
+        yield from (*head, *(f"{key} = {toml_text(value)}" for key, value in stated.items()))

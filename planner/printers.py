@@ -47,64 +47,51 @@ class Printer(Protocol):
     @property
     def name(self) -> str:
         """Short name for the command line, as the entry point's."""
-        ...
 
     @property
     def title(self) -> str:
         """Name as on the machine."""
-        ...
 
     @property
     def tray_mm(self) -> tuple[float, float, float]:
         """Largest part along x, y, z."""
-        ...
 
     @property
     def pixel_mm(self) -> tuple[float, float]:
         """Native pitch in the plane."""
-        ...
 
     @property
     def layer_mm(self) -> float:
         """Native pitch along z."""
-        ...
 
     @property
     def minimum_wall_mm(self) -> float:
         """Thinnest wall that survives."""
-        ...
 
     @property
     def minimum_feature_mm(self) -> float:
         """Smallest detail that prints undistorted."""
-        ...
 
     @property
     def base_resins(self) -> tuple[str, ...]:
         """The resins in the cabinet that all digital materials are jetted from."""
-        ...
 
     @property
     def support(self) -> str:
         """The support resin."""
-        ...
 
     @property
     def palettes(self) -> tuple[str, ...]:
         """Names of the palettes it brings, the default first."""
-        ...
 
     def palette(self, name: str | None = None) -> Palette:
         """Return a palette by name, or the default one."""
-        ...
 
     def operator_name(self, material_id: str) -> str:
         """Return what the printer's own software calls a material."""
-        ...
 
     def job_notes(self) -> str:
         """Return the how-to (Markdown) that goes beside the files, for the operator."""
-        ...
 
 
 class ProfileFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True):

@@ -43,32 +43,24 @@ def _without_specimens(problem: Problem, priors: Priors) -> _Part:
     sensor_sd_N = problem.model.sensor_sd_N
     features = NoisyFeatures(problem.table, problem.sensitivity, sensor_sd_N, unknown)
     noise = features.noise(scatter)
-    batches = problem.noise.batch.shape[1]
-    columns = _unwhitened(problem, problem.columns)
-    columns = columns[:, : columns.shape[1] - batches]
-    courses = noise.whiten(_unwhitened(problem, problem.discrepancy))
-    less = replace(
-        problem,
-        scatter=scatter,
-        noise=noise,
-        columns=noise.whiten(columns),
-        nuisances=problem.nuisances - batches,
-        discrepancy=courses,
-    )
-    return less, priors
+    names = ("target", "nodes", "gains", "patterns", "nuisances", "discrepancy")
+    parts = {n: noise.whiten(_unwhitened(problem, getattr(problem, n))) for n in names}
+    kept = problem.nuisances.shape[1] - problem.noise.batch.shape[1]
+    parts["nuisances"] = parts["nuisances"][:, :kept]
+    of_laws = problem.of_laws[:kept]
+    return replace(problem, scatter=scatter, noise=noise, of_laws=of_laws, **parts), priors
 
 
 def _without_calibration(problem: Problem, priors: Priors) -> _Part:
     """Take the palette's laws for exact: neither level nor course of a grade is uncertain."""
     courses = discrepancy_columns(problem.campaign, problem.table, problem.sensitivity).shape[1]
     gone = len(problem.ways) + courses
-    first = problem.columns.shape[1] - problem.nuisances
     less = replace(
         problem,
         ways=(),
         calibration=problem.calibration[:, gone:],
-        columns=np.delete(problem.columns, slice(first, first + gone), axis=1),
-        nuisances=problem.nuisances - gone,
+        nuisances=problem.nuisances[:, gone:],
+        of_laws=problem.of_laws[gone:],
     )
     return less, priors
 
@@ -120,7 +112,7 @@ def problem_of(
 def weighed_answer(problem: Problem, priors: Priors, reasons: tuple[str, ...]) -> dict[str, Any]:
     """Weigh all hypotheses and return the scored part of a document, cut as a diagnosis is."""
     weighed = weigh(problem, priors)
-    ranking = ranking_of(evidence_of(problem, weighed), priors.coarseness_nats)
+    ranking = ranking_of(evidence_of(problem, weighed), priors)
     verdict = ranking[0].effects
     alike = class_of(problem, weighed, ranking, verdict)
     return {

@@ -18,7 +18,7 @@ from planner.gap.campaign import Campaign
 from planner.gap.campaign_folder import read_campaign
 from planner.gap.effect import untestable
 from planner.gap.effects import effects_for
-from planner.gap.evidence.surrogate import SignedForm, node_weights, signed_forms
+from planner.gap.evidence.problem import SignedForm, node_weights, signed_forms
 from planner.gap.observations import observation_model
 from planner.numerics import FloatArray
 from planner.simulation.bar_solver import predict_all

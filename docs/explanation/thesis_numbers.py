@@ -11,13 +11,12 @@ from planner.materials.algorithm_one import QuadraticCoefficients, literal_stres
 from planner.materials.laws import (
     Ogden,
     make_law,
-    over_neo_hooke,
     secant_modulus_MPa,
     stability,
 )
 from planner.materials.mixtures import CoefficientModel, gent_modulus_MPa
 from planner.printers import load_printer
-from printers.connex3.curve_fit import relative_rms
+from printers.connex3.curve_fit import over_neo_hooke, relative_rms
 from printers.connex3.derive import fit_strains, reading_log_sd
 from printers.connex3.thesis import Published, load_thesis
 from printers.connex3.toe import correct

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 import planner
-from planner.cutting.pieces import shell_faces, split
+from planner.cutting.pieces import split
 from planner.fields.basic import AxisField
 from planner.formats.mesh_file import decode_stl
 from planner.mesh.mesh import Mesh, weld
@@ -31,7 +31,7 @@ def behind(soup: np.ndarray, axis: str, at_mm: float) -> np.ndarray:
         return soup if low >= at_mm else soup[:0]
     field = AxisField(normal, at_mm - 500.0, 1000.0)
     pieces = split(Mesh(vertices.astype(float), faces), field, [0.5])
-    return pieces.vertices[shell_faces(pieces, [1])]
+    return pieces.vertices[pieces.shell_faces([1])]
 
 
 def draw(folder: Path, azimuth: float, section: str | None = None, wide: int = WIDTH) -> np.ndarray:

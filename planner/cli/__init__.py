@@ -21,7 +21,6 @@ from typing import Annotated, Any
 import typer
 
 from planner.cli import design as _design
-from planner.cli import export as _export
 from planner.cli import gap as _gap
 from planner.cli import materials as _materials
 from planner.cli import plans as _plans
@@ -211,7 +210,7 @@ def _planner(
 app.command()(_plans.grade)
 app.command()(_simulate.simulate)
 app.command()(_design.design)
-app.command()(_export.export)
+app.command()(_simulate.export)
 app.add_typer(_gap.app)
 app.command()(_materials.invert)
 app.command()(_materials.materials)

@@ -85,7 +85,7 @@ def _pictures() -> None:
 
 
 def _sets() -> None:
-    from planner.voxels.morphology import active_words, ball, empty_set, grow, morph
+    from planner.voxels.thin_places import active_words, ball, empty_set, grow, morph
 
     nothing = empty_set(1, 1, 1)
     grow(nothing, nothing.copy(), 1)

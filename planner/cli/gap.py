@@ -10,8 +10,6 @@ from typer import Argument, Context, Option
 from planner.cli.output import AsJson, PaletteName, PrinterName, Quiet, check_targets, taken
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from planner.gap.correct import Correction
     from planner.gap.design import CampaignDesign
 
@@ -82,7 +80,7 @@ def diagnose(
     import planner
     from planner.cli.output import print_document, progress, say, say_verdict, terminal_width
     from planner.gap.standing import next_command
-    from planner.report.gap_text import verdict_text
+    from planner.report.gap_page import verdict_text
 
     check_targets(context, force=force, folders={"output": (output, "diagnosis.json")})
     with progress(not (quiet or as_json)) as stage:
@@ -225,12 +223,19 @@ def design(
     given = locals()
     import planner
     from planner.cli.output import print_document, progress
+    from planner.errors import ArgumentError
     from planner.formats.outputs import write_whole
     from planner.gap.campaign_folder import specimens_csv
+    from planner.gap.effects import EFFECTS
 
     listed = output.suffix.casefold() == ".csv"
     if listed:
-        _check_listed(output, [id.strip() for id in effects.split(",")])
+        asked = {id.strip() for id in effects.split(",")}
+        if any("bars" in EFFECTS[id].changes for id in asked & EFFECTS.keys()):
+            raise ArgumentError(
+                f"{output}: these effects may take graded bars, whose designs are files of their "
+                "own; name a folder with --output"
+            )
         check_targets(context, force=False, output=output)
     else:
         check_targets(context, force=False, folders={"output": (output, None)})
@@ -245,18 +250,6 @@ def design(
     elif not quiet:
         _design_report(made, output, printer, palette, listed=listed)
     return 0 if made.ok else 1
-
-
-def _check_listed(output: Path, asked: "Sequence[str]") -> None:
-    """Make sure that a list of specimens can hold the result, before it is worked out."""
-    from planner.errors import ArgumentError
-    from planner.gap.design import may_take_bars
-
-    if may_take_bars(asked):
-        raise ArgumentError(
-            f"{output}: these effects may take graded bars, whose designs are files of their own; "
-            "name a folder with --output"
-        )
 
 
 def _design_report(

@@ -31,7 +31,7 @@ from planner.errors import ArgumentError
 
 if TYPE_CHECKING:
     from planner.grading.invert import Mixture
-    from planner.materials.algorithm_one import QuadraticRow, QuadraticStudy
+    from planner.materials.algorithm_one import QuadraticStudy
     from planner.materials.characterise import MaterialCharacteristics, Spread
     from planner.materials.palette_study import PaletteStudy
     from planner.materials.study import ReadRecord
@@ -574,7 +574,7 @@ def fit(
     given = locals()
     import planner
     from planner.formats.files import encode_document
-    from planner.formats.outputs import new_folder, write_whole
+    from planner.formats.outputs import write_folder, write_whole
     from planner.materials.study import listed_files
 
     reads, folders = listed_files(files, tests.specimens), {"tables": (tables, _TABLES)}
@@ -592,10 +592,9 @@ def fit(
     if figure is not None:
         write_whole(figure, planner.fit_figure(result))
     if tables is not None:
-        with new_folder(tables, force=force, record=_TABLES, option="tables") as folder:
-            for table, data in planner.fit_tables(result).items():
-                (folder / table).write_bytes(data)
-            (folder / _TABLES).write_bytes(encode_document({"schema": 1, "palette": output.name}))
+        record = encode_document({"schema": 1, "palette": output.name})
+        rows = {**planner.fit_tables(result), _TABLES: record}
+        write_folder(tables, rows, force=force, record=_TABLES, option="tables")
     if as_json:
         print_document(encode_document({**result.document(), "file": str(output)}))
     elif not quiet:
@@ -640,8 +639,7 @@ def _print_report(result: "PaletteStudy", output: Path) -> None:
     _print_secants(result)
     for material in result.palette.materials:
         fit = result.fits[material.id]
-        reason = fit.characteristics.deformation.reason if fit.choice is None else fit.choice.reason
-        say(f"{material.id}: {reason}")
+        say(f"{material.id}: {fit.choice.reason}")
         say(f"  intervals: {fit.uncertainty.basis}")
     if result.quadratic is not None:
         _print_quadratic(result.quadratic)
@@ -654,8 +652,7 @@ def _print_candidates(result: "PaletteStudy") -> None:
     for material in result.palette.materials:
         fit = result.fits[material.id]
         name = material.id
-        candidates = () if fit.choice is None else fit.choice.candidates
-        for candidate in candidates:
+        for candidate in fit.choice.candidates:
             one, convergence = candidate.fit, candidate.fit.convergence
             unstable = candidate.unstable_strain
             rows.append(
@@ -751,17 +748,15 @@ def _print_quadratic(found: "QuadraticStudy") -> None:
     )
     fits = ["R2: eq. 3.8", "quadratics", "palette's law"]
     left_out = ["left out: quadratics", "mixtures"]
-
-    def errors(row: "QuadraticRow") -> list[str]:
-        predicted = (row.quadratics_without, row.mixtures_without)
-        return [
-            *(f"{one.r2:.4f}" for one in (row.own, row.quadratics, row.law)),
-            *("-" if one is None else f"{100 * one.nrmse:.1f} %" for one in predicted),
-        ]
-
+    rows = []
+    for row in found.rows:
+        *own, quadratics, mixtures = row.errors.values()
+        fitted = [f"{one.r2:.4f}" for one in own if one]
+        predicted = [f"{100 * one.nrmse:.1f} %" if one else "-" for one in (quadratics, mixtures)]
+        rows.append([row.id, *fitted, *predicted])
     print_table(
         ["material", *fits, *left_out],
-        [[row.id, *errors(row)] for row in found.rows],
+        rows,
         title="How well each fits; and the error of what the other materials predict",
         right=[*fits, *left_out],
     )

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from typer import Context, Option
 
 from planner.errors import ArgumentError
-from planner.report.plan_text import format_interval, format_number, format_range
+from planner.glance import format_interval, format_number, format_range
 
 if TYPE_CHECKING:
     from rich.console import JustifyMethod

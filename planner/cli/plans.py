@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from typer import Argument, Context, Option
 
+import planner
 from planner.cli.first_run import share_compiling
 from planner.cli.output import (
     AsJson,
@@ -16,15 +17,26 @@ from planner.cli.output import (
     PrinterLimits,
     Quiet,
     check_targets,
+    finding,
+    format_number,
     in_groups,
+    print_document,
+    print_table,
+    progress,
+    progress_bar,
+    say,
     taken,
+    tell_findings,
+    tell_notes,
+    terminal_width,
+    warn,
 )
 from planner.errors import ArgumentError
 
 if TYPE_CHECKING:
     from planner.grading.check import Certificate
     from planner.plan import Plan
-    from planner.slices.write import SliceStack
+    from planner.slices import SliceStack
 
 # ------------------------------------------------------------------------------------------------
 # planner grade.
@@ -181,8 +193,6 @@ def grade(
     Example: [bold]planner grade finger.stl --from Tango --to Vero --axis x[/bold]
     """
     given = locals()
-    import planner
-    from planner.cli.output import progress
     from planner.formats.threemf import needs_one_mesh
 
     folder = Path(f"{part.stem}-graded") if output is None else output
@@ -208,9 +218,8 @@ def grade(
 def _grade_report(
     plan: "Plan", folder: Path | None, *, like: Path | None, as_json: bool, quiet: bool
 ) -> None:
-    from planner.cli.output import finding, print_document, say, tell_findings, tell_notes
     from planner.notes import Caution
-    from planner.report.plan_text import error_words, moved_words, unreachable_words
+    from planner.report.plan_figure import error_words, moved_words, unreachable_words
 
     if as_json:
         print_document(plan.json())
@@ -247,8 +256,7 @@ def _grade_report(
 
 
 def _table(plan: "Plan") -> None:
-    from planner.cli.output import print_table
-    from planner.report.plan_text import plan_table
+    from planner.report.plan_figure import plan_table
 
     colours = {shell.material: shell.colour for shell in plan.shells}
     table = plan_table(plan)
@@ -281,9 +289,6 @@ def view(
 
     Example: [bold]planner view finger-graded[/bold]
     """
-    import planner
-    from planner.cli.output import print_document, progress
-
     with progress(not quiet and not as_json) as stage:
         stage("making the page")
         page = planner.view(plan)
@@ -296,8 +301,6 @@ def view(
 def _shown(page: Path, *, no_open: bool, quiet: bool) -> bool:
     """Open a page in the browser and say where it is; tell whether a browser opened it."""
     import webbrowser
-
-    from planner.cli.output import say, warn
 
     opened = not no_open and webbrowser.open(page.resolve().as_uri())
     if not quiet:
@@ -322,9 +325,6 @@ def check(
 
     Example: [bold]planner check finger-graded[/bold]
     """
-    import planner
-    from planner.cli.output import finding, print_document, print_table, progress, say
-
     with progress(not quiet and not as_json) as stage:
         certificate = planner.check(folder, progress=stage)
     if as_json:
@@ -359,15 +359,16 @@ def _verdict(certificate: "Certificate") -> str:
 # planner diff.
 
 
+_Tolerance = Annotated[
+    float,
+    Option(help="Relative difference of volumes, masses and moduli that still counts as equal."),
+]
+
+
 def diff(
     before: Annotated[Path, Argument(help="A plan.json, or the folder that holds it.")],
     after: Annotated[Path, Argument(help="The plan to compare with it.")],
-    tolerance: Annotated[
-        float,
-        Option(
-            help="Relative difference of volumes, masses and moduli that still counts as equal."
-        ),
-    ] = 1e-6,
+    tolerance: _Tolerance = 1e-6,
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> int:
@@ -378,9 +379,6 @@ def diff(
     Example: [bold]planner diff finger-graded finger-graded-before[/bold]
     """
     from dataclasses import asdict
-
-    import planner
-    from planner.cli.output import print_document, say, terminal_width
 
     found = planner.diff(before, after, tolerance=tolerance)
     rows = [asdict(difference) for difference in found]
@@ -405,12 +403,7 @@ def compare(
     output: Annotated[
         Path, Option("--output", "-o", help="Page to write; compare.html by default.")
     ] = Path("compare.html"),
-    tolerance: Annotated[
-        float,
-        Option(
-            help="Relative difference of volumes, masses and moduli that still counts as equal."
-        ),
-    ] = 1e-6,
+    tolerance: _Tolerance = 1e-6,
     no_open: Annotated[
         bool, Option("--no-open", help="Write the page and say where it is, no more.")
     ] = False,
@@ -426,8 +419,6 @@ def compare(
     """
     from dataclasses import asdict
 
-    import planner
-    from planner.cli.output import print_document, progress
     from planner.formats.outputs import write_whole
 
     check_targets(context, force=force, output=output)
@@ -479,9 +470,6 @@ def slices(
     Example: [bold]planner slices finger-graded -o finger-slices[/bold]
     """
     given = locals()
-    import planner
-    from planner.cli.output import finding, print_document, progress_bar
-
     check_targets(context, force=force, folders={"output": (output, "slices.json")})
     with progress_bar("layers", not quiet and not as_json) as advance:
         asked = taken(planner.write_slices, given) | {"progress": advance}
@@ -524,7 +512,6 @@ def _comma(found: re.Match[str]) -> str:
 
 
 def _slices_report(stack: "SliceStack", folder: Path) -> None:
-    from planner.cli.output import format_number, print_table, say
 
     x, y, z = stack.grid.pitch_mm
     total = sum(each.voxels for each in stack.materials)

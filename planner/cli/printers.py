@@ -1,6 +1,5 @@
 """planner printers and schema: what machines there are, one of your own, and what editors check."""
 
-import json
 import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -8,7 +7,16 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 from typer import Argument, Context, Option
 
-from planner.cli.output import AsJson, Force, check_targets
+import planner
+from planner.cli.output import (
+    AsJson,
+    Force,
+    check_targets,
+    finding,
+    print_document,
+    print_table,
+    say,
+)
 from planner.errors import ArgumentError
 
 if TYPE_CHECKING:
@@ -31,7 +39,6 @@ def _printers(context: typer.Context, as_json: AsJson = False) -> int:
 
 
 def _list(*, as_json: bool) -> int:
-    from planner.cli.output import finding, print_document, print_table
     from planner.errors import PlannerError
     from planner.printers import installed_printers, load_printer
 
@@ -86,7 +93,6 @@ def show(
 
     Example: [bold]planner printers show connex3[/bold]
     """
-    from planner.cli.output import print_document, print_table, say
     from planner.printers import load_printer
 
     machine = load_printer(name)
@@ -137,8 +143,7 @@ def new(
 
     Example: [bold]planner printers new myjet[/bold]
     """
-    from planner.cli.output import say
-    from planner.formats.outputs import new_folder
+    from planner.formats.outputs import write_folder
     from planner.printers import load_printer
 
     if not _NAME.fullmatch(name):
@@ -146,10 +151,7 @@ def new(
     folder = Path(f"{name}-printer") if output is None else output
     check_targets(context, force=False, folders={"output": (folder, None)})
     package = f"{name.replace('-', '_')}_printer"
-    with new_folder(folder, record=None) as scratch:
-        for path, data in _plugin(name, package, load_printer(like)).items():
-            (scratch / path).parent.mkdir(parents=True, exist_ok=True)
-            (scratch / path).write_bytes(data)
+    write_folder(folder, _plugin(name, package, load_printer(like)))
     profile = folder / package / "printer.toml"
     say(f"wrote {folder}: put your printer's figures into {profile}, its materials beside it")
     say(f"use it at once: planner grade PART --printer {profile}")
@@ -161,6 +163,7 @@ def _plugin(name: str, package: str, base: "Printer") -> dict[str, bytes]:
     """Return the files of a plugin by their paths, each figure as the other printer has it."""
     from dataclasses import replace
 
+    from planner.formats.files import toml_text
     from planner.palette import encode_palette
     from planner.printers import ProfileFile
 
@@ -172,9 +175,8 @@ def _plugin(name: str, package: str, base: "Printer") -> dict[str, bytes]:
         if hasattr(base, key) and key not in ("operator_names", "base")
     }
     figures |= {"name": name, "title": name, "palettes": [palette.name]}
-    # JSON's texts, numbers and lists are TOML's.
-    lines = [f"{key} = {json.dumps(value, ensure_ascii=False)}" for key, value in figures.items()]
-    called = [f"{json.dumps(id)} = {json.dumps(said)}" for id, said in names.items()]
+    lines = [f"{key} = {toml_text(value)}" for key, value in figures.items()]
+    called = [f"{toml_text(id)} = {toml_text(said)}" for id, said in names.items()]
     profile = f"""#:schema ./printer.schema.json
 # Figures of {base.title}: put your own in their place, and say where they are from.
 schema = 1
@@ -248,7 +250,6 @@ def schema(
 
     Example: [bold]planner schema palette -o palette.schema.json[/bold]
     """
-    from planner.cli.output import print_document, say
     from planner.formats.outputs import write_whole
 
     check_targets(context, force=force, output=output)
@@ -261,7 +262,6 @@ def schema(
 
 
 def _encoded(kind: _Kind) -> bytes:
-    import planner
     from planner.formats.files import encode_document
 
     return encode_document(planner.file_schema(kind))

@@ -1,4 +1,4 @@
-"""planner simulate: a bar pulled along its axis, or a whole part as it is held and loaded."""
+"""planner simulate, export: a bar pulled, or a whole part loaded, here or by another solver."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -7,9 +7,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Context, Option
 
+import planner
 from planner.cli.output import (
     AsJson,
     CasesFile,
+    Force,
     LoadOptions,
     MeshBodies,
     MeshMaterial,
@@ -17,13 +19,28 @@ from planner.cli.output import (
     PaletteName,
     Quiet,
     check_targets,
+    format_number,
+    format_range,
     in_groups,
+    print_document,
+    print_table,
+    progress,
+    say,
+    taken,
+    tell_findings,
+    tell_notes,
+    warn,
 )
 from planner.errors import ArgumentError
 
 if TYPE_CHECKING:
+    from planner.simulation.export import Export
     from planner.simulation.part import PartSimulation
     from planner.simulation.simulate import Simulation
+
+_PlansPrinter = Annotated[
+    str | None, Option(help="Installed printer; by default the plan's, else connex3.")
+]
 
 _ROWS = 6
 
@@ -100,9 +117,7 @@ def simulate(
     level: Annotated[
         float, Option(help="How probably an interval holds what a print does.")
     ] = 0.95,
-    printer: Annotated[
-        str | None, Option(help="Installed printer; by default the plan's, else connex3.")
-    ] = None,
+    printer: _PlansPrinter = None,
     palette: PaletteName = None,
     output: Annotated[
         Path | None,
@@ -141,8 +156,6 @@ def simulate(
 
     Example: [bold]planner simulate finger-graded --fix x=max --load "x=min: 0,0,-0.5 N"[/bold]
     """
-    import planner
-    from planner.cli.output import print_document, progress, say, tell_findings
     from planner.formats.files import encode_document
     from planner.formats.outputs import write_whole
     from planner.simulation.loads import read_cases
@@ -240,7 +253,6 @@ def _between(text: str) -> tuple[float, float]:
 
 
 def _part_report(results: "Sequence[PartSimulation]") -> None:
-    from planner.cli.output import print_table, say, tell_notes
     from planner.report.loaded_part import part_title, response_rows, step_rows, summary_words
 
     tell_notes(note for result in results for note in result.notes)
@@ -261,7 +273,6 @@ def _part_report(results: "Sequence[PartSimulation]") -> None:
 
 
 def _bar_report(results: "Sequence[Simulation]") -> None:
-    from planner.cli.output import format_number, format_range, print_table, warn
 
     (result,) = results
     for note in result.notes:
@@ -288,4 +299,101 @@ def _bar_report(results: "Sequence[Simulation]") -> None:
         f"{'slice' if slices == 1 else 'slices'}, {result.protocol} to strain "
         f"{result.to_strain:g}",
         right=["time s", "mm", "strain", "force N"],
+    )
+
+
+# ------------------------------------------------------------------------------------------------
+# planner export.
+
+
+@in_groups
+def export(
+    context: Context,
+    source: Annotated[str, Argument(help="A plan.json or its folder, or with --material a mesh.")],
+    to: Annotated[str, Option(help="abaqus, calculix (INP files) or vtu (ParaView).")],
+    output: Annotated[
+        Path | None, Option("--output", "-o", help="File to write; <part>.inp or .vtu by default.")
+    ] = None,
+    cell_mm: Annotated[
+        float | None,
+        Option(
+            "--cell", "--cell-mm", help="Edge of a cell in mm; by default what makes about 15000."
+        ),
+    ] = None,
+    *,
+    loads: LoadOptions,
+    to_strain: Annotated[
+        float | None,
+        Option(
+            help="Strain up to which CalculiX' laws follow the palette; by default 1.5 times what "
+            "the part reaches under its loads, or the break."
+        ),
+    ] = None,
+    material: MeshMaterial = None,
+    unit: MeshUnit = None,
+    bodies: MeshBodies = None,
+    printer: _PlansPrinter = None,
+    palette: PaletteName = None,
+    force: Force = False,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+) -> int:
+    """Write a planned part as hexahedra, each in its material, for Abaqus, CalculiX or ParaView.
+
+    Cells of an even lattice that are at least half full stand for the part; curved and slanted
+    faces are stairs. With --fix and --load, --pressure, --move or --gravity the file has a step
+    and runs as it is; without, it has sets of nodes at the part's ends to make one.
+
+    Example: [bold]planner export finger-graded --to calculix --fix x=max --load "x=min: 0,0,-0.2
+    N"[/bold]
+    """
+    given = locals()
+    check_targets(context, force=force, output=output)
+    with progress(not quiet and not as_json) as stage:
+        stage("filling the part with cells")
+        model = planner.export(**taken(planner.export, given | vars(loads)))
+    path = model.write(output, force=force)
+    if as_json:
+        print_document(model.json())
+    elif not quiet:
+        _export_report(model)
+        say(f"wrote {path}")
+    return 0
+
+
+def _export_report(model: "Export") -> None:
+
+    tell_notes(model.notes)
+    columns = [
+        "material",
+        "coordinate",
+        "modulus MPa",
+        "cells",
+        "volume mm3",
+        "law",
+        "to strain",
+        "off by",
+    ]
+    rows = [
+        [
+            made.name,
+            f"{made.coordinate:.4g}",
+            format_number(made.modulus_MPa),
+            str(made.cells),
+            format_number(made.volume_mm3, 4),
+            made.law or "-",
+            "-" if made.to_strain is None else f"{made.to_strain:.3g}",
+            "-" if made.fit_error is None else f"{made.fit_error:.1%}",
+        ]
+        for made in model.materials
+    ]
+    if model.to != "calculix":
+        columns, rows = columns[:-3], [row[:-3] for row in rows]
+    edges = " x ".join(f"{edge:.3g}" for edge in model.cell_mm)
+    print_table(
+        columns,
+        rows,
+        title=f"{model.name}: {model.cells} cells of {edges} mm, {model.nodes} nodes, volume "
+        f"{model.volume_error:+.1%}",
+        right=columns[1:],
     )

@@ -15,12 +15,12 @@ __all__ = [
     "Meetings",
     "OrderedPoints",
     "Surface",
-    "edges_of",
     "inside_part",
     "lattice_for",
     "meet",
     "order_points",
     "piece_of_vertices",
+    "surface_of",
 ]
 
 
@@ -36,6 +36,7 @@ __all__ = [
 _BITS = 29  # of a coordinate: products of three differences then stay within two words
 
 
+@dataclass(frozen=True, eq=False)
 class Lattice:
     """Integer coordinates about an origin.
 
@@ -47,9 +48,8 @@ class Lattice:
         A power of two; `LATTICE_MM` for what fits a tray.
     """
 
-    def __init__(self, origin_mm: FloatArray, unit_mm: float) -> None:
-        self.origin_mm = origin_mm
-        self.unit_mm = unit_mm
+    origin_mm: FloatArray
+    unit_mm: float
 
     def integers(self, points_mm: FloatArray | Float32Array) -> NDArray[np.int64]:
         """Round positions (n, 3) to the lattice."""
@@ -128,24 +128,8 @@ def _turn_of_edges(points: Any, p: Any, q: Any, level: Any, u: Any, v: Any) -> A
 
 
 @dataclass(frozen=True, eq=False)
-class Edges:
-    """Edges of a surface, each from its lower vertex to its higher one.
-
-    Attributes
-    ----------
-    ends : (e, 2) int32
-        Vertices.
-    of_face : (m, 3) int32
-        Edge from corner j to corner j + 1 of each face.
-    """
-
-    ends: NDArray[np.int32]
-    of_face: NDArray[np.int32]
-
-
-@dataclass(frozen=True, eq=False)
 class Surface:
-    """A surface on the lattice.
+    """A surface on the lattice, and its edges, each from its lower vertex to its higher one.
 
     Attributes
     ----------
@@ -153,13 +137,16 @@ class Surface:
         Positions on the lattice.
     faces : (m, 3) int32
         Triangles.
-    edges : Edges
-        Of the triangles.
+    ends : (e, 2) int32
+        Vertices of each edge.
+    of_face : (m, 3) int32
+        Edge from corner j to corner j + 1 of each face.
     """
 
     points: NDArray[np.int64]
     faces: NDArray[np.int32]
-    edges: Edges
+    ends: NDArray[np.int32]
+    of_face: NDArray[np.int32]
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,15 +185,17 @@ class Meetings:
     broken: int
 
 
-def edges_of(faces: NDArray[np.int32]) -> Edges:
-    """Find the edges of a surface and give them numbers."""
+def surface_of(
+    points_mm: FloatArray | Float32Array, faces: NDArray[np.int32], lattice: Lattice
+) -> Surface:
+    """Place a surface on the lattice, find its edges and give them numbers."""
     order, starts, count = order_edges(faces)
     number = np.empty(faces.size, dtype=np.int32)
     number[order] = np.repeat(np.arange(len(starts), dtype=np.int32), count)
     first = order[starts]
     tail, head = faces.ravel()[first], faces[:, [1, 2, 0]].ravel()[first]
     ends = np.stack([np.minimum(tail, head), np.maximum(tail, head)], axis=1)
-    return Edges(ends, number.reshape(-1, 3))
+    return Surface(lattice.integers(points_mm), faces, ends, number.reshape(-1, 3))
 
 
 def meet(
@@ -236,8 +225,8 @@ def meet(
         along = np.empty(room)
         segment = np.empty((room, 4), dtype=np.int32)
         points, segments, broken = _meet(
-            part.points, part.faces, part.edges.ends, part.edges.of_face,
-            level.points, level.faces, level.edges.ends, level.edges.of_face,
+            part.points, part.faces, part.ends, part.of_face,
+            level.points, level.faces, level.ends, level.of_face,
             own, starts, offsets, cells, marked,
             keys, number, edge, face, kind, way, along, segment,
         )  # fmt: skip
@@ -422,7 +411,7 @@ def piece_of_vertices(
     padded = np.concatenate([[-np.inf], levels, [np.inf]])
     margin = np.minimum(values - padded[above], padded[above + 1] - values)
     seeds = np.argsort(-margin, kind="stable")
-    ends = part.edges.ends
+    ends = part.ends
     step = np.add.reduceat(
         np.append(meetings.way[ordered.points], 0).astype(np.int64), ordered.offsets[:-1]
     ) * (np.diff(ordered.offsets) > 0)
@@ -468,7 +457,7 @@ def inside_part(
     Edges that do not meet the part join vertices of one answer; one edge that enters or leaves
     settles it for all of them. Where there is none, a ray does, by the same exact decisions.
     """
-    ends, count = level.edges.ends, np.diff(ordered.offsets)
+    ends, count = level.ends, np.diff(ordered.offsets)
     free = count == 0
     group = connected(len(level.points), ends[free, 0], ends[free, 1])
     answer = np.full(int(group.max(initial=-1)) + 1, -1, dtype=np.int32)

@@ -1,22 +1,51 @@
-"""Divide a part at levels of a field: planes or level sets, and the pieces that come of it."""
+"""Divide a part at levels of a field into pieces whose shells fit triangle for triangle."""
 
 import math
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.cutting.grid import default_pitch_mm
-from planner.cutting.level_sets import split_curved
-from planner.cutting.planes import LATTICE_MM, caps, divide, snap_distance_mm
+from planner.cutting.grid import (
+    CELLS,
+    MOST_VERTICES,
+    active_cells,
+    default_pitch_mm,
+    draw_level_sets,
+    field_grid,
+    touched_cells,
+)
+from planner.cutting.intersect import (
+    Lattice,
+    Meetings,
+    OrderedPoints,
+    Surface,
+    inside_part,
+    lattice_for,
+    meet,
+    order_points,
+    piece_of_vertices,
+    surface_of,
+)
+from planner.cutting.planes import (
+    LATTICE_MM,
+    cancel_by,
+    caps,
+    divide,
+    flip_thin,
+    snap_distance_mm,
+    squared_height,
+)
 from planner.errors import ArgumentError
 from planner.fields.basic import Field, PlanarField
-from planner.mesh.mesh import Measures, Mesh, measure
-from planner.numerics import Float32Array, FloatArray
+from planner.mesh.audit import JoinedShells, first_fault_mm
+from planner.mesh.mesh import Measures, Mesh, compact, measure, repeats_index, weld_points
+from planner.numerics import Float32Array, FloatArray, inner_kernel, kernel
 
-__all__ = ["Pieces", "piece_bounds_mm", "piece_volumes_mm3", "shell_faces", "split"]
+__all__ = ["FIRST_SHIFT", "Pieces", "split"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +81,620 @@ class Pieces:
         faces = np.concatenate([self.faces, self.cap_faces, self.cap_faces[:, ::-1]])
         piece = np.concatenate([self.piece, self.cap_level, self.cap_level + np.int32(1)])
         return measure(self.vertices, faces, piece, self.count)
+
+    @property
+    def volumes_mm3(self) -> FloatArray:
+        """Volume of every piece in mm³, (count,); their sum is the part's volume."""
+        return self.measures.volume_mm3
+
+    @property
+    def bounds_mm(self) -> FloatArray:
+        """Smallest and largest coordinates of every piece in mm, (count, 2, 3); NaN where empty."""
+        found = self.measures.bounds_mm
+        return np.where(np.isfinite(found), found, np.nan)
+
+    def shell_faces(self, members: Collection[int]) -> NDArray[np.int32]:
+        """Return the faces of the union of some pieces, outwards, as indices into the pool.
+
+        Their share of the surface comes first, then interfaces with what is not a member.
+        """
+        chosen = list(members)
+        own = np.isin(self.piece, chosen)
+        below, above = np.isin(self.cap_level, chosen), np.isin(self.cap_level + 1, chosen)
+        caps = self.cap_faces[below & ~above], self.cap_faces[above & ~below][:, ::-1]
+        return np.concatenate([self.faces[own], *caps])
+
+
+# ------------------------------------------------------------------------------------------------
+# Divide the faces of a surface along segments: the loops around each part of a face.
+
+
+@dataclass(frozen=True, eq=False)
+class Loops:
+    """Loops around parts of faces, each with what it encloses on its left.
+
+    Attributes
+    ----------
+    nodes : int32
+        Vertices of the surface, then its vertices' number + the number of a meeting.
+    starts : (k + 1,) int32
+        Loop i is ``nodes[starts[i]:starts[i + 1]]``.
+    face, label : (k,) int32
+        The face it divides, and the label of what it encloses.
+    broken : int
+        Faces whose segments do not divide them; 0 for surfaces that are what they say.
+    """
+
+    nodes: NDArray[np.int32]
+    starts: NDArray[np.int32]
+    face: NDArray[np.int32]
+    label: NDArray[np.int32]
+    broken: int
+
+    def joined(self, number: NDArray[np.int32]) -> "Loops":
+        """Give nodes other numbers, and leave out a node that equals the one before it."""
+        nodes = number[self.nodes]
+        before = np.roll(nodes, 1)
+        size = np.diff(self.starts)
+        before[self.starts[:-1][size > 0]] = nodes[self.starts[1:][size > 0] - 1]
+        kept = nodes != before
+        starts = np.append(0, np.cumsum(kept, dtype=np.int32))[self.starts]
+        return Loops(nodes[kept], starts.astype(np.int32), self.face, self.label, self.broken)
+
+
+def _walk_faces(
+    surface: Surface, labels: NDArray[np.int32], ordered: OrderedPoints, way: NDArray[np.int8],
+    step_level: NDArray[np.int32], segment: NDArray[np.int32], segment_face: NDArray[np.int32],
+    segment_level: NDArray[np.int32],
+) -> Loops:  # fmt: skip
+    """Find the loops of all faces that have segments.
+
+    Parameters
+    ----------
+    surface : Surface
+        The part, or the level sets.
+    labels : (n,) int32
+        Of its vertices.
+    ordered
+        Meetings on its edges.
+    way, step_level : (p,)
+        A meeting joins the labels `step_level` and `step_level` + 1 along its edge, upwards
+        where `way` is 1.
+    segment, segment_face : (s, 2), (s,)
+        Segments in its faces, with the higher label on their left.
+    segment_level : (s,) int32
+        The lower of the two labels that each divides.
+    """
+    order = np.argsort(segment_face, kind="stable")
+    faces, first = np.unique(segment_face[order], return_index=True)
+    starts = np.append(first, len(order)).astype(np.int32)
+    on_edges = np.diff(ordered.offsets)[surface.of_face[faces]].sum(axis=1)
+    halves = 3 + on_edges + 2 * np.diff(starts)
+    room, most = int(halves.sum()), int(halves.max(initial=3))
+    nodes, loop_starts = np.empty(room, dtype=np.int32), np.zeros(room + 1, dtype=np.int32)
+    loop_face, loop_label = np.empty((2, room), dtype=np.int32)
+    count = len(labels) + len(way)
+    # The order of near meetings is settled where labels tell it: a copy is changed.
+    points = ordered.points.copy()
+    broken = _settle(ordered.offsets, points, surface.ends, labels, way, step_level)
+    slot, stamp = np.empty(2 * count, dtype=np.int32), np.full(2 * count, -1, dtype=np.int32)
+    loops, lost = _walk(
+        faces.astype(np.int32), surface.faces, surface.of_face, surface.ends, labels,
+        ordered.offsets, points, way, starts, segment[order], segment_level[order],
+        slot, stamp, np.empty((most, 4), dtype=np.int32),
+        nodes, loop_starts, loop_face, loop_label,
+    )  # fmt: skip
+    return Loops(
+        nodes[: loop_starts[loops]], loop_starts[: loops + 1], loop_face[:loops],
+        loop_label[:loops], broken + lost,
+    )  # fmt: skip
+
+
+@kernel
+def _settle(offsets: Any, points: Any, ends: Any, labels: Any, way: Any, step_level: Any) -> Any:
+    """Let each edge's meetings follow from label to label; return how many edges cannot."""
+    broken = 0
+    for e in range(ends.shape[0]):
+        label = labels[ends[e, 0]]
+        for n in range(offsets[e], offsets[e + 1]):
+            found = -1
+            for m in range(n, offsets[e + 1]):
+                p = points[m]
+                if label == step_level[p] + (0 if way[p] > 0 else 1):
+                    found = m
+                    break
+            if found < 0:
+                broken += 1
+                break
+            p = points[found]
+            for m in range(found, n, -1):
+                points[m] = points[m - 1]
+            points[n] = p
+            label += way[p]
+        else:
+            if label != labels[ends[e, 1]]:
+                broken += 1
+    return broken
+
+
+@kernel
+def _walk(
+    chosen: Any, faces: Any, face_edges: Any, ends: Any, labels: Any, offsets: Any, points: Any,
+    way: Any, starts: Any, segment: Any, segment_level: Any, slot: Any, stamp: Any, half: Any,
+    nodes: Any, loop_starts: Any, loop_face: Any, loop_label: Any,
+) -> Any:  # fmt: skip
+    # half: where each directed side begins and ends, its label, and whether it is left to walk.
+    count = labels.size
+    loops = filled = lost = 0
+    for n in range(chosen.size):
+        f = chosen[n]
+        sides = 0
+        for j in range(3):
+            a, b = faces[f, j], faces[f, (j + 1) % 3]
+            e = face_edges[f, j]
+            first, last = offsets[e], offsets[e + 1]
+            label, at = labels[a], a
+            for m in range(last - first):
+                p = points[first + m] if a < b else points[last - 1 - m]
+                sides = _add(half, sides, at, count + p, label, slot, stamp, f)
+                label += way[p] if a < b else -way[p]
+                at = count + p
+            sides = _add(half, sides, at, b, label, slot, stamp, f)
+        for s in range(starts[n], starts[n + 1]):
+            begin, end = count + segment[s, 0], count + segment[s, 1]
+            sides = _add(half, sides, begin, end, segment_level[s] + 1, slot, stamp, f)
+            sides = _add(half, sides, end, begin, segment_level[s], slot, stamp, f)
+        fine = True
+        for h in range(sides):
+            if half[h, 3] == 0:
+                continue
+            label, g = half[h, 2], h
+            while half[g, 3] == 1:
+                half[g, 3] = 0
+                nodes[filled] = half[g, 0]
+                filled += 1
+                key = 2 * half[g, 1] + (label & 1)
+                if stamp[key] != f or half[slot[key], 2] != label:
+                    fine = False
+                    break
+                g = slot[key]
+            if g != h:
+                fine = False
+            loop_face[loops], loop_label[loops] = f, label
+            loops += 1
+            loop_starts[loops] = filled
+        if not fine:
+            lost += 1
+    return loops, lost
+
+
+@inner_kernel
+def _add(
+    half: Any, sides: Any, begin: Any, end: Any, label: Any, slot: Any, stamp: Any, f: Any
+) -> Any:
+    half[sides, 0], half[sides, 1], half[sides, 2], half[sides, 3] = begin, end, label, 1
+    key = 2 * begin + (label & 1)
+    slot[key], stamp[key] = sides, f
+    return sides + 1
+
+
+# ------------------------------------------------------------------------------------------------
+# Fill loops with triangles between their nodes.
+
+
+_MOST_COVERED = 24  # corners of a loop whose triangulations are compared
+
+
+def _fill_loops(
+    loops: Loops, points_mm: Float32Array, normals: NDArray[np.float64]
+) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]]:
+    """Triangulate what loops enclose; loops of one face and label enclose it together.
+
+    Parameters
+    ----------
+    points_mm : (nodes, 3) float32
+        Positions.
+    normals : (m, 3) float64
+        Of the faces, of any length.
+
+    Returns
+    -------
+    faces : (t, 3) int32
+        Triangles between nodes.
+    label, source : (t,) int32
+        Of the loops.
+    """
+    size = np.diff(loops.starts)
+    key = loops.face.astype(np.int64) * (int(loops.label.max(initial=0)) + 1) + loops.label
+    order = np.argsort(key, kind="stable")
+    first = np.append(True, np.diff(key[order]) > 0)[: len(order)]
+    group = np.cumsum(first) - 1
+    together = np.bincount(group, minlength=1)[group]
+    alone = np.zeros(len(size), dtype=np.bool_)
+    alone[order] = together == 1
+    simple = np.flatnonzero(alone & (size <= _MOST_COVERED))
+    triangles = int(np.maximum(size[simple] - 2, 0).sum())
+    faces = np.empty((triangles, 3), dtype=np.int32)
+    owner = np.empty(triangles, dtype=np.int32)
+    most = _MOST_COVERED
+    _cover(
+        simple, loops.nodes, loops.starts, loops.face, points_mm, normals, faces, owner,
+        np.empty((most, 2)), np.empty((most, most)), np.empty((most, most), dtype=np.int32),
+        np.empty((most, 2), dtype=np.int32),
+    )  # fmt: skip
+    found, owners = [faces], [owner]
+    rest = np.ones(len(size), dtype=np.bool_)
+    rest[simple] = False  # a loop of two nodes encloses nothing
+    rest[size < 3] = False
+    ranked = order[rest[order]]
+    for several in np.split(ranked, np.flatnonzero(np.diff(key[ranked])) + 1):
+        if len(several):
+            more = _by_sweep(loops, several, points_mm, normals[loops.face[several[0]]])
+            found.append(more)
+            owners.append(np.full(len(more), several[0], dtype=np.int32))
+    faces, owner = np.concatenate(found), np.concatenate(owners)
+    return faces, loops.label[owner], loops.face[owner]
+
+
+def _by_sweep(
+    loops: Loops, several: NDArray[np.int64], points_mm: Float32Array, normal: NDArray[np.float64]
+) -> NDArray[np.int32]:
+    from manifold3d import triangulate
+
+    drop = int(np.argmax(np.abs(normal)))
+    u, v = (drop + 1) % 3, (drop + 2) % 3
+    if normal[drop] < 0:
+        u, v = v, u
+    outlines = [loops.nodes[loops.starts[i] : loops.starts[i + 1]] for i in several.tolist()]
+    flat = [points_mm[outline][:, [u, v]].astype(np.float64) for outline in outlines]
+    local = triangulate(flat, epsilon=LATTICE_MM)
+    faces: NDArray[np.int32] = np.concatenate(outlines)[local].reshape(-1, 3)
+    return faces
+
+
+@kernel
+def _cover(
+    chosen: Any, nodes: Any, starts: Any, loop_face: Any, points: Any, normals: Any, faces: Any,
+    owner: Any, flat: Any, best: Any, middle: Any, stack: Any,
+) -> None:  # fmt: skip
+    """Of all triangulations of a loop take the one whose thinnest triangle is thickest.
+
+    By dynamic programming over the loop's stretches (Klincsek 1980). Triangles that are turned
+    over count as thinner than any other; where none is, they cover the loop's inside once.
+    """
+    written = 0
+    for loop in chosen:
+        first, count = starts[loop], starts[loop + 1] - starts[loop]
+        if count < 3:
+            continue
+        normal = normals[loop_face[loop]]
+        drop = 0
+        for d in range(1, 3):
+            if abs(normal[d]) > abs(normal[drop]):
+                drop = d
+        u, v = (drop + 1) % 3, (drop + 2) % 3
+        if normal[drop] < 0.0:
+            u, v = v, u
+        for i in range(count):
+            flat[i, 0], flat[i, 1] = points[nodes[first + i], u], points[nodes[first + i], v]
+            best[i, (i + 1) % count] = np.inf
+        for length in range(2, count):
+            for i in range(count - length):
+                k = i + length
+                best[i, k], middle[i, k] = -np.inf, i + 1
+                for j in range(i + 1, k):
+                    value = min(best[i, j], best[j, k])
+                    if value <= best[i, k]:
+                        continue
+                    height = squared_height(
+                        points, nodes[first + i], nodes[first + j], nodes[first + k]
+                    )
+                    if not _turn(flat, i, j, k) > 0.0:
+                        height = -1.0 - height
+                    value = min(value, height)
+                    if value > best[i, k]:
+                        best[i, k], middle[i, k] = value, j
+        stack[0, 0], stack[0, 1] = 0, count - 1
+        size = 1
+        while size > 0:
+            size -= 1
+            i, k = stack[size, 0], stack[size, 1]
+            j = middle[i, k]
+            faces[written, 0] = nodes[first + i]
+            faces[written, 1] = nodes[first + j]
+            faces[written, 2] = nodes[first + k]
+            owner[written] = loop
+            written += 1
+            if j > i + 1:
+                stack[size, 0], stack[size, 1] = i, j
+                size += 1
+            if k > j + 1:
+                stack[size, 0], stack[size, 1] = j, k
+                size += 1
+
+
+@inner_kernel
+def _turn(flat: Any, a: Any, b: Any, c: Any) -> Any:
+    return (flat[b, 0] - flat[a, 0]) * (flat[c, 1] - flat[a, 1]) - (flat[b, 1] - flat[a, 1]) * (
+        flat[c, 0] - flat[a, 0]
+    )
+
+
+# ------------------------------------------------------------------------------------------------
+# Divide a part along level sets, as pieces whose shells fit triangle for triangle.
+
+
+def _divide_along(
+    mesh: Mesh, field: Field, levels: FloatArray, pitch_mm: float, shift: FloatArray,
+    within_mm: float, follow: bool,
+) -> tuple[Pieces, int]:  # fmt: skip
+    """Divide a part along the level sets of a field, drawn on one grid.
+
+    Also returned: how many contradictions were met; with any, the shells are not closed.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Closed, at float32 positions.
+    levels : (L,) float64
+        Strictly increasing.
+    shift : (3,) float64
+        Place of the grid's corner below the part's, in pitches beyond one: 0 to 1.
+    """
+    origin_mm = mesh.bounds_mm[0] - (1.0 + shift) * pitch_mm
+    cells_a_cube = CELLS if follow and np.isfinite(within_mm) else 1
+    cube_mm = cells_a_cube * pitch_mm
+    cubes = np.floor((mesh.bounds_mm[1] - origin_mm) / cube_mm + 1e-2).astype(int) + 1
+    shape = (int(cubes[0]), int(cubes[1]), int(cubes[2]))
+    offsets, cells = touched_cells(mesh, origin_mm, cube_mm, shape)
+    active = active_cells(mesh, origin_mm, cube_mm, cells, shape)
+    held = active
+    if cells_a_cube > 1:
+        nx, ny, nz = (n * cells_a_cube for n in shape)
+        _, touched = touched_cells(mesh, origin_mm, pitch_mm, (nx, ny, nz))
+        held = active_cells(mesh, origin_mm, pitch_mm, touched, (nx, ny, nz))
+        blocks = held.reshape(
+            shape[0], cells_a_cube, shape[1], cells_a_cube, shape[2], cells_a_cube
+        )
+        active |= blocks.max(axis=(1, 3, 5))
+    grid = field_grid(field, origin_mm, pitch_mm, held, active)
+    lattice = lattice_for(mesh.bounds_mm, 4.0 * pitch_mm)
+    sets = draw_level_sets(
+        grid,
+        levels,
+        lattice,
+        field if follow else None,
+        within_mm,
+        _FACES + _FACES_EACH * len(mesh.faces),
+    )
+    active.reshape(-1)[sets.cell] = 2
+    part = surface_of(mesh.vertices, mesh.faces, lattice)
+    level = surface_of(sets.vertices, sets.faces, lattice)
+    values = grid.interpolate(mesh.vertices)
+    del grid
+    meetings = meet(part, level, sets.cell, offsets, cells, active.reshape(-1))
+
+    on_part = order_points(meetings, True, len(part.ends))
+    on_level = order_points(meetings, False, len(level.ends))
+    piece = piece_of_vertices(part, meetings, on_part, levels, values)
+    inside = inside_part(part, level, meetings, on_level, sets.cell, offsets, cells, shape)
+    level_of = np.where(
+        meetings.of_part, sets.level[np.where(meetings.of_part, meetings.face, 0)], 0
+    )
+    level_of = level_of.astype(np.int32)
+    between = sets.level[meetings.segment_level]
+    part_loops = _walk_faces(
+        part, piece, on_part, meetings.way, level_of, meetings.segment, meetings.segment_part,
+        between,
+    )  # fmt: skip
+    level_loops = _walk_faces(
+        level, inside, on_level, meetings.way, np.zeros_like(level_of), meetings.segment,
+        meetings.segment_level, np.zeros_like(between),
+    )  # fmt: skip
+    met = _positions(meetings, mesh.vertices, sets.vertices, part, level, lattice)
+
+    # One pool: the part's vertices, the level sets', the meetings; equal positions joined.
+    n, m = len(mesh.vertices), len(sets.vertices)
+    pool, number = weld_points(
+        np.concatenate([mesh.vertices.astype(np.float32), sets.vertices, met])
+    )
+    of_part = np.concatenate([number[:n], number[n + m :]])
+    faces, label, _ = _divided(mesh.faces, piece, part_loops, of_part, pool)
+    caps, kept, source = _divided(sets.faces, inside, level_loops, number[n:], pool)
+    order = np.argsort(sets.level[source[kept == 1]], kind="stable")
+    caps, source = caps[kept == 1][order], source[kept == 1][order]
+    divided = _cleaned(pool, faces, label, caps, sets.level[source], len(levels) + 1)
+    return divided, meetings.broken + part_loops.broken + level_loops.broken
+
+
+_FACES, _FACES_EACH = 300_000, 1.4
+"""Triangles of interfaces, and for each of the part's, beyond which none are divided: smooth fields
+need a third of it, so it bounds the cost of fields with creases."""
+
+
+def _positions(
+    meetings: Meetings, part_mm: FloatArray, level_mm: Float32Array, part: Surface,
+    level: Surface, lattice: Lattice,
+) -> Float32Array:  # fmt: skip
+    """Place the meetings on their edges, rounded once, and walls along the axes where they are."""
+    found = np.empty((len(meetings.edge), 3), dtype=np.float32)
+    for own, vertices, surface in ((True, part_mm, part), (False, level_mm, level)):
+        chosen = meetings.of_part == own
+        ends = surface.ends[meetings.edge[chosen]]
+        low = vertices[ends[:, 0]].astype(np.float64)
+        high = vertices[ends[:, 1]].astype(np.float64)
+        found[chosen] = lattice.rounded(low + meetings.along[chosen, None] * (high - low))
+        if own:
+            wall = low == high
+        else:
+            a, b, c = part_mm[part.faces[meetings.face[chosen]]].transpose(1, 0, 2)
+            low, wall = a, (a == b) & (b == c)
+        found[chosen] = np.where(wall, low, found[chosen])
+    return found
+
+
+def _divided(
+    faces: NDArray[np.int32], labels: NDArray[np.int32], loops: Loops, number: NDArray[np.int32],
+    pool: Float32Array,
+) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]]:  # fmt: skip
+    """Faces that nothing meets as they are, the others divided; their labels and sources."""
+    whole = np.ones(len(faces), dtype=np.bool_)
+    whole[loops.face] = False
+    cut = np.flatnonzero(~whole)
+    normals = np.zeros((len(faces), 3))
+    corners = pool[number[faces[cut]]].astype(np.float64)
+    normals[cut] = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    new, label, source = _fill_loops(loops.joined(number), pool, normals)
+    found = np.concatenate([number[faces[whole]], new])
+    label = np.concatenate([labels[faces[whole, 0]], label])
+    source = np.concatenate([np.flatnonzero(whole), source])
+    proper = ~repeats_index(found)
+    return found[proper], label[proper], source[proper]
+
+
+def _cleaned(
+    pool: Float32Array, faces: NDArray[np.int32], piece: NDArray[np.int32],
+    caps: NDArray[np.int32], cap_level: NDArray[np.int32], count: int,
+) -> Pieces:  # fmt: skip
+    """Leave out what covers itself within a piece or an interface, and vertices without use."""
+    keep = cancel_by(faces, piece)
+    faces, piece = faces[keep], piece[keep]
+    keep = cancel_by(caps, cap_level)
+    caps, cap_level = caps[keep], cap_level[keep]
+    used, both = compact(np.concatenate([faces, caps]), len(pool))
+    faces, caps = both[: len(faces)], both[len(faces) :]
+    return Pieces(pool[used], faces, piece, caps, cap_level, count)
+
+
+# ------------------------------------------------------------------------------------------------
+# Divide a part along curved level sets, and make sure that every shell is closed.
+
+
+_ATTEMPTS = 12
+"""Grids to try: the second is needed where a level lies in a face or edge, a fifth hardly ever."""
+
+FIRST_SHIFT = np.array([0.3702, 0.2131, 0.5316])
+"""Of the first grid; see `_divide_along`."""
+
+_THIN_ATTEMPTS = 4
+"""Of these, how many may go to triangles so thin that some readers drop them."""
+
+_READ_MM = 1.5e-8  # trimesh drops triangles lower than 1e-8 mm
+_SHARE = 2e-3  # of a pitch that levels move by from attempt to attempt
+_STEP = np.array([0.7548776662, 0.5698402910, 0.4301597090])  # spreads evenly over a cube
+
+
+def _split_curved(
+    mesh: Mesh, field: Field, levels: FloatArray, pitch_mm: float, within_mm: float, follow: bool
+) -> Pieces:
+    """Divide a part along level sets on a grid of a pitch.
+
+    Decisions are exact, but points are rounded to float32 afterwards. Where surfaces nearly
+    touch, points of different places can become one, and a shell then has an edge of four
+    faces. The grid is moved in such a case, by a part of a pitch, and levels by a thousandth.
+
+    Raises
+    ------
+    ArgumentError
+        The pitch is none or too fine, the field is not finite, or no grid serves.
+    """
+    extent_mm = mesh.bounds_mm[1] - mesh.bounds_mm[0]
+    if not (np.isfinite(pitch_mm) and pitch_mm > 0.0):
+        raise ArgumentError(f"`pitch_mm` {pitch_mm}: it must be a positive number of mm")
+    vertices = float((extent_mm / pitch_mm + 4.0).prod())
+    longest = float(extent_mm.max()) / pitch_mm
+    if vertices > MOST_VERTICES or longest > 16000:
+        least = max(
+            float(np.cbrt(extent_mm.prod() / MOST_VERTICES)), float(extent_mm.max()) / 15990
+        )
+        raise ArgumentError(
+            f"`pitch_mm` {pitch_mm:g}: this part would need {vertices:.2g} grid points, and "
+            f"{MOST_VERTICES:.2g} are possible; a pitch of {1.1 * least:.2g} mm or more fits"
+        )
+    best: tuple[int, Pieces] | None = None
+    for attempt in range(_ATTEMPTS):
+        if best is not None and attempt >= _THIN_ATTEMPTS:
+            break
+        shift = (FIRST_SHIFT + attempt * _STEP) % 1.0
+        moved = levels + _moved(attempt) * pitch_mm / max(float(extent_mm.max()), pitch_mm)
+        found, broken = _divide_along(mesh, field, moved, pitch_mm, shift, within_mm, follow)
+        if broken or not _shells_close(found):
+            continue
+        thin = _thin(found, len(mesh.vertices))
+        if thin:
+            flipped = _without_thin(found, len(mesh.vertices))
+            fewer = _thin(flipped, len(mesh.vertices))
+            if fewer < thin and _shells_close(flipped):
+                thin, found = fewer, flipped
+        if best is None or thin < best[0]:
+            best = thin, found
+        if thin == 0:
+            break
+    if best is not None:
+        return best[1]
+    raise ArgumentError(
+        f"field {field.name!r}: no grid of {pitch_mm:g} mm gives sound shells{_fault(found)}; the "
+        "part touches itself there, or levels are too close for its size: mend the part, use "
+        "fewer bands, or another `pitch_mm`"
+    )
+
+
+def _fault(divided: Pieces) -> str:
+    """Say where the first shell that is not closed has its first fault."""
+    for number in np.unique(divided.piece).tolist():
+        shell = divided.shell_faces([number])
+        place_mm = first_fault_mm(Mesh(divided.vertices.astype(np.float64), shell))
+        if place_mm is not None:
+            return " at ({:.4g}, {:.4g}, {:.4g}) mm as placed for printing".format(*place_mm)
+    return ""
+
+
+def _thin(divided: Pieces, first_new: int) -> int:
+    """Count new triangles so thin that readers drop them."""
+    limit = _READ_MM**2
+    found = _count_thin(divided.vertices, divided.faces, np.int32(first_new), limit)
+    return int(found + _count_thin(divided.vertices, divided.cap_faces, np.int32(0), limit))
+
+
+@kernel
+def _count_thin(vertices: Any, faces: Any, first_new: Any, limit: Any) -> Any:
+    count = 0
+    for f in range(faces.shape[0]):
+        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+        if max(a, max(b, c)) >= first_new and squared_height(vertices, a, b, c) < limit:
+            count += 1
+    return count
+
+
+def _without_thin(divided: Pieces, first_new: int) -> Pieces:
+    """Exchange the long sides of thin new triangles, within each piece and each interface."""
+    faces, caps = divided.faces.copy(), divided.cap_faces.copy()
+    new = (faces >= first_new).any(axis=1)
+    for own, label in ((faces, np.where(new, divided.piece, -1)), (caps, divided.cap_level)):
+        for value in np.unique(label[label >= 0]):
+            members = np.flatnonzero(label == value)
+            some = own[members]
+            flip_thin(divided.vertices, some, flat=False)
+            own[members] = some
+    return replace(divided, faces=faces, cap_faces=caps)
+
+
+def _moved(attempt: int) -> float:
+    """Return the share of the pitch that levels move by, up and down in turn."""
+    return _SHARE * ((attempt + 1) // 2) * (1 if attempt % 2 else -1)
+
+
+def _shells_close(divided: Pieces) -> bool:
+    """Tell whether each piece has each edge once each way, no face twice, and a volume."""
+    if not ((divided.piece >= 0).all() and (divided.piece < divided.count).all()):
+        return False
+    pieces = (divided.shell_faces([number]) for number in range(divided.count))
+    shells = JoinedShells(divided.vertices, tuple(faces for faces in pieces if len(faces)))
+    return all(shells.sound(number) for number in range(len(shells.faces)))
+
+
+# ------------------------------------------------------------------------------------------------
+# Divide a part at levels of a field, whatever its level sets are.
 
 
 def split(
@@ -104,15 +747,7 @@ def split(
         if not (np.diff(values) > 0).all():
             raise ArgumentError(f"levels {list(levels)}: they must increase")
         pitch_mm = default_pitch_mm(mesh) if pitch_mm is None else pitch_mm
-        curved = split_curved(mesh, field, values, pitch_mm, within_mm, follow)
-        return Pieces(
-            curved.vertices,
-            curved.faces,
-            curved.piece,
-            curved.cap_faces,
-            curved.cap_level,
-            len(values) + 1,
-        )
+        return _split_curved(mesh, field, values, pitch_mm, within_mm, follow)
     normal, offsets_mm = _planes(field, values)
     least_mm = 2.5 * snap_distance_mm(mesh.bounds_mm)
     close = np.flatnonzero(~(np.diff(offsets_mm) > least_mm))
@@ -135,41 +770,3 @@ def _planes(field: PlanarField, levels: FloatArray) -> tuple[FloatArray, FloatAr
     if np.count_nonzero(normal) == 1:
         offsets_mm = (np.rint(offsets_mm / LATTICE_MM) * LATTICE_MM).astype(np.float32)
     return normal, offsets_mm.astype(np.float64)
-
-
-def shell_faces(pieces: Pieces, members: Collection[int]) -> NDArray[np.int32]:
-    """Faces of the union of some pieces, outwards, as indices into the pool of vertices.
-
-    Parameters
-    ----------
-    pieces : Pieces
-        The divided part.
-    members : collection of int
-        Indices of the pieces to join.
-
-    Returns
-    -------
-    (m, 3) int32
-        The members' share of the surface, then interfaces with what is not a member.
-    """
-    chosen = np.zeros(pieces.count, dtype=np.bool_)
-    chosen[list(members)] = True
-    below, above = chosen[pieces.cap_level], chosen[pieces.cap_level + 1]
-    return np.concatenate(
-        [
-            pieces.faces[chosen[pieces.piece]],
-            pieces.cap_faces[below & ~above],
-            pieces.cap_faces[above & ~below][:, ::-1],
-        ]
-    )
-
-
-def piece_volumes_mm3(pieces: Pieces) -> FloatArray:
-    """Volume of every piece in mm³, (count,); their sum is the part's volume."""
-    return pieces.measures.volume_mm3
-
-
-def piece_bounds_mm(pieces: Pieces) -> FloatArray:
-    """Smallest and largest coordinates of every piece in mm, (count, 2, 3); NaN where empty."""
-    found = pieces.measures.bounds_mm
-    return np.where(np.isfinite(found), found, np.nan)

@@ -11,7 +11,15 @@ from planner.errors import MeshError
 from planner.mesh.mesh import Mesh, cancel_opposite, key_slot, order_rows, row_slot
 from planner.numerics import BoolArray, Float32Array, FloatArray, inner_kernel, kernel
 
-__all__ = ["LATTICE_MM", "caps", "divide", "flip_thin", "snap_distance_mm", "squared_height"]
+__all__ = [
+    "LATTICE_MM",
+    "cancel_by",
+    "caps",
+    "divide",
+    "flip_thin",
+    "snap_distance_mm",
+    "squared_height",
+]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -129,16 +137,16 @@ def divide(mesh: Mesh, normal: FloatArray, offsets_mm: FloatArray) -> DividedSur
     segment_below = segment_plane == piece[face]
     if merged.any():
         touched = np.flatnonzero(merged[faces].any(axis=1))
-        doubled = touched[~_cancel_in_pieces(faces[touched], piece[touched])]
+        doubled = touched[~cancel_by(faces[touched], piece[touched])]
         faces, piece = np.delete(faces, doubled, axis=0), np.delete(piece, doubled)
     return DividedSurface(vertices, faces, piece, segment, segment_plane, segment_below)
 
 
-def _cancel_in_pieces(faces: NDArray[np.int32], piece: NDArray[np.int32]) -> BoolArray:
-    """Tell which faces stay when those of one piece that are opposite cancel."""
+def cancel_by(faces: NDArray[np.int32], label: NDArray[np.int32]) -> BoolArray:
+    """Tell which faces stay when those of one label that are opposite cancel."""
     keep = np.ones(len(faces), dtype=np.bool_)
-    for i in np.unique(piece):
-        members = piece == i
+    for value in np.unique(label):
+        members = label == value
         keep[members] = cancel_opposite(faces[members])
     return keep
 

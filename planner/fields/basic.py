@@ -8,9 +8,8 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from planner.errors import ArgumentError
-from planner.mesh.distance import TriangleTree, nearest, triangle_tree
-from planner.mesh.mesh import Mesh, Topology, connected
-from planner.numerics import BoolArray, FloatArray, Point
+from planner.mesh.mesh import Mesh
+from planner.numerics import BoolArray, FloatArray
 
 __all__ = [
     "AxisField",
@@ -21,16 +20,7 @@ __all__ = [
     "Quantity",
     "Ramp",
     "axis_field",
-    "ball_region",
-    "box_region",
-    "faces_within",
-    "half_space",
-    "inside_mesh",
-    "line_distance",
-    "point_distance",
     "project",
-    "smooth_patch",
-    "surface_distance",
     "unit_direction",
 ]
 
@@ -165,15 +155,12 @@ class Field(Protocol):
     @property
     def name(self) -> str:
         """Kind of field, as a plan names it."""
-        ...
 
     def values(self, points_mm: FloatArray) -> FloatArray:
         """Field at points (n, 3) in mm: (n,), in 0..1 over the part and continued outside."""
-        ...
 
     def description(self) -> dict[str, object]:
         """Everything needed to build the field again, as JSON values."""
-        ...
 
 
 @runtime_checkable
@@ -182,7 +169,6 @@ class PlanarField(Field, Protocol):
 
     def plane(self, level: float) -> tuple[FloatArray, float]:
         """Return the unit normal to larger values and the offset in mm of n . x = offset."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -244,74 +230,6 @@ class Ramp:
         return FunctionField(name, share, {**says, **ends})
 
 
-def point_distance(centre_mm: Point) -> Quantity:
-    """Return the distance from a point as a function of points (n, 3)."""
-
-    def distance(points_mm: FloatArray) -> FloatArray:
-        x, y, z = (points_mm - np.array(centre_mm)).T
-        return np.asarray(np.sqrt(x * x + y * y + z * z))
-
-    return distance
-
-
-def line_distance(point_mm: Point, direction: Point) -> Quantity:
-    """Return the distance from a line by a point and its unit direction."""
-
-    def distance(points_mm: FloatArray) -> FloatArray:
-        x, y, z = (points_mm - np.array(point_mm)).T
-        a, b, c = direction
-        p, q, r = y * c - z * b, z * a - x * c, x * b - y * a
-        return np.asarray(np.sqrt(p * p + q * q + r * r))
-
-    return distance
-
-
-def surface_distance(tree: TriangleTree, *, depth: bool = False) -> Quantity:
-    """Return the exact distance from a surface; with `depth` positive inside, negative outside."""
-
-    def distance(points_mm: FloatArray) -> FloatArray:
-        found, outside = nearest(tree, points_mm)
-        return np.where(outside, -found, found) if depth else found
-
-    return distance
-
-
-# ------------------------------------------------------------------------------------------------
-# A smooth piece of a surface, such as the wall of a hole, from one picked point.
-
-
-_CREASE = np.cos(np.radians(40.0))
-
-
-def smooth_patch(mesh: Mesh, point_mm: FloatArray) -> Mesh:
-    """Return the faces around the place nearest to a point, up to edges sharper than 40 degrees."""
-    distance = nearest(triangle_tree(mesh), point_mm[None])[0][0]
-    # The face itself: the only one, or one of those, as near as that.
-    corners = mesh.triangles
-    box = np.maximum(corners.min(axis=1) - point_mm, point_mm - corners.max(axis=1)).max(axis=1)
-    candidates = np.flatnonzero(box <= distance + 1e-9)
-    off = [
-        nearest(triangle_tree(Mesh(mesh.vertices, mesh.faces[[f]])), point_mm[None])[0][0]
-        for f in candidates.tolist()
-    ]
-    picked = int(candidates[int(np.argmin(off))])
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
-    twin = Topology(mesh.faces).twin
-    half = np.flatnonzero(twin >= 0)
-    one, other = half // 3, twin[half] // 3
-    smooth = (normal[one] * normal[other]).sum(axis=1) > _CREASE
-    group = connected(len(mesh.faces), one[smooth], other[smooth])
-    return Mesh(mesh.vertices, mesh.faces[group == group[picked]])
-
-
-def faces_within(mesh: Mesh, low_mm: FloatArray, high_mm: FloatArray) -> Mesh:
-    """Return the faces whose three corners lie in a box."""
-    corners = mesh.triangles
-    held = ((corners >= low_mm) & (corners <= high_mm)).all(axis=(1, 2))
-    return Mesh(mesh.vertices, mesh.faces[held])
-
-
 # ------------------------------------------------------------------------------------------------
 # Regions of space that fields start from or end at.
 
@@ -322,38 +240,3 @@ class FieldRegion:
 
     holds: Callable[[FloatArray], BoolArray] = field(repr=False, compare=False)
     says: Mapping[str, object]
-
-
-def box_region(low_mm: Point, high_mm: Point) -> FieldRegion:
-    """Return what lies between two corners."""
-    low, high = np.array(low_mm), np.array(high_mm)
-    return FieldRegion(
-        lambda points_mm: np.asarray(((points_mm >= low) & (points_mm <= high)).all(axis=1)),
-        {"box_mm": [list(low_mm), list(high_mm)]},
-    )
-
-
-def ball_region(centre_mm: Point, radius_mm: float) -> FieldRegion:
-    """Return what lies within a radius of a point."""
-    return FieldRegion(
-        lambda points_mm: np.asarray(
-            np.square(points_mm - np.array(centre_mm)).sum(axis=1) <= radius_mm**2
-        ),
-        {"centre_mm": list(centre_mm), "radius_mm": radius_mm},
-    )
-
-
-def half_space(point_mm: Point, normal: Point) -> FieldRegion:
-    """Return what lies beyond a plane, where its normal points."""
-    return FieldRegion(
-        lambda points_mm: np.asarray(project(points_mm - np.array(point_mm), normal) >= 0.0),
-        {"point_mm": list(point_mm), "normal": list(normal)},
-    )
-
-
-def inside_mesh(mesh: Mesh, file: str, sha256: str) -> FieldRegion:
-    """Return what lies inside a closed mesh."""
-    tree = triangle_tree(mesh)
-    return FieldRegion(
-        lambda points_mm: ~nearest(tree, points_mm)[1], {"file": file, "sha256": sha256}
-    )

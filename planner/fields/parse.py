@@ -22,15 +22,7 @@ from planner.fields.basic import (
     Quantity,
     Ramp,
     axis_field,
-    ball_region,
-    box_region,
-    faces_within,
-    half_space,
-    inside_mesh,
-    line_distance,
-    point_distance,
-    smooth_patch,
-    surface_distance,
+    project,
 )
 from planner.fields.solved import (
     between_cells,
@@ -43,9 +35,9 @@ from planner.fields.solved import (
 from planner.formats.field_file import GridTable, read_grid_table, read_point_table
 from planner.formats.files import path_within, read_file
 from planner.formats.mesh_file import EXTENSIONS, read_mesh
-from planner.mesh.distance import TriangleTree, triangle_tree, united
-from planner.mesh.mesh import Mesh
-from planner.mesh.part import make_part
+from planner.mesh.distance import TriangleTree, distances, triangle_tree
+from planner.mesh.mesh import Mesh, Topology, connected
+from planner.mesh.part import make_part, union
 from planner.numerics import FloatArray, Point
 from planner.voxels.columns import Grid
 
@@ -207,6 +199,113 @@ def _value(node: ast.expr, known: Mapping[str, _Value]) -> _Value:
 
 
 # ------------------------------------------------------------------------------------------------
+# Distances, and regions of space that fields start from or end at.
+
+
+def _point_distance(centre_mm: Point) -> Quantity:
+    """Return the distance from a point as a function of points (n, 3)."""
+
+    def distance(points_mm: FloatArray) -> FloatArray:
+        x, y, z = (points_mm - np.array(centre_mm)).T
+        return np.asarray(np.sqrt(x * x + y * y + z * z))
+
+    return distance
+
+
+def _line_distance(point_mm: Point, direction: Point) -> Quantity:
+    """Return the distance from a line by a point and its unit direction."""
+
+    def distance(points_mm: FloatArray) -> FloatArray:
+        x, y, z = (points_mm - np.array(point_mm)).T
+        a, b, c = direction
+        p, q, r = y * c - z * b, z * a - x * c, x * b - y * a
+        return np.asarray(np.sqrt(p * p + q * q + r * r))
+
+    return distance
+
+
+def _surface_distance(tree: TriangleTree, *, depth: bool = False) -> Quantity:
+    """Return the exact distance from a surface; with `depth` positive inside, negative outside."""
+
+    def distance(points_mm: FloatArray) -> FloatArray:
+        found, outside = distances(tree, points_mm)
+        return np.where(outside, -found, found) if depth else found
+
+    return distance
+
+
+def _box_region(low_mm: Point, high_mm: Point) -> FieldRegion:
+    """Return what lies between two corners."""
+    low, high = np.array(low_mm), np.array(high_mm)
+    return FieldRegion(
+        lambda points_mm: np.asarray(((points_mm >= low) & (points_mm <= high)).all(axis=1)),
+        {"box_mm": [list(low_mm), list(high_mm)]},
+    )
+
+
+def _ball_region(centre_mm: Point, radius_mm: float) -> FieldRegion:
+    """Return what lies within a radius of a point."""
+    return FieldRegion(
+        lambda points_mm: np.asarray(
+            np.square(points_mm - np.array(centre_mm)).sum(axis=1) <= radius_mm**2
+        ),
+        {"centre_mm": list(centre_mm), "radius_mm": radius_mm},
+    )
+
+
+def _half_space(point_mm: Point, normal: Point) -> FieldRegion:
+    """Return what lies beyond a plane, where its normal points."""
+    return FieldRegion(
+        lambda points_mm: np.asarray(project(points_mm - np.array(point_mm), normal) >= 0.0),
+        {"point_mm": list(point_mm), "normal": list(normal)},
+    )
+
+
+def _inside_mesh(mesh: Mesh, file: str, sha256: str) -> FieldRegion:
+    """Return what lies inside a closed mesh."""
+    tree = triangle_tree(mesh)
+    return FieldRegion(
+        lambda points_mm: ~distances(tree, points_mm)[1], {"file": file, "sha256": sha256}
+    )
+
+
+# ------------------------------------------------------------------------------------------------
+# A smooth piece of a surface, such as the wall of a hole, from one picked point.
+
+
+_CREASE = np.cos(np.radians(40.0))
+
+
+def _smooth_patch(mesh: Mesh, point_mm: FloatArray) -> Mesh:
+    """Return the faces around the place nearest to a point, up to edges sharper than 40 degrees."""
+    distance = distances(triangle_tree(mesh), point_mm[None])[0][0]
+    # The face itself: the only one, or one of those, as near as that.
+    corners = mesh.triangles
+    box = np.maximum(corners.min(axis=1) - point_mm, point_mm - corners.max(axis=1)).max(axis=1)
+    candidates = np.flatnonzero(box <= distance + 1e-9)
+    off = [
+        distances(triangle_tree(Mesh(mesh.vertices, mesh.faces[[f]])), point_mm[None])[0][0]
+        for f in candidates.tolist()
+    ]
+    picked = int(candidates[int(np.argmin(off))])
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
+    twin = Topology(mesh.faces).twin
+    half = np.flatnonzero(twin >= 0)
+    one, other = half // 3, twin[half] // 3
+    smooth = (normal[one] * normal[other]).sum(axis=1) > _CREASE
+    group = connected(len(mesh.faces), one[smooth], other[smooth])
+    return Mesh(mesh.vertices, mesh.faces[group == group[picked]])
+
+
+def _faces_within(mesh: Mesh, low_mm: FloatArray, high_mm: FloatArray) -> Mesh:
+    """Return the faces whose three corners lie in a box."""
+    corners = mesh.triangles
+    held = ((corners >= low_mm) & (corners <= high_mm)).all(axis=(1, 2))
+    return Mesh(mesh.vertices, mesh.faces[held])
+
+
+# ------------------------------------------------------------------------------------------------
 # The arguments of a field as text: words, key=value pairs, numbers, regions.
 
 
@@ -336,20 +435,20 @@ class FieldArguments:
             sign = 1.0 if half[2] == ">" else -1.0
             at, normal = [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]
             at[axis], normal[axis] = value + self.origin_mm[axis], sign
-            return half_space((at[0], at[1], at[2]), (normal[0], normal[1], normal[2]))
+            return _half_space((at[0], at[1], at[2]), (normal[0], normal[1], normal[2]))
         word, _, rest = text.strip().partition(" ")
         if word == "box":
-            return box_region(*self._box(rest, what))
+            return _box_region(*self._box(rest, what))
         if word == "ball":
             *centre, radius = self._numbers(rest, what, 4)
             if radius <= 0.0:
                 raise ArgumentError(f"field {self.kind}: {what} has a radius of {radius:g} mm")
-            return ball_region(self._placed(centre), radius)
+            return _ball_region(self._placed(centre), radius)
         if word == "plane":
-            return half_space(*self._line(rest, what))
+            return _half_space(*self._line(rest, what))
         if Path(text).suffix.casefold().lstrip(".") in EXTENSIONS:
             mesh, sha256 = _mesh_in_place(Path(text), self.origin_mm)
-            return inside_mesh(mesh, Path(text).name, sha256)
+            return _inside_mesh(mesh, Path(text).name, sha256)
         raise ArgumentError(f"field {self.kind}: {what}{text!r} is no region; it may be {_REGIONS}")
 
     def _numbers(self, text: str, what: str, count: int) -> list[float]:
@@ -436,7 +535,7 @@ class Setting:
     @cached_property
     def surface(self) -> TriangleTree:
         """The part's surface, for distances."""
-        return triangle_tree(united(self.mesh))
+        return triangle_tree(union(self.mesh))
 
 
 def _ramp(given: FieldArguments, setting: Setting, quantity: Quantity) -> Ramp:
@@ -458,12 +557,12 @@ def _radial(given: FieldArguments, setting: Setting) -> Field:
     says: dict[str, object]
     if given.only("point", "line") == "line":
         point, direction = given.line("line")
-        quantity = line_distance(point, direction)
+        quantity = _line_distance(point, direction)
         says = {"point_mm": list(point), "direction": list(direction)}
     else:
         x, y, z = setting.mesh.bounds_mm.mean(axis=0).tolist()
         centre = given.point("point") if "point" in given.named else (x, y, z)
-        quantity, says = point_distance(centre), {"centre_mm": list(centre)}
+        quantity, says = _point_distance(centre), {"centre_mm": list(centre)}
     return _ramp(given, setting, quantity).along(quantity, "radial", says)
 
 
@@ -483,11 +582,11 @@ def _distance(given: FieldArguments, setting: Setting) -> Field:
     says: dict[str, object]
     if which == "hole":
         picked = given.point("hole")
-        tree = triangle_tree(smooth_patch(setting.mesh, np.array(picked)))
+        tree = triangle_tree(_smooth_patch(setting.mesh, np.array(picked)))
         says = {"of": "hole", "point_mm": list(picked)}
     elif which == "box":
         low_mm, high_mm = given.box("box")
-        patch = faces_within(setting.mesh, np.array(low_mm), np.array(high_mm))
+        patch = _faces_within(setting.mesh, np.array(low_mm), np.array(high_mm))
         if not len(patch.faces):
             raise ArgumentError(
                 "field distance: no face of the part lies wholly in box=; make it larger"
@@ -501,7 +600,7 @@ def _distance(given: FieldArguments, setting: Setting) -> Field:
         file = Path(given.words[0])
         mesh, sha256 = _mesh_in_place(file, setting.origin_mm, closed=False)
         tree, says = triangle_tree(mesh), {"of": file.name, "sha256": sha256}
-    quantity = surface_distance(tree, depth=depth)
+    quantity = _surface_distance(tree, depth=depth)
     return _ramp(given, setting, quantity).along(quantity, "distance", says)
 
 
@@ -528,7 +627,7 @@ def _expression(given: FieldArguments, setting: Setting) -> Field:
     along = axis_field(None, setting.mesh)
 
     def depth(points_mm: FloatArray) -> FloatArray:
-        return surface_distance(setting.surface, depth=True)(points_mm)
+        return _surface_distance(setting.surface, depth=True)(points_mm)
 
     supply = {"d": depth, "u": along.values}
     return expression_field(text, setting.origin_mm, supply)

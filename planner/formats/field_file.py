@@ -1,14 +1,12 @@
 """Values in space: CSV, NPY, VTK's images (VTI) and unstructured grids (VTU); both also written."""
 
 import base64
-import csv
 import hashlib
 import io
 import itertools
 import math
 import re
 import zlib
-from array import array as array_of
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,15 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import ArgumentError, FileError
-from planner.formats.archive import most_unpacked
-from planner.formats.files import read_file
+from planner.formats.files import most_unpacked, read_file
+from planner.formats.tables import read_columns, read_rows
 from planner.numerics import FloatArray, IntArray, Point
 
 __all__ = [
-    "HEXAHEDRON",
-    "TETRAHEDRON",
-    "TRIANGLE",
-    "WEDGE",
     "GridTable",
     "encode_vti",
     "encode_vtu",
@@ -317,14 +311,14 @@ def read_grid_table(
     first_mm, spacing_mm
         Of a ``.npy``, which does not say.
     data
-        The file's bytes, where it is not on disk.
+        The bytes of a ``.vti`` that is not on disk.
 
     Raises
     ------
     FileError, ArgumentError
         The file cannot be read, or holds something else; the message says what.
     """
-    data = _bytes(path) if data is None else data
+    data = read_file(path, advice="check the name") if data is None else data
     kind = path.suffix.casefold()
     if kind == ".npy":
         if first_mm is None or spacing_mm is None:
@@ -336,7 +330,7 @@ def read_grid_table(
     elif kind == ".vti":
         first, spacing, values = _read_vti(data, str(path), array)
     elif kind == ".csv":
-        first, spacing, values = _regular(*_csv(data, path, array), path)
+        first, spacing, values = _regular(*_csv(path, array), path)
     else:
         raise FileError(f"{path}: a table is a .csv, .npy or .vti; points come as .csv or .vtu")
     _check(values, path)
@@ -353,21 +347,17 @@ def read_point_table(path: Path, *, array: str | None = None) -> PointTable:
     FileError
         The file cannot be read, or holds something else; the message says what.
     """
-    data = _bytes(path)
+    data = read_file(path, advice="check the name")
     kind = path.suffix.casefold()
     if kind == ".vtu":
         points, values = _read_vtu(data, str(path), array)
     elif kind == ".csv":
-        points, values = _csv(data, path, array)
+        points, values = _csv(path, array)
     else:
         raise FileError(f"{path}: points come as .csv or .vtu; a table is a .csv, .npy or .vti")
     _check(values, path)
     _check(points, path)
     return PointTable(points, values, hashlib.sha256(data).hexdigest())
-
-
-def _bytes(path: Path) -> bytes:
-    return read_file(path, advice="check the name")
 
 
 def _check(values: FloatArray, path: Path) -> None:
@@ -414,52 +404,28 @@ def _npy(data: bytes, path: Path) -> FloatArray:
     return np.ascontiguousarray(table)
 
 
-def _csv(data: bytes, path: Path, array: str | None) -> tuple[FloatArray, FloatArray]:
-    try:
-        reader = csv.reader(io.StringIO(data.decode("utf-8-sig")))
-        rows = (row for row in reader if any(cell.strip() for cell in row))
-        head = [cell.strip() for cell in next(rows, [])]
-        others = [name for name in head if name not in _COLUMNS]
-        wanted = array if array is not None else (others[0] if len(others) == 1 else None)
-        if not set(_COLUMNS) <= set(head) or wanted not in others:
-            which = f"; array= may be {', '.join(others)}" if len(others) > 1 else ""
-            raise FileError(
-                f"{path}: columns are {', '.join(head) or 'none'}; it needs x_mm, y_mm, z_mm and a "
-                f"value{which}"
-            )
-        columns = [head.index(name) for name in (*_COLUMNS, wanted)]
-        numbers = array_of("d")  # a row of texts takes ten times the memory
-        for row in rows:
-            try:
-                numbers.extend(float(row[column]) for column in columns)
-            except (ValueError, IndexError):
-                raise FileError(
-                    f"{path}: line {reader.line_num} is {row}; it needs four numbers"
-                ) from None
-            if any(cell.strip() for cell in row[len(head) :]):
-                raise FileError(
-                    f"{path}: line {reader.line_num} has {len(row)} cells for {len(head)} columns; "
-                    "write one number a column, with a dot as its decimal sign"
-                )
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise FileError(f"{path}: is no CSV in UTF-8 ({error})") from error
-    if not numbers:
-        raise FileError(f"{path}: holds no values")
-    found = np.frombuffer(numbers).reshape(-1, 4)
-    return found[:, :3].copy(), found[:, 3].copy()
+def _csv(path: Path, array: str | None) -> tuple[FloatArray, FloatArray]:
+    head = read_rows(path)[0]
+    others = [name for name in head if name and name not in _COLUMNS]
+    wanted = array or (others[0] if len(others) == 1 else "")
+    if not set(_COLUMNS) <= set(head) or wanted not in others:
+        which = f"; array= may be {', '.join(others)}" if len(others) > 1 else ""
+        raise FileError(
+            f"{path}: columns are {', '.join(head)}; it needs x_mm, y_mm, z_mm and a value{which}"
+        )
+    named = dict.fromkeys([*_COLUMNS, wanted])
+    numbers = read_columns(path, named, others=True).numbers
+    return np.column_stack([numbers[name] for name in _COLUMNS]), numbers[wanted]
 
 
 def _regular(points: FloatArray, values: FloatArray, path: Path) -> tuple[Point, Point, FloatArray]:
-    if not np.isfinite(points).all():
-        raise FileError(f"{path}: a place is not finite")
     axes = [np.unique(points[:, axis]) for axis in range(3)]
     shape = tuple(map(len, axes))
-    with np.errstate(over="ignore", invalid="ignore"):  # steps that are not finite are refused
-        steps = [(a[-1] - a[0]) / (len(a) - 1) if len(a) > 1 else 1.0 for a in axes]
-        even = all(
-            np.allclose(np.diff(a), step, rtol=1e-6, atol=0.0)
-            for a, step in zip(axes, steps, strict=True)
-        )
+    steps = [(a[-1] - a[0]) / (len(a) - 1) if len(a) > 1 else 1.0 for a in axes]
+    even = all(
+        np.allclose(np.diff(a), step, rtol=1e-6, atol=0.0)
+        for a, step in zip(axes, steps, strict=True)
+    )
     index = tuple(np.searchsorted(a, points[:, axis]) for axis, a in enumerate(axes))
     if not even or math.prod(shape) != len(values):
         raise FileError(
@@ -476,11 +442,9 @@ def _regular(points: FloatArray, values: FloatArray, path: Path) -> tuple[Point,
 # VTU and VTI, written: cells or a lattice of points, and values there.
 
 
-# VTK's numbers of cell types; nodes of each in VTK's own order (VTK File Formats, Kitware).
-TRIANGLE = 5
-TETRAHEDRON = 10
-HEXAHEDRON = 12
-WEDGE = 13
+_CELLS = {3: 5, 4: 10, 6: 13, 8: 12}
+"""VTK's types of triangles, tetrahedra, wedges and hexahedra by their number of nodes, which are in
+VTK's own order (VTK File Formats, Kitware)."""
 
 _NAMES = {kind: name for name, kind in _TYPES.items()}
 
@@ -489,7 +453,7 @@ _Values = Mapping[str, FloatArray | IntArray | NDArray[np.float32]]
 
 def encode_vtu(
     points: FloatArray | NDArray[np.float32],
-    cells: Sequence[tuple[int, IntArray]],
+    cells: Sequence[IntArray],
     *,
     point_data: _Values | None = None,
     cell_data: _Values | None = None,
@@ -500,7 +464,8 @@ def encode_vtu(
     ----------
     points : (n, 3)
     cells
-        VTK's type, and nodes (m, k) of each cell; values of cells follow in the same order.
+        Nodes (m, k) of triangles, tetrahedra, wedges and hexahedra, each kind by itself; values of
+        cells follow in the same order.
     point_data, cell_data
         By name: (n,) or (n, c) of points, (m,) or (m, c) of all cells.
 
@@ -509,7 +474,8 @@ def encode_vtu(
     ArgumentError
         Values for another number of points or cells, or of a type that VTU has not.
     """
-    count, cell_count = len(points), sum(len(nodes) for _, nodes in cells)
+    count, counts = len(points), [len(nodes) for nodes in cells]
+    cell_count = sum(counts)
     file = _Written("UnstructuredGrid", "")
     file.body.write(f'<Piece NumberOfPoints="{count}" NumberOfCells="{cell_count}">\n')
     file.group("PointData", point_data or {}, count)
@@ -517,13 +483,11 @@ def encode_vtu(
     file.body.write("<Points>\n")
     file.array(points, "Points")
     file.body.write("</Points>\n<Cells>\n")
-    nodes = [np.asarray(given, dtype=np.int64) for _, given in cells]
-    file.array(np.concatenate([np.empty(0, np.int64), *(n.ravel() for n in nodes)]), "connectivity")
-    sizes = np.repeat([n.shape[1] for n in nodes], [len(n) for n in nodes])
-    file.array(np.cumsum(sizes, dtype=np.int64), "offsets")
-    file.array(
-        np.repeat(np.array([t for t, _ in cells], np.uint8), [len(n) for n in nodes]), "types"
-    )
+    nodes = [np.empty(0, np.int64), *(np.ravel(given) for given in cells)]
+    file.array(np.concatenate(nodes, dtype=np.int64), "connectivity")
+    sizes = [given.shape[1] for given in cells]
+    file.array(np.cumsum(np.repeat(sizes, counts), dtype=np.int64), "offsets")
+    file.array(np.repeat(np.array([_CELLS[n] for n in sizes], np.uint8), counts), "types")
     file.body.write("</Cells>\n")
     return file.encoded()
 

@@ -9,6 +9,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 from planner.errors import FileError
 from planner.formats.tables import LONGEST_HEADING, number
@@ -48,7 +49,7 @@ def _folded(text: str) -> str:
     return re.sub(r"[\s_,]+", " ", bare).strip(" .:=")
 
 
-_TERMS: Mapping[str, Mapping[str, str]] = tomllib.loads(
+_TERMS: Mapping[str, Mapping[str, Any]] = tomllib.loads(
     Path(__file__).with_name("terms.toml").read_text(encoding="utf-8")
 )
 _MEANING, _SIZE, _SYMBOLS, _TEXT, _SPEED, _MODE = (
@@ -112,24 +113,8 @@ def _looked_up(name: str, table: Mapping[str, str]) -> str | None:
 # A column's heading: which quantity, in which unit.
 
 
-_COLUMNS: Mapping[str, Mapping[str, str]] = MappingProxyType(
-    {
-        "time": {"time": "time_s"},
-        "force": {"force": "force_N", "stress": "stress_MPa"},  # testXpert: "Standardkraft in MPa"
-        "displacement": {"length": "displacement_mm", "strain": "strain"},
-        "position": {"length": "displacement_mm"},
-        "elongation": {"length": "displacement_mm", "strain": "strain"},
-        "strain": {"strain": "strain", "length": "displacement_mm"},  # an extensometer's travel
-        "stress": {"stress": "stress_MPa"},
-        "stretch": {"strain": "stretch"},
-        "lagrange strain": {"strain": "lagrange_strain"},
-        "true strain": {"strain": "true_strain"},
-        "true stress": {"stress": "true_stress_MPa"},
-    }
-)
+_COLUMNS: Mapping[str, Mapping[str, str]] = _TERMS["quantities"]
 """By meaning: the column, by the quantity that the unit is of; the first where none is stated."""
-
-_OF = {"time": "s", "force": "N", "length": "mm", "stress": "MPa"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -183,12 +168,13 @@ class Heading:
             The unit is missing where one is needed, or is unknown.
         """
         where, quantity = f"{where}, column {self.text!r}", self.quantity
+        name = _COLUMNS[self.meaning][quantity]
         if self.unit is None and quantity != "strain":
             unsure = ", so that it may be a length or a strain" * (self.meaning == "elongation")
-            units = ("mm", "%") if unsure else (_OF[quantity],)
+            units = ("mm", "%") if unsure else (name.rpartition("_")[2],)
             examples = " or ".join(f"'{self.text} ({unit})'" for unit in units)
             raise FileError(f"{where}: no unit{unsure}; write it in the heading, as {examples}")
-        return _COLUMNS[self.meaning][quantity], unit_factor(quantity, self.unit or "", where=where)
+        return name, unit_factor(quantity, self.unit or "", where=where)
 
 
 @functools.lru_cache(maxsize=8192)

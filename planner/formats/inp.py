@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from planner.numerics import FloatArray, IntArray
 
-__all__ = ["HeldNodes", "InpMaterial", "InpModel", "encode_inp"]
+__all__ = ["InpMaterial", "InpModel", "encode_inp"]
 
 
 Solver = Literal["abaqus", "calculix"]
@@ -54,13 +54,8 @@ class InpMaterial:
     density_g_cm3: float | None = None
 
 
-@dataclass(frozen=True, eq=False)
-class HeldNodes:
-    """Nodes whose displacement is given; None where it is free."""
-
-    name: str
-    nodes: IntArray
-    displacement_mm: tuple[float | None, float | None, float | None]
+_Displacement = tuple[float | None, float | None, float | None]
+"""In mm; None where it is free."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,6 +70,8 @@ class InpModel:
         In the order of C3D20.
     node_sets
         By name.
+    held
+        By name: nodes and their displacement.
     forces_N
         By name: nodes and forces, (k,) and (k, 3).
     pressures_MPa
@@ -88,15 +85,10 @@ class InpModel:
     nodes: NDArray[np.int64]
     materials: Sequence[InpMaterial]
     node_sets: Mapping[str, IntArray]
-    held: Sequence[HeldNodes] = ()
+    held: Mapping[str, tuple[IntArray, _Displacement]] = field(default_factory=dict)
     forces_N: Mapping[str, tuple[IntArray, FloatArray]] = field(default_factory=dict)
     pressures_MPa: Mapping[str, tuple[IntArray, float]] = field(default_factory=dict)
     gravity: tuple[float, float, float] | None = None
-
-    @property
-    def is_loaded(self) -> bool:
-        """Whether there is anything to compute."""
-        return bool(self.held or self.forces_N or self.pressures_MPa or self.gravity)
 
 
 def encode_inp(model: InpModel, solver: Solver) -> bytes:
@@ -121,7 +113,8 @@ def _lines(model: InpModel, solver: Solver) -> Iterator[str]:
             yield ", ".join(map(str, row[_PER_LINE:]))
     yield "*ELSET, ELSET=EALL"
     yield from (material.name for material in model.materials)
-    for name, nodes in {**model.node_sets, **{h.name: h.nodes for h in model.held}}.items():
+    held = {name: nodes for name, (nodes, _) in model.held.items()}
+    for name, nodes in {**model.node_sets, **held}.items():
         yield f"*NSET, NSET={name}"
         yield from _listed(nodes)
     for material in model.materials:
@@ -130,7 +123,7 @@ def _lines(model: InpModel, solver: Solver) -> Iterator[str]:
         for face in np.unique(faces[:, 1]).tolist():
             yield f"*ELSET, ELSET={name}_S{face + 1}"
             yield from _listed(faces[faces[:, 1] == face, 0])
-    if model.is_loaded:
+    if model.held or model.forces_N or model.pressures_MPa or model.gravity:
         yield from _step(model, solver)
 
 
@@ -170,11 +163,11 @@ def _step(model: InpModel, solver: Solver) -> Iterator[str]:
     yield "*STEP, NLGEOM" + ("=YES, INC=1000" if solver == "abaqus" else ", INC=1000")
     yield "*STATIC"
     yield "0.1, 1., 1e-6, 0.2"
-    for held in model.held:
+    for name, (_, displacement) in model.held.items():
         yield "*BOUNDARY"
-        for axis, value in enumerate(held.displacement_mm, start=1):
+        for axis, value in enumerate(displacement, start=1):
             if value is not None:
-                yield f"{held.name}, {axis}, {axis}, {value:.9g}"
+                yield f"{name}, {axis}, {axis}, {value:.9g}"
     for name, (nodes, forces) in model.forces_N.items():
         yield f"** {name}"
         yield "*CLOAD"
@@ -197,7 +190,6 @@ def _step(model: InpModel, solver: Solver) -> Iterator[str]:
         yield from ("*NODE OUTPUT", "U, RF", "*ELEMENT OUTPUT", "S, LE")
     else:
         yield from ("*NODE FILE", "U, RF", "*EL FILE", "S, E")
-        for held in model.held:
-            yield f"*NODE PRINT, NSET={held.name}, TOTALS=ONLY"
-            yield "RF"
+        for name in model.held:
+            yield from (f"*NODE PRINT, NSET={name}, TOTALS=ONLY", "RF")
     yield "*END STEP"

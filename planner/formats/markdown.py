@@ -2,7 +2,7 @@
 
 import itertools
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from html import escape
 
 __all__ = ["as_words", "to_html"]
@@ -44,25 +44,27 @@ def _blocks(lines: Sequence[str], top_level: int) -> Iterator[str]:
         if not first:
             pass
         elif first.startswith(_FENCE):
-            while stop < len(lines) and not lines[stop].strip().startswith(_FENCE):
-                stop += 1
+            stop = _end(lines, stop, lambda line: not line.strip().startswith(_FENCE))
             yield f"<pre>{escape(chr(10).join(lines[at + 1 : stop]))}</pre>"
             stop += 1
         elif heading := re.match(r"(#{1,6})\s+(.*)", first):
             level = min(6, top_level - 1 + len(heading[1]))
             yield f"<h{level}>{_inline(heading[2])}</h{level}>"
         elif first.startswith("|"):
-            while stop < len(lines) and lines[stop].strip().startswith("|"):
-                stop += 1
+            stop = _end(lines, stop, lambda line: line.strip().startswith("|"))
             yield from _table([line.strip() for line in lines[at:stop]])
         elif _ITEM.match(first):
-            stop = _end_of_list(lines, at)
+            stop = _end(lines, stop, _lists)
             yield from _list(lines[at:stop])
         else:
-            while stop < len(lines) and _continues(lines[stop]):
-                stop += 1
+            stop = _end(lines, stop, _continues)
             yield f"<p>{_inline(' '.join(line.strip() for line in lines[at:stop]))}</p>"
         at = stop
+
+
+def _end(lines: Sequence[str], start: int, goes_on: Callable[[str], bool]) -> int:
+    """Return the place of the first line, from a place on, that does not go on with a block."""
+    return next((at for at in range(start, len(lines)) if not goes_on(lines[at])), len(lines))
 
 
 def _continues(line: str) -> bool:
@@ -71,15 +73,10 @@ def _continues(line: str) -> bool:
     return bool(plain) and not plain.startswith(("|", "#", _FENCE)) and not _ITEM.match(plain)
 
 
-def _end_of_list(lines: Sequence[str], start: int) -> int:
-    stop = start + 1
-    while stop < len(lines):
-        line = lines[stop]
-        indented = line.startswith("  ") and line.strip()
-        if not (indented or _ITEM.match(line.strip()) or _continues(line)):
-            break
-        stop += 1
-    return stop
+def _lists(line: str) -> bool:
+    """Tell whether a line goes on with the list before it."""
+    plain = line.strip()
+    return bool((plain and line.startswith("  ")) or _ITEM.match(plain)) or _continues(line)
 
 
 def _list(lines: Sequence[str]) -> Iterator[str]:

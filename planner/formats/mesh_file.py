@@ -1,9 +1,9 @@
 """Mesh files of any kind as triangles in millimetres; STL, also written."""
 
+import contextlib
 import hashlib
 import io
 import json
-import math
 import os
 import re
 import subprocess
@@ -17,29 +17,20 @@ from types import MappingProxyType
 
 import numpy as np
 
-from planner.errors import ArgumentError, FileError, MeshError, OutputError, did_you_mean
-from planner.formats.archive import USUAL_LIMITS, UnfoldingLimits
-from planner.formats.files import read_file
-from planner.formats.units import QUANTITY_UNITS, known_units, quantities_of, unit_factor
+from planner.errors import FileError, MeshError, OutputError, did_you_mean
+from planner.formats.files import USUAL_LIMITS, UnfoldingLimits, read_file
+from planner.formats.units import QUANTITY_UNITS, canonical_unit
 from planner.numerics import Float32Array, FloatArray, IntArray
 
 __all__ = [
     "EXTENSIONS",
-    "MILLIMETRES",
-    "canonical_unit",
     "decode_stl",
     "encode_stl",
     "read_mesh",
     "stl_holds",
-    "unit_scale_mm",
 ]
 
 
-MILLIMETRES = "mm"
-
-_SCALE_MM: Mapping[str, float] = MappingProxyType(
-    {unit: QUANTITY_UNITS["length"][unit] for unit in (MILLIMETRES, "cm", "m", "inch", "ft", "um")}
-)
 _BY_TRIMESH = ("ply", "obj", "off", "glb")
 _BY_CASCADIO = ("step", "stp")
 EXTENSIONS = ("stl", "3mf", *_BY_TRIMESH, *_BY_CASCADIO)
@@ -122,60 +113,24 @@ def read_mesh(
             f"{path}: files ending in {path.suffix or 'nothing'} are not read; convert it to one "
             f"of {', '.join(EXTENSIONS)}"
         )
-    if len(triangles) == 0:
-        raise MeshError(f"{path}: holds no triangles; export the part again")
     _require_finite(triangles, str(path))
     if unit is not None and own is not None and unit != own:
         notes = (*notes, f"read in {unit} as asked, though the file says {own}")
-    used = unit or own or MILLIMETRES
+    used = unit or own or "mm"
     in_mm = np.ascontiguousarray(triangles, dtype=np.float64)
-    if used != MILLIMETRES:
-        in_mm = in_mm * unit_scale_mm(used)
+    if used != "mm":
+        in_mm = in_mm * QUANTITY_UNITS["length"][used]
     return MeshFile(in_mm, path.stem, hashlib.sha256(data).hexdigest(), used, notes)
-
-
-def canonical_unit(unit: str) -> str:
-    """Return the short name of a unit of length.
-
-    Raises
-    ------
-    ArgumentError
-        Nothing is called so; the message says what is near.
-    """
-    mm = unit_factor("length", unit, where="") if "length" in quantities_of(unit) else math.nan
-    called = next((name for name, scale in _SCALE_MM.items() if scale == mm), None)
-    if called is None:
-        names = [name for name, mm in known_units("length").items() if mm in _SCALE_MM.values()]
-        hint = did_you_mean(unit, names)
-        raise ArgumentError(
-            f"`unit` {unit or repr(unit)}: no such unit; {hint}it may be {', '.join(_SCALE_MM)}"
-        )
-    return called
-
-
-def unit_scale_mm(unit: str) -> float:
-    """Return how many mm a unit of length has.
-
-    Raises
-    ------
-    ArgumentError
-        No such unit.
-    """
-    return _SCALE_MM[canonical_unit(unit)]
 
 
 def _bytes(path: Path) -> bytes:
     if not os.path.lexists(path):
-        hint = did_you_mean(path.name, _files_beside(path)) or "check the name and the folder"
+        beside = list[str]()
+        with contextlib.suppress(OSError):
+            beside = sorted(entry.name for entry in path.parent.iterdir() if entry.is_file())
+        hint = did_you_mean(path.name, beside) or "check the name and the folder"
         raise FileError(f"{path}: no such file; {hint.rstrip()}")
     return read_file(path, advice=f"give a mesh file ({', '.join(EXTENSIONS)})")
-
-
-def _files_beside(path: Path) -> list[str]:
-    try:
-        return sorted(entry.name for entry in path.parent.iterdir() if entry.is_file())
-    except OSError:
-        return []
 
 
 _Read = tuple[FloatArray, str | None, tuple[str, ...]]
@@ -185,13 +140,9 @@ def _threemf(data: bytes, name: str, limits: UnfoldingLimits) -> _Read:
     from planner.formats.threemf import decode_threemf
 
     model = decode_threemf(data, name, limits=limits)
-    triangles = np.empty((sum(len(item.faces) for item in model.objects), 3, 3))
-    end = 0
-    for item in model.objects:
-        begin, end = end, end + len(item.faces)
-        triangles[begin:end] = item.vertices[item.faces]
+    corners = [np.empty((0, 3, 3)), *(item.vertices[item.faces] for item in model.objects)]
     names = [item.name for item in model.objects]
-    return triangles, model.unit, (*model.remarks, *_together(names))
+    return np.concatenate(corners), model.unit, (*model.remarks, *_together(names))
 
 
 def _together(names: Sequence[str]) -> tuple[str, ...]:
@@ -250,10 +201,10 @@ def _step(data: bytes, name: str, limits: UnfoldingLimits) -> _Read:
         raise empty
     stated = _STEP_UNIT.search(data) or _STEP_METRES.search(data)
     word = b"MILLI" if stated is None else next(filter(None, stated.groups()), b"")
-    own = _STEP_UNITS.get(word.upper(), MILLIMETRES)
+    own = _STEP_UNITS.get(word.upper(), "mm")
     # As precise as it was in metres; and both ends of a seam are equal again, to 10 nm.
     in_mm = np.round(1000.0 * in_m, 5).astype(np.float32).astype(np.float64)
-    return in_mm / unit_scale_mm(own), own, _together(names)
+    return in_mm / QUANTITY_UNITS["length"][own], own, _together(names)
 
 
 def _trimesh(
@@ -400,8 +351,6 @@ def decode_stl(data: bytes, name: str) -> Float32Array | FloatArray:
         if binary
         else _decode_ascii(data, name)
     )
-    if len(triangles) == 0:
-        raise MeshError(f"{name}: holds no triangles; export the part again")
     _require_finite(triangles, name)
     return triangles
 
@@ -457,23 +406,19 @@ def stl_holds(data: bytes, vertices: Float32Array, faces: IntArray) -> bool:
         return False
     records = np.frombuffer(data, _RECORD, count, _HEADER_BYTES + 4)
     points = np.ascontiguousarray(vertices, np.float32).view(np.uint32)
-    return all(
-        np.array_equal(
-            np.ascontiguousarray(records["corners"][start : start + _BLOCK]).view(np.uint32),
-            points[faces[start : start + _BLOCK]],
-        )
-        for start in range(0, count, _BLOCK)
-    )
+    return np.array_equal(records["corners"].copy().view(np.uint32), points[faces])
 
 
 def _require_finite(triangles: Float32Array | FloatArray, name: str) -> None:
-    """Refuse triangles with a coordinate that is not a finite number.
+    """Refuse no triangles at all, and those with a coordinate that is not a finite number.
 
     Raises
     ------
     MeshError
         Names the first such triangle, counted from 1, and how many there are.
     """
+    if len(triangles) == 0:
+        raise MeshError(f"{name}: holds no triangles; export the part again")
     if np.isfinite(triangles).all():
         return
     finite = np.isfinite(triangles).all(axis=(1, 2))

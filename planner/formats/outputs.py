@@ -2,6 +2,7 @@
 
 import contextlib
 import errno
+import glob
 import hashlib
 import itertools
 import os
@@ -12,6 +13,7 @@ import sys
 import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +33,7 @@ __all__ = [
     "is_stream",
     "new_folder",
     "seal",
+    "write_folder",
     "write_whole",
 ]
 
@@ -38,8 +41,8 @@ __all__ = [
 # ------------------------------------------------------------------------------------------------
 # Scratch files and folders beside their targets, and those that killed runs have left.
 #
-# Whoever writes locks its scratch; the system takes the lock back when the process ends, however it
-# ends. So a scratch that can be locked is nobody's, and the next run to the same target removes it.
+# Only who has claimed a target makes them. The system takes a claim's lock back when the process
+# ends, however it ends, and the next run that claims the target removes what is left.
 
 
 def is_scratch(name: str) -> bool:
@@ -54,35 +57,20 @@ _SCRATCH = re.compile(r"\..+\.partial-\d+(-\d+)?")
 def _scratch_beside(target: Path, *, folder: bool) -> Iterator[Path]:
     """Make a hidden file or folder beside `target`, which renaming reaches without copying.
 
-    What is left of it in the end is removed, and so is what killed runs have left there.
+    What is left of it in the end is removed.
     """
-    _remove_dead(target)
     for number in itertools.count():
         scratch = target.with_name(
             f".{target.name}.partial-{os.getpid()}" + (f"-{number}" if number else "")
         )
-        try:
+        with contextlib.suppress(FileExistsError):  # of a claim within this one
             scratch.mkdir() if folder else scratch.open("xb").close()
-        except FileExistsError:
-            continue
-        with _locked(scratch) as ours:
-            if not ours:  # another run took it for dead before it was locked
-                continue
-            try:
-                yield scratch
-            finally:
-                _remove(scratch)
-        return
-
-
-def _remove_dead(target: Path) -> None:
-    """Remove what runs to this target that were killed have left beside it."""
-    with contextlib.suppress(OSError):  # none of it is in the way
-        for path in target.parent.iterdir():
-            if path.name.startswith(f".{target.name}.partial-") and is_scratch(path.name):
-                with _locked(path) as dead:
-                    if dead:
-                        _remove(path)
+            break
+    with _locked(scratch):  # what is made anew in place of what is open has another inode
+        try:
+            yield scratch
+        finally:
+            _remove(scratch)
 
 
 def _remove(path: Path) -> None:
@@ -93,31 +81,12 @@ def _remove(path: Path) -> None:
             path.unlink()
 
 
-@contextmanager
-def _locked(path: Path) -> Iterator[bool]:
-    """Lock a file or folder; False where someone else has, or it is not the one of this name."""
-    try:
-        import fcntl
-    except ImportError:  # no such locks on Windows: what is left stays, and names are one's own
-        yield path.name.endswith(".partial-0") or f".partial-{os.getpid()}" in path.name
-        return
-    handle = -1
-    try:
-        try:
-            handle = os.open(path, os.O_RDONLY | os.O_NOFOLLOW)
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            ours = os.path.samestat(os.fstat(handle), path.lstat())
-        except OSError:
-            ours = False
-        yield ours
-    finally:
-        if handle >= 0:
-            os.close(handle)
-
-
 # ------------------------------------------------------------------------------------------------
 # A target belongs to one run from its first look at it until it is written.
 
+
+_LOCKS = find_spec("fcntl") is not None
+"""Windows has no such locks: there what killed runs left stays."""
 
 _claims: dict[Path, bool] = {}
 """Targets of this process, and whether what is there may be replaced."""
@@ -163,6 +132,9 @@ def claimed(output: str | Path, *, force: bool = True) -> Iterator[Path]:
                         )
                     lock.touch()  # that run has ended just now
                 held.callback(_remove, lock)
+                for left in target.parent.glob(f".{glob.escape(target.name)}.partial-*"):
+                    if _LOCKS and is_scratch(left.name) and left != lock:
+                        _remove(left)
                 _claims[target] = force
                 held.callback(_claims.pop, target)
         except (OSError, RuntimeError) as error:  # RuntimeError: a loop of links
@@ -170,6 +142,26 @@ def claimed(output: str | Path, *, force: bool = True) -> Iterator[Path]:
                 f"{output}: cannot be written ({_reason(error)}); choose another place"
             ) from error
         yield target
+
+
+@contextmanager
+def _locked(path: Path) -> Iterator[bool]:
+    """Lock a file or folder; False where another run has, or it is not the one of this name."""
+    ours, handle = True, -1
+    try:
+        if _LOCKS:
+            import fcntl
+
+            handle = os.open(path, os.O_RDONLY | os.O_NOFOLLOW)
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            ours = os.path.samestat(os.fstat(handle), path.lstat())
+    except OSError:
+        ours = False
+    try:
+        yield ours
+    finally:
+        if handle >= 0:
+            os.close(handle)
 
 
 def _remove_empty(folder: Path) -> None:
@@ -202,17 +194,12 @@ def check_absent(path: str | Path, *, force: bool) -> None:
     if is_stream(path):
         return
     try:
-        if path.is_symlink() and not path.exists():
-            if not force:
-                raise OutputError(
-                    f"{path}: is a link to {path.readlink()}, where nothing is; make that with "
-                    "`force`, or name another file"
-                )
-        elif path.is_dir():
+        _check_link(path, "name another file", force=force)
+        if path.is_dir():
             raise OutputError(f"{path}: is a folder; name a file")
-        elif path.exists() and not path.is_file():
+        if path.exists() and not path.is_file():
             raise OutputError(f"{path}: is a device or a pipe; name a file, or - for the terminal")
-        elif path.exists() and not force:
+        if path.exists() and not force:
             raise OutputError(
                 f"{path}: exists already; replace it with `force`, or name another file"
             )
@@ -221,6 +208,14 @@ def check_absent(path: str | Path, *, force: bool) -> None:
             raise OutputError(f"{path}: there is no folder {folder}; create that first")
     except (OSError, RuntimeError) as error:
         raise OutputError(f"{path}: {_reason(error)}; choose another place") from error
+
+
+def _check_link(path: Path, other: str, *, force: bool) -> None:
+    if path.is_symlink() and not path.exists() and not force:
+        raise OutputError(
+            f"{path}: is a link to {path.readlink()}, where nothing is; make that with `force`, "
+            f"or {other}"
+        )
 
 
 def write_whole(path: str | Path, data: bytes) -> None:
@@ -291,40 +286,31 @@ def is_sealed(path: Path) -> bool:
     return at >= 0 and seal(page[:at] + _OPEN + page[at + len(_OPEN) :]) == page
 
 
-def _kept_files(folder: str | Path, record: str) -> tuple[str, ...]:
+def _kept_files(root: Path, record: str, listed: Mapping[str, str]) -> tuple[str, ...]:
     """List what planner has not written into a folder, or not as it is now.
 
     Parameters
     ----------
-    folder
+    root
         One that planner wrote.
-    record
-        Its JSON document, which lists the folder's files with their hashes.
+    record, listed
+        The name of its JSON document, and the folder's files with their hashes listed there.
 
     Returns
     -------
     tuple of str
         Files, links and empty folders by their paths within it, sorted; folders end in a slash.
-
-    Raises
-    ------
-    OutputError
-        The record lists no files.
-    OSError
-        The folder cannot be read.
     """
-    root = Path(folder)
-    listed = _listed(root, record)
     kept = []
     for name, path in _within(root):
         if name.endswith("/"):
-            if not any(path.iterdir()) and not any(file.startswith(name) for file in listed):
-                kept.append(name)
-        elif name != record and not (
-            stat.S_ISREG(path.lstat().st_mode)
-            and (_sha256(path) == listed.get(name) or (name == _PAGE and is_sealed(path)))
-        ):
-            kept.append(name)
+            ours = any(path.iterdir()) or any(file.startswith(name) for file in listed)
+        else:
+            ours = name == record or (
+                stat.S_ISREG(path.lstat().st_mode)
+                and (_sha256(path) == listed.get(name) or (name == _PAGE and is_sealed(path)))
+            )
+        kept += [] if ours else [name]
     return tuple(sorted(kept))
 
 
@@ -415,30 +401,25 @@ def check_target(
         Says what is there and what to do.
     """
     kept: tuple[str, ...] = ()
+    other = f"name another folder with `{option}`"
     try:
-        if Path(folder).is_symlink() and not Path(folder).exists() and not force:
-            raise OutputError(
-                f"{folder}: is a link to {Path(folder).readlink()}, where nothing is; make that "
-                f"with `force`, or name another folder with `{option}`"
-            )
+        _check_link(Path(folder), other, force=force)
         target = Path(folder).resolve()
         if target.is_dir():
             content = {e.name for e in target.iterdir() if not is_scratch(e.name)}
             if not content:
                 return kept
             if record is None:
-                raise OutputError(f"{folder}: exists already; name another folder with `{option}`")
+                raise OutputError(f"{folder}: exists already; {other}")
             if record not in content:
                 raise OutputError(
                     f"{folder}: exists and holds no {record}, so planner did not write it and "
-                    f"does not replace it; name another folder with `{option}`"
+                    f"does not replace it; {other}"
                 )
             if not force:
-                raise OutputError(
-                    f"{folder}: exists already; replace it with `force`, or name another folder "
-                    f"with `{option}`"
-                )
-            kept, listed = _kept_files(target, record), _listed(target, record)
+                raise OutputError(f"{folder}: exists already; replace it with `force`, or {other}")
+            listed = _listed(target, record)
+            kept = _kept_files(target, record, listed)
             changed = [name for name in kept if name in listed]
             _refuse(folder, changed, "was changed since planner wrote it", option)
         elif target.exists():
@@ -521,6 +502,22 @@ def new_folder(
                 f"{folder}: {_reason(error)}; nothing was written; choose another place with "
                 f"`{option}`"
             ) from error
+
+
+def write_folder(
+    folder: str | Path,
+    files: Mapping[str, bytes],
+    *,
+    force: bool = False,
+    record: str | None = None,
+    option: str = "output",
+) -> Path:
+    """Write files by their paths into a folder, whole or not at all; see `new_folder`."""
+    with new_folder(folder, force=force, record=record, option=option) as scratch:
+        for name, content in files.items():
+            (scratch / name).parent.mkdir(parents=True, exist_ok=True)
+            (scratch / name).write_bytes(content)
+    return Path(folder)
 
 
 def _list_files(record: Path) -> None:

@@ -5,11 +5,12 @@ import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.glance import channels
 from planner.numerics import IntArray, inner_kernel, kernel
 
 __all__ = ["NOTHING", "ImageKind", "Rgba", "distinct_colours", "encode_layer"]
@@ -31,27 +32,6 @@ _LENGTH_BASE = (
 _LENGTH_EXTRA_BITS = (*(0,) * 8, *(n for n in range(1, 6) for _ in range(4)), 0)
 # RFC 1951, 3.2.7: the order in which the lengths of the code for code lengths stand.
 _ORDER = (16, 17, 18, 0, 8, 7, 9, 6, 10, 5, 11, 4, 12, 3, 13, 2, 14, 1, 15)
-
-
-class DeflateCode(NamedTuple):
-    """Tables of the code, first bit sent lowest.
-
-    Attributes
-    ----------
-    head, head_bits : (bytes,) uint8, int
-        What a stream begins with: zlib's two bytes, and a last block that brings this code.
-    literal, literal_bits : (257,) int64
-        Code and its length for each byte, and for the end of the block.
-    match, match_bits : (259,) int64
-        The same, by length, for a repetition of the byte before; from 3 on.
-    """
-
-    head: IntArray
-    head_bits: int
-    literal: IntArray
-    literal_bits: IntArray
-    match: IntArray
-    match_bits: IntArray
 
 
 def _lengths() -> list[int]:
@@ -95,21 +75,30 @@ def _head(bits: list[int]) -> tuple[IntArray, int]:
     return np.frombuffer(number.to_bytes(place // 8 + 1, "little"), np.uint8).copy(), place
 
 
+_REPEATED = _END - 2
+"""Added to the length of a repetition of the byte before, from 3 on, for its place in the code."""
+
+
 @cache
-def _deflate_code() -> DeflateCode:
-    """Return the code."""
+def _deflate_code() -> tuple[IntArray, int, IntArray, IntArray]:
+    """Return what a stream begins with, and the code, first bit sent lowest.
+
+    Returns
+    -------
+    head, head_bits : (bytes,) uint8, int
+        Zlib's two bytes, and a last block that brings this code.
+    codes, bits : (513,) int64
+        The code and its length of each byte, of the end of the block, and of each repetition.
+    """
     bits = _lengths()
     codes = _codes(bits)
-    match, match_bits = [0, 0, 0], [0, 0, 0]
+    rows = [*zip(codes, bits, strict=True)][: _END + 1]
     for length in range(3, 259):
         entry = max(i for i, base in enumerate(_LENGTH_BASE) if base <= length)
-        extra, size = length - _LENGTH_BASE[entry], bits[_END + 1 + entry]
-        match.append(codes[_END + 1 + entry] | extra << size)
-        match_bits.append(size + _LENGTH_EXTRA_BITS[entry] + 1)  # and distance 1, a zero bit
-    head, head_bits = _head(bits)
-    first = slice(0, _END + 1)
-    tables = (codes[first], bits[first], match, match_bits)
-    return DeflateCode(head, head_bits, *(np.array(t, np.int64) for t in tables))
+        code, size = codes[_END + 1 + entry], bits[_END + 1 + entry]
+        more = _LENGTH_EXTRA_BITS[entry] + 1  # and distance 1, a zero bit
+        rows.append((code | (length - _LENGTH_BASE[entry]) << size, size + more))
+    return *_head(bits), *np.array(rows, np.int64).T.copy()
 
 
 # ------------------------------------------------------------------------------------------------
@@ -123,31 +112,25 @@ _SAME_AS_LEFT, _SAME_AS_ABOVE = 1, 2  # PNG's filters "sub" and "up"
 
 
 @inner_kernel
-def _put(stream: Any, place: Any, code: Any) -> None:
+def _put(stream: Any, place: Any, symbol: Any, codes: Any, bits: Any) -> Any:
     # Write a code of up to 16 bits at bit `place`; the stream is zero from there on.
-    first, value = place >> 3, code << (place & 7)
+    first, value = place >> 3, codes[symbol] << (place & 7)
     stream[first] |= value & 255
     stream[first + 1] |= (value >> 8) & 255
     stream[first + 2] |= (value >> 16) & 255
+    return place + bits[symbol]
 
 
 @inner_kernel
-def _put_zeros(
-    stream: Any, place: Any, zeros: Any, literal: Any, literal_bits: Any, match: Any, bits: Any
-) -> Any:
+def _put_zeros(stream: Any, place: Any, zeros: Any, codes: Any, bits: Any) -> Any:
     # One zero as it is, then repetitions of it; 258 of them are two bits that are zero already.
     if zeros > 0:
-        _put(stream, place, literal[0])
-        place += literal_bits[0]
-        place += 2 * ((zeros - 1) // 258)
+        place = _put(stream, place, 0, codes, bits) + 2 * ((zeros - 1) // 258)
         rest = (zeros - 1) % 258
-        if rest < 3:
-            for _ in range(rest):
-                _put(stream, place, literal[0])
-                place += literal_bits[0]
-        else:
-            _put(stream, place, match[rest])
-            place += bits[rest]
+        if rest >= 3:
+            return _put(stream, place, _REPEATED + rest, codes, bits)
+        for _ in range(rest):
+            place = _put(stream, place, 0, codes, bits)
     return place
 
 
@@ -161,10 +144,8 @@ def _deflate_rows(
     last: Any,
     width: Any,
     pixel: Any,
-    literal: Any,
-    literal_bits: Any,
-    match: Any,
-    match_bits: Any,
+    codes: Any,
+    bits: Any,
     stream: Any,
     place: Any,
 ) -> Any:
@@ -197,8 +178,7 @@ def _deflate_rows(
                     repeated = False
                     break
         row_filter = _SAME_AS_ABOVE if repeated else _SAME_AS_LEFT
-        _put(stream, place, literal[row_filter])
-        place += literal_bits[row_filter]
+        place = _put(stream, place, row_filter, codes, bits)
         low = (low + row_filter) % _ADLER
         high = (high + low) % _ADLER
         zeros, at, before = 0, 0, 0  # zeros that wait, pixels done, the last one's label
@@ -218,20 +198,16 @@ def _deflate_rows(
                 if value == 0:
                     zeros += 1
                 else:
-                    place = _put_zeros(
-                        stream, place, zeros, literal, literal_bits, match, match_bits
-                    )
+                    place = _put_zeros(stream, place, zeros, codes, bits)
                     zeros = 0
-                    _put(stream, place, literal[value])
-                    place += literal_bits[value]
+                    place = _put(stream, place, value, codes, bits)
                     low = (low + value) % _ADLER
                 high = (high + low) % _ADLER
             at, before = edge + 1, now
         zeros += (width - at) * size
         high = (high + (width - at) * size * low) % _ADLER
-        place = _put_zeros(stream, place, zeros, literal, literal_bits, match, match_bits)
-    _put(stream, place, literal[256])
-    return place + literal_bits[256], (high << 16) | low
+        place = _put_zeros(stream, place, zeros, codes, bits)
+    return _put(stream, place, _END, codes, bits), (high << 16) | low
 
 
 # ------------------------------------------------------------------------------------------------
@@ -301,7 +277,7 @@ def distinct_colours(wished: Sequence[str]) -> tuple[Rgba, ...]:
     wished
         "#RRGGBB" by material.
     """
-    wishes = np.array([list(bytes.fromhex(colour.removeprefix("#"))) for colour in wished])
+    wishes = np.array([channels(colour) for colour in wished])
     spare = np.min([_squares(_SPARE, wish) for wish in wishes], axis=0)
     given: list[IntArray] = []
     for wish in wishes:
@@ -376,16 +352,15 @@ def encode_layer(
         First row of the image, and the one after its last.
     """
     first, last = rows
-    pixel, code = kind.pixels(), _deflate_code()
+    pixel, (head, head_bits, codes, lengths) = kind.pixels(), _deflate_code()
     a_row = _BITS_A_ROW + 2 * (width * pixel.shape[1] // 258 + 1)
     runs = int(offsets[last] - offsets[first])
-    bits = code.head_bits + (last - first) * a_row + 2 * runs * _BITS_AN_EDGE + 64
+    bits = head_bits + (last - first) * a_row + 2 * runs * _BITS_AN_EDGE + 64
     stream = np.zeros(bits // 8 + 8, np.uint8)
-    stream[: len(code.head)] = code.head
+    stream[: len(head)] = head
     place, adler = _deflate_rows(
         *(offsets, start, stop, label, first, last, width, pixel),
-        *(code.literal, code.literal_bits, code.match, code.match_bits),
-        *(stream, code.head_bits),
+        *(codes, lengths, stream, head_bits),
     )
     end = (int(place) + 7) // 8
     data = stream[:end].tobytes() + int(adler).to_bytes(4, "big")

@@ -1,12 +1,14 @@
 """The list of specimens: what each one is, its size and how it was tested."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+import tomllib
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Literal, get_args
+from typing import Any, Literal
 
+import msgspec
 import numpy as np
 
 from planner.errors import FileError
@@ -57,8 +59,8 @@ class SpecimenColumn:
         What tensile specimens have, in mm: beyond, the cell is doubted.
     tolerance
         How far apart, absolute and relative, two specimens of one condition may be.
-    scale
-        On which a load's trend over the column is smooth.
+    scaling
+        On what scale a load's trend over the column is smooth; see `scale`.
     usual
         Stands in where neither specimen nor palette tells.
     is_size
@@ -74,69 +76,26 @@ class SpecimenColumn:
     between: tuple[float, float] | None = None
     plausible: tuple[float, float] = (0.0, math.inf)
     tolerance: tuple[float, float] | None = None
-    scale: Callable[[FloatArray], FloatArray] = np.positive
+    scaling: Literal["linear", "log", "sqrt", "log1p"] = "linear"
     usual: float | None = None
     is_size: bool = False
 
-
-_WIDTHS_MM, _THICKNESSES_MM, _GAUGES_MM = (0.5, 100.0), (0.1, 50.0), (2.0, 500.0)
-"""ASTM D412 and D638, ISO 37 and 527 have widths of 2 to 25 mm, thicknesses of 0.5 to 14 mm and
-gauges of 4 to 80 mm; labs go further, but not beyond these."""
-
-_TEMPERATURES_C = (-100.0, 300.0)
-"""Beyond these every elastomer and jetted resin is glass, or decomposes."""
-
-
-def _size(
-    what: str,
-    plausible: tuple[float, float],
-    tolerance: tuple[float, float] | None,
-    *called: str,
-) -> SpecimenColumn:
-    return SpecimenColumn(
-        f"{what.replace(' ', '_')}_mm", (called or (what,))[0], f"at a {what} of {{}} mm",
-        called=(what, *called), plausible=plausible, tolerance=tolerance, is_size=True,
-    )  # fmt: skip
+    def scale(self, values: FloatArray) -> FloatArray:
+        """Return values on the scale on which a load's trend over the column is smooth."""
+        if self.scaling == "linear":
+            return values
+        least = 1e-9 if self.scaling == "log" else 0.0
+        return np.asarray(getattr(np, self.scaling)(np.maximum(values, least)))
 
 
 SPECIMEN_COLUMNS: Mapping[str, SpecimenColumn] = MappingProxyType(
     {
-        column.name: column
-        for column in (
-            SpecimenColumn(
-                "rate_mm_s", "crosshead speed", "at {} mm/s", "{:g} mm/s", ("rate",),
-                tolerance=(0.0, 0.05), scale=lambda speed: np.log(np.maximum(speed, 1e-9)),
-            ),
-            SpecimenColumn(
-                "temperature_C", "temperature", "at {} °C", "{:g} °C", ("temperature",),
-                between=_TEMPERATURES_C, tolerance=(1.0, 0.0), usual=23.0,
-            ),
-            SpecimenColumn(
-                "soak_h", "soaking time", "after {} h of soaking", "{:g} h soaked", ("soak",),
-                between=(0.0, math.inf), tolerance=(0.25, 0.05), usual=0.0,
-                scale=lambda hours: np.sqrt(np.maximum(hours, 0.0)),
-            ),
-            SpecimenColumn(
-                "age_days", "age at the test", "at an age of {} days", "{:g} d old", ("age",),
-                between=(0.0, math.inf), tolerance=(0.5, 0.1), usual=7.0,
-                scale=lambda days: np.log1p(np.maximum(days, 0.0)),
-            ),
-            SpecimenColumn(
-                "orientation", "orientation on the tray", "along {}", "{}",
-                choices=get_args(_Orientation),
-            ),
-            SpecimenColumn(
-                "protocol", "protocol", "in {} tests", "{}", choices=get_args(_Protocol)
-            ),
-            SpecimenColumn("batch", "batch", "in batch {}", choices=()),
-            _size("width", _WIDTHS_MM, (0.0, 0.02)),
-            _size("thickness", _THICKNESSES_MM, (0.0, 0.02)),
-            _size("measured width", _WIDTHS_MM, None),
-            _size("measured thickness", _THICKNESSES_MM, None),
-            _size("gauge", _GAUGES_MM, (0.0, 0.1), "gauge length", "gage length", "gage"),
-        )
+        name: msgspec.convert({"name": name, **row}, SpecimenColumn)
+        for name, row in tomllib.loads(
+            Path(__file__).with_name("specimens.toml").read_text(encoding="utf-8")
+        ).items()
     }
-)  # fmt: skip
+)
 """What is known of a specimen besides what it is made of: conditions, then sizes, by name."""
 
 SPECIMEN_TEXTS = ("specimen", "material", "profile", "file")

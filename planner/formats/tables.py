@@ -13,8 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from planner.errors import FileError
-from planner.formats.archive import unpacked
-from planner.formats.files import SIGNIFICANT_DIGITS, read_file
+from planner.formats.files import SIGNIFICANT_DIGITS, read_file, unpacked
 from planner.formats.units import unit_factor
 from planner.numerics import FloatArray
 
@@ -47,8 +46,11 @@ LARGEST_FIGURE = 1e30
 LONGEST_HEADING = 200
 """Characters; programs write 80 at most, and searching a heading takes the square of them."""
 
-_THOUSANDS = re.compile(r"[+-]?\d{1,3}(,\d{3})+\.\d*")
-_THOUSANDS_BY_DOTS = re.compile(r"[+-]?\d{1,3}(\.\d{3})+,\d*")
+_THOUSANDS = {
+    ",": re.compile(r"[+-]?\d{1,3}(,\d{3})+\.\d*"),
+    ".": re.compile(r"[+-]?\d{1,3}(\.\d{3})+,\d*"),
+}
+"""By what stands between thousands: figures with a decimal sign."""
 _BY_THOUSANDS = {
     ".": (",", re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")),
     ",": (".", re.compile(r"[+-]?[1-9]\d{0,2}(\.\d{3})+")),
@@ -131,13 +133,8 @@ def _decoded(data: bytes) -> str:
     return text if japanese else data.decode("cp1252", errors="replace")
 
 
-def split_rows(text: str, separator: str) -> list[TextRow]:
+def split_rows(text: str, separator: str) -> Iterator[TextRow]:
     """Split a text into rows of cells; a blank is any run of blanks, two are a run of two up."""
-    return list(_iterate_rows(text, separator))
-
-
-def _iterate_rows(text: str, separator: str) -> Iterator[TextRow]:
-    """Yield what `split_rows` returns, row by row, for texts too long to hold in cells."""
     if not separator.strip(" "):
         blanks = re.compile(r"\s+" if separator == " " else r"\s{2,}|\t")
         for n, line in enumerate(text.splitlines(), start=1):
@@ -165,7 +162,7 @@ def read_rows(path: Path) -> tuple[list[str], str, Iterator[TextRow]]:
     text = decode_text(read_file(path, advice="give a CSV file"), path)
     first = next(line for line in text.splitlines() if line.strip())
     separator = max(",;\t", key=first.count)
-    rows = ((line, cells) for line, cells in _iterate_rows(text, separator) if any(cells))
+    rows = ((line, cells) for line, cells in split_rows(text, separator) if any(cells))
     return next(rows)[1], separator, rows
 
 
@@ -183,19 +180,13 @@ def number(cell: str, separator: str) -> float | None:
     between, groups = _BY_THOUSANDS.get(separator[1:], ("", None))
     if groups is not None and between in cell and groups.fullmatch(cell):
         return float(cell.replace(between, ""))
-    if "," in cell:
-        if separator[0] == ",":
-            if not _THOUSANDS.fullmatch(cell):
-                return None
-            cell = cell.replace(",", "")
-        else:
-            if "." in cell:
-                if not _THOUSANDS_BY_DOTS.fullmatch(cell):
-                    return None
-                cell = cell.replace(".", "")
-            cell = cell.replace(",", ".")
+    between = "," if separator[0] == "," else "."
+    if "," in cell and between in cell:
+        if not _THOUSANDS[between].fullmatch(cell):
+            return None
+        cell = cell.replace(between, "")
     try:
-        return float(cell) if "_" not in cell else None
+        return float(cell.replace(",", ".")) if "_" not in cell else None
     except ValueError:
         return None
 
@@ -313,7 +304,7 @@ def _times(element: bytes) -> int:
 # Tables of numbers with known columns: profiles and strain fields.
 
 
-_BRACKETED = re.compile(r"(.+?)\s*[\(\[]\s*(.*?)\s*[\)\]]")
+_WITH_UNIT = re.compile(r"(?P<name>.+?)(?:\s*[(\[]\s*(.*?)\s*[)\]]|_([^_]*))")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -369,67 +360,60 @@ def read_columns(
     where = path.name
     headings, separator, rows = read_rows(path)
     named: Mapping[str, str | None] = {**dict.fromkeys(texts), **columns}
-    found: list[tuple[str, float]] = []
-    for heading in headings:
+    found: dict[str, tuple[int, float]] = {}
+    for place, heading in enumerate(headings):
         try:
-            column = _column(heading, named, where)
+            name, factor = _column(heading, named, where)
         except FileError:
-            if not others:
-                raise
-            column = None
-        if column is None and not others:
-            raise FileError(f"{where}: unknown column {heading!r}; it has {', '.join(columns)}")
-        if column is not None and column[0] in dict(found):
-            raise FileError(f"{where}: two columns {column[0]!r}; keep one")
-        found.append(column or ("", 0.0))
-    missing = [name for name in named if name not in dict(found) and name not in optional]
+            if others:
+                continue
+            raise
+        if name in found:
+            raise FileError(f"{where}: two columns {name!r}; keep one")
+        found[name] = place, factor
+    missing = [name for name in named if name not in found and name not in optional]
     if missing:
         raise FileError(
             f"{where}: no column {' nor '.join(map(repr, missing))}; its columns are "
             f"{', '.join(headings)}"
         )
-    lines, table = list[int](), list[list[str]]()
+    lines, cells_of = list[int](), {name: list[str]() for name in found}
     for line, cells in rows:
-        if len(cells) != len(headings):
+        if len(cells) < len(headings) or any(cells[len(headings) :]):
             raise FileError(f"{where}, line {line}: {len(cells)} cells for {len(headings)} columns")
         lines.append(line)
-        table.append(cells)
+        for name, (place, _) in found.items():
+            cells_of[name].append(cells[place])
     if not lines:
         raise FileError(f"{where}: headings but no numbers below them; export the file again")
     numbers, words = dict[str, FloatArray](), dict[str, tuple[str, ...]]()
-    for heading, (name, factor), of in zip(headings, found, zip(*table, strict=True), strict=True):
+    for name, of in cells_of.items():
         if name not in columns:
-            words[name] = of
+            words[name] = tuple(of)
             continue
+        place, factor = found[name]
         filled = [row for row, cell in enumerate(of) if cell or name not in gaps]
         numbers[name] = np.full(len(of), np.nan)
         numbers[name][filled] = finite_numbers(
             [of[row] for row in filled], [lines[row] for row in filled],
-            separator, where, heading, factor,
+            separator, where, headings[place], factor,
         )  # fmt: skip
     return ColumnFile(numbers, words, tuple(lines))
 
 
-def _column(
-    heading: str, columns: Mapping[str, str | None], where: str
-) -> tuple[str, float] | None:
+def _column(heading: str, columns: Mapping[str, str | None], where: str) -> tuple[str, float]:
+    """Return the column that a heading names, and the factor from its unit."""
     if heading in columns:
         return heading, 1.0
-    bracketed = _BRACKETED.fullmatch(heading) if len(heading) <= LONGEST_HEADING else None
-    for name, quantity in columns.items():
-        base = name.rpartition("_")[0]
-        if quantity is None or not base:
-            continue
-        if heading == base:
-            raise FileError(f"{where}, column {heading!r}: no unit; head it {name!r}")
-        if bracketed and bracketed[1] == base:
-            unit = bracketed[2]
-        elif heading.rpartition("_")[0] == base:
-            unit = heading.rpartition("_")[2]
-        else:
-            continue
-        return name, unit_factor(quantity, unit, where=f"{where}, column {heading!r}")
-    return None
+    stems = {name.rpartition("_")[0]: name for name, quantity in columns.items() if quantity}
+    if heading and heading in stems:
+        raise FileError(f"{where}, column {heading!r}: no unit; head it {stems[heading]!r}")
+    match = _WITH_UNIT.fullmatch(heading) if len(heading) <= LONGEST_HEADING else None
+    name = stems.get(match["name"]) if match else None
+    if match is None or name is None:
+        raise FileError(f"{where}: unknown column {heading!r}; it has {', '.join(columns)}")
+    unit = match[2] if match[3] is None else match[3]
+    return name, unit_factor(columns[name] or "", unit, where=f"{where}, column {heading!r}")
 
 
 def finite_numbers(

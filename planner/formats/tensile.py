@@ -159,6 +159,7 @@ class _Grid:
 class _Block:
     """Headings with the numbers below them: `start` is the first row above that belongs to it."""
 
+    grid: _Grid
     start: int
     place: int
     headings: _Headings
@@ -168,16 +169,6 @@ class _Block:
     @property
     def is_headed(self) -> bool:
         return self.place not in self.rows
-
-
-@dataclass(frozen=True, slots=True)
-class _Group:
-    """The columns of a block that are one record's, by place, and the rows in which it goes on."""
-
-    grid: _Grid
-    headings: _Headings
-    places: Sequence[int]
-    rows: Sequence[int]
 
     def cells(self, at: int) -> list[str]:
         return [self.grid.cell(row, at) for row in self.rows]
@@ -276,21 +267,17 @@ def read_tensile(
 def _best_grid(sheet: _Grid, content: str | list[list[str]]) -> tuple[_Grid, list[_Block]]:
     """Return the cells of a sheet, split so that headings stand above numbers, and its blocks."""
     tried: list[_Grid] = []
-    of_text = isinstance(content, str)
-    splits: Iterable[tuple[str, list[TextRow]]]
-    if isinstance(content, str):
-        in_it = [s for s in _SEPARATORS if s in content or sheet.by_position] or [";"]
-        splits = ((s, split_rows(content, s)) for s in in_it)
-    else:
-        splits = [(";", [*enumerate(content, start=1)])]
-    for separator, rows in splits:
+    text = content if isinstance(content, str) else None
+    in_it = [s for s in _SEPARATORS if text is not None and (s in text or sheet.by_position)]
+    for separator in in_it or [";"]:
+        rows = [*(enumerate(content, 1) if text is None else split_rows(text, separator))]
         if separator == " " and sheet.by_position is None:
             rows = _with_headings_of_words(rows)
         grid = replace(sheet, separator=_decimals(rows, separator), rows=rows)
-        found = _blocks(grid)
-        if any(block.rows for block in found):
-            return grid, [block for block in found if block.rows]
-        if found and of_text and separator.strip():
+        blocks = _blocks(grid)
+        if found := [block for block in blocks if block.rows]:
+            return grid, found
+        if blocks and text is not None and separator.strip():
             raise FileError(
                 f"{grid.where}: headings but no numbers below them; export the raw data too"
             )
@@ -367,7 +354,7 @@ def _blocks(grid: _Grid) -> list[_Block]:
             headings = None
         if own is not None:
             headings, at = _with_units(own, grid, at)
-            found.append(_Block(start, place, headings, []))
+            found.append(_Block(grid, start, place, headings, []))
         elif headings is None:
             at += 1
             continue
@@ -377,7 +364,7 @@ def _blocks(grid: _Grid) -> list[_Block]:
         if data and own is not None:
             found[-1].rows.extend(data)
         elif data:
-            found.append(_Block(start, data[0], headings, data))
+            found.append(_Block(grid, start, data[0], headings, data))
         if data:
             start = at
     return found
@@ -456,14 +443,11 @@ def _names_alone(grid: _Grid, named: Sequence[int], place: int) -> bool:
 
 def _sums_up(grid: _Grid, place: int) -> bool:
     """Say whether a row is one of statistics: "Mean" stands before it, and before no record."""
-    label = _first(grid, place)
-    near = range(max(place - 2, 0), min(place + 3, len(grid.rows)))
-    is_label = len(label) > 1 and _is_statistic(label)
-    return is_label and sum(_first(grid, row) == label for row in near) < _FEWEST_ROWS
-
-
-def _first(grid: _Grid, row: int) -> str:
-    return next(filter(None, grid.rows[row][1]), "")
+    label = next(filter(None, grid.rows[place][1]), "")
+    if len(label) < 2 or not _is_statistic(label):
+        return False
+    near = grid.rows[max(place - 2, 0) : place + 3]
+    return sum(next(filter(None, cells), "") == label for _, cells in near) < _FEWEST_ROWS
 
 
 def _is_statistic(word: str) -> bool:
@@ -682,9 +666,9 @@ def _split(grid: _Grid, block: _Block, places: Sequence[int], label: str) -> lis
     lined = [r for r in block.rows if any(grid.cell(r, i) for i in filled)]
     if not lined:
         return []
-    group = _Group(grid, headings, places, lined)
-    used, notes = _used_columns(group)
-    values = _values(group, used, notes)
+    record = replace(block, rows=lined)
+    used, notes = _used_columns(record, places)
+    values = _values(record, used, notes)
     kept = [column for column in used if column.name in values]
     values = _with_strain(values, grid.where, notes)
     heads = grid.rows[block.place][1] if block.is_headed else []
@@ -698,16 +682,16 @@ def _split(grid: _Grid, block: _Block, places: Sequence[int], label: str) -> lis
         if (i in places or not headings[i].meaning) and grid.cell(lined[0], i)
     )
     if named is not None:
-        names = _carried(group.cells(named))
+        names = _carried(record.cells(named))
         counts = len(set(names)) == len(lined)
         # Else a list of specimens beside their records.
         if (counts or not alone) and min(Counter(names).values()) < _FEWEST_ROWS <= len(lined):
             named = None
     if named is None:  # several materials, or modes, are several specimens
-        several = (i for i in texts.values() if len({*group.cells(i)} - {""}) > 1)
+        several = (i for i in texts.values() if len({*record.cells(i)} - {""}) > 1)
         named = next(several, None)
     rows_of: dict[str, list[int]] = {}
-    for n, name in enumerate([""] * len(lined) if named is None else _carried(group.cells(named))):
+    for n, name in enumerate([""] * len(lined) if named is None else _carried(record.cells(named))):
         rows_of.setdefault(name, []).append(n)
     return [
         _Piece(
@@ -731,20 +715,20 @@ def _seconds(cell: str) -> str:
     return f"{seconds:.15g}"
 
 
-def _values(group: _Group, used: Sequence[_Column], notes: list[str]) -> dict[str, FloatArray]:
+def _values(record: _Block, used: Sequence[_Column], notes: list[str]) -> dict[str, FloatArray]:
     """Return the numbers of columns, by name; without those of a time that has none."""
-    grid, found = group.grid, dict[str, FloatArray]()
-    lines = [grid.rows[r][0] for r in group.rows]
+    grid, found = record.grid, dict[str, FloatArray]()
+    rows = [grid.rows[row] for row in record.rows]
+    lines = [line for line, _ in rows]
     for column in used:
-        for row in group.rows:
-            line, cells = grid.rows[row]
-            if len(cells) <= column.at:
-                raise FileError(
-                    f"{grid.where}, line {line}: {len(cells)} cells where the headings have "
-                    f"{len(group.headings)}; complete or remove the line"
-                )
+        short = next((row for row in rows if len(row[1]) <= column.at), None)
+        if short is not None:
+            raise FileError(
+                f"{grid.where}, line {short[0]}: {len(short[1])} cells where the headings have "
+                f"{len(record.headings)}; complete or remove the line"
+            )
         is_time, text = column.name == "time_s", column.heading.text
-        cells = [_seconds(cell) if is_time else cell for cell in group.cells(column.at)]
+        cells = [_seconds(cell) if is_time else cell for cell in record.cells(column.at)]
         try:
             found[column.name] = finite_numbers(
                 cells, lines, grid.separator, grid.where, text, column.factor
@@ -778,8 +762,8 @@ def _with_strain(
     return {**values, "strain": np.sqrt(1.0 + 2.0 * lagrange) - 1.0}
 
 
-def _used_columns(group: _Group) -> tuple[list[_Column], list[str]]:
-    """Return the columns that serve, by place: of each canonical name the first.
+def _used_columns(record: _Block, places: Sequence[int]) -> tuple[list[_Column], list[str]]:
+    """Return of the columns at some places those that serve: of each canonical name the first.
 
     A crosshead's absolute position serves only where nothing else tells the travel, an
     extensometer goes before the crosshead; one that never moves goes behind the others. A column
@@ -790,8 +774,8 @@ def _used_columns(group: _Group) -> tuple[list[_Column], list[str]]:
     FileError
         A column without a unit, or two of one kind that differ.
     """
-    grid, headings, where, notes = group.grid, group.headings, group.grid.where, list[str]()
-    cells = {i: group.cells(i) for i in group.places if headings[i].meaning != "specimen"}
+    grid, headings, where, notes = record.grid, record.headings, record.grid.where, list[str]()
+    cells = {i: record.cells(i) for i in places if headings[i].meaning != "specimen"}
     cells = {i: column for i, column in cells.items() if any(column)}
     gaps = [i for i, column in cells.items() if "" in column]
     if suffice(headings[i] for i in cells if i not in gaps):
@@ -840,12 +824,12 @@ def _used_columns(group: _Group) -> tuple[list[_Column], list[str]]:
         )
         if rank(i) == rank(same.at) and not is_time:
             doubles.append((same, column))
-    _refuse_ramp(group)
-    _refuse_far(group, found)
+    _refuse_ramp(record)
+    _refuse_far(record, found)
     is_strain = any(column.heading.quantity == "strain" for column in found.values())
     for one, other in doubles:
         if not (is_strain and one.name == "displacement_mm"):
-            _refuse_two(group, one, other)
+            _refuse_two(record, one, other)
     return sorted(found.values(), key=lambda column: column.at), notes
 
 
@@ -853,23 +837,24 @@ _ONE_TEMPERATURE_C = 4.0
 """From the lowest to the highest of a test at one temperature (ISO 23529: within 2 degrees)."""
 
 
-def _refuse_ramp(group: _Group) -> None:
+def _refuse_ramp(record: _Block) -> None:
     """Refuse a record through which the temperature goes, as a dynamic test's does."""
-    for i, heading in enumerate(group.headings):
+    for i, heading in enumerate(record.headings):
         if heading.meaning or not SIGNS["temperature"].search(heading.text):
             continue
-        known = [value for value in group.numbers(i) if value is not None]
+        known = [value for value in record.numbers(i) if value is not None]
         if known and max(known) - min(known) > _ONE_TEMPERATURE_C:
             raise FileError(
-                f"{group.grid.where}: {heading.text!r} goes from {min(known):g} to {max(known):g}; "
+                f"{record.grid.where}: {heading.text!r} goes from {min(known):g} to "
+                f"{max(known):g}; "
                 "a law is of one temperature: give tests at one each, and what it was in the "
                 "column temperature_C of specimens.csv"
             )
 
 
-def _refuse_far(group: _Group, used: Mapping[str, _Column]) -> None:
+def _refuse_far(record: _Block, used: Mapping[str, _Column]) -> None:
     """Refuse a plain travel where a column that is not understood may be a nearer sensor's."""
-    grid, headings = group.grid, group.headings
+    grid, headings = record.grid, record.headings
     lengths = [column.heading for column in used.values() if column.heading.meaning in LENGTHS]
     plain = {h.meaning for h in lengths} <= {"displacement", "position"}
     if grid.by_position or not lengths or not plain:
@@ -880,7 +865,7 @@ def _refuse_far(group: _Group, used: Mapping[str, _Column]) -> None:
         kinds = quantities_of(unit) & {"length", "strain"}
         if h.meaning or unit.isdigit() or not kinds or not h.may_be_nearer:
             continue
-        numbers = {*group.numbers(i)}
+        numbers = {*record.numbers(i)}
         if None not in numbers and len(numbers) > 1:
             near[i] = replace(h, meaning=_BY_KIND[min(kinds)], unit=unit)
     if near:
@@ -890,10 +875,10 @@ def _refuse_far(group: _Group, used: Mapping[str, _Column]) -> None:
         raise _one_of(grid, f"{said} {lengths[0].text!r}", [taken, headings])
 
 
-def _refuse_two(group: _Group, one: _Column, other: _Column) -> None:
+def _refuse_two(record: _Block, one: _Column, other: _Column) -> None:
     """Refuse two columns of one kind that differ: of two sensors, or of two specimens."""
     first, second = (
-        column.factor * np.array(group.numbers(column.at), dtype=np.float64)
+        column.factor * np.array(record.numbers(column.at), dtype=np.float64)
         for column in (one, other)
     )
     is_load = one.heading.meaning in LOADS or other.heading.meaning in LOADS
@@ -901,7 +886,7 @@ def _refuse_two(group: _Group, one: _Column, other: _Column) -> None:
         first, second = first - first[0], second - second[0]
     if not float(np.max(np.abs(first - second))) > _SAME * float(np.ptp(first)):
         return
-    grid, headings = group.grid, group.headings
+    grid, headings = record.grid, record.headings
     what = "loads over one length, of two load cells or of two specimens"
     what = what if is_load else "lengths of one record, of two sensors"
     said = f"{one.heading.text!r} and {other.heading.text!r} are two {what}"
@@ -990,7 +975,7 @@ def _tables(
         ]
     found = []
     said = [size for grid in grids for size in _said_sizes(grid, pieces)]
-    labels = {_series(grid): _labels(_series(grid), pieces, names) for grid in grids}
+    labels = {grid: _labels(grid, pieces, names) for grid in grids}
     for place, (piece, name) in enumerate(zip(pieces, names, strict=True)):
         if names.count(name) > 1:
             raise FileError(
@@ -1185,7 +1170,7 @@ def _metadata(
     place: int,
     pieces: Sequence[_Piece],
     said: Sequence[_Said],
-    labels: Mapping[str, Mapping[int, str]],
+    labels: Mapping[_Grid, Mapping[int, str]],
 ) -> tuple[dict[str, float | str], dict[str, str], dict[str, str]]:
     """Return what a file says of one record, where it says so, and what it leaves unclear.
 
@@ -1193,26 +1178,19 @@ def _metadata(
     other sheets say.
     """
     first = min(p.block.place for p in pieces if p.grid is piece.grid)
-    scopes: tuple[dict[str, list[_Said]], ...] = ({}, {}, {})
+    scopes: dict[tuple[int, str], list[_Said]] = {}
     for one in said:
-        if place not in labels[_series(one.grid)]:
-            continue
-        if one.grid is not piece.grid:
-            scope = scopes[2]
-        elif piece.block.start <= one.row <= piece.block.rows[-1]:
-            scope = scopes[0]
-        elif one.row < first or len(one.values) > 1:
-            scope = scopes[1]
-        else:
-            continue
-        scope.setdefault(one.name, []).append(one)
+        within = piece.block.start <= one.row <= piece.block.rows[-1]
+        scope = 2 if one.grid is not piece.grid else 0 if within else 1
+        of_another = scope == 1 and one.row >= first and len(one.values) < 2
+        if place in labels[one.grid] and not of_another:
+            scopes.setdefault((scope, one.name), []).append(one)
     found: dict[str, tuple[float | str | None, str]] = {}
-    for scope in scopes:
-        for name, of in scope.items():
-            if found.get(name, (None,))[0] is None:
-                value, where = _agreed(of, piece, place, labels)
-                if value is not None or name not in found:
-                    found[name] = value, where
+    for (_, name), of in sorted(scopes.items(), key=lambda item: item[0][0]):
+        if found.get(name, (None,))[0] is None:
+            value, where = _agreed(of, piece, place, labels)
+            if value is not None or name not in found:
+                found[name] = value, where
     mode = mode_of(str(found.get("mode", ("",))[0]))
     if mode != "compression" and not any(column.heading.compressed for column in piece.used):
         found.pop("height_mm", None)  # a section's
@@ -1227,16 +1205,15 @@ def _metadata(
 
 
 def _agreed(
-    said: Sequence[_Said], piece: _Piece, place: int, labels: Mapping[str, Mapping[int, str]]
+    said: Sequence[_Said], piece: _Piece, place: int, labels: Mapping[_Grid, Mapping[int, str]]
 ) -> tuple[float | str | None, str]:
     """Return the value that all say, None where they differ, and where they say so."""
     values: dict[float | str, str] = {}
     readings: dict[str, tuple[float, _Said]] = {}
     unclear = open_ = ""
     for one in said:
-        names = labels[_series(one.grid)]
         beside = one.grid is piece.grid and one.row == piece.block.place
-        value = _value_for(one, place, names, beside)
+        value = _value_for(one, place, labels[one.grid], beside)
         if one.number and isinstance(value, float):
             readings[one.number] = value, one
         elif value is not None:
@@ -1250,7 +1227,7 @@ def _agreed(
     if readings:
         figures_, told = zip(*readings.values(), strict=True)
         at = " and ".join(one.place() for one in told)
-        alone = len(told) == len(labels[_series(told[0].grid)]) and len(told[0].values) == 1
+        alone = len(told) == len(labels[told[0].grid]) and len(told[0].values) == 1
         if alone and len(told) > 1 and len({*figures_}) > 1:  # or one of each specimen
             unclear = f"{at}, of one specimen or of {len(told)}"
         else:
@@ -1268,13 +1245,13 @@ def _series(grid: _Grid) -> str:
     return match[1] if match else ""
 
 
-def _labels(series: str, pieces: Sequence[_Piece], names: Sequence[str]) -> dict[int, str]:
-    """Return the records that a series' sheet may speak of, by place: the name of each there."""
+def _labels(grid: _Grid, pieces: Sequence[_Piece], names: Sequence[str]) -> dict[int, str]:
+    """Return the records that a sheet, of one series or all, may speak of: the name by place."""
+    series = _series(grid)
     places = [i for i, p in enumerate(pieces) if not series or _series(p.grid) in ("", series)]
-    count = Counter(pieces[i].name for i in places)
-    return {
-        i: _plain_name(pieces[i].name if count[pieces[i].name] == 1 else names[i]) for i in places
-    }
+    own = {i: pieces[i].name for i in places}
+    count = Counter(own.values())
+    return {i: _plain_name(name if count[name] == 1 else names[i]) for i, name in own.items()}
 
 
 def _value_for(

@@ -1,6 +1,7 @@
 """3MF by lib3mf, read and written: the same bytes for the same content."""
 
 import ctypes
+import functools
 import graphlib
 import hashlib
 import io
@@ -17,8 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import ArgumentError, FileError, MeshError, OutputError, did_you_mean
-from planner.formats.archive import USUAL_LIMITS, UnfoldingLimits, canonical_archive, unpacked
-from planner.formats.files import read_file
+from planner.formats.files import (
+    USUAL_LIMITS,
+    UnfoldingLimits,
+    canonical_archive,
+    read_file,
+    unpacked,
+)
 from planner.numerics import Float32Array, FloatArray, IntArray
 
 __all__ = [
@@ -75,9 +81,9 @@ class ThreemfObject:
     constituents
         Of a mixture: its materials and their shares, which add up to 1.
     metadata
-        Of the object. Names that the core specification knows are written as they are, others
-        in `urn:planner:mixture:1`; they are plain words (letters, digits, ``_``,
-        ``-``, ``.``).
+        To write with the object; it is not read back. Names that the core specification knows are
+        written as they are, others in `urn:planner:mixture:1`; they are plain words (letters,
+        digits, ``_``, ``-``, ``.``).
     """
 
     name: str
@@ -99,15 +105,12 @@ class ThreemfModel:
         mm, um, cm, m, inch or ft; what the objects' coordinates are in.
     objects
         Each mesh as often as it is placed, where it is placed, in the order of the build items.
-    metadata
-        Of the model.
     remarks
         The reader's warnings, and what was left out.
     """
 
     unit: str
     objects: tuple[ThreemfObject, ...]
-    metadata: Mapping[str, str]
     remarks: tuple[str, ...]
 
 
@@ -278,6 +281,8 @@ _UNITS = {
 }
 
 
+_wrapper = functools.cache(lib3mf.get_wrapper)
+
 _UNKNOWN_ATTRIBUTE = 0x80A7
 """Of an extension, where lib3mf does not look for it, as trimesh writes them. The specification has
 readers ignore what they do not know, unless the file requires the extension, which is an error."""
@@ -319,8 +324,7 @@ def decode_threemf(
         volume.
     """
     _check_structure(data, name, limits)
-    wrapper = lib3mf.get_wrapper()
-    model = wrapper.CreateModel()
+    model = _wrapper().CreateModel()
     reader = model.QueryReader("3mf")
     reader.SetStrictModeActive(strict)
     remarks = []
@@ -334,10 +338,9 @@ def decode_threemf(
         for mesh, matrix in _meshes(model.GetBuildItems(), name, remarks):
             number = mesh.GetUniqueResourceID()
             if number not in stored:
-                stored[number] = _objects(wrapper, model, mesh)
+                stored[number] = _objects(model, mesh)
             objects += [_placed(each, matrix, name) for each in stored[number]]
-        heading = _metadata(model.GetMetaDataGroup())
-        return ThreemfModel(_UNITS[model.GetUnit()], tuple(objects), heading, tuple(remarks))
+        return ThreemfModel(_UNITS[model.GetUnit()], tuple(objects), tuple(remarks))
     except lib3mf.ELib3MFException as error:
         raise MeshError(f"{name}: not a 3MF file that can be read: {error}") from error
 
@@ -364,8 +367,7 @@ def _meshes(items: Any, name: str, remarks: list[str]) -> Iterator[tuple[Any, Fl
     waiting = []
     while items.MoveNext():
         item = items.GetCurrent()
-        matrix = _matrix(item.GetObjectTransform()) if item.HasObjectTransform() else np.eye(4)
-        waiting.append((item.GetObjectResource(), matrix))
+        waiting.append((item.GetObjectResource(), _matrix(item.GetObjectTransform())))
     waiting.reverse()
     while waiting:
         resource, matrix = waiting.pop()
@@ -376,7 +378,7 @@ def _meshes(items: Any, name: str, remarks: list[str]) -> Iterator[tuple[Any, Fl
         elif resource.IsComponentsObject():
             for number in reversed(range(resource.GetComponentCount())):
                 component = resource.GetComponent(number)
-                own = _matrix(component.GetTransform()) if component.HasTransform() else np.eye(4)
+                own = _matrix(component.GetTransform())
                 with np.errstate(over="ignore", invalid="ignore"):  # told where it is applied
                     waiting.append((component.GetObjectResource(), own @ matrix))
         elif not resource.IsMeshObject() or resource.BeamLattice().GetBeamCount() > 0:
@@ -413,45 +415,40 @@ def _placed(item: ThreemfObject, matrix: FloatArray, name: str) -> ThreemfObject
     return replace(item, vertices=vertices, faces=faces)
 
 
-def _objects(wrapper: Any, model: Any, mesh: Any) -> list[ThreemfObject]:
+def _objects(model: Any, mesh: Any) -> list[ThreemfObject]:
     """Return what a mesh holds, an object for each of its materials, where the mesh itself lies."""
-    vertices = _array(wrapper, mesh, "vertices", lib3mf.Position, np.float32, 3)
-    faces = _array(wrapper, mesh, "triangleindices", lib3mf.Triangle, np.uint32, 3)
-    faces = faces.astype(np.int32)
-    metadata = _metadata(mesh.GetMetaDataGroup())
+    vertices = _array(mesh, "vertices", lib3mf.Position, np.float32, 3)
+    faces = _array(mesh, "triangleindices", lib3mf.Triangle, np.int32, 3)
     objects = []
-    for used, (material, colour, constituents) in _materials(wrapper, model, mesh):
+    for used, (material, colour, parts) in _materials(model, mesh):
         corners, own = vertices, faces
         if used is not None:
             kept, own = np.unique(faces[used], return_inverse=True)
             corners, own = vertices[kept], own.reshape(-1, 3).astype(np.int32)
-        objects.append(
-            ThreemfObject(mesh.GetName(), corners, own, material, colour, metadata, constituents)
-        )
+        item = ThreemfObject(mesh.GetName(), corners, own, material, colour, constituents=parts)
+        objects.append(item)
     return objects
 
 
-def _array(wrapper: Any, mesh: Any, what: str, type_: Any, dtype: Any, width: int) -> NDArray[Any]:
+def _array(mesh: Any, what: str, type_: Any, dtype: Any, width: int) -> NDArray[Any]:
     """Copy one of a mesh's arrays at once; lib3mf's own getters make a list of objects."""
     count = mesh.GetVertexCount() if what == "vertices" else mesh.GetTriangleCount()
     buffer = (type_ * count)()
-    get = getattr(wrapper.lib, f"lib3mf_meshobject_get{what}")
-    wrapper.checkError(mesh, get(mesh._handle, ctypes.c_uint64(count), ctypes.c_uint64(0), buffer))
+    get = getattr(_wrapper().lib, f"lib3mf_meshobject_get{what}")
+    _wrapper().checkError(
+        mesh, get(mesh._handle, ctypes.c_uint64(count), ctypes.c_uint64(0), buffer)
+    )
     return np.frombuffer(buffer, dtype=dtype).reshape(-1, width).copy()
 
 
 _Material = tuple[str, str, tuple[Constituent, ...]]
 
 
-def _materials(
-    wrapper: Any, model: Any, mesh: Any
-) -> list[tuple[NDArray[np.intp] | None, _Material]]:
+def _materials(model: Any, mesh: Any) -> list[tuple[NDArray[np.intp] | None, _Material]]:
     """Return a mesh's materials, each with the triangles that are of it; None: all of them."""
     group, entry, has = mesh.GetObjectLevelProperty()
-    whole = _material(wrapper, model, group if has else 0, entry)
-    properties = _array(
-        wrapper, mesh, "alltriangleproperties", lib3mf.TriangleProperties, np.uint32, 4
-    )
+    whole = _material(model, group if has else 0, entry)
+    properties = _array(mesh, "alltriangleproperties", lib3mf.TriangleProperties, np.uint32, 4)
     # One number for group and entry: a material's property is one for the whole triangle.
     keys = properties[:, 0].astype(np.uint64) << 32 | properties[:, 1]
     if (keys == keys[:1]).all():
@@ -460,43 +457,34 @@ def _materials(
     triangles: dict[_Material, list[NDArray[np.intp]]] = {}
     for place in np.argsort(first):
         group, entry = divmod(int(kinds[place]), 1 << 32)
-        found = _material(wrapper, model, group, entry) if group else whole
+        found = _material(model, group, entry) if group else whole
         triangles.setdefault(found, []).append(np.flatnonzero(which == place))
     if len(triangles) == 1:
         return [(None, whole)]
     return [(np.sort(np.concatenate(parts)), found) for found, parts in triangles.items()]
 
 
-def _material(wrapper: Any, model: Any, group: int, entry: int) -> _Material:
+def _material(model: Any, group: int, entry: int) -> _Material:
     """Return the material that a property means, its colour, and what it is mixed of."""
     kind = model.GetPropertyTypeByID(group) if group else lib3mf.PropertyType.NoPropertyType
     if kind == lib3mf.PropertyType.BaseMaterial:
-        return *_base(wrapper, model.GetBaseMaterialGroupByID(group), entry), ()
+        return *_base(model.GetBaseMaterialGroupByID(group), entry), ()
     if kind != lib3mf.PropertyType.Composite:
         return "", "", ()
     composites = model.GetCompositeMaterialsByID(group)
     bases = composites.GetBaseMaterialGroup()
     # A group's composites share one list of materials: those without a share are left out.
     parts = tuple(
-        Constituent(*_base(wrapper, bases, part.PropertyID), part.MixingRatio)
+        Constituent(*_base(bases, part.PropertyID), part.MixingRatio)
         for part in composites.GetComposite(entry)
         if part.MixingRatio > 0.0
     )
     return composite_name(parts), mixed_colour(parts), parts
 
 
-def _base(wrapper: Any, bases: Any, entry: int) -> tuple[str, str]:
-    red, green, blue, _ = wrapper.ColorToRGBA(bases.GetDisplayColor(entry))
+def _base(bases: Any, entry: int) -> tuple[str, str]:
+    red, green, blue, _ = _wrapper().ColorToRGBA(bases.GetDisplayColor(entry))
     return bases.GetName(entry), f"#{red:02X}{green:02X}{blue:02X}"
-
-
-def _metadata(group: Any) -> dict[str, str]:
-    entries = (group.GetMetaData(i) for i in range(group.GetMetaDataCount()))
-    return {
-        entry.GetName(): entry.GetValue()
-        for entry in entries
-        if entry.GetNameSpace() != _CURA_NAMESPACE
-    }
 
 
 # ------------------------------------------------------------------------------------------------
@@ -564,12 +552,11 @@ def encode_threemf(
 def _model_written(
     objects: Sequence[ThreemfObject], assembly_name: str, thumbnail: bytes | None, one_mesh: bool
 ) -> bytes:
-    wrapper = lib3mf.get_wrapper()
-    model = wrapper.CreateModel()
+    model = _wrapper().CreateModel()
     model.SetUnit(lib3mf.ModelUnit.MilliMeter)
     heading = {"Title": assembly_name, "Application": "planner"}
     _add_metadata(model.GetMetaDataGroup(), heading, assembly_name)
-    palette = _Materials(wrapper, model, model.AddBaseMaterialGroup())
+    palette = _Materials(model)
     try:
         materials = [palette.property_of(item) for item in objects]
         extruders = {material: n for n, material in enumerate(dict.fromkeys(materials), start=1)}
@@ -578,14 +565,14 @@ def _model_written(
             for item, material in zip(objects, materials, strict=True)
         ]
         add = _add_one_mesh if one_mesh else _add_assembly
-        whole = add(wrapper, model, shells, _text(assembly_name))
+        whole = add(model, shells, _text(assembly_name))
         layout = ("one mesh",) if one_mesh else ()
         digest = hashlib.sha256(
             "\n".join((_text(assembly_name), *layout, *(shell.digest for shell in shells))).encode()
         ).hexdigest()
         whole.SetName(_text(assembly_name))
         whole.SetUUID(_identifier("assembly", 0, digest))
-        item = model.AddBuildItem(whole, wrapper.GetIdentityTransform())
+        item = model.AddBuildItem(whole, _wrapper().GetIdentityTransform())
         item.SetUUID(_identifier("item", 0, digest))
         model.SetBuildUUID(_identifier("build", 0, digest))
         if thumbnail is not None:
@@ -610,12 +597,12 @@ class _Shell:
     digest: str
 
 
-def _add_assembly(wrapper: Any, model: Any, shells: Sequence[_Shell], name: str) -> Any:
+def _add_assembly(model: Any, shells: Sequence[_Shell], name: str) -> Any:
     assembly = model.AddComponentsObject()
     parts = []
     for place, shell in enumerate(shells, start=1):
         item = shell.item
-        mesh = _add_mesh(wrapper, model, item.name, item.vertices, item.faces)
+        mesh = _add_mesh(model, item.name, item.vertices, item.faces)
         _add_metadata(mesh.GetMetaDataGroup(), item.metadata, item.name)
         # Cura counts from 0, the others from 1.
         number = str(shell.extruder - 1)
@@ -624,7 +611,7 @@ def _add_assembly(wrapper: Any, model: Any, shells: Sequence[_Shell], name: str)
         )
         mesh.SetUUID(_identifier("object", place, shell.digest))
         mesh.SetObjectLevelProperty(*shell.material)
-        component = assembly.AddComponent(mesh, wrapper.GetIdentityTransform())
+        component = assembly.AddComponent(mesh, _wrapper().GetIdentityTransform())
         component.SetUUID(_identifier("component", place, shell.digest))
         opening = f'part id="{mesh.GetModelResourceID()}" subtype="normal_part"'
         parts.append((opening, {"name": _text(item.name), "extruder": shell.extruder}))
@@ -633,11 +620,10 @@ def _add_assembly(wrapper: Any, model: Any, shells: Sequence[_Shell], name: str)
     return assembly
 
 
-def _add_one_mesh(wrapper: Any, model: Any, shells: Sequence[_Shell], name: str) -> Any:
+def _add_one_mesh(model: Any, shells: Sequence[_Shell], name: str) -> Any:
     counts = [len(shell.item.faces) for shell in shells]
     starts = np.cumsum([0, *(len(shell.item.vertices) for shell in shells)])
     mesh = _add_mesh(
-        wrapper,
         model,
         name,
         np.concatenate([shell.item.vertices for shell in shells]),
@@ -647,7 +633,7 @@ def _add_one_mesh(wrapper: Any, model: Any, shells: Sequence[_Shell], name: str)
     mesh.SetObjectLevelProperty(*shells[0].material)
     properties = np.array([(*s.material, s.material[1], s.material[1]) for s in shells], np.uint32)
     properties = np.repeat(properties, counts, axis=0)
-    _set(wrapper, mesh, "alltriangleproperties", (lib3mf.TriangleProperties, properties))
+    _set(mesh, "alltriangleproperties", (lib3mf.TriangleProperties, properties))
     volumes, first = [], 0
     for shell, count in zip(shells, counts, strict=True):
         opening = f'volume firstid="{first}" lastid="{first + count - 1}"'
@@ -688,8 +674,8 @@ def _text(value: str) -> str:
 class _Materials:
     """The materials and mixtures of a model, each once."""
 
-    def __init__(self, wrapper: Any, model: Any, bases: Any) -> None:
-        self.wrapper, self.model, self.bases = wrapper, model, bases
+    def __init__(self, model: Any) -> None:
+        self.model, self.bases = model, model.AddBaseMaterialGroup()
         self.composites: Any = None
         self.entries: dict[object, int] = {}
 
@@ -722,7 +708,7 @@ class _Materials:
                 raise OutputError(
                     f"3MF object {owner}: colour is {colour!r}; write it as '#RRGGBB'"
                 )
-            shown = self.wrapper.RGBAToColor(*bytes.fromhex(colour[1:]), 255)
+            shown = _wrapper().RGBAToColor(*bytes.fromhex(colour[1:]), 255)
             self.entries[name, colour] = self.bases.AddMaterial(_text(name), shown)
         return self.entries[name, colour]
 
@@ -738,29 +724,27 @@ def _add_metadata(group: Any, metadata: Mapping[str, str], owner: str) -> None:
         group.AddMetaData(namespace, name, _text(value), "xs:string", True)
 
 
-def _add_mesh(
-    wrapper: Any, model: Any, name: str, points: Float32Array | FloatArray, corners: IntArray
-) -> Any:
+def _add_mesh(model: Any, name: str, points: Float32Array | FloatArray, corners: IntArray) -> Any:
     vertices = np.ascontiguousarray(points, dtype=np.float32)
     faces = np.ascontiguousarray(corners, dtype=np.uint32)
     if len(faces) == 0 or not np.isfinite(vertices).all():
         fault = "no triangles" if len(faces) == 0 else "a vertex that is not finite"
         raise OutputError(f"3MF object {name}: {fault}; leave it out or mend the mesh")
     mesh = model.AddMeshObject()
-    _set(wrapper, mesh, "geometry", (lib3mf.Position, vertices), (lib3mf.Triangle, faces))
+    _set(mesh, "geometry", (lib3mf.Position, vertices), (lib3mf.Triangle, faces))
     mesh.SetName(_text(name))
     return mesh
 
 
-def _set(wrapper: Any, mesh: Any, what: str, *arrays: tuple[Any, NDArray[Any]]) -> None:
+def _set(mesh: Any, what: str, *arrays: tuple[Any, NDArray[Any]]) -> None:
     """Give a mesh arrays at once; lib3mf's setters take lists: 700 times slower on a million."""
     given = [
         argument
         for type_, array in arrays
         for argument in (ctypes.c_uint64(len(array)), (type_ * len(array)).from_buffer_copy(array))
     ]
-    call = getattr(wrapper.lib, f"lib3mf_meshobject_set{what}")
-    wrapper.checkError(mesh, call(mesh._handle, *given))
+    call = getattr(_wrapper().lib, f"lib3mf_meshobject_set{what}")
+    _wrapper().checkError(mesh, call(mesh._handle, *given))
 
 
 def _written(model: Any) -> bytes:

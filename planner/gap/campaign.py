@@ -25,7 +25,6 @@ __all__ = [
     "axis_columns",
     "column_levels",
     "condition_groups",
-    "levels",
     "named",
     "replicate_groups",
     "with_modes",
@@ -263,28 +262,22 @@ TOLERANCES: Mapping[str, tuple[float, float]] = MappingProxyType(
 """How far apart, absolute and relative, two specimens of one condition may be."""
 
 
-def levels(
-    values: Sequence[float | None], absolute: float, relative: float
-) -> tuple[int | None, ...]:
-    """Return the level of each value, counted from the lowest; None stays unknown.
+def column_levels(name: str, cells: Sequence[float | str | None]) -> tuple[int | str | None, ...]:
+    """Return each cell's level; None stays unknown.
 
-    Sorted values are of one level while each is within the tolerance of the level's first.
+    Of texts it is the text. Numbers are counted from the lowest: sorted ones are of one level while
+    each is within the column's tolerance of the level's first.
     """
-    found: list[int | None] = [None] * len(values)
+    if any(isinstance(cell, str) for cell in cells):
+        return tuple(None if cell is None else str(cell) for cell in cells)
+    absolute, relative = TOLERANCES.get(name, (0.0, 1e-6))
+    found: list[int | None] = [None] * len(cells)
     level, first = -1, 0.0
-    for value, place in sorted((v, i) for i, v in enumerate(values) if v is not None):
+    for value, place in sorted((float(v), i) for i, v in enumerate(cells) if v is not None):
         if level < 0 or value - first > max(absolute, relative * abs(first)):
             level, first = level + 1, value
         found[place] = level
     return tuple(found)
-
-
-def column_levels(name: str, cells: Sequence[float | str | None]) -> tuple[int | str | None, ...]:
-    """Return each cell's level: its text, or a number that cells within tolerance share."""
-    if any(isinstance(cell, str) for cell in cells):
-        return tuple(None if cell is None else str(cell) for cell in cells)
-    numbers = [None if cell is None else float(cell) for cell in cells]
-    return levels(numbers, *TOLERANCES.get(name, (0.0, 1e-6)))
 
 
 def _condition_keys(specimens: Sequence[Specimen]) -> tuple[Hashable, ...]:
@@ -294,14 +287,11 @@ def _condition_keys(specimens: Sequence[Specimen]) -> tuple[Hashable, ...]:
     count, figures within `TOLERANCES`; further columns do not. Two unknowns count as alike.
     Gauge lengths that were measured one by one differ by some per cent and are one length.
     """
-    columns = [
-        levels([getattr(s, name) for s in specimens], *tolerance)
-        for name, tolerance in TOLERANCES.items()
-    ]
+    columns = [column_levels(name, [getattr(s, name) for s in specimens]) for name in TOLERANCES]
     return tuple(
         (
             s.material,
-            None if s.profile is None else _design_key(s),
+            _design_key(s.profile),
             None if s.part is None else id(s.part.response),
             s.orientation,
             s.protocol,
@@ -359,10 +349,9 @@ def _grouped(keys: Iterable[Hashable]) -> tuple[tuple[int, ...], ...]:
     return tuple(tuple(group) for group in groups.values())
 
 
-def _design_key(specimen: Specimen) -> Hashable:
-    design = specimen.profile
-    assert design is not None
-    arrays = (design.x_mm, design.coordinate, design.width_mm, design.thickness_mm)
+def _design_key(design: ProfileDesign | None) -> Hashable:
+    columns = ("x_mm", "coordinate", "width_mm", "thickness_mm")
+    arrays = (getattr(design, name, None) for name in columns)
     return tuple(None if a is None else np.round(a, 6).tobytes() for a in arrays)
 
 
@@ -525,12 +514,8 @@ def axis_columns(campaign: Campaign) -> Mapping[str, tuple[float | str | None, .
     columns stand last under their own names.
     """
     specimens = campaign.specimens
-    columns: dict[str, tuple[float | str | None, ...]] = {
-        "specimen": tuple(s.id for s in specimens),
-        "material": tuple(s.made_of for s in specimens),
+    fields = {"specimen": "id", "material": "made_of"} | {name: name for name in SPECIMEN_COLUMNS}
+    return {
+        **{name: tuple(getattr(s, field) for s in specimens) for name, field in fields.items()},
+        **{n: tuple(s.covariates.get(n) for s in specimens) for n in campaign.covariates},
     }
-    for name in SPECIMEN_COLUMNS:
-        columns[name] = tuple(getattr(s, name) for s in specimens)
-    for name in campaign.covariates:
-        columns[name] = tuple(s.covariates.get(name) for s in specimens)
-    return columns

@@ -17,7 +17,7 @@ import numpy as np
 from planner.errors import ArgumentError, FileError, UnknownNameError, did_you_mean, nearest_names
 from planner.formats.files import decode_toml, path_within, read_file, toml_text
 from planner.formats.headings import mode_of
-from planner.formats.outputs import new_folder
+from planner.formats.outputs import write_folder
 from planner.formats.specimens import (
     SPECIMEN_COLUMNS,
     SPECIMEN_TEXTS,
@@ -173,18 +173,15 @@ def _turned(
     said, notes = source.said, source.notes
     down = {"force": _is_negative(force_N), "travel": _is_negative(travel_mm)}
     names = [name for name, negative in down.items() if negative]
-    which = " and ".join(names) or "none"
     curve = _kind(source, force_N, travel_mm)
     if said is not None:
-        mode = said
+        pushed = said == "compression"
     elif len(names) != 1:
-        mode = "compression" if names else "tension"
+        pushed = bool(names)
     elif curve is not None:
-        mode = curve
+        pushed = curve == "compression"
     else:
-        squat = source.area_mm2 is not None and source.gauge_mm**2 < source.area_mm2
-        mode = "compression" if squat else "tension"
-    pushed = mode == "compression"
+        pushed = source.area_mm2 is not None and source.gauge_mm**2 < source.area_mm2
     if pushed and len(names) == 2:
         notes.append("travel and force are negative; it is compared as compressed")
     elif pushed and said is not None:
@@ -192,8 +189,8 @@ def _turned(
     elif pushed:
         why = "the curve bends as in compression" if curve else "it is wider than long"
         notes.append(
-            f"{which} alone is negative and {why}; it is compared as compressed: if it was pulled, "
-            "write tension in a column 'mode'"
+            f"{names[0]} alone is negative and {why}; it is compared as compressed: if it was "
+            "pulled, write tension in a column 'mode'"
         )
     else:
         notes += [f"{name} is negative in tension; its sign was turned" for name in names]
@@ -202,11 +199,8 @@ def _turned(
                 "compared as pulled, but the curve bends as in compression; if it was pushed, "
                 "write compression in a column 'mode'"
             )
-    turn = [name for name, negative in down.items() if negative is not pushed]
-    return (
-        -force_N if "force" in turn else force_N,
-        -travel_mm if "travel" in turn else travel_mm,
-    )
+    of_force, of_travel = (1.0 if negative is pushed else -1.0 for negative in down.values())
+    return of_force * force_N, of_travel * travel_mm
 
 
 def _is_negative(values: FloatArray) -> bool:
@@ -308,14 +302,8 @@ def _record_of(source: _Source) -> dict[str, Any]:
             f"{where}: the curve has {points} points; at least {MINIMUM_POINTS} are "
             "needed: export all of it, or take the specimen out of specimens.csv"
         )
-    force, force_unit_N = _channel(
-        source, "force", "stress_MPa", source.area_mm2,
-        "stress times the section in specimens.csv; it was",
-    )  # fmt: skip
-    travel, travel_unit_mm = _channel(
-        source, "travel", "strain", source.gauge_mm,
-        "strain times the gauge length; the crosshead's was",
-    )  # fmt: skip
+    force, force_unit_N = _channel(source, "force", source.area_mm2)
+    travel, travel_unit_mm = _channel(source, "travel", source.gauge_mm)
     if not np.any(travel):
         raise FileError(f"{where}: the crosshead never moves; check the column of travel")
     if not np.any(force):
@@ -351,19 +339,24 @@ def _record_of(source: _Source) -> dict[str, Any]:
     }
 
 
+_MADE_OF = {
+    "force": ("stress_MPa", "stress times the section in specimens.csv; it was"),
+    "travel": ("strain", "strain times the gauge length; the crosshead's was"),
+}
+"""The column that stands in where force or travel was not recorded, and how that is noted."""
+
+
 def _channel(
-    source: _Source, quantity: str, other: str, times: float | None, how: str
+    source: _Source, quantity: str, times: float | None
 ) -> tuple[FloatArray, float | None]:
     """Return force or travel, and how many newtons or millimetres a unit of the file's has.
 
     Parameters
     ----------
-    other
-        The column that is multiplied by `times` where the quantity was not recorded.
-    how
-        What is noted then.
+    times
+        What the column that stands in is multiplied by, where it is known.
     """
-    column, table = QUANTITIES[quantity][0], source.table
+    column, table, (other, how) = QUANTITIES[quantity][0], source.table, _MADE_OF[quantity]
     if column in table.columns:
         return table.columns[column], table.factors[column]
     if other not in table.columns:
@@ -868,46 +861,41 @@ def write_campaign(campaign: Campaign, output: str | Path, *, measured: bool = T
     >>> made = planner.design_campaign("rate,moisture", 16)  # doctest: +SKIP
     >>> planner.write_campaign(made.campaign, "lab", measured=False)  # doctest: +SKIP
     """
-    with new_folder(output, record=None) as scratch:
-        (scratch / "palette.toml").write_bytes(encode_palette(campaign.palette))
-        (scratch / "campaign.toml").write_bytes(_campaign_toml(campaign))
-        (scratch / "specimens.csv").write_bytes(specimens_csv(campaign))
-        curves = campaign.specimens if measured else ()
-        (scratch / "curves.csv").write_bytes(encode_csv(_curve_rows(curves)))
-        if measured and any(s.strain_field is not None for s in campaign.specimens):
-            (scratch / "fields.csv").write_bytes(encode_csv(_field_rows(campaign.specimens)))
-        for name, data in _own_files(campaign.specimens)[1].items():
-            (scratch / name).parent.mkdir(exist_ok=True)
-            (scratch / name).write_bytes(data)
-    return Path(output)
+    curves = campaign.specimens if measured else ()
+    files = {
+        "palette.toml": encode_palette(campaign.palette),
+        _CAMPAIGN: _campaign_toml(campaign),
+        SPECIMENS: specimens_csv(campaign),
+        CURVES: encode_csv(_curve_rows(curves)),
+        **_own_files(campaign.specimens)[1],
+    }
+    if any(s.strain_field is not None for s in curves):
+        files[_FIELDS] = encode_csv(_field_rows(curves))
+    return write_folder(output, files)
 
 
 def _campaign_toml(campaign: Campaign) -> bytes:
     pairs = {"name": campaign.name, "printer": campaign.printer, "palette": "palette.toml"}
     if campaign.notes:
         pairs["notes"] = campaign.notes
-    lines = [f"{key} = {toml_text(value)}" for key, value in pairs.items()]
-    return ("\n".join(["schema = 1", *lines]) + "\n").encode("utf-8")
+    lines = (f"{key} = {toml_text(value)}\n" for key, value in pairs.items())
+    return "".join(["schema = 1\n", *lines]).encode("utf-8")
 
 
 def _specimen_rows(campaign: Campaign, files: Sequence[str]) -> Iterable[_CsvRow]:
     has_parts = any(s.part is not None for s in campaign.specimens)
     of_parts = ("part", "fix", "move", "load") if has_parts else ()
-    yield ("specimen", "material", "profile", *of_parts, *_WRITTEN, *campaign.covariates)
+    columns = ("specimen", "material", "profile", *of_parts, *_WRITTEN, *campaign.covariates)
+    yield columns
     for s, file in zip(campaign.specimens, files, strict=True):
         own = {name: getattr(s, name) for name in _WRITTEN}
-        made_of: dict[str, str] = {}
-        if s.part is not None:
-            own["gauge_mm"] = None  # its response has it
-            made_of = {"part": file, "fix": s.part.fix, "move": s.part.move, "load": s.part.load}
-        yield (
-            s.id,
-            s.material or "",
-            "" if s.profile is None else file,
-            *(made_of.get(name, "") for name in of_parts),
-            *own.values(),
-            *(s.covariates.get(name) for name in campaign.covariates),
-        )
+        cells = {**s.covariates, **own, "specimen": s.id, "material": s.material}
+        if s.profile is not None:
+            cells["profile"] = file
+        if s.part is not None:  # its response has its gauge
+            cells |= {name: getattr(s.part, name) for name in of_parts[1:]}
+            cells |= {"part": file, "gauge_mm": None}
+        yield tuple(cells.get(name) for name in columns)
 
 
 def _curve_rows(specimens: Sequence[Specimen]) -> Iterable[_CsvRow]:
@@ -952,10 +940,7 @@ def _own_files(specimens: Sequence[Specimen]) -> tuple[list[str], dict[str, byte
 
 
 def _profile_rows(design: ProfileDesign) -> Iterable[_CsvRow]:
-    columns: dict[str, FloatArray] = {
-        name: values
-        for name in ("x_mm", "coordinate", "width_mm", "thickness_mm")
-        if (values := getattr(design, name)) is not None
-    }
-    yield tuple(columns)
-    yield from zip(*columns.values(), strict=True)
+    names = ("x_mm", "coordinate", "width_mm", "thickness_mm")
+    columns = tuple(name for name in names if getattr(design, name) is not None)
+    yield columns
+    yield from zip(*(getattr(design, name) for name in columns), strict=True)

@@ -28,7 +28,7 @@ from planner.materials.fit import (
     sample_of,
     unstable_strain,
 )
-from planner.materials.laws import FITTED_MODELS, SeparableLaw, make_law
+from planner.materials.laws import SeparableLaw, make_law
 from planner.materials.mixtures import CoefficientModel
 from planner.numerics import FloatArray
 from planner.palette import (
@@ -56,13 +56,13 @@ _BREAK_SHARE = 0.95
 """How far a law is followed, of the elongation at break. Chosen: near the break, with no step
 beyond it."""
 
+
+def _almost_broken(material: Material) -> float:
+    return _BREAK_SHARE * material.elongation_at_break
+
+
 _Place: TypeAlias = tuple[Material, Reference]
 """A material, and the conditions it is pulled at, all of them known."""
-
-
-def _breaks_share(material: Material) -> float:
-    """Return the strain that a law is followed to: near its break."""
-    return _BREAK_SHARE * material.elongation_at_break
 
 
 _WORKING_STRAIN = 0.1
@@ -313,11 +313,11 @@ def _refitted(material: Material, strain: FloatArray, log_factor: FloatArray) ->
         even = log_factor.mean()
         misfit = float(np.sqrt(np.mean((np.exp(even - log_factor) - 1.0) ** 2)))
         return Refit(law.stiffened(float(np.exp(even))), misfit)
-    stress = make_law(law).nominal_stress_MPa(1.0 + strain) * np.exp(log_factor)
+    model = make_law(law)
+    stress = model.nominal_stress_MPa(1.0 + strain) * np.exp(log_factor)
     sample = sample_of([Curve(material.id, strain, stress)], points=None)
-    if law.model == "yielding":
+    if not isinstance(model, SeparableLaw):  # one that yields
         return _bent(sample)
-    model = _model(law)
     own = [np.sort(v) for name, v in sorted(law.parameters.items()) if not name.endswith("_MPa")]
     start = np.concatenate(own)[None] if own else None
     fit = fit_law(model, sample, starts=_STARTS, also=start)
@@ -345,22 +345,6 @@ def _bent(sample: Sample) -> Refit:
     return Refit(
         LawParameters(law.model, MappingProxyType(parameters)), float(np.sqrt(np.mean(off**2)))
     )
-
-
-def _model(law: LawParameters) -> SeparableLaw:
-    if law.model not in FITTED_MODELS:
-        raise PaletteError(
-            f"law {law.model!r} cannot be corrected; it must be one of {', '.join(FITTED_MODELS)}"
-        )
-    models = FITTED_MODELS[law.model]
-    if law.model != "ogden":
-        return models[0]
-    terms = len(law.parameters["alpha"])
-    if terms > len(models):
-        raise PaletteError(
-            f"an Ogden law of {terms} terms cannot be fitted again; the most is {len(models)}"
-        )
-    return models[terms - 1]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -586,12 +570,6 @@ class _Case:
         ids = self.diagnosis.tested.get("material", tuple(self.diagnosis.recalibration))
         return [k for k, material in enumerate(self.palette.materials) if material.id in ids]
 
-    def factors(
-        self, places: Sequence[_Place], strain: Callable[[Material], float], steps: int
-    ) -> _Factors:
-        """Return the factors of materials pulled so far."""
-        return _Factors(self.palette, places, self.own, self.section_mm, strain, steps)
-
 
 def _corrected(case: _Case, recalibrate: bool) -> Correction:
     palette, diagnosis, own, use = case.palette, case.diagnosis, case.own, case.use
@@ -609,7 +587,7 @@ def _corrected(case: _Case, recalibrate: bool) -> Correction:
     notes += _doubts(diagnosis)
     applied = [_stated(e, library[e.id], palette.name) for e in known]
     places = [(material, use) for material in palette.materials]
-    factors = case.factors(places, _breaks_share, _STEPS)
+    factors = _Factors(palette, places, own, case.section_mm, _almost_broken, _STEPS)
     logs = _whole(factors.log(applied), palette)
     notes += [
         f"{one.effect.id}: nothing changes at {_in_words(use, name)}, the palette's own; "
@@ -751,7 +729,8 @@ def _forms_sd(case: _Case, effects: Sequence[StatedEffect]) -> FloatArray:
         tests = _tests_of(case, [materials[n] for n in beside], one.effect.condition)
         if tests:
             places = [*tests, *((materials[n], case.use) for n in numbers)]
-            factors = case.factors(places, _working_strain, _STEPS_TO_WORK)
+            own, mm, steps = case.own, case.section_mm, _STEPS_TO_WORK
+            factors = _Factors(case.palette, places, own, mm, _working_strain, steps)
             total[numbers] += _parted_sd(factors, one, len(tests), sd) ** 2
     return np.sqrt(total)
 
@@ -817,9 +796,7 @@ def _among(use: Reference, name: str, tested: Sequence[float | str]) -> bool:
     value = getattr(use, name)
     if isinstance(value, str):
         return value in tested
-    column = "rate_mm_s" if name == "strain_rate_per_s" else name
-    absolute, relative = TOLERANCES[column]
-    absolute = 0.0 if column == "rate_mm_s" else absolute
+    absolute, relative = TOLERANCES["rate_mm_s" if name == "strain_rate_per_s" else name]
     low, high = (float(end) for end in (tested[0], tested[-1]))
     return bool(
         low - max(absolute, relative * low) <= value <= high + max(absolute, relative * high)

@@ -16,10 +16,17 @@ from planner.formats.specimens import SPECIMEN_COLUMNS
 from planner.gap.campaign import Campaign, Specimen
 from planner.gap.diagnosis import Experiment, Hypothesis
 from planner.gap.effect import Effect, stated, untestable
-from planner.gap.effects import EFFECTS, effect_named, effects_for
-from planner.gap.evidence.problem import Problem, applied, set_up
+from planner.gap.effects import EFFECTS, STEPS, effect_named, effects_for
+from planner.gap.evidence.problem import (
+    Candidate,
+    Problem,
+    Search,
+    SignedForm,
+    applied,
+    node_weights,
+    set_up,
+)
 from planner.gap.evidence.settle import Elimination, World
-from planner.gap.evidence.surrogate import Candidate, Search, SignedForm, node_weights
 from planner.gap.evidence.weigh import (
     ALIKE_COSINE,
     UNKNOWN,
@@ -44,14 +51,7 @@ from planner.printers import Printer, load_printer, palette_of
 from planner.simulation.bar import ProfileDesign
 from planner.simulation.bar_solver import Setup, predict
 
-__all__ = [
-    "CampaignDesign",
-    "Trial",
-    "design_campaign",
-    "may_take_bars",
-    "next_experiments",
-    "trials_of",
-]
+__all__ = ["CampaignDesign", "design_campaign", "next_experiments"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -59,62 +59,30 @@ __all__ = [
 
 
 _Change = Mapping[str, Any]
-"""By column: its new value, or in a step what makes that of the reference's."""
-
-
-def _times(factor: float) -> Callable[[float], float]:
-    return lambda value: factor * value
-
-
-def _plus(more: float) -> Callable[[float], float]:
-    return lambda value: value + more
-
-
-def _about(factor: float) -> Callable[[float], float]:
-    return lambda value: _rounded(factor * value)
+"""By column: its new value."""
 
 
 def _rounded(value: float) -> float:
     return float(f"{value:.3g}")
 
 
-_STEPS: Mapping[str, tuple[_Change, ...]] = MappingProxyType(
-    {
-        "rate": ({"rate_mm_s": _about(10.0)}, {"rate_mm_s": _about(0.1)}),
-        "relaxation": ({"protocol": "relaxation"},),
-        "temperature": tuple({"temperature_C": _plus(K)} for K in (10.0, 17.0, -8.0)),
-        "soak": tuple({"soak_h": _plus(h)} for h in (4.0, 24.0, 72.0)),
-        "age": tuple({"age_days": _plus(days)} for days in (30.0, 110.0)),
-        "orientation": (
-            {"orientation": lambda along: "y" if along == "z" else "z"},
-            {"orientation": lambda along: "y" if along == "x" else "x"},
-        ),
-        "section": (
-            {"thickness_mm": _times(0.5)},
-            {"width_mm": lambda width: _rounded(width / 0.6)},
-            {"width_mm": _about(0.6), "thickness_mm": _times(2.0)},
-        ),
-        "gauge": ({"gauge_mm": _about(1.8)},),
-        "cyclic": ({"protocol": "cyclic"},),
-        "soak-section": (
-            {"thickness_mm": _times(0.5), "soak_h": _plus(4.0)},
-            {"thickness_mm": _times(0.5)},
-        ),
-    }
-)
-"""Steps of a campaign, by what an effect may ask for, each of which may also be the next test;
-``materials`` and ``bars`` are apart. Chosen: what a lab can set on one machine within days and
-weeks, wide enough for an effect of usual size."""
+def _changed(step: Mapping[str, str], reference: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the new values of a step's columns; see `effects.toml`."""
+    return {name: _altered(to, reference[name]) for name, to in step.items()}
+
+
+def _altered(to: str, value: Any) -> Any:
+    sign, _, figure = to.partition(" ")
+    if not figure:
+        return next(word for word in to.split("|") if word != value)
+    by = float(figure)
+    return {"+": value + by, "*": value * by, "~": _rounded(value * by)}[sign]
+
 
 _CROSSED = (
     ("rate", "temperature"), ("temperature", "soak"), ("age", "soak"), ("rate", "cyclic"),
     ("temperature", "cyclic"),
 )  # fmt: skip
-
-
-def _changed(step: _Change, reference: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the new values of a step's columns."""
-    return {name: to(reference[name]) if callable(to) else to for name, to in step.items()}
 
 
 def _specimen(
@@ -169,11 +137,6 @@ _USUAL_SIZE: Mapping[str, float] = MappingProxyType(
 """Of the usual specimen's gauge section. Convention: some 6 by 25 mm, as ASTM D412's die C."""
 
 
-def may_take_bars(effects: Sequence[str]) -> bool:
-    """Return whether graded bars are among the candidates."""
-    return any("bars" in EFFECTS[id].changes for id in effects if id in EFFECTS)
-
-
 def _strain_of(palette: Palette) -> float:
     """Return how far coupons are pulled, whichever elastic materials are chosen."""
     return virtual_strain(palette, [m.id for m in _elastic(palette)[0]])
@@ -198,7 +161,7 @@ def candidates_of(
         "rate_mm_s": _rounded(own.strain_rate_per_s * size["gauge_mm"]),
         "protocol": "monotonic",
     }
-    steps = {name: [_changed(one, reference) for one in _STEPS[name]] for name in _STEPS}
+    steps = {name: [_changed(one, reference) for one in ways] for name, ways in STEPS.items()}
     for longer in steps["gauge"]:
         speed = reference["rate_mm_s"] * longer["gauge_mm"] / size["gauge_mm"]
         longer["rate_mm_s"] = _rounded(speed)
@@ -273,7 +236,7 @@ class Expected:
 
 def _usual_weights(problem: Problem, form: SignedForm) -> FloatArray:
     """Return the weights of all nodes that stand for a form at the middle of its prior, (k,)."""
-    size, weights = form.form.size, np.zeros(len(problem.node_features))
+    size, weights = form.form.size, np.zeros(problem.nodes.shape[1])
     place = float(np.sqrt(size.usual / size.high)), *[0.0] * form.shapes
     weights[form.own] = node_weights(place)
     return weights
@@ -300,7 +263,7 @@ def _expected_of(
     priors = Priors()
     sizes = {d.id: d for d in detectable_sizes(problem, elimination, priors)}
     needed = needed_nats(priors, len(testable))
-    m = elimination.products[problem.nodes, problem.nodes]
+    m = elimination.products[1:, 1:]
     found = []
     for id in asked:
         first = next(b for b in problem.branches if b.effect.id == id)
@@ -402,9 +365,8 @@ def _information_of(problem: Problem, asked: Sequence[Effect]) -> Information:
     for effect in asked:
         forms = [b for b in problem.branches if b.effect.id == effect.id and b.sign > 0.0]
         weights += [_usual_weights(problem, b) / np.sqrt(len(forms)) for b in forms]
-    patterns = problem.columns[:, problem.nodes] @ np.stack(weights, axis=1)
-    nuisances = problem.columns[:, -problem.nuisances :]
-    columns = np.concatenate([patterns, nuisances, _batch_level(problem)[:, None]], axis=1)
+    patterns = problem.nodes @ np.stack(weights, axis=1)
+    columns = np.concatenate([patterns, problem.nuisances, _batch_level(problem)[:, None]], axis=1)
     edges = problem.noise.first_row.tolist()
     parts = [columns[a:b].T @ columns[a:b] for a, b in pairwise(edges)]
     return Information(_BATCHES * np.stack(parts), [len(effect.forms) for effect in asked])
@@ -599,8 +561,8 @@ def design_campaign(
         testable = [id for id, e in library.items() if untestable(e, campaign) is None]
         # As many specimens of each condition, spread evenly over the batches.
         world = World(problem, weight=_BATCHES * counts.astype(np.float64))
-        columns, level = problem.columns, _batch_level(problem)[:, None]
-        elimination = world.elimination(columns[:, 0], level, columns[:, problem.nodes])
+        level = _batch_level(problem)[:, None]
+        elimination = world.elimination(problem.target, level, problem.nodes)
         return CampaignDesign(
             campaign=campaign,
             expected=_expected_of(problem, elimination, asked, testable),
@@ -681,33 +643,26 @@ class Trial:
     specimen: Specimen
     hours: float
 
-    @property
-    def row(self) -> dict[str, str | float]:
-        """What specimens.csv says of each specimen, and how far to pull or push it."""
-        s = self.specimen
-        file = "" if s.profile is None else f"profiles/{s.profile.name}.csv"
-        cells: dict[str, Any] = {"material": s.material, "profile": file}
+    def experiment(self, splits: tuple[tuple[str, str], ...], gain_nats: float) -> Experiment:
+        """Return the test as it is proposed, for what it splits and tells."""
+        s, bar = self.specimen, self.specimen.profile
+        cells: dict[str, Any] = {"material": s.material, "profile": None}
         cells |= {name: getattr(s, name) for name in SPECIMEN_COLUMNS}
         cells["protocol"] = f"{s.protocol} compression" if s.pushed else s.protocol
         cells["to_strain"] = _rounded(float(s.strain.max()))
-        return {name: cell for name, cell in cells.items() if cell not in (None, "")}
-
-    @property
-    def design(self) -> dict[str, tuple[float, ...]]:
-        """The columns of a bar's profile file; none of a specimen of one material."""
-        bar = self.specimen.profile
-        if bar is None:
-            return {}
-        return {"x_mm": tuple(bar.x_mm.tolist()), "coordinate": tuple(bar.coordinate.tolist())}
-
-    @property
-    def detail(self) -> str:
-        """In words."""
+        design: dict[str, tuple[float, ...]] = {}
+        if bar is not None:
+            cells["profile"] = f"profiles/{bar.name}.csv"
+            design = {name: tuple(getattr(bar, name).tolist()) for name in ("x_mm", "coordinate")}
+        row = {name: cell for name, cell in cells.items() if cell is not None}
         what = ", ".join(f"{name} {value}" for name, value in self.change.items())
-        how = "compressed specimens" if self.specimen.pushed else "specimens"
-        return (
+        how = "compressed specimens" if s.pushed else "specimens"
+        detail = (
             f"{_COPIES} {how} with {what}, all else as where the palette was measured; about "
             f"{self.hours:.1f} h"
+        )
+        return Experiment(
+            dict(self.change), splits, gain_nats, self.hours, detail, _COPIES, row, design
         )
 
 
@@ -726,8 +681,8 @@ def trials_of(campaign: Campaign, setup: Setup) -> tuple[Trial, ...]:
     _, (soft, middle, hard) = _elastic(palette)
     own = stated(setup.reference)
     known = {k: v for k, v in asdict(own).items() if k in reference}
-    ways = [
-        *(step for steps in _STEPS.values() for step in steps),
+    ways: list[_Change] = [
+        *(_changed(step, reference | known) for steps in STEPS.values() for step in steps),
         *({"material": m.id} for m in (soft, middle, hard)),
         *({"material": m.id, "protocol": "cyclic"} for m in (soft, hard)),
         # A bar of two materials is pulled: pushed, its soft end gives way sideways.
@@ -735,8 +690,7 @@ def trials_of(campaign: Campaign, setup: Setup) -> tuple[Trial, ...]:
     ]
     assert own.age_days is not None
     trials = []
-    for number, way in enumerate(ways):
-        change = _changed(way, reference | known)
+    for number, change in enumerate(ways):
         if all(reference.get(name) == value for name, value in change.items()):
             continue
         material, fields = change.get("material", reference["material"]), change
@@ -838,8 +792,7 @@ def next_experiments(
     trials = trials_of(problem.campaign, problem.model.setup)
     means, covariances = _predicted(weighed, candidates, trials)
     found = []
-    widest = max(mean.shape[1] for mean in means)
-    noise = rng.standard_normal((len(known) * _DRAWS, widest))
+    noise = rng.standard_normal((len(known) * _DRAWS, max(mean.shape[1] for mean in means)))
     for trial, mean, covariance in zip(trials, means, covariances, strict=True):
         gain, distance = _information(mean, covariance, share, noise)
         splits = sorted(
@@ -849,12 +802,7 @@ def next_experiments(
         named = tuple(
             (known[a].name, known[b].name) for a, b in splits[:3] if distance[a, b] > _TOLD_APART
         )
-        found.append(
-            Experiment(
-                dict(trial.change), named, gain, trial.hours, trial.detail, _COPIES, trial.row,
-                trial.design,
-            )
-        )  # fmt: skip
+        found.append(trial.experiment(named, gain))
     found.sort(key=lambda e: -e.expected_gain_nats / e.hours)
     first: dict[str, Experiment] = {}  # what is planned for two reasons is one test
     for one in found:
@@ -889,13 +837,11 @@ def _predicted(
     no_batch = np.full(len(trials), -1)
     features = NoisyFeatures(table, table.sensitivity(raw[0]), sensor, no_batch)
     noise = features.noise(problem.scatter)
-    by_specimen = dict(zip(np.unique(table.specimen).tolist(), range(len(noise.rows)), strict=True))
-    means, covariances = [], []
-    for place in range(len(trials)):
-        rows = noise.rows[by_specimen[place]]
-        means.append(learned[:, rows])
-        own = noise.blocks[by_specimen[place]] / _COPIES
-        covariances.append(own + shared[rows] @ known @ shared[rows].T)
+    means = [learned[:, rows] for rows in noise.rows]
+    covariances = [
+        block / _COPIES + shared[rows] @ known @ shared[rows].T
+        for rows, block in zip(noise.rows, noise.blocks, strict=True)
+    ]
     return means, covariances
 
 
@@ -909,9 +855,9 @@ def _known_laws(
     """
     own = enumerate(weighed.plain.problem.ways)
     by_name = {(way.material, way.kind): k for k, way in own if way.material}
-    pairs = [(k, by_name.get((way.material, way.kind))) for k, way in enumerate(ways)]
-    at = [k for k, of in pairs if of is not None]
-    taken = [of for _, of in pairs if of is not None]
+    keys = {k: (way.material, way.kind) for k, way in enumerate(ways)}
+    at = [k for k, key in keys.items() if key in by_name]
+    taken = [by_name[keys[k]] for k in at]
     known = np.eye(len(ways))
     sizes = np.zeros((len(candidates), len(ways)))
     for row, candidate in zip(sizes, candidates, strict=True):

@@ -208,7 +208,7 @@ class Experiment:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Traces:
-    """Curves and residuals to draw, a test a row; NaN where there is nothing.
+    """Curves and residuals to draw, a test a row.
 
     Travel and force are positive the way a test loads: compressed specimens' are sizes.
 
@@ -216,10 +216,10 @@ class Traces:
     ----------
     label : (P,)
         Of the test: material or design and what differs from the reference.
-    specimen_ids
-        The specimens of each test.
+    rows
+        Of `measured_N`, by test.
     travel_mm, time_s, before_N, after_N : (P, T)
-        Predicted by the palette alone, and with the verdict's effects.
+        Predicted by the palette alone, and with the verdict's effects: NaN where it names none.
     measured_N : (n, T)
         Of each specimen, in the campaign's order, on its test's steps.
     residual_before, residual_after : (n,)
@@ -231,25 +231,18 @@ class Traces:
     """
 
     label: tuple[str, ...]
-    specimen_ids: tuple[tuple[str, ...], ...]
+    rows: list[list[int]]
     travel_mm: FloatArray
     time_s: FloatArray
     before_N: FloatArray
     after_N: FloatArray
     measured_N: FloatArray
-    residual_before: FloatArray = field(default_factory=lambda: np.zeros(0))
-    residual_after: FloatArray = field(default_factory=lambda: np.zeros(0))
-    specimens: tuple[str, ...] = ()
-    columns: Mapping[str, tuple[float | str | None, ...]] = field(default_factory=dict)
+    residual_before: FloatArray
+    residual_after: FloatArray
+    specimens: tuple[str, ...]
+    columns: Mapping[str, tuple[float | str | None, ...]]
 
     __repr__ = brief
-
-    @property
-    def rows(self) -> list[list[int]]:
-        """The rows of `measured_N` that belong to each test."""
-        ids = self.specimens or [id for ids in self.specimen_ids for id in ids]
-        places = {id: row for row, id in enumerate(ids)}
-        return [[places[id] for id in ids if id in places] for ids in self.specimen_ids]
 
     def errors(self, predicted_N: FloatArray) -> FloatArray:
         """Return measured less predicted over the specimen's largest force, (n, T).
@@ -259,22 +252,16 @@ class Traces:
         predicted_N : (P, T)
             `before_N` or `after_N`.
         """
-        errors = np.full(self.measured_N.shape, np.nan)
+        errors = np.empty_like(self.measured_N)
         for predicted, rows in zip(predicted_N, self.rows, strict=True):
-            for row in rows:
-                largest = np.nanmax(np.abs(self.measured_N[row]), initial=0.0)
-                if largest > 0.0:
-                    errors[row] = (self.measured_N[row] - predicted) / largest
-        return errors
+            errors[rows] = self.measured_N[rows] - predicted
+        return np.asarray(errors / np.abs(self.measured_N).max(axis=1, keepdims=True))
 
 
 def signed_error(errors: FloatArray) -> FloatArray:
-    """Return root mean squares of the last axis, below 0 where their mean is; NaN left out."""
-    known = np.isfinite(errors)
-    count = np.where(known.any(axis=-1), known.sum(axis=-1), np.nan)
-    shown = np.where(known, errors, 0.0)
-    size = np.sqrt((shown**2).sum(axis=-1) / count)
-    return np.asarray(np.copysign(size, shown.sum(axis=-1)))
+    """Return root mean squares of the last axis, below 0 where their mean is."""
+    size = np.sqrt(np.mean(errors**2, axis=-1))
+    return np.asarray(np.copysign(size, errors.sum(axis=-1)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -488,8 +475,7 @@ def read_diagnosis(path: str | Path) -> Diagnosis:
     file = path_within(path, "diagnosis.json") if path.is_dir() else path
     try:
         data = read_file(
-            file,
-            advice="give a diagnosis.json as planner gap diagnose -o writes it, or its folder",
+            file, advice="give a diagnosis.json as planner gap diagnose -o writes it, or its folder"
         )
         document = msgspec.json.decode(data)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:

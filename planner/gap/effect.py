@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
+from functools import cache
 from types import MappingProxyType
 from typing import Literal, get_args
 
@@ -139,8 +140,7 @@ class Effect:
         Axes along which its gap varies: columns of specimens.csv, or ``material``, ``strain``,
         ``time``, ``branch``, ``position``, ``specimen``.
     changes
-        What a campaign changes to see it: steps of `planner.gap.design`, ``materials``
-        or ``bars``.
+        What a campaign changes to see it: `planner.gap.effects.STEPS`, ``materials`` or ``bars``.
     covariates
         Columns that must be known and take more than one value, or it cannot be tested; each
         entry may name alternatives, "rate_mm_s|hold".
@@ -302,6 +302,7 @@ _STANDARD = Reference(
 tensile test at some 50 mm/min on a 25 mm gauge, in a laboratory."""
 
 
+@cache
 def stated(*references: Reference) -> Reference:
     """Return every condition as the first reference that states it, or else the standard."""
     names = [field.name for field in fields(Reference)]

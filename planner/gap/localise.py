@@ -17,12 +17,7 @@ from planner.glance import counted
 from planner.numerics import BoolArray, FloatArray, IntArray
 from planner.simulation.bar import ProfileDesign
 
-__all__ = [
-    "Whitening",
-    "axis_patterns",
-    "localise",
-    "specimen_patterns",
-]
+__all__ = ["Whitening", "axis_patterns", "localise", "specimen_patterns"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -104,8 +99,7 @@ def _share_of_peak(table: FeatureTable) -> FloatArray:
     """Return each feature's strain over the largest of its specimen, (N,)."""
     peak = np.zeros(int(table.specimen.max()) + 1)
     np.maximum.at(peak, table.specimen, table.strain)
-    share: FloatArray = table.strain / np.maximum(peak[table.specimen], 1e-12)
-    return share
+    return np.asarray(table.strain / np.maximum(peak[table.specimen], 1e-12))
 
 
 def _indicators(cells: Sequence[object], values: Sequence[object]) -> FloatArray:
@@ -130,8 +124,7 @@ def specimen_patterns(cells: Sequence[str | float | None]) -> FloatArray | None:
         patterns = _indicators(cells, distinct)
     else:
         return None
-    centred: FloatArray = (patterns - patterns[known].mean(axis=0)) * known[:, None]
-    return centred
+    return np.asarray((patterns - patterns[known].mean(axis=0)) * known[:, None])
 
 
 def _along_hold(table: FeatureTable, h: FloatArray) -> FloatArray:
@@ -259,25 +252,19 @@ class Whitening:
 
     def summed(self, values: FloatArray) -> FloatArray:
         """Return sums over each specimen's rows, (n, ...)."""
-        sums: FloatArray = np.add.reduceat(values, self.starts[:-1], axis=0)
-        return sums
+        return np.asarray(np.add.reduceat(values, self.starts[:-1], axis=0))
 
 
 def _orthonormal(columns: FloatArray, besides: FloatArray | None = None) -> FloatArray:
     """Return an orthonormal basis of columns, (N, k), and of what is in them beside another."""
-    if not columns.shape[1]:
-        return columns
     scale = np.linalg.norm(columns, axis=0)
     left: FloatArray = columns[:, scale > 0.0] / scale[scale > 0.0]
-    if besides is not None and left.shape[1]:
+    if besides is not None:
         for _ in range(2):  # once more for rounding
             left = left - besides @ (besides.T @ left)
-    if not left.shape[1]:
-        return left
     basis, singular, _ = np.linalg.svd(left, full_matrices=False)
     # Columns were of unit length: what is left of less than a hundredth is the other's.
-    kept: FloatArray = np.ascontiguousarray(basis[:, singular > 1e-2])
-    return kept
+    return np.ascontiguousarray(basis[:, singular > 1e-2])
 
 
 # ------------------------------------------------------------------------------------------------
@@ -310,8 +297,7 @@ def _family_wise(axes: Sequence["_Axis"]) -> FloatArray:
 def _rank_p(drawn: FloatArray) -> FloatArray:
     """Return the share of draws that are as large as each one."""
     as_large = len(drawn) - np.searchsorted(np.sort(drawn), drawn, side="left")
-    share: FloatArray = as_large / len(drawn)
-    return share
+    return np.asarray(as_large / len(drawn))
 
 
 def _share_p(explained: FloatArray, left: FloatArray, k: float, freedom: float) -> FloatArray:
@@ -497,8 +483,7 @@ class _Case:
         inner = (weights @ pairs).reshape(-1, k, k) + 1e-3 * np.eye(k)
         solved = np.linalg.solve(inner, score[:, :, None])[:, :, 0]
         # A draw has the noise of what was measured and its own.
-        found: FloatArray = np.maximum(np.einsum("bk,bk->b", score, solved) - 2.0 * k, 0.0)
-        return found
+        return np.asarray(np.maximum(np.einsum("bk,bk->b", score, solved) - 2.0 * k, 0.0))
 
     def mean(self, rows: BoolArray) -> float | None:
         """Return the mean gap over rows, a logarithm; None where nothing is told."""

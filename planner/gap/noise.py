@@ -507,14 +507,18 @@ def likeliest_sides(table: FeatureTable, seen: FloatArray) -> IntArray:
     seen : (L, sides, F)
         Strains of bins, by `FieldWeights.weight`, as the palette alone predicts them.
     """
-    measured = table.measured[table.is_field]
-    half = 2.0 * table.floor[table.is_field]
-    sides = np.zeros((len(seen), len(half)), dtype=np.int64)
+    sides = np.zeros((len(seen), seen.shape[2]), dtype=np.int64)
     for side, of_length in zip(sides, seen, strict=True):
-        residual = measured - np.arcsinh(of_length / half)
+        left = _left_by(table, of_length)
         for at, root in _rough(table, of_length[len(SIDES) // 2]):
-            side[at] = np.argmin(SIDES**2 + np.sum((residual[:, at] @ root.T) ** 2, axis=1))
+            side[at] = np.argmin(SIDES**2 + np.sum((left[:, at] @ root.T) ** 2, axis=1))
     return sides
+
+
+def _left_by(table: FeatureTable, strains: FloatArray) -> FloatArray:
+    """Return measured less predicted strains of bins, (..., F), transformed."""
+    field = table.is_field
+    return table.measured[field] - np.arcsinh(strains / (2.0 * table.floor[field]))
 
 
 def likeliest_facet(table: FeatureTable, strains: FloatArray) -> int:
@@ -530,14 +534,11 @@ def likeliest_facet(table: FeatureTable, strains: FloatArray) -> int:
     """
     if strains.shape[1] == 1:
         return 0
-    measured = table.measured[table.is_field]
-    half = 2.0 * table.floor[table.is_field]
     logs = []
     for of_length in np.moveaxis(strains, 1, 0):
-        residual = measured - np.arcsinh(of_length / half)
-        log = np.zeros(len(residual))
+        left, log = _left_by(table, of_length), np.zeros(len(of_length))
         for at, root in _rough(table, of_length[0]):
-            white = residual[:, at] @ root.T
+            white = left[:, at] @ root.T
             log += np.log(np.diagonal(root)).sum() - 0.5 * np.einsum("ki,ki->k", white, white)
         effects = scipy.special.logsumexp(log[1:]) - math.log(max(len(log) - 1, 1))
         logs.append(np.logaddexp(log[0], effects))

@@ -613,8 +613,7 @@ def _paths(specimens: Sequence[Specimen]) -> dict[int, Path]:
     """Return the paths of specimens that load, those of one prediction on the first one's gauge."""
     paths: dict[int, Path] = {}
     for group in condition_groups(specimens):
-        found = {place: path_of(specimens[place]) for place in group}
-        loading = {place: path for place, path in found.items() if path is not None}
+        loading = {place: path for place in group if (path := path_of(specimens[place]))}
         for place, path in loading.items():
             paths[place] = path.on_gauge(next(iter(loading.values())).gauge_mm)
     return dict(sorted(paths.items()))
@@ -725,32 +724,19 @@ def _bar_limits_mm(setup: Setup, prediction: Prediction, palette: Palette) -> di
 def _limitations(
     specimens: Sequence[Specimen], paths: Mapping[int, Path], past: set[int]
 ) -> Iterable[str]:
-    told = (
-        (set(range(len(specimens))) - set(paths), "no loading of enough points; left out"),
-        (
-            {place for place, path in paths.items() if path.broken},
-            "broke; only what came before is compared",
-        ),
-        (
-            past & set(paths),
-            f"compared up to {_BREAK_SHARE:g} times the elongation at break, or to a strain of "
-            f"-{PUSHED_END:g}, only",
-        ),
-        (
-            {place for place, path in paths.items() if any(s.cycles > 1 for s in path.segments)},
-            "of many cycles those between the first and the last are compared in groups, at the "
-            "end of each",
-        ),
-        (
-            {
-                place
-                for place in paths
-                if specimens[place].part is None
-                and specimens[place].section_mm2(np.zeros(1)) is None
-            },
-            "the section is unknown; it is taken to be 1 mm2",
-        ),
-    )
-    for places, what in told:
+    told = {
+        "no loading of enough points; left out": set(range(len(specimens))) - set(paths),
+        "broke; only what came before is compared": {k for k, p in paths.items() if p.broken},
+        f"compared up to {_BREAK_SHARE:g} times the elongation at break, or to a strain of "
+        f"-{PUSHED_END:g}, only": past & set(paths),
+        "of many cycles those between the first and the last are compared in groups, at the end of "
+        "each": {k for k, p in paths.items() if any(s.cycles > 1 for s in p.segments)},
+        "the section is unknown; it is taken to be 1 mm2": {
+            k
+            for k in paths
+            if specimens[k].part is None and specimens[k].section_mm2(np.zeros(1)) is None
+        },
+    }
+    for what, places in told.items():
         if places:
             yield f"{named([specimens[place].id for place in sorted(places)])}: {what}"

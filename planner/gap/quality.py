@@ -1,7 +1,8 @@
 """Data quality of a campaign: each record alone, against the others, against the palette."""
 
 import math
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
@@ -41,27 +42,6 @@ __all__ = [
 _Problems = Iterator[tuple[str, str]]
 """What is wrong with one specimen: the kind, and in words what was found against what was expected,
 without the specimen's name."""
-
-
-def _record_problems(specimens: Sequence[Specimen]) -> list[QualityProblem]:
-    """Return what is wrong with single records, held against their own declaration.
-
-    A record whose force stood still is named for that, and neither for its protocol nor as clipped.
-    """
-    dead = _each(_dead_cell, specimens)
-    silent = {p.specimen for p in dead}
-    live = [s for s in specimens if s.id not in silent]
-    timed = [s for s in specimens if s.rate_mm_s is not None and s.time_recorded]
-    return [
-        *dead,
-        *_sizes(specimens),
-        *_shared(_rate, timed),
-        *_each(_protocol, live),
-        *_amplitudes(specimens),
-        *_each(_clipping, live),
-        *_duplicates(specimens),
-        *_each(_timing, specimens),
-    ]
 
 
 def _each(
@@ -125,12 +105,9 @@ def _clipping(s: Specimen) -> _Problems:
 
 def _longest_run(flags: np.ndarray) -> tuple[int, int]:
     """Return begin and end of the longest run of True, (0, 0) if there is none."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(np.int8), [0]])))
-    if not len(edges):
-        return 0, 0
-    starts, stops = edges[::2], edges[1::2]
-    at = int(np.argmax(stops - starts))
-    return int(starts[at]), int(stops[at])
+    edges = np.flatnonzero(np.diff(flags.astype(np.int8), prepend=0, append=0)).reshape(-1, 2)
+    start, stop = max(edges.tolist(), key=lambda run: run[1] - run[0], default=(0, 0))
+    return start, stop
 
 
 # ------------------------------------------------------------------------------------------------
@@ -153,24 +130,20 @@ next to nothing."""
 
 def turns(values: FloatArray, least: float) -> IntArray:
     """Return the ends and the turns between them, of more than `least` each."""
-    corners = [0]
-    low = high = 0
-    rising = 0
+    corners, low, high, rising = [0], 0, 0, 0
     for i, value in enumerate(values.tolist()):
         if value > values[high]:
             high = i
         if value < values[low]:
             low = i
         if rising >= 0 and values[high] - value > least:
-            if rising > 0 or high > 0:
+            if high > 0:
                 corners.append(high)
-            rising, low = -1, i
-            high = i
+            rising, low, high = -1, i, i
         elif rising <= 0 and value - values[low] > least:
-            if rising < 0 or low > 0:
+            if low > 0:
                 corners.append(low)
-            rising, high = 1, i
-            low = i
+            rising, low, high = 1, i, i
     last = len(values) - 1
     end = {1: high, -1: low, 0: last}[rising]
     if end != corners[-1]:
@@ -191,11 +164,8 @@ def _blocks(time_s: FloatArray, values: FloatArray, count: int) -> tuple[FloatAr
     """Return times and means of `values` over about `count` runs of points of equal number."""
     size = max(1, len(values) // count)
     starts = np.arange(0, len(values) - size + 1, size)
-    share = 1.0 / size
-    return (
-        np.add.reduceat(time_s[: starts[-1] + size], starts) * share,
-        np.add.reduceat(values[: starts[-1] + size], starts) * share,
-    )
+    whole = slice(starts[-1] + size)
+    return tuple(np.add.reduceat(x[whole], starts) * (1.0 / size) for x in (time_s, values))
 
 
 def speed_mm_s(time_s: FloatArray, displacement_mm: FloatArray) -> float:
@@ -339,14 +309,9 @@ def _timing(s: Specimen) -> _Problems:
 def _dropouts(time_s: FloatArray) -> IntArray:
     """Return the indices of steps far longer than those before and behind them."""
     steps = np.diff(time_s)
-    if len(steps) < 7:
-        return np.zeros(0, dtype=np.int64)
-    windows = np.lib.stride_tricks.sliding_window_view(steps, 3)
-    middle = np.median(windows, axis=1)
-    inner = np.arange(3, len(steps) - 3)
-    nearby = np.maximum(middle[inner - 3], middle[inner + 1])
-    found: IntArray = inner[steps[inner] > _GAP * nearby]
-    return found
+    middle = np.median(np.lib.stride_tricks.sliding_window_view(steps, 3), axis=1)
+    nearby = np.maximum(middle[:-4], middle[4:])
+    return 3 + np.flatnonzero(steps[3:-3] > _GAP * nearby)
 
 
 def without_spikes(specimen: Specimen) -> Specimen:
@@ -357,12 +322,8 @@ def without_spikes(specimen: Specimen) -> Specimen:
         keep[first:stop] = False
     if keep.all() or keep.sum() < MINIMUM_POINTS:
         return specimen
-    return replace(
-        specimen,
-        time_s=specimen.time_s[keep],
-        displacement_mm=specimen.displacement_mm[keep],
-        force_N=specimen.force_N[keep],
-    )
+    record = ("time_s", "displacement_mm", "force_N")
+    return replace(specimen, **{name: getattr(specimen, name)[keep] for name in record})
 
 
 def _spikes(values: FloatArray) -> list[tuple[int, int]]:
@@ -678,8 +639,7 @@ def _predicted_stress_MPa(specimen: Specimen, palette: Palette, strain: FloatArr
     )
     if specimen.profile is None:
         index = palette.materials.index(palette.resolve(specimen.material or ""))
-        predicted: FloatArray = secants[index] * strain
-        return predicted
+        return np.asarray(secants[index] * strain)
     x = _slices(specimen)
     coordinate = specimen.profile.at(x)
     section = specimen.section_mm2(x)
@@ -687,8 +647,7 @@ def _predicted_stress_MPa(specimen: Specimen, palette: Palette, strain: FloatArr
     logs = np.log(np.maximum(secants, 1e-12))
     along = np.stack([np.interp(coordinate, grades, column) for column in logs.T])
     compliance = np.mean(np.exp(-along) / share, axis=1)
-    bar: FloatArray = strain / compliance
-    return bar
+    return np.asarray(strain / compliance)
 
 
 def _log_load(specimen: Specimen, palette: Palette, *, stretched: float = 1.0) -> float | None:
@@ -721,8 +680,7 @@ def _log_load(specimen: Specimen, palette: Palette, *, stretched: float = 1.0) -
 
 
 def _slices(specimen: Specimen) -> FloatArray:
-    middles: FloatArray = specimen.gauge_mm * (np.arange(200) + 0.5) / 200
-    return middles
+    return np.asarray(specimen.gauge_mm * (np.arange(200) + 0.5) / 200)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -762,21 +720,13 @@ _Groups = list[tuple[tuple[int, ...], FloatArray]]
 """Replicates by place, with one number each."""
 
 
-def _outlier_problems(
-    specimens: Sequence[Specimen], leave_out: Collection[str | None]
-) -> list[QualityProblem]:
+def _outlier_problems(kept: Sequence[Specimen]) -> list[QualityProblem]:
     """Return outlying specimens, the clearest first in each round.
 
     Two figures are judged: the load at common strains, and how it grows with strain. Levels are
     Bonferroni's over specimens and figures; a specimen that was found is left out and the rest
     judged again.
-
-    Parameters
-    ----------
-    leave_out
-        Specimens with another problem already.
     """
-    kept = [s for s in specimens if s.id not in leave_out]
     groups = _groups(kept)
     tests = 2 * sum(len(g) for g in groups)
     gone: set[int] = set()
@@ -809,11 +759,9 @@ def _figures(
     for group in groups:
         loadings = {i: _first_loading(specimens[i]) for i in group}
         ends = {i: float(strain[-1]) for i, (strain, _) in loadings.items()}
-        middle = float(np.median(list(ends.values()))) if ends else 0.0
+        middle = float(np.median([*ends.values()] or [0.0]))
         members = tuple(i for i in group if ends[i] > _SHORT * middle)
-        if len(members) < 2:
-            continue
-        end = min(ends[i] for i in members)
+        end = min((ends[i] for i in members), default=0.0)
         at = end * _GRID
         seen = {
             i: np.abs(np.subtract.outer(at, loadings[i][0])).min(axis=1) <= _NEAR * end
@@ -1041,7 +989,7 @@ def _among_replicates(
     specimens: Sequence[Specimen], loads: Mapping[int, float]
 ) -> dict[int, float]:
     """Specimens on the wrong side of a group that a unit's factor splits, with their shift."""
-    by_factor: dict[float, list[tuple[list[int], list[int], float]]] = {}
+    by_factor = defaultdict[float, list[tuple[list[int], list[int], float]]](list)
     whole: list[float] = []
     for group in replicate_groups(specimens):
         members = sorted((i for i in group if i in loads), key=lambda i: loads[i])
@@ -1054,7 +1002,7 @@ def _among_replicates(
         shift = float(np.median(values[cut:]) - np.median(values[:cut]))
         tight = max(np.ptp(values[:cut]), np.ptp(values[cut:])) < 0.5 * _SPLIT
         if tight and (slip := _slip(shift, _AMONG_REPLICATES)) is not None:
-            by_factor.setdefault(slip.factor, []).append((members[:cut], members[cut:], shift))
+            by_factor[slip.factor].append((members[:cut], members[cut:], shift))
     reference = float(np.median(whole)) if len(whole) > 2 else 0.0
     off: dict[int, float] = {}
     for groups in by_factor.values():
@@ -1063,8 +1011,7 @@ def _among_replicates(
         high = [abs(loads[i] - reference) for _, upper, _ in groups for i in upper]
         lower_is_right = float(np.median(low)) <= float(np.median(high))
         for lower, upper, shift in groups:
-            for i in upper if lower_is_right else lower:
-                off[i] = shift if lower_is_right else -shift
+            off |= dict.fromkeys(*((upper, shift) if lower_is_right else (lower, -shift)))
     return off
 
 
@@ -1088,17 +1035,16 @@ def _apart_from_trend(
 
 def _materials_apart(specimens: Sequence[Specimen], loads: Mapping[int, float]) -> dict[int, float]:
     """All specimens of one material that lies off the others, which agree, by a factor."""
-    by_material: dict[str, list[int]] = {}
+    by_material = defaultdict[str, list[int]](list)
     for i in sorted(loads):
-        by_material.setdefault(specimens[i].material or "", []).append(i)
+        by_material[specimens[i].material or ""].append(i)
     medians = {m: float(np.median([loads[i] for i in at])) for m, at in by_material.items()}
     off: dict[int, float] = {}
     for material, median in medians.items():
         others = [v for m, v in medians.items() if m != material]
-        if len(others) < 3 or np.ptp(others) > _SPLIT:
-            continue
-        shift = median - float(np.median(others))
-        if _slip(shift, _AMONG_REPLICATES) is not None:
+        shift = median - float(np.median(others or [0.0]))
+        agree = len(others) > 2 and np.ptp(others) <= _SPLIT
+        if agree and _slip(shift, _AMONG_REPLICATES) is not None:
             off |= dict.fromkeys(by_material[material], shift)
     return off
 
@@ -1218,13 +1164,6 @@ def _fields_in_percent(specimens: Sequence[Specimen]) -> Iterator[QualityProblem
 # Examine a campaign's data.
 
 
-_KINDS = (
-    "dead", "units", "size", "rate", "protocol", "amplitude", "outlier", "clipped", "duplicate",
-    "dropout", "spike",
-)  # fmt: skip
-"""In the order in which they are told."""
-
-
 def examine(campaign: Campaign) -> tuple[QualityProblem, ...]:
     """Return what is wrong with a campaign's data, problems of all of it first.
 
@@ -1232,15 +1171,29 @@ def examine(campaign: Campaign) -> tuple[QualityProblem, ...]:
     replicates and, by the factors between units alone, the palette's laws: a load that is off by
     any other factor is a gap to diagnose, not a fault of the data.
     """
-    records = _record_problems(campaign.specimens)
-    specimens = [without_spikes(s) for s in campaign.specimens]
-    silent = {p.specimen for p in records if p.kind == "dead"}
-    units = _unit_problems([s for s in specimens if s.id not in silent], campaign.palette)
-    suspect = [*units, *(p for p in records if p.kind in ("dead", "duplicate"))]
-    outliers = _outlier_problems(specimens, {p.specimen for p in suspect})
+    specimens = campaign.specimens
+    dead, copies = _each(_dead_cell, specimens), list(_duplicates(specimens))
+    silent = {p.specimen for p in dead}
+    # A force that stood still is named for that, and neither for its protocol nor as clipped.
+    live = [s for s in specimens if s.id not in silent]
+    timed = [s for s in specimens if s.rate_mm_s is not None and s.time_recorded]
+    smooth = {s.id: without_spikes(s) for s in specimens}
+    units = _unit_problems([smooth[s.id] for s in live], campaign.palette)
+    suspect = {p.specimen for p in (*dead, *copies, *units)}
+    problems = (  # in the order in which a specimen's are told
+        *dead,
+        *units,
+        *_sizes(specimens),
+        *_shared(_rate, timed),
+        *_each(_protocol, live),
+        *_amplitudes(specimens),
+        *_outlier_problems([s for id, s in smooth.items() if id not in suspect]),
+        *_each(_clipping, live),
+        *copies,
+        *_each(_timing, specimens),
+    )
     order = {None: -1} | {s.id: place for place, s in enumerate(specimens)}
-    problems = (*records, *units, *outliers)
-    return tuple(sorted(problems, key=lambda p: (order[p.specimen], _KINDS.index(p.kind))))
+    return tuple(sorted(problems, key=lambda p: order[p.specimen]))
 
 
 # ------------------------------------------------------------------------------------------------

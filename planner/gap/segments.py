@@ -154,8 +154,7 @@ def path_of(specimen: Specimen) -> Path | None:
     """Return a specimen's path up to its break; None where it never loads over enough rows."""
     specimen = without_spikes(specimen)
     time, travel, load = specimen.time_s, specimen.travel_mm, specimen.load_N
-    spread = float(np.ptp(travel))
-    noise = noise_sd(travel)
+    spread, noise = float(np.ptp(travel)), noise_sd(travel)
     if spread <= _LEAST_SPREAD * noise:
         return None
     spans = _spans(time, travel, spread, noise)
@@ -164,11 +163,10 @@ def path_of(specimen: Specimen) -> Path | None:
     kept, broken = _unbroken(spans, travel, load)
     if not kept:
         return None
+    _, start, reach = kept[0]
     held = len(kept) > 1 and kept[1][0] == "hold"
-    if kept[0][2] - kept[0][1] + 1 < (2 if held else _MINIMUM_ROWS):
+    if reach - start + 1 < (2 if held else _MINIMUM_ROWS):
         return None
-    start = kept[0][1]
-    reach = kept[0][2]
     speed = (travel[reach] - travel[start]) / (time[reach] - time[start])
     zero_s = float(time[start] - max(travel[start], 0.0) / speed)
     segments: list[Segment] = []
@@ -225,19 +223,19 @@ def _corner(
     at, level = float(time[last]), float(travel[last])
     if next_kind is None or last - first < 3 or last + 3 > len(time):
         return at, level
-    into = float((travel[last - 1] - travel[last - 3]) / (time[last - 1] - time[last - 3]))
-    if next_kind in ("hold", "rest"):
-        out, after_s, after_mm = 0.0, float(time[last + 1]), float(travel[last])
-    else:
-        out = float((travel[last + 2] - travel[last + 1]) / (time[last + 2] - time[last + 1]))
-        after_s, after_mm = float(time[last + 1]), float(travel[last + 1])
-    if into == out:
-        return at, level
+
+    def slope(row: int, to: int) -> float:
+        return float((travel[to] - travel[row]) / (time[to] - time[row]))
+
+    into, rests = slope(last - 3, last - 1), next_kind in ("hold", "rest")
+    out = 0.0 if rests else slope(last + 1, last + 2)
     before_s, before_mm = float(time[last - 1]), float(travel[last - 1])
-    meet = (after_mm - before_mm + into * before_s - out * after_s) / (into - out)
-    if not before_s < meet < after_s:
-        return at, level
-    return meet, before_mm + into * (meet - before_s)
+    after_s, after_mm = float(time[last + 1]), float(travel[last if rests else last + 1])
+    if into != out:
+        meet = (after_mm - before_mm + into * before_s - out * after_s) / (into - out)
+        if before_s < meet < after_s:
+            return meet, before_mm + into * (meet - before_s)
+    return at, level
 
 
 def _spans(
@@ -506,13 +504,12 @@ def _feature_places(segments: Sequence[Segment]) -> list[tuple[float, ...]]:
     have some, `_FEATURES_MOST` in all at most. A segment of few rows has its end only.
     """
     kinds = [segment.kind for segment in segments]
-    chosen: set[int] = {0}
-    down = [i for i, kind in enumerate(kinds) if kind == "unloading"]
-    up = [i for i, kind in enumerate(kinds) if kind == "reloading"]
-    held = [i for i, kind in enumerate(kinds) if kind == "hold"]
-    chosen.update(down[:1] + down[-1:] + up[-1:])
-    if held:
-        chosen.add(max(held, key=lambda i: segments[i].end_s - segments[i].begin_s))
+    down, up, held = (
+        [i for i, kind in enumerate(kinds) if kind == of]
+        for of in ("unloading", "reloading", "hold")
+    )
+    longest = sorted(held, key=lambda i: segments[i].begin_s - segments[i].end_s)[:1]
+    chosen = {0, *down[:1], *down[-1:], *up[-1:], *longest}
     for level in range(3):
         places = [_FRACTIONS[kind][level] if i in chosen else () for i, kind in enumerate(kinds)]
         if sum(map(len, places)) <= _FEATURES_MOST:
@@ -642,9 +639,9 @@ def _fewer(values: FloatArray) -> FloatArray:
     size = len(values) // _MANY
     if size < 2:
         return values
-    whole = values[: len(values) // size * size].reshape(-1, size).mean(axis=1)
-    rest = values[len(values) // size * size :]
-    return np.append(whole, rest.mean()) if len(rest) else whole
+    whole, rest = np.split(values, [len(values) // size * size])
+    means = whole.reshape(-1, size).mean(axis=1)
+    return np.append(means, rest.mean()) if len(rest) else means
 
 
 def _smooth(
@@ -764,10 +761,8 @@ first loading again some per cent beyond: 10 % beyond, a seventh of the reloads 
 def _reloads(test: ReplicateTest) -> FloatArray:
     """Return how often a test was loaded again by each step; see `PulledBars.reloads`."""
     found = np.zeros(len(test.segment))
-    travel = test.travel_mm.tolist()
     farthest, count = 0.0, 0.0
-    for step in range(1, len(found)):
-        now, before = travel[step], travel[step - 1]
+    for step, (before, now) in enumerate(pairwise(test.travel_mm.tolist()), start=1):
         if farthest > 0.0:
             up = max(min(now, farthest) - min(before, farthest), 0.0)
             count += test.segments[test.segment[step]].cycles * up / farthest

@@ -110,10 +110,7 @@ def campaign_standing(campaign: str | Path) -> Standing:
 
 
 def next_command(
-    found: Diagnosis,
-    at: Path | None,
-    campaign: Path | None = None,
-    palette: str | None = None,
+    found: Diagnosis, at: Path | None, campaign: Path | None = None, palette: str | None = None
 ) -> str:
     """Return the command that follows from a verdict, with the options that it needs; "" for none.
 

@@ -1,10 +1,10 @@
 """What a diagnosis says in three sentences, and its names and figures in words."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 from planner.formats.specimens import SPECIMEN_COLUMNS
-from planner.gap.diagnosis import SIGNIFICANT, Diagnosis, Gap, Hypothesis
+from planner.gap.diagnosis import SIGNIFICANT, Diagnosis, Gap, Hypothesis, Location
 from planner.gap.effects import EFFECTS
 
 __all__ = [
@@ -12,12 +12,14 @@ __all__ = [
     "best_of",
     "cause_words",
     "clear_places",
+    "errors_of",
     "number_words",
     "p_value",
     "percent",
     "probability",
     "sentence",
     "summary_of",
+    "unit_of",
 ]
 
 
@@ -36,6 +38,12 @@ _AXES: Mapping[str, str] = {
 }
 
 
+_UNITS: Mapping[str, str] = {
+    "_mm_s": "mm/s", "_per_s": "1/s", "_MPa": "MPa", "_mm": "mm", "_days": "days", "_C": "°C",
+    "_h": "h", "_s": "s", "_N": "N",
+}  # fmt: skip
+
+
 def _title(effect: str) -> str:
     """Return the name that an effect has in a heading."""
     names = {"none": "no gap", "unknown": "an unknown cause"}
@@ -50,6 +58,11 @@ def cause_words(name: str) -> str:
 def axis_words(axis: str) -> str:
     """Return an axis in words; a column that planner does not know keeps its name."""
     return _AXES.get(axis, f"column {axis}")
+
+
+def unit_of(column: str) -> str:
+    """Return the unit that a column's name ends in, "" for none."""
+    return next((unit for end, unit in _UNITS.items() if column.endswith(end)), "")
 
 
 def percent(share: float, digits: int = 2) -> str:
@@ -93,6 +106,21 @@ def sentence(words: str) -> str:
     return words if words.endswith((".", "?", "!")) else words + "."
 
 
+def errors_of(diagnosis: Diagnosis) -> Iterator[tuple[str, float]]:
+    """Yield each error that is known with its name, what replicates differ by last."""
+    gap = diagnosis.gap
+    for words, error in (
+        ("palette alone", gap.before),
+        ("laws refitted, nothing added", gap.recalibration_only),
+        ("regression without any physics", gap.generic),
+        # Without an effect there is nothing to add, and the error is the palette's own.
+        ("with the verdict's effects", gap.after if diagnosis.named else None),
+        ("scatter between replicates", gap.floor),
+    ):
+        if error is not None:
+            yield words, error
+
+
 # ------------------------------------------------------------------------------------------------
 # Three sentences: where the gap lies, what causes it, how far it closes once that is added.
 
@@ -107,9 +135,9 @@ def summary_of(diagnosis: Diagnosis) -> tuple[str, str, str]:
     return _where(diagnosis), _cause(diagnosis), _how_far(diagnosis)
 
 
-def clear_places(diagnosis: Diagnosis) -> list[int]:
-    """Return which entries of `where` are beyond chance."""
-    return [k for k, place in enumerate(diagnosis.where) if place.p < SIGNIFICANT]
+def clear_places(diagnosis: Diagnosis) -> list[Location]:
+    """Return the places of the gap that are beyond chance."""
+    return [place for place in diagnosis.where if place.p < SIGNIFICANT]
 
 
 def best_of(diagnosis: Diagnosis) -> Hypothesis:
@@ -123,7 +151,7 @@ def _where(d: Diagnosis) -> str:
         return "Where a gap lies cannot be told, as there is nothing to compare."
     clear = clear_places(d)
     if clear:
-        place = d.where[clear[0]]
+        place = clear[0]
         detail = f": {place.detail}" if place.detail else ""
         what = "The clearest difference" if d.verdict == "none" else "The gap"
         if place.axis == "strain":  # what all specimens have in common, over strain

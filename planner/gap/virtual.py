@@ -177,13 +177,12 @@ def single_tests(
     time_s, travel_mm : (P, T)
         Of the crosshead, the first step at rest; the way it loads.
     """
-    paths = {place: path_of(campaign.specimens[place]) for place in places}
-    whole = {place: path for place, path in paths.items() if path is not None and path.segments}
-    if len(whole) < len(paths):
+    paths = {k: path for k in places if (path := path_of(campaign.specimens[k])) and path.segments}
+    if len(paths) < len(places):
         return None
-    tests = [replicate_test(whole, [place]) for place in places]
+    tests = [replicate_test(paths, [place]) for place in places]
     none = np.zeros(np.shape(time_s))
-    setup = assemble(campaign, tests, whole)
+    setup = assemble(campaign, tests, paths)
     reloads = map(np.interp, time_s, setup.time_s, setup.reloads)
     return setup.with_(
         reloads=np.stack(list(reloads)),
@@ -585,8 +584,7 @@ def _course(specimen: Specimen, scatter: float, rng: np.random.Generator) -> Flo
     for k, share in enumerate(kept):
         wander[k + 1] = share * wander[k] + np.sqrt(1.0 - share**2) * wander[k + 1]
     tilt, rough = USUAL.slope / USUAL.specimen, USUAL.wander / USUAL.specimen
-    course: FloatArray = scatter * (level + tilt * slope * (travel - 0.5) + rough * wander)
-    return course
+    return np.asarray(scatter * (level + tilt * slope * (travel - 0.5) + rough * wander))
 
 
 def _seen(

@@ -3,7 +3,7 @@
 import itertools
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -299,21 +299,7 @@ class Certificate:
 
     def document(self) -> dict[str, Any]:
         """Return the certificate as JSON holds it."""
-        return {
-            "schema": 1,
-            "ok": self.ok,
-            "part": self.part,
-            "printer": self.printer,
-            "shells": self.shells,
-            "triangles": self.triangles,
-            "checks": {
-                name: {"value": c.value, "limit": c.limit, "ok": c.ok}
-                for name, c in self.checks.items()
-            },
-            "problems": list(self.problems),
-            "reported": list(self.reported),
-            "warnings": list(self.warnings),
-        }
+        return {"schema": 1, "ok": self.ok, **asdict(self)}
 
 
 def check(

@@ -13,13 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.cutting.grid import TETRAHEDRA
-from planner.cutting.level_sets import FIRST_SHIFT
-from planner.cutting.pieces import Pieces, piece_bounds_mm, piece_volumes_mm3, shell_faces
+from planner.cutting.pieces import FIRST_SHIFT, Pieces
 from planner.errors import ArgumentError
 from planner.fields.basic import Field
-from planner.grading.blends import BlendSegment, blend_interval_MPa
 from planner.grading.profile import Band, Profile, StiffnessScale
-from planner.grading.regions import Printed, region_of
+from planner.grading.regions import BlendSegment, Printed, blend_interval_MPa, region_of
 from planner.materials.mixtures import (
     dither_table,
     dithered_fraction,
@@ -461,7 +459,7 @@ def dither_regions(
     the stretch at its mean fraction; the error is the estimate's alone, because the fraction
     follows the target within the stretch.
     """
-    volumes, bounds = _volumes_mm3(pieces, dealt, counted), piece_bounds_mm(pieces)
+    volumes, bounds = _volumes_mm3(pieces, dealt, counted), pieces.bounds_mm
     files = {shell.material: shell for shell in shells}
     shares = _shares(volumes, dealt, counted)
     boxes = _boxes_mm(pieces, volumes, bounds, dealt, counted)
@@ -513,7 +511,7 @@ def _boxes_mm(
 
 def _furthest_mm(pieces: Pieces, piece: int) -> FloatArray:
     """Return the points, (6, 3), where a piece reaches furthest along each axis, either way."""
-    used, _ = compact(shell_faces(pieces, [piece]), len(pieces.vertices))
+    used, _ = compact(pieces.shell_faces([piece]), len(pieces.vertices))
     own = pieces.vertices[used]
     furthest = np.concatenate([own.argmin(axis=0), own.argmax(axis=0)])
     return np.asarray(own[furthest], dtype=np.float64)
@@ -562,7 +560,7 @@ def fraction_checks(
 
 def _volumes_mm3(pieces: Pieces, dealt: DitherField, counted: CellCounts) -> FloatArray:
     """Share each piece's exact volume among its stretches, (stretches, pieces)."""
-    exact = np.maximum(piece_volumes_mm3(pieces), 0.0)
+    exact = np.maximum(pieces.volumes_mm3, 0.0)
     shares = counted.volume_mm3.copy()
     for piece in np.flatnonzero((shares.sum(axis=0) <= 0.0) & (exact > 0.0)).tolist():
         # A sliver that no cell's centre is near to, or a sheet where the target is too steep.

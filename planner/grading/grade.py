@@ -26,24 +26,9 @@ from planner.errors import (
 )
 from planner.fields.basic import Field, PlanarField, axis_field
 from planner.fields.parse import Setting, TableFile, build_field
-from planner.formats.mesh_file import (
-    MILLIMETRES,
-    canonical_unit,
-    decode_stl,
-    read_mesh,
-    stl_holds,
-    unit_scale_mm,
-)
-from planner.grading.blends import (
-    MIXTURES_UNCALIBRATED,
-    Laminate,
-    blend_segments,
-    laminated,
-    mixed_bands,
-    with_laminates,
-)
+from planner.formats.mesh_file import decode_stl, read_mesh, stl_holds
+from planner.formats.units import QUANTITY_UNITS, canonical_unit
 from planner.grading.check import plan_checks
-from planner.grading.coupons import coupons_beside
 from planner.grading.dither import (
     CellCounts,
     DitherField,
@@ -53,7 +38,7 @@ from planner.grading.dither import (
     dither_regions,
     fraction_checks,
 )
-from planner.grading.howto import job_notes, tray_notes
+from planner.grading.howto import coupons_beside, job_notes, tray_notes
 from planner.grading.printability import CutPart, print_checks
 from planner.grading.profile import (
     Band,
@@ -64,9 +49,23 @@ from planner.grading.profile import (
     shortfalls,
     stiffness_scale,
 )
-from planner.grading.regions import Printed, catalogue_material, point, regions_of, shells_of
+from planner.grading.regions import (
+    MIXTURES_UNCALIBRATED,
+    Laminate,
+    Printed,
+    alternatives,
+    blend_segments,
+    catalogue_material,
+    laminated,
+    mixed_bands,
+    point,
+    regions_of,
+    shells_of,
+    stiffness_check,
+    tolerated_ratio,
+    with_laminates,
+)
 from planner.grading.snap import MovedCut, moved_cuts, snap_limit_mm, snapped_bands
-from planner.grading.stiffness_error import alternatives, stiffness_check, tolerated_ratio
 from planner.grading.wish import End, Wish, Wished, targets_of, whole_wish
 from planner.mesh.audit import join_shells
 from planner.mesh.mesh import Mesh, weld
@@ -142,11 +141,10 @@ def open_part(
         shown = path.name.encode("utf-8", "replace").decode("utf-8")  # any bytes make a name
         return PartSource(made, called, shown, file.sha256, file.unit, warnings)
     vertices, faces = _arrays(part)
-    used = canonical_unit(unit or MILLIMETRES)
+    used = canonical_unit(unit or "mm")
+    in_mm = vertices * QUANTITY_UNITS["length"][used]
     called = _safe(name or "part")
-    made = part_from_arrays(
-        vertices * unit_scale_mm(used), faces, name=called, tray_mm=tray_mm, bodies=bodies
-    )
+    made = part_from_arrays(in_mm, faces, name=called, tray_mm=tray_mm, bodies=bodies)
     digest = hashlib.sha256(vertices.tobytes() + faces.tobytes()).hexdigest()
     return PartSource(made, called, called, digest, used, made.warnings)
 
@@ -298,17 +296,13 @@ class BandDesign:
         return f"take --bands {max(count, 1)} or fewer"
 
     def held(
-        self, mesh: Mesh, along: Field, pieces: Pieces, shells: tuple[Shell, ...], pitch_mm: float,
-        within_mm: float, scale: StiffnessScale, machine: Printer, translation_mm: Point,
-    ) -> _Held:  # fmt: skip
+        self, part: CutPart, shells: Sequence[Shell], scale: StiffnessScale, machine: Printer
+    ) -> _Held:
         """Hold the pieces against the printer."""
-        cure = f"{self._fewer(along, machine)}, a gentler profile there"
+        cure = f"{self._fewer(part.field, machine)}, a gentler profile there"
         names = [what.name for what in self.printed]
-        part = CutPart(
-            mesh, along, self.levels, pieces, names, shells, pitch_mm, within_mm, cure,
-            translation_mm,
-        )  # fmt: skip
-        return print_checks(part, machine)
+        own = replace(part, levels=self.levels, names=names, shells=shells, cure=cure)
+        return print_checks(own, machine)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -336,9 +330,8 @@ class CellDesign:
         return dither_regions(pieces, self.printed, shells, self.dealt, self.counted, scale)
 
     def held(
-        self, mesh: Mesh, along: Field, pieces: Pieces, shells: tuple[Shell, ...], pitch_mm: float,
-        within_mm: float, scale: StiffnessScale, machine: Printer, translation_mm: Point,
-    ) -> _Held:  # fmt: skip
+        self, part: CutPart, shells: Sequence[Shell], scale: StiffnessScale, machine: Printer
+    ) -> _Held:
         """Hold cells against what was wanted, and the part as a whole against the printer.
 
         Cells of two materials hold each other: only walls of the part can be too thin.
@@ -347,7 +340,7 @@ class CellDesign:
         smaller = f"take a smaller --cell, down to {least_mm:g}"
         # One that is not stated is as small as it can be.
         cure = smaller if self.stated and cell_mm > least_mm else "take --blend nearest"
-        checks, findings = fraction_checks(pieces, self.dealt, self.counted, scale, cure)
+        checks, findings = fraction_checks(part.pieces, self.dealt, self.counted, scale, cure)
         fine = cell_mm >= least_mm * (1.0 - 1e-9)
         if not fine:
             message = (
@@ -355,7 +348,7 @@ class CellDesign:
                 f"undistorted, {least_mm:g} mm: their volumes will be off; take --cell {least_mm:g}"
             )
             findings = (Finding(kind="cell", message=message, size_mm=cell_mm), *findings)
-        mean_wall_mm = 2.0 * mesh.volume_mm3 / mesh.area_mm2  # were it a plate
+        mean_wall_mm = 2.0 * part.mesh.volume_mm3 / part.mesh.area_mm2  # were it a plate
         if cell_mm > mean_wall_mm:
             message = (
                 f"cells of {cell_mm:g} mm are thicker than the part, whose walls are "
@@ -363,11 +356,7 @@ class CellDesign:
                 f"be there, and stretches of the gradient may have none; {cure}"
             )
             findings = (Finding(kind="cell", message=message, size_mm=cell_mm), *findings)
-        whole = CutPart(
-            mesh, along, np.empty(0), pieces, ["the part"], (), pitch_mm, within_mm, "",
-            translation_mm,
-        )  # fmt: skip
-        walls, thin = print_checks(whole, machine)
+        walls, thin = print_checks(part, machine)
         checks = {**checks, **walls, "cell_mm": Check(cell_mm, least_mm, fine)}
         return checks, (*findings, *thin)
 
@@ -601,9 +590,8 @@ def grade(
     regions = design.regions(pieces, shells, scale)
 
     progress("looking for what will not print")
-    printing, findings = design.held(
-        mesh, along, pieces, shells, pitch_mm, within_mm, scale, machine, point(translation)
-    )
+    cut = CutPart(mesh, along, pieces, pitch_mm, within_mm, point(translation), np.empty(0))
+    printing, findings = design.held(cut, shells, scale, machine)
     known = _remarks(scale, regions)
     others = alternatives(
         regions, target, scale, equal_bands=wish.bands is not None,

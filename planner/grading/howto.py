@@ -1,19 +1,23 @@
-"""What the operator reads beside the files: the printer's steps, and what is true of this plan."""
+"""What the operator gets beside the shells: the how-to of this plan, and test coupons."""
 
 import math
 from collections.abc import Sequence
+from pathlib import PurePosixPath
 
 import numpy as np
 
+from planner.errors import ArgumentError
 from planner.formats.markdown import as_words
-from planner.grading.coupons import coupon_volume_mm3
+from planner.formats.mesh_file import encode_stl
+from planner.formats.tables import encode_csv
 from planner.grading.profile import StiffnessScale
 from planner.mesh.mesh import Mesh
-from planner.plan import Finding
+from planner.numerics import Float32Array, FloatArray, IntArray
+from planner.plan import Finding, Shell
 from planner.printers import Printer
 from planner.voxels.columns import voxelize
 
-__all__ = ["job_notes", "tray_notes"]
+__all__ = ["coupons_beside", "job_notes", "tray_notes"]
 
 
 def job_notes(
@@ -77,9 +81,9 @@ def tray_notes(machine: Printer, placed: Mesh, coupons: int) -> list[str]:
     ]
     if coupons:
         said.append(
-            f"{coupons} test coupons, one of each material, {coupon_volume_mm3() / 1000.0:.1f} cm3 "
-            "each, lie beside the part: insert the STL files of `coupons/` into the same assembly, "
-            "give each the material of its name, and pull them when the part is tested; "
+            f"{coupons} test coupons, one of each material, {_coupon_volume_mm3() / 1000.0:.1f} "
+            "cm3 each, lie beside the part: insert the STL files of `coupons/` into the same "
+            "assembly, give each the material of its name, and pull them when the part is tested; "
             "`coupons/specimens.csv` lists them."
         )
     return said
@@ -100,20 +104,15 @@ def _beneath_mm3(placed: Mesh) -> float:
 def _conditions(scale: StiffnessScale) -> str:
     """Say how the palette's materials were measured."""
     reference = scale.palette.reference
-    known = [
-        f"at {reference.temperature_C:g} degC" if reference.temperature_C is not None else "",
-        f"at a strain rate of {reference.strain_rate_per_s:g} per s"
-        if reference.strain_rate_per_s is not None
-        else "",
-        f"{reference.age_days:g} days after printing" if reference.age_days is not None else "",
-        {None: "", 0.0: "without soaking"}.get(
-            reference.soak_h, f"after {reference.soak_h:g} h in water" if reference.soak_h else ""
-        ),
-        f"with the gauge along {reference.orientation} of the tray"
-        if reference.orientation is not None
-        else "",
-    ]
-    said = ", ".join(text for text in known if text)
+    soaked = "after {:g} h in water" if reference.soak_h else "without soaking"
+    stated = (
+        ("at {:g} degC", reference.temperature_C),
+        ("at a strain rate of {:g} per s", reference.strain_rate_per_s),
+        ("{:g} days after printing", reference.age_days),
+        (soaked, reference.soak_h),
+        ("with the gauge along {} of the tray", reference.orientation),
+    )
+    said = ", ".join(text.format(value) for text, value in stated if value is not None)
     if not said:
         return "it does not say how its materials were measured"
     return f"its materials were measured {said}; otherwise they are stiffer or softer"
@@ -122,3 +121,113 @@ def _conditions(scale: StiffnessScale) -> str:
 def _sentence(text: str) -> str:
     text = as_words(text)
     return text[:1].upper() + text[1:] + ("" if text.endswith(".") else ".")
+
+
+# ------------------------------------------------------------------------------------------------
+# Test coupons beside a part on the tray: one of each material, printed in the same job.
+
+
+_COUPONS = "coupons/"
+"""Where they are in a plan's folder."""
+
+# ASTM D638-14, figure 1, type IV, at most 4 mm thick: lengths in mm.
+_LENGTH, _GRIP_WIDTH, _WIDTH, _NARROW, _THICKNESS = 115.0, 19.0, 6.0, 33.0, 4.0
+_INNER_RADIUS, _OUTER_RADIUS = 14.0, 25.0
+_ARC_STEPS = 16  # chords 7 um inside the arcs
+_APART = 5.0  # chosen: room for a spatula
+
+
+def coupons_beside(
+    shells: Sequence[Shell], bounds_mm: FloatArray, machine: Printer
+) -> dict[str, bytes]:
+    """Lay a tensile coupon of each shell's material flat beside a part, gauge along x.
+
+    Parameters
+    ----------
+    bounds_mm
+        The part's, (2, 3), in the files' coordinates; the coupons are in the same.
+
+    Returns
+    -------
+    dict
+        An STL a coupon by its path in the plan's folder, and the list of specimens to fill in.
+
+    Raises
+    ------
+    ArgumentError
+        The tray does not hold them beside the part.
+    """
+    low_mm, high_mm = bounds_mm.tolist()
+    x, y = low_mm[0], high_mm[1] + _APART
+    files: dict[str, bytes] = {}
+    rows: list[list[str | float]] = [
+        ["specimen", "material", "width_mm", "thickness_mm", "gauge_mm", "orientation"]
+    ]
+    for shell in shells:
+        if y + _GRIP_WIDTH - low_mm[1] > machine.tray_mm[1]:
+            x, y = max(x + _LENGTH, high_mm[0]) + _APART, low_mm[1]
+        if x + _LENGTH - low_mm[0] > machine.tray_mm[0] or machine.tray_mm[1] < _GRIP_WIDTH:
+            raise ArgumentError(
+                f"`coupons`: {len(shells)} coupons of {_LENGTH:g} x {_GRIP_WIDTH:g} mm do not fit "
+                f"beside the part on the tray of {machine.title}; leave `coupons` out, and print "
+                "them in a job of their own"
+            )
+        vertices, faces = _coupon_mesh()
+        placed = vertices + np.array([x, y, low_mm[2]], dtype=np.float32)
+        name = PurePosixPath(shell.file).name.replace("__", "__coupon_", 1)
+        files[_COUPONS + name] = encode_stl(placed, faces, f"coupon {shell.operator_name} unit=mm")
+        rows.append([shell.material, shell.material, _WIDTH, _THICKNESS, _NARROW, "x"])
+        y += _GRIP_WIDTH + _APART
+    return {**files, f"{_COUPONS}specimens.csv": encode_csv(rows)}
+
+
+def _coupon_mesh() -> tuple[Float32Array, IntArray]:
+    """Return a closed dumbbell whose corner of least coordinates is the origin."""
+    x, half = _outline()
+    n = len(x)
+    across = np.stack([-half, half], axis=1)[:, :, None] + _GRIP_WIDTH / 2
+    corners = np.empty((n, 2, 2, 3))  # station, side, bottom and top
+    corners[..., 0] = x[:, None, None]
+    corners[..., 1] = across
+    corners[..., 2] = [0.0, _THICKNESS]
+    # The four corners of a station, counter-clockwise as seen from its end.
+    ring = np.array([0, 2, 3, 1])
+    at = 4 * np.arange(n - 1)[:, None]
+    a, b = at + ring, at + np.roll(ring, -1)
+    walls = np.stack([a, a + 4, b + 4, a, b + 4, b], axis=-1).reshape(-1, 3)
+    first = np.array([[0, 2, 3], [0, 3, 1]])
+    last = (first + 4 * (n - 1))[:, ::-1]
+    faces = np.concatenate([walls, first, last])[:, ::-1]
+    return corners.reshape(-1, 3).astype(np.float32), np.ascontiguousarray(faces)
+
+
+def _coupon_volume_mm3() -> float:
+    """Return what one coupon takes."""
+    x, half = _outline()
+    return float(np.trapezoid(2.0 * half, x) * _THICKNESS)
+
+
+def _outline() -> tuple[FloatArray, FloatArray]:
+    """Return stations along the coupon and its half width there."""
+    y_inner = _WIDTH / 2 + _INNER_RADIUS
+    y_outer = _GRIP_WIDTH / 2 - _OUTER_RADIUS
+    x_inner = _NARROW / 2
+    x_outer = x_inner + math.sqrt((_INNER_RADIUS + _OUTER_RADIUS) ** 2 - (y_inner - y_outer) ** 2)
+    bend = math.atan2(y_outer - y_inner, x_outer - x_inner)  # where the arcs touch
+    up = np.linspace(-math.pi / 2, bend, _ARC_STEPS)
+    over = np.linspace(bend + math.pi, math.pi / 2, _ARC_STEPS)[1:]
+    x = np.concatenate(
+        [
+            x_inner + _INNER_RADIUS * np.cos(up),
+            x_outer + _OUTER_RADIUS * np.cos(over),
+            [_LENGTH / 2],
+        ]
+    )
+    half = np.concatenate(
+        [
+            y_inner + _INNER_RADIUS * np.sin(up),
+            y_outer + _OUTER_RADIUS * np.sin(over),
+            [_GRIP_WIDTH / 2],
+        ]
+    )
+    return np.concatenate([-x[::-1], x]) + _LENGTH / 2, np.concatenate([half[::-1], half])

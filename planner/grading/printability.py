@@ -2,17 +2,17 @@
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from planner.cutting.pieces import Pieces, piece_volumes_mm3, shell_faces
+from planner.cutting.pieces import Pieces
 from planner.fields.basic import Field, PlanarField
 from planner.mesh.audit import Fragments, small_bodies
 from planner.mesh.mesh import Mesh
 from planner.mesh.part import fits_turned
-from planner.numerics import FloatArray, IntArray, Point
+from planner.numerics import FloatArray, Point
 from planner.plan import Check, Finding, Shell
 from planner.printers import Printer
 from planner.voxels.columns import MOST_VOXELS, check_reach, columns_of, grid_for, snap
@@ -24,6 +24,7 @@ from planner.voxels.thin_places import (
     space_around_mm,
     thin_solid_places,
     thin_space_places,
+    thinnest_first,
 )
 
 __all__ = ["CutPart", "print_checks"]
@@ -39,29 +40,28 @@ class CutPart:
 
     Attributes
     ----------
-    names
-        What each piece between `levels` is printed in.
-    shells
-        Of each material; none where cells of several lie among each other.
     pitch_mm, within_mm
         Of the grid on which a curved field was drawn, and how near to it.
-    cure
-        What makes bands thicker, in words.
     translation_mm
         What took the part from its file to where it is placed: places are told where the user
         drew them.
+    levels, names, shells
+        Values of the field between the pieces, what each is printed in, and the shell of each
+        material; none where cells of several lie among each other.
+    cure
+        What makes bands thicker, in words.
     """
 
     mesh: Mesh
     field: Field
-    levels: FloatArray
     pieces: Pieces
-    names: Sequence[str]
-    shells: Sequence[Shell]
     pitch_mm: float
     within_mm: float
-    cure: str
-    translation_mm: Point = (0.0, 0.0, 0.0)
+    translation_mm: Point
+    levels: FloatArray
+    names: Sequence[str] = ("the part",)
+    shells: Sequence[Shell] = ()
+    cure: str = ""
 
     def drawn_mm(self, place_mm: Point) -> Point:
         """Return a place in the coordinates of the part's own file."""
@@ -387,20 +387,14 @@ def _walls(part: CutPart, machine: Printer, findings: list[Finding]) -> dict[str
     limit_mm = machine.minimum_feature_mm
     walls, unlisted = thin_solid_places(part.mesh, machine.minimum_wall_mm, listed=_LISTED)
     findings += [
-        _wall_finding(
-            place,
-            _piece_name(part, place),
-            part,
-            machine.minimum_wall_mm,
-            unlisted if place is walls[-1] else 0,
-        )
-        for place in walls
+        _wall_finding(place, _piece_name(part, place), part, machine.minimum_wall_mm, more)
+        for place, more in _with_rest(walls, unlisted)
     ]
     loose = small_bodies(part.mesh, limit_mm, max(machine.pixel_mm))
     if loose.count:
         findings.append(_fragments_finding(loose, None, part, limit_mm))
         unlisted += loose.count
-    volumes = piece_volumes_mm3(part.pieces)
+    volumes = part.pieces.volumes_mm3
     count, thicknesses, thick = len(walls) + unlisted, list[float](), True
     measured = _band_thicknesses(part) if part.shells else ()
     for shell in part.shells:
@@ -419,9 +413,14 @@ def _walls(part: CutPart, machine: Printer, findings: list[Finding]) -> dict[str
         checks["thinnest_band_mm"] = Check(min(thicknesses), limit_mm, thick)
     gaps, unlisted = thin_space_places(part.mesh, limit_mm, listed=_LISTED)
     findings += [
-        _gap_finding(gap, part, limit_mm, unlisted if gap is gaps[-1] else 0) for gap in gaps
+        _gap_finding(gap, part, limit_mm, more) for gap, more in _with_rest(gaps, unlisted)
     ]
     return checks | {"gaps_too_narrow": Check(len(gaps) + unlisted, 0, not gaps)}
+
+
+def _with_rest(places: Sequence[ThinPlace], unlisted: int) -> Iterable[tuple[ThinPlace, int]]:
+    """Pair each place with how many more there are than are listed, which the last one tells."""
+    return zip(places, [*[0] * (len(places) - 1), unlisted], strict=False)
 
 
 def _layers(
@@ -458,10 +457,8 @@ def _layers(
     unlisted += max(len(places) - _LISTED, 0)
     places = places[:_LISTED]
     findings = [
-        _layer_finding(
-            place, shell.material, part, limit_mm, unlisted if place is places[-1] else 0
-        )
-        for place in places
+        _layer_finding(place, shell.material, part, limit_mm, more)
+        for place, more in _with_rest(places, unlisted)
     ]
     loose = bits.count if bits.total_mm3 >= least_mm3 else 0
     if loose:
@@ -488,29 +485,20 @@ def _thin_band(band: BandThickness, solid: Mesh, limit_mm: float) -> ThinPlace |
     if band.kept_mm(_LEAST) >= SOUND * limit_mm:
         return None
     thin = np.flatnonzero(band.thickness_mm < SOUND * limit_mm)
-    thin = thin[_thinnest_first(band.thickness_mm[thin])]
+    thin = thin[thinnest_first(band.thickness_mm[thin])]
     tried = thin[np.unique(np.linspace(0, len(thin) - 1, _TRIED).astype(np.int64))]
     points = band.middle_mm[tried]
     centres, room = room_mm(solid, points, 0.25 * limit_mm, limit_mm)
     sure = np.flatnonzero((room > 0.0) & (room < SOUND * limit_mm))
     if 2 * len(sure) <= len(tried):
         return None
-    order = sure[_thinnest_first(room[sure])]
+    order = sure[thinnest_first(room[sure])]
     middle = order[len(order) // 2]
     x, y, z = centres[middle].tolist()
     width, depth, height = np.ptp(band.middle_mm[thin], axis=0).tolist()
     size_mm = float(room[middle])
     share = float(band.area_mm2[thin].sum()) * size_mm / 2.0
     return ThinPlace((x, y, z), size_mm, (width, depth, height), share, False)
-
-
-def _thinnest_first(thickness_mm: FloatArray) -> IntArray:
-    """Sort so that of equal thicknesses the first comes first, though processors round apart."""
-    return np.argsort(thickness_mm.round(_SAME_DIGITS), kind="stable")
-
-
-_SAME_DIGITS = 6
-"""Of mm: far above what rounding moves, far below what anyone prints."""
 
 
 def _field_at(part: CutPart, place: ThinPlace) -> float:
@@ -532,9 +520,9 @@ def _voxel_check(part: CutPart, machine: Printer) -> Check:
     vertices = pieces.vertices.astype(np.float64)
     snapped = snap(vertices, grid)
     for number in range(pieces.count):
-        faces = shell_faces(pieces, [number])
+        faces = pieces.shell_faces([number])
         counted[number] = sum(columns.voxels for columns in columns_of(snapped, faces, grid))
-    off_mm3 = np.abs(counted * grid.voxel_mm3 - piece_volumes_mm3(part.pieces))
+    off_mm3 = np.abs(counted * grid.voxel_mm3 - part.pieces.volumes_mm3)
     error = float(off_mm3.max()) / part.mesh.volume_mm3
     limit = part.mesh.area_mm2 * float(np.linalg.norm(voxel)) / part.mesh.volume_mm3
     return Check(error, limit, error <= limit)

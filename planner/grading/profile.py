@@ -10,11 +10,17 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from planner.errors import ArgumentError, FileError, UnknownNameError, as_number, did_you_mean
+from planner.errors import (
+    ArgumentError,
+    FileError,
+    PaletteError,
+    UnknownNameError,
+    as_number,
+    did_you_mean,
+)
 from planner.formats.files import SIGNIFICANT_DIGITS
 from planner.formats.tables import read_columns
 from planner.glance import brief, counted, html_of, one_line, plotted
-from planner.grading.warmed import at_temperature
 from planner.materials.laws import make_law, secant_modulus_MPa, stability
 from planner.materials.mixtures import (
     CoefficientModel,
@@ -25,7 +31,7 @@ from planner.materials.mixtures import (
 )
 from planner.notes import Caution
 from planner.numerics import FloatArray, IntArray
-from planner.palette import Material, Palette
+from planner.palette import SAME_K, Material, Palette
 from planner.printers import Printer, palette_of
 
 if TYPE_CHECKING:
@@ -35,6 +41,7 @@ __all__ = [
     "Band",
     "Profile",
     "StiffnessScale",
+    "at_temperature",
     "between",
     "distinct_positions",
     "dithered_profile",
@@ -45,7 +52,7 @@ __all__ = [
     "list_materials",
     "natural_bands",
     "profile_of",
-    "read_profile",
+    "read_moduli",
     "sampled_profile",
     "shortfalls",
     "stiffness_scale",
@@ -272,7 +279,7 @@ def sampled_profile(modulus_MPa: Callable[[FloatArray], ArrayLike]) -> Profile:
     return Profile("function", tuple(u.tolist()), tuple(values), "log")
 
 
-def read_profile(
+def read_moduli(
     path: str | Path, moduli_MPa: Mapping[str, float], resolve: Callable[[str], str]
 ) -> Profile:
     """Read a profile from a CSV file.
@@ -500,6 +507,87 @@ def list_materials(
     return replace(stiffness_scale(chosen, at_strain), warming=warming)
 
 
+def at_temperature(
+    temperature_C: float,
+    *,
+    palette: str | Path | Palette | None = None,
+    printer: str | Printer = "connex3",
+) -> tuple[Palette, tuple[str, ...]]:
+    """Return a palette as it is at a temperature, and what is to be known of it.
+
+    ln(stress) falls straight with temperature, by the slope between the two temperatures that a
+    grade was tested at. Between tested grades the slope is straight over the coordinate, beyond
+    them that of the last. How sure it is adds to `Material.modulus_log_sd`.
+
+    Parameters
+    ----------
+    temperature_C
+        Of use.
+    palette, printer
+        A palette with a table ``[temperature]``, by name, file or value.
+
+    Returns
+    -------
+    tuple
+        The palette, and one sentence each: the factors, what is an extrapolation.
+
+    Raises
+    ------
+    PaletteError
+        The palette tells nothing of temperature, or not at which its laws were measured.
+
+    Examples
+    --------
+    >>> warm, notes = planner.at_temperature(33, palette="lab.toml")  # doctest: +SKIP
+    >>> planner.write_palette(warm, "warm.toml")  # doctest: +SKIP
+    """
+    chosen = palette_of(palette, printer)
+    table, own_C = chosen.temperature, chosen.reference.temperature_C
+    if table is None or own_C is None or not np.isfinite(temperature_C):
+        raise PaletteError(
+            f"palette {chosen.name}: it cannot be told at {temperature_C:g} degC; it needs "
+            "[reference] temperature_C and a table [temperature], which planner fit makes of tests "
+            "at two temperatures (column temperature_C)"
+        )
+    low, high = np.array(table.low_C), np.array(table.high_C)
+    m = [material.coordinate for material in chosen.materials]
+    warmer = temperature_C - own_C
+    log = np.interp(m, table.coordinate, np.log(table.factor) / (high - low)) * warmer
+    sd = np.interp(m, table.coordinate, np.array(table.log_sd) / (high - low)) * abs(warmer)
+    warmed = []
+    for material, change, own in zip(chosen.materials, log, sd, strict=True):
+        factor = float(np.exp(change))
+        readings = tuple(replace(r, law=r.law.stiffened(factor)) for r in material.readings)
+        wide = float(np.hypot(material.modulus_log_sd, own))
+        law = material.law.stiffened(factor)
+        warmed.append(
+            replace(material, law=law, modulus_log_sd=wide, readings=readings, uncertainty=None)
+        )
+    notes = [
+        f"at {temperature_C:g} degC, of stress at {own_C:g} degC: "
+        + ", ".join(f"{one.id} {np.exp(v):.2g}" for one, v in zip(warmed, log, strict=True))
+    ]
+    if not low.min() - SAME_K <= temperature_C <= high.max() + SAME_K:
+        notes.append(
+            Caution(
+                f"{temperature_C:g} degC is an extrapolation: grades were tested from "
+                f"{low.min():g} to {high.max():g} degC, and through a glass transition stress "
+                "falls by more than the straight line says; test at that temperature"
+            )
+        )
+    first, last = table.coordinate[0], table.coordinate[-1]
+    if beyond := [one.id for one in warmed if not first <= one.coordinate <= last]:
+        notes.append(
+            Caution(
+                f"{', '.join(beyond)}: beyond the grades tested at two temperatures, m {first:g} "
+                f"to {last:g}; the nearest one's factor is taken: an extrapolation"
+            )
+        )
+    use = replace(chosen.reference, temperature_C=temperature_C)
+    name = f"{chosen.name}-at-{temperature_C:g}C"
+    return replace(chosen, name=name, materials=tuple(warmed), reference=use), tuple(notes)
+
+
 def stiffness_scale(palette: Palette, at_strain: float) -> StiffnessScale:
     """Measure a palette's stiffness at a working strain.
 
@@ -555,15 +643,10 @@ class Band:
     grade: int
     target_MPa: tuple[float, float]
 
-
-@dataclass(frozen=True, slots=True)
-class Shortfall:
-    """A stretch of the field whose target no material reaches, and the grade that comes nearest."""
-
-    start: float
-    stop: float
-    target_MPa: tuple[float, float]
-    grade: int
+    def joined(self, after: "Band") -> "Band":
+        """Return this band and the next one as one, printed in the next one's material."""
+        (a, b), (c, d) = self.target_MPa, after.target_MPa
+        return Band(self.start, after.stop, after.grade, (min(a, c), max(b, d)))
 
 
 def natural_bands(profile: Profile, moduli_MPa: tuple[float, ...]) -> tuple[Band, ...]:
@@ -584,10 +667,7 @@ def natural_bands(profile: Profile, moduli_MPa: tuple[float, ...]) -> tuple[Band
     for start, stop in itertools.pairwise(edges):
         band = _band(profile, moduli_MPa, start, stop)
         if merged and merged[-1].grade == band.grade:
-            last = merged.pop()
-            low = min(last.target_MPa[0], band.target_MPa[0])
-            high = max(last.target_MPa[1], band.target_MPa[1])
-            band = Band(last.start, stop, band.grade, (low, high))
+            band = merged.pop().joined(band)
         merged.append(band)
     return tuple(merged)
 
@@ -602,17 +682,17 @@ def equal_bands(profile: Profile, moduli_MPa: tuple[float, ...], count: int) -> 
     return tuple(_band(profile, moduli_MPa, a, b) for a, b in itertools.pairwise(edges))
 
 
-def shortfalls(profile: Profile, moduli_MPa: tuple[float, ...]) -> tuple[Shortfall, ...]:
-    """Find where the target lies below the softest or above the hardest material."""
+def shortfalls(profile: Profile, moduli_MPa: tuple[float, ...]) -> tuple[Band, ...]:
+    """Find where the target lies below the softest or above the hardest material: the nearest."""
     softest, hardest = moduli_MPa[0], moduli_MPa[-1]
     cuts = [u for limit in (softest, hardest) for u in profile.crossings(limit)]
     found = []
     for start, stop in itertools.pairwise(distinct_positions([*cuts, *profile.positions])):
         low, high = profile.interval_MPa(start, stop)
         if low < softest * (1.0 - _SAME_MODULUS):
-            found.append(Shortfall(start, stop, (low, high), 0))
+            found.append(Band(start, stop, 0, (low, high)))
         elif high > hardest * (1.0 + _SAME_MODULUS):
-            found.append(Shortfall(start, stop, (low, high), len(moduli_MPa) - 1))
+            found.append(Band(start, stop, len(moduli_MPa) - 1, (low, high)))
     return tuple(found)
 
 

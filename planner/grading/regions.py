@@ -1,30 +1,52 @@
-"""Bands of the part as shells to print and regions to report."""
+"""What bands are printed in, nearest or blended; as shells and regions, and how far off target."""
 
 import hashlib
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+import itertools
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from planner.cutting.pieces import Pieces, piece_bounds_mm, piece_volumes_mm3, shell_faces
+from planner.cutting.pieces import Pieces
+from planner.errors import ArgumentError
 from planner.formats.mesh_file import encode_stl
 from planner.formats.threemf import Constituent, composite_name, mixed_colour
-from planner.grading.profile import Band, StiffnessScale
-from planner.materials.mixtures import blend_for
+from planner.glance import percent
+from planner.grading.profile import (
+    Band,
+    Profile,
+    StiffnessScale,
+    distinct_positions,
+    equal_bands,
+    natural_bands,
+)
+from planner.materials.mixtures import blend_for, dither_table, reuss_MPa, reuss_share
 from planner.mesh.mesh import compact
 from planner.numerics import FloatArray, Point
-from planner.plan import Region, Shell
+from planner.plan import Check, Finding, Region, Shell
 from planner.printers import Printer, resins_of
 
 __all__ = [
+    "MIXTURES_UNCALIBRATED",
+    "BlendSegment",
+    "Laminate",
     "Printed",
+    "alternatives",
+    "blend_interval_MPa",
+    "blend_segments",
     "catalogue_material",
-    "mixture",
+    "error_text",
+    "laminated",
+    "mixed_bands",
     "point",
     "region_of",
     "regions_of",
     "shells_of",
+    "stiffness_check",
+    "tolerated_ratio",
+    "with_laminates",
 ]
 
 
@@ -72,7 +94,7 @@ def catalogue_material(scale: StiffnessScale, grade: int, machine: Printer) -> P
     )
 
 
-def mixture(scale: StiffnessScale, modulus_MPa: float, machine: Printer) -> Printed:
+def _mixture(scale: StiffnessScale, modulus_MPa: float, machine: Printer) -> Printed:
     """Return the mixture of two neighbouring materials that has a modulus.
 
     A modulus beyond the palette is clamped to it. The share of the harder material is how far the
@@ -116,14 +138,14 @@ def shells_of(
 ) -> tuple[Shell, ...]:
     """Unite the pieces of each material or mixture into one shell set, from soft to hard."""
     names = np.array([what.name for what in printed])
-    occupied = piece_volumes_mm3(pieces) > 0.0
+    occupied = pieces.volumes_mm3 > 0.0
     used_ones = {what.name: what for what, some in zip(printed, occupied, strict=True) if some}
     mixed = (part.name for what in used_ones.values() for part in what.constituents)
     ids = {*mixed, *(what.material for what in used_ones.values() if what.material)}
     resins = resins_of(scale.palette, machine, ids)
     shells: list[Shell] = []
     for what in sorted(used_ones.values(), key=lambda what: what.coordinate):
-        faces = shell_faces(pieces, np.flatnonzero(names == what.name))
+        faces = pieces.shell_faces(np.flatnonzero(names == what.name))
         used, faces = compact(faces, len(pieces.vertices))
         vertices = pieces.vertices[used]
         file = f"stl/{name}__{len(shells) + 1:02d}_{what.name}.stl"
@@ -155,8 +177,8 @@ def regions_of(
     pieces: Pieces, steps: Sequence[Band], printed: Sequence[Printed], shells: Sequence[Shell]
 ) -> tuple[Region, ...]:
     """Report each band that holds any of the part."""
-    volumes = piece_volumes_mm3(pieces)
-    bounds = piece_bounds_mm(pieces)
+    volumes = pieces.volumes_mm3
+    bounds = pieces.bounds_mm
     files = {shell.material: shell for shell in shells}
     regions: list[Region] = []
     for number, (band, what) in enumerate(zip(steps, printed, strict=True)):
@@ -216,3 +238,435 @@ def _mixed(what: Printed) -> dict[str, Any] | None:
 def point(values: FloatArray) -> Point:
     """Return three coordinates as plain numbers."""
     return float(values[0]), float(values[1]), float(values[2])
+
+
+# ------------------------------------------------------------------------------------------------
+# Stretches of the field over which the target stays between the same two materials.
+
+
+_SAME = 1e-9  # relative: a target this near to a material's modulus is that
+
+
+@dataclass(frozen=True, slots=True)
+class BlendSegment:
+    """A stretch of the field between two neighbouring materials.
+
+    Attributes
+    ----------
+    start, stop
+        Field values.
+    lower, upper
+        Places of the materials from soft (0) to hard; the same where the target is one material's
+        modulus, or beyond the softest or the hardest.
+    target_MPa
+        Lowest and highest target.
+    ends_MPa
+        Targets where it begins and ends.
+    run
+        How many jumps of the target lie before it.
+    """
+
+    start: float
+    stop: float
+    lower: int
+    upper: int
+    target_MPa: tuple[float, float]
+    ends_MPa: tuple[float, float]
+    run: int
+
+    @property
+    def rising(self) -> bool:
+        """Whether the target is not lower at the end than at the beginning."""
+        return self.ends_MPa[1] >= self.ends_MPa[0]
+
+
+def blend_segments(profile: Profile, moduli_MPa: tuple[float, ...]) -> tuple[BlendSegment, ...]:
+    """Divide the field where the target passes the modulus of a material.
+
+    Parameters
+    ----------
+    moduli_MPa
+        Of the catalogue materials, strictly rising.
+    """
+    cuts = [u for modulus in moduli_MPa for u in profile.crossings(modulus)]
+    jumps = [a for a, b in itertools.pairwise(profile.positions) if a == b]
+    found = []
+    for start, stop in itertools.pairwise(distinct_positions([*cuts, *jumps])):
+        low, high = profile.interval_MPa(start, stop)
+        lower, upper = _neighbours(low, high, moduli_MPa)
+        inner = 1e-9 * (stop - start)  # a jump's own value is that after it
+        ends = [float(profile.modulus_MPa(u)) for u in (start, stop - inner)]
+        run = sum(jump <= start + inner for jump in jumps)
+        found.append(BlendSegment(start, stop, lower, upper, (low, high), (ends[0], ends[1]), run))
+    return tuple(found)
+
+
+def _neighbours(low: float, high: float, moduli_MPa: tuple[float, ...]) -> tuple[int, int]:
+    place = int(np.searchsorted(moduli_MPa, math.sqrt(low * high)))
+    if place == 0:
+        return 0, 0
+    if place == len(moduli_MPa):
+        return place - 1, place - 1
+    for grade in (place - 1, place):
+        if all(math.isclose(e, moduli_MPa[grade], rel_tol=_SAME) for e in (low, high)):
+            return grade, grade
+    return place - 1, place
+
+
+# ------------------------------------------------------------------------------------------------
+# How sure the modulus of a blend is.
+
+
+def blend_interval_MPa(
+    scale: StiffnessScale, lower: int, upper: int, modulus_MPa: float, error: float
+) -> tuple[float, float]:
+    """Return the interval that holds a print's modulus with 95 % probability.
+
+    The materials' errors go together, as everywhere in planning: the wider of their intervals is
+    taken, either way, and the relative error of the estimate is added to it.
+
+    Parameters
+    ----------
+    lower, upper
+        Places of the materials from soft to hard.
+    """
+    ends = [(scale.moduli_MPa[k], *scale.intervals_MPa[k]) for k in (lower, upper)]
+    less = max(own / low for own, low, _ in ends) * (1.0 + error)
+    more = max(high / own for own, _, high in ends) * (1.0 + error)
+    return modulus_MPa / less, modulus_MPa * more
+
+
+# ------------------------------------------------------------------------------------------------
+# Thinner bands of two materials in turn, as a laminate in series along the gradient.
+
+
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
+_THINNEST = 1e-9  # of the field: a share below is none
+
+
+@dataclass(frozen=True, slots=True)
+class Laminate:
+    """Two bands, one of either material, or one where the share is 0 or 1.
+
+    Attributes
+    ----------
+    start, stop
+        Field values.
+    lower, upper
+        Places of the materials from soft to hard.
+    share
+        Of the length along the field that is of the harder one.
+    modulus_MPa
+        In series: the harmonic mean.
+    target_MPa
+        Lowest and highest target within.
+    """
+
+    start: float
+    stop: float
+    lower: int
+    upper: int
+    share: float
+    modulus_MPa: float
+    target_MPa: tuple[float, float]
+
+
+def laminated(
+    profile: Profile, along: Sequence[BlendSegment], moduli_MPa: tuple[float, ...], periods: int
+) -> tuple[tuple[Band, Laminate | None], ...]:
+    """Divide each stretch between two materials into periods that stretch as the target does.
+
+    Under one force a period elongates by the mean of the target's compliance, exactly: the
+    materials lie in series. Each period begins with the material that the one before ended with;
+    but where the gradient begins and ends lies the material nearer to the target there, because
+    fields are held at their ends: beyond a distance of 3 mm, say, all of the part is the last band.
+
+    Returns
+    -------
+    tuple of (Band, Period)
+        Bands along the field, and the period each belongs to; None outside transitions.
+    """
+    found: list[tuple[Band, Laminate | None]] = []
+    for stretch in along:
+        if stretch.lower == stretch.upper:
+            band = Band(stretch.start, stretch.stop, stretch.lower, stretch.target_MPa)
+            found.append((band, None))
+            continue
+        edges = np.linspace(stretch.start, stretch.stop, periods + 1).tolist()
+        edges[-1] = stretch.stop
+        middle_MPa = math.sqrt(moduli_MPa[stretch.lower] * moduli_MPa[stretch.upper])
+        begins_hard, ends_hard = (end > middle_MPa for end in stretch.ends_MPa)
+        for start, stop in itertools.pairwise(edges):
+            period = _laminate(profile, stretch, moduli_MPa, start, stop)
+            if not found:
+                hard_first = begins_hard
+            elif stretch is along[-1] and stop == stretch.stop:
+                hard_first = not ends_hard
+            else:
+                hard_first = found[-1][0].grade == stretch.upper
+            shares = [(stretch.lower, 1.0 - period.share), (stretch.upper, period.share)]
+            if hard_first:
+                shares.reverse()
+            middle = start + shares[0][1] * (stop - start)
+            for (grade, _), low, high in zip(shares, (start, middle), (middle, stop), strict=True):
+                if high - low > _THINNEST:
+                    found.append((Band(low, high, grade, period.target_MPa), period))
+    return tuple(found)
+
+
+def _laminate(
+    profile: Profile,
+    stretch: BlendSegment,
+    moduli_MPa: tuple[float, ...],
+    start: float,
+    stop: float,
+) -> Laminate:
+    # Between knots the target is smooth, and Gauss' rule of 8 nodes exact to rounding.
+    knots = [start, *(u for u in profile.positions if start < u < stop), stop]
+    compliance = 0.0
+    for low, high in itertools.pairwise(knots):
+        u = 0.5 * (low + high) + 0.5 * (high - low) * _NODES
+        compliance += float(0.5 * (high - low) * (_WEIGHTS @ (1.0 / profile.modulus_MPa(u))))
+    soft, hard = moduli_MPa[stretch.lower], moduli_MPa[stretch.upper]
+    share = float(reuss_share(soft, hard, compliance / (stop - start)))
+    if not _THINNEST < share * (stop - start) < stop - start - _THINNEST:
+        share = float(math.floor(share + 0.5))
+    return Laminate(
+        start,
+        stop,
+        stretch.lower,
+        stretch.upper,
+        share,
+        float(reuss_MPa(soft, hard, share)),
+        profile.interval_MPa(start, stop),
+    )
+
+
+# ------------------------------------------------------------------------------------------------
+# What a plan says of bands that take turns.
+
+
+def with_laminates(
+    regions: Sequence[Region], steps: Sequence[tuple[Band, Laminate | None]], scale: StiffnessScale
+) -> tuple[Region, ...]:
+    """Say of each thin band which period it belongs to, and what that comes to in series."""
+    periods = {(band.start, band.stop): period for band, period in steps}
+    found = []
+    for region in regions:
+        period = periods[region.field]
+        if period is None or period.share in (0.0, 1.0):
+            found.append(region)
+            continue
+        low, high = period.target_MPa
+        blend = {
+            "kind": "bands",
+            "lower": scale.palette.materials[period.lower].id,
+            "upper": scale.palette.materials[period.upper].id,
+            "field": [period.start, period.stop],
+            "share": period.share,
+        }
+        found.append(
+            replace(
+                region,
+                modulus_MPa=period.modulus_MPa,
+                modulus_interval_MPa=blend_interval_MPa(
+                    scale, period.lower, period.upper, period.modulus_MPa, 0.0
+                ),
+                error=(period.modulus_MPa / high - 1.0, period.modulus_MPa / low - 1.0),
+                blend=blend,
+            )
+        )
+    return tuple(found)
+
+
+# ------------------------------------------------------------------------------------------------
+# Bands of true mixtures, for printers that jet them.
+
+
+_MOST_MIXTURES = 99
+"""Each is a file of its own."""
+
+MIXTURES_UNCALIBRATED = (
+    "mixtures need a printer that jets them, as {printer} may not; their ratios are not calibrated"
+)
+
+_STEP = 1.2  # of the modulus from mixture to mixture: within 10 % of the target
+
+
+def mixed_bands(
+    profile: Profile, scale: StiffnessScale, count: int | None, machine: Printer
+) -> tuple[tuple[Band, ...], tuple[Printed, ...]]:
+    """Cut where the mixture changes, and say what each band is printed in.
+
+    Parameters
+    ----------
+    count
+        Equal steps of the field; by default steps of the modulus of up to 20 %, both ends of the
+        gradient among them.
+
+    Raises
+    ------
+    ArgumentError
+        More than 99 bands.
+    """
+    if count is None:
+        low, high = (
+            float(np.clip(end, scale.moduli_MPa[0], scale.moduli_MPa[-1]))
+            for end in profile.interval_MPa(0.0, 1.0)
+        )
+        steps = max(1, math.ceil(math.log(high / low) / math.log(_STEP) - 1e-9))
+        ladder = np.geomspace(low, high, steps + 1).tolist() if high > low * 1.001 else [low]
+        bands = natural_bands(profile, tuple(ladder))
+        moduli = [ladder[band.grade] for band in bands]
+    else:
+        if count > _MOST_MIXTURES:
+            raise ArgumentError(
+                f"`blend` mix `bands` {count}: each mixture is a file of its own; up to "
+                f"{_MOST_MIXTURES} are possible"
+            )
+        bands = equal_bands(profile, scale.moduli_MPa, count)
+        moduli = [math.sqrt(band.target_MPa[0] * band.target_MPa[1]) for band in bands]
+    printed = tuple(_mixture(scale, modulus, machine) for modulus in moduli)
+    return _merged(bands, printed)
+
+
+def _merged(
+    bands: Sequence[Band], printed: Sequence[Printed]
+) -> tuple[tuple[Band, ...], tuple[Printed, ...]]:
+    """Join neighbours that come to one mixture, shares being kept to 0.1 %."""
+    kept: list[tuple[Band, Printed]] = []
+    for band, what in zip(bands, printed, strict=True):
+        if kept and kept[-1][1] == what:
+            band = kept.pop()[0].joined(band)
+        kept.append((band, what))
+    return tuple(band for band, _ in kept), tuple(what for _, what in kept)
+
+
+# ------------------------------------------------------------------------------------------------
+# How far what is printed is off the target stiffness, and what another blend would make of it.
+#
+# An error is a ratio, 1 or more: achieved over target where what is printed is too stiff, target
+# over achieved where it is too soft. A ratio of 2 is as bad either way.
+
+
+_ROUNDING = 1e-9
+"""Relative: a stated tolerance is often the error that an earlier plan told, as printed."""
+
+_LARGEST = 1e6
+"""Of a tolerance; a palette from rubber to glass spans less."""
+
+
+def tolerated_ratio(stated: float) -> float:
+    """Return the largest ratio that is no finding.
+
+    Parameters
+    ----------
+    stated
+        The ratio, as 1.25; or, below 1, by what share the stiffness may be too large, as 0.25.
+
+    Raises
+    ------
+    ArgumentError
+        Below 0, or so large that nothing could miss it.
+    """
+    if not 0.0 <= stated <= _LARGEST:
+        raise ArgumentError(
+            f"`tolerance` {stated:g}: it must be from 0 to {_LARGEST:g}: a ratio, as 1.25, or "
+            "below 1 a share, as 0.25 for 25 %"
+        )
+    return stated if stated >= 1.0 else 1.0 + stated
+
+
+def stiffness_check(
+    regions: Sequence[Region],
+    limit: float,
+    others: Mapping[str, float],
+) -> tuple[Check, tuple[Finding, ...]]:
+    """Hold the stiffness of all regions against what was wanted there.
+
+    Parameters
+    ----------
+    limit
+        Of `tolerated_ratio`.
+    others
+        Of `alternatives`.
+
+    Returns
+    -------
+    check : Check
+        The worst ratio of all regions, with its limit.
+    findings : tuple of Finding
+        Where the worst is, and what would make it smaller; empty where the check holds.
+    """
+    worst = max(regions, key=_region_error)
+    ratio = _region_error(worst)
+    ok = ratio <= limit * (1.0 + _ROUNDING)
+    check = Check(ratio, limit, ok)
+    if ok:
+        return check, ()
+    low, high = worst.target_modulus_MPa
+    better = [f"{option} it is {error_text(error)}" for option, error in others.items()]
+    cures = [*better, f"--tolerance {_rounded_up(ratio):g} accepts it"]
+    message = (
+        f"{worst.printed}: {worst.modulus_MPa:.3g} MPa where {low:.3g} .. {high:.3g} MPa is "
+        f"wanted, at field {worst.field[0]:.3f} .. {worst.field[1]:.3f}: the stiffness is off by "
+        f"up to {error_text(ratio)}, more than the tolerance, {error_text(limit)}; "
+        + "; ".join(cures)
+    )
+    return check, (Finding("stiffness", message, worst.material),)
+
+
+def alternatives(
+    regions: Iterable[Region], target: Profile, scale: StiffnessScale, *, equal_bands: bool,
+    moved: bool,
+) -> dict[str, float]:  # fmt: skip
+    """Return the worst ratio that other options would leave, where it is smaller.
+
+    Of cells of two materials it is the error of their homogenised modulus; each cell by itself is
+    one of the two.
+
+    Parameters
+    ----------
+    equal_bands
+        Whether the regions are bands of equal steps, in place of the nearest materials.
+    moved
+        Whether cuts between the nearest materials were moved off faces of the part.
+    """
+    ratio = max(_region_error(region) for region in regions)
+    moduli = scale.moduli_MPa
+    between = [s for s in blend_segments(target, moduli) if s.lower < s.upper]
+    cells = max(
+        (1.0 / (1.0 - dither_table().error_at(moduli[s.upper] / moduli[s.lower])) for s in between),
+        default=1.0,
+    )
+    option = "without --bands" if equal_bands else "with --snap 0" if moved else ""
+    nearest = {option: _of_nearest(target, scale)} if option else {}
+    found = {**nearest, "with --blend dither": cells}
+    return {option: error for option, error in found.items() if error < ratio * (1.0 - 1e-6)}
+
+
+def _region_error(region: Region) -> float:
+    """Return by what ratio a region is off its target, at its worst place."""
+    return max(1.0 + region.error[1], 1.0 / (1.0 + region.error[0]))
+
+
+def _of_nearest(target: Profile, scale: StiffnessScale) -> float:
+    """Return the worst ratio of the nearest materials, of what of the target they reach."""
+    moduli = scale.moduli_MPa
+    least, most = moduli[0], moduli[-1]
+    worst = 1.0
+    for band in natural_bands(target, moduli):
+        low, high = (min(max(value, least), most) for value in band.target_MPa)
+        worst = max(worst, moduli[band.grade] / low, high / moduli[band.grade])
+    return worst
+
+
+def error_text(ratio: float) -> str:
+    """Say a ratio as an error: in per cent, or as a factor where that reads better."""
+    return percent(ratio - 1.0) if ratio < 2.0 else f"a factor of {ratio:.3g}"
+
+
+def _rounded_up(value: float) -> float:
+    """Return two significant digits that are not below a value."""
+    unit = 10.0 ** (math.floor(math.log10(value)) - 1)
+    return math.ceil(value / unit - 1e-9) * unit

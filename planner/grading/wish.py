@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike
 from planner.errors import ArgumentError, PlannerError, UnknownNameError, positive
 from planner.fields.basic import Field
 from planner.fields.parse import TableFile, field_of
-from planner.formats.mesh_file import MILLIMETRES
 from planner.formats.units import QUANTITY_UNITS
 from planner.grading.profile import (
     Profile,
@@ -21,7 +20,7 @@ from planner.grading.profile import (
     between,
     grades_between,
     profile_of,
-    read_profile,
+    read_moduli,
     sampled_profile,
 )
 from planner.numerics import FloatArray
@@ -132,20 +131,18 @@ class _Earlier:
             start=target.moduli_MPa[0] if ends else None,
             end=target.moduli_MPa[-1] if ends else None,
             profile=target,
-            field=None if laid_anew else self._own_field(),
+            field=None
+            if laid_anew
+            else field_of(gradient.field, part.translation_mm, self.plan.folder),
             pitch_mm=None
             if laid_anew or "within_mm" in gradient.field
             else _number(gradient.field.get("pitch_mm")),
             at_strain=self.plan.stiffness.at_strain,
             printer=self.plan.printer,
             palette=None if stated.palette is not None else self._own_palette(stated.printer),
-            unit=None if part.unit == MILLIMETRES else part.unit,
+            unit=None if part.unit == "mm" else part.unit,
             **({} if stated.blend is not None else _blending(gradient)),
         )
-
-    def _own_field(self) -> str | TableFile:
-        plan = self.plan
-        return field_of(plan.gradient.field, plan.part.translation_mm, plan.folder)
 
     def remarks(self, part_sha256: str) -> tuple[str, ...]:
         """Return what a reader of the new plan should know, a sentence each."""
@@ -248,7 +245,11 @@ def targets_of(wish: Wish, scale: StiffnessScale) -> tuple[Profile, str | None, 
         if not isinstance(profile, (str, Path)):
             return _listed(profile, scale), None, None
         moduli = {m.id: scale.modulus_of(m.id) for m in palette.materials}
-        return read_profile(profile, moduli, lambda called: palette.resolve(called).id), None, None
+        return (
+            read_moduli(profile, moduli, lambda called: palette.resolve(called).id),
+            None,
+            None,
+        )
     if wish.start is None or wish.end is None:
         ids = ", ".join(material.id for material in palette.materials)
         raise ArgumentError(

@@ -4,7 +4,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
-from statistics import NormalDist
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import msgspec
@@ -44,7 +43,7 @@ from planner.inverse_design.goals import Limits, Target, posed, read_limits, rea
 from planner.mesh.halve import halve_long_edges
 from planner.mesh.mesh import Mesh
 from planner.mesh.part import place
-from planner.numerics import FloatArray, interrupted, one_blas_thread
+from planner.numerics import FloatArray, interrupted, normal_quantile, one_blas_thread
 from planner.palette import Palette
 from planner.plan import Plan
 from planner.printers import Printer, load_printer, palette_of
@@ -473,7 +472,7 @@ def design(
         rises = ends.moduli_MPa[0] < ends.moduli_MPa[-1]
         controls = _ramp(follows, knots, rises, limits, stiffness, translation)
     space = DesignSpace(controls, stiffness, setting, follows, counts)
-    normal = NormalDist().inv_cdf(0.5 + level / 2.0) if robust else 0.0
+    normal = normal_quantile(level) if robust else 0.0
 
     def problem_on(size_mm: float, done: float, before: "Sequence[Case]" = ()) -> DesignProblem:
         words = f"cutting the part into cells of {size_mm:.3g} mm; all takes {effort}"

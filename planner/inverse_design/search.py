@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from statistics import NormalDist
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -13,7 +12,7 @@ from planner.inverse_design.shape import Deviation, ShapeGoal, WantedShape
 from planner.materials.marlow import MarlowTable
 from planner.materials.mixtures import CoefficientModel
 from planner.mesh.mesh import Mesh
-from planner.numerics import FloatArray, interrupted
+from planner.numerics import FloatArray, interrupted, normal_quantile
 from planner.simulation.cut_cells import CutCells, cut_cells
 from planner.simulation.loads import LoadCase
 from planner.simulation.response import (
@@ -185,7 +184,7 @@ class Solved:
 
     def intervals(self, model: CoefficientModel, level: float) -> list[tuple[float, float]]:
         """Return what prints do, of each goal, from the palette's uncertainty."""
-        normal = NormalDist().inv_cdf(0.5 + level / 2.0)
+        normal = normal_quantile(level)
         sds = log_stress_sds(self.mechanics, self.state, model, normal)
         measured = (goal.measure(self.mechanics, self.state) for goal in self.goals)
         return [

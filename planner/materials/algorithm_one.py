@@ -1,7 +1,7 @@
 """Algorithm 1 of Hemleben's thesis: a law's coefficients as quadratics of the material index."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -10,12 +10,10 @@ from numpy.typing import ArrayLike
 
 from planner.errors import ArgumentError, PaletteError
 from planner.glance import brief
-from planner.materials.characterise import students_t
-from planner.materials.fit import sample_of
-from planner.materials.fit_intervals import MaterialFit
+from planner.materials.fit import MaterialFit, sample_of
 from planner.materials.laws import make_law
 from planner.materials.mixtures import CoefficientModel, interpolated
-from planner.numerics import FloatArray
+from planner.numerics import FloatArray, students_t
 from planner.palette import Material, Palette
 
 if TYPE_CHECKING:
@@ -25,7 +23,6 @@ __all__ = [
     "LiteralCurve",
     "QuadraticCoefficients",
     "QuadraticFit",
-    "QuadraticRow",
     "QuadraticStudy",
     "algorithm_one",
     "individual_fit",
@@ -88,8 +85,7 @@ class QuadraticCoefficients:
     def coefficients(self, coordinate: ArrayLike) -> FloatArray:
         """Return c1 to c6 along the last axis."""
         m = np.asarray(coordinate, dtype=np.float64)[..., np.newaxis]
-        q2, q1, q0 = np.array(self.rows).T
-        return np.asarray((q2 * m + q1) * m + q0)
+        return np.asarray(np.polyval(np.array(self.rows).T, m))
 
     def literal_stress_MPa(self, coordinate: ArrayLike, strain: ArrayLike) -> FloatArray:
         """Return the stress as printed, at strains above 0 that broadcast with `coordinate`."""
@@ -152,13 +148,10 @@ class LiteralFit:
         Half of each coefficient's interval, as Matlab's confint has it: from the slopes at the
         fit, points taken as independent. Hence too narrow for another specimen, and as wide as it
         likes where terms stand in for one another.
-    squared_error_MPa2
-        Sum of squared stress errors.
     """
 
     c: tuple[float, ...]
     half: tuple[float, ...]
-    squared_error_MPa2: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -219,7 +212,7 @@ def individual_fit(curve: LiteralCurve, level: float = 0.95) -> LiteralFit:
     if np.isfinite(slopes).all():
         inverse = np.maximum(np.diag(np.linalg.pinv(slopes.T @ slopes)), 0.0)
         half = students_t(level, freedom + 1) * np.sqrt(found.fun / freedom * inverse)
-    return LiteralFit(tuple(found.x.tolist()), tuple(half.tolist()), float(found.fun))
+    return LiteralFit(tuple(found.x.tolist()), tuple(half.tolist()))
 
 
 def _slopes(c: FloatArray, strain: FloatArray) -> FloatArray:
@@ -334,9 +327,10 @@ def _model(rows: FloatArray) -> QuadraticCoefficients:
 
 def _check_coordinates(coordinates: FloatArray) -> None:
     different = len(np.unique(coordinates))
-    if different < 3:
+    if different < _FEWEST:
         raise ArgumentError(
-            f"{different} different coordinates: a quadratic needs at least 3; add materials"
+            f"{different} different coordinates: a quadratic needs at least {_FEWEST}; add "
+            "materials"
         )
 
 
@@ -381,12 +375,11 @@ class QuadraticRow:
         The points of all its specimens.
     fit
         Eq. 3.8 by itself (lines 1 to 3).
-    own, quadratics, law
-        Errors of eq. 3.8 fitted to the material, of the quadratics of all materials (line 7), and
-        of the palette's law.
-    quadratics_without, mixtures_without
-        Errors of what is made of the other materials alone: Algorithm 1's lines 4 to 7, and the
-        palette's mixtures. None at an end of the ladder, or where too few are left.
+    errors
+        Of eq. 3.8 fitted to the material (``own``), of the quadratics of all materials (line 7,
+        ``quadratics``) and of the palette's ``law``; and of what is made of the other materials
+        alone: Algorithm 1's lines 4 to 7 (``quadratics_without``), and the palette's mixtures
+        (``mixtures_without``). None at an end of the ladder, or where too few are left.
     model_without
         The quadratics of the others.
     near_rest_MPa, law_near_rest_MPa
@@ -396,11 +389,7 @@ class QuadraticRow:
     id: str
     curve: LiteralCurve
     fit: LiteralFit
-    own: Errors
-    quadratics: Errors
-    law: Errors
-    quadratics_without: Errors | None
-    mixtures_without: Errors | None
+    errors: Mapping[str, Errors | None]
     model_without: QuadraticCoefficients | None
     near_rest_MPa: float
     law_near_rest_MPa: float
@@ -436,20 +425,21 @@ class QuadraticStudy:
         Over the materials that both predict; None where there is none.
         """
         both = [
-            (row.quadratics_without.nrmse, row.mixtures_without.nrmse)
+            (one.nrmse, other.nrmse)
             for row in self.rows
-            if row.quadratics_without is not None and row.mixtures_without is not None
+            if (one := row.errors["quadratics_without"])
+            and (other := row.errors["mixtures_without"])
         ]
         if not both:
             return None
         quadratics, mixtures = np.mean(both, axis=0).tolist()
         return quadratics, mixtures, len(both)
 
-    def remarks(self) -> tuple[str, ...]:
-        """Return what the comparison shows, one sentence each."""
-        said = [self._without()]
+    def remarks(self) -> Iterator[str]:
+        """Say what the comparison shows, one sentence each."""
+        yield self._without()
         worst = max(self.rows, key=lambda row: abs(row.near_rest_MPa - row.law_near_rest_MPa))
-        said.append(
+        yield (
             f"at rest the quadratics are not free of stress: at strain {_NEAR_REST:g} they give "
             f"{worst.id} {worst.near_rest_MPa:.3g} MPa, the palette's law "
             f"{worst.law_near_rest_MPa:.3g} MPa (eq. 3.8 was fitted from strain "
@@ -457,16 +447,15 @@ class QuadraticStudy:
         )
         if self.falls_at is not None:
             m, strain = self.falls_at
-            said.append(
+            yield (
                 f"the quadratics' stress falls where the material gets harder: first at m {m:.3g}, "
                 f"strain {strain:.3g}"
             )
         if not self.quadratics.converged:
-            said.append(
+            yield (
                 f"Algorithm 1 stops at its limit of {self.quadratics.evaluations} evaluations, not "
                 "at a minimum"
             )
-        return tuple(said)
 
     def _without(self) -> str:
         what = "a material left out and predicted by the others"
@@ -477,7 +466,7 @@ class QuadraticStudy:
                 f"{what}: quadratics {100 * quadratics:.2g} % of its largest stress off, planner's "
                 f"mixtures {100 * mixtures:.2g} % (mean of {count})"
             )
-        errors = [r.quadratics_without.nrmse for r in self.rows if r.quadratics_without is not None]
+        errors = [one.nrmse for row in self.rows if (one := row.errors["quadratics_without"])]
         if not errors:
             return f"{what}: not known, that takes {_FEWEST + 1} elastic materials"
         return (
@@ -501,8 +490,6 @@ class QuadraticStudy:
 
 
 def _row_document(row: QuadraticRow) -> dict[str, Any]:
-    kinds = ("own", "quadratics", "law", "quadratics_without", "mixtures_without")
-    errors: dict[str, Errors | None] = {kind: getattr(row, kind) for kind in kinds}
     ends = list(zip(row.fit.c, row.fit.half, strict=True))
     return {
         "id": row.id,
@@ -511,8 +498,8 @@ def _row_document(row: QuadraticRow) -> dict[str, Any]:
         "coefficients": list(row.fit.c),
         "coefficients_low": [_known(c - half) for c, half in ends],
         "coefficients_high": [_known(c + half) for c, half in ends],
-        "r2": {kind: one and _known(one.r2) for kind, one in errors.items()},
-        "nrmse": {kind: one and _known(one.nrmse) for kind, one in errors.items()},
+        "r2": {kind: one and _known(one.r2) for kind, one in row.errors.items()},
+        "nrmse": {kind: one and _known(one.nrmse) for kind, one in row.errors.items()},
         "near_rest_MPa": _known(row.near_rest_MPa),
         "law_near_rest_MPa": row.law_near_rest_MPa,
     }
@@ -555,25 +542,25 @@ def quadratic_study(
     for place, (material, curve, fit) in enumerate(zip(elastic, curves, single, strict=True)):
         model, others = found.model, _model_without(curves, single, place)
         law, mixtures = make_law(material.law), mixtures_without(palette, material)
+        m, x = curve.coordinate, curve.strain
+        predicted = {
+            "own": literal_stress_MPa(fit.c, x),
+            "quadratics": model.literal_stress_MPa(m, x),
+            "law": law.nominal_stress_MPa(1.0 + x),
+            "quadratics_without": None if others is None else others.literal_stress_MPa(m, x),
+            "mixtures_without": None
+            if mixtures is None
+            else mixtures.nominal_stress_MPa(m, 1.0 + x),
+        }
         rows.append(
             QuadraticRow(
-                id=material.id,
-                curve=curve,
-                fit=fit,
-                own=_errors(curve, literal_stress_MPa(fit.c, curve.strain)),
-                quadratics=_errors(curve, model.literal_stress_MPa(curve.coordinate, curve.strain)),
-                law=_errors(curve, law.nominal_stress_MPa(1.0 + curve.strain)),
-                quadratics_without=None
-                if others is None
-                else _errors(curve, others.literal_stress_MPa(curve.coordinate, curve.strain)),
-                mixtures_without=None
-                if mixtures is None
-                else _errors(
-                    curve, mixtures.nominal_stress_MPa(curve.coordinate, 1.0 + curve.strain)
-                ),
-                model_without=others,
-                near_rest_MPa=float(model.literal_stress_MPa(curve.coordinate, _NEAR_REST)),
-                law_near_rest_MPa=float(law.nominal_stress_MPa(1.0 + _NEAR_REST)),
+                material.id,
+                curve,
+                fit,
+                {k: None if s is None else _errors(curve, s) for k, s in predicted.items()},
+                others,
+                float(model.literal_stress_MPa(m, _NEAR_REST)),
+                float(law.nominal_stress_MPa(1.0 + _NEAR_REST)),
             )
         )
     return QuadraticStudy(tuple(rows), through, found, _falls_at(found.model, curves))
@@ -594,15 +581,15 @@ def _errors(curve: LiteralCurve, predicted: FloatArray) -> Errors:
 def _model_without(
     curves: Sequence[LiteralCurve], fits: Sequence[LiteralFit], place: int
 ) -> QuadraticCoefficients | None:
-    """Return lines 4 to 7 without a material between others; None if they begin at no number."""
-    others = [k for k in range(len(curves)) if k != place]
-    if place in (0, len(curves) - 1) or len(others) < _FEWEST:
+    """Return lines 4 to 7 without a material between others, if enough are left to begin at."""
+    if place in (0, len(curves) - 1):
         return None
-    kept = [curves[k] for k in others]
-    start = quadratics_through([c.coordinate for c in kept], [fits[k].c for k in others])
-    if not math.isfinite(pooled_squared_error_MPa2(start, kept)):
+    kept = [curve for k, curve in enumerate(curves) if k != place]
+    own = [fit.c for k, fit in enumerate(fits) if k != place]
+    try:
+        return algorithm_one(kept, quadratics_through([c.coordinate for c in kept], own)).model
+    except ArgumentError:
         return None
-    return algorithm_one(kept, start).model
 
 
 def mixtures_without(palette: Palette, material: Material) -> CoefficientModel | None:

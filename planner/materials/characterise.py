@@ -1,6 +1,6 @@
 """What a tensile test says of a material without any law: modulus, toughness, elongation."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Literal
@@ -10,7 +10,7 @@ import numpy as np
 from planner.errors import ArgumentError, FileError
 from planner.glance import brief
 from planner.notes import Caution
-from planner.numerics import BoolArray, FloatArray, IntArray, freeze
+from planner.numerics import BoolArray, FloatArray, IntArray, freeze, students_t
 
 __all__ = [
     "BROKEN_SHARE",
@@ -23,7 +23,6 @@ __all__ = [
     "check_record",
     "doubts",
     "noise_sd",
-    "students_t",
     "toe_compensated",
     "without_tail",
 ]
@@ -636,9 +635,6 @@ def characterise_curve(
     if at_yield is not None:
         at_yield -= part.toe_strain
     how = deformation(part.modulus_MPa, elongation, at_yield)
-    notes = [_toe_note(curve, part), *_offset_note(curve, part)]
-    if how.kind == "elastic":
-        notes += _fall_note(curve)
     origin_area = 0.0
     if part.toe_strain == 0.0 and strain[0] > 0.0:
         origin_area = 0.5 * float(strain[0]) * max(float(curve.stress_MPa[0]), 0.0)
@@ -659,7 +655,7 @@ def characterise_curve(
         ),
         yield_strain=at_yield,
         deformation=how,
-        notes=tuple(notes),
+        notes=(_toe_note(curve, part), *_odd(curve, part, how.kind)),
     )
 
 
@@ -705,13 +701,6 @@ def spread(values: Sequence[float]) -> Spread:
     return Spread(mean, sd, sd / abs(mean) if mean else None, (mean - half, mean + half), n)
 
 
-def students_t(level: float, specimens: float) -> float:
-    """Return how many standard errors of so many specimens' mean the two-sided level reaches."""
-    from scipy.special import stdtrit
-
-    return float(stdtrit(specimens - 1, 0.5 + 0.5 * level))
-
-
 def _secant(curve: Curve, toe: float, strain: float) -> float | None:
     """Stress over strain, the stress from a line through the points nearby."""
     x = curve.strain - toe
@@ -744,31 +733,26 @@ def _toe_note(curve: Curve, part: LinearPart) -> str:
     return f"{where}: no toe; strains not shifted"
 
 
-def _offset_note(curve: Curve, part: LinearPart) -> list[str]:
-    """Note a line or arc that misses the origin though the record begins at rest."""
-    at_rest = -part.modulus_MPa * part.zero_strain
-    peak = float(np.max(curve.stress_MPa))
-    begins = float(curve.strain[0]) <= 0.01 * float(curve.strain[-1])
-    if part.toe_strain or not begins or abs(at_rest) <= _OFFSET_SHARE * peak:
-        return []
-    return [
-        Caution(
-            f"specimen {curve.specimen}: its beginning points at {at_rest:.3g} MPa at rest, "
+def _odd(curve: Curve, part: LinearPart, kind: str) -> Iterator[str]:
+    """Say what is odd at the ends of a curve.
+
+    A line or arc that misses the origin though the record begins at rest, and a long fall at the
+    end of a rubber's curve, which counts as elongation.
+    """
+    strain, stress, where = curve.strain, curve.stress_MPa, f"specimen {curve.specimen}"
+    at_rest, at_peak = -part.modulus_MPa * part.zero_strain, int(np.argmax(stress))
+    peak, end = float(stress[at_peak]), float(strain[-1])
+    begins = float(strain[0]) <= 0.01 * end
+    if begins and not part.toe_strain and abs(at_rest) > _OFFSET_SHARE * peak:
+        yield Caution(
+            f"{where}: its beginning points at {at_rest:.3g} MPa at rest, "
             f"{100 * at_rest / peak:.2g} % of its peak; it may not have been zeroed"
         )
-    ]
-
-
-def _fall_note(curve: Curve) -> list[str]:
-    """Note a long fall at the end of a rubber's curve, which counts as elongation."""
-    peak, end = int(np.argmax(curve.stress_MPa)), float(curve.strain[-1])
-    at_peak, fallen = float(curve.strain[peak]), 1.0 - curve.stress_MPa[-1] / curve.stress_MPa[peak]
-    if at_peak > 0.98 * end or fallen < 0.1:
-        return []
-    return [
-        f"specimen {curve.specimen}: stress falls slowly from its peak at strain {at_peak:.4g} "
-        f"to the break at {end:.4g}, which counts as elongation"
-    ]
+    if kind == "elastic" and strain[at_peak] <= 0.98 * end and 1.0 - stress[-1] / peak >= 0.1:
+        yield (
+            f"{where}: stress falls slowly from its peak at strain {strain[at_peak]:.4g} "
+            f"to the break at {end:.4g}, which counts as elongation"
+        )
 
 
 # ------------------------------------------------------------------------------------------------
@@ -779,15 +763,15 @@ _REPLICATE_FACTOR = 2.0
 """Replicates differ by a few to some tens of per cent; beyond this factor from their median a
 specimen is another material, or its size is wrong."""
 
-_DOUBTED_FIGURES: dict[str, Callable[[Characteristics], float]] = {
-    "modulus (MPa)": lambda c: c.modulus_MPa,
-    "strength (MPa)": lambda c: c.strength_MPa,
-    "strain at break": lambda c: c.elongation_at_break,
+_DOUBTED_FIGURES = {
+    "modulus (MPa)": "modulus_MPa",
+    "strength (MPa)": "strength_MPa",
+    "strain at break": "elongation_at_break",
 }
 
 
-def doubts(found: MaterialCharacteristics, *, unit_told: bool = False) -> tuple[str, ...]:
-    """Return what speaks against a material's figures, one sentence each.
+def doubts(found: MaterialCharacteristics, *, unit_told: bool = False) -> Iterator[str]:
+    """Say what speaks against a material's figures, one sentence each.
 
     Where it was told that specimens are in another unit (`unit_told`), what follows from that is
     not told again.
@@ -798,48 +782,40 @@ def doubts(found: MaterialCharacteristics, *, unit_told: bool = False) -> tuple[
     - A modulus above the nonrigid plastics' with more than twice the length at break and no
       yield point, which few materials show, and every rubber whose stress is psi given as MPa.
     """
-    said = []
     if not found.agree:
         kinds = ", ".join(f"{c.specimen} {c.deformation.kind}" for c in found.specimens)
-        said.append(
+        yield (
             f"{found.material}: its specimens disagree on how it deforms: {kinds}; taken as "
             f"{found.deformation.kind}, because {found.deformation.reason}"
         )
-    said += [
-        sentence
-        for name, value in _DOUBTED_FIGURES.items()
-        if not (unit_told and name.endswith("(MPa)"))
-        and (sentence := _unlike(found, name, [value(c) for c in found.specimens]))
-    ]
-    said += [
-        f"specimen {c.specimen}: {c.modulus_MPa:.3g} MPa is above a nonrigid material's "
-        f"({_NONRIGID_MPA:g} MPa), yet it stretches by {c.elongation_at_break:.3g} without a yield "
-        "point; a rubber whose stress is psi given as MPa looks so: check the unit of stress"
-        for c in found.specimens
-        if c.modulus_MPa > _NONRIGID_MPA and c.elongation_at_break > 1.0 and c.yield_strain is None
-    ]
-    return tuple(said)
+    for name, figure in _DOUBTED_FIGURES.items():
+        if not (unit_told and name.endswith("(MPa)")):
+            yield from _unlike(found, name, figure)
+    for c in found.specimens:
+        stretches = c.elongation_at_break > 1.0 and c.yield_strain is None
+        if stretches and c.modulus_MPa > _NONRIGID_MPA:
+            yield (
+                f"specimen {c.specimen}: {c.modulus_MPa:.3g} MPa is above a nonrigid material's "
+                f"({_NONRIGID_MPA:g} MPa), yet it stretches by {c.elongation_at_break:.3g} without "
+                "a yield point; a rubber whose stress is psi given as MPa looks so: check the unit "
+                "of stress"
+            )
 
 
-def _unlike(found: MaterialCharacteristics, name: str, values: list[float]) -> str | None:
-    names = [c.specimen for c in found.specimens]
-    advice = "check the specimens' sizes, units and materials"
-    if len(values) == 2:
-        if max(values) <= _REPLICATE_FACTOR * min(values):
-            return None
-        return (
-            f"{found.material}: {name} is {values[0]:.3g} of {names[0]} and {values[1]:.3g} of "
-            f"{names[1]}, more than {_REPLICATE_FACTOR:g} times apart; {advice}"
-        )
+def _unlike(found: MaterialCharacteristics, name: str, figure: str) -> Iterator[str]:
+    values = [getattr(c, figure) for c in found.specimens]
+    each = [f"{v:.3g} of {c.specimen}" for v, c in zip(values, found.specimens, strict=True)]
     median = sorted(values)[len(values) // 2]
     far = [
-        f"{value:.3g} of {specimen}"
-        for specimen, value in zip(names, values, strict=True)
+        said
+        for said, value in zip(each, values, strict=True)
         if not median / _REPLICATE_FACTOR <= value <= _REPLICATE_FACTOR * median
     ]
-    if not far:
-        return None
-    return (
-        f"{found.material}: {name} is {', '.join(far)}, more than {_REPLICATE_FACTOR:g} times off "
-        f"the replicates' median, {median:.3g}; {advice}"
-    )
+    if far:
+        of, off = (", ", f"off the replicates' median, {median:.3g}")
+        if len(values) == 2:  # neither of which is the middle
+            far, of, off = each, " and ", "apart"
+        yield (
+            f"{found.material}: {name} is {of.join(far)}, more than {_REPLICATE_FACTOR:g} times "
+            f"{off}; check the specimens' sizes, units and materials"
+        )

@@ -22,9 +22,7 @@ __all__ = [
     "candidate_laws",
     "law_name",
     "make_law",
-    "over_neo_hooke",
     "positive_stretch",
-    "rubber_over_neo_hooke",
     "secant_modulus_MPa",
     "stability",
 ]
@@ -158,9 +156,6 @@ _SMALLEST_ALPHA = -10.0
 """Their lower bound: at stretch 0.6 a term of this exponent alone is 25 times as stiff as a
 neo-Hookean one of the same initial modulus, so that a sound law has next to none of it."""
 
-_LARGEST_TERMS = 3
-"""Ogden terms tried; a fourth is never identified by one mode of deformation."""
-
 _MARTINS_REACH = (1e-3, 12.0)
 """Bounds of the arguments of Martins' two exponentials at the largest stretch."""
 
@@ -173,6 +168,8 @@ class Linear:
     """
 
     modulus_MPa: float
+
+    model = "linear"
 
     def nominal_stress_MPa(self, stretch: ArrayLike) -> FloatArray:
         """Return E (λ - 1)."""
@@ -244,7 +241,7 @@ class Yielding:
 
 
 class _FirstInvariant(SeparableLaw):
-    """An energy W of J = I1 - 3 = λ² + 2/λ - 3 alone: P = W'(J) dJ/dλ."""
+    """An energy W of J = I1 - 3 = λ² + 2/λ - 3, P = W'(J) dJ/dλ; and fibres along the load."""
 
     __slots__ = ()
 
@@ -252,18 +249,23 @@ class _FirstInvariant(SeparableLaw):
     def energy_slopes_MPa(self, j: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return W' and W''."""
 
+    def fibre_MPa(self, stretch: FloatArray) -> tuple[FloatArray | float, FloatArray | float]:
+        """Return the fibres' stress and tangent."""
+        return 0.0, 0.0
+
     def nominal_stress_MPa(self, stretch: ArrayLike) -> FloatArray:
-        """Return W'(J) dJ/dλ."""
+        """Return W'(J) dJ/dλ, and the fibres' stress."""
         stretch = positive_stretch(stretch)
         slope, _ = self.energy_slopes_MPa(stretch**2 + 2.0 / stretch - 3.0)
-        return 2.0 * (stretch - stretch**-2) * slope
+        return 2.0 * (stretch - stretch**-2) * slope + self.fibre_MPa(stretch)[0]
 
     def tangent_MPa(self, stretch: ArrayLike) -> FloatArray:
-        """Return W''(J) (dJ/dλ)² + W'(J) d²J/dλ²."""
+        """Return W''(J) (dJ/dλ)² + W'(J) d²J/dλ², and the fibres' tangent."""
         stretch = positive_stretch(stretch)
         slope, curvature = self.energy_slopes_MPa(stretch**2 + 2.0 / stretch - 3.0)
         front = 2.0 * (stretch - stretch**-2)
-        return curvature * front**2 + slope * (2.0 + 4.0 * stretch**-3)
+        tangent = curvature * front**2 + slope * (2.0 + 4.0 * stretch**-3)
+        return tangent + self.fibre_MPa(stretch)[1]
 
 
 class _Polynomial(_FirstInvariant):
@@ -455,16 +457,6 @@ class Martins(_FirstInvariant):
         slope = 2.0 * self.c3 * self.c4_MPa * np.exp(self.c3 * square)
         return slope * (stretch - 1.0), slope * (1.0 + 2.0 * self.c3 * square)
 
-    def nominal_stress_MPa(self, stretch: ArrayLike) -> FloatArray:
-        """Return dW/dλ."""
-        stretch = positive_stretch(stretch)
-        return _FirstInvariant.nominal_stress_MPa(self, stretch) + self.fibre_MPa(stretch)[0]
-
-    def tangent_MPa(self, stretch: ArrayLike) -> FloatArray:
-        """Return d²W/dλ²."""
-        stretch = positive_stretch(stretch)
-        return _FirstInvariant.tangent_MPa(self, stretch) + self.fibre_MPa(stretch)[1]
-
     def bounds(self, stretch_max: float) -> FloatArray:
         """Return the bounds of c1 and c3, both positive."""
         invariant = _first_invariant(np.array([stretch_max]))[0]
@@ -492,12 +484,8 @@ class Martins(_FirstInvariant):
 
     def parameters(self, a: FloatArray, c: FloatArray) -> dict[str, tuple[float, ...]]:
         """Return c1 and c3, and c2 and c4 in MPa."""
-        return {
-            "c1": (float(a[0]),),
-            "c2_MPa": (float(c[0]),),
-            "c3": (float(a[1]),),
-            "c4_MPa": (float(c[1]),),
-        }
+        values = (a[0], c[0], a[1], c[1])
+        return {k: (float(v),) for k, v in zip(LAW_PARAMETERS["martins"], values, strict=True)}
 
 
 def _front_and_invariant(stretch: FloatArray, planar: bool) -> tuple[FloatArray, FloatArray]:
@@ -522,12 +510,7 @@ def _first_invariant(stretch: FloatArray) -> FloatArray:
 
 
 _LAWS: Mapping[str, Callable[..., Law]] = {
-    "linear": Linear,
-    "yielding": Yielding,
-    "neo-hookean": NeoHookean,
-    "yeoh": Yeoh,
-    "ogden": Ogden,
-    "martins": Martins,
+    law.model: law for law in (Linear, Yielding, NeoHookean, Yeoh, Ogden, Martins)
 }
 
 
@@ -549,11 +532,13 @@ def make_law(parameters: LawParameters) -> Law:
 
 FITTED_MODELS: Mapping[str, tuple[SeparableLaw, ...]] = {
     "neo-hookean": (NeoHookean(1.0),),
-    "ogden": tuple(Ogden((1.0,) * n, (2.0,) * n) for n in range(1, _LARGEST_TERMS + 1)),
+    "ogden": tuple(Ogden((1.0,) * n, (2.0,) * n) for n in (1, 2, 3)),
     "yeoh": (Yeoh((1.0, 0.0, 0.0)),),
     "martins": (Martins(1.0, 1.0, 1.0, 1.0),),
 }
-"""The laws that can be fitted, in each number of terms that is tried, with any parameters."""
+"""The laws that can be fitted, in each number of terms that is tried, with any parameters.
+
+A fourth Ogden term is never identified by one mode of deformation."""
 
 
 def law_name(law: SeparableLaw) -> str:
@@ -652,11 +637,6 @@ class Soundness:
     sound: Mapping[str, tuple[float, float]]
 
     @property
-    def ok(self) -> bool:
-        """Whether the law is sound over all that was asked."""
-        return not self.limits
-
-    @property
     def limits(self) -> tuple[str, ...]:
         """The loadings that end before they were asked to, as "uniaxial 0.6 to 1.68"."""
         return tuple(
@@ -666,8 +646,10 @@ class Soundness:
         )
 
 
-def stability(law: Law, strain_max: float, *, stretch_min: float = LOWEST_STRETCH) -> Soundness:
+def stability(law: Law, strain_max: float) -> Soundness:
     """Return between which stretches a law is sound, in each loading it says anything of.
+
+    They are looked at from `LOWEST_STRETCH` up.
 
     A law is sound where it is stable in Drucker's sense, and its nominal stress rises in uniaxial
     loading. Laws without an energy (linear, yielding) are asked for the latter alone: they tell
@@ -677,20 +659,8 @@ def stability(law: Law, strain_max: float, *, stretch_min: float = LOWEST_STRETC
     ----------
     strain_max
         Up to which tension is looked at: the elongation at break, or the working strain.
-    stretch_min
-        Down to which compression is looked at.
-
-    Raises
-    ------
-    ArgumentError
-        The strain is not above 0, or the stretch not between 0 and 1.
     """
-    if not (0.0 < strain_max < np.inf and 0.0 < stretch_min < 1.0):
-        raise ArgumentError(
-            f"strain {strain_max:g}, stretch {stretch_min:g}: the largest strain must be above 0, "
-            "the least stretch between 0 and 1"
-        )
-    asked = (stretch_min, 1.0 + strain_max)
+    asked = (LOWEST_STRETCH, 1.0 + strain_max)
     ends = {}
     for loading, powers in _LOADINGS.items():
         sides = []
@@ -735,29 +705,3 @@ def _second_derivatives_MPa(
     stress, tangent = law.fibre_MPa(stretch)
     along = stretch * (stress + stretch * tangent)
     return [(found[0] + along, *found[1:]), found]
-
-
-# ------------------------------------------------------------------------------------------------
-# What a rubber carries in compression, where tension is all that was tested.
-#
-# A law may rise everywhere and still carry many times what any rubber does. Seen over a neo-Hookean
-# law of the same modulus at rest, rubbers that were compressed lie near 1: the law that Ogden
-# fitted to Treloar's natural rubber (Proc. R. Soc. A 326, 1972) has 1.03 at stretch 0.8 and 1.05 at
-# 0.6.
-
-
-def over_neo_hooke(law: Law, stretch: ArrayLike) -> FloatArray:
-    """Return the nominal stress over that of a neo-Hookean law of the same modulus at rest."""
-    neo_hooke = NeoHookean(float(law.tangent_MPa(1.0)) / 3.0)
-    return np.asarray(law.nominal_stress_MPa(stretch) / neo_hooke.nominal_stress_MPa(stretch))
-
-
-def rubber_over_neo_hooke(stretch: ArrayLike) -> tuple[FloatArray, FloatArray]:
-    """Return between what `over_neo_hooke` is looked for of a rubber that is compressed.
-
-    From a nominal stress that stays a straight line, 3 (l - 1) / (l - l^-2), to Mooney's second
-    term alone, 1 / l: the ends of what is in use. They are 0.79 and 1.25 at stretch 0.8, 0.55 and
-    1.67 at 0.6.
-    """
-    stretch = positive_stretch(stretch)
-    return over_neo_hooke(Linear(1.0), stretch), np.asarray(1.0 / stretch)

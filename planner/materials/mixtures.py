@@ -4,8 +4,7 @@ from collections.abc import Collection, Iterator, Sequence
 from dataclasses import InitVar, dataclass, field, replace
 from functools import cache
 from importlib.resources import files
-from statistics import NormalDist
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import msgspec
 import numpy as np
@@ -15,7 +14,7 @@ from planner.errors import ArgumentError, PaletteError
 from planner.glance import brief
 from planner.materials.laws import Law, make_law, positive_stretch, secant_modulus_MPa
 from planner.notes import Caution
-from planner.numerics import BoolArray, FloatArray, IntArray
+from planner.numerics import BoolArray, FloatArray, IntArray, normal_quantile
 from planner.palette import Palette
 
 __all__ = [
@@ -183,7 +182,6 @@ def _scale(hardness: Sequence[tuple[float, float]]) -> tuple[FloatArray, FloatAr
 
 _LADDER_STRAINS = 201
 _PLACES = (1 / 3, 1 / 2, 2 / 3)  # between grades: the middle, and where slopes weigh most
-_NORMAL = NormalDist().inv_cdf(0.975)
 
 
 @dataclass(frozen=True, slots=True)
@@ -198,8 +196,6 @@ class CoefficientModel:
         As `interpolated` has it.
     laws
         Of the catalogue grades, from soft to hard.
-    readings
-        Of each grade, what others say: a law and the standard deviation of ln(modulus) about it.
     strain_limit
         Smallest elongation at break of the elastic grades (of all, if none is elastic): up to
         there go the working strains.
@@ -215,7 +211,6 @@ class CoefficientModel:
 
     palette: Palette
     laws: tuple[Law, ...] = field(init=False)
-    readings: tuple[tuple[tuple[Law, float], ...], ...] = field(init=False)
     strain_limit: float = field(init=False)
     chosen: InitVar[bool] = False
 
@@ -235,10 +230,6 @@ class CoefficientModel:
         if not chosen:
             object.__setattr__(self, "palette", interpolated(self.palette))
         object.__setattr__(self, "laws", tuple(make_law(m.law) for m in materials))
-        readings = (
-            tuple((make_law(r.law), r.modulus_log_sd) for r in m.readings) for m in materials
-        )
-        object.__setattr__(self, "readings", tuple(readings))
         object.__setattr__(self, "strain_limit", limit)
         _check_ladder(self)
 
@@ -258,49 +249,44 @@ class CoefficientModel:
                 f"{self.strain_limit:g}, where the first elastic material of palette "
                 f"{self.palette.name} breaks; strains are fractions, so 10 % is 0.1"
             )
-        for one in _behind(self, np.array([at_strain])):
-            if one.beyond.all():
-                strains = _working_strains(self)
-                turned = np.any([pair.beyond for pair in _behind(self, strains)], axis=0)
-                good = f"at strains {_runs(strains, ~turned)} it does (`at_strain`); or "
-                raise PaletteError(
-                    f"palette {self.palette.name}: {one.said(self, 0)} at strain {at_strain:g}; "
-                    "stiffness must rise with the coordinate there: "
-                    f"{'' if turned.all() else good}{_MEND}"
-                )
+        if said := _behind(self, np.array([at_strain])).said(self):
+            strains = _working_strains(self)
+            turned = np.asarray(_behind(self, strains).beyond.any(axis=0))
+            good = f"at strains {_runs(strains, ~turned)} it does (`at_strain`); or "
+            raise PaletteError(
+                f"palette {self.palette.name}: {said} at strain {at_strain:g}; stiffness must rise "
+                f"with the coordinate there: {'' if turned.all() else good}{_MEND}"
+            )
         return np.maximum.accumulate(self.grade_moduli_MPa(at_strain))
 
-    def remarks(self, ids: Collection[str] | None = None) -> tuple[str, ...]:
+    def remarks(self, ids: Collection[str] | None = None) -> Iterator[str]:
         """Say where laws cross and where mixtures soften, of the materials named, or of all.
 
         What goes beyond the intervals is a `Caution`.
         """
         names, strains = [m.id for m in self.palette.materials], _working_strains(self)
-        said: list[str] = []
-        for one in _behind(self, strains):
-            pairs = {(one.grade, int(k)) for k in one.other[one.lag > 0.0]}
-            for grade, other in sorted(pairs):
-                if ids is not None and not {names[grade], names[other]} <= {*ids}:
-                    continue
-                turned = (one.other == other) & (one.lag > 0.0)
-                most = 100.0 * -np.expm1(-one.lag[turned].max())
-                softer = (
-                    f"{names[grade]} is softer than {names[other]} at strains "
-                    f"{_runs(strains, turned)}, by up to {most:.2g} %"
-                )
-                if not (turned & one.beyond).any():
-                    said.append(f"{softer}, within their intervals; planned as equal there")
-                else:
-                    said.append(Caution(f"{softer}, beyond their intervals: plan at other strains"))
+        shown = {*names} if ids is None else {*ids}
+        _, others, lags, beyond = _behind(self, strains)
+        pairs = {(k, int(others[k, i])) for k, i in np.argwhere(lags > 0.0).tolist()}
+        for grade, other in sorted(pairs):
+            if not {names[grade], names[other]} <= shown:
+                continue
+            turned = (others[grade] == other) & (lags[grade] > 0.0)
+            most = 100.0 * -np.expm1(-lags[grade, turned].max())
+            softer = (
+                f"{names[grade]} is softer than {names[other]} at strains "
+                f"{_runs(strains, turned)}, by up to {most:.2g} %"
+            )
+            if not (turned & beyond[grade]).any():
+                yield f"{softer}, within their intervals; planned as equal there"
+            else:
+                yield Caution(f"{softer}, beyond their intervals: plan at other strains")
         for k, strain in _falling(self):
-            if ids is None or {*names[k : k + 2]} <= {*ids}:
-                said.append(
-                    Caution(
-                        f"between {names[k]} and {names[k + 1]} the stress of a mixture "
-                        f"falls from strain {strain:.3g} on, and theirs not: do not blend them"
-                    )
+            if {*names[k : k + 2]} <= shown:
+                yield Caution(
+                    f"between {names[k]} and {names[k + 1]} the stress of a mixture "
+                    f"falls from strain {strain:.3g} on, and theirs not: do not blend them"
                 )
-        return tuple(said)
 
     @property
     def coordinates(self) -> FloatArray:
@@ -367,9 +353,9 @@ class CoefficientModel:
         return np.asarray(softer * np.exp(np.where(t > 0.0, more, 0.0)))
 
     def modulus_interval_MPa(
-        self, coordinate: ArrayLike, at_strain: ArrayLike, level: float = 0.95
+        self, coordinate: ArrayLike, at_strain: ArrayLike
     ) -> tuple[FloatArray, FloatArray]:
-        """Return the interval that holds a print's modulus with probability `level`.
+        """Return the interval that holds the moduli of 95 % of prints.
 
         ln(modulus) is normal about the model's, with variance
         ((1-t) sa + t sb)² + σ² (b - a) t (1-t), t the share of the way between the places a and
@@ -384,11 +370,9 @@ class CoefficientModel:
         Raises
         ------
         ArgumentError
-            As `modulus_MPa`, or a level not between 0 and 1.
+            As `modulus_MPa`.
         """
-        if not 0.0 < level < 1.0:
-            raise ArgumentError(f"level {level:g}: it must be between 0 and 1")
-        normal = NormalDist().inv_cdf(0.5 + level / 2.0)
+        normal = normal_quantile()
         modulus = self.modulus_MPa(coordinate, at_strain)
         variance, own = self.wiener_variance(at_strain), self.own_log_sds(at_strain, normal)
         lower, upper, _ = self.bracket(coordinate)
@@ -413,16 +397,15 @@ class CoefficientModel:
         """
         moduli, strains = self.grade_moduli_MPa(at_strain), self._held(at_strain)
         sds = np.empty((2, *moduli.shape))
-        for k, (material, readings) in enumerate(
-            zip(self.palette.materials, self.readings, strict=True)
-        ):
+        for k, material in enumerate(self.palette.materials):
             sds[:, k] = material.modulus_log_sd
             if (known := material.uncertainty) is not None and known.strain:
                 sds[:, k] = np.interp(strains[k], known.strain, known.log_sd)
-            for law, sd in readings:
-                higher = np.log(secant_modulus_MPa(law, strains[k]) / moduli[k]) / normal
-                sds[0, k] = np.maximum(sds[0, k], sd - higher)
-                sds[1, k] = np.maximum(sds[1, k], sd + higher)
+            for other in material.readings:
+                secant = secant_modulus_MPa(make_law(other.law), strains[k])
+                higher = np.log(secant / moduli[k]) / normal
+                sds[0, k] = np.maximum(sds[0, k], other.modulus_log_sd - higher)
+                sds[1, k] = np.maximum(sds[1, k], other.modulus_log_sd + higher)
         return sds
 
     def log_sd(
@@ -508,47 +491,45 @@ def _rows(table: FloatArray, row: IntArray) -> FloatArray:
 _MEND = "give the materials in the order of their stiffness (`order` of a fit), or leave one out"
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Behind:
-    """How far a grade's law lies below the stiffest of those softer, strain by strain.
+class _Behind(NamedTuple):
+    """How far grades' laws lie below the stiffest of those softer, (grades, strains) each.
 
     Attributes
     ----------
-    other : (n,)
-        Which one that is.
-    lag : (n,)
+    other
+        Which one that is; the softest is its own.
+    lag
         ln of its modulus over the grade's.
-    beyond : (n,)
+    beyond
         Whether it is the stiffer by more than both 95 % intervals leave open.
     """
 
-    grade: int
     moduli_MPa: FloatArray
     other: IntArray
     lag: FloatArray
     beyond: BoolArray
 
-    def said(self, model: CoefficientModel, at: int) -> str:
-        """Say it of one strain."""
-        own, other = (model.palette.materials[int(k)].id for k in (self.grade, self.other[at]))
-        moduli = self.moduli_MPa[[self.grade, self.other[at]], at]
-        return f"{own} ({moduli[0]:.4g} MPa) is not stiffer than {other} ({moduli[1]:.4g} MPa)"
+    def said(self, model: CoefficientModel) -> str:
+        """Say which grade is first to lie beyond at all strains, by the first strain; else ""."""
+        for k in np.flatnonzero(self.beyond.all(axis=1)):
+            own, other = (
+                f"{model.palette.materials[i].id} ({self.moduli_MPa[i, 0]:.4g} MPa)"
+                for i in (k, self.other[k, 0])
+            )
+            return f"{own} is not stiffer than {other}"
+        return ""
 
 
-def _behind(model: CoefficientModel, strains: FloatArray) -> Iterator[_Behind]:
+def _behind(model: CoefficientModel, strains: FloatArray) -> _Behind:
     """Compare every grade with all that are softer."""
     moduli = model.grade_moduli_MPa(strains)
-    down, up = _NORMAL * model.own_log_sds(strains, _NORMAL)
-    for grade in range(1, len(moduli)):
-        other = np.argmax(moduli[:grade], axis=0)
-        lag = np.log(_rows(moduli, other) / moduli[grade])
-        yield _Behind(
-            grade,
-            moduli,
-            other,
-            lag,
-            (lag >= 0.0) & (lag >= np.hypot(up[grade], _rows(down, other))),
-        )
+    normal = normal_quantile()
+    down, up = normal * model.own_log_sds(strains, normal)
+    other = np.stack([np.argmax(moduli[: max(k, 1)], axis=0) for k in range(len(moduli))])
+    lag = np.log(_rows(moduli, other) / moduli)
+    beyond = (lag >= 0.0) & (lag >= np.hypot(up, _rows(down, other)))
+    beyond[0] = False
+    return _Behind(moduli, other, lag, beyond)
 
 
 def _working_strains(model: CoefficientModel) -> FloatArray:
@@ -573,12 +554,11 @@ def _check_ladder(model: CoefficientModel) -> None:
                 f"{row[bad][0]:g} MPa at strain {strains[bad][0]:g}; it must be above 0 at all "
                 f"working strains, 0 to {model.strain_limit:g}"
             )
-    for one in _behind(model, strains):
-        if one.beyond.all():
-            raise PaletteError(
-                f"palette {name}: {one.said(model, 0)} at any working strain, 0 to "
-                f"{model.strain_limit:g}, beyond what their intervals leave open: {_MEND}"
-            )
+    if said := _behind(model, strains).said(model):
+        raise PaletteError(
+            f"palette {name}: {said} at any working strain, 0 to {model.strain_limit:g}, beyond "
+            f"what their intervals leave open: {_MEND}"
+        )
 
 
 def _falling(model: CoefficientModel) -> Iterator[tuple[int, float]]:

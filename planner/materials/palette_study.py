@@ -6,7 +6,6 @@ import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
-from statistics import NormalDist
 from typing import Any
 
 import msgspec
@@ -26,9 +25,12 @@ from planner.materials.characterise import (
     doubts,
     toe_compensated,
 )
-from planner.materials.fit import RELATIVE_FLOOR, STARTS, WEIGHTINGS, LawCandidate
-from planner.materials.fit_intervals import (
+from planner.materials.fit import (
     ASSUMED_LOG_SD,
+    RELATIVE_FLOOR,
+    STARTS,
+    WEIGHTINGS,
+    LawCandidate,
     MaterialFit,
     fit_material,
     loading,
@@ -36,10 +38,9 @@ from planner.materials.fit_intervals import (
 )
 from planner.materials.laws import candidate_laws, make_law, secant_modulus_MPa, stability
 from planner.materials.mixtures import CoefficientModel, left_out_remark
-from planner.materials.study import ReadRecord, Study, read_study
-from planner.materials.unit_slips import unit_slips
+from planner.materials.study import ReadRecord, Study, read_study, unit_slips
 from planner.notes import Caution, listed
-from planner.numerics import FloatArray
+from planner.numerics import FloatArray, normal_quantile
 from planner.palette import SAME_K, Material, Palette, Reference, Temperature
 from planner.printers import Printer, installed_printers, palette_of
 
@@ -120,26 +121,22 @@ class Characterisation:
         the figure, as a secant beyond break is none. Numbers have nine significant digits; an
         empty cell means unknown.
         """
-        names = list(dict.fromkeys(name for m in self.materials for name in m.spreads))
-        header = ["material", "specimens", "deformation"]
-        for name in names:
-            header += _columns(name)
-        rows: list[list[str | float | None]] = [[*header]]
-        for material in self.materials:
-            figures = [cell for name in names for cell in _cells(material.spreads.get(name))]
-            rows.append([material.material, material.n, material.deformation.kind, *figures])
-        return encode_csv(rows)
+        names = dict.fromkeys(name for m in self.materials for name in m.spreads)
+        rows: list[_Row] = []
+        for one in self.materials:
+            kind = one.deformation.kind
+            row = {"material": one.material, "specimens": one.n, "deformation": kind}
+            for name in names:
+                row |= _cells(name, one.spreads.get(name))
+            rows.append(row)
+        return _table(rows)
 
     def document(self) -> dict[str, Any]:
         """Return the figures of materials and specimens as plain values, unrounded."""
         specimens = [c for m in self.materials for c in m.specimens]
         return {
             "schema": 1,
-            "records": [
-                {one.name: getattr(record, one.name) for one in fields(record)}
-                | {"columns": dict(record.columns)}
-                for record in self.records
-            ],
+            "records": [_told(one, columns=dict(one.columns)) for one in self.records],
             "materials": [_characteristics_document(m) for m in self.materials],
             "notes": [*self.notes, *(note for c in specimens for note in c.notes)],
             "findings": list(self.findings),
@@ -220,18 +217,14 @@ def characterise(
     given = locals()
     study = read_study(**{name: given[name] for name in _READING})
     strains = SECANT_STRAINS if at_strain is None else tuple(at_strain)
-    _other_modes(study)
-    found = [
+    others = _other_modes(study)
+    found = tuple(
         characterise_material(name, curves, secant_strains=strains)
         for name, curves in study.groups.items()
-    ]
-    against = _compared(palette, printer) if compare else None
-    stated = _by_material(study, tuple(study.groups), "coordinate", None)
-    slips, asked = unit_slips(study, against, stated)
-    notes = (*study.notes, *_other_modes(study), *asked)
-    return Characterisation(
-        tuple(found), notes, slips, study.groups, study.records, study.findings()
     )
+    slips, asked = _unit_slips(study, None, palette, printer, compare)
+    notes = (*study.notes, *others, *asked)
+    return Characterisation(found, notes, slips, study.groups, study.records, study.findings())
 
 
 def _other_modes(study: Study, used: Collection[str] = ()) -> list[Caution]:
@@ -252,44 +245,59 @@ def _other_modes(study: Study, used: Collection[str] = ()) -> list[Caution]:
     return [Caution(one) for one in said]
 
 
-def _compared(palette: str | Path | Palette | None, printer: str | Printer) -> Palette | None:
-    """Return the palette to compare with; None where no one asked and no printer is installed."""
-    if palette is None and not installed_printers():
-        return None
-    return palette_of(palette, printer)
+def _unit_slips(
+    study: Study,
+    coordinate: Mapping[str, float] | None,
+    palette: str | Path | Palette | None,
+    printer: str | Printer,
+    compare: bool,
+) -> tuple[tuple[str, ...], tuple[Caution, ...]]:
+    """Compare a study with a palette, if one is named or a printer installed, and with itself."""
+    asked = compare and (palette is not None or installed_printers())
+    against = palette_of(palette, printer) if asked else None
+    return unit_slips(study, against, _by_material(study, study.groups, "coordinate", coordinate))
 
 
 def _characteristics_document(material: MaterialCharacteristics) -> dict[str, Any]:
-    specimens = []
-    for c in material.specimens:
-        figures = {one.name: getattr(c, one.name) for one in fields(c)}
-        figures["secant_MPa"] = {f"{k:g}": v for k, v in c.secant_MPa.items()}
-        figures["deformation"] = c.deformation.kind
-        del figures["notes"]
-        specimens.append(figures)
     return {
         "material": material.material,
         "deformation": material.deformation.kind,
         "deformation_reason": material.deformation.reason,
         "specimens_agree": material.agree,
         "figures": {name: asdict(spread) for name, spread in material.spreads.items()},
-        "specimens": specimens,
+        "specimens": [
+            _told(
+                c,
+                secant_MPa={f"{k:g}": v for k, v in c.secant_MPa.items()},
+                deformation=c.deformation.kind,
+            )
+            for c in material.specimens
+        ],
     }
 
 
-def _columns(name: str) -> list[str]:
-    stem, unit = name, ""
-    for ending in ("_MPa", "_MJ_m3"):
-        if name.endswith(ending):
-            stem, unit = name.removesuffix(ending), ending
-    return [name, f"{stem}_sd{unit}", f"{stem}_cv", f"{stem}_low{unit}", f"{stem}_high{unit}",
-            f"{stem}_n"]  # fmt: skip
+def _told(value: Any, **other: Any) -> dict[str, Any]:
+    """Return the fields of a value but its notes, some told otherwise."""
+    names = (field.name for field in fields(value) if field.name != "notes")
+    return {name: getattr(value, name) for name in names} | other
 
 
-def _cells(figure: Spread | None) -> list[float | None]:
-    if figure is None:
-        return [None, None, None, None, None, 0]
-    return [figure.mean, figure.sd, figure.cv, *(figure.interval or (None, None)), figure.n]
+_Row = dict[str, Any]
+
+
+def _cells(name: str, figure: Spread | None) -> _Row:
+    """Return what a row says of a figure, by column; the unit stays at the end."""
+    stem, unit = re.split(r"(?=_MPa|_MJ_m3|$)", name, maxsplit=1)
+    names = (name, f"{stem}_sd{unit}", f"{stem}_cv", f"{stem}_low{unit}", f"{stem}_high{unit}")
+    told = (figure.mean, figure.sd, figure.cv, *(figure.interval or ())) if figure else ()
+    row: _Row = dict.fromkeys(names)
+    return row | dict(zip(names, told, strict=False)) | {f"{stem}_n": figure.n if figure else 0}
+
+
+def _table(rows: Sequence[_Row]) -> bytes:
+    """Return rows as CSV, with a column for each key of any."""
+    header = list(dict.fromkeys(key for row in rows for key in row))
+    return encode_csv([header, *([row.get(key) for key in header] for row in rows)])
 
 
 # ------------------------------------------------------------------------------------------------
@@ -308,7 +316,6 @@ _LARGEST_HELD_OUT_ERROR = 0.2
 """A law that does worse than either is reported as a finding."""
 
 _RAMP = ("#FBD724", "#F89540", "#CC4778", "#7E03A8", "#0D0887")
-_NORMAL = NormalDist().inv_cdf(0.975)
 _DIFFERENT = 1e-3
 """Relative spread of a condition that counts as a difference between specimens."""
 
@@ -454,10 +461,8 @@ def fit(
     if coefficients not in (None, "quadratic"):
         raise ArgumentError(f"`coefficients` {coefficients!r}: it can be quadratic, or left out")
     laws = candidate_laws(law)
-    against = _compared(palette, printer) if compare else None
     study, elsewhere = _at_one_temperature(study)
-    stated = _by_material(study, tuple(study.groups), "coordinate", coordinate)
-    slips, asked = unit_slips(study, against, stated)
+    slips, asked = _unit_slips(study, coordinate, palette, printer, compare)
     notes = [*study.notes, *_other_modes(study, study.groups), *asked]
     fits: dict[str, MaterialFit] = {}
     for called, curves in study.groups.items():
@@ -517,16 +522,16 @@ def fit(
 
 
 def _source(fit: MaterialFit, weighting: str) -> str:
-    found = stability(make_law(fit.law), fit.elongation_at_break)
+    limits = stability(make_law(fit.law), fit.elongation_at_break).limits
     said = f"fitted to {fit.characteristics.n} tensile specimen(s), {weighting} residuals"
-    return said if found.ok else f"{said}; stable (Drucker) {', '.join(found.limits)} only"
+    return f"{said}; stable (Drucker) {', '.join(limits)} only" if limits else said
 
 
 def _warming(palette: Palette, table: Temperature) -> Iterator[str]:
     """Say what tests at two temperatures tell of grades."""
     called = {material.coordinate: material.id for material in palette.materials}
     for m, low, high, factor, sd in zip(*msgspec.structs.astuple(table), strict=True):
-        ends = [f"{factor * np.exp(side * _NORMAL * sd):.3g}" for side in (-1.0, 1.0)]
+        ends = [f"{factor * np.exp(side * normal_quantile() * sd):.3g}" for side in (-1.0, 1.0)]
         yield (
             f"warming multiplies stress of {called[m]} by {factor:.3g} from {low:g} to {high:g} "
             f"degC (95 % {' .. '.join(ends)})"
@@ -547,28 +552,26 @@ def _names(slips: Sequence[str], material: str) -> bool:
     return any(said.startswith(f"{material}: ") for said in slips)
 
 
-def _findings(fit: MaterialFit, unit_told: bool) -> list[str]:
-    """Return what speaks against the specimens, and against the law that was chosen."""
-    said = list(doubts(fit.characteristics, unit_told=unit_told))
+def _findings(fit: MaterialFit, unit_told: bool) -> Iterator[str]:
+    """Say what speaks against the specimens, and against the law that was chosen."""
+    yield from doubts(fit.characteristics, unit_told=unit_told)
     if unit_told:
-        return said  # no law describes specimens in two units
-    r2 = fit.uncertainty.r2
-    chosen = None if fit.choice is None else fit.choice.chosen
+        return  # no law describes specimens in two units
+    r2, chosen = fit.uncertainty.r2, fit.choice.chosen
     if chosen is None and r2 is not None and r2 < _SMALLEST_R2:
-        said.append(
+        yield (
             f"material {fit.material}: a law that yields describes it badly (R2 {r2:.3f}; at least "
             f"{_SMALLEST_R2:g} is asked): look at the specimens"
         )
     if chosen is not None and (
         chosen.fit.r2 < _SMALLEST_R2 or chosen.held_out_error > _LARGEST_HELD_OUT_ERROR
     ):
-        said.append(
+        yield (
             f"material {fit.material}: {chosen.fit.name} describes it badly (R2 "
             f"{chosen.fit.r2:.3f}, held-out error {100 * chosen.held_out_error:.2g} %; at least "
             f"{_SMALLEST_R2:g} and at most {100 * _LARGEST_HELD_OUT_ERROR:g} % are asked): look at "
             "the specimens, or try --law all"
         )
-    return said
 
 
 def _coordinates(
@@ -581,7 +584,7 @@ def _coordinates(
 ) -> dict[str, float]:
     """Return coordinates by material: as given, else even in the order given, else of stiffness."""
     stiffness = {called: _stiffness(fit, fits) for called, fit in fits.items()}
-    found = {} if order else _by_material(study, tuple(fits), "coordinate", given)
+    found = {} if order else _by_material(study, fits, "coordinate", given)
     ordered = list(order) if order else sorted(fits, key=stiffness.__getitem__)
     if order and (sorted(order) != sorted(fits) or given):
         raise ArgumentError(
@@ -604,8 +607,8 @@ def _coordinates(
         )
     for softer, harder in itertools.pairwise(sorted(found, key=found.__getitem__)):
         beyond = np.log(stiffness[softer] / stiffness[harder])
-        spare = _NORMAL * np.hypot(fits[softer].scatter.log_sd, fits[harder].scatter.log_sd)
-        if found[softer] == found[harder] or beyond > spare:
+        scatter = np.hypot(fits[softer].scatter.log_sd, fits[harder].scatter.log_sd)
+        if found[softer] == found[harder] or beyond > normal_quantile() * scatter:
             low, high = sorted((softer, harder), key=stiffness.__getitem__)
             raise ArgumentError(
                 f"coordinate of {high} is {found[high]:g}, not above {found[low]:g} of "
@@ -632,7 +635,7 @@ def _densities(
 
 
 def _by_material(
-    study: Study, materials: Sequence[str], column: str, given: Mapping[str, float] | None
+    study: Study, materials: Collection[str], column: str, given: Mapping[str, float] | None
 ) -> dict[str, float]:
     """Return a figure by material: as given, else from a column of specimens.csv."""
     given = given or {}
@@ -671,24 +674,18 @@ def _reference(study: Study, notes: list[str]) -> Reference:
     """Return the mean conditions of the specimens; what differs between them is noted."""
     rows = _rows(study)
     used = [study.dimensions.get(c.specimen) for curves in study.groups.values() for c in curves]
-    values: dict[str, list[float]] = {
-        "strain_rate_per_s": [
-            d.rate_mm_s / d.gauge_mm
-            for d in used
-            if d is not None and d.rate_mm_s is not None and d.gauge_mm is not None
-        ],
-        "temperature_C": [r.temperature_C for r in rows if r.temperature_C is not None],
-        "soak_h": [r.soak_h for r in rows if r.soak_h is not None],
-        "age_days": [r.age_days for r in rows if r.age_days is not None],
-    }
-    for condition, found in values.items():
-        if found and np.ptp(found) > _DIFFERENT * max(abs(v) for v in found):
-            notes.append(
-                Caution(
-                    f"{condition} differs between specimens ({min(found):g} to {max(found):g}); "
-                    "laws and scatter mix them, and the mean is written"
-                )
-            )
+    rates = [d.rate_mm_s / d.gauge_mm for d in used if d and d.rate_mm_s and d.gauge_mm]
+    values: dict[str, list[float]] = {"strain_rate_per_s": rates}
+    for condition in ("temperature_C", "soak_h", "age_days"):
+        values[condition] = [v for r in rows if (v := getattr(r, condition)) is not None]
+    notes.extend(
+        Caution(
+            f"{condition} differs between specimens ({min(found):g} to {max(found):g}); laws and "
+            "scatter mix them, and the mean is written"
+        )
+        for condition, found in values.items()
+        if found and np.ptp(found) > _DIFFERENT * max(abs(v) for v in found)
+    )
     unknown = [condition for condition, found in values.items() if not found]
     orientations = sorted({r.orientation for r in rows if r.orientation})
     if len(orientations) > 1:
@@ -721,8 +718,6 @@ def _colour(fraction: float) -> str:
 
 
 def _material_document(material: Material, fit: MaterialFit) -> dict[str, Any]:
-    candidates = fit.choice.candidates if fit.choice is not None else ()
-    chosen = fit.choice.chosen if fit.choice is not None else None
     return {
         "id": material.id,
         "coordinate": material.coordinate,
@@ -744,8 +739,8 @@ def _material_document(material: Material, fit: MaterialFit) -> dict[str, Any]:
             }
             for one in fit.secants
         ],
-        "reason": fit.choice.reason if fit.choice else fit.characteristics.deformation.reason,
-        "candidates": [_candidate_document(c, c is chosen) for c in candidates],
+        "reason": fit.choice.reason,
+        "candidates": [_candidate_document(c, fit.choice.chosen) for c in fit.choice.candidates],
     }
 
 
@@ -754,11 +749,11 @@ def _plain(parameters: Mapping[str, Sequence[float]]) -> dict[str, list[float | 
     return {k: [v if np.isfinite(v) else None for v in vs] for k, vs in parameters.items()}
 
 
-def _candidate_document(candidate: LawCandidate, chosen: bool) -> dict[str, Any]:
+def _candidate_document(candidate: LawCandidate, chosen: LawCandidate | None) -> dict[str, Any]:
     fit = candidate.fit
     return {
         "law": fit.name,
-        "chosen": chosen,
+        "chosen": candidate is chosen,
         "parameters": fit.parameter_count,
         "held_out_error": candidate.held_out_error,
         "r2": fit.r2,
@@ -798,14 +793,12 @@ def _at_one_temperature(study: Study) -> tuple[Study, dict[str, tuple[Curve, ...
         told.values(),
         key=lambda t: (sum(abs(v - t) <= SAME_K for v in told.values()), -abs(t - _USUAL_C)),
     )
-    groups, others = {}, {}
+    groups, others = dict(study.groups), {}
     for material, curves in study.groups.items():
         far = tuple(c for c in curves if abs(told.get(c.specimen, own) - own) > SAME_K)
-        if len(far) in (0, len(curves)):
-            groups[material] = curves
-            continue
-        groups[material] = tuple(c for c in curves if c not in far)
-        others[material] = far
+        if 0 < len(far) < len(curves):
+            groups[material] = tuple(c for c in curves if c not in far)
+            others[material] = far
     return replace(study, groups=groups), others
 
 
@@ -870,8 +863,6 @@ def _line(x: FloatArray, y: FloatArray) -> tuple[float, float]:
 # tests. Numbers have nine significant digits; an empty cell means unknown, or an open end.
 
 
-_Row = Sequence[str | float | None]
-
 _COEFFICIENTS = tuple(f"c{number}" for number in range(1, 7))
 
 
@@ -901,85 +892,69 @@ def fit_tables(study: PaletteStudy) -> dict[str, bytes]:
     """
     materials = study.palette.materials
     found = Characterisation(tuple(study.fits[m.id].characteristics for m in materials))
-    tables = {
-        "characteristics.csv": found.csv(), "laws.csv": _laws(study), "r2.csv": _r2(study),
-    }  # fmt: skip
+    tables = {"laws.csv": _laws(study), "r2.csv": _r2(study)}
     if study.quadratic is not None:
         tables["coefficients.csv"] = _coefficients(study.quadratic)
         tables["quadratics.csv"] = _quadratics(study.quadratic)
         tables["goodness.csv"] = _goodness(study.quadratic)
-    return tables
+    return {"characteristics.csv": found.csv()} | {k: _table([*rows]) for k, rows in tables.items()}
 
 
-def _laws(study: PaletteStudy) -> bytes:
-    header = ["material", "coordinate", "law", "parameter", "term", "value", "low", "high"]
-    rows: list[_Row] = []
-    for material in study.palette.materials:
-        known = study.fits[material.id].uncertainty
-        for symbol, values in material.law.parameters.items():
-            ends = zip(known.law_low[symbol], known.law_high[symbol], strict=True)
-            for term, (value, (low, high)) in enumerate(zip(values, ends, strict=True), start=1):
-                rows.append(
-                    [
-                        material.id, material.coordinate, material.law.model, symbol, term, value,
-                        low, high, known.level, known.specimens, known.r2, known.nrmse,
-                        known.held_out_error,
-                    ]
-                )  # fmt: skip
-    more = ["level", "specimens", "r2", "nrmse", "held_out_error"]
-    return encode_csv([[*header, *more], *rows])
+def _laws(study: PaletteStudy) -> Iterator[_Row]:
+    figures = ("level", "specimens", "r2", "nrmse", "held_out_error")
+    for one in study.palette.materials:
+        known = study.fits[one.id].uncertainty
+        own = {"material": one.id, "coordinate": one.coordinate, "law": one.law.model}
+        for symbol, values in one.law.parameters.items():
+            ends = zip(values, known.law_low[symbol], known.law_high[symbol], strict=True)
+            for term, (value, low, high) in enumerate(ends, start=1):
+                row = {"parameter": symbol, "term": term, "value": value, "low": low, "high": high}
+                yield {**own, **row, **{name: getattr(known, name) for name in figures}}
 
 
-def _r2(study: PaletteStudy) -> bytes:
-    rows: list[dict[str, str | float | None]] = []
+def _r2(study: PaletteStudy) -> Iterator[_Row]:
     literal = {} if study.quadratic is None else {row.id: row for row in study.quadratic.rows}
     for material in study.palette.materials:
         fit = study.fits[material.id]
-        tried = {c.fit.name: c.fit.r2 for c in (fit.choice.candidates if fit.choice else ())}
-        row: dict[str, str | float | None] = {"material": material.id, **tried}
+        row: _Row = {"material": material.id, "chosen": fit.chosen_name}
+        row |= {c.fit.name: c.fit.r2 for c in fit.choice.candidates}
         row[fit.chosen_name] = fit.uncertainty.r2
         if material.id in literal:
-            row["eq_3_8"] = literal[material.id].own.r2
-            row["quadratics"] = literal[material.id].quadratics.r2
-        rows.append({**row, "chosen": fit.chosen_name})
-    header = list(dict.fromkeys(["material", "chosen", *(key for row in rows for key in row)]))
-    return encode_csv([header, *([row.get(key) for key in header] for row in rows)])
+            errors = literal[material.id].errors
+            row |= {_KINDS[kind]: one.r2 for kind in ("own", "quadratics") if (one := errors[kind])}
+        yield row
 
 
-def _coefficients(found: QuadraticStudy) -> bytes:
-    rows: list[_Row] = [
-        [row.id, row.curve.coordinate, name, c, c - half, c + half]
-        for row in found.rows
-        for name, c, half in zip(_COEFFICIENTS, row.fit.c, row.fit.half, strict=True)
-    ]
-    return encode_csv([["material", "coordinate", "coefficient", "value", "low", "high"], *rows])
-
-
-def _quadratics(found: QuadraticStudy) -> bytes:
-    rows: list[_Row] = [
-        [name, *last, *through]
-        for name, last, through in zip(
-            _COEFFICIENTS, found.quadratics.model.rows, found.through.rows, strict=True
-        )
-    ]
-    powers = ("q2", "q1", "q0")
-    return encode_csv(
-        [["coefficient", *powers, *(f"{q}_through_coefficients" for q in powers)], *rows]
-    )
-
-
-def _goodness(found: QuadraticStudy) -> bytes:
-    kinds = {
-        "own": "eq_3_8", "quadratics": "quadratics", "law": "law",
-        "quadratics_without": "quadratics_left_out", "mixtures_without": "mixtures_left_out",
-    }  # fmt: skip
-    rows: list[_Row] = []
+def _coefficients(found: QuadraticStudy) -> Iterator[_Row]:
     for row in found.rows:
-        errors = [getattr(row, kind) for kind in kinds]
-        r2 = [one and one.r2 for one in errors]
-        nrmse = [one and one.nrmse for one in errors]
-        near_rest = [row.near_rest_MPa, row.law_near_rest_MPa]
-        rows.append([row.id, row.curve.coordinate, *r2, *nrmse, *near_rest])
-    names = [f"{figure}_{name}" for figure in ("r2", "nrmse") for name in kinds.values()]
-    near_rest_names = ["stress_near_rest_quadratics_MPa", "stress_near_rest_law_MPa"]
-    return encode_csv([["material", "coordinate", *names, *near_rest_names], *rows])
+        own = {"material": row.id, "coordinate": row.curve.coordinate}
+        for name, c, half in zip(_COEFFICIENTS, row.fit.c, row.fit.half, strict=True):
+            yield {**own, "coefficient": name, "value": c, "low": c - half, "high": c + half}
+
+
+def _quadratics(found: QuadraticStudy) -> Iterator[_Row]:
+    powers = ("q2", "q1", "q0")
+    header = ("coefficient", *powers, *(f"{q}_through_coefficients" for q in powers))
+    rows = zip(_COEFFICIENTS, found.quadratics.model.rows, found.through.rows, strict=True)
+    for name, last, through in rows:
+        yield dict(zip(header, (name, *last, *through), strict=True))
+
+
+_KINDS = {
+    "own": "eq_3_8", "quadratics": "quadratics", "law": "law",
+    "quadratics_without": "quadratics_left_out", "mixtures_without": "mixtures_left_out",
+}  # fmt: skip
+"""Columns of what `QuadraticRow.errors` are of."""
+
+
+def _goodness(found: QuadraticStudy) -> Iterator[_Row]:
+    for row in found.rows:
+        errors = {name: row.errors[kind] for kind, name in _KINDS.items()}
+        yield {
+            "material": row.id,
+            "coordinate": row.curve.coordinate,
+            **{f"r2_{name}": one and one.r2 for name, one in errors.items()},
+            **{f"nrmse_{name}": one and one.nrmse for name, one in errors.items()},
+            "stress_near_rest_quadratics_MPa": row.near_rest_MPa,
+            "stress_near_rest_law_MPa": row.law_near_rest_MPa,
+        }

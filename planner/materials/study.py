@@ -1,7 +1,10 @@
 """A set of tensile tests: specimens read, converted, held against what is plausible."""
 
+import itertools
+import math
 import re
-from collections.abc import Collection, Iterable, Mapping, Sequence
+import shlex
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -13,12 +16,36 @@ from planner.formats.files import path_within
 from planner.formats.headings import MODES, mode_of
 from planner.formats.specimens import ListedSpecimen, is_specimens_file, read_specimens
 from planner.formats.tensile import NoRecordError, TensileTable, read_tensile
-from planner.formats.units import QUANTITIES, QUANTITY_UNITS, UnitOf, factor_of, parsed_unit
-from planner.materials.characterise import BROKEN_SHARE, MINIMUM_POINTS, Curve, without_tail
+from planner.formats.units import (
+    QUANTITIES,
+    QUANTITY_UNITS,
+    UnitOf,
+    factor_of,
+    parsed_unit,
+    unit_near,
+)
+from planner.materials.characterise import (
+    BROKEN_SHARE,
+    MINIMUM_POINTS,
+    SECANT_STRAINS,
+    Curve,
+    characterise_curve,
+    without_tail,
+)
+from planner.materials.laws import make_law, secant_modulus_MPa
 from planner.notes import Caution, listed
-from planner.numerics import FloatArray
+from planner.numerics import FloatArray, IntArray, normal_quantile
+from planner.palette import Material, Palette
 
-__all__ = ["ReadRecord", "Study", "in_stated_units", "listed_files", "read_study", "stated_units"]
+__all__ = [
+    "ReadRecord",
+    "Study",
+    "in_stated_units",
+    "listed_files",
+    "read_study",
+    "stated_units",
+    "unit_slips",
+]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -114,30 +141,6 @@ def _check_plausible(
             f"({_LARGEST_STRESS_MPA:g} MPa); if it is in psi or kPa, say so in the heading; if it "
             "is right, say its unit or the force's by --unit-of stress=MPa or force=N"
         )
-
-
-def _check_agreement(stated: float, derived: float, *, what: str, where: str) -> tuple[str, ...]:
-    """Compare a figure from one column with the same figure from others.
-
-    Raises
-    ------
-    FileError
-        They differ by the factor of a known slip of units (within 10 %).
-
-    Returns
-    -------
-    notes
-        One, where they differ by more than a third without a known reason.
-    """
-    if not (stated > 0.0 and derived > 0.0):
-        return ()
-    ratio = stated / derived
-    for factor, advice in _SLIPS:
-        if abs(ratio / factor - 1.0) < 0.1:
-            raise FileError(f"{where}: {what}: {stated:.4g} against {derived:.4g}; {advice}")
-    if not 0.75 < ratio < 4.0 / 3.0:
-        return (Caution(f"{where}: {what}: {stated:.4g} to {derived:.4g}; check sizes, units"),)
-    return ()
 
 
 def _check_rising(strain: FloatArray, stress_MPa: FloatArray, *, where: str) -> None:
@@ -353,7 +356,15 @@ class _Test:
     def cross_check(
         self, strain: FloatArray, stress_MPa: FloatArray, time_s: FloatArray | None
     ) -> None:
-        """Compare what the file says twice: by its own columns, and by sizes and rate."""
+        """Compare what the file says twice: by its own columns, and by sizes and rate.
+
+        Where the two differ by more than a third without a known reason that is noted.
+
+        Raises
+        ------
+        FileError
+            They differ by the factor of a known slip of units (within 10 %).
+        """
         columns, sizes = self.columns, self.dimensions
         twice = []
         if sizes.gauge_mm is not None and {"strain", "displacement_mm"} <= set(columns):
@@ -370,7 +381,14 @@ class _Test:
                 ("peak stress against force over section", float(np.max(stress_MPa)), nominal)
             )
         for what, stated, derived in twice:
-            self.notes.extend(_check_agreement(stated, derived, what=what, where=self.where))
+            if not (stated > 0.0 and derived > 0.0):
+                continue
+            ratio, said = stated / derived, f"{self.where}: {what}: {stated:.4g}"
+            for factor, advice in _SLIPS:
+                if abs(ratio / factor - 1.0) < 0.1:
+                    raise FileError(f"{said} against {derived:.4g}; {advice}")
+            if not 0.75 < ratio < 4.0 / 3.0:
+                self.notes.append(Caution(f"{said} to {derived:.4g}; check sizes, units"))
 
     def from_rest(self, strain: FloatArray, stress_MPa: FloatArray) -> slice:
         """Return the points behind the last strain below zero ahead of the peak."""
@@ -385,9 +403,7 @@ class _Test:
         return slice(count, None)
 
 
-def _curve_of(
-    name: str, record: "_Record", material: str, dimensions: Dimensions, said: str, sure: bool
-) -> Curve:
+def _curve_of(name: str, record: "_Record", said: str, sure: bool) -> Curve:
     """Turn a record into a checked loading curve; every correction is noted.
 
     Nominal stress is force over the undeformed section, strain is displacement over gauge
@@ -418,7 +434,7 @@ def _curve_of(
         )
     sign = -1.0 if said == "compression" else 1.0
     columns = _upright(table.columns, where, notes, said)
-    test = _Test(where, table, columns, dimensions, sign, notes)
+    test = _Test(where, table, columns, record.sizes, sign, notes)
     strain = test.strain()
     stress = test.stress_MPa(strain)
     if sign < 0.0 and float(strain.max()) >= 1.0:
@@ -437,7 +453,7 @@ def _curve_of(
         strain[kept],
         stress[kept],
         None if time is None else time[kept],
-        material,
+        record.material,
         (*table.notes, *notes),
         "uniaxial" if said in ("", "tension", "compression") else said,
     )
@@ -641,7 +657,7 @@ def read_study(
     found_records: list[_Record] = []
     unlisted: list[str] = []
     for path in files:
-        own = by_file.get(_relative(path, listing), [])
+        own = by_file.get(_relative(path, listing), []) if listing is not None else []
         try:
             tables = read_tensile(path, columns=columns, blocks=blocks, option="--columns")
         except FileError as error:
@@ -666,32 +682,25 @@ def read_study(
                 record = replace(record, left_out=_left_out(row_of_table, notes))
             found_records.append(record)
     records = _named(found_records)
-    used = {name: record for name, record in records.items() if not record.left_out}
-    materials = _materials(used, material or "", notes)
+    materials = _materials(records, material or "", notes)
+    records |= {name: replace(records[name], material=of) for name, of in materials.items()}
     units = stated_units(unit_of, materials)
     for name in leave_out:
-        known = sorted({*materials, *materials.values()})
-        if name not in known:
-            raise UnknownNameError(
-                f"leave_out {name}: no specimen and no material of that name; "
-                f"{did_you_mean(name, known)}there are materials "
-                f"{', '.join(dict.fromkeys(materials.values()))}"
-            )
+        _check_name(name, materials, f"leave_out {name}: no specimen and no material of that name")
     asked = {name for name, of in materials.items() if not {name, of}.isdisjoint(leave_out)}
     if asked:
-        records |= {name: replace(used.pop(name), left_out="as asked") for name in sorted(asked)}
+        records |= {name: replace(records[name], left_out="as asked") for name in asked}
         notes.append(f"left out as asked: {listed(list(dict.fromkeys(leave_out)), 6)}")
+    used = {name: record for name, record in records.items() if not record.left_out}
     found: dict[str, Curve] = {}
-    sizes: dict[str, Dimensions] = {}
-    modes: dict[str, str] = {}
     for name, record in used.items():
-        sizes[name] = _dimensions_of(record.row, given, record.table, notes)
-        table = in_stated_units(record.table, units.get(name, {}), f"specimen {name}")
-        records[name] = used[name] = replace(record, table=table)
+        sizes = _dimensions_of(record.row, given, record.table, notes)
+        own_units = units.get(name, {})
+        table = in_stated_units(record.table, own_units, f"specimen {name}")
         said = _said_mode(record, mode)
-        modes[name] = said or "tension"
-        sure = not {"stress", "force"}.isdisjoint(units.get(name, {}))
-        found[name] = _curve_of(name, used[name], materials[name], sizes[name], said, sure)
+        used[name] = replace(record, table=table, mode=said or "tension", sizes=sizes)
+        sure = not {"stress", "force"}.isdisjoint(own_units)
+        found[name] = _curve_of(name, used[name], said, sure)
     unstated = [name for name, record in used.items() if _states_no_strain_unit(record.table)]
     # Who names some files means to leave out the others.
     absent = Caution if whole else str
@@ -719,20 +728,17 @@ def read_study(
     groups: dict[str, tuple[Curve, ...]] = {}
     others: dict[str, tuple[Curve, ...]] = {}
     for curve in curves:
-        of = groups if modes[curve.specimen] == "tension" else others
+        of = groups if used[curve.specimen].mode == "tension" else others
         of[curve.material] = (*of.get(curve.material, ()), curve)
     notes.extend(dict.fromkeys(note for curve in curves for note in curve.notes))
     return Study(
         MappingProxyType(groups),
         MappingProxyType(rows),
         tuple(notes),
-        MappingProxyType(sizes),
+        MappingProxyType({name: record.sizes for name, record in used.items()}),
         MappingProxyType({name: record.table.factors for name, record in used.items()}),
         MappingProxyType(others),
-        tuple(
-            _told(name, one, materials.get(name, ""), modes.get(name, ""), sizes.get(name))
-            for name, one in records.items()
-        ),
+        tuple(_told(name, one) for name, one in (records | used).items()),
         tuple(unlisted),
     )
 
@@ -746,17 +752,17 @@ class _Record:
     row: ListedSpecimen | None
     in_company: bool
     left_out: str = ""
+    material: str = ""
+    mode: str = ""
+    sizes: Dimensions = field(default_factory=lambda: Dimensions(None, None, None))
 
 
-def _told(
-    name: str, record: _Record, material: str, mode: str, sizes: Dimensions | None
-) -> ReadRecord:
-    table, columns = record.table, record.table.columns
-    sizes = sizes or Dimensions(None, None, None)
+def _told(name: str, record: _Record) -> ReadRecord:
+    table, columns, sizes = record.table, record.table.columns, record.sizes
     gauge = None if {"strain", "true_strain"} & set(columns) else sizes.gauge_mm
     area = None if {"stress_MPa", "true_stress_MPa"} & set(columns) else sizes.area_mm2
     return ReadRecord(
-        table.file, table.sheet, name, material, mode, table.headings, table.unused,
+        table.file, table.sheet, name, record.material, record.mode, table.headings, table.unused,
         gauge, "" if gauge is None else sizes.sources.get("gauge", ""),
         area, "" if area is None else sizes.sources.get("area", ""),
         len(table.lines), record.left_out,
@@ -828,17 +834,21 @@ def stated_units(
     found: dict[str, dict[str, UnitOf]] = {}
     for text in (stated,) if isinstance(stated, str) else stated:
         one = parsed_unit(text, tuple(QUANTITIES))
-        known = {*materials, *materials.values()}
-        for unknown in (name for name in one.specimens if name not in known):
-            raise UnknownNameError(
-                f"unit_of {text}: no specimen and no material {unknown!r}; "
-                f"{did_you_mean(unknown, sorted(known))}there are materials "
-                f"{', '.join(dict.fromkeys(filter(None, materials.values())))}"
-            )
+        for name in one.specimens:
+            _check_name(name, materials, f"unit_of {text}: no specimen and no material {name!r}")
         for name, of in materials.items():
             if not one.specimens or name in one.specimens or of in one.specimens:
                 found.setdefault(name, {})[one.quantity] = one
     return found
+
+
+def _check_name(name: str, materials: Mapping[str, str], otherwise: str) -> None:
+    """Refuse a name of neither a specimen nor a material."""
+    known = sorted({*materials, *materials.values()})
+    if name not in known:
+        there = ", ".join(dict.fromkeys(filter(None, materials.values())))
+        hint = did_you_mean(name, known)
+        raise UnknownNameError(f"{otherwise}; {hint}there are materials {there}")
 
 
 def in_stated_units(
@@ -877,21 +887,17 @@ def in_stated_units(
     return table
 
 
-def _copies(curves: Sequence[Curve]) -> list[Caution]:
+def _copies(curves: Sequence[Curve]) -> Iterator[Caution]:
     """Say which records are equal number for number: copies tell nothing of scatter."""
     seen: dict[tuple[bytes, bytes], str] = {}
-    said = []
     for curve in curves:
         key = curve.strain.tobytes(), curve.stress_MPa.tobytes()
         first = seen.setdefault(key, curve.specimen)
         if first != curve.specimen:
-            said.append(
-                Caution(
-                    f"specimen {curve.specimen}: its record equals that of {first}; leave a copy "
-                    "out, else scatter comes out too small"
-                )
+            yield Caution(
+                f"specimen {curve.specimen}: its record equals that of {first}; leave a copy out, "
+                "else scatter comes out too small"
             )
-    return said
 
 
 def _given(
@@ -957,13 +963,9 @@ def _withlisted(
     ]
 
 
-def _relative(path: Path, listing: Path | None) -> str:
-    if listing is None:
-        return path.name
-    try:
-        return path.resolve().relative_to(listing.resolve().parent).as_posix()
-    except ValueError:
-        return path.name
+def _relative(path: Path, listing: Path) -> str:
+    whole, folder = path.resolve(), listing.resolve().parent
+    return whole.relative_to(folder).as_posix() if whole.is_relative_to(folder) else path.name
 
 
 def _row(
@@ -1002,12 +1004,14 @@ def _materials(records: Mapping[str, _Record], given: str, notes: list[str]) -> 
     known: dict[str, str] = {}
     told_by: dict[str, str] = {}
     for name, record in records.items():
+        if record.left_out:
+            continue
         named = str(record.table.metadata.get("material", ""))
         known[name] = record.row.material if record.row else given or named
         called = record.table.specimen
         counts = record.in_company and (_ORDINAL.fullmatch(called) or mode_of(called))
         told_by[name] = record.path.stem if counts else name
-    unknown = [name for name in records if not known[name]]
+    unknown = [name for name in known if not known[name]]
     by_name = _materials_by_name(list(dict.fromkeys(told_by[name] for name in unknown)))
     if unknown:
         of = [by_name[told_by[name]] for name in unknown]
@@ -1017,7 +1021,7 @@ def _materials(records: Mapping[str, _Record], given: str, notes: list[str]) -> 
             f"materials by the files' names: {listed(groups, 2)}; --material or {_SPECIMENS} says "
             "others"
         )
-    return {name: known[name] or by_name[told_by[name]] for name in records}
+    return {name: known[name] or by_name[told_by[name]] for name in known}
 
 
 def _left_out(row: ListedSpecimen, notes: list[str]) -> str:
@@ -1030,3 +1034,325 @@ def _left_out(row: ListedSpecimen, notes: list[str]) -> str:
         return ""
     notes.append(f"specimen {row.specimen}: {why}; left out")
     return why
+
+
+# ------------------------------------------------------------------------------------------------
+# How far honest materials lie apart, in ln stiffness.
+#
+# Another lab's prints are softer or stiffer than a palette as a whole (age, machine, batch), in a
+# way that changes smoothly along the ladder (temperature, rate), and each by itself. What is beyond
+# all three together, apart from the others, and the factor between two units, is a slip.
+
+
+_LAB_SD = math.log(2.0) / 1.96
+"""Of a lab as a whole, and of what changes along the ladder: published measurements of one digital
+material differ by up to a factor of 2, in 95 of 100."""
+
+_ALONG = 0.5
+"""Coordinate over which what changes along the ladder stays alike: half from softest to hardest
+elastomer. Chosen: a warm lab softens the last two or three grades, not one alone."""
+
+_OWN_SD = 0.25
+"""Of one material beside its lab: some tens of per cent, a factor of 1.6 in 95 of 100."""
+
+_SPECIMEN_SD = 0.09
+"""Between specimens of one print: PolyJet elastomers have coefficients of variation of 1 to 9 %;
+used where replicates tell less."""
+
+_FALSE_ALARM = 1e-3
+"""Share of honest studies that may be taken for a slip, shared out over all batches that there are.
+
+With it and the next numbers, of 5000 simulated honest labs none is taken for a slip, and at most 1
+in a hundred where materials scatter with heavy tails, one is off by a factor of 2, or a warm lab
+softens the hardest by 3. Of batches in lbf 30 to 98 in a hundred are found (of the softest grade
+alone 5), of those in kgf 78 to 98."""
+
+_WARNED = 0.05
+"""The same share for a warning. Of the honest labs above 0.1, 3, 8 and 8 in a hundred are warned;
+of batches in lbf 83 to 99 (of the softest grade alone 38)."""
+
+_APART = 0.4
+"""Share of the shift that lies empty between a batch and the others; see above."""
+
+_UNIT_REACH = 0.35
+"""How far ln of a batch's shift may lie off a unit's factor: laws and conditions may be off by a
+third."""
+
+_REPLICATES_REACH = 0.25
+"""ln: two specimens that scatter by 9 % differ by 0.13; twice that."""
+
+_OUT_OF_ORDER = math.log(2.0)
+"""ln by which a harder material may be softer than its softer neighbour: as `_LAB_SD`."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Batch:
+    """Materials that lie together off the others.
+
+    Attributes
+    ----------
+    shift
+        ln of their stiffness over the others'.
+    sure
+        Whether it is beyond what honest labs show, not only beyond what most do.
+    """
+
+    members: tuple[int, ...]
+    shift: float
+    sure: bool = True
+
+
+def batch_apart(
+    coordinate: FloatArray, log_ratio: FloatArray, variance: FloatArray
+) -> _Batch | None:
+    """Return the batch of materials whose stiffness is off as no honest lab's is, if there is one.
+
+    All splits of the materials in the order of their ratio are tried, either side as the batch
+    and all together; generalised least squares give the shift of each. The likeliest is returned
+    if its shift is beyond honest differences (`_WARNED`; sure by `_FALSE_ALARM`), honest
+    differences explain what is left (99 %), and nothing lies between it and the others (`_APART`).
+
+    Parameters
+    ----------
+    log_ratio
+        ln of measured over expected stiffness, shape (n,).
+    variance
+        Of each, from the palette's own uncertainty and the scatter of specimens.
+    """
+    from scipy.special import chdtri
+
+    n = len(log_ratio)
+    distance = np.subtract.outer(coordinate, coordinate) / _ALONG
+    lab = _LAB_SD**2 * (1.0 + np.exp(-0.5 * distance**2))
+    inverse = np.linalg.inv(lab + np.diag(variance + _OWN_SD**2))
+    order = np.argsort(log_ratio, kind="stable")
+    # Of two materials that differ nothing tells which is off.
+    splits = range(1, n) if n > 2 else ()
+    batches = [order, *(side for k in splits for side in (order[:k], order[k:]))]
+    found: list[tuple[float, float, float, IntArray]] = []
+    for members in batches:
+        inside = np.zeros(n)
+        inside[members] = 1.0
+        precision = float(inside @ inverse @ inside)
+        shift = float(inside @ inverse @ log_ratio) / precision
+        rest = log_ratio - shift * inside
+        found.append((float(rest @ inverse @ rest), shift, precision**-0.5, members))
+    misfit, shift, sd, batch = min(found, key=lambda one: one[0])
+    warned, sure = (
+        normal_quantile(1.0 - share / (2.0**n - 1.0)) * sd for share in (_WARNED, _FALSE_ALARM)
+    )
+    if abs(shift) <= warned or (n > 1 and misfit > float(chdtri(n - 1, 0.01))):
+        return None
+    beyond = np.sign(shift) * log_ratio
+    others = np.delete(beyond, batch)
+    if len(others) and beyond[batch].min() - others.max() <= _APART * abs(shift):
+        return None
+    return _Batch(tuple(sorted(batch.tolist())), shift, abs(shift) > sure)
+
+
+# ------------------------------------------------------------------------------------------------
+# A study against a palette.
+
+
+def unit_slips(
+    study: Study, against: Palette | None, coordinate: Mapping[str, float]
+) -> tuple[tuple[str, ...], tuple[Caution, ...]]:
+    """Return where a unit seems taken for another, and where one may be but need not.
+
+    Parameters
+    ----------
+    against
+        The palette to compare materials with, by name.
+    coordinate
+        Of materials, where it is stated.
+    """
+    if slips := _among_replicates(study):
+        # A material's mean says nothing while its specimens are in two units.
+        return slips, ()
+    is_sure, said = False, ""
+    if against is not None:
+        is_sure, said = _against_palette(study, against)
+    if is_sure:
+        return (said,), ()
+    return _along_ladder(study, coordinate), (Caution(said),) if said else ()
+
+
+def _against_palette(study: Study, palette: Palette) -> tuple[bool, str]:
+    """Compare a study's elastic materials with those of a palette that have their names.
+
+    Returns whether it is sure, and what is said, or "". A batch that is surely off by a factor of
+    units while others agree is a finding, else a caution; if all are off, the palette may be of
+    other prints, and it is a caution too. Rigid grades are left out: by where strain was measured,
+    at the grips or on the specimen, their modulus may differ by as much as units do.
+    """
+    named = {n.casefold(): m for m in palette.materials for n in (m.id, *m.aliases)}
+    known = {
+        called: named[called.casefold()]
+        for called in study.groups
+        if called.casefold() in named and named[called.casefold()].deformation == "elastic"
+    }
+    if not known:
+        return False, ""
+    called = list(known)
+    ratios = [_against(study, name, known[name]) for name in called]
+    coordinate = np.array([known[name].coordinate for name in called])
+    stiffness, variance, elongation = (np.array(v) for v in zip(*ratios, strict=True))
+    batch = batch_apart(coordinate, stiffness, variance)
+    if batch is None:
+        return False, ""
+    inside = [called[i] for i in batch.members]
+    others = [name for name in called if name not in inside]
+    longer = float(np.mean(elongation[list(batch.members)]))
+    if others:
+        longer -= float(np.mean([elongation[called.index(name)] for name in others]))
+    advice = _advice(study, inside, batch.shift, longer, reach=_UNIT_REACH)
+    if advice is None:
+        return False, ""
+    of = _off(inside, batch.shift, 2)
+    if not (others and batch.sure):
+        return False, f"{of} the palette: {advice}, or --no-compare"
+    agree = f"while {listed(others, 6)} {'is' if len(others) == 1 else 'are'} not"
+    whole = f"{of} the palette {palette.name}, {agree}"
+    return True, f"{whole}: {advice}, or --no-compare if they are right"
+
+
+def _off(names: Sequence[str], shift: float, digits: int) -> str:
+    way, verb = "above" if shift > 0.0 else "below", "is" if len(names) == 1 else "are"
+    return f"{listed(names, 6)} {verb} {math.exp(abs(shift)):.{digits}g} times {way}"
+
+
+def _against(study: Study, called: str, material: Material) -> tuple[float, float, float]:
+    """Return ln of stiffness over the palette's, its variance, and ln of the strain at break."""
+    curves = study.groups[called]
+    strain = min(SECANT_STRAINS[0], 0.5 * min(float(c.strain[-1]) for c in curves))
+    found = [characterise_curve(c, secant_strains=[strain]) for c in curves]
+    logs = [math.log(c.secant_MPa[strain] or c.modulus_MPa) for c in found]
+    expected = math.log(float(secant_modulus_MPa(make_law(material.law), strain)))
+    scatter = max(_SPECIMEN_SD, float(np.std(logs, ddof=1)) if len(logs) > 1 else 0.0)
+    variance = material.modulus_log_sd**2 + scatter**2 / len(logs)
+    longest = float(np.mean([math.log(c.strain[-1]) for c in curves]))
+    longer = longest - math.log(material.elongation_at_break)
+    return float(np.mean(logs)) - expected, variance, longer
+
+
+# ------------------------------------------------------------------------------------------------
+# A ladder of materials whose coordinates are stated, and replicates of one material.
+
+
+def _along_ladder(study: Study, coordinate: Mapping[str, float]) -> tuple[str, ...]:
+    """Return where a material is far softer than one of a lower coordinate, and by which unit.
+
+    The batch is the run of neighbours whose shift makes the ladder smoothest.
+    """
+    ordered = sorted((m for m in study.groups if m in coordinate), key=lambda m: coordinate[m])
+    level = np.array([_log_moduli(study.groups[m]).mean() for m in ordered])
+    drops = -np.diff(level)
+    if not len(drops) or drops.max() <= _OUT_OF_ORDER:
+        return ()
+    at = int(np.argmax(drops))
+    said = (
+        f"{ordered[at + 1]} is {math.exp(drops[at]):.2g} times softer than {ordered[at]}, whose "
+        "coordinate is lower"
+    )
+    place = np.array([coordinate[m] for m in ordered])
+    run = _smoothest(place, level) if len(ordered) > 3 else None
+    advice = None
+    if run is not None:
+        inside = [ordered[i] for i in run.members]
+        advice = _advice(study, inside, run.shift, 0.0, reach=_UNIT_REACH)
+    return (f"{said}: {advice or 'check sizes, units and coordinates'}",)
+
+
+def _log_moduli(curves: Sequence[Curve]) -> FloatArray:
+    return np.log([characterise_curve(curve).modulus_MPa for curve in curves])
+
+
+def _smoothest(place: FloatArray, level: FloatArray) -> _Batch | None:
+    """Return the run of neighbours, shifted, that leaves the least bends; None if still unordered.
+
+    A bend is what a point lies off the line through its neighbours.
+    """
+    n = len(level)
+    bends = np.zeros((n - 2, n))
+    for i in range(1, n - 1):
+        left = (place[i + 1] - place[i]) / (place[i + 1] - place[i - 1])
+        bends[i - 1, i - 1 : i + 2] = -left, 1.0, left - 1.0
+    found: list[tuple[float, int, _Batch]] = []
+    for first, last in itertools.combinations(range(n + 1), 2):
+        if 2 * (last - first) > n:
+            continue
+        inside = np.zeros(n)
+        inside[first:last] = 1.0
+        lever = bends @ inside
+        shift = float(lever @ (bends @ level)) / float(lever @ lever)
+        rest = level - shift * inside
+        if np.all(np.diff(rest) > 0.0):
+            batch = _Batch(tuple(range(first, last)), shift)
+            found.append((float(np.sum((bends @ rest) ** 2)), last - first, batch))
+    return min(found, key=lambda one: one[:2])[2] if found else None
+
+
+def _among_replicates(study: Study) -> tuple[str, ...]:
+    """Return which specimens lie off most replicates by the factor between two units."""
+    said = []
+    for material, curves in study.groups.items():
+        found = [characterise_curve(c) for c in curves]
+        level, longer = np.log([(c.modulus_MPa, c.elongation_at_break) for c in found]).T
+        # Of two, either may be off; the one in the other unit is then for the user to say.
+        middle = float(np.sort(level)[len(level) // 2])
+        normal = np.abs(level - middle) < _REPLICATES_REACH
+        far = np.flatnonzero(np.abs(level - middle) > math.log(2.0))
+        if not 0 < 2 * len(far) <= len(found):
+            continue
+        shift = float(level[far].mean()) - middle
+        length = float(longer[far].mean() - longer[normal].mean())
+        names = [found[i].specimen for i in far]
+        advice = _advice(study, names, shift, length, reach=_REPLICATES_REACH)
+        if advice is not None:
+            said.append(f"{material}: {_off(names, shift, 3)} the other specimens: {advice}")
+    return tuple(said)
+
+
+# ------------------------------------------------------------------------------------------------
+# Which unit was taken for which, in words and as an option.
+
+
+def _advice(
+    study: Study, names: Sequence[str], shift: float, longer: float, *, reach: float
+) -> str | None:
+    """Return which unit was taken for which, as a question with the option that corrects it.
+
+    Parameters
+    ----------
+    names
+        Specimens or materials that are off.
+    shift, longer
+        ln of their stiffness and of their strain at break over the right ones. A factor on the
+        length's unit is in both, against each other.
+    reach
+        How far ln of the unit's factor may lie off.
+    """
+    curves = [c for name, group in study.groups.items() for c in group
+              if name in names or c.specimen in names]  # fmt: skip
+    factors = study.factors.get(curves[0].specimen, {})
+    of_length = abs(longer + shift) < abs(longer)
+    quantities = ("strain", "travel") if of_length else ("stress", "force")
+    quantity = next((q for q in quantities if QUANTITIES[q][0] in factors), None)
+    if quantity is None:
+        return None
+    column, kind = QUANTITIES[quantity]
+    own = factors[column]
+    log = math.log(own) + (shift if of_length else -shift)
+    unit = unit_near(kind, log, own, reach)
+    if unit is None:
+        return None
+    stated = next(name for name, factor in QUANTITY_UNITS[kind].items() if factor == own)
+    option = shlex.quote(UnitOf(quantity, unit, tuple(names)).text)
+    stated = stated or "fractions"
+    # A section ten times too large is as near as kgf.
+    sizes = ", or is a size wrong" if quantity == "force" else ""
+    if unit in QUANTITY_UNITS[kind]:
+        return f"was {unit} taken for {stated}{sizes}? Give --unit-of {option}"
+    # No unit is so small: the numbers were multiplied on the way, as another unit's would be.
+    other = unit_near(kind, 2.0 * math.log(own) - math.log(float(unit)), own)
+    return f"was {stated} converted as if it were {other}{sizes}? Give --unit-of {option}"

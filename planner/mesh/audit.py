@@ -1,4 +1,4 @@
-"""A mesh judged as a file's reader finds it: a soup of triangles, joined where equal."""
+"""Shells judged as the readers of their files find them, joined where equal; separate bits."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -8,7 +8,6 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.errors import MeshError
 from planner.mesh.mesh import (
     Measures,
     Mesh,
@@ -17,155 +16,22 @@ from planner.mesh.mesh import (
     connected,
     measure,
     order_edges,
-    order_rows,
     repeats_index,
     sort_span,
-    sorted_corners,
     weld,
     weld_points,
 )
-from planner.numerics import Float32Array, FloatArray, kernel
+from planner.numerics import Float32Array, FloatArray, Point, kernel
 
 __all__ = [
     "Fragments",
     "JoinedShells",
     "Measured",
-    "audit",
-    "audit_welded",
+    "first_fault_mm",
     "interfaces_cancel",
     "join_shells",
     "small_bodies",
 ]
-
-
-# ------------------------------------------------------------------------------------------------
-# Judge a mesh as a file's reader finds it: a soup of triangles, joined where equal.
-
-
-@dataclass(frozen=True, eq=False)
-class Audit:
-    """What a triangle soup is once equal positions are joined.
-
-    Attributes
-    ----------
-    triangles, vertices : int
-        How many there are.
-    open_edges : int
-        Edges with one face.
-    overused_edges : int
-        Edges with more than two faces, or with two that run the same way.
-    first_fault_mm : (3,) tuple of float or None
-        Middle of the first such edge of either kind, in the order of the triangles.
-    degenerate_faces : int
-        Triangles with two equal corners. They have no share in edges, bodies and volume.
-    flat_faces : int
-        Triangles of zero area with three different corners.
-    duplicate_faces : int
-        Triangles on the same three vertices as an earlier one, either way round.
-    volume_mm3 : float
-        Enclosed volume, negative for a mesh turned inside out.
-    area_mm2 : float
-        Surface area.
-    bounds_mm : (2, 3) array
-        Smallest and largest coordinates; zeros without triangles.
-    bodies : int
-        Parts of the surface that no edge connects. A cavity counts as one.
-    """
-
-    triangles: int
-    vertices: int
-    open_edges: int
-    overused_edges: int
-    first_fault_mm: tuple[float, float, float] | None
-    degenerate_faces: int
-    flat_faces: int
-    duplicate_faces: int
-    volume_mm3: float
-    area_mm2: float
-    bounds_mm: FloatArray
-    bodies: int
-
-    @property
-    def closed(self) -> bool:
-        """Every directed edge occurs once, and so does its reverse."""
-        return self.triangles > 0 and self.open_edges == 0 and self.overused_edges == 0
-
-    @property
-    def sound(self) -> bool:
-        """Closed, the right way out, without degenerate or duplicate faces."""
-        return (
-            self.closed
-            and self.degenerate_faces == 0
-            and self.duplicate_faces == 0
-            and self.volume_mm3 > 0.0
-        )
-
-
-def audit(triangles: Float32Array | FloatArray) -> Audit:
-    """Audit a triangle soup.
-
-    Parameters
-    ----------
-    triangles : (k, 3, 3) float32 or float64
-        Corner positions in mm, as they stand in a file.
-
-    Returns
-    -------
-    Audit
-        Counts and measures; the caller decides what is a fault.
-
-    Raises
-    ------
-    MeshError
-        A coordinate is not finite.
-    """
-    if not np.isfinite(triangles).all():
-        row = int(np.flatnonzero(~np.isfinite(triangles).all(axis=(1, 2)))[0])
-        raise MeshError(
-            f"triangle {row} has a coordinate that is not a finite number: "
-            f"{triangles[row].tolist()}; export the part again"
-        )
-    vertices, faces = weld(triangles)  # type: ignore[type-var] # either type, returned as it is
-    return audit_welded(Mesh(vertices.astype(np.float64), faces))
-
-
-def audit_welded(mesh: Mesh) -> Audit:
-    """Audit a mesh whose equal positions are one vertex already; see `audit`."""
-    vertices, faces = mesh.vertices, mesh.faces
-    proper = faces[~repeats_index(faces)]
-    order, starts, count = order_edges(proper)
-    tail = proper.ravel()
-    pairs = starts[count == 2]
-    wrong = count != 2
-    wrong[count == 2] = tail[order[pairs]] == tail[order[pairs + 1]]
-    opened = int(np.count_nonzero(count == 1))
-    measured = measure(vertices, proper)
-    first_fault_mm = None
-    if wrong.any():
-        face, j = divmod(int(order[starts[wrong]].min()), 3)
-        x, y, z = (
-            vertices[proper[face, [j, (j + 1) % 3]]].astype(np.float64).sum(axis=0) / 2
-        ).tolist()
-        first_fault_mm = (x, y, z)
-    bounds_mm = np.zeros((2, 3))
-    if len(vertices):
-        bounds_mm[:] = vertices.min(axis=0), vertices.max(axis=0)
-    later = np.delete(np.arange(len(order)), starts)
-    bodies = connected(len(proper), order[later - 1] // 3, order[later] // 3)
-    return Audit(
-        triangles=len(faces),
-        vertices=len(vertices),
-        open_edges=opened,
-        overused_edges=int(np.count_nonzero(wrong)) - opened,
-        first_fault_mm=first_fault_mm,
-        degenerate_faces=len(faces) - len(proper),
-        flat_faces=measured.flat,
-        duplicate_faces=len(proper) - len(order_rows(*sorted_corners(proper))[1]),
-        volume_mm3=float(measured.volume_mm3[0]),
-        area_mm2=float(measured.area_mm2[0]),
-        bounds_mm=bounds_mm,
-        bodies=int(bodies.max(initial=-1)) + 1,
-    )
 
 
 # ------------------------------------------------------------------------------------------------
@@ -335,12 +201,10 @@ class Measured(Protocol):
     @property
     def volume_mm3(self) -> float:
         """Enclosed volume."""
-        ...
 
     @property
     def area_mm2(self) -> float:
         """Surface area."""
-        ...
 
 
 def interfaces_cancel(shells: JoinedShells, part: Measured) -> Interfaces:
@@ -383,6 +247,22 @@ def interfaces_cancel(shells: JoinedShells, part: Measured) -> Interfaces:
 def _perimeter(vertices: FloatArray, faces: NDArray[np.int32]) -> float:
     corners = vertices[faces]
     return float(np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2).sum())
+
+
+def first_fault_mm(mesh: Mesh) -> Point | None:
+    """Return the middle of the first edge, in the order of the faces, that has not two faces.
+
+    One whose two faces run the same way is such an edge, too. None of a closed mesh.
+    """
+    order, starts, count = order_edges(mesh.faces)
+    tail, pairs = mesh.faces.ravel(), starts[count == 2]
+    wrong = count != 2
+    wrong[count == 2] = tail[order[pairs]] == tail[order[pairs + 1]]
+    if not wrong.any():
+        return None
+    face, j = divmod(int(order[starts[wrong]].min()), 3)
+    x, y, z = mesh.vertices[mesh.faces[face, [j, (j + 1) % 3]]].mean(axis=0).tolist()
+    return x, y, z
 
 
 # ------------------------------------------------------------------------------------------------

@@ -1,53 +1,15 @@
 """Distances from a surface: the nearest triangle, and the largest ball inside."""
 
-import itertools
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.mesh.mesh import Mesh, Topology, compact, measure, order_edges
+from planner.mesh.mesh import Mesh, order_edges
 from planner.numerics import FloatArray, IntArray, inner_kernel, kernel
 
-__all__ = ["TriangleTree", "inscribed_ball", "nearest", "triangle_tree", "united"]
-
-
-# ------------------------------------------------------------------------------------------------
-# The surface of what several bodies make together.
-
-
-def united(mesh: Mesh) -> Mesh:
-    """Return the surface of all bodies of a closed mesh together: faces that touch are none of it.
-
-    Bodies are added and cavities taken out from the largest to the smallest, so that what lies in
-    a cavity stays. A mesh of one body is returned as it is.
-    """
-    import manifold3d
-
-    body = Topology(mesh.faces).body
-    count = int(body.max(initial=-1)) + 1
-    if count < 2:
-        return mesh
-    volumes_mm3 = measure(mesh.vertices, mesh.faces, body, count).volume_mm3
-    order = np.argsort(body, kind="stable")
-    members = np.split(order, np.cumsum(np.bincount(body, minlength=count))[:-1])
-    whole = manifold3d.Manifold()
-    largest_first = np.argsort(-np.abs(volumes_mm3), kind="stable").tolist()
-    for hollow, group in itertools.groupby(largest_first, lambda n: bool(volumes_mm3[n] < 0.0)):
-        solids = [whole]
-        for number in group:
-            faces = mesh.faces[members[number]]
-            used, faces = compact(faces[:, ::-1] if hollow else faces, len(mesh.vertices))
-            given = manifold3d.Mesh64(mesh.vertices[used], faces.astype(np.uint64))
-            solids.append(manifold3d.Manifold(given))
-        act = manifold3d.OpType.Subtract if hollow else manifold3d.OpType.Add
-        whole = manifold3d.Manifold.batch_boolean(solids, act)
-    if whole.status() != manifold3d.Error.NoError or whole.is_empty():
-        return mesh
-    found = whole.to_mesh64()
-    vertices = np.asarray(found.vert_properties, dtype=np.float64)[:, :3]
-    return Mesh(vertices.copy(), np.asarray(found.tri_verts).astype(np.int32))
+__all__ = ["TriangleTree", "distances", "inscribed_ball", "triangle_tree"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -139,7 +101,7 @@ def _outward(mesh: Mesh) -> FloatArray:
     return np.concatenate([normal[:, None], at_vertex[faces], at_edge.reshape(-1, 3, 3)], axis=1)
 
 
-def nearest(tree: TriangleTree, points_mm: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
+def distances(tree: TriangleTree, points_mm: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
     """Return the distance from points (n, 3) to the nearest triangle, and whether it faces them.
 
     Exact up to rounding. A point faces a closed surface where it lies outside.
@@ -228,7 +190,11 @@ def _to_box(box: Any, node: Any, at: Any) -> Any:
 
 @inner_kernel
 def _to_triangle(corners: Any, t: Any, at: Any, closest: Any) -> Any:
-    """Square of the distance to a triangle, and where: 0 face, 1 to 3 vertex, 4 to 6 edge."""
+    """Square of the distance to a triangle, and where: 0 face, 1 to 3 vertex, 4 to 6 edge.
+
+    By the Voronoi regions of corners, edges and face (Ericson 2004, Real-Time Collision Detection,
+    5.1.5).
+    """
     d1 = d2 = d3 = d4 = d5 = d6 = 0.0
     for d in range(3):
         ab, ac = corners[t, 1, d] - corners[t, 0, d], corners[t, 2, d] - corners[t, 0, d]
@@ -247,14 +213,14 @@ def _to_triangle(corners: Any, t: Any, at: Any, closest: Any) -> Any:
         v, kind = 1.0, 2
     elif d6 >= 0.0 and d5 <= d6:
         w, kind = 1.0, 3
-    elif vc <= 0.0 and d1 >= 0.0 and d3 <= 0.0:
+    elif vc <= 0.0 and d1 >= 0.0 and d3 <= 0.0 and d1 > d3:
         v, kind = d1 / (d1 - d3), 4
-    elif va <= 0.0 and d4 - d3 >= 0.0 and d5 - d6 >= 0.0:
+    elif va <= 0.0 and d4 - d3 >= 0.0 and d5 - d6 >= 0.0 and d4 - d3 + (d5 - d6) > 0.0:
         w = (d4 - d3) / ((d4 - d3) + (d5 - d6))
         v, kind = 1.0 - w, 5
-    elif vb <= 0.0 and d2 >= 0.0 and d6 <= 0.0:
+    elif vb <= 0.0 and d2 >= 0.0 and d6 <= 0.0 and d2 > d6:
         w, kind = d2 / (d2 - d6), 6
-    else:
+    elif va + vb + vc > 0.0:
         total = va + vb + vc
         v, w = vb / total, vc / total
     square = 0.0
@@ -271,7 +237,7 @@ def _to_triangle(corners: Any, t: Any, at: Any, closest: Any) -> Any:
 
 @kernel
 def inscribed_ball(
-    vertices: FloatArray, faces: IntArray, point: FloatArray, step: float, reach: float
+    corners: FloatArray, point: FloatArray, step: float, reach: float
 ) -> tuple[FloatArray, float]:
     """Climb from a point to the centre of the largest ball that fits there.
 
@@ -280,6 +246,8 @@ def inscribed_ball(
 
     Parameters
     ----------
+    corners : (m, 3, 3)
+        Of the triangles.
     reach
         Radius in mm beyond which the size of a ball is of no interest.
 
@@ -288,21 +256,20 @@ def inscribed_ball(
     centre, radius_mm
         Where no ball fits, the radius is zero.
     """
-    near = np.empty(len(faces), np.int64)
+    near = np.empty(len(corners), np.int64)
     around = reach + 2 * step
     n = 0
-    for f in range(len(faces)):
+    for f in range(len(corners)):
         apart = False
         for axis in range(3):
-            a = vertices[faces[f, 0], axis] - point[axis]
-            b = vertices[faces[f, 1], axis] - point[axis]
-            c = vertices[faces[f, 2], axis] - point[axis]
-            apart |= min(a, b, c) > around or max(a, b, c) < -around
+            a, b, c = corners[f, 0, axis], corners[f, 1, axis], corners[f, 2, axis]
+            apart |= min(a, b, c) - point[axis] > around or max(a, b, c) - point[axis] < -around
         if not apart:
             near[n] = f
             n += 1
     near = near[:n]
-    best = _depth(vertices, faces, near, point, reach)
+    closest = np.empty((2, 3))
+    best = _depth(corners, near, point, reach, closest)
     centre, start, trial = np.empty(3), np.empty(3), np.empty(3)
     for axis in range(3):
         centre[axis] = point[axis]
@@ -319,7 +286,7 @@ def inscribed_ball(
                 digits //= 3
             if strayed:
                 continue
-            depth = _depth(vertices, faces, near, trial, reach)
+            depth = _depth(corners, near, trial, reach, closest)
             if depth > best + 1e-9:
                 moved, best = True, depth
                 for axis in range(3):
@@ -329,27 +296,20 @@ def inscribed_ball(
     return centre, max(best, 0.0)
 
 
-@kernel
-def _depth(
-    vertices: FloatArray, faces: IntArray, near: IntArray, point: FloatArray, reach: float
-) -> float:
+@inner_kernel
+def _depth(corners: Any, near: Any, point: Any, reach: Any, closest: Any) -> Any:
     # Distance to the surface, negative outside. Among triangles that share the nearest point
     # (an edge, a corner) the one seen least edge-on tells the side.
     nearest, inside, facing = reach * reach, True, 0.0
-    a, b, c = np.empty(3), np.empty(3), np.empty(3)
     for f in near:
-        for axis in range(3):
-            a[axis] = vertices[faces[f, 0], axis] - point[axis]
-            b[axis] = vertices[faces[f, 1], axis] - point[axis]
-            c[axis] = vertices[faces[f, 2], axis] - point[axis]
-        u, v, w = _nearest_weights(a, b, c)
-        distance, height, square = 0.0, 0.0, 0.0
-        for axis in range(3):
-            i, j = (axis + 1) % 3, (axis + 2) % 3
-            towards = u * a[axis] + v * b[axis] + w * c[axis]
-            n = (b[i] - a[i]) * (c[j] - a[j]) - (b[j] - a[j]) * (c[i] - a[i])
-            distance += towards * towards
-            height += n * towards
+        distance, _ = _to_triangle(corners, f, point, closest)
+        height, square = 0.0, 0.0
+        for d in range(3):
+            i, j = (d + 1) % 3, (d + 2) % 3
+            ui, uj = corners[f, 1, i] - corners[f, 0, i], corners[f, 1, j] - corners[f, 0, j]
+            vi, vj = corners[f, 2, i] - corners[f, 0, i], corners[f, 2, j] - corners[f, 0, j]
+            n = ui * vj - uj * vi
+            height += n * (closest[0, d] - point[d])
             square += n * n
         if distance > nearest * (1 + 1e-9) + 1e-18 or square == 0.0:
             continue
@@ -358,34 +318,4 @@ def _depth(
             facing = abs(cosine)
             inside = cosine >= 0.0
         nearest = min(nearest, distance)
-    return float(np.sqrt(nearest) if inside else -np.sqrt(nearest))
-
-
-@kernel
-def _nearest_weights(a: FloatArray, b: FloatArray, c: FloatArray) -> tuple[float, float, float]:
-    # Weights of the corners in the triangle's point nearest to the origin, by the Voronoi
-    # regions of corners, edges and face (Ericson 2004, Real-Time Collision Detection, 5.1.5).
-    d1, d2, d3, d4, d5, d6 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    for axis in range(3):
-        ab, ac = b[axis] - a[axis], c[axis] - a[axis]
-        d1, d2 = d1 - ab * a[axis], d2 - ac * a[axis]
-        d3, d4 = d3 - ab * b[axis], d4 - ac * b[axis]
-        d5, d6 = d5 - ab * c[axis], d6 - ac * c[axis]
-    if d1 <= 0 and d2 <= 0:
-        return 1.0, 0.0, 0.0
-    if d3 >= 0 and d4 <= d3:
-        return 0.0, 1.0, 0.0
-    if d6 >= 0 and d5 <= d6:
-        return 0.0, 0.0, 1.0
-    on_ab, on_ac, on_bc = d1 * d4 - d3 * d2, d5 * d2 - d1 * d6, d3 * d6 - d5 * d4
-    if on_ab <= 0 and d1 >= 0 and d3 <= 0 and d1 > d3:
-        return -d3 / (d1 - d3), d1 / (d1 - d3), 0.0
-    if on_ac <= 0 and d2 >= 0 and d6 <= 0 and d2 > d6:
-        return -d6 / (d2 - d6), 0.0, d2 / (d2 - d6)
-    beyond_b, beyond_c = d4 - d3, d5 - d6
-    if on_bc <= 0 and beyond_b >= 0 and beyond_c >= 0 and beyond_b + beyond_c > 0:
-        return 0.0, beyond_c / (beyond_b + beyond_c), beyond_b / (beyond_b + beyond_c)
-    total = on_ab + on_ac + on_bc
-    if total <= 0:
-        return 1.0, 0.0, 0.0
-    return on_bc / total, on_ac / total, on_ab / total
+    return np.sqrt(nearest) if inside else -np.sqrt(nearest)

@@ -1,25 +1,44 @@
-"""A part to grade: a mesh checked and repaired, and where it is placed."""
+"""A part to grade: a mesh checked, repaired where there is one way to do so, and placed."""
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+import itertools
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from planner.errors import ArgumentError, MeshError, did_you_mean
-from planner.formats.mesh_file import unit_scale_mm
+from planner.formats.units import QUANTITY_UNITS
+from planner.glance import counted
 from planner.mesh.mesh import (
+    CROWDED,
+    OPEN,
     Mesh,
     Topology,
     cancel_opposite,
     compact,
+    connected,
+    consistent_winding,
+    measure,
     repeats_index,
     weld,
     weld_points,
 )
-from planner.mesh.repair import READINGS, arrange_bodies, close_mesh, describe_faults, find_crossing
-from planner.numerics import FloatArray, IntArray
+from planner.numerics import BoolArray, FloatArray, IntArray
 
-__all__ = ["Part", "fits_turned", "make_part", "oversize", "part_from_arrays", "place", "undersize"]
+__all__ = [
+    "Part",
+    "fits_turned",
+    "make_part",
+    "oversize",
+    "part_from_arrays",
+    "place",
+    "undersize",
+    "union",
+]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -159,11 +178,11 @@ def make_part(
     """Check a triangle soup and make a part of it.
 
     Repairs are made only where there is one way to do so, or where `bodies` chooses one, and each
-    is told: see `planner.mesh.repair.close_mesh` and `planner.mesh.repair.arrange_bodies`. Bodies
+    is told: see `_close_mesh` and `_arrange_bodies`. Bodies
     that touch along an edge alone are refused: such a contact has no cross-section to print,
     and files store it as an edge of four faces, which is no solid's.
 
-    Found by rays along z (see `planner.mesh.repair.find_crossing`), not proved: a body
+    Found by rays along z (see `find_crossing`), not proved: a body
     that crosses itself. Not looked for: bodies that touch at a point.
 
     Parameters
@@ -185,9 +204,9 @@ def make_part(
         Empty, not finite, open, without volume, crossing itself, or more than two faces at an
         edge; or its volume depends on `bodies`. The message says how many, where, and what to do.
     """
-    if bodies is not None and bodies not in READINGS:
-        hint = did_you_mean(bodies, READINGS)
-        raise ArgumentError(f"`bodies` {bodies}: {hint}it may be {' or '.join(READINGS)}")
+    if bodies is not None and bodies not in _READINGS:
+        hint = did_you_mean(bodies, _READINGS)
+        raise ArgumentError(f"`bodies` {bodies}: {hint}it may be {' or '.join(_READINGS)}")
     _check_numbers(triangles, name)
     vertices, welded = weld(np.ascontiguousarray(triangles, dtype=np.float64))
     faces = welded[~repeats_index(welded)]
@@ -198,13 +217,13 @@ def make_part(
     topology = Topology(faces)
     touching = False
     if not topology.closed:
-        repaired = close_mesh(vertices, faces)
+        repaired = _close_mesh(vertices, faces)
         if repaired is None:
-            raise MeshError(f"{name}: {describe_faults(vertices, topology)}")
+            raise MeshError(f"{name}: {_describe_faults(vertices, topology)}")
         vertices, topology, touching = repaired.vertices, repaired.topology, repaired.touching
         repairs += repaired.notes
     try:
-        arranged = arrange_bodies(vertices, topology, touching=touching, bodies=bodies)
+        arranged = _arrange_bodies(vertices, topology, touching=touching, bodies=bodies)
     except MeshError as error:
         raise MeshError(f"{name}: {error}") from error
     repairs += arranged.notes
@@ -268,7 +287,7 @@ def _check_solid(mesh: Mesh, name: str, *, reweld: bool) -> None:
         vertices, faces = weld(mesh.triangles)
         topology = Topology(faces[~repeats_index(faces)])
         if not topology.closed:
-            raise MeshError(f"{name}: {describe_faults(vertices, topology)}")
+            raise MeshError(f"{name}: {_describe_faults(vertices, topology)}")
     crossing = find_crossing(mesh)
     if crossing is not None:
         x, y, z = crossing.place_mm
@@ -328,10 +347,959 @@ def oversize(mesh: Mesh, tray_mm: tuple[float, float, float], unit: str) -> str 
 
 def _unit_hint(extent: FloatArray, stated: str = "mm") -> str:
     """Name the unit, not the stated one, in which the part would have the size of most parts."""
-    low, high = _LIKELY_MM
+    (low, high), mm = _LIKELY_MM, QUANTITY_UNITS["length"]
     for unit in _LIKELY_UNITS:
-        scale = unit_scale_mm(unit) / unit_scale_mm(stated)
+        scale = mm[unit] / mm[stated]
         if unit != stated and low <= scale * extent.max() <= high:
             name = {"inch": "inches"}.get(unit, unit)
             return f"; in {name} it would be {_size(scale * extent, 3)} mm: --unit {unit}"
     return "; check its unit (--unit)"
+
+
+# ------------------------------------------------------------------------------------------------
+# Take apart solids that meet at an edge: faces pair up around it so that each bounds solid.
+
+
+_DIGITS = 9  # of an angle in radians: faces nearer than that lie on each other
+_HALF_TURN = round(np.pi, _DIGITS)
+
+
+def _part_at_crowded_edges(
+    vertices: FloatArray, topology: Topology
+) -> tuple[FloatArray, NDArray[np.int32]] | None:
+    """Give each of the surfaces that meet at crowded edges vertices of its own.
+
+    Around an edge of more than two faces, those between which there is solid belong together.
+
+    Parameters
+    ----------
+    vertices, topology
+        A mesh without open edges.
+
+    Returns
+    -------
+    vertices, faces
+        Positions as before, those on contacts repeated; None where the faces at an edge do not
+        pair up.
+    """
+    faces = topology.faces
+    twin = topology.twin.astype(np.int64)
+    crowded: dict[tuple[int, int], list[int]] = {}
+    for half in np.flatnonzero(twin == CROWDED).tolist():
+        a, b = _ends(faces, half)
+        crowded.setdefault((min(a, b), max(a, b)), []).append(half)
+    for edge, halves in crowded.items():
+        pairs = _pairs(vertices, faces, edge, halves)
+        if pairs is None:
+            return None
+        for one, other in pairs:
+            twin[one], twin[other] = other, one
+    corner = np.arange(len(twin))
+    after = corner - corner % 3 + (corner + 1) % 3
+    index = connected(len(twin), corner, after[twin])  # neighbours around a vertex are one
+    original = np.zeros(index.max() + 1, dtype=np.int64)
+    original[index] = faces.ravel()
+    return vertices[original], index.reshape(-1, 3)
+
+
+def _ends(faces: NDArray[np.int32], half: int) -> tuple[int, int]:
+    face, corner = divmod(half, 3)
+    return int(faces[face, corner]), int(faces[face, (corner + 1) % 3])
+
+
+def _pairs(
+    vertices: FloatArray, faces: NDArray[np.int32], edge: tuple[int, int], halves: list[int]
+) -> list[tuple[int, int]] | None:
+    """Pair the half-edges at an edge across the solid between their faces.
+
+    With angles that grow from the first to the second axis across the edge, a face that runs
+    along the edge has its solid before it, one that runs against it behind it: as brackets
+    close and open.
+    """
+    along = vertices[edge[1]] - vertices[edge[0]]
+    along = np.ldexp(along, -int(np.frexp(np.abs(along).max())[1]))  # or its square may be 0
+    along = along / np.linalg.norm(along)
+    first = np.cross(along, np.eye(3)[int(np.argmin(np.abs(along)))])
+    second = np.cross(along, first)
+    around = []
+    for half in halves:
+        face, corner = divmod(half, 3)
+        arm = vertices[faces[face, (corner + 2) % 3]] - vertices[edge[0]]
+        angle = round(float(np.arctan2(arm @ second, arm @ first)), _DIGITS)
+        angle = abs(angle) if angle == -_HALF_TURN else angle
+        opens = _ends(faces, half) != edge
+        around.append((angle, opens, half))  # of equal angles the closing one first
+    around.sort()
+    balance = np.cumsum([1 if opens else -1 for _, opens, _ in around])
+    if balance[-1] != 0:
+        return None
+    start = int(np.argmin(balance)) + 1
+    pairs: list[tuple[int, int]] = []
+    opened: list[int] = []
+    closed: list[int] = []
+    for _, opens, half in around[start:] + around[:start]:
+        (opened if opens else closed).append(half)
+        if len(opened) == len(closed):  # out of the solid again
+            # Where several solids overlap, files hold one after the other: pair in that order.
+            pairs += zip(sorted(opened), sorted(closed), strict=True)
+            opened, closed = [], []
+    return pairs
+
+
+# ------------------------------------------------------------------------------------------------
+# Repairs of a welded mesh that have one possible outcome, tried until the mesh is closed.
+
+
+_TOLERANCE = 1e-5
+"""How far a repair may move a vertex, as a share of the part's largest extent."""
+
+_MOST_BORDERS = 5000
+
+
+@dataclass(frozen=True, eq=False)
+class Repaired:
+    """A mesh and what was done to it.
+
+    Attributes
+    ----------
+    notes
+        One sentence a repair.
+    touching
+        Bodies met at shared edges and were given vertices of their own: unite them.
+    """
+
+    vertices: FloatArray
+    topology: Topology
+    notes: tuple[str, ...] = ()
+    touching: bool = False
+
+
+_Repair: TypeAlias = Callable[[Repaired], Repaired | None]
+
+
+def _close_mesh(vertices: FloatArray, faces: NDArray[np.int32]) -> Repaired | None:
+    """Make a mesh closed and consistently wound, if plain repairs do.
+
+    Each repair is kept only where it changes something; none is kept unless the mesh is closed
+    in the end: pairs of opposite faces, bodies that share the vertices of an edge at which they
+    touch, faces that occur twice, border vertices within `_TOLERANCE` of each other or of
+    another border edge, and faces turned over. Opposite faces of a solid and of a body wound
+    inwards stay, each body with vertices of its own: whether that is a cavity is not decided here.
+
+    Parameters
+    ----------
+    vertices, faces
+        Welded mesh without repeated indices.
+
+    Returns
+    -------
+    Repaired or None
+        None where the mesh stays open or crowded at edges.
+    """
+    closed = _closed(Repaired(vertices, Topology(faces)), (_opposites, *_STEPS))
+    both_ways = _opposites_apart(vertices, faces)
+    apart = None if both_ways is None else _closed(both_ways, _STEPS)
+    if apart is not None and _walls_a_cavity(apart):
+        return replace(apart, touching=True)
+    return closed
+
+
+def _closed(state: Repaired, steps: Iterable[_Repair]) -> Repaired | None:
+    for repair in steps:
+        if state.topology.closed:
+            break
+        state = repair(state) or state
+    return state if state.topology.closed else None
+
+
+def _next(state: Repaired, faces: NDArray[np.int32], note: str) -> Repaired:
+    return Repaired(state.vertices, Topology(faces), (*state.notes, note))
+
+
+def _counted(count: int, one: str, many: str) -> str:
+    return f"{count} {one if count == 1 else many}"
+
+
+def _duplicates(state: Repaired) -> Repaired | None:
+    """Drop faces on the same vertices, the same way round, as an earlier one."""
+    faces = state.topology.faces
+    if len(state.topology.edges(CROWDED)) == 0:
+        return None
+    turned = _from_lowest(faces)
+    order = np.lexsort(turned.T)
+    again = np.zeros(len(faces), dtype=np.bool_)
+    again[order[1:]] = (turned[order[1:]] == turned[order[:-1]]).all(axis=1)
+    count = int(again.sum())
+    if count == 0:
+        return None
+    note = _counted(count, "triangle that occurs", "triangles that occur") + " twice dropped"
+    return _next(state, faces[~again], note)
+
+
+def _from_lowest(faces: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Name the lowest vertex of each face first, the same way round."""
+    shift = np.argmin(faces, axis=1)[:, np.newaxis]
+    return np.take_along_axis(faces, (shift + np.arange(3)) % 3, axis=1)
+
+
+def _opposites(state: Repaired) -> Repaired | None:
+    """Drop pairs of opposite faces: walls without thickness, or between bodies face to face."""
+    faces = state.topology.faces
+    keep = cancel_opposite(faces)
+    count = int((~keep).sum()) // 2
+    if count == 0 or not keep.any():
+        return None
+    pairs = _counted(count, "pair of opposite triangles", "pairs of opposite triangles")
+    return _next(state, faces[keep], f"{pairs} dropped: a wall without thickness")
+
+
+def _opposites_apart(vertices: FloatArray, faces: NDArray[np.int32]) -> Repaired | None:
+    """Lay opposite faces in two sheets, the first before and the second behind all others.
+
+    Within a sheet neighbours agree, so that bodies of a file that mixes their faces come apart; and
+    a sheet shares vertices with others at its rim alone. None where there are no opposite faces.
+    """
+    keep = cancel_opposite(faces)
+    if keep.all():
+        return None
+    pairs = _from_lowest(faces[~keep])
+    _, first, index = np.unique(
+        np.sort(pairs, axis=1), axis=0, return_index=True, return_inverse=True
+    )
+    sheet = Topology(pairs[first])
+    turned = consistent_winding(sheet)
+    if turned is None:
+        return None
+    front = (pairs == _from_lowest(_turn(sheet.faces, turned))[index.ravel()]).all(axis=1)
+    inner = np.ones(len(vertices), dtype=np.int32)
+    inner[sheet.edges(OPEN)] = inner[sheet.edges(CROWDED)] = 0
+    own = len(vertices) * inner[pairs]
+    layers = [(pairs + own)[front], faces[keep], (pairs + 2 * own)[~front]]
+    return Repaired(np.tile(vertices, (3, 1)), Topology(np.concatenate(layers)))
+
+
+def _walls_a_cavity(state: Repaired) -> bool:
+    """Tell whether opposite faces belong to two bodies, one of which is wound inwards."""
+    volume, _, full = _measured(state.vertices, state.topology)
+    sign = np.where(full, np.sign(volume), 0.0)[state.topology.body]
+    faces = weld_points(state.vertices)[1][state.topology.faces]
+    of_all, of_solids, of_cavities = (
+        np.count_nonzero(~cancel_opposite(faces[which]))
+        for which in (sign != 0.0, sign > 0.0, sign < 0.0)
+    )
+    return bool(of_all > of_solids + of_cavities)
+
+
+def _near_vertices(state: Repaired) -> Repaired | None:
+    """Join border vertices within the tolerance."""
+    from scipy.spatial import cKDTree
+
+    border = np.unique(state.topology.edges(OPEN))
+    if not 0 < len(border) <= _MOST_BORDERS:
+        return None
+    points = state.vertices[border]
+    tolerance = _tolerance_mm(state.vertices)
+    pairs = cKDTree(points).query_pairs(tolerance, output_type="ndarray")
+    if len(pairs) == 0:
+        return None
+    group = connected(len(border), *pairs.T)
+    _, first = np.unique(group, return_index=True)
+    target = first[group]
+    moved = np.linalg.norm(points - points[target], axis=1)
+    if moved.max() > 2.0 * tolerance:  # a chain of near vertices is no point
+        return None
+    index = np.arange(len(state.vertices), dtype=np.int32)
+    index[border] = border[target]
+    faces = index[state.topology.faces]
+    count = int((target != np.arange(len(border))).sum())
+    vertices = _counted(count, "border vertex", "border vertices")
+    note = f"{vertices} joined to others at most {moved.max():.2g} mm away"
+    return _next(state, faces[~repeats_index(faces)], note)
+
+
+def _junctions(state: Repaired) -> Repaired | None:
+    """Divide border faces at vertices that lie on their edges."""
+    count = 0
+    for _ in range(3):  # a face has three edges, one is divided at a time
+        faces, divided = _divide(state)
+        if divided == 0:
+            break
+        count += divided
+        state = Repaired(state.vertices, Topology(faces), state.notes)
+    if count == 0:
+        return None
+    junctions = _counted(count, "edge that ends", "edges that end")
+    note = f"{junctions} on the middle of another joined to it"
+    return _next(state, state.topology.faces, note)
+
+
+def _divide(state: Repaired) -> tuple[NDArray[np.int32], int]:
+    faces = state.topology.faces
+    half = np.flatnonzero(state.topology.twin == OPEN)
+    if not 0 < len(half) <= _MOST_BORDERS:
+        return faces, 0
+    tolerance = _tolerance_mm(state.vertices)
+    border = np.unique(state.topology.edges(OPEN))
+    points = state.vertices[border]
+    gone = np.zeros(len(faces), dtype=np.bool_)
+    added: list[tuple[int, int, int]] = []
+    for e in half:
+        f, j = divmod(int(e), 3)
+        a, b, c = (int(faces[f, (j + k) % 3]) for k in range(3))
+        start, along = state.vertices[a], state.vertices[b] - state.vertices[a]
+        length = float(np.linalg.norm(along))
+        if gone[f] or length <= 2.0 * tolerance:
+            continue
+        offset = points - start
+        place = offset @ along / length
+        distance = np.linalg.norm(offset - place[:, np.newaxis] * (along / length), axis=1)
+        on = (distance <= tolerance) & (place > tolerance) & (place < length - tolerance)
+        on &= border != c
+        if not on.any():
+            continue
+        between = border[on][np.argsort(place[on], kind="stable")]
+        chain = [a, *between.tolist(), b]
+        added += [(p, q, c) for p, q in itertools.pairwise(chain)]
+        gone[f] = True
+    more = np.array(added, dtype=np.int32).reshape(-1, 3)
+    return np.concatenate([faces[~gone], more]), int(gone.sum())
+
+
+def _winding(state: Repaired) -> Repaired | None:
+    """Turn faces over until neighbours agree."""
+    topology = state.topology
+    if not topology.two_faced:
+        return None
+    turned = consistent_winding(topology)
+    if turned is None:
+        return None
+    triangles = _counted(int(turned.sum()), "triangle was", "triangles were")
+    return _next(state, _turn(topology.faces, turned), f"{triangles} turned over: now all agree")
+
+
+def _turn(faces: NDArray[np.int32], which: BoolArray) -> NDArray[np.int32]:
+    """Reverse some faces, (m,) bool."""
+    return np.where(which[:, np.newaxis], faces[:, ::-1], faces)
+
+
+def _touching(state: Repaired) -> Repaired | None:
+    """Give bodies that meet at crowded edges vertices of their own."""
+    crowded = len(state.topology.edges(CROWDED))
+    if not 0 < crowded <= _MOST_BORDERS or len(state.topology.edges(OPEN)):
+        return None
+    apart = _part_at_crowded_edges(state.vertices, state.topology)
+    if apart is None:
+        return None
+    topology = Topology(apart[1])
+    if not topology.closed:
+        return None
+    return Repaired(apart[0], topology, state.notes, touching=True)
+
+
+# Where faces balance at each edge, bodies touch or coincide and no face may go.
+_STEPS: tuple[_Repair, ...] = (
+    _touching, _duplicates, _near_vertices, _junctions, _winding, _touching,
+)  # fmt: skip
+
+
+def _tolerance_mm(vertices: FloatArray) -> float:
+    return _TOLERANCE * float(np.ptp(vertices, axis=0).max())
+
+
+# ------------------------------------------------------------------------------------------------
+# Several bodies in one part: which lie inside which, which way out, and overlaps united.
+
+
+_READINGS = ("cavities", "solids")
+"""What a body may be whose winding does not tell."""
+
+_FLAT = 1e-9  # of area times extent: far below any printable thickness, far above rounding
+_OVERLAP = 1e-7  # of the bodies' volume: less than this is touching
+_OUTSIDE = 1e-3  # of all directions: a point inside, or at a corner, sees more of the surface
+
+
+@dataclass(frozen=True, eq=False)
+class Arranged:
+    """Bodies the right way out, that do not overlap; faces is empty when none has volume."""
+
+    vertices: FloatArray
+    faces: NDArray[np.int32]
+    notes: tuple[str, ...]
+
+
+def _arrange_bodies(
+    vertices: FloatArray,
+    topology: Topology,
+    *,
+    touching: bool = False,
+    bodies: str | None = None,
+) -> Arranged:
+    """Turn bodies the right way out and unite those that overlap.
+
+    An outermost body turned inside out is turned over with all that lies inside it. Inside a
+    solid, apart from its surface, an inward body is a cavity; inside a cavity every body is solid.
+    Overlapping solids are united. Of other bodies the winding does not tell whether they are
+    solids or cavities: an inward one that reaches the surface of a solid or lies where two overlap,
+    and an outward one alone inside a solid. They are left to `bodies`.
+
+    Parameters
+    ----------
+    vertices, topology
+        A closed mesh.
+    touching
+        Bodies share edges by position: unite them even where they only touch.
+    bodies
+        What such a body is: ``cavities``, taken away from the solids around it; or ``solids``:
+        then every body is, whichever way it is wound.
+
+    Raises
+    ------
+    MeshError
+        Bodies overlap and cannot be united; or `bodies` has to be given, as the part's volume
+        depends on it.
+    """
+    volume, bounds, full = _measured(vertices, topology)
+    notes = []
+    if not full.all() and full.any():
+        flat = find_crossing(Mesh(vertices, topology.faces[~full[topology.body]]))
+        if flat is not None:
+            x, y, z = flat.place_mm
+            raise MeshError(
+                f"a body crosses itself at ({x:.4g}, {y:.4g}, {z:.4g}) mm and is wound inwards in "
+                "as much of its volume as outwards; mend it in the CAD program"
+            )
+        notes.append(f"{int((~full).sum())} of {len(full)} bodies without volume dropped")
+    pairs = _box_pairs(bounds, full, touching)
+    found = _Bodies(vertices, topology, volume, bounds, full, pairs)
+    outward, doubtful, parent = _roles(found)
+    if doubtful.any() or (bodies == "solids" and not outward[full].all()):
+        return _chosen(found, outward, doubtful, parent, bodies, notes)
+    turned = full & (outward != (volume > 0.0))
+    body = topology.body
+    faces = _turn(topology.faces, turned[body]) if turned.any() else topology.faces
+    if turned.any():
+        notes.append(_turned_note(turned, full))
+    keep = full[body]
+    if pairs and outward[full].sum() > 1:
+        solid = np.where(outward, np.arange(len(full)), parent)
+        met = np.zeros(len(full), dtype=np.bool_)
+        for i, j in pairs:
+            if solid[i] != solid[j]:
+                met[[solid[i], solid[j]]] = True
+        groups = [
+            faces[keep & (solid[body] == number)] for number in np.flatnonzero(met & outward & full)
+        ]
+        united = _unite(vertices, groups, touching) if len(groups) > 1 else None
+        if united is not None:
+            triangles, note = united
+            rest = vertices[faces[keep & ~met[solid[body]]]]
+            soup: FloatArray = np.concatenate([rest, triangles])
+            points, welded = weld(soup)
+            welded = welded[~repeats_index(welded)]
+            if not touching and not Topology(welded).closed:  # what was united touches the rest
+                return _arrange_bodies(vertices, topology, touching=True, bodies=bodies)
+            return Arranged(points, welded, (*notes, note))
+    return Arranged(vertices, faces if keep.all() else faces[keep], tuple(notes))
+
+
+def _measured(vertices: FloatArray, topology: Topology) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """Return each body's signed volume and bounds, and whether it is more than a leaf."""
+    volume, area, bounds, _ = measure(vertices, topology.faces, topology.body, topology.bodies)
+    extent = (bounds[:, 1] - bounds[:, 0]).max(axis=1)
+    return volume, bounds, np.abs(volume) > _FLAT * area * extent
+
+
+@dataclass(frozen=True, eq=False)
+class _Bodies:
+    """The bodies of a closed mesh, each as a solid when asked for."""
+
+    vertices: FloatArray
+    topology: Topology
+    volume: FloatArray
+    bounds: FloatArray
+    full: BoolArray
+    pairs: list[tuple[int, int]]
+    _solids: dict[int, Any] = field(default_factory=dict)
+
+    @cached_property
+    def faces(self) -> list[NDArray[np.int32]]:
+        """Each body's faces."""
+        body = self.topology.body
+        order = np.argsort(body, kind="stable")
+        return np.split(self.topology.faces[order], np.cumsum(np.bincount(body))[:-1])
+
+    def solid(self, number: int) -> Any:
+        """Return a body as a solid, whichever way it is wound."""
+        if number not in self._solids:
+            inward = self.volume[number] < 0.0
+            faces = self.faces[number][:, ::-1] if inward else self.faces[number]
+            self._solids[number] = _manifold(self.vertices, faces)
+        return self._solids[number]
+
+    def sum(self, which: BoolArray) -> Any:
+        """Return what some bodies are together, each as a solid."""
+        return _sum([self.solid(number) for number in np.flatnonzero(which).tolist()])
+
+    def shared_mm3(self, one: int, other: int) -> float:
+        """Return the volume that is in both of two bodies."""
+        return float((self.solid(one) ^ self.solid(other)).volume())
+
+    def overlap(self, one: int, other: int) -> bool:
+        """Tell whether two bodies have more in common than where they touch."""
+        both = abs(self.volume[one]) + abs(self.volume[other])
+        return bool(self.shared_mm3(one, other) > _OVERLAP * both)
+
+    def inside(self, outer: int, inner: int) -> tuple[bool, bool]:
+        """Tell whether a body lies inside another, and more than rounding off its surface."""
+        import manifold3d
+
+        tolerance = _tolerance_mm(self.vertices)
+        low, high = self.bounds[inner, 0] - tolerance, self.bounds[inner, 1] + tolerance
+        wall = self.vertices[self.faces[outer]]
+        near = ((wall.min(axis=1) <= high) & (wall.max(axis=1) >= low)).all(axis=1).any()
+        probes = np.unique(self.faces[inner])
+        some = np.linspace(0, len(probes) - 1, 5 if near else 1).astype(np.int64)
+        around = [abs(_winding_number(probe, wall)) for probe in self.vertices[probes[some]]]
+        if max(around) < _OUTSIDE:
+            return False, True
+        if not near:
+            return True, True
+        size = np.ptp(self.bounds[outer], axis=0)
+        space = manifold3d.Manifold.cube(3.0 * size).translate(self.bounds[outer, 0] - size)
+        outside = space - self.solid(outer)
+        if outside.min_gap(self.solid(inner), tolerance) >= tolerance:
+            return True, True
+        of_inner = self.shared_mm3(outer, inner) / abs(self.volume[inner])
+        return of_inner > 1.0 - _OVERLAP, False
+
+
+def _turned_note(turned: BoolArray, full: BoolArray) -> str:
+    if turned[full].all():
+        return "the part was inside out: turned"
+    return f"{int(turned.sum())} of {int(full.sum())} bodies were inside out: turned"
+
+
+def _box_pairs(bounds: FloatArray, full: BoolArray, touching: bool) -> list[tuple[int, int]]:
+    """Return the pairs of bodies whose bounding boxes overlap, by a sweep along x."""
+    if touching:  # boxes that only touch count as well
+        bounds = np.stack([bounds[:, 0], np.nextafter(bounds[:, 1], np.inf)], axis=1)
+    order = np.flatnonzero(full)
+    order = order[np.argsort(bounds[order, 0, 0], kind="stable")]
+    low, high = bounds[order, 0], bounds[order, 1]
+    pairs = []
+    for i, stop in enumerate(np.searchsorted(low[:, 0], high[:, 0]).tolist()):
+        later = slice(i + 1, max(stop, i + 1))
+        overlap = ((low[later] < high[i]) & (high[later] > low[i])).all(axis=1)
+        pairs += [(int(order[i]), int(order[i + 1 + k])) for k in np.flatnonzero(overlap)]
+    return pairs
+
+
+def _nesting(found: _Bodies, rank: NDArray[np.int64]) -> dict[int, dict[int, bool]]:
+    """Return which bodies lie inside which of lower rank, and whether apart from their surface."""
+    nesting: dict[int, dict[int, bool]] = defaultdict(dict)
+    for pair in found.pairs:
+        outer, inner = sorted(pair, key=lambda number: rank[number])
+        low, high = found.bounds[outer]
+        if not ((low <= found.bounds[inner, 0]) & (high >= found.bounds[inner, 1])).all():
+            continue
+        inside, apart = found.inside(outer, inner)
+        if inside:
+            nesting[inner][outer] = apart
+    return nesting
+
+
+def _winding_number(point: FloatArray, triangles: FloatArray) -> float:
+    """How often a closed surface encloses a point: its solid angle (Van Oosterom 1983) / 4 pi."""
+    a, b, c = (triangles - point).transpose(1, 0, 2)
+    la, lb, lc = (np.linalg.norm(side, axis=1) for side in (a, b, c))
+    above = np.einsum("ij,ij->i", a, np.cross(b, c))
+    below = la * lb * lc + lc * np.einsum("ij,ij->i", a, b)
+    below += lb * np.einsum("ij,ij->i", a, c) + la * np.einsum("ij,ij->i", b, c)
+    return float(np.arctan2(above, below).sum() / (2.0 * np.pi))
+
+
+def _roles(found: _Bodies) -> tuple[BoolArray, BoolArray, NDArray[np.int64]]:
+    """Decide from the outermost inwards which bodies are solids and which cavities.
+
+    Returns
+    -------
+    outward : (bodies,) bool
+        Which are solids.
+    doubtful : (bodies,) bool
+        Cavities that may as well be solids.
+    parent : (bodies,) int
+        The smallest body around each, -1 for the outermost.
+    """
+    volume = found.volume
+    order = np.argsort(-np.abs(volume), kind="stable")
+    rank = np.argsort(order)
+    nesting = _nesting(found, rank)
+    meets = defaultdict(list)
+    for i, j in found.pairs:
+        meets[i].append(j)
+        meets[j].append(i)
+    outward = np.ones(len(volume), dtype=np.bool_)
+    doubtful = np.zeros(len(volume), dtype=np.bool_)
+    over = np.zeros(len(volume), dtype=np.bool_)  # turned over with the outermost body
+    parent = np.full(len(volume), -1)
+    for body in order.tolist():
+        around = nesting.get(body)
+        inward = volume[body] < 0.0
+        if around is None:
+            doubtful[body] = inward and any(
+                volume[k] > 0.0 and k not in nesting and found.overlap(body, k) for k in meets[body]
+            )
+            over[body] = inward and not doubtful[body]
+            outward[body] = not doubtful[body]
+            continue
+        parent[body] = max(around, key=lambda k: rank[k])
+        over[body] = over[parent[body]]
+        times = sum(1 if outward[k] else -1 for k in around)  # inside solids
+        if times <= 0:
+            continue
+        if inward != over[body]:
+            outward[body] = False
+            doubtful[body] = times > 1 or not all(around.values())
+        elif all(around.values()):
+            doubtful[body] = not any(
+                k not in around and body not in nesting.get(k, ()) and found.overlap(body, k)
+                for k in meets[body]
+            )
+            outward[body] = not doubtful[body]
+    return outward, doubtful, parent
+
+
+def _chosen(
+    found: _Bodies,
+    outward: BoolArray,
+    doubtful: BoolArray,
+    parent: NDArray[np.int64],
+    bodies: str | None,
+    notes: list[str],
+) -> Arranged:
+    """Make the part in which doubtful bodies are what was asked for, if that matters."""
+    import manifold3d
+
+    full = found.full
+    solids = found.sum(full)
+    hollow = manifold3d.Manifold()
+    level = np.array([_doubtful_around(k, doubtful, parent) for k in range(len(parent))])
+    for at in range(int(level.max()) + 1):  # what lies in a doubtful cavity stays
+        for body in np.flatnonzero(full & outward & (level == at)).tolist():
+            own = full & ~outward & ~doubtful & (parent == body)
+            hollow += found.solid(body) - found.sum(own)
+        hollow -= found.sum(full & doubtful & (level == at))
+    count, whole = int(full.sum()), hollow if bodies == "cavities" else solids
+    volumes = f"{hollow.volume():.9g} mm3 with cavities, {solids.volume():.9g} mm3 with solids"
+    same = abs(solids.volume() - hollow.volume()) <= _OVERLAP * solids.volume()
+    if bodies is None and not same:
+        x, y, z = found.bounds[int(np.argmax(doubtful))].mean(axis=0)
+        at_place = f"around ({x:.4g}, {y:.4g}, {z:.4g}) mm"
+        which = (
+            f"{at_place}, is a cavity or a solid"
+            if doubtful.sum() == 1
+            else f"the first {at_place}, are cavities or solids"
+        )
+        raise MeshError(
+            f"its winding does not tell whether {doubtful.sum()} of its {count} bodies, {which}: "
+            f"it has {volumes}; choose by `bodies`, if it is the part, or mend it in the CAD "
+            "program"
+        )
+    if whole.is_empty():
+        raise MeshError("nothing is left where cavities are taken away; choose solids by `bodies`")
+    vertices, faces = weld(_triangles(whole))
+    note = f"{count} bodies united" if same else f"its {count} bodies read as {bodies}: {volumes}"
+    return Arranged(vertices, faces[~repeats_index(faces)], (*notes, note))
+
+
+def union(mesh: Mesh) -> Mesh:
+    """Return the surface of all bodies of a closed mesh together: faces that touch are none of it.
+
+    Bodies are added and cavities taken out from the largest to the smallest, so that what lies in
+    a cavity stays. A mesh of one body is returned as it is, and so is one that cannot be united.
+    """
+    import manifold3d
+
+    topology = Topology(mesh.faces)
+    if topology.bodies < 2:
+        return mesh
+    found = _Bodies(mesh.vertices, topology, *_measured(mesh.vertices, topology), [])
+    largest_first = np.argsort(-np.abs(found.volume), kind="stable").tolist()
+    whole = manifold3d.Manifold()
+    try:
+        for hollow, group in itertools.groupby(largest_first, lambda n: found.volume[n] < 0.0):
+            act = manifold3d.OpType.Subtract if hollow else manifold3d.OpType.Add
+            solids = [whole, *map(found.solid, group)]
+            whole = manifold3d.Manifold.batch_boolean(solids, act)
+    except MeshError:
+        return mesh
+    if whole.status() != manifold3d.Error.NoError or whole.is_empty():
+        return mesh
+    made = whole.to_mesh64()
+    points = np.asarray(made.vert_properties, dtype=np.float64)[:, :3]
+    return Mesh(points, np.asarray(made.tri_verts).astype(np.int32))
+
+
+def _doubtful_around(body: int, doubtful: BoolArray, parent: NDArray[np.int64]) -> int:
+    around = int(parent[body])
+    if around < 0:
+        return 0
+    return int(doubtful[around]) + _doubtful_around(around, doubtful, parent)
+
+
+def _sum(solids: list[Any]) -> Any:
+    import manifold3d
+
+    whole = manifold3d.Manifold.batch_boolean(solids, manifold3d.OpType.Add)
+    if whole.status() != manifold3d.Error.NoError or (solids and whole.is_empty()):
+        raise MeshError("its bodies overlap and cannot be united; unite them in the CAD program")
+    return whole
+
+
+def _unite(
+    vertices: FloatArray, groups: list[NDArray[np.int32]], touching: bool
+) -> tuple[FloatArray, str] | None:
+    """Unite solids: their triangles, and a note; None where they do not overlap after all."""
+    solids = [_manifold(vertices, faces) for faces in groups]
+    whole = _sum(solids)
+    alone = sum(solid.volume() for solid in solids)
+    shared = alone - whole.volume()
+    if shared <= _OVERLAP * alone and not touching:
+        return None
+    verb = "overlapped" if shared > _OVERLAP * alone else "touched"
+    size = f" ({shared:.4g} mm3 counted twice)" if shared > _OVERLAP * alone else ""
+    return _triangles(whole), f"{len(groups)} bodies {verb}{size}: united"
+
+
+def _triangles(solid: Any) -> FloatArray:
+    mesh = solid.to_mesh64()
+    points = np.asarray(mesh.vert_properties, dtype=np.float64)[:, :3]
+    triangles: FloatArray = points[np.asarray(mesh.tri_verts, dtype=np.int64)]
+    return triangles
+
+
+def _manifold(vertices: FloatArray, faces: NDArray[np.int32]) -> Any:
+    import manifold3d
+
+    used, faces = compact(faces, len(vertices))
+    mesh = manifold3d.Mesh64(np.ascontiguousarray(vertices[used]), faces.astype(np.uint64))
+    solid = manifold3d.Manifold(mesh)
+    if solid.status() != manifold3d.Error.NoError:
+        raise MeshError(
+            "its bodies may overlap, and one of them cannot be united with the others "
+            f"({solid.status().name}); unite them in the CAD program"
+        )
+    return solid
+
+
+# ------------------------------------------------------------------------------------------------
+# Find where a closed surface crosses itself, by rays along z.
+
+
+_RAYS = 128
+_SHIFT = (0.5 + 0.0822871, 0.5 - 0.0673913)  # off the lattices that designed parts lie on
+_TOUCH = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class Crossing:
+    """Where a surface crosses itself.
+
+    Attributes
+    ----------
+    place_mm
+        Middle of the longest stretch found.
+    times_inside
+        How often the surface encloses that place; an ordinary solid does once.
+    length_mm
+        Of that stretch, along z.
+    volume_mm3
+        Estimate of all that is enclosed other than once.
+    """
+
+    place_mm: tuple[float, float, float]
+    times_inside: int
+    length_mm: float
+    volume_mm3: float
+
+
+def find_crossing(mesh: Mesh) -> Crossing | None:
+    """Follow 128 x 128 rays along z and find stretches enclosed twice or negatively.
+
+    What is smaller than 1/128 of the extent along x or y may be missed, and overlaps up to a
+    millionth of the extent deep count as touching: this is a test of samples, not a proof.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Closed: every directed edge once, and its reverse once.
+
+    Returns
+    -------
+    Crossing or None
+        None where every stretch is enclosed once or not at all.
+    """
+    low, high = mesh.bounds_mm
+    step = (high - low)[:2] / _RAYS
+    if not (step > 0.0).all():
+        return None
+    first = low[:2] + step * np.array(_SHIFT)
+    y0, y1, y2 = (mesh.vertices[corner, 1] for corner in mesh.faces.T)
+    bottom, top = np.minimum(np.minimum(y0, y1), y2), np.maximum(np.maximum(y0, y1), y2)
+    face, row = _covered(bottom, top, first[1], step[1])
+    ray, z, way = _cross(mesh, face, row, first, step)
+    order = np.lexsort((-way, z, ray))  # of equal heights the entry first
+    ray, z = ray[order], z[order]
+    inside = np.cumsum(way[order])  # the sum over each ray is zero
+    length = np.where(ray[1:] == ray[:-1], np.diff(z), 0.0)
+    wrong = ((inside[:-1] > 1) | (inside[:-1] < 0)) & (length > _TOUCH * float((high - low).max()))
+    if not wrong.any():
+        return None
+    worst = int(np.argmax(np.where(wrong, length, 0.0)))
+    x, y = first + step * np.array([ray[worst] % _RAYS, ray[worst] // _RAYS])
+    return Crossing(
+        place_mm=(float(x), float(y), float((z[worst] + z[worst + 1]) / 2)),
+        times_inside=int(inside[worst]),
+        length_mm=float(length[worst]),
+        volume_mm3=float(length[wrong].sum() * step[0] * step[1]),
+    )
+
+
+def _cross(
+    mesh: Mesh, face: IntArray, row: IntArray, first: FloatArray, step: FloatArray
+) -> tuple[IntArray, FloatArray, IntArray]:
+    """Ray, height and way (1 in, -1 out) of the crossings of faces with rows of rays.
+
+    A row of rays meets a triangle between its edge that runs up and its edge that runs down;
+    a shared edge gives both of its triangles the same bound, so that no ray slips through.
+    """
+    x, y, _ = mesh.vertices.T
+    corners, height = mesh.faces[face], first[1] + row * step[1]
+    up, down = np.zeros(len(face)), np.zeros(len(face))
+    for tail, head in ((0, 1), (1, 2), (2, 0)):
+        p, q = corners[:, tail], corners[:, head]
+        rising = y[p] <= height
+        crossed = np.flatnonzero(rising != (y[q] <= height))
+        p, q = np.minimum(p, q)[crossed], np.maximum(p, q)[crossed]
+        at = x[p] + (x[q] - x[p]) * ((height[crossed] - y[p]) / (y[q] - y[p]))
+        rising = rising[crossed]
+        up[crossed[rising]], down[crossed[~rising]] = at[rising], at[~rising]
+    span, column = _covered(np.minimum(up, down), np.maximum(up, down), first[0], step[0])
+    way = np.where(up < down, 1, -1)[span]
+    heights = _height(mesh.vertices[corners[span]], first[0] + column * step[0], height[span])
+    return row[span] * _RAYS + column, heights, way
+
+
+def _covered(
+    low: FloatArray, high: FloatArray, first: float, step: float
+) -> tuple[IntArray, IntArray]:
+    """All pairs of an interval and a ray in it: low <= first + ray * step < high."""
+    begin, end = _first_ray(low, first, step), _first_ray(high, first, step)
+    count = np.maximum(end - begin, 0)
+    owner = np.repeat(np.arange(len(low)), count)
+    return owner, np.arange(len(owner)) - (np.cumsum(count) - count - begin)[owner]
+
+
+def _first_ray(value: FloatArray, first: float, step: float) -> IntArray:
+    """Smallest ray with first + ray * step >= value, judged by that expression."""
+    ray = np.clip(np.ceil((value - first) / step), 0.0, _RAYS)
+    ray -= first + (ray - 1.0) * step >= value
+    ray += first + ray * step < value
+    settled: IntArray = np.clip(ray, 0.0, _RAYS).astype(np.int64)
+    return settled
+
+
+def _height(corners: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:
+    a, b, c = corners.transpose(1, 2, 0)
+    ux, uy, vx, vy = b[0] - a[0], b[1] - a[1], c[0] - a[0], c[1] - a[1]
+    area = ux * vy - uy * vx
+    low, high = corners[:, :, 2].min(axis=1), corners[:, :, 2].max(axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        s = ((x - a[0]) * vy - (y - a[1]) * vx) / area
+        t = (ux * (y - a[1]) - uy * (x - a[0])) / area
+        z = np.clip(a[2] + s * (b[2] - a[2]) + t * (c[2] - a[2]), low, high)
+    heights: FloatArray = np.where(area == 0.0, (low + high) / 2.0, z)
+    return heights
+
+
+# ------------------------------------------------------------------------------------------------
+# Say in words why a mesh is no solid: where, how many, what to do.
+
+
+def _describe_faults(vertices: FloatArray, topology: Topology) -> str:
+    """Describe the fault that matters most of a mesh that is not closed.
+
+    Parameters
+    ----------
+    vertices, topology
+        A welded mesh.
+    """
+    if len(topology.faces) == 0:
+        return "every triangle has two equal corners; export the part again"
+    if (np.ptp(vertices, axis=0) == 0.0).any():
+        return "it is flat and encloses no volume; export it with a thickness in every direction"
+    opened, crowded = topology.edges(OPEN), topology.edges(CROWDED)
+    if len(opened) == 3 * len(topology.faces):
+        return (
+            f"its {len(topology.faces)} triangles share no edge: they are a soup, not a surface; "
+            "export the part as a solid"
+        )
+    if len(opened):
+        return _describe_borders(vertices, opened, len(crowded))
+    if len(crowded):
+        pairs, count = np.unique(np.sort(crowded, axis=1), axis=0, return_counts=True)
+        length = np.linalg.norm(vertices[pairs[:, 1]] - vertices[pairs[:, 0]], axis=1).sum()
+        return (
+            f"{counted(len(pairs), 'edge')} in all {length:.4g} mm long with up to {count.max()} "
+            f"faces, the first at {_middle(vertices, crowded[0])}: bodies or walls touch along a "
+            "line, which has no thickness to print; let them overlap, or move them apart"
+        )
+    if consistent_winding(topology) is None:
+        return "the surface has one side only, as a Möbius strip; export the part as a solid"
+    return f"{counted(topology.same_way, 'edge')} whose faces disagree on where outside is"
+
+
+def _describe_borders(vertices: FloatArray, edges: NDArray[np.int32], crowded: int) -> str:
+    loops = _loops(edges)
+    length = np.linalg.norm(vertices[edges[:, 1]] - vertices[edges[:, 0]], axis=1)
+    around = [float(length[loop].sum()) for loop in loops]
+    longest = int(np.argmax(around))
+    points = vertices[np.unique(edges[loops[longest]])]
+    x, y, z = (points.min(axis=0) + points.max(axis=0)) / 2
+    holes = counted(len(loops), "hole") + (", the longest" if len(loops) > 1 else "")
+    also = f"; {crowded} more edges have over two faces" if crowded else ""
+    return (
+        f"the surface is open: {counted(len(edges), 'edge')} with one face around {holes} of "
+        f"{around[longest]:.4g} mm around ({x:.4g}, {y:.4g}, {z:.4g}) mm{also}; close it in the "
+        "CAD program, or export the part as a solid"
+    )
+
+
+def _loops(edges: NDArray[np.int32]) -> list[list[int]]:
+    """Group border edges that hang together, by first appearance."""
+    at = defaultdict(list)
+    for number, (a, b) in enumerate(edges.tolist()):
+        at[a].append(number)
+        at[b].append(number)
+    seen = [False] * len(edges)
+    loops = []
+    for seed in range(len(edges)):
+        if seen[seed]:
+            continue
+        seen[seed] = True
+        loop, stack = [], [seed]
+        while stack:
+            number = stack.pop()
+            loop.append(number)
+            for vertex in edges[number].tolist():
+                for near in at.pop(vertex, ()):
+                    if not seen[near]:
+                        seen[near] = True
+                        stack.append(near)
+        loops.append(sorted(loop))
+    return loops
+
+
+def _middle(vertices: FloatArray, edge: NDArray[np.int32]) -> str:
+    x, y, z = (vertices[edge[0]] + vertices[edge[1]]) / 2
+    return f"({x:.4g}, {y:.4g}, {z:.4g}) mm"

@@ -8,11 +8,12 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.glance import channels
 from planner.mesh.mesh import cancel_opposite, compact, face_normal, repeats_index
 from planner.numerics import Float32Array, FloatArray, IntArray, kernel
 from planner.report.svg import ramp
 
-__all__ = ["Shown", "colours_told_apart", "shown", "thinned"]
+__all__ = ["ScreenGrid", "Shown", "colours_told_apart", "shown", "thinned"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -27,11 +28,33 @@ _MOST_TRIANGLES = 400_000
 """Shown at most: a processor of two cores, without a graphics card, has so many on the screen after
 3.2 s (headless Chromium, SwiftShader), of the 5 s that a page may take."""
 
-_STEPS = 65535
-"""Positions along the longest edge of the box: what 16 bits count."""
-
 _Indexed: TypeAlias = tuple[Float32Array | FloatArray, IntArray]
 """Vertices (n, 3) in mm and faces (m, 3)."""
+
+
+_STEPS = 65535
+"""Positions along the longest edge of a box: what 16 bits count."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ScreenGrid:
+    """The grid over a box that positions are counted on: 0 to `_STEPS` along its longest edge."""
+
+    origin_mm: FloatArray
+    step_mm: float
+
+    @classmethod
+    def over(cls, points_mm: Sequence[Float32Array | FloatArray]) -> "ScreenGrid":
+        """Return the grid over the box of several sets of points (n, 3)."""
+        low, high = (
+            find([find(points, axis=0) for points in points_mm], axis=0).astype(np.float64)
+            for find in (np.min, np.max)
+        )
+        return cls(low, float((high - low).max()) / _STEPS or 1.0)
+
+    def counts(self, points_mm: Float32Array | FloatArray) -> NDArray[np.int64]:
+        """Return the nearest points of the grid, (n, 3)."""
+        return np.floor((points_mm - self.origin_mm) / self.step_mm + 0.5).astype(np.int64)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,12 +86,11 @@ class Shown:
 
 def shown(shells: Sequence[_Indexed], most: int = _MOST_TRIANGLES) -> Shown:
     """Return shells for display, with at most about so many triangles, and at least one shell."""
-    low = np.min([vertices.min(axis=0) for vertices, _ in shells], axis=0).astype(np.float64)
-    high = np.max([vertices.max(axis=0) for vertices, _ in shells], axis=0).astype(np.float64)
-    step_mm = float((high - low).max()) / _STEPS or 1.0
+    grid = ScreenGrid.over([vertices for vertices, _ in shells])
+    step_mm = grid.step_mm
+    places = (grid.counts(vertices).T for vertices, _ in shells)
     keys, at = np.unique(
-        np.concatenate([_keys(vertices, low, step_mm) for vertices, _ in shells]),
-        return_inverse=True,
+        np.concatenate([x << 32 | y << 16 | z for x, y, z in places]), return_inverse=True
     )
     points = np.stack([keys >> 32, (keys >> 16) & 0xFFFF, keys & 0xFFFF], axis=1)
     begin = itertools.accumulate((len(vertices) for vertices, _ in shells), initial=0)
@@ -84,7 +106,7 @@ def shown(shells: Sequence[_Indexed], most: int = _MOST_TRIANGLES) -> Shown:
     for f in faces:
         used, own = compact(f, len(points))
         kept.append((points[used].astype(np.uint16), own))
-    return Shown(low, step_mm, tuple(kept), sum(map(len, faces)), of, moved_mm)
+    return Shown(grid.origin_mm, step_mm, tuple(kept), sum(map(len, faces)), of, moved_mm)
 
 
 def thinned(
@@ -98,19 +120,11 @@ def thinned(
         Triangles that are left, at most about so many.
     """
     if len(faces) > most:
-        low = vertices.min(axis=0)
-        step_mm = float(np.ptp(vertices, axis=0).max()) / _STEPS or 1.0
-        points = np.floor((vertices - low) / step_mm + 0.5).astype(np.int64)
+        points = ScreenGrid.over([vertices]).counts(vertices)
         faces = _coarse(points, [faces], most)[faces]
         faces = faces[~repeats_index(faces)]
         faces = faces[cancel_opposite(faces)]
     return compact(faces, len(vertices))
-
-
-def _keys(vertices: Float32Array | FloatArray, low: FloatArray, step_mm: float) -> IntArray:
-    """Return each vertex's point of the grid as one number."""
-    x, y, z = np.floor((vertices - low) / step_mm + 0.5).astype(np.int64).T
-    return np.asarray(x << 32 | y << 16 | z)
 
 
 def _coarse(points: IntArray, faces: Sequence[IntArray], most: int) -> NDArray[np.int32]:
@@ -238,14 +252,10 @@ def colours_told_apart(colours: Sequence[str]) -> tuple[str, ...]:
     return scale if _least_distance(scale) >= _JUST_NOTICEABLE else own
 
 
-def _channels(colours: Sequence[str]) -> FloatArray:
-    return np.array([[int(colour[i : i + 2], 16) for i in (1, 3, 5)] for colour in colours], float)
-
-
 def _least_distance(colours: Sequence[str]) -> float:
     if len(colours) < 2:
         return np.inf
-    share = _channels(colours) / 255.0
+    share = np.array([channels(colour) for colour in colours]) / 255.0
     light = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
     least = np.inf
     for eyes in _BLIND:

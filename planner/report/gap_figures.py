@@ -10,9 +10,16 @@ from functools import partial
 import numpy as np
 
 from planner.gap.diagnosis import Diagnosis, Gap, Location, Traces, signed_error
-from planner.gap.summary import axis_words, clear_places, p_value, percent, probability
+from planner.gap.summary import (
+    axis_words,
+    clear_places,
+    errors_of,
+    p_value,
+    percent,
+    probability,
+    unit_of,
+)
 from planner.numerics import FloatArray
-from planner.report.gap_text import errors_of, unit_of
 from planner.report.svg import (
     BLUE,
     GREY,
@@ -28,7 +35,6 @@ from planner.report.svg import (
     picture,
     rectangle,
     ring,
-    runs,
     segment,
     text,
     ticks,
@@ -218,40 +224,32 @@ def points_along(traces: Traces, axis: str) -> Points | None:
     return Points(x, *errors, names=names, joined=axis != "specimen", row=row)
 
 
-def _along_curves(traces: Traces, axis: str) -> Points | None:
+def _along_curves(traces: Traces, axis: str) -> Points:
     """Return the mean error of each test along its curve, at steps that lie apart."""
     x_of_tests = _strain(traces) if axis == "strain" else traces.time_s
     errors = [traces.errors(f) for f in (traces.before_N, traces.after_N)]
     parts: list[tuple[float, ...]] = []
     for test, (x, rows) in enumerate(zip(x_of_tests, traces.rows, strict=True)):
-        stop = len(x)
-        if axis == "strain":  # first loading alone: on the way back the same strains come again
-            stop = int(np.nanargmax(x)) + 1 if np.isfinite(x).any() else 0
-        steps = np.linspace(0, max(stop - 1, 0), _CURVE_STEPS).round().astype(np.intp)
-        for i in np.unique(steps).tolist():
-            if np.isfinite(x[i]) and np.isfinite(errors[0][rows, i]).any():
-                parts.append((x[i], *(_mean(e[rows, i]) for e in errors), float(test)))
-    table = np.array(parts).reshape(-1, 4)
+        # Of strains the first loading alone: on the way back the same ones come again.
+        last = int(np.argmax(x)) if axis == "strain" else len(x) - 1
+        for i in np.unique(np.linspace(0, last, _CURVE_STEPS).round().astype(np.intp)).tolist():
+            parts.append((x[i], *(float(np.mean(e[rows, i])) for e in errors), float(test)))
+    table = np.array(parts)
     x, before, after, of_curve = table[table[:, 0] > 0.0].T if axis == "time" else table.T
-    if not len(x):
-        return None
     log = axis == "time" and bool(x.max() >= _LOG_FROM * x.min())
     return Points(np.log10(x) if log else x, before, after, log=log, of_curve=of_curve)
 
 
-def _of_branches(traces: Traces) -> Points | None:
+def _of_branches(traces: Traces) -> Points:
     """Return each specimen's error on each way of its path."""
     errors = [traces.errors(f) for f in (traces.before_N, traces.after_N)]
     parts: list[tuple[float, ...]] = []
     for travel, rows in zip(traces.travel_mm, traces.rows, strict=True):
         branch = _branch_of_steps(travel)
         for row, place in itertools.product(rows, range(len(_BRANCHES))):
-            on = branch == place
-            if np.isfinite(errors[0][row, on]).any():
+            if (on := branch == place).any():
                 found = (float(signed_error(e[row, on])) for e in errors)
                 parts.append((float(place), *found, float(row)))
-    if not parts:
-        return None
     places, befores, afters, row = np.array(parts).T
     there, x = np.unique(places, return_inverse=True)
     names = tuple(_BRANCHES[int(place)] for place in there)
@@ -260,31 +258,18 @@ def _of_branches(traces: Traces) -> Points | None:
 
 
 def _branch_of_steps(travel: FloatArray) -> FloatArray:
-    """Return the place in `_BRANCHES` of each step; NaN where the travel is not known."""
-    branch = np.full(len(travel), np.nan)
-    known = np.flatnonzero(np.isfinite(travel))
-    if len(known) < 2:
-        return branch
-    moves = np.diff(travel[known])
-    still = np.abs(moves) <= 1e-6 * float(np.ptp(travel[known]))
+    """Return the place in `_BRANCHES` of each step; NaN of the first."""
+    moves = np.diff(travel)
+    still = np.abs(moves) <= 1e-6 * float(np.ptp(travel))
     fallen = np.logical_or.accumulate((moves < 0.0) & ~still)
-    branch[known[1:]] = np.where(
-        still, _HOLD, np.where(moves < 0.0, 1.0, np.where(fallen, 2.0, 0.0))
-    )
-    return branch
+    branch = np.where(still, _HOLD, np.where(moves < 0.0, 1.0, np.where(fallen, 2.0, 0.0)))
+    return np.append(np.nan, branch)
 
 
 def _strain(traces: Traces) -> FloatArray:
-    """Return travel over gauge length, (P, T); NaN where the gauge length is not known."""
-    gauges = traces.columns.get("gauge_mm") or (None,) * len(traces.specimens)
-    known = [gauges[rows[0]] if rows else None for rows in traces.rows]
-    lengths = [v if isinstance(v, (int, float)) and v > 0.0 else np.nan for v in known]
+    """Return travel over gauge length, (P, T)."""
+    lengths = [traces.columns["gauge_mm"][rows[0]] for rows in traces.rows]
     return traces.travel_mm / np.array(lengths, dtype=np.float64)[:, None]
-
-
-def _mean(values: FloatArray) -> float:
-    known = values[np.isfinite(values)]
-    return float(known.mean()) if len(known) else np.nan
 
 
 # ------------------------------------------------------------------------------------------------
@@ -332,16 +317,13 @@ _OVERALL = Location("material", 0.0, (0.0, 0.0), 1.0)
 """Shows every specimen where there is room, whether or not the gap varies along it."""
 
 
-def _residual_figure(diagnosis: Diagnosis, traces: Traces) -> bytes | None:
-    """Return the figure as SVG; None where there are no traces along any axis found."""
-    places = [diagnosis.where[k] for k in clear_places(diagnosis)] or list(diagnosis.where[:1])
+def _residual_figure(diagnosis: Diagnosis, traces: Traces) -> bytes:
+    """Return the figure as SVG."""
+    places = clear_places(diagnosis) or list(diagnosis.where[:1])
     if len(places) < _ACROSS and all(p.axis != "material" for p in places):
         places.append(_OVERALL)
     found = [(place, points_along(traces, place.axis)) for place in places]
     shown = [(place, points) for place, points in found if points is not None][:_SHOWN]
-    shown = [(place, points) for place, points in shown if np.isfinite(points.before).any()]
-    if not shown:
-        return None
     y_range = _y_range([points for _, points in shown])
     panels = [partial(_residual_panel, traces, *one, y_range) for one in shown]
     parts, width, height = in_rows(panels, _ACROSS, (66.0, _TOP), (440.0, 280.0))
@@ -493,15 +475,12 @@ _LABEL, _DOTS = 36, 22
 _HELD = 0.5
 
 
-def _curves_figure(traces: Traces) -> bytes | None:
-    """Return the figure as SVG; None where there is nothing to draw."""
+def _curves_figure(traces: Traces) -> bytes:
+    """Return the figure as SVG."""
     squares = traces.errors(traces.before_N) ** 2
-    errors = np.array([_mean(squares[rows]) for rows in traces.rows])
-    order = [p for p in np.argsort(-errors, kind="stable").tolist() if np.isfinite(errors[p])]
-    shown = order[:_TESTS]
-    if not shown:
-        return None
-    title = "The tests with the largest gap" if len(order) > len(shown) else "Every test"
+    errors = np.array([np.mean(squares[rows]) for rows in traces.rows])
+    shown = np.argsort(-errors, kind="stable").tolist()[:_TESTS]
+    title = "The tests with the largest gap" if len(errors) > len(shown) else "Every test"
     panels = [partial(_curves_panel, traces, test) for test in shown]
     parts, width, height = in_rows(panels, 3, (62.0, _TOP), (292.0, 256.0))
     key = [disc(26.0, 48.0, colour=INK, radius=2.5), text(36.0, 52.0, "measured", colour=_QUIET)]
@@ -522,14 +501,11 @@ def _curves_panel(traces: Traces, test: int, left: float, top: float) -> Iterato
     held = _is_held(traces.travel_mm[test], traces.time_s[test])
     x = (traces.time_s if held else traces.travel_mm)[test]
     force = np.concatenate([before, after, measured.ravel()])
-    force = force[np.isfinite(force)]
-    if not len(force) or not np.isfinite(x).any():
-        return
-    low, high = min(0.0, float(force.min())), max(float(force.max()), 0.0)
+    low, high = min(0.0, float(np.nanmin(force))), max(float(np.nanmax(force)), 0.0)
     room = 0.06 * (high - low) or 1.0
     y_range = (low - room if low < 0.0 else 0.0, high + room)
     across = "time, s" if held else "travel, mm"
-    chart = Chart(left, top + 34.0, 220.0, 150.0, (0.0, float(np.nanmax(x)) or 1.0), y_range)
+    chart = Chart(left, top + 34.0, 220.0, 150.0, (0.0, float(x.max()) or 1.0), y_range)
     for number, words in enumerate(textwrap.wrap(traces.label[test], _LABEL, max_lines=2)):
         yield text(left, top + 8.0 + 14.0 * number, words, size=11.5)
     yield from frame(chart, x_label=across, y_label="", most_ticks=5)
@@ -543,32 +519,23 @@ def _curves_panel(traces: Traces, test: int, left: float, top: float) -> Iterato
         words = _error_words(traces.residual_before[row], traces.residual_after[row])
         yield from told(f"measured, {_specimen_words(traces, row)}; {words}", dots, axes=readable)
     for curve, look in ((before, _BEFORE), (after, _AFTER)):
-        drawn = [
-            line(chart, x[run], curve[run], colour=look.colour, width=1.8, dash=look.dash)
-            for run in runs(np.isfinite(x) & np.isfinite(curve))
-            if run.stop - run.start > 1
-        ]
-        if drawn:
-            yield from told(f"predicted, {look.of}: {traces.label[test]}", drawn, axes=readable)
+        if np.isfinite(curve).all():
+            drawn = line(chart, x, curve, colour=look.colour, width=1.8, dash=look.dash)
+            yield from told(f"predicted, {look.of}: {traces.label[test]}", [drawn], axes=readable)
 
 
 def _is_held(travel: FloatArray, time: FloatArray) -> bool:
     """Tell whether the crosshead stood still for most of the time."""
-    known = np.isfinite(travel) & np.isfinite(time)
-    still, steps = _branch_of_steps(travel[known])[1:] == _HOLD, np.diff(time[known])
+    still, steps = _branch_of_steps(travel)[1:] == _HOLD, np.diff(time)
     return float(steps[still].sum()) > _HELD * float(steps.sum())
 
 
 def _places(x: FloatArray, y: FloatArray) -> list[int]:
     """Return some steps that lie apart along the curve, its ends among them."""
-    known = np.flatnonzero(np.isfinite(x) & np.isfinite(y))
-    if len(known) <= _DOTS:
-        return [int(i) for i in known]
-    across = np.diff(x[known]) / (np.ptp(x[known]) or 1.0)
-    up = np.diff(y[known]) / (np.ptp(y[known]) or 1.0)
-    along = np.concatenate([[0.0], np.cumsum(np.hypot(across, up))])
+    across, up = (np.diff(v) / (np.ptp(v) or 1.0) for v in (x, y))
+    along = np.append(0.0, np.cumsum(np.hypot(across, up)))
     wanted = np.linspace(0.0, along[-1], _DOTS)
-    return sorted({int(known[i]) for i in np.searchsorted(along, wanted).clip(max=len(known) - 1)})
+    return sorted(set(np.searchsorted(along, wanted).clip(max=len(x) - 1).tolist()))
 
 
 # ------------------------------------------------------------------------------------------------

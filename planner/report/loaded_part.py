@@ -8,27 +8,32 @@ from typing import Any
 import numpy as np
 
 from planner import __version__
-from planner.formats.field_file import HEXAHEDRON, TETRAHEDRON, WEDGE, encode_vtu
-from planner.glance import percent
+from planner.formats.field_file import encode_vtu
+from planner.glance import format_interval, format_number, percent
 from planner.materials.mixtures import CoefficientModel
 from planner.mesh.clip import clip_hexahedra
-from planner.mesh.distance import nearest, triangle_tree
+from planner.mesh.distance import distances, triangle_tree
 from planner.numerics import FloatArray, IntArray
-from planner.report.display import thinned
+from planner.report.display import ScreenGrid, thinned
 from planner.report.page import (
-    asset,
+    KEYS,
     begin,
     data_script,
     end,
     figure,
     findings_card,
+    geometry,
     head,
+    load_slider,
     packed,
+    scale_bar,
     section,
+    section_controls,
+    shell_data,
+    stage,
     table,
+    viewer_scripts,
 )
-from planner.report.plan_page import KEYS, geometry, library, section_controls, shell_data, stage
-from planner.report.plan_text import format_interval, format_number
 from planner.report.simulation_figures import simulation_figure
 from planner.report.svg import INK, Chart, frame, inline, ramp, rectangle, segment, text, ticks
 from planner.simulation.element import shape_functions
@@ -48,9 +53,6 @@ __all__ = [
 _MOST_TRIANGLES = 100_000
 """A step is on the screen 0.3 s after the slider moves, without a graphics card (headless Chromium,
 SwiftShader, two cores)."""
-
-_POINTS = 65535
-"""Positions along the longest edge of all steps' box: what 16 bits count."""
 
 _SCALE = (
     "#440154", "#482878", "#3E4A89", "#31688E", "#26828E", "#1F9E89", "#35B779", "#6DCD59",
@@ -99,8 +101,7 @@ def _page(results: Sequence[PartSimulation]) -> Iterator[str]:
     kept, faces = thinned(
         result.cells.surface.vertices, result.cells.surface.faces, _MOST_TRIANGLES
     )
-    own = "\n".join(map(asset, ("viewer.js", "page.js", "part.js")))
-    scripts = (library(), f"{own}\n")
+    scripts = viewer_scripts("page.js", "part.js")
     top = _top(max(float(one.steps.strain_over_break.max()) for one in results))
     yield from begin(
         f"{result.name}: under load",
@@ -120,7 +121,10 @@ def _page(results: Sequence[PartSimulation]) -> Iterator[str]:
     )
     yield '<div class="panel">'
     yield from findings_card([(f.message, False) for one in results for f in one.findings])
-    yield from _slider(sum(len(one.steps.share) for one in results))
+    count = sum(len(one.steps.share) for one in results)
+    yield from load_slider("", count, count - 1)
+    yield '<label class="tick"><input type="checkbox" id="ghost"> outline at rest</label>'
+    yield '<label class="tick"><input type="checkbox" id="edges" checked> edges</label></fieldset>'
     yield from _legend(top)
     yield from section_controls("xyz")
     yield KEYS
@@ -177,22 +181,10 @@ def _header(results: Sequence[PartSimulation]) -> Iterator[str]:
     return head(f"{results[0].name} under load", [escape(part_title(r)) for r in results], facts)
 
 
-def _slider(count: int) -> Iterator[str]:
-    last = count - 1
-    yield '<fieldset id="load" data-needs-view hidden><legend>Load</legend><div class="slide">'
-    yield (
-        f'<input type="range" id="step" min="0" max="{last}" value="{last}" step="1" '
-        'aria-label="Step of the load">'
-    )
-    yield '<output id="step-words" for="step"></output></div>'
-    yield '<label class="tick"><input type="checkbox" id="ghost"> outline at rest</label>'
-    yield '<label class="tick"><input type="checkbox" id="edges" checked> edges</label></fieldset>'
-
-
 def _legend(top: float) -> Iterator[str]:
     yield '<section class="card" aria-labelledby="legend-title">'
     yield '<h2 id="legend-title">Strain over elongation at break</h2>'
-    yield f'<div class="scale" style="background:linear-gradient(90deg,{",".join(_SCALE)})"></div>'
+    yield scale_bar(_SCALE)
     yield '<div class="scale-figures">'
     yield "".join(f"<span>{top * share:.3g}</span>" for share in (0.0, 0.25, 0.5, 0.75, 1.0))
     yield "</div>"
@@ -234,9 +226,8 @@ def _packed(
     moves = np.concatenate([one.steps.displacement_mm[:, kept] for one in results])
     over_break = np.concatenate([one.steps.strain_over_break[:, kept] for one in results])
     places = results[0].cells.surface.vertices[kept] + moves
-    low, high = places.min(axis=(0, 1)), places.max(axis=(0, 1))
-    step_mm = float((high - low).max()) / _POINTS or 1.0
-    points = np.floor((places - low) / step_mm + 0.5).astype("<u2")
+    grid = ScreenGrid.over(list(places))
+    points = grid.counts(places).astype("<u2")
     # One colour is kept for what is broken: the last.
     values = np.minimum(np.floor(254.0 * np.maximum(over_break, 0.0) / top), 254)
     values[over_break > 1.0] = 255
@@ -245,10 +236,10 @@ def _packed(
         for one, value in zip(points, values, strict=True)
     ]
     document = {
-        "origin": low.tolist(),
-        "step": step_mm,
+        "origin": grid.origin_mm.tolist(),
+        "step": grid.step_mm,
         "moved": [0.0, 0.0, 0.0],
-        "size": (high - low).tolist(),
+        "size": np.ptp(places, axis=(0, 1)).tolist(),
         "shells": [shell_data(points[0], faces, "#8A8F98")],
         "sections": [
             {"name": name, "normal": [float(k == axis) for axis in range(3)], "zero": 0.0}
@@ -354,7 +345,7 @@ def _cuts(result: PartSimulation) -> Iterator[_PartCut]:
         margin = _SKIN * float(cell_mm[across])
         at = float(np.clip(place[across], low[across] + margin, high[across] - margin))
         places[..., across], places[..., along], places[..., up] = at, x, y[:, None]
-        _, outside = nearest(tree, places.reshape(-1, 3))
+        _, outside = distances(tree, places.reshape(-1, 3))
         values = np.full(places.shape[:2], np.nan)
         if not outside.all():
             inside = ~outside.reshape(values.shape)
@@ -647,7 +638,7 @@ def part_volume(result: PartSimulation) -> bytes:
     np.add.at(volume, tuple(cells.index.T), np.add.reduceat(cells.weights_mm3, cells.offsets[:-1]))
     full = volume[tuple(cells.index.T)] > (1.0 - 1e-9) * np.prod(cells.cell_mm)
     asked = np.unique(corners[~full[cell]])
-    away, outside = nearest(triangle_tree(cells.surface), points[asked])
+    away, outside = distances(triangle_tree(cells.surface), points[asked])
     distance[asked] = np.where(outside, away, -away) - _NEAR * float(cells.cell_mm.min())
     kept = clip_hexahedra(corners, points, distance)
 
@@ -659,7 +650,7 @@ def part_volume(result: PartSimulation) -> bytes:
     point, shares = point[used], hats(inner[used])
     return encode_vtu(
         cut(points),
-        [(HEXAHEDRON, kept.hexahedra), (WEDGE, kept.wedges), (TETRAHEDRON, kept.tetrahedra)],
+        [kept.hexahedra, kept.wedges, kept.tetrahedra],
         point_data={"displacement_mm": cut(u)},
         cell_data={
             "material": np.abs(coordinate[point][:, None] - grades).argmin(axis=1).astype(np.int32),

@@ -3,18 +3,17 @@
 from collections.abc import Iterator, Sequence
 from functools import partial
 from itertools import pairwise
-from statistics import NormalDist
 
 import numpy as np
 
 from planner.grading.profile import StiffnessScale
 from planner.materials.algorithm_one import QuadraticStudy, mixtures_without
 from planner.materials.characterise import Characteristics, Curve, MaterialCharacteristics
-from planner.materials.fit_intervals import MaterialFit
+from planner.materials.fit import MaterialFit
 from planner.materials.laws import make_law, secant_modulus_MPa
 from planner.materials.mixtures import CoefficientModel
 from planner.materials.palette_study import Characterisation, PaletteStudy
-from planner.numerics import FloatArray
+from planner.numerics import FloatArray, normal_quantile
 from planner.palette import Material
 from planner.report.svg import (
     BLUE,
@@ -465,7 +464,7 @@ def _tests(
     longest = max(float(curve.strain[-1]) for curve in fit.curves)
     strain = np.linspace(0.0, max(longest, material.elongation_at_break), _CURVE_POINTS)
     stress = law.nominal_stress_MPa(1.0 + strain)
-    wide = np.exp(NormalDist().inv_cdf(0.975) * material.modulus_log_sd)
+    wide = np.exp(normal_quantile() * material.modulus_log_sd)
     largest = max(float(curve.stress_MPa.max()) for curve in fit.curves)
     # A law that fits badly has a band that would leave no room for the curves.
     highest = max(largest, float(stress.max())) * _headroom(len(fit.curves), _FIT_HEIGHT)

@@ -1,4 +1,4 @@
-"""What every page shares: its head, styles, scripts and data, all within it; sections, tables."""
+"""What every page shares: its head, styles, scripts and data, all within it; tables, 3D views."""
 
 import base64
 import hashlib
@@ -9,18 +9,27 @@ from importlib import resources
 from typing import Any
 
 from planner.formats.files import encode_document
+from planner.numerics import IntArray
 
 __all__ = [
+    "KEYS",
     "asset",
     "begin",
     "data_script",
     "end",
     "figure",
     "findings_card",
+    "geometry",
     "head",
+    "load_slider",
     "packed",
+    "scale_bar",
     "section",
+    "section_controls",
+    "shell_data",
+    "stage",
     "table",
+    "viewer_scripts",
 ]
 
 
@@ -169,3 +178,144 @@ def findings_card(messages: Sequence[tuple[str, bool]]) -> Iterator[str]:
         else:
             yield f'<li class="plain">{escape(message)}</li>'
     yield "</ol>\n</section>"
+
+
+# ------------------------------------------------------------------------------------------------
+# The 3D view: its scripts, its frame and controls, and what it reads of each shell.
+
+
+def viewer_scripts(*names: str) -> tuple[str, str]:
+    """Return the scripts of a page with a 3D view: the library, under its licence, and our own."""
+    licence = asset("THREE-LICENSE.txt")
+    head = f"/* three.js r187, bundled by esbuild.\n\n{licence}\n*/\n"
+    own = "\n".join(map(asset, ("viewer.js", *names)))
+    return f"{head}{asset('three.min.js')}\n", f"{own}\n"
+
+
+_NO_VIEW = (
+    "The figures, the table and the how-to below are whole; the .3mf opens in any 3D program."
+)
+
+
+def stage(label: str, words: str, note: str = "", no_view: str = _NO_VIEW) -> Iterator[str]:
+    """Yield the 3D view with what lies over it.
+
+    Parameters
+    ----------
+    label, words
+        What it is called, and what it shows, for those who do not see it.
+    note
+        HTML that stands in its corner.
+    no_view
+        What to look at where there is none.
+    """
+    yield '<section class="stage" aria-label="3D view">'
+    yield (
+        f'<canvas id="view" tabindex="0" role="application" aria-label="{escape(label)}, 3D view" '
+        'aria-describedby="view-words keys"></canvas>'
+    )
+    yield f'<p id="view-words" hidden>{escape(words)}</p>'
+    yield '<div id="marks" aria-hidden="true"></div>'
+    yield '<div class="bar" role="group" aria-label="Views" data-needs-view hidden>'
+    views = {"corner": "Whole", "front": "Front", "side": "Side", "top": "Top"}
+    yield "".join(
+        f'<button type="button" data-view="{view}">{words}</button>'
+        for view, words in views.items()
+    )
+    yield '</div>\n<div class="bar zoom" role="group" aria-label="Zoom" data-needs-view hidden>'
+    yield '<button type="button" id="zoom-in" aria-label="Zoom in">+</button>'
+    yield '<button type="button" id="zoom-out" aria-label="Zoom out">−</button></div>'
+    yield '<svg class="read" id="axes" viewBox="-38 -38 76 76" aria-hidden="true">'
+    yield from (f'<g><line x1="0" y1="0"/><text>{axis}</text></g>' for axis in "xyz")
+    yield '</svg>\n<div class="read" id="scale" aria-hidden="true" data-needs-view hidden>'
+    yield '<span id="scale-words"></span><div id="scale-bar"></div></div>'
+    yield '<div class="read" id="under" role="status"></div>'
+    if note:
+        yield f'<p class="read" id="simplified">{note}</p>'
+    yield (f'<p id="no-view" hidden>This browser shows no 3D graphics (WebGL 2). {no_view}</p>')
+    yield (
+        '<noscript><p class="quiet">The 3D view needs JavaScript; the rest of the page does '
+        "not.</p></noscript>"
+    )
+    yield "</section>"
+
+
+def section_controls(ways: Sequence[str]) -> Iterator[str]:
+    """Yield the controls of the section, by the names of the ways to cut."""
+    yield '<fieldset id="section" data-needs-view hidden><legend>Section</legend><div class="ways">'
+    yield '<label><input type="radio" name="section" value="off" checked> none</label>'
+    for name in ways:
+        yield f'<label><input type="radio" name="section" value="{name}"> {name}</label>'
+    yield '</div>\n<div class="slide">'
+    yield _slider("section-place", 1000, 500, "disabled", "Place of the section")
+    yield '<output id="section-words" for="section-place"></output>'
+    yield (
+        '<label class="tick"><input type="checkbox" id="section-flip" disabled> show the other '
+        "side</label></div></fieldset>"
+    )
+
+
+def _slider(name: str, most: int, value: int, state: str, label: str) -> str:
+    return (
+        f'<input type="range" id="{name}" min="0" max="{most}" value="{value}" {state} '
+        f'aria-label="{label}">'
+    )
+
+
+def load_slider(name: str, count: int, value: int) -> Iterator[str]:
+    """Yield the beginning of the controls of a load: which of so many steps is seen, in words."""
+    yield '<fieldset id="load" data-needs-view hidden><legend>Load</legend><div class="slide">'
+    yield _slider(f"{name}step", count - 1, value, 'step="1"', "Step of the load")
+    yield f'<output id="{name}words" for="{name}step"></output></div>'
+
+
+def scale_bar(colours: Iterable[str]) -> str:
+    """Return a strip of colours that run into each other."""
+    ramp = ",".join(colours)
+    return f'<div class="scale" style="background:linear-gradient(90deg,{ramp})"></div>'
+
+
+KEYS = """<details class="card" data-needs-view hidden><summary>Mouse and keys</summary>
+<dl class="keys" id="keys">
+<dt>drag</dt><dd>turn; with the right button or two fingers: move</dd>
+<dt>wheel, pinch</dt><dd>zoom</dd>
+<dt><kbd>←</kbd> <kbd>→</kbd> <kbd>↑</kbd> <kbd>↓</kbd></dt>
+<dd>turn, once the view has the focus</dd>
+<dt><kbd>Shift</kbd> + arrows</dt><dd>move</dd>
+<dt><kbd>+</kbd> <kbd>-</kbd></dt><dd>zoom</dd>
+<dt><kbd>0</kbd>, <kbd>Home</kbd></dt><dd>the whole part again</dd>
+</dl></details>"""
+
+
+def shell_data(
+    points: IntArray,
+    faces: IntArray,
+    colour: str,
+    name: str = "",
+    number: int = 1,
+    modulus: str = "",
+) -> dict[str, Any]:
+    """Return what the viewer reads of a shell besides its geometry."""
+    return {
+        "name": name,
+        "number": number,
+        "modulus": modulus,
+        "colour": colour,
+        "points": len(points),
+        "faces": len(faces),
+        "wide": _wide(points),
+    }
+
+
+def _wide(points: IntArray) -> bool:
+    """Whether a shell has more points than 16 bits count."""
+    return len(points) > 1 << 16
+
+
+def geometry(shells: Iterable[tuple[IntArray, IntArray]]) -> str:
+    """Return positions and triangles of each shell, little-endian, at multiples of four bytes."""
+    return packed(
+        values.astype(kind).tobytes()
+        for points, faces in shells
+        for values, kind in ((points, "<u2"), (faces, "<u4" if _wide(points) else "<u2"))
+    )

@@ -1,16 +1,19 @@
-"""The figure of a plan: target and achieved stiffness along its field, as SVG inside a page."""
+"""A plan in words and as figures: its table, what is said of it, its stiffness along the field."""
 
 import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from html import escape
+from typing import TypeAlias
 
 import numpy as np
 
+from planner.glance import format_interval, format_number, format_range
 from planner.grading.profile import Profile
+from planner.grading.regions import error_text
 from planner.numerics import FloatArray
 from planner.plan import Plan, Region
-from planner.report.plan_text import format_interval, format_number, mm_along
 from planner.report.svg import (
     BLUE,
     INK,
@@ -27,8 +30,142 @@ from planner.report.svg import (
     told,
 )
 
-__all__ = ["both_figure", "stiffness_figure", "stretches", "target_along"]
+__all__ = [
+    "both_figure",
+    "error_words",
+    "mm_along",
+    "moved_words",
+    "plan_table",
+    "stiffness_figure",
+    "stretches",
+    "target_along",
+    "unreachable_words",
+]
 
+
+# ------------------------------------------------------------------------------------------------
+# A plan as rows of words: what the terminal and the page show.
+
+
+@dataclass(frozen=True, slots=True)
+class PlanTable:
+    """What was wanted and what is printed, a row a region.
+
+    Attributes
+    ----------
+    rows
+        By column, one for each of `Plan.regions`.
+    total
+        Of the whole part: a row with fewer columns.
+    right
+        Columns whose figures stand flush right.
+    """
+
+    title: str
+    columns: tuple[str, ...]
+    rows: tuple[Mapping[str, str], ...]
+    total: Mapping[str, str]
+    right: tuple[str, ...] = ("#", "achieved MPa", "error", "volume mm3", "mass g")
+
+
+def plan_table(plan: Plan) -> PlanTable:
+    """Return the table of a plan."""
+    long = isinstance(plan.gradient.field.get("span_mm"), float)
+    begin, way = mm_along(plan.gradient.field) if long else (0.0, 1.0)
+    rows = tuple(
+        {
+            "#": str(r.index),
+            "material": r.printed,
+            "blend": _blend_text(r),
+            "along mm" if long else "field": " .. ".join(
+                f"{begin + u * way:.{2 if long else 4}f}" for u in r.field
+            ),
+            "target MPa": format_range(r.target_modulus_MPa),
+            "achieved MPa": format_number(r.modulus_MPa),
+            "95 % interval": format_interval(r.modulus_interval_MPa),
+            "error": " .. ".join(dict.fromkeys(f"{100 * e:+.0f}" for e in r.error)) + " %",
+            "volume mm3": format_number(r.volume_mm3, 4),
+            "mass g": format_number(r.mass_g),
+        }
+        for r in plan.regions
+    )
+    total = {
+        "material": "all",
+        "volume mm3": format_number(sum(r.volume_mm3 for r in plan.regions), 4),
+        "mass g": format_number(sum(r.mass_g for r in plan.regions)),
+    }
+    blended = plan.gradient.blend is not None
+    return PlanTable(
+        f"{plan.part.file} on {plan.printer}: secant modulus at strain "
+        f"{plan.stiffness.at_strain:g}",
+        tuple(name for name in rows[0] if name != "blend" or blended),
+        rows,
+        total,
+    )
+
+
+def error_words(plan: Plan) -> str:
+    """Say how far the stiffness is off its target at worst, and what would make it less.
+
+    Nothing of a plan that does not say so.
+    """
+    check = plan.checks.get("worst_stiffness_error")
+    if check is None:
+        return ""
+    better = [
+        f"{option} {error_text(ratio)}" for option, ratio in plan.stiffness.alternatives.items()
+    ]
+    return f"largest error of the stiffness: {', '.join([error_text(check.value), *better])}"
+
+
+def moved_words(plan: Plan) -> str:
+    """Say how many cuts were moved off faces of the part; nothing where none was."""
+    snap = plan.gradient.snap
+    if snap is None:
+        return ""
+    moved = snap["moved"]
+    cuts = "1 cut was" if len(moved) == 1 else f"{len(moved)} cuts were"
+    return (
+        f"{cuts} moved by up to {max(cut['by_mm'] for cut in moved):.2f} mm, so that no sliver is "
+        "left beside a face of the part (--snap 0: not at all)"
+    )
+
+
+def unreachable_words(plan: Plan) -> list[str]:
+    """Say of each stretch whose target no material reaches where it lies and what comes nearest."""
+    return [
+        f"target {missed.target_modulus_MPa[0]:.3g} .. {missed.target_modulus_MPa[1]:.3g} MPa at "
+        f"field {missed.field[0]:.3f} .. {missed.field[1]:.3f} is out of reach; the nearest is "
+        f"{missed.nearest} with {missed.modulus_MPa:.3g} MPa"
+        for missed in plan.unreachable
+    ]
+
+
+def mm_along(field: Mapping[str, object]) -> tuple[float, float]:
+    """Return where a field that is a length begins, and how far it goes, in mm."""
+    begin, end, span = field.get("from_mm"), field.get("to_mm"), field.get("span_mm")
+    if isinstance(begin, float) and isinstance(end, float):
+        return begin, end - begin
+    return 0.0, span if isinstance(span, float) else 1.0
+
+
+def _blend_text(region: Region) -> str:
+    """Say in a few words what a region has to do with its neighbour."""
+    blend = region.blend or {}
+    if blend.get("kind") == "dither":
+        return f"{100 * blend['volume_fraction']:.1f} % {blend['upper']} in {blend['lower']}"
+    if blend.get("kind") == "bands":
+        return f"{100 * blend['share']:.1f} % {blend['upper']}, {blend['lower']} in turn"
+    if blend.get("kind") == "mix":
+        return f"{100 * blend['fraction']:.1f} % {blend['upper']} mixed in {blend['lower']}"
+    return ""
+
+
+# ------------------------------------------------------------------------------------------------
+# Target and achieved stiffness along the field, as SVG inside a page.
+
+
+_Target: TypeAlias = tuple[FloatArray, FloatArray]
 
 _LEFT, _TOP, _WIDTH, _HEIGHT = 58.0, 34.0, 620.0, 260.0
 _STRIP_TOP, _STRIP = 0.0, 14.0
@@ -60,33 +197,20 @@ def stiffness_figure(
     """
     target = target_along(plan)
     known = any(low < high for low, high in (r.modulus_interval_MPa for r in plan.regions))
-    moduli = [r.modulus_MPa for r in plan.regions] + [
-        end for r in plan.regions for end in r.modulus_interval_MPa
-    ]
-    if target is not None:
-        moduli += [float(10.0 ** target[1].min()), float(10.0 ** target[1].max())]
-    low, high = math.log10(min(moduli)), math.log10(max(moduli))
-    room = _ROOM * (high - low) or 0.5
-    begin, way = mm_along(plan.gradient.field)
-    ends = (begin, begin + way) if way else (0.0, 1.0)
-    chart = Chart(_LEFT, _TOP, _WIDTH, _HEIGHT, ends, (low - room, high + room))
+    chart = _chart([plan], [target], [e for r in plan.regions for e in r.modulus_interval_MPa])
     long = isinstance(plan.gradient.field.get("span_mm"), float)
     bottom = _TOP + _HEIGHT + 44.0
     parts = [
-        *(_interval(r, chart, ends, numbers) for r in stretches(plan.regions) if known),
+        *(_interval(r, chart, numbers) for r in stretches(plan.regions) if known),
         *frame(
             chart,
             x_label="",
             y_label=f"secant modulus at strain {plan.stiffness.at_strain:g}, MPa",
             y_ticks=log_ticks(*chart.y_range),
         ),
-        *(
-            [line(chart, ends[0] + target[0] * way, target[1], colour=BLUE, dash="6,4")]
-            if target is not None
-            else []
-        ),
-        *(_step(r, chart, ends) for r in stretches(plan.regions)),
-        *_strip(plan.regions, chart, ends, colours, numbers),
+        *([] if target is None else [_target_line(chart, target)]),
+        *(_step(r, chart) for r in stretches(plan.regions)),
+        *_strip(plan.regions, chart, colours, numbers),
         text(
             _LEFT + 0.5 * _WIDTH,
             bottom + 24.0,
@@ -100,7 +224,28 @@ def stiffness_figure(
     return inline(width, height, parts, named)
 
 
-def target_along(plan: Plan) -> tuple[FloatArray, FloatArray] | None:
+def _chart(
+    plans: Sequence[Plan], targets: Sequence[_Target | None], more_MPa: Sequence[float] = ()
+) -> Chart:
+    """Return a chart of moduli over the field, in mm where all plans' have the same ends."""
+    logs = [math.log10(r.modulus_MPa) for plan in plans for r in plan.regions]
+    logs += [math.log10(modulus) for modulus in more_MPa]
+    for target in targets:
+        logs += [] if target is None else [float(target[1].min()), float(target[1].max())]
+    room = _ROOM * (max(logs) - min(logs)) or 0.5
+    spans = {mm_along(plan.gradient.field) for plan in plans}
+    begin, way = next(iter(spans)) if len(spans) == 1 else (0.0, 1.0)
+    ends = (begin, begin + way) if way else (0.0, 1.0)
+    return Chart(_LEFT, _TOP, _WIDTH, _HEIGHT, ends, (min(logs) - room, max(logs) + room))
+
+
+def _target_line(chart: Chart, target: _Target, colour: str = BLUE, width: float = 2.0) -> str:
+    begin, end = chart.x_range
+    x = begin + target[0] * (end - begin)
+    return line(chart, x, target[1], colour=colour, width=width, dash="6,4")
+
+
+def target_along(plan: Plan) -> _Target | None:
     """Return places 0..1 and log10 of the target there, in MPa; None of a plan without one."""
     profile = plan.gradient.profile
     if not {"positions", "moduli_MPa", "shape"} <= profile.keys():
@@ -124,44 +269,47 @@ def stretches(regions: Sequence[Region]) -> list[Region]:
     return list({region.field: region for region in regions}.values())
 
 
-def _span(region: Region, chart: Chart, ends: tuple[float, float]) -> tuple[float, float]:
+def _span(region: Region, chart: Chart) -> tuple[float, float]:
     """Return where a region begins and ends in the picture."""
-    begin, way = ends[0], ends[1] - ends[0]
-    return chart.x(begin + region.field[0] * way), chart.x(begin + region.field[1] * way)
+    begin, end = chart.x_range
+    first, last = (begin + u * (end - begin) for u in region.field)
+    return chart.x(first), chart.x(last)
 
 
-def _interval(
-    region: Region, chart: Chart, ends: tuple[float, float], numbers: Mapping[str, int]
-) -> str:
-    left, right = _span(region, chart, ends)
+def _said(region: Region) -> str:
+    interval = format_interval(region.modulus_interval_MPa)
+    return f"{format_number(region.modulus_MPa)} MPa, 95 % interval {interval}"
+
+
+def _interval(region: Region, chart: Chart, numbers: Mapping[str, int]) -> str:
+    left, right = _span(region, chart)
     low, high = (chart.y(math.log10(end)) for end in region.modulus_interval_MPa)
     drawn = rectangle(left, high, right - left, low - high, colour=PALE_BLUE)
     return f'<g data-material="{numbers[region.printed]}">{drawn}</g>'
 
 
-def _step(region: Region, chart: Chart, ends: tuple[float, float]) -> str:
-    left, right = _span(region, chart, ends)
+def _step(region: Region, chart: Chart, colour: str = INK, width: float = 2.5) -> str:
+    left, right = _span(region, chart)
     y = chart.y(math.log10(region.modulus_MPa))
-    return segment((left, y), (right, y), colour=INK, width=2.5)
+    return segment((left, y), (right, y), colour=colour, width=width)
 
 
 def _strip(
-    regions: Sequence[Region], chart: Chart, ends: tuple[float, float],
-    colours: Mapping[str, str], numbers: Mapping[str, int],
-) -> Iterator[str]:  # fmt: skip
+    regions: Sequence[Region],
+    chart: Chart,
+    colours: Mapping[str, str],
+    numbers: Mapping[str, int],
+) -> Iterator[str]:
     """Draw what each stretch is printed in; two that share one have their shares of its height."""
     top = chart.top + chart.height + 24.0 + _STRIP_TOP
     filled: dict[tuple[float, float], float] = {}
     for region in regions:
-        left, right = _span(region, chart, ends)
+        left, right = _span(region, chart)
         share = _share(region)
         begin = filled.get(region.field, 0.0)
         filled[region.field] = begin + share
         name, number = region.printed, numbers[region.printed]
-        words = (
-            f"{number} {name}: {format_number(region.modulus_MPa)} MPa, 95 % interval "
-            f"{format_interval(region.modulus_interval_MPa)}"
-        )
+        words = f"{number} {name}: {_said(region)}"
         yield f'<g data-material="{number}"><title>{escape(words)}</title>'
         yield (
             f'<rect class="swatch" x="{left:.2f}" y="{top + begin * _STRIP:.2f}" '
@@ -218,34 +366,19 @@ def both_figure(first: Plan, second: Plan, words: str) -> str:
     """
     plans = (first, second)
     targets = [target_along(plan) for plan in plans]
-    moduli = [math.log10(region.modulus_MPa) for plan in plans for region in plan.regions]
-    for target in targets:
-        moduli += [] if target is None else [float(target[1].min()), float(target[1].max())]
-    room = _ROOM * (max(moduli) - min(moduli)) or 0.5
-    spans = [mm_along(plan.gradient.field) for plan in plans]
-    begin, way = spans[0] if spans[0] == spans[1] and spans[0][1] else (0.0, 1.0)
-    ends = (begin, begin + way)
-    chart = Chart(_LEFT, _TOP, _WIDTH, _HEIGHT, ends, (min(moduli) - room, max(moduli) + room))
+    chart = _chart(plans, targets)
     strains = dict.fromkeys(f"{plan.stiffness.at_strain:g}" for plan in plans)
-    long = way != 1.0
+    long = chart.x_range[1] - chart.x_range[0] != 1.0
     across = "place along the field, mm" if long else "field, from its beginning (0) to its end (1)"
     up = f"secant modulus at strain {' and '.join(strains)}, MPa"
     parts = list(frame(chart, x_label=across, y_label=up, y_ticks=log_ticks(*chart.y_range)))
     styles = (("A", BLUE, 5.0), ("B", RUST, 2.0))
     for (side, colour, thick), plan, target in zip(styles, plans, targets, strict=True):
         if target is not None:
-            drawn = line(
-                chart, begin + target[0] * way, target[1], colour=colour, width=1.3, dash="6,4"
-            )
-            parts += told(f"{side}: target", [drawn])
+            parts += told(f"{side}: target", [_target_line(chart, target, colour, 1.3)])
         for region in stretches(plan.regions):
-            said = (
-                f"{side}: {region.printed}, {format_number(region.modulus_MPa)} MPa, 95 % interval "
-                f"{format_interval(region.modulus_interval_MPa)}"
-            )
-            left, right = _span(region, chart, ends)
-            y = chart.y(math.log10(region.modulus_MPa))
-            parts += told(said, [segment((left, y), (right, y), colour=colour, width=thick)])
+            said = f"{side}: {region.printed}, {_said(region)}"
+            parts += told(said, [_step(region, chart, colour, thick)])
     for place, (side, colour, thick) in enumerate(styles):
         x = _LEFT + _WIDTH - 100.0 + 56.0 * place
         parts += [

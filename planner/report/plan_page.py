@@ -2,7 +2,7 @@
 
 import hashlib
 import os
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from html import escape
 from pathlib import Path
@@ -17,50 +17,45 @@ from planner.formats.files import decode_document, path_within, read_file
 from planner.formats.markdown import to_html
 from planner.formats.outputs import SEAL, is_sealed, seal, write_whole
 from planner.formats.threemf import read_threemf
-from planner.numerics import Float32Array, FloatArray, IntArray
+from planner.glance import format_number
+from planner.grading.check import Difference, diff
+from planner.numerics import Float32Array, FloatArray, IntArray, Point
 from planner.plan import Plan, decode_plan, plan_file, read_plan, read_shells
-from planner.report.course_page import course_controls, course_data
-from planner.report.display import Shown, colours_told_apart, shown
+from planner.report.display import ScreenGrid, Shown, colours_told_apart, shown, thinned
 from planner.report.page import (
+    KEYS,
     asset,
     begin,
     data_script,
     end,
     figure,
     findings_card,
+    geometry,
     head,
+    load_slider,
     packed,
+    scale_bar,
     section,
+    section_controls,
+    shell_data,
+    stage,
     table,
+    viewer_scripts,
 )
-from planner.report.plan_figure import stiffness_figure
-from planner.report.plan_text import (
+from planner.report.plan_figure import (
+    both_figure,
     error_words,
-    format_number,
     moved_words,
     plan_table,
+    stiffness_figure,
     unreachable_words,
 )
+from planner.report.svg import ramp
 
 if TYPE_CHECKING:
     from planner.inverse_design.design import Course, PartDesign
 
-__all__ = [
-    "KEYS",
-    "PlanSource",
-    "geometry",
-    "library",
-    "plan_page",
-    "regions_table",
-    "section_controls",
-    "shell_data",
-    "source_of",
-    "stage",
-    "swatch",
-    "view",
-    "viewer_data",
-    "wish_words",
-]
+__all__ = ["compare_page", "plan_page", "view"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -71,7 +66,7 @@ _NAME = "plan.html"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class PlanSource:
+class _PlanSource:
     """A plan as plan.json has it, its hash, the text of HOWTO.md, and its shells from soft to hard.
 
     Attributes
@@ -91,13 +86,13 @@ class PlanSource:
     missed: tuple[str, ...] = ()
 
 
-def source_of(plan: Plan | str | Path) -> PlanSource:
+def _source_of(plan: Plan | str | Path) -> _PlanSource:
     """Return what a page shows of a plan, made just now or read from its folder."""
     return _from_plan(plan) if isinstance(plan, Plan) and plan.shells else _from_folder(plan)
 
 
-def _from_plan(plan: Plan) -> PlanSource:
-    return PlanSource(
+def _from_plan(plan: Plan) -> _PlanSource:
+    return _PlanSource(
         decode_plan(plan.json(), "plan.json"),  # with the digits that the file keeps
         _sha256_of(plan),
         plan.howto(),
@@ -107,7 +102,7 @@ def _from_plan(plan: Plan) -> PlanSource:
     )
 
 
-def _from_folder(where: str | Path | Plan) -> PlanSource:
+def _from_folder(where: str | Path | Plan) -> _PlanSource:
     file = plan_file(where)
     plan, root = read_plan(file), file.parent
     threemf = read_threemf(path_within(root, f"{plan.name}.3mf"))
@@ -120,7 +115,7 @@ def _from_folder(where: str | Path | Plan) -> PlanSource:
         shells.append((triangles.reshape(-1, 3), faces))
         names.append(printed[name])
     howto = path_within(root, "HOWTO.md")
-    return PlanSource(
+    return _PlanSource(
         plan,
         _sha256_of(plan),
         howto.read_text(encoding="utf-8", errors="replace") if howto.is_file() else "",
@@ -183,10 +178,10 @@ def plan_page(plan: "Plan | PartDesign | str | Path") -> bytes:
     >>> plan.write("finger-graded", page=planner.plan_page(plan))  # doctest: +SKIP
     """
     if isinstance(plan, (Plan, str, Path)):
-        source, courses = source_of(plan), tuple["Course", ...]()
+        source, courses = _source_of(plan), tuple["Course", ...]()
     else:
         missed = tuple(found.message for found in plan.findings)
-        source, courses = replace(source_of(plan.plan), missed=missed), plan.courses
+        source, courses = replace(_source_of(plan.plan), missed=missed), plan.courses
     return seal("\n".join(_page(source, courses)).encode("utf-8"))
 
 
@@ -254,13 +249,7 @@ _ASSETS = (
 )  # fmt: skip
 
 
-def library() -> str:
-    """Return the script of the 3D library, under its licence."""
-    licence = asset("THREE-LICENSE.txt")
-    return f"/* three.js r187, bundled by esbuild.\n\n{licence}\n*/\n{asset('three.min.js')}\n"
-
-
-def _page(source: PlanSource, courses: "Sequence[Course]") -> Iterator[str]:
+def _page(source: _PlanSource, courses: "Sequence[Course]") -> Iterator[str]:
     """Yield the lines of the page."""
     plan = source.plan
     display = shown(source.shells)
@@ -268,11 +257,9 @@ def _page(source: PlanSource, courses: "Sequence[Course]") -> Iterator[str]:
     frames = ""
     if courses:
         moved = plan.part.translation_mm
-        display, more["course"], frames = course_data(courses, display, moved)
+        display, more["course"], frames = _course_data(courses, display, moved)
     colours = colours_told_apart(source.colours)
-    names = ("viewer.js", "page.js", "figure.js", *(("course.js",) if courses else ()))
-    own = "\n".join(map(asset, names))
-    scripts = (library(), f"{own}\n")
+    scripts = viewer_scripts("page.js", "figure.js", *(("course.js",) if courses else ()))
     yield from begin(
         f"{plan.part.file}: plan",
         styles=["plan.css"],
@@ -290,20 +277,20 @@ def _page(source: PlanSource, courses: "Sequence[Course]") -> Iterator[str]:
     yield '<div class="panel">'
     yield from _findings(plan, source.missed)
     if courses:
-        yield from course_controls(more["course"])
+        yield from _course_controls(more["course"])
     yield from section_controls([name for name, *_ in _ways(plan)])
     yield from _materials(source, colours)
     yield KEYS
     yield '</div>\n</div>\n<div class="below" id="figures">'
     yield from _figure(source, colours)
     inks = dict(zip(source.names, colours, strict=True))
-    regions = regions_table(plan, inks, _numbers(source), "table-title")
+    regions = _regions_table(plan, inks, _numbers(source), "table-title")
     yield from section("table-title", "Regions", regions)
     yield from _remarks(plan)
     yield from _howto(source.howto)
     yield "</div>\n</main>"
     yield from _footer(source, display)
-    data = viewer_data(source, display, colours, _numbers(source), more)
+    data = _viewer_data(source, display, colours, _numbers(source), more)
     yield data_script("data", data)
     yield f'<script type="text/plain" id="geometry">{geometry(display.shells)}</script>'
     if courses:
@@ -315,13 +302,13 @@ def _page(source: PlanSource, courses: "Sequence[Course]") -> Iterator[str]:
 # What the viewer reads.
 
 
-def _numbers(source: PlanSource) -> dict[str, int]:
+def _numbers(source: _PlanSource) -> dict[str, int]:
     """Return each material's number, from soft to hard."""
     return {name: number for number, name in enumerate(source.names, start=1)}
 
 
-def viewer_data(
-    source: PlanSource,
+def _viewer_data(
+    source: _PlanSource,
     display: Shown,
     colours: Sequence[str],
     numbers: Mapping[str, int],
@@ -373,45 +360,11 @@ def _ways(plan: Plan) -> Iterator[tuple[str, list[float], float]]:
         yield "along the field", [float(d) for d in direction], start
 
 
-def shell_data(
-    points: IntArray,
-    faces: IntArray,
-    colour: str,
-    name: str = "",
-    number: int = 1,
-    modulus: str = "",
-) -> dict[str, Any]:
-    """Return what the viewer reads of a shell besides its geometry."""
-    return {
-        "name": name,
-        "number": number,
-        "modulus": modulus,
-        "colour": colour,
-        "points": len(points),
-        "faces": len(faces),
-        "wide": _wide(points),
-    }
-
-
-def _wide(points: IntArray) -> bool:
-    """Whether a shell has more points than 16 bits count."""
-    return len(points) > 1 << 16
-
-
-def geometry(shells: Iterable[tuple[IntArray, IntArray]]) -> str:
-    """Return positions and triangles of each shell, little-endian, at multiples of four bytes."""
-    return packed(
-        values.astype(kind).tobytes()
-        for points, faces in shells
-        for values, kind in ((points, "<u2"), (faces, "<u4" if _wide(points) else "<u2"))
-    )
-
-
 # ------------------------------------------------------------------------------------------------
 # The head of the page, and the view with its controls.
 
 
-def _header(source: PlanSource) -> Iterator[str]:
+def _header(source: _PlanSource) -> Iterator[str]:
     plan = source.plan
     size = [high - low for low, high in zip(*plan.part.bounds_mm, strict=True)]
     mass = sum(region.mass_g for region in plan.regions)
@@ -429,10 +382,10 @@ def _header(source: PlanSource) -> Iterator[str]:
          "bad" if failed else "good"),
         ("findings", str(found), "bad" if found else "good"),
     )  # fmt: skip
-    yield from head(plan.part.file, [escape(wish_words(plan))], facts)
+    yield from head(plan.part.file, [escape(_wish_words(plan))], facts)
 
 
-def wish_words(plan: Plan) -> str:
+def _wish_words(plan: Plan) -> str:
     """Say in a line what was wanted."""
     gradient, words = plan.gradient, []
     if gradient.start and gradient.end:
@@ -452,54 +405,6 @@ def _field_words(field: Mapping[str, object]) -> str:
         if abs(direction[k]) == 1.0:
             return f"along {'-' if direction[k] < 0 else ''}{name}"
     return f"along ({', '.join(f'{d:.3g}' for d in direction)})"
-
-
-_NO_VIEW = (
-    "The figures, the table and the how-to below are whole; the .3mf opens in any 3D program."
-)
-
-
-def stage(label: str, words: str, note: str = "", no_view: str = _NO_VIEW) -> Iterator[str]:
-    """Yield the 3D view with what lies over it.
-
-    Parameters
-    ----------
-    label, words
-        What it is called, and what it shows, for those who do not see it.
-    note
-        HTML that stands in its corner.
-    no_view
-        What to look at where there is none.
-    """
-    yield '<section class="stage" aria-label="3D view">'
-    yield (
-        f'<canvas id="view" tabindex="0" role="application" aria-label="{escape(label)}, 3D view" '
-        'aria-describedby="view-words keys"></canvas>'
-    )
-    yield f'<p id="view-words" hidden>{escape(words)}</p>'
-    yield '<div id="marks" aria-hidden="true"></div>'
-    yield '<div class="bar" role="group" aria-label="Views" data-needs-view hidden>'
-    views = {"corner": "Whole", "front": "Front", "side": "Side", "top": "Top"}
-    yield "".join(
-        f'<button type="button" data-view="{view}">{words}</button>'
-        for view, words in views.items()
-    )
-    yield '</div>\n<div class="bar zoom" role="group" aria-label="Zoom" data-needs-view hidden>'
-    yield '<button type="button" id="zoom-in" aria-label="Zoom in">+</button>'
-    yield '<button type="button" id="zoom-out" aria-label="Zoom out">−</button></div>'
-    yield '<svg class="read" id="axes" viewBox="-38 -38 76 76" aria-hidden="true">'
-    yield from (f'<g><line x1="0" y1="0"/><text>{axis}</text></g>' for axis in "xyz")
-    yield '</svg>\n<div class="read" id="scale" aria-hidden="true" data-needs-view hidden>'
-    yield '<span id="scale-words"></span><div id="scale-bar"></div></div>'
-    yield '<div class="read" id="under" role="status"></div>'
-    if note:
-        yield f'<p class="read" id="simplified">{note}</p>'
-    yield (f'<p id="no-view" hidden>This browser shows no 3D graphics (WebGL 2). {no_view}</p>')
-    yield (
-        '<noscript><p class="quiet">The 3D view needs JavaScript; the rest of the page does '
-        "not.</p></noscript>"
-    )
-    yield "</section>"
 
 
 def _simplified(display: Shown) -> str:
@@ -532,25 +437,7 @@ def _findings(plan: Plan, more: Sequence[str]) -> Iterator[str]:
     return findings_card([*missed, *placed, *((words, False) for words in more)])
 
 
-def section_controls(ways: Sequence[str]) -> Iterator[str]:
-    """Yield the controls of the section, by the names of the ways to cut."""
-    yield '<fieldset id="section" data-needs-view hidden><legend>Section</legend><div class="ways">'
-    yield '<label><input type="radio" name="section" value="off" checked> none</label>'
-    for name in ways:
-        yield f'<label><input type="radio" name="section" value="{name}"> {name}</label>'
-    yield '</div>\n<div class="slide">'
-    yield (
-        '<input type="range" id="section-place" min="0" max="1000" value="500" disabled '
-        'aria-label="Place of the section">'
-    )
-    yield '<output id="section-words" for="section-place"></output>'
-    yield (
-        '<label class="tick"><input type="checkbox" id="section-flip" disabled> show the other '
-        "side</label></div></fieldset>"
-    )
-
-
-def _materials(source: PlanSource, colours: Sequence[str]) -> Iterator[str]:
+def _materials(source: _PlanSource, colours: Sequence[str]) -> Iterator[str]:
     volumes = dict.fromkeys(source.names, 0.0)
     for region in source.plan.regions:
         volumes[region.printed] += region.volume_mm3
@@ -562,7 +449,7 @@ def _materials(source: PlanSource, colours: Sequence[str]) -> Iterator[str]:
         long = ' class="long"' if len(name) > _NAME_FITS else ""
         yield (
             f'<li data-material="{number}"{long}><label><input type="checkbox" checked>'
-            f'{swatch(colour)}<span class="number">{number}</span>'
+            f'{_swatch(colour)}<span class="number">{number}</span>'
             f'<span class="name">{escape(name)}</span>'
             f'<span class="volume">{format_number(volumes[name], 4)} mm³</span>'
             f'<span class="share">{share:.1f} %</span></label></li>'
@@ -586,7 +473,7 @@ _NAME_FITS = 16
 """Letters of a material's name that stand in a line with its volume."""
 
 
-def swatch(colour: str) -> str:
+def _swatch(colour: str) -> str:
     """Return a square of a colour; without words, which stand beside it."""
     return (
         '<svg width="14" height="14" aria-hidden="true"><rect class="swatch" x=".5" y=".5" '
@@ -594,23 +481,11 @@ def swatch(colour: str) -> str:
     )
 
 
-KEYS = """<details class="card" data-needs-view hidden><summary>Mouse and keys</summary>
-<dl class="keys" id="keys">
-<dt>drag</dt><dd>turn; with the right button or two fingers: move</dd>
-<dt>wheel, pinch</dt><dd>zoom</dd>
-<dt><kbd>←</kbd> <kbd>→</kbd> <kbd>↑</kbd> <kbd>↓</kbd></dt>
-<dd>turn, once the view has the focus</dd>
-<dt><kbd>Shift</kbd> + arrows</dt><dd>move</dd>
-<dt><kbd>+</kbd> <kbd>-</kbd></dt><dd>zoom</dd>
-<dt><kbd>0</kbd>, <kbd>Home</kbd></dt><dd>the whole part again</dd>
-</dl></details>"""
-
-
 # ------------------------------------------------------------------------------------------------
 # Below the view: figure, table, checks, how to print.
 
 
-def _figure(source: PlanSource, colours: Sequence[str]) -> Iterator[str]:
+def _figure(source: _PlanSource, colours: Sequence[str]) -> Iterator[str]:
     numbers = _numbers(source)
     drawn = stiffness_figure(source.plan, dict(zip(source.names, colours, strict=True)), numbers)
     caption = (
@@ -622,7 +497,7 @@ def _figure(source: PlanSource, colours: Sequence[str]) -> Iterator[str]:
     return section(name, "Stiffness along the field", figure(name, drawn, caption))
 
 
-def regions_table(
+def _regions_table(
     plan: Plan,
     colours: Mapping[str, str],
     numbers: Mapping[str, int],
@@ -648,7 +523,7 @@ def regions_table(
     rows = []
     for place, (region, row) in enumerate(zip(plan.regions, shown.rows, strict=True)):
         cells = {name: escape(row[name]) for name in shown.columns}
-        cells["material"] = swatch(colours[region.printed]) + cells["material"]
+        cells["material"] = _swatch(colours[region.printed]) + cells["material"]
         mark = f' data-material="{numbers[region.printed]}"'
         if place in changed:
             mark += ' class="changed"'
@@ -685,7 +560,7 @@ def _howto(text: str) -> Iterator[str]:
         yield f'<section class="howto">\n{to_html(text, top_level=2)}\n</section>'
 
 
-def _footer(source: PlanSource, display: Shown) -> Iterator[str]:
+def _footer(source: _PlanSource, display: Shown) -> Iterator[str]:
     plan = source.plan
     yield "<footer>"
     if display.simplified:
@@ -707,4 +582,234 @@ def _footer(source: PlanSource, display: Shown) -> Iterator[str]:
         f"{escape(plan.palette.name)} {escape(plan.palette.sha256[:16])}, plan.json "
         f"{source.sha256[:16]}. "
         "3D view by three.js r187, MIT licence, whose text is in this file.</p>\n</footer>"
+    )
+
+
+# ------------------------------------------------------------------------------------------------
+# What the page of a design shows beside: the part from rest to full load.
+
+
+_LEFT_SCALE = ("#F4F1DE", "#F2CC8F", "#E07A5F", "#B5374A", "#6D1A36")
+"""From nothing left to the most: lightness falls all the way."""
+
+_MOST_WANTED = 20_000
+"""Of a wanted shape, of which the sharp edges are drawn alone."""
+
+
+def _course_data(
+    courses: "Sequence[Course]", display: Shown, moved_mm: Point
+) -> tuple[Shown, dict[str, Any], str]:
+    """Return what the viewer shows of a design.
+
+    Returns
+    -------
+    display : Shown
+        The shells, and behind them the shapes that are wanted, on a grid that holds all frames.
+    document
+        What the viewer's JSON holds of the course.
+    frames : str
+        Places and values of all frames, in base64.
+    """
+    shift = np.array(moved_mm)
+    printed = [display.origin_mm + display.step_mm * points for points, _ in display.shells]
+    frames: list[tuple[str, int | None, list[FloatArray], list[FloatArray]]] = []
+    shapes: list[tuple[FloatArray, Any]] = []
+    top = max((float(c.off_mm.max()) for c in courses if c.off_mm is not None), default=0.0)
+    for course in courses:
+        number = None
+        if course.wanted is not None:
+            number = len(display.shells) + len(shapes)
+            kept, faces = thinned(course.wanted.vertices, course.wanted.faces, _MOST_WANTED)
+            shapes.append((course.wanted.vertices[kept] + shift, faces))
+        off = [_left(course, places - shift, top) for places in printed]
+        count = len(course.share)
+        flat = course.displacement_mm.transpose(1, 0, 2).reshape(-1, 3 * count)
+        moves = [course.cells.interpolated(places - shift, flat) for places in printed]
+        for k, share in enumerate(course.share):
+            places = [p + m[:, 3 * k : 3 * k + 3] for p, m in zip(printed, moves, strict=True)]
+            name = f"{course.case}, " if course.case else ""
+            frames.append((f"{name}load {share:.3g}", number, places, off))
+    everything = [p for _, _, places, _ in frames for p in places] + [p for p, _ in shapes]
+    grid = ScreenGrid.over(everything)
+    drawn = [*zip(printed, (f for _, f in display.shells), strict=True), *shapes]
+    shells = tuple((grid.counts(p).astype(np.uint16), f) for p, f in drawn)
+    parts = [
+        grid.counts(p).astype("<u2").tobytes() + np.rint(255.0 * v).astype("u1").tobytes()
+        for _, _, places, off in frames
+        for p, v in zip(places, off, strict=True)
+    ]
+    document = {
+        "printed": len(printed),
+        "frames": [{"text": text, "shape": number} for text, number, *_ in frames],
+        "scale": ramp(_LEFT_SCALE, range(5), np.linspace(0.0, 4.0, 256)),
+        "top_mm": top,
+    }
+    # The last frame of the first case is what the slider begins with; the grid holds all of them.
+    seen = replace(display, origin_mm=grid.origin_mm, step_mm=grid.step_mm, shells=shells)
+    return seen, document, packed(parts)
+
+
+def _left(course: "Course", places_mm: FloatArray, top: float) -> FloatArray:
+    """Return how far the surface nearest to places is off what is wanted, over the most."""
+    from scipy.spatial import KDTree
+
+    if course.off_mm is None or top <= 0.0:
+        return np.zeros(len(places_mm))
+    nearest = KDTree(course.cells.surface.vertices).query(places_mm)[1]
+    return np.asarray(course.off_mm[nearest] / top)
+
+
+def _course_controls(document: dict[str, Any]) -> Iterator[str]:
+    """Yield the slider and what stands beside it."""
+    frames = document["frames"]
+    last = next(k for k in reversed(range(len(frames))) if frames[k]["shape"] == frames[0]["shape"])
+    yield from load_slider("course-", len(frames), last)
+    if any(frame["shape"] is not None for frame in frames):
+        words = f"what is left, up to {document['top_mm']:.3g} mm"
+        yield '<label class="tick"><input type="checkbox" id="course-wanted" checked> outline of '
+        yield "the wanted shape</label>"
+        yield '<label class="tick"><input type="checkbox" id="course-left">'
+        yield f"{escape(words)}</label>"
+        yield scale_bar(_LEFT_SCALE)
+    else:
+        yield '<input type="checkbox" id="course-wanted" hidden>'
+    yield "</fieldset>"
+
+
+# ------------------------------------------------------------------------------------------------
+# Two plans side by side on one page that needs nothing else.
+
+
+_SIDES = ("A", "B")
+
+
+def compare_page(
+    before: Plan | str | Path, after: Plan | str | Path, *, tolerance: float = 1e-6
+) -> bytes:
+    """Return a page with two plans side by side.
+
+    Parts in the same colours, seen from the same side and cut at the same place; what differs, in
+    words; target and achieved stiffness over each other; both tables of regions, rows that differ
+    marked.
+
+    Parameters
+    ----------
+    before, after
+        Plans that `planner.grade` or `planner.read_plan` returned, or folders that ``planner
+        grade`` wrote, or their plan.json.
+    tolerance
+        See `planner.diff`.
+
+    Returns
+    -------
+    bytes
+        HTML; the same for the same plans.
+
+    Raises
+    ------
+    ArgumentError
+        The tolerance is not a number from 0 to 1.
+    FileError
+        There is no plan, or a file of its folder is missing or altered.
+
+    Examples
+    --------
+    >>> page = planner.compare_page("finger-graded", "five-bands")  # doctest: +SKIP
+    >>> Path("compare.html").write_bytes(page)  # doctest: +SKIP
+    """
+    sources = (_source_of(before), _source_of(after))
+    found = diff(sources[0].plan, sources[1].plan, tolerance=tolerance)
+    return "\n".join(_compare(sources, found)).encode("utf-8")
+
+
+def _compare(sources: Sequence[_PlanSource], found: Sequence[Difference]) -> Iterator[str]:
+    colours = _both_colours(sources)
+    numbers = {name: number for number, name in enumerate(colours, start=1)}
+    scripts = viewer_scripts("compare.js", "figure.js")
+    plans = [source.plan for source in sources]
+    title = " and ".join(dict.fromkeys(plan.part.file for plan in plans))
+    yield from begin(f"{title}: two plans", styles=["plan.css"], scripts=scripts)
+    yield '<a class="skip" href="#differences">Skip the 3D views</a>'
+    sides = zip(_SIDES, plans, strict=True)
+    below = [f"<b>{side}</b> {escape(_wish_words(plan))}" for side, plan in sides]
+    yield from head(f"{title}: two plans", below)
+    yield '<main>\n<div class="pair">'
+    displays = [shown(source.shells) for source in sources]
+    for side, plan in zip(_SIDES, plans, strict=True):
+        yield (
+            f'<section class="stage" aria-label="3D view of {side}"><canvas id="view-{side}" '
+            f'tabindex="0" role="application" aria-label="Plan {side}: {escape(plan.part.file)} '
+            f'in its materials, 3D view"></canvas><b class="side" aria-hidden="true">{side}</b>'
+            '<p class="no-view" hidden>This browser shows no 3D graphics (WebGL 2).</p></section>'
+        )
+    yield "</div>"
+    yield '<div class="shared" data-needs-view hidden>'
+    yield '<div class="panel">'
+    yield from section_controls("xyz")
+    yield f"{KEYS}\n</div>"
+    yield from _both_materials(sources, colours)
+    yield "</div>"
+    yield '<div class="below" id="differences">'
+    yield from _differences(found)
+    yield from _curves(plans)
+    rows = [[tuple(row.values()) for row in plan_table(plan).rows] for plan in plans]
+    for side, plan, mine, other in zip(_SIDES, plans, rows, reversed(rows), strict=True):
+        changed = [k for k, row in enumerate(mine) if k >= len(other) or row != other[k]]
+        name = f"regions-{side}"
+        marked = '<p class="quiet">≠ marks a region that the other plan has not.</p>'
+        regions = _regions_table(plan, colours, numbers, name, changed)
+        yield from section(name, f"Regions of {side}", [marked, *regions] if changed else regions)
+    yield "</div>\n</main>\n<footer>"
+    for side, source in zip(_SIDES, sources, strict=True):
+        made = f"planner {escape(source.plan.version)}, plan.json {source.sha256[:16]}"
+        yield f"<p>{side}: {made}</p>"
+    yield "</footer>"
+    for side, source, display in zip(_SIDES, sources, displays, strict=True):
+        inks = [colours[name] for name in source.names]
+        yield data_script(f"data-{side}", _viewer_data(source, display, inks, numbers))
+        yield f'<script type="text/plain" id="geometry-{side}">{geometry(display.shells)}</script>'
+    yield end(scripts)
+
+
+def _both_colours(sources: Sequence[_PlanSource]) -> dict[str, str]:
+    """Return the colour of each material of either plan, from soft to hard."""
+    own: dict[str, tuple[float, str]] = {}
+    for source in sources:
+        of = {region.printed: region.coordinate for region in source.plan.regions}
+        for name, colour in zip(source.names, source.colours, strict=True):
+            own.setdefault(name, (of[name], colour))
+    names = sorted(own, key=lambda name: own[name][0])
+    return dict(zip(names, colours_told_apart([own[name][1] for name in names]), strict=True))
+
+
+def _both_materials(sources: Sequence[_PlanSource], colours: dict[str, str]) -> Iterator[str]:
+    yield '<fieldset id="materials"><legend>Materials, from soft to hard</legend><ul role="list">'
+    for number, (name, colour) in enumerate(colours.items(), start=1):
+        sides = [s for s, source in zip(_SIDES, sources, strict=True) if name in source.names]
+        of = "A and B" if len(sides) > 1 else f"{sides[0]} alone"
+        yield (
+            f'<li data-material="{number}"><label><input type="checkbox" checked>{_swatch(colour)}'
+            f'<span class="number">{number}</span><span class="name">{escape(name)}</span>'
+            f'<span class="volume">{of}</span></label></li>'
+        )
+    yield "</ul></fieldset>"
+
+
+def _differences(found: Sequence[Difference]) -> Iterator[str]:
+    name, title = "differences-title", f"What differs{f' ({len(found)})' if found else ''}"
+    if not found:
+        return section(name, title, ["<p>The plans mean the same.</p>"])
+    columns = [(words, "words") for words in ("what", "where", "A", "B")]
+    rows = [("", [escape(w) for w in (d.what, d.where, d.before, d.after)]) for d in found]
+    return section(name, title, table(columns, rows, of=name))
+
+
+def _curves(plans: Sequence[Plan]) -> Iterator[str]:
+    drawn = both_figure(plans[0], plans[1], "curves-words")
+    caption = (
+        '<figcaption id="curves-words">Dashed: the targets. Thick: the moduli of what is '
+        "printed there; A is drawn wider.</figcaption>"
+    )
+    return section(
+        "curves-title", "Stiffness along the field", figure("curves-title", drawn, caption)
     )

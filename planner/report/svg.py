@@ -8,6 +8,7 @@ from html import escape
 
 import numpy as np
 
+from planner.glance import channels
 from planner.numerics import BoolArray, FloatArray
 
 __all__ = [
@@ -310,6 +311,6 @@ def runs(known: BoolArray) -> list[slice]:
 
 def ramp(colours: Sequence[str], places: Sequence[float], at: FloatArray) -> list[str]:
     """Return colours in between: at each of `at`, of colours "#RRGGBB" that stand at places."""
-    known = np.array([[int(colour[i : i + 2], 16) for i in (1, 3, 5)] for colour in colours], float)
+    known = np.array([channels(colour) for colour in colours], np.float64)
     mixed = np.stack([np.interp(at, places, channel) for channel in known.T], axis=1)
     return ["#" + bytes(np.rint(row).astype(np.uint8)).hex().upper() for row in mixed]

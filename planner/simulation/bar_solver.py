@@ -1010,11 +1010,14 @@ class Prediction:
         Engineering strain of every slice, of its `PulledBars.length_mm`.
     bars
         What was predicted.
+    mixtures
+        Of the slices; see `LawTables.mixed`.
     """
 
     force_N: FloatArray
     strain: FloatArray
     bars: PulledBars
+    mixtures: tuple[IntArray, IntArray, FloatArray]
 
 
 _OF_ALL = frozenset(
@@ -1074,7 +1077,11 @@ def predict(
     materials, ways = len(laws.coordinate), 2 if bars.pushed.any() else 1
     laws = replace(laws, cubics=laws.cubics[: ways * materials])
     slices = np.zeros(len(bars.coordinate), dtype=_SLICE)
-    slices["lower"], slices["upper"], weights = laws.mixed(bars.coordinate)
+    if like is not None and bars.coordinate is like.bars.coordinate:
+        mixtures = like.mixtures
+    else:
+        mixtures = laws.mixed(bars.coordinate)
+    slices["lower"], slices["upper"], weights = mixtures
     slices["rise"], slices["slope_0"], slices["slope_1"] = weights
     if len(bars.reference_relaxing):
         mixed = bool(slices["rise"].any())
@@ -1119,7 +1126,7 @@ def predict(
     paths = paths[some]
     signed = np.where(bars.pushed[some, None], -1.0, 1.0) * paths["force_N"]
     force[some] = bars.gain[some] * signed + bars.offset_N[some]
-    return Prediction(force, np.where(pushed, -strain, strain), bars)
+    return Prediction(force, np.where(pushed, -strain, strain), bars, mixtures)
 
 
 def predict_all(

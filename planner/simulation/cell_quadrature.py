@@ -85,8 +85,8 @@ def quadrature(
     begin, segments = material.segments_of(cut, index[:, 2])
     share = 1.0 / np.maximum(material.per_foot[material.foot], 1)
     rule = np.stack(np.polynomial.legendre.leggauss(4))
-    width = material.columns.grid.shape[0]
-    pieces = (segments, begin, material.frame, width, material.voxels, share, index, rule)
+    across = material.across
+    pieces = (segments, begin, material.frame, across, material.voxels, share, index, rule)
     found, used = np.zeros((many, 2 * _POINTS, 4)), np.zeros(many, np.int64)
     if like is not None and _same_columns(material, like.material):
         rows = np.column_stack([like.points, like.weights_mm3 / np.prod(like.cell_mm)])
@@ -138,10 +138,10 @@ def _names(
 @kernel
 def _measure(pieces: Any, p: Any, measure: Any) -> Any:
     # The discrete measure of a piece: x, y, z in its cell and weight; how many points.
-    segments, begin, frame, width, voxels, share, index, rule = pieces
+    segments, begin, frame, across, voxels, share, index, rule = pieces
     n = 0
     for s in range(begin[p], begin[p + 1]):
-        x, y = column_place(frame, width, segments[s, 0])
+        x, y = column_place(frame, across, segments[s, 0])
         bottom = 2.0 * segments[s, 1] / voxels - 1.0
         top = 2.0 * segments[s, 2] / voxels - 1.0
         for g in range(rule.shape[1]):

@@ -18,11 +18,11 @@ from planner.mesh.mesh import (
     sorted_corners,
     unite,
 )
-from planner.numerics import BoolArray, FloatArray, IntArray, inner_kernel, kernel
+from planner.numerics import BoolArray, FloatArray, IntArray, kernel
 from planner.simulation.cell_quadrature import quadrature
 from planner.simulation.element import LOCAL, shape_functions
 from planner.simulation.inner_corners import contacts, opposed, parted
-from planner.simulation.material_columns import SampledMaterial, column_place, located, sample
+from planner.simulation.material_columns import SampledMaterial, located, sample
 from planner.voxels.columns import MOST_VOXELS
 
 __all__ = [
@@ -173,10 +173,15 @@ class CutCells:
         object.__setattr__(self, "vertex_cell", cell)
         object.__setattr__(self, "vertex_local", local)
 
+    @cached_property
+    def cell_of(self) -> IntArray:
+        """Cell of each quadrature point, (Q,)."""
+        return np.repeat(np.arange(len(self.index)), np.diff(self.offsets))
+
     @property
     def points_mm(self) -> FloatArray:
         """Places of the quadrature points, (Q, 3)."""
-        index = np.repeat(self.index, np.diff(self.offsets), axis=0)
+        index = self.index[self.cell_of]
         return self.origin_mm + (index + 0.5 * (self.points + 1.0)) * self.cell_mm
 
     @cached_property
@@ -191,7 +196,7 @@ class CutCells:
 
     def nearest(self, places_mm: FloatArray) -> tuple[IntArray, FloatArray]:
         """Return the cells of the material nearest to places, (n,), and their shapes there."""
-        cell = np.searchsorted(self.offsets, self._tree.query(places_mm)[1], side="right") - 1
+        cell = self.cell_of[self._tree.query(places_mm)[1]]
         corner = self.origin_mm + self.index[cell] * self.cell_mm
         local = np.clip(2.0 * (places_mm - corner) / self.cell_mm - 1.0, -1.5, 1.5)
         return cell, shape_functions(local, self.cell_mm)[0]
@@ -319,23 +324,26 @@ def _filled(
 ) -> CutCells:  # fmt: skip
     """Return cells of the connected pieces of material, `halves` those that planes have parted."""
     piece, n = material.piece, len(halves)
-    filled, cell, ends, shell = material.measured()
+    cell, shell = material.pieces()
+    filled, ends = material.measured()
     place = np.stack(np.unravel_index(cell, material.counts), axis=1)
     share = filled / (material.per_foot[cell // material.counts[2]] * material.voxels)
     thin = (material.frame[3] + material.frame[4]) * material.frame[2] / size
-    pairs, is_firm = _touch_across(material, piece, thin)
+    touching = material.touching(material.shell, piece)
+    within = np.equal(*material.cell[touching].T)
+    pairs, is_firm = _touch_across(material, touching[~within], thin)
     apart = opposed(pairs, halves, (place[pairs].mean(axis=1) + 0.5) * size, size)
     pairs, is_firm = pairs[~apart], is_firm[~apart]
     firm = _without_skins(pairs, is_firm, place, np.ptp(ends, axis=1))
     flat = np.stack([ends[:, 1] <= place + thin, ends[:, 0] >= place + 1 - thin], axis=2)
     into = _merge_skins(pairs, place, flat, share)
     meet, local, area = _NOWHERE
+    told = replace(material, piece=into[piece])
     if shells is not None:
-        told = replace(material, piece=into[piece])
         meet, local, area = _meeting(told, low, size, place, shells)
         joined = _join_nearest(meet, cell, shell, np.log(shells.modulus_MPa))
         into, meet = joined[into], joined[meet]
-    inner = contacts(material, into[piece], place, size)
+    inner = contacts(replace(material, piece=into[piece]), touching[within], place, size)
     meet, local = np.concatenate([meet, inner[0]]), np.concatenate([local, inner[1]])
     area = np.concatenate([area, inner[2]])
     body = connected(n, *np.concatenate([pairs, meet]).T)
@@ -438,25 +446,34 @@ def _interface(pairs: NDArray[np.int32], local: FloatArray, area_mm2: FloatArray
 
 
 def _touch_across(
-    material: SampledMaterial, piece: NDArray[np.int32], margin: FloatArray
+    material: SampledMaterial, touching: NDArray[np.int32], margin: FloatArray
 ) -> tuple[NDArray[np.int32], BoolArray]:
-    """Find pairs of pieces of one shell that touch across a face, and which do away from its edges.
+    """Find pairs of pieces that touch across a face, and which do away from its edges.
 
     Parameters
     ----------
+    touching : (k, 2)
+        Segments of one shell that touch, in different cells.
     margin : (3,)
         How far from the edges, in cells.
     """
-    last = np.full((int(piece.max(initial=-1)) + 1, 10), -1, np.int32)
-    # Two rows of m and n segments overlap in less than m + n places, and each has four beside it:
-    # room for all, of which little is written.
-    found = np.empty((5 * len(piece), 3), np.int32)
-    many = _pairs_across(
-        material.lines, material.frame, material.shell, material.counts[1], piece, margin, last,
-        found,
-    )  # fmt: skip
-    pairs, at = np.unique(found[:many, :2], axis=0, return_inverse=True)
-    return pairs, np.bincount(at, found[:many, 2], len(pairs)) > 0
+    from scipy.sparse import coo_array
+
+    column, low, high = material.segments[touching].transpose(2, 1, 0)
+    firm = np.ones(len(touching), np.bool_)
+    feet = np.divmod(material.foot[column], material.counts[1])
+    for along, foot, off in zip(material.place(touching[:, 0]), feet, margin[:2], strict=True):
+        away = along - np.floor(along)
+        firm &= (foot[0] != foot[1]) | ((off <= away) & (away <= 1.0 - off))
+    flat = int(margin[2] * material.voxels)
+    bottom = low[0] // material.voxels * material.voxels
+    away = (high.min(axis=0) > bottom + flat) & (low.max(axis=0) < bottom + material.voxels - flat)
+    firm &= away | (column[0] == column[1])
+    one, other = material.piece[touching].T
+    ends, count = (np.minimum(one, other), np.maximum(one, other)), len(material.piece)
+    times = coo_array((firm.astype(np.int32), ends), (count, count)).tocsr()
+    times.sum_duplicates()
+    return np.stack(times.tocoo().coords, axis=1).astype(np.int32), times.data > 0
 
 
 def _without_skins(
@@ -479,58 +496,6 @@ def _without_skins(
     along = place[one] == place[other]
     walls = (np.minimum(span[one], span[other]) >= 0.5) | ~along
     return np.concatenate([firm, loose[~(around & walls.all(axis=1))]])
-
-
-@kernel
-def _pairs_across(
-    lines: Any, frame: Any, shell: Any, cells_y: Any, piece: Any, margin: Any, last: Any,
-    found: Any,
-) -> Any:  # fmt: skip
-    offsets, start, stop, first, foot, nu, voxels = lines
-    # Pairs of pieces of one shell that touch across cells, with 1 where they do so off the margin;
-    # how many. `last` is what each piece was paired with last on each side, twice its number and
-    # that 1, which spares most repeats.
-    n, flat = 0, int(margin[2] * voxels)
-    for c in range(foot.size):
-        if foot[c] < 0:
-            continue
-        x, y = column_place(frame, nu, c)
-        off_x = margin[0] <= x - np.floor(x) <= 1.0 - margin[0]
-        off_y = margin[1] <= y - np.floor(y) <= 1.0 - margin[1]
-        for r in range(offsets[c], offsets[c + 1]):
-            for s in range(first[r], first[r] + (stop[r] - 1) // voxels - start[r] // voxels):
-                n = _note(piece[s], piece[s + 1], 9, off_x and off_y, last, found, n)
-        for side in range(2):
-            d = c + (nu if side else 1)
-            if d >= foot.size or (not side and d % nu == 0) or foot[d] < 0 or foot[d] == foot[c]:
-                continue
-            dx = foot[d] // cells_y - foot[c] // cells_y
-            dy = foot[d] % cells_y - foot[c] % cells_y
-            off = (dx != 0 or off_x) and (dy != 0 or off_y)
-            r, s = offsets[c], offsets[d]
-            while r < offsets[c + 1] and s < offsets[d + 1]:
-                low, high = max(start[r], start[s]), min(stop[r], stop[s])
-                if low < high and shell[r] == shell[s]:
-                    for k in range(low // voxels, (high - 1) // voxels + 1):
-                        p = piece[first[r] + k - start[r] // voxels]
-                        q = piece[first[s] + k - start[s] // voxels]
-                        away = high > k * voxels + flat and low < (k + 1) * voxels - flat
-                        n = _note(p, q, 3 * dx + dy + 4, off and away, last, found, n)
-                if stop[r] < stop[s]:
-                    r += 1
-                else:
-                    s += 1
-    return n
-
-
-@inner_kernel
-def _note(p: Any, q: Any, way: Any, firm: Any, last: Any, found: Any, n: Any) -> Any:
-    mark = 2 * q + (1 if firm else 0)
-    if last[p, way] >> 1 == q and last[p, way] >= mark:
-        return n
-    last[p, way] = mark
-    found[n, 0], found[n, 1], found[n, 2] = min(p, q), max(p, q), mark & 1
-    return n + 1
 
 
 def _merge_skins(

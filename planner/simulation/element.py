@@ -7,7 +7,7 @@ import numpy as np
 from planner.materials.marlow import law_at
 from planner.numerics import FloatArray, inner_kernel, kernel
 
-__all__ = ["LOCAL", "advance", "assemble", "observe", "pull", "shape_functions"]
+__all__ = ["LOCAL", "SIX", "advance", "assemble", "observe", "pull", "shape_functions"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -35,7 +35,8 @@ LOCAL = np.stack(np.unravel_index(np.arange(27), (3, 3, 3))[::-1], axis=1)
 """Place of each node of a cell along x, y, z: 0, 1 or 2; x fastest."""
 
 _PAIRS = np.array([(0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2)])
-_SIX = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2]])
+SIX = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2]])
+"""Which of a symmetric tensor's six components stands where in its matrix."""
 
 
 def shape_functions(local: FloatArray, cell_mm: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -178,7 +179,7 @@ def _tangent_times(ci: Any, c: Any, d: Any, out: Any) -> None:
         inner = 0.0
         for m in range(3):
             for n in range(3):
-                inner += ci[_SIX[i, m]] * d[_SIX[m, n]] * ci[_SIX[n, j]]
+                inner += ci[SIX[i, m]] * d[SIX[m, n]] * ci[SIX[n, j]]
         unit = 1.0 if k < 3 else 0.0
         out[k] = unit * (c[0] * trace + c[1] * dot) + ci[k] * (c[1] * trace + c[2] * dot)
         out[k] += c[3] * inner
@@ -239,13 +240,13 @@ def assemble(
                 full[k] += isos[q, k] + p * J * ci[k]
             for i in range(3):
                 for k in range(3):
-                    H[i, k] = F[i, 0] * ci[_SIX[0, k]] + F[i, 1] * ci[_SIX[1, k]]
-                    H[i, k] += F[i, 2] * ci[_SIX[2, k]]
+                    H[i, k] = F[i, 0] * ci[SIX[0, k]] + F[i, 1] * ci[SIX[1, k]]
+                    H[i, k] += F[i, 2] * ci[SIX[2, k]]
             for i in range(3):
                 for j in range(3):
                     B[i, j] = H[i, 0] * F[j, 0] + H[i, 1] * F[j, 1] + H[i, 2] * F[j, 2]
-                    A[i, j] = F[i, 0] * full[_SIX[0, j]] + F[i, 1] * full[_SIX[1, j]]
-                    A[i, j] = w * (A[i, j] + F[i, 2] * full[_SIX[2, j]])
+                    A[i, j] = F[i, 0] * full[SIX[0, j]] + F[i, 1] * full[SIX[1, j]]
+                    A[i, j] = w * (A[i, j] + F[i, 2] * full[SIX[2, j]])
             for i in range(3):
                 for a in range(27):
                     force[3 * a + i] += A[i, 0] * gx[a] + A[i, 1] * gy[a] + A[i, 2] * gz[a]
@@ -260,9 +261,9 @@ def assemble(
                     for m in range(3):
                         value = co[0] * F[i, row] * F[j, m] + co[2] * H[i, row] * H[j, m]
                         value += co[1] * (F[i, row] * H[j, m] + H[i, row] * F[j, m])
-                        value += 0.5 * co[3] * (B[i, j] * ci[_SIX[row, m]] + H[i, m] * H[j, row])
+                        value += 0.5 * co[3] * (B[i, j] * ci[SIX[row, m]] + H[i, m] * H[j, row])
                         if i == j:
-                            value += stress[at, _SIX[row, m]]
+                            value += stress[at, SIX[row, m]]
                         along[m] = w * value
                     to, x, y, z = right[q, row, k], along[0], along[1], along[2]
                     for b in range(27):
@@ -402,7 +403,7 @@ def pull(cells: Any, u: FloatArray, stress: FloatArray, out: FloatArray) -> None
             _deform(u, nodes[c], gradient, F, strain)
             for i in range(3):
                 for m in range(3):
-                    first = F[i, 0] * stress[q, _SIX[0, m]] + F[i, 1] * stress[q, _SIX[1, m]]
-                    first = weights[q] * (first + F[i, 2] * stress[q, _SIX[2, m]])
+                    first = F[i, 0] * stress[q, SIX[0, m]] + F[i, 1] * stress[q, SIX[1, m]]
+                    first = weights[q] * (first + F[i, 2] * stress[q, SIX[2, m]])
                     for a in range(27):
                         out[nodes[c, a], i] += first * gradient[m, a]

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import ArgumentError, PlannerError, did_you_mean, positive
-from planner.formats.field_file import HEXAHEDRON, encode_vtu
+from planner.formats.field_file import encode_vtu
 from planner.formats.files import encode_document
-from planner.formats.inp import HeldNodes, InpMaterial, InpModel, Solver, encode_inp
+from planner.formats.inp import InpMaterial, InpModel, Solver, encode_inp
 from planner.formats.outputs import check_absent, write_whole
 from planner.glance import counted, one_line
 from planner.materials.law_blocks import hardening, stable_yeoh
@@ -447,7 +447,7 @@ def export(
         corners, nodes = np.unique(mesh.nodes[:, :8], return_inverse=True)
         data = encode_vtu(
             mesh.node_mm[corners],
-            [(HEXAHEDRON, nodes.reshape(-1, 8))],
+            [nodes.reshape(-1, 8)],
             cell_data={
                 "material": of_cell.astype(np.int32),
                 "coordinate": coordinate,
@@ -559,7 +559,7 @@ def _material(
     if solver == "calculix":
         reached = min(to_strain, float(strain[-1]))
         fitted, error = stable_yeoh(strain, stress, modulus, reached)
-        rows = hardening(strain, stress, modulus, POISSON) if error > _WITHIN else None
+        rows = hardening(strain, stress, modulus) if error > _WITHIN else None
         if rows is not None:
             made = replace(made, law="plastic", to_strain=float(strain[-1]))
         else:
@@ -660,7 +660,7 @@ def _inp(
         remarks.append(f"{name}: {selector}")
         return faces
 
-    held: list[HeldNodes] = []
+    held = {}
     given = np.full(mesh.node_mm.shape, np.nan)
     for number, support in enumerate(conditions.supports, start=1):
         name = f"HELD{number}"
@@ -670,7 +670,7 @@ def _inp(
         with np.errstate(invalid="ignore"):
             nodes = nodes[~(np.abs(given[nodes] - wanted) > 0.0).any(axis=1)]
         given[nodes] = np.where(np.isnan(wanted), given[nodes], wanted)
-        held.append(HeldNodes(name, nodes, support.displacement_mm))
+        held[name] = nodes, support.displacement_mm
     forces = {}
     for number, force in enumerate(conditions.forces, start=1):
         name = f"LOAD{number}"
@@ -698,12 +698,10 @@ def _facets(mesh: _Hexahedra, surface: Mesh) -> IntArray:
     """
     from scipy.spatial import cKDTree
 
-    corners = surface.vertices[surface.faces]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    k = min(_NEIGHBOURS, len(corners))
-    _, near = cKDTree(corners.mean(axis=1)).query(mesh.outer_mm, k=k)
+    k = min(_NEIGHBOURS, len(surface.faces))
+    _, near = cKDTree(surface.triangles.mean(axis=1)).query(mesh.outer_mm, k=k)
     near = np.asarray(near).reshape(-1, k)
-    agrees = np.einsum("nki,ni->nk", normals[near], mesh.outer_normal) > 0.0
+    agrees = np.einsum("nki,ni->nk", surface.area_vectors_mm2[near], mesh.outer_normal) > 0.0
     return np.asarray(near[np.arange(len(near)), agrees.argmax(axis=1)])
 
 

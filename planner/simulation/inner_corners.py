@@ -6,14 +6,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.mesh.mesh import Mesh, Topology, number_groups, unite
+from planner.mesh.mesh import Mesh, Topology
 from planner.numerics import BoolArray, FloatArray, IntArray, kernel
-from planner.simulation.material_columns import (
-    SampledMaterial,
-    column_place,
-    located,
-    segment_starts,
-)
+from planner.simulation.material_columns import SampledMaterial, column_place, located
 
 __all__ = ["contacts", "opposed", "parted"]
 
@@ -47,19 +42,18 @@ def parted(
     Returns
     -------
     material
-        Its runs cut where a plane crosses them, and its segments told to pieces.
+        Its segments cut where a plane crosses them, and told to pieces.
     halves : (n, k, 4)
         Half-spaces that hold each piece, of planes that have parted it: normal n and offset o, with
         n · (x - low) > o, mm. Zero where there are fewer than k.
     """
     deep, skin = _DEEP * float(size.mean()), _SKIN * float(size.mean())
     places, planes = _inner_edges(surface, low)
-    counts = np.diff(material.first, append=len(material.piece))
-    material = _connected(material, np.repeat(material.shell, counts))
+    shells = int(material.shell.max(initial=0)) + 1
+    material = material.connected(material.cell * shells + material.shell)
     halves = np.zeros((int(material.piece.max(initial=-1)) + 1, 0, 4))
     while len(places) and len(halves):
-        _, cell, _, _ = material.measured()
-        index = np.stack(np.unravel_index(cell, material.counts), axis=1)
+        index = np.stack(np.unravel_index(material.pieces()[0], material.counts), axis=1)
         inward = -planes[:, :, :3].sum(axis=1)
         piece, _, _ = located(material, low, size, index, low + places, inward)
         # At an edge on a plane that has parted it, the piece has no inner corner left.
@@ -94,13 +88,6 @@ def _inner_edges(surface: Mesh, low: FloatArray) -> tuple[FloatArray, FloatArray
     return places, np.concatenate([n, offset], axis=2)
 
 
-def _connected(material: SampledMaterial, label: NDArray[np.int32]) -> SampledMaterial:
-    """Tell segments to pieces: those of one label that touch in a cell."""
-    parent = np.arange(len(label), dtype=np.int32)
-    _join_within(material.lines, label, parent)
-    return replace(material, piece=number_groups(parent))
-
-
 def _best_planes(
     material: SampledMaterial, piece: NDArray[np.int32], planes: FloatArray, size: FloatArray,
     deep: float, skin: float,
@@ -120,7 +107,7 @@ def _best_planes(
     depth = np.empty((len(piece), 2))
     for k in range(2):
         scaled = _scaled(material, planes[:, k], size)
-        _part_depths(segments, begin, at, scaled, material.frame, material.lines[5], depth[:, k])
+        _part_depths(segments, begin, at, scaled, material.frame, material.across, depth[:, k])
     deepest, own = depth.max(axis=1), depth.argmax(axis=1)
     order = np.argsort(deepest, kind="stable")
     order = order[(depth.min(axis=1)[order] > skin) & (deepest[order] > deep)]
@@ -136,31 +123,40 @@ def _scaled(material: SampledMaterial, planes: FloatArray, size: FloatArray) -> 
 def _halved(
     material: SampledMaterial, plane: FloatArray, size: FloatArray, deep: float
 ) -> tuple[SampledMaterial, NDArray[np.int32], FloatArray]:
-    """Cut runs by the plane, (4,), of their piece; return new pieces' parents, and sides, ±1.
+    """Cut segments by the plane, (4,), of their piece; return new pieces' parents, and sides, ±1.
 
     What is on one side and reaches less than `deep` from the plane stays with the other side.
     """
-    old, is_parted = material.columns, np.any(plane, axis=1)
-    room = len(old.start) + int(np.count_nonzero(is_parted[material.piece]))
-    offsets, (start, stop) = np.zeros_like(old.offsets), np.empty((2, room), old.start.dtype)
-    shell, of = np.empty(room, np.int32), np.empty(len(material.piece) + room, np.int32)
-    away = np.empty(len(of))
-    runs, many = _cut_runs(
-        material.lines, material.frame, material.piece, material.shell,
-        _scaled(material, plane, size), offsets, start, stop, shell, of, away,
-    )  # fmt: skip
-    columns = replace(old, offsets=offsets, start=start[:runs], stop=stop[:runs])
-    first = segment_starts(columns, material.foot, material.voxels)[:-1]
-    of, away = of[:many], away[:many]
-    cut = replace(material, columns=columns, first=first, shell=shell[:runs])
-    group = _connected(cut, of).piece
+    is_planned = np.any(plane != 0.0, axis=1)[material.piece]
+    planned, rest = np.flatnonzero(is_planned), np.flatnonzero(~is_planned)
+    x, y = material.place(planned)
+    a, b, slope, offset = _scaled(material, plane, size)[material.piece[planned]].T
+    base = a * x + b * y - offset
+    column, low, high = material.segments[planned].T
+    before = np.stack([base + slope * low > 0.0, base + slope * high > 0.0], axis=1)
+    crossed = before[:, 0] != before[:, 1]
+    cut = high.copy()
+    cut[crossed] = np.clip(np.rint(-base[crossed] / slope[crossed]), low[crossed], high[crossed])
+    ends = np.stack([low, cut, high], axis=1)
+    away = np.abs(base[:, None] + slope[:, None] * ends)
+    real = ends[:, :-1] < ends[:, 1:]
+    parent = np.nonzero(real)[0]
+    halves = [column[parent], ends[:, :-1][real], ends[:, 1:][real]]
+    was = np.concatenate([rest, planned[parent]])
+    order = np.argsort(was, kind="stable")
+    segments = np.concatenate([material.segments[rest], np.column_stack(halves)])[order]
+    of = 2 * material.piece[was[order]]
+    material = replace(material, segments=segments, shell=material.shell[was[order]])
+    of[order >= len(rest)] += before[real]
+    group = material.connected(of).piece
     far = np.zeros(int(group.max()) + 1)
-    np.maximum.at(far, group, away)
-    of[(far < deep)[group] & is_parted[of >> 1]] ^= 1
-    cut = _connected(cut, of)
-    at = np.empty(int(cut.piece.max()) + 1, np.int64)
-    at[cut.piece] = np.arange(len(of))  # any segment of each
-    return cut, of[at] >> 1, np.where(of[at] & 1, 1.0, -1.0)
+    reach = np.maximum(away[:, :-1], away[:, 1:])[real]
+    np.maximum.at(far, group[order >= len(rest)], reach)
+    of[(far[group] < deep) & plane[of >> 1].any(axis=1)] ^= 1
+    material = material.connected(of)
+    half = np.empty(int(material.piece.max()) + 1, of.dtype)
+    half[material.piece] = of
+    return material, half >> 1, np.where(half & 1, 1.0, -1.0)
 
 
 def opposed(
@@ -191,14 +187,14 @@ _ACROSS = 4
 
 
 def contacts(
-    material: SampledMaterial, piece: NDArray[np.int32], index: IntArray, size: FloatArray
+    material: SampledMaterial, touching: NDArray[np.int32], index: IntArray, size: FloatArray
 ) -> tuple[NDArray[np.int32], FloatArray, FloatArray]:
     """Return points where pieces of one material and cell touch.
 
     Parameters
     ----------
-    piece : (segments,)
-        That each segment is told to.
+    touching : (k, 2)
+        Segments of one shell and cell that touch.
     index : (n, 3)
         Place of each piece's cell.
 
@@ -209,23 +205,29 @@ def contacts(
         Places in both, in their cells' own coordinates.
     area_mm2 : (k,)
     """
-    found, at = np.empty((5 * len(piece), 3), np.int32), np.empty((5 * len(piece), 4))
-    many = _touch_within(material.lines, material.frame, material.shell, piece, found, at)
-    found, at = found[:many], at[:many]
+    found = material.piece[touching]
+    found, touching = found[found[:, 0] != found[:, 1]], touching[found[:, 0] != found[:, 1]]
+    column, low, high = material.segments[touching].transpose(2, 1, 0)
+    beside = column[1] - column[0]
+    axis = np.where(beside == 0, 2, beside == material.across)
+    (x, y), (far_x, far_y) = (material.place(each) for each in touching.T)
+    bottom = low.max(axis=0)
+    bottom, length = bottom / material.voxels, (high.min(axis=0) - bottom) / material.voxels
     count = len(index)
     key = found[:, :2].min(axis=1).astype(np.int64) * count + found[:, :2].max(axis=1)
     pairs, of = np.unique(key, return_inverse=True)
     # Columns touch in steps. Their vector area is that of the plane.
     _, _, pitch, cos, sin, *_ = material.frame.tolist()
-    way = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])[found[:, 2]]
-    high = np.where(found[:, 2] < 2, size[2] * at[:, 3], pitch)
+    way = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])[axis]
+    tall = np.where(axis < 2, size[2] * length, pitch)
     turn = np.where(found[:, 0] < found[:, 1], 1.0, -1.0)
-    area = (turn * pitch * high)[:, None] * way
+    area = (turn * pitch * tall)[:, None] * way
     normal = np.stack([np.bincount(of, a) for a in area.T], axis=1)
     normal = normal / np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
     # A few points stand for all.
-    place = np.repeat(at[:, :3], _ACROSS, axis=0)
-    place[:, 2] += np.outer(at[:, 3], (np.arange(_ACROSS) + 0.5) / _ACROSS).ravel()
+    place = np.stack([(x + far_x) / 2.0, (y + far_y) / 2.0, bottom], axis=1)
+    place = np.repeat(place, _ACROSS, axis=0)
+    place[:, 2] += np.outer(length, (np.arange(_ACROSS) + 0.5) / _ACROSS).ravel()
     of, area = np.repeat(of, _ACROSS), np.repeat(area / _ACROSS, _ACROSS, axis=0)
     low, span = np.full((len(pairs), 3), np.inf), np.full((len(pairs), 3), -np.inf)
     np.minimum.at(low, of, place)
@@ -243,36 +245,6 @@ def contacts(
 
 
 @kernel
-def _join_within(lines: Any, label: Any, piece: Any) -> None:
-    # Join segments of one label that touch within a cell.
-    offsets, start, stop, first, foot, nu, voxels = lines
-    for c in range(foot.size):
-        if foot[c] < 0:
-            continue
-        for r in range(offsets[c] + 1, offsets[c + 1]):
-            s = first[r]
-            if stop[r - 1] == start[r] and start[r] % voxels and label[s - 1] == label[s]:
-                unite(piece, s - 1, s)
-        for side in range(2):
-            d = c + (nu if side else 1)
-            if d >= foot.size or (not side and d % nu == 0) or foot[d] != foot[c]:
-                continue
-            r, s = offsets[c], offsets[d]
-            while r < offsets[c + 1] and s < offsets[d + 1]:
-                low, high = max(start[r], start[s]), min(stop[r], stop[s])
-                if low < high:
-                    for k in range(low // voxels, (high - 1) // voxels + 1):
-                        one = first[r] + k - start[r] // voxels
-                        other = first[s] + k - start[s] // voxels
-                        if label[one] == label[other]:
-                            unite(piece, one, other)
-                if stop[r] < stop[s]:
-                    r += 1
-                else:
-                    s += 1
-
-
-@kernel
 def _part_depths(
     segments: Any, begin: Any, piece: Any, planes: Any, frame: Any, nu: Any, depth: Any
 ) -> None:
@@ -285,85 +257,3 @@ def _part_depths(
             one, other = base + planes[j, 2] * segments[s, 1], base + planes[j, 2] * segments[s, 2]
             high, low = max(high, one, other), min(low, one, other)
         depth[j] = min(high, -low)
-
-
-@kernel
-def _cut_runs(
-    lines: Any, frame: Any, piece: Any, shell: Any, planes: Any,
-    new_offsets: Any, new_start: Any, new_stop: Any, new_shell: Any, of: Any, away: Any,
-) -> Any:  # fmt: skip
-    # Runs cut by planes; for each segment twice its piece, and 1 where it is before the plane, and
-    # how far it reaches from there. How many runs and segments.
-    offsets, start, stop, first, foot, nu, voxels = lines
-    n, m = 0, 0
-    for c in range(foot.size):
-        x, y = column_place(frame, nu, c)
-        for r in range(offsets[c], offsets[c + 1]):
-            begin = start[r]
-            k0 = start[r] // voxels
-            for k in range(k0, (stop[r] - 1) // voxels + 1 if foot[c] >= 0 else k0):
-                p = piece[first[r] + k - k0]
-                low, high = max(start[r], k * voxels), min(stop[r], (k + 1) * voxels)
-                slope = planes[p, 2]
-                base = planes[p, 0] * x + planes[p, 1] * y - planes[p, 3]
-                under, over, cut = base + slope * low > 0.0, base + slope * high > 0.0, high
-                if under != over:
-                    cut = min(max(int(np.round(-base / slope)), low), high)
-                if cut > low:
-                    of[m] = 2 * p + under
-                    away[m] = max(abs(base + slope * low), abs(base + slope * cut))
-                    m += 1
-                if low < cut < high:
-                    new_start[n], new_stop[n], new_shell[n] = begin, cut, shell[r]
-                    n, begin = n + 1, cut
-                if cut < high:
-                    of[m] = 2 * p + over
-                    away[m] = max(abs(base + slope * cut), abs(base + slope * high))
-                    m += 1
-            new_start[n], new_stop[n], new_shell[n] = begin, stop[r], shell[r]
-            n += 1
-        new_offsets[c + 1] = n
-    return n, m
-
-
-@kernel
-def _touch_within(lines: Any, frame: Any, shell: Any, piece: Any, found: Any, at: Any) -> Any:
-    # Where two pieces of one shell touch in a cell: the pair and the axis across; the place, or its
-    # lower end, and the length along z. How many.
-    offsets, start, stop, first, foot, nu, voxels = lines
-    n = 0
-    for c in range(foot.size):
-        if foot[c] < 0:
-            continue
-        x, y = column_place(frame, nu, c)
-        for r in range(offsets[c] + 1, offsets[c + 1]):
-            s = first[r]
-            touch = stop[r - 1] == start[r] and start[r] % voxels and shell[r - 1] == shell[r]
-            if touch and piece[s - 1] != piece[s]:
-                found[n, 0], found[n, 1], found[n, 2] = piece[s - 1], piece[s], 2
-                at[n, 0], at[n, 1], at[n, 2], at[n, 3] = x, y, start[r] / voxels, 0.0
-                n += 1
-        for side in range(2):
-            d = c + (nu if side else 1)
-            if d >= foot.size or (not side and d % nu == 0) or foot[d] != foot[c]:
-                continue
-            far_x, far_y = column_place(frame, nu, d)
-            r, s = offsets[c], offsets[d]
-            while r < offsets[c + 1] and s < offsets[d + 1]:
-                low, high = max(start[r], start[s]), min(stop[r], stop[s])
-                if low < high and shell[r] == shell[s]:
-                    for k in range(low // voxels, (high - 1) // voxels + 1):
-                        p = piece[first[r] + k - start[r] // voxels]
-                        q = piece[first[s] + k - start[s] // voxels]
-                        if p == q:
-                            continue
-                        bottom, top = max(low, k * voxels), min(high, (k + 1) * voxels)
-                        found[n, 0], found[n, 1], found[n, 2] = p, q, side
-                        at[n, 0], at[n, 1] = (x + far_x) / 2.0, (y + far_y) / 2.0
-                        at[n, 2], at[n, 3] = bottom / voxels, (top - bottom) / voxels
-                        n += 1
-                if stop[r] < stop[s]:
-                    r += 1
-                else:
-                    s += 1
-    return n

@@ -430,19 +430,14 @@ class _Faces:
         return np.asarray(self.mesh.triangles.mean(axis=1))
 
     @cached_property
-    def _across(self) -> FloatArray:
-        a, b, c = self.mesh.triangles.transpose(1, 0, 2)
-        return np.asarray(0.5 * np.cross(b - a, c - a))
-
-    @cached_property
     def area_mm2(self) -> FloatArray:
         """Area of each face, (F,)."""
-        return np.asarray(np.linalg.norm(self._across, axis=1))
+        return np.asarray(np.linalg.norm(self.mesh.area_vectors_mm2, axis=1))
 
     @cached_property
     def normal(self) -> FloatArray:
         """Unit normal of each face, (F, 3)."""
-        return np.asarray(self._across / np.maximum(self.area_mm2, 1e-300)[:, None])
+        return np.asarray(self.mesh.area_vectors_mm2 / np.maximum(self.area_mm2, 1e-300)[:, None])
 
     @cached_property
     def topology(self) -> Topology:

@@ -1,18 +1,18 @@
 """The material of a part as columns, cut into segments by the faces of a lattice of cells."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import MeshError
-from planner.mesh.mesh import Mesh
+from planner.mesh.mesh import Mesh, connected, order_rows
 from planner.numerics import FloatArray, IntArray, inner_kernel, kernel
 from planner.voxels.columns import MOST_VOXELS, Columns, Grid, iterate_columns, join
 
-__all__ = ["SampledMaterial", "column_place", "located", "sample", "segment_starts"]
+__all__ = ["SampledMaterial", "column_place", "located", "sample"]
 
 
 # Material is sampled by exact columns along z, on a square lattice turned about z by an angle
@@ -30,42 +30,69 @@ class SampledMaterial:
 
     Attributes
     ----------
-    columns
-        In the turned frame; z in steps of which each cell has `voxels`.
     counts
         Cells along x, y, z.
     voxels
         Steps along z in a cell.
-    frame : (9,)
+    across
+        Columns in a row of their lattice.
+    frame : (7,)
         u and v of the first column, spacing, cosine and sine of the turn, and the scale
         of x and y in cells a mm; u, v and x, y are from the part's lower corner.
     foot : (columns,) int32
-        Footprint each column stands in, ``i counts[1] + j``; -1 outside the bounding box.
+        Footprint each column stands in, ``i counts[1] + j``; -1 outside the bounding box, where
+        columns have no segments.
     per_foot : (footprints,) int64
         Columns that stand in each.
-    first : (runs,) int64
-        First segment of each run; the others follow upwards, one a cell.
-    shell : (runs,) int32
-        Shell that each run is in.
-    piece : (segments,) int32
+    segments : (s, 3) int32
+        Column, lower and upper end in steps; rising, column by column. Each is in one cell.
+    shell : (s,) int32
+        Shell that each segment is in.
+    piece : (s,) int32
         Cell (of `CutCells`) that each segment belongs to; -1 where it is dropped.
     """
 
-    columns: Columns
     counts: tuple[int, ...]
     voxels: int
+    across: int
     frame: FloatArray
     foot: NDArray[np.int32]
     per_foot: NDArray[np.int64]
-    first: NDArray[np.int64]
+    segments: NDArray[np.int32]
     shell: NDArray[np.int32]
     piece: NDArray[np.int32]
 
     @property
-    def lines(self) -> tuple[Any, Any, Any, Any, Any, int, int]:
-        """What loops over segments begin with."""
-        c = self.columns
-        return (c.offsets, c.start, c.stop, self.first, self.foot, c.grid.shape[0], self.voxels)
+    def offsets(self) -> IntArray:
+        """Segments of column c are ``offsets[c]`` to ``offsets[c + 1]``."""
+        each = np.bincount(self.segments[:, 0], minlength=len(self.foot))
+        return np.append(0, np.cumsum(each))
+
+    @property
+    def cell(self) -> IntArray:
+        """Cell of the lattice that each segment is in, (s,)."""
+        column, low, _ = self.segments.T
+        found: IntArray = self.foot[column].astype(np.int64) * self.counts[2] + low // self.voxels
+        return found
+
+    def place(self, segments: Any = slice(None)) -> tuple[FloatArray, FloatArray]:
+        """Return x and y of segments, in cells."""
+        x, y = _place(self.frame, self.across, self.segments[segments, 0])
+        return x, y
+
+    def touching(self, label: IntArray, apart: IntArray) -> NDArray[np.int32]:
+        """Return pairs of segments that touch: of one label, (s,), and not one `apart`, (k, 2)."""
+        # In rows of m and n segments less than m + n pairs overlap, and each row has four beside
+        # it: room for all, of which half is written.
+        pairs = np.empty((5 * len(label), 2), np.int32)
+        label, apart = label.astype(np.int64), apart.astype(np.int32)
+        given = (self.segments, self.offsets, self.across, label, apart)
+        return pairs[: _touching(*given, pairs)]
+
+    def connected(self, label: IntArray) -> "SampledMaterial":
+        """Tell segments to pieces: those of one label, (s,), that touch."""
+        pairs = self.touching(label, np.arange(len(label)))
+        return replace(self, piece=connected(len(label), *pairs.T))
 
     def segments_of(
         self, number: NDArray[np.int32], layer: IntArray
@@ -84,24 +111,32 @@ class SampledMaterial:
         begin : (n + 1,)
             Where each one's segments begin.
         segments : (s, 3) int32
-            Column, lower and upper end.
         """
         where = np.append(number, np.int32(-1))[self.piece]
-        begin = np.append(0, np.cumsum(np.bincount(where[where >= 0], minlength=len(layer))))
-        segments = np.empty((int(begin[-1]), 3), np.int32)
-        _gather(self.lines, where, layer.copy(), begin[:-1].copy(), segments)
-        return begin, segments
+        wanted = np.flatnonzero(where >= 0)
+        order, begin = order_rows(where[wanted])
+        wanted = wanted[order]
+        segments = self.segments[wanted]
+        segments[:, 1:] -= (self.voxels * layer)[where[wanted], None]
+        return np.append(begin, len(wanted)), segments
 
-    def measured(self) -> tuple[IntArray, IntArray, FloatArray, NDArray[np.int32]]:
-        """Return steps that each piece fills, its cell, bounds (n, 2, 3) in cells, and shell."""
+    def pieces(self) -> tuple[IntArray, NDArray[np.int32]]:
+        """Return the cell of the lattice and the shell of each piece, (n,)."""
         n = int(self.piece.max(initial=-1)) + 1
-        filled, cell, ends = np.zeros(n, np.int64), np.zeros(n, np.int64), np.empty((n, 2, 3))
-        ends[:, 0], ends[:, 1], shell = np.inf, -np.inf, np.zeros(n, np.int32)
-        _fill(
-            self.lines, self.frame, np.array(self.counts), self.piece, self.shell, filled, cell,
-            ends, shell,
-        )  # fmt: skip
-        return filled, cell, ends, shell
+        cell, shell = np.empty(n, np.int64), np.empty(n, np.int32)
+        cell[self.piece], shell[self.piece] = self.cell, self.shell
+        return cell, shell
+
+    def measured(self) -> tuple[FloatArray, FloatArray]:
+        """Return steps that each piece fills, (n,), and its bounds in cells, (n, 2, 3)."""
+        order, starts = order_rows(self.piece)
+        _, low, high = self.segments[order].T
+        x, y = self.place(order)
+        low_z, high_z = low / self.voxels, high / self.voxels
+        least = [np.minimum.reduceat(along, starts) for along in (x, y, low_z)]
+        most = [np.maximum.reduceat(along, starts) for along in (x, y, high_z)]
+        ends = np.stack([np.stack(least, axis=1), np.stack(most, axis=1)], axis=1)
+        return np.add.reduceat(high - low, starts), ends
 
 
 def sample(
@@ -138,50 +173,47 @@ def sample(
         x, y, z = (mesh.vertices - low).T
         turned = Mesh(np.stack([cos * x + sin * y, cos * y - sin * x, z], axis=1), mesh.faces)
         sampled.append(join(list(iterate_columns(turned, grid))))
-        if faults := sampled[-1].faults.open_columns:
+        if faults := sampled[-1].unpaired:
             raise MeshError(
                 f"the surface is open: {faults} lines along z go in and do not "
                 "come out, or come out twice; repair the part first"
             )
-    columns, shell = _together(sampled)
     frame = np.array(
         [u[0] + pitch / 2, v[0] + pitch / 2, pitch, cos, sin, 1.0 / size[0], 1.0 / size[1]]
     )
     foot = np.empty(nu * nv, np.int32)
     _find_feet(frame, nu, cells[0], cells[1], foot)
-    first = segment_starts(columns, foot, voxels)
-    piece = np.arange(first[-1], dtype=np.int32)
     per_foot = np.bincount(foot[foot >= 0], minlength=cells[0] * cells[1])
-    return SampledMaterial(columns, cells, voxels, frame, foot, per_foot, first[:-1], shell, piece)
+    each = [_segments(columns, foot, voxels) for columns in sampled]
+    segments = np.concatenate(each)
+    shell = np.repeat(np.arange(len(each), dtype=np.int32), [len(own) for own in each])
+    if len(each) > 1:
+        order = np.lexsort((segments[:, 1], segments[:, 0]))
+        segments, shell = segments[order], shell[order]
+    piece = np.arange(len(shell), dtype=np.int32)
+    return SampledMaterial(cells, voxels, nu, frame, foot, per_foot, segments, shell, piece)
 
 
-def segment_starts(columns: Columns, foot: NDArray[np.int32], voxels: int) -> NDArray[np.int64]:
-    """Return the first segment of each run, and how many there are in all."""
-    reach = (columns.stop - 1) // voxels - columns.start // voxels + 1
-    reach[np.repeat(foot < 0, np.diff(columns.offsets))] = 0
-    return np.append(0, np.cumsum(reach, dtype=np.int64))
+def _segments(columns: Columns, foot: NDArray[np.int32], voxels: int) -> NDArray[np.int32]:
+    """Cut the runs of columns that stand in a footprint by the faces of cells."""
+    column = np.repeat(np.arange(len(foot)), np.diff(columns.offsets))
+    inside = foot[column] >= 0
+    column, start, stop = column[inside], columns.start[inside], columns.stop[inside]
+    reach = (stop - 1) // voxels - start // voxels + 1
+    run = np.repeat(np.arange(len(reach)), reach)
+    before = np.cumsum(reach) - reach
+    bottom = (start[run] // voxels + np.arange(len(run)) - before[run]) * voxels
+    low, high = np.maximum(start[run], bottom), np.minimum(stop[run], bottom + voxels)
+    return np.stack([column[run], low, high], axis=1, dtype=np.int32, casting="same_kind")
 
 
-def _together(sampled: Sequence[Columns]) -> tuple[Columns, NDArray[np.int32]]:
-    """Return the runs of all shells, rising in each column, and which shell each is of."""
-    each = [len(columns.start) for columns in sampled]
-    shell = np.repeat(np.arange(len(sampled), dtype=np.int32), each)
-    if len(sampled) == 1:
-        return sampled[0], shell
-    count = len(sampled[0].offsets) - 1
-    column = np.concatenate([np.repeat(np.arange(count), np.diff(c.offsets)) for c in sampled])
-    start, stop = (np.concatenate([getattr(c, end) for c in sampled]) for end in ("start", "stop"))
-    order = np.lexsort((start, column))
-    offsets = sum((c.offsets for c in sampled[1:]), sampled[0].offsets)
-    grid = sampled[0].grid
-    return Columns(grid, 0, offsets, start[order], stop[order]), shell[order]
-
-
-@inner_kernel
-def column_place(frame: Any, nu: Any, c: Any) -> Any:
+def _place(frame: Any, across: Any, column: Any) -> Any:
     """Return x and y of a column, in cells."""
-    u, v = frame[0] + (c % nu) * frame[2], frame[1] + (c // nu) * frame[2]
+    u, v = frame[0] + (column % across) * frame[2], frame[1] + (column // across) * frame[2]
     return (frame[3] * u - frame[4] * v) * frame[5], (frame[4] * u + frame[3] * v) * frame[6]
+
+
+column_place = inner_kernel(_place)
 
 
 @kernel
@@ -193,44 +225,30 @@ def _find_feet(frame: Any, nu: Any, cells_x: Any, cells_y: Any, foot: Any) -> No
 
 
 @kernel
-def _gather(lines: Any, where: Any, layer: Any, cursor: Any, segments: Any) -> None:
-    # Segments (column, low, high) of each piece that `where` numbers, one piece after the other.
-    offsets, start, stop, first, foot, _, voxels = lines
-    for c in range(foot.size):
-        if foot[c] >= 0:
-            for r in range(offsets[c], offsets[c + 1]):
-                for k in range(start[r] // voxels, (stop[r] - 1) // voxels + 1):
-                    p = where[first[r] + k - start[r] // voxels]
-                    if p >= 0:
-                        s = cursor[p]
-                        segments[s, 0] = c
-                        segments[s, 1] = max(start[r], k * voxels) - layer[p] * voxels
-                        segments[s, 2] = min(stop[r], (k + 1) * voxels) - layer[p] * voxels
-                        cursor[p] += 1
-
-
-@kernel
-def _fill(
-    lines: Any, frame: Any, counts: Any, piece: Any, shell: Any,
-    filled: Any, cell: Any, ends: Any, of: Any,
-) -> None:  # fmt: skip
-    offsets, start, stop, first, foot, nu, voxels = lines
-    # How much of its cell each piece fills, which cell that is, its bounds, in cells, and shell.
-    for c in range(foot.size):
-        if foot[c] < 0:
-            continue
-        x, y = column_place(frame, nu, c)
-        for r in range(offsets[c], offsets[c + 1]):
-            for k in range(start[r] // voxels, (stop[r] - 1) // voxels + 1):
-                p = piece[first[r] + k - start[r] // voxels]
-                low, high = max(start[r], k * voxels), min(stop[r], (k + 1) * voxels)
-                filled[p] += high - low
-                of[p] = shell[r]
-                cell[p] = foot[c] * counts[2] + k
-                ends[p, 0, 0], ends[p, 1, 0] = min(ends[p, 0, 0], x), max(ends[p, 1, 0], x)
-                ends[p, 0, 1], ends[p, 1, 1] = min(ends[p, 0, 1], y), max(ends[p, 1, 1], y)
-                ends[p, 0, 2] = min(ends[p, 0, 2], low / voxels)
-                ends[p, 1, 2] = max(ends[p, 1, 2], high / voxels)
+def _touching(segments: Any, offsets: Any, across: Any, label: Any, apart: Any, pairs: Any) -> Any:
+    n, count = 0, offsets.size - 1
+    for c in range(count):
+        for s in range(offsets[c] + 1, offsets[c + 1]):
+            r = s - 1
+            near = segments[r, 2] == segments[s, 1]
+            if near and label[r] == label[s] and apart[r] != apart[s]:
+                pairs[n, 0], pairs[n, 1] = r, s
+                n += 1
+        for side in range(2):
+            d = c + (across if side else 1)
+            if d >= count or (not side and d % across == 0):
+                continue
+            r, s = offsets[c], offsets[d]
+            while r < offsets[c + 1] and s < offsets[d + 1]:
+                low, high = max(segments[r, 1], segments[s, 1]), min(segments[r, 2], segments[s, 2])
+                if low < high and label[r] == label[s] and apart[r] != apart[s]:
+                    pairs[n, 0], pairs[n, 1] = r, s
+                    n += 1
+                if segments[r, 2] < segments[s, 2]:
+                    r += 1
+                else:
+                    s += 1
+    return n
 
 
 # ------------------------------------------------------------------------------------------------
@@ -256,8 +274,9 @@ def located(
         shell = np.full(len(own), -1, np.int32)
     cell, away = np.empty(len(points_mm), np.int32), np.empty(len(points_mm))
     _nearest(
-        material.lines, material.frame, material.piece, np.array(counts),
-        cell_mm[2] / material.voxels, own, target, material.shell, shell, cell, away,
+        material.segments, material.offsets, material.piece, material.shell, material.foot,
+        material.frame, material.across, counts, material.voxels, cell_mm[2] / material.voxels,
+        own, target, shell, cell, away,
     )  # fmt: skip
     found = index[cell]
     local = 2.0 * (place - found) - 1.0
@@ -268,10 +287,10 @@ def located(
 
 @kernel
 def _nearest(
-    lines: Any, frame: Any, piece: Any, counts: Any, voxel_mm: Any, own: Any, target: Any,
-    shell: Any, wanted: Any, cell: Any, distance: Any,
+    segments: Any, offsets: Any, piece: Any, shell: Any, foot: Any, frame: Any, nu: Any,
+    counts: Any, voxels: Any, voxel_mm: Any, own: Any, target: Any, wanted: Any,
+    cell: Any, distance: Any,
 ) -> None:  # fmt: skip
-    offsets, start, stop, first, foot, nu, voxels = lines
     # The piece of the segment nearest to each target (x and y in mm, z in steps), of the wanted
     # shell or, with -1, of any, in rings of columns about it; and how far it is. One in the point's
     # own cell is preferred when it is nearer than the nearest of all and a diagonal of the lattice.
@@ -285,7 +304,7 @@ def _nearest(
         i0 = min(max(int(np.floor(u + 0.5)), 0), nu - 1)
         j0 = min(max(int(np.floor(v + 0.5)), 0), nv - 1)
         mine = own[n, 0] * counts[1] + own[n, 1]
-        low, high = own[n, 2] * voxels, (own[n, 2] + 1) * voxels
+        bottom, top = own[n, 2] * voxels, (own[n, 2] + 1) * voxels
         best, best_own = np.inf, np.inf
         found, found_own = -1, -1
         for ring in range(max(nu, nv)):
@@ -294,23 +313,19 @@ def _nearest(
             for j in range(max(j0 - ring, 0), min(j0 + ring, nv - 1) + 1):
                 step = 1 if abs(j - j0) == ring else max(2 * ring, 1)
                 for i in range(i0 - ring, i0 + ring + 1, step):
-                    if i < 0 or i >= nu or foot[j * nu + i] < 0:
+                    if i < 0 or i >= nu:
                         continue
                     c = j * nu + i
                     across = pitch * pitch * ((i - u) ** 2 + (j - v) ** 2)
-                    for r in range(offsets[c], offsets[c + 1]):
-                        k0, k1 = start[r] // voxels, (stop[r] - 1) // voxels
-                        if piece[first[r]] < 0 or (wanted[n] >= 0 and shell[r] != wanted[n]):
+                    for s in range(offsets[c], offsets[c + 1]):
+                        if piece[s] < 0 or (wanted[n] >= 0 and shell[s] != wanted[n]):
                             continue
-                        at = min(max(z, start[r]), stop[r])
+                        low, high = segments[s, 1], segments[s, 2]
+                        at = min(max(z, low), high)
                         away = np.sqrt(across + ((z - at) * voxel_mm) ** 2)
                         if away < best:
-                            k = min(max(int(at // voxels), k0), k1)
-                            best, found = away, piece[first[r] + k - k0]
-                        if foot[c] == mine and start[r] < high and stop[r] > low:
-                            at = min(max(z, start[r], low), stop[r], high)
-                            away = np.sqrt(across + ((z - at) * voxel_mm) ** 2)
-                            if away < best_own:
-                                best_own, found_own = away, piece[first[r] + own[n, 2] - k0]
+                            best, found = away, piece[s]
+                        if foot[c] == mine and bottom <= low < top and away < best_own:
+                            best_own, found_own = away, piece[s]
         distance[n] = min(best, best_own)
         cell[n] = found_own if best_own <= best + slack else found

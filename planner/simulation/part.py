@@ -12,7 +12,7 @@ import numpy as np
 from planner.errors import ArgumentError, FileError, positive
 from planner.fields.basic import AxisField, Field
 from planner.fields.parse import Setting, build_field, field_of
-from planner.formats.field_file import TRIANGLE, encode_vtu
+from planner.formats.field_file import encode_vtu
 from planner.formats.files import encode_document, free_memory_bytes
 from planner.formats.mesh_file import encode_stl
 from planner.formats.tables import encode_csv
@@ -20,7 +20,7 @@ from planner.glance import counted, html_of, one_line, outcome, plotted
 from planner.grading.grade import open_part
 from planner.grading.profile import dithered_profile, is_dithered
 from planner.materials.mixtures import CoefficientModel
-from planner.mesh.distance import nearest, triangle_tree
+from planner.mesh.distance import distances, triangle_tree
 from planner.mesh.halve import halve_long_edges
 from planner.mesh.mesh import Mesh, Topology, cancel_opposite, compact, repeats_index
 from planner.numerics import FloatArray, Point, one_blas_thread
@@ -164,11 +164,11 @@ def _by_shells(plan: Plan, shells: Mapping[str, Triangles], palette: Palette) ->
         for file, tree in trees.items():
             low, high = meshes[file].bounds_mm
             near = np.flatnonzero(((placed >= low) & (placed <= high)).all(axis=1))
-            _, outside = nearest(tree, placed[near])
+            _, outside = distances(tree, placed[near])
             found[near[~outside]] = of_file[file]
         lost = np.flatnonzero(np.isnan(found))
         for file, tree in trees.items():
-            distance, _ = nearest(tree, placed[lost])
+            distance, _ = distances(tree, placed[lost])
             closer = distance < off[lost]
             found[lost[closer]], off[lost[closer]] = of_file[file], distance[closer]
         return found
@@ -222,7 +222,7 @@ class Solid:
         by_modulus = np.argsort(moduli)
         log = np.log(moduli[by_modulus])
         each = np.interp(np.log(joined), log, self.shell_coordinate[by_modulus])
-        return cells, np.repeat(each, np.diff(cells.offsets))
+        return cells, each[cells.cell_of]
 
 
 def open_solid(
@@ -544,7 +544,7 @@ class PartSimulation:
             "strain_over_break": self.steps.strain_over_break[step],
             "coordinate": self.surface_coordinate,
         }
-        return encode_vtu(surface.vertices, [(TRIANGLE, surface.faces)], point_data=values)
+        return encode_vtu(surface.vertices, [surface.faces], point_data=values)
 
 
 # ------------------------------------------------------------------------------------------------

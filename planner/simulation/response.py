@@ -5,7 +5,6 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from statistics import NormalDist
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -13,10 +12,10 @@ import numpy as np
 from planner.errors import FileError
 from planner.materials.marlow import MarlowTable, marlow_table, uniaxial_strain
 from planner.materials.mixtures import CoefficientModel
-from planner.numerics import BoolArray, FloatArray, IntArray, one_blas_thread
+from planner.numerics import BoolArray, FloatArray, IntArray, normal_quantile, one_blas_thread
 from planner.palette import Palette
 from planner.simulation.cut_cells import CutCells
-from planner.simulation.element import shape_functions
+from planner.simulation.element import SIX, shape_functions
 from planner.simulation.loads import Condition, Conditions, LoadCase, read_conditions
 from planner.simulation.part import COARSER, COVERS, Solid, open_solid
 from planner.simulation.part_response import PartResponse
@@ -80,10 +79,6 @@ class _PartFields:
     strain_over_break: FloatArray
 
 
-_SQUARE = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2]])
-"""Places of a tensor's six components in its matrix."""
-
-
 _ROWS = 1 << 14
 # Points whose gradients are held at a time: 10 MB.
 
@@ -93,13 +88,12 @@ def _fields_of(
 ) -> _PartFields:
     """Return what stands in a body; Cauchy's stress is F S Fᵀ / J."""
     cells, u = mechanics.body.cells, state.displacement_mm
-    of_point = np.repeat(np.arange(len(cells.nodes)), np.diff(cells.offsets))
     stress = np.empty_like(state.stress_MPa)
-    for first in range(0, len(of_point), _ROWS):
+    for first in range(0, len(stress), _ROWS):
         rows = slice(first, first + _ROWS)
         gradient = shape_functions(cells.points[rows], cells.cell_mm)[1]
-        F = np.eye(3) + np.einsum("qai,qaj->qij", u[cells.nodes[of_point[rows]]], gradient)
-        S = state.stress_MPa[rows][:, _SQUARE]
+        F = np.eye(3) + np.einsum("qai,qaj->qij", u[cells.nodes[cells.cell_of[rows]]], gradient)
+        S = state.stress_MPa[rows][:, SIX]
         full = F @ S @ F.transpose(0, 2, 1) / np.linalg.det(F)[:, None, None]
         stress[rows] = full[:, [0, 1, 2, 0, 1, 0], [0, 1, 2, 1, 2, 2]]
     return _PartFields(u, stress, mechanics.energy_MPa(state), strain_over_break)
@@ -124,12 +118,11 @@ def in_cells(cells: CutCells, places_mm: FloatArray) -> tuple[IntArray, IntArray
     """
     from scipy.spatial import cKDTree
 
-    of_point = np.repeat(np.arange(len(cells.nodes)), np.diff(cells.offsets))
-    tree = cKDTree(cells.points + _APART * cells.index[of_point])
+    tree = cKDTree(cells.points + _APART * cells.index[cells.cell_of])
     scaled = (places_mm - cells.origin_mm) / cells.cell_mm
     index = np.clip(np.floor(scaled), cells.index.min(axis=0), cells.index.max(axis=0))
     _, point = tree.query(2.0 * (scaled - index) - 1.0 + _APART * index)
-    cell = of_point[point]
+    cell = cells.cell_of[point]
     local = 2.0 * (scaled - cells.index[cell]) - 1.0
     return np.asarray(point), cell, np.clip(local, -1.0, 1.0)
 
@@ -312,7 +305,7 @@ def largest_stretch(strain: FloatArray) -> tuple[FloatArray, FloatArray]:
 
     Its derivative over the strain is the direction's square over the stretch.
     """
-    square = np.eye(3) + 2.0 * strain[:, _SQUARE]
+    square = np.eye(3) + 2.0 * strain[:, SIX]
     values, vectors = np.linalg.eigh(square)
     return np.sqrt(np.maximum(values[:, 2], 0.0)), vectors[:, :, 2]
 
@@ -337,9 +330,8 @@ class CellAverage:
         self.corner = cells.nodes[:, corners]
         self.node, number = np.unique(self.corner, return_inverse=True)
         self.number = number.reshape(self.corner.shape)
-        counts = np.diff(cells.offsets)
         self.hat = hats(cells.points) * cells.weights_mm3[:, None]
-        self.at = np.repeat(self.number, counts, axis=0)
+        self.at = self.number[cells.cell_of]
         self.volume = np.bincount(self.at.ravel(), self.hat.ravel(), len(self.node))
         held = self.volume > 0.124 * float(np.prod(cells.cell_mm))
         self.held = held if held.any() else np.ones_like(held)
@@ -424,7 +416,7 @@ def _responses(
     model: CoefficientModel,
     level: float,
 ) -> Iterator[Response]:
-    normal = NormalDist().inv_cdf(0.5 + level / 2.0)
+    normal = normal_quantile(level)
     sds = log_stress_sds(mechanics, last, model, normal)
     for steps in zip(*over_steps, strict=True):
         told, weights = steps[-1]
@@ -508,15 +500,9 @@ def moved_by(
 
     cells, body = mechanics.body.cells, mechanics.body
     count, width = len(cells.node_mm), share.shape[1]
-    table, below = body.table, mechanics.table[2]
-    above = np.minimum(below + 1, len(table.coordinate) - 1)
-    gap = np.maximum(table.coordinate[above] - table.coordinate[below], 1e-12)
-    rest = table.log_slope_MPa[:, 0, 0]
-    seen = mechanics.observe(state)
-    cell = np.repeat(np.arange(len(cells.nodes)), np.diff(cells.offsets))
-    pressure = np.einsum("qr,qr->q", state.pressure[cell], mechanics.basis)
+    seen, pressure = mechanics.observe(state), body.pressure_MPa(state.pressure)
     # δp of each cell, by the change of ln κ at its points
-    by_bulk = cells.weights_mm3 * pressure / mechanics.bulk * (rest[above] - rest[below]) / gap
+    by_bulk = cells.weights_mm3 * pressure / mechanics.bulk * mechanics.bulk_over_m
     swelling = np.stack(
         [
             np.add.reduceat(share.multiply((by_bulk * psi)[:, None]).toarray(), cells.offsets[:-1])
@@ -525,19 +511,20 @@ def moved_by(
         axis=1,
     )
     swelling = np.einsum("crs,csn->crn", mechanics.compliance, swelling)
-    square = 2.0 * seen.strain[:, _SQUARE] + np.eye(3)
+    square = 2.0 * seen.strain[:, SIX] + np.eye(3)
     bulging = np.linalg.det(square)[:, None, None] ** 0.5 * np.linalg.inv(square)
-    iso = state.stress_MPa[:, _SQUARE] - pressure[:, None, None] * bulging
-    iso *= (seen.over_m / gap)[:, None, None]
+    iso = state.stress_MPa[:, SIX] - pressure[:, None, None] * bulging
+    iso *= seen.over_m[:, None, None]
     out = np.zeros((3 * count, width))
-    for first in range(0, len(cell), _RUN):
+    for first in range(0, len(pressure), _RUN):
         run = slice(first, first + _RUN)
-        nodes = cells.nodes[cell[run]]
+        cell = cells.cell_of[run]
+        nodes = cells.nodes[cell]
         gradient = shape_functions(cells.points[run], cells.cell_mm)[1]
         slope = np.eye(3) + np.einsum("qai,qaj->qij", state.displacement_mm[nodes], gradient)
         rows = (3 * nodes[:, :, None] + np.arange(3)).reshape(len(nodes), 81)
         ends = 81 * np.arange(len(nodes) + 1)
-        changes = (share[run], np.einsum("qr,qrn->qn", mechanics.basis[run], swelling[cell[run]]))
+        changes = (share[run], np.einsum("qr,qrn->qn", mechanics.basis[run], swelling[cell]))
         for stress, change in zip((iso, bulging), changes, strict=True):
             pull = np.einsum("qij,qjm,qam->qai", slope, stress[run], gradient, optimize=True)
             pull *= cells.weights_mm3[run, None, None]

@@ -4,7 +4,6 @@ import dataclasses
 import math
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from statistics import NormalDist
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,7 +13,7 @@ from planner.formats.files import encode_document
 from planner.formats.tables import encode_csv
 from planner.glance import counted, html_of, one_line, outcome, plotted
 from planner.materials.mixtures import CoefficientModel
-from planner.numerics import BoolArray, FloatArray, IntArray
+from planner.numerics import BoolArray, FloatArray, IntArray, normal_quantile
 from planner.palette import Material, Palette
 from planner.plan import Plan, read_plan
 from planner.printers import Printer, palette_of
@@ -516,7 +515,7 @@ def _force_interval_N(
     weight = bar.length_mm * reached.stress_MPa / reached.tangent_MPa
     total = weight.sum(axis=1, keepdims=True)
     weight = weight / np.where(total > 0.0, total, 1.0)
-    normal = NormalDist().inv_cdf(0.5 + level / 2.0)
+    normal = normal_quantile(level)
     sds = log_sds(model, bar.coordinate, reached.strain, normal)
     force_N = bar.area_mm2[0] * reached.stress_MPa[:, 0]
     ends = [

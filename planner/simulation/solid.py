@@ -81,6 +81,11 @@ class _FacetPoints(NamedTuple):
     gradient: FloatArray
     area_mm2: FloatArray
 
+    @property
+    def size_mm2(self) -> FloatArray:
+        """Area of each, (n,)."""
+        return np.asarray(np.linalg.norm(self.area_mm2, axis=1))
+
     def by_cell(self) -> Iterator[tuple[int, slice]]:
         """Yield each cell, and which points are in it."""
         for a, b in itertools.pairwise(self.starts.tolist()):
@@ -280,10 +285,10 @@ class Body:
     def spread(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Variances of each cell's material, (n, 3), rising, their axes, and points from means."""
         cells = self.cells
-        starts, counts = cells.offsets[:-1], np.diff(cells.offsets)
+        starts = cells.offsets[:-1]
         volume = self.cells.cell_volume_mm3
         mean = np.add.reduceat(cells.weights_mm3[:, None] * cells.points, starts) / volume[:, None]
-        away = cells.points - np.repeat(mean, counts, axis=0)
+        away = cells.points - mean[cells.cell_of]
         square = cells.weights_mm3[:, None, None] * away[:, :, None] * away[:, None, :]
         return *np.linalg.eigh(np.add.reduceat(square, starts) / volume[:, None, None]), away
 
@@ -292,8 +297,13 @@ class Body:
         """Orthonormal over each cell's material: 1, and axes along which it spreads, (Q, 4)."""
         variance, axes, away = self.spread
         scale = np.where(variance > _SPREAD**2, 1.0 / np.sqrt(np.maximum(variance, 1e-12)), 0.0)
-        turned = np.repeat(axes * scale[:, None, :], np.diff(self.cells.offsets), axis=0)
+        turned = (axes * scale[:, None, :])[self.cells.cell_of]
         return np.column_stack([np.ones(len(away)), np.einsum("qi,qij->qj", away, turned)])
+
+    def pressure_MPa(self, coefficients: FloatArray) -> FloatArray:
+        """Return the pressure at the points, (Q,), of `Equilibrium.pressure`."""
+        each = coefficients[self.cells.cell_of]
+        return np.asarray(np.einsum("qr,qr->q", each, self.pressure_basis))
 
 
 def _onward(before: Equilibrium, state: Equilibrium, share: float) -> Equilibrium:
@@ -416,17 +426,15 @@ class Mechanics:
     ) -> tuple[_FacetPoints, FloatArray]:
         """Return the points of facets, and forces there that come to a moment (`loads.couple`)."""
         at = self.points_of(facets)
-        size = np.linalg.norm(at.area_mm2, axis=1)
-        return at, couple(size, self.place_mm(at, u), moment)
+        return at, couple(at.size_mm2, self.place_mm(at, u), moment)
 
     def _build_loads(self) -> None:
         cells, conditions = self.body.cells, self.conditions
         self.dead = np.zeros((len(cells.node_mm), 3))
         for force in conditions.forces:
             at = self.points_of(force.facets)
-            size = np.linalg.norm(at.area_mm2, axis=1)
-            share = (size / size.sum())[:, None]
-            self.dead += spread(cells, at, share * np.array(force.force_N))
+            share = at.size_mm2 / at.size_mm2.sum()
+            self.dead += spread(cells, at, np.outer(share, force.force_N))
         for moment in conditions.moments:
             couples = self.couple(moment.facets, np.array(moment.moment_N_mm))
             self.dead += spread(cells, *couples)
@@ -443,7 +451,7 @@ class Mechanics:
             modulus = 3.0 * self.body.cell_shear_MPa[at.cell]
             if self.body.stabiliser_MPa is not None:
                 modulus = 3.0 * self.body.stabiliser_MPa[at.cell]
-            stiffness = _PENALTY * modulus / wide * np.linalg.norm(at.area_mm2, axis=1)
+            stiffness = _PENALTY * modulus / wide * at.size_mm2
             axes = np.array([0.0 if d is None else 1.0 for d in support.displacement_mm])
             target = np.array([d or 0.0 for d in support.displacement_mm])
             springs = [(at.shape[k].T * stiffness[k]) @ at.shape[k] for _, k in at.by_cell()]
@@ -458,7 +466,7 @@ class Mechanics:
         # g/cm³ mm³ = 1e-6 kg
         shape = shape_functions(cells.points, cells.cell_mm)[0] * 9.80665e-6
         shape *= cells.weights_mm3[:, None]
-        nodes = cells.nodes[np.repeat(np.arange(len(cells.nodes)), np.diff(cells.offsets))]
+        nodes = cells.nodes[cells.cell_of]
         ends = 27 * np.arange(len(nodes) + 1)
         return csc_matrix((shape.ravel(), nodes.ravel(), ends), (len(cells.node_mm), len(nodes)))
 
@@ -500,9 +508,7 @@ class Mechanics:
 
         cells, there = self.body.cells, other.body.cells
         nearest = np.asarray(KDTree(there.points_mm).query(cells.points_mm)[1])
-        p = np.einsum(
-            "qr,qr->q", np.repeat(state.pressure, np.diff(there.offsets), axis=0), other.basis
-        )[nearest]
+        p = other.body.pressure_MPa(state.pressure)[nearest]
         each = (cells.weights_mm3 * p)[:, None] * self.basis
         return Equilibrium(
             state.share,
@@ -511,6 +517,24 @@ class Mechanics:
             state.stress_MPa[nearest],
             np.add.reduceat(each, cells.offsets[:-1]) / cells.cell_volume_mm3[:, None],
         )
+
+    @cached_property
+    def _beside(self) -> IntArray:
+        """Nodes of the table below and above the mixture at each point, (2, Q)."""
+        below = self.table[2]
+        return np.stack([below, np.minimum(below + 1, len(self.body.table.coordinate) - 1)])
+
+    @cached_property
+    def _gap(self) -> FloatArray:
+        below, above = self.body.table.coordinate[self._beside]
+        gap: FloatArray = np.maximum(above - below, 1e-12)
+        return gap
+
+    @cached_property
+    def bulk_over_m(self) -> FloatArray:
+        """Derivative of ln κ over m at each point, (Q,)."""
+        below, above = self.body.table.log_slope_MPa[:, 0, 0][self._beside]
+        return np.asarray((above - below) / self._gap)
 
     def _shares(self) -> Iterator[tuple[int, int]]:
         """Divide the cells into runs of about equal work."""
@@ -743,13 +767,13 @@ class Mechanics:
 
     def mean(self, points: _FacetPoints, u: FloatArray) -> FloatArray:
         """Return the mean displacement of facets by area, (3,)."""
-        size = np.linalg.norm(points.area_mm2, axis=1)
+        size = points.size_mm2
         return np.asarray(size @ self._carried(points, u) / size.sum())
 
     def mean_weights(self, points: _FacetPoints, direction: FloatArray) -> FloatArray:
         """Return the nodal weights, (N, 3), of the mean displacement along a direction."""
-        size = np.linalg.norm(points.area_mm2, axis=1)
-        return spread(self.body.cells, points, (size / size.sum())[:, None] * direction)
+        share = points.size_mm2 / points.size_mm2.sum()
+        return spread(self.body.cells, points, np.outer(share, direction))
 
     def place_weights(self, place_mm: FloatArray, direction: FloatArray) -> FloatArray:
         """Return the nodal weights, (N, 3), of the displacement of a place along a direction.
@@ -767,7 +791,7 @@ class Mechanics:
         from scipy.spatial.transform import Rotation
 
         at = self.points_of(facets)
-        size = np.linalg.norm(at.area_mm2, axis=1)
+        size = at.size_mm2
         before, after = (
             place - size @ place / size.sum() for place in (self.place_mm(at), self.place_mm(at, u))
         )
@@ -793,7 +817,7 @@ class Mechanics:
         seen = Observed(np.empty(count), np.empty((count, 6)), *np.empty((3, count)))
         field = np.zeros_like(state.displacement_mm) if adjoint is None else adjoint
         self._run(observe, self.bulk, state.displacement_mm, state.pressure, field, *seen)
-        return seen
+        return seen._replace(over_m=seen.over_m / self._gap)
 
     def sensitivity(
         self, state: Equilibrium, factored: "Factor", weights: FloatArray
@@ -804,14 +828,10 @@ class Mechanics:
         """
         adjoint = factored.solve(weights.ravel()).reshape(-1, 3)
         seen = self.observe(state, adjoint)
-        table, below = self.body.table, self.table[2]
-        above = np.minimum(below + 1, len(table.coordinate) - 1)
-        gap = np.maximum(table.coordinate[above] - table.coordinate[below], 1e-12)
-        rest = table.log_slope_MPa[:, 0, 0]
+        by_weight = self._weight_over_m(state.share, adjoint)
         return _Sensitivity(
-            -seen.isochoric, -seen.volumetric, seen.over_m / gap, (rest[above] - rest[below]) / gap,
-            self._weight_over_m(state.share, adjoint),
-        )  # fmt: skip
+            -seen.isochoric, -seen.volumetric, seen.over_m, self.bulk_over_m, by_weight
+        )
 
     def nodal_forces(self, state: Equilibrium, stress: FloatArray) -> FloatArray:
         """Return the nodal forces, (N, 3), of second Piola-Kirchhoff stresses, (Q, 6)."""
@@ -827,18 +847,14 @@ class Mechanics:
         """Return the energy stored at the points over the volume at rest, N mm / mm³, (Q,)."""
         seen = self.observe(state)
         table = self.body.table
-        _, _, below, share = self.table
-        above = np.minimum(below + 1, len(table.coordinate) - 1)
         place = np.minimum(seen.x / table.step, table.energy_MPa.shape[1] - 1.001)
         i = place.astype(np.int64)
         t = place - i
         # W goes as x²: between two values its square root is the straighter.
-        root, nodes = np.sqrt(table.energy_MPa), np.stack([below, above])
+        root, nodes, share = np.sqrt(table.energy_MPa), self._beside, self.table[3]
         energy = ((1.0 - t) * root[nodes, i] + t * root[nodes, i + 1]) ** 2
         isochoric = energy[0] ** (1.0 - share) * energy[1] ** share  # as W' between nodes
-        cells = self.body.cells
-        pressure = np.repeat(state.pressure, np.diff(cells.offsets), axis=0)
-        p = np.einsum("qr,qr->q", pressure, self.basis)
+        p = self.body.pressure_MPa(state.pressure)
         return np.asarray(isochoric + p * p / (2.0 * self.bulk))
 
 
@@ -854,7 +870,7 @@ class Observed(NamedTuple):
     isochoric, volumetric : (Q,)
         Work of both stresses on the adjoint field, N mm.
     over_m : (Q,)
-        Change of ln W' over a gap of the table's nodes.
+        d ln W' / dm.
     """
 
     x: FloatArray

@@ -18,6 +18,7 @@ from planner.numerics import (
     kernel,
     one_blas_thread,
 )
+from planner.simulation.element import SIX
 
 __all__ = ["Analysis", "Factor", "NotPositiveDefinite", "analyse", "factor", "taken"]
 
@@ -667,9 +668,6 @@ def _factor_fronts(
     return np.int64(-1), at
 
 
-_SIX = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2]])
-
-
 @inner_kernel
 def _add_cell(
     matrix: FloatArray, place: IntArray, panel: FloatArray, rows: _Int, update:
@@ -686,7 +684,7 @@ def _add_cell(
                 if place[a] >= place[b]:
                     to = offset + 3 * place[a]
                     for i in range(3):
-                        k = _SIX[i, axis]
+                        k = SIX[i, axis]
                         into[to + i] += matrix[a, k, b] if i <= axis else matrix[b, k, a]
 
 

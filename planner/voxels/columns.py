@@ -1,7 +1,7 @@
 """A mesh as columns of voxels: runs along z that lie inside."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -234,7 +234,7 @@ def slab_runs(
     nz: int,
     shortest: int,
     row_leads: bool = False,
-) -> tuple[IntArray, IntArray, IntArray, IntArray]:
+) -> tuple[IntArray, IntArray, IntArray, int]:
     """Return the runs of one slab of rows.
 
     Parameters
@@ -248,10 +248,9 @@ def slab_runs(
 
     Returns
     -------
-    offsets, start, stop, faults
-        Runs of column c: ``start[offsets[c]:offsets[c + 1]]``. ``faults``: columns whose signs
-        do not sum to zero, columns where the winding is negative over more than one voxel (one
-        may come from rounding), and the first faulty column of each kind (-1: none).
+    offsets, start, stop, unpaired
+        Runs of column c: ``start[offsets[c]:offsets[c + 1]]``; and how many columns there are whose
+        entries and exits do not pair up.
     """
     cursor = np.zeros((row1 - row0) * nx + 1, np.int32)
     columns, heights = np.empty((spans, 4), np.int32), np.empty((spans, 2), np.float64)
@@ -259,11 +258,12 @@ def slab_runs(
     crossings = int(np.sum(columns[:n, 1], dtype=np.int64))
     keys = np.empty(crossings, np.int64)
     start, stop = np.empty((2, crossings // 2), np.int32)
-    offsets, faults = np.zeros(len(cursor), np.int64), np.array([0, 0, -1, -1])
-    ends = (offsets, start, stop, faults)
+    offsets = np.zeros(len(cursor), np.int64)
     mesh = (snapped, faces, row0, nx, row_leads)
-    runs = _runs(columns[:n], heights, *mesh, cursor, keys, nz, shortest, *ends)
-    return offsets, start[:runs], stop[:runs], faults
+    runs, unpaired = _runs(
+        columns[:n], heights, *mesh, cursor, keys, nz, shortest, offsets, start, stop
+    )
+    return offsets, start[:runs], stop[:runs], int(unpaired)
 
 
 @inner_kernel
@@ -305,7 +305,6 @@ def _runs(
     offsets: Any,
     start: Any,
     stop: Any,
-    faults: Any,
 ) -> Any:
     # Gather each column's crossings in `keys`, sort them, and count the winding along them.
     crossings = here = 0
@@ -328,7 +327,7 @@ def _runs(
             # entries sort before exits of the same voxel: touching bodies make one run
             keys[cursor[column]] = (voxel << 1) | columns[s, 2]
             cursor[column] += 1
-    runs, first = np.int64(0), np.int64(0)
+    runs, first, unpaired = np.int64(0), np.int64(0), 0
     for c in range(cursor.size - 1):
         last = np.int64(cursor[c])
         if last - first == 2:
@@ -336,20 +335,16 @@ def _runs(
                 keys[first], keys[first + 1] = keys[first + 1], keys[first]
         elif last - first > 2:
             sort_span(keys, first, last)
-        winding, low, below, inverted = 0, 0, 0, False
+        winding, low = 0, 0
         for i in range(first, last):
             voxel = keys[i] >> 1
             if keys[i] & 1 == 0:
                 winding += 1
                 if winding == 1:
                     low = voxel
-                elif winding == 0:
-                    inverted |= voxel - below > 1
                 continue
             winding -= 1
-            if winding == -1:
-                below = voxel
-            elif winding == 0:
+            if winding == 0:
                 high = voxel
                 if high - low < shortest:
                     low = min(low, nz - shortest) if low <= nz else low
@@ -362,16 +357,10 @@ def _runs(
                         start[runs], stop[runs] = low, high
                         runs += 1
         if winding != 0:
-            faults[0] += 1
-            if faults[2] < 0:
-                faults[2] = c
-        if inverted:
-            faults[1] += 1
-            if faults[3] < 0:
-                faults[3] = c
+            unpaired += 1
         offsets[c + 1] = runs
         first = last
-    return runs
+    return runs, unpaired
 
 
 @kernel
@@ -391,7 +380,7 @@ def _fill_runs(offsets: IntArray, start: IntArray, stop: IntArray, dense: IntArr
 #
 # Vertices are rounded to 1/65536 of a voxel (0.6 nm at a pitch of 0.042 mm); from there on every
 # choice is exact, so a voxel is inside by the mesh and the grid alone, whatever the order of the
-# triangles or the direction of the walk (`planner.slices.slices` goes along x). No column is
+# triangles or the direction of the walk (`planner.slices` goes along x). No column is
 # missed or counted twice, also where vertices lie on voxel centres, and bodies that share a face
 # share no voxel.
 
@@ -443,25 +432,6 @@ class Grid:
         return centres
 
 
-@dataclass(frozen=True)
-class Faults:
-    """Where a mesh is not the surface of a solid.
-
-    Attributes
-    ----------
-    open_columns
-        Columns whose entries and exits do not pair up: the surface is open or a face is flipped.
-    inverted_columns
-        Columns that leave a body before they enter it: a body is inside out.
-    place_mm
-        x, y of the first such column (open ones first), or None.
-    """
-
-    open_columns: int = 0
-    inverted_columns: int = 0
-    place_mm: tuple[float, float] | None = None
-
-
 @dataclass(frozen=True, eq=False)
 class Columns:
     """Runs of inside voxels along z, for whole rows of a grid.
@@ -477,8 +447,8 @@ class Columns:
         ``offsets[number]`` to ``offsets[number + 1]``.
     start, stop : (runs,) int32
         Each run holds the voxels start <= k < stop; runs of a column rise and do not touch.
-    faults
-        What these rows say about the mesh.
+    unpaired
+        How many have entries and exits that do not pair up: the surface is open, or a face turned.
     """
 
     grid: Grid
@@ -486,7 +456,7 @@ class Columns:
     offsets: IntArray
     start: IntArray
     stop: IntArray
-    faults: Faults = field(default_factory=Faults)
+    unpaired: int = 0
 
     @property
     def rows(self) -> int:
@@ -569,7 +539,7 @@ def columns_of(
         ids = members[offsets[slab] : offsets[slab + 1]]
         last = min(first + rows, ny)
         runs = slab_runs(snapped, faces, ids, int(spans[slab]), first, last, nx, nz, shortest)
-        yield Columns(grid, first, *runs[:3], _faults(runs[3], grid, first))
+        yield Columns(grid, first, *runs)
 
 
 def voxelize(mesh: Mesh, pitch_mm: float | Sequence[float], *, shortest: int = 0) -> Columns:
@@ -596,19 +566,13 @@ def join(slabs: list[Columns]) -> Columns:
     """Return the rows of consecutive slabs as one."""
     runs = np.cumsum([0, *(len(s.start) for s in slabs)])
     parts = [s.offsets[1:] + before for s, before in zip(slabs, runs, strict=False)]
-    faults = [s.faults for s in slabs]
-    places = [f.place_mm for f in sorted(faults, key=lambda f: f.open_columns == 0)]
     return Columns(
         slabs[0].grid,
         slabs[0].first_row,
         np.concatenate([slabs[0].offsets[:1], *parts]),
         np.concatenate([s.start for s in slabs]),
         np.concatenate([s.stop for s in slabs]),
-        Faults(
-            sum(f.open_columns for f in faults),
-            sum(f.inverted_columns for f in faults),
-            next((p for p in places if p is not None), None),
-        ),
+        sum(s.unpaired for s in slabs),
     )
 
 
@@ -633,13 +597,3 @@ def check_reach(mesh: Mesh, grid: Grid) -> None:
             f"within {MOST_VOXELS} voxels of {grid.pitch_mm} mm about the grid's origin "
             f"{grid.origin_mm} mm; choose a coarser pitch, or cut the part"
         )
-
-
-def _faults(counts: IntArray, grid: Grid, first_row: int) -> Faults:
-    unpaired, inverted, first_open, first_inverted = (int(c) for c in counts)
-    column = first_open if first_open >= 0 else first_inverted
-    if column < 0:
-        return Faults()
-    row, i = divmod(column, grid.shape[0])
-    x, y, _ = grid.centre_mm(np.array([i, first_row + row, 0])).tolist()
-    return Faults(unpaired, inverted, (x, y))

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.formats.png import ImageKind, encode_layer
+from planner.glance import channels
 from planner.mesh.mesh import Mesh
 from planner.numerics import BoolArray, FloatArray, IntArray
 from planner.voxels.columns import Columns, Grid, iterate_columns
@@ -153,7 +154,7 @@ def _meet(slab: Columns, ray: int, number: int, begin: IntArray, seen: Sequence[
 
 def _colours(seen: _Seen, colours: Sequence[str], step: float) -> IntArray:
     """Return RGBA of each pixel, packed, the lowest row first, with light on slopes of the rays."""
-    table = np.array([[int(c[k : k + 2], 16) for k in (1, 3, 5)] for c in colours], np.float64)
+    table = np.array([channels(colour) for colour in colours], np.float64)
     shell, depth = (np.pad(values, 1, constant_values=-1) for values in (seen.shell, seen.depth))
     at = np.flatnonzero(shell.ravel() >= 0)
     right, up = (_slope(shell, depth, at, away) * step for away in (1, shell.shape[1]))

@@ -37,23 +37,21 @@ def test_without_specimen_effects_only_the_sensor_is_left(problem: Problem) -> N
         assert (np.diag(after) < np.diag(before) + 1e-15).all()
     # Whitened figures are the residual over each one's own deviation
     sd = np.sqrt(np.concatenate([np.diag(b) for b in less.noise.blocks]))
-    assert less.columns[:, 0] == pytest.approx(problem.residual / sd, rel=1e-6, abs=1e-9)
-    kept = problem.columns.shape[1] - 2
-    assert less.columns.shape == (len(sd), kept)
+    assert less.target == pytest.approx(problem.residual / sd, rel=1e-6, abs=1e-9)
+    assert less.nuisances.shape == (len(sd), problem.nuisances.shape[1] - 2)
 
 
 def test_fixed_base_parameters_leave_camera_and_batches(problem: Problem) -> None:
     less, _ = VARIANTS["fixed base parameters"](problem, Priors())
     assert less.ways == ()
-    gone = problem.nuisances - less.nuisances
+    gone = problem.nuisances.shape[1] - less.nuisances.shape[1]
     assert gone >= len(problem.ways)
     # What stays of the calibration is about strains of the camera
     force = ~problem.table.is_field
     assert not less.calibration[force].any()
     assert problem.calibration[force, :gone].any(axis=0).all()
-    first = problem.columns.shape[1] - problem.nuisances
-    assert np.array_equal(less.columns[:, :first], problem.columns[:, :first])
-    assert np.array_equal(less.columns[:, first:], problem.columns[:, first + gone :])
+    assert np.array_equal(less.patterns, problem.patterns)
+    assert np.array_equal(less.nuisances, problem.nuisances[:, gone:])
 
 
 def test_priors_without_unknown_and_flat(problem: Problem) -> None:

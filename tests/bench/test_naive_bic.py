@@ -16,7 +16,7 @@ from benchmarks.withheld.reality.__main__ import main
 from benchmarks.withheld.scoring import read_answer
 from planner.errors import PlannerError
 from planner.gap.effects import EFFECTS
-from planner.gap.evidence.surrogate import node_weights, signed_forms
+from planner.gap.evidence.problem import node_weights, signed_forms
 
 
 def test_schwarz_weighs_fit_against_parameters() -> None:

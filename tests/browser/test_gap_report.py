@@ -20,7 +20,7 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
     travel = np.linspace(0.0, 10.0, 11)
     traces = Traces(
         label=("soft, 40 °C", "soft, 23 °C"),
-        specimen_ids=(("A", "B"), ("C",)),
+        rows=[[0, 1], [2]],
         travel_mm=np.stack([travel, travel]),
         time_s=np.stack([travel, travel]),
         before_N=np.stack([travel, travel]),

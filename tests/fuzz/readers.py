@@ -22,11 +22,11 @@ from planner.formats.threemf import ThreemfObject, encode_threemf, threemf_xml_h
 from planner.gap.campaign_folder import read_campaign
 from planner.gap.diagnosis import read_diagnosis
 from planner.gap.virtual import read_design
-from planner.grading.profile import read_profile
+from planner.grading.profile import read_moduli
 from planner.inverse_design.goals import read_target
 from planner.materials.study import read_study
 from planner.printers import load_profile
-from planner.simulation.bar import read_profile as read_bar
+from planner.simulation.bar import read_moduli as read_bar
 from planner.simulation.bar import read_profile_bar
 from planner.simulation.loads import read_cases
 from planner.simulation.part_response import PartResponse, encode_response, read_response
@@ -267,7 +267,7 @@ READERS: tuple[Reader, ...] = (
            single("test.csv", *ENCODED)),
     Reader("study", lambda at: read_study([at]), one_of(STUDY)),
     Reader("grade profile",
-           lambda at: read_profile(at / "p.csv", MODULI, lambda name: KNOWN.resolve(name).id),
+           lambda at: read_moduli(at / "p.csv", MODULI, lambda name: KNOWN.resolve(name).id),
            single("p.csv", GRADE_PROFILE, MATERIAL_PROFILE)),
     Reader("bar profile", lambda at: read_bar(at / "p.csv", palette=KNOWN, gauge_mm=25.0),
            single("p.csv", CAMPAIGN["profiles/bar.csv"])),

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.audit import audit
 from planner.formats.mesh_file import decode_stl
-from planner.mesh.audit import audit
 
 
 @pytest.mark.parametrize("name", ["dogbone", "dogbone-thesis", "finger", "gripper"])

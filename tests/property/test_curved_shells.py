@@ -6,7 +6,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from planner.cutting.pieces import shell_faces, split
+from planner.cutting.pieces import split
 from planner.errors import PlannerError
 from planner.fields.parse import Setting, build_field
 from planner.grading.check import shell_checks
@@ -88,7 +88,7 @@ def test_every_shell_is_sound(kind, seed):
     levels = levels[np.diff(levels, prepend=0.0) > 1e-3]
     assume(len(levels))
     pieces = split(mesh, field, levels, pitch_mm=pitch_mm)
-    soups = [pieces.vertices[shell_faces(pieces, [i])] for i in range(pieces.count)]
+    soups = [pieces.vertices[pieces.shell_faces([i])] for i in range(pieces.count)]
     soups = [soup for soup in soups if len(soup)]
     counted["shells"] += len(soups)
     checks = shell_checks(join_shells(soups), mesh)

@@ -7,10 +7,11 @@ from hypothesis import strategies as st
 from manifold3d import CrossSection, Error, Manifold
 from manifold3d import Mesh as SolidMesh
 
-from planner.cutting.pieces import piece_volumes_mm3, shell_faces, split
+from benchmarks.audit import audit
+from planner.cutting.pieces import split
 from planner.cutting.planes import snap_distance_mm
 from planner.fields.basic import axis_field
-from planner.mesh.audit import audit, interfaces_cancel, join_shells
+from planner.mesh.audit import interfaces_cancel, join_shells
 from planner.mesh.mesh import Mesh, weld
 from planner.mesh.part import place
 
@@ -73,7 +74,7 @@ def random_case(kind, seed):
 def count_unsound(mesh, field, levels):
     """Split, audit every shell, and return how many there are and how many are faulty."""
     pieces = split(mesh, field, levels)
-    soups = [pieces.vertices[shell_faces(pieces, [i])] for i in range(pieces.count)]
+    soups = [pieces.vertices[pieces.shell_faces([i])] for i in range(pieces.count)]
     soups = [soup for soup in soups if len(soup)]
     faulty = 0
     for soup in soups:
@@ -84,7 +85,7 @@ def count_unsound(mesh, field, levels):
     assert len(np.unique(pieces.vertices, axis=0)) == len(pieces.vertices)
     # Cut points move by half the float32 spacing at most, and the surface with them.
     limit = max(1e-6 * mesh.volume_mm3, snap_distance_mm(mesh.bounds_mm) * mesh.area_mm2 / 4)
-    assert abs(piece_volumes_mm3(pieces).sum() - mesh.volume_mm3) < limit
+    assert abs(pieces.volumes_mm3.sum() - mesh.volume_mm3) < limit
     return len(soups), faulty
 
 
@@ -132,7 +133,7 @@ def test_pieces_of_a_box_have_the_volume_between_the_planes(directions, shares):
     mesh, _ = place(Mesh(np.asarray(raw.vert_properties)[:, :3], np.asarray(raw.tri_verts)))
     field = axis_field(directions, mesh)
     levels = np.sort(shares) / 1000
-    volumes = piece_volumes_mm3(split(mesh, field, levels))
+    volumes = split(mesh, field, levels).volumes_mm3
     # The corner below n . x = c of a box is a sum over its corners q of sign(q) (c - n . q)^3,
     # over 6 n1 n2 n3.
     n = np.abs(np.array(field.direction))

@@ -6,11 +6,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from benchmarks.audit import audit
 from planner.errors import MeshError
-from planner.mesh.audit import audit
 from planner.mesh.mesh import CROWDED, OPEN, Mesh, Topology, consistent_winding, measure, weld
-from planner.mesh.part import make_part
-from planner.mesh.repair import find_crossing
+from planner.mesh.part import find_crossing, make_part
 
 SETTINGS = settings(derandomize=True, deadline=None, max_examples=40)
 

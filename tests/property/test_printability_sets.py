@@ -6,17 +6,17 @@ import trimesh
 from scipy import ndimage
 
 from planner.mesh.distance import inscribed_ball
-from planner.voxels.morphology import (
-    ROOM,
+from planner.voxels.thin_places import (
+    _ROOM,
+    _add_runs,
+    _components,
+    _members,
+    _runs_of,
     active_words,
-    add_runs,
     ball,
-    components,
     empty_set,
     grow,
-    members,
     morph,
-    runs_of,
 )
 
 SHAPE = (11, 9, 150)  # columns cross two word borders
@@ -27,12 +27,12 @@ def packed(dense):
     rows, columns, voxels = dense.shape
     bits = empty_set(rows, columns, voxels)
     for i, j, k in np.argwhere(dense):
-        bits[i, ROOM + j, 1 + k // 64] |= np.uint64(1) << np.uint64(k % 64)
+        bits[i, _ROOM + j, 1 + k // 64] |= np.uint64(1) << np.uint64(k % 64)
     return bits
 
 
 def unpacked(bits, shape):
-    words = bits[:, ROOM : ROOM + shape[1], 1:]
+    words = bits[:, _ROOM : _ROOM + shape[1], 1:]
     bools = (words[..., None] >> np.arange(64, dtype=np.uint64)) & np.uint64(1)
     return bools.reshape(*words.shape[:2], -1)[..., : shape[2]].astype(bool)
 
@@ -72,7 +72,7 @@ def test_words_deep_inside_are_not_worked_on():
     region = packed(dense)
     active = active_words(region, 2)
     inner = np.zeros_like(active)
-    inner[3:-3, ROOM + 2 : -ROOM - 2, 2:-2] = True
+    inner[3:-3, _ROOM + 2 : -_ROOM - 2, 2:-2] = True
     assert np.array_equal(active, (region != 0) & ~inner)
 
 
@@ -92,16 +92,16 @@ def test_growth_within_a_set(sets, steps):
 def test_runs_members_and_components(sets):
     sparse, dense = sets
     dense = dense ^ ndimage.binary_erosion(dense)
-    runs = runs_of(packed(dense), 0, SHAPE[0])
+    runs = _runs_of(packed(dense), 0, SHAPE[0])
     assert (runs[:, 3] - runs[:, 2]).sum() == dense.sum()
     starts = np.argwhere(dense & ~np.roll(np.pad(dense, ((0, 0), (0, 0), (0, 1))), 1, 2)[..., :-1])
     assert np.array_equal(runs[:, :3], starts)
     labels, count = ndimage.label(dense, AROUND)
-    number = components(runs)
+    number = _components(runs)
     assert number.max() + 1 == count
     expected = labels[tuple(runs[:, :3].T)]
     assert len(set(zip(number.tolist(), expected.tolist(), strict=True))) == count
-    for run, found in zip(runs, members(runs, packed(sparse)), strict=True):
+    for run, found in zip(runs, _members(runs, packed(sparse)), strict=True):
         inside = run[2] + np.flatnonzero(sparse[run[0], run[1], run[2] : run[3]])
         middle = [inside[0], inside[len(inside) // 2], inside[-1]] if len(inside) else [-1] * 3
         assert found.tolist() == middle
@@ -111,7 +111,7 @@ def test_runs_become_sets():
     offsets = np.array([0, 2, 2, 3, 4])  # two rows of two columns
     start, stop = np.array([0, 64, 3, 60]), np.array([1, 128, 130, 70])
     bits = empty_set(2, 2, 130)
-    add_runs(bits, 0, offsets, start, stop, np.array([True, True, True, False]))
+    _add_runs(bits, 0, offsets, start, stop, np.array([True, True, True, False]))
     expected = np.zeros((2, 2, 130), bool)
     expected[0, 0, [0, *range(64, 128)]] = True
     expected[1, 0, 3:] = True
@@ -125,8 +125,7 @@ def test_inscribed_ball_of_a_turned_box(seed):
     body = trimesh.creation.box((2, 1, 3))
     body.apply_transform(trimesh.transformations.random_rotation_matrix(rng.random(3)))
     start = rng.uniform(-0.1, 0.1, 3)
-    faces = np.asarray(body.faces, dtype=np.int32)
-    centre, radius = inscribed_ball(np.asarray(body.vertices), faces, start, 0.2, 5.0)
+    centre, radius = inscribed_ball(np.array(body.triangles), start, 0.2, 5.0)
     assert 0.5 - 0.2 / 16 <= radius <= 0.5 + 1e-9
     distance = np.abs(
         body.face_normals @ centre - np.einsum("ij,ij->i", body.face_normals, body.triangles[:, 0])
@@ -137,8 +136,7 @@ def test_inscribed_ball_of_a_turned_box(seed):
 def test_inscribed_ball_starting_outside_climbs_in():
     body = trimesh.creation.icosphere(3, 0.1)
     centre, radius = inscribed_ball(
-        np.asarray(body.vertices),
-        np.asarray(body.faces, dtype=np.int32),
+        np.array(body.triangles),
         np.array([0.12, 0.0, 0.02]),
         0.2,
         1.0,

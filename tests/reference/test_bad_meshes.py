@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from benchmarks.audit import audit
 from planner.errors import MeshError
 from planner.formats.mesh_file import read_mesh
-from planner.mesh.audit import audit
 from planner.mesh.part import make_part, undersize
 
 TRAY_MM = (490.0, 390.0, 200.0)

@@ -9,9 +9,10 @@ import trimesh
 from manifold3d import Error, Manifold
 from manifold3d import Mesh as SolidMesh
 
-from planner.cutting.pieces import piece_volumes_mm3, shell_faces, split
+from benchmarks.audit import audit
+from planner.cutting.pieces import split
 from planner.fields.basic import axis_field
-from planner.mesh.audit import audit, interfaces_cancel, join_shells
+from planner.mesh.audit import interfaces_cancel, join_shells
 from planner.mesh.mesh import Mesh, weld
 from planner.mesh.part import place
 
@@ -41,7 +42,7 @@ def cut(mesh, axis):
     levels = np.unique(levels[levels < 1])
     levels = levels[np.diff(levels, prepend=0) > 1e-4]
     pieces = split(mesh, field, levels)
-    soups = [pieces.vertices[shell_faces(pieces, [i])] for i in range(pieces.count)]
+    soups = [pieces.vertices[pieces.shell_faces([i])] for i in range(pieces.count)]
     return pieces, [soup for soup in soups if len(soup)]
 
 
@@ -68,7 +69,7 @@ def test_shells_of_real_parts_are_sound(shared_data, name, unit_mm, axis):
         read = trimesh.Trimesh(**trimesh.triangles.to_kwargs(soup), process=True, validate=True)
         assert read.is_watertight
     assert interfaces_cancel(join_shells(soups), mesh).ok
-    assert piece_volumes_mm3(pieces).sum() == pytest.approx(mesh.volume_mm3, rel=1e-6)
+    assert pieces.volumes_mm3.sum() == pytest.approx(mesh.volume_mm3, rel=1e-6)
 
 
 def test_bodies_that_touch_stay_closed_outlines(shared_data):
@@ -83,4 +84,4 @@ def test_bodies_that_touch_stay_closed_outlines(shared_data):
         assert found.open_edges == 0
         assert found.degenerate_faces == found.duplicate_faces == 0
     assert interfaces_cancel(join_shells(soups), mesh).ok
-    assert piece_volumes_mm3(pieces).sum() == pytest.approx(mesh.volume_mm3, rel=1e-6)
+    assert pieces.volumes_mm3.sum() == pytest.approx(mesh.volume_mm3, rel=1e-6)

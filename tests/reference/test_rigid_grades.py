@@ -9,7 +9,7 @@ from planner.errors import ArgumentError, PaletteError
 from planner.grading.invert import invert
 from planner.grading.profile import list_materials
 from planner.materials.characterise import Curve, characterise_material
-from planner.materials.fit_intervals import ASSUMED_LOG_SD, fit_material
+from planner.materials.fit import ASSUMED_LOG_SD, fit_material
 from planner.materials.laws import Yielding, candidate_laws, make_law, secant_modulus_MPa
 from planner.palette import LawParameters, encode_palette, parse_palette
 from planner.simulation.bar_solver import law_tables

@@ -3,9 +3,10 @@ import pytest
 from manifold3d import Error, Manifold
 from manifold3d import Mesh as MeshGL
 
+from benchmarks.audit import audit
 from planner.errors import MeshError
 from planner.formats.mesh_file import encode_stl, stl_holds
-from planner.mesh.audit import audit, interfaces_cancel, join_shells
+from planner.mesh.audit import interfaces_cancel, join_shells
 from planner.mesh.mesh import Mesh
 
 

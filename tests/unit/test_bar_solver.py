@@ -1,6 +1,6 @@
 """The solver of bars against closed forms."""
 
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -145,7 +145,7 @@ def test_tables_go_on_rising_beyond_a_laws_end():
 
 def test_materials_whose_stiffness_crosses_have_tables():
     crossing = Palette("p", (FIRM, material("b", 0.8, "ogden", mu_MPa=(0.5,), alpha=(4.0,))))
-    assert CoefficientModel(crossing).remarks(None)  # crosses, and says so
+    assert [*CoefficientModel(crossing).remarks()]  # crosses, and says so
     assert np.isfinite(stress_MPa(0.65, 0.5, law_tables(crossing)))
 
 
@@ -345,8 +345,8 @@ def test_threads_change_nothing():
     alone = predict_all(setups, LAWS, workers=1)
     together = predict_all(iter(setups), LAWS, workers=2)
     for one, two in zip(alone, together, strict=True):
-        for f in fields(one):
-            np.testing.assert_array_equal(getattr(one, f.name), getattr(two, f.name))
+        np.testing.assert_array_equal(one.force_N, two.force_N)
+        np.testing.assert_array_equal(one.strain, two.strain)
     assert alone[0].force_N[0, -1] < alone[-1].force_N[0, -1]
 
 

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from planner.grading.blends import blend_segments, laminated
 from planner.grading.profile import Profile
+from planner.grading.regions import blend_segments, laminated
 
 LADDER = (1.0, 2.0, 4.0, 10.0)
 RISING = Profile("rising", (0, 1), (1, 10), "log")

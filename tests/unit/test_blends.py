@@ -13,12 +13,12 @@ from hypothesis import strategies as st
 from manifold3d import Manifold
 
 import planner
+from benchmarks.audit import audit
 from planner.cli import run
-from planner.cutting.pieces import piece_volumes_mm3, shell_faces, split
+from planner.cutting.pieces import split
 from planner.errors import ArgumentError, FileError
 from planner.fields.basic import AxisField
 from planner.formats.threemf import read_threemf
-from planner.grading.blends import blend_segments
 from planner.grading.dither import (
     DitherField,
     affordable_cells,
@@ -30,8 +30,9 @@ from planner.grading.dither import (
     thresholds,
 )
 from planner.grading.profile import Profile, dithered_profile, stiffness_scale
+from planner.grading.regions import blend_segments
 from planner.materials.mixtures import dithered_modulus_MPa
-from planner.mesh.audit import audit, interfaces_cancel, join_shells
+from planner.mesh.audit import interfaces_cancel, join_shells
 from planner.mesh.mesh import Mesh
 from planner.mesh.part import place
 from planner.simulation.bar import read_profile
@@ -65,7 +66,7 @@ def check(mesh, field):
     pieces = split(mesh, field, field.levels, pitch_mm=field.cell_mm, follow=False)
     grades = np.array([piece.grade for piece in field.pieces])
     members = [np.flatnonzero(grades == g) for g in sorted(set(grades.tolist()))]
-    soups = [pieces.vertices[shell_faces(pieces, own)] for own in members]
+    soups = [pieces.vertices[pieces.shell_faces(own)] for own in members]
     soups = [soup for soup in soups if len(soup)]
     assert all(audit(soup).sound for soup in soups)
     assert interfaces_cancel(join_shells(soups), mesh).ok
@@ -112,7 +113,7 @@ def test_volume_fractions_are_those_wanted():
     for target in (2.3, 3.2):
         field = dealt(mesh, Profile("even", (0, 1), (target, target), "log"), 0.4)
         counted = count_cells(mesh, field)
-        volumes = piece_volumes_mm3(check(mesh, field))
+        volumes = check(mesh, field).volumes_mm3
         achieved = volumes[1] / volumes.sum()
         # 15000 cells, less than half a tile: what is seen of it is even within a thousandth.
         assert achieved == pytest.approx(float(counted.wanted[0]), abs=0.002)
@@ -123,7 +124,7 @@ def test_volume_fractions_are_those_wanted():
 def test_a_tally_of_cells_is_near_the_exact_volumes():
     mesh = part(Manifold.sphere(4, 40))
     field = dealt(mesh, PROFILES["there and back"], 0.5)
-    exact = piece_volumes_mm3(check(mesh, field))
+    exact = check(mesh, field).volumes_mm3
     counted = count_cells(mesh, field)
     # Cells at the surface are counted by 27 of their points.
     np.testing.assert_allclose(

@@ -70,14 +70,13 @@ def moments(cells: CutCells) -> np.ndarray:
 def columns_moments(cells: CutCells) -> np.ndarray:
     """The same of the columns themselves, by four Gauss points in each segment."""
     material = cells.material
-    columns, h = material.columns, cells.cell_mm
+    h, (number, low, high) = cells.cell_mm, material.segments.T
     u0, v0, pitch, cos, sin = material.frame[:5]
-    number = np.repeat(np.arange(len(material.foot)), np.diff(columns.offsets))
-    u = u0 + pitch * (number % columns.grid.shape[0])
-    v = v0 + pitch * (number // columns.grid.shape[0])
+    u = u0 + pitch * (number % material.across)
+    v = v0 + pitch * (number // material.across)
     x, y = cos * u - sin * v, sin * u + cos * v
     area = h[0] * h[1] / material.per_foot[material.foot[number]]
-    low, high = columns.start * h[2] / material.voxels, columns.stop * h[2] / material.voxels
+    low, high = low * h[2] / material.voxels, high * h[2] / material.voxels
     middle = np.ptp(cells.surface.bounds_mm, axis=0) / 2
     scale = np.ptp(cells.surface.bounds_mm) / 2
     x, y, low, high = (

@@ -5,21 +5,19 @@ import pytest
 from manifold3d import CrossSection, Manifold
 
 from planner.errors import ArgumentError
-from planner.fields.basic import (
-    Field,
-    FunctionField,
-    PlanarField,
-    Ramp,
-    ball_region,
-    box_region,
-    faces_within,
-    half_space,
-    inside_mesh,
-    smooth_patch,
+from planner.fields.basic import Field, FunctionField, PlanarField, Ramp
+from planner.fields.parse import (
+    Setting,
+    _ball_region,
+    _box_region,
+    _faces_within,
+    _half_space,
+    _inside_mesh,
+    _smooth_patch,
+    build_field,
 )
-from planner.fields.parse import Setting, build_field
 from planner.fields.solved import geodesic_field, harmonic_field, points_field
-from planner.mesh.distance import nearest, triangle_tree
+from planner.mesh.distance import distances, triangle_tree
 from planner.mesh.mesh import Mesh, weld
 
 RNG = np.random.default_rng(5)
@@ -69,7 +67,7 @@ def brute_force(triangles, points):
 
 def test_nearest_triangle_is_the_nearest_of_all():
     mesh = mesh_of(Manifold.sphere(4, 20) - Manifold.cube([9, 2, 2], True))
-    distance, outside = nearest(triangle_tree(mesh), POINTS)
+    distance, outside = distances(triangle_tree(mesh), POINTS)
     np.testing.assert_allclose(distance, brute_force(mesh.triangles, POINTS), atol=1e-12)
     # Sharp edges and a hole: what is inside comes from the construction.
     in_slot = (np.abs(POINTS[:, 1]) < 1) & (np.abs(POINTS[:, 2]) < 1)
@@ -90,11 +88,11 @@ def test_depth_below_a_surface():
 
 def test_the_wall_of_a_hole_and_faces_in_a_box():
     mesh = mesh_of(Manifold.cube([10, 10, 4], True) - Manifold.cylinder(6, 2, 2, 60, True))
-    wall = smooth_patch(mesh, np.array([1.9, 0.0, 0.5]))
+    wall = _smooth_patch(mesh, np.array([1.9, 0.0, 0.5]))
     radii = np.linalg.norm(wall.triangles[..., :2], axis=-1)
     np.testing.assert_allclose(radii, 2, atol=1e-6)  # float32 of manifold3d
     assert wall.area_mm2 == pytest.approx(2 * np.pi * 2 * 4, rel=2e-3)
-    top = faces_within(mesh, np.array([-6, -6, 1.9]), np.array([6, 6, 2.1]))
+    top = _faces_within(mesh, np.array([-6, -6, 1.9]), np.array([6, 6, 2.1]))
     assert top.area_mm2 == pytest.approx(100 - np.pi * 4, rel=2e-3)
 
 
@@ -103,7 +101,10 @@ def test_harmonic_field_of_a_bar_is_linear_at_first_order():
     worst = []
     for pitch_mm in (0.5, 0.25):
         field = harmonic_field(
-            mesh, half_space((2, 0, 0), (-1, 0, 0)), box_region((10, -1, -1), (13, 4, 4)), pitch_mm
+            mesh,
+            _half_space((2, 0, 0), (-1, 0, 0)),
+            _box_region((10, -1, -1), (13, 4, 4)),
+            pitch_mm,
         )
         points = RNG.uniform([2, 0.5, 0.5], [10, 2.5, 2.5], (300, 3))
         worst.append(8 * np.abs(field.values(points) - (points[:, 0] - 2) / 8).max())
@@ -115,8 +116,8 @@ def test_harmonic_field_of_a_ring_segment_follows_the_bend():
     ring = CrossSection.circle(6, 90) - CrossSection.circle(4, 90)
     half = ring ^ CrossSection.square((20, 10)).translate((-10, 0))
     mesh = mesh_of(half.extrude(2))
-    start, end = half_space((0, 0.3, 0), (0, -1, 0)), ball_region((-5, 0, 1), 1.6)
-    start_only = box_region((3, -1, -1), (7, 0.3, 3))
+    start, end = _half_space((0, 0.3, 0), (0, -1, 0)), _ball_region((-5, 0, 1), 1.6)
+    start_only = _box_region((3, -1, -1), (7, 0.3, 3))
     assert start.holds(np.array([[5.0, 0.0, 1.0]])).all()
     field = harmonic_field(mesh, start_only, end, 0.2)
     angle = np.linspace(0.3, 2.5, 12)
@@ -130,7 +131,7 @@ def test_geodesic_distance_goes_round_the_corner():
     mesh = mesh_of(Manifold.cube([10, 10, 2]) - Manifold.cube([8, 8, 4]).translate([2, 2, -1]))
     errors = []
     for pitch_mm in (0.25, 0.125):
-        field = geodesic_field(mesh, ball_region((1, 9, 1), 0.5), pitch_mm, 0.0, 1.0)
+        field = geodesic_field(mesh, _ball_region((1, 9, 1), 0.5), pitch_mm, 0.0, 1.0)
         # Straight to the inner corner at (2, 2), then straight on.
         length = np.hypot(1, 7) + np.hypot(7, 1) - 0.5
         found = field.values(np.array([[9.0, 1.0, 1.0]]))[0]
@@ -140,7 +141,7 @@ def test_geodesic_distance_goes_round_the_corner():
 
 
 def test_regions():
-    inside = inside_mesh(mesh_of(Manifold.cube([2, 2, 2], True)), "cube.stl", "0")
+    inside = _inside_mesh(mesh_of(Manifold.cube([2, 2, 2], True)), "cube.stl", "0")
     found = inside.holds(POINTS / 4)
     np.testing.assert_array_equal(found, (np.abs(POINTS / 4) < 1).all(axis=1))
     assert inside.says == {"file": "cube.stl", "sha256": "0"}
@@ -149,9 +150,9 @@ def test_regions():
 @pytest.mark.parametrize(
     ("start", "end", "reason"),
     [
-        (half_space((-9, 0, 0), (-1, 0, 0)), ball_region((0, 0, 0), 9), "from= holds nothing"),
-        (ball_region((0, 0, 0), 1), ball_region((0, 0, 0), 1), "must lie apart"),
-        (box_region((0, 0, 0), (1, 1, 1)), box_region((2, 2, 2), (3, 3, 3)), "touches neither"),
+        (_half_space((-9, 0, 0), (-1, 0, 0)), _ball_region((0, 0, 0), 9), "from= holds nothing"),
+        (_ball_region((0, 0, 0), 1), _ball_region((0, 0, 0), 1), "must lie apart"),
+        (_box_region((0, 0, 0), (1, 1, 1)), _box_region((2, 2, 2), (3, 3, 3)), "touches neither"),
     ],
 )
 def test_regions_between_which_nothing_flows(start, end, reason):

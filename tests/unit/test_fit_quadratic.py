@@ -53,18 +53,22 @@ def test_both_ways_are_held_against_the_same_points(fitted: PaletteStudy) -> Non
     assert [row.id for row in found.rows] == list(MODULI_MPA)
     for row in found.rows:
         # Two specimens 3 % apart: what no law can describe is a few thousandths.
-        assert row.own.r2 > 0.99
-        assert row.law.r2 > 0.99
+        for kind in ("own", "law"):
+            error = row.errors[kind]
+            assert error is not None
+            assert error.r2 > 0.99
         assert len(row.curve.strain) == 2 * 60
         # Neo-Hooke's E times the strain, a thousandth.
         assert row.law_near_rest_MPa == pytest.approx(1e-3 * MODULI_MPA[row.id], rel=0.02)
     ends, inner = (found.rows[0], found.rows[-1]), found.rows[1:-1]
-    assert all(r.quadratics_without is r.mixtures_without is None for r in ends)
+    without = ("quadratics_without", "mixtures_without")
+    assert all(row.errors[kind] is None for row in ends for kind in without)
     for row in inner:
-        assert row.quadratics_without is not None
-        assert row.mixtures_without is not None
+        quadratics, mixtures = (row.errors[kind] for kind in without)
+        assert quadratics is not None
+        assert mixtures is not None
         # ln E rises by 0.69 to 0.80 a step: the monotone cubic without a grade is within 5 % of E.
-        assert row.mixtures_without.nrmse < 0.05
+        assert mixtures.nrmse < 0.05
     mean = found.mean_without()
     assert mean is not None
     assert mean[2] == 3
@@ -105,7 +109,7 @@ def test_crossing_laws_leave_the_quadratics_alone(ladder: Path) -> None:
     # Which no scatter excuses.
     equal = tuple(replace(one, modulus_log_sd=0.0, uncertainty=None) for one in equal)
     crossing = replace(fitted.palette, materials=equal)
-    assert "makes no mixtures" in quadratic_study(crossing, fitted.fits).remarks()[0]
+    assert "makes no mixtures" in next(quadratic_study(crossing, fitted.fits).remarks())
 
 
 def test_what_cannot_be_compared_is_refused(samples: Path, tmp_path: Path, capsys) -> None:

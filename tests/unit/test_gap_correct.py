@@ -11,7 +11,14 @@ import pytest
 import planner
 from planner.cli import run
 from planner.errors import FileError, PaletteError, UnknownNameError
-from planner.gap.correct import Correction, _Factors, _parted_sd, _working_strain, correct
+from planner.gap.correct import (
+    Correction,
+    _Factors,
+    _parted_sd,
+    _refitted,
+    _working_strain,
+    correct,
+)
 from planner.gap.diagnose import levels_tested
 from planner.gap.diagnosis import Diagnosis, FoundEffect, Gap
 from planner.gap.effect import StatedEffect, stated
@@ -19,7 +26,14 @@ from planner.gap.effects import EFFECTS, effects_for
 from planner.grading.profile import Profile
 from planner.materials.laws import make_law
 from planner.materials.mixtures import CoefficientModel
-from planner.palette import Palette, Reference, encode_palette, load_palette, parse_palette
+from planner.palette import (
+    LawParameters,
+    Palette,
+    Reference,
+    encode_palette,
+    load_palette,
+    parse_palette,
+)
 from planner.report.gap_page import write_diagnosis
 
 PALETTE = Path(__file__).parents[2] / "printers/connex3/palettes/connex3-tango-vero.toml"
@@ -471,3 +485,13 @@ def test_a_corrected_palette_moves_the_cuts_and_the_target_is_met(palette, tmp_p
     assert moved == pytest.approx([-0.435 / np.log(high / low)] * len(moved), abs=1e-6)
     assert missed(first) == pytest.approx(-0.435, abs=0.1)
     assert abs(missed(second)) < 0.1
+
+
+def test_a_law_is_fitted_again_in_its_own_number_of_terms(palette) -> None:
+    """A fifth softer at large strains than at small ones: four terms follow to 1e-4."""
+    terms = {"mu_MPa": (0.2, 0.1, 0.05, 0.02), "alpha": (1.5, 2.5, 3.5, -1.0)}
+    material = replace(palette.materials[0], law=LawParameters("ogden", terms))
+    strain = np.linspace(0.01, 0.7, 60)
+    made = _refitted(material, strain, -0.2 * np.tanh(strain))
+    assert len(made.law.parameters["alpha"]) == 4
+    assert made.misfit < 1e-4

@@ -414,12 +414,15 @@ def _traces(text: str) -> Traces:
     travel, ids = np.linspace(0.0, 10.0, 11), tuple(f"{text}{k}" for k in range(3))
     force = np.stack([2.0 * travel, 2.1 * travel, 3.0 * travel])
     return Traces(
-        label=(f"{text} soft", f"{text} hard"), specimen_ids=(ids[:1], ids[1:]),
+        label=(f"{text} soft", f"{text} hard"), rows=[[0], [1, 2]],
         travel_mm=np.stack([travel, travel]), time_s=np.stack([travel, travel]),
         before_N=1.2 * force[:2], after_N=force[:2], measured_N=force,
         residual_before=np.array([0.1, 0.2, -0.1]), residual_after=np.array([0.0, 0.1, 0.0]),
         specimens=ids,
-        columns={"specimen": ids, "material": ids, "rate_mm_s": (5.0, 0.5, 5.0), "operator": ids},
+        columns={
+            "specimen": ids, "material": ids, "rate_mm_s": (5.0, 0.5, 5.0), "operator": ids,
+            "gauge_mm": (20.0, 20.0, 20.0),
+        },
     )  # fmt: skip
 
 

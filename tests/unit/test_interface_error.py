@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 from manifold3d import Manifold
 
-from planner.cutting.pieces import Pieces, shell_faces, split
+from benchmarks.audit import audit
+from planner.cutting.pieces import Pieces, split
 from planner.fields.basic import FunctionField
 from planner.fields.solved import between_cells
-from planner.mesh.audit import audit, interfaces_cancel, join_shells
+from planner.mesh.audit import interfaces_cancel, join_shells
 from planner.mesh.mesh import Mesh
 from planner.mesh.part import place
 from planner.voxels.columns import Grid
@@ -86,7 +87,7 @@ def test_interfaces_are_within_a_stated_distance(mesh: Mesh, make) -> None:
     assert ends.max() < 2.0 * WITHIN_MM
     assert np.quantile(middles, 0.99) < WITHIN_MM
     assert middles.max() < 1.5 * WITHIN_MM  # where the slope changes within a tetrahedron
-    soups = [pieces.vertices[shell_faces(pieces, [i])] for i in range(pieces.count)]
+    soups = [pieces.vertices[pieces.shell_faces([i])] for i in range(pieces.count)]
     soups = [soup for soup in soups if len(soup)]
     assert all(audit(soup).sound for soup in soups)
     assert interfaces_cancel(join_shells(soups), mesh).ok

@@ -8,7 +8,7 @@ import trimesh
 
 from planner.errors import ArgumentError, MeshError
 from planner.mesh.mesh import Mesh
-from planner.slices.slices import iterate_slabs, runs_along_x
+from planner.slices import iterate_slabs, runs_along_x
 from planner.voxels.columns import Grid, dense, grid_for, iterate_columns
 
 

@@ -7,10 +7,11 @@ import trimesh
 from manifold3d import CrossSection, Error, Manifold
 from manifold3d import Mesh as SolidMesh
 
+from benchmarks.audit import audit
 from planner.cutting.intersect import volume_sign
-from planner.cutting.pieces import piece_volumes_mm3, shell_faces, split
+from planner.cutting.pieces import split
 from planner.errors import ArgumentError
-from planner.mesh.audit import audit, interfaces_cancel, join_shells
+from planner.mesh.audit import interfaces_cancel, join_shells
 from planner.mesh.mesh import Mesh, weld
 from planner.mesh.part import place
 
@@ -39,7 +40,7 @@ def part(solid):
 
 def check(pieces, mesh):
     """Audit every shell as its readers see it; return how many are not empty."""
-    soups = [pieces.vertices[shell_faces(pieces, [i])] for i in range(pieces.count)]
+    soups = [pieces.vertices[pieces.shell_faces([i])] for i in range(pieces.count)]
     soups = [soup for soup in soups if len(soup)]
     for soup in soups:
         assert audit(soup).sound
@@ -102,10 +103,10 @@ def test_volumes_of_shells_of_a_ball():
     centre = mesh.bounds_mm.mean(axis=0)
     pieces = split(mesh, radial(centre, 10.0), [0.3, 0.6, 0.9], pitch_mm=0.4)
     assert check(pieces, mesh) == 4
-    inner = np.cumsum(piece_volumes_mm3(pieces))[:3]
+    inner = np.cumsum(pieces.volumes_mm3)[:3]
     # A chord of a pitch cuts h^2 / 8 r off; edges reach sqrt(3) pitches.
     np.testing.assert_allclose(inner, 4 / 3 * np.pi * np.array([3, 6, 9]) ** 3, rtol=0.012)
-    assert piece_volumes_mm3(pieces).sum() == pytest.approx(mesh.volume_mm3, rel=1e-7)
+    assert pieces.volumes_mm3.sum() == pytest.approx(mesh.volume_mm3, rel=1e-7)
 
 
 def test_untouched_triangles_keep_their_bits():
@@ -169,7 +170,7 @@ def test_a_level_in_a_face_of_the_part():
     pieces = split(mesh, field, [0.5], pitch_mm=0.3)
     assert check(pieces, mesh) == 2
     # The level may move by a thousandth of a pitch or two, over 4 mm by 4 mm.
-    np.testing.assert_allclose(piece_volumes_mm3(pieces), [32, 8], rtol=0, atol=16 * 0.002)
+    np.testing.assert_allclose(pieces.volumes_mm3, [32, 8], rtol=0, atol=16 * 0.002)
 
 
 def test_levels_that_miss_and_no_levels():
@@ -184,8 +185,8 @@ def test_a_level_inside_that_never_meets_the_surface():
     mesh = part(Manifold.cube([4, 4, 4]))
     pieces = split(mesh, radial([3, 3, 3], 10.0), [0.1], pitch_mm=0.2)
     assert check(pieces, mesh) == 2
-    assert audit(pieces.vertices[shell_faces(pieces, [1])]).bodies == 2
-    assert piece_volumes_mm3(pieces)[0] == pytest.approx(4 / 3 * np.pi, rel=0.02)
+    assert audit(pieces.vertices[pieces.shell_faces([1])]).bodies == 2
+    assert pieces.volumes_mm3[0] == pytest.approx(4 / 3 * np.pi, rel=0.02)
 
 
 def test_same_input_same_bytes():

@@ -15,9 +15,10 @@ import pytest
 import trimesh
 
 from planner.errors import ArgumentError, FileError, MeshError
-from planner.formats.archive import UnfoldingLimits
-from planner.formats.mesh_file import EXTENSIONS, encode_stl, read_mesh, unit_scale_mm
+from planner.formats.files import UnfoldingLimits
+from planner.formats.mesh_file import EXTENSIONS, encode_stl, read_mesh
 from planner.formats.threemf import ThreemfObject, encode_threemf
+from planner.formats.units import QUANTITY_UNITS
 from planner.mesh.part import make_part
 
 
@@ -68,8 +69,7 @@ def test_names(name, box, tmp_path):
 def test_units(unit, millimetres, box, tmp_path):
     (tmp_path / "a.stl").write_bytes(encode_stl(box.vertices, box.faces, "x"))
     mesh = read_mesh(tmp_path / "a.stl", unit)
-    assert unit_scale_mm(unit) == millimetres
-    assert unit_scale_mm(mesh.unit) == millimetres
+    assert QUANTITY_UNITS["length"][mesh.unit] == millimetres
     assert np.ptp(mesh.triangles, axis=(0, 1)) == pytest.approx(np.array([2, 4, 6]) * millimetres)
 
 
@@ -77,7 +77,7 @@ def test_unknown_unit(tmp_path):
     with pytest.raises(ArgumentError, match=r"`unit` inhc: no such unit; did you mean inch\?"):
         read_mesh(tmp_path / "not even there.stl", "inhc")
     with pytest.raises(ArgumentError, match="it may be mm, cm, m, inch, ft, um"):
-        unit_scale_mm("parsec")
+        read_mesh(tmp_path / "not even there.stl", "parsec")
 
 
 def test_formats_without_a_unit_are_in_mm(box, tmp_path):

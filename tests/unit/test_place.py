@@ -4,7 +4,7 @@ import manifold3d as m3
 import numpy as np
 import pytest
 
-from planner.cutting.pieces import piece_volumes_mm3, split
+from planner.cutting.pieces import split
 from planner.fields.basic import PlanarField, axis_field
 from planner.mesh.mesh import Mesh
 from planner.mesh.part import place
@@ -45,7 +45,7 @@ def _taken(mesh: Mesh, field: str) -> float:
     placed, _ = place(mesh)
     along: PlanarField | Rings = Rings(placed) if field == "rings" else axis_field(field, placed)
     pieces = split(placed, along, LEVELS, pitch_mm=np.ptp(placed.bounds_mm, axis=0).max() / 60)
-    return abs(float(piece_volumes_mm3(pieces).sum()) / mesh.volume_mm3 - 1.0)
+    return abs(float(pieces.volumes_mm3.sum()) / mesh.volume_mm3 - 1.0)
 
 
 @pytest.mark.parametrize("field", ["x", "1,1,0", "rings"])

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from planner.errors import ArgumentError, FileError
-from planner.grading.profile import Profile, between, read_profile
+from planner.grading.profile import Profile, between, read_moduli
 
 moduli = st.floats(0.01, 1e3)
 shapes = st.sampled_from(["log", "linear", "smooth", "steps:7"])
@@ -95,11 +95,11 @@ MODULI = {"TangoPlus": 0.3, "VeroWhitePlus": 340.0}
 def test_reads_moduli_and_materials(tmp_path) -> None:
     by_modulus = tmp_path / "wish.csv"
     by_modulus.write_text("position,modulus_MPa\n0,1\n0.5,2\n0.5,4\n1,8\n")
-    profile = read_profile(by_modulus, MODULI, _resolve)
+    profile = read_moduli(by_modulus, MODULI, _resolve)
     assert profile.moduli_MPa == (1.0, 2.0, 4.0, 8.0)
     by_material = tmp_path / "names.csv"
     by_material.write_text("position, material\n0, Tango\n1, vero\n")
-    assert read_profile(by_material, MODULI, _resolve).moduli_MPa == (0.3, 340.0)
+    assert read_moduli(by_material, MODULI, _resolve).moduli_MPa == (0.3, 340.0)
 
 
 @pytest.mark.parametrize(
@@ -123,9 +123,9 @@ def test_bad_files_are_refused_with_the_line(tmp_path, text: str, reason: str) -
     path = tmp_path / "wish.csv"
     path.write_text(text)
     with pytest.raises(FileError, match=reason):
-        read_profile(path, MODULI, _resolve)
+        read_moduli(path, MODULI, _resolve)
 
 
 def test_missing_file(tmp_path) -> None:
     with pytest.raises(FileError, match="cannot be read"):
-        read_profile(tmp_path / "none.csv", MODULI, _resolve)
+        read_moduli(tmp_path / "none.csv", MODULI, _resolve)

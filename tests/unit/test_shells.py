@@ -3,11 +3,12 @@ import pytest
 from manifold3d import CrossSection, Error, Manifold
 from manifold3d import Mesh as SolidMesh
 
-from planner.cutting.pieces import piece_bounds_mm, piece_volumes_mm3, shell_faces, split
+from benchmarks.audit import audit
+from planner.cutting.pieces import split
 from planner.cutting.planes import flip_thin
 from planner.errors import ArgumentError, MeshError
 from planner.fields.basic import axis_field
-from planner.mesh.audit import audit, interfaces_cancel, join_shells
+from planner.mesh.audit import interfaces_cancel, join_shells
 from planner.mesh.mesh import Mesh, weld
 from planner.mesh.part import place
 
@@ -19,7 +20,7 @@ def part(solid):
 
 def check(pieces, mesh):
     """Audit every shell as its reader sees it; return how many are not empty."""
-    soups = [pieces.vertices[shell_faces(pieces, [i])] for i in range(pieces.count)]
+    soups = [pieces.vertices[pieces.shell_faces([i])] for i in range(pieces.count)]
     soups = [soup for soup in soups if len(soup)]
     for soup in soups:
         assert audit(soup).sound
@@ -35,17 +36,15 @@ def test_box_into_thirds():
     pieces = split(mesh, axis_field("x", mesh), [1 / 3, 2 / 3])
     assert check(pieces, mesh) == 3
     # The corner is at 1 mm: cuts at 3 and 5 mm are exact.
-    np.testing.assert_allclose(piece_volumes_mm3(pieces), 12, rtol=1e-14)
-    bounds_mm = piece_bounds_mm(pieces)
+    np.testing.assert_allclose(pieces.volumes_mm3, 12, rtol=1e-14)
+    bounds_mm = pieces.bounds_mm
     np.testing.assert_array_equal(bounds_mm[:, 0, 0], [1, 3, 5])
     np.testing.assert_array_equal(bounds_mm[:, 1], [[3, 3, 4], [5, 3, 4], [7, 3, 4]])
 
 
 def test_direction_turned_round_reverses_the_pieces():
     mesh = part(Manifold.sphere(5, 40))
-    up, down = (
-        piece_volumes_mm3(split(mesh, axis_field(axis, mesh), [0.2, 0.5])) for axis in ("z", "-z")
-    )
+    up, down = (split(mesh, axis_field(axis, mesh), [0.2, 0.5]).volumes_mm3 for axis in ("z", "-z"))
     # A cap of height h has volume pi h^2 (15 - h) / 3; 40 segments fall short by about 1 %.
     assert up[0] == pytest.approx(np.pi * 2**2 * (15 - 2) / 3, rel=0.05)
     np.testing.assert_allclose(down[:2], up[:2], rtol=1e-6)
@@ -75,8 +74,8 @@ def test_faces_in_the_plane_of_a_level_belong_to_the_material():
     mesh = part(steps)
     pieces = split(mesh, axis_field("z", mesh), [1 / 3, 2 / 3])
     assert check(pieces, mesh) == 3
-    np.testing.assert_allclose(piece_volumes_mm3(pieces), [9, 4, 16], rtol=1e-14)
-    np.testing.assert_array_equal(piece_bounds_mm(pieces)[:, :, 2], [[1, 2], [2, 3], [3, 4]])
+    np.testing.assert_allclose(pieces.volumes_mm3, [9, 4, 16], rtol=1e-14)
+    np.testing.assert_array_equal(pieces.bounds_mm[:, :, 2], [[1, 2], [2, 3], [3, 4]])
     # Interfaces cover the narrow step only: 2 mm by 2 mm on both levels.
     soup = pieces.vertices[pieces.cap_faces].astype(float)
     normal = np.cross(soup[:, 1] - soup[:, 0], soup[:, 2] - soup[:, 0])
@@ -98,7 +97,7 @@ def test_groove_whose_bottom_lies_in_a_level(groove):
     assert check(pieces, mesh) == 2
     # One groove takes half of 2 mm by 1 mm out of 4 mm by 1 mm, over 4 mm.
     expected = {"into the top": [16, 12], "into the bottom": [12, 16], "both": [12, 12]}
-    np.testing.assert_allclose(piece_volumes_mm3(pieces), expected[groove], rtol=1e-12)
+    np.testing.assert_allclose(pieces.volumes_mm3, expected[groove], rtol=1e-12)
 
 
 def test_loops_that_touch_at_a_vertex():
@@ -140,7 +139,7 @@ def test_holes_nested_loops_and_many_bodies():
     mesh = part(tube + core + (tube + core).translate([20, 0, 3]))
     pieces = split(mesh, axis_field("z", mesh), [0.1, 0.5, 0.9])
     assert check(pieces, mesh) == 4
-    assert audit(pieces.vertices[shell_faces(pieces, [1, 2])]).bodies == 4
+    assert audit(pieces.vertices[pieces.shell_faces([1, 2])]).bodies == 4
 
 
 @pytest.mark.slow
@@ -161,13 +160,13 @@ def test_genus_above_100():
 def test_union_of_pieces():
     mesh = part(Manifold.sphere(5, 32))
     pieces = split(mesh, axis_field("z", mesh), [0.25, 0.5, 0.75])
-    volumes = piece_volumes_mm3(pieces)
+    volumes = pieces.volumes_mm3
     for members in ([0, 1], [0, 2], [1, 2, 3], [0, 1, 2, 3]):
-        found = audit(pieces.vertices[shell_faces(pieces, members)])
+        found = audit(pieces.vertices[pieces.shell_faces(members)])
         assert found.sound
         assert found.volume_mm3 == pytest.approx(volumes[members].sum(), rel=1e-12)
-    assert len(shell_faces(pieces, [0, 1, 2, 3])) == len(pieces.faces)
-    assert len(shell_faces(pieces, [])) == 0
+    assert len(pieces.shell_faces([0, 1, 2, 3])) == len(pieces.faces)
+    assert len(pieces.shell_faces([])) == 0
 
 
 def test_levels_that_miss_and_no_levels():
@@ -175,8 +174,8 @@ def test_levels_that_miss_and_no_levels():
     pieces = split(mesh, axis_field("x", mesh), [0.3, 0.6])
     assert check(pieces, mesh) == 2
     assert len(pieces.cap_faces) == 0
-    np.testing.assert_allclose(piece_volumes_mm3(pieces), [1, 0, 1], rtol=1e-14)
-    assert np.isnan(piece_bounds_mm(pieces)[1]).all()
+    np.testing.assert_allclose(pieces.volumes_mm3, [1, 0, 1], rtol=1e-14)
+    assert np.isnan(pieces.bounds_mm[1]).all()
     whole = split(mesh, axis_field("x", mesh), [])
     np.testing.assert_array_equal(whole.faces, mesh.faces)
 

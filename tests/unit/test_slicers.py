@@ -75,16 +75,11 @@ def test_bambu_finds_each_component_with_its_filament(tmp_path):
 
 
 def test_cura_finds_each_mesh_with_its_extruder(tmp_path):
-    data = encode_threemf(shells(), "finger")
-    _, parts = parsed(data, tmp_path)
+    _, parts = parsed(encode_threemf(shells(), "finger"), tmp_path)
     xml = parts["3D/3dmodel.model"].decode()
     prefix = re.search(f'xmlns:(\\w+)="{CURA}"', xml)[1]
     numbers = re.findall(f'<metadata name="{prefix}:extruder_nr"[^>]*>(\\d)<', xml)
     assert numbers == ["0", "1", "2", "0"]
-    # They are of the file, not of the part: planner reads its own metadata alone.
-    assert [item.metadata for item in decode_threemf(data, "x").objects] == 4 * [
-        {"coordinate": "0.5"}
-    ]
 
 
 def test_prusaslicer_finds_one_mesh_cut_into_volumes(tmp_path):

@@ -20,7 +20,7 @@ pytest.importorskip("distributed")
 PITCH_MM = (0.1, 0.1, 0.1)
 SLICE = """
 import sys
-from planner.slices.write import write_slices
+from planner.slices import write_slices
 
 def main():
     plan, folder, scheduler = sys.argv[1:]
@@ -114,7 +114,7 @@ def test_a_worker_killed_on_the_way_changes_no_byte(plan: Path, tmp_path: Path) 
 def test_no_scheduler_at_an_address_is_said_in_one_line(
     plan: Path, tmp_path: Path, capsys, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("planner.slices.write._CONNECT_S", 1)
+    monkeypatch.setattr("planner.slices._CONNECT_S", 1)
     address = f"tcp://127.0.0.1:{free_port()}"
     command = ["slices", str(plan), "-o", str(tmp_path / "s"), "--scheduler", address]
     assert run(command) == 2

@@ -70,6 +70,7 @@ def lattice(size, counts):
         origin_mm=np.zeros(3), cell_mm=cell, index=index, offsets=27 * np.arange(len(index) + 1),
         nodes=np.ravel_multi_index(np.moveaxis(place, 2, 0), grid).astype(np.int32, order="C"),
         cell_volume_mm3=np.full(len(index), cell.prod()),
+        cell_of=np.repeat(np.arange(len(index)), 27),
         node_mm=np.stack(np.indices(grid), -1).reshape(-1, 3) * cell / 2.0,
         points=np.tile(points, (len(index), 1)), weights_mm3=np.tile(weights, len(index)),
         surface=faces_of(size, counts), locate=locate, interface=NO_INTERFACE,

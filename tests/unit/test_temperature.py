@@ -10,7 +10,7 @@ import pytest
 import planner
 from planner.cli import run
 from planner.errors import PaletteError
-from planner.grading.warmed import at_temperature
+from planner.grading.profile import at_temperature
 from planner.materials.laws import make_law, secant_modulus_MPa
 from planner.materials.palette_study import PaletteStudy
 from planner.palette import Palette, encode_palette, load_palette, parse_palette, write_palette

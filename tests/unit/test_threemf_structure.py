@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from planner.errors import FileError, MeshError
-from planner.formats.archive import UnfoldingLimits
+from planner.formats.files import UnfoldingLimits
 from planner.formats.mesh_file import read_mesh
 from planner.formats.threemf import ThreemfObject, decode_threemf, encode_threemf
 
@@ -188,9 +188,9 @@ def test_archives_that_unpack_to_too_much_are_refused_at_once():
     begin = time.process_time()
     for data, said in (
         (bomb, r"unpack to 120,00.* at most 100,000,000 are read"),
-        (promising(bomb, 500), r"promises 500 bytes and holds more"),
+        (promising(bomb, 500), r"not a zip archive that can be read \(Bad CRC"),
         (promising(plain, 2**32 - 2), r"unpack to 4,294,9"),
-        (promising(plain, 5000), r"promises 5,000 bytes and holds \d\d\d"),
+        (promising(plain, 5000), r"3dmodel.model is cut short"),
     ):
         with pytest.raises(MeshError, match=said):
             decode_threemf(data, "x")

@@ -10,7 +10,7 @@ from collections.abc import Hashable, Sequence
 import numpy as np
 from scipy.optimize import nnls
 
-from planner.gap.campaign import TOLERANCES, Campaign, levels
+from planner.gap.campaign import Campaign, column_levels
 from planner.gap.observations import observation_model
 from planner.materials.laws import make_law
 from planner.numerics import FloatArray
@@ -103,7 +103,7 @@ def convex_errors(campaign: Campaign) -> tuple[float, float | None]:
     condition = {place: n for n, members in enumerate(tests) for place in members}
     count = len(campaign.specimens)
     groups = [condition.get(k, -1) for k in range(count)] if len(tests) > 1 else list(range(count))
-    level = levels([s.rate_mm_s for s in campaign.specimens], *TOLERANCES["rate_mm_s"])
+    level = column_levels("rate_mm_s", [s.rate_mm_s for s in campaign.specimens])
     rates = {k for k in level if k is not None}
     by_rate = _rms(left_out_errors(campaign, level)) if len(rates) > 1 else None
     return _rms(left_out_errors(campaign, groups)), by_rate

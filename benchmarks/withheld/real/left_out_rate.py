@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from planner.gap.campaign import TOLERANCES, Campaign, levels
+from planner.gap.campaign import Campaign, column_levels
 from planner.gap.diagnosis import Diagnosis, FoundEffect
 from planner.gap.effects import effects_for
 from planner.gap.observations import observation_model
@@ -41,9 +41,9 @@ def left_out_rates(
 ) -> Iterator[LeftOutRate]:
     """Yield every rate of a campaign, from the slowest."""
     rates = [s.rate_mm_s for s in campaign.specimens]
-    level = levels(rates, *TOLERANCES["rate_mm_s"])
+    level = column_levels("rate_mm_s", rates)
     before = specimen_errors(campaign, ())
-    for out in sorted({k for k in level if k is not None}):
+    for out in range(len({k for k in level if k is not None})):
         kept = tuple(s for s, k in zip(campaign.specimens, level, strict=True) if k != out)
         if not kept:
             return

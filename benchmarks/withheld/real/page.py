@@ -18,7 +18,7 @@ from planner.gap.summary import (
 )
 from planner.notes import listed
 from planner.palette import Palette
-from planner.report.gap_text import headline
+from planner.report.gap_page import headline
 
 __all__ = ["Answered", "page", "tables"]
 

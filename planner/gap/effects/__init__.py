@@ -8,13 +8,15 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
+import numpy as np
+
 from planner.errors import UnknownNameError, did_you_mean
 from planner.gap.diagnosis import FoundEffect
 from planner.gap.effect import Effect, Form, Parameter
 from planner.gap.effects import conditions, print, test
 from planner.palette import Palette
 
-__all__ = ["EFFECTS", "TESTS", "effect_named", "effects_for"]
+__all__ = ["EFFECTS", "STEPS", "TESTS", "effect_named", "effects_for"]
 
 
 _FILES = {"conditions": conditions, "print": print, "test": test}
@@ -30,6 +32,9 @@ _TABLES = tomllib.loads(Path(__file__).with_name("effects.toml").read_text(encod
 
 TESTS: Mapping[str, str] = MappingProxyType(_TABLES.pop("tests"))
 """What makes a covariate or channel serve."""
+
+STEPS: Mapping[str, Sequence[Mapping[str, str]]] = MappingProxyType(_TABLES.pop("steps"))
+"""Steps of a campaign, by what an effect may ask for: what becomes of the reference's columns."""
 
 
 def _effect(id: str, table: dict[str, Any], common: Mapping[str, Any]) -> Effect:
@@ -47,6 +52,7 @@ def _effect(id: str, table: dict[str, Any], common: Mapping[str, Any]) -> Effect
 def _form(name: str, table: dict[str, Any], parameters: Mapping[str, Parameter]) -> Form:
     own, apply = table.pop("parameters"), _named(table.pop("apply"))
     own = tuple(parameters[key] for key in own)
+    apply = partial(apply, **table.pop("given")) if "given" in table else apply
     return Form(name=name, parameters=own, apply=apply, **_frozen(table))
 
 
@@ -63,15 +69,24 @@ def _measure_anew(remedy: str, found: FoundEffect, width_mm: float, thickness_mm
 
 
 def _with_materials(coordinates: Sequence[float], names: Sequence[str]) -> Mapping[str, Effect]:
-    """Return all effects, with a form of `material-law` for each material."""
-    forms = print.material_law_forms(coordinates, names)
-    own = replace(_LIBRARY["material-law"], forms=forms)
-    return MappingProxyType({**_LIBRARY, own.id: own})
+    """Return all effects, with the forms of `material-law` for each material."""
+    law, apply = _LIBRARY["material-law"], _named("print.material_law")
+    forms = tuple(
+        replace(
+            form,
+            name=f"{name} {form.name}",
+            equation=form.equation.format(name),
+            apply=partial(apply, nodes=coordinates, peak=peak),
+        )
+        for name, peak in zip(names, np.eye(len(names)), strict=True)
+        for form in law.forms
+    )
+    return MappingProxyType({**_LIBRARY, law.id: replace(law, forms=forms)})
 
 
 _COMMON = _TABLES.pop("parameters")
 _LIBRARY = {id: _effect(id, _TABLES[id], _COMMON) for id in sorted(_TABLES)}
-"""The effects by id, those of laws without a form."""
+"""The effects by id, that of laws with the forms of any material."""
 
 EFFECTS = _with_materials((0.0, 0.5, 1.0), ("softest", "middle", "hardest"))
 """Every effect by its id, sorted; `material-law` stands for that of a palette of three.

@@ -9,13 +9,7 @@ from numpy.typing import ArrayLike
 from scipy.special import erf, rgamma
 
 from planner.gap.diagnosis import FoundEffect
-from planner.gap.effect import (
-    Apply,
-    Values,
-    kept_below,
-    place_on_palette,
-    stated,
-)
+from planner.gap.effect import Apply, Values, kept_below, place_on_palette, stated
 from planner.numerics import FloatArray
 from planner.simulation.bar_solver import (
     SOFTENING_PEAKS,

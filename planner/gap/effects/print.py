@@ -8,13 +8,10 @@ import numpy as np
 from scipy.special import erfc
 
 from planner.gap.diagnosis import FoundEffect
-from planner.gap.effect import Apply, Form, Parameter, Values, kept_below, place_on_palette
+from planner.gap.effect import Apply, Values, kept_below, place_on_palette
 from planner.numerics import FloatArray
 from planner.simulation.bar import ProfileDesign
 from planner.simulation.bar_solver import Setup
-
-__all__ = ["material_law_forms"]
-
 
 # ------------------------------------------------------------------------------------------------
 # Composition offset: the machine jets another mixture than was asked for.
@@ -60,41 +57,13 @@ def _graded(setup: Setup, values: Values) -> Setup:
 # Material law: the palette's law of one material is off, by a factor or more with strain.
 
 
-_LAW_SOURCE = "laws of one ladder disagree between tables of one thesis: see the thesis' numbers"
-
-
-def material_law_forms(coordinates: Sequence[float], names: Sequence[str]) -> tuple[Form, ...]:
-    """Return two forms of the effect for each material of a palette.
-
-    Mixtures between materials feel it in part, as their laws are interpolated.
-
-    Parameters
-    ----------
-    coordinates
-        Of the materials, rising.
-    names
-        Of the materials, in the same order.
-    """
-    nodes = np.asarray(coordinates, dtype=np.float64)
-    factor = Parameter("log_factor", 0.1, 1.6, "of its stress", signed=True)
-    tilt = Parameter("log_tilt", 0.1, 1.2, "of its stress with strain", signed=True)
-    found = []
-    for name, peak in zip(names, np.eye(len(nodes)), strict=True):
-        factor_is = f"ln stress += a hat(m), hat 1 at {name} and 0 at its neighbours"
-        tilt_is = f"ln stress += a hat(m) tanh((strain - 0.15) / 0.2), hat 1 at {name}"
-        apply = _law_of(nodes, peak)
-        found.append(Form(f"{name} factor", (factor,), apply, factor_is, _LAW_SOURCE))
-        found.append(Form(f"{name} tilt", (tilt,), apply, tilt_is, _LAW_SOURCE))
-    return tuple(found)
-
-
-def _law_of(nodes: FloatArray, peak: FloatArray) -> Apply:
-    def apply(setup: Setup, values: Values) -> Setup:
-        hat = np.interp(setup.coordinate, nodes, peak)
-        factor, tilt = (values.get(name, 0.0) for name in ("log_factor", "log_tilt"))
-        return setup.stiffened(factor * hat).with_(log_tilt=setup.log_tilt + tilt * hat)
-
-    return apply
+def _material_law(
+    setup: Setup, values: Values, *, nodes: Sequence[float], peak: FloatArray
+) -> Setup:
+    """One of the materials at `nodes`; mixtures in part, as their laws are interpolated."""
+    hat = np.interp(setup.coordinate, nodes, peak)
+    factor, tilt = (values.get(name, 0.0) for name in ("log_factor", "log_tilt"))
+    return setup.stiffened(factor * hat).with_(log_tilt=setup.log_tilt + tilt * hat)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -223,21 +192,11 @@ _GROWTH = 0.5
 vanish, within two deviations."""
 
 
-def _stiffer_along(axis: str, *, shaped: bool = False) -> Apply:
-    """Return the form of one direction against the other two, perhaps growing with strain."""
-
-    def apply(setup: Setup, values: Values) -> Setup:
-        change = _along(setup, **{axis: values["change"]})
-        growth = values.get("growth", 0.0) * (1.0 if shaped else _GROWTH)
-        return setup.with_(
-            log_factor=setup.log_factor + change, log_tilt=setup.log_tilt + growth * change
-        )
-
-    return apply
-
-
-_stiffer_along_x, _stiffer_along_y = _stiffer_along("x"), _stiffer_along("y")
-_stiffer_along_z, _strained_layers = _stiffer_along("z"), _stiffer_along("z", shaped=True)
+def _stiffer_along(setup: Setup, values: Values, *, axis: str, growth: float = _GROWTH) -> Setup:
+    """One direction against the other two, perhaps growing with strain."""
+    change = _along(setup, **{axis: values["change"]})
+    tilt = growth * values.get("growth", 0.0) * change
+    return setup.stiffened(change).with_(log_tilt=setup.log_tilt + tilt)
 
 
 def _three_way(setup: Setup, values: Values) -> Setup:
@@ -270,20 +229,12 @@ def _sizes_mm(setup: Setup) -> dict[str, FloatArray]:
     return sizes
 
 
-def _grown(*sides: str) -> Apply:
-    """Return the form in which these of width and thickness are larger than drawn."""
-
-    def apply(setup: Setup, values: Values) -> Setup:
-        sizes, ratio = _sizes_mm(setup), np.ones(len(setup.area_mm2))
-        for side in sides:
-            ratio *= np.maximum(1.0 + values["oversize"] / sizes[side], _LEAST)
-        return setup.with_(area_mm2=setup.area_mm2 * ratio)
-
-    return apply
-
-
-_all_sides_grown = _grown("width", "thickness")
-_thickness_grown, _width_grown = _grown("thickness"), _grown("width")
+def _grown(setup: Setup, values: Values, *, sides: Sequence[str]) -> Setup:
+    """Larger than drawn in width, thickness or both."""
+    sizes, ratio = _sizes_mm(setup), np.ones(len(setup.area_mm2))
+    for side in sides:
+        ratio *= np.maximum(1.0 + values["oversize"] / sizes[side], _LEAST)
+    return setup.with_(area_mm2=setup.area_mm2 * ratio)
 
 
 def _rounded(setup: Setup, values: Values) -> Setup:
@@ -315,23 +266,15 @@ def _draw_smaller(found: FoundEffect, width_mm: float, thickness_mm: float) -> s
 # Skin: a surface layer, cured or wetted otherwise, that is stiffer or softer than the inside.
 
 
-def _covered(*sides: str) -> Apply:
-    """Return the form in which layers lie across width, thickness or both.
+def _covered(setup: Setup, values: Values, *, sides: Sequence[str]) -> Setup:
+    """Layers lie across width, thickness or both.
 
     Two skins leave a share of a size inside; such that meet leave nothing, smoothly.
     """
-
-    def apply(setup: Setup, values: Values) -> Setup:
-        sizes, inside = _sizes_mm(setup), np.ones(len(setup.area_mm2))
-        for side in sides:
-            inside *= 1.0 - kept_below(2.0 * values["depth"] / sizes[side], 1.0)
-        return setup.stiffened(np.log1p(math.expm1(values["log_stiffness"]) * (1.0 - inside)))
-
-    return apply
-
-
-_all_sides_covered = _covered("width", "thickness")
-_faces_covered, _edges_covered = _covered("thickness"), _covered("width")
+    sizes, inside = _sizes_mm(setup), np.ones(len(setup.area_mm2))
+    for side in sides:
+        inside *= 1.0 - kept_below(2.0 * values["depth"] / sizes[side], 1.0)
+    return setup.stiffened(np.log1p(math.expm1(values["log_stiffness"]) * (1.0 - inside)))
 
 
 def _take_off(found: FoundEffect, width_mm: float, thickness_mm: float) -> str:

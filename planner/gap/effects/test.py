@@ -50,8 +50,7 @@ def _taken(
     slack is taken up over many times its length.
     """
     ratio = np.maximum(travel_mm, 0.0) / np.maximum(slack_mm, 1e-12)
-    taken: FloatArray = slack_mm * ratio * (1.0 + ratio**sharpness) ** (-1.0 / sharpness)
-    return taken
+    return np.asarray(slack_mm * ratio * (1.0 + ratio**sharpness) ** (-1.0 / sharpness))
 
 
 def _dead_travel(setup: Setup, values: Values) -> Setup:

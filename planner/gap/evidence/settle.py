@@ -8,8 +8,7 @@ import numpy as np
 import scipy.linalg
 from scipy.linalg.lapack import dpotrf, dtrtrs
 
-from planner.gap.evidence.problem import Problem
-from planner.gap.evidence.surrogate import Candidate, Search
+from planner.gap.evidence.problem import Candidate, Problem, Search
 from planner.numerics import FloatArray
 from planner.simulation.bar_solver import Setup
 
@@ -90,7 +89,7 @@ class World:
         rows = np.repeat(each, np.diff(problem.noise.first_row))
         self._root = np.sqrt(rows) / scale
         self._sizes = np.where(problem.of_laws, laws, 1.0)
-        blocks = [problem.nuisance_columns * self._sizes if nuisances is None else nuisances]
+        blocks = [problem.nuisances * self._sizes if nuisances is None else nuisances]
         blocks += [discrepancy * problem.discrepancy] if discrepancy else []
         blocks += [] if more is None else [more]
         self._nuisances = self._root[:, None] * np.concatenate(blocks, axis=1)
@@ -99,7 +98,7 @@ class World:
         self._factor = scipy.linalg.cholesky(inner, lower=True, check_finite=False)
         log_det = 2.0 * float(np.log(np.diagonal(self._factor)).sum())
         self._offset = -float(rows.sum()) * float(np.log(scale)) - 0.5 * log_det
-        alone = self.elimination(problem.columns[:, 0])
+        alone = self.elimination(problem.target)
         self.none, self.left = alone.none, float(alone.products[0, 0])
 
     def products(self, columns: FloatArray, own: FloatArray | None = None) -> FloatArray:
@@ -127,7 +126,7 @@ class World:
     def laws_off(self, candidate: Candidate) -> tuple[FloatArray, FloatArray]:
         """Return the mean and covariance of the problem's ways, the candidate being right."""
         problem, count = self.problem, len(self.problem.ways)
-        left = problem.columns[:, 0] - problem.signature(candidate)
+        left = problem.target - problem.signature(candidate)
         unit = np.eye(len(self._factor), count)
         inverse = scipy.linalg.cho_solve((self._factor, True), unit, check_finite=False)[:count]
         sizes = self._sizes[:count]
@@ -348,13 +347,13 @@ class Settled:
     def search(self) -> Search:
         """Return the search of every form for what this candidate leaves."""
         problem = self.world.problem
-        left = self.eliminated(self.world, problem.columns[:, problem.nodes]).products
+        left = self.eliminated(self.world, problem.nodes).products
         return Search(problem.branches, left[0, 1:], left[1:, 1:])
 
 
 def nothing(world: World) -> Settled:
     """Return no effect at all in a world."""
-    residual = world.problem.columns[:, 0]
+    residual = world.problem.target
     none = np.zeros((len(residual), 0))
     return Settled(world, Candidate(()), np.zeros(0), none, none, residual)
 

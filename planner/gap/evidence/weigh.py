@@ -10,25 +10,25 @@ from scipy.special import logsumexp
 from planner.gap.campaign import axis_columns
 from planner.gap.diagnosis import Detectable, Effects, FoundEffect, Hypothesis
 from planner.gap.evidence.problem import (
+    Candidate,
     Problem,
+    SignedForm,
     falls,
+    joined,
+    node_weights,
     own_axes,
     replicate_floor,
     squared_errors,
 )
 from planner.gap.evidence.settle import Elimination, Settled, World, nothing, settle
-from planner.gap.evidence.surrogate import Candidate, SignedForm, joined, node_weights
 from planner.gap.noise import FIT_SD, UNIT_GAINS, Scatter
 from planner.numerics import BoolArray, FloatArray, kernel
 
 __all__ = [
     "ALIKE_COSINE",
-    "ANY",
     "ENOUGH_SPECIMENS",
     "NO_GAP",
     "UNKNOWN",
-    "Evidence",
-    "HypothesisKey",
     "Priors",
     "Weighed",
     "class_of",
@@ -36,7 +36,6 @@ __all__ = [
     "evidence_of",
     "found_effects",
     "needed_nats",
-    "posterior",
     "ranking_of",
     "reweigh",
     "verdict_of",
@@ -331,7 +330,9 @@ class Weighed:
         """Add a candidate without an unknown, weighed in a world; keep the best of its effects."""
         evidence = self.relative(found, world)
         self.add(found.effects, "", self.logs.of(found.effects), evidence)
-        self.offer(replace(found, log_evidence=evidence))
+        known = self.best.get(found.effects)
+        if known is None or evidence > known.log_evidence:
+            self.best[found.effects] = replace(found, log_evidence=evidence)
 
     def settled_as(self, candidate: Candidate) -> Settled:
         """Return the settled candidate of the same forms, but for a gain of some specimens."""
@@ -344,12 +345,6 @@ class Weighed:
         forms = [b.number for b in candidate.branches]
         return next(s for s in self.settled if [b.number for b in s.candidate.branches] == forms)
 
-    def offer(self, candidate: Candidate) -> None:
-        """Keep a candidate if it is the best of its effects."""
-        known = self.best.get(candidate.effects)
-        if known is None or candidate.log_evidence > known.log_evidence:
-            self.best[candidate.effects] = candidate
-
 
 def _worlds(problem: Problem) -> tuple[World, ...]:
     """Return the worlds that hypotheses are weighed in, the plain one first.
@@ -359,16 +354,17 @@ def _worlds(problem: Problem) -> tuple[World, ...]:
     """
     spread = float(np.exp(problem.scatter.log_sd * np.sqrt(3.0)))
     errors = _law_errors(problem)
-    exact = _DISCREPANCIES[0.0] / len(errors)
-    found = [
-        World(problem, scale=scale, laws=errors[0] / FIT_SD, share=exact * share)
-        for scale, share in ((1.0, 2.0 / 3.0), (1.0 / spread, 1.0 / 6.0), (spread, 1.0 / 6.0))
+    least, exact = errors[0], _DISCREPANCIES[0.0] / len(errors)
+    sizes = [
+        (1.0, 0.0, least, 2.0 / 3.0 * exact),
+        (1.0 / spread, 0.0, least, 1.0 / 6.0 * exact),
+        (spread, 0.0, least, 1.0 / 6.0 * exact),
+        *((1.0, 0.0, error, exact) for error in errors[1:]),
+        *((1.0, size, least, share) for size, share in _DISCREPANCIES.items() if size),
     ]
-    found += [World(problem, laws=error / FIT_SD, share=exact) for error in errors[1:]]
-    return *found, *(
-        World(problem, discrepancy=size, laws=errors[0] / FIT_SD, share=share)
-        for size, share in _DISCREPANCIES.items()
-        if size
+    return tuple(
+        World(problem, scale=scale, discrepancy=size, laws=error / FIT_SD, share=share)
+        for scale, size, error, share in sizes
     )
 
 
@@ -379,7 +375,7 @@ def weigh(problem: Problem, priors: Priors) -> Weighed:
     of_scatter = tuple(w for w in worlds if w.scale == 1.0)
     none = nothing(max(of_scatter, key=lambda world: world.none + world.log_share))
     result = Weighed(logs, of_scatter, none)
-    result.offer(Candidate(()))
+    result.best[()] = Candidate(())
     for world in worlds:
         evidence = result.relative(none.candidate, world)
         # What the palette's own fit leaves of its tests is no gap.
@@ -463,7 +459,7 @@ def _of_some(world: World, logs: "_LogPriors", one: Settled) -> Candidate:
     Its evidence is that over no effect in the world.
     """
     problem = world.problem
-    e = one.eliminated(world, problem.columns[:, problem.gains])
+    e = one.eliminated(world, problem.gains)
     beside = one.weighed(world, e)
     scatter = replace(problem.scatter, specimen=problem.scatter.specimen * world.scale)
     found = _weigh_subset(e.products[1:, 0], e.products[1:, 1:], beside, scatter)
@@ -691,7 +687,7 @@ three, from the scatter of specimens to a factor of more than two."""
 def _add_axes(one: Settled, world: World, result: Weighed) -> None:
     """Add a candidate with the unknown beside it, along each axis, in a world."""
     problem = world.problem
-    e = one.eliminated(world, problem.columns[:, problem.unknown_span])
+    e = one.eliminated(world, problem.patterns)
     forms = result.logs.forms(one.candidate) - float(np.log(len(_AMPLITUDES)))
     none, stop = forms - result.plain.none + world.log_share, 1
     for number, axis in enumerate(problem.unknown):
@@ -898,11 +894,7 @@ def _closes(problem: Problem, weighed: Weighed) -> Mapping[Effects, bool]:
         candidate = weighed.best[effects]
         world = weighed.settled_as(candidate).world
         before, errors[effects] = (
-            np.where(
-                problem.strays,
-                np.nan,
-                squared_errors(problem, one, world.calibrated(one)),
-            )
+            np.where(problem.strays, np.nan, squared_errors(problem, one, world.calibrated(one)))
             for one in (Candidate(()), candidate)
         )
         fewer = [errors[e] for e, closes in found.items() if closes and set(e) < set(effects)]
@@ -1009,7 +1001,7 @@ def found_effects(
         found.append(FoundEffect(branch.effect.id, branch.form.name, middle, interval, units))
     if candidate.members is not None:
         members = candidate.members
-        inner = weighed.plain.products(problem.columns[:, problem.gains])
+        inner = weighed.plain.products(problem.gains)
         sd_of_log = 1.0 / np.sqrt(max(float(members @ inner @ members), 1e-12))
         factor, reach = float(np.exp(candidate.log_gain)), float(np.exp(_TAIL * sd_of_log))
         some = zip(problem.campaign.specimens, members, strict=True)
@@ -1047,19 +1039,15 @@ def detectable_sizes(
     That is where half the squared length of its whitened pattern, nuisances projected out, makes
     up for the prior odds against it and the width of its prior; shapes are at their middle.
     """
-    nodes = elimination.products[problem.nodes, problem.nodes]
-    first_forms = {b.effect.id: b.form for b in reversed(problem.branches)}
+    nodes = elimination.products[1:, 1:]
+    first = {b.effect.id: b.effect.forms[0] for b in problem.branches}
+    needed = needed_nats(priors, max(len(first), 1))
     found = []
-    for id in dict.fromkeys(b.effect.id for b in problem.branches):
-        size = first_forms[id].size
-        needed = needed_nats(priors, len(first_forms))
-        known = [
-            size.high * s**2
-            for b in problem.branches
-            if b.form is first_forms[id]
-            and (s := _smallest(nodes[b.own, b.own], b, needed)) is not None
-        ]
-        found.append(Detectable(id, size.name, min(known, default=None), size.unit))
+    for id, form in first.items():
+        signed = [(nodes[b.own, b.own], b) for b in problem.branches if b.form is form]
+        known = [s for own, b in signed if (s := _smallest(own, b, needed)) is not None]
+        size = form.size.high * min(known) ** 2 if known else None
+        found.append(Detectable(id, form.size.name, size, form.size.unit))
     return tuple(found)
 
 

@@ -11,9 +11,8 @@ from planner.gap.design import next_experiments
 from planner.gap.diagnose import diagnose
 from planner.gap.diagnosis import Diagnosis, Experiment, Hypothesis
 from planner.gap.effects import EFFECTS
-from planner.gap.evidence.problem import Problem, set_up
+from planner.gap.evidence.problem import Candidate, Problem, set_up
 from planner.gap.evidence.settle import World
-from planner.gap.evidence.surrogate import Candidate
 from planner.gap.observations import observation_model
 
 

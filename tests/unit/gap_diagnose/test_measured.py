@@ -8,8 +8,7 @@ import pytest
 from planner.gap.campaign import Campaign
 from planner.gap.diagnose import diagnose, prepared
 from planner.gap.effects import EFFECTS
-from planner.gap.evidence.problem import Problem, replicate_floor, set_up
-from planner.gap.evidence.surrogate import Candidate
+from planner.gap.evidence.problem import Candidate, Problem, replicate_floor, set_up
 from planner.gap.evidence.weigh import (
     Priors,
     _law_errors,

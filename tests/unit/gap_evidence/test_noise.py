@@ -94,7 +94,7 @@ def test_whitening_makes_replicates_differences_white(cells, imitated, seed: int
     The scatter was estimated from them and the prior expects the usual: 15 % are added.
     """
     problem = ready(imitated(cells, seed=seed))
-    white = problem.columns[:, 0]
+    white = problem.target
     squares, count = 0.0, 0
     for members in problem.model.tests:
         first = [problem.noise.first_row[m] for m in members]
@@ -118,5 +118,5 @@ def test_the_whole_residual_is_as_large_as_its_model_says(cells, imitated, seed:
     problem = ready(imitated(cells, seed=seed))
     left = float(World(problem).left)
     count = len(problem.table)
-    assert 0.85 * chi2.ppf(5e-5, count - problem.nuisances) < left
+    assert 0.85 * chi2.ppf(5e-5, count - problem.nuisances.shape[1]) < left
     assert left < 1.15 * chi2.ppf(1.0 - 5e-5, count)

@@ -15,7 +15,7 @@ from scipy.integrate import nquad
 from scipy.special import logsumexp
 
 from planner.gap.effect import Effect, Form, Parameter
-from planner.gap.evidence.surrogate import Candidate, Search, SignedForm, signed_forms
+from planner.gap.evidence.problem import Candidate, Search, SignedForm, signed_forms
 from planner.gap.evidence.weigh import _weigh_subset
 from planner.gap.noise import USUAL
 from planner.numerics import FloatArray

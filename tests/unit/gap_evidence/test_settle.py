@@ -5,9 +5,8 @@ import pytest
 
 from planner.gap.campaign import Campaign
 from planner.gap.effects import EFFECTS
-from planner.gap.evidence.problem import Problem, set_up
+from planner.gap.evidence.problem import Candidate, Problem, set_up
 from planner.gap.evidence.settle import World, settle
-from planner.gap.evidence.surrogate import Candidate
 from planner.gap.observations import observation_model
 
 RISE = 0.12
@@ -33,10 +32,9 @@ def candidate(problem: Problem, form: str, size: float = 0.6) -> Candidate:
 def test_a_world_integrates_its_nuisances_out(problem: Problem) -> None:
     """As the normal density with the covariance that noise and nuisances make together."""
     world = World(problem, scale=1.3, discrepancy=0.02)
-    columns = problem.columns
-    j = np.concatenate([problem.nuisance_columns, 0.02 * problem.discrepancy], axis=1)
-    covariance = 1.3**2 * np.eye(len(columns)) + j @ j.T
-    residual = columns[:, 0]
+    j = np.concatenate([problem.nuisances, 0.02 * problem.discrepancy], axis=1)
+    residual = problem.target
+    covariance = 1.3**2 * np.eye(len(residual)) + j @ j.T
     expected = -0.5 * (
         np.linalg.slogdet(covariance)[1] + residual @ np.linalg.solve(covariance, residual)
     )
@@ -78,7 +76,7 @@ def test_a_discrepancy_is_asked_for_where_no_form_fits(plan, imitated) -> None:
     problem = set_up(campaign, observation_model(campaign), [EFFECTS["rate"]])
     bent = np.sin(np.linspace(0.0, 6.0, len(problem.table))) * 0.05
     exact, off = World(problem), World(problem, discrepancy=0.06)
-    residual = problem.columns[:, 0]
+    residual = problem.target
     whitened = residual + problem.noise.whiten(bent)
     gained = off.elimination(whitened).none - exact.elimination(whitened).none
     assert gained > off.none - exact.none

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from planner.gap.effects import EFFECTS
-from planner.gap.evidence.problem import Problem
-from planner.gap.evidence.surrogate import SignedForm, node_weights, signed_forms
+from planner.gap.evidence.problem import Problem, SignedForm, node_weights, signed_forms
 from planner.numerics import FloatArray
 from planner.simulation.bar_solver import predict_all
 

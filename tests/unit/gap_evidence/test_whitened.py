@@ -40,7 +40,7 @@ def whiten(columns: FloatArray, noise: SpecimenNoise, nuisances: int) -> SimpleN
 def problem_of(columns: FloatArray, first_row: IntArray, nuisances: int) -> SimpleNamespace:
     noise = SimpleNamespace(first_row=first_row, rows=range(len(first_row) - 1))
     return SimpleNamespace(
-        columns=columns, nuisance_columns=columns[:, columns.shape[1] - nuisances :],
+        columns=columns, target=columns[:, 0], nuisances=columns[:, columns.shape[1] - nuisances :],
         noise=noise, table=range(len(columns)), of_laws=np.zeros(nuisances, bool),
     )  # fmt: skip
 

@@ -28,7 +28,7 @@ def make_traces() -> Traces:
     force = 2.0 * travel
     return Traces(
         label=("soft, 0.05 mm/s", "hard <&> 5 mm/s"),
-        specimen_ids=(("B",), ("A", "C")),
+        rows=[[1], [0, 2]],
         travel_mm=np.stack([travel, travel]),
         time_s=np.stack([travel / 0.05, travel / 5.0]),
         before_N=np.stack([1.25 * force, force]),

@@ -14,8 +14,7 @@ from planner.errors import OutputError
 from planner.gap.diagnosis import Diagnosis, QualityProblem, read_diagnosis
 from planner.gap.summary import percent, probability
 from planner.report.gap_figures import figures_of
-from planner.report.gap_page import write_diagnosis
-from planner.report.gap_text import verdict_text
+from planner.report.gap_page import verdict_text, write_diagnosis
 
 Examples = dict[str, Diagnosis]
 

@@ -10,7 +10,7 @@ import pytest
 
 from planner.errors import FileError
 from planner.gap.diagnosis import Diagnosis, Hypothesis, read_diagnosis
-from planner.report.gap_text import verdict_text
+from planner.report.gap_page import verdict_text
 
 Examples = dict[str, Diagnosis]
 CONTRACT = {

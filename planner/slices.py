@@ -1,35 +1,31 @@
-"""A plan as the printer's own layers: runs of voxels along each row, and their material."""
+"""A plan as the printer's own layers: runs of voxels along each row, images, and their folder."""
 
 import hashlib
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+import re
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass, replace
+from importlib import import_module
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.errors import ArgumentError, FileError, UnknownNameError
-from planner.formats.files import path_within
-from planner.formats.png import ImageKind, encode_layer
-from planner.glance import brief
+from planner.errors import ArgumentError, FileError, OutputError, PlannerError, UnknownNameError
+from planner.formats.files import encode_document, path_within
+from planner.formats.outputs import check_target, new_folder
+from planner.formats.png import NOTHING, ImageKind, Rgba, distinct_colours, encode_layer
+from planner.formats.tables import encode_csv
+from planner.glance import brief, counted, one_line, outcome
 from planner.mesh.mesh import Mesh, compact, weld
 from planner.numerics import IntArray, kernel
-from planner.plan import Plan, Region, plan_file, read_plan, read_shells
+from planner.plan import PartGraded, Plan, plan_file, read_plan, read_shells
 from planner.printers import Printer, load_printer
 from planner.voxels.columns import Grid, check_reach, cover_rows, grid_for, slab_runs, snap
 
-__all__ = [
-    "Layer",
-    "PlanShells",
-    "SlabImages",
-    "SlabTask",
-    "deal_slabs",
-    "iterate_layers",
-    "make_slab",
-    "open_shells",
-]
+__all__ = ["Layer", "SliceStack", "iterate_layers", "write_slices"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -39,7 +35,7 @@ __all__ = [
 # lowest up, so that a stack of images can be written while a few layers are held in memory.
 
 
-_SLAB_ROWS = 1 << 17  # a slab's working arrays stay in the second-level cache
+_SLAB_ROWS = 1 << 17  # about: a slab's working arrays stay in the second-level cache
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,11 +96,6 @@ class SlabTriangles:
         )
 
 
-def _slab_layers_for(grid: Grid) -> int:
-    """Return how many layers to make at once: about 10^5 rows, a few MB."""
-    return max(1, min(_SLAB_ROWS // grid.shape[1], grid.shape[2]))
-
-
 def iterate_slabs(mesh: Mesh, grid: Grid, slab_layers: int) -> Iterator[SlabTriangles]:
     """Deal a mesh's triangles to slabs of layers, from the lowest up.
 
@@ -143,8 +134,7 @@ def runs_along_x(slab: SlabTriangles) -> LayerRuns:
     nx, ny, _ = slab.shape
     triangles = (slab.snapped, slab.faces, slab.members, slab.spans)
     layers = (slab.first_layer, slab.last_layer)
-    offsets, start, stop, faults = slab_runs(*triangles, *layers, ny, nx, 0, row_leads=True)
-    return LayerRuns(offsets, start, stop, int(faults[0]))
+    return LayerRuns(*slab_runs(*triangles, *layers, ny, nx, 0, row_leads=True))
 
 
 # ------------------------------------------------------------------------------------------------
@@ -156,7 +146,7 @@ _MOST_SHELLS = 255  # labels are bytes
 
 
 @dataclass(frozen=True, eq=False)
-class ShellMesh:
+class _ShellMesh:
     """One shell as its file holds it.
 
     Attributes
@@ -176,22 +166,22 @@ class ShellMesh:
 
 
 @dataclass(frozen=True, eq=False)
-class PlanShells:
+class _PlanShells:
     """All shells of a plan on one grid, in the order of their files: from soft to hard."""
 
     plan: Plan
     plan_sha256: str
     printer: str
-    shells: tuple[ShellMesh, ...]
+    shells: tuple[_ShellMesh, ...]
     grid: Grid
 
 
-def open_shells(
+def _open_shells(
     path: str | Path | Plan,
     *,
     pitch_mm: float | Sequence[float] | None = None,
     printer: str | Printer | None = None,
-) -> PlanShells:
+) -> _PlanShells:
     """Read the shells of a plan and verify that they are the ones it was written with.
 
     Parameters
@@ -227,7 +217,7 @@ def open_shells(
     if pitch_mm is None and machine is not None:
         pitch_mm = (*machine.pixel_mm, machine.layer_mm)
     edges_mm = _pitch(pitch_mm, bounds_mm[1] - bounds_mm[0])
-    return PlanShells(
+    return _PlanShells(
         plan,
         hashlib.sha256(file.read_bytes()).hexdigest(),
         plan.printer if machine is None else machine.name,
@@ -236,11 +226,12 @@ def open_shells(
     )
 
 
-def deal_slabs(
-    shells: PlanShells, slab_layers: int | None = None
+def _deal_slabs(
+    shells: _PlanShells, slab_layers: int | None = None
 ) -> Iterator[tuple[SlabTriangles, ...]]:
     """Deal the triangles of all shells to slabs of layers, from the lowest up."""
-    layers = _slab_layers_for(shells.grid) if slab_layers is None else slab_layers
+    _, ny, nz = shells.grid.shape
+    layers = max(1, min(_SLAB_ROWS // ny, nz)) if slab_layers is None else slab_layers
     dealt = (iterate_slabs(shell.mesh, shells.grid, layers) for shell in shells.shells)
     return zip(*dealt, strict=True)
 
@@ -259,13 +250,13 @@ def _machine(plan: Plan, printer: str | Printer | None, *, needed: bool) -> Prin
         return None
 
 
-def _shells(root: Path, plan: Plan, machine: Printer | None) -> Iterator[ShellMesh]:
+def _shells(root: Path, plan: Plan, machine: Printer | None) -> Iterator[_ShellMesh]:
     seen = {region.file: region for region in plan.regions}
-    colours = _colours(root, plan, machine, {_material(region) for region in seen.values()})
+    colours = _colours(root, plan, machine, {region.printed for region in seen.values()})
     for name, triangles in read_shells(plan):
         vertices, faces = weld(triangles.astype(np.float32))
-        material = _material(seen[name])
-        yield ShellMesh(
+        material = seen[name].printed
+        yield _ShellMesh(
             material,
             material if machine is None else machine.operator_name(material),
             colours.get(material, _UNKNOWN_COLOUR),
@@ -273,12 +264,6 @@ def _shells(root: Path, plan: Plan, machine: Printer | None) -> Iterator[ShellMe
             seen[name].sha256,
             Mesh(vertices.astype(np.float64), faces),
         )
-
-
-def _material(region: Region) -> str:
-    """Return what a region's shell is printed in: a material's id, or a mixture's name."""
-    name = region.material or (region.blend or {}).get("name")
-    return str(name or Path(region.file).stem.partition("__")[2])
 
 
 def _colours(root: Path, plan: Plan, machine: Printer | None, wanted: set[str]) -> dict[str, str]:
@@ -324,7 +309,7 @@ def _pitch(
 
 
 @dataclass(frozen=True, eq=False)
-class MaterialRuns:
+class _MaterialRuns:
     """Runs along x of whole layers, as in `LayerRuns`, each with a label.
 
     Attributes
@@ -345,7 +330,7 @@ class MaterialRuns:
     overlapping: int
 
 
-def _join_shells(shells: Sequence[LayerRuns], ny: int) -> MaterialRuns:
+def _join_shells(shells: Sequence[LayerRuns], ny: int) -> _MaterialRuns:
     """Join the runs that shells have in the same layers of `ny` rows."""
     rows = len(shells[0].offsets) - 1
     before = np.cumsum([0, *(len(runs.start) for runs in shells)])
@@ -359,7 +344,7 @@ def _join_shells(shells: Sequence[LayerRuns], ny: int) -> MaterialRuns:
     runs, overlapping = _join(
         *(offsets, start, stop, ny, place, new_offsets, joined[0], joined[1], label, voxels)
     )
-    return MaterialRuns(
+    return _MaterialRuns(
         *(new_offsets, joined[0, :runs], joined[1, :runs], label[:runs], voxels, int(overlapping))
     )
 
@@ -418,19 +403,19 @@ def _paint(offsets: Any, start: Any, stop: Any, label: Any, first: Any, image: A
 
 
 @dataclass(frozen=True, eq=False)
-class SlabTask:
+class _SlabTask:
     """Some layers to be made: the triangles of each shell there, and how images look."""
 
     shells: tuple[SlabTriangles, ...]
     kind: ImageKind
 
-    def alone(self) -> "SlabTask":
+    def alone(self) -> "_SlabTask":
         """Return the same with no more of the shells than it needs, to be sent elsewhere."""
         return replace(self, shells=tuple(shell.alone() for shell in self.shells))
 
 
 @dataclass(frozen=True, eq=False)
-class SlabImages:
+class _SlabImages:
     """Some layers as made.
 
     Attributes
@@ -452,13 +437,13 @@ class SlabImages:
     open_rows: int
 
 
-def _slab_runs_of(shells: tuple[SlabTriangles, ...]) -> tuple[MaterialRuns, int]:
+def _slab_runs_of(shells: tuple[SlabTriangles, ...]) -> tuple[_MaterialRuns, int]:
     """Return the runs of some layers with their materials, and the open rows among them."""
     runs = [runs_along_x(shell) for shell in shells]
     return _join_shells(runs, shells[0].shape[1]), sum(each.open_rows for each in runs)
 
 
-def make_slab(task: SlabTask) -> SlabImages:
+def _make_slab(task: _SlabTask) -> _SlabImages:
     """Make the images of a slab."""
     nx, ny, _ = task.shells[0].shape
     runs, open_rows = _slab_runs_of(task.shells)
@@ -469,7 +454,7 @@ def make_slab(task: SlabTask) -> SlabImages:
         for row in range(0, len(runs.offsets) - 1, ny)
     )
     first = task.shells[0].first_layer
-    return SlabImages(first, images, runs.voxels, runs.overlapping, open_rows)
+    return _SlabImages(first, images, runs.voxels, runs.overlapping, open_rows)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -522,7 +507,7 @@ def iterate_layers(
     Raises
     ------
     PlannerError
-        See `planner.slices.slices.open_shells`.
+        No plan, or a shell that is missing or altered; no such printer; a pitch that is none.
 
     Examples
     --------
@@ -530,10 +515,10 @@ def iterate_layers(
     >>> layer.label.shape  # doctest: +SKIP
     (16, 97)
     """
-    source = open_shells(plan, pitch_mm=pitch_mm, printer=printer)
+    source = _open_shells(plan, pitch_mm=pitch_mm, printer=printer)
     grid, materials = source.grid, tuple(shell.material for shell in source.shells)
     nx, ny, _ = grid.shape
-    for slab in deal_slabs(source):
+    for slab in _deal_slabs(source):
         runs, _ = _slab_runs_of(slab)
         for index in range(slab[0].first_layer, slab[0].last_layer):
             label = np.zeros((ny, nx), np.uint8)
@@ -541,3 +526,381 @@ def iterate_layers(
             _paint(runs.offsets, runs.start, runs.stop, runs.label, first, label)
             z_mm = grid.origin_mm[2] + (index + 0.5) * grid.pitch_mm[2]
             yield Layer(index, z_mm, label, materials)
+
+
+# ------------------------------------------------------------------------------------------------
+# A stack of layers as written: what of each material is where, and the files that say so.
+
+
+_RECORD = "slices.json"
+"""The folder of a stack."""
+
+
+def _layer_file(index: int) -> str:
+    """Return the name of a layer's image."""
+    return f"layer_{index:05d}.png"
+
+
+@dataclass(frozen=True, slots=True)
+class _SlicedMaterial:
+    """What of a stack is one material.
+
+    Attributes
+    ----------
+    rgba
+        Its pixels' colour, which no other material has.
+    file, sha256
+        The shell that it was made from.
+    """
+
+    material: str
+    operator_name: str
+    rgba: Rgba
+    file: str
+    sha256: str
+    voxels: int
+    volume_mm3: float
+
+
+@dataclass(frozen=True, eq=False)
+class SliceStack:
+    """The content of slices.json and layers.csv.
+
+    Attributes
+    ----------
+    voxels : (layers, materials) int64
+        Voxels of each material by layer.
+    overlapping
+        Voxels that lie in more than one shell; each was drawn once.
+    open_rows
+        Rows of voxels that enter a shell and do not leave it.
+    """
+
+    version: str
+    printer: str
+    plan_sha256: str
+    part: PartGraded
+    grid: Grid
+    indexed: bool
+    materials: tuple[_SlicedMaterial, ...]
+    voxels: NDArray[np.int64]
+    overlapping: int
+    open_rows: int
+
+    @one_line
+    def __repr__(self) -> str:
+        return (
+            f"{self.part.name}: {counted(self.grid.shape[2], 'layer')} of "
+            f"{self.grid.shape[0]} x {self.grid.shape[1]} voxels, "
+            f"{counted(len(self.materials), 'material')}; "
+            + outcome((len(self.findings), "finding"))
+        )
+
+    @property
+    def findings(self) -> tuple[str, ...]:
+        """What is wrong with the plan's shells, in words."""
+        found = []
+        if self.overlapping:
+            found.append(
+                f"{self.overlapping} voxels lie in more than one shell; each is drawn once"
+            )
+        if self.open_rows:
+            found.append(f"{self.open_rows} rows of voxels enter a shell that they do not leave")
+        return tuple(f"{text}: run planner check on the plan" for text in found)
+
+    @property
+    def ok(self) -> bool:
+        """Whether every voxel lies in one shell or in none."""
+        return not self.findings
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        """Names of the images, from the lowest layer up."""
+        return tuple(_layer_file(index) for index in range(self.grid.shape[2]))
+
+    def document(self) -> dict[str, Any]:
+        """Return the stack as slices.json holds it."""
+        return {
+            "schema": 1,
+            "version": self.version,
+            "printer": self.printer,
+            "plan": {"sha256": self.plan_sha256},
+            "part": {
+                "name": self.part.name,
+                "file": self.part.file,
+                "sha256": self.part.sha256,
+                "translation_mm": list(self.part.translation_mm),
+            },
+            "grid": asdict(self.grid),
+            "images": {
+                "pixels": "indexed" if self.indexed else "rgba",
+                "column": "x",
+                "row": "y",
+                "layer": "z",
+                "nothing": list(NOTHING),
+            },
+            "materials": [
+                {"label": label, **asdict(each)} for label, each in enumerate(self.materials, 1)
+            ],
+            "overlapping_voxels": self.overlapping,
+            "open_rows": self.open_rows,
+            "layers": "layers.csv",
+            "files": list(self.files),
+        }
+
+    def json(self) -> bytes:
+        """Return the bytes of slices.json."""
+        return encode_document(self.document())
+
+    def csv(self) -> bytes:
+        """Return the bytes of layers.csv."""
+        bottom_mm, edge_mm = self.grid.origin_mm[2], self.grid.pitch_mm[2]
+        rows = (
+            [index, bottom_mm + (index + 0.5) * edge_mm, *counts]
+            for index, counts in enumerate(self.voxels.tolist())
+        )
+        return encode_csv([["layer", "z_mm", *(m.material for m in self.materials)], *rows])
+
+
+# ------------------------------------------------------------------------------------------------
+# Slabs made by the workers of a Dask cluster, which need share no disk with this machine.
+
+
+_CONNECT_S, _SILENCE_S = 10, 30
+_SLABS_A_THREAD = 2  # in flight: one is made while the next is on its way
+_LARGE_TASK = "distributed.admin.large-graph-warning-threshold"
+
+
+def _make_slabs_on(scheduler: str, tasks: Iterator[_SlabTask]) -> Iterator[_SlabImages]:
+    """Make slabs on a cluster, and yield them as they come.
+
+    A slab carries its triangles there and its images back. When a worker dies, what it had is
+    made again by another.
+
+    Parameters
+    ----------
+    scheduler
+        Its address, ``tcp://HOST:PORT``.
+
+    Raises
+    ------
+    ArgumentError
+        No address; Dask is not installed here, or planner not there; nothing answers, or has no
+        workers.
+    OutputError
+        The cluster lost all its workers, or several over one slab.
+    """
+    if not isinstance(scheduler, str) or not re.fullmatch(
+        r"(tcp|tls|ws|wss)://[^\s:/]+:\d+", scheduler
+    ):
+        raise ArgumentError(
+            f"`scheduler` {scheduler}: is no address of a scheduler; give what dask scheduler "
+            "prints, as tcp://127.0.0.1:8786"
+        )
+    try:
+        distributed: Any = import_module("distributed")
+        dask: Any = import_module("dask")
+    except ImportError as error:
+        raise ArgumentError(
+            f"`scheduler` {scheduler}: Dask is not installed ({error}); "
+            "pip install distributed, or leave `scheduler` out"
+        ) from error
+    with dask.config.set({_LARGE_TASK: "1GiB"}), _client(distributed, scheduler) as client:
+        threads = _threads(client, scheduler)
+        submitted = _submit(client, tasks)
+        waiting = set(islice(submitted, _SLABS_A_THREAD * threads))
+        while waiting:
+            finished = _some_of(distributed, client, waiting, scheduler)
+            waiting -= finished
+            for future in finished:
+                slab = _result(distributed, future, scheduler)
+                waiting |= set(islice(submitted, 1))
+                yield slab
+
+
+def _client(distributed: Any, scheduler: str) -> Any:
+    try:
+        return distributed.Client(scheduler, timeout=_CONNECT_S, set_as_default=False)
+    except OSError as error:  # TimeoutError is one
+        raise ArgumentError(
+            f"`scheduler` {scheduler}: no scheduler answers there within {_CONNECT_S} s; give the "
+            "address that dask scheduler prints"
+        ) from error
+
+
+def _threads(client: Any, scheduler: str) -> int:
+    try:
+        client.wait_for_workers(1, timeout=_CONNECT_S)
+    except TimeoutError as error:
+        raise ArgumentError(
+            f"`scheduler` {scheduler}: has no workers; start some: dask worker {scheduler}"
+        ) from error
+    return max(1, int(sum(client.nthreads().values())))
+
+
+def _submit(client: Any, tasks: Iterator[_SlabTask]) -> Iterator[Any]:
+    from planner import __version__
+
+    for task in tasks:
+        yield client.submit(_make_elsewhere, task.alone(), __version__, pure=False)
+
+
+def _make_elsewhere(task: _SlabTask, version: str) -> _SlabImages:
+    """Make a slab, if this is the planner that asked: another might choose other voxels."""
+    from planner import __version__
+
+    if version != __version__:
+        raise ArgumentError(
+            f"a worker has planner {__version__}, not {version}; install planner {version} there"
+        )
+    return _make_slab(task)
+
+
+def _some_of(distributed: Any, client: Any, waiting: set[Any], scheduler: str) -> set[Any]:
+    """Wait for some of the slabs for as long as there are workers."""
+    while True:
+        try:
+            with client.as_current():
+                some = distributed.wait(waiting, _SILENCE_S, return_when="FIRST_COMPLETED")
+            return set(some.done)
+        except TimeoutError as error:
+            if not client.nthreads():
+                raise OutputError(
+                    f"`scheduler` {scheduler}: all its workers are gone; start some again"
+                ) from error
+
+
+def _result(distributed: Any, future: Any, scheduler: str) -> _SlabImages:
+    try:
+        slab: _SlabImages = future.result()
+    except PlannerError:
+        raise
+    except ImportError as error:
+        raise ArgumentError(
+            f"`scheduler` {scheduler}: its workers cannot import what they need ({error}); install "
+            "planner there"
+        ) from error
+    except distributed.KilledWorker as error:
+        raise OutputError(
+            f"`scheduler` {scheduler}: several workers died over one slab; give them more memory"
+        ) from error
+    return slab
+
+
+# ------------------------------------------------------------------------------------------------
+# planner.write_slices: a plan's folder to a stack of images, one a layer of the printer.
+
+
+def write_slices(
+    plan: str | Path | Plan,
+    output: str | Path,
+    *,
+    pitch_mm: float | Sequence[float] | None = None,
+    indexed: bool = False,
+    printer: str | Printer | None = None,
+    scheduler: str | None = None,
+    slab_layers: int | None = None,
+    force: bool = False,
+    progress: Callable[[int, int], None] = lambda done, of: None,
+) -> SliceStack:
+    """Write a plan as the printer's own layers: one PNG a layer, one colour a material.
+
+    A voxel belongs to the shell that holds its centre. Memory holds a few layers, however many
+    there are. The folder is whole or absent, and the same plan and options give the same bytes.
+
+    Parameters
+    ----------
+    plan
+        A plan.json, its folder, or the plan read from there.
+    output
+        Folder to write: ``layer_00000.png`` and so on, ``slices.json`` and ``layers.csv``.
+    pitch_mm
+        Edges of a voxel along x, y, z, or one for all; by default the printer's own.
+    indexed
+        Write palette images, which are smaller, in the same colours.
+    printer
+        By default the plan's.
+    scheduler
+        Address of a Dask scheduler, ``tcp://HOST:PORT``, whose workers make the layers.
+    slab_layers
+        Layers made at once; by default about 10^5 rows of voxels. The result is the same.
+    force
+        Replace an earlier stack in that place.
+    progress
+        Called with the number of layers done, and of all.
+
+    Returns
+    -------
+    SliceStack
+        What was written; `SliceStack.ok` is false where the plan's shells overlap or are open.
+
+    Raises
+    ------
+    PlannerError
+        As of `iterate_layers`; a folder that may not be written; a cluster that cannot be used.
+
+    Examples
+    --------
+    >>> planner.write_slices("finger-graded", "finger-slices", pitch_mm=0.1).ok  # doctest: +SKIP
+    True
+    """
+    check_target(output, force=force, record=_RECORD)
+    if slab_layers is not None and (not isinstance(slab_layers, int) or slab_layers < 1):
+        raise ArgumentError(f"slab_layers is {slab_layers}; it must be a whole number from 1 up")
+    if Path(output).resolve().is_relative_to(plan_file(plan).resolve().parent):
+        raise OutputError(
+            f"{output}: lies in the plan's own folder, which would then no longer be sound; name "
+            "another folder with `output`"
+        )
+    source = _open_shells(plan, pitch_mm=pitch_mm, printer=printer)
+    edges_mm = source.grid.pitch_mm
+    colours = distinct_colours([shell.colour for shell in source.shells])
+    kind = ImageKind(colours, indexed, (edges_mm[0], edges_mm[1]))
+    tasks = (_SlabTask(slab, kind) for slab in _deal_slabs(source, slab_layers))
+    slabs = map(_make_slab, tasks) if scheduler is None else _make_slabs_on(scheduler, tasks)
+    layers = source.grid.shape[2]
+    voxels = np.zeros((layers, len(source.shells)), np.int64)
+    overlapping = open_rows = done = 0
+    with new_folder(output, force=force, record=_RECORD) as scratch:
+        for slab in slabs:
+            for index, image in enumerate(slab.images, slab.first_layer):
+                (scratch / _layer_file(index)).write_bytes(image)
+            voxels[slab.first_layer : slab.first_layer + len(slab.images)] = slab.voxels
+            overlapping += slab.overlapping
+            open_rows += slab.open_rows
+            done += len(slab.images)
+            progress(done, layers)
+        stack = _stack(source, kind, voxels, overlapping, open_rows)
+        (scratch / "layers.csv").write_bytes(stack.csv())
+        (scratch / _RECORD).write_bytes(stack.json())
+    return stack
+
+
+def _stack(
+    source: _PlanShells,
+    kind: ImageKind,
+    voxels: np.ndarray[tuple[int, int], np.dtype[np.int64]],
+    overlapping: int,
+    open_rows: int,
+) -> SliceStack:
+    from planner import __version__
+
+    totals = voxels.sum(axis=0).tolist()
+    return SliceStack(
+        version=__version__,
+        printer=source.printer,
+        plan_sha256=source.plan_sha256,
+        part=source.plan.part,
+        grid=source.grid,
+        indexed=kind.indexed,
+        materials=tuple(
+            _SlicedMaterial(
+                *(shell.material, shell.operator_name, rgba, shell.file, shell.sha256),
+                *(count, count * source.grid.voxel_mm3),
+            )
+            for shell, rgba, count in zip(source.shells, kind.colours, totals, strict=True)
+        ),
+        voxels=voxels,
+        overlapping=overlapping,
+        open_rows=open_rows,
+    )

@@ -1,0 +1,45 @@
+"""Every option of a command reaches its function, or is used by the command itself."""
+
+import ast
+import inspect
+import textwrap
+from dataclasses import fields, is_dataclass
+
+import pytest
+
+import planner
+from planner.cli import design, gap, materials, plans, simulate
+
+COMMANDS = {
+    f"{module.__name__.rpartition('.')[2]} {name}": inspect.unwrap(command)
+    for module in (design, gap, materials, plans, simulate)
+    for name, command in vars(module).items()
+    if inspect.isfunction(command) and "taken(planner." in inspect.getsource(command)
+}
+
+
+def test_the_commands_that_pass_options_on_are_found():
+    assert len(COMMANDS) >= 10
+
+
+@pytest.mark.parametrize("command", COMMANDS.values(), ids=COMMANDS)
+def test_no_option_is_lost(command):
+    """`taken` leaves out what the function has no parameter for; the command must read that."""
+    tree = ast.parse(textwrap.dedent(inspect.getsource(command)))
+    calls = [n for n in ast.walk(tree) if isinstance(n, ast.Call) and is_named(n.func, "taken")]
+    read = {n.id for n in ast.walk(tree) if isinstance(n, ast.Name)}
+    parameters = inspect.signature(command).parameters.values()
+    assert calls
+    for call in calls:
+        function, given = call.args
+        takes = {*inspect.signature(getattr(planner, function.attr)).parameters}
+        lost = {p.name for p in parameters} - takes - read
+        within = {n.id for n in ast.walk(given) if isinstance(n, ast.Name)}
+        for group in parameters:
+            if is_dataclass(group.annotation) and group.name in within:
+                lost |= {field.name for field in fields(group.annotation)} - takes
+        assert not lost
+
+
+def is_named(node, name):
+    return isinstance(node, ast.Name) and node.id == name
