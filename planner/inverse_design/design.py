@@ -106,16 +106,17 @@ def _course(case: "Case", solved: "Solved", coordinate: FloatArray, steps: int) 
     shares = np.linspace(0.0, 1.0, steps + 1)[1:-1].tolist()
     moved = [0.0 * last, last]
     try:
-        full = case.solve(coordinate)
-        states = [state for state, _ in full.mechanics.follow(shares, settled=_SHOWN)]
+        full = case.solve(coordinate, tangent=False)
+        way = full.mechanics.follow(shares, settled=_SHOWN, tangents=False)
+        states = [state for state, _ in way]
     except LostStabilityError:
         shares = []  # there is no such way in larger cells
     else:
         each = np.stack([state.displacement_mm for state in (*states, full.state)], axis=1)
         size = np.linalg.norm(each, axis=(0, 2)) / np.linalg.norm(each[:, -1])
         at = full.mechanics.body.cells.interpolated(cells.node_mm, each.reshape(len(each), -1))
-        way = at.reshape(len(last), -1, 3).swapaxes(0, 1)
-        moved[1:1] = way[:-1] + size[:-1, None, None] * (last - way[-1])
+        at = at.reshape(len(last), -1, 3).swapaxes(0, 1)
+        moved[1:1] = at[:-1] + size[:-1, None, None] * (last - at[-1])
     shapes, misses = solved.shapes, solved.deviations()
     return Course(
         case.name, np.array([0.0, *shares, 1.0]), cells, np.stack(moved),

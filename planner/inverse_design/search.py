@@ -109,7 +109,7 @@ class Case:
         """
         if other.state is None or other.mechanics is None:
             return
-        self.mechanics = Mechanics(self.body, self.conditions, self.analysis, spare=other.mechanics)
+        self.mechanics = Mechanics(self.body, self.conditions, self.analysis, like=other.mechanics)
         self.state = self.mechanics.state_like(other.mechanics, other.state)
         self.factored, other.factored = other.factored, None
 

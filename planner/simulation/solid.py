@@ -338,9 +338,7 @@ class Mechanics:
         Of the cells' matrix; another body on the same cells may share it.
     like : Mechanics, optional
         Of the same cells, with other materials or conditions: places of loads and supports, and
-        memory, are shared; only one of both can be at work at a time.
-    spare : Mechanics, optional
-        Of other cells: its memory is taken, likewise.
+        memory, are shared; only one of both can be at work at a time. Of other cells: memory alone.
     rests
         The last factor of the body at rest, by what holds it: shared by load cases, it serves the
         first iteration of each, and all of one that is linear.
@@ -356,13 +354,15 @@ class Mechanics:
         analysis: "Analysis",
         *,
         like: "Mechanics | None" = None,
-        spare: "Mechanics | None" = None,
         rests: "dict[object, Factor] | None" = None,
     ) -> None:
         from planner.simulation.sparse_cholesky import taken
 
-        cells = body.cells
+        cells, shape = body.cells, (len(body.cells.nodes), 27, 6, 27)
         self.body, self.conditions, self.analysis, self.rests = body, conditions, analysis, rests
+        memory = taken(math.prod(shape), None if like is None else like._matrices)
+        self._matrices = memory.reshape(shape)
+        like = like if like is not None and like.body.cells is cells else None
         below, share = body.table.places(body.coordinate)
         ratio = 2.0 * (1.0 + body.poisson) / (3.0 * (1.0 - 2.0 * body.poisson))
         self.bulk = ratio * body.shear_modulus_MPa
@@ -398,12 +398,6 @@ class Mechanics:
         else:
             self.springs = like.springs * (self.softer_MPa / like.softer_MPa)[:, None, None]
         self._build_loads()
-        if like is None:
-            shape = (len(cells.nodes), 27, 6, 27)
-            memory = taken(math.prod(shape), None if spare is None else spare._matrices)
-            self._matrices = memory.reshape(shape)
-        else:
-            self._matrices = like._matrices
 
     def points_of(self, facets: BoolArray) -> _FacetPoints:
         """Return the quadrature points of facets, as `_facet_points`; kept for the next time."""

@@ -728,6 +728,30 @@ def test_the_last_change_of_a_step_may_be_by_the_factor_before():
     assert np.abs(quick[0][1] - exact[0][1]).max() > 1e-5
 
 
+def test_a_last_change_that_does_not_fall_is_made_with_a_factor_of_its_own(monkeypatch):
+    """As where slivers answer otherwise than they did before: here factors serve only once."""
+    shares, own = [0.5, 1.0], Mechanics._factored
+    _, exact, iterations = bent(shares, tangents=False)
+
+    class Stale:
+        def __init__(self, factor):
+            self.factor, self.scale = factor, 1.0
+
+        def solve(self, rhs):
+            scale, self.scale = self.scale, 1e9
+            return scale * self.factor.solve(rhs)
+
+    monkeypatch.setattr(
+        Mechanics, "_factored", lambda self, _, *, at_rest: Stale(own(self, None, at_rest=at_rest))
+    )
+    _, states, told = bent(shares, tangents=False)
+    for (one, _), (other, _) in zip(exact, states, strict=True):
+        np.testing.assert_allclose(other, one, rtol=0.0, atol=1e-8 * np.abs(one).max())
+    assert len(told) == len(iterations)
+    monkeypatch.setattr(solid, "_FALLS", np.inf)
+    assert len(bent(shares, tangents=False)[2]) > len(iterations), "astray, and back"
+
+
 def test_a_small_load_is_in_proportion_to_the_first_change():
     """Whether the body was loaded before, or not."""
     loaded, _, _ = bent([1.0])
