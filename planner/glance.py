@@ -17,9 +17,9 @@ __all__ = [
     "format_number",
     "format_range",
     "html_of",
+    "in_percent",
     "one_line",
     "outcome",
-    "percent",
     "plotted",
 ]
 
@@ -98,7 +98,7 @@ def format_interval(ends: Sequence[float]) -> str:
     return format_range(ends) if ends[0] < ends[-1] else "unknown"
 
 
-def percent(share: float, sign: str = "") -> str:
+def in_percent(share: float, sign: str = "") -> str:
     """Return a share in per cent with two digits or all before the point, never as a power."""
     figure = round(100.0 * share, 4)
     return f"{figure:{sign}{'.0f' if abs(figure) >= 99.5 else '.2g'}} %"
@@ -148,7 +148,7 @@ def html_of(value: Any) -> str:
     """Return what a notebook shows of a value; a class has it as `_repr_html_`."""
     from planner.report import notebook
 
-    return notebook.html_of(value)
+    return notebook.small_page(value)
 
 
 def plotted(value: Any, ax: "Axes | None" = None) -> "Axes":

@@ -11,7 +11,7 @@ from typer import Argument, Context, Option
 from planner.cli.output import (
     AsJson,
     AtStrain,
-    Force,
+    Overwrite,
     PaletteName,
     PrinterName,
     Quiet,
@@ -63,7 +63,7 @@ def materials(
         str | None,
         Option("--as", help="Print their laws instead, to paste: abaqus, ansys or febio."),
     ] = None,
-    force: Force = False,
+    force: Overwrite = False,
     as_json: AsJson = False,
 ) -> int:
     """List a palette's materials from soft to hard, with their stiffness.
@@ -377,7 +377,7 @@ def characterise(
         Path | None,
         Option(help="SVG file to write: each curve with its toe, modulus, yield and break."),
     ] = None,
-    force: Force = False,
+    force: Overwrite = False,
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> int:
@@ -560,7 +560,7 @@ def fit(
         Path | None,
         Option(help="Folder to write: the tables as CSV, with intervals."),
     ] = None,
-    force: Force = False,
+    force: Overwrite = False,
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> int:

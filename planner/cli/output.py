@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Context, Option
 
-from planner.errors import ArgumentError
+from planner.errors import ArgumentError, Caution
 from planner.glance import format_interval, format_number, format_range
 
 if TYPE_CHECKING:
@@ -31,13 +31,13 @@ __all__ = [
     "AsJson",
     "AtStrain",
     "CasesFile",
-    "Force",
     "ForceOversize",
     "Kept",
     "LoadOptions",
     "MeshBodies",
     "MeshMaterial",
     "MeshUnit",
+    "Overwrite",
     "PaletteName",
     "PrinterLimits",
     "PrinterName",
@@ -88,8 +88,6 @@ def tell_notes(notes: Iterable[str]) -> None:
     A kind is what notes say of one file, specimen or material after another: the same words behind
     its name, whatever the figures.
     """
-    from planner.notes import Caution
-
     kinds: dict[tuple[bool, str], list[str]] = {}
     for note in dict.fromkeys(notes):
         words = _FIGURE.sub("#", note.partition(": ")[2] or note)
@@ -513,7 +511,7 @@ def _real(path: Path) -> Path:
 # Options of the commands that take whole parts and write files.
 
 
-Force = Annotated[bool, Option("--force", help="Replace files that are there.")]
+Overwrite = Annotated[bool, Option("--force", help="Replace files that are there.")]
 ForceOversize = Annotated[
     bool, Option("--force-oversize", help="Plan a part that the printer's tray does not hold.")
 ]

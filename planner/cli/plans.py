@@ -31,7 +31,7 @@ from planner.cli.output import (
     terminal_width,
     warn,
 )
-from planner.errors import ArgumentError
+from planner.errors import ArgumentError, Caution
 
 if TYPE_CHECKING:
     from planner.grading.check import Certificate
@@ -218,7 +218,6 @@ def grade(
 def _grade_report(
     plan: "Plan", folder: Path | None, *, like: Path | None, as_json: bool, quiet: bool
 ) -> None:
-    from planner.notes import Caution
     from planner.report.plan_figure import error_words, moved_words, unreachable_words
 
     if as_json:

@@ -17,6 +17,7 @@ from planner.cutting.grid import default_pitch_mm
 from planner.cutting.pieces import Pieces, split
 from planner.errors import (
     ArgumentError,
+    Caution,
     MeshError,
     ThinBandError,
     as_count,
@@ -70,7 +71,6 @@ from planner.grading.wish import End, Wish, Wished, targets_of, whole_wish
 from planner.mesh.audit import join_shells
 from planner.mesh.mesh import Mesh, weld
 from planner.mesh.part import Part, make_part, oversize, part_from_arrays, place, undersize
-from planner.notes import Caution
 from planner.numerics import Float32Array, FloatArray, IntArray, Point
 from planner.palette import Palette
 from planner.plan import (

@@ -13,7 +13,7 @@ from planner.cutting.pieces import Pieces
 from planner.errors import ArgumentError
 from planner.formats.mesh_file import encode_stl
 from planner.formats.threemf import Constituent, composite_name, mixed_colour
-from planner.glance import percent
+from planner.glance import in_percent
 from planner.grading.profile import (
     Band,
     Profile,
@@ -663,7 +663,7 @@ def _of_nearest(target: Profile, scale: StiffnessScale) -> float:
 
 def error_text(ratio: float) -> str:
     """Say a ratio as an error: in per cent, or as a factor where that reads better."""
-    return percent(ratio - 1.0) if ratio < 2.0 else f"a factor of {ratio:.3g}"
+    return in_percent(ratio - 1.0) if ratio < 2.0 else f"a factor of {ratio:.3g}"
 
 
 def _rounded_up(value: float) -> float:

@@ -16,7 +16,7 @@ from planner.fields.parse import Setting, build_field
 from planner.formats.files import decode_document, encode_document, read_file
 from planner.formats.mesh_file import read_mesh
 from planner.formats.tables import encode_csv
-from planner.glance import counted, html_of, one_line, outcome, percent
+from planner.glance import counted, html_of, in_percent, one_line, outcome
 from planner.grading.grade import grade, open_part, refuse_oversize
 from planner.grading.profile import stiffness_scale
 from planner.grading.regions import point
@@ -177,7 +177,7 @@ class PartDesign:
         what = counted(len(self.values), "control" if self.free else "knot")
         return (
             f"{self.plan.part.name}: {counted(len(self.reached), 'target')}, worst missed by "
-            f"{percent(worst)}, {what}; " + outcome((len(self.findings), "finding"))
+            f"{in_percent(worst)}, {what}; " + outcome((len(self.findings), "finding"))
         )
 
     @property
@@ -498,7 +498,7 @@ def design(
         ),
         stopped=found.stopped,
         progress=lambda off: progress(
-            DesignStage(f"printed materials: off by {percent(off)}", 0.8)
+            DesignStage(f"printed materials: off by {in_percent(off)}", 0.8)
         ),
     )  # fmt: skip
     tried = found.tried + prints
@@ -607,7 +607,7 @@ def _searched(
     def told(stage: str, first: float, last: float) -> Callable[[int, float], None]:
         def tell(tried: int, off: float) -> None:
             done = first + (last - first) * min(tried / 15.0, 0.9)
-            progress(DesignStage(f"{stage}: gradient {tried}, off by {percent(off)}", done))
+            progress(DesignStage(f"{stage}: gradient {tried}, off by {in_percent(off)}", done))
 
         return tell
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from planner import __version__
 from planner.formats.field_file import encode_vtu
-from planner.glance import format_interval, format_number, percent
+from planner.glance import format_interval, format_number, in_percent
 from planner.materials.mixtures import CoefficientModel
 from planner.mesh.clip import clip_hexahedra
 from planner.mesh.distance import distances, triangle_tree
@@ -556,8 +556,8 @@ def summary_words(result: PartSimulation) -> Iterator[str]:
     found = result.discretisation
     if found is not None:
         yield (
-            f"{case}figures are within {percent(found.largest)} of those of ever smaller cells, as "
-            f"two solutions in cells of {found.cell_mm:.3g} mm tell (right for nine parts in ten)"
+            f"{case}figures are within {in_percent(found.largest)} of those of ever smaller cells, "
+            f"as two solutions in cells of {found.cell_mm:.3g} mm tell (right for nine parts in ten)"
         )
 
 
