@@ -112,7 +112,7 @@ def problem_of(
 def weighed_answer(problem: Problem, priors: Priors, reasons: tuple[str, ...]) -> dict[str, Any]:
     """Weigh all hypotheses and return the scored part of a document, cut as a diagnosis is."""
     weighed = weigh(problem, priors)
-    ranking = ranking_of(evidence_of(problem, weighed), priors.coarseness_nats)
+    ranking = ranking_of(evidence_of(problem, weighed), priors)
     verdict = ranking[0].effects
     alike = class_of(problem, weighed, ranking, verdict)
     return {

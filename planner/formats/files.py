@@ -181,7 +181,10 @@ def canonical_archive(data: bytes, first: tuple[str, ...]) -> bytes:
             *(_VERSION, flags, member.compress_type, 0, _DATE),
             *(member.CRC, member.compress_size, member.file_size, len(path), 0),
         )
-        parts += [struct.pack("<4s5H3I2H", b"PK\x03\x04", *facts) + path, _deflated(data, member)]
+        name_size, extra_size = struct.unpack_from("<2H", data, member.header_offset + 26)
+        start = member.header_offset + 30 + name_size + extra_size
+        deflated = memoryview(data)[start : start + member.compress_size]
+        parts += [struct.pack("<4s5H3I2H", b"PK\x03\x04", *facts) + path, deflated]
         made_by = 3 << 8 | _VERSION  # Unix, so that the permissions count
         directory += struct.pack("<4sH5H3I2H", b"PK\x01\x02", made_by, *facts)
         directory += struct.pack("<3H2I", 0, 0, 0, _UNIX_FILE, offset) + path
@@ -189,12 +192,6 @@ def canonical_archive(data: bytes, first: tuple[str, ...]) -> bytes:
     count = len(names)
     end = struct.pack("<4s4H2IH", b"PK\x05\x06", 0, 0, count, count, len(directory), offset, 0)
     return b"".join((*parts, directory, end))
-
-
-def _deflated(data: bytes, member: zipfile.ZipInfo) -> memoryview:
-    name_size, extra_size = struct.unpack_from("<2H", data, member.header_offset + 26)
-    start = member.header_offset + 30 + name_size + extra_size
-    return memoryview(data)[start : start + member.compress_size]
 
 
 _RATIO = 100

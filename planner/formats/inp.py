@@ -90,11 +90,6 @@ class InpModel:
     pressures_MPa: Mapping[str, tuple[IntArray, float]] = field(default_factory=dict)
     gravity: tuple[float, float, float] | None = None
 
-    @property
-    def is_loaded(self) -> bool:
-        """Whether there is anything to compute."""
-        return bool(self.held or self.forces_N or self.pressures_MPa or self.gravity)
-
 
 def encode_inp(model: InpModel, solver: Solver) -> bytes:
     """Return the bytes of a file for one of the two programs: mm, N, MPa, t, s."""
@@ -128,7 +123,7 @@ def _lines(model: InpModel, solver: Solver) -> Iterator[str]:
         for face in np.unique(faces[:, 1]).tolist():
             yield f"*ELSET, ELSET={name}_S{face + 1}"
             yield from _listed(faces[faces[:, 1] == face, 0])
-    if model.is_loaded:
+    if model.held or model.forces_N or model.pressures_MPa or model.gravity:
         yield from _step(model, solver)
 
 

@@ -1,9 +1,9 @@
 """Mesh files of any kind as triangles in millimetres; STL, also written."""
 
+import contextlib
 import hashlib
 import io
 import json
-import math
 import os
 import re
 import subprocess
@@ -17,14 +17,13 @@ from types import MappingProxyType
 
 import numpy as np
 
-from planner.errors import ArgumentError, FileError, MeshError, OutputError, did_you_mean
+from planner.errors import FileError, MeshError, OutputError, did_you_mean
 from planner.formats.files import USUAL_LIMITS, UnfoldingLimits, read_file
-from planner.formats.units import QUANTITY_UNITS, known_units, quantities_of, unit_factor
+from planner.formats.units import QUANTITY_UNITS, canonical_unit
 from planner.numerics import Float32Array, FloatArray, IntArray
 
 __all__ = [
     "EXTENSIONS",
-    "canonical_unit",
     "decode_stl",
     "encode_stl",
     "read_mesh",
@@ -32,9 +31,6 @@ __all__ = [
 ]
 
 
-_SCALE_MM: Mapping[str, float] = MappingProxyType(
-    {unit: QUANTITY_UNITS["length"][unit] for unit in ("mm", "cm", "m", "inch", "ft", "um")}
-)
 _BY_TRIMESH = ("ply", "obj", "off", "glb")
 _BY_CASCADIO = ("step", "stp")
 EXTENSIONS = ("stl", "3mf", *_BY_TRIMESH, *_BY_CASCADIO)
@@ -123,41 +119,18 @@ def read_mesh(
     used = unit or own or "mm"
     in_mm = np.ascontiguousarray(triangles, dtype=np.float64)
     if used != "mm":
-        in_mm = in_mm * _SCALE_MM[used]
+        in_mm = in_mm * QUANTITY_UNITS["length"][used]
     return MeshFile(in_mm, path.stem, hashlib.sha256(data).hexdigest(), used, notes)
-
-
-def canonical_unit(unit: str) -> str:
-    """Return the short name of a unit of length.
-
-    Raises
-    ------
-    ArgumentError
-        Nothing is called so; the message says what is near.
-    """
-    mm = unit_factor("length", unit, where="") if "length" in quantities_of(unit) else math.nan
-    called = next((name for name, scale in _SCALE_MM.items() if scale == mm), None)
-    if called is None:
-        names = [name for name, mm in known_units("length").items() if mm in _SCALE_MM.values()]
-        hint = did_you_mean(unit, names)
-        raise ArgumentError(
-            f"`unit` {unit or repr(unit)}: no such unit; {hint}it may be {', '.join(_SCALE_MM)}"
-        )
-    return called
 
 
 def _bytes(path: Path) -> bytes:
     if not os.path.lexists(path):
-        hint = did_you_mean(path.name, _files_beside(path)) or "check the name and the folder"
+        beside = list[str]()
+        with contextlib.suppress(OSError):
+            beside = sorted(entry.name for entry in path.parent.iterdir() if entry.is_file())
+        hint = did_you_mean(path.name, beside) or "check the name and the folder"
         raise FileError(f"{path}: no such file; {hint.rstrip()}")
     return read_file(path, advice=f"give a mesh file ({', '.join(EXTENSIONS)})")
-
-
-def _files_beside(path: Path) -> list[str]:
-    try:
-        return sorted(entry.name for entry in path.parent.iterdir() if entry.is_file())
-    except OSError:
-        return []
 
 
 _Read = tuple[FloatArray, str | None, tuple[str, ...]]
@@ -231,7 +204,7 @@ def _step(data: bytes, name: str, limits: UnfoldingLimits) -> _Read:
     own = _STEP_UNITS.get(word.upper(), "mm")
     # As precise as it was in metres; and both ends of a seam are equal again, to 10 nm.
     in_mm = np.round(1000.0 * in_m, 5).astype(np.float32).astype(np.float64)
-    return in_mm / _SCALE_MM[own], own, _together(names)
+    return in_mm / QUANTITY_UNITS["length"][own], own, _together(names)
 
 
 def _trimesh(

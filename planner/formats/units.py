@@ -16,9 +16,9 @@ __all__ = [
     "QUANTITIES",
     "QUANTITY_UNITS",
     "UnitOf",
+    "canonical_unit",
     "factor_of",
     "is_unit",
-    "known_units",
     "parsed_unit",
     "quantities_of",
     "unit_factor",
@@ -69,11 +69,6 @@ def _find(quantity: str, unit: str) -> float | None:
     return _FOLDED[quantity].get(unit.casefold()) if factor is None else factor
 
 
-def known_units(quantity: str) -> Mapping[str, float]:
-    """Return the units of a quantity with their factors, spelled out too, in lower case."""
-    return _FOLDED[quantity]
-
-
 def is_unit(text: str) -> bool:
     """Say whether `text` is a unit of any quantity that is known here."""
     return bool(quantities_of(text))
@@ -110,7 +105,28 @@ def unit_factor(quantity: str, unit: str, *, where: str) -> float:
 
 
 # ------------------------------------------------------------------------------------------------
-# As a person states it: ``force=lbf:S1,S2``.
+# As a person states it: ``inch`` of a mesh, ``force=lbf:S1,S2`` of tests.
+
+
+_OF_MESHES = ("mm", "cm", "m", "inch", "ft", "um")
+
+
+def canonical_unit(unit: str) -> str:
+    """Return the short name of a mesh's unit of length, a key of `QUANTITY_UNITS`.
+
+    Raises
+    ------
+    ArgumentError
+        Nothing is called so; the message says what is near.
+    """
+    short = {QUANTITY_UNITS["length"][name]: name for name in _OF_MESHES}
+    called = short.get(_find("length", unit.strip()) or 0.0)
+    if called is None:
+        hint = did_you_mean(unit, [name for name, mm in _LENGTHS if mm in short])
+        raise ArgumentError(
+            f"`unit` {unit or repr(unit)}: no such unit; {hint}it may be {', '.join(_OF_MESHES)}"
+        )
+    return called
 
 
 @dataclass(frozen=True, slots=True)

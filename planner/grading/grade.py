@@ -27,8 +27,8 @@ from planner.errors import (
 )
 from planner.fields.basic import Field, PlanarField, axis_field
 from planner.fields.parse import Setting, TableFile, build_field
-from planner.formats.mesh_file import canonical_unit, decode_stl, read_mesh, stl_holds
-from planner.formats.units import QUANTITY_UNITS
+from planner.formats.mesh_file import decode_stl, read_mesh, stl_holds
+from planner.formats.units import QUANTITY_UNITS, canonical_unit
 from planner.grading.check import plan_checks
 from planner.grading.dither import (
     CellCounts,

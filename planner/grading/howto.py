@@ -104,20 +104,15 @@ def _beneath_mm3(placed: Mesh) -> float:
 def _conditions(scale: StiffnessScale) -> str:
     """Say how the palette's materials were measured."""
     reference = scale.palette.reference
-    known = [
-        f"at {reference.temperature_C:g} degC" if reference.temperature_C is not None else "",
-        f"at a strain rate of {reference.strain_rate_per_s:g} per s"
-        if reference.strain_rate_per_s is not None
-        else "",
-        f"{reference.age_days:g} days after printing" if reference.age_days is not None else "",
-        {None: "", 0.0: "without soaking"}.get(
-            reference.soak_h, f"after {reference.soak_h:g} h in water" if reference.soak_h else ""
-        ),
-        f"with the gauge along {reference.orientation} of the tray"
-        if reference.orientation is not None
-        else "",
-    ]
-    said = ", ".join(text for text in known if text)
+    soaked = "after {:g} h in water" if reference.soak_h else "without soaking"
+    stated = (
+        ("at {:g} degC", reference.temperature_C),
+        ("at a strain rate of {:g} per s", reference.strain_rate_per_s),
+        ("{:g} days after printing", reference.age_days),
+        (soaked, reference.soak_h),
+        ("with the gauge along {} of the tray", reference.orientation),
+    )
+    said = ", ".join(text.format(value) for text, value in stated if value is not None)
     if not said:
         return "it does not say how its materials were measured"
     return f"its materials were measured {said}; otherwise they are stiffer or softer"

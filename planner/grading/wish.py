@@ -131,7 +131,9 @@ class _Earlier:
             start=target.moduli_MPa[0] if ends else None,
             end=target.moduli_MPa[-1] if ends else None,
             profile=target,
-            field=None if laid_anew else self._own_field(),
+            field=None
+            if laid_anew
+            else field_of(gradient.field, part.translation_mm, self.plan.folder),
             pitch_mm=None
             if laid_anew or "within_mm" in gradient.field
             else _number(gradient.field.get("pitch_mm")),
@@ -141,10 +143,6 @@ class _Earlier:
             unit=None if part.unit == "mm" else part.unit,
             **({} if stated.blend is not None else _blending(gradient)),
         )
-
-    def _own_field(self) -> str | TableFile:
-        plan = self.plan
-        return field_of(plan.gradient.field, plan.part.translation_mm, plan.folder)
 
     def remarks(self, part_sha256: str) -> tuple[str, ...]:
         """Return what a reader of the new plan should know, a sentence each."""

@@ -85,8 +85,7 @@ class QuadraticCoefficients:
     def coefficients(self, coordinate: ArrayLike) -> FloatArray:
         """Return c1 to c6 along the last axis."""
         m = np.asarray(coordinate, dtype=np.float64)[..., np.newaxis]
-        q2, q1, q0 = np.array(self.rows).T
-        return np.asarray((q2 * m + q1) * m + q0)
+        return np.asarray(np.polyval(np.array(self.rows).T, m))
 
     def literal_stress_MPa(self, coordinate: ArrayLike, strain: ArrayLike) -> FloatArray:
         """Return the stress as printed, at strains above 0 that broadcast with `coordinate`."""

@@ -41,6 +41,20 @@ def _ogden(material: Material) -> tuple[tuple[float, ...], tuple[float, ...]] | 
     return tuple(mu * _NEARLY for mu in found["mu_MPa"]), found["alpha"]
 
 
+def _coefficients(material: Material, of: Callable[[float, float], float]) -> list[float]:
+    """Return those of Ogden's law, `of` mu and alpha beside alpha, or of Yeoh's; none of others.
+
+    Behind them stand those of the volume.
+    """
+    terms, d = _ogden(material), 2.0 / _bulk_MPa(material)
+    if terms is not None:
+        pairs = [v for mu, alpha in zip(*terms, strict=True) for v in (of(mu, alpha), alpha)]
+        return [*pairs, d, *[0.0] * (len(terms[0]) - 1)]
+    if material.law.model == "yeoh":
+        return [*(c * _NEARLY for c in material.law.parameters["c_MPa"]), d, 0.0, 0.0]
+    return []
+
+
 def _at_rest_MPa(material: Material) -> float:
     return float(make_law(material.law).tangent_MPa(1.0))
 
@@ -60,7 +74,7 @@ def _flow(material: Material) -> FloatArray:
     if material.law.model == "linear":
         return np.empty((0, 2))
     strain, stress = _curve(material).T
-    rows = hardening(strain, stress, _at_rest_MPa(material), POISSON)
+    rows = hardening(strain, stress, _at_rest_MPa(material))
     return np.empty((0, 2)) if rows is None else rows
 
 
@@ -69,16 +83,12 @@ def _listed(*values: float) -> str:
 
 
 def _abaqus(material: Material) -> Iterator[str]:
-    terms, d = _ogden(material), 2.0 / _bulk_MPa(material)
+    values = _coefficients(material, lambda mu, alpha: 0.5 * mu * alpha)
     yield f"*MATERIAL, NAME={material.id}"
-    if terms is not None:
-        pairs = [v for mu, alpha in zip(*terms, strict=True) for v in (0.5 * mu * alpha, alpha)]
-        values = [*pairs, d, *[0.0] * (len(terms[0]) - 1)]
-        yield f"*HYPERELASTIC, OGDEN, N={len(terms[0])}"
+    if values:
+        yeoh = material.law.model == "yeoh"
+        yield f"*HYPERELASTIC, {'YEOH' if yeoh else f'OGDEN, N={len(values) // 3}'}"
         yield from (_listed(*values[k : k + 8]) for k in range(0, len(values), 8))
-    elif material.law.model == "yeoh":
-        yield "*HYPERELASTIC, YEOH"
-        yield _listed(*(c * _NEARLY for c in material.law.parameters["c_MPa"]), d, 0.0, 0.0)
     elif material.deformation == "elastic":
         yield f"*HYPERELASTIC, MARLOW, POISSON={POISSON:g}"
         yield "*UNIAXIAL TEST DATA"
@@ -93,15 +103,11 @@ def _abaqus(material: Material) -> Iterator[str]:
 
 
 def _ansys(material: Material) -> Iterator[str]:
-    terms, d = _ogden(material), 2.0 / _bulk_MPa(material)
-    values: list[float] = []
-    if terms is not None:
-        yield f"TB,HYPER,1,1,{len(terms[0])},OGDEN"
-        values = [v for pair in zip(*terms, strict=True) for v in pair]
-        values += [d, *[0.0] * (len(terms[0]) - 1)]
-    elif material.law.model == "yeoh":
+    values = _coefficients(material, lambda mu, alpha: mu)
+    if material.law.model == "yeoh":
         yield "TB,HYPER,1,1,3,YEOH"
-        values = [*(c * _NEARLY for c in material.law.parameters["c_MPa"]), d, 0.0, 0.0]
+    elif values:
+        yield f"TB,HYPER,1,1,{len(values) // 3},OGDEN"
     elif material.law.model in ("linear", "yielding"):
         yield f"MP,EX,1,{_at_rest_MPa(material):.9g}"
         yield f"MP,PRXY,1,{POISSON:g}"
@@ -203,17 +209,15 @@ _NOTHING = 1e-5
 """Numerical: a plastic strain that no test shows; below it the curve is elastic."""
 
 
-def hardening(
-    strain: FloatArray, stress_MPa: FloatArray, modulus_MPa: float, poisson: float
-) -> FloatArray | None:
+def hardening(strain: FloatArray, stress_MPa: FloatArray, modulus_MPa: float) -> FloatArray | None:
     """Return true stress in MPa and plastic strain of a tensile curve, (n, 2), the first 0.
 
     Parameters
     ----------
     strain, stress_MPa : (n,)
         Engineering strains, rising from above 0, and nominal stresses.
-    modulus_MPa, poisson
-        At rest.
+    modulus_MPa
+        At rest, where Poisson's ratio is `POISSON`.
 
     Returns
     -------
@@ -223,8 +227,8 @@ def hardening(
     e = float(strain[-1]) * np.linspace(0.0, 1.0, _STEPS + 1) ** 2
     first = np.concatenate([[0.0], strain])
     tau = (1.0 + e) * np.interp(e, first, np.concatenate([[0.0], stress_MPa]))
-    mu = modulus_MPa / (2.0 * (1.0 + poisson))
-    bulk = modulus_MPa / (3.0 * (1.0 - 2.0 * poisson))
+    mu = modulus_MPa / (2.0 * (1.0 + POISSON))
+    bulk = modulus_MPa / (3.0 * (1.0 - 2.0 * POISSON))
     q, steps = tau / mu, np.diff(np.log1p(e) - tau / (9.0 * bulk))
     middle = 0.5 * (q[1:] + q[:-1])
     t = 3.0 + np.cumsum(2.0 * middle * steps) - middle * steps

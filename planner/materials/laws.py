@@ -651,8 +651,10 @@ class Soundness:
         )
 
 
-def stability(law: Law, strain_max: float, *, stretch_min: float = LOWEST_STRETCH) -> Soundness:
+def stability(law: Law, strain_max: float) -> Soundness:
     """Return between which stretches a law is sound, in each loading it says anything of.
+
+    They are looked at from `LOWEST_STRETCH` up.
 
     A law is sound where it is stable in Drucker's sense, and its nominal stress rises in uniaxial
     loading. Laws without an energy (linear, yielding) are asked for the latter alone: they tell
@@ -662,20 +664,8 @@ def stability(law: Law, strain_max: float, *, stretch_min: float = LOWEST_STRETC
     ----------
     strain_max
         Up to which tension is looked at: the elongation at break, or the working strain.
-    stretch_min
-        Down to which compression is looked at.
-
-    Raises
-    ------
-    ArgumentError
-        The strain is not above 0, or the stretch not between 0 and 1.
     """
-    if not (0.0 < strain_max < np.inf and 0.0 < stretch_min < 1.0):
-        raise ArgumentError(
-            f"strain {strain_max:g}, stretch {stretch_min:g}: the largest strain must be above 0, "
-            "the least stretch between 0 and 1"
-        )
-    asked = (stretch_min, 1.0 + strain_max)
+    asked = (LOWEST_STRETCH, 1.0 + strain_max)
     ends = {}
     for loading, powers in _LOADINGS.items():
         sides = []

@@ -352,9 +352,9 @@ class CoefficientModel:
         return np.asarray(softer * np.exp(np.where(t > 0.0, more, 0.0)))
 
     def modulus_interval_MPa(
-        self, coordinate: ArrayLike, at_strain: ArrayLike, level: float = 0.95
+        self, coordinate: ArrayLike, at_strain: ArrayLike
     ) -> tuple[FloatArray, FloatArray]:
-        """Return the interval that holds a print's modulus with probability `level`.
+        """Return the interval that holds the moduli of 95 % of prints.
 
         ln(modulus) is normal about the model's, with variance
         ((1-t) sa + t sb)² + σ² (b - a) t (1-t), t the share of the way between the places a and
@@ -369,11 +369,9 @@ class CoefficientModel:
         Raises
         ------
         ArgumentError
-            As `modulus_MPa`, or a level not between 0 and 1.
+            As `modulus_MPa`.
         """
-        if not 0.0 < level < 1.0:
-            raise ArgumentError(f"level {level:g}: it must be between 0 and 1")
-        normal = normal_quantile(level)
+        normal = normal_quantile()
         modulus = self.modulus_MPa(coordinate, at_strain)
         variance, own = self.wiener_variance(at_strain), self.own_log_sds(at_strain, normal)
         lower, upper, _ = self.bracket(coordinate)

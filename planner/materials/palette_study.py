@@ -135,11 +135,7 @@ class Characterisation:
         specimens = [c for m in self.materials for c in m.specimens]
         return {
             "schema": 1,
-            "records": [
-                {one.name: getattr(record, one.name) for one in fields(record)}
-                | {"columns": dict(record.columns)}
-                for record in self.records
-            ],
+            "records": [_told(one, columns=dict(one.columns)) for one in self.records],
             "materials": [_characteristics_document(m) for m in self.materials],
             "notes": [*self.notes, *(note for c in specimens for note in c.notes)],
             "findings": list(self.findings),
@@ -262,21 +258,27 @@ def _unit_slips(
 
 
 def _characteristics_document(material: MaterialCharacteristics) -> dict[str, Any]:
-    specimens = []
-    for c in material.specimens:
-        figures = {one.name: getattr(c, one.name) for one in fields(c)}
-        figures["secant_MPa"] = {f"{k:g}": v for k, v in c.secant_MPa.items()}
-        figures["deformation"] = c.deformation.kind
-        del figures["notes"]
-        specimens.append(figures)
     return {
         "material": material.material,
         "deformation": material.deformation.kind,
         "deformation_reason": material.deformation.reason,
         "specimens_agree": material.agree,
         "figures": {name: asdict(spread) for name, spread in material.spreads.items()},
-        "specimens": specimens,
+        "specimens": [
+            _told(
+                c,
+                secant_MPa={f"{k:g}": v for k, v in c.secant_MPa.items()},
+                deformation=c.deformation.kind,
+            )
+            for c in material.specimens
+        ],
     }
+
+
+def _told(value: Any, **other: Any) -> dict[str, Any]:
+    """Return the fields of a value but its notes, some told otherwise."""
+    names = (field.name for field in fields(value) if field.name != "notes")
+    return {name: getattr(value, name) for name in names} | other
 
 
 _Row = dict[str, Any]

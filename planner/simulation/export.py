@@ -558,7 +558,7 @@ def _material(
     if solver == "calculix":
         reached = min(to_strain, float(strain[-1]))
         fitted, error = stable_yeoh(strain, stress, modulus, reached)
-        rows = hardening(strain, stress, modulus, POISSON) if error > _WITHIN else None
+        rows = hardening(strain, stress, modulus) if error > _WITHIN else None
         if rows is not None:
             made = replace(made, law="plastic", to_strain=float(strain[-1]))
         else:

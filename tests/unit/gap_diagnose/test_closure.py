@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from planner.gap.campaign import Campaign
-from planner.gap.closure import closure
+from planner.gap.diagnose import closure
 from planner.gap.diagnosis import Diagnosis, Gap
 from planner.gap.effects import EFFECTS
 from planner.gap.evidence.problem import Problem, falls, set_up
