@@ -557,7 +557,8 @@ def summary_words(result: PartSimulation) -> Iterator[str]:
     if found is not None:
         yield (
             f"{case}figures are within {in_percent(found.largest)} of those of ever smaller cells, "
-            f"as two solutions in cells of {found.cell_mm:.3g} mm tell (right for nine parts in ten)"
+            f"as two solutions in cells of {found.cell_mm:.3g} mm tell (right for nine parts in "
+            "ten)"
         )
 
 

@@ -14,6 +14,7 @@ from planner.materials.characterise import (
     characterise_curve,
     characterise_material,
     deformation,
+    spread_of,
     toe_compensated,
 )
 from planner.materials.palette_study import characterise
