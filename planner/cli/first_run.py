@@ -103,7 +103,7 @@ def _shells() -> None:
     import numpy as np
 
     from planner.grading.check import shell_checks
-    from planner.mesh.audit import join_shells
+    from planner.mesh.mesh import join_shells
 
     box = _box()
     shell_checks(join_shells([box.triangles.astype(np.float32)]), box)

@@ -41,8 +41,16 @@ from planner.cutting.planes import (
 )
 from planner.errors import ArgumentError
 from planner.fields.basic import Field, PlanarField
-from planner.mesh.audit import JoinedShells, first_fault_mm
-from planner.mesh.mesh import Measures, Mesh, compact, measure, repeats_index, weld_points
+from planner.mesh.mesh import (
+    JoinedShells,
+    Measures,
+    Mesh,
+    compact,
+    first_fault_mm,
+    measure,
+    repeats_index,
+    weld_points,
+)
 from planner.numerics import Float32Array, FloatArray, inner_kernel, kernel
 
 __all__ = ["FIRST_SHIFT", "Pieces", "split"]

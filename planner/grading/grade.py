@@ -68,8 +68,7 @@ from planner.grading.regions import (
 )
 from planner.grading.snap import MovedCut, moved_cuts, snap_limit_mm, snapped_bands
 from planner.grading.wish import End, Wish, Wished, targets_of, whole_wish
-from planner.mesh.audit import join_shells
-from planner.mesh.mesh import Mesh, weld
+from planner.mesh.mesh import Mesh, join_shells, weld
 from planner.mesh.part import Part, make_part, oversize, part_from_arrays, place, undersize
 from planner.numerics import Float32Array, FloatArray, IntArray, Point
 from planner.palette import Palette

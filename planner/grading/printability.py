@@ -9,8 +9,7 @@ import numpy as np
 
 from planner.cutting.pieces import Pieces
 from planner.fields.basic import Field, PlanarField
-from planner.mesh.audit import Fragments, small_bodies
-from planner.mesh.mesh import Mesh
+from planner.mesh.mesh import Fragments, Mesh, small_bodies
 from planner.mesh.part import fits_turned
 from planner.numerics import FloatArray, Point
 from planner.plan import Check, Finding, Shell
