@@ -359,7 +359,7 @@ class Mechanics:
         spare: "Mechanics | None" = None,
         rests: "dict[object, Factor] | None" = None,
     ) -> None:
-        from planner.simulation.sparse_cholesky import taken
+        from planner.simulation.sparse_cholesky import reused
 
         cells = body.cells
         self.body, self.conditions, self.analysis, self.rests = body, conditions, analysis, rests
@@ -400,7 +400,7 @@ class Mechanics:
         self._build_loads()
         if like is None:
             shape = (len(cells.nodes), 27, 6, 27)
-            memory = taken(math.prod(shape), None if spare is None else spare._matrices)
+            memory = reused(math.prod(shape), None if spare is None else spare._matrices)
             self._matrices = memory.reshape(shape)
         else:
             self._matrices = like._matrices
