@@ -2,7 +2,7 @@
 
 import dataclasses
 import functools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import PurePath
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -18,6 +18,7 @@ __all__ = [
     "format_range",
     "html_of",
     "in_percent",
+    "located",
     "one_line",
     "outcome",
     "plotted",
@@ -70,6 +71,11 @@ def brief(value: Any) -> str:
 def channels(colour: str) -> tuple[int, ...]:
     """Return red, green and blue of a colour "#RRGGBB", 0 to 255."""
     return tuple(bytes.fromhex(colour[1:]))
+
+
+def located(place_mm: Iterable[float], digits: int = 4) -> str:
+    """Write a place with so many digits: "(1.5, 20, 3) mm"."""
+    return f"({', '.join(f'{x:.{digits}g}' for x in place_mm)}) mm"
 
 
 def counted(count: int, noun: str) -> str:

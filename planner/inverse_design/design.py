@@ -19,7 +19,6 @@ from planner.formats.tables import encode_csv
 from planner.glance import counted, html_of, in_percent, one_line, outcome
 from planner.grading.grade import grade, open_part, refuse_oversize
 from planner.grading.profile import stiffness_scale
-from planner.grading.regions import point
 from planner.grading.wish import Wish, targets_of
 from planner.inverse_design.controls import (
     TABLE,
@@ -43,7 +42,7 @@ from planner.inverse_design.goals import Limits, Target, posed, read_limits, rea
 from planner.mesh.halve import halve_long_edges
 from planner.mesh.mesh import Mesh
 from planner.mesh.part import place
-from planner.numerics import FloatArray, interrupted, normal_quantile, one_blas_thread
+from planner.numerics import FloatArray, as_point, interrupted, normal_quantile, one_blas_thread
 from planner.palette import Palette
 from planner.plan import Plan
 from planner.printers import Printer, load_printer, palette_of
@@ -434,7 +433,7 @@ def design(
         refuse_oversize(source, machine)
     mesh = source.part.mesh
     placed, translation = place(mesh)
-    setting = Setting(placed, point(translation), default_pitch_mm(placed))
+    setting = Setting(placed, as_point(translation), default_pitch_mm(placed))
     densities = palette_densities(chosen, cases)
     # Two searches of about ten gradients and the print's own, in one or two steps each.
     work = {"factors": 2 * len(cases), "solutions": 20 * len(cases)}

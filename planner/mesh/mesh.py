@@ -13,6 +13,7 @@ from planner.numerics import (
     Float32Array,
     FloatArray,
     Point,
+    as_point,
     inner_kernel,
     kernel,
 )
@@ -858,8 +859,7 @@ def first_fault_mm(mesh: Mesh) -> Point | None:
     if not wrong.any():
         return None
     face, j = divmod(int(order[starts[wrong]].min()), 3)
-    x, y, z = mesh.vertices[mesh.faces[face, [j, (j + 1) % 3]]].mean(axis=0).tolist()
-    return x, y, z
+    return as_point(mesh.vertices[mesh.faces[face, [j, (j + 1) % 3]]].mean(axis=0))
 
 
 # ------------------------------------------------------------------------------------------------
@@ -918,8 +918,7 @@ def small_bodies(mesh: Mesh, limit_mm: float, least_mm: float) -> Fragments:
     if not len(members):
         return Fragments(0, _NOWHERE, _NOWHERE, 0.0, 0.0, boxes)
     largest = members[np.argmax(found.volume_mm3[members])]
-    x, y, z = found.bounds_mm[largest].mean(axis=0).tolist()
-    width, depth, height = extent[largest].tolist()
-    volume_mm3 = float(found.volume_mm3[largest])
+    place_mm, volume_mm3 = found.bounds_mm[largest].mean(axis=0), float(found.volume_mm3[largest])
     total_mm3 = float(found.volume_mm3[members].sum())
-    return Fragments(len(members), (x, y, z), (width, depth, height), volume_mm3, total_mm3, boxes)
+    size_mm = as_point(extent[largest])
+    return Fragments(len(members), as_point(place_mm), size_mm, volume_mm3, total_mm3, boxes)
