@@ -18,8 +18,7 @@ from manifold3d import CrossSection, Manifold
 from benchmarks.audit import audit
 from planner.cutting.pieces import split
 from planner.fields.basic import axis_field
-from planner.mesh.audit import interfaces_cancel, join_shells
-from planner.mesh.mesh import Mesh
+from planner.mesh.mesh import Mesh, interfaces_cancel, join_shells
 from planner.mesh.part import place
 
 LEVELS = np.arange(1, 10) / 10

@@ -27,8 +27,7 @@ from planner.cutting.pieces import split
 from planner.errors import PlannerError
 from planner.fields.parse import Setting, build_field
 from planner.formats.mesh_file import read_mesh
-from planner.mesh.audit import interfaces_cancel, join_shells
-from planner.mesh.mesh import Mesh, weld
+from planner.mesh.mesh import Mesh, interfaces_cancel, join_shells, weld
 from planner.mesh.part import make_part, place
 
 MESHES = Path(__file__).parents[2] / "shared/data/meshes"

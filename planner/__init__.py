@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from planner.gap.diagnose import diagnose as diagnose
     from planner.gap.diagnosis import Diagnosis as Diagnosis
     from planner.gap.diagnosis import read_diagnosis as read_diagnosis
-    from planner.gap.standing import Standing as Standing
-    from planner.gap.standing import campaign_standing as campaign_standing
+    from planner.gap.summary import Standing as Standing
+    from planner.gap.summary import campaign_standing as campaign_standing
     from planner.gap.virtual import synthesise_campaign as synthesise_campaign
     from planner.grading.check import Certificate as Certificate
     from planner.grading.check import Difference as Difference
@@ -94,7 +94,7 @@ _MODULES = {
     "planner.gap.design": "CampaignDesign design_campaign",
     "planner.gap.diagnose": "diagnose",
     "planner.gap.diagnosis": "Diagnosis read_diagnosis",
-    "planner.gap.standing": "Standing campaign_standing",
+    "planner.gap.summary": "Standing campaign_standing",
     "planner.gap.virtual": "synthesise_campaign",
     "planner.grading.check": "Certificate Difference check diff",
     "planner.grading.grade": "grade",

@@ -1,4 +1,4 @@
-"""The exceptions that planner raises.
+"""What planner says of what is wrong: its exceptions, and the notes that ask for an act.
 
 ::
 
@@ -22,11 +22,12 @@ import difflib
 import math
 import operator
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import SupportsFloat, SupportsIndex
 
 __all__ = [
     "ArgumentError",
+    "Caution",
     "FileError",
     "MeshError",
     "OutputError",
@@ -37,6 +38,7 @@ __all__ = [
     "as_count",
     "as_number",
     "did_you_mean",
+    "listed",
     "nearest_names",
     "positive",
 ]
@@ -123,6 +125,29 @@ def did_you_mean(name: str, known: Iterable[str], most: int = 1) -> str:
     """Ask, with a space at the end, whether something near was meant; "" where nothing is near."""
     near = nearest_names(name, known)[:most]
     return f"did you mean {' or '.join(near)}? " if near else ""
+
+
+# ------------------------------------------------------------------------------------------------
+# Notes: what was assumed, corrected or left out; and cautions, which ask for an act.
+
+
+class Caution(str):
+    """A note that the user should act on: a figure may be wrong until it is looked at.
+
+    It is a text like any other note, so that files and documents hold both alike; a command line
+    shows it as a warning.
+    """
+
+    __slots__ = ()
+
+
+def listed(words: Sequence[str], most: int | None = None, last: str = "and") -> str:
+    """Write a list in a sentence, a long one in short."""
+    if most is not None and len(words) > most:
+        return f"{', '.join(words[:most])} {last} {len(words) - most} more"
+    if len(words) < 2:
+        return "".join(words)
+    return f"{', '.join(words[:-1])} {last} {words[-1]}"
 
 
 # ------------------------------------------------------------------------------------------------

@@ -2,7 +2,7 @@
 
 import dataclasses
 import functools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import PurePath
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -17,9 +17,10 @@ __all__ = [
     "format_number",
     "format_range",
     "html_of",
+    "in_percent",
+    "located",
     "one_line",
     "outcome",
-    "percent",
     "plotted",
 ]
 
@@ -72,6 +73,11 @@ def channels(colour: str) -> tuple[int, ...]:
     return tuple(bytes.fromhex(colour[1:]))
 
 
+def located(place_mm: Iterable[float], digits: int = 4) -> str:
+    """Write a place with so many digits: "(1.5, 20, 3) mm"."""
+    return f"({', '.join(f'{x:.{digits}g}' for x in place_mm)}) mm"
+
+
 def counted(count: int, noun: str) -> str:
     """Return a count in words: "1 material", "3 targets out of reach"."""
     first, _, rest = noun.partition(" ")
@@ -98,7 +104,7 @@ def format_interval(ends: Sequence[float]) -> str:
     return format_range(ends) if ends[0] < ends[-1] else "unknown"
 
 
-def percent(share: float, sign: str = "") -> str:
+def in_percent(share: float, sign: str = "") -> str:
     """Return a share in per cent with two digits or all before the point, never as a power."""
     figure = round(100.0 * share, 4)
     return f"{figure:{sign}{'.0f' if abs(figure) >= 99.5 else '.2g'}} %"
@@ -148,7 +154,7 @@ def html_of(value: Any) -> str:
     """Return what a notebook shows of a value; a class has it as `_repr_html_`."""
     from planner.report import notebook
 
-    return notebook.html_of(value)
+    return notebook.small_page(value)
 
 
 def plotted(value: Any, ax: "Axes | None" = None) -> "Axes":

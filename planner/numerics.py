@@ -18,6 +18,7 @@ __all__ = [
     "FloatArray",
     "IntArray",
     "Point",
+    "as_point",
     "at_first_compilation",
     "freeze",
     "inner_kernel",
@@ -38,6 +39,11 @@ Float32Array: TypeAlias = NDArray[np.float32]
 IntArray: TypeAlias = NDArray[np.integer[Any]]
 BoolArray: TypeAlias = NDArray[np.bool_]
 Point: TypeAlias = tuple[float, float, float]
+
+
+def as_point(values: FloatArray | Float32Array) -> Point:
+    """Return three coordinates as plain numbers."""
+    return float(values[0]), float(values[1]), float(values[2])
 
 
 def freeze(value: object, *names: str) -> None:

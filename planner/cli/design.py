@@ -9,11 +9,11 @@ from typer import Argument, Context, Option
 from planner.cli.output import (
     AsJson,
     CasesFile,
-    Force,
     ForceOversize,
     LoadOptions,
     MeshBodies,
     MeshUnit,
+    Overwrite,
     PaletteName,
     PrinterLimits,
     Quiet,
@@ -109,7 +109,7 @@ def design(
         Path | None, Option("--output", "-o", help="Folder to write; <part>-designed by default.")
     ] = None,
     no_page: Annotated[bool, Option("--no-page", help="Leave plan.html out.")] = False,
-    force: Force = False,
+    force: Overwrite = False,
     force_oversize: ForceOversize = False,
     as_json: AsJson = False,
     quiet: Quiet = False,

@@ -79,7 +79,7 @@ def diagnose(
     given = locals()
     import planner
     from planner.cli.output import print_document, progress, say, say_verdict, terminal_width
-    from planner.gap.standing import next_command
+    from planner.gap.summary import next_command
     from planner.report.gap_page import verdict_text
 
     check_targets(context, force=force, folders={"output": (output, "diagnosis.json")})

@@ -2,19 +2,19 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from typer import Argument, Context, Option
 
 from planner.cli.output import (
     AsJson,
     AtStrain,
-    Force,
+    Overwrite,
     PaletteName,
     PrinterName,
     Quiet,
+    TensileTests,
     check_targets,
     finding,
     format_interval,
@@ -63,7 +63,7 @@ def materials(
         str | None,
         Option("--as", help="Print their laws instead, to paste: abaqus, ansys or febio."),
     ] = None,
-    force: Force = False,
+    force: Overwrite = False,
     as_json: AsJson = False,
 ) -> int:
     """List a palette's materials from soft to hard, with their stiffness.
@@ -279,75 +279,6 @@ def _print_laws(found: "Sequence[Mixture]") -> None:
 # What `characterise` and `fit` read.
 
 
-@dataclass(frozen=True)
-class _TensileTests:
-    """How tests are read, and what they are compared with."""
-
-    specimens: Annotated[
-        Path | None, Option("--specimens", help="List of specimens: material, size, file.")
-    ] = None
-    material: Annotated[
-        str | None, Option(help="What all specimens without a row are made of.")
-    ] = None
-    width_mm: Annotated[float | None, Option(help="Width of specimens without a row.")] = None
-    thickness_mm: Annotated[
-        float | None, Option("--thickness-mm", help="Thickness of specimens without a row.")
-    ] = None
-    gauge_mm: Annotated[
-        float | None, Option("--gauge-mm", help="Gauge length of specimens without a row.")
-    ] = None
-    columns: Annotated[
-        str | None,
-        Option(
-            help="Headings in place of the files' own, by position: 'stretch,stress_MPa', '-' "
-            "leaves a column out."
-        ),
-    ] = None
-    unit_of: Annotated[
-        list[str] | None,
-        Option(
-            help="Read force, travel, stress or strain in another unit than the files say, as in "
-            "force=lbf:S1,S2 (specimens or materials) or, for all, travel=in; repeatable."
-        ),
-    ] = None
-    mode: Annotated[
-        str | None,
-        Option(
-            help="How specimens were loaded whose row has no mode: tension, compression, planar or "
-            "equibiaxial."
-        ),
-    ] = None
-    blocks: Annotated[
-        str | None,
-        Option(
-            help="Blocks of numbers in one sheet that nothing names: join (one record) or apart "
-            "(specimens)."
-        ),
-    ] = None
-    leave_out: Annotated[
-        list[str] | None, Option(help="Specimen or material to leave out; repeatable.")
-    ] = None
-    printer: PrinterName = "connex3"
-    palette: Annotated[
-        str | None,
-        Option(
-            help="Palette to hold the tests against, a file (TOML) or one of the printer's; else "
-            "its default."
-        ),
-    ] = None
-    compare: Annotated[
-        bool,
-        Option(
-            help="Hold materials that the palette names against it: was a unit taken for another?"
-        ),
-    ] = True
-
-    def given(self) -> dict[str, Any]:
-        """Return them by the names that the functions have."""
-        names = self.columns and [name.strip() for name in self.columns.split(",")]
-        return {**vars(self), "columns": names}
-
-
 _TensileFiles = Annotated[
     list[Path],
     Argument(
@@ -369,7 +300,7 @@ def characterise(
         Path | None, Option("--output", "-o", help="CSV file to write, one row a material.")
     ] = None,
     *,
-    tests: _TensileTests,
+    tests: TensileTests,
     at_strain: Annotated[
         list[float] | None, Option("--at-strain", help="Strain of a secant modulus; repeatable.")
     ] = None,
@@ -377,7 +308,7 @@ def characterise(
         Path | None,
         Option(help="SVG file to write: each curve with its toe, modulus, yield and break."),
     ] = None,
-    force: Force = False,
+    force: Overwrite = False,
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> int:
@@ -551,7 +482,7 @@ def fit(
         ),
     ] = None,
     *,
-    tests: _TensileTests,
+    tests: TensileTests,
     figure: Annotated[
         Path | None,
         Option(help="SVG file to write: tests over laws, residuals, mixtures between."),
@@ -560,7 +491,7 @@ def fit(
         Path | None,
         Option(help="Folder to write: the tables as CSV, with intervals."),
     ] = None,
-    force: Force = False,
+    force: Overwrite = False,
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> int:

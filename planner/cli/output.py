@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Context, Option
 
-from planner.errors import ArgumentError
+from planner.errors import ArgumentError, Caution
 from planner.glance import format_interval, format_number, format_range
 
 if TYPE_CHECKING:
@@ -31,17 +31,18 @@ __all__ = [
     "AsJson",
     "AtStrain",
     "CasesFile",
-    "Force",
     "ForceOversize",
     "Kept",
     "LoadOptions",
     "MeshBodies",
     "MeshMaterial",
     "MeshUnit",
+    "Overwrite",
     "PaletteName",
     "PrinterLimits",
     "PrinterName",
     "Quiet",
+    "TensileTests",
     "check_targets",
     "complain",
     "finding",
@@ -88,8 +89,6 @@ def tell_notes(notes: Iterable[str]) -> None:
     A kind is what notes say of one file, specimen or material after another: the same words behind
     its name, whatever the figures.
     """
-    from planner.notes import Caution
-
     kinds: dict[tuple[bool, str], list[str]] = {}
     for note in dict.fromkeys(notes):
         words = _FIGURE.sub("#", note.partition(": ")[2] or note)
@@ -510,10 +509,10 @@ def _real(path: Path) -> Path:
 
 
 # ------------------------------------------------------------------------------------------------
-# Options of the commands that take whole parts and write files.
+# Options of the commands that take whole parts, or tensile tests, and write files.
 
 
-Force = Annotated[bool, Option("--force", help="Replace files that are there.")]
+Overwrite = Annotated[bool, Option("--force", help="Replace files that are there.")]
 ForceOversize = Annotated[
     bool, Option("--force-oversize", help="Plan a part that the printer's tray does not hold.")
 ]
@@ -565,3 +564,72 @@ MeshBodies = Annotated[
         "solids around them; or solids, and then all are united.",
     ),
 ]
+
+
+@dataclass(frozen=True)
+class TensileTests:
+    """How tests are read, and what they are compared with."""
+
+    specimens: Annotated[
+        Path | None, Option("--specimens", help="List of specimens: material, size, file.")
+    ] = None
+    material: Annotated[
+        str | None, Option(help="What all specimens without a row are made of.")
+    ] = None
+    width_mm: Annotated[float | None, Option(help="Width of specimens without a row.")] = None
+    thickness_mm: Annotated[
+        float | None, Option("--thickness-mm", help="Thickness of specimens without a row.")
+    ] = None
+    gauge_mm: Annotated[
+        float | None, Option("--gauge-mm", help="Gauge length of specimens without a row.")
+    ] = None
+    columns: Annotated[
+        str | None,
+        Option(
+            help="Headings in place of the files' own, by position: 'stretch,stress_MPa', '-' "
+            "leaves a column out."
+        ),
+    ] = None
+    unit_of: Annotated[
+        list[str] | None,
+        Option(
+            help="Read force, travel, stress or strain in another unit than the files say, as in "
+            "force=lbf:S1,S2 (specimens or materials) or, for all, travel=in; repeatable."
+        ),
+    ] = None
+    mode: Annotated[
+        str | None,
+        Option(
+            help="How specimens were loaded whose row has no mode: tension, compression, planar or "
+            "equibiaxial."
+        ),
+    ] = None
+    blocks: Annotated[
+        str | None,
+        Option(
+            help="Blocks of numbers in one sheet that nothing names: join (one record) or apart "
+            "(specimens)."
+        ),
+    ] = None
+    leave_out: Annotated[
+        list[str] | None, Option(help="Specimen or material to leave out; repeatable.")
+    ] = None
+    printer: PrinterName = "connex3"
+    palette: Annotated[
+        str | None,
+        Option(
+            help="Palette to hold the tests against, a file (TOML) or one of the printer's; else "
+            "its default."
+        ),
+    ] = None
+    compare: Annotated[
+        bool,
+        Option(
+            help="Hold materials that the palette names against it: was a unit taken for another?"
+        ),
+    ] = True
+
+    def given(self) -> dict[str, Any]:
+        """Return them by the names that the functions have."""
+        names = self.columns and [name.strip() for name in self.columns.split(",")]
+        return {**vars(self), "columns": names}

@@ -10,7 +10,7 @@ from typer import Argument, Context, Option
 import planner
 from planner.cli.output import (
     AsJson,
-    Force,
+    Overwrite,
     check_targets,
     finding,
     print_document,
@@ -241,7 +241,7 @@ def schema(
     output: Annotated[
         Path | None, Option("--output", "-o", help="File to write; else it is printed.")
     ] = None,
-    force: Force = False,
+    force: Overwrite = False,
 ) -> int:
     """Write the JSON Schema by which an editor checks a printer's, palette's or campaign's file.
 

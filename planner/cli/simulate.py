@@ -11,11 +11,11 @@ import planner
 from planner.cli.output import (
     AsJson,
     CasesFile,
-    Force,
     LoadOptions,
     MeshBodies,
     MeshMaterial,
     MeshUnit,
+    Overwrite,
     PaletteName,
     Quiet,
     check_targets,
@@ -334,7 +334,7 @@ def export(
     bodies: MeshBodies = None,
     printer: _PlansPrinter = None,
     palette: PaletteName = None,
-    force: Force = False,
+    force: Overwrite = False,
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> int:

@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 from planner.cutting.intersect import Lattice
 from planner.errors import ArgumentError
 from planner.fields.basic import Field
+from planner.glance import located
 from planner.mesh.mesh import Mesh, compact, key_slot
-from planner.numerics import BoolArray, Float32Array, FloatArray, inner_kernel, kernel
+from planner.numerics import BoolArray, Float32Array, FloatArray, as_point, inner_kernel, kernel
 from planner.voxels.columns import Grid, dense, iterate_columns
 
 __all__ = [
@@ -111,8 +112,7 @@ def active_cells(
     shape: tuple[int, int, int],
 ) -> NDArray[np.uint8]:  # fmt: skip
     """Mark the cubes that hold any of a part: touched by its surface, or centred inside."""
-    x, y, z = origin_mm.tolist()
-    grid = Grid((x, y, z), (pitch_mm, pitch_mm, pitch_mm), shape)
+    grid = Grid(as_point(origin_mm), (pitch_mm, pitch_mm, pitch_mm), shape)
     active = np.empty(shape, dtype=np.uint8)
     for columns in iterate_columns(mesh, grid):
         rows = slice(columns.first_row, columns.first_row + columns.rows)
@@ -137,11 +137,10 @@ def _values_at(field: Field, points_mm: FloatArray) -> FloatArray:
         )
     bad = ~np.isfinite(found)
     if bad.any():
-        x, y, z = points_mm[int(np.argmax(bad))].tolist()
+        first = int(np.argmax(bad))
         raise ArgumentError(
-            f"field {field.name!r}: it is {found[int(np.argmax(bad))]} at ({x:.4g}, {y:.4g}, "
-            f"{z:.4g}) mm as placed for printing; it must be finite over the part and a pitch "
-            "around it"
+            f"field {field.name!r}: it is {found[first]} at {located(points_mm[first])} as placed "
+            "for printing; it must be finite over the part and a pitch around it"
         )
     return found
 

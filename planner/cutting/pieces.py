@@ -41,8 +41,17 @@ from planner.cutting.planes import (
 )
 from planner.errors import ArgumentError
 from planner.fields.basic import Field, PlanarField
-from planner.mesh.audit import JoinedShells, first_fault_mm
-from planner.mesh.mesh import Measures, Mesh, compact, measure, repeats_index, weld_points
+from planner.glance import located
+from planner.mesh.mesh import (
+    JoinedShells,
+    Measures,
+    Mesh,
+    compact,
+    first_fault_mm,
+    measure,
+    repeats_index,
+    weld_points,
+)
 from planner.numerics import Float32Array, FloatArray, inner_kernel, kernel
 
 __all__ = ["FIRST_SHIFT", "Pieces", "split"]
@@ -645,7 +654,7 @@ def _fault(divided: Pieces) -> str:
         shell = divided.shell_faces([number])
         place_mm = first_fault_mm(Mesh(divided.vertices.astype(np.float64), shell))
         if place_mm is not None:
-            return " at ({:.4g}, {:.4g}, {:.4g}) mm as placed for printing".format(*place_mm)
+            return f" at {located(place_mm)} as placed for printing"
     return ""
 
 

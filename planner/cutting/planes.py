@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import MeshError
+from planner.glance import located
 from planner.mesh.mesh import Mesh, cancel_opposite, key_slot, order_rows, row_slot
 from planner.numerics import BoolArray, Float32Array, FloatArray, inner_kernel, kernel
 
@@ -585,16 +586,18 @@ def caps(
     points = divided.vertices[:, [u, v]].astype(np.float64, order="C")
     corners, starts, loop_plane, astray = _loops(outline, plane, points)
     if astray >= 0:
+        place = located(divided.vertices[astray].tolist(), 6)
         raise MeshError(
-            f"the surface is open near {_place(divided, astray)}: the outline of a cut ends there; "
+            f"the surface is open near {place}: the outline of a cut ends there; "
             "repair the mesh so that every edge has two faces"
         )
     cap_faces, cap_level = _triangulate(points, corners, starts, loop_plane)
     flip_thin(divided.vertices, cap_faces)
     unfilled = _first_unfilled(cap_faces, divided.segment, divided.segment_below)
     if unfilled >= 0:
+        place = located(divided.vertices[unfilled].tolist(), 6)
         raise MeshError(
-            f"the cross-section near {_place(divided, unfilled)} cannot be divided into triangles: "
+            f"the cross-section near {place} cannot be divided into triangles: "
             "its outline crosses itself; repair the mesh, or move the level"
         )
     vertices = divided.vertices
@@ -604,12 +607,6 @@ def caps(
             break
         vertices, cap_faces, cap_level = _split_sides(vertices, cap_faces, cap_level, sides)
     return vertices, cap_faces, cap_level
-
-
-def _place(divided: DividedSurface, vertex: int) -> str:
-    """Write a vertex's position for a message."""
-    x, y, z = divided.vertices[vertex].tolist()
-    return f"({x:.6g}, {y:.6g}, {z:.6g}) mm"
 
 
 def _triangulate(

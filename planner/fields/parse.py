@@ -38,7 +38,7 @@ from planner.formats.mesh_file import EXTENSIONS, read_mesh
 from planner.mesh.distance import TriangleTree, distances, triangle_tree
 from planner.mesh.mesh import Mesh, Topology, connected
 from planner.mesh.part import make_part, union
-from planner.numerics import FloatArray, Point
+from planner.numerics import FloatArray, Point, as_point
 from planner.voxels.columns import Grid
 
 __all__ = ["Setting", "TableFile", "build_field", "field_of", "field_text"]
@@ -560,8 +560,8 @@ def _radial(given: FieldArguments, setting: Setting) -> Field:
         quantity = _line_distance(point, direction)
         says = {"point_mm": list(point), "direction": list(direction)}
     else:
-        x, y, z = setting.mesh.bounds_mm.mean(axis=0).tolist()
-        centre = given.point("point") if "point" in given.named else (x, y, z)
+        middle = as_point(setting.mesh.bounds_mm.mean(axis=0))
+        centre = given.point("point") if "point" in given.named else middle
         quantity, says = _point_distance(centre), {"centre_mm": list(centre)}
     return _ramp(given, setting, quantity).along(quantity, "radial", says)
 
@@ -642,9 +642,8 @@ def _table(given: FieldArguments, setting: Setting) -> Field:
 
 def _tabled(name: str, table: GridTable, given: FieldArguments, setting: Setting) -> Field:
     corner = np.array(table.first_mm) - 0.5 * np.array(table.spacing_mm) + setting.origin_mm
-    x, y, z = corner.tolist()
     nx, ny, nz = table.values.shape
-    quantity = between_cells(Grid((x, y, z), table.spacing_mm, (nx, ny, nz)), table.values)
+    quantity = between_cells(Grid(as_point(corner), table.spacing_mm, (nx, ny, nz)), table.values)
     says = {"file": name, "sha256": table.sha256}
     if given.named.get("array"):
         says["array"] = given.named["array"]

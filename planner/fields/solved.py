@@ -6,6 +6,7 @@ import numpy as np
 
 from planner.errors import ArgumentError
 from planner.fields.basic import FieldRegion, FunctionField, Quantity, Ramp
+from planner.glance import located
 from planner.mesh.mesh import Mesh
 from planner.numerics import BoolArray, FloatArray, IntArray, Point, kernel
 from planner.voxels.columns import Grid, dense, grid_for, voxelize
@@ -189,20 +190,18 @@ def harmonic_field(
                 f"mm; the part reaches {_box(mesh, origin_mm)}"
             )
     if (first & second).any():
-        x, y, z = (centres[int(np.argmax(first & second))] - origin_mm).tolist()
+        shared = located(centres[int(np.argmax(first & second))] - origin_mm)
         raise ArgumentError(
-            f"field harmonic: the regions from= and to= share ({x:.4g}, {y:.4g}, {z:.4g}) mm; "
-            "they must lie apart"
+            f"field harmonic: the regions from= and to= share {shared}; they must lie apart"
         )
     fixed = np.full(inside.shape, np.nan)
     fixed[tuple(index[first].T)], fixed[tuple(index[second].T)] = 0.0, 1.0
     reached, lost = _reached_cells(inside, np.isfinite(fixed))
     if lost is not None:
-        x, y, z = (grid.centre_mm(lost) - origin_mm).tolist()
         raise ArgumentError(
-            f"field harmonic: the body at ({x:.4g}, {y:.4g}, {z:.4g}) mm touches neither region; "
-            "name a region in each body, or take a finer `pitch_mm` if a wall is thinner than a "
-            "cell"
+            f"field harmonic: the body at {located(grid.centre_mm(lost) - origin_mm)} touches "
+            "neither region; name a region in each body, or take a finer `pitch_mm` if a wall is "
+            "thinner than a cell"
         )
     values = _solve_laplace(reached, fixed)
     _spread_values(values, reached)
@@ -369,11 +368,10 @@ def geodesic_field(
     seeds[tuple(index[held].T)] = True
     reached, stray = _reached_cells(inside, seeds)
     if stray is not None:
-        x, y, z = (grid.centre_mm(stray) - origin_mm).tolist()
         raise ArgumentError(
-            f"field geodesic: no way leads from start= to ({x:.4g}, {y:.4g}, {z:.4g}) mm within "
-            "the part; name a region in each body, or take a finer `pitch_mm` if a wall is thinner "
-            "than a cell"
+            f"field geodesic: no way leads from start= to "
+            f"{located(grid.centre_mm(stray) - origin_mm)} within the part; name a region in each "
+            "body, or take a finer `pitch_mm` if a wall is thinner than a cell"
         )
     length = np.full(tuple(n + 2 for n in inside.shape), np.inf)  # a border saves all tests
     length[tuple((index[held] + 1).T)] = 0.0

@@ -124,13 +124,14 @@ def _put(stream: Any, place: Any, symbol: Any, codes: Any, bits: Any) -> Any:
 @inner_kernel
 def _put_zeros(stream: Any, place: Any, zeros: Any, codes: Any, bits: Any) -> Any:
     # One zero as it is, then repetitions of it; 258 of them are two bits that are zero already.
+    # Symbols are of one integer type, so that `_put` is compiled once.
     if zeros > 0:
-        place = _put(stream, place, 0, codes, bits) + 2 * ((zeros - 1) // 258)
+        place = _put(stream, place, np.int64(0), codes, bits) + 2 * ((zeros - 1) // 258)
         rest = (zeros - 1) % 258
         if rest >= 3:
             return _put(stream, place, _REPEATED + rest, codes, bits)
         for _ in range(rest):
-            place = _put(stream, place, 0, codes, bits)
+            place = _put(stream, place, np.int64(0), codes, bits)
     return place
 
 
@@ -207,7 +208,7 @@ def _deflate_rows(
         zeros += (width - at) * size
         high = (high + (width - at) * size * low) % _ADLER
         place = _put_zeros(stream, place, zeros, codes, bits)
-    return _put(stream, place, _END, codes, bits), (high << 16) | low
+    return _put(stream, place, np.int64(_END), codes, bits), (high << 16) | low
 
 
 # ------------------------------------------------------------------------------------------------

@@ -16,16 +16,16 @@ from planner.gap.campaign import (
     replicate_groups,
 )
 from planner.gap.segments import (
-    STEPS,
+    PATH_STEPS,
     Path,
     ReplicateTest,
-    assemble,
     cut_path,
     forces_N,
     mean_section_mm2,
     path_of,
     replicate_test,
     same_path,
+    setup_of,
 )
 from planner.materials.characterise import noise_sd
 from planner.numerics import BoolArray, FloatArray, IntArray
@@ -123,7 +123,7 @@ class FeatureTable:
     @property
     def path(self) -> FloatArray:
         """How far along its test's steps each feature was read, 0 to 1."""
-        return np.asarray(self.step / (STEPS - 1.0))
+        return np.asarray(self.step / (PATH_STEPS - 1.0))
 
     @property
     def is_field(self) -> BoolArray:
@@ -572,7 +572,7 @@ def observation_model(campaign: Campaign) -> ObservationModel:
                 "check the columns of travel and force"
             )
         tests = _tests(specimens, paths)
-        setup = assemble(campaign, tests, paths)
+        setup = setup_of(campaign, tests, paths)
         prediction = predict(setup, laws)
         ends = _bar_limits_mm(setup, prediction, campaign.palette)
         if not ends:
@@ -665,7 +665,7 @@ def _measured(
     specimens: Sequence[Specimen], tests: Sequence[ReplicateTest], paths: Mapping[int, Path]
 ) -> FloatArray:
     """Return each specimen's force on its test's steps, (n, T)."""
-    forces = np.full((len(specimens), STEPS), np.nan)
+    forces = np.full((len(specimens), PATH_STEPS), np.nan)
     for test in tests:
         group = [specimens[place] for place in test.places]
         at = np.linspace(0.0, group[0].gauge_mm, 65)

@@ -17,16 +17,16 @@ from planner.simulation.bar import slice_edges_mm
 from planner.simulation.bar_solver import Setup, unaltered
 
 __all__ = [
-    "STEPS",
+    "PATH_STEPS",
     "Path",
     "ReplicateTest",
-    "assemble",
     "cut_path",
     "forces_N",
     "mean_section_mm2",
     "path_of",
     "replicate_test",
     "same_path",
+    "setup_of",
 ]
 
 
@@ -64,8 +64,8 @@ _MINIMUM_ROWS = 4
 through, and one more."""
 
 _MOST_SEGMENTS = 24
-"""Of a path; more cycles are compared in groups. Numerical: of more, `STEPS` would leave fewer than
-two to some."""
+"""Of a path; more cycles are compared in groups. Numerical: of more, `PATH_STEPS` would leave fewer
+than two to some."""
 
 _BACK_SHARE = 0.5
 """A fall of the load is no rupture if so much of the load comes back later. Chosen: a broken
@@ -348,7 +348,7 @@ def _last_before_break(force: FloatArray) -> int:
 # The steps of a test: a set number of them over a path of segments.
 
 
-STEPS = 64
+PATH_STEPS = 64
 """Of every test, the first at rest included. Numerical: a pull's strains lie 1/64 apart, over which
 laws, and what relaxes, are close to straight."""
 
@@ -545,22 +545,22 @@ def replicate_test(
     fraction = np.concatenate(
         [[0.0], *(_filled(w, n) for w, n in zip(wanted, counts, strict=True))]
     )
-    test = ReplicateTest(tuple(places), frames, segments, segment, fraction, np.zeros(STEPS))
+    test = ReplicateTest(tuple(places), frames, segments, segment, fraction, np.zeros(PATH_STEPS))
     times = np.mean([_step_times_s(path, test) for path in whole], axis=0)
     rising = np.maximum.accumulate(times) + 1e-9 * float(times[-1]) * np.arange(len(times))
     return replace(test, time_s=rising)
 
 
 def _counts(segments: Sequence[Segment], least: Sequence[int]) -> list[int]:
-    """Share `STEPS` but one out among segments by their travel, a rest's half of the longest."""
+    """Share `PATH_STEPS` but one out among segments by their travel, a rest's half the longest."""
     travel = np.array([abs(s.end_mm - s.begin_mm) if s.moves else 0.0 for s in segments])
     travel[[not s.moves for s in segments]] = 0.5 * float(travel.max())
     grouped = np.array([s.cycles > 1 for s in segments])
     travel[grouped] = 0.0
-    floor = min(_LEAST, (STEPS - 1) // len(segments))
-    while (counts := np.maximum(least, np.where(grouped, 1, floor))).sum() > STEPS - 1:
+    floor = min(_LEAST, (PATH_STEPS - 1) // len(segments))
+    while (counts := np.maximum(least, np.where(grouped, 1, floor))).sum() > PATH_STEPS - 1:
         floor -= 1
-    while counts.sum() < STEPS - 1:
+    while counts.sum() < PATH_STEPS - 1:
         counts[int(np.argmax(travel / counts))] += 1
     return [int(n) for n in counts]
 
@@ -695,7 +695,7 @@ def _slices_of(
     return edges, specimen.profile.at(0.5 * (edges[1:] + edges[:-1]))
 
 
-def assemble(
+def setup_of(
     campaign: Campaign, tests: Sequence[ReplicateTest], paths: Mapping[int, Path]
 ) -> Setup:
     """Return the setup: as printed, by the palette's laws, in a rigid machine."""

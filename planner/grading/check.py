@@ -15,8 +15,7 @@ from planner.formats.mesh_file import decode_stl
 from planner.formats.outputs import is_scratch
 from planner.formats.threemf import ThreemfObject, read_threemf
 from planner.glance import counted, one_line, outcome
-from planner.mesh.audit import JoinedShells, Measured, interfaces_cancel, join_shells
-from planner.mesh.mesh import Measures, Mesh
+from planner.mesh.mesh import JoinedShells, Measured, Measures, Mesh, interfaces_cancel, join_shells
 from planner.numerics import FloatArray
 from planner.plan import Box, Check, Plan, Region, Triangles, plan_file, read_plan, read_shell
 from planner.voxels.columns import columns_of, grid_for, snap

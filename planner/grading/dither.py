@@ -27,7 +27,7 @@ from planner.materials.mixtures import (
     voigt_MPa,
 )
 from planner.mesh.mesh import Mesh, compact
-from planner.numerics import Float32Array, FloatArray, IntArray, kernel
+from planner.numerics import Float32Array, FloatArray, IntArray, as_point, kernel
 from planner.plan import Check, Finding, Region, Shell
 from planner.voxels.columns import MOST_VOXELS, Grid, dense, grid_for, iterate_columns
 
@@ -348,10 +348,9 @@ def count_cells(mesh: Mesh, dealt: DitherField) -> CellCounts:
 def _inside(mesh: Mesh, first: FloatArray, cell_mm: float, shape: tuple[int, ...]) -> FloatArray:
     """Return how many of a cell's parts are inside, all of them being `_PARTS` cubed."""
     parts = _PARTS if _PARTS * max(shape) < MOST_VOXELS else 1
-    x, y, z = first.tolist()
     nx, ny, nz = (n * parts for n in shape)
     fine_mm = cell_mm / parts
-    grid = Grid((x, y, z), (fine_mm, fine_mm, fine_mm), (nx, ny, nz))
+    grid = Grid(as_point(first), (fine_mm, fine_mm, fine_mm), (nx, ny, nz))
     count = np.zeros(shape)
     slab_rows = parts * max(1, _SLAB_COLUMNS // (nx * parts))
     for columns in iterate_columns(mesh, grid, slab_rows=slab_rows):

@@ -17,6 +17,7 @@ from planner.cutting.grid import default_pitch_mm
 from planner.cutting.pieces import Pieces, split
 from planner.errors import (
     ArgumentError,
+    Caution,
     MeshError,
     ThinBandError,
     as_count,
@@ -58,7 +59,6 @@ from planner.grading.regions import (
     catalogue_material,
     laminated,
     mixed_bands,
-    point,
     regions_of,
     shells_of,
     stiffness_check,
@@ -67,11 +67,9 @@ from planner.grading.regions import (
 )
 from planner.grading.snap import MovedCut, moved_cuts, snap_limit_mm, snapped_bands
 from planner.grading.wish import End, Wish, Wished, targets_of, whole_wish
-from planner.mesh.audit import join_shells
-from planner.mesh.mesh import Mesh, weld
+from planner.mesh.mesh import Mesh, join_shells, weld
 from planner.mesh.part import Part, make_part, oversize, part_from_arrays, place, undersize
-from planner.notes import Caution
-from planner.numerics import Float32Array, FloatArray, IntArray, Point
+from planner.numerics import Float32Array, FloatArray, IntArray, Point, as_point
 from planner.palette import Palette
 from planner.plan import (
     Check,
@@ -570,7 +568,7 @@ def grade(
         along: Field = axis_field(wish.axis, mesh)
     else:
         progress("building the field")
-        along = build_field(wish.field, Setting(mesh, point(translation), pitch_mm))
+        along = build_field(wish.field, Setting(mesh, as_point(translation), pitch_mm))
 
     progress("cutting the shells")
     design = _design_pieces(
@@ -590,7 +588,7 @@ def grade(
     regions = design.regions(pieces, shells, scale)
 
     progress("looking for what will not print")
-    cut = CutPart(mesh, along, pieces, pitch_mm, within_mm, point(translation), np.empty(0))
+    cut = CutPart(mesh, along, pieces, pitch_mm, within_mm, as_point(translation), np.empty(0))
     printing, findings = design.held(cut, shells, scale, machine)
     known = _remarks(scale, regions)
     others = alternatives(
@@ -612,7 +610,7 @@ def grade(
         version=__version__,
         printer=machine.name,
         palette=PaletteUsed(scale.palette.name, scale.palette.sha256),
-        part=_part_graded(source, point(translation)),
+        part=_part_graded(source, as_point(translation)),
         gradient=Gradient(
             described,
             target.description(),
@@ -716,7 +714,7 @@ def _part_graded(source: PartSource, translation_mm: Point) -> PartGraded:
         unit=source.unit,
         volume_mm3=mesh.volume_mm3,
         area_mm2=mesh.area_mm2,
-        bounds_mm=(point(low), point(high)),
+        bounds_mm=(as_point(low), as_point(high)),
         triangles=len(mesh.faces),
         translation_mm=translation_mm,
         repairs=source.part.repairs,

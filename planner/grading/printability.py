@@ -9,10 +9,9 @@ import numpy as np
 
 from planner.cutting.pieces import Pieces
 from planner.fields.basic import Field, PlanarField
-from planner.mesh.audit import Fragments, small_bodies
-from planner.mesh.mesh import Mesh
+from planner.mesh.mesh import Fragments, Mesh, small_bodies
 from planner.mesh.part import fits_turned
-from planner.numerics import FloatArray, Point
+from planner.numerics import FloatArray, Point, as_point
 from planner.plan import Check, Finding, Shell
 from planner.printers import Printer
 from planner.voxels.columns import MOST_VOXELS, check_reach, columns_of, grid_for, snap
@@ -494,11 +493,9 @@ def _thin_band(band: BandThickness, solid: Mesh, limit_mm: float) -> ThinPlace |
         return None
     order = sure[thinnest_first(room[sure])]
     middle = order[len(order) // 2]
-    x, y, z = centres[middle].tolist()
-    width, depth, height = np.ptp(band.middle_mm[thin], axis=0).tolist()
-    size_mm = float(room[middle])
+    extent_mm, size_mm = as_point(np.ptp(band.middle_mm[thin], axis=0)), float(room[middle])
     share = float(band.area_mm2[thin].sum()) * size_mm / 2.0
-    return ThinPlace((x, y, z), size_mm, (width, depth, height), share, False)
+    return ThinPlace(as_point(centres[middle]), size_mm, extent_mm, share, False)
 
 
 def _field_at(part: CutPart, place: ThinPlace) -> float:

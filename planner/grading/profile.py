@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from planner.errors import (
     ArgumentError,
+    Caution,
     FileError,
     PaletteError,
     UnknownNameError,
@@ -29,7 +30,6 @@ from planner.materials.mixtures import (
     nearest_on,
     thresholds_of,
 )
-from planner.notes import Caution
 from planner.numerics import FloatArray, IntArray
 from planner.palette import SAME_K, Material, Palette
 from planner.printers import Printer, palette_of

@@ -13,7 +13,7 @@ from planner.cutting.pieces import Pieces
 from planner.errors import ArgumentError
 from planner.formats.mesh_file import encode_stl
 from planner.formats.threemf import Constituent, composite_name, mixed_colour
-from planner.glance import percent
+from planner.glance import in_percent
 from planner.grading.profile import (
     Band,
     Profile,
@@ -24,7 +24,7 @@ from planner.grading.profile import (
 )
 from planner.materials.mixtures import blend_for, dither_table, reuss_MPa, reuss_share
 from planner.mesh.mesh import compact
-from planner.numerics import FloatArray, Point
+from planner.numerics import FloatArray, as_point
 from planner.plan import Check, Finding, Region, Shell
 from planner.printers import Printer, resins_of
 
@@ -40,7 +40,6 @@ __all__ = [
     "error_text",
     "laminated",
     "mixed_bands",
-    "point",
     "region_of",
     "regions_of",
     "shells_of",
@@ -213,7 +212,7 @@ def region_of(
         error=(what.modulus_MPa / high - 1.0, what.modulus_MPa / low - 1.0),
         volume_mm3=volume_mm3,
         mass_g=volume_mm3 * what.density_g_cm3 / 1000.0,
-        bounds_mm=(point(bounds_mm[0]), point(bounds_mm[1])),
+        bounds_mm=(as_point(bounds_mm[0]), as_point(bounds_mm[1])),
         file=shell.file,
         sha256=shell.sha256,
         triangles=len(shell.faces),
@@ -233,11 +232,6 @@ def _mixed(what: Printed) -> dict[str, Any] | None:
         "upper": upper.name,
         "fraction": upper.share,
     }
-
-
-def point(values: FloatArray) -> Point:
-    """Return three coordinates as plain numbers."""
-    return float(values[0]), float(values[1]), float(values[2])
 
 
 # ------------------------------------------------------------------------------------------------
@@ -663,7 +657,7 @@ def _of_nearest(target: Profile, scale: StiffnessScale) -> float:
 
 def error_text(ratio: float) -> str:
     """Say a ratio as an error: in per cent, or as a factor where that reads better."""
-    return percent(ratio - 1.0) if ratio < 2.0 else f"a factor of {ratio:.3g}"
+    return in_percent(ratio - 1.0) if ratio < 2.0 else f"a factor of {ratio:.3g}"
 
 
 def _rounded_up(value: float) -> float:

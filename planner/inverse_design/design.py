@@ -16,10 +16,9 @@ from planner.fields.parse import Setting, build_field
 from planner.formats.files import decode_document, encode_document, read_file
 from planner.formats.mesh_file import read_mesh
 from planner.formats.tables import encode_csv
-from planner.glance import counted, html_of, one_line, outcome, percent
+from planner.glance import counted, html_of, in_percent, one_line, outcome
 from planner.grading.grade import grade, open_part, refuse_oversize
 from planner.grading.profile import stiffness_scale
-from planner.grading.regions import point
 from planner.grading.wish import Wish, targets_of
 from planner.inverse_design.controls import (
     TABLE,
@@ -43,7 +42,7 @@ from planner.inverse_design.goals import Limits, Target, posed, read_limits, rea
 from planner.mesh.halve import halve_long_edges
 from planner.mesh.mesh import Mesh
 from planner.mesh.part import place
-from planner.numerics import FloatArray, interrupted, normal_quantile, one_blas_thread
+from planner.numerics import FloatArray, as_point, interrupted, normal_quantile, one_blas_thread
 from planner.palette import Palette
 from planner.plan import Plan
 from planner.printers import Printer, load_printer, palette_of
@@ -178,7 +177,7 @@ class PartDesign:
         what = counted(len(self.values), "control" if self.free else "knot")
         return (
             f"{self.plan.part.name}: {counted(len(self.reached), 'target')}, worst missed by "
-            f"{percent(worst)}, {what}; " + outcome((len(self.findings), "finding"))
+            f"{in_percent(worst)}, {what}; " + outcome((len(self.findings), "finding"))
         )
 
     @property
@@ -435,7 +434,7 @@ def design(
         refuse_oversize(source, machine)
     mesh = source.part.mesh
     placed, translation = place(mesh)
-    setting = Setting(placed, point(translation), default_pitch_mm(placed))
+    setting = Setting(placed, as_point(translation), default_pitch_mm(placed))
     densities = palette_densities(chosen, cases)
     # Two searches of about ten gradients and the print's own, in one or two steps each.
     work = {"factors": 2 * len(cases), "solutions": 20 * len(cases)}
@@ -499,7 +498,7 @@ def design(
         ),
         stopped=found.stopped,
         progress=lambda off: progress(
-            DesignStage(f"printed materials: off by {percent(off)}", 0.8)
+            DesignStage(f"printed materials: off by {in_percent(off)}", 0.8)
         ),
     )  # fmt: skip
     tried = found.tried + prints
@@ -608,7 +607,7 @@ def _searched(
     def told(stage: str, first: float, last: float) -> Callable[[int, float], None]:
         def tell(tried: int, off: float) -> None:
             done = first + (last - first) * min(tried / 15.0, 0.9)
-            progress(DesignStage(f"{stage}: gradient {tried}, off by {percent(off)}", done))
+            progress(DesignStage(f"{stage}: gradient {tried}, off by {in_percent(off)}", done))
 
         return tell
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from planner.glance import percent
+from planner.glance import in_percent
 from planner.numerics import FloatArray
 
 if TYPE_CHECKING:
@@ -188,13 +188,13 @@ def findings(
             yield DesignFinding(
                 "target",
                 f"{name}: the surface is {row.printed:.3g} mm off (root mean square), "
-                f"{percent(row.missed)} of its longest way, and {row.largest:.3g} mm at most; the "
-                f"gradient comes to {row.continuous:.3g} mm"
+                f"{in_percent(row.missed)} of its longest way, and {row.largest:.3g} mm at most; "
+                f"the gradient comes to {row.continuous:.3g} mm"
                 + ("" if row.continuous > 0.8 * row.printed else closer),
             )
             continue
         off = row.missed if row.kind in "<>" else row.printed / row.wanted - 1.0
-        told = f"{name}: {row.printed:.4g} {row.unit} is reached, {percent(off, '+')}; "
+        told = f"{name}: {row.printed:.4g} {row.unit} is reached, {in_percent(off, '+')}; "
         if row.missed_by(row.continuous) > tolerance:
             soft, stiff = (f"{e:.4g}" if e is not None else "nothing stable" for e in row.reach)
             told += (

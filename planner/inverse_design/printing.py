@@ -13,7 +13,7 @@ from planner.errors import ArgumentError, ThinBandError
 from planner.fields.basic import Field
 from planner.fields.parse import Setting, TableFile
 from planner.formats.field_file import encode_vti
-from planner.glance import percent
+from planner.glance import in_percent
 from planner.grading.profile import Profile, StiffnessScale, natural_bands
 from planner.grading.snap import moved_cuts, snap_limit_mm, snapped_bands
 from planner.inverse_design.controls import TABLE, Controls, StiffnessRange
@@ -279,8 +279,8 @@ def corrected(
         except LostStabilityError as lost:
             raise ArgumentError(
                 "the gradient bears the loads; its print, in the palette's materials, has no "
-                f"stable equilibrium beyond {percent(lost.share)} of them: take smaller loads, a "
-                "stiffer `from_` or `to`, or dithered materials (`blend`), which follow it closer"
+                f"stable equilibrium beyond {in_percent(lost.share)} of them: take smaller loads, "
+                "a stiffer `from_` or `to`, or dithered materials (`blend`), which follow it closer"
             ) from lost
     # The next print has taken the memory of the factors.
     solved = [

@@ -7,9 +7,8 @@ from typing import Literal
 
 import numpy as np
 
-from planner.errors import ArgumentError, FileError
+from planner.errors import ArgumentError, Caution, FileError
 from planner.glance import brief
-from planner.notes import Caution
 from planner.numerics import BoolArray, FloatArray, IntArray, freeze, students_t
 
 __all__ = [
@@ -676,7 +675,7 @@ def characterise_material(
     for strain in secant_strains:
         figures[f"secant_{strain:g}_MPa"] = [c.secant_MPa[strain] for c in found]
     spreads = {
-        name: spread(known)
+        name: spread_of(known)
         for name, values in figures.items()
         if (known := [value for value in values if value is not None])
     }
@@ -690,7 +689,7 @@ def characterise_material(
     return MaterialCharacteristics(material, found, MappingProxyType(spreads), whole, agree)
 
 
-def spread(values: Sequence[float]) -> Spread:
+def spread_of(values: Sequence[float]) -> Spread:
     """Return mean, standard deviation, coefficient of variation and 95 % t-interval."""
     n = len(values)
     mean = float(np.mean(values))

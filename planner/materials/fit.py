@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from planner.errors import ArgumentError
+from planner.errors import ArgumentError, Caution
 from planner.glance import brief
 from planner.materials.characterise import (
     MINIMUM_POINTS,
@@ -29,7 +29,6 @@ from planner.materials.laws import (
     secant_modulus_MPa,
     stability,
 )
-from planner.notes import Caution
 from planner.numerics import BoolArray, FloatArray, IntArray, normal_quantile, students_t
 from planner.palette import LawParameters, Uncertainty
 
@@ -60,7 +59,7 @@ __all__ = [
 
 WEIGHTINGS = ("relative", "absolute")
 
-MODES = ("uniaxial", "planar", "equibiaxial")
+LOADINGS = ("uniaxial", "planar", "equibiaxial")
 """Loadings that a curve may be of (`Curve.mode`); of uniaxial compression strain is negative."""
 
 RELATIVE_FLOOR = 0.05
@@ -87,7 +86,7 @@ class Sample:
     specimen
         Shape (n,), the specimen's number from zero.
     mode
-        Shape (n,), the place in `MODES` of each point's loading.
+        Shape (n,), the place in `LOADINGS` of each point's loading.
     across
         Whether a law fitted to it is held to be stable across the load too; see `SoundRows`.
     """
@@ -150,7 +149,7 @@ def sample_of(
         x, y = sign * curve.strain[loaded], curve.stress_MPa[loaded]
         if points is not None and len(x) > points:
             x, y = _bin_means(x, y, points)
-        of = (np.full(len(x), number), np.full(len(x), MODES.index(curve.mode)))
+        of = (np.full(len(x), number), np.full(len(x), LOADINGS.index(curve.mode)))
         points_of.append((1.0 + sign * x, y, *of))
     stretch, stress, specimen, mode = map(np.concatenate, zip(*points_of, strict=True))
     weight = _weights(specimen, mode)
@@ -187,7 +186,7 @@ def sample_columns(
     """
     if not sample.mode.any():
         return law.evaluate(sample.stretch, a)
-    planar, both = (sample.mode == MODES.index(name) for name in MODES[1:])
+    planar, both = (sample.mode == LOADINGS.index(name) for name in LOADINGS[1:])
     stretch = np.where(both, sample.stretch**-2.0, sample.stretch)
     turn = np.where(both, -(sample.stretch**-3.0), 1.0)[:, None]
     uniaxial = law.evaluate(stretch, a)
@@ -1789,7 +1788,7 @@ def by_mode(fit: LawFit, sample: Sample) -> list[tuple[str, tuple[float, float]]
     for k in np.unique(sample.mode):
         weight = np.where(sample.mode == k, sample.weight, 0.0)
         share = float(weight.sum())
-        found.append((MODES[k], (share, float(np.sqrt(weight @ off**2 / share)))))
+        found.append((LOADINGS[k], (share, float(np.sqrt(weight @ off**2 / share)))))
     return found
 
 

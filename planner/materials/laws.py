@@ -13,6 +13,7 @@ from planner.numerics import FloatArray
 from planner.palette import LAW_PARAMETERS, LawParameters
 
 __all__ = [
+    "FARTHEST",
     "LOWEST_STRETCH",
     "Law",
     "Ogden",
@@ -609,6 +610,10 @@ def secant_modulus_MPa(law: Law, strain: ArrayLike) -> FloatArray:
 
 _SOUND_POINTS = 400
 """Stretches looked at on either side of rest. Numerical: 0.001 to 0.003 apart."""
+
+FARTHEST = 2.0
+"""A law is followed to this many times the elongation at break. Chosen: to break it is measured,
+from there to here a specimen stronger than the mean may still hold, beyond it nothing is known."""
 
 LOWEST_STRETCH = 0.6
 """Compression that a law is to be sound to: the inner side of a finger that bends to a radius of

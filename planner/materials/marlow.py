@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from planner.errors import PaletteError
-from planner.materials.laws import secant_modulus_MPa
+from planner.materials.laws import FARTHEST, secant_modulus_MPa
 from planner.materials.mixtures import (
     CoefficientModel,
     bracketed,
@@ -50,8 +50,6 @@ part that bends, rigid grades 0.38 to 0.4, a matter of per cents in what hardly 
 
 _STRAINS = 1025
 _BETWEEN = 16  # nodes from grade to grade: a straight line between is within 1e-4 of the cubic
-FARTHEST = 2.0
-"""Times its elongation at break a grade's curve is followed; beyond, W' stays as it is there."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

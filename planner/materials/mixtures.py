@@ -10,10 +10,9 @@ import msgspec
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from planner.errors import ArgumentError, PaletteError
+from planner.errors import ArgumentError, Caution, PaletteError
 from planner.glance import brief
 from planner.materials.laws import Law, make_law, positive_stretch, secant_modulus_MPa
-from planner.notes import Caution
 from planner.numerics import BoolArray, FloatArray, IntArray, normal_quantile
 from planner.palette import Palette
 

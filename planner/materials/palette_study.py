@@ -11,7 +11,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from planner.errors import ArgumentError, FileError, PaletteError
+from planner.errors import ArgumentError, Caution, FileError, PaletteError, listed
 from planner.formats.specimens import ListedSpecimen
 from planner.formats.tables import encode_csv, number
 from planner.glance import counted, one_line, outcome, plotted
@@ -39,7 +39,6 @@ from planner.materials.fit import (
 from planner.materials.laws import candidate_laws, make_law, secant_modulus_MPa, stability
 from planner.materials.mixtures import CoefficientModel, left_out_remark
 from planner.materials.study import ReadRecord, Study, read_study, unit_slips
-from planner.notes import Caution, listed
 from planner.numerics import FloatArray, normal_quantile
 from planner.palette import SAME_K, Material, Palette, Reference, Temperature
 from planner.printers import Printer, installed_printers, palette_of

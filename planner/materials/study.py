@@ -11,7 +11,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from planner.errors import ArgumentError, FileError, UnknownNameError, did_you_mean
+from planner.errors import ArgumentError, Caution, FileError, UnknownNameError, did_you_mean, listed
 from planner.formats.files import path_within
 from planner.formats.headings import MODES, mode_of
 from planner.formats.specimens import ListedSpecimen, is_specimens_file, read_specimens
@@ -33,7 +33,6 @@ from planner.materials.characterise import (
     without_tail,
 )
 from planner.materials.laws import make_law, secant_modulus_MPa
-from planner.notes import Caution, listed
 from planner.numerics import FloatArray, IntArray, normal_quantile
 from planner.palette import Material, Palette
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from planner.errors import ArgumentError, MeshError, did_you_mean
 from planner.formats.units import QUANTITY_UNITS
-from planner.glance import counted
+from planner.glance import counted, located
 from planner.mesh.mesh import (
     CROWDED,
     OPEN,
@@ -290,9 +290,8 @@ def _check_solid(mesh: Mesh, name: str, *, reweld: bool) -> None:
             raise MeshError(f"{name}: {_describe_faults(vertices, topology)}")
     crossing = find_crossing(mesh)
     if crossing is not None:
-        x, y, z = crossing.place_mm
         raise MeshError(
-            f"{name}: the surface crosses itself: ({x:.4g}, {y:.4g}, {z:.4g}) mm is enclosed "
+            f"{name}: the surface crosses itself: {located(crossing.place_mm)} is enclosed "
             f"{crossing.times_inside} times over {crossing.length_mm:.3g} mm along z, in all about "
             f"{crossing.volume_mm3:.3g} mm3; unite or mend the part in the CAD program"
         )
@@ -763,9 +762,8 @@ def _arrange_bodies(
     if not full.all() and full.any():
         flat = find_crossing(Mesh(vertices, topology.faces[~full[topology.body]]))
         if flat is not None:
-            x, y, z = flat.place_mm
             raise MeshError(
-                f"a body crosses itself at ({x:.4g}, {y:.4g}, {z:.4g}) mm and is wound inwards in "
+                f"a body crosses itself at {located(flat.place_mm)} and is wound inwards in "
                 "as much of its volume as outwards; mend it in the CAD program"
             )
         notes.append(f"{int((~full).sum())} of {len(full)} bodies without volume dropped")
@@ -993,8 +991,7 @@ def _chosen(
     volumes = f"{hollow.volume():.9g} mm3 with cavities, {solids.volume():.9g} mm3 with solids"
     same = abs(solids.volume() - hollow.volume()) <= _OVERLAP * solids.volume()
     if bodies is None and not same:
-        x, y, z = found.bounds[int(np.argmax(doubtful))].mean(axis=0)
-        at_place = f"around ({x:.4g}, {y:.4g}, {z:.4g}) mm"
+        at_place = f"around {located(found.bounds[int(np.argmax(doubtful))].mean(axis=0))}"
         which = (
             f"{at_place}, is a cavity or a solid"
             if doubtful.sum() == 1
@@ -1265,12 +1262,12 @@ def _describe_borders(vertices: FloatArray, edges: NDArray[np.int32], crowded: i
     around = [float(length[loop].sum()) for loop in loops]
     longest = int(np.argmax(around))
     points = vertices[np.unique(edges[loops[longest]])]
-    x, y, z = (points.min(axis=0) + points.max(axis=0)) / 2
+    middle = located((points.min(axis=0) + points.max(axis=0)) / 2)
     holes = counted(len(loops), "hole") + (", the longest" if len(loops) > 1 else "")
     also = f"; {crowded} more edges have over two faces" if crowded else ""
     return (
         f"the surface is open: {counted(len(edges), 'edge')} with one face around {holes} of "
-        f"{around[longest]:.4g} mm around ({x:.4g}, {y:.4g}, {z:.4g}) mm{also}; close it in the "
+        f"{around[longest]:.4g} mm around {middle}{also}; close it in the "
         "CAD program, or export the part as a solid"
     )
 
@@ -1301,5 +1298,4 @@ def _loops(edges: NDArray[np.int32]) -> list[list[int]]:
 
 
 def _middle(vertices: FloatArray, edge: NDArray[np.int32]) -> str:
-    x, y, z = (vertices[edge[0]] + vertices[edge[1]]) / 2
-    return f"({x:.4g}, {y:.4g}, {z:.4g}) mm"
+    return located((vertices[edge[0]] + vertices[edge[1]]) / 2)

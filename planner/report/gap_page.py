@@ -10,6 +10,7 @@ from pathlib import Path
 from string import ascii_lowercase
 
 from planner import __version__
+from planner.errors import listed
 from planner.formats.outputs import write_folder
 from planner.formats.tables import encode_csv
 from planner.gap.diagnosis import (
@@ -38,7 +39,6 @@ from planner.gap.summary import (
     unit_of,
 )
 from planner.glance import counted
-from planner.notes import listed
 from planner.palette import encode_palette
 from planner.report.gap_figures import figures_of
 from planner.report.page import asset, begin, end, head, table

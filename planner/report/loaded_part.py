@@ -9,7 +9,7 @@ import numpy as np
 
 from planner import __version__
 from planner.formats.field_file import encode_vtu
-from planner.glance import format_interval, format_number, percent
+from planner.glance import format_interval, format_number, in_percent, located
 from planner.materials.mixtures import CoefficientModel
 from planner.mesh.clip import clip_hexahedra
 from planner.mesh.distance import distances, triangle_tree
@@ -358,7 +358,6 @@ def _cuts(result: PartSimulation) -> Iterator[_PartCut]:
 def _cut_words(result: PartSimulation, cut: _PartCut) -> Iterator[str]:
     """Say in plain words what the figure shows, a sentence each."""
     worst = float(result.steps.largest[-1])
-    where = ", ".join(f"{x:.4g}" for x in cut.place_mm)
     away = np.linalg.norm(result.cells.surface.vertices - cut.place_mm, axis=1)
     coordinate = float(result.surface_coordinate[away.argmin()])
     material = called(CoefficientModel(result.palette), coordinate)
@@ -368,8 +367,8 @@ def _cut_words(result: PartSimulation, cut: _PartCut) -> Iterator[str]:
     )
     bears = f"{worst:.3g} times as far as" if worst > 1.0 else f"by {100.0 * worst:.2g} % of what"
     yield (
-        f"The ring marks the place nearest to breaking, at ({where}) mm, in {material}: it is "
-        f"stretched {bears} this material bears."
+        f"The ring marks the place nearest to breaking, at {located(cut.place_mm)}, in {material}: "
+        f"it is stretched {bears} this material bears."
     )
     if worst > 1.0:
         torn = np.count_nonzero(cut.strain_over_break > 1.0)
@@ -513,9 +512,8 @@ def response_rows(result: PartSimulation) -> Iterator[Mapping[str, str]]:
         stiff = "" if stiffness is None else format_number(stiffness)
         cells = (kind, response.selector, moved, force, sure, stiff)
         yield dict(zip(columns, cells, strict=True))
-    away, (x, y, z) = result.farthest
-    place = f"({x:.4g}, {y:.4g}, {z:.4g}) mm"
-    cells = ("farthest", place, _vector(away), "", "", "")
+    away, place_mm = result.farthest
+    cells = ("farthest", located(place_mm), _vector(away), "", "", "")
     yield dict(zip(columns, cells, strict=True))
 
 
@@ -548,16 +546,16 @@ def summary_words(result: PartSimulation) -> Iterator[str]:
     """Say what the largest strain is and where, and how far the figures depend on the cells."""
     steps, case = result.steps, f"{result.case}: " if result.case else ""
     k = int(steps.largest.argmax())
-    x, y, z = steps.largest_mm[k].tolist()
     yield (
         f"{case}largest strain over elongation at break: {steps.largest[k]:.3g}, "
-        f"at ({x:.4g}, {y:.4g}, {z:.4g}) mm"
+        f"at {located(steps.largest_mm[k])}"
     )
     found = result.discretisation
     if found is not None:
         yield (
-            f"{case}figures are within {percent(found.largest)} of those of ever smaller cells, as "
-            f"two solutions in cells of {found.cell_mm:.3g} mm tell (right for nine parts in ten)"
+            f"{case}figures are within {in_percent(found.largest)} of those of ever smaller cells, "
+            f"as two solutions in cells of {found.cell_mm:.3g} mm tell (right for nine parts in "
+            "ten)"
         )
 
 

@@ -41,7 +41,7 @@ from planner.simulation.simulate import Simulation
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["draw", "html_of"]
+__all__ = ["draw", "small_page"]
 
 
 _AT_STRAIN = 0.1
@@ -52,7 +52,7 @@ _MOST_ROWS, _MOST_WORDS = 20, 6
 
 
 @singledispatch
-def html_of(value: Any) -> str:
+def small_page(value: Any) -> str:
     """Return what a notebook shows of a value: HTML that holds all it needs, and no script.
 
     Raises
@@ -109,7 +109,7 @@ def _table(
     return "<table>\n" + "\n".join(lines) + "\n</table>"
 
 
-@html_of.register
+@small_page.register
 def _plan(plan: Plan) -> str:
     if not plan.regions:
         return _html(plan, ())
@@ -150,7 +150,7 @@ def _coordinate(region: Any) -> float:
     return float(region.coordinate)
 
 
-@html_of.register
+@small_page.register
 def _simulation(simulation: Simulation) -> str:
     return _html(
         simulation,
@@ -162,7 +162,7 @@ def _simulation(simulation: Simulation) -> str:
     )
 
 
-@html_of.register
+@small_page.register
 def _part_simulation(result: PartSimulation) -> str:
     rows = list(response_rows(result))
     return _html(
@@ -176,7 +176,7 @@ def _part_simulation(result: PartSimulation) -> str:
     )
 
 
-@html_of.register
+@small_page.register
 def _palette(palette: Palette) -> str:
     try:
         scale = stiffness_scale(palette, _AT_STRAIN)
@@ -185,7 +185,7 @@ def _palette(palette: Palette) -> str:
     return _html(palette, _ladder(scale))
 
 
-@html_of.register
+@small_page.register
 def _scale(scale: StiffnessScale) -> str:
     return _html(scale, _ladder(scale))
 
@@ -216,7 +216,7 @@ def _materials(palette: Palette, told: Mapping[str, Mapping[str, str]]) -> str:
     return _table(columns, rows, [m.colour for m in palette.materials], ["material", "law"])
 
 
-@html_of.register
+@small_page.register
 def _diagnosis(diagnosis: Diagnosis) -> str:
     figures = figures_of(diagnosis)
     return _html(

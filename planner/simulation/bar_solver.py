@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from planner.errors import PaletteError
-from planner.materials.laws import Law, make_law, secant_modulus_MPa
+from planner.materials.laws import FARTHEST, Law, make_law, secant_modulus_MPa
 from planner.materials.mixtures import (
     bracketed,
     interpolated,
@@ -26,7 +26,6 @@ from planner.simulation.bar import ProfileDesign
 from planner.simulation.part_response import PartResponse, force_factor
 
 __all__ = [
-    "FARTHEST",
     "PUSHED_END",
     "SOFTENING_PEAKS",
     "SOFTENING_SHARES",
@@ -52,10 +51,6 @@ __all__ = [
 # it. Nothing is asked of the order of the materials' stiffness, so that palettes whose laws cross
 # can be diagnosed too: where steps beside a material differ in sign, its slope is 0.
 
-
-FARTHEST = 2.0
-"""A law is followed to this many times the elongation at break. Chosen: to break it is measured,
-from there to here a specimen stronger than the mean may still hold, beyond it nothing is known."""
 
 _STRAIN_END = 3.0
 """The tables' last strain, or farther if laws are; from there on the stress goes on straight.

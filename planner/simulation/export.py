@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.errors import ArgumentError, PlannerError, did_you_mean, positive
+from planner.errors import ArgumentError, Caution, PlannerError, did_you_mean, positive
 from planner.formats.field_file import encode_vtu
 from planner.formats.files import encode_document
 from planner.formats.inp import InpMaterial, InpModel, Solver, encode_inp
@@ -20,7 +20,6 @@ from planner.materials.marlow import POISSON
 from planner.materials.mixtures import CoefficientModel
 from planner.mesh.halve import halve_long_edges
 from planner.mesh.mesh import Mesh
-from planner.notes import Caution
 from planner.numerics import BoolArray, FloatArray, IntArray
 from planner.palette import Palette
 from planner.printers import Printer

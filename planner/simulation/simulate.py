@@ -12,6 +12,7 @@ from planner.errors import ArgumentError, FileError, UnknownNameError, did_you_m
 from planner.formats.files import encode_document
 from planner.formats.tables import encode_csv
 from planner.glance import counted, html_of, one_line, outcome, plotted
+from planner.materials.laws import FARTHEST
 from planner.materials.mixtures import CoefficientModel
 from planner.numerics import BoolArray, FloatArray, IntArray, normal_quantile
 from planner.palette import Material, Palette
@@ -25,7 +26,6 @@ from planner.simulation.bar import (
     read_profile_bar,
 )
 from planner.simulation.bar_solver import (
-    FARTHEST,
     LawTables,
     PulledBars,
     law_tables,

@@ -356,11 +356,11 @@ class Mechanics:
         like: "Mechanics | None" = None,
         rests: "dict[object, Factor] | None" = None,
     ) -> None:
-        from planner.simulation.sparse_cholesky import taken
+        from planner.simulation.sparse_cholesky import reused
 
         cells, shape = body.cells, (len(body.cells.nodes), 27, 6, 27)
         self.body, self.conditions, self.analysis, self.rests = body, conditions, analysis, rests
-        memory = taken(math.prod(shape), None if like is None else like._matrices)
+        memory = reused(math.prod(shape), None if like is None else like._matrices)
         self._matrices = memory.reshape(shape)
         like = like if like is not None and like.body.cells is cells else None
         below, share = body.table.places(body.coordinate)

@@ -20,7 +20,7 @@ from planner.numerics import (
 )
 from planner.simulation.element import SIX
 
-__all__ = ["Analysis", "Factor", "NotPositiveDefinite", "analyse", "factor", "taken"]
+__all__ = ["Analysis", "Factor", "NotPositiveDefinite", "analyse", "factor", "reused"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -537,7 +537,7 @@ def factor(
     a = analysis
     matrices = np.ascontiguousarray(element_matrices, dtype=np.float64)
     assert matrices.shape == (len(a.begin) - 1 - len(springs), 27, 6, 27)
-    columns = taken(int(a.panel[-1]), None if into is None else into.columns)
+    columns = reused(int(a.panel[-1]), None if into is None else into.columns)
     updates: dict[int, FloatArray] = {}  # of tasks' last fronts, until the front above has them
     none = np.empty(0)
     failed = len(a.order)
@@ -583,7 +583,7 @@ _ROOM = 1.25
 """Times the memory asked for where another factor's was too small: prints differ by a tenth."""
 
 
-def taken(size: int, from_: FloatArray | None) -> FloatArray:
+def reused(size: int, from_: FloatArray | None) -> FloatArray:
     """Return so many numbers in memory that begins where a vector register's line does.
 
     In that of an array that is needed no more and was returned by this function, if it is enough.

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from planner.errors import ArgumentError, MeshError
 from planner.mesh.mesh import Mesh, sort_span
-from planner.numerics import BoolArray, FloatArray, IntArray, inner_kernel, kernel
+from planner.numerics import BoolArray, FloatArray, IntArray, as_point, inner_kernel, kernel
 
 __all__ = [
     "MOST_VOXELS",
@@ -494,9 +494,7 @@ def grid_for(bounds_mm: FloatArray, pitch_mm: float | Sequence[float]) -> Grid:
     with np.errstate(all="ignore"):
         voxels = np.ceil((high - low) / pitch - 0.5 / _LATTICE)
     nx, ny, nz = (int(n) if 1 <= n <= 2**31 else 2**31 * int(n > 1) + 1 for n in voxels)
-    x, y, z = (float(v) for v in low)
-    px, py, pz = (float(p) for p in pitch)
-    return Grid((x, y, z), (px, py, pz), (nx, ny, nz))
+    return Grid(as_point(low), as_point(pitch), (nx, ny, nz))
 
 
 def iterate_columns(

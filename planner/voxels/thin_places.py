@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from planner.mesh.distance import inscribed_ball
 from planner.mesh.mesh import Mesh, number_groups, unite
-from planner.numerics import BoolArray, FloatArray, IntArray, inner_kernel, kernel
+from planner.numerics import BoolArray, FloatArray, IntArray, as_point, inner_kernel, kernel
 from planner.voxels.columns import MOST_VOXELS, Columns, Grid, iterate_columns
 
 __all__ = [
@@ -463,9 +463,8 @@ def raster_for(
         small = rows >= min(_LEAST_ROWS, int(shape[1])) and int(shape.max()) <= MOST_VOXELS
         if small and work <= _MOST_WORK.get(radius, 0):
             break
-    x, y, z = (float(o) for o in origin)
     nx, ny, nz = (int(n) for n in shape)
-    grid = Grid((x, y, z), (pitch, pitch, pitch), (nx, ny, nz))
+    grid = Grid(as_point(origin), (pitch, pitch, pitch), (nx, ny, nz))
     return Raster(order, grid, radius, max(min(rows, ny), _LEAST_ROWS))
 
 
@@ -907,11 +906,10 @@ def _measured(mesh: Mesh, raster: Raster, place: _Place, limit_mm: float) -> Thi
         return None
     extent = np.empty(3)
     extent[raster.order] = (place.high - place.low) * pitch_mm
-    x, y, z = centres[middle].tolist()
     return ThinPlace(
-        place_mm=(x, y, z),
+        place_mm=as_point(centres[middle]),
         size_mm=float(diameters[middle]),
-        extent_mm=(float(extent[0]), float(extent[1]), float(extent[2])),
+        extent_mm=as_point(extent),
         volume_mm3=place.voxels * raster.grid.voxel_mm3,
         alone=place.alone,
     )

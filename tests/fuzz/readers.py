@@ -26,7 +26,7 @@ from planner.grading.profile import read_moduli
 from planner.inverse_design.goals import read_target
 from planner.materials.study import read_study
 from planner.printers import load_profile
-from planner.simulation.bar import read_moduli as read_bar
+from planner.simulation.bar import read_profile as read_bar
 from planner.simulation.bar import read_profile_bar
 from planner.simulation.loads import read_cases
 from planner.simulation.part_response import PartResponse, encode_response, read_response

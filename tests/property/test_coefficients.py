@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.interpolate import PchipInterpolator
 
-from planner.errors import ArgumentError, PaletteError
+from planner.errors import ArgumentError, Caution, PaletteError
 from planner.materials.laws import make_law, secant_modulus_MPa
 from planner.materials.mixtures import (
     CoefficientModel,
@@ -20,7 +20,6 @@ from planner.materials.mixtures import (
     nearest_on,
     pchip_slopes,
 )
-from planner.notes import Caution
 from planner.numerics import FloatArray
 from planner.palette import LawParameters, Material, Palette
 from planner.printers import load_printer

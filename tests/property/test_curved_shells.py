@@ -10,7 +10,7 @@ from planner.cutting.pieces import split
 from planner.errors import PlannerError
 from planner.fields.parse import Setting, build_field
 from planner.grading.check import shell_checks
-from planner.mesh.audit import join_shells
+from planner.mesh.mesh import join_shells
 from planner.mesh.part import make_part, place
 
 KINDS = ("ball", "ring", "drilled", "thin walls", "pitted", "boxes")

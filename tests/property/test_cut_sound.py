@@ -11,8 +11,7 @@ from benchmarks.audit import audit
 from planner.cutting.pieces import split
 from planner.cutting.planes import snap_distance_mm
 from planner.fields.basic import axis_field
-from planner.mesh.audit import interfaces_cancel, join_shells
-from planner.mesh.mesh import Mesh, weld
+from planner.mesh.mesh import Mesh, interfaces_cancel, join_shells, weld
 from planner.mesh.part import place
 
 

@@ -14,7 +14,7 @@ from planner.materials.characterise import (
     characterise_curve,
     characterise_material,
     deformation,
-    spread,
+    spread_of,
     toe_compensated,
 )
 from planner.materials.palette_study import characterise
@@ -177,18 +177,18 @@ def test_a_soft_material_with_a_yield_point_is_plastic() -> None:
 
 def test_spread_is_students() -> None:
     # Quantile 0.975 of t with 2 degrees of freedom is 4.302653 (tables); 1e-6: its digits.
-    found = spread([1.0, 2.0, 3.0])
+    found = spread_of([1.0, 2.0, 3.0])
     assert (found.mean, found.n, found.sd, found.cv) == (2.0, 3, 1.0, 0.5)
     assert found.interval is not None
     assert found.interval[1] - 2.0 == pytest.approx(4.302653 / np.sqrt(3.0), rel=1e-6)
-    assert spread([1.0]).sd is None
+    assert spread_of([1.0]).sd is None
 
 
 def test_intervals_hold_the_truth_at_their_rate() -> None:
     rng = np.random.default_rng(7)
     held = 0
     for values in rng.normal(5.0, 1.0, size=(1000, 3)):
-        interval = spread(list(values)).interval
+        interval = spread_of(list(values)).interval
         assert interval is not None
         held += interval[0] <= 5.0 <= interval[1]
     # Binomial of 1000 at 0.95: standard deviation 6.9; four of them.

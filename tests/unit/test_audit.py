@@ -6,8 +6,7 @@ from manifold3d import Mesh as MeshGL
 from benchmarks.audit import audit
 from planner.errors import MeshError
 from planner.formats.mesh_file import encode_stl, stl_holds
-from planner.mesh.audit import interfaces_cancel, join_shells
-from planner.mesh.mesh import Mesh
+from planner.mesh.mesh import Mesh, interfaces_cancel, join_shells
 
 
 def soup(solid):

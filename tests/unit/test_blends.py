@@ -32,8 +32,7 @@ from planner.grading.dither import (
 from planner.grading.profile import Profile, dithered_profile, stiffness_scale
 from planner.grading.regions import blend_segments
 from planner.materials.mixtures import dithered_modulus_MPa
-from planner.mesh.audit import interfaces_cancel, join_shells
-from planner.mesh.mesh import Mesh
+from planner.mesh.mesh import Mesh, interfaces_cancel, join_shells
 from planner.mesh.part import place
 from planner.simulation.bar import read_profile
 

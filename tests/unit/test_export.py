@@ -10,11 +10,10 @@ import pytest
 import trimesh
 
 import planner
-from planner.errors import ArgumentError
+from planner.errors import ArgumentError, Caution
 from planner.formats.field_file import _open
 from planner.materials.mixtures import CoefficientModel
 from planner.mesh.mesh import Mesh
-from planner.notes import Caution
 from planner.printers import palette_of
 from planner.simulation.export import _FACE_NODES as FACE_NODES
 from planner.simulation.export import _hexahedra as hexahedra

@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from planner.cli import first_run
+from planner.cli import plans as first_run
 
 RECORD = """
 import json, sys
@@ -32,7 +32,7 @@ planner.grade(sys.argv[1], from_="Tango", to="Vero").write(sys.argv[2])
 """
 STAGES = ("columns", "sets", "pictures", "shells", "walls")
 REHEARSE = """
-from planner.cli.first_run import rehearse
+from planner.cli.plans import rehearse
 rehearse(sys.argv[1:])
 """
 

@@ -8,8 +8,7 @@ from benchmarks.audit import audit
 from planner.cutting.pieces import Pieces, split
 from planner.fields.basic import FunctionField
 from planner.fields.solved import between_cells
-from planner.mesh.audit import interfaces_cancel, join_shells
-from planner.mesh.mesh import Mesh
+from planner.mesh.mesh import Mesh, interfaces_cancel, join_shells
 from planner.mesh.part import place
 from planner.voxels.columns import Grid
 

@@ -11,8 +11,7 @@ from benchmarks.audit import audit
 from planner.cutting.intersect import volume_sign
 from planner.cutting.pieces import split
 from planner.errors import ArgumentError
-from planner.mesh.audit import interfaces_cancel, join_shells
-from planner.mesh.mesh import Mesh, weld
+from planner.mesh.mesh import Mesh, interfaces_cancel, join_shells, weld
 from planner.mesh.part import place
 
 

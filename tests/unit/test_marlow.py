@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from planner.errors import PaletteError
-from planner.materials.marlow import FARTHEST, law_at, marlow_table, uniaxial_strain
+from planner.materials.laws import FARTHEST
+from planner.materials.marlow import law_at, marlow_table, uniaxial_strain
 from planner.materials.mixtures import CoefficientModel
 from planner.palette import LawParameters
 from planner.printers import palette_of

@@ -9,7 +9,7 @@ import trimesh
 
 import planner
 from planner.cli import run
-from planner.notes import Caution
+from planner.errors import Caution
 
 
 def test_the_sample_study_asks_for_nothing(samples: Path, capsys) -> None:

@@ -4,8 +4,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
+from planner.errors import listed
 from planner.gap.diagnosis import Diagnosis
-from planner.notes import listed
 
 __all__ = ["EXPECTATIONS", "Answer", "Expectation", "probability_with"]
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from benchmarks.withheld.real.expectations import Expectation, probability_with
 from benchmarks.withheld.real.left_out_rate import LeftOutRate
+from planner.errors import listed
 from planner.gap.diagnosis import Diagnosis, FoundEffect
 from planner.gap.effects import effects_for
 from planner.gap.summary import (
@@ -16,7 +17,6 @@ from planner.gap.summary import (
     probability,
     sentence,
 )
-from planner.notes import listed
 from planner.palette import Palette
 from planner.report.gap_page import headline
 

@@ -5,10 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from planner.errors import listed
 from planner.gap.diagnosis import Diagnosis, FoundEffect, Hypothesis
 from planner.gap.effects import EFFECTS
 from planner.gap.summary import number_words, percent, probability, sentence, summary_of
-from planner.notes import listed
 from planner.report.gap_page import headline, verdict_text
 
 Examples = dict[str, Diagnosis]
