@@ -72,7 +72,8 @@ class SampledMaterial:
     def cell(self) -> IntArray:
         """Cell of the lattice that each segment is in, (s,)."""
         column, low, _ = self.segments.T
-        return self.foot[column].astype(np.int64) * self.counts[2] + low // self.voxels
+        below = self.foot[column].astype(np.int64) * self.counts[2]
+        return np.asarray(below + low // self.voxels)
 
     def place(self, segments: Any = slice(None)) -> tuple[FloatArray, FloatArray]:
         """Return x and y of segments, in cells."""
