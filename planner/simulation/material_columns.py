@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -62,7 +63,7 @@ class SampledMaterial:
     shell: NDArray[np.int32]
     piece: NDArray[np.int32]
 
-    @property
+    @cached_property
     def offsets(self) -> IntArray:
         """Segments of column c are ``offsets[c]`` to ``offsets[c + 1]``."""
         each = np.bincount(self.segments[:, 0], minlength=len(self.foot))
