@@ -127,7 +127,7 @@ def _halved(
 
     What is on one side and reaches less than `deep` from the plane stays with the other side.
     """
-    is_planned = np.any(plane != 0.0, axis=1)[material.piece]
+    is_planned = np.asarray(plane.any(axis=1))[material.piece]
     planned, rest = np.flatnonzero(is_planned), np.flatnonzero(~is_planned)
     x, y = material.place(planned)
     a, b, slope, offset = _scaled(material, plane, size)[material.piece[planned]].T

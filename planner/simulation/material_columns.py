@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -62,7 +63,7 @@ class SampledMaterial:
     shell: NDArray[np.int32]
     piece: NDArray[np.int32]
 
-    @property
+    @cached_property
     def offsets(self) -> IntArray:
         """Segments of column c are ``offsets[c]`` to ``offsets[c + 1]``."""
         each = np.bincount(self.segments[:, 0], minlength=len(self.foot))
@@ -72,8 +73,8 @@ class SampledMaterial:
     def cell(self) -> IntArray:
         """Cell of the lattice that each segment is in, (s,)."""
         column, low, _ = self.segments.T
-        found: IntArray = self.foot[column].astype(np.int64) * self.counts[2] + low // self.voxels
-        return found
+        below = self.foot[column].astype(np.int64) * self.counts[2]
+        return np.asarray(below + low // self.voxels)
 
     def place(self, segments: Any = slice(None)) -> tuple[FloatArray, FloatArray]:
         """Return x and y of segments, in cells."""
@@ -173,7 +174,7 @@ def sample(
         x, y, z = (mesh.vertices - low).T
         turned = Mesh(np.stack([cos * x + sin * y, cos * y - sin * x, z], axis=1), mesh.faces)
         sampled.append(join(list(iterate_columns(turned, grid))))
-        if faults := sampled[-1].unpaired:
+        if faults := sampled[-1].faults.open_columns:
             raise MeshError(
                 f"the surface is open: {faults} lines along z go in and do not "
                 "come out, or come out twice; repair the part first"
