@@ -174,9 +174,9 @@ def sample(
         x, y, z = (mesh.vertices - low).T
         turned = Mesh(np.stack([cos * x + sin * y, cos * y - sin * x, z], axis=1), mesh.faces)
         sampled.append(join(list(iterate_columns(turned, grid))))
-        if faults := sampled[-1].faults.open_columns:
+        if unpaired := sampled[-1].unpaired:
             raise MeshError(
-                f"the surface is open: {faults} lines along z go in and do not "
+                f"the surface is open: {unpaired} lines along z go in and do not "
                 "come out, or come out twice; repair the part first"
             )
     frame = np.array(
