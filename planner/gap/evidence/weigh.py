@@ -80,7 +80,7 @@ class Priors:
     beside: float = 0.01411
     axes: float = 0.4593
     claimed: float = 0.000412
-    temperature: float = 0.1
+    temperature: float = 0.2
     coarseness_nats: float = 5.0
 
     def counted(self, gain: float) -> float:
@@ -880,8 +880,10 @@ def _closes(problem: Problem, weighed: Weighed) -> Mapping[Effects, bool]:
     """Return whether tests' errors fall with the best effects, and with each further one of them.
 
     Laws are as they likeliest are with the effects, and without: what the palette is off by is no
-    effect's to close.
+    effect's to close. With fewer effects laws may fit as well, though they would be off by more
+    than is to be believed: where evidence is twice `_ALIKE_NATS` for the further one, it is enough.
     """
+    enough = 2.0 * _ALIKE_NATS / _counted(weighed.log_evidence, weighed.logs.priors)
     value = {
         e: weighed.log_evidence[e, ""]
         for e in weighed.best
@@ -897,7 +899,11 @@ def _closes(problem: Problem, weighed: Weighed) -> Mapping[Effects, bool]:
             np.where(problem.strays, np.nan, squared_errors(problem, one, world.calibrated(one)))
             for one in (Candidate(()), candidate)
         )
-        fewer = [errors[e] for e, closes in found.items() if closes and set(e) < set(effects)]
+        fewer = [
+            errors[e]
+            for e, closes in found.items()
+            if closes and set(e) < set(effects) and value[effects] - value[e] < enough
+        ]
         found[effects] = all(falls(problem, one, errors[effects]) for one in (before, *fewer))
     return found
 
@@ -921,9 +927,7 @@ def ranking_of(evidence: Evidence, priors: Priors) -> tuple[Hypothesis, ...]:
     Very few specimens show a gap, not its cause: the rest of what they name is unknown.
     """
     found = evidence.log_evidence
-    # Over no effect in models that are exact, or that all miss.
-    none = max(found.get(((), axis), -np.inf) for axis in ("", ANY))
-    counts = priors.counted(max(found.values()) - none)
+    counts = _counted(found, priors)
     ranking = posterior(
         {key: prior + counts * found[key] for key, prior in evidence.log_prior.items()}
     )
@@ -953,6 +957,13 @@ def ranking_of(evidence: Evidence, priors: Priors) -> tuple[Hypothesis, ...]:
         Hypothesis(effects, p[effects], 0.0 if effects in ((), UNKNOWN) else beside[effects])
         for effects in sorted(p, key=lambda e: (-p[e], e))
     )
+
+
+def _counted(found: Mapping[HypothesisKey, float], priors: Priors) -> float:
+    """Return the share of log evidence that counts."""
+    # Over no effect in models that are exact, or that all miss.
+    none = max(found.get(((), axis), -np.inf) for axis in ("", ANY))
+    return priors.counted(max(found.values()) - none)
 
 
 def _give(p: dict[Effects, float], share: Mapping[Effects, float], to: Effects) -> None:
