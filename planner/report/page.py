@@ -266,7 +266,7 @@ def load_slider(name: str, count: int, value: int) -> Iterator[str]:
     """Yield the beginning of the controls of a load: which of so many steps is seen, in words."""
     yield '<fieldset id="load" data-needs-view hidden><legend>Load</legend><div class="slide">'
     yield _slider(f"{name}step", count - 1, value, 'step="1"', "Step of the load")
-    yield f'<output id="{name}words" for="{name}step"></output></div>'
+    yield f'<output id="{name}step-words" for="{name}step"></output></div>'
 
 
 def scale_bar(colours: Iterable[str]) -> str:

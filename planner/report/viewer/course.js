@@ -18,7 +18,7 @@
     }),
   );
   const scale = course.scale.map((colour) => new THREE.Color(colour));
-  const slider = $("#course-step"), words = $("#course-words"), wanted = $("#course-wanted"), left = $("#course-left");
+  const slider = $("#course-step"), words = $("#course-step-words"), wanted = $("#course-wanted"), left = $("#course-left");
   const shapes = data.shells.slice(course.printed).map((_, k) => course.printed + k);
   for (const number of shapes) viewer.setShown(number, false);
 
