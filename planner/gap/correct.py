@@ -205,7 +205,7 @@ def _parted_sd(factors: _Factors, effect: StatedEffect, tests: int, sd: float) -
     sd
         Of ln stress: what a form may be off by at each test.
     """
-    found = _at_end(factors, effect)
+    found = factors.log([effect])[:, -1]
     total, weight = np.zeros(len(found) - tests), 0.0
     for form in effect.effect.forms:
         tried = (_fitted(factors, start, found, tests, sd) for start in _starts(form, effect))
@@ -241,7 +241,7 @@ def _fitted(
     size = one.form.size
     lowest = -size.high if size.signed else 0.0
     for _ in range(_ROUNDS):
-        log = _at_end(factors, one)
+        log = factors.log([one])[:, -1]
         there, value = log[:tests], one.values[size.name]
         norm = float(there @ there)
         if not (np.isfinite(log).all() and norm > 0.0):
@@ -255,10 +255,6 @@ def _fitted(
         one = _with(one, size.name, better)
     chi2 = float(np.sum(((log[:tests] - found[:tests]) / sd) ** 2))
     return -0.5 * chi2, log
-
-
-def _at_end(factors: _Factors, one: StatedEffect) -> FloatArray:
-    return np.asarray(factors.log([one])[:, -1])
 
 
 # ------------------------------------------------------------------------------------------------

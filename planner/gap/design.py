@@ -20,10 +20,10 @@ from planner.gap.effects import EFFECTS, STEPS, effect_named, effects_for
 from planner.gap.evidence.problem import (
     Candidate,
     Problem,
-    Search,
     SignedForm,
     applied,
     node_weights,
+    searched,
     set_up,
 )
 from planner.gap.evidence.settle import Elimination, World
@@ -271,7 +271,7 @@ def _expected_of(
         length2 = float(pattern @ m @ pattern)
         named = float(ndtr(np.sqrt(length2) - np.sqrt(2.0 * needed)))
         rivals = dict.fromkeys((k for k in testable if k != id), 0.0)
-        for rival in Search(problem.branches, m @ pattern, m).singles():
+        for rival in searched(problem.branches, m @ pattern, m):
             (k,) = rival.effects
             if k in rivals:
                 rivals[k] = max(rivals[k], min(2.0 * rival.gain, length2))
@@ -599,25 +599,18 @@ def _campaign(plan: Campaign, counts: IntArray, asked: Sequence[str]) -> Campaig
         for number, place in enumerate(np.flatnonzero(counts).tolist(), start=1)
         for copy in range(int(counts[place]) * _BATCHES)
     )
-    return replace(
-        plan,
-        name=f"to tell {', '.join(asked)} apart",
-        specimens=specimens,
-        notes=_instructions(specimens, _strain_of(plan.palette)),
-    )
-
-
-def _instructions(specimens: Sequence[Specimen], strain: float) -> str:
-    """Return what the list of specimens does not say."""
+    strain = _strain_of(plan.palette)
     bars = any(s.profile is not None for s in specimens)
     held = any(s.protocol == "relaxation" for s in specimens)
-    return (
+    notes = (  # what the list of specimens does not say
         "DESIGNED by planner gap design; nothing is measured yet; "
         f"pull coupons to a strain of {strain:.3g}"
         f"{f', bars to {BAR_SHARE * strain:.3g}' if bars else ''}; "
         f"{f'relaxation holds for {HOLD_S:g} s; ' if held else ''}"
         "print each batch as one tray, and test in an order drawn by lot."
     )
+    name = f"to tell {', '.join(asked)} apart"
+    return replace(plan, name=name, specimens=specimens, notes=notes)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -830,7 +823,7 @@ def _predicted(
         if candidate.members is not None and candidate.log_gain:
             raw[1 + len(ways) + k] *= np.exp(candidate.log_gain * candidate.members.mean())
     figures = table.transformed(raw)
-    shared = calibration_columns(ways, figures[1 : 1 + len(ways)], figures[0])
+    shared = calibration_columns(ways, figures[1 : 1 + len(ways)] - figures[0])
     known, sizes = _known_laws(weighed, candidates, ways)
     learned = figures[1 + len(ways) :] + sizes @ shared.T
     sensor = np.full(len(trials), float(np.median(problem.model.sensor_sd_N)))

@@ -333,8 +333,7 @@ class _Predictor:
         `recalibrated`.
         """
         problem = self.problem
-        world, odds = reweigh(self.weighed, weight)
-        odds = [(value, c) for value, c in odds if c.effects not in self.vain]
+        world, odds = reweigh(self.weighed, self.vain, weight)
         most = max(value for value, _ in odds)
         shares = np.exp([value - most for value, _ in odds])
         likely = [

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.special
+from scipy.special import fdtrc
 
 from planner.formats.specimens import SPECIMEN_COLUMNS
 from planner.gap.campaign import TOLERANCES, Campaign, axis_columns, column_levels
@@ -300,20 +300,6 @@ def _rank_p(drawn: FloatArray) -> FloatArray:
     return np.asarray(as_large / len(drawn))
 
 
-def _share_p(explained: FloatArray, left: FloatArray, k: float, freedom: float) -> FloatArray:
-    """Return the chance of explaining so much by accident: of Fisher's F.
-
-    Parameters
-    ----------
-    explained, left
-        Sums of squares, in any common unit.
-    k, freedom
-        Their degrees of freedom.
-    """
-    left_over = 1.0 - explained / np.maximum(explained + left, 1e-300)
-    return np.maximum(scipy.special.betainc(0.5 * freedom, 0.5 * k, left_over), 1e-300)
-
-
 def _tail_p(seen: float, drawn: FloatArray, thinnest: float) -> float:
     """Return the chance of a statistic as large as that seen, by draws and their exponential tail.
 
@@ -544,7 +530,8 @@ class _Case:
             extra = whitening.degrees_of_freedom
         explained = np.sum(sums**2, axis=1)
         left = np.maximum(total - explained, freedom) + extra
-        values = _share_p(explained, left, k, freedom + extra)
+        freedom += extra
+        values = np.maximum(fdtrc(k, freedom, explained / k * freedom / left), 1e-300)
         return float(values[0]), values[1:]
 
     def _scores_of_noise(self, basis: FloatArray, carries: BoolArray) -> FloatArray:

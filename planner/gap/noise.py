@@ -356,19 +356,16 @@ def calibrations(palette: Palette, setup: Setup) -> tuple[Calibration, ...]:
     return tuple(found)
 
 
-def calibration_columns(
-    ways: tuple[Calibration, ...], shifted: FloatArray, unshifted: FloatArray
-) -> FloatArray:
-    """Return the columns, (N, q), from the features of setups with and without each way.
+def calibration_columns(ways: tuple[Calibration, ...], changes: FloatArray) -> FloatArray:
+    """Return the columns, (N, q).
 
     Parameters
     ----------
-    shifted : (q, N)
-        Features of ``way.applied(setup)``.
-    unshifted : (N,)
+    changes : (q, N)
+        Of the features, with ``way.applied(setup)``.
     """
     sizes = np.array([way.sd / _STEP for way in ways])
-    return np.ascontiguousarray(((shifted - unshifted) * sizes[:, None]).T)
+    return np.ascontiguousarray((changes * sizes[:, None]).T)
 
 
 # ------------------------------------------------------------------------------------------------

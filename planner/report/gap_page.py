@@ -179,12 +179,8 @@ class _Table:
     rows: tuple[tuple[str, ...], ...]
 
 
-@dataclass(frozen=True, slots=True)
-class _Section:
-    """A heading and what stands below it: paragraphs, lists of sentences, tables."""
-
-    heading: str
-    parts: tuple[str | tuple[str, ...] | _Table, ...]
+_Part = str | tuple[str, ...] | _Table
+"""What stands below a heading: a paragraph, a list of sentences, a table."""
 
 
 def verdict_text(diagnosis: Diagnosis, *, width: int = _WIDTH) -> str:
@@ -192,9 +188,9 @@ def verdict_text(diagnosis: Diagnosis, *, width: int = _WIDTH) -> str:
     lines: list[str] = []
     for paragraph in (*summary_of(diagnosis), "", headline(diagnosis), scope(diagnosis)):
         lines += _wrapped(paragraph, width, "", "") or [""]
-    for section in _sections(diagnosis):
-        lines += ["", section.heading]
-        for part in section.parts:
+    for heading, parts in _sections(diagnosis):
+        lines += ["", heading]
+        for part in parts:
             if isinstance(part, _Table):
                 lines += _table_lines(part, width)
             elif isinstance(part, str):
@@ -240,8 +236,10 @@ def headline(diagnosis: Diagnosis) -> str:
     return f"Verdict: {verdict} (probability {probability(best_of(diagnosis).probability)}){more}"
 
 
-def _sections(diagnosis: Diagnosis, *, whole: bool = False) -> tuple[_Section, ...]:
-    """Return the verdict section by section, those with nothing to say left out.
+def _sections(
+    diagnosis: Diagnosis, *, whole: bool = False
+) -> Iterator[tuple[str, tuple[_Part, ...]]]:
+    """Yield the verdict section by section, heading and parts, those with nothing to say left out.
 
     A page has it whole: with tables of all that was weighed, and every row of them.
     """
@@ -249,7 +247,7 @@ def _sections(diagnosis: Diagnosis, *, whole: bool = False) -> tuple[_Section, .
     ranking, places, levels = _tables(d) if whole else ((), (), ())
     seen = _detectable_words(d.detectable, None if whole else _SEEN)
     quality = [sentence(f"{q.specimen or 'All specimens'}: {q.problem}") for q in d.data_quality]
-    sections: Sequence[tuple[str, Iterable[str | tuple[str, ...] | _Table]]] = (
+    sections: Sequence[tuple[str, Iterable[_Part]]] = (
         ("How sure that is", (*_how_sure(d), *ranking)),
         ("Numbers in another unit", _units(d.unit_of)),
         ("How large it is", [tuple(_size_words(d.effect))]),
@@ -266,8 +264,9 @@ def _sections(diagnosis: Diagnosis, *, whole: bool = False) -> tuple[_Section, .
         ("Limits of this campaign", [tuple(map(sentence, d.limitations))]),
         ("What to test next", _next(d.next_experiments[:_EXPERIMENTS], d.verdict)),
     )
-    filled = ((heading, tuple(part for part in parts if part)) for heading, parts in sections)
-    return tuple(_Section(heading, parts) for heading, parts in filled if parts)
+    for heading, parts in sections:
+        if filled := tuple(part for part in parts if part):
+            yield heading, filled
 
 
 def _tables(d: Diagnosis) -> Iterator[tuple[_Table, ...]]:
@@ -438,9 +437,7 @@ def _not_testable(diagnosis: Diagnosis) -> Iterator[str]:
 # The next tests: what to print, and why.
 
 
-def _next(
-    experiments: Sequence[Experiment], verdict: str
-) -> Iterator[str | tuple[str, ...] | _Table]:
+def _next(experiments: Sequence[Experiment], verdict: str) -> Iterator[_Part]:
     if not experiments:
         return
     how = "compressed" if _pushed(experiments[0]) else "pulled"
@@ -587,8 +584,8 @@ def _page(d: Diagnosis, figures: Mapping[str, bytes]) -> Iterator[str]:
     if figures:
         yield f'<p class="quiet">{escape(_SIGN)}</p>'
     yield from (f"<p>{escape(words)}</p>" for words in summary_of(d))
-    for section in _sections(d, whole=True):
-        yield from _section(section)
+    for heading, parts in _sections(d, whole=True):
+        yield from _section(heading, parts)
     yield "</main>\n<footer>"
     yield f"<p>planner {escape(__version__)}, seed {d.seed}</p>"
     yield f"<p>palette {escape(d.palette)}, sha256 {escape(d.palette_sha256)}</p>"
@@ -607,9 +604,9 @@ def _head(d: Diagnosis) -> Iterator[str]:
     return head(d.campaign, [escape(headline(d)), escape(scope(d))], facts)
 
 
-def _section(section: _Section) -> Iterator[str]:
-    yield f"<h2>{escape(section.heading)}</h2>"
-    for part in section.parts:
+def _section(heading: str, parts: Iterable[_Part]) -> Iterator[str]:
+    yield f"<h2>{escape(heading)}</h2>"
+    for part in parts:
         if isinstance(part, _Table):
             heads = [(name, "figure" if name in _FLUSH_RIGHT else "") for name in part.columns]
             yield from table(heads, (("", list(map(escape, row))) for row in part.rows))

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable, Sequence
-from functools import lru_cache
 
 import numpy as np
 from scipy.special import erfc
@@ -70,11 +69,6 @@ def _material_law(
 # Interface bleed: droplets of neighbouring mixtures run into each other before they cure.
 
 
-_FLATNESS = 1e-4
-"""How far, in the coordinate, a design may be off the straight line that stands for its points.
-Numerical: a thousandth of the step between two of ten mixtures."""
-
-
 def _gaussian(distance: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Tail, and tail's integral, of a normal density of standard deviation 1, from distances."""
     tail = 0.5 * erfc(distance / np.sqrt(2.0))
@@ -95,15 +89,13 @@ def _droplet(distance: FloatArray) -> tuple[FloatArray, FloatArray]:
     return 0.25 * left**2 * (2.0 + inside), left**3 * (3.0 + inside) / 16.0
 
 
-@lru_cache(maxsize=256)
 def _corners(design: ProfileDesign) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Places of a design's steps and bends, with the step of its coordinate and of its slope.
 
-    Beyond the gauge a bar goes on as it ends. Points that a straight line passes within
-    `_FLATNESS` are left out.
+    Beyond the gauge a bar goes on as it ends.
     """
-    x, c = _straightened(design.x_mm, design.coordinate)
-    run, rise = np.diff(x), np.diff(c)
+    x = design.x_mm
+    run, rise = np.diff(x), np.diff(design.coordinate)
     step = run <= 1e-9 * x[-1]
     slope = np.where(step, 0.0, rise / np.where(step, 1.0, run))
     place = np.concatenate([x, x[:-1][step]])
@@ -111,27 +103,6 @@ def _corners(design: ProfileDesign) -> tuple[FloatArray, FloatArray, FloatArray]
     jump = np.concatenate([np.zeros(len(x)), rise[step]])
     used = (bend != 0.0) | (jump != 0.0)
     return place[used], jump[used], bend[used]
-
-
-def _straightened(x: FloatArray, c: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Leave out points between the ends of straight pieces (Douglas & Peucker, 1973)."""
-    keep = np.zeros(len(x), dtype=np.bool_)
-    keep[[0, -1]] = True
-    pieces = [(0, len(x) - 1)]
-    while pieces:
-        first, last = pieces.pop()
-        if last - first < 2:
-            continue
-        run = x[last] - x[first]
-        inner = slice(first + 1, last)
-        share = (x[inner] - x[first]) / run if run > 0.0 else np.zeros(last - first - 1)
-        off = np.abs(c[inner] - c[first] - share * (c[last] - c[first]))
-        worst = int(np.argmax(off))
-        if off[worst] > _FLATNESS:
-            middle = first + 1 + worst
-            keep[middle] = True
-            pieces += [(first, middle), (middle, last)]
-    return x[keep], c[keep]
 
 
 def _bled(kernel: Callable[[FloatArray], tuple[FloatArray, FloatArray]]) -> Apply:

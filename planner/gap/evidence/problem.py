@@ -3,7 +3,7 @@
 from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from itertools import chain, combinations, product
+from itertools import chain, product
 from math import prod
 from typing import TypeAlias
 
@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from scipy.special import fdtrc, ndtr, ndtri
 
 from planner.gap.campaign import Campaign, axis_columns
-from planner.gap.effect import Effect, Form
+from planner.gap.effect import Effect, Form, StatedEffect, with_effects
 from planner.gap.localise import axis_patterns, specimen_patterns
 from planner.gap.noise import (
     Calibration,
@@ -35,7 +35,6 @@ from planner.simulation.bar_solver import Prediction, Setup, predict, predict_al
 __all__ = [
     "Candidate",
     "Problem",
-    "Search",
     "SignedForm",
     "applied",
     "falls",
@@ -43,6 +42,7 @@ __all__ = [
     "node_weights",
     "own_axes",
     "replicate_floor",
+    "searched",
     "set_up",
     "specimen_forces_N",
     "squared_errors",
@@ -144,8 +144,7 @@ class SignedForm:
 
     def node_places(self) -> list[tuple[float, ...]]:
         """Return the places of its nodes, sizes slowest."""
-        axes = [_NODES[d, _FIRST[d] : _STOP[d]].tolist() for d in range(1 + self.shapes)]
-        return list(product(*axes))
+        return list(product(*(_NODES[d, _FIRST[d] : _STOP[d]] for d in range(1 + self.shapes))))
 
     @property
     def least(self) -> float:
@@ -246,7 +245,7 @@ def joined(
 
 
 # ------------------------------------------------------------------------------------------------
-# Where to look: every form and every pair of effects, on grids of their sizes and shapes.
+# Where to look: every form, on a grid of its sizes and shapes.
 #
 # All features of a form are combinations of its nodes' features, so that its likelihood needs their
 # inner products with the residual and with one another, and nothing of the campaign's size.
@@ -256,142 +255,36 @@ _GRID = (24, 7, 7)
 """Sizes and shapes at which a form is looked at. Numerical: its evidence is the mean over them, and
 what is settled starts from the best."""
 
-_SCAN = 8
-"""Sizes at which pairs are scanned. Numerical: the search goes on from there."""
-
-_PAIRS = 30
-"""Pairs of effects that pass the scan. Numerical: more than twice as many as are settled."""
-
-_FORMS = 3
-"""Combinations of forms of such a pair that are sought. Numerical: the best ones of the scan; forms
-of an effect differ little before they are settled."""
-
-_FINER = (0.5, 0.5, 0.25, 0.25, 0.1, 0.1, 0.03, 0.03)
-"""Of the steps of that scan, by which places about the best are looked at, one effect after the
-other. Numerical: sizes are found to a hundredth."""
-
-
-def _sizes(least: float, count: int) -> FloatArray:
-    """Return sizes s from the smallest to the largest, in equal ratios."""
-    return np.asarray(least ** (1.0 - np.arange(count) / (count - 1.0)))
-
-
-def _mesh(axes: Sequence[FloatArray]) -> FloatArray:
-    """Return all combinations of coordinates, (P, len(axes))."""
-    return np.stack([axis.ravel() for axis in np.meshgrid(*axes, indexing="ij")], axis=1)
-
 
 @lru_cache(maxsize=256)
 def _grid(least: float, shapes: int) -> tuple[FloatArray, FloatArray]:
     """Return places of a form, and the weights of its nodes there."""
+    sizes = least ** (1.0 - np.arange(_GRID[0]) / (_GRID[0] - 1.0))
     of_shapes = [np.linspace(-1.0, 1.0, count) for count in _GRID[1 : 1 + shapes]]
-    places = _mesh([_sizes(least, _GRID[0]), *of_shapes])
+    places = np.array(list(product(sizes, *of_shapes)))
     return places, node_weights(places)
 
 
-def _gains(weights: FloatArray, residual: FloatArray, nodes: FloatArray) -> FloatArray:
-    """Return log likelihoods over that of no effect, (P,), for weights of nodes (P, nodes)."""
-    return np.asarray(weights @ residual - 0.5 * np.sum((weights @ nodes) * weights, axis=1))
-
-
-class Search:
-    """Branches searched on inner products of all nodes.
+def searched(
+    branches: Sequence[SignedForm], residual: FloatArray, nodes: FloatArray
+) -> list[Candidate]:
+    """Return every branch alone, at its best place.
 
     Parameters
     ----------
     residual : (nodes,), nodes : (nodes, nodes)
-        Inner products with the residual and with one another.
+        Inner products of all nodes with the residual and with one another.
     """
-
-    def __init__(
-        self, branches: Sequence[SignedForm], residual: FloatArray, nodes: FloatArray
-    ) -> None:
-        self._branches, self._residual, self._nodes = branches, residual, nodes
-
-    def singles(self) -> list[Candidate]:
-        """Return every branch alone, at its best place."""
-        return [self._single(branch) for branch in self._branches]
-
-    def _single(self, branch: SignedForm) -> Candidate:
+    found = []
+    for branch in branches:
         own = branch.own
         places, weights = _grid(branch.least, branch.shapes)
-        gains = _gains(weights, self._residual[own], self._nodes[own, own])
+        squares = np.sum((weights @ nodes[own, own]) * weights, axis=1)
+        gains = weights @ residual[own] - 0.5 * squares
         at = int(np.argmax(gains))
         mean = gains[at] + np.log(np.mean(np.exp(gains - gains[at])))
-        return joined([(branch, tuple(places[at].tolist()))], float(gains[at]), float(mean))
-
-    def _sought(
-        self, branches: Sequence[SignedForm], places: list[FloatArray], cost: float
-    ) -> Candidate:
-        """Return a pair at the best places near these.
-
-        Parameters
-        ----------
-        cost
-            Nats that the freedom of sizes and shapes takes off the gain.
-        """
-        rows = np.concatenate([np.arange(b.own.start, b.own.stop) for b in branches])
-        b, g = self._residual[rows], self._nodes[np.ix_(rows, rows)]
-        w = np.concatenate([node_weights(place) for place in places])
-        for finer in _FINER:
-            stop = 0
-            for k, branch in enumerate(branches):
-                here = slice(stop, stop := stop + branch.nodes)
-                w[here] = 0.0
-                size, *shapes = places[k].tolist()
-                steps = finer * np.linspace(-1.0, 1.0, 5)
-                sizes = np.clip(size * branch.least ** (steps / (_SCAN - 1.0)), branch.least, 1.0)
-                tried = _mesh([sizes, *(np.clip(at + 0.5 * steps, -1.0, 1.0) for at in shapes)])
-                weights = node_weights(tried)
-                best = int(np.argmax(_gains(weights, b[here] - g[here] @ w, g[here, here])))
-                places[k], w[here] = tried[best], weights[best]
-        gain = float(w @ (b - 0.5 * g @ w))
-        found = [(branch, tuple(p.tolist())) for branch, p in zip(branches, places, strict=True)]
-        return joined(found, gain, gain - cost)
-
-    def pairs(self, singles: Sequence[Candidate]) -> list[Candidate]:
-        """Return the pairs of effects worth weighing, each in its best forms at the best place.
-
-        Sizes are scanned with shapes held at those of `singles`, one a branch.
-        """
-        if not singles:
-            return []
-        shapes = [single.places[0][1:] for single in singles]
-        costs = [single.gain - single.log_evidence for single in singles]
-        sizes = [_sizes(branch.least, _SCAN) for branch in self._branches]
-        gain, best = self._scanned(sizes, shapes)
-        ids = [branch.effect.id for branch in self._branches]
-        groups: dict[tuple[str, str], list[tuple[float, int, int]]] = {}
-        for other, one in combinations(range(len(ids)), 2):
-            if ids[one] != ids[other]:
-                found = float(gain[one, other]), one, other
-                groups.setdefault((ids[other], ids[one]), []).append(found)
-        ranked = sorted((sorted(group, reverse=True) for group in groups.values()), reverse=True)
-        pairs = []
-        for _, *both in (pair for group in ranked[:_PAIRS] for pair in group[:_FORMS]):
-            at = np.unravel_index(best[tuple(both)], (_SCAN, _SCAN))
-            starts = [np.array([sizes[k][i], *shapes[k]]) for k, i in zip(both, at, strict=True)]
-            branches = [self._branches[k] for k in both]
-            pairs.append(self._sought(branches, starts, sum(costs[k] for k in both)))
-        return pairs
-
-    def _scanned(
-        self, sizes: Sequence[FloatArray], shapes: Sequence[tuple[float, ...]]
-    ) -> tuple[FloatArray, IntArray]:
-        """Return the best gain of each pair of branches, and which of its sizes have it, (B, B)."""
-        weights = [
-            node_weights([(s, *shape) for s in own])
-            for own, shape in zip(sizes, shapes, strict=True)
-        ]
-        parts = list(zip(self._branches, weights, strict=True))
-        half = np.concatenate([w @ self._nodes[b.own] for b, w in parts])
-        cross = np.concatenate([half[:, b.own] @ w.T for b, w in parts], axis=1)
-        alone = np.concatenate([w @ self._residual[b.own] for b, w in parts])
-        alone -= 0.5 * np.diagonal(cross)
-        count = len(self._branches)
-        gain = (alone[:, None] + alone - cross).reshape(count, _SCAN, count, _SCAN)
-        flat = gain.swapaxes(1, 2).reshape(count, count, -1)
-        return flat.max(axis=2), flat.argmax(axis=2)
+        found.append(joined([(branch, tuple(places[at].tolist()))], float(gains[at]), float(mean)))
+    return found
 
 
 # ------------------------------------------------------------------------------------------------
@@ -458,8 +351,11 @@ def _unknown_axes(
     """
     own = own_axes(effects)
     claimed = frozenset(own).union(*[e.where for e in effects])
-    patterns = axis_patterns(campaign, table, sensitivity)
-    axes = [_axis(name, columns, claimed) for name, columns in patterns.items()]
+    axes = []
+    for name, columns in axis_patterns(campaign, table, sensitivity).items():
+        touched = max(int(np.any(columns != 0.0, axis=1).sum()), 1)
+        scale = max(float(np.sqrt(np.sum(columns**2) / touched)), 1e-12)
+        axes.append(UnknownAxis(name, columns / scale, name in claimed))
     known = [axis.columns for axis in axes if axis.claimed and axis.axis not in own]
     if len(known) > 1:
         axes.append(UnknownAxis(_ANY, np.concatenate(known, axis=1), True))
@@ -513,12 +409,6 @@ def _levels_apart(campaign: Campaign, model: ObservationModel, counts: BoolArray
 def own_axes(effects: Sequence[Effect]) -> dict[str, str]:
     """Return, of each axis that is an effect's own covariate, that effect's id."""
     return {name: e.id for e in effects for entry in e.covariates for name in entry.split("|")}
-
-
-def _axis(name: str, columns: FloatArray, claimed: Collection[str]) -> UnknownAxis:
-    touched = np.any(columns != 0.0, axis=1)
-    scale = np.sqrt(np.sum(columns**2) / max(int(touched.sum()), 1))
-    return UnknownAxis(name, columns / max(float(scale), 1e-12), name in claimed)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -720,7 +610,7 @@ def set_up(
     bends = discrepancy_columns(campaign, table, sensitivity)
     calibration = np.concatenate(
         [
-            calibration_columns(ways, changes[: len(ways)], np.zeros(len(table))),
+            calibration_columns(ways, changes[: len(ways)]),
             bends,
             field_columns(table, facets, aside, sensitivity),
             _STRAY_SD * gains[:, stray],
@@ -784,9 +674,9 @@ def applied(candidate: Candidate, setup: Setup) -> Setup:
 
     What holds for some specimens only is left to `specimen_forces_N`.
     """
-    for branch, place in sorted(candidate.parts, key=lambda part: part[0].effect.order):
-        setup = branch.form.apply(setup, branch.values(place))
-    return setup
+    return with_effects(
+        setup, [StatedEffect(b.effect, b.form, b.values(place)) for b, place in candidate.parts]
+    )
 
 
 def specimen_forces_N(

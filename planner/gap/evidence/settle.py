@@ -8,7 +8,7 @@ import numpy as np
 import scipy.linalg
 from scipy.linalg.lapack import dpotrf, dtrtrs
 
-from planner.gap.evidence.problem import Candidate, Problem, Search
+from planner.gap.evidence.problem import Candidate, Problem, searched
 from planner.numerics import FloatArray
 from planner.simulation.bar_solver import Setup
 
@@ -344,11 +344,11 @@ class Settled:
         inner = self.world.products(self.slopes, self.own) + np.eye(self.slopes.shape[1])
         return np.asarray(np.sqrt(np.diagonal(np.linalg.inv(inner))))
 
-    def search(self) -> Search:
-        """Return the search of every form for what this candidate leaves."""
+    def beside(self) -> list[Candidate]:
+        """Return every form alone at its best place for what this candidate leaves."""
         problem = self.world.problem
         left = self.eliminated(self.world, problem.nodes).products
-        return Search(problem.branches, left[0, 1:], left[1:, 1:])
+        return searched(problem.branches, left[0, 1:], left[1:, 1:])
 
 
 def nothing(world: World) -> Settled:

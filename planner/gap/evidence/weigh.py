@@ -1,6 +1,6 @@
 """Weigh all hypotheses, and go from evidence to probabilities: the verdict, and its class."""
 
-from collections.abc import Hashable, Iterable, Mapping, Sequence
+from collections.abc import Collection, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import permutations
 
@@ -243,8 +243,8 @@ def _weigh_subset(
 HypothesisKey = tuple[Effects, str]
 """Effects, and the axis of an unknown beside them, "" without."""
 
-_SINGLES = 24
-"""Forms of single effects, and as many pairs as half of them, that are settled. Numerical: the best
+_SINGLES, _PARTNERS = 24, 6
+"""Forms of single effects that are settled, and effects beside what settled. Numerical: the best
 ones by the surrogate, of every effect one; it is what a diagnosis' time goes by."""
 
 _BESIDE = 3
@@ -467,8 +467,10 @@ def _of_some(world: World, logs: "_LogPriors", one: Settled) -> Candidate:
     return replace(found, log_evidence=found.log_evidence + log_prior)
 
 
-def reweigh(weighed: Weighed, weight: FloatArray) -> tuple[World, list[tuple[float, Candidate]]]:
-    """Weigh settled candidates on specimens weighted by `weight` (n,).
+def reweigh(
+    weighed: Weighed, vain: Collection[Effects], weight: FloatArray
+) -> tuple[World, list[tuple[float, Candidate]]]:
+    """Weigh settled candidates, vain ones among them, on specimens weighted by `weight` (n,).
 
     By the model linear about where they settled on all specimens, where they stay.
 
@@ -489,7 +491,10 @@ def reweigh(weighed: Weighed, weight: FloatArray) -> tuple[World, list[tuple[flo
         settled += some
         prior += [logs.of(c.effects) for c in some]
     share = logs.priors.counted(max((c.log_evidence for c in settled), default=0.0))
-    odds = [p + share * c.log_evidence for p, c in zip(prior, settled, strict=True)]
+    odds = [
+        p - _ALIKE_NATS * (c.effects in vain) + share * c.log_evidence
+        for p, c in zip(prior, settled, strict=True)
+    ]
     return world, list(zip(odds, settled, strict=True))
 
 
@@ -560,9 +565,7 @@ def _settled(worlds: Sequence[World], logs: _LogPriors) -> list[Settled]:
 
     # Surrogates are compared where models may be off by as much as surrogates are.
     world = max(worlds, key=lambda w: w.none)
-    search = nothing(world).search()
-    singles = search.singles()
-    ranked = sorted(singles, key=lambda c: -value(c))
+    ranked = sorted(nothing(world).beside(), key=lambda c: -value(c))
     first: dict[Effects, Candidate] = {}
     for c in ranked:
         first.setdefault(c.effects, c)
@@ -574,10 +577,11 @@ def _settled(worlds: Sequence[World], logs: _LogPriors) -> list[Settled]:
     best: dict[Effects, Settled] = {}
     for one in sorted(settled, key=lambda one: -odds(one)):
         best.setdefault(one.candidate.effects, one)
-    pairs = {c.effects: c for c in sorted(search.pairs(singles), key=value)[-_SINGLES // 2 :]}
-    for one in reversed(list(best.values())[:_BESIDE]):
-        for c in _partners(one, logs)[: _SINGLES // 4]:
-            pairs[c.effects] = c
+    pairs = {
+        c.effects: c
+        for one in reversed(list(best.values())[:_BESIDE])
+        for c in _partners(one, logs)[:_PARTNERS]
+    }
     both = [settle(worlds, c, world) for c in pairs.values()]
     # What looks best with surrogates' forms is looked at in all, and a third effect beside it.
     leading = max(both, key=odds, default=None)
@@ -594,7 +598,7 @@ def _settled(worlds: Sequence[World], logs: _LogPriors) -> list[Settled]:
         forms.pop(frozenset(b.number for b in one.candidate.branches), None)
     both += [settle(worlds, c, world) for c in forms.values()]
     leading = max(both, key=odds)
-    thirds = _partners(leading, logs)[: _SINGLES // 4]
+    thirds = _partners(leading, logs)[:_PARTNERS]
     return [*settled, *both, *(settle(worlds, c, leading.world) for c in thirds)]
 
 
@@ -607,7 +611,7 @@ def _partners(one: Settled, logs: _LogPriors, of: Effects | None = None) -> list
         One effect instead, of which every form is returned.
     """
     own = one.candidate
-    found = sorted(one.search().singles(), key=lambda c: -(c.log_evidence + logs.forms(c)))
+    found = sorted(one.beside(), key=lambda c: -(c.log_evidence + logs.forms(c)))
     best: dict[Hashable, Candidate] = {}
     for c in found:
         if not set(c.effects) & set(own.effects) and of in (None, c.effects):
@@ -630,10 +634,10 @@ def _settled_beside_some(result: Weighed) -> list[Settled]:
     left = replace(left, world=max(result.worlds, key=lambda w: left.eliminated(w).none))
     found: list[Settled] = []
     for _ in range(2):  # one other effect, then two
-        beside = [c for c in _partners(left, result.logs) if _GAIN not in c.effects][
-            : _SINGLES // 4
+        beside = [c for c in _partners(left, result.logs) if _GAIN not in c.effects]
+        both = [
+            replace(c, members=some.members, log_gain=some.log_gain) for c in beside[:_PARTNERS]
         ]
-        both = [replace(c, members=some.members, log_gain=some.log_gain) for c in beside]
         found += [settle(result.worlds, c, left.world) for c in both]
         found.sort(key=lambda one: -one.eliminated(one.world).none)
         if not found:
@@ -921,10 +925,11 @@ def ranking_of(evidence: Evidence, priors: Priors) -> tuple[Hypothesis, ...]:
     """Return hypotheses, the most probable first.
 
     Evidence counts the share of itself that `Priors` say. A gap no larger than what replicates
-    differ by is no unknown one; a right effect may be smaller than that. What closes nothing is no
-    explanation: of a gap that is larger it speaks for what closes it, or for an unknown. Where
-    replicates are not alike, a condition that nobody wrote down is as likely as a gain of some.
-    Very few specimens show a gap, not its cause: the rest of what they name is unknown.
+    differ by is no unknown one; a right effect may be smaller than that. What closes nothing is
+    hardly an explanation: of a gap that is larger it speaks for what closes it, or for an unknown.
+    It is not ruled out, as each specimen may have its own size of a right effect. Where replicates
+    are not alike, a condition that nobody wrote down is as likely as a gain of some. Very few
+    specimens show a gap, not its cause: the rest of what they name is unknown.
     """
     found = evidence.log_evidence
     counts = _counted(found, priors)
@@ -932,20 +937,19 @@ def ranking_of(evidence: Evidence, priors: Priors) -> tuple[Hypothesis, ...]:
         {key: prior + counts * found[key] for key, prior in evidence.log_prior.items()}
     )
     p = {h.effects: h.probability for h in ranking}
-    vain = dict.fromkeys(evidence.vain, 1.0)
+    unlikely = float(np.exp(-_ALIKE_NATS))
     if evidence.within_floor:
         no_gap = dict.fromkeys([UNKNOWN, *((id,) for id in evidence.scatter_like)], 1.0)
-        _give(p, vain | no_gap, ())
+        _give(p, dict.fromkeys(evidence.vain, 1.0 - unlikely) | no_gap, ())
     else:
         # In proportion, and to an unknown as if that were `_ALIKE_NATS` below what gives: what has
         # less yet, as a third effect that fits by chance, is no better explanation.
-        given = sum(p.get(effects, 0.0) for effects in vain)
-        unknown = float(np.exp(-_ALIKE_NATS))
+        given = (1.0 - unlikely) * sum(p.get(effects, 0.0) for effects in evidence.vain)
         closing = sum(p.get(e, 0.0) for e, closes in evidence.closes.items() if closes)
-        each = given / max(closing + unknown * given, 1e-300)
+        each = given / max(closing + unlikely * given, 1e-300)
         for effects in p.keys() & evidence.closes.keys():
-            p[effects] *= unknown * each if effects in vain else 1.0 + each
-        _give(p, vain, UNKNOWN)
+            p[effects] *= 1.0 + each if evidence.closes[effects] else unlikely
+        p[UNKNOWN] = p.get(UNKNOWN, 0.0) + unlikely * each * given
         _give(p, dict.fromkeys(evidence.of_unlike, 0.5), UNKNOWN)
     named = [effects for effects in p if effects not in ((), UNKNOWN)]
     most = (evidence.specimens - 1) / (ENOUGH_SPECIMENS - 1) * (1.0 - p.get((), 0.0))

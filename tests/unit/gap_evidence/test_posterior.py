@@ -172,15 +172,20 @@ def test_an_unknown_along_a_claimed_axis_is_as_likely_whatever_else_is_recorded(
     assert beside[2] == pytest.approx(np.log(0.5 * 0.99))
 
 
+UNLIKELY = np.exp(-3.0)
+"""Odds of twenty to one."""
+
+
 @pytest.mark.parametrize("within", [False, True])
-def test_what_closes_nothing_of_a_gap_explains_nothing(within: bool) -> None:
+def test_what_closes_nothing_of_a_gap_hardly_explains_it(within: bool) -> None:
     """Of one that is larger than the floor the cause is unknown; below it there is none."""
     plain = probabilities(evidence(3.0, within_floor=within))
     closes = {RATE: False, BOTH: False}
     found = probabilities(evidence(3.0, within_floor=within, closes=closes))
     to = () if within else UNKNOWN
-    assert set(found) == ({(), SLIP} if within else {(), SLIP, UNKNOWN})
-    assert found[to] == pytest.approx(plain[to] + plain[RATE] + plain[BOTH])
+    given = (1.0 - UNLIKELY) * (plain[RATE] + plain[BOTH])
+    assert found[to] == pytest.approx(plain.get(to, 0.0) + given)
+    assert found[RATE] == pytest.approx(UNLIKELY * plain[RATE])
 
 
 @pytest.mark.parametrize("gain", [0.0, 3.0, 30.0])
@@ -190,11 +195,12 @@ def test_what_closes_nothing_speaks_for_what_closes_the_gap(gain: float) -> None
     found = probabilities(evidence(gain, closes={RATE: False, BOTH: True, SLIP: True}))
     assert sum(found.values()) == pytest.approx(1.0)
     assert found[()] == pytest.approx(plain[()])
-    unknown = np.exp(-3.0) * plain[RATE]
-    whole = plain[BOTH] + plain[SLIP] + unknown
+    given = (1.0 - UNLIKELY) * plain[RATE]
+    whole = plain[BOTH] + plain[SLIP] + UNLIKELY * given
     for effects in (BOTH, SLIP):
-        assert found[effects] == pytest.approx(plain[effects] * (1.0 + plain[RATE] / whole))
-    assert found[UNKNOWN] == pytest.approx(plain[UNKNOWN] + unknown * plain[RATE] / whole)
+        assert found[effects] == pytest.approx(plain[effects] * (1.0 + given / whole))
+    assert found[RATE] == pytest.approx(UNLIKELY * plain[RATE])
+    assert found[UNKNOWN] == pytest.approx(plain[UNKNOWN] + UNLIKELY * given * given / whole)
 
 
 def test_of_unlike_replicates_a_gain_of_some_is_as_likely_as_what_nobody_wrote_down() -> None:

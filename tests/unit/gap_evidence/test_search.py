@@ -1,4 +1,4 @@
-"""Forms and pairs on grids of their parameters, and factors on some specimens' force.
+"""Forms on grids of their parameters, and factors on some specimens' force.
 
 Sizes have priors uniform in their logarithm over a factor of 40, shapes uniform in -1 to 1. The
 features of the forms here are exactly what nodes can carry: linear in the size, a parabola in the
@@ -15,7 +15,7 @@ from scipy.integrate import nquad
 from scipy.special import logsumexp
 
 from planner.gap.effect import Effect, Form, Parameter
-from planner.gap.evidence.problem import Candidate, Search, SignedForm, signed_forms
+from planner.gap.evidence.problem import Candidate, SignedForm, searched, signed_forms
 from planner.gap.evidence.weigh import _weigh_subset
 from planner.gap.noise import USUAL
 from planner.numerics import FloatArray
@@ -37,15 +37,11 @@ def nodes_of(branch: SignedForm, pattern: Callable[..., FloatArray]) -> FloatArr
     return np.array([s * s * pattern(*shape) for s, *shape in branch.node_places()])
 
 
-def searched(patterns: dict[SignedForm, FloatArray], residual: FloatArray) -> Search:
-    nodes = np.concatenate([nodes_of(b, lambda d=d: d) for b, d in patterns.items()])
-    return Search(tuple(patterns), nodes @ residual, nodes @ nodes.T)
-
-
 def best(pattern: FloatArray, residual: FloatArray) -> Candidate:
     """Return a form without shapes at its best size."""
     (branch,) = signed_forms([effect("a")])
-    return searched({branch: pattern}, residual).singles()[0]
+    nodes = nodes_of(branch, lambda: pattern)
+    return searched((branch,), nodes @ residual, nodes @ nodes.T)[0]
 
 
 def size(u: FloatArray | float) -> FloatArray:
@@ -128,41 +124,10 @@ def test_shapes_are_weighed_with_the_size(seed: int, length: float) -> None:
     r = (0.4 if length else 0.0) * pattern(0.3) + rng.standard_normal(FEATURES)
     (branch,) = signed_forms([effect("a", shapes=1)])
     nodes = nodes_of(branch, pattern)
-    (found,) = Search((branch,), nodes @ r, nodes @ nodes.T).singles()
+    (found,) = searched((branch,), nodes @ r, nodes @ nodes.T)
     exact = integral(lambda u, v: likelihood(r, size(u) * pattern(2.0 * v - 1.0)), 2)
     assert found.log_evidence <= found.gain + 1e-12
     assert found.log_evidence - exact == pytest.approx(0.0, abs=1.0)
-
-
-@pytest.mark.parametrize("seed", range(4))
-@pytest.mark.parametrize("shares", [(0.3, 0.4), (0.4, 0.0), (0.0, 0.0)])
-def test_pairs_are_weighed(seed: int, shares: tuple[float, float]) -> None:
-    """Each at the price of its freedom alone: within 1 nat, and 2.5 for one that is not there."""
-    rng = np.random.default_rng(seed)
-    first, second = pattern_of(rng, 30.0), pattern_of(rng, 30.0)
-    r = shares[0] * first + shares[1] * second + rng.standard_normal(FEATURES)
-    branches = signed_forms([effect("a"), effect("b")])
-    search = searched(dict(zip(branches, (first, second), strict=True)), r)
-    (found,) = search.pairs(search.singles())
-    assert found.effects == ("a", "b")
-    exact = integral(lambda u, v: likelihood(r, size(u) * first + size(v) * second), 2)
-    assert found.log_evidence <= found.gain + 1e-12
-    absent = sum(share == 0.0 for share in shares)
-    assert -1.0 < found.log_evidence - exact < 1.0 + 2.5 * absent
-
-
-def test_the_pair_that_was_put_in_is_found() -> None:
-    """Of four effects, one of two forms; never two forms of one effect."""
-    rng = np.random.default_rng(5)
-    branches = signed_forms([effect("a"), effect("b"), effect("c"), effect("d", forms=2)])
-    patterns = {branch: pattern_of(rng, 30.0) for branch in branches}
-    r = 0.3 * patterns[branches[1]] + 0.5 * patterns[branches[3]]
-    search = searched(patterns, r + rng.standard_normal(FEATURES))
-    pairs = search.pairs(search.singles())
-    assert all(len(set(pair.effects)) == 2 for pair in pairs)
-    found = max(pairs, key=lambda pair: pair.gain)
-    assert found.branches == (branches[1], branches[3])
-    assert found.sizes**2 == pytest.approx([0.3, 0.5], abs=0.15)  # three errors of 1 / 30
 
 
 # ------------------------------------------------------------------------------------------------
