@@ -134,15 +134,8 @@ def _first_kept(dispatcher: Any) -> bool:
 
 @cache
 def _compiler() -> Any:
-    import numba  # half a second and 50 MB, which files without kernels do not pay
+    import numba  # a third of a second and 50 MB, which files without kernels do not pay
     from numba.core import event
-
-    # To know whether it can convolve, numba would load scipy.linalg: a fifth of a second.
-    blas = "scipy.linalg.cython_blas"
-    if blas not in sys.modules:
-        sys.modules[blas] = None  # type: ignore[assignment] # its import then fails at once
-        importlib.import_module("numba.np.arraymath")
-        del sys.modules[blas]
 
     class Watch(event.Listener):
         """Python's search for cycles of garbage takes an eighth of the time of compiling."""
@@ -156,6 +149,12 @@ def _compiler() -> Any:
                 if first:
                     act()
             if self.depth == 0:
+                # To know whether it can convolve, numba would load scipy.linalg: 0.2 s.
+                blas = "scipy.linalg.cython_blas"
+                if blas not in sys.modules:
+                    sys.modules[blas] = None  # type: ignore[assignment] # its import fails at once
+                    importlib.import_module("numba.np.arraymath")
+                    del sys.modules[blas]
                 self.searching = gc.isenabled()
                 gc.disable()
             self.depth += 1

@@ -91,6 +91,14 @@ def test_a_loop_is_compiled_anew_when_one_in_another_file_changes_and_found_when
 
 
 @pytest.mark.slow
+def test_a_loop_that_is_kept_is_loaded_without_what_compiles(package):
+    said = "import sys\nprint(json.dumps('numba.np.arraymath' in sys.modules))"
+    last = AREAS.rpartition("print")[0] + said
+    assert run(last, package.parent)
+    assert not run(last, package.parent)
+
+
+@pytest.mark.slow
 def test_what_no_one_used_for_a_month_goes_when_something_new_comes(package):
     old = package / "__pycache__" / "loops-python3.0"
     old.mkdir(parents=True)
