@@ -1546,59 +1546,89 @@ _SLACK_LEVEL = 0.95
 """Confidence that the specimens' slack together differs from none; a slack missed costs 10 % of the
 modulus. How often one is found is in docs/explanation/fitting.md."""
 
+_CORRELATION_STRAINS = np.geomspace(1e-5, 1.0, 31)
+"""Strains over which the scatter's correlation may fall by e. Numerical."""
+
 
 def loading(curves: Sequence[Curve]) -> list[Curve]:
-    """Return the curves from the end of their slack to their largest stress; slack is noted.
-
-    Slack is the grips' and the series', so that the specimens together decide whether there is
-    any; each then has its own. How far it may be off shows in the specimens' scatter.
-    """
-    from scipy.special import fdtri
-
-    found = [_slack(curve) for curve in curves]
-    gain, independent = (sum(one[k] for one in found) for k in (1, 2))
-    tried = sum(one[2] > 0.0 for one in found)
-    whole = list(curves)
-    if tried and gain > tried * fdtri(tried, independent, _SLACK_LEVEL):  # an F test of them all
-        whole = [
-            curve.part(
-                curve.strain >= slack,
-                f"specimen {curve.specimen}: begins to bear at strain {slack:.3g}; strains of its "
-                "material's law count from there",
-                origin=slack,
-            )
-            if slack
-            else curve
-            for curve, (slack, *_) in zip(curves, found, strict=True)
-        ]
+    """Return the curves from the end of their slack to their largest stress; slack is noted."""
+    whole = [
+        curve.part(
+            curve.strain >= slack,
+            f"specimen {curve.specimen}: begins to bear at strain {slack:.3g}; strains of its "
+            "material's law count from there",
+            origin=slack,
+        )
+        if slack
+        else curve
+        for curve, slack in zip(curves, _slacks(curves), strict=True)
+    ]
     return [curve.part(slice(int(np.argmax(curve.stress_MPa)) + 1)) for curve in whole]
 
 
-def _slack(curve: Curve) -> tuple[float, float, float]:
-    """Return the strain at which a specimen begins to bear, how much better that fits, of what.
+def _slacks(curves: Sequence[Curve]) -> list[float]:
+    """Return the strain at which each specimen begins to bear; 0 for all where none has slack.
 
-    The gain is that in the sum of squares over the scatter's variance, as a squared number of
-    standard errors; 0 where there is no slack. Last comes the number of points, less what was
-    fitted, that would tell as much were they not correlated with their neighbours.
+    Slack is the grips' and the series': an F test says whether one slack of all specimens lowers
+    their squares; each then has its own. What single specimens have shows in their scatter. That
+    of the points is correlated along the record: over which strain tells the restricted
+    likelihood of all specimens without slack.
     """
+    from scipy.special import fdtri
+
+    begun = {k: found for k, curve in enumerate(curves) if len((found := _beginning(curve))[0])}
+    slacks = [0.0] * len(curves)
+    if not begun:
+        return slacks
+    largest = min(_LARGEST_SLACK, *(0.3 * float(x[-1]) for x, _ in begun.values()))
+    slack = np.linspace(0.0, largest, _SLACK_STEPS)
+    each = [_slack_squares(x, y, slack) for x, y in begun.values()]
+    squares, deviance = (np.array(values) for values in zip(*each, strict=True))
+    own = squares[:, np.argmin(deviance.sum(axis=0))]
+    freedom = np.array([len(x) - 3 for x, _ in begun.values()])
+    gain = freedom @ ((own[:, :1] - own) / own.min(axis=1)[:, None])
+    at, last = int(np.argmax(gain)), _SLACK_STEPS - 1
+    if at < last and gain[at] > fdtri(1, freedom.sum(), _SLACK_LEVEL):
+        for k, place in zip(begun, np.argmin(own, axis=1).tolist(), strict=True):
+            slacks[k] = float(slack[place]) if place < last else 0.0  # the last is no minimum
+    return slacks
+
+
+def _beginning(curve: Curve) -> tuple[FloatArray, FloatArray]:
+    """Return strain and stress where Mooney's form holds; none of a record that tells no slack."""
     peak = int(np.argmax(curve.stress_MPa)) + 1
     near = (np.arange(len(curve.strain)) < peak) & (curve.strain - curve.strain[0] <= _SLACK_RANGE)
-    x, y = curve.strain[near], curve.stress_MPa[near]
-    if len(x) < 3 * MINIMUM_POINTS or x[0] < 0.0:
-        return 0.0, 0.0, 0.0
-    slack = np.linspace(0.0, min(_LARGEST_SLACK, 0.3 * float(x[-1])), _SLACK_STEPS)
+    if near.sum() < 3 * MINIMUM_POINTS or curve.strain[0] < 0.0:
+        near[:] = False
+    return curve.strain[near], curve.stress_MPa[near]
+
+
+def _slack_squares(
+    x: FloatArray, y: FloatArray, slack: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return how well Mooney's form behind each slack (s,) follows a record's beginning.
+
+    The generalised squares (r, s) for each of `_CORRELATION_STRAINS`, and minus twice the
+    restricted log-likelihood of each without slack (r,).
+    """
     stretch = 1.0 + np.maximum(x - slack[:, None], 0.0)
     front = stretch - stretch**-2
     basis, _ = np.linalg.qr(np.stack([front, front / stretch], axis=2))
     scatter = y - np.einsum("snk,sk->sn", basis, np.einsum("snk,n->sk", basis, y))
-    squares = (scatter**2).sum(axis=1)
-    at = int(np.argmin(squares))
-    best = float(squares[at])
-    if at == _SLACK_STEPS - 1 or not best > 0.0:
-        return 0.0, 0.0, 0.0
-    correlation = max(float(scatter[at, 1:] @ scatter[at, :-1]) / best, 0.0)
-    independent = (len(x) - 3) * (1.0 - correlation) / (1.0 + correlation)
-    return float(slack[at]), float(squares[0] - best) / best * independent, independent
+    # Scatter whose correlation falls evenly with strain has an inverse covariance of three bands.
+    columns = np.concatenate([basis, scatter[:, :, None]], axis=2)
+    rows = columns.transpose(0, 2, 1)
+    beside = rows[:, :, 1:] @ columns[:, :-1]
+    correlation = np.exp(-float(x[-1] - x[0]) / (len(x) - 1) / _CORRELATION_STRAINS)
+    r = correlation[:, None, None, None]
+    product = rows @ columns - r * (beside + beside.transpose(0, 2, 1))
+    product += r**2 * (rows[:, :, 1:-1] @ columns[:, 1:-1])
+    normal, across = product[..., :2, :2], product[..., :2, 2]
+    solved = np.linalg.solve(normal, across[..., None])[..., 0]
+    squares = product[..., 2, 2] - (across * solved).sum(axis=2)
+    squares = np.maximum(squares, 1e-24 * float(y @ y))  # less is rounding
+    deviance = (len(x) - 2) * np.log(squares[:, 0]) - np.log1p(-(correlation**2))
+    return squares, deviance + np.linalg.slogdet(normal[:, 0])[1]
 
 
 # ------------------------------------------------------------------------------------------------
