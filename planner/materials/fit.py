@@ -1540,7 +1540,6 @@ def _interval_rounded(values: FloatArray) -> FloatArray:
 _SLACK_RANGE = 0.3
 """Strain behind the record's beginning over which Mooney's form describes an elastomer."""
 
-_LARGEST_SLACK = 0.1
 _SLACK_STEPS = 101
 _SLACK_LEVEL = 0.95
 """Confidence that the specimens' slack together differs from none; a slack missed costs 10 % of the
@@ -1567,40 +1566,50 @@ def loading(curves: Sequence[Curve]) -> list[Curve]:
 
 
 def _slacks(curves: Sequence[Curve]) -> list[float]:
-    """Return the strain at which each specimen begins to bear; 0 for all where none has slack.
+    """Return the strain at which each specimen begins to bear, 0 where it has no slack.
 
-    Slack is the grips' and the series': an F test says whether one slack of all specimens lowers
-    their squares; each then has its own. What single specimens have shows in their scatter. That
-    of the points is correlated along the record: over which strain tells the restricted
+    Slack is the series', or one specimen's that slipped. An F test says whether one slack of all
+    specimens lowers their squares: then each begins at its own. Else those do that pass the test
+    alone. Each of the two questions has half of the errors, of the second each specimen its part.
+    The scatter of points is correlated along a record: over which strain tells the restricted
     likelihood of all specimens without slack.
     """
     from scipy.special import fdtri
 
-    begun = {k: found for k, curve in enumerate(curves) if len((found := _beginning(curve))[0])}
     slacks = [0.0] * len(curves)
+    begun = {k: found for k, curve in enumerate(curves) if len((found := _beginning(curve))[0])}
     if not begun:
         return slacks
-    largest = min(_LARGEST_SLACK, *(0.3 * float(x[-1]) for x, _ in begun.values()))
-    slack = np.linspace(0.0, largest, _SLACK_STEPS)
-    each = [_slack_squares(x, y, slack) for x, y in begun.values()]
+    farthest = np.array([reach for *_, reach in begun.values()])
+    tried = np.linspace(0.0, farthest.max(), _SLACK_STEPS)
+    each = [_slack_squares(x, y, np.minimum(tried, reach)) for x, y, reach in begun.values()]
     squares, deviance = (np.array(values) for values in zip(*each, strict=True))
     own = squares[:, np.argmin(deviance.sum(axis=0))]
-    freedom = np.array([len(x) - 3 for x, _ in begun.values()])
-    gain = freedom @ ((own[:, :1] - own) / own.min(axis=1)[:, None])
-    at, last = int(np.argmax(gain)), _SLACK_STEPS - 1
-    if at < last and gain[at] > fdtri(1, freedom.sum(), _SLACK_LEVEL):
-        for k, place in zip(begun, np.argmin(own, axis=1).tolist(), strict=True):
-            slacks[k] = float(slack[place]) if place < last else 0.0  # the last is no minimum
+    freedom = np.array([len(x) - 3 for x, *_ in begun.values()])
+    gain = freedom[:, None] * (own[:, :1] - own) / own.min(axis=1)[:, None]
+    error = (1.0 - _SLACK_LEVEL) / min(len(begun), 2)  # of a single specimen both are one question
+    slipped = gain.max(axis=1) > fdtri(1, freedom, 1.0 - error / len(begun))
+    slipped |= gain.sum(axis=0).max() > fdtri(1, freedom.sum(), 1.0 - error)
+    best = tried[np.argmax(gain, axis=1)]
+    best = np.where(slipped & (best < farthest), best, 0.0)  # the farthest is no minimum
+    for k, slack in zip(begun, best.tolist(), strict=True):
+        slacks[k] = slack
     return slacks
 
 
-def _beginning(curve: Curve) -> tuple[FloatArray, FloatArray]:
-    """Return strain and stress where Mooney's form holds; none of a record that tells no slack."""
+def _beginning(curve: Curve) -> tuple[FloatArray, FloatArray, float]:
+    """Return strain and stress where Mooney's form holds, and how far slack may reach.
+
+    None of a record that tells no slack. The tangent's toe ends before the slack does.
+    """
+    toe = float(curve.strain[-1] - toe_compensated(curve).strain[-1])
     peak = int(np.argmax(curve.stress_MPa)) + 1
-    near = (np.arange(len(curve.strain)) < peak) & (curve.strain - curve.strain[0] <= _SLACK_RANGE)
+    near = np.arange(len(curve.strain)) < peak
+    near &= curve.strain - curve.strain[0] <= toe + _SLACK_RANGE
     if near.sum() < 3 * MINIMUM_POINTS or curve.strain[0] < 0.0:
         near[:] = False
-    return curve.strain[near], curve.stress_MPa[near]
+    x = curve.strain[near]
+    return x, curve.stress_MPa[near], toe + 0.3 * float(np.max(x - toe, initial=0.0))
 
 
 def _slack_squares(

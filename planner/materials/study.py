@@ -28,6 +28,7 @@ from planner.materials.characterise import (
     BROKEN_SHARE,
     MINIMUM_POINTS,
     SECANT_STRAINS,
+    UNLOADED_SHARE,
     Curve,
     characterise_curve,
     without_tail,
@@ -200,9 +201,6 @@ def _unevenness(values: FloatArray) -> float:
 # From a specimen's record to its curve of nominal stress against strain.
 
 
-_START_SHARE = 0.02
-"""A record whose first load is below this share of its peak starts unloaded."""
-
 _LOADS = ("force_N", "stress_MPa", "true_stress_MPa")
 
 
@@ -305,7 +303,7 @@ class _Test:
             )
         displacement = columns["displacement_mm"]
         load = next(columns[name] for name in _LOADS if name in columns)
-        if displacement[0] != 0.0 and abs(load[0]) < _START_SHARE * float(np.max(np.abs(load))):
+        if displacement[0] != 0.0 and abs(load[0]) < UNLOADED_SHARE * float(np.max(np.abs(load))):
             self.notes.append(
                 f"{self.where}: displacement counted from its first value, {displacement[0]:.4g} mm"
             )
