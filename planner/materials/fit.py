@@ -923,11 +923,7 @@ class Choice:
 
 
 def choose_law(
-    laws: Sequence[SeparableLaw],
-    sample: Sample,
-    working_strain: float,
-    *,
-    starts: int = STARTS,
+    laws: Sequence[SeparableLaw], sample: Sample, working_strain: float, *, starts: int = STARTS
 ) -> Choice:
     """Fit every law, leave one specimen out in turn, and choose.
 
@@ -1454,7 +1450,8 @@ def _crossings(fit: LawFit, sample: Sample, t: float, spread: FloatArray) -> Flo
     for _ in range(_ROUNDS):
         distance[todo] = np.minimum(distance[todo], limit[todo])
         at = distance[todo]
-        cost, a, c = _profile(fit, sample, which[todo], best, side[todo] * at, near[todo])
+        ends = best[which[todo]] + side[todo] * at
+        cost, a, c = _profile(fit, sample, which[todo], ends, near[todo])
         near[todo] = _interval_rounded(a)
         passed.append((cost, np.concatenate([a, c], axis=1)))
         allowed = [
@@ -1491,14 +1488,9 @@ def _crossings(fit: LawFit, sample: Sample, t: float, spread: FloatArray) -> Flo
 
 
 def _profile(
-    fit: LawFit,
-    sample: Sample,
-    which: IntArray,
-    best: FloatArray,
-    offset: FloatArray,
-    near: FloatArray,
+    fit: LawFit, sample: Sample, which: IntArray, at: FloatArray, near: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the least cost with one parameter held a row, and the parameters there.
+    """Return the least cost with one parameter held at a value a row, and the parameters there.
 
     Each is sought from the best fit and from the last point of this profile.
     """
@@ -1506,7 +1498,6 @@ def _profile(
     held_a = np.zeros((len(rows), q), dtype=bool)
     held_c = np.full((len(rows), fit.law.columns), np.nan)
     by_a, by_c = which < q, which >= q
-    at = best[which] + offset
     held_a[rows[by_a], which[by_a]] = True
     held_c[rows[by_c], which[by_c] - q] = at[by_c]
     starts = [np.tile(fit.a, (len(rows), 1)), near.copy()]
@@ -1938,10 +1929,7 @@ def _plastic(
         choice=Choice((), None, "", found.deformation.reason),
         notes=notes,
         secants=_secants(
-            strains,
-            secant_modulus_MPa(law, strains),
-            wide,
-            np.full(len(strains), scatter.log_sd),
+            strains, secant_modulus_MPa(law, strains), wide, np.full(len(strains), scatter.log_sd)
         ),
         curves=tuple(whole),
     )

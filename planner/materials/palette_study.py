@@ -43,13 +43,7 @@ from planner.numerics import FloatArray, normal_quantile
 from planner.palette import SAME_K, Material, Palette, Reference, Temperature
 from planner.printers import Printer, installed_printers, palette_of
 
-__all__ = [
-    "Characterisation",
-    "PaletteStudy",
-    "characterise",
-    "fit",
-    "fit_tables",
-]
+__all__ = ["Characterisation", "PaletteStudy", "characterise", "fit", "fit_tables"]
 
 
 _READING = tuple(inspect.signature(read_study).parameters)
