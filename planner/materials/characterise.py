@@ -648,9 +648,7 @@ def characterise_curve(
     return Characteristics(
         specimen=curve.specimen,
         modulus_MPa=part.modulus_MPa,
-        modulus_uncompensated_MPa=part.modulus_MPa * float(strain[end] / curve.strain[end])
-        if part.toe_strain
-        else part.modulus_MPa,
+        modulus_uncompensated_MPa=part.modulus_MPa * float(strain[end] / curve.strain[end]),
         linear_strain=(float(strain[part.start]), float(strain[end])),
         zero_strain=part.zero_strain - part.toe_strain,
         toe_strain=part.toe_strain,

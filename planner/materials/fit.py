@@ -1657,7 +1657,7 @@ class MaterialFit:
     uncertainty: Uncertainty
     scatter: ParameterScatter
     choice: Choice
-    notes: tuple[str, ...]
+    notes: tuple[str, ...] = ()
     secants: tuple[SecantInterval, ...] = ()
     curves: tuple[Curve, ...] = ()
 
@@ -1716,7 +1716,7 @@ def fit_material(
                 f"material {material}: stress falls by up to {100 * fall:.0f} % behind the yield; "
                 "the law must rise, and runs through the middle"
             )
-        return _plastic(found, curves, tuple(notes), weighting, level)
+        return replace(_plastic(found, curves, weighting, level), notes=tuple(notes))
     loaded = tuple(loading(curves))
     # A law's strains count from where its specimens begin to bear, not from the tangent's zero.
     notes = [note for note in notes if "strains count from" not in note]
@@ -1736,13 +1736,14 @@ def fit_material(
     if chosen is not None and len({law.model for law in laws}) > 1 and not others:
         scatter = scatter_of_fit(chosen.fit, sample)
         if scatter.misfit > _NOTABLE_MISFIT * scatter.between:
-            bent = _plastic(found, curves, tuple(notes), weighting, level)
+            bent = _plastic(found, curves, weighting, level)
             if STABLE_WITHIN * bent.scatter.misfit < scatter.misfit:
                 reason = (
                     f"a law that yields follows it to {100 * bent.scatter.misfit:.2g} %, "
                     f"{chosen.fit.name} to {100 * scatter.misfit:.2g} %"
                 )
-                return replace(bent, choice=replace(choice, chosen=None, reason=reason))
+                choice = replace(choice, chosen=None, reason=reason)
+                return replace(bent, notes=tuple(notes), choice=choice)
     if chosen is None:
         falls = "; ".join(
             f"the stress of {c.fit.name} falls at strain {c.unstable_strain:.3g}"
@@ -1877,11 +1878,7 @@ def _at_one_level(curves: Sequence[Curve], laws: Sequence[Yielding]) -> list[Cur
 
 
 def _plastic(
-    found: MaterialCharacteristics,
-    curves: Sequence[Curve],
-    notes: tuple[str, ...],
-    weighting: str,
-    level: float,
+    found: MaterialCharacteristics, curves: Sequence[Curve], weighting: str, level: float
 ) -> MaterialFit:
     """Fit a law that yields, with intervals of what the specimens' own laws say."""
     whole = [toe_compensated(curve) for curve in curves]
@@ -1927,7 +1924,6 @@ def _plastic(
         ),
         scatter=scatter,
         choice=Choice((), None, "", found.deformation.reason),
-        notes=notes,
         secants=_secants(
             strains, secant_modulus_MPa(law, strains), wide, np.full(len(strains), scatter.log_sd)
         ),
