@@ -1796,8 +1796,8 @@ def fit_material(
             level=level,
             law_low=_end_rounded(chosen.fit.law.parameters(ends.a[:, 0], ends.c[:, 0])),
             law_high=_end_rounded(chosen.fit.law.parameters(ends.a[:, 1], ends.c[:, 1])),
-            basis=f"{_basis('profiles', known, found.n)}; judged on what was left out, "
-            f"{choice.scheme} at a time",
+            basis=f"{_basis('profiles of the error', known, found.n)}; laws are judged on "
+            f"what is left out, {choice.scheme} at a time",
             r2=chosen.fit.r2,
             nrmse=chosen.fit.nrmse,
             held_out_error=float(f"{chosen.held_out_error:.3g}"),
