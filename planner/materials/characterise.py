@@ -205,8 +205,9 @@ def without_tail(curve: Curve) -> Curve:
 #    scatter leaves the steepest slope of the beginning uncertain by at most 2 % (standard error),
 #    and no longer than a sixth of the points.
 # 2. The tangent sought is the steepest of the first rise: before the slopes first fall below 80 %
-#    of their largest so far (once the stress is above a load cell's at rest), and within the first 0.2 of strain, by which grips have seated and
-#    slack is drawn out. The final upturn of a rubber is thereby out of the question.
+#    of their largest so far, at a stress above a load cell's at rest, and within the first 0.2 of
+#    strain, by which grips have seated and slack is drawn out. The final upturn of a rubber is
+#    thereby out of the question.
 # 3. From there the linear part grows both ways while the windows' slopes stay within 5 % of the
 #    least-squares slope of what it holds already (plus three standard errors), until it no longer
 #    changes. Its least-squares slope is Young's modulus.
