@@ -2,6 +2,7 @@
 
 import dataclasses
 import functools
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import PurePath
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -10,6 +11,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 __all__ = [
+    "as_words",
     "brief",
     "channels",
     "counted",
@@ -115,9 +117,22 @@ def outcome(*wrong: tuple[int, str]) -> str:
     return ", ".join(counted(count, noun) for count, noun in wrong if count) or "ok"
 
 
+_MARKUP = re.compile(r"<(?=[A-Za-z/!?])|(?<=\])\(|\|")
+"""What begins an element of Markdown, the address of a link, or a cell of a table."""
+
+
+def as_words(text: str) -> str:
+    """Return text of a file's as words of one line of Markdown, whoever renders it."""
+    return _MARKUP.sub(r"\\\g<0>", _on_one_line(text))
+
+
+def _on_one_line(text: str) -> str:
+    return " ".join("".join(c if c.isprintable() else " " for c in text).split())
+
+
 def _cut(text: str, most: int) -> str:
     """Return text on one line, without what a terminal takes for a command, long in its middle."""
-    line = " ".join("".join(c if c.isprintable() else " " for c in text).split())
+    line = _on_one_line(text)
     if len(line) <= most:
         return line
     return f"{line[: most // 2]}…{line[len(line) - (most - most // 2 - 1) :]}"

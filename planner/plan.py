@@ -13,9 +13,8 @@ import msgspec
 
 from planner.errors import FileError, OutputError, did_you_mean
 from planner.formats.files import decode_document, encode_document, path_within, read_file
-from planner.formats.markdown import as_words
 from planner.formats.threemf import Constituent
-from planner.glance import brief, counted, html_of, one_line, outcome, plotted
+from planner.glance import as_words, brief, counted, html_of, one_line, outcome, plotted
 from planner.numerics import Float32Array, FloatArray, IntArray, Point
 
 __all__ = [

@@ -607,7 +607,7 @@ def _print_candidates(result: "PaletteStudy") -> None:
     print_table(
         ["material", "n", "law", "k", *figures, "stable", "starts"],
         rows,
-        title="Laws tried (* chosen)",
+        title="Laws tried (* chosen; k parameters; held out: error on what is left out)",
         right=["n", "k", *figures, "starts"],
     )
 

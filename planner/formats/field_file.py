@@ -22,13 +22,7 @@ from planner.formats.files import most_unpacked, read_file
 from planner.formats.tables import read_columns, read_rows
 from planner.numerics import FloatArray, IntArray, Point
 
-__all__ = [
-    "GridTable",
-    "encode_vti",
-    "encode_vtu",
-    "read_grid_table",
-    "read_point_table",
-]
+__all__ = ["GridTable", "encode_vti", "encode_vtu", "read_grid_table", "read_point_table"]
 
 
 # ------------------------------------------------------------------------------------------------

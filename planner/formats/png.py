@@ -137,23 +137,14 @@ def _put_zeros(stream: Any, place: Any, zeros: Any, codes: Any, bits: Any) -> An
 
 @kernel
 def _deflate_rows(
-    offsets: Any,
-    start: Any,
-    stop: Any,
-    label: Any,
-    first: Any,
-    last: Any,
-    width: Any,
-    pixel: Any,
-    codes: Any,
-    bits: Any,
-    stream: Any,
-    place: Any,
+    runs: Any, first: Any, last: Any, width: Any, pixel: Any, code: Any, stream: Any, place: Any
 ) -> Any:
     """Write rows first <= r < last of runs, filtered and compressed, and return the end in bits.
 
     Parameters
     ----------
+    runs, code
+        Offsets, start, stop and label; codes and their bits.
     pixel : (labels + 1, bytes a pixel) uint8
         Bytes of a pixel by label; 0 is where no run is.
     stream, place
@@ -164,6 +155,7 @@ def _deflate_rows(
     place, adler
         Bits written, and the checksum of what they mean.
     """
+    (offsets, start, stop, label), (codes, bits) = runs, code
     size = pixel.shape[1]
     low, high = 1, 0  # Adler-32
     for r in range(first, last):
@@ -222,39 +214,20 @@ _PER_METRE = 1
 _TRUECOLOUR_ALPHA, _INDEXED = 6, 3
 
 
-def _encode_png(
-    size: tuple[int, int],
-    pixel_mm: tuple[float, float],
-    palette: Sequence[Rgba] | None,
-    zlib_stream: bytes,
-) -> bytes:
-    """Return the bytes of a PNG file of 8 bits a channel.
-
-    Parameters
-    ----------
-    size
-        Pixels along the row and down the column.
-    pixel_mm
-        Edges of a pixel along the same.
-    palette
-        Colours by index; None for RGBA pixels.
-    zlib_stream
-        The filtered rows, compressed.
-    """
-    kind = _TRUECOLOUR_ALPHA if palette is None else _INDEXED
-    header = struct.pack(">IIBBBBB", *size, 8, kind, 0, 0, 0)
-    per_metre = [min(round(1000.0 / edge), 2**31 - 1) for edge in pixel_mm]
+def _encode_png(width: int, height: int, kind: "ImageKind", zlib_stream: bytes) -> bytes:
+    """Return the bytes of a PNG file of 8 bits a channel, of filtered rows, compressed."""
+    colour = _INDEXED if kind.indexed else _TRUECOLOUR_ALPHA
+    header = struct.pack(">IIBBBBB", width, height, 8, colour, 0, 0, 0)
+    per_metre = [min(round(1000.0 / edge), 2**31 - 1) for edge in kind.pixel_mm]
     chunks = [(b"IHDR", header), (b"pHYs", struct.pack(">IIB", *per_metre, _PER_METRE))]
-    if palette is not None:
-        chunks.append((b"PLTE", b"".join(bytes(colour[:3]) for colour in palette)))
-        chunks.append((b"tRNS", bytes(colour[3] for colour in palette)))
+    if kind.indexed:
+        palette = np.array([NOTHING, *kind.colours], np.uint8)
+        chunks += [(b"PLTE", palette[:, :3].tobytes()), (b"tRNS", palette[:, 3].tobytes())]
     chunks += [(b"IDAT", zlib_stream), (b"IEND", b"")]
-    return _SIGNATURE + b"".join(_chunk(name, data) for name, data in chunks)
-
-
-def _chunk(name: bytes, data: bytes) -> bytes:
-    check = zlib.crc32(data, zlib.crc32(name))
-    return b"".join((struct.pack(">I", len(data)), name, data, struct.pack(">I", check)))
+    return _SIGNATURE + b"".join(
+        struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
+        for name, data in chunks
+    )
 
 
 # ------------------------------------------------------------------------------------------------
@@ -360,10 +333,9 @@ def encode_layer(
     stream = np.zeros(bits // 8 + 8, np.uint8)
     stream[: len(head)] = head
     place, adler = _deflate_rows(
-        *(offsets, start, stop, label, first, last, width, pixel),
-        *(codes, lengths, stream, head_bits),
-    )
+        (offsets, start, stop, label), first, last, width, pixel,
+        (codes, lengths), stream, head_bits,
+    )  # fmt: skip
     end = (int(place) + 7) // 8
     data = stream[:end].tobytes() + int(adler).to_bytes(4, "big")
-    palette = (NOTHING, *kind.colours) if kind.indexed else None
-    return _encode_png((width, last - first), kind.pixel_mm, palette, data)
+    return _encode_png(width, last - first, kind, data)

@@ -88,13 +88,9 @@ class SpecimenColumn:
         return np.asarray(getattr(np, self.scaling)(np.maximum(values, least)))
 
 
+_ROWS = tomllib.loads(Path(__file__).with_name("specimens.toml").read_text(encoding="utf-8"))
 SPECIMEN_COLUMNS: Mapping[str, SpecimenColumn] = MappingProxyType(
-    {
-        name: msgspec.convert({"name": name, **row}, SpecimenColumn)
-        for name, row in tomllib.loads(
-            Path(__file__).with_name("specimens.toml").read_text(encoding="utf-8")
-        ).items()
-    }
+    {name: msgspec.convert({"name": name, **row}, SpecimenColumn) for name, row in _ROWS.items()}
 )
 """What is known of a specimen besides what it is made of: conditions, then sizes, by name."""
 

@@ -1165,12 +1165,12 @@ def _figures_below(
 _LENGTH_RANKS = ("gauge_mm", "height_mm", "length_mm", "grip_mm")
 
 
+_Labels = Mapping[_Grid, Mapping[int, str]]
+"""Of each sheet: the names of the records that it may speak of, by their places."""
+
+
 def _metadata(
-    piece: _Piece,
-    place: int,
-    pieces: Sequence[_Piece],
-    said: Sequence[_Said],
-    labels: Mapping[_Grid, Mapping[int, str]],
+    piece: _Piece, place: int, pieces: Sequence[_Piece], said: Sequence[_Said], labels: _Labels
 ) -> tuple[dict[str, float | str], dict[str, str], dict[str, str]]:
     """Return what a file says of one record, where it says so, and what it leaves unclear.
 
@@ -1205,7 +1205,7 @@ def _metadata(
 
 
 def _agreed(
-    said: Sequence[_Said], piece: _Piece, place: int, labels: Mapping[_Grid, Mapping[int, str]]
+    said: Sequence[_Said], piece: _Piece, place: int, labels: _Labels
 ) -> tuple[float | str | None, str]:
     """Return the value that all say, None where they differ, and where they say so."""
     values: dict[float | str, str] = {}

@@ -7,9 +7,9 @@ from pathlib import PurePosixPath
 import numpy as np
 
 from planner.errors import ArgumentError
-from planner.formats.markdown import as_words
 from planner.formats.mesh_file import encode_stl
 from planner.formats.tables import encode_csv
+from planner.glance import as_words
 from planner.grading.profile import StiffnessScale
 from planner.mesh.mesh import Mesh
 from planner.numerics import Float32Array, FloatArray, IntArray

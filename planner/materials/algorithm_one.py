@@ -532,26 +532,20 @@ def quadratic_study(
         model, others = found.model, _model_without(curves, single, place)
         law, mixtures = make_law(material.law), mixtures_without(palette, material)
         m, x = curve.coordinate, curve.strain
-        predicted = {
-            "own": literal_stress_MPa(fit.c, x),
-            "quadratics": model.literal_stress_MPa(m, x),
-            "law": law.nominal_stress_MPa(1.0 + x),
-            "quadratics_without": None if others is None else others.literal_stress_MPa(m, x),
-            "mixtures_without": None
-            if mixtures is None
-            else mixtures.nominal_stress_MPa(m, 1.0 + x),
+        errors: dict[str, Errors | None] = {
+            "own": _errors(curve, literal_stress_MPa(fit.c, x)),
+            "quadratics": _errors(curve, model.literal_stress_MPa(m, x)),
+            "law": _errors(curve, law.nominal_stress_MPa(1.0 + x)),
+            "quadratics_without": None,
+            "mixtures_without": None,
         }
-        rows.append(
-            QuadraticRow(
-                material.id,
-                curve,
-                fit,
-                {k: None if s is None else _errors(curve, s) for k, s in predicted.items()},
-                others,
-                float(model.literal_stress_MPa(m, _NEAR_REST)),
-                float(law.nominal_stress_MPa(1.0 + _NEAR_REST)),
-            )
-        )
+        if others is not None:
+            errors["quadratics_without"] = _errors(curve, others.literal_stress_MPa(m, x))
+        if mixtures is not None:
+            errors["mixtures_without"] = _errors(curve, mixtures.nominal_stress_MPa(m, 1.0 + x))
+        rest = float(model.literal_stress_MPa(m, _NEAR_REST))
+        law_rest = float(law.nominal_stress_MPa(1.0 + _NEAR_REST))
+        rows.append(QuadraticRow(material.id, curve, fit, errors, others, rest, law_rest))
     return QuadraticStudy(tuple(rows), through, found, _falls_at(found.model, curves))
 
 

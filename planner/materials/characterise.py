@@ -129,6 +129,9 @@ def check_record(where: str, columns: Mapping[str, FloatArray]) -> None:
 # Where a record breaks, and how noisy it is.
 
 
+UNLOADED_SHARE = 0.02
+"""Share of the peak stress that a specimen at rest may show: more tells a load cell not zeroed."""
+
 BROKEN_SHARE = 0.2
 """A stress below this share of the peak, behind the peak, is a broken specimen's."""
 
@@ -202,8 +205,9 @@ def without_tail(curve: Curve) -> Curve:
 #    scatter leaves the steepest slope of the beginning uncertain by at most 2 % (standard error),
 #    and no longer than a sixth of the points.
 # 2. The tangent sought is the steepest of the first rise: before the slopes first fall below 80 %
-#    of their largest so far, and within the first 0.2 of strain, by which grips have seated and
-#    slack is drawn out. The final upturn of a rubber is thereby out of the question.
+#    of their largest so far, at a stress above a load cell's at rest, and within the first 0.2 of
+#    strain, by which grips have seated and slack is drawn out. The final upturn of a rubber is
+#    thereby out of the question.
 # 3. From there the linear part grows both ways while the windows' slopes stay within 5 % of the
 #    least-squares slope of what it holds already (plus three standard errors), until it no longer
 #    changes. Its least-squares slope is Young's modulus.
@@ -325,7 +329,9 @@ def _linear_part(curve: Curve) -> LinearPart:
     noise = noise_sd(y)
     begins = x - x[0] <= _TOE_RANGE
     slopes, errors, width = _windows(lines, begins, noise)
-    seed, still_rising = _steepest(slopes, errors, begins[: len(slopes)])
+    # In slack there is noise alone, whose slopes rise and fall.
+    bears = int(np.argmax(y[width - 1 :] > UNLOADED_SHARE * y[-1]))
+    seed, still_rising = _steepest(slopes, errors, begins[: len(slopes)], bears)
     start, stop = _grow(lines, slopes, errors, seed, width)
     kind: Literal["line", "arc", "origin"] = "line"
     if still_rising and y[stop - 1] - y[start] < _LONG_SHARE * y[-1]:
@@ -399,10 +405,16 @@ def _windows(lines: _Lines, begins: BoolArray, noise: float) -> tuple[FloatArray
         width = int(width * 1.5)
 
 
-def _steepest(slopes: FloatArray, errors: FloatArray, near: BoolArray) -> tuple[int, bool]:
-    """Index of the steepest window of the first rise, and whether steeper ones follow it."""
+def _steepest(
+    slopes: FloatArray, errors: FloatArray, near: BoolArray, bears: int
+) -> tuple[int, bool]:
+    """Index of the steepest window of the first rise, and whether steeper ones follow it.
+
+    The rise does not end before the window from which on the specimen bears.
+    """
     highest = np.maximum.accumulate(slopes - errors)
-    fallen = np.flatnonzero((slopes + 2.0 * errors < _FIRST_FALL * highest) & (highest > 0.0))
+    falls = (slopes + 2.0 * errors < _FIRST_FALL * highest) & (highest > 0.0)
+    fallen = bears + np.flatnonzero(falls[bears:])
     end = max(int(fallen[0]), 1) if len(fallen) else len(slopes)
     rise = slopes[:end]
     seed = int(np.argmax(np.where(near[:end], rise, -np.inf)))
@@ -509,9 +521,6 @@ def deformation(
 
 
 SECANT_STRAINS = (0.1, 0.5, 1.0)
-_OFFSET_SHARE = 0.02
-"""Stress at rest, as a share of the peak, that tells a load cell not zeroed."""
-
 _CONFIDENCE = 0.95
 _MATERIAL_FIGURES = (
     "modulus_MPa", "modulus_uncompensated_MPa", "toughness_MJ_m3", "elongation_at_break",
@@ -640,9 +649,7 @@ def characterise_curve(
     return Characteristics(
         specimen=curve.specimen,
         modulus_MPa=part.modulus_MPa,
-        modulus_uncompensated_MPa=part.modulus_MPa * float(strain[end] / curve.strain[end])
-        if part.toe_strain
-        else part.modulus_MPa,
+        modulus_uncompensated_MPa=part.modulus_MPa * float(strain[end] / curve.strain[end]),
         linear_strain=(float(strain[part.start]), float(strain[end])),
         zero_strain=part.zero_strain - part.toe_strain,
         toe_strain=part.toe_strain,
@@ -742,7 +749,7 @@ def _odd(curve: Curve, part: LinearPart, kind: str) -> Iterator[str]:
     at_rest, at_peak = -part.modulus_MPa * part.zero_strain, int(np.argmax(stress))
     peak, end = float(stress[at_peak]), float(strain[-1])
     begins = float(strain[0]) <= 0.01 * end
-    if begins and not part.toe_strain and abs(at_rest) > _OFFSET_SHARE * peak:
+    if begins and not part.toe_strain and abs(at_rest) > UNLOADED_SHARE * peak:
         yield Caution(
             f"{where}: its beginning points at {at_rest:.3g} MPa at rest, "
             f"{100 * at_rest / peak:.2g} % of its peak; it may not have been zeroed"

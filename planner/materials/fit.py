@@ -923,11 +923,7 @@ class Choice:
 
 
 def choose_law(
-    laws: Sequence[SeparableLaw],
-    sample: Sample,
-    working_strain: float,
-    *,
-    starts: int = STARTS,
+    laws: Sequence[SeparableLaw], sample: Sample, working_strain: float, *, starts: int = STARTS
 ) -> Choice:
     """Fit every law, leave one specimen out in turn, and choose.
 
@@ -1454,7 +1450,8 @@ def _crossings(fit: LawFit, sample: Sample, t: float, spread: FloatArray) -> Flo
     for _ in range(_ROUNDS):
         distance[todo] = np.minimum(distance[todo], limit[todo])
         at = distance[todo]
-        cost, a, c = _profile(fit, sample, which[todo], best, side[todo] * at, near[todo])
+        ends = best[which[todo]] + side[todo] * at
+        cost, a, c = _profile(fit, sample, which[todo], ends, near[todo])
         near[todo] = _interval_rounded(a)
         passed.append((cost, np.concatenate([a, c], axis=1)))
         allowed = [
@@ -1491,14 +1488,9 @@ def _crossings(fit: LawFit, sample: Sample, t: float, spread: FloatArray) -> Flo
 
 
 def _profile(
-    fit: LawFit,
-    sample: Sample,
-    which: IntArray,
-    best: FloatArray,
-    offset: FloatArray,
-    near: FloatArray,
+    fit: LawFit, sample: Sample, which: IntArray, at: FloatArray, near: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the least cost with one parameter held a row, and the parameters there.
+    """Return the least cost with one parameter held at a value a row, and the parameters there.
 
     Each is sought from the best fit and from the last point of this profile.
     """
@@ -1506,7 +1498,6 @@ def _profile(
     held_a = np.zeros((len(rows), q), dtype=bool)
     held_c = np.full((len(rows), fit.law.columns), np.nan)
     by_a, by_c = which < q, which >= q
-    at = best[which] + offset
     held_a[rows[by_a], which[by_a]] = True
     held_c[rows[by_c], which[by_c] - q] = at[by_c]
     starts = [np.tile(fit.a, (len(rows), 1)), near.copy()]
@@ -1540,7 +1531,6 @@ def _interval_rounded(values: FloatArray) -> FloatArray:
 _SLACK_RANGE = 0.3
 """Strain behind the record's beginning over which Mooney's form describes an elastomer."""
 
-_LARGEST_SLACK = 0.1
 _SLACK_STEPS = 101
 _SLACK_LEVEL = 0.95
 """Confidence that the specimens' slack together differs from none; a slack missed costs 10 % of the
@@ -1567,40 +1557,50 @@ def loading(curves: Sequence[Curve]) -> list[Curve]:
 
 
 def _slacks(curves: Sequence[Curve]) -> list[float]:
-    """Return the strain at which each specimen begins to bear; 0 for all where none has slack.
+    """Return the strain at which each specimen begins to bear, 0 where it has no slack.
 
-    Slack is the grips' and the series': an F test says whether one slack of all specimens lowers
-    their squares; each then has its own. What single specimens have shows in their scatter. That
-    of the points is correlated along the record: over which strain tells the restricted
+    Slack is the series', or one specimen's that slipped. An F test says whether one slack of all
+    specimens lowers their squares: then each begins at its own. Else those do that pass the test
+    alone. Each of the two questions has half of the errors, of the second each specimen its part.
+    The scatter of points is correlated along a record: over which strain tells the restricted
     likelihood of all specimens without slack.
     """
     from scipy.special import fdtri
 
-    begun = {k: found for k, curve in enumerate(curves) if len((found := _beginning(curve))[0])}
     slacks = [0.0] * len(curves)
+    begun = {k: found for k, curve in enumerate(curves) if len((found := _beginning(curve))[0])}
     if not begun:
         return slacks
-    largest = min(_LARGEST_SLACK, *(0.3 * float(x[-1]) for x, _ in begun.values()))
-    slack = np.linspace(0.0, largest, _SLACK_STEPS)
-    each = [_slack_squares(x, y, slack) for x, y in begun.values()]
+    farthest = np.array([reach for *_, reach in begun.values()])
+    tried = np.linspace(0.0, farthest.max(), _SLACK_STEPS)
+    each = [_slack_squares(x, y, np.minimum(tried, reach)) for x, y, reach in begun.values()]
     squares, deviance = (np.array(values) for values in zip(*each, strict=True))
     own = squares[:, np.argmin(deviance.sum(axis=0))]
-    freedom = np.array([len(x) - 3 for x, _ in begun.values()])
-    gain = freedom @ ((own[:, :1] - own) / own.min(axis=1)[:, None])
-    at, last = int(np.argmax(gain)), _SLACK_STEPS - 1
-    if at < last and gain[at] > fdtri(1, freedom.sum(), _SLACK_LEVEL):
-        for k, place in zip(begun, np.argmin(own, axis=1).tolist(), strict=True):
-            slacks[k] = float(slack[place]) if place < last else 0.0  # the last is no minimum
+    freedom = np.array([len(x) - 3 for x, *_ in begun.values()])
+    gain = freedom[:, None] * (own[:, :1] - own) / own.min(axis=1)[:, None]
+    error = (1.0 - _SLACK_LEVEL) / min(len(begun), 2)  # of a single specimen both are one question
+    slipped = gain.max(axis=1) > fdtri(1, freedom, 1.0 - error / len(begun))
+    slipped |= gain.sum(axis=0).max() > fdtri(1, freedom.sum(), 1.0 - error)
+    best = tried[np.argmax(gain, axis=1)]
+    best = np.where(slipped & (best < farthest), best, 0.0)  # the farthest is no minimum
+    for k, slack in zip(begun, best.tolist(), strict=True):
+        slacks[k] = slack
     return slacks
 
 
-def _beginning(curve: Curve) -> tuple[FloatArray, FloatArray]:
-    """Return strain and stress where Mooney's form holds; none of a record that tells no slack."""
+def _beginning(curve: Curve) -> tuple[FloatArray, FloatArray, float]:
+    """Return strain and stress where Mooney's form holds, and how far slack may reach.
+
+    None of a record that tells no slack. The tangent's toe ends before the slack does.
+    """
+    toe = float(curve.strain[-1] - toe_compensated(curve).strain[-1])
     peak = int(np.argmax(curve.stress_MPa)) + 1
-    near = (np.arange(len(curve.strain)) < peak) & (curve.strain - curve.strain[0] <= _SLACK_RANGE)
+    near = np.arange(len(curve.strain)) < peak
+    near &= curve.strain - curve.strain[0] <= toe + _SLACK_RANGE
     if near.sum() < 3 * MINIMUM_POINTS or curve.strain[0] < 0.0:
         near[:] = False
-    return curve.strain[near], curve.stress_MPa[near]
+    x = curve.strain[near]
+    return x, curve.stress_MPa[near], toe + 0.3 * float(np.max(x - toe, initial=0.0))
 
 
 def _slack_squares(
@@ -1657,7 +1657,7 @@ class MaterialFit:
     uncertainty: Uncertainty
     scatter: ParameterScatter
     choice: Choice
-    notes: tuple[str, ...]
+    notes: tuple[str, ...] = ()
     secants: tuple[SecantInterval, ...] = ()
     curves: tuple[Curve, ...] = ()
 
@@ -1716,7 +1716,7 @@ def fit_material(
                 f"material {material}: stress falls by up to {100 * fall:.0f} % behind the yield; "
                 "the law must rise, and runs through the middle"
             )
-        return _plastic(found, curves, tuple(notes), weighting, level)
+        return replace(_plastic(found, curves, weighting, level), notes=tuple(notes))
     loaded = tuple(loading(curves))
     # A law's strains count from where its specimens begin to bear, not from the tangent's zero.
     notes = [note for note in notes if "strains count from" not in note]
@@ -1736,13 +1736,14 @@ def fit_material(
     if chosen is not None and len({law.model for law in laws}) > 1 and not others:
         scatter = scatter_of_fit(chosen.fit, sample)
         if scatter.misfit > _NOTABLE_MISFIT * scatter.between:
-            bent = _plastic(found, curves, tuple(notes), weighting, level)
+            bent = _plastic(found, curves, weighting, level)
             if STABLE_WITHIN * bent.scatter.misfit < scatter.misfit:
                 reason = (
                     f"a law that yields follows it to {100 * bent.scatter.misfit:.2g} %, "
                     f"{chosen.fit.name} to {100 * scatter.misfit:.2g} %"
                 )
-                return replace(bent, choice=replace(choice, chosen=None, reason=reason))
+                choice = replace(choice, chosen=None, reason=reason)
+                return replace(bent, notes=tuple(notes), choice=choice)
     if chosen is None:
         falls = "; ".join(
             f"the stress of {c.fit.name} falls at strain {c.unstable_strain:.3g}"
@@ -1795,8 +1796,8 @@ def fit_material(
             level=level,
             law_low=_end_rounded(chosen.fit.law.parameters(ends.a[:, 0], ends.c[:, 0])),
             law_high=_end_rounded(chosen.fit.law.parameters(ends.a[:, 1], ends.c[:, 1])),
-            basis=f"{_basis('profiles', known, found.n)}; judged on what was left out, "
-            f"{choice.scheme} at a time",
+            basis=f"{_basis('profiles of the error', known, found.n)}; laws are judged on "
+            f"what is left out, {choice.scheme} at a time",
             r2=chosen.fit.r2,
             nrmse=chosen.fit.nrmse,
             held_out_error=float(f"{chosen.held_out_error:.3g}"),
@@ -1877,11 +1878,7 @@ def _at_one_level(curves: Sequence[Curve], laws: Sequence[Yielding]) -> list[Cur
 
 
 def _plastic(
-    found: MaterialCharacteristics,
-    curves: Sequence[Curve],
-    notes: tuple[str, ...],
-    weighting: str,
-    level: float,
+    found: MaterialCharacteristics, curves: Sequence[Curve], weighting: str, level: float
 ) -> MaterialFit:
     """Fit a law that yields, with intervals of what the specimens' own laws say."""
     whole = [toe_compensated(curve) for curve in curves]
@@ -1927,12 +1924,8 @@ def _plastic(
         ),
         scatter=scatter,
         choice=Choice((), None, "", found.deformation.reason),
-        notes=notes,
         secants=_secants(
-            strains,
-            secant_modulus_MPa(law, strains),
-            wide,
-            np.full(len(strains), scatter.log_sd),
+            strains, secant_modulus_MPa(law, strains), wide, np.full(len(strains), scatter.log_sd)
         ),
         curves=tuple(whole),
     )

@@ -307,25 +307,16 @@ def stable_yeoh(
     far = most * np.linspace(0.0, 1.0, _POINTS + 1)[1:] ** 2
     own = np.interp(far, y, slope)
     positive = _columns(far) / own[:, None]
-    stable = positive + _curvatures(far) * _reach(far)[:, None] / own[:, None]
+    curvatures = np.stack([np.zeros_like(far), np.full_like(far, 2.0), 6.0 * far], axis=1)
+    stable = positive + curvatures * _reach(far)[:, None] / own[:, None]
     allowed, none = np.maximum(strain / to_strain, 1.0)[:, None] ** _BEYOND, np.zeros((_POINTS, 1))
-    low, high = _REST
+    sides = [(fit, -allowed), (-fit, -allowed), (-positive, none), (-stable, none)]
+    first = modulus_MPa / 6.0 * _REST[0], modulus_MPa / 6.0 * _REST[1]
     found = linprog(
         [0.0, 0.0, 0.0, 1.0],
-        A_ub=np.vstack(
-            [
-                np.hstack([fit, -allowed]),
-                np.hstack([-fit, -allowed]),
-                np.hstack([-positive, none]),
-                np.hstack([-stable, none]),
-            ]
-        ),
+        A_ub=np.vstack([np.hstack(side) for side in sides]),
         b_ub=np.concatenate([np.ones(len(y)), -np.ones(len(y)), np.full(2 * _POINTS, -_SLIGHTEST)]),
-        bounds=[
-            (modulus_MPa / 6.0 * low, modulus_MPa / 6.0 * high),
-            *2 * [(None, None)],
-            (0, None),
-        ],
+        bounds=[first, *2 * [(None, None)], (0, None)],
     )
     c1, c2, c3, error = np.asarray(found.x).tolist()
     return Yeoh((c1, c2, c3)), error
@@ -339,11 +330,6 @@ def _invariant(strain: FloatArray) -> FloatArray:
 def _columns(y: FloatArray) -> FloatArray:
     """Return W' of each coefficient alone."""
     return np.stack([np.ones_like(y), 2.0 * y, 3.0 * y * y], axis=1)
-
-
-def _curvatures(y: FloatArray) -> FloatArray:
-    """Return W'' of each coefficient alone."""
-    return np.stack([np.zeros_like(y), np.full_like(y, 2.0), 6.0 * y], axis=1)
 
 
 def _reach(y: FloatArray) -> FloatArray:

@@ -353,10 +353,7 @@ class Ogden(SeparableLaw):
         """Return the number of terms."""
         return len(self.alpha)
 
-    @property
-    def nonlinear(self) -> int:
-        """Return the number of terms."""
-        return len(self.alpha)
+    nonlinear = columns
 
     def nominal_stress_MPa(self, stretch: ArrayLike) -> FloatArray:
         """Return Σ μi (λ^(αi-1) - λ^(-αi/2-1))."""

@@ -16,13 +16,7 @@ from planner.materials.mixtures import (
 )
 from planner.numerics import FloatArray, IntArray, inner_kernel
 
-__all__ = [
-    "POISSON",
-    "MarlowTable",
-    "law_at",
-    "marlow_table",
-    "uniaxial_strain",
-]
+__all__ = ["POISSON", "MarlowTable", "law_at", "marlow_table", "uniaxial_strain"]
 
 
 POISSON = 0.49

@@ -406,21 +406,19 @@ class CoefficientModel:
         return sds
 
     def log_sd(
-        self,
-        coordinate: ArrayLike,
-        wiener_variance: ArrayLike,
-        softer: FloatArray,
-        harder: FloatArray,
+        self, coordinate: ArrayLike, variance: ArrayLike, softer: FloatArray, harder: FloatArray
     ) -> FloatArray:
-        """Return the standard deviation of ln(modulus), where σ² is `wiener_variance`.
+        """Return the standard deviation of ln(modulus).
 
         Parameters
         ----------
+        variance
+            σ², as `wiener_variance` has it.
         softer, harder
             That of the grades below and above, as `own_log_sds` has them of one side.
         """
         _, _, t, gap = self._bracketed(coordinate)
-        bridge = np.asarray(wiener_variance) * gap * t * (1.0 - t)
+        bridge = np.asarray(variance) * gap * t * (1.0 - t)
         return np.asarray(np.sqrt(((1.0 - t) * softer + t * harder) ** 2 + bridge))
 
     def wiener_variance(self, at_strain: ArrayLike) -> FloatArray:

@@ -43,13 +43,7 @@ from planner.numerics import FloatArray, normal_quantile
 from planner.palette import SAME_K, Material, Palette, Reference, Temperature
 from planner.printers import Printer, installed_printers, palette_of
 
-__all__ = [
-    "Characterisation",
-    "PaletteStudy",
-    "characterise",
-    "fit",
-    "fit_tables",
-]
+__all__ = ["Characterisation", "PaletteStudy", "characterise", "fit", "fit_tables"]
 
 
 _READING = tuple(inspect.signature(read_study).parameters)
@@ -541,11 +535,6 @@ def _warming(palette: Palette, table: Temperature) -> Iterator[str]:
     )
 
 
-def _stiffness(fit: MaterialFit, fits: Mapping[str, MaterialFit]) -> float:
-    strain = min(_RANKING_STRAIN, *(f.elongation_at_break for f in fits.values()))
-    return float(secant_modulus_MPa(make_law(fit.law), strain))
-
-
 def _names(slips: Sequence[str], material: str) -> bool:
     """Return whether specimens of a material were said to be in another unit."""
     return any(said.startswith(f"{material}: ") for said in slips)
@@ -582,7 +571,10 @@ def _coordinates(
     slips: Sequence[str],
 ) -> dict[str, float]:
     """Return coordinates by material: as given, else even in the order given, else of stiffness."""
-    stiffness = {called: _stiffness(fit, fits) for called, fit in fits.items()}
+    strain = min(_RANKING_STRAIN, *(fit.elongation_at_break for fit in fits.values()))
+    stiffness = {
+        called: float(secant_modulus_MPa(make_law(fit.law), strain)) for called, fit in fits.items()
+    }
     found = {} if order else _by_material(study, fits, "coordinate", given)
     ordered = list(order) if order else sorted(fits, key=stiffness.__getitem__)
     if order and (sorted(order) != sorted(fits) or given):

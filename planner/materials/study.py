@@ -28,6 +28,7 @@ from planner.materials.characterise import (
     BROKEN_SHARE,
     MINIMUM_POINTS,
     SECANT_STRAINS,
+    UNLOADED_SHARE,
     Curve,
     characterise_curve,
     without_tail,
@@ -200,9 +201,6 @@ def _unevenness(values: FloatArray) -> float:
 # From a specimen's record to its curve of nominal stress against strain.
 
 
-_START_SHARE = 0.02
-"""A record whose first load is below this share of its peak starts unloaded."""
-
 _LOADS = ("force_N", "stress_MPa", "true_stress_MPa")
 
 
@@ -305,7 +303,7 @@ class _Test:
             )
         displacement = columns["displacement_mm"]
         load = next(columns[name] for name in _LOADS if name in columns)
-        if displacement[0] != 0.0 and abs(load[0]) < _START_SHARE * float(np.max(np.abs(load))):
+        if displacement[0] != 0.0 and abs(load[0]) < UNLOADED_SHARE * float(np.max(np.abs(load))):
             self.notes.append(
                 f"{self.where}: displacement counted from its first value, {displacement[0]:.4g} mm"
             )
@@ -639,7 +637,11 @@ def read_study(
     """
     if isinstance(files, Study):
         return files
-    given = _given(width_mm, thickness_mm, gauge_mm)
+    sizes_given = {"width_mm": width_mm, "thickness_mm": thickness_mm, "gauge_mm": gauge_mm}
+    for name, value in sizes_given.items():
+        if value is not None and not 0.0 < value < math.inf:
+            raise ArgumentError(f"{name} is {value:g}; a size must be a number above 0")
+    given = ListedSpecimen("", width_mm=width_mm, thickness_mm=thickness_mm, gauge_mm=gauge_mm)
     paths = [Path(file) for file in files]
     whole = not any(path.is_file() and not is_specimens_file(path) for path in paths)
     files, listing = _files(paths, None if specimens is None else Path(specimens))
@@ -897,16 +899,6 @@ def _copies(curves: Sequence[Curve]) -> Iterator[Caution]:
                 f"specimen {curve.specimen}: its record equals that of {first}; leave a copy out, "
                 "else scatter comes out too small"
             )
-
-
-def _given(
-    width_mm: float | None, thickness_mm: float | None, gauge_mm: float | None
-) -> ListedSpecimen:
-    sizes = {"width_mm": width_mm, "thickness_mm": thickness_mm, "gauge_mm": gauge_mm}
-    for name, value in sizes.items():
-        if value is not None and not 0.0 < value < float("inf"):
-            raise ArgumentError(f"{name} is {value:g}; a size must be a number above 0")
-    return ListedSpecimen("", width_mm=width_mm, thickness_mm=thickness_mm, gauge_mm=gauge_mm)
 
 
 def listed_files(
@@ -1242,7 +1234,8 @@ def _along_ladder(study: Study, coordinate: Mapping[str, float]) -> tuple[str, .
     The batch is the run of neighbours whose shift makes the ladder smoothest.
     """
     ordered = sorted((m for m in study.groups if m in coordinate), key=lambda m: coordinate[m])
-    level = np.array([_log_moduli(study.groups[m]).mean() for m in ordered])
+    moduli = ([characterise_curve(curve).modulus_MPa for curve in study.groups[m]] for m in ordered)
+    level = np.array([np.log(each).mean() for each in moduli])
     drops = -np.diff(level)
     if not len(drops) or drops.max() <= _OUT_OF_ORDER:
         return ()
@@ -1258,10 +1251,6 @@ def _along_ladder(study: Study, coordinate: Mapping[str, float]) -> tuple[str, .
         inside = [ordered[i] for i in run.members]
         advice = _advice(study, inside, run.shift, 0.0, reach=_UNIT_REACH)
     return (f"{said}: {advice or 'check sizes, units and coordinates'}",)
-
-
-def _log_moduli(curves: Sequence[Curve]) -> FloatArray:
-    return np.log([characterise_curve(curve).modulus_MPa for curve in curves])
 
 
 def _smoothest(place: FloatArray, level: FloatArray) -> _Batch | None:

@@ -14,7 +14,6 @@ import numpy as np
 from planner import __version__
 from planner.errors import OutputError
 from planner.formats.files import decode_document, path_within, read_file
-from planner.formats.markdown import to_html
 from planner.formats.outputs import SEAL, is_sealed, seal, write_whole
 from planner.formats.threemf import read_threemf
 from planner.glance import format_number
@@ -22,6 +21,7 @@ from planner.grading.check import Difference, diff
 from planner.numerics import Float32Array, FloatArray, IntArray, Point
 from planner.plan import Plan, decode_plan, plan_file, read_plan, read_shells
 from planner.report.display import ScreenGrid, Shown, colours_told_apart, shown, thinned
+from planner.report.markdown import to_html
 from planner.report.page import (
     KEYS,
     asset,

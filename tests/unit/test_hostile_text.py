@@ -26,14 +26,15 @@ import trimesh
 
 import planner
 from planner.errors import PlannerError
-from planner.formats.markdown import as_words, to_html
 from planner.formats.tables import encode_csv, read_rows
 from planner.gap.campaign_folder import read_campaign, write_campaign
 from planner.gap.diagnosis import Diagnosis, Traces, read_diagnosis
+from planner.glance import as_words
 from planner.grading.profile import stiffness_scale
 from planner.materials.study import read_study
 from planner.plan import Finding, Unreachable
 from planner.report.gap_page import diagnosis_files
+from planner.report.markdown import to_html
 
 HOSTILE = '=HYPERLINK("http://x")<!--<script>x</script>"\'&](http://y)|\x01'
 PLAIN = re.sub(r"[^-\w:/.]", "w", HOSTILE)  # lines break at the same places

@@ -17,10 +17,10 @@ import trimesh
 
 import planner
 from planner.cli import run
-from planner.formats.markdown import to_html
 from planner.formats.outputs import seal
 from planner.plan import Finding
 from planner.report.display import colours_told_apart, shown
+from planner.report.markdown import to_html
 from planner.report.plan_figure import plan_table
 
 MOST_BESIDE_GEOMETRY = 1_000_000  # bytes

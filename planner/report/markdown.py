@@ -1,21 +1,11 @@
-"""Markdown as how-tos use it: words put into it, and HTML of it; no words become markup."""
+"""Markdown as how-tos use it, as HTML; no words become markup."""
 
 import itertools
 import re
 from collections.abc import Callable, Iterator, Sequence
 from html import escape
 
-__all__ = ["as_words", "to_html"]
-
-
-_MARKUP = re.compile(r"<(?=[A-Za-z/!?])|(?<=\])\(|\|")
-"""What begins an element, the address of a link, or a cell of a table."""
-
-
-def as_words(text: str) -> str:
-    """Return text of a file's as words of one line of Markdown, whoever renders it."""
-    line = " ".join("".join(c if c.isprintable() else " " for c in text).split())
-    return _MARKUP.sub(r"\\\g<0>", line)
+__all__ = ["to_html"]
 
 
 def to_html(text: str, *, top_level: int = 3) -> str:
@@ -118,4 +108,4 @@ def _emphasis(escaped: str) -> str:
     escaped = re.sub(r"\[([^\]]+)\]\([^)\s]*\)", r"\1", escaped)
     escaped = re.sub(r"\*\*(\S(?:.*?\S)?)\*\*", r"<strong>\1</strong>", escaped)
     escaped = re.sub(r"(?<![*\w])\*(\S(?:[^*]*?\S)?)\*(?![*\w])", r"<em>\1</em>", escaped)
-    return re.sub(r"\\(&lt;|[(|])", r"\1", escaped)  # as `as_words` writes them
+    return re.sub(r"\\(&lt;|[(|])", r"\1", escaped)  # as `planner.glance.as_words` writes them
