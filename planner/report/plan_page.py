@@ -23,24 +23,21 @@ from planner.numerics import Float32Array, FloatArray, IntArray, Point
 from planner.plan import Plan, decode_plan, plan_file, read_plan, read_shells
 from planner.report.display import ScreenGrid, Shown, colours_told_apart, shown, thinned
 from planner.report.page import (
-    KEYS,
     asset,
-    begin,
     data_script,
-    end,
     figure,
     findings_card,
     geometry,
     head,
     load_slider,
     packed,
+    page,
     scale_bar,
     section,
     section_controls,
     shell_data,
     stage,
     table,
-    viewer_scripts,
 )
 from planner.report.plan_figure import (
     both_figure,
@@ -182,7 +179,7 @@ def plan_page(plan: "Plan | PartDesign | str | Path") -> bytes:
     else:
         missed = tuple(found.message for found in plan.findings)
         source, courses = replace(_source_of(plan.plan), missed=missed), plan.courses
-    return seal("\n".join(_page(source, courses)).encode("utf-8"))
+    return seal(_page(source, courses))
 
 
 def view(plan: str | Path | Plan) -> Path:
@@ -249,7 +246,16 @@ _ASSETS = (
 )  # fmt: skip
 
 
-def _page(source: _PlanSource, courses: "Sequence[Course]") -> Iterator[str]:
+def _page(source: _PlanSource, courses: "Sequence[Course]") -> bytes:
+    return page(
+        f"{source.plan.part.file}: plan", _body(source, courses),
+        styles=["plan.css"],
+        scripts=["page.js", "figure.js", *(["course.js"] if courses else ())],
+        stamp=f"{_stamp(source.sha256)}\n{SEAL}",
+    )  # fmt: skip
+
+
+def _body(source: _PlanSource, courses: "Sequence[Course]") -> Iterator[str]:
     """Yield the lines of the page."""
     plan = source.plan
     display = shown(source.shells)
@@ -259,17 +265,10 @@ def _page(source: _PlanSource, courses: "Sequence[Course]") -> Iterator[str]:
         moved = plan.part.translation_mm
         display, more["course"], frames = _course_data(courses, display, moved)
     colours = colours_told_apart(source.colours)
-    scripts = viewer_scripts("page.js", "figure.js", *(("course.js",) if courses else ()))
-    yield from begin(
-        f"{plan.part.file}: plan",
-        styles=["plan.css"],
-        scripts=scripts,
-        stamp=f"{_stamp(source.sha256)}\n{SEAL}",
-    )
     yield '<a class="skip" href="#figures">Skip the 3D view</a>'
     yield from _header(source)
     yield '<main>\n<div class="bench">'
-    yield from stage(
+    yield stage(
         f"The part {plan.part.file} in its materials",
         _in_words(plan),
         _simplified(display) if display.simplified else "",
@@ -278,9 +277,9 @@ def _page(source: _PlanSource, courses: "Sequence[Course]") -> Iterator[str]:
     yield from _findings(plan, source.missed)
     if courses:
         yield from _course_controls(more["course"])
-    yield from section_controls([name for name, *_ in _ways(plan)])
+    yield section_controls([name for name, *_ in _ways(plan)])
     yield from _materials(source, colours)
-    yield KEYS
+    yield asset("keys.html")
     yield '</div>\n</div>\n<div class="below" id="figures">'
     yield from _figure(source, colours)
     inks = dict(zip(source.names, colours, strict=True))
@@ -292,10 +291,9 @@ def _page(source: _PlanSource, courses: "Sequence[Course]") -> Iterator[str]:
     yield from _footer(source, display)
     data = _viewer_data(source, display, colours, _numbers(source), more)
     yield data_script("data", data)
-    yield f'<script type="text/plain" id="geometry">{geometry(display.shells)}</script>'
+    yield data_script("geometry", geometry(display.shells))
     if courses:
-        yield f'<script type="text/plain" {_COURSE}>{frames}</script>'
-    yield end(scripts)
+        yield data_script("course-frames", frames)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -663,7 +661,7 @@ def _course_controls(document: dict[str, Any]) -> Iterator[str]:
     """Yield the slider and what stands beside it."""
     frames = document["frames"]
     last = next(k for k in reversed(range(len(frames))) if frames[k]["shape"] == frames[0]["shape"])
-    yield from load_slider("course-", len(frames), last)
+    yield load_slider("course-", len(frames), last)
     if any(frame["shape"] is not None for frame in frames):
         words = f"what is left, up to {document['top_mm']:.3g} mm"
         yield '<label class="tick"><input type="checkbox" id="course-wanted" checked> outline of '
@@ -719,16 +717,19 @@ def compare_page(
     """
     sources = (_source_of(before), _source_of(after))
     found = diff(sources[0].plan, sources[1].plan, tolerance=tolerance)
-    return "\n".join(_compare(sources, found)).encode("utf-8")
+    title = " and ".join(dict.fromkeys(source.plan.part.file for source in sources))
+    return page(
+        f"{title}: two plans", _compared(title, sources, found),
+        styles=["plan.css"], scripts=["compare.js", "figure.js"],
+    )  # fmt: skip
 
 
-def _compare(sources: Sequence[_PlanSource], found: Sequence[Difference]) -> Iterator[str]:
+def _compared(
+    title: str, sources: Sequence[_PlanSource], found: Sequence[Difference]
+) -> Iterator[str]:
     colours = _both_colours(sources)
     numbers = {name: number for number, name in enumerate(colours, start=1)}
-    scripts = viewer_scripts("compare.js", "figure.js")
     plans = [source.plan for source in sources]
-    title = " and ".join(dict.fromkeys(plan.part.file for plan in plans))
-    yield from begin(f"{title}: two plans", styles=["plan.css"], scripts=scripts)
     yield '<a class="skip" href="#differences">Skip the 3D views</a>'
     sides = zip(_SIDES, plans, strict=True)
     below = [f"<b>{side}</b> {escape(_wish_words(plan))}" for side, plan in sides]
@@ -745,8 +746,8 @@ def _compare(sources: Sequence[_PlanSource], found: Sequence[Difference]) -> Ite
     yield "</div>"
     yield '<div class="shared" data-needs-view hidden>'
     yield '<div class="panel">'
-    yield from section_controls("xyz")
-    yield f"{KEYS}\n</div>"
+    yield section_controls("xyz")
+    yield f"{asset('keys.html')}\n</div>"
     yield from _both_materials(sources, colours)
     yield "</div>"
     yield '<div class="below" id="differences">'
@@ -767,8 +768,7 @@ def _compare(sources: Sequence[_PlanSource], found: Sequence[Difference]) -> Ite
     for side, source, display in zip(_SIDES, sources, displays, strict=True):
         inks = [colours[name] for name in source.names]
         yield data_script(f"data-{side}", _viewer_data(source, display, inks, numbers))
-        yield f'<script type="text/plain" id="geometry-{side}">{geometry(display.shells)}</script>'
-    yield end(scripts)
+        yield data_script(f"geometry-{side}", geometry(display.shells))
 
 
 def _both_colours(sources: Sequence[_PlanSource]) -> dict[str, str]:
