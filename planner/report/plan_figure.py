@@ -10,7 +10,7 @@ from typing import TypeAlias
 import numpy as np
 
 from planner.glance import format_interval, format_number, format_range
-from planner.grading.profile import Profile
+from planner.grading.profile import profile_of
 from planner.grading.regions import error_text
 from planner.numerics import FloatArray
 from planner.plan import Plan, Region
@@ -177,16 +177,14 @@ _LETTER = 6.2
 """About the width of a letter of the figure, in pixels."""
 
 
-def stiffness_figure(
-    plan: Plan, colours: Mapping[str, str], numbers: Mapping[str, int], words: str = ""
-) -> str:
+def stiffness_figure(plan: Plan, colours: Mapping[str, str], words: str = "") -> str:
     """Draw target, achieved modulus and its 95 % interval along the field, and what lies where.
 
     Parameters
     ----------
-    colours, numbers
-        Of each material, as the page shows it. What belongs to a material has its number as
-        ``data-material``, so that the page can point it out.
+    colours
+        Of each material from soft to hard, as the page shows it. What belongs to a material has
+        its number as ``data-material``, so that the page can point it out.
     words
         What it shows; where none are given, the page says so under the id ``stiffness-words``.
 
@@ -196,6 +194,7 @@ def stiffness_figure(
         An ``svg`` element.
     """
     target = target_along(plan)
+    numbers = {name: number for number, name in enumerate(colours, start=1)}
     known = any(low < high for low, high in (r.modulus_interval_MPa for r in plan.regions))
     chart = _chart([plan], [target], [e for r in plan.regions for e in r.modulus_interval_MPa])
     long = isinstance(plan.gradient.field.get("span_mm"), float)
@@ -250,10 +249,7 @@ def target_along(plan: Plan) -> _Target | None:
     profile = plan.gradient.profile
     if not {"positions", "moduli_MPa", "shape"} <= profile.keys():
         return None
-    wanted = Profile(
-        str(profile.get("name", "")), tuple(profile["positions"]), tuple(profile["moduli_MPa"]),
-        profile["shape"],
-    )  # fmt: skip
+    wanted = profile_of({"name": "", **profile})
     places, values = [], []
     for a, b in itertools.pairwise(wanted.positions):
         if a < b:

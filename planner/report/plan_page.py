@@ -2,11 +2,10 @@
 
 import hashlib
 import os
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from html import escape
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, TypedDict
 
 import numpy as np
@@ -264,7 +263,7 @@ def _body(source: _PlanSource, courses: "Sequence[Course]") -> Iterator[str]:
     if courses:
         moved = plan.part.translation_mm
         display, more["course"], frames = _course_data(courses, display, moved)
-    colours = colours_told_apart(source.colours)
+    colours = _colours([source])
     yield '<a class="skip" href="#figures">Skip the 3D view</a>'
     yield from _header(source)
     yield '<main>\n<div class="bench">'
@@ -281,16 +280,19 @@ def _body(source: _PlanSource, courses: "Sequence[Course]") -> Iterator[str]:
     yield from _materials(source, colours)
     yield asset("keys.html")
     yield '</div>\n</div>\n<div class="below" id="figures">'
-    yield from _figure(source, colours)
-    inks = dict(zip(source.names, colours, strict=True))
-    regions = _regions_table(plan, inks, _numbers(source), "table-title")
+    yield from _figure(
+        "stiffness",
+        stiffness_figure(plan, colours),
+        "Dashed: the target. Thick: the modulus of what is printed there, with the interval that "
+        "holds it with 95 % probability. Below: the materials by their numbers.",
+    )
+    regions = _regions_table(plan, colours, "table-title")
     yield from section("table-title", "Regions", regions)
     yield from _remarks(plan)
     yield from _howto(source.howto)
     yield "</div>\n</main>"
     yield from _footer(source, display)
-    data = _viewer_data(source, display, colours, _numbers(source), more)
-    yield data_script("data", data)
+    yield data_script("data", _viewer_data(source, display, colours) | more)
     yield data_script("geometry", geometry(display.shells))
     if courses:
         yield data_script("course-frames", frames)
@@ -300,30 +302,37 @@ def _body(source: _PlanSource, courses: "Sequence[Course]") -> Iterator[str]:
 # What the viewer reads.
 
 
-def _numbers(source: _PlanSource) -> dict[str, int]:
-    """Return each material's number, from soft to hard."""
-    return {name: number for number, name in enumerate(source.names, start=1)}
+def _colours(sources: Sequence[_PlanSource]) -> dict[str, str]:
+    """Return the colour in which each material of some plans is shown, from soft to hard."""
+    own: dict[str, tuple[float, str]] = {}
+    for source in sources:
+        of = {region.printed: region.coordinate for region in source.plan.regions}
+        for name, colour in zip(source.names, source.colours, strict=True):
+            own.setdefault(name, (of[name], colour))
+    names = sorted(own, key=lambda name: own[name][0])
+    return dict(zip(names, colours_told_apart([own[name][1] for name in names]), strict=True))
 
 
-def _viewer_data(
-    source: _PlanSource,
-    display: Shown,
-    colours: Sequence[str],
-    numbers: Mapping[str, int],
-    more: Mapping[str, Any] = MappingProxyType({}),
-) -> dict[str, Any]:
+def _numbers(names: Iterable[str]) -> dict[str, int]:
+    """Return the number of each material, by their names from soft to hard."""
+    return {name: number for number, name in enumerate(names, start=1)}
+
+
+def _viewer_data(source: _PlanSource, display: Shown, colours: Mapping[str, str]) -> dict[str, Any]:
     """Return what the viewer reads; shapes of a design follow the shells."""
     printed = display.shells[: len(source.names)]
     points = np.concatenate([points for points, _ in printed])
-    plan = source.plan
+    plan, numbers = source.plan, _numbers(colours)
     return {
         "origin": display.origin_mm.tolist(),
         "step": display.step_mm,
         "moved": list(plan.part.translation_mm),
         "size": (display.step_mm * points.max(axis=0).astype(float)).tolist(),
         "shells": [
-            shell_data(points, faces, colour, name, numbers[name], _modulus_words(plan, name))
-            for name, colour, (points, faces) in zip(source.names, colours, printed, strict=True)
+            shell_data(
+                points, faces, colours[name], name, numbers[name], _modulus_words(plan, name)
+            )
+            for name, (points, faces) in zip(source.names, printed, strict=True)
         ]
         + [
             shell_data(points, faces, "#2A9D8F", "wanted", 0)
@@ -337,7 +346,6 @@ def _viewer_data(
             for number, found in enumerate(plan.findings, start=1 + len(plan.unreachable))
             if found.place_mm is not None
         ],
-        **more,
     }
 
 
@@ -435,25 +443,23 @@ def _findings(plan: Plan, more: Sequence[str]) -> Iterator[str]:
     return findings_card([*missed, *placed, *((words, False) for words in more)])
 
 
-def _materials(source: _PlanSource, colours: Sequence[str]) -> Iterator[str]:
+def _materials(source: _PlanSource, colours: Mapping[str, str]) -> Iterator[str]:
     volumes = dict.fromkeys(source.names, 0.0)
     for region in source.plan.regions:
         volumes[region.printed] += region.volume_mm3
     whole = sum(volumes.values()) or 1.0
     yield '<fieldset id="materials"><legend>Materials, from soft to hard</legend>'
     yield '<ul role="list">'
-    for number, (name, colour) in enumerate(zip(source.names, colours, strict=True), start=1):
-        share = 100.0 * volumes[name] / whole
-        long = ' class="long"' if len(name) > _NAME_FITS else ""
-        yield (
-            f'<li data-material="{number}"{long}><label><input type="checkbox" checked>'
-            f'{_swatch(colour)}<span class="number">{number}</span>'
-            f'<span class="name">{escape(name)}</span>'
-            f'<span class="volume">{format_number(volumes[name], 4)} mm³</span>'
-            f'<span class="share">{share:.1f} %</span></label></li>'
-        )
+    yield from _material_items(
+        colours,
+        {
+            name: f'<span class="volume">{format_number(volume, 4)} mm³</span>'
+            f'<span class="share">{100.0 * volume / whole:.1f} %</span>'
+            for name, volume in volumes.items()
+        },
+    )
     yield "</ul>"
-    if tuple(colours) != source.colours:
+    if tuple(colours.values()) != source.colours:
         yield (
             '<p class="note quiet">Colours run from soft (yellow) to hard (violet): the '
             "palette's own are too alike to be told apart.</p>"
@@ -465,6 +471,17 @@ def _materials(source: _PlanSource, colours: Sequence[str]) -> Iterator[str]:
         '<label class="tick"><input type="checkbox" id="edges" checked> edges</label></div>'
         "</fieldset>"
     )
+
+
+def _material_items(colours: Mapping[str, str], more: Mapping[str, str]) -> Iterator[str]:
+    """Yield each material with a box that shows it, and what more is said of it as HTML."""
+    for number, (name, colour) in enumerate(colours.items(), start=1):
+        long = ' class="long"' if len(name) > _NAME_FITS else ""
+        yield (
+            f'<li data-material="{number}"{long}><label><input type="checkbox" checked>'
+            f'{_swatch(colour)}<span class="number">{number}</span>'
+            f'<span class="name">{escape(name)}</span>{more[name]}</label></li>'
+        )
 
 
 _NAME_FITS = 16
@@ -483,36 +500,27 @@ def _swatch(colour: str) -> str:
 # Below the view: figure, table, checks, how to print.
 
 
-def _figure(source: _PlanSource, colours: Sequence[str]) -> Iterator[str]:
-    numbers = _numbers(source)
-    drawn = stiffness_figure(source.plan, dict(zip(source.names, colours, strict=True)), numbers)
-    caption = (
-        '<figcaption id="stiffness-words">Dashed: the target. Thick: the modulus of what is '
-        "printed there, with the interval that holds it with 95 % probability. Below: the "
-        "materials by their numbers.</figcaption>"
-    )
-    name = "stiffness-title"
-    return section(name, "Stiffness along the field", figure(name, drawn, caption))
+def _figure(name: str, drawn: str, words: str) -> Iterator[str]:
+    """Yield the section of a figure of the stiffness, explained in words whose id is NAME-words."""
+    title, caption = f"{name}-title", f'<figcaption id="{name}-words">{words}</figcaption>'
+    return section(title, "Stiffness along the field", figure(title, drawn, caption))
 
 
 def _regions_table(
-    plan: Plan,
-    colours: Mapping[str, str],
-    numbers: Mapping[str, int],
-    title: str,
-    changed: Collection[int] = (),
+    plan: Plan, colours: Mapping[str, str], title: str, changed: Collection[int] = ()
 ) -> Iterator[str]:
     """Yield a plan's regions as a table, under what it says of their stiffness.
 
     Parameters
     ----------
-    colours, numbers
-        Of each material, as the page shows it.
+    colours
+        Of each material from soft to hard, as the page shows it.
     title
         Id of the heading above it.
     changed
         Rows to mark, from 0.
     """
+    numbers = _numbers(colours)
     shown = plan_table(plan)
     yield f'<p class="quiet">{escape(shown.title)}</p>'
     for words in (error_words(plan), moved_words(plan)):
@@ -727,8 +735,7 @@ def compare_page(
 def _compared(
     title: str, sources: Sequence[_PlanSource], found: Sequence[Difference]
 ) -> Iterator[str]:
-    colours = _both_colours(sources)
-    numbers = {name: number for number, name in enumerate(colours, start=1)}
+    colours = _colours(sources)
     plans = [source.plan for source in sources]
     yield '<a class="skip" href="#differences">Skip the 3D views</a>'
     sides = zip(_SIDES, plans, strict=True)
@@ -748,17 +755,23 @@ def _compared(
     yield '<div class="panel">'
     yield section_controls("xyz")
     yield f"{asset('keys.html')}\n</div>"
-    yield from _both_materials(sources, colours)
+    yield '<fieldset id="materials"><legend>Materials, from soft to hard</legend><ul role="list">'
+    yield from _material_items(colours, {name: _sides_of(name, sources) for name in colours})
+    yield "</ul></fieldset>"
     yield "</div>"
     yield '<div class="below" id="differences">'
     yield from _differences(found)
-    yield from _curves(plans)
+    yield from _figure(
+        "curves",
+        both_figure(plans[0], plans[1], "curves-words"),
+        "Dashed: the targets. Thick: the moduli of what is printed there; A is drawn wider.",
+    )
     rows = [[tuple(row.values()) for row in plan_table(plan).rows] for plan in plans]
     for side, plan, mine, other in zip(_SIDES, plans, rows, reversed(rows), strict=True):
         changed = [k for k, row in enumerate(mine) if k >= len(other) or row != other[k]]
         name = f"regions-{side}"
         marked = '<p class="quiet">≠ marks a region that the other plan has not.</p>'
-        regions = _regions_table(plan, colours, numbers, name, changed)
+        regions = _regions_table(plan, colours, name, changed)
         yield from section(name, f"Regions of {side}", [marked, *regions] if changed else regions)
     yield "</div>\n</main>\n<footer>"
     for side, source in zip(_SIDES, sources, strict=True):
@@ -766,33 +779,15 @@ def _compared(
         yield f"<p>{side}: {made}</p>"
     yield "</footer>"
     for side, source, display in zip(_SIDES, sources, displays, strict=True):
-        inks = [colours[name] for name in source.names]
-        yield data_script(f"data-{side}", _viewer_data(source, display, inks, numbers))
+        yield data_script(f"data-{side}", _viewer_data(source, display, colours))
         yield data_script(f"geometry-{side}", geometry(display.shells))
 
 
-def _both_colours(sources: Sequence[_PlanSource]) -> dict[str, str]:
-    """Return the colour of each material of either plan, from soft to hard."""
-    own: dict[str, tuple[float, str]] = {}
-    for source in sources:
-        of = {region.printed: region.coordinate for region in source.plan.regions}
-        for name, colour in zip(source.names, source.colours, strict=True):
-            own.setdefault(name, (of[name], colour))
-    names = sorted(own, key=lambda name: own[name][0])
-    return dict(zip(names, colours_told_apart([own[name][1] for name in names]), strict=True))
-
-
-def _both_materials(sources: Sequence[_PlanSource], colours: dict[str, str]) -> Iterator[str]:
-    yield '<fieldset id="materials"><legend>Materials, from soft to hard</legend><ul role="list">'
-    for number, (name, colour) in enumerate(colours.items(), start=1):
-        sides = [s for s, source in zip(_SIDES, sources, strict=True) if name in source.names]
-        of = "A and B" if len(sides) > 1 else f"{sides[0]} alone"
-        yield (
-            f'<li data-material="{number}"><label><input type="checkbox" checked>{_swatch(colour)}'
-            f'<span class="number">{number}</span><span class="name">{escape(name)}</span>'
-            f'<span class="volume">{of}</span></label></li>'
-        )
-    yield "</ul></fieldset>"
+def _sides_of(name: str, sources: Sequence[_PlanSource]) -> str:
+    """Say which of two plans have a material."""
+    sides = [side for side, source in zip(_SIDES, sources, strict=True) if name in source.names]
+    words = "A and B" if len(sides) > 1 else f"{sides[0]} alone"
+    return f'<span class="volume">{words}</span>'
 
 
 def _differences(found: Sequence[Difference]) -> Iterator[str]:
@@ -802,14 +797,3 @@ def _differences(found: Sequence[Difference]) -> Iterator[str]:
     columns = [(words, "words") for words in ("what", "where", "A", "B")]
     rows = [("", [escape(w) for w in (d.what, d.where, d.before, d.after)]) for d in found]
     return section(name, title, table(columns, rows, of=name))
-
-
-def _curves(plans: Sequence[Plan]) -> Iterator[str]:
-    drawn = both_figure(plans[0], plans[1], "curves-words")
-    caption = (
-        '<figcaption id="curves-words">Dashed: the targets. Thick: the moduli of what is '
-        "printed there; A is drawn wider.</figcaption>"
-    )
-    return section(
-        "curves-title", "Stiffness along the field", figure("curves-title", drawn, caption)
-    )
