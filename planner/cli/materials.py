@@ -2,19 +2,18 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Context, Option
 
 from planner.cli.output import (
     AsJson,
-    AtStrain,
     Overwrite,
     PaletteName,
     PrinterName,
     Quiet,
-    TensileTests,
     check_targets,
     finding,
     format_interval,
@@ -36,6 +35,14 @@ if TYPE_CHECKING:
     from planner.materials.palette_study import PaletteStudy
     from planner.materials.study import ReadRecord
 
+_AtStrain = Annotated[
+    float,
+    Option(
+        "--at-strain",
+        help="Working strain: stiffness is the secant modulus of the nominal stress up to it.",
+    ),
+]
+
 # ------------------------------------------------------------------------------------------------
 # planner materials.
 
@@ -47,7 +54,7 @@ def materials(
     ] = None,
     printer: PrinterName = "connex3",
     palette: PaletteName = None,
-    at_strain: AtStrain = 0.1,
+    at_strain: _AtStrain = 0.1,
     temperature_C: Annotated[
         float | None,
         Option("--temperature-C", help="The palette as it is there, by its [temperature]."),
@@ -140,7 +147,7 @@ def invert(
         list[float] | None,
         Option(help="Or the reverse: a coordinate whose stiffness and law are told; repeatable."),
     ] = None,
-    at_strain: AtStrain = 0.1,
+    at_strain: _AtStrain = 0.1,
     law: Annotated[
         str | None,
         Option(
@@ -288,6 +295,75 @@ _TensileFiles = Annotated[
 ]
 
 
+@dataclass(frozen=True)
+class _TensileTests:
+    """How tests are read, and what they are compared with."""
+
+    specimens: Annotated[
+        Path | None, Option("--specimens", help="List of specimens: material, size, file.")
+    ] = None
+    material: Annotated[
+        str | None, Option(help="What all specimens without a row are made of.")
+    ] = None
+    width_mm: Annotated[float | None, Option(help="Width of specimens without a row.")] = None
+    thickness_mm: Annotated[
+        float | None, Option("--thickness-mm", help="Thickness of specimens without a row.")
+    ] = None
+    gauge_mm: Annotated[
+        float | None, Option("--gauge-mm", help="Gauge length of specimens without a row.")
+    ] = None
+    columns: Annotated[
+        str | None,
+        Option(
+            help="Headings in place of the files' own, by position: 'stretch,stress_MPa', '-' "
+            "leaves a column out."
+        ),
+    ] = None
+    unit_of: Annotated[
+        list[str] | None,
+        Option(
+            help="Read force, travel, stress or strain in another unit than the files say, as in "
+            "force=lbf:S1,S2 (specimens or materials) or, for all, travel=in; repeatable."
+        ),
+    ] = None
+    mode: Annotated[
+        str | None,
+        Option(
+            help="How specimens were loaded whose row has no mode: tension, compression, planar or "
+            "equibiaxial."
+        ),
+    ] = None
+    blocks: Annotated[
+        str | None,
+        Option(
+            help="Blocks of numbers in one sheet that nothing names: join (one record) or apart "
+            "(specimens)."
+        ),
+    ] = None
+    leave_out: Annotated[
+        list[str] | None, Option(help="Specimen or material to leave out; repeatable.")
+    ] = None
+    printer: PrinterName = "connex3"
+    palette: Annotated[
+        str | None,
+        Option(
+            help="Palette to hold the tests against, a file (TOML) or one of the printer's; else "
+            "its default."
+        ),
+    ] = None
+    compare: Annotated[
+        bool,
+        Option(
+            help="Hold materials that the palette names against it: was a unit taken for another?"
+        ),
+    ] = True
+
+    def given(self) -> dict[str, Any]:
+        """Return them by the names that the functions have."""
+        names = self.columns and [name.strip() for name in self.columns.split(",")]
+        return {**vars(self), "columns": names}
+
+
 # ------------------------------------------------------------------------------------------------
 # planner characterise.
 
@@ -300,7 +376,7 @@ def characterise(
         Path | None, Option("--output", "-o", help="CSV file to write, one row a material.")
     ] = None,
     *,
-    tests: TensileTests,
+    tests: _TensileTests,
     at_strain: Annotated[
         list[float] | None, Option("--at-strain", help="Strain of a secant modulus; repeatable.")
     ] = None,
@@ -482,7 +558,7 @@ def fit(
         ),
     ] = None,
     *,
-    tests: TensileTests,
+    tests: _TensileTests,
     figure: Annotated[
         Path | None,
         Option(help="SVG file to write: tests over laws, residuals, mixtures between."),

@@ -18,7 +18,6 @@ from planner.grading.profile import (
     Profile,
     StiffnessScale,
     between,
-    grades_between,
     profile_of,
     read_moduli,
     sampled_profile,
@@ -263,9 +262,7 @@ def targets_of(wish: Wish, scale: StiffnessScale) -> tuple[Profile, str | None, 
             f"`from_` {_called(wish.start)} and `to` {_called(wish.end)} are one material or "
             f"modulus, {start}; a gradient needs two"
         )
-    if str(profile) == "grades":
-        return grades_between(start_MPa, end_MPa, scale.moduli_MPa), start, end
-    return between(str(profile), start_MPa, end_MPa), start, end
+    return between(str(profile), start_MPa, end_MPa, scale.moduli_MPa), start, end
 
 
 def _listed(rows: object, scale: StiffnessScale) -> Profile:
