@@ -41,7 +41,7 @@ from planner.gap.summary import (
 from planner.glance import counted
 from planner.palette import encode_palette
 from planner.report.gap_figures import figures_of
-from planner.report.page import head, page, table
+from planner.report.page import encode_page, head, table
 
 __all__ = ["headline", "scope", "verdict_text", "write_diagnosis"]
 
@@ -623,7 +623,7 @@ def diagnosis_files(diagnosis: Diagnosis) -> dict[str, bytes]:
     palette = diagnosis.own_palette
     return {
         "diagnosis.json": diagnosis.json(),
-        "report.html": page(
+        "report.html": encode_page(
             f"{diagnosis.campaign}: {diagnosis.verdict}",
             _body(diagnosis, figures),
             styles=["report.css"],

@@ -18,13 +18,13 @@ from planner.report.display import ScreenGrid, thinned
 from planner.report.page import (
     asset,
     data_script,
+    encode_page,
     figure,
     findings_card,
     geometry,
     head,
     load_slider,
     packed,
-    page,
     scale_bar,
     section,
     section_controls,
@@ -91,7 +91,7 @@ def part_page(result: PartSimulation | Sequence[PartSimulation]) -> bytes:
     >>> Path("bent.html").write_bytes(planner.part_page(bent))  # doctest: +SKIP
     """
     results = (result,) if isinstance(result, PartSimulation) else tuple(result)
-    return page(
+    return encode_page(
         f"{results[0].name}: under load", _body(results),
         styles=["plan.css"], scripts=["page.js", "part.js"],
         stamp=f'<meta name="generator" content="planner {__version__}">',

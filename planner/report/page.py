@@ -15,13 +15,13 @@ from planner.numerics import IntArray
 __all__ = [
     "asset",
     "data_script",
+    "encode_page",
     "figure",
     "findings_card",
     "geometry",
     "head",
     "load_slider",
     "packed",
-    "page",
     "scale_bar",
     "section",
     "section_controls",
@@ -38,7 +38,7 @@ def asset(name: str) -> str:
     return "\n".join(file.read_text(encoding="utf-8").splitlines()).strip()
 
 
-def page(
+def encode_page(
     title: str,
     body: Iterable[str],
     *,

@@ -20,24 +20,8 @@ from planner.glance import format_number
 from planner.grading.check import Difference, diff
 from planner.numerics import Float32Array, FloatArray, IntArray, Point
 from planner.plan import Plan, decode_plan, plan_file, read_plan, read_shells
+from planner.report import page
 from planner.report.display import ScreenGrid, Shown, colours_told_apart, shown, thinned
-from planner.report.page import (
-    asset,
-    data_script,
-    figure,
-    findings_card,
-    geometry,
-    head,
-    load_slider,
-    packed,
-    page,
-    scale_bar,
-    section,
-    section_controls,
-    shell_data,
-    stage,
-    table,
-)
 from planner.report.plan_figure import (
     both_figure,
     error_words,
@@ -210,21 +194,22 @@ def view(plan: str | Path | Plan) -> Path:
     'plan.html'
     """
     file = plan_file(plan)
-    page = file.parent / _NAME
-    if os.path.lexists(page):
-        if page.is_file():
-            shown_sha256, data = _sha256_of(read_plan(file)), read_file(page)
-            if _stamp(shown_sha256).encode() in data[:_HEAD_BYTES]:
-                return page
-            if _COURSE.encode() in data and shown_sha256.encode() in data[:_HEAD_BYTES]:
-                return page
-        if not (page.is_file() and is_sealed(page)):
+    html = file.parent / _NAME
+    if os.path.lexists(html):
+        if html.is_file():
+            shown_sha256, data = _sha256_of(read_plan(file)), read_file(html)
+            begin = data[:_HEAD_BYTES]
+            if _stamp(shown_sha256).encode() in begin:
+                return html
+            if _COURSE.encode() in data and shown_sha256.encode() in begin:
+                return html
+        if not (html.is_file() and is_sealed(html)):
             raise OutputError(
-                f"{page}: was not written by planner, or was changed since, and is not replaced; "
+                f"{html}: was not written by planner, or was changed since, and is not replaced; "
                 "move it elsewhere"
             )
-    write_whole(page, plan_page(file))
-    return page
+    write_whole(html, plan_page(file))
+    return html
 
 
 _COURSE = 'id="course-frames"'
@@ -235,7 +220,7 @@ _HEAD_BYTES = 2048
 
 def _stamp(plan_sha256: str) -> str:
     """Return what tells a page that is up to date: planner, the viewer, and the plan it shows."""
-    viewer = hashlib.sha256("".join(map(asset, _ASSETS)).encode()).hexdigest()[:16]
+    viewer = hashlib.sha256("".join(map(page.asset, _ASSETS)).encode()).hexdigest()[:16]
     return f'<meta name="generator" content="planner {__version__} {viewer} {plan_sha256}">'
 
 
@@ -246,7 +231,7 @@ _ASSETS = (
 
 
 def _page(source: _PlanSource, courses: "Sequence[Course]") -> bytes:
-    return page(
+    return page.encode_page(
         f"{source.plan.part.file}: plan", _body(source, courses),
         styles=["plan.css"],
         scripts=["page.js", "figure.js", *(["course.js"] if courses else ())],
@@ -267,7 +252,7 @@ def _body(source: _PlanSource, courses: "Sequence[Course]") -> Iterator[str]:
     yield '<a class="skip" href="#figures">Skip the 3D view</a>'
     yield from _header(source)
     yield '<main>\n<div class="bench">'
-    yield stage(
+    yield page.stage(
         f"The part {plan.part.file} in its materials",
         _in_words(plan),
         _simplified(display) if display.simplified else "",
@@ -276,9 +261,9 @@ def _body(source: _PlanSource, courses: "Sequence[Course]") -> Iterator[str]:
     yield from _findings(plan, source.missed)
     if courses:
         yield from _course_controls(more["course"])
-    yield section_controls([name for name, *_ in _ways(plan)])
+    yield page.section_controls([name for name, *_ in _ways(plan)])
     yield from _materials(source, colours)
-    yield asset("keys.html")
+    yield page.asset("keys.html")
     yield '</div>\n</div>\n<div class="below" id="figures">'
     yield from _figure(
         "stiffness",
@@ -287,15 +272,15 @@ def _body(source: _PlanSource, courses: "Sequence[Course]") -> Iterator[str]:
         "holds it with 95 % probability. Below: the materials by their numbers.",
     )
     regions = _regions_table(plan, colours, "table-title")
-    yield from section("table-title", "Regions", regions)
+    yield from page.section("table-title", "Regions", regions)
     yield from _remarks(plan)
     yield from _howto(source.howto)
     yield "</div>\n</main>"
     yield from _footer(source, display)
-    yield data_script("data", _viewer_data(source, display, colours) | more)
-    yield data_script("geometry", geometry(display.shells))
+    yield page.data_script("data", _viewer_data(source, display, colours) | more)
+    yield page.data_script("geometry", page.geometry(display.shells))
     if courses:
-        yield data_script("course-frames", frames)
+        yield page.data_script("course-frames", frames)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -329,13 +314,13 @@ def _viewer_data(source: _PlanSource, display: Shown, colours: Mapping[str, str]
         "moved": list(plan.part.translation_mm),
         "size": (display.step_mm * points.max(axis=0).astype(float)).tolist(),
         "shells": [
-            shell_data(
+            page.shell_data(
                 points, faces, colours[name], name, numbers[name], _modulus_words(plan, name)
             )
             for name, (points, faces) in zip(source.names, printed, strict=True)
         ]
         + [
-            shell_data(points, faces, "#2A9D8F", "wanted", 0)
+            page.shell_data(points, faces, "#2A9D8F", "wanted", 0)
             for points, faces in display.shells[len(source.names) :]
         ],
         "sections": [
@@ -388,7 +373,7 @@ def _header(source: _PlanSource) -> Iterator[str]:
          "bad" if failed else "good"),
         ("findings", str(found), "bad" if found else "good"),
     )  # fmt: skip
-    yield from head(plan.part.file, [escape(_wish_words(plan))], facts)
+    yield from page.head(plan.part.file, [escape(_wish_words(plan))], facts)
 
 
 def _wish_words(plan: Plan) -> str:
@@ -440,7 +425,7 @@ def _in_words(plan: Plan) -> str:
 def _findings(plan: Plan, more: Sequence[str]) -> Iterator[str]:
     missed = [(words, False) for words in unreachable_words(plan)]
     placed = [(found.message, found.place_mm is not None) for found in plan.findings]
-    return findings_card([*missed, *placed, *((words, False) for words in more)])
+    return page.findings_card([*missed, *placed, *((words, False) for words in more)])
 
 
 def _materials(source: _PlanSource, colours: Mapping[str, str]) -> Iterator[str]:
@@ -503,7 +488,7 @@ def _swatch(colour: str) -> str:
 def _figure(name: str, drawn: str, words: str) -> Iterator[str]:
     """Yield the section of a figure of the stiffness, explained in words whose id is NAME-words."""
     title, caption = f"{name}-title", f'<figcaption id="{name}-words">{words}</figcaption>'
-    return section(title, "Stiffness along the field", figure(title, drawn, caption))
+    return page.section(title, "Stiffness along the field", page.figure(title, drawn, caption))
 
 
 def _regions_table(
@@ -537,7 +522,7 @@ def _regions_table(
         rows.append((mark, tuple(cells.values())))
     columns = [(_heading(name), "figure" if name in shown.right else "") for name in shown.columns]
     total = [escape(shown.total.get(name, "")) for name in shown.columns]
-    yield from table(columns, rows, of=title, total=total)
+    yield from page.table(columns, rows, of=title, total=total)
 
 
 def _heading(column: str) -> str:
@@ -557,7 +542,7 @@ def _remarks(plan: Plan) -> Iterator[str]:
     ]
     notes = [f'<ul class="notes">\n{items}</ul>'] if remarks else []
     name = "checks-title"
-    return section(name, "Checks and notes", [*notes, *table(columns, rows, of=name)])
+    return page.section(name, "Checks and notes", [*notes, *page.table(columns, rows, of=name)])
 
 
 def _howto(text: str) -> Iterator[str]:
@@ -652,7 +637,7 @@ def _course_data(
     }
     # The last frame of the first case is what the slider begins with; the grid holds all of them.
     seen = replace(display, origin_mm=grid.origin_mm, step_mm=grid.step_mm, shells=shells)
-    return seen, document, packed(parts)
+    return seen, document, page.packed(parts)
 
 
 def _left(course: "Course", places_mm: FloatArray, top: float) -> FloatArray:
@@ -669,14 +654,14 @@ def _course_controls(document: dict[str, Any]) -> Iterator[str]:
     """Yield the slider and what stands beside it."""
     frames = document["frames"]
     last = next(k for k in reversed(range(len(frames))) if frames[k]["shape"] == frames[0]["shape"])
-    yield load_slider("course-", len(frames), last)
+    yield page.load_slider("course-", len(frames), last)
     if any(frame["shape"] is not None for frame in frames):
         words = f"what is left, up to {document['top_mm']:.3g} mm"
         yield '<label class="tick"><input type="checkbox" id="course-wanted" checked> outline of '
         yield "the wanted shape</label>"
         yield '<label class="tick"><input type="checkbox" id="course-left">'
         yield f"{escape(words)}</label>"
-        yield scale_bar(_LEFT_SCALE)
+        yield page.scale_bar(_LEFT_SCALE)
     else:
         yield '<input type="checkbox" id="course-wanted" hidden>'
     yield "</fieldset>"
@@ -726,7 +711,7 @@ def compare_page(
     sources = (_source_of(before), _source_of(after))
     found = diff(sources[0].plan, sources[1].plan, tolerance=tolerance)
     title = " and ".join(dict.fromkeys(source.plan.part.file for source in sources))
-    return page(
+    return page.encode_page(
         f"{title}: two plans", _compared(title, sources, found),
         styles=["plan.css"], scripts=["compare.js", "figure.js"],
     )  # fmt: skip
@@ -740,7 +725,7 @@ def _compared(
     yield '<a class="skip" href="#differences">Skip the 3D views</a>'
     sides = zip(_SIDES, plans, strict=True)
     below = [f"<b>{side}</b> {escape(_wish_words(plan))}" for side, plan in sides]
-    yield from head(f"{title}: two plans", below)
+    yield from page.head(f"{title}: two plans", below)
     yield '<main>\n<div class="pair">'
     displays = [shown(source.shells) for source in sources]
     for side, plan in zip(_SIDES, plans, strict=True):
@@ -753,8 +738,8 @@ def _compared(
     yield "</div>"
     yield '<div class="shared" data-needs-view hidden>'
     yield '<div class="panel">'
-    yield section_controls("xyz")
-    yield f"{asset('keys.html')}\n</div>"
+    yield page.section_controls("xyz")
+    yield f"{page.asset('keys.html')}\n</div>"
     yield '<fieldset id="materials"><legend>Materials, from soft to hard</legend><ul role="list">'
     yield from _material_items(colours, {name: _sides_of(name, sources) for name in colours})
     yield "</ul></fieldset>"
@@ -772,15 +757,17 @@ def _compared(
         name = f"regions-{side}"
         marked = '<p class="quiet">≠ marks a region that the other plan has not.</p>'
         regions = _regions_table(plan, colours, name, changed)
-        yield from section(name, f"Regions of {side}", [marked, *regions] if changed else regions)
+        yield from page.section(
+            name, f"Regions of {side}", [marked, *regions] if changed else regions
+        )
     yield "</div>\n</main>\n<footer>"
     for side, source in zip(_SIDES, sources, strict=True):
         made = f"planner {escape(source.plan.version)}, plan.json {source.sha256[:16]}"
         yield f"<p>{side}: {made}</p>"
     yield "</footer>"
     for side, source, display in zip(_SIDES, sources, displays, strict=True):
-        yield data_script(f"data-{side}", _viewer_data(source, display, colours))
-        yield data_script(f"geometry-{side}", geometry(display.shells))
+        yield page.data_script(f"data-{side}", _viewer_data(source, display, colours))
+        yield page.data_script(f"geometry-{side}", page.geometry(display.shells))
 
 
 def _sides_of(name: str, sources: Sequence[_PlanSource]) -> str:
@@ -793,7 +780,7 @@ def _sides_of(name: str, sources: Sequence[_PlanSource]) -> str:
 def _differences(found: Sequence[Difference]) -> Iterator[str]:
     name, title = "differences-title", f"What differs{f' ({len(found)})' if found else ''}"
     if not found:
-        return section(name, title, ["<p>The plans mean the same.</p>"])
+        return page.section(name, title, ["<p>The plans mean the same.</p>"])
     columns = [(words, "words") for words in ("what", "where", "A", "B")]
     rows = [("", [escape(w) for w in (d.what, d.where, d.before, d.after)]) for d in found]
-    return section(name, title, table(columns, rows, of=name))
+    return page.section(name, title, page.table(columns, rows, of=name))
