@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Context, Option
 
+import planner
 from planner.cli.output import (
     AsJson,
     Overwrite,
@@ -30,6 +31,7 @@ from planner.errors import ArgumentError
 
 if TYPE_CHECKING:
     from planner.grading.invert import Mixture
+    from planner.grading.profile import StiffnessScale
     from planner.materials.algorithm_one import QuadraticStudy
     from planner.materials.characterise import MaterialCharacteristics, Spread
     from planner.materials.palette_study import PaletteStudy
@@ -79,7 +81,6 @@ def materials(
     [bold]planner materials FLX9760 --as abaqus[/bold],
     [bold]planner materials --palette lab.toml --temperature-C 33 -o warm.toml[/bold]
     """
-    import planner
     from planner.formats.outputs import write_whole
 
     if output is not None and temperature_C is None:
@@ -106,6 +107,15 @@ def materials(
     if as_json:
         print_document(scale.document())
         return 0
+    _print_ladder(scale)
+    tell_notes([*scale.warming, *scale.remarks()])
+    for written in (output, figure):
+        if written is not None:
+            say(f"wrote {written}")
+    return 0
+
+
+def _print_ladder(scale: "StiffnessScale") -> None:
     print_table(
         ["material", "m", "modulus MPa", "95 % interval", "break", "g/cm3", "also called"],
         [
@@ -120,19 +130,14 @@ def materials(
                 ", ".join(material.aliases),
             ]
             for material, modulus, interval in zip(
-                every.materials, scale.moduli_MPa, scale.intervals_MPa, strict=True
+                scale.palette.materials, scale.moduli_MPa, scale.intervals_MPa, strict=True
             )
         ],
-        title=f"{every.name}: secant modulus at strain {at_strain:g}",
+        title=f"{scale.palette.name}: secant modulus at strain {scale.at_strain:g}",
         right=["m", "modulus MPa", "break", "g/cm3"],
         droppable=["also called", "g/cm3", "break"],
-        swatches=[material.colour for material in every.materials],
+        swatches=[material.colour for material in scale.palette.materials],
     )
-    tell_notes([*scale.warming, *scale.remarks()])
-    for written in (output, figure):
-        if written is not None:
-            say(f"wrote {written}")
-    return 0
 
 
 # ------------------------------------------------------------------------------------------------
@@ -168,7 +173,6 @@ def invert(
     Examples: [bold]planner invert --modulus 1.2 --at-strain 0.2[/bold],
     [bold]planner invert --coordinate 0.4 --law ogden-2[/bold]
     """
-    import planner
     from planner.printers import palette_of
 
     if not modulus_MPa and not coordinate:
@@ -398,7 +402,6 @@ def characterise(
     materials.csv --figure tests.svg[/bold]
     """
     given = locals()
-    import planner
     from planner.formats.files import encode_document
     from planner.formats.outputs import write_whole
     from planner.materials.study import listed_files
@@ -595,7 +598,6 @@ def fit(
 
     Example: [bold]planner fit samples/tensile -o lab.toml --figure lab.svg --tables lab[/bold]
     """
-    import planner
     from planner.formats.files import encode_document
     from planner.formats.outputs import write_folder, write_whole
     from planner.materials.study import listed_files

@@ -74,7 +74,7 @@ def snap_limit_mm(stated: float | None, machine: Printer) -> float:
 
 
 @dataclass(frozen=True, slots=True)
-class _Faces:
+class _Alongside:
     """Faces alongside the level sets.
 
     Attributes
@@ -145,7 +145,7 @@ def _moved_cuts(
     return tuple(moved)
 
 
-def _faces_alongside(mesh: Mesh, field: Field) -> _Faces | None:
+def _faces_alongside(mesh: Mesh, field: Field) -> _Alongside | None:
     """Find them; None of a field that is not one number everywhere, which cutting tells."""
     corners = mesh.vertices[mesh.faces]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -183,7 +183,7 @@ def _faces_alongside(mesh: Mesh, field: Field) -> _Faces | None:
         value = at_points[0][kept]
         low, high = value + rise.min(axis=1), value + rise.max(axis=1)
         weight = 0.5 * double[found] * (double.sum() / double[looked].sum())
-    return _Faces(low, high, weight, slope, cosine < 0.0)
+    return _Alongside(low, high, weight, slope, cosine < 0.0)
 
 
 def snapped_bands(

@@ -72,7 +72,7 @@ class Wish:
 _DEFAULTS = Wish(profile="log", blend="nearest", at_strain=0.1, printer="connex3")
 
 
-def whole_wish(stated: Wish, like: str | Path | Plan | None) -> "tuple[Wish, _Earlier | None]":
+def whole_wish(stated: Wish, like: str | Path | Plan | None) -> "tuple[Wish, _EarlierPlan | None]":
     """Return a wish with nothing open that a plan needs, and the plan that it follows.
 
     Raises
@@ -95,7 +95,7 @@ def whole_wish(stated: Wish, like: str | Path | Plan | None) -> "tuple[Wish, _Ea
 
 
 @dataclass(frozen=True, slots=True)
-class _Earlier:
+class _EarlierPlan:
     """A plan to follow, and the hash of its plan.json."""
 
     plan: Plan
@@ -183,15 +183,15 @@ class _Earlier:
         return palette
 
 
-def _earlier(like: str | Path | Plan) -> _Earlier:
+def _earlier(like: str | Path | Plan) -> _EarlierPlan:
     if isinstance(like, Plan):
-        return _Earlier(like, hashlib.sha256(like.json()).hexdigest())
+        return _EarlierPlan(like, hashlib.sha256(like.json()).hexdigest())
     if not isinstance(like, (str, Path)):
         raise ArgumentError(
             f"`like` is a {type(like).__name__}; give a planner.Plan, a plan.json or its folder"
         )
     plan = read_plan(like)
-    return _Earlier(plan, hashlib.sha256(plan_file(like).read_bytes()).hexdigest())
+    return _EarlierPlan(plan, hashlib.sha256(plan_file(like).read_bytes()).hexdigest())
 
 
 def _blending(gradient: Gradient) -> dict[str, Any]:

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from planner.numerics import BoolArray
 from planner.report import svg
 from planner.report.svg import BLUE, GREY, INK, PALE_BLUE, RED, Chart
 from planner.simulation.part import PartSimulation
@@ -54,10 +55,10 @@ def simulation_figure(simulation: Simulation | PartSimulation) -> bytes:
     width, height = _LEFT + _WIDTH + 24.0, _TOP + _HEIGHT + 92.0
     if len(simulation.bar.x_mm) > 1:
         left = width + _GAP - 24.0
-        bands = _bands(simulation, left)
-        names = _names(bands)
+        stripes = _stripes(simulation, left)
+        names = _names(stripes)
         lower = _ROW * max(0, max((row for _, row in names), default=0) - 1)
-        parts += [*_along(simulation, left), *_materials(bands, names)]
+        parts += [*_along(simulation, left), *_materials(stripes, names)]
         middle = left + _WIDTH / 2.0
         parts.append(
             svg.text(middle, height + lower - 12.0, "place along the axis, mm", anchor="middle")
@@ -143,13 +144,19 @@ def _along(simulation: Simulation, left: float) -> Iterator[str]:
         left + _WIDTH, _TOP - 12.0, f"at strains of the bar of {strains}", anchor="end", colour=GREY
     )
     shown = np.where(simulation.break_strain <= chart.y_range[1], simulation.break_strain, np.nan)
-    for run in svg.runs(np.isfinite(shown)):
+    for run in _runs(np.isfinite(shown)):
         yield svg.line(chart, bar.x_mm[run], shown[run], colour=RED, width=1.4, dash="6,4")
     if np.isfinite(shown).any():
         yield svg.text(left + 6.0, _TOP + 12.0, "dashed: elongation at break", colour=RED)
 
 
-class _Band(NamedTuple):
+def _runs(known: BoolArray) -> list[slice]:
+    """Return the stretches of steps that are known, in order."""
+    turns = np.flatnonzero(np.diff(known.astype(np.int8), prepend=0, append=0))
+    return [slice(start, stop) for start, stop in turns.reshape(-1, 2).tolist()]
+
+
+class _Stripe(NamedTuple):
     """A stretch of the bar of one colour, in pixels, and the grade's name; "" in between grades."""
 
     left: float
@@ -172,7 +179,7 @@ def _width(name: str) -> float:
     return 6.5 * len(name)
 
 
-def _bands(simulation: Simulation, left: float) -> list[_Band]:
+def _stripes(simulation: Simulation, left: float) -> list[_Stripe]:
     bar, palette = simulation.bar, simulation.palette
     edges = bar.edges_mm
     places = left + _WIDTH * (edges - edges[0]) / (edges[-1] - edges[0])
@@ -181,20 +188,20 @@ def _bands(simulation: Simulation, left: float) -> list[_Band]:
     names = {m.coordinate: m.id for m in palette.materials}
     turns = [0, *(i for i in range(1, len(colours)) if colours[i] != colours[i - 1]), len(colours)]
     return [
-        _Band(*ends, colours[start], names.get(float(bar.coordinate[start]), ""))
+        _Stripe(*ends, colours[start], names.get(float(bar.coordinate[start]), ""))
         for start, ends in zip(turns, itertools.pairwise(places[turns].tolist()), strict=False)
     ]
 
 
-def _names(bands: Sequence[_Band]) -> list[tuple[_Band, int]]:
-    """Choose the bands to name, each with the row of its name: 0 where it has room under it.
+def _names(stripes: Sequence[_Stripe]) -> list[tuple[_Stripe, int]]:
+    """Choose the stripes to name, each with the row of its name: 0 where it has room under it.
 
-    Every grade is named, at its widest one if none has room; further narrow bands are named
+    Every grade is named, at its widest one if none has room; further narrow stripes are named
     where the rows have room for them.
     """
-    roomy = [one for one in bands if one.name and one.room]
-    narrow = [one for one in bands if one.name and not one.room]
-    chosen: dict[str, _Band] = {}
+    roomy = [one for one in stripes if one.name and one.room]
+    narrow = [one for one in stripes if one.name and not one.room]
+    chosen: dict[str, _Stripe] = {}
     for one in sorted(narrow, key=lambda one: one.left - one.right):
         if one.name not in {each.name for each in roomy}:
             chosen.setdefault(one.name, one)
@@ -207,26 +214,26 @@ def _names(bands: Sequence[_Band]) -> list[tuple[_Band, int]]:
     return [*((one, 0) for one in roomy), *zip(taken, _rows(taken), strict=True)]
 
 
-def _rows(bands: Sequence[_Band]) -> list[int]:
+def _rows(stripes: Sequence[_Stripe]) -> list[int]:
     """Return the row of each name, from 1, so that no name meets another's line.
 
     A name ends at the line that comes down from its one. It so lies below all names whose lines
     it would cross, and none lies under its own line.
     """
     rows: list[int] = []
-    for number, one in enumerate(bands):
+    for number, one in enumerate(stripes):
         start = one.middle - _width(one.name) - 2.0 * _SPACE
-        crossed = [rows[i] for i in range(number) if bands[i].middle > start]
+        crossed = [rows[i] for i in range(number) if stripes[i].middle > start]
         rows.append(1 + max(crossed, default=0))
     return rows
 
 
-def _materials(bands: Sequence[_Band], names: Sequence[tuple[_Band, int]]) -> Iterator[str]:
+def _materials(stripes: Sequence[_Stripe], names: Sequence[tuple[_Stripe, int]]) -> Iterator[str]:
     """Draw a strip in the materials' colours, with the names of the grades."""
     top = _TOP + _HEIGHT + 26.0
-    for one in bands:
+    for one in stripes:
         # A little wider, so that no seam shows between neighbours.
-        seam = 0.3 if one is not bands[-1] else 0.0
+        seam = 0.3 if one is not stripes[-1] else 0.0
         yield svg.rectangle(one.left, top, one.right - one.left + seam, 12.0, colour=one.colour)
     for one, row in names:
         foot = top + 25.0 + _ROW * row
