@@ -1,6 +1,7 @@
 """plan.html: a plan on one page that needs nothing else, with the part in its materials."""
 
 import hashlib
+import math
 import os
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -442,6 +443,7 @@ def _materials(source: _PlanSource, colours: Mapping[str, str]) -> Iterator[str]
             f'<span class="share">{100.0 * volume / whole:.1f} %</span>'
             for name, volume in volumes.items()
         },
+        _NAME_FITS,
     )
     yield "</ul>"
     if tuple(colours.values()) != source.colours:
@@ -458,10 +460,15 @@ def _materials(source: _PlanSource, colours: Mapping[str, str]) -> Iterator[str]
     )
 
 
-def _material_items(colours: Mapping[str, str], more: Mapping[str, str]) -> Iterator[str]:
-    """Yield each material with a box that shows it, and what more is said of it as HTML."""
+def _material_items(
+    colours: Mapping[str, str], more: Mapping[str, str], fits: float = math.inf
+) -> Iterator[str]:
+    """Yield each material with a box that shows it, and what more is said of it as HTML.
+
+    Names of more letters than `fits` have a line of their own.
+    """
     for number, (name, colour) in enumerate(colours.items(), start=1):
-        long = ' class="long"' if len(name) > _NAME_FITS else ""
+        long = ' class="long"' if len(name) > fits else ""
         yield (
             f'<li data-material="{number}"{long}><label><input type="checkbox" checked>'
             f'{_swatch(colour)}<span class="number">{number}</span>'
