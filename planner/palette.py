@@ -34,7 +34,6 @@ __all__ = [
     "Temperature",
     "Uncertainty",
     "encode_palette",
-    "law_schema",
     "load_palette",
     "parse_palette",
     "write_palette",
@@ -54,28 +53,6 @@ LAW_PARAMETERS: Mapping[str, Mapping[str, int | None]] = MappingProxyType(
 )
 """The models a palette file may name, with the parameters of each, in file units, and the length of
 each: a single figure (1), a list (more), or lists of one length among them (None)."""
-
-
-def law_schema() -> dict[str, Any]:
-    """Return the JSON Schema of a law in a palette file: of each model its parameters."""
-
-    def values(count: int | None) -> dict[str, Any]:
-        kind = "array" if count and count > 1 else ["number", "array"]
-        most = {} if count is None else {"maxItems": count}
-        return {"type": kind, "items": {"type": "number"}, "minItems": count or 1, **most}
-
-    def one(model: str) -> dict[str, Any]:
-        known = {name: values(length) for name, length in LAW_PARAMETERS[model].items()}
-        given = {"model": {"const": model}, **known}
-        takes = {"properties": given, "required": [*known], "additionalProperties": False}
-        return {"if": {"properties": {"model": {"const": model}}}, "then": takes}
-
-    return {
-        "type": "object",
-        "properties": {"model": {"enum": list(LAW_PARAMETERS)}},
-        "required": ["model"],
-        "allOf": [one(model) for model in LAW_PARAMETERS],
-    }
 
 
 @dataclass(frozen=True, slots=True)

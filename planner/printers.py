@@ -6,7 +6,7 @@ imports none by name. `PrinterProfile` is the ready-made implementation, read fr
 """
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.metadata import EntryPoint, entry_points
 from importlib.resources.abc import Traversable
@@ -33,7 +33,6 @@ __all__ = [
     "load_printer",
     "load_profile",
     "palette_of",
-    "resins_of",
 ]
 
 
@@ -353,22 +352,3 @@ def palette_of(
         f"palette is a {type(palette).__name__}; give a name, the path of a palette file or a "
         "planner.Palette"
     )
-
-
-def resins_of(palette: Palette, machine: Printer, ids: Collection[str]) -> tuple[str, ...]:
-    """Return what materials of a palette are jetted from, those of the ids given.
-
-    As the palette says; else the printer's own resins for materials that it knows, and the others
-    are resins themselves: a lab's own.
-    """
-    if palette.base_resins:
-        return palette.base_resins
-    made = {
-        called.casefold()
-        for name in machine.palettes
-        for material in machine.palette(name).materials
-        for called in (material.id, *material.aliases)
-    }
-    used = (m for m in palette.materials if m.id in ids)
-    foreign = tuple(m.id for m in used if made.isdisjoint(map(str.casefold, (m.id, *m.aliases))))
-    return foreign if len(foreign) == len({*ids}) else (*machine.base_resins, *foreign)

@@ -18,7 +18,7 @@ from planner.formats.threemf import threemf_xml_hashes
 from planner.gap.campaign_folder import CampaignFile
 from planner.grading.check import diff
 from planner.grading.profile import stiffness_scale
-from planner.palette import PaletteFile, law_schema
+from planner.palette import LAW_PARAMETERS, PaletteFile
 from planner.plan import Plan, plan_file
 from planner.printers import Printer, ProfileFile
 
@@ -160,7 +160,7 @@ def file_schema(kind: Literal["printer", "palette", "campaign"]) -> dict[str, An
     document = msgspec.json.schema(files[kind])
     for part in document["$defs"].values():
         if "law" in part["properties"]:
-            part["properties"]["law"] = law_schema()
+            part["properties"]["law"] = _law_schema()
         for key in part["properties"].values():
             if key.get("items") is False:  # of equal kinds, as that draft says it
                 key["items"] = key.pop("prefixItems")[0]
@@ -170,6 +170,28 @@ def file_schema(kind: Literal["printer", "palette", "campaign"]) -> dict[str, An
         whole["then"] = {"required": whole["required"]}
         whole["required"] = ["schema", "name"]
     return {"$schema": "http://json-schema.org/draft-07/schema#", **document}
+
+
+def _law_schema() -> dict[str, Any]:
+    """Return the JSON Schema of a law in a palette file: of each model its parameters."""
+
+    def values(count: int | None) -> dict[str, Any]:
+        kind = "array" if count and count > 1 else ["number", "array"]
+        most = {} if count is None else {"maxItems": count}
+        return {"type": kind, "items": {"type": "number"}, "minItems": count or 1, **most}
+
+    def one(model: str) -> dict[str, Any]:
+        known = {name: values(length) for name, length in LAW_PARAMETERS[model].items()}
+        given = {"model": {"const": model}, **known}
+        takes = {"properties": given, "required": [*known], "additionalProperties": False}
+        return {"if": {"properties": {"model": {"const": model}}}, "then": takes}
+
+    return {
+        "type": "object",
+        "properties": {"model": {"enum": list(LAW_PARAMETERS)}},
+        "required": ["model"],
+        "allOf": [one(model) for model in LAW_PARAMETERS],
+    }
 
 
 def _length(value: object) -> bool:

@@ -2,19 +2,19 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Context, Option
 
+import planner
 from planner.cli.output import (
     AsJson,
-    AtStrain,
     Overwrite,
     PaletteName,
     PrinterName,
     Quiet,
-    TensileTests,
     check_targets,
     finding,
     format_interval,
@@ -31,10 +31,19 @@ from planner.errors import ArgumentError
 
 if TYPE_CHECKING:
     from planner.grading.invert import Mixture
+    from planner.grading.profile import StiffnessScale
     from planner.materials.algorithm_one import QuadraticStudy
     from planner.materials.characterise import MaterialCharacteristics, Spread
     from planner.materials.palette_study import PaletteStudy
     from planner.materials.study import ReadRecord
+
+_AtStrain = Annotated[
+    float,
+    Option(
+        "--at-strain",
+        help="Working strain: stiffness is the secant modulus of the nominal stress up to it.",
+    ),
+]
 
 # ------------------------------------------------------------------------------------------------
 # planner materials.
@@ -47,7 +56,7 @@ def materials(
     ] = None,
     printer: PrinterName = "connex3",
     palette: PaletteName = None,
-    at_strain: AtStrain = 0.1,
+    at_strain: _AtStrain = 0.1,
     temperature_C: Annotated[
         float | None,
         Option("--temperature-C", help="The palette as it is there, by its [temperature]."),
@@ -72,7 +81,6 @@ def materials(
     [bold]planner materials FLX9760 --as abaqus[/bold],
     [bold]planner materials --palette lab.toml --temperature-C 33 -o warm.toml[/bold]
     """
-    import planner
     from planner.formats.outputs import write_whole
 
     if output is not None and temperature_C is None:
@@ -99,6 +107,15 @@ def materials(
     if as_json:
         print_document(scale.document())
         return 0
+    _print_ladder(scale)
+    tell_notes([*scale.warming, *scale.remarks()])
+    for written in (output, figure):
+        if written is not None:
+            say(f"wrote {written}")
+    return 0
+
+
+def _print_ladder(scale: "StiffnessScale") -> None:
     print_table(
         ["material", "m", "modulus MPa", "95 % interval", "break", "g/cm3", "also called"],
         [
@@ -113,19 +130,14 @@ def materials(
                 ", ".join(material.aliases),
             ]
             for material, modulus, interval in zip(
-                every.materials, scale.moduli_MPa, scale.intervals_MPa, strict=True
+                scale.palette.materials, scale.moduli_MPa, scale.intervals_MPa, strict=True
             )
         ],
-        title=f"{every.name}: secant modulus at strain {at_strain:g}",
+        title=f"{scale.palette.name}: secant modulus at strain {scale.at_strain:g}",
         right=["m", "modulus MPa", "break", "g/cm3"],
         droppable=["also called", "g/cm3", "break"],
-        swatches=[material.colour for material in every.materials],
+        swatches=[material.colour for material in scale.palette.materials],
     )
-    tell_notes([*scale.warming, *scale.remarks()])
-    for written in (output, figure):
-        if written is not None:
-            say(f"wrote {written}")
-    return 0
 
 
 # ------------------------------------------------------------------------------------------------
@@ -140,7 +152,7 @@ def invert(
         list[float] | None,
         Option(help="Or the reverse: a coordinate whose stiffness and law are told; repeatable."),
     ] = None,
-    at_strain: AtStrain = 0.1,
+    at_strain: _AtStrain = 0.1,
     law: Annotated[
         str | None,
         Option(
@@ -161,7 +173,6 @@ def invert(
     Examples: [bold]planner invert --modulus 1.2 --at-strain 0.2[/bold],
     [bold]planner invert --coordinate 0.4 --law ogden-2[/bold]
     """
-    import planner
     from planner.printers import palette_of
 
     if not modulus_MPa and not coordinate:
@@ -288,6 +299,75 @@ _TensileFiles = Annotated[
 ]
 
 
+@dataclass(frozen=True)
+class _TensileTests:
+    """How tests are read, and what they are compared with."""
+
+    specimens: Annotated[
+        Path | None, Option("--specimens", help="List of specimens: material, size, file.")
+    ] = None
+    material: Annotated[
+        str | None, Option(help="What all specimens without a row are made of.")
+    ] = None
+    width_mm: Annotated[float | None, Option(help="Width of specimens without a row.")] = None
+    thickness_mm: Annotated[
+        float | None, Option("--thickness-mm", help="Thickness of specimens without a row.")
+    ] = None
+    gauge_mm: Annotated[
+        float | None, Option("--gauge-mm", help="Gauge length of specimens without a row.")
+    ] = None
+    columns: Annotated[
+        str | None,
+        Option(
+            help="Headings in place of the files' own, by position: 'stretch,stress_MPa', '-' "
+            "leaves a column out."
+        ),
+    ] = None
+    unit_of: Annotated[
+        list[str] | None,
+        Option(
+            help="Read force, travel, stress or strain in another unit than the files say, as in "
+            "force=lbf:S1,S2 (specimens or materials) or, for all, travel=in; repeatable."
+        ),
+    ] = None
+    mode: Annotated[
+        str | None,
+        Option(
+            help="How specimens were loaded whose row has no mode: tension, compression, planar or "
+            "equibiaxial."
+        ),
+    ] = None
+    blocks: Annotated[
+        str | None,
+        Option(
+            help="Blocks of numbers in one sheet that nothing names: join (one record) or apart "
+            "(specimens)."
+        ),
+    ] = None
+    leave_out: Annotated[
+        list[str] | None, Option(help="Specimen or material to leave out; repeatable.")
+    ] = None
+    printer: PrinterName = "connex3"
+    palette: Annotated[
+        str | None,
+        Option(
+            help="Palette to hold the tests against, a file (TOML) or one of the printer's; else "
+            "its default."
+        ),
+    ] = None
+    compare: Annotated[
+        bool,
+        Option(
+            help="Hold materials that the palette names against it: was a unit taken for another?"
+        ),
+    ] = True
+
+    def given(self) -> dict[str, Any]:
+        """Return them by the names that the functions have."""
+        names = self.columns and [name.strip() for name in self.columns.split(",")]
+        return {**vars(self), "columns": names}
+
+
 # ------------------------------------------------------------------------------------------------
 # planner characterise.
 
@@ -300,7 +380,7 @@ def characterise(
         Path | None, Option("--output", "-o", help="CSV file to write, one row a material.")
     ] = None,
     *,
-    tests: TensileTests,
+    tests: _TensileTests,
     at_strain: Annotated[
         list[float] | None, Option("--at-strain", help="Strain of a secant modulus; repeatable.")
     ] = None,
@@ -322,7 +402,6 @@ def characterise(
     materials.csv --figure tests.svg[/bold]
     """
     given = locals()
-    import planner
     from planner.formats.files import encode_document
     from planner.formats.outputs import write_whole
     from planner.materials.study import listed_files
@@ -446,6 +525,50 @@ def _tables(found: "Sequence[MaterialCharacteristics]") -> None:
 # planner fit.
 
 
+@dataclass(frozen=True)
+class _Fitting:
+    """How laws are fitted, and what of the palette the tests do not tell."""
+
+    law: Annotated[
+        str,
+        Option(
+            help="neo-hookean, yeoh, martins, ogden, ogden-1, -2 or -3 (terms), or all: the best "
+            "is chosen."
+        ),
+    ] = "all"
+    name: Annotated[str | None, Option(help="Name of the palette; else that of the file.")] = None
+    weighting: Annotated[str, Option(help="Residuals relative to the stress, or absolute.")] = (
+        "relative"
+    )
+    coordinate: Annotated[
+        list[str] | None, Option(help="ID=M, repeatable; else 0..1 in order of stiffness.")
+    ] = None
+    order: Annotated[
+        str | None,
+        Option(help="All materials from soft to hard, with commas, where tests leave it open."),
+    ] = None
+    density: Annotated[list[str] | None, Option(help="ID=G_CM3, repeatable.")] = None
+    starts: Annotated[int, Option(min=1, max=2000, help="Starts of each search.")] = 50
+    level: Annotated[float, Option(min=0.5, max=0.999, help="Coverage of the intervals.")] = 0.95
+    coefficients: Annotated[
+        str | None,
+        Option(
+            help="quadratic: also run Algorithm 1 of Hemleben's thesis, coefficients as quadratics "
+            "of m, and compare what it predicts; the palette is the same."
+        ),
+    ] = None
+
+    def given(self, output: Path) -> dict[str, Any]:
+        """Return them by the names that `planner.fit` has."""
+        return {
+            **vars(self),
+            "name": self.name or output.stem,
+            "coordinate": _figures(self.coordinate, "--coordinate"),
+            "order": self.order and [name.strip() for name in self.order.split(",")],
+            "density": _figures(self.density, "--density"),
+        }
+
+
 @in_groups
 def fit(
     context: Context,
@@ -453,36 +576,9 @@ def fit(
     output: Annotated[Path, Option("--output", "-o", help="Palette file (TOML) to write.")] = Path(
         "palette.toml"
     ),
-    law: Annotated[
-        str,
-        Option(
-            help="neo-hookean, yeoh, martins, ogden, ogden-1, -2 or -3 (terms), or all: the best "
-            "is chosen."
-        ),
-    ] = "all",
-    name: Annotated[str | None, Option(help="Name of the palette; else that of the file.")] = None,
-    weighting: Annotated[
-        str, Option(help="Residuals relative to the stress, or absolute.")
-    ] = "relative",
-    coordinate: Annotated[
-        list[str] | None, Option(help="ID=M, repeatable; else 0..1 in order of stiffness.")
-    ] = None,
-    order: Annotated[
-        str | None,
-        Option(help="All materials from soft to hard, with commas, where tests leave it open."),
-    ] = None,
-    density: Annotated[list[str] | None, Option(help="ID=G_CM3, repeatable.")] = None,
-    starts: Annotated[int, Option(min=1, max=2000, help="Starts of each search.")] = 50,
-    level: Annotated[float, Option(min=0.5, max=0.999, help="Coverage of the intervals.")] = 0.95,
-    coefficients: Annotated[
-        str | None,
-        Option(
-            help="quadratic: also run Algorithm 1 of Hemleben's thesis, coefficients as quadratics "
-            "of m, and compare what it predicts; the palette is the same."
-        ),
-    ] = None,
     *,
-    tests: TensileTests,
+    fitting: _Fitting,
+    tests: _TensileTests,
     figure: Annotated[
         Path | None,
         Option(help="SVG file to write: tests over laws, residuals, mixtures between."),
@@ -502,8 +598,6 @@ def fit(
 
     Example: [bold]planner fit samples/tensile -o lab.toml --figure lab.svg --tables lab[/bold]
     """
-    given = locals()
-    import planner
     from planner.formats.files import encode_document
     from planner.formats.outputs import write_folder, write_whole
     from planner.materials.study import listed_files
@@ -511,14 +605,8 @@ def fit(
     reads, folders = listed_files(files, tests.specimens), {"tables": (tables, _TABLES)}
     check_targets(context, force=force, reads=reads, output=output, figure=figure, folders=folders)
     with progress(not (quiet or as_json)) as stage:
-        asked = taken(planner.fit, given | tests.given()) | {
-            "name": name or output.stem,
-            "coordinate": _figures(coordinate, "--coordinate"),
-            "order": order and [name.strip() for name in order.split(",")],
-            "density": _figures(density, "--density"),
-            "progress": stage,
-        }
-        result = planner.fit(**asked)
+        given = {"files": files, **tests.given(), **fitting.given(output)}
+        result = planner.fit(**taken(planner.fit, given), progress=stage)
     planner.write_palette(result.palette, output, force=force)
     if figure is not None:
         write_whole(figure, planner.fit_figure(result))

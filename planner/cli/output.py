@@ -29,7 +29,6 @@ if TYPE_CHECKING:
 
 __all__ = [
     "AsJson",
-    "AtStrain",
     "CasesFile",
     "ForceOversize",
     "Kept",
@@ -42,7 +41,6 @@ __all__ = [
     "PrinterLimits",
     "PrinterName",
     "Quiet",
-    "TensileTests",
     "check_targets",
     "complain",
     "finding",
@@ -331,13 +329,6 @@ PrinterName = Annotated[
 PaletteName = Annotated[
     str | None, Option("--palette", help="Palette file (TOML), or one of the printer's palettes.")
 ]
-AtStrain = Annotated[
-    float,
-    Option(
-        "--at-strain",
-        help="Working strain: stiffness is the secant modulus of the nominal stress up to it.",
-    ),
-]
 
 
 def in_groups(command: Callable[..., int]) -> Callable[..., int]:
@@ -509,7 +500,7 @@ def _real(path: Path) -> Path:
 
 
 # ------------------------------------------------------------------------------------------------
-# Options of the commands that take whole parts, or tensile tests, and write files.
+# Options of the commands that take whole parts, and write files.
 
 
 Overwrite = Annotated[bool, Option("--force", help="Replace files that are there.")]
@@ -564,72 +555,3 @@ MeshBodies = Annotated[
         "solids around them; or solids, and then all are united.",
     ),
 ]
-
-
-@dataclass(frozen=True)
-class TensileTests:
-    """How tests are read, and what they are compared with."""
-
-    specimens: Annotated[
-        Path | None, Option("--specimens", help="List of specimens: material, size, file.")
-    ] = None
-    material: Annotated[
-        str | None, Option(help="What all specimens without a row are made of.")
-    ] = None
-    width_mm: Annotated[float | None, Option(help="Width of specimens without a row.")] = None
-    thickness_mm: Annotated[
-        float | None, Option("--thickness-mm", help="Thickness of specimens without a row.")
-    ] = None
-    gauge_mm: Annotated[
-        float | None, Option("--gauge-mm", help="Gauge length of specimens without a row.")
-    ] = None
-    columns: Annotated[
-        str | None,
-        Option(
-            help="Headings in place of the files' own, by position: 'stretch,stress_MPa', '-' "
-            "leaves a column out."
-        ),
-    ] = None
-    unit_of: Annotated[
-        list[str] | None,
-        Option(
-            help="Read force, travel, stress or strain in another unit than the files say, as in "
-            "force=lbf:S1,S2 (specimens or materials) or, for all, travel=in; repeatable."
-        ),
-    ] = None
-    mode: Annotated[
-        str | None,
-        Option(
-            help="How specimens were loaded whose row has no mode: tension, compression, planar or "
-            "equibiaxial."
-        ),
-    ] = None
-    blocks: Annotated[
-        str | None,
-        Option(
-            help="Blocks of numbers in one sheet that nothing names: join (one record) or apart "
-            "(specimens)."
-        ),
-    ] = None
-    leave_out: Annotated[
-        list[str] | None, Option(help="Specimen or material to leave out; repeatable.")
-    ] = None
-    printer: PrinterName = "connex3"
-    palette: Annotated[
-        str | None,
-        Option(
-            help="Palette to hold the tests against, a file (TOML) or one of the printer's; else "
-            "its default."
-        ),
-    ] = None
-    compare: Annotated[
-        bool,
-        Option(
-            help="Hold materials that the palette names against it: was a unit taken for another?"
-        ),
-    ] = True
-
-    def given(self) -> dict[str, Any]:
-        """Return them by the names that the functions have."""
-        names = self.columns and [name.strip() for name in self.columns.split(",")]
-        return {**vars(self), "columns": names}

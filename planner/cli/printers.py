@@ -162,6 +162,8 @@ def new(
 def _plugin(name: str, package: str, base: "Printer") -> dict[str, bytes]:
     """Return the files of a plugin by their paths, each figure as the other printer has it."""
     from dataclasses import replace
+    from importlib.resources import files
+    from string import Template
 
     from planner.formats.files import toml_text
     from planner.palette import encode_palette
@@ -175,54 +177,26 @@ def _plugin(name: str, package: str, base: "Printer") -> dict[str, bytes]:
         if hasattr(base, key) and key not in ("operator_names", "base")
     }
     figures |= {"name": name, "title": name, "palettes": [palette.name]}
-    lines = [f"{key} = {toml_text(value)}" for key, value in figures.items()]
-    called = [f"{toml_text(id)} = {toml_text(said)}" for id, said in names.items()]
-    profile = f"""#:schema ./printer.schema.json
-# Figures of {base.title}: put your own in their place, and say where they are from.
-schema = 1
-{chr(10).join(lines)}
-
-[operator_names]
-{chr(10).join(called)}
-"""
-    texts = {
-        "pyproject.toml": f"""[build-system]
-requires = ["hatchling"]
-build-backend = "hatchling.build"
-
-[project]
-name = "{name}-printer"
-version = "0.1.0"
-dependencies = ["jetting-planner"]
-
-[project.entry-points."planner.printers"]
-{name} = "{package}:PRINTER"
-
-[tool.hatch.build.targets.wheel]
-packages = ["{package}"]
-""",
-        f"{package}/__init__.py": f'''"""The printer {name}, for planner."""
-
-from importlib.resources import files
-
-from planner.printers import load_profile
-
-PRINTER = load_profile(files(__name__))
-''',
-        f"{package}/printer.toml": profile,
-        f"{package}/job_notes.md": base.job_notes().replace(base.title, name),
-        f"test_{package}.py": f"""from planner.testing import check_printer
-from {package} import PRINTER
-
-
-def test_it_is_a_printer() -> None:
-    check_printer(PRINTER)
-""",
+    words = {
+        "name": name,
+        "package": package,
+        "base": base.title,
+        "figures": "\n".join(f"{key} = {toml_text(value)}" for key, value in figures.items()),
+        "called": "\n".join(f"{toml_text(id)} = {toml_text(said)}" for id, said in names.items()),
     }
-    written = b"#:schema ../palette.schema.json\n" + encode_palette(palette)
+
+    def filled(template: str) -> bytes:
+        text = (files("planner.cli") / "plugin" / f"{template}.template").read_text("utf-8")
+        return Template(text).substitute(words).encode()
+
     return {
-        **{path: text.encode() for path, text in texts.items()},
-        f"{package}/palettes/{palette.name}.toml": written,
+        "pyproject.toml": filled("pyproject.toml"),
+        f"{package}/__init__.py": filled("__init__.py"),
+        f"{package}/printer.toml": filled("printer.toml"),
+        f"{package}/job_notes.md": base.job_notes().replace(base.title, name).encode(),
+        f"test_{package}.py": filled("test.py"),
+        f"{package}/palettes/{palette.name}.toml": b"#:schema ../palette.schema.json\n"
+        + encode_palette(palette),
         f"{package}/printer.schema.json": _encoded("printer"),
         f"{package}/palette.schema.json": _encoded("palette"),
     }

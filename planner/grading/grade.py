@@ -39,7 +39,7 @@ from planner.grading.dither import (
     dither_regions,
     fraction_checks,
 )
-from planner.grading.howto import coupons_beside, job_notes, tray_notes
+from planner.grading.howto import with_howto
 from planner.grading.printability import CutPart, print_checks
 from planner.grading.profile import (
     Band,
@@ -65,7 +65,7 @@ from planner.grading.regions import (
     tolerated_ratio,
     with_laminates,
 )
-from planner.grading.snap import MovedCut, moved_cuts, snap_limit_mm, snapped_bands
+from planner.grading.snap import MovedCut, snap_limit_mm, snapped_bands
 from planner.grading.wish import End, Wish, Wished, targets_of, whole_wish
 from planner.mesh.mesh import Mesh, join_shells, weld
 from planner.mesh.part import Part, make_part, oversize, part_from_arrays, place, undersize
@@ -577,10 +577,10 @@ def grade(
     moved: tuple[MovedCut, ...] = ()
     if isinstance(design, BandDesign):
         if not design.periods:
-            moved = moved_cuts(
-                mesh, along, design.levels.tolist(), snap_mm=farthest_mm, machine=machine
+            bands_now, moved = snapped_bands(
+                mesh, along, design.bands, target, snap_mm=farthest_mm, machine=machine
             )
-            design = replace(design, bands=snapped_bands(design.bands, moved, target))
+            design = replace(design, bands=bands_now)
         _check_thickness(along, design.bands, machine, source.warnings)
     within_mm = _WITHIN_MM if wish.pitch_mm is None else math.inf
     pieces = design.cut(mesh, along, pitch_mm, within_mm)
@@ -634,14 +634,7 @@ def grade(
         shells=shells,
     )
     progress("verifying the shells")
-    plan = _verified(plan, mesh)
-    laid = coupons_beside(shells, mesh.bounds_mm, machine) if coupons else {}
-    tray = tray_notes(machine, mesh, len(shells) if coupons else 0)
-    resins = plan.shells[0].properties["base_resins"].split(", ")
-    notes = job_notes(
-        machine, scale, tray=tray, resins=resins, findings=plan.findings, warnings=known
-    )
-    return replace(plan, notes=notes, coupons=laid)
+    return with_howto(_verified(plan, mesh), mesh, machine, scale, known, coupons=coupons)
 
 
 def _verified(plan: Plan, placed: Mesh) -> Plan:

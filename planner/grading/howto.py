@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import PurePosixPath
 
 import numpy as np
@@ -13,36 +14,38 @@ from planner.glance import as_words
 from planner.grading.profile import StiffnessScale
 from planner.mesh.mesh import Mesh
 from planner.numerics import Float32Array, FloatArray, IntArray
-from planner.plan import Finding, Shell
+from planner.plan import Plan, Shell
 from planner.printers import Printer
 from planner.voxels.columns import voxelize
 
-__all__ = ["coupons_beside", "job_notes", "tray_notes"]
+__all__ = ["with_howto"]
 
 
-def job_notes(
+def with_howto(
+    plan: Plan,
+    placed: Mesh,
     machine: Printer,
     scale: StiffnessScale,
-    *,
-    tray: Sequence[str],
-    resins: Sequence[str],
-    findings: Sequence[Finding],
     warnings: Sequence[str],
-) -> str:
-    """Return the printer's how-to (Markdown), with what of it depends on palette and part.
+    *,
+    coupons: bool,
+) -> Plan:
+    """Return a plan with the printer's how-to (Markdown), and test coupons where they are asked.
 
     Parameters
     ----------
-    tray
-        Of `tray_notes`.
-    resins
-        What the plan's materials are jetted from.
-    findings
-        What will not come out as planned; told as they are.
+    placed
+        The part as it lies in the files, z up.
     warnings
         What to know of the stiffness of the materials used.
+
+    Raises
+    ------
+    ArgumentError
+        The tray does not hold the coupons beside the part.
     """
-    palette = scale.palette
+    laid = _coupons_beside(plan.shells, placed.bounds_mm, machine) if coupons else {}
+    resins = plan.shells[0].properties["base_resins"].split(", ")
     lines = [
         machine.job_notes().rstrip(),
         "",
@@ -50,26 +53,18 @@ def job_notes(
         "",
         f"- Resins to load: {', '.join(f'**{as_words(resin)}**' for resin in resins)}; support "
         f"{as_words(machine.support)}.",
-        *(f"- {said}" for said in tray),
-        f"- Palette {as_words(palette.name)}: {as_words(_conditions(scale))}.",
+        *(f"- {said}" for said in _tray_notes(machine, placed, len(plan.shells) if laid else 0)),
+        f"- Palette {as_words(scale.palette.name)}: {as_words(_conditions(scale))}.",
         *(f"- {_sentence(warning)}" for warning in warnings),
     ]
-    if findings:
+    if plan.findings:
         lines += ["", "What will not come out as planned:", ""]
-        lines += [f"- {_sentence(found.message)}" for found in findings]
-    return "\n".join(lines) + "\n"
+        lines += [f"- {_sentence(found.message)}" for found in plan.findings]
+    return replace(plan, notes="\n".join(lines) + "\n", coupons=laid)
 
 
-def tray_notes(machine: Printer, placed: Mesh, coupons: int) -> list[str]:
-    """Return what the job takes of the printer, a sentence each.
-
-    Parameters
-    ----------
-    placed
-        The part as it lies in the files, z up.
-    coupons
-        How many test coupons lie beside it.
-    """
+def _tray_notes(machine: Printer, placed: Mesh, coupons: int) -> list[str]:
+    """Return what the job takes of the printer, with so many test coupons, a sentence each."""
     height_mm = float(np.ptp(placed.bounds_mm[:, 2]))
     layers = math.ceil(height_mm / machine.layer_mm - 1e-6)
     support_mm3 = _beneath_mm3(placed)
@@ -137,25 +132,13 @@ _ARC_STEPS = 16  # chords 7 um inside the arcs
 _APART = 5.0  # chosen: room for a spatula
 
 
-def coupons_beside(
+def _coupons_beside(
     shells: Sequence[Shell], bounds_mm: FloatArray, machine: Printer
 ) -> dict[str, bytes]:
     """Lay a tensile coupon of each shell's material flat beside a part, gauge along x.
 
-    Parameters
-    ----------
-    bounds_mm
-        The part's, (2, 3), in the files' coordinates; the coupons are in the same.
-
-    Returns
-    -------
-    dict
-        An STL a coupon by its path in the plan's folder, and the list of specimens to fill in.
-
-    Raises
-    ------
-    ArgumentError
-        The tray does not hold them beside the part.
+    They are in the coordinates of the part's bounds, (2, 3). Returned are an STL a coupon by its
+    path in the plan's folder, and the list of specimens to fill in.
     """
     low_mm, high_mm = bounds_mm.tolist()
     x, y = low_mm[0], high_mm[1] + _APART

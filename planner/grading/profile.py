@@ -46,7 +46,6 @@ __all__ = [
     "distinct_positions",
     "dithered_profile",
     "equal_bands",
-    "grades_between",
     "is_dithered",
     "known_interval",
     "list_materials",
@@ -176,22 +175,29 @@ class Profile:
         }
 
 
-def between(spec: str, start_MPa: float, end_MPa: float) -> Profile:
+def between(
+    spec: str, start_MPa: float, end_MPa: float, moduli_MPa: Sequence[float] = ()
+) -> Profile:
     """Make the profile that `spec` names between two moduli.
 
     Parameters
     ----------
     spec
-        ``log``, ``linear``, ``smooth`` or ``steps:N`` (N equal steps, evenly spaced in log).
+        ``log``, ``linear``, ``smooth``, ``steps:N`` (N equal steps, evenly spaced in log) or
+        ``grades`` (an equal length of each material from the one nearest to the first modulus to
+        that nearest to the other).
+    moduli_MPa
+        Of the catalogue materials, strictly rising; for ``grades``.
 
     Raises
     ------
     ArgumentError
-        An unknown name, or fewer than two steps.
+        An unknown name, fewer than two steps, or both ends nearest to one material.
     """
-    ends = (start_MPa, end_MPa)
     if spec in _SHAPES:
-        return Profile(spec, (0.0, 1.0), ends, _SHAPES[spec])
+        return Profile(spec, (0.0, 1.0), (start_MPa, end_MPa), _SHAPES[spec])
+    if spec == "grades":
+        return _steps(spec, _grades(start_MPa, end_MPa, moduli_MPa))
     if spec.startswith("steps:"):
         try:
             count = int(spec.removeprefix("steps:"))
@@ -203,30 +209,27 @@ def between(spec: str, start_MPa: float, end_MPa: float) -> Profile:
                 "as in steps:5"
             )
         ratio = end_MPa / start_MPa
-        positions, moduli = [], []
-        for i in range(count):
-            positions += [i / count, (i + 1) / count]
-            moduli += [start_MPa * ratio ** (i / (count - 1))] * 2
-        return Profile(spec, tuple(positions), tuple(moduli), "log")
+        return _steps(spec, [start_MPa * ratio ** (i / (count - 1)) for i in range(count)])
     hint = did_you_mean(spec, ["log", "linear", "smooth", "steps:5", "grades"])
     raise ArgumentError(f"`profile` {spec}: no such profile; {hint}it takes {', '.join(_PROFILES)}")
 
 
-def grades_between(start_MPa: float, end_MPa: float, moduli_MPa: Sequence[float]) -> Profile:
-    """Give each material from one modulus to another an equal length of the field.
+def _steps(name: str, moduli_MPa: Sequence[float]) -> Profile:
+    """Give each modulus an equal length of the field."""
+    edges = [i / len(moduli_MPa) for i in range(len(moduli_MPa) + 1)]
+    return Profile(
+        name,
+        tuple(u for pair in itertools.pairwise(edges) for u in pair),
+        tuple(modulus for modulus in moduli_MPa for _ in range(2)),
+        "log",
+    )
 
-    The first and the last are those nearest to the ends in log stiffness. What is wanted there is
-    the end itself, so that the material's distance from it counts as an error.
 
-    Parameters
-    ----------
-    moduli_MPa
-        Of the catalogue materials, strictly rising.
+def _grades(start_MPa: float, end_MPa: float, moduli_MPa: Sequence[float]) -> list[float]:
+    """Return the moduli of the materials between two, those included, in log stiffness.
 
-    Raises
-    ------
-    ArgumentError
-        Both ends are nearest to one material.
+    What is wanted at the first and the last is the end itself, so that the material's distance
+    from it counts as an error.
     """
     first, last = nearest_on(moduli_MPa, (start_MPa, end_MPa)).tolist()
     if first == last:
@@ -235,14 +238,7 @@ def grades_between(start_MPa: float, end_MPa: float, moduli_MPa: Sequence[float]
             f"material of the palette, with {moduli_MPa[first]:.3g} MPa; it takes two or more"
         )
     step = 1 if first < last else -1
-    wanted = [start_MPa, *moduli_MPa[first + step : last : step], end_MPa]
-    positions = [i / len(wanted) for i in range(len(wanted) + 1)]
-    return Profile(
-        "grades",
-        tuple(u for pair in itertools.pairwise(positions) for u in pair),
-        tuple(modulus for modulus in wanted for _ in range(2)),
-        "log",
-    )
+    return [start_MPa, *moduli_MPa[first + step : last : step], end_MPa]
 
 
 _SAMPLES = 257

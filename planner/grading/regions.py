@@ -3,7 +3,7 @@
 import hashlib
 import itertools
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -25,8 +25,9 @@ from planner.grading.profile import (
 from planner.materials.mixtures import blend_for, dither_table, reuss_MPa, reuss_share
 from planner.mesh.mesh import compact
 from planner.numerics import FloatArray, as_point
+from planner.palette import Palette
 from planner.plan import Check, Finding, Region, Shell
-from planner.printers import Printer, resins_of
+from planner.printers import Printer
 
 __all__ = [
     "MIXTURES_UNCALIBRATED",
@@ -141,7 +142,7 @@ def shells_of(
     used_ones = {what.name: what for what, some in zip(printed, occupied, strict=True) if some}
     mixed = (part.name for what in used_ones.values() for part in what.constituents)
     ids = {*mixed, *(what.material for what in used_ones.values() if what.material)}
-    resins = resins_of(scale.palette, machine, ids)
+    resins = _resins_of(scale.palette, machine, ids)
     shells: list[Shell] = []
     for what in sorted(used_ones.values(), key=lambda what: what.coordinate):
         faces = pieces.shell_faces(np.flatnonzero(names == what.name))
@@ -170,6 +171,25 @@ def shells_of(
             )
         )
     return tuple(shells)
+
+
+def _resins_of(palette: Palette, machine: Printer, ids: Collection[str]) -> tuple[str, ...]:
+    """Return what materials of a palette are jetted from, those of the ids given.
+
+    As the palette says; else the printer's own resins for materials that it knows, and the others
+    are resins themselves: a lab's own.
+    """
+    if palette.base_resins:
+        return palette.base_resins
+    made = {
+        called.casefold()
+        for name in machine.palettes
+        for material in machine.palette(name).materials
+        for called in (material.id, *material.aliases)
+    }
+    used = (m for m in palette.materials if m.id in ids)
+    foreign = tuple(m.id for m in used if made.isdisjoint(map(str.casefold, (m.id, *m.aliases))))
+    return foreign if len(foreign) == len({*ids}) else (*machine.base_resins, *foreign)
 
 
 def regions_of(

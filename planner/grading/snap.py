@@ -13,7 +13,7 @@ from planner.mesh.mesh import Mesh
 from planner.numerics import FloatArray
 from planner.printers import Printer
 
-__all__ = ["MovedCut", "moved_cuts", "snap_limit_mm", "snapped_bands"]
+__all__ = ["MovedCut", "snap_limit_mm", "snapped_bands"]
 
 # Where a face of the part lies alongside a level set, a cut near it leaves a layer as thin as the
 # two are apart. A layer below the printer's smallest feature blurs into its neighbour: moving the
@@ -74,7 +74,7 @@ def snap_limit_mm(stated: float | None, machine: Printer) -> float:
 
 
 @dataclass(frozen=True, slots=True)
-class _Faces:
+class _Alongside:
     """Faces alongside the level sets.
 
     Attributes
@@ -113,22 +113,10 @@ class _Faces:
         return np.asarray(share @ self.area_mm2[near])
 
 
-def moved_cuts(
+def _moved_cuts(
     mesh: Mesh, field: Field, levels: Sequence[float], *, snap_mm: float, machine: Printer
 ) -> tuple[MovedCut, ...]:
-    """Return which cuts to move, and where to, so that fewer or no slivers are left.
-
-    The nearest place without slivers is taken; without such, the one that leaves the least, if
-    that is half or less of what there was. No cut moves more than a tenth of the way to its
-    neighbour or to an end of the field.
-
-    Parameters
-    ----------
-    levels
-        Values of the field at the cuts, rising.
-    snap_mm
-        Farthest that a cut may move, along the field.
-    """
+    """Return which cuts, at rising values of the field, to move, and where to."""
     if snap_mm == 0.0 or not len(levels):
         return ()
     faces = _faces_alongside(mesh, field)
@@ -157,7 +145,7 @@ def moved_cuts(
     return tuple(moved)
 
 
-def _faces_alongside(mesh: Mesh, field: Field) -> _Faces | None:
+def _faces_alongside(mesh: Mesh, field: Field) -> _Alongside | None:
     """Find them; None of a field that is not one number everywhere, which cutting tells."""
     corners = mesh.vertices[mesh.faces]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -195,17 +183,34 @@ def _faces_alongside(mesh: Mesh, field: Field) -> _Faces | None:
         value = at_points[0][kept]
         low, high = value + rise.min(axis=1), value + rise.max(axis=1)
         weight = 0.5 * double[found] * (double.sum() / double[looked].sum())
-    return _Faces(low, high, weight, slope, cosine < 0.0)
+    return _Alongside(low, high, weight, slope, cosine < 0.0)
 
 
 def snapped_bands(
-    bands: Sequence[Band], moved: Sequence[MovedCut], target: Profile
-) -> tuple[Band, ...]:
-    """Return bands that end where their cuts were moved to, with the targets that they hold now.
+    mesh: Mesh,
+    field: Field,
+    bands: Sequence[Band],
+    target: Profile,
+    *,
+    snap_mm: float,
+    machine: Printer,
+) -> tuple[tuple[Band, ...], tuple[MovedCut, ...]]:
+    """Return bands whose cuts were moved so that fewer or no slivers are left, and those cuts.
 
-    Beyond a jump of the target that a cut lay on, the band keeps the target that it was made for:
-    what was moved there is a place, not a stiffness.
+    The nearest place without slivers is taken; without such, the one that leaves the least, if
+    that is half or less of what there was. No cut moves more than a tenth of the way to its
+    neighbour or to an end of the field.
+
+    Bands have the targets that they hold now. Beyond a jump of the target that a cut lay on, the
+    band keeps the target that it was made for: what was moved there is a place, not a stiffness.
+
+    Parameters
+    ----------
+    snap_mm
+        Farthest that a cut may move, along the field.
     """
+    levels = [band.start for band in bands[1:]]
+    moved = _moved_cuts(mesh, field, levels, snap_mm=snap_mm, machine=machine)
     to = {cut.field: cut.to for cut in moved}
     jumps = {a for a, b in zip(target.positions, target.positions[1:], strict=False) if a == b}
     found = []
@@ -216,4 +221,4 @@ def snapped_bands(
             min(stop, band.stop) if band.stop in jumps else stop,
         )
         found.append(replace(band, start=start, stop=stop, target_MPa=target.interval_MPa(*held)))
-    return tuple(found)
+    return tuple(found), moved

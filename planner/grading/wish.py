@@ -18,7 +18,6 @@ from planner.grading.profile import (
     Profile,
     StiffnessScale,
     between,
-    grades_between,
     profile_of,
     read_moduli,
     sampled_profile,
@@ -73,7 +72,7 @@ class Wish:
 _DEFAULTS = Wish(profile="log", blend="nearest", at_strain=0.1, printer="connex3")
 
 
-def whole_wish(stated: Wish, like: str | Path | Plan | None) -> "tuple[Wish, _Earlier | None]":
+def whole_wish(stated: Wish, like: str | Path | Plan | None) -> "tuple[Wish, _EarlierPlan | None]":
     """Return a wish with nothing open that a plan needs, and the plan that it follows.
 
     Raises
@@ -96,7 +95,7 @@ def whole_wish(stated: Wish, like: str | Path | Plan | None) -> "tuple[Wish, _Ea
 
 
 @dataclass(frozen=True, slots=True)
-class _Earlier:
+class _EarlierPlan:
     """A plan to follow, and the hash of its plan.json."""
 
     plan: Plan
@@ -184,15 +183,15 @@ class _Earlier:
         return palette
 
 
-def _earlier(like: str | Path | Plan) -> _Earlier:
+def _earlier(like: str | Path | Plan) -> _EarlierPlan:
     if isinstance(like, Plan):
-        return _Earlier(like, hashlib.sha256(like.json()).hexdigest())
+        return _EarlierPlan(like, hashlib.sha256(like.json()).hexdigest())
     if not isinstance(like, (str, Path)):
         raise ArgumentError(
             f"`like` is a {type(like).__name__}; give a planner.Plan, a plan.json or its folder"
         )
     plan = read_plan(like)
-    return _Earlier(plan, hashlib.sha256(plan_file(like).read_bytes()).hexdigest())
+    return _EarlierPlan(plan, hashlib.sha256(plan_file(like).read_bytes()).hexdigest())
 
 
 def _blending(gradient: Gradient) -> dict[str, Any]:
@@ -263,9 +262,7 @@ def targets_of(wish: Wish, scale: StiffnessScale) -> tuple[Profile, str | None, 
             f"`from_` {_called(wish.start)} and `to` {_called(wish.end)} are one material or "
             f"modulus, {start}; a gradient needs two"
         )
-    if str(profile) == "grades":
-        return grades_between(start_MPa, end_MPa, scale.moduli_MPa), start, end
-    return between(str(profile), start_MPa, end_MPa), start, end
+    return between(str(profile), start_MPa, end_MPa, scale.moduli_MPa), start, end
 
 
 def _listed(rows: object, scale: StiffnessScale) -> Profile:

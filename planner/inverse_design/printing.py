@@ -15,7 +15,7 @@ from planner.fields.parse import Setting, TableFile
 from planner.formats.field_file import encode_vti
 from planner.glance import in_percent
 from planner.grading.profile import Profile, StiffnessScale, natural_bands
-from planner.grading.snap import moved_cuts, snap_limit_mm, snapped_bands
+from planner.grading.snap import snap_limit_mm, snapped_bands
 from planner.inverse_design.controls import TABLE, Controls, StiffnessRange
 from planner.inverse_design.search import Case, DesignProblem, Solved, Tried, WantedOfPart, step
 from planner.numerics import BoolArray, FloatArray, interrupted
@@ -195,11 +195,11 @@ class Printing:
             return share
         profile, field, _ = self.space.laid(values)
         bands = natural_bands(profile, self.scale.moduli_MPa)
-        moved = moved_cuts(
-            self.space.setting.mesh, field, [band.start for band in bands[1:]],
+        snapped, _ = snapped_bands(
+            self.space.setting.mesh, field, bands, profile,
             snap_mm=snap_limit_mm(None, self.machine), machine=self.machine,
         )  # fmt: skip
-        starts = [band.start for band in snapped_bands(bands, moved, profile)]
+        starts = [band.start for band in snapped]
         moduli = np.array(self.scale.moduli_MPa)[[band.grade for band in bands]]
         place = share if self._along is None else self._along
         offsets = self.problem.cases[0].cells.offsets

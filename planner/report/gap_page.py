@@ -41,7 +41,7 @@ from planner.gap.summary import (
 from planner.glance import counted
 from planner.palette import encode_palette
 from planner.report.gap_figures import figures_of
-from planner.report.page import asset, begin, end, head, table
+from planner.report.page import encode_page, head, table
 
 __all__ = ["headline", "scope", "verdict_text", "write_diagnosis"]
 
@@ -571,11 +571,8 @@ _SIGN = (
 )
 
 
-def _page(d: Diagnosis, figures: Mapping[str, bytes]) -> Iterator[str]:
+def _body(d: Diagnosis, figures: Mapping[str, bytes]) -> Iterator[str]:
     """Yield the lines of the page, figures as SVG by name; their marks tell what they are."""
-    scripts = (f"{asset('figure.js')}\n",)
-    title = f"{d.campaign}: {d.verdict}"
-    yield from begin(title, styles=["report.css"], scripts=scripts, kind="report")
     yield from _head(d)
     yield "<main>"
     for svg in figures.values():
@@ -590,7 +587,6 @@ def _page(d: Diagnosis, figures: Mapping[str, bytes]) -> Iterator[str]:
     yield f"<p>planner {escape(__version__)}, seed {d.seed}</p>"
     yield f"<p>palette {escape(d.palette)}, sha256 {escape(d.palette_sha256)}</p>"
     yield "</footer>"
-    yield end(scripts)
 
 
 def _head(d: Diagnosis) -> Iterator[str]:
@@ -627,7 +623,14 @@ def diagnosis_files(diagnosis: Diagnosis) -> dict[str, bytes]:
     palette = diagnosis.own_palette
     return {
         "diagnosis.json": diagnosis.json(),
-        "report.html": "\n".join(_page(diagnosis, figures)).encode("utf-8"),
+        "report.html": encode_page(
+            f"{diagnosis.campaign}: {diagnosis.verdict}",
+            _body(diagnosis, figures),
+            styles=["report.css"],
+            scripts=["figure.js"],
+            view=False,
+            kind="report",
+        ),
         **_csv_files(diagnosis),
         **({PALETTE_FILE: encode_palette(palette)} if palette is not None else {}),
         **{f"figures/{name}.svg": svg for name, svg in figures.items()},

@@ -16,10 +16,9 @@ from planner.mesh.distance import distances, triangle_tree
 from planner.numerics import FloatArray, IntArray
 from planner.report.display import ScreenGrid, thinned
 from planner.report.page import (
-    KEYS,
-    begin,
+    asset,
     data_script,
-    end,
+    encode_page,
     figure,
     findings_card,
     geometry,
@@ -32,7 +31,6 @@ from planner.report.page import (
     shell_data,
     stage,
     table,
-    viewer_scripts,
 )
 from planner.report.simulation_figures import simulation_figure
 from planner.report.svg import INK, Chart, frame, inline, ramp, rectangle, segment, text, ticks
@@ -93,26 +91,23 @@ def part_page(result: PartSimulation | Sequence[PartSimulation]) -> bytes:
     >>> Path("bent.html").write_bytes(planner.part_page(bent))  # doctest: +SKIP
     """
     results = (result,) if isinstance(result, PartSimulation) else tuple(result)
-    return "\n".join(_page(results)).encode("utf-8")
+    return encode_page(
+        f"{results[0].name}: under load", _body(results),
+        styles=["plan.css"], scripts=["page.js", "part.js"],
+        stamp=f'<meta name="generator" content="planner {__version__}">',
+    )  # fmt: skip
 
 
-def _page(results: Sequence[PartSimulation]) -> Iterator[str]:
+def _body(results: Sequence[PartSimulation]) -> Iterator[str]:
     result = results[0]
     kept, faces = thinned(
         result.cells.surface.vertices, result.cells.surface.faces, _MOST_TRIANGLES
     )
-    scripts = viewer_scripts("page.js", "part.js")
     top = _top(max(float(one.steps.strain_over_break.max()) for one in results))
-    yield from begin(
-        f"{result.name}: under load",
-        styles=["plan.css"],
-        scripts=scripts,
-        stamp=f'<meta name="generator" content="planner {__version__}">',
-    )
     yield '<a class="skip" href="#figures">Skip the 3D view</a>'
     yield from _header(results)
     yield '<main>\n<div class="bench">'
-    yield from stage(
+    yield stage(
         f"The part {result.name} under load",
         " ".join(
             f"{words}." for one in results for words in (part_title(one), *summary_words(one))
@@ -122,12 +117,12 @@ def _page(results: Sequence[PartSimulation]) -> Iterator[str]:
     yield '<div class="panel">'
     yield from findings_card([(f.message, False) for one in results for f in one.findings])
     count = sum(len(one.steps.share) for one in results)
-    yield from load_slider("", count, count - 1)
+    yield load_slider("", count, count - 1)
     yield '<label class="tick"><input type="checkbox" id="ghost"> outline at rest</label>'
     yield '<label class="tick"><input type="checkbox" id="edges" checked> edges</label></fieldset>'
     yield from _legend(top)
-    yield from section_controls("xyz")
-    yield KEYS
+    yield section_controls("xyz")
+    yield asset("keys.html")
     yield '</div>\n</div>\n<div class="below" id="figures">'
     first = 0
     for number, one in enumerate(results):
@@ -155,9 +150,8 @@ def _page(results: Sequence[PartSimulation]) -> Iterator[str]:
     )
     data, rest, moved = _packed(results, kept, faces, top)
     yield data_script("data", data)
-    yield f'<script type="text/plain" id="geometry">{rest}</script>'
-    yield f'<script type="text/plain" id="steps">{moved}</script>'
-    yield end(scripts)
+    yield data_script("geometry", rest)
+    yield data_script("steps", moved)
 
 
 def _top(most: float) -> float:

@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 from functools import partial
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,27 +16,8 @@ from planner.materials.mixtures import CoefficientModel
 from planner.materials.palette_study import Characterisation, PaletteStudy
 from planner.numerics import FloatArray, normal_quantile
 from planner.palette import Material
-from planner.report.svg import (
-    BLUE,
-    GREY,
-    INK,
-    PALE_BLUE,
-    RUST,
-    Chart,
-    Panel,
-    band,
-    cross,
-    disc,
-    frame,
-    in_rows,
-    line,
-    log_ticks,
-    picture,
-    ring,
-    segment,
-    text,
-    ticks,
-)
+from planner.report import svg
+from planner.report.svg import BLUE, GREY, INK, PALE_BLUE, RUST, Chart, Panel
 
 __all__ = [
     "characterisation_figure",
@@ -47,6 +29,26 @@ __all__ = [
 _QUIET = "#5c5c5c"
 _SMALL, _LETTER, _LINE = 11.0, 6.3, 12.0
 """Size of small words, about the width of their letters, and from line to line; in pixels."""
+
+_KEY_TOP = 52.0
+
+
+def _key(x: float, words: str, *mark: str) -> Iterator[str]:
+    """Say below a figure's heading what a mark in it means, in words that begin at x."""
+    yield from mark
+    yield svg.text(x, _KEY_TOP + 4.0, words, colour=_QUIET)
+
+
+def _sample(x: float, *, colour: str, width: float = 2.0, dash: str = "") -> str:
+    """Draw a short line for a key."""
+    start, stop = (x, _KEY_TOP), (x + 28.0, _KEY_TOP)
+    return svg.segment(start, stop, colour=colour, width=width, dash=dash)
+
+
+def _dot(x: float, y: float, *, colour: str, radius: float) -> Iterator[str]:
+    """Draw a material: a disc of its colour with a rim."""
+    yield svg.disc(x, y, colour=INK, radius=radius)
+    yield svg.disc(x, y, colour=colour, radius=radius - 1.2)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -82,7 +84,7 @@ def materials_figure(scale: StiffnessScale) -> bytes:
     >>> Path("ladder.svg").write_bytes(figure)  # doctest: +SKIP
     """
     second = _LEFT + _WIDTH + _BETWEEN
-    return picture(
+    return svg.picture(
         second + _WIDTH + _MARGIN,
         _TOP + _HEIGHT + 52.0,
         [*_ladder(scale), *_stresses(scale, second)],
@@ -103,30 +105,23 @@ def _ladder(scale: StiffnessScale) -> Iterator[str]:
     ]
     most = max([float(high.max()), *(modulus for _, modulus in others)])
     room = 0.05 * (grades[-1] - grades[0]) or 0.5
-    chart = Chart(
-        _LEFT,
-        _TOP,
-        _WIDTH,
-        _HEIGHT,
-        (grades[0] - room, grades[-1] + room),
-        _decades(float(low.min()), most),
-    )
-    yield band(chart, m, np.log10(low), np.log10(high), colour=PALE_BLUE)
-    yield from frame(
+    x_range, y_range = (grades[0] - room, grades[-1] + room), _decades(float(low.min()), most)
+    chart = Chart(_LEFT, _TOP, _WIDTH, _HEIGHT, x_range, y_range)
+    yield svg.band(chart, m, np.log10(low), np.log10(high), colour=PALE_BLUE)
+    yield from svg.frame(
         chart,
         x_label="coordinate m of the material",
         y_label=f"secant modulus at strain {strain:g}, MPa",
-        y_ticks=log_ticks(*chart.y_range),
+        y_ticks=svg.log_ticks(*chart.y_range),
     )
-    yield line(chart, m, np.log10(scale.model.modulus_MPa(m, strain)), colour=BLUE)
+    yield svg.line(chart, m, np.log10(scale.model.modulus_MPa(m, strain)), colour=BLUE)
     for coordinate, modulus in others:
-        yield ring(chart.x(coordinate), _log_y(chart, modulus), colour=RUST, radius=4.5)
+        yield svg.ring(chart.x(coordinate), _log_y(chart, modulus), colour=RUST, radius=4.5)
     at = [(chart.x(c), _log_y(chart, v)) for c, v in zip(grades, scale.moduli_MPa, strict=True)]
     for (x, y), ends, material in zip(at, scale.intervals_MPa, materials, strict=True):
         bottom, top = (_log_y(chart, end) for end in ends)
-        yield segment((x, bottom), (x, top), colour=BLUE)
-        yield disc(x, y, colour=INK, radius=6.0)
-        yield disc(x, y, colour=material.colour, radius=4.8)
+        yield svg.segment((x, bottom), (x, top), colour=BLUE)
+        yield from _dot(x, y, colour=material.colour, radius=6.0)
     # A ladder rises, so that there is room below a grade on its right and above it on its left.
     right = chart.left + chart.width
     names = [material.id for material in materials]
@@ -140,17 +135,13 @@ def _ladder(scale: StiffnessScale) -> Iterator[str]:
 
 
 def _ladder_key(others: bool) -> Iterator[str]:
-    y, x = 52.0, _LEFT
-    yield disc(x + 6.0, y, colour=INK, radius=6.0)
-    yield disc(x + 6.0, y, colour="#ffffff", radius=4.8)
-    yield text(x + 18.0, y + 4.0, "material", colour=_QUIET)
-    yield segment((x + 82.0, y), (x + 110.0, y), colour=BLUE, width=2.0)
-    yield text(x + 116.0, y + 4.0, "between them", colour=_QUIET)
-    yield segment((x + 212.0, y), (x + 240.0, y), colour=PALE_BLUE, width=12.0)
-    yield text(x + 246.0, y + 4.0, "95 % of prints", colour=_QUIET)
+    x = _LEFT
+    yield from _key(x + 18.0, "material", *_dot(x + 6.0, _KEY_TOP, colour="#ffffff", radius=6.0))
+    yield from _key(x + 116.0, "between them", _sample(x + 82.0, colour=BLUE))
+    yield from _key(x + 246.0, "95 % of prints", _sample(x + 212.0, colour=PALE_BLUE, width=12.0))
     if others:
-        yield ring(x + 348.0, y, colour=RUST, radius=4.5)
-        yield text(x + 358.0, y + 4.0, "the same read otherwise", colour=_QUIET)
+        mark = svg.ring(x + 348.0, _KEY_TOP, colour=RUST, radius=4.5)
+        yield from _key(x + 358.0, "the same read otherwise", mark)
 
 
 def _stresses(scale: StiffnessScale, left: float) -> Iterator[str]:
@@ -167,23 +158,23 @@ def _stresses(scale: StiffnessScale, left: float) -> Iterator[str]:
     reach = longest / (1.0 - (_LETTER * letters + 14.0) / _WIDTH)
     y_range = _decades(min(stresses), max(stresses))
     chart = Chart(left, _TOP, _WIDTH, _HEIGHT, (0.0, reach), y_range)
-    yield from frame(
+    yield from svg.frame(
         chart,
         x_label="strain",
         y_label="nominal stress of each law to its break, MPa",
-        y_ticks=log_ticks(*chart.y_range),
+        y_ticks=svg.log_ticks(*chart.y_range),
     )
     if scale.at_strain < longest:
         x = chart.x(scale.at_strain)
-        yield segment((x, _TOP), (x, _TOP + _HEIGHT), colour=_QUIET, width=1.2, dash="5,4")
-        yield text(x + 5.0, _TOP + _HEIGHT - 8.0, "working strain", colour=_QUIET, size=_SMALL)
+        yield svg.segment((x, _TOP), (x, _TOP + _HEIGHT), colour=_QUIET, width=1.2, dash="5,4")
+        yield svg.text(x + 5.0, _TOP + _HEIGHT - 8.0, "working strain", colour=_QUIET, size=_SMALL)
     ends = []
     for material, (strain, stress) in zip(materials, curves, strict=True):
         y = np.log10(stress)
-        yield line(chart, strain, y, colour=INK, width=3.2)
-        yield line(chart, strain, y, colour=material.colour, width=2.0)
+        yield svg.line(chart, strain, y, colour=INK, width=3.2)
+        yield svg.line(chart, strain, y, colour=material.colour, width=2.0)
         x_end, y_end = chart.x(float(strain[-1])), chart.y(float(y[-1]))
-        yield cross(x_end, y_end, colour=INK, arm=4.0)
+        yield svg.cross(x_end, y_end, colour=INK, arm=4.0)
         ends.append((x_end + 8.0, y_end + 4.0, "start"))
     yield from _names([material.id for material in materials], ends)
 
@@ -200,7 +191,7 @@ def _names(names: Sequence[str], places: Sequence[tuple[float, float, str]]) -> 
             if start < right and left < stop and abs(at - y) < _LINE:
                 y = at - _LINE
         taken.append((start, stop, y))
-        yield text(x, y, name, anchor=anchor, size=_SMALL)
+        yield svg.text(x, y, name, anchor=anchor, size=_SMALL)
 
 
 def _log_y(chart: Chart, value: float) -> float:
@@ -251,8 +242,8 @@ def characterisation_figure(found: Characterisation) -> bytes:
     >>> Path("tests.svg").write_bytes(figure)  # doctest: +SKIP
     """
     shown = [partial(_tests_panel, one, found.curves[one.material]) for one in found.materials]
-    parts, width, height = in_rows(shown, _ACROSS, _CORNER, _CELL)
-    return picture(
+    parts, width, height = svg.in_rows(shown, _ACROSS, _CORNER, _CELL)
+    return svg.picture(
         max(width, 2.0 * _CELL[0]),
         height - 40.0,
         [*_tests_key(), *parts],
@@ -261,15 +252,11 @@ def characterisation_figure(found: Characterisation) -> bytes:
 
 
 def _tests_key() -> Iterator[str]:
-    y = 52.0
-    yield segment((20.0, y), (48.0, y), colour=INK, width=1.4, dash="5,4")
-    yield text(54.0, y + 4.0, "Young's modulus", colour=_QUIET)
-    yield disc(176.0, y, colour=INK)
-    yield text(186.0, y + 4.0, "end of the toe", colour=_QUIET)
-    yield ring(296.0, y, colour=INK)
-    yield text(306.0, y + 4.0, "yield", colour=_QUIET)
-    yield cross(366.0, y, colour=INK, arm=4.0)
-    yield text(376.0, y + 4.0, "break", colour=_QUIET)
+    y = _KEY_TOP
+    yield from _key(54.0, "Young's modulus", _sample(20.0, colour=INK, width=1.4, dash="5,4"))
+    yield from _key(186.0, "end of the toe", svg.disc(176.0, y, colour=INK))
+    yield from _key(306.0, "yield", svg.ring(296.0, y, colour=INK))
+    yield from _key(376.0, "break", svg.cross(366.0, y, colour=INK, arm=4.0))
 
 
 def _tests_panel(
@@ -278,18 +265,12 @@ def _tests_panel(
     longest = max(float(curve.strain[-1]) for curve in curves)
     lowest = min(0.0, *(float(curve.strain[0]) for curve in curves))
     highest = max(float(curve.stress_MPa.max()) for curve in curves)
-    chart = Chart(
-        left,
-        top,
-        _PANEL_WIDTH,
-        _PANEL_HEIGHT,
-        (lowest, 1.05 * longest),
-        (0.0, _headroom(len(curves), _PANEL_HEIGHT) * highest),
-    )
+    y_range = (0.0, _headroom(len(curves), _PANEL_HEIGHT) * highest)
+    chart = Chart(left, top, _PANEL_WIDTH, _PANEL_HEIGHT, (lowest, 1.05 * longest), y_range)
     modulus = one.spreads["modulus_MPa"].mean
     heading = f"{one.material}: {modulus:.3g} MPa, deforms {one.deformation.kind}ally"
-    yield text(left - 44.0, top - 32.0, heading, size=13.0)
-    yield from frame(
+    yield svg.text(left - 44.0, top - 32.0, heading, size=13.0)
+    yield from svg.frame(
         chart, x_label="strain as recorded", y_label="nominal stress, MPa", most_ticks=6
     )
     for number, curve in enumerate(curves):
@@ -309,26 +290,22 @@ def _marks(chart: Chart, specimen: Characteristics, curve: Curve, colour: str) -
     start = max(zero, chart.x_range[0])
     ends = [(x, specimen.modulus_MPa * (x - zero)) for x in (start, end)]
     (x0, y0), (x1, y1) = ((chart.x(x), chart.y(y)) for x, y in ends)
-    yield segment((x0, y0), (x1, y1), colour=INK, width=1.1, dash="5,4")
+    yield svg.segment((x0, y0), (x1, y1), colour=INK, width=1.1, dash="5,4")
     if toe:
-        yield disc(chart.x(toe), chart.y(0.0), colour=colour)
+        yield svg.disc(chart.x(toe), chart.y(0.0), colour=colour)
     if specimen.yield_strain is not None:
         at = toe + specimen.yield_strain
         y = float(np.interp(at, curve.strain, curve.stress_MPa))
-        yield ring(chart.x(at), chart.y(y), colour=colour)
-    yield cross(
-        chart.x(float(curve.strain[-1])),
-        chart.y(float(curve.stress_MPa[-1])),
-        colour=colour,
-        arm=4.0,
-    )
+        yield svg.ring(chart.x(at), chart.y(y), colour=colour)
+    broken = chart.x(float(curve.strain[-1])), chart.y(float(curve.stress_MPa[-1]))
+    yield svg.cross(*broken, colour=colour, arm=4.0)
 
 
 def _specimen_line(chart: Chart, number: int, x: FloatArray, y: FloatArray) -> str:
     """Draw the curve of a material's n-th specimen, at so many points as can be seen."""
     at = np.unique(np.linspace(0, len(x) - 1, _SHOWN_POINTS).round().astype(np.int64))
     colour, dash = _look(number)
-    return line(chart, x[at], y[at], colour=colour, width=1.6, dash=dash)
+    return svg.line(chart, x[at], y[at], colour=colour, width=1.6, dash=dash)
 
 
 def _headroom(specimens: int, height: float) -> float:
@@ -342,13 +319,13 @@ def _specimen_key(chart: Chart, names: Sequence[str]) -> Iterator[str]:
     for number, name in enumerate(names[:_SHOWN_NAMES]):
         colour, dash = _look(number)
         at = y + _LINE * number
-        yield segment((x, at - 4.0), (x + 20.0, at - 4.0), colour=colour, width=1.6, dash=dash)
+        yield svg.segment((x, at - 4.0), (x + 20.0, at - 4.0), colour=colour, width=1.6, dash=dash)
         # Names of specimens differ at their ends.
         cut = name if len(name) <= _LETTERS else f"…{name[1 - _LETTERS :]}"
-        yield text(x + 26.0, at, cut, size=_SMALL, colour=_QUIET)
+        yield svg.text(x + 26.0, at, cut, size=_SMALL, colour=_QUIET)
     if len(names) > _SHOWN_NAMES:
         more = f"and {len(names) - _SHOWN_NAMES} more"
-        yield text(x + 26.0, y + _LINE * _SHOWN_NAMES, more, size=_SMALL, colour=_QUIET)
+        yield svg.text(x + 26.0, y + _LINE * _SHOWN_NAMES, more, size=_SMALL, colour=_QUIET)
 
 
 def _look(number: int) -> tuple[str, str]:
@@ -420,31 +397,31 @@ def fit_figure(study: PaletteStudy) -> bytes:
     parts = list(_fit_key(study))
     top, width = _FIT_TOP, 2.0 * _FIT_CELL[0]
     for heading, drawn_by, height in sections:
-        parts.append(text(20.0, top + 6.0, heading, size=14.0))
-        drawn, reach, top = in_rows(drawn_by, _ACROSS, (_LEFT, top + 58.0), (_FIT_CELL[0], height))
+        parts.append(svg.text(20.0, top + 6.0, heading, size=14.0))
+        drawn, reach, top = svg.in_rows(
+            drawn_by, _ACROSS, (_LEFT, top + 58.0), (_FIT_CELL[0], height)
+        )
         parts += drawn
         width = max(width, reach)
     if study.problem is not None:
         parts.append(
-            text(20.0, top, "Not fit to plan with: nothing is drawn between all materials.")
+            svg.text(20.0, top, "Not fit to plan with: nothing is drawn between all materials.")
         )
         top += 20.0
     title = f"{study.palette.name}: laws fitted to tensile tests"
-    return picture(width, top - 20.0, parts, title=title)
+    return svg.picture(width, top - 20.0, parts, title=title)
 
 
 def _fit_key(study: PaletteStudy) -> Iterator[str]:
-    y = 52.0
-    yield segment((20.0, y), (48.0, y), colour=INK, width=2.0)
-    yield text(54.0, y + 4.0, "law or mixture", colour=_QUIET)
-    yield segment((166.0, y), (194.0, y), colour=PALE_BLUE, width=12.0)
-    yield text(200.0, y + 4.0, "95 % of prints", colour=_QUIET)
-    yield segment((312.0, y - 6.0), (312.0, y + 6.0), colour=INK, width=2.0)
+    y = _KEY_TOP
+    yield from _key(54.0, "law or mixture", _sample(20.0, colour=INK))
+    yield from _key(200.0, "95 % of prints", _sample(166.0, colour=PALE_BLUE, width=12.0))
     level = next(iter(study.fits.values())).uncertainty.level
-    yield text(320.0, y + 4.0, f"mean of the specimens, {100 * level:g} %", colour=_QUIET)
+    mark = svg.segment((312.0, y - 6.0), (312.0, y + 6.0), colour=INK, width=2.0)
+    yield from _key(320.0, f"mean of the specimens, {100 * level:g} %", mark)
     if study.quadratic is not None:
-        yield segment((500.0, y), (528.0, y), colour=_QUADRATIC, width=2.0, dash=_DASH)
-        yield text(534.0, y + 4.0, "quadratics (Algorithm 1)", colour=_QUIET)
+        mark = _sample(500.0, colour=_QUADRATIC, dash=_DASH)
+        yield from _key(534.0, "quadratics (Algorithm 1)", mark)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -471,10 +448,8 @@ def _tests(
     chart = _fit_chart(left, top, float(strain[-1]), highest)
     r2 = "" if fit.uncertainty.r2 is None else f", R2 {fit.uncertainty.r2:.4f}"
     heading = f"{material.id}: {fit.chosen_name}{r2}"
-    yield from _prints(chart, heading, strain, stress / wide, stress * wide, x_label="")
-    for number, curve in enumerate(fit.curves):
-        yield _specimen_line(chart, number, curve.strain, curve.stress_MPa)
-    yield line(chart, strain, stress, colour=INK, width=2.0)
+    predicted = _Predicted(strain, stress, stress / wide, stress * wide)
+    yield from _prints_and_tests(chart, heading, predicted, fit.curves, x_label="")
     for one in fit.secants:
         if one.strain > 0.0 and np.isfinite(one.high_MPa):
             ends = (one.strain * one.low_MPa, min(one.strain * one.high_MPa, highest))
@@ -491,16 +466,10 @@ def _tests(
         for c in fit.curves
     ]
     reach = 1.1 * max(float(np.abs(error).max()) for error in errors) or 1.0
-    below = Chart(
-        left,
-        top + _FIT_HEIGHT + 46.0,
-        _PANEL_WIDTH,
-        _RESIDUAL_HEIGHT,
-        chart.x_range,
-        (-reach, reach),
-    )
-    round_end = ticks(0.0, reach, 4)[-1]
-    yield from frame(
+    foot = top + _FIT_HEIGHT + 46.0
+    below = Chart(left, foot, _PANEL_WIDTH, _RESIDUAL_HEIGHT, chart.x_range, (-reach, reach))
+    round_end = svg.ticks(0.0, reach, 4)[-1]
+    yield from svg.frame(
         below,
         x_label="strain",
         y_label="measured less law, % of the largest stress",
@@ -508,7 +477,7 @@ def _tests(
         most_ticks=6,
     )
     zero = below.y(0.0)
-    yield segment((left, zero), (left + _PANEL_WIDTH, zero), colour=GREY, width=1.2)
+    yield svg.segment((left, zero), (left + _PANEL_WIDTH, zero), colour=GREY, width=1.2)
     for number, (curve, error) in enumerate(zip(fit.curves, errors, strict=True)):
         yield _specimen_line(below, number, curve.strain, error)
 
@@ -517,20 +486,47 @@ def _fit_chart(left: float, top: float, end: float, highest: float) -> Chart:
     return Chart(left, top, _PANEL_WIDTH, _FIT_HEIGHT, (0.0, 1.04 * end), (0.0, highest))
 
 
+class _Predicted(NamedTuple):
+    """A law's or a mixture's stress at strains, and what 95 % of prints have."""
+
+    strain: FloatArray
+    stress: FloatArray
+    low: FloatArray
+    high: FloatArray
+
+
+def _mixture_at(model: CoefficientModel, m: float, end: float) -> _Predicted:
+    """Return what stands at a coordinate up to a strain."""
+    strain = np.linspace(0.0, end, _CURVE_POINTS)
+    low, high = (strain * ends for ends in model.modulus_interval_MPa(m, strain))
+    return _Predicted(strain, model.nominal_stress_MPa(m, 1.0 + strain), low, high)
+
+
 def _prints(
-    chart: Chart, heading: str, strain: FloatArray, low: FloatArray, high: FloatArray,
+    chart: Chart, heading: str, predicted: _Predicted, x_label: str = "strain"
+) -> Iterator[str]:
+    """Draw the band of prints under a heading."""
+    strain, _, low, high = predicted
+    yield svg.text(chart.left - 44.0, chart.top - 30.0, heading, size=12.5)
+    yield svg.band(chart, strain, low, np.minimum(high, chart.y_range[1]), colour=PALE_BLUE)
+    yield from svg.frame(chart, x_label=x_label, y_label="nominal stress, MPa", most_ticks=6)
+
+
+def _prints_and_tests(
+    chart: Chart, heading: str, predicted: _Predicted, curves: Sequence[Curve],
     x_label: str = "strain",
 ) -> Iterator[str]:  # fmt: skip
-    """Draw the band of prints under a heading."""
-    yield text(chart.left - 44.0, chart.top - 30.0, heading, size=12.5)
-    yield band(chart, strain, low, np.minimum(high, chart.y_range[1]), colour=PALE_BLUE)
-    yield from frame(chart, x_label=x_label, y_label="nominal stress, MPa", most_ticks=6)
+    """Draw the band of prints, tests over it, and what is predicted over both."""
+    yield from _prints(chart, heading, predicted, x_label)
+    for number, curve in enumerate(curves):
+        yield _specimen_line(chart, number, curve.strain, curve.stress_MPa)
+    yield svg.line(chart, predicted.strain, predicted.stress, colour=INK)
 
 
 def _whisker(x: float, low: float, high: float) -> Iterator[str]:
-    yield segment((x, low), (x, high), colour=INK, width=2.0)
+    yield svg.segment((x, low), (x, high), colour=INK, width=2.0)
     for y in (low, high):
-        yield segment((x - 4.0, y), (x + 4.0, y), colour=INK, width=2.0)
+        yield svg.segment((x - 4.0, y), (x + 4.0, y), colour=INK, width=2.0)
 
 
 def _within(chart: Chart, x: FloatArray, y: FloatArray) -> Iterator[str]:
@@ -540,7 +536,7 @@ def _within(chart: Chart, x: FloatArray, y: FloatArray) -> Iterator[str]:
     edges = np.flatnonzero(np.diff(inside)) + 1
     for run in np.split(np.arange(len(x)), edges):
         if inside[run[0]] and len(run) > 1:
-            yield line(chart, x[run], y[run], colour=_QUADRATIC, width=2.0, dash=_DASH)
+            yield svg.line(chart, x[run], y[run], colour=_QUADRATIC, width=2.0, dash=_DASH)
 
 
 def _ends(values: FloatArray) -> tuple[float, float]:
@@ -569,16 +565,16 @@ def _fit_ladder(
         left, top, _PANEL_WIDTH, _FIT_HEIGHT,
         (float(grades[0]) - room, float(grades[-1]) + room), (least - spare, most + spare),
     )  # fmt: skip
-    yield band(chart, m, np.log10(low), np.log10(high), colour=PALE_BLUE)
+    yield svg.band(chart, m, np.log10(low), np.log10(high), colour=PALE_BLUE)
     where = "at rest" if strain == 0.0 else f"at strain {strain:g}"
-    yield from frame(
+    yield from svg.frame(
         chart,
         x_label="coordinate m",
         y_label=f"secant modulus {where}, MPa",
-        y_ticks=log_ticks(*chart.y_range),
+        y_ticks=svg.log_ticks(*chart.y_range),
         most_ticks=6,
     )
-    yield line(chart, m, np.log10(model.modulus_MPa(m, strain)), colour=INK, width=2.0)
+    yield svg.line(chart, m, np.log10(model.modulus_MPa(m, strain)), colour=INK, width=2.0)
     if study.quadratic is not None and strain > 0.0:
         of = np.array([row.curve.coordinate for row in study.quadratic.rows])
         x = m[(m >= of[0]) & (m <= of[-1])]
@@ -588,9 +584,8 @@ def _fit_ladder(
     for material, modulus in zip(
         study.palette.materials, model.grade_moduli_MPa(strain).tolist(), strict=True
     ):
-        x_at, y_at = chart.x(material.coordinate), chart.y(float(np.log10(modulus)))
-        yield disc(x_at, y_at, colour=INK, radius=5.0)
-        yield disc(x_at, y_at, colour=material.colour, radius=3.8)
+        x_at, y_at = chart.x(material.coordinate), _log_y(chart, modulus)
+        yield from _dot(x_at, y_at, colour=material.colour, radius=5.0)
 
 
 def _mixture(
@@ -603,18 +598,17 @@ def _mixture(
 ) -> Iterator[str]:
     m = 0.5 * (softer.coordinate + harder.coordinate)
     end = min(softer.elongation_at_break, harder.elongation_at_break)
-    strain = np.linspace(0.0, end, _CURVE_POINTS)
-    stress = model.nominal_stress_MPa(m, 1.0 + strain)
-    low, high = (strain * ends for ends in model.modulus_interval_MPa(m, strain))
+    predicted = _mixture_at(model, m, end)
+    strain = predicted.strain
     beside = [make_law(one.law).nominal_stress_MPa(1.0 + strain) for one in (softer, harder)]
-    highest = 1.06 * max(float(beside[1].max()), float(high.max()))
+    highest = 1.06 * max(float(beside[1].max()), float(predicted.high.max()))
     chart = _fit_chart(left, top, end, highest)
     heading = f"m {m:.4g}: between {softer.id} and {harder.id}"
-    yield from _prints(chart, heading, strain, low, high)
+    yield from _prints(chart, heading, predicted)
     for one, curve in zip((softer, harder), beside, strict=True):
-        yield line(chart, strain, curve, colour=INK, width=3.0)
-        yield line(chart, strain, curve, colour=one.colour, width=2.0)
-    yield line(chart, strain, stress, colour=INK, width=2.0)
+        yield svg.line(chart, strain, curve, colour=INK, width=3.0)
+        yield svg.line(chart, strain, curve, colour=one.colour, width=2.0)
+    yield svg.line(chart, strain, predicted.stress, colour=INK)
     if study.quadratic is not None:
         rows = study.quadratic.rows
         if rows[0].curve.coordinate <= m <= rows[-1].curve.coordinate:
@@ -627,16 +621,11 @@ def _left_out(
 ) -> Iterator[str]:
     fit, m = study.fits[material.id], material.coordinate
     end = max(float(curve.strain[-1]) for curve in fit.curves)
-    strain = np.linspace(0.0, end, _CURVE_POINTS)
-    stress = model.nominal_stress_MPa(m, 1.0 + strain)
-    low, high = (strain * ends for ends in model.modulus_interval_MPa(m, strain))
+    predicted = _mixture_at(model, m, end)
     largest = max(float(curve.stress_MPa.max()) for curve in fit.curves)
-    highest = max(largest, float(stress.max())) * _headroom(len(fit.curves), _FIT_HEIGHT)
+    highest = max(largest, float(predicted.stress.max())) * _headroom(len(fit.curves), _FIT_HEIGHT)
     chart = _fit_chart(left, top, end, highest)
-    yield from _prints(chart, f"{material.id}, m {m:.4g}", strain, low, high)
-    for number, curve in enumerate(fit.curves):
-        yield _specimen_line(chart, number, curve.strain, curve.stress_MPa)
-    yield line(chart, strain, stress, colour=INK)
+    yield from _prints_and_tests(chart, f"{material.id}, m {m:.4g}", predicted, fit.curves)
     rows = () if study.quadratic is None else study.quadratic.rows
     for row in rows:
         if row.id == material.id and row.model_without is not None:
@@ -659,12 +648,12 @@ def _coefficient(found: QuadraticStudy, which: int, left: float, top: float) -> 
         (float(grades[0]) - room, float(grades[-1]) + room), (low - spare, high + spare),
     )  # fmt: skip
     unit = ", MPa" if which % 2 == 0 else ""
-    yield from frame(chart, x_label="coordinate m", y_label=f"c{which + 1}{unit}", most_ticks=6)
-    yield line(chart, m, through, colour=GREY, width=1.6, dash="2,3")
-    yield line(chart, m, last, colour=_QUADRATIC, dash=_DASH)
+    yield from svg.frame(chart, x_label="coordinate m", y_label=f"c{which + 1}{unit}", most_ticks=6)
+    yield svg.line(chart, m, through, colour=GREY, width=1.6, dash="2,3")
+    yield svg.line(chart, m, last, colour=_QUADRATIC, dash=_DASH)
     for x, row in zip(grades.tolist(), found.rows, strict=True):
         ends = [row.fit.c[which] + sign * row.fit.half[which] for sign in (-1.0, 1.0)]
         held = [min(max(end, chart.y_range[0]), chart.y_range[1]) for end in ends]
         at = chart.x(x)
-        yield segment((at, chart.y(held[0])), (at, chart.y(held[1])), colour=INK, width=1.2)
-        yield ring(at, chart.y(row.fit.c[which]), colour=INK)
+        yield svg.segment((at, chart.y(held[0])), (at, chart.y(held[1])), colour=INK, width=1.2)
+        yield svg.ring(at, chart.y(row.fit.c[which]), colour=INK)

@@ -114,7 +114,6 @@ def _plan(plan: Plan) -> str:
     if not plan.regions:
         return _html(plan, ())
     colours = _colours(plan)
-    numbers = {name: number for number, name in enumerate(colours, start=1)}
     said = [finding.message for finding in plan.findings]
     table = plan_table(plan)
     columns = [name for name in table.columns if name not in ("#", "mass g")]
@@ -122,7 +121,7 @@ def _plan(plan: Plan) -> str:
         plan,
         [
             _words([*unreachable_words(plan), *said]),
-            _figure(stiffness_figure(plan, colours, numbers, "Target and achieved stiffness")),
+            _figure(stiffness_figure(plan, colours, "Target and achieved stiffness")),
             _table(
                 columns, table.rows, [colours[r.printed] for r in plan.regions],
                 ["material", "blend"],

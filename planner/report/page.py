@@ -6,17 +6,16 @@ from collections.abc import Iterable, Iterator, Sequence
 from functools import cache
 from html import escape
 from importlib import resources
+from string import Template
 from typing import Any
 
 from planner.formats.files import encode_document
 from planner.numerics import IntArray
 
 __all__ = [
-    "KEYS",
     "asset",
-    "begin",
     "data_script",
-    "end",
+    "encode_page",
     "figure",
     "findings_card",
     "geometry",
@@ -29,7 +28,6 @@ __all__ = [
     "shell_data",
     "stage",
     "table",
-    "viewer_scripts",
 ]
 
 
@@ -40,41 +38,56 @@ def asset(name: str) -> str:
     return "\n".join(file.read_text(encoding="utf-8").splitlines()).strip()
 
 
-def begin(
-    title: str, *, styles: Sequence[str], scripts: Sequence[str], stamp: str = "", kind: str = ""
-) -> Iterator[str]:
-    """Yield a page's lines up to its body, which may load nothing and run no other scripts.
+def encode_page(
+    title: str,
+    body: Iterable[str],
+    *,
+    styles: Sequence[str],
+    scripts: Sequence[str],
+    view: bool = True,
+    stamp: str = "",
+    kind: str = "",
+) -> bytes:
+    """Return a page, which loads nothing and runs no other scripts than its own.
 
     Parameters
     ----------
-    styles
-        Names of style sheets; base.css comes before them.
-    scripts
-        Texts of the scripts that `end` writes.
+    body
+        Its lines.
+    styles, scripts
+        Names of files of the viewer; base.css comes before the styles.
+    view
+        Whether it has a 3D view: then library and viewer.js come before the scripts.
     stamp
         An element that tells what the page was made of.
     kind
         Class of the body, for the styles.
     """
-    allowed = " ".join(f"'sha256-{_integrity(script)}'" for script in scripts)
+    own = "\n".join(map(asset, ("viewer.js", *scripts) if view else scripts))
+    texts = (*([_library()] if view else []), f"{own}\n")
+    allowed = " ".join(f"'sha256-{_integrity(text)}'" for text in texts)
     sheets = "\n".join(asset(name) for name in ("base.css", *styles))
-    yield '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">'
-    if stamp:
-        yield stamp
-    yield (
+    lines = [
+        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">',
+        *([stamp] if stamp else []),
         f'<meta http-equiv="Content-Security-Policy" content="default-src \'none\'; '
         f"script-src {allowed}; style-src 'unsafe-inline'; base-uri 'none'; "
-        "form-action 'none'\">"
-    )
-    yield '<meta name="viewport" content="width=device-width, initial-scale=1">'
-    yield f"<title>{escape(title)}</title>"
-    yield f"<style>\n{sheets}\n</style>\n</head>"
-    yield f'<body class="{kind}">' if kind else "<body>"
+        "form-action 'none'\">",
+        '<meta name="viewport" content="width=device-width, initial-scale=1">',
+        f"<title>{escape(title)}</title>",
+        f"<style>\n{sheets}\n</style>\n</head>",
+        f'<body class="{kind}">' if kind else "<body>",
+        *body,
+        *(f"<script>{text}</script>" for text in texts),
+        "</body>\n</html>\n",
+    ]
+    return "\n".join(lines).encode("utf-8")
 
 
-def end(scripts: Sequence[str]) -> str:
-    """Return the end of a page: its scripts."""
-    return "\n".join(f"<script>{script}</script>" for script in scripts) + "\n</body>\n</html>\n"
+def _library() -> str:
+    """Return the library of the 3D view, under its licence."""
+    licence = asset("THREE-LICENSE.txt")
+    return f"/* three.js r187, bundled by esbuild.\n\n{licence}\n*/\n{asset('three.min.js')}\n"
 
 
 def _integrity(script: str) -> str:
@@ -86,10 +99,13 @@ def packed(parts: Iterable[bytes]) -> str:
     return base64.b64encode(b"".join(part + bytes(-len(part) % 4) for part in parts)).decode()
 
 
-def data_script(name: str, document: Any) -> str:
-    """Return a script element that holds JSON for the viewer, safe within it."""
-    data = encode_document(document).decode().strip().replace("<", "\\u003c")
-    return f'<script type="application/json" id="{name}">{data}</script>'
+def data_script(name: str, content: Any) -> str:
+    """Return a script element that holds base64 text or a document (as JSON) for the viewer."""
+    kind, text = "text/plain", content
+    if not isinstance(content, str):
+        kind = "application/json"
+        text = encode_document(content).decode().strip().replace("<", "\\u003c")
+    return f'<script type="{kind}" id="{name}">{text}</script>'
 
 
 def head(
@@ -181,15 +197,12 @@ def findings_card(messages: Sequence[tuple[str, bool]]) -> Iterator[str]:
 
 
 # ------------------------------------------------------------------------------------------------
-# The 3D view: its scripts, its frame and controls, and what it reads of each shell.
+# The 3D view: its frame and controls, and what it reads of each shell.
 
 
-def viewer_scripts(*names: str) -> tuple[str, str]:
-    """Return the scripts of a page with a 3D view: the library, under its licence, and our own."""
-    licence = asset("THREE-LICENSE.txt")
-    head = f"/* three.js r187, bundled by esbuild.\n\n{licence}\n*/\n"
-    own = "\n".join(map(asset, ("viewer.js", *names)))
-    return f"{head}{asset('three.min.js')}\n", f"{own}\n"
+def _filled(name: str, **words: str) -> str:
+    """Return a file of the viewer with words in their places, as HTML."""
+    return Template(asset(name)).substitute(words)
 
 
 _NO_VIEW = (
@@ -197,8 +210,8 @@ _NO_VIEW = (
 )
 
 
-def stage(label: str, words: str, note: str = "", no_view: str = _NO_VIEW) -> Iterator[str]:
-    """Yield the 3D view with what lies over it.
+def stage(label: str, words: str, note: str = "", no_view: str = _NO_VIEW) -> str:
+    """Return the 3D view with what lies over it.
 
     Parameters
     ----------
@@ -209,82 +222,34 @@ def stage(label: str, words: str, note: str = "", no_view: str = _NO_VIEW) -> It
     no_view
         What to look at where there is none.
     """
-    yield '<section class="stage" aria-label="3D view">'
-    yield (
-        f'<canvas id="view" tabindex="0" role="application" aria-label="{escape(label)}, 3D view" '
-        'aria-describedby="view-words keys"></canvas>'
-    )
-    yield f'<p id="view-words" hidden>{escape(words)}</p>'
-    yield '<div id="marks" aria-hidden="true"></div>'
-    yield '<div class="bar" role="group" aria-label="Views" data-needs-view hidden>'
-    views = {"corner": "Whole", "front": "Front", "side": "Side", "top": "Top"}
-    yield "".join(
-        f'<button type="button" data-view="{view}">{words}</button>'
-        for view, words in views.items()
-    )
-    yield '</div>\n<div class="bar zoom" role="group" aria-label="Zoom" data-needs-view hidden>'
-    yield '<button type="button" id="zoom-in" aria-label="Zoom in">+</button>'
-    yield '<button type="button" id="zoom-out" aria-label="Zoom out">−</button></div>'
-    yield '<svg class="read" id="axes" viewBox="-38 -38 76 76" aria-hidden="true">'
-    yield from (f'<g><line x1="0" y1="0"/><text>{axis}</text></g>' for axis in "xyz")
-    yield '</svg>\n<div class="read" id="scale" aria-hidden="true" data-needs-view hidden>'
-    yield '<span id="scale-words"></span><div id="scale-bar"></div></div>'
-    yield '<div class="read" id="under" role="status"></div>'
-    if note:
-        yield f'<p class="read" id="simplified">{note}</p>'
-    yield (f'<p id="no-view" hidden>This browser shows no 3D graphics (WebGL 2). {no_view}</p>')
-    yield (
-        '<noscript><p class="quiet">The 3D view needs JavaScript; the rest of the page does '
-        "not.</p></noscript>"
-    )
-    yield "</section>"
-
-
-def section_controls(ways: Sequence[str]) -> Iterator[str]:
-    """Yield the controls of the section, by the names of the ways to cut."""
-    yield '<fieldset id="section" data-needs-view hidden><legend>Section</legend><div class="ways">'
-    yield '<label><input type="radio" name="section" value="off" checked> none</label>'
-    for name in ways:
-        yield f'<label><input type="radio" name="section" value="{name}"> {name}</label>'
-    yield '</div>\n<div class="slide">'
-    yield _slider("section-place", 1000, 500, "disabled", "Place of the section")
-    yield '<output id="section-words" for="section-place"></output>'
-    yield (
-        '<label class="tick"><input type="checkbox" id="section-flip" disabled> show the other '
-        "side</label></div></fieldset>"
+    told = f'\n<p class="read" id="simplified">{note}</p>' if note else ""
+    return _filled(
+        "stage.html", label=escape(label), words=escape(words), note=told, no_view=no_view
     )
 
 
-def _slider(name: str, most: int, value: int, state: str, label: str) -> str:
+def section_controls(ways: Sequence[str]) -> str:
+    """Return the controls of the section, by the names of the ways to cut."""
+    choices = (
+        f'<label><input type="radio" name="section" value="{name}"> {name}</label>' for name in ways
+    )
+    return _filled("section.html", ways="\n".join(choices))
+
+
+def load_slider(name: str, count: int, value: int) -> str:
+    """Return the beginning of the controls of a load: which of so many steps is seen, in words."""
     return (
-        f'<input type="range" id="{name}" min="0" max="{most}" value="{value}" {state} '
-        f'aria-label="{label}">'
+        '<fieldset id="load" data-needs-view hidden><legend>Load</legend><div class="slide">\n'
+        f'<input type="range" id="{name}step" min="0" max="{count - 1}" value="{value}" step="1" '
+        'aria-label="Step of the load">\n'
+        f'<output id="{name}step-words" for="{name}step"></output></div>'
     )
-
-
-def load_slider(name: str, count: int, value: int) -> Iterator[str]:
-    """Yield the beginning of the controls of a load: which of so many steps is seen, in words."""
-    yield '<fieldset id="load" data-needs-view hidden><legend>Load</legend><div class="slide">'
-    yield _slider(f"{name}step", count - 1, value, 'step="1"', "Step of the load")
-    yield f'<output id="{name}step-words" for="{name}step"></output></div>'
 
 
 def scale_bar(colours: Iterable[str]) -> str:
     """Return a strip of colours that run into each other."""
     ramp = ",".join(colours)
     return f'<div class="scale" style="background:linear-gradient(90deg,{ramp})"></div>'
-
-
-KEYS = """<details class="card" data-needs-view hidden><summary>Mouse and keys</summary>
-<dl class="keys" id="keys">
-<dt>drag</dt><dd>turn; with the right button or two fingers: move</dd>
-<dt>wheel, pinch</dt><dd>zoom</dd>
-<dt><kbd>←</kbd> <kbd>→</kbd> <kbd>↑</kbd> <kbd>↓</kbd></dt>
-<dd>turn, once the view has the focus</dd>
-<dt><kbd>Shift</kbd> + arrows</dt><dd>move</dd>
-<dt><kbd>+</kbd> <kbd>-</kbd></dt><dd>zoom</dd>
-<dt><kbd>0</kbd>, <kbd>Home</kbd></dt><dd>the whole part again</dd>
-</dl></details>"""
 
 
 def shell_data(

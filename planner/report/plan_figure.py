@@ -10,25 +10,12 @@ from typing import TypeAlias
 import numpy as np
 
 from planner.glance import format_interval, format_number, format_range
-from planner.grading.profile import Profile
+from planner.grading.profile import profile_of
 from planner.grading.regions import error_text
 from planner.numerics import FloatArray
 from planner.plan import Plan, Region
-from planner.report.svg import (
-    BLUE,
-    INK,
-    PALE_BLUE,
-    RUST,
-    Chart,
-    frame,
-    inline,
-    line,
-    log_ticks,
-    rectangle,
-    segment,
-    text,
-    told,
-)
+from planner.report import svg
+from planner.report.svg import BLUE, INK, PALE_BLUE, RUST, Chart
 
 __all__ = [
     "both_figure",
@@ -177,16 +164,14 @@ _LETTER = 6.2
 """About the width of a letter of the figure, in pixels."""
 
 
-def stiffness_figure(
-    plan: Plan, colours: Mapping[str, str], numbers: Mapping[str, int], words: str = ""
-) -> str:
+def stiffness_figure(plan: Plan, colours: Mapping[str, str], words: str = "") -> str:
     """Draw target, achieved modulus and its 95 % interval along the field, and what lies where.
 
     Parameters
     ----------
-    colours, numbers
-        Of each material, as the page shows it. What belongs to a material has its number as
-        ``data-material``, so that the page can point it out.
+    colours
+        Of each material from soft to hard, as the page shows it. What belongs to a material has
+        its number as ``data-material``, so that the page can point it out.
     words
         What it shows; where none are given, the page says so under the id ``stiffness-words``.
 
@@ -196,22 +181,23 @@ def stiffness_figure(
         An ``svg`` element.
     """
     target = target_along(plan)
+    numbers = {name: number for number, name in enumerate(colours, start=1)}
     known = any(low < high for low, high in (r.modulus_interval_MPa for r in plan.regions))
     chart = _chart([plan], [target], [e for r in plan.regions for e in r.modulus_interval_MPa])
     long = isinstance(plan.gradient.field.get("span_mm"), float)
     bottom = _TOP + _HEIGHT + 44.0
     parts = [
         *(_interval(r, chart, numbers) for r in stretches(plan.regions) if known),
-        *frame(
+        *svg.frame(
             chart,
             x_label="",
             y_label=f"secant modulus at strain {plan.stiffness.at_strain:g}, MPa",
-            y_ticks=log_ticks(*chart.y_range),
+            y_ticks=svg.log_ticks(*chart.y_range),
         ),
         *([] if target is None else [_target_line(chart, target)]),
         *(_step(r, chart) for r in stretches(plan.regions)),
         *_strip(plan.regions, chart, colours, numbers),
-        text(
+        svg.text(
             _LEFT + 0.5 * _WIDTH,
             bottom + 24.0,
             "mm along the field" if long else "field, from its beginning (0) to its end (1)",
@@ -221,7 +207,7 @@ def stiffness_figure(
     ]
     width, height = _LEFT + _WIDTH + 16.0, bottom + 34.0
     named = f'aria-label="{escape(words)}"' if words else 'aria-labelledby="stiffness-words"'
-    return inline(width, height, parts, named)
+    return svg.inline(width, height, parts, named)
 
 
 def _chart(
@@ -242,7 +228,7 @@ def _chart(
 def _target_line(chart: Chart, target: _Target, colour: str = BLUE, width: float = 2.0) -> str:
     begin, end = chart.x_range
     x = begin + target[0] * (end - begin)
-    return line(chart, x, target[1], colour=colour, width=width, dash="6,4")
+    return svg.line(chart, x, target[1], colour=colour, width=width, dash="6,4")
 
 
 def target_along(plan: Plan) -> _Target | None:
@@ -250,10 +236,7 @@ def target_along(plan: Plan) -> _Target | None:
     profile = plan.gradient.profile
     if not {"positions", "moduli_MPa", "shape"} <= profile.keys():
         return None
-    wanted = Profile(
-        str(profile.get("name", "")), tuple(profile["positions"]), tuple(profile["moduli_MPa"]),
-        profile["shape"],
-    )  # fmt: skip
+    wanted = profile_of({"name": "", **profile})
     places, values = [], []
     for a, b in itertools.pairwise(wanted.positions):
         if a < b:
@@ -284,14 +267,14 @@ def _said(region: Region) -> str:
 def _interval(region: Region, chart: Chart, numbers: Mapping[str, int]) -> str:
     left, right = _span(region, chart)
     low, high = (chart.y(math.log10(end)) for end in region.modulus_interval_MPa)
-    drawn = rectangle(left, high, right - left, low - high, colour=PALE_BLUE)
+    drawn = svg.rectangle(left, high, right - left, low - high, colour=PALE_BLUE)
     return f'<g data-material="{numbers[region.printed]}">{drawn}</g>'
 
 
 def _step(region: Region, chart: Chart, colour: str = INK, width: float = 2.5) -> str:
     left, right = _span(region, chart)
     y = chart.y(math.log10(region.modulus_MPa))
-    return segment((left, y), (right, y), colour=colour, width=width)
+    return svg.segment((left, y), (right, y), colour=colour, width=width)
 
 
 def _strip(
@@ -317,7 +300,7 @@ def _strip(
         )
         if begin == 0.0 and _LETTER * len(str(number)) + 4.0 <= right - left and share == 1.0:
             middle = 0.5 * (left + right)
-            yield text(middle, top + _STRIP + 12.0, str(number), anchor="middle", size=10.0)
+            yield svg.text(middle, top + _STRIP + 12.0, str(number), anchor="middle", size=10.0)
         yield "</g>"
 
 
@@ -334,15 +317,15 @@ def _key(known: bool, wanted: bool) -> Iterator[str]:
     x = _LEFT + _WIDTH
     if known:
         x -= 92.0
-        yield text(x + 24.0, 18.0, "95 % band")
-        yield rectangle(x, 9.0, 18.0, 11.0, colour=PALE_BLUE)
+        yield svg.text(x + 24.0, 18.0, "95 % band")
+        yield svg.rectangle(x, 9.0, 18.0, 11.0, colour=PALE_BLUE)
     x -= 92.0
-    yield text(x + 26.0, 18.0, "achieved")
-    yield segment((x, 14.0), (x + 20.0, 14.0), colour=INK, width=2.5)
+    yield svg.text(x + 26.0, 18.0, "achieved")
+    yield svg.segment((x, 14.0), (x + 20.0, 14.0), colour=INK, width=2.5)
     if wanted:
         x -= 78.0
-        yield text(x + 26.0, 18.0, "target")
-        yield segment((x, 14.0), (x + 20.0, 14.0), colour=BLUE, width=2.0, dash="6,4")
+        yield svg.text(x + 26.0, 18.0, "target")
+        yield svg.segment((x, 14.0), (x + 20.0, 14.0), colour=BLUE, width=2.0, dash="6,4")
 
 
 # ------------------------------------------------------------------------------------------------
@@ -371,19 +354,21 @@ def both_figure(first: Plan, second: Plan, words: str) -> str:
     long = chart.x_range[1] - chart.x_range[0] != 1.0
     across = "place along the field, mm" if long else "field, from its beginning (0) to its end (1)"
     up = f"secant modulus at strain {' and '.join(strains)}, MPa"
-    parts = list(frame(chart, x_label=across, y_label=up, y_ticks=log_ticks(*chart.y_range)))
+    parts = list(
+        svg.frame(chart, x_label=across, y_label=up, y_ticks=svg.log_ticks(*chart.y_range))
+    )
     styles = (("A", BLUE, 5.0), ("B", RUST, 2.0))
     for (side, colour, thick), plan, target in zip(styles, plans, targets, strict=True):
         if target is not None:
-            parts += told(f"{side}: target", [_target_line(chart, target, colour, 1.3)])
+            parts += svg.told(f"{side}: target", [_target_line(chart, target, colour, 1.3)])
         for region in stretches(plan.regions):
             said = f"{side}: {region.printed}, {_said(region)}"
-            parts += told(said, [_step(region, chart, colour, thick)])
+            parts += svg.told(said, [_step(region, chart, colour, thick)])
     for place, (side, colour, thick) in enumerate(styles):
         x = _LEFT + _WIDTH - 100.0 + 56.0 * place
         parts += [
-            segment((x, 14.0), (x + 20.0, 14.0), colour=colour, width=thick),
-            text(x + 26.0, 18.0, side),
+            svg.segment((x, 14.0), (x + 20.0, 14.0), colour=colour, width=thick),
+            svg.text(x + 26.0, 18.0, side),
         ]
     width, height = _LEFT + _WIDTH + 16.0, _TOP + _HEIGHT + 50.0
-    return inline(width, height, parts, f'aria-labelledby="{words}"')
+    return svg.inline(width, height, parts, f'aria-labelledby="{words}"')

@@ -1,12 +1,12 @@
 """plan.html: a plan on one page that needs nothing else, with the part in its materials."""
 
 import hashlib
+import math
 import os
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from html import escape
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, TypedDict
 
 import numpy as np
@@ -20,28 +20,9 @@ from planner.glance import format_number
 from planner.grading.check import Difference, diff
 from planner.numerics import Float32Array, FloatArray, IntArray, Point
 from planner.plan import Plan, decode_plan, plan_file, read_plan, read_shells
+from planner.report import page
 from planner.report.display import ScreenGrid, Shown, colours_told_apart, shown, thinned
 from planner.report.markdown import to_html
-from planner.report.page import (
-    KEYS,
-    asset,
-    begin,
-    data_script,
-    end,
-    figure,
-    findings_card,
-    geometry,
-    head,
-    load_slider,
-    packed,
-    scale_bar,
-    section,
-    section_controls,
-    shell_data,
-    stage,
-    table,
-    viewer_scripts,
-)
 from planner.report.plan_figure import (
     both_figure,
     error_words,
@@ -182,7 +163,7 @@ def plan_page(plan: "Plan | PartDesign | str | Path") -> bytes:
     else:
         missed = tuple(found.message for found in plan.findings)
         source, courses = replace(_source_of(plan.plan), missed=missed), plan.courses
-    return seal("\n".join(_page(source, courses)).encode("utf-8"))
+    return seal(_page(source, courses))
 
 
 def view(plan: str | Path | Plan) -> Path:
@@ -214,21 +195,22 @@ def view(plan: str | Path | Plan) -> Path:
     'plan.html'
     """
     file = plan_file(plan)
-    page = file.parent / _NAME
-    if os.path.lexists(page):
-        if page.is_file():
-            shown_sha256, data = _sha256_of(read_plan(file)), read_file(page)
-            if _stamp(shown_sha256).encode() in data[:_HEAD_BYTES]:
-                return page
-            if _COURSE.encode() in data and shown_sha256.encode() in data[:_HEAD_BYTES]:
-                return page
-        if not (page.is_file() and is_sealed(page)):
+    html = file.parent / _NAME
+    if os.path.lexists(html):
+        if html.is_file():
+            shown_sha256, data = _sha256_of(read_plan(file)), read_file(html)
+            begin = data[:_HEAD_BYTES]
+            if _stamp(shown_sha256).encode() in begin:
+                return html
+            if _COURSE.encode() in data and shown_sha256.encode() in begin:
+                return html
+        if not (html.is_file() and is_sealed(html)):
             raise OutputError(
-                f"{page}: was not written by planner, or was changed since, and is not replaced; "
+                f"{html}: was not written by planner, or was changed since, and is not replaced; "
                 "move it elsewhere"
             )
-    write_whole(page, plan_page(file))
-    return page
+    write_whole(html, plan_page(file))
+    return html
 
 
 _COURSE = 'id="course-frames"'
@@ -239,7 +221,7 @@ _HEAD_BYTES = 2048
 
 def _stamp(plan_sha256: str) -> str:
     """Return what tells a page that is up to date: planner, the viewer, and the plan it shows."""
-    viewer = hashlib.sha256("".join(map(asset, _ASSETS)).encode()).hexdigest()[:16]
+    viewer = hashlib.sha256("".join(map(page.asset, _ASSETS)).encode()).hexdigest()[:16]
     return f'<meta name="generator" content="planner {__version__} {viewer} {plan_sha256}">'
 
 
@@ -249,7 +231,16 @@ _ASSETS = (
 )  # fmt: skip
 
 
-def _page(source: _PlanSource, courses: "Sequence[Course]") -> Iterator[str]:
+def _page(source: _PlanSource, courses: "Sequence[Course]") -> bytes:
+    return page.encode_page(
+        f"{source.plan.part.file}: plan", _body(source, courses),
+        styles=["plan.css"],
+        scripts=["page.js", "figure.js", *(["course.js"] if courses else ())],
+        stamp=f"{_stamp(source.sha256)}\n{SEAL}",
+    )  # fmt: skip
+
+
+def _body(source: _PlanSource, courses: "Sequence[Course]") -> Iterator[str]:
     """Yield the lines of the page."""
     plan = source.plan
     display = shown(source.shells)
@@ -258,18 +249,11 @@ def _page(source: _PlanSource, courses: "Sequence[Course]") -> Iterator[str]:
     if courses:
         moved = plan.part.translation_mm
         display, more["course"], frames = _course_data(courses, display, moved)
-    colours = colours_told_apart(source.colours)
-    scripts = viewer_scripts("page.js", "figure.js", *(("course.js",) if courses else ()))
-    yield from begin(
-        f"{plan.part.file}: plan",
-        styles=["plan.css"],
-        scripts=scripts,
-        stamp=f"{_stamp(source.sha256)}\n{SEAL}",
-    )
+    colours = _colours([source])
     yield '<a class="skip" href="#figures">Skip the 3D view</a>'
     yield from _header(source)
     yield '<main>\n<div class="bench">'
-    yield from stage(
+    yield page.stage(
         f"The part {plan.part.file} in its materials",
         _in_words(plan),
         _simplified(display) if display.simplified else "",
@@ -278,57 +262,66 @@ def _page(source: _PlanSource, courses: "Sequence[Course]") -> Iterator[str]:
     yield from _findings(plan, source.missed)
     if courses:
         yield from _course_controls(more["course"])
-    yield from section_controls([name for name, *_ in _ways(plan)])
+    yield page.section_controls([name for name, *_ in _ways(plan)])
     yield from _materials(source, colours)
-    yield KEYS
+    yield page.asset("keys.html")
     yield '</div>\n</div>\n<div class="below" id="figures">'
-    yield from _figure(source, colours)
-    inks = dict(zip(source.names, colours, strict=True))
-    regions = _regions_table(plan, inks, _numbers(source), "table-title")
-    yield from section("table-title", "Regions", regions)
+    yield from _figure(
+        "stiffness",
+        stiffness_figure(plan, colours),
+        "Dashed: the target. Thick: the modulus of what is printed there, with the interval that "
+        "holds it with 95 % probability. Below: the materials by their numbers.",
+    )
+    regions = _regions_table(plan, colours, "table-title")
+    yield from page.section("table-title", "Regions", regions)
     yield from _remarks(plan)
     yield from _howto(source.howto)
     yield "</div>\n</main>"
     yield from _footer(source, display)
-    data = _viewer_data(source, display, colours, _numbers(source), more)
-    yield data_script("data", data)
-    yield f'<script type="text/plain" id="geometry">{geometry(display.shells)}</script>'
+    yield page.data_script("data", _viewer_data(source, display, colours) | more)
+    yield page.data_script("geometry", page.geometry(display.shells))
     if courses:
-        yield f'<script type="text/plain" {_COURSE}>{frames}</script>'
-    yield end(scripts)
+        yield page.data_script("course-frames", frames)
 
 
 # ------------------------------------------------------------------------------------------------
 # What the viewer reads.
 
 
-def _numbers(source: _PlanSource) -> dict[str, int]:
-    """Return each material's number, from soft to hard."""
-    return {name: number for number, name in enumerate(source.names, start=1)}
+def _colours(sources: Sequence[_PlanSource]) -> dict[str, str]:
+    """Return the colour in which each material of some plans is shown, from soft to hard."""
+    own: dict[str, tuple[float, str]] = {}
+    for source in sources:
+        of = {region.printed: region.coordinate for region in source.plan.regions}
+        for name, colour in zip(source.names, source.colours, strict=True):
+            own.setdefault(name, (of[name], colour))
+    names = sorted(own, key=lambda name: own[name][0])
+    return dict(zip(names, colours_told_apart([own[name][1] for name in names]), strict=True))
 
 
-def _viewer_data(
-    source: _PlanSource,
-    display: Shown,
-    colours: Sequence[str],
-    numbers: Mapping[str, int],
-    more: Mapping[str, Any] = MappingProxyType({}),
-) -> dict[str, Any]:
+def _numbers(names: Iterable[str]) -> dict[str, int]:
+    """Return the number of each material, by their names from soft to hard."""
+    return {name: number for number, name in enumerate(names, start=1)}
+
+
+def _viewer_data(source: _PlanSource, display: Shown, colours: Mapping[str, str]) -> dict[str, Any]:
     """Return what the viewer reads; shapes of a design follow the shells."""
     printed = display.shells[: len(source.names)]
     points = np.concatenate([points for points, _ in printed])
-    plan = source.plan
+    plan, numbers = source.plan, _numbers(colours)
     return {
         "origin": display.origin_mm.tolist(),
         "step": display.step_mm,
         "moved": list(plan.part.translation_mm),
         "size": (display.step_mm * points.max(axis=0).astype(float)).tolist(),
         "shells": [
-            shell_data(points, faces, colour, name, numbers[name], _modulus_words(plan, name))
-            for name, colour, (points, faces) in zip(source.names, colours, printed, strict=True)
+            page.shell_data(
+                points, faces, colours[name], name, numbers[name], _modulus_words(plan, name)
+            )
+            for name, (points, faces) in zip(source.names, printed, strict=True)
         ]
         + [
-            shell_data(points, faces, "#2A9D8F", "wanted", 0)
+            page.shell_data(points, faces, "#2A9D8F", "wanted", 0)
             for points, faces in display.shells[len(source.names) :]
         ],
         "sections": [
@@ -339,7 +332,6 @@ def _viewer_data(
             for number, found in enumerate(plan.findings, start=1 + len(plan.unreachable))
             if found.place_mm is not None
         ],
-        **more,
     }
 
 
@@ -382,7 +374,7 @@ def _header(source: _PlanSource) -> Iterator[str]:
          "bad" if failed else "good"),
         ("findings", str(found), "bad" if found else "good"),
     )  # fmt: skip
-    yield from head(plan.part.file, [escape(_wish_words(plan))], facts)
+    yield from page.head(plan.part.file, [escape(_wish_words(plan))], facts)
 
 
 def _wish_words(plan: Plan) -> str:
@@ -434,28 +426,27 @@ def _in_words(plan: Plan) -> str:
 def _findings(plan: Plan, more: Sequence[str]) -> Iterator[str]:
     missed = [(words, False) for words in unreachable_words(plan)]
     placed = [(found.message, found.place_mm is not None) for found in plan.findings]
-    return findings_card([*missed, *placed, *((words, False) for words in more)])
+    return page.findings_card([*missed, *placed, *((words, False) for words in more)])
 
 
-def _materials(source: _PlanSource, colours: Sequence[str]) -> Iterator[str]:
+def _materials(source: _PlanSource, colours: Mapping[str, str]) -> Iterator[str]:
     volumes = dict.fromkeys(source.names, 0.0)
     for region in source.plan.regions:
         volumes[region.printed] += region.volume_mm3
     whole = sum(volumes.values()) or 1.0
     yield '<fieldset id="materials"><legend>Materials, from soft to hard</legend>'
     yield '<ul role="list">'
-    for number, (name, colour) in enumerate(zip(source.names, colours, strict=True), start=1):
-        share = 100.0 * volumes[name] / whole
-        long = ' class="long"' if len(name) > _NAME_FITS else ""
-        yield (
-            f'<li data-material="{number}"{long}><label><input type="checkbox" checked>'
-            f'{_swatch(colour)}<span class="number">{number}</span>'
-            f'<span class="name">{escape(name)}</span>'
-            f'<span class="volume">{format_number(volumes[name], 4)} mm³</span>'
-            f'<span class="share">{share:.1f} %</span></label></li>'
-        )
+    yield from _material_items(
+        colours,
+        {
+            name: f'<span class="volume">{format_number(volume, 4)} mm³</span>'
+            f'<span class="share">{100.0 * volume / whole:.1f} %</span>'
+            for name, volume in volumes.items()
+        },
+        _NAME_FITS,
+    )
     yield "</ul>"
-    if tuple(colours) != source.colours:
+    if tuple(colours.values()) != source.colours:
         yield (
             '<p class="note quiet">Colours run from soft (yellow) to hard (violet): the '
             "palette's own are too alike to be told apart.</p>"
@@ -467,6 +458,22 @@ def _materials(source: _PlanSource, colours: Sequence[str]) -> Iterator[str]:
         '<label class="tick"><input type="checkbox" id="edges" checked> edges</label></div>'
         "</fieldset>"
     )
+
+
+def _material_items(
+    colours: Mapping[str, str], more: Mapping[str, str], fits: float = math.inf
+) -> Iterator[str]:
+    """Yield each material with a box that shows it, and what more is said of it as HTML.
+
+    Names of more letters than `fits` have a line of their own.
+    """
+    for number, (name, colour) in enumerate(colours.items(), start=1):
+        long = ' class="long"' if len(name) > fits else ""
+        yield (
+            f'<li data-material="{number}"{long}><label><input type="checkbox" checked>'
+            f'{_swatch(colour)}<span class="number">{number}</span>'
+            f'<span class="name">{escape(name)}</span>{more[name]}</label></li>'
+        )
 
 
 _NAME_FITS = 16
@@ -485,36 +492,27 @@ def _swatch(colour: str) -> str:
 # Below the view: figure, table, checks, how to print.
 
 
-def _figure(source: _PlanSource, colours: Sequence[str]) -> Iterator[str]:
-    numbers = _numbers(source)
-    drawn = stiffness_figure(source.plan, dict(zip(source.names, colours, strict=True)), numbers)
-    caption = (
-        '<figcaption id="stiffness-words">Dashed: the target. Thick: the modulus of what is '
-        "printed there, with the interval that holds it with 95 % probability. Below: the "
-        "materials by their numbers.</figcaption>"
-    )
-    name = "stiffness-title"
-    return section(name, "Stiffness along the field", figure(name, drawn, caption))
+def _figure(name: str, drawn: str, words: str) -> Iterator[str]:
+    """Yield the section of a figure of the stiffness, explained in words whose id is NAME-words."""
+    title, caption = f"{name}-title", f'<figcaption id="{name}-words">{words}</figcaption>'
+    return page.section(title, "Stiffness along the field", page.figure(title, drawn, caption))
 
 
 def _regions_table(
-    plan: Plan,
-    colours: Mapping[str, str],
-    numbers: Mapping[str, int],
-    title: str,
-    changed: Collection[int] = (),
+    plan: Plan, colours: Mapping[str, str], title: str, changed: Collection[int] = ()
 ) -> Iterator[str]:
     """Yield a plan's regions as a table, under what it says of their stiffness.
 
     Parameters
     ----------
-    colours, numbers
-        Of each material, as the page shows it.
+    colours
+        Of each material from soft to hard, as the page shows it.
     title
         Id of the heading above it.
     changed
         Rows to mark, from 0.
     """
+    numbers = _numbers(colours)
     shown = plan_table(plan)
     yield f'<p class="quiet">{escape(shown.title)}</p>'
     for words in (error_words(plan), moved_words(plan)):
@@ -531,7 +529,7 @@ def _regions_table(
         rows.append((mark, tuple(cells.values())))
     columns = [(_heading(name), "figure" if name in shown.right else "") for name in shown.columns]
     total = [escape(shown.total.get(name, "")) for name in shown.columns]
-    yield from table(columns, rows, of=title, total=total)
+    yield from page.table(columns, rows, of=title, total=total)
 
 
 def _heading(column: str) -> str:
@@ -551,7 +549,7 @@ def _remarks(plan: Plan) -> Iterator[str]:
     ]
     notes = [f'<ul class="notes">\n{items}</ul>'] if remarks else []
     name = "checks-title"
-    return section(name, "Checks and notes", [*notes, *table(columns, rows, of=name)])
+    return page.section(name, "Checks and notes", [*notes, *page.table(columns, rows, of=name)])
 
 
 def _howto(text: str) -> Iterator[str]:
@@ -646,7 +644,7 @@ def _course_data(
     }
     # The last frame of the first case is what the slider begins with; the grid holds all of them.
     seen = replace(display, origin_mm=grid.origin_mm, step_mm=grid.step_mm, shells=shells)
-    return seen, document, packed(parts)
+    return seen, document, page.packed(parts)
 
 
 def _left(course: "Course", places_mm: FloatArray, top: float) -> FloatArray:
@@ -663,14 +661,14 @@ def _course_controls(document: dict[str, Any]) -> Iterator[str]:
     """Yield the slider and what stands beside it."""
     frames = document["frames"]
     last = next(k for k in reversed(range(len(frames))) if frames[k]["shape"] == frames[0]["shape"])
-    yield from load_slider("course-", len(frames), last)
+    yield page.load_slider("course-", len(frames), last)
     if any(frame["shape"] is not None for frame in frames):
         words = f"what is left, up to {document['top_mm']:.3g} mm"
         yield '<label class="tick"><input type="checkbox" id="course-wanted" checked> outline of '
         yield "the wanted shape</label>"
         yield '<label class="tick"><input type="checkbox" id="course-left">'
         yield f"{escape(words)}</label>"
-        yield scale_bar(_LEFT_SCALE)
+        yield page.scale_bar(_LEFT_SCALE)
     else:
         yield '<input type="checkbox" id="course-wanted" hidden>'
     yield "</fieldset>"
@@ -719,20 +717,22 @@ def compare_page(
     """
     sources = (_source_of(before), _source_of(after))
     found = diff(sources[0].plan, sources[1].plan, tolerance=tolerance)
-    return "\n".join(_compare(sources, found)).encode("utf-8")
+    title = " and ".join(dict.fromkeys(source.plan.part.file for source in sources))
+    return page.encode_page(
+        f"{title}: two plans", _compared(title, sources, found),
+        styles=["plan.css"], scripts=["compare.js", "figure.js"],
+    )  # fmt: skip
 
 
-def _compare(sources: Sequence[_PlanSource], found: Sequence[Difference]) -> Iterator[str]:
-    colours = _both_colours(sources)
-    numbers = {name: number for number, name in enumerate(colours, start=1)}
-    scripts = viewer_scripts("compare.js", "figure.js")
+def _compared(
+    title: str, sources: Sequence[_PlanSource], found: Sequence[Difference]
+) -> Iterator[str]:
+    colours = _colours(sources)
     plans = [source.plan for source in sources]
-    title = " and ".join(dict.fromkeys(plan.part.file for plan in plans))
-    yield from begin(f"{title}: two plans", styles=["plan.css"], scripts=scripts)
     yield '<a class="skip" href="#differences">Skip the 3D views</a>'
     sides = zip(_SIDES, plans, strict=True)
     below = [f"<b>{side}</b> {escape(_wish_words(plan))}" for side, plan in sides]
-    yield from head(f"{title}: two plans", below)
+    yield from page.head(f"{title}: two plans", below)
     yield '<main>\n<div class="pair">'
     displays = [shown(source.shells) for source in sources]
     for side, plan in zip(_SIDES, plans, strict=True):
@@ -745,71 +745,49 @@ def _compare(sources: Sequence[_PlanSource], found: Sequence[Difference]) -> Ite
     yield "</div>"
     yield '<div class="shared" data-needs-view hidden>'
     yield '<div class="panel">'
-    yield from section_controls("xyz")
-    yield f"{KEYS}\n</div>"
-    yield from _both_materials(sources, colours)
+    yield page.section_controls("xyz")
+    yield f"{page.asset('keys.html')}\n</div>"
+    yield '<fieldset id="materials"><legend>Materials, from soft to hard</legend><ul role="list">'
+    yield from _material_items(colours, {name: _sides_of(name, sources) for name in colours})
+    yield "</ul></fieldset>"
     yield "</div>"
     yield '<div class="below" id="differences">'
     yield from _differences(found)
-    yield from _curves(plans)
+    yield from _figure(
+        "curves",
+        both_figure(plans[0], plans[1], "curves-words"),
+        "Dashed: the targets. Thick: the moduli of what is printed there; A is drawn wider.",
+    )
     rows = [[tuple(row.values()) for row in plan_table(plan).rows] for plan in plans]
     for side, plan, mine, other in zip(_SIDES, plans, rows, reversed(rows), strict=True):
         changed = [k for k, row in enumerate(mine) if k >= len(other) or row != other[k]]
         name = f"regions-{side}"
         marked = '<p class="quiet">≠ marks a region that the other plan has not.</p>'
-        regions = _regions_table(plan, colours, numbers, name, changed)
-        yield from section(name, f"Regions of {side}", [marked, *regions] if changed else regions)
+        regions = _regions_table(plan, colours, name, changed)
+        yield from page.section(
+            name, f"Regions of {side}", [marked, *regions] if changed else regions
+        )
     yield "</div>\n</main>\n<footer>"
     for side, source in zip(_SIDES, sources, strict=True):
         made = f"planner {escape(source.plan.version)}, plan.json {source.sha256[:16]}"
         yield f"<p>{side}: {made}</p>"
     yield "</footer>"
     for side, source, display in zip(_SIDES, sources, displays, strict=True):
-        inks = [colours[name] for name in source.names]
-        yield data_script(f"data-{side}", _viewer_data(source, display, inks, numbers))
-        yield f'<script type="text/plain" id="geometry-{side}">{geometry(display.shells)}</script>'
-    yield end(scripts)
+        yield page.data_script(f"data-{side}", _viewer_data(source, display, colours))
+        yield page.data_script(f"geometry-{side}", page.geometry(display.shells))
 
 
-def _both_colours(sources: Sequence[_PlanSource]) -> dict[str, str]:
-    """Return the colour of each material of either plan, from soft to hard."""
-    own: dict[str, tuple[float, str]] = {}
-    for source in sources:
-        of = {region.printed: region.coordinate for region in source.plan.regions}
-        for name, colour in zip(source.names, source.colours, strict=True):
-            own.setdefault(name, (of[name], colour))
-    names = sorted(own, key=lambda name: own[name][0])
-    return dict(zip(names, colours_told_apart([own[name][1] for name in names]), strict=True))
-
-
-def _both_materials(sources: Sequence[_PlanSource], colours: dict[str, str]) -> Iterator[str]:
-    yield '<fieldset id="materials"><legend>Materials, from soft to hard</legend><ul role="list">'
-    for number, (name, colour) in enumerate(colours.items(), start=1):
-        sides = [s for s, source in zip(_SIDES, sources, strict=True) if name in source.names]
-        of = "A and B" if len(sides) > 1 else f"{sides[0]} alone"
-        yield (
-            f'<li data-material="{number}"><label><input type="checkbox" checked>{_swatch(colour)}'
-            f'<span class="number">{number}</span><span class="name">{escape(name)}</span>'
-            f'<span class="volume">{of}</span></label></li>'
-        )
-    yield "</ul></fieldset>"
+def _sides_of(name: str, sources: Sequence[_PlanSource]) -> str:
+    """Say which of two plans have a material."""
+    sides = [side for side, source in zip(_SIDES, sources, strict=True) if name in source.names]
+    words = "A and B" if len(sides) > 1 else f"{sides[0]} alone"
+    return f'<span class="volume">{words}</span>'
 
 
 def _differences(found: Sequence[Difference]) -> Iterator[str]:
     name, title = "differences-title", f"What differs{f' ({len(found)})' if found else ''}"
     if not found:
-        return section(name, title, ["<p>The plans mean the same.</p>"])
+        return page.section(name, title, ["<p>The plans mean the same.</p>"])
     columns = [(words, "words") for words in ("what", "where", "A", "B")]
     rows = [("", [escape(w) for w in (d.what, d.where, d.before, d.after)]) for d in found]
-    return section(name, title, table(columns, rows, of=name))
-
-
-def _curves(plans: Sequence[Plan]) -> Iterator[str]:
-    drawn = both_figure(plans[0], plans[1], "curves-words")
-    caption = (
-        '<figcaption id="curves-words">Dashed: the targets. Thick: the moduli of what is '
-        "printed there; A is drawn wider.</figcaption>"
-    )
-    return section(
-        "curves-title", "Stiffness along the field", figure("curves-title", drawn, caption)
-    )
+    return page.section(name, title, page.table(columns, rows, of=name))

@@ -6,25 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planner.report.svg import (
-    BLUE,
-    GREY,
-    INK,
-    PALE_BLUE,
-    RED,
-    Chart,
-    band,
-    cross,
-    disc,
-    frame,
-    line,
-    picture,
-    ramp,
-    rectangle,
-    runs,
-    segment,
-    text,
-)
+from planner.numerics import BoolArray
+from planner.report import svg
+from planner.report.svg import BLUE, GREY, INK, PALE_BLUE, RED, Chart
 from planner.simulation.part import PartSimulation
 from planner.simulation.simulate import Simulation
 
@@ -71,16 +55,16 @@ def simulation_figure(simulation: Simulation | PartSimulation) -> bytes:
     width, height = _LEFT + _WIDTH + 24.0, _TOP + _HEIGHT + 92.0
     if len(simulation.bar.x_mm) > 1:
         left = width + _GAP - 24.0
-        bands = _bands(simulation, left)
-        names = _names(bands)
+        stripes = _stripes(simulation, left)
+        names = _names(stripes)
         lower = _ROW * max(0, max((row for _, row in names), default=0) - 1)
-        parts += [*_along(simulation, left), *_materials(bands, names)]
+        parts += [*_along(simulation, left), *_materials(stripes, names)]
         middle = left + _WIDTH / 2.0
         parts.append(
-            text(middle, height + lower - 12.0, "place along the axis, mm", anchor="middle")
+            svg.text(middle, height + lower - 12.0, "place along the axis, mm", anchor="middle")
         )
         width, height = width + _GAP + _WIDTH + 24.0, height + lower
-    return picture(width, height, parts, title=title)
+    return svg.picture(width, height, parts, title=title)
 
 
 def _part_figure(result: PartSimulation) -> bytes:
@@ -101,20 +85,20 @@ def _part_figure(result: PartSimulation) -> bytes:
         if number == 0:
             around = [np.concatenate([low, high[::-1]]) for low, high in ends]
             parts.append(f'<path d="{chart.path(*around)}Z" fill="{PALE_BLUE}"/>')
-        parts += frame(chart, x_label=curve.x_label, y_label=label)
-        parts.append(line(chart, curve.x, values, colour=BLUE))
-        parts += [disc(chart.x(float(x)), chart.y(float(y)), colour=BLUE, radius=2.5)
+        parts += svg.frame(chart, x_label=curve.x_label, y_label=label)
+        parts.append(svg.line(chart, curve.x, values, colour=BLUE))
+        parts += [svg.disc(chart.x(float(x)), chart.y(float(y)), colour=BLUE, radius=2.5)
                   for x, y in zip(curve.x, values, strict=True)]  # fmt: skip
         if broken is not None:
             at = [float(np.interp(broken, steps.share, one)) for one in (curve.x, values)]
-            parts.append(cross(chart.x(at[0]), chart.y(at[1]), colour=RED))
+            parts.append(svg.cross(chart.x(at[0]), chart.y(at[1]), colour=RED))
     sure = curve.sure_x != (1.0, 1.0) or curve.sure_y != (1.0, 1.0)
     note = f"band: {100 * result.level:g} % of prints, from the last step" if sure else ""
     if broken is not None:
         note += ("; " if note else "") + "cross: break"
-    parts.append(text(left + _WIDTH, _TOP - 12.0, note, anchor="end", colour=GREY))
+    parts.append(svg.text(left + _WIDTH, _TOP - 12.0, note, anchor="end", colour=GREY))
     width, height = left + _WIDTH + 24.0, _TOP + _HEIGHT + 64.0
-    return picture(width, height, parts, title=f"{result.called}: load curve")
+    return svg.picture(width, height, parts, title=f"{result.called}: load curve")
 
 
 def _chart(left: float, x_range: tuple[float, float], y_range: tuple[float, float]) -> Chart:
@@ -130,20 +114,20 @@ def _curve(simulation: Simulation) -> Iterator[str]:
     x = simulation.time_s if over_time else simulation.displacement_mm
     force, (low, high) = simulation.force_N, simulation.force_interval_N.T
     chart = _chart(_LEFT, (0.0, _span(float(x.max()))), (0.0, _span(float(high.max()))))
-    yield band(chart, x, low, high, colour=PALE_BLUE)
-    yield from frame(
+    yield svg.band(chart, x, low, high, colour=PALE_BLUE)
+    yield from svg.frame(
         chart, x_label="time, s" if over_time else "displacement, mm", y_label="force, N"
     )
     beyond = simulation.beyond_break
     first = int(np.argmax(beyond)) if beyond.any() else len(x)
     held = slice(0, min(first + 1, len(x)))
-    yield line(chart, x[held], force[held], colour=BLUE)
+    yield svg.line(chart, x[held], force[held], colour=BLUE)
     note = f"band: {100 * simulation.level:g} % of prints"
     if beyond.any():
-        yield line(chart, x[first:], force[first:], colour=BLUE, dash="3,4")
-        yield cross(chart.x(float(x[first])), chart.y(float(force[first])), colour=RED)
+        yield svg.line(chart, x[first:], force[first:], colour=BLUE, dash="3,4")
+        yield svg.cross(chart.x(float(x[first])), chart.y(float(force[first])), colour=RED)
         note += "; cross: break, dotted beyond it"
-    yield text(_LEFT + _WIDTH, _TOP - 12.0, note, anchor="end", colour=GREY)
+    yield svg.text(_LEFT + _WIDTH, _TOP - 12.0, note, anchor="end", colour=GREY)
 
 
 def _along(simulation: Simulation, left: float) -> Iterator[str]:
@@ -151,22 +135,28 @@ def _along(simulation: Simulation, left: float) -> Iterator[str]:
     peak = int(np.argmax(simulation.displacement_mm))
     most = float(simulation.strain[peak].max())
     chart = _chart(left, (float(bar.edges_mm[0]), float(bar.edges_mm[-1])), (0.0, _span(most)))
-    yield from frame(chart, x_label="", y_label="strain along the bar")
+    yield from svg.frame(chart, x_label="", y_label="strain along the bar")
     steps = sorted({round(share * peak) for share in _SHARES})
     for step, shade in zip(steps, _SHADES[-len(steps) :], strict=True):
-        yield line(chart, bar.x_mm, simulation.strain[step], colour=shade, width=1.6)
+        yield svg.line(chart, bar.x_mm, simulation.strain[step], colour=shade, width=1.6)
     strains = ", ".join(f"{simulation.gauge_strain[step]:.3g}" for step in steps)
-    yield text(
+    yield svg.text(
         left + _WIDTH, _TOP - 12.0, f"at strains of the bar of {strains}", anchor="end", colour=GREY
     )
     shown = np.where(simulation.break_strain <= chart.y_range[1], simulation.break_strain, np.nan)
-    for run in runs(np.isfinite(shown)):
-        yield line(chart, bar.x_mm[run], shown[run], colour=RED, width=1.4, dash="6,4")
+    for run in _runs(np.isfinite(shown)):
+        yield svg.line(chart, bar.x_mm[run], shown[run], colour=RED, width=1.4, dash="6,4")
     if np.isfinite(shown).any():
-        yield text(left + 6.0, _TOP + 12.0, "dashed: elongation at break", colour=RED)
+        yield svg.text(left + 6.0, _TOP + 12.0, "dashed: elongation at break", colour=RED)
 
 
-class _Band(NamedTuple):
+def _runs(known: BoolArray) -> list[slice]:
+    """Return the stretches of steps that are known, in order."""
+    turns = np.flatnonzero(np.diff(known.astype(np.int8), prepend=0, append=0))
+    return [slice(start, stop) for start, stop in turns.reshape(-1, 2).tolist()]
+
+
+class _Stripe(NamedTuple):
     """A stretch of the bar of one colour, in pixels, and the grade's name; "" in between grades."""
 
     left: float
@@ -189,29 +179,29 @@ def _width(name: str) -> float:
     return 6.5 * len(name)
 
 
-def _bands(simulation: Simulation, left: float) -> list[_Band]:
+def _stripes(simulation: Simulation, left: float) -> list[_Stripe]:
     bar, palette = simulation.bar, simulation.palette
     edges = bar.edges_mm
     places = left + _WIDTH * (edges - edges[0]) / (edges[-1] - edges[0])
     grades = [m.coordinate for m in palette.materials]
-    colours = ramp([m.colour for m in palette.materials], grades, bar.coordinate)
+    colours = svg.ramp([m.colour for m in palette.materials], grades, bar.coordinate)
     names = {m.coordinate: m.id for m in palette.materials}
     turns = [0, *(i for i in range(1, len(colours)) if colours[i] != colours[i - 1]), len(colours)]
     return [
-        _Band(*ends, colours[start], names.get(float(bar.coordinate[start]), ""))
+        _Stripe(*ends, colours[start], names.get(float(bar.coordinate[start]), ""))
         for start, ends in zip(turns, itertools.pairwise(places[turns].tolist()), strict=False)
     ]
 
 
-def _names(bands: Sequence[_Band]) -> list[tuple[_Band, int]]:
-    """Choose the bands to name, each with the row of its name: 0 where it has room under it.
+def _names(stripes: Sequence[_Stripe]) -> list[tuple[_Stripe, int]]:
+    """Choose the stripes to name, each with the row of its name: 0 where it has room under it.
 
-    Every grade is named, at its widest one if none has room; further narrow bands are named
+    Every grade is named, at its widest one if none has room; further narrow stripes are named
     where the rows have room for them.
     """
-    roomy = [one for one in bands if one.name and one.room]
-    narrow = [one for one in bands if one.name and not one.room]
-    chosen: dict[str, _Band] = {}
+    roomy = [one for one in stripes if one.name and one.room]
+    narrow = [one for one in stripes if one.name and not one.room]
+    chosen: dict[str, _Stripe] = {}
     for one in sorted(narrow, key=lambda one: one.left - one.right):
         if one.name not in {each.name for each in roomy}:
             chosen.setdefault(one.name, one)
@@ -224,35 +214,35 @@ def _names(bands: Sequence[_Band]) -> list[tuple[_Band, int]]:
     return [*((one, 0) for one in roomy), *zip(taken, _rows(taken), strict=True)]
 
 
-def _rows(bands: Sequence[_Band]) -> list[int]:
+def _rows(stripes: Sequence[_Stripe]) -> list[int]:
     """Return the row of each name, from 1, so that no name meets another's line.
 
     A name ends at the line that comes down from its one. It so lies below all names whose lines
     it would cross, and none lies under its own line.
     """
     rows: list[int] = []
-    for number, one in enumerate(bands):
+    for number, one in enumerate(stripes):
         start = one.middle - _width(one.name) - 2.0 * _SPACE
-        crossed = [rows[i] for i in range(number) if bands[i].middle > start]
+        crossed = [rows[i] for i in range(number) if stripes[i].middle > start]
         rows.append(1 + max(crossed, default=0))
     return rows
 
 
-def _materials(bands: Sequence[_Band], names: Sequence[tuple[_Band, int]]) -> Iterator[str]:
+def _materials(stripes: Sequence[_Stripe], names: Sequence[tuple[_Stripe, int]]) -> Iterator[str]:
     """Draw a strip in the materials' colours, with the names of the grades."""
     top = _TOP + _HEIGHT + 26.0
-    for one in bands:
+    for one in stripes:
         # A little wider, so that no seam shows between neighbours.
-        seam = 0.3 if one is not bands[-1] else 0.0
-        yield rectangle(one.left, top, one.right - one.left + seam, 12.0, colour=one.colour)
+        seam = 0.3 if one is not stripes[-1] else 0.0
+        yield svg.rectangle(one.left, top, one.right - one.left + seam, 12.0, colour=one.colour)
     for one, row in names:
         foot = top + 25.0 + _ROW * row
         if row:
             start, stop = (one.middle, top + 12.0), (one.middle, foot)
-            yield segment(start, stop, colour=GREY, width=0.8)
-            yield text(one.middle - _SPACE, foot, one.name, anchor="end", size=10.0)
+            yield svg.segment(start, stop, colour=GREY, width=0.8)
+            yield svg.text(one.middle - _SPACE, foot, one.name, anchor="end", size=10.0)
         else:
-            yield text(one.middle, foot, one.name, anchor="middle", size=10.0)
+            yield svg.text(one.middle, foot, one.name, anchor="middle", size=10.0)
 
 
 def _span(most: float) -> float:

@@ -9,7 +9,7 @@ from html import escape
 import numpy as np
 
 from planner.glance import channels
-from planner.numerics import BoolArray, FloatArray
+from planner.numerics import FloatArray
 
 __all__ = [
     "BLUE",
@@ -33,7 +33,6 @@ __all__ = [
     "ramp",
     "rectangle",
     "ring",
-    "runs",
     "segment",
     "text",
     "ticks",
@@ -301,12 +300,6 @@ def log_ticks(low: float, high: float) -> list[tuple[float, str]]:
     if len(found) > 1:
         return found
     return [(math.log10(value), f"{value:g}") for value in ticks(10.0**low, 10.0**high)]
-
-
-def runs(known: BoolArray) -> list[slice]:
-    """Return the stretches of steps that are known, in order."""
-    turns = np.flatnonzero(np.diff(known.astype(np.int8), prepend=0, append=0))
-    return [slice(start, stop) for start, stop in turns.reshape(-1, 2).tolist()]
 
 
 def ramp(colours: Sequence[str], places: Sequence[float], at: FloatArray) -> list[str]:
