@@ -36,7 +36,7 @@ __all__ = [
     "same_path",
     "setup_of",
     "speed_mm_s",
-    "spikes_of",
+    "spikes_in",
     "unloading_share",
 ]
 
@@ -57,54 +57,34 @@ what lasts longer is an event; twice as many beside it tell how the record goes.
 
 def _without_spikes(specimen: Specimen) -> Specimen:
     """Return a specimen without the points that leap out of its force or travel."""
-    keep = np.ones(len(specimen.time_s), dtype=np.bool_)
-    spikes = (
-        *spikes_of(specimen.force_N),
-        *spikes_of(specimen.displacement_mm),
-        *leap_at_end(specimen),
-    )
-    for first, stop in spikes:
-        keep[first:stop] = False
+    keep = ~(spikes_in(specimen.force_N) | spikes_in(specimen.displacement_mm))
+    keep[leap_at_end(specimen) :] = False
     if keep.all() or keep.sum() < MINIMUM_POINTS:
         return specimen
     record = ("time_s", "displacement_mm", "force_N")
     return replace(specimen, **{name: getattr(specimen, name)[keep] for name in record})
 
 
-def spikes_of(values: FloatArray) -> list[tuple[int, int]]:
-    """Return begin and end, as of slices, of up to `_WIDEST` points that leap out of a record.
+def spikes_in(values: FloatArray) -> BoolArray:
+    """Return which points, up to `_WIDEST` beside each other, leap out of a record.
 
-    A turn of a triangle wave or a break is none: a spike leaps further than the record moves
-    nearby on both sides, and ends where it began.
+    A turn of a triangle wave or a break is none: a spike leaps further off the median of what is
+    around it than the record moves there.
     """
-    n = len(values)
     low, high = np.quantile(values, [0.02, 0.98])  # without what leaps out
     least = max(_SPIKE_NOISE * noise_sd(values), _SPIKE_SHARE * float(high - low))
-    moves = np.abs(np.diff(values))
-    found: list[tuple[int, int]] = []
-    for width in range(1, _WIDEST + 1):
-        before = np.arange(max(n - 1 - width, 0))
-        rise = values[before + 1] - values[before]
-        fall = values[before + width] - values[before + width + 1]
-        leap = np.minimum(np.abs(rise), np.abs(fall))
-        for i in before[(rise * fall > 0.0) & (leap > least)]:
-            if any(abs(i + 1 - f) <= _WIDEST for f, _ in found):
-                continue
-            behind = moves[i + width + 1 : i + width + _AROUND]
-            near = np.concatenate([moves[max(i - _AROUND, 0) : i], behind])
-            back = abs(values[i + width + 1] - values[i])
-            this = min(
-                abs(values[i + 1] - values[i]), abs(values[i + width + 1] - values[i + width])
-            )
-            if this > _SPIKE_STEP * float(np.max(near)) and back < 0.5 * this:
-                found.append((int(i) + 1, int(i) + width + 1))
-    return sorted(found)
+    around = np.lib.stride_tricks.sliding_window_view(
+        np.pad(values, _WIDEST, mode="edge"), 2 * _WIDEST + 1
+    )
+    moves = np.median(np.abs(np.diff(around, axis=1)), axis=1)
+    off = np.abs(values - np.median(around, axis=1))
+    return np.asarray(off > np.maximum(least, _SPIKE_STEP * moves))
 
 
-def leap_at_end(s: Specimen) -> list[tuple[int, int]]:
-    """Return the last points if force leaps away from zero there, while the crosshead does not.
+def leap_at_end(s: Specimen) -> int:
+    """Return the first of the last points if force leaps away from zero there; else their number.
 
-    So it does where a crosshead or an over-stretched specimen meets a stop.
+    The crosshead does not: so it is where it or an over-stretched specimen meets a stop.
     """
     size, duration = np.abs(s.force_N), np.diff(s.time_s)
     n = len(size)
@@ -116,8 +96,8 @@ def leap_at_end(s: Specimen) -> list[tuple[int, int]]:
         leaps = rise[i] > _SPIKE_STEP * np.max(rise[before]) and size[i + 1] - size[i] > least
         onwards = (np.diff(size[i:]) > 0.0).all()
         if leaps and onwards and np.max(speed[i:]) < _SPIKE_STEP * np.max(speed[before]):
-            return [(i + 1, n)]
-    return []
+            return i + 1
+    return n
 
 
 # ------------------------------------------------------------------------------------------------
