@@ -724,17 +724,18 @@ def _bar_limits_mm(setup: Setup, prediction: Prediction, palette: Palette) -> di
 def _limitations(
     specimens: Sequence[Specimen], paths: Mapping[int, Path], past: set[int]
 ) -> Iterable[str]:
+    parts = {place for place, specimen in enumerate(specimens) if specimen.part is not None}
+    past = past & set(paths)
     told = {
         "no loading of enough points; left out": set(range(len(specimens))) - set(paths),
         "broke; only what came before is compared": {k for k, p in paths.items() if p.broken},
         f"compared up to {_BREAK_SHARE:g} times the elongation at break, or to a strain of "
-        f"-{PUSHED_END:g}, only": past & set(paths),
+        f"-{PUSHED_END:g}, only": past - parts,
+        "compared as far as the part was simulated, or its laws go": past & parts,
         "of many cycles those between the first and the last are compared in groups, at the end of "
         "each": {k for k, p in paths.items() if any(s.cycles > 1 for s in p.segments)},
         "the section is unknown; it is taken to be 1 mm2": {
-            k
-            for k in paths
-            if specimens[k].part is None and specimens[k].section_mm2(np.zeros(1)) is None
+            k for k in set(paths) - parts if specimens[k].section_mm2(np.zeros(1)) is None
         },
     }
     for what, places in told.items():
