@@ -557,10 +557,12 @@ def observation_model(campaign: Campaign) -> ObservationModel:
     laws = law_tables(campaign.palette)
     specimens = campaign.specimens
     paths = _paths(specimens)
-    limits = {
-        place: path.gauge_mm * _coupon_limit(specimens[place], campaign.palette)
-        for place, path in paths.items()
-    }
+    limits = {}
+    for place, path in paths.items():
+        one = specimens[place]
+        share = 1.0 if one.part else _BREAK_SHARE
+        strain = PUSHED_END if one.pushed else share * one.strain_end(campaign.palette, max)
+        limits[place] = path.gauge_mm * strain
     past: set[int] = set()
     for _ in range(_ROUNDS):
         short = {place: cut_path(path, limits[place]) for place, path in paths.items()}
@@ -688,13 +690,6 @@ def _sensor_sd_N(force_N: FloatArray) -> float:
     multiples = steps / digit
     rounded = np.abs(multiples - np.round(multiples)) < 1e-3 * multiples
     return max(noise, digit / np.sqrt(12.0)) if rounded.all() else noise
-
-
-def _coupon_limit(specimen: Specimen, palette: Palette) -> float:
-    """Return the largest strain up to which a specimen may be compared."""
-    if specimen.pushed:
-        return PUSHED_END
-    return (1.0 if specimen.part else _BREAK_SHARE) * specimen.strain_end(palette, max)
 
 
 def _bar_limits_mm(setup: Setup, prediction: Prediction, palette: Palette) -> dict[int, float]:

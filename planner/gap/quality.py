@@ -5,6 +5,7 @@ from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import chain
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -1019,12 +1020,10 @@ def suggested_units(
 
 def merged_units(units: Iterable[UnitOf]) -> tuple[UnitOf, ...]:
     """Return each unit once, with all its specimens."""
-    found: dict[tuple[str, str], tuple[str, ...]] = {}
+    found = defaultdict[tuple[str, str], list[tuple[str, ...]]](list)
     for one in units:
-        key = one.quantity, one.unit
-        before = found.setdefault(key, one.specimens)
-        # No specimens means all.
-        found[key] = (
-            tuple(dict.fromkeys(before + one.specimens)) if before and one.specimens else ()
-        )
-    return tuple(UnitOf(*key, specimens) for key, specimens in found.items())
+        found[one.quantity, one.unit].append(one.specimens)
+    return tuple(  # no specimens means all
+        UnitOf(*key, () if () in ids else tuple(dict.fromkeys(chain.from_iterable(ids))))
+        for key, ids in found.items()
+    )
