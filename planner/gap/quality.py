@@ -580,35 +580,23 @@ def _judged(groups: _Groups) -> Iterator[tuple[float, int, float, tuple[int, ...
     """Yield p-value, specimen, shift and replicates of everyone that can be judged."""
     from scipy.special import stdtr
 
-    variances = [float(np.var(values, ddof=1)) for _, values in groups]
+    squares = [float(np.sum((values - values.mean()) ** 2)) for _, values in groups]
     freedoms = [len(members) - 1 for members, _ in groups]
     for g, (members, values) in enumerate(groups):
-        n = len(members)
-        weight, centre = _prior(
-            variances[:g] + variances[g + 1 :], freedoms[:g] + freedoms[g + 1 :]
-        )
+        # What the other groups tell of a variance; what is usual counts as one more.
+        known = _USUAL_WEIGHT + sum(freedoms) - freedoms[g]
+        centre = (_USUAL_WEIGHT * _USUAL_SCATTER**2 + sum(squares) - squares[g]) / known
+        weight = max(_USUAL_WEIGHT, _POOLED_WEIGHT * known)
         for k, place in enumerate(members):
             others = np.delete(values, k)
             shift = float(values[k] - np.mean(others))
-            freedom = weight + n - 2
-            if freedom <= 0.0 or abs(shift) < _LEAST_SHIFT:
+            if abs(shift) < _LEAST_SHIFT:
                 continue
-            own = float(np.var(others, ddof=1)) * (n - 2) if n > 2 else 0.0
-            variance = (weight * centre + own) / freedom
-            scale = math.sqrt(variance * (1.0 + 1.0 / (n - 1)))
-            p = 2.0 * float(stdtr(freedom, -abs(shift) / scale)) if scale > 0.0 else 0.0
+            freedom = weight + len(others) - 1
+            variance = (weight * centre + float(np.var(others)) * len(others)) / freedom
+            scale = math.sqrt(variance * (1.0 + 1.0 / len(others)))
+            p = 2.0 * float(stdtr(freedom, -abs(shift) / scale))
             yield p, place, shift, tuple(m for m in members if m != place)
-
-
-def _prior(variances: Sequence[float], freedoms: Sequence[int]) -> tuple[float, float]:
-    """Return weight (degrees of freedom) and centre of what other groups tell of a variance.
-
-    What is usual counts as one more group.
-    """
-    known = [(_USUAL_SCATTER**2, _USUAL_WEIGHT), *zip(variances, freedoms, strict=True)]
-    freedom = sum(d for _, d in known)
-    centre = sum(v * d for v, d in known) / freedom
-    return max(_USUAL_WEIGHT, _POOLED_WEIGHT * freedom), centre
 
 
 def _outliers(
