@@ -359,7 +359,7 @@ def _design_key(design: ProfileDesign | None) -> Hashable:
 # What a campaign cannot tell, whatever is made of it.
 
 
-def _limitations_of(specimens: Sequence[Specimen], palette: Palette) -> Iterator[str]:
+def _limitations_of(specimens: Sequence[Specimen]) -> Iterator[str]:
     """Yield one sentence a limitation that the specimens themselves show."""
     if len(specimens) == 1:
         yield (
@@ -376,35 +376,12 @@ def _limitations_of(specimens: Sequence[Specimen], palette: Palette) -> Iterator
         if unknown and not column.is_size:
             of = "all specimens" if len(unknown) == len(specimens) else named(unknown)
             yield f"{name} is unknown for {of}; it is not taken to be at the palette's reference"
-    beyond: dict[tuple[float, str], list[Specimen]] = {}
-    for s in specimens:
-        end = _range_of(s, palette)
-        if not s.pushed and float(np.max(s.strain)) > end[0] * (1.0 + 1e-9):
-            beyond.setdefault(end, []).append(s)
-    for (reach, of), over in beyond.items():
-        peak = max(float(np.max(s.strain)) for s in over)
-        yield (
-            f"{named([s.id for s in over])}: strained to {peak:.4g}, past {reach:.4g}, where "
-            f"{of} ends; what lies beyond is not compared"
-        )
     if pushed := [s for s in specimens if s.pushed]:
         far = max(float(np.max(np.abs(s.strain))) for s in pushed)
         yield (
             f"{named([s.id for s in pushed])}: compressed, to a strain of {far:.2g}; a palette's "
             "laws are fitted to tension and extrapolated there, so that a gap may be the law's own"
         )
-
-
-def _range_of(specimen: Specimen, palette: Palette) -> tuple[float, str]:
-    """Return the largest strain that is predicted, on average over the bar, and what ends there."""
-    if specimen.profile is None:
-        of = "the part's own simulation" if specimen.part else f"the law of {specimen.material}"
-        return specimen.strain_end(palette, max), of
-    low, high = (float(f(specimen.profile.coordinate)) for f in (np.min, np.max))
-    printed = [m for m in palette.materials if low - 1e-6 <= m.coordinate <= high + 1e-6]
-    among = printed or list(palette.materials)
-    widest = max(among, key=lambda m: m.elongation_at_break)
-    return widest.elongation_at_break, f"the law of {widest.id}"
 
 
 def named(ids: Sequence[str], most: int = 6) -> str:
@@ -467,7 +444,7 @@ class Campaign:
     @property
     def limitations(self) -> tuple[str, ...]:
         """The remarks, and what the specimens cannot tell whatever is made of them."""
-        return (*self.remarks, *_limitations_of(self.specimens, self.palette))
+        return (*self.remarks, *_limitations_of(self.specimens))
 
     def specimen(self, id: str) -> Specimen:
         """Return a specimen by its id.

@@ -136,23 +136,14 @@ seven."""
 # Whether a record is of a pull or of a push, whichever way its channels count.
 
 
-_Mode = Literal["tension", "compression"]
-
-_WORDS: dict[str, _Mode] = {
-    **dict.fromkeys(("compression", "compressive", "compressed", "pushed"), "compression"),
-    **dict.fromkeys(("tension", "tensile", "pulled"), "tension"),
-}
-
-_UNIAXIAL = "uniaxial "
-
-
-def said_mode(cells: Iterable[object]) -> _Mode | None:
+def said_mode(cells: Iterable[object]) -> str | None:
     """Return what a row of specimens.csv says of the way of loading; None where it says nothing.
 
-    A cell says so by one word alone: a batch that was moulded by compression may be pulled.
+    A cell says so by itself alone: a batch that was moulded by compression may be pulled. What is
+    as short as "uc" may as well be a person's initials.
     """
-    texts = (cell.casefold().removeprefix(_UNIAXIAL) for cell in cells if isinstance(cell, str))
-    return next((_WORDS[text] for text in texts if text in _WORDS), None)
+    modes = {mode_of(cell): None for cell in cells if isinstance(cell, str) and len(cell) > 2}
+    return next((mode for mode in modes if mode in ("tension", "compression")), None)
 
 
 _TURNED_RATIO = 5.0
@@ -214,7 +205,7 @@ _FARTHEST = 0.6
 """Strain up to which a curve is looked at. Chosen: a law in compression ends soon after."""
 
 
-def _kind(source: "_Source", force_N: FloatArray, travel_mm: FloatArray) -> _Mode | None:
+def _kind(source: "_Source", force_N: FloatArray, travel_mm: FloatArray) -> str | None:
     """Return the way of loading whose law a first loading is nearer to, at any stiffness.
 
     None where there is no law, or two differ by less than the nearer one is missed by.
@@ -229,22 +220,17 @@ def _kind(source: "_Source", force_N: FloatArray, travel_mm: FloatArray) -> _Mod
     if not end > 0.0 or not load.max() > 0.0:
         return None
     rising, first = np.unique(np.maximum.accumulate(strain), return_index=True)
-    measured = _of_size_one(np.interp(at, rising, load[first]))
-    pulled, pushed = (_of_size_one(way * source.stress_MPa(1.0 + way * at)) for way in (1.0, -1.0))
-    missed: dict[_Mode, float] = {
-        "tension": _distance(measured, pulled),
-        "compression": _distance(measured, pushed),
-    }
-    nearer = min(missed, key=lambda mode: missed[mode])
-    return nearer if missed[nearer] < _distance(pulled, pushed) - missed[nearer] else None
-
-
-def _of_size_one(values: FloatArray) -> FloatArray:
-    return np.asarray(values / max(float(np.linalg.norm(values)), 1e-300))
-
-
-def _distance(one: FloatArray, other: FloatArray) -> float:
-    return float(np.linalg.norm(one - other))
+    curves = np.stack(
+        [
+            np.interp(at, rising, load[first]),
+            *(way * source.stress_MPa(1.0 + way * at) for way in (1.0, -1.0)),
+        ]
+    )
+    curves /= np.maximum(np.linalg.norm(curves, axis=1, keepdims=True), 1e-300)
+    pulled, pushed, apart = np.linalg.norm(curves[[0, 0, 1]] - curves[[1, 2, 2]], axis=1)
+    if min(pulled, pushed) >= apart - min(pulled, pushed):
+        return None
+    return "tension" if pulled <= pushed else "compression"
 
 
 # ------------------------------------------------------------------------------------------------
@@ -277,7 +263,7 @@ class _Source:
     gauge_mm: float
     area_mm2: float | None
     rate_mm_s: float | None
-    said: _Mode | None
+    said: str | None
     stress_MPa: Callable[[FloatArray], FloatArray] | None
     notes: list[str]
     """What was corrected, without naming the specimen."""

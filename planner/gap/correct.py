@@ -3,7 +3,7 @@
 import contextlib
 import itertools
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -57,10 +57,6 @@ _BREAK_SHARE = 0.95
 beyond it."""
 
 
-def _almost_broken(material: Material) -> float:
-    return _BREAK_SHARE * material.elongation_at_break
-
-
 _Place: TypeAlias = tuple[Material, Reference]
 """A material, and the conditions it is pulled at, all of them known."""
 
@@ -84,8 +80,8 @@ class _Factors:
         Materials and the conditions they are pulled at.
     own
         The palette's own conditions, at which effects of a condition change nothing.
-    strain
-        How far each material is pulled.
+    strain : (P,)
+        How far each is pulled.
     steps
         Of the way there.
     """
@@ -96,12 +92,10 @@ class _Factors:
         places: Sequence[_Place],
         own: Reference,
         section_mm: tuple[float, float],
-        strain: Callable[[Material], float],
+        strain: Sequence[float],
         steps: int,
     ) -> None:
-        self.strain: FloatArray = np.stack(
-            [strain(m) * np.linspace(0.0, 1.0, steps + 1) for m, _ in places]
-        )
+        self.strain = np.outer(strain, np.linspace(0.0, 1.0, steps + 1))
         self._laws: LawTables = law_tables(palette)
         self._used = _pulled(palette, places, section_mm, self.strain)
         self._own = _pulled(palette, [(m, own) for m, _ in places], section_mm, self.strain)
@@ -583,7 +577,8 @@ def _corrected(case: _Case, recalibrate: bool) -> Correction:
     notes += _doubts(diagnosis)
     applied = [_stated(e, library[e.id], palette.name) for e in known]
     places = [(material, use) for material in palette.materials]
-    factors = _Factors(palette, places, own, case.section_mm, _almost_broken, _STEPS)
+    far = [_BREAK_SHARE * material.elongation_at_break for material in palette.materials]
+    factors = _Factors(palette, places, own, case.section_mm, far, _STEPS)
     logs = _whole(factors.log(applied), palette)
     notes += [
         f"{one.effect.id}: nothing changes at {_in_words(use, name)}, the palette's own; "
@@ -725,8 +720,8 @@ def _forms_sd(case: _Case, effects: Sequence[StatedEffect]) -> FloatArray:
         tests = _tests_of(case, [materials[n] for n in beside], one.effect.condition)
         if tests:
             places = [*tests, *((materials[n], case.use) for n in numbers)]
-            own, mm, steps = case.own, case.section_mm, _STEPS_TO_WORK
-            factors = _Factors(case.palette, places, own, mm, _working_strain, steps)
+            far = [_working_strain(material) for material, _ in places]
+            factors = _Factors(case.palette, places, case.own, case.section_mm, far, _STEPS_TO_WORK)
             total[numbers] += _parted_sd(factors, one, len(tests), sd) ** 2
     return np.sqrt(total)
 

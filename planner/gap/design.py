@@ -335,12 +335,11 @@ class Information:
         factor = scipy.linalg.cho_factor(total, lower=True, check_finite=False)
         of_effects = np.eye(len(total), sum(self.forms))
         inverse = scipy.linalg.cho_solve(factor, of_effects, check_finite=False)
-        told, first = 0.0, 0
-        for count in self.forms:
-            own = inverse[first : first + count, first : first + count]
-            told -= 0.5 * float(np.linalg.slogdet(own)[1]) / count
-            first += count
-        return told
+        ends: list[int] = np.cumsum([0, *self.forms]).tolist()
+        return sum(
+            -0.5 / (b - a) * float(np.linalg.slogdet(inverse[a:b, a:b])[1])
+            for a, b in pairwise(ends)
+        )
 
     def best(self, choices: Sequence[IntArray]) -> IntArray:
         """Return the first of the choices that tell most."""
@@ -700,40 +699,27 @@ def trials_of(campaign: Campaign, setup: Setup) -> tuple[Trial, ...]:
     return tuple(trials)
 
 
-_OTHER_RATE = 0.3
-"""Log ratio of rates from which a coupon is not at the palette's own. Physical: a third more pace
-changes a polymer's stress by some 2 % (at 20 % a decade)."""
-
-
 def _usual_coupon(campaign: Campaign, own: Reference) -> dict[str, Any]:
-    """Return the coupon nearest to the palette's conditions, most usual in size, as at these."""
+    """Return the coupon most usual in material and size, as at the palette's conditions."""
     coupons = [s for s in campaign.specimens if s.material] or list(campaign.specimens)
-    sizes = [(s.width_mm, s.thickness_mm, s.gauge_mm) for s in coupons]
-    usual = max(set(sizes), key=sizes.count)
-    conditions = ("temperature_C", "soak_h", "age_days", "orientation")
-
-    def departures(s: Specimen) -> int:
-        apart = sum(getattr(s, name) not in (None, getattr(own, name)) for name in conditions)
-        if s.rate_mm_s is not None and own.strain_rate_per_s is not None:
-            apart += abs(np.log(s.rate_mm_s / s.gauge_mm / own.strain_rate_per_s)) >= _OTHER_RATE
-        return apart + ((s.width_mm, s.thickness_mm, s.gauge_mm) != usual)
-
-    best = min(coupons, key=departures)
-    rate = best.rate_mm_s
-    gauge_mm = best.gauge_mm if best.part is None else _USUAL_SIZE["gauge_mm"]
+    kinds = [(s.material, s.width_mm, s.thickness_mm, s.gauge_mm) for s in coupons]
+    usual = coupons[kinds.index(max(kinds, key=kinds.count))]
+    rate = usual.rate_mm_s
+    gauge_mm = usual.gauge_mm if usual.part is None else _USUAL_SIZE["gauge_mm"]
     if own.strain_rate_per_s is not None:
         rate = own.strain_rate_per_s * gauge_mm
+    conditions = ("temperature_C", "soak_h", "age_days", "orientation")
     return {
-        "material": best.material or campaign.palette.materials[0].id,
+        "material": usual.material or campaign.palette.materials[0].id,
         **{
-            name: getattr(best, name) or getattr(best, f"measured_{name}") or _USUAL_SIZE[name]
+            name: getattr(usual, name) or getattr(usual, f"measured_{name}") or _USUAL_SIZE[name]
             for name in ("width_mm", "thickness_mm")
         },
         "gauge_mm": gauge_mm,
         "rate_mm_s": rate or 1.0,
         **{name: getattr(own, name) for name in conditions},
         "protocol": "monotonic",
-        "time_recorded": best.time_recorded,
+        "time_recorded": usual.time_recorded,
     }
 
 

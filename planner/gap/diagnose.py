@@ -61,7 +61,8 @@ from planner.gap.evidence.weigh import (
 )
 from planner.gap.localise import Whitening, localise
 from planner.gap.observations import ObservationModel, observation_model
-from planner.gap.quality import HOLDS, examine, hold_share, merged_units, suggested_units
+from planner.gap.quality import HOLDS, examine, merged_units, suggested_units
+from planner.gap.segments import hold_share
 from planner.gap.summary import summary_of
 from planner.glance import counted
 from planner.numerics import BoolArray, FloatArray, IntArray, one_blas_thread

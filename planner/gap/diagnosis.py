@@ -12,7 +12,7 @@ import numpy as np
 
 from planner import __version__
 from planner.errors import FileError, PaletteError
-from planner.formats.files import encode_document, path_within, read_file
+from planner.formats.files import decode_document, encode_document, path_within, read_file
 from planner.formats.units import UnitOf
 from planner.glance import brief, counted, html_of, one_line, plotted
 from planner.numerics import FloatArray
@@ -473,15 +473,10 @@ def read_diagnosis(path: str | Path) -> Diagnosis:
     """
     path = Path(path)
     file = path_within(path, "diagnosis.json") if path.is_dir() else path
-    try:
-        data = read_file(
-            file, advice="give a diagnosis.json as planner gap diagnose -o writes it, or its folder"
-        )
-        document = msgspec.json.decode(data)
-    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise FileError(f"{file}: not a JSON document: {error}") from error
-    if not isinstance(document, dict):
-        raise FileError(f"{file}: holds a JSON {type(document).__name__}; it must be an object")
+    data = read_file(
+        file, advice="give a diagnosis.json as planner gap diagnose -o writes it, or its folder"
+    )
+    document = decode_document(data, dict[str, Any], str(file))
     try:
         content = msgspec.convert(_completed(document), _DiagnosisFile)
     except msgspec.ValidationError as error:

@@ -12,7 +12,8 @@ from numpy.typing import ArrayLike
 from planner.formats.specimens import SPECIMEN_COLUMNS
 from planner.gap.campaign import Campaign, Specimen, column_levels
 from planner.gap.diagnosis import FoundEffect
-from planner.gap.quality import HOLDS, UNLOADS, hold_share, speed_mm_s, unloading_share
+from planner.gap.quality import HOLDS, UNLOADS
+from planner.gap.segments import hold_share, speed_mm_s, unloading_share
 from planner.numerics import FloatArray
 from planner.palette import Reference
 from planner.simulation.bar_solver import Setup

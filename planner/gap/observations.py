@@ -557,10 +557,12 @@ def observation_model(campaign: Campaign) -> ObservationModel:
     laws = law_tables(campaign.palette)
     specimens = campaign.specimens
     paths = _paths(specimens)
-    limits = {
-        place: path.gauge_mm * _coupon_limit(specimens[place], campaign.palette)
-        for place, path in paths.items()
-    }
+    limits = {}
+    for place, path in paths.items():
+        one = specimens[place]
+        share = 1.0 if one.part else _BREAK_SHARE
+        strain = PUSHED_END if one.pushed else share * one.strain_end(campaign.palette, max)
+        limits[place] = path.gauge_mm * strain
     past: set[int] = set()
     for _ in range(_ROUNDS):
         short = {place: cut_path(path, limits[place]) for place, path in paths.items()}
@@ -690,13 +692,6 @@ def _sensor_sd_N(force_N: FloatArray) -> float:
     return max(noise, digit / np.sqrt(12.0)) if rounded.all() else noise
 
 
-def _coupon_limit(specimen: Specimen, palette: Palette) -> float:
-    """Return the largest strain up to which a specimen may be compared."""
-    if specimen.pushed:
-        return PUSHED_END
-    return (1.0 if specimen.part else _BREAK_SHARE) * specimen.strain_end(palette, max)
-
-
 def _bar_limits_mm(setup: Setup, prediction: Prediction, palette: Palette) -> dict[int, float]:
     """Return, of bars in which a slice is strained too far, the travel up to which none is.
 
@@ -724,17 +719,18 @@ def _bar_limits_mm(setup: Setup, prediction: Prediction, palette: Palette) -> di
 def _limitations(
     specimens: Sequence[Specimen], paths: Mapping[int, Path], past: set[int]
 ) -> Iterable[str]:
+    parts = {place for place, specimen in enumerate(specimens) if specimen.part is not None}
+    past = past & set(paths)
     told = {
         "no loading of enough points; left out": set(range(len(specimens))) - set(paths),
         "broke; only what came before is compared": {k for k, p in paths.items() if p.broken},
         f"compared up to {_BREAK_SHARE:g} times the elongation at break, or to a strain of "
-        f"-{PUSHED_END:g}, only": past & set(paths),
+        f"-{PUSHED_END:g}, only": past - parts,
+        "compared as far as the part was simulated, or its laws go": past & parts,
         "of many cycles those between the first and the last are compared in groups, at the end of "
         "each": {k for k, p in paths.items() if any(s.cycles > 1 for s in p.segments)},
         "the section is unknown; it is taken to be 1 mm2": {
-            k
-            for k in paths
-            if specimens[k].part is None and specimens[k].section_mm2(np.zeros(1)) is None
+            k for k in set(paths) - parts if specimens[k].section_mm2(np.zeros(1)) is None
         },
     }
     for what, places in told.items():

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from itertools import pairwise
 from typing import Any, Literal
 
@@ -10,8 +11,13 @@ import numpy as np
 from planner.errors import FileError
 from planner.formats.specimens import SPECIMEN_COLUMNS
 from planner.gap.campaign import Campaign, Specimen
-from planner.gap.quality import BEARING_SHARE, speed_mm_s, turns, without_spikes
-from planner.materials.characterise import BROKEN_SHARE, Curve, noise_sd, without_tail
+from planner.materials.characterise import (
+    BROKEN_SHARE,
+    MINIMUM_POINTS,
+    Curve,
+    noise_sd,
+    without_tail,
+)
 from planner.numerics import BoolArray, FloatArray, IntArray
 from planner.simulation.bar import slice_edges_mm
 from planner.simulation.bar_solver import Setup, unaltered
@@ -22,12 +28,137 @@ __all__ = [
     "ReplicateTest",
     "cut_path",
     "forces_N",
+    "hold_share",
+    "leap_at_end",
     "mean_section_mm2",
     "path_of",
     "replicate_test",
     "same_path",
     "setup_of",
+    "speed_mm_s",
+    "spikes_in",
+    "unloading_share",
 ]
+
+
+# ------------------------------------------------------------------------------------------------
+# Single points that leap out of a record.
+
+
+_SPIKE_NOISE, _SPIKE_SHARE, _SPIKE_STEP = 12.0, 0.03, 5.0
+"""A spike leaps by so many noise deviations, so much of the range, so many steps nearby. Chosen:
+noise never does, and what leaps by less than the scatter of specimens does no harm."""
+
+_WIDEST = 3
+_AROUND = 6
+"""Points that a spike has at most, and that are looked at on either side, fewer at an end. Chosen:
+what lasts longer is an event; twice as many beside it tell how the record goes."""
+
+
+def _without_spikes(specimen: Specimen) -> Specimen:
+    """Return a specimen without the points that leap out of its force or travel."""
+    keep = ~(spikes_in(specimen.force_N) | spikes_in(specimen.displacement_mm))
+    keep[leap_at_end(specimen) :] = False
+    if keep.all() or keep.sum() < MINIMUM_POINTS:
+        return specimen
+    record = ("time_s", "displacement_mm", "force_N")
+    return replace(specimen, **{name: getattr(specimen, name)[keep] for name in record})
+
+
+def spikes_in(values: FloatArray) -> BoolArray:
+    """Return which points, up to `_WIDEST` beside each other, leap out of a record.
+
+    A turn of a triangle wave or a break is none: a spike leaps further off the median of what is
+    around it than the record moves there.
+    """
+    low, high = np.quantile(values, [0.02, 0.98])  # without what leaps out
+    least = max(_SPIKE_NOISE * noise_sd(values), _SPIKE_SHARE * float(high - low))
+    around = np.lib.stride_tricks.sliding_window_view(
+        np.pad(values, _WIDEST, mode="edge"), 2 * _WIDEST + 1
+    )
+    moves = np.median(np.abs(np.diff(around, axis=1)), axis=1)
+    off = np.abs(values - np.median(around, axis=1))
+    return np.asarray(off > np.maximum(least, _SPIKE_STEP * moves))
+
+
+def leap_at_end(s: Specimen) -> int:
+    """Return the first of the last points if force leaps away from zero there; else their number.
+
+    The crosshead does not: so it is where it or an over-stretched specimen meets a stop.
+    """
+    size, duration = np.abs(s.force_N), np.diff(s.time_s)
+    n = len(size)
+    least = max(_SPIKE_NOISE * noise_sd(s.force_N), _SPIKE_SHARE * float(np.ptp(size[:-_WIDEST])))
+    speed, rise = np.abs(np.diff(s.displacement_mm)) / duration, np.abs(np.diff(size)) / duration
+    for width in range(1, min(_WIDEST, n - _AROUND - 1) + 1):
+        i = n - 1 - width
+        before = slice(i - _AROUND, i)
+        leaps = rise[i] > _SPIKE_STEP * np.max(rise[before]) and size[i + 1] - size[i] > least
+        onwards = (np.diff(size[i:]) > 0.0).all()
+        if leaps and onwards and np.max(speed[i:]) < _SPIKE_STEP * np.max(speed[before]):
+            return i + 1
+    return n
+
+
+# ------------------------------------------------------------------------------------------------
+# How fast the crosshead moved, and where it turned.
+
+
+_BLOCKS, _BLOCKS_A_WAY = 60, 10
+"""A record is looked at in about so many steps, and so many at least from one turn to the next.
+Chosen: over a step noise of the travel evens out; the one that holds a turn shows less than the
+speed, and must be one of ten."""
+
+
+def speed_mm_s(time_s: FloatArray, travel_mm: FloatArray) -> float:
+    """Return the crosshead's speed: half of its way was faster, half slower.
+
+    Rests do not count, as they add no way; loading and unloading both do.
+    """
+    ways = len(_turns(travel_mm, _least_turn_mm(travel_mm))) - 1
+    count = max(_BLOCKS, _BLOCKS_A_WAY * ways)
+    way = np.abs(np.diff(_fewer(travel_mm, count)))
+    speeds = way / np.diff(_fewer(time_s, count))
+    order = np.argsort(speeds, kind="stable")
+    share = np.cumsum(way[order])
+    return float(speeds[order][int(np.searchsorted(share, 0.5 * share[-1]))])
+
+
+def _fewer(values: FloatArray, count: int) -> FloatArray:
+    """Return the means of runs of points, `count` or a few more, where there are twice as many."""
+    size = len(values) // count
+    if size < 2:
+        return values
+    whole, rest = np.split(values, [len(values) // size * size])
+    means = whole.reshape(-1, size).mean(axis=1)
+    return np.append(means, rest.mean()) if len(rest) else means
+
+
+def _least_turn_mm(travel_mm: FloatArray) -> float:
+    return max(_TURN_SHARE * float(np.ptp(travel_mm)), _TURN_NOISE * noise_sd(travel_mm))
+
+
+def _turns(values: FloatArray, least: float) -> IntArray:
+    """Return the ends and the turns between them, of more than `least` each."""
+    corners, low, high, rising = [0], 0, 0, 0
+    for i, value in enumerate(values.tolist()):
+        if value > values[high]:
+            high = i
+        if value < values[low]:
+            low = i
+        if rising >= 0 and values[high] - value > least:
+            if high > 0:
+                corners.append(high)
+            rising, low, high = -1, i, i
+        elif rising <= 0 and value - values[low] > least:
+            if low > 0:
+                corners.append(low)
+            rising, low, high = 1, i, i
+    last = len(values) - 1
+    end = {1: high, -1: low, 0: last}[rising]
+    if end != corners[-1]:
+        corners.append(end)
+    return np.array(corners, dtype=np.int64)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -66,6 +197,10 @@ through, and one more."""
 _MOST_SEGMENTS = 24
 """Of a path; more cycles are compared in groups. Numerical: of more, `PATH_STEPS` would leave fewer
 than two to some."""
+
+_BEARING_SHARE = 0.2
+"""A specimen bears load above this share of its largest load so far. Chosen: a broken one bears
+next to nothing."""
 
 _BACK_SHARE = 0.5
 """A fall of the load is no rupture if so much of the load comes back later. Chosen: a broken
@@ -150,9 +285,10 @@ class Path:
         return replace(self, segments=segments, travel_mm=travel, gauge_mm=gauge_mm)
 
 
+@lru_cache(maxsize=256)  # several look at one record, one after the other
 def path_of(specimen: Specimen) -> Path | None:
     """Return a specimen's path up to its break; None where it never loads over enough rows."""
-    specimen = without_spikes(specimen)
+    specimen = _without_spikes(specimen)
     time, travel, load = specimen.time_s, specimen.travel_mm, specimen.load_N
     spread, noise = float(np.ptp(travel)), noise_sd(travel)
     if spread <= _LEAST_SPREAD * noise:
@@ -181,6 +317,8 @@ def path_of(specimen: Specimen) -> Path | None:
             continue
         segments.append(Segment(kind, first, last, begin_s, end_s, begin_mm, end_mm))
         begin_s, begin_mm = end_s, end_mm
+    if not segments:
+        return None
     return Path(
         segments=_in_groups(segments),
         time_s=time - zero_s,
@@ -190,6 +328,20 @@ def path_of(specimen: Specimen) -> Path | None:
         broken=broken,
         gauge_mm=specimen.gauge_mm,
     )
+
+
+def unloading_share(specimen: Specimen) -> float:
+    """Return the longest way back of a specimen before its break, over the range of travel."""
+    path = path_of(specimen)
+    ways = [s.begin_mm - s.end_mm for s in path.segments if s.kind == "unloading"] if path else []
+    return max(ways, default=0.0) / float(np.ptp(specimen.travel_mm))
+
+
+def hold_share(specimen: Specimen) -> float:
+    """Return the share of the duration in which the crosshead rests on a loaded specimen."""
+    path = path_of(specimen)
+    held = [s.end_s - s.begin_s for s in path.segments if s.kind == "hold"] if path else []
+    return sum(held) / float(np.ptp(specimen.time_s))
 
 
 def _in_groups(segments: Sequence[Segment]) -> tuple[Segment, ...]:
@@ -243,7 +395,7 @@ def _spans(
 ) -> list[tuple[str, int, int]]:
     """Return ("rest" or "move", first, last) one after the other, each from the last one's end."""
     resting = _resting(time, travel, max(_REST_SHARE * spread, _REST_NOISE * noise))
-    turn = max(_TURN_SHARE * spread, _TURN_NOISE * noise)
+    turn = _least_turn_mm(travel)
     edges = np.flatnonzero(np.diff(resting.astype(np.int8))) + 1
     spans: list[tuple[str, int, int]] = []
     for first, stop in zip([0, *edges], [*edges, len(time)], strict=True):
@@ -252,7 +404,7 @@ def _spans(
             spans.append(("rest", a, b))
         else:
             first, stop = max(int(first) - 1, 0), min(int(stop) + 1, len(time))
-            corners = turns(travel[first:stop], turn) + first
+            corners = _turns(travel[first:stop], turn) + first
             spans += [("move", int(a), int(b)) for a, b in pairwise(corners)]
     # Join: a move begins where the span before ends, and one too short to be a way is left out.
     joined: list[tuple[str, int, int]] = []
@@ -323,9 +475,17 @@ def _unbroken(
             end = first + _last_before_break(part)
             if np.max(force[last + 1 :], initial=0.0) > _BACK_SHARE * force[end]:
                 end = last
+        elif kind == "unloading":
+            back = travel[first] - travel[first + 1 : last + 1]
+            near = max(1, int(np.sum(back < _TURN_SHARE * float(np.ptp(travel)))))
+            # What broke at the turn bears nothing behind it; a row that was lost hides no way back.
+            if np.median(part[1 : 1 + near]) < _BEARING_SHARE * part[0]:
+                return kept, True
         elif kind == "hold":
             none = np.flatnonzero(part < 0.5 * BROKEN_SHARE * float(part[0]))
-            end = first + int(none[0]) - 1 if len(none) and part[0] > BEARING_SHARE * peak else last
+            end = (
+                first + int(none[0]) - 1 if len(none) and part[0] > _BEARING_SHARE * peak else last
+            )
         peak = max(peak, float(np.max(part)))
         farthest = max(farthest, float(travel[last]))
         if end > first:
@@ -634,21 +794,11 @@ def forces_N(path: Path, test: ReplicateTest) -> FloatArray:
     return forces
 
 
-def _fewer(values: FloatArray) -> FloatArray:
-    """Return the means of runs of points where there are very many."""
-    size = len(values) // _MANY
-    if size < 2:
-        return values
-    whole, rest = np.split(values, [len(values) // size * size])
-    means = whole.reshape(-1, size).mean(axis=1)
-    return np.append(means, rest.mean()) if len(rest) else means
-
-
 def _smooth(
     rows: FloatArray, values: FloatArray, places: FloatArray, reach: FloatArray
 ) -> FloatArray:
     """Return local parabolas at `places`, of the rows within `reach`, at least `_FEWEST`."""
-    rows, values = _fewer(rows), _fewer(values)
+    rows, values = _fewer(rows, _MANY), _fewer(values, _MANY)
     away = np.abs(rows[None, :] - places[:, None])
     if len(rows) > _FEWEST:
         width = np.maximum(reach, np.partition(away, _FEWEST, axis=1)[:, _FEWEST])

@@ -177,7 +177,7 @@ def single_tests(
     time_s, travel_mm : (P, T)
         Of the crosshead, the first step at rest; the way it loads.
     """
-    paths = {k: path for k in places if (path := path_of(campaign.specimens[k])) and path.segments}
+    paths = {k: path for k in places if (path := path_of(campaign.specimens[k]))}
     if len(paths) < len(places):
         return None
     tests = [replicate_test(paths, [place]) for place in places]
@@ -266,7 +266,7 @@ def _retraced(specimen: Specimen) -> Specimen | None:
     None where it never loads over enough rows to be observed.
     """
     path = path_of(specimen)
-    if path is None or not path.segments:
+    if path is None:
         return None
     rows = max(_LONE_ROWS // len(path.segments), 12)
     even, held = np.arange(1, rows + 1) / rows, np.geomspace(1e-3, 1.0, rows)

@@ -20,27 +20,7 @@ from planner.gap.summary import (
     unit_of,
 )
 from planner.numerics import FloatArray
-from planner.report.svg import (
-    BLUE,
-    GREY,
-    INK,
-    RUST,
-    Chart,
-    axes_of,
-    disc,
-    frame,
-    in_rows,
-    line,
-    log_ticks,
-    picture,
-    rectangle,
-    ring,
-    segment,
-    text,
-    ticks,
-    told,
-    upright,
-)
+from planner.report import svg
 
 __all__ = ["figures_of"]
 
@@ -61,7 +41,7 @@ def figures_of(diagnosis: Diagnosis) -> dict[str, bytes]:
         "residuals": None if traces is None else _residual_figure(diagnosis, traces),
         "closure": _closure_figure(diagnosis),
     }
-    return {name: svg for name, svg in drawn.items() if svg is not None}
+    return {name: drawing for name, drawing in drawn.items() if drawing is not None}
 
 
 # ------------------------------------------------------------------------------------------------
@@ -79,8 +59,8 @@ class _Look:
     aside: float
 
 
-_BEFORE = _Look("palette alone", RUST, "6,4", ring, -5.0)
-_AFTER = _Look("with the verdict's effects", BLUE, "", disc, 5.0)
+_BEFORE = _Look("palette alone", svg.RUST, "6,4", svg.ring, -5.0)
+_AFTER = _Look("with the verdict's effects", svg.BLUE, "", svg.disc, 5.0)
 
 _BASELINE = "#9aa3ad"
 """What the effects are held against."""
@@ -130,33 +110,33 @@ def _bar_figure(
 
     def upright_line(x: float, colour: str, width: float = 1.0, dash: str = "") -> None:
         ends = (_BARS_LEFT + x, _TOP - 4.0), (_BARS_LEFT + x, bottom)
-        parts.append(segment(*ends, colour=colour, width=width, dash=dash))
+        parts.append(svg.segment(*ends, colour=colour, width=width, dash=dash))
 
     for x, words in marks:
         upright_line(x, _GRID)
-        parts.append(text(_BARS_LEFT + x, bottom + 16.0, words, anchor="middle", colour=_QUIET))
+        parts.append(svg.text(_BARS_LEFT + x, bottom + 16.0, words, anchor="middle", colour=_QUIET))
     for number, bar in enumerate(bars):
         first, end = _TOP + _STEP * number, _BARS_LEFT
         middle = first + 0.5 * _HEIGHT
-        parts.append(text(_BARS_LEFT - 10.0, middle + 4.0, bar.name, anchor="end"))
+        parts.append(svg.text(_BARS_LEFT - 10.0, middle + 4.0, bar.name, anchor="end"))
         for width, colour in bar.stretches:
-            parts.append(rectangle(end, first, width, _HEIGHT, colour=colour))
+            parts.append(svg.rectangle(end, first, width, _HEIGHT, colour=colour))
             end += width
         if bar.whisker is not None:
             low, high = (_BARS_LEFT + x for x in bar.whisker)
             for ends in ((low, 0.0, high, 0.0), (low, -4.0, low, 4.0), (high, -4.0, high, 4.0)):
                 start, stop = (ends[0], middle + ends[1]), (ends[2], middle + ends[3])
-                parts.append(segment(start, stop, colour=INK, width=1.5))
+                parts.append(svg.segment(start, stop, colour=svg.INK, width=1.5))
             end = max(end, high)
-        parts.append(text(end + 8.0, middle + 4.0, bar.words))
-    upright_line(0.0, GREY)
+        parts.append(svg.text(end + 8.0, middle + 4.0, bar.words))
+    upright_line(0.0, svg.GREY)
     if dashed is not None:
-        upright_line(dashed, INK, 1.5, "5,4")
+        upright_line(dashed, svg.INK, 1.5, "5,4")
     lines = [line for note in notes for line in textwrap.wrap(note, _LINE)]
     for number, words in enumerate(lines):
-        parts.append(text(20.0, bottom + 40.0 + _LEADING * number, words, colour=_QUIET))
+        parts.append(svg.text(20.0, bottom + 40.0 + _LEADING * number, words, colour=_QUIET))
     width, height = _BARS_LEFT + _BARS_WIDTH + _BARS_RIGHT, bottom + 34.0 + _LEADING * len(lines)
-    return picture(width, height, parts, title=title)
+    return svg.picture(width, height, parts, title=title)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -326,10 +306,10 @@ def _residual_figure(diagnosis: Diagnosis, traces: Traces) -> bytes:
     shown = [(place, points) for place, points in found if points is not None][:_SHOWN]
     y_range = _y_range([points for _, points in shown])
     panels = [partial(_residual_panel, traces, *one, y_range) for one in shown]
-    parts, width, height = in_rows(panels, _ACROSS, (66.0, _TOP), (440.0, 280.0))
+    parts, width, height = svg.in_rows(panels, _ACROSS, (66.0, _TOP), (440.0, 280.0))
     key = [(_BEFORE, 20.0)]
     key += [(_AFTER, 160.0)] if any(np.isfinite(points.after).any() for _, points in shown) else []
-    return picture(
+    return svg.picture(
         width + 16.0,
         height - 16.0,
         [*(mark for look, x in key for mark in _key(look, x, with_mark=True)), *parts],
@@ -342,46 +322,48 @@ def _key(look: _Look, x: float, *, with_mark: bool = False) -> Iterator[str]:
     if with_mark:
         yield look.mark(x + 6.0, 48.0, colour=look.colour, radius=3.2)
         x += 14.0
-    yield segment((x, 48.0), (x + 22.0, 48.0), colour=look.colour, width=1.8, dash=look.dash)
-    yield text(x + 28.0, 52.0, look.of, colour=_QUIET)
+    yield svg.segment((x, 48.0), (x + 22.0, 48.0), colour=look.colour, width=1.8, dash=look.dash)
+    yield svg.text(x + 28.0, 52.0, look.of, colour=_QUIET)
 
 
 def _residual_panel(
     traces: Traces, place: Location, points: Points, y_range: _Range, left: float, top: float
 ) -> Iterator[str]:
-    chart = Chart(left, top + 20.0, 350.0, 190.0, _x_range(points), y_range)
-    yield text(chart.left, chart.top - 10.0, _heading(place), size=12.5)
+    chart = svg.Chart(left, top + 20.0, 350.0, 190.0, _x_range(points), y_range)
+    yield svg.text(chart.left, chart.top - 10.0, _heading(place), size=12.5)
     unit = "s" if place.axis == "time" else unit_of(place.axis)
     label = f"{axis_words(place.axis)}, {unit}" if unit else axis_words(place.axis)
     marks = _x_ticks(points, chart)
     blank = [(value, "") for value, _ in marks]
-    yield from frame(chart, x_label="", y_label="", x_ticks=blank, most_ticks=7)
+    yield from svg.frame(chart, x_label="", y_label="", x_ticks=blank, most_ticks=7)
     yield from _x_words(chart, marks, label)
     zero = chart.y(0.0)
-    yield segment((chart.left, zero), (chart.left + chart.width, zero), colour=GREY, width=1.2)
+    yield svg.segment(
+        (chart.left, zero), (chart.left + chart.width, zero), colour=svg.GREY, width=1.2
+    )
     yield _upright_label(chart, 46.0, _ERROR)
     yield from _error_lines(traces, points, chart, label)
     if points.of_curve is None:
         yield from _error_marks(traces, points, chart)
 
 
-def _error_lines(traces: Traces, points: Points, chart: Chart, label: str) -> Iterator[str]:
+def _error_lines(traces: Traces, points: Points, chart: svg.Chart, label: str) -> Iterator[str]:
     """Draw the error of each test along its curve, or through the means of an axis' levels."""
     across = (chart.x_range[1] - chart.x_range[0]) / chart.width
-    readable = axes_of(chart, label, _ERROR, log=points.log)
+    readable = svg.axes_of(chart, label, _ERROR, log=points.log)
     for errors, look in ((points.before, _BEFORE), (points.after, _AFTER)):
         y = np.clip(100.0 * errors, *chart.y_range)
         x = points.x if points.of_curve is not None else points.x + look.aside * across
         for test, line_x, line_y in _lines(points, x, y):
-            drawn = line(chart, line_x, line_y, colour=look.colour, width=1.3, dash=look.dash)
+            drawn = svg.line(chart, line_x, line_y, colour=look.colour, width=1.3, dash=look.dash)
             if test is None:
                 yield drawn
             else:
                 words = f"{traces.label[test]}: error, {look.of}"
-                yield from told(words, [drawn], axes=readable)
+                yield from svg.told(words, [drawn], axes=readable)
 
 
-def _error_marks(traces: Traces, points: Points, chart: Chart) -> Iterator[str]:
+def _error_marks(traces: Traces, points: Points, chart: svg.Chart) -> Iterator[str]:
     """Draw a mark a specimen for each prediction."""
     for row, x, *errors in zip(points.row, points.x, points.before, points.after, strict=True):
         marks = [
@@ -390,12 +372,12 @@ def _error_marks(traces: Traces, points: Points, chart: Chart) -> Iterator[str]:
             if math.isfinite(x) and math.isfinite(e)
         ]
         if marks:
-            yield from told(f"{_specimen_words(traces, row)}; {_error_words(*errors)}", marks)
+            yield from svg.told(f"{_specimen_words(traces, row)}; {_error_words(*errors)}", marks)
 
 
-def _upright_label(chart: Chart, left_by: float, words: str) -> str:
+def _upright_label(chart: svg.Chart, left_by: float, words: str) -> str:
     middle = chart.top + 0.5 * chart.height
-    return upright(chart.left - left_by, middle, words, colour=_QUIET, size=11.0)
+    return svg.upright(chart.left - left_by, middle, words, colour=_QUIET, size=11.0)
 
 
 def _heading(place: Location) -> str:
@@ -435,7 +417,7 @@ def _x_range(points: Points) -> _Range:
     return low - room, high + room
 
 
-def _x_words(chart: Chart, marks: Sequence[tuple[float, str]], label: str) -> Iterator[str]:
+def _x_words(chart: svg.Chart, marks: Sequence[tuple[float, str]], label: str) -> Iterator[str]:
     """Name the axis and its ticks, on two lines in turn where they have no room on one."""
     bottom = chart.top + chart.height
     room = chart.width / max(len(marks), 1)
@@ -443,18 +425,20 @@ def _x_words(chart: Chart, marks: Sequence[tuple[float, str]], label: str) -> It
     most = max(3, int(lines * room / _CHARACTER) - 1)
     for number, (value, words) in enumerate(marks):
         cut = words if len(words) <= most else words[: most - 1] + "…"
-        yield text(chart.x(value), bottom + 16.0 + 14.0 * (number % lines), cut, anchor="middle")
+        yield svg.text(
+            chart.x(value), bottom + 16.0 + 14.0 * (number % lines), cut, anchor="middle"
+        )
     y = bottom + 22.0 + 14.0 * lines
-    yield text(chart.left + 0.5 * chart.width, y, label, anchor="middle")
+    yield svg.text(chart.left + 0.5 * chart.width, y, label, anchor="middle")
 
 
-def _x_ticks(points: Points, chart: Chart) -> Sequence[tuple[float, str]]:
+def _x_ticks(points: Points, chart: svg.Chart) -> Sequence[tuple[float, str]]:
     if points.names:
         every = math.ceil(len(points.names) / _NAMES)
         return [(float(i), n) for i, n in enumerate(points.names) if i % every == 0]
     if not points.log:
-        return [(value, f"{value:g}") for value in ticks(*chart.x_range, 6)]
-    return log_ticks(*chart.x_range)
+        return [(value, f"{value:g}") for value in svg.ticks(*chart.x_range, 6)]
+    return svg.log_ticks(*chart.x_range)
 
 
 def _y_range(panels: Sequence[Points]) -> _Range:
@@ -482,11 +466,14 @@ def _curves_figure(traces: Traces) -> bytes:
     shown = np.argsort(-errors, kind="stable").tolist()[:_TESTS]
     title = "The tests with the largest gap" if len(errors) > len(shown) else "Every test"
     panels = [partial(_curves_panel, traces, test) for test in shown]
-    parts, width, height = in_rows(panels, 3, (62.0, _TOP), (292.0, 256.0))
-    key = [disc(26.0, 48.0, colour=INK, radius=2.5), text(36.0, 52.0, "measured", colour=_QUIET)]
+    parts, width, height = svg.in_rows(panels, 3, (62.0, _TOP), (292.0, 256.0))
+    key = [
+        svg.disc(26.0, 48.0, colour=svg.INK, radius=2.5),
+        svg.text(36.0, 52.0, "measured", colour=_QUIET),
+    ]
     key += _key(_BEFORE, 112.0)
     key += _key(_AFTER, 244.0) if np.isfinite(traces.after_N).any() else ()
-    return picture(
+    return svg.picture(
         max(width + 20.0, 470.0),
         height + 4.0,
         [*key, *parts],
@@ -505,23 +492,27 @@ def _curves_panel(traces: Traces, test: int, left: float, top: float) -> Iterato
     room = 0.06 * (high - low) or 1.0
     y_range = (low - room if low < 0.0 else 0.0, high + room)
     across = "time, s" if held else "travel, mm"
-    chart = Chart(left, top + 34.0, 220.0, 150.0, (0.0, float(x.max()) or 1.0), y_range)
+    chart = svg.Chart(left, top + 34.0, 220.0, 150.0, (0.0, float(x.max()) or 1.0), y_range)
     for number, words in enumerate(textwrap.wrap(traces.label[test], _LABEL, max_lines=2)):
-        yield text(left, top + 8.0 + 14.0 * number, words, size=11.5)
-    yield from frame(chart, x_label=across, y_label="", most_ticks=5)
+        yield svg.text(left, top + 8.0 + 14.0 * number, words, size=11.5)
+    yield from svg.frame(chart, x_label=across, y_label="", most_ticks=5)
     yield _upright_label(chart, 38.0, "force, N")
-    readable = axes_of(chart, across, "force, N")
+    readable = svg.axes_of(chart, across, "force, N")
     for row, curve in zip(traces.rows[test], measured, strict=True):
         dots = [
-            disc(chart.x(x[i]), chart.y(curve[i]), colour=INK, radius=1.7)
+            svg.disc(chart.x(x[i]), chart.y(curve[i]), colour=svg.INK, radius=1.7)
             for i in _places(x, curve)
         ]
         words = _error_words(traces.residual_before[row], traces.residual_after[row])
-        yield from told(f"measured, {_specimen_words(traces, row)}; {words}", dots, axes=readable)
+        yield from svg.told(
+            f"measured, {_specimen_words(traces, row)}; {words}", dots, axes=readable
+        )
     for curve, look in ((before, _BEFORE), (after, _AFTER)):
         if np.isfinite(curve).all():
-            drawn = line(chart, x, curve, colour=look.colour, width=1.8, dash=look.dash)
-            yield from told(f"predicted, {look.of}: {traces.label[test]}", [drawn], axes=readable)
+            drawn = svg.line(chart, x, curve, colour=look.colour, width=1.8, dash=look.dash)
+            yield from svg.told(
+                f"predicted, {look.of}: {traces.label[test]}", [drawn], axes=readable
+            )
 
 
 def _is_held(travel: FloatArray, time: FloatArray) -> bool:
@@ -560,14 +551,14 @@ def _evidence_figure(diagnosis: Diagnosis) -> bytes:
         if h.effects == ("unknown",):
             plain = 0.0
         name = f"{'● ' if h.effects in alike else ''}{h.name}"
-        stretches = ((plain, BLUE), (width - plain, _PALE))
+        stretches = ((plain, svg.BLUE), (width - plain, _PALE))
         bars.append(_Bar(name, stretches, probability(h.probability)))
     marks = [(_BARS_WIDTH * share, f"{share:g}") for share in (0.0, 0.25, 0.5, 0.75, 1.0)]
     key = [
-        rectangle(_BARS_LEFT, 48.0, 12.0, 12.0, colour=BLUE),
-        text(_BARS_LEFT + 18.0, 58.0, "by itself", colour=_QUIET),
-        rectangle(_BARS_LEFT + 92.0, 48.0, 12.0, 12.0, colour=_PALE),
-        text(_BARS_LEFT + 110.0, 58.0, "with something unknown beside it", colour=_QUIET),
+        svg.rectangle(_BARS_LEFT, 48.0, 12.0, 12.0, colour=svg.BLUE),
+        svg.text(_BARS_LEFT + 18.0, 58.0, "by itself", colour=_QUIET),
+        svg.rectangle(_BARS_LEFT + 92.0, 48.0, 12.0, 12.0, colour=_PALE),
+        svg.text(_BARS_LEFT + 110.0, 58.0, "with something unknown beside it", colour=_QUIET),
     ]
     rest = 1.0 - sum(h.probability for h in shown)
     notes = ["● not to be told apart here"] if alike else []
@@ -593,10 +584,10 @@ def _closure_figure(diagnosis: Diagnosis) -> bytes:
     scale = _BARS_WIDTH / (1.12 * most)
     whisker = None if interval is None else (scale * interval[0], scale * interval[1])
     bars = [
-        _Bar(words, [(scale * x, colour)], percent(x), whisker if colour == BLUE else None)
+        _Bar(words, [(scale * x, colour)], percent(x), whisker if colour == svg.BLUE else None)
         for words, x, colour in rows
     ]
-    marks = [(scale * tick / 100.0, f"{tick:g} %") for tick in ticks(0.0, 112.0 * most, 6)]
+    marks = [(scale * tick / 100.0, f"{tick:g} %") for tick in svg.ticks(0.0, 112.0 * most, 6)]
     notes, floor = [f"held out: {gap.held_out}"] if gap.held_out else [], None
     if gap.floor is not None:
         floor = scale * gap.floor

@@ -422,7 +422,8 @@ def test_forms_of_one_parameter_alone_cannot_part_where_they_are_one(palette) ->
     tests = [
         (palette.materials[0], replace(own, temperature_C=at)) for at in (23.0, 30.0, 40.0, 60.0)
     ]
-    factors = _Factors(palette, [*tests, *tests], own, (6.0, 3.0), _working_strain, 24)
+    far = [_working_strain(material) for material, _ in (*tests, *tests)]
+    factors = _Factors(palette, [*tests, *tests], own, (6.0, 3.0), far, 24)
     parted = _parted_sd(factors, one, len(tests), sd=0.01)
     # Two of the deviations that a form may have at each test.
     assert (parted < 0.02).all()

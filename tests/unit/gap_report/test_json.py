@@ -128,7 +128,11 @@ def test_the_contracts_keys_suffice_and_others_are_ignored(
 def test_reading_a_file_names_it(tmp_path: Path, examples: Examples) -> None:
     (tmp_path / "diagnosis.json").write_bytes(examples["rate"].json())
     assert read_diagnosis(tmp_path).verdict == read_diagnosis(tmp_path / "diagnosis.json").verdict
-    for content, said in ((b"{", "not a JSON"), (b"[]", "JSON list"), (b"\xff", "not a JSON")):
+    for content, said in (
+        (b"{", "not the JSON"),
+        (b"[]", "got `array`"),
+        (b"\xff", "not the JSON"),
+    ):
         (tmp_path / "bad.json").write_bytes(content)
         with pytest.raises(FileError, match=rf"bad\.json.*{said}"):
             read_diagnosis(tmp_path / "bad.json")
