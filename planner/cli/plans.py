@@ -555,7 +555,7 @@ _started: list[subprocess.Popen[bytes]] = []
 @cache
 def _share_compiling() -> None:
     """Start processes that rehearse stages of a plan, once something has to be compiled."""
-    from planner.numerics import at_first_compilation
+    from planner.compilation_cache import at_first_compilation
 
     at_first_compilation(_start)
 
