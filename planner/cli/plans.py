@@ -632,10 +632,12 @@ def _walls() -> None:
 def _shells() -> None:
     import numpy as np
 
+    from planner.formats.threemf import ThreemfObject, encode_threemf
     from planner.grading.check import shell_checks
     from planner.mesh.mesh import join_shells
 
     box = _box()
+    encode_threemf([ThreemfObject("box", box.vertices, box.faces, "", "#808080")], "box")
     shell_checks(join_shells([box.triangles.astype(np.float32)]), box)
 
 
