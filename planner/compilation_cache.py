@@ -1,54 +1,128 @@
-"""The compilation cache: machine code of loops on disk, under a digest of all it is made of."""
+"""Loops as machine code: kept on disk under a digest of all it is made of, or compiled."""
 
 import contextlib
+import ctypes
+import functools
+import gc
 import hashlib
+import importlib
+import importlib.machinery
+import importlib.metadata
+import importlib.util
 import os
 import pickle
 import platform
+import sys
 import tempfile
-from collections.abc import Iterator
+import threading
+from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
 from types import CodeType, FunctionType, ModuleType
 from typing import Any
 
-import llvmlite
-import numba
 import numpy as np
-from numba.core.caching import NullCache
-from numba.core.compiler import CompileResult
-from numba.core.dispatcher import Dispatcher
-from numba.core.runtime.nrt import rtsys
-from numba.core.serialize import dumps
-from numba.misc.appdirs import AppDirs
 
-__all__ = ["keep"]
+__all__ = ["Loop", "at_first_compilation"]
 
 # Numba's own cache looks at the file of a loop alone. But machine code also holds the loops that it
 # calls and the constants that it names, from whatever file. So the name of a file here is a digest
 # of all of these, as the interpreter has them: sources may have changed since they were loaded.
 # Files of one name hold the same, so that processes and checkouts need not know of each other.
+#
+# What is kept is called without numba, whose import takes a quarter of a short command: LLVM links
+# the machine code to numba's helpers in C, and numba's entry into it, which takes and returns
+# Python's objects, is made a function.
 
 
-def keep(loop: Any) -> None:
-    """Let a loop find its machine code on disk, and leave it there, if a folder can be written."""
-    folder = _folder()
-    if folder is not None:
-        loop._cache = _Cache(loop, folder)
+_compiling = threading.RLock()
+
+
+class Loop:
+    """A function over arrays, as machine code for each set of types that it is called with.
+
+    Attributes
+    ----------
+    py_func
+        The function as it is written.
+    options
+        How numba compiles it.
+    """
+
+    def __init__(self, function: Callable[..., Any], options: dict[str, Any]) -> None:
+        functools.update_wrapper(self, function)
+        self.py_func, self.options = function, options
+        self._entries: dict[tuple[Any, ...], Callable[..., Any]] = {}
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Run the machine code for these types, found or made when they are first met."""
+        key = tuple(map(_seen, arguments))
+        entry = self._entries.get(key)
+        if entry is None:
+            with _compiling:
+                entry = self._entries[key] = self._entry(arguments)
+        return entry(*arguments)
+
+    @property
+    def _numba_type_(self) -> Any:
+        """What numba takes it for where another loop names it."""
+        return self._dispatcher._numba_type_
+
+    @functools.cached_property
+    def _dispatcher(self) -> Any:
+        """What numba knows the loop by."""
+        return _numba().njit(**self.options)(self.py_func)
+
+    def _entry(self, arguments: tuple[Any, ...]) -> Callable[..., Any]:
+        """Return what takes arguments of these types."""
+        path = self._path(arguments)
+        if path is not None:
+            with contextlib.suppress(OSError, EOFError, pickle.UnpicklingError, _NoNameError):
+                entry = _linked(pickle.loads(path.read_bytes()), self.py_func)
+                with contextlib.suppress(OSError):  # another user's
+                    os.utime(path)  # for _sweep
+                return entry
+        with _without_pauses():
+            types = tuple(map(_numba().typeof, arguments))
+            self._dispatcher.compile(types)
+        if path is None:
+            return self._dispatcher  # type: ignore[no-any-return]
+        compiled = self._dispatcher.overloads[types]
+        with contextlib.suppress(OSError, pickle.PicklingError, _NoNameError):  # a full disk, say
+            scratch = path.with_suffix(f".{os.getpid()}")
+            scratch.write_bytes(pickle.dumps(_linkable(compiled)))
+            scratch.replace(path)
+            _sweep(path.parent.parent, path.stat().st_mtime)
+        return compiled.entry_point  # type: ignore[no-any-return]
+
+    def _path(self, arguments: tuple[Any, ...]) -> Path | None:
+        """Return the file for given arguments and this processor; None where none can be kept."""
+        folder = _folder()
+        if folder is None:
+            return None
+        try:
+            words = [*map(_type_word, arguments), *_processor()]
+            digest = hashlib.sha256("\n".join(words).encode())
+            layout = _parts_of_code(_linkable.__code__, {}, [])  # of the file
+            for part in (*_parts(self, []), *layout):
+                digest.update(b"%d %b" % (len(part), part))
+        except _NoNameError:
+            return None
+        name = f"{self.py_func.__module__}.{self.py_func.__name__}"
+        return folder / f"{name}-{digest.hexdigest()[:32]}.nbc"
 
 
 @cache
 def _folder() -> Path | None:
     """Return the folder of these versions: as the user says, beside the package, or the user's."""
+    version = importlib.metadata.version
     name = (
-        f"loops-python{platform.python_version()}-numba{numba.__version__}"
-        f"-llvmlite{llvmlite.__version__}-numpy{np.__version__}"
+        f"loops-python{platform.python_version()}-numba{version('numba')}"
+        f"-llvmlite{version('llvmlite')}-numpy{np.__version__}"
     )
-    beside = Path(__file__).parent / "__pycache__"
-    users = AppDirs("planner", appauthor=False).user_cache_dir  # type: ignore[no-untyped-call]
     said = os.environ.get("NUMBA_CACHE_DIR")
-    for parent in [said] if said else [beside, users]:
-        folder = Path(parent) / name
+    for parent in map(Path, [said]) if said else _usual_folders():
+        folder = parent / name
         with contextlib.suppress(OSError):
             folder.mkdir(parents=True, exist_ok=True)
             tempfile.TemporaryFile(dir=folder).close()
@@ -56,44 +130,11 @@ def _folder() -> Path | None:
     return None
 
 
-class _Cache(NullCache):
-    """What numba asks for the machine code of one loop, and gives it to once it is compiled."""
+def _usual_folders() -> Iterator[Path]:
+    yield Path(__file__).parent / "__pycache__"
+    from numba.misc.appdirs import AppDirs
 
-    def __init__(self, loop: Any, folder: Path) -> None:
-        self._loop, self._folder = loop, folder
-
-    @property
-    def cache_path(self) -> str:
-        return str(self._folder)
-
-    def load_overload(self, sig: Any, target_context: Any) -> Any:
-        # Not `target_context.refresh()`, which also loads what only compiling needs: 0.15 s.
-        rtsys.initialize(target_context)
-        with contextlib.suppress(OSError, EOFError, pickle.UnpicklingError, _NoNameError):
-            path = self._path(sig, target_context.codegen())
-            parts = pickle.loads(path.read_bytes())
-            with contextlib.suppress(OSError):  # another user's
-                os.utime(path)  # for _sweep
-            return CompileResult._rebuild(target_context, *parts)  # type: ignore[no-untyped-call]
-        return None
-
-    def save_overload(self, sig: Any, data: Any) -> None:
-        if data.library.has_dynamic_globals or not all(lifted.can_cache for lifted in data.lifted):
-            return
-        with contextlib.suppress(OSError, _NoNameError):  # a full disk, say
-            path = self._path(sig, data.codegen)
-            scratch = path.with_suffix(f".{os.getpid()}")
-            scratch.write_bytes(dumps(data._reduce()))  # type: ignore[no-untyped-call]
-            scratch.replace(path)
-            _sweep(self._folder.parent, path.stat().st_mtime)
-
-    def _path(self, sig: Any, codegen: Any) -> Path:
-        """Return the file for given types of arguments and this kind of processor."""
-        digest = hashlib.sha256(repr((sig, codegen.magic_tuple())).encode())
-        for part in _parts(self._loop, []):
-            digest.update(b"%d %b" % (len(part), part))
-        name = f"{self._loop.__module__}.{self._loop.__name__}"
-        return self._folder / f"{name}-{digest.hexdigest()[:32]}.nbc"
+    yield Path(AppDirs("planner", appauthor=False).user_cache_dir)  # type: ignore[no-untyped-call]
 
 
 _UNUSED_S = 30 * 24 * 3600
@@ -105,6 +146,224 @@ def _sweep(folder: Path, now_s: float) -> None:
         with contextlib.suppress(OSError):  # another process sweeps too
             if path.stat().st_mtime < now_s - _UNUSED_S:
                 path.unlink()
+
+
+# ------------------------------------------------------------------------------------------------
+# The types of arguments, as numba tells them apart.
+
+
+_MEMORY = 0x1 | 0x2 | 0x100 | 0x400  # numpy's flags C and F contiguous, aligned, writeable
+
+
+def _seen(value: Any) -> Any:
+    """Return what decides how a value is taken, at least."""
+    kind = type(value)
+    if kind is np.ndarray:
+        return value.dtype, value.ndim, value.flags.num & _MEMORY
+    if kind is int:
+        return kind if value.bit_length() < 64 else "no int64"
+    if isinstance(value, tuple):
+        return (kind, *map(_seen, value))
+    return kind
+
+
+def _type_word(value: Any) -> str:
+    """Return the same as a word, one for all of a numba type."""
+    kind = type(value)
+    if kind is np.ndarray:
+        flags = value.flags
+        layout = "C" if flags.c_contiguous else "F" if flags.f_contiguous else "A"
+        return f"{value.dtype!r} {value.ndim} {layout} {flags.writeable} {flags.aligned}"
+    if isinstance(value, tuple):
+        return f"{kind.__module__}.{kind.__qualname__}({', '.join(map(_type_word, value))})"
+    if kind is int and value.bit_length() >= 64:
+        raise _NoNameError
+    if value is None:
+        return "None"
+    if kind in (bool, int, float, complex) or isinstance(value, np.generic):
+        return repr(np.dtype(kind))
+    raise _NoNameError
+
+
+# ------------------------------------------------------------------------------------------------
+# Machine code, linked without numba.
+
+
+_Linkable = tuple[bytes, str, list[tuple[str, list[Any]]], list[str]]
+"""Code, the name of its entry, the environments that it names, each with constants, and the symbols
+that it needs. The last environment is that of the loop itself."""
+
+
+def _linkable(compiled: Any) -> _Linkable:
+    """Return what is to be kept of what numba compiled."""
+    library = compiled.library
+    if library.has_dynamic_globals or compiled.lifted or compiled.reload_init:
+        raise _NoNameError
+    own = compiled.environment
+    others = [each for each in compiled._find_referenced_environments() if each is not own]
+    environments = [(each.env_name, list(each.consts)) for each in (*others, own)]
+    module = library._final_module
+    needed = [
+        value.name
+        for value in (*module.functions, *module.global_variables)
+        if value.is_declaration and not value.name.startswith("llvm.")
+    ]
+    entry = compiled.fndesc.llvm_cpython_wrapper_name
+    return library._get_compiled_object(), entry, environments, needed
+
+
+def _linked(kept: _Linkable, function: Callable[..., Any]) -> Callable[..., Any]:
+    """Return the entry into machine code that was kept."""
+    code, entry, environments, needed = kept
+    llvm, engine, functions = _engine()
+    if not all(map(llvm.address_of_symbol, needed)):
+        raise _NoNameError
+    engine.add_object_file(llvm.ObjectFileRef.from_data(code))
+    engine.finalize_object()
+    held = []
+    for name, constants in environments:
+        environment = functions.Environment({})
+        environment.consts[:] = constants
+        place = ctypes.c_void_p.from_address(engine.get_global_value_address(name))
+        place.value = id(environment)
+        held.append(environment)
+    return functions.make_function(  # type: ignore[no-any-return]
+        sys.modules[function.__module__], function.__name__, function.__doc__ or "",
+        engine.get_function_address(entry), held[-1], (engine, *held),
+    )  # fmt: skip
+
+
+@cache
+def _engine() -> tuple[Any, Any, Any]:
+    """Return LLVM, its linker, which knows what machine code calls, and the maker of functions."""
+    from llvmlite import binding as llvm
+
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+    functions, helpers, memory = map(
+        _part_of_numba, ("_dynfunc", "_helperlib", "core.runtime._nrt_python")
+    )
+    memory.memsys_use_cpython_allocator()
+    symbols = {"_Py_NoneStruct": id(None)}
+    for module in (functions, helpers):
+        symbols |= {f"numba_{name}": place for name, place in module.c_helpers.items()}
+    for name, place in memory.c_helpers.items():
+        symbols[name if name.startswith("_") else f"NRT_{name}"] = place
+    for name, value in vars(importlib.import_module("builtins")).items():
+        if isinstance(value, type) and issubclass(value, BaseException):
+            symbols[f"PyExc_{name}"] = id(value)
+    for name, place in symbols.items():
+        llvm.add_symbol(name, place)
+    _prepare_unpickling(helpers)
+    machine = llvm.Target.from_default_triple().create_target_machine()
+    return llvm, llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine), functions
+
+
+def _prepare_unpickling(helpers: Any) -> None:
+    """Let machine code unpickle what it returns or raises without numba.
+
+    It asks numba.core.serialize once how that is done, and keeps the answer.
+    """
+    asked = {"numba", "numba.core.serialize"}
+    if asked & sys.modules.keys():
+        return
+
+    @cache
+    def unpickle(address: int, data: bytes, digest: bytes) -> Any:
+        return pickle.loads(data)
+
+    answer: Any = ModuleType("answer")
+    answer._numba_unpickle = unpickle
+    ask = ctypes.PYFUNCTYPE(ctypes.py_object, ctypes.c_char_p, ctypes.c_int, ctypes.c_char_p)
+    something = pickle.dumps(None)
+    sys.modules.update(dict.fromkeys(asked, answer))
+    try:
+        ask(helpers.c_helpers["unpickle"])(something, len(something), bytes(20))
+    finally:
+        for name in asked:
+            del sys.modules[name]
+
+
+def _part_of_numba(name: str) -> ModuleType:
+    """Return an extension module of numba, imported without numba, which finds it later."""
+    called = f"numba.{name}"
+    if called not in sys.modules:
+        package = importlib.util.find_spec("numba")
+        assert package is not None
+        places = package.submodule_search_locations or []
+        folder = Path(places[0], *name.split(".")[:-1])
+        spec = importlib.machinery.PathFinder.find_spec(called, [str(folder)])
+        assert spec is not None
+        assert spec.loader is not None
+        sys.modules[called] = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(sys.modules[called])
+    return sys.modules[called]
+
+
+@cache
+def _processor() -> tuple[str, ...]:
+    """Return for what code is compiled: the processor, and what the user tells numba."""
+    from llvmlite import binding as llvm  # 0.06 s, which files without kernels do not pay
+
+    features = ""
+    with contextlib.suppress(RuntimeError):  # where LLVM cannot tell
+        features = llvm.get_host_cpu_features().flatten()
+    return (
+        llvm.get_process_triple(),
+        llvm.get_host_cpu_name(),
+        features,
+        *sorted(
+            f"{name}={value}"
+            for name, value in os.environ.items()
+            if name.startswith("NUMBA_") and name != "NUMBA_CACHE_DIR"
+        ),
+    )
+
+
+# ------------------------------------------------------------------------------------------------
+# Compiling, and the first run after installation, in which everything is compiled.
+
+
+_at_first: list[Callable[[], object]] = []
+
+
+def at_first_compilation(act: Callable[[], object]) -> None:
+    """Call `act` once a loop has to be compiled where none is kept yet.
+
+    So it is after an installation, and after an upgrade of numba, llvmlite, numpy or Python.
+    """
+    _at_first.append(act)
+
+
+@contextlib.contextmanager
+def _without_pauses() -> Iterator[None]:
+    """Keep Python from searching for cycles of garbage, an eighth of the time of compiling."""
+    folder = _folder()
+    first = folder is not None and not any(folder.glob("*.nbc"))
+    while _at_first:
+        act = _at_first.pop()
+        if first:
+            act()
+    searching = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if searching:
+            gc.enable()
+
+
+@cache
+def _numba() -> Any:
+    import numba
+
+    # To know whether it can convolve, numba would load scipy.linalg: 0.2 s.
+    blas = "scipy.linalg.cython_blas"
+    if blas not in sys.modules:
+        sys.modules[blas] = None  # type: ignore[assignment] # its import fails at once
+        importlib.import_module("numba.np.arraymath")
+        del sys.modules[blas]
+    return numba
 
 
 # ------------------------------------------------------------------------------------------------
@@ -121,8 +380,8 @@ _OF_A_VERSION = {"builtins", "llvmlite", "math", "numba", "numpy", "typing"}
 def _parts(value: Any, seen: list[FunctionType]) -> Iterator[bytes]:
     """Yield what a loop, or something that it names, brings into machine code."""
     value = getattr(value, "_defn", value)  # of an intrinsic
-    if isinstance(value, Dispatcher):
-        yield repr(sorted(value.targetoptions.items())).encode()
+    if isinstance(value, Loop):
+        yield repr(sorted(value.options.items())).encode()
         value = value.py_func
     if isinstance(value, FunctionType):
         if value in seen:

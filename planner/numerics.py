@@ -1,16 +1,14 @@
 """Array types that cross module borders, loops over arrays compiled once, one thread of BLAS."""
 
-import gc
-import importlib
-import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache
-from pathlib import Path
 from typing import Any, TypeAlias, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
+
+from planner.compilation_cache import Loop
 
 __all__ = [
     "BoolArray",
@@ -19,7 +17,6 @@ __all__ = [
     "IntArray",
     "Point",
     "as_point",
-    "at_first_compilation",
     "freeze",
     "inner_kernel",
     "interrupted",
@@ -104,68 +101,7 @@ def inner_kernel(function: F) -> F:
 
 
 def _compiled(function: F, **more: Any) -> F:
-    loop = _compiler().njit(error_model="numpy", no_cfunc_wrapper=True, **more)(function)
-    from planner.compilation_cache import keep  # it imports numba
-
-    keep(loop)
-    return cast(F, loop)
-
-
-# ------------------------------------------------------------------------------------------------
-# The first run after installation, in which everything is compiled.
-
-
-_at_first: list[Callable[[], object]] = []
-
-
-def at_first_compilation(act: Callable[[], object]) -> None:
-    """Call `act` once a loop has to be compiled where none is kept yet.
-
-    So it is after an installation, and after an upgrade of numba, llvmlite, numpy or Python.
-    """
-    _at_first.append(act)
-
-
-def _first_kept(dispatcher: Any) -> bool:
-    """Tell whether a loop will be kept where none is yet."""
-    folder = dispatcher.stats.cache_path  # None where none can be kept
-    return folder is not None and not any(Path(folder).glob("*.nbc"))
-
-
-@cache
-def _compiler() -> Any:
-    import numba  # a third of a second and 50 MB, which files without kernels do not pay
-    from numba.core import event
-
-    class Watch(event.Listener):
-        """Python's search for cycles of garbage takes an eighth of the time of compiling."""
-
-        depth, searching = 0, False
-
-        def on_start(self, event: Any) -> None:
-            first = _first_kept(event.data["dispatcher"])
-            while _at_first:
-                act = _at_first.pop()
-                if first:
-                    act()
-            if self.depth == 0:
-                # To know whether it can convolve, numba would load scipy.linalg: 0.2 s.
-                blas = "scipy.linalg.cython_blas"
-                if blas not in sys.modules:
-                    sys.modules[blas] = None  # type: ignore[assignment] # its import fails at once
-                    importlib.import_module("numba.np.arraymath")
-                    del sys.modules[blas]
-                self.searching = gc.isenabled()
-                gc.disable()
-            self.depth += 1
-
-        def on_end(self, event: Any) -> None:
-            self.depth -= 1
-            if self.depth == 0 and self.searching:
-                gc.enable()
-
-    event.register("numba:compile", Watch())  # type: ignore[no-untyped-call]
-    return numba
+    return cast(F, Loop(function, {"error_model": "numpy", "no_cfunc_wrapper": True, **more}))
 
 
 # ------------------------------------------------------------------------------------------------

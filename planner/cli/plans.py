@@ -570,7 +570,7 @@ _started: list[subprocess.Popen[bytes]] = []
 @cache
 def _share_compiling() -> None:
     """Start processes that rehearse stages of a plan, once something has to be compiled."""
-    from planner.numerics import at_first_compilation
+    from planner.compilation_cache import at_first_compilation
 
     at_first_compilation(_start)
 
@@ -647,10 +647,12 @@ def _walls() -> None:
 def _shells() -> None:
     import numpy as np
 
+    from planner.formats.threemf import ThreemfObject, encode_threemf
     from planner.grading.check import shell_checks
     from planner.mesh.mesh import join_shells
 
     box = _box()
+    encode_threemf([ThreemfObject("box", box.vertices, box.faces, "", "#808080")], "box")
     shell_checks(join_shells([box.triangles.astype(np.float32)]), box)
 
 

@@ -7,10 +7,11 @@ import hashlib
 import io
 import re
 import uuid
+import zipfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 from xml.sax.saxutils import quoteattr
 
 import lib3mf
@@ -25,7 +26,7 @@ from planner.formats.files import (
     read_file,
     unpacked,
 )
-from planner.numerics import Float32Array, FloatArray, IntArray
+from planner.numerics import Float32Array, FloatArray, IntArray, inner_kernel, kernel
 
 __all__ = [
     "Constituent",
@@ -508,7 +509,9 @@ textures, and crashes (github.com/assimp/assimp/issues/5328); names of parts do 
 
 _UUIDS = uuid.uuid5(uuid.NAMESPACE_URL, _NAMESPACE)
 _FIRST = ("[Content_Types].xml", "_rels/.rels", "3D/3dmodel.model")
-_DECIMALS = 9  # from 1 mm up nothing moves by more than one unit in the last place; by 6, eight
+
+_Text: TypeAlias = Iterator[bytes | memoryview]
+"""Of a mesh, piece by piece: all of it takes a hundred MB a million triangles."""
 
 
 def encode_threemf(
@@ -545,18 +548,21 @@ def encode_threemf(
     """
     if not objects:
         raise OutputError(f"3MF of {assembly_name}: no objects; a file needs at least one")
-    # The model is gone before the archive is copied: either takes a hundred MB a million triangles.
-    return canonical_archive(_model_written(objects, assembly_name, thumbnail, one_mesh), _FIRST)
+    bare, meshes = _model_written(objects, assembly_name, thumbnail, one_mesh)
+    return canonical_archive(_filled(bare, meshes), _FIRST)
 
 
 def _model_written(
     objects: Sequence[ThreemfObject], assembly_name: str, thumbnail: bytes | None, one_mesh: bool
-) -> bytes:
+) -> tuple[bytes, list[_Text]]:
+    """Return the file with one triangle in place of each mesh, and the text of the meshes."""
     model = _wrapper().CreateModel()
     model.SetUnit(lib3mf.ModelUnit.MilliMeter)
     heading = {"Title": assembly_name, "Application": "planner"}
     _add_metadata(model.GetMetaDataGroup(), heading, assembly_name)
     palette = _Materials(model)
+    for item in objects:
+        _check_mesh(item, assembly_name)
     try:
         materials = [palette.property_of(item) for item in objects]
         extruders = {material: n for n, material in enumerate(dict.fromkeys(materials), start=1)}
@@ -565,7 +571,7 @@ def _model_written(
             for item, material in zip(objects, materials, strict=True)
         ]
         add = _add_one_mesh if one_mesh else _add_assembly
-        whole = add(model, shells, _text(assembly_name))
+        whole, meshes = add(model, shells, _text(assembly_name))
         layout = ("one mesh",) if one_mesh else ()
         digest = hashlib.sha256(
             "\n".join((_text(assembly_name), *layout, *(shell.digest for shell in shells))).encode()
@@ -579,7 +585,7 @@ def _model_written(
             picture = model.CreatePackageThumbnailAttachment()
             picture.SetPath(_THUMBNAIL)
             picture.ReadFromBuffer(thumbnail)
-        return _written(model)
+        return _written(model), meshes
     except lib3mf.ELib3MFException as error:
         raise OutputError(f"3MF of {assembly_name}: {error}") from error
 
@@ -597,12 +603,13 @@ class _Shell:
     digest: str
 
 
-def _add_assembly(model: Any, shells: Sequence[_Shell], name: str) -> Any:
+def _add_assembly(model: Any, shells: Sequence[_Shell], name: str) -> tuple[Any, list[_Text]]:
     assembly = model.AddComponentsObject()
-    parts = []
+    parts, meshes = [], list[_Text]()
     for place, shell in enumerate(shells, start=1):
         item = shell.item
-        mesh = _add_mesh(model, item.name, item.vertices, item.faces)
+        mesh = _add_mesh(model, item.name)
+        meshes.append(_mesh_text(item.vertices, [(item.faces, b"")]))
         _add_metadata(mesh.GetMetaDataGroup(), item.metadata, item.name)
         # Cura counts from 0, the others from 1.
         number = str(shell.extruder - 1)
@@ -617,23 +624,21 @@ def _add_assembly(model: Any, shells: Sequence[_Shell], name: str) -> Any:
         parts.append((opening, {"name": _text(item.name), "extruder": shell.extruder}))
     opening = f'object id="{assembly.GetModelResourceID()}"'
     _attach(model, _BAMBU_PART, _settings(opening, name, parts))
-    return assembly
+    return assembly, meshes
 
 
-def _add_one_mesh(model: Any, shells: Sequence[_Shell], name: str) -> Any:
+def _add_one_mesh(model: Any, shells: Sequence[_Shell], name: str) -> tuple[Any, list[_Text]]:
     counts = [len(shell.item.faces) for shell in shells]
     starts = np.cumsum([0, *(len(shell.item.vertices) for shell in shells)])
-    mesh = _add_mesh(
-        model,
-        name,
-        np.concatenate([shell.item.vertices for shell in shells]),
-        np.concatenate([s.item.faces + n for s, n in zip(shells, starts, strict=False)]),
-    )
-    # The object's own material first: setting it later would take the triangles' away.
+    mesh = _add_mesh(model, name)
     mesh.SetObjectLevelProperty(*shells[0].material)
-    properties = np.array([(*s.material, s.material[1], s.material[1]) for s in shells], np.uint32)
-    properties = np.repeat(properties, counts, axis=0)
-    _set(mesh, "alltriangleproperties", (lib3mf.TriangleProperties, properties))
+    parts = []
+    for shell, start in zip(shells, starts, strict=False):
+        group, entry = shell.material
+        number = model.GetResourceByID(group).GetModelResourceID()
+        # lib3mf counts entries from 1, its files from 0.
+        parts.append((shell.item.faces + start, f' pid="{number}" p1="{entry - 1}"'.encode()))
+    vertices = np.concatenate([shell.item.vertices for shell in shells])
     volumes, first = [], 0
     for shell, count in zip(shells, counts, strict=True):
         opening = f'volume firstid="{first}" lastid="{first + count - 1}"'
@@ -642,7 +647,7 @@ def _add_one_mesh(model: Any, shells: Sequence[_Shell], name: str) -> Any:
         first += count
     opening = f'object id="{mesh.GetModelResourceID()}" instances_count="1"'
     _attach(model, _PRUSA_PART, _settings(opening, name, volumes, typed=True))
-    return mesh
+    return mesh, [_mesh_text(vertices, parts)]
 
 
 def _attach(model: Any, path: str, content: bytes) -> None:
@@ -724,32 +729,34 @@ def _add_metadata(group: Any, metadata: Mapping[str, str], owner: str) -> None:
         group.AddMetaData(namespace, name, _text(value), "xs:string", True)
 
 
-def _add_mesh(model: Any, name: str, points: Float32Array | FloatArray, corners: IntArray) -> Any:
-    vertices = np.ascontiguousarray(points, dtype=np.float32)
-    faces = np.ascontiguousarray(corners, dtype=np.uint32)
-    if len(faces) == 0 or not np.isfinite(vertices).all():
-        fault = "no triangles" if len(faces) == 0 else "a vertex that is not finite"
-        raise OutputError(f"3MF object {name}: {fault}; leave it out or mend the mesh")
+def _add_mesh(model: Any, name: str) -> Any:
+    """Add a mesh of one triangle, in whose place `_filled` puts another."""
     mesh = model.AddMeshObject()
-    _set(mesh, "geometry", (lib3mf.Position, vertices), (lib3mf.Triangle, faces))
+    corners = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+    places = [mesh.AddVertex(lib3mf.Position((ctypes.c_float * 3)(*each))) for each in corners]
+    mesh.AddTriangle(lib3mf.Triangle((ctypes.c_uint32 * 3)(*places)))
     mesh.SetName(_text(name))
     return mesh
 
 
-def _set(mesh: Any, what: str, *arrays: tuple[Any, NDArray[Any]]) -> None:
-    """Give a mesh arrays at once; lib3mf's setters take lists: 700 times slower on a million."""
-    given = [
-        argument
-        for type_, array in arrays
-        for argument in (ctypes.c_uint64(len(array)), (type_ * len(array)).from_buffer_copy(array))
-    ]
-    call = getattr(_wrapper().lib, f"lib3mf_meshobject_set{what}")
-    _wrapper().checkError(mesh, call(mesh._handle, *given))
+def _check_mesh(item: ThreemfObject, assembly_name: str) -> None:
+    """Refuse what readers do not take."""
+    a, b, c = item.faces.T
+    if len(item.faces) == 0 or not np.isfinite(item.vertices).all():
+        fault = "no triangles" if len(item.faces) == 0 else "a vertex that is not finite"
+    elif item.faces.min() < 0 or item.faces.max() >= len(item.vertices):
+        fault = "a triangle whose vertex is not there"
+    elif ((a == b) | (b == c) | (c == a)).any():
+        fault = "a triangle with one vertex twice"
+    else:
+        return
+    raise OutputError(
+        f"3MF of {assembly_name}: object {item.name}: {fault}; leave it out or mend the mesh"
+    )
 
 
 def _written(model: Any) -> bytes:
     writer = model.QueryWriter("3mf")
-    writer.SetDecimalPrecision(_DECIMALS)
     stream = io.BytesIO()
 
     def write(address: int, size: int, _: int) -> None:
@@ -757,6 +764,166 @@ def _written(model: Any) -> bytes:
 
     writer.WriteToCallback(lib3mf.WriteCallback(write), _seeking(stream), None)
     return stream.getvalue()
+
+
+_MESH = re.compile(rb"<vertices>.*?</triangles>", re.DOTALL)
+_FAST = 1  # of zlib: a quarter larger than usual, in a fifth of the time
+
+
+def _filled(bare: bytes, meshes: Sequence[_Text]) -> bytes:
+    """Put the text of meshes in the places of those of a file, in their order."""
+    stream = io.BytesIO()
+    with (
+        zipfile.ZipFile(io.BytesIO(bare)) as source,
+        zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED, compresslevel=_FAST) as filled,
+    ):
+        for member in source.namelist():
+            first, *rest = _MESH.split(source.read(member))
+            with filled.open(member, "w", force_zip64=True) as part:
+                part.write(first)
+                for mesh, after in zip(meshes if rest else (), rest, strict=True):
+                    for piece in mesh:
+                        part.write(piece)
+                    part.write(after)
+    return stream.getvalue()
+
+
+# ------------------------------------------------------------------------------------------------
+# Meshes as text: figures as short as float32 needs to be read back the same.
+
+
+_ROWS = 1 << 16  # at a time: 5 MB of text
+
+
+def _mesh_text(
+    vertices: Float32Array | FloatArray, parts: list[tuple[IntArray, bytes]]
+) -> Iterator[bytes | memoryview]:
+    """Write the elements ``vertices`` and ``triangles`` of a mesh, piece by piece.
+
+    Nine digits tell all values of float32 apart, and mostly seven or eight do. lib3mf writes as
+    many decimals of all, by a unit in the last place of float32 off, and takes four times as long.
+
+    Parameters
+    ----------
+    vertices
+        (n, 3) finite positions, to write as float32.
+    parts
+        (m, 3) corners, and what their ``triangle`` elements have besides: `` pid="1" p1="0"``.
+    """
+    yield b"<vertices>\n"
+    for start in range(0, len(vertices), _ROWS):
+        rows = np.array(vertices[start : start + _ROWS], np.float32, order="C")
+        text = np.empty(len(rows) * _LONGEST_VERTEX, np.uint8)
+        yield text[: _write_vertices(rows, text)].data
+    yield b"</vertices>\n<triangles>\n"
+    for corners, besides in parts:
+        end = np.frombuffer(b'"' + besides + b"/>\n", np.uint8)
+        longest = _LONGEST_TRIANGLE + len(end)
+        for start in range(0, len(corners), _ROWS):
+            numbers = np.array(corners[start : start + _ROWS], np.int64, order="C")
+            text = np.empty(len(numbers) * longest, np.uint8)
+            yield text[: _write_triangles(numbers, end, text)].data
+    yield b"</triangles>"
+
+
+_VERTEX = np.frombuffer(b'<vertex x="', np.uint8)
+_BETWEEN = np.frombuffer(b'" y="" z="', np.uint8).reshape(2, 5)
+_END = np.frombuffer(b'"/>\n', np.uint8)
+_TRIANGLE = np.frombuffer(b'<triangle v1="', np.uint8)
+_CORNERS = np.frombuffer(b'" v2="" v3="', np.uint8).reshape(2, 6)
+_LONGEST_FIGURE = len("-0.00000123456789")
+_LONGEST_VERTEX = len(_VERTEX) + _BETWEEN.size + len(_END) + 3 * _LONGEST_FIGURE
+_LONGEST_TRIANGLE = len(_TRIANGLE) + _CORNERS.size + 3 * len(str(2**63))
+
+
+@kernel
+def _write_vertices(vertices: Any, text: Any) -> Any:
+    """Write the elements; return how long they are."""
+    at = np.int64(0)
+    for i in range(len(vertices)):
+        at = _put(text, at, _VERTEX)
+        for j in range(3):
+            at = _put_float(text, at, vertices[i, j])
+            at = _put(text, at, _BETWEEN[j] if j < 2 else _END)
+    return at
+
+
+@kernel
+def _write_triangles(corners: Any, end: Any, text: Any) -> Any:
+    """Write the elements; return how long they are."""
+    at = np.int64(0)
+    for i in range(len(corners)):
+        at = _put(text, at, _TRIANGLE)
+        for j in range(3):
+            at = _put_whole(text, at, corners[i, j], 0)
+            at = _put(text, at, _CORNERS[j] if j < 2 else end)
+    return at
+
+
+@inner_kernel
+def _put(text: Any, at: Any, what: Any) -> Any:
+    for i in range(len(what)):
+        text[at + i] = what[i]
+    return at + len(what)
+
+
+@inner_kernel
+def _put_whole(text: Any, at: Any, number: Any, least: Any) -> Any:
+    """Write a number that is not negative, with zeros in front up to a least length."""
+    length: Any = 1
+    rest = number // 10
+    while rest > 0:
+        length, rest = length + 1, rest // 10
+    length = max(length, least)
+    for i in range(at + length - 1, at - 1, -1):
+        text[i] = 48 + number % 10
+        number //= 10
+    return at + length
+
+
+_TENS = 10.0 ** np.arange(15)  # exact
+
+
+@inner_kernel
+def _put_float(text: Any, at: Any, value: Any) -> Any:
+    """Write the fewest digits from which float32 is read back, with an exponent if far from 1."""
+    if value == 0.0:
+        text[at] = 48
+        return at + 1
+    if value < 0.0:
+        text[at] = 45
+        at += 1
+    left = abs(np.float64(value))
+    exponent = np.int64(0)  # what is written as such
+    while left >= 1e9:
+        left, exponent = left / 10.0, exponent + 1
+    while left < 1e-6:
+        left, exponent = left * 10.0, exponent - 1
+    before = np.int64(-5)  # digits before the point
+    while before < 9 and left >= (_TENS[before] if before >= 0 else 1.0 / _TENS[-before]):
+        before += 1
+    digits: Any = 0
+    decimals: Any = 0
+    for figures in range(7 if exponent == 0 else 9, 10):
+        decimals = max(figures - before, 0)
+        digits = np.int64(np.rint(left * _TENS[decimals]))
+        if np.float32(digits / _TENS[decimals]) == np.float32(left):
+            break
+    while decimals > 0 and digits % 10 == 0:
+        digits, decimals = digits // 10, decimals - 1
+    scale = np.int64(_TENS[decimals])
+    at = _put_whole(text, at, digits // scale, 1)
+    if decimals > 0:
+        text[at] = 46
+        at = _put_whole(text, at + 1, digits % scale, decimals)
+    if exponent != 0:
+        text[at] = 101
+        at += 1
+        if exponent < 0:
+            text[at] = 45
+            at += 1
+        at = _put_whole(text, at, abs(exponent), 1)
+    return at
 
 
 # ------------------------------------------------------------------------------------------------

@@ -216,7 +216,7 @@ def _object_problems(
     name: str, item: ThreemfObject, shell: Triangles, regions: list[Region]
 ) -> Iterator[str]:
     triangles = np.asarray(item.vertices, dtype=np.float32)[item.faces]
-    # Text keeps each coordinate to about one unit in the last place of float32.
+    # Text of earlier versions is about one unit in the last place of float32 off.
     if triangles.shape != shell.shape or not np.allclose(triangles, shell, rtol=3e-7, atol=1e-9):
         yield f"{name}: object {item.name} is not the shell in its STL"
     materials = {region.printed for region in regions}

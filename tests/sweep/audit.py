@@ -86,8 +86,7 @@ def _files(
         return [*faults, f"the 3MF has {sorted(objects)}, the STL files {sorted(names)}"]
     for name, soup in names.items():
         other = objects[name]
-        # Text of nine digits or fewer: a unit in the last place of float32, and two in rounding.
-        if other.shape != soup.shape or np.any(np.abs(other - soup) > 2.0**-22 * np.abs(soup)):
+        if other.shape != soup.shape or np.any(other.astype(np.float32) != soup):
             faults.append(f"{name} in the 3MF is not what stands in its STL file")
         elif len(np.unique(other.reshape(-1, 3), axis=0)) != len(
             np.unique(soup.reshape(-1, 3), axis=0)

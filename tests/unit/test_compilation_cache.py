@@ -12,7 +12,6 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from numba.core.dispatcher import Dispatcher
 
 import planner
 from planner import compilation_cache
@@ -90,12 +89,77 @@ def test_a_loop_is_compiled_anew_when_one_in_another_file_changes_and_found_when
     assert run(AREAS, package.parent) == [pytest.approx(np.hypot(99, 2)), []]
 
 
+KEPT = """
+import json, sys
+import numpy as np
+from planner.compilation_cache import Loop
+
+{loop}
+
+looped = Loop(loop, {{"error_model": "numpy"}})
+print(json.dumps([{results}, "numba" in sys.modules]))
+"""
+TAKEN = """
+def loop(a, b):
+    c = np.zeros(3)
+    for i in range(len(a)):
+        c[i % 3] += a[i] * b[0] + math.sin(b[1])
+    return c.sum(), b[2], max(b[0], 2)
+import math
+"""
+
+
 @pytest.mark.slow
-def test_a_loop_that_is_kept_is_loaded_without_what_compiles(package):
-    said = "import sys\nprint(json.dumps('numba.np.arraymath' in sys.modules))"
-    last = AREAS.rpartition("print")[0] + said
-    assert run(last, package.parent)
-    assert not run(last, package.parent)
+def test_a_loop_that_is_kept_is_called_without_numba_and_gives_the_same(package):
+    given = "looped(np.arange(5.0), (2, 0.5, True)), looped(np.arange(5)[::2], (2, 0.5, True))"
+    code = KEPT.format(loop=TAKEN, results=given)
+    first, second = run(code, package.parent), run(code, package.parent)
+    assert first[-1]
+    assert second == [*first[:-1], False]
+    assert first[0] == [pytest.approx(20 + 5 * np.sin(0.5)), True, 2]
+    assert first[1] == [pytest.approx(12 + 3 * np.sin(0.5)), True, 2]
+
+
+@pytest.mark.slow
+def test_what_a_kept_loop_returns_and_raises_is_what_numba_would(package):
+    loop = """
+def loop(a):
+    if len(a) == 0:
+        raise ValueError("nothing")
+    return np.sort(a)[::-1], None
+def told(a):
+    try:
+        return [looped(a)[0].tolist(), str(looped(a)[0].dtype)]
+    except ValueError as error:
+        return str(error)
+"""
+    given = "told(np.arange(3, dtype=np.float32)), told(np.arange(2)), told(np.arange(0.0))"
+    code = KEPT.format(loop=loop, results=given)
+    right = [[[2.0, 1.0, 0.0], "float32"], [[1, 0], "int64"], "nothing"]
+    assert run(code, package.parent) == [*right, True]
+    assert run(code, package.parent) == [*right, False]
+
+
+@pytest.mark.slow
+def test_each_set_of_types_has_code_of_its_own(package):
+    loop = """
+def loop(a):
+    return 2 * a
+frozen = np.arange(2)
+frozen.setflags(write=False)
+kinds = [1, 1.5, True, np.float32(0.1), np.uint8(200), 1j, np.int64(3), np.float64(0.5)]
+arrays = [np.arange(3.0), np.arange(2), frozen]
+arrays += [np.ones((2, 2)), np.ones((2, 2)).T, np.arange(4)[::2]]
+"""
+    given = (
+        "[repr(looped(kind)) for kind in kinds], [repr(2 * kind) for kind in kinds], "
+        "[looped(each).tolist() for each in arrays], [(2 * each).tolist() for each in arrays]"
+    )
+    code = KEPT.format(loop=loop, results=given)
+    first, second = run(code, package.parent), run(code, package.parent)
+    assert second[:4] == first[:4]
+    assert first[2] == first[3]
+    assert first[0][:3] == first[1][:3]
 
 
 @pytest.mark.slow
@@ -109,7 +173,7 @@ def test_what_no_one_used_for_a_month_goes_when_something_new_comes(package):
     os.utime(unused, (0, recent.stat().st_mtime - month_s - 60))
     os.utime(recent, (0, recent.stat().st_mtime - month_s + 3600))
     run(AREAS, package.parent)
-    *others, _, outer = kept(package)
+    *others, outer = kept(package)
     assert others == [recent]
     os.utime(outer, (0, 0))
     run(AREAS, package.parent)
@@ -118,14 +182,16 @@ def test_what_no_one_used_for_a_month_goes_when_something_new_comes(package):
 
 @pytest.mark.slow
 def test_damaged_and_lost_files_are_compiled_anew(package):
-    run(AREAS, package.parent)
-    inner, outer = kept(package)
+    both = ["_add_areas", "face_normal"]
+    assert run(AREAS, package.parent) == [2, both]
+    (outer,) = kept(package)  # machine code holds what it calls
     outer.write_bytes(outer.read_bytes()[:1000])
-    inner.unlink()
-    assert run(AREAS, package.parent) == [2, ["_add_areas", "face_normal"]]
+    assert run(AREAS, package.parent) == [2, both]
     outer.write_bytes(b"")
-    assert run(AREAS, package.parent) == [2, ["_add_areas"]]
+    assert run(AREAS, package.parent) == [2, both]
     assert run(AREAS, package.parent) == [2, []]
+    outer.unlink()
+    assert run(AREAS, package.parent) == [2, both]
 
 
 @pytest.mark.slow
@@ -137,7 +203,7 @@ def test_without_a_place_to_write_loops_are_compiled_in_each_process(package, tm
     both = ["_add_areas", "face_normal"]
     assert run(AREAS, package.parent, **places) == [2, both]
     assert run(AREAS, package.parent, **places) == [2, []]  # in the user's folder
-    assert len(kept(home)) == 2
+    assert len(kept(home)) == 1
     shutil.rmtree(home)
     home.write_text("in the way")
     for _ in range(2):
@@ -158,7 +224,7 @@ def test_every_loop_of_the_package_has_a_digest_of_its_own():
         for module in pkgutil.walk_packages(planner.__path__, "planner.")
         if not module.name.endswith("__main__")
         for loop in vars(importlib.import_module(module.name)).values()
-        if isinstance(loop, Dispatcher)
+        if isinstance(loop, compilation_cache.Loop)
     }
     assert len(loops) > 100
     assert len({digest(loop) for loop in loops}) == len(loops)

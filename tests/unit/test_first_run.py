@@ -92,7 +92,8 @@ def test_a_run_goes_on_where_no_process_can_be_started(monkeypatch):
 
 LOOPS = """
 import gc, json, sys
-from planner.numerics import at_first_compilation, kernel
+from planner.compilation_cache import at_first_compilation
+from planner.numerics import kernel
 
 calls, searching = [], []
 at_first_compilation(lambda: calls.append(gc.isenabled()))

@@ -1,5 +1,6 @@
 """3MF: content, determinism, archive layout, and what is read back."""
 
+import io
 import re
 import zipfile
 from xml.etree import ElementTree
@@ -75,19 +76,30 @@ def test_strict_reader_finds_what_was_written(tmp_path):
             written.colour,
         )
         assert np.array_equal(read.faces, written.faces)
-        # lib3mf rounds once to text and once back: one unit in the last place
-        assert np.abs(read.vertices - written.vertices).max() <= np.spacing(np.float32(31.7))
+        assert np.array_equal(read.vertices, written.vertices)
 
 
-def test_text_moves_coordinates_by_one_ulp_at_most():
-    """From 1 mm, where placed parts begin, to the far end of a tray."""
+def written_figures(vertices):
+    mesh = ThreemfObject("x", vertices, np.array([[0, 1, 2]]), "m", "#000000")
+    with zipfile.ZipFile(io.BytesIO(encode_threemf([mesh], "x"))) as archive:
+        text = archive.read("3D/3dmodel.model").decode()
+    return re.findall(r' [xyz]="([^"]*)"', text)
+
+
+@pytest.mark.parametrize("span", [(1.0, 500.0), (1e-5, 1e9), (1e-44, 3e38)])
+def test_text_is_read_back_to_the_same_float32(span):
     rng = np.random.default_rng(7)
-    vertices = np.exp(rng.uniform(0, np.log(500), (30_000, 3))).astype(np.float32)
-    faces = np.arange(30_000, dtype=np.int32).reshape(-1, 3)
-    written = ThreemfObject("x", vertices, faces, "m", "#000000")
-    read = decode_threemf(encode_threemf([written], "x"), "x").objects[0].vertices
-    ulps = np.abs(read.view(np.int32).astype(np.int64) - vertices.view(np.int32))
-    assert ulps.max() <= 1
+    vertices = np.exp(rng.uniform(*np.log(span), (30_000, 3))) * rng.choice([-1, 1], (30_000, 3))
+    figures = written_figures(vertices.astype(np.float32))
+    assert np.array_equal(np.array(figures, np.float32), vertices.astype(np.float32).ravel())
+    digits = [len(figure.partition("e")[0].strip("-0.").replace(".", "")) for figure in figures]
+    assert max(digits) <= 9
+
+
+def test_figures_are_short():
+    vertices = np.array([[0.0, -0.0, 1.0], [0.1, -18.0, 11.7], [1e-5, 123456.0, 16777217.0]])
+    figures = written_figures(vertices.astype(np.float32))
+    assert figures == ["0", "0", "1", "0.1", "-18", "11.7", "0.00001", "123456", "16777216"]
 
 
 def test_structure(tmp_path):
