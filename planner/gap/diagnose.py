@@ -367,8 +367,10 @@ class _Predictor:
         problem, count = self.problem, len(self.problem.ways)
         ways = _RECALIBRATION_SD * problem.nuisances[:, :count]
         best = World(problem, nuisances=ways, weight=weight).coefficients(problem.target)
-        setup = problem.with_laws_off(_RECALIBRATION_SD * best)
-        return squared_errors(problem, Candidate(()), setup)
+        model, setup = problem.model, problem.model.setup
+        for way, size in zip(problem.ways, best.tolist(), strict=True):
+            setup = way.applied(setup, _RECALIBRATION_SD * size * way.sd)
+        return squared_errors(problem, predict(setup, model.laws).force_N[model.test_of])
 
     def generic(self, weight: FloatArray) -> FloatArray:
         """By a generic regressor, on the features of force.

@@ -524,13 +524,6 @@ class Problem:
             change = change + candidate.log_gain * candidate.members[self.table.specimen] * force
         return change
 
-    def with_laws_off(self, sizes: FloatArray) -> Setup:
-        """Return the campaign's setup with each of `ways` by its size, in prior deviations."""
-        setup = self.model.setup
-        for way, size in zip(self.ways, sizes.tolist(), strict=True):
-            setup = way.applied(setup, size * way.sd)
-        return setup
-
     def own_sizes(self, candidate: Candidate) -> FloatArray:
         """Return what specimens' own sizes of a candidate's effects change, (N, k), whitened."""
         table = self.table
@@ -682,27 +675,17 @@ def applied(candidate: Candidate, setup: Setup) -> Setup:
     )
 
 
-def specimen_forces_N(
-    problem: Problem, candidate: Candidate, setup: Setup | None = None
-) -> FloatArray:
-    """Return predicted forces on each specimen's test's steps, (n, T).
-
-    Parameters
-    ----------
-    setup
-        Without the candidate's effects; the campaign's by default.
-    """
+def specimen_forces_N(problem: Problem, candidate: Candidate) -> FloatArray:
+    """Return predicted forces on each specimen's test's steps, (n, T)."""
     model = problem.model
-    used = applied(candidate, setup or model.setup)
+    used = applied(candidate, model.setup)
     forces: FloatArray = predict(used, model.laws).force_N[model.test_of]
     if candidate.members is not None:
         forces = forces * np.exp(candidate.log_gain * candidate.members)[:, None]
     return forces
 
 
-def squared_errors(
-    problem: Problem, predicted: Candidate | FloatArray, setup: Setup | None = None
-) -> FloatArray:
+def squared_errors(problem: Problem, predicted: Candidate | FloatArray) -> FloatArray:
     """Return mean squared errors of force over `_typical_peaks_N`, (n,).
 
     Parameters
@@ -711,7 +694,7 @@ def squared_errors(
         Forces, (n, T), or what they are predicted with; see `specimen_forces_N`.
     """
     if isinstance(predicted, Candidate):
-        predicted = specimen_forces_N(problem, predicted, setup)
+        predicted = specimen_forces_N(problem, predicted)
     off = (problem.model.measured_N - predicted) / _typical_peaks_N(problem)
     return np.asarray(np.mean(off**2, axis=1))
 
