@@ -50,6 +50,7 @@ from planner.gap.evidence.weigh import (
     UNKNOWN,
     Priors,
     Weighed,
+    axes_of,
     class_of,
     detectable_sizes,
     evidence_of,
@@ -367,8 +368,10 @@ class _Predictor:
         problem, count = self.problem, len(self.problem.ways)
         ways = _RECALIBRATION_SD * problem.nuisances[:, :count]
         best = World(problem, nuisances=ways, weight=weight).coefficients(problem.target)
-        setup = problem.with_laws_off(_RECALIBRATION_SD * best)
-        return squared_errors(problem, Candidate(()), setup)
+        model, setup = problem.model, problem.model.setup
+        for way, size in zip(problem.ways, best.tolist(), strict=True):
+            setup = way.applied(setup, _RECALIBRATION_SD * size * way.sd)
+        return squared_errors(problem, predict(setup, model.laws).force_N[model.test_of])
 
     def generic(self, weight: FloatArray) -> FloatArray:
         """By a generic regressor, on the features of force.
@@ -457,26 +460,19 @@ has explained the gap."""
 
 
 def _places_of(
-    problem: Problem, chosen: Candidate, rng: np.random.Generator
+    problem: Problem, likely: Mapping[str, float], chosen: Candidate, rng: np.random.Generator
 ) -> tuple[tuple[Location, ...], tuple[Location, ...]]:
     """Return where the gap lies, and where a significant one is left after the chosen effects."""
     shared = np.concatenate([problem.calibration, problem.noise.batch], axis=1)
     whitening = Whitening.of(problem.noise, shared, problem.scatter.log_sd)
-    before = localise(problem.campaign, problem.table, problem.residual, whitening, rng)
+    before = localise(
+        problem.campaign, problem.table, problem.residual, whitening, rng, likely=likely
+    )
     if not chosen.effects:
         return before, tuple(p for p in before if p.p < _SIGNIFICANT)
-    left = problem.residual - _explained(problem, chosen)
+    left = problem.residual - problem.explained(chosen)
     after = localise(problem.campaign, problem.table, left, whitening, rng)
     return before, tuple(p for p in after if p.p < _SIGNIFICANT)
-
-
-def _explained(problem: Problem, chosen: Candidate) -> FloatArray:
-    """Return what the chosen effects change of the features, (N,)."""
-    change: FloatArray = problem.changes_by([chosen])[0]
-    if chosen.members is not None:
-        force = np.where(problem.table.is_field, 0.0, problem.sensitivity)
-        change = change + chosen.log_gain * chosen.members[problem.table.specimen] * force
-    return change
 
 
 def _recalibration_of(world: World, chosen: Candidate) -> Mapping[str, tuple[float, float]]:
@@ -685,7 +681,8 @@ def diagnose(
         gap = closure(problem, weighed, evidence.vain, verdict, rng, progress)
         chosen = weighed.best.get(verdict, Candidate(()))
         nodes = weighed.plain.elimination(problem.target, kept=problem.nodes)
-        where, remainder = _places_of(problem, chosen, rng)
+        likely = axes_of(problem, evidence, ranking, priors)
+        where, remainder = _places_of(problem, likely, chosen, rng)
         same_class = class_of(problem, weighed, ranking, verdict)
         mending = [problem.unit_of for problem in data_quality if problem.unit_of is not None]
         found = Diagnosis(

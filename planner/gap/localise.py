@@ -546,47 +546,25 @@ class _Case:
         return np.where(carries, scores, 0.0) * size[:, None, None]
 
 
-def _beyond_noise(basis: FloatArray, y: FloatArray, cost: float = 1.0) -> float:
-    """Return the sum of squares along an orthonormal basis, less a cost a degree of freedom."""
-    return float(max(np.sum((basis.T @ y) ** 2) - cost * basis.shape[1], 0.0))
+def _beyond_noise(basis: FloatArray, y: FloatArray) -> float:
+    """Return the sum of squares along an orthonormal basis, less one a degree of freedom."""
+    return float(max(np.sum((basis.T @ y) ** 2) - basis.shape[1], 0.0))
 
 
 # ------------------------------------------------------------------------------------------------
-# The order of axes: what explains most first, then what adds to it.
+# The order of axes: by the share of the gap that each explains, counted once more as far as the
+# likely causes lie along it.
 #
-# Only axes along which the gap varies at the 5 % level compete; the others follow by their p-value.
-# The first explains most, each degree of freedom costing the logarithm of the number of specimens
-# (Schwarz). The others follow by what they add to the first, and by a part of what they explain
-# alone: an axis that merely goes along with the first falls behind one that does not, and before
-# one that explains nothing.
+# A weak effect that all hypotheses together tell from chance may be less clear, by itself, than
+# what happens to go along with the strain. And yet what no likely cause explains must be seen.
 
 
-_ALONE = 0.3
-"""What an axis explains alone, beside what it adds to the first, in the order of axes. Chosen: so
-that what merely goes along with the first ranks behind what does not, and before nothing."""
-
-
-def _ranked(axes: Sequence[_Axis], p: FloatArray, case: _Case) -> tuple[list[int], list[float]]:
-    """Return the order of axes, and what each adds to the first as a share of its own."""
-    cost = math.log(max(len(case.campaign.specimens), 2))
-    alone = [max(case.explained(a) - (cost - 1.0) * a.basis.shape[1], 0.0) for a in axes]
-    found = [i for i in range(len(axes)) if p[i] <= SIGNIFICANT]
-    if not found:
-        return sorted(range(len(axes)), key=lambda i: (p[i], -alone[i])), [1.0] * len(axes)
-    first = max(found, key=lambda i: (alone[i], -p[i]))
-    adds = [_added(axis, axes[first], case, cost) for axis in axes]
-    adds[first] = alone[first]
-    rest = sorted((i for i in found if i != first), key=lambda i: -(adds[i] + _ALONE * alone[i]))
-    others = sorted((i for i in range(len(axes)) if i not in found), key=lambda i: p[i])
-    parts = [a / max(own, 1e-12) if own > 0.0 else 1.0 for a, own in zip(adds, alone, strict=True)]
-    return [first, *rest, *others], parts
-
-
-def _added(axis: _Axis, first: _Axis, case: _Case, cost: float) -> float:
+def _added(axis: _Axis, first: _Axis, case: _Case) -> float:
+    """Return what an axis explains beside the first."""
     if axis.is_common:
         return max(case.in_common - _CLAIM * _beyond_noise(first.basis, case.varying), 0.0)
     beside = axis.basis if first.is_common else _orthonormal(axis.basis, besides=first.basis)
-    return _beyond_noise(beside, case.varying, cost)
+    return _beyond_noise(beside, case.varying)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -772,6 +750,7 @@ def localise(
     whitening: Whitening,
     rng: np.random.Generator,
     *,
+    likely: Mapping[str, float] | None = None,
     permutations: int = 999,
 ) -> tuple[Location, ...]:
     """Return along which axes the gap varies, the one to look at first in front.
@@ -787,6 +766,8 @@ def localise(
         Measured minus predicted, on the table's transformed scale.
     whitening
         Of what the residual would be like if nothing were hidden.
+    likely
+        How probable it is of each axis that the gap's cause lies along it; 0 by default.
     permutations
         Draws without a gap.
 
@@ -810,16 +791,24 @@ def localise(
         np.where(tells, level**2, 0.0), signs, rng, whitening, y, varying, common,
     )  # fmt: skip
     axes = [*_column_axes(case), *_within_axes(case), *_position_axes(case), *_outlying_axes(case)]
-    p = _family_wise(axes)
-    order, adds = _ranked(axes, p, case)
+    p, shares = _family_wise(axes), [case.share(axis) for axis in axes]
     weights = rng.multinomial(count, np.full(count, 1.0 / count), _BOOTSTRAPS).astype(np.float64)
+
+    def unlikely(i: int) -> tuple[float, float, float]:
+        probability = 0.0 if likely is None else likely.get(axes[i].name, 0.0)
+        return -(1.0 + probability) * shares[i], -probability, float(p[i])
+
+    order = sorted(range(len(axes)), key=unlikely)
     places = []
     for i in order:
-        sentence = axes[i].detail
-        if i != order[0] and p[i] <= SIGNIFICANT and adds[i] < _ADDS_LITTLE:
-            sentence += f"; little of it beyond what goes with {axes[order[0]].name}"
-        share, interval = case.share(axes[i]), case.interval(axes[i], weights)
-        places.append(Location(axes[i].name, share, interval, float(p[i]), sentence))
+        axis, first = axes[i], axes[order[0]]
+        sentence = axis.detail
+        if axis is not first and p[i] <= SIGNIFICANT:
+            little = _ADDS_LITTLE * case.explained(axis)
+            if _added(axis, first, case) < little:
+                sentence += f"; little of it beyond what goes with {first.name}"
+        interval = case.interval(axis, weights)
+        places.append(Location(axis.name, shares[i], interval, float(p[i]), sentence))
     return tuple(places)
 
 

@@ -33,11 +33,11 @@ from planner.numerics import BoolArray, FloatArray, IntArray
 from planner.simulation.bar_solver import Prediction, Setup, predict, predict_all
 
 __all__ = [
+    "EVERY_AXIS",
     "Candidate",
     "Problem",
     "SignedForm",
     "applied",
-    "falls",
     "joined",
     "node_weights",
     "own_axes",
@@ -328,7 +328,7 @@ def _model_discrepancy(table: FeatureTable, unpredicted: FloatArray) -> FloatArr
 # pattern that those already cover gains nothing.
 
 
-_ANY = "any"
+EVERY_AXIS = "any"
 """All axes at once that effects claim: what is left when the right effect is not in the library."""
 
 
@@ -358,7 +358,7 @@ def _unknown_axes(
         axes.append(UnknownAxis(name, columns / scale, name in claimed))
     known = [axis.columns for axis in axes if axis.claimed and axis.axis not in own]
     if len(known) > 1:
-        axes.append(UnknownAxis(_ANY, np.concatenate(known, axis=1), True))
+        axes.append(UnknownAxis(EVERY_AXIS, np.concatenate(known, axis=1), True))
     return tuple(axes)
 
 
@@ -514,19 +514,15 @@ class Problem:
             return np.zeros(len(self.table))
         return np.asarray(self.gains @ (candidate.log_gain * candidate.members))
 
-    def signature(self, candidate: Candidate) -> FloatArray:
-        """Return the whole whitened change by a candidate, (N,)."""
-        gain = self.gain_of(candidate)
-        if not candidate.branches:
-            return gain
-        return np.asarray(self.noise.whiten(self.changes_by([candidate])[0]) + gain)
-
-    def with_laws_off(self, sizes: FloatArray) -> Setup:
-        """Return the campaign's setup with each of `ways` by its size, in prior deviations."""
-        setup = self.model.setup
-        for way, size in zip(self.ways, sizes.tolist(), strict=True):
-            setup = way.applied(setup, size * way.sd)
-        return setup
+    def explained(self, candidate: Candidate) -> FloatArray:
+        """Return what a candidate changes of the transformed features, (N,)."""
+        change = np.zeros(len(self.table))
+        if candidate.branches:
+            change = self.changes_by([candidate])[0]
+        if candidate.members is not None:
+            force = np.where(self.table.is_field, 0.0, self.table.chord(self.unpredicted))
+            change = change + candidate.log_gain * candidate.members[self.table.specimen] * force
+        return change
 
     def own_sizes(self, candidate: Candidate) -> FloatArray:
         """Return what specimens' own sizes of a candidate's effects change, (N, k), whitened."""
@@ -679,27 +675,17 @@ def applied(candidate: Candidate, setup: Setup) -> Setup:
     )
 
 
-def specimen_forces_N(
-    problem: Problem, candidate: Candidate, setup: Setup | None = None
-) -> FloatArray:
-    """Return predicted forces on each specimen's test's steps, (n, T).
-
-    Parameters
-    ----------
-    setup
-        Without the candidate's effects; the campaign's by default.
-    """
+def specimen_forces_N(problem: Problem, candidate: Candidate) -> FloatArray:
+    """Return predicted forces on each specimen's test's steps, (n, T)."""
     model = problem.model
-    used = applied(candidate, setup or model.setup)
+    used = applied(candidate, model.setup)
     forces: FloatArray = predict(used, model.laws).force_N[model.test_of]
     if candidate.members is not None:
         forces = forces * np.exp(candidate.log_gain * candidate.members)[:, None]
     return forces
 
 
-def squared_errors(
-    problem: Problem, predicted: Candidate | FloatArray, setup: Setup | None = None
-) -> FloatArray:
+def squared_errors(problem: Problem, predicted: Candidate | FloatArray) -> FloatArray:
     """Return mean squared errors of force over `_typical_peaks_N`, (n,).
 
     Parameters
@@ -708,7 +694,7 @@ def squared_errors(
         Forces, (n, T), or what they are predicted with; see `specimen_forces_N`.
     """
     if isinstance(predicted, Candidate):
-        predicted = specimen_forces_N(problem, predicted, setup)
+        predicted = specimen_forces_N(problem, predicted)
     off = (problem.model.measured_N - predicted) / _typical_peaks_N(problem)
     return np.asarray(np.mean(off**2, axis=1))
 
@@ -746,23 +732,3 @@ def replicate_floor(problem: Problem) -> FloatArray | None:
             if len({batches[k] for k in rows}) == 1:
                 floor[rows] += problem.scatter.batch**2 * np.mean(curves[rows] ** 2, axis=1)
     return None if np.isnan(floor).all() else floor
-
-
-_RESOLVED = 0.005
-"""Share of errors by which they must fall. Numerical: an idle effect beside a mode that is found to
-0.05 nats moves them by some thousandths either way."""
-
-
-def falls(problem: Problem, before: FloatArray, after: FloatArray) -> bool:
-    """Return whether root mean square errors, summed over tests, fall with another prediction.
-
-    Parameters
-    ----------
-    before, after : (n,)
-        Specimens' squared errors; NaN where there is none.
-    """
-    known = np.isfinite(before) & np.isfinite(after)
-    of = problem.model.test_of[known]
-    counts = np.maximum(np.bincount(of), 1)
-    first, second = (np.sqrt(np.bincount(of, e[known]) / counts).sum() for e in (before, after))
-    return bool(first - second > _RESOLVED * first)

@@ -10,7 +10,6 @@ from scipy.linalg.lapack import dpotrf, dtrtrs
 
 from planner.gap.evidence.problem import Candidate, Problem, searched
 from planner.numerics import FloatArray
-from planner.simulation.bar_solver import Setup
 
 __all__ = ["Elimination", "Settled", "World", "nothing", "settle"]
 
@@ -126,15 +125,27 @@ class World:
     def laws_off(self, candidate: Candidate) -> tuple[FloatArray, FloatArray]:
         """Return the mean and covariance of the problem's ways, the candidate being right."""
         problem, count = self.problem, len(self.problem.ways)
-        left = problem.target - problem.signature(candidate)
+        left = problem.target - problem.noise.whiten(problem.explained(candidate))
         unit = np.eye(len(self._factor), count)
         inverse = scipy.linalg.cho_solve((self._factor, True), unit, check_finite=False)[:count]
         sizes = self._sizes[:count]
         return sizes * self.coefficients(left)[:count], np.outer(sizes, sizes) * inverse
 
-    def calibrated(self, candidate: Candidate) -> Setup:
-        """Return the campaign's setup with laws off as they likeliest are beside a candidate."""
-        return self.problem.with_laws_off(self.laws_off(candidate)[0])
+    def error(self, candidate: Candidate) -> float:
+        """Return the root mean square errors of all tests' features, summed, beside a candidate.
+
+        Laws are off as they likeliest are then. Features tell small forces from each other as well
+        as large ones: at the start of a curve, errors of its largest force say nothing.
+        """
+        problem, table = self.problem, self.problem.table
+        explained = problem.explained(candidate)
+        off = self.coefficients(problem.target - problem.noise.whiten(explained))
+        off = (self._sizes * off[: len(self._sizes)])[: problem.calibration.shape[1]]
+        left = problem.residual - explained - problem.calibration @ off
+        known = ~problem.strays[table.specimen]
+        of = table.test[known]
+        mean = np.bincount(of, left[known] ** 2) / np.maximum(np.bincount(of), 1)
+        return float(np.sqrt(mean).sum())
 
     def elimination(
         self, target: FloatArray, slopes: FloatArray | None = None, kept: FloatArray | None = None

@@ -9,7 +9,7 @@ from planner.gap.campaign import Campaign
 from planner.gap.diagnose import closure
 from planner.gap.diagnosis import Diagnosis, Gap
 from planner.gap.effects import EFFECTS
-from planner.gap.evidence.problem import Problem, falls, set_up
+from planner.gap.evidence.problem import Problem, set_up
 from planner.gap.evidence.weigh import Priors, weigh
 from planner.gap.observations import observation_model
 
@@ -126,25 +126,6 @@ def test_an_effect_that_makes_left_out_conditions_worse_is_flagged(planned, imit
     assert gap.after > gap.before
     assert gap.closed < 0.0
     assert gap.extrapolated > gap.extrapolated_before
-
-
-def test_errors_fall_where_their_sum_over_tests_does(planned, imitated) -> None:
-    plan = planned(2, batches=1, material=["FLX9760"], rate_mm_s=[0.085, 0.85, 8.5])
-    problem = ready(imitated(plan), "rate")
-    assert len(problem.model.tests) == 3
-    before = np.full(6, 0.04**2)
-    after = np.array([0.03, 0.02, 0.01])[problem.model.test_of] ** 2
-    assert falls(problem, before, after)
-    assert not falls(problem, after, before)
-    # Two tests that fall make up for one that rises as much as one of them, not for more.
-    for rises, expected in ((0.05, True), (0.06, False)):
-        mixed = np.array([0.03, 0.03, rises])[problem.model.test_of] ** 2
-        assert falls(problem, before, mixed) is expected
-    assert not falls(problem, before, before)
-    assert not falls(problem, before, 0.998**2 * before)
-    # Of what is known of both.
-    one = np.where(problem.model.test_of == 0, before, np.nan)
-    assert falls(problem, one, after)
 
 
 @pytest.mark.slow

@@ -14,6 +14,7 @@ from planner.gap.evidence.weigh import (
     HypothesisKey,
     Priors,
     Weighed,
+    axes_of,
     needed_nats,
     posterior,
     ranking_of,
@@ -222,3 +223,26 @@ def test_very_few_specimens_name_little(specimens: int, most: float) -> None:
     assert found[RATE] == pytest.approx(most, abs=1e-6)
     assert found[UNKNOWN] == pytest.approx(1.0 - most, abs=1e-6)
     assert probabilities(evidence(50.0, specimens=6))[RATE] == pytest.approx(1.0, abs=1e-6)
+
+
+def test_a_gap_lies_where_its_likely_causes_do() -> None:
+    """An unknown along its axis; one along every test anywhere."""
+    where = {"rate": ("rate_mm_s", "time"), "grip-slip": ("time",)}
+    problem = SimpleNamespace(
+        branches=[SimpleNamespace(effect=SimpleNamespace(id=i, where=w)) for i, w in where.items()],
+        unknown=[SimpleNamespace(axis=axis) for axis in ("operator", "any")],
+    )
+    p = {(): 0.1, RATE: 0.4, SLIP: 0.1, BOTH: 0.05, UNKNOWN: 0.35}
+    ranking = [Hypothesis(effects, share) for effects, share in p.items()]
+    keys = {((), "operator"): 0.5, ((), "any"): 0.25, ((), weigh.ANY): 0.25, (RATE, "any"): 9.0}
+    found = Evidence({key: np.log(share) for key, share in keys.items()}, dict.fromkeys(keys, 0.0))
+    axes = axes_of(problem, found, ranking, Priors())  # type: ignore[arg-type]
+    everywhere = 0.5 * 0.35
+    expected = {"rate_mm_s": 0.45 + everywhere, "time": 0.55 + everywhere, "operator": 0.35}
+    assert axes == pytest.approx({axis: p / 0.9 for axis, p in expected.items()})
+
+
+def test_errors_fall_by_more_than_an_idle_effect_moves_them() -> None:
+    assert weigh._falls(1.0, 0.99)
+    assert not weigh._falls(1.0, 0.998)
+    assert not weigh._falls(1.0, 1.01)

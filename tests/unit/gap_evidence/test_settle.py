@@ -1,5 +1,7 @@
 """Candidates at their mode on the forward model, in worlds of scatter and discrepancy."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -80,3 +82,24 @@ def test_a_discrepancy_is_asked_for_where_no_form_fits(plan, imitated) -> None:
     whitened = residual + problem.noise.whiten(bent)
     gained = off.elimination(whitened).none - exact.elimination(whitened).none
     assert gained > off.none - exact.none
+
+
+def test_errors_are_those_of_features_that_laws_leave(problem: Problem) -> None:
+    found = candidate(problem, "power-law")
+    change, level = problem.explained(found), problem.calibration[:, 0]
+    exact = replace(problem, residual=change, target=problem.noise.whiten(change))
+    assert World(exact).error(found) == pytest.approx(0.0, abs=1e-9)
+    # What a law's level is off by is mostly taken for that.
+    off = replace(exact, residual=change + level, target=problem.noise.whiten(change + level))
+    world, tests = World(off), problem.table.test
+    whole = sum(np.sqrt(np.mean(level[tests == test] ** 2)) for test in np.unique(tests))
+    assert 0.0 < world.error(found) < 0.5 * whole
+    assert world.error(Candidate(())) > world.error(found)
+
+
+def test_errors_of_strays_are_not_counted(problem: Problem) -> None:
+    rows, residual = problem.table.specimen == 0, problem.explained(Candidate(()))
+    exact = replace(problem, residual=residual + rows, target=0.0 * problem.target)
+    assert World(exact).error(Candidate(())) > 0.1
+    stray = replace(exact, strays=np.arange(len(problem.strays)) == 0)
+    assert World(stray).error(Candidate(())) == 0.0
