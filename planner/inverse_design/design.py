@@ -493,8 +493,8 @@ def design(
     )  # fmt: skip
     printed, prints, stopped = corrected(
         Printing(
-            asked, space, problem, best, graded, scale, machine, problem_mm, blend == "dither",
-            tolerance,
+            asked, space, problem, larger, best, graded, scale, machine, problem_mm,
+            blend == "dither", tolerance,
         ),
         stopped=found.stopped,
         progress=lambda off: progress(

@@ -16,6 +16,7 @@ from planner.formats.field_file import encode_vti
 from planner.glance import in_percent
 from planner.grading.profile import Profile, StiffnessScale, natural_bands
 from planner.grading.snap import snap_limit_mm, snapped_bands
+from planner.inverse_design import search
 from planner.inverse_design.controls import TABLE, Controls, StiffnessRange
 from planner.inverse_design.search import Case, DesignProblem, Solved, Tried, WantedOfPart, step
 from planner.numerics import BoolArray, FloatArray, interrupted
@@ -117,6 +118,8 @@ class Printing:
     ----------
     problem, best
         On the cells that plans are solved on, and the gradient that was found there.
+    larger
+        On larger cells.
     graded
         `planner.grade` of the part, given a profile and a table.
     scale
@@ -128,6 +131,7 @@ class Printing:
     wanted: WantedOfPart
     space: DesignSpace
     problem: DesignProblem
+    larger: DesignProblem
     best: Tried
     graded: Callable[..., Plan]
     scale: StiffnessScale
@@ -219,6 +223,23 @@ class Printing:
         change = -np.expm1(-span * change) / span
         return np.asarray(self._missed(self.best.figures) + self.best.by_share @ change)
 
+    def beyond(self) -> FloatArray:
+        """Return by how much the best gradient's print misses more than is foretold, (t,).
+
+        Of parts that bear side by side the stiffer ones bear more, so that a print is stiffer than
+        derivatives say, by a per cent or so. It is solved in larger cells, without interfaces.
+        """
+        none, larger = np.zeros(len(self.best.off)), self.larger
+        if self.dithered or not len(none):
+            return none
+        try:
+            there = replace(self, problem=larger, best=search.evaluate(larger, self.best.values))
+            coordinate, _ = larger.stiffness.coordinates(there._shares(self.best.values))
+            each = [case.solve(coordinate, tangent=False).values() for case in larger.cases]
+        except LostStabilityError:  # the print itself may have an equilibrium
+            return none
+        return there._missed(np.concatenate(each)) - there.foretold(self.best.values)
+
     def stepped(self, values: FloatArray, other: FloatArray) -> BoolArray:
         """Return the third of the controls about where two prints differ most, (n,)."""
         change = np.abs(self._shares(values) - self._shares(other))
@@ -290,14 +311,8 @@ def corrected(
     return kept._replace(solved=solved), max(tried, 1), stopped
 
 
-def _missed(one: "Print | _Try") -> float:
+def _missed(one: Print) -> float:
     return float(np.abs(one.misses).max(initial=0.0))
-
-
-class _Try(NamedTuple):
-    values: FloatArray
-    foretold: FloatArray
-    misses: FloatArray
 
 
 _STEEP, _CLOSE = 2.0, 0.02
@@ -308,30 +323,28 @@ step of what is printed between them. Numerical."""
 def _prints(printing: Printing) -> Iterator[Print]:
     """Yield prints, each nearer to the aim than the last as a rule, until all ways are gone.
 
-    One target is looked for between the nearest two that miss to either side. Where what is
-    printed steps there, as a cut passes a wall, what makes the step stays, and the others move.
+    One target is looked for between the nearest two that miss to either side, save where what is
+    printed steps there.
     """
-    base, still = printing.best.values, np.zeros(len(printing.best.values), np.bool_)
+    best = printing.best
     before: Sequence[Case] = printing.problem.cases
-    trail, known = list[_Try](), list[FloatArray]()
-    values = _aimed(printing, base, np.zeros(len(printing.best.off)), still)
-    while not still.all():
-        if len(known) > _MOST_PRINTS or any(np.array_equal(values, v) for v in known):
-            return
+    trail, known = list[Print](), list[FloatArray]()
+    values = _aimed(printing, best.values, -printing.beyond())
+    while len(known) <= _MOST_PRINTS and not any(np.array_equal(values, v) for v in known):
         known.append(values)
         try:
             one = printing.made(values, before)
         except LostStabilityError:  # cuts may leave a place that hangs by less than a cell
-            values = 0.5 * (values + trail[-1].values) if trail else printing.best.values
+            values = 0.5 * (values + trail[-1].values) if trail else best.values
             continue
         yield one
         before = one.cases
-        trail.append(_Try(one.values, printing.foretold(one.values), one.misses))
+        trail.append(one._replace(cases=[], solved=[]))
         if len(one.misses) == 1:
 
-            def apart(pair: tuple[_Try, _Try]) -> float:
+            def apart(pair: tuple[Print, Print]) -> float:
                 way = pair[0].values - pair[1].values
-                return float(np.abs(printing.best.slopes @ way).max())
+                return float(np.abs(best.slopes @ way).max())
 
             pairs = [(a, b) for a in trail for b in trail if a.misses > 0.0 >= b.misses]
             a, b = min(pairs, key=apart, default=(trail[-1], trail[-1]))
@@ -339,37 +352,40 @@ def _prints(printing: Printing) -> Iterator[Print]:
                 share = np.clip(a.misses / (a.misses - b.misses), 0.1, 0.9)
                 values = a.values + share * (b.values - a.values)
                 continue
-            if pairs:
-                trail = [min(trail, key=_missed)]
-                base, still = trail[0].values, still | printing.stepped(a.values, b.values)
-        values = _aimed(printing, base, trail[-1].foretold - trail[-1].misses, still)
+        nearest = min(trail, key=_missed)
+        values = _aimed(printing, best.values, printing.foretold(nearest.values) - nearest.misses)
 
 
 def _aimed(
-    printing: Printing, base: FloatArray, foretold: FloatArray, still: BoolArray
+    printing: Printing, base: FloatArray, foretold: FloatArray, still: BoolArray | bool = False
 ) -> FloatArray:
     """Return a gradient near another whose print is foretold to miss by so much.
 
-    Parameters
-    ----------
-    still : (n,)
-        Which controls stay as they are.
+    Where what is printed steps there, as a cut passes a wall, what makes the step stays as it is,
+    `still`, and the other controls move.
     """
     best, problem = printing.best, printing.problem
     weights = np.array([goal.weight for goal in problem.goals if goal.kind == "target"])
     beyond = best.off * (np.abs(best.off) > printing.tolerance * weights)  # out of reach
     aim, share, kept, least = np.zeros(len(foretold)), 1.0, base, np.inf
-    further = aim
+    further, sides = aim, dict[bool, tuple[float, FloatArray]]()
     for _ in range(_ROUNDS if len(foretold) else 0):
         at = replace(best, values=base, off=beyond - weights * aim)
         values = step(problem, at, np.where(still, 0.0, _REACH))
         misses = printing.foretold(values) - foretold
         missed = float(np.abs(misses).max())
+        side = bool(misses[0] > 0.0)
+        if missed < sides.get(side, (np.inf, values))[0]:
+            sides[side] = missed, values
         # Of the way: what is printed goes in steps, and further than is foretold.
         share = 0.5 * share if missed >= least or misses @ further < 0.0 else min(2 * share, 1.0)
         if missed < least:
             kept, least, nearest, further = values, missed, aim, misses
         if least <= 0.1 * printing.tolerance:
-            break
+            return kept
         aim = nearest - share * further
+    if len(foretold) == 1 and len(sides) == 2:  # what is printed steps between them
+        more = still | printing.stepped(sides[True][1], sides[False][1])
+        if not np.array_equal(more, still):
+            return _aimed(printing, kept, foretold, more)
     return kept

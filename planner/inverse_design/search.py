@@ -86,6 +86,9 @@ class WantedOfPart:
 _SETTLED = 5e-3
 """Numerical: equilibria are off by about its square, derivatives by about as much."""
 
+_TOLD = 3e-2
+"""The same, of figures that are only told."""
+
 
 @dataclass(eq=False)
 class Case:
@@ -119,8 +122,9 @@ class Case:
         Parameters
         ----------
         steps
-            Take so many equal ones from rest, and give up where one fails; by default from the
-            last equilibrium, else from rest by steps that are halved where they must be.
+            Take so many equal ones from rest, and give up where one fails: the equilibrium is as
+            good as is told. By default from the last one, else from rest by steps that are halved
+            where they must be.
         tangent
             As of `Mechanics.settle`.
 
@@ -134,20 +138,20 @@ class Case:
         self.mechanics = mechanics
         state, factored = self.state, self.factored
         self.factored = None  # its memory is taken
-        near = not steps and factored is not None and factored.analysis is self.analysis
+        # Where derivatives are wanted, the material is almost that of the factor.
+        near = tangent and factored is not None and factored.analysis is self.analysis
+        shares = np.linspace(0.0, 1.0, max(steps, 1) + 1)[1:].tolist()
+        way = mechanics.follow(
+            shares, settled=_TOLD if steps else _SETTLED, tangents=not steps, halves=not steps
+        )
         try:
-            if steps:
-                state = mechanics.at_rest()
-            elif state is None:
+            if steps or state is None:
                 raise LostStabilityError(0.0, None)
-            for share in np.linspace(0.0, 1.0, max(steps, 1) + 1)[1:].tolist():
-                state, factored = mechanics.settle(
-                    state, share, into=factored, near=near, settled=_SETTLED, tangent=tangent
-                )
+            state, factored = mechanics.settle(
+                state, 1.0, into=factored, near=near, settled=_SETTLED, tangent=tangent
+            )
         except LostStabilityError:
-            if steps:
-                raise
-            state, factored = list(mechanics.follow([1.0], settled=_SETTLED))[-1]
+            state, factored = list(way)[-1]
         assert factored is not None
         self.state, self.factored = state, factored
         return Solved(mechanics, state, factored, self.goals, self.shapes)
@@ -409,9 +413,9 @@ def _worst(each: FloatArray, sds: tuple[FloatArray, FloatArray], normal: float) 
     return normal * max(abs(float(each @ sd)) for sd in sds)
 
 
-_PLEASED, _SLACK = 0.03, 0.5
-"""A step that reaches the targets and gains less than this share of the merit, or less than this
-share of the tolerance weighs, is the last."""
+_PLEASED = 0.03
+"""A step that reaches the targets and gains less than this share of the merit, or less than a miss
+of the tolerance weighs, is the last."""
 
 
 class Found(NamedTuple):
@@ -513,7 +517,7 @@ def _enough(problem: DesignProblem, at: Tried, tolerance: float) -> float:
     """Return which gain is not worth a further step."""
     if missed(at) >= tolerance:
         return (1e-3 if at.shape > tolerance else 1e-5) * _merit(problem, at)
-    return max(_PLEASED * _merit(problem, at), _SLACK * tolerance * problem.miss_weight)
+    return max(_PLEASED * _merit(problem, at), tolerance * problem.miss_weight)
 
 
 def _tried(problem: DesignProblem, values: FloatArray) -> Tried | None:

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.mesh.mesh import Mesh, Topology
+from planner.mesh.mesh import Mesh, Topology, connected
 from planner.numerics import BoolArray, FloatArray, IntArray, kernel
 from planner.simulation.material_columns import SampledMaterial, column_place, located
 
@@ -148,12 +148,17 @@ def _halved(
     of = 2 * material.piece[was[order]]
     material = replace(material, segments=segments, shell=material.shell[was[order]])
     of[order >= len(rest)] += before[real]
-    group = material.connected(of).piece
+    pairs = material.touching(of >> 1, np.arange(len(of)))  # on both sides of a plane
+
+    def connected_by_side() -> NDArray[np.int32]:
+        return connected(len(of), *pairs[of[pairs[:, 0]] == of[pairs[:, 1]]].T)
+
+    group = connected_by_side()
     far = np.zeros(int(group.max()) + 1)
     reach = np.maximum(away[:, :-1], away[:, 1:])[real]
     np.maximum.at(far, group[order >= len(rest)], reach)
     of[(far[group] < deep) & plane[of >> 1].any(axis=1)] ^= 1
-    material = material.connected(of)
+    material = replace(material, piece=connected_by_side())
     half = np.empty(int(material.piece.max()) + 1, of.dtype)
     half[material.piece] = of
     return material, half >> 1, np.where(half & 1, 1.0, -1.0)

@@ -165,11 +165,12 @@ _FLAT = 0.05
 def _springs(cells: "CutCells", modulus_MPa: FloatArray) -> FloatArray:
     """Return the springs between the nodes of cells that meet, (m, 54, 54), N/mm."""
     met, stiff = cells.interface, modulus_MPa / float(cells.cell_mm.mean())
+    shapes = [shape_functions(met.local[:, s], cells.cell_mm)[0] for s in (0, 1)]
+    roots = np.sqrt(met.area_mm2)[:, None]
+    jumps = roots * np.concatenate([shapes[0], -shapes[1]], axis=1)
     out = np.empty((len(met.cells), 54, 54))
     for k, (a, b) in enumerate(itertools.pairwise(met.starts.tolist())):
-        root = np.sqrt(met.area_mm2[a:b])[:, None]
-        one, other = (shape_functions(met.local[a:b, s], cells.cell_mm)[0] for s in (0, 1))
-        jump = root * np.concatenate([one, -other], axis=1)
+        root, jump = roots[a:b], jumps[a:b]
         slope = met.local[a:b, 0] - met.local[a:b, 0].mean(axis=0)
         linear, size, _ = np.linalg.svd(root * np.column_stack([np.ones(b - a), slope]), False)
         even = linear[:, : min(np.count_nonzero(size > _FLAT * size[0]), 3)].T @ jump
@@ -323,9 +324,9 @@ _THREADS = 2
 _MOST_ITERATIONS = 40
 _SMALLEST_STEP = 1.0 / 64.0
 _SETTLED = 1e-6
-_FALLS = 0.5
-"""Of the change before: a larger one is not made with the factor before. Numerical: Newton's last
-changes fall by ten times and more."""
+_FALLS = 0.1
+"""Of the change before: a larger one is not made with the factor before. Newton's last changes fall
+by ten times and more; one that falls less may send slivers astray."""
 
 Progress = Callable[[float, int, float], None]
 """Called with the share of the load, the iteration, and the residual over the forces."""
@@ -719,11 +720,13 @@ class Mechanics:
         *,
         settled: float = _SETTLED,
         tangents: bool = True,
+        halves: bool = True,
     ) -> "Iterator[tuple[Equilibrium, Factor]]":
         """Yield the equilibria at rising shares of the load; steps are halved where they must be.
 
         The factor of each is good until the next is asked for; without `tangents` it is only the
-        last one's that is of its state. `settled` as of `settle`.
+        last one's that is of its state. `settled` as of `settle`. Without `halves` it is given up
+        where a step fails.
 
         Raises
         ------
@@ -745,7 +748,7 @@ class Mechanics:
                     )  # fmt: skip
                 except LostStabilityError as lost:
                     before, step = None, 0.5 * step
-                    if step < _SMALLEST_STEP:
+                    if step < _SMALLEST_STEP or not halves:
                         raise LostStabilityError(state.share, lost.place_mm) from lost
                     continue
                 before, (state, factored) = state, found

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from llvmlite import ir
-from numba.core import cgutils, types
+from numba.core import cgutils, config, types
 from numba.extending import get_cython_function_address, intrinsic
 from numpy.typing import NDArray
 
@@ -48,8 +48,9 @@ _TASKS = 8
 """A subtree of at most this share of all work is one task; cuts above are tasks of their own.
 Numerical: enough to keep two threads busy, few enough updates that wait at a time."""
 
-_THREADS = 2
-"""Chosen: the last cut's front is one thread's, and updates of more tasks wait in memory."""
+_THREADS = min(2, config.NUMBA_NUM_THREADS)  # type: ignore[attr-defined]
+"""Chosen: the last cut's front is one thread's, and updates of more tasks wait in memory. On one
+processor two take a twentieth longer than one: both want its cache."""
 
 # ------------------------------------------------------------------------------------------------
 # LAPACK and BLAS for compiled loops: factor, divide and multiply dense matrices in place.
