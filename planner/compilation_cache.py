@@ -77,7 +77,7 @@ class Loop:
         """Return what takes arguments of these types."""
         path = self._path(arguments)
         if path is not None:
-            with contextlib.suppress(OSError, EOFError, pickle.UnpicklingError, _NoNameError):
+            with contextlib.suppress(*_UNUSABLE):
                 entry = _linked(pickle.loads(path.read_bytes()), self.py_func)
                 with contextlib.suppress(OSError):  # another user's
                     os.utime(path)  # for _sweep
@@ -110,6 +110,13 @@ class Loop:
             return None
         name = f"{self.py_func.__module__}.{self.py_func.__name__}"
         return folder / f"{name}-{digest.hexdigest()[:32]}.nbc"
+
+
+_UNUSABLE = (
+    OSError, EOFError, pickle.UnpicklingError,  # a file that is gone, cut short or damaged
+    AttributeError, ImportError, KeyError, RuntimeError, TypeError,  # numba from within is another
+)  # fmt: skip
+"""What a file cannot be linked for; the loop is compiled then."""
 
 
 @cache
@@ -370,7 +377,7 @@ def _numba() -> Any:
 # What machine code is made of.
 
 
-class _NoNameError(Exception):
+class _NoNameError(RuntimeError):
     """A loop takes in something whose content cannot be told."""
 
 
