@@ -734,15 +734,22 @@ as a level of 5 %."""
 
 
 def posterior(log_odds: Mapping[HypothesisKey, float]) -> tuple[Hypothesis, ...]:
-    """Return probabilities, most probable first."""
+    """Return probabilities, most probable first.
+
+    Effects beside an unknown along an axis go by whichever of both is likelier alone: what an axis
+    explains, and effects mend, is no evidence for the effects.
+    """
     together: dict[Effects, float] = {}
     beside: dict[Effects, float] = {}
     total = float(logsumexp(list(log_odds.values())))
     for (effects, axis), value in log_odds.items():
-        key = UNKNOWN if not effects and axis else effects
+        named = bool(effects) and (
+            log_odds.get((effects, ""), -np.inf) >= log_odds.get(((), axis), -np.inf)
+        )
+        key = UNKNOWN if axis and not named else effects
         share = float(np.exp(value - total))
         together[key] = together.get(key, 0.0) + share
-        if effects and axis:
+        if named and axis:
             beside[key] = beside.get(key, 0.0) + share
     ranked = sorted(together, key=lambda e: (-together[e], e))
     return tuple(

@@ -65,6 +65,17 @@ def test_without_evidence_the_prior_stands() -> None:
     assert ranking[UNKNOWN].probability == pytest.approx(0.1 / total)
 
 
+@pytest.mark.parametrize(("alone", "named"), [(50.0, True), (20.0, False)])
+def test_effects_beside_an_unknown_go_by_the_likelier_of_both(alone: float, named: bool) -> None:
+    """What a gap's own axis explains, and an effect mends, is no evidence for the effect."""
+    evidence = dict.fromkeys(PRIOR, 0.0) | {
+        (RATE, ""): alone, ((), "operator"): 40.0, (RATE, "operator"): 100.0,
+    }  # fmt: skip
+    best = posterior(log_odds(weighed(evidence)))[0]
+    assert best.effects == (RATE if named else UNKNOWN)
+    assert best.with_unknown == pytest.approx(float(named))
+
+
 def test_more_evidence_is_more_probability() -> None:
     shares = []
     for gain in (0.0, 2.0, 10.0, 100.0, 1e3, 1e5):
