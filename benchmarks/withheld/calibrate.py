@@ -36,7 +36,7 @@ from planner.cli.output import progress
 from planner.gap.campaign_folder import read_campaign
 from planner.gap.diagnose import prepared
 from planner.gap.evidence.weigh import (
-    ANY,
+    EVERY_TEST,
     Evidence,
     HypothesisKey,
     Priors,
@@ -140,7 +140,7 @@ def _log_prior(priors: Priors, key: HypothesisKey, claimed: frozenset[str]) -> f
     if not effects:
         if not axis:
             return math.log(priors.none)
-        share = 1.0 - priors.axes if axis == ANY else priors.axes * of_axis
+        share = 1.0 - priors.axes if axis == EVERY_TEST else priors.axes * of_axis
         return math.log(priors.unknown * share)
     # A further effect is as rare beside two as a second is beside one.
     further = (priors.pair / priors.single) ** (len(effects) - 1)

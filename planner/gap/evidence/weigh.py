@@ -264,7 +264,7 @@ _OF_SOME = 0.25
 """Prior share, of an effect that may hold for some specimens only, that it does. Chosen: faults of
 a machine mostly hold for all that it tested."""
 
-ANY = "every test"
+EVERY_TEST = "every test"
 """In place of an axis, of an unknown that goes along every test."""
 
 _FREE = 0.15
@@ -387,7 +387,7 @@ def weigh(problem: Problem, priors: Priors) -> Weighed:
         if world.discrepancy <= _law_errors(problem)[0]:
             result.add((), "", logs.none, evidence)
         else:
-            result.add((), ANY, logs.any, evidence)
+            result.add((), EVERY_TEST, logs.any, evidence)
     if logs.some:
         _add_subset(none, worlds, result)
     result.settled = _settled(result.worlds, logs)
@@ -976,7 +976,7 @@ def ranking_of(evidence: Evidence, priors: Priors) -> tuple[Hypothesis, ...]:
 def _counted(found: Mapping[HypothesisKey, float], priors: Priors) -> float:
     """Return the share of log evidence that counts."""
     # Over no effect in models that are exact, or that all miss.
-    none = max(found.get(((), axis), -np.inf) for axis in ("", ANY))
+    none = max(found.get(((), axis), -np.inf) for axis in ("", EVERY_TEST))
     return priors.counted(max(found.values()) - none)
 
 

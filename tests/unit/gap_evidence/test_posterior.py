@@ -245,7 +245,12 @@ def test_a_gap_lies_where_its_likely_causes_do() -> None:
     )
     p = {(): 0.1, RATE: 0.4, SLIP: 0.1, BOTH: 0.05, UNKNOWN: 0.35}
     ranking = [Hypothesis(effects, share) for effects, share in p.items()]
-    keys = {((), "operator"): 0.5, ((), "any"): 0.25, ((), weigh.ANY): 0.25, (RATE, "any"): 9.0}
+    keys = {
+        ((), "operator"): 0.5,
+        ((), "any"): 0.25,
+        ((), weigh.EVERY_TEST): 0.25,
+        (RATE, "any"): 9.0,
+    }
     found = Evidence({key: np.log(share) for key, share in keys.items()}, dict.fromkeys(keys, 0.0))
     axes = axes_of(problem, found, ranking, Priors())  # type: ignore[arg-type]
     everywhere = 0.5 * 0.35
