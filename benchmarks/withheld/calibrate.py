@@ -69,6 +69,7 @@ def collected(folder: Path, without: tuple[str, ...] = ()) -> dict[str, Any]:
         "scatter_like": sorted(found.scatter_like),
         "of_unlike": sorted(map(list, found.of_unlike)),
         "closes": sorted([list(effects), closes] for effects, closes in found.closes.items()),
+        "without": sorted([list(e), list(fewer)] for e, fewer in found.without.items()),
         "priors": asdict(Priors()),
     }
 
@@ -96,6 +97,7 @@ def _case(truth: Truth, name: str, without: tuple[str, ...], document: Mapping[s
         scatter_like=frozenset(document["scatter_like"]),
         of_unlike=frozenset(map(tuple, document["of_unlike"])),
         closes={tuple(effects): closes for effects, closes in document["closes"]},
+        without={tuple(e): tuple(fewer) for e, fewer in document["without"]},
     )
     tier = LEFT_OUT if without else entry.tier
     claimed = frozenset(document["claimed"])

@@ -46,7 +46,6 @@ from planner.gap.evidence.problem import (
 from planner.gap.evidence.settle import World
 from planner.gap.evidence.weigh import (
     ENOUGH_SPECIMENS,
-    NO_GAP,
     UNKNOWN,
     Priors,
     Weighed,
@@ -405,8 +404,13 @@ class _Predictor:
         return np.asarray(self.before * (after / np.maximum(before, 1e-300)))
 
 
+_NO_GAP = 1.02
+"""Error before over the floor up to which no share of it closes. Chosen: the floor itself is known
+no better, and a share of nothing is none."""
+
+
 def _closed(before: float, after: float, floor: float) -> float | None:
-    if before <= NO_GAP * floor:
+    if before <= _NO_GAP * floor:
         return None
     return 1.0 - (after - floor) / (before - floor)
 

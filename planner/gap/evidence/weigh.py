@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 from itertools import permutations
 
 import numpy as np
-from scipy.special import logsumexp
+from scipy.special import chdtri, logsumexp, stdtrit
 
 from planner.gap.campaign import axis_columns
 from planner.gap.diagnosis import Detectable, Effects, FoundEffect, Hypothesis
@@ -22,12 +22,11 @@ from planner.gap.evidence.problem import (
 )
 from planner.gap.evidence.settle import Elimination, Settled, World, nothing, settle
 from planner.gap.noise import FIT_SD, UNIT_GAINS, Scatter
-from planner.numerics import BoolArray, FloatArray, kernel
+from planner.numerics import BoolArray, FloatArray, IntArray, kernel
 
 __all__ = [
     "ALIKE_COSINE",
     "ENOUGH_SPECIMENS",
-    "NO_GAP",
     "UNKNOWN",
     "Priors",
     "Weighed",
@@ -841,6 +840,8 @@ class Evidence:
         Effects with a gain of some specimens, but for a unit's, where replicates are not alike.
     closes
         Of the best effects of the library, whether errors fall with them.
+    without
+        Of effects with which errors of force rise, fewer of them with which they do not.
     specimens
         How many.
     """
@@ -852,25 +853,22 @@ class Evidence:
     scatter_like: frozenset[str] = frozenset()
     of_unlike: frozenset[Effects] = frozenset()
     closes: Mapping[Effects, bool] = field(default_factory=dict)
+    without: Mapping[Effects, Effects] = field(default_factory=dict)
 
     @property
     def vain(self) -> frozenset[Effects]:
-        """Effects that close nothing."""
-        return frozenset(effects for effects, closes in self.closes.items() if not closes)
+        """Effects that close nothing, or less than fewer of them."""
+        return frozenset(e for e, closes in self.closes.items() if not closes) | {*self.without}
 
 
 def evidence_of(problem: Problem, weighed: Weighed) -> Evidence:
     """Return what a campaign's ranking goes by."""
-    errors = squared_errors(problem, Candidate(()))
-    floor = replicate_floor(problem)
-    known = np.isfinite(errors if floor is None else floor) & ~problem.strays
+    closes, without = _explained(problem, weighed)
     return Evidence(
         log_prior=weighed.log_prior,
         log_evidence=weighed.log_evidence,
         specimens=len(problem.campaign.specimens),
-        within_floor=floor is not None
-        and bool(np.mean(errors[known]) <= NO_GAP**2 * np.mean(floor[known]))
-        and not problem.apart.any(),
+        within_floor=_within_floor(problem) and not problem.apart.any(),
         # What a sensor does to all specimens of one condition, their scatter does as well.
         scatter_like=frozenset(
             b.effect.id
@@ -884,8 +882,32 @@ def evidence_of(problem: Problem, weighed: Weighed) -> Evidence:
             and candidate.members is not None
             and not _in_another_unit(candidate)
         ),
-        closes=_closes(weighed),
+        closes=closes,
+        without=without,
     )
+
+
+_BY_CHANCE = 0.05
+"""Level of the test of lack of fit. Convention."""
+
+
+def _within_floor(problem: Problem) -> bool:
+    """Return whether the palette misses by no more than replicates differ by, but for chance.
+
+    That is the test of lack of fit against pure error. Where nothing but scatter is wrong, the
+    squared error of n specimens in G groups of replicates, over the floor's, is 1 + (X - G) / n
+    with X of chi squared, G degrees of freedom. Few specimens do not show that there is nothing.
+    """
+    floor = replicate_floor(problem)
+    if floor is None:
+        return False
+    known = np.isfinite(floor) & ~problem.strays
+    most, n = 1.0, int(known.sum())
+    if len(problem.campaign.specimens) >= ENOUGH_SPECIMENS:
+        groups = sum(bool(known[list(members)].any()) for members in problem.model.replicates)
+        most += (float(chdtri(groups, _BY_CHANCE)) - groups) / n
+    errors = squared_errors(problem, Candidate(()))
+    return bool(np.mean(errors[known]) <= most * np.mean(floor[known]))
 
 
 _LOOKED_AT = 12
@@ -893,11 +915,14 @@ _LOOKED_AT = 12
 a diagnosis ranks."""
 
 
-def _closes(weighed: Weighed) -> Mapping[Effects, bool]:
-    """Return whether tests' errors fall with the best effects, and with fewer of each.
+def _explained(
+    problem: Problem, weighed: Weighed
+) -> tuple[Mapping[Effects, bool], Mapping[Effects, Effects]]:
+    """Return `Evidence.closes` and `Evidence.without`, of the best effects and of fewer of each.
 
     Laws are as they likeliest are with the effects, and without: what the palette is off by is no
-    effect's to close.
+    effect's to close. Nor is it one's to open: a further effect that only a law far off makes up
+    for raises the errors of force by the palette's own laws.
     """
     value = {
         e: weighed.log_evidence[e, ""]
@@ -905,12 +930,38 @@ def _closes(weighed: Weighed) -> Mapping[Effects, bool]:
         if e and (e, "") in weighed.log_evidence
     }
     best = sorted(value, key=lambda e: -value[e])[:_LOOKED_AT]
-    found: dict[Effects, bool] = {}
-    for effects in (e for e in value if any(set(e) <= set(b) for b in best)):
+    closes: dict[Effects, bool] = {}
+    without: dict[Effects, Effects] = {}
+    errors: dict[Effects, FloatArray] = {}
+    for effects in sorted((e for e in value if any(set(e) <= set(b) for b in best)), key=len):
         candidate = weighed.best[effects]
         before = weighed.settled_as(candidate).world.error(Candidate(()))
-        found[effects] = _falls(before, weighed.error(candidate))
-    return found
+        closes[effects] = _falls(before, weighed.error(candidate))
+        errors[effects] = own = squared_errors(problem, candidate)
+        fewer = [
+            e
+            for e in errors
+            if set(e) < set(effects) and closes[e] and _rise(errors[e], own, problem.model.test_of)
+        ]
+        if fewer:
+            without[effects] = min(fewer, key=lambda e: np.nanmean(errors[e]))
+    return closes, without
+
+
+_RISE_BY_CHANCE = 0.01
+"""Level of the test of whether errors rise. Convention: 1 %, as several effects are asked."""
+
+
+def _rise(before: FloatArray, after: FloatArray, test_of: IntArray) -> bool:
+    """Return whether tests' errors rise, by a paired t test."""
+    known = np.isfinite(before) & (test_of >= 0)
+    count = np.bincount(test_of[known])
+    tests = count > 0
+    rise = np.bincount(test_of[known], (after - before)[known])[tests] / count[tests]
+    if (freedom := len(rise) - 1) < 1:
+        return False
+    least = float(stdtrit(freedom, 1.0 - _RISE_BY_CHANCE))
+    return bool(rise.mean() > least * rise.std(ddof=1) / np.sqrt(len(rise)))
 
 
 _RESOLVED = 0.005
@@ -926,20 +977,16 @@ def _falls(before: float, after: float) -> bool:
 # From weighed hypotheses to the ranking that a diagnosis reports.
 
 
-NO_GAP = 1.02
-"""Error before over the floor up to which there is nothing to close. Chosen: the floor itself is
-known no better, and a share of nothing is none."""
-
-
 def ranking_of(evidence: Evidence, priors: Priors) -> tuple[Hypothesis, ...]:
     """Return hypotheses, the most probable first.
 
     Evidence counts the share of itself that `Priors` say. A gap no larger than what replicates
     differ by is no unknown one; a right effect may be smaller than that. What closes nothing is
     hardly an explanation: of a gap that is larger it speaks for what closes it, or for an unknown.
-    It is not ruled out, as each specimen may have its own size of a right effect. Where replicates
-    are not alike, a condition that nobody wrote down is as likely as a gain of some. Very few
-    specimens show a gap, not its cause: the rest of what they name is unknown.
+    What raises the errors of force speaks for what does without. Neither is ruled out, as each
+    specimen may have its own size of a right effect. Where replicates are not alike, a condition
+    that nobody wrote down is as likely as a gain of some. Very few specimens show a gap, not its
+    cause: the rest of what they name is unknown.
     """
     found = evidence.log_evidence
     counts = _counted(found, priors)
@@ -948,13 +995,16 @@ def ranking_of(evidence: Evidence, priors: Priors) -> tuple[Hypothesis, ...]:
     )
     p = {h.effects: h.probability for h in ranking}
     unlikely = float(np.exp(-_ALIKE_NATS))
+    for effects, fewer in evidence.without.items():
+        _give(p, {effects: 1.0 - unlikely}, fewer)
+    vain = [effects for effects, closes in evidence.closes.items() if not closes]
     if evidence.within_floor:
         no_gap = dict.fromkeys([UNKNOWN, *((id,) for id in evidence.scatter_like)], 1.0)
-        _give(p, dict.fromkeys(evidence.vain, 1.0 - unlikely) | no_gap, ())
+        _give(p, dict.fromkeys(vain, 1.0 - unlikely) | no_gap, ())
     else:
         # In proportion, and to an unknown as if that were `_ALIKE_NATS` below what gives: what has
         # less yet, as a third effect that fits by chance, is no better explanation.
-        given = (1.0 - unlikely) * sum(p.get(effects, 0.0) for effects in evidence.vain)
+        given = (1.0 - unlikely) * sum(p.get(effects, 0.0) for effects in vain)
         closing = sum(p.get(e, 0.0) for e, closes in evidence.closes.items() if closes)
         each = given / max(closing + unlikely * given, 1e-300)
         for effects in p.keys() & evidence.closes.keys():

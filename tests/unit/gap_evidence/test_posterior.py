@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from types import SimpleNamespace
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -262,3 +263,46 @@ def test_errors_fall_by_more_than_an_idle_effect_moves_them() -> None:
     assert weigh._falls(1.0, 0.99)
     assert not weigh._falls(1.0, 0.998)
     assert not weigh._falls(1.0, 1.01)
+
+
+def test_what_raises_errors_of_force_speaks_for_what_does_without() -> None:
+    plain = probabilities(evidence(3.0))
+    found = probabilities(evidence(3.0, without={BOTH: RATE}))
+    given = (1.0 - UNLIKELY) * plain[BOTH]
+    assert found[RATE] == pytest.approx(plain[RATE] + given)
+    assert found[BOTH] == pytest.approx(plain[BOTH] - given)
+
+
+@pytest.mark.parametrize(("rise", "expected"), [(0.0, False), (0.05, True)])
+def test_errors_rise_where_they_do_so_in_most_tests(rise: float, expected: bool) -> None:
+    """Two specimens in each of ten tests, one that is left out; single ones say nothing."""
+    test_of = np.array([*np.repeat(np.arange(10), 2), -1])
+    own = 0.02 * np.random.default_rng(0).standard_normal(21)
+    before = np.full(21, 0.3)
+    after = before + rise + own - own[:-1].mean()
+    after[-1] = 9.0
+    assert weigh._rise(before, after, test_of) is expected
+    assert not weigh._rise(before[:2], before[:2] + 1.0, test_of[:2])
+
+
+@pytest.mark.parametrize(("groups", "each"), [(1, 18), (3, 6), (15, 2)])
+def test_a_palette_without_an_error_is_within_the_floor_in_nineteen_of_twenty(
+    groups: int, each: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Specimens are made so that they differ by just the floor; their means are drawn."""
+    rng, n, within = np.random.default_rng(3), groups * each, []
+    members = np.arange(n).reshape(groups, each)
+    problem = SimpleNamespace(
+        strays=np.zeros(n, dtype=bool),
+        campaign=SimpleNamespace(specimens=[None] * n),
+        model=SimpleNamespace(replicates=members.tolist()),
+    )
+    monkeypatch.setattr(weigh, "replicate_floor", lambda _: np.ones(n))
+    for _ in range(2000):
+        level = rng.standard_normal((groups, each))
+        mean = level.mean(axis=1, keepdims=True)
+        error = (mean + (level - mean) / level.std(axis=1, ddof=1, keepdims=True)) ** 2
+        monkeypatch.setattr(weigh, "squared_errors", Mock(return_value=error.ravel()))
+        within.append(weigh._within_floor(problem))  # type: ignore[arg-type]
+    # Three standard errors of 2,000.
+    assert np.mean(within) == pytest.approx(0.95, abs=0.015)
