@@ -1,8 +1,8 @@
 """Weigh all hypotheses, and go from evidence to probabilities: the verdict, and its class."""
 
-from collections.abc import Collection, Hashable, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import permutations
+from itertools import combinations, permutations, product
 
 import numpy as np
 from scipy.special import chdtri, logsumexp, stdtrit
@@ -587,40 +587,42 @@ def _settled(worlds: Sequence[World], logs: _LogPriors) -> list[Settled]:
         for c in _partners(one, logs)[:_PARTNERS]
     }
     both = [settle(worlds, c, world) for c in pairs.values()]
-    # What looks best with surrogates' forms is looked at in all, and a third effect beside it.
-    leading = max(both, key=odds, default=None)
-    if leading is None or odds(leading) < max(map(odds, settled)):
+    leading = sorted(both, key=odds, reverse=True)[:_BESIDE]
+    if not leading or odds(leading[0]) < max(map(odds, settled)):
         return [*settled, *both]
-    forms = {
-        frozenset(b.number for b in c.branches): c
-        for id, other in (leading.candidate.effects, leading.candidate.effects[::-1])
-        if (id,) in best
-        for c in _partners(best[id,], logs, of=(other,))
-    }
-    # Each once, or the pair would count so many times.
-    for one in both:
-        forms.pop(frozenset(b.number for b in one.candidate.branches), None)
-    both += [settle(worlds, c, world) for c in forms.values()]
-    leading = max(both, key=odds)
-    thirds = _partners(leading, logs)[:_PARTNERS]
-    return [*settled, *both, *(settle(worlds, c, leading.world) for c in thirds)]
+    # What looks best with some forms is looked at in all, and a third effect beside it; then any
+    # two of the best three. Each once, or it would count so many times.
+    pairs_in_all = {one.candidate.effects for one in leading}
+    thirds: dict[Effects, Settled] = {}
+    known = {frozenset(b.number for b in one.candidate.branches) for one in both}
+    for _ in range(2):
+        for effects in sorted(pairs_in_all):
+            for c in _in_all_forms(effects, settled):
+                forms = frozenset(b.number for b in c.branches)
+                if forms not in known:
+                    known.add(forms)
+                    both.append(settle(worlds, c, world))
+        likeliest = max(both, key=odds)
+        for c in _partners(likeliest, logs)[:_PARTNERS]:
+            if c.effects not in thirds:
+                thirds[c.effects] = settle(worlds, c, likeliest.world)
+        pairs_in_all = set(combinations(max(thirds.values(), key=odds).candidate.effects, 2))
+    return [*settled, *both, *thirds.values()]
 
 
-def _partners(one: Settled, logs: _LogPriors, of: Effects | None = None) -> list[Candidate]:
-    """Return a settled candidate joined with each other effect in its best form, the best first.
+def _in_all_forms(effects: Effects, singles: Sequence[Settled]) -> list[Candidate]:
+    """Return effects together in each form with each: one alone does not tell what suits both."""
+    of = [[one.candidate for one in singles if one.candidate.effects == (id,)] for id in effects]
+    return [joined([part for c in each for part in c.parts]) for each in product(*of)]
 
-    Parameters
-    ----------
-    of
-        One effect instead, of which every form is returned.
-    """
+
+def _partners(one: Settled, logs: _LogPriors) -> list[Candidate]:
+    """Return a settled candidate joined with each other effect in its best form, the best first."""
     own = one.candidate
-    found = sorted(one.beside(), key=lambda c: -(c.log_evidence + logs.forms(c)))
-    best: dict[Hashable, Candidate] = {}
-    for c in found:
-        if not set(c.effects) & set(own.effects) and of in (None, c.effects):
-            key = c.effects if of is None else c.branches[0].form.name
-            best.setdefault(key, joined([*own.parts, *c.parts]))
+    best: dict[Effects, Candidate] = {}
+    for c in sorted(one.beside(), key=lambda c: -(c.log_evidence + logs.forms(c))):
+        if not set(c.effects) & set(own.effects):
+            best.setdefault(c.effects, joined([*own.parts, *c.parts]))
     return list(best.values())
 
 

@@ -5,7 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.thermo_viscoelastic import measured, write_campaign
 from planner.gap.campaign import Campaign
+from planner.gap.campaign_folder import read_campaign
 from planner.gap.diagnose import diagnose, prepared
 from planner.gap.effects import EFFECTS
 from planner.gap.evidence.problem import Candidate, Problem, replicate_floor, set_up
@@ -99,6 +101,17 @@ def test_three_effects_are_found_together(planned, imitated) -> None:
     best = max(found.log_evidence, key=found.log_evidence.__getitem__)
     assert best == (three, "")
     assert len(found.best[three].branches) == 3
+
+
+@pytest.mark.slow
+def test_rate_and_temperature_are_one_law_though_neither_alone_shows_it(tmp_path) -> None:
+    """Of forms that are best alone, or one beside another's best, 129 nats fewer."""
+    write_campaign(tmp_path, measured(np.random.default_rng((1, 3))))
+    problem, *_ = prepared(read_campaign(tmp_path))
+    found = weigh(problem, Priors())
+    best = found.best["rate", "temperature"]
+    assert [b.form.name for b in best.branches] == ["spectrum", "any-course"]
+    assert verdict_of(ranking_of(evidence_of(problem, found), Priors())) == best.effects
 
 
 def test_a_record_starts_as_it_was_read(planned, imitated) -> None:
