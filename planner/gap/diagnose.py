@@ -698,7 +698,7 @@ def diagnose(
             effect=found_effects(problem, weighed, chosen),
             remainder=remainder,
             data_quality=data_quality,
-            next_experiments=next_experiments(problem, weighed, ranking, rng),
+            next_experiments=next_experiments(problem, weighed, ranking),
             detectable=detectable_sizes(problem, nodes, priors),
             limitations=(
                 *campaign.limitations,
