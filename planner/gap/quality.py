@@ -14,8 +14,9 @@ from scipy.special import stdtr
 
 from planner.formats.specimens import SPECIMEN_COLUMNS, SpecimenColumn
 from planner.formats.units import OWN, QUANTITIES, QUANTITY_UNITS, UnitOf, unit_near
-from planner.gap.campaign import Campaign, Specimen, replicate_groups
+from planner.gap.campaign import Campaign, Specimen, axis_columns, replicate_groups
 from planner.gap.diagnosis import FoundEffect, QualityProblem
+from planner.gap.localise import specimen_patterns
 from planner.gap.observations import BRANCHES, ObservationModel
 from planner.gap.segments import (
     hold_share,
@@ -526,7 +527,7 @@ def _outliers(
 
 
 # ------------------------------------------------------------------------------------------------
-# A smooth trend of a figure over material and conditions, that a few strays do not move.
+# A trend of loads over all that may vary, that a few strays do not move.
 
 
 _ROUNDS = 60
@@ -535,47 +536,28 @@ _SMALLEST = 1e-4
 squares. Numerical: of ln load, a hundredth of any scatter."""
 
 
-def _trend_residuals(specimens: Sequence[Specimen], values: Sequence[float]) -> FloatArray | None:
-    """Return what a least-absolute-deviations fit over the conditions leaves of each value.
+def _trend_residuals(campaign: Campaign, loads: Mapping[int, float]) -> FloatArray | None:
+    """Return what a least-absolute-deviations fit over the campaign's columns leaves of each load.
 
-    Columns: one a material or design and orientation, log rate, temperature, the root of the
-    soaking time, log age; iteratively reweighted least squares.
+    It is iteratively reweighted least squares.
 
     Returns
     -------
     residuals
-        None where there are not twice as many specimens as columns and four more.
+        None where there are not twice as many specimens as free patterns and four more.
     """
-    matrix = _design(specimens)
-    if len(values) < 2 * matrix.shape[1] + 4:
+    columns = [column for name, column in axis_columns(campaign).items() if name != "specimen"]
+    patterns = [specimen_patterns([column[i] for i in loads]) for column in columns]
+    matrix = np.column_stack([np.ones(len(loads)), *(p for p in patterns if p is not None)])
+    if len(loads) < 2 * np.linalg.matrix_rank(matrix) + 4:
         return None
-    y = np.asarray(values, dtype=np.float64)
+    y = np.array(list(loads.values()))
     residuals: FloatArray = y - np.median(y)
     for _ in range(_ROUNDS):
         weight = 1.0 / np.sqrt(np.maximum(np.abs(residuals), _SMALLEST))
         solution = np.linalg.lstsq(matrix * weight[:, None], y * weight, rcond=1e-9)[0]
         residuals = y - matrix @ solution
     return residuals
-
-
-def _design(specimens: Sequence[Specimen]) -> FloatArray:
-    columns = _indicators([s.named for s in specimens])
-    columns += _indicators([s.orientation for s in specimens])[1:]
-    for name, described in SPECIMEN_COLUMNS.items():
-        values = [getattr(s, name) for s in specimens]
-        known = [v for v in values if v is not None]
-        if described.is_size or described.choices is not None or not known:
-            continue
-        usual = np.median(known)
-        column = described.scale(np.array([usual if v is None else v for v in values]))
-        spread = float(np.ptp(column))
-        if spread > 1e-9:
-            columns.append((column - column.mean()) / spread)
-    return np.stack(columns, axis=1)
-
-
-def _indicators(labels: Sequence[str | None]) -> list[FloatArray]:
-    return [np.array([float(v == k) for v in labels]) for k in dict.fromkeys(labels)]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -642,7 +624,7 @@ def _unit_problems(campaign: Campaign, loads: Mapping[int, float]) -> list[Quali
     specimens = campaign.specimens
     off = _among_replicates(specimens, loads)
     rest = {i: v for i, v in loads.items() if i not in off}
-    off |= _apart_from_trend(specimens, rest)
+    off |= _apart_from_trend(campaign, rest)
     rest = {i: v for i, v in loads.items() if i not in off}
     materials = _materials_apart(specimens, rest)
     problems = [
@@ -689,20 +671,15 @@ def _among_replicates(
     return off
 
 
-def _apart_from_trend(
-    specimens: Sequence[Specimen], loads: Mapping[int, float]
-) -> dict[int, float]:
-    """Single specimens that a smooth trend over material and conditions leaves off by a factor."""
-    places = sorted(loads)
-    residuals = _trend_residuals([specimens[i] for i in places], [loads[i] for i in places])
-    if residuals is None:
+def _apart_from_trend(campaign: Campaign, loads: Mapping[int, float]) -> dict[int, float]:
+    """Single specimens that a trend over material and conditions leaves off by a factor."""
+    residuals = _trend_residuals(campaign, loads)
+    if residuals is None or float(np.median(np.abs(residuals))) * 1.4826 > _STEADY:
         return {}
-    single = {group[0] for group in replicate_groups(specimens) if len(group) == 1}
-    if float(np.median(np.abs(residuals))) * 1.4826 > _STEADY:
-        return {}
+    single = {group[0] for group in replicate_groups(campaign.specimens) if len(group) == 1}
     return {
         i: float(r)
-        for i, r in zip(places, residuals, strict=True)
+        for i, r in zip(loads, residuals, strict=True)
         if i in single and _slip(float(r), _AMONG_REPLICATES) is not None
     }
 

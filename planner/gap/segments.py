@@ -7,6 +7,7 @@ from itertools import pairwise
 from typing import Any, Literal
 
 import numpy as np
+from scipy.signal import find_peaks
 
 from planner.errors import FileError
 from planner.formats.specimens import SPECIMEN_COLUMNS
@@ -140,25 +141,14 @@ def _least_turn_mm(travel_mm: FloatArray) -> float:
 
 def _turns(values: FloatArray, least: float) -> IntArray:
     """Return the ends and the turns between them, of more than `least` each."""
-    corners, low, high, rising = [0], 0, 0, 0
-    for i, value in enumerate(values.tolist()):
-        if value > values[high]:
-            high = i
-        if value < values[low]:
-            low = i
-        if rising >= 0 and values[high] - value > least:
-            if high > 0:
-                corners.append(high)
-            rising, low, high = -1, i, i
-        elif rising <= 0 and value - values[low] > least:
-            if low > 0:
-                corners.append(low)
-            rising, low, high = 1, i, i
-    last = len(values) - 1
-    end = {1: high, -1: low, 0: last}[rising]
-    if end != corners[-1]:
-        corners.append(end)
-    return np.array(corners, dtype=np.int64)
+    peaks, valleys = (
+        find_peaks(way * values, prominence=(least, None), plateau_size=1)[1]["left_edges"]
+        for way in (1.0, -1.0)
+    )
+    corners = np.unique(np.concatenate([[0], peaks, valleys]))
+    # What follows the last turn ends where it has come farthest.
+    since = np.abs(values[corners[-1] :] - values[corners[-1]])
+    return np.append(corners, corners[-1] + np.argmax(since)) if since.any() else corners
 
 
 # ------------------------------------------------------------------------------------------------
