@@ -14,7 +14,7 @@ from planner.gap.diagnosis import SIGNIFICANT, Location
 from planner.gap.noise import SpecimenNoise
 from planner.gap.observations import BRANCHES, FeatureTable
 from planner.glance import counted
-from planner.numerics import BoolArray, FloatArray, IntArray
+from planner.numerics import BoolArray, FloatArray, IntArray, normal_quantile
 from planner.simulation.bar import ProfileDesign, step_places_mm
 
 __all__ = ["Whitening", "axis_patterns", "localise", "specimen_patterns"]
@@ -24,9 +24,10 @@ __all__ = ["Whitening", "axis_patterns", "localise", "specimen_patterns"]
 # Every axis with its patterns: columns of specimens.csv, then what lies within tests.
 
 
-_CURVED = 0.4
-"""Size of a pattern that bends or steps along a column, relative to a straight one's. Chosen: most
-of what goes with a condition is a trend."""
+_LESS = 0.4
+"""Size of a pattern that bends or steps along a column, relative to a straight one's; and of what
+changes along a path, relative to what multiplies the whole of it. Chosen: most of what goes with a
+condition is a trend, and most unknown causes act on all of a curve."""
 
 _LEAP = 0.05
 """Half the width, of a column's range from -1 to 1, that counts as neither side of a step in its
@@ -35,10 +36,6 @@ middle. Numerical: rounding of a value that is meant to be the middle."""
 _SMALL, _MIDDLING, _LARGE = 0.03, 0.12, 0.3
 """Strains of patterns along strain: two that fade, and one that grows. Chosen: in steps of three to
 four, up to a usual pull's end."""
-
-_CHANGING = 0.4
-"""Size of what changes along a path, relative to what multiplies the whole of it. Chosen: most
-unknown causes act on all of a curve, and not alike all along it."""
 
 
 _HOLD = BRANCHES.index("hold")
@@ -63,7 +60,7 @@ def axis_patterns(
         patterns = specimen_patterns(cells[name])
         if patterns is not None:
             rows = patterns[table.specimen]
-            changing = _CHANGING * 2.0 * h * travel
+            changing = _LESS * 2.0 * h * travel
             found[name] = [rows * h[:, None], rows * changing[:, None]]
     strain = np.minimum(table.strain, 1.0)
     bumps = [np.exp(-strain / _SMALL), np.exp(-strain / _MIDDLING), strain / _LARGE]
@@ -119,7 +116,7 @@ def specimen_patterns(cells: Sequence[str | float | None]) -> FloatArray | None:
         low, high = min(at[known]), max(at[known])
         t = 2.0 * (at - low) / (high - low) - 1.0
         bend, leap = 1.5 * t * t - 0.5, np.sign(t) * (np.abs(t) > _LEAP)
-        patterns = np.stack([t, _CURVED * bend, _CURVED * leap], axis=1)
+        patterns = np.stack([t, _LESS * bend, _LESS * leap], axis=1)
     elif len(distinct) <= max(2, len(values) // 2):
         patterns = _indicators(cells, distinct)
     else:
@@ -380,15 +377,11 @@ class _Case:
         weight = self.weight[rows]
         return float(weight @ self.log[rows] / weight.sum()) if weight.sum() > 0.0 else None
 
-    def sentence(
-        self, parts: Iterable[_Part], *, ordered: bool = False, alike: str | None = None
-    ) -> str:
+    def sentence(self, parts: Iterable[_Part], alike: str | None = None) -> str:
         """Return where the gap is highest and lowest.
 
         Parameters
         ----------
-        ordered
-            Tell all parts as they come.
         alike
             What to say where they hardly differ.
         """
@@ -399,11 +392,10 @@ class _Case:
         logs = [mean for mean, _, _ in found]
         if alike is not None and max(logs) - min(logs) < _ALIKE:
             return f"force {_off(float(np.mean(logs)))} {alike}"
-        if not ordered:
-            # The one farthest from prediction first, then the one farthest from it.
-            first = max(found, key=lambda f: abs(f[0]))
-            second = max(found, key=lambda f: abs(f[0] - first[0]))
-            found = [first, second][: len(found)]
+        # The one farthest from prediction first, then the one farthest from it.
+        first = max(found, key=lambda f: abs(f[0]))
+        second = max(found, key=lambda f: abs(f[0] - first[0]))
+        found = [first, second][: len(found)]
         told = [
             f"{_off(mean)} {name}" + (f" ({counted(n, 'specimen')})" if n else "")
             for mean, name, n in found
@@ -542,7 +534,7 @@ def _hold_parts(table: FeatureTable) -> Iterator[_Part]:
     hold = table.branch == BRANCHES.index("hold")
     early, late = np.quantile(table.time_s[hold], (0.25, 0.75)).tolist()
     yield hold & (table.time_s <= early), f"within {early:.2g} s of the hold", 0
-    yield hold & (table.time_s >= late), f"after {late:.2g} s of it", 0
+    yield hold & (table.time_s >= late), f"after {late:.2g} s of the hold", 0
 
 
 def _position_sentence(case: _Case, design: ProfileDesign, at_mm: float, rows: IntArray) -> str:
@@ -620,9 +612,6 @@ _ADDS_LITTLE = 0.25
 """Share of what an axis explains that is left beside the first, below which that is said. Chosen:
 three quarters of it are the first's then."""
 
-_END = 1.645
-"""Ends of a 90 % interval in standard deviations. Convention: of a normal distribution."""
-
 
 def localise(
     campaign: Campaign,
@@ -671,14 +660,14 @@ def localise(
         return -(1.0 + probability) * case.share(axis), -probability, axis.p
 
     order = sorted(axes, key=unlikely)
-    first, places = order[0], []
+    first, end, places = order[0], normal_quantile(0.9), []
     for axis in order:
         p, sentence = min(len(axes) * axis.p, 1.0), axis.detail
         if axis is not first and p <= SIGNIFICANT:
             little = _ADDS_LITTLE * case.explained(axis)
             if _added(axis, first, case) < little:
                 sentence += f"; little of it beyond what goes with {first.name}"
-        interval = case.share(axis, -_END), case.share(axis, _END)
+        interval = case.share(axis, -end), case.share(axis, end)
         places.append(Location(axis.name, case.share(axis), interval, p, sentence))
     return tuple(places)
 
@@ -702,8 +691,8 @@ def _within_axes(case: _Case) -> Iterator[_Axis]:
     yield _Axis("strain", case.common, *of_strain, sentence, is_common=True)
     for name, parts in (("branch", _branch_parts), ("time", _hold_parts)):
         if name in case.patterns and (basis := case.basis(case.patterns[name])).shape[1]:
-            sentence = case.sentence(parts(table), ordered=name == "time")
-            yield _Axis(name, basis, *case.tested(basis, case.varying), sentence)
+            tested = case.tested(basis, case.varying)
+            yield _Axis(name, basis, *tested, case.sentence(parts(table)))
 
 
 def _position_axes(case: _Case) -> Iterator[_Axis]:

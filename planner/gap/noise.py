@@ -297,10 +297,6 @@ FIT_SD = 0.01
 """Of the logarithm of stress, from small strains to large ones, and of what a law leaves of its own
 tests where the palette does not say. Chosen: laws follow their tests to 1 %."""
 
-_BETWEEN_SD = 0.03
-"""Of the logarithm of stress half-way between two grades. Chosen: nobody measured it; as much as
-specimens scatter by."""
-
 _STEP = 0.02
 """Of the differences by which columns are made. Numerical: what is not linear in it stays below a
 hundredth of the column."""
@@ -349,7 +345,8 @@ def calibrations(palette: Palette, setup: Setup) -> tuple[Calibration, ...]:
         t = np.clip((where - low) / (high - low), 0.0, 1.0)
         bump = 4.0 * t * (1.0 - t)
         if bump.max() > 0.01:
-            found.append(Calibration("", "between", _BETWEEN_SD, bump))
+            # Nobody measured it: it is as uncertain as one specimen.
+            found.append(Calibration("", "between", USUAL.specimen, bump))
     for part in dict.fromkeys(part for part in setup.parts if part is not None):
         its = setup.on_slices(np.array([part is one for one in setup.parts], dtype=np.float64))
         found.append(Calibration("", "part", part.log_sd, its))

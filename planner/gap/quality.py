@@ -82,14 +82,8 @@ def _clipping(s: Specimen) -> _Problems:
     """Yield a load cell or amplifier that was at its limit, if nothing else explains a plateau."""
     force, way = s.load_N, s.travel_mm
     top = float(np.max(force))
-    at_top = force >= top - 1e-9 * abs(top)
-    start, stop = _longest_run(at_top)
+    start, stop = _longest_run(force >= top - 1e-9 * abs(top))
     if stop - start < _SHORTEST or start < _SHORTEST:
-        return
-    # A coarse resolution gives runs of equal values everywhere, not only at the top.
-    equal = (np.diff(force) == 0.0) & ~at_top[1:]
-    elsewhere = _longest_run(equal)
-    if stop - start < 3 * (elsewhere[1] - elsewhere[0] + 1):
         return
     first = max(start - max(_SHORTEST, (stop - start) // 5), 0)
     travel = float(way[stop - 1] - way[start])
@@ -327,10 +321,6 @@ HOLDS = 0.3
 """Shares of range and of duration from which unloading and holding are on purpose. Chosen: machines
 settle by less at a turn, and wait for less before and after a pull."""
 
-_AGREEING = 0.02
-"""Relative spread of replicates' amplitudes that agree. Chosen: machines turn to within half
-of it."""
-
 _AMPLITUDE_TOLERANCE = 0.1
 """Relative, of the travel declared or the replicates'. Chosen: machines turn to within 1 %; slack
 and a start that is not at zero take a few per cent."""
@@ -358,8 +348,7 @@ def _amplitudes(specimens: Sequence[Specimen]) -> Iterator[QualityProblem]:
     """Yield specimens that were strained to another amplitude than declared, or than the others.
 
     Declared is what a further column such as `to_strain` or `amplitude_mm` says. Without one, a
-    cyclic or relaxation specimen that stands alone among at least two replicates that agree is
-    named.
+    cyclic or relaxation specimen that stands alone among at least two replicates is named.
     """
     for s in specimens:
         declared = _declared_mm(s)
@@ -376,7 +365,7 @@ def _amplitudes(specimens: Sequence[Specimen]) -> Iterator[QualityProblem]:
             continue
         middle = float(np.median(peaks))
         off = np.abs(peaks / middle - 1.0) > _AMPLITUDE_TOLERANCE
-        if off.sum() == 1 and np.ptp(peaks[~off]) < _AGREEING * middle:
+        if off.sum() == 1:
             at = int(np.argmax(off))
             yield _amplitude(members[at], float(peaks[at]), middle, "is its replicates'")
 
@@ -608,10 +597,6 @@ _SPLIT = 1.0
 """Log gap that splits replicates. Physical: ten times what jetted specimens scatter by, and less
 than the smallest factor between units, ln 4.4."""
 
-_STEADY = 0.15
-"""Robust log deviation of the others from a trend in the conditions, for a single to be judged.
-Chosen: the nearest factor, ln 4.4, is ten of these away."""
-
 
 def _unit_problems(campaign: Campaign, loads: Mapping[int, float]) -> list[QualityProblem]:
     """Return what looks like another unit of force, travel or size.
@@ -674,7 +659,8 @@ def _among_replicates(
 def _apart_from_trend(campaign: Campaign, loads: Mapping[int, float]) -> dict[int, float]:
     """Single specimens that a trend over material and conditions leaves off by a factor."""
     residuals = _trend_residuals(campaign, loads)
-    if residuals is None or float(np.median(np.abs(residuals))) * 1.4826 > _STEADY:
+    # Of the others, two deviations are to be as near to the trend as replicates are.
+    if residuals is None or 2.0 * float(np.median(np.abs(residuals))) * 1.4826 > _AMONG_REPLICATES:
         return {}
     single = {group[0] for group in replicate_groups(campaign.specimens) if len(group) == 1}
     return {

@@ -213,7 +213,7 @@ PLANTED: dict[str, tuple[str, Case, Callable[[Case], FloatArray], str]] = {
     "softening": ("branch", STAR, lambda c: -0.2 * (c.table.branch == 1), "in unloading"),
     "relaxation": (
         "time", STAR, lambda c: -0.06 * (c.table.branch == 3) * np.log(c.table.time_s),
-        "after 30 s of it",
+        "after 30 s of the hold",
     ),
     "unit": (
         "specimen", STAR, lambda c: np.log(4.448) * np.isin(c.table.specimen, (4, 11)),
