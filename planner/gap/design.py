@@ -162,9 +162,6 @@ def candidates_of(
         "protocol": "monotonic",
     }
     steps = {name: [_changed(one, reference) for one in ways] for name, ways in STEPS.items()}
-    for longer in steps["gauge"]:
-        speed = reference["rate_mm_s"] * longer["gauge_mm"] / size["gauge_mm"]
-        longer["rate_mm_s"] = _rounded(speed)
     changes: list[_Change] = [{"material": id} for id in three]
     if "materials" in wanted:
         changes += [{"material": m.id} for m in grades if m.id not in three]

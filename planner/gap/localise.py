@@ -337,7 +337,6 @@ class _Case:
     residual: FloatArray
     force: FloatArray
     local: FloatArray
-    patterns: Mapping[str, FloatArray]
     log: FloatArray
     weight: FloatArray
     whitening: Whitening
@@ -650,10 +649,17 @@ def localise(
     patterns = axis_patterns(campaign, table, level)
     common = _orthonormal(whitening(np.column_stack([force, patterns["strain"], local])))
     case = _Case(
-        campaign, table, residual, force, local, patterns, residual / np.where(tells, level, 1.0),
+        campaign, table, residual, force, local, residual / np.where(tells, level, 1.0),
         np.where(tells, level**2, 0.0), whitening, y, y - common @ (common.T @ y), common,
     )  # fmt: skip
-    axes = [*_column_axes(case), *_within_axes(case), *_position_axes(case), *_outlying_axes(case)]
+    in_words = case.sentence(_strain_parts(table), alike="alike at all strains")
+    axes = [_Axis("strain", common, *case.tested(common, y), in_words, is_common=True)]
+    for name, columns in patterns.items():
+        if name == "position":
+            axes += _axis_along_bars(case, columns)
+        elif name != "strain":
+            axes += _axis_along(case, name, columns)
+    axes += _axis_of_strays(case)
 
     def unlikely(axis: _Axis) -> tuple[float, float, float]:
         probability = 0.0 if likely is None else likely.get(axis.name, 0.0)
@@ -672,41 +678,28 @@ def localise(
     return tuple(places)
 
 
-def _column_axes(case: _Case) -> Iterator[_Axis]:
-    """Material and the columns of specimens.csv."""
-    cells = _axis_cells(case.campaign)
-    for name in (name for name in cells if name in case.patterns):
-        basis = case.basis(case.patterns[name])
-        known = sum(cell is not None for cell in cells[name])
-        if known >= _FEWEST_KNOWN and basis.shape[1]:
-            sentence = case.sentence(_column_parts(case, name, cells[name]))
-            yield _Axis(name, basis, *case.tested(basis, case.varying), sentence)
+def _axis_along(case: _Case, name: str, columns: FloatArray) -> Iterator[_Axis]:
+    """Yield the axis of a column of specimens.csv, of branch or of the time of a hold, if any."""
+    basis, cells = case.basis(columns), _axis_cells(case.campaign).get(name)
+    if not basis.shape[1] or (cells and sum(c is not None for c in cells) < _FEWEST_KNOWN):
+        return
+    if cells:
+        parts = _column_parts(case, name, cells)
+    else:
+        parts = (_branch_parts if name == "branch" else _hold_parts)(case.table)
+    yield _Axis(name, basis, *case.tested(basis, case.varying), case.sentence(parts))
 
 
-def _within_axes(case: _Case) -> Iterator[_Axis]:
-    """Strain, branch and time of a hold."""
-    table = case.table
-    sentence = case.sentence(_strain_parts(table), alike="alike at all strains")
-    of_strain = case.tested(case.common, case.y)
-    yield _Axis("strain", case.common, *of_strain, sentence, is_common=True)
-    for name, parts in (("branch", _branch_parts), ("time", _hold_parts)):
-        if name in case.patterns and (basis := case.basis(case.patterns[name])).shape[1]:
-            tested = case.tested(basis, case.varying)
-            yield _Axis(name, basis, *tested, case.sentence(parts(table)))
-
-
-def _position_axes(case: _Case) -> Iterator[_Axis]:
-    """Places along bars: a smooth pattern, and steps between materials.
+def _axis_along_bars(case: _Case, columns: FloatArray) -> Iterator[_Axis]:
+    """Yield the axis of places along bars: a smooth pattern, and steps between materials.
 
     A factor on all local strains of a bar is no matter of position.
     """
     whitening, of_row = case.whitening, case.table.specimen
-    if "position" not in case.patterns:
-        return
     is_bar = of_row[:, None] == np.unique(of_row[case.table.is_field])
     bars = whitening(np.where(is_bar, case.local[:, None], 0.0))
     besides = _orthonormal(np.concatenate([case.common, bars], axis=1))
-    basis = _orthonormal(whitening(case.patterns["position"]), besides=besides)
+    basis = _orthonormal(whitening(columns), besides=besides)
     if not basis.shape[1]:
         return
     y = case.y - besides @ (besides.T @ case.y)
@@ -723,8 +716,8 @@ _NORMAL_MAD = 0.6745
 """Median absolute deviation over the standard one. Convention: of a normal distribution."""
 
 
-def _outlying_axes(case: _Case) -> Iterator[_Axis]:
-    """Specimens against their replicates, of which some stray.
+def _axis_of_strays(case: _Case) -> Iterator[_Axis]:
+    """Yield the axis of specimens that stray from their replicates, if there are any.
 
     Each specimen's level is compared with the mean of its replicates'; the scale is told by the
     median over all specimens, so that a few that are off do not hide themselves. Told are those
