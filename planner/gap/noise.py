@@ -503,16 +503,9 @@ def likeliest_sides(table: FeatureTable, seen: FloatArray) -> IntArray:
     """
     sides = np.zeros((len(seen), seen.shape[2]), dtype=np.int64)
     for side, of_length in zip(sides, seen, strict=True):
-        left = _left_by(table, of_length)
-        for at, root in _rough(table, of_length[len(SIDES) // 2]):
-            side[at] = np.argmin(SIDES**2 + np.sum((left[:, at] @ root.T) ** 2, axis=1))
+        for at, log in _likelihoods(table, of_length, of_length[len(SIDES) // 2]):
+            side[at] = np.argmax(log - 0.5 * SIDES**2)
     return sides
-
-
-def _left_by(table: FeatureTable, strains: FloatArray) -> FloatArray:
-    """Return measured less predicted strains of bins, (..., F), transformed."""
-    field = table.is_field
-    return table.measured[field] - np.arcsinh(strains / (2.0 * table.floor[field]))
 
 
 def likeliest_facet(table: FeatureTable, strains: FloatArray) -> int:
@@ -530,31 +523,40 @@ def likeliest_facet(table: FeatureTable, strains: FloatArray) -> int:
         return 0
     logs = []
     for of_length in np.moveaxis(strains, 1, 0):
-        left, log = _left_by(table, of_length), np.zeros(len(of_length))
-        for at, root in _rough(table, of_length[0]):
-            white = left[:, at] @ root.T
-            log += np.log(np.diagonal(root)).sum() - 0.5 * np.einsum("ki,ki->k", white, white)
+        each = [log for _, log in _likelihoods(table, of_length, of_length[0])]
+        log: FloatArray = np.sum(each, axis=0)
         effects = scipy.special.logsumexp(log[1:]) - math.log(max(len(log) - 1, 1))
         logs.append(np.logaddexp(log[0], effects))
     return int(np.argmax(logs))
 
 
-def _rough(table: FeatureTable, strain: FloatArray) -> Iterator[tuple[IntArray, FloatArray]]:
-    """Yield the places of each specimen's strains, and what whitens them: an inverse root.
+def _likelihoods(
+    table: FeatureTable, strains: FloatArray, usual: FloatArray
+) -> Iterator[tuple[IntArray, FloatArray]]:
+    """Yield the places of each specimen's strains, and ln likelihood of what is predicted, (K,).
 
-    Of their covariance as it is before anything is known of camera and bar.
+    Before anything is known of camera and bar.
+
+    Parameters
+    ----------
+    strains : (K, F)
+        Of bins, as they may be.
+    usual : (F,)
+        One of these, by which noise goes.
     """
     field = np.flatnonzero(table.is_field)
+    left = table.measured[field] - np.arcsinh(strains / (2.0 * table.floor[field]))
     larger = np.zeros(len(table))
-    larger[field] = np.maximum(np.abs(table.measured_raw[field]), np.abs(strain))
+    larger[field] = np.maximum(np.abs(table.measured_raw[field]), np.abs(usual))
     sensitivity = table.sensitivity(larger)
-    contrast = np.log(np.maximum(np.abs(strain), 1e-6))
-    off = _ROUGHLY * sensitivity[field] * np.stack([np.ones_like(strain), contrast])
+    contrast = np.log(np.maximum(np.abs(usual), 1e-6))
+    off = _ROUGHLY * sensitivity[field] * np.stack([np.ones_like(usual), contrast])
     for one in np.unique(table.specimen[field]):
         at = np.flatnonzero(table.specimen[field] == one)
         rows = slice(int(field[at[0]]), int(field[at[-1]]) + 1)
         block = _field_block(table, sensitivity, USUAL, rows) + off[:, at].T @ off[:, at]
-        yield at, np.linalg.inv(np.linalg.cholesky(block))
+        half_log, white = _whitened(block, left[:, at].T)
+        yield at, -half_log - 0.5 * np.sum(white**2, axis=0)
 
 
 def seen_otherwise(
@@ -575,12 +577,10 @@ def seen_otherwise(
     field = table.is_field
     facets, aside = np.zeros((2, len(table)))
     features, each = np.arcsinh(seen / (2.0 * table.floor[field])), np.arange(int(field.sum()))
-    side, length = sides[facet], np.full(len(each), facet)
-    below, above = np.maximum(length - 1, 0), np.minimum(length + 1, len(seen) - 1)
-    change = features[above, side, each] - features[below, side, each]
-    facets[field] = change / np.maximum(above - below, 1)
-    below, above = np.maximum(side - 1, 0), np.minimum(side + 1, len(SIDES) - 1)
-    aside[field] = (features[facet, above, each] - features[facet, below, each]) / (above - below)
+    at = facet, sides[facet], each
+    if len(seen) > 1:
+        facets[field] = np.gradient(features, axis=0)[at]
+    aside[field] = np.gradient(features, axis=1)[at]
     return facets, aside
 
 
