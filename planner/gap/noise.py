@@ -154,11 +154,10 @@ class NoisyFeatures:
         edges = np.flatnonzero(np.diff(table.specimen)) + 1
         rows = tuple(slice(a, b) for a, b in itertools.pairwise([0, *edges.tolist(), len(table)]))
         blocks = tuple(self._block(scatter, of_one) for of_one in rows)
-        batches = sorted(set(batch_of.tolist()) - {-1})
-        columns = np.zeros((len(table), len(batches) if len(batches) > 1 else 0))
-        for column, number in enumerate(batches[: columns.shape[1]]):
-            of_batch = (batch_of[table.specimen] == number) & ~table.is_field
-            columns[of_batch, column] = scatter.batch * self.sensitivity[of_batch]
+        batches = np.unique(batch_of[batch_of >= 0])
+        level = scatter.batch * np.where(table.is_field, 0.0, self.sensitivity)
+        columns = level[:, None] * (batch_of[table.specimen][:, None] == batches)
+        columns = columns if len(batches) > 1 else columns[:, :0]
         roots = tuple(np.linalg.inv(np.linalg.cholesky(block)) for block in blocks)
         return SpecimenNoise(rows, blocks, roots, columns)
 

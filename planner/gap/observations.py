@@ -616,20 +616,12 @@ def _tests(specimens: Sequence[Specimen], paths: Mapping[int, Path]) -> list[Rep
     """Gather specimens that went the same way; each with the first that it agrees with."""
     tests: list[ReplicateTest] = []
     for group in condition_groups(specimens):
-        alike: list[list[int]] = []
-        for place in group:
-            if place not in paths:
-                continue
-            for others in alike:
-                if same_path(paths[others[0]], paths[place]):
-                    others.append(place)
-                    break
-            else:
-                alike.append([place])
-        tests += [
-            replicate_test(paths, places, _frame_fractions(specimens, paths, places))
-            for places in alike
-        ]
+        left = [place for place in group if place in paths]
+        while left:
+            alike = [place for place in left if same_path(paths[left[0]], paths[place])]
+            left = [place for place in left if place not in alike]
+            frames = _frame_fractions(specimens, paths, alike)
+            tests.append(replicate_test(paths, alike, frames))
     return sorted(tests, key=lambda test: test.places[0])
 
 
