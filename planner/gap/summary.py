@@ -84,7 +84,9 @@ def percent(share: float, digits: int = 2) -> str:
 
 def number_words(value: float, digits: int = 3) -> str:
     """Write a figure with so many significant digits; an open end of an interval is "open"."""
-    return format_number(value, digits) if math.isfinite(value) else "open"
+    if not math.isfinite(value):
+        return "open"
+    return format_number(float(f"{value:.{digits - 1}e}"), digits)
 
 
 def probability(value: float) -> str:
