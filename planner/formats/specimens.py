@@ -9,13 +9,11 @@ from types import MappingProxyType
 from typing import Any, Literal
 
 import msgspec
-import numpy as np
 
 from planner.errors import FileError
 from planner.formats.files import read_file
 from planner.formats.headings import headings_of
 from planner.formats.tables import LARGEST_FIGURE, decode_text, is_workbook, number, read_rows
-from planner.numerics import FloatArray
 
 __all__ = [
     "SPECIMEN_COLUMNS",
@@ -59,8 +57,6 @@ class SpecimenColumn:
         What tensile specimens have, in mm: beyond, the cell is doubted.
     tolerance
         How far apart, absolute and relative, two specimens of one condition may be.
-    scaling
-        On what scale a load's trend over the column is smooth; see `scale`.
     usual
         Stands in where neither specimen nor palette tells.
     is_size
@@ -76,16 +72,8 @@ class SpecimenColumn:
     between: tuple[float, float] | None = None
     plausible: tuple[float, float] = (0.0, math.inf)
     tolerance: tuple[float, float] | None = None
-    scaling: Literal["linear", "log", "sqrt", "log1p"] = "linear"
     usual: float | None = None
     is_size: bool = False
-
-    def scale(self, values: FloatArray) -> FloatArray:
-        """Return values on the scale on which a load's trend over the column is smooth."""
-        if self.scaling == "linear":
-            return values
-        least = 1e-9 if self.scaling == "log" else 0.0
-        return np.asarray(getattr(np, self.scaling)(np.maximum(values, least)))
 
 
 _ROWS = tomllib.loads(Path(__file__).with_name("specimens.toml").read_text(encoding="utf-8"))

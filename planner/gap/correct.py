@@ -30,7 +30,7 @@ from planner.materials.fit import (
 )
 from planner.materials.laws import SeparableLaw, make_law
 from planner.materials.mixtures import CoefficientModel
-from planner.numerics import FloatArray
+from planner.numerics import FloatArray, normal_quantile
 from planner.palette import (
     LawParameters,
     Material,
@@ -145,9 +145,6 @@ def _pulled(
 # How sure a factor is: by the intervals of its parameters, and by the forms that fit as well.
 
 
-_INTERVAL_SD = 2.0 * 1.645
-"""Width of a 90 % interval in standard deviations. Convention: of a normal distribution."""
-
 _GRID = 7
 """Values of each parameter of shape. Numerical: a seventh of its prior is finer than tests
 resolve."""
@@ -172,7 +169,7 @@ def _intervals_sd(
                 ).mean(axis=1)
                 for end in ends
             )
-            total += ((high - low) / _INTERVAL_SD) ** 2
+            total += (0.5 * (high - low) / normal_quantile(0.9)) ** 2
     return np.sqrt(total)
 
 
@@ -364,9 +361,6 @@ _NOTABLE_MISFIT = 0.01
 
 _NOTABLE = 1e-6
 """ln factor below which an effect changes nothing. Numerical: rounding stays below."""
-
-_SD_95 = 1.96
-"""Half of a 95 % interval in standard deviations. Convention: of a normal distribution."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -599,34 +593,31 @@ def _corrected(case: _Case, recalibrate: bool) -> Correction:
         )
     sure = _intervals_sd(factors, known, applied)
     forms = _forms_sd(case, acting)
-    materials, misfit, factor, log_sd, tension_alone = [], {}, {}, {}, []
+    materials, fits, factor, log_sd = [], {}, {}, {}
     for number, material in enumerate(palette.materials):
         level, level_sd = asked.get(material.id, (0.0, 0.0))
-        strain, log = factors.strain[number, 1:], logs[number]
-        fit = _refitted(material, strain, log + level)
-        misfit[material.id] = fit.misfit
-        if fit.tension_alone:
-            tension_alone.append(material.id)
-        at = _working_strain(material)
-        factor[material.id] = float(np.exp(np.interp(at, strain, log) + level))
-        log_sd[material.id] = math.hypot(sure[number], forms[number], level_sd)
-        sd = math.hypot(material.modulus_log_sd, log_sd[material.id])
+        strain, log = factors.strain[number, 1:], logs[number] + level
+        sd = math.hypot(sure[number], forms[number], level_sd)
+        fits[material.id] = fit = _refitted(material, strain, log)
+        factor[material.id] = float(np.exp(np.interp(_working_strain(material), strain, log)))
+        log_sd[material.id] = sd
         readings = tuple(
             replace(
                 one,
-                law=_refitted(replace(material, law=one.law), strain, log + level).law,
-                modulus_log_sd=math.hypot(one.modulus_log_sd, log_sd[material.id]),
+                law=_refitted(replace(material, law=one.law), strain, log).law,
+                modulus_log_sd=math.hypot(one.modulus_log_sd, sd),
             )
             for one in material.readings
         )
+        sd = math.hypot(material.modulus_log_sd, sd)
         materials.append(
             replace(material, law=fit.law, uncertainty=None, modulus_log_sd=sd, readings=readings)
         )
-    bad = {m: value for m, value in misfit.items() if value > _NOTABLE_MISFIT}
+    misfit = {m: fit.misfit for m, fit in fits.items()}
+    bad = [f"{m} {100 * off:.1f} %" for m, off in misfit.items() if off > _NOTABLE_MISFIT]
     if bad:
-        told = ", ".join(f"{m} {100 * value:.1f} %" for m, value in bad.items())
-        notes.append(f"laws more than 1 % off the corrected curve: {told}")
-    if tension_alone:
+        notes.append(f"laws more than 1 % off the corrected curve: {', '.join(bad)}")
+    if tension_alone := [m for m, fit in fits.items() if fit.tension_alone]:
         notes.append(
             f"{', '.join(tension_alone)}: the new law holds from rest to break only; do not use "
             "it in compression"
@@ -779,7 +770,7 @@ def _beyond(
 
 
 def _factor_95(log_sds: Sequence[float]) -> str:
-    return f"{math.exp(_SD_95 * max(log_sds)):.2g}"
+    return f"{math.exp(normal_quantile() * max(log_sds)):.2g}"
 
 
 def _among(use: Reference, name: str, tested: Sequence[float | str]) -> bool:
@@ -811,7 +802,7 @@ def _guesses(case: _Case, made: Palette, forms: FloatArray) -> list[str]:
     model = CoefficientModel(made)
     steps = np.diff(np.log(model.grade_moduli_MPa(min(_WORKING_STRAIN, model.strain_limit))))
     nearest = np.minimum(np.append(steps, np.inf), np.append(np.inf, steps))
-    far, grades = _SD_95 * forms > nearest, case.grades
+    far, grades = normal_quantile() * forms > nearest, case.grades
     ids = [m.id for n, m in enumerate(made.materials) if far[n] and grades[0] <= n <= grades[-1]]
     if not ids:
         return []

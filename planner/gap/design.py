@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import scipy.linalg
-from scipy.special import logsumexp, ndtr
+from scipy.special import ndtr
 
 from planner.errors import ArgumentError, PaletteError
 from planner.formats.specimens import SPECIMEN_COLUMNS
@@ -162,9 +162,6 @@ def candidates_of(
         "protocol": "monotonic",
     }
     steps = {name: [_changed(one, reference) for one in ways] for name, ways in STEPS.items()}
-    for longer in steps["gauge"]:
-        speed = reference["rate_mm_s"] * longer["gauge_mm"] / size["gauge_mm"]
-        longer["rate_mm_s"] = _rounded(speed)
     changes: list[_Change] = [{"material": id} for id in three]
     if "materials" in wanted:
         changes += [{"material": m.id} for m in grades if m.id not in three]
@@ -467,8 +464,8 @@ class CampaignDesign:
                     "effect": e.id,
                     "parameter": e.parameter,
                     "unit": e.unit,
-                    "smallest": None if e.smallest is None else float(f"{e.smallest:.3g}"),
-                    "usual": float(f"{e.usual:.3g}"),
+                    "smallest": None if e.smallest is None else _rounded(e.smallest),
+                    "usual": _rounded(e.usual),
                     "probability": round(e.probability, 3),
                     "alike": list(e.alike),
                     "alike_others": list(e.others),
@@ -738,10 +735,6 @@ _HYPOTHESES = 6
 """The most probable, between which tests are to tell. Chosen: what follows is hardly ever the
 cause, and would be run for every test."""
 
-_DRAWS = 64
-"""Samples a hypothesis. Numerical: information, whose samples deviate by about a nat, is known to a
-tenth; the same samples serve every test."""
-
 _TOLD_APART = 2.0
 """Standard deviations between what two hypotheses predict, at which a test splits them. Convention:
 the usual level."""
@@ -752,12 +745,12 @@ overturn the verdict is worth something."""
 
 
 def next_experiments(
-    problem: Problem, weighed: Weighed, ranking: Sequence[Hypothesis], rng: np.random.Generator
+    problem: Problem, weighed: Weighed, ranking: Sequence[Hypothesis]
 ) -> tuple[Experiment, ...]:
     """Return the three tests with the largest expected information per hour.
 
-    The information is that between the hypothesis and the measured figures, by sampling, among the
-    most probable hypotheses at their best parameters. Tests are planned for elastomers: of rigid
+    The information is that between the hypothesis and the measured figures, among the most
+    probable hypotheses at their best parameters. Tests are planned for elastomers: of rigid
     materials alone there is none to propose.
     """
     known = [h for h in ranking if h.effects != UNKNOWN and h.effects in weighed.best]
@@ -771,9 +764,8 @@ def next_experiments(
     trials = trials_of(problem.campaign, problem.model.setup)
     means, covariances = _predicted(weighed, candidates, trials)
     found = []
-    noise = rng.standard_normal((len(known) * _DRAWS, max(mean.shape[1] for mean in means)))
     for trial, mean, covariance in zip(trials, means, covariances, strict=True):
-        gain, distance = _information(mean, covariance, share, noise)
+        gain, distance = _information(mean, covariance, share)
         splits = sorted(
             combinations(range(len(known)), 2),
             key=lambda p: -float(distance[p] * share[list(p)].min()),
@@ -847,16 +839,16 @@ def _known_laws(
 
 
 def _information(
-    mean: FloatArray, covariance: FloatArray, share: FloatArray, noise: FloatArray
+    mean: FloatArray, covariance: FloatArray, share: FloatArray
 ) -> tuple[float, FloatArray]:
-    """Return the mutual information in nats, and distances between hypotheses in deviations."""
+    """Return the mutual information in nats, and distances between hypotheses in deviations.
+
+    It follows from pairs of hypotheses alone, between the bounds of Kolchinsky and Tracey (Entropy
+    19, 361, 2017): to a tenth for two, and exactly where all are alike or all are far apart.
+    """
     factor = np.linalg.cholesky(covariance)
     white = scipy.linalg.solve_triangular(factor, mean.T, lower=True).T
-    distance = np.sqrt(np.sum((white[:, None] - white[None]) ** 2, axis=2))
-    count, d = white.shape
-    drawn = np.repeat(white, _DRAWS, axis=0) + noise[:, :d]
-    log = -0.5 * np.sum((drawn[:, None] - white[None]) ** 2, axis=2) + np.log(share)
-    own = log[np.arange(count * _DRAWS), np.repeat(np.arange(count), _DRAWS)]
-    gain = own - logsumexp(log, axis=1) - np.repeat(np.log(share), _DRAWS)
-    # Of a sample it may come out below nought, which information is not.
-    return max(float(np.repeat(share, _DRAWS) @ gain / _DRAWS), 0.0), distance
+    squares = np.sum((white[:, None] - white[None]) ** 2, axis=2)
+    # The bounds have a half and an eighth in place of a quarter.
+    gain = -float(share @ np.log(np.exp(-0.25 * squares) @ share))
+    return max(gain, 0.0), np.sqrt(squares)

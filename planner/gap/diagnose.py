@@ -464,18 +464,16 @@ has explained the gap."""
 
 
 def _places_of(
-    problem: Problem, likely: Mapping[str, float], chosen: Candidate, rng: np.random.Generator
+    problem: Problem, likely: Mapping[str, float], chosen: Candidate
 ) -> tuple[tuple[Location, ...], tuple[Location, ...]]:
     """Return where the gap lies, and where a significant one is left after the chosen effects."""
     shared = np.concatenate([problem.calibration, problem.noise.batch], axis=1)
     whitening = Whitening.of(problem.noise, shared, problem.scatter.log_sd)
-    before = localise(
-        problem.campaign, problem.table, problem.residual, whitening, rng, likely=likely
-    )
+    before = localise(problem.campaign, problem.table, problem.residual, whitening, likely)
     if not chosen.effects:
         return before, tuple(p for p in before if p.p < _SIGNIFICANT)
     left = problem.residual - problem.explained(chosen)
-    after = localise(problem.campaign, problem.table, left, whitening, rng)
+    after = localise(problem.campaign, problem.table, left, whitening)
     return before, tuple(p for p in after if p.p < _SIGNIFICANT)
 
 
@@ -686,7 +684,7 @@ def diagnose(
         chosen = weighed.best.get(verdict, Candidate(()))
         nodes = weighed.plain.elimination(problem.target, kept=problem.nodes)
         likely = axes_of(problem, evidence, ranking, priors)
-        where, remainder = _places_of(problem, likely, chosen, rng)
+        where, remainder = _places_of(problem, likely, chosen)
         same_class = class_of(problem, weighed, ranking, verdict)
         mending = [problem.unit_of for problem in data_quality if problem.unit_of is not None]
         found = Diagnosis(
@@ -704,7 +702,7 @@ def diagnose(
             effect=found_effects(problem, weighed, chosen),
             remainder=remainder,
             data_quality=data_quality,
-            next_experiments=next_experiments(problem, weighed, ranking, rng),
+            next_experiments=next_experiments(problem, weighed, ranking),
             detectable=detectable_sizes(problem, nodes, priors),
             limitations=(
                 *campaign.limitations,
@@ -746,7 +744,7 @@ def prepared(
     reasons = {id: untestable(effect, campaign) for id, effect in library.items()}
     effects = [effect for id, effect in library.items() if reasons[id] is None]
     campaign, model = _comparable(campaign)
-    quality = examine(campaign)
+    quality = examine(campaign, model)
     problem = set_up(campaign, model, effects, progress, _strays(campaign, quality))
     untold = (Untestable(id, told) for id, told in reasons.items() if told is not None)
     return problem, tuple(untold), quality

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import fdtrc
+from scipy.special import fdtrc, stdtr
 
 from planner.formats.specimens import SPECIMEN_COLUMNS
 from planner.gap.campaign import TOLERANCES, Campaign, axis_columns, column_levels
@@ -14,8 +14,8 @@ from planner.gap.diagnosis import SIGNIFICANT, Location
 from planner.gap.noise import SpecimenNoise
 from planner.gap.observations import BRANCHES, FeatureTable
 from planner.glance import counted
-from planner.numerics import BoolArray, FloatArray, IntArray
-from planner.simulation.bar import ProfileDesign
+from planner.numerics import BoolArray, FloatArray, IntArray, normal_quantile
+from planner.simulation.bar import ProfileDesign, step_places_mm
 
 __all__ = ["Whitening", "axis_patterns", "localise", "specimen_patterns"]
 
@@ -24,9 +24,10 @@ __all__ = ["Whitening", "axis_patterns", "localise", "specimen_patterns"]
 # Every axis with its patterns: columns of specimens.csv, then what lies within tests.
 
 
-_CURVED = 0.4
-"""Size of a pattern that bends or steps along a column, relative to a straight one's. Chosen: most
-of what goes with a condition is a trend."""
+_LESS = 0.4
+"""Size of a pattern that bends or steps along a column, relative to a straight one's; and of what
+changes along a path, relative to what multiplies the whole of it. Chosen: most of what goes with a
+condition is a trend, and most unknown causes act on all of a curve."""
 
 _LEAP = 0.05
 """Half the width, of a column's range from -1 to 1, that counts as neither side of a step in its
@@ -35,10 +36,6 @@ middle. Numerical: rounding of a value that is meant to be the middle."""
 _SMALL, _MIDDLING, _LARGE = 0.03, 0.12, 0.3
 """Strains of patterns along strain: two that fade, and one that grows. Chosen: in steps of three to
 four, up to a usual pull's end."""
-
-_CHANGING = 0.4
-"""Size of what changes along a path, relative to what multiplies the whole of it. Chosen: most
-unknown causes act on all of a curve, and not alike all along it."""
 
 
 _HOLD = BRANCHES.index("hold")
@@ -63,7 +60,7 @@ def axis_patterns(
         patterns = specimen_patterns(cells[name])
         if patterns is not None:
             rows = patterns[table.specimen]
-            changing = _CHANGING * 2.0 * h * travel
+            changing = _LESS * 2.0 * h * travel
             found[name] = [rows * h[:, None], rows * changing[:, None]]
     strain = np.minimum(table.strain, 1.0)
     bumps = [np.exp(-strain / _SMALL), np.exp(-strain / _MIDDLING), strain / _LARGE]
@@ -119,7 +116,7 @@ def specimen_patterns(cells: Sequence[str | float | None]) -> FloatArray | None:
         low, high = min(at[known]), max(at[known])
         t = 2.0 * (at - low) / (high - low) - 1.0
         bend, leap = 1.5 * t * t - 0.5, np.sign(t) * (np.abs(t) > _LEAP)
-        patterns = np.stack([t, _CURVED * bend, _CURVED * leap], axis=1)
+        patterns = np.stack([t, _LESS * bend, _LESS * leap], axis=1)
     elif len(distinct) <= max(2, len(values) // 2):
         patterns = _indicators(cells, distinct)
     else:
@@ -144,22 +141,15 @@ _KNOTS = 6
 """Of the smooth pattern along a bar. Chosen: a fifth of the gauge apart; what is narrower shows at
 steps."""
 
-_STEEP_PER_MM = 0.15
-"""Change of a design's coordinate from which it is a step. Chosen: a ramp over a whole gauge of 25
-mm has at most 0.04, materials side by side have far more."""
+_ASIDE_MM = 0.2
+"""How far off a step the coordinates before and after it are taken. Numerical: a rise of
+`step_places_mm` ends within 0.15 mm of its middle."""
 
 
-def _steps_of(design: ProfileDesign) -> list[list[float]]:
-    """Return where a design goes from one coordinate to another, within a millimetre or at once.
-
-    Of each step the place in mm, and the coordinates before and after.
-    """
-    x, m = design.x_mm, design.coordinate
-    rise, run = np.diff(m), np.diff(x)
-    steep = (np.abs(rise) > _STEEP_PER_MM * run) & (np.abs(rise) > 1e-3) & (run < 1.0)
-    steps = np.stack([0.5 * (x[:-1] + x[1:]), m[:-1], m[1:]], axis=1)
-    found: list[list[float]] = steps[steep].tolist()
-    return found
+def _steps_of(design: ProfileDesign) -> FloatArray:
+    """Return of each step of a design the place, and the coordinates before and after, (k, 3)."""
+    at = step_places_mm(design)
+    return np.stack([at, design.at(at - _ASIDE_MM), design.at(at + _ASIDE_MM)], axis=1)
 
 
 def _rows_by_design(
@@ -268,77 +258,21 @@ def _orthonormal(columns: FloatArray, besides: FloatArray | None = None) -> Floa
 
 
 # ------------------------------------------------------------------------------------------------
-# P-values over a family of axes: how often the clearest of all is as clear without a gap.
-#
-# Westfall and Young's single-step minimum of p-values. The statistic of each axis is brought to one
-# scale by its own draws first, so that none dominates; the draws then say how often the smallest of
-# all is as small, whatever the axes have in common. An axis is never clearer than its own statistic
-# says.
-#
-# What draws cannot resolve follows from the tail of its logarithm, which is exponential (a
-# generalised Pareto tail of shape 0, fitted to the clearest tenth of draws, never thinner than that
-# of a true p-value).
-
-
-_SMALLEST = 1e-12
-"""Of a p-value. Convention: a tail fitted to a thousand draws says nothing about less."""
-
-_TIES = 1e-9
-"""Relative difference below which a draw is as large as what is seen. Numerical: rounding."""
-
-
-def _family_wise(axes: Sequence["_Axis"]) -> FloatArray:
-    """Return family-wise p-values of axes, (A,), from statistics like p-values."""
-    own = [max(a.p, _tail_p(-math.log(a.p), -np.log(a.drawn_p), 1.0)) for a in axes]
-    clearest = -np.log(np.min([_rank_p(-a.drawn_p) for a in axes], axis=0))
-    return np.array([max(p, _tail_p(-math.log(p), clearest, 1.0)) for p in own])
-
-
-def _rank_p(drawn: FloatArray) -> FloatArray:
-    """Return the share of draws that are as large as each one."""
-    as_large = len(drawn) - np.searchsorted(np.sort(drawn), drawn, side="left")
-    return np.asarray(as_large / len(drawn))
-
-
-def _tail_p(seen: float, drawn: FloatArray, thinnest: float) -> float:
-    """Return the chance of a statistic as large as that seen, by draws and their exponential tail.
-
-    Parameters
-    ----------
-    seen, drawn
-        Large where it is clear; the tail falls exponentially.
-    thinnest
-        The least mean excess over a high threshold that is believed.
-    """
-    as_large = drawn >= seen - _TIES * max(abs(seen), 1.0)
-    counted = (1.0 + float(np.sum(as_large))) / (len(drawn) + 1.0)
-    if counted > 1.5 / (len(drawn) + 1.0) or len(drawn) < 50:
-        return counted
-    threshold = float(np.quantile(drawn, 0.9))
-    beyond = drawn[drawn > threshold]
-    mean = max(float(np.mean(beyond - threshold)) if len(beyond) else 0.0, thinnest)
-    share = len(beyond) / len(drawn)
-    tail = share * float(np.exp(-(seen - threshold) / mean))
-    return float(np.clip(tail, _SMALLEST, counted))
-
-
-# ------------------------------------------------------------------------------------------------
-# One axis: what is seen is held against the same with whole specimens' signs drawn.
+# One axis: what all specimens agree on along it, against how they differ.
 #
 # Without a gap a specimen's whitened features are as likely to lie above as below, all together,
-# and no specimen knows of another. The statistic is a one-sample F over specimens: what all of them
-# agree on against how they differ. Signs of few specimens are soon exhausted (three give a quarter
-# at best); then features are drawn from the noise itself, its size moderated by the noise's own
-# degrees of freedom. Noise is never taken to be less than declared.
+# and no specimen knows of another. So the specimen is the unit: a one-sample F over specimens,
+# whose variance is moderated by that of the noise, in the degrees of freedom in which that is
+# known, and whose degrees of freedom are those of the directions in which they differ (Greenhouse
+# and Geisser, Psychometrika 24, 1959). Noise is never taken to be less than declared.
 
-
-_FEWEST_TO_FLIP = 11.0
-"""Specimens, for signs to be drawn. Numerical: 2**10 arrangements of signs, for a thousand
-draws."""
 
 _SMALLEST_WEIGHT = 1e-2
 """Weight, of the largest, below which a specimen tells nothing of an axis. Numerical: it
 tells a hundredth as much."""
+
+_SMALLEST = 1e-12
+"""Of a p-value. Convention: no tail of a noise that is estimated is known so far out."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -349,10 +283,10 @@ class _Axis:
     ----------
     basis : (N, k)
         Orthonormal, in whitened features: what a gap along the axis may look like.
-    p : float
+    p
         Of what is seen, for this axis alone; small where the gap varies along it.
-    drawn_p : (P,)
-        The same of each draw without a gap.
+    spread
+        Variance of what specimens agree on, by how they differ, over that of noise; 1 or more.
     detail
         One sentence.
     is_common
@@ -362,7 +296,7 @@ class _Axis:
     name: str
     basis: FloatArray
     p: float
-    drawn_p: FloatArray
+    spread: float
     detail: str
     is_common: bool = False
 
@@ -392,8 +326,6 @@ class _Case:
     log, weight : (N,)
         Measured over predicted, as a logarithm; and how much a feature says of it: little near
         zero crossings.
-    signs : (P, n)
-        Of whole specimens, drawn.
     y, varying : (N,)
         Whitened residuals, all and without their common part.
     common : (N, c)
@@ -405,86 +337,50 @@ class _Case:
     residual: FloatArray
     force: FloatArray
     local: FloatArray
-    patterns: Mapping[str, FloatArray]
     log: FloatArray
     weight: FloatArray
-    signs: FloatArray
-    rng: np.random.Generator
     whitening: Whitening
     y: FloatArray
     varying: FloatArray
     common: FloatArray
 
     @property
-    def least(self) -> float:
-        """The least excess that shares are taken of: two deviations of pure noise."""
-        return float(2.0 * np.sqrt(2.0 * len(self.y)))
-
-    @property
     def in_common(self) -> float:
         """What all specimens have in common, beyond noise."""
         return _beyond_noise(self.common, self.y)
 
-    def explained(self, axis: _Axis) -> float:
-        """Return what an axis explains beyond noise, its claim on the common gap included."""
-        if axis.is_common:
-            return self.in_common
-        own = _beyond_noise(axis.basis, self.varying)
-        return own + min(_CLAIM * own, self.in_common)
-
-    def share(self, axis: _Axis) -> float:
-        """Return the share of the excess, 0 to 1."""
-        explained = self.explained(axis)
-        total = max(float(self.y @ self.y) - len(self.y), self.least)
-        return explained / max(total, explained, 1e-12)
-
-    def interval(self, axis: _Axis, weights: FloatArray) -> tuple[float, float]:
-        """Return the 90 % interval of the share over draws of specimens.
+    def explained(self, axis: _Axis, deviations: float = 0.0) -> float:
+        """Return what an axis explains beyond noise, its claim on the common gap included.
 
         Parameters
         ----------
-        weights : (B, n)
-            How often each specimen was drawn.
+        deviations
+            How much more of it there is than was seen, in standard deviations.
         """
-        squares = self.whitening.summed(self.y**2) - np.diff(self.whitening.starts)
-        total = np.maximum(weights @ squares, self.least)
-        common = self._drawn(self.common, self.y, weights)
-        own = common
-        if not axis.is_common:
-            own = self._drawn(axis.basis, self.varying, weights)
-            own = own + np.minimum(_CLAIM * own, common)
-        shares = own / np.maximum(total, np.maximum(own, 1e-12))
-        share = self.share(axis)
-        moved = shares + share - float(np.median(shares))
-        low, high = np.quantile(np.clip(moved, 0.0, 1.0), (0.05, 0.95)).tolist()
-        return min(low, share), max(high, share)
+        y = self.y if axis.is_common else self.varying
+        own = _beyond_noise(axis.basis, y, deviations, axis.spread)
+        if axis.is_common:
+            return own
+        return own + min(_CLAIM * own, self.in_common)
 
-    def _drawn(self, basis: FloatArray, y: FloatArray, weights: FloatArray) -> FloatArray:
-        """Explained beyond noise, of draws, (B,)."""
-        k = basis.shape[1]
-        if not k:
-            return np.zeros(len(weights))
-        score = weights @ self.whitening.summed(basis * y[:, None])
-        pairs = self.whitening.summed((basis[:, :, None] * basis[:, None, :]).reshape(-1, k * k))
-        inner = (weights @ pairs).reshape(-1, k, k) + 1e-3 * np.eye(k)
-        solved = np.linalg.solve(inner, score[:, :, None])[:, :, 0]
-        # A draw has the noise of what was measured and its own.
-        return np.asarray(np.maximum(np.einsum("bk,bk->b", score, solved) - 2.0 * k, 0.0))
+    def share(self, axis: _Axis, deviations: float = 0.0) -> float:
+        """Return the share of the excess, 0 to 1; see `explained`."""
+        explained = self.explained(axis, deviations)
+        count = len(self.y)
+        # At least two deviations of pure noise.
+        total = max(float(self.y @ self.y) - count, 2.0 * math.sqrt(2.0 * count))
+        return explained / max(total, explained)
 
     def mean(self, rows: BoolArray) -> float | None:
         """Return the mean gap over rows, a logarithm; None where nothing is told."""
         weight = self.weight[rows]
         return float(weight @ self.log[rows] / weight.sum()) if weight.sum() > 0.0 else None
 
-    def sentence(
-        self, parts: Iterable[_Part], *, ordered: bool = False, alike: str | None = None
-    ) -> str:
+    def sentence(self, parts: Iterable[_Part], alike: str | None = None) -> str:
         """Return where the gap is highest and lowest.
 
         Parameters
         ----------
-        ordered
-            Tell all parts as they come.
         alike
             What to say where they hardly differ.
         """
@@ -495,11 +391,10 @@ class _Case:
         logs = [mean for mean, _, _ in found]
         if alike is not None and max(logs) - min(logs) < _ALIKE:
             return f"force {_off(float(np.mean(logs)))} {alike}"
-        if not ordered:
-            # The one farthest from prediction first, then the one farthest from it.
-            first = max(found, key=lambda f: abs(f[0]))
-            second = max(found, key=lambda f: abs(f[0] - first[0]))
-            found = [first, second][: len(found)]
+        # The one farthest from prediction first, then the one farthest from it.
+        first = max(found, key=lambda f: abs(f[0]))
+        second = max(found, key=lambda f: abs(f[0] - first[0]))
+        found = [first, second][: len(found)]
         told = [
             f"{_off(mean)} {name}" + (f" ({counted(n, 'specimen')})" if n else "")
             for mean, name, n in found
@@ -510,45 +405,41 @@ class _Case:
         """Return what a gap along columns may look like, whitened, beside the common gap."""
         return _orthonormal(self.whitening(columns), besides=self.common)
 
-    def flipped(self, basis: FloatArray, y: FloatArray) -> tuple[float, FloatArray]:
-        """Return the p-value of an axis of orthonormal columns, and that of each draw."""
-        whitening = self.whitening
+    def tested(self, basis: FloatArray, y: FloatArray) -> tuple[float, float]:
+        """Return `p` and `spread` of an axis of orthonormal columns; see `_Axis`."""
+        whitening, k, agreed = self.whitening, basis.shape[1], basis.T @ y
         weight = whitening.summed(basis**2)
         carries = weight > _SMALLEST_WEIGHT * weight.max(axis=0)
-        score = np.where(carries, whitening.summed(basis * y[:, None]), 0.0)
         root = np.sqrt(np.where(carries, weight, 1.0))
-        k = basis.shape[1]
-        total, extra = np.sum((score / root) ** 2), 0.0
-        freedom = float(carries.sum()) - k
-        # As many specimens as if all that tell weighed alike.
-        units = weight.sum(axis=0) ** 2 / np.sum(weight**2, axis=0)
-        if float(np.median(units)) >= _FEWEST_TO_FLIP and freedom > 0.0:
-            sums = np.concatenate([score.sum(axis=0)[None], self.signs @ score])
-        else:
-            scores = np.concatenate([score[None], self._scores_of_noise(basis, carries)])
-            sums, total = scores.sum(axis=1), np.sum((scores / root) ** 2, axis=(1, 2))
-            extra = whitening.degrees_of_freedom
-        explained = np.sum(sums**2, axis=1)
-        left = np.maximum(total - explained, freedom) + extra
-        freedom += extra
-        values = np.maximum(fdtrc(k, freedom, explained / k * freedom / left), 1e-300)
-        return float(values[0]), values[1:]
-
-    def _scores_of_noise(self, basis: FloatArray, carries: BoolArray) -> FloatArray:
-        """Scores of noise alone, (P, n, k), whose size is as uncertain as the noise's."""
-        starts, draws = self.whitening.starts, len(self.signs)
-        scores = np.zeros((draws, *carries.shape))
-        for i in np.flatnonzero(carries.any(axis=1)).tolist():
-            piece = basis[starts[i] : starts[i + 1]]
-            scores[:, i] = self.rng.standard_normal((draws, len(piece))) @ piece
-        freedom = self.whitening.degrees_of_freedom
-        size = np.sqrt(freedom / self.rng.chisquare(freedom, draws))
-        return np.where(carries, scores, 0.0) * size[:, None, None]
+        left = whitening.summed(basis * (y - basis @ agreed)[:, None])
+        apart = np.where(carries, left / root, 0.0)
+        freedom = max(float(carries.sum()) - k, 0.0)
+        missing = max(freedom - float(np.sum(apart**2)), 0.0)
+        known = freedom + whitening.degrees_of_freedom
+        covariance = apart.T @ apart
+        covariance += (missing + whitening.degrees_of_freedom) / k * np.eye(k)
+        total = float(np.trace(covariance))
+        # Where specimens differ in one direction, they tell as often as if it were alone.
+        evenness = total**2 / (k * float(np.sum(covariance**2)))
+        squares = float(agreed @ agreed)
+        p = float(fdtrc(evenness * k, evenness * known, squares / k * known / total))
+        varies = float(np.sum((left @ agreed) ** 2)) / max(squares, 1e-12)
+        return max(p, _SMALLEST), max(varies, 1.0)
 
 
-def _beyond_noise(basis: FloatArray, y: FloatArray) -> float:
-    """Return the sum of squares along an orthonormal basis, less one a degree of freedom."""
-    return float(max(np.sum((basis.T @ y) ** 2) - basis.shape[1], 0.0))
+def _beyond_noise(
+    basis: FloatArray, y: FloatArray, deviations: float = 0.0, spread: float = 1.0
+) -> float:
+    """Return the sum of squares along an orthonormal basis, less one a degree of freedom.
+
+    Parameters
+    ----------
+    deviations, spread
+        How many of its own more are returned: it is of noncentral chi-square, times the spread.
+    """
+    beyond, k = float(np.sum((basis.T @ y) ** 2)) - basis.shape[1], basis.shape[1]
+    variance = spread * (4.0 * max(beyond, 0.0) + 2.0 * k)
+    return float(max(beyond + deviations * math.sqrt(variance), 0.0))
 
 
 # ------------------------------------------------------------------------------------------------
@@ -642,7 +533,7 @@ def _hold_parts(table: FeatureTable) -> Iterator[_Part]:
     hold = table.branch == BRANCHES.index("hold")
     early, late = np.quantile(table.time_s[hold], (0.25, 0.75)).tolist()
     yield hold & (table.time_s <= early), f"within {early:.2g} s of the hold", 0
-    yield hold & (table.time_s >= late), f"after {late:.2g} s of it", 0
+    yield hold & (table.time_s >= late), f"after {late:.2g} s of the hold", 0
 
 
 def _position_sentence(case: _Case, design: ProfileDesign, at_mm: float, rows: IntArray) -> str:
@@ -683,23 +574,10 @@ def _off(log: float, what: str = "prediction") -> str:
 def _bar_scale(table: FeatureTable, y: FloatArray, basis: FloatArray) -> float:
     """Return how much larger the noise of local strains is than declared, at least 1.
 
-    Bars are too few for how they lie together to tell; place by place, replicates tell. Without
-    replicates it is what no pattern along the bars explains.
+    It is told by what no pattern along the bars explains.
     """
-    bars: dict[tuple[int, bytes], list[FloatArray]] = {}
-    for number in np.unique(table.specimen[table.is_field]).tolist():
-        rows = np.flatnonzero(table.is_field & (table.specimen == number))
-        key = int(table.replicates[rows[0]]), np.round(table.x_mm[rows], 3).tobytes()
-        bars.setdefault(key, []).append(y[rows])
-    squares, freedom = 0.0, 0
-    for alike in bars.values():
-        values = np.stack(alike)
-        squares += float(np.sum((values - values.mean(axis=0)) ** 2))
-        freedom += (len(values) - 1) * values.shape[1]
-    if not freedom:
-        left = (y - basis @ (basis.T @ y))[table.is_field]
-        squares, freedom = float(left @ left), max(len(left) - basis.shape[1], 1)
-    return max(1.0, float(np.sqrt(squares / freedom)))
+    left = (y - basis @ (basis.T @ y))[table.is_field]
+    return max(1.0, float(np.sqrt(left @ left / max(len(left) - basis.shape[1], 1))))
 
 
 def _farthest_place(case: _Case, y: FloatArray) -> tuple[ProfileDesign, float, IntArray]:
@@ -725,15 +603,6 @@ def _farthest_place(case: _Case, y: FloatArray) -> tuple[ProfileDesign, float, I
 # Where the gap of a campaign lies: every axis, with its share, p-value and a sentence.
 
 
-_BOOTSTRAPS = 200
-"""Resamples behind the interval of a share. Convention: ends of a 90 % interval are then known to
-5 % of its width."""
-
-_THINNEST = 0.1
-"""Mean excess, over a high threshold, of the logarithm of how far the farthest specimen is off,
-that is believed at least. Chosen: a tenth of the distance, so that a few draws that lie close
-together promise no certainty."""
-
 _FEWEST_KNOWN = 4
 """Specimens whose value of a column is known, for it to be an axis. Numerical: three have six
 orders at most, of which none is rarer than 1/6."""
@@ -748,17 +617,15 @@ def localise(
     table: FeatureTable,
     residual: FloatArray,
     whitening: Whitening,
-    rng: np.random.Generator,
-    *,
     likely: Mapping[str, float] | None = None,
-    permutations: int = 999,
 ) -> tuple[Location, ...]:
     """Return along which axes the gap varies, the one to look at first in front.
 
     Axes are the material, every column that varies, the strain (what all specimens have in
     common), branch and time of a hold, the place along bars, and specimens against their
     replicates. A share is of the excess over noise that the axis explains alone, so that shares of
-    axes which go together add up to more than 1. P-values are family-wise over all axes.
+    axes which go together add up to more than 1. P-values are family-wise over all axes, by their
+    number (Bonferroni).
 
     Parameters
     ----------
@@ -768,109 +635,95 @@ def localise(
         Of what the residual would be like if nothing were hidden.
     likely
         How probable it is of each axis that the gap's cause lies along it; 0 by default.
-    permutations
-        Draws without a gap.
 
     Returns
     -------
     places
         Nothing for a single specimen: there is nothing to compare it with.
     """
-    count = len(campaign.specimens)
-    if count < 2:
+    if len(campaign.specimens) < 2:
         return ()
     y, level = whitening(residual), table.sensitivity(table.measured_raw)
     tells = np.abs(level) > _TELLS
     force, local = np.where(table.is_field, 0.0, level), np.where(table.is_field, level, 0.0)
     patterns = axis_patterns(campaign, table, level)
     common = _orthonormal(whitening(np.column_stack([force, patterns["strain"], local])))
-    varying = y - common @ (common.T @ y)
-    signs: FloatArray = np.where(rng.random((permutations, count)) < 0.5, -1.0, 1.0)
     case = _Case(
-        campaign, table, residual, force, local, patterns, residual / np.where(tells, level, 1.0),
-        np.where(tells, level**2, 0.0), signs, rng, whitening, y, varying, common,
+        campaign, table, residual, force, local, residual / np.where(tells, level, 1.0),
+        np.where(tells, level**2, 0.0), whitening, y, y - common @ (common.T @ y), common,
     )  # fmt: skip
-    axes = [*_column_axes(case), *_within_axes(case), *_position_axes(case), *_outlying_axes(case)]
-    p, shares = _family_wise(axes), [case.share(axis) for axis in axes]
-    weights = rng.multinomial(count, np.full(count, 1.0 / count), _BOOTSTRAPS).astype(np.float64)
+    in_words = case.sentence(_strain_parts(table), alike="alike at all strains")
+    axes = [_Axis("strain", common, *case.tested(common, y), in_words, is_common=True)]
+    for name, columns in patterns.items():
+        if name == "position":
+            axes += _axis_along_bars(case, columns)
+        elif name != "strain":
+            axes += _axis_along(case, name, columns)
+    axes += _axis_of_strays(case)
 
-    def unlikely(i: int) -> tuple[float, float, float]:
-        probability = 0.0 if likely is None else likely.get(axes[i].name, 0.0)
-        return -(1.0 + probability) * shares[i], -probability, float(p[i])
+    def unlikely(axis: _Axis) -> tuple[float, float, float]:
+        probability = 0.0 if likely is None else likely.get(axis.name, 0.0)
+        return -(1.0 + probability) * case.share(axis), -probability, axis.p
 
-    order = sorted(range(len(axes)), key=unlikely)
-    places = []
-    for i in order:
-        axis, first = axes[i], axes[order[0]]
-        sentence = axis.detail
-        if axis is not first and p[i] <= SIGNIFICANT:
+    order = sorted(axes, key=unlikely)
+    first, end, places = order[0], normal_quantile(0.9), []
+    for axis in order:
+        p, sentence = min(len(axes) * axis.p, 1.0), axis.detail
+        if axis is not first and p <= SIGNIFICANT:
             little = _ADDS_LITTLE * case.explained(axis)
             if _added(axis, first, case) < little:
                 sentence += f"; little of it beyond what goes with {first.name}"
-        interval = case.interval(axis, weights)
-        places.append(Location(axis.name, shares[i], interval, float(p[i]), sentence))
+        interval = case.share(axis, -end), case.share(axis, end)
+        places.append(Location(axis.name, case.share(axis), interval, p, sentence))
     return tuple(places)
 
 
-def _column_axes(case: _Case) -> Iterator[_Axis]:
-    """Material and the columns of specimens.csv."""
-    cells = _axis_cells(case.campaign)
-    for name in (name for name in cells if name in case.patterns):
-        basis = case.basis(case.patterns[name])
-        known = sum(cell is not None for cell in cells[name])
-        if known >= _FEWEST_KNOWN and basis.shape[1]:
-            sentence = case.sentence(_column_parts(case, name, cells[name]))
-            yield _Axis(name, basis, *case.flipped(basis, case.varying), sentence)
+def _axis_along(case: _Case, name: str, columns: FloatArray) -> Iterator[_Axis]:
+    """Yield the axis of a column of specimens.csv, of branch or of the time of a hold, if any."""
+    basis, cells = case.basis(columns), _axis_cells(case.campaign).get(name)
+    if not basis.shape[1] or (cells and sum(c is not None for c in cells) < _FEWEST_KNOWN):
+        return
+    if cells:
+        parts = _column_parts(case, name, cells)
+    else:
+        parts = (_branch_parts if name == "branch" else _hold_parts)(case.table)
+    yield _Axis(name, basis, *case.tested(basis, case.varying), case.sentence(parts))
 
 
-def _within_axes(case: _Case) -> Iterator[_Axis]:
-    """Strain, branch and time of a hold: signs of whole specimens are drawn."""
-    table = case.table
-    sentence = case.sentence(_strain_parts(table), alike="alike at all strains")
-    p, drawn = case.flipped(case.common, case.y)
-    yield _Axis("strain", case.common, p, drawn, sentence, is_common=True)
-    for name, parts in (("branch", _branch_parts), ("time", _hold_parts)):
-        if name in case.patterns and (basis := case.basis(case.patterns[name])).shape[1]:
-            sentence = case.sentence(parts(table), ordered=name == "time")
-            yield _Axis(name, basis, *case.flipped(basis, case.varying), sentence)
-
-
-def _position_axes(case: _Case) -> Iterator[_Axis]:
-    """Places along bars: a smooth pattern, and steps between materials.
+def _axis_along_bars(case: _Case, columns: FloatArray) -> Iterator[_Axis]:
+    """Yield the axis of places along bars: a smooth pattern, and steps between materials.
 
     A factor on all local strains of a bar is no matter of position.
     """
     whitening, of_row = case.whitening, case.table.specimen
-    if "position" not in case.patterns:
-        return
     is_bar = of_row[:, None] == np.unique(of_row[case.table.is_field])
     bars = whitening(np.where(is_bar, case.local[:, None], 0.0))
     besides = _orthonormal(np.concatenate([case.common, bars], axis=1))
-    basis = _orthonormal(whitening(case.patterns["position"]), besides=besides)
+    basis = _orthonormal(whitening(columns), besides=besides)
     if not basis.shape[1]:
         return
     y = case.y - besides @ (besides.T @ case.y)
     y = y / _bar_scale(case.table, y, basis)
     sentence = _position_sentence(case, *_farthest_place(case, y))
-    yield _Axis("position", basis, *case.flipped(basis, y), sentence)
+    yield _Axis("position", basis, *case.tested(basis, y), sentence)
 
 
 _TAIL_FREEDOM = 5.0
-"""Of Student's t, from which specimens are drawn. Chosen: a stray one is no rarity, and yet the
+"""Of Student's t, by which specimens are judged. Chosen: a stray one is no rarity, and yet the
 variance and the kurtosis are finite."""
 
 _NORMAL_MAD = 0.6745
 """Median absolute deviation over the standard one. Convention: of a normal distribution."""
 
 
-def _outlying_axes(case: _Case) -> Iterator[_Axis]:
-    """Specimens against their replicates: noise with stray specimens is drawn.
+def _axis_of_strays(case: _Case) -> Iterator[_Axis]:
+    """Yield the axis of specimens that stray from their replicates, if there are any.
 
     Each specimen's level is compared with the mean of its replicates'; the scale is told by the
     median over all specimens, so that a few that are off do not hide themselves. Told are those
-    that are farther off than 95 of 100 draws, the farthest first; at least that one.
+    that are significantly off, the farthest first; at least that one.
     """
-    whitening, rng = case.whitening, case.rng
+    whitening = case.whitening
     test = case.table.replicates[whitening.starts[:-1]]
     phi = whitening.noise.whiten(case.force)
     information = whitening.summed(phi**2)
@@ -878,36 +731,28 @@ def _outlying_axes(case: _Case) -> Iterator[_Axis]:
     known = np.where(seen, information, 1.0)
     height = whitening.summed(phi * whitening.noise.whiten(case.residual)) / known
     alike = (test[:, None] == test) & seen[:, None] & ~np.eye(len(test), dtype=bool)
-
-    def differences(heights: FloatArray, kept: BoolArray) -> tuple[FloatArray, FloatArray]:
-        """Return those from replicates' means, and the same in deviations, (..., n)."""
-        others = np.where(alike & kept, 1.0, 0.0)
-        count = others.sum(axis=1, keepdims=True)
-        contrasts = np.where(count > 0.0, np.eye(len(test)) - others / np.maximum(count, 1.0), 0.0)
-        found = heights @ contrasts.T
-        return found, np.abs(found) / np.sqrt(np.maximum(contrasts**2 @ (1.0 / known), 1e-300))
-
     compared = (alike & seen).any(axis=1)
     if compared.sum() < 2:
         return
-    drawn = rng.standard_normal((len(case.signs), len(test)))
-    drawn /= np.sqrt(known * rng.chisquare(_TAIL_FREEDOM, drawn.shape) / _TAIL_FREEDOM)
-    off = differences(np.concatenate([height[None], drawn]), seen)[1][:, compared]
-    scale = np.maximum(np.median(off, axis=1) / _NORMAL_MAD, 1e-9)
-    farthest = off.max(axis=1) / scale
-    cut = float(np.quantile(farthest[1:], 0.95))
+    scale, p = 0.0, 1.0
     shift: dict[int, float] = {}
     left = seen.copy()
     for _ in range(max(1, len(test) // 3)):
-        difference, away = differences(height, left)
+        others = (alike & left).astype(np.float64)
+        others /= np.maximum(others.sum(axis=1, keepdims=True), 1.0)
+        off = np.where(others.any(axis=1), height - others @ height, 0.0)
+        away = np.abs(off) / np.sqrt(1.0 / known + others**2 @ (1.0 / known))
+        # A few that are left out do not change the scale.
+        scale = scale or max(float(np.median(away[compared])) / _NORMAL_MAD, 1e-9)
         # Of two that differ from each other only, the one farther from what is predicted.
-        worst = int(np.argmax(np.where(left, away, 0.0) / scale[0] + 1e-6 * np.abs(height)))
-        if shift and away[worst] < cut * scale[0]:
+        worst = int(np.argmax(np.where(left, away, 0.0) / scale + 1e-6 * np.abs(height)))
+        chance = 2.0 * float(compared.sum()) * float(stdtr(_TAIL_FREEDOM, -away[worst] / scale))
+        if shift and chance > SIGNIFICANT:
             break
-        shift[worst] = float(difference[worst])
+        p = min(p, chance)
+        shift[worst] = float(off[worst])
         left[worst] = False
     is_named = case.table.specimen[:, None] == list(shift)
     basis = case.basis(np.where(is_named, case.force[:, None], 0.0))
-    p = _tail_p(math.log(max(farthest[0], 1e-9)), np.log(farthest[1:]), _THINNEST)
     sentence = _outliers_sentence({case.campaign.specimens[i].id: shift[i] for i in shift})
-    yield _Axis("specimen", basis, p, _rank_p(farthest[1:]), sentence)
+    yield _Axis("specimen", basis, max(p, _SMALLEST), 1.0, sentence)

@@ -154,11 +154,10 @@ class NoisyFeatures:
         edges = np.flatnonzero(np.diff(table.specimen)) + 1
         rows = tuple(slice(a, b) for a, b in itertools.pairwise([0, *edges.tolist(), len(table)]))
         blocks = tuple(self._block(scatter, of_one) for of_one in rows)
-        batches = sorted(set(batch_of.tolist()) - {-1})
-        columns = np.zeros((len(table), len(batches) if len(batches) > 1 else 0))
-        for column, number in enumerate(batches[: columns.shape[1]]):
-            of_batch = (batch_of[table.specimen] == number) & ~table.is_field
-            columns[of_batch, column] = scatter.batch * self.sensitivity[of_batch]
+        batches = np.unique(batch_of[batch_of >= 0])
+        level = scatter.batch * np.where(table.is_field, 0.0, self.sensitivity)
+        columns = level[:, None] * (batch_of[table.specimen][:, None] == batches)
+        columns = columns if len(batches) > 1 else columns[:, :0]
         roots = tuple(np.linalg.inv(np.linalg.cholesky(block)) for block in blocks)
         return SpecimenNoise(rows, blocks, roots, columns)
 
@@ -297,10 +296,6 @@ FIT_SD = 0.01
 """Of the logarithm of stress, from small strains to large ones, and of what a law leaves of its own
 tests where the palette does not say. Chosen: laws follow their tests to 1 %."""
 
-_BETWEEN_SD = 0.03
-"""Of the logarithm of stress half-way between two grades. Chosen: nobody measured it; as much as
-specimens scatter by."""
-
 _STEP = 0.02
 """Of the differences by which columns are made. Numerical: what is not linear in it stays below a
 hundredth of the column."""
@@ -349,7 +344,8 @@ def calibrations(palette: Palette, setup: Setup) -> tuple[Calibration, ...]:
         t = np.clip((where - low) / (high - low), 0.0, 1.0)
         bump = 4.0 * t * (1.0 - t)
         if bump.max() > 0.01:
-            found.append(Calibration("", "between", _BETWEEN_SD, bump))
+            # Nobody measured it: it is as uncertain as one specimen.
+            found.append(Calibration("", "between", USUAL.specimen, bump))
     for part in dict.fromkeys(part for part in setup.parts if part is not None):
         its = setup.on_slices(np.array([part is one for one in setup.parts], dtype=np.float64))
         found.append(Calibration("", "part", part.log_sd, its))
@@ -506,16 +502,9 @@ def likeliest_sides(table: FeatureTable, seen: FloatArray) -> IntArray:
     """
     sides = np.zeros((len(seen), seen.shape[2]), dtype=np.int64)
     for side, of_length in zip(sides, seen, strict=True):
-        left = _left_by(table, of_length)
-        for at, root in _rough(table, of_length[len(SIDES) // 2]):
-            side[at] = np.argmin(SIDES**2 + np.sum((left[:, at] @ root.T) ** 2, axis=1))
+        for at, log in _likelihoods(table, of_length, of_length[len(SIDES) // 2]):
+            side[at] = np.argmax(log - 0.5 * SIDES**2)
     return sides
-
-
-def _left_by(table: FeatureTable, strains: FloatArray) -> FloatArray:
-    """Return measured less predicted strains of bins, (..., F), transformed."""
-    field = table.is_field
-    return table.measured[field] - np.arcsinh(strains / (2.0 * table.floor[field]))
 
 
 def likeliest_facet(table: FeatureTable, strains: FloatArray) -> int:
@@ -533,31 +522,40 @@ def likeliest_facet(table: FeatureTable, strains: FloatArray) -> int:
         return 0
     logs = []
     for of_length in np.moveaxis(strains, 1, 0):
-        left, log = _left_by(table, of_length), np.zeros(len(of_length))
-        for at, root in _rough(table, of_length[0]):
-            white = left[:, at] @ root.T
-            log += np.log(np.diagonal(root)).sum() - 0.5 * np.einsum("ki,ki->k", white, white)
+        each = [log for _, log in _likelihoods(table, of_length, of_length[0])]
+        log: FloatArray = np.sum(each, axis=0)
         effects = scipy.special.logsumexp(log[1:]) - math.log(max(len(log) - 1, 1))
         logs.append(np.logaddexp(log[0], effects))
     return int(np.argmax(logs))
 
 
-def _rough(table: FeatureTable, strain: FloatArray) -> Iterator[tuple[IntArray, FloatArray]]:
-    """Yield the places of each specimen's strains, and what whitens them: an inverse root.
+def _likelihoods(
+    table: FeatureTable, strains: FloatArray, usual: FloatArray
+) -> Iterator[tuple[IntArray, FloatArray]]:
+    """Yield the places of each specimen's strains, and ln likelihood of what is predicted, (K,).
 
-    Of their covariance as it is before anything is known of camera and bar.
+    Before anything is known of camera and bar.
+
+    Parameters
+    ----------
+    strains : (K, F)
+        Of bins, as they may be.
+    usual : (F,)
+        One of these, by which noise goes.
     """
     field = np.flatnonzero(table.is_field)
+    left = table.measured[field] - np.arcsinh(strains / (2.0 * table.floor[field]))
     larger = np.zeros(len(table))
-    larger[field] = np.maximum(np.abs(table.measured_raw[field]), np.abs(strain))
+    larger[field] = np.maximum(np.abs(table.measured_raw[field]), np.abs(usual))
     sensitivity = table.sensitivity(larger)
-    contrast = np.log(np.maximum(np.abs(strain), 1e-6))
-    off = _ROUGHLY * sensitivity[field] * np.stack([np.ones_like(strain), contrast])
+    contrast = np.log(np.maximum(np.abs(usual), 1e-6))
+    off = _ROUGHLY * sensitivity[field] * np.stack([np.ones_like(usual), contrast])
     for one in np.unique(table.specimen[field]):
         at = np.flatnonzero(table.specimen[field] == one)
         rows = slice(int(field[at[0]]), int(field[at[-1]]) + 1)
         block = _field_block(table, sensitivity, USUAL, rows) + off[:, at].T @ off[:, at]
-        yield at, np.linalg.inv(np.linalg.cholesky(block))
+        half_log, white = _whitened(block, left[:, at].T)
+        yield at, -half_log - 0.5 * np.sum(white**2, axis=0)
 
 
 def seen_otherwise(
@@ -578,12 +576,10 @@ def seen_otherwise(
     field = table.is_field
     facets, aside = np.zeros((2, len(table)))
     features, each = np.arcsinh(seen / (2.0 * table.floor[field])), np.arange(int(field.sum()))
-    side, length = sides[facet], np.full(len(each), facet)
-    below, above = np.maximum(length - 1, 0), np.minimum(length + 1, len(seen) - 1)
-    change = features[above, side, each] - features[below, side, each]
-    facets[field] = change / np.maximum(above - below, 1)
-    below, above = np.maximum(side - 1, 0), np.minimum(side + 1, len(SIDES) - 1)
-    aside[field] = (features[facet, above, each] - features[facet, below, each]) / (above - below)
+    at = facet, sides[facet], each
+    if len(seen) > 1:
+        facets[field] = np.gradient(features, axis=0)[at]
+    aside[field] = np.gradient(features, axis=1)[at]
     return facets, aside
 
 

@@ -2,9 +2,11 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from scipy.interpolate import PPoly
 
 from planner.errors import FileError
 from planner.gap.campaign import (
@@ -194,30 +196,19 @@ def seen_shares(setup: Setup, number: int, x_mm: FloatArray, facet_mm: float) ->
     steps = step_places_mm(design) * (end / design.length_mm)
     # Slices end at steps: each block between two has knots at its ends and at middles of slices.
     cut = np.searchsorted(middle, np.concatenate([[0.0], steps, [end]]))
-    knots = [
-        (place, of)
-        for first, stop in zip(cut[:-1].tolist(), cut[1:].tolist(), strict=True)
-        for place, of in (
-            (edges[first], first),
-            *((middle[k], k) for k in range(first, stop)),
-            (edges[stop], stop - 1),
-        )
-    ]
-    at = np.array([place for place, _ in knots])
-    value = np.eye(len(middle))[[of for _, of in knots]]
-    trapezoids = 0.5 * (value[1:] + value[:-1]) * np.diff(at)[:, None]
-    moved = np.concatenate([np.zeros((1, len(middle))), np.cumsum(trapezoids, axis=0)])
-
-    def moved_at(x: FloatArray) -> FloatArray:
-        k = np.clip(np.searchsorted(at, x, side="right") - 1, 0, len(at) - 2)
-        s = (x - at[k])[:, None]
-        rise = (value[k + 1] - value[k]) / (at[k + 1] - at[k])[:, None]
-        return np.asarray(moved[k] + s * (value[k] + 0.5 * s * rise))
-
+    at, of = [], []
+    for first, stop in pairwise(cut.tolist()):
+        at += [edges[first], *middle[first:stop], edges[stop]]
+        of += [first, *range(first, stop), stop - 1]
+    value, width = np.eye(len(middle))[of], np.diff(at)
+    rises = np.diff(value, axis=0)
+    inside = width > 0.0
+    strain = PPoly([rises[inside] / width[inside, None], value[:-1][inside]], np.unique(at))
+    moved = strain.antiderivative()
     half = 0.5 * max(facet_mm, _POINT_MM)
     begin = np.clip(x_mm - half, 0.0, end - _POINT_MM)
-    stop = np.clip(x_mm + half, _POINT_MM, end)
-    return np.asarray((moved_at(stop) - moved_at(begin)) / (stop - begin)[:, None])
+    stop_mm = np.clip(x_mm + half, _POINT_MM, end)
+    return np.asarray((moved(stop_mm) - moved(begin)) / (stop_mm - begin)[:, None])
 
 
 # ------------------------------------------------------------------------------------------------
@@ -625,20 +616,12 @@ def _tests(specimens: Sequence[Specimen], paths: Mapping[int, Path]) -> list[Rep
     """Gather specimens that went the same way; each with the first that it agrees with."""
     tests: list[ReplicateTest] = []
     for group in condition_groups(specimens):
-        alike: list[list[int]] = []
-        for place in group:
-            if place not in paths:
-                continue
-            for others in alike:
-                if same_path(paths[others[0]], paths[place]):
-                    others.append(place)
-                    break
-            else:
-                alike.append([place])
-        tests += [
-            replicate_test(paths, places, _frame_fractions(specimens, paths, places))
-            for places in alike
-        ]
+        left = [place for place in group if place in paths]
+        while left:
+            alike = [place for place in left if same_path(paths[left[0]], paths[place])]
+            left = [place for place in left if place not in alike]
+            frames = _frame_fractions(specimens, paths, alike)
+            tests.append(replicate_test(paths, alike, frames))
     return sorted(tests, key=lambda test: test.places[0])
 
 

@@ -3,18 +3,21 @@
 import math
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from itertools import chain
 from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import stdtr
 
 from planner.formats.specimens import SPECIMEN_COLUMNS, SpecimenColumn
 from planner.formats.units import OWN, QUANTITIES, QUANTITY_UNITS, UnitOf, unit_near
-from planner.gap.campaign import Campaign, Specimen, replicate_groups
+from planner.gap.campaign import Campaign, Specimen, axis_columns, replicate_groups
 from planner.gap.diagnosis import FoundEffect, QualityProblem
+from planner.gap.localise import specimen_patterns
+from planner.gap.observations import BRANCHES, ObservationModel
 from planner.gap.segments import (
     hold_share,
     leap_at_end,
@@ -24,10 +27,8 @@ from planner.gap.segments import (
     unloading_share,
 )
 from planner.materials.characterise import noise_sd
-from planner.materials.laws import make_law
 from planner.numerics import FloatArray, IntArray
-from planner.palette import Palette
-from planner.simulation.bar_solver import PUSHED_END
+from planner.simulation.bar_solver import predict
 
 __all__ = [
     "HOLDS",
@@ -81,14 +82,8 @@ def _clipping(s: Specimen) -> _Problems:
     """Yield a load cell or amplifier that was at its limit, if nothing else explains a plateau."""
     force, way = s.load_N, s.travel_mm
     top = float(np.max(force))
-    at_top = force >= top - 1e-9 * abs(top)
-    start, stop = _longest_run(at_top)
+    start, stop = _longest_run(force >= top - 1e-9 * abs(top))
     if stop - start < _SHORTEST or start < _SHORTEST:
-        return
-    # A coarse resolution gives runs of equal values everywhere, not only at the top.
-    equal = (np.diff(force) == 0.0) & ~at_top[1:]
-    elsewhere = _longest_run(equal)
-    if stop - start < 3 * (elsewhere[1] - elsewhere[0] + 1):
         return
     first = max(start - max(_SHORTEST, (stop - start) // 5), 0)
     travel = float(way[stop - 1] - way[start])
@@ -326,10 +321,6 @@ HOLDS = 0.3
 """Shares of range and of duration from which unloading and holding are on purpose. Chosen: machines
 settle by less at a turn, and wait for less before and after a pull."""
 
-_AGREEING = 0.02
-"""Relative spread of replicates' amplitudes that agree. Chosen: machines turn to within half
-of it."""
-
 _AMPLITUDE_TOLERANCE = 0.1
 """Relative, of the travel declared or the replicates'. Chosen: machines turn to within 1 %; slack
 and a start that is not at zero take a few per cent."""
@@ -357,8 +348,7 @@ def _amplitudes(specimens: Sequence[Specimen]) -> Iterator[QualityProblem]:
     """Yield specimens that were strained to another amplitude than declared, or than the others.
 
     Declared is what a further column such as `to_strain` or `amplitude_mm` says. Without one, a
-    cyclic or relaxation specimen that stands alone among at least two replicates that agree is
-    named.
+    cyclic or relaxation specimen that stands alone among at least two replicates is named.
     """
     for s in specimens:
         declared = _declared_mm(s)
@@ -375,7 +365,7 @@ def _amplitudes(specimens: Sequence[Specimen]) -> Iterator[QualityProblem]:
             continue
         middle = float(np.median(peaks))
         off = np.abs(peaks / middle - 1.0) > _AMPLITUDE_TOLERANCE
-        if off.sum() == 1 and np.ptp(peaks[~off]) < _AGREEING * middle:
+        if off.sum() == 1:
             at = int(np.argmax(off))
             yield _amplitude(members[at], float(peaks[at]), middle, "is its replicates'")
 
@@ -395,105 +385,30 @@ def _amplitude(s: Specimen, peak: float, expected: float, whose: str) -> Quality
 
 
 # ------------------------------------------------------------------------------------------------
-# First loading of a specimen, and its load in proportion to what the palette predicts.
+# The load of a specimen's first loading in proportion to what the palette predicts.
 
 
-_GRID = np.linspace(0.3, 0.9, 13)
-"""Where loads are compared, of a first loading. Chosen: past slack and zeros, before the break; 13
-make a median that no stray point moves."""
+_COMPARED = (0.3, 0.9)
+"""Shares of a first loading, between which loads are compared. Chosen: past slack and zeros, before
+the break."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Loading:
-    """Strain and mean nominal stress of a first loading, up to its turn, break or peak load."""
+def _log_loads(model: ObservationModel) -> dict[int, float]:
+    """Return ln(measured over predicted force) by place, the median over the first loading.
 
-    specimen: Specimen
-    strain: FloatArray
-    stress_MPa: FloatArray
-
-    @property
-    def end(self) -> float:
-        """The strain that it reaches."""
-        return float(self.strain[-1])
-
-
-def _first_loading(specimen: Specimen) -> _Loading | None:
-    """Return a specimen's first loading; None where it never loads over enough rows."""
-    path = path_of(specimen)
-    if path is None:
-        return None
-    rows = slice(path.segments[0].first, path.segments[0].last + 1)
-    load = -path.force_N[rows] if specimen.pushed else path.force_N[rows]
-    stop = int(np.argmax(load)) + 1
-    section = specimen.section_mm2(_slices(specimen))
-    stress = load[:stop] / (1.0 if section is None else np.mean(section))
-    return _Loading(specimen, path.travel_mm[rows][:stop] / specimen.gauge_mm, stress)
-
-
-def _predicted_stress_MPa(specimen: Specimen, palette: Palette, strain: FloatArray) -> FloatArray:
-    """Return the mean nominal stress that the palette's laws give, roughly for a graded bar.
-
-    A bar's slices are taken as springs of their secant moduli at the mean strain; of a part, whose
-    section nobody states, the force stands for it. Of a compressed specimen strain and stress are
-    positive, too.
+    A specimen of which less than half is above zero has none.
     """
-    if specimen.part is not None:
-        force, _, _ = specimen.part.response.at(strain * specimen.gauge_mm)
-        return force / (specimen.area_mm2 or 1.0)
-    grades = np.array([m.coordinate for m in palette.materials])
-    true = -strain if specimen.pushed else strain
-    secants = np.stack(
-        [make_law(m.law).nominal_stress_MPa(1.0 + true) / true for m in palette.materials]
-    )
-    if specimen.profile is None:
-        index = palette.materials.index(palette.resolve(specimen.material or ""))
-        return np.asarray(secants[index] * strain)
-    x = _slices(specimen)
-    coordinate = specimen.profile.at(x)
-    section = specimen.section_mm2(x)
-    share = np.ones_like(x) if section is None else section / np.mean(section)
-    logs = np.log(np.maximum(secants, 1e-12))
-    along = np.stack([np.interp(coordinate, grades, column) for column in logs.T])
-    compliance = np.mean(np.exp(-along) / share, axis=1)
-    return np.asarray(strain / compliance)
-
-
-_NEAR = 0.1
-"""A strain without a point within this share of the way that is compared was not recorded. Chosen:
-a line over a tenth of a loading is good to a per cent."""
-
-
-def _log_load(
-    loading: _Loading, palette: Palette, end: float, *, stretched: float = 1.0
-) -> float | None:
-    """Return ln(measured over predicted load), the median over the upper part of a first loading.
-
-    Parameters
-    ----------
-    end
-        The strain up to which it is compared, or the law's own end before.
-    stretched
-        Factor on the strains, to see what the load would be were the travel in another unit.
-
-    Returns
-    -------
-    float or None
-        None where half of it was not recorded, or is not above zero.
-    """
-    specimen, strain = loading.specimen, np.maximum.accumulate(stretched * loading.strain)
-    law_end = PUSHED_END if specimen.pushed else specimen.strain_end(palette, min)
-    at = np.maximum(min(stretched * end, law_end), 1e-9) * _GRID
-    measured = np.interp(at, strain, loading.stress_MPa)
-    predicted = _predicted_stress_MPa(specimen, palette, at)
-    seen = np.abs(np.subtract.outer(at, strain)).min(axis=1) <= _NEAR * at[-1]
-    seen &= (measured > 0.0) & (predicted > 0.0)
-    if 2 * seen.sum() <= len(at):
-        return None
-    return float(np.median(np.log(measured[seen] / predicted[seen])))
-
-
-def _slices(specimen: Specimen) -> FloatArray:
-    return np.asarray(specimen.gauge_mm * (np.arange(200) + 0.5) / 200)
+    table, predicted = model.table, model.predicted(predict(model.setup, model.laws))
+    loading = table.branch == BRANCHES.index("loading")
+    found = {}
+    for place in np.unique(table.specimen).tolist():
+        own = np.flatnonzero(loading & (table.specimen == place))
+        share = table.strain[own] / table.strain[own].max()
+        own = own[(share >= _COMPARED[0]) & (share <= _COMPARED[1])]
+        ratio = table.measured_raw[own] / predicted[own]
+        if np.mean(ratio > 0.0) > 0.5:
+            found[place] = float(np.median(np.log(ratio[ratio > 0.0])))
+    return found
 
 
 # ------------------------------------------------------------------------------------------------
@@ -523,66 +438,51 @@ _POOLED_WEIGHT = 0.25
 1 to 9 %, with heavy tails too, give an outlier in at most 1 % of the clean campaigns of
 `tests/property/test_gap_quality_rates.py`."""
 
-_SHORT = 0.3
-"""A first loading shorter than this share of its replicates' is not compared. Chosen: it has not
-come to where theirs are compared (`_GRID`)."""
+_Groups = Sequence[tuple[int, ...]]
+"""Places of replicates, which differ by scatter alone."""
 
 
-_Groups = Sequence[tuple[tuple[int, ...], FloatArray]]
-"""Replicates by place, with one number each."""
-
-
-def _outlier_problems(kept: Sequence[_Loading], palette: Palette) -> list[QualityProblem]:
+def _outlier_problems(
+    specimens: Sequence[Specimen], loads: Mapping[int, float]
+) -> list[QualityProblem]:
     """Return outlying specimens, the clearest first in each round.
 
     The level is Bonferroni's over specimens; one that was found is left out and the rest judged
     again.
     """
-    specimens = [loading.specimen for loading in kept]
-    groups = _groups(specimens)
+    groups = _groups(specimens, loads)
     least = _FAMILY_WISE / max(sum(map(len, groups)), 1)
     found: list[QualityProblem] = []
     while True:
-        worst = min(_judged(_levels(kept, palette, groups)), key=lambda w: w[0], default=None)
+        worst = min(_judged(loads, groups), key=lambda w: w[0], default=None)
         if worst is None or worst[0] >= least:
             return found
         _, place, shift, others = worst
         found.extend(_outliers(specimens, place, shift, others))
         gone = {place} if len(others) > 1 else {place, *others}
-        groups = tuple(tuple(i for i in g if i not in gone) for g in groups)
+        groups = [tuple(i for i in g if i not in gone) for g in groups]
 
 
-def _groups(specimens: Sequence[Specimen]) -> tuple[tuple[int, ...], ...]:
+def _groups(specimens: Sequence[Specimen], loads: Mapping[int, float]) -> _Groups:
     """Replicates of one batch, unless that leaves less than half of what there is to compare."""
-    inside = replicate_groups(specimens, with_batch=True)
-    across = replicate_groups(specimens)
-    freedom = [sum(len(g) - 1 for g in groups) for groups in (inside, across)]
-    chosen = inside if 2 * freedom[0] >= freedom[1] else across
-    return tuple(g for g in chosen if len(g) > 1)
+    inside, across = (
+        [tuple(i for i in g if i in loads) for g in replicate_groups(specimens, with_batch=of_one)]
+        for of_one in (True, False)
+    )
+    freedom = [sum(max(len(g) - 1, 0) for g in groups) for groups in (inside, across)]
+    return inside if 2 * freedom[0] >= freedom[1] else across
 
 
-def _levels(
-    kept: Sequence[_Loading], palette: Palette, groups: Sequence[tuple[int, ...]]
-) -> _Groups:
-    """Return the ln load of replicates, each up to the strain that all of a group reach."""
-    levels = []
-    for group in groups:
-        middle = float(np.median([kept[i].end for i in group] or [0.0]))
-        members = [i for i in group if kept[i].end > _SHORT * middle]
-        end = min((kept[i].end for i in members), default=0.0)
-        found = {i: v for i in members if (v := _log_load(kept[i], palette, end)) is not None}
-        if len(found) > 1:
-            levels.append((tuple(found), np.array(list(found.values()))))
-    return levels
-
-
-def _judged(groups: _Groups) -> Iterator[tuple[float, int, float, tuple[int, ...]]]:
-    """Yield p-value, specimen, shift and replicates of everyone that can be judged."""
-    from scipy.special import stdtr
-
-    squares = [float(np.sum((values - values.mean()) ** 2)) for _, values in groups]
-    freedoms = [len(members) - 1 for members, _ in groups]
-    for g, (members, values) in enumerate(groups):
+def _judged(
+    loads: Mapping[int, float], groups: _Groups
+) -> Iterator[tuple[float, int, float, tuple[int, ...]]]:
+    """Yield p-value, place, shift and replicates of everyone that can be judged."""
+    of = [
+        (members, np.array([loads[i] for i in members])) for members in groups if len(members) > 1
+    ]
+    squares = [float(np.sum((values - values.mean()) ** 2)) for _, values in of]
+    freedoms = [len(members) - 1 for members, _ in of]
+    for g, (members, values) in enumerate(of):
         # What the other groups tell of a variance; what is usual counts as one more.
         known = _USUAL_WEIGHT + sum(freedoms) - freedoms[g]
         centre = (_USUAL_WEIGHT * _USUAL_SCATTER**2 + sum(squares) - squares[g]) / known
@@ -616,7 +516,7 @@ def _outliers(
 
 
 # ------------------------------------------------------------------------------------------------
-# A smooth trend of a figure over material and conditions, that a few strays do not move.
+# A trend of loads over all that may vary, that a few strays do not move.
 
 
 _ROUNDS = 60
@@ -625,47 +525,28 @@ _SMALLEST = 1e-4
 squares. Numerical: of ln load, a hundredth of any scatter."""
 
 
-def _trend_residuals(specimens: Sequence[Specimen], values: Sequence[float]) -> FloatArray | None:
-    """Return what a least-absolute-deviations fit over the conditions leaves of each value.
+def _trend_residuals(campaign: Campaign, loads: Mapping[int, float]) -> FloatArray | None:
+    """Return what a least-absolute-deviations fit over the campaign's columns leaves of each load.
 
-    Columns: one a material or design and orientation, log rate, temperature, the root of the
-    soaking time, log age; iteratively reweighted least squares.
+    It is iteratively reweighted least squares.
 
     Returns
     -------
     residuals
-        None where there are not twice as many specimens as columns and four more.
+        None where there are not twice as many specimens as free patterns and four more.
     """
-    matrix = _design(specimens)
-    if len(values) < 2 * matrix.shape[1] + 4:
+    columns = [column for name, column in axis_columns(campaign).items() if name != "specimen"]
+    patterns = [specimen_patterns([column[i] for i in loads]) for column in columns]
+    matrix = np.column_stack([np.ones(len(loads)), *(p for p in patterns if p is not None)])
+    if len(loads) < 2 * np.linalg.matrix_rank(matrix) + 4:
         return None
-    y = np.asarray(values, dtype=np.float64)
+    y = np.array(list(loads.values()))
     residuals: FloatArray = y - np.median(y)
     for _ in range(_ROUNDS):
         weight = 1.0 / np.sqrt(np.maximum(np.abs(residuals), _SMALLEST))
         solution = np.linalg.lstsq(matrix * weight[:, None], y * weight, rcond=1e-9)[0]
         residuals = y - matrix @ solution
     return residuals
-
-
-def _design(specimens: Sequence[Specimen]) -> FloatArray:
-    columns = _indicators([s.named for s in specimens])
-    columns += _indicators([s.orientation for s in specimens])[1:]
-    for name, described in SPECIMEN_COLUMNS.items():
-        values = [getattr(s, name) for s in specimens]
-        known = [v for v in values if v is not None]
-        if described.is_size or described.choices is not None or not known:
-            continue
-        usual = np.median(known)
-        column = described.scale(np.array([usual if v is None else v for v in values]))
-        spread = float(np.ptp(column))
-        if spread > 1e-9:
-            columns.append((column - column.mean()) / spread)
-    return np.stack(columns, axis=1)
-
-
-def _indicators(labels: Sequence[str | None]) -> list[FloatArray]:
-    return [np.array([float(v == k) for v in labels]) for k in dict.fromkeys(labels)]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -716,12 +597,8 @@ _SPLIT = 1.0
 """Log gap that splits replicates. Physical: ten times what jetted specimens scatter by, and less
 than the smallest factor between units, ln 4.4."""
 
-_STEADY = 0.15
-"""Robust log deviation of the others from a trend in the conditions, for a single to be judged.
-Chosen: the nearest factor, ln 4.4, is ten of these away."""
 
-
-def _unit_problems(loadings: Sequence[_Loading], palette: Palette) -> list[QualityProblem]:
+def _unit_problems(campaign: Campaign, loads: Mapping[int, float]) -> list[QualityProblem]:
     """Return what looks like another unit of force, travel or size.
 
     The load of each specimen is put in proportion to the laws' prediction. Specimens apart from
@@ -729,18 +606,14 @@ def _unit_problems(loadings: Sequence[_Loading], palette: Palette) -> list[Quali
     all the others over their conditions; then a material apart from the others; last the whole
     campaign. What is aligned with a condition cannot be told from an effect and is not named.
     """
-    specimens = [loading.specimen for loading in loadings]
-    loads = {
-        i: v for i, o in enumerate(loadings) if (v := _log_load(o, palette, o.end)) is not None
-    }
-    if not loads:
-        return []
+    specimens = campaign.specimens
     off = _among_replicates(specimens, loads)
-    off |= _apart_from_trend(specimens, {i: v for i, v in loads.items() if i not in off})
+    rest = {i: v for i, v in loads.items() if i not in off}
+    off |= _apart_from_trend(campaign, rest)
     rest = {i: v for i, v in loads.items() if i not in off}
     materials = _materials_apart(specimens, rest)
     problems = [
-        _travel_slip(loadings[i], palette, loads[i])
+        _travel_slip(specimens[i], loads[i])
         or _problem(specimens[i], shift, "its replicates' or neighbours'")
         for i, shift in sorted(off.items())
     ]
@@ -749,7 +622,7 @@ def _unit_problems(loadings: Sequence[_Loading], palette: Palette) -> list[Quali
         for i, shift in sorted(materials.items())
     ]
     rest = {i: v for i, v in rest.items() if i not in materials}
-    whole = _whole(loadings, palette, rest)
+    whole = _whole(campaign, rest)
     return [*problems, *_fields_in_percent(specimens), *([] if whole is None else [whole])]
 
 
@@ -783,20 +656,16 @@ def _among_replicates(
     return off
 
 
-def _apart_from_trend(
-    specimens: Sequence[Specimen], loads: Mapping[int, float]
-) -> dict[int, float]:
-    """Single specimens that a smooth trend over material and conditions leaves off by a factor."""
-    places = sorted(loads)
-    residuals = _trend_residuals([specimens[i] for i in places], [loads[i] for i in places])
-    if residuals is None:
+def _apart_from_trend(campaign: Campaign, loads: Mapping[int, float]) -> dict[int, float]:
+    """Single specimens that a trend over material and conditions leaves off by a factor."""
+    residuals = _trend_residuals(campaign, loads)
+    # Of the others, two deviations are to be as near to the trend as replicates are.
+    if residuals is None or 2.0 * float(np.median(np.abs(residuals))) * 1.4826 > _AMONG_REPLICATES:
         return {}
-    single = {group[0] for group in replicate_groups(specimens) if len(group) == 1}
-    if float(np.median(np.abs(residuals))) * 1.4826 > _STEADY:
-        return {}
+    single = {group[0] for group in replicate_groups(campaign.specimens) if len(group) == 1}
     return {
         i: float(r)
-        for i, r in zip(places, residuals, strict=True)
+        for i, r in zip(loads, residuals, strict=True)
         if i in single and _slip(float(r), _AMONG_REPLICATES) is not None
     }
 
@@ -817,19 +686,17 @@ def _materials_apart(specimens: Sequence[Specimen], loads: Mapping[int, float]) 
     return off
 
 
-def _whole(
-    loadings: Sequence[_Loading], palette: Palette, loads: Mapping[int, float]
-) -> QualityProblem | None:
+def _whole(campaign: Campaign, loads: Mapping[int, float]) -> QualityProblem | None:
     """Say that the median load is off by a factor, near the reference temperature if any is.
 
     Temperature has the largest effect.
     """
-    at_C = palette.reference.temperature_C
+    at_C, of = campaign.palette.reference.temperature_C, campaign.specimens
     near = [
         i
         for i in loads
         if at_C is not None
-        and (own_C := loadings[i].specimen.temperature_C) is not None
+        and (own_C := of[i].temperature_C) is not None
         and abs(own_C - at_C) <= _NEAR_K
     ] or list(loads)
     if not near:
@@ -839,13 +706,13 @@ def _whole(
     spread = float(np.median(np.abs(values - shift))) * 1.4826
     if spread > max(0.5 * _SPLIT, 0.25 * abs(shift)):
         return None
-    travel = [t for i in near if (t := _travel_slip(loadings[i], palette, loads[i])) is not None]
+    travel = [t for i in near if (t := _travel_slip(of[i], loads[i])) is not None]
     if 2 * len(travel) > len(near):
         return _of_all(travel[0])
     tolerance = _AGAINST_LAW if abs(shift) < _BEYOND_EFFECTS else 2.0 * _AGAINST_LAW
     if _slip(shift, tolerance) is None:
         return None
-    return _of_all(_problem(loadings[near[0]].specimen, shift, "the laws'"))
+    return _of_all(_problem(of[near[0]], shift, "the laws'"))
 
 
 def _of_all(problem: QualityProblem) -> QualityProblem:
@@ -883,23 +750,21 @@ def _slip(shift: float, tolerance: float) -> _Slip | None:
     return nearest if abs(abs(shift) - math.log(nearest.factor)) < tolerance else None
 
 
-def _travel_slip(loading: _Loading, palette: Palette, load: float) -> QualityProblem | None:
-    """Say that travel is in another unit where correcting it brings the load into place.
+def _travel_slip(specimen: Specimen, load: float) -> QualityProblem | None:
+    """Say that travel is in another unit where its declared rate and its load both tell.
 
-    A factor on travel is told from one on force by the declared rate.
+    A factor on travel is told from one on force by the rate; strains that are too small leave
+    loads that are too large.
     """
-    specimen = loading.specimen
-    if abs(load) < math.log(_INCH) - 2.0 * _SPLIT or specimen.rate_mm_s is None:
+    if specimen.rate_mm_s is None or abs(load) < _SPLIT:
         return None
     speed = speed_mm_s(specimen.time_s, specimen.travel_mm)
     ratio = math.log(speed / specimen.rate_mm_s) if speed > 0.0 else 0.0
-    if abs(abs(ratio) - math.log(_INCH)) > _RATE_TOLERANCE:
+    if abs(abs(ratio) - math.log(_INCH)) > _RATE_TOLERANCE or ratio * load > 0.0:
         return None
-    factor = _INCH if ratio < 0.0 else 1.0 / _INCH
-    corrected = _log_load(loading, palette, loading.end, stretched=factor)
-    if corrected is None or abs(corrected) > abs(load) - _SPLIT:
-        return None
-    words = "inches taken for mm" if ratio < 0.0 else "mm taken for inches"
+    factor, words = (
+        (_INCH, "inches taken for mm") if ratio < 0.0 else (1.0 / _INCH, "mm taken for inches")
+    )
     return QualityProblem(
         specimen.id,
         "units",
@@ -933,12 +798,17 @@ def _fields_in_percent(specimens: Sequence[Specimen]) -> Iterator[QualityProblem
 # Examine a campaign's data.
 
 
-def examine(campaign: Campaign) -> tuple[QualityProblem, ...]:
+def examine(campaign: Campaign, model: ObservationModel) -> tuple[QualityProblem, ...]:
     """Return what is wrong with a campaign's data, problems of all of it first.
 
     Nothing is changed or left out. Specimens are judged against their own declaration, their
     replicates and, by the factors between units alone, the palette's laws: a load that is off by
     any other factor is a gap to diagnose, not a fault of the data.
+
+    Parameters
+    ----------
+    model
+        Of the campaign.
     """
     specimens = campaign.specimens
     dead, copies = _each(_dead_cell, specimens), list(_duplicates(specimens))
@@ -946,9 +816,10 @@ def examine(campaign: Campaign) -> tuple[QualityProblem, ...]:
     # A force that stood still is named for that, and neither for its protocol nor as clipped.
     live = [s for s in specimens if s.id not in silent]
     timed = [s for s in specimens if s.rate_mm_s is not None and s.time_recorded]
-    loadings = [loading for s in live if (loading := _first_loading(s)) is not None]
-    units = _unit_problems(loadings, campaign.palette)
-    suspect = {p.specimen for p in (*dead, *copies, *units)}
+    loads = {i: v for i, v in _log_loads(model).items() if specimens[i].id not in silent}
+    units = _unit_problems(campaign, loads)
+    suspect = {p.specimen for p in (*copies, *units)}
+    judged = {i: v for i, v in loads.items() if specimens[i].id not in suspect}
     problems = (  # in the order in which a specimen's are told
         *dead,
         *units,
@@ -956,7 +827,7 @@ def examine(campaign: Campaign) -> tuple[QualityProblem, ...]:
         *_shared(_rate, timed),
         *_each(_protocol, live),
         *_amplitudes(specimens),
-        *_outlier_problems([o for o in loadings if o.specimen.id not in suspect], campaign.palette),
+        *_outlier_problems(specimens, judged),
         *_each(_clipping, live),
         *copies,
         *_each(_timing, specimens),

@@ -7,6 +7,7 @@ from itertools import pairwise
 from typing import Any, Literal
 
 import numpy as np
+from scipy.signal import find_peaks
 
 from planner.errors import FileError
 from planner.formats.specimens import SPECIMEN_COLUMNS
@@ -140,25 +141,14 @@ def _least_turn_mm(travel_mm: FloatArray) -> float:
 
 def _turns(values: FloatArray, least: float) -> IntArray:
     """Return the ends and the turns between them, of more than `least` each."""
-    corners, low, high, rising = [0], 0, 0, 0
-    for i, value in enumerate(values.tolist()):
-        if value > values[high]:
-            high = i
-        if value < values[low]:
-            low = i
-        if rising >= 0 and values[high] - value > least:
-            if high > 0:
-                corners.append(high)
-            rising, low, high = -1, i, i
-        elif rising <= 0 and value - values[low] > least:
-            if low > 0:
-                corners.append(low)
-            rising, low, high = 1, i, i
-    last = len(values) - 1
-    end = {1: high, -1: low, 0: last}[rising]
-    if end != corners[-1]:
-        corners.append(end)
-    return np.array(corners, dtype=np.int64)
+    peaks, valleys = (
+        find_peaks(way * values, prominence=(least, None), plateau_size=1)[1]["left_edges"]
+        for way in (1.0, -1.0)
+    )
+    corners = np.unique(np.concatenate([[0], peaks, valleys]))
+    # What follows the last turn ends where it has come farthest.
+    since = np.abs(values[corners[-1] :] - values[corners[-1]])
+    return np.append(corners, corners[-1] + np.argmax(since)) if since.any() else corners
 
 
 # ------------------------------------------------------------------------------------------------
@@ -181,10 +171,6 @@ _LEAST_SPREAD, _REST_NOISE, _TURN_NOISE = 10.0, 5.0, 6.0
 """Range of travel, motion in a rest and way back of a turn, in deviations of the travel's noise,
 below which there is none. Physical: the difference of two rows, 1.4 deviations of its own, passes 5
 once in 2,500 and 6 once in 45,000; ten deviations are no pull."""
-
-_HELD_SHARE, _HELD_NOISE = 0.0005, 3.0
-"""How far from its middle a rest's rows lie, of the range and in deviations of noise. Chosen: an
-eighth of what counts as rest; three deviations hold nearly all rows."""
 
 _LOOKS = np.linspace(0.125, 1.0, 8)
 """Shares of that time ahead at which travel is looked at. Numerical: every eighth, so that no way
@@ -400,8 +386,7 @@ def _spans(
     spans: list[tuple[str, int, int]] = []
     for first, stop in zip([0, *edges], [*edges, len(time)], strict=True):
         if resting[first]:
-            a, b = _held_rows(travel, int(first), int(stop) - 1, spread, noise)
-            spans.append(("rest", a, b))
+            spans.append(("rest", int(first), int(stop) - 1))
         else:
             first, stop = max(int(first) - 1, 0), min(int(stop) + 1, len(time))
             corners = _turns(travel[first:stop], turn) + first
@@ -441,18 +426,6 @@ def _resting(time: FloatArray, travel: FloatArray, least_mm: float) -> BoolArray
         if way[i - 1] * way[i + 1] < 0.0 and step[i] < 1.5 * max(step[i - 1], step[i + 1]):
             resting[i : i + 2] = False
     return resting
-
-
-def _held_rows(
-    travel: FloatArray, first: int, last: int, spread: float, noise: float
-) -> tuple[int, int]:
-    """Take off a rest what still moves towards it, or begins to leave it."""
-    rows = travel[first : last + 1]
-    away = np.abs(rows - np.median(rows))
-    # The median of an even number may lie between two rows, far from both.
-    near = away <= max(_HELD_SHARE * spread, _HELD_NOISE * noise, float(away.min()))
-    inside = np.flatnonzero(near)
-    return first + int(inside[0]), first + int(inside[-1])
 
 
 def _unbroken(

@@ -14,7 +14,7 @@ from planner.formats.tensile import read_tensile
 from planner.gap.campaign_folder import CURVES, SPECIMENS, has_curves, read_campaign_file, read_list
 from planner.gap.diagnosis import SIGNIFICANT, Diagnosis, Gap, Hypothesis, Location, read_diagnosis
 from planner.gap.effects import EFFECTS
-from planner.glance import one_line
+from planner.glance import format_number, one_line
 
 __all__ = [
     "Standing",
@@ -83,17 +83,10 @@ def percent(share: float, digits: int = 2) -> str:
 
 
 def number_words(value: float, digits: int = 3) -> str:
-    """Write a figure with so many significant digits, whole numbers in full."""
+    """Write a figure with so many significant digits; an open end of an interval is "open"."""
     if not math.isfinite(value):
         return "open"
-    if value == 0.0:
-        return "0"
-    rounded = float(f"{value:.{digits - 1}e}")
-    power = math.floor(math.log10(abs(rounded)))
-    if -4 <= power < 6:
-        return f"{rounded:.{max(0, digits - 1 - power)}f}"
-    mantissa, _, exponent = f"{rounded:.{digits - 1}e}".partition("e")
-    return f"{mantissa}e{int(exponent)}"
+    return format_number(float(f"{value:.{digits - 1}e}"), digits)
 
 
 def probability(value: float) -> str:

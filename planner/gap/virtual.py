@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.signal import lfilter
 
 from planner.errors import ArgumentError, FileError, UnknownNameError, did_you_mean
 from planner.formats.files import path_within
@@ -578,11 +579,10 @@ def _course(specimen: Specimen, scatter: float, rng: np.random.Generator) -> Flo
     """Return what is a specimen's own, of ln force along its record: level, slope, wandering."""
     level, slope = rng.standard_normal(2)
     travel = specimen.travel_mm / float(specimen.travel_mm.max())
-    place = np.arange(len(travel)) / (len(travel) - 1)
-    kept = np.exp(-np.diff(place) / USUAL.wander_length)
-    wander = rng.standard_normal(len(travel))
-    for k, share in enumerate(kept):
-        wander[k + 1] = share * wander[k] + np.sqrt(1.0 - share**2) * wander[k + 1]
+    kept = math.exp(-1.0 / (len(travel) - 1) / USUAL.wander_length)
+    fresh = rng.standard_normal(len(travel))
+    fresh[1:] *= math.sqrt(1.0 - kept**2)
+    wander = lfilter([1.0], [1.0, -kept], fresh)
     tilt, rough = USUAL.slope / USUAL.specimen, USUAL.wander / USUAL.specimen
     return np.asarray(scatter * (level + tilt * slope * (travel - 0.5) + rough * wander))
 

@@ -82,13 +82,11 @@ def _size_words(effects: Sequence[FoundEffect]) -> Iterator[str]:
 
 def _at_bound(form: Form | None, name: str, value: float) -> str:
     """Say that a size is as large or small as it may be, as far as the figures shown tell."""
-    for parameter in form.parameters if form is not None else ():
-        if parameter.name != name:
-            continue
-        size = abs(value) if parameter.signed else value
-        for bound, words in ((parameter.high, "largest"), (parameter.low, "smallest")):
-            if number_words(size) == number_words(bound):
-                return f", at the {words} this model allows"
+    for p in form.parameters if form is not None else ():
+        shown = number_words(abs(value) if p.signed else value)
+        bounds = {number_words(p.low): "smallest", number_words(p.high): "largest"}
+        if p.name == name and shown in bounds:
+            return f", at the {bounds[shown]} this model allows"
     return ""
 
 
@@ -272,18 +270,15 @@ def _sections(
 def _tables(d: Diagnosis) -> Iterator[tuple[_Table, ...]]:
     """Yield every hypothesis, every axis of the gap and of its remainder, every law's level."""
     ranking = (
-        (h.name, probability(h.probability), probability(h.probability * h.with_unknown),
-         "yes" if h.effects in d.same_class else "")
-        for h in d.ranking
-    )  # fmt: skip
+        (name, probability(share), probability(share * unknown), "yes" if same else "")
+        for name, share, unknown, same in _ranked(d)
+    )
     named = ("hypothesis", "probability", "with an unknown beside it", "same class as the verdict")
     yield _table(named, ranking)
     places = (
-        (of, axis_words(p.axis), percent(p.share), _ends(p.share_interval, percent),
-         number_words(p.p, 2), p.detail)
-        for of, places in (("gap", d.where), ("remainder", d.remainder))
-        for p in places
-    )  # fmt: skip
+        (of, axis_words(axis), percent(share), _ends(ends, percent), number_words(p, 2), detail)
+        for of, axis, share, *ends, p, detail in _placed(d)
+    )
     yield _table(("of", "along", "share", "90 % interval", "p", "detail"), places)
     levels = (
         (material, _factor(log), _ends((log - 1.645 * sd, log + 1.645 * sd), _factor))
@@ -301,7 +296,20 @@ def _factor(log: float) -> str:
     return number_words(math.exp(log))
 
 
-def _ends(ends: tuple[float, float], words: Callable[[float], str]) -> str:
+def _ranked(d: Diagnosis) -> Iterator[tuple[str, float, float, bool]]:
+    """Yield hypotheses: probability, share with an unknown, whether of the verdict's class."""
+    for h in d.ranking:
+        yield h.name, h.probability, h.with_unknown, h.effects in d.same_class
+
+
+def _placed(d: Diagnosis) -> Iterator[tuple[str, str, float, float, float, float, str]]:
+    """Yield axes of the gap and of what remains: share, its interval, p and detail."""
+    for of, places in (("gap", d.where), ("remainder", d.remainder)):
+        for place in places:
+            yield of, place.axis, place.share, *place.share_interval, place.p, place.detail
+
+
+def _ends(ends: Sequence[float], words: Callable[[float], str]) -> str:
     return f"{words(ends[0])} to {words(ends[1])}"
 
 
@@ -524,14 +532,6 @@ _SIGNIFICANT_DIGITS = 6
 
 def _csv_files(d: Diagnosis) -> dict[str, bytes]:
     """Return tables by path: axes, hypotheses, specimens to be tested next, designs of bars."""
-    places = [
-        (of, place.axis, place.share, *place.share_interval, place.p, place.detail)
-        for of, found in (("gap", d.where), ("remainder", d.remainder))
-        for place in found
-    ]
-    ranking = [
-        (h.name, h.probability, h.with_unknown, h.effects in d.same_class) for h in d.ranking
-    ]
     columns = list(dict.fromkeys(name for x in d.next_experiments for name in x.row))
     specimens = [
         (f"next-{number}{ascii_lowercase[copy]}", *(x.row.get(name, "") for name in columns))
@@ -539,8 +539,11 @@ def _csv_files(d: Diagnosis) -> dict[str, bytes]:
         for copy in range(x.count if x.row else 0)
     ]
     tables: dict[str, Sequence[Sequence[str | float]]] = {
-        "where.csv": [("of", "axis", "share", "share_low", "share_high", "p", "detail"), *places],
-        "ranking.csv": [("hypothesis", "probability", "with_unknown", "same_class"), *ranking],
+        "where.csv": [
+            ("of", "axis", "share", "share_low", "share_high", "p", "detail"),
+            *_placed(d),
+        ],
+        "ranking.csv": [("hypothesis", "probability", "with_unknown", "same_class"), *_ranked(d)],
         **({"next-specimens.csv": [("specimen", *columns), *specimens]} if columns else {}),
         **{
             str(x.row["profile"]): [tuple(x.design), *zip(*x.design.values(), strict=True)]

@@ -12,9 +12,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from planner.gap import quality
 from planner.gap.campaign import Campaign, Specimen
 from planner.gap.diagnosis import QualityProblem
-from planner.gap.quality import _predicted_stress_MPa, examine
+from planner.gap.observations import observation_model
+from planner.materials.laws import make_law
+from planner.numerics import FloatArray
 from planner.printers import load_printer
 from planner.simulation.bar import ProfileDesign
 
@@ -43,6 +46,21 @@ def travel(protocol: str, peak: float, rate: float, rng: Generator) -> tuple[Any
     first = phase < 1.0
     factor = np.where(first, 1.0, np.where(up, 0.9, 0.75))
     return time, peak * (1.0 - np.abs(1.0 - phase % 2.0)), factor
+
+
+def examine(of: Campaign) -> tuple[QualityProblem, ...]:
+    return quality.examine(of, observation_model(of))
+
+
+def stress_MPa(piece: Any, strain: FloatArray) -> FloatArray:
+    """Of a material by its law; of a bar, slices as springs of their secants at the mean strain."""
+    if not isinstance(piece, ProfileDesign):
+        return make_law(piece.law).nominal_stress_MPa(1.0 + strain)
+    laws = [make_law(m.law) for m in PALETTE.materials]
+    logs = np.log([law.nominal_stress_MPa(1.0 + strain) / strain for law in laws])
+    at = piece.at((np.arange(200) + 0.5) / 200.0 * piece.length_mm)
+    along = [np.interp(at, [m.coordinate for m in PALETTE.materials], log) for log in logs.T]
+    return strain / np.mean(np.exp(-np.array(along)), axis=1)
 
 
 def clean(rng: Generator, *, tails: bool = False) -> Campaign:
@@ -100,7 +118,7 @@ def clean(rng: Generator, *, tails: bool = False) -> Campaign:
                 strain = np.maximum(bare.strain, 1e-6)
                 bent = rng.normal(0.0, 0.3 * scatter[p]) * (strain / reach - 0.5)
                 area = 6.15 * 2.0
-                force = area * _predicted_stress_MPa(bare, PALETTE, strain)
+                force = area * stress_MPa(piece, strain)
                 force = force * factor * np.exp(level + bent)
                 top = float(force.max())
                 force = force + top * noise * rng.normal(size=len(force))

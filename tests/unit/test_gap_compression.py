@@ -72,9 +72,11 @@ def of(protocol: str, *, seed: int = 0, strain: float = -0.4) -> list[Specimen]:
 @pytest.mark.parametrize("protocol", ["monotonic", "cyclic", "relaxation"])
 def test_nothing_is_wrong_with_compression(protocol: str) -> None:
     specimens = of(protocol)
-    assert examine(campaign(*specimens)) == ()
+    whole = campaign(*specimens)
+    assert examine(whole, observation_model(whole)) == ()
     pounds = [replace(s, force_N=s.force_N / 4.4482) for s in specimens[:1]]
-    (problem,) = examine(campaign(*pounds, *specimens[1:]))
+    mixed = campaign(*pounds, *specimens[1:])
+    (problem,) = examine(mixed, observation_model(mixed))
     assert "lbf taken for N" in problem.problem
 
 

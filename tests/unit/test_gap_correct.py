@@ -140,7 +140,7 @@ def test_the_interval_of_the_effect_widens_that_of_the_print(palette) -> None:
     made = corrected(palette, diagnosed(palette, effect), WARM).palette
     for old, new in zip(palette.materials, made.materials, strict=True):
         assert new.modulus_log_sd == pytest.approx(
-            np.hypot(old.modulus_log_sd, 0.03 / 1.645), rel=1e-6
+            np.hypot(old.modulus_log_sd, 0.03 / 1.644854), rel=1e-6
         )
 
 

@@ -64,7 +64,7 @@ def test_parts_stand_beside_coupons(folder: Path) -> None:
     assert model.tests == ((0, 1), (2,))
     force = predict(model.setup, model.laws).force_N[0]
     np.testing.assert_allclose(force, 0.3 * model.setup.travel_mm[0], rtol=1e-6, atol=1e-6)
-    assert examine(campaign) == ()
+    assert examine(campaign, model) == ()
 
 
 def test_what_is_written_is_read_again(folder: Path) -> None:

@@ -7,9 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from planner.gap import quality
 from planner.gap.campaign import Campaign, Specimen, StrainField
 from planner.gap.diagnosis import QualityProblem
-from planner.gap.quality import _predicted_stress_MPa, examine
+from planner.gap.observations import observation_model
+from planner.materials.laws import make_law
 from planner.numerics import FloatArray
 from planner.printers import load_printer
 
@@ -40,7 +42,8 @@ def specimen(
         f"S{k}", time, travel, travel, 25.0, material=material, width_mm=6.0, thickness_mm=2.0,
         rate_mm_s=1.0, temperature_C=23.0, protocol=protocol, batch="A",
     )  # fmt: skip
-    force = 12.0 * _predicted_stress_MPa(bare, PALETTE, np.maximum(bare.strain, 1e-9))
+    law = make_law(PALETTE.resolve(material).law)
+    force = 12.0 * law.nominal_stress_MPa(1.0 + np.maximum(bare.strain, 1e-9))
     force = gain * force * np.exp(0.03 * rng.normal())
     force = force + 1e-3 * force.max() * rng.normal(size=len(force))
     return replace(bare, force_N=force, **changes)
@@ -48,6 +51,10 @@ def specimen(
 
 def campaign(*specimens: Specimen) -> Campaign:
     return Campaign("faulty", "connex3", PALETTE, specimens)
+
+
+def examine(of: Campaign) -> tuple[QualityProblem, ...]:
+    return quality.examine(of, observation_model(of))
 
 
 def base(**changes: Any) -> list[Specimen]:

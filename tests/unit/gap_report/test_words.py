@@ -81,11 +81,11 @@ def test_a_title_that_is_the_verdict_is_not_repeated(examples: Examples) -> None
 def test_figures_in_words() -> None:
     assert [number_words(v) for v in (0.0, 1234567.0, 0.1234, 12.0, 9.996, 1e-5)] == [
         "0",
-        "1.23e6",
+        "1.23e+06",
         "0.123",
         "12.0",
         "10.0",
-        "1.00e-5",
+        "1.00e-05",
     ]
     assert [percent(v) for v in (0.0345, 0.995, 1.5, np.inf)] == ["3.5 %", "100 %", "150 %", "open"]
     assert [probability(v) for v in (0.999, 0.5, 1e-4)] == ["above 0.99", "0.50", "below 0.01"]
