@@ -47,15 +47,10 @@ LONGEST_HEADING = 200
 """Characters; programs write 80 at most, and searching a heading takes the square of them."""
 
 _THOUSANDS = {
-    ",": re.compile(r"[+-]?\d{1,3}(,\d{3})+\.\d*"),
-    ".": re.compile(r"[+-]?\d{1,3}(\.\d{3})+,\d*"),
+    ",": re.compile(r"[+-]?(?P<first>\d)\d{0,2}(,\d{3})+(?P<decimals>\.\d*)?"),
+    ".": re.compile(r"[+-]?(?P<first>\d)\d{0,2}(\.\d{3})+(?P<decimals>,\d*)?"),
 }
-"""By what stands between thousands: figures with a decimal sign."""
-_BY_THOUSANDS = {
-    ".": (",", re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")),
-    ",": (".", re.compile(r"[+-]?[1-9]\d{0,2}(\.\d{3})+")),
-}
-"""By the decimal sign: what stands between thousands, and how."""
+"""By what stands between thousands."""
 _BY_BLANKS = re.compile(r"[+-]?[1-9]\d{0,2}( \d{3})+([.,]\d*)?")
 _GROUPED = str.maketrans({"\N{NO-BREAK SPACE}": "", "\N{NARROW NO-BREAK SPACE}": "", "'": "",
                           "\N{MINUS SIGN}": "-"})  # fmt: skip
@@ -177,14 +172,13 @@ def number(cell: str, separator: str) -> float | None:
     cell = cell.translate(_GROUPED)
     if " " in cell and _BY_BLANKS.fullmatch(cell):
         cell = cell.replace(" ", "")
-    between, groups = _BY_THOUSANDS.get(separator[1:], ("", None))
-    if groups is not None and between in cell and groups.fullmatch(cell):
-        return float(cell.replace(between, ""))
     between = "," if separator[0] == "," else "."
-    if "," in cell and between in cell:
-        if not _THOUSANDS[between].fullmatch(cell):
+    if between in cell:
+        groups = _THOUSANDS[between].fullmatch(cell)
+        if groups and (groups["decimals"] or (separator[1:] and groups["first"] != "0")):
+            cell = cell.replace(between, "")
+        elif "," in cell:
             return None
-        cell = cell.replace(between, "")
     try:
         return float(cell.replace(",", ".")) if "_" not in cell else None
     except ValueError:
@@ -247,11 +241,9 @@ def read_sheets(data: bytes, name: str) -> list[Sheet]:
 def _text(cell: object) -> str:
     if isinstance(cell, bool):
         return str(cell).lower()
-    if isinstance(cell, float):
-        return f"{cell:.15g}"
     if isinstance(cell, datetime.timedelta):
-        return f"{cell.total_seconds():.15g}"
-    return str(cell).strip()
+        cell = cell.total_seconds()
+    return f"{cell:.15g}" if isinstance(cell, float) else str(cell).strip()
 
 
 def _too_many(where: str) -> FileError:

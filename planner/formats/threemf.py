@@ -353,11 +353,8 @@ def _read_from(reader: Any, data: bytes) -> None:
         chunk = stream.read(size)
         ctypes.memmove(address, chunk, len(chunk))
 
-    reader.ReadFromCallback(lib3mf.ReadCallback(read), len(data), _seeking(stream), None)
-
-
-def _seeking(stream: io.BytesIO) -> Any:
-    return lib3mf.SeekCallback(lambda position, _: stream.seek(position))
+    seek = lib3mf.SeekCallback(lambda position, _: stream.seek(position))
+    reader.ReadFromCallback(lib3mf.ReadCallback(read), len(data), seek, None)
 
 
 def _meshes(items: Any, name: str, remarks: list[str]) -> Iterator[tuple[Any, FloatArray]]:
@@ -585,7 +582,7 @@ def _model_written(
             picture = model.CreatePackageThumbnailAttachment()
             picture.SetPath(_THUMBNAIL)
             picture.ReadFromBuffer(thumbnail)
-        return _written(model), meshes
+        return bytes(model.QueryWriter("3mf").WriteToBuffer()), meshes
     except lib3mf.ELib3MFException as error:
         raise OutputError(f"3MF of {assembly_name}: {error}") from error
 
@@ -753,17 +750,6 @@ def _check_mesh(item: ThreemfObject, assembly_name: str) -> None:
     raise OutputError(
         f"3MF of {assembly_name}: object {item.name}: {fault}; leave it out or mend the mesh"
     )
-
-
-def _written(model: Any) -> bytes:
-    writer = model.QueryWriter("3mf")
-    stream = io.BytesIO()
-
-    def write(address: int, size: int, _: int) -> None:
-        stream.write(ctypes.string_at(address, size))
-
-    writer.WriteToCallback(lib3mf.WriteCallback(write), _seeking(stream), None)
-    return stream.getvalue()
 
 
 _MESH = re.compile(rb"<vertices>.*?</triangles>", re.DOTALL)

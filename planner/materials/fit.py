@@ -712,11 +712,6 @@ class LawFit:
     __repr__ = brief
 
     @property
-    def found_again(self) -> bool:
-        """Whether the best start converged and, with several starts, another one agrees."""
-        return self.converged > 0 and self.agreeing >= min(2, self.starts)
-
-    @property
     def name(self) -> str:
         """The model with its number of terms where there is a choice, as "ogden-2"."""
         return law_name(self.law)
@@ -1838,7 +1833,7 @@ def _doubts(
             f"material {material}: its stress steepens from rest on, as in compression or "
             "behind slack: look at the tests"
         )
-    if not fit.found_again:
+    if not fit.converged or fit.agreeing < min(2, fit.starts):
         yield Caution(
             f"material {material}: {fit.agreeing} of {fit.starts} starts reach the best "
             f"{fit.name}; a better one may exist: try more --starts"

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator, Mapping
 import numpy as np
 
 from planner.errors import ArgumentError, did_you_mean
-from planner.materials.laws import Yeoh, make_law
+from planner.materials.laws import Yeoh, first_invariant, make_law
 from planner.materials.marlow import POISSON
 from planner.numerics import FloatArray
 from planner.palette import Material
@@ -71,10 +71,8 @@ def _curve(material: Material) -> FloatArray:
 
 def _flow(material: Material) -> FloatArray:
     """Return true stress and plastic strain; none of a law that stays straight."""
-    if material.law.model == "linear":
-        return np.empty((0, 2))
-    strain, stress = _curve(material).T
-    rows = hardening(strain, stress, _at_rest_MPa(material))
+    (strain, stress), bends = _curve(material).T, material.law.model != "linear"
+    rows = hardening(strain, stress, _at_rest_MPa(material)) if bends else None
     return np.empty((0, 2)) if rows is None else rows
 
 
@@ -300,10 +298,10 @@ def stable_yeoh(
     from scipy.optimize import linprog
 
     strain = np.asarray(strain, dtype=np.float64)
-    y, slope = _invariant(strain), stress_MPa / (2.0 * (1.0 + strain - (1.0 + strain) ** -2))
+    y, slope = first_invariant(strain), stress_MPa / (2.0 * (1.0 + strain - (1.0 + strain) ** -2))
     fit = _columns(y) / slope[:, None]
     both = 1.0 + _FARTHEST * to_strain  # a sheet stretched in two directions
-    most = max(float(_invariant(_FARTHEST * strain[-1])), 2.0 * both**2 + both**-4 - 3.0)
+    most = max(float(first_invariant(_FARTHEST * strain[-1])), 2.0 * both**2 + both**-4 - 3.0)
     far = most * np.linspace(0.0, 1.0, _POINTS + 1)[1:] ** 2
     own = np.interp(far, y, slope)
     positive = _columns(far) / own[:, None]
@@ -320,11 +318,6 @@ def stable_yeoh(
     )
     c1, c2, c3, error = np.asarray(found.x).tolist()
     return Yeoh((c1, c2, c3)), error
-
-
-def _invariant(strain: FloatArray) -> FloatArray:
-    """Return I1 - 3 of tensile strains."""
-    return np.asarray(strain * strain * (strain + 3.0) / (1.0 + strain))
 
 
 def _columns(y: FloatArray) -> FloatArray:

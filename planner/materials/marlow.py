@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from planner.errors import PaletteError
-from planner.materials.laws import FARTHEST, secant_modulus_MPa
+from planner.materials.laws import FARTHEST, first_invariant, secant_modulus_MPa
 from planner.materials.mixtures import (
     CoefficientModel,
     bracketed,
@@ -119,8 +119,8 @@ def marlow_table(model: CoefficientModel, *, poisson: float = POISSON) -> Marlow
     """
     materials = model.palette.materials
     breaks = np.array([m.elongation_at_break for m in materials])
-    top = FARTHEST * float(breaks.max())
-    x = np.linspace(0.0, np.sqrt(top * top * (top + 3.0) / (1.0 + top)), _STRAINS)
+    top = FARTHEST * breaks.max()
+    x = np.linspace(0.0, np.sqrt(first_invariant(top)), _STRAINS)
     strain = uniaxial_strain(x)
     rows = np.empty((len(materials), len(x)))
     for k, (material, law) in enumerate(zip(materials, model.laws, strict=True)):

@@ -26,11 +26,11 @@ from planner.formats.units import (
 )
 from planner.materials.characterise import (
     BROKEN_SHARE,
-    MINIMUM_POINTS,
     SECANT_STRAINS,
     UNLOADED_SHARE,
     Curve,
     characterise_curve,
+    check_record,
     without_tail,
 )
 from planner.materials.laws import make_law, secant_modulus_MPa
@@ -233,44 +233,36 @@ def _dimensions_of(
     specimen: ListedSpecimen | None, given: ListedSpecimen, table: TensileTable, notes: list[str]
 ) -> Dimensions:
     """Return a specimen's size: from its row, else as given, else from the file's head, noted."""
-    head = table.metadata
-    from_head: list[str] = []
-    sources: dict[str, str] = {}
+    from_head, sources = list[str](), dict[str, str]()
 
-    def told(of: str, where: str) -> None:
-        sources[of] = " x ".join(filter(None, (sources.get(of), where)))
-
-    def stated(name: str, of: str) -> float | None:
+    def nearest(name: str) -> tuple[float, str] | None:
         for source, where in ((specimen, _SPECIMENS), (given, f"--{name.replace('_', '-')}")):
             if (value := getattr(source, name, None)) is not None:
-                told(of, where)
-                return float(value)
-        return None
-
-    def in_head(name: str, of: str) -> float | None:
-        value = head.get(name)
+                return float(value), where
+        value = table.metadata.get(name)
         if not isinstance(value, float) or not value > 0.0:
             return None
         from_head.append(f"{name} {value:.4g}")
-        told(of, table.sources.get(name, ""))
-        return value
+        return value, table.sources.get(name, "")
 
+    def product(of: str, *names: str) -> float | None:
+        found = [one for name in names if (one := nearest(name)) is not None]
+        if len(found) < len(names):
+            return None
+        sources[of] = " x ".join(where for _, where in found if where)
+        return math.prod(value for value, _ in found)
+
+    sides = ("width_mm", "thickness_mm")
     area = None if specimen is None else specimen.area_mm2
     if area is not None:
         sources["area"] = _SPECIMENS
-    else:
-        sides = [stated("width_mm", "area"), stated("thickness_mm", "area")]
-        if sides == [None, None] and (area := in_head("area_mm2", "area")) is None:
-            diameter = in_head("diameter_mm", "area")
-            area = None if diameter is None else 0.25 * np.pi * diameter**2
-        if area is None:
-            width, thickness = (
-                in_head(name, "area") if side is None else side
-                for name, side in zip(("width_mm", "thickness_mm"), sides, strict=True)
-            )
-            area = None if width is None or thickness is None else width * thickness
-    gauge = stated("gauge_mm", "gauge") or in_head("gauge_mm", "gauge")
-    rate = stated("rate_mm_s", "rate") or in_head("rate_mm_s", "rate")
+    elif all(getattr(one, side, None) is None for one in (specimen, given) for side in sides):
+        area = product("area", "area_mm2")
+        if area is None and (diameter := product("area", "diameter_mm")) is not None:
+            area = 0.25 * np.pi * diameter**2
+    if area is None:
+        area = product("area", *sides)
+    gauge, rate = product("gauge", "gauge_mm"), product("rate", "rate_mm_s")
     if from_head:
         notes.append(f"{table.file}: its head gives {listed(from_head)}")
     unclear = {name.partition("_")[0]: said for name, said in table.unclear.items()}
@@ -424,11 +416,7 @@ def _curve_of(name: str, record: "_Record", said: str, sure: bool) -> Curve:
     table, where, notes = record.table, f"specimen {name}", list[str]()
     if Path(table.file).stem != name:
         where += f" ({table.file})"
-    if len(table.lines) < MINIMUM_POINTS:
-        raise FileError(
-            f"{where}: the record has {len(table.lines)} points; at least {MINIMUM_POINTS} are "
-            "needed to characterise it"
-        )
+    check_record(where, {"line": np.asarray(table.lines, dtype=np.float64)})
     sign = -1.0 if said == "compression" else 1.0
     columns = _upright(table.columns, where, notes, said)
     test = _Test(where, table, columns, record.sizes, sign, notes)
@@ -1258,23 +1246,23 @@ def _smoothest(place: FloatArray, level: FloatArray) -> _Batch | None:
 
     A bend is what a point lies off the line through its neighbours.
     """
-    n = len(level)
-    bends = np.zeros((n - 2, n))
-    for i in range(1, n - 1):
-        left = (place[i + 1] - place[i]) / (place[i + 1] - place[i - 1])
-        bends[i - 1, i - 1 : i + 2] = -left, 1.0, left - 1.0
+    n, left = len(level), (place[2:] - place[1:-1]) / (place[2:] - place[:-2])
+
+    def bends(values: FloatArray) -> FloatArray:
+        return values[1:-1] - left * values[:-2] - (1.0 - left) * values[2:]
+
     found: list[tuple[float, int, _Batch]] = []
     for first, last in itertools.combinations(range(n + 1), 2):
         if 2 * (last - first) > n:
             continue
         inside = np.zeros(n)
         inside[first:last] = 1.0
-        lever = bends @ inside
-        shift = float(lever @ (bends @ level)) / float(lever @ lever)
+        lever = bends(inside)
+        shift = float(lever @ bends(level)) / float(lever @ lever)
         rest = level - shift * inside
         if np.all(np.diff(rest) > 0.0):
             batch = _Batch(tuple(range(first, last)), shift)
-            found.append((float(np.sum((bends @ rest) ** 2)), last - first, batch))
+            found.append((float(np.sum(bends(rest) ** 2)), last - first, batch))
     return min(found, key=lambda one: one[:2])[2] if found else None
 
 
