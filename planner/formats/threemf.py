@@ -545,14 +545,6 @@ def encode_threemf(
     """
     if not objects:
         raise OutputError(f"3MF of {assembly_name}: no objects; a file needs at least one")
-    bare, meshes = _model_written(objects, assembly_name, thumbnail, one_mesh)
-    return encode_archive(_filled(bare, meshes), _FAST)
-
-
-def _model_written(
-    objects: Sequence[ThreemfObject], assembly_name: str, thumbnail: bytes | None, one_mesh: bool
-) -> tuple[bytes, list[_Text]]:
-    """Return the file with one triangle in place of each mesh, and the text of the meshes."""
     model = _wrapper().CreateModel()
     model.SetUnit(lib3mf.ModelUnit.MilliMeter)
     heading = {"Title": assembly_name, "Application": "planner"}
@@ -582,9 +574,10 @@ def _model_written(
             picture = model.CreatePackageThumbnailAttachment()
             picture.SetPath(_THUMBNAIL)
             picture.ReadFromBuffer(thumbnail)
-        return bytes(model.QueryWriter("3mf").WriteToBuffer()), meshes
+        bare = bytes(model.QueryWriter("3mf").WriteToBuffer())
     except lib3mf.ELib3MFException as error:
         raise OutputError(f"3MF of {assembly_name}: {error}") from error
+    return encode_archive(_filled(bare, meshes), _FAST)
 
 
 @dataclass(frozen=True, slots=True)

@@ -355,20 +355,17 @@ class _Test:
             They differ by the factor of a known slip of units (within 10 %).
         """
         columns, sizes = self.columns, self.dimensions
-        twice = []
-        if sizes.gauge_mm is not None and {"strain", "displacement_mm"} <= set(columns):
-            travel = float(np.ptp(columns["displacement_mm"])) / sizes.gauge_mm
-            what = "range of strain against travel over gauge length"
-            twice.append((what, float(np.ptp(strain)), travel))
-        elif sizes.gauge_mm is not None and sizes.rate_mm_s is not None and time_s is not None:
-            travel = sizes.rate_mm_s * float(time_s[-1] - time_s[0]) / sizes.gauge_mm
-            what = "range of strain against rate times time over length"
-            twice.append((what, float(np.ptp(strain)), travel))
-        if sizes.area_mm2 is not None and {"stress_MPa", "force_N"} <= set(columns):
-            nominal = float(np.max(columns["force_N"])) / sizes.area_mm2
-            twice.append(
-                ("peak stress against force over section", float(np.max(stress_MPa)), nominal)
-            )
+        gauge_mm, area_mm2, rate_mm_s = sizes.gauge_mm, sizes.area_mm2, sizes.rate_mm_s
+        twice: list[tuple[str, float, float]] = []
+        if gauge_mm is not None and {"strain", "displacement_mm"} <= set(columns):
+            travel, what = np.ptp(columns["displacement_mm"]), "travel over gauge length"
+            twice.append((f"range of strain against {what}", np.ptp(strain), travel / gauge_mm))
+        elif gauge_mm is not None and rate_mm_s is not None and time_s is not None:
+            travel, what = rate_mm_s * np.ptp(time_s), "rate times time over length"
+            twice.append((f"range of strain against {what}", np.ptp(strain), travel / gauge_mm))
+        if area_mm2 is not None and {"stress_MPa", "force_N"} <= set(columns):
+            nominal, what = columns["force_N"].max() / area_mm2, "force over section"
+            twice.append((f"peak stress against {what}", stress_MPa.max(), nominal))
         for what, stated, derived in twice:
             if not (stated > 0.0 and derived > 0.0):
                 continue
@@ -657,19 +654,18 @@ def read_study(
             if path.suffix.casefold() in _SUFFIXES and path.name not in _NO_RECORDS:
                 unlisted += [] if isinstance(error, NoRecordError) else [path.name]
             continue
+        several = len(tables) > 1
         for table in tables:
-            row_of_table = _row(table, path, own, rows)
-            record = _Record(path, table, row_of_table, len(tables) > 1)
-            if rows and row_of_table is None:
+            row_of_table, why = _row(table, path, own, rows), ""
+            if row_of_table is not None:
+                why = _left_out(row_of_table, notes)
+            elif rows:
                 what = f"specimen {table.specimen} has no row with this file"
-                said = f"{what} in" if own or len(tables) > 1 else "not named in"
+                said = f"{what} in" if own or several else "not named in"
                 notes.append(Caution(f"{path.name}: {said} {_SPECIMENS}; left out"))
-                record = replace(record, left_out=f"no row in {_SPECIMENS}")
-                who = f", specimen {table.specimen}" if len(tables) > 1 else ""
-                unlisted.append(path.name + who)
-            elif row_of_table is not None:
-                record = replace(record, left_out=_left_out(row_of_table, notes))
-            found_records.append(record)
+                why = f"no row in {_SPECIMENS}"
+                unlisted.append(path.name + (f", specimen {table.specimen}" if several else ""))
+            found_records.append(_Record(path, table, row_of_table, several, why))
     records = _named(found_records)
     materials = _materials(records, material or "", notes)
     records |= {name: replace(records[name], material=of) for name, of in materials.items()}
