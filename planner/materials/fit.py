@@ -1147,11 +1147,10 @@ class ParameterScatter:
 
 def scatter_of_fit(fit: LawFit, sample: Sample) -> ParameterScatter:
     """Return the scatter of a fit's specimens about its law."""
-    return _scatter_about(sample_stress_MPa(fit.law, fit.a, fit.c, sample), sample)
+    return _scatter_of(_courses(sample_stress_MPa(fit.law, fit.a, fit.c, sample), sample))
 
 
-def _scatter_about(law: FloatArray, sample: Sample) -> ParameterScatter:
-    courses = _courses(law, sample)
+def _scatter_of(courses: Sequence[tuple[FloatArray, FloatArray]]) -> ParameterScatter:
     return scatter_of_levels([float(r.mean()) for _, r in courses], _common(courses))
 
 
@@ -1304,7 +1303,8 @@ def secant_intervals(
     strain = np.maximum(tested, 1e-7)
     columns = fit.law.evaluate(1.0 + strain, fit.a[None])
     derivative, stress = _derivatives(fit.law, fit.a, fit.c, columns)
-    value, scatter = stress / strain, scatter_of_fit(fit, sample)
+    courses = _courses(sample_stress_MPa(fit.law, fit.a, fit.c, sample), sample)
+    value, scatter = stress / strain, _scatter_of(courses)
     half, next_ = np.full(len(strain), np.inf), np.full(len(strain), scatter.log_sd)
     if _scatter_known(sample):
         relative = (derivative / stress[:, None]).T
@@ -1313,8 +1313,7 @@ def secant_intervals(
             # What holds a law moves it to one side: the mean's interval lets go of that, but the
             # law's error, beside prints' own scatter, is as small as it is held to.
             held = _moves_variance(fit, sample, relative, held=True)
-            law = sample_stress_MPa(fit.law, fit.a, fit.c, sample)
-            next_ = _next_log_sds(_levels_at(tested, _courses(law, sample)), held, scatter.misfit)
+            next_ = _next_log_sds(_levels_at(tested, courses), held, scatter.misfit)
     return _secants(tested, value, half, next_)
 
 
@@ -1329,7 +1328,7 @@ def _secants(
 def _levels_at(strain: FloatArray, courses: Sequence[tuple[FloatArray, FloatArray]]) -> FloatArray:
     """Return what each specimen is off the law at strains, (n, k): on the line of its course."""
     lines = [
-        np.polyfit(stretch - 1.0, ratio, 1, w=np.abs(stretch - 1.0) ** 0.5)
+        np.polyfit(stretch - 1.0, ratio, min(1, len(ratio) - 1), w=np.abs(stretch - 1.0) ** 0.5)
         for stretch, ratio in courses
     ]
     return np.array([np.polyval(line, strain) for line in lines])
@@ -1342,7 +1341,7 @@ def _next_log_sds(levels: FloatArray, own: FloatArray, misfit: float) -> FloatAr
     strain than that mean. Both come of the same few specimens: Student's t with the degrees of
     freedom that Welch and Satterthwaite give to a sum of two variances.
     """
-    count, between = len(levels), levels.var(axis=0, ddof=1)
+    count, between = len(levels), np.maximum(levels.var(axis=0, ddof=1), _SAME**2)
     level, more = between * (1.0 + 1.0 / count), np.maximum(own - between / count, 0.0)
     freedom = (count - 1.0) * (level + more) ** 2 / (level**2 + more**2)
     wide = [widened(1.0 + one) for one in freedom.tolist()]
@@ -1917,7 +1916,7 @@ def _plastic(
     strains = [e for e in (0.0, *SECANT_STRAINS) if 1.0 + e <= sample.stretch.max()]
     each = np.log([secant_modulus_MPa(one, strains) for one in laws])
     wide = _half_widths(each, level)
-    scatter = _scatter_about(stress, sample)
+    scatter = _scatter_of(_courses(stress, sample))
     return MaterialFit(
         material=found.material,
         characteristics=found,
