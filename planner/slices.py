@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from planner.errors import ArgumentError, FileError, OutputError, PlannerError, UnknownNameError
 from planner.formats.files import encode_document, path_within
 from planner.formats.outputs import check_target, new_folder
-from planner.formats.png import NOTHING, ImageKind, Rgba, distinct_colours, encode_layer
+from planner.formats.png import NOTHING, ImageKind, Rgba, encode_layer
 from planner.formats.tables import encode_csv
-from planner.glance import brief, counted, one_line, outcome
+from planner.glance import brief, channels, counted, one_line, outcome
 from planner.mesh.mesh import Mesh, compact, weld
 from planner.numerics import IntArray, kernel
 from planner.plan import PartGraded, Plan, plan_file, read_plan, read_shells
@@ -788,6 +788,43 @@ def _result(distributed: Any, future: Any, scheduler: str) -> _SlabImages:
 
 
 # ------------------------------------------------------------------------------------------------
+# One colour a material, told apart by eye and by program.
+
+
+_LEAST_DISTANCE = 8.0
+"""Between two colours of a stack, in 8-bit steps of red, green and blue together."""
+
+_SPARE = np.stack(np.meshgrid(*[np.arange(0, 256, 17)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+
+
+def _distinct_colours(wished: Sequence[str]) -> tuple[Rgba, ...]:
+    """Return the wished colours, opaque; those that look like an earlier one are replaced.
+
+    A replacement is the spare colour farthest from all wished and given ones, so the result
+    depends on the wishes alone.
+
+    Parameters
+    ----------
+    wished
+        "#RRGGBB" by material.
+    """
+    wishes = np.array([channels(colour) for colour in wished])
+    spare = np.min([_squares(_SPARE, wish) for wish in wishes], axis=0)
+    given: list[IntArray] = []
+    for wish in wishes:
+        colour = wish
+        if any(_squares(wish, other) < _LEAST_DISTANCE**2 for other in given):
+            colour = _SPARE[np.argmax(spare)]
+        given.append(colour)
+        spare = np.minimum(spare, _squares(_SPARE, colour))
+    return tuple((int(red), int(green), int(blue), 255) for red, green, blue in given)
+
+
+def _squares(colours: IntArray, other: IntArray) -> IntArray:
+    return np.asarray(((colours - other) ** 2).sum(axis=-1))
+
+
+# ------------------------------------------------------------------------------------------------
 # planner.write_slices: a plan's folder to a stack of images, one a layer of the printer.
 
 
@@ -854,7 +891,7 @@ def write_slices(
         )
     source = _open_shells(plan, pitch_mm=pitch_mm, printer=printer)
     edges_mm = source.grid.pitch_mm
-    colours = distinct_colours([shell.colour for shell in source.shells])
+    colours = _distinct_colours([shell.colour for shell in source.shells])
     kind = ImageKind(colours, indexed, (edges_mm[0], edges_mm[1]))
     tasks = (_SlabTask(slab, kind) for slab in _deal_slabs(source, slab_layers))
     slabs = map(_make_slab, tasks) if scheduler is None else _make_slabs_on(scheduler, tasks)

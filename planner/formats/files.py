@@ -9,7 +9,7 @@ import struct
 import tomllib
 import zipfile
 import zlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PureWindowsPath
 from typing import Any, TypeVar
@@ -22,9 +22,9 @@ __all__ = [
     "SIGNIFICANT_DIGITS",
     "USUAL_LIMITS",
     "UnfoldingLimits",
-    "canonical_archive",
     "decode_document",
     "decode_toml",
+    "encode_archive",
     "encode_document",
     "free_memory_bytes",
     "most_unpacked",
@@ -134,64 +134,54 @@ def path_within(folder: str | Path, name: str) -> Path:
 
 
 _DATE = 0 << 9 | 1 << 5 | 1  # 1980-01-01, the earliest that a zip can say
-_VERSION = 20  # deflate and folders, nothing newer
+_VERSION, _DEFLATED = 20, 8  # deflate and folders, nothing newer
 _UNIX_FILE = 0o100644 << 16
 _LARGEST = 0xFFFFFFFE
 """Bytes that a zip archive, or a member of it, holds without zip64."""
 
 
-def canonical_archive(data: bytes, first: tuple[str, ...]) -> bytes:
-    """Rewrite an archive with fixed dates, permissions and order, and without zip64.
+def encode_archive(
+    members: Iterable[tuple[str, Iterable[bytes | memoryview]]], level: int
+) -> bytes:
+    """Make a zip archive with fixed dates and permissions, and without zip64.
 
-    The members' deflated bytes are copied as they are. Some readers of 3MF take neither zip64
-    nor a date of zero, both of which lib3mf writes.
+    Some readers of 3MF take neither zip64 nor a date of zero, both of which lib3mf writes.
 
     Parameters
     ----------
-    data
-        A zip archive whose members are stored or deflated.
-    first
-        Members to put first, in this order; the rest follow sorted by name.
-
-    Returns
-    -------
-    bytes
-        The archive.
+    members
+        In the archive's order: name, and content piece by piece.
+    level
+        Of zlib, 0 to 9.
 
     Raises
     ------
     OutputError
         A member or the whole is 4 GiB or more, which takes zip64.
     """
-    with zipfile.ZipFile(io.BytesIO(data)) as archive:
-        members = {member.filename: member for member in archive.infolist()}
-    names = [name for name in first if name in members]
-    names += sorted(name for name in members if name not in first)
-    parts, offset, directory = list[bytes | memoryview](), 0, bytearray()
-    for name in names:
-        member = members[name]
-        if max(offset + member.compress_size, member.file_size) > _LARGEST:
+    archive, directory = io.BytesIO(), list[bytes]()
+    for name, pieces in members:
+        packer, check, size, packed = zlib.compressobj(level, wbits=-15), 0, 0, list[bytes]()
+        for piece in pieces:
+            check, size = zlib.crc32(piece, check), size + len(piece)
+            packed.append(packer.compress(piece))
+        packed.append(packer.flush())
+        offset, length = archive.tell(), sum(map(len, packed))
+        if max(offset + length, size) > _LARGEST:
             raise OutputError(
-                f"{name}: {member.file_size} bytes, more than the 4 GiB that readers of 3MF take; "
-                "reduce the number of triangles"
+                f"{name}: {size} bytes, more than the 4 GiB that readers of 3MF take; reduce the "
+                "number of triangles"
             )
-        path = name.encode("utf-8")
-        flags = 0 if name.isascii() else 0x800
-        facts = (
-            *(_VERSION, flags, member.compress_type, 0, _DATE),
-            *(member.CRC, member.compress_size, member.file_size, len(path), 0),
-        )
-        name_size, extra_size = struct.unpack_from("<2H", data, member.header_offset + 26)
-        start = member.header_offset + 30 + name_size + extra_size
-        deflated = memoryview(data)[start : start + member.compress_size]
-        parts += [struct.pack("<4s5H3I2H", b"PK\x03\x04", *facts) + path, deflated]
+        path, flags = name.encode("utf-8"), 0 if name.isascii() else 0x800
+        facts = (_VERSION, flags, _DEFLATED, 0, _DATE, check, length, size, len(path), 0)
+        archive.write(struct.pack("<4s5H3I2H", b"PK\x03\x04", *facts) + path)
+        archive.writelines(packed)
         made_by = 3 << 8 | _VERSION  # Unix, so that the permissions count
-        directory += struct.pack("<4sH5H3I2H", b"PK\x01\x02", made_by, *facts)
-        directory += struct.pack("<3H2I", 0, 0, 0, _UNIX_FILE, offset) + path
-        offset += len(parts[-2]) + len(parts[-1])
-    count = len(names)
-    end = struct.pack("<4s4H2IH", b"PK\x05\x06", 0, 0, count, count, len(directory), offset, 0)
-    return b"".join((*parts, directory, end))
+        entry = struct.pack("<4sH5H3I2H", b"PK\x01\x02", made_by, *facts)
+        directory.append(entry + struct.pack("<3H2I", 0, 0, 0, _UNIX_FILE, offset) + path)
+    ends = len(directory), len(directory), sum(map(len, directory)), archive.tell(), 0
+    archive.writelines([*directory, struct.pack("<4s4H2IH", b"PK\x05\x06", 0, 0, *ends)])
+    return archive.getvalue()
 
 
 _RATIO = 100

@@ -115,7 +115,7 @@ def claimed(output: str | Path, *, force: bool = True) -> Iterator[Path]:
         Another run is writing it, or its folder cannot be written into.
     """
     with contextlib.ExitStack() as held:
-        try:
+        with _told(output, "cannot be written ({}); choose another place", RuntimeError):
             target = Path(output).resolve()
             if target not in _claims:
                 for missing in reversed([p for p in target.parents if not p.exists()]):
@@ -136,11 +136,18 @@ def claimed(output: str | Path, *, force: bool = True) -> Iterator[Path]:
                         _remove(left)
                 _claims[target] = force
                 held.callback(_claims.pop, target)
-        except (OSError, RuntimeError) as error:  # RuntimeError: a loop of links
-            raise OutputError(
-                f"{output}: cannot be written ({_reason(error)}); choose another place"
-            ) from error
         yield target
+
+
+@contextmanager
+def _told(place: str | Path, said: str, *also: type[Exception]) -> Iterator[None]:
+    """Tell what the system refuses, with its reason in place of {}; a RuntimeError tells a loop."""
+    refused: tuple[type[Exception], ...] = (OSError, *also)
+    try:
+        yield
+    except refused as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise OutputError(f"{place}: {said.replace('{}', reason)}") from error
 
 
 def _lock(path: Path, held: contextlib.ExitStack) -> bool:
@@ -187,7 +194,7 @@ def check_absent(path: str | Path, *, force: bool) -> None:
     path = Path(path)
     if is_stream(path):
         return
-    try:
+    with _told(path, "{}; choose another place", RuntimeError):
         _check_link(path, "name another file", force=force)
         if path.is_dir():
             raise OutputError(f"{path}: is a folder; name a file")
@@ -200,8 +207,6 @@ def check_absent(path: str | Path, *, force: bool) -> None:
         folder = (path.resolve() if path.is_symlink() else path).parent
         if not folder.is_dir():
             raise OutputError(f"{path}: there is no folder {folder}; create that first")
-    except (OSError, RuntimeError) as error:
-        raise OutputError(f"{path}: {_reason(error)}; choose another place") from error
 
 
 def _check_link(path: Path, other: str, *, force: bool) -> None:
@@ -227,14 +232,12 @@ def write_whole(path: str | Path, data: bytes) -> None:
         return
     with claimed(path) as target:
         check_absent(path, force=_claims[target])
-        try:
-            with _scratch_beside(target, folder=False) as scratch:
-                scratch.write_bytes(data)
-                scratch.replace(target)
-        except OSError as error:
-            raise OutputError(
-                f"{path}: cannot be written ({_reason(error)}); choose another place"
-            ) from error
+        with (
+            _told(path, "cannot be written ({}); choose another place"),
+            _scratch_beside(target, folder=False) as scratch,
+        ):
+            scratch.write_bytes(data)
+            scratch.replace(target)
 
 
 def _stream(data: bytes) -> None:
@@ -396,7 +399,7 @@ def check_target(
     """
     kept: tuple[str, ...] = ()
     other = f"name another folder with `{option}`"
-    try:
+    with _told(folder, "{}", RuntimeError):
         _check_link(Path(folder), other, force=force)
         target = Path(folder).resolve()
         if target.is_dir():
@@ -424,8 +427,6 @@ def check_target(
                 f"{folder}: the folder {above} cannot be written into; choose another "
                 f"place with `{option}`"
             )
-    except (OSError, RuntimeError) as error:  # RuntimeError: a loop of links
-        raise OutputError(f"{folder}: {_reason(error)}") from error
     return kept
 
 
@@ -476,26 +477,24 @@ def new_folder(
     """
     if Path(os.path.realpath(folder)) not in _claims:  # whoever claims a target has looked at it
         check_target(folder, force=force, record=record, option=option)
-    with claimed(folder) as target:
-        try:
-            with _scratch_beside(target, folder=True) as scratch:
-                made = scratch.stat()
-                yield scratch
-                if not os.path.samestat(made, scratch.stat()):  # what was made anew lacks a part
-                    raise FileNotFoundError(errno.ENOENT, "what was being written has been removed")
-                if record is not None:
-                    _list_files(scratch / record)
-                # What has come there meanwhile stays, too.
-                kept = check_target(folder, force=force, record=record, option=option)
-                seen = {name for name, _ in _within(target)} if target.is_dir() else set()
-                _carry(target, scratch, kept, folder, option)
-                _take_name(scratch, target, folder, force=force, option=option)
-                _remove_earlier(scratch, target, seen, folder)
-        except OSError as error:
-            raise OutputError(
-                f"{folder}: {_reason(error)}; nothing was written; choose another place with "
-                f"`{option}`"
-            ) from error
+    said = f"{{}}; nothing was written; choose another place with `{option}`"
+    with (
+        claimed(folder) as target,
+        _told(folder, said),
+        _scratch_beside(target, folder=True) as scratch,
+    ):
+        made = scratch.stat()
+        yield scratch
+        if not os.path.samestat(made, scratch.stat()):  # what was made anew lacks a part
+            raise FileNotFoundError(errno.ENOENT, "what was being written has been removed")
+        if record is not None:
+            _list_files(scratch / record)
+        # What has come there meanwhile stays, too.
+        kept = check_target(folder, force=force, record=record, option=option)
+        seen = {name for name, _ in _within(target)} if target.is_dir() else set()
+        _carry(target, scratch, kept, folder, option)
+        _take_name(scratch, target, folder, force=force, option=option)
+        _remove_earlier(scratch, target, seen, folder)
 
 
 def write_folder(
@@ -613,18 +612,10 @@ def _exchange_in_steps(scratch: Path, target: Path) -> None:
 
 
 def _remove_earlier(scratch: Path, target: Path, seen: set[str], folder: str | Path) -> None:
-    try:
+    said = "is written, but the earlier one could not be deleted whole ({})"
+    with _told(folder, f"{said}; delete {scratch}"):
         if scratch.exists():
             for name, path in list(_within(scratch)):
                 if name not in seen and path.exists() and not os.path.lexists(target / name):
                     path.rename(target / name)  # it came in the very last moment
             shutil.rmtree(scratch)
-    except OSError as error:
-        raise OutputError(
-            f"{folder}: is written, but the earlier one could not be deleted whole "
-            f"({_reason(error)}); delete {scratch}"
-        ) from error
-
-
-def _reason(error: Exception) -> str:
-    return getattr(error, "strerror", None) or str(error)

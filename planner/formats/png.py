@@ -2,7 +2,6 @@
 
 import struct
 import zlib
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -10,10 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.glance import channels
 from planner.numerics import IntArray, inner_kernel, kernel
 
-__all__ = ["NOTHING", "ImageKind", "Rgba", "distinct_colours", "encode_layer"]
+__all__ = ["NOTHING", "ImageKind", "Rgba", "encode_layer"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -228,43 +226,6 @@ def _encode_png(width: int, height: int, kind: "ImageKind", zlib_stream: bytes) 
         struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
         for name, data in chunks
     )
-
-
-# ------------------------------------------------------------------------------------------------
-# One colour a material, told apart by eye and by program.
-
-
-_LEAST_DISTANCE = 8.0
-"""Between two colours of a stack, in 8-bit steps of red, green and blue together."""
-
-_SPARE = np.stack(np.meshgrid(*[np.arange(0, 256, 17)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
-
-
-def distinct_colours(wished: Sequence[str]) -> tuple[Rgba, ...]:
-    """Return the wished colours, opaque; those that look like an earlier one are replaced.
-
-    A replacement is the spare colour farthest from all wished and given ones, so the result
-    depends on the wishes alone.
-
-    Parameters
-    ----------
-    wished
-        "#RRGGBB" by material.
-    """
-    wishes = np.array([channels(colour) for colour in wished])
-    spare = np.min([_squares(_SPARE, wish) for wish in wishes], axis=0)
-    given: list[IntArray] = []
-    for wish in wishes:
-        colour = wish
-        if any(_squares(wish, other) < _LEAST_DISTANCE**2 for other in given):
-            colour = _SPARE[np.argmax(spare)]
-        given.append(colour)
-        spare = np.minimum(spare, _squares(_SPARE, colour))
-    return tuple((int(red), int(green), int(blue), 255) for red, green, blue in given)
-
-
-def _squares(colours: IntArray, other: IntArray) -> IntArray:
-    return np.asarray(((colours - other) ** 2).sum(axis=-1))
 
 
 # ------------------------------------------------------------------------------------------------

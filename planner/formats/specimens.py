@@ -12,7 +12,7 @@ import msgspec
 
 from planner.errors import FileError
 from planner.formats.files import read_file
-from planner.formats.headings import headings_of
+from planner.formats.headings import headings_of, mode_of
 from planner.formats.tables import LARGEST_FIGURE, decode_text, is_workbook, number, read_rows
 
 __all__ = [
@@ -28,9 +28,6 @@ __all__ = [
 
 _Orientation = Literal["x", "y", "z"]
 _Protocol = Literal["monotonic", "cyclic", "relaxation"]
-
-_MODES = frozenset({"tension", "tensile", "compression", "compressive"})
-"""Ways of loading that may stand beside a protocol."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -241,7 +238,7 @@ def _without_mode(record: Mapping[str, str]) -> tuple[Mapping[str, str], str]:
     Nothing more of a protocol is a monotonic test.
     """
     words = record.get("protocol", "").casefold().split()
-    mode = next((word for word in words if word in _MODES), "")
+    mode = next(filter(mode_of, words), "")
     if not mode:
         return record, ""
     return {**record, "protocol": " ".join(w for w in words if w != mode) or "monotonic"}, mode

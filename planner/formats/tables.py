@@ -6,6 +6,8 @@ import functools
 import io
 import math
 import re
+import subprocess
+import sys
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -47,15 +49,10 @@ LONGEST_HEADING = 200
 """Characters; programs write 80 at most, and searching a heading takes the square of them."""
 
 _THOUSANDS = {
-    ",": re.compile(r"[+-]?\d{1,3}(,\d{3})+\.\d*"),
-    ".": re.compile(r"[+-]?\d{1,3}(\.\d{3})+,\d*"),
+    ",": re.compile(r"[+-]?(?P<first>\d)\d{0,2}(,\d{3})+(?P<decimals>\.\d*)?"),
+    ".": re.compile(r"[+-]?(?P<first>\d)\d{0,2}(\.\d{3})+(?P<decimals>,\d*)?"),
 }
-"""By what stands between thousands: figures with a decimal sign."""
-_BY_THOUSANDS = {
-    ".": (",", re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")),
-    ",": (".", re.compile(r"[+-]?[1-9]\d{0,2}(\.\d{3})+")),
-}
-"""By the decimal sign: what stands between thousands, and how."""
+"""By what stands between thousands."""
 _BY_BLANKS = re.compile(r"[+-]?[1-9]\d{0,2}( \d{3})+([.,]\d*)?")
 _GROUPED = str.maketrans({"\N{NO-BREAK SPACE}": "", "\N{NARROW NO-BREAK SPACE}": "", "'": "",
                           "\N{MINUS SIGN}": "-"})  # fmt: skip
@@ -177,14 +174,13 @@ def number(cell: str, separator: str) -> float | None:
     cell = cell.translate(_GROUPED)
     if " " in cell and _BY_BLANKS.fullmatch(cell):
         cell = cell.replace(" ", "")
-    between, groups = _BY_THOUSANDS.get(separator[1:], ("", None))
-    if groups is not None and between in cell and groups.fullmatch(cell):
-        return float(cell.replace(between, ""))
     between = "," if separator[0] == "," else "."
-    if "," in cell and between in cell:
-        if not _THOUSANDS[between].fullmatch(cell):
+    if between in cell:
+        groups = _THOUSANDS[between].fullmatch(cell)
+        if groups and (groups["decimals"] or (separator[1:].strip() and groups["first"] != "0")):
+            cell = cell.replace(between, "")
+        elif "," in cell:
             return None
-        cell = cell.replace(between, "")
     try:
         return float(cell.replace(",", ".")) if "_" not in cell else None
     except ValueError:
@@ -200,6 +196,17 @@ _MOST_CELLS = 20_000_000
 columns; what holds more takes gigabytes as cells."""
 
 _OLE = b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"
+_TRIAL = """
+import sys, python_calamine
+try:
+    import resource
+    resource.setrlimit(resource.RLIMIT_AS, (4 << 30, -1))
+except (ImportError, ValueError):
+    pass  # Windows; or less is allowed already
+python_calamine.CalamineWorkbook.from_filelike(sys.stdin.buffer)
+"""
+"""Of an XLS: calamine ends the process that cannot hold its sheets, each one rectangle of at most
+0.5 GB. Whatever a file in sectors says of itself, in any damage, a trial tells it."""
 _PLACE = re.compile(rb'\sr="([A-Z]{0,3})(\d{1,7})"')
 _TIMES = re.compile(rb'number-(?:rows|columns)-repeated="(\d{1,9})"')
 
@@ -226,6 +233,10 @@ def read_sheets(data: bytes, name: str) -> list[Sheet]:
         _check_size(data, name)
     sheets: list[Sheet] = []
     try:
+        if data[:8] == _OLE and subprocess.run(
+            [sys.executable, "-c", _TRIAL], input=data, capture_output=True, check=False
+        ).returncode not in (0, 1):  # 1: refused, as it will be here
+            raise ValueError("damaged: its cells take more than 4 GB of memory")
         book = CalamineWorkbook.from_filelike(io.BytesIO(data))
         for called in book.sheet_names:
             sheet = book.get_sheet_by_name(called)
@@ -247,11 +258,9 @@ def read_sheets(data: bytes, name: str) -> list[Sheet]:
 def _text(cell: object) -> str:
     if isinstance(cell, bool):
         return str(cell).lower()
-    if isinstance(cell, float):
-        return f"{cell:.15g}"
     if isinstance(cell, datetime.timedelta):
-        return f"{cell.total_seconds():.15g}"
-    return str(cell).strip()
+        cell = cell.total_seconds()
+    return f"{cell:.15g}" if isinstance(cell, float) else str(cell).strip()
 
 
 def _too_many(where: str) -> FileError:
@@ -377,28 +386,26 @@ def read_columns(
             f"{where}: no column {' nor '.join(map(repr, missing))}; its columns are "
             f"{', '.join(headings)}"
         )
-    lines, cells_of = list[int](), {name: list[str]() for name in found}
-    for line, cells in rows:
+    table = list(rows)
+    for line, cells in table:
         if len(cells) < len(headings) or any(cells[len(headings) :]):
             raise FileError(f"{where}, line {line}: {len(cells)} cells for {len(headings)} columns")
-        lines.append(line)
-        for name, (place, _) in found.items():
-            cells_of[name].append(cells[place])
-    if not lines:
+    if not table:
         raise FileError(f"{where}: headings but no numbers below them; export the file again")
     numbers, words = dict[str, FloatArray](), dict[str, tuple[str, ...]]()
-    for name, of in cells_of.items():
+    lines = tuple(line for line, _ in table)
+    for name, (place, factor) in found.items():
+        of = tuple(cells[place] for _, cells in table)
         if name not in columns:
-            words[name] = tuple(of)
+            words[name] = of
             continue
-        place, factor = found[name]
         filled = [row for row, cell in enumerate(of) if cell or name not in gaps]
         numbers[name] = np.full(len(of), np.nan)
         numbers[name][filled] = finite_numbers(
             [of[row] for row in filled], [lines[row] for row in filled],
             separator, where, headings[place], factor,
         )  # fmt: skip
-    return ColumnFile(numbers, words, tuple(lines))
+    return ColumnFile(numbers, words, lines)
 
 
 def _column(heading: str, columns: Mapping[str, str | None], where: str) -> tuple[str, float]:

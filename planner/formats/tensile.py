@@ -1421,10 +1421,7 @@ def _example(headings: _Headings, *, twice: bool = False) -> str:
 
 
 _ALIKE = {"position": "displacement", "elongation": "displacement"}
-_BY_KIND = {
-    "length": "displacement",
-    **{kind: kind for kind in ("time", "force", "stress", "strain")},
-}
+_BY_KIND = {"length": "displacement"} | {k: k for k in ("time", "force", "stress", "strain")}
 _BARE = {"time": "time_s", "force": "force_N", "displacement": "displacement_mm",
          "stress": "stress_MPa", "true_stress": "true_stress_MPa"}  # fmt: skip
 

@@ -408,22 +408,6 @@ class QuadraticStudy:
 
     __repr__ = brief
 
-    def mean_without(self) -> tuple[float, float, int] | None:
-        """Return mean errors, over materials left out, of quadratics and mixtures, and how many.
-
-        Over the materials that both predict; None where there is none.
-        """
-        both = [
-            (one.nrmse, other.nrmse)
-            for row in self.rows
-            if (one := row.errors["quadratics_without"])
-            and (other := row.errors["mixtures_without"])
-        ]
-        if not both:
-            return None
-        quadratics, mixtures = np.mean(both, axis=0).tolist()
-        return quadratics, mixtures, len(both)
-
     def remarks(self) -> Iterator[str]:
         """Say what the comparison shows, one sentence each."""
         yield self._without()
@@ -448,12 +432,17 @@ class QuadraticStudy:
 
     def _without(self) -> str:
         what = "a material left out and predicted by the others"
-        mean = self.mean_without()
-        if mean is not None:
-            quadratics, mixtures, count = mean
+        both = [
+            (one.nrmse, other.nrmse)
+            for row in self.rows
+            if (one := row.errors["quadratics_without"])
+            and (other := row.errors["mixtures_without"])
+        ]
+        if both:
+            quadratics, mixtures = 100.0 * np.mean(both, axis=0)
             return (
-                f"{what}: quadratics {100 * quadratics:.2g} % of its largest stress off, planner's "
-                f"mixtures {100 * mixtures:.2g} % (mean of {count})"
+                f"{what}: quadratics {quadratics:.2g} % of its largest stress off, planner's "
+                f"mixtures {mixtures:.2g} % (mean of {len(both)})"
             )
         errors = [one.nrmse for row in self.rows if (one := row.errors["quadratics_without"])]
         if not errors:

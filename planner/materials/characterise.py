@@ -298,9 +298,7 @@ class _Lines:
         n, u, v, sxx, sxy, syy = (
             float(m[0]) for m in self._moments(np.array([start]), np.array([stop]))
         )
-        if not sxx > 0.0:
-            return 0.0, 0.0, np.inf
-        slope = sxy / sxx
+        slope = sxy / sxx if sxx > 0.0 else 0.0
         if slope <= 0.0:
             return slope, 0.0, np.inf
         variance = max(syy - slope * sxy, 0.0) / max(n - 2.0, 1.0)

@@ -712,11 +712,6 @@ class LawFit:
     __repr__ = brief
 
     @property
-    def found_again(self) -> bool:
-        """Whether the best start converged and, with several starts, another one agrees."""
-        return self.converged > 0 and self.agreeing >= min(2, self.starts)
-
-    @property
     def name(self) -> str:
         """The model with its number of terms where there is a choice, as "ogden-2"."""
         return law_name(self.law)
@@ -1152,17 +1147,20 @@ class ParameterScatter:
 
 def scatter_of_fit(fit: LawFit, sample: Sample) -> ParameterScatter:
     """Return the scatter of a fit's specimens about its law."""
-    return _scatter_about(sample_stress_MPa(fit.law, fit.a, fit.c, sample), sample)
+    return _scatter_of(_courses(sample_stress_MPa(fit.law, fit.a, fit.c, sample), sample))
 
 
-def _scatter_about(law: FloatArray, sample: Sample) -> ParameterScatter:
-    """Compare each specimen's stress with the law's (n,), as logarithms of their ratio."""
+def _scatter_of(courses: Sequence[tuple[FloatArray, FloatArray]]) -> ParameterScatter:
+    return scatter_of_levels([float(r.mean()) for _, r in courses], _common(courses))
+
+
+def _courses(law: FloatArray, sample: Sample) -> list[tuple[FloatArray, FloatArray]]:
+    """Return stretches of each specimen, and ln of its stress over the law's (n,) there."""
     floor = RELATIVE_FLOOR * sample.stress_MPa.max()
     used = (sample.stress_MPa > floor) & (law > floor)
     ratio = np.log(np.where(used, sample.stress_MPa, 1.0) / np.where(used, law, 1.0))
     own = [used & mine for mine in _own(sample)]
-    courses = [(sample.stretch[i], ratio[i]) for i in own if i.any()]
-    return scatter_of_levels([float(r.mean()) for _, r in courses], _common(courses))
+    return [(sample.stretch[i], ratio[i]) for i in own if i.any()]
 
 
 def _common(courses: Sequence[tuple[FloatArray, FloatArray]]) -> float:
@@ -1305,7 +1303,8 @@ def secant_intervals(
     strain = np.maximum(tested, 1e-7)
     columns = fit.law.evaluate(1.0 + strain, fit.a[None])
     derivative, stress = _derivatives(fit.law, fit.a, fit.c, columns)
-    value, scatter = stress / strain, scatter_of_fit(fit, sample)
+    courses = _courses(sample_stress_MPa(fit.law, fit.a, fit.c, sample), sample)
+    value, scatter = stress / strain, _scatter_of(courses)
     half, next_ = np.full(len(strain), np.inf), np.full(len(strain), scatter.log_sd)
     if _scatter_known(sample):
         relative = (derivative / stress[:, None]).T
@@ -1314,7 +1313,7 @@ def secant_intervals(
             # What holds a law moves it to one side: the mean's interval lets go of that, but the
             # law's error, beside prints' own scatter, is as small as it is held to.
             held = _moves_variance(fit, sample, relative, held=True)
-            next_ = _next_log_sds(scatter, np.sqrt(held))
+            next_ = _next_log_sds(_levels_at(tested, courses), held, scatter.misfit)
     return _secants(tested, value, half, next_)
 
 
@@ -1326,19 +1325,27 @@ def _secants(
     return tuple(SecantInterval(*row) for row in np.stack(columns, axis=1).tolist())
 
 
-def _next_log_sds(scatter: ParameterScatter, own: FloatArray) -> FloatArray:
-    """Return the next print's deviations at strains, where the law's own are `own`.
+def _levels_at(strain: FloatArray, courses: Sequence[tuple[FloatArray, FloatArray]]) -> FloatArray:
+    """Return what each specimen is off the law at strains, (n, k): on the line of its course."""
+    lines = [
+        np.polyfit(stretch - 1.0, ratio, min(1, len(ratio) - 1), w=np.abs(stretch - 1.0) ** 0.5)
+        for stretch, ratio in courses
+    ]
+    return np.array([np.polyval(line, strain) for line in lines])
 
-    The prints' scatter about their mean, and what the law is less sure of at a strain than the
-    mean's level. Both come of the same few specimens: Student's t with the degrees of freedom that
-    Welch and Satterthwaite give to a sum of two variances.
+
+def _next_log_sds(levels: FloatArray, own: FloatArray, misfit: float) -> FloatArray:
+    """Return the next print's deviations at strains, where the law's own variances are `own`.
+
+    The scatter of the specimens (n, k) about their mean, and what the law is less sure of at a
+    strain than that mean. Both come of the same few specimens: Student's t with the degrees of
+    freedom that Welch and Satterthwaite give to a sum of two variances.
     """
-    others = scatter.specimens - 1
-    level = scatter.between**2 * (1.0 + 1.0 / scatter.specimens)
-    more = np.maximum(own**2 - scatter.between**2 / scatter.specimens, 0.0)
-    freedom = others * (level + more) ** 2 / (level**2 + more**2)
+    count, between = len(levels), np.maximum(levels.var(axis=0, ddof=1), _SAME**2)
+    level, more = between * (1.0 + 1.0 / count), np.maximum(own - between / count, 0.0)
+    freedom = (count - 1.0) * (level + more) ** 2 / (level**2 + more**2)
     wide = [widened(1.0 + one) for one in freedom.tolist()]
-    return np.hypot(np.sqrt(level + more) * wide, scatter.misfit)
+    return np.asarray(np.hypot(np.sqrt(level + more) * wide, misfit))
 
 
 def _scatter_known(sample: Sample) -> bool:
@@ -1419,9 +1426,10 @@ def _allowed_rise(
     each = np.array([score[i] @ residual[i] for i in _own(sample)])
     told = np.array([score[i] @ score[i] for i in _own(sample)])
     whole = max(float(told.sum()), 1e-300)
-    count = len(each)
-    apart = each - told / whole * each.sum()
-    return float(count / (count - 1.0) * (apart @ apart) / whole)
+    share = told / whole
+    apart = each - share * each.sum()
+    # The more a specimen tells, the nearer to it is the mean that it is compared with.
+    return float(np.sum(apart**2 / np.maximum(1.0 - 2.0 * share + share @ share, 1e-9)) / whole)
 
 
 def _crossings(fit: LawFit, sample: Sample, t: float, spread: FloatArray) -> FloatArray:
@@ -1838,7 +1846,7 @@ def _doubts(
             f"material {material}: its stress steepens from rest on, as in compression or "
             "behind slack: look at the tests"
         )
-    if not fit.found_again:
+    if not fit.converged or fit.agreeing < min(2, fit.starts):
         yield Caution(
             f"material {material}: {fit.agreeing} of {fit.starts} starts reach the best "
             f"{fit.name}; a better one may exist: try more --starts"
@@ -1908,7 +1916,7 @@ def _plastic(
     strains = [e for e in (0.0, *SECANT_STRAINS) if 1.0 + e <= sample.stretch.max()]
     each = np.log([secant_modulus_MPa(one, strains) for one in laws])
     wide = _half_widths(each, level)
-    scatter = _scatter_about(stress, sample)
+    scatter = _scatter_of(_courses(stress, sample))
     return MaterialFit(
         material=found.material,
         characteristics=found,

@@ -20,6 +20,7 @@ __all__ = [
     "SeparableLaw",
     "Yielding",
     "candidate_laws",
+    "first_invariant",
     "law_name",
     "make_law",
     "positive_stretch",
@@ -456,8 +457,8 @@ class Martins(_FirstInvariant):
 
     def bounds(self, stretch_max: float) -> FloatArray:
         """Return the bounds of c1 and c3, both positive."""
-        invariant = _first_invariant(np.array([stretch_max]))[0]
-        largest = np.array([[invariant], [(stretch_max - 1.0) ** 2]])
+        strain = np.array([stretch_max - 1.0])
+        largest = np.stack([first_invariant(strain), strain**2])
         return np.asarray(np.array(_MARTINS_REACH) / np.maximum(largest, 1e-6))
 
     def start(self, fraction: FloatArray, stretch_max: float) -> FloatArray:
@@ -493,13 +494,12 @@ def _front_and_invariant(stretch: FloatArray, planar: bool) -> tuple[FloatArray,
         front = strain * (stretch + 1.0) * (square + 1.0) / (square * stretch)
         return front, (strain * (stretch + 1.0) / stretch) ** 2
     front = strain * (stretch * stretch + stretch + 1.0) / (stretch * stretch)
-    return front, _first_invariant(stretch)
+    return front, first_invariant(strain)
 
 
-def _first_invariant(stretch: FloatArray) -> FloatArray:
-    """Return I1 - 3 in uniaxial tension, exact near one."""
-    strain = stretch - 1.0
-    return np.asarray(strain * strain * (stretch + 2.0) / stretch)
+def first_invariant(strain: FloatArray) -> FloatArray:
+    """Return I1 - 3 of tensile strains, exact near rest."""
+    return np.asarray(strain * strain * (strain + 3.0) / (1.0 + strain))
 
 
 # ------------------------------------------------------------------------------------------------

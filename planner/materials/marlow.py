@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from planner.errors import PaletteError
-from planner.materials.laws import FARTHEST, secant_modulus_MPa
+from planner.materials.laws import FARTHEST, first_invariant, secant_modulus_MPa
 from planner.materials.mixtures import (
     CoefficientModel,
     bracketed,
@@ -82,10 +82,8 @@ class MarlowTable:
 
     def shear_modulus_MPa(self, coordinate: FloatArray) -> FloatArray:
         """Return the shear modulus at rest, 2 W'(3)."""
-        below, share = self.places(coordinate)
-        rest = self.log_slope_MPa[:, 0, 0]
-        above = np.minimum(below + 1, len(rest) - 1)
-        return np.asarray(2.0 * np.exp(rest[below] + share * (rest[above] - rest[below])))
+        rest = np.interp(coordinate, self.coordinate, self.log_slope_MPa[:, 0, 0])
+        return np.asarray(2.0 * np.exp(rest))
 
     def break_at(self, coordinate: FloatArray) -> FloatArray:
         """Return the elongation at break."""
@@ -95,18 +93,14 @@ class MarlowTable:
 def uniaxial_strain(x: FloatArray) -> FloatArray:
     """Return the strain e >= 0 of an incompressible tensile test with x = sqrt(I1 - 3).
 
-    I1 - 3 = e² (e + 3) / (1 + e), by Newton's method from above.
+    The stretch l solves l³ - I1 l + 2 = 0, whose three roots are real: by Viète's cosine, its angle
+    measured from where it is at rest, so that no digits are lost there.
     """
-    e = np.asarray(x, dtype=np.float64).copy()
-    square = e * e
-    for _ in range(60):
-        f = e * e * (e + 3.0) - square * (1.0 + e)
-        slope = 3.0 * e * e + 6.0 * e - square
-        step = np.where(slope > 0.0, f / np.where(slope > 0.0, slope, 1.0), 0.0)
-        e = e - step
-        if np.all(np.abs(step) <= 1e-15 * (1.0 + e)):
-            break
-    return e
+    third = np.asarray(x, dtype=np.float64) ** 2 / 3.0
+    angle = np.arcsin(np.sqrt(-0.5 * np.expm1(-1.5 * np.log1p(third)))) / 1.5
+    root = np.sqrt(1.0 + third)
+    turned = np.sqrt(3.0) * np.sin(angle) - 2.0 * np.sin(0.5 * angle) ** 2
+    return np.asarray(third / (1.0 + root) + root * turned)
 
 
 def marlow_table(model: CoefficientModel, *, poisson: float = POISSON) -> MarlowTable:
@@ -125,8 +119,8 @@ def marlow_table(model: CoefficientModel, *, poisson: float = POISSON) -> Marlow
     """
     materials = model.palette.materials
     breaks = np.array([m.elongation_at_break for m in materials])
-    top = FARTHEST * float(breaks.max())
-    x = np.linspace(0.0, np.sqrt(top * top * (top + 3.0) / (1.0 + top)), _STRAINS)
+    top = FARTHEST * breaks.max()
+    x = np.linspace(0.0, np.sqrt(first_invariant(top)), _STRAINS)
     strain = uniaxial_strain(x)
     rows = np.empty((len(materials), len(x)))
     for k, (material, law) in enumerate(zip(materials, model.laws, strict=True)):

@@ -476,11 +476,9 @@ class CoefficientModel:
 
 def _rows(table: FloatArray, row: IntArray) -> FloatArray:
     """Return, of a table with a row a grade, the elements in the rows given; both broadcast."""
-    if table.ndim == 1:
-        return np.asarray(table[row])
-    columns = np.broadcast_shapes(table.shape[1:], row.shape)
-    table = np.moveaxis(np.broadcast_to(np.moveaxis(table, 0, -1), (*columns, len(table))), -1, 0)
-    return np.asarray(np.take_along_axis(table, np.broadcast_to(row, columns)[None], axis=0)[0])
+    table = table.reshape(len(table), *(1,) * (row.ndim + 1 - table.ndim), *table.shape[1:])
+    table, row = np.broadcast_arrays(table, row)
+    return np.asarray(np.take_along_axis(table, row[:1], axis=0)[0])
 
 
 _MEND = "give the materials in the order of their stiffness (`order` of a fit), or leave one out"

@@ -839,14 +839,10 @@ def _level(curve: Curve, strain: FloatArray) -> float:
 
 def _line(x: FloatArray, y: FloatArray) -> tuple[float, float]:
     """Return the slope of a line by least squares, and its standard deviation."""
-    x = x - x.mean()
-    squares = float(x @ x)
-    slope = float(x @ y) / squares
-    sd = ASSUMED_LOG_SD
-    if len(x) > 2:
-        off = y - y.mean() - slope * x
-        sd = widened(len(x) - 1) * float(np.sqrt(off @ off / (len(x) - 2.0)))
-    return slope, sd / squares**0.5
+    if len(x) == 2:
+        return float(np.diff(y)[0] / np.diff(x)[0]), ASSUMED_LOG_SD * 2.0**0.5 / float(np.ptp(x))
+    (slope, _), covariance = np.polyfit(x - x.mean(), y, 1, cov=True)
+    return float(slope), widened(len(x) - 1) * float(covariance[0, 0]) ** 0.5
 
 
 # ------------------------------------------------------------------------------------------------

@@ -26,11 +26,11 @@ from planner.formats.units import (
 )
 from planner.materials.characterise import (
     BROKEN_SHARE,
-    MINIMUM_POINTS,
     SECANT_STRAINS,
     UNLOADED_SHARE,
     Curve,
     characterise_curve,
+    check_record,
     without_tail,
 )
 from planner.materials.laws import make_law, secant_modulus_MPa
@@ -233,44 +233,36 @@ def _dimensions_of(
     specimen: ListedSpecimen | None, given: ListedSpecimen, table: TensileTable, notes: list[str]
 ) -> Dimensions:
     """Return a specimen's size: from its row, else as given, else from the file's head, noted."""
-    head = table.metadata
-    from_head: list[str] = []
-    sources: dict[str, str] = {}
+    from_head, sources = list[str](), dict[str, str]()
 
-    def told(of: str, where: str) -> None:
-        sources[of] = " x ".join(filter(None, (sources.get(of), where)))
-
-    def stated(name: str, of: str) -> float | None:
+    def nearest(name: str) -> tuple[float, str] | None:
         for source, where in ((specimen, _SPECIMENS), (given, f"--{name.replace('_', '-')}")):
             if (value := getattr(source, name, None)) is not None:
-                told(of, where)
-                return float(value)
-        return None
-
-    def in_head(name: str, of: str) -> float | None:
-        value = head.get(name)
+                return float(value), where
+        value = table.metadata.get(name)
         if not isinstance(value, float) or not value > 0.0:
             return None
         from_head.append(f"{name} {value:.4g}")
-        told(of, table.sources.get(name, ""))
-        return value
+        return value, table.sources.get(name, "")
 
+    def product(of: str, *names: str) -> float | None:
+        found = [one for name in names if (one := nearest(name)) is not None]
+        if len(found) < len(names):
+            return None
+        sources[of] = " x ".join(where for _, where in found if where)
+        return math.prod(value for value, _ in found)
+
+    sides = ("width_mm", "thickness_mm")
     area = None if specimen is None else specimen.area_mm2
     if area is not None:
         sources["area"] = _SPECIMENS
-    else:
-        sides = [stated("width_mm", "area"), stated("thickness_mm", "area")]
-        if sides == [None, None] and (area := in_head("area_mm2", "area")) is None:
-            diameter = in_head("diameter_mm", "area")
-            area = None if diameter is None else 0.25 * np.pi * diameter**2
-        if area is None:
-            width, thickness = (
-                in_head(name, "area") if side is None else side
-                for name, side in zip(("width_mm", "thickness_mm"), sides, strict=True)
-            )
-            area = None if width is None or thickness is None else width * thickness
-    gauge = stated("gauge_mm", "gauge") or in_head("gauge_mm", "gauge")
-    rate = stated("rate_mm_s", "rate") or in_head("rate_mm_s", "rate")
+    elif all(getattr(one, side, None) is None for one in (specimen, given) for side in sides):
+        area = product("area", "area_mm2")
+        if area is None and (diameter := product("area", "diameter_mm")) is not None:
+            area = 0.25 * np.pi * diameter**2
+    if area is None:
+        area = product("area", *sides)
+    gauge, rate = product("gauge", "gauge_mm"), product("rate", "rate_mm_s")
     if from_head:
         notes.append(f"{table.file}: its head gives {listed(from_head)}")
     unclear = {name.partition("_")[0]: said for name, said in table.unclear.items()}
@@ -363,20 +355,17 @@ class _Test:
             They differ by the factor of a known slip of units (within 10 %).
         """
         columns, sizes = self.columns, self.dimensions
-        twice = []
-        if sizes.gauge_mm is not None and {"strain", "displacement_mm"} <= set(columns):
-            travel = float(np.ptp(columns["displacement_mm"])) / sizes.gauge_mm
-            what = "range of strain against travel over gauge length"
-            twice.append((what, float(np.ptp(strain)), travel))
-        elif sizes.gauge_mm is not None and sizes.rate_mm_s is not None and time_s is not None:
-            travel = sizes.rate_mm_s * float(time_s[-1] - time_s[0]) / sizes.gauge_mm
-            what = "range of strain against rate times time over length"
-            twice.append((what, float(np.ptp(strain)), travel))
-        if sizes.area_mm2 is not None and {"stress_MPa", "force_N"} <= set(columns):
-            nominal = float(np.max(columns["force_N"])) / sizes.area_mm2
-            twice.append(
-                ("peak stress against force over section", float(np.max(stress_MPa)), nominal)
-            )
+        gauge_mm, area_mm2, rate_mm_s = sizes.gauge_mm, sizes.area_mm2, sizes.rate_mm_s
+        twice: list[tuple[str, float, float]] = []
+        if gauge_mm is not None and {"strain", "displacement_mm"} <= set(columns):
+            travel, what = np.ptp(columns["displacement_mm"]), "travel over gauge length"
+            twice.append((f"range of strain against {what}", np.ptp(strain), travel / gauge_mm))
+        elif gauge_mm is not None and rate_mm_s is not None and time_s is not None:
+            travel, what = rate_mm_s * np.ptp(time_s), "rate times time over length"
+            twice.append((f"range of strain against {what}", np.ptp(strain), travel / gauge_mm))
+        if area_mm2 is not None and {"stress_MPa", "force_N"} <= set(columns):
+            nominal, what = columns["force_N"].max() / area_mm2, "force over section"
+            twice.append((f"peak stress against {what}", stress_MPa.max(), nominal))
         for what, stated, derived in twice:
             if not (stated > 0.0 and derived > 0.0):
                 continue
@@ -424,11 +413,7 @@ def _curve_of(name: str, record: "_Record", said: str, sure: bool) -> Curve:
     table, where, notes = record.table, f"specimen {name}", list[str]()
     if Path(table.file).stem != name:
         where += f" ({table.file})"
-    if len(table.lines) < MINIMUM_POINTS:
-        raise FileError(
-            f"{where}: the record has {len(table.lines)} points; at least {MINIMUM_POINTS} are "
-            "needed to characterise it"
-        )
+    check_record(where, {"line": np.asarray(table.lines, dtype=np.float64)})
     sign = -1.0 if said == "compression" else 1.0
     columns = _upright(table.columns, where, notes, said)
     test = _Test(where, table, columns, record.sizes, sign, notes)
@@ -669,19 +654,18 @@ def read_study(
             if path.suffix.casefold() in _SUFFIXES and path.name not in _NO_RECORDS:
                 unlisted += [] if isinstance(error, NoRecordError) else [path.name]
             continue
+        several = len(tables) > 1
         for table in tables:
-            row_of_table = _row(table, path, own, rows)
-            record = _Record(path, table, row_of_table, len(tables) > 1)
-            if rows and row_of_table is None:
+            row_of_table, why = _row(table, path, own, rows), ""
+            if row_of_table is not None:
+                why = _left_out(row_of_table, notes)
+            elif rows:
                 what = f"specimen {table.specimen} has no row with this file"
-                said = f"{what} in" if own or len(tables) > 1 else "not named in"
+                said = f"{what} in" if own or several else "not named in"
                 notes.append(Caution(f"{path.name}: {said} {_SPECIMENS}; left out"))
-                record = replace(record, left_out=f"no row in {_SPECIMENS}")
-                who = f", specimen {table.specimen}" if len(tables) > 1 else ""
-                unlisted.append(path.name + who)
-            elif row_of_table is not None:
-                record = replace(record, left_out=_left_out(row_of_table, notes))
-            found_records.append(record)
+                why = f"no row in {_SPECIMENS}"
+                unlisted.append(path.name + (f", specimen {table.specimen}" if several else ""))
+            found_records.append(_Record(path, table, row_of_table, several, why))
     records = _named(found_records)
     materials = _materials(records, material or "", notes)
     records |= {name: replace(records[name], material=of) for name, of in materials.items()}
@@ -1258,23 +1242,23 @@ def _smoothest(place: FloatArray, level: FloatArray) -> _Batch | None:
 
     A bend is what a point lies off the line through its neighbours.
     """
-    n = len(level)
-    bends = np.zeros((n - 2, n))
-    for i in range(1, n - 1):
-        left = (place[i + 1] - place[i]) / (place[i + 1] - place[i - 1])
-        bends[i - 1, i - 1 : i + 2] = -left, 1.0, left - 1.0
+    n, left = len(level), (place[2:] - place[1:-1]) / (place[2:] - place[:-2])
+
+    def bends(values: FloatArray) -> FloatArray:
+        return values[1:-1] - left * values[:-2] - (1.0 - left) * values[2:]
+
     found: list[tuple[float, int, _Batch]] = []
     for first, last in itertools.combinations(range(n + 1), 2):
         if 2 * (last - first) > n:
             continue
         inside = np.zeros(n)
         inside[first:last] = 1.0
-        lever = bends @ inside
-        shift = float(lever @ (bends @ level)) / float(lever @ lever)
+        lever = bends(inside)
+        shift = float(lever @ bends(level)) / float(lever @ lever)
         rest = level - shift * inside
         if np.all(np.diff(rest) > 0.0):
             batch = _Batch(tuple(range(first, last)), shift)
-            found.append((float(np.sum((bends @ rest) ** 2)), last - first, batch))
+            found.append((float(np.sum(bends(rest) ** 2)), last - first, batch))
     return min(found, key=lambda one: one[:2])[2] if found else None
 
 

@@ -3,6 +3,8 @@
 import importlib.util
 import json
 import re
+import subprocess
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from types import ModuleType
@@ -551,6 +553,39 @@ def test_hostile_workbooks_are_refused_in_one_line(
     err = capsys.readouterr().err
     assert said in err
     assert err.strip().count("\n") == 0
+
+
+_DAMAGED = """
+import random, re, sys
+from pathlib import Path
+from planner.errors import FileError
+from planner.formats.tables import read_sheets
+
+whole = Path(sys.argv[1]).read_bytes()
+# Behind the head of a number's record its row and column stand.
+places = [match.end() for match in re.finditer(rb"\\x03\\x02\\x0e\\0", whole)]
+for seed in range(40):
+    rng, data = random.Random(seed), bytearray(whole)
+    at, size = rng.randrange(len(data)), rng.choice([1, 4, 64, 512])
+    if seed % 4 == 0:
+        at, size = rng.choice(places), 4
+    data[at : at + size] = rng.choice([b"\\xff" * size, rng.randbytes(size)])
+    try:
+        print("read", len(read_sheets(bytes(data), "a.xls")))
+    except FileError as error:
+        print("refused", error)
+"""
+
+
+def test_no_damage_of_an_xls_ends_the_process() -> None:
+    """calamine aborts where a cell lies so far off that its sheet's rectangle takes 137 GB."""
+    command = [sys.executable, "-c", _DAMAGED, str(EXPORTS / "testxpert_en.xls")]
+    ended = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert ended.returncode == 0, ended.stderr
+    said = ended.stdout.splitlines()
+    assert len(said) == 40
+    assert any(line.startswith("read") for line in said)
+    assert any("its cells take more than 4 GB of memory" in line for line in said)
 
 
 # ------------------------------------------------------------------------------------------------

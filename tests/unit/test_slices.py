@@ -15,8 +15,8 @@ import planner
 from planner.cli import run
 from planner.errors import ArgumentError, FileError, OutputError, UnknownNameError
 from planner.formats.mesh_file import decode_stl, encode_stl
-from planner.formats.png import distinct_colours
 from planner.mesh.mesh import Mesh, weld
+from planner.slices import _distinct_colours
 from planner.voxels.columns import Grid, iterate_columns
 
 
@@ -235,7 +235,7 @@ def test_the_printers_own_pitch_by_default(dogbone: Path, tmp_path: Path) -> Non
     [["#FF0000"] * 3, ["#102030", "#112131", "#FFFFFF", "#FEFEFE"], ["#808080"] * 40],
 )
 def test_colours_are_told_apart(wished: list[str]) -> None:
-    given = distinct_colours(wished)
+    given = _distinct_colours(wished)
     assert given[0] == (*bytes.fromhex(wished[0][1:]), 255)
     for n, a in enumerate(given):
         for b in given[:n]:

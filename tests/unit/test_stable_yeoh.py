@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from planner.materials.law_blocks import hardening, stable_yeoh
+from planner.materials.law_blocks import hardening
 from planner.materials.laws import Yeoh
 from planner.materials.mixtures import CoefficientModel
 from planner.printers import palette_of
-from planner.simulation.export import ExportedMaterial, _law_notes, _material
+from planner.simulation.export import ExportedMaterial, _law_notes, _material, _stable_yeoh
 
 PALETTES = ("connex3-tango-vero", "connex3-tango-vero-extensometer", "connex3-agilus-vero")
 GRADES = [(name, m) for name in PALETTES for m in palette_of(name, None).materials]
@@ -30,7 +30,7 @@ def hessian_lows(law: Yeoh, stretches: np.ndarray) -> np.ndarray:
 def test_a_yeoh_law_is_found_again():
     wanted = Yeoh((0.3, 0.02, 0.004))
     strain = np.linspace(0.02, 1.2, 50)
-    found, error = stable_yeoh(strain, wanted.nominal_stress_MPa(1.0 + strain), 1.8, 1.2)
+    found, error = _stable_yeoh(strain, wanted.nominal_stress_MPa(1.0 + strain), 1.8, 1.2)
     # The linear programme's own tolerance is 1e-7.
     assert error < 1e-6
     np.testing.assert_allclose(found.c_MPa, wanted.c_MPa, rtol=1e-4)
