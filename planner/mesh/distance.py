@@ -48,15 +48,9 @@ def triangle_tree(mesh: Mesh) -> TriangleTree:
     order = _in_small_boxes(corners)
     leaves = len(order) // _LEAF
     ranked = corners[order]
-    boxes = []
-    level = np.stack(
-        [
-            ranked.reshape(leaves, _LEAF * 3, 3).min(axis=1),
-            ranked.reshape(leaves, _LEAF * 3, 3).max(axis=1),
-        ],
-        axis=1,
-    )
-    boxes.append(level)
+    held = ranked.reshape(leaves, _LEAF * 3, 3)
+    level = np.stack([held.min(axis=1), held.max(axis=1)], axis=1)
+    boxes = [level]
     while len(level) > 1:
         pairs = level.reshape(-1, 2, 2, 3)
         level = np.stack([pairs[:, :, 0].min(axis=1), pairs[:, :, 1].max(axis=1)], axis=1)

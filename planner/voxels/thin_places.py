@@ -68,25 +68,17 @@ def ball(radius: int) -> IntArray:
 
 
 @kernel
-def _add_runs(
-    bits: _Bits,
-    first_row: int,
-    offsets: IntArray,
-    start: IntArray,
-    stop: IntArray,
-    wanted: BoolArray,
-) -> None:
-    """Add the runs marked in `wanted` of whole rows of columns, from row `first_row` on."""
+def _add_runs(bits: _Bits, offsets: IntArray, start: IntArray, stop: IntArray) -> None:
+    """Add the runs of whole rows of columns."""
     columns = bits.shape[1] - 2 * _ROOM
     for c in range(len(offsets) - 1):
-        row, column = first_row + c // columns, _ROOM + c % columns
+        row, column = c // columns, _ROOM + c % columns
         for r in range(offsets[c], offsets[c + 1]):
-            if wanted[r]:
-                for word in range(start[r] >> 6, ((stop[r] - 1) >> 6) + 1):
-                    low = max(start[r] - (word << 6), 0)
-                    high = min(stop[r] - (word << 6), 64)
-                    mask = ~np.uint64(0) >> np.uint64(64 - (high - low))
-                    bits[row, column, 1 + word] |= mask << np.uint64(low)
+            for word in range(start[r] >> 6, ((stop[r] - 1) >> 6) + 1):
+                low = max(start[r] - (word << 6), 0)
+                high = min(stop[r] - (word << 6), 64)
+                mask = ~np.uint64(0) >> np.uint64(64 - (high - low))
+                bits[row, column, 1 + word] |= mask << np.uint64(low)
 
 
 def active_words(region: _Bits, radius: int) -> BoolArray:
@@ -653,8 +645,7 @@ def _solid_words(mesh: Mesh, raster: Raster) -> Iterator[tuple[_Bits, ...]]:
 
 def _words_drawn(slab: Columns) -> _Bits:
     bits = empty_set(slab.rows, slab.grid.shape[0], slab.grid.shape[2])
-    every = np.ones(len(slab.start), dtype=np.bool_)
-    _add_runs(bits, 0, slab.offsets, slab.start, slab.stop, every)
+    _add_runs(bits, slab.offsets, slab.start, slab.stop)
     return bits
 
 
