@@ -36,6 +36,9 @@ COMMANDS = {
     "grade gripper, radial": [
         "grade", "gripper.stl", "--from", "Tango", "--to", "Vero", "--field", "radial: point=0 0 0"
     ],
+    "grade finger, distance": [
+        "grade", "finger.stl", "--from", "Tango", "--to", "Vero", "--field", "distance: surface"
+    ],
     "grade dogbone, dither": [
         "grade", "dogbone.stl", "--from", "FLX9750", "--to", "FLX9785", "--blend", "dither"
     ],
@@ -147,20 +150,23 @@ def compare(here: Path, there: Path, runs: int) -> None:
     print(
         f"{'command':32} {'cpu s':>7} {'was':>7} {'ratio':>6}   {'MB':>5} {'was':>5} {'ratio':>6}"
     )
-    with workplace(here) as folder:
+    # A folder for each tree: neither replaces what the other wrote.
+    with workplace(here) as one, workplace(here) as other:
+        folders = {here: one, there: other}
         # In a process of its own: a child's peak memory begins at its parent's.
-        make = [sys.executable, "-m", "benchmarks.grade", "make", f"{folder}/organic.stl", "812"]
+        make = [sys.executable, "-m", "benchmarks.grade", "make", f"{one}/organic.stl", "812"]
         subprocess.run(make, cwd=ROOT, check=True)
-        cost(
-            here, folder, ["grade", "finger.stl", "--from", "Tango", "--to", "Vero", "-o", "ready"]
-        )
+        Path(other, "organic.stl").symlink_to(Path(one, "organic.stl"))
+        ready = ["grade", "finger.stl", "--from", "Tango", "--to", "Vero", "-o", "ready"]
+        for root, folder in folders.items():
+            cost(root, folder, ready)
         for name, arguments in COMMANDS.items():
             taken: dict[Path, list[tuple[float, float]]] = {here: [], there: []}
             for run in range(runs + 1):
                 for root in (here, there):
-                    one = cost(root, folder, arguments)
+                    measured = cost(root, folders[root], arguments)
                     if run:
-                        taken[root].append(one)
+                        taken[root].append(measured)
             (cpu, mb), (cpu_was, mb_was) = (
                 [statistics.median(values) for values in zip(*taken[root], strict=True)]
                 for root in (here, there)

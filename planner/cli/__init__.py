@@ -6,6 +6,8 @@ so far); 70 an internal error.
 """
 
 import contextlib
+import ctypes
+import gc
 import io
 import math
 import os
@@ -35,9 +37,16 @@ TERMINATED = 143
 INTERNAL_ERROR = 70
 BAD_INPUT = 2
 
+_OBJECTS = 50_000
+"""That are made until Python searches for garbage: by default 700."""
+
+_TRIM_THRESHOLD, _MMAP_THRESHOLD = -1, -3  # mallopt(3)
+_KEPT_BYTES, _KEPT_ARRAY_BYTES = 256 << 20, 4 << 20
+
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and exit with the code of contracts: 0, 1, 2, 70, 130 or 143."""
+    _keep_memory()
     signal.signal(signal.SIGTERM, _terminate)
     _end_in_time()
     for stream in (sys.stdout, sys.stderr):
@@ -48,7 +57,21 @@ def main(arguments: Sequence[str] | None = None) -> None:
         code = run(arguments)
     except KeyboardInterrupt:  # before the command begins, or after it is done
         code = TERMINATED if _told_to_end else INTERRUPTED
+    gc.freeze()  # the system takes all back: nothing is searched through on the way out
     sys.exit(code)
+
+
+def _keep_memory() -> None:
+    """Let Python and the C library keep what they have for what is asked next.
+
+    Imports make many objects, and no cycles of garbage to search for again and again. An array that
+    is given back to the system comes again as pages that it has to clear.
+    """
+    gc.set_threshold(_OBJECTS)
+    with contextlib.suppress(AttributeError, OSError, TypeError):  # another C library than glibc
+        allot = ctypes.CDLL(None).mallopt
+        allot(_TRIM_THRESHOLD, _KEPT_BYTES)
+        allot(_MMAP_THRESHOLD, _KEPT_ARRAY_BYTES)
 
 
 def run(arguments: Sequence[str] | None = None, commands: typer.Typer | None = None) -> int:

@@ -4,6 +4,7 @@ import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -108,10 +109,11 @@ class Pieces:
         Their share of the surface comes first, then interfaces with what is not a member.
         """
         chosen = list(members)
-        own = np.isin(self.piece, chosen)
+        own = np.flatnonzero(np.isin(self.piece, chosen))  # by numbers rows are taken faster
         below, above = np.isin(self.cap_level, chosen), np.isin(self.cap_level + 1, chosen)
-        caps = self.cap_faces[below & ~above], self.cap_faces[above & ~below][:, ::-1]
-        return np.concatenate([self.faces[own], *caps])
+        upper = self.cap_faces[np.flatnonzero(above & ~below)][:, ::-1]
+        lower = self.cap_faces[np.flatnonzero(below & ~above)]
+        return np.concatenate([self.faces[own], lower, upper])
 
 
 # ------------------------------------------------------------------------------------------------
@@ -331,34 +333,40 @@ def _fill_loops(
         np.empty((most, 2)), np.empty((most, most)), np.empty((most, most), dtype=np.int32),
         np.empty((most, 2), dtype=np.int32),
     )  # fmt: skip
-    found, owners = [faces], [owner]
     rest = np.ones(len(size), dtype=np.bool_)
     rest[simple] = False  # a loop of two nodes encloses nothing
     rest[size < 3] = False
     ranked = order[rest[order]]
-    for several in np.split(ranked, np.flatnonzero(np.diff(key[ranked])) + 1):
-        if len(several):
-            more = _by_sweep(loops, several, points_mm, normals[loops.face[several[0]]])
-            found.append(more)
-            owners.append(np.full(len(more), several[0], dtype=np.int32))
-    faces, owner = np.concatenate(found), np.concatenate(owners)
+    if len(ranked):
+        more, owners = _by_sweep(loops, ranked, key[ranked], points_mm, normals)
+        faces, owner = np.concatenate([faces, more]), np.concatenate([owner, owners])
     return faces, loops.label[owner], loops.face[owner]
 
 
 def _by_sweep(
-    loops: Loops, several: NDArray[np.int64], points_mm: Float32Array, normal: NDArray[np.float64]
-) -> NDArray[np.int32]:
+    loops: Loops, chosen: NDArray[np.int64], key: NDArray[np.int64], points_mm: Float32Array,
+    normals: NDArray[np.float64],
+) -> tuple[NDArray[np.int32], NDArray[np.int64]]:  # fmt: skip
+    """Triangulate loops, those of one key together; also return the first loop of each triangle."""
     from manifold3d import triangulate
 
-    drop = int(np.argmax(np.abs(normal)))
-    u, v = (drop + 1) % 3, (drop + 2) % 3
-    if normal[drop] < 0:
-        u, v = v, u
-    outlines = [loops.nodes[loops.starts[i] : loops.starts[i + 1]] for i in several.tolist()]
-    flat = [points_mm[outline][:, [u, v]].astype(np.float64) for outline in outlines]
-    local = triangulate(flat, epsilon=LATTICE_MM)
-    faces: NDArray[np.int32] = np.concatenate(outlines)[local].reshape(-1, 3)
-    return faces
+    size = np.diff(loops.starts)[chosen]
+    stops = np.cumsum(size)
+    starts = stops - size
+    nodes = loops.nodes[np.arange(stops[-1]) + np.repeat(loops.starts[chosen] - starts, size)]
+    normal = normals[loops.face[chosen]]
+    drop = np.argmax(np.abs(normal), axis=1)
+    turned = normal[np.arange(len(chosen)), drop] < 0
+    u, v = (drop + 1 + turned) % 3, (drop + 2 - turned) % 3
+    across = np.repeat(np.stack([u, v], axis=1), size, axis=0)
+    flat = np.take_along_axis(points_mm[nodes], across, axis=1).astype(np.float64)
+    outlines = [flat[i:k] for i, k in zip(starts.tolist(), stops.tolist(), strict=True)]
+    first = np.flatnonzero(np.diff(key, prepend=key[0] - 1))
+    bounds = pairwise([*first.tolist(), len(chosen)])
+    local = [triangulate(outlines[i:k], epsilon=LATTICE_MM) for i, k in bounds]
+    count = [len(each) for each in local]
+    within = np.concatenate(local).reshape(-1, 3) + np.repeat(starts[first], count)[:, None]
+    return nodes[within], np.repeat(chosen[first], count)
 
 
 @kernel

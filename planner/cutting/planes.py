@@ -459,7 +459,9 @@ def _side_clashes(
         3f + j for side j of face f: an edge of the piece below or above would have four faces.
     """
     sides = _sides(faces)
-    inner = np.flatnonzero(np.isin(_key(sides[:, ::-1]), _key(sides)))
+    ranked, turned = np.sort(_key(sides)), _key(sides[:, ::-1])
+    place = np.searchsorted(ranked, turned)
+    inner = np.flatnonzero(ranked.take(place, mode="clip") == turned)
     clash = np.zeros(len(sides), dtype=np.bool_)
     for surface, own in ((segment[below], sides[inner]), (segment[~below], sides[inner, ::-1])):
         both = np.concatenate([surface, own])

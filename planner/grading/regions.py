@@ -354,7 +354,6 @@ def blend_interval_MPa(
 # Thinner bands of two materials in turn, as a laminate in series along the gradient.
 
 
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 _THINNEST = 1e-9  # of the field: a share below is none
 
 
@@ -436,11 +435,12 @@ def _laminate(
     stop: float,
 ) -> Laminate:
     # Between knots the target is smooth, and Gauss' rule of 8 nodes exact to rounding.
+    nodes, weights = np.polynomial.legendre.leggauss(8)
     knots = [start, *(u for u in profile.positions if start < u < stop), stop]
     compliance = 0.0
     for low, high in itertools.pairwise(knots):
-        u = 0.5 * (low + high) + 0.5 * (high - low) * _NODES
-        compliance += float(0.5 * (high - low) * (_WEIGHTS @ (1.0 / profile.modulus_MPa(u))))
+        u = 0.5 * (low + high) + 0.5 * (high - low) * nodes
+        compliance += float(0.5 * (high - low) * (weights @ (1.0 / profile.modulus_MPa(u))))
     soft, hard = moduli_MPa[stretch.lower], moduli_MPa[stretch.upper]
     share = float(reuss_share(soft, hard, compliance / (stop - start)))
     if not _THINNEST < share * (stop - start) < stop - start - _THINNEST:

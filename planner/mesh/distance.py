@@ -21,12 +21,12 @@ _LEAF = 2
 
 @dataclass(frozen=True, eq=False)
 class TriangleTree:
-    """Triangles in the order of a space-filling curve, under a complete binary tree of boxes.
+    """Triangles, halved again and again into small boxes: a complete binary tree of these.
 
     Attributes
     ----------
     corners : (k, 3, 3) float64
-        Positions in mm; the last is repeated to fill the leaves.
+        Positions in mm; the mesh's last is repeated to fill the leaves.
     outward : (k, 7, 3) float64
         What tells outside at the face, its three vertices, and its three edges from corner j to
         the next (angle-weighted pseudonormals, Baerentzen and Aanaes 2005).
@@ -45,28 +45,12 @@ class TriangleTree:
 def triangle_tree(mesh: Mesh) -> TriangleTree:
     """Build the tree of a mesh, or of some of its faces."""
     corners = mesh.triangles
-    middle = corners.mean(axis=1)
-    low, extent = middle.min(axis=0), np.ptp(middle, axis=0)
-    cell = ((middle - low) / max(float(extent.max()), 1e-30) * 1023.0).astype(np.int64)
-    code = np.zeros(len(cell), dtype=np.int64)
-    for bit in range(10):
-        for axis in range(3):
-            code |= (cell[:, axis] >> bit & 1) << (3 * bit + axis)
-    order = np.argsort(code, kind="stable")
-    leaves = 1
-    while leaves * _LEAF < len(order):
-        leaves *= 2
-    order = np.append(order, np.full(leaves * _LEAF - len(order), order[-1]))
+    order = _in_small_boxes(corners)
+    leaves = len(order) // _LEAF
     ranked = corners[order]
-    boxes = []
-    level = np.stack(
-        [
-            ranked.reshape(leaves, _LEAF * 3, 3).min(axis=1),
-            ranked.reshape(leaves, _LEAF * 3, 3).max(axis=1),
-        ],
-        axis=1,
-    )
-    boxes.append(level)
+    held = ranked.reshape(leaves, _LEAF * 3, 3)
+    level = np.stack([held.min(axis=1), held.max(axis=1)], axis=1)
+    boxes = [level]
     while len(level) > 1:
         pairs = level.reshape(-1, 2, 2, 3)
         level = np.stack([pairs[:, :, 0].min(axis=1), pairs[:, :, 1].max(axis=1)], axis=1)
@@ -77,6 +61,32 @@ def triangle_tree(mesh: Mesh) -> TriangleTree:
         np.concatenate(boxes[::-1]),
         order,
     )
+
+
+def _in_small_boxes(corners: FloatArray) -> IntArray:
+    """Return triangles such that halves of them, quarters and so on have boxes of little area.
+
+    Which a line or a ball hits as rarely as can be (MacDonald and Booth 1990). Parts are halved at
+    their median along the axis that leaves the least.
+    """
+    count = _LEAF
+    while count < len(corners):
+        count *= 2
+    triangle = np.append(np.arange(len(corners)), np.full(count - len(corners), len(corners) - 1))
+    sides = [(each.min(axis=0)[triangle], each.max(axis=0)[triangle]) for each in corners.T]
+    middle = corners.mean(axis=1)[triangle]
+    along = np.argsort(middle.T, axis=1, kind="stable")[:, None]  # by each axis, in each part
+    while along.shape[2] > _LEAF:
+        _, parts, size = along.shape
+        half = along.reshape(3, parts, 2, -1)
+        x, y, z = (high[half].max(axis=3) - low[half].min(axis=3) for low, high in sides)
+        area = (x * y + y * z + z * x).sum(axis=2)
+        least = along[np.argmin(area, axis=0), np.arange(parts)]
+        upper = np.empty(count, dtype=np.bool_)
+        upper[least] = np.arange(size) >= size // 2
+        ranks = np.argsort(upper[along], axis=2, kind="stable")
+        along = np.take_along_axis(along, ranks, axis=2).reshape(3, 2 * parts, -1)
+    return np.asarray(triangle[along[0].ravel()])
 
 
 def _outward(mesh: Mesh) -> FloatArray:

@@ -68,25 +68,17 @@ def ball(radius: int) -> IntArray:
 
 
 @kernel
-def _add_runs(
-    bits: _Bits,
-    first_row: int,
-    offsets: IntArray,
-    start: IntArray,
-    stop: IntArray,
-    wanted: BoolArray,
-) -> None:
-    """Add the runs marked in `wanted` of whole rows of columns, from row `first_row` on."""
+def _add_runs(bits: _Bits, offsets: IntArray, start: IntArray, stop: IntArray) -> None:
+    """Add the runs of whole rows of columns."""
     columns = bits.shape[1] - 2 * _ROOM
     for c in range(len(offsets) - 1):
-        row, column = first_row + c // columns, _ROOM + c % columns
+        row, column = c // columns, _ROOM + c % columns
         for r in range(offsets[c], offsets[c + 1]):
-            if wanted[r]:
-                for word in range(start[r] >> 6, ((stop[r] - 1) >> 6) + 1):
-                    low = max(start[r] - (word << 6), 0)
-                    high = min(stop[r] - (word << 6), 64)
-                    mask = ~np.uint64(0) >> np.uint64(64 - (high - low))
-                    bits[row, column, 1 + word] |= mask << np.uint64(low)
+            for word in range(start[r] >> 6, ((stop[r] - 1) >> 6) + 1):
+                low = max(start[r] - (word << 6), 0)
+                high = min(stop[r] - (word << 6), 64)
+                mask = ~np.uint64(0) >> np.uint64(64 - (high - low))
+                bits[row, column, 1 + word] |= mask << np.uint64(low)
 
 
 def active_words(region: _Bits, radius: int) -> BoolArray:
@@ -116,7 +108,7 @@ def morph(source: _Bits, lines: IntArray, dilate: bool, region: _Bits, active: B
     """Erode a region by a `ball`, or dilate what is left of it.
 
     Dilation is the erosion of the complement. A line of half-length m erodes as m steps of
-    half-length one, so lines are taken longest first and a step is made between lengths.
+    half-length one, which are taken once for all lines of a row.
 
     Parameters
     ----------
@@ -126,83 +118,65 @@ def morph(source: _Bits, lines: IntArray, dilate: bool, region: _Bits, active: B
         From `active_words` of the region; the result is the region in all other words.
     """
     out = np.zeros_like(source)
-    line, step = np.empty((2, source.shape[2]), np.uint64)
     flip = ~np.uint64(0) if dilate else np.uint64(0)
-    _morph(source, lines, flip, region, active, out, line, step)
+    reach = int(lines[:, 2].max())
+    # Of rows about the present one: eroded along their columns by 0, 1, ... steps.
+    eroded = np.zeros((2 * reach + 1, reach + 1, source[0].size), np.uint64)
+    _morph(source, lines, flip, region, active, out, eroded, np.empty(len(lines), np.int64))
     return out
 
 
 @kernel
 def _morph(
-    source: Any, lines: Any, flip: Any, region: Any, active: Any, out: Any, line: Any, step: Any
-) -> Any:
-    one, top = np.uint64(1), np.uint64(63)
+    source: Any, lines: Any, flip: Any, region: Any, active: Any, out: Any, eroded: Any, at: Any
+) -> None:
     rows, columns, words = source.shape
-    for row in range(rows):
+    held, reach = eroded.shape[0], eroded.shape[1] - 1
+    flat = eroded.reshape(eroded.size)
+    for row in range(-reach, rows):
+        if row + reach < rows:
+            own = source[row + reach].reshape(columns * words)
+            _erode_along(own, flip, eroded[(row + reach) % held])
+        if row < 0:
+            continue
+        count, beyond = 0, False
+        for i in range(len(lines)):
+            if 0 <= row + lines[i, 0] < rows:
+                size = (row + lines[i, 0]) % held * (reach + 1) + lines[i, 2]
+                at[count] = (size * columns + lines[i, 1]) * words
+                count += 1
+            else:
+                beyond = True
         for column in range(_ROOM, columns - _ROOM):
-            end = 0
-            while end < words:
-                first = end
-                while first < words and not active[row, column, first]:
-                    out[row, column, first] = region[row, column, first]
-                    first += 1
-                end = first
-                while end < words and active[row, column, end]:
-                    end += 1
-                if first == end:
+            for word in range(words):
+                if not active[row, column, word]:
+                    out[row, column, word] = region[row, column, word]
                     continue
-                if end - first == 1:  # the usual case at a surface across the columns
-                    here = _morph_word(source, lines, flip, row, column, first)
-                    out[row, column, first] = here ^ flip
-                    continue
-                low, high = first - 1, end + 1  # bits come from one word further at most
-                for w in range(low, high):
-                    line[w] = ~np.uint64(0)
-                length = lines[0, 2]
-                for i in range(len(lines)):
-                    while length > lines[i, 2]:
-                        for w in range(first, end):
-                            here = line[w]
-                            up = (here << one) | (line[w - 1] >> top)
-                            down = (here >> one) | (line[w + 1] << top)
-                            step[w] = here & up & down
-                        line[low] &= line[low] << one
-                        line[end] &= line[end] >> one
-                        for w in range(first, end):
-                            line[w] = step[w]
-                        length -= 1
-                    at, beside = row + lines[i, 0], column + lines[i, 1]
-                    if 0 <= at < rows:
-                        for w in range(low, high):
-                            line[w] &= source[at, beside, w] ^ flip
-                    elif flip == 0:
-                        for w in range(low, high):
-                            line[w] = 0
-                for w in range(first, end):
-                    out[row, column, w] = line[w] ^ flip
+                here = ~np.uint64(0)
+                if beyond and flip == 0:
+                    here = np.uint64(0)
+                place = column * words + word
+                for i in range(count):
+                    if here == 0:
+                        break
+                    here &= flat[at[i] + place]
+                out[row, column, word] = here ^ flip
 
 
 @inner_kernel
-def _morph_word(source: Any, lines: Any, flip: Any, row: Any, column: Any, word: Any) -> Any:
-    # `morph` of one word, with its two neighbours in registers
+def _erode_along(row: Any, flip: Any, eroded: Any) -> None:
+    # A word's neighbours are those of its column: at either end a column is empty.
     one, top = np.uint64(1), np.uint64(63)
-    before = here = after = ~np.uint64(0)
-    length = lines[0, 2]
-    for i in range(len(lines)):
-        while length > lines[i, 2]:
-            up, down = (here << one) | (before >> top), (here >> one) | (after << top)
-            before &= before << one
-            after &= after >> one
-            here &= up & down
-            length -= 1
-        at, beside = row + lines[i, 0], column + lines[i, 1]
-        if 0 <= at < len(source):
-            before &= source[at, beside, word - 1] ^ flip
-            here &= source[at, beside, word] ^ flip
-            after &= source[at, beside, word + 1] ^ flip
-        elif flip == 0:
-            before = here = after = np.uint64(0)
-    return here
+    for w in range(row.size):
+        eroded[0, w] = row[w] ^ flip
+    for step in range(1, eroded.shape[0]):
+        before = eroded[step - 1]
+        after = eroded[step]
+        after[0] = after[-1] = flip
+        for w in range(1, row.size - 1):
+            up = (before[w] << one) | (before[w - 1] >> top)
+            down = (before[w] >> one) | (before[w + 1] << top)
+            after[w] = before[w] & up & down
 
 
 def grow(grown: _Bits, within: _Bits, steps: int) -> int:
@@ -548,7 +522,7 @@ def _without(region: _Bits, taken: _Bits) -> _Bits:
 
 def _deepest(runs: IntArray, region: _Bits, core: _Bits, radius: int) -> tuple[IntArray, IntArray]:
     # per run: the radius of the largest ball around a core voxel, and the voxel (-1: no core)
-    active = active_words(region, radius)
+    active = active_words(region, radius) & (core != 0)
     voxel = _members(runs, core)[:, 1]
     depth = np.where(voxel >= 0, 0, -1)
     for size in range(1, radius + 1):
@@ -671,8 +645,7 @@ def _solid_words(mesh: Mesh, raster: Raster) -> Iterator[tuple[_Bits, ...]]:
 
 def _words_drawn(slab: Columns) -> _Bits:
     bits = empty_set(slab.rows, slab.grid.shape[0], slab.grid.shape[2])
-    every = np.ones(len(slab.start), dtype=np.bool_)
-    _add_runs(bits, 0, slab.offsets, slab.start, slab.stop, every)
+    _add_runs(bits, slab.offsets, slab.start, slab.stop)
     return bits
 
 

@@ -111,10 +111,11 @@ def test_runs_become_sets():
     offsets = np.array([0, 2, 2, 3, 4])  # two rows of two columns
     start, stop = np.array([0, 64, 3, 60]), np.array([1, 128, 130, 70])
     bits = empty_set(2, 2, 130)
-    _add_runs(bits, 0, offsets, start, stop, np.array([True, True, True, False]))
+    _add_runs(bits, offsets, start, stop)
     expected = np.zeros((2, 2, 130), bool)
     expected[0, 0, [0, *range(64, 128)]] = True
     expected[1, 0, 3:] = True
+    expected[1, 1, 60:70] = True
     assert np.array_equal(unpacked(bits, expected.shape), expected)
 
 

@@ -78,6 +78,20 @@ def test_nearest_triangle_is_the_nearest_of_all():
     assert not outside[(radius < 3.9) & ~in_slot].any()
 
 
+@pytest.mark.parametrize("count", [1, 2, 3, 64, 77])
+def test_a_tree_has_every_triangle_and_boxes_that_hold_them(count):
+    sphere = mesh_of(Manifold.sphere(4, 20))
+    tree = triangle_tree(Mesh(sphere.vertices, sphere.faces[:count]))
+    assert set(tree.order.tolist()) == set(range(count))
+    np.testing.assert_array_equal(tree.corners, sphere.triangles[tree.order])
+    for node in range(1, len(tree.box)):
+        assert (tree.box[(node - 1) // 2, 0] <= tree.box[node, 0]).all()
+        assert (tree.box[(node - 1) // 2, 1] >= tree.box[node, 1]).all()
+    leaves = tree.box[len(tree.box) // 2 :]
+    held = tree.corners.reshape(len(leaves), -1, 3)
+    np.testing.assert_array_equal(leaves, np.stack([held.min(axis=1), held.max(axis=1)], axis=1))
+
+
 def test_depth_below_a_surface():
     mesh = mesh_of(Manifold.sphere(5, 200))
     depth = built("distance: surface, to=5", mesh)
