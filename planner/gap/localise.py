@@ -420,9 +420,9 @@ class _Case:
         covariance += (missing + whitening.degrees_of_freedom) / k * np.eye(k)
         total = float(np.trace(covariance))
         # Where specimens differ in one direction, they tell as often as if it were alone.
-        evenness = total**2 / (k * float(np.sum(covariance**2)))
+        share = total**2 / (k * float(np.sum(covariance**2)))
         squares = float(agreed @ agreed)
-        p = float(fdtrc(evenness * k, evenness * known, squares / k * known / total))
+        p = float(fdtrc(share * k, share * known, squares / k * known / total))
         varies = float(np.sum((left @ agreed) ** 2)) / max(squares, 1e-12)
         return max(p, _SMALLEST), max(varies, 1.0)
 

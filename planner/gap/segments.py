@@ -172,6 +172,10 @@ _LEAST_SPREAD, _REST_NOISE, _TURN_NOISE = 10.0, 5.0, 6.0
 below which there is none. Physical: the difference of two rows, 1.4 deviations of its own, passes 5
 once in 2,500 and 6 once in 45,000; ten deviations are no pull."""
 
+_HELD_SHARE, _HELD_NOISE = 0.0005, 3.0
+"""How far from its middle a rest's rows lie, of the range and in deviations of noise. Chosen: an
+eighth of what counts as rest; three deviations hold nearly all rows."""
+
 _LOOKS = np.linspace(0.125, 1.0, 8)
 """Shares of that time ahead at which travel is looked at. Numerical: every eighth, so that no way
 there and back passes for a rest."""
@@ -386,7 +390,8 @@ def _spans(
     spans: list[tuple[str, int, int]] = []
     for first, stop in zip([0, *edges], [*edges, len(time)], strict=True):
         if resting[first]:
-            spans.append(("rest", int(first), int(stop) - 1))
+            a, b = _held_rows(travel, int(first), int(stop) - 1, spread, noise)
+            spans.append(("rest", a, b))
         else:
             first, stop = max(int(first) - 1, 0), min(int(stop) + 1, len(time))
             corners = _turns(travel[first:stop], turn) + first
@@ -426,6 +431,18 @@ def _resting(time: FloatArray, travel: FloatArray, least_mm: float) -> BoolArray
         if way[i - 1] * way[i + 1] < 0.0 and step[i] < 1.5 * max(step[i - 1], step[i + 1]):
             resting[i : i + 2] = False
     return resting
+
+
+def _held_rows(
+    travel: FloatArray, first: int, last: int, spread: float, noise: float
+) -> tuple[int, int]:
+    """Take off a rest what still moves towards it, or begins to leave it."""
+    rows = travel[first : last + 1]
+    away = np.abs(rows - np.median(rows))
+    # The median of an even number may lie between two rows, far from both.
+    near = away <= max(_HELD_SHARE * spread, _HELD_NOISE * noise, float(away.min()))
+    inside = np.flatnonzero(near)
+    return first + int(inside[0]), first + int(inside[-1])
 
 
 def _unbroken(
