@@ -890,7 +890,7 @@ def evidence_of(problem: Problem, weighed: Weighed) -> Evidence:
 
 
 _BY_CHANCE = 0.05
-"""Level of the test of lack of fit. Convention."""
+"""Level of the tests of lack of fit and of whether errors rise. Convention."""
 
 
 def _within_floor(problem: Problem) -> bool:
@@ -950,10 +950,6 @@ def _explained(
     return closes, without
 
 
-_RISE_BY_CHANCE = 0.01
-"""Level of the test of whether errors rise. Convention: 1 %, as several effects are asked."""
-
-
 def _rise(before: FloatArray, after: FloatArray, test_of: IntArray) -> bool:
     """Return whether tests' errors rise, by a paired t test."""
     known = np.isfinite(before) & (test_of >= 0)
@@ -962,7 +958,7 @@ def _rise(before: FloatArray, after: FloatArray, test_of: IntArray) -> bool:
     rise = np.bincount(test_of[known], (after - before)[known])[tests] / count[tests]
     if (freedom := len(rise) - 1) < 1:
         return False
-    least = float(stdtrit(freedom, 1.0 - _RISE_BY_CHANCE))
+    least = float(stdtrit(freedom, 1.0 - _BY_CHANCE))
     return bool(rise.mean() > least * rise.std(ddof=1) / np.sqrt(len(rise)))
 
 
