@@ -222,7 +222,7 @@ Calibrated: so much wider, and with the floor's own doubt, it held the closure o
 def closure(
     problem: Problem,
     weighed: Weighed,
-    vain: Collection[Effects],
+    vain: Mapping[Effects, float],
     verdict: Effects,
     rng: np.random.Generator,
     progress: _Progress | None = None,
@@ -324,7 +324,7 @@ class _Predictor:
 
     problem: Problem
     weighed: Weighed
-    vain: Collection[Effects]
+    vain: Mapping[Effects, float]
     before: FloatArray
 
     def of_what_is_likely(self, weight: FloatArray) -> FloatArray:

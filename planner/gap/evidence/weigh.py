@@ -1,6 +1,6 @@
 """Weigh all hypotheses, and go from evidence to probabilities: the verdict, and its class."""
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations, permutations, product
 
@@ -472,7 +472,7 @@ def _of_some(world: World, logs: "_LogPriors", one: Settled) -> Candidate:
 
 
 def reweigh(
-    weighed: Weighed, vain: Collection[Effects], weight: FloatArray
+    weighed: Weighed, vain: Mapping[Effects, float], weight: FloatArray
 ) -> tuple[World, list[tuple[float, Candidate]]]:
     """Weigh settled candidates, vain ones among them, on specimens weighted by `weight` (n,).
 
@@ -496,7 +496,7 @@ def reweigh(
         prior += [logs.of(c.effects) for c in some]
     share = logs.priors.counted(max((c.log_evidence for c in settled), default=0.0))
     odds = [
-        p - _ALIKE_NATS * (c.effects in vain) + share * c.log_evidence
+        p - vain.get(c.effects, 0.0) + share * c.log_evidence
         for p, c in zip(prior, settled, strict=True)
     ]
     return world, list(zip(odds, settled, strict=True))
@@ -858,9 +858,10 @@ class Evidence:
     without: Mapping[Effects, Effects] = field(default_factory=dict)
 
     @property
-    def vain(self) -> frozenset[Effects]:
-        """Effects that close nothing, or less than fewer of them."""
-        return frozenset(e for e, closes in self.closes.items() if not closes) | {*self.without}
+    def vain(self) -> Mapping[Effects, float]:
+        """By how many nats effects that close nothing, or less than fewer of them, are less."""
+        nothing = {e: _ALIKE_NATS for e, closes in self.closes.items() if not closes}
+        return nothing | dict.fromkeys(self.without, np.inf)
 
 
 def evidence_of(problem: Problem, weighed: Weighed) -> Evidence:
