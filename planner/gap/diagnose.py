@@ -234,7 +234,7 @@ def closure(
     weighed
         What was weighed on the whole campaign: the folds choose among it anew.
     vain
-        Effects that close nothing on the whole campaign: the folds do not choose these.
+        By how many nats effects that close nothing on the whole campaign are less in the folds.
     verdict
         Of the whole campaign: with "none" or "unknown" there is no effect to add.
     """

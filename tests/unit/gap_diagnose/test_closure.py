@@ -20,7 +20,7 @@ def ready(campaign: Campaign, *effects: str) -> Problem:
 
 def closed(problem: Problem, *verdict: str) -> Gap:
     weighed = weigh(problem, Priors())
-    return closure(problem, weighed, (), verdict, np.random.default_rng(0))
+    return closure(problem, weighed, {}, verdict, np.random.default_rng(0))
 
 
 def scaled(campaign: Campaign, factors: list[float]) -> Campaign:
