@@ -891,7 +891,7 @@ def evidence_of(problem: Problem, weighed: Weighed) -> Evidence:
 
 
 _BY_CHANCE = 0.05
-"""Level of the tests of lack of fit and of whether errors rise. Convention."""
+"""Level of the tests of lack of fit and of whether errors rise. Convention: 5 %."""
 
 
 def _within_floor(problem: Problem) -> bool:
