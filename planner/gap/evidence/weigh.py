@@ -1,6 +1,6 @@
 """Weigh all hypotheses, and go from evidence to probabilities: the verdict, and its class."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations, permutations, product
 
@@ -597,7 +597,7 @@ def _settled(worlds: Sequence[World], logs: _LogPriors) -> list[Settled]:
     known = {frozenset(b.number for b in one.candidate.branches) for one in both}
     for _ in range(2):
         for effects in sorted(pairs_in_all):
-            for c in _in_all_forms(effects, settled):
+            for c in _in_all_forms(effects, best, settled, logs):
                 forms = frozenset(b.number for b in c.branches)
                 if forms not in known:
                     known.add(forms)
@@ -610,10 +610,21 @@ def _settled(worlds: Sequence[World], logs: _LogPriors) -> list[Settled]:
     return [*settled, *both, *thirds.values()]
 
 
-def _in_all_forms(effects: Effects, singles: Sequence[Settled]) -> list[Candidate]:
-    """Return effects together in each form with each: one alone does not tell what suits both."""
+def _in_all_forms(
+    effects: Effects, best: Mapping[Effects, Settled], singles: Sequence[Settled], logs: _LogPriors
+) -> Iterator[Candidate]:
+    """Yield effects together in each form with each: one alone does not tell what suits both.
+
+    First each form where it is best beside the other effect at its best, then as each is alone.
+    """
+    for id, other in (effects, effects[::-1]):
+        if (id,) in best:
+            found = (c for c in best[id,].beside() if c.effects == (other,))
+            for c in sorted(found, key=lambda c: -(c.log_evidence + logs.forms(c))):
+                yield joined([*best[id,].candidate.parts, *c.parts])
     of = [[one.candidate for one in singles if one.candidate.effects == (id,)] for id in effects]
-    return [joined([part for c in each for part in c.parts]) for each in product(*of)]
+    for each in product(*of):
+        yield joined([part for c in each for part in c.parts])
 
 
 def _partners(one: Settled, logs: _LogPriors) -> list[Candidate]:
