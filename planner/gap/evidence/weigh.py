@@ -606,7 +606,8 @@ def _settled(worlds: Sequence[World], logs: _LogPriors) -> list[Settled]:
         for c in _partners(likeliest, logs)[:_PARTNERS]:
             if c.effects not in thirds:
                 thirds[c.effects] = settle(worlds, c, likeliest.world)
-        pairs_in_all = set(combinations(max(thirds.values(), key=odds).candidate.effects, 2))
+        third = max(thirds.values(), key=odds, default=likeliest)
+        pairs_in_all = set(combinations(third.candidate.effects, 2))
     return [*settled, *both, *thirds.values()]
 
 
@@ -949,8 +950,8 @@ def _explained(
     errors: dict[Effects, FloatArray] = {}
     for effects in sorted((e for e in value if any(set(e) <= set(b) for b in best)), key=len):
         candidate = weighed.best[effects]
-        before = weighed.settled_as(candidate).world.error(Candidate(()))
-        closes[effects] = _falls(before, weighed.error(candidate))
+        world = weighed.settled_as(candidate).world
+        closes[effects] = _falls(world.error(Candidate(())), world.error(candidate))
         errors[effects] = own = squared_errors(problem, candidate)
         fewer = [
             e
@@ -958,7 +959,8 @@ def _explained(
             if set(e) < set(effects) and closes[e] and _rise(errors[e], own, problem.model.test_of)
         ]
         if fewer:
-            without[effects] = min(fewer, key=lambda e: np.nanmean(errors[e]))
+            least = min(fewer, key=lambda e: np.nanmean(errors[e]))
+            without[effects] = without.get(least, least)
     return closes, without
 
 

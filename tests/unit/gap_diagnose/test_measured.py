@@ -114,6 +114,12 @@ def test_rate_and_temperature_are_one_law_though_neither_alone_shows_it(tmp_path
     assert verdict_of(ranking_of(evidence_of(problem, found), Priors())) == best.effects
 
 
+def test_two_effects_are_found_where_there_is_no_third(planned, imitated) -> None:
+    plan = planned(2, material=["FLX9760"], rate_mm_s=[0.085, 0.85, 8.5], soak_h=[0.0, 48.0])
+    made = imitated(plan, "rate:rise=0.25,form=power-law", "moisture:softening=0.4")
+    assert verdict(ready(made, "rate", "moisture")) == ("moisture", "rate")
+
+
 def test_a_record_starts_as_it_was_read(planned, imitated) -> None:
     made = imitated(planned(2, material=["FLX9760"]))
     model = observation_model(made)
