@@ -1,11 +1,11 @@
 """The diagnosis on campaigns whose cause is withheld: a regression with a pinned seed.
 
-Run by hand or in CI with ``pytest -n 2 --dist loadgroup -m bench tests/bench``; three minutes on 2
-free cores. Its campaigns are diagnosed once, by two processes of their own: its tests are a group,
-which goes to one worker. The whole check, its targets and what it measures:
-benchmarks/withheld/README.md. Thresholds lie below what the method reached when they were set, by a
-standard deviation of so few campaigns: what turns on one of two look-alikes that are as likely is
-no regression. Raise them when the method gets better, never lower them to let a change pass.
+Run by hand or in CI with ``pytest -n 2 --dist loadfile -m bench tests/bench``; three minutes on 2
+free cores. Its campaigns are diagnosed by two processes of their own: once, as a file goes to one
+worker. The whole check, its targets and what it measures: benchmarks/withheld/README.md. Thresholds
+lie below what the method reached when they were set, by a standard deviation of so few campaigns:
+what turns on one of two look-alikes that are as likely is no regression. Raise them when the method
+gets better, never lower them to let a change pass.
 """
 
 import json
@@ -23,8 +23,6 @@ from benchmarks.withheld.run import main
 from benchmarks.withheld.scoring import Score, read_truth
 from benchmarks.withheld.summary import summarise
 from benchmarks.withheld.targets import LEFT_OUT
-
-pytestmark = pytest.mark.xdist_group("campaigns")
 
 SEED = 7001
 """Of a development set that nothing is tuned on."""
