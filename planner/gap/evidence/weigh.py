@@ -617,13 +617,20 @@ def _in_all_forms(
     """Yield effects together in each form with each: one alone does not tell what suits both.
 
     First each form where it is best beside the other effect at its best, then as each is alone.
+    What fits worse there than nothing in its place, as a wrong unit does, is left out: no other
+    effect makes up for that, and the search for its mode is a long one.
     """
+
+    def fits(found: Candidate) -> bool:
+        return found.gain > -_ALIKE_NATS
+
     for id, other in (effects, effects[::-1]):
         if (id,) in best:
-            found = (c for c in best[id,].beside() if c.effects == (other,))
+            found = (c for c in best[id,].beside() if c.effects == (other,) and fits(c))
             for c in sorted(found, key=lambda c: -(c.log_evidence + logs.forms(c))):
                 yield joined([*best[id,].candidate.parts, *c.parts])
-    of = [[one.candidate for one in singles if one.candidate.effects == (id,)] for id in effects]
+    alone = [one.weighed(one.world, one.eliminated(one.world)) for one in singles]
+    of = [[c for c in alone if c.effects == (id,) and fits(c)] for id in effects]
     for each in product(*of):
         yield joined([part for c in each for part in c.parts])
 
