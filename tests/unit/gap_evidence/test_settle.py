@@ -8,7 +8,8 @@ import pytest
 from planner.gap.campaign import Campaign
 from planner.gap.effects import EFFECTS
 from planner.gap.evidence.problem import Candidate, Problem, set_up
-from planner.gap.evidence.settle import World, settle
+from planner.gap.evidence.settle import World, nothing, settle
+from planner.gap.evidence.weigh import Priors, _in_all_forms, _LogPriors
 from planner.gap.observations import observation_model
 
 RISE = 0.12
@@ -103,3 +104,23 @@ def test_errors_of_strays_are_not_counted(problem: Problem) -> None:
     assert World(exact).error(Candidate(())) > 0.1
     stray = replace(exact, strays=np.arange(len(problem.strays)) == 0)
     assert World(stray).error(Candidate(())) == 0.0
+
+
+def test_a_form_that_fits_worse_than_nothing_is_not_followed(problem: Problem) -> None:
+    """A gauge length taken from another drawing is never a little off: no other effect mends it."""
+    wrong = "other-length"
+    campaign, rate = problem.campaign, EFFECTS["rate"]
+    scale = EFFECTS["strain-scale"]
+    tried = replace(scale, forms=tuple(f for f in scale.forms if f.name in ("factor", wrong)))
+    both = set_up(campaign, problem.model, [rate, tried])
+    world, logs = World(both), _LogPriors(both, Priors())
+    alone = [settle((world,), c, world) for c in nothing(world).beside()]
+    best = {id: next(s for s in alone if s.candidate.effects == id)
+            for id in (("rate",), ("strain-scale",))}  # fmt: skip
+    forms = {
+        branch.form.name
+        for c in _in_all_forms(("rate", "strain-scale"), best, alone, logs)
+        for branch in c.branches
+    }
+    assert {"factor", "power-law"} <= forms
+    assert wrong not in forms
