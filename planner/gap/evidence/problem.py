@@ -726,9 +726,8 @@ def replicate_floor(problem: Problem) -> FloatArray | None:
     for members in problem.model.replicates:
         rows = np.array([k for k in members if not problem.strays[k]])
         if len(rows) > 1:
-            share = len(rows) / (len(rows) - 1.0)
             away = curves[rows] - curves[rows].mean(axis=0)
-            floor[rows] = share * np.mean(away**2, axis=1)
+            floor[rows] = len(rows) / (len(rows) - 1.0) * np.mean(away**2, axis=1)
             if len({batches[k] for k in rows}) == 1:
                 floor[rows] += problem.scatter.batch**2 * np.mean(curves[rows] ** 2, axis=1)
     return None if np.isnan(floor).all() else floor

@@ -620,17 +620,13 @@ def _in_all_forms(
     What fits worse there than nothing in its place, as a wrong unit does, is left out: no other
     effect makes up for that, and the search for its mode is a long one.
     """
-
-    def fits(found: Candidate) -> bool:
-        return found.gain > -_ALIKE_NATS
-
     for id, other in (effects, effects[::-1]):
         if (id,) in best:
-            found = (c for c in best[id,].beside() if c.effects == (other,) and fits(c))
-            for c in sorted(found, key=lambda c: -(c.log_evidence + logs.forms(c))):
-                yield joined([*best[id,].candidate.parts, *c.parts])
+            for c in sorted(best[id,].beside(), key=lambda c: -(c.log_evidence + logs.forms(c))):
+                if c.effects == (other,) and c.gain > -_ALIKE_NATS:
+                    yield joined([*best[id,].candidate.parts, *c.parts])
     alone = [one.weighed(one.world, one.eliminated(one.world)) for one in singles]
-    of = [[c for c in alone if c.effects == (id,) and fits(c)] for id in effects]
+    of = [[c for c in alone if c.effects == (id,) and c.gain > -_ALIKE_NATS] for id in effects]
     for each in product(*of):
         yield joined([part for c in each for part in c.parts])
 
