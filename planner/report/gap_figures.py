@@ -307,14 +307,11 @@ def _residual_figure(diagnosis: Diagnosis, traces: Traces) -> bytes:
     y_range = _y_range([points for _, points in shown])
     panels = [partial(_residual_panel, traces, *one, y_range) for one in shown]
     parts, width, height = svg.in_rows(panels, _ACROSS, (66.0, _TOP), (440.0, 280.0))
-    key = [(_BEFORE, 20.0)]
-    key += [(_AFTER, 160.0)] if any(np.isfinite(points.after).any() for _, points in shown) else []
-    return svg.picture(
-        width + 16.0,
-        height - 16.0,
-        [*(mark for look, x in key for mark in _key(look, x, with_mark=True)), *parts],
-        title="Error of each specimen: measured force above (+) or below (-) prediction",
-    )
+    key = [*_key(_BEFORE, 20.0, with_mark=True)]
+    if any(np.isfinite(points.after).any() for _, points in shown):
+        key += _key(_AFTER, 160.0, with_mark=True)
+    title = "Error of each specimen: measured force above (+) or below (-) prediction"
+    return svg.picture(width + 16.0, height - 16.0, [*key, *parts], title=title)
 
 
 def _key(look: _Look, x: float, *, with_mark: bool = False) -> Iterator[str]:
@@ -337,10 +334,8 @@ def _residual_panel(
     blank = [(value, "") for value, _ in marks]
     yield from svg.frame(chart, x_label="", y_label="", x_ticks=blank, most_ticks=7)
     yield from _x_words(chart, marks, label)
-    zero = chart.y(0.0)
-    yield svg.segment(
-        (chart.left, zero), (chart.left + chart.width, zero), colour=svg.GREY, width=1.2
-    )
+    ends = ((x, chart.y(0.0)) for x in (chart.left, chart.left + chart.width))
+    yield svg.segment(*ends, colour=svg.GREY, width=1.2)
     yield _upright_label(chart, 46.0, _ERROR)
     yield from _error_lines(traces, points, chart, label)
     if points.of_curve is None:
@@ -425,9 +420,8 @@ def _x_words(chart: svg.Chart, marks: Sequence[tuple[float, str]], label: str) -
     most = max(3, int(lines * room / _CHARACTER) - 1)
     for number, (value, words) in enumerate(marks):
         cut = words if len(words) <= most else words[: most - 1] + "…"
-        yield svg.text(
-            chart.x(value), bottom + 16.0 + 14.0 * (number % lines), cut, anchor="middle"
-        )
+        y = bottom + 16.0 + 14.0 * (number % lines)
+        yield svg.text(chart.x(value), y, cut, anchor="middle")
     y = bottom + 22.0 + 14.0 * lines
     yield svg.text(chart.left + 0.5 * chart.width, y, label, anchor="middle")
 
@@ -467,19 +461,11 @@ def _curves_figure(traces: Traces) -> bytes:
     title = "The tests with the largest gap" if len(errors) > len(shown) else "Every test"
     panels = [partial(_curves_panel, traces, test) for test in shown]
     parts, width, height = svg.in_rows(panels, 3, (62.0, _TOP), (292.0, 256.0))
-    key = [
-        svg.disc(26.0, 48.0, colour=svg.INK, radius=2.5),
-        svg.text(36.0, 52.0, "measured", colour=_QUIET),
-    ]
-    key += _key(_BEFORE, 112.0)
+    dot, word = svg.disc(26.0, 48.0, colour=svg.INK, radius=2.5), "measured"
+    key = [dot, svg.text(36.0, 52.0, word, colour=_QUIET), *_key(_BEFORE, 112.0)]
     key += _key(_AFTER, 244.0) if np.isfinite(traces.after_N).any() else ()
-    return svg.picture(
-        max(width + 20.0, 470.0),
-        height + 4.0,
-        [*key, *parts],
-        title=title,
-        heading=f"{title}: predicted and measured",
-    )
+    size, heading = (max(width + 20.0, 470.0), height + 4.0), f"{title}: predicted and {word}"
+    return svg.picture(*size, [*key, *parts], title=title, heading=heading)
 
 
 def _curves_panel(traces: Traces, test: int, left: float, top: float) -> Iterator[str]:
@@ -504,15 +490,13 @@ def _curves_panel(traces: Traces, test: int, left: float, top: float) -> Iterato
             for i in _places(x, curve)
         ]
         words = _error_words(traces.residual_before[row], traces.residual_after[row])
-        yield from svg.told(
-            f"measured, {_specimen_words(traces, row)}; {words}", dots, axes=readable
-        )
+        words = f"measured, {_specimen_words(traces, row)}; {words}"
+        yield from svg.told(words, dots, axes=readable)
     for curve, look in ((before, _BEFORE), (after, _AFTER)):
         if np.isfinite(curve).all():
             drawn = svg.line(chart, x, curve, colour=look.colour, width=1.8, dash=look.dash)
-            yield from svg.told(
-                f"predicted, {look.of}: {traces.label[test]}", [drawn], axes=readable
-            )
+            words = f"predicted, {look.of}: {traces.label[test]}"
+            yield from svg.told(words, [drawn], axes=readable)
 
 
 def _is_held(travel: FloatArray, time: FloatArray) -> bool:

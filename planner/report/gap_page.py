@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from html import escape
 from pathlib import Path
 from string import ascii_lowercase
+from typing import Any
 
 from planner import __version__
 from planner.errors import listed
@@ -243,16 +244,14 @@ def _sections(
     """
     d = diagnosis
     ranking, places, levels = _tables(d) if whole else ((), (), ())
-    seen = _detectable_words(d.detectable, None if whole else _SEEN)
+    clear = whole or d.verdict == "none"
+    seen = tuple(_detectable_words(d.detectable, None if whole else _SEEN)) if clear else ()
     quality = [sentence(f"{q.specimen or 'All specimens'}: {q.problem}") for q in d.data_quality]
     sections: Sequence[tuple[str, Iterable[_Part]]] = (
         ("How sure that is", (*_how_sure(d), *ranking)),
         ("Numbers in another unit", _units(d.unit_of)),
         ("How large it is", [tuple(_size_words(d.effect))]),
-        (
-            "Smaller effects than these may hide",
-            [tuple(seen if whole or d.verdict == "none" else ())],
-        ),
+        ("Smaller effects than these may hide", [seen]),
         ("Where it lies", (tuple(_where(d)), *places)),
         ("How far it closes", _how_far(d)),
         ("What remains", _remainder(d)),
@@ -472,6 +471,7 @@ def _next(experiments: Sequence[Experiment], verdict: str) -> Iterator[_Part]:
 
 
 _SPLITS = 2
+_ODDS_ALONE = "the odds between causes shift, but no two are told apart for sure."
 
 
 def _split_words(first: str, second: str) -> str:
@@ -517,10 +517,8 @@ def _next_reason(x: Experiment, verdict: str) -> str:
     """Return what a test is good for, and the hours of its specimens together."""
     of_verdict = [pair for pair in x.splits if verdict in pair] or x.splits
     told = "; and ".join(_split_words(*pair) for pair in of_verdict[:_SPLITS])
-    asked = (
-        f"{told}?" if told else "the odds between causes shift, but no two are told apart for sure."
-    )
-    return asked + (f" About {number_words(x.hours, 2)} h of work each." if x.hours > 0.0 else "")
+    told = f"{told}?" if told else _ODDS_ALONE
+    return told + (f" About {number_words(x.hours, 2)} h of work each." if x.hours > 0.0 else "")
 
 
 # ------------------------------------------------------------------------------------------------
@@ -622,18 +620,12 @@ def _section(heading: str, parts: Iterable[_Part]) -> Iterator[str]:
 
 def diagnosis_files(diagnosis: Diagnosis) -> dict[str, bytes]:
     """Return the content of each file by its path; the same diagnosis gives the same bytes."""
-    figures = figures_of(diagnosis)
-    palette = diagnosis.own_palette
+    figures, palette = figures_of(diagnosis), diagnosis.own_palette
+    title, body = f"{diagnosis.campaign}: {diagnosis.verdict}", _body(diagnosis, figures)
+    own: dict[str, Any] = {"styles": ["report.css"], "scripts": ["figure.js"], "view": False}
     return {
         "diagnosis.json": diagnosis.json(),
-        "report.html": encode_page(
-            f"{diagnosis.campaign}: {diagnosis.verdict}",
-            _body(diagnosis, figures),
-            styles=["report.css"],
-            scripts=["figure.js"],
-            view=False,
-            kind="report",
-        ),
+        "report.html": encode_page(title, body, kind="report", **own),
         **_csv_files(diagnosis),
         **({PALETTE_FILE: encode_palette(palette)} if palette is not None else {}),
         **{f"figures/{name}.svg": svg for name, svg in figures.items()},
