@@ -422,7 +422,8 @@ def _add_subset(one: Settled, worlds: Sequence[World], result: Weighed) -> None:
         return
     for world in worlds:
         found = _of_some(world, result.logs, one)
-        assert found.members is not None
+        if found.members is None or found.log_evidence == -np.inf:
+            continue
         axis = None
         if not _in_another_unit(found):
             axis = _telling_column(world.problem, found.members > 0.5)
@@ -555,6 +556,14 @@ def _of_axes(problem: Problem, share: float, of_claimed: float) -> FloatArray:
     return shares
 
 
+def _most_effects(problem: Problem) -> int:
+    """Return how many effects may be at work together: fewer than there are tests, but one.
+
+    A gain of some specimens, which shows between replicates, comes on top.
+    """
+    return min(_MOST_EFFECTS, max(len(problem.model.tests) - 1, 1))
+
+
 def _settled(worlds: Sequence[World], logs: _LogPriors) -> list[Settled]:
     """Return candidates settled: the best forms of every effect, and of several effects."""
 
@@ -586,7 +595,8 @@ def _settled(worlds: Sequence[World], logs: _LogPriors) -> list[Settled]:
         for one in reversed(list(best.values())[:_BESIDE])
         for c in _partners(one, logs)[:_PARTNERS]
     }
-    both = [settle(worlds, c, world) for c in pairs.values()]
+    most = _most_effects(world.problem)
+    both = [settle(worlds, c, world) for c in pairs.values() if most > 1]
     leading = sorted(both, key=odds, reverse=True)[:_BESIDE]
     if not leading or odds(leading[0]) < max(map(odds, settled)):
         return [*settled, *both]
@@ -604,7 +614,7 @@ def _settled(worlds: Sequence[World], logs: _LogPriors) -> list[Settled]:
                     both.append(settle(worlds, c, world))
         likeliest = max(both, key=odds)
         for c in _partners(likeliest, logs)[:_PARTNERS]:
-            if c.effects not in thirds:
+            if c.effects not in thirds and most > 2:
                 thirds[c.effects] = settle(worlds, c, likeliest.world)
         third = max(thirds.values(), key=odds, default=likeliest)
         pairs_in_all = set(combinations(third.candidate.effects, 2))
@@ -654,7 +664,7 @@ def _settled_beside_some(result: Weighed) -> list[Settled]:
     left = replace(result.none, target=result.none.target - gain)
     left = replace(left, world=max(result.worlds, key=lambda w: left.eliminated(w).none))
     found: list[Settled] = []
-    for _ in range(2):  # one other effect, then two
+    for _ in range(min(_most_effects(left.world.problem), _MOST_EFFECTS - 1)):  # others, in turn
         beside = [c for c in _partners(left, result.logs) if _GAIN not in c.effects]
         both = [
             replace(c, members=some.members, log_gain=some.log_gain) for c in beside[:_PARTNERS]

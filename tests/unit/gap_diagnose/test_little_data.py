@@ -63,6 +63,10 @@ def of_two(planned, imitated, request) -> Diagnosis:
     return diagnose(imitated(planned(2, batches=1, material=["FLX9760"]), "grip-slack"))
 
 
+def test_two_tests_tell_no_two_causes(of_two: Diagnosis) -> None:
+    assert all(len(h.effects) < 2 for h in of_two.ranking)
+
+
 def test_two_specimens_have_their_limits_said(of_two: Diagnosis) -> None:
     assert "2 specimens cannot tell causes apart" in said(of_two)
 
