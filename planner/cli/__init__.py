@@ -17,10 +17,12 @@ import sys
 import threading
 import time
 from collections.abc import Sequence
+from pathlib import Path
 from types import FrameType
 from typing import Annotated, Any
 
 import typer
+import typer.core
 
 from planner.cli import design as _design
 from planner.cli import gap as _gap
@@ -176,6 +178,38 @@ def _dispatch(arguments: list[str], commands: typer.Typer) -> int:
         # rich exits by itself where the reader of its output went away.
         raise BrokenPipeError from error
     return result if isinstance(result, int) else 0
+
+
+_DECIMAL = {int: r"-?(0|[1-9][0-9]*)", float: r"-?(0|[1-9][0-9]*)(\.[0-9]+)?"}
+_convert = getattr(typer.core, "build_runtime_param", None)
+
+
+class _Value:
+    """What typer makes of a parameter's value. It does so by pydantic, which takes 0.14 s to load.
+
+    So what needs no conversion has none here, names of files and plain decimals an easy one, and
+    typer makes the rest.
+    """
+
+    def __init__(self, wanted: Any) -> None:
+        self.wanted = wanted
+
+    def coerce(self, value: Any, param: Any, ctx: typer.Context) -> Any:
+        kind, told = self.wanted.annotation, self.wanted.parameter_info
+        if value is None:
+            return () if param.multiple or param.nargs == -1 else None
+        if told.min is None and told.max is None:
+            if type(value) is kind:
+                return value
+            if kind in _DECIMAL and re.fullmatch(_DECIMAL[kind], str(value)):
+                return kind(value)
+        if kind is Path and (os.access(value, os.R_OK) or not os.path.lexists(value)):
+            return Path(value)
+        return _convert(self.wanted).coerce(value, param=param, ctx=ctx)  # type: ignore[misc]
+
+
+if _convert is not None:  # earlier versions do without pydantic
+    typer.core.build_runtime_param = _Value  # type: ignore[assignment,attr-defined]
 
 
 def _with_options(message: str, commands: typer.Typer) -> str:
