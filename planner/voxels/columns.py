@@ -95,16 +95,9 @@ def cover_rows(
 
 @kernel
 def _cover(
-    snapped: IntArray,
-    faces: IntArray,
-    nx: int,
-    ny: int,
-    slab_rows: int,
-    low: IntArray,
-    high: IntArray,
-    count: IntArray,
-    spans: IntArray,
-) -> None:
+    snapped: Any, faces: Any, nx: Any, ny: Any, slab_rows: Any, low: Any, high: Any, count: Any,
+    spans: Any,
+) -> None:  # fmt: skip
     # Rows that each face covers, and what falls to each slab.
     for f in range(faces.shape[0]):
         a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
@@ -123,9 +116,7 @@ def _cover(
 
 
 @kernel
-def _deal(
-    low: IntArray, high: IntArray, slab_rows: int, cursor: IntArray, members: IntArray
-) -> None:
+def _deal(low: Any, high: Any, slab_rows: Any, cursor: Any, members: Any) -> None:
     for f in range(low.size):
         if low[f] < high[f]:
             for s in range(low[f] // slab_rows, (high[f] - 1) // slab_rows + 1):
@@ -152,17 +143,9 @@ def _first_pixel(x0: Any, y0: Any, x1: Any, y1: Any, per_row: Any, y: Any, row_l
 
 @kernel
 def _spans(
-    snapped: IntArray,
-    faces: IntArray,
-    members: IntArray,
-    row0: int,
-    row1: int,
-    nx: int,
-    row_leads: bool,
-    counts: IntArray,
-    columns: IntArray,
-    heights: FloatArray,
-) -> int:
+    snapped: Any, faces: Any, members: Any, row0: Any, row1: Any, nx: Any, row_leads: Any,
+    counts: Any, columns: Any, heights: Any,
+) -> Any:  # fmt: skip
     # Cut each triangle into one span a row: first column, length, exit (1) or entry (0) and the
     # face (-1 where z is the same all over it, and so exact) in `columns`; z at the first column
     # and its rise a column in `heights`. `counts` gets +1 where a span begins and -1 where it
@@ -267,9 +250,7 @@ def slab_runs(
 
 
 @inner_kernel
-def _exact_voxel(
-    snapped: Any, faces: Any, f: Any, x: Any, y: Any, near: Any, row_leads: Any
-) -> Any:
+def _exact_voxel(snapped: Any, faces: Any, f: Any, x: Any, y: Any, near: Any, leads: Any) -> Any:
     # First voxel at or beyond face f in the column at x, y, where the face is within `_DOUBT` of
     # the centre of voxel `near`. Products of three coordinates take 92 bits and wrap around, but
     # what they sum to is area * distance, below 2^62 * 2^-11: it comes out whole.
@@ -284,28 +265,16 @@ def _exact_voxel(
     rises = ux * vz - vx * uz  # along the rows, times the area
     if area < 0:
         beyond, rises = -beyond, -rises
-    if beyond > 0 or (beyond == 0 and not (row_leads and rises > 0)):
+    if beyond > 0 or (beyond == 0 and not (leads and rises > 0)):
         return near
     return near + 1
 
 
 @kernel
 def _runs(
-    columns: Any,
-    heights: Any,
-    snapped: Any,
-    faces: Any,
-    row0: Any,
-    nx: Any,
-    row_leads: Any,
-    cursor: Any,
-    keys: Any,
-    nz: Any,
-    shortest: Any,
-    offsets: Any,
-    start: Any,
-    stop: Any,
-) -> Any:
+    columns: Any, heights: Any, snapped: Any, faces: Any, row0: Any, nx: Any, row_leads: Any,
+    cursor: Any, keys: Any, nz: Any, shortest: Any, offsets: Any, start: Any, stop: Any,
+) -> Any:  # fmt: skip
     # Gather each column's crossings in `keys`, sort them, and count the winding along them.
     crossings = here = 0
     for c in range(cursor.size - 1):
