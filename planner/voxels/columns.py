@@ -207,17 +207,9 @@ def _spans(
 
 
 def slab_runs(
-    snapped: NDArray[np.int64],
-    faces: NDArray[np.int32],
-    members: NDArray[np.int32],
-    spans: int,
-    row0: int,
-    row1: int,
-    nx: int,
-    nz: int,
-    shortest: int,
-    row_leads: bool = False,
-) -> tuple[IntArray, IntArray, IntArray, int]:
+    snapped: NDArray[np.int64], faces: NDArray[np.int32], members: NDArray[np.int32], spans: int,
+    row0: int, row1: int, nx: int, nz: int, shortest: int, row_leads: bool = False,
+) -> tuple[IntArray, IntArray, IntArray, int]:  # fmt: skip
     """Return the runs of one slab of rows.
 
     Parameters
