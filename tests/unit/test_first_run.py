@@ -33,7 +33,7 @@ GRADE = """
 import planner
 planner.grade(sys.argv[1], from_="Tango", to="Vero").write(sys.argv[2])
 """
-STAGES = ("columns", "sets", "pictures", "shells", "walls")
+STAGES = ("columns", "records", "sets", "pictures", "shells", "walls")
 REHEARSE = """
 from planner.cli.plans import rehearse
 rehearse(sys.argv[1:])
@@ -72,7 +72,7 @@ def test_what_is_rehearsed_is_not_compiled_again(samples, tmp_path):
     [
         (1, []),
         (2, [list(STAGES)]),
-        (8, [["columns", "pictures", "shells"], ["sets", "walls"]]),
+        (8, [["columns", "pictures", "shells"], ["records", "sets", "walls"]]),
     ],
 )
 def test_free_processors_rehearse_and_nothing_is_heard_of_them(monkeypatch, processors, shares):
