@@ -41,7 +41,7 @@ _OBJECTS = 50_000
 """That are made until Python searches for garbage: by default 700."""
 
 _TRIM_THRESHOLD, _MMAP_THRESHOLD = -1, -3  # mallopt(3)
-_KEPT_BYTES, _KEPT_ARRAY_BYTES = 256 << 20, 4 << 20
+_KEPT_BYTES, _KEPT_ARRAY_BYTES = 1 << 30, 32 << 20  # the most that glibc takes
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

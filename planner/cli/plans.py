@@ -579,10 +579,10 @@ def _start() -> None:
     # os.cpu_count() counts processors that this process may not use; not every system tells.
     allowed = getattr(os, "sched_getaffinity", None)
     processors = len(allowed(0)) if allowed else os.cpu_count() or 1
-    # The run itself takes columns, walls with their sets, shells and pictures, in this order; what
-    # it would meet last comes first here, after the columns that all of them need.
-    shares = {1: [], 2: [["columns", "sets", "pictures", "shells", "walls"]]}.get(
-        processors, [["columns", "pictures", "shells"], ["sets", "walls"]]
+    # The run itself takes records, columns, walls with their sets, shells and pictures, in this
+    # order; what it would meet last comes first here, after what it meets soon.
+    shares = {1: [], 2: [["columns", "records", "sets", "pictures", "shells", "walls"]]}.get(
+        processors, [["columns", "pictures", "shells"], ["records", "sets", "walls"]]
     )
     for stages in shares:
         code = f"from planner.cli.plans import rehearse; rehearse({stages!r})"
@@ -623,6 +623,12 @@ def _columns() -> None:
         pass
 
 
+def _records() -> None:
+    from planner.formats.mesh_file import encode_stl
+
+    encode_stl(_box().vertices.astype("f4"), _box().faces, "box")
+
+
 def _pictures() -> None:
     from planner.voxels.picture import pictures_of
 
@@ -658,6 +664,7 @@ def _shells() -> None:
 
 _STAGES: Mapping[str, Callable[[], None]] = {
     "columns": _columns,
+    "records": _records,
     "pictures": _pictures,
     "shells": _shells,
     "sets": _sets,

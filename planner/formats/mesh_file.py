@@ -14,13 +14,14 @@ from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
 from planner.errors import FileError, MeshError, OutputError, did_you_mean
 from planner.formats.files import USUAL_LIMITS, UnfoldingLimits, read_file
 from planner.formats.units import QUANTITY_UNITS, canonical_unit
-from planner.numerics import Float32Array, FloatArray, IntArray
+from planner.numerics import Float32Array, FloatArray, IntArray, kernel
 
 __all__ = [
     "EXTENSIONS",
@@ -299,7 +300,6 @@ _HEADER_BYTES = 80
 _RECORD = np.dtype(
     [("normal", "<f4", (3,)), ("corners", "<f4", (3, 3)), ("attribute", "<u2")], align=False
 )
-_BLOCK = 16384  # triangles at a time, so that intermediate results stay in the cache
 
 _NUMBER = rb"[-+]?(?:\d+\.?\d*|\.\d+|nan|inf)(?:e[-+]?\d+)?"
 _VERTEX = rb"\s+vertex" + 3 * (rb"\s+(" + _NUMBER + rb")")
@@ -389,12 +389,10 @@ def encode_stl(vertices: Float32Array, faces: IntArray, header: str) -> bytes:
             f"STL {header}: vertex {first + 1} is {points[first].tolist()}: not finite; mend the "
             "mesh before it is written"
         )
-    records = np.zeros(len(faces), dtype=_RECORD)
-    for start in range(0, len(faces), _BLOCK):
-        block = records[start : start + _BLOCK]
-        corners = points[faces[start : start + _BLOCK]]
-        block["corners"] = corners
-        block["normal"] = _unit_normals(corners)
+    records = np.empty((len(faces), _RECORD.itemsize // 2), np.uint16)
+    record = np.empty(12, np.float32)
+    faces = np.require(faces, np.int32, ["C", "W"])
+    _write_records(points, faces, record, record.view(np.uint16), records)
     head = text.encode("ascii", "replace")[:_HEADER_BYTES].ljust(_HEADER_BYTES)
     return b"".join((head, len(faces).to_bytes(4, "little"), records.data))
 
@@ -446,14 +444,24 @@ def _wrong_size(size: int, count: int) -> str:
     )
 
 
-def _unit_normals(corners: Float32Array) -> Float32Array:
-    x, y, z = corners.astype(np.float64).transpose(2, 1, 0)
-    ux, uy, uz = x[1] - x[0], y[1] - y[0], z[1] - z[0]
-    vx, vy, vz = x[2] - x[0], y[2] - y[0], z[2] - z[0]
-    normal = np.stack([uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx])
-    length = np.sqrt(normal[0] * normal[0] + normal[1] * normal[1] + normal[2] * normal[2])
-    length[length == 0.0] = 1.0
-    return np.asarray((normal / length + 0.0).T.astype(np.float32))
+@kernel
+def _write_records(vertices: Any, faces: Any, record: Any, words: Any, records: Any) -> None:
+    # A record of 50 bytes holds floats at odd places: they are moved as `words` of two bytes.
+    for f in range(faces.shape[0]):
+        for j in range(3):
+            for k in range(3):
+                record[3 + 3 * j + k] = vertices[faces[f, j], k]
+        ax, ay, az = np.float64(record[3]), np.float64(record[4]), np.float64(record[5])
+        ux, uy, uz = record[6] - ax, record[7] - ay, record[8] - az
+        vx, vy, vz = record[9] - ax, record[10] - ay, record[11] - az
+        nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+        length = np.sqrt(nx * nx + ny * ny + nz * nz)
+        if length == 0.0:
+            length = 1.0
+        record[0], record[1], record[2] = nx / length + 0.0, ny / length + 0.0, nz / length + 0.0
+        for w in range(words.size):
+            records[f, w] = words[w]
+        records[f, words.size] = 0
 
 
 def _decode_ascii(data: bytes, name: str) -> FloatArray:

@@ -827,11 +827,11 @@ def _write_vertices(vertices: Any, text: Any) -> Any:
 @kernel
 def _write_triangles(corners: Any, end: Any, text: Any) -> Any:
     """Write the elements; return how long they are."""
-    at = np.int64(0)
+    at = least = np.int64(0)  # literals of Python would be types of their own for _put_whole
     for i in range(len(corners)):
         at = _put(text, at, _TRIANGLE)
         for j in range(3):
-            at = _put_whole(text, at, corners[i, j], 0)
+            at = _put_whole(text, at, corners[i, j], least)
             at = _put(text, at, _CORNERS[j] if j < 2 else end)
     return at
 
@@ -863,6 +863,7 @@ _TENS = 10.0 ** np.arange(15)  # exact
 @inner_kernel
 def _put_float(text: Any, at: Any, value: Any) -> Any:
     """Write the fewest digits from which float32 is read back, with an exponent if far from 1."""
+    least = np.int64(1)
     if value == 0.0:
         text[at] = 48
         return at + 1
@@ -888,7 +889,7 @@ def _put_float(text: Any, at: Any, value: Any) -> Any:
     while decimals > 0 and digits % 10 == 0:
         digits, decimals = digits // 10, decimals - 1
     scale = np.int64(_TENS[decimals])
-    at = _put_whole(text, at, digits // scale, 1)
+    at = _put_whole(text, at, digits // scale, least)
     if decimals > 0:
         text[at] = 46
         at = _put_whole(text, at + 1, digits % scale, decimals)
@@ -898,7 +899,7 @@ def _put_float(text: Any, at: Any, value: Any) -> Any:
         if exponent < 0:
             text[at] = 45
             at += 1
-        at = _put_whole(text, at, abs(exponent), 1)
+        at = _put_whole(text, at, abs(exponent), least)
     return at
 
 

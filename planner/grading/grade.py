@@ -666,9 +666,10 @@ def _volume_finding(check: Check, placed: Mesh) -> Finding:
 
 def _read_back(shell: Shell) -> tuple[Float32Array, NDArray[np.int32]]:
     """Return vertices and faces as the reader of a shell's file finds them."""
-    if stl_holds(shell.stl, shell.vertices, shell.faces):
+    data = shell.stl
+    if stl_holds(data, shell.vertices, shell.faces):
         return shell.vertices, shell.faces.astype(np.int32)
-    return weld(decode_stl(shell.stl, shell.file).astype(np.float32))
+    return weld(decode_stl(data, shell.file).astype(np.float32))
 
 
 def _remarks(scale: StiffnessScale, regions: Sequence[Region]) -> tuple[str, ...]:

@@ -185,19 +185,21 @@ def grow(grown: _Bits, within: _Bits, steps: int) -> int:
     Steps take in the 6 neighbours across faces and the 18 across faces and edges by turns,
     beginning with the 6: an octagonal ball whose radius is true to 13 %.
     """
-    inner = np.s_[:, _ROOM:-_ROOM, 1:-1]
-    left = (within[inner] & ~grown[inner]) != 0
-    at = np.unravel_index(
-        np.flatnonzero(left), left.shape
-    )  # few of many, 3 times as fast as by axes
-    place = np.stack(at, axis=1) + np.array([0, _ROOM, 1])
-    return int(_grow(grown, within, steps, place, np.empty(len(place), np.uint64)))
+    # Room for all words; what is not used takes no memory.
+    place, value = np.empty((within.size, 3), np.int32), np.empty(within.size, np.uint64)
+    return int(_grow(grown, within, steps, place, value))
 
 
 @kernel
 def _grow(grown: Any, within: Any, steps: Any, place: Any, value: Any) -> Any:
     one, top = np.uint64(1), np.uint64(63)
-    last, todo = grown.shape[0] - 1, place.shape[0]
+    last, todo = grown.shape[0] - 1, 0
+    for row in range(last + 1):
+        for c in range(_ROOM, grown.shape[1] - _ROOM):
+            for w in range(1, grown.shape[2] - 1):
+                if within[row, c, w] & ~grown[row, c, w] != 0:
+                    place[todo, 0], place[todo, 1], place[todo, 2] = row, c, w
+                    todo += 1
     for step in range(steps):
         for i in range(todo):
             row, c, w = place[i, 0], place[i, 1], place[i, 2]

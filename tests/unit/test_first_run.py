@@ -14,12 +14,15 @@ import json, sys
 import numba
 from numba.core import event
 
-names = []
+compiled = []
 
 class Record(event.Listener):
     def on_start(self, event):
-        function = event.data["dispatcher"].py_func
-        names.append(f"{function.__module__}.{function.__name__}")
+        dispatcher = event.data["dispatcher"]
+        name = f"{dispatcher.py_func.__module__}.{dispatcher.py_func.__name__}"
+        inner = dispatcher.targetoptions.get("no_cpython_wrapper", False)
+        if name.startswith("planner."):
+            compiled.append((name, str(event.data["args"]), inner))
 
     def on_end(self, event):
         pass
@@ -30,7 +33,7 @@ GRADE = """
 import planner
 planner.grade(sys.argv[1], from_="Tango", to="Vero").write(sys.argv[2])
 """
-STAGES = ("columns", "sets", "pictures", "shells", "walls")
+STAGES = ("columns", "records", "sets", "pictures", "shells", "walls")
 REHEARSE = """
 from planner.cli.plans import rehearse
 rehearse(sys.argv[1:])
@@ -38,13 +41,13 @@ rehearse(sys.argv[1:])
 
 
 def compiled(code, *arguments, cache):
-    """Run code in a process and return the functions that it had to compile."""
+    """Run code in a process and return what it had to compile: (name, types, whether inner)."""
     done = subprocess.run(
-        [sys.executable, "-c", f"{RECORD}{code}\nprint(json.dumps(names))", *arguments],
+        [sys.executable, "-c", f"{RECORD}{code}\nprint(json.dumps(compiled))", *arguments],
         env={**os.environ, "NUMBA_CACHE_DIR": str(cache)},
         capture_output=True, text=True, check=True,
     )  # fmt: skip
-    return json.loads(done.stdout.splitlines()[-1])
+    return [tuple(each) for each in json.loads(done.stdout.splitlines()[-1])]
 
 
 @pytest.mark.long
@@ -52,14 +55,16 @@ def test_what_is_rehearsed_is_not_compiled_again(samples, tmp_path):
     rehearsed = compiled(REHEARSE, *STAGES, cache=tmp_path / "kept")
     part = str(samples / "finger.stl")
     own = compiled(GRADE, part, str(tmp_path / "out"), cache=tmp_path / "kept")
-    of_planner = {name for name in own if name.startswith("planner.")}
-    assert of_planner
-    assert not [name for name in of_planner if "voxels" in name or "formats" in name]
-    assert len(set(rehearsed)) > 2 * len(of_planner)
+    assert own
+    assert not [name for name, *_ in own if "voxels" in name or "formats" in name]
+    assert len({name for name, *_ in rehearsed}) > 2 * len({name for name, *_ in own})
     # Two processes that compile a function for the same types keep the same; for other types
-    # they could take each other's: so of each there is one.
-    both = [name for name in (*rehearsed, *own) if name.startswith("planner.")]
-    assert sorted(set(both)) == sorted(both)
+    # they could take each other's: so each has one set of types.
+    both = {(name, types) for name, types, _ in (*rehearsed, *own)}
+    assert len({name for name, _ in both}) == len(both)
+    # Only inner kernels are not kept: they are compiled with each kernel that calls them.
+    kept = [name for name, _, inner in (*rehearsed, *own) if not inner]
+    assert sorted(set(kept)) == sorted(kept)
 
 
 @pytest.mark.parametrize(
@@ -67,7 +72,7 @@ def test_what_is_rehearsed_is_not_compiled_again(samples, tmp_path):
     [
         (1, []),
         (2, [list(STAGES)]),
-        (8, [["columns", "pictures", "shells"], ["sets", "walls"]]),
+        (8, [["columns", "pictures", "shells"], ["records", "sets", "walls"]]),
     ],
 )
 def test_free_processors_rehearse_and_nothing_is_heard_of_them(monkeypatch, processors, shares):
