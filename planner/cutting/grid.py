@@ -376,7 +376,8 @@ def draw_level_sets(
         number = len(rounds)
         held = sum(int(one.held(marks, n).sum()) for n, one in enumerate(rounds))
         worst = far[np.argsort(-off_mm[far], kind="stable")][: max(int(most_faces) - held, 0)]
-        if not len(worst) or (marks.sharp.any() and len(far) < _LEFT_OFF * held):
+        few = marks.sharp.any() and len(far) < _LEFT_OFF * held
+        if not len(worst) or (few and number >= _USUAL_ROUNDS):
             break
         marks, tried, mended = _creased(
             grid, field, marks, leaf[:, _EDGES], worst, within_mm, tried, number
@@ -502,7 +503,7 @@ def _drawn(
     given = (
         grid.values, grid.cells, grid.active, marks.divided, number, grid.pitch_mm, levels,
         TETRAHEDRA, _EVEN,
-        grid.origin_mm, *marks.table(), marks.sharp, marks.points_mm, marks.values,
+        *marks.table(), marks.sharp, marks.points_mm - grid.origin_mm, marks.values,
     )  # fmt: skip
     count = made = 0
     while True:  # first with room for nothing, to count
@@ -550,9 +551,10 @@ _SHARP = 0.8
 """Of what two slopes foretell: how far a field bends at least where it has a crease. One that bends
 evenly comes to 0.5."""
 
-_LEFT_OFF = 0.004
-"""Of the faces. Where creases meet no division ends; faces there are small, so of the area it is
-far less than the hundredth that the check of interfaces leaves."""
+_LEFT_OFF, _USUAL_ROUNDS = 0.004, 9
+"""Where creases meet in a line no division ends. After as many rounds as elsewhere do, it is over
+when so few of the faces are off: of the area that is less than the hundredth that the check of
+interfaces leaves, since faces there are small."""
 
 
 def _creased(
@@ -812,15 +814,15 @@ def _hanging(
 
 @inner_kernel
 def _seen(
-    place: Any, shape: Any, values: Any, cells: Any, pitch: Any, origin: Any, marks: Any,
-    mark_index: Any, mark_points: Any, mark_values: Any, at: Any,
+    place: Any, shape: Any, values: Any, cells: Any, pitch: Any, marks: Any, mark_index: Any,
+    mark_points: Any, mark_values: Any, at: Any,
 ) -> Any:  # fmt: skip
-    """Fill in where a vertex of a tetrahedron lies, and return the field there."""
+    """Fill in where a vertex lies, in mm from the grid's corner, and return the field there."""
     ny, nz = shape[1] * _FINEST + 1, shape[2] * _FINEST + 1
     x, y, z = place // (ny * nz), place // nz % ny, place % nz
     if x % _FINEST == 0 and y % _FINEST == 0 and z % _FINEST == 0:
         x, y, z = x // _FINEST * cells, y // _FINEST * cells, z // _FINEST * cells
-        at[0], at[1], at[2] = origin[0] + x * pitch, origin[1] + y * pitch, origin[2] + z * pitch
+        at[0], at[1], at[2] = x * pitch, y * pitch, z * pitch
         return values[x, y, z]
     n = mark_index[key_slot(marks, place + 1)]
     for d in range(3):
@@ -878,7 +880,7 @@ def _passed(levels: Any, low: Any, high: Any) -> Any:
 @kernel
 def _march(
     values: Any, cells: Any, active: Any, divided: Any, number: Any, pitch: Any, levels: Any,
-    corners: Any, even: Any, origin: Any, marks: Any, mark_index: Any, sharp: Any,
+    corners: Any, even: Any, marks: Any, mark_index: Any, sharp: Any,
     mark_points: Any, mark_values: Any, keys: Any, index: Any, ends: Any, faces: Any, of_face: Any,
     leaf: Any, steepness: Any,
 ) -> Any:  # fmt: skip
@@ -920,8 +922,8 @@ def _march(
                 low, high = np.inf, -np.inf
                 for c in range(4):
                     v[c] = _seen(
-                        stack[left, c], active.shape, values, cells, pitch, origin, marks,
-                        mark_index, mark_points, mark_values, at[c],
+                        stack[left, c], active.shape, values, cells, pitch, marks, mark_index,
+                        mark_points, mark_values, at[c],
                     )  # fmt: skip
                     low, high = min(low, v[c]), max(high, v[c])
                 first = np.searchsorted(levels, low, side="right")
