@@ -345,7 +345,8 @@ def draw_level_sets(
     each edge cuts off more of the tetrahedron.
 
     Tetrahedra are halved by bisection (Maubach 1995), and with them those that share the edge, so
-    that no corner lies within a neighbour's side.
+    that no corner lies within a neighbour's side. What is left is divided where creases of the
+    field meet its edges, on which neighbours agree.
 
     Parameters
     ----------
