@@ -288,9 +288,9 @@ divided before any face is drawn in it. What bends less is seen by the faces aro
 _SURE_OFF = 0.8
 """Of the wanted distance: slopes are known to a tenth, and saddles bend between places."""
 
-_FINEST = (
-    4 << _DEEPEST
-)  # parts of a cube's edge: middles of halves of the shortest edges are of them
+_FINEST = 4 << _DEEPEST
+"""Parts of a cube's edge: also edges from the middle of a shortest one have their middle there."""
+
 _STACK = 3 * _DEEPEST + 9
 _MOST_ROUNDS = 4 * _DEEPEST
 
