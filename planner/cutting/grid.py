@@ -288,8 +288,10 @@ divided before any face is drawn in it. What bends less is seen by the faces aro
 _SURE_OFF = 0.8
 """Of the wanted distance: slopes are known to a tenth, and saddles bend between places."""
 
-_FINEST = 2 << _DEEPEST  # parts of a cube's edge: the middles of the shortest edges are of them
-_STACK = 3 * _DEEPEST + 3
+_FINEST = 4 << _DEEPEST
+"""Parts of a cube's edge: also edges from the middle of a shortest one have their middle there."""
+
+_STACK = 3 * _DEEPEST + 9
 _MOST_ROUNDS = 4 * _DEEPEST
 
 _KEPT_OFF = 1e-3
@@ -343,7 +345,8 @@ def draw_level_sets(
     each edge cuts off more of the tetrahedron.
 
     Tetrahedra are halved by bisection (Maubach 1995), and with them those that share the edge, so
-    that no corner lies within a neighbour's side.
+    that no corner lies within a neighbour's side. What is left is divided where creases of the
+    field meet its edges, on which neighbours agree.
 
     Parameters
     ----------
@@ -356,41 +359,55 @@ def draw_level_sets(
     most_faces
         Beyond these none are divided; those farthest off come first.
     """
-    marks = _Marks(np.zeros(grid.active.shape, np.uint8), np.empty(0, np.int64), np.empty(0))
+    none = np.empty((0, 3))
+    places = np.empty(0, dtype=np.int64)
+    marks = _Marks(
+        np.zeros(grid.active.shape, np.uint8), places, none, none[:, 0], places.astype(np.uint8)
+    )
     if field is None or not np.isfinite(within_mm):
         one = _drawn(grid, levels, field, marks, 0)
         return LevelSets(lattice.rounded(one.points_mm), one.faces, one.level, one.cell)
     marks = _halved(grid, field, marks, _hidden(grid, levels), 1)
     rounds = [_drawn(grid, levels, field, marks, number) for number in (0, 1)]
-    fresh = rounds
+    fresh, tried = rounds, places
     while len(rounds) <= _MOST_ROUNDS:
         off_mm = np.concatenate([_distance_mm(field, one, levels) for one in fresh])
-        halving = np.concatenate([one.halving for one in fresh])
-        far = np.flatnonzero((off_mm > _SURE_OFF * within_mm) & (halving[:, 0] >= 0))
-        held = sum(int(one.held(marks, number).sum()) for number, one in enumerate(rounds))
+        leaf = np.concatenate([one.leaf for one in fresh])
+        far = np.flatnonzero((off_mm > _SURE_OFF * within_mm) & (leaf[:, 5] < 3 * _DEEPEST))
+        number = len(rounds)
+        held = sum(int(one.held(marks, n).sum()) for n, one in enumerate(rounds))
         worst = far[np.argsort(-off_mm[far], kind="stable")][: max(int(most_faces) - held, 0)]
-        if not len(worst):
+        few = marks.sharp.any() and len(far) < _LEFT_OFF * held
+        if not len(worst) or (few and number >= _USUAL_ROUNDS):
             break
+        marks, tried, mended = _creased(
+            grid, field, marks, leaf[:, _EDGES], worst, within_mm, tried, number
+        )
+        worst = worst[~mended[worst]]
         # Three halvings, which make the edges half as long, leave a quarter of what is off at best.
-        wanted = np.where((off_mm[worst] > 4.0 * within_mm)[:, None], halving[worst], -1)
-        wanted[:, 0] = halving[worst, 0]
-        marks = _halved(grid, field, marks, _rising(wanted[wanted >= 0]), len(rounds))
-        fresh = [_drawn(grid, levels, field, marks, len(rounds))]
+        halving = np.empty((len(worst), 7), dtype=np.int64)
+        _find_halving(leaf[worst], off_mm[worst] > 4.0 * within_mm, halving)
+        marks = _halved(grid, field, marks, _rising(halving[halving >= 0]), number)
+        fresh = [_drawn(grid, levels, field, marks, number)]
         rounds += fresh
     return _joined(rounds, marks, lattice)
 
 
 @dataclass(frozen=True, eq=False)
 class _Marks:
-    """Where tetrahedra are halved.
+    """Vertices of tetrahedra within cubes.
 
-    `divided` has the round in which each cube was divided last, `places` the numbers of the new
-    vertices, rising, as a grid of the finest cubes' halves counts them, and `values` the field.
+    `divided` has the round in which each cube was divided last, `places` the numbers of vertices,
+    rising, as a grid counts them in which all lie in the middle of the edge that they divide;
+    `points_mm` where they do lie, `values` the field there. Those that are `sharp` are at a crease:
+    they divide the tetrahedra around an edge that are left when all others have been halved.
     """
 
     divided: NDArray[np.uint8]
     places: NDArray[np.int64]
+    points_mm: FloatArray
     values: FloatArray
+    sharp: NDArray[np.uint8]
 
     def table(self) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
         """Return a table of the places for kernels to look into."""
@@ -399,13 +416,44 @@ class _Marks:
         _fill(self.places, keys, index)
         return keys, index
 
+    def more(
+        self, number: int, places: NDArray[np.int64], points_mm: FloatArray, values: FloatArray,
+        sharp: int,
+    ) -> "_Marks":  # fmt: skip
+        """Add vertices, or put them in the place of those there, and tell cubes that have them."""
+        found, first = np.unique(np.concatenate([places, self.places]), return_index=True)
+        kind = np.full(len(places), sharp, dtype=np.uint8)
+        shape = np.array(self.divided.shape)
+        index = _indices(self.divided, places)
+        for corner in range(8):
+            cube = (index - np.array([corner & 1, corner >> 1 & 1, corner >> 2])) // _FINEST
+            cube = cube[((cube >= 0) & (cube < shape)).all(axis=1)]
+            self.divided[tuple(cube.T)] = number
+        return _Marks(
+            self.divided,
+            found,
+            np.concatenate([points_mm, self.points_mm])[first],
+            np.concatenate([values, self.values])[first],
+            np.concatenate([kind, self.sharp])[first],
+        )
+
+    def seen(self, grid: FieldGrid, places: NDArray[np.int64]) -> tuple[FloatArray, FloatArray]:
+        """Return where vertices of tetrahedra lie, and the field there."""
+        index = _indices(self.divided, places)
+        points = np.asarray(grid.origin_mm + index * (grid.cells * grid.pitch_mm / _FINEST))
+        values = grid.values[tuple((index // _FINEST * grid.cells).T)]
+        new = (index % _FINEST != 0).any(axis=1)
+        at = np.searchsorted(self.places, places[new])
+        points[new], values[new] = self.points_mm[at], self.values[at]
+        return points, values
+
 
 @dataclass(frozen=True, eq=False)
 class _Drawn:
     """Level sets in some cubes; vertices with a key that is the same wherever they are met.
 
-    `halving` are the places that divide a face's tetrahedron, its two halves and their four, -1
-    where they are small enough; and `steepness` is the field's slope in it, per mm.
+    `leaf` is the tetrahedron that each face lies in, before creases divide it, as in `_root`; and
+    `steepness` is the field's slope there, per mm.
     """
 
     key: NDArray[np.int64]
@@ -413,7 +461,7 @@ class _Drawn:
     faces: NDArray[np.int32]
     level: NDArray[np.int32]
     cell: NDArray[np.int32]
-    halving: NDArray[np.int64]
+    leaf: NDArray[np.int64]
     steepness: FloatArray
 
     def held(self, marks: _Marks, number: int) -> BoolArray:
@@ -441,8 +489,9 @@ def _joined(rounds: list[_Drawn], marks: _Marks, lattice: Lattice) -> LevelSets:
     cell = np.concatenate([one.cell[kept] for one, kept in both])
     order = np.argsort(cell, kind="stable")
     level = np.concatenate([one.level[kept] for one, kept in both])[order]
-    key, place = np.unique(np.concatenate([one.key for one in rounds]), return_index=True)
-    points = np.concatenate([one.points_mm for one in rounds])[place]
+    # A vertex lies where it was drawn last: an end of its edge may have moved.
+    key, place = np.unique(np.concatenate([one.key for one in rounds[::-1]]), return_index=True)
+    points = np.concatenate([one.points_mm for one in rounds[::-1]])[place]
     at = np.searchsorted(key, np.concatenate([one.key[one.faces[kept]] for one, kept in both]))
     used, faces = compact(at[order].astype(np.int32), len(key))
     return LevelSets(lattice.rounded(points[used]), faces, level, cell[order])
@@ -455,52 +504,108 @@ def _drawn(
     given = (
         grid.values, grid.cells, grid.active, marks.divided, number, grid.pitch_mm, levels,
         TETRAHEDRA, _EVEN,
-        *marks.table(), marks.values,
+        *marks.table(), marks.sharp, marks.points_mm - grid.origin_mm, marks.values,
     )  # fmt: skip
     count = made = 0
     while True:  # first with room for nothing, to count
         bits = max(4, int(2 * count + 1).bit_length())
         keys, index = np.zeros(1 << bits, dtype=np.int64), np.empty(1 << bits, dtype=np.int32)
-        ends, values = np.empty((2 * count + 4, 2), dtype=np.int64), np.empty((2 * count + 4, 2))
+        ends = np.empty((2 * count + 4, 2), dtype=np.int64)
         faces, of_face = np.empty((2, count, 3), dtype=np.int32)
-        halving, steepness = np.empty((count, 7), dtype=np.int64), np.empty(count)
-        count, made = _march(
-            *given, keys, index, ends, values, faces, of_face, halving, steepness
-        )  # fmt: skip
+        leaf, steepness = np.empty((count, 7), dtype=np.int64), np.empty(count)
+        count, made = _march(*given, keys, index, ends, faces, of_face, leaf, steepness)
         if len(faces) == count:
             break
     held = np.flatnonzero(keys)
     key, of_vertex = np.empty(made, dtype=np.int64), np.empty(made, dtype=np.int32)
     key[index[held]] = keys[held]
     of_vertex[faces] = of_face[:, :1]
-    points = _met(grid, field, ends[:made], values[:made], levels[of_vertex])
+    points = _met(grid, field, marks, ends[:made], levels[of_vertex])
     level, cell = of_face[:, 0].copy(), of_face[:, 1].copy()
-    return _Drawn(key, points, faces, level, cell, halving, steepness)
+    return _Drawn(key, points, faces, level, cell, leaf, steepness)
 
 
 def _halved(
     grid: FieldGrid, field: Field, marks: _Marks, wanted: NDArray[np.int64], number: int
 ) -> _Marks:
     """Divide tetrahedra at places, and those that then have a corner within an edge."""
-    places, missing = marks.places, wanted
-    shape = np.array(grid.active.shape)
+    missing = wanted
     while len(missing):
-        places = _rising(np.concatenate([places, missing]))
-        index = np.stack(np.unravel_index(missing, tuple((shape * _FINEST + 1).tolist())), axis=-1)
-        for corner in range(8):
-            side = np.array([corner & 1, corner >> 1 & 1, corner >> 2])
-            cube = (index - side) // _FINEST
-            cube = cube[((cube >= 0) & (cube < shape)).all(axis=1)]
-            marks.divided[tuple(cube.T)] = number
-        keys, _ = _Marks(marks.divided, places, marks.values).table()
+        index = _indices(grid.active, missing)
+        points = np.asarray(grid.origin_mm + index * (grid.cells * grid.pitch_mm / _FINEST))
+        marks = marks.more(number, missing, points, _values_at(field, points), 0)
         room = np.empty(max(4 * len(missing), 1000), dtype=np.int64)
-        found = _hanging(grid.active, marks.divided, number, TETRAHEDRA, keys, room)
+        found = _hanging(
+            grid.active, marks.divided, number, TETRAHEDRA, *marks.table(), marks.sharp, room
+        )
         missing = _rising(room[:found])
-    values = np.empty(len(places))
-    fresh = np.isin(places, marks.places, assume_unique=True, invert=True)
-    values[~fresh] = marks.values
-    values[fresh] = _values_at(field, _places_mm(grid, places[fresh]))
-    return _Marks(marks.divided, places, values)
+    return marks
+
+
+_EDGES = np.array([[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]])
+
+_NEAR_END = 1.0 / 64.0
+"""Of an edge: over how much of it at each end its slope is taken, and how near to its end no crease
+divides it."""
+
+_SHARP = 0.8
+"""Of what two slopes foretell: how far a field bends at least where it has a crease. One that bends
+evenly comes to 0.5."""
+
+_LEFT_OFF, _USUAL_ROUNDS = 0.004, 9
+"""Where creases meet in a line no division ends. After as many rounds as elsewhere do, it is over
+when so few of the faces are off: of the area that is less than the hundredth that the check of
+interfaces leaves, since faces there are small."""
+
+
+def _creased(
+    grid: FieldGrid, field: Field, marks: _Marks, ends: NDArray[np.int64],
+    chosen: NDArray[np.int64], within_mm: float, tried: NDArray[np.int64], number: int,
+) -> tuple[_Marks, NDArray[np.int64], BoolArray]:  # fmt: skip
+    """Divide edges of tetrahedra, (n, 6, 2), at creases, from chosen ones on along them.
+
+    Also returned: the middles of all edges that were ever `tried`, and which tetrahedra have an
+    edge that is divided now.
+    """
+    middle = ends.sum(axis=2) // 2
+    waiting, mended = np.ones(len(ends), dtype=np.bool_), np.zeros(len(ends), dtype=np.bool_)
+    while len(chosen):
+        waiting[chosen] = False
+        places, first = np.unique(middle[chosen], return_index=True)
+        new = np.isin(places, tried, assume_unique=True, invert=True)
+        tried = _rising(np.concatenate([tried, places[new]]))
+        edges = ends[chosen].reshape(-1, 2)[first[new]]
+        sharp, points, values = _crease(grid, field, marks, edges, within_mm)
+        places = places[new][sharp]
+        marks = marks.more(number, places, points[sharp], values[sharp], 1)
+        mended |= np.isin(middle, places).any(axis=1)
+        chosen = np.flatnonzero(waiting & mended)
+    return marks, tried, mended
+
+
+def _crease(
+    grid: FieldGrid, field: Field, marks: _Marks, ends: NDArray[np.int64], within_mm: float
+) -> tuple[BoolArray, FloatArray, FloatArray]:
+    """Tell which edges meet a crease that matters, where, and the field there.
+
+    A crease is where the lines meet that an edge's ends begin with, if the field is there what
+    they foretell.
+    """
+    (start, low), (end, high) = (marks.seen(grid, ends[:, side]) for side in (0, 1))
+    way = end - start
+    rise = (_values_at(field, start + _NEAR_END * way) - low) / _NEAR_END
+    fall = (high - _values_at(field, end - _NEAR_END * way)) / _NEAR_END
+    with np.errstate(all="ignore"):
+        share = (high - low - fall) / (rise - fall)
+    inner = (share >= _NEAR_END) & (share <= 1.0 - _NEAR_END)
+    share = np.where(inner, share, 0.5)
+    points = start + share[:, None] * way
+    values = _values_at(field, points)
+    straight = low + share * (high - low)
+    bent, foretold = values - straight, low + share * rise - straight
+    steep = np.maximum(np.abs(rise), np.abs(fall)) / np.sqrt((way**2).sum(axis=1))
+    sharp = inner & (bent * np.sign(foretold) > _SHARP * np.abs(foretold))
+    return sharp & (np.abs(bent) > 2.0 * _SURE_OFF * within_mm * steep), points, values
 
 
 def _rising(places: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -509,11 +614,10 @@ def _rising(places: NDArray[np.int64]) -> NDArray[np.int64]:
     return np.asarray(ranked[np.append(True, ranked[1:] > ranked[:-1])[: len(ranked)]])
 
 
-def _places_mm(grid: FieldGrid, places: NDArray[np.int64]) -> FloatArray:
-    """Return where vertices of the finest grid lie."""
-    nx, ny, nz = (n * _FINEST + 1 for n in grid.active.shape)
-    index = np.stack(np.unravel_index(places, (nx, ny, nz)), axis=-1)
-    return np.asarray(grid.origin_mm + index * (grid.cells * grid.pitch_mm / _FINEST))
+def _indices(cubes: NDArray[np.uint8], places: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return coordinates of vertices, (n, 3), in parts of the cubes' edges."""
+    shape = tuple(n * _FINEST + 1 for n in cubes.shape)
+    return np.stack(np.unravel_index(places, shape), axis=-1)
 
 
 def _hidden(grid: FieldGrid, levels: FloatArray) -> NDArray[np.int64]:
@@ -542,16 +646,16 @@ _SURE = 0.05
 
 
 def _met(
-    grid: FieldGrid, field: Field | None, ends: NDArray[np.int64], values: FloatArray,
+    grid: FieldGrid, field: Field | None, marks: _Marks, ends: NDArray[np.int64],
     level: FloatArray,
 ) -> FloatArray:  # fmt: skip
     """Find where levels meet edges, by inverse quadratic interpolation within brackets."""
-    start, end = _places_mm(grid, ends[:, 0]), _places_mm(grid, ends[:, 1])
-    below, above = values[:, 0] - level, values[:, 1] - level
+    (start, first), (end, last) = (marks.seen(grid, ends[:, side]) for side in (0, 1))
+    below, above = first - level, last - level
     share = below / (below - above)
     if field is None:
         return np.asarray(start + share[:, None] * (end - start))
-    rising = values[:, 1] > values[:, 0]
+    rising = last > first
     left, low, high = np.arange(len(share)), np.zeros(len(share)), np.ones(len(share))
     for _ in range(_ROOT_STEPS):
         t, a, b, fa, fb = share[left], low[left], high[left], below[left], above[left]
@@ -625,30 +729,64 @@ def _halve(stack: Any, top: Any) -> Any:
     return top + 2
 
 
-@inner_kernel
-def _middles(tetrahedron: Any, parts: Any, middles: Any) -> None:
-    """Fill in what halves a tetrahedron, its halves, and theirs; -1 for too small ones."""
-    parts[0] = tetrahedron
-    for m in range(7):
-        deep = parts[m, 5] >= 3 * _DEEPEST
-        middles[m] = -1 if deep else (parts[m, 0] + parts[m, parts[m, 4]]) // 2
-        if m < 3:
-            parts[2 * m + 1] = parts[m]
-            _halve(parts, 2 * m + 1)
+@kernel
+def _find_halving(leaf: Any, thrice: Any, middles: Any) -> None:
+    """Fill in what halves tetrahedra, and where `thrice` their halves, and theirs; else -1."""
+    parts = np.empty((8, 7), dtype=np.int64)
+    for n in range(leaf.shape[0]):
+        parts[0] = leaf[n]
+        for m in range(7):
+            left_out = parts[m, 5] >= 3 * _DEEPEST or (m > 0 and not thrice[n])
+            middles[n, m] = -1 if left_out else (parts[m, 0] + parts[m, parts[m, 4]]) // 2
+            if m < 3:
+                parts[2 * m + 1] = parts[m]
+                _halve(parts, 2 * m + 1)
 
 
 @inner_kernel
-def _is_halved(stack: Any, top: Any, keys: Any) -> Any:
+def _divides(stack: Any, top: Any, a: Any, b: Any, keys: Any, index: Any, sharp: Any) -> Any:
+    """Tell what divides an edge of a tetrahedron: nothing (0), a halving (1), a crease (2)."""
+    slot = key_slot(keys, (stack[top, a] + stack[top, b]) // 2 + 1)
+    return 0 if keys[slot] == 0 else 1 + sharp[index[slot]]
+
+
+@inner_kernel
+def _is_halved(stack: Any, top: Any, keys: Any, index: Any, sharp: Any) -> Any:
     """Tell whether a tetrahedron has another's corner within one of its edges."""
     for a in range(3):
         for b in range(a + 1, 4):
-            if keys[key_slot(keys, (stack[top, a] + stack[top, b]) // 2 + 1)] != 0:
+            if _divides(stack, top, a, b, keys, index, sharp) == 1:
                 return True
     return False
 
 
+@inner_kernel
+def _divide_at_crease(stack: Any, top: Any, keys: Any, index: Any, sharp: Any) -> Any:
+    """Divide a tetrahedron at a crease, if any meets an edge; return how many there are then.
+
+    Of several creases the one with the largest number comes first, so that what is on both sides
+    of a triangle divides it alike.
+    """
+    middle, first, last = -1, 0, 0
+    for a in range(3):
+        for b in range(a + 1, 4):
+            place = (stack[top, a] + stack[top, b]) // 2
+            if place > middle and _divides(stack, top, a, b, keys, index, sharp) == 2:
+                middle, first, last = place, a, b
+    if middle < 0:
+        return top
+    for c in range(7):
+        stack[top + 1, c] = stack[top, c]
+    stack[top, first] = stack[top + 1, last] = middle
+    stack[top, 4] = stack[top + 1, 4] = 0
+    return top + 2
+
+
 @kernel
-def _hanging(active: Any, divided: Any, number: Any, corners: Any, keys: Any, missing: Any) -> Any:
+def _hanging(
+    active: Any, divided: Any, number: Any, corners: Any, keys: Any, index: Any, sharp: Any,
+    missing: Any,
+) -> Any:  # fmt: skip
     """List the places at which tetrahedra have to be halved as well; return how many."""
     found = 0
     stack = np.empty((_STACK, 7), dtype=np.int64)
@@ -662,10 +800,11 @@ def _hanging(active: Any, divided: Any, number: Any, corners: Any, keys: Any, mi
                     left = 1
                     while left > 0:
                         left -= 1
-                        if not _is_halved(stack, left, keys):
+                        if not _is_halved(stack, left, keys, index, sharp):
                             continue
-                        middle = (stack[left, 0] + stack[left, stack[left, 4]]) // 2
-                        if keys[key_slot(keys, middle + 1)] == 0:
+                        last = stack[left, 4]
+                        middle = (stack[left, 0] + stack[left, last]) // 2
+                        if _divides(stack, left, 0, last, keys, index, sharp) != 1:
                             if found == missing.size:
                                 return found
                             missing[found] = middle
@@ -675,27 +814,21 @@ def _hanging(active: Any, divided: Any, number: Any, corners: Any, keys: Any, mi
 
 
 @inner_kernel
-def _index(place: Any, values: Any, step: Any) -> Any:
-    """Coordinates of a vertex of the finest grid."""
-    ny, nz = (values.shape[1] - 1) * step + 1, (values.shape[2] - 1) * step + 1
-    return place // (ny * nz), place // nz % ny, place % nz
-
-
-@inner_kernel
-def _known(place: Any, values: Any, step: Any) -> Any:
-    """Return the field at a vertex, where it was evaluated on the grid; else NaN."""
-    x, y, z = _index(place, values, step)
-    if x % step == 0 and y % step == 0 and z % step == 0:
-        return values[x // step, y // step, z // step]
-    return np.nan
-
-
-@inner_kernel
-def _corner(place: Any, values: Any, step: Any, pitch: Any, at: Any) -> None:
-    """Fill in where a vertex of the finest grid lies, in mm from the corner."""
-    at[0], at[1], at[2] = _index(place, values, step)
+def _seen(
+    place: Any, shape: Any, values: Any, cells: Any, pitch: Any, marks: Any, mark_index: Any,
+    mark_points: Any, mark_values: Any, at: Any,
+) -> Any:  # fmt: skip
+    """Fill in where a vertex lies, in mm from the grid's corner, and return the field there."""
+    ny, nz = shape[1] * _FINEST + 1, shape[2] * _FINEST + 1
+    x, y, z = place // (ny * nz), place // nz % ny, place % nz
+    if x % _FINEST == 0 and y % _FINEST == 0 and z % _FINEST == 0:
+        x, y, z = x // _FINEST * cells, y // _FINEST * cells, z // _FINEST * cells
+        at[0], at[1], at[2] = x * pitch, y * pitch, z * pitch
+        return values[x, y, z]
+    n = mark_index[key_slot(marks, place + 1)]
     for d in range(3):
-        at[d] *= pitch / step
+        at[d] = mark_points[n, d]
+    return mark_values[n]
 
 
 @inner_kernel
@@ -748,15 +881,15 @@ def _passed(levels: Any, low: Any, high: Any) -> Any:
 @kernel
 def _march(
     values: Any, cells: Any, active: Any, divided: Any, number: Any, pitch: Any, levels: Any,
-    corners: Any, even: Any, marks: Any, mark_index: Any, mark_values: Any, keys: Any,
-    index: Any, ends: Any, end_values: Any, faces: Any, of_face: Any, halving: Any, steepness: Any,
+    corners: Any, even: Any, marks: Any, mark_index: Any, sharp: Any,
+    mark_points: Any, mark_values: Any, keys: Any, index: Any, ends: Any, faces: Any, of_face: Any,
+    leaf: Any, steepness: Any,
 ) -> Any:  # fmt: skip
     # With room for no faces: counts them. Otherwise fills.
     nx, ny, nz = active.shape
-    count, made, drawing, step = 0, 0, faces.shape[0] > 0, _FINEST // cells
+    count, made, drawing = 0, 0, faces.shape[0] > 0
     v, at, met = np.empty(4), np.empty((4, 3)), np.empty((4, 3))
-    vertex, middles = np.empty(4, dtype=np.int32), np.empty(7, dtype=np.int64)
-    parts = np.empty((8, 7), dtype=np.int64)
+    vertex, whole = np.empty(4, dtype=np.int32), np.empty(7, dtype=np.int64)
     stack = np.empty((_STACK, 7), dtype=np.int64)
     for cube in range(nx * ny * nz):
         i, j, k = cube // (ny * nz), cube // nz % ny, cube % nz
@@ -775,14 +908,24 @@ def _march(
             left = 1
             while left > 0:
                 left -= 1
-                if number > 0 and _is_halved(stack, left, marks):
-                    left = _halve(stack, left)
-                    continue
+                if number > 0:
+                    if stack[left, 4] > 0:
+                        if _is_halved(stack, left, marks, mark_index, sharp):
+                            left = _halve(stack, left)
+                            continue
+                        whole[:] = stack[left]
+                    more = _divide_at_crease(stack, left, marks, mark_index, sharp)
+                    if more > left:
+                        left = more
+                        continue
+                else:
+                    whole[:] = stack[left]
                 low, high = np.inf, -np.inf
                 for c in range(4):
-                    v[c] = _known(stack[left, c], values, step)
-                    if v[c] != v[c]:
-                        v[c] = mark_values[mark_index[key_slot(marks, stack[left, c] + 1)]]
+                    v[c] = _seen(
+                        stack[left, c], active.shape, values, cells, pitch, marks, mark_index,
+                        mark_points, mark_values, at[c],
+                    )  # fmt: skip
                     low, high = min(low, v[c]), max(high, v[c])
                 first = np.searchsorted(levels, low, side="right")
                 slope, across = -1.0, -1
@@ -799,10 +942,7 @@ def _march(
                         count += 2 if some == 2 else 1
                         continue
                     if slope < 0.0:
-                        for c in range(4):
-                            _corner(stack[left, c], values, step, pitch, at[c])
                         slope = _slope(at, v)
-                        _middles(stack[left], parts, middles)
                     p, q, r, s = even[below, 0], even[below, 1], even[below, 2], even[below, 3]
                     sides = 3
                     if some == 2:
@@ -819,7 +959,6 @@ def _march(
                         if keys[slot] == 0:
                             keys[slot], index[slot] = key, made
                             ends[made, 0], ends[made, 1] = stack[left, a], stack[left, b]
-                            end_values[made, 0], end_values[made, 1] = v[a], v[b]
                             made += 1
                         vertex[e] = index[slot]
                         share = (level - v[a]) / (v[b] - v[a])
@@ -837,7 +976,8 @@ def _march(
                         faces[count, 0], faces[count, 1], faces[count, 2] = vertex[begin], y, z
                         of_face[count, 0], of_face[count, 1] = n, cube
                         for c in range(7):
-                            halving[count, c] = middles[c]
+                            leaf[count, c] = whole[c]
+                        leaf[count, 6] = 1 if stack[left, 4] == 0 else 0
                         steepness[count] = slope
                         count += 1
     return count, made

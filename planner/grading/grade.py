@@ -40,7 +40,7 @@ from planner.grading.dither import (
     fraction_checks,
 )
 from planner.grading.howto import with_howto
-from planner.grading.printability import CutPart, print_checks
+from planner.grading.printability import WITHIN_MM, CutPart, print_checks
 from planner.grading.profile import (
     Band,
     Profile,
@@ -241,7 +241,7 @@ def _blend_choice(text: object) -> BlendChoice:
 _MOST_BANDS = 10_000
 
 
-_Held = tuple[dict[str, Check], tuple[Finding, ...]]
+_Held = tuple[dict[str, Check], tuple[Finding, ...], list[str]]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -354,9 +354,9 @@ class CellDesign:
                 f"be there, and stretches of the gradient may have none; {cure}"
             )
             findings = (Finding(kind="cell", message=message, size_mm=cell_mm), *findings)
-        walls, thin = print_checks(part, machine)
+        walls, thin, cautions = print_checks(part, machine)
         checks = {**checks, **walls, "cell_mm": Check(cell_mm, least_mm, fine)}
-        return checks, (*findings, *thin)
+        return checks, (*findings, *thin), cautions
 
 
 def _design_pieces(
@@ -422,9 +422,6 @@ def _dithered(
 
 
 _Progress = Callable[[str], None]
-
-_WITHIN_MM = 0.02
-"""How near interfaces of curved fields are to lie to their level sets: half a printed pixel."""
 
 
 def grade(
@@ -582,14 +579,14 @@ def grade(
             )
             design = replace(design, bands=bands_now)
         _check_thickness(along, design.bands, machine, source.warnings)
-    within_mm = _WITHIN_MM if wish.pitch_mm is None else math.inf
+    within_mm = WITHIN_MM if wish.pitch_mm is None else math.inf
     pieces = design.cut(mesh, along, pitch_mm, within_mm)
     shells = shells_of(pieces, design.printed, scale, machine, source.name)
     regions = design.regions(pieces, shells, scale)
 
     progress("looking for what will not print")
     cut = CutPart(mesh, along, pieces, pitch_mm, within_mm, as_point(translation), np.empty(0))
-    printing, findings = design.held(cut, shells, scale, machine)
+    printing, findings, cautions = design.held(cut, shells, scale, machine)
     known = _remarks(scale, regions)
     others = alternatives(
         regions, target, scale, equal_bands=wish.bands is not None,
@@ -629,7 +626,7 @@ def grade(
         regions=regions,
         checks={"worst_stiffness_error": stiffness, **printing},
         findings=(*off, *findings),
-        warnings=(*map(Caution, (*source.warnings, *followed, *unsure)), *known),
+        warnings=(*map(Caution, (*source.warnings, *followed, *unsure, *cautions)), *known),
         unreachable=_unreachable(target, scale),
         shells=shells,
     )

@@ -26,7 +26,7 @@ from planner.voxels.thin_places import (
     thinnest_first,
 )
 
-__all__ = ["CutPart", "print_checks"]
+__all__ = ["WITHIN_MM", "CutPart", "print_checks"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -162,17 +162,35 @@ def _more(unlisted: int, what: str) -> str:
 # How far the interfaces of a curved field lie from its true level sets.
 
 
+WITHIN_MM = 0.02
+"""How near interfaces of curved fields are to lie to their level sets: half a printed pixel."""
+
 _INTERFACE_SAMPLES = 5_000
 _KEPT, _KEPT_AT_A_PITCH = 0.99, 0.9  # of the area
 _REACH_MM = 0.01  # for the field's slope
 
 
-def _interfaces(part: CutPart, findings: list[Finding]) -> dict[str, Check]:
-    """Hold interfaces against the level sets that they stand for."""
-    error_mm, limit_mm = _interface_error_mm(part, _KEPT), part.within_mm
-    if error_mm > limit_mm or not math.isfinite(limit_mm):
+def _interfaces(part: CutPart, findings: list[Finding]) -> tuple[dict[str, Check], list[str]]:
+    """Hold interfaces against the level sets that they stand for; also return what to know."""
+    distance_mm, share = _interface_distances_mm(part)
+
+    def kept_mm(of_area: float) -> float:
+        return float(distance_mm[min(int(np.searchsorted(share, of_area)), len(share) - 1)])
+
+    error_mm, limit_mm, cautions = kept_mm(_KEPT), part.within_mm, []
+    if error_mm > WITHIN_MM:
+        near = float(share[np.searchsorted(distance_mm, WITHIN_MM, side="right") - 1])
+        why = "they are cut off at creases of the field, or it bends more than triangles can follow"
+        if math.isinf(limit_mm):
+            why = "without --pitch they are divided where the field bends"
+        cautions.append(
+            f"interfaces lie within {1e3 * WITHIN_MM:g} um of the field over "
+            f"{math.floor(100.0 * near)} % of their area, and {1e3 * error_mm:.2g} um or more off "
+            f"over the last per cent: {why}"
+        )
+    if error_mm > limit_mm or math.isinf(limit_mm):
         # Creases of a field are cut off within a pitch, however small: the rule of a stated one.
-        error_mm, limit_mm = _interface_error_mm(part, _KEPT_AT_A_PITCH), part.pitch_mm / 2
+        error_mm, limit_mm = kept_mm(_KEPT_AT_A_PITCH), part.pitch_mm / 2
     ok = error_mm <= limit_mm
     if not ok:
         message = (
@@ -181,19 +199,19 @@ def _interfaces(part: CutPart, findings: list[Finding]) -> dict[str, Check]:
             f"{part.pitch_mm:g} mm; take a finer --pitch"
         )
         findings.append(Finding(kind="pitch", message=message, size_mm=error_mm))
-    return {"interface_error_um": Check(1e3 * error_mm, 1e3 * limit_mm, ok)}
+    return {"interface_error_um": Check(1e3 * error_mm, 1e3 * limit_mm, ok)}, cautions
 
 
-def _interface_error_mm(part: CutPart, share: float) -> float:
-    """Measure the distance from their level sets that a share of the interfaces' area keeps.
+def _interface_distances_mm(part: CutPart) -> tuple[FloatArray, FloatArray]:
+    """Measure how far interfaces lie from their level sets, and what share of the area is nearer.
 
     At the centres and corners of up to 5000 triangles, by the field's slope along their normals;
-    a pitch at most.
+    a pitch at most. Rising.
     """
     pieces, field = part.pieces, part.field
     count = len(pieces.cap_faces)
     if count == 0:
-        return 0.0
+        return np.zeros(1), np.ones(1)
     chosen = np.arange(0, count, max(1, -(-count // _INTERFACE_SAMPLES)))
     corners = pieces.vertices[pieces.cap_faces[chosen]].astype(np.float64)
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -209,8 +227,7 @@ def _interface_error_mm(part: CutPart, share: float) -> float:
         distance = np.where(off > 0.0, _REACH_MM * off / rise, 0.0)
     order = np.argsort(distance, kind="stable")
     area = np.cumsum(length[order])
-    last = min(int(np.searchsorted(area, share * area[-1])), len(order) - 1)
-    return float(min(distance[order[last]], part.pitch_mm))
+    return np.minimum(distance[order], part.pitch_mm), area / area[-1]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -322,7 +339,9 @@ _PASSED = 3.0  # limits that the tapering edge of a layer may be wide
 _TRIED = 9  # points of a band that balls are put into
 
 
-def print_checks(part: CutPart, machine: Printer) -> tuple[dict[str, Check], tuple[Finding, ...]]:
+def print_checks(
+    part: CutPart, machine: Printer
+) -> tuple[dict[str, Check], tuple[Finding, ...], list[str]]:
     """Hold a part against the printer: tray, walls, layers, bits, gaps, native voxels.
 
     Returns
@@ -346,6 +365,8 @@ def print_checks(part: CutPart, machine: Printer) -> tuple[dict[str, Check], tup
     findings : tuple of Finding
         With place, size, limit and what to change, the tray first; three of a kind and a material
         at most. Messages have places in the coordinates of the part's own file.
+    cautions : list of str
+        How far interfaces lie from a curved field, where that is beyond 20 um.
     """
     extent_mm = np.ptp(part.mesh.bounds_mm, axis=0)
     excess_mm = float((extent_mm - np.array(machine.tray_mm)).max())
@@ -354,7 +375,7 @@ def print_checks(part: CutPart, machine: Printer) -> tuple[dict[str, Check], tup
     if excess_mm > max(machine.tray_mm):
         message = "walls and voxels were not checked: the part is far over the tray of "
         findings.append(Finding("unchecked", f"{message}{machine.title}; check its unit"))
-        return checks, tuple(findings)
+        return checks, tuple(findings), []
     wall_mm, feature_mm = machine.minimum_wall_mm, machine.minimum_feature_mm
     around_mm = float(extent_mm.max()) + space_around_mm(feature_mm)
     if around_mm <= longest_checked_mm(min(wall_mm, feature_mm)):
@@ -363,9 +384,12 @@ def print_checks(part: CutPart, machine: Printer) -> tuple[dict[str, Check], tup
         message = "walls, bands and gaps were not checked: the part is too long for so small a"
         what = f"feature as {feature_mm:g}" if feature_mm <= wall_mm else f"wall as {wall_mm:g}"
         findings.append(Finding("unchecked", f"{message} {what} mm"))
+    cautions: list[str] = []
     if not isinstance(part.field, PlanarField) and len(part.levels):
-        checks |= _interfaces(part, findings)
-    return checks | {"voxel_volume_error": _voxel_check(part, machine)}, tuple(findings)
+        interfaces, cautions = _interfaces(part, findings)
+        checks |= interfaces
+    checks["voxel_volume_error"] = _voxel_check(part, machine)
+    return checks, tuple(findings), cautions
 
 
 def _too_large(extent_mm: FloatArray, machine: Printer) -> Finding:

@@ -1,13 +1,18 @@
 """Interfaces of curved fields lie within 20 um of their level sets, vertices and faces."""
 
+import json
+from pathlib import Path
+
 import numpy as np
 import pytest
 from manifold3d import Manifold
 
+import planner
 from benchmarks.audit import audit
 from planner.cutting.pieces import Pieces, split
 from planner.fields.basic import FunctionField
 from planner.fields.solved import between_cells
+from planner.formats.mesh_file import decode_stl
 from planner.mesh.mesh import Mesh, interfaces_cancel, join_shells
 from planner.mesh.part import place
 from planner.voxels.columns import Grid
@@ -118,3 +123,104 @@ def test_levels_close_together_do_not_cross() -> None:
     wanted = 4.0 * np.pi * (16.0 * 0.3) ** 2 * 16.0 * np.diff(levels[:3])
     # Bands of 3 and 5 um; each level may move by a thousandth of an edge, 0.5 mm long there.
     np.testing.assert_allclose(volume[1:3], wanted, rtol=0.15)
+
+
+def corner(mesh: Mesh):
+    """Distances from three walls, whose creases meet along a line and in a point."""
+    low = mesh.bounds_mm[0]
+    return lambda p: (p - low).min(axis=1) / 12.0
+
+
+@pytest.mark.parametrize("make", [ridge, corner])
+def test_creases_take_few_triangles(make) -> None:
+    """Edges are divided where they meet a crease, and little else is."""
+    field, levels = FunctionField("function", make(BOX)), np.array([0.15, 0.3, 0.45])
+    plain = split(BOX, field, levels, pitch_mm=2.0)
+    pieces = split(BOX, field, levels, pitch_mm=0.5, within_mm=WITHIN_MM)
+    assert len(pieces.cap_faces) < 12 * len(plain.cap_faces)
+    ends, middles = off_mm(pieces, field, levels)
+    assert np.quantile(ends, 0.99) < WITHIN_MM
+    assert np.quantile(middles, 0.99) < WITHIN_MM
+    soups = [pieces.vertices[pieces.shell_faces([i])] for i in range(pieces.count)]
+    assert all(audit(soup).sound for soup in soups)
+    assert interfaces_cancel(join_shells(soups), BOX).ok
+
+
+def shells_of(folder: Path) -> list[np.ndarray]:
+    document = json.loads((folder / "plan.json").read_text())
+    files = dict.fromkeys(region["file"] for region in document["regions"])
+    return [decode_stl((folder / file).read_bytes(), file) for file in files]
+
+
+def shared(soups: list[np.ndarray]) -> np.ndarray:
+    """Triangles that two shells have, as one of them has them."""
+    seen: dict[bytes, np.ndarray] = {}
+    found = []
+    for triangle in np.concatenate(soups):
+        key = triangle[np.lexsort(triangle.T)].tobytes()
+        if key in seen:
+            found.append(triangle)
+        seen[key] = triangle
+    return np.array(found, dtype=float)
+
+
+def radial(points: np.ndarray) -> np.ndarray:
+    return np.sqrt(((points - [20.0, 30.0, 10.0]) ** 2).sum(axis=-1)) / 50.0
+
+
+def wall(points: np.ndarray) -> np.ndarray:
+    """Depth below the surface of a block of 24 x 16 x 12 mm, where it is inside."""
+    return np.minimum(points, [24.0, 16.0, 12.0] - points).min(axis=-1) / 6.0
+
+
+def wavy(points: np.ndarray) -> np.ndarray:
+    return 0.1 + points[..., 2] / 16.0 + 0.08 * np.sin(points[..., 0] / 3.0)
+
+
+SAID = {
+    "radial": ("radial: point=20 30 10, from=0, to=50", radial, 1.0 / 50.0, None),
+    "distance": ("distance: surface, to=6", wall, 1.0 / 6.0, None),
+    "expression": ("expression: 0.1 + z/16 + 0.08*sin(x/3)", wavy, None, None),
+    "a coarse pitch": ("radial: point=20 30 10, from=0, to=50", radial, 1.0 / 50.0, 4.0),
+}
+
+
+@pytest.mark.parametrize(("text", "field", "slope", "pitch_mm"), SAID.values(), ids=SAID)
+def test_a_plan_says_what_its_files_show(tmp_path, text, field, slope, pitch_mm) -> None:
+    """Measured again from the bytes of the shells, by formulas of this file."""
+    mesh = Manifold.cube([24.0, 16.0, 12.0]).to_mesh()
+    block = np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts)
+    plan = planner.grade(
+        block, from_="Tango", to="Vero", field=text, bands=4, pitch_mm=pitch_mm, tolerance=1000
+    )
+    check, folder = plan.checks["interface_error_um"], plan.write(tmp_path / "out")
+    triangles = shared(shells_of(folder)) - np.array(plan.part.translation_mm)
+    places = np.concatenate([triangles, triangles.mean(axis=1, keepdims=True)], axis=1)
+    if slope is None:
+        x = triangles.mean(axis=1)[:, 0]
+        slope = np.sqrt(1.0 / 16.0**2 + (0.08 / 3.0 * np.cos(x / 3.0)) ** 2)
+    levels = np.array([0.25, 0.5, 0.75])
+    nearest = levels[np.abs(field(places)[:, 3:] - levels).argmin(axis=1)]
+    off = 1e3 * np.abs(field(places) - nearest[:, None]).max(axis=1) / slope
+    area = np.linalg.norm(
+        np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]), axis=1
+    )
+    order = np.argsort(off)
+    share = np.cumsum(area[order]) / area.sum()
+    kept = [off[order[np.searchsorted(share, s)]] for s in (0.9, 0.99)]
+    if pitch_mm is None:
+        assert check.ok
+        assert check.limit == 20.0
+        assert kept[1] <= 20.0
+        assert check.value == pytest.approx(kept[1], rel=0.1, abs=0.3)
+        assert not any("interfaces" in said for said in plan.warnings)
+    else:
+        assert check.limit == 1e3 * pitch_mm / 2.0
+        assert check.value == pytest.approx(kept[0], rel=0.1)
+        assert kept[1] > 20.0
+        (told,) = [said for said in plan.warnings if "interfaces" in said]
+        within = 100.0 * share[np.searchsorted(off[order], 20.0) - 1]
+        assert f"over {within:.0f} %" in told or f"over {np.floor(within):.0f} %" in told
+        assert "without --pitch" in told
+    written = json.loads((folder / "plan.json").read_text())["checks"]["interface_error_um"]
+    assert written["value"] == pytest.approx(check.value)
