@@ -179,13 +179,14 @@ def _interfaces(part: CutPart, findings: list[Finding]) -> tuple[dict[str, Check
 
     error_mm, limit_mm, cautions = kept_mm(_KEPT), part.within_mm, []
     if error_mm > WITHIN_MM:
-        near = float(share[np.searchsorted(distance_mm, WITHIN_MM, side="right") - 1])
+        nearer = np.searchsorted(distance_mm, WITHIN_MM, side="right")
+        near = float(share[nearer - 1]) if nearer else 0.0
         why = "they are cut off at creases of the field, or it bends more than triangles can follow"
         if math.isinf(limit_mm):
             why = "without --pitch they are divided where the field bends"
         cautions.append(
             f"interfaces lie within {1e3 * WITHIN_MM:g} um of the field over "
-            f"{math.floor(100.0 * near)} % of their area, and {1e3 * error_mm:.2g} um or more off "
+            f"{math.floor(100.0 * near)} % of their area, and {1e3 * error_mm:.0f} um or more off "
             f"over the last per cent: {why}"
         )
     if error_mm > limit_mm or math.isinf(limit_mm):
@@ -194,8 +195,8 @@ def _interfaces(part: CutPart, findings: list[Finding]) -> tuple[dict[str, Check
     ok = error_mm <= limit_mm
     if not ok:
         message = (
-            f"interfaces lie {1e3 * error_mm:.2g} um or more from where the field has them, over "
-            f"{1e3 * limit_mm:.3g} um: the field bends or has creases within a pitch of "
+            f"interfaces lie {1e3 * error_mm:.0f} um or more from where the field has them, over "
+            f"{1e3 * limit_mm:.0f} um: the field bends or has creases within a pitch of "
             f"{part.pitch_mm:g} mm; take a finer --pitch"
         )
         findings.append(Finding(kind="pitch", message=message, size_mm=error_mm))

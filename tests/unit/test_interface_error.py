@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from planner.cutting.pieces import Pieces, split
 from planner.fields.basic import FunctionField
 from planner.fields.solved import between_cells
 from planner.formats.mesh_file import decode_stl
+from planner.grading import printability
 from planner.mesh.mesh import Mesh, interfaces_cancel, join_shells
 from planner.mesh.part import place
 from planner.voxels.columns import Grid
@@ -224,3 +226,11 @@ def test_a_plan_says_what_its_files_show(tmp_path, text, field, slope, pitch_mm)
         assert "without --pitch" in told
     written = json.loads((folder / "plan.json").read_text())["checks"]["interface_error_um"]
     assert written["value"] == pytest.approx(check.value)
+
+
+def test_none_within_20_um_is_told_as_0_per_cent(monkeypatch: pytest.MonkeyPatch) -> None:
+    far = np.array([0.4, 0.52]), np.array([0.6, 1.0])
+    monkeypatch.setattr(printability, "_interface_distances_mm", lambda part: far)
+    part = SimpleNamespace(within_mm=np.inf, pitch_mm=4.0)
+    _, (told,) = printability._interfaces(part, [])
+    assert "over 0 % of their area, and 520 um or more off" in told
