@@ -422,7 +422,6 @@ class _Marks:
     ) -> "_Marks":  # fmt: skip
         """Add vertices, or put them in the place of those there, and tell cubes that have them."""
         found, first = np.unique(np.concatenate([places, self.places]), return_index=True)
-        kind = np.full(len(places), sharp, dtype=np.uint8)
         shape = np.array(self.divided.shape)
         index = _indices(self.divided, places)
         for corner in range(8):
@@ -434,13 +433,13 @@ class _Marks:
             found,
             np.concatenate([points_mm, self.points_mm])[first],
             np.concatenate([values, self.values])[first],
-            np.concatenate([kind, self.sharp])[first],
+            np.concatenate([np.full(len(places), sharp, dtype=np.uint8), self.sharp])[first],
         )
 
     def seen(self, grid: FieldGrid, places: NDArray[np.int64]) -> tuple[FloatArray, FloatArray]:
         """Return where vertices of tetrahedra lie, and the field there."""
         index = _indices(self.divided, places)
-        points = np.asarray(grid.origin_mm + index * (grid.cells * grid.pitch_mm / _FINEST))
+        points = _even_mm(grid, index)
         values = grid.values[tuple((index // _FINEST * grid.cells).T)]
         new = (index % _FINEST != 0).any(axis=1)
         at = np.searchsorted(self.places, places[new])
@@ -531,8 +530,7 @@ def _halved(
     """Divide tetrahedra at places, and those that then have a corner within an edge."""
     missing = wanted
     while len(missing):
-        index = _indices(grid.active, missing)
-        points = np.asarray(grid.origin_mm + index * (grid.cells * grid.pitch_mm / _FINEST))
+        points = _even_mm(grid, _indices(grid.active, missing))
         marks = marks.more(number, missing, points, _values_at(field, points), 0)
         room = np.empty(max(4 * len(missing), 1000), dtype=np.int64)
         found = _hanging(
@@ -618,6 +616,11 @@ def _indices(cubes: NDArray[np.uint8], places: NDArray[np.int64]) -> NDArray[np.
     """Return coordinates of vertices, (n, 3), in parts of the cubes' edges."""
     shape = tuple(n * _FINEST + 1 for n in cubes.shape)
     return np.stack(np.unravel_index(places, shape), axis=-1)
+
+
+def _even_mm(grid: FieldGrid, index: NDArray[np.int64]) -> FloatArray:
+    """Return where vertices lie that are in the middle of their edges; see `_indices`."""
+    return np.asarray(grid.origin_mm + index * (grid.cells * grid.pitch_mm / _FINEST))
 
 
 def _hidden(grid: FieldGrid, levels: FloatArray) -> NDArray[np.int64]:
@@ -977,7 +980,6 @@ def _march(
                         of_face[count, 0], of_face[count, 1] = n, cube
                         for c in range(7):
                             leaf[count, c] = whole[c]
-                        leaf[count, 6] = 1 if stack[left, 4] == 0 else 0
                         steepness[count] = slope
                         count += 1
     return count, made

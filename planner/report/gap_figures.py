@@ -461,10 +461,10 @@ def _curves_figure(traces: Traces) -> bytes:
     title = "The tests with the largest gap" if len(errors) > len(shown) else "Every test"
     panels = [partial(_curves_panel, traces, test) for test in shown]
     parts, width, height = svg.in_rows(panels, 3, (62.0, _TOP), (292.0, 256.0))
-    dot, word = svg.disc(26.0, 48.0, colour=svg.INK, radius=2.5), "measured"
-    key = [dot, svg.text(36.0, 52.0, word, colour=_QUIET), *_key(_BEFORE, 112.0)]
+    dot = svg.disc(26.0, 48.0, colour=svg.INK, radius=2.5)
+    key = [dot, svg.text(36.0, 52.0, "measured", colour=_QUIET), *_key(_BEFORE, 112.0)]
     key += _key(_AFTER, 244.0) if np.isfinite(traces.after_N).any() else ()
-    size, heading = (max(width + 20.0, 470.0), height + 4.0), f"{title}: predicted and {word}"
+    size, heading = (max(width + 20.0, 470.0), height + 4.0), f"{title}: predicted and measured"
     return svg.picture(*size, [*key, *parts], title=title, heading=heading)
 
 

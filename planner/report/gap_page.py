@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from html import escape
 from pathlib import Path
 from string import ascii_lowercase
-from typing import Any
 
 from planner import __version__
 from planner.errors import listed
@@ -235,14 +234,11 @@ def headline(diagnosis: Diagnosis) -> str:
     return f"Verdict: {verdict} (probability {probability(best_of(diagnosis).probability)}){more}"
 
 
-def _sections(
-    diagnosis: Diagnosis, *, whole: bool = False
-) -> Iterator[tuple[str, tuple[_Part, ...]]]:
+def _sections(d: Diagnosis, *, whole: bool = False) -> Iterator[tuple[str, tuple[_Part, ...]]]:
     """Yield the verdict section by section, heading and parts, those with nothing to say left out.
 
     A page has it whole: with tables of all that was weighed, and every row of them.
     """
-    d = diagnosis
     ranking, places, levels = _tables(d) if whole else ((), (), ())
     clear = whole or d.verdict == "none"
     seen = tuple(_detectable_words(d.detectable, None if whole else _SEEN)) if clear else ()
@@ -622,10 +618,12 @@ def diagnosis_files(diagnosis: Diagnosis) -> dict[str, bytes]:
     """Return the content of each file by its path; the same diagnosis gives the same bytes."""
     figures, palette = figures_of(diagnosis), diagnosis.own_palette
     title, body = f"{diagnosis.campaign}: {diagnosis.verdict}", _body(diagnosis, figures)
-    own: dict[str, Any] = {"styles": ["report.css"], "scripts": ["figure.js"], "view": False}
+    page = encode_page(
+        title, body, styles=["report.css"], scripts=["figure.js"], view=False, kind="report"
+    )
     return {
         "diagnosis.json": diagnosis.json(),
-        "report.html": encode_page(title, body, kind="report", **own),
+        "report.html": page,
         **_csv_files(diagnosis),
         **({PALETTE_FILE: encode_palette(palette)} if palette is not None else {}),
         **{f"figures/{name}.svg": svg for name, svg in figures.items()},

@@ -422,7 +422,8 @@ def _add_subset(one: Settled, worlds: Sequence[World], result: Weighed) -> None:
         return
     for world in worlds:
         found = _of_some(world, result.logs, one)
-        if found.members is None or found.log_evidence == -np.inf:
+        assert found.members is not None
+        if found.log_evidence == -np.inf:
             continue
         axis = None
         if not _in_another_unit(found):
@@ -587,16 +588,16 @@ def _settled(worlds: Sequence[World], logs: _LogPriors) -> list[Settled]:
     chosen += [c for c in ranked if c.branches[0].form.details and c not in chosen]
     chosen += [c for c in ranked if c not in chosen][: max(_SINGLES - len(chosen), 0)]
     settled = [settle(worlds, c, world) for c in chosen]
+    most = _most_effects(world.problem)
     best: dict[Effects, Settled] = {}
     for one in sorted(settled, key=lambda one: -odds(one)):
         best.setdefault(one.candidate.effects, one)
     pairs = {
         c.effects: c
-        for one in reversed(list(best.values())[:_BESIDE])
+        for one in reversed(list(best.values())[: _BESIDE if most > 1 else 0])
         for c in _partners(one, logs)[:_PARTNERS]
     }
-    most = _most_effects(world.problem)
-    both = [settle(worlds, c, world) for c in pairs.values() if most > 1]
+    both = [settle(worlds, c, world) for c in pairs.values()]
     leading = sorted(both, key=odds, reverse=True)[:_BESIDE]
     if not leading or odds(leading[0]) < max(map(odds, settled)):
         return [*settled, *both]
@@ -613,8 +614,8 @@ def _settled(worlds: Sequence[World], logs: _LogPriors) -> list[Settled]:
                     known.add(forms)
                     both.append(settle(worlds, c, world))
         likeliest = max(both, key=odds)
-        for c in _partners(likeliest, logs)[:_PARTNERS]:
-            if c.effects not in thirds and most > 2:
+        for c in _partners(likeliest, logs)[:_PARTNERS] if most > 2 else ():
+            if c.effects not in thirds:
                 thirds[c.effects] = settle(worlds, c, likeliest.world)
         third = max(thirds.values(), key=odds, default=likeliest)
         pairs_in_all = set(combinations(third.candidate.effects, 2))
