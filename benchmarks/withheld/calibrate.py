@@ -112,7 +112,7 @@ def _case(truth: Truth, name: str, without: tuple[str, ...], document: Mapping[s
 def vector(p: Priors) -> FloatArray:
     """Return priors as free numbers; the single effects' is what the others go by."""
     odds = [math.log(kind / p.single) for kind in (p.none, p.pair, p.unknown)]
-    shares = [float(logit(share)) for share in (p.beside, p.axes, p.claimed)]
+    shares = [float(logit(share)) for share in (p.beside, p.axes, p.claimed, p.imitated)]
     return np.array([*odds, *shares, math.log(p.temperature), math.log(p.coarseness_nats)])
 
 
@@ -121,7 +121,7 @@ def priors_of(vector: FloatArray) -> Priors:
     v = [float(x) for x in vector]
     none, pair, unknown = map(math.exp, v[:3])
     total = none + 1.0 + pair + unknown
-    beside, axes, claimed = (float(expit(x)) for x in v[3:6])
+    beside, axes, claimed, imitated = (float(expit(x)) for x in v[3:7])
     return Priors(
         none=none / total,
         single=1.0 / total,
@@ -130,8 +130,9 @@ def priors_of(vector: FloatArray) -> Priors:
         beside=beside,
         axes=axes,
         claimed=claimed,
-        temperature=min(math.exp(v[6]), 1.0),
-        coarseness_nats=math.exp(v[7]),
+        imitated=imitated,
+        temperature=min(math.exp(v[7]), 1.0),
+        coarseness_nats=math.exp(v[8]),
     )
 
 

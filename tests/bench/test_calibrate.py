@@ -12,7 +12,7 @@ from planner.gap.evidence.weigh import Evidence, Priors
 SHOWN = 3.0
 START = Priors(
     none=0.66, single=0.054, pair=0.0017, unknown=0.2843, beside=0.05, axes=0.5, claimed=0.2,
-    temperature=1.0,
+    imitated=1e-3, temperature=1.0,
 )  # fmt: skip
 """Priors that hardly name anything."""
 

@@ -65,6 +65,8 @@ class Priors:
         Of an unknown alone, the share of patterns along one axis; the rest goes along every test.
     claimed
         Of an unknown, the share along axes that some effect of the library claims.
+    imitated
+        Of whatever the data name, the share of causes out of the library that look the same.
     temperature, coarseness_nats
         Share of itself that log evidence counts at least, and what the best hypothesis gains where
         half of the rest counts too: no form is exact, and the more strongly an effect shows, the
@@ -80,6 +82,7 @@ class Priors:
     beside: float = 0.01411
     axes: float = 0.4593
     claimed: float = 0.000412
+    imitated: float = 0.058
     temperature: float = 0.2
     coarseness_nats: float = 5.0
 
@@ -1011,8 +1014,9 @@ def ranking_of(evidence: Evidence, priors: Priors) -> tuple[Hypothesis, ...]:
     hardly an explanation: of a gap that is larger it speaks for what closes it, or for an unknown.
     What raises the errors of force speaks for what does without. Neither is ruled out, as each
     specimen may have its own size of a right effect. Where replicates are not alike, a condition
-    that nobody wrote down is as likely as a gain of some. Very few specimens show a gap, not its
-    cause: the rest of what they name is unknown.
+    that nobody wrote down is as likely as a gain of some. A cause out of the library may look like
+    one that is in it, which no data tell. Very few specimens show a gap, not its cause: the rest of
+    what they name is unknown.
     """
     found = evidence.log_evidence
     counts = _counted(found, priors)
@@ -1038,6 +1042,8 @@ def ranking_of(evidence: Evidence, priors: Priors) -> tuple[Hypothesis, ...]:
         p[UNKNOWN] = p.get(UNKNOWN, 0.0) + unlikely * each * given
         _give(p, dict.fromkeys(evidence.of_unlike, 0.5), UNKNOWN)
     named = [effects for effects in p if effects not in ((), UNKNOWN)]
+    if not evidence.within_floor:
+        _give(p, dict.fromkeys(named, priors.imitated), UNKNOWN)
     most = (evidence.specimens - 1) / (ENOUGH_SPECIMENS - 1) * (1.0 - p.get((), 0.0))
     over = sum(p[effects] for effects in named)
     if evidence.specimens < ENOUGH_SPECIMENS and over > most:

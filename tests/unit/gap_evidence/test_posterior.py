@@ -102,9 +102,12 @@ def evidence(gain: float, **changed: object) -> Evidence:
 
 
 def probabilities(
-    found: Evidence, temperature: float = 1.0, coarseness_nats: float = 1e-12
+    found: Evidence,
+    temperature: float = 1.0,
+    coarseness_nats: float = 1e-12,
+    imitated: float = 0.0,
 ) -> dict[Effects, float]:
-    priors = Priors(temperature=temperature, coarseness_nats=coarseness_nats)
+    priors = Priors(temperature=temperature, coarseness_nats=coarseness_nats, imitated=imitated)
     return {h.effects: h.probability for h in ranking_of(found, priors)}
 
 
@@ -150,6 +153,17 @@ def test_a_gap_within_the_floor_is_no_unknown_one() -> None:
     assert UNKNOWN not in after
     assert after[()] == pytest.approx(before[()] + before[UNKNOWN])
     assert after[RATE] == pytest.approx(before[RATE])
+
+
+def test_what_is_named_may_be_an_imitation_however_much_evidence_there_is() -> None:
+    plain = probabilities(evidence(500.0))
+    found = probabilities(evidence(500.0), imitated=0.1)
+    assert found[RATE] == pytest.approx(0.9 * plain[RATE])
+    assert found[()] == plain[()]
+    assert sum(found.values()) == pytest.approx(1.0)
+    # Where there is no gap, nothing out of the library makes one.
+    within = evidence(500.0, within_floor=True)
+    assert probabilities(within, imitated=0.1) == probabilities(within)
 
 
 def test_within_the_floor_of_one_condition_a_gain_is_scatter() -> None:
