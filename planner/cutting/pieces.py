@@ -48,8 +48,8 @@ from planner.mesh.mesh import (
     Measures,
     Mesh,
     compact,
-    first_fault_mm,
     measure,
+    order_edges,
     repeats_index,
     weld_points,
 )
@@ -658,12 +658,20 @@ def _split_curved(
 
 
 def _fault(divided: Pieces) -> str:
-    """Say where the first shell that is not closed has its first fault."""
+    """Say where the first shell that is not closed has the middle of its first wrong edge.
+
+    One whose two faces run the same way is such an edge, too; the first in the order of the faces.
+    """
     for number in np.unique(divided.piece).tolist():
-        shell = divided.shell_faces([number])
-        place_mm = first_fault_mm(Mesh(divided.vertices.astype(np.float64), shell))
-        if place_mm is not None:
-            return f" at {located(place_mm)} as placed for printing"
+        faces = divided.shell_faces([number])
+        order, starts, count = order_edges(faces)
+        tail, pairs = faces.ravel(), starts[count == 2]
+        wrong = count != 2
+        wrong[count == 2] = tail[order[pairs]] == tail[order[pairs + 1]]
+        if wrong.any():
+            face, j = divmod(int(order[starts[wrong]].min()), 3)
+            ends = divided.vertices[faces[face, [j, (j + 1) % 3]]].astype(np.float64)
+            return f" at {located(ends.mean(axis=0))} as placed for printing"
     return ""
 
 

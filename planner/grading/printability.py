@@ -9,7 +9,7 @@ import numpy as np
 
 from planner.cutting.pieces import Pieces
 from planner.fields.basic import Field, PlanarField
-from planner.mesh.mesh import Fragments, Mesh, small_bodies
+from planner.mesh.mesh import Mesh, connected, measure
 from planner.mesh.part import fits_turned
 from planner.numerics import FloatArray, Point, as_point
 from planner.plan import Check, Finding, Shell
@@ -66,6 +66,65 @@ class CutPart:
         """Return a place in the coordinates of the part's own file."""
         x, y, z = (p - t for p, t in zip(place_mm, self.translation_mm, strict=True))
         return x, y, z
+
+
+# ------------------------------------------------------------------------------------------------
+# Separate bits of a solid that are smaller than a limit.
+
+
+@dataclass(frozen=True)
+class Fragments:
+    """Bodies of a solid that are smaller than a limit.
+
+    Attributes
+    ----------
+    boxes_mm : (n, 2, 3)
+        Of all of them, and of those too small to be printed at all.
+    count
+        How many.
+    place_mm, extent_mm, volume_mm3
+        Centre, box and volume of the largest by volume.
+    total_mm3
+        Volume of all of them.
+    """
+
+    boxes_mm: FloatArray
+    count: int = 0
+    place_mm: Point = (0.0, 0.0, 0.0)
+    extent_mm: Point = (0.0, 0.0, 0.0)
+    volume_mm3: float = 0.0
+    total_mm3: float = 0.0
+
+
+def small_bodies(mesh: Mesh, limit_mm: float, least_mm: float) -> Fragments:
+    """Find bodies with less volume than a cube of a limit, or smaller than it in all directions.
+
+    Bodies are what vertices in common hold together; cavities are none. Bodies smaller than
+    `least_mm` in all directions are not counted: a printer does not see them.
+    """
+    corners = mesh.faces.T
+    body = connected(
+        len(mesh.vertices),
+        np.concatenate([corners[0], corners[1]]),
+        np.concatenate([corners[1], corners[2]]),
+    )
+    number = body[corners[0]]
+    used, number = np.unique(number, return_inverse=True)
+    if len(used) < 2 and mesh.volume_mm3 >= limit_mm**3:
+        return Fragments(np.empty((0, 2, 3)))
+    found = measure(mesh.vertices, mesh.faces, number.astype(np.int32), len(used))
+    extent = found.bounds_mm[:, 1] - found.bounds_mm[:, 0]
+    small = (found.volume_mm3 < limit_mm**3) | (extent < limit_mm).all(axis=1)
+    small &= found.volume_mm3 > 0.0
+    boxes = found.bounds_mm[small]
+    members = np.flatnonzero(small & (extent >= least_mm).any(axis=1))
+    if not len(members):
+        return Fragments(boxes)
+    largest = members[np.argmax(found.volume_mm3[members])]
+    place_mm, volume_mm3 = found.bounds_mm[largest].mean(axis=0), float(found.volume_mm3[largest])
+    total_mm3 = float(found.volume_mm3[members].sum())
+    size_mm = as_point(extent[largest])
+    return Fragments(boxes, len(members), as_point(place_mm), size_mm, volume_mm3, total_mm3)
 
 
 # ------------------------------------------------------------------------------------------------
