@@ -18,7 +18,6 @@ from planner.grading.profile import (
     Band,
     Profile,
     StiffnessScale,
-    distinct_positions,
     equal_bands,
     natural_bands,
 )
@@ -302,16 +301,13 @@ def blend_segments(profile: Profile, moduli_MPa: tuple[float, ...]) -> tuple[Ble
     moduli_MPa
         Of the catalogue materials, strictly rising.
     """
-    cuts = [u for modulus in moduli_MPa for u in profile.crossings(modulus)]
-    jumps = [a for a, b in itertools.pairwise(profile.positions) if a == b]
     found = []
-    for start, stop in itertools.pairwise(distinct_positions([*cuts, *jumps])):
-        low, high = profile.interval_MPa(start, stop)
-        lower, upper = _neighbours(low, high, moduli_MPa)
+    for start, stop, target_MPa in profile.stretches(moduli_MPa, profile.jumps):
+        lower, upper = _neighbours(*target_MPa, moduli_MPa)
         inner = 1e-9 * (stop - start)  # a jump's own value is that after it
         ends = [float(profile.modulus_MPa(u)) for u in (start, stop - inner)]
-        run = sum(jump <= start + inner for jump in jumps)
-        found.append(BlendSegment(start, stop, lower, upper, (low, high), (ends[0], ends[1]), run))
+        run = sum(jump <= start + inner for jump in profile.jumps)
+        found.append(BlendSegment(start, stop, lower, upper, target_MPa, (ends[0], ends[1]), run))
     return tuple(found)
 
 

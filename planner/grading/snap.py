@@ -212,13 +212,12 @@ def snapped_bands(
     levels = [band.start for band in bands[1:]]
     moved = _moved_cuts(mesh, field, levels, snap_mm=snap_mm, machine=machine)
     to = {cut.field: cut.to for cut in moved}
-    jumps = {a for a, b in zip(target.positions, target.positions[1:], strict=False) if a == b}
     found = []
     for band in bands:
         start, stop = to.get(band.start, band.start), to.get(band.stop, band.stop)
         held = (
-            max(start, band.start) if band.start in jumps else start,
-            min(stop, band.stop) if band.stop in jumps else stop,
+            max(start, band.start) if band.start in target.jumps else start,
+            min(stop, band.stop) if band.stop in target.jumps else stop,
         )
         found.append(replace(band, start=start, stop=stop, target_MPa=target.interval_MPa(*held)))
     return tuple(found), moved
