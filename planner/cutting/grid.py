@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.cutting.intersect import Lattice
+from planner.cutting.planes import LATTICE_MM
 from planner.errors import ArgumentError
 from planner.fields.basic import Field
 from planner.glance import located
@@ -14,23 +14,14 @@ from planner.mesh.mesh import Mesh, compact, key_slot
 from planner.numerics import BoolArray, Float32Array, FloatArray, as_point, inner_kernel, kernel
 from planner.voxels.columns import Grid, dense, iterate_columns
 
-__all__ = [
-    "CELLS",
-    "MOST_VERTICES",
-    "TETRAHEDRA",
-    "active_cells",
-    "default_pitch_mm",
-    "draw_level_sets",
-    "field_grid",
-    "touched_cells",
-]
+__all__ = ["TETRAHEDRA", "Lattice", "LevelSets", "default_pitch_mm", "draw_level_sets"]
 
 
 # ------------------------------------------------------------------------------------------------
 # The grid that level sets are drawn on, and the field's values at its vertices.
 
 
-MOST_VERTICES = 150_000_000
+_MOST_VERTICES = 150_000_000
 """Of a grid: 9 bytes each, and some more where the part is."""
 
 _USUAL_MM = 0.5  # about a printer's smallest feature: levels come out a tenth of it off
@@ -85,40 +76,47 @@ def default_pitch_mm(mesh: Mesh) -> float:
     return float(f"{pitch_mm:.2g}")
 
 
-def touched_cells(
+def _check_pitch(mesh: Mesh, pitch_mm: float) -> None:
+    """Refuse a grid of more vertices than there is room for."""
+    extent_mm = mesh.bounds_mm[1] - mesh.bounds_mm[0]
+    vertices = float((extent_mm / pitch_mm + 4.0).prod())
+    longest_mm = float(extent_mm.max())
+    if vertices > _MOST_VERTICES or longest_mm / pitch_mm > 16000:
+        least = max(float(np.cbrt(extent_mm.prod() / _MOST_VERTICES)), longest_mm / 15990)
+        raise ArgumentError(
+            f"`pitch_mm` {pitch_mm:g}: this part would need {vertices:.2g} grid points, and "
+            f"{_MOST_VERTICES:.2g} are possible; a pitch of {1.1 * least:.2g} mm or more fits"
+        )
+
+
+def _cells_held(
     mesh: Mesh, origin_mm: FloatArray, pitch_mm: float, shape: tuple[int, int, int]
-) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
-    """List the cubes that each face may touch.
+) -> tuple[NDArray[np.int64], NDArray[np.int32], NDArray[np.uint8]]:
+    """List the cells that each face may touch, and mark those that hold any of a part.
 
     Returns
     -------
     offsets : (m + 1,) int64
-        Face f touches ``cells[offsets[f]:offsets[f + 1]]``, and a few more may be listed.
-    cells : int32
+        Face f touches ``touched[offsets[f]:offsets[f + 1]]``, and a few more may be listed.
+    touched : int32
         Numbers (i ny + j) nz + k.
+    active : (nx, ny, nz) uint8
+        1 where a cell is touched by the part's surface, or centred inside.
     """
     offsets = np.zeros(len(mesh.faces) + 1, dtype=np.int64)
     size = np.array(shape, dtype=np.int64)
     none = np.empty(0, dtype=np.int32)
     _touch(mesh.vertices, mesh.faces, origin_mm, pitch_mm, size, offsets, none)
     np.cumsum(offsets, out=offsets)
-    cells = np.empty(offsets[-1], dtype=np.int32)
-    _touch(mesh.vertices, mesh.faces, origin_mm, pitch_mm, size, offsets, cells)
-    return offsets, cells
-
-
-def active_cells(
-    mesh: Mesh, origin_mm: FloatArray, pitch_mm: float, cells: NDArray[np.int32],
-    shape: tuple[int, int, int],
-) -> NDArray[np.uint8]:  # fmt: skip
-    """Mark the cubes that hold any of a part: touched by its surface, or centred inside."""
+    touched = np.empty(offsets[-1], dtype=np.int32)
+    _touch(mesh.vertices, mesh.faces, origin_mm, pitch_mm, size, offsets, touched)
     grid = Grid(as_point(origin_mm), (pitch_mm, pitch_mm, pitch_mm), shape)
     active = np.empty(shape, dtype=np.uint8)
     for columns in iterate_columns(mesh, grid):
         rows = slice(columns.first_row, columns.first_row + columns.rows)
         active[:, rows] = dense(columns)
-    active.reshape(-1)[cells] = 1
-    return active
+    active.reshape(-1)[touched] = 1
+    return offsets, touched, active
 
 
 def _values_at(field: Field, points_mm: FloatArray) -> FloatArray:
@@ -145,7 +143,7 @@ def _values_at(field: Field, points_mm: FloatArray) -> FloatArray:
     return found
 
 
-def field_grid(
+def _field_grid(
     field: Field, origin_mm: FloatArray, pitch_mm: float, held: NDArray[np.uint8],
     active: NDArray[np.uint8],
 ) -> FieldGrid:  # fmt: skip
@@ -272,10 +270,51 @@ def _in_cube(values: Any, i: Any, j: Any, k: Any, x: Any, y: Any, z: Any) -> Any
 
 
 # ------------------------------------------------------------------------------------------------
+# Positions as integers, of which signs of volumes can be decided exactly.
+
+
+_BITS = 29  # of a coordinate: products of three differences then stay within two words
+
+
+@dataclass(frozen=True, eq=False)
+class Lattice:
+    """Integer coordinates about an origin.
+
+    Attributes
+    ----------
+    origin_mm : (3,) float64
+        Where the integers are zero, on the lattice itself.
+    unit_mm : float
+        A power of two; `LATTICE_MM` for what fits a tray.
+    """
+
+    origin_mm: FloatArray
+    unit_mm: float
+
+    def integers(self, points_mm: FloatArray | Float32Array) -> NDArray[np.int64]:
+        """Round positions (n, 3) to the lattice."""
+        moved = np.asarray(points_mm, dtype=np.float64) - self.origin_mm
+        return np.rint(moved / self.unit_mm).astype(np.int64)
+
+    def rounded(self, points_mm: FloatArray) -> Float32Array:
+        """Round positions to values that both the lattice and float32 hold."""
+        return (np.rint(points_mm / self.unit_mm) * self.unit_mm + 0.0).astype(np.float32)
+
+
+def _lattice_for(bounds_mm: FloatArray, margin_mm: float) -> Lattice:
+    """Return the finest lattice on which a box and a margin about it can be decided."""
+    low, high = bounds_mm[0] - margin_mm, bounds_mm[1] + margin_mm
+    unit_mm = LATTICE_MM
+    while float((high - low).max()) / unit_mm >= 2**_BITS:
+        unit_mm *= 2.0
+    return Lattice(np.floor(low / unit_mm) * unit_mm, unit_mm)
+
+
+# ------------------------------------------------------------------------------------------------
 # Marching tetrahedra: all level sets of a field on one grid, which therefore never cross.
 
 
-CELLS = 4
+_CELLS = 4
 """Along a cube's edge, where cubes are divided as the field asks for it."""
 
 _DEEPEST = 6
@@ -314,9 +353,14 @@ _EVEN = np.array(
 )  # fmt: skip
 
 
+_FACES, _FACES_EACH = 300_000, 1.4
+"""Triangles of interfaces, and for each of the part's, beyond which none are divided: smooth fields
+need a third of it, so it bounds the cost of fields with creases."""
+
+
 @dataclass(frozen=True, eq=False)
 class LevelSets:
-    """Surfaces of equal field in the cubes that hold any of the part.
+    """Surfaces of equal field in the cubes that hold any of a part.
 
     Attributes
     ----------
@@ -326,18 +370,80 @@ class LevelSets:
         Normals towards larger values; in the order of the cubes.
     level, cell : (m,) int32
         The level of each face, and the number of its cube.
+    lattice
+        On which positions are compared.
+    offsets : (k + 1,) int64, touched : int32
+        Face f of the part may touch the cubes ``touched[offsets[f]:offsets[f + 1]]``.
+    cubes : (nx, ny, nz) uint8
+        1 where a cube holds any of the part, 2 where it has faces.
+    values
+        The field as the grid has it at the part's vertices.
     """
 
     vertices: Float32Array
     faces: NDArray[np.int32]
     level: NDArray[np.int32]
     cell: NDArray[np.int32]
+    lattice: Lattice
+    offsets: NDArray[np.int64]
+    touched: NDArray[np.int32]
+    cubes: NDArray[np.uint8]
+    values: FloatArray
+
+
+_Faces = tuple[FloatArray, NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]]
+"""Vertices in mm, faces, and of these the level and the cube."""
 
 
 def draw_level_sets(
-    grid: FieldGrid, levels: FloatArray, lattice: Lattice, field: Field | None, within_mm: float,
-    most_faces: float,
+    mesh: Mesh, field: Field, levels: FloatArray, pitch_mm: float, shift: FloatArray,
+    within_mm: float, *, follow: bool,
 ) -> LevelSets:  # fmt: skip
+    """Draw all level sets of a field over a part.
+
+    Parameters
+    ----------
+    levels : (L,) float64
+        Strictly increasing.
+    shift : (3,) float64
+        Place of the grid's corner below the part's, in pitches beyond one: 0 to 1.
+    within_mm
+        How near faces have to be to their level set.
+    follow
+        Whether vertices lie where the field has its levels, or where it has them if linear between
+        the grid's vertices.
+
+    Raises
+    ------
+    ArgumentError
+        The pitch is too fine, or a value of the field is not finite.
+    """
+    _check_pitch(mesh, pitch_mm)
+    origin_mm = mesh.bounds_mm[0] - (1.0 + shift) * pitch_mm
+    size = _CELLS if follow and np.isfinite(within_mm) else 1
+    cubes = np.floor((mesh.bounds_mm[1] - origin_mm) / (size * pitch_mm) + 1e-2).astype(int) + 1
+    nx, ny, nz = cubes.tolist()
+    offsets, touched, active = _cells_held(mesh, origin_mm, size * pitch_mm, (nx, ny, nz))
+    held = active
+    if size > 1:
+        cells = size * nx, size * ny, size * nz
+        _, _, held = _cells_held(mesh, origin_mm, pitch_mm, cells)
+        active |= held.reshape(nx, size, ny, size, nz, size).max(axis=(1, 3, 5))
+    grid = _field_grid(field, origin_mm, pitch_mm, held, active)
+    lattice = _lattice_for(mesh.bounds_mm, 4.0 * pitch_mm)
+    most = _FACES + _FACES_EACH * len(mesh.faces)
+    points, faces, level, cell = _drawn_near(
+        grid, levels, field if follow else None, within_mm, most
+    )
+    active.reshape(-1)[cell] = 2
+    values = grid.interpolate(mesh.vertices)
+    points_mm = lattice.rounded(points)
+    return LevelSets(points_mm, faces, level, cell, lattice, offsets, touched, active, values)
+
+
+def _drawn_near(
+    grid: FieldGrid, levels: FloatArray, field: Field | None, within_mm: float, most_faces: float
+) -> _Faces:
     """Draw all level sets, and divide tetrahedra until faces are near enough.
 
     Where a level meets an edge is sought on the field itself. Along an edge levels keep their
@@ -350,12 +456,8 @@ def draw_level_sets(
 
     Parameters
     ----------
-    levels : (L,) float64
-        Strictly increasing.
     field
         None takes the field to be linear between the grid's vertices.
-    within_mm
-        How near faces have to be to their level set.
     most_faces
         Beyond these none are divided; those farthest off come first.
     """
@@ -366,7 +468,7 @@ def draw_level_sets(
     )
     if field is None or not np.isfinite(within_mm):
         one = _drawn(grid, levels, field, marks, 0)
-        return LevelSets(lattice.rounded(one.points_mm), one.faces, one.level, one.cell)
+        return one.points_mm, one.faces, one.level, one.cell
     marks = _halved(grid, field, marks, _hidden(grid, levels), 1)
     rounds = [_drawn(grid, levels, field, marks, number) for number in (0, 1)]
     fresh, tried = rounds, places
@@ -390,7 +492,7 @@ def draw_level_sets(
         marks = _halved(grid, field, marks, _rising(halving[halving >= 0]), number)
         fresh = [_drawn(grid, levels, field, marks, number)]
         rounds += fresh
-    return _joined(rounds, marks, lattice)
+    return _joined(rounds, marks)
 
 
 @dataclass(frozen=True, eq=False)
@@ -481,7 +583,7 @@ def _distance_mm(field: Field, drawn: _Drawn, levels: FloatArray) -> FloatArray:
         return np.asarray(np.where(off > 0.0, off / drawn.steepness, 0.0))
 
 
-def _joined(rounds: list[_Drawn], marks: _Marks, lattice: Lattice) -> LevelSets:
+def _joined(rounds: list[_Drawn], marks: _Marks) -> _Faces:
     """Take from each cube what was drawn in it last."""
     held = [one.held(marks, number) for number, one in enumerate(rounds)]
     both = list(zip(rounds, held, strict=True))
@@ -493,7 +595,7 @@ def _joined(rounds: list[_Drawn], marks: _Marks, lattice: Lattice) -> LevelSets:
     points = np.concatenate([one.points_mm for one in rounds[::-1]])[place]
     at = np.searchsorted(key, np.concatenate([one.key[one.faces[kept]] for one, kept in both]))
     used, faces = compact(at[order].astype(np.int32), len(key))
-    return LevelSets(lattice.rounded(points[used]), faces, level, cell[order])
+    return points[used], faces, level, cell[order]
 
 
 def _drawn(

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.errors import MeshError
+from planner.errors import ArgumentError, MeshError
+from planner.fields.basic import PlanarField
 from planner.glance import located
 from planner.mesh.mesh import Mesh, cancel_opposite, key_slot, order_rows, row_slot
 from planner.numerics import BoolArray, Float32Array, FloatArray, inner_kernel, kernel
@@ -15,10 +16,8 @@ from planner.numerics import BoolArray, Float32Array, FloatArray, inner_kernel, 
 __all__ = [
     "LATTICE_MM",
     "cancel_by",
-    "caps",
-    "divide",
+    "cut_by_planes",
     "flip_thin",
-    "snap_distance_mm",
     "squared_height",
 ]
 
@@ -729,3 +728,42 @@ def _clockwise(points: Any, at: Any, came: Any, to: Any) -> Any:
         return 4.0
     turn = 1.0 - cosine / size if sine >= 0.0 else 3.0 + cosine / size
     return turn if turn > 0.0 else 4.0
+
+
+# ------------------------------------------------------------------------------------------------
+# Cut a part at levels of a field whose level sets are planes.
+
+
+def cut_by_planes(
+    mesh: Mesh, field: PlanarField, levels: FloatArray
+) -> tuple[DividedSurface, Float32Array, NDArray[np.int32], NDArray[np.int32]]:
+    """Divide a part's surface by the planes of some levels, and close the pieces; see `caps`.
+
+    Raises
+    ------
+    ArgumentError
+        Levels are too close to be told apart in float32.
+    MeshError
+        See `caps`.
+    """
+    normal, offsets_mm = _planes(field, levels)
+    least_mm = 2.5 * snap_distance_mm(mesh.bounds_mm)
+    close = np.flatnonzero(~(np.diff(offsets_mm) > least_mm))
+    if len(close):
+        i = int(close[0])
+        raise ArgumentError(
+            f"levels {levels[i]:.9g} and {levels[i + 1]:.9g} are "
+            f"{offsets_mm[i + 1] - offsets_mm[i]:.3g} mm apart along the field: they must "
+            f"increase by more than {least_mm:.3g} mm for this part; drop one of them"
+        )
+    divided = divide(mesh, normal, offsets_mm)
+    return divided, *caps(divided, normal)
+
+
+def _planes(field: PlanarField, levels: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return normal and offsets in mm; along a coordinate axis the offsets are float32 values."""
+    normal = np.asarray(field.plane(0.0)[0], dtype=np.float64)
+    offsets_mm = np.array([field.plane(level)[1] for level in levels.tolist()], dtype=np.float64)
+    if np.count_nonzero(normal) == 1:
+        offsets_mm = (np.rint(offsets_mm / LATTICE_MM) * LATTICE_MM).astype(np.float32)
+    return normal, offsets_mm.astype(np.float64)
