@@ -9,11 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from planner.cutting.pieces import Pieces
+from planner.cutting.pieces import Pieces, split
 from planner.errors import ArgumentError
+from planner.fields.basic import Field
 from planner.formats.mesh_file import encode_stl
 from planner.formats.threemf import Constituent, composite_name, mixed_colour
 from planner.glance import in_percent
+from planner.grading.printability import CutPart, print_checks
 from planner.grading.profile import (
     Band,
     Profile,
@@ -22,30 +24,26 @@ from planner.grading.profile import (
     natural_bands,
 )
 from planner.materials.mixtures import blend_for, dither_table, reuss_MPa, reuss_share
-from planner.mesh.mesh import compact
+from planner.mesh.mesh import Mesh, compact
 from planner.numerics import FloatArray, as_point
 from planner.palette import Palette
 from planner.plan import Check, Finding, Region, Shell
 from planner.printers import Printer
 
 __all__ = [
-    "MIXTURES_UNCALIBRATED",
+    "BandDesign",
     "BlendSegment",
-    "Laminate",
     "Printed",
     "alternatives",
-    "blend_interval_MPa",
+    "band_design",
     "blend_segments",
+    "blended",
     "catalogue_material",
     "error_text",
-    "laminated",
-    "mixed_bands",
     "region_of",
-    "regions_of",
     "shells_of",
     "stiffness_check",
     "tolerated_ratio",
-    "with_laminates",
 ]
 
 
@@ -191,20 +189,6 @@ def _resins_of(palette: Palette, machine: Printer, ids: Collection[str]) -> tupl
     return foreign if len(foreign) == len({*ids}) else (*machine.base_resins, *foreign)
 
 
-def regions_of(
-    pieces: Pieces, steps: Sequence[Band], printed: Sequence[Printed], shells: Sequence[Shell]
-) -> tuple[Region, ...]:
-    """Report each band that holds any of the part."""
-    volumes = pieces.volumes_mm3
-    bounds = pieces.bounds_mm
-    files = {shell.material: shell for shell in shells}
-    regions: list[Region] = []
-    for number, (band, what) in enumerate(zip(steps, printed, strict=True)):
-        if volumes[number] > 0.0:
-            regions.append(region_of(band, what, float(volumes[number]), bounds[number], files))
-    return tuple(regions)
-
-
 def region_of(
     band: Band, what: Printed, volume_mm3: float, bounds_mm: FloatArray,
     files: Mapping[str, Shell],
@@ -251,6 +235,38 @@ def _mixed(what: Printed) -> dict[str, Any] | None:
         "upper": upper.name,
         "fraction": upper.share,
     }
+
+
+def blended(
+    region: Region, scale: StiffnessScale, pair: tuple[int, int], modulus_MPa: float,
+    error: tuple[float, float], estimate_error: float, kind: str, says: Mapping[str, Any],
+) -> Region:  # fmt: skip
+    """Say of a region what its material comes to together with another.
+
+    The interval holds a print's modulus with 95 % probability. The materials' errors go together,
+    as everywhere in planning: the wider of their intervals is taken, either way, and the relative
+    error of the estimate is added to it.
+
+    Parameters
+    ----------
+    pair
+        Places of both materials from soft to hard.
+    error
+        Of the modulus against the highest and the lowest target.
+    kind, says
+        Of the blend, and more that the plan says of it.
+    """
+    ends = [(scale.moduli_MPa[k], *scale.intervals_MPa[k]) for k in pair]
+    less = max(own / low for own, low, _ in ends) * (1.0 + estimate_error)
+    more = max(high / own for own, _, high in ends) * (1.0 + estimate_error)
+    lower, upper = (scale.palette.materials[k].id for k in pair)
+    return replace(
+        region,
+        modulus_MPa=modulus_MPa,
+        modulus_interval_MPa=(modulus_MPa / less, modulus_MPa * more),
+        error=error,
+        blend={"kind": kind, "lower": lower, "upper": upper, **says},
+    )
 
 
 # ------------------------------------------------------------------------------------------------
@@ -321,29 +337,6 @@ def _neighbours(low: float, high: float, moduli_MPa: tuple[float, ...]) -> tuple
         if all(math.isclose(e, moduli_MPa[grade], rel_tol=_SAME) for e in (low, high)):
             return grade, grade
     return place - 1, place
-
-
-# ------------------------------------------------------------------------------------------------
-# How sure the modulus of a blend is.
-
-
-def blend_interval_MPa(
-    scale: StiffnessScale, lower: int, upper: int, modulus_MPa: float, error: float
-) -> tuple[float, float]:
-    """Return the interval that holds a print's modulus with 95 % probability.
-
-    The materials' errors go together, as everywhere in planning: the wider of their intervals is
-    taken, either way, and the relative error of the estimate is added to it.
-
-    Parameters
-    ----------
-    lower, upper
-        Places of the materials from soft to hard.
-    """
-    ends = [(scale.moduli_MPa[k], *scale.intervals_MPa[k]) for k in (lower, upper)]
-    less = max(own / low for own, low, _ in ends) * (1.0 + error)
-    more = max(high / own for own, _, high in ends) * (1.0 + error)
-    return modulus_MPa / less, modulus_MPa * more
 
 
 # ------------------------------------------------------------------------------------------------
@@ -453,57 +446,16 @@ def _laminate(
 
 
 # ------------------------------------------------------------------------------------------------
-# What a plan says of bands that take turns.
-
-
-def with_laminates(
-    regions: Sequence[Region], steps: Sequence[tuple[Band, Laminate | None]], scale: StiffnessScale
-) -> tuple[Region, ...]:
-    """Say of each thin band which period it belongs to, and what that comes to in series."""
-    periods = {(band.start, band.stop): period for band, period in steps}
-    found = []
-    for region in regions:
-        period = periods[region.field]
-        if period is None or period.share in (0.0, 1.0):
-            found.append(region)
-            continue
-        low, high = period.target_MPa
-        blend = {
-            "kind": "bands",
-            "lower": scale.palette.materials[period.lower].id,
-            "upper": scale.palette.materials[period.upper].id,
-            "field": [period.start, period.stop],
-            "share": period.share,
-        }
-        found.append(
-            replace(
-                region,
-                modulus_MPa=period.modulus_MPa,
-                modulus_interval_MPa=blend_interval_MPa(
-                    scale, period.lower, period.upper, period.modulus_MPa, 0.0
-                ),
-                error=(period.modulus_MPa / high - 1.0, period.modulus_MPa / low - 1.0),
-                blend=blend,
-            )
-        )
-    return tuple(found)
-
-
-# ------------------------------------------------------------------------------------------------
 # Bands of true mixtures, for printers that jet them.
 
 
 _MOST_MIXTURES = 99
 """Each is a file of its own."""
 
-MIXTURES_UNCALIBRATED = (
-    "mixtures need a printer that jets them, as {printer} may not; their ratios are not calibrated"
-)
-
 _STEP = 1.2  # of the modulus from mixture to mixture: within 10 % of the target
 
 
-def mixed_bands(
+def _mixed_bands(
     profile: Profile, scale: StiffnessScale, count: int | None, machine: Printer
 ) -> tuple[tuple[Band, ...], tuple[Printed, ...]]:
     """Cut where the mixture changes, and say what each band is printed in.
@@ -550,6 +502,119 @@ def _merged(
             band = kept.pop()[0].joined(band)
         kept.append((band, what))
     return tuple(band for band, _ in kept), tuple(what for _, what in kept)
+
+
+# ------------------------------------------------------------------------------------------------
+# Bands along a field: what to cut a part along, and what each piece is printed in.
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BandDesign:
+    """Bands along a gradient, each of one material or mixture.
+
+    Attributes
+    ----------
+    bands, printed
+        Field and target of each, and what it is printed in.
+    says
+        What a plan says of how targets between two materials are met, if not by the nearer one.
+    periods
+        Of each band, where two materials take turns; else empty.
+    """
+
+    bands: tuple[Band, ...]
+    printed: tuple[Printed, ...]
+    says: Mapping[str, object] | None = None
+    periods: tuple[Laminate | None, ...] = ()
+
+    @property
+    def levels(self) -> FloatArray:
+        """Values of the field between bands."""
+        return np.array([band.start for band in self.bands[1:]])
+
+    def cut(self, mesh: Mesh, along: Field, pitch_mm: float, within_mm: float) -> Pieces:
+        """Divide the part."""
+        return split(mesh, along, self.levels, pitch_mm=pitch_mm, within_mm=within_mm)
+
+    def regions(
+        self, pieces: Pieces, shells: Sequence[Shell], scale: StiffnessScale
+    ) -> tuple[Region, ...]:
+        """Report each band that holds any of the part, and what turns come to in series."""
+        volumes, bounds = pieces.volumes_mm3, pieces.bounds_mm
+        files = {shell.material: shell for shell in shells}
+        found: list[Region] = []
+        turns = self.periods or (None,) * len(self.bands)
+        for number, (band, what, turn) in enumerate(
+            zip(self.bands, self.printed, turns, strict=True)
+        ):
+            if not volumes[number] > 0.0:
+                continue
+            region = region_of(band, what, float(volumes[number]), bounds[number], files)
+            if turn is not None and turn.share not in (0.0, 1.0):
+                low, high = turn.target_MPa
+                error = (turn.modulus_MPa / high - 1.0, turn.modulus_MPa / low - 1.0)
+                says = {"field": [turn.start, turn.stop], "share": turn.share}
+                pair = turn.lower, turn.upper
+                region = blended(region, scale, pair, turn.modulus_MPa, error, 0.0, "bands", says)
+            found.append(region)
+        return tuple(found)
+
+    def _fewer(self, along: Field, machine: Printer) -> str:
+        """Say what makes thin bands thicker: equal ones, so many as have room along the field."""
+        if self.periods:
+            return "take fewer periods (--blend bands:N)"
+        span_mm, count = along.description().get("span_mm"), len(self.bands)
+        # Equal already, but for cuts that were moved by a tenth of a band at most on either side.
+        if np.ptp([band.stop - band.start for band in self.bands]) < 0.41 / count:
+            count -= 1
+        if isinstance(span_mm, float):
+            count = min(count, int(span_mm / machine.minimum_feature_mm))
+        return f"take --bands {max(count, 1)} or fewer"
+
+    def held(
+        self, part: CutPart, shells: Sequence[Shell], scale: StiffnessScale, machine: Printer
+    ) -> tuple[dict[str, Check], tuple[Finding, ...], list[str]]:
+        """Hold the pieces against the printer."""
+        cure = f"{self._fewer(part.field, machine)}, a gentler profile there"
+        names = [what.name for what in self.printed]
+        own = replace(part, levels=self.levels, names=names, shells=shells, cure=cure)
+        return print_checks(own, machine)
+
+
+def band_design(
+    kind: str, target: Profile, scale: StiffnessScale, machine: Printer, *, count: int | None,
+    periods: int,
+) -> BandDesign:  # fmt: skip
+    """Cut where the nearest material changes, or the mixture, or where two take turns.
+
+    Parameters
+    ----------
+    kind
+        ``nearest``, ``mix`` or ``bands``.
+    count
+        Equal steps of the field, with ``nearest`` and ``mix``.
+    periods
+        Of each transition, with ``bands``.
+
+    Raises
+    ------
+    ArgumentError
+        Too many bands, each of a mixture of its own.
+    """
+    moduli = scale.moduli_MPa
+    if kind == "mix":
+        return BandDesign(*_mixed_bands(target, scale, count, machine), {"kind": "mix"})
+    says, turns = None, ()
+    if kind == "bands":
+        laminate = laminated(target, blend_segments(target, moduli), moduli, periods)
+        bands, turns = zip(*laminate, strict=True)
+        says = {"kind": "bands", "periods": periods}
+    elif count is None:
+        bands = natural_bands(target, moduli)
+    else:
+        bands = equal_bands(target, moduli, count)
+    printed = tuple(catalogue_material(scale, band.grade, machine) for band in bands)
+    return BandDesign(bands, printed, says, turns)
 
 
 # ------------------------------------------------------------------------------------------------

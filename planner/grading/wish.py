@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -332,7 +332,10 @@ def _called(end: End) -> str:
 # Profiles by a name, between two moduli, and by a function.
 
 
-_PROFILES = ("log", "linear", "smooth", "steps:N", "grades", "FILE.csv")
+_SHAPES: dict[str, Literal["log", "linear", "smooth"]] = {
+    "log": "log", "linear": "linear", "smooth": "smooth",
+}  # fmt: skip
+_PROFILES = (*_SHAPES, "steps:N", "grades", "FILE.csv")
 
 
 def between(
@@ -354,8 +357,8 @@ def between(
     ArgumentError
         An unknown name, fewer than two steps, or both ends nearest to one material.
     """
-    if spec == "log" or spec == "linear" or spec == "smooth":
-        return Profile(spec, (0.0, 1.0), (start_MPa, end_MPa), spec)
+    if spec in _SHAPES:
+        return Profile(spec, (0.0, 1.0), (start_MPa, end_MPa), _SHAPES[spec])
     if spec == "grades":
         return _steps(spec, _grades(start_MPa, end_MPa, moduli_MPa))
     if spec.startswith("steps:"):

@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, ClassVar, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,15 +17,12 @@ from planner.numerics import (
 )
 
 __all__ = [
-    "CROWDED",
-    "OPEN",
     "JoinedShells",
     "Mesh",
     "Topology",
     "cancel_opposite",
     "compact",
     "connected",
-    "consistent_winding",
     "face_normal",
     "join_shells",
     "key_slot",
@@ -435,10 +432,6 @@ def _count_into(key: Any, order: Any, place: Any, moved: Any) -> None:
 # Which faces meet at which edges: neighbours, borders, bodies.
 
 
-OPEN, CROWDED = -1, -2
-"""In `Topology.twin`: no other face at this edge, or more than one."""
-
-
 class EdgeOrder(NamedTuple):
     """Half-edges sorted by the edge they lie at.
 
@@ -469,6 +462,10 @@ class Topology:
 
     faces: NDArray[np.int32]
 
+    OPEN: ClassVar = -1
+    CROWDED: ClassVar = -2
+    """In `twin`: no other face at this edge, or more than one."""
+
     @cached_property
     def _around(self) -> EdgeOrder:
         """The half-edges, those at one edge next to each other."""
@@ -477,8 +474,8 @@ class Topology:
     @cached_property
     def _paired(self) -> tuple[NDArray[np.int32], int]:
         order, starts, count = self._around
-        twin = np.full(self.faces.size, OPEN, dtype=np.int32)
-        twin[order[np.repeat(count > 2, count)]] = CROWDED
+        twin = np.full(self.faces.size, self.OPEN, dtype=np.int32)
+        twin[order[np.repeat(count > 2, count)]] = self.CROWDED
         pairs = starts[count == 2]
         one, other = order[pairs], order[pairs + 1]
         twin[one], twin[other] = other, one
@@ -519,11 +516,33 @@ class Topology:
         """How many bodies there are."""
         return int(self.body.max(initial=-1)) + 1
 
-    def edges(self, kind: int) -> NDArray[np.int32]:
-        """Return the vertices (k, 2) of the half-edges that are `OPEN` or `CROWDED`."""
+    @property
+    def open_edges(self) -> NDArray[np.int32]:
+        """The vertices (k, 2) of the half-edges that no other face lies at."""
+        return self._edges(self.OPEN)
+
+    @property
+    def crowded_edges(self) -> NDArray[np.int32]:
+        """The vertices (k, 2) of the half-edges that more than one other face lies at."""
+        return self._edges(self.CROWDED)
+
+    def _edges(self, kind: int) -> NDArray[np.int32]:
         half = np.flatnonzero(self.twin == kind)
         face, corner = np.divmod(half, 3)
         return np.stack([self.faces[face, corner], self.faces[face, (corner + 1) % 3]], axis=1)
+
+    @property
+    def turned(self) -> BoolArray | None:
+        """Which faces, (m,), to turn over so that neighbours agree, of each body the smaller part.
+
+        None where a body has one side only, as a Möbius strip.
+        """
+        turned, ok = _flood(self.faces, self.twin)
+        if not ok:
+            return None
+        most = np.bincount(self.body, weights=turned) * 2 > np.bincount(self.body)
+        result: BoolArray = turned ^ most[self.body]
+        return result
 
 
 def order_edges(faces: NDArray[np.int32]) -> EdgeOrder:
@@ -575,25 +594,6 @@ def unite(parent: Any, a: Any, b: Any) -> None:
         parent[b] = a
     else:
         parent[a] = b
-
-
-def consistent_winding(topology: Topology) -> BoolArray | None:
-    """Tell which faces to turn over so that neighbours agree.
-
-    Of each body the smaller part is turned.
-
-    Returns
-    -------
-    (m,) bool or None
-        None where a body has one side only, as a Möbius strip.
-    """
-    turned, ok = _flood(topology.faces, topology.twin)
-    if not ok:
-        return None
-    body = topology.body
-    most = np.bincount(body, weights=turned) * 2 > np.bincount(body)
-    result: BoolArray = turned ^ most[body]
-    return result
 
 
 @kernel
