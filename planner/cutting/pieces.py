@@ -4,7 +4,6 @@ import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -13,11 +12,11 @@ from numpy.typing import NDArray
 from planner.cutting.grid import LevelSets, default_pitch_mm, draw_level_sets
 from planner.cutting.intersect import Crossed, Meetings, intersect
 from planner.cutting.planes import (
-    LATTICE_MM,
     cancel_by,
     cut_by_planes,
     flip_thin,
     squared_height,
+    triangulate_loops,
 )
 from planner.errors import ArgumentError
 from planner.fields.basic import Field, PlanarField
@@ -298,35 +297,15 @@ def _fill_loops(
     rest[size < 3] = False
     ranked = order[rest[order]]
     if len(ranked):
-        more, owners = _by_sweep(loops, ranked, key[ranked], points_mm, normals)
+        normal = normals[loops.face[ranked]]
+        drop = np.argmax(np.abs(normal), axis=1)
+        turned = normal[np.arange(len(ranked)), drop] < 0
+        across = np.stack([(drop + 1 + turned) % 3, (drop + 2 - turned) % 3], axis=1)
+        more, owners = triangulate_loops(
+            points_mm, loops.nodes, loops.starts, ranked, key[ranked], across
+        )
         faces, owner = np.concatenate([faces, more]), np.concatenate([owner, owners])
     return faces, loops.label[owner], loops.face[owner]
-
-
-def _by_sweep(
-    loops: Loops, chosen: NDArray[np.int64], key: NDArray[np.int64], points_mm: Float32Array,
-    normals: NDArray[np.float64],
-) -> tuple[NDArray[np.int32], NDArray[np.int64]]:  # fmt: skip
-    """Triangulate loops, those of one key together; also return the first loop of each triangle."""
-    from manifold3d import triangulate
-
-    size = np.diff(loops.starts)[chosen]
-    stops = np.cumsum(size)
-    starts = stops - size
-    nodes = loops.nodes[np.arange(stops[-1]) + np.repeat(loops.starts[chosen] - starts, size)]
-    normal = normals[loops.face[chosen]]
-    drop = np.argmax(np.abs(normal), axis=1)
-    turned = normal[np.arange(len(chosen)), drop] < 0
-    u, v = (drop + 1 + turned) % 3, (drop + 2 - turned) % 3
-    across = np.repeat(np.stack([u, v], axis=1), size, axis=0)
-    flat = np.take_along_axis(points_mm[nodes], across, axis=1).astype(np.float64)
-    outlines = [flat[i:k] for i, k in zip(starts.tolist(), stops.tolist(), strict=True)]
-    first = np.flatnonzero(np.diff(key, prepend=key[0] - 1))
-    bounds = pairwise([*first.tolist(), len(chosen)])
-    local = [triangulate(outlines[i:k], epsilon=LATTICE_MM) for i, k in bounds]
-    count = [len(each) for each in local]
-    within = np.concatenate(local).reshape(-1, 3) + np.repeat(starts[first], count)[:, None]
-    return nodes[within], np.repeat(chosen[first], count)
 
 
 @kernel
