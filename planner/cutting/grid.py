@@ -1,5 +1,6 @@
 """Level sets on one grid: where it lies, its values, and marching tetrahedra over it."""
 
+import itertools
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,7 +10,7 @@ from numpy.typing import NDArray
 from planner.cutting.planes import LATTICE_MM
 from planner.errors import ArgumentError
 from planner.fields.basic import Field
-from planner.glance import located
+from planner.glance import place_text
 from planner.mesh.mesh import Mesh, compact, key_slot
 from planner.numerics import BoolArray, Float32Array, FloatArray, as_point, inner_kernel, kernel
 from planner.voxels.columns import Grid, dense, iterate_columns
@@ -55,9 +56,18 @@ class FieldGrid:
 
     def interpolate(self, points_mm: FloatArray) -> FloatArray:
         """Return the field as the grid has it at points of the part, (n,)."""
-        found = np.empty(len(points_mm))
-        points = np.require(points_mm, np.float64, ["C", "W"])
-        _interpolate(points, self.origin_mm, self.pitch_mm, self.values, found)
+        at = (points_mm - self.origin_mm) / self.pitch_mm
+        corner = np.floor(at).astype(np.int64)
+        share = at - corner
+        # In the tetrahedron of a cube that has the larger coordinate first, edge by edge.
+        order, each = np.argsort(-share, axis=1, kind="stable"), np.arange(len(at))
+        value: FloatArray = self.values[tuple(corner.T)]
+        found = value.copy()
+        for axis in order.T:
+            corner[each, axis] += 1
+            following = self.values[tuple(corner.T)]
+            found += share[each, axis] * (following - value)
+            value = following
         return found
 
 
@@ -137,8 +147,8 @@ def _values_at(field: Field, points_mm: FloatArray) -> FloatArray:
     if bad.any():
         first = int(np.argmax(bad))
         raise ArgumentError(
-            f"field {field.name!r}: it is {found[first]} at {located(points_mm[first])} as placed "
-            "for printing; it must be finite over the part and a pitch around it"
+            f"field {field.name!r}: it is {found[first]} at {place_text(points_mm[first])} as "
+            "placed for printing; it must be finite over the part and a pitch around it"
         )
     return found
 
@@ -237,36 +247,6 @@ def _touch(
                     count += 1
         if not cells.size:
             offsets[f + 1] = count
-
-
-@kernel
-def _interpolate(points: Any, origin: Any, pitch: Any, values: Any, found: Any) -> None:
-    for p in range(points.shape[0]):
-        x = (points[p, 0] - origin[0]) / pitch
-        y = (points[p, 1] - origin[1]) / pitch
-        z = (points[p, 2] - origin[2]) / pitch
-        i, j, k = int(np.floor(x)), int(np.floor(y)), int(np.floor(z))
-        found[p] = _in_cube(values, i, j, k, x - i, y - j, z - k)
-
-
-@inner_kernel
-def _in_cube(values: Any, i: Any, j: Any, k: Any, x: Any, y: Any, z: Any) -> Any:
-    """Interpolate linearly in the tetrahedron of a cube that has the larger coordinate first."""
-    low, high = values[i, j, k], values[i + 1, j + 1, k + 1]
-    if x >= y:
-        if y >= z:
-            p, q, a, b, c = values[i + 1, j, k], values[i + 1, j + 1, k], x, y, z
-        elif x >= z:
-            p, q, a, b, c = values[i + 1, j, k], values[i + 1, j, k + 1], x, z, y
-        else:
-            p, q, a, b, c = values[i, j, k + 1], values[i + 1, j, k + 1], z, x, y
-    elif x >= z:
-        p, q, a, b, c = values[i, j + 1, k], values[i + 1, j + 1, k], y, x, z
-    elif y >= z:
-        p, q, a, b, c = values[i, j + 1, k], values[i, j + 1, k + 1], y, z, x
-    else:
-        p, q, a, b, c = values[i, j, k + 1], values[i, j + 1, k + 1], z, y, x
-    return low + a * (p - low) + b * (q - p) + c * (high - q)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -727,12 +707,11 @@ def _even_mm(grid: FieldGrid, index: NDArray[np.int64]) -> FloatArray:
 
 def _hidden(grid: FieldGrid, levels: FloatArray) -> NDArray[np.int64]:
     """Return places that halve cubes, and halves of them, whose corners do not show all levels."""
-    places, size, smaller = [np.empty(0, dtype=np.int64)], 2, np.empty(0)
+    places, size, smaller = [np.empty(0, dtype=np.int64)], 2, np.empty(0, dtype=np.bool_)
     ny, nz = (n * _FINEST + 1 for n in grid.active.shape[1:])
     while size <= grid.cells:
         parts = grid.cells // size
-        found = np.zeros(tuple(n * parts for n in grid.active.shape), dtype=np.uint8)
-        _find_hidden(grid.values, size, levels, _CLEAR, found)
+        found = _hides(grid.values, size, levels)
         if len(smaller):
             x, y, z = found.shape
             found |= smaller.reshape(x, 2, y, 2, z, 2).max(axis=(1, 3, 5))
@@ -743,6 +722,20 @@ def _hidden(grid: FieldGrid, levels: FloatArray) -> NDArray[np.int64]:
         places.append(np.delete(at, (0, 2, 6, 8, 18, 20, 24, 26), axis=1).ravel())
         smaller, size = found, 2 * size
     return _rising(np.concatenate(places))
+
+
+def _hides(values: FloatArray, size: int, levels: FloatArray) -> BoolArray:
+    """Tell which cubes, of a size in cells, have a level far beyond the values of their corners."""
+    low = lowest = high = highest = np.array(np.nan)
+    for first in itertools.product(range(size + 1), repeat=3):
+        x, y, z = (slice(d, n + d - size, size) for d, n in zip(first, values.shape, strict=True))
+        at = values[x, y, z]
+        lowest, highest = np.fmin(lowest, at), np.fmax(highest, at)
+        if all(d % size == 0 for d in first):
+            low, high = (at, at) if not any(first) else (np.minimum(low, at), np.maximum(high, at))
+    off = _CLEAR * (highest - lowest) / size
+    rank = [levels.searchsorted(v, side="right") for v in (lowest + off, low, high, highest - off)]
+    return np.asarray(~np.isnan(low) & ((rank[0] < rank[1]) | (rank[2] < rank[3])))
 
 
 _ROOT_STEPS = 6
@@ -953,28 +946,6 @@ def _slope(at: Any, v: Any) -> Any:
                 volume += (at[1, d] - at[0, d]) * across
         square += total * total
     return np.sqrt(square) / abs(volume)
-
-
-@kernel
-def _find_hidden(values: Any, size: Any, levels: Any, clear: Any, found: Any) -> None:
-    for i in range(found.shape[0]):
-        for j in range(found.shape[1]):
-            for k in range(found.shape[2]):
-                low, high, lowest, highest, known = np.inf, -np.inf, np.inf, -np.inf, True
-                for x in range(size + 1):
-                    for y in range(size + 1):
-                        for z in range(size + 1):
-                            f = values[i * size + x, j * size + y, k * size + z]
-                            if f == f:
-                                lowest, highest = min(lowest, f), max(highest, f)
-                            if x % size == 0 and y % size == 0 and z % size == 0:
-                                known &= f == f
-                                low, high = min(low, f), max(high, f)
-                off = clear * (highest - lowest) / size
-                if known and (
-                    _passed(levels, lowest + off, low) or _passed(levels, high, highest - off)
-                ):
-                    found[i, j, k] = 1
 
 
 @inner_kernel

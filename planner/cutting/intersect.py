@@ -149,8 +149,8 @@ class Crossed:
         Of its vertices: levels below, or 1 inside the part.
     offsets : (e + 1,) int32, points : int32
         Edge i has the meetings ``points[offsets[i]:offsets[i + 1]]``, from its lower vertex on.
-    step : (p,) int32
-        A meeting joins the labels `step` and `step` + 1 along its edge, upwards where its way is 1.
+    lower : (p,) int32
+        A meeting joins this label and the next along its edge, upwards where its way is 1.
     segment_face, segment_label : (s,) int32
         The face that each segment lies in, and the lower of the two labels that it divides, the
         higher one on its left.
@@ -160,7 +160,7 @@ class Crossed:
     labels: NDArray[np.int32]
     offsets: NDArray[np.int32]
     points: NDArray[np.int32]
-    step: NDArray[np.int32]
+    lower: NDArray[np.int32]
     segment_face: NDArray[np.int32]
     segment_label: NDArray[np.int32]
 
@@ -173,13 +173,13 @@ def intersect(mesh: Mesh, levels: FloatArray, sets: LevelSets) -> tuple[Meetings
     on_part, on_level = _ordered(found, True, part), _ordered(found, False, level)
     piece = _piece_of_vertices(part, found, *on_part, levels, sets.values)
     inside = _inside_part(part, level, found, *on_level, sets)
-    step = np.where(found.of_part, sets.level[np.where(found.of_part, found.face, 0)], 0)
-    step, between = step.astype(np.int32), sets.level[found.segment_level]
+    lower = np.where(found.of_part, sets.level[np.where(found.of_part, found.face, 0)], 0)
+    lower, between = lower.astype(np.int32), sets.level[found.segment_level]
     return (
         found,
-        Crossed(part, piece, *on_part, step, found.segment_part, between),
+        Crossed(part, piece, *on_part, lower, found.segment_part, between),
         Crossed(
-            level, inside, *on_level, np.zeros_like(step), found.segment_level,
+            level, inside, *on_level, np.zeros_like(lower), found.segment_level,
             np.zeros_like(between),
         ),
     )  # fmt: skip

@@ -20,7 +20,7 @@ from planner.cutting.planes import (
 )
 from planner.errors import ArgumentError
 from planner.fields.basic import Field, PlanarField
-from planner.glance import located
+from planner.glance import place_text
 from planner.mesh.mesh import (
     JoinedShells,
     Measures,
@@ -146,7 +146,7 @@ def _walk_faces(crossed: Crossed, meetings: Meetings) -> Loops:
     count = len(labels) + len(way)
     # The order of near meetings is settled where labels tell it: a copy is changed.
     points = crossed.points.copy()
-    broken = _settle(crossed.offsets, points, surface.ends, labels, way, crossed.step)
+    broken = _settle(crossed.offsets, points, surface.ends, labels, way, crossed.lower)
     slot, stamp = np.empty(2 * count, dtype=np.int32), np.full(2 * count, -1, dtype=np.int32)
     loops, lost = _walk(
         faces.astype(np.int32), surface.faces, surface.of_face, surface.ends, labels,
@@ -546,7 +546,7 @@ def _fault(divided: Pieces) -> str:
         if wrong.any():
             face, j = divmod(int(order[starts[wrong]].min()), 3)
             ends = divided.vertices[faces[face, [j, (j + 1) % 3]]].astype(np.float64)
-            return f" at {located(ends.mean(axis=0))} as placed for printing"
+            return f" at {place_text(ends.mean(axis=0))} as placed for printing"
     return ""
 
 

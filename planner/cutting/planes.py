@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from planner.errors import ArgumentError, MeshError
 from planner.fields.basic import PlanarField
-from planner.glance import located
+from planner.glance import place_text
 from planner.mesh.mesh import (
     Mesh,
     cancel_opposite,
@@ -529,14 +529,9 @@ def _split_sides(
         children[i] = ((a, count, c), (count, b, c))
         children[f] = ((b, count, d), (count, a, d))
         count += 1
-    divided = [i for i in range(len(faces)) for _ in range(2 if i in children else 1)]
-    grown = faces[divided]
-    second = False
-    for row, i in enumerate(divided):
-        if i in children:
-            grown[row] = children[i][second]
-            second = not second
-    return np.concatenate(points), grown, level[divided]
+    grown = [children.get(i, (tuple(face),)) for i, face in enumerate(faces.tolist())]
+    flat = np.array([face for own in grown for face in own], dtype=np.int32)
+    return np.concatenate(points), flat, np.repeat(level, [len(own) for own in grown])
 
 
 # ------------------------------------------------------------------------------------------------
@@ -586,7 +581,7 @@ def caps(
     points = divided.vertices[:, [u, v]].astype(np.float64, order="C")
     corners, starts, loop_plane, astray = _loops(outline, plane, points)
     if astray >= 0:
-        place = located(divided.vertices[astray].tolist(), 6)
+        place = place_text(divided.vertices[astray].tolist(), 6)
         raise MeshError(
             f"the surface is open near {place}: the outline of a cut ends there; "
             "repair the mesh so that every edge has two faces"
@@ -601,7 +596,7 @@ def caps(
     flip_thin(divided.vertices, cap_faces)
     unfilled = _first_unfilled(cap_faces, divided.segment, divided.segment_below)
     if unfilled >= 0:
-        place = located(divided.vertices[unfilled].tolist(), 6)
+        place = place_text(divided.vertices[unfilled].tolist(), 6)
         raise MeshError(
             f"the cross-section near {place} cannot be divided into triangles: "
             "its outline crosses itself; repair the mesh, or move the level"

@@ -6,18 +6,12 @@ import numpy as np
 
 from planner.errors import ArgumentError
 from planner.fields.basic import FieldRegion, FunctionField, Quantity, Ramp
-from planner.glance import located
+from planner.glance import place_text
 from planner.mesh.mesh import Mesh
 from planner.numerics import BoolArray, FloatArray, IntArray, Point, kernel
 from planner.voxels.columns import Grid, dense, grid_for, voxelize
 
-__all__ = [
-    "between_cells",
-    "cells_of",
-    "geodesic_field",
-    "harmonic_field",
-    "points_field",
-]
+__all__ = ["between_cells", "cells_of", "geodesic_field", "harmonic_field", "points_field"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -179,7 +173,7 @@ def harmonic_field(
                 f"mm; the part reaches {_box(mesh, origin_mm)}"
             )
     if (first & second).any():
-        shared = located(centres[int(np.argmax(first & second))] - origin_mm)
+        shared = place_text(centres[int(np.argmax(first & second))] - origin_mm)
         raise ArgumentError(
             f"field harmonic: the regions from= and to= share {shared}; they must lie apart"
         )
@@ -188,7 +182,7 @@ def harmonic_field(
     reached, lost = _reached_cells(inside, np.isfinite(fixed))
     if lost is not None:
         raise ArgumentError(
-            f"field harmonic: the body at {located(grid.centre_mm(lost) - origin_mm)} touches "
+            f"field harmonic: the body at {place_text(grid.centre_mm(lost) - origin_mm)} touches "
             "neither region; name a region in each body, or take a finer `pitch_mm` if a wall is "
             "thinner than a cell"
         )
@@ -360,8 +354,8 @@ def geodesic_field(
     if stray is not None:
         raise ArgumentError(
             f"field geodesic: no way leads from start= to "
-            f"{located(grid.centre_mm(stray) - origin_mm)} within the part; name a region in each "
-            "body, or take a finer `pitch_mm` if a wall is thinner than a cell"
+            f"{place_text(grid.centre_mm(stray) - origin_mm)} within the part; name a region in "
+            "each body, or take a finer `pitch_mm` if a wall is thinner than a cell"
         )
     length = np.full(tuple(n + 2 for n in inside.shape), np.inf)  # a border saves all tests
     length[tuple((index[held] + 1).T)] = 0.0

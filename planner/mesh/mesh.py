@@ -8,13 +8,7 @@ from typing import Any, ClassVar, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.numerics import (
-    BoolArray,
-    Float32Array,
-    FloatArray,
-    inner_kernel,
-    kernel,
-)
+from planner.numerics import BoolArray, Float32Array, FloatArray, inner_kernel, kernel
 
 __all__ = [
     "JoinedShells",
@@ -467,13 +461,8 @@ class Topology:
     """In `twin`: no other face at this edge, or more than one."""
 
     @cached_property
-    def _around(self) -> EdgeOrder:
-        """The half-edges, those at one edge next to each other."""
-        return order_edges(self.faces)
-
-    @cached_property
     def _paired(self) -> tuple[NDArray[np.int32], int]:
-        order, starts, count = self._around
+        order, starts, count = order_edges(self.faces)
         twin = np.full(self.faces.size, self.OPEN, dtype=np.int32)
         twin[order[np.repeat(count > 2, count)]] = self.CROWDED
         pairs = starts[count == 2]
@@ -537,12 +526,20 @@ class Topology:
 
         None where a body has one side only, as a Möbius strip.
         """
-        turned, ok = _flood(self.faces, self.twin)
-        if not ok:
+        # A face and its reverse are two: joined to those of a neighbour that agree with them.
+        half, tail, count = np.flatnonzero(self.twin >= 0), self.faces.ravel(), len(self.faces)
+        one, other = half // 3, self.twin[half] // 3
+        off = np.where(tail[half] == tail[self.twin[half]], count, 0)
+        ones, others = (one, one + count), (other + off, other + count - off)
+        group, reverse = np.split(
+            connected(2 * count, np.concatenate(ones), np.concatenate(others)), 2
+        )
+        if (group == reverse).any():
             return None
+        first = np.unique(self.body, return_index=True)[1]
+        turned = group != group[first[self.body]]
         most = np.bincount(self.body, weights=turned) * 2 > np.bincount(self.body)
-        result: BoolArray = turned ^ most[self.body]
-        return result
+        return np.asarray(turned ^ most[self.body])
 
 
 def order_edges(faces: NDArray[np.int32]) -> EdgeOrder:
@@ -594,35 +591,6 @@ def unite(parent: Any, a: Any, b: Any) -> None:
         parent[b] = a
     else:
         parent[a] = b
-
-
-@kernel
-def _flood(faces: Any, twin: Any) -> Any:
-    m = faces.shape[0]
-    turned = np.zeros(m, dtype=np.bool_)
-    seen = np.zeros(m, dtype=np.bool_)
-    stack = np.empty(m, dtype=np.int32)
-    for seed in range(m):
-        if seen[seed]:
-            continue
-        seen[seed] = True
-        stack[0], size = seed, 1
-        while size > 0:
-            size -= 1
-            f = stack[size]
-            for j in range(3):
-                e = twin[3 * f + j]
-                if e < 0:
-                    continue
-                g = e // 3
-                wanted = turned[f] ^ (faces[f, j] == faces[g, e % 3])
-                if not seen[g]:
-                    seen[g], turned[g] = True, wanted
-                    stack[size] = g
-                    size += 1
-                elif turned[g] != wanted:
-                    return turned, False
-    return turned, True
 
 
 # ------------------------------------------------------------------------------------------------

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from planner.errors import ArgumentError, MeshError, did_you_mean
 from planner.formats.mesh_file import read_mesh
 from planner.formats.units import QUANTITY_UNITS, canonical_unit
-from planner.glance import counted, located
+from planner.glance import counted, place_text
 from planner.mesh.mesh import (
     Mesh,
     Topology,
@@ -31,14 +31,7 @@ from planner.mesh.mesh import (
 )
 from planner.numerics import BoolArray, FloatArray, IntArray
 
-__all__ = [
-    "Part",
-    "fits_turned",
-    "make_part",
-    "open_part",
-    "place",
-    "union",
-]
+__all__ = ["Part", "fits_turned", "make_part", "open_part", "place", "union"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -129,9 +122,9 @@ def _least_taken(mesh: Mesh, translation_mm: FloatArray) -> FloatArray:
     taken = np.empty((3, _PLACES))
     for axis in range(3):
         pull = np.bincount(mesh.faces.ravel(), np.repeat(normals[:, axis], 3), minlength=len(moved))
-        for place in range(_PLACES):
-            wanted = moved[:, axis] + further[axis, place]
-            taken[axis, place] = pull @ (wanted.astype(np.float32) - wanted)
+        for number in range(_PLACES):
+            wanted = moved[:, axis] + further[axis, number]
+            taken[axis, number] = pull @ (wanted.astype(np.float32) - wanted)
     sums = np.abs(taken[0][:, None, None] + taken[1][:, None] + taken[2])
     best = np.unravel_index(int(np.argmin(sums)), sums.shape)
     return np.asarray(translation_mm + further[np.arange(3), best])
@@ -314,13 +307,15 @@ def make_part(
         vertices, topology, touching = repaired.vertices, repaired.topology, repaired.touching
         repairs += repaired.notes
     try:
-        arranged = _arrange_bodies(vertices, topology, touching=touching, bodies=bodies)
+        points, arranged, notes = _arrange_bodies(
+            vertices, topology, touching=touching, bodies=bodies
+        )
     except MeshError as error:
         raise MeshError(f"{name}: {error}") from error
-    repairs += arranged.notes
-    used, faces = compact(arranged.faces, len(arranged.vertices))
-    mesh = Mesh(arranged.vertices[used], faces)
-    _check_solid(mesh, name, reweld=arranged.vertices is not vertices or touching)
+    repairs += notes
+    used, faces = compact(arranged, len(points))
+    mesh = Mesh(points[used], faces)
+    _check_solid(mesh, name, reweld=points is not vertices or touching)
     return Part(mesh, name, tuple(repairs), tuple(_size_warnings(mesh, tray_mm)))
 
 
@@ -382,7 +377,7 @@ def _check_solid(mesh: Mesh, name: str, *, reweld: bool) -> None:
     crossing = find_crossing(mesh)
     if crossing is not None:
         raise MeshError(
-            f"{name}: the surface crosses itself: {located(crossing.place_mm)} is enclosed "
+            f"{name}: the surface crosses itself: {place_text(crossing.place_mm)} is enclosed "
             f"{crossing.times_inside} times over {crossing.length_mm:.3g} mm along z, in all about "
             f"{crossing.volume_mm3:.3g} mm3; unite or mend the part in the CAD program"
         )
@@ -602,10 +597,8 @@ def _duplicates(state: Repaired) -> Repaired | None:
     faces = state.topology.faces
     if len(state.topology.crowded_edges) == 0:
         return None
-    turned = _from_lowest(faces)
-    order = np.lexsort(turned.T)
-    again = np.zeros(len(faces), dtype=np.bool_)
-    again[order[1:]] = (turned[order[1:]] == turned[order[:-1]]).all(axis=1)
+    again = np.ones(len(faces), dtype=np.bool_)
+    again[np.unique(_from_lowest(faces), axis=0, return_index=True)[1]] = False
     count = int(again.sum())
     if count == 0:
         return None
@@ -795,22 +788,18 @@ _OVERLAP = 1e-7  # of the bodies' volume: less than this is touching
 _OUTSIDE = 1e-3  # of all directions: a point inside, or at a corner, sees more of the surface
 
 
-@dataclass(frozen=True, eq=False)
-class Arranged:
-    """Bodies the right way out, that do not overlap; faces is empty when none has volume."""
-
-    vertices: FloatArray
-    faces: NDArray[np.int32]
-    notes: tuple[str, ...]
+_Arranged = tuple[FloatArray, NDArray[np.int32], tuple[str, ...]]
+"""Vertices and faces of bodies the right way out, that do not overlap, and what was done; no faces
+when none has volume."""
 
 
 def _arrange_bodies(
     vertices: FloatArray,
     topology: Topology,
     *,
-    touching: bool = False,
-    bodies: str | None = None,
-) -> Arranged:
+    touching: bool,
+    bodies: str | None,
+) -> _Arranged:
     """Turn bodies the right way out and unite those that overlap.
 
     An outermost body turned inside out is turned over with all that lies inside it. Inside a
@@ -841,7 +830,7 @@ def _arrange_bodies(
         flat = find_crossing(Mesh(vertices, topology.faces[~full[topology.body]]))
         if flat is not None:
             raise MeshError(
-                f"a body crosses itself at {located(flat.place_mm)} and is wound inwards in "
+                f"a body crosses itself at {place_text(flat.place_mm)} and is wound inwards in "
                 "as much of its volume as outwards; mend it in the CAD program"
             )
         notes.append(f"{int((~full).sum())} of {len(full)} bodies without volume dropped")
@@ -874,8 +863,8 @@ def _arrange_bodies(
             welded = welded[~repeats_index(welded)]
             if not touching and not Topology(welded).closed:  # what was united touches the rest
                 return _arrange_bodies(vertices, topology, touching=True, bodies=bodies)
-            return Arranged(points, welded, (*notes, note))
-    return Arranged(vertices, faces if keep.all() else faces[keep], tuple(notes))
+            return points, welded, (*notes, note)
+    return vertices, faces if keep.all() else faces[keep], tuple(notes)
 
 
 def _measured(vertices: FloatArray, topology: Topology) -> tuple[FloatArray, FloatArray, BoolArray]:
@@ -1052,7 +1041,7 @@ def _chosen(
     parent: NDArray[np.int64],
     bodies: str | None,
     notes: list[str],
-) -> Arranged:
+) -> _Arranged:
     """Make the part in which doubtful bodies are what was asked for, if that matters."""
     import manifold3d
 
@@ -1069,7 +1058,7 @@ def _chosen(
     volumes = f"{hollow.volume():.9g} mm3 with cavities, {solids.volume():.9g} mm3 with solids"
     same = abs(solids.volume() - hollow.volume()) <= _OVERLAP * solids.volume()
     if bodies is None and not same:
-        at_place = f"around {located(found.bounds[int(np.argmax(doubtful))].mean(axis=0))}"
+        at_place = f"around {place_text(found.bounds[int(np.argmax(doubtful))].mean(axis=0))}"
         which = (
             f"{at_place}, is a cavity or a solid"
             if doubtful.sum() == 1
@@ -1084,7 +1073,7 @@ def _chosen(
         raise MeshError("nothing is left where cavities are taken away; choose solids by `bodies`")
     vertices, faces = weld(_mesh_of(whole).triangles)
     note = f"{count} bodies united" if same else f"its {count} bodies read as {bodies}: {volumes}"
-    return Arranged(vertices, faces[~repeats_index(faces)], (*notes, note))
+    return vertices, faces[~repeats_index(faces)], (*notes, note)
 
 
 def union(mesh: Mesh) -> Mesh:
@@ -1338,7 +1327,7 @@ def _describe_borders(vertices: FloatArray, edges: NDArray[np.int32], crowded: i
     around = [_length(vertices, loop) for loop in loops]
     longest = int(np.argmax(around))
     points = vertices[np.unique(loops[longest])]
-    middle = located((points.min(axis=0) + points.max(axis=0)) / 2)
+    middle = place_text((points.min(axis=0) + points.max(axis=0)) / 2)
     holes = counted(len(loops), "hole") + (", the longest" if len(loops) > 1 else "")
     also = f"; {crowded} more edges have over two faces" if crowded else ""
     return (
@@ -1353,4 +1342,4 @@ def _length(vertices: FloatArray, edges: NDArray[np.int32]) -> float:
 
 
 def _middle(vertices: FloatArray, edge: NDArray[np.int32]) -> str:
-    return located((vertices[edge[0]] + vertices[edge[1]]) / 2)
+    return place_text((vertices[edge[0]] + vertices[edge[1]]) / 2)
