@@ -16,9 +16,8 @@ from planner.formats.outputs import is_scratch
 from planner.formats.threemf import ThreemfObject, read_threemf
 from planner.glance import counted, one_line, outcome
 from planner.mesh.mesh import JoinedShells, Measures, Mesh, join_shells, measure, weld_points
-from planner.numerics import FloatArray
+from planner.numerics import FloatArray, Point
 from planner.plan import (
-    Box,
     Check,
     PartGraded,
     Plan,
@@ -284,7 +283,7 @@ def _of(plan: Plan, file: str) -> list[Region]:
     return [region for region in plan.regions if region.file == file]
 
 
-def _union(boxes: list[Box]) -> FloatArray:
+def _union(boxes: Sequence[tuple[Point, Point]]) -> FloatArray:
     corners = np.array(boxes)
     return np.stack([corners[:, 0].min(axis=0), corners[:, 1].max(axis=0)])
 

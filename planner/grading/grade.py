@@ -1,8 +1,8 @@
 """The main job: part + gradient + palette -> Plan."""
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import asdict, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -21,21 +21,21 @@ from planner.errors import (
 )
 from planner.fields.basic import Field, PlanarField, axis_field
 from planner.fields.parse import Setting, TableFile, build_field
+from planner.formats.files import SIGNIFICANT_DIGITS
 from planner.formats.mesh_file import decode_stl, stl_holds
 from planner.grading.check import plan_checks
 from planner.grading.dither import CellDesign, cell_design
 from planner.grading.howto import with_howto
 from planner.grading.printability import WITHIN_MM, CutPart
-from planner.grading.profile import Band, Profile, StiffnessScale, shortfalls, stiffness_scale
+from planner.grading.profile import Band, Profile, StiffnessScale, stiffness_scale
 from planner.grading.regions import (
     BandDesign,
-    alternatives,
     band_design,
     shells_of,
     stiffness_check,
     tolerated_ratio,
 )
-from planner.grading.snap import MovedCut, snap_limit_mm, snapped_bands
+from planner.grading.snap import snap_limit_mm, snapped_bands
 from planner.grading.wish import End, Wish, Wished, targets_of, whole_wish
 from planner.mesh.mesh import Mesh, join_shells, weld
 from planner.mesh.part import Part, open_part, place
@@ -286,7 +286,7 @@ def grade(
     design = _design_pieces(
         by, mesh, along, target, scale, machine, bands=wish.bands, cell_mm=wish.cell_mm
     )
-    moved: tuple[MovedCut, ...] = ()
+    moved: Sequence[Mapping[str, float]] = ()
     if isinstance(design, BandDesign):
         if not design.periods:
             bands_now, moved = snapped_bands(
@@ -303,11 +303,10 @@ def grade(
     cut = CutPart(mesh, along, pieces, pitch_mm, within_mm, as_point(translation), np.empty(0))
     printing, findings, cautions = design.held(cut, shells, scale, machine)
     known = _remarks(scale, regions)
-    others = alternatives(
-        regions, target, scale, equal_bands=wish.bands is not None,
+    stiffness, off, others = stiffness_check(
+        regions, limit, target, scale, equal_bands=wish.bands is not None,
         moved=bool(moved) and by[0] == "nearest",
     )  # fmt: skip
-    stiffness, off = stiffness_check(regions, limit, others)
     followed = () if earlier is None else earlier.remarks(source.sha256)
     unsure: tuple[str, ...] = ()
     if any(what.material is None for what in design.printed):
@@ -331,7 +330,7 @@ def grade(
             wish.bands,
             design.says,
             None if earlier is None else earlier.says,
-            {"limit_mm": farthest_mm, "moved": [asdict(cut) for cut in moved]} if moved else None,
+            {"limit_mm": farthest_mm, "moved": moved} if moved else None,
         ),
         stiffness=Stiffness(
             "secant-nominal",
@@ -392,13 +391,13 @@ def _remarks(scale: StiffnessScale, regions: Sequence[Region]) -> tuple[str, ...
 
 
 def _check_thickness(
-    field: Field, steps: tuple[Band, ...], machine: Printer, warnings: tuple[str, ...]
+    field: Field, bands: tuple[Band, ...], machine: Printer, warnings: tuple[str, ...]
 ) -> None:
     """Refuse bands thinner than the printer's layer, where the field has a length."""
     span_mm = field.description().get("span_mm")
     if not isinstance(span_mm, float):
         return
-    thinnest = min(steps, key=lambda band: band.stop - band.start)
+    thinnest = min(bands, key=lambda band: band.stop - band.start)
     thickness_mm = (thinnest.stop - thinnest.start) * span_mm
     if thickness_mm < machine.layer_mm:
         fit = int(span_mm / machine.layer_mm)
@@ -425,6 +424,23 @@ def _part_graded(source: Part, translation_mm: Point) -> PartGraded:
         translation_mm=translation_mm,
         repairs=source.repairs,
     )
+
+
+# Moduli nearer than this to each other, relatively, are one: a plan.json keeps nine digits of a
+# target, and the material that gave it must still reach it.
+_SAME_MODULUS = 10.0 ** (1 - SIGNIFICANT_DIGITS)
+
+
+def shortfalls(profile: Profile, moduli_MPa: tuple[float, ...]) -> tuple[Band, ...]:
+    """Find where the target lies below the softest or above the hardest material: the nearest."""
+    ends = softest, hardest = moduli_MPa[0], moduli_MPa[-1]
+    found = []
+    for start, stop, (low, high) in profile.stretches(ends, profile.positions):
+        if low < softest * (1.0 - _SAME_MODULUS):
+            found.append(Band(start, stop, 0, (low, high)))
+        elif high > hardest * (1.0 + _SAME_MODULUS):
+            found.append(Band(start, stop, len(moduli_MPa) - 1, (low, high)))
+    return tuple(found)
 
 
 def _unreachable(target: Profile, scale: StiffnessScale) -> tuple[Unreachable, ...]:

@@ -11,7 +11,7 @@ from planner.cutting.pieces import Pieces
 from planner.fields.basic import Field, PlanarField
 from planner.mesh.mesh import Mesh, connected, measure
 from planner.mesh.part import fits_turned
-from planner.numerics import FloatArray, Point, as_point
+from planner.numerics import FloatArray, IntArray, Point, as_point
 from planner.plan import Check, Finding, Shell
 from planner.printers import Printer
 from planner.voxels.columns import MOST_VOXELS, check_reach, columns_of, grid_for, snap
@@ -272,10 +272,7 @@ def _interface_distances_mm(part: CutPart) -> tuple[FloatArray, FloatArray]:
     count = len(pieces.cap_faces)
     if count == 0:
         return np.zeros(1), np.ones(1)
-    chosen = np.arange(0, count, max(1, -(-count // _INTERFACE_SAMPLES)))
-    corners = pieces.vertices[pieces.cap_faces[chosen]].astype(np.float64)
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    length = np.linalg.norm(normal, axis=1)
+    chosen, corners, normal, length = _some_caps(pieces, np.arange(count), _INTERFACE_SAMPLES)
     normal *= _REACH_MM / np.maximum(length, 1e-300)[:, None]
     centre = corners.mean(axis=1)
     level = part.levels[pieces.cap_level[chosen]]
@@ -288,6 +285,16 @@ def _interface_distances_mm(part: CutPart) -> tuple[FloatArray, FloatArray]:
     order = np.argsort(distance, kind="stable")
     area = np.cumsum(length[order])
     return np.minimum(distance[order], part.pitch_mm), area / area[-1]
+
+
+def _some_caps(
+    pieces: Pieces, members: IntArray, most: int
+) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
+    """Return some interface triangles, evenly so many at most: which, corners, normals, lengths."""
+    chosen = members[:: max(1, -(-len(members) // most))]
+    corners = pieces.vertices[pieces.cap_faces[chosen]].astype(np.float64)
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    return chosen, corners, normal, np.linalg.norm(normal, axis=1)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -354,10 +361,7 @@ def _measured(part: CutPart, first: int, last: int, longest_mm: float) -> BandTh
     at, way, area, target = [], [], [], []
     for level, sign, end in ((first - 1, 1.0, high), (last, -1.0, low)):
         members = np.flatnonzero(pieces.cap_level == level)
-        chosen = members[:: max(1, -(-len(members) // _THICKNESS_SAMPLES))]
-        corners = pieces.vertices[pieces.cap_faces[chosen]].astype(np.float64)
-        normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        length = np.linalg.norm(normal, axis=1)
+        _, corners, normal, length = _some_caps(pieces, members, _THICKNESS_SAMPLES)
         flat = ~(length > 0.0)
         at.append(corners.mean(axis=1)[~flat])
         way.append(sign * (normal / np.where(flat, 1.0, length)[:, None])[~flat])

@@ -17,7 +17,6 @@ from planner.errors import (
     UnknownNameError,
     as_number,
 )
-from planner.formats.files import SIGNIFICANT_DIGITS
 from planner.formats.tables import read_columns
 from planner.glance import brief, counted, html_of, one_line, plotted
 from planner.materials.laws import make_law, secant_modulus_MPa, stability
@@ -48,7 +47,6 @@ __all__ = [
     "natural_bands",
     "profile_of",
     "read_moduli",
-    "shortfalls",
     "stiffness_scale",
 ]
 
@@ -528,10 +526,6 @@ def stiffness_scale(palette: Palette, at_strain: float) -> StiffnessScale:
 # pixel on any part that fits a tray, far above rounding.
 _SAME_POSITION = 1e-9
 
-# Moduli nearer than this to each other, relatively, are one: a plan.json keeps nine digits of a
-# target, and the material that gave it must still reach it.
-_SAME_MODULUS = 10.0 ** (1 - SIGNIFICANT_DIGITS)
-
 
 @dataclass(frozen=True, slots=True)
 class Band:
@@ -587,18 +581,6 @@ def equal_bands(profile: Profile, moduli_MPa: tuple[float, ...], count: int) -> 
     return tuple(
         _band(moduli_MPa, a, b, profile.interval_MPa(a, b)) for a, b in itertools.pairwise(edges)
     )
-
-
-def shortfalls(profile: Profile, moduli_MPa: tuple[float, ...]) -> tuple[Band, ...]:
-    """Find where the target lies below the softest or above the hardest material: the nearest."""
-    ends = softest, hardest = moduli_MPa[0], moduli_MPa[-1]
-    found = []
-    for start, stop, (low, high) in profile.stretches(ends, profile.positions):
-        if low < softest * (1.0 - _SAME_MODULUS):
-            found.append(Band(start, stop, 0, (low, high)))
-        elif high > hardest * (1.0 + _SAME_MODULUS):
-            found.append(Band(start, stop, len(moduli_MPa) - 1, (low, high)))
-    return tuple(found)
 
 
 def _band(

@@ -3,7 +3,7 @@
 import hashlib
 import itertools
 import math
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -16,13 +16,7 @@ from planner.formats.mesh_file import encode_stl
 from planner.formats.threemf import Constituent, composite_name, mixed_colour
 from planner.glance import in_percent
 from planner.grading.printability import CutPart, print_checks
-from planner.grading.profile import (
-    Band,
-    Profile,
-    StiffnessScale,
-    equal_bands,
-    natural_bands,
-)
+from planner.grading.profile import Band, Profile, StiffnessScale, equal_bands, natural_bands
 from planner.materials.mixtures import blend_for, dither_table, reuss_MPa, reuss_share
 from planner.mesh.mesh import Mesh, compact
 from planner.numerics import FloatArray, as_point
@@ -34,7 +28,6 @@ __all__ = [
     "BandDesign",
     "BlendSegment",
     "Printed",
-    "alternatives",
     "band_design",
     "blend_segments",
     "blended",
@@ -354,8 +347,8 @@ class Laminate:
     ----------
     start, stop
         Field values.
-    lower, upper
-        Places of the materials from soft to hard.
+    stretch
+        Which it is part of.
     share
         Of the length along the field that is of the harder one.
     modulus_MPa
@@ -366,8 +359,7 @@ class Laminate:
 
     start: float
     stop: float
-    lower: int
-    upper: int
+    stretch: BlendSegment
     share: float
     modulus_MPa: float
     target_MPa: tuple[float, float]
@@ -434,15 +426,8 @@ def _laminate(
     share = float(reuss_share(soft, hard, compliance / (stop - start)))
     if not _THINNEST < share * (stop - start) < stop - start - _THINNEST:
         share = float(math.floor(share + 0.5))
-    return Laminate(
-        start,
-        stop,
-        stretch.lower,
-        stretch.upper,
-        share,
-        float(reuss_MPa(soft, hard, share)),
-        profile.interval_MPa(start, stop),
-    )
+    modulus, target = float(reuss_MPa(soft, hard, share)), profile.interval_MPa(start, stop)
+    return Laminate(start, stop, stretch, share, modulus, target)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -554,7 +539,7 @@ class BandDesign:
                 low, high = turn.target_MPa
                 error = (turn.modulus_MPa / high - 1.0, turn.modulus_MPa / low - 1.0)
                 says = {"field": [turn.start, turn.stop], "share": turn.share}
-                pair = turn.lower, turn.upper
+                pair = turn.stretch.lower, turn.stretch.upper
                 region = blended(region, scale, pair, turn.modulus_MPa, error, 0.0, "bands", says)
             found.append(region)
         return tuple(found)
@@ -653,18 +638,19 @@ def tolerated_ratio(stated: float) -> float:
 
 
 def stiffness_check(
-    regions: Sequence[Region],
-    limit: float,
-    others: Mapping[str, float],
-) -> tuple[Check, tuple[Finding, ...]]:
+    regions: Sequence[Region], limit: float, target: Profile, scale: StiffnessScale, *,
+    equal_bands: bool, moved: bool,
+) -> tuple[Check, tuple[Finding, ...], dict[str, float]]:  # fmt: skip
     """Hold the stiffness of all regions against what was wanted there.
 
     Parameters
     ----------
     limit
         Of `tolerated_ratio`.
-    others
-        Of `alternatives`.
+    equal_bands
+        Whether the regions are bands of equal steps, in place of the nearest materials.
+    moved
+        Whether cuts between the nearest materials were moved off faces of the part.
 
     Returns
     -------
@@ -672,13 +658,25 @@ def stiffness_check(
         The worst ratio of all regions, with its limit.
     findings : tuple of Finding
         Where the worst is, and what would make it smaller; empty where the check holds.
+    others : dict
+        The worst ratio that other options would leave, where it is smaller. Of cells of two
+        materials it is the error of their homogenised modulus; each cell by itself is one of the
+        two.
     """
     worst = max(regions, key=_region_error)
-    ratio = _region_error(worst)
-    ok = ratio <= limit * (1.0 + _ROUNDING)
-    check = Check(ratio, limit, ok)
-    if ok:
-        return check, ()
+    ratio, moduli = _region_error(worst), scale.moduli_MPa
+    between = [s for s in blend_segments(target, moduli) if s.lower < s.upper]
+    cells = max(
+        (1.0 / (1.0 - dither_table().error_at(moduli[s.upper] / moduli[s.lower])) for s in between),
+        default=1.0,
+    )
+    option = "without --bands" if equal_bands else "with --snap 0" if moved else ""
+    nearest = {option: _of_nearest(target, scale)} if option else {}
+    found = {**nearest, "with --blend dither": cells}
+    others = {option: error for option, error in found.items() if error < ratio * (1.0 - 1e-6)}
+    check = Check(ratio, limit, ratio <= limit * (1.0 + _ROUNDING))
+    if check.ok:
+        return check, (), others
     low, high = worst.target_modulus_MPa
     better = [f"{option} it is {error_text(error)}" for option, error in others.items()]
     cures = [*better, f"--tolerance {_rounded_up(ratio):g} accepts it"]
@@ -688,36 +686,7 @@ def stiffness_check(
         f"up to {error_text(ratio)}, more than the tolerance, {error_text(limit)}; "
         + "; ".join(cures)
     )
-    return check, (Finding("stiffness", message, worst.material),)
-
-
-def alternatives(
-    regions: Iterable[Region], target: Profile, scale: StiffnessScale, *, equal_bands: bool,
-    moved: bool,
-) -> dict[str, float]:  # fmt: skip
-    """Return the worst ratio that other options would leave, where it is smaller.
-
-    Of cells of two materials it is the error of their homogenised modulus; each cell by itself is
-    one of the two.
-
-    Parameters
-    ----------
-    equal_bands
-        Whether the regions are bands of equal steps, in place of the nearest materials.
-    moved
-        Whether cuts between the nearest materials were moved off faces of the part.
-    """
-    ratio = max(_region_error(region) for region in regions)
-    moduli = scale.moduli_MPa
-    between = [s for s in blend_segments(target, moduli) if s.lower < s.upper]
-    cells = max(
-        (1.0 / (1.0 - dither_table().error_at(moduli[s.upper] / moduli[s.lower])) for s in between),
-        default=1.0,
-    )
-    option = "without --bands" if equal_bands else "with --snap 0" if moved else ""
-    nearest = {option: _of_nearest(target, scale)} if option else {}
-    found = {**nearest, "with --blend dither": cells}
-    return {option: error for option, error in found.items() if error < ratio * (1.0 - 1e-6)}
+    return check, (Finding("stiffness", message, worst.material),), others
 
 
 def _region_error(region: Region) -> float:

@@ -23,12 +23,7 @@ from planner.errors import (
 from planner.fields.basic import Field
 from planner.fields.parse import TableFile, field_of
 from planner.formats.units import QUANTITY_UNITS
-from planner.grading.profile import (
-    Profile,
-    StiffnessScale,
-    profile_of,
-    read_moduli,
-)
+from planner.grading.profile import Profile, StiffnessScale, profile_of, read_moduli
 from planner.materials.mixtures import nearest_on
 from planner.numerics import FloatArray
 from planner.palette import Material, Palette
