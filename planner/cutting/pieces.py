@@ -16,6 +16,7 @@ from planner.cutting.planes import (
     cut_by_planes,
     flip_thin,
     squared_height,
+    thin_faces,
     triangulate_loops,
 )
 from planner.errors import ArgumentError
@@ -552,19 +553,9 @@ def _fault(divided: Pieces) -> str:
 
 def _thin(divided: Pieces, first_new: int) -> int:
     """Count new triangles so thin that readers drop them."""
-    limit = _READ_MM**2
-    found = _count_thin(divided.vertices, divided.faces, np.int32(first_new), limit)
-    return int(found + _count_thin(divided.vertices, divided.cap_faces, np.int32(0), limit))
-
-
-@kernel
-def _count_thin(vertices: Any, faces: Any, first_new: Any, limit: Any) -> Any:
-    count = 0
-    for f in range(faces.shape[0]):
-        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
-        if max(a, max(b, c)) >= first_new and squared_height(vertices, a, b, c) < limit:
-            count += 1
-    return count
+    new = divided.faces[(divided.faces >= first_new).any(axis=1)]
+    points = divided.vertices.astype(np.float64)
+    return len(thin_faces(points, np.concatenate([new, divided.cap_faces]), _READ_MM))
 
 
 def _without_thin(divided: Pieces, first_new: int) -> Pieces:

@@ -19,7 +19,7 @@ from planner.mesh.mesh import (
     repeats_index,
     row_slot,
 )
-from planner.numerics import BoolArray, Float32Array, FloatArray, inner_kernel, kernel
+from planner.numerics import BoolArray, Float32Array, FloatArray, IntArray, inner_kernel, kernel
 
 __all__ = [
     "LATTICE_MM",
@@ -27,6 +27,7 @@ __all__ = [
     "cut_by_planes",
     "flip_thin",
     "squared_height",
+    "thin_faces",
     "triangulate_loops",
 ]
 
@@ -129,13 +130,9 @@ def divide(mesh: Mesh, normal: FloatArray, offsets_mm: FloatArray) -> DividedSur
     )  # fmt: skip
     vertices, tag, merged = vertices[: n + made], tag[: n + made], merged[: n + made]
     # Back into the order of the mesh's faces.
-    rank = np.searchsorted(whole, source[:written]) + np.arange(written)
-    other = np.ones(len(whole) + written, dtype=np.bool_)
-    other[rank] = False
-    divided, faces = faces[:written], np.empty((len(other), 3), dtype=np.int32)
-    faces[rank], faces[other] = divided, mesh.faces[whole]
-    between, piece = piece[:written], np.empty(len(other), dtype=np.int32)
-    piece[rank], piece[other] = between, first[whole]
+    order = np.argsort(np.concatenate([source[:written], whole]), kind="stable")
+    faces = np.concatenate([faces[:written], mesh.faces[whole]])[order]
+    piece = np.concatenate([piece[:written], first[whole]])[order]
     t0, t1, t2 = (tag[corner] for corner in faces.T)
     drawn = np.stack([t0 == t1, t1 == t2, t2 == t0], axis=1)
     drawn &= np.stack([t0 >= 0, t1 >= 0, t2 >= 0], axis=1)
@@ -329,14 +326,19 @@ def flip_thin(vertices: Float32Array, faces: NDArray[np.int32], *, flat: bool = 
         Whether regions are flat: what a flip made may then be flipped again, thin or not.
     """
     points = vertices.astype(np.float64)
-    a, b, c = points[faces].transpose(1, 0, 2)
+    thin = thin_faces(points, faces, _THIN_MM)
+    if len(thin):
+        _flip(points, faces, thin, np.inf if flat else _THIN_MM**2)
+
+
+def thin_faces(points_mm: FloatArray, faces: NDArray[np.int32], least_mm: float) -> IntArray:
+    """Return which triangles are lower than so much over their longest side."""
+    a, b, c = points_mm[faces].transpose(1, 0, 2)
     u, v = b - a, c - a
     square = np.maximum((u * u).sum(axis=1), (v * v).sum(axis=1))
     square = np.maximum(square, ((v - u) ** 2).sum(axis=1))
     doubled = (np.cross(u, v) ** 2).sum(axis=1)
-    thin = np.flatnonzero(doubled < _THIN_MM**2 * np.where(square > 0.0, square, 1.0))
-    if len(thin):
-        _flip(points, faces, thin, np.inf if flat else _THIN_MM**2)
+    return np.flatnonzero(doubled < least_mm**2 * np.where(square > 0.0, square, 1.0))
 
 
 _FLIP_ROUNDS = 64
