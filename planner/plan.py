@@ -463,18 +463,22 @@ class Plan:
                 for each in self.shells
             ]
             pictures = pictures_of(solids, width=_PICTURE[0], height=_PICTURE[1])
-            (scratch / "part.png").write_bytes(pictures.outside)
-            (scratch / "section.png").write_bytes(pictures.section)
-            (scratch / f"{self.name}.3mf").write_bytes(
-                encode_threemf(objects, self.name, thumbnail=pictures.thumbnail, one_mesh=one_mesh)
-            )
-            (scratch / "HOWTO.md").write_text(self.howto(), encoding="utf-8", newline="\n")
-            if page is not None:
-                (scratch / "plan.html").write_bytes(page)
-            for name, data in {**self.coupons, **beside}.items():
+            del solids
+            files = {
+                "part.png": pictures.outside,
+                "section.png": pictures.section,
+                f"{self.name}.3mf": encode_threemf(
+                    objects, self.name, thumbnail=pictures.thumbnail, one_mesh=one_mesh
+                ),
+                "HOWTO.md": self.howto().encode("utf-8"),
+                **({} if page is None else {"plan.html": page}),
+                **self.coupons,
+                **beside,
+                "plan.json": self.json(),
+            }
+            for name, data in files.items():
                 (scratch / name).parent.mkdir(exist_ok=True)
                 (scratch / name).write_bytes(data)
-            (scratch / "plan.json").write_bytes(self.json())
         return target
 
 

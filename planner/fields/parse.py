@@ -49,16 +49,10 @@ __all__ = ["Setting", "TableFile", "build_field", "field_of"]
 
 _Value = FloatArray | float
 
-_VARIABLES: Mapping[str, str] = MappingProxyType(
-    {
-        "x": "mm, in the part's own coordinates",
-        "y": "mm",
-        "z": "mm",
-        "r": "mm from the z axis of the part's file",
-        "d": "mm below the part's surface",
-        "u": "0 to 1 along the part's longest side",
-    }
-)
+_VARIABLES = ("x", "y", "z", "r", "d", "u")
+"""Position in the part's own coordinates, distance from the z axis of its file, and depth below its
+surface, all in mm; and 0 to 1 along its longest side."""
+
 _CONSTANTS = MappingProxyType({"pi": np.pi, "e": np.e})
 _FUNCTIONS: Mapping[str, tuple[int, Callable[..., _Value]]] = MappingProxyType(
     {

@@ -475,7 +475,6 @@ class CellDesign:
         follows the target within the stretch.
         """
         dealt, volumes = self.dealt, self._volumes_mm3(pieces)
-        files = {shell.material: shell for shell in shells}
         shares, boxes = self._shares(volumes), self._boxes_mm(pieces, volumes)
         regions: list[Region] = []
         for number, stretch in enumerate(dealt.along):
@@ -486,7 +485,7 @@ class CellDesign:
                     continue
                 band = Band(stretch.start, stretch.stop, grade, stretch.target_MPa)
                 box = boxes[number, piece]
-                region = region_of(band, self.printed[piece], volume_mm3, box, files)
+                region = region_of(band, self.printed[piece], volume_mm3, box, shells)
                 if stretch.lower < stretch.upper:
                     region = _blended(region, stretch, shares[number], scale, dealt.cell_mm)
                 regions.append(region)

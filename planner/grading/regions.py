@@ -184,21 +184,21 @@ def _resins_of(palette: Palette, machine: Printer, ids: Collection[str]) -> tupl
 
 def region_of(
     band: Band, what: Printed, volume_mm3: float, bounds_mm: FloatArray,
-    files: Mapping[str, Shell],
+    shells: Sequence[Shell],
 ) -> Region:  # fmt: skip
     """Report a band that is printed in one material or mixture.
 
     Its number is that of its shell, from soft to hard, as in the shell's file name.
-
-    Parameters
-    ----------
-    files
-        The shells by material, from soft to hard.
     """
     low, high = band.target_MPa
-    shell = files[what.name]
+    number = [shell.material for shell in shells].index(what.name)
+    shell, blend = shells[number], dict[str, Any]()
+    if what.material is None:
+        lower, upper = what.constituents
+        blend = {"kind": "mix", "name": what.name, "lower": lower.name, "upper": upper.name}
+        blend["fraction"] = upper.share
     return Region(
-        index=list(files).index(what.name) + 1,
+        index=number + 1,
         material=what.material,
         coordinate=what.coordinate,
         field=(band.start, band.stop),
@@ -212,22 +212,8 @@ def region_of(
         file=shell.file,
         sha256=shell.sha256,
         triangles=len(shell.faces),
-        blend=_mixed(what),
+        blend=blend or None,
     )
-
-
-def _mixed(what: Printed) -> dict[str, Any] | None:
-    """Return what a plan says of a mixture; None of a catalogue material."""
-    if what.material is not None:
-        return None
-    lower, upper = what.constituents
-    return {
-        "kind": "mix",
-        "name": what.name,
-        "lower": lower.name,
-        "upper": upper.name,
-        "fraction": upper.share,
-    }
 
 
 def blended(
@@ -526,7 +512,6 @@ class BandDesign:
     ) -> tuple[Region, ...]:
         """Report each band that holds any of the part, and what turns come to in series."""
         volumes, bounds = pieces.volumes_mm3, pieces.bounds_mm
-        files = {shell.material: shell for shell in shells}
         found: list[Region] = []
         turns = self.periods or (None,) * len(self.bands)
         for number, (band, what, turn) in enumerate(
@@ -534,7 +519,7 @@ class BandDesign:
         ):
             if not volumes[number] > 0.0:
                 continue
-            region = region_of(band, what, float(volumes[number]), bounds[number], files)
+            region = region_of(band, what, float(volumes[number]), bounds[number], shells)
             if turn is not None and turn.share not in (0.0, 1.0):
                 low, high = turn.target_MPa
                 error = (turn.modulus_MPa / high - 1.0, turn.modulus_MPa / low - 1.0)

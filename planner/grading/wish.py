@@ -128,17 +128,17 @@ class _EarlierPlan:
         target = profile_of(gradient.profile)
         had_ends = gradient.start is not None and gradient.end is not None
         ends = not _has_targets(stated.profile) if stated.profile is not None else had_ends
-        laid_anew = stated.field is not None or stated.axis is not None
+        field, pitch_mm = None, None
+        if stated.field is None and stated.axis is None:
+            field = field_of(gradient.field, part.translation_mm, self.plan.folder)
+            if "within_mm" not in gradient.field:
+                pitch_mm = _number(gradient.field.get("pitch_mm"))
         return Wish(
             start=target.moduli_MPa[0] if ends else None,
             end=target.moduli_MPa[-1] if ends else None,
             profile=target,
-            field=None
-            if laid_anew
-            else field_of(gradient.field, part.translation_mm, self.plan.folder),
-            pitch_mm=None
-            if laid_anew or "within_mm" in gradient.field
-            else _number(gradient.field.get("pitch_mm")),
+            field=field,
+            pitch_mm=pitch_mm,
             at_strain=self.plan.stiffness.at_strain,
             printer=self.plan.printer,
             palette=None if stated.palette is not None else self._own_palette(stated.printer),

@@ -461,25 +461,21 @@ class Topology:
     """In `twin`: no other face at this edge, or more than one."""
 
     @cached_property
-    def _paired(self) -> tuple[NDArray[np.int32], int]:
+    def twin(self) -> NDArray[np.int32]:
+        """The other half-edge at each half-edge's edge, (3 m,), or `OPEN` or `CROWDED`."""
         order, starts, count = order_edges(self.faces)
         twin = np.full(self.faces.size, self.OPEN, dtype=np.int32)
         twin[order[np.repeat(count > 2, count)]] = self.CROWDED
         pairs = starts[count == 2]
         one, other = order[pairs], order[pairs + 1]
         twin[one], twin[other] = other, one
-        tail = self.faces.ravel()
-        return twin, int(np.count_nonzero(tail[one] == tail[other]))
+        return twin
 
-    @property
-    def twin(self) -> NDArray[np.int32]:
-        """The other half-edge at each half-edge's edge, (3 m,), or `OPEN` or `CROWDED`."""
-        return self._paired[0]
-
-    @property
+    @cached_property
     def same_way(self) -> int:
         """Edges whose two faces run the same way: one of the two is turned over."""
-        return self._paired[1]
+        half, tail = np.flatnonzero(self.twin > np.arange(self.faces.size)), self.faces.ravel()
+        return int(np.count_nonzero(tail[half] == tail[self.twin[half]]))
 
     @cached_property
     def two_faced(self) -> bool:
