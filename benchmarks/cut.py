@@ -18,7 +18,8 @@ from manifold3d import CrossSection, Manifold
 from benchmarks.audit import audit
 from planner.cutting.pieces import split
 from planner.fields.basic import axis_field
-from planner.mesh.mesh import Mesh, interfaces_cancel, join_shells
+from planner.grading.check import interfaces_cancel
+from planner.mesh.mesh import Mesh, join_shells
 from planner.mesh.part import place
 
 LEVELS = np.arange(1, 10) / 10
@@ -103,7 +104,7 @@ def run(name, solid):
     soup = mesh.triangles.astype(np.float32)
     print(f"  audit of the part      {median_s(lambda: audit(soup), 3):9.4f} s")
     sound = sum(audit(soup).sound for soup in soups)
-    fit = interfaces_cancel(join_shells(soups), mesh).ok
+    fit = interfaces_cancel(join_shells(soups), mesh)
     print(f"  sound shells {sound} of {len(soups)}, interfaces coincide: {fit}")
 
 

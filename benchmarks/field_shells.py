@@ -27,7 +27,8 @@ from planner.cutting.pieces import split
 from planner.errors import PlannerError
 from planner.fields.parse import Setting, build_field
 from planner.formats.mesh_file import read_mesh
-from planner.mesh.mesh import Mesh, interfaces_cancel, join_shells, weld
+from planner.grading.check import interfaces_cancel
+from planner.mesh.mesh import Mesh, join_shells, weld
 from planner.mesh.part import make_part, place
 
 MESHES = Path(__file__).parents[2] / "shared/data/meshes"
@@ -154,7 +155,7 @@ def faults(pieces, mesh):
         imported = Manifold(SolidMesh(vertices, faces.astype(np.uint32)))
         found["unsound"] += not audit(soup).sound or imported.status() != Error.NoError
         found["open in trimesh"] += whole and not watertight(soup)
-    found["parts that do not fit"] += not interfaces_cancel(join_shells(soups), mesh).ok
+    found["parts that do not fit"] += not interfaces_cancel(join_shells(soups), mesh)
     return len(soups), found
 
 

@@ -20,9 +20,9 @@ __all__ = [
     "format_range",
     "html_of",
     "in_percent",
-    "located",
     "one_line",
     "outcome",
+    "place_text",
     "plotted",
 ]
 
@@ -75,7 +75,7 @@ def channels(colour: str) -> tuple[int, ...]:
     return tuple(bytes.fromhex(colour[1:]))
 
 
-def located(place_mm: Iterable[float], digits: int = 4) -> str:
+def place_text(place_mm: Iterable[float], digits: int = 4) -> str:
     """Write a place with so many digits: "(1.5, 20, 3) mm"."""
     return f"({', '.join(f'{x:.{digits}g}' for x in place_mm)}) mm"
 

@@ -29,7 +29,6 @@ __all__ = [
     "Material",
     "Palette",
     "PaletteFile",
-    "Reading",
     "Reference",
     "Temperature",
     "Uncertainty",

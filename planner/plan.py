@@ -18,7 +18,6 @@ from planner.glance import as_words, brief, counted, html_of, one_line, outcome,
 from planner.numerics import Float32Array, FloatArray, IntArray, Point
 
 __all__ = [
-    "Box",
     "Check",
     "Finding",
     "Gradient",
@@ -52,7 +51,7 @@ _PICTURE = (600, 400)
 """Pixels of the pictures beside a plan; the 3MF has one of half that."""
 
 _Pair = tuple[float, float]
-Box = tuple[Point, Point]
+_Box = tuple[Point, Point]
 Triangles = Float32Array | FloatArray
 """Corners (k, 3, 3) of a shell, as placed for printing."""
 
@@ -78,7 +77,7 @@ class PartGraded:
     unit: str
     volume_mm3: float
     area_mm2: float
-    bounds_mm: Box
+    bounds_mm: _Box
     triangles: int
     translation_mm: Point
     repairs: tuple[str, ...] = ()
@@ -167,7 +166,7 @@ class Region:
     error: _Pair
     volume_mm3: float
     mass_g: float
-    bounds_mm: Box
+    bounds_mm: _Box
     file: str
     sha256: str
     triangles: int
@@ -459,29 +458,27 @@ class Plan:
                 )
                 for shell in self.shells
             ]
-            pictures = pictures_of(
-                [
-                    (
-                        Mesh(shell.vertices.astype(np.float64), shell.faces.astype(np.int32)),
-                        shell.colour,
-                    )
-                    for shell in self.shells
-                ],
-                width=_PICTURE[0],
-                height=_PICTURE[1],
-            )
-            (scratch / "part.png").write_bytes(pictures.outside)
-            (scratch / "section.png").write_bytes(pictures.section)
-            (scratch / f"{self.name}.3mf").write_bytes(
-                encode_threemf(objects, self.name, thumbnail=pictures.thumbnail, one_mesh=one_mesh)
-            )
-            (scratch / "HOWTO.md").write_text(self.howto(), encoding="utf-8", newline="\n")
-            if page is not None:
-                (scratch / "plan.html").write_bytes(page)
-            for name, data in {**self.coupons, **beside}.items():
+            solids = [
+                (Mesh(each.vertices.astype(np.float64), each.faces.astype(np.int32)), each.colour)
+                for each in self.shells
+            ]
+            pictures = pictures_of(solids, width=_PICTURE[0], height=_PICTURE[1])
+            del solids
+            files = {
+                "part.png": pictures.outside,
+                "section.png": pictures.section,
+                f"{self.name}.3mf": encode_threemf(
+                    objects, self.name, thumbnail=pictures.thumbnail, one_mesh=one_mesh
+                ),
+                "HOWTO.md": self.howto().encode("utf-8"),
+                **({} if page is None else {"plan.html": page}),
+                **self.coupons,
+                **beside,
+                "plan.json": self.json(),
+            }
+            for name, data in files.items():
                 (scratch / name).parent.mkdir(exist_ok=True)
                 (scratch / name).write_bytes(data)
-            (scratch / "plan.json").write_bytes(self.json())
         return target
 
 

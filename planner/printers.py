@@ -15,13 +15,7 @@ from typing import Protocol, runtime_checkable
 
 import msgspec
 
-from planner.errors import (
-    ArgumentError,
-    FileError,
-    PaletteError,
-    UnknownNameError,
-    did_you_mean,
-)
+from planner.errors import ArgumentError, FileError, PaletteError, UnknownNameError, did_you_mean
 from planner.formats.files import decode_toml
 from planner.glance import brief
 from planner.palette import Palette, load_palette, parse_palette

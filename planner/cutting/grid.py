@@ -1,36 +1,28 @@
 """Level sets on one grid: where it lies, its values, and marching tetrahedra over it."""
 
+import itertools
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.cutting.intersect import Lattice
+from planner.cutting.planes import LATTICE_MM
 from planner.errors import ArgumentError
 from planner.fields.basic import Field
-from planner.glance import located
+from planner.glance import place_text
 from planner.mesh.mesh import Mesh, compact, key_slot
 from planner.numerics import BoolArray, Float32Array, FloatArray, as_point, inner_kernel, kernel
 from planner.voxels.columns import Grid, dense, iterate_columns
 
-__all__ = [
-    "CELLS",
-    "MOST_VERTICES",
-    "TETRAHEDRA",
-    "active_cells",
-    "default_pitch_mm",
-    "draw_level_sets",
-    "field_grid",
-    "touched_cells",
-]
+__all__ = ["TETRAHEDRA", "Lattice", "LevelSets", "default_pitch_mm", "draw_level_sets"]
 
 
 # ------------------------------------------------------------------------------------------------
 # The grid that level sets are drawn on, and the field's values at its vertices.
 
 
-MOST_VERTICES = 150_000_000
+_MOST_VERTICES = 150_000_000
 """Of a grid: 9 bytes each, and some more where the part is."""
 
 _USUAL_MM = 0.5  # about a printer's smallest feature: levels come out a tenth of it off
@@ -64,9 +56,18 @@ class FieldGrid:
 
     def interpolate(self, points_mm: FloatArray) -> FloatArray:
         """Return the field as the grid has it at points of the part, (n,)."""
-        found = np.empty(len(points_mm))
-        points = np.require(points_mm, np.float64, ["C", "W"])
-        _interpolate(points, self.origin_mm, self.pitch_mm, self.values, found)
+        at = (points_mm - self.origin_mm) / self.pitch_mm
+        corner = np.floor(at).astype(np.int64)
+        share = at - corner
+        # In the tetrahedron of a cube that has the larger coordinate first, edge by edge.
+        order, each = np.argsort(-share, axis=1, kind="stable"), np.arange(len(at))
+        value: FloatArray = self.values[tuple(corner.T)]
+        found = value.copy()
+        for axis in order.T:
+            corner[each, axis] += 1
+            following = self.values[tuple(corner.T)]
+            found += share[each, axis] * (following - value)
+            value = following
         return found
 
 
@@ -85,40 +86,47 @@ def default_pitch_mm(mesh: Mesh) -> float:
     return float(f"{pitch_mm:.2g}")
 
 
-def touched_cells(
+def _check_pitch(mesh: Mesh, pitch_mm: float) -> None:
+    """Refuse a grid of more vertices than there is room for."""
+    extent_mm = mesh.bounds_mm[1] - mesh.bounds_mm[0]
+    vertices = float((extent_mm / pitch_mm + 4.0).prod())
+    longest_mm = float(extent_mm.max())
+    if vertices > _MOST_VERTICES or longest_mm / pitch_mm > 16000:
+        least = max(float(np.cbrt(extent_mm.prod() / _MOST_VERTICES)), longest_mm / 15990)
+        raise ArgumentError(
+            f"`pitch_mm` {pitch_mm:g}: this part would need {vertices:.2g} grid points, and "
+            f"{_MOST_VERTICES:.2g} are possible; a pitch of {1.1 * least:.2g} mm or more fits"
+        )
+
+
+def _cells_held(
     mesh: Mesh, origin_mm: FloatArray, pitch_mm: float, shape: tuple[int, int, int]
-) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
-    """List the cubes that each face may touch.
+) -> tuple[NDArray[np.int64], NDArray[np.int32], NDArray[np.uint8]]:
+    """List the cells that each face may touch, and mark those that hold any of a part.
 
     Returns
     -------
     offsets : (m + 1,) int64
-        Face f touches ``cells[offsets[f]:offsets[f + 1]]``, and a few more may be listed.
-    cells : int32
+        Face f touches ``touched[offsets[f]:offsets[f + 1]]``, and a few more may be listed.
+    touched : int32
         Numbers (i ny + j) nz + k.
+    active : (nx, ny, nz) uint8
+        1 where a cell is touched by the part's surface, or centred inside.
     """
     offsets = np.zeros(len(mesh.faces) + 1, dtype=np.int64)
     size = np.array(shape, dtype=np.int64)
     none = np.empty(0, dtype=np.int32)
     _touch(mesh.vertices, mesh.faces, origin_mm, pitch_mm, size, offsets, none)
     np.cumsum(offsets, out=offsets)
-    cells = np.empty(offsets[-1], dtype=np.int32)
-    _touch(mesh.vertices, mesh.faces, origin_mm, pitch_mm, size, offsets, cells)
-    return offsets, cells
-
-
-def active_cells(
-    mesh: Mesh, origin_mm: FloatArray, pitch_mm: float, cells: NDArray[np.int32],
-    shape: tuple[int, int, int],
-) -> NDArray[np.uint8]:  # fmt: skip
-    """Mark the cubes that hold any of a part: touched by its surface, or centred inside."""
+    touched = np.empty(offsets[-1], dtype=np.int32)
+    _touch(mesh.vertices, mesh.faces, origin_mm, pitch_mm, size, offsets, touched)
     grid = Grid(as_point(origin_mm), (pitch_mm, pitch_mm, pitch_mm), shape)
     active = np.empty(shape, dtype=np.uint8)
     for columns in iterate_columns(mesh, grid):
         rows = slice(columns.first_row, columns.first_row + columns.rows)
         active[:, rows] = dense(columns)
-    active.reshape(-1)[cells] = 1
-    return active
+    active.reshape(-1)[touched] = 1
+    return offsets, touched, active
 
 
 def _values_at(field: Field, points_mm: FloatArray) -> FloatArray:
@@ -139,13 +147,13 @@ def _values_at(field: Field, points_mm: FloatArray) -> FloatArray:
     if bad.any():
         first = int(np.argmax(bad))
         raise ArgumentError(
-            f"field {field.name!r}: it is {found[first]} at {located(points_mm[first])} as placed "
-            "for printing; it must be finite over the part and a pitch around it"
+            f"field {field.name!r}: it is {found[first]} at {place_text(points_mm[first])} as "
+            "placed for printing; it must be finite over the part and a pitch around it"
         )
     return found
 
 
-def field_grid(
+def _field_grid(
     field: Field, origin_mm: FloatArray, pitch_mm: float, held: NDArray[np.uint8],
     active: NDArray[np.uint8],
 ) -> FieldGrid:  # fmt: skip
@@ -241,41 +249,52 @@ def _touch(
             offsets[f + 1] = count
 
 
-@kernel
-def _interpolate(points: Any, origin: Any, pitch: Any, values: Any, found: Any) -> None:
-    for p in range(points.shape[0]):
-        x = (points[p, 0] - origin[0]) / pitch
-        y = (points[p, 1] - origin[1]) / pitch
-        z = (points[p, 2] - origin[2]) / pitch
-        i, j, k = int(np.floor(x)), int(np.floor(y)), int(np.floor(z))
-        found[p] = _in_cube(values, i, j, k, x - i, y - j, z - k)
+# ------------------------------------------------------------------------------------------------
+# Positions as integers, of which signs of volumes can be decided exactly.
 
 
-@inner_kernel
-def _in_cube(values: Any, i: Any, j: Any, k: Any, x: Any, y: Any, z: Any) -> Any:
-    """Interpolate linearly in the tetrahedron of a cube that has the larger coordinate first."""
-    low, high = values[i, j, k], values[i + 1, j + 1, k + 1]
-    if x >= y:
-        if y >= z:
-            p, q, a, b, c = values[i + 1, j, k], values[i + 1, j + 1, k], x, y, z
-        elif x >= z:
-            p, q, a, b, c = values[i + 1, j, k], values[i + 1, j, k + 1], x, z, y
-        else:
-            p, q, a, b, c = values[i, j, k + 1], values[i + 1, j, k + 1], z, x, y
-    elif x >= z:
-        p, q, a, b, c = values[i, j + 1, k], values[i + 1, j + 1, k], y, x, z
-    elif y >= z:
-        p, q, a, b, c = values[i, j + 1, k], values[i, j + 1, k + 1], y, z, x
-    else:
-        p, q, a, b, c = values[i, j, k + 1], values[i, j + 1, k + 1], z, y, x
-    return low + a * (p - low) + b * (q - p) + c * (high - q)
+_BITS = 29  # of a coordinate: products of three differences then stay within two words
+
+
+@dataclass(frozen=True, eq=False)
+class Lattice:
+    """Integer coordinates about an origin.
+
+    Attributes
+    ----------
+    origin_mm : (3,) float64
+        Where the integers are zero, on the lattice itself.
+    unit_mm : float
+        A power of two; `LATTICE_MM` for what fits a tray.
+    """
+
+    origin_mm: FloatArray
+    unit_mm: float
+
+    def integers(self, points_mm: FloatArray | Float32Array) -> NDArray[np.int64]:
+        """Round positions (n, 3) to the lattice."""
+        moved = np.asarray(points_mm, dtype=np.float64) - self.origin_mm
+        return np.rint(moved / self.unit_mm).astype(np.int64)
+
+    def rounded(self, points_mm: FloatArray) -> Float32Array:
+        """Round positions to values that both the lattice and float32 hold."""
+        return (np.rint(points_mm / self.unit_mm) * self.unit_mm + 0.0).astype(np.float32)
+
+
+def _lattice_for(bounds_mm: FloatArray, margin_mm: float) -> Lattice:
+    """Return the finest lattice on which a box and a margin about it can be decided."""
+    low, high = bounds_mm[0] - margin_mm, bounds_mm[1] + margin_mm
+    unit_mm = LATTICE_MM
+    while float((high - low).max()) / unit_mm >= 2**_BITS:
+        unit_mm *= 2.0
+    return Lattice(np.floor(low / unit_mm) * unit_mm, unit_mm)
 
 
 # ------------------------------------------------------------------------------------------------
 # Marching tetrahedra: all level sets of a field on one grid, which therefore never cross.
 
 
-CELLS = 4
+_CELLS = 4
 """Along a cube's edge, where cubes are divided as the field asks for it."""
 
 _DEEPEST = 6
@@ -314,9 +333,14 @@ _EVEN = np.array(
 )  # fmt: skip
 
 
+_FACES, _FACES_EACH = 300_000, 1.4
+"""Triangles of interfaces, and for each of the part's, beyond which none are divided: smooth fields
+need a third of it, so it bounds the cost of fields with creases."""
+
+
 @dataclass(frozen=True, eq=False)
 class LevelSets:
-    """Surfaces of equal field in the cubes that hold any of the part.
+    """Surfaces of equal field in the cubes that hold any of a part.
 
     Attributes
     ----------
@@ -326,18 +350,80 @@ class LevelSets:
         Normals towards larger values; in the order of the cubes.
     level, cell : (m,) int32
         The level of each face, and the number of its cube.
+    lattice
+        On which positions are compared.
+    offsets : (k + 1,) int64, touched : int32
+        Face f of the part may touch the cubes ``touched[offsets[f]:offsets[f + 1]]``.
+    cubes : (nx, ny, nz) uint8
+        1 where a cube holds any of the part, 2 where it has faces.
+    values
+        The field as the grid has it at the part's vertices.
     """
 
     vertices: Float32Array
     faces: NDArray[np.int32]
     level: NDArray[np.int32]
     cell: NDArray[np.int32]
+    lattice: Lattice
+    offsets: NDArray[np.int64]
+    touched: NDArray[np.int32]
+    cubes: NDArray[np.uint8]
+    values: FloatArray
+
+
+_Faces = tuple[FloatArray, NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]]
+"""Vertices in mm, faces, and of these the level and the cube."""
 
 
 def draw_level_sets(
-    grid: FieldGrid, levels: FloatArray, lattice: Lattice, field: Field | None, within_mm: float,
-    most_faces: float,
+    mesh: Mesh, field: Field, levels: FloatArray, pitch_mm: float, shift: FloatArray,
+    within_mm: float, *, follow: bool,
 ) -> LevelSets:  # fmt: skip
+    """Draw all level sets of a field over a part.
+
+    Parameters
+    ----------
+    levels : (L,) float64
+        Strictly increasing.
+    shift : (3,) float64
+        Place of the grid's corner below the part's, in pitches beyond one: 0 to 1.
+    within_mm
+        How near faces have to be to their level set.
+    follow
+        Whether vertices lie where the field has its levels, or where it has them if linear between
+        the grid's vertices.
+
+    Raises
+    ------
+    ArgumentError
+        The pitch is too fine, or a value of the field is not finite.
+    """
+    _check_pitch(mesh, pitch_mm)
+    origin_mm = mesh.bounds_mm[0] - (1.0 + shift) * pitch_mm
+    size = _CELLS if follow and np.isfinite(within_mm) else 1
+    cubes = np.floor((mesh.bounds_mm[1] - origin_mm) / (size * pitch_mm) + 1e-2).astype(int) + 1
+    nx, ny, nz = cubes.tolist()
+    offsets, touched, active = _cells_held(mesh, origin_mm, size * pitch_mm, (nx, ny, nz))
+    held = active
+    if size > 1:
+        cells = size * nx, size * ny, size * nz
+        _, _, held = _cells_held(mesh, origin_mm, pitch_mm, cells)
+        active |= held.reshape(nx, size, ny, size, nz, size).max(axis=(1, 3, 5))
+    grid = _field_grid(field, origin_mm, pitch_mm, held, active)
+    lattice = _lattice_for(mesh.bounds_mm, 4.0 * pitch_mm)
+    most = _FACES + _FACES_EACH * len(mesh.faces)
+    points, faces, level, cell = _drawn_near(
+        grid, levels, field if follow else None, within_mm, most
+    )
+    active.reshape(-1)[cell] = 2
+    values = grid.interpolate(mesh.vertices)
+    points_mm = lattice.rounded(points)
+    return LevelSets(points_mm, faces, level, cell, lattice, offsets, touched, active, values)
+
+
+def _drawn_near(
+    grid: FieldGrid, levels: FloatArray, field: Field | None, within_mm: float, most_faces: float
+) -> _Faces:
     """Draw all level sets, and divide tetrahedra until faces are near enough.
 
     Where a level meets an edge is sought on the field itself. Along an edge levels keep their
@@ -350,12 +436,8 @@ def draw_level_sets(
 
     Parameters
     ----------
-    levels : (L,) float64
-        Strictly increasing.
     field
         None takes the field to be linear between the grid's vertices.
-    within_mm
-        How near faces have to be to their level set.
     most_faces
         Beyond these none are divided; those farthest off come first.
     """
@@ -366,7 +448,7 @@ def draw_level_sets(
     )
     if field is None or not np.isfinite(within_mm):
         one = _drawn(grid, levels, field, marks, 0)
-        return LevelSets(lattice.rounded(one.points_mm), one.faces, one.level, one.cell)
+        return one.points_mm, one.faces, one.level, one.cell
     marks = _halved(grid, field, marks, _hidden(grid, levels), 1)
     rounds = [_drawn(grid, levels, field, marks, number) for number in (0, 1)]
     fresh, tried = rounds, places
@@ -390,7 +472,7 @@ def draw_level_sets(
         marks = _halved(grid, field, marks, _rising(halving[halving >= 0]), number)
         fresh = [_drawn(grid, levels, field, marks, number)]
         rounds += fresh
-    return _joined(rounds, marks, lattice)
+    return _joined(rounds, marks)
 
 
 @dataclass(frozen=True, eq=False)
@@ -481,7 +563,7 @@ def _distance_mm(field: Field, drawn: _Drawn, levels: FloatArray) -> FloatArray:
         return np.asarray(np.where(off > 0.0, off / drawn.steepness, 0.0))
 
 
-def _joined(rounds: list[_Drawn], marks: _Marks, lattice: Lattice) -> LevelSets:
+def _joined(rounds: list[_Drawn], marks: _Marks) -> _Faces:
     """Take from each cube what was drawn in it last."""
     held = [one.held(marks, number) for number, one in enumerate(rounds)]
     both = list(zip(rounds, held, strict=True))
@@ -493,7 +575,7 @@ def _joined(rounds: list[_Drawn], marks: _Marks, lattice: Lattice) -> LevelSets:
     points = np.concatenate([one.points_mm for one in rounds[::-1]])[place]
     at = np.searchsorted(key, np.concatenate([one.key[one.faces[kept]] for one, kept in both]))
     used, faces = compact(at[order].astype(np.int32), len(key))
-    return LevelSets(lattice.rounded(points[used]), faces, level, cell[order])
+    return points[used], faces, level, cell[order]
 
 
 def _drawn(
@@ -625,12 +707,11 @@ def _even_mm(grid: FieldGrid, index: NDArray[np.int64]) -> FloatArray:
 
 def _hidden(grid: FieldGrid, levels: FloatArray) -> NDArray[np.int64]:
     """Return places that halve cubes, and halves of them, whose corners do not show all levels."""
-    places, size, smaller = [np.empty(0, dtype=np.int64)], 2, np.empty(0)
+    places, size, smaller = [np.empty(0, dtype=np.int64)], 2, np.empty(0, dtype=np.bool_)
     ny, nz = (n * _FINEST + 1 for n in grid.active.shape[1:])
     while size <= grid.cells:
         parts = grid.cells // size
-        found = np.zeros(tuple(n * parts for n in grid.active.shape), dtype=np.uint8)
-        _find_hidden(grid.values, size, levels, _CLEAR, found)
+        found = _hides(grid.values, size, levels)
         if len(smaller):
             x, y, z = found.shape
             found |= smaller.reshape(x, 2, y, 2, z, 2).max(axis=(1, 3, 5))
@@ -641,6 +722,20 @@ def _hidden(grid: FieldGrid, levels: FloatArray) -> NDArray[np.int64]:
         places.append(np.delete(at, (0, 2, 6, 8, 18, 20, 24, 26), axis=1).ravel())
         smaller, size = found, 2 * size
     return _rising(np.concatenate(places))
+
+
+def _hides(values: FloatArray, size: int, levels: FloatArray) -> BoolArray:
+    """Tell which cubes, of a size in cells, have a level far beyond the values of their corners."""
+    low = lowest = high = highest = np.array(np.nan)
+    for first in itertools.product(range(size + 1), repeat=3):
+        x, y, z = (slice(d, n + d - size, size) for d, n in zip(first, values.shape, strict=True))
+        at = values[x, y, z]
+        lowest, highest = np.fmin(lowest, at), np.fmax(highest, at)
+        if all(d % size == 0 for d in first):
+            low, high = (at, at) if not any(first) else (np.minimum(low, at), np.maximum(high, at))
+    off = _CLEAR * (highest - lowest) / size
+    rank = [levels.searchsorted(v, side="right") for v in (lowest + off, low, high, highest - off)]
+    return np.asarray(~np.isnan(low) & ((rank[0] < rank[1]) | (rank[2] < rank[3])))
 
 
 _ROOT_STEPS = 6
@@ -851,28 +946,6 @@ def _slope(at: Any, v: Any) -> Any:
                 volume += (at[1, d] - at[0, d]) * across
         square += total * total
     return np.sqrt(square) / abs(volume)
-
-
-@kernel
-def _find_hidden(values: Any, size: Any, levels: Any, clear: Any, found: Any) -> None:
-    for i in range(found.shape[0]):
-        for j in range(found.shape[1]):
-            for k in range(found.shape[2]):
-                low, high, lowest, highest, known = np.inf, -np.inf, np.inf, -np.inf, True
-                for x in range(size + 1):
-                    for y in range(size + 1):
-                        for z in range(size + 1):
-                            f = values[i * size + x, j * size + y, k * size + z]
-                            if f == f:
-                                lowest, highest = min(lowest, f), max(highest, f)
-                            if x % size == 0 and y % size == 0 and z % size == 0:
-                                known &= f == f
-                                low, high = min(low, f), max(high, f)
-                off = clear * (highest - lowest) / size
-                if known and (
-                    _passed(levels, lowest + off, low) or _passed(levels, high, highest - off)
-                ):
-                    found[i, j, k] = 1
 
 
 @inner_kernel

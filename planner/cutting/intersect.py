@@ -6,22 +6,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.cutting.planes import LATTICE_MM
-from planner.mesh.mesh import connected, face_normal, key_slot, order_edges
+from planner.cutting.grid import Lattice, LevelSets
+from planner.mesh.mesh import Mesh, connected, face_normal, key_slot, order_edges
 from planner.numerics import Float32Array, FloatArray, inner_kernel, kernel
 
-__all__ = [
-    "Lattice",
-    "Meetings",
-    "OrderedPoints",
-    "Surface",
-    "inside_part",
-    "lattice_for",
-    "meet",
-    "order_points",
-    "piece_of_vertices",
-    "surface_of",
-]
+__all__ = ["Crossed", "Meetings", "intersect"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -31,43 +20,6 @@ __all__ = [
 # face of the other, or two edges meet, the volume is zero; the level sets then count as moved by
 # (ε, ε², ε³) with ε as small as one likes (simulation of simplicity, Edelsbrunner and Mücke 1990).
 # Every decision is that of this moved surface, so decisions never contradict each other.
-
-
-_BITS = 29  # of a coordinate: products of three differences then stay within two words
-
-
-@dataclass(frozen=True, eq=False)
-class Lattice:
-    """Integer coordinates about an origin.
-
-    Attributes
-    ----------
-    origin_mm : (3,) float64
-        Where the integers are zero, on the lattice itself.
-    unit_mm : float
-        A power of two; `LATTICE_MM` for what fits a tray.
-    """
-
-    origin_mm: FloatArray
-    unit_mm: float
-
-    def integers(self, points_mm: FloatArray | Float32Array) -> NDArray[np.int64]:
-        """Round positions (n, 3) to the lattice."""
-        moved = np.asarray(points_mm, dtype=np.float64) - self.origin_mm
-        return np.rint(moved / self.unit_mm).astype(np.int64)
-
-    def rounded(self, points_mm: FloatArray) -> Float32Array:
-        """Round positions to values that both the lattice and float32 hold."""
-        return (np.rint(points_mm / self.unit_mm) * self.unit_mm + 0.0).astype(np.float32)
-
-
-def lattice_for(bounds_mm: FloatArray, margin_mm: float) -> Lattice:
-    """Return the finest lattice on which a box and a margin about it can be decided."""
-    low, high = bounds_mm[0] - margin_mm, bounds_mm[1] + margin_mm
-    unit_mm = LATTICE_MM
-    while float((high - low).max()) / unit_mm >= 2**_BITS:
-        unit_mm *= 2.0
-    return Lattice(np.floor(low / unit_mm) * unit_mm, unit_mm)
 
 
 @inner_kernel
@@ -185,7 +137,55 @@ class Meetings:
     broken: int
 
 
-def surface_of(
+@dataclass(frozen=True, eq=False)
+class Crossed:
+    """The part or the level sets, with what is known of it where it meets the other.
+
+    Attributes
+    ----------
+    surface
+        On the lattice.
+    labels : (n,) int32
+        Of its vertices: levels below, or 1 inside the part.
+    offsets : (e + 1,) int32, points : int32
+        Edge i has the meetings ``points[offsets[i]:offsets[i + 1]]``, from its lower vertex on.
+    lower : (p,) int32
+        A meeting joins this label and the next along its edge, upwards where its way is 1.
+    segment_face, segment_label : (s,) int32
+        The face that each segment lies in, and the lower of the two labels that it divides, the
+        higher one on its left.
+    """
+
+    surface: Surface
+    labels: NDArray[np.int32]
+    offsets: NDArray[np.int32]
+    points: NDArray[np.int32]
+    lower: NDArray[np.int32]
+    segment_face: NDArray[np.int32]
+    segment_label: NDArray[np.int32]
+
+
+def intersect(mesh: Mesh, levels: FloatArray, sets: LevelSets) -> tuple[Meetings, Crossed, Crossed]:
+    """Find where a part and level sets meet, and how they divide the part and each other."""
+    part = _surface_of(mesh.vertices, mesh.faces, sets.lattice)
+    level = _surface_of(sets.vertices, sets.faces, sets.lattice)
+    found = _met(part, level, sets)
+    on_part, on_level = _ordered(found, True, part), _ordered(found, False, level)
+    piece = _piece_of_vertices(part, found, *on_part, levels, sets.values)
+    inside = _inside_part(part, level, found, *on_level, sets)
+    lower = np.where(found.of_part, sets.level[np.where(found.of_part, found.face, 0)], 0)
+    lower, between = lower.astype(np.int32), sets.level[found.segment_level]
+    return (
+        found,
+        Crossed(part, piece, *on_part, lower, found.segment_part, between),
+        Crossed(
+            level, inside, *on_level, np.zeros_like(lower), found.segment_level,
+            np.zeros_like(between),
+        ),
+    )  # fmt: skip
+
+
+def _surface_of(
     points_mm: FloatArray | Float32Array, faces: NDArray[np.int32], lattice: Lattice
 ) -> Surface:
     """Place a surface on the lattice, find its edges and give them numbers."""
@@ -198,25 +198,10 @@ def surface_of(
     return Surface(lattice.integers(points_mm), faces, ends, number.reshape(-1, 3))
 
 
-def meet(
-    part: Surface, level: Surface, level_cell: NDArray[np.int32],
-    offsets: NDArray[np.int64], cells: NDArray[np.int32], marked: NDArray[np.uint8],
-) -> Meetings:  # fmt: skip
-    """Find all points and segments that a part and level sets have in common.
-
-    Parameters
-    ----------
-    part, level : Surface
-        On one lattice.
-    level_cell : (m,) int32
-        The cube of each face of the level sets, rising.
-    offsets, cells
-        Cubes that each face of the part may touch.
-    marked : (cubes,) uint8
-        2 where a cube has faces of the level sets.
-    """
-    own, starts = np.unique(level_cell, return_index=True)
-    starts = np.append(starts, len(level_cell)).astype(np.int32)
+def _met(part: Surface, level: Surface, sets: LevelSets) -> Meetings:
+    """Find all points and segments that a part and level sets have in common."""
+    own, starts = np.unique(sets.cell, return_index=True)
+    starts = np.append(starts, len(sets.cell)).astype(np.int32)
     room = 1 << 16
     while True:
         keys, number = np.zeros(4 * room, dtype=np.int64), np.empty(4 * room, dtype=np.int32)
@@ -227,7 +212,7 @@ def meet(
         points, segments, broken = _meet(
             part.points, part.faces, part.ends, part.of_face,
             level.points, level.faces, level.ends, level.of_face,
-            own, starts, offsets, cells, marked,
+            own, starts, sets.offsets, sets.touched, sets.cubes.reshape(-1),
             keys, number, edge, face, kind, way, along, segment,
         )  # fmt: skip
         if points >= 0:
@@ -373,34 +358,20 @@ def _along(points: Any, ends: Any, e: Any, others: Any, corner: Any, normal: Any
 # On which side of every level, and of the part's surface, each vertex lies.
 
 
-@dataclass(frozen=True, eq=False)
-class OrderedPoints:
-    """Meetings on the edges of one surface, in order along each.
-
-    Attributes
-    ----------
-    offsets : (e + 1,) int32
-        Edge i has the points ``points[offsets[i]:offsets[i + 1]]``, from its lower vertex on.
-    points : int32
-        Numbers of meetings.
-    """
-
-    offsets: NDArray[np.int32]
-    points: NDArray[np.int32]
-
-
-def order_points(meetings: Meetings, of_part: bool, edges: int) -> OrderedPoints:
-    """Order the meetings along the edges of the part, or of the level sets."""
+def _ordered(
+    meetings: Meetings, of_part: bool, surface: Surface
+) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """Order the meetings along the edges of the part, or of the level sets; see `Crossed`."""
     own = np.flatnonzero(meetings.of_part == of_part)
     order = np.lexsort((meetings.along[own], meetings.edge[own]))
     points = own[order].astype(np.int32)
-    offsets = np.searchsorted(meetings.edge[points], np.arange(edges + 1)).astype(np.int32)
-    return OrderedPoints(offsets, points)
+    edges = np.arange(len(surface.ends) + 1)
+    return np.searchsorted(meetings.edge[points], edges).astype(np.int32), points
 
 
-def piece_of_vertices(
-    part: Surface, meetings: Meetings, ordered: OrderedPoints, levels: FloatArray,
-    values: FloatArray,
+def _piece_of_vertices(
+    part: Surface, meetings: Meetings, offsets: NDArray[np.int32], points: NDArray[np.int32],
+    levels: FloatArray, values: FloatArray,
 ) -> NDArray[np.int32]:  # fmt: skip
     """Count the levels below each vertex of the part, (n,).
 
@@ -412,9 +383,9 @@ def piece_of_vertices(
     margin = np.minimum(values - padded[above], padded[above + 1] - values)
     seeds = np.argsort(-margin, kind="stable")
     ends = part.ends
-    step = np.add.reduceat(
-        np.append(meetings.way[ordered.points], 0).astype(np.int64), ordered.offsets[:-1]
-    ) * (np.diff(ordered.offsets) > 0)
+    step = np.add.reduceat(np.append(meetings.way[points], 0).astype(np.int64), offsets[:-1]) * (
+        np.diff(offsets) > 0
+    )
     both = np.concatenate([ends, ends[:, ::-1]])
     order = np.argsort(both[:, 0], kind="stable")
     starts = np.searchsorted(both[order, 0], np.arange(len(values) + 1))
@@ -447,22 +418,21 @@ def _spread(
                     size += 1
 
 
-def inside_part(
-    part: Surface, level: Surface, meetings: Meetings, ordered: OrderedPoints,
-    level_cell: NDArray[np.int32], offsets: NDArray[np.int64], cells: NDArray[np.int32],
-    shape: tuple[int, int, int],
+def _inside_part(
+    part: Surface, level: Surface, meetings: Meetings, offsets: NDArray[np.int32],
+    points: NDArray[np.int32], sets: LevelSets,
 ) -> NDArray[np.int32]:  # fmt: skip
     """Tell which vertices of the level sets lie in the part: 1 or 0, (n,).
 
     Edges that do not meet the part join vertices of one answer; one edge that enters or leaves
     settles it for all of them. Where there is none, a ray does, by the same exact decisions.
     """
-    ends, count = level.ends, np.diff(ordered.offsets)
+    ends, count = level.ends, np.diff(offsets)
     free = count == 0
     group = connected(len(level.points), ends[free, 0], ends[free, 1])
     answer = np.full(int(group.max(initial=-1)) + 1, -1, dtype=np.int32)
     single = np.flatnonzero(count == 1)
-    way = meetings.way[ordered.points[ordered.offsets[single]]]
+    way = meetings.way[points[offsets[single]]]
     answer[group[ends[single, 0]]] = way < 0
     answer[group[ends[single, 1]]] = way > 0
     open_groups = np.flatnonzero(answer < 0)
@@ -471,14 +441,15 @@ def inside_part(
         corners = level.faces.ravel()
         first[group[corners[::-1]]] = np.arange(len(corners))[::-1]
         seed = corners[first[open_groups]]
-        cell = level_cell[first[open_groups] // 3].astype(np.int64)
+        cell = sets.cell[first[open_groups] // 3].astype(np.int64)
         found = np.empty(len(seed), dtype=np.int32)
-        by_cell = np.argsort(cells, kind="stable")
-        face = np.repeat(np.arange(len(part.faces), dtype=np.int32), np.diff(offsets))[by_cell]
+        by_cell = np.argsort(sets.touched, kind="stable")
+        face = np.repeat(np.arange(len(part.faces), dtype=np.int32), np.diff(sets.offsets))
+        _, ny, nz = sets.cubes.shape
         top = int(max(part.points[:, 2].max(), level.points[:, 2].max())) + 2
         _cast(
             part.points, part.faces, np.concatenate([level.points, level.points[:1]]), seed, cell,
-            cells[by_cell].astype(np.int64), face, shape[1], shape[2], top,
+            sets.touched[by_cell].astype(np.int64), face[by_cell], ny, nz, top,
             np.full(len(part.faces), -1, dtype=np.int32), found,
         )  # fmt: skip
         answer[open_groups] = found

@@ -4,52 +4,31 @@ import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.cutting.grid import (
-    CELLS,
-    MOST_VERTICES,
-    active_cells,
-    default_pitch_mm,
-    draw_level_sets,
-    field_grid,
-    touched_cells,
-)
-from planner.cutting.intersect import (
-    Lattice,
-    Meetings,
-    OrderedPoints,
-    Surface,
-    inside_part,
-    lattice_for,
-    meet,
-    order_points,
-    piece_of_vertices,
-    surface_of,
-)
+from planner.cutting.grid import LevelSets, default_pitch_mm, draw_level_sets
+from planner.cutting.intersect import Crossed, Meetings, intersect
 from planner.cutting.planes import (
-    LATTICE_MM,
     cancel_by,
-    caps,
-    divide,
+    cut_by_planes,
     flip_thin,
-    snap_distance_mm,
     squared_height,
+    thin_faces,
+    triangulate_loops,
 )
 from planner.errors import ArgumentError
 from planner.fields.basic import Field, PlanarField
-from planner.glance import located
+from planner.glance import place_text
 from planner.mesh.mesh import (
     JoinedShells,
     Measures,
     Mesh,
     compact,
-    first_fault_mm,
     measure,
+    order_edges,
     repeats_index,
     weld_points,
 )
@@ -154,45 +133,25 @@ class Loops:
         return Loops(nodes[kept], starts.astype(np.int32), self.face, self.label, self.broken)
 
 
-def _walk_faces(
-    surface: Surface, labels: NDArray[np.int32], ordered: OrderedPoints, way: NDArray[np.int8],
-    step_level: NDArray[np.int32], segment: NDArray[np.int32], segment_face: NDArray[np.int32],
-    segment_level: NDArray[np.int32],
-) -> Loops:  # fmt: skip
-    """Find the loops of all faces that have segments.
-
-    Parameters
-    ----------
-    surface : Surface
-        The part, or the level sets.
-    labels : (n,) int32
-        Of its vertices.
-    ordered
-        Meetings on its edges.
-    way, step_level : (p,)
-        A meeting joins the labels `step_level` and `step_level` + 1 along its edge, upwards
-        where `way` is 1.
-    segment, segment_face : (s, 2), (s,)
-        Segments in its faces, with the higher label on their left.
-    segment_level : (s,) int32
-        The lower of the two labels that each divides.
-    """
-    order = np.argsort(segment_face, kind="stable")
-    faces, first = np.unique(segment_face[order], return_index=True)
+def _walk_faces(crossed: Crossed, meetings: Meetings) -> Loops:
+    """Find the loops of all faces that have segments."""
+    surface, labels, way = crossed.surface, crossed.labels, meetings.way
+    order = np.argsort(crossed.segment_face, kind="stable")
+    faces, first = np.unique(crossed.segment_face[order], return_index=True)
     starts = np.append(first, len(order)).astype(np.int32)
-    on_edges = np.diff(ordered.offsets)[surface.of_face[faces]].sum(axis=1)
+    on_edges = np.diff(crossed.offsets)[surface.of_face[faces]].sum(axis=1)
     halves = 3 + on_edges + 2 * np.diff(starts)
     room, most = int(halves.sum()), int(halves.max(initial=3))
     nodes, loop_starts = np.empty(room, dtype=np.int32), np.zeros(room + 1, dtype=np.int32)
     loop_face, loop_label = np.empty((2, room), dtype=np.int32)
     count = len(labels) + len(way)
     # The order of near meetings is settled where labels tell it: a copy is changed.
-    points = ordered.points.copy()
-    broken = _settle(ordered.offsets, points, surface.ends, labels, way, step_level)
+    points = crossed.points.copy()
+    broken = _settle(crossed.offsets, points, surface.ends, labels, way, crossed.lower)
     slot, stamp = np.empty(2 * count, dtype=np.int32), np.full(2 * count, -1, dtype=np.int32)
     loops, lost = _walk(
         faces.astype(np.int32), surface.faces, surface.of_face, surface.ends, labels,
-        ordered.offsets, points, way, starts, segment[order], segment_level[order],
+        crossed.offsets, points, way, starts, meetings.segment[order], crossed.segment_label[order],
         slot, stamp, np.empty((most, 4), dtype=np.int32),
         nodes, loop_starts, loop_face, loop_label,
     )  # fmt: skip
@@ -339,35 +298,15 @@ def _fill_loops(
     rest[size < 3] = False
     ranked = order[rest[order]]
     if len(ranked):
-        more, owners = _by_sweep(loops, ranked, key[ranked], points_mm, normals)
+        normal = normals[loops.face[ranked]]
+        drop = np.argmax(np.abs(normal), axis=1)
+        turned = normal[np.arange(len(ranked)), drop] < 0
+        across = np.stack([(drop + 1 + turned) % 3, (drop + 2 - turned) % 3], axis=1)
+        more, owners = triangulate_loops(
+            points_mm, loops.nodes, loops.starts, ranked, key[ranked], across
+        )
         faces, owner = np.concatenate([faces, more]), np.concatenate([owner, owners])
     return faces, loops.label[owner], loops.face[owner]
-
-
-def _by_sweep(
-    loops: Loops, chosen: NDArray[np.int64], key: NDArray[np.int64], points_mm: Float32Array,
-    normals: NDArray[np.float64],
-) -> tuple[NDArray[np.int32], NDArray[np.int64]]:  # fmt: skip
-    """Triangulate loops, those of one key together; also return the first loop of each triangle."""
-    from manifold3d import triangulate
-
-    size = np.diff(loops.starts)[chosen]
-    stops = np.cumsum(size)
-    starts = stops - size
-    nodes = loops.nodes[np.arange(stops[-1]) + np.repeat(loops.starts[chosen] - starts, size)]
-    normal = normals[loops.face[chosen]]
-    drop = np.argmax(np.abs(normal), axis=1)
-    turned = normal[np.arange(len(chosen)), drop] < 0
-    u, v = (drop + 1 + turned) % 3, (drop + 2 - turned) % 3
-    across = np.repeat(np.stack([u, v], axis=1), size, axis=0)
-    flat = np.take_along_axis(points_mm[nodes], across, axis=1).astype(np.float64)
-    outlines = [flat[i:k] for i, k in zip(starts.tolist(), stops.tolist(), strict=True)]
-    first = np.flatnonzero(np.diff(key, prepend=key[0] - 1))
-    bounds = pairwise([*first.tolist(), len(chosen)])
-    local = [triangulate(outlines[i:k], epsilon=LATTICE_MM) for i, k in bounds]
-    count = [len(each) for each in local]
-    within = np.concatenate(local).reshape(-1, 3) + np.repeat(starts[first], count)[:, None]
-    return nodes[within], np.repeat(chosen[first], count)
 
 
 @kernel
@@ -459,57 +398,10 @@ def _divide_along(
     shift : (3,) float64
         Place of the grid's corner below the part's, in pitches beyond one: 0 to 1.
     """
-    origin_mm = mesh.bounds_mm[0] - (1.0 + shift) * pitch_mm
-    cells_a_cube = CELLS if follow and np.isfinite(within_mm) else 1
-    cube_mm = cells_a_cube * pitch_mm
-    cubes = np.floor((mesh.bounds_mm[1] - origin_mm) / cube_mm + 1e-2).astype(int) + 1
-    shape = (int(cubes[0]), int(cubes[1]), int(cubes[2]))
-    offsets, cells = touched_cells(mesh, origin_mm, cube_mm, shape)
-    active = active_cells(mesh, origin_mm, cube_mm, cells, shape)
-    held = active
-    if cells_a_cube > 1:
-        nx, ny, nz = (n * cells_a_cube for n in shape)
-        _, touched = touched_cells(mesh, origin_mm, pitch_mm, (nx, ny, nz))
-        held = active_cells(mesh, origin_mm, pitch_mm, touched, (nx, ny, nz))
-        blocks = held.reshape(
-            shape[0], cells_a_cube, shape[1], cells_a_cube, shape[2], cells_a_cube
-        )
-        active |= blocks.max(axis=(1, 3, 5))
-    grid = field_grid(field, origin_mm, pitch_mm, held, active)
-    lattice = lattice_for(mesh.bounds_mm, 4.0 * pitch_mm)
-    sets = draw_level_sets(
-        grid,
-        levels,
-        lattice,
-        field if follow else None,
-        within_mm,
-        _FACES + _FACES_EACH * len(mesh.faces),
-    )
-    active.reshape(-1)[sets.cell] = 2
-    part = surface_of(mesh.vertices, mesh.faces, lattice)
-    level = surface_of(sets.vertices, sets.faces, lattice)
-    values = grid.interpolate(mesh.vertices)
-    del grid
-    meetings = meet(part, level, sets.cell, offsets, cells, active.reshape(-1))
-
-    on_part = order_points(meetings, True, len(part.ends))
-    on_level = order_points(meetings, False, len(level.ends))
-    piece = piece_of_vertices(part, meetings, on_part, levels, values)
-    inside = inside_part(part, level, meetings, on_level, sets.cell, offsets, cells, shape)
-    level_of = np.where(
-        meetings.of_part, sets.level[np.where(meetings.of_part, meetings.face, 0)], 0
-    )
-    level_of = level_of.astype(np.int32)
-    between = sets.level[meetings.segment_level]
-    part_loops = _walk_faces(
-        part, piece, on_part, meetings.way, level_of, meetings.segment, meetings.segment_part,
-        between,
-    )  # fmt: skip
-    level_loops = _walk_faces(
-        level, inside, on_level, meetings.way, np.zeros_like(level_of), meetings.segment,
-        meetings.segment_level, np.zeros_like(between),
-    )  # fmt: skip
-    met = _positions(meetings, mesh.vertices, sets.vertices, part, level, lattice)
+    sets = draw_level_sets(mesh, field, levels, pitch_mm, shift, within_mm, follow=follow)
+    meetings, part, level = intersect(mesh, levels, sets)
+    part_loops, level_loops = _walk_faces(part, meetings), _walk_faces(level, meetings)
+    met = _positions(meetings, mesh, sets, part, level)
 
     # One pool: the part's vertices, the level sets', the meetings; equal positions joined.
     n, m = len(mesh.vertices), len(sets.vertices)
@@ -517,35 +409,29 @@ def _divide_along(
         np.concatenate([mesh.vertices.astype(np.float32), sets.vertices, met])
     )
     of_part = np.concatenate([number[:n], number[n + m :]])
-    faces, label, _ = _divided(mesh.faces, piece, part_loops, of_part, pool)
-    caps, kept, source = _divided(sets.faces, inside, level_loops, number[n:], pool)
+    faces, label, _ = _divided(mesh.faces, part.labels, part_loops, of_part, pool)
+    caps, kept, source = _divided(sets.faces, level.labels, level_loops, number[n:], pool)
     order = np.argsort(sets.level[source[kept == 1]], kind="stable")
     caps, source = caps[kept == 1][order], source[kept == 1][order]
     divided = _cleaned(pool, faces, label, caps, sets.level[source], len(levels) + 1)
     return divided, meetings.broken + part_loops.broken + level_loops.broken
 
 
-_FACES, _FACES_EACH = 300_000, 1.4
-"""Triangles of interfaces, and for each of the part's, beyond which none are divided: smooth fields
-need a third of it, so it bounds the cost of fields with creases."""
-
-
 def _positions(
-    meetings: Meetings, part_mm: FloatArray, level_mm: Float32Array, part: Surface,
-    level: Surface, lattice: Lattice,
-) -> Float32Array:  # fmt: skip
+    meetings: Meetings, mesh: Mesh, sets: LevelSets, part: Crossed, level: Crossed
+) -> Float32Array:
     """Place the meetings on their edges, rounded once, and walls along the axes where they are."""
     found = np.empty((len(meetings.edge), 3), dtype=np.float32)
-    for own, vertices, surface in ((True, part_mm, part), (False, level_mm, level)):
+    for own, vertices, crossed in ((True, mesh.vertices, part), (False, sets.vertices, level)):
         chosen = meetings.of_part == own
-        ends = surface.ends[meetings.edge[chosen]]
+        ends = crossed.surface.ends[meetings.edge[chosen]]
         low = vertices[ends[:, 0]].astype(np.float64)
         high = vertices[ends[:, 1]].astype(np.float64)
-        found[chosen] = lattice.rounded(low + meetings.along[chosen, None] * (high - low))
+        found[chosen] = sets.lattice.rounded(low + meetings.along[chosen, None] * (high - low))
         if own:
             wall = low == high
         else:
-            a, b, c = part_mm[part.faces[meetings.face[chosen]]].transpose(1, 0, 2)
+            a, b, c = mesh.vertices[mesh.faces[meetings.face[chosen]]].transpose(1, 0, 2)
             low, wall = a, (a == b) & (b == c)
         found[chosen] = np.where(wall, low, found[chosen])
     return found
@@ -619,16 +505,6 @@ def _split_curved(
     extent_mm = mesh.bounds_mm[1] - mesh.bounds_mm[0]
     if not (np.isfinite(pitch_mm) and pitch_mm > 0.0):
         raise ArgumentError(f"`pitch_mm` {pitch_mm}: it must be a positive number of mm")
-    vertices = float((extent_mm / pitch_mm + 4.0).prod())
-    longest = float(extent_mm.max()) / pitch_mm
-    if vertices > MOST_VERTICES or longest > 16000:
-        least = max(
-            float(np.cbrt(extent_mm.prod() / MOST_VERTICES)), float(extent_mm.max()) / 15990
-        )
-        raise ArgumentError(
-            f"`pitch_mm` {pitch_mm:g}: this part would need {vertices:.2g} grid points, and "
-            f"{MOST_VERTICES:.2g} are possible; a pitch of {1.1 * least:.2g} mm or more fits"
-        )
     best: tuple[int, Pieces] | None = None
     for attempt in range(_ATTEMPTS):
         if best is not None and attempt >= _THIN_ATTEMPTS:
@@ -658,30 +534,28 @@ def _split_curved(
 
 
 def _fault(divided: Pieces) -> str:
-    """Say where the first shell that is not closed has its first fault."""
+    """Say where the first shell that is not closed has the middle of its first wrong edge.
+
+    One whose two faces run the same way is such an edge, too; the first in the order of the faces.
+    """
     for number in np.unique(divided.piece).tolist():
-        shell = divided.shell_faces([number])
-        place_mm = first_fault_mm(Mesh(divided.vertices.astype(np.float64), shell))
-        if place_mm is not None:
-            return f" at {located(place_mm)} as placed for printing"
+        faces = divided.shell_faces([number])
+        order, starts, count = order_edges(faces)
+        tail, pairs = faces.ravel(), starts[count == 2]
+        wrong = count != 2
+        wrong[count == 2] = tail[order[pairs]] == tail[order[pairs + 1]]
+        if wrong.any():
+            face, j = divmod(int(order[starts[wrong]].min()), 3)
+            ends = divided.vertices[faces[face, [j, (j + 1) % 3]]].astype(np.float64)
+            return f" at {place_text(ends.mean(axis=0))} as placed for printing"
     return ""
 
 
 def _thin(divided: Pieces, first_new: int) -> int:
     """Count new triangles so thin that readers drop them."""
-    limit = _READ_MM**2
-    found = _count_thin(divided.vertices, divided.faces, np.int32(first_new), limit)
-    return int(found + _count_thin(divided.vertices, divided.cap_faces, np.int32(0), limit))
-
-
-@kernel
-def _count_thin(vertices: Any, faces: Any, first_new: Any, limit: Any) -> Any:
-    count = 0
-    for f in range(faces.shape[0]):
-        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
-        if max(a, max(b, c)) >= first_new and squared_height(vertices, a, b, c) < limit:
-            count += 1
-    return count
+    new = divided.faces[(divided.faces >= first_new).any(axis=1)]
+    points = divided.vertices.astype(np.float64)
+    return len(thin_faces(points, np.concatenate([new, divided.cap_faces]), _READ_MM))
 
 
 def _without_thin(divided: Pieces, first_new: int) -> Pieces:
@@ -766,25 +640,5 @@ def split(
             raise ArgumentError(f"levels {list(levels)}: they must increase")
         pitch_mm = default_pitch_mm(mesh) if pitch_mm is None else pitch_mm
         return _split_curved(mesh, field, values, pitch_mm, within_mm, follow)
-    normal, offsets_mm = _planes(field, values)
-    least_mm = 2.5 * snap_distance_mm(mesh.bounds_mm)
-    close = np.flatnonzero(~(np.diff(offsets_mm) > least_mm))
-    if len(close):
-        i = int(close[0])
-        raise ArgumentError(
-            f"levels {values[i]:.9g} and {values[i + 1]:.9g} are "
-            f"{offsets_mm[i + 1] - offsets_mm[i]:.3g} mm apart along the field: they must "
-            f"increase by more than {least_mm:.3g} mm for this part; drop one of them"
-        )
-    divided = divide(mesh, normal, offsets_mm)
-    vertices, cap_faces, cap_level = caps(divided, normal)
-    return Pieces(vertices, divided.faces, divided.piece, cap_faces, cap_level, len(offsets_mm) + 1)
-
-
-def _planes(field: PlanarField, levels: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return normal and offsets in mm; along a coordinate axis the offsets are float32 values."""
-    normal = np.asarray(field.plane(0.0)[0], dtype=np.float64)
-    offsets_mm = np.array([field.plane(level)[1] for level in levels.tolist()], dtype=np.float64)
-    if np.count_nonzero(normal) == 1:
-        offsets_mm = (np.rint(offsets_mm / LATTICE_MM) * LATTICE_MM).astype(np.float32)
-    return normal, offsets_mm.astype(np.float64)
+    divided, vertices, cap_faces, cap_level = cut_by_planes(mesh, field, values)
+    return Pieces(vertices, divided.faces, divided.piece, cap_faces, cap_level, len(values) + 1)

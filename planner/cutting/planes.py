@@ -7,19 +7,28 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.errors import MeshError
-from planner.glance import located
-from planner.mesh.mesh import Mesh, cancel_opposite, key_slot, order_rows, row_slot
-from planner.numerics import BoolArray, Float32Array, FloatArray, inner_kernel, kernel
+from planner.errors import ArgumentError, MeshError
+from planner.fields.basic import PlanarField
+from planner.glance import place_text
+from planner.mesh.mesh import (
+    Mesh,
+    cancel_opposite,
+    face_normal,
+    key_slot,
+    order_rows,
+    repeats_index,
+    row_slot,
+)
+from planner.numerics import BoolArray, Float32Array, FloatArray, IntArray, inner_kernel, kernel
 
 __all__ = [
     "LATTICE_MM",
     "cancel_by",
-    "caps",
-    "divide",
+    "cut_by_planes",
     "flip_thin",
-    "snap_distance_mm",
     "squared_height",
+    "thin_faces",
+    "triangulate_loops",
 ]
 
 
@@ -121,13 +130,9 @@ def divide(mesh: Mesh, normal: FloatArray, offsets_mm: FloatArray) -> DividedSur
     )  # fmt: skip
     vertices, tag, merged = vertices[: n + made], tag[: n + made], merged[: n + made]
     # Back into the order of the mesh's faces.
-    rank = np.searchsorted(whole, source[:written]) + np.arange(written)
-    other = np.ones(len(whole) + written, dtype=np.bool_)
-    other[rank] = False
-    divided, faces = faces[:written], np.empty((len(other), 3), dtype=np.int32)
-    faces[rank], faces[other] = divided, mesh.faces[whole]
-    between, piece = piece[:written], np.empty(len(other), dtype=np.int32)
-    piece[rank], piece[other] = between, first[whole]
+    order = np.argsort(np.concatenate([source[:written], whole]), kind="stable")
+    faces = np.concatenate([faces[:written], mesh.faces[whole]])[order]
+    piece = np.concatenate([piece[:written], first[whole]])[order]
     t0, t1, t2 = (tag[corner] for corner in faces.T)
     drawn = np.stack([t0 == t1, t1 == t2, t2 == t0], axis=1)
     drawn &= np.stack([t0 >= 0, t1 >= 0, t2 >= 0], axis=1)
@@ -320,14 +325,20 @@ def flip_thin(vertices: Float32Array, faces: NDArray[np.int32], *, flat: bool = 
     flat : bool
         Whether regions are flat: what a flip made may then be flipped again, thin or not.
     """
-    a, b, c = vertices[faces].transpose(1, 0, 2).astype(np.float64)
+    points = vertices.astype(np.float64)
+    thin = thin_faces(points, faces, _THIN_MM)
+    if len(thin):
+        _flip(points, faces, thin, np.inf if flat else _THIN_MM**2)
+
+
+def thin_faces(points_mm: FloatArray, faces: NDArray[np.int32], least_mm: float) -> IntArray:
+    """Return which triangles are lower than so much over their longest side."""
+    a, b, c = points_mm[faces].transpose(1, 0, 2)
     u, v = b - a, c - a
     square = np.maximum((u * u).sum(axis=1), (v * v).sum(axis=1))
     square = np.maximum(square, ((v - u) ** 2).sum(axis=1))
     doubled = (np.cross(u, v) ** 2).sum(axis=1)
-    thin = np.flatnonzero(doubled < _THIN_MM**2 * np.where(square > 0.0, square, 1.0))
-    if len(thin):
-        _flip(vertices, faces, thin, np.inf if flat else _THIN_MM**2)
+    return np.flatnonzero(doubled < least_mm**2 * np.where(square > 0.0, square, 1.0))
 
 
 _FLIP_ROUNDS = 64
@@ -349,7 +360,7 @@ def _flip(vertices: Any, faces: Any, thin: Any, most: Any) -> Any:
                 a, b = faces[i, j], faces[i, (j + 1) % 3]
                 length = 0.0
                 for k in range(3):
-                    length += (np.float64(vertices[a, k]) - vertices[b, k]) ** 2
+                    length += (vertices[a, k] - vertices[b, k]) ** 2
                 if length > longest:
                     corner, longest = j, length
             a, b, c = faces[i, corner], faces[i, (corner + 1) % 3], faces[i, (corner + 2) % 3]
@@ -380,20 +391,9 @@ def _flip(vertices: Any, faces: Any, thin: Any, most: Any) -> Any:
 @inner_kernel
 def _same_side(vertices: Any, a: Any, b: Any, c: Any, d: Any, e: Any, f: Any) -> Any:
     """Tell whether the normals of triangles a-b-c and d-e-f are less than 90 degrees apart."""
-    dot = 0.0
-    for i in range(3):
-        dot += _normal(vertices, a, b, c, i) * _normal(vertices, d, e, f, i)
-    return dot > 0.0
-
-
-@inner_kernel
-def _normal(vertices: Any, a: Any, b: Any, c: Any, i: Any) -> Any:
-    j, k = (i + 1) % 3, (i + 2) % 3
-    uj = np.float64(vertices[b, j]) - vertices[a, j]
-    uk = np.float64(vertices[b, k]) - vertices[a, k]
-    vj = np.float64(vertices[c, j]) - vertices[a, j]
-    vk = np.float64(vertices[c, k]) - vertices[a, k]
-    return uj * vk - uk * vj
+    nx, ny, nz = face_normal(vertices, a, b, c)
+    mx, my, mz = face_normal(vertices, d, e, f)
+    return nx * mx + ny * my + nz * mz > 0.0
 
 
 @inner_kernel
@@ -531,14 +531,9 @@ def _split_sides(
         children[i] = ((a, count, c), (count, b, c))
         children[f] = ((b, count, d), (count, a, d))
         count += 1
-    divided = [i for i in range(len(faces)) for _ in range(2 if i in children else 1)]
-    grown = faces[divided]
-    second = False
-    for row, i in enumerate(divided):
-        if i in children:
-            grown[row] = children[i][second]
-            second = not second
-    return np.concatenate(points), grown, level[divided]
+    grown = [children.get(i, (tuple(face),)) for i, face in enumerate(faces.tolist())]
+    flat = np.array([face for own in grown for face in own], dtype=np.int32)
+    return np.concatenate(points), flat, np.repeat(level, [len(own) for own in grown])
 
 
 # ------------------------------------------------------------------------------------------------
@@ -588,16 +583,22 @@ def caps(
     points = divided.vertices[:, [u, v]].astype(np.float64, order="C")
     corners, starts, loop_plane, astray = _loops(outline, plane, points)
     if astray >= 0:
-        place = located(divided.vertices[astray].tolist(), 6)
+        place = place_text(divided.vertices[astray].tolist(), 6)
         raise MeshError(
             f"the surface is open near {place}: the outline of a cut ends there; "
             "repair the mesh so that every edge has two faces"
         )
-    cap_faces, cap_level = _triangulate(points, corners, starts, loop_plane)
+    order = np.argsort(loop_plane, kind="stable")
+    across = np.broadcast_to([u, v], (len(order), 2))
+    cap_faces, owner = triangulate_loops(
+        divided.vertices, corners, starts, order, loop_plane[order], across
+    )
+    proper = ~repeats_index(cap_faces)
+    cap_faces, cap_level = cap_faces[proper], loop_plane[owner[proper]]
     flip_thin(divided.vertices, cap_faces)
     unfilled = _first_unfilled(cap_faces, divided.segment, divided.segment_below)
     if unfilled >= 0:
-        place = located(divided.vertices[unfilled].tolist(), 6)
+        place = place_text(divided.vertices[unfilled].tolist(), 6)
         raise MeshError(
             f"the cross-section near {place} cannot be divided into triangles: "
             "its outline crosses itself; repair the mesh, or move the level"
@@ -611,30 +612,43 @@ def caps(
     return vertices, cap_faces, cap_level
 
 
-def _triangulate(
-    points: FloatArray,
-    corners: NDArray[np.int32],
-    starts: NDArray[np.int32],
-    loop_plane: NDArray[np.int32],
-) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """Triangulate the loops of each plane, indices into the whole pool of vertices."""
+def triangulate_loops(
+    points_mm: Float32Array, nodes: NDArray[np.int32], starts: NDArray[np.int32],
+    chosen: NDArray[np.intp], key: NDArray[np.integer[Any]], across: NDArray[np.intp],
+) -> tuple[NDArray[np.int32], NDArray[np.intp]]:  # fmt: skip
+    """Triangulate what loops enclose, those of one key together.
+
+    Parameters
+    ----------
+    nodes, starts
+        Loop i has the points ``nodes[starts[i]:starts[i + 1]]``.
+    chosen, key : (k,)
+        Which loops, and the key of each, never falling, from 0 on.
+    across : (k, 2)
+        The axes that span the plane in which each is seen.
+
+    Returns
+    -------
+    faces : (t, 3) int32
+        Triangles between points.
+    owner : (t,) int
+        The first loop of each.
+    """
     from manifold3d import triangulate
 
-    faces = [np.empty((0, 3), dtype=np.int32)]
-    level = [np.empty(0, dtype=np.int32)]
-    order = np.argsort(loop_plane, kind="stable")
-    bounds = np.searchsorted(loop_plane[order], np.arange(loop_plane.max(initial=-1) + 2))
-    for i, (first, last) in enumerate(pairwise(bounds.tolist())):
-        if first == last:
-            continue
-        loops = [corners[starts[j] : starts[j + 1]] for j in order[first:last].tolist()]
-        local = triangulate([points[loop] for loop in loops], epsilon=LATTICE_MM)
-        found = np.concatenate(loops)[local]
-        a, b, c = found.T
-        found = found[(a != b) & (b != c) & (c != a)]
-        faces.append(found)
-        level.append(np.full(len(found), i, dtype=np.int32))
-    return np.concatenate(faces), np.concatenate(level)
+    size = np.diff(starts)[chosen]
+    stops = np.cumsum(size)
+    begins = stops - size
+    nodes = nodes[np.arange(size.sum()) + np.repeat(starts[chosen] - begins, size)]
+    flat = np.take_along_axis(points_mm[nodes], np.repeat(across, size, axis=0), axis=1)
+    flat = flat.astype(np.float64)
+    outlines = [flat[i:k] for i, k in zip(begins.tolist(), stops.tolist(), strict=True)]
+    first = np.flatnonzero(np.diff(key, prepend=-1))
+    bounds = pairwise([*first.tolist(), len(key)])
+    local = [triangulate(outlines[i:k], epsilon=LATTICE_MM) for i, k in bounds]
+    count = [len(each) for each in local]
+    within = np.concatenate([np.empty((0, 3), dtype=np.int64), *local])
+    return nodes[within + np.repeat(begins[first], count)[:, None]], np.repeat(chosen[first], count)
 
 
 def _loops(
@@ -729,3 +743,42 @@ def _clockwise(points: Any, at: Any, came: Any, to: Any) -> Any:
         return 4.0
     turn = 1.0 - cosine / size if sine >= 0.0 else 3.0 + cosine / size
     return turn if turn > 0.0 else 4.0
+
+
+# ------------------------------------------------------------------------------------------------
+# Cut a part at levels of a field whose level sets are planes.
+
+
+def cut_by_planes(
+    mesh: Mesh, field: PlanarField, levels: FloatArray
+) -> tuple[DividedSurface, Float32Array, NDArray[np.int32], NDArray[np.int32]]:
+    """Divide a part's surface by the planes of some levels, and close the pieces; see `caps`.
+
+    Raises
+    ------
+    ArgumentError
+        Levels are too close to be told apart in float32.
+    MeshError
+        See `caps`.
+    """
+    normal, offsets_mm = _planes(field, levels)
+    least_mm = 2.5 * snap_distance_mm(mesh.bounds_mm)
+    close = np.flatnonzero(~(np.diff(offsets_mm) > least_mm))
+    if len(close):
+        i = int(close[0])
+        raise ArgumentError(
+            f"levels {levels[i]:.9g} and {levels[i + 1]:.9g} are "
+            f"{offsets_mm[i + 1] - offsets_mm[i]:.3g} mm apart along the field: they must "
+            f"increase by more than {least_mm:.3g} mm for this part; drop one of them"
+        )
+    divided = divide(mesh, normal, offsets_mm)
+    return divided, *caps(divided, normal)
+
+
+def _planes(field: PlanarField, levels: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return normal and offsets in mm; along a coordinate axis the offsets are float32 values."""
+    normal = np.asarray(field.plane(0.0)[0], dtype=np.float64)
+    offsets_mm = np.array([field.plane(level)[1] for level in levels.tolist()], dtype=np.float64)
+    if np.count_nonzero(normal) == 1:
+        offsets_mm = (np.rint(offsets_mm / LATTICE_MM) * LATTICE_MM).astype(np.float32)
+    return normal, offsets_mm.astype(np.float64)

@@ -30,7 +30,6 @@ from planner.fields.solved import (
     geodesic_field,
     harmonic_field,
     points_field,
-    solve_pitch_mm,
 )
 from planner.formats.field_file import GridTable, read_grid_table, read_point_table
 from planner.formats.files import path_within, read_file
@@ -41,7 +40,7 @@ from planner.mesh.part import make_part, union
 from planner.numerics import FloatArray, Point, as_point
 from planner.voxels.columns import Grid
 
-__all__ = ["Setting", "TableFile", "build_field", "field_of", "field_text"]
+__all__ = ["Setting", "TableFile", "build_field", "field_of"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -50,16 +49,10 @@ __all__ = ["Setting", "TableFile", "build_field", "field_of", "field_text"]
 
 _Value = FloatArray | float
 
-_VARIABLES: Mapping[str, str] = MappingProxyType(
-    {
-        "x": "mm, in the part's own coordinates",
-        "y": "mm",
-        "z": "mm",
-        "r": "mm from the z axis of the part's file",
-        "d": "mm below the part's surface",
-        "u": "0 to 1 along the part's longest side",
-    }
-)
+_VARIABLES = ("x", "y", "z", "r", "d", "u")
+"""Position in the part's own coordinates, distance from the z axis of its file, and depth below its
+surface, all in mm; and 0 to 1 along its longest side."""
+
 _CONSTANTS = MappingProxyType({"pi": np.pi, "e": np.e})
 _FUNCTIONS: Mapping[str, tuple[int, Callable[..., _Value]]] = MappingProxyType(
     {
@@ -79,41 +72,12 @@ _BINARY: Mapping[type[ast.operator], Callable[[_Value, _Value], _Value]] = Mappi
 _LONGEST, _FORMULA_DEEPEST, _LARGEST = 1000, 60, 1e300
 
 
-def expression_field(
-    text: str, origin_mm: Point, supply: Mapping[str, Quantity] = MappingProxyType({})
-) -> FunctionField:
-    """Return a formula as a field.
-
-    Parameters
-    ----------
-    origin_mm
-        Where the part's own origin lies, as placed for printing.
-    supply
-        How to find ``d`` and ``u`` at points as placed.
-
-    Raises
-    ------
-    ArgumentError
-        See `parse_expression`.
-    """
-    tree = parse_expression(text)
-    used = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
-
-    def values(points_mm: FloatArray) -> FloatArray:
-        x, y, z = (points_mm - np.array(origin_mm)).T
-        known: dict[str, _Value] = {"x": x, "y": y, "z": z, **_CONSTANTS}
-        if "r" in used:
-            known["r"] = np.sqrt(x * x + y * y)
-        known |= {name: find(points_mm) for name, find in supply.items() if name in used}
-        with np.errstate(all="ignore"):  # what is not finite is told with its place
-            found = np.asarray(_value(tree.body, known), dtype=np.float64)
-        return np.array(np.broadcast_to(found, len(points_mm)))
-
-    return FunctionField("expression", values, {"expression": text, "origin_mm": list(origin_mm)})
+_Formula = Callable[[Mapping[str, _Value]], _Value]
+"""The value of a formula, of the values of its names."""
 
 
-def parse_expression(text: str) -> ast.Expression:
-    """Read a formula of numbers, variables, + - * / ** ^ %, parentheses and functions.
+def _formula(text: str) -> tuple[_Formula, set[str]]:
+    """Read numbers, variables, + - * / ** ^ %, parentheses and functions; also which names it has.
 
     Raises
     ------
@@ -131,47 +95,46 @@ def parse_expression(text: str) -> ast.Expression:
             f"expression {text!r}: it cannot be read{where}; write it like "
             '"0.5 + 0.5*sin(2*pi*x/20)"'
         ) from None
-    _check(tree.body, text, 0)
-    return tree
+    used = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
+    return _formula_of(tree.body, text, 0), used
 
 
-def _check(node: ast.expr, text: str, depth: int) -> None:
+def _formula_of(node: ast.expr, text: str, depth: int) -> _Formula:
     if depth > _FORMULA_DEEPEST:
         raise ArgumentError(f"expression {text!r}: it is nested deeper than {_FORMULA_DEEPEST}")
     match node:
         case ast.Constant(value=bool() | str() | bytes() | complex() | None):
             pass
         case ast.Constant(value=int() | float() as number) if abs(number) < _LARGEST:
-            return
+            constant = float(number)
+            return lambda known: constant
         case ast.Name(id=name):
             if name in _VARIABLES or name in _CONSTANTS:
-                return
+                return lambda known: known[name]
             variables = [*_VARIABLES, *_CONSTANTS]
             raise ArgumentError(
                 f"expression {text!r}: {name} is unknown; {did_you_mean(name, variables)}"
                 f"variables are {', '.join(variables)}"
             )
-        case ast.UnaryOp(op=ast.UAdd() | ast.USub(), operand=operand):
-            _check(operand, text, depth + 1)
-            return
+        case ast.UnaryOp(op=ast.UAdd() | ast.USub() as sign, operand=operand):
+            inner = _formula_of(operand, text, depth + 1)
+            return inner if isinstance(sign, ast.UAdd) else lambda known: -inner(known)
         case ast.BinOp(op=operator, left=left, right=right) if type(operator) in _BINARY:
-            _check(left, text, depth + 1)
-            _check(right, text, depth + 1)
-            return
+            first, second = (_formula_of(side, text, depth + 1) for side in (left, right))
+            return lambda known: _BINARY[type(operator)](first(known), second(known))
         case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]):
             if name not in _FUNCTIONS:
                 raise ArgumentError(
                     f"expression {text!r}: there is no function {name}; "
                     f"{did_you_mean(name, _FUNCTIONS)}functions are {', '.join(_FUNCTIONS)}"
                 )
-            if len(arguments) != _FUNCTIONS[name][0]:
+            count, function = _FUNCTIONS[name]
+            if len(arguments) != count:
                 raise ArgumentError(
-                    f"expression {text!r}: {name} takes {_FUNCTIONS[name][0]} arguments, and got "
-                    f"{len(arguments)}"
+                    f"expression {text!r}: {name} takes {count} arguments, and got {len(arguments)}"
                 )
-            for argument in arguments:
-                _check(argument, text, depth + 1)
-            return
+            each = [_formula_of(argument, text, depth + 1) for argument in arguments]
+            return lambda known: function(*(value(known) for value in each))
         case _:
             pass
     part = ast.get_source_segment(text.strip().replace("^", "**"), node) or type(node).__name__
@@ -179,23 +142,6 @@ def _check(node: ast.expr, text: str, depth: int) -> None:
         f"expression {text!r}: {part!r} may not stand there; numbers, variables, + - * / ** %, "
         "parentheses and functions may"
     )
-
-
-def _value(node: ast.expr, known: Mapping[str, _Value]) -> _Value:
-    match node:
-        case ast.Constant(value=int() | float() as number):
-            return float(number)
-        case ast.Name(id=name):
-            return known[name]
-        case ast.UnaryOp(op=sign, operand=operand):
-            value = _value(operand, known)
-            return -value if isinstance(sign, ast.USub) else value
-        case ast.BinOp(op=operator, left=left, right=right):
-            return _BINARY[type(operator)](_value(left, known), _value(right, known))
-        case ast.Call(func=ast.Name(id=name), args=arguments):
-            return _FUNCTIONS[name][1](*(_value(argument, known) for argument in arguments))
-        case _:
-            raise ArgumentError(f"{type(node).__name__} is no part of a formula")
 
 
 # ------------------------------------------------------------------------------------------------
@@ -389,15 +335,25 @@ class FieldArguments:
         """Return a number, None where it is not given."""
         return self.numbers(key, 1)[0] if key in self.named else None
 
-    def numbers(self, key: str, count: int) -> list[float]:
-        """Return so many numbers.
+    def numbers(self, key: str, count: int, text: str | None = None) -> list[float]:
+        """Return so many numbers of a key's text, or of a part of it.
 
         Raises
         ------
         ArgumentError
             Another count, or none.
         """
-        return self._numbers(self.named[key], f"{key}=", count)
+        text = self.named[key] if text is None else text
+        try:
+            found = [float(word) for word in text.split()]
+        except ValueError:
+            found = []
+        if len(found) != count or not all(map(math.isfinite, found)):
+            raise ArgumentError(
+                f"field {self.kind}: {key}={text.strip()!r} must be {count} number"
+                f"{'s, parted by spaces' if count > 1 else ''}"
+            )
+        return found
 
     def triple(self, key: str) -> Point | None:
         """Return three numbers as they are, None where they are not given."""
@@ -410,13 +366,19 @@ class FieldArguments:
         """Return a position as placed for printing."""
         return self._placed(self.numbers(key, 3))
 
-    def line(self, key: str) -> tuple[Point, Point]:
+    def line(self, key: str, text: str | None = None) -> tuple[Point, Point]:
         """Return a position as placed, and a unit direction."""
-        return self._line(self.named[key], f"{key}=")
+        *point, a, b, c = self.numbers(key, 6, text)
+        length = math.hypot(a, b, c)
+        if length == 0.0:
+            raise ArgumentError(f"field {self.kind}: {key}= has a direction of length zero")
+        return self._placed(point), (a / length, b / length, c / length)
 
-    def box(self, key: str) -> tuple[Point, Point]:
+    def box(self, key: str, text: str | None = None) -> tuple[Point, Point]:
         """Return the corners of a box as placed."""
-        return self._box(self.named[key], f"{key}=")
+        *one, a, b, c = self.numbers(key, 6, text)
+        low, high = np.minimum(one, (a, b, c)), np.maximum(one, (a, b, c))
+        return self._placed(low.tolist()), self._placed(high.tolist())
 
     def region(self, key: str) -> FieldRegion:
         """Return a region as placed.
@@ -428,56 +390,31 @@ class FieldArguments:
         """
         text = self.named[key]
         half = _HALF.match(text)
-        what = f"{key}="
         if half:
             axis = "xyz".index(half[1])
-            value = self._numbers(half[3], what, 1)[0]
+            value = self.numbers(key, 1, half[3])[0]
             sign = 1.0 if half[2] == ">" else -1.0
             at, normal = [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]
             at[axis], normal[axis] = value + self.origin_mm[axis], sign
             return _half_space((at[0], at[1], at[2]), (normal[0], normal[1], normal[2]))
         word, _, rest = text.strip().partition(" ")
         if word == "box":
-            return _box_region(*self._box(rest, what))
+            return _box_region(*self.box(key, rest))
         if word == "ball":
-            *centre, radius = self._numbers(rest, what, 4)
+            *centre, radius = self.numbers(key, 4, rest)
             if radius <= 0.0:
-                raise ArgumentError(f"field {self.kind}: {what} has a radius of {radius:g} mm")
+                raise ArgumentError(f"field {self.kind}: {key}= has a radius of {radius:g} mm")
             return _ball_region(self._placed(centre), radius)
         if word == "plane":
-            return _half_space(*self._line(rest, what))
+            return _half_space(*self.line(key, rest))
         if Path(text).suffix.casefold().lstrip(".") in EXTENSIONS:
             mesh, sha256 = _mesh_in_place(Path(text), self.origin_mm)
             return _inside_mesh(mesh, Path(text).name, sha256)
-        raise ArgumentError(f"field {self.kind}: {what}{text!r} is no region; it may be {_REGIONS}")
-
-    def _numbers(self, text: str, what: str, count: int) -> list[float]:
-        try:
-            found = [float(word) for word in text.split()]
-        except ValueError:
-            found = []
-        if len(found) != count or not all(map(math.isfinite, found)):
-            raise ArgumentError(
-                f"field {self.kind}: {what}{text.strip()!r} must be {count} number"
-                f"{'s, parted by spaces' if count > 1 else ''}"
-            )
-        return found
+        raise ArgumentError(f"field {self.kind}: {key}={text!r} is no region; it may be {_REGIONS}")
 
     def _placed(self, own: Sequence[float]) -> Point:
         x, y, z = (one + shift for one, shift in zip(own, self.origin_mm, strict=True))
         return x, y, z
-
-    def _line(self, text: str, what: str) -> tuple[Point, Point]:
-        *point, a, b, c = self._numbers(text, what, 6)
-        length = math.hypot(a, b, c)
-        if length == 0.0:
-            raise ArgumentError(f"field {self.kind}: {what} has a direction of length zero")
-        return self._placed(point), (a / length, b / length, c / length)
-
-    def _box(self, text: str, what: str) -> tuple[Point, Point]:
-        *one, a, b, c = self._numbers(text, what, 6)
-        low, high = np.minimum(one, (a, b, c)), np.maximum(one, (a, b, c))
-        return self._placed(low.tolist()), self._placed(high.tolist())
 
 
 def _mesh_in_place(path: Path, origin_mm: Point, *, closed: bool = True) -> tuple[Mesh, str]:
@@ -609,28 +546,37 @@ def _harmonic(given: FieldArguments, setting: Setting) -> Field:
         raise ArgumentError(
             "field harmonic: give both end regions, as in from=x<3, to=ball 40 0 5 6"
         )
-    pitch_mm = solve_pitch_mm(setting.mesh, setting.pitch_mm)
     start, end = given.region("from"), given.region("to")
-    return harmonic_field(setting.mesh, start, end, pitch_mm, setting.origin_mm)
+    return harmonic_field(setting.mesh, start, end, setting.pitch_mm, setting.origin_mm)
 
 
 def _geodesic(given: FieldArguments, setting: Setting) -> Field:
     if "start" not in given.named:
         raise ArgumentError("field geodesic: give where ways begin, as in start=x<3")
-    pitch_mm = solve_pitch_mm(setting.mesh, setting.pitch_mm)
     region, ends = given.region("start"), (given.number("from"), given.number("to"))
-    return geodesic_field(setting.mesh, region, pitch_mm, *ends, setting.origin_mm)
+    return geodesic_field(setting.mesh, region, setting.pitch_mm, *ends, setting.origin_mm)
 
 
 def _expression(given: FieldArguments, setting: Setting) -> Field:
     text = given.words[0].strip().strip('"')
+    formula, used = _formula(text)
     along = axis_field(None, setting.mesh)
 
-    def depth(points_mm: FloatArray) -> FloatArray:
-        return _surface_distance(setting.surface, depth=True)(points_mm)
+    def values(points_mm: FloatArray) -> FloatArray:
+        x, y, z = (points_mm - np.array(setting.origin_mm)).T
+        known: dict[str, _Value] = {"x": x, "y": y, "z": z, **_CONSTANTS}
+        if "r" in used:
+            known["r"] = np.sqrt(x * x + y * y)
+        if "d" in used:
+            known["d"] = _surface_distance(setting.surface, depth=True)(points_mm)
+        if "u" in used:
+            known["u"] = along.values(points_mm)
+        with np.errstate(all="ignore"):  # what is not finite is told with its place
+            found = np.asarray(formula(known), dtype=np.float64)
+        return np.array(np.broadcast_to(found, len(points_mm)))
 
-    supply = {"d": depth, "u": along.values}
-    return expression_field(text, setting.origin_mm, supply)
+    says = {"expression": text, "origin_mm": list(setting.origin_mm)}
+    return FunctionField("expression", values, says)
 
 
 def _table(given: FieldArguments, setting: Setting) -> Field:

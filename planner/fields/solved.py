@@ -6,19 +6,12 @@ import numpy as np
 
 from planner.errors import ArgumentError
 from planner.fields.basic import FieldRegion, FunctionField, Quantity, Ramp
-from planner.glance import located
+from planner.glance import place_text
 from planner.mesh.mesh import Mesh
 from planner.numerics import BoolArray, FloatArray, IntArray, Point, kernel
 from planner.voxels.columns import Grid, dense, grid_for, voxelize
 
-__all__ = [
-    "between_cells",
-    "cells_of",
-    "geodesic_field",
-    "harmonic_field",
-    "points_field",
-    "solve_pitch_mm",
-]
+__all__ = ["between_cells", "cells_of", "geodesic_field", "harmonic_field", "points_field"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -47,7 +40,7 @@ def between_cells(grid: Grid, values: FloatArray) -> Quantity:
     return at
 
 
-def solve_pitch_mm(mesh: Mesh, pitch_mm: float) -> float:
+def _solve_pitch_mm(mesh: Mesh, pitch_mm: float) -> float:
     """Return the pitch to solve at: that of the shells, or as fine as `_MOST_CELLS` allow."""
     extent_mm = mesh.bounds_mm[1] - mesh.bounds_mm[0]
     return max(pitch_mm, float(np.cbrt(extent_mm.prod() / _MOST_CELLS)))
@@ -121,7 +114,8 @@ def _spread(values: Any, state: Any, layers: Any) -> None:
 
 @kernel
 def _interpolate(points: Any, origin: Any, pitch: Any, values: Any, found: Any) -> None:
-    cell, share = np.empty(3, dtype=np.int64), np.empty(3)
+    cell, at_corner = np.empty((2, 3), dtype=np.int64)
+    share = np.empty(3)
     for p in range(points.shape[0]):
         for d in range(3):
             at = (points[p, d] - origin[d]) / pitch[d] - 0.5
@@ -131,23 +125,11 @@ def _interpolate(points: Any, origin: Any, pitch: Any, values: Any, found: Any) 
         total = 0.0
         for corner in range(8):
             weight = 1.0
-            i, j, k = cell[0], cell[1], cell[2]
-            if corner & 1:
-                weight *= share[0]
-                i = min(i + 1, values.shape[0] - 1)
-            else:
-                weight *= 1.0 - share[0]
-            if corner & 2:
-                weight *= share[1]
-                j = min(j + 1, values.shape[1] - 1)
-            else:
-                weight *= 1.0 - share[1]
-            if corner & 4:
-                weight *= share[2]
-                k = min(k + 1, values.shape[2] - 1)
-            else:
-                weight *= 1.0 - share[2]
-            total += weight * values[i, j, k]
+            for d in range(3):
+                upper = corner >> d & 1
+                weight *= share[d] if upper else 1.0 - share[d]
+                at_corner[d] = min(cell[d] + upper, values.shape[d] - 1)
+            total += weight * values[at_corner[0], at_corner[1], at_corner[2]]
         found[p] = total
 
 
@@ -179,6 +161,7 @@ def harmonic_field(
         A region that holds no cell of the part, regions that share one, or a body of the part
         that has none of either.
     """
+    pitch_mm = _solve_pitch_mm(mesh, pitch_mm)
     grid, inside = cells_of(mesh, pitch_mm)
     index = np.argwhere(inside)
     centres = grid.centre_mm(index)
@@ -190,7 +173,7 @@ def harmonic_field(
                 f"mm; the part reaches {_box(mesh, origin_mm)}"
             )
     if (first & second).any():
-        shared = located(centres[int(np.argmax(first & second))] - origin_mm)
+        shared = place_text(centres[int(np.argmax(first & second))] - origin_mm)
         raise ArgumentError(
             f"field harmonic: the regions from= and to= share {shared}; they must lie apart"
         )
@@ -199,7 +182,7 @@ def harmonic_field(
     reached, lost = _reached_cells(inside, np.isfinite(fixed))
     if lost is not None:
         raise ArgumentError(
-            f"field harmonic: the body at {located(grid.centre_mm(lost) - origin_mm)} touches "
+            f"field harmonic: the body at {place_text(grid.centre_mm(lost) - origin_mm)} touches "
             "neither region; name a region in each body, or take a finer `pitch_mm` if a wall is "
             "thinner than a cell"
         )
@@ -355,6 +338,7 @@ def geodesic_field(
     ArgumentError
         The region holds nothing of the part, or a body of the part cannot be reached from it.
     """
+    pitch_mm = _solve_pitch_mm(mesh, pitch_mm)
     grid, inside = cells_of(mesh, pitch_mm)
     index = np.argwhere(inside)
     held = start.holds(grid.centre_mm(index))
@@ -370,8 +354,8 @@ def geodesic_field(
     if stray is not None:
         raise ArgumentError(
             f"field geodesic: no way leads from start= to "
-            f"{located(grid.centre_mm(stray) - origin_mm)} within the part; name a region in each "
-            "body, or take a finer `pitch_mm` if a wall is thinner than a cell"
+            f"{place_text(grid.centre_mm(stray) - origin_mm)} within the part; name a region in "
+            "each body, or take a finer `pitch_mm` if a wall is thinner than a cell"
         )
     length = np.full(tuple(n + 2 for n in inside.shape), np.inf)  # a border saves all tests
     length[tuple((index[held] + 1).T)] = 0.0

@@ -15,9 +15,18 @@ from planner.formats.mesh_file import decode_stl
 from planner.formats.outputs import is_scratch
 from planner.formats.threemf import ThreemfObject, read_threemf
 from planner.glance import counted, one_line, outcome
-from planner.mesh.mesh import JoinedShells, Measured, Measures, Mesh, interfaces_cancel, join_shells
-from planner.numerics import FloatArray
-from planner.plan import Box, Check, Plan, Region, Triangles, plan_file, read_plan, read_shell
+from planner.mesh.mesh import JoinedShells, Measures, Mesh, join_shells, measure, weld_points
+from planner.numerics import FloatArray, Point
+from planner.plan import (
+    Check,
+    PartGraded,
+    Plan,
+    Region,
+    Triangles,
+    plan_file,
+    read_plan,
+    read_shell,
+)
 from planner.voxels.columns import columns_of, grid_for, snap
 
 __all__ = ["Certificate", "Difference", "check", "diff", "plan_checks", "shell_checks"]
@@ -35,7 +44,7 @@ _OVERLAP_LIMIT = 1e-9
 _COLUMNS_ACROSS = 512  # of the longest side: 2e5 columns over a cube, a fraction of a second
 
 
-def shell_checks(shells: JoinedShells, part: Measured) -> dict[str, Check]:
+def shell_checks(shells: JoinedShells, part: Mesh | PartGraded) -> dict[str, Check]:
     """Verify a part's shells as they stand in their files.
 
     Parameters
@@ -66,9 +75,47 @@ def shell_checks(shells: JoinedShells, part: Measured) -> dict[str, Check]:
     return {
         "shells_unsound": Check(unsound, 0, unsound == 0),
         "volume_error": Check(error, _VOLUME_ERROR_LIMIT, error <= _VOLUME_ERROR_LIMIT),
-        "interfaces_unmatched": Check(int(not fit.ok), 0, fit.ok),
+        "interfaces_unmatched": Check(int(not fit), 0, fit),
         "overlap": Check(shared, _OVERLAP_LIMIT, shared <= _OVERLAP_LIMIT),
     }
+
+
+def interfaces_cancel(shells: JoinedShells, part: Mesh | PartGraded) -> bool:
+    """Tell whether shells fill a part and touch triangle for triangle.
+
+    Exactly opposite triangles then cancel, and what remains is closed and the part's own surface.
+    An interface that does not match leaves two surfaces more: area gives it away, also where both
+    together enclose nothing. Volume and area may differ by what rounding the cuts' points to
+    float32 can cause.
+
+    Parameters
+    ----------
+    shells
+        All shells of the part.
+    part
+        The part they were cut from, in the same place: a mesh, or a record of its volume and area,
+        with which any position may have been moved by rounding.
+    """
+    outside = shells.outside
+    vertices, moved = outside.vertices, outside.faces
+    if isinstance(part, Mesh):
+        # Positions of the part come first; rounding has moved only what is not among them.
+        own = len(part.vertices)
+        _, index = weld_points(np.concatenate([part.vertices, vertices]).astype(np.float32))
+        new = index[own:] > index[:own].max(initial=-1)
+        moved = moved[new[moved].any(axis=1)]
+    strayed_mm2 = float(measure(vertices, moved).area_mm2[0])
+    corners = vertices[moved]
+    sides_mm = float(np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2).sum())
+    spacing_mm = float(np.spacing(np.float32(np.abs(vertices).max(initial=0.0))))
+    extent_mm = float(np.ptp(vertices, axis=0).max()) if len(vertices) else 0.0
+    digits = 1e-12 * part.area_mm2
+    return (
+        shells.outside_closed
+        and abs(outside.volume_mm3 - part.volume_mm3)
+        <= strayed_mm2 * spacing_mm + digits * extent_mm
+        and abs(outside.area_mm2 - part.area_mm2) <= sides_mm * spacing_mm + digits
+    )
 
 
 def _shared_mm3(shells: JoinedShells) -> float:
@@ -123,7 +170,7 @@ def plan_checks(
     checks = {}
     if files and plan.part.volume_mm3 > 0.0:
         checks = shell_checks(shells, plan.part)
-        if placed is not None and not interfaces_cancel(shells, placed).ok:
+        if placed is not None and not interfaces_cancel(shells, placed):
             checks["interfaces_unmatched"] = Check(1, 0, False)
         triangles = {file: len(faces) for file, faces in zip(files, shells.faces, strict=True)}
         problems += _shell_problems(plan, measures, triangles)
@@ -236,7 +283,7 @@ def _of(plan: Plan, file: str) -> list[Region]:
     return [region for region in plan.regions if region.file == file]
 
 
-def _union(boxes: list[Box]) -> FloatArray:
+def _union(boxes: Sequence[tuple[Point, Point]]) -> FloatArray:
     corners = np.array(boxes)
     return np.stack([corners[:, 0].min(axis=0), corners[:, 1].max(axis=0)])
 

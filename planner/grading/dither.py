@@ -2,7 +2,7 @@
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from importlib.resources import files
@@ -13,11 +13,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.cutting.grid import TETRAHEDRA
-from planner.cutting.pieces import FIRST_SHIFT, Pieces
+from planner.cutting.pieces import FIRST_SHIFT, Pieces, split
 from planner.errors import ArgumentError
 from planner.fields.basic import Field
+from planner.grading.printability import CutPart, print_checks
 from planner.grading.profile import Band, Profile, StiffnessScale
-from planner.grading.regions import BlendSegment, Printed, blend_interval_MPa, region_of
+from planner.grading.regions import (
+    BlendSegment,
+    Printed,
+    blend_segments,
+    blended,
+    catalogue_material,
+    region_of,
+)
 from planner.materials.mixtures import (
     dither_table,
     dithered_fraction,
@@ -29,17 +37,10 @@ from planner.materials.mixtures import (
 from planner.mesh.mesh import Mesh, compact
 from planner.numerics import Float32Array, FloatArray, IntArray, as_point, kernel
 from planner.plan import Check, Finding, Region, Shell
+from planner.printers import Printer
 from planner.voxels.columns import MOST_VOXELS, Grid, dense, grid_for, iterate_columns
 
-__all__ = [
-    "CellCounts",
-    "DitherField",
-    "affordable_cells",
-    "count_cells",
-    "dither_pieces",
-    "dither_regions",
-    "fraction_checks",
-]
+__all__ = ["CellDesign", "cell_design"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -446,64 +447,162 @@ class _Share:
         return float(abs(self.achieved - self.wanted) / limit)
 
 
-def dither_regions(
-    pieces: Pieces, printed: Sequence[Printed], shells: Sequence[Shell], dealt: DitherField,
-    counted: CellCounts, scale: StiffnessScale,
-) -> tuple[Region, ...]:  # fmt: skip
-    """Report what of each material lies in each stretch.
+@dataclass(frozen=True, slots=True, eq=False)
+class CellDesign:
+    """Cells of two materials among each other: their lattice, and what they come to."""
 
-    A piece's volume is exact; its stretches share in it as its cells do. The modulus is that of
-    the stretch at its mean fraction; the error is the estimate's alone, because the fraction
-    follows the target within the stretch.
-    """
-    volumes, bounds = _volumes_mm3(pieces, dealt, counted), pieces.bounds_mm
-    files = {shell.material: shell for shell in shells}
-    shares = _shares(volumes, dealt, counted)
-    boxes = _boxes_mm(pieces, volumes, bounds, dealt, counted)
-    regions: list[Region] = []
-    for number, stretch in enumerate(dealt.along):
-        for grade in sorted({stretch.lower, stretch.upper}):
-            piece = dealt.pieces.index(DitherPiece(stretch.run, grade))
-            volume_mm3 = float(volumes[number, piece])
-            if volume_mm3 <= 0.0:
-                continue
-            band = Band(stretch.start, stretch.stop, grade, stretch.target_MPa)
-            box = boxes[number, piece]
-            region = region_of(band, printed[piece], volume_mm3, box, files)
-            if stretch.lower < stretch.upper:
-                region = _blended(region, number, dealt, shares[number], scale)
-            regions.append(region)
-    return tuple(regions)
+    dealt: DitherField
+    counted: CellCounts
+    printed: tuple[Printed, ...]
+    stated: bool
 
+    @property
+    def says(self) -> Mapping[str, object]:
+        """What a plan says of how targets between two materials are met."""
+        return {"kind": "dither", "cell_mm": self.dealt.cell_mm, "tile": "blue-noise-32"}
 
-def _boxes_mm(
-    pieces: Pieces, volumes_mm3: FloatArray, bounds_mm: FloatArray, dealt: DitherField,
-    counted: CellCounts,
-) -> FloatArray:  # fmt: skip
-    """Return where each stretch has each piece, (stretches, pieces, 2, 3).
+    def cut(self, mesh: Mesh, along: Field, pitch_mm: float, within_mm: float) -> Pieces:
+        """Divide the part along the cells, whatever the pitch of the field's own grid."""
+        return split(mesh, self.dealt, self.dealt.levels, pitch_mm=self.dealt.cell_mm, follow=False)
 
-    Cells alone do not say how far a piece reaches: at a wall it is also drawn about centres that
-    lie outside the part, which are not counted. So the points where a piece reaches furthest are
-    given to the stretch that the field has there, or to the nearest one that has the piece:
-    together, a piece's boxes are its bounds.
-    """
-    low = np.maximum(counted.bounds_mm[:, :, 0], bounds_mm[None, :, 0])
-    high = np.minimum(counted.bounds_mm[:, :, 1], bounds_mm[None, :, 1])
-    boxes = np.stack([low, high], axis=2)
-    there = volumes_mm3 > 0.0
-    boxes[~(low < high).all(axis=2) & there] = np.nan
-    boxes = np.where(np.isnan(boxes), bounds_mm, boxes)
-    for piece in np.flatnonzero(there.any(axis=0)).tolist():
-        stretches = np.flatnonzero(there[:, piece])
-        own = boxes[stretches, piece]
-        reached = np.stack([own[:, 0].min(axis=0), own[:, 1].max(axis=0)])
-        if not np.array_equal(reached, bounds_mm[piece]):
-            furthest = _furthest_mm(pieces, piece)
-            nearest = np.abs(stretches[:, None] - dealt.wanted(furthest)[0]).argmin(axis=0)
-            np.minimum.at(own[:, 0], nearest, furthest)
-            np.maximum.at(own[:, 1], nearest, furthest)
-            boxes[stretches, piece] = own
-    return boxes
+    def regions(
+        self, pieces: Pieces, shells: Sequence[Shell], scale: StiffnessScale
+    ) -> tuple[Region, ...]:
+        """Report what of each material lies in each stretch.
+
+        A piece's volume is exact; its stretches share in it as its cells do. The modulus is that of
+        the stretch at its mean fraction; the error is the estimate's alone, because the fraction
+        follows the target within the stretch.
+        """
+        dealt, volumes = self.dealt, self._volumes_mm3(pieces)
+        shares, boxes = self._shares(volumes), self._boxes_mm(pieces, volumes)
+        regions: list[Region] = []
+        for number, stretch in enumerate(dealt.along):
+            for grade in sorted({stretch.lower, stretch.upper}):
+                piece = dealt.pieces.index(DitherPiece(stretch.run, grade))
+                volume_mm3 = float(volumes[number, piece])
+                if volume_mm3 <= 0.0:
+                    continue
+                band = Band(stretch.start, stretch.stop, grade, stretch.target_MPa)
+                box = boxes[number, piece]
+                region = region_of(band, self.printed[piece], volume_mm3, box, shells)
+                if stretch.lower < stretch.upper:
+                    region = _blended(region, stretch, shares[number], scale, dealt.cell_mm)
+                regions.append(region)
+        return tuple(regions)
+
+    def held(
+        self, part: CutPart, shells: Sequence[Shell], scale: StiffnessScale, machine: Printer
+    ) -> tuple[dict[str, Check], tuple[Finding, ...], list[str]]:
+        """Hold cells against what was wanted, and the part as a whole against the printer.
+
+        Cells of two materials hold each other: only walls of the part can be too thin.
+        """
+        cell_mm, least_mm = self.dealt.cell_mm, machine.minimum_feature_mm
+        smaller = f"take a smaller --cell, down to {least_mm:g}"
+        # One that is not stated is as small as it can be.
+        cure = smaller if self.stated and cell_mm > least_mm else "take --blend nearest"
+        off, findings = self._fractions(part.pieces, scale, cure)
+        fine = cell_mm >= least_mm * (1.0 - 1e-9)
+        if not fine:
+            message = (
+                f"cells of {cell_mm:g} mm are smaller than what {machine.title} prints "
+                f"undistorted, {least_mm:g} mm: their volumes will be off; take --cell {least_mm:g}"
+            )
+            findings = (Finding(kind="cell", message=message, size_mm=cell_mm), *findings)
+        mean_wall_mm = 2.0 * part.mesh.volume_mm3 / part.mesh.area_mm2  # were it a plate
+        if cell_mm > mean_wall_mm:
+            message = (
+                f"cells of {cell_mm:g} mm are thicker than the part, whose walls are "
+                f"{mean_wall_mm:.3g} mm on the mean: a place holds whichever cell happens to "
+                f"be there, and stretches of the gradient may have none; {cure}"
+            )
+            findings = (Finding(kind="cell", message=message, size_mm=cell_mm), *findings)
+        walls, thin, cautions = print_checks(part, machine)
+        checks = {**off, **walls, "cell_mm": Check(cell_mm, least_mm, fine)}
+        return checks, (*findings, *thin), cautions
+
+    def _fractions(
+        self, pieces: Pieces, scale: StiffnessScale, cure: str
+    ) -> tuple[dict[str, Check], tuple[Finding, ...]]:
+        """Hold achieved volume fractions against those wanted, over each stretch.
+
+        ``volume_fraction_error`` is that of the worst stretch, as a share of what may be: 0.01, and
+        more where cells are few. `cure` is what to do where cells are too large for the gradient.
+        """
+        shares = self._shares(self._volumes_mm3(pieces))
+        worst = max((share.off for share in shares.values()), default=0.0)
+        ids = [material.id for material in scale.palette.materials]
+        findings = []
+        for number, share in shares.items():
+            if share.off > 1.0:
+                stretch = self.dealt.along[number]
+                lower, upper = ids[stretch.lower], ids[stretch.upper]
+                message = (
+                    f"between {lower} and {upper}, at field {stretch.start:.4g} .. "
+                    f"{stretch.stop:.4g}, {100 * share.achieved:.1f} % is {upper} where "
+                    f"{100 * share.wanted:.1f} % is wanted: the gradient is too steep for cells of "
+                    f"{self.dealt.cell_mm:g} mm; {cure} or a gentler profile"
+                )
+                found = Finding("cell", message, upper, size_mm=self.dealt.cell_mm)
+                findings.append(found)
+        return {"volume_fraction_error": Check(worst, 1.0, worst <= 1.0)}, tuple(findings)
+
+    def _volumes_mm3(self, pieces: Pieces) -> FloatArray:
+        """Share each piece's exact volume among its stretches, (stretches, pieces)."""
+        exact = np.maximum(pieces.volumes_mm3, 0.0)
+        shares = self.counted.volume_mm3.copy()
+        for piece in np.flatnonzero((shares.sum(axis=0) <= 0.0) & (exact > 0.0)).tolist():
+            # A sliver that no cell's centre is near to, or a sheet where the target is too steep.
+            wanted = self.dealt.pieces[piece]
+            own = [
+                n for n, s in enumerate(self.dealt.along)
+                if s.run == wanted.run and wanted.grade in (s.lower, s.upper)
+            ]  # fmt: skip
+            shares[own[0] if own else 0, piece] = 1.0
+        total = shares.sum(axis=0)
+        np.divide(shares, total, out=shares, where=total > 0.0)
+        return np.asarray(shares * exact)
+
+    def _shares(self, volumes_mm3: FloatArray) -> dict[int, _Share]:
+        found = {}
+        for number, stretch in enumerate(self.dealt.along):
+            soft, hard = (
+                float(volumes_mm3[number, self.dealt.pieces.index(DitherPiece(stretch.run, grade))])
+                for grade in (stretch.lower, stretch.upper)
+            )
+            if stretch.lower < stretch.upper and soft + hard > 0.0:
+                achieved, wanted = hard / (soft + hard), float(self.counted.wanted[number])
+                wanted = achieved if math.isnan(wanted) else wanted
+                found[number] = _Share(achieved, wanted, float(self.counted.cells[number]))
+        return found
+
+    def _boxes_mm(self, pieces: Pieces, volumes_mm3: FloatArray) -> FloatArray:
+        """Return where each stretch has each piece, (stretches, pieces, 2, 3).
+
+        Cells alone do not say how far a piece reaches: at a wall it is also drawn about centres
+        that lie outside the part, which are not counted. So the points where a piece reaches
+        furthest are given to the stretch that the field has there, or to the nearest one that has
+        the piece: together, a piece's boxes are its bounds.
+        """
+        bounds_mm, counted = pieces.bounds_mm, self.counted
+        low = np.maximum(counted.bounds_mm[:, :, 0], bounds_mm[None, :, 0])
+        high = np.minimum(counted.bounds_mm[:, :, 1], bounds_mm[None, :, 1])
+        boxes = np.stack([low, high], axis=2)
+        there = volumes_mm3 > 0.0
+        boxes[~(low < high).all(axis=2) & there] = np.nan
+        boxes = np.where(np.isnan(boxes), bounds_mm, boxes)
+        for piece in np.flatnonzero(there.any(axis=0)).tolist():
+            stretches = np.flatnonzero(there[:, piece])
+            own = boxes[stretches, piece]
+            reached = np.stack([own[:, 0].min(axis=0), own[:, 1].max(axis=0)])
+            if not np.array_equal(reached, bounds_mm[piece]):
+                furthest = _furthest_mm(pieces, piece)
+                nearest = np.abs(stretches[:, None] - self.dealt.wanted(furthest)[0]).argmin(axis=0)
+                np.minimum.at(own[:, 0], nearest, furthest)
+                np.maximum.at(own[:, 1], nearest, furthest)
+                boxes[stretches, piece] = own
+        return boxes
 
 
 def _furthest_mm(pieces: Pieces, piece: int) -> FloatArray:
@@ -514,106 +613,49 @@ def _furthest_mm(pieces: Pieces, piece: int) -> FloatArray:
     return np.asarray(own[furthest], dtype=np.float64)
 
 
-def fraction_checks(
-    pieces: Pieces, dealt: DitherField, counted: CellCounts, scale: StiffnessScale, cure: str
-) -> tuple[dict[str, Check], tuple[Finding, ...]]:
-    """Hold achieved volume fractions against those wanted, over each stretch.
-
-    Parameters
-    ----------
-    cure
-        What to do where the cells are too large for the gradient.
-
-    Returns
-    -------
-    checks : dict
-        ``volume_fraction_error``: of the worst stretch, as a share of what may be: 0.01, and more
-        where cells are few.
-    findings : tuple of Finding
-        What to do about stretches that are off.
-    """
-    shares = _shares(_volumes_mm3(pieces, dealt, counted), dealt, counted)
-    worst = max((share.off for share in shares.values()), default=0.0)
-    findings = []
-    for number, share in shares.items():
-        if share.off > 1.0:
-            stretch = dealt.along[number]
-            lower, upper = (
-                scale.palette.materials[grade].id for grade in (stretch.lower, stretch.upper)
-            )
-            findings.append(
-                Finding(
-                    kind="cell",
-                    message=f"between {lower} and {upper}, at field {stretch.start:.4g} .. "
-                    f"{stretch.stop:.4g}, {100 * share.achieved:.1f} % is {upper} where "
-                    f"{100 * share.wanted:.1f} % is wanted: the gradient is too steep for cells "
-                    f"of {dealt.cell_mm:g} mm; {cure} or a gentler profile",
-                    material=upper,
-                    size_mm=dealt.cell_mm,
-                )
-            )
-    return {"volume_fraction_error": Check(worst, 1.0, worst <= 1.0)}, tuple(findings)
-
-
-def _volumes_mm3(pieces: Pieces, dealt: DitherField, counted: CellCounts) -> FloatArray:
-    """Share each piece's exact volume among its stretches, (stretches, pieces)."""
-    exact = np.maximum(pieces.volumes_mm3, 0.0)
-    shares = counted.volume_mm3.copy()
-    for piece in np.flatnonzero((shares.sum(axis=0) <= 0.0) & (exact > 0.0)).tolist():
-        # A sliver that no cell's centre is near to, or a sheet where the target is too steep.
-        wanted = dealt.pieces[piece]
-        own = [
-            n for n, s in enumerate(dealt.along)
-            if s.run == wanted.run and wanted.grade in (s.lower, s.upper)
-        ]  # fmt: skip
-        shares[own[0] if own else 0, piece] = 1.0
-    total = shares.sum(axis=0)
-    return np.asarray(np.divide(shares, total, out=np.zeros_like(shares), where=total > 0) * exact)
-
-
-def _shares(volumes_mm3: FloatArray, dealt: DitherField, counted: CellCounts) -> dict[int, _Share]:
-    found = {}
-    for number, stretch in enumerate(dealt.along):
-        soft, hard = (
-            float(volumes_mm3[number, dealt.pieces.index(DitherPiece(stretch.run, grade))])
-            for grade in (stretch.lower, stretch.upper)
-        )
-        if stretch.lower < stretch.upper and soft + hard > 0.0:
-            achieved, wanted = hard / (soft + hard), float(counted.wanted[number])
-            wanted = achieved if math.isnan(wanted) else wanted
-            found[number] = _Share(achieved, wanted, float(counted.cells[number]))
-    return found
-
-
 def _blended(
-    region: Region, number: int, dealt: DitherField, share: _Share, scale: StiffnessScale
+    region: Region, stretch: BlendSegment, share: _Share, scale: StiffnessScale, cell_mm: float
 ) -> Region:
-    stretch = dealt.along[number]
-    soft, hard = scale.moduli_MPa[stretch.lower], scale.moduli_MPa[stretch.upper]
+    pair = stretch.lower, stretch.upper
+    soft, hard = (scale.moduli_MPa[grade] for grade in pair)
     modulus = float(dithered_modulus_MPa(soft, hard, share.achieved))
     low, high = hashin_shtrikman_MPa(soft, hard, share.achieved)
     ends = dithered_fraction(soft, hard, np.array(stretch.ends_MPa))
     error = dither_table().error_at(hard / soft)
-    blend: dict[str, Any] = {
-        "kind": "dither",
-        "lower": scale.palette.materials[stretch.lower].id,
-        "upper": scale.palette.materials[stretch.upper].id,
+    says: dict[str, Any] = {
         "moduli_MPa": [soft, hard],
         "fraction": [round(float(f), 6) for f in ends],
         "volume_fraction": share.achieved,
         "volume_fraction_wanted": share.wanted,
-        "cell_mm": dealt.cell_mm,
+        "cell_mm": cell_mm,
         "bounds_MPa": [float(low), float(high)],
         "voigt_MPa": float(voigt_MPa(soft, hard, share.achieved)),
         "reuss_MPa": float(reuss_MPa(soft, hard, share.achieved)),
         "estimate_error": error,
     }
-    return replace(
-        region,
-        modulus_MPa=modulus,
-        modulus_interval_MPa=blend_interval_MPa(
-            scale, stretch.lower, stretch.upper, modulus, error
-        ),
-        error=(-error, error),
-        blend=blend,
-    )
+    return blended(region, scale, pair, modulus, (-error, error), error, "dither", says)
+
+
+def cell_design(
+    mesh: Mesh, field: Field, target: Profile, scale: StiffnessScale, machine: Printer,
+    cell_mm: float | None,
+) -> CellDesign:  # fmt: skip
+    """Deal cells of two materials to each place between them.
+
+    Parameters
+    ----------
+    cell_mm
+        Edge of a cell; by default the printer's minimum feature, or as small as can be computed.
+
+    Raises
+    ------
+    ArgumentError
+        Too many cells.
+    """
+    along = blend_segments(target, scale.moduli_MPa)
+    pieces = dither_pieces(along)
+    least_mm = machine.minimum_feature_mm if cell_mm is None else cell_mm
+    dealt = DitherField(field, target, scale.moduli_MPa, along, pieces, mesh.bounds_mm[0], least_mm)
+    dealt = affordable_cells(mesh, dealt, stated=cell_mm is not None)
+    printed = tuple(catalogue_material(scale, piece.grade, machine) for piece in pieces)
+    return CellDesign(dealt, count_cells(mesh, dealt), printed, cell_mm is not None)

@@ -1,24 +1,18 @@
 """The main job: part + gradient + palette -> Plan."""
 
-import hashlib
 import math
-import unicodedata
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
-from os import PathLike, fspath
+from dataclasses import replace
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from planner import __version__
 from planner.cutting.grid import default_pitch_mm
-from planner.cutting.pieces import Pieces, split
 from planner.errors import (
     ArgumentError,
     Caution,
-    MeshError,
     ThinBandError,
     as_count,
     as_number,
@@ -27,49 +21,25 @@ from planner.errors import (
 )
 from planner.fields.basic import Field, PlanarField, axis_field
 from planner.fields.parse import Setting, TableFile, build_field
-from planner.formats.mesh_file import decode_stl, read_mesh, stl_holds
-from planner.formats.units import QUANTITY_UNITS, canonical_unit
+from planner.formats.files import SIGNIFICANT_DIGITS
+from planner.formats.mesh_file import decode_stl, stl_holds
 from planner.grading.check import plan_checks
-from planner.grading.dither import (
-    CellCounts,
-    DitherField,
-    affordable_cells,
-    count_cells,
-    dither_pieces,
-    dither_regions,
-    fraction_checks,
-)
+from planner.grading.dither import CellDesign, cell_design
 from planner.grading.howto import with_howto
-from planner.grading.printability import WITHIN_MM, CutPart, print_checks
-from planner.grading.profile import (
-    Band,
-    Profile,
-    StiffnessScale,
-    equal_bands,
-    natural_bands,
-    shortfalls,
-    stiffness_scale,
-)
+from planner.grading.printability import WITHIN_MM, CutPart
+from planner.grading.profile import Band, Profile, StiffnessScale, stiffness_scale
 from planner.grading.regions import (
-    MIXTURES_UNCALIBRATED,
-    Laminate,
-    Printed,
-    alternatives,
-    blend_segments,
-    catalogue_material,
-    laminated,
-    mixed_bands,
-    regions_of,
+    BandDesign,
+    band_design,
     shells_of,
     stiffness_check,
     tolerated_ratio,
-    with_laminates,
 )
-from planner.grading.snap import MovedCut, snap_limit_mm, snapped_bands
+from planner.grading.snap import snap_limit_mm, snapped_bands
 from planner.grading.wish import End, Wish, Wished, targets_of, whole_wish
 from planner.mesh.mesh import Mesh, join_shells, weld
-from planner.mesh.part import Part, make_part, oversize, part_from_arrays, place, undersize
-from planner.numerics import Float32Array, FloatArray, IntArray, Point, as_point
+from planner.mesh.part import Part, open_part, place
+from planner.numerics import Float32Array, FloatArray, Point, as_point
 from planner.palette import Palette
 from planner.plan import (
     Check,
@@ -86,106 +56,7 @@ from planner.plan import (
 )
 from planner.printers import Printer, load_printer, palette_of
 
-__all__ = ["grade", "open_part", "refuse_oversize"]
-
-
-# ------------------------------------------------------------------------------------------------
-# Where a part comes from: a file, or a mesh in memory.
-
-
-@dataclass(frozen=True, slots=True)
-class PartSource:
-    """A validated part and what a plan says of its origin."""
-
-    part: Part
-    name: str
-    file: str
-    sha256: str
-    unit: str
-    warnings: tuple[str, ...]
-
-
-def open_part(
-    part: object,
-    *,
-    unit: str | None = None,
-    name: str | None = None,
-    tray_mm: tuple[float, float, float] | None = None,
-    bodies: str | None = None,
-) -> PartSource:
-    """Read and validate a part.
-
-    Parameters
-    ----------
-    part
-        Path, mesh with ``vertices`` and ``faces``, or pair (vertices, faces).
-    bodies
-        See `planner.mesh.part.make_part`.
-
-    Raises
-    ------
-    MeshError, FileError
-        The file or the mesh cannot be used; the message says where and what to do.
-    ArgumentError
-        Not a path, mesh or pair; or an unknown unit.
-    """
-    if isinstance(part, (str, PathLike)):
-        path = Path(fspath(part))
-        file = read_mesh(path, unit)
-        called = _safe(path.stem if name is None else name)
-        made = make_part(file.triangles, name=called, tray_mm=tray_mm, bodies=bodies)
-        asked = None if unit else undersize(made.mesh)
-        warnings = (*file.notes, *made.warnings, *([asked] if asked else []))
-        shown = path.name.encode("utf-8", "replace").decode("utf-8")  # any bytes make a name
-        return PartSource(made, called, shown, file.sha256, file.unit, warnings)
-    vertices, faces = _arrays(part)
-    used = canonical_unit(unit or "mm")
-    in_mm = vertices * QUANTITY_UNITS["length"][used]
-    called = _safe(name or "part")
-    made = part_from_arrays(in_mm, faces, name=called, tray_mm=tray_mm, bodies=bodies)
-    digest = hashlib.sha256(vertices.tobytes() + faces.tobytes()).hexdigest()
-    return PartSource(made, called, called, digest, used, made.warnings)
-
-
-def refuse_oversize(source: PartSource, machine: Printer) -> None:
-    """Stop at a part that the printer's tray does not hold, before the work.
-
-    Raises
-    ------
-    MeshError
-        With its size, the tray's, the unit that it looks like, and what to do.
-    """
-    words = oversize(source.part.mesh, machine.tray_mm, source.unit)
-    if words is not None:
-        raise MeshError(
-            f"{source.file}: {words}; scale or divide the part, or take it as it is with "
-            "`force_oversize`"
-        )
-
-
-def _arrays(part: object) -> tuple[FloatArray, IntArray]:
-    vertices = getattr(part, "vertices", None)
-    faces = getattr(part, "faces", None)
-    if vertices is None and isinstance(part, tuple) and len(part) == 2:
-        vertices, faces = part
-    try:
-        return (
-            np.ascontiguousarray(vertices, dtype=np.float64),
-            np.ascontiguousarray(faces, dtype=np.int64),
-        )
-    except (TypeError, ValueError):
-        raise ArgumentError(
-            "a part must be a path, a mesh with vertices (n, 3) and faces (m, 3), or a pair of "
-            f"these arrays; got {type(part).__name__}"
-        ) from None
-
-
-def _safe(name: str) -> str:
-    """Keep what any file system and any reader of STL headers takes."""
-    plain = unicodedata.normalize("NFKD", name)  # an accent becomes a mark of its own
-    bare = (c for c in plain if not unicodedata.combining(c))
-    kept = "".join(c if c.isascii() and (c.isalnum() or c in "._-") else "-" for c in bare)
-    return kept.strip(".-") or "part"
+__all__ = ["grade"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -196,30 +67,16 @@ _BLENDS = ("nearest", "dither", "bands:N", "mix")
 _MOST_PERIODS = 1000
 
 
-@dataclass(frozen=True, slots=True)
-class BlendChoice:
-    """A way to meet a target between two materials.
-
-    Attributes
-    ----------
-    periods
-        Of ``bands:N``, in each transition; else 0.
-    """
-
-    kind: Literal["nearest", "dither", "bands", "mix"]
-    periods: int = 0
-
-
-def _blend_choice(text: object) -> BlendChoice:
-    """Read what a user wrote.
+def _blend_of(text: object) -> tuple[str, int]:
+    """Read what a user wrote: a way to meet a target between two materials, and N of ``bands:N``.
 
     Raises
     ------
     ArgumentError
         No such blend, or N out of range.
     """
-    if text == "nearest" or text == "dither" or text == "mix":
-        return BlendChoice(text)
+    if text in ("nearest", "dither", "mix"):
+        return str(text), 0
     if isinstance(text, str) and text.startswith("bands:"):
         try:
             periods = int(text.removeprefix("bands:"))
@@ -229,138 +86,16 @@ def _blend_choice(text: object) -> BlendChoice:
             raise ArgumentError(
                 f"`blend` {text}: N must be a whole number from 1 to {_MOST_PERIODS}, as in bands:4"
             )
-        return BlendChoice("bands", periods)
+        return "bands", periods
     hint = did_you_mean(str(text), ["nearest", "dither", "bands:4", "mix"])
     raise ArgumentError(f"`blend` {text}: no such blend; {hint}it takes {', '.join(_BLENDS)}")
-
-
-# ------------------------------------------------------------------------------------------------
-# What to cut a part along, at which levels, and what each piece is printed in.
 
 
 _MOST_BANDS = 10_000
 
 
-_Held = tuple[dict[str, Check], tuple[Finding, ...], list[str]]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class BandDesign:
-    """Bands along a gradient, each of one material or mixture.
-
-    Attributes
-    ----------
-    bands, printed
-        Field and target of each, and what it is printed in.
-    says
-        What a plan says of how targets between two materials are met, if not by the nearer one.
-    periods
-        Of each band, where two materials take turns; else empty.
-    """
-
-    bands: tuple[Band, ...]
-    printed: tuple[Printed, ...]
-    says: Mapping[str, object] | None = None
-    periods: tuple[Laminate | None, ...] = ()
-
-    @property
-    def levels(self) -> FloatArray:
-        """Values of the field between bands."""
-        return np.array([band.start for band in self.bands[1:]])
-
-    def cut(self, mesh: Mesh, along: Field, pitch_mm: float, within_mm: float) -> Pieces:
-        """Divide the part."""
-        return split(mesh, along, self.levels, pitch_mm=pitch_mm, within_mm=within_mm)
-
-    def regions(
-        self, pieces: Pieces, shells: Sequence[Shell], scale: StiffnessScale
-    ) -> tuple[Region, ...]:
-        """Report what was cut, with what it comes to together."""
-        regions = regions_of(pieces, self.bands, self.printed, shells)
-        if self.periods:
-            return with_laminates(regions, tuple(zip(self.bands, self.periods, strict=True)), scale)
-        return regions
-
-    def _fewer(self, along: Field, machine: Printer) -> str:
-        """Say what makes thin bands thicker: equal ones, so many as have room along the field."""
-        if self.periods:
-            return "take fewer periods (--blend bands:N)"
-        span_mm, count = along.description().get("span_mm"), len(self.bands)
-        # Equal already, but for cuts that were moved by a tenth of a band at most on either side.
-        if np.ptp([band.stop - band.start for band in self.bands]) < 0.41 / count:
-            count -= 1
-        if isinstance(span_mm, float):
-            count = min(count, int(span_mm / machine.minimum_feature_mm))
-        return f"take --bands {max(count, 1)} or fewer"
-
-    def held(
-        self, part: CutPart, shells: Sequence[Shell], scale: StiffnessScale, machine: Printer
-    ) -> _Held:
-        """Hold the pieces against the printer."""
-        cure = f"{self._fewer(part.field, machine)}, a gentler profile there"
-        names = [what.name for what in self.printed]
-        own = replace(part, levels=self.levels, names=names, shells=shells, cure=cure)
-        return print_checks(own, machine)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class CellDesign:
-    """Cells of two materials among each other: their lattice, and what they come to."""
-
-    dealt: DitherField
-    counted: CellCounts
-    printed: tuple[Printed, ...]
-    stated: bool
-
-    @property
-    def says(self) -> Mapping[str, object]:
-        """What a plan says of how targets between two materials are met."""
-        return {"kind": "dither", "cell_mm": self.dealt.cell_mm, "tile": "blue-noise-32"}
-
-    def cut(self, mesh: Mesh, along: Field, pitch_mm: float, within_mm: float) -> Pieces:
-        """Divide the part along the cells, whatever the pitch of the field's own grid."""
-        return split(mesh, self.dealt, self.dealt.levels, pitch_mm=self.dealt.cell_mm, follow=False)
-
-    def regions(
-        self, pieces: Pieces, shells: Sequence[Shell], scale: StiffnessScale
-    ) -> tuple[Region, ...]:
-        """Report what was cut, with what it comes to together."""
-        return dither_regions(pieces, self.printed, shells, self.dealt, self.counted, scale)
-
-    def held(
-        self, part: CutPart, shells: Sequence[Shell], scale: StiffnessScale, machine: Printer
-    ) -> _Held:
-        """Hold cells against what was wanted, and the part as a whole against the printer.
-
-        Cells of two materials hold each other: only walls of the part can be too thin.
-        """
-        cell_mm, least_mm = self.dealt.cell_mm, machine.minimum_feature_mm
-        smaller = f"take a smaller --cell, down to {least_mm:g}"
-        # One that is not stated is as small as it can be.
-        cure = smaller if self.stated and cell_mm > least_mm else "take --blend nearest"
-        checks, findings = fraction_checks(part.pieces, self.dealt, self.counted, scale, cure)
-        fine = cell_mm >= least_mm * (1.0 - 1e-9)
-        if not fine:
-            message = (
-                f"cells of {cell_mm:g} mm are smaller than what {machine.title} prints "
-                f"undistorted, {least_mm:g} mm: their volumes will be off; take --cell {least_mm:g}"
-            )
-            findings = (Finding(kind="cell", message=message, size_mm=cell_mm), *findings)
-        mean_wall_mm = 2.0 * part.mesh.volume_mm3 / part.mesh.area_mm2  # were it a plate
-        if cell_mm > mean_wall_mm:
-            message = (
-                f"cells of {cell_mm:g} mm are thicker than the part, whose walls are "
-                f"{mean_wall_mm:.3g} mm on the mean: a place holds whichever cell happens to "
-                f"be there, and stretches of the gradient may have none; {cure}"
-            )
-            findings = (Finding(kind="cell", message=message, size_mm=cell_mm), *findings)
-        walls, thin, cautions = print_checks(part, machine)
-        checks = {**checks, **walls, "cell_mm": Check(cell_mm, least_mm, fine)}
-        return checks, (*findings, *thin), cautions
-
-
 def _design_pieces(
-    choice: BlendChoice, mesh: Mesh, field: Field, target: Profile, scale: StiffnessScale,
+    blend: tuple[str, int], mesh: Mesh, field: Field, target: Profile, scale: StiffnessScale,
     machine: Printer, *, bands: int | None, cell_mm: float | None,
 ) -> BandDesign | CellDesign:  # fmt: skip
     """Decide what each place of a part is printed in.
@@ -377,44 +112,19 @@ def _design_pieces(
     ArgumentError
         Options that do not go together or are out of range; too many cells.
     """
-    if bands is not None and choice.kind in ("dither", "bands"):
+    kind, periods = blend
+    if bands is not None and kind in ("dither", "bands"):
         raise ArgumentError(
             f"`bands` {bands}: it goes with `blend` nearest or mix"
-            + ("; write `blend` bands:N for N periods" if choice.kind == "bands" else "")
+            + ("; write `blend` bands:N for N periods" if kind == "bands" else "")
         )
     if bands is not None and not 1 <= bands <= _MOST_BANDS:
         raise ArgumentError(f"`bands` {bands}: it must be a whole number from 1 to {_MOST_BANDS}")
-    if cell_mm is not None and choice.kind != "dither":
+    if cell_mm is not None and kind != "dither":
         raise ArgumentError(f"`cell_mm` {cell_mm:g}: it goes with `blend` dither")
-    moduli = scale.moduli_MPa
-    if choice.kind == "mix":
-        return BandDesign(*mixed_bands(target, scale, bands, machine), {"kind": "mix"})
-    if choice.kind == "dither":
-        return _dithered(mesh, field, target, scale, machine, cell_mm)
-    says, periods = None, ()
-    if choice.kind == "bands":
-        laminate = laminated(target, blend_segments(target, moduli), moduli, choice.periods)
-        steps, periods = zip(*laminate, strict=True)
-        says = {"kind": "bands", "periods": choice.periods}
-    elif bands is None:
-        steps = natural_bands(target, moduli)
-    else:
-        steps = equal_bands(target, moduli, bands)
-    printed = tuple(catalogue_material(scale, band.grade, machine) for band in steps)
-    return BandDesign(steps, printed, says, periods)
-
-
-def _dithered(
-    mesh: Mesh, field: Field, target: Profile, scale: StiffnessScale, machine: Printer,
-    cell_mm: float | None,
-) -> CellDesign:  # fmt: skip
-    along = blend_segments(target, scale.moduli_MPa)
-    pieces = dither_pieces(along)
-    least_mm = machine.minimum_feature_mm if cell_mm is None else cell_mm
-    dealt = DitherField(field, target, scale.moduli_MPa, along, pieces, mesh.bounds_mm[0], least_mm)
-    dealt = affordable_cells(mesh, dealt, stated=cell_mm is not None)
-    printed = tuple(catalogue_material(scale, piece.grade, machine) for piece in pieces)
-    return CellDesign(dealt, count_cells(mesh, dealt), printed, cell_mm is not None)
+    if kind == "dither":
+        return cell_design(mesh, field, target, scale, machine, cell_mm)
+    return band_design(kind, target, scale, machine, count=bands, periods=periods)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -422,6 +132,10 @@ def _dithered(
 
 
 _Progress = Callable[[str], None]
+
+_UNCALIBRATED = (
+    "mixtures need a printer that jets them, as {printer} may not; their ratios are not calibrated"
+)
 
 
 def grade(
@@ -547,7 +261,7 @@ def grade(
     assert wish.printer is not None
     assert wish.at_strain is not None
     machine = load_printer(wish.printer)
-    choice = _blend_choice(wish.blend)
+    by = _blend_of(wish.blend)
     scale = stiffness_scale(palette_of(wish.palette, machine), wish.at_strain)
     target, start, end = targets_of(wish, scale)
     limit = tolerated_ratio(as_number(tolerance, "`tolerance`"))
@@ -556,10 +270,11 @@ def grade(
     )
 
     progress("reading the part")
-    source = open_part(part, unit=wish.unit, name=name, tray_mm=machine.tray_mm, bodies=bodies)
-    if not force_oversize:
-        refuse_oversize(source, machine)
-    mesh, translation = place(source.part.mesh)
+    source = open_part(
+        part, unit=wish.unit, name=name, tray_mm=machine.tray_mm, bodies=bodies,
+        oversize=force_oversize,
+    )  # fmt: skip
+    mesh, translation = place(source.mesh)
     pitch_mm = default_pitch_mm(mesh) if wish.pitch_mm is None else wish.pitch_mm
     if wish.field is None:
         along: Field = axis_field(wish.axis, mesh)
@@ -569,9 +284,9 @@ def grade(
 
     progress("cutting the shells")
     design = _design_pieces(
-        choice, mesh, along, target, scale, machine, bands=wish.bands, cell_mm=wish.cell_mm
+        by, mesh, along, target, scale, machine, bands=wish.bands, cell_mm=wish.cell_mm
     )
-    moved: tuple[MovedCut, ...] = ()
+    moved: Sequence[Mapping[str, float]] = ()
     if isinstance(design, BandDesign):
         if not design.periods:
             bands_now, moved = snapped_bands(
@@ -588,15 +303,14 @@ def grade(
     cut = CutPart(mesh, along, pieces, pitch_mm, within_mm, as_point(translation), np.empty(0))
     printing, findings, cautions = design.held(cut, shells, scale, machine)
     known = _remarks(scale, regions)
-    others = alternatives(
-        regions, target, scale, equal_bands=wish.bands is not None,
-        moved=bool(moved) and choice.kind == "nearest",
+    stiffness, off, others = stiffness_check(
+        regions, limit, target, scale, equal_bands=wish.bands is not None,
+        moved=bool(moved) and by[0] == "nearest",
     )  # fmt: skip
-    stiffness, off = stiffness_check(regions, limit, others)
     followed = () if earlier is None else earlier.remarks(source.sha256)
     unsure: tuple[str, ...] = ()
     if any(what.material is None for what in design.printed):
-        unsure = (MIXTURES_UNCALIBRATED.format(printer=machine.title),)
+        unsure = (_UNCALIBRATED.format(printer=machine.title),)
     described = dict(along.description())
     if not isinstance(along, PlanarField):
         described["pitch_mm"] = pitch_mm
@@ -616,7 +330,7 @@ def grade(
             wish.bands,
             design.says,
             None if earlier is None else earlier.says,
-            {"limit_mm": farthest_mm, "moved": [asdict(cut) for cut in moved]} if moved else None,
+            {"limit_mm": farthest_mm, "moved": moved} if moved else None,
         ),
         stiffness=Stiffness(
             "secant-nominal",
@@ -677,13 +391,13 @@ def _remarks(scale: StiffnessScale, regions: Sequence[Region]) -> tuple[str, ...
 
 
 def _check_thickness(
-    field: Field, steps: tuple[Band, ...], machine: Printer, warnings: tuple[str, ...]
+    field: Field, bands: tuple[Band, ...], machine: Printer, warnings: tuple[str, ...]
 ) -> None:
     """Refuse bands thinner than the printer's layer, where the field has a length."""
     span_mm = field.description().get("span_mm")
     if not isinstance(span_mm, float):
         return
-    thinnest = min(steps, key=lambda band: band.stop - band.start)
+    thinnest = min(bands, key=lambda band: band.stop - band.start)
     thickness_mm = (thinnest.stop - thinnest.start) * span_mm
     if thickness_mm < machine.layer_mm:
         fit = int(span_mm / machine.layer_mm)
@@ -695,8 +409,8 @@ def _check_thickness(
         )
 
 
-def _part_graded(source: PartSource, translation_mm: Point) -> PartGraded:
-    mesh = source.part.mesh
+def _part_graded(source: Part, translation_mm: Point) -> PartGraded:
+    mesh = source.mesh
     low, high = mesh.bounds_mm
     return PartGraded(
         name=source.name,
@@ -708,8 +422,25 @@ def _part_graded(source: PartSource, translation_mm: Point) -> PartGraded:
         bounds_mm=(as_point(low), as_point(high)),
         triangles=len(mesh.faces),
         translation_mm=translation_mm,
-        repairs=source.part.repairs,
+        repairs=source.repairs,
     )
+
+
+# Moduli nearer than this to each other, relatively, are one: a plan.json keeps nine digits of a
+# target, and the material that gave it must still reach it.
+_SAME_MODULUS = 10.0 ** (1 - SIGNIFICANT_DIGITS)
+
+
+def shortfalls(profile: Profile, moduli_MPa: tuple[float, ...]) -> tuple[Band, ...]:
+    """Find where the target lies below the softest or above the hardest material: the nearest."""
+    ends = softest, hardest = moduli_MPa[0], moduli_MPa[-1]
+    found = []
+    for start, stop, (low, high) in profile.stretches(ends, profile.positions):
+        if low < softest * (1.0 - _SAME_MODULUS):
+            found.append(Band(start, stop, 0, (low, high)))
+        elif high > hardest * (1.0 + _SAME_MODULUS):
+            found.append(Band(start, stop, len(moduli_MPa) - 1, (low, high)))
+    return tuple(found)
 
 
 def _unreachable(target: Profile, scale: StiffnessScale) -> tuple[Unreachable, ...]:

@@ -199,18 +199,10 @@ def _outline() -> tuple[FloatArray, FloatArray]:
     bend = math.atan2(y_outer - y_inner, x_outer - x_inner)  # where the arcs touch
     up = np.linspace(-math.pi / 2, bend, _ARC_STEPS)
     over = np.linspace(bend + math.pi, math.pi / 2, _ARC_STEPS)[1:]
-    x = np.concatenate(
-        [
-            x_inner + _INNER_RADIUS * np.cos(up),
-            x_outer + _OUTER_RADIUS * np.cos(over),
-            [_LENGTH / 2],
-        ]
+    arcs = (
+        (x_inner, y_inner, _INNER_RADIUS, up),
+        (x_outer, y_outer, _OUTER_RADIUS, over),
     )
-    half = np.concatenate(
-        [
-            y_inner + _INNER_RADIUS * np.sin(up),
-            y_outer + _OUTER_RADIUS * np.sin(over),
-            [_GRIP_WIDTH / 2],
-        ]
-    )
+    x = np.concatenate([*(at + r * np.cos(turn) for at, _, r, turn in arcs), [_LENGTH / 2]])
+    half = np.concatenate([*(y + r * np.sin(turn) for _, y, r, turn in arcs), [_GRIP_WIDTH / 2]])
     return np.concatenate([-x[::-1], x]) + _LENGTH / 2, np.concatenate([half[::-1], half])

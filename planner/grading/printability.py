@@ -9,9 +9,9 @@ import numpy as np
 
 from planner.cutting.pieces import Pieces
 from planner.fields.basic import Field, PlanarField
-from planner.mesh.mesh import Fragments, Mesh, small_bodies
+from planner.mesh.mesh import Mesh, connected, measure
 from planner.mesh.part import fits_turned
-from planner.numerics import FloatArray, Point, as_point
+from planner.numerics import FloatArray, IntArray, Point, as_point
 from planner.plan import Check, Finding, Shell
 from planner.printers import Printer
 from planner.voxels.columns import MOST_VOXELS, check_reach, columns_of, grid_for, snap
@@ -66,6 +66,65 @@ class CutPart:
         """Return a place in the coordinates of the part's own file."""
         x, y, z = (p - t for p, t in zip(place_mm, self.translation_mm, strict=True))
         return x, y, z
+
+
+# ------------------------------------------------------------------------------------------------
+# Separate bits of a solid that are smaller than a limit.
+
+
+@dataclass(frozen=True)
+class Fragments:
+    """Bodies of a solid that are smaller than a limit.
+
+    Attributes
+    ----------
+    boxes_mm : (n, 2, 3)
+        Of all of them, and of those too small to be printed at all.
+    count
+        How many.
+    place_mm, extent_mm, volume_mm3
+        Centre, box and volume of the largest by volume.
+    total_mm3
+        Volume of all of them.
+    """
+
+    boxes_mm: FloatArray
+    count: int = 0
+    place_mm: Point = (0.0, 0.0, 0.0)
+    extent_mm: Point = (0.0, 0.0, 0.0)
+    volume_mm3: float = 0.0
+    total_mm3: float = 0.0
+
+
+def small_bodies(mesh: Mesh, limit_mm: float, least_mm: float) -> Fragments:
+    """Find bodies with less volume than a cube of a limit, or smaller than it in all directions.
+
+    Bodies are what vertices in common hold together; cavities are none. Bodies smaller than
+    `least_mm` in all directions are not counted: a printer does not see them.
+    """
+    corners = mesh.faces.T
+    body = connected(
+        len(mesh.vertices),
+        np.concatenate([corners[0], corners[1]]),
+        np.concatenate([corners[1], corners[2]]),
+    )
+    number = body[corners[0]]
+    used, number = np.unique(number, return_inverse=True)
+    if len(used) < 2 and mesh.volume_mm3 >= limit_mm**3:
+        return Fragments(np.empty((0, 2, 3)))
+    found = measure(mesh.vertices, mesh.faces, number.astype(np.int32), len(used))
+    extent = found.bounds_mm[:, 1] - found.bounds_mm[:, 0]
+    small = (found.volume_mm3 < limit_mm**3) | (extent < limit_mm).all(axis=1)
+    small &= found.volume_mm3 > 0.0
+    boxes = found.bounds_mm[small]
+    members = np.flatnonzero(small & (extent >= least_mm).any(axis=1))
+    if not len(members):
+        return Fragments(boxes)
+    largest = members[np.argmax(found.volume_mm3[members])]
+    place_mm, volume_mm3 = found.bounds_mm[largest].mean(axis=0), float(found.volume_mm3[largest])
+    total_mm3 = float(found.volume_mm3[members].sum())
+    size_mm = as_point(extent[largest])
+    return Fragments(boxes, len(members), as_point(place_mm), size_mm, volume_mm3, total_mm3)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -213,10 +272,7 @@ def _interface_distances_mm(part: CutPart) -> tuple[FloatArray, FloatArray]:
     count = len(pieces.cap_faces)
     if count == 0:
         return np.zeros(1), np.ones(1)
-    chosen = np.arange(0, count, max(1, -(-count // _INTERFACE_SAMPLES)))
-    corners = pieces.vertices[pieces.cap_faces[chosen]].astype(np.float64)
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    length = np.linalg.norm(normal, axis=1)
+    chosen, corners, normal, length = _some_caps(pieces, np.arange(count), _INTERFACE_SAMPLES)
     normal *= _REACH_MM / np.maximum(length, 1e-300)[:, None]
     centre = corners.mean(axis=1)
     level = part.levels[pieces.cap_level[chosen]]
@@ -229,6 +285,16 @@ def _interface_distances_mm(part: CutPart) -> tuple[FloatArray, FloatArray]:
     order = np.argsort(distance, kind="stable")
     area = np.cumsum(length[order])
     return np.minimum(distance[order], part.pitch_mm), area / area[-1]
+
+
+def _some_caps(
+    pieces: Pieces, members: IntArray, most: int
+) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
+    """Return some interface triangles, evenly so many at most: which, corners, normals, lengths."""
+    chosen = members[:: max(1, -(-len(members) // most))]
+    corners = pieces.vertices[pieces.cap_faces[chosen]].astype(np.float64)
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    return chosen, corners, normal, np.linalg.norm(normal, axis=1)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -295,10 +361,7 @@ def _measured(part: CutPart, first: int, last: int, longest_mm: float) -> BandTh
     at, way, area, target = [], [], [], []
     for level, sign, end in ((first - 1, 1.0, high), (last, -1.0, low)):
         members = np.flatnonzero(pieces.cap_level == level)
-        chosen = members[:: max(1, -(-len(members) // _THICKNESS_SAMPLES))]
-        corners = pieces.vertices[pieces.cap_faces[chosen]].astype(np.float64)
-        normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        length = np.linalg.norm(normal, axis=1)
+        _, corners, normal, length = _some_caps(pieces, members, _THICKNESS_SAMPLES)
         flat = ~(length > 0.0)
         at.append(corners.mean(axis=1)[~flat])
         way.append(sign * (normal / np.where(flat, 1.0, length)[:, None])[~flat])

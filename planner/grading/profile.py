@@ -2,13 +2,12 @@
 
 import itertools
 import math
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from planner.errors import (
     ArgumentError,
@@ -17,9 +16,7 @@ from planner.errors import (
     PaletteError,
     UnknownNameError,
     as_number,
-    did_you_mean,
 )
-from planner.formats.files import SIGNIFICANT_DIGITS
 from planner.formats.tables import read_columns
 from planner.glance import brief, counted, html_of, one_line, plotted
 from planner.materials.laws import make_law, secant_modulus_MPa, stability
@@ -42,8 +39,6 @@ __all__ = [
     "Profile",
     "StiffnessScale",
     "at_temperature",
-    "between",
-    "distinct_positions",
     "dithered_profile",
     "equal_bands",
     "is_dithered",
@@ -52,8 +47,6 @@ __all__ = [
     "natural_bands",
     "profile_of",
     "read_moduli",
-    "sampled_profile",
-    "shortfalls",
     "stiffness_scale",
 ]
 
@@ -63,9 +56,8 @@ __all__ = [
 
 
 _Shape = Literal["log", "linear", "smooth"]
-_SHAPES: dict[str, _Shape] = {"log": "log", "linear": "linear", "smooth": "smooth"}
+_SHAPES = get_args(_Shape)
 _LEAST_MPa, _MOST_MPa = 1e-6, 1e7  # far beyond any solid that is printed
-_PROFILES = ("log", "linear", "smooth", "steps:N", "grades", "FILE.csv")
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,6 +157,25 @@ class Profile:
                 values += [float(self._within(i, low)), float(self._within(i, high))]
         return min(values), max(values)
 
+    @property
+    def jumps(self) -> list[float]:
+        """Field values at which the target jumps."""
+        return [a for a, b in itertools.pairwise(self.positions) if a == b]
+
+    def stretches(
+        self, moduli_MPa: Iterable[float], more: Iterable[float]
+    ) -> Iterator[tuple[float, float, tuple[float, float]]]:
+        """Divide the field where the target passes moduli, and at more of its values.
+
+        Yields
+        ------
+        start, stop, target_MPa
+            Of each stretch, and the lowest and highest target within.
+        """
+        cuts = [u for modulus in moduli_MPa for u in self.crossings(modulus)]
+        for start, stop in itertools.pairwise(_distinct([*cuts, *more])):
+            yield start, stop, self.interval_MPa(start, stop)
+
     def description(self) -> dict[str, Any]:
         """Return the profile as plan.json holds it."""
         return {
@@ -173,106 +184,6 @@ class Profile:
             "positions": list(self.positions),
             "moduli_MPa": list(self.moduli_MPa),
         }
-
-
-def between(
-    spec: str, start_MPa: float, end_MPa: float, moduli_MPa: Sequence[float] = ()
-) -> Profile:
-    """Make the profile that `spec` names between two moduli.
-
-    Parameters
-    ----------
-    spec
-        ``log``, ``linear``, ``smooth``, ``steps:N`` (N equal steps, evenly spaced in log) or
-        ``grades`` (an equal length of each material from the one nearest to the first modulus to
-        that nearest to the other).
-    moduli_MPa
-        Of the catalogue materials, strictly rising; for ``grades``.
-
-    Raises
-    ------
-    ArgumentError
-        An unknown name, fewer than two steps, or both ends nearest to one material.
-    """
-    if spec in _SHAPES:
-        return Profile(spec, (0.0, 1.0), (start_MPa, end_MPa), _SHAPES[spec])
-    if spec == "grades":
-        return _steps(spec, _grades(start_MPa, end_MPa, moduli_MPa))
-    if spec.startswith("steps:"):
-        try:
-            count = int(spec.removeprefix("steps:"))
-        except ValueError:
-            count = 0
-        if not 2 <= count <= 10_000:
-            raise ArgumentError(
-                f"`profile` {spec}: the number of steps must be a whole number from 2 to 10000, "
-                "as in steps:5"
-            )
-        ratio = end_MPa / start_MPa
-        return _steps(spec, [start_MPa * ratio ** (i / (count - 1)) for i in range(count)])
-    hint = did_you_mean(spec, ["log", "linear", "smooth", "steps:5", "grades"])
-    raise ArgumentError(f"`profile` {spec}: no such profile; {hint}it takes {', '.join(_PROFILES)}")
-
-
-def _steps(name: str, moduli_MPa: Sequence[float]) -> Profile:
-    """Give each modulus an equal length of the field."""
-    edges = [i / len(moduli_MPa) for i in range(len(moduli_MPa) + 1)]
-    return Profile(
-        name,
-        tuple(u for pair in itertools.pairwise(edges) for u in pair),
-        tuple(modulus for modulus in moduli_MPa for _ in range(2)),
-        "log",
-    )
-
-
-def _grades(start_MPa: float, end_MPa: float, moduli_MPa: Sequence[float]) -> list[float]:
-    """Return the moduli of the materials between two, those included, in log stiffness.
-
-    What is wanted at the first and the last is the end itself, so that the material's distance
-    from it counts as an error.
-    """
-    first, last = nearest_on(moduli_MPa, (start_MPa, end_MPa)).tolist()
-    if first == last:
-        raise ArgumentError(
-            f"`profile` grades: {start_MPa:.3g} and {end_MPa:.3g} MPa are both nearest to one "
-            f"material of the palette, with {moduli_MPa[first]:.3g} MPa; it takes two or more"
-        )
-    step = 1 if first < last else -1
-    return [start_MPa, *moduli_MPa[first + step : last : step], end_MPa]
-
-
-_SAMPLES = 257
-"""Places at which a function is read. Chosen: between them it is followed to 1e-4 of its bend."""
-
-
-def sampled_profile(modulus_MPa: Callable[[FloatArray], ArrayLike]) -> Profile:
-    """Follow a function of the position, 0 to 1, that returns moduli in MPa.
-
-    It is read at 257 places, log-linear between them, so that a jump becomes a steep ramp.
-
-    Parameters
-    ----------
-    modulus_MPa
-        Takes an array of positions, or one position at a time.
-
-    Raises
-    ------
-    ArgumentError
-        It returns something else than a modulus for each position.
-    """
-    u = np.linspace(0.0, 1.0, _SAMPLES)
-    try:
-        moduli = np.asarray(modulus_MPa(u), dtype=np.float64)
-    except (TypeError, ValueError):  # it takes one at a time
-        each = (np.asarray(modulus_MPa(v), dtype=object) for v in u)
-        moduli = np.array([as_number(value.flat[0], "`profile`: the function") for value in each])
-    if moduli.shape not in ((), u.shape):
-        raise ArgumentError(
-            f"`profile`: the function returns an array of shape {moduli.shape} for {len(u)} "
-            "positions; it must return a modulus in MPa for each"
-        )
-    values = np.broadcast_to(moduli, u.shape).tolist()
-    return Profile("function", tuple(u.tolist()), tuple(values), "log")
 
 
 def read_moduli(
@@ -615,10 +526,6 @@ def stiffness_scale(palette: Palette, at_strain: float) -> StiffnessScale:
 # pixel on any part that fits a tray, far above rounding.
 _SAME_POSITION = 1e-9
 
-# Moduli nearer than this to each other, relatively, are one: a plan.json keeps nine digits of a
-# target, and the material that gave it must still reach it.
-_SAME_MODULUS = 10.0 ** (1 - SIGNIFICANT_DIGITS)
-
 
 @dataclass(frozen=True, slots=True)
 class Band:
@@ -655,13 +562,9 @@ def natural_bands(profile: Profile, moduli_MPa: tuple[float, ...]) -> tuple[Band
     moduli_MPa
         Of the catalogue materials, strictly rising.
     """
-    thresholds = thresholds_of(moduli_MPa)
-    cuts = [u for threshold in thresholds.tolist() for u in profile.crossings(threshold)]
-    jumps = [a for a, b in itertools.pairwise(profile.positions) if a == b]
-    edges = distinct_positions([*cuts, *jumps])
     merged: list[Band] = []
-    for start, stop in itertools.pairwise(edges):
-        band = _band(profile, moduli_MPa, start, stop)
+    for stretch in profile.stretches(thresholds_of(moduli_MPa).tolist(), profile.jumps):
+        band = _band(moduli_MPa, *stretch)
         if merged and merged[-1].grade == band.grade:
             band = merged.pop().joined(band)
         merged.append(band)
@@ -675,30 +578,19 @@ def equal_bands(profile: Profile, moduli_MPa: tuple[float, ...], count: int) -> 
     makes the largest log error smallest.
     """
     edges = [i / count for i in range(count + 1)]
-    return tuple(_band(profile, moduli_MPa, a, b) for a, b in itertools.pairwise(edges))
+    return tuple(
+        _band(moduli_MPa, a, b, profile.interval_MPa(a, b)) for a, b in itertools.pairwise(edges)
+    )
 
 
-def shortfalls(profile: Profile, moduli_MPa: tuple[float, ...]) -> tuple[Band, ...]:
-    """Find where the target lies below the softest or above the hardest material: the nearest."""
-    softest, hardest = moduli_MPa[0], moduli_MPa[-1]
-    cuts = [u for limit in (softest, hardest) for u in profile.crossings(limit)]
-    found = []
-    for start, stop in itertools.pairwise(distinct_positions([*cuts, *profile.positions])):
-        low, high = profile.interval_MPa(start, stop)
-        if low < softest * (1.0 - _SAME_MODULUS):
-            found.append(Band(start, stop, 0, (low, high)))
-        elif high > hardest * (1.0 + _SAME_MODULUS):
-            found.append(Band(start, stop, len(moduli_MPa) - 1, (low, high)))
-    return tuple(found)
+def _band(
+    moduli_MPa: tuple[float, ...], start: float, stop: float, target_MPa: tuple[float, float]
+) -> Band:
+    low, high = target_MPa
+    return Band(start, stop, int(nearest_on(moduli_MPa, math.sqrt(low * high))), target_MPa)
 
 
-def _band(profile: Profile, moduli_MPa: tuple[float, ...], start: float, stop: float) -> Band:
-    low, high = profile.interval_MPa(start, stop)
-    grade = int(nearest_on(moduli_MPa, math.sqrt(low * high)))
-    return Band(start, stop, grade, (low, high))
-
-
-def distinct_positions(positions: list[float]) -> list[float]:
+def _distinct(positions: list[float]) -> list[float]:
     """Return 0, the positions that are not the same as another or an end, rising, and 1."""
     edges = [0.0]
     for u in sorted(positions):

@@ -3,50 +3,40 @@
 import hashlib
 import itertools
 import math
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from planner.cutting.pieces import Pieces
+from planner.cutting.pieces import Pieces, split
 from planner.errors import ArgumentError
+from planner.fields.basic import Field
 from planner.formats.mesh_file import encode_stl
 from planner.formats.threemf import Constituent, composite_name, mixed_colour
 from planner.glance import in_percent
-from planner.grading.profile import (
-    Band,
-    Profile,
-    StiffnessScale,
-    distinct_positions,
-    equal_bands,
-    natural_bands,
-)
+from planner.grading.printability import CutPart, print_checks
+from planner.grading.profile import Band, Profile, StiffnessScale, equal_bands, natural_bands
 from planner.materials.mixtures import blend_for, dither_table, reuss_MPa, reuss_share
-from planner.mesh.mesh import compact
+from planner.mesh.mesh import Mesh, compact
 from planner.numerics import FloatArray, as_point
 from planner.palette import Palette
 from planner.plan import Check, Finding, Region, Shell
 from planner.printers import Printer
 
 __all__ = [
-    "MIXTURES_UNCALIBRATED",
+    "BandDesign",
     "BlendSegment",
-    "Laminate",
     "Printed",
-    "alternatives",
-    "blend_interval_MPa",
+    "band_design",
     "blend_segments",
+    "blended",
     "catalogue_material",
     "error_text",
-    "laminated",
-    "mixed_bands",
     "region_of",
-    "regions_of",
     "shells_of",
     "stiffness_check",
     "tolerated_ratio",
-    "with_laminates",
 ]
 
 
@@ -192,37 +182,23 @@ def _resins_of(palette: Palette, machine: Printer, ids: Collection[str]) -> tupl
     return foreign if len(foreign) == len({*ids}) else (*machine.base_resins, *foreign)
 
 
-def regions_of(
-    pieces: Pieces, steps: Sequence[Band], printed: Sequence[Printed], shells: Sequence[Shell]
-) -> tuple[Region, ...]:
-    """Report each band that holds any of the part."""
-    volumes = pieces.volumes_mm3
-    bounds = pieces.bounds_mm
-    files = {shell.material: shell for shell in shells}
-    regions: list[Region] = []
-    for number, (band, what) in enumerate(zip(steps, printed, strict=True)):
-        if volumes[number] > 0.0:
-            regions.append(region_of(band, what, float(volumes[number]), bounds[number], files))
-    return tuple(regions)
-
-
 def region_of(
     band: Band, what: Printed, volume_mm3: float, bounds_mm: FloatArray,
-    files: Mapping[str, Shell],
+    shells: Sequence[Shell],
 ) -> Region:  # fmt: skip
     """Report a band that is printed in one material or mixture.
 
     Its number is that of its shell, from soft to hard, as in the shell's file name.
-
-    Parameters
-    ----------
-    files
-        The shells by material, from soft to hard.
     """
     low, high = band.target_MPa
-    shell = files[what.name]
+    number = [shell.material for shell in shells].index(what.name)
+    shell, blend = shells[number], dict[str, Any]()
+    if what.material is None:
+        lower, upper = what.constituents
+        blend = {"kind": "mix", "name": what.name, "lower": lower.name, "upper": upper.name}
+        blend["fraction"] = upper.share
     return Region(
-        index=list(files).index(what.name) + 1,
+        index=number + 1,
         material=what.material,
         coordinate=what.coordinate,
         field=(band.start, band.stop),
@@ -236,22 +212,40 @@ def region_of(
         file=shell.file,
         sha256=shell.sha256,
         triangles=len(shell.faces),
-        blend=_mixed(what),
+        blend=blend or None,
     )
 
 
-def _mixed(what: Printed) -> dict[str, Any] | None:
-    """Return what a plan says of a mixture; None of a catalogue material."""
-    if what.material is not None:
-        return None
-    lower, upper = what.constituents
-    return {
-        "kind": "mix",
-        "name": what.name,
-        "lower": lower.name,
-        "upper": upper.name,
-        "fraction": upper.share,
-    }
+def blended(
+    region: Region, scale: StiffnessScale, pair: tuple[int, int], modulus_MPa: float,
+    error: tuple[float, float], estimate_error: float, kind: str, says: Mapping[str, Any],
+) -> Region:  # fmt: skip
+    """Say of a region what its material comes to together with another.
+
+    The interval holds a print's modulus with 95 % probability. The materials' errors go together,
+    as everywhere in planning: the wider of their intervals is taken, either way, and the relative
+    error of the estimate is added to it.
+
+    Parameters
+    ----------
+    pair
+        Places of both materials from soft to hard.
+    error
+        Of the modulus against the highest and the lowest target.
+    kind, says
+        Of the blend, and more that the plan says of it.
+    """
+    ends = [(scale.moduli_MPa[k], *scale.intervals_MPa[k]) for k in pair]
+    less = max(own / low for own, low, _ in ends) * (1.0 + estimate_error)
+    more = max(high / own for own, _, high in ends) * (1.0 + estimate_error)
+    lower, upper = (scale.palette.materials[k].id for k in pair)
+    return replace(
+        region,
+        modulus_MPa=modulus_MPa,
+        modulus_interval_MPa=(modulus_MPa / less, modulus_MPa * more),
+        error=error,
+        blend={"kind": kind, "lower": lower, "upper": upper, **says},
+    )
 
 
 # ------------------------------------------------------------------------------------------------
@@ -302,16 +296,13 @@ def blend_segments(profile: Profile, moduli_MPa: tuple[float, ...]) -> tuple[Ble
     moduli_MPa
         Of the catalogue materials, strictly rising.
     """
-    cuts = [u for modulus in moduli_MPa for u in profile.crossings(modulus)]
-    jumps = [a for a, b in itertools.pairwise(profile.positions) if a == b]
     found = []
-    for start, stop in itertools.pairwise(distinct_positions([*cuts, *jumps])):
-        low, high = profile.interval_MPa(start, stop)
-        lower, upper = _neighbours(low, high, moduli_MPa)
+    for start, stop, target_MPa in profile.stretches(moduli_MPa, profile.jumps):
+        lower, upper = _neighbours(*target_MPa, moduli_MPa)
         inner = 1e-9 * (stop - start)  # a jump's own value is that after it
         ends = [float(profile.modulus_MPa(u)) for u in (start, stop - inner)]
-        run = sum(jump <= start + inner for jump in jumps)
-        found.append(BlendSegment(start, stop, lower, upper, (low, high), (ends[0], ends[1]), run))
+        run = sum(jump <= start + inner for jump in profile.jumps)
+        found.append(BlendSegment(start, stop, lower, upper, target_MPa, (ends[0], ends[1]), run))
     return tuple(found)
 
 
@@ -325,29 +316,6 @@ def _neighbours(low: float, high: float, moduli_MPa: tuple[float, ...]) -> tuple
         if all(math.isclose(e, moduli_MPa[grade], rel_tol=_SAME) for e in (low, high)):
             return grade, grade
     return place - 1, place
-
-
-# ------------------------------------------------------------------------------------------------
-# How sure the modulus of a blend is.
-
-
-def blend_interval_MPa(
-    scale: StiffnessScale, lower: int, upper: int, modulus_MPa: float, error: float
-) -> tuple[float, float]:
-    """Return the interval that holds a print's modulus with 95 % probability.
-
-    The materials' errors go together, as everywhere in planning: the wider of their intervals is
-    taken, either way, and the relative error of the estimate is added to it.
-
-    Parameters
-    ----------
-    lower, upper
-        Places of the materials from soft to hard.
-    """
-    ends = [(scale.moduli_MPa[k], *scale.intervals_MPa[k]) for k in (lower, upper)]
-    less = max(own / low for own, low, _ in ends) * (1.0 + error)
-    more = max(high / own for own, _, high in ends) * (1.0 + error)
-    return modulus_MPa / less, modulus_MPa * more
 
 
 # ------------------------------------------------------------------------------------------------
@@ -365,8 +333,8 @@ class Laminate:
     ----------
     start, stop
         Field values.
-    lower, upper
-        Places of the materials from soft to hard.
+    stretch
+        Which it is part of.
     share
         Of the length along the field that is of the harder one.
     modulus_MPa
@@ -377,8 +345,7 @@ class Laminate:
 
     start: float
     stop: float
-    lower: int
-    upper: int
+    stretch: BlendSegment
     share: float
     modulus_MPa: float
     target_MPa: tuple[float, float]
@@ -445,52 +412,8 @@ def _laminate(
     share = float(reuss_share(soft, hard, compliance / (stop - start)))
     if not _THINNEST < share * (stop - start) < stop - start - _THINNEST:
         share = float(math.floor(share + 0.5))
-    return Laminate(
-        start,
-        stop,
-        stretch.lower,
-        stretch.upper,
-        share,
-        float(reuss_MPa(soft, hard, share)),
-        profile.interval_MPa(start, stop),
-    )
-
-
-# ------------------------------------------------------------------------------------------------
-# What a plan says of bands that take turns.
-
-
-def with_laminates(
-    regions: Sequence[Region], steps: Sequence[tuple[Band, Laminate | None]], scale: StiffnessScale
-) -> tuple[Region, ...]:
-    """Say of each thin band which period it belongs to, and what that comes to in series."""
-    periods = {(band.start, band.stop): period for band, period in steps}
-    found = []
-    for region in regions:
-        period = periods[region.field]
-        if period is None or period.share in (0.0, 1.0):
-            found.append(region)
-            continue
-        low, high = period.target_MPa
-        blend = {
-            "kind": "bands",
-            "lower": scale.palette.materials[period.lower].id,
-            "upper": scale.palette.materials[period.upper].id,
-            "field": [period.start, period.stop],
-            "share": period.share,
-        }
-        found.append(
-            replace(
-                region,
-                modulus_MPa=period.modulus_MPa,
-                modulus_interval_MPa=blend_interval_MPa(
-                    scale, period.lower, period.upper, period.modulus_MPa, 0.0
-                ),
-                error=(period.modulus_MPa / high - 1.0, period.modulus_MPa / low - 1.0),
-                blend=blend,
-            )
-        )
-    return tuple(found)
+    modulus, target = float(reuss_MPa(soft, hard, share)), profile.interval_MPa(start, stop)
+    return Laminate(start, stop, stretch, share, modulus, target)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -500,14 +423,10 @@ def with_laminates(
 _MOST_MIXTURES = 99
 """Each is a file of its own."""
 
-MIXTURES_UNCALIBRATED = (
-    "mixtures need a printer that jets them, as {printer} may not; their ratios are not calibrated"
-)
-
 _STEP = 1.2  # of the modulus from mixture to mixture: within 10 % of the target
 
 
-def mixed_bands(
+def _mixed_bands(
     profile: Profile, scale: StiffnessScale, count: int | None, machine: Printer
 ) -> tuple[tuple[Band, ...], tuple[Printed, ...]]:
     """Cut where the mixture changes, and say what each band is printed in.
@@ -557,6 +476,118 @@ def _merged(
 
 
 # ------------------------------------------------------------------------------------------------
+# Bands along a field: what to cut a part along, and what each piece is printed in.
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BandDesign:
+    """Bands along a gradient, each of one material or mixture.
+
+    Attributes
+    ----------
+    bands, printed
+        Field and target of each, and what it is printed in.
+    says
+        What a plan says of how targets between two materials are met, if not by the nearer one.
+    periods
+        Of each band, where two materials take turns; else empty.
+    """
+
+    bands: tuple[Band, ...]
+    printed: tuple[Printed, ...]
+    says: Mapping[str, object] | None = None
+    periods: tuple[Laminate | None, ...] = ()
+
+    @property
+    def levels(self) -> FloatArray:
+        """Values of the field between bands."""
+        return np.array([band.start for band in self.bands[1:]])
+
+    def cut(self, mesh: Mesh, along: Field, pitch_mm: float, within_mm: float) -> Pieces:
+        """Divide the part."""
+        return split(mesh, along, self.levels, pitch_mm=pitch_mm, within_mm=within_mm)
+
+    def regions(
+        self, pieces: Pieces, shells: Sequence[Shell], scale: StiffnessScale
+    ) -> tuple[Region, ...]:
+        """Report each band that holds any of the part, and what turns come to in series."""
+        volumes, bounds = pieces.volumes_mm3, pieces.bounds_mm
+        found: list[Region] = []
+        turns = self.periods or (None,) * len(self.bands)
+        for number, (band, what, turn) in enumerate(
+            zip(self.bands, self.printed, turns, strict=True)
+        ):
+            if not volumes[number] > 0.0:
+                continue
+            region = region_of(band, what, float(volumes[number]), bounds[number], shells)
+            if turn is not None and turn.share not in (0.0, 1.0):
+                low, high = turn.target_MPa
+                error = (turn.modulus_MPa / high - 1.0, turn.modulus_MPa / low - 1.0)
+                says = {"field": [turn.start, turn.stop], "share": turn.share}
+                pair = turn.stretch.lower, turn.stretch.upper
+                region = blended(region, scale, pair, turn.modulus_MPa, error, 0.0, "bands", says)
+            found.append(region)
+        return tuple(found)
+
+    def _fewer(self, along: Field, machine: Printer) -> str:
+        """Say what makes thin bands thicker: equal ones, so many as have room along the field."""
+        if self.periods:
+            return "take fewer periods (--blend bands:N)"
+        span_mm, count = along.description().get("span_mm"), len(self.bands)
+        # Equal already, but for cuts that were moved by a tenth of a band at most on either side.
+        if np.ptp([band.stop - band.start for band in self.bands]) < 0.41 / count:
+            count -= 1
+        if isinstance(span_mm, float):
+            count = min(count, int(span_mm / machine.minimum_feature_mm))
+        return f"take --bands {max(count, 1)} or fewer"
+
+    def held(
+        self, part: CutPart, shells: Sequence[Shell], scale: StiffnessScale, machine: Printer
+    ) -> tuple[dict[str, Check], tuple[Finding, ...], list[str]]:
+        """Hold the pieces against the printer."""
+        cure = f"{self._fewer(part.field, machine)}, a gentler profile there"
+        names = [what.name for what in self.printed]
+        own = replace(part, levels=self.levels, names=names, shells=shells, cure=cure)
+        return print_checks(own, machine)
+
+
+def band_design(
+    kind: str, target: Profile, scale: StiffnessScale, machine: Printer, *, count: int | None,
+    periods: int,
+) -> BandDesign:  # fmt: skip
+    """Cut where the nearest material changes, or the mixture, or where two take turns.
+
+    Parameters
+    ----------
+    kind
+        ``nearest``, ``mix`` or ``bands``.
+    count
+        Equal steps of the field, with ``nearest`` and ``mix``.
+    periods
+        Of each transition, with ``bands``.
+
+    Raises
+    ------
+    ArgumentError
+        Too many bands, each of a mixture of its own.
+    """
+    moduli = scale.moduli_MPa
+    if kind == "mix":
+        return BandDesign(*_mixed_bands(target, scale, count, machine), {"kind": "mix"})
+    says, turns = None, ()
+    if kind == "bands":
+        laminate = laminated(target, blend_segments(target, moduli), moduli, periods)
+        bands, turns = zip(*laminate, strict=True)
+        says = {"kind": "bands", "periods": periods}
+    elif count is None:
+        bands = natural_bands(target, moduli)
+    else:
+        bands = equal_bands(target, moduli, count)
+    printed = tuple(catalogue_material(scale, band.grade, machine) for band in bands)
+    return BandDesign(bands, printed, says, turns)
+
+
+# ------------------------------------------------------------------------------------------------
 # How far what is printed is off the target stiffness, and what another blend would make of it.
 #
 # An error is a ratio, 1 or more: achieved over target where what is printed is too stiff, target
@@ -592,18 +623,19 @@ def tolerated_ratio(stated: float) -> float:
 
 
 def stiffness_check(
-    regions: Sequence[Region],
-    limit: float,
-    others: Mapping[str, float],
-) -> tuple[Check, tuple[Finding, ...]]:
+    regions: Sequence[Region], limit: float, target: Profile, scale: StiffnessScale, *,
+    equal_bands: bool, moved: bool,
+) -> tuple[Check, tuple[Finding, ...], dict[str, float]]:  # fmt: skip
     """Hold the stiffness of all regions against what was wanted there.
 
     Parameters
     ----------
     limit
         Of `tolerated_ratio`.
-    others
-        Of `alternatives`.
+    equal_bands
+        Whether the regions are bands of equal steps, in place of the nearest materials.
+    moved
+        Whether cuts between the nearest materials were moved off faces of the part.
 
     Returns
     -------
@@ -611,13 +643,25 @@ def stiffness_check(
         The worst ratio of all regions, with its limit.
     findings : tuple of Finding
         Where the worst is, and what would make it smaller; empty where the check holds.
+    others : dict
+        The worst ratio that other options would leave, where it is smaller. Of cells of two
+        materials it is the error of their homogenised modulus; each cell by itself is one of the
+        two.
     """
     worst = max(regions, key=_region_error)
-    ratio = _region_error(worst)
-    ok = ratio <= limit * (1.0 + _ROUNDING)
-    check = Check(ratio, limit, ok)
-    if ok:
-        return check, ()
+    ratio, moduli = _region_error(worst), scale.moduli_MPa
+    between = [s for s in blend_segments(target, moduli) if s.lower < s.upper]
+    cells = max(
+        (1.0 / (1.0 - dither_table().error_at(moduli[s.upper] / moduli[s.lower])) for s in between),
+        default=1.0,
+    )
+    option = "without --bands" if equal_bands else "with --snap 0" if moved else ""
+    nearest = {option: _of_nearest(target, scale)} if option else {}
+    found = {**nearest, "with --blend dither": cells}
+    others = {option: error for option, error in found.items() if error < ratio * (1.0 - 1e-6)}
+    check = Check(ratio, limit, ratio <= limit * (1.0 + _ROUNDING))
+    if check.ok:
+        return check, (), others
     low, high = worst.target_modulus_MPa
     better = [f"{option} it is {error_text(error)}" for option, error in others.items()]
     cures = [*better, f"--tolerance {_rounded_up(ratio):g} accepts it"]
@@ -627,36 +671,7 @@ def stiffness_check(
         f"up to {error_text(ratio)}, more than the tolerance, {error_text(limit)}; "
         + "; ".join(cures)
     )
-    return check, (Finding("stiffness", message, worst.material),)
-
-
-def alternatives(
-    regions: Iterable[Region], target: Profile, scale: StiffnessScale, *, equal_bands: bool,
-    moved: bool,
-) -> dict[str, float]:  # fmt: skip
-    """Return the worst ratio that other options would leave, where it is smaller.
-
-    Of cells of two materials it is the error of their homogenised modulus; each cell by itself is
-    one of the two.
-
-    Parameters
-    ----------
-    equal_bands
-        Whether the regions are bands of equal steps, in place of the nearest materials.
-    moved
-        Whether cuts between the nearest materials were moved off faces of the part.
-    """
-    ratio = max(_region_error(region) for region in regions)
-    moduli = scale.moduli_MPa
-    between = [s for s in blend_segments(target, moduli) if s.lower < s.upper]
-    cells = max(
-        (1.0 / (1.0 - dither_table().error_at(moduli[s.upper] / moduli[s.lower])) for s in between),
-        default=1.0,
-    )
-    option = "without --bands" if equal_bands else "with --snap 0" if moved else ""
-    nearest = {option: _of_nearest(target, scale)} if option else {}
-    found = {**nearest, "with --blend dither": cells}
-    return {option: error for option, error in found.items() if error < ratio * (1.0 - 1e-6)}
+    return check, (Finding("stiffness", message, worst.material),), others
 
 
 def _region_error(region: Region) -> float:

@@ -13,7 +13,7 @@ from planner.mesh.mesh import Mesh
 from planner.numerics import FloatArray
 from planner.printers import Printer
 
-__all__ = ["MovedCut", "snap_limit_mm", "snapped_bands"]
+__all__ = ["snap_limit_mm", "snapped_bands"]
 
 # Where a face of the part lies alongside a level set, a cut near it leaves a layer as thin as the
 # two are apart. A layer below the printer's smallest feature blurs into its neighbour: moving the
@@ -39,23 +39,6 @@ _WORTH = 0.5
 _NEIGHBOUR = 0.1
 """Of the way to the next cut that a cut may move. Chosen: the error of a band then grows by a tenth
 of the step between its materials at most."""
-
-
-@dataclass(frozen=True, slots=True)
-class MovedCut:
-    """A cut that was moved.
-
-    Attributes
-    ----------
-    field, to
-        Where it was asked, and where it is, as values of the field.
-    by_mm
-        How far that is, along the field.
-    """
-
-    field: float
-    to: float
-    by_mm: float
 
 
 def snap_limit_mm(stated: float | None, machine: Printer) -> float:
@@ -115,14 +98,14 @@ class _Alongside:
 
 def _moved_cuts(
     mesh: Mesh, field: Field, levels: Sequence[float], *, snap_mm: float, machine: Printer
-) -> tuple[MovedCut, ...]:
-    """Return which cuts, at rising values of the field, to move, and where to."""
+) -> list[dict[str, float]]:
+    """Return which cuts, at rising values of the field, to move; see `snapped_bands`."""
     if snap_mm == 0.0 or not len(levels):
-        return ()
+        return []
     faces = _faces_alongside(mesh, field)
     if faces is None:
-        return ()
-    limit_mm, moved = machine.minimum_feature_mm, list[MovedCut]()
+        return []
+    limit_mm, moved = machine.minimum_feature_mm, list[dict[str, float]]()
     edges = [0.0, *levels, 1.0]
     shares = np.arange(-_OFFSETS, _OFFSETS + 1) / _OFFSETS
     for before, level, after in zip(edges, levels, edges[2:], strict=False):
@@ -141,8 +124,8 @@ def _moved_cuts(
         best = int(clean[0]) if len(clean) else int(np.argmin(slivers))
         if best and (len(clean) or slivers[best] <= _WORTH * slivers[0]):
             to = float(places[best])
-            moved.append(MovedCut(level, to, abs(to - level) / per_mm))
-    return tuple(moved)
+            moved.append({"field": level, "to": to, "by_mm": abs(to - level) / per_mm})
+    return moved
 
 
 def _faces_alongside(mesh: Mesh, field: Field) -> _Alongside | None:
@@ -194,8 +177,11 @@ def snapped_bands(
     *,
     snap_mm: float,
     machine: Printer,
-) -> tuple[tuple[Band, ...], tuple[MovedCut, ...]]:
+) -> tuple[tuple[Band, ...], list[dict[str, float]]]:
     """Return bands whose cuts were moved so that fewer or no slivers are left, and those cuts.
+
+    Of each cut it is told, as a plan says it, at which value of the ``field`` it was asked, where
+    it was moved ``to``, and ``by_mm``, how far that is along the field.
 
     The nearest place without slivers is taken; without such, the one that leaves the least, if
     that is half or less of what there was. No cut moves more than a tenth of the way to its
@@ -211,14 +197,13 @@ def snapped_bands(
     """
     levels = [band.start for band in bands[1:]]
     moved = _moved_cuts(mesh, field, levels, snap_mm=snap_mm, machine=machine)
-    to = {cut.field: cut.to for cut in moved}
-    jumps = {a for a, b in zip(target.positions, target.positions[1:], strict=False) if a == b}
+    to = {cut["field"]: cut["to"] for cut in moved}
     found = []
     for band in bands:
         start, stop = to.get(band.start, band.start), to.get(band.stop, band.stop)
         held = (
-            max(start, band.start) if band.start in jumps else start,
-            min(stop, band.stop) if band.stop in jumps else stop,
+            max(start, band.start) if band.start in target.jumps else start,
+            min(stop, band.stop) if band.stop in target.jumps else stop,
         )
         found.append(replace(band, start=start, stop=stop, target_MPa=target.interval_MPa(*held)))
     return tuple(found), moved

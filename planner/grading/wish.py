@@ -1,27 +1,30 @@
 """What a part is to be graded to: options as stated, an earlier plan to follow, and defaults."""
 
 import hashlib
+import itertools
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, TypeAlias
+from typing import Any, Literal, TypeAlias
 
+import numpy as np
 from numpy.typing import ArrayLike
 
-from planner.errors import ArgumentError, PlannerError, UnknownNameError, positive
+from planner.errors import (
+    ArgumentError,
+    PlannerError,
+    UnknownNameError,
+    as_number,
+    did_you_mean,
+    positive,
+)
 from planner.fields.basic import Field
 from planner.fields.parse import TableFile, field_of
 from planner.formats.units import QUANTITY_UNITS
-from planner.grading.profile import (
-    Profile,
-    StiffnessScale,
-    between,
-    profile_of,
-    read_moduli,
-    sampled_profile,
-)
+from planner.grading.profile import Profile, StiffnessScale, profile_of, read_moduli
+from planner.materials.mixtures import nearest_on
 from planner.numerics import FloatArray
 from planner.palette import Material, Palette
 from planner.plan import Gradient, Plan, plan_file, read_plan
@@ -125,17 +128,17 @@ class _EarlierPlan:
         target = profile_of(gradient.profile)
         had_ends = gradient.start is not None and gradient.end is not None
         ends = not _has_targets(stated.profile) if stated.profile is not None else had_ends
-        laid_anew = stated.field is not None or stated.axis is not None
+        field, pitch_mm = None, None
+        if stated.field is None and stated.axis is None:
+            field = field_of(gradient.field, part.translation_mm, self.plan.folder)
+            if "within_mm" not in gradient.field:
+                pitch_mm = _number(gradient.field.get("pitch_mm"))
         return Wish(
             start=target.moduli_MPa[0] if ends else None,
             end=target.moduli_MPa[-1] if ends else None,
             profile=target,
-            field=None
-            if laid_anew
-            else field_of(gradient.field, part.translation_mm, self.plan.folder),
-            pitch_mm=None
-            if laid_anew or "within_mm" in gradient.field
-            else _number(gradient.field.get("pitch_mm")),
+            field=field,
+            pitch_mm=pitch_mm,
             at_strain=self.plan.stiffness.at_strain,
             printer=self.plan.printer,
             palette=None if stated.palette is not None else self._own_palette(stated.printer),
@@ -318,3 +321,113 @@ def _material_id(name: str, option: str, palette: Palette, *, bare: bool) -> str
 
 def _called(end: End) -> str:
     return end.id if isinstance(end, Material) else f"{end}"
+
+
+# ------------------------------------------------------------------------------------------------
+# Profiles by a name, between two moduli, and by a function.
+
+
+_SHAPES: dict[str, Literal["log", "linear", "smooth"]] = {
+    "log": "log", "linear": "linear", "smooth": "smooth",
+}  # fmt: skip
+_PROFILES = (*_SHAPES, "steps:N", "grades", "FILE.csv")
+
+
+def between(
+    spec: str, start_MPa: float, end_MPa: float, moduli_MPa: Sequence[float] = ()
+) -> Profile:
+    """Make the profile that `spec` names between two moduli.
+
+    Parameters
+    ----------
+    spec
+        ``log``, ``linear``, ``smooth``, ``steps:N`` (N equal steps, evenly spaced in log) or
+        ``grades`` (an equal length of each material from the one nearest to the first modulus to
+        that nearest to the other).
+    moduli_MPa
+        Of the catalogue materials, strictly rising; for ``grades``.
+
+    Raises
+    ------
+    ArgumentError
+        An unknown name, fewer than two steps, or both ends nearest to one material.
+    """
+    if spec in _SHAPES:
+        return Profile(spec, (0.0, 1.0), (start_MPa, end_MPa), _SHAPES[spec])
+    if spec == "grades":
+        return _steps(spec, _grades(start_MPa, end_MPa, moduli_MPa))
+    if spec.startswith("steps:"):
+        try:
+            count = int(spec.removeprefix("steps:"))
+        except ValueError:
+            count = 0
+        if not 2 <= count <= 10_000:
+            raise ArgumentError(
+                f"`profile` {spec}: the number of steps must be a whole number from 2 to 10000, "
+                "as in steps:5"
+            )
+        ratio = end_MPa / start_MPa
+        return _steps(spec, [start_MPa * ratio ** (i / (count - 1)) for i in range(count)])
+    hint = did_you_mean(spec, ["log", "linear", "smooth", "steps:5", "grades"])
+    raise ArgumentError(f"`profile` {spec}: no such profile; {hint}it takes {', '.join(_PROFILES)}")
+
+
+def _steps(name: str, moduli_MPa: Sequence[float]) -> Profile:
+    """Give each modulus an equal length of the field."""
+    edges = [i / len(moduli_MPa) for i in range(len(moduli_MPa) + 1)]
+    return Profile(
+        name,
+        tuple(u for pair in itertools.pairwise(edges) for u in pair),
+        tuple(modulus for modulus in moduli_MPa for _ in range(2)),
+        "log",
+    )
+
+
+def _grades(start_MPa: float, end_MPa: float, moduli_MPa: Sequence[float]) -> list[float]:
+    """Return the moduli of the materials between two, those included, in log stiffness.
+
+    What is wanted at the first and the last is the end itself, so that the material's distance
+    from it counts as an error.
+    """
+    first, last = nearest_on(moduli_MPa, (start_MPa, end_MPa)).tolist()
+    if first == last:
+        raise ArgumentError(
+            f"`profile` grades: {start_MPa:.3g} and {end_MPa:.3g} MPa are both nearest to one "
+            f"material of the palette, with {moduli_MPa[first]:.3g} MPa; it takes two or more"
+        )
+    step = 1 if first < last else -1
+    return [start_MPa, *moduli_MPa[first + step : last : step], end_MPa]
+
+
+_SAMPLES = 257
+"""Places at which a function is read. Chosen: between them it is followed to 1e-4 of its bend."""
+
+
+def sampled_profile(modulus_MPa: Callable[[FloatArray], ArrayLike]) -> Profile:
+    """Follow a function of the position, 0 to 1, that returns moduli in MPa.
+
+    It is read at 257 places, log-linear between them, so that a jump becomes a steep ramp.
+
+    Parameters
+    ----------
+    modulus_MPa
+        Takes an array of positions, or one position at a time.
+
+    Raises
+    ------
+    ArgumentError
+        It returns something else than a modulus for each position.
+    """
+    u = np.linspace(0.0, 1.0, _SAMPLES)
+    try:
+        moduli = np.asarray(modulus_MPa(u), dtype=np.float64)
+    except (TypeError, ValueError):  # it takes one at a time
+        each = (np.asarray(modulus_MPa(v), dtype=object) for v in u)
+        moduli = np.array([as_number(value.flat[0], "`profile`: the function") for value in each])
+    if moduli.shape not in ((), u.shape):
+        raise ArgumentError(
+            f"`profile`: the function returns an array of shape {moduli.shape} for {len(u)} "
+            "positions; it must return a modulus in MPa for each"
+        )
+    values = np.broadcast_to(moduli, u.shape).tolist()
+    return Profile("function", tuple(u.tolist()), tuple(values), "log")

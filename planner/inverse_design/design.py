@@ -17,7 +17,7 @@ from planner.formats.files import decode_document, encode_document, read_file
 from planner.formats.mesh_file import read_mesh
 from planner.formats.tables import encode_csv
 from planner.glance import counted, html_of, in_percent, one_line, outcome
-from planner.grading.grade import grade, open_part, refuse_oversize
+from planner.grading.grade import grade
 from planner.grading.profile import stiffness_scale
 from planner.grading.wish import Wish, targets_of
 from planner.inverse_design.controls import (
@@ -41,7 +41,7 @@ from planner.inverse_design.findings import (
 from planner.inverse_design.goals import Limits, Target, posed, read_limits, read_target
 from planner.mesh.halve import halve_long_edges
 from planner.mesh.mesh import Mesh
-from planner.mesh.part import place
+from planner.mesh.part import open_part, place
 from planner.numerics import FloatArray, as_point, interrupted, normal_quantile, one_blas_thread
 from planner.palette import Palette
 from planner.plan import Plan
@@ -429,10 +429,9 @@ def design(
     ends, _, _ = targets_of(Wish(start=from_, end=to, profile="log"), scale)
     low, high = sorted((ends.moduli_MPa[0], ends.moduli_MPa[-1]))
     progress(DesignStage("reading the part", 0.0))
-    source = open_part(part, unit=unit, name=name, tray_mm=machine.tray_mm, bodies=bodies)
-    if not force_oversize:
-        refuse_oversize(source, machine)
-    mesh = source.part.mesh
+    mesh = open_part(
+        part, unit=unit, name=name, tray_mm=machine.tray_mm, bodies=bodies, oversize=force_oversize
+    ).mesh
     placed, translation = place(mesh)
     setting = Setting(placed, as_point(translation), default_pitch_mm(placed))
     densities = palette_densities(chosen, cases)

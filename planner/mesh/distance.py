@@ -280,14 +280,11 @@ def inscribed_ball(
     near = near[:n]
     closest = np.empty((2, 3))
     best = _depth(corners, near, point, reach, closest)
-    centre, start, trial = np.empty(3), np.empty(3), np.empty(3)
-    for axis in range(3):
-        centre[axis] = point[axis]
+    centre, start, trial = point.copy(), np.empty(3), np.empty(3)
     size = step / 2
     while size >= step / 16:
         moved = False
-        for axis in range(3):
-            start[axis] = centre[axis]
+        start[:] = centre
         for neighbour in range(27):
             strayed, digits = False, neighbour
             for axis in range(3):
@@ -299,8 +296,7 @@ def inscribed_ball(
             depth = _depth(corners, near, trial, reach, closest)
             if depth > best + 1e-9:
                 moved, best = True, depth
-                for axis in range(3):
-                    centre[axis] = trial[axis]
+                centre[:] = trial
         if not moved:
             size /= 2
     return centre, max(best, 0.0)

@@ -1,6 +1,7 @@
 """A surface with its long edges halved, conforming."""
 
-from typing import Any, NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -89,6 +90,24 @@ def _halve(vertices: FloatArray, whole: _Shapes) -> tuple[FloatArray, NDArray[np
     return vertices, faces[order], parent[order]
 
 
+_CHILDREN: Mapping[int, Mapping[int, Sequence[tuple[Sequence[int], Sequence[int]]]]] = {
+    3: {
+        3: (((0, 3, 5), (1, 2, 3)), ((3, 1, 4), (1, 2, 3)), ((5, 4, 2), (1, 2, 3)),
+            ((4, 5, 3), (1, 2, 3))),
+        2: (((5, 4, 2), (0, 2, 3)), ((0, 1, 4, 5), (0, 2, 0, 3))),
+        1: (((0, 3, 2), (1, 0, 0)), ((3, 1, 2), (1, 0, 0))),
+    },
+    4: {
+        2: (((0, 1, 5, 7), (0, 2, 0, 4)), ((7, 5, 2, 3), (0, 2, 0, 4))),
+        1: (((0, 4, 3), (1, 0, 0)), ((4, 2, 3), (0, 0, 0)), ((4, 1, 2), (1, 0, 0))),
+    },
+}  # fmt: skip
+"""What a triangle or a strip is cut into, by how many of its edges are to be halved: of each piece
+the corners, those of the whole and then the middles of its edges, and the edge of the whole, from 1
+on, whose halvings less one each of its edges has left; 0 for none. The whole begins with the one
+edge to be halved, or with the first one that is not."""
+
+
 def _cut(
     triangles: _Shapes,
     middle: NDArray[np.int32],
@@ -96,46 +115,21 @@ def _cut(
     strip_middle: NDArray[np.int32],
 ) -> tuple[_Shapes, _Shapes]:
     # Cut each shape once, at the middles of its edges that are to be halved (-1 elsewhere).
-    count = np.count_nonzero(middle >= 0, axis=1)
-    made = [triangles.turned(count == 0, count)]
-    made_strips: list[_Shapes] = []
-
-    def add(of: _Shapes, corners: tuple[IntArray, ...], halvings: tuple[Any, ...]) -> None:
-        into = made if len(corners) == 3 else made_strips
-        left = [np.broadcast_to(k, of.parent.shape) for k in halvings]
-        into.append(_Shapes(np.stack(corners, axis=1), np.stack(left, axis=1), of.parent))
-
-    def begun(of: _Shapes, at: NDArray[np.int32], chosen: BoolArray, first: IntArray) -> Any:
-        shapes, middles = of.turned(chosen, first), of._replace(corners=at).turned(chosen, first)
-        return shapes, shapes.corners.T, shapes.halvings.T - 1, middles.corners.T
-
-    some, (a, b, c), (k, m, n), (ab, bc, ca) = begun(triangles, middle, count == 3, 0 * count)
-    add(some, (a, ab, ca), (k, m, n))
-    add(some, (ab, b, bc), (k, m, n))
-    add(some, (ca, bc, c), (k, m, n))
-    add(some, (bc, ca, ab), (k, m, n))
-    short = np.argmin(middle >= 0, axis=1)
-    some, (a, b, c), (_, m, n), (_, bc, ca) = begun(triangles, middle, count == 2, short)
-    add(some, (ca, bc, c), (0, m, n))
-    add(some, (a, b, bc, ca), (0, m, 0, n))
-    long = np.argmax(middle >= 0, axis=1)
-    some, (a, b, c), (k, _, _), (ab, _, _) = begun(triangles, middle, count == 1, long)
-    add(some, (a, ab, c), (k, 0, 0))
-    add(some, (ab, b, c), (k, 0, 0))
-
-    count = np.count_nonzero(strip_middle >= 0, axis=1)
-    made_strips.append(strips.turned(count == 0, count))
-    some, (a, b, c, d), (_, m, _, n), (_, bc, _, da) = begun(
-        strips, strip_middle, count == 2, 0 * count
-    )
-    add(some, (a, b, bc, da), (0, m, 0, n))
-    add(some, (da, bc, c, d), (0, m, 0, n))
-    long = np.argmax(strip_middle >= 0, axis=1)
-    some, (a, b, c, d), (k, _, _, _), (ab, _, _, _) = begun(strips, strip_middle, count == 1, long)
-    add(some, (a, ab, d), (k, 0, 0))
-    add(some, (ab, c, d), (0, 0, 0))
-    add(some, (ab, b, c), (k, 0, 0))
-    return _joined(made), _joined(made_strips)
+    made: dict[int, list[_Shapes]] = {3: [], 4: []}
+    for whole, at in ((triangles, middle), (strips, strip_middle)):
+        sides, halved = at.shape[1], at >= 0
+        count = np.count_nonzero(halved, axis=1)
+        made[sides].append(whole.turned(count == 0, 0 * count))
+        for number, children in _CHILDREN[sides].items():
+            first = np.argmax(halved, axis=1) if number == 1 else np.argmin(halved, axis=1)
+            some = whole.turned(count == number, first)
+            middles = whole._replace(corners=at).turned(count == number, first).corners
+            corners = np.concatenate([some.corners, middles], axis=1)
+            left = np.pad(some.halvings - 1, ((0, 0), (1, 0)))
+            for own, edges in children:
+                shape = _Shapes(corners[:, own], left[:, edges], some.parent)
+                made[len(own)].append(shape)
+    return _joined(made[3]), _joined(made[4])
 
 
 def _joined(shapes: list[_Shapes]) -> _Shapes:

@@ -3,36 +3,21 @@
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple, Protocol, TypeVar
+from typing import Any, ClassVar, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.numerics import (
-    BoolArray,
-    Float32Array,
-    FloatArray,
-    Point,
-    as_point,
-    inner_kernel,
-    kernel,
-)
+from planner.numerics import BoolArray, Float32Array, FloatArray, inner_kernel, kernel
 
 __all__ = [
-    "CROWDED",
-    "OPEN",
-    "Fragments",
     "JoinedShells",
-    "Measured",
     "Mesh",
     "Topology",
     "cancel_opposite",
     "compact",
     "connected",
-    "consistent_winding",
     "face_normal",
-    "first_fault_mm",
-    "interfaces_cancel",
     "join_shells",
     "key_slot",
     "measure",
@@ -41,7 +26,6 @@ __all__ = [
     "order_rows",
     "repeats_index",
     "row_slot",
-    "small_bodies",
     "sort_span",
     "sorted_corners",
     "unite",
@@ -442,10 +426,6 @@ def _count_into(key: Any, order: Any, place: Any, moved: Any) -> None:
 # Which faces meet at which edges: neighbours, borders, bodies.
 
 
-OPEN, CROWDED = -1, -2
-"""In `Topology.twin`: no other face at this edge, or more than one."""
-
-
 class EdgeOrder(NamedTuple):
     """Half-edges sorted by the edge they lie at.
 
@@ -476,31 +456,26 @@ class Topology:
 
     faces: NDArray[np.int32]
 
-    @cached_property
-    def _around(self) -> EdgeOrder:
-        """The half-edges, those at one edge next to each other."""
-        return order_edges(self.faces)
+    OPEN: ClassVar = -1
+    CROWDED: ClassVar = -2
+    """In `twin`: no other face at this edge, or more than one."""
 
     @cached_property
-    def _paired(self) -> tuple[NDArray[np.int32], int]:
-        order, starts, count = self._around
-        twin = np.full(self.faces.size, OPEN, dtype=np.int32)
-        twin[order[np.repeat(count > 2, count)]] = CROWDED
+    def twin(self) -> NDArray[np.int32]:
+        """The other half-edge at each half-edge's edge, (3 m,), or `OPEN` or `CROWDED`."""
+        order, starts, count = order_edges(self.faces)
+        twin = np.full(self.faces.size, self.OPEN, dtype=np.int32)
+        twin[order[np.repeat(count > 2, count)]] = self.CROWDED
         pairs = starts[count == 2]
         one, other = order[pairs], order[pairs + 1]
         twin[one], twin[other] = other, one
-        tail = self.faces.ravel()
-        return twin, int(np.count_nonzero(tail[one] == tail[other]))
+        return twin
 
-    @property
-    def twin(self) -> NDArray[np.int32]:
-        """The other half-edge at each half-edge's edge, (3 m,), or `OPEN` or `CROWDED`."""
-        return self._paired[0]
-
-    @property
+    @cached_property
     def same_way(self) -> int:
         """Edges whose two faces run the same way: one of the two is turned over."""
-        return self._paired[1]
+        half, tail = np.flatnonzero(self.twin > np.arange(self.faces.size)), self.faces.ravel()
+        return int(np.count_nonzero(tail[half] == tail[self.twin[half]]))
 
     @cached_property
     def two_faced(self) -> bool:
@@ -526,11 +501,41 @@ class Topology:
         """How many bodies there are."""
         return int(self.body.max(initial=-1)) + 1
 
-    def edges(self, kind: int) -> NDArray[np.int32]:
-        """Return the vertices (k, 2) of the half-edges that are `OPEN` or `CROWDED`."""
+    @property
+    def open_edges(self) -> NDArray[np.int32]:
+        """The vertices (k, 2) of the half-edges that no other face lies at."""
+        return self._edges(self.OPEN)
+
+    @property
+    def crowded_edges(self) -> NDArray[np.int32]:
+        """The vertices (k, 2) of the half-edges that more than one other face lies at."""
+        return self._edges(self.CROWDED)
+
+    def _edges(self, kind: int) -> NDArray[np.int32]:
         half = np.flatnonzero(self.twin == kind)
         face, corner = np.divmod(half, 3)
         return np.stack([self.faces[face, corner], self.faces[face, (corner + 1) % 3]], axis=1)
+
+    @property
+    def turned(self) -> BoolArray | None:
+        """Which faces, (m,), to turn over so that neighbours agree, of each body the smaller part.
+
+        None where a body has one side only, as a Möbius strip.
+        """
+        # A face and its reverse are two: joined to those of a neighbour that agree with them.
+        half, tail, count = np.flatnonzero(self.twin >= 0), self.faces.ravel(), len(self.faces)
+        one, other = half // 3, self.twin[half] // 3
+        off = np.where(tail[half] == tail[self.twin[half]], count, 0)
+        ones, others = (one, one + count), (other + off, other + count - off)
+        group, reverse = np.split(
+            connected(2 * count, np.concatenate(ones), np.concatenate(others)), 2
+        )
+        if (group == reverse).any():
+            return None
+        first = np.unique(self.body, return_index=True)[1]
+        turned = group != group[first[self.body]]
+        most = np.bincount(self.body, weights=turned) * 2 > np.bincount(self.body)
+        return np.asarray(turned ^ most[self.body])
 
 
 def order_edges(faces: NDArray[np.int32]) -> EdgeOrder:
@@ -582,54 +587,6 @@ def unite(parent: Any, a: Any, b: Any) -> None:
         parent[b] = a
     else:
         parent[a] = b
-
-
-def consistent_winding(topology: Topology) -> BoolArray | None:
-    """Tell which faces to turn over so that neighbours agree.
-
-    Of each body the smaller part is turned.
-
-    Returns
-    -------
-    (m,) bool or None
-        None where a body has one side only, as a Möbius strip.
-    """
-    turned, ok = _flood(topology.faces, topology.twin)
-    if not ok:
-        return None
-    body = topology.body
-    most = np.bincount(body, weights=turned) * 2 > np.bincount(body)
-    result: BoolArray = turned ^ most[body]
-    return result
-
-
-@kernel
-def _flood(faces: Any, twin: Any) -> Any:
-    m = faces.shape[0]
-    turned = np.zeros(m, dtype=np.bool_)
-    seen = np.zeros(m, dtype=np.bool_)
-    stack = np.empty(m, dtype=np.int32)
-    for seed in range(m):
-        if seen[seed]:
-            continue
-        seen[seed] = True
-        stack[0], size = seed, 1
-        while size > 0:
-            size -= 1
-            f = stack[size]
-            for j in range(3):
-                e = twin[3 * f + j]
-                if e < 0:
-                    continue
-                g = e // 3
-                wanted = turned[f] ^ (faces[f, j] == faces[g, e % 3])
-                if not seen[g]:
-                    seen[g], turned[g] = True, wanted
-                    stack[size] = g
-                    size += 1
-                elif turned[g] != wanted:
-                    return turned, False
-    return turned, True
 
 
 # ------------------------------------------------------------------------------------------------
@@ -757,168 +714,3 @@ def _edges_paired(faces: Any, buckets: Any, edges: Any) -> Any:
                 return False
         first = last
     return True
-
-
-@dataclass(frozen=True)
-class Interfaces:
-    """How a part's shells fit: what is left when opposite triangles cancel.
-
-    Attributes
-    ----------
-    closed : bool
-        The faces that remain have no boundary.
-    volume_error_mm3, area_error_mm2 : float
-        Remaining surface minus part.
-    volume_limit_mm3, area_limit_mm2 : float
-        What rounding the cuts' points to float32 can cause.
-    """
-
-    closed: bool
-    volume_error_mm3: float
-    area_error_mm2: float
-    volume_limit_mm3: float
-    area_limit_mm2: float
-
-    @property
-    def ok(self) -> bool:
-        """Only the part's own surface is left.
-
-        An interface that does not match leaves two surfaces more: area gives it away, also
-        where both together enclose nothing.
-        """
-        return (
-            self.closed
-            and abs(self.volume_error_mm3) <= self.volume_limit_mm3
-            and abs(self.area_error_mm2) <= self.area_limit_mm2
-        )
-
-
-class Measured(Protocol):
-    """A solid known by its volume and area alone."""
-
-    @property
-    def volume_mm3(self) -> float:
-        """Enclosed volume."""
-
-    @property
-    def area_mm2(self) -> float:
-        """Surface area."""
-
-
-def interfaces_cancel(shells: JoinedShells, part: Measured) -> Interfaces:
-    """Test that shells fill a part and touch triangle for triangle.
-
-    Parameters
-    ----------
-    shells : JoinedShells
-        All shells of the part.
-    part : Measured
-        The part they were cut from, in the same place: a `Mesh`, or a record of its volume and
-        area, with which any position may have been moved by rounding.
-
-    Returns
-    -------
-    Interfaces
-        `ok` where exactly opposite triangles cancel and the part's surface remains.
-    """
-    outside = shells.outside
-    vertices, moved = outside.vertices, outside.faces
-    if isinstance(part, Mesh):
-        # Positions of the part come first; rounding has moved only what is not among them.
-        own = len(part.vertices)
-        _, index = weld_points(np.concatenate([part.vertices, vertices]).astype(np.float32))
-        new = index[own:] > index[:own].max(initial=-1)
-        moved = moved[new[moved].any(axis=1)]
-    strayed = measure(vertices, moved)
-    spacing_mm = float(np.spacing(np.float32(np.abs(vertices).max(initial=0.0))))
-    extent_mm = float(np.ptp(vertices, axis=0).max()) if len(vertices) else 0.0
-    digits = 1e-12 * part.area_mm2
-    return Interfaces(
-        closed=shells.outside_closed,
-        volume_error_mm3=outside.volume_mm3 - part.volume_mm3,
-        area_error_mm2=outside.area_mm2 - part.area_mm2,
-        volume_limit_mm3=float(strayed.area_mm2[0]) * spacing_mm + digits * extent_mm,
-        area_limit_mm2=_perimeter(vertices, moved) * spacing_mm + digits,
-    )
-
-
-def _perimeter(vertices: FloatArray, faces: NDArray[np.int32]) -> float:
-    corners = vertices[faces]
-    return float(np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2).sum())
-
-
-def first_fault_mm(mesh: Mesh) -> Point | None:
-    """Return the middle of the first edge, in the order of the faces, that has not two faces.
-
-    One whose two faces run the same way is such an edge, too. None of a closed mesh.
-    """
-    order, starts, count = order_edges(mesh.faces)
-    tail, pairs = mesh.faces.ravel(), starts[count == 2]
-    wrong = count != 2
-    wrong[count == 2] = tail[order[pairs]] == tail[order[pairs + 1]]
-    if not wrong.any():
-        return None
-    face, j = divmod(int(order[starts[wrong]].min()), 3)
-    return as_point(mesh.vertices[mesh.faces[face, [j, (j + 1) % 3]]].mean(axis=0))
-
-
-# ------------------------------------------------------------------------------------------------
-# Separate bits of a solid that are smaller than a limit.
-
-
-_NOWHERE = (0.0, 0.0, 0.0)
-
-
-@dataclass(frozen=True)
-class Fragments:
-    """Bodies of a solid that are smaller than a limit.
-
-    Attributes
-    ----------
-    count
-        How many.
-    place_mm, extent_mm, volume_mm3
-        Centre, box and volume of the largest by volume.
-    total_mm3
-        Volume of all of them.
-    boxes_mm : (n, 2, 3)
-        Of all of them, and of those too small to be printed at all.
-    """
-
-    count: int
-    place_mm: tuple[float, float, float]
-    extent_mm: tuple[float, float, float]
-    volume_mm3: float
-    total_mm3: float
-    boxes_mm: FloatArray
-
-
-def small_bodies(mesh: Mesh, limit_mm: float, least_mm: float) -> Fragments:
-    """Find bodies with less volume than a cube of a limit, or smaller than it in all directions.
-
-    Bodies are what vertices in common hold together; cavities are none. Bodies smaller than
-    `least_mm` in all directions are not counted: a printer does not see them.
-    """
-    corners = mesh.faces.T
-    body = connected(
-        len(mesh.vertices),
-        np.concatenate([corners[0], corners[1]]),
-        np.concatenate([corners[1], corners[2]]),
-    )
-    number = body[corners[0]]
-    used, number = np.unique(number, return_inverse=True)
-    if len(used) < 2 and mesh.volume_mm3 >= limit_mm**3:
-        return Fragments(0, _NOWHERE, _NOWHERE, 0.0, 0.0, np.empty((0, 2, 3)))
-    found = measure(mesh.vertices, mesh.faces, number.astype(np.int32), len(used))
-    extent = found.bounds_mm[:, 1] - found.bounds_mm[:, 0]
-    small = (found.volume_mm3 < limit_mm**3) | (extent < limit_mm).all(axis=1)
-    small &= found.volume_mm3 > 0.0
-    boxes = found.bounds_mm[small]
-    members = np.flatnonzero(small & (extent >= least_mm).any(axis=1))
-    if not len(members):
-        return Fragments(0, _NOWHERE, _NOWHERE, 0.0, 0.0, boxes)
-    largest = members[np.argmax(found.volume_mm3[members])]
-    place_mm, volume_mm3 = found.bounds_mm[largest].mean(axis=0), float(found.volume_mm3[largest])
-    total_mm3 = float(found.volume_mm3[members].sum())
-    size_mm = as_point(extent[largest])
-    return Fragments(len(members), as_point(place_mm), size_mm, volume_mm3, total_mm3, boxes)

@@ -1,27 +1,29 @@
 """A part to grade: a mesh checked, repaired where there is one way to do so, and placed."""
 
+import hashlib
 import itertools
+import unicodedata
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from os import PathLike, fspath
+from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import ArgumentError, MeshError, did_you_mean
-from planner.formats.units import QUANTITY_UNITS
-from planner.glance import counted, located
+from planner.formats.mesh_file import read_mesh
+from planner.formats.units import QUANTITY_UNITS, canonical_unit
+from planner.glance import counted, place_text
 from planner.mesh.mesh import (
-    CROWDED,
-    OPEN,
     Mesh,
     Topology,
     cancel_opposite,
     compact,
     connected,
-    consistent_winding,
     measure,
     repeats_index,
     weld,
@@ -29,16 +31,7 @@ from planner.mesh.mesh import (
 )
 from planner.numerics import BoolArray, FloatArray, IntArray
 
-__all__ = [
-    "Part",
-    "fits_turned",
-    "make_part",
-    "oversize",
-    "part_from_arrays",
-    "place",
-    "undersize",
-    "union",
-]
+__all__ = ["Part", "fits_turned", "make_part", "open_part", "place", "union"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -129,9 +122,9 @@ def _least_taken(mesh: Mesh, translation_mm: FloatArray) -> FloatArray:
     taken = np.empty((3, _PLACES))
     for axis in range(3):
         pull = np.bincount(mesh.faces.ravel(), np.repeat(normals[:, axis], 3), minlength=len(moved))
-        for place in range(_PLACES):
-            wanted = moved[:, axis] + further[axis, place]
-            taken[axis, place] = pull @ (wanted.astype(np.float32) - wanted)
+        for number in range(_PLACES):
+            wanted = moved[:, axis] + further[axis, number]
+            taken[axis, number] = pull @ (wanted.astype(np.float32) - wanted)
     sums = np.abs(taken[0][:, None, None] + taken[1][:, None] + taken[2])
     best = np.unravel_index(int(np.argmin(sums)), sums.shape)
     return np.asarray(translation_mm + further[np.arange(3), best])
@@ -160,12 +153,103 @@ class Part:
         What was changed, a sentence each; empty for a mesh taken as it was.
     warnings
         What looks wrong but was left: size and unit.
+    file, sha256, unit
+        Where it comes from, as a plan says it: the file and its unit, or those of arrays.
     """
 
     mesh: Mesh
     name: str
     repairs: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
+    file: str = ""
+    sha256: str = ""
+    unit: str = "mm"
+
+
+def open_part(
+    part: object,
+    *,
+    unit: str | None = None,
+    name: str | None = None,
+    tray_mm: tuple[float, float, float] | None = None,
+    bodies: str | None = None,
+    oversize: bool = True,
+) -> Part:
+    """Read and validate a part.
+
+    Parameters
+    ----------
+    part
+        Path, mesh with ``vertices`` and ``faces``, or pair (vertices, faces).
+    tray_mm, bodies
+        See `make_part`.
+    oversize
+        Take a part that the tray does not hold, whichever way it is turned.
+
+    Raises
+    ------
+    MeshError, FileError
+        The file or the mesh cannot be used; the message says where and what to do.
+    ArgumentError
+        Not a path, mesh or pair; or an unknown unit.
+    """
+    if isinstance(part, (str, PathLike)):
+        path = Path(fspath(part))
+        file = read_mesh(path, unit)
+        called = _safe(path.stem if name is None else name)
+        made = make_part(file.triangles, name=called, tray_mm=tray_mm, bodies=bodies)
+        asked = None if unit else undersize(made.mesh)
+        warnings = (*file.notes, *made.warnings, *([asked] if asked else []))
+        shown = path.name.encode("utf-8", "replace").decode("utf-8")  # any bytes make a name
+        made = replace(made, warnings=warnings, file=shown, sha256=file.sha256, unit=file.unit)
+    else:
+        vertices, faces = _arrays(part)
+        used = canonical_unit(unit or "mm")
+        in_mm = vertices * QUANTITY_UNITS["length"][used]
+        called = _safe(name or "part")
+        made = part_from_arrays(in_mm, faces, name=called, tray_mm=tray_mm, bodies=bodies)
+        digest = hashlib.sha256(vertices.tobytes() + faces.tobytes()).hexdigest()
+        made = replace(made, file=called, sha256=digest, unit=used)
+    if tray_mm is not None and not oversize:
+        _refuse_oversize(made, tray_mm)
+    return made
+
+
+def _refuse_oversize(part: Part, tray_mm: tuple[float, float, float]) -> None:
+    """Stop at a part that fits no way round into a tray, before the work; see `fits_turned`."""
+    extent = np.ptp(part.mesh.bounds_mm, axis=0)
+    if not fits_turned(extent, tray_mm):
+        tray = " x ".join(f"{length:g}" for length in tray_mm)
+        hint = _unit_hint(extent, part.unit).replace("--unit", "`unit`")
+        raise MeshError(
+            f"{part.file}: the part is {_size(extent)} mm, too large for the tray of {tray} mm"
+            f"{hint}; scale or divide the part, or take it as it is with `force_oversize`"
+        )
+
+
+def _arrays(part: object) -> tuple[FloatArray, IntArray]:
+    vertices = getattr(part, "vertices", None)
+    faces = getattr(part, "faces", None)
+    if vertices is None and isinstance(part, tuple) and len(part) == 2:
+        vertices, faces = part
+    try:
+        return (
+            np.ascontiguousarray(vertices, dtype=np.float64),
+            np.ascontiguousarray(faces, dtype=np.int64),
+        )
+    except (TypeError, ValueError):
+        raise ArgumentError(
+            "a part must be a path, a mesh with vertices (n, 3) and faces (m, 3), or a pair of "
+            f"these arrays; got {type(part).__name__}"
+        ) from None
+
+
+def _safe(name: str) -> str:
+    """Keep what any file system and any reader of STL headers takes."""
+    plain = unicodedata.normalize("NFKD", name)  # an accent becomes a mark of its own
+    bare = (c for c in plain if not unicodedata.combining(c))
+    kept = "".join(c if c.isascii() and (c.isalnum() or c in "._-") else "-" for c in bare)
+    return kept.strip(".-") or "part"
 
 
 def make_part(
@@ -223,13 +307,15 @@ def make_part(
         vertices, topology, touching = repaired.vertices, repaired.topology, repaired.touching
         repairs += repaired.notes
     try:
-        arranged = _arrange_bodies(vertices, topology, touching=touching, bodies=bodies)
+        points, arranged, notes = _arrange_bodies(
+            vertices, topology, touching=touching, bodies=bodies
+        )
     except MeshError as error:
         raise MeshError(f"{name}: {error}") from error
-    repairs += arranged.notes
-    used, faces = compact(arranged.faces, len(arranged.vertices))
-    mesh = Mesh(arranged.vertices[used], faces)
-    _check_solid(mesh, name, reweld=arranged.vertices is not vertices or touching)
+    repairs += notes
+    used, faces = compact(arranged, len(points))
+    mesh = Mesh(points[used], faces)
+    _check_solid(mesh, name, reweld=points is not vertices or touching)
     return Part(mesh, name, tuple(repairs), tuple(_size_warnings(mesh, tray_mm)))
 
 
@@ -291,7 +377,7 @@ def _check_solid(mesh: Mesh, name: str, *, reweld: bool) -> None:
     crossing = find_crossing(mesh)
     if crossing is not None:
         raise MeshError(
-            f"{name}: the surface crosses itself: {located(crossing.place_mm)} is enclosed "
+            f"{name}: the surface crosses itself: {place_text(crossing.place_mm)} is enclosed "
             f"{crossing.times_inside} times over {crossing.length_mm:.3g} mm along z, in all about "
             f"{crossing.volume_mm3:.3g} mm3; unite or mend the part in the CAD program"
         )
@@ -329,19 +415,6 @@ def fits_turned(extent_mm: FloatArray, tray_mm: tuple[float, float, float]) -> b
     printed.
     """
     return bool((np.sort(extent_mm) <= np.sort(np.array(tray_mm))).all())
-
-
-def oversize(mesh: Mesh, tray_mm: tuple[float, float, float], unit: str) -> str | None:
-    """Say that a part, whose figures are in a unit, fits no way round into a tray; None if it does.
-
-    See `fits_turned`.
-    """
-    extent = np.ptp(mesh.bounds_mm, axis=0)
-    if fits_turned(extent, tray_mm):
-        return None
-    tray = " x ".join(f"{length:g}" for length in tray_mm)
-    hint = _unit_hint(extent, unit).replace("--unit", "`unit`")
-    return f"the part is {_size(extent)} mm, too large for the tray of {tray} mm{hint}"
 
 
 def _unit_hint(extent: FloatArray, stated: str = "mm") -> str:
@@ -384,7 +457,7 @@ def _part_at_crowded_edges(
     faces = topology.faces
     twin = topology.twin.astype(np.int64)
     crowded: dict[tuple[int, int], list[int]] = {}
-    for half in np.flatnonzero(twin == CROWDED).tolist():
+    for half in np.flatnonzero(twin == Topology.CROWDED).tolist():
         a, b = _ends(faces, half)
         crowded.setdefault((min(a, b), max(a, b)), []).append(half)
     for edge, halves in crowded.items():
@@ -522,12 +595,10 @@ def _counted(count: int, one: str, many: str) -> str:
 def _duplicates(state: Repaired) -> Repaired | None:
     """Drop faces on the same vertices, the same way round, as an earlier one."""
     faces = state.topology.faces
-    if len(state.topology.edges(CROWDED)) == 0:
+    if len(state.topology.crowded_edges) == 0:
         return None
-    turned = _from_lowest(faces)
-    order = np.lexsort(turned.T)
-    again = np.zeros(len(faces), dtype=np.bool_)
-    again[order[1:]] = (turned[order[1:]] == turned[order[:-1]]).all(axis=1)
+    again = np.ones(len(faces), dtype=np.bool_)
+    again[np.unique(_from_lowest(faces), axis=0, return_index=True)[1]] = False
     count = int(again.sum())
     if count == 0:
         return None
@@ -566,12 +637,12 @@ def _opposites_apart(vertices: FloatArray, faces: NDArray[np.int32]) -> Repaired
         np.sort(pairs, axis=1), axis=0, return_index=True, return_inverse=True
     )
     sheet = Topology(pairs[first])
-    turned = consistent_winding(sheet)
+    turned = sheet.turned
     if turned is None:
         return None
     front = (pairs == _from_lowest(_turn(sheet.faces, turned))[index.ravel()]).all(axis=1)
     inner = np.ones(len(vertices), dtype=np.int32)
-    inner[sheet.edges(OPEN)] = inner[sheet.edges(CROWDED)] = 0
+    inner[sheet.open_edges] = inner[sheet.crowded_edges] = 0
     own = len(vertices) * inner[pairs]
     layers = [(pairs + own)[front], faces[keep], (pairs + 2 * own)[~front]]
     return Repaired(np.tile(vertices, (3, 1)), Topology(np.concatenate(layers)))
@@ -593,7 +664,7 @@ def _near_vertices(state: Repaired) -> Repaired | None:
     """Join border vertices within the tolerance."""
     from scipy.spatial import cKDTree
 
-    border = np.unique(state.topology.edges(OPEN))
+    border = np.unique(state.topology.open_edges)
     if not 0 < len(border) <= _MOST_BORDERS:
         return None
     points = state.vertices[border]
@@ -634,11 +705,11 @@ def _junctions(state: Repaired) -> Repaired | None:
 
 def _divide(state: Repaired) -> tuple[NDArray[np.int32], int]:
     faces = state.topology.faces
-    half = np.flatnonzero(state.topology.twin == OPEN)
+    half = np.flatnonzero(state.topology.twin == Topology.OPEN)
     if not 0 < len(half) <= _MOST_BORDERS:
         return faces, 0
     tolerance = _tolerance_mm(state.vertices)
-    border = np.unique(state.topology.edges(OPEN))
+    border = np.unique(state.topology.open_edges)
     points = state.vertices[border]
     gone = np.zeros(len(faces), dtype=np.bool_)
     added: list[tuple[int, int, int]] = []
@@ -669,7 +740,7 @@ def _winding(state: Repaired) -> Repaired | None:
     topology = state.topology
     if not topology.two_faced:
         return None
-    turned = consistent_winding(topology)
+    turned = topology.turned
     if turned is None:
         return None
     triangles = _counted(int(turned.sum()), "triangle was", "triangles were")
@@ -683,8 +754,8 @@ def _turn(faces: NDArray[np.int32], which: BoolArray) -> NDArray[np.int32]:
 
 def _touching(state: Repaired) -> Repaired | None:
     """Give bodies that meet at crowded edges vertices of their own."""
-    crowded = len(state.topology.edges(CROWDED))
-    if not 0 < crowded <= _MOST_BORDERS or len(state.topology.edges(OPEN)):
+    crowded = len(state.topology.crowded_edges)
+    if not 0 < crowded <= _MOST_BORDERS or len(state.topology.open_edges):
         return None
     apart = _part_at_crowded_edges(state.vertices, state.topology)
     if apart is None:
@@ -717,22 +788,18 @@ _OVERLAP = 1e-7  # of the bodies' volume: less than this is touching
 _OUTSIDE = 1e-3  # of all directions: a point inside, or at a corner, sees more of the surface
 
 
-@dataclass(frozen=True, eq=False)
-class Arranged:
-    """Bodies the right way out, that do not overlap; faces is empty when none has volume."""
-
-    vertices: FloatArray
-    faces: NDArray[np.int32]
-    notes: tuple[str, ...]
+_Arranged = tuple[FloatArray, NDArray[np.int32], tuple[str, ...]]
+"""Vertices and faces of bodies the right way out, that do not overlap, and what was done; no faces
+when none has volume."""
 
 
 def _arrange_bodies(
     vertices: FloatArray,
     topology: Topology,
     *,
-    touching: bool = False,
-    bodies: str | None = None,
-) -> Arranged:
+    touching: bool,
+    bodies: str | None,
+) -> _Arranged:
     """Turn bodies the right way out and unite those that overlap.
 
     An outermost body turned inside out is turned over with all that lies inside it. Inside a
@@ -763,7 +830,7 @@ def _arrange_bodies(
         flat = find_crossing(Mesh(vertices, topology.faces[~full[topology.body]]))
         if flat is not None:
             raise MeshError(
-                f"a body crosses itself at {located(flat.place_mm)} and is wound inwards in "
+                f"a body crosses itself at {place_text(flat.place_mm)} and is wound inwards in "
                 "as much of its volume as outwards; mend it in the CAD program"
             )
         notes.append(f"{int((~full).sum())} of {len(full)} bodies without volume dropped")
@@ -796,8 +863,8 @@ def _arrange_bodies(
             welded = welded[~repeats_index(welded)]
             if not touching and not Topology(welded).closed:  # what was united touches the rest
                 return _arrange_bodies(vertices, topology, touching=True, bodies=bodies)
-            return Arranged(points, welded, (*notes, note))
-    return Arranged(vertices, faces if keep.all() else faces[keep], tuple(notes))
+            return points, welded, (*notes, note)
+    return vertices, faces if keep.all() else faces[keep], tuple(notes)
 
 
 def _measured(vertices: FloatArray, topology: Topology) -> tuple[FloatArray, FloatArray, BoolArray]:
@@ -974,7 +1041,7 @@ def _chosen(
     parent: NDArray[np.int64],
     bodies: str | None,
     notes: list[str],
-) -> Arranged:
+) -> _Arranged:
     """Make the part in which doubtful bodies are what was asked for, if that matters."""
     import manifold3d
 
@@ -991,7 +1058,7 @@ def _chosen(
     volumes = f"{hollow.volume():.9g} mm3 with cavities, {solids.volume():.9g} mm3 with solids"
     same = abs(solids.volume() - hollow.volume()) <= _OVERLAP * solids.volume()
     if bodies is None and not same:
-        at_place = f"around {located(found.bounds[int(np.argmax(doubtful))].mean(axis=0))}"
+        at_place = f"around {place_text(found.bounds[int(np.argmax(doubtful))].mean(axis=0))}"
         which = (
             f"{at_place}, is a cavity or a solid"
             if doubtful.sum() == 1
@@ -1004,9 +1071,9 @@ def _chosen(
         )
     if whole.is_empty():
         raise MeshError("nothing is left where cavities are taken away; choose solids by `bodies`")
-    vertices, faces = weld(_triangles(whole))
+    vertices, faces = weld(_mesh_of(whole).triangles)
     note = f"{count} bodies united" if same else f"its {count} bodies read as {bodies}: {volumes}"
-    return Arranged(vertices, faces[~repeats_index(faces)], (*notes, note))
+    return vertices, faces[~repeats_index(faces)], (*notes, note)
 
 
 def union(mesh: Mesh) -> Mesh:
@@ -1032,9 +1099,7 @@ def union(mesh: Mesh) -> Mesh:
         return mesh
     if whole.status() != manifold3d.Error.NoError or whole.is_empty():
         return mesh
-    made = whole.to_mesh64()
-    points = np.asarray(made.vert_properties, dtype=np.float64)[:, :3]
-    return Mesh(points, np.asarray(made.tri_verts).astype(np.int32))
+    return _mesh_of(whole)
 
 
 def _doubtful_around(body: int, doubtful: BoolArray, parent: NDArray[np.int64]) -> int:
@@ -1065,14 +1130,13 @@ def _unite(
         return None
     verb = "overlapped" if shared > _OVERLAP * alone else "touched"
     size = f" ({shared:.4g} mm3 counted twice)" if shared > _OVERLAP * alone else ""
-    return _triangles(whole), f"{len(groups)} bodies {verb}{size}: united"
+    return _mesh_of(whole).triangles, f"{len(groups)} bodies {verb}{size}: united"
 
 
-def _triangles(solid: Any) -> FloatArray:
+def _mesh_of(solid: Any) -> Mesh:
     mesh = solid.to_mesh64()
     points = np.asarray(mesh.vert_properties, dtype=np.float64)[:, :3]
-    triangles: FloatArray = points[np.asarray(mesh.tri_verts, dtype=np.int64)]
-    return triangles
+    return Mesh(points, np.asarray(mesh.tri_verts).astype(np.int32))
 
 
 def _manifold(vertices: FloatArray, faces: NDArray[np.int32]) -> Any:
@@ -1235,7 +1299,7 @@ def _describe_faults(vertices: FloatArray, topology: Topology) -> str:
         return "every triangle has two equal corners; export the part again"
     if (np.ptp(vertices, axis=0) == 0.0).any():
         return "it is flat and encloses no volume; export it with a thickness in every direction"
-    opened, crowded = topology.edges(OPEN), topology.edges(CROWDED)
+    opened, crowded = topology.open_edges, topology.crowded_edges
     if len(opened) == 3 * len(topology.faces):
         return (
             f"its {len(topology.faces)} triangles share no edge: they are a soup, not a surface; "
@@ -1245,24 +1309,25 @@ def _describe_faults(vertices: FloatArray, topology: Topology) -> str:
         return _describe_borders(vertices, opened, len(crowded))
     if len(crowded):
         pairs, count = np.unique(np.sort(crowded, axis=1), axis=0, return_counts=True)
-        length = np.linalg.norm(vertices[pairs[:, 1]] - vertices[pairs[:, 0]], axis=1).sum()
+        length = _length(vertices, pairs)
         return (
             f"{counted(len(pairs), 'edge')} in all {length:.4g} mm long with up to {count.max()} "
             f"faces, the first at {_middle(vertices, crowded[0])}: bodies or walls touch along a "
             "line, which has no thickness to print; let them overlap, or move them apart"
         )
-    if consistent_winding(topology) is None:
+    if topology.turned is None:
         return "the surface has one side only, as a Möbius strip; export the part as a solid"
     return f"{counted(topology.same_way, 'edge')} whose faces disagree on where outside is"
 
 
 def _describe_borders(vertices: FloatArray, edges: NDArray[np.int32], crowded: int) -> str:
-    loops = _loops(edges)
-    length = np.linalg.norm(vertices[edges[:, 1]] - vertices[edges[:, 0]], axis=1)
-    around = [float(length[loop].sum()) for loop in loops]
+    # Edges that hang together, by first appearance.
+    group = connected(len(vertices), *edges.T)[edges[:, 0]]
+    loops = [edges[group == own] for own in dict.fromkeys(group.tolist())]
+    around = [_length(vertices, loop) for loop in loops]
     longest = int(np.argmax(around))
-    points = vertices[np.unique(edges[loops[longest]])]
-    middle = located((points.min(axis=0) + points.max(axis=0)) / 2)
+    points = vertices[np.unique(loops[longest])]
+    middle = place_text((points.min(axis=0) + points.max(axis=0)) / 2)
     holes = counted(len(loops), "hole") + (", the longest" if len(loops) > 1 else "")
     also = f"; {crowded} more edges have over two faces" if crowded else ""
     return (
@@ -1272,30 +1337,9 @@ def _describe_borders(vertices: FloatArray, edges: NDArray[np.int32], crowded: i
     )
 
 
-def _loops(edges: NDArray[np.int32]) -> list[list[int]]:
-    """Group border edges that hang together, by first appearance."""
-    at = defaultdict(list)
-    for number, (a, b) in enumerate(edges.tolist()):
-        at[a].append(number)
-        at[b].append(number)
-    seen = [False] * len(edges)
-    loops = []
-    for seed in range(len(edges)):
-        if seen[seed]:
-            continue
-        seen[seed] = True
-        loop, stack = [], [seed]
-        while stack:
-            number = stack.pop()
-            loop.append(number)
-            for vertex in edges[number].tolist():
-                for near in at.pop(vertex, ()):
-                    if not seen[near]:
-                        seen[near] = True
-                        stack.append(near)
-        loops.append(sorted(loop))
-    return loops
+def _length(vertices: FloatArray, edges: NDArray[np.int32]) -> float:
+    return float(np.linalg.norm(vertices[edges[:, 1]] - vertices[edges[:, 0]], axis=1).sum())
 
 
 def _middle(vertices: FloatArray, edge: NDArray[np.int32]) -> str:
-    return located((vertices[edge[0]] + vertices[edge[1]]) / 2)
+    return place_text((vertices[edge[0]] + vertices[edge[1]]) / 2)

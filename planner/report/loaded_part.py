@@ -9,7 +9,7 @@ import numpy as np
 
 from planner import __version__
 from planner.formats.field_file import encode_vtu
-from planner.glance import format_interval, format_number, in_percent, located
+from planner.glance import format_interval, format_number, in_percent, place_text
 from planner.materials.mixtures import CoefficientModel
 from planner.mesh.clip import clip_hexahedra
 from planner.mesh.distance import distances, triangle_tree
@@ -361,8 +361,8 @@ def _cut_words(result: PartSimulation, cut: _PartCut) -> Iterator[str]:
     )
     bears = f"{worst:.3g} times as far as" if worst > 1.0 else f"by {100.0 * worst:.2g} % of what"
     yield (
-        f"The ring marks the place nearest to breaking, at {located(cut.place_mm)}, in {material}: "
-        f"it is stretched {bears} this material bears."
+        f"The ring marks the place nearest to breaking, at {place_text(cut.place_mm)}, in "
+        f"{material}: it is stretched {bears} this material bears."
     )
     if worst > 1.0:
         torn = np.count_nonzero(cut.strain_over_break > 1.0)
@@ -507,7 +507,7 @@ def response_rows(result: PartSimulation) -> Iterator[Mapping[str, str]]:
         cells = (kind, response.selector, moved, force, sure, stiff)
         yield dict(zip(columns, cells, strict=True))
     away, place_mm = result.farthest
-    cells = ("farthest", located(place_mm), _vector(away), "", "", "")
+    cells = ("farthest", place_text(place_mm), _vector(away), "", "", "")
     yield dict(zip(columns, cells, strict=True))
 
 
@@ -542,7 +542,7 @@ def summary_words(result: PartSimulation) -> Iterator[str]:
     k = int(steps.largest.argmax())
     yield (
         f"{case}largest strain over elongation at break: {steps.largest[k]:.3g}, "
-        f"at {located(steps.largest_mm[k])}"
+        f"at {place_text(steps.largest_mm[k])}"
     )
     found = result.discretisation
     if found is not None:

@@ -17,12 +17,12 @@ from planner.formats.files import encode_document, free_memory_bytes
 from planner.formats.mesh_file import encode_stl
 from planner.formats.tables import encode_csv
 from planner.glance import counted, html_of, one_line, outcome, plotted
-from planner.grading.grade import open_part
 from planner.grading.profile import dithered_profile, is_dithered
 from planner.materials.mixtures import CoefficientModel
 from planner.mesh.distance import distances, triangle_tree
 from planner.mesh.halve import halve_long_edges
 from planner.mesh.mesh import Mesh, Topology, cancel_opposite, compact, repeats_index
+from planner.mesh.part import open_part
 from planner.numerics import FloatArray, Point, one_blas_thread
 from planner.palette import Palette
 from planner.plan import Plan, Triangles, plan_file, read_plan, read_shells
@@ -267,10 +267,10 @@ def open_solid(
             )
         coordinate = chosen.resolve(material).coordinate
         opened = open_part(source, unit=unit, bodies=bodies)
-        notes = (*opened.part.repairs, *opened.warnings)
+        notes = (*opened.repairs, *opened.warnings)
         return Solid(
             opened.file,
-            opened.part.mesh,
+            opened.mesh,
             lambda points: np.full(len(points), coordinate),
             chosen,
             tuple(f"{opened.file}: {note}" for note in notes),

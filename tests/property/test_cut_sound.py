@@ -11,7 +11,8 @@ from benchmarks.audit import audit
 from planner.cutting.pieces import split
 from planner.cutting.planes import snap_distance_mm
 from planner.fields.basic import axis_field
-from planner.mesh.mesh import Mesh, interfaces_cancel, join_shells, weld
+from planner.grading.check import interfaces_cancel
+from planner.mesh.mesh import Mesh, join_shells, weld
 from planner.mesh.part import place
 
 
@@ -80,7 +81,7 @@ def count_unsound(mesh, field, levels):
         vertices, faces = weld(soup)
         imported = Manifold(SolidMesh(vertices, faces.astype(np.uint32)))
         faulty += not audit(soup).sound or imported.status() != Error.NoError
-    assert interfaces_cancel(join_shells(soups), mesh).ok
+    assert interfaces_cancel(join_shells(soups), mesh)
     assert len(np.unique(pieces.vertices, axis=0)) == len(pieces.vertices)
     # Cut points move by half the float32 spacing at most, and the surface with them.
     limit = max(1e-6 * mesh.volume_mm3, snap_distance_mm(mesh.bounds_mm) * mesh.area_mm2 / 4)

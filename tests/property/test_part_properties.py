@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from benchmarks.audit import audit
 from planner.errors import MeshError
-from planner.mesh.mesh import CROWDED, OPEN, Mesh, Topology, consistent_winding, measure, weld
+from planner.mesh.mesh import Mesh, Topology, measure, weld
 from planner.mesh.part import find_crossing, make_part
 
 SETTINGS = settings(derandomize=True, deadline=None, max_examples=40)
@@ -134,18 +134,18 @@ def test_topology_is_that_of_a_plain_count(seed, count, points):
     at = {}
     for half, (a, b) in enumerate(zip(faces.ravel(), np.roll(faces, -1, 1).ravel(), strict=True)):
         at.setdefault(frozenset((int(a), int(b))), []).append(half)
-    expected = np.full(3 * len(faces), CROWDED)
+    expected = np.full(3 * len(faces), Topology.CROWDED)
     same_way = 0
     for halves in at.values():
         if len(halves) == 1:
-            expected[halves] = OPEN
+            expected[halves] = Topology.OPEN
         elif len(halves) == 2:
             expected[halves] = halves[::-1]
             start = faces.ravel()[halves]
             same_way += start[0] == start[1]
     assert np.array_equal(topology.twin, expected)
     assert topology.same_way == same_way
-    turned = consistent_winding(topology)
+    turned = topology.turned
     if turned is not None:
         agreed = Topology(np.where(turned[:, None], faces[:, ::-1], faces))
         assert agreed.same_way == 0

@@ -12,7 +12,8 @@ from manifold3d import Mesh as SolidMesh
 from benchmarks.audit import audit
 from planner.cutting.pieces import split
 from planner.fields.basic import axis_field
-from planner.mesh.mesh import Mesh, interfaces_cancel, join_shells, weld
+from planner.grading.check import interfaces_cancel
+from planner.mesh.mesh import Mesh, join_shells, weld
 from planner.mesh.part import place
 
 
@@ -67,7 +68,7 @@ def test_shells_of_real_parts_are_sound(shared_data, name, unit_mm, axis):
         # A reader that also drops what is thinner than 1e-8 mm still finds a closed shell.
         read = trimesh.Trimesh(**trimesh.triangles.to_kwargs(soup), process=True, validate=True)
         assert read.is_watertight
-    assert interfaces_cancel(join_shells(soups), mesh).ok
+    assert interfaces_cancel(join_shells(soups), mesh)
     assert pieces.volumes_mm3.sum() == pytest.approx(mesh.volume_mm3, rel=1e-6)
 
 
@@ -82,5 +83,5 @@ def test_bodies_that_touch_stay_closed_outlines(shared_data):
         found = audit(soup)
         assert found.open_edges == 0
         assert found.degenerate_faces == found.duplicate_faces == 0
-    assert interfaces_cancel(join_shells(soups), mesh).ok
+    assert interfaces_cancel(join_shells(soups), mesh)
     assert pieces.volumes_mm3.sum() == pytest.approx(mesh.volume_mm3, rel=1e-6)

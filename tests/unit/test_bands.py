@@ -8,7 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from planner.grading.profile import Profile, between, equal_bands, natural_bands, shortfalls
+from planner.grading.grade import shortfalls
+from planner.grading.profile import Profile, equal_bands, natural_bands
+from planner.grading.wish import between
 
 LADDER = (0.3, 0.6, 1.0, 1.7, 3.0, 7.5, 24.0, 96.0, 160.0, 340.0)
 

@@ -19,6 +19,7 @@ from planner.cutting.pieces import split
 from planner.errors import ArgumentError, FileError
 from planner.fields.basic import AxisField
 from planner.formats.threemf import read_threemf
+from planner.grading.check import interfaces_cancel
 from planner.grading.dither import (
     DitherField,
     affordable_cells,
@@ -32,7 +33,7 @@ from planner.grading.dither import (
 from planner.grading.profile import Profile, dithered_profile, stiffness_scale
 from planner.grading.regions import blend_segments
 from planner.materials.mixtures import dithered_modulus_MPa
-from planner.mesh.mesh import Mesh, interfaces_cancel, join_shells
+from planner.mesh.mesh import Mesh, join_shells
 from planner.mesh.part import place
 from planner.simulation.bar import read_profile
 
@@ -68,7 +69,7 @@ def check(mesh, field):
     soups = [pieces.vertices[pieces.shell_faces(own)] for own in members]
     soups = [soup for soup in soups if len(soup)]
     assert all(audit(soup).sound for soup in soups)
-    assert interfaces_cancel(join_shells(soups), mesh).ok
+    assert interfaces_cancel(join_shells(soups), mesh)
     return pieces
 
 

@@ -11,7 +11,8 @@ from benchmarks.audit import audit
 from planner.cutting.intersect import volume_sign
 from planner.cutting.pieces import split
 from planner.errors import ArgumentError
-from planner.mesh.mesh import Mesh, interfaces_cancel, join_shells, weld
+from planner.grading.check import interfaces_cancel
+from planner.mesh.mesh import Mesh, join_shells, weld
 from planner.mesh.part import place
 
 
@@ -46,7 +47,7 @@ def check(pieces, mesh):
         vertices, faces = weld(soup)
         assert Manifold(SolidMesh(vertices, faces.astype(np.uint32))).status() == Error.NoError
         assert trimesh.Trimesh(vertices, faces, process=True, validate=True).is_watertight
-    assert interfaces_cancel(join_shells(soups), mesh).ok
+    assert interfaces_cancel(join_shells(soups), mesh)
     return len(soups)
 
 

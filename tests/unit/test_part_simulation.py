@@ -546,9 +546,9 @@ def test_the_command_takes_a_file_of_cases(bar_stl: Path, capsys: Any) -> None:
 
 def test_cells_that_do_not_fit_are_refused_with_the_finest_that_do() -> None:
     """Whatever their size; and what is advised is taken."""
-    from planner.grading.grade import open_part
+    from planner.mesh.part import open_part
 
-    surface = open_part(BAR, unit=None).part.mesh
+    surface = open_part(BAR, unit=None).mesh
     for edge in (0.05, 0.01, 1e-4):
         with pytest.raises(ArgumentError, match="the finest cells that fit are of") as told:
             part.check_effort(surface, edge)
@@ -558,11 +558,11 @@ def test_cells_that_do_not_fit_are_refused_with_the_finest_that_do() -> None:
 
 def test_what_cells_take_is_foretold(samples: Path) -> None:
     """Of walls of about a cell: within a fifth of the cells, and half of the memory."""
-    from planner.grading.grade import open_part
+    from planner.mesh.part import open_part
     from planner.simulation.cut_cells import cut_cells
     from planner.simulation.sparse_cholesky import analyse
 
-    surface = open_part(samples / "finger.stl", unit=None).part.mesh
+    surface = open_part(samples / "finger.stl", unit=None).mesh
     cells = cut_cells(surface, 2.2)
     analysis = analyse(cells.nodes, cells.node_mm, cells.interface.cells)
     needed = analysis.factor_bytes + analysis.work_bytes + 8 * 6 * 27**2 * len(cells.nodes)

@@ -15,7 +15,8 @@ from hypothesis import strategies as st
 
 import planner
 from planner.cli import run
-from planner.mesh.mesh import Mesh, small_bodies
+from planner.grading.printability import small_bodies
+from planner.mesh.mesh import Mesh
 from planner.voxels.thin_places import thin_solid_places, thin_space_places
 
 SAMPLES = Path(__file__).parents[2] / "samples"

@@ -8,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from planner.errors import ArgumentError, FileError
-from planner.grading.profile import Profile, between, read_moduli
+from planner.grading.profile import Profile, read_moduli
+from planner.grading.wish import between
 
 moduli = st.floats(0.01, 1e3)
 shapes = st.sampled_from(["log", "linear", "smooth", "steps:7"])

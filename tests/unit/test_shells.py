@@ -8,7 +8,8 @@ from planner.cutting.pieces import split
 from planner.cutting.planes import flip_thin
 from planner.errors import ArgumentError, MeshError
 from planner.fields.basic import axis_field
-from planner.mesh.mesh import Mesh, interfaces_cancel, join_shells, weld
+from planner.grading.check import interfaces_cancel
+from planner.mesh.mesh import Mesh, join_shells, weld
 from planner.mesh.part import place
 
 
@@ -25,7 +26,7 @@ def check(pieces, mesh):
         assert audit(soup).sound
         vertices, faces = weld(soup)
         assert Manifold(SolidMesh(vertices, faces.astype(np.uint32))).status() == Error.NoError
-    assert interfaces_cancel(join_shells(soups), mesh).ok
+    assert interfaces_cancel(join_shells(soups), mesh)
     assert len(np.unique(pieces.vertices, axis=0)) == len(pieces.vertices)
     return len(soups)
 
