@@ -35,6 +35,15 @@ __all__ = [
 # One specimen of a campaign: what it is, how it was tested, what was measured.
 
 
+BEYOND_GAUGE = 0.02
+"""How far beyond the gauge's ends a place may be said to lie, of the gauge. Chosen: ends are marked
+to half a millimetre of 25."""
+
+LONGEST_FACET = 0.1
+"""That is believed, of the gauge; facets that stand farther apart may be as long as that. Chosen:
+one that averages over more shows no gradient."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class StrainField:
     """Strain along the axis, from image correlation.

@@ -28,8 +28,16 @@ from planner.formats.specimens import ListedSpecimen as Row
 from planner.formats.tables import LONGEST_HEADING, encode_csv, number, read_columns
 from planner.formats.tensile import TensileTable, read_tensile
 from planner.formats.units import QUANTITIES
-from planner.gap.campaign import Campaign, PartTest, Specimen, StrainField, named
-from planner.materials.characterise import MINIMUM_POINTS
+from planner.gap.campaign import (
+    BEYOND_GAUGE,
+    LONGEST_FACET,
+    Campaign,
+    PartTest,
+    Specimen,
+    StrainField,
+    named,
+)
+from planner.materials.characterise import MINIMUM_POINTS, UNLOADED_SHARE
 from planner.materials.laws import make_law
 from planner.materials.study import in_stated_units, stated_units
 from planner.numerics import FloatArray, IntArray
@@ -37,6 +45,7 @@ from planner.palette import Palette, encode_palette, load_palette
 from planner.plan import plan_file
 from planner.printers import load_printer, palette_of
 from planner.simulation.bar import ProfileDesign, read_profile
+from planner.simulation.bar_solver import PUSHED_END
 from planner.simulation.part_response import encode_response, read_response
 
 __all__ = [
@@ -201,9 +210,6 @@ def _is_negative(values: FloatArray) -> bool:
 _PLACES = 40
 """Strains at which a curve is looked at. Numerical: laws are straight over a fortieth of them."""
 
-_FARTHEST = 0.6
-"""Strain up to which a curve is looked at. Chosen: a law in compression ends soon after."""
-
 
 def _kind(source: "_Source", force_N: FloatArray, travel_mm: FloatArray) -> str | None:
     """Return the way of loading whose law a first loading is nearer to, at any stiffness.
@@ -215,7 +221,7 @@ def _kind(source: "_Source", force_N: FloatArray, travel_mm: FloatArray) -> str 
     moved = np.abs(travel_mm - travel_mm[0])
     top = int(np.argmax(moved >= 0.95 * moved.max()))
     strain, load = moved[: top + 1] / source.gauge_mm, np.abs(force_N[: top + 1])
-    end = min(float(strain.max()), _FARTHEST)
+    end = min(float(strain.max()), PUSHED_END)
     at = np.linspace(0.0, end, _PLACES + 1)[1:]
     if not end > 0.0 or not load.max() > 0.0:
         return None
@@ -236,10 +242,6 @@ def _kind(source: "_Source", force_N: FloatArray, travel_mm: FloatArray) -> str 
 # ------------------------------------------------------------------------------------------------
 # From a tensile file's table to a specimen's record of time, travel and force.
 
-
-_START_SHARE = 0.02
-"""Below this share of its largest value a first force is none, and a first travel is rest. Chosen:
-above a load cell's zero and noise, below any load that was meant."""
 
 _PRELOAD_SHARE = 0.1
 """Below it a first force is a preload. Chosen: at a travel beyond half of its largest, as far off
@@ -297,8 +299,8 @@ def _record_of(source: _Source) -> dict[str, Any]:
     start = abs(force[0]) / float(np.max(np.abs(force)))
     reach = float(np.ptp(travel))
     # Under a preload, a travel that starts farther off than it goes is a crosshead's place.
-    unloaded, placed = start < _START_SHARE, start < _PRELOAD_SHARE and abs(travel[0]) > reach
-    if placed or (unloaded and abs(travel[0]) > _START_SHARE * reach):
+    unloaded, placed = start < UNLOADED_SHARE, start < _PRELOAD_SHARE and abs(travel[0]) > reach
+    if placed or (unloaded and abs(travel[0]) > UNLOADED_SHARE * reach):
         kind = "unloaded start" if unloaded else "start under a preload"
         notes.append(f"travel counts from its {kind}, not from 0 as recorded")
         travel = travel - travel[0]
@@ -393,12 +395,6 @@ _COLUMNS: Mapping[str, str | None] = {"time_s": "time", "x_mm": "length", "strai
 
 _FACET = frozenset({"facet_mm"})
 
-_SLACK_SHARE = 0.02
-_FACET_SHARE = 0.05
-"""Of the gauge: how far beyond its ends a place may lie, whatever its facet, and at most. Chosen:
-ends are marked to half a millimetre of 25; half a facet of a tenth of the gauge, the longest that
-is useful, may still touch it from beyond."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Fields:
@@ -449,7 +445,8 @@ class _Fields:
                 f"{gauge_mm:g} mm; give the length that one strain is the mean of"
             )
         reach = float(np.median(np.diff(x))) if facet is None else facet
-        slack = max(min(reach, _FACET_SHARE * gauge_mm), _SLACK_SHARE * gauge_mm)
+        # Half a facet may touch the gauge from beyond.
+        slack = max(min(reach, 0.5 * LONGEST_FACET * gauge_mm), BEYOND_GAUGE * gauge_mm)
         outside = np.flatnonzero((x < -slack) | (x > gauge_mm + slack))
         if len(outside):
             raise FileError(

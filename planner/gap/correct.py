@@ -16,7 +16,7 @@ from planner.gap.campaign import TOLERANCES, Campaign
 from planner.gap.diagnosis import Diagnosis, FoundEffect, name_of, read_diagnosis
 from planner.gap.effect import Effect, Form, StatedEffect, stated, with_effects
 from planner.gap.effects import effect_named, effects_for
-from planner.gap.noise import USUAL
+from planner.gap.noise import FIT_SD, USUAL
 from planner.gap.virtual import single_tests, virtual_specimen
 from planner.glance import one_line, outcome
 from planner.materials.characterise import Curve
@@ -316,7 +316,7 @@ def _refitted(material: Material, strain: FloatArray, log_factor: FloatArray) ->
         )
     found = law_stress_MPa(model, fit.a, fit.c, 1.0 + strain)
     misfit = float(np.sqrt(np.mean((found / stress - 1.0) ** 2)))
-    if misfit > _NOTABLE_MISFIT and (bent := _bent(sample)).misfit < misfit:
+    if misfit > FIT_SD and (bent := _bent(sample)).misfit < misfit:
         return bent
     # Palettes are held to slight compression and beyond the break, too; a pull needs neither.
     alone = unstable_strain(fit, material.elongation_at_break) is not None
@@ -355,9 +355,6 @@ law."""
 
 _STEPS_TO_WORK = 24
 """Of a pull to the working strain. Numerical: a relaxing law is followed to 1e-3."""
-
-_NOTABLE_MISFIT = 0.01
-"""Relative misfit of a corrected law that is told. Chosen: laws follow their own tests to 1 %."""
 
 _NOTABLE = 1e-6
 """ln factor below which an effect changes nothing. Numerical: rounding stays below."""
@@ -614,7 +611,7 @@ def _corrected(case: _Case, recalibrate: bool) -> Correction:
             replace(material, law=fit.law, uncertainty=None, modulus_log_sd=sd, readings=readings)
         )
     misfit = {m: fit.misfit for m, fit in fits.items()}
-    bad = [f"{m} {100 * off:.1f} %" for m, off in misfit.items() if off > _NOTABLE_MISFIT]
+    bad = [f"{m} {100 * off:.1f} %" for m, off in misfit.items() if off > FIT_SD]
     if bad:
         notes.append(f"laws more than 1 % off the corrected curve: {', '.join(bad)}")
     if tension_alone := [m for m, fit in fits.items() if fit.tension_alone]:

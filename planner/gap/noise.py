@@ -91,11 +91,6 @@ class Scatter:
 # Covariance of each specimen's own features, and what specimens of a batch share.
 
 
-_MODEL_SD = 0.003
-"""No prediction is truer than this, in transformed units. Chosen: above what discretisation and
-reading a curve at a place leave, a tenth of the usual scatter."""
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class SpecimenNoise:
     """Noise of N features.
@@ -376,6 +371,10 @@ USUAL = Scatter(
 1 to 9 % within a print, local strains along them alike; facets of image correlation by some
 thousandths of strain. Of the parts of it the shares are chosen: most of a curve goes together."""
 
+_MODEL_SD = 0.1 * USUAL.specimen
+"""No prediction is truer than this, in transformed units. Numerical: above what discretisation and
+reading a curve at a place leave, and little beside the scatter."""
+
 _PRIOR_SD = {"specimen": 1.0, "batch": 0.5, "slope": 0.8, "wander": 0.8, "wander_length": 0.4,
              "sensor": 0.4, "field": 1.0, "field_relative": 1.0, "field_shared": 1.5}  # fmt: skip
 """Of their logarithms, and of the last one's odds, before replicates are seen. Physical: 3 % times
@@ -457,10 +456,6 @@ def _groups(table: FeatureTable, of: BoolArray) -> list[list[IntArray]]:
 # strain. A camera's facets average over a length that may not be stated, and may lie to the side.
 
 
-_DISCREPANCY_SD = 0.02
-"""Of the logarithm of stress: how a law departs from its test along the curve. Chosen: twice
-the 1 % that laws follow their tests to, at rest, from where each of `_DECAYS` lets it fade."""
-
 _FIELD_SD = 0.012
 """Of the logarithm of a local strain: the same, seen along a bar. Chosen: about the 1 % that laws
 follow their tests to."""
@@ -480,11 +475,12 @@ def discrepancy_columns(
 ) -> FloatArray:
     """Return what laws may depart by over strain, all together, then each material's and bar's.
 
+    At rest twice what they follow their tests to, from where each of `_DECAYS` lets it fade.
     In compression another law is at work: it departs by itself.
     """
     names = [(s.named, s.pushed) for s in campaign.specimens]
     decays = np.exp(-table.strain[:, None] / np.array(_DECAYS))
-    force = np.where(table.is_field, 0.0, _DISCREPANCY_SD * sensitivity)[:, None] * decays
+    force = np.where(table.is_field, 0.0, 2.0 * FIT_SD * sensitivity)[:, None] * decays
     # Laws of one family miss the same bends, whatever the material.
     each = [np.array([n == name for n in names])[table.specimen] for name in dict.fromkeys(names)]
     return np.concatenate([force, *(force * of_it[:, None] for of_it in each)], axis=1)

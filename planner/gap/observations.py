@@ -10,6 +10,8 @@ from scipy.interpolate import PPoly
 
 from planner.errors import FileError
 from planner.gap.campaign import (
+    BEYOND_GAUGE,
+    LONGEST_FACET,
     Campaign,
     Specimen,
     StrainField,
@@ -226,16 +228,9 @@ _LENGTHS = 6
 """Equally likely lengths of a facet that nobody states, evenly from a point to the longest.
 Numerical: steps of 2 % of the gauge, twice what places may be off by."""
 
-_LONGEST_SHARE = 0.1
-"""Longest facet that is believed, of the gauge; facets that stand farther apart may be as long as
-that. Chosen: one that averages over more shows no gradient."""
-
-_SHIFT_SHARE = 0.01
-"""Standard deviation of where the gauge begins in the camera's picture, of the gauge. Chosen: half
-of how far beyond the gauge places may be said to lie (see `campaign_folder`)."""
-
 SIDES = np.linspace(-2.0, 2.0, 7)
-"""Where places may lie, in such deviations. Numerical: steps of 0.2 mm of a gauge of 32 mm, which
+"""Where places may lie, in deviations of where the gauge begins in the camera's picture, of which
+`BEYOND_GAUGE` is two. Numerical: steps of 0.2 mm of a gauge of 32 mm, which
 is little beside a facet."""
 
 
@@ -309,11 +304,11 @@ def _bins_of(field: StrainField, setup: Setup, number: int) -> Bins:
         return np.asarray(np.add.reduceat(rows, first) / size)
 
     if field.facet_mm is None:
-        longest = max(_LONGEST_SHARE * gauge, float(np.median(np.diff(x))))
+        longest = max(LONGEST_FACET * gauge, float(np.median(np.diff(x))))
         lengths = np.linspace(0.0, longest, _LENGTHS).tolist()
     else:
         lengths = [field.facet_mm]
-    aside = x + _SHIFT_SHARE * gauge * SIDES[:, None]
+    aside = x + 0.5 * BEYOND_GAUGE * gauge * SIDES[:, None]
     of_length = [seen_shares(setup, number, aside.ravel(), facet) for facet in lengths]
     places = np.reshape(of_length, (len(lengths), *aside.shape, -1))
     shares = np.add.reduceat(places, first, axis=2) / size
@@ -625,11 +620,6 @@ def _tests(specimens: Sequence[Specimen], paths: Mapping[int, Path]) -> list[Rep
     return sorted(tests, key=lambda test: test.places[0])
 
 
-_EARLIEST_FRAME = 0.02
-"""Share of the first loading before which a camera's frame is not compared. Chosen: strains are
-within the noise of image correlation there."""
-
-
 def _frame_fractions(
     specimens: Sequence[Specimen], paths: Mapping[int, Path], places: Sequence[int]
 ) -> tuple[float, ...]:
@@ -639,7 +629,7 @@ def _frame_fractions(
         seen = specimens[place].strain_field
         if seen is not None and specimens[place].profile is not None:
             travels = _frames_of(seen, paths[place])[0]
-            travels = travels[(travels > _EARLIEST_FRAME * end) & (travels <= end * (1.0 + 1e-9))]
+            travels = travels[travels <= end * (1.0 + 1e-9)]
             if len(travels):
                 middle = int(np.argmin(np.abs(travels - 0.5 * travels[-1])))
                 return tuple(sorted({float(travels[i]) / end for i in (middle, -1)}))

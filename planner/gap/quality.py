@@ -19,6 +19,8 @@ from planner.gap.diagnosis import FoundEffect, QualityProblem
 from planner.gap.localise import specimen_patterns
 from planner.gap.observations import BRANCHES, ObservationModel
 from planner.gap.segments import (
+    SPIKE_STEP,
+    TURN_SHARE,
     hold_share,
     leap_at_end,
     path_of,
@@ -26,7 +28,7 @@ from planner.gap.segments import (
     spikes_in,
     unloading_share,
 )
-from planner.materials.characterise import noise_sd
+from planner.materials.characterise import UNLOADED_SHARE, noise_sd
 from planner.numerics import FloatArray, IntArray
 from planner.simulation.bar_solver import predict
 
@@ -69,8 +71,9 @@ def _shared(
 # Force that stands still at its largest value while the crosshead moves on.
 
 
-_SHORTEST = 5
-"""Points of a plateau. Chosen: fewer equal ones may be chance."""
+_FEWEST = 5
+"""Points of a plateau, and of a loading that is judged. Chosen: fewer may be equal by chance, or
+all lie in the zero."""
 
 _RISE, _RISE_SHARE = 4.0, 0.01
 """The force should have risen by so many times noise and resolution, and by so much of its peak,
@@ -83,9 +86,9 @@ def _clipping(s: Specimen) -> _Problems:
     force, way = s.load_N, s.travel_mm
     top = float(np.max(force))
     start, stop = _longest_run(force >= top - 1e-9 * abs(top))
-    if stop - start < _SHORTEST or start < _SHORTEST:
+    if min(stop - start, start) < _FEWEST:
         return
-    first = max(start - max(_SHORTEST, (stop - start) // 5), 0)
+    first = max(start - max(_FEWEST, (stop - start) // 5), 0)
     travel = float(way[stop - 1] - way[start])
     approach = float(way[start] - way[first])
     if travel <= 0.0 or approach <= 0.0:
@@ -112,37 +115,22 @@ def _longest_run(flags: np.ndarray) -> tuple[int, int]:
 # Force that does not change while the specimen is pulled.
 
 
-_STEADY_SHARE = 0.02
-"""Change over its middle below which a load stands still. Chosen: a load that starts at rest rises
-by all of its peak."""
-
-_NOISE = 6.0
-"""Spread of means below which a load stands still, in their deviations. Physical: a score of means
-of noise alone spread over 3.7 on average, and over 6 once in 300."""
-
-_MEANS = 20
-"""Of a first loading. Chosen: what `_NOISE` is reckoned with."""
-
-_LEAST_STRAIN = 0.01
-"""From which a load should show. Chosen: below 1 % slack may take up the travel."""
-
-_ARRIVED = 0.98
-"""Share of the way to its turn at which a loading ends. Chosen: a crosshead slows down before a
-hold."""
-
-_FEWEST_POINTS = 5
-"""Points of a loading that is judged. Chosen: fewer may all lie in the zero."""
+_MEANS, _NOISE = 20, 6.0
+"""Of a first loading, and their spread in deviations below which its load stands still. Physical:
+so many means of noise alone spread over 3.7 on average, and over 6 once in 300."""
 
 
 def _dead_cell(s: Specimen) -> _Problems:
     """Yield a force that stood still, but for noise, over the first loading."""
-    stop = int(np.argmax(s.travel_mm >= _ARRIVED * float(np.max(s.travel_mm)))) + 1
-    if stop < _FEWEST_POINTS or float(s.strain[stop - 1]) < _LEAST_STRAIN:
+    # A crosshead slows down before a hold.
+    arrived = s.travel_mm >= (1.0 - TURN_SHARE) * float(np.max(s.travel_mm))
+    stop = int(np.argmax(arrived)) + 1
+    if stop < _FEWEST:
         return
     force = np.array([part.mean() for part in np.array_split(s.force_N[:stop], min(_MEANS, stop))])
     noise = _NOISE * noise_sd(s.force_N[:stop]) / np.sqrt(stop / len(force))
     middle = float(np.median(force))
-    if float(np.ptp(force)) <= max(_STEADY_SHARE * abs(middle), noise):
+    if float(np.ptp(force)) <= max(UNLOADED_SHARE * abs(middle), noise):
         yield (
             "dead",
             f"force stays at {middle:.3g} N while the crosshead goes from 0 to "
@@ -153,11 +141,6 @@ def _dead_cell(s: Specimen) -> _Problems:
 
 # ------------------------------------------------------------------------------------------------
 # Gaps in the time channel, and single points that leap out of the record.
-
-
-_GAP = 5.0
-"""A step of so many times those before and behind it is a gap. Chosen: adaptive sampling changes
-less at once."""
 
 
 def _timing(s: Specimen) -> _Problems:
@@ -194,7 +177,7 @@ def _dropouts(time_s: FloatArray) -> IntArray:
     steps = np.diff(time_s)
     middle = np.median(np.lib.stride_tricks.sliding_window_view(steps, 3), axis=1)
     nearby = np.maximum(middle[:-4], middle[4:])
-    return 3 + np.flatnonzero(steps[3:-3] > _GAP * nearby)
+    return 3 + np.flatnonzero(steps[3:-3] > SPIKE_STEP * nearby)
 
 
 def _times(count: int, what: str) -> str:
@@ -205,9 +188,9 @@ def _times(count: int, what: str) -> str:
 # The declared rate against travel and time.
 
 
-_RATE_TOLERANCE = 0.1
-"""Log ratio from which the crosshead's speed is another than declared. Chosen: machines hold a
-speed to 1 %, rounded times may hide a few per cent."""
+_OFF = 0.1
+"""Relative, from which speed or travel is another than declared, or than the replicates'. Chosen:
+machines hold both to 1 %; rounded times, slack and a start that is not at zero take a few."""
 
 _MINUTE, _INCH = QUANTITY_UNITS["time"]["min"], QUANTITY_UNITS["length"]["in"]
 _RATE_SLIPS = (
@@ -228,11 +211,9 @@ def _rate(s: Specimen) -> _Problems:
     # Rounded times make steps of a record too short or too long, but not the way to its end.
     path = path_of(s)
     mean = speed if path is None else path.speed_mm_s
-    if min(off, abs(math.log(mean / declared))) <= _RATE_TOLERANCE:
+    if min(off, abs(math.log(mean / declared))) <= _OFF:
         return
-    reasons = [
-        words for factor, words in _RATE_SLIPS if abs(off - math.log(factor)) < _RATE_TOLERANCE
-    ]
+    reasons = [words for factor, words in _RATE_SLIPS if abs(off - math.log(factor)) < _OFF]
     yield (
         "rate",
         f"the crosshead moves at {speed:.3g} mm/s by its time channel, {declared:.3g} mm/s "
@@ -321,9 +302,6 @@ HOLDS = 0.3
 """Shares of range and of duration from which unloading and holding are on purpose. Chosen: machines
 settle by less at a turn, and wait for less before and after a pull."""
 
-_AMPLITUDE_TOLERANCE = 0.1
-"""Relative, of the travel declared or the replicates'. Chosen: machines turn to within 1 %; slack
-and a start that is not at zero take a few per cent."""
 _STRAINS = ("to_strain", "amplitude_strain", "strain_amplitude", "peak_strain", "hold_strain")
 _TRAVELS = ("amplitude_mm", "peak_mm", "hold_mm", "to_mm")
 
@@ -356,7 +334,7 @@ def _amplitudes(specimens: Sequence[Specimen]) -> Iterator[QualityProblem]:
         broken = s.protocol in (None, "monotonic")
         if declared is None or (broken and peak < declared):
             continue
-        if abs(peak / declared - 1.0) > _AMPLITUDE_TOLERANCE:
+        if abs(peak / declared - 1.0) > _OFF:
             yield _amplitude(s, peak, declared, "is declared")
     for group in replicate_groups(specimens):
         members = [specimens[i] for i in group if specimens[i].protocol in ("cyclic", "relaxation")]
@@ -364,7 +342,7 @@ def _amplitudes(specimens: Sequence[Specimen]) -> Iterator[QualityProblem]:
         if len(members) < 3 or any(_declared_mm(s) is not None for s in members):
             continue
         middle = float(np.median(peaks))
-        off = np.abs(peaks / middle - 1.0) > _AMPLITUDE_TOLERANCE
+        off = np.abs(peaks / middle - 1.0) > _OFF
         if off.sum() == 1:
             at = int(np.argmax(off))
             yield _amplitude(members[at], float(peaks[at]), middle, "is its replicates'")
@@ -760,7 +738,7 @@ def _travel_slip(specimen: Specimen, load: float) -> QualityProblem | None:
         return None
     speed = speed_mm_s(specimen.time_s, specimen.travel_mm)
     ratio = math.log(speed / specimen.rate_mm_s) if speed > 0.0 else 0.0
-    if abs(abs(ratio) - math.log(_INCH)) > _RATE_TOLERANCE or ratio * load > 0.0:
+    if abs(abs(ratio) - math.log(_INCH)) > _OFF or ratio * load > 0.0:
         return None
     factor, words = (
         (_INCH, "inches taken for mm") if ratio < 0.0 else (1.0 / _INCH, "mm taken for inches")

@@ -46,9 +46,13 @@ __all__ = [
 # Single points that leap out of a record.
 
 
-_SPIKE_NOISE, _SPIKE_SHARE, _SPIKE_STEP = 12.0, 0.03, 5.0
-"""A spike leaps by so many noise deviations, so much of the range, so many steps nearby. Chosen:
-noise never does, and what leaps by less than the scatter of specimens does no harm."""
+_SPIKE_NOISE, SPIKE_STEP = 12.0, 5.0
+"""A spike leaps by so many noise deviations, so many steps nearby; so does time over lost rows.
+Chosen: noise never does, and adaptive sampling changes less at once."""
+
+_SCATTER = 0.03
+"""A leap of less of the range does no harm, and ends of segments of one test lie no farther apart,
+of the longest travel. Physical: jetted specimens scatter by as much."""
 
 _WIDEST = 3
 _AROUND = 6
@@ -73,13 +77,13 @@ def spikes_in(values: FloatArray) -> BoolArray:
     around it than the record moves there.
     """
     low, high = np.quantile(values, [0.02, 0.98])  # without what leaps out
-    least = max(_SPIKE_NOISE * noise_sd(values), _SPIKE_SHARE * float(high - low))
+    least = max(_SPIKE_NOISE * noise_sd(values), _SCATTER * float(high - low))
     around = np.lib.stride_tricks.sliding_window_view(
         np.pad(values, _WIDEST, mode="edge"), 2 * _WIDEST + 1
     )
     moves = np.median(np.abs(np.diff(around, axis=1)), axis=1)
     off = np.abs(values - np.median(around, axis=1))
-    return np.asarray(off > np.maximum(least, _SPIKE_STEP * moves))
+    return np.asarray(off > np.maximum(least, SPIKE_STEP * moves))
 
 
 def leap_at_end(s: Specimen) -> int:
@@ -89,14 +93,14 @@ def leap_at_end(s: Specimen) -> int:
     """
     size, duration = np.abs(s.force_N), np.diff(s.time_s)
     n = len(size)
-    least = max(_SPIKE_NOISE * noise_sd(s.force_N), _SPIKE_SHARE * float(np.ptp(size[:-_WIDEST])))
+    least = max(_SPIKE_NOISE * noise_sd(s.force_N), _SCATTER * float(np.ptp(size[:-_WIDEST])))
     speed, rise = np.abs(np.diff(s.displacement_mm)) / duration, np.abs(np.diff(size)) / duration
     for width in range(1, min(_WIDEST, n - _AROUND - 1) + 1):
         i = n - 1 - width
         before = slice(i - _AROUND, i)
-        leaps = rise[i] > _SPIKE_STEP * np.max(rise[before]) and size[i + 1] - size[i] > least
+        leaps = rise[i] > SPIKE_STEP * np.max(rise[before]) and size[i + 1] - size[i] > least
         onwards = (np.diff(size[i:]) > 0.0).all()
-        if leaps and onwards and np.max(speed[i:]) < _SPIKE_STEP * np.max(speed[before]):
+        if leaps and onwards and np.max(speed[i:]) < SPIKE_STEP * np.max(speed[before]):
             return i + 1
     return n
 
@@ -136,7 +140,7 @@ def _fewer(values: FloatArray, count: int) -> FloatArray:
 
 
 def _least_turn_mm(travel_mm: FloatArray) -> float:
-    return max(_TURN_SHARE * float(np.ptp(travel_mm)), _TURN_NOISE * noise_sd(travel_mm))
+    return max(TURN_SHARE * float(np.ptp(travel_mm)), _TURN_NOISE * noise_sd(travel_mm))
 
 
 def _turns(values: FloatArray, least: float) -> IntArray:
@@ -157,7 +161,7 @@ def _turns(values: FloatArray, least: float) -> IntArray:
 
 SegmentKind = Literal["loading", "unloading", "reloading", "hold", "rest"]
 
-_TURN_SHARE = 0.02
+TURN_SHARE = 0.02
 """A way back of less than this share of the range of travel is no turn. Chosen: machines settle and
 overshoot by less, no cycle that is meant is so small."""
 
@@ -187,10 +191,6 @@ through, and one more."""
 _MOST_SEGMENTS = 24
 """Of a path; more cycles are compared in groups. Numerical: of more, `PATH_STEPS` would leave fewer
 than two to some."""
-
-_BEARING_SHARE = 0.2
-"""A specimen bears load above this share of its largest load so far. Chosen: a broken one bears
-next to nothing."""
 
 _BACK_SHARE = 0.5
 """A fall of the load is no rupture if so much of the load comes back later. Chosen: a broken
@@ -467,15 +467,13 @@ def _unbroken(
                 end = last
         elif kind == "unloading":
             back = travel[first] - travel[first + 1 : last + 1]
-            near = max(1, int(np.sum(back < _TURN_SHARE * float(np.ptp(travel)))))
+            near = max(1, int(np.sum(back < TURN_SHARE * float(np.ptp(travel)))))
             # What broke at the turn bears nothing behind it; a row that was lost hides no way back.
-            if np.median(part[1 : 1 + near]) < _BEARING_SHARE * part[0]:
+            if np.median(part[1 : 1 + near]) < BROKEN_SHARE * part[0]:
                 return kept, True
         elif kind == "hold":
             none = np.flatnonzero(part < 0.5 * BROKEN_SHARE * float(part[0]))
-            end = (
-                first + int(none[0]) - 1 if len(none) and part[0] > _BEARING_SHARE * peak else last
-            )
+            end = first + int(none[0]) - 1 if len(none) and part[0] > BROKEN_SHARE * peak else last
         peak = max(peak, float(np.max(part)))
         farthest = max(farthest, float(travel[last]))
         if end > first:
@@ -510,10 +508,6 @@ _HOLD_DECADES = 1000.0
 """How long a hold is, over the time from which its steps lie evenly in the logarithm of time.
 Numerical: three decades; of a hold of 240 s from 0.24 s on, when machines
 have stopped."""
-
-_TRAVEL_TOLERANCE = 0.03
-"""Of the longest travel, between ends of segments of one test. Chosen: machines turn to within 1 %;
-as much as jetted specimens scatter by."""
 
 _TIME_TOLERANCE = 0.1
 """Relative difference of speeds and of times of segments of one test. Physical: a tenth of a rate
@@ -610,7 +604,7 @@ def same_path(one: Path, other: Path) -> bool:
         return min(ends) > _SHORTEST_SHARE * max(ends)
     spread = max(segment.end_mm for segment in one.segments)
     return all(
-        abs(a.end_mm - b.end_mm) <= _TRAVEL_TOLERANCE * spread
+        abs(a.end_mm - b.end_mm) <= _SCATTER * spread
         and abs((a.end_s - a.begin_s) / (b.end_s - b.begin_s) - 1.0) <= _TIME_TOLERANCE
         for a, b in zip(one.segments, other.segments, strict=True)
     )

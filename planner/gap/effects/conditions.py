@@ -310,10 +310,6 @@ def _fractional(setup: Setup, values: Values) -> Setup:
     return _relaxing(setup, spectrum_at)
 
 
-_TREND = 1.0
-"""Of the logarithm of the share, from the middle of the palette to its ends. Chosen: soft and
-middling mixtures relax some times as much as others."""
-
 _TILT = 0.1
 """Of ln stress from small strains to large. Chosen: relaxation is not quite the same at all
 strains."""
@@ -327,7 +323,7 @@ def _smooth_spectrum(setup: Setup, values: Values) -> Setup:
     def spectrum_at(places: FloatArray) -> FloatArray:
         u = 2.0 * places - 1.0
         more = values.get("trend", 0.0) * u + values.get("bend", 0.0) * (1.5 * u * u - 0.5)
-        share = values["share"] * np.exp(_TREND * more)
+        share = values["share"] * np.exp(more)
         return np.asarray(kept_below(share, _MOST_RELAXING)[:, None] * parts)
 
     tilted = setup.with_(log_tilt=setup.log_tilt + _TILT * values.get("tilt", 0.0))
