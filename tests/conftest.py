@@ -84,6 +84,15 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
     return None
 
 
+@pytest.fixture(scope="module", autouse=True)
+def _small_pictures(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Draw small what lies beside each plan where no test looks at it: whole, it takes 0.2 s."""
+    with pytest.MonkeyPatch.context() as patch:
+        if request.path.parent.name == "unit" and request.path.stem != "test_picture":
+            patch.setattr("planner.plan._PICTURE", (96, 64))
+        yield
+
+
 Planned = Callable[..., Campaign]
 Imitated = Callable[..., Campaign]
 
