@@ -11,6 +11,7 @@ import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
+from functools import lru_cache
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Literal
@@ -371,6 +372,7 @@ def load_palette(path: str | Path) -> Palette:
     return parse_palette(data, name=str(path))
 
 
+@lru_cache(maxsize=16)  # a command asks for its palette several times
 def parse_palette(data: bytes, *, name: str) -> Palette:
     """Make a palette of a palette file's bytes; `name` is what errors call it.
 

@@ -17,6 +17,7 @@ import sys
 import threading
 import time
 from collections.abc import Sequence
+from functools import cache
 from types import FrameType
 from typing import Annotated, Any
 
@@ -156,15 +157,17 @@ def _end_in_time() -> None:
     threading.Thread(target=watch, daemon=True).start()
 
 
+_command = cache(typer.main.get_command)
+"""Commands as typer makes them of functions' types, which takes as long as many a command."""
+
+
 def _dispatch(arguments: list[str], commands: typer.Typer) -> int:
     from planner.errors import ArgumentError
 
     # The common base of usage errors has no public name in typer.
-    bases = typer.BadParameter.__mro__
-    usage_error: Any = next(base for base in bases if base.__name__ == "ClickException")
-    command = typer.main.get_command(commands)
+    usage_error: Any = next(b for b in typer.BadParameter.__mro__ if b.__name__ == "ClickException")
     try:
-        result = command.main(
+        result = _command(commands).main(
             args=arguments or ["--help"], prog_name="planner", standalone_mode=False
         )
     except usage_error as error:
@@ -181,7 +184,7 @@ def _dispatch(arguments: list[str], commands: typer.Typer) -> int:
 def _with_options(message: str, commands: typer.Typer) -> str:
     """Show arguments, which a message names between backticks, as the options that give them."""
     options: dict[str, str] = {}
-    groups: list[Any] = [typer.main.get_command(app), typer.main.get_command(commands)]
+    groups: list[Any] = [_command(app), _command(commands)]
     for command in groups:  # which grows by the groups within
         groups += getattr(command, "commands", {}).values()
         options |= {p.name: _long(p.opts) for p in command.params if p.opts}

@@ -80,6 +80,11 @@ def problem_of(campaign: Campaign) -> Problem:
     return set_up(campaign, observation_model(campaign), [])
 
 
+@cache
+def clean_problem(spacing_mm: float, facet_mm: float, *, stated: bool) -> Problem:
+    return problem_of(clean(spacing_mm, facet_mm, stated=stated))
+
+
 def surprise(problem: Problem) -> FloatArray:
     """How far each local strain lies from what all others and the nuisances make of it, in sd."""
     table, noise = problem.table, problem.noise
@@ -95,7 +100,7 @@ def surprise(problem: Problem) -> FloatArray:
 @pytest.mark.parametrize("facet_mm", [0.0, 0.6, 1.2, 3.0])
 @pytest.mark.parametrize("spacing_mm", [1.0, pytest.param(0.5, marks=pytest.mark.slow)])
 def test_a_clean_campaign_has_no_bias_at_steps(spacing_mm, facet_mm, stated) -> None:
-    problem = problem_of(clean(spacing_mm, facet_mm, stated=stated))
+    problem = clean_problem(spacing_mm, facet_mm, stated=stated)
     far = surprise(problem)
     # 120 figures and more, whose deviations share nuisances: a mean square of 1 is known to some
     # 15 %, and of such a number 4 deviations are passed once in 100.
@@ -141,10 +146,10 @@ def test_places_on_steps_are_seen_on_the_side_where_they_lie() -> None:
 
 
 def test_a_replicate_without_camera_counts_for_the_forces() -> None:
-    campaign = clean(1.0, 1.2, stated=True)
-    first, *others = campaign.specimens
-    blind = replace(campaign, specimens=(replace(first, strain_field=None), *others))
-    freedom = [problem_of(c).scatter.degrees_of_freedom for c in (campaign, blind)]
+    seen = clean_problem(1.0, 1.2, stated=True)
+    first, *others = seen.campaign.specimens
+    blind = replace(seen.campaign, specimens=(replace(first, strain_field=None), *others))
+    freedom = [problem.scatter.degrees_of_freedom for problem in (seen, problem_of(blind))]
     assert freedom == [6, 6]
 
 
@@ -190,10 +195,10 @@ def test_shares_of_a_bin_add_up_to_one_and_bins_are_means_of_places(facet_mm) ->
 
 def test_places_that_lie_aside_are_no_scatter_of_the_camera() -> None:
     """By half a millimetre, either way from replicate to replicate: 1.5 % of the gauge."""
-    campaign = clean(1.0, 1.2, stated=True)
+    true = clean_problem(1.0, 1.2, stated=True)
     sides = iter([0.25, 0.25, 0.25, -0.25, -0.25, -0.25])
-    aside = with_fields(campaign, lambda f: replace(f, x_mm=f.x_mm + next(sides)))
-    true, moved = problem_of(campaign), problem_of(aside)
+    aside = with_fields(true.campaign, lambda f: replace(f, x_mm=f.x_mm + next(sides)))
+    moved = problem_of(aside)
     assert moved.scatter.field_relative < 1.2 * true.scatter.field_relative
     assert np.mean(surprise(moved) ** 2) < 1.3
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import manifold3d as m3
@@ -324,14 +325,15 @@ TESTED = {
 }  # fmt: skip
 
 
-def at_temperature(palette: Palette, temperature_C: float, **more: float) -> Correction:
-    effect = found("temperature", slope=0.0435)
+@cache
+def at_temperature(temperature_C: float, **more: float) -> Correction:
+    palette, effect = load_palette(PALETTE), found("temperature", slope=0.0435)
     diagnosis = diagnosed(palette, effect, tested=TESTED)
     return correct(diagnosis, palette=palette, temperature_C=temperature_C, **more)
 
 
-def test_the_farther_from_the_tests_the_less_sure_and_it_is_said(palette) -> None:
-    made = {at: at_temperature(palette, at) for at in (33.0, 45.0, 60.0, 90.0)}
+def test_the_farther_from_the_tests_the_less_sure_and_it_is_said() -> None:
+    made = {at: at_temperature(at) for at in (33.0, 45.0, 60.0, 90.0)}
     sds = np.array([[c.log_sd[m] for m in ("TangoPlus", "FLX9760")] for c in made.values()])
     assert (np.diff(sds, axis=0) > 0.0).all()
     # Among the tests: the slope's interval, 0.0435 / 1.645, and forms that may be off by twice
@@ -351,7 +353,7 @@ def test_the_farther_from_the_tests_the_less_sure_and_it_is_said(palette) -> Non
 
 def test_what_others_read_is_corrected_as_the_law_is_and_written_so(palette, tmp_path) -> None:
     """By the same factor, strain by strain: refitted to 5 %, where a law is refitted."""
-    made = at_temperature(palette, 33.0)
+    made = at_temperature(33.0)
     planner.write_palette(made.palette, tmp_path / "warm.toml")
     written = load_palette(tmp_path / "warm.toml")
     with_readings = [m.id for m in palette.materials if m.readings]
@@ -371,16 +373,14 @@ def test_what_others_read_is_corrected_as_the_law_is_and_written_so(palette, tmp
             assert after.modulus_log_sd > before.modulus_log_sd
 
 
-def test_the_plan_is_as_unsure_as_the_correction(palette) -> None:
-    near, far = (
-        planner.list_materials(palette=at_temperature(palette, at).palette) for at in (33.0, 90.0)
-    )
+def test_the_plan_is_as_unsure_as_the_correction() -> None:
+    near, far = (planner.list_materials(palette=at_temperature(at).palette) for at in (33.0, 90.0))
     widths = [np.log([high / low for low, high in s.intervals_MPa]) for s in (near, far)]
     assert (widths[1] > 2.0 * widths[0]).all()
 
 
 def test_a_material_is_the_less_sure_the_farther_it_lies_from_those_tested(palette) -> None:
-    made = at_temperature(palette, 33.0)
+    made = at_temperature(33.0)
     ids = [m.id for m in palette.materials]
     beyond = [made.log_sd[id] for id in ids[ids.index("FLX9760") :]]
     assert all(np.diff(beyond) > 0.0)
@@ -389,14 +389,14 @@ def test_a_material_is_the_less_sure_the_farther_it_lies_from_those_tested(palet
     assert any("VeroWhitePlus: beyond what was tested (TangoPlus to" in n for n in made.notes)
 
 
-def test_a_condition_that_no_effect_was_found_of_is_told_where_it_was_not_tested(palette) -> None:
-    faster = at_temperature(palette, 33.0, rate_per_s=3.4)
+def test_a_condition_that_no_effect_was_found_of_is_told_where_it_was_not_tested() -> None:
+    faster = at_temperature(33.0, rate_per_s=3.4)
     assert any(
         n.startswith("a strain rate of 3.4 per s lies beyond the tested 0.034 to 0.34 per s")
         and "not known" in n
         for n in faster.notes
     )
-    within = at_temperature(palette, 33.0, rate_per_s=0.1)
+    within = at_temperature(33.0, rate_per_s=0.1)
     assert not any("strain rate" in n for n in within.notes)
 
 
@@ -466,7 +466,7 @@ def test_a_corrected_palette_moves_the_cuts_and_the_target_is_met(palette, tmp_p
     bar = m3.Manifold.cube([40.0, 8.0, 6.0]).to_mesh()
     part = (np.asarray(bar.vert_properties[:, :3]), np.asarray(bar.tri_verts))
     first = planner.grade(part, from_="Tango", to="FLX9795", palette=palette)
-    made = at_temperature(palette, 33.0)
+    made = at_temperature(33.0)
     second = planner.grade(part, like=first, palette=made.palette)
     true = planner.list_materials(palette=made.palette)
     target = Profile("same", (0.0, 1.0), first.gradient.profile["moduli_MPa"], "log")
