@@ -17,6 +17,7 @@ __all__ = [
     "data_script",
     "encode_page",
     "figure",
+    "filled",
     "findings_card",
     "geometry",
     "head",
@@ -200,7 +201,7 @@ def findings_card(messages: Sequence[tuple[str, bool]]) -> Iterator[str]:
 # The 3D view: its frame and controls, and what it reads of each shell.
 
 
-def _filled(name: str, **words: str) -> str:
+def filled(name: str, /, **words: str) -> str:
     """Return a file of the viewer with words in their places, as HTML."""
     return Template(asset(name)).substitute(words)
 
@@ -223,7 +224,7 @@ def stage(label: str, words: str, note: str = "", no_view: str = _NO_VIEW) -> st
         What to look at where there is none.
     """
     told = f'\n<p class="read" id="simplified">{note}</p>' if note else ""
-    return _filled(
+    return filled(
         "stage.html", label=escape(label), words=escape(words), note=told, no_view=no_view
     )
 
@@ -233,17 +234,12 @@ def section_controls(ways: Sequence[str]) -> str:
     choices = (
         f'<label><input type="radio" name="section" value="{name}"> {name}</label>' for name in ways
     )
-    return _filled("section.html", ways="\n".join(choices))
+    return filled("section.html", ways="\n".join(choices))
 
 
 def load_slider(name: str, count: int, value: int) -> str:
     """Return the beginning of the controls of a load: which of so many steps is seen, in words."""
-    return (
-        '<fieldset id="load" data-needs-view hidden><legend>Load</legend><div class="slide">\n'
-        f'<input type="range" id="{name}step" min="0" max="{count - 1}" value="{value}" step="1" '
-        'aria-label="Step of the load">\n'
-        f'<output id="{name}step-words" for="{name}step"></output></div>'
-    )
+    return filled("load.html", name=name, last=f"{count - 1}", value=f"{value}")
 
 
 def scale_bar(colours: Iterable[str]) -> str:

@@ -451,13 +451,7 @@ def _materials(source: _PlanSource, colours: Mapping[str, str]) -> Iterator[str]
             '<p class="note quiet">Colours run from soft (yellow) to hard (violet): the '
             "palette's own are too alike to be told apart.</p>"
         )
-    yield '<div class="all" data-needs-view hidden>'
-    yield '<button type="button" id="show-all">Show all</button>'
-    yield '<button type="button" id="hide-all">Hide all</button>'
-    yield (
-        '<label class="tick"><input type="checkbox" id="edges" checked> edges</label></div>'
-        "</fieldset>"
-    )
+    yield page.asset("all.html")
 
 
 def _material_items(
@@ -736,12 +730,7 @@ def _compared(
     yield '<main>\n<div class="pair">'
     displays = [shown(source.shells) for source in sources]
     for side, plan in zip(_SIDES, plans, strict=True):
-        yield (
-            f'<section class="stage" aria-label="3D view of {side}"><canvas id="view-{side}" '
-            f'tabindex="0" role="application" aria-label="Plan {side}: {escape(plan.part.file)} '
-            f'in its materials, 3D view"></canvas><b class="side" aria-hidden="true">{side}</b>'
-            '<p class="no-view" hidden>This browser shows no 3D graphics (WebGL 2).</p></section>'
-        )
+        yield page.filled("side.html", side=side, part=escape(plan.part.file))
     yield "</div>"
     yield '<div class="shared" data-needs-view hidden>'
     yield '<div class="panel">'
