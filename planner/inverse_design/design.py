@@ -580,15 +580,10 @@ _LARGER = 2.0
 
 
 def _searched(
-    problem_on: "Callable[..., DesignProblem]",
-    edge_mm: float,
-    mesh: Mesh,
-    begun: FloatArray | None,
-    tolerance: float,
-    progress: Callable[[str], None],
-    *,
+    problem_on: "Callable[..., DesignProblem]", edge_mm: float, mesh: Mesh,
+    begun: FloatArray | None, tolerance: float, progress: Callable[[str], None], *,
     is_lattice: bool,
-) -> "tuple[Found, DesignProblem, list[Ends]]":
+) -> "tuple[Found, DesignProblem, list[Ends]]":  # fmt: skip
     """Search in larger cells first, then in those asked for.
 
     Returns

@@ -439,14 +439,9 @@ to a small part of the tolerance."""
 
 
 def search(
-    problem: DesignProblem,
-    start: FloatArray,
-    *,
-    tolerance: float,
-    most: int = 25,
-    radius: float = 0.25,
-    progress: Callable[[int, float], None] = lambda tried, off: None,
-) -> Found:
+    problem: DesignProblem, start: FloatArray, *, tolerance: float, most: int = 25,
+    radius: float = 0.25, progress: Callable[[int, float], None] = lambda tried, off: None,
+) -> Found:  # fmt: skip
     """Return the gradient that misses targets and limits least, and pleases most among those.
 
     Sequential quadratic programming with the wish's own curvature: at each step the targets and

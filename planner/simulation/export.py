@@ -535,12 +535,9 @@ def _names(levels: FloatArray, model: CoefficientModel) -> Iterator[str]:
 
 
 def _material(
-    made: ExportedMaterial,
-    elements: IntArray,
-    model: CoefficientModel,
-    solver: Solver,
+    made: ExportedMaterial, elements: IntArray, model: CoefficientModel, solver: Solver,
     to_strain: float,
-) -> tuple[ExportedMaterial, InpMaterial]:
+) -> tuple[ExportedMaterial, InpMaterial]:  # fmt: skip
     """Return a material with its law: its curve, or what CalculiX has that is nearest."""
     materials, at = model.palette.materials, model.coordinates
     end, density = (
@@ -631,12 +628,9 @@ def _law_notes(
 
 
 def _inp(
-    mesh: _Hexahedra,
-    remarks: list[str],
-    materials: Sequence[InpMaterial],
-    part: Mesh,
+    mesh: _Hexahedra, remarks: list[str], materials: Sequence[InpMaterial], part: Mesh,
     case: LoadCase,
-) -> InpModel:
+) -> InpModel:  # fmt: skip
     low, high = mesh.node_mm.min(axis=0), mesh.node_mm.max(axis=0)
     ends = {
         f"{axis}{end}": np.flatnonzero(np.abs(mesh.node_mm[:, a] - place[a]) < 1e-6 * edge)

@@ -229,13 +229,9 @@ class LoadSteps:
 
 
 def respond(
-    mechanics: Mechanics,
-    model: CoefficientModel,
-    *,
-    steps: int = 1,
-    level: float = 0.95,
+    mechanics: Mechanics, model: CoefficientModel, *, steps: int = 1, level: float = 0.95,
     progress: Progress | None = None,
-) -> LoadSteps:
+) -> LoadSteps:  # fmt: skip
     """Load a body step by step.
 
     Parameters
@@ -361,13 +357,9 @@ def answers(mechanics: Mechanics, state: Equilibrium) -> "Iterator[tuple[Respons
     on, share, u = mechanics.conditions, state.share, state.displacement_mm
 
     def answer(
-        kind: str,
-        faces: Condition,
-        force_N: FloatArray,
-        direction: FloatArray | None,
-        weights: _Weights | None = None,
-        **turned: Any,
-    ) -> tuple[Response, _Weights]:
+        kind: str, faces: Condition, force_N: FloatArray, direction: FloatArray | None,
+        weights: _Weights | None = None, **turned: Any,
+    ) -> tuple[Response, _Weights]:  # fmt: skip
         points = mechanics.points_of(faces.facets)
         moved = mechanics.mean(points, u)
         if direction is None:
@@ -409,13 +401,9 @@ def _turn_weights(
 
 
 def _responses(
-    mechanics: Mechanics,
-    over_steps: "Sequence[Sequence[tuple[Response, _Weights]]]",
-    last: Equilibrium,
-    factored: "Factor",
-    model: CoefficientModel,
-    level: float,
-) -> Iterator[Response]:
+    mechanics: Mechanics, over_steps: "Sequence[Sequence[tuple[Response, _Weights]]]",
+    last: Equilibrium, factored: "Factor", model: CoefficientModel, level: float,
+) -> Iterator[Response]:  # fmt: skip
     normal = normal_quantile(level)
     sds = log_stress_sds(mechanics, last, model, normal)
     for steps in zip(*over_steps, strict=True):
@@ -433,16 +421,9 @@ def _responses(
 
 
 def figure_interval(
-    mechanics: Mechanics,
-    state: Equilibrium,
-    factored: "Factor",
-    weights: FloatArray,
-    figure: float,
-    sds: tuple[FloatArray, FloatArray],
-    normal: float,
-    *,
-    positive: bool = False,
-) -> tuple[float, float]:
+    mechanics: Mechanics, state: Equilibrium, factored: "Factor", weights: FloatArray,
+    figure: float, sds: tuple[FloatArray, FloatArray], normal: float, *, positive: bool = False,
+) -> tuple[float, float]:  # fmt: skip
     """Return the interval of a figure whose nodal weights, (N, 3), are given.
 
     Errors of the grades go together, as in a bar: all softer than thought, or all stiffer, by
