@@ -20,7 +20,6 @@ from planner.report.simulation_figures import simulation_figure
 from planner.report.svg import INK, Chart
 from planner.simulation.element import shape_functions
 from planner.simulation.part import PartSimulation
-from planner.simulation.response import hats, in_cells
 from planner.simulation.simulate import called
 
 __all__ = [
@@ -332,9 +331,8 @@ def _cuts(result: PartSimulation) -> Iterator[_PartCut]:
         values = np.full(places.shape[:2], np.nan)
         if not outside.all():
             inside = ~outside.reshape(values.shape)
-            _, cell, local = in_cells(result.cells, places[inside])
-            of_cell = result.steps.fields.strain_over_break[cell]
-            values[inside] = np.einsum("mc,mc->m", hats(local), of_cell)
+            _, cell, local = result.cells.nearest_points(places[inside])
+            values[inside] = result.steps.fields.over_break_at(cell, local)
         yield _PartCut(across, along, up, at, x, y, step, values, np.asarray(place))
 
 
@@ -610,7 +608,7 @@ def part_volume(result: PartSimulation) -> bytes:
     low = steps[(steps < _ACROSS).all(axis=1)]
     at = (low[:, None] + _CORNERS) @ np.array([(_ACROSS + 1) ** 2, _ACROSS + 1, 1])
     corners, cell = number[:, at].reshape(-1, 8), np.repeat(np.arange(len(number)), len(low))
-    point, of, inner = in_cells(cells, points[corners].mean(axis=1))
+    point, of, inner = cells.nearest_points(points[corners].mean(axis=1))
     mine = of == cell  # another piece of material may stand there
     corners, cell, point, inner = corners[mine], cell[mine], point[mine], inner[mine]
 
@@ -628,7 +626,7 @@ def part_volume(result: PartSimulation) -> bytes:
         return np.concatenate([values, a + kept.share[:, None] * (b - a)])
 
     used = np.concatenate([kept.of_hexahedron, kept.of_wedge, kept.of_tetrahedron])
-    point, shares = point[used], hats(inner[used])
+    point, over_break = point[used], fields.over_break_at(cell[used], inner[used])
     return encode_vtu(
         cut(points),
         [kept.hexahedra, kept.wedges, kept.tetrahedra],
@@ -638,9 +636,7 @@ def part_volume(result: PartSimulation) -> bytes:
             "coordinate": coordinate[point],
             "stress_MPa": fields.stress_MPa[point].astype(np.float32),
             "energy_MPa": fields.energy_MPa[point].astype(np.float32),
-            "strain_over_break": np.einsum(
-                "mc,mc->m", shares, fields.strain_over_break[cell[used]]
-            ).astype(np.float32),
+            "strain_over_break": over_break.astype(np.float32),
             "cell": cell[used].astype(np.int32),
         },
     )

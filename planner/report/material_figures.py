@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 from functools import partial
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -19,11 +19,7 @@ from planner.palette import Material
 from planner.report import svg
 from planner.report.svg import BLUE, GREY, INK, PALE_BLUE, QUIET, RUST, Chart, Panel
 
-__all__ = [
-    "characterisation_figure",
-    "fit_figure",
-    "materials_figure",
-]
+__all__ = ["characterisation_figure", "fit_figure", "materials_figure"]
 
 
 _SMALL, _LETTER, _LINE = 11.0, 6.3, 12.0
@@ -93,29 +89,22 @@ def materials_figure(scale: StiffnessScale) -> bytes:
 
 def _ladder(scale: StiffnessScale) -> Iterator[str]:
     materials, strain = scale.palette.materials, scale.at_strain
-    grades = [material.coordinate for material in materials]
-    m = scale.model.coordinates_between(_PLACES)
-    low, high = scale.model.modulus_interval_MPa(m, strain)
     others = [
         (material.coordinate, float(secant_modulus_MPa(make_law(reading.law), held)))
         for material in materials
         for reading in material.readings
         for held in [min(strain, material.elongation_at_break)]
     ]
-    most = max([float(high.max()), *(modulus for _, modulus in others)])
-    room = 0.05 * (grades[-1] - grades[0]) or 0.5
-    x_range, y_range = (grades[0] - room, grades[-1] + room), _decades(float(low.min()), most)
-    chart = Chart(_LEFT, _TOP, _WIDTH, _HEIGHT, x_range, y_range)
-    yield chart.band(m, np.log10(low), np.log10(high))
-    yield from chart.frame(
-        x_label="coordinate m of the material",
-        y_label=f"secant modulus at strain {strain:g}, MPa",
-        y_log=True,
-    )
-    yield chart.line(m, np.log10(scale.model.modulus_MPa(m, strain)), colour=BLUE)
+    chart, drawn = _moduli(
+        scale.model, strain, (_LEFT, _TOP, _WIDTH, _HEIGHT), (0.05, 0.05), _PLACES, BLUE,
+        most=max((modulus for _, modulus in others), default=0.0),
+        x_label="coordinate m of the material", y_label=f"secant modulus at strain {strain:g}, MPa",
+    )  # fmt: skip
+    yield from drawn
     for coordinate, modulus in others:
         yield svg.ring(chart.x(coordinate), _log_y(chart, modulus), colour=RUST, radius=4.5)
-    at = [(chart.x(c), _log_y(chart, v)) for c, v in zip(grades, scale.moduli_MPa, strict=True)]
+    each = zip(scale.model.coordinates.tolist(), scale.moduli_MPa, strict=True)
+    at = [(chart.x(coordinate), _log_y(chart, modulus)) for coordinate, modulus in each]
     for (x, y), ends, material in zip(at, scale.intervals_MPa, materials, strict=True):
         bottom, top = (_log_y(chart, end) for end in ends)
         yield svg.segment((x, bottom), (x, top), colour=BLUE)
@@ -154,12 +143,10 @@ def _stresses(scale: StiffnessScale, left: float) -> Iterator[str]:
     # Names stand behind the ends of the curves.
     letters = max(len(material.id) for material in materials)
     reach = longest / (1.0 - (_LETTER * letters + 14.0) / _WIDTH)
-    y_range = _decades(min(stresses), max(stresses))
+    y_range = _with_room(np.log10([min(stresses), max(stresses)]), 0.05)
     chart = Chart(left, _TOP, _WIDTH, _HEIGHT, (0.0, reach), y_range)
     yield from chart.frame(
-        x_label="strain",
-        y_label="nominal stress of each law to its break, MPa",
-        y_log=True,
+        x_label="strain", y_label="nominal stress of each law to its break, MPa", y_log=True
     )
     if scale.at_strain < longest:
         x = chart.x(scale.at_strain)
@@ -195,11 +182,34 @@ def _log_y(chart: Chart, value: float) -> float:
     return chart.y(float(np.log10(value)))
 
 
-def _decades(low: float, high: float) -> tuple[float, float]:
-    """Return the logarithms of a range with some room on either side."""
-    ends = np.log10([low, high])
-    room = 0.05 * float(ends[1] - ends[0]) or 0.5
-    return float(ends[0]) - room, float(ends[1]) + room
+def _moduli(
+    model: CoefficientModel, strain: float, box: tuple[float, float, float, float],
+    room: tuple[float, float], places: int, colour: str, *, most: float = 0.0, **labels: Any,
+) -> tuple[Chart, list[str]]:  # fmt: skip
+    """Return a chart of secant moduli over the coordinate, and what is drawn: line and interval.
+
+    Parameters
+    ----------
+    room
+        Share of both axes beyond what is drawn, on either side.
+    places
+        Drawn between two grades.
+    most
+        A modulus that has room too.
+    """
+    grades, m = model.coordinates, model.coordinates_between(places)
+    low, high = model.modulus_interval_MPa(m, strain)
+    ends = np.log10([low.min(), max(most, high.max())])
+    chart = Chart(*box, _with_room(grades, room[0]), _with_room(ends, room[1]))
+    line = chart.line(m, np.log10(model.modulus_MPa(m, strain)), colour=colour)
+    band = chart.band(m, np.log10(low), np.log10(high))
+    return chart, [band, *chart.frame(y_log=True, **labels), line]
+
+
+def _with_room(ends: FloatArray, share: float) -> tuple[float, float]:
+    """Return a range with some room on either side."""
+    room = share * float(ends[-1] - ends[0]) or 0.5
+    return float(ends[0]) - room, float(ends[-1]) + room
 
 
 # ------------------------------------------------------------------------------------------------
@@ -551,27 +561,15 @@ def _ladder_strains(model: CoefficientModel) -> list[float]:
 def _fit_ladder(
     study: PaletteStudy, model: CoefficientModel, strain: float, left: float, top: float
 ) -> Iterator[str]:
-    grades = model.coordinates
-    m = model.coordinates_between(_MIXTURES)
-    low, high = model.modulus_interval_MPa(m, strain)
-    room = 0.04 * float(grades[-1] - grades[0])
-    least, most = np.log10([low.min(), high.max()]).tolist()
-    spare = 0.06 * (most - least)
-    chart = Chart(
-        left, top, _PANEL_WIDTH, _FIT_HEIGHT,
-        (float(grades[0]) - room, float(grades[-1]) + room), (least - spare, most + spare),
-    )  # fmt: skip
-    yield chart.band(m, np.log10(low), np.log10(high))
     where = "at rest" if strain == 0.0 else f"at strain {strain:g}"
-    yield from chart.frame(
-        x_label="coordinate m",
-        y_label=f"secant modulus {where}, MPa",
-        y_log=True,
-        most_ticks=6,
-    )
-    yield chart.line(m, np.log10(model.modulus_MPa(m, strain)), colour=INK, width=2.0)
+    chart, drawn = _moduli(
+        model, strain, (left, top, _PANEL_WIDTH, _FIT_HEIGHT), (0.04, 0.06), _MIXTURES, INK,
+        x_label="coordinate m", y_label=f"secant modulus {where}, MPa", most_ticks=6,
+    )  # fmt: skip
+    yield from drawn
     if study.quadratic is not None and strain > 0.0:
         of = np.array([row.curve.coordinate for row in study.quadratic.rows])
+        m = model.coordinates_between(_MIXTURES)
         x = m[(m >= of[0]) & (m <= of[-1])]
         y = study.quadratic.quadratics.model.literal_stress_MPa(x, strain) / strain
         # What is not above zero has no logarithm, and lies below the chart.
@@ -633,11 +631,8 @@ def _coefficient(found: QuadraticStudy, which: int, left: float, top: float) -> 
     through = found.through.coefficients(m)[:, which]
     low, high = _ends(np.concatenate([own, last, through]))
     spare = 0.08 * (high - low) or 1.0
-    room = 0.04 * float(grades[-1] - grades[0])
-    chart = Chart(
-        left, top, _PANEL_WIDTH, _FIT_HEIGHT,
-        (float(grades[0]) - room, float(grades[-1]) + room), (low - spare, high + spare),
-    )  # fmt: skip
+    y_range = (low - spare, high + spare)
+    chart = Chart(left, top, _PANEL_WIDTH, _FIT_HEIGHT, _with_room(grades, 0.04), y_range)
     unit = ", MPa" if which % 2 == 0 else ""
     yield from chart.frame(x_label="coordinate m", y_label=f"c{which + 1}{unit}", most_ticks=6)
     yield chart.line(m, through, colour=GREY, width=1.6, dash="2,3")

@@ -12,14 +12,7 @@ import numpy as np
 
 from planner.materials.marlow import POISSON, MarlowTable
 from planner.numerics import BoolArray, FloatArray, IntArray
-from planner.simulation.element import (
-    LOCAL,
-    advance,
-    assemble,
-    observe,
-    pull,
-    shape_functions,
-)
+from planner.simulation.element import LOCAL, SIX, advance, assemble, observe, pull, shape_functions
 from planner.simulation.loads import couple
 
 if TYPE_CHECKING:
@@ -27,13 +20,7 @@ if TYPE_CHECKING:
     from planner.simulation.loads import Conditions
     from planner.simulation.sparse_cholesky import Analysis, Factor
 
-__all__ = [
-    "Body",
-    "Equilibrium",
-    "LostStabilityError",
-    "Mechanics",
-    "spread",
-]
+__all__ = ["Body", "Equilibrium", "LostStabilityError", "Mechanics", "spread"]
 
 
 _PENALTY = 1e6
@@ -876,3 +863,12 @@ class Observed(NamedTuple):
     isochoric: FloatArray
     volumetric: FloatArray
     over_m: FloatArray
+
+    def largest_stretch(self) -> tuple[FloatArray, FloatArray]:
+        """Return the largest principal stretch at the points, and its direction.
+
+        Its derivative over the strain is the direction's square over the stretch.
+        """
+        square = np.eye(3) + 2.0 * self.strain[:, SIX]
+        values, vectors = np.linalg.eigh(square)
+        return np.sqrt(np.maximum(values[:, 2], 0.0)), vectors[:, :, 2]
