@@ -122,14 +122,11 @@ def _body(results: Sequence[PartSimulation]) -> Iterator[str]:
     notes = dict.fromkeys(note for one in results for note in (*summary_words(one), *one.notes))
     items = "".join(f"<li>{escape(note)}</li>" for note in notes)
     yield from page.section("notes-title", "Notes", [f'<ul class="notes">{items}</ul>'])
-    yield "</div>\n</main>\n<footer>"
     shown, of = len(faces), len(result.cells.surface.faces)
     simplified = f", simplified for display to {shown} of {of} triangles" if shown < of else ""
-    yield (
-        f"<p>Places are in the coordinates of the part's own file, in mm{simplified}.</p>\n"
-        f"<p>planner {__version__}; palette {escape(result.palette.name)} "
-        f"{result.palette.sha256[:16]}. 3D view by three.js r187, MIT licence, whose text is in "
-        "this file.</p>\n</footer>"
+    palette = f"{escape(result.palette.name)} {result.palette.sha256[:16]}"
+    yield page.filled(
+        "part-footer.html", simplified=simplified, version=__version__, palette=palette
     )
     data, rest, moved = _packed(results, kept, faces, top)
     yield page.data_script("data", data)
@@ -161,17 +158,10 @@ def _header(results: Sequence[PartSimulation]) -> Iterator[str]:
 
 
 def _legend(top: float) -> Iterator[str]:
-    yield '<section class="card" aria-labelledby="legend-title">'
-    yield '<h2 id="legend-title">Strain over elongation at break</h2>'
-    yield page.scale_bar(_SCALE)
-    yield '<div class="scale-figures">'
-    yield "".join(f"<span>{top * share:.3g}</span>" for share in (0.0, 0.25, 0.5, 0.75, 1.0))
-    yield "</div>"
+    spans = (f"<span>{top * share:.3g}</span>" for share in (0.0, 0.25, 0.5, 0.75, 1.0))
+    yield page.filled("legend.html", bar=page.scale_bar(_SCALE), figures="".join(spans))
     if top == 1.0:
-        yield (
-            f'<p class="note"><span class="beyond" style="background:{_BROKEN}"></span> above 1: '
-            "a print would break here</p>"
-        )
+        yield page.filled("beyond.html", colour=_BROKEN)
     yield "</section>"
 
 

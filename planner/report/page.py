@@ -66,33 +66,21 @@ def encode_page(
     """
     own = "\n".join(map(asset, ("viewer.js", *scripts) if view else scripts))
     texts = (*([_library()] if view else []), f"{own}\n")
-    allowed = " ".join(f"'sha256-{_integrity(text)}'" for text in texts)
+    hashes = (hashlib.sha256(text.encode("utf-8")).digest() for text in texts)
+    allowed = " ".join(f"'sha256-{base64.b64encode(each).decode()}'" for each in hashes)
     sheets = "\n".join(asset(name) for name in ("base.css", *styles))
-    lines = [
-        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">',
-        *([stamp] if stamp else []),
-        f'<meta http-equiv="Content-Security-Policy" content="default-src \'none\'; '
-        f"script-src {allowed}; style-src 'unsafe-inline'; base-uri 'none'; "
-        "form-action 'none'\">",
-        '<meta name="viewport" content="width=device-width, initial-scale=1">',
-        f"<title>{escape(title)}</title>",
-        f"<style>\n{sheets}\n</style>\n</head>",
-        f'<body class="{kind}">' if kind else "<body>",
-        *body,
-        *(f"<script>{text}</script>" for text in texts),
-        "</body>\n</html>\n",
-    ]
-    return "\n".join(lines).encode("utf-8")
+    whole = filled(
+        "page.html", stamp=stamp and f"{stamp}\n", allowed=allowed, title=escape(title),
+        sheets=sheets, kind=kind and f' class="{kind}"', body="\n".join(body),
+        scripts="\n".join(f"<script>{text}</script>" for text in texts),
+    )  # fmt: skip
+    return f"{whole}\n".encode()
 
 
 def _library() -> str:
     """Return the library of the 3D view, under its licence."""
     licence = asset("THREE-LICENSE.txt")
     return f"/* three.js r187, bundled by esbuild.\n\n{licence}\n*/\n{asset('three.min.js')}\n"
-
-
-def _integrity(script: str) -> str:
-    return base64.b64encode(hashlib.sha256(script.encode("utf-8")).digest()).decode()
 
 
 def packed(parts: Iterable[bytes]) -> str:

@@ -281,7 +281,7 @@ def read_conditions(surface: Mesh, case: LoadCase) -> Conditions:
     forces = tuple(Force(s, facets, (x, y, z)) for s, facets, (x, y, z) in loads("load", 3))
     moments = tuple(Moment(s, facets, (x, y, z)) for s, facets, (x, y, z) in loads("moment", 3))
     pressures = tuple(Pressure(s, facets, p) for s, facets, (p,) in loads("pressure", 1))
-    weight = None if case.gravity is None else _gravity(case.gravity)
+    weight = None if case.gravity is None else _direction(case.gravity, "`gravity`")
     moving = any(any(support.displacement_mm) for support in supports)
     if not (forces or moments or pressures or weight or moving):
         raise ArgumentError(
@@ -344,11 +344,11 @@ def palette_densities(palette: Palette, cases: Sequence[LoadCase]) -> tuple[Floa
     return np.array([material.coordinate for material in palette.materials]), densities
 
 
-def _gravity(gravity: str | Sequence[float]) -> Point:
+def _direction(given: str | Sequence[float], where: str) -> Point:
     try:
-        return unit_direction(gravity)
+        return unit_direction(given)
     except ArgumentError as error:
-        raise ArgumentError(f"`gravity`: {error}") from error
+        raise ArgumentError(f"{where}: {error}") from error
 
 
 # ------------------------------------------------------------------------------------------------
@@ -572,10 +572,7 @@ def _turned(faces: _Faces, text: str, where: str) -> _Caught:
     found = _NORMAL.fullmatch(text.strip())
     if found is None:
         raise ArgumentError(f"{where}: write normal:DIRECTION within DEGREES: normal:+z within 20")
-    try:
-        direction = np.array(unit_direction(found[1]))
-    except ArgumentError as error:
-        raise ArgumentError(f"{where}: {error}") from error
+    direction = np.array(_direction(found[1], where))
     angle = np.degrees(np.arccos(np.clip(faces.normal @ direction, -1.0, 1.0)))
     return angle <= float(found[2]), f"the nearest is turned {angle.min():.3g}° off"
 
