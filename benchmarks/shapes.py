@@ -18,7 +18,7 @@ import planner
 from benchmarks.grade import PLANNER, run_once
 from planner.formats.field_file import encode_vti
 from planner.formats.mesh_file import encode_stl, read_mesh
-from planner.inverse_design.controls import lattice
+from planner.inverse_design.controls import Controls
 from planner.inverse_design.shape import carried_along
 from planner.mesh.distance import closest, triangle_tree
 from planner.mesh.mesh import Mesh
@@ -85,7 +85,7 @@ def manufactured(seed: int, folder: Path, *, cell_mm: float = 3.0) -> tuple[floa
     """
     mesh = block(40.0, 12.0, 6.0, (20, 6, 3))
     rng = np.random.default_rng(seed)
-    controls = lattice(mesh.bounds_mm, (5, 3, 3), [], 0.5)
+    controls = Controls.lattice(mesh.bounds_mm, (5, 3, 3), [], 0.5)
     steps = np.array([24, 8, 8])
     spacing = np.ptp(mesh.bounds_mm, axis=0) / steps
     index = np.stack(np.meshgrid(*(np.arange(n + 1) for n in steps), indexing="ij"), axis=-1)
@@ -109,7 +109,9 @@ def manufactured(seed: int, folder: Path, *, cell_mm: float = 3.0) -> tuple[floa
     )  # fmt: skip
     (row,) = made.reached
     way = row.printed / (row.error or 1.0)
-    found = lattice(mesh.bounds_mm, made.free["counts"], [], 0.5).basis(places) @ made.values
+    found = (
+        Controls.lattice(mesh.bounds_mm, made.free["counts"], [], 0.5).basis(places) @ made.values
+    )
     return row.error or 0.0, (row.largest or 0.0) / way, float(np.corrcoef(truth, found)[0, 1])
 
 

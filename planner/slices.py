@@ -23,7 +23,7 @@ from planner.mesh.mesh import Mesh, compact, weld
 from planner.numerics import IntArray, kernel
 from planner.plan import PartGraded, Plan, plan_file, read_plan, read_shells
 from planner.printers import Printer, load_printer
-from planner.voxels.columns import Grid, check_reach, cover_rows, grid_for, slab_runs, snap
+from planner.voxels.columns import Grid, check_reach, deal_rows, grid_for, slab_runs, snap
 
 __all__ = ["Layer", "SliceStack", "iterate_layers", "write_slices"]
 
@@ -97,10 +97,7 @@ class SlabTriangles:
 
 
 def iterate_slabs(mesh: Mesh, grid: Grid, slab_layers: int) -> Iterator[SlabTriangles]:
-    """Deal a mesh's triangles to slabs of layers, from the lowest up.
-
-    Memory grows with the mesh, not with the number of slabs: triangles are kept while they reach
-    into the slab at hand.
+    """Deal a mesh's triangles to slabs of layers, from the lowest up; see `deal_rows`.
 
     Raises
     ------
@@ -113,19 +110,8 @@ def iterate_slabs(mesh: Mesh, grid: Grid, slab_layers: int) -> Iterator[SlabTria
     if slab_layers < 1:
         raise ArgumentError(f"slab_layers is {slab_layers}; it must be at least 1")
     check_reach(mesh, grid)
-    snapped = snap(mesh.vertices, grid)
-    snapped = np.ascontiguousarray(snapped[:, [1, 2, 0]])
-    low, high = cover_rows(snapped, mesh.faces, ny, nz)
-    rising = np.flatnonzero(low < high).astype(np.int32)
-    rising = rising[np.argsort(low[rising], kind="stable")]
-    begins, taken, members = low[rising], 0, rising[:0]
-    for first in range(0, nz, slab_layers):
-        last = min(first + slab_layers, nz)
-        reached = int(np.searchsorted(begins, last))
-        members = np.append(members[high[members] > first], rising[taken:reached])
-        taken = reached
-        crossed = np.minimum(high[members], last) - np.maximum(low[members], first)
-        spans = int(crossed.sum(dtype=np.int64))
+    snapped = np.ascontiguousarray(snap(mesh.vertices, grid)[:, [1, 2, 0]])
+    for first, last, members, spans in deal_rows(snapped, mesh.faces, ny, nz, slab_layers):
         yield SlabTriangles(grid.shape, first, last, snapped, mesh.faces, members, spans)
 
 
@@ -328,15 +314,17 @@ class _MaterialRuns:
     label: IntArray
     voxels: NDArray[np.int64]
     overlapping: int
+    open_rows: int
 
 
-def _join_shells(shells: Sequence[LayerRuns], ny: int) -> _MaterialRuns:
-    """Join the runs that shells have in the same layers of `ny` rows."""
-    rows = len(shells[0].offsets) - 1
-    before = np.cumsum([0, *(len(runs.start) for runs in shells)])
-    offsets = np.stack([runs.offsets + n for runs, n in zip(shells, before, strict=False)])
-    start = np.concatenate([runs.start for runs in shells])
-    stop = np.concatenate([runs.stop for runs in shells])
+def _join_shells(shells: Sequence[SlabTriangles]) -> _MaterialRuns:
+    """Join the runs that shells have in the same layers."""
+    each, ny = [runs_along_x(shell) for shell in shells], shells[0].shape[1]
+    rows = len(each[0].offsets) - 1
+    before = np.cumsum([0, *(len(runs.start) for runs in each)])
+    offsets = np.stack([runs.offsets + n for runs, n in zip(each, before, strict=False)])
+    start = np.concatenate([runs.start for runs in each])
+    stop = np.concatenate([runs.stop for runs in each])
     joined, label = np.empty((2, len(start)), np.int32), np.empty(len(start), np.int32)
     new_offsets = np.zeros(rows + 1, np.int64)
     voxels = np.zeros((rows // ny, len(shells)), np.int64)
@@ -345,23 +333,16 @@ def _join_shells(shells: Sequence[LayerRuns], ny: int) -> _MaterialRuns:
         *(offsets, start, stop, ny, place, new_offsets, joined[0], joined[1], label, voxels)
     )
     return _MaterialRuns(
-        *(new_offsets, joined[0, :runs], joined[1, :runs], label[:runs], voxels, int(overlapping))
+        *(new_offsets, joined[0, :runs], joined[1, :runs], label[:runs], voxels, int(overlapping)),
+        sum(runs.open_rows for runs in each),
     )
 
 
 @kernel
 def _join(
-    offsets: Any,
-    start: Any,
-    stop: Any,
-    ny: Any,
-    place: Any,
-    new_offsets: Any,
-    new_start: Any,
-    new_stop: Any,
-    label: Any,
-    voxels: Any,
-) -> Any:
+    offsets: Any, start: Any, stop: Any, ny: Any, place: Any, new_offsets: Any, new_start: Any,
+    new_stop: Any, label: Any, voxels: Any,
+) -> Any:  # fmt: skip
     runs, overlapping = np.int64(0), np.int64(0)
     for r in range(new_offsets.size - 1):
         done = np.int32(0)  # voxels below are drawn
@@ -437,16 +418,10 @@ class _SlabImages:
     open_rows: int
 
 
-def _slab_runs_of(shells: tuple[SlabTriangles, ...]) -> tuple[_MaterialRuns, int]:
-    """Return the runs of some layers with their materials, and the open rows among them."""
-    runs = [runs_along_x(shell) for shell in shells]
-    return _join_shells(runs, shells[0].shape[1]), sum(each.open_rows for each in runs)
-
-
 def _make_slab(task: _SlabTask) -> _SlabImages:
     """Make the images of a slab."""
     nx, ny, _ = task.shells[0].shape
-    runs, open_rows = _slab_runs_of(task.shells)
+    runs = _join_shells(task.shells)
     images = tuple(
         encode_layer(
             *(runs.offsets, runs.start, runs.stop, runs.label), *((row, row + ny), nx, task.kind)
@@ -454,7 +429,7 @@ def _make_slab(task: _SlabTask) -> _SlabImages:
         for row in range(0, len(runs.offsets) - 1, ny)
     )
     first = task.shells[0].first_layer
-    return _SlabImages(first, images, runs.voxels, runs.overlapping, open_rows)
+    return _SlabImages(first, images, runs.voxels, runs.overlapping, runs.open_rows)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -519,7 +494,7 @@ def iterate_layers(
     grid, materials = source.grid, tuple(shell.material for shell in source.shells)
     nx, ny, _ = grid.shape
     for slab in _deal_slabs(source):
-        runs, _ = _slab_runs_of(slab)
+        runs = _join_shells(slab)
         for index in range(slab[0].first_layer, slab[0].last_layer):
             label = np.zeros((ny, nx), np.uint8)
             first = (index - slab[0].first_layer) * ny

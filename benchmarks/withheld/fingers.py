@@ -23,7 +23,7 @@ from planner.numerics import FloatArray, IntArray
 from planner.palette import load_palette
 from planner.simulation.loads import LoadCase
 from planner.simulation.part import open_solid
-from planner.simulation.part_response import encode_response, read_response
+from planner.simulation.part_response import PartResponse
 from planner.simulation.response import followed, loaded_part, response_of
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -119,7 +119,7 @@ def solve(plan: Path, folder: Path) -> None:
         part = loaded_part(solid, LoadCase(fix=fix, move=move), cell_mm=CELL_MM)
         moved = followed(part, table, STEPS)
         response = replace(response_of(part, moved, log_sd=0.02), name=f"finger {name}")
-        (folder / f"{name}.json").write_bytes(encode_response(response))
+        (folder / f"{name}.json").write_bytes(response.encode())
         changes = {f"{name}, {at:g} C": softer(part.coordinate, at) for at in TEMPERATURES_C}
         for rate in RATES_mm_s:
             # Points are strained in the proportion in which they are at last.
@@ -154,7 +154,7 @@ def campaign(effect: str, seed: int) -> Campaign:
     truths = json.loads((FOLDER / "truths.json").read_text(encoding="utf-8"))
     specimens, batches = [], rng.standard_normal(2)
     for name, (fix, move) in LOADED.items():
-        response = read_response(FOLDER / f"{name}.json")
+        response = PartResponse.read(FOLDER / f"{name}.json")
         part = PartTest(response, fix, move)
         end_mm = 0.97 * float(response.displacement_mm[-1])
         conditions = [(t, USUAL_mm_s) for t in TEMPERATURES_C]

@@ -127,7 +127,7 @@ def design(
     import planner
     from planner.cli.output import Kept, long_progress, print_document
     from planner.inverse_design.design import interrupted_design
-    from planner.simulation.loads import case_of, read_cases
+    from planner.simulation.loads import LoadCase, read_cases
 
     folder = Path(f"{part.stem}-designed") if output is None else output
     goes_on = interrupted_design(folder)
@@ -135,7 +135,7 @@ def design(
     check_targets(context, force=force, folders={"output": (folder, "plan.json")})
     further = [
         one if one.fix or one.move else replace(one, fix=loads.fix or (), move=loads.move or ())
-        for one in map(case_of, case or ())
+        for one in map(LoadCase.read, case or ())
     ]
     with long_progress(not quiet and not as_json) as stage:
         asked = taken(planner.design, given | vars(loads)) | {

@@ -636,11 +636,9 @@ def _pictures() -> None:
 
 
 def _sets() -> None:
-    from planner.voxels.thin_places import active_words, ball, empty_set, grow, morph
+    from planner.voxels.thin_places import rehearse_sets
 
-    nothing = empty_set(1, 1, 1)
-    grow(nothing, nothing.copy(), 1)
-    morph(nothing, ball(1), False, nothing, active_words(nothing, 1))
+    rehearse_sets()
 
 
 def _walls() -> None:

@@ -46,7 +46,7 @@ from planner.plan import plan_file
 from planner.printers import load_printer, palette_of
 from planner.simulation.bar import ProfileDesign, read_profile
 from planner.simulation.bar_solver import PUSHED_END
-from planner.simulation.part_response import encode_response, read_response
+from planner.simulation.part_response import PartResponse
 
 __all__ = [
     "CURVES",
@@ -690,7 +690,7 @@ class ListReader:
     def _part_test(self, part: str, fix: str, move: str, load: str) -> PartTest:
         path = path_within(self._file.parent, part)
         if path.is_file() and path.name != "plan.json":
-            return PartTest(read_response(path), fix, move, load)
+            return PartTest(PartResponse.read(path), fix, move, load)
         if not fix or bool(move) == bool(load):
             raise FileError(
                 f"part {part}: give 'fix' and one of 'move' and 'load' (got {fix!r}, {move!r} and "
@@ -910,7 +910,7 @@ def _own_files(specimens: Sequence[Specimen]) -> tuple[list[str], dict[str, byte
         if s.profile is not None:
             path, data = "profiles/{}.csv", encode_csv(_profile_rows(s.profile))
         elif s.part is not None:
-            path, data = "parts/{}.json", encode_response(s.part.response)
+            path, data = "parts/{}.json", s.part.response.encode()
         else:
             names.append("")
             continue

@@ -12,7 +12,7 @@ from planner.errors import ArgumentError
 from planner.materials.mixtures import CoefficientModel, coordinate_for
 from planner.numerics import FloatArray
 
-__all__ = ["TABLE", "Controls", "StiffnessRange", "lattice", "lattice_counts", "profile_knots"]
+__all__ = ["TABLE", "Controls", "StiffnessRange", "lattice_counts"]
 
 TABLE = "field.vti"
 """A lattice's gradient, as a file beside the plan."""
@@ -78,26 +78,74 @@ class Controls:
     slopes: FloatArray
     even: FloatArray
 
+    @classmethod
+    def knots(
+        cls, along: Callable[[FloatArray], FloatArray], even: FloatArray, span_mm: float
+    ) -> "Controls":
+        """Return knots at even distances of a field, with straight lines between.
 
-def profile_knots(
-    along: Callable[[FloatArray], FloatArray], even: FloatArray, span_mm: float
-) -> Controls:
-    """Return knots at even distances of a field, with straight lines between.
+        Parameters
+        ----------
+        along
+            The field's values, from 0 to 1, at points in the part's own coordinates.
+        span_mm
+            Length of the field, or 1.
+        """
+        count = len(even)
+        return cls(
+            lambda points: _splines(along(points)[:, None], (count,), (1,)),
+            np.diff(np.eye(count), 2, axis=0),
+            np.diff(np.eye(count), axis=0) * (count - 1) / span_mm,
+            even,
+        )
 
-    Parameters
-    ----------
-    along
-        The field's values, from 0 to 1, at points in the part's own coordinates.
-    span_mm
-        Length of the field, or 1.
-    """
-    count = len(even)
-    return Controls(
-        lambda points: _splines(along(points)[:, None], (count,), (1,)),
-        np.diff(np.eye(count), 2, axis=0),
-        np.diff(np.eye(count), axis=0) * (count - 1) / span_mm,
-        even,
-    )
+    @classmethod
+    def lattice(
+        cls, bounds_mm: FloatArray, counts: Sequence[int], symmetric: Sequence[int], even: float
+    ) -> "Controls":
+        """Return a lattice of controls over a box.
+
+        Along an axis with one control the gradient is constant, with two linear.
+
+        Parameters
+        ----------
+        symmetric
+            Axes across whose middle plane of the box the gradient is its own mirror image.
+        even
+            Value of all controls where nothing else is wanted.
+        """
+        low, extent = bounds_mm[0], np.maximum(np.ptp(bounds_mm, axis=0), 1e-9)
+        total, degrees = int(np.prod(counts)), [min(_DEGREE, count - 1) for count in counts]
+        number = np.arange(total).reshape(tuple(counts))
+        first = number.copy()
+        for axis in symmetric:
+            first = np.minimum(first, np.flip(first, axis))
+        kept, tied = np.unique(first.ravel(), return_inverse=True)
+        tie = np.zeros((total, len(kept)))
+        tie[np.arange(total), tied] = 1.0
+
+        def basis(points_mm: FloatArray) -> Any:
+            from scipy.sparse import csr_matrix
+
+            return _splines((points_mm - low) / extent, counts, degrees) @ csr_matrix(tie)
+
+        rows = np.eye(total).reshape(*counts, total)
+        slopes, bends = [], []
+        for axis, count in enumerate(counts):
+            spacing = extent[axis] / (count - degrees[axis])
+            slopes.append(np.diff(rows, axis=axis).reshape(-1, total) / spacing)
+            lines = total / count
+            bends.append(np.diff(rows, 2, axis=axis).reshape(-1, total) / np.sqrt(lines))
+        for one, other in combinations(range(3), 2):
+            twist = np.diff(np.diff(rows, axis=one), axis=other).reshape(-1, total)
+            lines = total / max(counts[one], counts[other])
+            bends.append(np.sqrt(2.0 / lines) * twist)
+        return cls(
+            basis,
+            np.concatenate(bends) @ tie,
+            np.concatenate(slopes) @ tie,
+            np.full(len(kept), even),
+        )
 
 
 # ------------------------------------------------------------------------------------------------
@@ -168,51 +216,3 @@ def lattice_counts(text: str, extent_mm: FloatArray, figures: int) -> tuple[int,
 def _counts(extent_mm: FloatArray, spacing_mm: float) -> list[int]:
     spans = np.maximum(np.rint(np.minimum(extent_mm / spacing_mm, 1e3)), 1.0)
     return [int(n) + _DEGREE for n in spans]
-
-
-def lattice(
-    bounds_mm: FloatArray, counts: Sequence[int], symmetric: Sequence[int], even: float
-) -> Controls:
-    """Return a lattice of controls over a box.
-
-    Along an axis with one control the gradient is constant, with two linear.
-
-    Parameters
-    ----------
-    symmetric
-        Axes across whose middle plane of the box the gradient is its own mirror image.
-    even
-        Value of all controls where nothing else is wanted.
-    """
-    low, extent = bounds_mm[0], np.maximum(np.ptp(bounds_mm, axis=0), 1e-9)
-    total, degrees = int(np.prod(counts)), [min(_DEGREE, count - 1) for count in counts]
-    number = np.arange(total).reshape(tuple(counts))
-    first = number.copy()
-    for axis in symmetric:
-        first = np.minimum(first, np.flip(first, axis))
-    kept, tied = np.unique(first.ravel(), return_inverse=True)
-    tie = np.zeros((total, len(kept)))
-    tie[np.arange(total), tied] = 1.0
-
-    def basis(points_mm: FloatArray) -> Any:
-        from scipy.sparse import csr_matrix
-
-        return _splines((points_mm - low) / extent, counts, degrees) @ csr_matrix(tie)
-
-    rows = np.eye(total).reshape(*counts, total)
-    slopes, bends = [], []
-    for axis, count in enumerate(counts):
-        spacing = extent[axis] / (count - degrees[axis])
-        slopes.append(np.diff(rows, axis=axis).reshape(-1, total) / spacing)
-        lines = total / count
-        bends.append(np.diff(rows, 2, axis=axis).reshape(-1, total) / np.sqrt(lines))
-    for one, other in combinations(range(3), 2):
-        twist = np.diff(np.diff(rows, axis=one), axis=other).reshape(-1, total)
-        lines = total / max(counts[one], counts[other])
-        bends.append(np.sqrt(2.0 / lines) * twist)
-    return Controls(
-        basis,
-        np.concatenate(bends) @ tie,
-        np.concatenate(slopes) @ tie,
-        np.full(len(kept), even),
-    )

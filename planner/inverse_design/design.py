@@ -20,25 +20,9 @@ from planner.glance import counted, html_of, in_percent, one_line, outcome
 from planner.grading.grade import grade
 from planner.grading.profile import stiffness_scale
 from planner.grading.wish import Wish, targets_of
-from planner.inverse_design.controls import (
-    TABLE,
-    Controls,
-    StiffnessRange,
-    lattice,
-    lattice_counts,
-    profile_knots,
-)
-from planner.inverse_design.findings import (
-    DesignFinding,
-    Ends,
-    Reached,
-    even_share,
-    findings,
-    in_reach,
-    out_of_reach,
-    reached,
-)
-from planner.inverse_design.goals import Limits, Target, posed, read_limits, read_target
+from planner.inverse_design.controls import TABLE, Controls, StiffnessRange, lattice_counts
+from planner.inverse_design.findings import DesignFinding, Ends, Reached, findings, reached
+from planner.inverse_design.goals import Limits, Target, posed
 from planner.mesh.halve import halve_long_edges
 from planner.mesh.mesh import Mesh
 from planner.mesh.part import open_part, place
@@ -53,7 +37,7 @@ if TYPE_CHECKING:
     from planner.inverse_design.search import Case, DesignProblem, Found, Solved
     from planner.simulation.cut_cells import CutCells
 
-__all__ = ["DesignFinding", "DesignStage", "PartDesign", "Reached", "design"]
+__all__ = ["DesignStage", "PartDesign", "design"]
 
 _MOST_KNOTS = 100
 
@@ -192,10 +176,7 @@ class PartDesign:
             "part": self.plan.part.file,
             "palette": asdict(self.plan.palette),
             "field": dict(self.plan.gradient.field),
-            "profile": {
-                "positions": list(self.positions),
-                "moduli_MPa": list(self.moduli_MPa),
-            },
+            "profile": {"positions": list(self.positions), "moduli_MPa": list(self.moduli_MPa)},
             "free": None if self.free is None else dict(self.free),
             "values": list(self.values),
             "targets": [{**asdict(r), "hard": r.hard} for r in self.reached],
@@ -218,11 +199,7 @@ class PartDesign:
         return encode_csv([("position", "modulus_MPa"), *rows], digits=6)
 
     def write(
-        self,
-        output: str | Path | None = None,
-        *,
-        force: bool = False,
-        page: bytes | None = None,
+        self, output: str | Path | None = None, *, force: bool = False, page: bytes | None = None
     ) -> Path:
         """Write the plan's folder, with design.json and profile.csv beside plan.json.
 
@@ -398,7 +375,7 @@ def design(
     >>> made.write("finger-designed")  # doctest: +SKIP
     """
     own = LoadCase(target, fix, load, pressure, move, gravity, moment=moment)
-    limits, figures = read_limits((limit,) if isinstance(limit, str) else limit)
+    limits, figures = Limits.read((limit,) if isinstance(limit, str) else limit)
     alone = bool(cases) and own.is_empty and not own.target
     cases = tuple(cases) if alone else (own, *cases)
     wanted = [_wanted_of(case) for case in cases]
@@ -446,12 +423,12 @@ def design(
     progress(DesignStage("loading the solver", 0.0))
     from planner.inverse_design.printing import DesignSpace, Printing, corrected
     from planner.inverse_design.search import DesignProblem, WantedOfPart
-    from planner.inverse_design.shape import wanted_shape
+    from planner.inverse_design.shape import WantedShape
     from planner.materials.marlow import marlow_table
 
     shapes = [
         [
-            wanted_shape(a.text, a.selector, a.weight, a.surface_mm, _triangles(part, unit, mesh))
+            WantedShape.of(a.text, a.selector, a.weight, a.surface_mm, _triangles(part, unit, mesh))
             for a in aims
             if a.surface_mm is not None
         ]
@@ -463,7 +440,9 @@ def design(
         hard = sum(aim.surface_mm is None for aims in wanted for aim in aims)
         box, figured = np.ptp(mesh.bounds_mm, axis=0), hard + 12 * sum(map(len, shapes))
         counts, follows = lattice_counts(free, box, figured), None
-        controls = lattice(mesh.bounds_mm, counts, ["xyz".index(c) for c in symmetric], 0.5)
+        controls = Controls.lattice(
+            mesh.bounds_mm, counts, ["xyz".index(c) for c in symmetric], 0.5
+        )
     else:
         counts = (1, 1, 1)
         follows = axis_field(axis, placed) if field is None else build_field(field, setting)
@@ -568,7 +547,7 @@ def _ramp(
     ramp = np.linspace(0.0, 1.0, knots)[:: 1 if rises else -1]
     if limits.slope is not None:
         ramp = 0.5 + (ramp - 0.5) * min(1.0, limits.slope * span_mm / stiffness.span)
-    return profile_knots(lambda points: along.values(points + moved_mm), ramp, span_mm)
+    return Controls.knots(lambda points: along.values(points + moved_mm), ramp, span_mm)
 
 
 _NEAR = 0.25
@@ -579,15 +558,10 @@ _LARGER = 2.0
 
 
 def _searched(
-    problem_on: "Callable[..., DesignProblem]",
-    edge_mm: float,
-    mesh: Mesh,
-    begun: FloatArray | None,
-    tolerance: float,
-    progress: Callable[[str], None],
-    *,
+    problem_on: "Callable[..., DesignProblem]", edge_mm: float, mesh: Mesh,
+    begun: FloatArray | None, tolerance: float, progress: Callable[[str], None], *,
     is_lattice: bool,
-) -> "tuple[Found, DesignProblem, list[Ends]]":
+) -> "tuple[Found, DesignProblem, Ends]":  # fmt: skip
     """Search in larger cells first, then in those asked for.
 
     Returns
@@ -626,12 +600,12 @@ def _searched(
     longest_mm = float(np.ptp(mesh.bounds_mm, axis=0).max())
     problem = problem_on(max(edge_mm, min(_LARGER * edge_mm, longest_mm / FEWEST_ALONG)), 0.0)
     progress(DesignStage("larger cells: the softest and the stiffest that is allowed", 0.05))
-    reach = in_reach(problem)
-    for words in out_of_reach(problem, reach):
+    reach = Ends.of(problem)
+    for words in reach.beyond():
         progress(DesignStage(words, 0.1))
     controls = problem.controls
     if is_lattice:
-        controls = replace(controls, even=np.full(len(controls.even), even_share(problem, reach)))
+        controls = replace(controls, even=np.full(len(controls.even), reach.even_share()))
         problem = replace(problem, controls=controls)
     found = begun_at(
         problem, controls.even if begun is None else begun, max(0.02, tolerance),
@@ -654,13 +628,13 @@ def _searched(
 
 def _wanted_of(case: LoadCase) -> list[Target]:
     """Return the targets and limits of a case."""
-    limits, figures = read_limits(case.limit)
+    limits, figures = Limits.read(case.limit)
     if limits.strain_over_break is not None or limits.slope is not None:
         raise ArgumentError(
             f"`limit` {case.limit[0]}: of strain and slope there is one limit for all cases; give "
             "it beside them"
         )
-    return [*map(read_target, case.target), *figures]
+    return [*map(Target.read, case.target), *figures]
 
 
 def _triangles(part: object, unit: str | None, mesh: Mesh) -> FloatArray:

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -10,12 +10,10 @@ from planner.glance import in_percent
 from planner.numerics import FloatArray
 
 if TYPE_CHECKING:
+    from planner.inverse_design.goals import Functional
     from planner.inverse_design.search import DesignProblem, Solved, Tried
 
-__all__ = [
-    "DesignFinding", "Ends", "Reached", "even_share", "findings", "in_reach", "out_of_reach",
-    "reached",
-]  # fmt: skip
+__all__ = ["DesignFinding", "Ends", "Reached", "findings", "reached"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +77,7 @@ class Reached:
 
 @dataclass(frozen=True, slots=True)
 class DesignFinding:
-    """A target or limit that is not met, and why."""
+    """What keeps a design from being as wanted, and why: one of `Reached` missed, an interrupt."""
 
     kind: str
     message: str
@@ -89,31 +87,39 @@ class DesignFinding:
 # What is in reach: the softest and the stiffest answers, before the search.
 
 
-Ends = tuple[float | None, float | None]
+class Ends(NamedTuple):
+    """What all goals come to in the softest and in the stiffest material; None where not stable."""
 
+    problem: "DesignProblem"
+    ends: Sequence[tuple[float | None, float | None]]
 
-def in_reach(problem: "DesignProblem") -> list[Ends]:
-    """Return the figures of all goals in the softest and in the stiffest material."""
-    from planner.simulation.solid import LostStabilityError
+    @classmethod
+    def of(cls, problem: "DesignProblem") -> "Ends":
+        """Solve for the softest and the stiffest material that is allowed."""
+        from planner.simulation.solid import LostStabilityError
 
-    found: list[list[float | None]] = []
-    for share, steps in ((0.0, 4), (1.0, 1)):
-        coordinate, _ = problem.stiffness.coordinates(np.full(problem.basis.shape[0], share))
-        each: list[float | None] = []
-        for case in problem.cases:
-            try:
-                each += case.solve(coordinate, steps=steps, tangent=False).values().tolist()
-            except LostStabilityError:
-                each += [None] * len(case.goals)
-            case.state = None  # as if nothing had been solved
-        found.append(each)
-    return list(zip(*found, strict=True))
+        found: list[list[float | None]] = []
+        for share, steps in ((0.0, 4), (1.0, 1)):
+            coordinate, _ = problem.stiffness.coordinates(np.full(problem.basis.shape[0], share))
+            each: list[float | None] = []
+            for case in problem.cases:
+                try:
+                    each += case.solve(coordinate, steps=steps, tangent=False).values().tolist()
+                except LostStabilityError:
+                    each += [None] * len(case.goals)
+                case.state = None  # as if nothing had been solved
+            found.append(each)
+        return cls(problem, list(zip(*found, strict=True)))
 
+    def _targets(self) -> "Iterator[tuple[Functional, float, float]]":
+        """Yield the targets that both ends tell a figure of."""
+        for goal, (soft, stiff) in zip(self.problem.goals, self.ends, strict=True):
+            if goal.kind == "target" and soft is not None and stiff is not None:
+                yield goal, soft, stiff
 
-def out_of_reach(problem: "DesignProblem", reach: Sequence[Ends]) -> Iterator[str]:
-    """Say which figures no even material gives."""
-    for goal, (soft, stiff) in zip(problem.goals, reach, strict=True):
-        if goal.kind == "target" and soft is not None and stiff is not None:
+    def beyond(self) -> Iterator[str]:
+        """Say which figures no even material gives."""
+        for goal, soft, stiff in self._targets():
             low, high = sorted((soft, stiff))
             if not low <= goal.wanted <= high:
                 way = "the sign is the other one" if goal.wanted * (low + high) < 0.0 else ""
@@ -122,25 +128,24 @@ def out_of_reach(problem: "DesignProblem", reach: Sequence[Ends]) -> Iterator[st
                     f"all in the stiffest to {stiff:.4g}; {way or 'a gradient may not get there'}"
                 )
 
-
-def even_share(problem: "DesignProblem", reach: Sequence[Ends]) -> float:
-    """Return the share of stiffness at which an even part comes nearest to the targets."""
-    shares = []
-    for goal, (soft, stiff) in zip(problem.goals, reach, strict=True):
-        if goal.kind == "target" and goal.wanted and soft and stiff and soft != stiff:
-            figures = np.array([goal.wanted, stiff]) / soft
-            if (figures > 0.0).all():
-                wanted, span = np.log(figures)
-                shares.append(float(np.clip(wanted / span, 0.05, 0.95)))
-    return float(np.mean(shares)) if shares else 0.5
+    def even_share(self) -> float:
+        """Return the share of stiffness at which an even part comes nearest to the targets."""
+        shares = []
+        for goal, soft, stiff in self._targets():
+            if goal.wanted and soft and stiff and soft != stiff:
+                figures = np.array([goal.wanted, stiff]) / soft
+                if (figures > 0.0).all():
+                    wanted, span = np.log(figures)
+                    shares.append(float(np.clip(wanted / span, 0.05, 0.95)))
+        return float(np.mean(shares)) if shares else 0.5
 
 
 def reached(
-    problem: "DesignProblem", best: "Tried", reach: Sequence[Ends], solved: "Sequence[Solved]",
+    problem: "DesignProblem", best: "Tried", reach: Ends, solved: "Sequence[Solved]",
     level: float,
 ) -> Iterator[Reached]:  # fmt: skip
     """Yield what targets and limits came to in the printed materials, beside the gradient's own."""
-    figures = iter(zip(best.figures.tolist(), reach, strict=True))
+    figures = iter(zip(best.figures.tolist(), reach.ends, strict=True))
     ideals = iter(best.deviations)
     for case, one in zip(problem.cases, solved, strict=True):
         intervals = one.intervals(problem.stiffness.model, level)

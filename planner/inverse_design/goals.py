@@ -14,15 +14,13 @@ from planner.formats.tables import read_columns
 from planner.formats.units import unit_factor
 from planner.mesh.mesh import Mesh
 from planner.numerics import FloatArray, Point
-from planner.simulation.loads import LoadCase, read_conditions, refuse_held
+from planner.simulation.loads import LoadCase, read_conditions
 
 if TYPE_CHECKING:
     from planner.simulation.loads import Conditions
     from planner.simulation.solid import Equilibrium, Mechanics
 
-__all__ = [
-    "Functional", "Limits", "Target", "functionals", "posed", "read_limits", "read_target",
-]  # fmt: skip
+__all__ = ["Functional", "Limits", "Target", "posed"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,6 +68,80 @@ class Target:
         """Faces that it is about."""
         return [text for text in (self.selector, self.other) if text]
 
+    @classmethod
+    def read(cls, text: str, option: str = "target") -> "Target":
+        """Read ``SELECTOR QUANTITY=VALUE UNIT``, ``shape: FILE.csv`` or ``shape: FILE.stl``.
+
+        Behind each may stand ``weight 2``; of a limit, ``<`` or ``>`` stands in place of ``=``.
+
+        Raises
+        ------
+        ArgumentError
+            It is neither; a quantity or a unit is unknown.
+        FileError
+            The file of a shape cannot be read, or a row breaks the rules.
+        """
+        where, bare, weight = f"`{option}` {text}", text.strip(), 1.0
+        if weighed := _WEIGHT.fullmatch(bare):
+            bare, weight = weighed[1].strip(), float(weighed[2])
+            if weight <= 0.0:
+                raise ArgumentError(f"{where}: a weight must be above 0")
+        if bare.casefold().startswith("shape:") and option == "target":
+            return replace(_shape(text, bare), weight=weight)
+        found, signs = _TARGET.fullmatch(bare), "=" if option == "target" else "<>"
+        if found is None or found[3] not in signs:
+            raise ArgumentError(
+                f"{where}: it must be SELECTOR QUANTITY=VALUE UNIT, as in 'x=min uz=-12 mm', or "
+                "shape: FILE (points as .csv, or a surface)"
+                if option == "target"
+                else f"{where}: there are strain/break<0.5 (largest strain over elongation at "
+                "break), slope<0.1 /mm (change of ln(modulus) a mm), and figures of faces, as "
+                "x=min uy<1 mm"
+            )
+        selector, quantity, value, unit = found[1], found[2].casefold(), float(found[4]), found[5]
+        if quantity not in _QUANTITIES:
+            hint = did_you_mean(quantity, _QUANTITIES)
+            raise ArgumentError(
+                f"{where}: no such quantity {quantity!r}; {hint}there are {', '.join(_QUANTITIES)}"
+            )
+        if not unit:
+            raise ArgumentError(
+                f"{where}: the unit is missing; displacements (ux) are in mm, turns (ry) in deg, "
+                "forces (fx) in N and stiffness in N/mm"
+            )
+        if quantity == "stiffness":
+            force, slash, length = unit.partition("/")
+            if not slash:
+                raise ArgumentError(f"{where}: {unit!r} is no stiffness; write N/mm or mN/mm")
+            factor = unit_factor("force", force, where=where) / unit_factor(
+                "length", length, where=where
+            )
+            if value <= 0.0:
+                raise ArgumentError(f"{where}: a stiffness must be above 0")
+        elif quantity[0] == "r":
+            factor = {"deg": 1.0, "°": 1.0, "rad": float(np.degrees(1.0))}.get(unit.strip(), 0.0)
+            if not factor:
+                raise ArgumentError(
+                    f"{where}: {unit!r} is no unit of a turn; there are deg and rad"
+                )
+            if abs(factor * value) >= 180.0:
+                raise ArgumentError(f"{where}: a turn must be below 180 deg")
+        else:
+            factor = unit_factor("force" if quantity[0] == "f" else "length", unit, where=where)
+        places = _BETWEEN.split(selector.strip()) if quantity == "distance" else [selector.strip()]
+        if quantity == "distance" and (len(places) != 2 or value <= 0.0):
+            raise ArgumentError(
+                f"{where}: a distance is between two places and above 0: "
+                "'z=max to z=min distance=12 mm'"
+            )
+        if found[3] != "=" and (quantity == "stiffness" or value <= 0.0):
+            raise ArgumentError(
+                f"{where}: a limit is on ux, rx, fx or a distance, on the figure without its sign, "
+                "and above 0"
+            )
+        other = places[1] if len(places) == 2 else ""
+        return cls(text, places[0], quantity, factor * value, other, found[3], weight)
+
 
 @dataclass(frozen=True)
 class Limits:
@@ -86,6 +158,27 @@ class Limits:
     strain_over_break: float | None = None
     slope: float | None = None
 
+    @classmethod
+    def read(cls, texts: Sequence[str]) -> tuple["Limits", list[Target]]:
+        """Read ``strain/break<0.5`` and ``slope<0.1 /mm``, and figures such as ``x=min uy<1 mm``.
+
+        Raises
+        ------
+        ArgumentError
+            Another text, or a limit that is not above 0.
+        """
+        held: dict[str, float] = {}
+        figures = []
+        for text in texts:
+            found = _LIMIT.fullmatch(text.strip())
+            if found is None:
+                figures.append(Target.read(text, "limit"))
+                continue
+            if float(found[2]) <= 0.0:
+                raise ArgumentError(f"`limit` {text}: it must be above 0")
+            held[found[1].casefold()] = float(found[2])
+        return cls(held.get("strain/break"), held.get("slope")), figures
+
 
 _QUANTITIES = (
     "ux", "uy", "uz", "rx", "ry", "rz", "fx", "fy", "fz", "distance", "stiffness",
@@ -94,77 +187,6 @@ _NUMBER = r"([-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?)"
 _TARGET = re.compile(rf"(.+)\s+([a-z]+)\s*(=|<|>)=?\s*{_NUMBER}\s*([^=<>]*)", re.IGNORECASE)
 _WEIGHT = re.compile(rf"(.*)\sweight\s+{_NUMBER}", re.IGNORECASE)
 _BETWEEN = re.compile(r"\s+to\s+", re.IGNORECASE)
-
-
-def read_target(text: str, option: str = "target") -> Target:
-    """Read ``SELECTOR QUANTITY=VALUE UNIT``, ``shape: FILE.csv`` or ``shape: FILE.stl``.
-
-    Behind each may stand ``weight 2``; of a limit, ``<`` or ``>`` stands in place of ``=``.
-
-    Raises
-    ------
-    ArgumentError
-        It is neither; a quantity or a unit is unknown.
-    FileError
-        The file of a shape cannot be read, or a row breaks the rules.
-    """
-    where, bare, weight = f"`{option}` {text}", text.strip(), 1.0
-    if weighed := _WEIGHT.fullmatch(bare):
-        bare, weight = weighed[1].strip(), float(weighed[2])
-        if weight <= 0.0:
-            raise ArgumentError(f"{where}: a weight must be above 0")
-    if bare.casefold().startswith("shape:") and option == "target":
-        return replace(_shape(text, bare), weight=weight)
-    found, signs = _TARGET.fullmatch(bare), "=" if option == "target" else "<>"
-    if found is None or found[3] not in signs:
-        raise ArgumentError(
-            f"{where}: it must be SELECTOR QUANTITY=VALUE UNIT, as in 'x=min uz=-12 mm', or "
-            "shape: FILE (points as .csv, or a surface)"
-            if option == "target"
-            else f"{where}: there are strain/break<0.5 (largest strain over elongation at break), "
-            "slope<0.1 /mm (change of ln(modulus) a mm), and figures of faces, as x=min uy<1 mm"
-        )
-    selector, quantity, value, unit = found[1], found[2].casefold(), float(found[4]), found[5]
-    if quantity not in _QUANTITIES:
-        hint = did_you_mean(quantity, _QUANTITIES)
-        raise ArgumentError(
-            f"{where}: no such quantity {quantity!r}; {hint}there are {', '.join(_QUANTITIES)}"
-        )
-    if not unit:
-        raise ArgumentError(
-            f"{where}: the unit is missing; displacements (ux) are in mm, turns (ry) in deg, "
-            "forces (fx) in N and stiffness in N/mm"
-        )
-    if quantity == "stiffness":
-        force, slash, length = unit.partition("/")
-        if not slash:
-            raise ArgumentError(f"{where}: {unit!r} is no stiffness; write N/mm or mN/mm")
-        factor = unit_factor("force", force, where=where) / unit_factor(
-            "length", length, where=where
-        )
-        if value <= 0.0:
-            raise ArgumentError(f"{where}: a stiffness must be above 0")
-    elif quantity[0] == "r":
-        factor = {"deg": 1.0, "°": 1.0, "rad": float(np.degrees(1.0))}.get(unit.strip(), 0.0)
-        if not factor:
-            raise ArgumentError(f"{where}: {unit!r} is no unit of a turn; there are deg and rad")
-        if abs(factor * value) >= 180.0:
-            raise ArgumentError(f"{where}: a turn must be below 180 deg")
-    else:
-        factor = unit_factor("force" if quantity[0] == "f" else "length", unit, where=where)
-    places = _BETWEEN.split(selector.strip()) if quantity == "distance" else [selector.strip()]
-    if quantity == "distance" and (len(places) != 2 or value <= 0.0):
-        raise ArgumentError(
-            f"{where}: a distance is between two places and above 0: "
-            "'z=max to z=min distance=12 mm'"
-        )
-    if found[3] != "=" and (quantity == "stiffness" or value <= 0.0):
-        raise ArgumentError(
-            f"{where}: a limit is on ux, rx, fx or a distance, on the figure without its sign, "
-            "and above 0"
-        )
-    other = places[1] if len(places) == 2 else ""
-    return Target(text, places[0], quantity, factor * value, other, found[3], weight)
 
 
 _SHAPE_COLUMNS = ("x_mm", "y_mm", "z_mm", "ux_mm", "uy_mm", "uz_mm")
@@ -199,27 +221,6 @@ def _shape(text: str, bare: str) -> Target:
 _LIMIT = re.compile(
     r"(strain/break|slope)\s*<=?\s*([-+]?(?:\d+\.?\d*|\.\d+))\s*(?:/\s*mm)?", re.IGNORECASE
 )
-
-
-def read_limits(texts: Sequence[str]) -> tuple[Limits, list[Target]]:
-    """Read ``strain/break<0.5`` and ``slope<0.1 /mm``, and figures such as ``x=min uy<1 mm``.
-
-    Raises
-    ------
-    ArgumentError
-        Another text, or a limit that is not above 0.
-    """
-    held: dict[str, float] = {}
-    figures = []
-    for text in texts:
-        found = _LIMIT.fullmatch(text.strip())
-        if found is None:
-            figures.append(read_target(text, "limit"))
-            continue
-        if float(found[2]) <= 0.0:
-            raise ArgumentError(f"`limit` {text}: it must be above 0")
-        held[found[1].casefold()] = float(found[2])
-    return Limits(held.get("strain/break"), held.get("slope")), figures
 
 
 # ------------------------------------------------------------------------------------------------
@@ -323,7 +324,7 @@ def functionals(
         wanted = target.value
         if quantity[0] in "ur":
             held = [axis] if quantity[0] == "u" else [0, 1, 2]
-            refuse_held(f"`target` {target.text}", facets, held, conditions.supports)
+            conditions.refuse_held(f"`target` {target.text}", facets, held)
         if quantity[0] == "r":
             unit, scale, measure = "deg", 1.0, _turn(facets, axis)
         elif quantity == "distance":

@@ -15,13 +15,7 @@ from planner.mesh.mesh import Mesh
 from planner.numerics import FloatArray, interrupted, normal_quantile
 from planner.simulation.cut_cells import CutCells, cut_cells
 from planner.simulation.loads import LoadCase
-from planner.simulation.response import (
-    CellAverage,
-    figure_interval,
-    largest_stretch,
-    log_stress_sds,
-    moved_by,
-)
+from planner.simulation.response import CellAverage, Solution
 from planner.simulation.solid import Body, Equilibrium, LostStabilityError, Mechanics
 from planner.simulation.sparse_cholesky import analyse
 
@@ -30,8 +24,8 @@ if TYPE_CHECKING:
     from planner.simulation.sparse_cholesky import Analysis, Factor
 
 __all__ = [
-    "Case", "DesignProblem", "Found", "Solved", "Tried", "WantedOfPart", "evaluate", "search",
-    "step",
+    "Case", "DesignProblem", "Found", "Solved", "Tried", "WantedOfPart", "evaluate",
+    "next_values", "search",
 ]  # fmt: skip
 
 
@@ -158,12 +152,9 @@ class Case:
 
 
 @dataclass(frozen=True, eq=False)
-class Solved:
+class Solved(Solution):
     """An equilibrium of a case, with what its goals come to."""
 
-    mechanics: Mechanics
-    state: Equilibrium
-    factored: "Factor"
     goals: Sequence[Functional]
     shapes: Sequence[ShapeGoal] = ()
 
@@ -177,7 +168,7 @@ class Solved:
 
     def shape_rows(self, share: Any) -> FloatArray:
         """Return the changes of all deviations, (m, n), by changes of the coordinate, (Q, n)."""
-        moved = moved_by(self.mechanics, self.state, self.factored, share)
+        moved = self.moved_by(share)
         rows = []
         for shape, seen in zip(self.shapes, self.deviations(), strict=True):
             by_vertex = (shape.carried @ moved.reshape(len(moved), -1)).reshape(
@@ -189,17 +180,14 @@ class Solved:
     def intervals(self, model: CoefficientModel, level: float) -> list[tuple[float, float]]:
         """Return what prints do, of each goal, from the palette's uncertainty."""
         normal = normal_quantile(level)
-        sds = log_stress_sds(self.mechanics, self.state, model, normal)
+        sds = self.log_stress_sds(model, normal)
         measured = (goal.measure(self.mechanics, self.state) for goal in self.goals)
-        return [
-            figure_interval(self.mechanics, self.state, self.factored, weights, figure, sds, normal)
-            for figure, weights in measured
-        ]
+        return [self.interval(weights, figure, sds, normal) for figure, weights in measured]
 
     def over_break(self) -> "OverBreak":
         """Return the largest strain over break, and how a smooth stand-in for it changes."""
         mechanics, state = self.mechanics, self.state
-        stretch, along = largest_stretch(mechanics.observe(state).strain)
+        stretch, along = mechanics.observe(state).largest_stretch()
         body = mechanics.body
         breaks = body.table.break_at(body.coordinate)
         ratio = (stretch - 1.0) / breaks
@@ -355,7 +343,7 @@ def evaluate(problem: DesignProblem, values: FloatArray) -> Tried:
         solved = case.solve(coordinate)
         mechanics, state, sds = solved.mechanics, solved.state, None
         if problem.normal:
-            sds = log_stress_sds(mechanics, state, problem.stiffness.model, problem.normal)
+            sds = solved.log_stress_sds(problem.stiffness.model, problem.normal)
         points = len([goal for goal in case.goals if goal.kind == "near"])
         squares = 0.0
         for goal in case.goals:
@@ -439,14 +427,9 @@ to a small part of the tolerance."""
 
 
 def search(
-    problem: DesignProblem,
-    start: FloatArray,
-    *,
-    tolerance: float,
-    most: int = 25,
-    radius: float = 0.25,
-    progress: Callable[[int, float], None] = lambda tried, off: None,
-) -> Found:
+    problem: DesignProblem, start: FloatArray, *, tolerance: float, most: int = 25,
+    radius: float = 0.25, progress: Callable[[int, float], None] = lambda tried, off: None,
+) -> Found:  # fmt: skip
     """Return the gradient that misses targets and limits least, and pleases most among those.
 
     Sequential quadratic programming with the wish's own curvature: at each step the targets and
@@ -471,7 +454,7 @@ def search(
     progress(tried, missed(best))
     try:
         while tried < most:
-            values = step(problem, best, radius)
+            values = next_values(problem, best, radius)
             moved = float(np.abs(values - best.values).max())
             hoped = _merit(problem, best) - _foretold(problem, best, values)
             if moved < 1e-4 or hoped <= _enough(problem, best, tolerance) or radius < 1e-3:
@@ -491,7 +474,7 @@ def search(
                     off=other.off - best.slopes @ change,
                     over=other.over - best.over_slopes @ change,
                 )
-                again = _tried(problem, step(problem, bent, radius))
+                again = _tried(problem, next_values(problem, bent, radius))
                 tried += 1
                 if again is not None and _merit(problem, again) < _merit(problem, other):
                     other, gained = again, _merit(problem, best) - _merit(problem, again)
@@ -558,7 +541,7 @@ def _weighed(
     return float(problem.miss_weight * misses + _SHAPE_WEIGHT * np.sum(near**2) + wish)
 
 
-def step(problem: DesignProblem, at: Tried, radius: float | FloatArray) -> FloatArray:
+def next_values(problem: DesignProblem, at: Tried, radius: float | FloatArray) -> FloatArray:
     """Return the values that make the linear models' merit least within the radius and bounds."""
     hessian, slope = problem.wish
     near = at.near - at.near_slopes @ at.values

@@ -15,7 +15,7 @@ from planner.simulation.element import shape_functions
 if TYPE_CHECKING:
     from planner.simulation.cut_cells import CutCells
 
-__all__ = ["ShapeGoal", "WantedShape", "carried_along", "wanted_shape"]
+__all__ = ["ShapeGoal", "WantedShape"]
 
 
 _SAME = 1e-4
@@ -47,47 +47,50 @@ class WantedShape:
     rest: Mesh | None = None
     moved: FloatArray | None = None
 
+    @classmethod
+    def of(
+        cls, text: str, selector: str, weight: float, moved: FloatArray, part: FloatArray
+    ) -> "WantedShape":
+        """Return a shape by the triangles of its surface.
 
-def wanted_shape(
-    text: str, selector: str, weight: float, moved: FloatArray, part: FloatArray
-) -> WantedShape:
-    """Return a shape by the triangles of its surface.
+        Parameters
+        ----------
+        moved, part : (k, 3, 3)
+            Of the shape, and of the part as in its file.
 
-    Parameters
-    ----------
-    moved, part : (k, 3, 3)
-        Of the shape, and of the part as in its file.
-
-    Raises
-    ------
-    ArgumentError
-        The shape is the part as it is, or so far away that it is that of another part.
-    """
-    size = float(np.ptp(part.reshape(-1, 3), axis=0).max())
-    surface, rest = _mesh(moved), None
-    if len(moved) == len(part) and _matched(part, moved, size):
-        rest = Mesh(part.reshape(-1, 3), np.arange(3 * len(part), dtype=np.int32).reshape(-1, 3))
-        greatest = float(np.linalg.norm(moved - part, axis=2).max())
-        note = f"{text}: its triangles are those of the part, which go up to {greatest:.4g} mm"
-    else:
-        own = _mesh(part)
-        way = np.linalg.norm(
-            closest(triangle_tree(surface), own.vertices)[0] - own.vertices, axis=1
+        Raises
+        ------
+        ArgumentError
+            The shape is the part as it is, or so far away that it is that of another part.
+        """
+        size = float(np.ptp(part.reshape(-1, 3), axis=0).max())
+        surface, rest = _mesh(moved), None
+        if len(moved) == len(part) and _matched(part, moved, size):
+            rest = Mesh(
+                part.reshape(-1, 3), np.arange(3 * len(part), dtype=np.int32).reshape(-1, 3)
+            )
+            greatest = float(np.linalg.norm(moved - part, axis=2).max())
+            note = f"{text}: its triangles are those of the part, which go up to {greatest:.4g} mm"
+        else:
+            own = _mesh(part)
+            way = np.linalg.norm(
+                closest(triangle_tree(surface), own.vertices)[0] - own.vertices, axis=1
+            )
+            greatest = float(way.max())
+            note = (
+                f"{text}: its {len(moved)} triangles are not the part's {len(part)}, so that each "
+                f"place is to come to the nearest of the shape, up to {greatest:.4g} mm away, "
+                f"{way.mean():.3g} mm on the mean; a copy with the part's own triangles tells more"
+            )
+        if not 1e-5 * size < greatest < 3.0 * size:
+            raise ArgumentError(
+                f"`target` {text}: the shape is {greatest:.3g} mm from the part, which is "
+                f"{size:.4g} mm long; give the part's surface as it is to be under the load, in "
+                "the same place"
+            )
+        return cls(
+            text, selector, weight, surface, greatest, note, rest, None if rest is None else moved
         )
-        greatest = float(way.max())
-        note = (
-            f"{text}: its {len(moved)} triangles are not the part's {len(part)}, so that each "
-            f"place is to come to the nearest of the shape, up to {greatest:.4g} mm away, "
-            f"{way.mean():.3g} mm on the mean; a copy with the part's own triangles tells more"
-        )
-    if not 1e-5 * size < greatest < 3.0 * size:
-        raise ArgumentError(
-            f"`target` {text}: the shape is {greatest:.3g} mm from the part, which is {size:.4g} "
-            "mm long; give the part's surface as it is to be under the load, in the same place"
-        )
-    return WantedShape(
-        text, selector, weight, surface, greatest, note, rest, None if rest is None else moved
-    )
 
 
 def _mesh(triangles: FloatArray) -> Mesh:

@@ -68,9 +68,6 @@ _BASELINE = "#9aa3ad"
 _PALE = "#c9d8ea"
 """The part of a bar that needs something unknown."""
 
-_QUIET = "#5c5c5c"
-"""Notes."""
-
 _GRID = "#e4e4e4"
 
 
@@ -96,14 +93,9 @@ class _Bar:
 
 
 def _bar_figure(
-    title: str,
-    bars: Sequence[_Bar],
-    marks: Sequence[tuple[float, str]],
-    *,
-    key: Sequence[str] = (),
-    notes: Sequence[str] = (),
-    dashed: float | None = None,
-) -> bytes:
+    title: str, bars: Sequence[_Bar], marks: Sequence[tuple[float, str]], *,
+    key: Sequence[str] = (), notes: Sequence[str] = (), dashed: float | None = None,
+) -> bytes:  # fmt: skip
     """Draw bars below each other over a grid with its marks, notes below; all widths in pixels."""
     bottom = _TOP + _STEP * max(len(bars), 1)
     parts = list(key)
@@ -114,7 +106,9 @@ def _bar_figure(
 
     for x, words in marks:
         upright_line(x, _GRID)
-        parts.append(svg.text(_BARS_LEFT + x, bottom + 16.0, words, anchor="middle", colour=_QUIET))
+        parts.append(
+            svg.text(_BARS_LEFT + x, bottom + 16.0, words, anchor="middle", colour=svg.QUIET)
+        )
     for number, bar in enumerate(bars):
         first, end = _TOP + _STEP * number, _BARS_LEFT
         middle = first + 0.5 * _HEIGHT
@@ -134,7 +128,7 @@ def _bar_figure(
         upright_line(dashed, svg.INK, 1.5, "5,4")
     lines = [line for note in notes for line in textwrap.wrap(note, _LINE)]
     for number, words in enumerate(lines):
-        parts.append(svg.text(20.0, bottom + 40.0 + _LEADING * number, words, colour=_QUIET))
+        parts.append(svg.text(20.0, bottom + 40.0 + _LEADING * number, words, colour=svg.QUIET))
     width, height = _BARS_LEFT + _BARS_WIDTH + _BARS_RIGHT, bottom + 34.0 + _LEADING * len(lines)
     return svg.picture(width, height, parts, title=title)
 
@@ -320,7 +314,7 @@ def _key(look: _Look, x: float, *, with_mark: bool = False) -> Iterator[str]:
         yield look.mark(x + 6.0, 48.0, colour=look.colour, radius=3.2)
         x += 14.0
     yield svg.segment((x, 48.0), (x + 22.0, 48.0), colour=look.colour, width=1.8, dash=look.dash)
-    yield svg.text(x + 28.0, 52.0, look.of, colour=_QUIET)
+    yield svg.text(x + 28.0, 52.0, look.of, colour=svg.QUIET)
 
 
 def _residual_panel(
@@ -332,11 +326,11 @@ def _residual_panel(
     label = f"{axis_words(place.axis)}, {unit}" if unit else axis_words(place.axis)
     marks = _x_ticks(points, chart)
     blank = [(value, "") for value, _ in marks]
-    yield from svg.frame(chart, x_label="", y_label="", x_ticks=blank, most_ticks=7)
+    yield from chart.frame(x_label="", y_label="", x_ticks=blank, most_ticks=7)
     yield from _x_words(chart, marks, label)
     ends = ((x, chart.y(0.0)) for x in (chart.left, chart.left + chart.width))
     yield svg.segment(*ends, colour=svg.GREY, width=1.2)
-    yield _upright_label(chart, 46.0, _ERROR)
+    yield chart.upright(46.0, _ERROR)
     yield from _error_lines(traces, points, chart, label)
     if points.of_curve is None:
         yield from _error_marks(traces, points, chart)
@@ -345,12 +339,12 @@ def _residual_panel(
 def _error_lines(traces: Traces, points: Points, chart: svg.Chart, label: str) -> Iterator[str]:
     """Draw the error of each test along its curve, or through the means of an axis' levels."""
     across = (chart.x_range[1] - chart.x_range[0]) / chart.width
-    readable = svg.axes_of(chart, label, _ERROR, log=points.log)
+    readable = chart.axes(label, _ERROR, log=points.log)
     for errors, look in ((points.before, _BEFORE), (points.after, _AFTER)):
         y = np.clip(100.0 * errors, *chart.y_range)
         x = points.x if points.of_curve is not None else points.x + look.aside * across
         for test, line_x, line_y in _lines(points, x, y):
-            drawn = svg.line(chart, line_x, line_y, colour=look.colour, width=1.3, dash=look.dash)
+            drawn = chart.line(line_x, line_y, colour=look.colour, width=1.3, dash=look.dash)
             if test is None:
                 yield drawn
             else:
@@ -368,11 +362,6 @@ def _error_marks(traces: Traces, points: Points, chart: svg.Chart) -> Iterator[s
         ]
         if marks:
             yield from svg.told(f"{_specimen_words(traces, row)}; {_error_words(*errors)}", marks)
-
-
-def _upright_label(chart: svg.Chart, left_by: float, words: str) -> str:
-    middle = chart.top + 0.5 * chart.height
-    return svg.upright(chart.left - left_by, middle, words, colour=_QUIET, size=11.0)
 
 
 def _heading(place: Location) -> str:
@@ -462,7 +451,7 @@ def _curves_figure(traces: Traces) -> bytes:
     panels = [partial(_curves_panel, traces, test) for test in shown]
     parts, width, height = svg.in_rows(panels, 3, (62.0, _TOP), (292.0, 256.0))
     dot = svg.disc(26.0, 48.0, colour=svg.INK, radius=2.5)
-    key = [dot, svg.text(36.0, 52.0, "measured", colour=_QUIET), *_key(_BEFORE, 112.0)]
+    key = [dot, svg.text(36.0, 52.0, "measured", colour=svg.QUIET), *_key(_BEFORE, 112.0)]
     key += _key(_AFTER, 244.0) if np.isfinite(traces.after_N).any() else ()
     size, heading = (max(width + 20.0, 470.0), height + 4.0), f"{title}: predicted and measured"
     return svg.picture(*size, [*key, *parts], title=title, heading=heading)
@@ -481,9 +470,9 @@ def _curves_panel(traces: Traces, test: int, left: float, top: float) -> Iterato
     chart = svg.Chart(left, top + 34.0, 220.0, 150.0, (0.0, float(x.max()) or 1.0), y_range)
     for number, words in enumerate(textwrap.wrap(traces.label[test], _LABEL, max_lines=2)):
         yield svg.text(left, top + 8.0 + 14.0 * number, words, size=11.5)
-    yield from svg.frame(chart, x_label=across, y_label="", most_ticks=5)
-    yield _upright_label(chart, 38.0, "force, N")
-    readable = svg.axes_of(chart, across, "force, N")
+    yield from chart.frame(x_label=across, y_label="", most_ticks=5)
+    yield chart.upright(38.0, "force, N")
+    readable = chart.axes(across, "force, N")
     for row, curve in zip(traces.rows[test], measured, strict=True):
         dots = [
             svg.disc(chart.x(x[i]), chart.y(curve[i]), colour=svg.INK, radius=1.7)
@@ -494,7 +483,7 @@ def _curves_panel(traces: Traces, test: int, left: float, top: float) -> Iterato
         yield from svg.told(words, dots, axes=readable)
     for curve, look in ((before, _BEFORE), (after, _AFTER)):
         if np.isfinite(curve).all():
-            drawn = svg.line(chart, x, curve, colour=look.colour, width=1.8, dash=look.dash)
+            drawn = chart.line(x, curve, colour=look.colour, width=1.8, dash=look.dash)
             words = f"predicted, {look.of}: {traces.label[test]}"
             yield from svg.told(words, [drawn], axes=readable)
 
@@ -540,9 +529,9 @@ def _evidence_figure(diagnosis: Diagnosis) -> bytes:
     marks = [(_BARS_WIDTH * share, f"{share:g}") for share in (0.0, 0.25, 0.5, 0.75, 1.0)]
     key = [
         svg.rectangle(_BARS_LEFT, 48.0, 12.0, 12.0, colour=svg.BLUE),
-        svg.text(_BARS_LEFT + 18.0, 58.0, "by itself", colour=_QUIET),
+        svg.text(_BARS_LEFT + 18.0, 58.0, "by itself", colour=svg.QUIET),
         svg.rectangle(_BARS_LEFT + 92.0, 48.0, 12.0, 12.0, colour=_PALE),
-        svg.text(_BARS_LEFT + 110.0, 58.0, "with something unknown beside it", colour=_QUIET),
+        svg.text(_BARS_LEFT + 110.0, 58.0, "with something unknown beside it", colour=svg.QUIET),
     ]
     rest = 1.0 - sum(h.probability for h in shown)
     notes = ["● not to be told apart here"] if alike else []

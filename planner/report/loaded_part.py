@@ -14,29 +14,12 @@ from planner.materials.mixtures import CoefficientModel
 from planner.mesh.clip import clip_hexahedra
 from planner.mesh.distance import distances, triangle_tree
 from planner.numerics import FloatArray, IntArray
+from planner.report import page, svg
 from planner.report.display import ScreenGrid, thinned
-from planner.report.page import (
-    asset,
-    data_script,
-    encode_page,
-    figure,
-    findings_card,
-    geometry,
-    head,
-    load_slider,
-    packed,
-    scale_bar,
-    section,
-    section_controls,
-    shell_data,
-    stage,
-    table,
-)
 from planner.report.simulation_figures import simulation_figure
-from planner.report.svg import INK, Chart, frame, inline, ramp, rectangle, segment, text, ticks
+from planner.report.svg import INK, Chart
 from planner.simulation.element import shape_functions
 from planner.simulation.part import PartSimulation
-from planner.simulation.response import hats, in_cells
 from planner.simulation.simulate import called
 
 __all__ = [
@@ -91,7 +74,7 @@ def part_page(result: PartSimulation | Sequence[PartSimulation]) -> bytes:
     >>> Path("bent.html").write_bytes(planner.part_page(bent))  # doctest: +SKIP
     """
     results = (result,) if isinstance(result, PartSimulation) else tuple(result)
-    return encode_page(
+    return page.encode_page(
         f"{results[0].name}: under load", _body(results),
         styles=["plan.css"], scripts=["page.js", "part.js"],
         stamp=f'<meta name="generator" content="planner {__version__}">',
@@ -107,7 +90,7 @@ def _body(results: Sequence[PartSimulation]) -> Iterator[str]:
     yield '<a class="skip" href="#figures">Skip the 3D view</a>'
     yield from _header(results)
     yield '<main>\n<div class="bench">'
-    yield stage(
+    yield page.stage(
         f"The part {result.name} under load",
         " ".join(
             f"{words}." for one in results for words in (part_title(one), *summary_words(one))
@@ -115,22 +98,22 @@ def _body(results: Sequence[PartSimulation]) -> Iterator[str]:
         no_view="The figure and the tables below are whole.",
     )
     yield '<div class="panel">'
-    yield from findings_card([(f.message, False) for one in results for f in one.findings])
+    yield from page.findings_card([(f.message, False) for one in results for f in one.findings])
     count = sum(len(one.steps.share) for one in results)
-    yield load_slider("", count, count - 1)
+    yield page.load_slider("", count, count - 1)
     yield '<label class="tick"><input type="checkbox" id="ghost"> outline at rest</label>'
     yield '<label class="tick"><input type="checkbox" id="edges" checked> edges</label></fieldset>'
     yield from _legend(top)
-    yield section_controls("xyz")
-    yield asset("keys.html")
+    yield page.section_controls("xyz")
+    yield page.asset("keys.html")
     yield '</div>\n</div>\n<div class="below" id="figures">'
     first = 0
     for number, one in enumerate(results):
         case, mark = (f": {one.case}", f"-{number}") if one.case else ("", "")
         rows = list(step_rows(one, len(one.steps.share)))
         name = f"curve-title{mark}"
-        curve = figure(name, simulation_figure(one).decode())
-        yield from section(name, f"Load curve{case}", curve)
+        curve = page.figure(name, simulation_figure(one).decode())
+        yield from page.section(name, f"Load curve{case}", curve)
         yield from _cut(one, top, case, mark)
         title = f"Where it is held and loaded, at the last step{case}"
         yield from _table(f"responses{mark}", title, list(response_rows(one)))
@@ -138,27 +121,24 @@ def _body(results: Sequence[PartSimulation]) -> Iterator[str]:
         first += len(rows)
     notes = dict.fromkeys(note for one in results for note in (*summary_words(one), *one.notes))
     items = "".join(f"<li>{escape(note)}</li>" for note in notes)
-    yield from section("notes-title", "Notes", [f'<ul class="notes">{items}</ul>'])
-    yield "</div>\n</main>\n<footer>"
+    yield from page.section("notes-title", "Notes", [f'<ul class="notes">{items}</ul>'])
     shown, of = len(faces), len(result.cells.surface.faces)
     simplified = f", simplified for display to {shown} of {of} triangles" if shown < of else ""
-    yield (
-        f"<p>Places are in the coordinates of the part's own file, in mm{simplified}.</p>\n"
-        f"<p>planner {__version__}; palette {escape(result.palette.name)} "
-        f"{result.palette.sha256[:16]}. 3D view by three.js r187, MIT licence, whose text is in "
-        "this file.</p>\n</footer>"
+    palette = f"{escape(result.palette.name)} {result.palette.sha256[:16]}"
+    yield page.filled(
+        "part-footer.html", simplified=simplified, version=__version__, palette=palette
     )
     data, rest, moved = _packed(results, kept, faces, top)
-    yield data_script("data", data)
-    yield data_script("geometry", rest)
-    yield data_script("steps", moved)
+    yield page.data_script("data", data)
+    yield page.data_script("geometry", rest)
+    yield page.data_script("steps", moved)
 
 
 def _top(most: float) -> float:
     """Return where the colour scale ends: at the break, or lower where strains are far from it."""
     if not 0.0 < most <= 0.5:
         return 1.0
-    return next(tick for tick in ticks(0.0, 2.0 * most) if tick >= most)
+    return next(tick for tick in svg.ticks(0.0, 2.0 * most) if tick >= most)
 
 
 def _header(results: Sequence[PartSimulation]) -> Iterator[str]:
@@ -172,21 +152,16 @@ def _header(results: Sequence[PartSimulation]) -> Iterator[str]:
     ]
     facts.append(("strain / break", format_number(worst), "bad" if worst > 1.0 else "good"))
     facts.append(("findings", str(found), "bad" if found else "good"))
-    return head(f"{results[0].name} under load", [escape(part_title(r)) for r in results], facts)
+    return page.head(
+        f"{results[0].name} under load", [escape(part_title(r)) for r in results], facts
+    )
 
 
 def _legend(top: float) -> Iterator[str]:
-    yield '<section class="card" aria-labelledby="legend-title">'
-    yield '<h2 id="legend-title">Strain over elongation at break</h2>'
-    yield scale_bar(_SCALE)
-    yield '<div class="scale-figures">'
-    yield "".join(f"<span>{top * share:.3g}</span>" for share in (0.0, 0.25, 0.5, 0.75, 1.0))
-    yield "</div>"
+    spans = (f"<span>{top * share:.3g}</span>" for share in (0.0, 0.25, 0.5, 0.75, 1.0))
+    yield page.filled("legend.html", bar=page.scale_bar(_SCALE), figures="".join(spans))
     if top == 1.0:
-        yield (
-            f'<p class="note"><span class="beyond" style="background:{_BROKEN}"></span> above 1: '
-            "a print would break here</p>"
-        )
+        yield page.filled("beyond.html", colour=_BROKEN)
     yield "</section>"
 
 
@@ -194,8 +169,8 @@ def _cut(result: PartSimulation, top: float, case: str, mark: str) -> Iterator[s
     cut = _cut_of(result)
     name = f"cut-title{mark}"
     said = f'<p id="cut-words{mark}">{escape(" ".join(_cut_words(result, cut)))}</p>'
-    drawn = figure(name, _cut_figure(result, cut, _colours(), top))
-    return section(name, f"Where it would tear{case}", [said, *drawn])
+    drawn = page.figure(name, _cut_figure(result, cut, _colours(), top))
+    return page.section(name, f"Where it would tear{case}", [said, *drawn])
 
 
 def _table(
@@ -206,7 +181,7 @@ def _table(
         for number, row in enumerate(rows)
     ]
     columns = [(column or "what", "") for column in rows[0]]
-    return section(name, title, table(columns, marked, of=name))
+    return page.section(name, title, page.table(columns, marked, of=name))
 
 
 # ------------------------------------------------------------------------------------------------
@@ -234,7 +209,7 @@ def _packed(
         "step": grid.step_mm,
         "moved": [0.0, 0.0, 0.0],
         "size": np.ptp(places, axis=(0, 1)).tolist(),
-        "shells": [shell_data(points[0], faces, "#8A8F98")],
+        "shells": [page.shell_data(points[0], faces, "#8A8F98")],
         "sections": [
             {"name": name, "normal": [float(k == axis) for axis in range(3)], "zero": 0.0}
             for k, name in enumerate("xyz")
@@ -249,12 +224,15 @@ def _packed(
         "scale": _colours(),
         "top": top,
     }
-    return document, geometry([(points[0], faces)]), packed(moved)
+    return document, page.geometry([(points[0], faces)]), page.packed(moved)
 
 
 def _colours() -> list[str]:
     """Return 255 colours of the scale, and that of what is broken."""
-    return [*ramp(_SCALE, range(len(_SCALE)), np.linspace(0.0, len(_SCALE) - 1.0, 255)), _BROKEN]
+    return [
+        *svg.ramp(_SCALE, range(len(_SCALE)), np.linspace(0.0, len(_SCALE) - 1.0, 255)),
+        _BROKEN,
+    ]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -343,9 +321,8 @@ def _cuts(result: PartSimulation) -> Iterator[_PartCut]:
         values = np.full(places.shape[:2], np.nan)
         if not outside.all():
             inside = ~outside.reshape(values.shape)
-            _, cell, local = in_cells(result.cells, places[inside])
-            of_cell = result.steps.fields.strain_over_break[cell]
-            values[inside] = np.einsum("mc,mc->m", hats(local), of_cell)
+            _, cell, local = result.cells.nearest_points(places[inside])
+            values[inside] = result.steps.fields.over_break_at(cell, local)
         yield _PartCut(across, along, up, at, x, y, step, values, np.asarray(place))
 
 
@@ -401,21 +378,21 @@ def _cut_figure(result: PartSimulation, cut: _PartCut, colours: Sequence[str], t
     side = (x - _CUT_LEFT) / width
     anchor = "start" if side < 0.15 else "end" if side > 0.85 else "middle"
     parts = [
-        *frame(
-            chart, x_label=f"{'xyz'[cut.along]}, mm", y_label=f"{'xyz'[cut.up]}, mm",
-            y_ticks=[(v, f"{v:g}") for v in ticks(*y_range, max(4, int(height / 30.0)))],
+        *chart.frame(
+            x_label=f"{'xyz'[cut.along]}, mm", y_label=f"{'xyz'[cut.up]}, mm",
+            y_ticks=[(v, f"{v:g}") for v in svg.ticks(*y_range, max(4, int(height / 30.0)))],
             most_ticks=max(3, int(width / 60.0)),
         ),
         *_squares(cut, colours, top),
-        segment((x, y - 7.0), (x, _CUT_TOP - 8.0), colour="#fefefe", width=3.0),
-        segment((x, y - 7.0), (x, _CUT_TOP - 8.0), colour="#111111"),
+        svg.segment((x, y - 7.0), (x, _CUT_TOP - 8.0), colour="#fefefe", width=3.0),
+        svg.segment((x, y - 7.0), (x, _CUT_TOP - 8.0), colour="#111111"),
         f'<circle cx="{x:.2f}" cy="{y:.2f}" r="7" fill="none" stroke="#fefefe" stroke-width="4"/>',
         f'<circle cx="{x:.2f}" cy="{y:.2f}" r="7" fill="none" stroke="#111111" stroke-width="2"/>',
-        text(x, _CUT_TOP - 14.0, f"largest: {worst:.3g}", anchor=anchor),
+        svg.text(x, _CUT_TOP - 14.0, f"largest: {worst:.3g}", anchor=anchor),
         *_cut_legend(colours, top, bottom),
     ]  # fmt: skip
     wide, high = _CUT_LEFT + _CUT_LONGEST + 2.0 * _MARGIN + 16.0, bottom + 52.0
-    return inline(wide, high, parts, 'aria-labelledby="cut-words"')
+    return svg.inline(wide, high, parts, 'aria-labelledby="cut-words"')
 
 
 def _squares(cut: _PartCut, colours: Sequence[str], top: float) -> Iterator[str]:
@@ -450,19 +427,19 @@ def _shade(colours: Sequence[str], number: int) -> str:
 
 def _cut_legend(colours: Sequence[str], top: float, y: float) -> Iterator[str]:
     long = 360.0
-    yield text(
+    yield svg.text(
         _CUT_LEFT, y, "largest principal strain, as a share of the elongation at break (no unit)"
     )
     for k in range(_BANDS):
         left = _CUT_LEFT + long * k / _BANDS
-        yield rectangle(left, y + 8.0, long / _BANDS + 0.3, 14.0, colour=_shade(colours, k))
+        yield svg.rectangle(left, y + 8.0, long / _BANDS + 0.3, 14.0, colour=_shade(colours, k))
     for share in (0.0, 0.25, 0.5, 0.75, 1.0):
-        yield text(_CUT_LEFT + long * share, y + 38.0, f"{top * share:.3g}", anchor="middle")
+        yield svg.text(_CUT_LEFT + long * share, y + 38.0, f"{top * share:.3g}", anchor="middle")
     if top == 1.0:
-        yield rectangle(
+        yield svg.rectangle(
             _CUT_LEFT + long + 24.0, y + 8.0, 14.0, 14.0, colour=_shade(colours, _BANDS)
         )
-        yield text(_CUT_LEFT + long + 44.0, y + 20.0, "above 1: torn")
+        yield svg.text(_CUT_LEFT + long + 44.0, y + 20.0, "above 1: torn")
 
 
 # ------------------------------------------------------------------------------------------------
@@ -621,7 +598,7 @@ def part_volume(result: PartSimulation) -> bytes:
     low = steps[(steps < _ACROSS).all(axis=1)]
     at = (low[:, None] + _CORNERS) @ np.array([(_ACROSS + 1) ** 2, _ACROSS + 1, 1])
     corners, cell = number[:, at].reshape(-1, 8), np.repeat(np.arange(len(number)), len(low))
-    point, of, inner = in_cells(cells, points[corners].mean(axis=1))
+    point, of, inner = cells.nearest_points(points[corners].mean(axis=1))
     mine = of == cell  # another piece of material may stand there
     corners, cell, point, inner = corners[mine], cell[mine], point[mine], inner[mine]
 
@@ -639,7 +616,7 @@ def part_volume(result: PartSimulation) -> bytes:
         return np.concatenate([values, a + kept.share[:, None] * (b - a)])
 
     used = np.concatenate([kept.of_hexahedron, kept.of_wedge, kept.of_tetrahedron])
-    point, shares = point[used], hats(inner[used])
+    point, over_break = point[used], fields.over_break_at(cell[used], inner[used])
     return encode_vtu(
         cut(points),
         [kept.hexahedra, kept.wedges, kept.tetrahedra],
@@ -649,9 +626,7 @@ def part_volume(result: PartSimulation) -> bytes:
             "coordinate": coordinate[point],
             "stress_MPa": fields.stress_MPa[point].astype(np.float32),
             "energy_MPa": fields.energy_MPa[point].astype(np.float32),
-            "strain_over_break": np.einsum(
-                "mc,mc->m", shares, fields.strain_over_break[cell[used]]
-            ).astype(np.float32),
+            "strain_over_break": over_break.astype(np.float32),
             "cell": cell[used].astype(np.int32),
         },
     )

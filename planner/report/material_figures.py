@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 from functools import partial
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -17,16 +17,11 @@ from planner.materials.palette_study import Characterisation, PaletteStudy
 from planner.numerics import FloatArray, normal_quantile
 from planner.palette import Material
 from planner.report import svg
-from planner.report.svg import BLUE, GREY, INK, PALE_BLUE, RUST, Chart, Panel
+from planner.report.svg import BLUE, GREY, INK, PALE_BLUE, QUIET, RUST, Chart, Panel
 
-__all__ = [
-    "characterisation_figure",
-    "fit_figure",
-    "materials_figure",
-]
+__all__ = ["characterisation_figure", "fit_figure", "materials_figure"]
 
 
-_QUIET = "#5c5c5c"
 _SMALL, _LETTER, _LINE = 11.0, 6.3, 12.0
 """Size of small words, about the width of their letters, and from line to line; in pixels."""
 
@@ -36,7 +31,7 @@ _KEY_TOP = 52.0
 def _key(x: float, words: str, *mark: str) -> Iterator[str]:
     """Say below a figure's heading what a mark in it means, in words that begin at x."""
     yield from mark
-    yield svg.text(x, _KEY_TOP + 4.0, words, colour=_QUIET)
+    yield svg.text(x, _KEY_TOP + 4.0, words, colour=QUIET)
 
 
 def _sample(x: float, *, colour: str, width: float = 2.0, dash: str = "") -> str:
@@ -94,30 +89,22 @@ def materials_figure(scale: StiffnessScale) -> bytes:
 
 def _ladder(scale: StiffnessScale) -> Iterator[str]:
     materials, strain = scale.palette.materials, scale.at_strain
-    grades = [material.coordinate for material in materials]
-    m = scale.model.coordinates_between(_PLACES)
-    low, high = scale.model.modulus_interval_MPa(m, strain)
     others = [
         (material.coordinate, float(secant_modulus_MPa(make_law(reading.law), held)))
         for material in materials
         for reading in material.readings
         for held in [min(strain, material.elongation_at_break)]
     ]
-    most = max([float(high.max()), *(modulus for _, modulus in others)])
-    room = 0.05 * (grades[-1] - grades[0]) or 0.5
-    x_range, y_range = (grades[0] - room, grades[-1] + room), _decades(float(low.min()), most)
-    chart = Chart(_LEFT, _TOP, _WIDTH, _HEIGHT, x_range, y_range)
-    yield svg.band(chart, m, np.log10(low), np.log10(high), colour=PALE_BLUE)
-    yield from svg.frame(
-        chart,
-        x_label="coordinate m of the material",
-        y_label=f"secant modulus at strain {strain:g}, MPa",
-        y_ticks=svg.log_ticks(*chart.y_range),
-    )
-    yield svg.line(chart, m, np.log10(scale.model.modulus_MPa(m, strain)), colour=BLUE)
+    chart, drawn = _moduli(
+        scale.model, strain, (_LEFT, _TOP, _WIDTH, _HEIGHT), (0.05, 0.05), _PLACES, BLUE,
+        most=max((modulus for _, modulus in others), default=0.0),
+        x_label="coordinate m of the material", y_label=f"secant modulus at strain {strain:g}, MPa",
+    )  # fmt: skip
+    yield from drawn
     for coordinate, modulus in others:
         yield svg.ring(chart.x(coordinate), _log_y(chart, modulus), colour=RUST, radius=4.5)
-    at = [(chart.x(c), _log_y(chart, v)) for c, v in zip(grades, scale.moduli_MPa, strict=True)]
+    each = zip(scale.model.coordinates.tolist(), scale.moduli_MPa, strict=True)
+    at = [(chart.x(coordinate), _log_y(chart, modulus)) for coordinate, modulus in each]
     for (x, y), ends, material in zip(at, scale.intervals_MPa, materials, strict=True):
         bottom, top = (_log_y(chart, end) for end in ends)
         yield svg.segment((x, bottom), (x, top), colour=BLUE)
@@ -156,23 +143,20 @@ def _stresses(scale: StiffnessScale, left: float) -> Iterator[str]:
     # Names stand behind the ends of the curves.
     letters = max(len(material.id) for material in materials)
     reach = longest / (1.0 - (_LETTER * letters + 14.0) / _WIDTH)
-    y_range = _decades(min(stresses), max(stresses))
+    y_range = _with_room(np.log10([min(stresses), max(stresses)]), 0.05)
     chart = Chart(left, _TOP, _WIDTH, _HEIGHT, (0.0, reach), y_range)
-    yield from svg.frame(
-        chart,
-        x_label="strain",
-        y_label="nominal stress of each law to its break, MPa",
-        y_ticks=svg.log_ticks(*chart.y_range),
+    yield from chart.frame(
+        x_label="strain", y_label="nominal stress of each law to its break, MPa", y_log=True
     )
     if scale.at_strain < longest:
         x = chart.x(scale.at_strain)
-        yield svg.segment((x, _TOP), (x, _TOP + _HEIGHT), colour=_QUIET, width=1.2, dash="5,4")
-        yield svg.text(x + 5.0, _TOP + _HEIGHT - 8.0, "working strain", colour=_QUIET, size=_SMALL)
+        yield svg.segment((x, _TOP), (x, _TOP + _HEIGHT), colour=QUIET, width=1.2, dash="5,4")
+        yield svg.text(x + 5.0, _TOP + _HEIGHT - 8.0, "working strain", colour=QUIET, size=_SMALL)
     ends = []
     for material, (strain, stress) in zip(materials, curves, strict=True):
         y = np.log10(stress)
-        yield svg.line(chart, strain, y, colour=INK, width=3.2)
-        yield svg.line(chart, strain, y, colour=material.colour, width=2.0)
+        yield chart.line(strain, y, colour=INK, width=3.2)
+        yield chart.line(strain, y, colour=material.colour, width=2.0)
         x_end, y_end = chart.x(float(strain[-1])), chart.y(float(y[-1]))
         yield svg.cross(x_end, y_end, colour=INK, arm=4.0)
         ends.append((x_end + 8.0, y_end + 4.0, "start"))
@@ -198,11 +182,34 @@ def _log_y(chart: Chart, value: float) -> float:
     return chart.y(float(np.log10(value)))
 
 
-def _decades(low: float, high: float) -> tuple[float, float]:
-    """Return the logarithms of a range with some room on either side."""
-    ends = np.log10([low, high])
-    room = 0.05 * float(ends[1] - ends[0]) or 0.5
-    return float(ends[0]) - room, float(ends[1]) + room
+def _moduli(
+    model: CoefficientModel, strain: float, box: tuple[float, float, float, float],
+    room: tuple[float, float], places: int, colour: str, *, most: float = 0.0, **labels: Any,
+) -> tuple[Chart, list[str]]:  # fmt: skip
+    """Return a chart of secant moduli over the coordinate, and what is drawn: line and interval.
+
+    Parameters
+    ----------
+    room
+        Share of both axes beyond what is drawn, on either side.
+    places
+        Drawn between two grades.
+    most
+        A modulus that has room too.
+    """
+    grades, m = model.coordinates, model.coordinates_between(places)
+    low, high = model.modulus_interval_MPa(m, strain)
+    ends = np.log10([low.min(), max(most, high.max())])
+    chart = Chart(*box, _with_room(grades, room[0]), _with_room(ends, room[1]))
+    line = chart.line(m, np.log10(model.modulus_MPa(m, strain)), colour=colour)
+    band = chart.band(m, np.log10(low), np.log10(high))
+    return chart, [band, *chart.frame(y_log=True, **labels), line]
+
+
+def _with_room(ends: FloatArray, share: float) -> tuple[float, float]:
+    """Return a range with some room on either side."""
+    room = share * float(ends[-1] - ends[0]) or 0.5
+    return float(ends[0]) - room, float(ends[-1]) + room
 
 
 # ------------------------------------------------------------------------------------------------
@@ -270,8 +277,8 @@ def _tests_panel(
     modulus = one.spreads["modulus_MPa"].mean
     heading = f"{one.material}: {modulus:.3g} MPa, deforms {one.deformation.kind}ally"
     yield svg.text(left - 44.0, top - 32.0, heading, size=13.0)
-    yield from svg.frame(
-        chart, x_label="strain as recorded", y_label="nominal stress, MPa", most_ticks=6
+    yield from chart.frame(
+        x_label="strain as recorded", y_label="nominal stress, MPa", most_ticks=6
     )
     for number, curve in enumerate(curves):
         yield _specimen_line(chart, number, curve.strain, curve.stress_MPa)
@@ -305,7 +312,7 @@ def _specimen_line(chart: Chart, number: int, x: FloatArray, y: FloatArray) -> s
     """Draw the curve of a material's n-th specimen, at so many points as can be seen."""
     at = np.unique(np.linspace(0, len(x) - 1, _SHOWN_POINTS).round().astype(np.int64))
     colour, dash = _look(number)
-    return svg.line(chart, x[at], y[at], colour=colour, width=1.6, dash=dash)
+    return chart.line(x[at], y[at], colour=colour, width=1.6, dash=dash)
 
 
 def _headroom(specimens: int, height: float) -> float:
@@ -322,10 +329,10 @@ def _specimen_key(chart: Chart, names: Sequence[str]) -> Iterator[str]:
         yield svg.segment((x, at - 4.0), (x + 20.0, at - 4.0), colour=colour, width=1.6, dash=dash)
         # Names of specimens differ at their ends.
         cut = name if len(name) <= _LETTERS else f"…{name[1 - _LETTERS :]}"
-        yield svg.text(x + 26.0, at, cut, size=_SMALL, colour=_QUIET)
+        yield svg.text(x + 26.0, at, cut, size=_SMALL, colour=QUIET)
     if len(names) > _SHOWN_NAMES:
         more = f"and {len(names) - _SHOWN_NAMES} more"
-        yield svg.text(x + 26.0, y + _LINE * _SHOWN_NAMES, more, size=_SMALL, colour=_QUIET)
+        yield svg.text(x + 26.0, y + _LINE * _SHOWN_NAMES, more, size=_SMALL, colour=QUIET)
 
 
 def _look(number: int) -> tuple[str, str]:
@@ -469,8 +476,7 @@ def _tests(
     foot = top + _FIT_HEIGHT + 46.0
     below = Chart(left, foot, _PANEL_WIDTH, _RESIDUAL_HEIGHT, chart.x_range, (-reach, reach))
     round_end = svg.ticks(0.0, reach, 4)[-1]
-    yield from svg.frame(
-        below,
+    yield from below.frame(
         x_label="strain",
         y_label="measured less law, % of the largest stress",
         y_ticks=[(value, f"{value:g}") for value in (-round_end, 0.0, round_end)],
@@ -508,8 +514,8 @@ def _prints(
     """Draw the band of prints under a heading."""
     strain, _, low, high = predicted
     yield svg.text(chart.left - 44.0, chart.top - 30.0, heading, size=12.5)
-    yield svg.band(chart, strain, low, np.minimum(high, chart.y_range[1]), colour=PALE_BLUE)
-    yield from svg.frame(chart, x_label=x_label, y_label="nominal stress, MPa", most_ticks=6)
+    yield chart.band(strain, low, np.minimum(high, chart.y_range[1]))
+    yield from chart.frame(x_label=x_label, y_label="nominal stress, MPa", most_ticks=6)
 
 
 def _prints_and_tests(
@@ -520,7 +526,7 @@ def _prints_and_tests(
     yield from _prints(chart, heading, predicted, x_label)
     for number, curve in enumerate(curves):
         yield _specimen_line(chart, number, curve.strain, curve.stress_MPa)
-    yield svg.line(chart, predicted.strain, predicted.stress, colour=INK)
+    yield chart.line(predicted.strain, predicted.stress, colour=INK)
 
 
 def _whisker(x: float, low: float, high: float) -> Iterator[str]:
@@ -536,7 +542,7 @@ def _within(chart: Chart, x: FloatArray, y: FloatArray) -> Iterator[str]:
     edges = np.flatnonzero(np.diff(inside)) + 1
     for run in np.split(np.arange(len(x)), edges):
         if inside[run[0]] and len(run) > 1:
-            yield svg.line(chart, x[run], y[run], colour=_QUADRATIC, width=2.0, dash=_DASH)
+            yield chart.line(x[run], y[run], colour=_QUADRATIC, width=2.0, dash=_DASH)
 
 
 def _ends(values: FloatArray) -> tuple[float, float]:
@@ -555,28 +561,15 @@ def _ladder_strains(model: CoefficientModel) -> list[float]:
 def _fit_ladder(
     study: PaletteStudy, model: CoefficientModel, strain: float, left: float, top: float
 ) -> Iterator[str]:
-    grades = model.coordinates
-    m = model.coordinates_between(_MIXTURES)
-    low, high = model.modulus_interval_MPa(m, strain)
-    room = 0.04 * float(grades[-1] - grades[0])
-    least, most = np.log10([low.min(), high.max()]).tolist()
-    spare = 0.06 * (most - least)
-    chart = Chart(
-        left, top, _PANEL_WIDTH, _FIT_HEIGHT,
-        (float(grades[0]) - room, float(grades[-1]) + room), (least - spare, most + spare),
-    )  # fmt: skip
-    yield svg.band(chart, m, np.log10(low), np.log10(high), colour=PALE_BLUE)
     where = "at rest" if strain == 0.0 else f"at strain {strain:g}"
-    yield from svg.frame(
-        chart,
-        x_label="coordinate m",
-        y_label=f"secant modulus {where}, MPa",
-        y_ticks=svg.log_ticks(*chart.y_range),
-        most_ticks=6,
-    )
-    yield svg.line(chart, m, np.log10(model.modulus_MPa(m, strain)), colour=INK, width=2.0)
+    chart, drawn = _moduli(
+        model, strain, (left, top, _PANEL_WIDTH, _FIT_HEIGHT), (0.04, 0.06), _MIXTURES, INK,
+        x_label="coordinate m", y_label=f"secant modulus {where}, MPa", most_ticks=6,
+    )  # fmt: skip
+    yield from drawn
     if study.quadratic is not None and strain > 0.0:
         of = np.array([row.curve.coordinate for row in study.quadratic.rows])
+        m = model.coordinates_between(_MIXTURES)
         x = m[(m >= of[0]) & (m <= of[-1])]
         y = study.quadratic.quadratics.model.literal_stress_MPa(x, strain) / strain
         # What is not above zero has no logarithm, and lies below the chart.
@@ -589,13 +582,9 @@ def _fit_ladder(
 
 
 def _mixture(
-    study: PaletteStudy,
-    model: CoefficientModel,
-    softer: Material,
-    harder: Material,
-    left: float,
+    study: PaletteStudy, model: CoefficientModel, softer: Material, harder: Material, left: float,
     top: float,
-) -> Iterator[str]:
+) -> Iterator[str]:  # fmt: skip
     m = 0.5 * (softer.coordinate + harder.coordinate)
     end = min(softer.elongation_at_break, harder.elongation_at_break)
     predicted = _mixture_at(model, m, end)
@@ -606,9 +595,9 @@ def _mixture(
     heading = f"m {m:.4g}: between {softer.id} and {harder.id}"
     yield from _prints(chart, heading, predicted)
     for one, curve in zip((softer, harder), beside, strict=True):
-        yield svg.line(chart, strain, curve, colour=INK, width=3.0)
-        yield svg.line(chart, strain, curve, colour=one.colour, width=2.0)
-    yield svg.line(chart, strain, predicted.stress, colour=INK)
+        yield chart.line(strain, curve, colour=INK, width=3.0)
+        yield chart.line(strain, curve, colour=one.colour, width=2.0)
+    yield chart.line(strain, predicted.stress, colour=INK)
     if study.quadratic is not None:
         rows = study.quadratic.rows
         if rows[0].curve.coordinate <= m <= rows[-1].curve.coordinate:
@@ -642,15 +631,12 @@ def _coefficient(found: QuadraticStudy, which: int, left: float, top: float) -> 
     through = found.through.coefficients(m)[:, which]
     low, high = _ends(np.concatenate([own, last, through]))
     spare = 0.08 * (high - low) or 1.0
-    room = 0.04 * float(grades[-1] - grades[0])
-    chart = Chart(
-        left, top, _PANEL_WIDTH, _FIT_HEIGHT,
-        (float(grades[0]) - room, float(grades[-1]) + room), (low - spare, high + spare),
-    )  # fmt: skip
+    y_range = (low - spare, high + spare)
+    chart = Chart(left, top, _PANEL_WIDTH, _FIT_HEIGHT, _with_room(grades, 0.04), y_range)
     unit = ", MPa" if which % 2 == 0 else ""
-    yield from svg.frame(chart, x_label="coordinate m", y_label=f"c{which + 1}{unit}", most_ticks=6)
-    yield svg.line(chart, m, through, colour=GREY, width=1.6, dash="2,3")
-    yield svg.line(chart, m, last, colour=_QUADRATIC, dash=_DASH)
+    yield from chart.frame(x_label="coordinate m", y_label=f"c{which + 1}{unit}", most_ticks=6)
+    yield chart.line(m, through, colour=GREY, width=1.6, dash="2,3")
+    yield chart.line(m, last, colour=_QUADRATIC, dash=_DASH)
     for x, row in zip(grades.tolist(), found.rows, strict=True):
         ends = [row.fit.c[which] + sign * row.fit.half[which] for sign in (-1.0, 1.0)]
         held = [min(max(end, chart.y_range[0]), chart.y_range[1]) for end in ends]

@@ -265,7 +265,7 @@ def _draw(value: Any, ax: "Axes") -> None:
 
 @_draw.register(Plan)
 def _draw_plan(plan: Plan, ax: "Axes") -> None:
-    begin, way = mm_along(plan.gradient.field)
+    begin, way, words = mm_along(plan.gradient.field)
     target = target_along(plan)
     if target is not None:
         ax.plot(begin + target[0] * way, 10.0 ** target[1], "--", color=BLUE, label="target")
@@ -277,9 +277,8 @@ def _draw_plan(plan: Plan, ax: "Axes") -> None:
         ax.fill_between(
             ends, *region.modulus_interval_MPa, color=BLUE, alpha=0.2, linewidth=0.0, label=label
         )
-    long = isinstance(plan.gradient.field.get("span_mm"), float)
     ax.set(
-        xlabel="mm along the field" if long else "field, from its beginning (0) to its end (1)",
+        xlabel=words,
         ylabel=f"secant modulus at strain {plan.stiffness.at_strain:g}, MPa",
         yscale="log",
         title=plan.part.file,

@@ -17,6 +17,7 @@ __all__ = [
     "data_script",
     "encode_page",
     "figure",
+    "filled",
     "findings_card",
     "geometry",
     "head",
@@ -65,33 +66,21 @@ def encode_page(
     """
     own = "\n".join(map(asset, ("viewer.js", *scripts) if view else scripts))
     texts = (*([_library()] if view else []), f"{own}\n")
-    allowed = " ".join(f"'sha256-{_integrity(text)}'" for text in texts)
+    hashes = (hashlib.sha256(text.encode("utf-8")).digest() for text in texts)
+    allowed = " ".join(f"'sha256-{base64.b64encode(each).decode()}'" for each in hashes)
     sheets = "\n".join(asset(name) for name in ("base.css", *styles))
-    lines = [
-        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">',
-        *([stamp] if stamp else []),
-        f'<meta http-equiv="Content-Security-Policy" content="default-src \'none\'; '
-        f"script-src {allowed}; style-src 'unsafe-inline'; base-uri 'none'; "
-        "form-action 'none'\">",
-        '<meta name="viewport" content="width=device-width, initial-scale=1">',
-        f"<title>{escape(title)}</title>",
-        f"<style>\n{sheets}\n</style>\n</head>",
-        f'<body class="{kind}">' if kind else "<body>",
-        *body,
-        *(f"<script>{text}</script>" for text in texts),
-        "</body>\n</html>\n",
-    ]
-    return "\n".join(lines).encode("utf-8")
+    whole = filled(
+        "page.html", stamp=stamp and f"{stamp}\n", allowed=allowed, title=escape(title),
+        sheets=sheets, kind=kind and f' class="{kind}"', body="\n".join(body),
+        scripts="\n".join(f"<script>{text}</script>" for text in texts),
+    )  # fmt: skip
+    return f"{whole}\n".encode()
 
 
 def _library() -> str:
     """Return the library of the 3D view, under its licence."""
     licence = asset("THREE-LICENSE.txt")
     return f"/* three.js r187, bundled by esbuild.\n\n{licence}\n*/\n{asset('three.min.js')}\n"
-
-
-def _integrity(script: str) -> str:
-    return base64.b64encode(hashlib.sha256(script.encode("utf-8")).digest()).decode()
 
 
 def packed(parts: Iterable[bytes]) -> str:
@@ -200,7 +189,7 @@ def findings_card(messages: Sequence[tuple[str, bool]]) -> Iterator[str]:
 # The 3D view: its frame and controls, and what it reads of each shell.
 
 
-def _filled(name: str, **words: str) -> str:
+def filled(name: str, /, **words: str) -> str:
     """Return a file of the viewer with words in their places, as HTML."""
     return Template(asset(name)).substitute(words)
 
@@ -223,7 +212,7 @@ def stage(label: str, words: str, note: str = "", no_view: str = _NO_VIEW) -> st
         What to look at where there is none.
     """
     told = f'\n<p class="read" id="simplified">{note}</p>' if note else ""
-    return _filled(
+    return filled(
         "stage.html", label=escape(label), words=escape(words), note=told, no_view=no_view
     )
 
@@ -233,17 +222,12 @@ def section_controls(ways: Sequence[str]) -> str:
     choices = (
         f'<label><input type="radio" name="section" value="{name}"> {name}</label>' for name in ways
     )
-    return _filled("section.html", ways="\n".join(choices))
+    return filled("section.html", ways="\n".join(choices))
 
 
 def load_slider(name: str, count: int, value: int) -> str:
     """Return the beginning of the controls of a load: which of so many steps is seen, in words."""
-    return (
-        '<fieldset id="load" data-needs-view hidden><legend>Load</legend><div class="slide">\n'
-        f'<input type="range" id="{name}step" min="0" max="{count - 1}" value="{value}" step="1" '
-        'aria-label="Step of the load">\n'
-        f'<output id="{name}step-words" for="{name}step"></output></div>'
-    )
+    return filled("load.html", name=name, last=f"{count - 1}", value=f"{value}")
 
 
 def scale_bar(colours: Iterable[str]) -> str:

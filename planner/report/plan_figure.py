@@ -57,8 +57,8 @@ class PlanTable:
 
 def plan_table(plan: Plan) -> PlanTable:
     """Return the table of a plan."""
-    long = isinstance(plan.gradient.field.get("span_mm"), float)
-    begin, way = mm_along(plan.gradient.field) if long else (0.0, 1.0)
+    begin, way, words = mm_along(plan.gradient.field)
+    long = words == _IN_MM
     rows = tuple(
         {
             "#": str(r.index),
@@ -128,12 +128,17 @@ def unreachable_words(plan: Plan) -> list[str]:
     ]
 
 
-def mm_along(field: Mapping[str, object]) -> tuple[float, float]:
-    """Return where a field that is a length begins, and how far it goes, in mm."""
+_IN_MM, _SHARE = "mm along the field", "field, from its beginning (0) to its end (1)"
+
+
+def mm_along(field: Mapping[str, object]) -> tuple[float, float, str]:
+    """Return where a field begins and how far it goes, in mm where it is a length; and in words."""
     begin, end, span = field.get("from_mm"), field.get("to_mm"), field.get("span_mm")
+    if not isinstance(span, float):
+        return 0.0, 1.0, _SHARE
     if isinstance(begin, float) and isinstance(end, float):
-        return begin, end - begin
-    return 0.0, span if isinstance(span, float) else 1.0
+        return begin, end - begin, _IN_MM
+    return 0.0, span, _IN_MM
 
 
 def _blend_text(region: Region) -> str:
@@ -181,28 +186,22 @@ def stiffness_figure(plan: Plan, colours: Mapping[str, str], words: str = "") ->
         An ``svg`` element.
     """
     target = target_along(plan)
+    *_, words_along = mm_along(plan.gradient.field)
     numbers = {name: number for number, name in enumerate(colours, start=1)}
     known = any(low < high for low, high in (r.modulus_interval_MPa for r in plan.regions))
     chart = _chart([plan], [target], [e for r in plan.regions for e in r.modulus_interval_MPa])
-    long = isinstance(plan.gradient.field.get("span_mm"), float)
     bottom = _TOP + _HEIGHT + 44.0
     parts = [
         *(_interval(r, chart, numbers) for r in stretches(plan.regions) if known),
-        *svg.frame(
-            chart,
+        *chart.frame(
             x_label="",
             y_label=f"secant modulus at strain {plan.stiffness.at_strain:g}, MPa",
-            y_ticks=svg.log_ticks(*chart.y_range),
+            y_log=True,
         ),
         *([] if target is None else [_target_line(chart, target)]),
         *(_step(r, chart) for r in stretches(plan.regions)),
         *_strip(plan.regions, chart, colours, numbers),
-        svg.text(
-            _LEFT + 0.5 * _WIDTH,
-            bottom + 24.0,
-            "mm along the field" if long else "field, from its beginning (0) to its end (1)",
-            anchor="middle",
-        ),
+        svg.text(_LEFT + 0.5 * _WIDTH, bottom + 24.0, words_along, anchor="middle"),
         *_key(known, target is not None),
     ]
     width, height = _LEFT + _WIDTH + 16.0, bottom + 34.0
@@ -219,8 +218,8 @@ def _chart(
     for target in targets:
         logs += [] if target is None else [float(target[1].min()), float(target[1].max())]
     room = _ROOM * (max(logs) - min(logs)) or 0.5
-    spans = {mm_along(plan.gradient.field) for plan in plans}
-    begin, way = next(iter(spans)) if len(spans) == 1 else (0.0, 1.0)
+    spans = {mm_along(plan.gradient.field)[:2] for plan in plans}
+    begin, way = spans.pop() if len(spans) == 1 else (0.0, 1.0)
     ends = (begin, begin + way) if way else (0.0, 1.0)
     return Chart(_LEFT, _TOP, _WIDTH, _HEIGHT, ends, (min(logs) - room, max(logs) + room))
 
@@ -228,7 +227,7 @@ def _chart(
 def _target_line(chart: Chart, target: _Target, colour: str = BLUE, width: float = 2.0) -> str:
     begin, end = chart.x_range
     x = begin + target[0] * (end - begin)
-    return svg.line(chart, x, target[1], colour=colour, width=width, dash="6,4")
+    return chart.line(x, target[1], colour=colour, width=width, dash="6,4")
 
 
 def target_along(plan: Plan) -> _Target | None:
@@ -278,11 +277,8 @@ def _step(region: Region, chart: Chart, colour: str = INK, width: float = 2.5) -
 
 
 def _strip(
-    regions: Sequence[Region],
-    chart: Chart,
-    colours: Mapping[str, str],
-    numbers: Mapping[str, int],
-) -> Iterator[str]:
+    regions: Sequence[Region], chart: Chart, colours: Mapping[str, str], numbers: Mapping[str, int],
+) -> Iterator[str]:  # fmt: skip
     """Draw what each stretch is printed in; two that share one have their shares of its height."""
     top = chart.top + chart.height + 24.0 + _STRIP_TOP
     filled: dict[tuple[float, float], float] = {}
@@ -352,11 +348,9 @@ def both_figure(first: Plan, second: Plan, words: str) -> str:
     chart = _chart(plans, targets)
     strains = dict.fromkeys(f"{plan.stiffness.at_strain:g}" for plan in plans)
     long = chart.x_range[1] - chart.x_range[0] != 1.0
-    across = "place along the field, mm" if long else "field, from its beginning (0) to its end (1)"
+    across = "place along the field, mm" if long else _SHARE
     up = f"secant modulus at strain {' and '.join(strains)}, MPa"
-    parts = list(
-        svg.frame(chart, x_label=across, y_label=up, y_ticks=svg.log_ticks(*chart.y_range))
-    )
+    parts = list(chart.frame(x_label=across, y_label=up, y_log=True))
     styles = (("A", BLUE, 5.0), ("B", RUST, 2.0))
     for (side, colour, thick), plan, target in zip(styles, plans, targets, strict=True):
         if target is not None:

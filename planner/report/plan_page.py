@@ -163,7 +163,12 @@ def plan_page(plan: "Plan | PartDesign | str | Path") -> bytes:
     else:
         missed = tuple(found.message for found in plan.findings)
         source, courses = replace(_source_of(plan.plan), missed=missed), plan.courses
-    return seal(_page(source, courses))
+    made = page.encode_page(
+        f"{source.plan.part.file}: plan", _body(source, courses), styles=["plan.css"],
+        scripts=["page.js", "figure.js", *(["course.js"] if courses else ())],
+        stamp=f"{_stamp(source.sha256)}\n{SEAL}",
+    )  # fmt: skip
+    return seal(made)
 
 
 def view(plan: str | Path | Plan) -> Path:
@@ -231,15 +236,6 @@ _ASSETS = (
 )  # fmt: skip
 
 
-def _page(source: _PlanSource, courses: "Sequence[Course]") -> bytes:
-    return page.encode_page(
-        f"{source.plan.part.file}: plan", _body(source, courses),
-        styles=["plan.css"],
-        scripts=["page.js", "figure.js", *(["course.js"] if courses else ())],
-        stamp=f"{_stamp(source.sha256)}\n{SEAL}",
-    )  # fmt: skip
-
-
 def _body(source: _PlanSource, courses: "Sequence[Course]") -> Iterator[str]:
     """Yield the lines of the page."""
     plan = source.plan
@@ -275,9 +271,11 @@ def _body(source: _PlanSource, courses: "Sequence[Course]") -> Iterator[str]:
     regions = _regions_table(plan, colours, "table-title")
     yield from page.section("table-title", "Regions", regions)
     yield from _remarks(plan)
-    yield from _howto(source.howto)
+    if source.howto.strip():
+        # Its first line is a heading of its own: the section's.
+        yield f'<section class="howto">\n{to_html(source.howto, top_level=2)}\n</section>'
     yield "</div>\n</main>"
-    yield from _footer(source, display)
+    yield _footer(source, display)
     yield page.data_script("data", _viewer_data(source, display, colours) | more)
     yield page.data_script("geometry", page.geometry(display.shells))
     if courses:
@@ -451,13 +449,7 @@ def _materials(source: _PlanSource, colours: Mapping[str, str]) -> Iterator[str]
             '<p class="note quiet">Colours run from soft (yellow) to hard (violet): the '
             "palette's own are too alike to be told apart.</p>"
         )
-    yield '<div class="all" data-needs-view hidden>'
-    yield '<button type="button" id="show-all">Show all</button>'
-    yield '<button type="button" id="hide-all">Hide all</button>'
-    yield (
-        '<label class="tick"><input type="checkbox" id="edges" checked> edges</label></div>'
-        "</fieldset>"
-    )
+    yield page.asset("all.html")
 
 
 def _material_items(
@@ -482,10 +474,7 @@ _NAME_FITS = 16
 
 def _swatch(colour: str) -> str:
     """Return a square of a colour; without words, which stand beside it."""
-    return (
-        '<svg width="14" height="14" aria-hidden="true"><rect class="swatch" x=".5" y=".5" '
-        f'width="13" height="13" rx="3" fill="{colour}"/></svg>'
-    )
+    return page.filled("swatch.html", colour=colour)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -552,35 +541,24 @@ def _remarks(plan: Plan) -> Iterator[str]:
     return page.section(name, "Checks and notes", [*notes, *page.table(columns, rows, of=name)])
 
 
-def _howto(text: str) -> Iterator[str]:
-    if text.strip():
-        # Its first line is a heading of its own: the section's.
-        yield f'<section class="howto">\n{to_html(text, top_level=2)}\n</section>'
-
-
-def _footer(source: _PlanSource, display: Shown) -> Iterator[str]:
+def _footer(source: _PlanSource, display: Shown) -> str:
     plan = source.plan
-    yield "<footer>"
     if display.simplified:
-        yield (
-            f"<p>{_simplified(display)}, "
-            f"positions up to {display.moved_mm:.2g} mm from theirs. The files hold all.</p>"
+        shown = (
+            f"{_simplified(display)}, "
+            f"positions up to {display.moved_mm:.2g} mm from theirs. The files hold all."
         )
     else:
-        yield (
-            f"<p>Shown: all {_thousands(display.of)} triangles, positions rounded to "
-            f"{display.moved_mm:.1g} mm for display; the files hold them whole.</p>"
+        shown = (
+            f"Shown: all {_thousands(display.of)} triangles, positions rounded to "
+            f"{display.moved_mm:.1g} mm for display; the files hold them whole."
         )
-    yield (
-        "<p>Places are in the coordinates of the part's own file, in mm; the files in stl/ are "
-        f"moved by ({', '.join(f'{t:.6g}' for t in plan.part.translation_mm)}).</p>"
-    )
-    yield (
-        f"<p>planner {escape(plan.version)}; part sha256 {escape(plan.part.sha256[:16])}, palette "
-        f"{escape(plan.palette.name)} {escape(plan.palette.sha256[:16])}, plan.json "
-        f"{source.sha256[:16]}. "
-        "3D view by three.js r187, MIT licence, whose text is in this file.</p>\n</footer>"
-    )
+    return page.filled(
+        "plan-footer.html", shown=shown, version=escape(plan.version), plan=source.sha256[:16],
+        moved=", ".join(f"{t:.6g}" for t in plan.part.translation_mm),
+        part=escape(plan.part.sha256[:16]),
+        palette=escape(f"{plan.palette.name} {plan.palette.sha256[:16]}"),
+    )  # fmt: skip
 
 
 # ------------------------------------------------------------------------------------------------
@@ -664,11 +642,7 @@ def _course_controls(document: dict[str, Any]) -> Iterator[str]:
     yield page.load_slider("course-", len(frames), last)
     if any(frame["shape"] is not None for frame in frames):
         words = f"what is left, up to {document['top_mm']:.3g} mm"
-        yield '<label class="tick"><input type="checkbox" id="course-wanted" checked> outline of '
-        yield "the wanted shape</label>"
-        yield '<label class="tick"><input type="checkbox" id="course-left">'
-        yield f"{escape(words)}</label>"
-        yield page.scale_bar(_LEFT_SCALE)
+        yield page.filled("wanted.html", words=words, bar=page.scale_bar(_LEFT_SCALE))
     else:
         yield '<input type="checkbox" id="course-wanted" hidden>'
     yield "</fieldset>"
@@ -736,21 +710,11 @@ def _compared(
     yield '<main>\n<div class="pair">'
     displays = [shown(source.shells) for source in sources]
     for side, plan in zip(_SIDES, plans, strict=True):
-        yield (
-            f'<section class="stage" aria-label="3D view of {side}"><canvas id="view-{side}" '
-            f'tabindex="0" role="application" aria-label="Plan {side}: {escape(plan.part.file)} '
-            f'in its materials, 3D view"></canvas><b class="side" aria-hidden="true">{side}</b>'
-            '<p class="no-view" hidden>This browser shows no 3D graphics (WebGL 2).</p></section>'
-        )
+        yield page.filled("side.html", side=side, part=escape(plan.part.file))
     yield "</div>"
-    yield '<div class="shared" data-needs-view hidden>'
-    yield '<div class="panel">'
-    yield page.section_controls("xyz")
-    yield f"{page.asset('keys.html')}\n</div>"
-    yield '<fieldset id="materials"><legend>Materials, from soft to hard</legend><ul role="list">'
-    yield from _material_items(colours, {name: _sides_of(name, sources) for name in colours})
-    yield "</ul></fieldset>"
-    yield "</div>"
+    items = _material_items(colours, {name: _sides_of(name, sources) for name in colours})
+    controls = f"{page.section_controls('xyz')}\n{page.asset('keys.html')}"
+    yield page.filled("shared.html", controls=controls, materials="\n".join(items))
     yield '<div class="below" id="differences">'
     yield from _differences(found)
     yield from _figure(

@@ -85,8 +85,8 @@ def _part_figure(result: PartSimulation) -> bytes:
         if number == 0:
             around = [np.concatenate([low, high[::-1]]) for low, high in ends]
             parts.append(f'<path d="{chart.path(*around)}Z" fill="{PALE_BLUE}"/>')
-        parts += svg.frame(chart, x_label=curve.x_label, y_label=label)
-        parts.append(svg.line(chart, curve.x, values, colour=BLUE))
+        parts += chart.frame(x_label=curve.x_label, y_label=label)
+        parts.append(chart.line(curve.x, values, colour=BLUE))
         parts += [svg.disc(chart.x(float(x)), chart.y(float(y)), colour=BLUE, radius=2.5)
                   for x, y in zip(curve.x, values, strict=True)]  # fmt: skip
         if broken is not None:
@@ -114,17 +114,17 @@ def _curve(simulation: Simulation) -> Iterator[str]:
     x = simulation.time_s if over_time else simulation.displacement_mm
     force, (low, high) = simulation.force_N, simulation.force_interval_N.T
     chart = _chart(_LEFT, (0.0, _span(float(x.max()))), (0.0, _span(float(high.max()))))
-    yield svg.band(chart, x, low, high, colour=PALE_BLUE)
-    yield from svg.frame(
-        chart, x_label="time, s" if over_time else "displacement, mm", y_label="force, N"
+    yield chart.band(x, low, high)
+    yield from chart.frame(
+        x_label="time, s" if over_time else "displacement, mm", y_label="force, N"
     )
     beyond = simulation.beyond_break
     first = int(np.argmax(beyond)) if beyond.any() else len(x)
     held = slice(0, min(first + 1, len(x)))
-    yield svg.line(chart, x[held], force[held], colour=BLUE)
+    yield chart.line(x[held], force[held], colour=BLUE)
     note = f"band: {100 * simulation.level:g} % of prints"
     if beyond.any():
-        yield svg.line(chart, x[first:], force[first:], colour=BLUE, dash="3,4")
+        yield chart.line(x[first:], force[first:], colour=BLUE, dash="3,4")
         yield svg.cross(chart.x(float(x[first])), chart.y(float(force[first])), colour=RED)
         note += "; cross: break, dotted beyond it"
     yield svg.text(_LEFT + _WIDTH, _TOP - 12.0, note, anchor="end", colour=GREY)
@@ -135,17 +135,17 @@ def _along(simulation: Simulation, left: float) -> Iterator[str]:
     peak = int(np.argmax(simulation.displacement_mm))
     most = float(simulation.strain[peak].max())
     chart = _chart(left, (float(bar.edges_mm[0]), float(bar.edges_mm[-1])), (0.0, _span(most)))
-    yield from svg.frame(chart, x_label="", y_label="strain along the bar")
+    yield from chart.frame(x_label="", y_label="strain along the bar")
     steps = sorted({round(share * peak) for share in _SHARES})
     for step, shade in zip(steps, _SHADES[-len(steps) :], strict=True):
-        yield svg.line(chart, bar.x_mm, simulation.strain[step], colour=shade, width=1.6)
+        yield chart.line(bar.x_mm, simulation.strain[step], colour=shade, width=1.6)
     strains = ", ".join(f"{simulation.gauge_strain[step]:.3g}" for step in steps)
     yield svg.text(
         left + _WIDTH, _TOP - 12.0, f"at strains of the bar of {strains}", anchor="end", colour=GREY
     )
     shown = np.where(simulation.break_strain <= chart.y_range[1], simulation.break_strain, np.nan)
     for run in _runs(np.isfinite(shown)):
-        yield svg.line(chart, bar.x_mm[run], shown[run], colour=RED, width=1.4, dash="6,4")
+        yield chart.line(bar.x_mm[run], shown[run], colour=RED, width=1.4, dash="6,4")
     if np.isfinite(shown).any():
         yield svg.text(left + 6.0, _TOP + 12.0, "dashed: elongation at break", colour=RED)
 

@@ -5,6 +5,7 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from html import escape
+from typing import TypeAlias
 
 import numpy as np
 
@@ -16,18 +17,15 @@ __all__ = [
     "GREY",
     "INK",
     "PALE_BLUE",
+    "QUIET",
     "RED",
     "RUST",
     "Chart",
     "Panel",
-    "axes_of",
-    "band",
     "cross",
     "disc",
-    "frame",
     "in_rows",
     "inline",
-    "line",
     "log_ticks",
     "picture",
     "ramp",
@@ -37,7 +35,6 @@ __all__ = [
     "text",
     "ticks",
     "told",
-    "upright",
 ]
 
 
@@ -52,6 +49,9 @@ RUST = "#c0562b"
 RED = "#c0392b"
 """Where something breaks."""
 
+QUIET = "#5c5c5c"
+"""Notes, and words of a key."""
+
 _GRID = "#e4e4e4"
 _TICKS = 8
 
@@ -63,6 +63,9 @@ def _escaped(words: str) -> str:
     return escape(_NOT_XML.sub("\N{REPLACEMENT CHARACTER}", words))
 
 
+_Pair: TypeAlias = tuple[float, float]
+
+
 @dataclass(frozen=True, slots=True)
 class Chart:
     """A rectangle of the picture, in pixels, and the data it spans."""
@@ -71,8 +74,8 @@ class Chart:
     top: float
     width: float
     height: float
-    x_range: tuple[float, float]
-    y_range: tuple[float, float]
+    x_range: _Pair
+    y_range: _Pair
 
     def x(self, value: float) -> float:
         """Return where a value lies in the picture."""
@@ -88,6 +91,86 @@ class Chart:
         """Return points as an SVG path's data."""
         pairs = zip(x.tolist(), y.tolist(), strict=True)
         return "M" + "L".join(f"{self.x(a):.2f},{self.y(b):.2f}" for a, b in pairs)
+
+    def frame(
+        self,
+        *,
+        x_label: str,
+        y_label: str,
+        x_ticks: Sequence[tuple[float, str]] | None = None,
+        y_ticks: Sequence[tuple[float, str]] | None = None,
+        y_log: bool = False,
+        most_ticks: int = _TICKS,
+    ) -> Iterator[str]:
+        """Draw grid, figures and names of both axes.
+
+        Parameters
+        ----------
+        x_ticks, y_ticks
+            Places and what to write there, in place of round figures.
+        y_log
+            Whether `y_range` is of decimal logarithms.
+        most_ticks
+            About how many round figures an axis has room for.
+        """
+        right, bottom = self.left + self.width, self.top + self.height
+
+        def shown(
+            given: Sequence[tuple[float, str]] | None, ends: _Pair
+        ) -> Sequence[tuple[float, str]]:
+            if given is not None:
+                return given
+            low, high = sorted(ends)  # an axis may fall from left to right
+            return [(value, f"{value:g}") for value in ticks(low, high, most_ticks)]
+
+        for value, words in shown(x_ticks, self.x_range):
+            x = self.x(value)
+            yield f'<path d="M{x:.2f},{self.top:.2f}V{bottom:.2f}" stroke="{_GRID}"/>'
+            yield text(x, bottom + 16.0, words, anchor="middle")
+        for value, words in log_ticks(*self.y_range) if y_log else shown(y_ticks, self.y_range):
+            y = self.y(value)
+            yield f'<path d="M{self.left:.2f},{y:.2f}H{right:.2f}" stroke="{_GRID}"/>'
+            yield text(self.left - 6.0, y + 4.0, words, anchor="end")
+        corner = f"M{self.left:.2f},{self.top:.2f}V{bottom:.2f}H{right:.2f}"
+        yield f'<path d="{corner}" fill="none" stroke="{INK}"/>'
+        yield text(self.left + self.width / 2.0, bottom + 36.0, x_label, anchor="middle")
+        yield text(self.left - 44.0, self.top - 12.0, y_label)
+
+    def line(
+        self, x: FloatArray, y: FloatArray, *, colour: str, width: float = 2.0, dash: str = ""
+    ) -> str:
+        """Draw a line through points."""
+        return (
+            f'<path d="{self.path(x, y)}" fill="none" stroke="{colour}" stroke-width="{width:g}" '
+            f'stroke-linejoin="round"{_dashes(dash)}/>'
+        )
+
+    def band(self, x: FloatArray, low: FloatArray, high: FloatArray) -> str:
+        """Fill what lies between two lines, the ends of an interval."""
+        back = self.path(x[::-1], low[::-1]).replace("M", "L", 1)
+        return f'<path d="{self.path(x, high)}{back}Z" fill="{PALE_BLUE}" stroke="none"/>'
+
+    def upright(self, left_by: float, words: str) -> str:
+        """Write words upwards, so far to the left of the chart's middle."""
+        x, y = self.left - left_by, self.top + 0.5 * self.height
+        return (
+            f'<text transform="translate({x:.2f},{y:.2f}) rotate(-90)" text-anchor="middle" '
+            f'fill="{QUIET}" font-size="11">{_escaped(words)}</text>'
+        )
+
+    def axes(self, x: str, y: str, *, log: bool = False) -> str:
+        """Return a group's attribute that tells a page how places in it are read as figures.
+
+        Parameters
+        ----------
+        x, y
+            What the axes are, each with its unit last: "travel, mm".
+        log
+            Whether `x_range` is of decimal logarithms.
+        """
+        corners = (self.left, self.top, self.width, self.height, *self.x_range, *self.y_range)
+        figures = " ".join(f"{corner:.5g}" for corner in corners)
+        return f' data-axes="{figures} {int(log)}" data-x="{_escaped(x)}" data-y="{_escaped(y)}"'
 
 
 def picture(
@@ -117,7 +200,7 @@ Panel = Callable[[float, float], Iterator[str]]
 
 
 def in_rows(
-    panels: Sequence[Panel], across: int, corner: tuple[float, float], cell: tuple[float, float]
+    panels: Sequence[Panel], across: int, corner: _Pair, cell: _Pair
 ) -> tuple[list[str], float, float]:
     """Return panels set in rows from a corner, their width, and where the last row ends."""
     left, top = corner
@@ -129,62 +212,8 @@ def in_rows(
     return parts, min(len(panels), across) * cell[0], top + rows * cell[1]
 
 
-def frame(
-    chart: Chart,
-    *,
-    x_label: str,
-    y_label: str,
-    x_ticks: Sequence[tuple[float, str]] | None = None,
-    y_ticks: Sequence[tuple[float, str]] | None = None,
-    most_ticks: int = _TICKS,
-) -> Iterator[str]:
-    """Draw grid, figures and names of both axes.
-
-    Parameters
-    ----------
-    x_ticks, y_ticks
-        Places and what to write there, in place of round figures.
-    most_ticks
-        About how many round figures an axis has room for.
-    """
-    right, bottom = chart.left + chart.width, chart.top + chart.height
-    if x_ticks is None:
-        ends = sorted(chart.x_range)  # an axis may fall from left to right
-        x_ticks = [(value, f"{value:g}") for value in ticks(ends[0], ends[1], most_ticks)]
-    for value, words in x_ticks:
-        x = chart.x(value)
-        yield f'<path d="M{x:.2f},{chart.top:.2f}V{bottom:.2f}" stroke="{_GRID}"/>'
-        yield text(x, bottom + 16.0, words, anchor="middle")
-    if y_ticks is None:
-        y_ticks = [(value, f"{value:g}") for value in ticks(*chart.y_range, most_ticks)]
-    for value, words in y_ticks:
-        y = chart.y(value)
-        yield f'<path d="M{chart.left:.2f},{y:.2f}H{right:.2f}" stroke="{_GRID}"/>'
-        yield text(chart.left - 6.0, y + 4.0, words, anchor="end")
-    corner = f"M{chart.left:.2f},{chart.top:.2f}V{bottom:.2f}H{right:.2f}"
-    yield f'<path d="{corner}" fill="none" stroke="{INK}"/>'
-    yield text(chart.left + chart.width / 2.0, bottom + 36.0, x_label, anchor="middle")
-    yield text(chart.left - 44.0, chart.top - 12.0, y_label)
-
-
-def line(
-    chart: Chart, x: FloatArray, y: FloatArray, *, colour: str, width: float = 2.0, dash: str = ""
-) -> str:
-    """Draw a line through points."""
-    return (
-        f'<path d="{chart.path(x, y)}" fill="none" stroke="{colour}" stroke-width="{width:g}" '
-        f'stroke-linejoin="round"{_dashes(dash)}/>'
-    )
-
-
 def _dashes(dash: str) -> str:
     return f' stroke-dasharray="{dash}"' if dash else ""
-
-
-def band(chart: Chart, x: FloatArray, low: FloatArray, high: FloatArray, *, colour: str) -> str:
-    """Fill what lies between two lines."""
-    back = chart.path(x[::-1], low[::-1]).replace("M", "L", 1)
-    return f'<path d="{chart.path(x, high)}{back}Z" fill="{colour}" stroke="none"/>'
 
 
 def cross(x: float, y: float, *, colour: str, arm: float = 5.0) -> str:
@@ -194,14 +223,7 @@ def cross(x: float, y: float, *, colour: str, arm: float = 5.0) -> str:
     return f'<path d="{across}" stroke="{colour}" stroke-width="{0.5 * arm:g}"/>'
 
 
-def segment(
-    start: tuple[float, float],
-    stop: tuple[float, float],
-    *,
-    colour: str,
-    width: float = 1.0,
-    dash: str = "",
-) -> str:
+def segment(start: _Pair, stop: _Pair, *, colour: str, width: float = 1.0, dash: str = "") -> str:
     """Draw a straight line between two places of the picture."""
     return (
         f'<path d="M{start[0]:.2f},{start[1]:.2f}L{stop[0]:.2f},{stop[1]:.2f}" '
@@ -227,14 +249,6 @@ def text(
     )
 
 
-def upright(x: float, y: float, words: str, *, colour: str = INK, size: float = 12.0) -> str:
-    """Write words upwards, their middle at a place of the picture."""
-    return (
-        f'<text transform="translate({x:.2f},{y:.2f}) rotate(-90)" text-anchor="middle" '
-        f'fill="{colour}" font-size="{size:g}">{_escaped(words)}</text>'
-    )
-
-
 def ring(x: float, y: float, *, colour: str, radius: float = 3.5) -> str:
     """Draw a ring at a place of the picture."""
     return (
@@ -254,26 +268,11 @@ def told(words: str, parts: Iterable[str], *, axes: str = "") -> Iterator[str]:
     Parameters
     ----------
     axes
-        See `axes_of`; of a group whose places can be read.
+        See `Chart.axes`; of a group whose places can be read.
     """
     yield f"<g{axes}><title>{_escaped(words)}</title>"
     yield from parts
     yield "</g>"
-
-
-def axes_of(chart: Chart, x: str, y: str, *, log: bool = False) -> str:
-    """Return a group's attribute that tells a page how places in it are read as figures.
-
-    Parameters
-    ----------
-    x, y
-        What the axes are, each with its unit last: "travel, mm".
-    log
-        Whether `Chart.x_range` is of decimal logarithms.
-    """
-    corners = (chart.left, chart.top, chart.width, chart.height, *chart.x_range, *chart.y_range)
-    figures = " ".join(f"{corner:.5g}" for corner in corners)
-    return f' data-axes="{figures} {int(log)}" data-x="{_escaped(x)}" data-y="{_escaped(y)}"'
 
 
 def ticks(low: float, high: float, most: int = _TICKS) -> tuple[float, ...]:

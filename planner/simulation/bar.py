@@ -25,12 +25,9 @@ if TYPE_CHECKING:
 __all__ = [
     "Bar",
     "ProfileDesign",
-    "bar_between",
     "plan_axis",
     "plan_palette",
-    "plan_sections",
     "read_profile",
-    "read_profile_bar",
     "region_coordinates",
     "slice_edges_mm",
     "step_places_mm",
@@ -110,33 +107,121 @@ class Bar:
         """Length of the bar at rest."""
         return float(self.edges_mm[-1] - self.edges_mm[0])
 
+    @classmethod
+    def between(
+        cls, edges_mm: FloatArray, coordinate: FloatArray, area_mm2: FloatArray,
+        between_mm: tuple[float, float] | None,
+    ) -> "Bar":  # fmt: skip
+        """Return the bar of some slices, or of what of them lies between two places of the axis.
 
-def bar_between(
-    edges_mm: FloatArray,
-    coordinate: FloatArray,
-    area_mm2: FloatArray,
-    between_mm: tuple[float, float] | None,
-) -> Bar:
-    """Return the bar of some slices, or of what of them lies between two places of the axis.
+        Raises
+        ------
+        ArgumentError
+            The two places do not rise or do not lie on the bar; or as `Bar`.
+        """
+        if between_mm is None:
+            return cls(edges_mm, coordinate, area_mm2)
+        start, stop = between_mm
+        low, high = float(edges_mm[0]), float(edges_mm[-1])
+        if not low <= start < stop <= high:
+            raise ArgumentError(
+                f"`between_mm` {start:g}:{stop:g}: it must rise and lie on the bar, which goes "
+                f"from {low:.6g} to {high:.6g} mm along its axis"
+            )
+        inner = edges_mm[(edges_mm > start) & (edges_mm < stop)]
+        edges = np.concatenate([[start], inner, [stop]])
+        old = np.searchsorted(edges_mm, edges[:-1], side="right") - 1
+        return cls(edges, coordinate[old], area_mm2[old])
 
-    Raises
-    ------
-    ArgumentError
-        The two places do not rise or do not lie on the bar; or as `Bar`.
-    """
-    if between_mm is None:
-        return Bar(edges_mm, coordinate, area_mm2)
-    start, stop = between_mm
-    low, high = float(edges_mm[0]), float(edges_mm[-1])
-    if not low <= start < stop <= high:
-        raise ArgumentError(
-            f"`between_mm` {start:g}:{stop:g}: it must rise and lie on the bar, which goes from "
-            f"{low:.6g} to {high:.6g} mm along its axis"
+    @classmethod
+    def of_plan(
+        cls, plan: Plan, palette: Palette, *, slices: int, between_mm: tuple[float, float] | None
+    ) -> "Bar":
+        """Cut a plan's shells across the axis of its gradient.
+
+        The shells are made into columns of voxels along the axis, and each layer of voxels is a
+        slice, divided where bands of the plan meet, so that every slice has one material. An area
+        is the count of voxels in the layer's mid-plane. Where cells of two materials lie among each
+        other a slice has the mixture that they come to.
+
+        Parameters
+        ----------
+        slices
+            Layers over the axis, from 0, where the gradient begins.
+        between_mm
+            Only what lies between these places.
+
+        Raises
+        ------
+        ArgumentError
+            The plan's field has no axis.
+        FileError
+            See `planner.plan.read_shells`.
+        UnknownNameError
+            The palette lacks a material of the plan.
+        """
+        from planner.voxels.columns import iterate_columns
+
+        direction, start_mm, span_mm = plan_axis(plan.gradient.field)
+        mesh = _turned(united(dict(read_shells(plan))), direction)
+        grid = _grid(mesh, start_mm, span_mm, slices)
+        counts = np.zeros(slices, dtype=np.int64)
+        for columns in iterate_columns(mesh, grid):
+            begun = np.bincount(columns.start, minlength=slices + 1)
+            ended = np.bincount(columns.stop, minlength=slices + 1)
+            counts += np.cumsum(begun - ended)[:slices]
+        layer_area_mm2 = counts * (grid.pitch_mm[0] * grid.pitch_mm[1])
+
+        layers = np.linspace(0.0, span_mm, slices + 1)
+        bands = np.array([region.field for region in plan.regions]) * span_mm
+        edges = np.union1d(layers, np.clip(bands.ravel(), 0.0, span_mm))
+        edges = edges[np.concatenate([[True], np.diff(edges) > _SLIVER * span_mm / slices])]
+        centres = 0.5 * (edges[:-1] + edges[1:])
+        layer = np.minimum((centres / span_mm * slices).astype(np.int64), slices - 1)
+        region = np.clip(np.searchsorted(bands[:, 0], centres, side="right") - 1, 0, None)
+        area = np.where(centres <= bands[region, 1], layer_area_mm2[layer], 0.0)
+        if is_dithered(plan):
+            coordinate = np.interp(centres / span_mm, *dithered_profile(plan, palette))
+        else:
+            coordinate = region_coordinates(plan, palette)[region]
+        return cls.between(edges, coordinate, area, between_mm)
+
+    @classmethod
+    def read(
+        cls, path: str | Path, palette: Palette, *, slices: int, width_mm: float,
+        thickness_mm: float,
+    ) -> "Bar":  # fmt: skip
+        """Read a profile (CSV) and cut it into slices.
+
+        Parameters
+        ----------
+        path
+            Columns ``x_mm`` (rising; twice for a jump) and ``coordinate``, and where the section is
+            not the same along the bar ``width_mm`` and ``thickness_mm``. Linear between rows.
+        slices
+            About so many, of about one length; none lies across a row.
+        width_mm, thickness_mm
+            The section where the file has no such column.
+
+        Raises
+        ------
+        FileError
+            The file cannot be read, or a row breaks the rules; the message names the line.
+        """
+        design = _of_csv(Path(path))
+        _check_range(design, palette, Path(path).name)
+        x = design.x_mm
+        share = np.diff(x) / (x[-1] - x[0])
+        count = np.where(share > 0.0, np.maximum(np.rint(share * slices), 1.0), 0.0).astype(
+            np.int64
         )
-    inner = edges_mm[(edges_mm > start) & (edges_mm < stop)]
-    edges = np.concatenate([[start], inner, [stop]])
-    old = np.searchsorted(edges_mm, edges[:-1], side="right") - 1
-    return Bar(edges, coordinate[old], area_mm2[old])
+        ends = zip(x[:-1], x[1:], count, strict=True)
+        edges = np.concatenate([x[:1], *(np.linspace(a, b, n + 1)[1:] for a, b, n in ends)])
+        middle = 0.5 * (edges[:-1] + edges[1:])
+        area = np.ones(len(middle))
+        for size, own in ((width_mm, design.width_mm), (thickness_mm, design.thickness_mm)):
+            area *= size if own is None else np.interp(middle, x, own)
+        return cls(edges, design.at(middle), area)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -145,61 +230,6 @@ def bar_between(
 
 _ACROSS = 512  # voxels across the widest side of the section
 _SLIVER = 1e-6  # of a layer: edges closer than this are one
-
-_Sections = tuple[FloatArray, FloatArray, FloatArray]
-
-
-def plan_sections(plan: Plan, palette: Palette, *, slices: int) -> _Sections:
-    """Cut a plan's shells across the axis of its gradient.
-
-    The shells are made into columns of voxels along the axis, and each layer of voxels is a
-    slice, divided where bands of the plan meet, so that every slice has one material. An area is
-    the count of voxels in the layer's mid-plane. Where cells of two materials lie among each other
-    a slice has the mixture that they come to.
-
-    Parameters
-    ----------
-    slices
-        Layers over the axis.
-
-    Returns
-    -------
-    edges_mm : (n + 1,)
-        From 0, where the gradient begins.
-    coordinate, area_mm2 : (n,)
-
-    Raises
-    ------
-    ArgumentError
-        The plan's field has no axis.
-    FileError
-        See `planner.plan.read_shells`.
-    UnknownNameError
-        The palette lacks a material of the plan.
-    """
-    from planner.voxels.columns import iterate_columns
-
-    direction, start_mm, span_mm = plan_axis(plan.gradient.field)
-    mesh = _turned(united(dict(read_shells(plan))), direction)
-    grid = _grid(mesh, start_mm, span_mm, slices)
-    counts = np.zeros(slices, dtype=np.int64)
-    for columns in iterate_columns(mesh, grid):
-        begun = np.bincount(columns.start, minlength=slices + 1)
-        ended = np.bincount(columns.stop, minlength=slices + 1)
-        counts += np.cumsum(begun - ended)[:slices]
-    layer_area_mm2 = counts * (grid.pitch_mm[0] * grid.pitch_mm[1])
-
-    layers = np.linspace(0.0, span_mm, slices + 1)
-    bands = np.array([region.field for region in plan.regions]) * span_mm
-    edges = np.union1d(layers, np.clip(bands.ravel(), 0.0, span_mm))
-    edges = edges[np.concatenate([[True], np.diff(edges) > _SLIVER * span_mm / slices])]
-    centres = 0.5 * (edges[:-1] + edges[1:])
-    layer = np.minimum((centres / span_mm * slices).astype(np.int64), slices - 1)
-    region = np.clip(np.searchsorted(bands[:, 0], centres, side="right") - 1, 0, None)
-    area = np.where(centres <= bands[region, 1], layer_area_mm2[layer], 0.0)
-    if is_dithered(plan):
-        return edges, np.interp(centres / span_mm, *dithered_profile(plan, palette)), area
-    return edges, region_coordinates(plan, palette)[region], area
 
 
 def region_coordinates(plan: Plan, palette: Palette) -> FloatArray:
@@ -301,44 +331,6 @@ def _grid(mesh: "Mesh", start_mm: float, span_mm: float, slices: int) -> "Grid":
     return Grid(
         (low_x, low_y, start_mm), (width / nx, height / ny, span_mm / slices), (nx, ny, slices)
     )
-
-
-# ------------------------------------------------------------------------------------------------
-# A bar from a profile file: the printed design of a graded bar along its gauge.
-
-
-def read_profile_bar(
-    path: str | Path, palette: Palette, *, slices: int, width_mm: float, thickness_mm: float
-) -> Bar:
-    """Read a profile (CSV) and cut it into slices.
-
-    Parameters
-    ----------
-    path
-        Columns ``x_mm`` (rising; twice for a jump) and ``coordinate``, and where the section is
-        not the same along the bar ``width_mm`` and ``thickness_mm``. Linear between rows.
-    slices
-        About so many, of about one length; none lies across a row.
-    width_mm, thickness_mm
-        The section where the file has no such column.
-
-    Raises
-    ------
-    FileError
-        The file cannot be read, or a row breaks the rules; the message names the line.
-    """
-    design = _of_csv(Path(path))
-    _check_range(design, palette, Path(path).name)
-    x = design.x_mm
-    share = np.diff(x) / (x[-1] - x[0])
-    count = np.where(share > 0.0, np.maximum(np.rint(share * slices), 1.0), 0.0).astype(np.int64)
-    ends = zip(x[:-1], x[1:], count, strict=True)
-    edges = np.concatenate([x[:1], *(np.linspace(a, b, n + 1)[1:] for a, b, n in ends)])
-    middle = 0.5 * (edges[:-1] + edges[1:])
-    area = np.ones(len(middle))
-    for size, own in ((width_mm, design.width_mm), (thickness_mm, design.thickness_mm)):
-        area *= size if own is None else np.interp(middle, x, own)
-    return Bar(edges, design.at(middle), area)
 
 
 # ------------------------------------------------------------------------------------------------

@@ -155,15 +155,9 @@ def _measure(pieces: Any, p: Any, measure: Any) -> Any:
 
 @kernel
 def _find(
-    pieces: Any,
-    first: Any,
-    stop: Any,
-    measure: Any,
-    normal: Any,
-    slopes: Any,
-    found: Any,
+    pieces: Any, first: Any, stop: Any, measure: Any, normal: Any, slopes: Any, found: Any,
     used: Any,
-) -> None:
+) -> None:  # fmt: skip
     # The points of pieces first..stop that have none, and how many; 0 where there are too many to
     # be `found`.
     frame = pieces[2]

@@ -22,16 +22,10 @@ from planner.numerics import BoolArray, FloatArray, IntArray, kernel
 from planner.simulation.cell_quadrature import quadrature
 from planner.simulation.element import LOCAL, shape_functions
 from planner.simulation.inner_corners import contacts, opposed, parted
-from planner.simulation.material_columns import SampledMaterial, located, sample
+from planner.simulation.material_columns import SampledMaterial, sample
 from planner.voxels.columns import MOST_VOXELS
 
-__all__ = [
-    "FEWEST_ALONG",
-    "MOST_CELLS",
-    "CutCells",
-    "Shells",
-    "cut_cells",
-]
+__all__ = ["FEWEST_ALONG", "MOST_CELLS", "CutCells", "Shells", "cut_cells"]
 
 
 _COLUMNS_ACROSS = 24
@@ -100,6 +94,10 @@ class _Interface(NamedTuple):
 
 # ------------------------------------------------------------------------------------------------
 # The cells of a part.
+
+
+_APART = 10.0
+# Between cells of the lattice, whose own coordinates go to 1.2: none is nearest to another's.
 
 
 @dataclass(frozen=True, eq=False)
@@ -212,6 +210,21 @@ class CutCells:
         cell, shape = self.nearest(places_mm)
         return np.asarray(np.einsum("na,nak->nk", shape, nodal[self.nodes[cell]]))
 
+    def nearest_points(self, places_mm: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:
+        """Return the nearest quadrature point of places in the part, its cell, and the place in it.
+
+        Of all pieces of material that share a place of the lattice, the one with that point.
+        """
+        from scipy.spatial import cKDTree
+
+        tree = cKDTree(self.points + _APART * self.index[self.cell_of])
+        scaled = (places_mm - self.origin_mm) / self.cell_mm
+        index = np.clip(np.floor(scaled), self.index.min(axis=0), self.index.max(axis=0))
+        _, point = tree.query(2.0 * (scaled - index) - 1.0 + _APART * index)
+        cell = self.cell_of[point]
+        local = 2.0 * (scaled - self.index[cell]) - 1.0
+        return np.asarray(point), cell, np.clip(local, -1.0, 1.0)
+
     def locate(
         self, points_mm: FloatArray, inward: FloatArray
     ) -> tuple[NDArray[np.int32], FloatArray]:
@@ -234,10 +247,8 @@ class CutCells:
         local : (k, 3)
             In the cell's own coordinates: -1..1, and beyond where the piece goes on or is nearest.
         """
-        cell, local, _ = located(
-            self.material, self.origin_mm, self.cell_mm, self.index, points_mm, inward
-        )
-        return cell, local
+        lattice = (self.origin_mm, self.cell_mm, self.index)
+        return self.material.locate(*lattice, points_mm, inward)[:2]
 
 
 def cut_cells(
@@ -426,7 +437,7 @@ def _meeting(
     area, of, middle = area[wide], of[wide], fine.triangles.mean(axis=1)[wide]
     out = fine.area_vectors_mm2[wide] / area[:, None]
     (at_one, local_one, off_one), (at_other, local_other, off_other) = (
-        located(material, low, size, place, middle, way, shell[side][of])
+        material.locate(low, size, place, middle, way, shell[side][of])
         for side, way in ((one, -out), (other, out))
     )
     near = np.maximum(off_one, off_other) <= _ASTRAY * material.frame[2]

@@ -4,7 +4,7 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +24,7 @@ from planner.mesh.mesh import Mesh
 from planner.numerics import BoolArray, FloatArray, IntArray
 from planner.palette import Palette
 from planner.printers import Printer
-from planner.simulation.loads import LoadCase, couple, read_conditions
+from planner.simulation.loads import Condition, LoadCase, couple, read_conditions
 from planner.simulation.part import COARSER, Solid, default_cell_mm, open_solid, simulate_part
 from planner.voxels.columns import MOST_VOXELS, Grid, dense, iterate_columns
 
@@ -535,12 +535,9 @@ def _names(levels: FloatArray, model: CoefficientModel) -> Iterator[str]:
 
 
 def _material(
-    made: ExportedMaterial,
-    elements: IntArray,
-    model: CoefficientModel,
-    solver: Solver,
+    made: ExportedMaterial, elements: IntArray, model: CoefficientModel, solver: Solver,
     to_strain: float,
-) -> tuple[ExportedMaterial, InpMaterial]:
+) -> tuple[ExportedMaterial, InpMaterial]:  # fmt: skip
     """Return a material with its law: its curve, or what CalculiX has that is nearest."""
     materials, at = model.palette.materials, model.coordinates
     end, density = (
@@ -630,13 +627,13 @@ def _law_notes(
 # What is held and loaded, on the cells' outer faces
 
 
+_On = TypeVar("_On", bound=Condition)
+
+
 def _inp(
-    mesh: _Hexahedra,
-    remarks: list[str],
-    materials: Sequence[InpMaterial],
-    part: Mesh,
+    mesh: _Hexahedra, remarks: list[str], materials: Sequence[InpMaterial], part: Mesh,
     case: LoadCase,
-) -> InpModel:
+) -> InpModel:  # fmt: skip
     low, high = mesh.node_mm.min(axis=0), mesh.node_mm.max(axis=0)
     ends = {
         f"{axis}{end}": np.flatnonzero(np.abs(mesh.node_mm[:, a] - place[a]) < 1e-6 * edge)
@@ -651,20 +648,20 @@ def _inp(
         raise ArgumentError("`gravity`: the palette tells no density of a material; add it there")
     facet = _facets(mesh, surface)
 
-    def faces_of(name: str, selector: str, facets: BoolArray) -> IntArray:
-        faces = np.flatnonzero(facets[facet])
-        if not len(faces):
-            raise ArgumentError(
-                f"{selector}: no face of the cells stands for it; take a smaller `cell_mm`"
-            )
-        remarks.append(f"{name}: {selector}")
-        return faces
+    def named(word: str, given: Sequence[_On]) -> Iterator[tuple[str, _On, IntArray]]:
+        for number, one in enumerate(given, start=1):
+            faces = np.flatnonzero(one.facets[facet])
+            if not len(faces):
+                raise ArgumentError(
+                    f"{one.selector}: no face of the cells stands for it; take a smaller `cell_mm`"
+                )
+            remarks.append(f"{word}{number}: {one.selector}")
+            yield f"{word}{number}", one, faces
 
     held = {}
     given = np.full(mesh.node_mm.shape, np.nan)
-    for number, support in enumerate(conditions.supports, start=1):
-        name = f"HELD{number}"
-        nodes = np.unique(_nodes(mesh, faces_of(name, support.selector, support.facets)))
+    for name, support, faces in named("HELD", conditions.supports):
+        nodes = np.unique(_nodes(mesh, faces))
         wanted = np.array([np.nan if u is None else u for u in support.displacement_mm])
         # On an edge between two that want different things the first has its way.
         with np.errstate(invalid="ignore"):
@@ -672,19 +669,16 @@ def _inp(
         given[nodes] = np.where(np.isnan(wanted), given[nodes], wanted)
         held[name] = nodes, support.displacement_mm
     forces = {}
-    for number, force in enumerate(conditions.forces, start=1):
-        name = f"LOAD{number}"
-        nodes, share = _spread(mesh, faces_of(name, force.selector, force.facets))
+    for name, force, faces in named("LOAD", conditions.forces):
+        nodes, share = _spread(mesh, faces)
         forces[name] = nodes, share[:, None] * np.array(force.force_N)
-    for number, moment in enumerate(conditions.moments, start=1):
-        name = f"MOMENT{number}"
-        nodes, share = _spread(mesh, faces_of(name, moment.selector, moment.facets))
+    for name, moment, faces in named("MOMENT", conditions.moments):
+        nodes, share = _spread(mesh, faces)
         forces[name] = nodes, couple(share, mesh.node_mm[nodes], np.array(moment.moment_N_mm))
-    pressures = {}
-    for number, push in enumerate(conditions.pressures, start=1):
-        name = f"PRESSURE{number}"
-        faces = faces_of(name, push.selector, push.facets)
-        pressures[name] = (mesh.outer[faces], push.pressure_MPa)
+    pressures = {
+        name: (mesh.outer[faces], push.pressure_MPa)
+        for name, push, faces in named("PRESSURE", conditions.pressures)
+    }
     return InpModel(
         remarks, mesh.node_mm, mesh.nodes, materials, ends, held, forces, pressures,
         conditions.gravity,

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from planner.mesh.mesh import Mesh, Topology, connected
 from planner.numerics import BoolArray, FloatArray, IntArray, kernel
-from planner.simulation.material_columns import SampledMaterial, column_place, located
+from planner.simulation.material_columns import SampledMaterial, column_place
 
 __all__ = ["contacts", "opposed", "parted"]
 
@@ -55,7 +55,7 @@ def parted(
     while len(places) and len(halves):
         index = np.stack(np.unravel_index(material.pieces()[0], material.counts), axis=1)
         inward = -planes[:, :, :3].sum(axis=1)
-        piece, _, _ = located(material, low, size, index, low + places, inward)
+        piece, _, _ = material.locate(low, size, index, low + places, inward)
         # At an edge on a plane that has parted it, the piece has no inner corner left.
         above = np.einsum("nki,ni->nk", halves[piece, :, :3], places) - halves[piece, :, 3]
         bounds = ((above > skin) | ~halves[piece].any(axis=2)).all(axis=1)

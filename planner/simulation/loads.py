@@ -3,7 +3,7 @@
 import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations
 from pathlib import Path
@@ -15,21 +15,12 @@ from planner.errors import ArgumentError, FileError, did_you_mean
 from planner.fields.basic import unit_direction
 from planner.formats.files import decode_toml, read_file
 from planner.formats.units import QUANTITY_UNITS, quantities_of, unit_factor
+from planner.glance import place_text
 from planner.mesh.mesh import Mesh, Topology, connected, measure
 from planner.numerics import BoolArray, FloatArray, IntArray, Point
 from planner.palette import Palette
 
-__all__ = [
-    "Conditions",
-    "LoadCase",
-    "case_of",
-    "couple",
-    "palette_densities",
-    "read_cases",
-    "read_conditions",
-    "refuse_held",
-    "watched_targets",
-]
+__all__ = ["Conditions", "LoadCase", "couple", "palette_densities", "read_cases", "read_conditions"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -86,6 +77,34 @@ class LoadCase:
         given = (self.fix, self.load, self.moment, self.pressure, self.move)
         return not any(given) and self.gravity is None
 
+    @property
+    def watched_targets(self) -> tuple[str, ...]:
+        """Targets that are displacements, as `watch` takes them."""
+        return tuple(text for text in self.target if _WATCHED.fullmatch(text.strip()))
+
+    @classmethod
+    def read(cls, text: str) -> "LoadCase":
+        """Read a load case from one line: ``NAME; KEY VALUE; KEY VALUE``, keys as in a file.
+
+        Raises
+        ------
+        ArgumentError
+            An unknown key, or one without a value.
+        """
+        name, *parts = (part.strip() for part in text.split(";"))
+        held: dict[str, list[str]] = {}
+        for part in filter(None, parts):
+            key, _, value = part.partition(" ")
+            if key not in (*_TEXTS, "gravity") or not value:
+                hint = did_you_mean(key, _TEXTS)
+                raise ArgumentError(
+                    f"`case` {text}: {part!r} is no key with a value; {hint}write it as 'side; fix "
+                    "x=max; load x=min: 0,0.1,0 N; limit x=min uy<1 mm'"
+                )
+            held.setdefault(key, []).append(value.strip())
+        gravity = held.pop("gravity", [None])[-1]
+        return cls(name=name, gravity=gravity, **held)
+
 
 _TEXTS = ("target", "fix", "load", "moment", "pressure", "move", "watch", "limit")
 
@@ -115,29 +134,6 @@ def read_cases(path: str | Path) -> tuple[LoadCase, ...]:
             if not all(isinstance(text, str) for text in texts):
                 raise FileError(f"{where}: {key} must be text, or a list of texts")
     return tuple(LoadCase(**table) for table in tables)
-
-
-def case_of(text: str) -> LoadCase:
-    """Read a load case from one line: ``NAME; KEY VALUE; KEY VALUE``, keys as in a file.
-
-    Raises
-    ------
-    ArgumentError
-        An unknown key, or one without a value.
-    """
-    name, *parts = (part.strip() for part in text.split(";"))
-    held: dict[str, list[str]] = {}
-    for part in filter(None, parts):
-        key, _, value = part.partition(" ")
-        if key not in (*_TEXTS, "gravity") or not value:
-            hint = did_you_mean(key, _TEXTS)
-            raise ArgumentError(
-                f"`case` {text}: {part!r} is no key with a value; {hint}write it as 'side; fix "
-                "x=max; load x=min: 0,0.1,0 N; limit x=min uy<1 mm'"
-            )
-        held.setdefault(key, []).append(value.strip())
-    gravity = held.pop("gravity", [None])[-1]
-    return LoadCase(name=name, gravity=gravity, **held)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -207,6 +203,26 @@ class Conditions:
     watched: tuple[Watched, ...] = ()
     moments: tuple[Moment, ...] = ()
 
+    def refuse_held(self, where: str, facets: BoolArray, axes: Sequence[int]) -> None:
+        """Refuse faces that supports wholly hold along axes: no load moves them, nothing is found.
+
+        Raises
+        ------
+        ArgumentError
+            Along each of the axes all faces have a support.
+        """
+        by: dict[str, None] = {}
+        for axis in axes:
+            held = [s for s in self.supports if s.displacement_mm[axis] is not None]
+            if not (held and np.logical_or.reduce([s.facets for s in held])[facets].all()):
+                return
+            by |= {s.selector: None for s in held if (s.facets & facets).any()}
+        along = "" if len(axes) == 3 else f" along {' and '.join('xyz'[axis] for axis in axes)}"
+        raise ArgumentError(
+            f"{where}: all of its faces are held{along} by supports ({', '.join(by)}), which give "
+            "them their displacement whatever the loads and materials are; name other faces"
+        )
+
 
 def read_conditions(surface: Mesh, case: LoadCase) -> Conditions:
     """Read loads and supports, and find the faces that each is on.
@@ -265,7 +281,7 @@ def read_conditions(surface: Mesh, case: LoadCase) -> Conditions:
     forces = tuple(Force(s, facets, (x, y, z)) for s, facets, (x, y, z) in loads("load", 3))
     moments = tuple(Moment(s, facets, (x, y, z)) for s, facets, (x, y, z) in loads("moment", 3))
     pressures = tuple(Pressure(s, facets, p) for s, facets, (p,) in loads("pressure", 1))
-    weight = None if case.gravity is None else _gravity(case.gravity)
+    weight = None if case.gravity is None else _direction(case.gravity, "`gravity`")
     moving = any(any(support.displacement_mm) for support in supports)
     if not (forces or moments or pressures or weight or moving):
         raise ArgumentError(
@@ -273,11 +289,12 @@ def read_conditions(surface: Mesh, case: LoadCase) -> Conditions:
             'load="x=min: 0,0,-0.5 N"'
         )
     _check_supports(faces, supports, [option for option, _, _ in held])
+    on = Conditions(supports, forces, pressures, weight, moments=moments)
     for force in forces:
         along = [axis for axis in range(3) if force.force_N[axis]]
-        refuse_held(f"`load` {force.selector}", force.facets, along, supports)
+        on.refuse_held(f"`load` {force.selector}", force.facets, along)
     for moment in moments:
-        refuse_held(f"`moment` {moment.selector}", moment.facets, range(3), supports)
+        on.refuse_held(f"`moment` {moment.selector}", moment.facets, range(3))
     watched = {}
     for text in case.watch:
         found = _WATCHED.fullmatch(text.strip())
@@ -285,16 +302,11 @@ def read_conditions(surface: Mesh, case: LoadCase) -> Conditions:
         key = (selector.strip(), axis)
         if key not in watched:
             watched[key] = Watched(selector.strip(), chosen("watch", selector), axis)
-    return Conditions(supports, forces, pressures, weight, tuple(watched.values()), moments)
+    return replace(on, watched=tuple(watched.values()))
 
 
 _WATCHED = re.compile(r"(.+?)\s+u([xyz])(?:\s*=.*)?", re.IGNORECASE)
 """Faces and an axis, and what a target may say further: how far they are to move."""
-
-
-def watched_targets(case: LoadCase) -> tuple[str, ...]:
-    """Return the targets of a case that are displacements, as `LoadCase.watch` takes them."""
-    return tuple(text for text in case.target if _WATCHED.fullmatch(text.strip()))
 
 
 def couple(weight: FloatArray, place_mm: FloatArray, moment: FloatArray) -> FloatArray:
@@ -332,11 +344,11 @@ def palette_densities(palette: Palette, cases: Sequence[LoadCase]) -> tuple[Floa
     return np.array([material.coordinate for material in palette.materials]), densities
 
 
-def _gravity(gravity: str | Sequence[float]) -> Point:
+def _direction(given: str | Sequence[float], where: str) -> Point:
     try:
-        return unit_direction(gravity)
+        return unit_direction(given)
     except ArgumentError as error:
-        raise ArgumentError(f"`gravity`: {error}") from error
+        raise ArgumentError(f"{where}: {error}") from error
 
 
 # ------------------------------------------------------------------------------------------------
@@ -552,19 +564,15 @@ def _in_box(faces: _Faces, text: str, where: str) -> _Caught:
 def _near(faces: _Faces, text: str, where: str) -> _Caught:
     *place, radius = _numbers(text, 4, where)
     off = np.linalg.norm(faces.centre_mm - np.array(place), axis=1)
-    x, y, z = faces.centre_mm[off.argmin()].tolist()
-    nearest = f"the nearest is {off.min():.4g} mm off, at ({x:.4g}, {y:.4g}, {z:.4g})"
-    return np.asarray(off <= radius), nearest
+    place_words = place_text(faces.centre_mm[off.argmin()]).removesuffix(" mm")
+    return np.asarray(off <= radius), f"the nearest is {off.min():.4g} mm off, at {place_words}"
 
 
 def _turned(faces: _Faces, text: str, where: str) -> _Caught:
     found = _NORMAL.fullmatch(text.strip())
     if found is None:
         raise ArgumentError(f"{where}: write normal:DIRECTION within DEGREES: normal:+z within 20")
-    try:
-        direction = np.array(unit_direction(found[1]))
-    except ArgumentError as error:
-        raise ArgumentError(f"{where}: {error}") from error
+    direction = np.array(_direction(found[1], where))
     angle = np.degrees(np.arccos(np.clip(faces.normal @ direction, -1.0, 1.0)))
     return angle <= float(found[2]), f"the nearest is turned {angle.min():.3g}° off"
 
@@ -641,11 +649,11 @@ def _check_supports(faces: _Faces, supports: Sequence[Support], options: Sequenc
         pairs = zip(supports[i].displacement_mm, supports[j].displacement_mm, strict=True)
         for axis, (one, other) in enumerate(pairs):
             if len(shared) and one is not None and other is not None and one != other:
-                x, y, z = faces.mesh.vertices[shared[0]].tolist()
                 raise ArgumentError(
                     f"{named[i]} and {named[j]} contradict each other: both are on the part at "
-                    f"({x:.4g}, {y:.4g}, {z:.4g}) mm, which they move by {one:g} and {other:g} mm "
-                    f"along {'xyz'[axis]}; leave a stretch between them, or make one free"
+                    f"{place_text(faces.mesh.vertices[shared[0]])}, which they move by {one:g} and "
+                    f"{other:g} mm along {'xyz'[axis]}; leave a stretch between them, or make one "
+                    "free"
                 )
     if not supports:
         raise ArgumentError(
@@ -723,26 +731,3 @@ def _named(basis: FloatArray) -> str:
         for v in _span(basis).T
     ]
     return " and ".join([*("xyz"[axis] for axis in axes), *rest])
-
-
-def refuse_held(
-    where: str, facets: BoolArray, axes: Sequence[int], supports: Sequence[Support]
-) -> None:
-    """Refuse faces that supports wholly hold along axes: no load moves them, nothing is found.
-
-    Raises
-    ------
-    ArgumentError
-        Along each of the axes all faces have a support.
-    """
-    by: dict[str, None] = {}
-    for axis in axes:
-        held = [s for s in supports if s.displacement_mm[axis] is not None]
-        if not (held and np.logical_or.reduce([s.facets for s in held])[facets].all()):
-            return
-        by |= {s.selector: None for s in held if (s.facets & facets).any()}
-    along = "" if len(axes) == 3 else f" along {' and '.join('xyz'[axis] for axis in axes)}"
-    raise ArgumentError(
-        f"{where}: all of its faces are held{along} by supports ({', '.join(by)}), which give them "
-        "their displacement whatever the loads and materials are; name other faces"
-    )

@@ -13,7 +13,7 @@ from planner.mesh.mesh import Mesh, connected, order_rows
 from planner.numerics import FloatArray, IntArray, inner_kernel, kernel
 from planner.voxels.columns import MOST_VOXELS, Columns, Grid, iterate_columns, join
 
-__all__ = ["SampledMaterial", "column_place", "located", "sample"]
+__all__ = ["SampledMaterial", "column_place", "sample"]
 
 
 # Material is sampled by exact columns along z, on a square lattice turned about z by an angle
@@ -139,6 +139,31 @@ class SampledMaterial:
         ends = np.stack([np.stack(least, axis=1), np.stack(most, axis=1)], axis=1)
         return np.add.reduceat(high - low, starts), ends
 
+    def locate(
+        self, origin_mm: FloatArray, cell_mm: FloatArray, index: IntArray,
+        points_mm: FloatArray, inward: FloatArray, shell: NDArray[np.int32] | None = None,
+    ) -> tuple[NDArray[np.int32], FloatArray, FloatArray]:  # fmt: skip
+        """Find points as `CutCells.locate`, if given in shells; also how far their material is."""
+        place = (points_mm - origin_mm) / cell_mm
+        counts = np.array(self.counts)
+        own = np.clip(np.floor(place + _PLAIN_STEP * inward), 0, counts - 1).astype(np.int64)
+        step = self.frame[2]
+        target = points_mm - origin_mm + step * inward
+        target[:, 2] *= self.voxels / cell_mm[2]
+        if shell is None:
+            shell = np.full(len(own), -1, np.int32)
+        cell, away = np.empty(len(points_mm), np.int32), np.empty(len(points_mm))
+        _nearest(
+            self.segments, self.offsets, self.piece, self.shell, self.foot,
+            self.frame, self.across, counts, self.voxels, cell_mm[2] / self.voxels,
+            own, target, shell, cell, away,
+        )  # fmt: skip
+        found = index[cell]
+        local = 2.0 * (place - found) - 1.0
+        inside = (found == own).all(axis=1)
+        local[inside] = np.clip(local[inside], -1.0, 1.0)
+        return cell, local, away
+
 
 def sample(
     shells: Sequence[Mesh], low: FloatArray, extent: FloatArray, cells: tuple[int, ...], across: int
@@ -258,32 +283,6 @@ def _touching(segments: Any, offsets: Any, across: Any, label: Any, apart: Any, 
 
 _PLAIN_STEP = 1e-6
 # of a cell: a point this close to a face of its cell is in the cell that its material is in.
-
-
-def located(
-    material: SampledMaterial, origin_mm: FloatArray, cell_mm: FloatArray, index: IntArray,
-    points_mm: FloatArray, inward: FloatArray, shell: NDArray[np.int32] | None = None,
-) -> tuple[NDArray[np.int32], FloatArray, FloatArray]:  # fmt: skip
-    """Find points as `CutCells.locate`, if given in shells; also how far their material is."""
-    place = (points_mm - origin_mm) / cell_mm
-    counts = np.array(material.counts)
-    own = np.clip(np.floor(place + _PLAIN_STEP * inward), 0, counts - 1).astype(np.int64)
-    step = material.frame[2]
-    target = points_mm - origin_mm + step * inward
-    target[:, 2] *= material.voxels / cell_mm[2]
-    if shell is None:
-        shell = np.full(len(own), -1, np.int32)
-    cell, away = np.empty(len(points_mm), np.int32), np.empty(len(points_mm))
-    _nearest(
-        material.segments, material.offsets, material.piece, material.shell, material.foot,
-        material.frame, material.across, counts, material.voxels, cell_mm[2] / material.voxels,
-        own, target, shell, cell, away,
-    )  # fmt: skip
-    found = index[cell]
-    local = 2.0 * (place - found) - 1.0
-    inside = (found == own).all(axis=1)
-    local[inside] = np.clip(local[inside], -1.0, 1.0)
-    return cell, local, away
 
 
 @kernel

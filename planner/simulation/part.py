@@ -16,27 +16,20 @@ from planner.formats.field_file import encode_vtu
 from planner.formats.files import encode_document, free_memory_bytes
 from planner.formats.mesh_file import encode_stl
 from planner.formats.tables import encode_csv
-from planner.glance import counted, html_of, one_line, outcome, plotted
+from planner.glance import counted, html_of, one_line, outcome, place_text, plotted
 from planner.grading.profile import dithered_profile, is_dithered
 from planner.materials.mixtures import CoefficientModel
 from planner.mesh.distance import distances, triangle_tree
 from planner.mesh.halve import halve_long_edges
 from planner.mesh.mesh import Mesh, Topology, cancel_opposite, compact, repeats_index
 from planner.mesh.part import open_part
-from planner.numerics import FloatArray, Point, one_blas_thread
+from planner.numerics import FloatArray, Point, as_point, one_blas_thread
 from planner.palette import Palette
 from planner.plan import Plan, Triangles, plan_file, read_plan, read_shells
 from planner.printers import Printer, palette_of
 from planner.simulation.bar import plan_axis, plan_palette, region_coordinates, united
 from planner.simulation.cut_cells import FEWEST_ALONG, MOST_CELLS, CutCells, Shells, cut_cells
-from planner.simulation.loads import (
-    Conditions,
-    LoadCase,
-    palette_densities,
-    read_conditions,
-    refuse_held,
-    watched_targets,
-)
+from planner.simulation.loads import Conditions, LoadCase, palette_densities, read_conditions
 from planner.simulation.simulate import called
 
 if TYPE_CHECKING:
@@ -460,8 +453,7 @@ class PartSimulation:
         """Displacement at last of the vertex that moves most, (3,), and its place at rest."""
         moved = self.steps.displacement_mm[-1]
         at = int(np.linalg.norm(moved, axis=1).argmax())
-        x, y, z = self.cells.surface.vertices[at].tolist()
-        return moved[at], (x, y, z)
+        return moved[at], as_point(self.cells.surface.vertices[at])
 
     def document(self) -> dict[str, Any]:
         """Return the simulation as JSON holds it."""
@@ -794,11 +786,11 @@ def simulate_part(
 def _conditions(surface: Mesh, case: LoadCase, name: str) -> Conditions:
     """Read a load case to simulate: the displacements among its targets are watched too."""
     try:
-        watched = (*case.watch, *watched_targets(case))
+        watched = (*case.watch, *case.watched_targets)
         on = read_conditions(surface, dataclasses.replace(case, watch=watched))
         for seen in on.watched:
             axes = range(3) if seen.axis is None else [seen.axis]
-            refuse_held(f"`watch` {seen.selector}", seen.facets, axes, on.supports)
+            on.refuse_held(f"`watch` {seen.selector}", seen.facets, axes)
     except ArgumentError as error:
         raise ArgumentError(f"{name}: {error}" if name else str(error)) from error
     return on
@@ -830,20 +822,19 @@ def _findings(
     if broken.any():
         k = int(np.argmax(broken))  # never at rest
         share = float(np.interp(1.0, steps.largest[k - 1 : k + 1], steps.share[k - 1 : k + 1]))
-        place, words = _place(steps.largest_mm[k])
         coordinate = float(filling(steps.largest_mm[k][None])[0])
         yield PartFinding(
             "break",
-            f"{case}{called(model, coordinate)} at {words} passes its elongation at break at "
-            f"{share:.3g} of the load, by the mean of neighbouring cells; a print would break "
-            "there, and what follows is extrapolated",
+            f"{case}{called(model, coordinate)} at {place_text(steps.largest_mm[k])} passes its "
+            f"elongation at break at {share:.3g} of the load, by the mean of neighbouring cells; a "
+            "print would break there, and what follows is extrapolated",
             share,
-            place,
+            as_point(steps.largest_mm[k]),
         )
     if steps.lost is not None:
         share = float(steps.share[-1])
-        where = None if steps.lost.place_mm is None else _place(steps.lost.place_mm)
-        at = f" near {where[1]}" if where else ""
+        where = steps.lost.place_mm
+        at = "" if where is None else f" near {place_text(where)}"
         if steps.lost.share > 0.0:
             words = (
                 f"the part loses stability at {steps.lost.share:.3g} of the load{at}: it buckles, "
@@ -856,12 +847,9 @@ def _findings(
                 "less than a cell there, or the load be too large for the first step; take "
                 "smaller cells (`cell_mm`) or more `steps`"
             )
-        yield PartFinding("stopped", case + words, share, where[0] if where else None)
-
-
-def _place(place_mm: FloatArray) -> tuple[Point, str]:
-    x, y, z = place_mm.tolist()
-    return (x, y, z), f"({x:.4g}, {y:.4g}, {z:.4g}) mm"
+        yield PartFinding(
+            "stopped", case + words, share, None if where is None else as_point(where)
+        )
 
 
 def _moment_notes(steps: "LoadSteps", on: Conditions) -> Iterator[str]:

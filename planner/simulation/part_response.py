@@ -23,7 +23,7 @@ from planner.formats.files import decode_document, encode_document, read_file
 from planner.glance import brief
 from planner.numerics import FloatArray, freeze
 
-__all__ = ["PartResponse", "encode_response", "force_factor", "read_response"]
+__all__ = ["PartResponse", "force_factor"]
 
 
 _WHOLE = 0.02
@@ -31,6 +31,17 @@ _WHOLE = 0.02
 
 
 _ARRAYS = ("displacement_mm", "force_N", "coordinate", "strain", "share")
+
+
+class _ResponseFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    name: str
+    displacement_mm: list[float]
+    force_N: list[float]
+    coordinate: list[float]
+    strain: list[list[float]]
+    share: list[list[float]]
+    thickness_mm: float
+    log_sd: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -112,6 +123,26 @@ class PartResponse:
         force: FloatArray = stiffness[:, 0] * displacement_mm
         return force, compliance * displacement_mm[:, None], share
 
+    def encode(self) -> bytes:
+        """Return the response as a file's bytes: what was solved once need not be solved again."""
+        values = {name: getattr(self, name) for name in _ResponseFile.__struct_fields__}
+        return encode_document(
+            {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in values.items()}
+        )
+
+    @classmethod
+    def read(cls, path: Path) -> "PartResponse":
+        """Read a response as `encode` wrote it.
+
+        Raises
+        ------
+        FileError
+            The file cannot be read, or is no response.
+        """
+        file = decode_document(read_file(path), _ResponseFile, str(path))
+        figures = {name: np.array(getattr(file, name)) for name in _ARRAYS}
+        return cls(name=file.name, thickness_mm=file.thickness_mm, log_sd=file.log_sd, **figures)
+
 
 @lru_cache(maxsize=256)
 def _curves(response: PartResponse) -> PchipInterpolator:
@@ -136,41 +167,3 @@ def force_factor(ratio: FloatArray, share: FloatArray) -> FloatArray:
     above = np.maximum(ratio, _TAKEN)
     mean = np.sum(share * (np.log(above / _TAKEN) + (ratio - above) / _TAKEN), axis=-1)
     return np.asarray(_TAKEN * np.where(mean > 0.0, np.exp(mean), 1.0 + mean))
-
-
-# ------------------------------------------------------------------------------------------------
-# A response as a file: what was solved once need not be solved again.
-
-
-class _ResponseFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    name: str
-    displacement_mm: list[float]
-    force_N: list[float]
-    coordinate: list[float]
-    strain: list[list[float]]
-    share: list[list[float]]
-    thickness_mm: float
-    log_sd: float
-
-
-def encode_response(response: PartResponse) -> bytes:
-    """Return a response as a file's bytes."""
-    values = {name: getattr(response, name) for name in _ResponseFile.__struct_fields__}
-    return encode_document(
-        {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in values.items()}
-    )
-
-
-def read_response(path: Path) -> PartResponse:
-    """Read a response as `encode_response` wrote it.
-
-    Raises
-    ------
-    FileError
-        The file cannot be read, or is no response.
-    """
-    file = decode_document(read_file(path), _ResponseFile, str(path))
-    figures = {name: np.array(getattr(file, name)) for name in _ARRAYS}
-    return PartResponse(
-        name=file.name, thickness_mm=file.thickness_mm, log_sd=file.log_sd, **figures
-    )

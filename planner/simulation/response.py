@@ -37,18 +37,10 @@ __all__ = [
     "CellAverage",
     "LoadSteps",
     "Response",
+    "Solution",
     "answers",
-    "figure_interval",
-    "followed",
-    "hats",
-    "in_cells",
-    "largest_stretch",
-    "loaded_part",
-    "log_stress_sds",
-    "moved_by",
     "part_response",
     "respond",
-    "response_of",
 ]
 
 
@@ -78,6 +70,10 @@ class _PartFields:
     energy_MPa: FloatArray
     strain_over_break: FloatArray
 
+    def over_break_at(self, cell: IntArray, local: FloatArray) -> FloatArray:
+        """Return the strain over break at places in cells, (n, 3)."""
+        return np.asarray(np.einsum("mc,mc->m", _hats(local), self.strain_over_break[cell]))
+
 
 _ROWS = 1 << 14
 # Points whose gradients are held at a time: 10 MB.
@@ -99,7 +95,7 @@ def _fields_of(
     return _PartFields(u, stress, mechanics.energy_MPa(state), strain_over_break)
 
 
-def hats(local: FloatArray) -> FloatArray:
+def _hats(local: FloatArray) -> FloatArray:
     """Return the eight linear shape functions at places in a cell, (n, 8), x fastest."""
     low, high = 0.5 * (1.0 - local), 0.5 * (1.0 + local)
     ends = np.stack([low, high], axis=2)  # (n, 3, 2)
@@ -107,24 +103,99 @@ def hats(local: FloatArray) -> FloatArray:
     return np.asarray(values.reshape(-1, 8))
 
 
-_APART = 10.0
-# Between cells of the lattice, whose own coordinates go to 1.2: none is nearest to another's.
+# ------------------------------------------------------------------------------------------------
+# An equilibrium with its factor: how sure a figure is, and how all of the part moves with the
+# material of many places at once.
 
 
-def in_cells(cells: CutCells, places_mm: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:
-    """Return the nearest quadrature point of places in the part, its cell, and the place in it.
+_RUN = 20_000
+"""Points at a time: 30 MB for each of their fields."""
 
-    Of all pieces of material that share a place of the lattice, the one with that point.
-    """
-    from scipy.spatial import cKDTree
 
-    tree = cKDTree(cells.points + _APART * cells.index[cells.cell_of])
-    scaled = (places_mm - cells.origin_mm) / cells.cell_mm
-    index = np.clip(np.floor(scaled), cells.index.min(axis=0), cells.index.max(axis=0))
-    _, point = tree.query(2.0 * (scaled - index) - 1.0 + _APART * index)
-    cell = cells.cell_of[point]
-    local = 2.0 * (scaled - cells.index[cell]) - 1.0
-    return np.asarray(point), cell, np.clip(local, -1.0, 1.0)
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """An equilibrium of a body, and the factor of its stiffness there."""
+
+    mechanics: Mechanics
+    state: Equilibrium
+    factored: "Factor"
+
+    def log_stress_sds(
+        self, model: CoefficientModel, normal: float
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the standard deviations of ln(stress) at the points, downwards and upwards, (Q,).
+
+        They are those of a bar's interval, at the strain of a tensile test of the same invariant.
+        """
+        strain = uniaxial_strain(self.mechanics.observe(self.state).x)
+        return log_sds(model, self.mechanics.body.coordinate, strain, normal)
+
+    def interval(
+        self, weights: FloatArray, figure: float, sds: tuple[FloatArray, FloatArray],
+        normal: float, *, positive: bool = False,
+    ) -> tuple[float, float]:  # fmt: skip
+        """Return the interval of a figure whose nodal weights, (N, 3), are given.
+
+        Errors of the grades go together, as in a bar: all softer than thought, or all stiffer, by
+        `normal` of their standard deviations `sds` (`log_stress_sds`). It is that of the logarithm,
+        save where a figure that may have either sign changes by more than itself, as across the
+        load.
+        """
+        found = self.mechanics.sensitivity(self.state, self.factored, weights)
+        each = found.log_stress + found.log_bulk
+        ends = []
+        for sign, sd in zip((-1.0, 1.0), sds, strict=True):
+            change = sign * normal * float(each @ sd)
+            factor = figure != 0.0 and (positive or abs(change) < abs(figure))
+            ends.append(figure * np.exp(change / figure) if factor else figure + change)
+        return float(min(ends)), float(max(ends))
+
+    def moved_by(self, share: Any) -> FloatArray:
+        """Return how far each node goes as the coordinate at the points changes, (N, 3, n).
+
+        It is the tangent K⁻¹ (-∂f/∂m), one solution for each column of `share`;
+        `Mechanics.sensitivity` is its adjoint. The load is held.
+
+        Parameters
+        ----------
+        share : (Q, n) sparse
+            Changes of the coordinate at the points.
+        """
+        from scipy.sparse import csr_matrix
+
+        mechanics, state = self.mechanics, self.state
+        cells, body = mechanics.body.cells, mechanics.body
+        count, width = len(cells.node_mm), share.shape[1]
+        seen, pressure = mechanics.observe(state), body.pressure_MPa(state.pressure)
+        # δp of each cell, by the change of ln κ at its points
+        by_bulk = cells.weights_mm3 * pressure / mechanics.bulk * mechanics.bulk_over_m
+        grown = (share.multiply((by_bulk * psi)[:, None]).toarray() for psi in mechanics.basis.T)
+        swelling = np.stack([np.add.reduceat(g, cells.offsets[:-1]) for g in grown], axis=1)
+        swelling = np.einsum("crs,csn->crn", mechanics.compliance, swelling)
+        square = 2.0 * seen.strain[:, SIX] + np.eye(3)
+        bulging = np.linalg.det(square)[:, None, None] ** 0.5 * np.linalg.inv(square)
+        iso = state.stress_MPa[:, SIX] - pressure[:, None, None] * bulging
+        iso *= seen.over_m[:, None, None]
+        out = np.zeros((3 * count, width))
+        for first in range(0, len(pressure), _RUN):
+            run = slice(first, first + _RUN)
+            cell = cells.cell_of[run]
+            nodes = cells.nodes[cell]
+            gradient = shape_functions(cells.points[run], cells.cell_mm)[1]
+            slope = np.eye(3) + np.einsum("qai,qaj->qij", state.displacement_mm[nodes], gradient)
+            rows = (3 * nodes[:, :, None] + np.arange(3)).reshape(len(nodes), 81)
+            ends = 81 * np.arange(len(nodes) + 1)
+            changes = (share[run], np.einsum("qr,qrn->qn", mechanics.basis[run], swelling[cell]))
+            for stress, change in zip((iso, bulging), changes, strict=True):
+                pull = np.einsum("qij,qjm,qam->qai", slope, stress[run], gradient, optimize=True)
+                pull *= cells.weights_mm3[run, None, None]
+                spread = csr_matrix((pull.ravel(), rows.ravel(), ends), (len(nodes), 3 * count)).T
+                out -= spread @ change
+        gravity = mechanics.conditions.gravity
+        if gravity is not None:
+            weight = mechanics.weight_over_m(state.share)
+            out += np.kron(weight @ share.toarray(), np.array(gravity)[:, None])
+        return self.factored.solve(out).reshape(count, 3, width)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -229,13 +300,9 @@ class LoadSteps:
 
 
 def respond(
-    mechanics: Mechanics,
-    model: CoefficientModel,
-    *,
-    steps: int = 1,
-    level: float = 0.95,
+    mechanics: Mechanics, model: CoefficientModel, *, steps: int = 1, level: float = 0.95,
     progress: Progress | None = None,
-) -> LoadSteps:
+) -> LoadSteps:  # fmt: skip
     """Load a body step by step.
 
     Parameters
@@ -258,7 +325,7 @@ def respond(
     def keep(state: Equilibrium) -> None:
         nonlocal corners
         u = state.displacement_mm
-        stretch, _ = largest_stretch(mechanics.observe(state).strain)
+        stretch, _ = mechanics.observe(state).largest_stretch()
         nodal = average.of((stretch - 1.0) / body.table.break_at(body.coordinate))
         corners = nodal[average.number]
         worst = int(np.argmax(np.where(average.held, nodal, -np.inf)))
@@ -284,30 +351,9 @@ def respond(
     responses = tuple(
         _responses(mechanics, told, last, factored, model, level) if factored is not None else ()
     )
-    share, moved, over_break, largest, largest_mm, energy = (
-        np.stack(each) for each in zip(*kept, strict=True)
-    )
-    return LoadSteps(
-        share,
-        moved,
-        over_break,
-        largest,
-        largest_mm,
-        energy,
-        responses,
-        lost,
-        _fields_of(mechanics, last, corners),
-    )
-
-
-def largest_stretch(strain: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the largest principal stretch of Green-Lagrange strains, (Q, 6), and its direction.
-
-    Its derivative over the strain is the direction's square over the stretch.
-    """
-    square = np.eye(3) + 2.0 * strain[:, SIX]
-    values, vectors = np.linalg.eigh(square)
-    return np.sqrt(np.maximum(values[:, 2], 0.0)), vectors[:, :, 2]
+    series: list[Any] = [np.stack(each) for each in zip(*kept, strict=True)]
+    fields = _fields_of(mechanics, last, corners)
+    return LoadSteps(*series, responses=responses, lost=lost, fields=fields)
 
 
 class CellAverage:
@@ -330,7 +376,7 @@ class CellAverage:
         self.corner = cells.nodes[:, corners]
         self.node, number = np.unique(self.corner, return_inverse=True)
         self.number = number.reshape(self.corner.shape)
-        self.hat = hats(cells.points) * cells.weights_mm3[:, None]
+        self.hat = _hats(cells.points) * cells.weights_mm3[:, None]
         self.at = self.number[cells.cell_of]
         self.volume = np.bincount(self.at.ravel(), self.hat.ravel(), len(self.node))
         held = self.volume > 0.124 * float(np.prod(cells.cell_mm))
@@ -348,7 +394,7 @@ class CellAverage:
 
     def at_vertices(self, nodal: FloatArray) -> FloatArray:
         """Return values at the corners between them, at the surface's vertices."""
-        shares = hats(np.clip(self.cells.vertex_local, -1.0, 1.0))
+        shares = _hats(np.clip(self.cells.vertex_local, -1.0, 1.0))
         return np.asarray(np.einsum("vc,vc->v", shares, nodal[self.number[self.cells.vertex_cell]]))
 
 
@@ -361,13 +407,9 @@ def answers(mechanics: Mechanics, state: Equilibrium) -> "Iterator[tuple[Respons
     on, share, u = mechanics.conditions, state.share, state.displacement_mm
 
     def answer(
-        kind: str,
-        faces: Condition,
-        force_N: FloatArray,
-        direction: FloatArray | None,
-        weights: _Weights | None = None,
-        **turned: Any,
-    ) -> tuple[Response, _Weights]:
+        kind: str, faces: Condition, force_N: FloatArray, direction: FloatArray | None,
+        weights: _Weights | None = None, **turned: Any,
+    ) -> tuple[Response, _Weights]:  # fmt: skip
         points = mechanics.points_of(faces.facets)
         moved = mechanics.mean(points, u)
         if direction is None:
@@ -409,132 +451,29 @@ def _turn_weights(
 
 
 def _responses(
-    mechanics: Mechanics,
-    over_steps: "Sequence[Sequence[tuple[Response, _Weights]]]",
-    last: Equilibrium,
-    factored: "Factor",
-    model: CoefficientModel,
-    level: float,
-) -> Iterator[Response]:
+    mechanics: Mechanics, over_steps: "Sequence[Sequence[tuple[Response, _Weights]]]",
+    last: Equilibrium, factored: "Factor", model: CoefficientModel, level: float,
+) -> Iterator[Response]:  # fmt: skip
     normal = normal_quantile(level)
-    sds = log_stress_sds(mechanics, last, model, normal)
+    at_last = Solution(mechanics, last, factored)
+    sds = at_last.log_stress_sds(model, normal)
     for steps in zip(*over_steps, strict=True):
         told, weights = steps[-1]
         span = None
         if told.figure is not None and told.kind != "pressure":
             # Loads do work, so that what they move goes their way.
-            span = figure_interval(
-                mechanics, last, factored, weights(told.direction),
-                float(told.figure @ told.direction), sds, normal, positive=told.kind == "load",
+            span = at_last.interval(
+                weights(told.direction), float(told.figure @ told.direction), sds, normal,
+                positive=told.kind == "load",
             )  # fmt: skip
         series = ("displacement_mm", "force_N", *told.turned)
         each = {name: np.stack([getattr(one, name) for one, _ in steps]) for name in series}
         yield replace(told, interval=span, **each)
 
 
-def figure_interval(
-    mechanics: Mechanics,
-    state: Equilibrium,
-    factored: "Factor",
-    weights: FloatArray,
-    figure: float,
-    sds: tuple[FloatArray, FloatArray],
-    normal: float,
-    *,
-    positive: bool = False,
-) -> tuple[float, float]:
-    """Return the interval of a figure whose nodal weights, (N, 3), are given.
-
-    Errors of the grades go together, as in a bar: all softer than thought, or all stiffer, by
-    `normal` of their standard deviations `sds` (`log_stress_sds`). It is that of the logarithm,
-    save where a figure that may have either sign changes by more than itself, as across the load.
-    """
-    found = mechanics.sensitivity(state, factored, weights)
-    each = found.log_stress + found.log_bulk
-    ends = []
-    for sign, sd in zip((-1.0, 1.0), sds, strict=True):
-        change = sign * normal * float(each @ sd)
-        factor = figure != 0.0 and (positive or abs(change) < abs(figure))
-        ends.append(figure * np.exp(change / figure) if factor else figure + change)
-    return float(min(ends)), float(max(ends))
-
-
 def _unit(vector: FloatArray) -> FloatArray:
     size = float(np.linalg.norm(vector))
     return vector / size if size > 0.0 else np.array([0.0, 0.0, 1.0])
-
-
-def log_stress_sds(
-    mechanics: Mechanics, state: Equilibrium, model: CoefficientModel, normal: float
-) -> tuple[FloatArray, FloatArray]:
-    """Return the standard deviations of ln(stress) at the points, downwards and upwards, (Q,).
-
-    They are those of a bar's interval, at the strain of a tensile test of the same invariant.
-    """
-    strain = uniaxial_strain(mechanics.observe(state).x)
-    return log_sds(model, mechanics.body.coordinate, strain, normal)
-
-
-# ------------------------------------------------------------------------------------------------
-# The other way round: how all of a part moves with the material of many places at once.
-
-
-_RUN = 20_000
-"""Points at a time: 30 MB for each of their fields."""
-
-
-def moved_by(
-    mechanics: Mechanics, state: Equilibrium, factored: "Factor", share: Any
-) -> FloatArray:
-    """Return how far each node goes as the coordinate at the points changes, (N, 3, n).
-
-    It is the tangent K⁻¹ (-∂f/∂m), one solution for each column of `share`; `Mechanics.sensitivity`
-    is its adjoint. The load is held. `factored` belongs to the state.
-
-    Parameters
-    ----------
-    share : (Q, n) sparse
-        Changes of the coordinate at the points.
-    """
-    from scipy.sparse import csr_matrix
-
-    cells, body = mechanics.body.cells, mechanics.body
-    count, width = len(cells.node_mm), share.shape[1]
-    seen, pressure = mechanics.observe(state), body.pressure_MPa(state.pressure)
-    # δp of each cell, by the change of ln κ at its points
-    by_bulk = cells.weights_mm3 * pressure / mechanics.bulk * mechanics.bulk_over_m
-    swelling = np.stack(
-        [
-            np.add.reduceat(share.multiply((by_bulk * psi)[:, None]).toarray(), cells.offsets[:-1])
-            for psi in mechanics.basis.T
-        ],
-        axis=1,
-    )
-    swelling = np.einsum("crs,csn->crn", mechanics.compliance, swelling)
-    square = 2.0 * seen.strain[:, SIX] + np.eye(3)
-    bulging = np.linalg.det(square)[:, None, None] ** 0.5 * np.linalg.inv(square)
-    iso = state.stress_MPa[:, SIX] - pressure[:, None, None] * bulging
-    iso *= seen.over_m[:, None, None]
-    out = np.zeros((3 * count, width))
-    for first in range(0, len(pressure), _RUN):
-        run = slice(first, first + _RUN)
-        cell = cells.cell_of[run]
-        nodes = cells.nodes[cell]
-        gradient = shape_functions(cells.points[run], cells.cell_mm)[1]
-        slope = np.eye(3) + np.einsum("qai,qaj->qij", state.displacement_mm[nodes], gradient)
-        rows = (3 * nodes[:, :, None] + np.arange(3)).reshape(len(nodes), 81)
-        ends = 81 * np.arange(len(nodes) + 1)
-        changes = (share[run], np.einsum("qr,qrn->qn", mechanics.basis[run], swelling[cell]))
-        for stress, change in zip((iso, bulging), changes, strict=True):
-            pull = np.einsum("qij,qjm,qam->qai", slope, stress[run], gradient, optimize=True)
-            pull *= cells.weights_mm3[run, None, None]
-            spread = csr_matrix((pull.ravel(), rows.ravel(), ends), (len(nodes), 3 * count)).T
-            out -= spread @ change
-    gravity = mechanics.conditions.gravity
-    if gravity is not None:
-        weight = mechanics.weight_over_m(state.share)
-        out += np.kron(weight @ share.toarray(), np.array(gravity)[:, None])
-    return factored.solve(out).reshape(count, 3, width)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -607,11 +546,7 @@ class _Moved(NamedTuple):
 
 @one_blas_thread()
 def followed(
-    part: LoadedPart,
-    table: MarlowTable,
-    steps: Sequence[float],
-    *,
-    sensitive: bool = True,
+    part: LoadedPart, table: MarlowTable, steps: Sequence[float], *, sensitive: bool = True
 ) -> _Moved:
     """Load a part in steps, shares of its whole load, as far as it is stable.
 

@@ -18,29 +18,10 @@ from planner.numerics import BoolArray, FloatArray, IntArray, normal_quantile
 from planner.palette import Material, Palette
 from planner.plan import Plan, read_plan
 from planner.printers import Printer, palette_of
-from planner.simulation.bar import (
-    Bar,
-    bar_between,
-    plan_palette,
-    plan_sections,
-    read_profile_bar,
-)
-from planner.simulation.bar_solver import (
-    LawTables,
-    PulledBars,
-    law_tables,
-    predict,
-    unaltered,
-)
+from planner.simulation.bar import Bar, plan_palette
+from planner.simulation.bar_solver import LawTables, PulledBars, law_tables, predict, unaltered
 
-__all__ = [
-    "Simulation",
-    "called",
-    "loading_path",
-    "log_sds",
-    "simulate",
-    "simulate_bar",
-]
+__all__ = ["Simulation", "called", "loading_path", "log_sds", "simulate", "simulate_bar"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -461,7 +442,7 @@ def _bar_of(
     if not isinstance(source, Material):
         path = Path(str(source))
         if path.suffix.casefold() == ".csv":
-            return path.name, read_profile_bar(
+            return path.name, Bar.read(
                 path, palette, slices=slices, width_mm=width_mm, thickness_mm=thickness_mm
             )
         if path.is_file():
@@ -688,7 +669,7 @@ def simulate_bar(
     if isinstance(source, Plan):
         name = source.part.file
         chosen, notes = plan_palette(source, palette, printer)
-        bar = bar_between(*plan_sections(source, chosen, slices=slices), between_mm)
+        bar = Bar.of_plan(source, chosen, slices=slices, between_mm=between_mm)
         if float(np.sqrt(bar.area_mm2.max())) > bar.gauge_mm:
             notes += (
                 "the part is wider than it is long along the gradient: sections do not stay plane, "
@@ -697,7 +678,7 @@ def simulate_bar(
     else:
         chosen = palette_of(palette, printer)
         name, whole = _bar_of(source, chosen, slices, width_mm, thickness_mm, gauge_mm)
-        bar = bar_between(whole.edges_mm, whole.coordinate, whole.area_mm2, between_mm)
+        bar = Bar.between(whole.edges_mm, whole.coordinate, whole.area_mm2, between_mm)
     speed = rate_mm_s
     if speed is None:
         speed = (chosen.reference.strain_rate_per_s or _UNKNOWN_RATE_PER_S) * bar.gauge_mm

@@ -12,14 +12,7 @@ import numpy as np
 
 from planner.materials.marlow import POISSON, MarlowTable
 from planner.numerics import BoolArray, FloatArray, IntArray
-from planner.simulation.element import (
-    LOCAL,
-    advance,
-    assemble,
-    observe,
-    pull,
-    shape_functions,
-)
+from planner.simulation.element import LOCAL, SIX, advance, assemble, observe, pull, shape_functions
 from planner.simulation.loads import couple
 
 if TYPE_CHECKING:
@@ -27,13 +20,7 @@ if TYPE_CHECKING:
     from planner.simulation.loads import Conditions
     from planner.simulation.sparse_cholesky import Analysis, Factor
 
-__all__ = [
-    "Body",
-    "Equilibrium",
-    "LostStabilityError",
-    "Mechanics",
-    "spread",
-]
+__all__ = ["Body", "Equilibrium", "LostStabilityError", "Mechanics", "spread"]
 
 
 _PENALTY = 1e6
@@ -602,9 +589,15 @@ class Mechanics:
         place = self._carried(held.points, u)
         return np.asarray(held.stiffness[:, None] * held.axes * (share * held.target_mm - place))
 
-    def _factored(self, into: "Factor | None", *, at_rest: bool) -> "Factor":
-        """Return the factor of the matrices; of the body at rest, the one that is kept."""
-        from planner.simulation.sparse_cholesky import factor
+    def _factored(self, into: "Factor | None", *, at_rest: bool, share: float) -> "Factor":
+        """Return the factor of the matrices; of the body at rest, the one that is kept.
+
+        Raises
+        ------
+        LostStabilityError
+            The stiffness is not positive beyond the share of the load that was reached.
+        """
+        from planner.simulation.sparse_cholesky import NotPositiveDefinite, factor
 
         # A pressure has a stiffness of its own from the first.
         rests = {} if self.rests is None or self.pushed else self.rests
@@ -613,7 +606,10 @@ class Mechanics:
         if at_rest and key in rests:
             return rests[key]
         into = None if into in rests.values() else into
-        made = factor(self.analysis, self._matrices, self.springs, into=into)
+        try:
+            made = factor(self.analysis, self._matrices, self.springs, into=into)
+        except NotPositiveDefinite as failed:
+            raise LostStabilityError(share, self.body.cells.node_mm[failed.node]) from failed
         if at_rest:
             rests.clear()
             rests[key] = made
@@ -627,15 +623,10 @@ class Mechanics:
         LostStabilityError
             The stiffness at rest is not positive.
         """
-        from planner.simulation.sparse_cholesky import NotPositiveDefinite
-
         rest = self.at_rest()
         if self._first is None:
             residual, _ = self._assembled(rest, share)
-            try:
-                change = self._factored(None, at_rest=True).solve(residual.ravel())
-            except NotPositiveDefinite as failed:
-                raise LostStabilityError(0.0, self.body.cells.node_mm[failed.node]) from failed
+            change = self._factored(None, at_rest=True, share=0.0).solve(residual.ravel())
             self._first = share, change.reshape(-1, 3)
         at, change = self._first
         return replace(rest, share=share, displacement_mm=share / at * change)
@@ -668,9 +659,6 @@ class Mechanics:
         LostStabilityError
             The stiffness is not positive on the way, or the iteration does not settle.
         """
-        from planner.simulation.sparse_cholesky import NotPositiveDefinite
-
-        cells = self.body.cells
         u, strain = state.displacement_mm.copy(), state.strain.copy()
         stress, pressure = state.stress_MPa.copy(), state.pressure.copy()
         moved, factored = 0.0, into
@@ -688,10 +676,7 @@ class Mechanics:
                 # A sliver may answer quite otherwise than it did before.
                 kept = iteration == 1 or float(np.abs(change).max()) < _FALLS * moved
             if factored is None or not kept:
-                try:
-                    factored = self._factored(factored, at_rest=at_rest)
-                except NotPositiveDefinite as failed:
-                    raise LostStabilityError(state.share, cells.node_mm[failed.node]) from failed
+                factored = self._factored(factored, at_rest=at_rest, share=state.share)
                 change = factored.solve(residual.ravel()).reshape(-1, 3)
             if not np.isfinite(change).all():
                 raise LostStabilityError(state.share, None)
@@ -759,7 +744,7 @@ class Mechanics:
     def tangent(self, state: Equilibrium) -> "Factor":
         """Return the factor of the stiffness at an equilibrium."""
         self._assembled(state, state.share)
-        return self._factored(None, at_rest=False)
+        return self._factored(None, at_rest=False, share=state.share)
 
     # -------------------------------------------------------------------------------------------
 
@@ -876,3 +861,12 @@ class Observed(NamedTuple):
     isochoric: FloatArray
     volumetric: FloatArray
     over_m: FloatArray
+
+    def largest_stretch(self) -> tuple[FloatArray, FloatArray]:
+        """Return the largest principal stretch at the points, and its direction.
+
+        Its derivative over the strain is the direction's square over the stretch.
+        """
+        square = np.eye(3) + 2.0 * self.strain[:, SIX]
+        values, vectors = np.linalg.eigh(square)
+        return np.sqrt(np.maximum(values[:, 2], 0.0)), vectors[:, :, 2]

@@ -11,13 +11,7 @@ from numba.core import cgutils, config, types
 from numba.extending import get_cython_function_address, intrinsic
 from numpy.typing import NDArray
 
-from planner.numerics import (
-    FloatArray,
-    IntArray,
-    inner_kernel,
-    kernel,
-    one_blas_thread,
-)
+from planner.numerics import FloatArray, IntArray, inner_kernel, kernel, one_blas_thread
 from planner.simulation.element import SIX
 
 __all__ = ["Analysis", "Factor", "NotPositiveDefinite", "analyse", "factor", "reused"]
@@ -119,8 +113,7 @@ def _trsm(
     turned = letters + (2 if transposed else 3)
     one = _address_of(_NUMBERS)
     _call(
-        address,
-        (letters + side, letters, turned, letters + 3, i, i + 4, one, a, i + 8, b, i + 12),
+        address, (letters + side, letters, turned, letters + 3, i, i + 4, one, a, i + 8, b, i + 12)
     )
 
 
@@ -146,8 +139,7 @@ def _gemm(
     turned = letters + (2 if transposed else 3)
     by, keep = (numbers + 8, numbers) if scale else (numbers, numbers + 16)
     _call(
-        address,
-        (turned, letters + 3, i, i + 4, i + 8, by, a, i + 12, b, i + 16, keep, c, i + 20),
+        address, (turned, letters + 3, i, i + 4, i + 8, by, a, i + 12, b, i + 16, keep, c, i + 20)
     )
 
 
@@ -241,8 +233,8 @@ class Factor:
         most = 3 * int(np.diff(a.rest_start).max(initial=0))
         with one_blas_thread():
             _solve(
-                _blas_addresses(), a.first, a.rest, a.rest_start, a.panel, self.columns,
-                x.ravel(order="K"), np.empty(max(most, 1) * x.shape[1]), x.shape[1],
+                _blas_addresses(), a, self.columns, x.ravel(order="K"),
+                np.empty(max(most, 1) * x.shape[1]), x.shape[1],
             )  # fmt: skip
         solved = np.empty_like(columns)
         solved[a.order] = x.reshape(len(a.order), 3, -1)
@@ -734,10 +726,11 @@ def _add_update(
 
 @kernel
 def _solve(
-    blas: IntArray, first: IntArray, rest: IntArray, rest_start: IntArray, panel_start: IntArray,
-    columns: FloatArray, x: FloatArray, spare: FloatArray, many: _Int,
+    blas: IntArray, analysis: Analysis, columns: FloatArray, x: FloatArray, spare: FloatArray,
+    many: _Int,
 ) -> None:  # fmt: skip
     """Solve in place for `many` right-hand sides, one after the other in x, by the order."""
+    first, rest, rest_start = analysis.first, analysis.rest, analysis.rest_start
     length = 3 * np.int64(first[-1])
     integers = np.zeros(8, dtype=np.int32)
     fronts = len(first) - 1
@@ -750,7 +743,7 @@ def _solve(
         rows = own + n
         if own == 0:
             continue
-        l11 = _address_of(columns) + 8 * panel_start[t]
+        l11 = _address_of(columns) + 8 * analysis.panel[t]
         l21 = l11 + 8 * own
         x1, s = _address_of(x) + 24 * first[t], _address_of(spare)
         if not back:

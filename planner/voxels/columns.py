@@ -17,7 +17,7 @@ __all__ = [
     "Grid",
     "check_reach",
     "columns_of",
-    "cover_rows",
+    "deal_rows",
     "dense",
     "grid_for",
     "iterate_columns",
@@ -62,50 +62,38 @@ def _ceil_voxel(coordinate: Any) -> Any:
     return (coordinate + (_LATTICE - 1)) >> _SHIFT
 
 
-def _bin_triangles(
+def deal_rows(
     snapped: NDArray[np.int64], faces: NDArray[np.int32], nx: int, ny: int, slab_rows: int
-) -> tuple[NDArray[np.int64], NDArray[np.int32], NDArray[np.int64]]:
-    """Sort triangles into slabs of rows.
+) -> Iterator[tuple[int, int, NDArray[np.int32], int]]:
+    """Deal triangles to slabs of rows, from the lowest up.
 
-    Returns
-    -------
-    offsets, members, spans
-        Slab s holds the faces ``members[offsets[s]:offsets[s + 1]]``, which cross at most
-        ``spans[s]`` of its rows in all. Faces that cover no column (steep or small) are left out.
+    Faces that cover no column (steep or small) are left out. Memory grows with the mesh, not with
+    the number of slabs: faces are kept while they reach into the slab at hand.
+
+    Yields
+    ------
+    first, last, members, spans
+        Rows of a slab, the faces that reach into it, and how many of its rows they cross in all.
     """
-    slabs = (ny + slab_rows - 1) // slab_rows
-    low, high = np.empty((2, len(faces)), np.int32)
-    count, spans = np.zeros((2, slabs), np.int64)
-    _cover(snapped, faces, nx, ny, slab_rows, low, high, count, spans)
-    offsets = np.append(0, np.cumsum(count))
-    members = np.empty(offsets[-1], np.int32)
-    _deal(low, high, slab_rows, offsets[:-1].copy(), members)
-    return offsets, members, spans
-
-
-def cover_rows(
-    snapped: NDArray[np.int64], faces: NDArray[np.int32], nx: int, ny: int
-) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """Return the rows low <= row < high that each face covers; 0, 0 where it covers no column."""
-    low, high = np.empty((2, len(faces)), np.int32)
-    count, spans = np.zeros((2, 1), np.int64)
-    _cover(snapped, faces, nx, ny, ny, low, high, count, spans)
-    return low, high
+    low, high = np.empty((2, len(faces)), np.int16)  # sorting whole ones takes a few passes
+    _cover(snapped, faces, nx, ny, low, high)
+    rising = np.flatnonzero(low < high).astype(np.int32)
+    rising = rising[np.argsort(low[rising], kind="stable")]
+    begins, taken, members = low[rising], 0, rising[:0]
+    for first in range(0, ny, slab_rows):
+        last = min(first + slab_rows, ny)
+        reached = int(np.searchsorted(begins, last))
+        members = np.append(members[high[members] > first], rising[taken:reached])
+        taken = reached
+        crossed = np.minimum(high[members], last) - np.maximum(low[members], first)
+        yield first, last, members, int(crossed.sum(dtype=np.int64))
 
 
 @kernel
 def _cover(
-    snapped: IntArray,
-    faces: IntArray,
-    nx: int,
-    ny: int,
-    slab_rows: int,
-    low: IntArray,
-    high: IntArray,
-    count: IntArray,
-    spans: IntArray,
+    snapped: IntArray, faces: IntArray, nx: int, ny: int, low: IntArray, high: IntArray
 ) -> None:
-    # Rows that each face covers, and what falls to each slab.
+    # Rows low <= row < high that each face covers; 0, 0 where it covers no column.
     for f in range(faces.shape[0]):
         a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
         ax, bx, cx = snapped[a, 0], snapped[b, 0], snapped[c, 0]
@@ -117,20 +105,6 @@ def _cover(
         low[f], high[f] = 0, 0
         if first < last and left < right and (bx - ax) * (cy - ay) != (cx - ax) * (by - ay):
             low[f], high[f] = first, last
-            for s in range(first // slab_rows, (last - 1) // slab_rows + 1):
-                count[s] += 1
-                spans[s] += min(last, (s + 1) * slab_rows) - max(first, s * slab_rows)
-
-
-@kernel
-def _deal(
-    low: IntArray, high: IntArray, slab_rows: int, cursor: IntArray, members: IntArray
-) -> None:
-    for f in range(low.size):
-        if low[f] < high[f]:
-            for s in range(low[f] // slab_rows, (high[f] - 1) // slab_rows + 1):
-                members[cursor[s]] = f
-                cursor[s] += 1
 
 
 @inner_kernel
@@ -152,17 +126,9 @@ def _first_pixel(x0: Any, y0: Any, x1: Any, y1: Any, per_row: Any, y: Any, row_l
 
 @kernel
 def _spans(
-    snapped: IntArray,
-    faces: IntArray,
-    members: IntArray,
-    row0: int,
-    row1: int,
-    nx: int,
-    row_leads: bool,
-    counts: IntArray,
-    columns: IntArray,
-    heights: FloatArray,
-) -> int:
+    snapped: IntArray, faces: IntArray, members: IntArray, row0: int, row1: int, nx: int,
+    row_leads: bool, counts: IntArray, columns: IntArray, heights: FloatArray,
+) -> int:  # fmt: skip
     # Cut each triangle into one span a row: first column, length, exit (1) or entry (0) and the
     # face (-1 where z is the same all over it, and so exact) in `columns`; z at the first column
     # and its rise a column in `heights`. `counts` gets +1 where a span begins and -1 where it
@@ -224,17 +190,9 @@ def _spans(
 
 
 def slab_runs(
-    snapped: NDArray[np.int64],
-    faces: NDArray[np.int32],
-    members: NDArray[np.int32],
-    spans: int,
-    row0: int,
-    row1: int,
-    nx: int,
-    nz: int,
-    shortest: int,
-    row_leads: bool = False,
-) -> tuple[IntArray, IntArray, IntArray, int]:
+    snapped: NDArray[np.int64], faces: NDArray[np.int32], members: NDArray[np.int32], spans: int,
+    row0: int, row1: int, nx: int, nz: int, shortest: int, row_leads: bool = False,
+) -> tuple[IntArray, IntArray, IntArray, int]:  # fmt: skip
     """Return the runs of one slab of rows.
 
     Parameters
@@ -291,21 +249,9 @@ def _exact_voxel(
 
 @kernel
 def _runs(
-    columns: Any,
-    heights: Any,
-    snapped: Any,
-    faces: Any,
-    row0: Any,
-    nx: Any,
-    row_leads: Any,
-    cursor: Any,
-    keys: Any,
-    nz: Any,
-    shortest: Any,
-    offsets: Any,
-    start: Any,
-    stop: Any,
-) -> Any:
+    columns: Any, heights: Any, snapped: Any, faces: Any, row0: Any, nx: Any, row_leads: Any,
+    cursor: Any, keys: Any, nz: Any, shortest: Any, offsets: Any, start: Any, stop: Any,
+) -> Any:  # fmt: skip
     # Gather each column's crossings in `keys`, sort them, and count the winding along them.
     crossings = here = 0
     for c in range(cursor.size - 1):
@@ -532,11 +478,8 @@ def columns_of(
     """Make columns of some faces between vertices in lattice units; see `iterate_columns`."""
     nx, ny, nz = grid.shape
     rows = max(1, _SLAB_COLUMNS // nx) if slab_rows is None else slab_rows
-    offsets, members, spans = _bin_triangles(snapped, faces, nx, ny, rows)
-    for slab, first in enumerate(range(0, ny, rows)):
-        ids = members[offsets[slab] : offsets[slab + 1]]
-        last = min(first + rows, ny)
-        runs = slab_runs(snapped, faces, ids, int(spans[slab]), first, last, nx, nz, shortest)
+    for first, last, members, spans in deal_rows(snapped, faces, nx, ny, rows):
+        runs = slab_runs(snapped, faces, members, spans, first, last, nx, nz, shortest)
         yield Columns(grid, first, *runs)
 
 

@@ -19,12 +19,8 @@ from planner.voxels.columns import MOST_VOXELS, Columns, Grid, iterate_columns
 __all__ = [
     "SOUND",
     "ThinPlace",
-    "active_words",
-    "ball",
-    "empty_set",
-    "grow",
     "longest_checked_mm",
-    "morph",
+    "rehearse_sets",
     "room_mm",
     "space_around_mm",
     "thin_solid_places",
@@ -235,6 +231,13 @@ def _grow(grown: Any, within: Any, steps: Any, place: Any, value: Any) -> Any:
         if not changed and step % 2 == 1:
             break
     return todo
+
+
+def rehearse_sets() -> None:
+    """Go once through what opens and grows sets, so that their loops are compiled and kept."""
+    nothing = empty_set(1, 1, 1)
+    grow(nothing, nothing.copy(), 1)
+    morph(nothing, ball(1), False, nothing, active_words(nothing, 1))
 
 
 @kernel

@@ -15,7 +15,7 @@ from benchmarks.withheld.fingers import (
     stiffer,
 )
 from planner.gap.diagnose import diagnose
-from planner.simulation.part_response import force_factor, read_response
+from planner.simulation.part_response import PartResponse, force_factor
 
 TRUTHS = json.loads((FOLDER / "truths.json").read_text(encoding="utf-8"))
 
@@ -23,7 +23,7 @@ TRUTHS = json.loads((FOLDER / "truths.json").read_text(encoding="utf-8"))
 @pytest.mark.parametrize("name", LOADED)
 def test_shares_say_what_the_solid_does(name: str) -> None:
     """Solved anew with laws that are graded softer, or stiffer point by point by their rates."""
-    response = read_response(FOLDER / f"{name}.json")
+    response = PartResponse.read(FOLDER / f"{name}.json")
     last = response.strain[-1] / response.displacement_mm[-1]
     changes = {f"{at:g} C": softer(response.coordinate, at) for at in TEMPERATURES_C}
     changes |= {f"{r:g} mm/s": stiffer(response.coordinate, r * last) for r in RATES_mm_s}

@@ -23,13 +23,13 @@ from planner.gap.campaign_folder import read_campaign
 from planner.gap.diagnosis import read_diagnosis
 from planner.gap.virtual import read_design
 from planner.grading.profile import read_moduli
-from planner.inverse_design.goals import read_target
+from planner.inverse_design.goals import Target
 from planner.materials.study import read_study
 from planner.printers import load_profile
+from planner.simulation.bar import Bar
 from planner.simulation.bar import read_profile as read_bar
-from planner.simulation.bar import read_profile_bar
 from planner.simulation.loads import read_cases
-from planner.simulation.part_response import PartResponse, encode_response, read_response
+from planner.simulation.part_response import PartResponse
 
 __all__ = ["READERS", "Reader"]
 
@@ -124,9 +124,9 @@ DIAGNOSIS = {
     "next_experiments": [{"change": {"rate_mm_s": 5.0}, "splits": [["rate", "skin"]],
                           "expected_gain_nats": 1.2}],
 }  # fmt: skip
-RESPONSE = encode_response(
-    PartResponse("finger", np.array([1.0, 2.0]), np.array([0.5, 0.9]), np.array([0.2, 0.8]),
-                 np.full((2, 2), 0.1), np.full((2, 2), 0.5), 2.0)
+RESPONSE = PartResponse(
+    "finger", np.array([1.0, 2.0]), np.array([0.5, 0.9]), np.array([0.2, 0.8]),
+    np.full((2, 2), 0.1), np.full((2, 2), 0.5), 2.0
 )  # fmt: skip
 CASES = b"""[[case]]
 name = "push"
@@ -271,14 +271,14 @@ READERS: tuple[Reader, ...] = (
            single("p.csv", GRADE_PROFILE, MATERIAL_PROFILE)),
     Reader("bar profile", lambda at: read_bar(at / "p.csv", palette=KNOWN, gauge_mm=25.0),
            single("p.csv", CAMPAIGN["profiles/bar.csv"])),
-    Reader("simulated bar", lambda at: read_profile_bar(
+    Reader("simulated bar", lambda at: Bar.read(
                at / "p.csv", KNOWN, slices=50, width_mm=6.0, thickness_mm=3.0),
            single("p.csv", b"x_mm,coordinate,width_mm,thickness_mm\n0,0.1,6,3\n25,0.6,6,3\n")),
-    Reader("load cases", lambda at: [read_target(text) for case in read_cases(at / "cases.toml")
+    Reader("load cases", lambda at: [Target.read(text) for case in read_cases(at / "cases.toml")
                                      for text in case.target if not text.startswith("shape:")],
            single("cases.toml", CASES)),
-    Reader("shape", lambda at: read_target(f"shape: {at / 's.csv'}"), single("s.csv", SHAPE)),
+    Reader("shape", lambda at: Target.read(f"shape: {at / 's.csv'}"), single("s.csv", SHAPE)),
     Reader("diagnosis", lambda at: read_diagnosis(at / "diagnosis.json"),
            single("diagnosis.json", json.dumps(DIAGNOSIS).encode())),
-    Reader("response", lambda at: read_response(at / "r.json"), single("r.json", RESPONSE)),
+    Reader("response", lambda at: PartResponse.read(at / "r.json"), single("r.json", RESPONSE)),
 )  # fmt: skip

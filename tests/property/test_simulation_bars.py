@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from planner import simulate
-from planner.simulation.bar import Bar, bar_between
+from planner.simulation.bar import Bar
 
 # Newton's tolerance on the force is 1e-11 a slice; sums over 30 slices stay below this.
 RTOL = 1e-9
@@ -61,7 +61,7 @@ def test_one_force_runs_through_all_slices_and_their_elongations_add_up(bar: Bar
 @given(bars(), st.data())
 def test_dividing_a_slice_changes_nothing(bar: Bar, data: st.DataObject) -> None:
     cut = data.draw(st.floats(0.01, 0.99)) * bar.gauge_mm
-    finer = bar_between(
+    finer = Bar.between(
         np.union1d(bar.edges_mm, [cut]),
         *(
             values[np.searchsorted(bar.edges_mm, np.union1d(bar.edges_mm, [cut])[:-1], "right") - 1]

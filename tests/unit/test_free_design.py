@@ -20,16 +20,17 @@ from planner.formats.field_file import read_grid_table
 from planner.formats.mesh_file import encode_stl
 from planner.grading.profile import stiffness_scale
 from planner.inverse_design import search
-from planner.inverse_design.controls import StiffnessRange, lattice, lattice_counts
-from planner.inverse_design.design import DesignFinding, PartDesign
-from planner.inverse_design.goals import Limits, functionals, read_target
+from planner.inverse_design.controls import Controls, StiffnessRange, lattice_counts
+from planner.inverse_design.design import PartDesign
+from planner.inverse_design.findings import DesignFinding
+from planner.inverse_design.goals import Limits, Target, functionals
 from planner.inverse_design.search import Case, DesignProblem, Tried, _quadratic, evaluate
-from planner.inverse_design.shape import ShapeGoal, wanted_shape
+from planner.inverse_design.shape import ShapeGoal, WantedShape
 from planner.materials.marlow import marlow_table
 from planner.mesh.mesh import Mesh
 from planner.printers import load_printer, palette_of
 from planner.simulation.cut_cells import cut_cells
-from planner.simulation.loads import LoadCase, case_of, palette_densities, read_conditions
+from planner.simulation.loads import LoadCase, palette_densities, read_conditions
 from planner.simulation.solid import POISSON, Body
 from planner.simulation.sparse_cholesky import analyse
 
@@ -49,7 +50,7 @@ def design(part: object = BEAM, **options: Any) -> PartDesign:
 
 def test_quadratic_splines_are_one_in_sum_and_carry_straight_lines() -> None:
     """Linear in the controls is linear in space, with nothing to smooth: of exact arithmetic."""
-    made = lattice(np.array([[0.0, 0, 0], [40, 5, 5]]), (6, 3, 4), [], 0.5)
+    made = Controls.lattice(np.array([[0.0, 0, 0], [40, 5, 5]]), (6, 3, 4), [], 0.5)
     points = np.random.default_rng(1).uniform([0, 0, 0], [40, 5, 5], (200, 3))
     basis = made.basis(points)
     assert np.allclose(basis.sum(axis=1), 1.0)
@@ -61,7 +62,7 @@ def test_quadratic_splines_are_one_in_sum_and_carry_straight_lines() -> None:
 
 
 def test_a_symmetric_lattice_is_its_own_mirror_image() -> None:
-    made = lattice(np.array([[0.0, 0, 0], [40, 5, 5]]), (5, 4, 3), [1], 0.5)
+    made = Controls.lattice(np.array([[0.0, 0, 0], [40, 5, 5]]), (5, 4, 3), [1], 0.5)
     assert len(made.even) == 5 * 2 * 3
     points = np.random.default_rng(2).uniform([0, 0, 0], [40, 5, 5], (50, 3))
     other = points * [1, -1, 1] + [0, 5, 0]
@@ -133,7 +134,7 @@ def test_misses_weigh_more_where_smoothness_holds_the_gradient_off(
     assert abs(found.best.off[0]) < 1e-4
     assert found.problem.miss_weight > 20.0
     stuck = replace(problem, miss_weight=20.0)
-    values = search.step(stuck, linear(stuck, np.full(count, 0.5)), 0.5)
+    values = search.next_values(stuck, linear(stuck, np.full(count, 0.5)), 0.5)
     assert abs(linear(stuck, values).off[0]) > 1e-3, "at a weight of 20"
 
 
@@ -144,7 +145,7 @@ def _problem(texts: list[str], shape: Array | None, limits: Limits) -> DesignPro
     palette = palette_of(None, load_printer("connex3"))
     scale = stiffness_scale(palette, 0.1)
     cells = cut_cells(MESH, 2.7)
-    targets = [read_target(text) for text in texts]
+    targets = [Target.read(text) for text in texts]
     case = LoadCase(fix="x=max", load="x=min: 0,0.05,-0.1 N", gravity="-z",
                     watch=[s for t in targets for s in t.selectors])  # fmt: skip
     on = read_conditions(cells.surface, case)
@@ -152,12 +153,12 @@ def _problem(texts: list[str], shape: Array | None, limits: Limits) -> DesignPro
     body = Body(cells, marlow_table(scale.model, poisson=POISSON), middle,
                 densities=palette_densities(palette, [case]))  # fmt: skip
     body = replace(body, stabiliser_MPa=body.cell_shear_MPa)
-    wished = [] if shape is None else [wanted_shape("bent", "", 1.0, shape, MESH.triangles)]
+    wished = [] if shape is None else [WantedShape.of("bent", "", 1.0, shape, MESH.triangles)]
     solved = Case("", cells, on, analyse(cells.nodes, cells.node_mm, cells.interface.cells),
                   functionals(targets, on, 40.0), body,
                   [ShapeGoal.on(one, cells, None) for one in wished])  # fmt: skip
     ends = scale.moduli_MPa[0], scale.moduli_MPa[-1]
-    controls = lattice(MESH.bounds_mm, (5, 3, 3), [], 0.5)
+    controls = Controls.lattice(MESH.bounds_mm, (5, 3, 3), [], 0.5)
     stiffness = StiffnessRange(ends, scale.model, 0.1)
     return DesignProblem(stiffness, controls, [solved], limits, "smooth")
 
@@ -455,10 +456,10 @@ def test_bad_input_is_told_in_a_line(options: dict[str, Any], words: str) -> Non
 
 
 def test_cases_are_read_from_a_line() -> None:
-    case = case_of(
+    case = LoadCase.read(
         "side; fix x=max; load x=min: 0,0.1,0 N; limit x=min uy<1 mm; limit x=min uz<2 mm"
     )
     assert case == LoadCase(fix="x=max", load="x=min: 0,0.1,0 N", name="side",
                             limit=("x=min uy<1 mm", "x=min uz<2 mm"))  # fmt: skip
     with pytest.raises(PlannerError, match="did you mean load"):
-        case_of("side; laod x=min: 0,0.1,0 N")
+        LoadCase.read("side; laod x=min: 0,0.1,0 N")

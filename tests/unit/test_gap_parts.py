@@ -14,7 +14,7 @@ from planner.gap.observations import observation_model
 from planner.gap.quality import examine
 from planner.gap.virtual import synthesise_campaign
 from planner.simulation.bar_solver import predict
-from planner.simulation.part_response import PartResponse, encode_response, read_response
+from planner.simulation.part_response import PartResponse
 
 TOML = 'schema = 1\nname = "fingers"\nprinter = "connex3"\npalette = "connex3-tango-vero"\n'
 HEAD = (
@@ -33,7 +33,7 @@ RESPONSE = PartResponse(
 def folder(tmp_path: Path) -> Path:
     (tmp_path / "campaign.toml").write_text(TOML)
     (tmp_path / "specimens.csv").write_text(HEAD + PART + PART.replace("P1", "P2") + COUPON)
-    (tmp_path / "finger.json").write_bytes(encode_response(RESPONSE))
+    (tmp_path / "finger.json").write_bytes(RESPONSE.encode())
     rows = [
         f"{s},{t:g},{np.sign(force) * t:g},{force * t:g}"
         for s, force in (("P1", 0.3), ("P2", -0.303), ("C1", 0.6))
@@ -45,8 +45,8 @@ def folder(tmp_path: Path) -> Path:
 
 
 def test_a_response_is_read_as_it_was_written(folder: Path) -> None:
-    read = read_response(folder / "finger.json")
-    assert encode_response(read) == encode_response(RESPONSE)
+    read = PartResponse.read(folder / "finger.json")
+    assert read.encode() == RESPONSE.encode()
     # Mean strain 0.7 * 0.12 + 0.3 * 0.04 at 10 mm.
     assert read.gauge_mm == pytest.approx(10.0 / 0.096)
 
@@ -70,7 +70,7 @@ def test_parts_stand_beside_coupons(folder: Path) -> None:
 def test_what_is_written_is_read_again(folder: Path) -> None:
     campaign = read_campaign(folder)
     written = write_campaign(campaign, folder / "written")
-    assert (written / "parts/finger.json").read_bytes() == encode_response(RESPONSE)
+    assert (written / "parts/finger.json").read_bytes() == RESPONSE.encode()
     again = read_campaign(written)
     assert [s.part and s.part.move for s in again.specimens] == [
         s.part and s.part.move for s in campaign.specimens
@@ -90,7 +90,7 @@ def test_beyond_its_response_a_part_is_not_compared(folder: Path) -> None:
     short = replace(
         RESPONSE, displacement_mm=0.5 * D, force_N=0.15 * D, strain=0.5 * RESPONSE.strain
     )
-    (folder / "finger.json").write_bytes(encode_response(short))
+    (folder / "finger.json").write_bytes(short.encode())
     campaign = read_campaign(folder)
     model = observation_model(campaign)
     assert any("as far as the part was simulated" in text for text in model.limitations)

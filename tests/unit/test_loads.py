@@ -15,7 +15,6 @@ from planner.simulation.loads import (
     LoadCase,
     couple,
     read_conditions,
-    watched_targets,
 )
 
 
@@ -254,7 +253,7 @@ def test_faces_are_watched_along_several_axes() -> None:
     """What is said twice is told once; a target may stand there."""
     seen = read(watch=["x=max", "x=max ux", "x=max uz = -3 mm", " x=max", "x=max"]).watched
     assert [(w.selector, w.axis) for w in seen] == [("x=max", None), ("x=max", 0), ("x=max", 2)]
-    assert watched_targets(LoadCase(["x=max uz=-3 mm", "x=max fz=2 N", "shape: a.csv"])) == (
+    assert LoadCase(["x=max uz=-3 mm", "x=max fz=2 N", "shape: a.csv"]).watched_targets == (
         "x=max uz=-3 mm",
     )
 

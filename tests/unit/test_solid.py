@@ -19,7 +19,7 @@ from planner.printers import palette_of
 from planner.simulation import solid
 from planner.simulation.cut_cells import _Interface, cut_cells
 from planner.simulation.loads import Conditions, Force, Pressure, Support
-from planner.simulation.response import CellAverage, figure_interval, log_stress_sds
+from planner.simulation.response import CellAverage, Solution
 from planner.simulation.solid import Body, LostStabilityError, Mechanics
 from planner.simulation.sparse_cholesky import analyse
 
@@ -637,10 +637,9 @@ def test_an_interval_is_about_its_figure(beam, solved_beam, model):
     """Softer material bends further and pulls less; both ends lie on their sides."""
     problem, state, factored = solved_beam
     figure = mean(problem, state, beam.end)[2] if not beam.moved else problem.reactions(state)[1][2]
-    sds = log_stress_sds(problem, state, model, 1.96)
-    low, high = figure_interval(
-        problem, state, factored, beam.weights(problem), figure, sds, 1.96
-    )  # fmt: skip
+    at = Solution(problem, state, factored)
+    sds = at.log_stress_sds(model, 1.96)
+    low, high = at.interval(beam.weights(problem), figure, sds, 1.96)
     assert low < figure < high
     found = problem.sensitivity(state, factored, beam.weights(problem))
     share = float(np.sum(found.log_stress + found.log_bulk)) / figure
@@ -651,9 +650,7 @@ def test_an_interval_is_about_its_figure(beam, solved_beam, model):
     else:
         assert -1.0 < share < 0.0
     # Larger deviations of all moduli make wider intervals.
-    wide = figure_interval(
-        problem, state, factored, beam.weights(problem), figure, tuple(2.0 * sd for sd in sds), 1.96
-    )  # fmt: skip
+    wide = at.interval(beam.weights(problem), figure, tuple(2.0 * sd for sd in sds), 1.96)
     assert wide[0] < low
     assert high < wide[1]
 

@@ -19,7 +19,7 @@ from planner.gap.diagnosis import read_diagnosis
 from planner.gap.virtual import read_design
 from planner.materials.study import read_study
 from planner.simulation.export import export
-from planner.simulation.part_response import read_response
+from planner.simulation.part_response import PartResponse
 
 # ------------------------------------------------------------------------------------------------
 # The rule.
@@ -313,4 +313,4 @@ def test_the_name_of_a_response_is_no_path(tmp_path: Path) -> None:
     }  # fmt: skip
     (tmp_path / "r.json").write_text(json.dumps(document))
     with pytest.raises(FileError, match="holds a path"):
-        read_response(tmp_path / "r.json")
+        PartResponse.read(tmp_path / "r.json")
