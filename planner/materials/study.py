@@ -13,9 +13,8 @@ import numpy as np
 
 from planner.errors import ArgumentError, Caution, FileError, UnknownNameError, did_you_mean, listed
 from planner.formats.files import path_within
-from planner.formats.headings import MODES, mode_of
 from planner.formats.specimens import ListedSpecimen, is_specimens_file, read_specimens
-from planner.formats.tensile import NoRecordError, TensileTable, read_tensile
+from planner.formats.tensile import MODES, NoRecordError, TensileTable, mode_of, read_tensile
 from planner.formats.units import (
     QUANTITIES,
     QUANTITY_UNITS,
