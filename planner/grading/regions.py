@@ -22,7 +22,7 @@ from planner.grading.profile import (
     equal_bands,
     natural_bands,
 )
-from planner.materials.mixtures import blend_for, dither_table, reuss_MPa, reuss_share
+from planner.materials.mixtures import TwoPhases, blend_for
 from planner.mesh.mesh import compact
 from planner.numerics import FloatArray, as_point
 from planner.palette import Palette
@@ -441,8 +441,8 @@ def _laminate(
     for low, high in itertools.pairwise(knots):
         u = 0.5 * (low + high) + 0.5 * (high - low) * nodes
         compliance += float(0.5 * (high - low) * (weights @ (1.0 / profile.modulus_MPa(u))))
-    soft, hard = moduli_MPa[stretch.lower], moduli_MPa[stretch.upper]
-    share = float(reuss_share(soft, hard, compliance / (stop - start)))
+    layers = TwoPhases(moduli_MPa[stretch.lower], moduli_MPa[stretch.upper])
+    share = float(layers.reuss_share(compliance / (stop - start)))
     if not _THINNEST < share * (stop - start) < stop - start - _THINNEST:
         share = float(math.floor(share + 0.5))
     return Laminate(
@@ -451,7 +451,7 @@ def _laminate(
         stretch.lower,
         stretch.upper,
         share,
-        float(reuss_MPa(soft, hard, share)),
+        float(layers.reuss_MPa(share)),
         profile.interval_MPa(start, stop),
     )
 
@@ -650,7 +650,7 @@ def alternatives(
     moduli = scale.moduli_MPa
     between = [s for s in blend_segments(target, moduli) if s.lower < s.upper]
     cells = max(
-        (1.0 / (1.0 - dither_table().error_at(moduli[s.upper] / moduli[s.lower])) for s in between),
+        (1.0 / (1.0 - TwoPhases(moduli[s.lower], moduli[s.upper]).dither_error) for s in between),
         default=1.0,
     )
     option = "without --bands" if equal_bands else "with --snap 0" if moved else ""
