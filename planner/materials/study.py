@@ -19,8 +19,6 @@ from planner.formats.units import (
     QUANTITIES,
     QUANTITY_UNITS,
     UnitOf,
-    factor_of,
-    parsed_unit,
     unit_near,
 )
 from planner.materials.characterise import (
@@ -813,11 +811,11 @@ def stated_units(
     Raises
     ------
     ArgumentError, UnknownNameError
-        See `parsed_unit`; also a name of neither a specimen nor a material.
+        See `UnitOf.parsed`; also a name of neither a specimen nor a material.
     """
     found: dict[str, dict[str, UnitOf]] = {}
     for text in (stated,) if isinstance(stated, str) else stated:
-        one = parsed_unit(text, tuple(QUANTITIES))
+        one = UnitOf.parsed(text)
         for name in one.specimens:
             _check_name(name, materials, f"unit_of {text}: no specimen and no material {name!r}")
         for name, of in materials.items():
@@ -858,7 +856,7 @@ def in_stated_units(
                 f"{where}: its file has no column of {quantity}, so it cannot be read as "
                 f"{quantity}={unit.unit}; it has {', '.join(table.factors)}"
             )
-        factor = factor_of(unit)
+        factor = unit.factor
         values = table.columns[column] * (factor / table.factors[column])
         said = f"{of}{quantity} is read in the unit {unit.unit}, as was asked for"
         table = replace(
