@@ -37,7 +37,6 @@ __all__ = [
     "mixed_colour",
     "needs_one_mesh",
     "read_threemf",
-    "threemf_xml_hashes",
 ]
 
 
@@ -113,20 +112,6 @@ class ThreemfModel:
     unit: str
     objects: tuple[ThreemfObject, ...]
     remarks: tuple[str, ...]
-
-
-def threemf_xml_hashes(path: str | Path) -> dict[str, str]:
-    """Return the SHA-256 of each part of a 3MF file by name, in the archive's order.
-
-    Of content, not deflated bytes: these differ between versions of zlib.
-
-    Raises
-    ------
-    FileError
-        The file is missing or no zip archive.
-    """
-    members = unpacked(read_file(path), str(path))
-    return {member: hashlib.sha256(content).hexdigest() for member, content in members}
 
 
 # ------------------------------------------------------------------------------------------------
