@@ -22,7 +22,7 @@ from planner.grading.profile import (
     equal_bands,
     natural_bands,
 )
-from planner.materials.mixtures import TwoPhases, blend_for
+from planner.materials.mixtures import TwoPhases
 from planner.mesh.mesh import compact
 from planner.numerics import FloatArray, as_point
 from planner.palette import Palette
@@ -100,7 +100,7 @@ def _mixture(scale: StiffnessScale, modulus_MPa: float, machine: Printer) -> Pri
     A modulus beyond the palette is clamped to it. The share of the harder material is how far the
     mixture's coordinate lies between the two: the palette knows no other measure.
     """
-    blend = blend_for(scale.model, modulus_MPa, scale.at_strain)
+    blend = scale.model.blend_for(modulus_MPa, scale.at_strain)
     ids = [material.id for material in scale.palette.materials]
     # Shares as their names tell them, so that one name is one mixture.
     share = round(blend.fraction, 3)

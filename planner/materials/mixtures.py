@@ -20,10 +20,7 @@ __all__ = [
     "Blend",
     "CoefficientModel",
     "TwoPhases",
-    "blend_at",
-    "blend_for",
     "bracketed",
-    "coordinate_for",
     "gent_modulus_MPa",
     "interpolated",
     "left_out_remark",
@@ -173,6 +170,22 @@ def _scale(hardness: Sequence[tuple[float, float]]) -> tuple[FloatArray, FloatAr
 
 _LADDER_STRAINS = 201
 _PLACES = (1 / 3, 1 / 2, 2 / 3)  # between grades: the middle, and where slopes weigh most
+
+
+@dataclass(frozen=True, slots=True)
+class Blend:
+    """What stands at one coordinate: `fraction` of the way from grade `lower` to `upper`.
+
+    Attributes
+    ----------
+    lower, upper
+        Ids of materials; the same, with fraction 0, at a catalogue grade.
+    """
+
+    lower: str
+    upper: str
+    fraction: float
+    coordinate: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -467,6 +480,42 @@ class CoefficientModel:
             )
         return bracketed(self.places, places_of(self.palette.hardness, m))
 
+    def coordinate_for(self, modulus_MPa: ArrayLike, at_strain: float) -> FloatArray:
+        """Return the coordinate whose secant modulus is wanted, clamped to the palette.
+
+        The exact inverse of `modulus_MPa` within the range, where grades do not cross.
+
+        Raises
+        ------
+        ArgumentError
+            A modulus is not above 0, or the strain not a working strain.
+        PaletteError
+            As `ladder_MPa`.
+        """
+        ladder, c = self.ladder_MPa(at_strain), self.coordinates
+        target = np.clip(_positive(modulus_MPa), ladder[0], ladder[-1])
+        places, moduli = self.places, np.log(ladder)
+        place = _inverse(places, moduli, pchip_slopes(places, moduli), np.log(target))
+        at = np.searchsorted(ladder, target)  # of a grade's own modulus, exactly its coordinate
+        found = np.clip(_coordinates_at(self.palette.hardness, place), c[0], c[-1])
+        return np.asarray(np.where(ladder[at] == target, c[at], found))
+
+    def blend_for(self, modulus_MPa: float, at_strain: float) -> Blend:
+        """Return the blend at `coordinate_for` a modulus."""
+        return self.blend_at(float(self.coordinate_for(float(modulus_MPa), at_strain)))
+
+    def blend_at(self, coordinate: float) -> Blend:
+        """Return what stands at a coordinate.
+
+        Raises
+        ------
+        ArgumentError
+            The coordinate is outside the palette.
+        """
+        lower, upper, t = self.bracket(coordinate)
+        ids = [material.id for material in self.palette.materials]
+        return Blend(ids[int(lower)], ids[int(upper if t > 0.0 else lower)], float(t), coordinate)
+
 
 def _rows(table: FloatArray, row: IntArray) -> FloatArray:
     """Return, of a table with a row a grade, the elements in the rows given; both broadcast."""
@@ -642,25 +691,7 @@ def left_out_remark(palette: Palette) -> Iterator[str]:
 
 
 # ------------------------------------------------------------------------------------------------
-# From a wanted stiffness back to a coordinate, a grade or a blend of two.
-#
-# All at one working strain. Moduli outside the palette's range are clamped to it.
-
-
-@dataclass(frozen=True, slots=True)
-class Blend:
-    """What stands at one coordinate: `fraction` of the way from grade `lower` to `upper`.
-
-    Attributes
-    ----------
-    lower, upper
-        Ids of materials; the same, with fraction 0, at a catalogue grade.
-    """
-
-    lower: str
-    upper: str
-    fraction: float
-    coordinate: float
+# From a wanted stiffness back to a place or a grade.
 
 
 def thresholds_of(ladder_MPa: ArrayLike) -> FloatArray:
@@ -680,27 +711,6 @@ def nearest_on(ladder_MPa: ArrayLike, modulus_MPa: ArrayLike) -> IntArray:
     ladder = np.asarray(ladder_MPa, dtype=np.float64)
     rung = np.searchsorted(thresholds_of(ladder), _positive(modulus_MPa), side="left")
     return np.asarray(np.searchsorted(ladder, ladder[rung], side="left"))
-
-
-def coordinate_for(model: CoefficientModel, modulus_MPa: ArrayLike, at_strain: float) -> FloatArray:
-    """Return the coordinate whose secant modulus is wanted, clamped to the palette.
-
-    The exact inverse of `CoefficientModel.modulus_MPa` within the range, where grades do not cross.
-
-    Raises
-    ------
-    ArgumentError
-        A modulus is not above 0, or the strain not a working strain.
-    PaletteError
-        As `CoefficientModel.ladder_MPa`.
-    """
-    ladder, c = model.ladder_MPa(at_strain), model.coordinates
-    target = np.clip(_positive(modulus_MPa), ladder[0], ladder[-1])
-    places, moduli = model.places, np.log(ladder)
-    place = _inverse(places, moduli, pchip_slopes(places, moduli), np.log(target))
-    at = np.searchsorted(ladder, target)  # of a grade's own modulus, exactly its coordinate
-    found = np.clip(_coordinates_at(model.palette.hardness, place), c[0], c[-1])
-    return np.asarray(np.where(ladder[at] == target, c[at], found))
 
 
 def _inverse(
@@ -758,30 +768,6 @@ def _rising_root(value: FloatArray, cubics: FloatArray, piece: IntArray) -> Floa
             break
         todo, t, low, high = todo[on], better[on], low[on], high[on]
     return found
-
-
-def blend_for(model: CoefficientModel, modulus_MPa: float, at_strain: float) -> Blend:
-    """Return the blend whose secant modulus is wanted, clamped to the palette.
-
-    Raises
-    ------
-    ArgumentError
-        As `coordinate_for`.
-    """
-    return blend_at(model, float(coordinate_for(model, float(modulus_MPa), at_strain)))
-
-
-def blend_at(model: CoefficientModel, coordinate: float) -> Blend:
-    """Return what stands at a coordinate.
-
-    Raises
-    ------
-    ArgumentError
-        The coordinate is outside the palette.
-    """
-    lower, upper, t = model.bracket(coordinate)
-    ids = [material.id for material in model.palette.materials]
-    return Blend(ids[int(lower)], ids[int(upper if t > 0.0 else lower)], float(t), coordinate)
 
 
 def _positive(modulus_MPa: ArrayLike) -> FloatArray:
