@@ -462,18 +462,18 @@ class _Grid:
 
 @dataclass(frozen=True, slots=True)
 class _Block:
-    """Headings with the numbers below them: `start` is the first row above that belongs to it."""
+    """Headings, in row `head`, with the numbers below; `start` is the first row that is theirs."""
 
     grid: _Grid
     start: int
-    place: int
+    head: int
     headings: _Headings
     rows: list[int]
     notes: tuple[str, ...] = ()
 
     @property
     def is_headed(self) -> bool:
-        return self.place not in self.rows
+        return self.head not in self.rows
 
     def cells(self, at: int) -> list[str]:
         return [self.grid.cell(row, at) for row in self.rows]
@@ -484,7 +484,7 @@ class _Block:
 
 @dataclass(frozen=True, slots=True)
 class _Column:
-    """A column that serves: its place and heading, planner's name, and the factor to its unit."""
+    """A column that serves: its index and heading, planner's name, and the factor to its unit."""
 
     at: int
     heading: Heading
@@ -654,12 +654,12 @@ def _blocks(grid: _Grid) -> list[_Block]:
     start = at = 0
     while at < len(grid.rows):
         own = headings_of(grid.rows[at][1]) if grid.by_position is None else None
-        place = at
+        head = at
         if grid.by_position is None and grid.cell(at, 0) == _SEGMENT:
             headings = None
         if own is not None:
             headings, at = _with_units(own, grid, at)
-            found.append(_Block(grid, start, place, headings, []))
+            found.append(_Block(grid, start, head, headings, []))
         elif headings is None:
             at += 1
             continue
@@ -675,12 +675,12 @@ def _blocks(grid: _Grid) -> list[_Block]:
     return found
 
 
-def _with_units(headings: _Headings, grid: _Grid, place: int) -> tuple[_Headings, int]:
+def _with_units(headings: _Headings, grid: _Grid, head: int) -> tuple[_Headings, int]:
     """Return headings with the units that stand in a row of their own, and the row behind.
 
     The row is below, or, in what LabVIEW writes, above and says so.
     """
-    for row, (_, cells) in enumerate(grid.rows[place + 1 : place + 4], start=place + 1):
+    for row, (_, cells) in enumerate(grid.rows[head + 1 : head + 4], start=head + 1):
         if any(grid.number(cell) is not None for cell in cells if cell not in ("", "1")):
             break
         units = [cell.strip("()[]{} ") for cell in cells]
@@ -690,10 +690,10 @@ def _with_units(headings: _Headings, grid: _Grid, place: int) -> tuple[_Headings
         )
         if known and not all(unit.isdigit() for unit in units if unit):
             return _in_units(headings, units), row + 1
-    for _, cells in grid.rows[max(place - _NEAR, 0) : place]:
+    for _, cells in grid.rows[max(head - _NEAR, 0) : head]:
         if cells and _SIGNS["unit"].search(cells[0]):
-            return _in_units(headings, cells), place + 1
-    return headings, place + 1
+            return _in_units(headings, cells), head + 1
+    return headings, head + 1
 
 
 def _in_units(headings: _Headings, units: Sequence[str]) -> _Headings:
@@ -717,41 +717,41 @@ def _numbers_below(
     named = [i for i, h in enumerate(headings) if h.meaning == "specimen"]
     found: list[int] = []
     gap = False
-    for place in range(at, len(grid.rows)):
-        cells = grid.rows[place][1]
-        if grid.cell(place, 0) == _SEGMENT:
-            return found, place + (not found)
+    for row in range(at, len(grid.rows)):
+        cells = grid.rows[row][1]
+        if grid.cell(row, 0) == _SEGMENT:
+            return found, row + (not found)
         filled = [cells[i] for i in wanted if i < len(cells) and cells[i]]
         words = [cell for cell in filled if not grid.is_number(cell)]
         if not any(cells):
             gap = True
-        elif _sums_up(grid, place) or (
-            words == filled and (filled or not found or not _names_alone(grid, named, place))
+        elif _sums_up(grid, row) or (
+            words == filled and (filled or not found or not _names_alone(grid, named, row))
         ):
             if found or not headed or headings_of(cells) is not None:
-                return found, place if found or headed else place + 1
+                return found, row if found or headed else row + 1
         elif not found and len(filled) - len(words) < least:
-            return found, place + 1
-        elif words and found and (gap or _WORD.search(words[0])) and _ends(grid, wanted, place):
-            return found, place
+            return found, row + 1
+        elif words and found and (gap or _WORD.search(words[0])) and _ends(grid, wanted, row):
+            return found, row
         else:
-            found.append(place)
+            found.append(row)
             gap = False
     return found, len(grid.rows)
 
 
-def _names_alone(grid: _Grid, named: Sequence[int], place: int) -> bool:
-    cells = grid.rows[place][1]
+def _names_alone(grid: _Grid, named: Sequence[int], row: int) -> bool:
+    cells = grid.rows[row][1]
     is_head = _head_text(cells[0]) == "specimen" or headings_of(cells) is not None
-    return any(grid.cell(place, i) for i in named) and not is_head
+    return any(grid.cell(row, i) for i in named) and not is_head
 
 
-def _sums_up(grid: _Grid, place: int) -> bool:
+def _sums_up(grid: _Grid, row: int) -> bool:
     """Say whether a row is one of statistics: "Mean" stands before it, and before no record."""
-    label = next(filter(None, grid.rows[place][1]), "")
+    label = next(filter(None, grid.rows[row][1]), "")
     if len(label) < 2 or not _is_statistic(label):
         return False
-    near = grid.rows[max(place - 2, 0) : place + 3]
+    near = grid.rows[max(row - 2, 0) : row + 3]
     return sum(next(filter(None, cells), "") == label for _, cells in near) < _FEWEST_ROWS
 
 
@@ -812,12 +812,12 @@ def _pieces(grid: _Grid, blocks: Sequence[_Block], notes: list[str]) -> list[_Pi
         found = [piece for piece in found if piece not in results]
     longest = Counter[int]()
     for piece in found:
-        longest[piece.block.place] = max(longest[piece.block.place], len(piece.lines))
+        longest[piece.block.head] = max(longest[piece.block.head], len(piece.lines))
     kept: list[_Piece] = []
     for at, piece in enumerate(found):
         near = [p for p in (*kept[::-1], *found[at + 1 :]) if p.name == piece.name][:2]
         alone = not any(_goes_on(*sorted((p, piece), key=lambda p: p.lines[0])) for p in near)
-        if alone and longest[piece.block.place] < _FEWEST_ROWS <= max(longest.values()):
+        if alone and longest[piece.block.head] < _FEWEST_ROWS <= max(longest.values()):
             notes.append(f"{grid.where}: line {piece.lines[0]} is no part of a record")
         else:
             kept.append(piece)
@@ -929,7 +929,7 @@ def _names_above(grid: _Grid, block: _Block) -> list[list[str]]:
     Figures are sizes; whole numbers may be those of specimens.
     """
     words, numbers = list[list[str]](), list[list[str]]()
-    for _, above in grid.rows[max(block.place - 3, 0) : block.place][::-1]:
+    for _, above in grid.rows[max(block.head - 3, 0) : block.head][::-1]:
         cells = [*above, ""]
         figures = [cell for cell in cells if grid.number(cell) is not None]
         if not figures:
@@ -978,7 +978,7 @@ def _split(grid: _Grid, block: _Block, places: Sequence[int], label: str) -> lis
     values = _values(record, used, notes)
     kept = [column for column in used if column.name in values]
     values = _with_strain(values, grid.where, notes)
-    heads = grid.rows[block.place][1] if block.is_headed else []
+    heads = grid.rows[block.head][1] if block.is_headed else []
     texts = {_head_text(cell): i for i, cell in enumerate(heads) if cell}
     texts = {what: i for what, i in texts.items() if what in ("material", "mode")}
     read = {*(column.at for column in kept), *texts.values(), named}
@@ -1285,13 +1285,13 @@ def _tables(
     found = []
     said = [size for grid in grids for size in _said_sizes(grid, pieces)]
     labels = {grid: _labels(grid, pieces, names) for grid in grids}
-    for place, (piece, name) in enumerate(zip(pieces, names, strict=True)):
+    for nth, (piece, name) in enumerate(zip(pieces, names, strict=True)):
         if names.count(name) > 1:
             raise FileError(
                 f"{piece.grid.where}: {names.count(name)} records of specimen {name!r}; give each "
                 "a name of its own"
             )
-        metadata, sources, unclear = _metadata(piece, place, pieces, said, labels)
+        metadata, sources, unclear = _metadata(piece, nth, pieces, said, labels)
         if name:
             metadata.pop("specimen", None)
         metadata |= piece.texts
@@ -1353,7 +1353,7 @@ class _Said:
     values: tuple[tuple[str, float | str], ...]
     number: str = ""
 
-    def place(self) -> str:
+    def where(self) -> str:
         sheet = f"sheet {self.grid.sheet!r}, " if self.grid.sheet else ""
         return f"{sheet}line {self.grid.rows[self.row][0]}, {self.key!r}"
 
@@ -1370,7 +1370,7 @@ def _said_sizes(grid: _Grid, pieces: Sequence[_Piece]) -> Iterator[_Said]:
     for piece in (p for p in pieces if p.grid is grid):
         width = 1 + max(i for i, h in enumerate(piece.block.headings) if h.meaning)
         data |= {row: max(width, data.get(row, 0)) for row in piece.block.rows}
-    heads = {piece.block.place for piece in pieces if piece.grid is grid}
+    heads = {piece.block.head for piece in pieces if piece.grid is grid}
     beside = min(data, default=0) + _BESIDE
     for row, (_, cells) in enumerate(grid.rows):
         if row in data and row > beside:
@@ -1479,25 +1479,25 @@ _Labels = Mapping[_Grid, Mapping[int, str]]
 
 
 def _metadata(
-    piece: _Piece, place: int, pieces: Sequence[_Piece], said: Sequence[_Said], labels: _Labels
+    piece: _Piece, nth: int, pieces: Sequence[_Piece], said: Sequence[_Said], labels: _Labels
 ) -> tuple[dict[str, float | str], dict[str, str], dict[str, str]]:
     """Return what a file says of one record, where it says so, and what it leaves unclear.
 
     What stands in the record's block goes before what stands above all, and that before what
     other sheets say.
     """
-    first = min(p.block.place for p in pieces if p.grid is piece.grid)
+    first = min(p.block.head for p in pieces if p.grid is piece.grid)
     scopes: dict[tuple[int, str], list[_Said]] = {}
     for one in said:
         within = piece.block.start <= one.row <= piece.block.rows[-1]
         scope = 2 if one.grid is not piece.grid else 0 if within else 1
         of_another = scope == 1 and one.row >= first and len(one.values) < 2
-        if place in labels[one.grid] and not of_another:
+        if nth in labels[one.grid] and not of_another:
             scopes.setdefault((scope, one.name), []).append(one)
     found: dict[str, tuple[float | str | None, str]] = {}
     for (_, name), of in sorted(scopes.items(), key=lambda item: item[0][0]):
         if found.get(name, (None,))[0] is None:
-            value, where = _agreed(of, piece, place, labels)
+            value, where = _agreed(of, piece, nth, labels)
             if value is not None or name not in found:
                 found[name] = value, where
     mode = mode_of(str(found.get("mode", ("",))[0]))
@@ -1514,28 +1514,28 @@ def _metadata(
 
 
 def _agreed(
-    said: Sequence[_Said], piece: _Piece, place: int, labels: _Labels
+    said: Sequence[_Said], piece: _Piece, nth: int, labels: _Labels
 ) -> tuple[float | str | None, str]:
     """Return the value that all say, None where they differ, and where they say so."""
     values: dict[float | str, str] = {}
     readings: dict[str, tuple[float, _Said]] = {}
     unclear = open_ = ""
     for one in said:
-        beside = one.grid is piece.grid and one.row == piece.block.place
-        value = _value_for(one, place, labels[one.grid], beside)
+        beside = one.grid is piece.grid and one.row == piece.block.head
+        value = _value_for(one, nth, labels[one.grid], beside)
         if one.number and isinstance(value, float):
             readings[one.number] = value, one
         elif value is not None:
             values.pop(value, None)  # the last place of a value is told
-            values[value] = one.place()
+            values[value] = one.where()
         else:
             figures = ", ".join(f"{v:g}" for _, v in one.values if isinstance(v, float))
             gives = f"gives {figures} of specimens" if one.values else "without a unit"
-            unclear = f"{one.place()} {gives}"
+            unclear = f"{one.where()} {gives}"
             open_ = unclear if one.values else open_
     if readings:
         figures_, told = zip(*readings.values(), strict=True)
-        at = " and ".join(one.place() for one in told)
+        at = " and ".join(one.where() for one in told)
         alone = len(told) == len(labels[told[0].grid]) and len(told[0].values) == 1
         if alone and len(told) > 1 and len({*figures_}) > 1:  # or one of each specimen
             unclear = f"{at}, of one specimen or of {len(told)}"
@@ -1555,17 +1555,15 @@ def _series(grid: _Grid) -> str:
 
 
 def _labels(grid: _Grid, pieces: Sequence[_Piece], names: Sequence[str]) -> dict[int, str]:
-    """Return the records that a sheet, of one series or all, may speak of: the name by place."""
+    """Return the records that a sheet, of one series or all, may speak of: names by numbers."""
     series = _series(grid)
-    places = [i for i, p in enumerate(pieces) if not series or _series(p.grid) in ("", series)]
-    own = {i: pieces[i].name for i in places}
+    there = [i for i, p in enumerate(pieces) if not series or _series(p.grid) in ("", series)]
+    own = {i: pieces[i].name for i in there}
     count = Counter(own.values())
     return {i: _plain_name(name if count[name] == 1 else names[i]) for i, name in own.items()}
 
 
-def _value_for(
-    one: _Said, place: int, labels: Mapping[int, str], beside: bool
-) -> float | str | None:
+def _value_for(one: _Said, nth: int, labels: Mapping[int, str], beside: bool) -> float | str | None:
     """Return the value that holds for a specimen: by its name, else by its place.
 
     By place only where no label is another specimen's, save in a column beside the records.
@@ -1574,12 +1572,12 @@ def _value_for(
     if len(one.values) == 1 and (len(labels) == 1 or not one.values[0][0]):
         return one.values[0][1]
     told = [(_plain_name(label), value) for label, value in one.values]
-    named = {value for label, value in told if label and label == labels[place]}
+    named = {value for label, value in told if label and label == labels[nth]}
     if len(named) == 1:
         return named.pop()
     others = not beside and not {label for label, _ in told if label}.isdisjoint(labels.values())
     if len(told) == len(labels) and not others:
-        return told[[*labels].index(place)][1]
+        return told[[*labels].index(nth)][1]
     return values.pop() if len(values) == 1 and not (others and len(told) == 1) else None
 
 
@@ -1600,7 +1598,7 @@ def _with_units_of_head(grid: _Grid, block: _Block) -> _Block:
         The head names load units that are two different ones.
     """
     units: dict[str, str] = {}
-    for line, cells in grid.rows[: block.place]:
+    for line, cells in grid.rows[: block.head]:
         told = _UNIT_OF.fullmatch(" ".join(cell for cell in cells if cell))
         unit = told[2] if told else ""
         of_load = "force" if "force" in quantities_of(unit) else ""
@@ -1741,18 +1739,18 @@ def _nearest(grid: _Grid) -> tuple[int, _Headings, Sequence[str]]:
     The row above the first row of numbers, or above a row of units there; none where there is none.
     """
     rows = [(line, cells) for line, cells in grid.rows if any(cells)]
-    for place, (_, cells) in enumerate(rows):
+    for at, (_, cells) in enumerate(rows):
         filled = [cell for cell in cells if cell]
         numbers = sum(grid.number(cell) is not None for cell in filled)
         # A specimen's name may stand beside them; a size in the head is one number alone.
-        if place and numbers > 1 and 2 * numbers >= len(filled):
+        if at and numbers > 1 and 2 * numbers >= len(filled):
             break
     else:
         return 0, (), ()
-    below = rows[place - 1][1] if place > 1 else []
+    below = rows[at - 1][1] if at > 1 else []
     if not all(is_unit(cell.strip("()[]")) or cell[0] in "([" for cell in below if cell):
         below = []
-    line, names = rows[place - 1 - bool(below)]
+    line, names = rows[at - 1 - bool(below)]
     headings = [heading_of(name) for name in names]
     units = [h.unit if h.meaning else _unit_at_end(h.text) for h in headings]
     under = [cell.strip("()[] ") for cell in (*below, *[""] * len(names))]

@@ -471,15 +471,15 @@ def fit(
             f"one specimen of {listed(single, 3)}: scatter of {100 * ASSUMED_LOG_SD:g} % is "
             "assumed; laws are judged by blocks of strain"
         )
-    places = _coordinates(study, fits, coordinate, order, notes, slips)
-    ordered = sorted(places, key=places.__getitem__)
+    coordinates = _coordinates(study, fits, coordinate, order, notes, slips)
+    ordered = sorted(coordinates, key=coordinates.__getitem__)
     densities = _densities(study, ordered, density, notes)
     ids = _ids(ordered)
     materials = tuple(
         Material(
             id=ids[called],
             aliases=() if ids[called] == called else (called,),
-            coordinate=places[called],
+            coordinate=coordinates[called],
             elongation_at_break=fits[called].elongation_at_break,
             density_g_cm3=densities[called],
             law=fits[called].law,
@@ -491,7 +491,7 @@ def fit(
         )
         for rank, called in enumerate(ordered)
     )
-    table = _temperature_table(study, fits, elsewhere, places)
+    table = _temperature_table(study, fits, elsewhere, coordinates)
     fitted_palette = Palette(
         name or "palette", materials, _reference(study, notes), "planner fit", temperature=table
     )

@@ -470,8 +470,8 @@ def export(
             f"cells at least half full of the part: {mesh.volume_mm3:.6g} mm3 for "
             f"{part_mm3:.6g} mm3 ({mesh.volume_mm3 / part_mm3 - 1.0:+.1%})",
         ]
-        held = None if case.is_empty else _held(mesh, laws, solid.surface, case, remarks)
-        lines = _inp(mesh, remarks, elements, laws, held, to)
+        step = None if case.is_empty else _step(mesh, laws, solid.surface, case, remarks)
+        lines = _inp(mesh, remarks, elements, laws, step, to)
         data = ("\n".join(lines) + "\n").encode("ascii", "replace")
     ex, ey, ez = mesh.cell_mm.tolist()
     return Export(
@@ -643,7 +643,7 @@ def _law_notes(laws: Sequence[_Law], to_strain: float) -> Iterator[str]:
 
 
 @dataclass(frozen=True, eq=False)
-class _Held:
+class _Step:
     """What holds and loads the cells, by name; nodes, elements and faces are counted from 0.
 
     Attributes
@@ -664,9 +664,9 @@ class _Held:
     gravity: Point | None
 
 
-def _held(
+def _step(
     mesh: _Hexahedra, laws: Sequence[_Law], part: Mesh, case: LoadCase, remarks: list[str]
-) -> _Held:
+) -> _Step:
     surface = halve_long_edges(part, 0.5 * float(mesh.cell_mm.min()))[0]
     conditions = read_conditions(surface, case)
     if conditions.gravity is not None and not all(np.isfinite(law.density_g_cm3) for law in laws):
@@ -707,7 +707,7 @@ def _held(
         name = f"PRESSURE{number}"
         faces = faces_of(name, push.selector, push.facets)
         pressures[name] = (mesh.outer[faces], push.pressure_MPa)
-    return _Held(held, forces, pressures, conditions.gravity)
+    return _Step(held, forces, pressures, conditions.gravity)
 
 
 def _facets(mesh: _Hexahedra, surface: Mesh) -> IntArray:
@@ -755,7 +755,7 @@ def _inp(
     remarks: Sequence[str],
     elements: Sequence[IntArray],
     laws: Sequence[_Law],
-    step: _Held | None,
+    step: _Step | None,
     to: str,
 ) -> Iterator[str]:
     yield "*HEADING"
@@ -787,7 +787,7 @@ def _inp(
     for name, (faces, _) in step.pressures_MPa.items():
         for face in np.unique(faces[:, 1]).tolist():
             yield from _listed(f"*ELSET, ELSET={name}_S{face + 1}", faces[faces[:, 1] == face, 0])
-    yield from _step(step, to)
+    yield from _step_lines(step, to)
 
 
 def _listed(head: str, numbers: IntArray) -> Iterator[str]:
@@ -797,7 +797,7 @@ def _listed(head: str, numbers: IntArray) -> Iterator[str]:
         yield ", ".join(map(str, counted[start : start + _PER_LINE]))
 
 
-def _step(step: _Held, to: str) -> Iterator[str]:
+def _step_lines(step: _Step, to: str) -> Iterator[str]:
     yield "*STEP, NLGEOM" + ("=YES, INC=1000" if to == "abaqus" else ", INC=1000")
     yield "*STATIC"
     yield "0.1, 1., 1e-6, 0.2"
