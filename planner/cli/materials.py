@@ -209,7 +209,6 @@ def invert(
 
 
 def _print_wanted(found: "Sequence[Mixture]", title: str) -> None:
-
     print_table(
         ["target MPa", "nearest", "MPa", "error", "blend", "m", "MPa", "95 % interval"],
         [
@@ -273,7 +272,6 @@ def _print_places(found: "Sequence[Mixture]", title: str) -> None:
 
 
 def _print_laws(found: "Sequence[Mixture]") -> None:
-
     for mixture in found:
         where = f"m {mixture.blend.coordinate:g}: "
         if mixture.law is None:
@@ -480,7 +478,6 @@ def _corrections(found: "Sequence[MaterialCharacteristics]") -> list[str]:
 
 
 def _tables(found: "Sequence[MaterialCharacteristics]") -> None:
-
     def value(one: "MaterialCharacteristics", name: str) -> str:
         spread: Spread | None = one.spreads.get(name)
         if spread is None:
@@ -580,12 +577,10 @@ def fit(
     fitting: _Fitting,
     tests: _TensileTests,
     figure: Annotated[
-        Path | None,
-        Option(help="SVG file to write: tests over laws, residuals, mixtures between."),
+        Path | None, Option(help="SVG file to write: tests over laws, residuals, mixtures between.")
     ] = None,
     tables: Annotated[
-        Path | None,
-        Option(help="Folder to write: the tables as CSV, with intervals."),
+        Path | None, Option(help="Folder to write: the tables as CSV, with intervals.")
     ] = None,
     force: Overwrite = False,
     as_json: AsJson = False,
@@ -652,7 +647,6 @@ def _figures(given: Sequence[str] | None, option: str) -> dict[str, float]:
 
 
 def _print_report(result: "PaletteStudy", output: Path) -> None:
-
     _print_candidates(result)
     _print_parameters(result)
     _print_secants(result)
@@ -666,7 +660,6 @@ def _print_report(result: "PaletteStudy", output: Path) -> None:
 
 
 def _print_candidates(result: "PaletteStudy") -> None:
-
     rows = []
     for material in result.palette.materials:
         fit = result.fits[material.id]
@@ -701,7 +694,6 @@ def _print_candidates(result: "PaletteStudy") -> None:
 
 
 def _print_parameters(result: "PaletteStudy") -> None:
-
     rows = []
     for material in result.palette.materials:
         known = result.fits[material.id].uncertainty
@@ -725,7 +717,6 @@ def _print_parameters(result: "PaletteStudy") -> None:
 
 
 def _print_secants(result: "PaletteStudy") -> None:
-
     rows = []
     level = 0.95
     for material in result.palette.materials:
@@ -745,7 +736,6 @@ def _print_secants(result: "PaletteStudy") -> None:
 
 
 def _print_quadratic(found: "QuadraticStudy") -> None:
-
     names = [f"c{number}" for number in range(1, 7)]
     print_table(
         ["material", "m", *names],

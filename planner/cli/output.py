@@ -34,7 +34,6 @@ __all__ = [
     "Kept",
     "LoadOptions",
     "MeshBodies",
-    "MeshMaterial",
     "MeshUnit",
     "Overwrite",
     "PaletteName",
@@ -542,9 +541,6 @@ class LoadOptions:
 CasesFile = Annotated[
     Path | None,
     Option("--cases", help="TOML file of load cases: tables 'case' with these options, and name."),
-]
-MeshMaterial = Annotated[
-    str | None, Option("--material", help="What a mesh is made of, which is no plan.")
 ]
 MeshUnit = Annotated[str | None, Option("--unit", help="Unit of a mesh: mm, cm, m, um, inch, ft.")]
 MeshBodies = Annotated[

@@ -162,14 +162,12 @@ class _PlanFolder:
             "be printed and pulled with it: the folder coupons.",
         ),
     ] = False
-    strict: Annotated[
-        bool,
-        Option("--strict", help="Write nothing when something was found."),
-    ] = False
-    dry_run: Annotated[
-        bool,
-        Option("--dry-run", help="Plan and report, but write nothing."),
-    ] = False
+    strict: Annotated[bool, Option("--strict", help="Write nothing when something was found.")] = (
+        False
+    )
+    dry_run: Annotated[bool, Option("--dry-run", help="Plan and report, but write nothing.")] = (
+        False
+    )
     no_page: Annotated[
         bool, Option("--no-page", help="Leave plan.html out, the page that shows the plan.")
     ] = False
@@ -532,7 +530,6 @@ def _comma(found: re.Match[str]) -> str:
 
 
 def _slices_report(stack: "SliceStack", folder: Path) -> None:
-
     x, y, z = stack.grid.pitch_mm
     total = sum(each.voxels for each in stack.materials)
     rows = [

@@ -13,7 +13,6 @@ from planner.cli.output import (
     CasesFile,
     LoadOptions,
     MeshBodies,
-    MeshMaterial,
     MeshUnit,
     Overwrite,
     PaletteName,
@@ -38,6 +37,9 @@ if TYPE_CHECKING:
     from planner.simulation.part import PartSimulation
     from planner.simulation.simulate import Simulation
 
+_MeshMaterial = Annotated[
+    str | None, Option("--material", help="What a mesh is made of, which is no plan.")
+]
 _PlansPrinter = Annotated[
     str | None, Option(help="Installed printer; by default the plan's, else connex3.")
 ]
@@ -70,7 +72,7 @@ def simulate(
         list[str] | None,
         Option(help="Faces whose displacement is told too, as x=min, or 'x=min uz' along an axis."),
     ] = None,
-    material: MeshMaterial = None,
+    material: _MeshMaterial = None,
     cell_mm: Annotated[
         float | None,
         Option(
@@ -273,7 +275,6 @@ def _part_report(results: "Sequence[PartSimulation]") -> None:
 
 
 def _bar_report(results: "Sequence[Simulation]") -> None:
-
     (result,) = results
     for note in result.notes:
         warn(note)
@@ -329,7 +330,7 @@ def export(
             "the part reaches under its loads, or the break."
         ),
     ] = None,
-    material: MeshMaterial = None,
+    material: _MeshMaterial = None,
     unit: MeshUnit = None,
     bodies: MeshBodies = None,
     printer: _PlansPrinter = None,
@@ -362,7 +363,6 @@ def export(
 
 
 def _export_report(model: "Export") -> None:
-
     tell_notes(model.notes)
     columns = [
         "material",
