@@ -18,7 +18,7 @@ import numpy as np
 
 from benchmarks.periodic_cell import effective_stiffness_MPa, solve_cell, youngs_modulus_MPa
 from planner.grading.dither import blue_noise_ranks
-from planner.materials.mixtures import dithered_modulus_MPa, hashin_shtrikman_MPa
+from planner.materials.mixtures import TwoPhases
 
 PLANNER = Path(__file__).parents[1] / "planner"
 BEVELLED = PLANNER / "grading/bevelled.json"
@@ -82,7 +82,7 @@ CORNERS = list(product((0, 1), repeat=3))
 
 def moduli(share, contrast):
     """Return shear moduli; in voxels that hold both, the middle of the bounds on a mixture."""
-    low, high = hashin_shtrikman_MPa(1.0, contrast, share)
+    low, high = TwoPhases(1.0, contrast).hashin_shtrikman_MPa(share)
     return np.sqrt(low * high) / 3.0
 
 
@@ -92,9 +92,9 @@ def extension_modulus(share, contrast):
     return 1.5 * float(solve_cell(moduli(share, contrast), EXTENSION, 1e-4).stress_MPa[0])
 
 
-def place(modulus, contrast, fraction):
+def weight(modulus, contrast, fraction):
     """Return where a modulus lies between the bounds: 0 at the lower, 1 at the upper, in log."""
-    low, high = hashin_shtrikman_MPa(1.0, contrast, fraction)
+    low, high = TwoPhases(1.0, contrast).hashin_shtrikman_MPa(fraction)
     return float(np.log(modulus / low) / np.log(high / low))
 
 
@@ -116,7 +116,7 @@ def calibrate():
     for f in DEALT:
         share = hard_share(ranks < f * ranks.size, PER_CELL)
         fractions.append(float(share.mean()))
-        row = [place(extension_modulus(share, c), c, fractions[-1]) for c in CONTRASTS]
+        row = [weight(extension_modulus(share, c), c, fractions[-1]) for c in CONTRASTS]
         print(f"{f:.2f} {fractions[-1]:.4f}", " ".join(f"{w:.4f}" for w in row), flush=True)
         rows.append([round(w, 5) for w in row])
     DITHERED.write_text(
@@ -124,7 +124,7 @@ def calibrate():
             {
                 "volume": [round(v, 6) for v in fractions],
                 "contrast": list(CONTRASTS),
-                "place": rows,
+                "weight": rows,
                 "error": [round(directional(ranks, c) + ALONG_X, 3) for c in CONTRASTS],
             }
         )
@@ -148,7 +148,7 @@ def check():
         f, c = rng.uniform(0.05, 0.95), np.exp(rng.uniform(np.log(1.4), np.log(10.0)))
         share = hard_share(ranks < f * ranks.size, PER_CELL)
         v, e = float(share.mean()), extension_modulus(share, c)
-        table = float(dithered_modulus_MPa(1.0, c, v))
+        table = float(TwoPhases(1.0, c).dithered_MPa(v))
         print(f"{f:.3f} {v:.4f} {c:6.2f} {e:8.4f} {table:8.4f} {100 * (table / e - 1):+.2f} %")
     print("voxels along a cell's edge: modulus, at half the cells, contrast 4")
     block = ranks < 0.5 * ranks.size

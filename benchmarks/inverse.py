@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from planner.materials.mixtures import CoefficientModel, coordinate_for, nearest_on
+from planner.materials.mixtures import CoefficientModel, nearest_on
 from planner.printers import load_printer
 
 LIMIT_S = 1.0
@@ -34,8 +34,8 @@ def main(targets: int) -> None:
     ladder = model.grade_moduli_MPa(AT_STRAIN)
     share = np.random.default_rng(1).uniform(size=targets)
     wanted = np.clip(ladder[0] * (ladder[-1] / ladder[0]) ** share, ladder[0], ladder[-1])
-    coordinate = coordinate_for(model, wanted, AT_STRAIN)
-    inverse_s = best_s(lambda: coordinate_for(model, wanted, AT_STRAIN))
+    coordinate = model.coordinate_for(wanted, AT_STRAIN)
+    inverse_s = best_s(lambda: model.coordinate_for(wanted, AT_STRAIN))
     error = float(np.abs(model.modulus_MPa(coordinate, AT_STRAIN) / wanted - 1.0).max())
     print(f"model    {best_s(lambda: CoefficientModel(palette)) * 1e3:8.2f} ms")
     print(f"inverse  {inverse_s * 1e3:8.2f} ms for {targets} targets (limit {LIMIT_S:g} s)")

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from planner.errors import ArgumentError, FileError, OutputError, PlannerError, UnknownNameError
 from planner.formats.files import encode_document, path_within
 from planner.formats.outputs import check_target, new_folder
-from planner.formats.png import NOTHING, ImageKind, Rgba, encode_layer
+from planner.formats.png import NOTHING, ImageKind, encode_layer
 from planner.formats.tables import encode_csv
 from planner.glance import brief, channels, counted, one_line, outcome
 from planner.mesh.mesh import Mesh, compact, weld
@@ -530,7 +530,7 @@ class _SlicedMaterial:
 
     material: str
     operator_name: str
-    rgba: Rgba
+    rgba: tuple[int, int, int, int]
     file: str
     sha256: str
     voxels: int
@@ -772,7 +772,7 @@ _LEAST_DISTANCE = 8.0
 _SPARE = np.stack(np.meshgrid(*[np.arange(0, 256, 17)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
 
 
-def _distinct_colours(wished: Sequence[str]) -> tuple[Rgba, ...]:
+def _distinct_colours(wished: Sequence[str]) -> tuple[tuple[int, int, int, int], ...]:
     """Return the wished colours, opaque; those that look like an earlier one are replaced.
 
     A replacement is the spare colour farthest from all wished and given ones, so the result

@@ -13,8 +13,7 @@ from typing import Any, Literal
 import msgspec
 
 from planner.errors import ArgumentError
-from planner.formats.files import encode_document
-from planner.formats.threemf import threemf_xml_hashes
+from planner.formats.files import encode_document, read_file, unpacked
 from planner.gap.campaign_folder import CampaignFile
 from planner.grading.check import diff
 from planner.grading.profile import stiffness_scale
@@ -200,3 +199,17 @@ def _length(value: object) -> bool:
 
 def _members() -> set[str]:
     return {name for name in vars(Printer) if not name.startswith("_")}
+
+
+def threemf_xml_hashes(path: str | Path) -> dict[str, str]:
+    """Return the SHA-256 of each part of a 3MF file by name, in the archive's order.
+
+    Of content, not deflated bytes: these differ between versions of zlib.
+
+    Raises
+    ------
+    FileError
+        The file is missing or no zip archive.
+    """
+    members = unpacked(read_file(path), str(path))
+    return {member: hashlib.sha256(content).hexdigest() for member, content in members}

@@ -11,12 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from planner.grading.dither import blue_noise_ranks
-from planner.materials.mixtures import (
-    dithered_modulus_MPa,
-    hashin_shtrikman_MPa,
-    reuss_MPa,
-    voigt_MPa,
-)
+from planner.materials.mixtures import TwoPhases
 
 FOLDER = Path(__file__).parent
 sys.path.insert(0, str(FOLDER.parents[1]))
@@ -36,13 +31,12 @@ def main() -> None:
     f = np.linspace(0.0, 1.0, 201)
     for axes, (contrast, title) in zip(figure.subplots(1, 2), CONTRASTS.items(), strict=True):
         rule = contrast**f
-        low, high = hashin_shtrikman_MPa(1.0, contrast, f)
+        phases = TwoPhases(1.0, contrast)
+        low, high = phases.hashin_shtrikman_MPa(f)
         axes.fill_between(f, low / rule, high / rule, color="#cfe3f2", label="Hashin-Shtrikman")
-        axes.plot(f, voigt_MPa(1.0, contrast, f) / rule, "--", color="#888888", label="Voigt")
-        axes.plot(f, reuss_MPa(1.0, contrast, f) / rule, ":", color="#888888", label="Reuss")
-        axes.plot(
-            f, dithered_modulus_MPa(1.0, contrast, f) / rule, color="#1f5f99", label="estimate"
-        )
+        axes.plot(f, phases.voigt_MPa(f) / rule, "--", color="#888888", label="Voigt")
+        axes.plot(f, phases.reuss_MPa(f) / rule, ":", color="#888888", label="Reuss")
+        axes.plot(f, phases.dithered_MPa(f) / rule, color="#1f5f99", label="estimate")
         solved = [(s.mean(), extension_modulus(s, contrast) / contrast ** s.mean()) for s in shares]
         axes.plot(*np.array(solved).T, "o", ms=4, color="#c03a2b", label="pattern, solved")
         axes.set_title(f"{title}: contrast {contrast}", fontsize=9)

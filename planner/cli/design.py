@@ -163,14 +163,8 @@ def _report(made: "PartDesign", folder: Path) -> None:
     from planner.cli.output import finding, format_range, print_table, say, tell_notes
 
     tell_notes(made.notes)
-    columns = [
-        "target",
-        "wanted",
-        "gradient",
-        "printed",
-        "error",
-        f"{100 * made.level:g} % interval",
-    ]
+    interval = f">{100 * made.level:g} % interval"
+    columns = ["target", ">wanted", ">gradient", ">printed", ">error", interval]
     rows = [
         [
             f"{row.case}: {row.target}" if row.case else row.target,
@@ -182,7 +176,7 @@ def _report(made: "PartDesign", folder: Path) -> None:
         ]
         for row in made.reached
     ]
-    print_table(columns, rows, title=repr(made)[1:-1], right=columns[1:])
+    print_table(columns, rows, title=repr(made)[1:-1])
     if made.free is None:
         knots = zip(made.positions, made.moduli_MPa, strict=True)
         say("profile: " + ", ".join(f"{E:.3g} MPa at {u:.3g}" for u, E in knots))

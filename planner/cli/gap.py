@@ -178,13 +178,11 @@ def _correct_report(made: "Correction", output: Path, options: str) -> None:
         moduli = [format_number(was), format_number(now), format_range(after.intervals_MPa[n])]
         misfit = f"{100 * made.misfit[material.id]:.2f} %"
         rows.append([material.id, *moduli, f"{now / was:.3f}", misfit])
-    right = ["before MPa", "after MPa", "factor", "misfit"]
     at = f"secant modulus at strain {after.at_strain:g}"
     print_table(
-        ["material", "before MPa", "after MPa", "95 % interval", "factor", "misfit"],
+        ["material", ">before MPa", ">after MPa", "95 % interval", ">factor", ">misfit"],
         rows,
         title=f"Corrected for {' and '.join(made.corrected)}: {at}",
-        right=right,
     )
     command = f"planner grade PART --like OLD_PLAN --palette {_quoted(output)}{options}"
     say(f"wrote {output} (next: {command})")
@@ -262,13 +260,11 @@ def _design_report(
         unit = "" if e.unit == "1" else f" {e.unit}"
         sizes = ("none" if s is None else format_number(s) + unit for s in (e.smallest, e.usual))
         rows.append([e.id, e.parameter, *sizes, f"{100 * min(e.probability, 0.99):.0f} %"])
-    right = ["smallest named", "middling size", "chance to name that"]
     print_table(
-        ["effect", "size", *right],
+        ["effect", "size", ">smallest named", ">middling size", ">chance to name that"],
         rows,
         title=f"{len(made.campaign.specimens)} specimens, {made.conditions} conditions: what a "
         "diagnosis is to name",
-        right=right,
     )
     for e in made.expected:
         if e.alike:

@@ -117,7 +117,7 @@ def materials(
 
 def _print_ladder(scale: "StiffnessScale") -> None:
     print_table(
-        ["material", "m", "modulus MPa", "95 % interval", "break", "g/cm3", "also called"],
+        ["material", ">m", ">modulus MPa", "95 % interval", ">break", ">g/cm3", "also called"],
         [
             [
                 material.id,
@@ -134,7 +134,6 @@ def _print_ladder(scale: "StiffnessScale") -> None:
             )
         ],
         title=f"{scale.palette.name}: secant modulus at strain {scale.at_strain:g}",
-        right=["m", "modulus MPa", "break", "g/cm3"],
         droppable=["also called", "g/cm3", "break"],
         swatches=[material.colour for material in scale.palette.materials],
     )
@@ -209,9 +208,8 @@ def invert(
 
 
 def _print_wanted(found: "Sequence[Mixture]", title: str) -> None:
-
     print_table(
-        ["target MPa", "nearest", "MPa", "error", "blend", "m", "MPa", "95 % interval"],
+        [">target MPa", "nearest", ">MPa", ">error", "blend", ">m", ">MPa", "95 % interval"],
         [
             [
                 format_number(target, 4),
@@ -225,7 +223,6 @@ def _print_wanted(found: "Sequence[Mixture]", title: str) -> None:
             if (target := mixture.target_MPa) is not None
         ],
         title=title,
-        right=["target MPa", "MPa", "error", "m"],
         droppable=["95 % interval", "error"],
     )
 
@@ -240,7 +237,7 @@ def _nearest(mixture: "Mixture", wanted_MPa: float) -> tuple[str, str, str]:
 def _print_places(found: "Sequence[Mixture]", title: str) -> None:
     """Print what stands at coordinates: stiffness, nearest material, further strains, laws."""
     print_table(
-        ["m", "blend", "MPa", "95 % interval", "nearest", "MPa", "error"],
+        [">m", "blend", ">MPa", "95 % interval", "nearest", ">MPa", ">error"],
         [
             [
                 f"{mixture.blend.coordinate:g}",
@@ -252,11 +249,10 @@ def _print_places(found: "Sequence[Mixture]", title: str) -> None:
             for mixture in found
         ],
         title=title,
-        right=["m", "MPa", "error"],
         droppable=["error"],
     )
     print_table(
-        ["m", "strain", "secant MPa", "95 % interval"],
+        [">m", ">strain", ">secant MPa", "95 % interval"],
         [
             [
                 "" if number else f"{mixture.blend.coordinate:g}",
@@ -268,12 +264,10 @@ def _print_places(found: "Sequence[Mixture]", title: str) -> None:
             for number, one in enumerate(mixture.secants)
         ],
         title="Secant moduli (stress is strain times it; strain 0: at rest)",
-        right=["m", "strain", "secant MPa"],
     )
 
 
 def _print_laws(found: "Sequence[Mixture]") -> None:
-
     for mixture in found:
         where = f"m {mixture.blend.coordinate:g}: "
         if mixture.law is None:
@@ -454,12 +448,10 @@ def _print_records(records: "Sequence[ReadRecord]") -> None:
                 str(one.rows),
             ]
         )
-    sizes = ["length mm", "section mm2", "rows"]
     print_table(
-        ["file", "specimen", "material", "mode", "columns", *sizes],
+        ["file", "specimen", "material", "mode", "columns", ">length mm", ">section mm2", ">rows"],
         rows,
         title="What was read",
-        right=sizes,
     )
     for text, number in columns.items():
         say(f"({number}): {text}")
@@ -480,7 +472,6 @@ def _corrections(found: "Sequence[MaterialCharacteristics]") -> list[str]:
 
 
 def _tables(found: "Sequence[MaterialCharacteristics]") -> None:
-
     def value(one: "MaterialCharacteristics", name: str) -> str:
         spread: Spread | None = one.spreads.get(name)
         if spread is None:
@@ -506,7 +497,7 @@ def _tables(found: "Sequence[MaterialCharacteristics]") -> None:
     ):
         kind = names is breaks
         print_table(
-            ["material", "n", *names.values(), *(["deforms"] if kind else [])],
+            ["material", ">n", *(f">{v}" for v in names.values()), *(["deforms"] if kind else [])],
             [
                 [
                     one.material,
@@ -517,7 +508,6 @@ def _tables(found: "Sequence[MaterialCharacteristics]") -> None:
                 for one in found
             ],
             title=title,
-            right=["n", *names.values()],
         )
 
 
@@ -580,12 +570,10 @@ def fit(
     fitting: _Fitting,
     tests: _TensileTests,
     figure: Annotated[
-        Path | None,
-        Option(help="SVG file to write: tests over laws, residuals, mixtures between."),
+        Path | None, Option(help="SVG file to write: tests over laws, residuals, mixtures between.")
     ] = None,
     tables: Annotated[
-        Path | None,
-        Option(help="Folder to write: the tables as CSV, with intervals."),
+        Path | None, Option(help="Folder to write: the tables as CSV, with intervals.")
     ] = None,
     force: Overwrite = False,
     as_json: AsJson = False,
@@ -652,7 +640,6 @@ def _figures(given: Sequence[str] | None, option: str) -> dict[str, float]:
 
 
 def _print_report(result: "PaletteStudy", output: Path) -> None:
-
     _print_candidates(result)
     _print_parameters(result)
     _print_secants(result)
@@ -666,7 +653,6 @@ def _print_report(result: "PaletteStudy", output: Path) -> None:
 
 
 def _print_candidates(result: "PaletteStudy") -> None:
-
     rows = []
     for material in result.palette.materials:
         fit = result.fits[material.id]
@@ -691,17 +677,15 @@ def _print_candidates(result: "PaletteStudy") -> None:
             name = ""
     if not rows:
         return
-    figures = ["held out", "R2", "adj. R2", "nRMSE"]
+    figures = [">held out", ">R2", ">adj. R2", ">nRMSE"]
     print_table(
-        ["material", "n", "law", "k", *figures, "stable", "starts"],
+        ["material", ">n", "law", ">k", *figures, "stable", ">starts"],
         rows,
         title="Laws tried (* chosen; k parameters; held out: error on what is left out)",
-        right=["n", "k", *figures, "starts"],
     )
 
 
 def _print_parameters(result: "PaletteStudy") -> None:
-
     rows = []
     for material in result.palette.materials:
         known = result.fits[material.id].uncertainty
@@ -716,16 +700,15 @@ def _print_parameters(result: "PaletteStudy") -> None:
                 )
                 name = law = spread = ""
     level = result.fits[result.palette.materials[0].id].uncertainty.level
+    interval = f"{100 * level:g} % interval"
     print_table(
-        ["material", "law", "parameter", "value", f"{100 * level:g} % interval", "next print's sd"],
+        ["material", "law", "parameter", ">value", interval, ">next print's sd"],
         rows,
         title="Parameters",
-        right=["value", "next print's sd"],
     )
 
 
 def _print_secants(result: "PaletteStudy") -> None:
-
     rows = []
     level = 0.95
     for material in result.palette.materials:
@@ -737,36 +720,32 @@ def _print_secants(result: "PaletteStudy") -> None:
             name = ""
     if rows:
         print_table(
-            ["material", "strain", "secant MPa", f"{100 * level:g} % interval"],
+            ["material", ">strain", ">secant MPa", f"{100 * level:g} % interval"],
             rows,
             title="Secant moduli of the mean (stress is strain times it; strain 0: at rest)",
-            right=["strain", "secant MPa"],
         )
 
 
 def _print_quadratic(found: "QuadraticStudy") -> None:
-
     names = [f"c{number}" for number in range(1, 7)]
     print_table(
-        ["material", "m", *names],
+        ["material", ">m", *(f">{name}" for name in names)],
         [
             [row.id, f"{row.curve.coordinate:.3g}", *(format_number(c, 4) for c in row.fit.c)]
             for row in found.rows
         ],
         title="Algorithm 1, lines 1 to 3: eq. 3.8 of each material (Hemleben 2017)",
-        right=["m", *names],
     )
     print_table(
-        ["", "q2", "q1", "q0"],
+        ["", ">q2", ">q1", ">q0"],
         [
             [name, *(format_number(q, 4) for q in row)]
             for name, row in zip(names, found.quadratics.model.rows, strict=True)
         ],
         title="Algorithm 1, lines 4 to 7: c = q2 m² + q1 m + q0",
-        right=["q2", "q1", "q0"],
     )
-    fits = ["R2: eq. 3.8", "quadratics", "palette's law"]
-    left_out = ["left out: quadratics", "mixtures"]
+    fits = [">R2: eq. 3.8", ">quadratics", ">palette's law"]
+    left_out = [">left out: quadratics", ">mixtures"]
     rows = []
     for row in found.rows:
         *own, quadratics, mixtures = row.errors.values()
@@ -777,7 +756,6 @@ def _print_quadratic(found: "QuadraticStudy") -> None:
         ["material", *fits, *left_out],
         rows,
         title="How well each fits; and the error of what the other materials predict",
-        right=[*fits, *left_out],
     )
     for remark in found.remarks():
         say(remark)

@@ -34,7 +34,6 @@ __all__ = [
     "Kept",
     "LoadOptions",
     "MeshBodies",
-    "MeshMaterial",
     "MeshUnit",
     "Overwrite",
     "PaletteName",
@@ -154,7 +153,6 @@ def print_table(
     rows: Sequence[Sequence[str]],
     *,
     title: str | None = None,
-    right: Sequence[str] = (),
     droppable: Sequence[str] = (),
     swatches: Sequence[str] | None = None,
     abridged: str | None = None,
@@ -163,8 +161,8 @@ def print_table(
 
     Parameters
     ----------
-    right
-        Columns whose figures stand flush right.
+    columns
+        Their names; behind a ``>`` one whose figures stand flush right.
     droppable
         Columns to leave out, the first one first, where the terminal is too narrow.
     swatches
@@ -184,12 +182,12 @@ def print_table(
     wide = console.options.update(max_width=10_000)
     shown = list(range(len(columns)))
     swatches = None if console.color_system is None else swatches
-    table = _table(columns, rows, shown, right, swatches)
+    table = _table(columns, rows, shown, swatches)
     for dropped in droppable if console.is_terminal else ():
         if Measurement.get(console, wide, table).maximum <= console.width:
             break
-        shown.remove(columns.index(dropped))
-        table = _table(columns, rows, shown, right, swatches)
+        shown = [k for k in shown if columns[k].removeprefix(">") != dropped]
+        table = _table(columns, rows, shown, swatches)
     if title is not None:
         console.print(title, style="bold", soft_wrap=True)
     console.width = max(console.width, Measurement.get(console, wide, table).maximum)
@@ -224,7 +222,6 @@ def _table(
     columns: Sequence[str],
     rows: Sequence[Sequence[str]],
     shown: Sequence[int],
-    right: Sequence[str],
     swatches: Sequence[str] | None,
 ) -> "Table":
     from rich import box
@@ -235,8 +232,8 @@ def _table(
     if swatches is not None:
         table.add_column("")
     for number in shown:
-        flush: JustifyMethod = "right" if columns[number] in right else "left"
-        table.add_column(columns[number], justify=flush, no_wrap=True)
+        flush: JustifyMethod = "right" if columns[number].startswith(">") else "left"
+        table.add_column(columns[number].removeprefix(">"), justify=flush, no_wrap=True)
     for number, row in enumerate(rows):
         cells = [Text(row[i]) for i in shown]
         if swatches is not None:
@@ -542,9 +539,6 @@ class LoadOptions:
 CasesFile = Annotated[
     Path | None,
     Option("--cases", help="TOML file of load cases: tables 'case' with these options, and name."),
-]
-MeshMaterial = Annotated[
-    str | None, Option("--material", help="What a mesh is made of, which is no plan.")
 ]
 MeshUnit = Annotated[str | None, Option("--unit", help="Unit of a mesh: mm, cm, m, um, inch, ft.")]
 MeshBodies = Annotated[

@@ -162,14 +162,12 @@ class _PlanFolder:
             "be printed and pulled with it: the folder coupons.",
         ),
     ] = False
-    strict: Annotated[
-        bool,
-        Option("--strict", help="Write nothing when something was found."),
-    ] = False
-    dry_run: Annotated[
-        bool,
-        Option("--dry-run", help="Plan and report, but write nothing."),
-    ] = False
+    strict: Annotated[bool, Option("--strict", help="Write nothing when something was found.")] = (
+        False
+    )
+    dry_run: Annotated[bool, Option("--dry-run", help="Plan and report, but write nothing.")] = (
+        False
+    )
     no_page: Annotated[
         bool, Option("--no-page", help="Leave plan.html out, the page that shows the plan.")
     ] = False
@@ -281,10 +279,9 @@ def _table(plan: "Plan") -> None:
     colours = {shell.material: shell.colour for shell in plan.shells}
     table = plan_table(plan)
     print_table(
-        table.columns,
+        [f">{name}" if name in table.right else name for name in table.columns],
         [[row.get(name, "") for name in table.columns] for row in (*table.rows, table.total)],
         title=table.title,
-        right=table.right,
         droppable=["#", "95 % interval", "mass g", "volume mm3", "blend", "error"],
         abridged="the rows left out are in plan.json",
         swatches=[colours.get(r.printed, "#808080") for r in plan.regions] + ["default"],
@@ -351,14 +348,13 @@ def check(
         print_document(certificate.document())
     elif not quiet:
         print_table(
-            ["check", "value", "limit", "holds"],
+            ["check", ">value", ">limit", "holds"],
             [
                 [name, f"{c.value:.3g}", f"{c.limit:.3g}", "yes" if c.ok else "NO"]
                 for name, c in certificate.checks.items()
             ],
             title=f"{folder}: {certificate.part} on {certificate.printer}, "
             f"{certificate.shells} shells, {certificate.triangles} triangles",
-            right=["value", "limit"],
         )
         for problem in certificate.problems:
             finding(problem)
@@ -532,7 +528,6 @@ def _comma(found: re.Match[str]) -> str:
 
 
 def _slices_report(stack: "SliceStack", folder: Path) -> None:
-
     x, y, z = stack.grid.pitch_mm
     total = sum(each.voxels for each in stack.materials)
     rows = [
@@ -541,11 +536,10 @@ def _slices_report(stack: "SliceStack", folder: Path) -> None:
     ]
     rows.append(["all", "", str(total), format_number(total * stack.grid.voxel_mm3, 4)])
     print_table(
-        ["material", "colour", "voxels", "volume mm3"],
+        ["material", "colour", ">voxels", ">volume mm3"],
         rows,
         title=f"{stack.part.file} on {stack.printer}: {stack.grid.shape[2]} layers of "
         f"{stack.grid.shape[0]} x {stack.grid.shape[1]} pixels, {x:g} x {y:g} x {z:g} mm",
-        right=["voxels", "volume mm3"],
         swatches=[*(_hex(each.rgba) for each in stack.materials), "default"],
     )
     say(f"wrote {folder} (materials and grid: {folder / 'slices.json'})")

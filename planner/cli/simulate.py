@@ -13,7 +13,6 @@ from planner.cli.output import (
     CasesFile,
     LoadOptions,
     MeshBodies,
-    MeshMaterial,
     MeshUnit,
     Overwrite,
     PaletteName,
@@ -38,6 +37,9 @@ if TYPE_CHECKING:
     from planner.simulation.part import PartSimulation
     from planner.simulation.simulate import Simulation
 
+_MeshMaterial = Annotated[
+    str | None, Option("--material", help="What a mesh is made of, which is no plan.")
+]
 _PlansPrinter = Annotated[
     str | None, Option(help="Installed printer; by default the plan's, else connex3.")
 ]
@@ -70,7 +72,7 @@ def simulate(
         list[str] | None,
         Option(help="Faces whose displacement is told too, as x=min, or 'x=min uz' along an axis."),
     ] = None,
-    material: MeshMaterial = None,
+    material: _MeshMaterial = None,
     cell_mm: Annotated[
         float | None,
         Option(
@@ -258,31 +260,29 @@ def _part_report(results: "Sequence[PartSimulation]") -> None:
     tell_notes(note for result in results for note in result.notes)
     for result in results:
         steps = list(step_rows(result, _ROWS))
-        columns = list(steps[0])
+        columns = [f">{name}" for name in steps[0]]
         print_table(
-            columns, [[*row.values()] for row in steps], title=part_title(result), right=columns,
+            columns, [[*row.values()] for row in steps], title=part_title(result),
             droppable=["energy, mJ"],
         )  # fmt: skip
         rows = list(response_rows(result))
-        columns = list(rows[0])
-        print_table(
-            columns, [[*row.values()] for row in rows], right=columns[2:], droppable=[columns[-1]]
-        )
+        named, what, *figures = rows[0]
+        columns = [named, what, *(f">{name}" for name in figures)]
+        print_table(columns, [[*row.values()] for row in rows], droppable=figures[-1:])
         for words in summary_words(result):
             say(words)
 
 
 def _bar_report(results: "Sequence[Simulation]") -> None:
-
     (result,) = results
     for note in result.notes:
         warn(note)
     count = len(result.force_N)
     shown = sorted({round(i * (count - 1) / (_ROWS - 1)) for i in range(_ROWS)})
     bar = result.bar
-    slices = len(bar.x_mm)
+    slices, interval = len(bar.x_mm), f"{100 * result.level:g} % interval"
     print_table(
-        ["time s", "mm", "strain", "force N", f"{100 * result.level:g} % interval", "most strain"],
+        [">time s", ">mm", ">strain", ">force N", interval, "most strain"],
         [
             [
                 format_number(float(result.time_s[i]), 4),
@@ -298,7 +298,6 @@ def _bar_report(results: "Sequence[Simulation]") -> None:
         title=f"{result.name}, {bar.gauge_mm:.4g} mm long, {slices} "
         f"{'slice' if slices == 1 else 'slices'}, {result.protocol} to strain "
         f"{result.to_strain:g}",
-        right=["time s", "mm", "strain", "force N"],
     )
 
 
@@ -329,7 +328,7 @@ def export(
             "the part reaches under its loads, or the break."
         ),
     ] = None,
-    material: MeshMaterial = None,
+    material: _MeshMaterial = None,
     unit: MeshUnit = None,
     bodies: MeshBodies = None,
     printer: _PlansPrinter = None,
@@ -362,18 +361,9 @@ def export(
 
 
 def _export_report(model: "Export") -> None:
-
     tell_notes(model.notes)
-    columns = [
-        "material",
-        "coordinate",
-        "modulus MPa",
-        "cells",
-        "volume mm3",
-        "law",
-        "to strain",
-        "off by",
-    ]
+    columns = ["material", ">coordinate", ">modulus MPa", ">cells", ">volume mm3"]
+    columns += [">law", ">to strain", ">off by"]
     rows = [
         [
             made.name,
@@ -395,5 +385,4 @@ def _export_report(model: "Export") -> None:
         rows,
         title=f"{model.name}: {model.cells} cells of {edges} mm, {model.nodes} nodes, volume "
         f"{model.volume_error:+.1%}",
-        right=columns[1:],
     )

@@ -23,13 +23,7 @@ from planner.formats.files import USUAL_LIMITS, UnfoldingLimits, read_file
 from planner.formats.units import QUANTITY_UNITS, canonical_unit
 from planner.numerics import Float32Array, FloatArray, IntArray, kernel
 
-__all__ = [
-    "EXTENSIONS",
-    "decode_stl",
-    "encode_stl",
-    "read_mesh",
-    "stl_holds",
-]
+__all__ = ["EXTENSIONS", "decode_stl", "encode_stl", "read_mesh", "stl_holds"]
 
 
 _BY_TRIMESH = ("ply", "obj", "off", "glb")
@@ -466,26 +460,26 @@ def _write_records(vertices: Any, faces: Any, record: Any, words: Any, records: 
 
 def _decode_ascii(data: bytes, name: str) -> FloatArray:
     numbers: list[bytes] = []
-    place = 3 if data.startswith(b"\xef\xbb\xbf") else 0  # a byte-order mark
-    while data[place:].strip():
-        opening = _SOLID.match(data, place)
+    at = 3 if data.startswith(b"\xef\xbb\xbf") else 0  # a byte-order mark
+    while data[at:].strip():
+        opening = _SOLID.match(data, at)
         if opening is None:
-            raise _ascii_error(data, place, ["solid"], name)
+            raise _ascii_error(data, at, ["solid"], name)
         facets = _FACET.scanner(data, opening.end())  # type: ignore[attr-defined] # not in typeshed
-        place = opening.end()
+        at = opening.end()
         while facet := facets.match():
             numbers += facet.groups()
-            place = facet.end()
-        closing = _ENDSOLID.match(data, place)
+            at = facet.end()
+        closing = _ENDSOLID.match(data, at)
         if closing is None:
-            raise _ascii_error(data, place, _GRAMMAR, name)
-        place = closing.end()
+            raise _ascii_error(data, at, _GRAMMAR, name)
+        at = closing.end()
     return np.array([float(number) for number in numbers]).reshape(-1, 3, 3)
 
 
-def _ascii_error(data: bytes, place: int, grammar: list[str], name: str) -> MeshError:
+def _ascii_error(data: bytes, at: int, grammar: list[str], name: str) -> MeshError:
     """Say at which line the text leaves the grammar; # stands for a number."""
-    words = re.compile(rb"\S+").finditer(data, place)
+    words = re.compile(rb"\S+").finditer(data, at)
     for position, expected in enumerate(grammar):
         found = next(words, None)
         word = "" if found is None else found.group().decode("ascii", "replace")

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from planner.numerics import IntArray, inner_kernel, kernel
 
-__all__ = ["NOTHING", "ImageKind", "Rgba", "encode_layer"]
+__all__ = ["NOTHING", "ImageKind", "encode_layer"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -205,7 +205,7 @@ def _deflate_rows(
 # PNG: the container around pixels that are compressed already.
 
 
-Rgba = tuple[int, int, int, int]
+_Rgba = tuple[int, int, int, int]
 
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _PER_METRE = 1
@@ -232,7 +232,7 @@ def _encode_png(width: int, height: int, kind: "ImageKind", zlib_stream: bytes) 
 # A layer's runs as a PNG, without ever making its pixels.
 
 
-NOTHING: Rgba = (0, 0, 0, 0)
+NOTHING: _Rgba = (0, 0, 0, 0)
 """Where nothing is printed."""
 
 _BITS_A_ROW = 6 + 4 + 16  # filter, and what a stretch of zeros takes beside its longest matches
@@ -253,7 +253,7 @@ class ImageKind:
         Edges of a pixel along x and y.
     """
 
-    colours: tuple[Rgba, ...]
+    colours: tuple[_Rgba, ...]
     indexed: bool
     pixel_mm: tuple[float, float]
 

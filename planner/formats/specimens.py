@@ -12,8 +12,8 @@ import msgspec
 
 from planner.errors import FileError
 from planner.formats.files import read_file
-from planner.formats.headings import headings_of, mode_of
 from planner.formats.tables import LARGEST_FIGURE, decode_text, is_workbook, number, read_rows
+from planner.formats.tensile import headings_of, mode_of
 
 __all__ = [
     "SPECIMEN_COLUMNS",

@@ -1,33 +1,21 @@
-"""Tensile test files: what a testing machine wrote, as one record a specimen."""
+"""Tensile test files: what a testing machine wrote, in seven languages, as a record a specimen."""
 
 import functools
 import math
 import re
+import tomllib
+import unicodedata
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import permutations
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from planner.errors import ArgumentError, FileError
 from planner.formats.files import read_file
-from planner.formats.headings import (
-    LENGTHS,
-    LOADS,
-    SIGNS,
-    Heading,
-    head_text,
-    heading_of,
-    headings_of,
-    is_figure,
-    marked_specimen,
-    mode_of,
-    size_of,
-    split_value,
-    suffice,
-)
 from planner.formats.tables import (
     LONGEST_HEADING,
     TextRow,
@@ -41,7 +29,324 @@ from planner.formats.tables import (
 from planner.formats.units import is_unit, quantities_of, unit_factor
 from planner.numerics import FloatArray, IntArray
 
-__all__ = ["NoRecordError", "TensileTable", "read_tensile"]
+__all__ = ["MODES", "NoRecordError", "TensileTable", "headings_of", "mode_of", "read_tensile"]
+
+
+# ------------------------------------------------------------------------------------------------
+# The terms are data, in terms.toml, and so are the words around them; here stand the signs.
+
+
+def _words(table: str, name: str) -> list[str]:
+    return [word.strip() for word in re.split(r",|\n", _TERMS[table][name]) if word.strip()]
+
+
+@functools.lru_cache(maxsize=8192)
+def _folded(text: str) -> str:
+    """Return a term as it is looked up: without accents, case, underscores and full width."""
+    plain = unicodedata.normalize("NFKD", text).casefold()
+    bare = "".join(c for c in plain if unicodedata.category(c) != "Mn")
+    return re.sub(r"[\s_,]+", " ", bare).strip(" .:=")
+
+
+_TERMS: Mapping[str, Mapping[str, Any]] = tomllib.loads(
+    Path(__file__).with_name("terms.toml").read_text(encoding="utf-8")
+)
+_MEANING, _SIZE, _SYMBOLS, _TEXT, _SPEED, _MODE = (
+    {_folded(word): meaning for meaning in _TERMS[table] for word in _words(table, meaning)}
+    for table in ("columns", "sizes", "symbols", "texts", "speeds", "modes")
+)
+MODES = tuple(_TERMS["modes"])
+"""The ways of loading that are told apart."""
+
+_BEFORE, _BEHIND = (
+    re.compile(form % "|".join(sorted(map(_folded, _words("qualifiers", name)), key=len)[::-1]))
+    for name, form in (("before", r"^(?:%s)\s*"), ("behind", r"\s(?:%s)$"))
+)
+_ANY = {name: "|".join(_words("signs", name)) for name in _TERMS["signs"]}
+_SIGNS = {name: re.compile(f"(?:{any_})", re.I) for name, any_ in _ANY.items()}
+"""By what cells are known that are no terms; see terms.toml."""
+
+_BRACKET = re.compile(r"[(\[{<]\s*([^()\[\]{}<>]*?)\s*[)\]}>]")
+_NUMBERED_CHANNEL = re.compile(
+    rf"(?:{_ANY['channel']})(?=[\s_.:#\d])[\s_.:#]*\d*[\s_.:-]+", re.IGNORECASE
+)
+_SUFFIXED = re.compile(r"(.+)_([^_\s]+)")
+_JOINED = re.compile(r"(.+?)\s*(?:[/,;:]|\s(?:in|en)\s)\s*(.+)")
+_SPACED = re.compile(r"(.+)\s(\S+)")
+_NUMBERED = re.compile(
+    rf"(.+?)(?:[\s_.:#-]+(?P<tag>(?:(?:{_ANY['specimen']})\s*)?[A-Za-z]{{0,3}}-?\d+|[A-Z])|"
+    r"(?P<number>\d+))",
+    re.IGNORECASE,
+)
+_TAG = re.compile(rf"(?:(?:{_ANY['specimen']})[\s_]*)?[\w-]*\d[\w-]*", re.IGNORECASE)
+_SYMBOL = re.compile(r"(.+) (?:[abdhls]\s?[0o]|[abhtw])")
+"""A size with its symbol in ISO 527: "Probendicke a0"."""
+
+_GAUGE = re.compile(
+    r"(?:(?:anfangs)?messl(?:a|ae)nge|gau?ge length)\b(?!.*(?:bruch|break|final|end|after))"
+)
+"""Which travel or strain it is of may stand behind."""
+
+_MARK = re.compile(
+    rf"[#*%\s]*(?:(?:{_ANY['specimen']})n?|(?P<test>{_ANY['test']}))[\s-]*"
+    r"(?:(?P<counted>no|nr|n|number|nummer|n°|№)(?!\w)|(?:name|id)\b)?"
+    r"\s*(?:(?(test)(?(counted)[.:#]|[.#])|[.:#=_-])+\s*(?P<said>.{1,60})|"
+    r"(?P<number>[\w.-]*\d[\w.-]*|[A-Z])(?:\s*(?:of|von|sur|de|di|/)\s*\d+)?)",
+    re.IGNORECASE,
+)
+
+
+def _looked_up(name: str, table: Mapping[str, str]) -> str | None:
+    """Return what a name means, qualifiers taken off one by one until it is known."""
+    folded = _folded(name)
+    while folded not in table:
+        bare = _BEHIND.sub("", folded)
+        bare = _BEFORE.sub("", folded, count=1) if bare == folded else bare
+        if bare == folded:
+            return None
+        folded = bare
+    return table[folded]
+
+
+# ------------------------------------------------------------------------------------------------
+# A column's heading: which quantity, in which unit.
+
+
+_COLUMNS: Mapping[str, Mapping[str, str]] = _TERMS["quantities"]
+"""By meaning: the column, by the quantity that the unit is of; the first where none is stated."""
+
+
+@dataclass(frozen=True, slots=True)
+class Heading:
+    """A heading taken apart.
+
+    Attributes
+    ----------
+    text
+        As the file writes it.
+    meaning
+        A key of the known meanings.
+    unit
+        None where it is not stated.
+    tag
+        What tells it from others of the same meaning: ``S1`` of "S1_force_N", ``2`` of "Force.2".
+    compressed
+        Whether it says that load or travel count in compression.
+    """
+
+    text: str
+    meaning: str
+    unit: str | None
+    tag: str = ""
+    compressed: bool = False
+
+    @property
+    def quantity(self) -> str:
+        """What the column is of: of several quantities the one that its unit is of."""
+        kinds = quantities_of(self.unit or "")
+        choices = _COLUMNS[self.meaning]
+        return next((kind for kind in choices if kind in kinds), next(iter(choices)))
+
+    @property
+    def is_of_crosshead(self) -> bool:
+        """Whether it is of the machine's own way, which a nearer sensor's goes before."""
+        return _SIGNS["crosshead"].search(_folded(self.text)) is not None
+
+    @property
+    def may_be_nearer(self) -> bool:
+        """Whether what is not understood may be of a sensor, or a strain of the gauge."""
+        nearer, otherwise = (_SIGNS[n].search(_folded(self.text)) for n in ("nearer", "otherwise"))
+        return nearer is not None and otherwise is None
+
+    def column(self, where: str) -> tuple[str, float]:
+        """Return the name of the column, and the factor to its unit.
+
+        Raises
+        ------
+        FileError
+            The unit is missing where one is needed, or is unknown.
+        """
+        where, quantity = f"{where}, column {self.text!r}", self.quantity
+        name = _COLUMNS[self.meaning][quantity]
+        if self.unit is None and quantity != "strain":
+            unsure = ", so that it may be a length or a strain" * (self.meaning == "elongation")
+            units = ("mm", "%") if unsure else (name.rpartition("_")[2],)
+            examples = " or ".join(f"'{self.text} ({unit})'" for unit in units)
+            raise FileError(f"{where}: no unit{unsure}; write it in the heading, as {examples}")
+        return name, unit_factor(quantity, self.unit or "", where=where)
+
+
+@functools.lru_cache(maxsize=8192)
+def heading_of(text: str) -> Heading:
+    """Take a heading apart; where it names nothing that is known the meaning is "".
+
+    "Load (lbf)", "Load [lbf]", "force_N", "Load N", "Kraft in N", "Kraft / N", "C_1_Force[kN]",
+    "Load (5 kN cell) [N]", "S1_force_N" and a bare "Load" are understood.
+    """
+    plain = _plain(text)
+    brackets, name = list[str](), plain
+    while inner := _BRACKET.findall(name):  # one within another, as WaveMatrix writes them
+        brackets, name = inner + brackets, _BRACKET.sub(" ", name)
+    name = " ".join(name.split()) or plain
+    found = _parse(_NUMBERED_CHANNEL.sub("", name, count=1)) or _tagged(name)
+    if found is None:
+        return Heading(text, "", None)
+    meaning, unit, tag = found
+    unitless = next(iter(_COLUMNS.get(meaning, ())), "") == "strain"
+    for bracket in reversed(brackets):
+        stated = is_unit(bracket) and (unitless or not bracket.isdigit())
+        if stated or not (_SIGNS["source"].search(bracket) or _looked_up(bracket, _MEANING)):
+            unit = bracket
+            if stated:
+                break
+    compressed = _SIGNS["compressed"].search(_folded(name)) is not None
+    return Heading(text, meaning, unit, tag, compressed)
+
+
+def _plain(text: str) -> str:
+    """Return a cell in one width, with single blanks; of what is too long for a heading ""."""
+    short = unicodedata.normalize("NFKC", text) if len(text) <= LONGEST_HEADING else ""
+    return " ".join(short.split())
+
+
+def _parse(name: str) -> tuple[str, str | None, str] | None:
+    """Return meaning, unit and tag of a heading without brackets."""
+    if (meaning := _looked_up(name, _MEANING)) is not None:
+        return meaning, None, ""
+    suffixed = _SUFFIXED.fullmatch(name)
+    if suffixed and not suffixed[2].isdigit():
+        meaning = _looked_up(suffixed[1], _MEANING)
+        if meaning is not None and (
+            is_unit(suffixed[2]) or not _SIGNS["source"].search(suffixed[2])
+        ):
+            return meaning, suffixed[2], ""
+    for stem, unit in _apart(name, _JOINED, _SPACED):
+        if (inner := _parse(stem)) is not None:
+            return inner[0], unit, inner[2]
+    numbered = _NUMBERED.fullmatch(name)
+    if numbered:
+        inner = _parse(numbered[1])
+        if inner is not None and not inner[2]:
+            return inner[0], inner[1], numbered["tag"] or numbered["number"]
+    return None
+
+
+def _apart(name: str, *patterns: re.Pattern[str]) -> Iterator[tuple[str, str]]:
+    """Yield a name and the unit behind it, a known one: "Load cell", "Time stamp" have none."""
+    for match in (pattern.fullmatch(name) for pattern in patterns):
+        if match and is_unit(match[2]) and not match[2].isdigit():
+            yield match[1], match[2]
+
+
+def _tagged(name: str) -> tuple[str, str | None, str] | None:
+    """Return meaning, unit and tag of a heading with the specimen's in front: "S1_force_N"."""
+    for gap in re.finditer(r"[\s_:./|-]+", name):
+        tag = name[: gap.start()]
+        inner = _parse(name[gap.end() :]) if _TAG.fullmatch(tag) else None
+        if inner is not None:
+            return inner[0], inner[1], tag
+    return None
+
+
+_STRAINS = {"strain", "stretch", "true strain", "lagrange strain"}
+_LENGTHS = {"displacement", "position", "elongation"} | _STRAINS
+_LOADS = {"force", "stress", "true stress"}
+"""What a record has one of each of."""
+
+
+def headings_of(cells: Sequence[str]) -> list[Heading] | None:
+    """Return the headings in a row that names a load and a length; None of any other row."""
+    if sum(map(bool, cells)) < 2:
+        return None
+    found = [heading_of("" if _is_figure(cell) else cell) for cell in cells]
+    return found if _suffice(found) else None
+
+
+def _suffice(headings: Iterable[Heading]) -> bool:
+    """Say whether there are a load and a length among headings."""
+    meanings = {heading.meaning for heading in headings}
+    return bool(meanings & _LENGTHS and meanings & _LOADS)
+
+
+def _is_figure(cell: str) -> bool:
+    """Say whether a cell begins as a number does."""
+    return cell[:1].isdigit() or (cell[:1] in "+-.," and cell[1:2].isdigit())
+
+
+# ------------------------------------------------------------------------------------------------
+# What stands beside the columns: sizes, speeds, names.
+
+
+_VALUE = re.compile(r"([+-]?\d[\d.,'\s]*(?:[eE][+-]?\d+)?)\s*([^\d\s]\S*(?:\s\S+)?)?")
+
+
+def _split_value(cell: str, separator: str) -> tuple[float, str] | None:
+    """Return the number and the unit in a cell such as "6,00 mm"; None where there is no number."""
+    match = _VALUE.fullmatch(cell.strip()) if len(cell) <= LONGEST_HEADING else None
+    value = None if match is None else number(match[1].strip(), separator)
+    if match is None or value is None or not math.isfinite(value):
+        return None
+    return value, (match[2] or "").strip("()[] ")
+
+
+def _names(cell: str) -> Iterator[tuple[str, str]]:
+    """Yield the names that a cell such as "Dimension : Width (mm)" may mean, each with its unit."""
+    plain = _plain(cell).rstrip(" :=")
+    unit = next((b for b in reversed(_BRACKET.findall(plain)) if is_unit(b)), "")
+    name = " ".join(_BRACKET.sub(" ", plain).split()).rstrip(" :=")
+    if not unit:
+        name, unit = next(_apart(name, _SUFFIXED, _JOINED, _SPACED), (name, ""))
+    yield name, unit
+    group, _, last = name.rpartition(" : ")
+    if group:
+        yield last, unit
+    symbol = _SYMBOL.fullmatch(_folded(last))
+    if symbol:
+        yield symbol[1], unit
+    for part in re.split(r"\s*,\s*|\s+-\s+", last)[:1]:
+        if part != last:
+            yield part, unit
+
+
+def size_of(cell: str, *, symbols: bool = False) -> tuple[str | None, str, str]:
+    """Return the size that a cell beside the columns names, its unit or "", and its number or "".
+
+    A size as width_mm, or rate_mm_s, the crosshead's speed. "Width 2" has the number 2: one of
+    several readings. `symbols` takes "w" for a width too, if its unit is of length or not there.
+    """
+    name = unit = ""
+    for name, unit in _names(cell):
+        numbered = _NUMBERED.fullmatch(_folded(name))
+        stem, count = (numbered[1], numbered["tag"] or numbered["number"]) if numbered else ("", "")
+        speed = _SPEED.get(_folded(name)) or _SPEED.get(stem)
+        gauge = "gauge_mm" if _GAUGE.match(_folded(name)) else None
+        if (size := _looked_up(name, _SIZE) or speed or gauge) is not None:
+            of_area = _folded(name) == "a0" and "area" in quantities_of(unit)
+            return "area_mm2" if of_area else size, unit, ""
+        size = _looked_up(stem, _SIZE) if len(stem) > 1 and count.isdigit() else None
+        if size in ("width_mm", "thickness_mm", "diameter_mm"):
+            return size, unit, count
+    is_symbol = symbols and (not unit or "length" in quantities_of(unit))
+    return _SYMBOLS.get(_folded(name)) if is_symbol else None, unit, ""
+
+
+def _head_text(cell: str) -> str | None:
+    """Return which text of the head a cell names: material, specimen, mode or none."""
+    for name, _ in _names(cell):
+        if (text := _TEXT.get(_folded(name))) is not None:
+            return text
+    return None
+
+
+def mode_of(text: str) -> str | None:
+    """Return how a specimen was loaded, as its words tell: one of `MODES`, or None."""
+    return _MODE.get(_folded(text))
+
+
+def marked_specimen(cell: str) -> str | None:
+    """Return the specimen that a cell by itself announces: "1" of "Specimen 1"; else None."""
+    match = _MARK.fullmatch(cell.strip()) if len(cell) <= LONGEST_HEADING else None
+    return (match["said"] or match["number"]).strip() if match else None
 
 
 # ------------------------------------------------------------------------------------------------
@@ -157,18 +462,18 @@ class _Grid:
 
 @dataclass(frozen=True, slots=True)
 class _Block:
-    """Headings with the numbers below them: `start` is the first row above that belongs to it."""
+    """Headings, in row `head`, with the numbers below; `start` is the first row that is theirs."""
 
     grid: _Grid
     start: int
-    place: int
+    head: int
     headings: _Headings
     rows: list[int]
     notes: tuple[str, ...] = ()
 
     @property
     def is_headed(self) -> bool:
-        return self.place not in self.rows
+        return self.head not in self.rows
 
     def cells(self, at: int) -> list[str]:
         return [self.grid.cell(row, at) for row in self.rows]
@@ -179,7 +484,7 @@ class _Block:
 
 @dataclass(frozen=True, slots=True)
 class _Column:
-    """A column that serves: its place and heading, planner's name, and the factor to its unit."""
+    """A column that serves: its index and heading, planner's name, and the factor to its unit."""
 
     at: int
     heading: Heading
@@ -349,12 +654,12 @@ def _blocks(grid: _Grid) -> list[_Block]:
     start = at = 0
     while at < len(grid.rows):
         own = headings_of(grid.rows[at][1]) if grid.by_position is None else None
-        place = at
+        head = at
         if grid.by_position is None and grid.cell(at, 0) == _SEGMENT:
             headings = None
         if own is not None:
             headings, at = _with_units(own, grid, at)
-            found.append(_Block(grid, start, place, headings, []))
+            found.append(_Block(grid, start, head, headings, []))
         elif headings is None:
             at += 1
             continue
@@ -370,12 +675,12 @@ def _blocks(grid: _Grid) -> list[_Block]:
     return found
 
 
-def _with_units(headings: _Headings, grid: _Grid, place: int) -> tuple[_Headings, int]:
+def _with_units(headings: _Headings, grid: _Grid, head: int) -> tuple[_Headings, int]:
     """Return headings with the units that stand in a row of their own, and the row behind.
 
     The row is below, or, in what LabVIEW writes, above and says so.
     """
-    for row, (_, cells) in enumerate(grid.rows[place + 1 : place + 4], start=place + 1):
+    for row, (_, cells) in enumerate(grid.rows[head + 1 : head + 4], start=head + 1):
         if any(grid.number(cell) is not None for cell in cells if cell not in ("", "1")):
             break
         units = [cell.strip("()[]{} ") for cell in cells]
@@ -385,10 +690,10 @@ def _with_units(headings: _Headings, grid: _Grid, place: int) -> tuple[_Headings
         )
         if known and not all(unit.isdigit() for unit in units if unit):
             return _in_units(headings, units), row + 1
-    for _, cells in grid.rows[max(place - _NEAR, 0) : place]:
-        if cells and SIGNS["unit"].search(cells[0]):
-            return _in_units(headings, cells), place + 1
-    return headings, place + 1
+    for _, cells in grid.rows[max(head - _NEAR, 0) : head]:
+        if cells and _SIGNS["unit"].search(cells[0]):
+            return _in_units(headings, cells), head + 1
+    return headings, head + 1
 
 
 def _in_units(headings: _Headings, units: Sequence[str]) -> _Headings:
@@ -412,46 +717,46 @@ def _numbers_below(
     named = [i for i, h in enumerate(headings) if h.meaning == "specimen"]
     found: list[int] = []
     gap = False
-    for place in range(at, len(grid.rows)):
-        cells = grid.rows[place][1]
-        if grid.cell(place, 0) == _SEGMENT:
-            return found, place + (not found)
+    for row in range(at, len(grid.rows)):
+        cells = grid.rows[row][1]
+        if grid.cell(row, 0) == _SEGMENT:
+            return found, row + (not found)
         filled = [cells[i] for i in wanted if i < len(cells) and cells[i]]
         words = [cell for cell in filled if not grid.is_number(cell)]
         if not any(cells):
             gap = True
-        elif _sums_up(grid, place) or (
-            words == filled and (filled or not found or not _names_alone(grid, named, place))
+        elif _sums_up(grid, row) or (
+            words == filled and (filled or not found or not _names_alone(grid, named, row))
         ):
             if found or not headed or headings_of(cells) is not None:
-                return found, place if found or headed else place + 1
+                return found, row if found or headed else row + 1
         elif not found and len(filled) - len(words) < least:
-            return found, place + 1
-        elif words and found and (gap or _WORD.search(words[0])) and _ends(grid, wanted, place):
-            return found, place
+            return found, row + 1
+        elif words and found and (gap or _WORD.search(words[0])) and _ends(grid, wanted, row):
+            return found, row
         else:
-            found.append(place)
+            found.append(row)
             gap = False
     return found, len(grid.rows)
 
 
-def _names_alone(grid: _Grid, named: Sequence[int], place: int) -> bool:
-    cells = grid.rows[place][1]
-    is_head = head_text(cells[0]) == "specimen" or headings_of(cells) is not None
-    return any(grid.cell(place, i) for i in named) and not is_head
+def _names_alone(grid: _Grid, named: Sequence[int], row: int) -> bool:
+    cells = grid.rows[row][1]
+    is_head = _head_text(cells[0]) == "specimen" or headings_of(cells) is not None
+    return any(grid.cell(row, i) for i in named) and not is_head
 
 
-def _sums_up(grid: _Grid, place: int) -> bool:
+def _sums_up(grid: _Grid, row: int) -> bool:
     """Say whether a row is one of statistics: "Mean" stands before it, and before no record."""
-    label = next(filter(None, grid.rows[place][1]), "")
+    label = next(filter(None, grid.rows[row][1]), "")
     if len(label) < 2 or not _is_statistic(label):
         return False
-    near = grid.rows[max(place - 2, 0) : place + 3]
+    near = grid.rows[max(row - 2, 0) : row + 3]
     return sum(next(filter(None, cells), "") == label for _, cells in near) < _FEWEST_ROWS
 
 
 def _is_statistic(word: str) -> bool:
-    return not is_figure(word) and SIGNS["statistic"].fullmatch(word.strip(" .:")) is not None
+    return not _is_figure(word) and _SIGNS["statistic"].fullmatch(word.strip(" .:")) is not None
 
 
 _SEGMENT = "Channels"
@@ -507,12 +812,12 @@ def _pieces(grid: _Grid, blocks: Sequence[_Block], notes: list[str]) -> list[_Pi
         found = [piece for piece in found if piece not in results]
     longest = Counter[int]()
     for piece in found:
-        longest[piece.block.place] = max(longest[piece.block.place], len(piece.lines))
+        longest[piece.block.head] = max(longest[piece.block.head], len(piece.lines))
     kept: list[_Piece] = []
     for at, piece in enumerate(found):
         near = [p for p in (*kept[::-1], *found[at + 1 :]) if p.name == piece.name][:2]
         alone = not any(_goes_on(*sorted((p, piece), key=lambda p: p.lines[0])) for p in near)
-        if alone and longest[piece.block.place] < _FEWEST_ROWS <= max(longest.values()):
+        if alone and longest[piece.block.head] < _FEWEST_ROWS <= max(longest.values()):
             notes.append(f"{grid.where}: line {piece.lines[0]} is no part of a record")
         else:
             kept.append(piece)
@@ -576,7 +881,7 @@ def _groups(grid: _Grid, block: _Block) -> _Records:
             return found
         numbered = numbered or found
     # A length belongs to all too where a person headed the columns.
-    alone = {"time"} | (LENGTHS if grid.by_position else set())
+    alone = {"time"} | (_LENGTHS if grid.by_position else set())
     return numbered or _that_come_again(headings, known, alone)
 
 
@@ -596,7 +901,7 @@ def _that_come_again(headings: _Headings, known: Sequence[int], alone: set[str])
 
 
 def _whole(headings: _Headings, places: Iterable[int]) -> bool:
-    return suffice(headings[i] for i in places)
+    return _suffice(headings[i] for i in places)
 
 
 def _walked(headings: _Headings, places: Iterable[int]) -> list[list[int]]:
@@ -624,7 +929,7 @@ def _names_above(grid: _Grid, block: _Block) -> list[list[str]]:
     Figures are sizes; whole numbers may be those of specimens.
     """
     words, numbers = list[list[str]](), list[list[str]]()
-    for _, above in grid.rows[max(block.place - 3, 0) : block.place][::-1]:
+    for _, above in grid.rows[max(block.head - 3, 0) : block.head][::-1]:
         cells = [*above, ""]
         figures = [cell for cell in cells if grid.number(cell) is not None]
         if not figures:
@@ -650,7 +955,7 @@ def _marked(grid: _Grid, block: _Block) -> str:
     found = ""
     for _, cells in grid.rows[block.start : block.rows[0]]:
         filled = [cell for cell in cells if cell]
-        if len(filled) > 1 and head_text(filled[0]) == "specimen":
+        if len(filled) > 1 and _head_text(filled[0]) == "specimen":
             found = found if heading_of(filled[1]).meaning else filled[1]
         elif len(filled) < 3 and (mark := marked_specimen(" ".join(filled))) is not None:
             found = mark
@@ -662,7 +967,9 @@ def _split(grid: _Grid, block: _Block, places: Sequence[int], label: str) -> lis
     headings = block.headings
     named = next((i for i in places if headings[i].meaning == "specimen"), None)
     alone = len(places) == sum(bool(h.meaning) for h in headings)
-    filled = [i for i in places if headings[i].meaning in LOADS | LENGTHS or (alone and i == named)]
+    filled = [
+        i for i in places if headings[i].meaning in _LOADS | _LENGTHS or (alone and i == named)
+    ]
     lined = [r for r in block.rows if any(grid.cell(r, i) for i in filled)]
     if not lined:
         return []
@@ -671,8 +978,8 @@ def _split(grid: _Grid, block: _Block, places: Sequence[int], label: str) -> lis
     values = _values(record, used, notes)
     kept = [column for column in used if column.name in values]
     values = _with_strain(values, grid.where, notes)
-    heads = grid.rows[block.place][1] if block.is_headed else []
-    texts = {head_text(cell): i for i, cell in enumerate(heads) if cell}
+    heads = grid.rows[block.head][1] if block.is_headed else []
+    texts = {_head_text(cell): i for i, cell in enumerate(heads) if cell}
     texts = {what: i for what, i in texts.items() if what in ("material", "mode")}
     read = {*(column.at for column in kept), *texts.values(), named}
     unused = tuple(
@@ -778,7 +1085,7 @@ def _used_columns(record: _Block, places: Sequence[int]) -> tuple[list[_Column],
     cells = {i: record.cells(i) for i in places if headings[i].meaning != "specimen"}
     cells = {i: column for i, column in cells.items() if any(column)}
     gaps = [i for i, column in cells.items() if "" in column]
-    if suffice(headings[i] for i in cells if i not in gaps):
+    if _whole(headings, (i for i in cells if i not in gaps)):
         for i, j in permutations(cells, 2):
             if i in gaps and j not in gaps and _same(headings[i], headings[j]):
                 raise FileError(
@@ -804,7 +1111,7 @@ def _used_columns(record: _Block, places: Sequence[int]) -> tuple[list[_Column],
         try:
             column = _Column(i, heading, *heading.column(where))
         except FileError as error:
-            others = suffice(headings[j] for j in cells if j != i and headings[j].unit)
+            others = _suffice(headings[j] for j in cells if j != i and headings[j].unit)
             if is_time or (heading.meaning in ("elongation", "position") and others):
                 what = "time is optional and" if is_time else "it"
                 notes.append(f"{str(error).partition('; ')[0]}; {what} is left out")
@@ -840,7 +1147,7 @@ _ONE_TEMPERATURE_C = 4.0
 def _refuse_ramp(record: _Block) -> None:
     """Refuse a record through which the temperature goes, as a dynamic test's does."""
     for i, heading in enumerate(record.headings):
-        if heading.meaning or not SIGNS["temperature"].search(heading.text):
+        if heading.meaning or not _SIGNS["temperature"].search(heading.text):
             continue
         known = [value for value in record.numbers(i) if value is not None]
         if known and max(known) - min(known) > _ONE_TEMPERATURE_C:
@@ -855,7 +1162,7 @@ def _refuse_ramp(record: _Block) -> None:
 def _refuse_far(record: _Block, used: Mapping[str, _Column]) -> None:
     """Refuse a plain travel where a column that is not understood may be a nearer sensor's."""
     grid, headings = record.grid, record.headings
-    lengths = [column.heading for column in used.values() if column.heading.meaning in LENGTHS]
+    lengths = [column.heading for column in used.values() if column.heading.meaning in _LENGTHS]
     plain = {h.meaning for h in lengths} <= {"displacement", "position"}
     if grid.by_position or not lengths or not plain:
         return
@@ -869,7 +1176,9 @@ def _refuse_far(record: _Block, used: Mapping[str, _Column]) -> None:
         if None not in numbers and len(numbers) > 1:
             near[i] = replace(h, meaning=_BY_KIND[min(kinds)], unit=unit)
     if near:
-        taken = [near.get(i, _BLANK if h.meaning in LENGTHS else h) for i, h in enumerate(headings)]
+        taken = [
+            near.get(i, _BLANK if h.meaning in _LENGTHS else h) for i, h in enumerate(headings)
+        ]
         first = next(iter(near.values())).text
         said = f"{first!r} is not understood, and may be nearer to the specimen than"
         raise _one_of(grid, f"{said} {lengths[0].text!r}", [taken, headings])
@@ -881,7 +1190,7 @@ def _refuse_two(record: _Block, one: _Column, other: _Column) -> None:
         column.factor * np.array(record.numbers(column.at), dtype=np.float64)
         for column in (one, other)
     )
-    is_load = one.heading.meaning in LOADS or other.heading.meaning in LOADS
+    is_load = one.heading.meaning in _LOADS or other.heading.meaning in _LOADS
     if not is_load:
         first, second = first - first[0], second - second[0]
     if not float(np.max(np.abs(first - second))) > _SAME * float(np.ptp(first)):
@@ -976,13 +1285,13 @@ def _tables(
     found = []
     said = [size for grid in grids for size in _said_sizes(grid, pieces)]
     labels = {grid: _labels(grid, pieces, names) for grid in grids}
-    for place, (piece, name) in enumerate(zip(pieces, names, strict=True)):
+    for nth, (piece, name) in enumerate(zip(pieces, names, strict=True)):
         if names.count(name) > 1:
             raise FileError(
                 f"{piece.grid.where}: {names.count(name)} records of specimen {name!r}; give each "
                 "a name of its own"
             )
-        metadata, sources, unclear = _metadata(piece, place, pieces, said, labels)
+        metadata, sources, unclear = _metadata(piece, nth, pieces, said, labels)
         if name:
             metadata.pop("specimen", None)
         metadata |= piece.texts
@@ -1044,7 +1353,7 @@ class _Said:
     values: tuple[tuple[str, float | str], ...]
     number: str = ""
 
-    def place(self) -> str:
+    def where(self) -> str:
         sheet = f"sheet {self.grid.sheet!r}, " if self.grid.sheet else ""
         return f"{sheet}line {self.grid.rows[self.row][0]}, {self.key!r}"
 
@@ -1061,13 +1370,13 @@ def _said_sizes(grid: _Grid, pieces: Sequence[_Piece]) -> Iterator[_Said]:
     for piece in (p for p in pieces if p.grid is grid):
         width = 1 + max(i for i, h in enumerate(piece.block.headings) if h.meaning)
         data |= {row: max(width, data.get(row, 0)) for row in piece.block.rows}
-    heads = {piece.block.place for piece in pieces if piece.grid is grid}
+    heads = {piece.block.head for piece in pieces if piece.grid is grid}
     beside = min(data, default=0) + _BESIDE
     for row, (_, cells) in enumerate(grid.rows):
         if row in data and row > beside:
             continue
         for at in range(data.get(row, 0), len(cells)):
-            if cells[at] and not is_figure(cells[at]):
+            if cells[at] and not _is_figure(cells[at]):
                 yield from _said_at(grid, row, at, row not in heads)
 
 
@@ -1078,15 +1387,15 @@ def _said_at(grid: _Grid, row: int, at: int, symbols: bool) -> Iterator[_Said]:
     single = _ONE_CELL.fullmatch(key) if len(key) <= LONGEST_HEADING else None
     if single is not None:  # "Width: 6.00 mm"
         key, right = single[1], [single[2]]
-    text = head_text(key)
-    if text and right and head_text(right[0]) is None and size_of(right[0])[0] is None:
+    text = _head_text(key)
+    if text and right and _head_text(right[0]) is None and size_of(right[0])[0] is None:
         yield _Said(grid, row, key, text, (("", right[0]),))
     size, unit, count = size_of(key, symbols=symbols)
     if size is None:
         return
     figures: list[tuple[str, float]] = []
     for column, value in enumerate(right, start=at + 1):
-        split = split_value(value, grid.separator[0])
+        split = _split_value(value, grid.separator[0])
         if split is not None:
             figures.append((_label_above(grid, row, column), split[0]))
             unit = unit or split[1]
@@ -1127,7 +1436,7 @@ def _label_above(grid: _Grid, row: int, at: int) -> str:
     """Return the specimen that heads a column of figures: the row of names near it."""
     for other in range(max(row - _NEAR, 0), min(row + _NEAR, len(grid.rows))):
         label = grid.cell(other, at)
-        if other != row and label and head_text(grid.cell(other, 0)) == "specimen":
+        if other != row and label and _head_text(grid.cell(other, 0)) == "specimen":
             return label
     return ""
 
@@ -1138,12 +1447,12 @@ def _figures_below(
     """Return the figures below a cell of a table of results, by specimen, and their unit."""
     heads = grid.rows[row][1]
     counts = (i for i, c in enumerate(heads) if c.strip(" .").casefold() in ("no", "nr", "n°"))
-    named = next((i for i, c in enumerate(heads) if head_text(c) == "specimen"), next(counts, 0))
+    named = next((i for i, c in enumerate(heads) if _head_text(c) == "specimen"), next(counts, 0))
     is_named = size_of(heads[named])[0] is None  # no figure names a specimen
     figures: list[tuple[str, float]] = []
     for below in range(row + 1, len(grid.rows)):
         cells, cell = grid.rows[below][1], grid.cell(below, at)
-        value = split_value(cell, grid.separator[0])
+        value = _split_value(cell, grid.separator[0])
         if value is None:
             bare = cell.strip("()[] ")
             if figures or not any(cells) or (bare and (unit or not is_unit(bare))):
@@ -1170,25 +1479,25 @@ _Labels = Mapping[_Grid, Mapping[int, str]]
 
 
 def _metadata(
-    piece: _Piece, place: int, pieces: Sequence[_Piece], said: Sequence[_Said], labels: _Labels
+    piece: _Piece, nth: int, pieces: Sequence[_Piece], said: Sequence[_Said], labels: _Labels
 ) -> tuple[dict[str, float | str], dict[str, str], dict[str, str]]:
     """Return what a file says of one record, where it says so, and what it leaves unclear.
 
     What stands in the record's block goes before what stands above all, and that before what
     other sheets say.
     """
-    first = min(p.block.place for p in pieces if p.grid is piece.grid)
+    first = min(p.block.head for p in pieces if p.grid is piece.grid)
     scopes: dict[tuple[int, str], list[_Said]] = {}
     for one in said:
         within = piece.block.start <= one.row <= piece.block.rows[-1]
         scope = 2 if one.grid is not piece.grid else 0 if within else 1
         of_another = scope == 1 and one.row >= first and len(one.values) < 2
-        if place in labels[one.grid] and not of_another:
+        if nth in labels[one.grid] and not of_another:
             scopes.setdefault((scope, one.name), []).append(one)
     found: dict[str, tuple[float | str | None, str]] = {}
     for (_, name), of in sorted(scopes.items(), key=lambda item: item[0][0]):
         if found.get(name, (None,))[0] is None:
-            value, where = _agreed(of, piece, place, labels)
+            value, where = _agreed(of, piece, nth, labels)
             if value is not None or name not in found:
                 found[name] = value, where
     mode = mode_of(str(found.get("mode", ("",))[0]))
@@ -1205,28 +1514,28 @@ def _metadata(
 
 
 def _agreed(
-    said: Sequence[_Said], piece: _Piece, place: int, labels: _Labels
+    said: Sequence[_Said], piece: _Piece, nth: int, labels: _Labels
 ) -> tuple[float | str | None, str]:
     """Return the value that all say, None where they differ, and where they say so."""
     values: dict[float | str, str] = {}
     readings: dict[str, tuple[float, _Said]] = {}
     unclear = open_ = ""
     for one in said:
-        beside = one.grid is piece.grid and one.row == piece.block.place
-        value = _value_for(one, place, labels[one.grid], beside)
+        beside = one.grid is piece.grid and one.row == piece.block.head
+        value = _value_for(one, nth, labels[one.grid], beside)
         if one.number and isinstance(value, float):
             readings[one.number] = value, one
         elif value is not None:
             values.pop(value, None)  # the last place of a value is told
-            values[value] = one.place()
+            values[value] = one.where()
         else:
             figures = ", ".join(f"{v:g}" for _, v in one.values if isinstance(v, float))
             gives = f"gives {figures} of specimens" if one.values else "without a unit"
-            unclear = f"{one.place()} {gives}"
+            unclear = f"{one.where()} {gives}"
             open_ = unclear if one.values else open_
     if readings:
         figures_, told = zip(*readings.values(), strict=True)
-        at = " and ".join(one.place() for one in told)
+        at = " and ".join(one.where() for one in told)
         alone = len(told) == len(labels[told[0].grid]) and len(told[0].values) == 1
         if alone and len(told) > 1 and len({*figures_}) > 1:  # or one of each specimen
             unclear = f"{at}, of one specimen or of {len(told)}"
@@ -1241,22 +1550,20 @@ def _agreed(
 
 def _series(grid: _Grid) -> str:
     """Return the number of a series' sheet: the "2" of "Results Series 2"; "" of any other."""
-    match = SIGNS["series"].search(grid.sheet)
+    match = _SIGNS["series"].search(grid.sheet)
     return match[1] if match else ""
 
 
 def _labels(grid: _Grid, pieces: Sequence[_Piece], names: Sequence[str]) -> dict[int, str]:
-    """Return the records that a sheet, of one series or all, may speak of: the name by place."""
+    """Return the records that a sheet, of one series or all, may speak of: names by numbers."""
     series = _series(grid)
-    places = [i for i, p in enumerate(pieces) if not series or _series(p.grid) in ("", series)]
-    own = {i: pieces[i].name for i in places}
+    there = [i for i, p in enumerate(pieces) if not series or _series(p.grid) in ("", series)]
+    own = {i: pieces[i].name for i in there}
     count = Counter(own.values())
     return {i: _plain_name(name if count[name] == 1 else names[i]) for i, name in own.items()}
 
 
-def _value_for(
-    one: _Said, place: int, labels: Mapping[int, str], beside: bool
-) -> float | str | None:
+def _value_for(one: _Said, nth: int, labels: Mapping[int, str], beside: bool) -> float | str | None:
     """Return the value that holds for a specimen: by its name, else by its place.
 
     By place only where no label is another specimen's, save in a column beside the records.
@@ -1265,12 +1572,12 @@ def _value_for(
     if len(one.values) == 1 and (len(labels) == 1 or not one.values[0][0]):
         return one.values[0][1]
     told = [(_plain_name(label), value) for label, value in one.values]
-    named = {value for label, value in told if label and label == labels[place]}
+    named = {value for label, value in told if label and label == labels[nth]}
     if len(named) == 1:
         return named.pop()
     others = not beside and not {label for label, _ in told if label}.isdisjoint(labels.values())
     if len(told) == len(labels) and not others:
-        return told[[*labels].index(place)][1]
+        return told[[*labels].index(nth)][1]
     return values.pop() if len(values) == 1 and not (others and len(told) == 1) else None
 
 
@@ -1291,7 +1598,7 @@ def _with_units_of_head(grid: _Grid, block: _Block) -> _Block:
         The head names load units that are two different ones.
     """
     units: dict[str, str] = {}
-    for line, cells in grid.rows[: block.place]:
+    for line, cells in grid.rows[: block.head]:
         told = _UNIT_OF.fullmatch(" ".join(cell for cell in cells if cell))
         unit = told[2] if told else ""
         of_load = "force" if "force" in quantities_of(unit) else ""
@@ -1325,7 +1632,7 @@ def _by_position(columns: Sequence[str]) -> _Headings:
                 f"column {heading.text!r} is unknown; use time_s, displacement_mm, force_N, "
                 "strain, stretch, stress_MPa, specimen, or '-' for a column to leave out"
             )
-    if not suffice(headings):
+    if not _suffice(headings):
         raise FileError(
             f"columns {', '.join(columns)}: name one load (force_N, stress_MPa) and one length "
             "(displacement_mm, strain, stretch)"
@@ -1370,7 +1677,7 @@ def _missing(headings: Iterable[Heading]) -> list[str]:
     return [what for what, kinds in _SOUGHT.items() if kinds.isdisjoint(meanings)]
 
 
-_SOUGHT = {"load (force or stress)": LOADS, "length (travel or strain)": LENGTHS}
+_SOUGHT = {"load (force or stress)": _LOADS, "length (travel or strain)": _LENGTHS}
 
 
 def _advice(option: str, example: str) -> str:
@@ -1432,18 +1739,18 @@ def _nearest(grid: _Grid) -> tuple[int, _Headings, Sequence[str]]:
     The row above the first row of numbers, or above a row of units there; none where there is none.
     """
     rows = [(line, cells) for line, cells in grid.rows if any(cells)]
-    for place, (_, cells) in enumerate(rows):
+    for at, (_, cells) in enumerate(rows):
         filled = [cell for cell in cells if cell]
         numbers = sum(grid.number(cell) is not None for cell in filled)
         # A specimen's name may stand beside them; a size in the head is one number alone.
-        if place and numbers > 1 and 2 * numbers >= len(filled):
+        if at and numbers > 1 and 2 * numbers >= len(filled):
             break
     else:
         return 0, (), ()
-    below = rows[place - 1][1] if place > 1 else []
+    below = rows[at - 1][1] if at > 1 else []
     if not all(is_unit(cell.strip("()[]")) or cell[0] in "([" for cell in below if cell):
         below = []
-    line, names = rows[place - 1 - bool(below)]
+    line, names = rows[at - 1 - bool(below)]
     headings = [heading_of(name) for name in names]
     units = [h.unit if h.meaning else _unit_at_end(h.text) for h in headings]
     under = [cell.strip("()[] ") for cell in (*below, *[""] * len(names))]

@@ -19,13 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import ArgumentError, FileError, MeshError, OutputError, did_you_mean
-from planner.formats.files import (
-    USUAL_LIMITS,
-    UnfoldingLimits,
-    encode_archive,
-    read_file,
-    unpacked,
-)
+from planner.formats.files import USUAL_LIMITS, UnfoldingLimits, encode_archive, read_file, unpacked
 from planner.numerics import Float32Array, FloatArray, IntArray, inner_kernel, kernel
 
 __all__ = [
@@ -37,7 +31,6 @@ __all__ = [
     "mixed_colour",
     "needs_one_mesh",
     "read_threemf",
-    "threemf_xml_hashes",
 ]
 
 
@@ -62,8 +55,8 @@ def composite_name(constituents: Sequence[Constituent]) -> str:
 def mixed_colour(constituents: Sequence[Constituent]) -> str:
     """Return the display colour of a mixture, ``#RRGGBB``."""
     channels = [
-        sum(part.share * int(part.colour[place : place + 2], 16) for part in constituents)
-        for place in (1, 3, 5)
+        sum(part.share * int(part.colour[k : k + 2], 16) for part in constituents)
+        for k in (1, 3, 5)
     ]
     return "#" + "".join(f"{min(255, round(channel)):02X}" for channel in channels)
 
@@ -113,20 +106,6 @@ class ThreemfModel:
     unit: str
     objects: tuple[ThreemfObject, ...]
     remarks: tuple[str, ...]
-
-
-def threemf_xml_hashes(path: str | Path) -> dict[str, str]:
-    """Return the SHA-256 of each part of a 3MF file by name, in the archive's order.
-
-    Of content, not deflated bytes: these differ between versions of zlib.
-
-    Raises
-    ------
-    FileError
-        The file is missing or no zip archive.
-    """
-    members = unpacked(read_file(path), str(path))
-    return {member: hashlib.sha256(content).hexdigest() for member, content in members}
 
 
 # ------------------------------------------------------------------------------------------------
@@ -453,10 +432,10 @@ def _materials(model: Any, mesh: Any) -> list[tuple[NDArray[np.intp] | None, _Ma
         return [(None, whole)]
     kinds, first, which = np.unique(keys, return_index=True, return_inverse=True)
     triangles: dict[_Material, list[NDArray[np.intp]]] = {}
-    for place in np.argsort(first):
-        group, entry = divmod(int(kinds[place]), 1 << 32)
+    for kind in np.argsort(first):
+        group, entry = divmod(int(kinds[kind]), 1 << 32)
         found = _material(model, group, entry) if group else whole
-        triangles.setdefault(found, []).append(np.flatnonzero(which == place))
+        triangles.setdefault(found, []).append(np.flatnonzero(which == kind))
     if len(triangles) == 1:
         return [(None, whole)]
     return [(np.sort(np.concatenate(parts)), found) for found, parts in triangles.items()]
@@ -596,7 +575,7 @@ class _Shell:
 def _add_assembly(model: Any, shells: Sequence[_Shell], name: str) -> tuple[Any, list[_Text]]:
     assembly = model.AddComponentsObject()
     parts, meshes = [], list[_Text]()
-    for place, shell in enumerate(shells, start=1):
+    for count, shell in enumerate(shells, start=1):
         item = shell.item
         mesh = _add_mesh(model, item.name)
         meshes.append(_mesh_text(item.vertices, [(item.faces, b"")]))
@@ -606,10 +585,10 @@ def _add_assembly(model: Any, shells: Sequence[_Shell], name: str) -> tuple[Any,
         mesh.GetMetaDataGroup().AddMetaData(
             _CURA_NAMESPACE, "extruder_nr", number, "xs:integer", True
         )
-        mesh.SetUUID(_identifier("object", place, shell.digest))
+        mesh.SetUUID(_identifier("object", count, shell.digest))
         mesh.SetObjectLevelProperty(*shell.material)
         component = assembly.AddComponent(mesh, _wrapper().GetIdentityTransform())
-        component.SetUUID(_identifier("component", place, shell.digest))
+        component.SetUUID(_identifier("component", count, shell.digest))
         opening = f'part id="{mesh.GetModelResourceID()}" subtype="normal_part"'
         parts.append((opening, {"name": _text(item.name), "extruder": shell.extruder}))
     opening = f'object id="{assembly.GetModelResourceID()}"'

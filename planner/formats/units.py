@@ -3,7 +3,7 @@
 import math
 import tomllib
 import unicodedata
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
@@ -12,14 +12,11 @@ from typing import Any
 from planner.errors import ArgumentError, FileError, UnknownNameError, did_you_mean
 
 __all__ = [
-    "OWN",
     "QUANTITIES",
     "QUANTITY_UNITS",
     "UnitOf",
     "canonical_unit",
-    "factor_of",
     "is_unit",
-    "parsed_unit",
     "quantities_of",
     "unit_factor",
     "unit_near",
@@ -129,6 +126,19 @@ def canonical_unit(unit: str) -> str:
     return called
 
 
+QUANTITIES: Mapping[str, tuple[str, str]] = MappingProxyType(
+    {
+        "force": ("force_N", "force"),
+        "travel": ("displacement_mm", "length"),
+        "stress": ("stress_MPa", "stress"),
+        "strain": ("strain", "strain"),
+    }
+)
+"""Of each that may be in another unit: its column, and the kind of its unit."""
+
+_OF_ONE = {"force": "N", "travel": "mm", "stress": "MPa", "strain": "strain of 1"}
+
+
 @dataclass(frozen=True, slots=True)
 class UnitOf:
     """A unit that force or travel is in, whatever the file says; no specimens means all.
@@ -145,88 +155,75 @@ class UnitOf:
     unit: str
     specimens: tuple[str, ...] = ()
 
+    @staticmethod
+    def parsed(text: str) -> "UnitOf":
+        """Read QUANTITY=UNIT:ID,ID,...; without ids it holds for all specimens.
+
+        Raises
+        ------
+        ArgumentError
+            A text that is not of that form.
+        UnknownNameError
+            A quantity that is none of `QUANTITIES`, or an unknown unit.
+        """
+        head, _, ids = text.partition(":")
+        quantity, equals, unit = (part.strip() for part in head.partition("="))
+        if not equals or not unit:
+            raise ArgumentError(
+                f"unit_of {text!r}: write QUANTITY=UNIT:ID,ID,..., as in force=lbf:S1,S2; without "
+                "ids for all specimens"
+            )
+        if quantity not in QUANTITIES:
+            raise UnknownNameError(
+                f"unit_of {text}: no quantity {quantity!r}; {did_you_mean(quantity, QUANTITIES)}"
+                f"there are {' and '.join(QUANTITIES)}"
+            )
+        one = UnitOf(quantity, unit, tuple(id.strip() for id in ids.split(",") if id.strip()))
+        _ = one.factor  # a slip is told at once
+        return one
+
     @property
     def text(self) -> str:
         """As ``--unit-of`` takes it."""
         ids = f":{','.join(self.specimens)}" if self.specimens else ""
         return f"{self.quantity}={self.unit}{ids}"
 
+    @property
+    def factor(self) -> float:
+        """How much of planner's own unit it has; it may be such a number itself.
 
-QUANTITIES: Mapping[str, tuple[str, str]] = MappingProxyType(
-    {
-        "force": ("force_N", "force"),
-        "travel": ("displacement_mm", "length"),
-        "stress": ("stress_MPa", "stress"),
-        "strain": ("strain", "strain"),
-    }
-)
-"""Of each that may be in another unit: its column, and the kind of its unit."""
-
-_OF_ONE = {"force": "N", "travel": "mm", "stress": "MPa", "strain": "strain of 1"}
-
-
-def factor_of(stated: UnitOf) -> float:
-    """Return how much of planner's own unit the stated one has; it may be such a number itself.
-
-    Raises
-    ------
-    UnknownNameError
-        It is neither a unit of the quantity nor a number above 0.
-    """
-    units = QUANTITY_UNITS[QUANTITIES[stated.quantity][1]]
-    if stated.unit in units:
-        return units[stated.unit]
-    try:
-        factor = float(stated.unit)
-    except ValueError:
-        factor = math.nan
-    if 0.0 < factor < math.inf:
-        return factor
-    plain = [unit for unit in units if (unit.isascii() and unit.isalpha()) or unit == "%"]
-    raise UnknownNameError(
-        f"unit_of {stated.text}: no unit {stated.unit!r} of {stated.quantity}; "
-        f"{did_you_mean(stated.unit, plain)}there are {', '.join(plain)}, or how many "
-        f"{_OF_ONE[stated.quantity]} it has"
-    )
-
-
-def parsed_unit(text: str, quantities: Sequence[str]) -> UnitOf:
-    """Read QUANTITY=UNIT:ID,ID,...; without ids it holds for all specimens.
-
-    Raises
-    ------
-    ArgumentError
-        A text that is not of that form.
-    UnknownNameError
-        A quantity that is none of `quantities`, or an unknown unit.
-    """
-    head, _, ids = text.partition(":")
-    quantity, equals, unit = (part.strip() for part in head.partition("="))
-    if not equals or not unit:
-        raise ArgumentError(
-            f"unit_of {text!r}: write QUANTITY=UNIT:ID,ID,..., as in force=lbf:S1,S2; without "
-            "ids for all specimens"
-        )
-    if quantity not in quantities:
+        Raises
+        ------
+        UnknownNameError
+            It is neither a unit of the quantity nor a number above 0.
+        """
+        units = QUANTITY_UNITS[QUANTITIES[self.quantity][1]]
+        if self.unit in units:
+            return units[self.unit]
+        try:
+            factor = float(self.unit)
+        except ValueError:
+            factor = math.nan
+        if 0.0 < factor < math.inf:
+            return factor
+        plain = [unit for unit in units if (unit.isascii() and unit.isalpha()) or unit == "%"]
         raise UnknownNameError(
-            f"unit_of {text}: no quantity {quantity!r}; {did_you_mean(quantity, quantities)}"
-            f"there are {' and '.join(quantities)}"
+            f"unit_of {self.text}: no unit {self.unit!r} of {self.quantity}; "
+            f"{did_you_mean(self.unit, plain)}there are {', '.join(plain)}, or how many "
+            f"{_OF_ONE[self.quantity]} it has"
         )
-    one = UnitOf(quantity, unit, tuple(id.strip() for id in ids.split(",") if id.strip()))
-    factor_of(one)
-    return one
 
 
 # ------------------------------------------------------------------------------------------------
 # As a factor hints: that between two units.
 
 
-OWN = 0.03
+_OWN = 0.03
 """ln factor that a load cell may be off besides. Chosen: as much as the effect's forms of known
 units allow."""
 
 
-def unit_near(kind: str, log: float, own: float, reach: float = OWN) -> str | None:
+def unit_near(kind: str, log: float, own: float, reach: float = 0.0) -> str | None:
     """Return the unit of a factor, or as a number the inverse of one; None where none is near.
 
     A unit goes before an inverse that is nearer still, if it is as near as load cells are sure.
@@ -240,11 +237,11 @@ def unit_near(kind: str, log: float, own: float, reach: float = OWN) -> str | No
     own
         The factor of the unit in the file, which is not meant.
     reach
-        How far a unit's logarithm may lie off.
+        How far a unit's logarithm may lie off, if that is more than a load cell's may.
     """
     units = {name: f for name, f in QUANTITY_UNITS[kind].items() if f != own}
     inverse = {f"{own * own / f:.6g}": own * own / f for f in units.values()}
-    for choices, near in ((units, min(reach, OWN)), (units | inverse, reach)):
+    for choices, near in ((units, _OWN), (units | inverse, max(reach, _OWN))):
         unit = min(choices, key=lambda name: abs(math.log(choices[name]) - log))
         if abs(math.log(choices[unit]) - log) <= near:
             return unit

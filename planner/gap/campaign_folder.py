@@ -16,7 +16,6 @@ import numpy as np
 
 from planner.errors import ArgumentError, FileError, UnknownNameError, did_you_mean, nearest_names
 from planner.formats.files import decode_toml, path_within, read_file, toml_text
-from planner.formats.headings import mode_of
 from planner.formats.outputs import write_folder
 from planner.formats.specimens import (
     SPECIMEN_COLUMNS,
@@ -26,7 +25,7 @@ from planner.formats.specimens import (
 )
 from planner.formats.specimens import ListedSpecimen as Row
 from planner.formats.tables import LONGEST_HEADING, encode_csv, number, read_columns
-from planner.formats.tensile import TensileTable, read_tensile
+from planner.formats.tensile import TensileTable, mode_of, read_tensile
 from planner.formats.units import QUANTITIES
 from planner.gap.campaign import (
     BEYOND_GAUGE,

@@ -23,10 +23,8 @@ from planner.materials.characterise import Curve
 from planner.materials.fit import (
     Sample,
     fit_law,
-    law_stress_MPa,
     least_yielding,
     sample_of,
-    unstable_strain,
 )
 from planner.materials.laws import SeparableLaw, make_law
 from planner.materials.mixtures import CoefficientModel
@@ -308,18 +306,18 @@ def _refitted(material: Material, strain: FloatArray, log_factor: FloatArray) ->
     own = [np.sort(v) for name, v in sorted(law.parameters.items()) if not name.endswith("_MPa")]
     start = np.concatenate(own)[None] if own else None
     fit = fit_law(model, sample, starts=_STARTS, also=start)
-    if unstable_strain(fit, material.elongation_at_break, margin=0.0) is not None:
+    if fit.unstable_strain(material.elongation_at_break, margin=0.0) is not None:
         raise PaletteError(
             f"material {material.id}: its {law.model} law cannot follow the correction: "
             "the stress would fall before the break; measure it at these conditions and fit a "
             "law with planner fit"
         )
-    found = law_stress_MPa(model, fit.a, fit.c, 1.0 + strain)
+    found = fit.nominal_stress_MPa(1.0 + strain)
     misfit = float(np.sqrt(np.mean((found / stress - 1.0) ** 2)))
     if misfit > FIT_SD and (bent := _bent(sample)).misfit < misfit:
         return bent
     # Palettes are held to slight compression and beyond the break, too; a pull needs neither.
-    alone = unstable_strain(fit, material.elongation_at_break) is not None
+    alone = fit.unstable_strain(material.elongation_at_break) is not None
     return Refit(fit.parameters, misfit, alone)
 
 

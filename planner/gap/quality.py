@@ -13,7 +13,7 @@ import numpy as np
 from scipy.special import stdtr
 
 from planner.formats.specimens import SPECIMEN_COLUMNS, SpecimenColumn
-from planner.formats.units import OWN, QUANTITIES, QUANTITY_UNITS, UnitOf, unit_near
+from planner.formats.units import QUANTITIES, QUANTITY_UNITS, UnitOf, unit_near
 from planner.gap.campaign import Campaign, Specimen, axis_columns, replicate_groups
 from planner.gap.diagnosis import FoundEffect, QualityProblem
 from planner.gap.localise import specimen_patterns
@@ -842,7 +842,7 @@ def suggested_units(
             log, low, high = (
                 power * (x if name.startswith("log_") else math.log(x)) for x in (value, *ends)
             )
-            reach = max(OWN, abs(low - log), abs(high - log))
+            reach = max(abs(low - log), abs(high - log))
             by_unit: dict[str, list[str]] = {}
             for s in specimens:
                 own = s.force_unit_N if quantity == "force" else s.travel_unit_mm

@@ -26,14 +26,7 @@ from planner.grading.regions import (
     catalogue_material,
     region_of,
 )
-from planner.materials.mixtures import (
-    dither_table,
-    dithered_fraction,
-    dithered_modulus_MPa,
-    hashin_shtrikman_MPa,
-    reuss_MPa,
-    voigt_MPa,
-)
+from planner.materials.mixtures import TwoPhases
 from planner.mesh.mesh import Mesh, compact
 from planner.numerics import Float32Array, FloatArray, IntArray, as_point, kernel
 from planner.plan import Check, Finding, Region, Shell
@@ -277,8 +270,8 @@ class DitherField:
             stretch = self.along[index]
             if stretch.lower < stretch.upper:
                 own = number == index
-                pair = self.moduli_MPa[stretch.lower], self.moduli_MPa[stretch.upper]
-                fraction[own] = dithered_fraction(*pair, target[own])
+                pair = TwoPhases(self.moduli_MPa[stretch.lower], self.moduli_MPa[stretch.upper])
+                fraction[own] = pair.dithered_fraction(target[own])
         return number, fraction
 
 
@@ -618,10 +611,11 @@ def _blended(
 ) -> Region:
     pair = stretch.lower, stretch.upper
     soft, hard = (scale.moduli_MPa[grade] for grade in pair)
-    modulus = float(dithered_modulus_MPa(soft, hard, share.achieved))
-    low, high = hashin_shtrikman_MPa(soft, hard, share.achieved)
-    ends = dithered_fraction(soft, hard, np.array(stretch.ends_MPa))
-    error = dither_table().error_at(hard / soft)
+    phases = TwoPhases(soft, hard)
+    modulus = float(phases.dithered_MPa(share.achieved))
+    low, high = phases.hashin_shtrikman_MPa(share.achieved)
+    ends = phases.dithered_fraction(np.array(stretch.ends_MPa))
+    error = phases.dither_error
     says: dict[str, Any] = {
         "moduli_MPa": [soft, hard],
         "fraction": [round(float(f), 6) for f in ends],
@@ -629,8 +623,8 @@ def _blended(
         "volume_fraction_wanted": share.wanted,
         "cell_mm": cell_mm,
         "bounds_MPa": [float(low), float(high)],
-        "voigt_MPa": float(voigt_MPa(soft, hard, share.achieved)),
-        "reuss_MPa": float(reuss_MPa(soft, hard, share.achieved)),
+        "voigt_MPa": float(phases.voigt_MPa(share.achieved)),
+        "reuss_MPa": float(phases.reuss_MPa(share.achieved)),
         "estimate_error": error,
     }
     return blended(region, scale, pair, modulus, (-error, error), error, "dither", says)

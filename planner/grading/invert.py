@@ -17,9 +17,9 @@ from planner.materials.algorithm_one import (
     quadratics_through,
 )
 from planner.materials.characterise import SECANT_STRAINS, Curve
-from planner.materials.fit import by_symbol, fit_law, least_yielding, logs, sample_of
+from planner.materials.fit import fit_law, least_yielding, sample_of, yielding_parameters
 from planner.materials.laws import candidate_laws, make_law
-from planner.materials.mixtures import Blend, CoefficientModel, blend_at, blend_for, nearest_on
+from planner.materials.mixtures import Blend, CoefficientModel, nearest_on
 from planner.numerics import FloatArray
 from planner.palette import LawParameters, Material, Palette
 from planner.printers import Printer, palette_of
@@ -193,9 +193,9 @@ def invert(
     scale = stiffness_scale(palette, at_strain)
     model, low, high = scale.model, scale.moduli_MPa[0], scale.moduli_MPa[-1]
     if modulus_MPa is not None:
-        blend = blend_for(model, min(max(modulus_MPa, low), high), at_strain)
+        blend = model.blend_for(min(max(modulus_MPa, low), high), at_strain)
     elif coordinate is not None:
-        blend = blend_at(model, coordinate)
+        blend = model.blend_at(coordinate)
     modulus, interval = _modulus(model, blend.coordinate, at_strain)
     place = int(nearest_on(model.ladder_MPa(at_strain), modulus))
     return Mixture(
@@ -259,7 +259,7 @@ def _law(model: CoefficientModel, blend: Blend, wanted: str | None) -> MixtureLa
     if wanted == "yielding":
         at_rest, _ = _modulus(model, blend.coordinate, 0.0)
         fitted, _ = least_yielding(at_rest, sample, ridge=_RIDGE)
-        parameters = LawParameters(fitted.model, by_symbol(logs(fitted)))
+        parameters = yielding_parameters(fitted)
     else:
         if wanted is None:
             # One that is no Ogden law counts for two terms: neo-Hooke's bends less, Yeoh's more.

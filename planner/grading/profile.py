@@ -22,7 +22,6 @@ from planner.glance import brief, counted, html_of, one_line, plotted
 from planner.materials.laws import make_law, secant_modulus_MPa, stability
 from planner.materials.mixtures import (
     CoefficientModel,
-    coordinate_for,
     left_out_remark,
     nearest_on,
     thresholds_of,
@@ -663,7 +662,7 @@ def _coordinates_of(
     inner = np.clip(u, u[0] + 1e-9 * (u[-1] - u[0]), u[-1] - 1e-9 * (u[-1] - u[0]))
     t = np.clip(np.log(profile.modulus_MPa(inner) / soft) / np.log(hard / soft), 0.0, 1.0)
     softer, harder = model.modulus_MPa([lower, upper], at_strain).tolist()
-    return coordinate_for(model, softer * (harder / softer) ** t, at_strain)
+    return model.coordinate_for(softer * (harder / softer) ** t, at_strain)
 
 
 def profile_of(description: Mapping[str, Any]) -> Profile:

@@ -16,8 +16,14 @@ from planner.formats.mesh_file import encode_stl
 from planner.formats.threemf import Constituent, composite_name, mixed_colour
 from planner.glance import in_percent
 from planner.grading.printability import CutPart, print_checks
-from planner.grading.profile import Band, Profile, StiffnessScale, equal_bands, natural_bands
-from planner.materials.mixtures import blend_for, dither_table, reuss_MPa, reuss_share
+from planner.grading.profile import (
+    Band,
+    Profile,
+    StiffnessScale,
+    equal_bands,
+    natural_bands,
+)
+from planner.materials.mixtures import TwoPhases
 from planner.mesh.mesh import Mesh, compact
 from planner.numerics import FloatArray, as_point
 from planner.palette import Palette
@@ -90,7 +96,7 @@ def _mixture(scale: StiffnessScale, modulus_MPa: float, machine: Printer) -> Pri
     A modulus beyond the palette is clamped to it. The share of the harder material is how far the
     mixture's coordinate lies between the two: the palette knows no other measure.
     """
-    blend = blend_for(scale.model, modulus_MPa, scale.at_strain)
+    blend = scale.model.blend_for(modulus_MPa, scale.at_strain)
     ids = [material.id for material in scale.palette.materials]
     # Shares as their names tell them, so that one name is one mixture.
     share = round(blend.fraction, 3)
@@ -408,11 +414,11 @@ def _laminate(
     for low, high in itertools.pairwise(knots):
         u = 0.5 * (low + high) + 0.5 * (high - low) * nodes
         compliance += float(0.5 * (high - low) * (weights @ (1.0 / profile.modulus_MPa(u))))
-    soft, hard = moduli_MPa[stretch.lower], moduli_MPa[stretch.upper]
-    share = float(reuss_share(soft, hard, compliance / (stop - start)))
+    layers = TwoPhases(moduli_MPa[stretch.lower], moduli_MPa[stretch.upper])
+    share = float(layers.reuss_share(compliance / (stop - start)))
     if not _THINNEST < share * (stop - start) < stop - start - _THINNEST:
         share = float(math.floor(share + 0.5))
-    modulus, target = float(reuss_MPa(soft, hard, share)), profile.interval_MPa(start, stop)
+    modulus, target = float(layers.reuss_MPa(share)), profile.interval_MPa(start, stop)
     return Laminate(start, stop, stretch, share, modulus, target)
 
 
@@ -652,7 +658,7 @@ def stiffness_check(
     ratio, moduli = _region_error(worst), scale.moduli_MPa
     between = [s for s in blend_segments(target, moduli) if s.lower < s.upper]
     cells = max(
-        (1.0 / (1.0 - dither_table().error_at(moduli[s.upper] / moduli[s.lower])) for s in between),
+        (1.0 / (1.0 - TwoPhases(moduli[s.lower], moduli[s.upper]).dither_error) for s in between),
         default=1.0,
     )
     option = "without --bands" if equal_bands else "with --snap 0" if moved else ""

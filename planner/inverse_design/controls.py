@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from planner.errors import ArgumentError
-from planner.materials.mixtures import CoefficientModel, coordinate_for
+from planner.materials.mixtures import CoefficientModel
 from planner.numerics import FloatArray
 
 __all__ = ["TABLE", "Controls", "StiffnessRange", "lattice_counts"]
@@ -53,7 +53,7 @@ class StiffnessRange:
     @cached_property
     def _known(self) -> tuple[FloatArray, FloatArray]:
         nodes = np.linspace(0.0, 1.0, 2049)
-        return nodes, coordinate_for(self.model, self.modulus_MPa(nodes), self.at_strain)
+        return nodes, self.model.coordinate_for(self.modulus_MPa(nodes), self.at_strain)
 
 
 @dataclass(frozen=True, eq=False)

@@ -110,7 +110,7 @@ class LiteralCurve:
     Parameters
     ----------
     coordinate
-        Place on the palette, m.
+        On the palette, m.
     strain, stress_MPa
         Engineering strain and nominal stress.
 
@@ -333,7 +333,7 @@ _NEAR_REST = 1e-3
 """Strain at which stress near rest is told: below what a crosshead resolves, above where eq. 3.8
 is no number."""
 
-_PLACES = 201
+_POINTS = 201
 _FEWEST = 3
 """Different coordinates that a quadratic needs."""
 
@@ -517,8 +517,8 @@ def quadratic_study(
     through = quadratics_through([c.coordinate for c in curves], [fit.c for fit in single])
     found = algorithm_one(curves, through)
     rows = []
-    for place, (material, curve, fit) in enumerate(zip(elastic, curves, single, strict=True)):
-        model, others = found.model, _model_without(curves, single, place)
+    for k, (material, curve, fit) in enumerate(zip(elastic, curves, single, strict=True)):
+        model, others = found.model, _model_without(curves, single, k)
         law, mixtures = make_law(material.law), mixtures_without(palette, material)
         m, x = curve.coordinate, curve.strain
         errors: dict[str, Errors | None] = {
@@ -551,13 +551,13 @@ def _errors(curve: LiteralCurve, predicted: FloatArray) -> Errors:
 
 
 def _model_without(
-    curves: Sequence[LiteralCurve], fits: Sequence[LiteralFit], place: int
+    curves: Sequence[LiteralCurve], fits: Sequence[LiteralFit], out: int
 ) -> QuadraticCoefficients | None:
     """Return lines 4 to 7 without a material between others, if enough are left to begin at."""
-    if place in (0, len(curves) - 1):
+    if out in (0, len(curves) - 1):
         return None
-    kept = [curve for k, curve in enumerate(curves) if k != place]
-    own = [fit.c for k, fit in enumerate(fits) if k != place]
+    kept = [curve for k, curve in enumerate(curves) if k != out]
+    own = [fit.c for k, fit in enumerate(fits) if k != out]
     try:
         return algorithm_one(kept, quadratics_through([c.coordinate for c in kept], own)).model
     except ArgumentError:
@@ -577,11 +577,11 @@ def mixtures_without(palette: Palette, material: Material) -> CoefficientModel |
 def _falls_at(
     model: QuadraticCoefficients, curves: Sequence[LiteralCurve]
 ) -> tuple[float, float] | None:
-    m = np.linspace(curves[0].coordinate, curves[-1].coordinate, _PLACES)
+    m = np.linspace(curves[0].coordinate, curves[-1].coordinate, _POINTS)
     strain = np.linspace(
         max(float(c.strain.min()) for c in curves),
         min(float(c.strain.max()) for c in curves),
-        _PLACES,
+        _POINTS,
     )
     falls = np.diff(model.literal_stress_MPa(m[:, np.newaxis], strain), axis=0) <= 0.0
     if not falls.any():

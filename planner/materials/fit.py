@@ -36,28 +36,21 @@ __all__ = [
     "ASSUMED_LOG_SD",
     "RELATIVE_FLOOR",
     "STARTS",
-    "WEIGHTINGS",
-    "LawCandidate",
     "MaterialFit",
     "Sample",
-    "by_symbol",
     "fit_law",
     "fit_material",
-    "law_stress_MPa",
     "least_yielding",
     "loading",
-    "logs",
     "sample_of",
-    "unstable_strain",
     "widened",
+    "yielding_parameters",
 ]
 
 
 # ------------------------------------------------------------------------------------------------
 # The points that a law is fitted to: every specimen counts once, whatever its sampling rate.
 
-
-WEIGHTINGS = ("relative", "absolute")
 
 LOADINGS = ("uniaxial", "planar", "equibiaxial")
 """Loadings that a curve may be of (`Curve.mode`); of uniaxial compression strain is negative."""
@@ -659,6 +652,11 @@ _POLISH = 40
 _FLAT = 1e-13
 """Gain per step at which the lowest are left: figures are rounded long before."""
 
+_MARGIN = 0.1
+"""Share of the working strain that the law must hold beyond it."""
+
+_POINTS = 401
+
 _SIGNIFICANT_DIGITS = 5
 """Nonlinear parameters are rounded to this and the coefficients solved anew: what lies beyond
 is neither determined by tests nor the same on every processor."""
@@ -720,6 +718,39 @@ class LawFit:
     def parameter_count(self) -> int:
         """Number of fitted parameters."""
         return self.law.columns + self.law.nonlinear
+
+    def nominal_stress_MPa(self, stretch: FloatArray) -> FloatArray:
+        """Return the nominal stress."""
+        return law_stress_MPa(self.law, self.a, self.c, stretch)
+
+    def unstable_strain(self, working_strain: float, margin: float = _MARGIN) -> float | None:
+        """Return the strain nearest to rest at which the law is unstable in some mode, if any.
+
+        In Drucker's sense in every mode, from stretch `LOWEST_STRETCH` to the working strain
+        (`planner.materials.laws.stability`); nominal stress in tension rises to ``1 + margin``
+        times that.
+
+        Parameters
+        ----------
+        working_strain
+            The working range is from rest to this strain.
+        margin
+            With 0 the stress in uniaxial tension alone is looked at, from rest to the working
+            strain.
+        """
+        stretch = np.linspace(1.0, 1.0 + (1.0 + margin) * working_strain, _POINTS)
+        rises = np.diff(self.nominal_stress_MPa(stretch)) > 0.0
+        middle = 0.5 * (stretch[1:] + stretch[:-1])
+        strains = [] if rises.all() else [float(middle[int(np.argmin(rises))]) - 1.0]
+        if margin:
+            found = stability(make_law(self.parameters), working_strain)
+            strains += [
+                end - 1.0
+                for ends in found.sound.values()
+                for end, asked in zip(ends, found.asked, strict=True)
+                if end != asked
+            ]
+        return min(strains, key=abs, default=None)
 
 
 def fit_law(
@@ -803,46 +834,6 @@ def _best(found: Solutions) -> int:
     """
     equal = np.flatnonzero(found.cost <= found.cost.min() * (1.0 + 1e-6) + 1e-30)
     return int(equal[np.argmin(np.round(np.abs(found.a[equal]).sum(axis=1), 4))])
-
-
-# ------------------------------------------------------------------------------------------------
-# Whether a law is sound, looked at more closely than a fit does.
-
-
-_MARGIN = 0.1
-"""Share of the working strain that the law must hold beyond it."""
-
-_POINTS = 401
-
-
-def unstable_strain(fit: LawFit, working_strain: float, margin: float = _MARGIN) -> float | None:
-    """Return the strain nearest to rest at which a law is unstable in some mode, if any.
-
-    In Drucker's sense in every mode, from stretch `LOWEST_STRETCH` to the working strain
-    (`planner.materials.laws.stability`); nominal stress in tension rises to ``1 + margin`` times
-    that.
-
-    Parameters
-    ----------
-    working_strain
-        The working range is from rest to this strain.
-    margin
-        With 0 the stress in uniaxial tension alone is looked at, from rest to the working strain.
-    """
-    stretch = np.linspace(1.0, 1.0 + (1.0 + margin) * working_strain, _POINTS)
-    rises = np.diff(law_stress_MPa(fit.law, fit.a, fit.c, stretch)) > 0.0
-    middle = 0.5 * (stretch[1:] + stretch[:-1])
-    strains = [] if rises.all() else [float(middle[int(np.argmin(rises))]) - 1.0]
-    if margin:
-        law = make_law(LawParameters(fit.law.model, fit.law.parameters(fit.a, fit.c)))
-        found = stability(law, working_strain)
-        strains += [
-            end - 1.0
-            for ends in found.sound.values()
-            for end, asked in zip(ends, found.asked, strict=True)
-            if end != asked
-        ]
-    return min(strains, key=abs, default=None)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -945,7 +936,7 @@ def choose_law(
             "on what is left out; measure more points or choose a law of fewer parameters"
         )
     candidates = tuple(
-        LawCandidate(fit, unstable_strain(fit, working_strain), *_held_out(fit, sample, folds))
+        LawCandidate(fit, fit.unstable_strain(working_strain), *_held_out(fit, sample, folds))
         for fit in usable
     )
     stable = [c for c in candidates if c.unstable_strain is None]
@@ -1067,14 +1058,19 @@ _AT_BOUND = 0.01
 _SYMBOLS = ("modulus_MPa", "flow_MPa", "hardening_MPa", "sharpness")
 
 
-def logs(law: Yielding) -> FloatArray:
+def _logs(law: Yielding) -> FloatArray:
     """Return the logarithms of the parameters, shape (4,)."""
     return np.log([getattr(law, symbol) for symbol in _SYMBOLS])
 
 
-def by_symbol(logs: FloatArray) -> dict[str, tuple[float, ...]]:
+def _by_symbol(logs: FloatArray) -> dict[str, tuple[float, ...]]:
     """Return parameters by symbol; five digits, beyond which no test tells anything."""
     return {s: (float(f"{v:.5g}"),) for s, v in zip(_SYMBOLS, np.exp(logs).tolist(), strict=True)}
+
+
+def yielding_parameters(law: Yielding) -> LawParameters:
+    """Return a law that yields as a palette holds it, its figures rounded."""
+    return LawParameters(law.model, MappingProxyType(_by_symbol(_logs(law))))
 
 
 def least_yielding(
@@ -1769,7 +1765,7 @@ def fit_material(
         own = ASSUMED_LOG_SD**2 if sample.specimens == 1 else 0.0
         price = ((chosen.fit.cost + own) / (free.cost + own)) ** 0.5
         if price > STABLE_WITHIN:
-            chosen = replace(chosen, fit=free, unstable_strain=unstable_strain(free, working))
+            chosen = replace(chosen, fit=free, unstable_strain=free.unstable_strain(working))
             candidates = tuple(chosen if c is choice.chosen else c for c in choice.candidates)
             choice = replace(choice, candidates=candidates, chosen=chosen)
             sample = replace(sample, across=False)
@@ -1905,11 +1901,11 @@ def _plastic(
     )
     stress = law.nominal_stress_MPa(sample.stretch)
     error, measured = stress - sample.stress_MPa, sample.stress_MPa
-    own = np.array([logs(one) for one in laws])
+    own = np.array([_logs(one) for one in laws])
     # The specimens' scatter tells how sure their mean is; the law through all of them at once has
     # its hardening from the few that go on longest, and so less surely. The interval holds both.
     half, middle = _half_widths(own, level), own.mean(axis=0)
-    low, high = np.minimum(middle - half, logs(law)), np.maximum(middle + half, logs(law))
+    low, high = np.minimum(middle - half, _logs(law)), np.maximum(middle + half, _logs(law))
     # A parameter at its bound in some specimen is one that its test leaves open on that side.
     low = np.where((np.array(sides) < 0).any(axis=0), -np.inf, low)
     high = np.where((np.array(sides) > 0).any(axis=0), np.inf, high)
@@ -1920,12 +1916,12 @@ def _plastic(
     return MaterialFit(
         material=found.material,
         characteristics=found,
-        law=LawParameters(law.model, MappingProxyType(by_symbol(logs(law)))),
+        law=yielding_parameters(law),
         uncertainty=Uncertainty(
             specimens=found.n,
             level=level,
-            law_low=_end_rounded(by_symbol(low)),
-            law_high=_end_rounded(by_symbol(high)),
+            law_low=_end_rounded(_by_symbol(low)),
+            law_high=_end_rounded(_by_symbol(high)),
             basis=_basis("Student's t", bool(np.isfinite(wide).any()), found.n),
             r2=1.0 - float(np.sum(error**2) / np.sum((measured - measured.mean()) ** 2)),
             nrmse=float(np.sqrt(np.sum(sample.weight * error**2))) / float(measured.max()),

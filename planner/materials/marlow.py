@@ -1,7 +1,6 @@
 """Marlow's law: an energy of the first invariant alone that a measured tensile curve fixes."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -14,9 +13,9 @@ from planner.materials.mixtures import (
     pchip_weights,
     places_of,
 )
-from planner.numerics import FloatArray, IntArray, inner_kernel
+from planner.numerics import FloatArray, IntArray
 
-__all__ = ["POISSON", "MarlowTable", "law_at", "marlow_table", "uniaxial_strain"]
+__all__ = ["POISSON", "MarlowTable", "marlow_table", "uniaxial_strain"]
 
 
 POISSON = 0.49
@@ -166,31 +165,3 @@ def marlow_table(model: CoefficientModel, *, poisson: float = POISSON) -> Marlow
     return MarlowTable(
         nodes, step, np.ascontiguousarray(log_slope), energy, np.interp(nodes, grades, breaks)
     )
-
-
-@inner_kernel
-def law_at(table: Any, step: Any, below: Any, share: Any, x: Any) -> Any:
-    """Return ln W', its derivative over x, and its difference from node to node, at x.
-
-    The last, over the gap of the nodes, is the derivative over the coordinate.
-    """
-    i = min(int(x / step), table.shape[1] - 2)
-    t = x / step - i
-    above = min(below + 1, table.shape[0] - 1)
-    if t > 1.0:  # beyond the table W' stays
-        last = table.shape[1] - 1
-        a, b = table[below, last, 0], table[above, last, 0]
-        return a + share * (b - a), 0.0, b - a
-    rest = 1.0 - t
-    h00, h01 = (1.0 + 2.0 * t) * rest * rest, t * t * (3.0 - 2.0 * t)
-    h10, h11 = step * t * rest * rest, -step * t * t * rest
-    d01, d10, d11 = 6.0 * t * rest / step, rest * (1.0 - 3.0 * t), t * (3.0 * t - 2.0)
-    a0, a1 = table[below, i, 0], table[below, i + 1, 0]
-    p0, p1 = table[below, i, 1], table[below, i + 1, 1]
-    b0, b1 = table[above, i, 0], table[above, i + 1, 0]
-    q0, q1 = table[above, i, 1], table[above, i + 1, 1]
-    a = h00 * a0 + h01 * a1 + h10 * p0 + h11 * p1
-    b = h00 * b0 + h01 * b1 + h10 * q0 + h11 * q1
-    da = d01 * (a1 - a0) + d10 * p0 + d11 * p1
-    db = d01 * (b1 - b0) + d10 * q0 + d11 * q1
-    return a + share * (b - a), da + share * (db - da), b - a

@@ -19,25 +19,16 @@ from planner.palette import Palette
 __all__ = [
     "Blend",
     "CoefficientModel",
-    "blend_at",
-    "blend_for",
+    "TwoPhases",
     "bracketed",
-    "coordinate_for",
-    "dither_table",
-    "dithered_fraction",
-    "dithered_modulus_MPa",
     "gent_modulus_MPa",
-    "hashin_shtrikman_MPa",
     "interpolated",
     "left_out_remark",
     "nearest_on",
     "pchip_slopes",
     "pchip_weights",
     "places_of",
-    "reuss_MPa",
-    "reuss_share",
     "thresholds_of",
-    "voigt_MPa",
 ]
 
 
@@ -179,6 +170,22 @@ def _scale(hardness: Sequence[tuple[float, float]]) -> tuple[FloatArray, FloatAr
 
 _LADDER_STRAINS = 201
 _PLACES = (1 / 3, 1 / 2, 2 / 3)  # between grades: the middle, and where slopes weigh most
+
+
+@dataclass(frozen=True, slots=True)
+class Blend:
+    """What stands at one coordinate: `fraction` of the way from grade `lower` to `upper`.
+
+    Attributes
+    ----------
+    lower, upper
+        Ids of materials; the same, with fraction 0, at a catalogue grade.
+    """
+
+    lower: str
+    upper: str
+    fraction: float
+    coordinate: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -473,6 +480,42 @@ class CoefficientModel:
             )
         return bracketed(self.places, places_of(self.palette.hardness, m))
 
+    def coordinate_for(self, modulus_MPa: ArrayLike, at_strain: float) -> FloatArray:
+        """Return the coordinate whose secant modulus is wanted, clamped to the palette.
+
+        The exact inverse of `modulus_MPa` within the range, where grades do not cross.
+
+        Raises
+        ------
+        ArgumentError
+            A modulus is not above 0, or the strain not a working strain.
+        PaletteError
+            As `ladder_MPa`.
+        """
+        ladder, c = self.ladder_MPa(at_strain), self.coordinates
+        target = np.clip(_positive(modulus_MPa), ladder[0], ladder[-1])
+        places, moduli = self.places, np.log(ladder)
+        place = _inverse(places, moduli, pchip_slopes(places, moduli), np.log(target))
+        at = np.searchsorted(ladder, target)  # of a grade's own modulus, exactly its coordinate
+        found = np.clip(_coordinates_at(self.palette.hardness, place), c[0], c[-1])
+        return np.asarray(np.where(ladder[at] == target, c[at], found))
+
+    def blend_for(self, modulus_MPa: float, at_strain: float) -> Blend:
+        """Return the blend at `coordinate_for` a modulus."""
+        return self.blend_at(float(self.coordinate_for(float(modulus_MPa), at_strain)))
+
+    def blend_at(self, coordinate: float) -> Blend:
+        """Return what stands at a coordinate.
+
+        Raises
+        ------
+        ArgumentError
+            The coordinate is outside the palette.
+        """
+        lower, upper, t = self.bracket(coordinate)
+        ids = [material.id for material in self.palette.materials]
+        return Blend(ids[int(lower)], ids[int(upper if t > 0.0 else lower)], float(t), coordinate)
+
 
 def _rows(table: FloatArray, row: IntArray) -> FloatArray:
     """Return, of a table with a row a grade, the elements in the rows given; both broadcast."""
@@ -648,25 +691,7 @@ def left_out_remark(palette: Palette) -> Iterator[str]:
 
 
 # ------------------------------------------------------------------------------------------------
-# From a wanted stiffness back to a coordinate, a grade or a blend of two.
-#
-# All at one working strain. Moduli outside the palette's range are clamped to it.
-
-
-@dataclass(frozen=True, slots=True)
-class Blend:
-    """What stands at one coordinate: `fraction` of the way from grade `lower` to `upper`.
-
-    Attributes
-    ----------
-    lower, upper
-        Ids of materials; the same, with fraction 0, at a catalogue grade.
-    """
-
-    lower: str
-    upper: str
-    fraction: float
-    coordinate: float
+# From a wanted stiffness back to a place or a grade.
 
 
 def thresholds_of(ladder_MPa: ArrayLike) -> FloatArray:
@@ -686,27 +711,6 @@ def nearest_on(ladder_MPa: ArrayLike, modulus_MPa: ArrayLike) -> IntArray:
     ladder = np.asarray(ladder_MPa, dtype=np.float64)
     rung = np.searchsorted(thresholds_of(ladder), _positive(modulus_MPa), side="left")
     return np.asarray(np.searchsorted(ladder, ladder[rung], side="left"))
-
-
-def coordinate_for(model: CoefficientModel, modulus_MPa: ArrayLike, at_strain: float) -> FloatArray:
-    """Return the coordinate whose secant modulus is wanted, clamped to the palette.
-
-    The exact inverse of `CoefficientModel.modulus_MPa` within the range, where grades do not cross.
-
-    Raises
-    ------
-    ArgumentError
-        A modulus is not above 0, or the strain not a working strain.
-    PaletteError
-        As `CoefficientModel.ladder_MPa`.
-    """
-    ladder, c = model.ladder_MPa(at_strain), model.coordinates
-    target = np.clip(_positive(modulus_MPa), ladder[0], ladder[-1])
-    places, moduli = model.places, np.log(ladder)
-    place = _inverse(places, moduli, pchip_slopes(places, moduli), np.log(target))
-    at = np.searchsorted(ladder, target)  # of a grade's own modulus, exactly its coordinate
-    found = np.clip(_coordinates_at(model.palette.hardness, place), c[0], c[-1])
-    return np.asarray(np.where(ladder[at] == target, c[at], found))
 
 
 def _inverse(
@@ -766,30 +770,6 @@ def _rising_root(value: FloatArray, cubics: FloatArray, piece: IntArray) -> Floa
     return found
 
 
-def blend_for(model: CoefficientModel, modulus_MPa: float, at_strain: float) -> Blend:
-    """Return the blend whose secant modulus is wanted, clamped to the palette.
-
-    Raises
-    ------
-    ArgumentError
-        As `coordinate_for`.
-    """
-    return blend_at(model, float(coordinate_for(model, float(modulus_MPa), at_strain)))
-
-
-def blend_at(model: CoefficientModel, coordinate: float) -> Blend:
-    """Return what stands at a coordinate.
-
-    Raises
-    ------
-    ArgumentError
-        The coordinate is outside the palette.
-    """
-    lower, upper, t = model.bracket(coordinate)
-    ids = [material.id for material in model.palette.materials]
-    return Blend(ids[int(lower)], ids[int(upper if t > 0.0 else lower)], float(t), coordinate)
-
-
 def _positive(modulus_MPa: ArrayLike) -> FloatArray:
     modulus = np.asarray(modulus_MPa, dtype=np.float64)
     allowed = (modulus > 0.0) & (modulus < np.inf)
@@ -801,64 +781,15 @@ def _positive(modulus_MPa: ArrayLike) -> FloatArray:
 
 
 # ------------------------------------------------------------------------------------------------
-# Bounds on the modulus of a mixture of two phases, both incompressible.
+# The modulus of a mixture of two phases, both incompressible: bounds, and that of cells of both
+# dealt by the blue-noise tile.
 #
 # Elastomers change their volume a thousand times less readily than their shape, and the laws that
 # planning uses are incompressible throughout: Poisson's ratio is 1/2, the bulk modulus infinite,
 # and E = 3 µ for the phases and for what they make. Hashin and Shtrikman's bounds on µ are then
 # bounds on E.
-
-
-def voigt_MPa(soft_MPa: ArrayLike, hard_MPa: ArrayLike, fraction: ArrayLike) -> FloatArray:
-    """Return the arithmetic mean: phases side by side along the load, equal strain."""
-    soft, hard = np.asarray(soft_MPa, dtype=np.float64), np.asarray(hard_MPa, dtype=np.float64)
-    f = np.asarray(fraction, dtype=np.float64)
-    return np.asarray((1.0 - f) * soft + f * hard)
-
-
-def reuss_MPa(soft_MPa: ArrayLike, hard_MPa: ArrayLike, fraction: ArrayLike) -> FloatArray:
-    """Return the harmonic mean: layers across the load, equal stress."""
-    f = np.asarray(fraction, dtype=np.float64)
-    return np.asarray(1.0 / ((1.0 - f) / np.asarray(soft_MPa) + f / np.asarray(hard_MPa)))
-
-
-def reuss_share(soft_MPa: float, hard_MPa: float, compliance_per_MPa: ArrayLike) -> FloatArray:
-    """Return the share of the harder layer at which layers have a mean compliance, 0 to 1.
-
-    The inverse of `reuss_MPa`; compliances beyond those of the layers are clamped to them.
-    """
-    wanted = np.asarray(compliance_per_MPa, dtype=np.float64)
-    share = (1.0 / soft_MPa - wanted) / (1.0 / soft_MPa - 1.0 / hard_MPa)
-    return np.clip(share, 0.0, 1.0)
-
-
-def hashin_shtrikman_MPa(
-    soft_MPa: ArrayLike, hard_MPa: ArrayLike, fraction: ArrayLike
-) -> tuple[FloatArray, FloatArray]:
-    """Return the bounds on the modulus of any isotropic mixture (Hashin and Shtrikman 1963).
-
-    Parameters
-    ----------
-    soft_MPa, hard_MPa
-        Young's moduli of the phases, the softer first.
-    fraction
-        Volume fraction of the harder one.
-    """
-    f = np.asarray(fraction, dtype=np.float64)
-    soft, hard = np.asarray(soft_MPa, dtype=np.float64), np.asarray(hard_MPa, dtype=np.float64)
-    return _mixed(soft, hard, f, 0.4 / soft), _mixed(hard, soft, 1.0 - f, 0.4 / hard)
-
-
-def _mixed(matrix: FloatArray, other: FloatArray, share: FloatArray, of: FloatArray) -> FloatArray:
-    """Return matrix + share / (1 / (other - matrix) + (1 - share) of), without dividing by zero."""
-    step = other - matrix
-    return np.asarray(matrix + share * step / (1.0 + (1.0 - share) * of * step))
-
-
-# ------------------------------------------------------------------------------------------------
-# Modulus of cells of two materials dealt by the blue-noise tile, and back.
 #
-# Between Hashin and Shtrikman's bounds E- and E+ the modulus is E-^(1-w) E+^w, with w from a table
+# Dealt cells have the modulus E-^(1-w) E+^w between these bounds E- and E+, with w from a table
 # that `benchmarks/calibrate_dither.py` solves on the very pattern, corners bevelled. Phases are
 # taken as linear, each with its secant modulus at the working strain; strains within a cell of two
 # elastomers differ, so at finite strain this is an approximation.
@@ -868,8 +799,8 @@ _NODES = 513
 
 
 @dataclass(frozen=True, slots=True)
-class DitherTable:
-    """Where the modulus lies between the bounds.
+class _DitherTable:
+    """Where the modulus of dealt cells lies between the bounds.
 
     Attributes
     ----------
@@ -877,7 +808,7 @@ class DitherTable:
         Volume fractions of the harder phase, rising.
     contrast
         Harder modulus over softer one, rising.
-    place
+    weight
         w at each volume and contrast.
     error
         Largest relative error of a modulus, of any direction, at each contrast. Most of it is that
@@ -886,54 +817,89 @@ class DitherTable:
 
     volume: tuple[float, ...]
     contrast: tuple[float, ...]
-    place: tuple[tuple[float, ...], ...]
+    weight: tuple[tuple[float, ...], ...]
     error: tuple[float, ...]
-
-    def error_at(self, contrast: float) -> float:
-        """Return the largest relative error at a contrast; beyond the largest it is not known."""
-        return float(np.interp(np.log(contrast), np.log(self.contrast), self.error))
 
 
 @cache
-def dither_table() -> DitherTable:
-    """Return the table that planner brings."""
+def _dither_table() -> _DitherTable:
     path = files("planner.materials") / "dithered.json"
-    return msgspec.json.decode(path.read_bytes(), type=DitherTable)
+    return msgspec.json.decode(path.read_bytes(), type=_DitherTable)
 
 
-def dithered_modulus_MPa(soft_MPa: float, hard_MPa: float, volume: ArrayLike) -> FloatArray:
-    """Return the modulus of a dithered mixture.
+@dataclass(frozen=True, slots=True)
+class TwoPhases:
+    """Moduli of two phases, the softer first, and of what they make at volume fractions, 0 to 1.
 
-    Parameters
-    ----------
-    soft_MPa, hard_MPa
-        Moduli of the phases, the softer first. Beyond the table's largest contrast its last
-        column is used, and the bounds alone are sure.
-    volume
-        Volume fraction of the harder phase, 0 to 1.
+    A fraction is that of the harder one.
     """
-    v = np.asarray(volume, dtype=np.float64)
-    low, high = hashin_shtrikman_MPa(soft_MPa, hard_MPa, v)
-    table = dither_table()
-    contrasts = np.log(table.contrast)
-    contrast = np.clip(np.log(hard_MPa / soft_MPa), contrasts[0], contrasts[-1])
-    column = [float(np.interp(contrast, contrasts, row)) for row in table.place]
-    w = np.interp(v, table.volume, column)
-    return np.asarray(low ** (1.0 - w) * high**w)
+
+    soft_MPa: float
+    hard_MPa: float
+
+    def voigt_MPa(self, fraction: ArrayLike) -> FloatArray:
+        """Return the arithmetic mean: phases side by side along the load, equal strain."""
+        f = np.asarray(fraction, dtype=np.float64)
+        return np.asarray((1.0 - f) * self.soft_MPa + f * self.hard_MPa)
+
+    def reuss_MPa(self, fraction: ArrayLike) -> FloatArray:
+        """Return the harmonic mean: layers across the load, equal stress."""
+        f = np.asarray(fraction, dtype=np.float64)
+        return np.asarray(1.0 / ((1.0 - f) / self.soft_MPa + f / self.hard_MPa))
+
+    def reuss_share(self, compliance_per_MPa: ArrayLike) -> FloatArray:
+        """Return the share of the harder layer at which layers have a mean compliance, 0 to 1.
+
+        The inverse of `reuss_MPa`; compliances beyond those of the layers are clamped to them.
+        """
+        wanted = np.asarray(compliance_per_MPa, dtype=np.float64)
+        share = (1.0 / self.soft_MPa - wanted) / (1.0 / self.soft_MPa - 1.0 / self.hard_MPa)
+        return np.clip(share, 0.0, 1.0)
+
+    def hashin_shtrikman_MPa(self, fraction: ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """Return the bounds of any isotropic mixture (Hashin and Shtrikman 1963)."""
+        f, soft, hard = np.asarray(fraction, dtype=np.float64), self.soft_MPa, self.hard_MPa
+        return _mixed(soft, hard, f, 0.4 / soft), _mixed(hard, soft, 1.0 - f, 0.4 / hard)
+
+    def dithered_MPa(self, fraction: ArrayLike) -> FloatArray:
+        """Return the modulus of dealt cells.
+
+        Beyond the table's largest contrast its last column is used, and the bounds alone are sure.
+        """
+        f = np.asarray(fraction, dtype=np.float64)
+        low, high = self.hashin_shtrikman_MPa(f)
+        table = _dither_table()
+        contrasts = np.log(table.contrast)
+        contrast = np.clip(np.log(self.hard_MPa / self.soft_MPa), contrasts[0], contrasts[-1])
+        column = [float(np.interp(contrast, contrasts, row)) for row in table.weight]
+        w = np.interp(f, table.volume, column)
+        return np.asarray(low ** (1.0 - w) * high**w)
+
+    def dithered_fraction(self, modulus_MPa: ArrayLike) -> FloatArray:
+        """Return the fraction at which dealt cells have a modulus.
+
+        The inverse of `dithered_MPa` within 1e-6: it rises with the modulus, from exactly 0 at the
+        softer phase's to exactly 1 at the harder one's, and stays there beyond.
+        """
+        volume = np.linspace(0.0, 1.0, _NODES)
+        ladder = np.log(self.dithered_MPa(volume))
+        wanted = np.log(np.asarray(modulus_MPa, dtype=np.float64))
+        found = np.interp(wanted, ladder, volume)
+        slope = np.interp(found, volume, np.gradient(ladder, volume))  # and a step of Newton's
+        off = np.log(self.dithered_MPa(found)) - wanted
+        found = np.clip(found - off / slope, 0.0, 1.0)
+        found = np.where(wanted <= np.log(self.soft_MPa), 0.0, found)
+        return np.asarray(np.where(wanted >= np.log(self.hard_MPa), 1.0, found))
+
+    @property
+    def dither_error(self) -> float:
+        """Largest relative error of `dithered_MPa`; beyond the largest contrast it is not known."""
+        table = _dither_table()
+        contrast = np.log(self.hard_MPa / self.soft_MPa)
+        return float(np.interp(contrast, np.log(table.contrast), table.error))
 
 
-def dithered_fraction(soft_MPa: float, hard_MPa: float, modulus_MPa: ArrayLike) -> FloatArray:
-    """Return the volume fraction of the harder phase that gives a modulus.
-
-    The inverse of `dithered_modulus_MPa` within 1e-6: it rises with the modulus, from exactly 0 at
-    the softer phase's to exactly 1 at the harder one's, and stays there beyond.
-    """
-    volume = np.linspace(0.0, 1.0, _NODES)
-    ladder = np.log(dithered_modulus_MPa(soft_MPa, hard_MPa, volume))
-    wanted = np.log(np.asarray(modulus_MPa, dtype=np.float64))
-    found = np.interp(wanted, ladder, volume)
-    slope = np.interp(found, volume, np.gradient(ladder, volume))  # and a step of Newton's
-    off = np.log(dithered_modulus_MPa(soft_MPa, hard_MPa, found)) - wanted
-    found = np.clip(found - off / slope, 0.0, 1.0)
-    found = np.where(wanted <= np.log(soft_MPa), 0.0, found)
-    return np.asarray(np.where(wanted >= np.log(hard_MPa), 1.0, found))
+def _mixed(matrix: float, other: float, share: FloatArray, of: float) -> FloatArray:
+    """Return matrix + share / (1 / (other - matrix) + (1 - share) of), without dividing by zero."""
+    step = other - matrix
+    return np.asarray(matrix + share * step / (1.0 + (1.0 - share) * of * step))

@@ -29,8 +29,6 @@ from planner.materials.fit import (
     ASSUMED_LOG_SD,
     RELATIVE_FLOOR,
     STARTS,
-    WEIGHTINGS,
-    LawCandidate,
     MaterialFit,
     fit_material,
     loading,
@@ -308,6 +306,7 @@ _SMALLEST_R2 = 0.9
 _LARGEST_HELD_OUT_ERROR = 0.2
 """A law that does worse than either is reported as a finding."""
 
+_WEIGHTINGS = ("relative", "absolute")
 _RAMP = ("#FBD724", "#F89540", "#CC4778", "#7E03A8", "#0D0887")
 _DIFFERENT = 1e-3
 """Relative spread of a condition that counts as a difference between specimens."""
@@ -449,8 +448,8 @@ def fit(
     """
     given = locals()
     study = read_study(**{name: given[name] for name in _READING})
-    if weighting not in WEIGHTINGS:
-        raise ArgumentError(f"weighting {weighting!r}: choose {' or '.join(WEIGHTINGS)}")
+    if weighting not in _WEIGHTINGS:
+        raise ArgumentError(f"weighting {weighting!r}: choose {' or '.join(_WEIGHTINGS)}")
     if coefficients not in (None, "quadratic"):
         raise ArgumentError(f"`coefficients` {coefficients!r}: it can be quadratic, or left out")
     laws = candidate_laws(law)
@@ -472,15 +471,15 @@ def fit(
             f"one specimen of {listed(single, 3)}: scatter of {100 * ASSUMED_LOG_SD:g} % is "
             "assumed; laws are judged by blocks of strain"
         )
-    places = _coordinates(study, fits, coordinate, order, notes, slips)
-    ordered = sorted(places, key=places.__getitem__)
+    coordinates = _coordinates(study, fits, coordinate, order, notes, slips)
+    ordered = sorted(coordinates, key=coordinates.__getitem__)
     densities = _densities(study, ordered, density, notes)
     ids = _ids(ordered)
     materials = tuple(
         Material(
             id=ids[called],
             aliases=() if ids[called] == called else (called,),
-            coordinate=places[called],
+            coordinate=coordinates[called],
             elongation_at_break=fits[called].elongation_at_break,
             density_g_cm3=densities[called],
             law=fits[called].law,
@@ -492,7 +491,7 @@ def fit(
         )
         for rank, called in enumerate(ordered)
     )
-    table = _temperature_table(study, fits, elsewhere, places)
+    table = _temperature_table(study, fits, elsewhere, coordinates)
     fitted_palette = Palette(
         name or "palette", materials, _reference(study, notes), "planner fit", temperature=table
     )
@@ -731,34 +730,30 @@ def _material_document(material: Material, fit: MaterialFit) -> dict[str, Any]:
             for one in fit.secants
         ],
         "reason": fit.choice.reason,
-        "candidates": [_candidate_document(c, fit.choice.chosen) for c in fit.choice.candidates],
+        "candidates": [
+            {
+                "law": one.fit.name,
+                "chosen": one is fit.choice.chosen,
+                "parameters": one.fit.parameter_count,
+                "held_out_error": one.held_out_error,
+                **{name: getattr(one.fit, name) for name in ("r2", "adjusted_r2", "nrmse")},
+                "stable": one.unstable_strain is None,
+                "unstable_at_strain": one.unstable_strain,
+                "determined": one.determined,
+                "starts": one.fit.starts,
+                "starts_converged": one.fit.converged,
+                "starts_agreeing": one.fit.agreeing,
+                "gradient": one.fit.gradient,
+                "at_bound": one.fit.at_bound,
+            }
+            for one in fit.choice.candidates
+        ],
     }
 
 
 def _plain(parameters: Mapping[str, Sequence[float]]) -> dict[str, list[float | None]]:
     """Return lists of figures; an open end of an interval is null."""
     return {k: [v if np.isfinite(v) else None for v in vs] for k, vs in parameters.items()}
-
-
-def _candidate_document(candidate: LawCandidate, chosen: LawCandidate | None) -> dict[str, Any]:
-    fit = candidate.fit
-    return {
-        "law": fit.name,
-        "chosen": candidate is chosen,
-        "parameters": fit.parameter_count,
-        "held_out_error": candidate.held_out_error,
-        "r2": fit.r2,
-        "adjusted_r2": fit.adjusted_r2,
-        "nrmse": fit.nrmse,
-        "stable": candidate.unstable_strain is None,
-        "unstable_at_strain": candidate.unstable_strain,
-        "determined": candidate.determined,
-        "starts": fit.starts,
-        "starts_converged": fit.converged,
-        "starts_agreeing": fit.agreeing,
-        "gradient": fit.gradient,
-        "at_bound": fit.at_bound,
-    }
 
 
 # ------------------------------------------------------------------------------------------------

@@ -13,17 +13,9 @@ import numpy as np
 
 from planner.errors import ArgumentError, Caution, FileError, UnknownNameError, did_you_mean, listed
 from planner.formats.files import path_within
-from planner.formats.headings import MODES, mode_of
 from planner.formats.specimens import ListedSpecimen, is_specimens_file, read_specimens
-from planner.formats.tensile import NoRecordError, TensileTable, read_tensile
-from planner.formats.units import (
-    QUANTITIES,
-    QUANTITY_UNITS,
-    UnitOf,
-    factor_of,
-    parsed_unit,
-    unit_near,
-)
+from planner.formats.tensile import MODES, NoRecordError, TensileTable, mode_of, read_tensile
+from planner.formats.units import QUANTITIES, QUANTITY_UNITS, UnitOf, unit_near
 from planner.materials.characterise import (
     BROKEN_SHARE,
     SECANT_STRAINS,
@@ -705,7 +697,7 @@ def read_study(
                 f"{' .. '.join(f'{v:.4g}' for v in ends)}; if it is not, give --unit-of strain=%"
             )
         )
-    order = {name: place for place, name in enumerate(rows)}
+    order = {name: k for k, name in enumerate(rows)}
     curves = sorted(found.values(), key=lambda c: order.get(c.specimen, len(order)))
     if not curves:
         raise FileError("no curve to characterise: " + "; ".join(notes))
@@ -814,11 +806,11 @@ def stated_units(
     Raises
     ------
     ArgumentError, UnknownNameError
-        See `parsed_unit`; also a name of neither a specimen nor a material.
+        See `UnitOf.parsed`; also a name of neither a specimen nor a material.
     """
     found: dict[str, dict[str, UnitOf]] = {}
     for text in (stated,) if isinstance(stated, str) else stated:
-        one = parsed_unit(text, tuple(QUANTITIES))
+        one = UnitOf.parsed(text)
         for name in one.specimens:
             _check_name(name, materials, f"unit_of {text}: no specimen and no material {name!r}")
         for name, of in materials.items():
@@ -859,7 +851,7 @@ def in_stated_units(
                 f"{where}: its file has no column of {quantity}, so it cannot be read as "
                 f"{quantity}={unit.unit}; it has {', '.join(table.factors)}"
             )
-        factor = factor_of(unit)
+        factor = unit.factor
         values = table.columns[column] * (factor / table.factors[column])
         said = f"{of}{quantity} is read in the unit {unit.unit}, as was asked for"
         table = replace(
@@ -1228,8 +1220,8 @@ def _along_ladder(study: Study, coordinate: Mapping[str, float]) -> tuple[str, .
         f"{ordered[at + 1]} is {math.exp(drops[at]):.2g} times softer than {ordered[at]}, whose "
         "coordinate is lower"
     )
-    place = np.array([coordinate[m] for m in ordered])
-    run = _smoothest(place, level) if len(ordered) > 3 else None
+    m = np.array([coordinate[material] for material in ordered])
+    run = _smoothest(m, level) if len(ordered) > 3 else None
     advice = None
     if run is not None:
         inside = [ordered[i] for i in run.members]
@@ -1237,12 +1229,12 @@ def _along_ladder(study: Study, coordinate: Mapping[str, float]) -> tuple[str, .
     return (f"{said}: {advice or 'check sizes, units and coordinates'}",)
 
 
-def _smoothest(place: FloatArray, level: FloatArray) -> _Batch | None:
+def _smoothest(m: FloatArray, level: FloatArray) -> _Batch | None:
     """Return the run of neighbours, shifted, that leaves the least bends; None if still unordered.
 
     A bend is what a point lies off the line through its neighbours.
     """
-    n, left = len(level), (place[2:] - place[1:-1]) / (place[2:] - place[:-2])
+    n, left = len(level), (m[2:] - m[1:-1]) / (m[2:] - m[:-2])
 
     def bends(values: FloatArray) -> FloatArray:
         return values[1:-1] - left * values[:-2] - (1.0 - left) * values[2:]

@@ -4,7 +4,6 @@ from typing import Any
 
 import numpy as np
 
-from planner.materials.marlow import law_at
 from planner.numerics import FloatArray, inner_kernel, kernel
 
 __all__ = ["LOCAL", "SIX", "advance", "assemble", "observe", "pull", "shape_functions"]
@@ -80,6 +79,34 @@ def _gradients(local: Any, cell_mm: Any, out: Any) -> None:
                 out[0, a] = slope[0, i] * value[1, j] * value[2, k]
                 out[1, a] = value[0, i] * slope[1, j] * value[2, k]
                 out[2, a] = value[0, i] * value[1, j] * slope[2, k]
+
+
+@inner_kernel
+def law_at(table: Any, step: Any, below: Any, share: Any, x: Any) -> Any:
+    """Return ln W' of `MarlowTable`, its derivative over x, and its step from node to node, at x.
+
+    The last, over the gap of the nodes, is the derivative over the coordinate.
+    """
+    i = min(int(x / step), table.shape[1] - 2)
+    t = x / step - i
+    above = min(below + 1, table.shape[0] - 1)
+    if t > 1.0:  # beyond the table W' stays
+        last = table.shape[1] - 1
+        a, b = table[below, last, 0], table[above, last, 0]
+        return a + share * (b - a), 0.0, b - a
+    rest = 1.0 - t
+    h00, h01 = (1.0 + 2.0 * t) * rest * rest, t * t * (3.0 - 2.0 * t)
+    h10, h11 = step * t * rest * rest, -step * t * t * rest
+    d01, d10, d11 = 6.0 * t * rest / step, rest * (1.0 - 3.0 * t), t * (3.0 * t - 2.0)
+    a0, a1 = table[below, i, 0], table[below, i + 1, 0]
+    p0, p1 = table[below, i, 1], table[below, i + 1, 1]
+    b0, b1 = table[above, i, 0], table[above, i + 1, 0]
+    q0, q1 = table[above, i, 1], table[above, i + 1, 1]
+    a = h00 * a0 + h01 * a1 + h10 * p0 + h11 * p1
+    b = h00 * b0 + h01 * b1 + h10 * q0 + h11 * q1
+    da = d01 * (a1 - a0) + d10 * p0 + d11 * p1
+    db = d01 * (b1 - b0) + d10 * q0 + d11 * q1
+    return a + share * (b - a), da + share * (db - da), b - a
 
 
 @inner_kernel

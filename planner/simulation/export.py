@@ -1,7 +1,7 @@
 """A planned part as a finite-element model for Abaqus, CalculiX or ParaView (planner.export)."""
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal, TypeVar
@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from planner.errors import ArgumentError, Caution, PlannerError, did_you_mean, positive
 from planner.formats.field_file import encode_vtu
 from planner.formats.files import encode_document
-from planner.formats.inp import InpMaterial, InpModel, Solver, encode_inp
 from planner.formats.outputs import check_absent, write_whole
 from planner.glance import counted, one_line
 from planner.materials.law_blocks import hardening
@@ -21,7 +20,7 @@ from planner.materials.marlow import POISSON
 from planner.materials.mixtures import CoefficientModel
 from planner.mesh.halve import halve_long_edges
 from planner.mesh.mesh import Mesh
-from planner.numerics import BoolArray, FloatArray, IntArray
+from planner.numerics import BoolArray, FloatArray, IntArray, Point
 from planner.palette import Palette
 from planner.printers import Printer
 from planner.simulation.loads import Condition, LoadCase, couple, read_conditions
@@ -458,16 +457,12 @@ def export(
         if to == "calculix" and is_loaded and to_strain is None:
             to_strain, words = _reached(solid, case)
             notes = (*notes, words)
-        solver: Solver = "abaqus" if to == "abaqus" else "calculix"
-        made = [
-            _material(one, own, model, solver, to_strain or np.inf)
-            for one, own in zip(materials, elements, strict=True)
-        ]
-        materials, written = [one for one, _ in made], [one for _, one in made]
+        laws = [_law(one, model, to, to_strain or np.inf) for one in materials]
+        materials = [law.material for law in laws]
         if not is_loaded:
             notes = (*notes, "nothing holds or loads the part: the file has no *STEP; add one")
         if to == "calculix":
-            notes = (*notes, *_law_notes(made, to_strain or np.inf))
+            notes = (*notes, *_law_notes(laws, to_strain or np.inf))
         remarks = [
             f"{solid.name}: {len(mesh.nodes)} cells of "
             + " x ".join(f"{edge:.4g}" for edge in mesh.cell_mm)
@@ -475,7 +470,9 @@ def export(
             f"cells at least half full of the part: {mesh.volume_mm3:.6g} mm3 for "
             f"{part_mm3:.6g} mm3 ({mesh.volume_mm3 / part_mm3 - 1.0:+.1%})",
         ]
-        data = encode_inp(_inp(mesh, remarks, written, solid.surface, case), solver)
+        step = None if case.is_empty else _step(mesh, laws, solid.surface, case, remarks)
+        lines = _inp(mesh, remarks, elements, laws, step, to)
+        data = ("\n".join(lines) + "\n").encode("ascii", "replace")
     ex, ey, ez = mesh.cell_mm.tolist()
     return Export(
         name=solid.name,
@@ -534,10 +531,20 @@ def _names(levels: FloatArray, model: CoefficientModel) -> Iterator[str]:
         yield f"M{number:02d}_" + re.sub(r"[^A-Za-z0-9_-]", "_", word)
 
 
-def _material(
-    made: ExportedMaterial, elements: IntArray, model: CoefficientModel, solver: Solver,
-    to_strain: float,
-) -> tuple[ExportedMaterial, InpMaterial]:  # fmt: skip
+@dataclass(frozen=True, eq=False)
+class _Law:
+    """A material, its lines in the file, and up to where its curve rises.
+
+    Without a density (NaN) nothing of it weighs.
+    """
+
+    material: ExportedMaterial
+    lines: Sequence[str]
+    end: float
+    density_g_cm3: float
+
+
+def _law(made: ExportedMaterial, model: CoefficientModel, to: str, to_strain: float) -> _Law:
     """Return a material with its law: its curve, or what CalculiX has that is nearest."""
     materials, at = model.palette.materials, model.coordinates
     end, density = (
@@ -551,34 +558,43 @@ def _material(
     kept = slice(None if rising.all() else int(np.argmin(rising)))
     strain, stress = strain[kept], stress[kept]
     modulus = float(model.modulus_MPa(made.coordinate, 0.0))
-    yeoh, rows, words = None, None, "Marlow's law is its curve"
-    made = replace(made, law="Marlow")
-    if solver == "calculix":
+    if to == "abaqus":
+        made, words = replace(made, law="Marlow"), "Marlow's law is its curve"
+        law = [f"*HYPERELASTIC, MARLOW, POISSON={POISSON:g}", "*UNIAXIAL TEST DATA"]
+        law += [f"{s:.9g}, {e:.9g}" for e, s in np.stack([strain, stress], axis=1).tolist()]
+    else:
         reached = min(to_strain, float(strain[-1]))
         fitted, error = _stable_yeoh(strain, stress, modulus, reached)
         rows = hardening(strain, stress, modulus) if error > _WITHIN else None
         if rows is not None:
             made = replace(made, law="plastic", to_strain=float(strain[-1]))
+            law = ["*ELASTIC", f"{modulus:.9g}, {POISSON:g}", "*PLASTIC"]
+            law += [f"{s:.9g}, {e:.9g}" for s, e in rows.tolist()]
         else:
             while error > _WITHIN:
                 reached *= _LESS
                 fitted, error = _stable_yeoh(strain, stress, modulus, reached)
-            yeoh = fitted.c_MPa
             made = replace(made, law="Yeoh", to_strain=reached, fit_error=error)
+            law = ["*HYPERELASTIC, YEOH", _yeoh_line(fitted)]
         off = "on" if made.fit_error is None else f"within {error:.1%} of"
         words = f"{made.law} law, {off} its curve up to strain {made.to_strain:.3g}"
-    return made, InpMaterial(
-        name=made.name,
-        remark=f"coordinate {made.coordinate:.4g}, secant modulus {made.modulus_MPa:.4g} MPa, "
-        f"breaks at strain {end:.3g}; {words}",
-        elements=elements,
-        curve=np.stack([strain, stress], axis=1),
-        modulus_MPa=modulus,
-        poisson=POISSON,
-        yeoh_MPa=yeoh,
-        hardening=rows,
-        density_g_cm3=density if np.isfinite(density) else None,
+    remark = (
+        f"coordinate {made.coordinate:.4g}, secant modulus {made.modulus_MPa:.4g} MPa, "
+        f"breaks at strain {end:.3g}; {words}"
     )
+    if np.isfinite(density):
+        law += ["*DENSITY", f"{1e-9 * density:.9g}"]
+    section = f"*SOLID SECTION, ELSET={made.name}, MATERIAL={made.name}"
+    lines = [f"** {remark}", f"*MATERIAL, NAME={made.name}", *law, section]
+    return _Law(made, lines, float(strain[-1]), density)
+
+
+def _yeoh_line(law: Yeoh) -> str:
+    # The first D is 2 over the bulk modulus. CalculiX takes 0 for a stiff default, so the
+    # others, which divide what J adds in higher powers, are large.
+    c1, c2, c3 = (1.5 / (1.0 + POISSON) * c for c in law.c_MPa)
+    bulk = 2.0 * c1 * 2.0 * (1.0 + POISSON) / (3.0 * (1.0 - 2.0 * POISSON))
+    return f"{c1:.9g}, {c2:.9g}, {c3:.9g}, {2.0 / bulk:.9g}, 1e9, 1e9"
 
 
 def _reached(solid: Solid, case: LoadCase) -> tuple[float, str]:
@@ -604,18 +620,17 @@ def _reached(solid: Solid, case: LoadCase) -> tuple[float, str]:
     )
 
 
-def _law_notes(
-    made: Sequence[tuple[ExportedMaterial, InpMaterial]], to_strain: float
-) -> Iterator[str]:
-    if hard := [one.name for one, _ in made if one.law == "plastic"]:
+def _law_notes(laws: Sequence[_Law], to_strain: float) -> Iterator[str]:
+    if hard := [one.material.name for one in laws if one.material.law == "plastic"]:
         yield (
             f"{', '.join(hard)}: no rubber of CalculiX bends over as the curve does; *ELASTIC and "
             "*PLASTIC follow it while the load grows, and keep a set where it is taken off"
         )
+    reached = [(one.material.name, one.material.to_strain, one.end) for one in laws]
     if short := [
-        f"{one.name} {one.to_strain:.2g}"
-        for one, written in made
-        if one.to_strain is not None and one.to_strain < min(to_strain, written.curve[-1, 0])
+        f"{name} {strain:.2g}"
+        for name, strain, end in reached
+        if strain is not None and strain < min(to_strain, end)
     ]:
         yield (
             f"stable laws of CalculiX are within {_WITHIN:.0%} of the palette up to these strains "
@@ -630,21 +645,34 @@ def _law_notes(
 _On = TypeVar("_On", bound=Condition)
 
 
-def _inp(
-    mesh: _Hexahedra, remarks: list[str], materials: Sequence[InpMaterial], part: Mesh,
-    case: LoadCase,
-) -> InpModel:  # fmt: skip
-    low, high = mesh.node_mm.min(axis=0), mesh.node_mm.max(axis=0)
-    ends = {
-        f"{axis}{end}": np.flatnonzero(np.abs(mesh.node_mm[:, a] - place[a]) < 1e-6 * edge)
-        for a, (axis, edge) in enumerate(zip("XYZ", mesh.cell_mm.tolist(), strict=True))
-        for end, place in (("MIN", low), ("MAX", high))
-    }
-    if case.is_empty:
-        return InpModel(remarks, mesh.node_mm, mesh.nodes, materials, ends)
+@dataclass(frozen=True, eq=False)
+class _Step:
+    """What holds and loads the cells, by name; nodes, elements and faces are counted from 0.
+
+    Attributes
+    ----------
+    held
+        Nodes and their displacement in mm; None where it is free.
+    forces_N
+        Nodes and forces, (k,) and (k, 3).
+    pressures_MPa
+        Elements and their faces 0 to 5, (k, 2), and the pressure.
+    gravity
+        Unit vector.
+    """
+
+    held: Mapping[str, tuple[IntArray, Sequence[float | None]]]
+    forces_N: Mapping[str, tuple[IntArray, FloatArray]]
+    pressures_MPa: Mapping[str, tuple[IntArray, float]]
+    gravity: Point | None
+
+
+def _step(
+    mesh: _Hexahedra, laws: Sequence[_Law], part: Mesh, case: LoadCase, remarks: list[str]
+) -> _Step:
     surface = halve_long_edges(part, 0.5 * float(mesh.cell_mm.min()))[0]
     conditions = read_conditions(surface, case)
-    if conditions.gravity is not None and any(m.density_g_cm3 is None for m in materials):
+    if conditions.gravity is not None and not all(np.isfinite(law.density_g_cm3) for law in laws):
         raise ArgumentError("`gravity`: the palette tells no density of a material; add it there")
     facet = _facets(mesh, surface)
 
@@ -679,10 +707,7 @@ def _inp(
         name: (mesh.outer[faces], push.pressure_MPa)
         for name, push, faces in named("PRESSURE", conditions.pressures)
     }
-    return InpModel(
-        remarks, mesh.node_mm, mesh.nodes, materials, ends, held, forces, pressures,
-        conditions.gravity,
-    )  # fmt: skip
+    return _Step(held, forces, pressures, conditions.gravity)
 
 
 def _facets(mesh: _Hexahedra, surface: Mesh) -> IntArray:
@@ -714,6 +739,98 @@ def _spread(mesh: _Hexahedra, faces: IntArray) -> tuple[IntArray, FloatArray]:
     nodes, at = np.unique(_nodes(mesh, faces), return_inverse=True)
     share = np.bincount(at.ravel(), weights=(weight * area[:, None]).ravel())
     return nodes, share / area.sum()
+
+
+# ------------------------------------------------------------------------------------------------
+# INP, what Abaqus and CalculiX read: mm, N, MPa, t, s.
+
+
+_PER_LINE = 16  # entries that a line may have in either program
+
+_GRAVITY_MM_S2 = 9806.65
+
+
+def _inp(
+    mesh: _Hexahedra,
+    remarks: Sequence[str],
+    elements: Sequence[IntArray],
+    laws: Sequence[_Law],
+    step: _Step | None,
+    to: str,
+) -> Iterator[str]:
+    yield "*HEADING"
+    yield remarks[0]
+    yield from (f"** {line}" for line in remarks[1:])
+    yield "** units: mm, N, MPa, t, s"
+    yield "*NODE, NSET=NALL"
+    for number, (x, y, z) in enumerate((mesh.node_mm + 0.0).tolist(), start=1):
+        yield f"{number}, {x:.9g}, {y:.9g}, {z:.9g}"
+    kind = "C3D20RH" if to == "abaqus" else "C3D20R"
+    for law, own in zip(laws, elements, strict=True):
+        yield f"*ELEMENT, TYPE={kind}, ELSET={law.material.name}"
+        for row in (np.column_stack([own, mesh.nodes[own]]) + 1).tolist():
+            yield ", ".join(map(str, row[:_PER_LINE])) + ","
+            yield ", ".join(map(str, row[_PER_LINE:]))
+    yield "*ELSET, ELSET=EALL"
+    yield from (law.material.name for law in laws)
+    low, high = mesh.node_mm.min(axis=0), mesh.node_mm.max(axis=0)
+    for a, (axis, edge) in enumerate(zip("XYZ", mesh.cell_mm.tolist(), strict=True)):
+        for end, place in (("MIN", low), ("MAX", high)):
+            nodes = np.flatnonzero(np.abs(mesh.node_mm[:, a] - place[a]) < 1e-6 * edge)
+            yield from _listed(f"*NSET, NSET={axis}{end}", nodes)
+    for name, (held, _) in step.held.items() if step else ():
+        yield from _listed(f"*NSET, NSET={name}", held)
+    for law in laws:
+        yield from law.lines
+    if step is None:
+        return
+    for name, (faces, _) in step.pressures_MPa.items():
+        for face in np.unique(faces[:, 1]).tolist():
+            yield from _listed(f"*ELSET, ELSET={name}_S{face + 1}", faces[faces[:, 1] == face, 0])
+    yield from _step_lines(step, to)
+
+
+def _listed(head: str, numbers: IntArray) -> Iterator[str]:
+    yield head
+    counted = (np.asarray(numbers) + 1).tolist()
+    for start in range(0, len(counted), _PER_LINE):
+        yield ", ".join(map(str, counted[start : start + _PER_LINE]))
+
+
+def _step_lines(step: _Step, to: str) -> Iterator[str]:
+    yield "*STEP, NLGEOM" + ("=YES, INC=1000" if to == "abaqus" else ", INC=1000")
+    yield "*STATIC"
+    yield "0.1, 1., 1e-6, 0.2"
+    for name, (_, displacement) in step.held.items():
+        yield "*BOUNDARY"
+        for axis, value in enumerate(displacement, start=1):
+            if value is not None:
+                yield f"{name}, {axis}, {axis}, {value:.9g}"
+    for name, (nodes, forces) in step.forces_N.items():
+        yield f"** {name}"
+        yield "*CLOAD"
+        for node, force in zip(nodes.tolist(), forces.tolist(), strict=True):
+            yield from (
+                f"{node + 1}, {axis}, {value:.9g}"
+                for axis, value in enumerate(force, start=1)
+                if value
+            )
+    if step.pressures_MPa or step.gravity is not None:
+        yield "*DLOAD"
+    for name, (faces, pressure) in step.pressures_MPa.items():
+        for face in np.unique(faces[:, 1]).tolist():
+            yield f"{name}_S{face + 1}, P{face + 1}, {pressure:.9g}"
+    if step.gravity is not None:
+        x, y, z = step.gravity
+        yield f"EALL, GRAV, {_GRAVITY_MM_S2:g}, {x:.9g}, {y:.9g}, {z:.9g}"
+    if to == "abaqus":
+        yield "*OUTPUT, FIELD"
+        yield from ("*NODE OUTPUT", "U, RF", "*ELEMENT OUTPUT", "S, LE")
+    else:
+        yield from ("*NODE FILE", "U, RF", "*EL FILE", "S, E")
+        for name in step.held:
+            yield from (f"*NODE PRINT, NSET={name}, TOTALS=ONLY", "RF")
+    yield "*END STEP"
 
 
 # ------------------------------------------------------------------------------------------------

@@ -351,9 +351,11 @@ def respond(
     responses = tuple(
         _responses(mechanics, told, last, factored, model, level) if factored is not None else ()
     )
-    series: list[Any] = [np.stack(each) for each in zip(*kept, strict=True)]
+    share, moved, over_break, largest, largest_mm, energy = (
+        np.stack(each) for each in zip(*kept, strict=True)
+    )
     fields = _fields_of(mechanics, last, corners)
-    return LoadSteps(*series, responses=responses, lost=lost, fields=fields)
+    return LoadSteps(share, moved, over_break, largest, largest_mm, energy, responses, lost, fields)
 
 
 class CellAverage:

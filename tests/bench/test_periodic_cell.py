@@ -5,7 +5,7 @@ import pytest
 
 from benchmarks.periodic_cell import effective_stiffness_MPa, solve_cell, youngs_modulus_MPa
 from planner.errors import ArgumentError
-from planner.materials.mixtures import hashin_shtrikman_MPa, reuss_MPa, voigt_MPa
+from planner.materials.mixtures import TwoPhases
 
 EXTENSION = [1.0, -0.5, -0.5, 0.0, 0.0, 0.0]
 SHEAR_YZ, SHEAR_XY = [0, 0, 0, 1.0, 0, 0], [0, 0, 0, 0, 0, 1.0]
@@ -15,7 +15,7 @@ def test_layers_are_exact():
     """Sheared across, layers lie in series; sheared along or stretched, side by side."""
     cell = np.full((8, 1, 1), 1.0)
     cell[3:] = 4.0
-    series, parallel = 2 * reuss_MPa(1, 4, 5 / 8), 2 * voigt_MPa(1, 4, 5 / 8)
+    series, parallel = 2 * TwoPhases(1, 4).reuss_MPa(5 / 8), 2 * TwoPhases(1, 4).voigt_MPa(5 / 8)
     assert solve_cell(cell, SHEAR_XY).stress_MPa[5] == pytest.approx(series, rel=1e-9)
     assert solve_cell(cell, SHEAR_YZ).stress_MPa[3] == pytest.approx(parallel, rel=1e-9)
     assert solve_cell(cell, EXTENSION).stress_MPa[0] == pytest.approx(parallel, rel=1e-9)
@@ -56,7 +56,7 @@ def test_meshes_converge():
     found = []
     for n in (8, 16, 32):
         stress = solve_cell(np.where(ball(n, 0.3), 4.0, 1.0), EXTENSION).stress_MPa[0]
-        low, high = hashin_shtrikman_MPa(1.0, 4.0, float(ball(n, 0.3).mean()))
+        low, high = TwoPhases(1.0, 4.0).hashin_shtrikman_MPa(float(ball(n, 0.3).mean()))
         # Place between the bounds, which takes out that voxels change the ball's volume.
         found.append(float((stress / 2 - low) / (high - low)))
     assert abs(found[2] - found[1]) < 0.6 * abs(found[1] - found[0]) + 0.02

@@ -18,7 +18,7 @@ from planner.formats.field_file import read_grid_table, read_point_table
 from planner.formats.mesh_file import encode_stl, read_mesh
 from planner.formats.specimens import read_specimens
 from planner.formats.tensile import read_tensile
-from planner.formats.threemf import ThreemfObject, encode_threemf, threemf_xml_hashes
+from planner.formats.threemf import ThreemfObject, encode_threemf
 from planner.gap.campaign_folder import read_campaign
 from planner.gap.diagnosis import read_diagnosis
 from planner.gap.virtual import read_design
@@ -30,6 +30,7 @@ from planner.simulation.bar import Bar
 from planner.simulation.bar import read_profile as read_bar
 from planner.simulation.loads import read_cases
 from planner.simulation.part_response import PartResponse
+from planner.testing import threemf_xml_hashes
 
 __all__ = ["READERS", "Reader"]
 

@@ -14,7 +14,6 @@ from planner.errors import ArgumentError, Caution, PaletteError
 from planner.materials.laws import make_law, secant_modulus_MPa
 from planner.materials.mixtures import (
     CoefficientModel,
-    coordinate_for,
     gent_modulus_MPa,
     left_out_errors,
     nearest_on,
@@ -93,7 +92,7 @@ def test_any_ladder_is_followed_as_scipy_does_it_and_undone(
     # 1e-14: roundings of an exponential, where it hardly rises.
     assert (np.diff(moduli) >= -1e-14 * moduli[1:]).all()
     # In stiffness: at an end without slope the coordinate itself is worth less.
-    back = model.modulus_MPa(coordinate_for(model, moduli, 0.1), 0.1)
+    back = model.modulus_MPa(model.coordinate_for(moduli, 0.1), 0.1)
     np.testing.assert_allclose(back, moduli, rtol=1e-12)
 
 
@@ -141,7 +140,7 @@ def test_hardness_of_other_mixtures_moves_what_lies_between(
     assert (model.modulus_MPa(c, 0.1) == model.grade_moduli_MPa(0.1)).all()
     # 1e-13: roundings of an exponential, where the modulus hardly rises.
     assert (np.diff(found) >= -1e-13 * found[1:]).all()
-    back = model.modulus_MPa(coordinate_for(model, found, 0.1), 0.1)
+    back = model.modulus_MPa(model.coordinate_for(found, 0.1), 0.1)
     np.testing.assert_allclose(back, found, rtol=1e-12)
 
 
@@ -393,7 +392,7 @@ def test_grades_within_their_intervals_make_a_ladder_in_any_order(
     np.testing.assert_allclose(ladder, np.maximum.accumulate(moduli))
     off = np.abs(np.log(ladder / wanted))
     assert off[nearest_on(model.ladder_MPa(0.1), wanted)] == pytest.approx(off.min())
-    assert 0.0 <= coordinate_for(model, wanted, 0.1) <= len(moduli) - 1
+    assert 0.0 <= model.coordinate_for(wanted, 0.1) <= len(moduli) - 1
 
 
 def test_mixtures_whose_stress_would_fall_are_told() -> None:

@@ -18,7 +18,6 @@ from planner.materials.fit import (
     fit_law,
     law_stress_MPa,
     sample_of,
-    unstable_strain,
 )
 from planner.materials.laws import LOWEST_STRETCH, candidate_laws
 from planner.materials.study import read_study
@@ -76,7 +75,7 @@ def test_the_stress_rises_in_every_mode(law: str, data: str) -> None:
         kirchhoff = stretch * stress(fit, mode, stretch)
         assert np.all(np.diff(kirchhoff) > 0.0), mode
     assert np.all(np.diff(stress(fit, "uniaxial", stretch)) > 0.0)
-    assert unstable_strain(fit, far) is None
+    assert fit.unstable_strain(far) is None
 
 
 @pytest.mark.parametrize("data", DATA)
@@ -106,7 +105,7 @@ def test_a_forced_law_is_sound_to_the_end_of_the_range(samples: Path) -> None:
     curves = read_study([samples / "tensile"]).groups["SYN-soft"]
     (law,) = candidate_laws("ogden-2")
     fit = fit_law(law, sample_of(curves))
-    assert unstable_strain(fit, float(np.mean([c.strain[-1] for c in curves]))) is None
+    assert fit.unstable_strain(float(np.mean([c.strain[-1] for c in curves]))) is None
 
 
 RUBBERS = ("Treloar_1944", "Kawabata_1981", "Meunier_2008")
@@ -166,7 +165,7 @@ def test_a_law_that_turns_in_compression_is_said_to_be_unstable() -> None:
     values = law_stress_MPa(form, np.array(alpha), np.array(mu), 1.0 + strain)
     fit = fit_law(form, sample_of([Curve("S1", strain, values)]), starts=4)
     published = replace(fit, a=np.array(alpha), c=np.array(mu))
-    found = unstable_strain(published, far)
+    found = published.unstable_strain(far)
     assert found is not None
     # Tension alone is what a correction of a palette asks for.
-    assert unstable_strain(published, far, margin=0.0) is None
+    assert published.unstable_strain(far, margin=0.0) is None

@@ -32,7 +32,7 @@ from planner.grading.dither import (
 )
 from planner.grading.profile import Profile, dithered_profile, stiffness_scale
 from planner.grading.regions import blend_segments
-from planner.materials.mixtures import dithered_modulus_MPa
+from planner.materials.mixtures import TwoPhases
 from planner.mesh.mesh import Mesh, join_shells
 from planner.mesh.part import place
 from planner.simulation.bar import read_profile
@@ -117,7 +117,7 @@ def test_volume_fractions_are_those_wanted():
         achieved = volumes[1] / volumes.sum()
         # 15000 cells, less than half a tile: what is seen of it is even within a thousandth.
         assert achieved == pytest.approx(float(counted.wanted[0]), abs=0.002)
-        modulus = float(dithered_modulus_MPa(2.0, 4.0, achieved))
+        modulus = float(TwoPhases(2.0, 4.0).dithered_MPa(achieved))
         assert modulus == pytest.approx(target, rel=0.006)
 
 

@@ -8,9 +8,8 @@ import pytest
 
 from planner.cli import run
 from planner.errors import FileError
-from planner.formats.headings import heading_of, marked_specimen, size_of
 from planner.formats.tables import number
-from planner.formats.tensile import read_tensile
+from planner.formats.tensile import heading_of, marked_specimen, read_tensile, size_of
 
 TIME_S = 0.25 * np.arange(41)
 TRAVEL_MM = 0.5 * np.arange(41)

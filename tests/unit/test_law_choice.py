@@ -13,7 +13,6 @@ from planner.materials.fit import (
     fit_law,
     law_stress_MPa,
     sample_of,
-    unstable_strain,
 )
 from planner.materials.laws import (
     FITTED_MODELS,
@@ -104,14 +103,14 @@ def test_an_unstable_law_is_flagged() -> None:
     """A cubic through a softening curve falls behind it; a fit is kept from that, a law is not."""
     strain = np.linspace(0.0, 1.0, 101)[1:]
     fit = fit_law(YEOH, sample_of([Curve("S1", strain, np.tanh(2 * strain))]))
-    assert unstable_strain(fit, 1.0) is None
+    assert fit.unstable_strain(1.0) is None
     falls = replace(fit, c=np.array([0.33, -0.12, 0.02]))
-    found = unstable_strain(falls, 1.0, margin=0.0)
+    found = falls.unstable_strain(1.0, margin=0.0)
     assert found is not None
     stress = law_stress_MPa(falls.law, falls.a, falls.c, 1 + found + np.array([-2e-3, 2e-3]))
     assert stress[1] < stress[0]
     # Only the range that is asked for is seen.
-    assert unstable_strain(falls, 0.99 * found, margin=0.0) is None
+    assert falls.unstable_strain(0.99 * found, margin=0.0) is None
 
 
 def two_terms(seed: int, specimens: int = 3) -> Sample:

@@ -7,10 +7,11 @@ import pytest
 
 from planner.errors import PaletteError
 from planner.materials.laws import FARTHEST
-from planner.materials.marlow import law_at, marlow_table, uniaxial_strain
+from planner.materials.marlow import marlow_table, uniaxial_strain
 from planner.materials.mixtures import CoefficientModel
 from planner.palette import LawParameters
 from planner.printers import palette_of
+from planner.simulation.element import law_at
 
 PALETTES = ("connex3-tango-vero", "connex3-tango-vero-extensometer")
 GRADES = [(name, k) for name in PALETTES for k in range(10)]

@@ -15,8 +15,8 @@ from planner.formats.threemf import (
     decode_threemf,
     encode_threemf,
     read_threemf,
-    threemf_xml_hashes,
 )
+from planner.testing import threemf_xml_hashes
 
 VERTICES = np.array([[1, 1, 1], [11.1, 1, 1], [1, 11.3, 1], [1, 1, 11.7]], dtype=np.float32)
 FACES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]], dtype=np.int32)

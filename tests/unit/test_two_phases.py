@@ -10,15 +10,7 @@ from hypothesis import strategies as st
 from benchmarks.calibrate_dither import bevelled_fractions
 from benchmarks.periodic_cell import solve_cell
 from planner.grading.dither import blue_noise_bevelled, blue_noise_ranks
-from planner.materials.mixtures import (
-    dither_table,
-    dithered_fraction,
-    dithered_modulus_MPa,
-    hashin_shtrikman_MPa,
-    reuss_MPa,
-    reuss_share,
-    voigt_MPa,
-)
+from planner.materials.mixtures import TwoPhases
 
 EXTENSION = [1.0, -0.5, -0.5, 0.0, 0.0, 0.0]
 
@@ -29,18 +21,20 @@ shares = st.floats(0.0, 1.0)
 @given(moduli, shares)
 def test_bounds_are_in_order_and_meet_at_the_ends(pair, f):
     soft, hard = pair
-    low, high = hashin_shtrikman_MPa(soft, hard, f)
-    order = [reuss_MPa(soft, hard, f), low, high, voigt_MPa(soft, hard, f)]
+    low, high = TwoPhases(soft, hard).hashin_shtrikman_MPa(f)
+    order = [TwoPhases(soft, hard).reuss_MPa(f), low, high, TwoPhases(soft, hard).voigt_MPa(f)]
     assert all(a <= b * (1 + 1e-12) for a, b in itertools.pairwise(order))
     for end, modulus in ((0.0, soft), (1.0, hard)):
-        np.testing.assert_allclose(hashin_shtrikman_MPa(soft, hard, end), modulus, rtol=1e-12)
-    assert float(reuss_share(soft, hard, 1 / order[0])) == pytest.approx(f, abs=1e-6)
+        np.testing.assert_allclose(
+            TwoPhases(soft, hard).hashin_shtrikman_MPa(end), modulus, rtol=1e-12
+        )
+    assert float(TwoPhases(soft, hard).reuss_share(1 / order[0])) == pytest.approx(f, abs=1e-6)
 
 
 def test_nearly_incompressible_phases_come_to_the_incompressible_bounds():
     """Hashin and Shtrikman's bounds on bulk and shear moduli, as Poisson's ratio goes to 1/2."""
     f, nu = np.linspace(0, 1, 11), 0.5 - 1e-7
-    bounds = hashin_shtrikman_MPa(1.0, 4.0, f)
+    bounds = TwoPhases(1.0, 4.0).hashin_shtrikman_MPa(f)
     shear, bulk = ([e / factor for e in (1.0, 4.0)] for factor in (2 * (1 + nu), 3 * (1 - 2 * nu)))
     for matrix, other, share, bound in ((0, 1, f, bounds[0]), (1, 0, 1 - f, bounds[1])):
         k, g = bulk[matrix], shear[matrix]
@@ -54,10 +48,10 @@ def test_nearly_incompressible_phases_come_to_the_incompressible_bounds():
 @given(moduli, shares)
 def test_the_estimate_lies_within_the_bounds_and_rises(pair, f):
     soft, hard = pair
-    low, high = hashin_shtrikman_MPa(soft, hard, f)
-    value = dithered_modulus_MPa(soft, hard, f)
+    low, high = TwoPhases(soft, hard).hashin_shtrikman_MPa(f)
+    value = TwoPhases(soft, hard).dithered_MPa(f)
     assert low * (1 - 1e-9) <= value <= high * (1 + 1e-9)
-    steps = dithered_modulus_MPa(soft, hard, np.linspace(0, 1, 200))
+    steps = TwoPhases(soft, hard).dithered_MPa(np.linspace(0, 1, 200))
     assert (np.diff(steps) > -1e-12 * hard).all()
 
 
@@ -65,24 +59,29 @@ def test_the_estimate_lies_within_the_bounds_and_rises(pair, f):
 @given(st.floats(0.1, 100.0), st.floats(1.2, 8.0), shares)
 def test_the_inverse_of_the_estimate(soft, contrast, f):
     hard = soft * contrast
-    back = dithered_fraction(soft, hard, dithered_modulus_MPa(soft, hard, f))
+    back = TwoPhases(soft, hard).dithered_fraction(TwoPhases(soft, hard).dithered_MPa(f))
     assert float(back) == pytest.approx(f, abs=1e-6)
-    assert dithered_fraction(soft, hard, [soft, hard, soft / 2, hard * 2]).tolist() == [0, 1, 0, 1]
+    assert TwoPhases(soft, hard).dithered_fraction([soft, hard, soft / 2, hard * 2]).tolist() == [
+        0,
+        1,
+        0,
+        1,
+    ]
 
 
 def test_the_pattern_solved_has_the_modulus_it_was_dealt_for():
     """From a target over fraction and cells to the modulus of these very cells."""
     ranks = blue_noise_ranks()
     contrast, target = 4.0, 2.0
-    fraction = dithered_fraction(1.0, contrast, target)
+    fraction = TwoPhases(1.0, contrast).dithered_fraction(target)
     dealt = float(blue_noise_bevelled().dealt_for(fraction))
     # Two voxels a cell, eight places each: a quick view of the bevelled pattern.
     share = quick_share(ranks < dealt * ranks.size)
     assert share.mean() == pytest.approx(float(fraction), abs=0.003)
-    low, high = hashin_shtrikman_MPa(1.0, contrast, share)
+    low, high = TwoPhases(1.0, contrast).hashin_shtrikman_MPa(share)
     solved = solve_cell(np.sqrt(low * high) / 3.0, EXTENSION, 1e-3).stress_MPa[0] * 1.5
     # The table's error, and 1 % of voxels as coarse as these (benchmarks/calibrate_dither.py).
-    assert solved == pytest.approx(target, rel=0.01 + dither_table().error_at(contrast))
+    assert solved == pytest.approx(target, rel=0.01 + TwoPhases(1.0, contrast).dither_error)
 
 
 def quick_share(hard):
