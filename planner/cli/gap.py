@@ -257,9 +257,10 @@ def _design_report(
 
     rows = []
     for e in made.expected:
-        unit = "" if e.unit == "1" else f" {e.unit}"
-        sizes = ("none" if s is None else format_number(s) + unit for s in (e.smallest, e.usual))
-        rows.append([e.id, e.parameter, *sizes, f"{100 * min(e.probability, 0.99):.0f} %"])
+        unit = "" if e.size.unit == "1" else f" {e.size.unit}"
+        ends = (e.smallest, e.size.usual)
+        sizes = ("none" if s is None else format_number(s) + unit for s in ends)
+        rows.append([e.id, e.size.name, *sizes, f"{100 * min(e.probability, 0.99):.0f} %"])
     print_table(
         ["effect", "size", ">smallest named", ">middling size", ">chance to name that"],
         rows,

@@ -1,7 +1,7 @@
 """A campaign: what a lab measured, on which specimens, under which conditions."""
 
 from collections import Counter
-from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
@@ -204,13 +204,13 @@ class Specimen(SpecimenConditions):
         """Travel the way it loads over gauge length."""
         return self.travel_mm / self.gauge_mm
 
-    def strain_end(self, palette: Palette, of_bar: Callable[[Iterable[float]], float]) -> float:
-        """Return how far its part was simulated, or its law goes; of a bar's laws one is chosen."""
+    def strain_end(self, palette: Palette) -> float:
+        """Return how far its part was simulated, or its law goes; of a bar's laws the farthest."""
         if self.part is not None:
             return float(self.part.response.displacement_mm[-1]) / self.gauge_mm
         if self.material is not None:
             return palette.resolve(self.material).elongation_at_break
-        return of_bar(m.elongation_at_break for m in palette.materials)
+        return max(m.elongation_at_break for m in palette.materials)
 
     def section_mm2(self, x_mm: FloatArray) -> FloatArray | None:
         """Return the undeformed section along the gauge, the design's where it has one.
@@ -230,10 +230,6 @@ class Specimen(SpecimenConditions):
         return np.asarray(sizes[0] * sizes[1])
 
 
-_FEWEST_LEVELS = 5
-"""Levels of travel without which there is no pace of stairs. Chosen: a pull between two holds has
-fewer."""
-
 _STAIRS = 0.25
 """Share of levels on which a coarse travel stands for two rows or more. Chosen: holds and turns are
 far fewer, coarse travel stands on nearly all."""
@@ -248,7 +244,7 @@ def _without_stairs(time_s: FloatArray, travel_mm: FloatArray) -> FloatArray:
     first = np.flatnonzero(np.diff(travel_mm, prepend=np.nan) != 0.0)
     last = np.append(first[1:], len(travel_mm)) - 1
     stands = last > first
-    if len(first) < _FEWEST_LEVELS or np.mean(stands) < _STAIRS:
+    if np.mean(stands) < _STAIRS:
         return travel_mm
     # A level begins and ends half-way to the rows beside it.
     edges = np.concatenate([time_s[:1], 0.5 * (time_s[last[:-1]] + time_s[first[1:]]), time_s[-1:]])

@@ -154,11 +154,6 @@ def said_mode(cells: Iterable[object]) -> str | None:
     return next((mode for mode in modes if mode in ("tension", "compression")), None)
 
 
-_TURNED_RATIO = 5.0
-"""Largest value below zero over the largest above, of what was recorded with its sign turned.
-Chosen: a way back past zero is small beside the pull, so that anything well above 1 does."""
-
-
 def _turned(
     source: "_Source", force_N: FloatArray, travel_mm: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
@@ -203,7 +198,8 @@ def _turned(
 
 
 def _is_negative(values: FloatArray) -> bool:
-    return float(-values.min()) > _TURNED_RATIO * abs(float(values.max()))
+    # A way back past zero is small beside the pull.
+    return float(-values.min()) > abs(float(values.max()))
 
 
 _PLACES = 40

@@ -344,8 +344,8 @@ _CONDITIONS: Mapping[str, tuple[str, str, float, float]] = MappingProxyType(
         "age_days": ("an age of ", "days", 0.0, 1e5),
     }
 )
-"""The conditions of use, what stands before and after their figure, and what they may be. Chosen:
-beyond any polymer's use, to catch slips of units."""
+"""The conditions of use, what stands before and after their figure, and what they may be.
+Convention: beyond any polymer's use, to catch slips of units."""
 
 _STEPS = 120
 """Of a pull to near the break, which the law is fitted to. Numerical: several points a bend of any

@@ -15,7 +15,7 @@ from planner.errors import ArgumentError, PaletteError
 from planner.formats.specimens import SPECIMEN_COLUMNS
 from planner.gap.campaign import Campaign, Specimen
 from planner.gap.diagnosis import Experiment, Hypothesis
-from planner.gap.effect import Effect, stated, untestable
+from planner.gap.effect import Effect, Parameter, stated, untestable
 from planner.gap.effects import EFFECTS, STEPS, effect_named, effects_for
 from planner.gap.evidence.problem import (
     Candidate,
@@ -207,14 +207,12 @@ class Expected:
 
     Attributes
     ----------
-    parameter, unit
-        Of its first form's size.
+    size
+        Of its first form.
     smallest
         That would be named rather than no effect; None if not even the largest would.
-    usual
-        The middle of its prior.
     probability
-        That an effect of this size is named, no other beside it.
+        That an effect of middling size is named, no other beside it.
     alike
         Effects of those that were asked for whose pattern is the same to 0.95.
     others
@@ -222,10 +220,8 @@ class Expected:
     """
 
     id: str
-    parameter: str
-    unit: str
+    size: Parameter
     smallest: float | None
-    usual: float
     probability: float
     alike: tuple[str, ...]
     others: tuple[str, ...]
@@ -274,15 +270,12 @@ def _expected_of(
                 rivals[k] = max(rivals[k], min(2.0 * rival.gain, length2))
         for explained in rivals.values():
             named = min(named, float(ndtr(0.5 * np.sqrt(length2 - explained))))
-        size = first.form.size
         alike = tuple(k for k, explained in rivals.items() if explained > ALIKE_COSINE**2 * length2)
         found.append(
             Expected(
                 id=id,
-                parameter=size.name,
-                unit=size.unit,
+                size=first.form.size,
                 smallest=sizes[id].size,
-                usual=size.usual,
                 probability=named,
                 alike=tuple(k for k in alike if k in asked),
                 others=tuple(k for k in alike if k not in asked),
@@ -462,10 +455,10 @@ class CampaignDesign:
             "expected": [
                 {
                     "effect": e.id,
-                    "parameter": e.parameter,
-                    "unit": e.unit,
+                    "parameter": e.size.name,
+                    "unit": e.size.unit,
                     "smallest": None if e.smallest is None else _rounded(e.smallest),
-                    "usual": _rounded(e.usual),
+                    "usual": _rounded(e.size.usual),
                     "probability": round(e.probability, 3),
                     "alike": list(e.alike),
                     "alike_others": list(e.others),

@@ -79,21 +79,9 @@ _Progress = Callable[[int, int, str], None]
 # Which tests to leave out together, so that what is predicted is another condition.
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Fold:
-    """What is left out.
-
-    Attributes
-    ----------
-    out : (n,)
-        Specimens that take no part.
-    judged : (n,)
-        Those of them whose direction and material some other specimen has: what is said of one
-        that was not tested is a guess.
-    """
-
-    out: BoolArray
-    judged: BoolArray
+_Fold = tuple[BoolArray, BoolArray]
+"""Specimens that take no part; and those of them whose direction and material some other specimen
+has, (n,) each: what is said of one that was not tested is a guess."""
 
 
 _LEAST_LEVELS = 3
@@ -112,7 +100,7 @@ says little of what all do."""
 
 def _conditions_out(
     specimens: Sequence[Specimen], tests: Sequence[Sequence[int]]
-) -> tuple[list[Fold], str]:
+) -> tuple[list[_Fold], str]:
     """Return folds that leave each condition out once, with all that were tested in it, in words.
 
     Where there are more than `_MOST_FOLDS` conditions, several are left out together. With one
@@ -126,7 +114,7 @@ def _conditions_out(
         Places of the specimens of each condition.
     """
     folds = [
-        Fold(out, judged)
+        (out, judged)
         for out in _in_turn(specimens, tests)
         if (judged := _judged(specimens, out)).any()
     ]
@@ -138,7 +126,7 @@ def _conditions_out(
     if n < 2:
         return [], "one specimen: nothing left out"
     # Of specimens one at a time, what is said of another material or direction has to do.
-    alone = [Fold(out, out) for out in _in_turn(specimens, [[k] for k in range(n)])]
+    alone = [(out, out) for out in _in_turn(specimens, [[k] for k in range(n)])]
     return alone, f"{n} specimens left out one at a time"
 
 
@@ -150,7 +138,7 @@ def _in_turn(specimens: Sequence[Specimen], groups: Sequence[Sequence[int]]) -> 
         yield np.isin(np.arange(len(specimens)), out)
 
 
-def _levels_out(specimens: Sequence[Specimen], names: Collection[str]) -> list[Fold]:
+def _levels_out(specimens: Sequence[Specimen], names: Collection[str]) -> list[_Fold]:
     """Return folds that leave whole levels of a column out: what is predicted lies beyond.
 
     A column with two levels is left as it is: without one of them nothing could be learned of the
@@ -161,7 +149,7 @@ def _levels_out(specimens: Sequence[Specimen], names: Collection[str]) -> list[F
     names
         The columns; others leave nothing out.
     """
-    found: dict[bytes, Fold] = {}
+    found: dict[bytes, _Fold] = {}
     for name in (name for name in (*TOLERANCES, "orientation") if name in names):
         cells = column_levels(name, [getattr(s, name) for s in specimens])
         known = [c for c in dict.fromkeys(cells) if c is not None]
@@ -169,7 +157,7 @@ def _levels_out(specimens: Sequence[Specimen], names: Collection[str]) -> list[F
             out = np.array([c == level for c in cells])
             judged = _judged(specimens, out)
             if out.sum() <= _LARGEST_SHARE * len(specimens) and judged.any():
-                found.setdefault(out.tobytes(), Fold(out, judged))
+                found.setdefault(out.tobytes(), (out, judged))
     # Evenly chosen where there are many, so that every column keeps some.
     folds = list(found.values())
     chosen = np.linspace(0, len(folds) - 1, min(len(folds), _MOST_LEVELS)).round().astype(int)
@@ -290,7 +278,7 @@ def _rms(squares: FloatArray) -> float:
 
 def _held_out(
     problem: Problem,
-    folds: Sequence[Fold],
+    folds: Sequence[_Fold],
     errors_of: Callable[[FloatArray], FloatArray],
     progress: _Progress | None = None,
 ) -> FloatArray:
@@ -304,11 +292,11 @@ def _held_out(
         Of specimens' weights, (n,), their errors, (k, n).
     """
     total: FloatArray | float = 0.0
-    times = np.where(problem.strays, 0, np.sum([fold.judged for fold in folds], axis=0))
-    for k, fold in enumerate(folds):
+    times = np.where(problem.strays, 0, np.sum([judged for _, judged in folds], axis=0))
+    for k, (out, judged) in enumerate(folds):
         if progress is not None:
             progress(k, len(folds), "held-out conditions")
-        total = total + np.where(fold.judged, errors_of(np.where(fold.out, 0.0, 1.0)), 0.0)
+        total = total + np.where(judged, errors_of(np.where(out, 0.0, 1.0)), 0.0)
     return np.asarray(total / np.where(times > 0, times, np.nan))
 
 
@@ -469,11 +457,10 @@ def _places_of(
     """Return where the gap lies, and where a significant one is left after the chosen effects."""
     shared = np.concatenate([problem.calibration, problem.noise.batch], axis=1)
     whitening = Whitening.of(problem.noise, shared, problem.scatter.log_sd)
-    before = localise(problem.campaign, problem.table, problem.residual, whitening, likely)
-    if not chosen.effects:
-        return before, tuple(p for p in before if p.p < _SIGNIFICANT)
-    left = problem.residual - problem.explained(chosen)
-    after = localise(problem.campaign, problem.table, left, whitening)
+    before = after = localise(problem.campaign, problem.table, problem.residual, whitening, likely)
+    if chosen.effects:
+        left = problem.residual - problem.explained(chosen)
+        after = localise(problem.campaign, problem.table, left, whitening)
     return before, tuple(p for p in after if p.p < _SIGNIFICANT)
 
 

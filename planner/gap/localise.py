@@ -229,11 +229,6 @@ class Whitening:
         shrink = 1.0 - 1.0 / np.sqrt(1.0 + singular**2)
         return cls(noise, directions, shrink, 0.5 / max(log_sd, 1e-3) ** 2)
 
-    @property
-    def starts(self) -> IntArray:
-        """Rows of specimen i are ``starts[i]`` to ``starts[i + 1]``, (n + 1,)."""
-        return self.noise.first_row
-
     def __call__(self, columns: FloatArray) -> FloatArray:
         """Return columns, (N, ...), whitened: each specimen's own noise, then what they share."""
         whitened = self.noise.whiten(columns)
@@ -242,7 +237,7 @@ class Whitening:
 
     def summed(self, values: FloatArray) -> FloatArray:
         """Return sums over each specimen's rows, (n, ...)."""
-        return np.asarray(np.add.reduceat(values, self.starts[:-1], axis=0))
+        return np.asarray(np.add.reduceat(values, self.noise.first_row[:-1], axis=0))
 
 
 def _orthonormal(columns: FloatArray, besides: FloatArray | None = None) -> FloatArray:
@@ -724,7 +719,7 @@ def _axis_of_strays(case: _Case) -> Iterator[_Axis]:
     that are significantly off, the farthest first; at least that one.
     """
     whitening = case.whitening
-    test = case.table.replicates[whitening.starts[:-1]]
+    test = case.table.replicates[whitening.noise.first_row[:-1]]
     phi = whitening.noise.whiten(case.force)
     information = whitening.summed(phi**2)
     seen = information > 0.0

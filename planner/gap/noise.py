@@ -201,7 +201,7 @@ class NoisyFeatures:
         groups = _groups(table, counts & ~table.is_field)
         bars = _groups(table, table.is_field)
         freedom = sum(len(g) - 1 for g in groups)
-        free = (*(_OF_FORCE if groups else ()), *(_OF_FIELD if bars else ()))
+        free = [name for name in _PRIOR_SD if (bars if name.startswith("field") else groups)]
         contrasts = [self._contrasts(rows, batches, residual) for rows in groups]
         along = [scipy.linalg.helmert(len(rows)) @ residual[np.stack(rows)] for rows in bars]
 
@@ -381,10 +381,6 @@ _PRIOR_SD = {"specimen": 1.0, "batch": 0.5, "slope": 0.8, "wander": 0.8, "wander
 or by e^(2 * 1.0) holds the 1 to 9 % of jetted specimens and the 10 to 30 % of some labs'; what
 batches share is a ratio to it, what changes along a curve is not: a level that scatters says
 nothing of it. Cameras differ more than specimens do; facets share anything from nothing to all."""
-
-_OF_FORCE = tuple(name for name in _PRIOR_SD if not name.startswith("field"))
-_OF_FIELD = tuple(name for name in _PRIOR_SD if name.startswith("field"))
-
 
 UNIT_GAINS: FloatArray = np.log(
     [QUANTITY_UNITS["force"]["lbf"], QUANTITY_UNITS["force"]["kgf"], QUANTITY_UNITS["length"]["in"]]

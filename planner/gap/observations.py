@@ -547,7 +547,7 @@ def observation_model(campaign: Campaign) -> ObservationModel:
     for place, path in paths.items():
         one = specimens[place]
         share = 1.0 if one.part else _BREAK_SHARE
-        strain = PUSHED_END if one.pushed else share * one.strain_end(campaign.palette, max)
+        strain = PUSHED_END if one.pushed else share * one.strain_end(campaign.palette)
         limits[place] = path.gauge_mm * strain
     past: set[int] = set()
     for _ in range(_ROUNDS):

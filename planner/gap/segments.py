@@ -192,10 +192,6 @@ _MOST_SEGMENTS = 24
 """Of a path; more cycles are compared in groups. Numerical: of more, `PATH_STEPS` would leave fewer
 than two to some."""
 
-_BACK_SHARE = 0.5
-"""A fall of the load is no rupture if so much of the load comes back later. Chosen: a broken
-specimen bears next to nothing, one that was unloaded nearly all."""
-
 _SAME_TRAVEL = 0.95
 """Of the largest travel so far: from there on a reloaded specimen may be broken. Physical: there a
 softened one bears again about what it bore (Mullins effect)."""
@@ -221,11 +217,6 @@ class Segment:
     begin_mm: float
     end_mm: float
     cycles: int = 1
-
-    @property
-    def rows(self) -> int:
-        """Their number."""
-        return self.last - self.first + 1
 
     @property
     def moves(self) -> bool:
@@ -463,8 +454,8 @@ def _unbroken(
             if there and np.max(part) < BROKEN_SHARE * peak:
                 return kept, True
             end = first + _last_before_break(part)
-            if np.max(force[last + 1 :], initial=0.0) > _BACK_SHARE * force[end]:
-                end = last
+            if np.max(force[last + 1 :], initial=0.0) > BROKEN_SHARE * force[end]:
+                end = last  # what comes back later was no rupture's
         elif kind == "unloading":
             back = travel[first] - travel[first + 1 : last + 1]
             near = max(1, int(np.sum(back < TURN_SHARE * float(np.ptp(travel)))))
@@ -659,7 +650,7 @@ def _feature_places(segments: Sequence[Segment]) -> list[tuple[float, ...]]:
         if sum(map(len, places)) <= _FEATURES_MOST:
             break
     return [
-        some if segment.rows >= _ROWS_LEAST else some[-1:]
+        some if segment.last - segment.first + 1 >= _ROWS_LEAST else some[-1:]
         for some, segment in zip(places, segments, strict=True)
     ]
 

@@ -2,7 +2,7 @@
 
 import math
 import shlex
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,9 +21,7 @@ __all__ = [
     "axis_words",
     "best_of",
     "campaign_standing",
-    "cause_words",
     "clear_places",
-    "errors_of",
     "next_command",
     "number_words",
     "p_value",
@@ -31,7 +29,6 @@ __all__ = [
     "probability",
     "sentence",
     "summary_of",
-    "unit_of",
 ]
 
 
@@ -50,31 +47,9 @@ _AXES: Mapping[str, str] = {
 }
 
 
-_UNITS: Mapping[str, str] = {
-    "_mm_s": "mm/s", "_per_s": "1/s", "_MPa": "MPa", "_mm": "mm", "_days": "days", "_C": "°C",
-    "_h": "h", "_s": "s", "_N": "N",
-}  # fmt: skip
-
-
-def _title(effect: str) -> str:
-    """Return the name that an effect has in a heading."""
-    names = {"none": "no gap", "unknown": "an unknown cause"}
-    return EFFECTS[effect].title if effect in EFFECTS else names.get(effect, effect)
-
-
-def cause_words(name: str) -> str:
-    """Return a hypothesis in words: "no gap", "water uptake", "strain rate + water uptake"."""
-    return " + ".join(_title(e) for e in name.split("+"))
-
-
 def axis_words(axis: str) -> str:
     """Return an axis in words; a column that planner does not know keeps its name."""
     return _AXES.get(axis, f"column {axis}")
-
-
-def unit_of(column: str) -> str:
-    """Return the unit that a column's name ends in, "" for none."""
-    return next((unit for end, unit in _UNITS.items() if column.endswith(end)), "")
 
 
 def percent(share: float, digits: int = 2) -> str:
@@ -109,21 +84,6 @@ def sentence(words: str) -> str:
     if words and words[0].islower() and "_" not in words.partition(" ")[0]:
         words = words[0].upper() + words[1:]
     return words if words.endswith((".", "?", "!")) else words + "."
-
-
-def errors_of(diagnosis: Diagnosis) -> Iterator[tuple[str, float]]:
-    """Yield each error that is known with its name, what replicates differ by last."""
-    gap = diagnosis.gap
-    for words, error in (
-        ("palette alone", gap.before),
-        ("laws refitted, nothing added", gap.recalibration_only),
-        ("regression without any physics", gap.generic),
-        # Without an effect there is nothing to add, and the error is the palette's own.
-        ("with the verdict's effects", gap.after if diagnosis.named else None),
-        ("scatter between replicates", gap.floor),
-    ):
-        if error is not None:
-            yield words, error
 
 
 # ------------------------------------------------------------------------------------------------

@@ -418,8 +418,8 @@ _SCATTER = USUAL.specimen
 """Standard deviation of specimens' levels, of the logarithm of force; the rest goes with it."""
 
 _MOST_SCATTER = 0.3
-"""Of a simulated campaign. Chosen: three times and more what jetted specimens scatter by, to catch
-slips."""
+"""Of a simulated campaign. Convention: three times and more what jetted specimens scatter by, to
+catch slips."""
 
 _SENSOR = 0.001
 _SENSOR_LEAST_N = 0.002

@@ -3,7 +3,7 @@
 import itertools
 import math
 import textwrap
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -13,16 +13,14 @@ from planner.gap.diagnosis import Diagnosis, Gap, Location, Traces, signed_error
 from planner.gap.summary import (
     axis_words,
     clear_places,
-    errors_of,
     p_value,
     percent,
     probability,
-    unit_of,
 )
 from planner.numerics import FloatArray
 from planner.report import svg
 
-__all__ = ["figures_of"]
+__all__ = ["errors_of", "figures_of", "unit_of"]
 
 
 def figures_of(diagnosis: Diagnosis) -> dict[str, bytes]:
@@ -42,6 +40,36 @@ def figures_of(diagnosis: Diagnosis) -> dict[str, bytes]:
         "closure": _closure_figure(diagnosis),
     }
     return {name: drawing for name, drawing in drawn.items() if drawing is not None}
+
+
+# ------------------------------------------------------------------------------------------------
+# What figures and tables show: errors by their names, and a column's unit.
+
+
+def errors_of(diagnosis: Diagnosis) -> Iterator[tuple[str, float]]:
+    """Yield each error that is known with its name, what replicates differ by last."""
+    gap = diagnosis.gap
+    for words, error in (
+        ("palette alone", gap.before),
+        ("laws refitted, nothing added", gap.recalibration_only),
+        ("regression without any physics", gap.generic),
+        # Without an effect there is nothing to add, and the error is the palette's own.
+        ("with the verdict's effects", gap.after if diagnosis.named else None),
+        ("scatter between replicates", gap.floor),
+    ):
+        if error is not None:
+            yield words, error
+
+
+_UNITS: Mapping[str, str] = {
+    "_mm_s": "mm/s", "_per_s": "1/s", "_MPa": "MPa", "_mm": "mm", "_days": "days", "_C": "°C",
+    "_h": "h", "_s": "s", "_N": "N",
+}  # fmt: skip
+
+
+def unit_of(column: str) -> str:
+    """Return the unit that a column's name ends in, "" for none."""
+    return next((unit for end, unit in _UNITS.items() if column.endswith(end)), "")
 
 
 # ------------------------------------------------------------------------------------------------

@@ -27,20 +27,17 @@ from planner.gap.effects import EFFECTS
 from planner.gap.summary import (
     axis_words,
     best_of,
-    cause_words,
     clear_places,
-    errors_of,
     number_words,
     p_value,
     percent,
     probability,
     sentence,
     summary_of,
-    unit_of,
 )
 from planner.glance import counted
 from planner.palette import encode_palette
-from planner.report.gap_figures import figures_of
+from planner.report.gap_figures import errors_of, figures_of, unit_of
 from planner.report.page import encode_page, head, table
 
 __all__ = ["headline", "scope", "verdict_text", "write_diagnosis"]
@@ -223,13 +220,21 @@ def _table_lines(table: _Table, width: int) -> list[str]:
     return [line for t in texts for line in _wrapped(t, width, f"{_INDENT}- ", f"{_INDENT}  ")]
 
 
+def _cause_words(name: str) -> str:
+    """Return a hypothesis in words: "no gap", "water uptake", "strain rate + water uptake"."""
+    others = {"none": "no gap", "unknown": "an unknown cause"}
+    return " + ".join(
+        EFFECTS[e].title if e in EFFECTS else others.get(e, e) for e in name.split("+")
+    )
+
+
 def headline(diagnosis: Diagnosis) -> str:
     """Return the verdict in one line."""
     verdict = diagnosis.verdict
     words = {
         "none": "no gap that needs an explanation",
         "unknown": "a gap that no effect here explains",
-    }.get(verdict, cause_words(verdict))
+    }.get(verdict, _cause_words(verdict))
     more = f": {words}" if words != verdict else ""
     return f"Verdict: {verdict} (probability {probability(best_of(diagnosis).probability)}){more}"
 
@@ -474,10 +479,10 @@ def _split_words(first: str, second: str) -> str:
     """Return the question whose answer tells one hypothesis from another."""
     if "none" in (first, second):
         other = second if first == "none" else first
-        return f"is {cause_words(other)} at work at all"
+        return f"is {_cause_words(other)} at work at all"
     a, b = (set(name.split("+")) for name in (first, second))
     both, only_a, only_b = (
-        cause_words("+".join(sorted(effects))) for effects in (a & b, a - b, b - a)
+        _cause_words("+".join(sorted(effects))) for effects in (a & b, a - b, b - a)
     )
     if not a & b:
         return f"is it {only_a}, or {only_b}"

@@ -11,7 +11,6 @@ import numpy as np
 from planner.errors import ArgumentError, PlannerError
 from planner.gap.campaign import Campaign
 from planner.gap.diagnosis import Diagnosis
-from planner.gap.summary import errors_of
 from planner.glance import format_interval, format_number
 from planner.grading.profile import StiffnessScale, stiffness_scale
 from planner.materials.palette_study import Characterisation
@@ -20,7 +19,7 @@ from planner.palette import Palette
 from planner.plan import Plan
 from planner.printers import load_printer
 from planner.report.display import colours_told_apart
-from planner.report.gap_figures import figures_of
+from planner.report.gap_figures import errors_of, figures_of
 from planner.report.gap_page import headline, scope
 from planner.report.loaded_part import response_rows, summary_words
 from planner.report.material_figures import materials_figure

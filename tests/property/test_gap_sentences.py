@@ -7,7 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from planner.gap.diagnosis import Diagnosis, Gap, Hypothesis, Location
-from planner.gap.summary import errors_of, percent, summary_of
+from planner.gap.summary import percent, summary_of
+from planner.report.gap_figures import errors_of
 from planner.report.gap_page import verdict_text
 
 _ERROR = st.floats(0.001, 3.0)

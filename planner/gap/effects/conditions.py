@@ -202,7 +202,7 @@ _STEEPER = 1.5
 wherever from -50 to 110 °C, is drawn to 4 % of the stress with no detail beyond 3."""
 
 _HIGHER_K = 20.0
-"""Of the transition, from the middle of the palette to its ends. Chosen: about what a transition
+"""Of the transition, from the middle of the palette to its ends. Physical: about what a transition
 takes from its middle to 90 %, so that mixtures are in it one after the other."""
 
 _HASTE = 6.0

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from itertools import chain, product
+from itertools import product
 from math import prod
 from typing import TypeAlias
 
@@ -614,16 +614,12 @@ def set_up(
         axis=1,
     )
     unknown = _unknown_axes(campaign, table, chord, effects)
-    parts = (
-        [residual[:, None]],
-        [changes[len(ways) :].T],
-        [gains],
-        [axis.columns for axis in unknown],
-        [calibration, noise.batch],
-    )
-    columns = noise.whiten(np.concatenate(list(chain(*parts)), axis=1))
-    widths = [sum(part.shape[1] for part in several) for several in parts]
-    target, nodes, gains, patterns, nuisances = np.split(columns, np.cumsum(widths[:-1]), axis=1)
+    patterns = np.concatenate([axis.columns for axis in unknown], axis=1)
+    nuisances = np.concatenate([calibration, noise.batch], axis=1)
+    parts = (residual[:, None], changes[len(ways) :].T, gains, patterns, nuisances)
+    ends = np.cumsum([part.shape[1] for part in parts[:-1]])
+    columns = noise.whiten(np.concatenate(parts, axis=1))
+    target, nodes, gains, patterns, nuisances = np.split(columns, ends, axis=1)
     of_laws = np.zeros(nuisances.shape[1], dtype=bool)
     of_laws[: len(ways)] = [way.kind == "tilt" for way in ways]
     of_laws[len(ways) : len(ways) + bends.shape[1]] = True
