@@ -38,7 +38,7 @@ ROOMS = {
     "cells": ["planner/simulation/*cell*.py", "planner/simulation/export.py",
               "planner/simulation/element.py", "planner/simulation/solid.py"],
     "writers": [f"planner/formats/{name}.py" for name in
-                ("field_file", "inp", "mesh_file", "outputs", "png", "threemf")],
+                ("field_file", "mesh_file", "outputs", "png", "threemf")],
     "laws": [f"planner/materials/{name}.py" for name in
              ("law_blocks", "laws", "marlow", "mixtures")],
 }  # fmt: skip

@@ -16,7 +16,7 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cache
 from types import FrameType
 from typing import Annotated, Any
@@ -233,19 +233,12 @@ def _planner(
     """
 
 
-app.command()(_plans.grade)
-app.command()(_simulate.simulate)
-app.command()(_design.design)
-app.command()(_simulate.export)
+_COMMANDS: tuple[Callable[..., int], ...] = (
+    _plans.grade, _simulate.simulate, _design.design, _simulate.export, _materials.invert,
+    _materials.materials, _materials.fit, _materials.characterise, _plans.view, _plans.check,
+    _plans.diff, _plans.compare, _plans.slices, _printers.schema,
+)  # fmt: skip
+for _command in _COMMANDS:
+    app.command()(_command)
 app.add_typer(_gap.app)
-app.command()(_materials.invert)
-app.command()(_materials.materials)
-app.command()(_materials.fit)
-app.command()(_materials.characterise)
-app.command()(_plans.view)
-app.command()(_plans.check)
-app.command()(_plans.diff)
-app.command()(_plans.compare)
-app.command()(_plans.slices)
 app.add_typer(_printers.app)
-app.command()(_printers.schema)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from typer import Argument, Context, Option
 
+import planner
 from planner.cli.output import AsJson, PaletteName, PrinterName, Quiet, check_targets, taken
 
 if TYPE_CHECKING:
@@ -77,7 +78,6 @@ def diagnose(
     Example: [bold]planner gap diagnose campaign -o diagnosis[/bold]
     """
     given = locals()
-    import planner
     from planner.cli.output import print_document, progress, say, say_verdict, terminal_width
     from planner.gap.summary import next_command
     from planner.report.gap_page import verdict_text
@@ -146,7 +146,6 @@ def correct(
     Example: [bold]planner gap correct diagnosis --temperature-C 33 -o warm.toml[/bold]
     """
     given = locals()
-    import planner
     from planner.cli.output import print_document
 
     check_targets(context, force=force, output=output)
@@ -162,7 +161,6 @@ def correct(
 
 
 def _correct_report(made: "Correction", output: Path, options: str) -> None:
-    import planner
     from planner.cli.output import finding, format_number, format_range, print_table, say, warn
 
     for note in made.notes:
@@ -219,7 +217,6 @@ def design(
     Example: [bold]planner gap design --effects rate,moisture --budget 30 -o plan[/bold]
     """
     given = locals()
-    import planner
     from planner.cli.output import print_document, progress
     from planner.errors import ArgumentError
     from planner.formats.outputs import write_whole
@@ -322,7 +319,6 @@ def next_(
 
     Example: [bold]planner gap next lab[/bold]
     """
-    import planner
     from planner.cli.output import print_document, say
     from planner.gap.campaign import named
 
@@ -383,7 +379,6 @@ def simulate(
     Example: [bold]planner gap simulate --design plan --effect rate:rise=0.12 -o made[/bold]
     """
     given = locals()
-    import planner
     from planner.cli.output import print_document, say, warn
     from planner.gap.virtual import stated_effect
 

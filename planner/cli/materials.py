@@ -1,7 +1,7 @@
 """planner materials, invert, fit and characterise: what can be printed."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from planner.grading.profile import StiffnessScale
     from planner.materials.algorithm_one import QuadraticStudy
     from planner.materials.characterise import MaterialCharacteristics, Spread
+    from planner.materials.fit import MaterialFit
     from planner.materials.palette_study import PaletteStudy
     from planner.materials.study import ReadRecord
 
@@ -472,43 +473,32 @@ def _corrections(found: "Sequence[MaterialCharacteristics]") -> list[str]:
 
 
 def _tables(found: "Sequence[MaterialCharacteristics]") -> None:
-    def value(one: "MaterialCharacteristics", name: str) -> str:
+    def told(one: "MaterialCharacteristics", name: str) -> str:
+        if name == "deforms":
+            return f"{one.deformation.kind}ally"
         spread: Spread | None = one.spreads.get(name)
         if spread is None:
             return "-"
         cv = "" if spread.cv is None else f" ±{100 * spread.cv:.1f} %"
         return format_number(spread.mean) + cv
 
-    secants = list(
-        dict.fromkeys(name for one in found for name in one.spreads if name.startswith("secant"))
-    )
-    moduli = {"modulus_MPa": "E"}
+    moduli = {"modulus_MPa": ">E"}
     if any(c.toe_strain for one in found for c in one.specimens):
-        moduli["modulus_uncompensated_MPa"] = "with toe"
-    moduli |= {name: f"at {name.split('_')[1]}" for name in secants}
+        moduli["modulus_uncompensated_MPa"] = ">with toe"
+    for name in (name for one in found for name in one.spreads if name.startswith("secant")):
+        moduli[name] = f">at {name.split('_')[1]}"
     breaks = {
-        "strength_MPa": "strength MPa",
-        "elongation_at_break": "strain at break",
-        "toughness_MJ_m3": "toughness MJ/m3",
+        "strength_MPa": ">strength MPa",
+        "elongation_at_break": ">strain at break",
+        "toughness_MJ_m3": ">toughness MJ/m3",
+        "deforms": "deforms",
     }
     for title, names in (
         ("Young's and secant moduli (MPa), mean ± coefficient of variation over specimens", moduli),
         ("Break", breaks),
     ):
-        kind = names is breaks
-        print_table(
-            ["material", ">n", *(f">{v}" for v in names.values()), *(["deforms"] if kind else [])],
-            [
-                [
-                    one.material,
-                    str(one.n),
-                    *(value(one, name) for name in names),
-                    *([one.deformation.kind + "ally"] if kind else []),
-                ]
-                for one in found
-            ],
-            title=title,
-        )
+        rows = [[one.material, str(one.n), *(told(one, name) for name in names)] for one in found]
+        print_table(["material", ">n", *names.values()], rows, title=title)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -640,67 +630,59 @@ def _figures(given: Sequence[str] | None, option: str) -> dict[str, float]:
 
 
 def _print_report(result: "PaletteStudy", output: Path) -> None:
-    _print_candidates(result)
-    _print_parameters(result)
-    _print_secants(result)
-    for material in result.palette.materials:
-        fit = result.fits[material.id]
-        say(f"{material.id}: {fit.choice.reason}")
+    fits = result.fits
+    level = next(iter(fits.values())).uncertainty.level
+    interval = f"{100 * level:g} % interval"
+    _print_candidates(fits)
+    _print_parameters(fits, interval)
+    _print_secants(fits, interval)
+    for name, fit in fits.items():
+        say(f"{name}: {fit.choice.reason}")
         say(f"  intervals: {fit.uncertainty.basis}")
     if result.quadratic is not None:
         _print_quadratic(result.quadratic)
     say(f"palette {result.palette.name} written to {output}")
 
 
-def _print_candidates(result: "PaletteStudy") -> None:
-    rows = []
-    for material in result.palette.materials:
-        fit = result.fits[material.id]
-        name = material.id
-        for candidate in fit.choice.candidates:
-            one = candidate.fit
-            unstable = candidate.unstable_strain
-            rows.append(
-                [
-                    name,
-                    str(fit.characteristics.n) if name else "",
-                    f"{'*' if candidate.fit.parameters is fit.law else ' '} {one.name}",
-                    str(one.parameter_count),
-                    f"{100 * candidate.held_out_error:.2f} %",
-                    f"{one.r2:.5f}",
-                    f"{one.adjusted_r2:.5f}",
-                    f"{100 * one.nrmse:.2f} %",
-                    "yes" if unstable is None else f"falls at {format_number(unstable, 2)}",
-                    f"{one.agreeing}/{one.starts}",
-                ]
-            )
-            name = ""
-    if not rows:
-        return
+def _print_candidates(fits: "Mapping[str, MaterialFit]") -> None:
+    rows = [
+        [
+            "" if k else name,
+            "" if k else str(fit.characteristics.n),
+            f"{'*' if one.fit.parameters is fit.law else ' '} {one.fit.name}",
+            str(one.fit.parameter_count),
+            f"{100 * one.held_out_error:.2f} %",
+            f"{one.fit.r2:.5f}",
+            f"{one.fit.adjusted_r2:.5f}",
+            f"{100 * one.fit.nrmse:.2f} %",
+            "yes" if (at := one.unstable_strain) is None else f"falls at {format_number(at, 2)}",
+            f"{one.fit.agreeing}/{one.fit.starts}",
+        ]
+        for name, fit in fits.items()
+        for k, one in enumerate(fit.choice.candidates)
+    ]
     figures = [">held out", ">R2", ">adj. R2", ">nRMSE"]
-    print_table(
-        ["material", ">n", "law", ">k", *figures, "stable", ">starts"],
-        rows,
-        title="Laws tried (* chosen; k parameters; held out: error on what is left out)",
-    )
+    if rows:
+        print_table(
+            ["material", ">n", "law", ">k", *figures, "stable", ">starts"],
+            rows,
+            title="Laws tried (* chosen; k parameters; held out: error on what is left out)",
+        )
 
 
-def _print_parameters(result: "PaletteStudy") -> None:
+def _print_parameters(fits: "Mapping[str, MaterialFit]", interval: str) -> None:
     rows = []
-    for material in result.palette.materials:
-        known = result.fits[material.id].uncertainty
-        name, law = material.id, material.law.model
-        spread = f"{100 * material.modulus_log_sd:.1f} %"
-        for symbol, values in material.law.parameters.items():
+    for name, fit in fits.items():
+        known = fit.uncertainty
+        first = [name, fit.law.model, f"{100 * fit.scatter.log_sd:.1f} %"]
+        for symbol, values in fit.law.parameters.items():
             ends = zip(known.law_low[symbol], known.law_high[symbol], strict=True)
             for number, (value, (low, high)) in enumerate(zip(values, ends, strict=True), start=1):
                 label = symbol if len(values) == 1 else f"{symbol} [{number}]"
-                rows.append(
-                    [name, law, label, format_number(value, 4), _interval(low, high), spread]
-                )
-                name = law = spread = ""
-    level = result.fits[result.palette.materials[0].id].uncertainty.level
-    interval = f"{100 * level:g} % interval"
+                material, law, spread = first
+                figure = format_number(value, 4)
+                rows.append([material, law, label, figure, _interval(low, high), spread])
+                first = ["", "", ""]
     print_table(
         ["material", "law", "parameter", ">value", interval, ">next print's sd"],
         rows,
@@ -708,19 +690,20 @@ def _print_parameters(result: "PaletteStudy") -> None:
     )
 
 
-def _print_secants(result: "PaletteStudy") -> None:
-    rows = []
-    level = 0.95
-    for material in result.palette.materials:
-        name, level = material.id, result.fits[material.id].uncertainty.level
-        for one in result.fits[material.id].secants:
-            known = math.isfinite(one.high_MPa)
-            ends = _interval(one.low_MPa, one.high_MPa) if known else "unknown"
-            rows.append([name, f"{one.strain:g}", format_number(one.value_MPa, 4), ends])
-            name = ""
+def _print_secants(fits: "Mapping[str, MaterialFit]", interval: str) -> None:
+    rows = [
+        [
+            "" if k else name,
+            f"{one.strain:g}",
+            format_number(one.value_MPa, 4),
+            _interval(one.low_MPa, one.high_MPa) if math.isfinite(one.high_MPa) else "unknown",
+        ]
+        for name, fit in fits.items()
+        for k, one in enumerate(fit.secants)
+    ]
     if rows:
         print_table(
-            ["material", ">strain", ">secant MPa", f"{100 * level:g} % interval"],
+            ["material", ">strain", ">secant MPa", interval],
             rows,
             title="Secant moduli of the mean (stress is strain times it; strain 0: at rest)",
         )

@@ -175,8 +175,9 @@ def print_table(
     from rich.measure import Measurement
 
     console = Console(highlight=False)
-    if abridged is not None and console.is_terminal and len(rows) > _rows_shown(console.height):
-        rows, swatches = _shortened(rows, swatches, _rows_shown(console.height))
+    most = max(console.height - _AROUND, _LEAST_ROWS)
+    if abridged is not None and console.is_terminal and len(rows) > most:
+        rows, swatches = _shortened(rows, swatches, most)
     else:
         abridged = None
     wide = console.options.update(max_width=10_000)
@@ -200,10 +201,6 @@ _AROUND = 10
 """Lines of a terminal that are kept for what stands about a table."""
 
 _LEAST_ROWS = 10
-
-
-def _rows_shown(height: int) -> int:
-    return max(height - _AROUND, _LEAST_ROWS)
 
 
 def _shortened(

@@ -655,10 +655,6 @@ def _shells() -> None:
 
 
 _STAGES: Mapping[str, Callable[[], None]] = {
-    "columns": _columns,
-    "records": _records,
-    "pictures": _pictures,
-    "shells": _shells,
-    "sets": _sets,
-    "walls": _walls,
+    stage.__name__.lstrip("_"): stage
+    for stage in (_columns, _records, _pictures, _shells, _sets, _walls)
 }

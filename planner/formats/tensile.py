@@ -264,8 +264,7 @@ def headings_of(cells: Sequence[str]) -> list[Heading] | None:
 
 def _suffice(headings: Iterable[Heading]) -> bool:
     """Say whether there are a load and a length among headings."""
-    meanings = {heading.meaning for heading in headings}
-    return bool(meanings & _LENGTHS and meanings & _LOADS)
+    return not _missing(headings)
 
 
 def _is_figure(cell: str) -> bool:
@@ -1717,8 +1716,9 @@ def _example(headings: _Headings, *, twice: bool = False) -> str:
             names.append("-")
             continue
         meant.append(name)
-        bare = name.replace(" ", "_")
-        names.append(f"{bare}_{unit}" if unit and name != "specimen" else _BARE.get(bare, bare))
+        bare = next(iter(_COLUMNS.get(name, {}).values()), name)
+        stated = unit and name != "specimen"
+        names.append(f"{name.replace(' ', '_')}_{unit}" if stated else bare)
     if any(kinds.isdisjoint(meant) for kinds in _SOUGHT.values()):
         names = [
             "?" if h.text and not h.meaning and name == "-" else name
@@ -1729,8 +1729,6 @@ def _example(headings: _Headings, *, twice: bool = False) -> str:
 
 _ALIKE = {"position": "displacement", "elongation": "displacement"}
 _BY_KIND = {"length": "displacement"} | {k: k for k in ("time", "force", "stress", "strain")}
-_BARE = {"time": "time_s", "force": "force_N", "displacement": "displacement_mm",
-         "stress": "stress_MPa", "true_stress": "true_stress_MPa"}  # fmt: skip
 
 
 def _nearest(grid: _Grid) -> tuple[int, _Headings, Sequence[str]]:

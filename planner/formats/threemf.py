@@ -164,9 +164,8 @@ def _check_structure(data: bytes, name: str, limits: UnfoldingLimits) -> None:
         ("nests components {} deep", depth, limits.depth),
     ):
         if got > most:
-            raise _refusal(
-                name, f"{what.format(_counted(got))}, more than the {most:,} that planner reads"
-            )
+            said = what.format(f"{got:,}" if got < 10**15 else "over 10^15")
+            raise _refusal(name, f"{said}, more than the {most:,} that planner reads")
 
 
 def _refusal(name: str, what: str) -> MeshError:
@@ -174,10 +173,6 @@ def _refusal(name: str, what: str) -> MeshError:
         f"{name}: {what}; print fewer copies at once, export the part coarser, or read it from a "
         "script with higher limits (planner.formats.mesh_file.read_mesh)"
     )
-
-
-def _counted(count: int) -> str:
-    return f"{count:,}" if count < 10**15 else "over 10^15"
 
 
 _TAG = re.compile(  # of what is no comment; no value of XML has a "<"

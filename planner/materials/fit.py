@@ -24,7 +24,6 @@ from planner.materials.laws import (
     Ogden,
     SeparableLaw,
     Yielding,
-    law_name,
     make_law,
     secant_modulus_MPa,
     stability,
@@ -712,7 +711,7 @@ class LawFit:
     @property
     def name(self) -> str:
         """The model with its number of terms where there is a choice, as "ogden-2"."""
-        return law_name(self.law)
+        return self.law.name
 
     @property
     def parameter_count(self) -> int:
@@ -743,7 +742,8 @@ class LawFit:
         middle = 0.5 * (stretch[1:] + stretch[:-1])
         strains = [] if rises.all() else [float(middle[int(np.argmin(rises))]) - 1.0]
         if margin:
-            found = stability(make_law(self.parameters), working_strain)
+            law = LawParameters(self.law.model, self.law.parameters(self.a, self.c))
+            found = stability(make_law(law), working_strain)
             strains += [
                 end - 1.0
                 for ends in found.sound.values()

@@ -21,7 +21,6 @@ __all__ = [
     "Yielding",
     "candidate_laws",
     "first_invariant",
-    "law_name",
     "make_law",
     "positive_stretch",
     "secant_modulus_MPa",
@@ -66,6 +65,12 @@ class SeparableLaw(Law, ABC):
 
     __slots__ = ()
     model: ClassVar[str]
+
+    @property
+    def name(self) -> str:
+        """The model with its number of terms where there is a choice, as "ogden-2"."""
+        several = len(FITTED_MODELS[self.model]) > 1
+        return f"{self.model}-{self.columns}" if several else self.model
 
     @property
     @abstractmethod
@@ -538,11 +543,6 @@ FITTED_MODELS: Mapping[str, tuple[SeparableLaw, ...]] = {
 A fourth Ogden term is never identified by one mode of deformation."""
 
 
-def law_name(law: SeparableLaw) -> str:
-    """Return the model with its number of terms where there is a choice, as "ogden-2"."""
-    return f"{law.model}-{law.columns}" if len(FITTED_MODELS[law.model]) > 1 else law.model
-
-
 def candidate_laws(name: str) -> tuple[SeparableLaw, ...]:
     """Return what ``--law`` stands for: a model in all its numbers of terms, one of them, or "all".
 
@@ -552,7 +552,7 @@ def candidate_laws(name: str) -> tuple[SeparableLaw, ...]:
         No such law.
     """
     every = tuple(law for laws in FITTED_MODELS.values() for law in laws)
-    known = {**FITTED_MODELS, **{law_name(law): (law,) for law in every}, "all": every}
+    known = {**FITTED_MODELS, **{law.name: (law,) for law in every}, "all": every}
     wanted = name.strip().casefold()
     if wanted not in known:
         hint = did_you_mean(wanted, known)

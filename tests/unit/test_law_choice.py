@@ -18,7 +18,6 @@ from planner.materials.laws import (
     FITTED_MODELS,
     SeparableLaw,
     candidate_laws,
-    law_name,
 )
 from planner.materials.palette_study import fit
 from planner.materials.study import Study
@@ -140,7 +139,7 @@ def test_a_law_whose_terms_are_not_determined_gives_way(seed: int) -> None:
 def test_one_number_of_terms_can_be_asked_for() -> None:
     (two,) = candidate_laws("ogden-2")
     assert two.columns == 2
-    assert [law_name(law) for law in candidate_laws("ogden")] == ["ogden-1", "ogden-2", "ogden-3"]
+    assert [law.name for law in candidate_laws("ogden")] == ["ogden-1", "ogden-2", "ogden-3"]
     assert candidate_laws("Yeoh") == FITTED_MODELS["yeoh"]
 
 
