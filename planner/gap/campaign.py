@@ -230,6 +230,10 @@ class Specimen(SpecimenConditions):
         return np.asarray(sizes[0] * sizes[1])
 
 
+_FEWEST_LEVELS = 5
+"""Levels of travel without which there is no pace of stairs. Chosen: a pull between two holds has
+fewer."""
+
 _STAIRS = 0.25
 """Share of levels on which a coarse travel stands for two rows or more. Chosen: holds and turns are
 far fewer, coarse travel stands on nearly all."""
@@ -244,7 +248,7 @@ def _without_stairs(time_s: FloatArray, travel_mm: FloatArray) -> FloatArray:
     first = np.flatnonzero(np.diff(travel_mm, prepend=np.nan) != 0.0)
     last = np.append(first[1:], len(travel_mm)) - 1
     stands = last > first
-    if np.mean(stands) < _STAIRS:
+    if len(first) < _FEWEST_LEVELS or np.mean(stands) < _STAIRS:
         return travel_mm
     # A level begins and ends half-way to the rows beside it.
     edges = np.concatenate([time_s[:1], 0.5 * (time_s[last[:-1]] + time_s[first[1:]]), time_s[-1:]])

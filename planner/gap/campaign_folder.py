@@ -44,7 +44,6 @@ from planner.palette import Palette, encode_palette, load_palette
 from planner.plan import plan_file
 from planner.printers import load_printer, palette_of
 from planner.simulation.bar import ProfileDesign, read_profile
-from planner.simulation.bar_solver import PUSHED_END
 from planner.simulation.part_response import PartResponse
 
 __all__ = [
@@ -198,12 +197,18 @@ def _turned(
 
 
 def _is_negative(values: FloatArray) -> bool:
-    # A way back past zero is small beside the pull.
-    return float(-values.min()) > abs(float(values.max()))
+    return float(-values.min()) > _TURNED_RATIO * abs(float(values.max()))
 
+
+_TURNED_RATIO = 5.0
+"""Largest value below zero over the largest above, of what was recorded with its sign turned.
+Chosen: a way back past zero is small beside the pull, so that anything well above 1 does."""
 
 _PLACES = 40
 """Strains at which a curve is looked at. Numerical: laws are straight over a fortieth of them."""
+
+_FARTHEST = 0.6
+"""Strain up to which a curve is looked at. Chosen: a law in compression ends soon after."""
 
 
 def _kind(source: "_Source", force_N: FloatArray, travel_mm: FloatArray) -> str | None:
@@ -216,7 +221,7 @@ def _kind(source: "_Source", force_N: FloatArray, travel_mm: FloatArray) -> str 
     moved = np.abs(travel_mm - travel_mm[0])
     top = int(np.argmax(moved >= 0.95 * moved.max()))
     strain, load = moved[: top + 1] / source.gauge_mm, np.abs(force_N[: top + 1])
-    end = min(float(strain.max()), PUSHED_END)
+    end = min(float(strain.max()), _FARTHEST)
     at = np.linspace(0.0, end, _PLACES + 1)[1:]
     if not end > 0.0 or not load.max() > 0.0:
         return None

@@ -393,8 +393,8 @@ def _one_more(counts: IntArray, most: int) -> list[IntArray]:
 
 
 _BATCHES = 2
-"""In which every condition is printed once, so that none goes with a batch; also specimens of a
-proposed test. Chosen: the fewest that tell batches from scatter, and a bad print from a gap."""
+"""In which every condition is printed once, so that none goes with a batch. Chosen: the fewest that
+tell batches from scatter."""
 
 _SMALLEST_mm, _LARGEST_mm = 0.1, 1000.0
 """Of a specimen's size. Convention: no tensile specimen is beyond, to catch slips of units."""
@@ -613,6 +613,9 @@ _WAITING_SHARE = 0.02
 """What an hour costs in which a specimen soaks or ages. Chosen: a day of waiting counts as half an
 hour of work."""
 
+_COPIES = 2
+"""Specimens of a test. Chosen: with one alone, a bad print or a slipped grip would pass unseen."""
+
 
 @dataclass(frozen=True, slots=True)
 class Trial:
@@ -637,16 +640,16 @@ class Trial:
         what = ", ".join(f"{name} {value}" for name, value in self.change.items())
         how = "compressed specimens" if s.pushed else "specimens"
         detail = (
-            f"{_BATCHES} {how} with {what}, all else as where the palette was measured; about "
+            f"{_COPIES} {how} with {what}, all else as where the palette was measured; about "
             f"{self.hours:.1f} h"
         )
         return Experiment(
-            dict(self.change), splits, gain_nats, self.hours, detail, _BATCHES, row, design
+            dict(self.change), splits, gain_nats, self.hours, detail, _COPIES, row, design
         )
 
 
 def trials_of(campaign: Campaign, setup: Setup) -> tuple[Trial, ...]:
-    """Return the candidate tests of a campaign, each of `_BATCHES` specimens, loaded like most.
+    """Return the candidate tests of a campaign, each of `_COPIES` specimens, loaded like most.
 
     Raises
     ------
@@ -714,7 +717,7 @@ def _hours(specimen: Specimen, least_days: float) -> float:
     """Return the hours of a test's specimens; they wait together."""
     test_h = float(specimen.time_s[-1]) / 3600.0
     waiting = (specimen.soak_h or 0.0) + 24.0 * max((specimen.age_days or 0.0) - least_days, 0.0)
-    return _BATCHES * (_PREPARATION_H + test_h) + _WAITING_SHARE * waiting
+    return _COPIES * (_PREPARATION_H + test_h) + _WAITING_SHARE * waiting
 
 
 # ------------------------------------------------------------------------------------------------
@@ -800,7 +803,7 @@ def _predicted(
     noise = features.noise(problem.scatter)
     means = [learned[:, rows] for rows in noise.rows]
     covariances = [
-        block / _BATCHES + shared[rows] @ known @ shared[rows].T
+        block / _COPIES + shared[rows] @ known @ shared[rows].T
         for rows, block in zip(noise.rows, noise.blocks, strict=True)
     ]
     return means, covariances

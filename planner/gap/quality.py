@@ -119,13 +119,16 @@ _MEANS, _NOISE = 20, 6.0
 """Of a first loading, and their spread in deviations below which its load stands still. Physical:
 so many means of noise alone spread over 3.7 on average, and over 6 once in 300."""
 
+_LEAST_STRAIN = 0.01
+"""From which a load should show. Chosen: below 1 % slack may take up the travel."""
+
 
 def _dead_cell(s: Specimen) -> _Problems:
     """Yield a force that stood still, but for noise, over the first loading."""
     # A crosshead slows down before a hold.
     arrived = s.travel_mm >= (1.0 - TURN_SHARE) * float(np.max(s.travel_mm))
     stop = int(np.argmax(arrived)) + 1
-    if stop < _FEWEST:
+    if stop < _FEWEST or float(s.strain[stop - 1]) < _LEAST_STRAIN:
         return
     force = np.array([part.mean() for part in np.array_split(s.force_N[:stop], min(_MEANS, stop))])
     noise = _NOISE * noise_sd(s.force_N[:stop]) / np.sqrt(stop / len(force))

@@ -192,6 +192,10 @@ _MOST_SEGMENTS = 24
 """Of a path; more cycles are compared in groups. Numerical: of more, `PATH_STEPS` would leave fewer
 than two to some."""
 
+_BACK_SHARE = 0.5
+"""A fall of the load is no rupture if so much of the load comes back later. Chosen: a broken
+specimen bears next to nothing, one that was unloaded nearly all."""
+
 _SAME_TRAVEL = 0.95
 """Of the largest travel so far: from there on a reloaded specimen may be broken. Physical: there a
 softened one bears again about what it bore (Mullins effect)."""
@@ -454,7 +458,7 @@ def _unbroken(
             if there and np.max(part) < BROKEN_SHARE * peak:
                 return kept, True
             end = first + _last_before_break(part)
-            if np.max(force[last + 1 :], initial=0.0) > BROKEN_SHARE * force[end]:
+            if np.max(force[last + 1 :], initial=0.0) > _BACK_SHARE * force[end]:
                 end = last  # what comes back later was no rupture's
         elif kind == "unloading":
             back = travel[first] - travel[first + 1 : last + 1]
