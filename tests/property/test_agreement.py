@@ -1,5 +1,6 @@
 """What grade finds of a plan, check finds of its folder: both make the same checks of the files."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import planner
-from planner.grading import grade as grading
+from planner.grading.regions import BandDesign
 from planner.plan import Check, Plan
 
 ROTATED_PLATE = m3.Manifold.cube([120.0, 90.0, 0.1]).rotate([10.0, 20.0, 30.0])
@@ -93,13 +94,13 @@ def test_volume_lost_by_rounding_is_told_by_both(tmp_path: Path) -> None:
 
 
 def test_what_only_the_plan_gets_wrong_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    made = grading.regions_of
+    made = BandDesign.regions
 
     def elsewhere(*given: Any) -> Any:
         regions = made(*given)
-        return (grading.replace(regions[0], bounds_mm=((0.0,) * 3, (0.5,) * 3)), *regions[1:])
+        return (replace(regions[0], bounds_mm=((0.0,) * 3, (0.5,) * 3)), *regions[1:])
 
-    monkeypatch.setattr(grading, "regions_of", elsewhere)
+    monkeypatch.setattr(BandDesign, "regions", elsewhere)
     bar = m3.Manifold.cube([40.0, 4.0, 4.0])
     plan = planner.grade(_arrays(bar), from_="Tango", to="Vero", axis="x")
     assert not plan.ok
