@@ -27,6 +27,7 @@ with contextlib.suppress(AttributeError, StopIteration):
 import numpy as np
 import pytest
 
+import planner
 from planner import compilation_cache
 from planner.cli import run
 from planner.gap.campaign import Campaign
@@ -153,6 +154,18 @@ def imitated(palette: Palette) -> Imitated:
 @pytest.fixture(scope="session")
 def samples() -> Path:
     return ROOT / "samples"
+
+
+@pytest.fixture(scope="session")
+def dogbone_plan(samples: Path) -> planner.Plan:
+    """From the softest to the hardest, along x."""
+    return planner.grade(samples / "dogbone.stl", from_="Tango", to="Vero", axis="x")
+
+
+@pytest.fixture(scope="session")
+def finger_plan(samples: Path) -> planner.Plan:
+    """From the softest to the hardest, along x."""
+    return planner.grade(samples / "finger.stl", from_="Tango", to="Vero", axis="x")
 
 
 @pytest.fixture(scope="session")

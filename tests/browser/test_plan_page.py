@@ -30,19 +30,14 @@ Load = Callable[..., float]
 
 
 @pytest.fixture(scope="module")
-def plan(samples: Path) -> planner.Plan:
-    return planner.grade(samples / "finger.stl", from_="Tango", to="Vero", axis="x")
-
-
-@pytest.fixture(scope="module")
-def pages(plan: planner.Plan, tmp_path_factory: pytest.TempPathFactory) -> Pages:
+def pages(finger_plan: planner.Plan, tmp_path_factory: pytest.TempPathFactory) -> Pages:
     """The finger with nothing found, or with two findings, one of which has a place."""
     thin = Finding("thin-wall", "a wall of 0.3 mm", "FLX9770", PLACE_MM, size_mm=0.3)
     none = Finding("cell", "cells that are too small")
     made: dict[str, Path] = {}
     for name, findings in (("sound", ()), ("found", (none, thin))):
         made[name] = tmp_path_factory.mktemp(name) / "plan.html"
-        made[name].write_bytes(planner.plan_page(replace(plan, findings=findings)))
+        made[name].write_bytes(planner.plan_page(replace(finger_plan, findings=findings)))
     return made.__getitem__
 
 
@@ -122,7 +117,7 @@ def test_a_section_is_cut_filled_and_moved(browser: Any, load: Load, pages: Page
 
 
 def test_materials_are_switched_off_and_on(
-    browser: Any, load: Load, pages: Pages, plan: planner.Plan
+    browser: Any, load: Load, pages: Pages, finger_plan: planner.Plan
 ) -> None:
     load(pages("sound"))
     whole = seen(browser)
@@ -133,8 +128,8 @@ def test_materials_are_switched_off_and_on(
     click(browser, "#show-all")
     assert changed(whole, seen(browser)) == 0
     words = browser.find_element("css selector", "#materials li:nth-child(7)").text
-    assert plan.regions[6].printed in words
-    assert f"{plan.regions[6].volume_mm3:.0f} mm³" in words
+    assert finger_plan.regions[6].printed in words
+    assert f"{finger_plan.regions[6].volume_mm3:.0f} mm³" in words
 
 
 def test_the_figure_points_a_material_out(browser: Any, load: Load, pages: Pages) -> None:

@@ -12,6 +12,7 @@ from planner.gap.campaign import Campaign
 from planner.gap.campaign_folder import read_campaign, write_campaign
 from planner.gap.observations import observation_model
 from planner.palette import load_palette
+from planner.plan import Plan
 
 HEAD = (
     "specimen,material,profile,width_mm,thickness_mm,gauge_mm,rate_mm_s,temperature_C,soak_h,"
@@ -169,10 +170,8 @@ def test_a_campaign_built_in_memory_has_its_limitations(folder: Path) -> None:
     assert "temperature_C is unknown" not in " ".join(fewer.limitations)
 
 
-def test_a_plan_is_a_profile(folder: Path, samples: Path) -> None:
-    from planner import grade
-
-    plan = grade(samples / "dogbone.stl", from_="Tango", to="Vero", axis="x")
+def test_a_plan_is_a_profile(folder: Path, dogbone_plan: Plan) -> None:
+    plan = dogbone_plan
     (folder / "bar-graded").mkdir()
     (folder / "bar-graded" / "plan.json").write_bytes(plan.json())
     (folder / "specimens.csv").write_text(HEAD + ROWS.replace("profiles/bar.csv", "bar-graded"))

@@ -15,10 +15,8 @@ BY_MATERIAL = ("material", "modulus_MPa", "coordinate")
 
 
 @pytest.fixture(scope="module")
-def sound(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    samples = Path(__file__).resolve().parents[2] / "samples"
-    plan = planner.grade(samples / "finger.stl", from_="Tango", to="Vero", axis="x")
-    return plan.write(tmp_path_factory.mktemp("graded") / "finger")
+def sound(finger_plan: planner.Plan, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return finger_plan.write(tmp_path_factory.mktemp("graded") / "finger")
 
 
 @pytest.fixture

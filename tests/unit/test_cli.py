@@ -23,15 +23,10 @@ def _in_scratch_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
 
 
-@pytest.fixture(scope="module")
-def plan(samples: Path) -> planner.Plan:
-    return planner.grade(samples / "finger.stl", from_="Tango", to="Vero", axis="x")
-
-
 @pytest.fixture
-def graded(plan: planner.Plan) -> Path:
+def graded(finger_plan: planner.Plan) -> Path:
     """What `grade finger.stl --from Tango --to Vero --axis x` writes."""
-    return plan.write("finger-graded")
+    return finger_plan.write("finger-graded")
 
 
 GRADIENT = ["--from", "Tango", "--to", "Vero", "--axis", "x"]

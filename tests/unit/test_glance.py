@@ -19,14 +19,17 @@ INNER = 400
 """Of the smaller things within a result, which are shown one at a time."""
 
 
-@pytest.fixture(scope="module")
-def plan(samples: Path) -> Plan:
-    return planner.grade(samples / "dogbone.stl", from_="Tango", to="Vero", axis="x")
+@pytest.fixture
+def plan(dogbone_plan: Plan) -> Plan:
+    return dogbone_plan
 
 
 @pytest.fixture(scope="module")
-def results(plan: Plan, samples: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+def results(
+    dogbone_plan: Plan, samples: Path, tmp_path_factory: pytest.TempPathFactory
+) -> dict[str, Any]:
     """What public functions return, but for the slow ones of the gap."""
+    plan = dogbone_plan
     tmp_path = tmp_path_factory.mktemp("results")
     folder = plan.write(tmp_path / "bar")
     scale = planner.list_materials()

@@ -21,8 +21,10 @@ NAMED = "<script>alert(1)</script>&\"'"
 
 
 @pytest.fixture(scope="module")
-def values(samples: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
-    plan = planner.grade(samples / "dogbone.stl", from_="Tango", to="Vero", axis="x")
+def values(
+    dogbone_plan: Plan, samples: Path, tmp_path_factory: pytest.TempPathFactory
+) -> dict[str, Any]:
+    plan = dogbone_plan
     folder = plan.write(tmp_path_factory.mktemp("plans") / "bar")
     scale = planner.list_materials(at_strain=0.2)
     return {

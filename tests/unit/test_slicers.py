@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import planner
 from planner.cli import run
 from planner.errors import ArgumentError
 from planner.formats.threemf import (
@@ -137,10 +136,11 @@ def test_one_mesh_is_read_back_by_material():
 
 
 @pytest.fixture(scope="module")
-def folders(samples, tmp_path_factory):
-    plan = planner.grade(samples / "finger.stl", from_="Tango", to="Vero", axis="x")
+def folders(finger_plan, tmp_path_factory):
     root = tmp_path_factory.mktemp("for")
-    return {s: plan.write(root / (s or "none"), slicer=s) for s in (None, "cura", "prusaslicer")}
+    return {
+        s: finger_plan.write(root / (s or "none"), slicer=s) for s in (None, "cura", "prusaslicer")
+    }
 
 
 def test_only_the_3mf_depends_on_the_slicer(folders):

@@ -21,9 +21,8 @@ from planner.voxels.columns import Grid, iterate_columns
 
 
 @pytest.fixture(scope="module")
-def dogbone(samples: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    plan = planner.grade(samples / "dogbone.stl", from_="Tango", to="Vero", axis="x")
-    return plan.write(tmp_path_factory.mktemp("plans") / "dogbone")
+def dogbone(dogbone_plan: planner.Plan, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return dogbone_plan.write(tmp_path_factory.mktemp("plans") / "dogbone")
 
 
 @pytest.fixture(scope="module")

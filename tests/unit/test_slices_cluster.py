@@ -31,9 +31,8 @@ main()
 
 
 @pytest.fixture(scope="module")
-def plan(samples: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    plan = planner.grade(samples / "dogbone.stl", from_="Tango", to="Vero", axis="x")
-    return plan.write(tmp_path_factory.mktemp("plans") / "dogbone")
+def plan(dogbone_plan: planner.Plan, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return dogbone_plan.write(tmp_path_factory.mktemp("plans") / "dogbone")
 
 
 @contextlib.contextmanager

@@ -8,6 +8,8 @@ shape. Tolerances are in nats, measured over seeds; 3 nats are what a class of h
 import itertools
 from collections.abc import Callable
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,6 +17,7 @@ from scipy.integrate import nquad
 from scipy.special import logsumexp
 
 from planner.gap.effect import Effect, Form, Parameter
+from planner.gap.evidence import weigh
 from planner.gap.evidence.problem import Candidate, SignedForm, searched, signed_forms
 from planner.gap.evidence.weigh import _weigh_subset
 from planner.gap.noise import USUAL
@@ -254,3 +257,29 @@ def test_the_evidence_is_a_bound_where_specimens_go_together(seed: int) -> None:
     levels = planted(seed, [2, 6, 9], 0.3, n=10)
     off = weighed(levels, shared).log_evidence - exact(levels, shared)
     assert -2.0 < off < 1e-6
+
+
+def test_two_effects_are_looked_at_in_all_forms_of_each(monkeypatch: pytest.MonkeyPatch) -> None:
+    """First each form where it is best beside the other; none that fits worse than nothing."""
+    monkeypatch.setattr(weigh, "joined", tuple)
+
+    def form(id: str, number: int, gain: float = 0.0) -> Any:
+        return SimpleNamespace(
+            effects=(id,), parts=(f"{id}{number}",), gain=gain, log_evidence=gain
+        )
+
+    def single(own: Any, *beside: Any) -> Any:
+        return SimpleNamespace(
+            candidate=own, beside=lambda: beside, world=None, eliminated=lambda world: None,
+            weighed=lambda world, eliminated: own,
+        )  # fmt: skip
+
+    best: Any = {
+        ("a",): single(form("a", 1), form("b", 2, 1.0), form("b", 1, 2.0), form("c", 1, 3.0)),
+        ("b",): single(form("b", 1), form("a", 2, 1.0), form("a", 3, -9.0)),
+    }
+    forms = [("a", 1), ("a", 2), ("a", 3, -9.0), ("b", 1), ("b", 2), ("c", 1)]
+    logs: Any = SimpleNamespace(forms=lambda candidate: 0.0)
+    found = list(weigh._in_all_forms(("a", "b"), best, [single(form(*f)) for f in forms], logs))
+    assert found[:3] == [("a1", "b1"), ("a1", "b2"), ("b1", "a2")]
+    assert found[3:] == [("a1", "b1"), ("a1", "b2"), ("a2", "b1"), ("a2", "b2")]
