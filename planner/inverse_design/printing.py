@@ -18,14 +18,7 @@ from planner.grading.profile import Profile, StiffnessScale, natural_bands
 from planner.grading.snap import snap_limit_mm, snapped_bands
 from planner.inverse_design import search
 from planner.inverse_design.controls import TABLE, Controls, StiffnessRange
-from planner.inverse_design.search import (
-    Case,
-    DesignProblem,
-    Solved,
-    Tried,
-    WantedOfPart,
-    next_values,
-)
+from planner.inverse_design.search import Case, DesignProblem, Solved, Tried, WantedOfPart
 from planner.numerics import BoolArray, FloatArray, interrupted
 from planner.plan import Plan
 from planner.printers import Printer
@@ -378,7 +371,7 @@ def _aimed(
     further, sides = aim, dict[bool, tuple[float, FloatArray]]()
     for _ in range(_ROUNDS if len(foretold) else 0):
         at = replace(best, values=base, off=beyond - weights * aim)
-        values = next_values(problem, at, np.where(still, 0.0, _REACH))
+        values = search.next_values(problem, at, np.where(still, 0.0, _REACH))
         misses = printing.foretold(values) - foretold
         missed = float(np.abs(misses).max())
         side = bool(misses[0] > 0.0)

@@ -18,20 +18,12 @@ from planner.numerics import FloatArray
 from planner.palette import Palette
 from planner.plan import Plan
 from planner.printers import load_printer
+from planner.report import plan_figure
 from planner.report.display import colours_told_apart
 from planner.report.gap_figures import errors_of, figures_of
 from planner.report.gap_page import headline, scope
 from planner.report.loaded_part import response_rows, summary_words
 from planner.report.material_figures import materials_figure
-from planner.report.plan_figure import (
-    error_words,
-    mm_along,
-    plan_table,
-    stiffness_figure,
-    stretches,
-    target_along,
-    unreachable_words,
-)
 from planner.report.simulation_figures import simulation_figure
 from planner.report.svg import BLUE, INK, RED
 from planner.simulation.part import PartSimulation
@@ -114,18 +106,18 @@ def _plan(plan: Plan) -> str:
         return _html(plan, ())
     colours = _colours(plan)
     said = [finding.message for finding in plan.findings]
-    table = plan_table(plan)
+    table = plan_figure.plan_table(plan)
     columns = [name for name in table.columns if name not in ("#", "mass g")]
     return _html(
         plan,
         [
-            _words([*unreachable_words(plan), *said]),
-            _figure(stiffness_figure(plan, colours, "Target and achieved stiffness")),
+            _words([*plan_figure.unreachable_words(plan), *said]),
+            _figure(plan_figure.stiffness_figure(plan, colours, "Target and achieved stiffness")),
             _table(
                 columns, table.rows, [colours[r.printed] for r in plan.regions],
                 ["material", "blend"],
             ),
-            _said(error_words(plan).replace("--blend", "blend")),
+            _said(plan_figure.error_words(plan).replace("--blend", "blend")),
         ],
     )  # fmt: skip
 
@@ -264,11 +256,11 @@ def _draw(value: Any, ax: "Axes") -> None:
 
 @_draw.register(Plan)
 def _draw_plan(plan: Plan, ax: "Axes") -> None:
-    begin, way, words = mm_along(plan.gradient.field)
-    target = target_along(plan)
+    begin, way, words = plan_figure.mm_along(plan.gradient.field)
+    target = plan_figure.target_along(plan)
     if target is not None:
         ax.plot(begin + target[0] * way, 10.0 ** target[1], "--", color=BLUE, label="target")
-    for number, region in enumerate(stretches(plan.regions)):
+    for number, region in enumerate(plan_figure.stretches(plan.regions)):
         ends = [begin + u * way for u in region.field]
         label = "achieved" if number == 0 else None
         ax.plot(ends, [region.modulus_MPa] * 2, color=INK, linewidth=2.5, label=label)

@@ -20,17 +20,9 @@ from planner.glance import format_number
 from planner.grading.check import Difference, diff
 from planner.numerics import Float32Array, FloatArray, IntArray, Point
 from planner.plan import Plan, decode_plan, plan_file, read_plan, read_shells
-from planner.report import page
+from planner.report import page, plan_figure
 from planner.report.display import ScreenGrid, Shown, colours_told_apart, shown, thinned
 from planner.report.markdown import to_html
-from planner.report.plan_figure import (
-    both_figure,
-    error_words,
-    moved_words,
-    plan_table,
-    stiffness_figure,
-    unreachable_words,
-)
 from planner.report.svg import ramp
 
 if TYPE_CHECKING:
@@ -264,7 +256,7 @@ def _body(source: _PlanSource, courses: "Sequence[Course]") -> Iterator[str]:
     yield '</div>\n</div>\n<div class="below" id="figures">'
     yield from _figure(
         "stiffness",
-        stiffness_figure(plan, colours),
+        plan_figure.stiffness_figure(plan, colours),
         "Dashed: the target. Thick: the modulus of what is printed there, with the interval that "
         "holds it with 95 % probability. Below: the materials by their numbers.",
     )
@@ -422,7 +414,7 @@ def _in_words(plan: Plan) -> str:
 
 
 def _findings(plan: Plan, more: Sequence[str]) -> Iterator[str]:
-    missed = [(words, False) for words in unreachable_words(plan)]
+    missed = [(words, False) for words in plan_figure.unreachable_words(plan)]
     placed = [(found.message, found.place_mm is not None) for found in plan.findings]
     return page.findings_card([*missed, *placed, *((words, False) for words in more)])
 
@@ -502,9 +494,9 @@ def _regions_table(
         Rows to mark, from 0.
     """
     numbers = _numbers(colours)
-    shown = plan_table(plan)
+    shown = plan_figure.plan_table(plan)
     yield f'<p class="quiet">{escape(shown.title)}</p>'
-    for words in (error_words(plan), moved_words(plan)):
+    for words in (plan_figure.error_words(plan), plan_figure.moved_words(plan)):
         if words:
             yield f'<p class="quiet">{escape(words)}</p>'
     rows = []
@@ -719,10 +711,10 @@ def _compared(
     yield from _differences(found)
     yield from _figure(
         "curves",
-        both_figure(plans[0], plans[1], "curves-words"),
+        plan_figure.both_figure(plans[0], plans[1], "curves-words"),
         "Dashed: the targets. Thick: the moduli of what is printed there; A is drawn wider.",
     )
-    rows = [[tuple(row.values()) for row in plan_table(plan).rows] for plan in plans]
+    rows = [[tuple(row.values()) for row in plan_figure.plan_table(plan).rows] for plan in plans]
     for side, plan, mine, other in zip(_SIDES, plans, rows, reversed(rows), strict=True):
         changed = [k for k, row in enumerate(mine) if k >= len(other) or row != other[k]]
         name = f"regions-{side}"
