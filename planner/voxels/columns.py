@@ -78,13 +78,14 @@ def deal_rows(
     low, high = np.empty((2, len(faces)), np.int16)  # sorting whole ones takes a few passes
     _cover(snapped, faces, nx, ny, low, high)
     rising = np.flatnonzero(low < high).astype(np.int32)
-    rising = rising[np.argsort(low[rising], kind="stable")]
-    begins, taken, members = low[rising], 0, rising[:0]
-    for first in range(0, ny, slab_rows):
-        last = min(first + slab_rows, ny)
-        reached = int(np.searchsorted(begins, last))
-        members = np.append(members[high[members] > first], rising[taken:reached])
-        taken = reached
+    slabs = range(0, ny, min(slab_rows, ny))
+    of_slab = low[rising] // slabs.step
+    ends = np.cumsum(np.bincount(of_slab, minlength=len(slabs)))
+    begun = np.split(rising[np.argsort(of_slab, kind="stable")], ends[:-1])  # nearby ones together
+    members = rising[:0]
+    for first, own in zip(slabs, begun, strict=True):
+        last = min(first + slabs.step, ny)
+        members = np.append(members[high[members] > first], own)
         crossed = np.minimum(high[members], last) - np.maximum(low[members], first)
         yield first, last, members, int(crossed.sum(dtype=np.int64))
 
