@@ -318,7 +318,7 @@ def respond(
     at_vertices, _ = shape_functions(cells.vertex_local, cells.cell_mm)
     average = CellAverage(cells)
     factored, last, lost = None, mechanics.at_rest(), None
-    kept: list[tuple[Any, ...]] = []
+    kept: list[dict[str, Any]] = []
     told: list[list[tuple[Response, _Weights]]] = []
     corners = np.empty(0)
 
@@ -329,14 +329,15 @@ def respond(
         nodal = average.of((stretch - 1.0) / body.table.break_at(body.coordinate))
         corners = nodal[average.number]
         worst = int(np.argmax(np.where(average.held, nodal, -np.inf)))
-        kept.append((
-            state.share,
-            np.einsum("va,vai->vi", at_vertices, u[cells.nodes[cells.vertex_cell]]),
-            average.at_vertices(nodal),
-            nodal[worst],
-            cells.node_mm[average.node[worst]],
-            mechanics.energy_mJ(state),
-        ))  # fmt: skip
+        moved = np.einsum("va,vai->vi", at_vertices, u[cells.nodes[cells.vertex_cell]])
+        kept.append({
+            "share": state.share,
+            "displacement_mm": moved,
+            "strain_over_break": average.at_vertices(nodal),
+            "largest": nodal[worst],
+            "largest_mm": cells.node_mm[average.node[worst]],
+            "energy_mJ": mechanics.energy_mJ(state),
+        })  # fmt: skip
         told.append(list(answers(mechanics, state)))
 
     keep(last)
@@ -351,11 +352,9 @@ def respond(
     responses = tuple(
         _responses(mechanics, told, last, factored, model, level) if factored is not None else ()
     )
-    share, moved, over_break, largest, largest_mm, energy = (
-        np.stack(each) for each in zip(*kept, strict=True)
-    )
+    series: dict[str, Any] = {name: np.stack([one[name] for one in kept]) for name in kept[0]}
     fields = _fields_of(mechanics, last, corners)
-    return LoadSteps(share, moved, over_break, largest, largest_mm, energy, responses, lost, fields)
+    return LoadSteps(**series, responses=responses, lost=lost, fields=fields)
 
 
 class CellAverage:
