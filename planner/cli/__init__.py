@@ -238,7 +238,7 @@ _COMMANDS: tuple[Callable[..., int], ...] = (
     _materials.materials, _materials.fit, _materials.characterise, _plans.view, _plans.check,
     _plans.diff, _plans.compare, _plans.slices, _printers.schema,
 )  # fmt: skip
-for _command in _COMMANDS:
-    app.command()(_command)
+for _function in _COMMANDS:
+    app.command()(_function)
 app.add_typer(_gap.app)
 app.add_typer(_printers.app)
