@@ -64,6 +64,11 @@ def pytest_collection() -> Iterator[None]:
         gc.enable()
 
 
+def pytest_unconfigure() -> None:
+    """Let Python find all that is left when it ends."""
+    gc.unfreeze()
+
+
 MARKS = ("slow", "long", "bench")
 
 

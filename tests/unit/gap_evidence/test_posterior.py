@@ -6,6 +6,7 @@ from unittest.mock import Mock
 
 import numpy as np
 import pytest
+from scipy.stats import ttest_1samp
 
 from planner.gap.diagnosis import Effects, Hypothesis
 from planner.gap.evidence import weigh
@@ -297,6 +298,13 @@ def test_errors_rise_where_they_do_so_in_most_tests(rise: float, expected: bool)
     after[-1] = 9.0
     assert weigh._rise(before, after, test_of) is expected
     assert not weigh._rise(before[:2], before[:2] + 1.0, test_of[:2])
+
+
+@pytest.mark.parametrize("mean", [1.6, 1.8])  # the level is 2.92 / √3
+def test_a_rise_is_by_students_one_sided_test(mean: float) -> None:
+    rises = mean + np.array([-1.0, 0.0, 1.0])
+    by_chance = ttest_1samp(rises, 0.0, alternative="greater").pvalue
+    assert weigh._rise(np.zeros(3), rises, np.arange(3)) is bool(by_chance < 0.05)
 
 
 @pytest.mark.parametrize(("groups", "each"), [(1, 18), (3, 6), (15, 2)])
