@@ -69,27 +69,6 @@ def pytest_unconfigure() -> None:
     gc.unfreeze()
 
 
-MARKS = ("slow", "long", "bench")
-
-
-def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
-    """Leave files unread of which ``-m`` can choose no test: each worker would read them all."""
-    chosen = config.option.markexpr
-    if not chosen or collection_path.suffix != ".py":
-        return None
-    text = collection_path.read_text(encoding="utf-8")
-    of_bench = "tests/bench/" in collection_path.as_posix()
-    may_bear = [(False, True) if mark in text else (False,) for mark in MARKS[:2]]
-    may_bear.append((of_bench,))
-    with contextlib.suppress(NameError, SyntaxError, TypeError):  # another expression than of these
-        if not any(
-            eval(chosen, {}, dict(zip(MARKS, bears, strict=True)))
-            for bears in itertools.product(*may_bear)
-        ):
-            return True
-    return None
-
-
 @pytest.fixture(scope="module", autouse=True)
 def _small_pictures(request: pytest.FixtureRequest) -> Iterator[None]:
     """Draw small what lies beside each plan where no test looks at it: whole, it takes 0.2 s."""
