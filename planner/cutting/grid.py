@@ -1,6 +1,7 @@
 """Level sets on one grid: where it lies, its values, and marching tetrahedra over it."""
 
 import itertools
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -79,9 +80,9 @@ def default_pitch_mm(mesh: Mesh) -> float:
     two digits: the same for parts that differ by a hair.
     """
     extent_mm = mesh.bounds_mm[1] - mesh.bounds_mm[0]
-    edge_mm = float(np.cbrt(extent_mm.prod()))
+    edge_mm = math.cbrt(extent_mm.prod())
     fine_mm = max(min(_USUAL_MM, edge_mm / _LEAST_CELLS), _FINEST_MM)
-    coarse_mm = max(edge_mm / float(np.cbrt(_MOST_USUAL)), float(extent_mm.max()) / 2000.0)
+    coarse_mm = max(edge_mm / math.cbrt(_MOST_USUAL), float(extent_mm.max()) / 2000.0)
     pitch_mm = max(fine_mm, coarse_mm)
     return float(f"{pitch_mm:.2g}")
 
@@ -92,7 +93,7 @@ def _check_pitch(mesh: Mesh, pitch_mm: float) -> None:
     vertices = float((extent_mm / pitch_mm + 4.0).prod())
     longest_mm = float(extent_mm.max())
     if vertices > _MOST_VERTICES or longest_mm / pitch_mm > 16000:
-        least = max(float(np.cbrt(extent_mm.prod() / _MOST_VERTICES)), longest_mm / 15990)
+        least = max(math.cbrt(extent_mm.prod() / _MOST_VERTICES), longest_mm / 15990)
         raise ArgumentError(
             f"`pitch_mm` {pitch_mm:g}: this part would need {vertices:.2g} grid points, and "
             f"{_MOST_VERTICES:.2g} are possible; a pitch of {1.1 * least:.2g} mm or more fits"

@@ -465,7 +465,7 @@ class Setting:
     def samples_mm(self) -> FloatArray:
         """The part's vertices and points within it."""
         extent_mm = np.ptp(self.mesh.bounds_mm, axis=0)
-        coarse = float(np.cbrt(extent_mm.prod() / _SAMPLES))
+        coarse = math.cbrt(extent_mm.prod() / _SAMPLES)
         grid, inside = cells_of(self.mesh, max(coarse, float(extent_mm.max()) / 4000.0))
         return np.concatenate([self.mesh.vertices, grid.centre_mm(np.argwhere(inside))])
 

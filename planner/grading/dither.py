@@ -399,7 +399,7 @@ def affordable_cells(mesh: Mesh, dealt: DitherField, *, stated: bool) -> DitherF
 def estimate_triangles(mesh: Mesh, dealt: DitherField) -> tuple[float, float]:
     """Estimate the triangles of all shells from a sample: inside the part, and at its surface."""
     extent_mm = np.ptp(mesh.bounds_mm, axis=0)
-    pitch_mm = max(float(np.cbrt(extent_mm.prod() / _SAMPLES)), float(extent_mm.max()) / 16000.0)
+    pitch_mm = max(math.cbrt(extent_mm.prod() / _SAMPLES), float(extent_mm.max()) / 16000.0)
     table = blue_noise_bevelled()
     count, drawn = 0, 0.0
     grid = grid_for(mesh.bounds_mm, pitch_mm)

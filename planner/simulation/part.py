@@ -644,7 +644,7 @@ _MOST_STEPS = 1000
 
 def default_cell_mm(surface: Mesh) -> float:
     """Return the edge of cells where none is given."""
-    return float(f"{np.cbrt(surface.volume_mm3 / _CELLS):.2g}")
+    return float(f"{math.cbrt(surface.volume_mm3 / _CELLS):.2g}")
 
 
 @one_blas_thread()

@@ -519,7 +519,7 @@ def loaded_part(
     ArgumentError
         Selectors and loads that mean nothing on this part.
     """
-    edge = float(np.cbrt(solid.surface.volume_mm3 / _CELLS)) if cell_mm is None else cell_mm
+    edge = math.cbrt(solid.surface.volume_mm3 / _CELLS) if cell_mm is None else cell_mm
     cells, coordinate = solid.cut(edge, shift=shift)
     return LoadedPart(solid, cells, coordinate, read_conditions(cells.surface, case))
 

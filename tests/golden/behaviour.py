@@ -221,11 +221,13 @@ def _rounded(number: str, digits: int) -> str:
 
 
 def _processor() -> str:
-    """Return what BLAS takes the processor for: its kernels add in an order of their own."""
+    """Return what BLAS and numpy take the processor for: each has kernels of its own."""
     import numpy as np  # its BLAS must be there to be asked
+    from numpy._core._multiarray_umath import __cpu_dispatch__, __cpu_features__
     from threadpoolctl import threadpool_info
 
     found = {i.get("architecture", "?") for i in threadpool_info() if i["user_api"] == "blas"}
+    found |= {name for name in __cpu_dispatch__ if __cpu_features__[name]}
     return " ".join([platform.machine(), *sorted(found), f"numpy {np.__version__}"])
 
 

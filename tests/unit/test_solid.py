@@ -760,7 +760,7 @@ def test_a_last_change_that_does_not_fall_is_made_with_a_factor_of_its_own(monke
             return scale * self.factor.solve(rhs)
 
     monkeypatch.setattr(
-        Mechanics, "_factored", lambda self, _, *, at_rest: Stale(own(self, None, at_rest=at_rest))
+        Mechanics, "_factored", lambda self, _, **given: Stale(own(self, None, **given))
     )
     _, states, told = bent(shares, tangents=False)
     for (one, _), (other, _) in zip(exact, states, strict=True):
