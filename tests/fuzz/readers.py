@@ -128,7 +128,7 @@ DIAGNOSIS = {
 RESPONSE = PartResponse(
     "finger", np.array([1.0, 2.0]), np.array([0.5, 0.9]), np.array([0.2, 0.8]),
     np.full((2, 2), 0.1), np.full((2, 2), 0.5), 2.0
-)  # fmt: skip
+).encode()  # fmt: skip
 CASES = b"""[[case]]
 name = "push"
 target = "x=min uz=-12 mm"
