@@ -83,8 +83,7 @@ def default_pitch_mm(mesh: Mesh) -> float:
     edge_mm = math.cbrt(extent_mm.prod())
     fine_mm = max(min(_USUAL_MM, edge_mm / _LEAST_CELLS), _FINEST_MM)
     coarse_mm = max(edge_mm / math.cbrt(_MOST_USUAL), float(extent_mm.max()) / 2000.0)
-    pitch_mm = max(fine_mm, coarse_mm)
-    return float(f"{pitch_mm:.2g}")
+    return float(f"{max(fine_mm, coarse_mm):.2g}")
 
 
 def _check_pitch(mesh: Mesh, pitch_mm: float) -> None:

@@ -43,8 +43,7 @@ def between_cells(grid: Grid, values: FloatArray) -> Quantity:
 
 def _solve_pitch_mm(mesh: Mesh, pitch_mm: float) -> float:
     """Return the pitch to solve at: that of the shells, or as fine as `_MOST_CELLS` allow."""
-    extent_mm = mesh.bounds_mm[1] - mesh.bounds_mm[0]
-    return max(pitch_mm, math.cbrt(extent_mm.prod() / _MOST_CELLS))
+    return max(pitch_mm, math.cbrt(np.ptp(mesh.bounds_mm, axis=0).prod() / _MOST_CELLS))
 
 
 def cells_of(mesh: Mesh, pitch_mm: float) -> tuple[Grid, BoolArray]:
