@@ -152,11 +152,10 @@ def _print(results: "Results", output: Path | None) -> None:
     kept = [i for i in range(len(COLUMNS)) if any(row[i] for row in rows)]
     truth = results.truth
     print_table(
-        [COLUMNS[i] for i in kept],
+        [COLUMNS[i] if i < 2 else f">{COLUMNS[i]}" for i in kept],
         [[row[i] for i in kept] for row in rows],
         title=f"{truth.file}: {len(results.scores)} of {len(truth.campaigns)} campaigns"
         + (f", diagnosed without {', '.join(results.without)}" if results.without else ""),
-        right=[COLUMNS[i] for i in kept[2:]],
         droppable=[name for name in DROPPABLE if COLUMNS.index(name) in kept],
     )
     for line in overall_lines(results.summary):
