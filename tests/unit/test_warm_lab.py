@@ -22,6 +22,8 @@ def test_what_is_printed_is_what_is_written(warm_diagnosis: Path) -> None:
 def test_the_sample_is_warm(warm_diagnosis: Path) -> None:
     document = json.loads((warm_diagnosis / "diagnosis.json").read_bytes())
     assert document["verdict"] == "temperature"
+    # What may be said of any cause, that another may look like it, makes no class of two.
+    assert document["class"] == [["temperature"]]
     # The sample was made with 0.045 per kelvin; its own scatter of 3 % on four warm specimens
     # against fourteen others is worth 0.001 per kelvin.
     low, high = document["effect"]["temperature"]["interval"]["slope"]

@@ -795,7 +795,12 @@ def class_of(
     Those less than `_ALIKE_NATS` below it, single effects whose pattern is the verdict's, and of
     several effects those beside which another closes nothing of the gap.
     """
-    odds = {h.effects: float(np.log(max(h.probability, 1e-300))) for h in ranking}
+    share = {h.effects: h.probability for h in ranking}
+    # That a cause out of the library may look the same holds of whatever is named.
+    named = sum(p for effects, p in share.items() if effects not in ((), UNKNOWN))
+    imitated = weighed.logs.priors.imitated
+    share[UNKNOWN] = share.get(UNKNOWN, 0.0) - named * imitated / (1.0 - imitated)
+    odds = {effects: float(np.log(max(p, 1e-300))) for effects, p in share.items()}
     leading = odds.get(verdict, max(odds.values()))
     alike = _fits_of_same_pattern(problem, weighed, list(odds))
 
