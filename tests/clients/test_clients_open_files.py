@@ -27,6 +27,7 @@ def run(*command):
         [str(word) for word in command],
         capture_output=True,
         encoding="utf-8",
+        errors="replace",  # not all that admesh prints is UTF-8
         timeout=60,
         check=False,
     )
