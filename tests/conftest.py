@@ -19,6 +19,11 @@ if sys.dont_write_bytecode:  # hundreds of processes read what one has compiled
 if "PYTEST_XDIST_WORKER" in os.environ:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+from planner.cli import round_alike
+
+if "numpy" not in sys.modules:
+    round_alike()
+
 # pytest rewrites the assertions of a plugin's whole package, here of 40,000 lines in each worker.
 with contextlib.suppress(AttributeError, StopIteration):
     finder: Any = next(one for one in sys.meta_path if hasattr(one, "mark_rewrite"))

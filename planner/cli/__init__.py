@@ -16,8 +16,10 @@ import signal
 import sys
 import threading
 import time
+import warnings
 from collections.abc import Callable, Sequence
 from functools import cache
+from pathlib import Path
 from types import FrameType
 from typing import Annotated, Any
 
@@ -30,7 +32,7 @@ from planner.cli import plans as _plans
 from planner.cli import printers as _printers
 from planner.cli import simulate as _simulate
 
-__all__ = ["app", "main", "run"]
+__all__ = ["app", "main", "round_alike", "run"]
 
 
 INTERRUPTED = 130
@@ -41,12 +43,19 @@ BAD_INPUT = 2
 _OBJECTS = 50_000
 """That are made until Python searches for garbage: by default 700."""
 
+_NOT_EVERYWHERE = "AVX512F AVX512CD AVX512_SKX AVX512_CLX AVX512_CNL AVX512_ICL AVX512_SPR X86_V4"
+"""Instruction sets for which numpy has functions of its own, by its names before 2.4 and since."""
+
+_FIRST_PROCESSOR = 8192
+"""Characters in which Linux describes it."""
+
 _TRIM_THRESHOLD, _MMAP_THRESHOLD = -1, -3  # mallopt(3)
 _KEPT_BYTES, _KEPT_ARRAY_BYTES = 1 << 30, 32 << 20  # the most that glibc takes
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and exit with the code of contracts: 0, 1, 2, 70, 130 or 143."""
+    round_alike()
     _keep_memory()
     signal.signal(signal.SIGTERM, _terminate)
     _end_in_time()
@@ -60,6 +69,20 @@ def main(arguments: Sequence[str] | None = None) -> None:
         code = TERMINATED if _told_to_end else INTERRUPTED
     gc.freeze()  # the system takes all back: nothing is searched through on the way out
     sys.exit(code)
+
+
+def round_alike() -> None:
+    """Let numpy and its BLAS round alike on all x86-64 processors that have AVX2.
+
+    Where there is AVX-512, numpy's logarithms and powers end in another digit, its sorting leaves
+    ties in another order, and BLAS adds in another one. Neither may be imported yet.
+    """
+    os.environ.setdefault("NPY_DISABLE_CPU_FEATURES", _NOT_EVERYWHERE)
+    # That this processor has none of them, or numpy no such functions.
+    warnings.filterwarnings("ignore", "During parsing environment variable", ImportWarning)
+    with contextlib.suppress(OSError), Path("/proc/cpuinfo").open(encoding="utf-8") as said:
+        if " avx2 " in said.read(_FIRST_PROCESSOR):
+            os.environ.setdefault("OPENBLAS_CORETYPE", "Haswell")
 
 
 def _keep_memory() -> None:

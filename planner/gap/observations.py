@@ -269,7 +269,7 @@ class Bins:
         travels, strains = _frames_of(field, path)
         if not len(travels):
             return None
-        order = np.argsort(travels)
+        order = np.argsort(travels, kind="stable")
         nearest = float(travels[np.argmin(np.abs(travels - travel_mm))])
         if abs(nearest - travel_mm) > _NEAR * travel_mm:
             return None

@@ -35,6 +35,11 @@ HERE = Path(__file__).resolve().parent
 if str(HERE) not in sys.path:
     sys.path.insert(0, str(HERE))
 
+if __name__ == "__main__" and "NPY_DISABLE_CPU_FEATURES" not in os.environ:
+    from planner.cli import round_alike
+
+    round_alike()
+
 from behaviour_cases import CASES, Case  # noqa: E402
 from behaviour_meaning import differences_of, member_hashes  # noqa: E402
 

@@ -199,6 +199,27 @@ def test_an_interrupt_is_130(monkeypatch, capsys) -> None:
     assert "interrupted" in capsys.readouterr().err
 
 
+def test_commands_compute_as_all_processors_do() -> None:
+    # Where a processor has AVX-512, numpy and BLAS have other functions for it, with other digits.
+    code = (
+        "import contextlib; from planner.cli import main\n"
+        "with contextlib.suppress(SystemExit): main(['invert', '-m', '1.2', '--quiet'])\n"
+        "from numpy._core._multiarray_umath import __cpu_dispatch__, __cpu_features__\n"
+        "from threadpoolctl import threadpool_info\n"
+        "print([n for n in __cpu_dispatch__ if __cpu_features__[n] and n != 'X86_V3'])\n"
+        "print({i['architecture'] for i in threadpool_info() if i['user_api'] == 'blas'})\n"
+    )
+    told = ("NPY_DISABLE_CPU_FEATURES", "OPENBLAS_CORETYPE")
+    environment = {name: value for name, value in os.environ.items() if name not in told}
+    found = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, env=environment
+    ).stdout.splitlines()
+    assert found[-2] == "[]"
+    cpu = Path("/proc/cpuinfo")
+    if cpu.exists() and " avx2 " in cpu.read_text(encoding="utf-8"):
+        assert found[-1] == "{'Haswell'}"
+
+
 def test_help_imports_no_numpy() -> None:
     code = (
         "import sys, contextlib; from planner.cli import main\n"
