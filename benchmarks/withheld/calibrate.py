@@ -113,7 +113,8 @@ def vector(p: Priors) -> FloatArray:
     """Return priors as free numbers; the single effects' is what the others go by."""
     odds = [math.log(kind / p.single) for kind in (p.none, p.pair, p.unknown)]
     shares = [float(logit(share)) for share in (p.beside, p.axes, p.claimed, p.imitated)]
-    return np.array([*odds, *shares, math.log(p.temperature), math.log(p.coarseness_nats)])
+    positive = (p.temperature, p.coarseness_nats, p.imitation_nats)
+    return np.array([*odds, *shares, *map(math.log, positive)])
 
 
 def priors_of(vector: FloatArray) -> Priors:
@@ -133,6 +134,7 @@ def priors_of(vector: FloatArray) -> Priors:
         imitated=imitated,
         temperature=min(math.exp(v[7]), 1.0),
         coarseness_nats=math.exp(v[8]),
+        imitation_nats=math.exp(v[9]),
     )
 
 

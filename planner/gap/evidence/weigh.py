@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 from itertools import combinations, permutations, product
 
 import numpy as np
-from scipy.special import chdtri, logsumexp, stdtrit
+from scipy.special import chdtri, expit, logsumexp, stdtrit
 
 from planner.gap.campaign import axis_columns
 from planner.gap.diagnosis import Detectable, Effects, FoundEffect, Hypothesis
@@ -65,8 +65,9 @@ class Priors:
         Of an unknown alone, the share of patterns along one axis; the rest goes along every test.
     claimed
         Of an unknown, the share along axes that some effect of the library claims.
-    imitated
-        Of whatever the data name, the share of causes out of the library that look the same.
+    imitated, imitation_nats
+        Of whatever the data name, the share of causes out of the library that look the same, and
+        what an effect gains where half of what a pattern beside it gains speaks for such a cause.
     temperature, coarseness_nats
         Share of itself that log evidence counts at least, and what the best hypothesis gains where
         half of the rest counts too: no form is exact, and the more strongly an effect shows, the
@@ -83,6 +84,7 @@ class Priors:
     axes: float = 0.4593
     claimed: float = 0.000412
     imitated: float = 0.058
+    imitation_nats: float = 50.0
     temperature: float = 0.2
     coarseness_nats: float = 5.0
 
@@ -1015,13 +1017,13 @@ def ranking_of(evidence: Evidence, priors: Priors) -> tuple[Hypothesis, ...]:
     """Return hypotheses, the most probable first.
 
     Evidence counts the share of itself that `Priors` say. A gap no larger than what replicates
-    differ by is no unknown one; a right effect may be smaller than that. What closes nothing is
-    hardly an explanation: of a gap that is larger it speaks for what closes it, or for an unknown.
-    What raises the errors of force speaks for what does without. Neither is ruled out, as each
-    specimen may have its own size of a right effect. Where replicates are not alike, a condition
-    that nobody wrote down is as likely as a gain of some. A cause out of the library may look like
-    one that is in it, which no data tell. Very few specimens show a gap, not its cause: the rest of
-    what they name is unknown.
+    differ by is hardly an unknown one; a right effect may be smaller than that. What closes nothing
+    is hardly an explanation: of a gap that is larger it speaks for what closes it, or for an
+    unknown. What raises the errors of force speaks for what does without. Neither is ruled out, as
+    each specimen may have its own size of a right effect. Where replicates are not alike, a
+    condition that nobody wrote down is as likely as a gain of some. A cause out of the library may
+    look like one that is in it, which no data tell. Very few specimens show a gap, not its cause:
+    the rest of what they name is unknown.
     """
     found = evidence.log_evidence
     counts = _counted(found, priors)
@@ -1029,13 +1031,13 @@ def ranking_of(evidence: Evidence, priors: Priors) -> tuple[Hypothesis, ...]:
         {key: prior + counts * found[key] for key, prior in evidence.log_prior.items()}
     )
     p = {h.effects: h.probability for h in ranking}
-    unlikely = float(np.exp(-_ALIKE_NATS))
+    unlikely = float(expit(-_ALIKE_NATS))
     for effects, fewer in evidence.without.items():
         _give(p, {effects: 1.0 - unlikely}, fewer)
     vain = [effects for effects, closes in evidence.closes.items() if not closes]
     if evidence.within_floor:
-        no_gap = dict.fromkeys([UNKNOWN, *((id,) for id in evidence.scatter_like)], 1.0)
-        _give(p, dict.fromkeys(vain, 1.0 - unlikely) | no_gap, ())
+        no_gap = [UNKNOWN, *((id,) for id in evidence.scatter_like)]
+        _give(p, dict.fromkeys([*vain, *no_gap], 1.0 - unlikely), ())
     else:
         # In proportion, and to an unknown as if that were `_ALIKE_NATS` below what gives: what has
         # less yet, as a third effect that fits by chance, is no better explanation.
@@ -1048,7 +1050,7 @@ def ranking_of(evidence: Evidence, priors: Priors) -> tuple[Hypothesis, ...]:
         _give(p, dict.fromkeys(evidence.of_unlike, 0.5), UNKNOWN)
     named = [effects for effects in p if effects not in ((), UNKNOWN)]
     if not evidence.within_floor:
-        _give(p, dict.fromkeys(named, priors.imitated), UNKNOWN)
+        _give(p, {e: _imitated(e, found, counts, priors) for e in named}, UNKNOWN)
     most = (evidence.specimens - 1) / (ENOUGH_SPECIMENS - 1) * (1.0 - p.get((), 0.0))
     over = sum(p[effects] for effects in named)
     if evidence.specimens < ENOUGH_SPECIMENS and over > most:
@@ -1058,6 +1060,26 @@ def ranking_of(evidence: Evidence, priors: Priors) -> tuple[Hypothesis, ...]:
         Hypothesis(effects, p[effects], 0.0 if effects in ((), UNKNOWN) else beside[effects])
         for effects in sorted(p, key=lambda e: (-p[e], e))
     )
+
+
+def _imitated(
+    effects: Effects, found: Mapping[HypothesisKey, float], counts: float, priors: Priors
+) -> float:
+    """Return how probable it is that a cause out of the library looks like effects.
+
+    It need not look the same: the more a pattern beside the effects explains, the likelier. The
+    more they explain themselves, the less of that pattern is more than their form's own error.
+    """
+    beside = [value for (others, axis), value in found.items() if axis and others == effects]
+    own = found.get((effects, ""), np.inf)
+    form = priors.imitation_nats / (priors.imitation_nats + max(own - found[(), ""], 0.0))
+    log_odds = min(counts, form) * max(max(beside, default=own) - own, 0.0)
+    odds = priors.imitated / (1.0 - priors.imitated) * np.exp(min(log_odds, _SURE))
+    return float(odds / (1.0 + odds))
+
+
+_SURE = 30.0
+"""Log odds that are as good as certain. Numerical: what is left is not rounded to nothing."""
 
 
 def _counted(found: Mapping[HypothesisKey, float], priors: Priors) -> float:

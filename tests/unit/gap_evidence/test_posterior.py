@@ -147,12 +147,15 @@ def test_what_is_needed_is_what_then_counts(effects: int) -> None:
     assert priors.counted(needed) * needed == pytest.approx(odds)
 
 
-def test_a_gap_within_the_floor_is_no_unknown_one() -> None:
+UNLIKELY = 1.0 / (1.0 + np.exp(3.0))
+"""Odds of twenty to one."""
+
+
+def test_a_gap_within_the_floor_is_hardly_an_unknown_one() -> None:
     """What is named stays as it is: a right effect may be smaller than the scatter."""
     before, after = (probabilities(evidence(3.0, within_floor=w)) for w in (False, True))
-    assert UNKNOWN in before
-    assert UNKNOWN not in after
-    assert after[()] == pytest.approx(before[()] + before[UNKNOWN])
+    assert after[UNKNOWN] == pytest.approx(UNLIKELY * before[UNKNOWN])
+    assert after[()] == pytest.approx(before[()] + (1.0 - UNLIKELY) * before[UNKNOWN])
     assert after[RATE] == pytest.approx(before[RATE])
 
 
@@ -162,6 +165,15 @@ def test_what_is_named_may_be_an_imitation_however_much_evidence_there_is() -> N
     assert found[RATE] == pytest.approx(0.9 * plain[RATE])
     assert found[()] == plain[()]
     assert sum(found.values()) == pytest.approx(1.0)
+    # The more a pattern beside it explains, the likelier, but for its form's own error.
+    for gain, nats, counts in ((500.0, 1e12, 1.0), (50.0, 50.0, 0.5), (5000.0, 50.0, 50 / 5050)):
+        beside = evidence(gain)
+        patterned = {**beside.log_evidence, (RATE, "operator"): gain + 4.0, (SLIP, ""): -99.0}
+        priors = Priors(temperature=1.0, coarseness_nats=1e-12, imitated=0.1, imitation_nats=nats)
+        ranking = ranking_of(replace(beside, log_evidence=patterned), priors)
+        p = {h.effects: h.probability for h in ranking}
+        odds = np.exp(4.0 * counts) / 9.0
+        assert p[UNKNOWN] / p[RATE] == pytest.approx(odds, rel=1e-6)
     # Where there is no gap, nothing out of the library makes one.
     within = evidence(500.0, within_floor=True)
     assert probabilities(within, imitated=0.1) == probabilities(within)
@@ -169,9 +181,9 @@ def test_what_is_named_may_be_an_imitation_however_much_evidence_there_is() -> N
 
 def test_within_the_floor_of_one_condition_a_gain_is_scatter() -> None:
     found = evidence(3.0, within_floor=True, scatter_like=frozenset({"rate"}))
-    plain = probabilities(evidence(3.0, within_floor=True))
-    assert RATE not in probabilities(found)
-    assert probabilities(found)[()] == pytest.approx(plain[()] + plain[RATE])
+    plain, after = probabilities(evidence(3.0, within_floor=True)), probabilities(found)
+    assert after[RATE] == pytest.approx(UNLIKELY * plain[RATE])
+    assert after[()] == pytest.approx(plain[()] + (1.0 - UNLIKELY) * plain[RATE])
 
 
 def test_the_kind_is_chosen_before_the_name() -> None:
@@ -198,10 +210,6 @@ def test_an_unknown_along_a_claimed_axis_is_as_likely_whatever_else_is_recorded(
     alone, beside = along(True, True), along(True, True, False)
     assert alone == beside[:2] == pytest.approx([np.log(0.5 * 0.01 / 2.0)] * 2)
     assert beside[2] == pytest.approx(np.log(0.5 * 0.99))
-
-
-UNLIKELY = np.exp(-3.0)
-"""Odds of twenty to one."""
 
 
 @pytest.mark.parametrize("within", [False, True])
