@@ -247,7 +247,7 @@ def grade(
     stated = Wish(
         start=from_, end=to, profile=profile, axis=axis, field=field,
         pitch_mm=None if pitch_mm is None else positive(pitch_mm, "`pitch_mm`"),
-        bands=None if bands is None else _as_count(bands, "`bands`"),
+        bands=None if bands is None else _band_count(bands),
         blend=blend,
         cell_mm=None if cell_mm is None else positive(cell_mm, "`cell_mm`"),
         at_strain=None if at_strain is None else as_number(at_strain, "`at_strain`"),
@@ -344,18 +344,18 @@ def grade(
     return with_howto(_verified(plan, mesh), mesh, machine, scale, known, coupons=coupons)
 
 
-def _as_count(value: SupportsIndex, name: str) -> int:
-    """Return a whole number.
+def _band_count(bands: SupportsIndex) -> int:
+    """Return how many bands are asked for.
 
     Raises
     ------
     ArgumentError
-        It is none.
+        No whole number.
     """
     try:
-        return operator.index(value)
+        return operator.index(bands)
     except TypeError:
-        raise ArgumentError(f"{name} {value!r}: it must be a whole number") from None
+        raise ArgumentError(f"`bands` {bands!r}: it must be a whole number") from None
 
 
 def _verified(plan: Plan, placed: Mesh) -> Plan:
