@@ -20,10 +20,9 @@ A command maps any of them to exit code 2; whatever else escapes is a bug (exit 
 
 import difflib
 import math
-import operator
 import re
 from collections.abc import Iterable, Sequence
-from typing import SupportsFloat, SupportsIndex
+from typing import SupportsFloat
 
 __all__ = [
     "ArgumentError",
@@ -35,7 +34,6 @@ __all__ = [
     "PlannerError",
     "ThinBandError",
     "UnknownNameError",
-    "as_count",
     "as_number",
     "did_you_mean",
     "listed",
@@ -152,20 +150,6 @@ def listed(words: Sequence[str], most: int | None = None, last: str = "and") -> 
 
 # ------------------------------------------------------------------------------------------------
 # Arguments as scripts give them, numpy scalars included, as plain numbers.
-
-
-def as_count(value: SupportsIndex, name: str) -> int:
-    """Return a whole number.
-
-    Raises
-    ------
-    ArgumentError
-        It is none.
-    """
-    try:
-        return operator.index(value)
-    except TypeError:
-        raise ArgumentError(f"{name} {value!r}: it must be a whole number") from None
 
 
 def as_number(value: SupportsFloat, name: str) -> float:

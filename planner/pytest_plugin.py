@@ -14,7 +14,7 @@ import pytest
 if TYPE_CHECKING:
     from planner.plan import Plan
 
-__all__ = ["GoldenPlan", "golden_plan"]
+__all__ = ["golden_plan"]
 
 
 _OPTION = "--update-goldens"

@@ -67,7 +67,6 @@ def collected(folder: Path, without: tuple[str, ...] = ()) -> dict[str, Any]:
         "specimens": found.specimens,
         "within_floor": found.within_floor,
         "scatter_like": sorted(found.scatter_like),
-        "of_unlike": sorted(map(list, found.of_unlike)),
         "closes": sorted([list(effects), closes] for effects, closes in found.closes.items()),
         "without": sorted([list(e), list(fewer)] for e, fewer in found.without.items()),
         "priors": asdict(Priors()),
@@ -95,7 +94,6 @@ def _case(truth: Truth, name: str, without: tuple[str, ...], document: Mapping[s
         specimens=document["specimens"],
         within_floor=document["within_floor"],
         scatter_like=frozenset(document["scatter_like"]),
-        of_unlike=frozenset(map(tuple, document["of_unlike"])),
         closes={tuple(effects): closes for effects, closes in document["closes"]},
         without={tuple(e): tuple(fewer) for e, fewer in document["without"]},
     )

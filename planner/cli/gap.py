@@ -78,7 +78,7 @@ def diagnose(
     Example: [bold]planner gap diagnose campaign -o diagnosis[/bold]
     """
     given = locals()
-    from planner.cli.output import print_document, progress, say, say_verdict, terminal_width
+    from planner.cli.output import print_document, progress, say, terminal_width
     from planner.gap.summary import next_command
     from planner.report.gap_page import verdict_text
 
@@ -94,7 +94,7 @@ def diagnose(
     if as_json:
         print_document(found.json())
     elif not quiet:
-        say_verdict(verdict_text(found, width=terminal_width()))
+        _say_verdict(verdict_text(found, width=terminal_width()))
         say()
         if output is None:
             say("nothing was written (for a report with figures: --output FOLDER)")
@@ -103,6 +103,16 @@ def diagnose(
         if command := next_command(found, output, campaign, palette):
             say(f"next: {command}")
     return 0 if found.ok else 1
+
+
+def _say_verdict(text: str) -> None:
+    """Write a text of indented paragraphs to stdout, its headings bold where colour is on."""
+    from rich.console import Console
+
+    console = Console(highlight=False)
+    for line in text.splitlines():
+        style = "bold" if line and not line.startswith(" ") else None
+        console.print(line, style=style, soft_wrap=True, markup=False)
 
 
 # ------------------------------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""What a person or a program reads: the only place that prints; and options of many commands."""
+"""What a person or a program reads: the only place of `print`; and options of many commands."""
 
 import contextlib
 import functools
@@ -51,9 +51,7 @@ __all__ = [
     "print_document",
     "print_table",
     "progress",
-    "progress_bar",
     "say",
-    "say_verdict",
     "taken",
     "tell_findings",
     "tell_notes",
@@ -63,7 +61,7 @@ __all__ = [
 
 
 # ------------------------------------------------------------------------------------------------
-# What a person or a program reads: the only place that prints.
+# What a person or a program reads: the only place of `print`.
 #
 # Results go to stdout, everything else to stderr. NO_COLOR and non-terminals are honoured by rich.
 
@@ -101,16 +99,6 @@ _FIGURE = re.compile(r"\d[\d.e+-]*")
 def say(message: str = "") -> None:
     """Write a line of the result to stdout."""
     print(message)
-
-
-def say_verdict(text: str) -> None:
-    """Write a text of indented paragraphs to stdout, its headings bold where colour is on."""
-    from rich.console import Console
-
-    console = Console(highlight=False)
-    for line in text.splitlines():
-        style = "bold" if line and not line.startswith(" ") else None
-        console.print(line, style=style, soft_wrap=True, markup=False)
 
 
 def terminal_width() -> int:
@@ -280,22 +268,6 @@ def long_progress(enabled: bool) -> Iterator[Callable[[str], None]]:
                 _stderr_line("working", "cyan", stage)
 
         yield tell
-
-
-@contextlib.contextmanager
-def progress_bar(what: str, enabled: bool) -> Iterator[Callable[[int, int], None]]:
-    """Show how much is done, and of how much, on stderr while it lasts, on a terminal only."""
-    if not (enabled and sys.stderr is not None and sys.stderr.isatty()):
-        yield lambda done, of: None
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
-    from rich.progress import TimeRemainingColumn as Remaining
-
-    columns = (TextColumn(what), BarColumn(), MofNCompleteColumn(), Remaining())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(what, total=None)
-        yield lambda done, of: bar.update(task, completed=done, total=of)
 
 
 def _stderr_line(kind: str, colour: str, message: str) -> None:

@@ -6,7 +6,7 @@ import re
 import subprocess
 import sys
 import textwrap
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -29,7 +29,6 @@ from planner.cli.output import (
     print_document,
     print_table,
     progress,
-    progress_bar,
     say,
     taken,
     tell_findings,
@@ -487,7 +486,7 @@ def slices(
     """
     given = locals()
     check_targets(context, force=force, folders={"output": (output, "slices.json")})
-    with progress_bar("layers", not quiet and not as_json) as advance:
+    with _layers_bar(not quiet and not as_json) as advance:
         asked = taken(planner.write_slices, given) | {"progress": advance}
         if pitch_mm is not None:
             asked["pitch_mm"] = _lengths(pitch_mm)
@@ -500,6 +499,22 @@ def slices(
         for message in stack.findings:
             finding(message)
     return 0 if stack.ok else 1
+
+
+@contextlib.contextmanager
+def _layers_bar(enabled: bool) -> Iterator[Callable[[int, int], None]]:
+    """Show how many of the layers are done on stderr while it lasts, on a terminal only."""
+    if not (enabled and sys.stderr is not None and sys.stderr.isatty()):
+        yield lambda done, of: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+    from rich.progress import TimeRemainingColumn as Remaining
+
+    columns = (TextColumn("layers"), BarColumn(), MofNCompleteColumn(), Remaining())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("layers", total=None)
+        yield lambda done, of: bar.update(task, completed=done, total=of)
 
 
 def _lengths(text: str) -> tuple[float, ...]:

@@ -1,22 +1,21 @@
-"""Files as bytes, zip archives and JSON documents in one canonical form, TOML documents."""
+"""Files as bytes, zip archives unpacked, JSON documents in one canonical form, TOML documents."""
 
 import contextlib
 import io
 import json
 import math
 import stat
-import struct
 import tomllib
 import zipfile
 import zlib
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PureWindowsPath
 from typing import Any, TypeVar
 
 import msgspec
 
-from planner.errors import FileError, OutputError
+from planner.errors import FileError
 
 __all__ = [
     "SIGNIFICANT_DIGITS",
@@ -24,7 +23,6 @@ __all__ = [
     "UnfoldingLimits",
     "decode_document",
     "decode_toml",
-    "encode_archive",
     "encode_document",
     "free_memory_bytes",
     "most_unpacked",
@@ -130,58 +128,11 @@ def path_within(folder: str | Path, name: str) -> Path:
 
 
 # ------------------------------------------------------------------------------------------------
-# Zip archives: written in one canonical form, and unpacked no further than they promise.
+# Zip archives, unpacked no further than they promise.
 
 
-_DATE = 0 << 9 | 1 << 5 | 1  # 1980-01-01, the earliest that a zip can say
-_VERSION, _DEFLATED = 20, 8  # deflate and folders, nothing newer
-_UNIX_FILE = 0o100644 << 16
 _LARGEST = 0xFFFFFFFE
 """Bytes that a zip archive, or a member of it, holds without zip64."""
-
-
-def encode_archive(
-    members: Iterable[tuple[str, Iterable[bytes | memoryview]]], level: int
-) -> bytes:
-    """Make a zip archive with fixed dates and permissions, and without zip64.
-
-    Some readers of 3MF take neither zip64 nor a date of zero, both of which lib3mf writes.
-
-    Parameters
-    ----------
-    members
-        In the archive's order: name, and content piece by piece.
-    level
-        Of zlib, 0 to 9.
-
-    Raises
-    ------
-    OutputError
-        A member or the whole is 4 GiB or more, which takes zip64.
-    """
-    archive, directory = io.BytesIO(), list[bytes]()
-    for name, pieces in members:
-        packer, check, size, packed = zlib.compressobj(level, wbits=-15), 0, 0, list[bytes]()
-        for piece in pieces:
-            check, size = zlib.crc32(piece, check), size + len(piece)
-            packed.append(packer.compress(piece))
-        packed.append(packer.flush())
-        offset, length = archive.tell(), sum(map(len, packed))
-        if max(offset + length, size) > _LARGEST:
-            raise OutputError(
-                f"{name}: {size} bytes, more than the 4 GiB that readers of 3MF take; reduce the "
-                "number of triangles"
-            )
-        path, flags = name.encode("utf-8"), 0 if name.isascii() else 0x800
-        facts = (_VERSION, flags, _DEFLATED, 0, _DATE, check, length, size, len(path), 0)
-        archive.write(struct.pack("<4s5H3I2H", b"PK\x03\x04", *facts) + path)
-        archive.writelines(packed)
-        made_by = 3 << 8 | _VERSION  # Unix, so that the permissions count
-        entry = struct.pack("<4sH5H3I2H", b"PK\x01\x02", made_by, *facts)
-        directory.append(entry + struct.pack("<3H2I", 0, 0, 0, _UNIX_FILE, offset) + path)
-    ends = len(directory), len(directory), sum(map(len, directory)), archive.tell(), 0
-    archive.writelines([*directory, struct.pack("<4s4H2IH", b"PK\x05\x06", 0, 0, *ends)])
-    return archive.getvalue()
 
 
 _RATIO = 100

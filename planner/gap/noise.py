@@ -28,7 +28,6 @@ __all__ = [
     "calibration_columns",
     "calibrations",
     "discrepancy_columns",
-    "field_columns",
     "likeliest_facet",
     "likeliest_sides",
     "seen_otherwise",
@@ -452,10 +451,6 @@ def _groups(table: FeatureTable, of: BoolArray) -> list[list[IntArray]]:
 # strain. A camera's facets average over a length that may not be stated, and may lie to the side.
 
 
-_FIELD_SD = 0.012
-"""Of the logarithm of a local strain: the same, seen along a bar. Chosen: about the 1 % that laws
-follow their tests to."""
-
 _ROUGHLY = 0.1
 """Of the logarithm of local strains, and of how they differ along a bar: what they may be off by
 before any effect is known. Chosen: wide, so that what facets are likeliest is told by how strains
@@ -573,25 +568,3 @@ def seen_otherwise(
         facets[field] = np.gradient(features, axis=0)[at]
     aside[field] = np.gradient(features, axis=1)[at]
     return facets, aside
-
-
-def field_columns(
-    table: FeatureTable, facets: FloatArray, aside: FloatArray, sensitivity: FloatArray
-) -> FloatArray:
-    """Return what facets and laws do to local strains, (N, q); see `seen_otherwise`."""
-    field = table.is_field
-    if not field.any():
-        return np.zeros((len(table), 0))
-    bars = table.specimen[:, None] == np.unique(table.specimen[field])
-    places = [
-        np.where((table.test == test) & (np.abs(table.x_mm - x) < 1e-3), _FIELD_SD, 0.0)
-        for test, x in np.unique([table.test[field], table.x_mm[field].round(6)], axis=1).T
-    ]
-    return np.stack(
-        [
-            *([facets] if facets.any() else []),
-            *(aside[:, None] * bars).T,
-            *(sensitivity * of_it for of_it in places),
-        ],
-        axis=1,
-    )

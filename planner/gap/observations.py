@@ -23,12 +23,10 @@ from planner.gap.segments import (
     PATH_STEPS,
     Path,
     ReplicateTest,
-    cut_path,
     forces_N,
     mean_section_mm2,
     path_of,
     replicate_test,
-    same_path,
     setup_of,
 )
 from planner.materials.characterise import noise_sd
@@ -551,7 +549,7 @@ def observation_model(campaign: Campaign) -> ObservationModel:
         limits[place] = path.gauge_mm * strain
     past: set[int] = set()
     for _ in range(_ROUNDS):
-        short = {place: cut_path(path, limits[place]) for place, path in paths.items()}
+        short = {place: path.until(limits[place]) for place, path in paths.items()}
         past |= {place for place in paths if short[place].segments != paths[place].segments}
         paths = {place: path for place, path in short.items() if path.segments}
         if not paths:
@@ -613,7 +611,7 @@ def _tests(specimens: Sequence[Specimen], paths: Mapping[int, Path]) -> list[Rep
     for group in condition_groups(specimens):
         left = [place for place in group if place in paths]
         while left:
-            alike = [place for place in left if same_path(paths[left[0]], paths[place])]
+            alike = [place for place in left if paths[left[0]].is_like(paths[place])]
             left = [place for place in left if place not in alike]
             frames = _frame_fractions(specimens, paths, alike)
             tests.append(replicate_test(paths, alike, frames))

@@ -27,14 +27,12 @@ __all__ = [
     "PATH_STEPS",
     "Path",
     "ReplicateTest",
-    "cut_path",
     "forces_N",
     "hold_share",
     "leap_at_end",
     "mean_section_mm2",
     "path_of",
     "replicate_test",
-    "same_path",
     "setup_of",
     "speed_mm_s",
     "spikes_in",
@@ -268,6 +266,36 @@ class Path:
         )
         travel = ratio * self.travel_mm
         return replace(self, segments=segments, travel_mm=travel, gauge_mm=gauge_mm)
+
+    def until(self, most_mm: float) -> "Path":
+        """Return the path up to where its travel passes `most_mm` first."""
+        for at, segment in enumerate(self.segments):
+            if segment.end_mm > most_mm * (1.0 + 1e-9):
+                before = self.segments[:at]
+                if max(segment.begin_mm, 0.0) < most_mm:
+                    when = float(_moments_s(self, segment, np.array([most_mm]))[0])
+                    before += (replace(segment, end_mm=most_mm, end_s=when),)
+                return replace(self, segments=before)
+        return self
+
+    def is_like(self, other: "Path") -> bool:
+        """Say whether two specimens went the same way, at the same pace.
+
+        Pulls that only load may end elsewhere, as long as the shorter is not much shorter.
+        """
+        if [s.kind for s in self.segments] != [s.kind for s in other.segments]:
+            return False
+        if abs(self.speed_mm_s / other.speed_mm_s - 1.0) > _TIME_TOLERANCE:
+            return False
+        if len(self.segments) == 1:
+            ends = self.segments[0].end_mm, other.segments[0].end_mm
+            return min(ends) > _SHORTEST_SHARE * max(ends)
+        spread = max(segment.end_mm for segment in self.segments)
+        return all(
+            abs(a.end_mm - b.end_mm) <= _SCATTER * spread
+            and abs((a.end_s - a.begin_s) / (b.end_s - b.begin_s) - 1.0) <= _TIME_TOLERANCE
+            for a, b in zip(self.segments, other.segments, strict=True)
+        )
 
 
 @lru_cache(maxsize=256)  # several look at one record, one after the other
@@ -585,40 +613,6 @@ class ReplicateTest:
         ]
 
 
-def same_path(one: Path, other: Path) -> bool:
-    """Say whether two specimens went the same way, at the same pace.
-
-    Pulls that only load may end elsewhere, as long as the shorter is not much shorter.
-    """
-    if [segment.kind for segment in one.segments] != [segment.kind for segment in other.segments]:
-        return False
-    if abs(one.speed_mm_s / other.speed_mm_s - 1.0) > _TIME_TOLERANCE:
-        return False
-    if len(one.segments) == 1:
-        ends = one.segments[0].end_mm, other.segments[0].end_mm
-        return min(ends) > _SHORTEST_SHARE * max(ends)
-    spread = max(segment.end_mm for segment in one.segments)
-    return all(
-        abs(a.end_mm - b.end_mm) <= _SCATTER * spread
-        and abs((a.end_s - a.begin_s) / (b.end_s - b.begin_s) - 1.0) <= _TIME_TOLERANCE
-        for a, b in zip(one.segments, other.segments, strict=True)
-    )
-
-
-def cut_path(path: Path, most_mm: float) -> Path:
-    """Return a path up to where its travel passes `most_mm` first."""
-    for at, segment in enumerate(path.segments):
-        if segment.end_mm > most_mm * (1.0 + 1e-9):
-            begin = max(segment.begin_mm, 0.0)
-            if begin >= most_mm:
-                return replace(path, segments=path.segments[:at])
-            when = float(_moments_s(path, segment, np.array([most_mm]))[0])
-            return replace(
-                path, segments=(*path.segments[:at], replace(segment, end_mm=most_mm, end_s=when))
-            )
-    return path
-
-
 def _moments_s(path: Path, segment: Segment, travel_mm: FloatArray) -> FloatArray:
     """Return when a specimen's travel was at these places of a moving segment."""
     sign = 1.0 if segment.end_mm > segment.begin_mm else -1.0
@@ -666,7 +660,7 @@ def replicate_test(
     members = whole = [paths[place] for place in places]
     if len(members[0].segments) == 1:
         shortest = min(path.segments[0].end_mm for path in members)
-        members = [cut_path(path, shortest) for path in members]
+        members = [path.until(shortest) for path in members]
     segments = tuple(
         replace(
             together[0],

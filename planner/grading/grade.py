@@ -1,9 +1,11 @@
 """The main job: part + gradient + palette -> Plan."""
 
 import math
+import operator
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import SupportsIndex
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +16,6 @@ from planner.errors import (
     ArgumentError,
     Caution,
     ThinBandError,
-    as_count,
     as_number,
     did_you_mean,
     positive,
@@ -27,16 +28,11 @@ from planner.grading.check import plan_checks
 from planner.grading.dither import CellDesign, cell_design
 from planner.grading.howto import with_howto
 from planner.grading.printability import WITHIN_MM, CutPart
-from planner.grading.profile import Band, Profile, StiffnessScale, stiffness_scale
-from planner.grading.regions import (
-    BandDesign,
-    band_design,
-    shells_of,
-    stiffness_check,
-    tolerated_ratio,
-)
+from planner.grading.profile import Band, Profile, StiffnessScale, natural_bands, stiffness_scale
+from planner.grading.regions import BandDesign, band_design, blend_segments, error_text, shells_of
 from planner.grading.snap import snap_limit_mm, snapped_bands
-from planner.grading.wish import End, Wish, Wished, targets_of, whole_wish
+from planner.grading.wish import End, Wish, Wished, targets_of
+from planner.materials.mixtures import TwoPhases
 from planner.mesh.mesh import Mesh, join_shells, weld
 from planner.mesh.part import Part, open_part, place
 from planner.numerics import Float32Array, FloatArray, Point, as_point
@@ -251,20 +247,20 @@ def grade(
     stated = Wish(
         start=from_, end=to, profile=profile, axis=axis, field=field,
         pitch_mm=None if pitch_mm is None else positive(pitch_mm, "`pitch_mm`"),
-        bands=None if bands is None else as_count(bands, "`bands`"),
+        bands=None if bands is None else _band_count(bands),
         blend=blend,
         cell_mm=None if cell_mm is None else positive(cell_mm, "`cell_mm`"),
         at_strain=None if at_strain is None else as_number(at_strain, "`at_strain`"),
         printer=printer, palette=palette, unit=unit,
     )  # fmt: skip
-    wish, earlier = whole_wish(stated, like)
+    wish, earlier = stated.whole(like)
     assert wish.printer is not None
     assert wish.at_strain is not None
     machine = load_printer(wish.printer)
     by = _blend_of(wish.blend)
     scale = stiffness_scale(palette_of(wish.palette, machine), wish.at_strain)
     target, start, end = targets_of(wish, scale)
-    limit = tolerated_ratio(as_number(tolerance, "`tolerance`"))
+    limit = _tolerated_ratio(as_number(tolerance, "`tolerance`"))
     farthest_mm = snap_limit_mm(
         None if snap_mm is None else as_number(snap_mm, "`snap_mm`"), machine
     )
@@ -303,7 +299,7 @@ def grade(
     cut = CutPart(mesh, along, pieces, pitch_mm, within_mm, as_point(translation), np.empty(0))
     printing, findings, cautions = design.held(cut, shells, scale, machine)
     known = _remarks(scale, regions)
-    stiffness, off, others = stiffness_check(
+    stiffness, off, others = _stiffness_check(
         regions, limit, target, scale, equal_bands=wish.bands is not None,
         moved=bool(moved) and by[0] == "nearest",
     )  # fmt: skip
@@ -346,6 +342,20 @@ def grade(
     )
     progress("verifying the shells")
     return with_howto(_verified(plan, mesh), mesh, machine, scale, known, coupons=coupons)
+
+
+def _band_count(bands: SupportsIndex) -> int:
+    """Return how many bands are asked for.
+
+    Raises
+    ------
+    ArgumentError
+        No whole number.
+    """
+    try:
+        return operator.index(bands)
+    except TypeError:
+        raise ArgumentError(f"`bands` {bands!r}: it must be a whole number") from None
 
 
 def _verified(plan: Plan, placed: Mesh) -> Plan:
@@ -453,3 +463,112 @@ def _unreachable(target: Profile, scale: StiffnessScale) -> tuple[Unreachable, .
         )
         for missed in shortfalls(target, scale.moduli_MPa)
     )
+
+
+# ------------------------------------------------------------------------------------------------
+# How far what is printed is off the target stiffness, and what another blend would make of it.
+#
+# An error is a ratio, 1 or more: achieved over target where what is printed is too stiff, target
+# over achieved where it is too soft. A ratio of 2 is as bad either way.
+
+
+_ROUNDING = 1e-9
+"""Relative: a stated tolerance is often the error that an earlier plan told, as printed."""
+
+_LARGEST = 1e6
+"""Of a tolerance; a palette from rubber to glass spans less."""
+
+
+def _tolerated_ratio(stated: float) -> float:
+    """Return the largest ratio that is no finding.
+
+    Parameters
+    ----------
+    stated
+        The ratio, as 1.25; or, below 1, by what share the stiffness may be too large, as 0.25.
+
+    Raises
+    ------
+    ArgumentError
+        Below 0, or so large that nothing could miss it.
+    """
+    if not 0.0 <= stated <= _LARGEST:
+        raise ArgumentError(
+            f"`tolerance` {stated:g}: it must be from 0 to {_LARGEST:g}: a ratio, as 1.25, or "
+            "below 1 a share, as 0.25 for 25 %"
+        )
+    return stated if stated >= 1.0 else 1.0 + stated
+
+
+def _stiffness_check(
+    regions: Sequence[Region], limit: float, target: Profile, scale: StiffnessScale, *,
+    equal_bands: bool, moved: bool,
+) -> tuple[Check, tuple[Finding, ...], dict[str, float]]:  # fmt: skip
+    """Hold the stiffness of all regions against what was wanted there.
+
+    Parameters
+    ----------
+    limit
+        Of `_tolerated_ratio`.
+    equal_bands
+        Whether the regions are bands of equal steps, in place of the nearest materials.
+    moved
+        Whether cuts between the nearest materials were moved off faces of the part.
+
+    Returns
+    -------
+    check : Check
+        The worst ratio of all regions, with its limit.
+    findings : tuple of Finding
+        Where the worst is, and what would make it smaller; empty where the check holds.
+    others : dict
+        The worst ratio that other options would leave, where it is smaller. Of cells of two
+        materials it is the error of their homogenised modulus; each cell by itself is one of the
+        two.
+    """
+    worst = max(regions, key=_region_error)
+    ratio, moduli = _region_error(worst), scale.moduli_MPa
+    between = [s for s in blend_segments(target, moduli) if s.lower < s.upper]
+    cells = max(
+        (1.0 / (1.0 - TwoPhases(moduli[s.lower], moduli[s.upper]).dither_error) for s in between),
+        default=1.0,
+    )
+    option = "without --bands" if equal_bands else "with --snap 0" if moved else ""
+    nearest = {option: _of_nearest(target, scale)} if option else {}
+    found = {**nearest, "with --blend dither": cells}
+    others = {option: error for option, error in found.items() if error < ratio * (1.0 - 1e-6)}
+    check = Check(ratio, limit, ratio <= limit * (1.0 + _ROUNDING))
+    if check.ok:
+        return check, (), others
+    low, high = worst.target_modulus_MPa
+    better = [f"{option} it is {error_text(error)}" for option, error in others.items()]
+    cures = [*better, f"--tolerance {_rounded_up(ratio):g} accepts it"]
+    message = (
+        f"{worst.printed}: {worst.modulus_MPa:.3g} MPa where {low:.3g} .. {high:.3g} MPa is "
+        f"wanted, at field {worst.field[0]:.3f} .. {worst.field[1]:.3f}: the stiffness is off by "
+        f"up to {error_text(ratio)}, more than the tolerance, {error_text(limit)}; "
+        + "; ".join(cures)
+    )
+    return check, (Finding("stiffness", message, worst.material),), others
+
+
+def _region_error(region: Region) -> float:
+    """Return by what ratio a region is off its target, at its worst place."""
+    return max(1.0 + region.error[1], 1.0 / (1.0 + region.error[0]))
+
+
+def _of_nearest(target: Profile, scale: StiffnessScale) -> float:
+    """Return the worst ratio of the nearest materials, of what of the target they reach."""
+    moduli = scale.moduli_MPa
+    least, most = moduli[0], moduli[-1]
+    worst = 1.0
+    for band in natural_bands(target, moduli):
+        low, high = (min(max(value, least), most) for value in band.target_MPa)
+        worst = max(worst, moduli[band.grade] / low, high / moduli[band.grade])
+    return worst
+
+
+def _rounded_up(value: float) -> float:
+    """Return two significant digits that are not below a value."""
+    unit = 10.0 ** (math.floor(math.log10(value)) - 1)
+    return math.ceil(value / unit - 1e-9) * unit

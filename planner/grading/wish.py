@@ -30,7 +30,7 @@ from planner.palette import Material, Palette
 from planner.plan import Gradient, Plan, plan_file, read_plan
 from planner.printers import Printer, load_printer
 
-__all__ = ["End", "Wish", "Wished", "targets_of", "whole_wish"]
+__all__ = ["End", "Wish", "Wished", "targets_of"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -71,26 +71,27 @@ class Wish:
         open_ = [f.name for f in fields(self) if getattr(self, f.name) is None]
         return replace(self, **{name: getattr(other, name) for name in open_})
 
+    def whole(self, like: str | Path | Plan | None) -> "tuple[Wish, _EarlierPlan | None]":
+        """Return this wish with nothing open that a plan needs, and the plan that it follows.
+
+        Raises
+        ------
+        ArgumentError
+            Options that contradict the plan to follow, or that it cannot give.
+        FileError
+            No such plan.
+        """
+        if self.field is not None and self.axis is not None:
+            raise ArgumentError(
+                "give `axis` or `field`, not both; `field` 'axis: z' is an axis too"
+            )
+        if like is None:
+            return self.or_else(_DEFAULTS), None
+        earlier = _earlier(like)
+        return self.or_else(earlier.wish(self)).or_else(_DEFAULTS), earlier
+
 
 _DEFAULTS = Wish(profile="log", blend="nearest", at_strain=0.1, printer="connex3")
-
-
-def whole_wish(stated: Wish, like: str | Path | Plan | None) -> "tuple[Wish, _EarlierPlan | None]":
-    """Return a wish with nothing open that a plan needs, and the plan that it follows.
-
-    Raises
-    ------
-    ArgumentError
-        Options that contradict the plan to follow, or that it cannot give.
-    FileError
-        No such plan.
-    """
-    if stated.field is not None and stated.axis is not None:
-        raise ArgumentError("give `axis` or `field`, not both; `field` 'axis: z' is an axis too")
-    if like is None:
-        return stated.or_else(_DEFAULTS), None
-    earlier = _earlier(like)
-    return stated.or_else(earlier.wish(stated)).or_else(_DEFAULTS), earlier
 
 
 # ------------------------------------------------------------------------------------------------

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from planner.inverse_design.search import Case, DesignProblem, Found, Solved
     from planner.simulation.cut_cells import CutCells
 
-__all__ = ["DesignStage", "PartDesign", "design"]
+__all__ = ["PartDesign", "design"]
 
 _MOST_KNOTS = 100
 

@@ -6,9 +6,8 @@ import trimesh
 
 import planner
 from planner.materials.mixtures import CoefficientModel
-from planner.mesh.clip import clip_hexahedra
 from planner.mesh.mesh import Mesh
-from planner.report.loaded_part import _cut_of, _cut_words
+from planner.report.loaded_part import _clip_hexahedra, _cut_of, _cut_words
 from planner.simulation.part import PartSimulation
 
 FREE = ["x=min: 0,free,free mm", "y=min: free,0,free mm", "z=min: free,free,0 mm"]
@@ -57,7 +56,7 @@ def test_a_ball_is_clipped_out_of_a_lattice():
     low, high = slice(None, -1), slice(1, None)
     corners = [at[i, j, k] for k in (low, high) for i, j in
                ((low, low), (high, low), (high, high), (low, high))]  # fmt: skip
-    kept = clip_hexahedra(
+    kept = _clip_hexahedra(
         np.stack([c.ravel() for c in corners], axis=1), points,
         np.linalg.norm(points, axis=1) - 0.83,
     )  # fmt: skip

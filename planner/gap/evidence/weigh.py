@@ -874,8 +874,6 @@ class Evidence:
     within_floor, scatter_like
         Whether the palette misses by no more than replicates differ by, and these along no column;
         and the effects that look like scatter then.
-    of_unlike
-        Effects with a gain of some specimens, but for a unit's, where replicates are not alike.
     closes
         Of the best effects of the library, whether errors fall with them.
     without
@@ -889,7 +887,6 @@ class Evidence:
     specimens: int = ENOUGH_SPECIMENS
     within_floor: bool = False
     scatter_like: frozenset[str] = frozenset()
-    of_unlike: frozenset[Effects] = frozenset()
     closes: Mapping[Effects, bool] = field(default_factory=dict)
     without: Mapping[Effects, Effects] = field(default_factory=dict)
 
@@ -913,13 +910,6 @@ def evidence_of(problem: Problem, weighed: Weighed) -> Evidence:
             b.effect.id
             for b in problem.branches
             if b.effect.stage == "sensor" and len(problem.model.tests) == 1
-        ),
-        of_unlike=frozenset(
-            effects
-            for effects, candidate in weighed.best.items()
-            if problem.scatter.heterogeneous
-            and candidate.members is not None
-            and not _in_another_unit(candidate)
         ),
         closes=closes,
         without=without,
@@ -1020,10 +1010,9 @@ def ranking_of(evidence: Evidence, priors: Priors) -> tuple[Hypothesis, ...]:
     differ by is hardly an unknown one; a right effect may be smaller than that. What closes nothing
     is hardly an explanation: of a gap that is larger it speaks for what closes it, or for an
     unknown. What raises the errors of force speaks for what does without. Neither is ruled out, as
-    each specimen may have its own size of a right effect. Where replicates are not alike, a
-    condition that nobody wrote down is as likely as a gain of some. A cause out of the library may
-    look like one that is in it, which no data tell. Very few specimens show a gap, not its cause:
-    the rest of what they name is unknown.
+    each specimen may have its own size of a right effect. A cause out of the library may look like
+    one that is in it, which no data tell. Very few specimens show a gap, not its cause: the rest of
+    what they name is unknown.
     """
     found = evidence.log_evidence
     counts = _counted(found, priors)
@@ -1047,7 +1036,6 @@ def ranking_of(evidence: Evidence, priors: Priors) -> tuple[Hypothesis, ...]:
         for effects in p.keys() & evidence.closes.keys():
             p[effects] *= 1.0 + each if evidence.closes[effects] else unlikely
         p[UNKNOWN] = p.get(UNKNOWN, 0.0) + unlikely * each * given
-        _give(p, dict.fromkeys(evidence.of_unlike, 0.5), UNKNOWN)
     named = [effects for effects in p if effects not in ((), UNKNOWN)]
     if not evidence.within_floor:
         _give(p, {e: _imitated(e, found, counts, priors) for e in named}, UNKNOWN)

@@ -239,13 +239,6 @@ def test_what_closes_nothing_speaks_for_what_closes_the_gap(gain: float) -> None
     assert found[UNKNOWN] == pytest.approx(plain[UNKNOWN] + UNLIKELY * given * given / whole)
 
 
-def test_of_unlike_replicates_a_gain_of_some_is_as_likely_as_what_nobody_wrote_down() -> None:
-    plain = probabilities(evidence(3.0))
-    found = probabilities(evidence(3.0, of_unlike=frozenset({RATE})))
-    assert found[RATE] == pytest.approx(0.5 * plain[RATE])
-    assert found[UNKNOWN] == pytest.approx(plain[UNKNOWN] + 0.5 * plain[RATE])
-
-
 def test_what_hardly_fits_is_no_better_explanation() -> None:
     """A pair a thousand times less likely than what closes nothing leaves the cause unknown."""
     found = evidence(30.0, closes={RATE: False, BOTH: True})
