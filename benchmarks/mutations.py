@@ -274,15 +274,15 @@ def run_tests(there: Path, arguments: Sequence[str], **more: str) -> int:
         command, cwd=there, env={**os.environ, **usual, **more},
         stdout=subprocess.DEVNULL, stderr=subprocess.STDOUT, check=False,
     )  # fmt: skip
-    if done.returncode in (pytest.ExitCode.USAGE_ERROR, pytest.ExitCode.NO_TESTS_COLLECTED):
-        raise SystemExit(f"pytest finds no such tests: {command}")
     return done.returncode
 
 
 def made_map(there: Path, path: Path, words: Sequence[str]) -> dict[str, dict[str, Any]]:
     """Return which functions each test enters; those that fail without mutations are left out."""
     if not path.exists():
-        run_tests(there, words, MUTATIONS_MAP=str(path), MUTATIONS_TREE=str(there))
+        code = run_tests(there, words, MUTATIONS_MAP=str(path), MUTATIONS_TREE=str(there))
+        if code in (pytest.ExitCode.USAGE_ERROR, pytest.ExitCode.NO_TESTS_COLLECTED):
+            raise SystemExit(f"pytest finds no such tests: {words}")
         made: dict[str, Any] = {}
         for part in path.parent.glob(f"{path.stem}.[ag]*"):  # all, gw0, gw1, ...
             made |= json.loads(part.read_text())
@@ -303,7 +303,10 @@ def noticing(mutation: Mutation, made: dict[str, dict[str, Any]], *, slow: bool)
 
 
 def outcome(there: Path, made: dict[str, dict[str, Any]], tests: list[str], limit_s: float) -> str:
-    """Run tests until one fails: return "killed by" which, "survived" or "out of time"."""
+    """Run tests until one fails: return "killed by" which, "survived" or "out of time".
+
+    By "none" where the tests cannot even be imported.
+    """
     if not tests:
         return "survived, for no test enters it"
     run, listed = there / "run.json", there / "run.txt"
