@@ -168,6 +168,27 @@ def test_loads_add_up(plan):
     assert len(pushed) == 20 * 4
     assert found["*DLOAD"] == ["PRESSURE1_S2, P2, 0.02", "EALL, GRAV, 9806.65, 0, 0, -1"]
     assert found["*DENSITY"][0] == "1.125e-09"
+    for column, high in enumerate((40.0, 8.0, 8.0), start=1):
+        for end, place in (("MIN", 0.0), ("MAX", high)):
+            lines = found[f"*NSET, NSET={'XYZ'[column - 1]}{end}"]
+            listed = [int(n) for line in lines for n in line.split(",")]
+            assert listed == node[node[:, column] == place, 0].astype(int).tolist()
+
+
+def test_yeohs_law_is_as_stiff_and_as_compressible_at_rest_as_the_palette(plan):
+    made = planner.export(plan, to="calculix", cell_mm=4.0)
+    laws = re.findall(r"NAME=(\S+)\n\*HYPERELASTIC, YEOH\n(.+)\n", made.data.decode("ascii"))
+    assert len(laws) == len(made.materials)
+    coordinates = {m.name: m.coordinate for m in made.materials}
+    model = CoefficientModel(palette_of())
+    for name, line in laws:
+        c1, _, _, d1, *_ = map(float, line.split(","))
+        shear, bulk = 2.0 * c1, 2.0 / d1
+        ratio = (3.0 * bulk - 2.0 * shear) / (6.0 * bulk + 2.0 * shear)
+        assert ratio == pytest.approx(0.49, rel=1e-6)
+        modulus = 2.0 * shear * (1.0 + ratio)
+        # The slope at rest may give way by 2 % for the fit at larger strains.
+        assert modulus == pytest.approx(float(model.modulus_MPa(coordinates[name], 0.0)), rel=0.02)
 
 
 def test_a_moment_is_forces_at_nodes_that_add_up_to_none():
