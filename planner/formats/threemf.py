@@ -747,8 +747,6 @@ _FAST = 1  # of zlib: a quarter larger than usual, in a fifth of the time
 _DATE = 0 << 9 | 1 << 5 | 1  # 1980-01-01, the earliest that a zip can say
 _VERSION, _DEFLATED = 20, 8  # deflate and folders, nothing newer
 _UNIX_FILE = 0o100644 << 16
-_LARGEST = 0xFFFFFFFE
-"""Bytes that a zip archive, or a member of it, holds without zip64."""
 
 
 def _archive(members: Iterable[tuple[str, _Text]]) -> bytes:
@@ -774,7 +772,8 @@ def _archive(members: Iterable[tuple[str, _Text]]) -> bytes:
             packed.append(packer.compress(piece))
         packed.append(packer.flush())
         offset, length = archive.tell(), sum(map(len, packed))
-        if max(offset + length, size) > _LARGEST:
+        # As far as archives are read: more takes zip64.
+        if max(offset + length, size) > USUAL_LIMITS.unpacked_bytes:
             raise OutputError(
                 f"{name}: {size} bytes, more than the 4 GiB that readers of 3MF take; reduce the "
                 "number of triangles"
