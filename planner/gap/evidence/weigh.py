@@ -1050,6 +1050,10 @@ def ranking_of(evidence: Evidence, priors: Priors) -> tuple[Hypothesis, ...]:
     )
 
 
+_SURE = 30.0
+"""Log odds that are as good as certain. Numerical: what is left is not rounded to nothing."""
+
+
 def _imitated(
     effects: Effects, found: Mapping[HypothesisKey, float], counts: float, priors: Priors
 ) -> float:
@@ -1064,10 +1068,6 @@ def _imitated(
     log_odds = min(counts, form) * max(max(beside, default=own) - own, 0.0)
     odds = priors.imitated / (1.0 - priors.imitated) * np.exp(min(log_odds, _SURE))
     return float(odds / (1.0 + odds))
-
-
-_SURE = 30.0
-"""Log odds that are as good as certain. Numerical: what is left is not rounded to nothing."""
 
 
 def _counted(found: Mapping[HypothesisKey, float], priors: Priors) -> float:
