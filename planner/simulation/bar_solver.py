@@ -562,7 +562,7 @@ _SLICE = np.dtype(
         *((name, np.float64) for name in (
             "length_mm", "area_mm2", "rise", "slope_0", "slope_1", "log_factor", "log_tilt",
             "softening", "set_share", "fatigue", "strain", "former", "largest", "left", "stress",
-            "stress_before", "share", "rest", "alone", "stiffness",
+            "stress_before", "share", "rest", "alone", "stiffness", "tangent",
         )),
     ]
 )  # fmt: skip
@@ -571,7 +571,7 @@ _SLICE = np.dtype(
 Its law: rows of the cubics and weights (`LawTables.mixed`), and its changes. Of its strain: now, at
 the step before, the largest so far, and what of that stays for good. Of the law's stress: now and
 at the step before. A step bears `share` of the law's stress, and the `rest` of what relaxes.
-`alone` and `stiffness` are Newton's.
+`alone`, `stiffness` and `tangent` are Newton's.
 """
 
 _Record: TypeAlias = Any
@@ -678,6 +678,10 @@ _BISECTIONS = 100
 _LONGEST = 0.25
 """Newton's steps, those before they are halved, steps of a bracket, and the longest change of a
 strain. Numerical: they decide how fast equilibrium is found, and not where it lies."""
+
+_CURVATURE = 20.0
+"""Of a slice's stress over strain, half of it over its tangent, as is taken for granted: it tells
+what a step of Newton's method leaves. Numerical: elastomers' is 2 to 10."""
 
 
 _LOSSES = (
@@ -792,7 +796,7 @@ def _left_strain(table: FloatArray, share: float, largest: float) -> float:
 def _follow_path(
     tests: _Record, paths: _Record, all_slices: _Record, terms: _Record, all_relaxing: _Record,
     cubics: FloatArray, step: float, softening_table: FloatArray, set_table: FloatArray,
-    set_growth: float, tolerance: float, all_strain: FloatArray,
+    set_growth: float, tolerance: float, all_strain: FloatArray, near: FloatArray,
 ) -> None:  # fmt: skip
     """Fill in force and strain of every step of every test.
 
@@ -804,6 +808,8 @@ def _follow_path(
         (S,), (K,) and (S, K).
     all_strain
         Filled in, (T, S).
+    near
+        Strains of tests much like these, (T, S): where Newton's method starts; none by default.
     """
     high = cubics.shape[1] * step + _ABOVE
     for p in range(len(tests)):
@@ -820,6 +826,7 @@ def _follow_path(
             _, tangent = _elastic_stress(0.0, slices[i], cubics, step)
             scale = min(scale, slices[i].area_mm2 * tangent)
         force, largest_N, settled, before = 0.0, 0.0, 0.0, 0.0
+        former_N = 0.0
         for t in range(len(path)):
             target = path[t].travel_mm
             worn = path[t].worn
@@ -855,20 +862,25 @@ def _follow_path(
                 ahead = (target - settled) / (settled - before)
             if not 0.0 < ahead < 4.0:
                 ahead = 0.0
+            force, former_N = force + ahead * (force - former_N), force
             for i in range(len(slices)):
-                now = slices[i].strain
-                slices[i].strain = now + ahead * (now - slices[i].former)
-                slices[i].former = now
+                this = slices[i]
+                begun, away = this.strain, this.strain
+                if len(near) > 0:  # go on beside what is near, which turns where this does
+                    away -= near[max(t - 1, 0), test.first + i]
+                    begun = away + near[t, test.first + i]
+                this.strain = min(max(begun + ahead * (away - this.former), _LOW), high)
+                this.former = away
             solved = False
             for iteration in range(_ITERATIONS):
                 worst, length, soft, elongation = 0.0, 0.0, 0.0, 0.0
                 for i in range(len(slices)):
                     this = slices[i]
-                    stress, tangent = _slice_stress(
+                    stress, this.tangent = _slice_stress(
                         this.strain, this, cubics, step, softening_table
                     )
                     this.stress = stress
-                    stiff = this.area_mm2 * this.share * tangent
+                    stiff = this.area_mm2 * this.share * this.tangent
                     excess = this.area_mm2 * (this.share * stress + this.rest) - force
                     worst = max(worst, abs(excess))
                     this.stiffness = stiff
@@ -878,20 +890,28 @@ def _follow_path(
                     soft += this.length_mm / stiff
                 lost, slope = _lost_travel(force, largest_N, test)
                 gap = abs(target - lost - elongation)
-                if worst <= tolerance * (abs(force) + 1e-4 * scale) and (
-                    gap <= tolerance * total_length
-                ):
+                close = tolerance * (abs(force) + 1e-4 * scale)
+                if worst <= close and gap <= tolerance * total_length:
                     solved = True
                     break
                 change = (target - lost - length) / (soft + slope)
                 # Kinks can send Newton's method to and fro; half a step ends that.
                 part = 1.0 if iteration < _PATIENCE else 0.5
                 force += part * change
+                worst = 0.0
                 for i in range(len(slices)):
                     this = slices[i]
                     move = this.alone + change / this.stiffness - this.strain
+                    worst = max(worst, this.stiffness * move * move)
                     e = this.strain + part * min(max(move, -_LONGEST), _LONGEST)
                     this.strain = min(max(e, _LOW), high)
+                    this.stress += this.tangent * move
+                # What a step leaves goes with its square: what is too little need not be looked at.
+                if part == 1.0 and _CURVATURE * worst <= close:
+                    after, _ = _lost_travel(force, largest_N, test)
+                    if abs(after - lost - slope * change) <= tolerance * total_length:
+                        solved = True
+                        break
             if not solved:
                 force = _bracketed_force(
                     target, largest_N, test, slices, cubics, step, softening_table
@@ -1096,10 +1116,11 @@ def predict(
     relaxing["share"] = bars.relaxing[:, used]
     strain = np.empty((bars.time_s.shape[1], len(slices)))
     force = np.empty(bars.time_s.shape)
-    some = np.ones(len(tests), dtype=np.bool_)
+    some, near = np.ones(len(tests), dtype=np.bool_), strain[:0]
     if like is not None:
         some = _differs(bars, like.bars)
         strain[:], force[:] = like.strain * np.where(pushed, -1.0, 1.0), like.force_N
+        near = strain.copy()
     # Copies, for kernels are compiled for arrays of one kind.
     softening = np.array(bars.softening_table, dtype=np.float64)
     left = np.array(bars.set_table, dtype=np.float64)
@@ -1107,7 +1128,7 @@ def predict(
     def follow(tests: _Record, paths: _Record) -> None:
         _follow_path(
             tests, paths, slices.copy(), terms.copy(), relaxing.copy(), laws.cubics,
-            laws.strain_step, softening, left, bars.set_growth, tolerance, strain,
+            laws.strain_step, softening, left, bars.set_growth, tolerance, strain, near,
         )  # fmt: skip
 
     of_bars = some.copy()

@@ -131,7 +131,8 @@ def test_a_law_that_falls_in_compression_goes_on_straight():
     assert stress.argmin() < 40  # of the law itself
     np.testing.assert_allclose(force[sound], AREA_mm2 * stress[sound], rtol=1e-8, atol=1e-9)
     assert (np.diff(force) < 0.0).all()
-    np.testing.assert_allclose(np.diff(force[-20:], 2), 0.0, atol=1e-9)
+    # A second difference holds the solver's tolerance, 1e-10 of the force, four times.
+    np.testing.assert_allclose(np.diff(force[-20:], 2), 0.0, atol=4e-10 * np.abs(force).max())
 
 
 def test_tables_go_on_rising_beyond_a_laws_end():
@@ -406,15 +407,20 @@ def test_one_law_alone_is_as_instantaneous_as_among_others():
 @pytest.mark.parametrize("where", [0, -1])
 def test_tests_that_are_the_same_in_a_former_prediction_are_taken_from_it(name, where):
     path = there_and_back((0.3, 0.05, 0.4), points=15)
-    tables = {"softening_table": np.full((21, 21), 0.3), "set_table": np.full(21, 0.2)}
+    softening = np.full((21, 21), 0.3)
+    softening[-1] = 0.0  # at the largest strain so far, which the path comes back to
+    tables = {"softening_table": softening, "set_table": np.full(21, 0.2)}
     plain = setup(path, coordinates=((0.1, 0.6), (0.3,), (0.7,)), **tables)
     former = predict(plain, LAWS)
     value = getattr(plain, name).copy()
     value[where] += 0.1 / value[where].size
     changed = plain.with_(**{name: value})
     fresh, found = predict(changed, LAWS), predict(changed, LAWS, like=former)
-    np.testing.assert_array_equal(found.force_N, fresh.force_N)
-    np.testing.assert_array_equal(found.strain, fresh.strain)
+    same = [where != 0, False, where != -1]
+    np.testing.assert_array_equal(found.force_N[same], former.force_N[same])
+    # Newton's method starts from the former one, and ends within its tolerance of 1e-10.
+    np.testing.assert_allclose(found.force_N, fresh.force_N, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(found.strain, fresh.strain, rtol=1e-9, atol=1e-9)
     # A prediction that says something else shows which tests were not followed again.
     other = replace(former, force_N=former.force_N + 1e6)
     taken = (predict(changed, LAWS, like=other).force_N > 1e5).all(axis=1)
@@ -430,5 +436,5 @@ def test_tables_and_laws_that_change_change_every_test():
     ):
         fresh = predict(plain.with_(**changes), LAWS)
         found = predict(plain.with_(**changes), LAWS, like=predict(plain, LAWS))
-        np.testing.assert_array_equal(found.force_N, fresh.force_N)
+        np.testing.assert_allclose(found.force_N, fresh.force_N, rtol=1e-9)
         assert (fresh.force_N != predict(plain, LAWS).force_N).any(axis=1).all()
