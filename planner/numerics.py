@@ -96,8 +96,8 @@ def kernel(function: F) -> F:
 
 
 def inner_kernel(function: F) -> F:
-    """Compile a function that other kernels call and Python does not; see `kernel`."""
-    return _compiled(function, no_cpython_wrapper=True)
+    """Compile a function into the kernels that call it; Python does not. See `kernel`."""
+    return _compiled(function, no_cpython_wrapper=True, forceinline=True)
 
 
 def _compiled(function: F, **more: Any) -> F:

@@ -579,6 +579,18 @@ _Record: TypeAlias = Any
 
 
 @inner_kernel
+def _mixed(slice_: _Record, cubics: FloatArray, interval: int, power: int) -> float:
+    """Return a coefficient of a slice's cubic; each number by itself, as views are counted."""
+    low: float = cubics[slice_.lower, interval, 0, power]
+    if slice_.rise == 0.0:  # a pure material
+        return low
+    upper = slice_.upper
+    bent: float = slice_.slope_0 * cubics[slice_.lower, interval, 1, power]
+    bent += slice_.slope_1 * cubics[upper, interval, 1, power]
+    return low + slice_.rise * (cubics[upper, interval, 0, power] - low) + bent
+
+
+@inner_kernel
 def _elastic_stress(
     strain: float, slice_: _Record, cubics: FloatArray, step: float
 ) -> tuple[float, float]:
@@ -589,15 +601,8 @@ def _elastic_stress(
     place = inside / step
     j = min(int(place), intervals - 1)
     s = place - j
-    own = cubics[slice_.lower, j]
-    c0, c1, c2, c3 = own[0, 0], own[0, 1], own[0, 2], own[0, 3]
-    rise = slice_.rise
-    if rise != 0.0:  # no pure material
-        other, d0, d1 = cubics[slice_.upper, j], slice_.slope_0, slice_.slope_1
-        c0 += rise * (other[0, 0] - c0) + d0 * own[1, 0] + d1 * other[1, 0]
-        c1 += rise * (other[0, 1] - c1) + d0 * own[1, 1] + d1 * other[1, 1]
-        c2 += rise * (other[0, 2] - c2) + d0 * own[1, 2] + d1 * other[1, 2]
-        c3 += rise * (other[0, 3] - c3) + d0 * own[1, 3] + d1 * other[1, 3]
+    c0, c1 = _mixed(slice_, cubics, j, 0), _mixed(slice_, cubics, j, 1)
+    c2, c3 = _mixed(slice_, cubics, j, 2), _mixed(slice_, cubics, j, 3)
     logarithm = c0 + s * (c1 + s * (c2 + s * c3)) + slice_.log_factor
     slope = (c1 + s * (2.0 * c2 + s * 3.0 * c3)) / step
     log_tilt = slice_.log_tilt
