@@ -248,9 +248,16 @@ def _weigh_subset(
 HypothesisKey = tuple[Effects, str]
 """Effects, and the axis of an unknown beside them, "" without."""
 
-_SINGLES, _PARTNERS = 24, 6
-"""Forms of single effects that are settled, and effects beside what settled. Numerical: the best
-ones by the surrogate, of every effect one; it is what a diagnosis' time goes by."""
+_PARTNERS = 6
+"""Effects that are settled beside what settled. Numerical: the best ones by the surrogate."""
+
+_SURROGATE_NATS = 3.0
+"""Below its effect's best form by the surrogate, to which a form is settled. Numerical: in 97 % of
+effects a form so far below is not the best once settled."""
+
+_LOST_NATS = 20.0
+"""Below the best form of all by the surrogate, from which one form of an effect will do. Numerical:
+such an effect has none of the probability, with evidence counted in part too."""
 
 _BESIDE = 3
 """Effects, the best ones once settled, beside which every other one is looked for anew. Numerical:
@@ -483,7 +490,9 @@ def reweigh(
 ) -> tuple[World, list[tuple[float, Candidate]]]:
     """Weigh settled candidates, vain ones among them, on specimens weighted by `weight` (n,).
 
-    By the model linear about where they settled on all specimens, where they stay.
+    By the model linear about where they settled on all specimens, where they stay. Evidence counts
+    in full: a part of it (`Priors.counted`) says how far a name can be trusted, but predicts with
+    forms that the specimens speak against.
 
     Returns
     -------
@@ -501,10 +510,8 @@ def reweigh(
         some = [_of_some(world, logs, one) for one in (weighed.none, *weighed.beside_some)]
         settled += some
         prior += [logs.of(c.effects) for c in some]
-    share = logs.priors.counted(max((c.log_evidence for c in settled), default=0.0))
     odds = [
-        p - vain.get(c.effects, 0.0) + share * c.log_evidence
-        for p, c in zip(prior, settled, strict=True)
+        p - vain.get(c.effects, 0.0) + c.log_evidence for p, c in zip(prior, settled, strict=True)
     ]
     return world, list(zip(odds, settled, strict=True))
 
@@ -585,21 +592,25 @@ def _settled(worlds: Sequence[World], logs: _LogPriors) -> list[Settled]:
     # Surrogates are compared where models may be off by as much as surrogates are.
     world = max(worlds, key=lambda w: w.none)
     ranked = sorted(nothing(world).beside(), key=lambda c: -value(c))
-    first: dict[Effects, Candidate] = {}
+    most: dict[Effects, float] = {}
     for c in ranked:
-        first.setdefault(c.effects, c)
-    chosen = list(first.values())
+        most.setdefault(c.effects, value(c))
     # Forms with details fit more than their surrogate shows.
-    chosen += [c for c in ranked if c.branches[0].form.details and c not in chosen]
-    chosen += [c for c in ranked if c not in chosen][: max(_SINGLES - len(chosen), 0)]
+    chosen = [
+        c
+        for c in ranked
+        if value(c) > max(most[c.effects] - _SURROGATE_NATS, value(ranked[0]) - _LOST_NATS)
+        or value(c) == most[c.effects]
+        or c.branches[0].form.details
+    ]
     settled = [settle(worlds, c, world) for c in chosen]
-    most = _most_effects(world.problem)
+    together = _most_effects(world.problem)
     best: dict[Effects, Settled] = {}
     for one in sorted(settled, key=lambda one: -odds(one)):
         best.setdefault(one.candidate.effects, one)
     pairs = {
         c.effects: c
-        for one in reversed(list(best.values())[: _BESIDE if most > 1 else 0])
+        for one in reversed(list(best.values())[: _BESIDE if together > 1 else 0])
         for c in _partners(one, logs)[:_PARTNERS]
     }
     both = [settle(worlds, c, world) for c in pairs.values()]
@@ -619,7 +630,7 @@ def _settled(worlds: Sequence[World], logs: _LogPriors) -> list[Settled]:
                     known.add(forms)
                     both.append(settle(worlds, c, world))
         likeliest = max(both, key=odds)
-        for c in _partners(likeliest, logs)[:_PARTNERS] if most > 2 else ():
+        for c in _partners(likeliest, logs)[:_PARTNERS] if together > 2 else ():
             if c.effects not in thirds:
                 thirds[c.effects] = settle(worlds, c, likeliest.world)
         third = max(thirds.values(), key=odds, default=likeliest)
