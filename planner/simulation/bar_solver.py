@@ -665,8 +665,10 @@ def _slice_stress(
 #
 # Every step solves for the strains of all slices and the one force that runs through them, by
 # Newton's method with the strains eliminated slice by slice. Within a step the stress of the law
-# changes evenly, so that relaxing terms follow exactly. Where Newton's method does not settle, the
-# force is bracketed and each slice's strain with it: slow, but certain to end with finite numbers.
+# changes evenly, so that relaxing terms follow exactly. A step that can have left no more than the
+# tolerance is the last: what it leaves goes with its square. Where Newton's method does not settle,
+# the force is bracketed and each slice's strain with it: slow, but certain to end with finite
+# numbers.
 
 
 _TOLERANCE = 1e-10
@@ -878,45 +880,38 @@ def _follow_path(
                 this.former = away
             solved = False
             for iteration in range(_ITERATIONS):
-                worst, length, soft, elongation = 0.0, 0.0, 0.0, 0.0
+                length, soft = 0.0, 0.0
                 for i in range(len(slices)):
                     this = slices[i]
-                    stress, this.tangent = _slice_stress(
+                    this.stress, this.tangent = _slice_stress(
                         this.strain, this, cubics, step, softening_table
                     )
-                    this.stress = stress
-                    stiff = this.area_mm2 * this.share * this.tangent
-                    excess = this.area_mm2 * (this.share * stress + this.rest) - force
-                    worst = max(worst, abs(excess))
-                    this.stiffness = stiff
-                    this.alone = this.strain - excess / stiff
-                    elongation += this.length_mm * this.strain
+                    this.stiffness = this.area_mm2 * this.share * this.tangent
+                    excess = this.area_mm2 * (this.share * this.stress + this.rest) - force
+                    this.alone = this.strain - excess / this.stiffness
                     length += this.length_mm * this.alone
-                    soft += this.length_mm / stiff
+                    soft += this.length_mm / this.stiffness
                 lost, slope = _lost_travel(force, largest_N, test)
-                gap = abs(target - lost - elongation)
-                close = tolerance * (abs(force) + 1e-4 * scale)
-                if worst <= close and gap <= tolerance * total_length:
-                    solved = True
-                    break
                 change = (target - lost - length) / (soft + slope)
                 # Kinks can send Newton's method to and fro; half a step ends that.
                 part = 1.0 if iteration < _PATIENCE else 0.5
                 force += part * change
-                worst = 0.0
+                left_N, elongation = 0.0, 0.0
                 for i in range(len(slices)):
                     this = slices[i]
                     move = this.alone + change / this.stiffness - this.strain
-                    worst = max(worst, this.stiffness * move * move)
-                    e = this.strain + part * min(max(move, -_LONGEST), _LONGEST)
-                    this.strain = min(max(e, _LOW), high)
+                    rest = (1.0 - part) * abs(move) + _CURVATURE * move * move
+                    left_N = max(left_N, this.stiffness * rest)
+                    move = part * min(max(move, -_LONGEST), _LONGEST)
+                    this.strain = min(max(this.strain + move, _LOW), high)
                     this.stress += this.tangent * move
-                # What a step leaves goes with its square: what is too little need not be looked at.
-                if part == 1.0 and _CURVATURE * worst <= close:
-                    after, _ = _lost_travel(force, largest_N, test)
-                    if abs(after - lost - slope * change) <= tolerance * total_length:
-                        solved = True
-                        break
+                    elongation += this.length_mm * this.strain
+                lost, _ = _lost_travel(force, largest_N, test)
+                solved = left_N <= tolerance * (abs(force) + 1e-4 * scale) and (
+                    abs(target - lost - elongation) <= tolerance * total_length
+                )
+                if solved:
+                    break
             if not solved:
                 force = _bracketed_force(
                     target, largest_N, test, slices, cubics, step, softening_table
