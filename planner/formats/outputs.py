@@ -73,11 +73,15 @@ def _scratch_beside(target: Path, *, folder: bool) -> Iterator[Path]:
 
 
 def _remove(path: Path) -> None:
-    if path.is_dir() and not path.is_symlink():
-        shutil.rmtree(path, ignore_errors=True)
-    else:
-        with contextlib.suppress(OSError):
-            path.unlink()
+    try:
+        if path.is_dir() and not path.is_symlink():
+            shutil.rmtree(path, ignore_errors=True)
+        else:
+            with contextlib.suppress(OSError):
+                path.unlink()
+    except BaseException:  # an interrupt, which ends the command once this is done
+        _remove(path)
+        raise
 
 
 # ------------------------------------------------------------------------------------------------

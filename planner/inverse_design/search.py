@@ -141,7 +141,7 @@ class Case:
         try:
             if steps or state is None:
                 raise LostStabilityError(0.0, None)
-            state, factored = mechanics.settle(
+            state, factored = mechanics.equilibrated(
                 state, 1.0, into=factored, near=near, settled=_SETTLED, tangent=tangent
             )
         except LostStabilityError:

@@ -633,7 +633,7 @@ class Mechanics:
 
     # -------------------------------------------------------------------------------------------
 
-    def settle(
+    def equilibrated(
         self,
         state: Equilibrium,
         share: float,
@@ -727,7 +727,7 @@ class Mechanics:
                     target = share
                 try:
                     start = state if before is None else _onward(before, state, target)
-                    found = self.settle(
+                    found = self.equilibrated(
                         start, target, progress, factored, settled=settled,
                         tangent=tangents or target == shares[-1],
                     )  # fmt: skip

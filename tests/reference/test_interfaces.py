@@ -67,7 +67,7 @@ def solved(shells, surface, moduli, cell_mm, conditions, *, poisson=0.49, shift=
     body = Body(cells, laws(moduli, poisson), coordinate, poisson)
     analysis = analyse(cells.nodes, cells.node_mm, cells.interface.cells)
     problem = Mechanics(body, conditions(cells.surface), analysis)
-    return problem, problem.settle(problem.at_rest(), 1.0)[0]
+    return problem, problem.equilibrated(problem.at_rest(), 1.0)[0]
 
 
 def on(surface, axis, at):
@@ -115,7 +115,7 @@ def test_an_interface_anywhere_in_a_cell(shift: float) -> None:
     table = marlow_table(CoefficientModel(solid.palette), poisson=0.49)
     analysis = analyse(cells.nodes, cells.node_mm, cells.interface.cells)
     problem = Mechanics(Body(cells, table, coordinate), conditions, analysis)
-    state, _ = problem.settle(problem.at_rest(), 1.0)
+    state, _ = problem.equilibrated(problem.at_rest(), 1.0)
     moved = -problem.mean(problem.points_of(high), state.displacement_mm)[2]
     # All ten are within this of CalculiX, so that their spread is under 1 %.
     assert -0.007 < moved / part.moves_mm - 1.0 < 0.002

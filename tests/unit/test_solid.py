@@ -555,7 +555,7 @@ def test_another_mixture_is_found_from_the_last_equilibrium_as_from_rest(beam, s
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(solid, "_PENALTY", 1e4)
         shared = Mechanics(other.body, other.conditions, other.analysis, like=other)
-    near, _ = shared.settle(state, 1.0)
+    near, _ = shared.equilibrated(state, 1.0)
     largest = np.abs(rest.displacement_mm).max()
     # Newton's last change is below 1e-6, and the next would be about its square.
     np.testing.assert_allclose(near.displacement_mm, rest.displacement_mm, atol=1e-8 * largest)
