@@ -10,7 +10,7 @@ from planner.gap.diagnose import closure
 from planner.gap.diagnosis import Diagnosis, Gap
 from planner.gap.effects import EFFECTS
 from planner.gap.evidence.problem import Problem, set_up
-from planner.gap.evidence.weigh import Priors, weigh
+from planner.gap.evidence.weigh import Priors, reweigh, weigh
 from planner.gap.observations import observation_model
 
 
@@ -73,6 +73,15 @@ def test_the_true_effect_closes_the_gap(of_rate: Diagnosis) -> None:
     assert gap.after < min(gap.recalibration_only, gap.generic)
     expected = 1.0 - (gap.after - gap.floor) / (gap.before - gap.floor)
     assert gap.closed == pytest.approx(expected, rel=1e-9)
+
+
+def test_what_is_left_out_is_predicted_with_all_of_the_evidence(rate_campaign) -> None:
+    """A part of it is for how far a name can be trusted: forms that the rest rules out have none."""
+    weighed = weigh(ready(rate_campaign, "rate", "skin"), Priors())
+    _, odds = reweigh(weighed, {}, np.ones(len(rate_campaign.specimens)))
+    gain = [value - weighed.logs.of(c.effects) - weighed.logs.forms(c) for value, c in odds]
+    np.testing.assert_allclose(gain, [c.log_evidence for _, c in odds], atol=1e-9)
+    assert np.ptp(gain) > 5.0
 
 
 def test_where_there_is_none_nothing_closes(of_nothing: Diagnosis) -> None:
