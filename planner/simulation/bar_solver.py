@@ -587,7 +587,8 @@ def _mixed(slice_: _Record, cubics: FloatArray, interval: int, power: int) -> fl
     upper = slice_.upper
     bent: float = slice_.slope_0 * cubics[slice_.lower, interval, 1, power]
     bent += slice_.slope_1 * cubics[upper, interval, 1, power]
-    return low + slice_.rise * (cubics[upper, interval, 0, power] - low) + bent
+    rise: float = slice_.rise * (cubics[upper, interval, 0, power] - low)
+    return low + rise + bent
 
 
 @inner_kernel
