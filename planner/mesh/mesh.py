@@ -28,6 +28,7 @@ __all__ = [
     "row_slot",
     "sort_span",
     "sorted_corners",
+    "uncancelled",
     "unite",
     "weld",
     "weld_points",
@@ -74,9 +75,8 @@ class Mesh:
 
     def __post_init__(self) -> None:
         # Kernels are compiled for one kind of array: contiguous and writable.
-        vertices = np.require(self.vertices, np.float64, ["C", "W"])
-        object.__setattr__(self, "vertices", vertices)
-        object.__setattr__(self, "faces", np.require(self.faces, np.int32, ["C", "W"]))
+        for name, kind in (("vertices", np.float64), ("faces", np.int32)):
+            object.__setattr__(self, name, np.require(getattr(self, name), kind, ["C", "W"]))
 
     @cached_property
     def triangles(self) -> FloatArray:
@@ -92,8 +92,7 @@ class Mesh:
     @cached_property
     def bounds_mm(self) -> FloatArray:
         """Smallest and largest coordinate of the vertices that faces use, (2, 3) in mm."""
-        bounds_mm: FloatArray = self._measured.bounds_mm[0]
-        return bounds_mm
+        return np.asarray(self._measured.bounds_mm[0])
 
     @property
     def volume_mm3(self) -> float:
@@ -161,12 +160,9 @@ def _measure(
                     bounds[p, 1, k] = x
         ox, oy, oz = origin[p, 0], origin[p, 1], origin[p, 2]
         ax, ay, az = vertices[i0, 0] - ox, vertices[i0, 1] - oy, vertices[i0, 2] - oz
-        ux = vertices[i1, 0] - ox - ax
-        uy = vertices[i1, 1] - oy - ay
-        uz = vertices[i1, 2] - oz - az
-        vx = vertices[i2, 0] - ox - ax
-        vy = vertices[i2, 1] - oy - ay
-        vz = vertices[i2, 2] - oz - az
+        bx, by, bz = vertices[i1, 0] - ox, vertices[i1, 1] - oy, vertices[i1, 2] - oz
+        cx, cy, cz = vertices[i2, 0] - ox, vertices[i2, 1] - oy, vertices[i2, 2] - oz
+        ux, uy, uz, vx, vy, vz = bx - ax, by - ay, bz - az, cx - ax, cy - ay, cz - az
         nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
         volume[p] += ax * nx + ay * ny + az * nz
         area[p] += np.sqrt(nx * nx + ny * ny + nz * nz)
@@ -211,8 +207,7 @@ def weld_points(points: _Points) -> tuple[_Points, NDArray[np.int32]]:
     index = np.empty(len(words), dtype=np.int32)
     bits = max(10, (4 * len(words) // 3).bit_length())  # at most three quarters are taken
     n, _ = _weld(words, distinct, index, np.zeros(1 << bits, np.int32), np.uint64(64 - bits))
-    vertices: _Points = distinct[:n].copy().view(points.dtype)
-    return vertices, index
+    return distinct[:n].copy().view(points.dtype), index
 
 
 _AHEAD = 256
@@ -302,16 +297,9 @@ def sort_span(keys: Any, first: Any, last: Any) -> Any:
 @inner_kernel
 def face_normal(points: Any, a: Any, b: Any, c: Any) -> Any:
     """Return the normal of a triangle between points, twice its area long."""
-    ux, uy, uz = (
-        points[b, 0] - points[a, 0],
-        points[b, 1] - points[a, 1],
-        points[b, 2] - points[a, 2],
-    )
-    vx, vy, vz = (
-        points[c, 0] - points[a, 0],
-        points[c, 1] - points[a, 1],
-        points[c, 2] - points[a, 2],
-    )
+    ax, ay, az = points[a, 0], points[a, 1], points[a, 2]
+    ux, uy, uz = points[b, 0] - ax, points[b, 1] - ay, points[b, 2] - az
+    vx, vy, vz = points[c, 0] - ax, points[c, 1] - ay, points[c, 2] - az
     return uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
 
 
@@ -363,6 +351,12 @@ def cancel_opposite(faces: NDArray[np.int32]) -> BoolArray:
         rank -= np.repeat(rank[starts] - frequent[starts], count)
         keep[order] = frequent & (rank <= np.abs(net))
     return keep
+
+
+def uncancelled(faces: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Return the faces that name no vertex twice, and stay when opposite ones cancel."""
+    proper = faces[~repeats_index(faces)]
+    return proper[cancel_opposite(proper)]
 
 
 def _turned(faces: NDArray[np.int32]) -> BoolArray:
@@ -512,8 +506,7 @@ class Topology:
         return self._edges(self.CROWDED)
 
     def _edges(self, kind: int) -> NDArray[np.int32]:
-        half = np.flatnonzero(self.twin == kind)
-        face, corner = np.divmod(half, 3)
+        face, corner = np.divmod(np.flatnonzero(self.twin == kind), 3)
         return np.stack([self.faces[face, corner], self.faces[face, (corner + 1) % 3]], axis=1)
 
     @property
@@ -558,8 +551,7 @@ def number_groups(parent: NDArray[np.int32]) -> NDArray[np.int32]:
     """Return the group of each member of a union-find, (n,), numbered by first appearance."""
     _flatten(parent)
     number = np.cumsum(parent == np.arange(len(parent)), dtype=np.int32) - np.int32(1)
-    labels: NDArray[np.int32] = number[parent]
-    return labels
+    return np.asarray(number[parent])
 
 
 @kernel
@@ -617,12 +609,7 @@ class JoinedShells:
     @cached_property
     def left(self) -> NDArray[np.int32]:
         """The faces, (m, 3), that remain of all shells when opposite triangles cancel."""
-        faces = np.concatenate([np.empty((0, 3), np.int32), *self.faces])
-        repeating = repeats_index(faces)
-        if repeating.any():
-            faces = faces[~repeating]
-        left: NDArray[np.int32] = faces[cancel_opposite(faces)]
-        return left
+        return uncancelled(np.concatenate([np.empty((0, 3), np.int32), *self.faces]))
 
     @cached_property
     def outside(self) -> Mesh:
@@ -647,11 +634,9 @@ class JoinedShells:
         Two faces on the same three vertices then are a body of their own, back to back.
         """
         faces = self.faces[number]
-        buckets = np.zeros(len(self.vertices), np.int32)
-        edges = np.empty(faces.size, np.int64)
-        if not len(faces) or not _edges_paired(faces, buckets, edges):
-            return False
-        return bool(self.measures[number].volume_mm3[0] > 0.0)
+        buckets, edges = np.zeros(len(self.vertices), np.int32), np.empty(faces.size, np.int64)
+        paired = len(faces) and _edges_paired(faces, buckets, edges)
+        return bool(paired and self.measures[number].volume_mm3[0] > 0.0)
 
 
 def join_shells(

@@ -26,6 +26,7 @@ from planner.mesh.mesh import (
     connected,
     measure,
     repeats_index,
+    uncancelled,
     weld,
     weld_points,
 )
@@ -99,12 +100,8 @@ one."""
 
 def _rounded(mesh: Mesh, translation_mm: FloatArray) -> Mesh:
     """Move a mesh, round it to float32, and join what has become equal."""
-    rounded = (mesh.vertices + translation_mm).astype(np.float32)
-    vertices, index = weld_points(rounded)
-    faces = index[mesh.faces]
-    faces = faces[~repeats_index(faces)]
-    faces = faces[cancel_opposite(faces)]
-    used, faces = compact(faces, len(vertices))
+    vertices, index = weld_points((mesh.vertices + translation_mm).astype(np.float32))
+    used, faces = compact(uncancelled(index[mesh.faces]), len(vertices))
     return Mesh(vertices[used].astype(np.float64), faces)
 
 
@@ -292,14 +289,11 @@ def make_part(
         hint = did_you_mean(bodies, _READINGS)
         raise ArgumentError(f"`bodies` {bodies}: {hint}it may be {' or '.join(_READINGS)}")
     _check_numbers(triangles, name)
-    vertices, welded = weld(np.ascontiguousarray(triangles, dtype=np.float64))
-    faces = welded[~repeats_index(welded)]
+    vertices, faces = _welded(np.ascontiguousarray(triangles, dtype=np.float64))
     repairs = []
-    if len(faces) < len(welded):
-        count = len(welded) - len(faces)
-        repairs.append(f"{count} triangles with two equal corners dropped")
-    topology = Topology(faces)
-    touching = False
+    if dropped := len(triangles) - len(faces):
+        repairs.append(f"{dropped} triangles with two equal corners dropped")
+    topology, touching = Topology(faces), False
     if not topology.closed:
         repaired = _close_mesh(vertices, faces)
         if repaired is None:
@@ -317,6 +311,12 @@ def make_part(
     mesh = Mesh(points[used], faces)
     _check_solid(mesh, name, reweld=points is not vertices or touching)
     return Part(mesh, name, tuple(repairs), tuple(_size_warnings(mesh, tray_mm)))
+
+
+def _welded(triangles: FloatArray) -> tuple[FloatArray, NDArray[np.int32]]:
+    """Index a triangle soup by position, and drop what has two equal corners."""
+    vertices, faces = weld(triangles)
+    return vertices, faces[~repeats_index(faces)]
 
 
 def part_from_arrays(
@@ -365,13 +365,14 @@ def _check_numbers(triangles: FloatArray, name: str) -> None:
 
 
 def _check_solid(mesh: Mesh, name: str, *, reweld: bool) -> None:
-    if len(mesh.faces) == 0 or mesh.volume_mm3 <= 0.0 or _is_flat(mesh):
+    leaf_mm3 = _FLAT * mesh.area_mm2 * float(np.ptp(mesh.bounds_mm, axis=0).max())
+    if len(mesh.faces) == 0 or mesh.volume_mm3 <= leaf_mm3:
         raise MeshError(
             f"{name}: encloses no volume; export it as a solid, with a thickness in every direction"
         )
     if reweld:
-        vertices, faces = weld(mesh.triangles)
-        topology = Topology(faces[~repeats_index(faces)])
+        vertices, faces = _welded(mesh.triangles)
+        topology = Topology(faces)
         if not topology.closed:
             raise MeshError(f"{name}: {_describe_faults(vertices, topology)}")
     crossing = find_crossing(mesh)
@@ -381,11 +382,6 @@ def _check_solid(mesh: Mesh, name: str, *, reweld: bool) -> None:
             f"{crossing.times_inside} times over {crossing.length_mm:.3g} mm along z, in all about "
             f"{crossing.volume_mm3:.3g} mm3; unite or mend the part in the CAD program"
         )
-
-
-def _is_flat(mesh: Mesh) -> bool:
-    extent = float(np.ptp(mesh.bounds_mm, axis=0).max())
-    return mesh.volume_mm3 <= 1e-9 * mesh.area_mm2 * extent
 
 
 def _size_warnings(mesh: Mesh, tray_mm: tuple[float, float, float] | None) -> Iterator[str]:
@@ -597,13 +593,12 @@ def _duplicates(state: Repaired) -> Repaired | None:
     faces = state.topology.faces
     if len(state.topology.crowded_edges) == 0:
         return None
-    again = np.ones(len(faces), dtype=np.bool_)
-    again[np.unique(_from_lowest(faces), axis=0, return_index=True)[1]] = False
-    count = int(again.sum())
+    first = np.sort(np.unique(_from_lowest(faces), axis=0, return_index=True)[1])
+    count = len(faces) - len(first)
     if count == 0:
         return None
     note = _counted(count, "triangle that occurs", "triangles that occur") + " twice dropped"
-    return _next(state, faces[~again], note)
+    return _next(state, faces[first], note)
 
 
 def _from_lowest(faces: NDArray[np.int32]) -> NDArray[np.int32]:
@@ -695,12 +690,11 @@ def _junctions(state: Repaired) -> Repaired | None:
         if divided == 0:
             break
         count += divided
-        state = Repaired(state.vertices, Topology(faces), state.notes)
+        state = replace(state, topology=Topology(faces))
     if count == 0:
         return None
     junctions = _counted(count, "edge that ends", "edges that end")
-    note = f"{junctions} on the middle of another joined to it"
-    return _next(state, state.topology.faces, note)
+    return _next(state, faces, f"{junctions} on the middle of another joined to it")
 
 
 def _divide(state: Repaired) -> tuple[NDArray[np.int32], int]:
@@ -727,9 +721,8 @@ def _divide(state: Repaired) -> tuple[NDArray[np.int32], int]:
         on &= border != c
         if not on.any():
             continue
-        between = border[on][np.argsort(place[on], kind="stable")]
-        chain = [a, *between.tolist(), b]
-        added += [(p, q, c) for p, q in itertools.pairwise(chain)]
+        between = border[on][np.argsort(place[on], kind="stable")].tolist()
+        added += [(p, q, c) for p, q in itertools.pairwise([a, *between, b])]
         gone[f] = True
     more = np.array(added, dtype=np.int32).reshape(-1, 3)
     return np.concatenate([faces[~gone], more]), int(gone.sum())
@@ -738,9 +731,7 @@ def _divide(state: Repaired) -> tuple[NDArray[np.int32], int]:
 def _winding(state: Repaired) -> Repaired | None:
     """Turn faces over until neighbours agree."""
     topology = state.topology
-    if not topology.two_faced:
-        return None
-    turned = topology.turned
+    turned = topology.turned if topology.two_faced else None
     if turned is None:
         return None
     triangles = _counted(int(turned.sum()), "triangle was", "triangles were")
@@ -758,10 +749,7 @@ def _touching(state: Repaired) -> Repaired | None:
     if not 0 < crowded <= _MOST_BORDERS or len(state.topology.open_edges):
         return None
     apart = _part_at_crowded_edges(state.vertices, state.topology)
-    if apart is None:
-        return None
-    topology = Topology(apart[1])
-    if not topology.closed:
+    if apart is None or not (topology := Topology(apart[1])).closed:
         return None
     return Repaired(apart[0], topology, state.notes, touching=True)
 
@@ -839,11 +827,11 @@ def _arrange_bodies(
     outward, doubtful, parent = _roles(found)
     if doubtful.any() or (bodies == "solids" and not outward[full].all()):
         return _chosen(found, outward, doubtful, parent, bodies, notes)
-    turned = full & (outward != (volume > 0.0))
-    body = topology.body
-    faces = _turn(topology.faces, turned[body]) if turned.any() else topology.faces
+    turned, body, faces = full & (outward != (volume > 0.0)), topology.body, topology.faces
     if turned.any():
-        notes.append(_turned_note(turned, full))
+        faces = _turn(faces, turned[body])
+        some = f"{int(turned.sum())} of {int(full.sum())} bodies were"
+        notes.append(f"{'the part was' if turned[full].all() else some} inside out: turned")
     keep = full[body]
     if pairs and outward[full].sum() > 1:
         solid = np.where(outward, np.arange(len(full)), parent)
@@ -858,9 +846,7 @@ def _arrange_bodies(
         if united is not None:
             triangles, note = united
             rest = vertices[faces[keep & ~met[solid[body]]]]
-            soup: FloatArray = np.concatenate([rest, triangles])
-            points, welded = weld(soup)
-            welded = welded[~repeats_index(welded)]
+            points, welded = _welded(np.concatenate([rest, triangles]))
             if not touching and not Topology(welded).closed:  # what was united touches the rest
                 return _arrange_bodies(vertices, topology, touching=True, bodies=bodies)
             return points, welded, (*notes, note)
@@ -870,8 +856,7 @@ def _arrange_bodies(
 def _measured(vertices: FloatArray, topology: Topology) -> tuple[FloatArray, FloatArray, BoolArray]:
     """Return each body's signed volume and bounds, and whether it is more than a leaf."""
     volume, area, bounds, _ = measure(vertices, topology.faces, topology.body, topology.bodies)
-    extent = (bounds[:, 1] - bounds[:, 0]).max(axis=1)
-    return volume, bounds, np.abs(volume) > _FLAT * area * extent
+    return volume, bounds, np.abs(volume) > _FLAT * area * np.ptp(bounds, axis=1).max(axis=1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -931,17 +916,10 @@ class _Bodies:
             return True, True
         size = np.ptp(self.bounds[outer], axis=0)
         space = manifold3d.Manifold.cube(3.0 * size).translate(self.bounds[outer, 0] - size)
-        outside = space - self.solid(outer)
-        if outside.min_gap(self.solid(inner), tolerance) >= tolerance:
+        if (space - self.solid(outer)).min_gap(self.solid(inner), tolerance) >= tolerance:
             return True, True
-        of_inner = self.shared_mm3(outer, inner) / abs(self.volume[inner])
-        return of_inner > 1.0 - _OVERLAP, False
-
-
-def _turned_note(turned: BoolArray, full: BoolArray) -> str:
-    if turned[full].all():
-        return "the part was inside out: turned"
-    return f"{int(turned.sum())} of {int(full.sum())} bodies were inside out: turned"
+        shared = self.shared_mm3(outer, inner)
+        return shared / abs(self.volume[inner]) > 1.0 - _OVERLAP, False
 
 
 def _box_pairs(bounds: FloatArray, full: BoolArray, touching: bool) -> list[tuple[int, int]]:
@@ -1048,7 +1026,10 @@ def _chosen(
     full = found.full
     solids = found.sum(full)
     hollow = manifold3d.Manifold()
-    level = np.array([_doubtful_around(k, doubtful, parent) for k in range(len(parent))])
+    level, around = np.zeros(len(parent), dtype=np.int64), parent
+    while (around >= 0).any():
+        level += (around >= 0) & doubtful[around]
+        around = np.where(around >= 0, parent[around], -1)
     for at in range(int(level.max()) + 1):  # what lies in a doubtful cavity stays
         for body in np.flatnonzero(full & outward & (level == at)).tolist():
             own = full & ~outward & ~doubtful & (parent == body)
@@ -1071,9 +1052,8 @@ def _chosen(
         )
     if whole.is_empty():
         raise MeshError("nothing is left where cavities are taken away; choose solids by `bodies`")
-    vertices, faces = weld(_mesh_of(whole).triangles)
     note = f"{count} bodies united" if same else f"its {count} bodies read as {bodies}: {volumes}"
-    return vertices, faces[~repeats_index(faces)], (*notes, note)
+    return *_welded(_mesh_of(whole).triangles), (*notes, note)
 
 
 def union(mesh: Mesh) -> Mesh:
@@ -1100,13 +1080,6 @@ def union(mesh: Mesh) -> Mesh:
     if whole.status() != manifold3d.Error.NoError or whole.is_empty():
         return mesh
     return _mesh_of(whole)
-
-
-def _doubtful_around(body: int, doubtful: BoolArray, parent: NDArray[np.int64]) -> int:
-    around = int(parent[body])
-    if around < 0:
-        return 0
-    return int(doubtful[around]) + _doubtful_around(around, doubtful, parent)
 
 
 def _sum(solids: list[Any]) -> Any:
@@ -1266,8 +1239,7 @@ def _first_ray(value: FloatArray, first: float, step: float) -> IntArray:
     ray = np.clip(np.ceil((value - first) / step), 0.0, _RAYS)
     ray -= first + (ray - 1.0) * step >= value
     ray += first + ray * step < value
-    settled: IntArray = np.clip(ray, 0.0, _RAYS).astype(np.int64)
-    return settled
+    return np.asarray(np.clip(ray, 0.0, _RAYS), np.int64)
 
 
 def _height(corners: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:
@@ -1279,8 +1251,7 @@ def _height(corners: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:
         s = ((x - a[0]) * vy - (y - a[1]) * vx) / area
         t = (ux * (y - a[1]) - uy * (x - a[0])) / area
         z = np.clip(a[2] + s * (b[2] - a[2]) + t * (c[2] - a[2]), low, high)
-    heights: FloatArray = np.where(area == 0.0, (low + high) / 2.0, z)
-    return heights
+    return np.asarray(np.where(area == 0.0, (low + high) / 2.0, z))
 
 
 # ------------------------------------------------------------------------------------------------
@@ -1312,8 +1283,9 @@ def _describe_faults(vertices: FloatArray, topology: Topology) -> str:
         length = _length(vertices, pairs)
         return (
             f"{counted(len(pairs), 'edge')} in all {length:.4g} mm long with up to {count.max()} "
-            f"faces, the first at {_middle(vertices, crowded[0])}: bodies or walls touch along a "
-            "line, which has no thickness to print; let them overlap, or move them apart"
+            f"faces, the first at {place_text(vertices[crowded[0]].mean(axis=0))}: bodies or walls "
+            "touch along a line, which has no thickness to print; let them overlap, or move them "
+            "apart"
         )
     if topology.turned is None:
         return "the surface has one side only, as a Möbius strip; export the part as a solid"
@@ -1339,7 +1311,3 @@ def _describe_borders(vertices: FloatArray, edges: NDArray[np.int32], crowded: i
 
 def _length(vertices: FloatArray, edges: NDArray[np.int32]) -> float:
     return float(np.linalg.norm(vertices[edges[:, 1]] - vertices[edges[:, 0]], axis=1).sum())
-
-
-def _middle(vertices: FloatArray, edge: NDArray[np.int32]) -> str:
-    return place_text((vertices[edge[0]] + vertices[edge[1]]) / 2)

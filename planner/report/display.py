@@ -1,5 +1,6 @@
 """What a screen shows of shells: positions rounded, triangles few enough, colours told apart."""
 
+import bisect
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.glance import channels
-from planner.mesh.mesh import cancel_opposite, compact, face_normal, repeats_index
+from planner.mesh.mesh import compact, face_normal, uncancelled
 from planner.numerics import Float32Array, FloatArray, IntArray, kernel
 from planner.report.svg import ramp
 
@@ -100,13 +101,10 @@ def shown(shells: Sequence[_Indexed], most: int = _MOST_TRIANGLES) -> Shown:
         taken = _coarse(points, faces, most)
         moved_mm += step_mm * float(np.sqrt(((points - points[taken]) ** 2).sum(axis=1).max()))
         faces = [taken[f] for f in faces]
-    faces = [f[~repeats_index(f)] for f in faces]
-    faces = [f[cancel_opposite(f)] for f in faces]
-    kept = []
-    for f in faces:
-        used, own = compact(f, len(points))
-        kept.append((points[used].astype(np.uint16), own))
-    return Shown(grid.origin_mm, step_mm, tuple(kept), sum(map(len, faces)), of, moved_mm)
+    faces = [uncancelled(f) for f in faces]
+    own = [compact(f, len(points)) for f in faces]
+    kept = tuple((points[used].astype(np.uint16), f) for used, f in own)
+    return Shown(grid.origin_mm, step_mm, kept, sum(map(len, faces)), of, moved_mm)
 
 
 def thinned(
@@ -121,9 +119,7 @@ def thinned(
     """
     if len(faces) > most:
         points = ScreenGrid.over([vertices]).counts(vertices)
-        faces = _coarse(points, [faces], most)[faces]
-        faces = faces[~repeats_index(faces)]
-        faces = faces[cancel_opposite(faces)]
+        faces = uncancelled(_coarse(points, [faces], most)[faces])
     return compact(faces, len(vertices))
 
 
@@ -139,12 +135,12 @@ def _coarse(points: IntArray, faces: Sequence[IntArray], most: int) -> NDArray[n
     shared = _shared(len(points), faces)
     share = most / sum(map(len, faces))
     sizes = sorted({round(2.0 ** (n / 8.0)) for n in range(8, 121)})  # a cell's edge in steps
-    low, high = 0, len(sizes) - 1
-    while low < high:
-        middle = (low + high) // 2
-        occupied = _distinct(_cells(points, shared, sizes[middle]))
-        low, high = (low, middle) if occupied <= share * len(points) else (middle + 1, high)
-    cells = _cells(points, shared, sizes[low])
+
+    def few(size: int) -> bool:
+        return _distinct(_cells(points, shared, size)) <= share * len(points)
+
+    size = sizes[bisect.bisect_left(sizes, True, hi=len(sizes) - 1, key=few)]
+    cells = _cells(points, shared, size)
     sharp = np.zeros((len(points), 4))
     for f in faces:
         _add_areas(points, np.require(f, np.int32, ["C", "W"]), sharp)
@@ -186,9 +182,7 @@ def _shared(count: int, faces: Sequence[IntArray]) -> IntArray:
     """Return by vertex a number of the set of shells that have it."""
     shells = np.zeros(count, np.int64)
     for number, f in enumerate(faces):
-        has = np.zeros(count, np.bool_)
-        has[f.ravel()] = True
-        shells |= has.astype(np.int64) << number % _BITS
+        shells[f] |= 1 << number % _BITS
     return np.asarray(np.unique(shells, return_inverse=True)[1] % _SETS)
 
 
