@@ -178,9 +178,7 @@ def _field_grid(
         ]
         index = np.argwhere(wanted)
         index[:, 0] += first
-        points = origin_mm + index * pitch_mm
-        found = _values_at(field, points)
-        values[first:last][wanted] = found
+        values[first:last][wanted] = _values_at(field, origin_mm + index * pitch_mm)
     return FieldGrid(origin_mm, pitch_mm, cells, active, values)
 
 
@@ -189,10 +187,8 @@ def _corners(active: NDArray[np.uint8]) -> BoolArray:
     n, ny, nz = active.shape
     found = np.zeros((n + 1, ny + 1, nz + 1), dtype=np.bool_)
     marked = active.view(np.bool_)
-    for i in range(2):
-        for j in range(2):
-            for k in range(2):
-                found[i : i + n, j : j + ny, k : k + nz] |= marked
+    for i, j, k in np.ndindex(2, 2, 2):
+        found[i : i + n, j : j + ny, k : k + nz] |= marked
     return found
 
 
@@ -406,8 +402,7 @@ def draw_level_sets(
     offsets, touched, active = _cells_held(mesh, origin_mm, size * pitch_mm, (nx, ny, nz))
     held = active
     if size > 1:
-        cells = size * nx, size * ny, size * nz
-        _, _, held = _cells_held(mesh, origin_mm, pitch_mm, cells)
+        _, _, held = _cells_held(mesh, origin_mm, pitch_mm, (size * nx, size * ny, size * nz))
         active |= held.reshape(nx, size, ny, size, nz, size).max(axis=(1, 3, 5))
     grid = _field_grid(field, origin_mm, pitch_mm, held, active)
     lattice = _lattice_for(mesh.bounds_mm, 4.0 * pitch_mm)
@@ -1020,12 +1015,9 @@ def _march(
                     if slope < 0.0:
                         slope = _slope(at, v)
                     p, q, r, s = even[below, 0], even[below, 1], even[below, 2], even[below, 3]
-                    sides = 3
+                    sides, pairs = 3, ((p, q), (p, r), (p, s), (p, s))
                     if some == 2:
-                        sides = 4
-                        pairs = ((p, r), (p, s), (q, s), (q, r))
-                    else:
-                        pairs = ((p, q), (p, r), (p, s), (p, s))
+                        sides, pairs = 4, ((p, r), (p, s), (q, s), (q, r))
                     for e in range(sides):
                         a, b = pairs[e]
                         if stack[left, a] > stack[left, b]:

@@ -49,29 +49,22 @@ def _side(surface: Any, corner: Any, points: Any, at: Any, normal: Any, moved: A
     face is.
     """
     nx, ny, nz = normal
-    sign = volume_sign(
-        nx, ny, nz,
-        points[at, 0] - surface[corner, 0],
-        points[at, 1] - surface[corner, 1],
-        points[at, 2] - surface[corner, 2],
-    )  # fmt: skip
+    dx = points[at, 0] - surface[corner, 0]
+    dy = points[at, 1] - surface[corner, 1]
+    dz = points[at, 2] - surface[corner, 2]
+    sign = volume_sign(nx, ny, nz, dx, dy, dz)
     return sign if sign != 0 else moved * _first_sign(nx, ny, nz)
 
 
 @inner_kernel
 def _turn_of_edges(points: Any, p: Any, q: Any, level: Any, u: Any, v: Any) -> Any:
     """Sign of (q - p) x (v - u) . (u - p) for an edge of the part and one of the level sets."""
-    ax, ay, az = (
-        points[q, 0] - points[p, 0],
-        points[q, 1] - points[p, 1],
-        points[q, 2] - points[p, 2],
-    )
-    bx, by, bz = level[v, 0] - level[u, 0], level[v, 1] - level[u, 1], level[v, 2] - level[u, 2]
+    px, py, pz = points[p, 0], points[p, 1], points[p, 2]
+    ux, uy, uz = level[u, 0], level[u, 1], level[u, 2]
+    ax, ay, az = points[q, 0] - px, points[q, 1] - py, points[q, 2] - pz
+    bx, by, bz = level[v, 0] - ux, level[v, 1] - uy, level[v, 2] - uz
     nx, ny, nz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
-    sign = volume_sign(
-        nx, ny, nz,
-        level[u, 0] - points[p, 0], level[u, 1] - points[p, 1], level[u, 2] - points[p, 2],
-    )  # fmt: skip
+    sign = volume_sign(nx, ny, nz, ux - px, uy - py, uz - pz)
     return sign if sign != 0 else _first_sign(nx, ny, nz)
 
 

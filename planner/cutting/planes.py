@@ -80,8 +80,7 @@ def snap_distance_mm(bounds_mm: FloatArray) -> float:
     off its plane (at most sqrt(3)/2 of the spacing and of the lattice together), so that a new
     point can coincide only with vertices that count as lying in the plane.
     """
-    largest = np.float32(np.abs(bounds_mm).max())
-    return 2.0 * max(float(np.spacing(largest)), LATTICE_MM)
+    return 2.0 * max(float(np.spacing(np.float32(np.abs(bounds_mm).max()))), LATTICE_MM)
 
 
 def divide(mesh: Mesh, normal: FloatArray, offsets_mm: FloatArray) -> DividedSurface:

@@ -478,11 +478,9 @@ class Setting:
 def _ramp(given: FieldArguments, setting: Setting, quantity: Quantity) -> Ramp:
     """Return where the gradient starts and ends: over all of the part if not said."""
     start, stop = given.number("from"), given.number("to")
-    if start is None or stop is None:
-        found = quantity(setting.samples_mm)
-        start = float(found.min()) if start is None else start
-        stop = float(found.max()) if stop is None else stop
-    return Ramp(start, stop)
+    if start is not None and stop is not None:
+        return Ramp(start, stop)
+    return Ramp.over(quantity(setting.samples_mm), start, stop)
 
 
 def _axis(given: FieldArguments, setting: Setting) -> Field:
@@ -728,8 +726,7 @@ def _parse(text: str, setting: Setting, depth: int) -> Field:
     named = _NAMED.match(text)
     name = named[1] if named else text.split("(")[0].split(":")[0].strip()
     if named is None or name not in _KINDS:
-        known = [*_KINDS, *_RULES]
-        hint = did_you_mean(name, known)
+        hint = did_you_mean(name, [*_KINDS, *_RULES])
         raise ArgumentError(
             f"`field` {text.strip()!r}: there is no field {name!r}; {hint}there are "
             f"{', '.join(_KINDS)}, and {', '.join(_RULES)} of such, as in min(axis: x; axis: y)"
@@ -861,8 +858,7 @@ def _text_of(says: Mapping[str, Any], origin_mm: Point) -> str:
     if of == "faces":
         corners = [c for corner in says["box_mm"] for c in _own(corner, origin_mm)]
         return f"distance: box={_words(corners)}, {ends}"
-    made_of = says.get("file") or says.get("function") or of
-    raise _not_held(name, made_of)
+    raise _not_held(name, says.get("file") or says.get("function") or of)
 
 
 def _region_text(says: Mapping[str, Any], origin_mm: Point) -> str:

@@ -34,8 +34,7 @@ def between_cells(grid: Grid, values: FloatArray) -> Quantity:
 
     def at(points_mm: FloatArray) -> FloatArray:
         found = np.empty(len(points_mm))
-        points = np.require(points_mm, np.float64, ["C", "W"])
-        _interpolate(points, origin, pitch, values, found)
+        _interpolate(np.require(points_mm, np.float64, ["C", "W"]), origin, pitch, values, found)
         return found
 
     return at
@@ -72,8 +71,7 @@ def _reached_cells(inside: BoolArray, seeds: BoolArray) -> tuple[BoolArray, IntA
     known = np.zeros(bodies + 1, dtype=np.bool_)
     known[body[seeds]] = True
     known[0] = False
-    size[known] = 0
-    size[0] = 0
+    size[known], size[0] = 0, 0
     worst = int(np.argmax(size))
     if size[worst] > _CRUMB * np.count_nonzero(inside):
         return inside, np.argwhere(body == worst)[0]
@@ -359,12 +357,9 @@ def geodesic_field(
         )
     length = np.full(tuple(n + 2 for n in inside.shape), np.inf)  # a border saves all tests
     length[tuple((index[held] + 1).T)] = 0.0
-    blocked = np.pad(~reached, 1, constant_values=True)
-    _sweep(length, blocked, pitch_mm)
+    _sweep(length, np.pad(~reached, 1, constant_values=True), pitch_mm)
     cells = length[1:-1, 1:-1, 1:-1].copy()
-    ramp = Ramp(
-        0.0 if from_mm is None else from_mm, float(cells[reached].max()) if to_mm is None else to_mm
-    )
+    ramp = Ramp.over(cells[reached], 0.0 if from_mm is None else from_mm, to_mm)
     _spread_values(cells, reached)
     says = {"start": dict(start.says), "cells_mm": pitch_mm}
     return ramp.along(between_cells(grid, cells), "geodesic", says)
@@ -446,6 +441,5 @@ def points_field(
         weight /= weight.sum(axis=1, keepdims=True)
         return np.asarray((weight * mean[which]).sum(axis=1))
 
-    start = float(mean.min()) if start is None else start
-    stop = float(mean.max()) if stop is None else stop
-    return Ramp(start, stop).along(at, "points", {"file": file, "sha256": sha256}, length=False)
+    says = {"file": file, "sha256": sha256}
+    return Ramp.over(mean, start, stop).along(at, "points", says, length=False)

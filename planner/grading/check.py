@@ -199,9 +199,8 @@ def _region_problems(plan: Plan, whole_mm3: float) -> Iterator[str]:
         together = before.field == after.field and _dealt(before) and _dealt(after)
         if before.field[1] > after.field[0] + 1e-9 and not together:
             yield f"plan.json: region {after.index} begins before region {before.index} ends"
-    low, high = _union([region.bounds_mm for region in plan.regions])
-    shift = np.array(plan.part.translation_mm)
-    if not _near((low, high), np.array(plan.part.bounds_mm) + shift):
+    whole_mm = np.add(plan.part.bounds_mm, plan.part.translation_mm)
+    if not _near(_union([region.bounds_mm for region in plan.regions]), whole_mm):
         yield "plan.json: its regions do not fill the part's bounds"
 
 
@@ -288,10 +287,8 @@ def _union(boxes: Sequence[tuple[Point, Point]]) -> FloatArray:
     return np.stack([corners[:, 0].min(axis=0), corners[:, 1].max(axis=0)])
 
 
-def _near(box: object, other: object) -> bool:
-    return bool(
-        np.allclose(np.array(box), np.array(other), rtol=_PLACE_ERROR, atol=_PLACE_ERROR_MM)
-    )
+def _near(box: FloatArray, other: FloatArray) -> bool:
+    return np.allclose(box, other, rtol=_PLACE_ERROR, atol=_PLACE_ERROR_MM)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -397,10 +394,9 @@ def check(
         except FileError as error:
             problems.append(str(error))
     progress("verifying the shells")
-    checks = {"files_altered": Check(altered, 0, altered == 0)}
     verified, disagreements = plan_checks(plan, list(shells), join_shells(shells.values()))
-    checks |= verified
-    if "shells_unsound" not in verified:
+    checks = {"files_altered": Check(altered, 0, altered == 0), **verified}
+    if "shells_unsound" not in checks:
         problems.append("there is no shell that can be verified")
     progress("comparing the 3MF")
     mismatches = list(_threemf_problems(root, plan, shells))
@@ -431,8 +427,7 @@ def _misplaced(root: Path, plan: Plan) -> Iterator[str]:
 
 
 def _reported(plan: Plan) -> Iterator[str]:
-    for finding in plan.findings:
-        yield finding.message
+    yield from (finding.message for finding in plan.findings)
     for missed in plan.unreachable:
         low, high = missed.target_modulus_MPa
         yield f"target {low:.3g} .. {high:.3g} MPa is out of reach of {missed.nearest}"

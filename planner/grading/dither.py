@@ -311,8 +311,7 @@ def count_cells(mesh: Mesh, dealt: DitherField) -> CellCounts:
     inside = _inside(mesh, first, cell_mm, shape)
     used = np.flatnonzero(inside)
     stretch, piece = np.empty((2, len(used)), dtype=np.int64)
-    fraction = np.empty(len(used))
-    centre = np.empty((len(used), 3))
+    fraction, centre = np.empty(len(used)), np.empty((len(used), 3))
     for begin in range(0, len(used), _CHUNK):
         own = slice(begin, begin + _CHUNK)
         index = np.stack(np.unravel_index(used[own], shape), axis=1)
@@ -404,12 +403,10 @@ def estimate_triangles(mesh: Mesh, dealt: DitherField) -> tuple[float, float]:
     count, drawn = 0, 0.0
     grid = grid_for(mesh.bounds_mm, pitch_mm)
     for columns in iterate_columns(mesh, grid):
-        index = np.argwhere(dense(columns)).astype(np.float64)
-        index[:, 1] += columns.first_row
-        points_mm = np.array(grid.origin_mm) + (index + 0.5) * pitch_mm
-        share = table.dealt_for(dealt.wanted(points_mm)[1])
+        index = np.argwhere(dense(columns)) + np.array([0, columns.first_row, 0])
+        share = table.dealt_for(dealt.wanted(grid.centre_mm(index))[1])
         drawn += float(np.interp(share, table.dealt, table.triangles_per_cell).sum())
-        count += len(points_mm)
+        count += len(index)
     if count == 0:  # walls thinner than the sample's pitch
         drawn, count = float(table.triangles_per_cell.max()), 1
     drawn /= count
@@ -537,8 +534,7 @@ class CellDesign:
                     f"{100 * share.wanted:.1f} % is wanted: the gradient is too steep for cells of "
                     f"{self.dealt.cell_mm:g} mm; {cure} or a gentler profile"
                 )
-                found = Finding("cell", message, upper, size_mm=self.dealt.cell_mm)
-                findings.append(found)
+                findings.append(Finding("cell", message, upper, size_mm=self.dealt.cell_mm))
         return {"volume_fraction_error": Check(worst, 1.0, worst <= 1.0)}, tuple(findings)
 
     def _volumes_mm3(self, pieces: Pieces) -> FloatArray:

@@ -12,14 +12,7 @@ from numpy.typing import NDArray
 
 from planner import __version__
 from planner.cutting.grid import default_pitch_mm
-from planner.errors import (
-    ArgumentError,
-    Caution,
-    ThinBandError,
-    as_number,
-    did_you_mean,
-    positive,
-)
+from planner.errors import ArgumentError, Caution, ThinBandError, as_number, did_you_mean, positive
 from planner.fields.basic import Field, PlanarField, axis_field
 from planner.fields.parse import Setting, TableFile, build_field
 from planner.formats.files import SIGNIFICANT_DIGITS
@@ -304,9 +297,8 @@ def grade(
         moved=bool(moved) and by[0] == "nearest",
     )  # fmt: skip
     followed = () if earlier is None else earlier.remarks(source.sha256)
-    unsure: tuple[str, ...] = ()
-    if any(what.material is None for what in design.printed):
-        unsure = (_UNCALIBRATED.format(printer=machine.title),)
+    mixed = any(what.material is None for what in design.printed)
+    unsure = (_UNCALIBRATED.format(printer=machine.title),) if mixed else ()
     described = dict(along.description())
     if not isinstance(along, PlanarField):
         described["pitch_mm"] = pitch_mm
@@ -328,11 +320,7 @@ def grade(
             None if earlier is None else earlier.says,
             {"limit_mm": farthest_mm, "moved": moved} if moved else None,
         ),
-        stiffness=Stiffness(
-            "secant-nominal",
-            scale.at_strain,
-            alternatives=others,
-        ),
+        stiffness=Stiffness("secant-nominal", scale.at_strain, alternatives=others),
         regions=regions,
         checks={"worst_stiffness_error": stiffness, **printing},
         findings=(*off, *findings),

@@ -103,17 +103,12 @@ def small_bodies(mesh: Mesh, limit_mm: float, least_mm: float) -> Fragments:
     `least_mm` in all directions are not counted: a printer does not see them.
     """
     corners = mesh.faces.T
-    body = connected(
-        len(mesh.vertices),
-        np.concatenate([corners[0], corners[1]]),
-        np.concatenate([corners[1], corners[2]]),
-    )
-    number = body[corners[0]]
-    used, number = np.unique(number, return_inverse=True)
+    body = connected(len(mesh.vertices), corners[:2].ravel(), corners[1:].ravel())
+    used, number = np.unique(body[corners[0]], return_inverse=True)
     if len(used) < 2 and mesh.volume_mm3 >= limit_mm**3:
         return Fragments(np.empty((0, 2, 3)))
     found = measure(mesh.vertices, mesh.faces, number.astype(np.int32), len(used))
-    extent = found.bounds_mm[:, 1] - found.bounds_mm[:, 0]
+    extent = np.ptp(found.bounds_mm, axis=1)
     small = (found.volume_mm3 < limit_mm**3) | (extent < limit_mm).all(axis=1)
     small &= found.volume_mm3 > 0.0
     boxes = found.bounds_mm[small]
@@ -121,10 +116,9 @@ def small_bodies(mesh: Mesh, limit_mm: float, least_mm: float) -> Fragments:
     if not len(members):
         return Fragments(boxes)
     largest = members[np.argmax(found.volume_mm3[members])]
-    place_mm, volume_mm3 = found.bounds_mm[largest].mean(axis=0), float(found.volume_mm3[largest])
-    total_mm3 = float(found.volume_mm3[members].sum())
-    size_mm = as_point(extent[largest])
-    return Fragments(boxes, len(members), as_point(place_mm), size_mm, volume_mm3, total_mm3)
+    place_mm, size_mm = as_point(found.bounds_mm[largest].mean(axis=0)), as_point(extent[largest])
+    volumes = float(found.volume_mm3[largest]), float(found.volume_mm3[members].sum())
+    return Fragments(boxes, len(members), place_mm, size_mm, *volumes)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -200,8 +194,7 @@ def _or_larger(place: ThinPlace, limit_mm: float, what: str) -> str:
 
 
 def _at(place: ThinPlace, part: CutPart) -> str:
-    where = _place(part.drawn_mm(place.place_mm))
-    return f" at {where} mm over {_size(place.extent_mm)} mm"
+    return f" at {_place(part.drawn_mm(place.place_mm))} mm over {_size(place.extent_mm)} mm"
 
 
 def _place(place_mm: Sequence[float]) -> str:
@@ -343,8 +336,7 @@ def _band_thicknesses(part: CutPart) -> tuple[BandThickness, ...]:
     left out.
     """
     found = []
-    corners = part.pieces.vertices.T
-    longest_mm = float(np.linalg.norm([np.ptp(corners[axis]) for axis in range(3)]))
+    longest_mm = float(np.linalg.norm(np.ptp(part.pieces.vertices, axis=0)))
     for _, group in itertools.groupby(range(len(part.names)), key=part.names.__getitem__):
         own = list(group)
         if own[0] == 0 or own[-1] == len(part.names) - 1:
@@ -461,12 +453,8 @@ def _too_large(extent_mm: FloatArray, machine: Printer) -> Finding:
     tray = " x ".join(f"{length:g}" for length in machine.tray_mm)
     turned = fits_turned(extent_mm, machine.tray_mm)
     cure = "turn it to fit" if turned else "scale or divide the part, or check its unit"
-    return Finding(
-        kind="tray",
-        message=f"the part is {size} mm, larger than the tray of {machine.title}, {tray} mm; "
-        f"{cure}",
-        size_mm=float(extent_mm.max()),
-    )
+    message = f"the part is {size} mm, larger than the tray of {machine.title}, {tray} mm; {cure}"
+    return Finding("tray", message, size_mm=float(extent_mm.max()))
 
 
 def _walls(part: CutPart, machine: Printer, findings: list[Finding]) -> dict[str, Check]:
@@ -574,8 +562,7 @@ def _thin_band(band: BandThickness, solid: Mesh, limit_mm: float) -> ThinPlace |
     thin = np.flatnonzero(band.thickness_mm < SOUND * limit_mm)
     thin = thin[thinnest_first(band.thickness_mm[thin])]
     tried = thin[np.unique(np.linspace(0, len(thin) - 1, _TRIED).astype(np.int64))]
-    points = band.middle_mm[tried]
-    centres, room = room_mm(solid, points, 0.25 * limit_mm, limit_mm)
+    centres, room = room_mm(solid, band.middle_mm[tried], 0.25 * limit_mm, limit_mm)
     sure = np.flatnonzero((room > 0.0) & (room < SOUND * limit_mm))
     if 2 * len(sure) <= len(tried):
         return None
@@ -602,8 +589,7 @@ def _voxel_check(part: CutPart, machine: Printer) -> Check:
     grid = grid_for(part.mesh.bounds_mm, voxel.tolist())
     check_reach(part.mesh, grid)
     pieces, counted = part.pieces, np.zeros(part.pieces.count)
-    vertices = pieces.vertices.astype(np.float64)
-    snapped = snap(vertices, grid)
+    snapped = snap(pieces.vertices.astype(np.float64), grid)
     for number in range(pieces.count):
         faces = pieces.shell_faces([number])
         counted[number] = sum(columns.voxels for columns in columns_of(snapped, faces, grid))

@@ -20,12 +20,7 @@ from planner.errors import (
 from planner.formats.tables import read_columns
 from planner.glance import brief, counted, html_of, one_line, plotted
 from planner.materials.laws import make_law, secant_modulus_MPa, stability
-from planner.materials.mixtures import (
-    CoefficientModel,
-    left_out_remark,
-    nearest_on,
-    thresholds_of,
-)
+from planner.materials.mixtures import CoefficientModel, left_out_remark, nearest_on, thresholds_of
 from planner.numerics import FloatArray, IntArray
 from planner.palette import SAME_K, Material, Palette
 from planner.printers import Printer, palette_of
@@ -90,10 +85,8 @@ class Profile:
 
     def __post_init__(self) -> None:
         for name in ("positions", "moduli_MPa"):
-            values = tuple(
-                as_number(v, f"profile {self.name}: {name}") for v in getattr(self, name)
-            )
-            object.__setattr__(self, name, values)
+            of = f"profile {self.name}: {name}"
+            object.__setattr__(self, name, tuple(as_number(v, of) for v in getattr(self, name)))
         rising = all(a <= b for a, b in itertools.pairwise(self.positions))
         jumps = any(a == b for a, b in zip(self.positions, self.positions[2:], strict=False))
         if self.shape not in _SHAPES:
@@ -315,7 +308,8 @@ class StiffnessScale:
         if ids is None:
             said += left_out_remark(self.palette)
         said += [
-            f"by {name} {_first_to_last([*by])} are {_from_to([*by.values()])} times as stiff; "
+            f"by {name} {_from_to([*by])} are "
+            f"{_from_to([f'{ratio:.2g}' for ratio in sorted(by.values())])} times as stiff; "
             "intervals hold both, --palette chooses"
             for name, by in readings.items()
         ]
@@ -356,12 +350,8 @@ def _unsound(materials: Sequence[Material]) -> list[str]:
     ]
 
 
-def _first_to_last(ids: Sequence[str]) -> str:
-    return ids[0] if len(ids) == 1 else f"{ids[0]} to {ids[-1]}"
-
-
-def _from_to(values: Sequence[float]) -> str:
-    return " to ".join(dict.fromkeys(f"{value:.2g}" for value in (min(values), max(values))))
+def _from_to(words: Sequence[str]) -> str:
+    return " to ".join(dict.fromkeys((words[0], words[-1])))
 
 
 def known_interval(interval: tuple[float, float]) -> list[float] | None:

@@ -16,13 +16,7 @@ from planner.formats.mesh_file import encode_stl
 from planner.formats.threemf import Constituent, composite_name, mixed_colour
 from planner.glance import in_percent
 from planner.grading.printability import CutPart, print_checks
-from planner.grading.profile import (
-    Band,
-    Profile,
-    StiffnessScale,
-    equal_bands,
-    natural_bands,
-)
+from planner.grading.profile import Band, Profile, StiffnessScale, equal_bands, natural_bands
 from planner.materials.mixtures import TwoPhases
 from planner.mesh.mesh import Mesh, compact
 from planner.numerics import FloatArray, as_point

@@ -194,8 +194,7 @@ def _earlier(like: str | Path | Plan) -> _EarlierPlan:
         raise ArgumentError(
             f"`like` is a {type(like).__name__}; give a planner.Plan, a plan.json or its folder"
         )
-    plan = read_plan(like)
-    return _EarlierPlan(plan, hashlib.sha256(plan_file(like).read_bytes()).hexdigest())
+    return _EarlierPlan(read_plan(like), hashlib.sha256(plan_file(like).read_bytes()).hexdigest())
 
 
 def _blending(gradient: Gradient) -> dict[str, Any]:
@@ -248,11 +247,8 @@ def targets_of(wish: Wish, scale: StiffnessScale) -> tuple[Profile, str | None, 
         if not isinstance(profile, (str, Path)):
             return _listed(profile, scale), None, None
         moduli = {m.id: scale.modulus_of(m.id) for m in palette.materials}
-        return (
-            read_moduli(profile, moduli, lambda called: palette.resolve(called).id),
-            None,
-            None,
-        )
+        target = read_moduli(profile, moduli, lambda called: palette.resolve(called).id)
+        return target, None, None
     if wish.start is None or wish.end is None:
         ids = ", ".join(material.id for material in palette.materials)
         raise ArgumentError(

@@ -214,9 +214,8 @@ def findings(
             )
         yield DesignFinding("target" if row.kind == "target" else "limit", told)
     if limit is not None and over is not None and over > limit * (1.0 + tolerance):
-        yield DesignFinding(
-            "limit", f"strain/break<{limit:g}: the printed part comes to {over:.3g}"
-        )
+        told = f"strain/break<{limit:g}: the printed part comes to {over:.3g}"
+        yield DesignFinding("limit", told)
 
 
 _OPPOSED = -0.5
@@ -227,10 +226,8 @@ def _against(
     problem: "DesignProblem", best: "Tried", tolerance: float
 ) -> dict[tuple[str, str], str]:
     """Say of each target and limit that is missed which other stands most against it."""
-    off, over = (
-        zip(best.off, best.slopes, strict=True),
-        zip(best.over, best.over_slopes, strict=True),
-    )
+    off = zip(best.off, best.slopes, strict=True)
+    over = zip(best.over, best.over_slopes, strict=True)
     rows = []
     for case in problem.cases:
         for goal in case.goals:

@@ -169,13 +169,9 @@ class Solved(Solution):
     def shape_rows(self, share: Any) -> FloatArray:
         """Return the changes of all deviations, (m, n), by changes of the coordinate, (Q, n)."""
         moved = self.moved_by(share)
-        rows = []
-        for shape, seen in zip(self.shapes, self.deviations(), strict=True):
-            by_vertex = (shape.carried @ moved.reshape(len(moved), -1)).reshape(
-                -1, *moved.shape[1:]
-            )
-            rows.append(seen.rows(by_vertex))
-        return np.concatenate(rows)
+        flat, form = moved.reshape(len(moved), -1), (-1, *moved.shape[1:])
+        each = zip(self.shapes, self.deviations(), strict=True)
+        return np.concatenate([seen.rows((s.carried @ flat).reshape(form)) for s, seen in each])
 
     def intervals(self, model: CoefficientModel, level: float) -> list[tuple[float, float]]:
         """Return what prints do, of each goal, from the palette's uncertainty."""

@@ -66,9 +66,8 @@ class WantedShape:
         size = float(np.ptp(part.reshape(-1, 3), axis=0).max())
         surface, rest = _mesh(moved), None
         if len(moved) == len(part) and _matched(part, moved, size):
-            rest = Mesh(
-                part.reshape(-1, 3), np.arange(3 * len(part), dtype=np.int32).reshape(-1, 3)
-            )
+            corners = np.arange(3 * len(part), dtype=np.int32).reshape(-1, 3)
+            rest = Mesh(part.reshape(-1, 3), corners)
             greatest = float(np.linalg.norm(moved - part, axis=2).max())
             note = f"{text}: its triangles are those of the part, which go up to {greatest:.4g} mm"
         else:
@@ -210,5 +209,4 @@ def carried_along(rest: FloatArray, moved: FloatArray, place: FloatArray) -> Flo
     a, b = np.sum(one * to, axis=1), np.sum(other * to, axis=1)
     det = np.maximum(aa * bb - ab * ab, 1e-300)
     v, w = (bb * a - ab * b) / det, (aa * b - ab * a) / det
-    weights = np.stack([1.0 - v - w, v, w], axis=1)
-    return np.asarray(np.einsum("nc,nci->ni", weights, moved))
+    return np.asarray(np.einsum("nc,nci->ni", np.stack([1.0 - v - w, v, w], axis=1), moved))

@@ -69,9 +69,7 @@ def _in_small_boxes(corners: FloatArray) -> IntArray:
     Which a line or a ball hits as rarely as can be (MacDonald and Booth 1990). Parts are halved at
     their median along the axis that leaves the least.
     """
-    count = _LEAF
-    while count < len(corners):
-        count *= 2
+    count = max(_LEAF, 1 << (len(corners) - 1).bit_length())
     triangle = np.append(np.arange(len(corners)), np.full(count - len(corners), len(corners) - 1))
     sides = [(each.min(axis=0)[triangle], each.max(axis=0)[triangle]) for each in corners.T]
     middle = corners.mean(axis=1)[triangle]

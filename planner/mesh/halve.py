@@ -109,10 +109,7 @@ edge to be halved, or with the first one that is not."""
 
 
 def _cut(
-    triangles: _Shapes,
-    middle: NDArray[np.int32],
-    strips: _Shapes,
-    strip_middle: NDArray[np.int32],
+    triangles: _Shapes, middle: NDArray[np.int32], strips: _Shapes, strip_middle: NDArray[np.int32]
 ) -> tuple[_Shapes, _Shapes]:
     # Cut each shape once, at the middles of its edges that are to be halved (-1 elsewhere).
     made: dict[int, list[_Shapes]] = {3: [], 4: []}
@@ -127,8 +124,7 @@ def _cut(
             corners = np.concatenate([some.corners, middles], axis=1)
             left = np.pad(some.halvings - 1, ((0, 0), (1, 0)))
             for own, edges in children:
-                shape = _Shapes(corners[:, own], left[:, edges], some.parent)
-                made[len(own)].append(shape)
+                made[len(own)].append(_Shapes(corners[:, own], left[:, edges], some.parent))
     return _joined(made[3]), _joined(made[4])
 
 

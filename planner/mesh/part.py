@@ -782,11 +782,7 @@ when none has volume."""
 
 
 def _arrange_bodies(
-    vertices: FloatArray,
-    topology: Topology,
-    *,
-    touching: bool,
-    bodies: str | None,
+    vertices: FloatArray, topology: Topology, *, touching: bool, bodies: str | None
 ) -> _Arranged:
     """Turn bodies the right way out and unite those that overlap.
 

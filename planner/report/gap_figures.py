@@ -10,13 +10,7 @@ from functools import partial
 import numpy as np
 
 from planner.gap.diagnosis import Diagnosis, Gap, Location, Traces, signed_error
-from planner.gap.summary import (
-    axis_words,
-    clear_places,
-    p_value,
-    percent,
-    probability,
-)
+from planner.gap.summary import axis_words, clear_places, p_value, percent, probability
 from planner.numerics import FloatArray
 from planner.report import svg
 

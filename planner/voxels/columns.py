@@ -374,9 +374,7 @@ class Grid:
 
     def centre_mm(self, voxels: IntArray) -> FloatArray:
         """Return the centres of voxels (..., 3)."""
-        origin, pitch = np.array(self.origin_mm), np.array(self.pitch_mm)
-        centres: FloatArray = origin + (voxels + 0.5) * pitch
-        return centres
+        return np.asarray(self.origin_mm + (voxels + 0.5) * np.array(self.pitch_mm))
 
 
 @dataclass(frozen=True, eq=False)
@@ -492,8 +490,7 @@ def voxelize(mesh: Mesh, pitch_mm: float | Sequence[float], *, shortest: int = 0
     ArgumentError, MeshError
         See `grid_for` and `iterate_columns`.
     """
-    grid = grid_for(mesh.bounds_mm, pitch_mm)
-    return join(list(iterate_columns(mesh, grid, shortest=shortest)))
+    return join(list(iterate_columns(mesh, grid_for(mesh.bounds_mm, pitch_mm), shortest=shortest)))
 
 
 def dense(columns: Columns) -> BoolArray:

@@ -211,8 +211,7 @@ def _encode(pixels: IntArray) -> bytes:
     """Return the PNG of packed pixels (height, width), the lowest row first."""
     height, width = pixels.shape
     packed = pixels[::-1]
-    ends = np.diff(packed, axis=1, prepend=-1) != 0
-    edges = np.flatnonzero(ends.ravel())
+    edges = np.flatnonzero(np.diff(packed, axis=1, prepend=-1))
     used, label = np.unique(packed.ravel()[edges], return_inverse=True)
     colours = [tuple(c >> shift & 255 for shift in (24, 16, 8, 0)) for c in used.tolist()]
     offsets = np.searchsorted(edges, np.arange(height + 1) * width).astype(np.int64)

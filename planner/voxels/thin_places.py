@@ -278,10 +278,8 @@ def _members(runs: IntArray, bits: _Bits) -> IntArray:
 
     (n, 3) int32, -1 where a run has none in the set.
     """
-    found = np.empty((len(runs), 3), np.int32)
+    found = np.full((len(runs), 3), -1, np.int32)
     for r in range(len(runs)):
-        for i in range(3):
-            found[r, i] = -1
         row, column = runs[r, 0], runs[r, 1] + _ROOM
         n = 0
         for wanted in (0, 1):
@@ -315,20 +313,15 @@ def _components(runs: IntArray) -> IntArray:
     Runs rise by row, column and start, as from `runs_of`.
     """
     parent = np.arange(len(runs), dtype=np.int32)
-    _touching(np.ascontiguousarray(runs), parent)
+    width = int(runs[:, 1].max(initial=0)) + 3
+    key = runs[:, 0].astype(np.int64) * width + runs[:, 1] + 1
+    _touching(np.ascontiguousarray(runs), key, width, parent)
     return number_groups(parent)
 
 
 @kernel
-def _touching(runs: Any, parent: Any) -> None:
-    n = len(runs)
-    key = np.empty(n, np.int64)
-    width = 0
-    for r in range(n):
-        width = max(width, runs[r, 1] + 3)
-    for r in range(n):
-        key[r] = runs[r, 0] * width + runs[r, 1] + 1
-    pointer = np.zeros(4, np.int64)
+def _touching(runs: Any, key: Any, width: Any, parent: Any) -> None:
+    n, pointer = len(runs), np.zeros(4, np.int64)
     for r in range(n):
         for s in range(4):  # the three columns of the row before, and the column before
             line = key[r] - 1 if s == 3 else key[r] - width - 1 + s
@@ -585,16 +578,14 @@ def _windows(
         held = tuple(part[low - base :] for part in held)
         base = low
         while base + len(held[0]) < high:
-            both = zip(held, next(chunks), strict=True)
-            held = tuple(np.concatenate(parts) for parts in both)
+            held = tuple(np.concatenate(both) for both in zip(held, next(chunks), strict=True))
         yield first, last, low, tuple(part[: high - low] for part in held)
 
 
 def _opened(words: Iterator[tuple[_Bits, ...]], raster: Raster) -> Iterator[tuple[_Bits, ...]]:
     # a set's voxels and those of them that the ball reaches, slab by slab
     lines = ball(raster.radius)
-    windows = _windows(words, raster, 2 * raster.radius)
-    for first, last, low, (region,) in windows:
+    for first, last, low, (region,) in _windows(words, raster, 2 * raster.radius):
         active = active_words(region, raster.radius)
         eroded = morph(region, lines, False, region, active)
         opened = morph(eroded, lines, True, region, active)
@@ -830,7 +821,7 @@ def thin_space_places(mesh: Mesh, limit_mm: float, *, listed: int) -> tuple[list
     As `thin_solid_places`, of a box around the solid without the solid.
     """
     margin_mm = space_around_mm(limit_mm) / 2.0
-    corners = np.array(np.meshgrid([0, 1], [0, 1], [0, 1], indexing="ij")).reshape(3, 8).T
+    corners = np.indices((2, 2, 2)).reshape(3, 8).T
     low, high = mesh.bounds_mm + np.array([[-margin_mm], [margin_mm]])
     box = np.array(
         [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1],
