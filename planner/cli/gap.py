@@ -9,6 +9,7 @@ from typer import Argument, Context, Option
 
 import planner
 from planner.cli.output import AsJson, PaletteName, PrinterName, Quiet, check_targets, taken
+from planner.glance import format_number, format_range
 
 if TYPE_CHECKING:
     from planner.gap.correct import Correction
@@ -171,7 +172,7 @@ def correct(
 
 
 def _correct_report(made: "Correction", output: Path, options: str) -> None:
-    from planner.cli.output import finding, format_number, format_range, print_table, say, warn
+    from planner.cli.output import finding, print_table, say, warn
 
     for note in made.notes:
         (finding if note in made.findings else warn)(note)
@@ -260,7 +261,7 @@ def design(
 def _design_report(
     made: "CampaignDesign", output: Path, printer: str, palette: str | None, *, listed: bool
 ) -> None:
-    from planner.cli.output import finding, format_number, print_table, say, warn
+    from planner.cli.output import finding, print_table, say, warn
 
     rows = []
     for e in made.expected:

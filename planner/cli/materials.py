@@ -17,8 +17,6 @@ from planner.cli.output import (
     Quiet,
     check_targets,
     finding,
-    format_interval,
-    format_number,
     in_groups,
     print_document,
     print_table,
@@ -28,6 +26,7 @@ from planner.cli.output import (
     tell_notes,
 )
 from planner.errors import ArgumentError
+from planner.glance import format_interval, format_number
 
 if TYPE_CHECKING:
     from planner.grading.invert import Mixture
@@ -110,9 +109,8 @@ def materials(
         return 0
     _print_ladder(scale)
     tell_notes([*scale.warming, *scale.remarks()])
-    for written in (output, figure):
-        if written is not None:
-            say(f"wrote {written}")
+    for written in filter(None, (output, figure)):
+        say(f"wrote {written}")
     return 0
 
 
@@ -231,8 +229,7 @@ def _print_wanted(found: "Sequence[Mixture]", title: str) -> None:
 def _nearest(mixture: "Mixture", wanted_MPa: float) -> tuple[str, str, str]:
     """Return the cells of the nearest material: its name, modulus and error."""
     modulus = mixture.nearest_modulus_MPa
-    error = f"{100 * (modulus / wanted_MPa - 1):+.1f} %"
-    return mixture.nearest, format_number(modulus, 4), error
+    return mixture.nearest, format_number(modulus, 4), f"{100 * (modulus / wanted_MPa - 1):+.1f} %"
 
 
 def _print_places(found: "Sequence[Mixture]", title: str) -> None:
@@ -270,7 +267,6 @@ def _print_places(found: "Sequence[Mixture]", title: str) -> None:
 
 def _print_laws(found: "Sequence[Mixture]") -> None:
     for mixture in found:
-        where = f"m {mixture.blend.coordinate:g}: "
         if mixture.law is None:
             continue
         parameters = "; ".join(
@@ -278,7 +274,8 @@ def _print_laws(found: "Sequence[Mixture]") -> None:
             for symbol, values in mixture.law.law.parameters.items()
         )
         error = f" ({100 * mixture.law.error:.2g} % RMS off the blend)" if mixture.law.error else ""
-        say(f"{where}{mixture.law.law.model} law, {parameters}{error}")
+        where = f"m {mixture.blend.coordinate:g}"
+        say(f"{where}: {mixture.law.law.model} law, {parameters}{error}")
 
 
 # ------------------------------------------------------------------------------------------------
@@ -403,8 +400,7 @@ def characterise(
 
     reads = listed_files(files, tests.specimens)
     check_targets(context, force=force, reads=reads, output=output, figure=figure)
-    asked = taken(planner.characterise, given | tests.given())
-    found = planner.characterise(**asked)
+    found = planner.characterise(**taken(planner.characterise, given | tests.given()))
     if output is not None:
         write_whole(output, found.csv())
     if figure is not None:
@@ -417,9 +413,8 @@ def characterise(
         _tables(found.materials)
         for one in found.materials:
             say(f"{one.material}: {one.deformation.kind}; {one.deformation.reason}")
-        for path in (output, figure):
-            if path is not None:
-                say(f"wrote {path}")
+        for path in filter(None, (output, figure)):
+            say(f"wrote {path}")
         for said in found.findings:
             finding(said)
     return 0 if found.ok else 1
@@ -597,9 +592,8 @@ def fit(
     elif not quiet:
         tell_notes(result.notes)
         _print_report(result, output)
-        for path in (figure, tables):
-            if path is not None:
-                say(f"wrote {path}")
+        for path in filter(None, (figure, tables)):
+            say(f"wrote {path}")
         for said in result.findings:
             finding(said)
         if result.problem is not None:
@@ -631,8 +625,7 @@ def _figures(given: Sequence[str] | None, option: str) -> dict[str, float]:
 
 def _print_report(result: "PaletteStudy", output: Path) -> None:
     fits = result.fits
-    level = next(iter(fits.values())).uncertainty.level
-    interval = f"{100 * level:g} % interval"
+    interval = f"{100 * next(iter(fits.values())).uncertainty.level:g} % interval"
     _print_candidates(fits)
     _print_parameters(fits, interval)
     _print_secants(fits, interval)

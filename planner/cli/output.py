@@ -19,7 +19,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 from typer import Context, Option
 
 from planner.errors import ArgumentError, Caution
-from planner.glance import format_interval, format_number, format_range
 
 if TYPE_CHECKING:
     from rich.console import JustifyMethod
@@ -43,9 +42,6 @@ __all__ = [
     "check_targets",
     "complain",
     "finding",
-    "format_interval",
-    "format_number",
-    "format_range",
     "in_groups",
     "long_progress",
     "print_document",

@@ -18,8 +18,6 @@ from planner.cli.output import (
     PaletteName,
     Quiet,
     check_targets,
-    format_number,
-    format_range,
     in_groups,
     print_document,
     print_table,
@@ -31,6 +29,7 @@ from planner.cli.output import (
     warn,
 )
 from planner.errors import ArgumentError
+from planner.glance import format_number, format_range
 
 if TYPE_CHECKING:
     from planner.simulation.export import Export
@@ -230,9 +229,9 @@ def simulate(
     elif not quiet:
         (_part_report if whole else _bar_report)(results)
         tell_findings([f.message for result in results for f in result.findings], "the JSON")
-        for path in (*(path for paths in each for path in paths.values()), *whole_files.values()):
-            if path:
-                say(f"wrote {path}")
+        some = [path for paths in each for path in paths.values()]
+        for path in filter(None, (*some, *whole_files.values())):
+            say(f"wrote {path}")
     return 0 if all(result.ok for result in results) else 1
 
 

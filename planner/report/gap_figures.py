@@ -128,9 +128,8 @@ def _bar_figure(
 
     for x, words in marks:
         upright_line(x, _GRID)
-        parts.append(
-            svg.text(_BARS_LEFT + x, bottom + 16.0, words, anchor="middle", colour=svg.QUIET)
-        )
+        at = (_BARS_LEFT + x, bottom + 16.0)
+        parts.append(svg.text(*at, words, anchor="middle", colour=svg.QUIET))
     for number, bar in enumerate(bars):
         first, end = _TOP + _STEP * number, _BARS_LEFT
         middle = first + 0.5 * _HEIGHT

@@ -342,8 +342,7 @@ def _cut_words(result: PartSimulation, cut: _PartCut) -> Iterator[str]:
     )
     if worst > 1.0:
         torn = np.count_nonzero(cut.strain_over_break > 1.0)
-        inside = np.count_nonzero(np.isfinite(cut.strain_over_break))
-        share = 100.0 * torn / inside
+        share = 100.0 * torn / np.count_nonzero(np.isfinite(cut.strain_over_break))
         yield f"Pink is beyond its break and would be torn, {share:.2g} % of this cut."
     yield (
         "Strains are means over neighbouring cells: at clamped edges and sharp corners they are "
@@ -401,8 +400,7 @@ def _squares(cut: _PartCut, colours: Sequence[str], top: float) -> Iterator[str]
     shade = np.floor(np.where(values < 0.0, 0.0, shade)).astype(int)
     shade[np.isnan(values)] = -1
     shade[values > 1.0] = _BANDS
-    padded = np.pad(shade, ((0, 0), (1, 1)), constant_values=-1)
-    row, edge = np.nonzero(np.diff(padded, axis=1))
+    row, edge = np.nonzero(np.diff(shade, axis=1, prepend=-1, append=-1))
     left, above = _CUT_LEFT + _MARGIN, _CUT_TOP + _MARGIN
     paths: dict[int, list[str]] = {}
     for r, a, b in zip(row.tolist(), edge.tolist(), [*edge.tolist()[1:], 0], strict=True):
@@ -588,8 +586,7 @@ def part_volume(result: PartSimulation) -> bytes:
     pairs = np.stack([owner.ravel(), key.ravel()], axis=1)
     _, first, number = np.unique(pairs, axis=0, return_index=True, return_inverse=True)
     number = number.reshape(owner.shape)
-    local = 2.0 * steps / _ACROSS - 1.0
-    shape, _ = shape_functions(local, cells.cell_mm)
+    shape, _ = shape_functions(2.0 * steps / _ACROSS - 1.0, cells.cell_mm)
     moved = np.einsum("sa,nai->nsi", shape, fields.displacement_mm[cells.nodes])
     points = cells.origin_mm + place.reshape(-1, 3)[first] / _ACROSS * cells.cell_mm
     u = moved.reshape(-1, 3)[first]

@@ -259,11 +259,10 @@ def characterisation_figure(found: Characterisation) -> bytes:
 
 
 def _tests_key() -> Iterator[str]:
-    y = _KEY_TOP
     yield from _key(54.0, "Young's modulus", _sample(20.0, colour=INK, width=1.4, dash="5,4"))
-    yield from _key(186.0, "end of the toe", svg.disc(176.0, y, colour=INK))
-    yield from _key(306.0, "yield", svg.ring(296.0, y, colour=INK))
-    yield from _key(376.0, "break", svg.cross(366.0, y, colour=INK, arm=4.0))
+    yield from _key(186.0, "end of the toe", svg.disc(176.0, _KEY_TOP, colour=INK))
+    yield from _key(306.0, "yield", svg.ring(296.0, _KEY_TOP, colour=INK))
+    yield from _key(376.0, "break", svg.cross(366.0, _KEY_TOP, colour=INK, arm=4.0))
 
 
 def _tests_panel(
@@ -294,10 +293,9 @@ def _marks(chart: Chart, specimen: Characteristics, curve: Curve, colour: str) -
         2.0 * (specimen.linear_strain[1] - specimen.zero_strain),
         0.8 * specimen.strength_MPa / specimen.modulus_MPa,
     )
-    start = max(zero, chart.x_range[0])
-    ends = [(x, specimen.modulus_MPa * (x - zero)) for x in (start, end)]
-    (x0, y0), (x1, y1) = ((chart.x(x), chart.y(y)) for x, y in ends)
-    yield svg.segment((x0, y0), (x1, y1), colour=INK, width=1.1, dash="5,4")
+    ends = (max(zero, chart.x_range[0]), end)
+    start, stop = ((chart.x(x), chart.y(specimen.modulus_MPa * (x - zero))) for x in ends)
+    yield svg.segment(start, stop, colour=INK, width=1.1, dash="5,4")
     if toe:
         yield svg.disc(chart.x(toe), chart.y(0.0), colour=colour)
     if specimen.yield_strain is not None:
@@ -411,20 +409,19 @@ def fit_figure(study: PaletteStudy) -> bytes:
         parts += drawn
         width = max(width, reach)
     if study.problem is not None:
-        parts.append(
-            svg.text(20.0, top, "Not fit to plan with: nothing is drawn between all materials.")
-        )
+        words = "Not fit to plan with: nothing is drawn between all materials."
+        parts.append(svg.text(20.0, top, words))
         top += 20.0
     title = f"{study.palette.name}: laws fitted to tensile tests"
     return svg.picture(width, top - 20.0, parts, title=title)
 
 
 def _fit_key(study: PaletteStudy) -> Iterator[str]:
-    y = _KEY_TOP
     yield from _key(54.0, "law or mixture", _sample(20.0, colour=INK))
     yield from _key(200.0, "95 % of prints", _sample(166.0, colour=PALE_BLUE, width=12.0))
     level = next(iter(study.fits.values())).uncertainty.level
-    mark = svg.segment((312.0, y - 6.0), (312.0, y + 6.0), colour=INK, width=2.0)
+    ends = (312.0, _KEY_TOP - 6.0), (312.0, _KEY_TOP + 6.0)
+    mark = svg.segment(*ends, colour=INK, width=2.0)
     yield from _key(320.0, f"mean of the specimens, {100 * level:g} %", mark)
     if study.quadratic is not None:
         mark = _sample(500.0, colour=_QUADRATIC, dash=_DASH)
@@ -539,8 +536,7 @@ def _within(chart: Chart, x: FloatArray, y: FloatArray) -> Iterator[str]:
     """Draw the quadratics' line where it lies in the chart; they may leave it far."""
     low, high = chart.y_range
     inside = (y >= low) & (y <= high) & np.isfinite(y)
-    edges = np.flatnonzero(np.diff(inside)) + 1
-    for run in np.split(np.arange(len(x)), edges):
+    for run in np.split(np.arange(len(x)), np.flatnonzero(np.diff(inside)) + 1):
         if inside[run[0]] and len(run) > 1:
             yield chart.line(x[run], y[run], colour=_QUADRATIC, width=2.0, dash=_DASH)
 
@@ -592,8 +588,7 @@ def _mixture(
     beside = [make_law(one.law).nominal_stress_MPa(1.0 + strain) for one in (softer, harder)]
     highest = 1.06 * max(float(beside[1].max()), float(predicted.high.max()))
     chart = _fit_chart(left, top, end, highest)
-    heading = f"m {m:.4g}: between {softer.id} and {harder.id}"
-    yield from _prints(chart, heading, predicted)
+    yield from _prints(chart, f"m {m:.4g}: between {softer.id} and {harder.id}", predicted)
     for one, curve in zip((softer, harder), beside, strict=True):
         yield chart.line(strain, curve, colour=INK, width=3.0)
         yield chart.line(strain, curve, colour=one.colour, width=2.0)
@@ -615,8 +610,7 @@ def _left_out(
     highest = max(largest, float(predicted.stress.max())) * _headroom(len(fit.curves), _FIT_HEIGHT)
     chart = _fit_chart(left, top, end, highest)
     yield from _prints_and_tests(chart, f"{material.id}, m {m:.4g}", predicted, fit.curves)
-    rows = () if study.quadratic is None else study.quadratic.rows
-    for row in rows:
+    for row in () if study.quadratic is None else study.quadratic.rows:
         if row.id == material.id and row.model_without is not None:
             x = np.linspace(*_ends(row.curve.strain), _CURVE_POINTS)
             yield from _within(chart, x, row.model_without.literal_stress_MPa(m, x))

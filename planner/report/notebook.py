@@ -131,13 +131,10 @@ def _colours(plan: Plan) -> dict[str, str]:
         except PlannerError:
             palette = None  # a lab's own, known by its file alone
         known = {m.id: m.colour for m in palette.materials} if palette is not None else {}
-    names = list(dict.fromkeys(r.printed for r in sorted(plan.regions, key=_coordinate)))
+    soft_first = sorted(plan.regions, key=lambda region: region.coordinate)
+    names = list(dict.fromkeys(region.printed for region in soft_first))
     own = [known.get(name, "#808080") for name in names]
     return dict(zip(names, colours_told_apart(own), strict=True))
-
-
-def _coordinate(region: Any) -> float:
-    return float(region.coordinate)
 
 
 @small_page.register

@@ -81,20 +81,17 @@ def _from_folder(where: str | Path | Plan) -> _PlanSource:
     threemf = read_threemf(path_within(root, f"{plan.name}.3mf"))
     colours = {item.material_name: item.colour for item in threemf.objects}
     printed = {region.file: region.printed for region in plan.regions}
-    names: list[str] = []
-    shells: list[tuple[Float32Array | FloatArray, IntArray]] = []
-    for name, triangles in read_shells(plan):
-        faces = np.arange(3 * len(triangles), dtype=np.int32).reshape(-1, 3)
-        shells.append((triangles.reshape(-1, 3), faces))
-        names.append(printed[name])
+    read = list(read_shells(plan))
+    names = tuple(printed[file] for file, _ in read)
+    soups = (triangles.reshape(-1, 3) for _, triangles in read)
     howto = path_within(root, "HOWTO.md")
     return _PlanSource(
         plan,
         _sha256_of(plan),
         howto.read_text(encoding="utf-8", errors="replace") if howto.is_file() else "",
-        tuple(names),
+        names,
         tuple(colours.get(name, "") or "#808080" for name in names),
-        tuple(shells),
+        tuple((soup, np.arange(len(soup), dtype=np.int32).reshape(-1, 3)) for soup in soups),
         _missed(root / "design.json"),
     )
 
@@ -235,8 +232,7 @@ def _body(source: _PlanSource, courses: "Sequence[Course]") -> Iterator[str]:
     more: dict[str, Any] = {}
     frames = ""
     if courses:
-        moved = plan.part.translation_mm
-        display, more["course"], frames = _course_data(courses, display, moved)
+        display, more["course"], frames = _course_data(courses, display, plan.part.translation_mm)
     colours = _colours([source])
     yield '<a class="skip" href="#figures">Skip the 3D view</a>'
     yield from _header(source)
@@ -260,8 +256,8 @@ def _body(source: _PlanSource, courses: "Sequence[Course]") -> Iterator[str]:
         "Dashed: the target. Thick: the modulus of what is printed there, with the interval that "
         "holds it with 95 % probability. Below: the materials by their numbers.",
     )
-    regions = _regions_table(plan, colours, "table-title")
-    yield from page.section("table-title", "Regions", regions)
+    name = "table-title"
+    yield from page.section(name, "Regions", _regions_table(plan, colours, name))
     yield from _remarks(plan)
     if source.howto.strip():
         # Its first line is a heading of its own: the section's.
@@ -496,9 +492,8 @@ def _regions_table(
     numbers = _numbers(colours)
     shown = plan_figure.plan_table(plan)
     yield f'<p class="quiet">{escape(shown.title)}</p>'
-    for words in (plan_figure.error_words(plan), plan_figure.moved_words(plan)):
-        if words:
-            yield f'<p class="quiet">{escape(words)}</p>'
+    for words in filter(None, (plan_figure.error_words(plan), plan_figure.moved_words(plan))):
+        yield f'<p class="quiet">{escape(words)}</p>'
     rows = []
     for place, (region, row) in enumerate(zip(plan.regions, shown.rows, strict=True)):
         cells = {name: escape(row[name]) for name in shown.columns}
@@ -590,8 +585,7 @@ def _course_data(
             kept, faces = thinned(course.wanted.vertices, course.wanted.faces, _MOST_WANTED)
             shapes.append((course.wanted.vertices[kept] + shift, faces))
         off = [_left(course, places - shift, top) for places in printed]
-        count = len(course.share)
-        flat = course.displacement_mm.transpose(1, 0, 2).reshape(-1, 3 * count)
+        flat = course.displacement_mm.transpose(1, 0, 2).reshape(-1, 3 * len(course.share))
         moves = [course.cells.interpolated(places - shift, flat) for places in printed]
         for k, share in enumerate(course.share):
             places = [p + m[:, 3 * k : 3 * k + 3] for p, m in zip(printed, moves, strict=True)]

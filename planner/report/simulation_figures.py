@@ -59,11 +59,8 @@ def simulation_figure(simulation: Simulation | PartSimulation) -> bytes:
         names = _names(stripes)
         lower = _ROW * max(0, max((row for _, row in names), default=0) - 1)
         parts += [*_along(simulation, left), *_materials(stripes, names)]
-        middle = left + _WIDTH / 2.0
-        parts.append(
-            svg.text(middle, height + lower - 12.0, "place along the axis, mm", anchor="middle")
-        )
-        width, height = width + _GAP + _WIDTH + 24.0, height + lower
+        width, height, middle = width + _GAP + _WIDTH + 24.0, height + lower, left + _WIDTH / 2.0
+        parts.append(svg.text(middle, height - 12.0, "place along the axis, mm", anchor="middle"))
     return svg.picture(width, height, parts, title=title)
 
 
