@@ -552,8 +552,7 @@ def _distance_mm(field: Field, drawn: _Drawn, levels: FloatArray) -> FloatArray:
     longest = np.argmax(((ends - corners) ** 2).sum(axis=2), axis=1)
     each = np.arange(len(corners))
     places = corners.mean(axis=1), 0.5 * (corners[each, longest] + ends[each, longest])
-    found = [np.abs(_values_at(field, place) - levels[drawn.level]) for place in places]
-    off = np.maximum(*found)
+    off = np.maximum(*(np.abs(_values_at(field, at) - levels[drawn.level]) for at in places))
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray(np.where(off > 0.0, off / drawn.steepness, 0.0))
 

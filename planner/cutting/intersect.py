@@ -356,8 +356,7 @@ def _ordered(
 ) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     """Order the meetings along the edges of the part, or of the level sets; see `Crossed`."""
     own = np.flatnonzero(meetings.of_part == of_part)
-    order = np.lexsort((meetings.along[own], meetings.edge[own]))
-    points = own[order].astype(np.int32)
+    points = own[np.lexsort((meetings.along[own], meetings.edge[own]))].astype(np.int32)
     edges = np.arange(len(surface.ends) + 1)
     return np.searchsorted(meetings.edge[points], edges).astype(np.int32), points
 

@@ -278,8 +278,7 @@ def _fill_loops(
     size = np.diff(loops.starts)
     key = loops.face.astype(np.int64) * (int(loops.label.max(initial=0)) + 1) + loops.label
     order = np.argsort(key, kind="stable")
-    first = np.append(True, np.diff(key[order]) > 0)[: len(order)]
-    group = np.cumsum(first) - 1
+    group = np.cumsum(np.append(True, np.diff(key[order]) > 0)[: len(order)]) - 1
     together = np.bincount(group, minlength=1)[group]
     alone = np.zeros(len(size), dtype=np.bool_)
     alone[order] = together == 1

@@ -459,8 +459,7 @@ def _side_clashes(
     """
     sides = _sides(faces)
     ranked, turned = np.sort(_key(sides)), _key(sides[:, ::-1])
-    place = np.searchsorted(ranked, turned)
-    inner = np.flatnonzero(ranked.take(place, mode="clip") == turned)
+    inner = np.flatnonzero(ranked.take(np.searchsorted(ranked, turned), mode="clip") == turned)
     clash = np.zeros(len(sides), dtype=np.bool_)
     for surface, own in ((segment[below], sides[inner]), (segment[~below], sides[inner, ::-1])):
         both = np.concatenate([surface, own])
@@ -582,10 +581,9 @@ def caps(
     points = divided.vertices[:, [u, v]].astype(np.float64, order="C")
     corners, starts, loop_plane, astray = _loops(outline, plane, points)
     if astray >= 0:
-        place = place_text(divided.vertices[astray].tolist(), 6)
         raise MeshError(
-            f"the surface is open near {place}: the outline of a cut ends there; "
-            "repair the mesh so that every edge has two faces"
+            f"the surface is open near {place_text(divided.vertices[astray].tolist(), 6)}: the "
+            "outline of a cut ends there; repair the mesh so that every edge has two faces"
         )
     order = np.argsort(loop_plane, kind="stable")
     across = np.broadcast_to([u, v], (len(order), 2))

@@ -240,8 +240,7 @@ def _threemf_problems(root: Path, plan: Plan, shells: Mapping[str, Triangles]) -
     except PlannerError as error:
         yield str(error)
         return
-    for remark in model.remarks:
-        yield f"{path.name}: {remark}"
+    yield from (f"{path.name}: {remark}" for remark in model.remarks)
     # One mesh of all materials, as PrusaSlicer takes it, tells shells by their material alone.
     stems = {str(region.printed): Path(region.file).stem for region in plan.regions}
     objects = {
@@ -254,8 +253,7 @@ def _threemf_problems(root: Path, plan: Plan, shells: Mapping[str, Triangles]) -
             yield f"{path.name}: it has no object {Path(file).stem}"
         else:
             yield from _object_problems(path.name, item, shell, _of(plan, file))
-    for name in objects:
-        yield f"{path.name}: object {name} has no STL"
+    yield from (f"{path.name}: object {name} has no STL" for name in objects)
 
 
 def _object_problems(

@@ -114,8 +114,7 @@ def own_volumes(label: NDArray[np.int16]) -> Float32Array:
         What each cell belongs to; -1 where there is none, which counts as its neighbours' own.
     """
     found = np.zeros(tuple(n + 2 for n in label.shape), dtype=np.float32)
-    padded = np.pad(label, 1, constant_values=-1)
-    _spread(padded, TETRAHEDRA, _SHARE, found)
+    _spread(np.pad(label, 1, constant_values=-1), TETRAHEDRA, _SHARE, found)
     return found[1:-1, 1:-1, 1:-1]
 
 

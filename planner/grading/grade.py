@@ -409,7 +409,6 @@ def _check_thickness(
 
 def _part_graded(source: Part, translation_mm: Point) -> PartGraded:
     mesh = source.mesh
-    low, high = mesh.bounds_mm
     return PartGraded(
         name=source.name,
         file=source.file,
@@ -417,7 +416,7 @@ def _part_graded(source: Part, translation_mm: Point) -> PartGraded:
         unit=source.unit,
         volume_mm3=mesh.volume_mm3,
         area_mm2=mesh.area_mm2,
-        bounds_mm=(as_point(low), as_point(high)),
+        bounds_mm=(as_point(mesh.bounds_mm[0]), as_point(mesh.bounds_mm[1])),
         triangles=len(mesh.faces),
         translation_mm=translation_mm,
         repairs=source.repairs,
@@ -530,12 +529,11 @@ def _stiffness_check(
         return check, (), others
     low, high = worst.target_modulus_MPa
     better = [f"{option} it is {error_text(error)}" for option, error in others.items()]
-    cures = [*better, f"--tolerance {_rounded_up(ratio):g} accepts it"]
     message = (
         f"{worst.printed}: {worst.modulus_MPa:.3g} MPa where {low:.3g} .. {high:.3g} MPa is "
         f"wanted, at field {worst.field[0]:.3f} .. {worst.field[1]:.3f}: the stiffness is off by "
         f"up to {error_text(ratio)}, more than the tolerance, {error_text(limit)}; "
-        + "; ".join(cures)
+        + "; ".join([*better, f"--tolerance {_rounded_up(ratio):g} accepts it"])
     )
     return check, (Finding("stiffness", message, worst.material),), others
 

@@ -350,16 +350,15 @@ def _band_thicknesses(part: CutPart) -> tuple[BandThickness, ...]:
 def _measured(part: CutPart, first: int, last: int, longest_mm: float) -> BandThickness | None:
     pieces, field, levels = part.pieces, part.field, part.levels
     low, high = float(levels[first - 1]), float(levels[last])
-    at, way, area, target = [], [], [], []
+    sides: list[tuple[FloatArray, ...]] = []
     for level, sign, end in ((first - 1, 1.0, high), (last, -1.0, low)):
         members = np.flatnonzero(pieces.cap_level == level)
         _, corners, normal, length = _some_caps(pieces, members, _THICKNESS_SAMPLES)
-        flat = ~(length > 0.0)
-        at.append(corners.mean(axis=1)[~flat])
-        way.append(sign * (normal / np.where(flat, 1.0, length)[:, None])[~flat])
-        area.append(0.5 * length[~flat])
-        target.append(np.full(int((~flat).sum()), end))
-    start, towards, goal = np.concatenate(at), np.concatenate(way), np.concatenate(target)
+        solid = length > 0.0
+        middle, length = corners.mean(axis=1)[solid], length[solid]
+        way = sign * (normal[solid] / length[:, None])
+        sides.append((middle, way, 0.5 * length, np.full(len(length), end)))
+    start, towards, area, goal = (np.concatenate(both) for both in zip(*sides, strict=True))
     if not len(start):
         return None
     own = np.where(goal == high, low, high)
@@ -377,7 +376,7 @@ def _measured(part: CutPart, first: int, last: int, longest_mm: float) -> BandTh
         return None
     middle = start + 0.5 * reached[:, None] * towards
     thickness = reached * (goal - own) / np.where(good, goal - begin, 1.0)
-    return BandThickness(first, last, thickness[good], np.concatenate(area)[good], middle[good])
+    return BandThickness(first, last, thickness[good], area[good], middle[good])
 
 
 # ------------------------------------------------------------------------------------------------

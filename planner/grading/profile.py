@@ -1,5 +1,6 @@
 """A palette's stiffness, the target along a field, and the bands of material that meet it."""
 
+import functools
 import itertools
 import math
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
@@ -551,13 +552,10 @@ def natural_bands(profile: Profile, moduli_MPa: tuple[float, ...]) -> tuple[Band
     moduli_MPa
         Of the catalogue materials, strictly rising.
     """
-    merged: list[Band] = []
-    for stretch in profile.stretches(thresholds_of(moduli_MPa).tolist(), profile.jumps):
-        band = _band(moduli_MPa, *stretch)
-        if merged and merged[-1].grade == band.grade:
-            band = merged.pop().joined(band)
-        merged.append(band)
-    return tuple(merged)
+    cuts = thresholds_of(moduli_MPa).tolist()
+    bands = [_band(moduli_MPa, *stretch) for stretch in profile.stretches(cuts, profile.jumps)]
+    alike = itertools.groupby(bands, key=lambda band: band.grade)
+    return tuple(functools.reduce(Band.joined, group) for _, group in alike)
 
 
 def equal_bands(profile: Profile, moduli_MPa: tuple[float, ...], count: int) -> tuple[Band, ...]:

@@ -1,8 +1,10 @@
 """What bands are printed in, nearest or blended; as shells and regions."""
 
+import functools
 import hashlib
 import itertools
 import math
+import operator
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -457,20 +459,11 @@ def _mixed_bands(
             )
         bands = equal_bands(profile, scale.moduli_MPa, count)
         moduli = [math.sqrt(band.target_MPa[0] * band.target_MPa[1]) for band in bands]
-    printed = tuple(_mixture(scale, modulus, machine) for modulus in moduli)
-    return _merged(bands, printed)
-
-
-def _merged(
-    bands: Sequence[Band], printed: Sequence[Printed]
-) -> tuple[tuple[Band, ...], tuple[Printed, ...]]:
-    """Join neighbours that come to one mixture, shares being kept to 0.1 %."""
-    kept: list[tuple[Band, Printed]] = []
-    for band, what in zip(bands, printed, strict=True):
-        if kept and kept[-1][1] == what:
-            band = kept.pop()[0].joined(band)
-        kept.append((band, what))
-    return tuple(band for band, _ in kept), tuple(what for _, what in kept)
+    pairs = zip(bands, (_mixture(scale, modulus, machine) for modulus in moduli), strict=True)
+    # Neighbours may come to one mixture, shares being kept to 0.1 %.
+    alike = [list(group) for _, group in itertools.groupby(pairs, key=operator.itemgetter(1))]
+    joined = (functools.reduce(Band.joined, (band for band, _ in group)) for group in alike)
+    return tuple(joined), tuple(group[0][1] for group in alike)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -577,10 +570,10 @@ def band_design(
         laminate = laminated(target, blend_segments(target, moduli), moduli, periods)
         bands, turns = zip(*laminate, strict=True)
         says = {"kind": "bands", "periods": periods}
-    elif count is None:
-        bands = natural_bands(target, moduli)
     else:
-        bands = equal_bands(target, moduli, count)
+        bands = (
+            natural_bands(target, moduli) if count is None else equal_bands(target, moduli, count)
+        )
     printed = tuple(catalogue_material(scale, band.grade, machine) for band in bands)
     return BandDesign(bands, printed, says, turns)
 

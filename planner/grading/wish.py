@@ -283,9 +283,7 @@ def _listed(rows: object, scale: StiffnessScale) -> Profile:
 
 def _has_targets(profile: Wished | None) -> bool:
     """Return whether a profile names its own targets, so that it needs no ends."""
-    if isinstance(profile, str):
-        return profile.casefold().endswith(".csv")
-    return profile is not None
+    return profile.casefold().endswith(".csv") if isinstance(profile, str) else profile is not None
 
 
 def _end(end: End | None, option: str, scale: StiffnessScale) -> tuple[float, str | None]:

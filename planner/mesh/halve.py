@@ -53,9 +53,7 @@ def halve_long_edges(mesh: Mesh, longest_mm: float) -> tuple[Mesh, NDArray[np.in
         halvings[length > longest_mm] = np.maximum(halvings[length > longest_mm], 1)
         vertices, faces, parent = _halve(vertices, _Shapes(faces, halvings, triangle))
         triangle = parent.astype(np.int32)
-    if len(faces) == len(mesh.faces):
-        return mesh, triangle
-    return Mesh(vertices, faces), triangle
+    return mesh if len(faces) == len(mesh.faces) else Mesh(vertices, faces), triangle
 
 
 def _halve(vertices: FloatArray, whole: _Shapes) -> tuple[FloatArray, NDArray[np.int32], IntArray]:

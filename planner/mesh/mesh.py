@@ -201,8 +201,8 @@ def weld(triangles: _Points) -> tuple[_Points, NDArray[np.int32]]:
 
 def weld_points(points: _Points) -> tuple[_Points, NDArray[np.int32]]:
     """Index points, (k, 3), as `weld` does: distinct positions (n, 3) and an index (k,)."""
-    plain = np.add(points, 0.0, order="C", dtype=points.dtype)  # no minus zero is left
-    words = plain.view(np.uint32)
+    # No minus zero is left.
+    words = np.add(points, 0.0, order="C", dtype=points.dtype).view(np.uint32)
     distinct = np.empty_like(words)
     index = np.empty(len(words), dtype=np.int32)
     bits = max(10, (4 * len(words) // 3).bit_length())  # at most three quarters are taken

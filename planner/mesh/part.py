@@ -216,11 +216,11 @@ def _refuse_oversize(part: Part, tray_mm: tuple[float, float, float]) -> None:
     """Stop at a part that fits no way round into a tray, before the work; see `fits_turned`."""
     extent = np.ptp(part.mesh.bounds_mm, axis=0)
     if not fits_turned(extent, tray_mm):
-        tray = " x ".join(f"{length:g}" for length in tray_mm)
         hint = _unit_hint(extent, part.unit).replace("--unit", "`unit`")
         raise MeshError(
-            f"{part.file}: the part is {_size(extent)} mm, too large for the tray of {tray} mm"
-            f"{hint}; scale or divide the part, or take it as it is with `force_oversize`"
+            f"{part.file}: the part is {_size(extent)} mm, too large for the tray of "
+            f"{_size(tray_mm, 6)} mm{hint}; scale or divide the part, or take it as it is with "
+            "`force_oversize`"
         )
 
 
@@ -230,10 +230,7 @@ def _arrays(part: object) -> tuple[FloatArray, IntArray]:
     if vertices is None and isinstance(part, tuple) and len(part) == 2:
         vertices, faces = part
     try:
-        return (
-            np.ascontiguousarray(vertices, dtype=np.float64),
-            np.ascontiguousarray(faces, dtype=np.int64),
-        )
+        return np.ascontiguousarray(vertices, np.float64), np.ascontiguousarray(faces, np.int64)
     except (TypeError, ValueError):
         raise ArgumentError(
             "a part must be a path, a mesh with vertices (n, 3) and faces (m, 3), or a pair of "
@@ -353,9 +350,8 @@ def part_from_arrays(
 def _check_numbers(triangles: FloatArray, name: str) -> None:
     if triangles.size == 0:
         raise MeshError(f"{name}: holds no triangles; export the part again")
-    largest = float(np.abs(triangles).max())
-    if np.isnan(largest) or largest > _FARTHEST_MM:
-        bad = ~(np.abs(triangles) <= _FARTHEST_MM)
+    bad = ~(np.abs(triangles) <= _FARTHEST_MM)
+    if bad.any():
         first = int(np.argmax(bad.any(axis=(1, 2))))
         raise MeshError(
             f"{name}: triangle {first + 1} has a coordinate of {triangles[first][bad[first]][0]} "
@@ -387,9 +383,8 @@ def _check_solid(mesh: Mesh, name: str, *, reweld: bool) -> None:
 def _size_warnings(mesh: Mesh, tray_mm: tuple[float, float, float] | None) -> Iterator[str]:
     extent = mesh.bounds_mm[1] - mesh.bounds_mm[0]
     if tray_mm is not None and (extent > np.array(tray_mm)).any():
-        tray = " x ".join(f"{length:g}" for length in tray_mm)
         hint = "; turn it to fit" if fits_turned(extent, tray_mm) else _unit_hint(extent)
-        yield f"the part is {_size(extent)} mm, the tray {tray} mm{hint}"
+        yield f"the part is {_size(extent)} mm, the tray {_size(tray_mm, 6)} mm{hint}"
 
 
 def undersize(mesh: Mesh) -> str | None:
@@ -400,7 +395,7 @@ def undersize(mesh: Mesh) -> str | None:
     return f"the part is {_size(extent)} mm{_unit_hint(extent)}"
 
 
-def _size(extent: FloatArray, digits: int = 4) -> str:
+def _size(extent: Iterable[float], digits: int = 4) -> str:
     return " x ".join(f"{length:.{digits}g}" for length in extent)
 
 
@@ -1035,16 +1030,14 @@ def _chosen(
     volumes = f"{hollow.volume():.9g} mm3 with cavities, {solids.volume():.9g} mm3 with solids"
     same = abs(solids.volume() - hollow.volume()) <= _OVERLAP * solids.volume()
     if bodies is None and not same:
-        at_place = f"around {place_text(found.bounds[int(np.argmax(doubtful))].mean(axis=0))}"
-        which = (
-            f"{at_place}, is a cavity or a solid"
-            if doubtful.sum() == 1
-            else f"the first {at_place}, are cavities or solids"
-        )
+        place = place_text(found.bounds[int(np.argmax(doubtful))].mean(axis=0))
+        first, what = "the first ", "are cavities or solids"
+        if doubtful.sum() == 1:
+            first, what = "", "is a cavity or a solid"
         raise MeshError(
-            f"its winding does not tell whether {doubtful.sum()} of its {count} bodies, {which}: "
-            f"it has {volumes}; choose by `bodies`, if it is the part, or mend it in the CAD "
-            "program"
+            f"its winding does not tell whether {doubtful.sum()} of its {count} bodies, {first}"
+            f"around {place}, {what}: it has {volumes}; choose by `bodies`, if it is the part, or "
+            "mend it in the CAD program"
         )
     if whole.is_empty():
         raise MeshError("nothing is left where cavities are taken away; choose solids by `bodies`")
@@ -1069,8 +1062,7 @@ def union(mesh: Mesh) -> Mesh:
     try:
         for hollow, group in itertools.groupby(largest_first, lambda n: found.volume[n] < 0.0):
             act = manifold3d.OpType.Subtract if hollow else manifold3d.OpType.Add
-            solids = [whole, *map(found.solid, group)]
-            whole = manifold3d.Manifold.batch_boolean(solids, act)
+            whole = manifold3d.Manifold.batch_boolean([whole, *map(found.solid, group)], act)
     except MeshError:
         return mesh
     if whole.status() != manifold3d.Error.NoError or whole.is_empty():

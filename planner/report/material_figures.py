@@ -1,6 +1,6 @@
 """Figures of materials: a palette's ladder, what tensile tests show, and laws fitted to them."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import partial
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -279,8 +279,7 @@ def _tests_panel(
     yield from chart.frame(
         x_label="strain as recorded", y_label="nominal stress, MPa", most_ticks=6
     )
-    for number, curve in enumerate(curves):
-        yield _specimen_line(chart, number, curve.strain, curve.stress_MPa)
+    yield from _specimen_lines(chart, ((curve.strain, curve.stress_MPa) for curve in curves))
     for number, (specimen, curve) in enumerate(zip(one.specimens, curves, strict=True)):
         yield from _marks(chart, specimen, curve, _SPECIMENS[number % len(_SPECIMENS)])
     yield from _specimen_key(chart, [curve.specimen for curve in curves])
@@ -306,11 +305,12 @@ def _marks(chart: Chart, specimen: Characteristics, curve: Curve, colour: str) -
     yield svg.cross(*broken, colour=colour, arm=4.0)
 
 
-def _specimen_line(chart: Chart, number: int, x: FloatArray, y: FloatArray) -> str:
-    """Draw the curve of a material's n-th specimen, at so many points as can be seen."""
-    at = np.unique(np.linspace(0, len(x) - 1, _SHOWN_POINTS).round().astype(np.int64))
-    colour, dash = _look(number)
-    return chart.line(x[at], y[at], colour=colour, width=1.6, dash=dash)
+def _specimen_lines(chart: Chart, curves: Iterable[tuple[FloatArray, FloatArray]]) -> Iterator[str]:
+    """Draw a material's specimens, each at so many points as can be seen."""
+    for number, (x, y) in enumerate(curves):
+        at = np.unique(np.linspace(0, len(x) - 1, _SHOWN_POINTS).round().astype(np.int64))
+        colour, dash = _look(number)
+        yield chart.line(x[at], y[at], colour=colour, width=1.6, dash=dash)
 
 
 def _headroom(specimens: int, height: float) -> float:
@@ -481,8 +481,8 @@ def _tests(
     )
     zero = below.y(0.0)
     yield svg.segment((left, zero), (left + _PANEL_WIDTH, zero), colour=GREY, width=1.2)
-    for number, (curve, error) in enumerate(zip(fit.curves, errors, strict=True)):
-        yield _specimen_line(below, number, curve.strain, error)
+    strains = [curve.strain for curve in fit.curves]
+    yield from _specimen_lines(below, zip(strains, errors, strict=True))
 
 
 def _fit_chart(left: float, top: float, end: float, highest: float) -> Chart:
@@ -521,8 +521,7 @@ def _prints_and_tests(
 ) -> Iterator[str]:  # fmt: skip
     """Draw the band of prints, tests over it, and what is predicted over both."""
     yield from _prints(chart, heading, predicted, x_label)
-    for number, curve in enumerate(curves):
-        yield _specimen_line(chart, number, curve.strain, curve.stress_MPa)
+    yield from _specimen_lines(chart, ((curve.strain, curve.stress_MPa) for curve in curves))
     yield chart.line(predicted.strain, predicted.stress, colour=INK)
 
 

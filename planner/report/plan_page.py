@@ -402,10 +402,9 @@ def _in_words(plan: Plan) -> str:
         format_number(high - low, 4) for low, high in zip(*plan.part.bounds_mm, strict=True)
     )
     return (
-        f"The part is {size} mm. It begins in {first.printed}, "
-        f"{format_number(first.modulus_MPa)} MPa, and ends in {last.printed}, "
-        f"{format_number(last.modulus_MPa)} MPa, {_field_words(plan.gradient.field)}. The table "
-        "below has every region."
+        f"The part is {size} mm. It begins in {first.printed}, {format_number(first.modulus_MPa)} "
+        f"MPa, and ends in {last.printed}, {format_number(last.modulus_MPa)} MPa, "
+        f"{_field_words(plan.gradient.field)}. The table below has every region."
     )
 
 

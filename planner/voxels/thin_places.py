@@ -148,9 +148,7 @@ def _morph(
                 if not active[row, column, word]:
                     out[row, column, word] = region[row, column, word]
                     continue
-                here = ~np.uint64(0)
-                if beyond and flip == 0:
-                    here = np.uint64(0)
+                here = np.uint64(0) if beyond and flip == 0 else ~np.uint64(0)
                 place = column * words + word
                 for i in range(count):
                     if here == 0:
