@@ -7,7 +7,7 @@ import subprocess
 import sys
 import textwrap
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -387,8 +387,6 @@ def diff(
 
     Example: [bold]planner diff finger-graded finger-graded-before[/bold]
     """
-    from dataclasses import asdict
-
     found = planner.diff(before, after, tolerance=tolerance)
     rows = [asdict(difference) for difference in found]
     if as_json:
@@ -426,8 +424,6 @@ def compare(
 
     Example: [bold]planner compare finger-graded finger-graded-before[/bold]
     """
-    from dataclasses import asdict
-
     from planner.formats.outputs import write_whole
 
     check_targets(context, force=force, output=output)

@@ -192,6 +192,12 @@ def _corners(active: NDArray[np.uint8]) -> BoolArray:
     return found
 
 
+@inner_kernel
+def _cells_from(low: Any, high: Any, count: Any) -> Any:
+    """Return those of so many cells in a row that a stretch, in their edges, has any of."""
+    return range(max(int(np.floor(low)), 0), min(int(np.floor(high)), count - 1) + 1)
+
+
 @kernel
 def _touch(
     vertices: Any, faces: Any, origin: Any, pitch: Any, shape: Any, offsets: Any, cells: Any
@@ -224,19 +230,13 @@ def _touch(
         av = (vertices[a, v] - origin[v]) / pitch
         spread = 0.5 * (abs(su) + abs(sv)) + margin
         count = offsets[f] if cells.size else 0
-        for i in range(
-            max(int(np.floor(low[u])), 0), min(int(np.floor(high[u])), shape[u] - 1) + 1
-        ):
-            for j in range(
-                max(int(np.floor(low[v])), 0), min(int(np.floor(high[v])), shape[v] - 1) + 1
-            ):
+        for i in _cells_from(low[u], high[u], shape[u]):
+            for j in _cells_from(low[v], high[v], shape[v]):
                 first, last = low[w], high[w]
                 if size > 0.0:
                     middle = a0 + su * (i + 0.5 - au) + sv * (j + 0.5 - av)
                     first, last = max(first, middle - spread), min(last, middle + spread)
-                for k in range(
-                    max(int(np.floor(first)), 0), min(int(np.floor(last)), shape[w] - 1) + 1
-                ):
+                for k in _cells_from(first, last, shape[w]):
                     if cells.size:
                         index[u], index[v], index[w] = i, j, k
                         cells[count] = (index[0] * shape[1] + index[1]) * shape[2] + index[2]

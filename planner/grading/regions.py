@@ -138,14 +138,13 @@ def shells_of(
         faces = pieces.shell_faces(np.flatnonzero(names == what.name))
         used, faces = compact(faces, len(pieces.vertices))
         vertices = pieces.vertices[used]
-        file = f"stl/{name}__{len(shells) + 1:02d}_{what.name}.stl"
         header = f"{name} {what.operator_name} unit=mm"
         shells.append(
             Shell(
                 material=what.name,
                 operator_name=what.operator_name,
                 colour=what.colour,
-                file=file,
+                file=f"stl/{name}__{len(shells) + 1:02d}_{what.name}.stl",
                 vertices=vertices,
                 faces=faces,
                 header=header,

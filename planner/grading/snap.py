@@ -100,9 +100,7 @@ def _moved_cuts(
     mesh: Mesh, field: Field, levels: Sequence[float], *, snap_mm: float, machine: Printer
 ) -> list[dict[str, float]]:
     """Return which cuts, at rising values of the field, to move; see `snapped_bands`."""
-    if snap_mm == 0.0 or not len(levels):
-        return []
-    faces = _faces_alongside(mesh, field)
+    faces = _faces_alongside(mesh, field) if snap_mm > 0.0 and len(levels) else None
     if faces is None:
         return []
     limit_mm, moved = machine.minimum_feature_mm, list[dict[str, float]]()

@@ -420,22 +420,6 @@ def _count_into(key: Any, order: Any, place: Any, moved: Any) -> None:
 # Which faces meet at which edges: neighbours, borders, bodies.
 
 
-class EdgeOrder(NamedTuple):
-    """Half-edges sorted by the edge they lie at.
-
-    Attributes
-    ----------
-    order : (3 m,) int32
-        Half-edges; those at one edge, either way, are neighbours and rise.
-    starts, faces : (e,) int64
-        Where in `order` each edge's half-edges begin, and how many there are.
-    """
-
-    order: NDArray[np.int32]
-    starts: NDArray[np.int64]
-    faces: NDArray[np.int64]
-
-
 @dataclass(frozen=True, eq=False)
 class Topology:
     """Neighbourhood of the faces of a welded mesh.
@@ -531,11 +515,21 @@ class Topology:
         return np.asarray(turned ^ most[self.body])
 
 
-def order_edges(faces: NDArray[np.int32]) -> EdgeOrder:
-    """Sort half-edges 3 f + j by the two vertices they join; see `EdgeOrder`."""
+def order_edges(
+    faces: NDArray[np.int32],
+) -> tuple[NDArray[np.int32], NDArray[np.int64], NDArray[np.int64]]:
+    """Sort half-edges 3 f + j by the two vertices they join.
+
+    Returns
+    -------
+    order : (3 m,) int32
+        Half-edges; those at one edge, either way, are neighbours and rise.
+    starts, count : (e,) int64
+        Where in `order` each edge's half-edges begin, and how many there are.
+    """
     heads = faces[:, [1, 2, 0]]
     order, starts = order_rows(np.minimum(faces, heads).ravel(), np.maximum(faces, heads).ravel())
-    return EdgeOrder(order, starts, np.diff(starts, append=len(order)))
+    return order, starts, np.diff(starts, append=len(order))
 
 
 def connected(
