@@ -323,8 +323,7 @@ class PrinterLimits:
     """Limits in place of the printer's own."""
 
     tray: Annotated[
-        str | None,
-        Option("--tray", help="Largest part, X,Y,Z in mm, in place of the printer's own."),
+        str | None, Option(help="Largest part, X,Y,Z in mm, in place of the printer's own.")
     ] = None
     minimum_wall_mm: Annotated[
         float | None,
@@ -478,26 +477,24 @@ class LoadOptions:
     fix: Annotated[
         list[str] | None,
         Option(
-            "--fix",
             help="Faces of the whole part that do not move, as x=max; for what may stand there see "
             "docs/how-to/simulate-a-whole-part.md. Repeatable, as all of these.",
         ),
     ] = None
     load: Annotated[
-        list[str] | None, Option("--load", help="Force on faces in all, as 'x=min: 0,0,-0.5 N'.")
+        list[str] | None, Option(help="Force on faces in all, as 'x=min: 0,0,-0.5 N'.")
     ] = None
     moment: Annotated[
-        list[str] | None,
-        Option("--moment", help="Moment about the middle of faces, as 'x=min: 0,5,0 N mm'."),
+        list[str] | None, Option(help="Moment about the middle of faces, as 'x=min: 0,5,0 N mm'.")
     ] = None
     pressure: Annotated[
-        list[str] | None, Option("--pressure", help="Pressure on faces, as 'cavity: 20 kPa'.")
+        list[str] | None, Option(help="Pressure on faces, as 'cavity: 20 kPa'.")
     ] = None
     move: Annotated[
-        list[str] | None, Option("--move", help="Faces that are moved, as 'z>102: 5,free,0 mm'.")
+        list[str] | None, Option(help="Faces that are moved, as 'z>102: 5,free,0 mm'.")
     ] = None
     gravity: Annotated[
-        str | None, Option("--gravity", help="Where the part's weight pulls: -z, or dx,dy,dz.")
+        str | None, Option(help="Where the part's weight pulls: -z, or dx,dy,dz.")
     ] = None
 
 

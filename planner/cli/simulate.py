@@ -142,7 +142,7 @@ def simulate(
     page: Annotated[
         Path | None, Option(help="HTML file to write: the whole part as it moves, in 3D.")
     ] = None,
-    force: Annotated[bool, Option("--force", help="Replace files that are there.")] = False,
+    force: Overwrite = False,
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> int:
