@@ -103,11 +103,10 @@ def _formula_of(node: ast.expr, text: str, depth: int) -> _Formula:
     if depth > _FORMULA_DEEPEST:
         raise ArgumentError(f"expression {text!r}: it is nested deeper than {_FORMULA_DEEPEST}")
     match node:
-        case ast.Constant(value=bool() | str() | bytes() | complex() | None):
+        case ast.Constant(value=bool()):
             pass
         case ast.Constant(value=int() | float() as number) if abs(number) < _LARGEST:
-            constant = float(number)
-            return lambda known: constant
+            return lambda known: float(number)
         case ast.Name(id=name):
             if name in _VARIABLES or name in _CONSTANTS:
                 return lambda known: known[name]
@@ -135,8 +134,6 @@ def _formula_of(node: ast.expr, text: str, depth: int) -> _Formula:
                 )
             each = [_formula_of(argument, text, depth + 1) for argument in arguments]
             return lambda known: function(*(value(known) for value in each))
-        case _:
-            pass
     part = ast.get_source_segment(text.strip().replace("^", "**"), node) or type(node).__name__
     raise ArgumentError(
         f"expression {text!r}: {part!r} may not stand there; numbers, variables, + - * / ** %, "

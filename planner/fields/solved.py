@@ -40,11 +40,6 @@ def between_cells(grid: Grid, values: FloatArray) -> Quantity:
     return at
 
 
-def _solve_pitch_mm(mesh: Mesh, pitch_mm: float) -> float:
-    """Return the pitch to solve at: that of the shells, or as fine as `_MOST_CELLS` allow."""
-    return max(pitch_mm, math.cbrt(np.ptp(mesh.bounds_mm, axis=0).prod() / _MOST_CELLS))
-
-
 def cells_of(mesh: Mesh, pitch_mm: float) -> tuple[Grid, BoolArray]:
     """Return a grid over the part and which of its cells (nx, ny, nz) have their centre in it.
 
@@ -52,6 +47,12 @@ def cells_of(mesh: Mesh, pitch_mm: float) -> tuple[Grid, BoolArray]:
     """
     grid = grid_for(mesh.bounds_mm, pitch_mm)
     return grid, np.ascontiguousarray(dense(voxelize(mesh, pitch_mm, shortest=1)))
+
+
+def _solved_cells(mesh: Mesh, pitch_mm: float) -> tuple[float, Grid, BoolArray]:
+    """Return a pitch to solve at, the shells' or as fine as `_MOST_CELLS` allow, and the cells."""
+    pitch_mm = max(pitch_mm, math.cbrt(np.ptp(mesh.bounds_mm, axis=0).prod() / _MOST_CELLS))
+    return pitch_mm, *cells_of(mesh, pitch_mm)
 
 
 def _reached_cells(inside: BoolArray, seeds: BoolArray) -> tuple[BoolArray, IntArray | None]:
@@ -159,8 +160,7 @@ def harmonic_field(
         A region that holds no cell of the part, regions that share one, or a body of the part
         that has none of either.
     """
-    pitch_mm = _solve_pitch_mm(mesh, pitch_mm)
-    grid, inside = cells_of(mesh, pitch_mm)
+    pitch_mm, grid, inside = _solved_cells(mesh, pitch_mm)
     index = np.argwhere(inside)
     centres = grid.centre_mm(index)
     first, second = start.holds(centres), end.holds(centres)
@@ -208,9 +208,8 @@ def _solve_laplace(inside: BoolArray, fixed: FloatArray) -> FloatArray:
     fixed
         Given values, NaN elsewhere.
     """
-    guess = np.full(inside.shape, 0.5)
-    if np.count_nonzero(inside) > _COARSEST:
-        guess = _from_coarser(inside, fixed)
+    many = np.count_nonzero(inside) > _COARSEST
+    guess = _from_coarser(inside, fixed) if many else np.full(inside.shape, 0.5)
     number = np.full(inside.shape, -1, dtype=np.int32)
     index = np.flatnonzero(inside)
     number.reshape(-1)[index] = np.arange(len(index), dtype=np.int32)
@@ -238,10 +237,7 @@ def _from_coarser(inside: BoolArray, fixed: FloatArray) -> FloatArray:
     any_inside: BoolArray = np.asarray(np.pad(inside, room).reshape(blocks).any(axis=(1, 3, 5)))
     known = np.pad(np.isfinite(fixed), room).reshape(blocks).sum(axis=(1, 3, 5))
     total = np.pad(np.nan_to_num(fixed), room).reshape(blocks).sum(axis=(1, 3, 5))
-    with np.errstate(invalid="ignore"):
-        coarse = _solve_laplace(
-            any_inside, np.where(known > 0, total / np.maximum(known, 1), np.nan)
-        )
+    coarse = _solve_laplace(any_inside, np.where(known > 0, total / np.maximum(known, 1), np.nan))
     _spread_values(coarse, any_inside, 1)
     from scipy import ndimage
 
@@ -336,8 +332,7 @@ def geodesic_field(
     ArgumentError
         The region holds nothing of the part, or a body of the part cannot be reached from it.
     """
-    pitch_mm = _solve_pitch_mm(mesh, pitch_mm)
-    grid, inside = cells_of(mesh, pitch_mm)
+    pitch_mm, grid, inside = _solved_cells(mesh, pitch_mm)
     index = np.argwhere(inside)
     held = start.holds(grid.centre_mm(index))
     if not held.any():

@@ -541,9 +541,8 @@ def _evidence_figure(diagnosis: Diagnosis) -> bytes:
     bars = []
     for h in shown:
         width = _BARS_WIDTH * min(h.probability, 1.0)
-        plain = width * (1.0 - min(max(h.with_unknown, 0.0), 1.0))
-        if h.effects == ("unknown",):
-            plain = 0.0
+        alone = 0.0 if h.effects == ("unknown",) else 1.0 - min(max(h.with_unknown, 0.0), 1.0)
+        plain = width * alone
         name = f"{'● ' if h.effects in alike else ''}{h.name}"
         stretches = ((plain, svg.BLUE), (width - plain, _PALE))
         bars.append(_Bar(name, stretches, probability(h.probability)))

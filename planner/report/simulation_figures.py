@@ -6,13 +6,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planner.numerics import BoolArray
+from planner.numerics import BoolArray, FloatArray
 from planner.report import svg
 from planner.report.svg import BLUE, GREY, INK, PALE_BLUE, RED, Chart
 from planner.simulation.part import PartSimulation
 from planner.simulation.simulate import Simulation
 
-__all__ = ["simulation_figure"]
+__all__ = ["pulled", "simulation_figure"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -106,21 +106,23 @@ def _floor(least: float) -> float:
     return -_span(-least) if least < 0.0 else 0.0
 
 
-def _curve(simulation: Simulation) -> Iterator[str]:
-    over_time = simulation.protocol == "relaxation"
+def pulled(simulation: Simulation) -> tuple[str, FloatArray, int]:
+    """Return what force is drawn over, its name first, and the step at the break, else no step."""
+    beyond, over_time = simulation.beyond_break, simulation.protocol == "relaxation"
     x = simulation.time_s if over_time else simulation.displacement_mm
+    first = int(np.argmax(beyond)) if beyond.any() else len(x)
+    return "time, s" if over_time else "displacement, mm", x, first
+
+
+def _curve(simulation: Simulation) -> Iterator[str]:
+    x_label, x, first = pulled(simulation)
     force, (low, high) = simulation.force_N, simulation.force_interval_N.T
     chart = _chart(_LEFT, (0.0, _span(float(x.max()))), (0.0, _span(float(high.max()))))
     yield chart.band(x, low, high)
-    yield from chart.frame(
-        x_label="time, s" if over_time else "displacement, mm", y_label="force, N"
-    )
-    beyond = simulation.beyond_break
-    first = int(np.argmax(beyond)) if beyond.any() else len(x)
-    held = slice(0, min(first + 1, len(x)))
-    yield chart.line(x[held], force[held], colour=BLUE)
+    yield from chart.frame(x_label=x_label, y_label="force, N")
+    yield chart.line(x[: first + 1], force[: first + 1], colour=BLUE)
     note = f"band: {100 * simulation.level:g} % of prints"
-    if beyond.any():
+    if first < len(x):
         yield chart.line(x[first:], force[first:], colour=BLUE, dash="3,4")
         yield svg.cross(chart.x(float(x[first])), chart.y(float(force[first])), colour=RED)
         note += "; cross: break, dotted beyond it"
