@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -145,36 +145,24 @@ def _formula_of(node: ast.expr, text: str, depth: int) -> _Formula:
 # Distances, and regions of space that fields start from or end at.
 
 
-def _point_distance(centre_mm: Point) -> Quantity:
-    """Return the distance from a point as a function of points (n, 3)."""
-
-    def distance(points_mm: FloatArray) -> FloatArray:
-        x, y, z = (points_mm - np.array(centre_mm)).T
-        return np.asarray(np.sqrt(x * x + y * y + z * z))
-
-    return distance
+def _from_point(centre_mm: Point, points_mm: FloatArray) -> FloatArray:
+    """Return the distance of points (n, 3) from a point."""
+    x, y, z = (points_mm - np.array(centre_mm)).T
+    return np.asarray(np.sqrt(x * x + y * y + z * z))
 
 
-def _line_distance(point_mm: Point, direction: Point) -> Quantity:
+def _from_line(point_mm: Point, direction: Point, points_mm: FloatArray) -> FloatArray:
     """Return the distance from a line by a point and its unit direction."""
-
-    def distance(points_mm: FloatArray) -> FloatArray:
-        x, y, z = (points_mm - np.array(point_mm)).T
-        a, b, c = direction
-        p, q, r = y * c - z * b, z * a - x * c, x * b - y * a
-        return np.asarray(np.sqrt(p * p + q * q + r * r))
-
-    return distance
+    x, y, z = (points_mm - np.array(point_mm)).T
+    a, b, c = direction
+    p, q, r = y * c - z * b, z * a - x * c, x * b - y * a
+    return np.asarray(np.sqrt(p * p + q * q + r * r))
 
 
-def _surface_distance(tree: TriangleTree, *, depth: bool = False) -> Quantity:
+def _from_surface(tree: TriangleTree, depth: bool, points_mm: FloatArray) -> FloatArray:
     """Return the exact distance from a surface; with `depth` positive inside, negative outside."""
-
-    def distance(points_mm: FloatArray) -> FloatArray:
-        found, outside = distances(tree, points_mm)
-        return np.where(outside, -found, found) if depth else found
-
-    return distance
+    found, outside = distances(tree, points_mm)
+    return np.where(outside, -found, found) if depth else found
 
 
 def _box_region(low_mm: Point, high_mm: Point) -> FieldRegion:
@@ -486,15 +474,14 @@ def _axis(given: FieldArguments, setting: Setting) -> Field:
 
 
 def _radial(given: FieldArguments, setting: Setting) -> Field:
-    says: dict[str, object]
     if given.only("point", "line") == "line":
         point, direction = given.line("line")
-        quantity = _line_distance(point, direction)
+        quantity = partial(_from_line, point, direction)
         says = {"point_mm": list(point), "direction": list(direction)}
     else:
         middle = as_point(setting.mesh.bounds_mm.mean(axis=0))
         centre = given.point("point") if "point" in given.named else middle
-        quantity, says = _point_distance(centre), {"centre_mm": list(centre)}
+        quantity, says = partial(_from_point, centre), {"centre_mm": list(centre)}
     return _ramp(given, setting, quantity).along(quantity, "radial", says)
 
 
@@ -532,7 +519,7 @@ def _distance(given: FieldArguments, setting: Setting) -> Field:
         file = Path(given.words[0])
         mesh, sha256 = _mesh_in_place(file, setting.origin_mm, closed=False)
         tree, says = triangle_tree(mesh), {"of": file.name, "sha256": sha256}
-    quantity = _surface_distance(tree, depth=depth)
+    quantity = partial(_from_surface, tree, depth)
     return _ramp(given, setting, quantity).along(quantity, "distance", says)
 
 
@@ -563,7 +550,7 @@ def _expression(given: FieldArguments, setting: Setting) -> Field:
         if "r" in used:
             known["r"] = np.sqrt(x * x + y * y)
         if "d" in used:
-            known["d"] = _surface_distance(setting.surface, depth=True)(points_mm)
+            known["d"] = _from_surface(setting.surface, True, points_mm)
         if "u" in used:
             known["u"] = along.values(points_mm)
         with np.errstate(all="ignore"):  # what is not finite is told with its place

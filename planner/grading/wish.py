@@ -233,9 +233,7 @@ def targets_of(wish: Wish, scale: StiffnessScale) -> tuple[Profile, str | None, 
     """
     profile, palette = wish.profile, scale.palette
     if isinstance(profile, Profile):
-        _, start = _end(wish.start, "from_", scale)
-        _, end = _end(wish.end, "to", scale)
-        return profile, start, end
+        return profile, _end(wish.start, "from_", scale)[1], _end(wish.end, "to", scale)[1]
     if _has_targets(profile):
         if wish.start is not None or wish.end is not None:
             named = f" {profile}" if isinstance(profile, (str, Path)) else ""
