@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -176,18 +177,12 @@ def invert(
     if not modulus_MPa and not coordinate:
         raise ArgumentError("give --modulus, a wanted modulus in MPa, or --coordinate, a place")
     chosen = palette_of(palette, printer)
-    found = [
-        planner.invert(v, at_strain=at_strain, law=law, palette=chosen) for v in modulus_MPa or ()
-    ]
-    at = [
-        planner.invert(coordinate=m, at_strain=at_strain, law=law, palette=chosen)
-        for m in coordinate or ()
-    ]
+    ask = partial(planner.invert, at_strain=at_strain, law=law, palette=chosen)
+    found = [ask(modulus) for modulus in modulus_MPa or ()]
+    at = [ask(coordinate=place) for place in coordinate or ()]
     if as_json:
-        results = [mixture.document() for mixture in (*found, *at)]
-        print_document(
-            {"schema": 1, "palette": chosen.name, "at_strain": at_strain, "results": results}
-        )
+        said = {"schema": 1, "palette": chosen.name, "at_strain": at_strain}
+        print_document({**said, "results": [mixture.document() for mixture in (*found, *at)]})
     else:
         title = f"{chosen.name}: secant modulus at strain {at_strain:g}"
         if found:

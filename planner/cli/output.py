@@ -165,14 +165,14 @@ def print_table(
     else:
         abridged = None
     wide = console.options.update(max_width=10_000)
-    shown = list(range(len(columns)))
     swatches = None if console.color_system is None else swatches
-    table = _table(columns, rows, shown, swatches)
+    table = _table(columns, rows, swatches)
     for dropped in droppable if console.is_terminal else ():
         if Measurement.get(console, wide, table).maximum <= console.width:
             break
-        shown = [k for k in shown if columns[k].removeprefix(">") != dropped]
-        table = _table(columns, rows, shown, swatches)
+        kept = [k for k, name in enumerate(columns) if name.removeprefix(">") != dropped]
+        columns, rows = [columns[k] for k in kept], [[row[k] for k in kept] for row in rows]
+        table = _table(columns, rows, swatches)
     if title is not None:
         console.print(title, style="bold", soft_wrap=True)
     console.width = max(console.width, Measurement.get(console, wide, table).maximum)
@@ -200,10 +200,7 @@ def _shortened(
 
 
 def _table(
-    columns: Sequence[str],
-    rows: Sequence[Sequence[str]],
-    shown: Sequence[int],
-    swatches: Sequence[str] | None,
+    columns: Sequence[str], rows: Sequence[Sequence[str]], swatches: Sequence[str] | None
 ) -> "Table":
     from rich import box
     from rich.table import Table
@@ -212,11 +209,11 @@ def _table(
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
     if swatches is not None:
         table.add_column("")
-    for number in shown:
-        flush: JustifyMethod = "right" if columns[number].startswith(">") else "left"
-        table.add_column(columns[number].removeprefix(">"), justify=flush, no_wrap=True)
+    for column in columns:
+        flush: JustifyMethod = "right" if column.startswith(">") else "left"
+        table.add_column(column.removeprefix(">"), justify=flush, no_wrap=True)
     for number, row in enumerate(rows):
-        cells = [Text(row[i]) for i in shown]
+        cells = [Text(cell) for cell in row]
         if swatches is not None:
             cells.insert(0, Text("██", style=swatches[number]))
         table.add_row(*cells)

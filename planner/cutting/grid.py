@@ -173,9 +173,8 @@ def _field_grid(
         last = min(first + layer, nx + 1)
         wanted = _corners(held[max(first - 1, 0) : last])
         wanted = wanted[1 if first > 0 else 0 :][: last - first]
-        wanted[-first % cells :: cells, ::cells, ::cells] |= corners[
-            -(-first // cells) : (last - 1) // cells + 1
-        ]
+        layers = slice(-(-first // cells), (last - 1) // cells + 1)
+        wanted[-first % cells :: cells, ::cells, ::cells] |= corners[layers]
         index = np.argwhere(wanted)
         index[:, 0] += first
         values[first:last][wanted] = _values_at(field, origin_mm + index * pitch_mm)
@@ -407,9 +406,8 @@ def draw_level_sets(
     grid = _field_grid(field, origin_mm, pitch_mm, held, active)
     lattice = _lattice_for(mesh.bounds_mm, 4.0 * pitch_mm)
     most = _FACES + _FACES_EACH * len(mesh.faces)
-    points, faces, level, cell = _drawn_near(
-        grid, levels, field if follow else None, within_mm, most
-    )
+    followed = field if follow else None
+    points, faces, level, cell = _drawn_near(grid, levels, followed, within_mm, most)
     active.reshape(-1)[cell] = 2
     values = grid.interpolate(mesh.vertices)
     points_mm = lattice.rounded(points)
@@ -438,9 +436,8 @@ def _drawn_near(
     """
     none = np.empty((0, 3))
     places = np.empty(0, dtype=np.int64)
-    marks = _Marks(
-        np.zeros(grid.active.shape, np.uint8), places, none, none[:, 0], places.astype(np.uint8)
-    )
+    divided = np.zeros(grid.active.shape, np.uint8)
+    marks = _Marks(divided, places, none, none[:, 0], places.astype(np.uint8))
     if field is None or not np.isfinite(within_mm):
         one = _drawn(grid, levels, field, marks, 0)
         return one.points_mm, one.faces, one.level, one.cell
@@ -457,9 +454,8 @@ def _drawn_near(
         few = marks.sharp.any() and len(far) < _LEFT_OFF * held
         if not len(worst) or (few and number >= _USUAL_ROUNDS):
             break
-        marks, tried, mended = _creased(
-            grid, field, marks, leaf[:, _EDGES], worst, within_mm, tried, number
-        )
+        ends = leaf[:, _EDGES]
+        marks, tried, mended = _creased(grid, field, marks, ends, worst, within_mm, tried, number)
         worst = worst[~mended[worst]]
         # Three halvings, which make the edges half as long, leave a quarter of what is off at best.
         halving = np.empty((len(worst), 7), dtype=np.int64)
@@ -609,9 +605,8 @@ def _halved(
         points = _even_mm(grid, _indices(grid.active, missing))
         marks = marks.more(number, missing, points, _values_at(field, points), 0)
         room = np.empty(max(4 * len(missing), 1000), dtype=np.int64)
-        found = _hanging(
-            grid.active, marks.divided, number, TETRAHEDRA, *marks.table(), marks.sharp, room
-        )
+        known = *marks.table(), marks.sharp
+        found = _hanging(grid.active, marks.divided, number, TETRAHEDRA, *known, room)
         missing = _rising(room[:found])
     return marks
 
@@ -738,9 +733,8 @@ _SURE = 0.05
 
 
 def _met(
-    grid: FieldGrid, field: Field | None, marks: _Marks, ends: NDArray[np.int64],
-    level: FloatArray,
-) -> FloatArray:  # fmt: skip
+    grid: FieldGrid, field: Field | None, marks: _Marks, ends: NDArray[np.int64], level: FloatArray
+) -> FloatArray:
     """Find where levels meet edges, by inverse quadratic interpolation within brackets."""
     (start, first), (end, last) = (marks.seen(grid, ends[:, side]) for side in (0, 1))
     below, above = first - level, last - level

@@ -280,9 +280,8 @@ def _meet(
                     if s0 != s1 and turns[i, 0] == turns[i, 1] and turns[i, 1] == turns[i, 2]:
                         e = a_edges[t, i]
                         before = made
-                        point, made = _point(
-                            (np.int64(e) * b_faces.shape[0] + p) * 2 + 1, keys, number, made
-                        )
+                        key = (np.int64(e) * b_faces.shape[0] + p) * 2 + 1
+                        point, made = _point(key, keys, number, made)
                         if made > before:
                             edge[point], face[point], kind[point] = e, p, 0
                             forward = a_faces[t, i] == a_ends[e, 0]
@@ -298,9 +297,8 @@ def _meet(
                     if s0 != s1 and turns[0, j] == turns[1, j] and turns[1, j] == turns[2, j]:
                         e = b_edges[p, j]
                         before = made
-                        point, made = _point(
-                            (np.int64(e) * a_faces.shape[0] + t) * 2 + 2, keys, number, made
-                        )
+                        key = (np.int64(e) * a_faces.shape[0] + t) * 2 + 2
+                        point, made = _point(key, keys, number, made)
                         if made > before:
                             edge[point], face[point], kind[point] = e, t, 1
                             forward = b_faces[p, j] == b_ends[e, 0]

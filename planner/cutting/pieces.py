@@ -341,9 +341,8 @@ def _cover(
                     value = min(best[i, j], best[j, k])
                     if value <= best[i, k]:
                         continue
-                    height = squared_height(
-                        points, nodes[first + i], nodes[first + j], nodes[first + k]
-                    )
+                    a, b, c = nodes[first + i], nodes[first + j], nodes[first + k]
+                    height = squared_height(points, a, b, c)
                     if not _turn(flat, i, j, k) > 0.0:
                         height = -1.0 - height
                     value = min(value, height)

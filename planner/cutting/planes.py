@@ -479,10 +479,7 @@ def _key(sides: NDArray[np.int32]) -> NDArray[np.int64]:
 
 
 def _split_sides(
-    vertices: Float32Array,
-    faces: NDArray[np.int32],
-    level: NDArray[np.int32],
-    sides: NDArray[np.intp],
+    vertices: Float32Array, faces: NDArray[np.int32], level: NDArray[np.int32], sides: IntArray
 ) -> tuple[Float32Array, NDArray[np.int32], NDArray[np.int32]]:
     """Put a new vertex on each side, and divide the triangles on both sides of it.
 

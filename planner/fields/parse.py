@@ -195,9 +195,8 @@ def _half_space(point_mm: Point, normal: Point) -> FieldRegion:
 def _inside_mesh(mesh: Mesh, file: str, sha256: str) -> FieldRegion:
     """Return what lies inside a closed mesh."""
     tree = triangle_tree(mesh)
-    return FieldRegion(
-        lambda points_mm: ~distances(tree, points_mm)[1], {"file": file, "sha256": sha256}
-    )
+    says = {"file": file, "sha256": sha256}
+    return FieldRegion(lambda points_mm: ~distances(tree, points_mm)[1], says)
 
 
 # ------------------------------------------------------------------------------------------------

@@ -141,11 +141,7 @@ _PRECISION = 1e-7  # of the field's range, root mean square of the residual
 
 
 def harmonic_field(
-    mesh: Mesh,
-    start: FieldRegion,
-    end: FieldRegion,
-    pitch_mm: float,
-    origin_mm: Point = (0.0, 0.0, 0.0),
+    mesh: Mesh, start: FieldRegion, end: FieldRegion, pitch_mm: float, origin_mm: Point
 ) -> FunctionField:
     """Solve Laplace's equation in a part: 0 in one region, 1 in another.
 

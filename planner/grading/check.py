@@ -515,10 +515,9 @@ def _compare(before: Plan, after: Plan, tolerance: float) -> Iterator[Difference
     for what, a, b in pairs:
         if not _equal(a, b, tolerance):
             yield Difference(what, "plan", _text(a), _text(b))
-    if before.palette.name == after.palette.name and before.palette.sha256 != after.palette.sha256:
-        yield Difference(
-            "palette content", "plan", before.palette.sha256[:12], after.palette.sha256[:12]
-        )
+    hashes = before.palette.sha256, after.palette.sha256
+    if before.palette.name == after.palette.name and hashes[0] != hashes[1]:
+        yield Difference("palette content", "plan", *(each[:12] for each in hashes))
     yield from _compare_materials(before, after, tolerance)
     yield from _compare_regions(before, after, tolerance)
     for name in sorted({*before.checks, *after.checks}):
@@ -529,10 +528,9 @@ def _compare(before: Plan, after: Plan, tolerance: float) -> Iterator[Difference
     b_found = sorted(found.message for found in after.findings)
     if a_found != b_found:
         yield Difference("findings", "plan", str(len(a_found)), str(len(b_found)))
-    if not _equal(_targets(before), _targets(after), tolerance):
-        yield Difference(
-            "unreachable targets", "plan", _text(_targets(before)), _text(_targets(after))
-        )
+    a, b = _targets(before), _targets(after)
+    if not _equal(a, b, tolerance):
+        yield Difference("unreachable targets", "plan", _text(a), _text(b))
 
 
 def _compare_materials(before: Plan, after: Plan, tolerance: float) -> Iterator[Difference]:

@@ -254,9 +254,8 @@ def grade(
     scale = stiffness_scale(palette_of(wish.palette, machine), wish.at_strain)
     target, start, end = targets_of(wish, scale)
     limit = _tolerated_ratio(as_number(tolerance, "`tolerance`"))
-    farthest_mm = snap_limit_mm(
-        None if snap_mm is None else as_number(snap_mm, "`snap_mm`"), machine
-    )
+    stated_mm = None if snap_mm is None else as_number(snap_mm, "`snap_mm`")
+    farthest_mm = snap_limit_mm(stated_mm, machine)
 
     progress("reading the part")
     source = open_part(

@@ -468,14 +468,12 @@ def _walls(part: CutPart, machine: Printer, findings: list[Finding]) -> dict[str
     if loose.count:
         findings.append(_fragments_finding(loose, None, part, limit_mm))
         unlisted += loose.count
-    volumes = part.pieces.volumes_mm3
     count, thicknesses, thick = len(walls) + unlisted, list[float](), True
     measured = _band_thicknesses(part) if part.shells else ()
     for shell in part.shells:
         own = [band for band in measured if part.names[band.first] == shell.material]
-        pieces = [
-            v for v, n in zip(volumes, part.names, strict=True) if n == shell.material and v > 0
-        ]
+        named = zip(part.pieces.volumes_mm3, part.names, strict=True)
+        pieces = [v for v, name in named if name == shell.material and v > 0]
         least_mm3 = _LEAST * float(min(pieces, default=0.0))
         found, number, thinnest = _layers(part, shell, own, machine, bool(walls), least_mm3)
         findings += found
@@ -486,9 +484,8 @@ def _walls(part: CutPart, machine: Printer, findings: list[Finding]) -> dict[str
     if thicknesses:
         checks["thinnest_band_mm"] = Check(min(thicknesses), limit_mm, thick)
     gaps, unlisted = thin_space_places(part.mesh, limit_mm, listed=_LISTED)
-    findings += [
-        _gap_finding(gap, part, limit_mm, more) for gap, more in _with_rest(gaps, unlisted)
-    ]
+    told = _with_rest(gaps, unlisted)
+    findings += [_gap_finding(gap, part, limit_mm, more) for gap, more in told]
     return checks | {"gaps_too_narrow": Check(len(gaps) + unlisted, 0, not gaps)}
 
 
@@ -524,9 +521,8 @@ def _layers(
             widest_passed_mm=_PASSED * limit_mm,
             least_mm3=least_mm3,
         )
-        drawn = [
-            p for p in drawn if not _loose(p, bits) and not (bare and _whole(p, part, limit_mm))
-        ]
+        drawn = [place for place in drawn if not _loose(place, bits)]
+        drawn = [place for place in drawn if not (bare and _whole(place, part, limit_mm))]
         places, unlisted = (drawn, unlisted) if drawn else (places, 0)
     unlisted += max(len(places) - _LISTED, 0)
     places = places[:_LISTED]

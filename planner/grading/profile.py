@@ -564,10 +564,8 @@ def equal_bands(profile: Profile, moduli_MPa: tuple[float, ...], count: int) -> 
     The middle is the geometric mean of the lowest and the highest target in the band, which
     makes the largest log error smallest.
     """
-    edges = [i / count for i in range(count + 1)]
-    return tuple(
-        _band(moduli_MPa, a, b, profile.interval_MPa(a, b)) for a, b in itertools.pairwise(edges)
-    )
+    steps = itertools.pairwise(i / count for i in range(count + 1))
+    return tuple(_band(moduli_MPa, a, b, profile.interval_MPa(a, b)) for a, b in steps)
 
 
 def _band(

@@ -182,9 +182,8 @@ def _resins_of(palette: Palette, machine: Printer, ids: Collection[str]) -> tupl
 
 
 def region_of(
-    band: Band, what: Printed, volume_mm3: float, bounds_mm: FloatArray,
-    shells: Sequence[Shell],
-) -> Region:  # fmt: skip
+    band: Band, what: Printed, volume_mm3: float, bounds_mm: FloatArray, shells: Sequence[Shell]
+) -> Region:
     """Report a band that is printed in one material or mixture.
 
     Its number is that of its shell, from soft to hard, as in the shell's file name.
@@ -373,10 +372,11 @@ def laminated(
             continue
         edges = np.linspace(stretch.start, stretch.stop, periods + 1).tolist()
         edges[-1] = stretch.stop
-        middle_MPa = math.sqrt(moduli_MPa[stretch.lower] * moduli_MPa[stretch.upper])
+        soft_MPa, hard_MPa = moduli_MPa[stretch.lower], moduli_MPa[stretch.upper]
+        layers, middle_MPa = TwoPhases(soft_MPa, hard_MPa), math.sqrt(soft_MPa * hard_MPa)
         begins_hard, ends_hard = (end > middle_MPa for end in stretch.ends_MPa)
         for start, stop in itertools.pairwise(edges):
-            period = _laminate(profile, stretch, moduli_MPa, start, stop)
+            period = _laminate(profile, stretch, layers, start, stop)
             if not found:
                 hard_first = begins_hard
             elif stretch is along[-1] and stop == stretch.stop:
@@ -394,11 +394,7 @@ def laminated(
 
 
 def _laminate(
-    profile: Profile,
-    stretch: BlendSegment,
-    moduli_MPa: tuple[float, ...],
-    start: float,
-    stop: float,
+    profile: Profile, stretch: BlendSegment, layers: TwoPhases, start: float, stop: float
 ) -> Laminate:
     # Between knots the target is smooth, and Gauss' rule of 8 nodes exact to rounding.
     nodes, weights = np.polynomial.legendre.leggauss(8)
@@ -407,7 +403,6 @@ def _laminate(
     for low, high in itertools.pairwise(knots):
         u = 0.5 * (low + high) + 0.5 * (high - low) * nodes
         compliance += float(0.5 * (high - low) * (weights @ (1.0 / profile.modulus_MPa(u))))
-    layers = TwoPhases(moduli_MPa[stretch.lower], moduli_MPa[stretch.upper])
     share = float(layers.reuss_share(compliance / (stop - start)))
     if not _THINNEST < share * (stop - start) < stop - start - _THINNEST:
         share = float(math.floor(share + 0.5))

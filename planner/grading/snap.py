@@ -111,9 +111,8 @@ def _moved_cuts(
         if not len(near):
             break
         per_mm = float(faces.per_mm[int(np.argmin(near / faces.per_mm))])
-        back, forth = (
-            min(snap_mm * per_mm, _NEIGHBOUR * way) for way in (level - before, after - level)
-        )
+        ways = level - before, after - level
+        back, forth = (min(snap_mm * per_mm, _NEIGHBOUR * way) for way in ways)
         places = level + np.where(shares < 0.0, back, forth) * shares
         places = places[np.argsort(np.abs(places - level), kind="stable")]  # the nearest first
         slivers = faces.area_of_slivers_mm2(places, limit_mm)

@@ -141,9 +141,8 @@ class Ends(NamedTuple):
 
 
 def reached(
-    problem: "DesignProblem", best: "Tried", reach: Ends, solved: "Sequence[Solved]",
-    level: float,
-) -> Iterator[Reached]:  # fmt: skip
+    problem: "DesignProblem", best: "Tried", reach: Ends, solved: "Sequence[Solved]", level: float
+) -> Iterator[Reached]:
     """Yield what targets and limits came to in the printed materials, beside the gradient's own."""
     figures = iter(zip(best.figures.tolist(), reach.ends, strict=True))
     ideals = iter(best.deviations)

@@ -135,9 +135,8 @@ class Case:
         # Where derivatives are wanted, the material is almost that of the factor.
         near = tangent and factored is not None and factored.analysis is self.analysis
         shares = np.linspace(0.0, 1.0, max(steps, 1) + 1)[1:].tolist()
-        way = mechanics.follow(
-            shares, settled=_TOLD if steps else _SETTLED, tangents=not steps, halves=not steps
-        )
+        settled = _TOLD if steps else _SETTLED
+        way = mechanics.follow(shares, settled=settled, tangents=not steps, halves=not steps)
         try:
             if steps or state is None:
                 raise LostStabilityError(0.0, None)

@@ -72,9 +72,8 @@ class WantedShape:
             note = f"{text}: its triangles are those of the part, which go up to {greatest:.4g} mm"
         else:
             own = _mesh(part)
-            way = np.linalg.norm(
-                closest(triangle_tree(surface), own.vertices)[0] - own.vertices, axis=1
-            )
+            nearest, _ = closest(triangle_tree(surface), own.vertices)
+            way = np.linalg.norm(nearest - own.vertices, axis=1)
             greatest = float(way.max())
             note = (
                 f"{text}: its {len(moved)} triangles are not the part's {len(part)}, so that each "
@@ -87,9 +86,8 @@ class WantedShape:
                 f"{size:.4g} mm long; give the part's surface as it is to be under the load, in "
                 "the same place"
             )
-        return cls(
-            text, selector, weight, surface, greatest, note, rest, None if rest is None else moved
-        )
+        own_moved = None if rest is None else moved
+        return cls(text, selector, weight, surface, greatest, note, rest, own_moved)
 
 
 def _mesh(triangles: FloatArray) -> Mesh:

@@ -72,9 +72,8 @@ def _halve(vertices: FloatArray, whole: _Shapes) -> tuple[FloatArray, NDArray[np
         pairs = np.stack(np.divmod(edges, len(vertices)), axis=1)
         vertices = np.concatenate([vertices, vertices[pairs].mean(axis=1)])
         split = triangles.corners.size
-        triangles, strips = _cut(
-            triangles, middle[:split].reshape(-1, 3), strips, middle[split:].reshape(-1, 4)
-        )
+        of_triangles, of_strips = middle[:split].reshape(-1, 3), middle[split:].reshape(-1, 4)
+        triangles, strips = _cut(triangles, of_triangles, strips, of_strips)
     a, b, c, d = strips.corners.T
     one = np.sum((vertices[a] - vertices[c]) ** 2, axis=1)
     near = (one <= np.sum((vertices[b] - vertices[d]) ** 2, axis=1))[:, None]

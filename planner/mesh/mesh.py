@@ -504,9 +504,8 @@ class Topology:
         one, other = half // 3, self.twin[half] // 3
         off = np.where(tail[half] == tail[self.twin[half]], count, 0)
         ones, others = (one, one + count), (other + off, other + count - off)
-        group, reverse = np.split(
-            connected(2 * count, np.concatenate(ones), np.concatenate(others)), 2
-        )
+        joined = connected(2 * count, np.concatenate(ones), np.concatenate(others))
+        group, reverse = np.split(joined, 2)
         if (group == reverse).any():
             return None
         first = np.unique(self.body, return_index=True)[1]

@@ -30,7 +30,7 @@ from planner.mesh.mesh import (
     weld,
     weld_points,
 )
-from planner.numerics import BoolArray, FloatArray, IntArray
+from planner.numerics import BoolArray, FloatArray, IntArray, Point
 
 __all__ = ["Part", "fits_turned", "make_part", "open_part", "place", "union"]
 
@@ -168,7 +168,7 @@ def open_part(
     *,
     unit: str | None = None,
     name: str | None = None,
-    tray_mm: tuple[float, float, float] | None = None,
+    tray_mm: Point | None = None,
     bodies: str | None = None,
     oversize: bool = True,
 ) -> Part:
@@ -212,7 +212,7 @@ def open_part(
     return made
 
 
-def _refuse_oversize(part: Part, tray_mm: tuple[float, float, float]) -> None:
+def _refuse_oversize(part: Part, tray_mm: Point) -> None:
     """Stop at a part that fits no way round into a tray, before the work; see `fits_turned`."""
     extent = np.ptp(part.mesh.bounds_mm, axis=0)
     if not fits_turned(extent, tray_mm):
@@ -247,11 +247,7 @@ def _safe(name: str) -> str:
 
 
 def make_part(
-    triangles: FloatArray,
-    *,
-    name: str,
-    tray_mm: tuple[float, float, float] | None = None,
-    bodies: str | None = None,
+    triangles: FloatArray, *, name: str, tray_mm: Point | None = None, bodies: str | None = None
 ) -> Part:
     """Check a triangle soup and make a part of it.
 
@@ -321,7 +317,7 @@ def part_from_arrays(
     faces: IntArray,
     *,
     name: str = "part",
-    tray_mm: tuple[float, float, float] | None = None,
+    tray_mm: Point | None = None,
     bodies: str | None = None,
 ) -> Part:
     """Make a part of vertices (n, 3) in mm and faces (m, 3); see `make_part`.
@@ -380,7 +376,7 @@ def _check_solid(mesh: Mesh, name: str, *, reweld: bool) -> None:
         )
 
 
-def _size_warnings(mesh: Mesh, tray_mm: tuple[float, float, float] | None) -> Iterator[str]:
+def _size_warnings(mesh: Mesh, tray_mm: Point | None) -> Iterator[str]:
     extent = mesh.bounds_mm[1] - mesh.bounds_mm[0]
     if tray_mm is not None and (extent > np.array(tray_mm)).any():
         hint = "; turn it to fit" if fits_turned(extent, tray_mm) else _unit_hint(extent)
@@ -399,7 +395,7 @@ def _size(extent: Iterable[float], digits: int = 4) -> str:
     return " x ".join(f"{length:.{digits}g}" for length in extent)
 
 
-def fits_turned(extent_mm: FloatArray, tray_mm: tuple[float, float, float]) -> bool:
+def fits_turned(extent_mm: FloatArray, tray_mm: Point) -> bool:
     """Tell whether a part of some extent, turned by right angles as it best may be, fits a tray.
 
     How a part lies best on the diagonal, no program knows that does not know what else is to be
@@ -623,9 +619,8 @@ def _opposites_apart(vertices: FloatArray, faces: NDArray[np.int32]) -> Repaired
     if keep.all():
         return None
     pairs = _from_lowest(faces[~keep])
-    _, first, index = np.unique(
-        np.sort(pairs, axis=1), axis=0, return_index=True, return_inverse=True
-    )
+    corners = np.sort(pairs, axis=1)
+    _, first, index = np.unique(corners, axis=0, return_index=True, return_inverse=True)
     sheet = Topology(pairs[first])
     turned = sheet.turned
     if turned is None:
@@ -830,9 +825,8 @@ def _arrange_bodies(
         for i, j in pairs:
             if solid[i] != solid[j]:
                 met[[solid[i], solid[j]]] = True
-        groups = [
-            faces[keep & (solid[body] == number)] for number in np.flatnonzero(met & outward & full)
-        ]
+        numbers = np.flatnonzero(met & outward & full)
+        groups = [faces[keep & (solid[body] == number)] for number in numbers]
         united = _unite(vertices, groups, touching) if len(groups) > 1 else None
         if united is not None:
             triangles, note = united
@@ -1139,7 +1133,7 @@ class Crossing:
         Estimate of all that is enclosed other than once.
     """
 
-    place_mm: tuple[float, float, float]
+    place_mm: Point
     times_inside: int
     length_mm: float
     volume_mm3: float

@@ -90,9 +90,8 @@ def shown(shells: Sequence[_Indexed], most: int = _MOST_TRIANGLES) -> Shown:
     grid = ScreenGrid.over([vertices for vertices, _ in shells])
     step_mm = grid.step_mm
     places = (grid.counts(vertices).T for vertices, _ in shells)
-    keys, at = np.unique(
-        np.concatenate([x << 32 | y << 16 | z for x, y, z in places]), return_inverse=True
-    )
+    packed = [x << 32 | y << 16 | z for x, y, z in places]
+    keys, at = np.unique(np.concatenate(packed), return_inverse=True)
     points = np.stack([keys >> 32, (keys >> 16) & 0xFFFF, keys & 0xFFFF], axis=1)
     begin = itertools.accumulate((len(vertices) for vertices, _ in shells), initial=0)
     faces = [at[b + f].astype(np.int32) for b, (_, f) in zip(begin, shells, strict=False)]
@@ -148,9 +147,8 @@ def _coarse(points: IntArray, faces: Sequence[IntArray], most: int) -> NDArray[n
     order = np.argsort(cells, kind="stable")
     starts = np.flatnonzero(np.append(True, np.diff(cells[order]) != 0))
     cell = np.repeat(np.arange(len(starts)), np.diff(starts, append=len(order)))
-    highest = np.flatnonzero(
-        sharpness[order] == np.maximum.reduceat(sharpness[order], starts)[cell]
-    )
+    sharpest = np.maximum.reduceat(sharpness[order], starts)
+    highest = np.flatnonzero(sharpness[order] == sharpest[cell])
     first = highest[np.append(True, np.diff(cell[highest]) != 0)]
     taken = np.empty(len(points), np.int32)
     taken[order] = order[first][cell]

@@ -495,10 +495,8 @@ def _curves_panel(traces: Traces, test: int, left: float, top: float) -> Iterato
     yield chart.upright(38.0, "force, N")
     readable = chart.axes(across, "force, N")
     for row, curve in zip(traces.rows[test], measured, strict=True):
-        dots = [
-            svg.disc(chart.x(x[i]), chart.y(curve[i]), colour=svg.INK, radius=1.7)
-            for i in _places(x, curve)
-        ]
+        places = [(chart.x(x[i]), chart.y(curve[i])) for i in _places(x, curve)]
+        dots = [svg.disc(*place, colour=svg.INK, radius=1.7) for place in places]
         words = _error_words(traces.residual_before[row], traces.residual_after[row])
         words = f"measured, {_specimen_words(traces, row)}; {words}"
         yield from svg.told(words, dots, axes=readable)

@@ -222,9 +222,8 @@ def _table_lines(table: _Table, width: int) -> list[str]:
 def _cause_words(name: str) -> str:
     """Return a hypothesis in words: "no gap", "water uptake", "strain rate + water uptake"."""
     others = {"none": "no gap", "unknown": "an unknown cause"}
-    return " + ".join(
-        EFFECTS[e].title if e in EFFECTS else others.get(e, e) for e in name.split("+")
-    )
+    causes = (EFFECTS[e].title if e in EFFECTS else others.get(e, e) for e in name.split("+"))
+    return " + ".join(causes)
 
 
 def headline(diagnosis: Diagnosis) -> str:

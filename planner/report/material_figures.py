@@ -145,9 +145,8 @@ def _stresses(scale: StiffnessScale, left: float) -> Iterator[str]:
     reach = longest / (1.0 - (_LETTER * letters + 14.0) / _WIDTH)
     y_range = _with_room(np.log10([min(stresses), max(stresses)]), 0.05)
     chart = Chart(left, _TOP, _WIDTH, _HEIGHT, (0.0, reach), y_range)
-    yield from chart.frame(
-        x_label="strain", y_label="nominal stress of each law to its break, MPa", y_log=True
-    )
+    label = "nominal stress of each law to its break, MPa"
+    yield from chart.frame(x_label="strain", y_label=label, y_log=True)
     if scale.at_strain < longest:
         x = chart.x(scale.at_strain)
         yield svg.segment((x, _TOP), (x, _TOP + _HEIGHT), colour=QUIET, width=1.2, dash="5,4")
@@ -403,9 +402,8 @@ def fit_figure(study: PaletteStudy) -> bytes:
     top, width = _FIT_TOP, 2.0 * _FIT_CELL[0]
     for heading, drawn_by, height in sections:
         parts.append(svg.text(20.0, top + 6.0, heading, size=14.0))
-        drawn, reach, top = svg.in_rows(
-            drawn_by, _ACROSS, (_LEFT, top + 58.0), (_FIT_CELL[0], height)
-        )
+        corner, cell = (_LEFT, top + 58.0), (_FIT_CELL[0], height)
+        drawn, reach, top = svg.in_rows(drawn_by, _ACROSS, corner, cell)
         parts += drawn
         width = max(width, reach)
     if study.problem is not None:
@@ -453,7 +451,7 @@ def _tests(
     r2 = "" if fit.uncertainty.r2 is None else f", R2 {fit.uncertainty.r2:.4f}"
     heading = f"{material.id}: {fit.chosen_name}{r2}"
     predicted = _Predicted(strain, stress, stress / wide, stress * wide)
-    yield from _prints_and_tests(chart, heading, predicted, fit.curves, x_label="")
+    yield from _prints_and_tests(chart, heading, predicted, fit.curves, "")
     for one in fit.secants:
         if one.strain > 0.0 and np.isfinite(one.high_MPa):
             ends = (one.strain * one.low_MPa, min(one.strain * one.high_MPa, highest))
@@ -465,10 +463,8 @@ def _tests(
             y = study.quadratic.quadratics.model.literal_stress_MPa(material.coordinate, x)
             yield from _within(chart, x, y)
     yield from _specimen_key(chart, [curve.specimen for curve in fit.curves])
-    errors = [
-        100.0 * (c.stress_MPa - law.nominal_stress_MPa(1.0 + c.strain)) / largest
-        for c in fit.curves
-    ]
+    off = [c.stress_MPa - law.nominal_stress_MPa(1.0 + c.strain) for c in fit.curves]
+    errors = [100.0 * each / largest for each in off]
     reach = 1.1 * max(float(np.abs(error).max()) for error in errors) or 1.0
     foot = top + _FIT_HEIGHT + 46.0
     below = Chart(left, foot, _PANEL_WIDTH, _RESIDUAL_HEIGHT, chart.x_range, (-reach, reach))
@@ -505,9 +501,7 @@ def _mixture_at(model: CoefficientModel, m: float, end: float) -> _Predicted:
     return _Predicted(strain, model.nominal_stress_MPa(m, 1.0 + strain), low, high)
 
 
-def _prints(
-    chart: Chart, heading: str, predicted: _Predicted, x_label: str = "strain"
-) -> Iterator[str]:
+def _prints(chart: Chart, heading: str, predicted: _Predicted, x_label: str) -> Iterator[str]:
     """Draw the band of prints under a heading."""
     strain, _, low, high = predicted
     yield svg.text(chart.left - 44.0, chart.top - 30.0, heading, size=12.5)
@@ -516,9 +510,8 @@ def _prints(
 
 
 def _prints_and_tests(
-    chart: Chart, heading: str, predicted: _Predicted, curves: Sequence[Curve],
-    x_label: str = "strain",
-) -> Iterator[str]:  # fmt: skip
+    chart: Chart, heading: str, predicted: _Predicted, curves: Sequence[Curve], x_label: str
+) -> Iterator[str]:
     """Draw the band of prints, tests over it, and what is predicted over both."""
     yield from _prints(chart, heading, predicted, x_label)
     yield from _specimen_lines(chart, ((curve.strain, curve.stress_MPa) for curve in curves))
@@ -587,7 +580,8 @@ def _mixture(
     beside = [make_law(one.law).nominal_stress_MPa(1.0 + strain) for one in (softer, harder)]
     highest = 1.06 * max(float(beside[1].max()), float(predicted.high.max()))
     chart = _fit_chart(left, top, end, highest)
-    yield from _prints(chart, f"m {m:.4g}: between {softer.id} and {harder.id}", predicted)
+    heading = f"m {m:.4g}: between {softer.id} and {harder.id}"
+    yield from _prints(chart, heading, predicted, "strain")
     for one, curve in zip((softer, harder), beside, strict=True):
         yield chart.line(strain, curve, colour=INK, width=3.0)
         yield chart.line(strain, curve, colour=one.colour, width=2.0)
@@ -608,7 +602,8 @@ def _left_out(
     largest = max(float(curve.stress_MPa.max()) for curve in fit.curves)
     highest = max(largest, float(predicted.stress.max())) * _headroom(len(fit.curves), _FIT_HEIGHT)
     chart = _fit_chart(left, top, end, highest)
-    yield from _prints_and_tests(chart, f"{material.id}, m {m:.4g}", predicted, fit.curves)
+    heading = f"{material.id}, m {m:.4g}"
+    yield from _prints_and_tests(chart, heading, predicted, fit.curves, "strain")
     for row in () if study.quadratic is None else study.quadratic.rows:
         if row.id == material.id and row.model_without is not None:
             x = np.linspace(*_ends(row.curve.strain), _CURVE_POINTS)

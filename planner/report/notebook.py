@@ -336,10 +336,8 @@ def _draw_diagnosis(diagnosis: Diagnosis, ax: "Axes") -> None:
     rows = list(errors_of(diagnosis))[::-1]
     bars = ax.barh([words for words, _ in rows], [100.0 * error for _, error in rows], color=BLUE)
     ax.bar_label(bars, fmt="%.2g %%", padding=3.0)
-    ax.set(
-        xlabel="error of force, % of each test's largest",
-        title=f"{diagnosis.campaign}: {diagnosis.verdict}",
-    )
+    title = f"{diagnosis.campaign}: {diagnosis.verdict}"
+    ax.set(xlabel="error of force, % of each test's largest", title=title)
     ax.margins(x=0.15)
 
 

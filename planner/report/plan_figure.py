@@ -98,9 +98,8 @@ def error_words(plan: Plan) -> str:
     check = plan.checks.get("worst_stiffness_error")
     if check is None:
         return ""
-    better = [
-        f"{option} {error_text(ratio)}" for option, ratio in plan.stiffness.alternatives.items()
-    ]
+    others = plan.stiffness.alternatives.items()
+    better = [f"{option} {error_text(ratio)}" for option, ratio in others]
     return f"largest error of the stiffness: {', '.join([error_text(check.value), *better])}"
 
 

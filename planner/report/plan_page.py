@@ -397,9 +397,8 @@ def _thousands(count: int) -> str:
 def _in_words(plan: Plan) -> str:
     """Say in words what the view shows."""
     first, last = plan.regions[0], plan.regions[-1]
-    size = " by ".join(
-        format_number(high - low, 4) for low, high in zip(*plan.part.bounds_mm, strict=True)
-    )
+    lengths = (high - low for low, high in zip(*plan.part.bounds_mm, strict=True))
+    size = " by ".join(format_number(length, 4) for length in lengths)
     return (
         f"The part is {size} mm. It begins in {first.printed}, {format_number(first.modulus_MPa)} "
         f"MPa, and ends in {last.printed}, {format_number(last.modulus_MPa)} MPa, "
@@ -712,9 +711,8 @@ def _compared(
         name = f"regions-{side}"
         marked = '<p class="quiet">≠ marks a region that the other plan has not.</p>'
         regions = _regions_table(plan, colours, name, changed)
-        yield from page.section(
-            name, f"Regions of {side}", [marked, *regions] if changed else regions
-        )
+        body = [marked, *regions] if changed else regions
+        yield from page.section(name, f"Regions of {side}", body)
     yield "</div>\n</main>\n<footer>"
     for side, source in zip(_SIDES, sources, strict=True):
         made = f"planner {escape(source.plan.version)}, plan.json {source.sha256[:16]}"

@@ -139,9 +139,8 @@ def _along(simulation: Simulation, left: float) -> Iterator[str]:
     for step, shade in zip(steps, _SHADES[-len(steps) :], strict=True):
         yield chart.line(bar.x_mm, simulation.strain[step], colour=shade, width=1.6)
     strains = ", ".join(f"{simulation.gauge_strain[step]:.3g}" for step in steps)
-    yield svg.text(
-        left + _WIDTH, _TOP - 12.0, f"at strains of the bar of {strains}", anchor="end", colour=GREY
-    )
+    words = f"at strains of the bar of {strains}"
+    yield svg.text(left + _WIDTH, _TOP - 12.0, words, anchor="end", colour=GREY)
     shown = np.where(simulation.break_strain <= chart.y_range[1], simulation.break_strain, np.nan)
     for run in _runs(np.isfinite(shown)):
         yield chart.line(bar.x_mm[run], shown[run], colour=RED, width=1.4, dash="6,4")

@@ -180,9 +180,8 @@ def _spans(
             columns[n, 1] = right - left
             columns[n, 2] = exit_sign
             columns[n, 3] = -1 if level else f
-            heights[n, 0] = az + (
-                (weight_b * per_area) * (bz - az) + (weight_c * per_area) * (cz - az)
-            )
+            share_b, share_c = weight_b * per_area, weight_c * per_area
+            heights[n, 0] = az + (share_b * (bz - az) + share_c * (cz - az))
             heights[n, 1] = rise
             counts[columns[n, 0]] += 1
             counts[columns[n, 0] + columns[n, 1]] -= 1
@@ -218,10 +217,8 @@ def slab_runs(
     keys = np.empty(crossings, np.int64)
     start, stop = np.empty((2, crossings // 2), np.int32)
     offsets = np.zeros(len(cursor), np.int64)
-    mesh = (snapped, faces, row0, nx, row_leads)
-    runs, unpaired = _runs(
-        columns[:n], heights, *mesh, cursor, keys, nz, shortest, offsets, start, stop
-    )
+    drawn = (columns[:n], heights, snapped, faces, row0, nx, row_leads)
+    runs, unpaired = _runs(*drawn, cursor, keys, nz, shortest, offsets, start, stop)
     return offsets, start[:runs], stop[:runs], int(unpaired)
 
 

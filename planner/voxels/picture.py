@@ -93,9 +93,8 @@ def pictures_of(solids: Sequence[tuple[Mesh, str]], *, width: int, height: int) 
         for vertices, (solid, _) in zip(placed, solids, strict=True)
     ]
     colours = [colour for _, colour in solids]
-    outside, section = (
-        _colours(seen, colours, steps / pitch) for seen in _look(turned, grid, plane)
-    )
+    both = _look(turned, grid, plane)
+    outside, section = (_colours(seen, colours, steps / pitch) for seen in both)
     return _Pictures(_encode(outside), _encode(section), _encode(_halved(outside)))
 
 
@@ -200,9 +199,8 @@ def _halved(pixels: IntArray) -> IntArray:
     weight = four[..., 3:]
     cover = weight.sum(axis=(1, 3))
     mean = ((four[..., :3] * weight).sum(axis=(1, 3)) + cover // 2) // np.maximum(cover, 1)
-    return np.asarray(
-        (np.concatenate([mean, (cover + 2) // 4], axis=2) << np.array([24, 16, 8, 0])).sum(axis=2)
-    )
+    whole = np.concatenate([mean, (cover + 2) // 4], axis=2)
+    return np.asarray((whole << np.array([24, 16, 8, 0])).sum(axis=2))
 
 
 def _encode(pixels: IntArray) -> bytes:

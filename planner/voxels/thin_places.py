@@ -380,12 +380,6 @@ class Raster:
         """Rows on either side of a slab that bear on it, once it is opened."""
         return 2 * self.reach + 1
 
-    def position_mm(self, voxel: IntArray) -> FloatArray:
-        """Return the centre of a voxel in the mesh's axes."""
-        position = np.empty(3)
-        position[self.order] = self.grid.centre_mm(voxel)
-        return position
-
 
 @dataclass(frozen=True)
 class _Place:
@@ -478,17 +472,15 @@ def _places_in(words: Iterator[tuple[_Bits, ...]], raster: Raster) -> list[_Plac
         The set, slab by slab of `Raster.slab_rows` rows.
     """
     slabs = _windows(_opened(words, raster), raster, raster.halo)
-    found = [
-        _thin_runs(region, opened, first, last, low, raster)
-        for first, last, low, (region, opened) in slabs
-    ]
+    found = [_thin_runs(sets, first, last, low, raster) for first, last, low, sets in slabs]
     return _gather(np.concatenate(found), raster.radius)
 
 
 def _thin_runs(
-    region: _Bits, opened: _Bits, first: int, last: int, low: int, raster: Raster
+    sets: tuple[_Bits, ...], first: int, last: int, low: int, raster: Raster
 ) -> IntArray:
     # runs of places in rows first to last, as `_gather` takes them; rows of the sets begin at low
+    region, opened = sets
     reached = opened.copy()
     if not grow(reached, region, raster.reach):
         return np.empty((0, 9), np.int32)
@@ -756,12 +748,7 @@ class ThinPlace:
 
 
 def thin_solid_places(
-    mesh: Mesh,
-    limit_mm: float,
-    *,
-    listed: int,
-    widest_passed_mm: float = 0.0,
-    least_mm3: float = 0.0,
+    mesh: Mesh, limit_mm: float, *, listed: int, widest_passed_mm: float = 0, least_mm3: float = 0
 ) -> tuple[list[ThinPlace], int]:
     """Find where a closed solid is thinner than a limit.
 
@@ -865,7 +852,8 @@ _SAME_DIGITS = 6
 def _measured(mesh: Mesh, raster: Raster, place: _Place, limit_mm: float) -> ThinPlace | None:
     pitch_mm = raster.grid.pitch_mm[0]
     voxels: IntArray = np.concatenate([place.deepest[None], place.core])
-    points = np.array([raster.position_mm(voxel) for voxel in voxels])
+    points = np.empty(voxels.shape)
+    points[:, raster.order] = raster.grid.centre_mm(voxels)  # in the mesh's axes
     centres, diameters = room_mm(mesh, points, 1.5 * pitch_mm, limit_mm)
     order = thinnest_first(diameters)
     middle = order[3 * len(order) // 4]  # points at its rim have less room
