@@ -28,7 +28,6 @@ __all__ = [
     "row_slot",
     "sort_span",
     "sorted_corners",
-    "uncancelled",
     "unite",
     "weld",
     "weld_points",
@@ -353,12 +352,6 @@ def cancel_opposite(faces: NDArray[np.int32]) -> BoolArray:
     return keep
 
 
-def uncancelled(faces: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Return the faces that name no vertex twice, and stay when opposite ones cancel."""
-    proper = faces[~repeats_index(faces)]
-    return proper[cancel_opposite(proper)]
-
-
 def _turned(faces: NDArray[np.int32]) -> BoolArray:
     """Tell which faces run from their lowest vertex to the highest before the middle one."""
     a, b, c = faces.T
@@ -602,7 +595,9 @@ class JoinedShells:
     @cached_property
     def left(self) -> NDArray[np.int32]:
         """The faces, (m, 3), that remain of all shells when opposite triangles cancel."""
-        return uncancelled(np.concatenate([np.empty((0, 3), np.int32), *self.faces]))
+        faces = np.concatenate([np.empty((0, 3), np.int32), *self.faces])
+        faces = faces[~repeats_index(faces)]
+        return faces[cancel_opposite(faces)]
 
     @cached_property
     def outside(self) -> Mesh:

@@ -26,7 +26,6 @@ from planner.mesh.mesh import (
     connected,
     measure,
     repeats_index,
-    uncancelled,
     weld,
     weld_points,
 )
@@ -101,7 +100,9 @@ one."""
 def _rounded(mesh: Mesh, translation_mm: FloatArray) -> Mesh:
     """Move a mesh, round it to float32, and join what has become equal."""
     vertices, index = weld_points((mesh.vertices + translation_mm).astype(np.float32))
-    used, faces = compact(uncancelled(index[mesh.faces]), len(vertices))
+    faces = index[mesh.faces]
+    faces = faces[~repeats_index(faces)]
+    used, faces = compact(faces[cancel_opposite(faces)], len(vertices))
     return Mesh(vertices[used].astype(np.float64), faces)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.glance import channels
-from planner.mesh.mesh import compact, face_normal, uncancelled
+from planner.mesh.mesh import cancel_opposite, compact, face_normal, repeats_index
 from planner.numerics import Float32Array, FloatArray, IntArray, kernel
 from planner.report.svg import ramp
 
@@ -100,7 +100,8 @@ def shown(shells: Sequence[_Indexed], most: int = _MOST_TRIANGLES) -> Shown:
         taken = _coarse(points, faces, most)
         moved_mm += step_mm * float(np.sqrt(((points - points[taken]) ** 2).sum(axis=1).max()))
         faces = [taken[f] for f in faces]
-    faces = [uncancelled(f) for f in faces]
+    faces = [f[~repeats_index(f)] for f in faces]
+    faces = [f[cancel_opposite(f)] for f in faces]
     own = [compact(f, len(points)) for f in faces]
     kept = tuple((points[used].astype(np.uint16), f) for used, f in own)
     return Shown(grid.origin_mm, step_mm, kept, sum(map(len, faces)), of, moved_mm)
@@ -118,7 +119,9 @@ def thinned(
     """
     if len(faces) > most:
         points = ScreenGrid.over([vertices]).counts(vertices)
-        faces = uncancelled(_coarse(points, [faces], most)[faces])
+        faces = _coarse(points, [faces], most)[faces]
+        faces = faces[~repeats_index(faces)]
+        faces = faces[cancel_opposite(faces)]
     return compact(faces, len(vertices))
 
 

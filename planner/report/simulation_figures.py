@@ -6,13 +6,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planner.numerics import BoolArray, FloatArray
+from planner.numerics import BoolArray
 from planner.report import svg
 from planner.report.svg import BLUE, GREY, INK, PALE_BLUE, RED, Chart
 from planner.simulation.part import PartSimulation
 from planner.simulation.simulate import Simulation
 
-__all__ = ["pulled", "simulation_figure"]
+__all__ = ["simulation_figure"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -106,16 +106,11 @@ def _floor(least: float) -> float:
     return -_span(-least) if least < 0.0 else 0.0
 
 
-def pulled(simulation: Simulation) -> tuple[str, FloatArray, int]:
-    """Return what force is drawn over, its name first, and the step at the break, else no step."""
-    beyond, over_time = simulation.beyond_break, simulation.protocol == "relaxation"
-    x = simulation.time_s if over_time else simulation.displacement_mm
-    first = int(np.argmax(beyond)) if beyond.any() else len(x)
-    return "time, s" if over_time else "displacement, mm", x, first
-
-
 def _curve(simulation: Simulation) -> Iterator[str]:
-    x_label, x, first = pulled(simulation)
+    over_time, beyond = simulation.protocol == "relaxation", simulation.beyond_break
+    x = simulation.time_s if over_time else simulation.displacement_mm
+    x_label = "time, s" if over_time else "displacement, mm"
+    first = int(np.argmax(beyond)) if beyond.any() else len(x)
     force, (low, high) = simulation.force_N, simulation.force_interval_N.T
     chart = _chart(_LEFT, (0.0, _span(float(x.max()))), (0.0, _span(float(high.max()))))
     yield chart.band(x, low, high)
