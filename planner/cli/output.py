@@ -467,29 +467,27 @@ ForceOversize = Annotated[
 ]
 
 
+_Texts = list[str] | None
+"""Of an option that may be repeated."""
+
+
 @dataclass(frozen=True)
 class LoadOptions:
     """How a whole part is held and loaded."""
 
     fix: Annotated[
-        list[str] | None,
+        _Texts,
         Option(
             help="Faces of the whole part that do not move, as x=max; for what may stand there see "
             "docs/how-to/simulate-a-whole-part.md. Repeatable, as all of these.",
         ),
     ] = None
-    load: Annotated[
-        list[str] | None, Option(help="Force on faces in all, as 'x=min: 0,0,-0.5 N'.")
-    ] = None
+    load: Annotated[_Texts, Option(help="Force on faces in all, as 'x=min: 0,0,-0.5 N'.")] = None
     moment: Annotated[
-        list[str] | None, Option(help="Moment about the middle of faces, as 'x=min: 0,5,0 N mm'.")
+        _Texts, Option(help="Moment about the middle of faces, as 'x=min: 0,5,0 N mm'.")
     ] = None
-    pressure: Annotated[
-        list[str] | None, Option(help="Pressure on faces, as 'cavity: 20 kPa'.")
-    ] = None
-    move: Annotated[
-        list[str] | None, Option(help="Faces that are moved, as 'z>102: 5,free,0 mm'.")
-    ] = None
+    pressure: Annotated[_Texts, Option(help="Pressure on faces, as 'cavity: 20 kPa'.")] = None
+    move: Annotated[_Texts, Option(help="Faces that are moved, as 'z>102: 5,free,0 mm'.")] = None
     gravity: Annotated[
         str | None, Option(help="Where the part's weight pulls: -z, or dx,dy,dz.")
     ] = None

@@ -300,9 +300,8 @@ def _fill_loops(
         drop = np.argmax(np.abs(normal), axis=1)
         turned = normal[np.arange(len(ranked)), drop] < 0
         across = np.stack([(drop + 1 + turned) % 3, (drop + 2 - turned) % 3], axis=1)
-        more, owners = triangulate_loops(
-            points_mm, loops.nodes, loops.starts, ranked, key[ranked], across
-        )
+        chosen = (ranked, key[ranked], across)
+        more, owners = triangulate_loops(points_mm, loops.nodes, loops.starts, *chosen)
         faces, owner = np.concatenate([faces, more]), np.concatenate([owner, owners])
     return faces, loops.label[owner], loops.face[owner]
 

@@ -584,9 +584,8 @@ def caps(
         )
     order = np.argsort(loop_plane, kind="stable")
     across = np.broadcast_to([u, v], (len(order), 2))
-    cap_faces, owner = triangulate_loops(
-        divided.vertices, corners, starts, order, loop_plane[order], across
-    )
+    chosen = (order, loop_plane[order], across)
+    cap_faces, owner = triangulate_loops(divided.vertices, corners, starts, *chosen)
     proper = ~repeats_index(cap_faces)
     cap_faces, cap_level = cap_faces[proper], loop_plane[owner[proper]]
     flip_thin(divided.vertices, cap_faces)

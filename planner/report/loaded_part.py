@@ -360,9 +360,8 @@ def _cut_figure(result: PartSimulation, cut: _PartCut, colours: Sequence[str], t
     rows, columns = cut.strain_over_break.shape
     width, height = _SQUARE * columns + 2.0 * _MARGIN, _SQUARE * rows + 2.0 * _MARGIN
     room = cut.step_mm * (0.5 + _MARGIN / _SQUARE)
-    x_range, y_range = (
-        (float(v[0]) - room, float(v[-1]) + room) for v in (cut.along_mm, cut.up_mm)
-    )
+    both = (cut.along_mm, cut.up_mm)
+    x_range, y_range = ((float(v[0]) - room, float(v[-1]) + room) for v in both)
     chart = Chart(_CUT_LEFT, _CUT_TOP, width, height, x_range, y_range)
     x, y = chart.x(float(cut.place_mm[cut.along])), chart.y(float(cut.place_mm[cut.up]))
     worst = float(result.steps.largest[-1])
