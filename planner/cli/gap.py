@@ -188,11 +188,8 @@ def _correct_report(made: "Correction", output: Path, options: str) -> None:
         misfit = f"{100 * made.misfit[material.id]:.2f} %"
         rows.append([material.id, *moduli, f"{now / was:.3f}", misfit])
     at = f"secant modulus at strain {after.at_strain:g}"
-    print_table(
-        ["material", ">before MPa", ">after MPa", "95 % interval", ">factor", ">misfit"],
-        rows,
-        title=f"Corrected for {' and '.join(made.corrected)}: {at}",
-    )
+    columns = ["material", ">before MPa", ">after MPa", "95 % interval", ">factor", ">misfit"]
+    print_table(columns, rows, title=f"Corrected for {' and '.join(made.corrected)}: {at}")
     command = f"planner grade PART --like OLD_PLAN --palette {_quoted(output)}{options}"
     say(f"wrote {output} (next: {command})")
 
@@ -397,15 +394,9 @@ def simulate(
     made = planner.synthesise_campaign(**taken(planner.synthesise_campaign, given))
     planner.write_campaign(made, output)
     if as_json:
-        print_document(
-            {
-                "schema": 1,
-                "simulated": made.notes,
-                "effects": [stated_effect(text, made.palette).text for text in effect or ()],
-                "specimens": len(made.specimens),
-                "folder": output.name,
-            }
-        )
+        effects = [stated_effect(text, made.palette).text for text in effect or ()]
+        said = {"schema": 1, "simulated": made.notes, "effects": effects}
+        print_document({**said, "specimens": len(made.specimens), "folder": output.name})
     elif not quiet:
         for note in made.remarks:
             warn(note)

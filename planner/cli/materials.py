@@ -651,11 +651,9 @@ def _print_candidates(fits: "Mapping[str, MaterialFit]") -> None:
     ]
     figures = [">held out", ">R2", ">adj. R2", ">nRMSE"]
     if rows:
-        print_table(
-            ["material", ">n", "law", ">k", *figures, "stable", ">starts"],
-            rows,
-            title="Laws tried (* chosen; k parameters; held out: error on what is left out)",
-        )
+        columns = ["material", ">n", "law", ">k", *figures, "stable", ">starts"]
+        title = "Laws tried (* chosen; k parameters; held out: error on what is left out)"
+        print_table(columns, rows, title=title)
 
 
 def _print_parameters(fits: "Mapping[str, MaterialFit]", interval: str) -> None:
@@ -671,11 +669,8 @@ def _print_parameters(fits: "Mapping[str, MaterialFit]", interval: str) -> None:
                 figure = format_number(value, 4)
                 rows.append([material, law, label, figure, _interval(low, high), spread])
                 first = ["", "", ""]
-    print_table(
-        ["material", "law", "parameter", ">value", interval, ">next print's sd"],
-        rows,
-        title="Parameters",
-    )
+    columns = ["material", "law", "parameter", ">value", interval, ">next print's sd"]
+    print_table(columns, rows, title="Parameters")
 
 
 def _print_secants(fits: "Mapping[str, MaterialFit]", interval: str) -> None:
@@ -690,11 +685,8 @@ def _print_secants(fits: "Mapping[str, MaterialFit]", interval: str) -> None:
         for k, one in enumerate(fit.secants)
     ]
     if rows:
-        print_table(
-            ["material", ">strain", ">secant MPa", interval],
-            rows,
-            title="Secant moduli of the mean (stress is strain times it; strain 0: at rest)",
-        )
+        title = "Secant moduli of the mean (stress is strain times it; strain 0: at rest)"
+        print_table(["material", ">strain", ">secant MPa", interval], rows, title=title)
 
 
 def _print_quadratic(found: "QuadraticStudy") -> None:
@@ -707,14 +699,10 @@ def _print_quadratic(found: "QuadraticStudy") -> None:
         ],
         title="Algorithm 1, lines 1 to 3: eq. 3.8 of each material (Hemleben 2017)",
     )
-    print_table(
-        ["", ">q2", ">q1", ">q0"],
-        [
-            [name, *(format_number(q, 4) for q in row)]
-            for name, row in zip(names, found.quadratics.model.rows, strict=True)
-        ],
-        title="Algorithm 1, lines 4 to 7: c = q2 m² + q1 m + q0",
-    )
+    each = zip(names, found.quadratics.model.rows, strict=True)
+    rows = [[name, *(format_number(q, 4) for q in row)] for name, row in each]
+    title = "Algorithm 1, lines 4 to 7: c = q2 m² + q1 m + q0"
+    print_table(["", ">q2", ">q1", ">q0"], rows, title=title)
     fits = [">R2: eq. 3.8", ">quadratics", ">palette's law"]
     left_out = [">left out: quadratics", ">mixtures"]
     rows = []
@@ -723,11 +711,8 @@ def _print_quadratic(found: "QuadraticStudy") -> None:
         fitted = [f"{one.r2:.4f}" for one in own if one]
         predicted = [f"{100 * one.nrmse:.1f} %" if one else "-" for one in (quadratics, mixtures)]
         rows.append([row.id, *fitted, *predicted])
-    print_table(
-        ["material", *fits, *left_out],
-        rows,
-        title="How well each fits; and the error of what the other materials predict",
-    )
+    title = "How well each fits; and the error of what the other materials predict"
+    print_table(["material", *fits, *left_out], rows, title=title)
     for remark in found.remarks():
         say(remark)
 

@@ -260,10 +260,8 @@ def _part_report(results: "Sequence[PartSimulation]") -> None:
     for result in results:
         steps = list(step_rows(result, _ROWS))
         columns = [f">{name}" for name in steps[0]]
-        print_table(
-            columns, [[*row.values()] for row in steps], title=part_title(result),
-            droppable=["energy, mJ"],
-        )  # fmt: skip
+        cells = [[*row.values()] for row in steps]
+        print_table(columns, cells, title=part_title(result), droppable=["energy, mJ"])
         rows = list(response_rows(result))
         named, what, *figures = rows[0]
         columns = [named, what, *(f">{name}" for name in figures)]

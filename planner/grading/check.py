@@ -187,10 +187,8 @@ def _region_problems(plan: Plan, whole_mm3: float) -> Iterator[str]:
         yield "plan.json: it has no regions"
         return
     total = sum(region.volume_mm3 for region in plan.regions)
-    if not any(
-        math.isclose(total, volume_mm3, rel_tol=_VOLUME_ERROR)
-        for volume_mm3 in (plan.part.volume_mm3, whole_mm3)
-    ):
+    wholes = (plan.part.volume_mm3, whole_mm3)
+    if not any(math.isclose(total, whole, rel_tol=_VOLUME_ERROR) for whole in wholes):
         yield (
             f"plan.json: its regions have {total:.9g} mm3 in all, the part "
             f"{plan.part.volume_mm3:.9g} mm3"

@@ -329,12 +329,9 @@ def count_cells(mesh: Mesh, dealt: DitherField) -> CellCounts:
     cells = np.asarray(np.bincount(stretch, weights=share, minlength=stretches), np.float64)
     wanted = np.bincount(stretch, weights=share * fraction, minlength=stretches)
     volumes = np.bincount(key, weights=volume, minlength=stretches * pieces)
-    return CellCounts(
-        np.asarray(volumes, np.float64).reshape(stretches, pieces),
-        bounds.reshape(stretches, pieces, 2, 3),
-        cells,
-        np.divide(wanted, cells, out=np.full(stretches, np.nan), where=cells > 0.0),
-    )
+    volume_mm3 = np.asarray(volumes, np.float64).reshape(stretches, pieces)
+    mean = np.divide(wanted, cells, out=np.full(stretches, np.nan), where=cells > 0.0)
+    return CellCounts(volume_mm3, bounds.reshape(stretches, pieces, 2, 3), cells, mean)
 
 
 def _inside(mesh: Mesh, first: FloatArray, cell_mm: float, shape: tuple[int, ...]) -> FloatArray:

@@ -515,10 +515,8 @@ def _stiffness_check(
     worst = max(regions, key=_region_error)
     ratio, moduli = _region_error(worst), scale.moduli_MPa
     between = [s for s in blend_segments(target, moduli) if s.lower < s.upper]
-    cells = max(
-        (1.0 / (1.0 - TwoPhases(moduli[s.lower], moduli[s.upper]).dither_error) for s in between),
-        default=1.0,
-    )
+    shares = (TwoPhases(moduli[s.lower], moduli[s.upper]).dither_error for s in between)
+    cells = max((1.0 / (1.0 - share) for share in shares), default=1.0)
     option = "without --bands" if equal_bands else "with --snap 0" if moved else ""
     nearest = {option: _of_nearest(target, scale)} if option else {}
     found = {**nearest, "with --blend dither": cells}

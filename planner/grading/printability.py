@@ -514,22 +514,18 @@ def _layers(
     places, unlisted = [place for _, place in thin if place is not None], 0
     told = {n for band, place in thin if place for n in range(band.first, band.last + 1)}
     if not {n for n, name in enumerate(part.names) if name == shell.material} <= told:
+        passed_mm = _PASSED * limit_mm
         drawn, unlisted = thin_solid_places(
-            solid,
-            limit_mm,
-            listed=_LISTED,
-            widest_passed_mm=_PASSED * limit_mm,
-            least_mm3=least_mm3,
+            solid, limit_mm, listed=_LISTED, widest_passed_mm=passed_mm, least_mm3=least_mm3
         )
         drawn = [place for place in drawn if not _loose(place, bits)]
         drawn = [place for place in drawn if not (bare and _whole(place, part, limit_mm))]
         places, unlisted = (drawn, unlisted) if drawn else (places, 0)
     unlisted += max(len(places) - _LISTED, 0)
     places = places[:_LISTED]
-    findings = [
-        _layer_finding(place, shell.material, part, limit_mm, more)
-        for place, more in _with_rest(places, unlisted)
-    ]
+    told_of = _with_rest(places, unlisted)
+    name = shell.material
+    findings = [_layer_finding(place, name, part, limit_mm, more) for place, more in told_of]
     loose = bits.count if bits.total_mm3 >= least_mm3 else 0
     if loose:
         findings.append(_fragments_finding(bits, shell.material, part, limit_mm))

@@ -88,13 +88,10 @@ def _body(results: Sequence[PartSimulation]) -> Iterator[str]:
     yield '<a class="skip" href="#figures">Skip the 3D view</a>'
     yield from _header(results)
     yield '<main>\n<div class="bench">'
-    yield page.stage(
-        f"The part {result.name} under load",
-        " ".join(
-            f"{words}." for one in results for words in (part_title(one), *summary_words(one))
-        ),
-        no_view="The figure and the tables below are whole.",
-    )
+    words = (each for one in results for each in (part_title(one), *summary_words(one)))
+    said = " ".join(f"{each}." for each in words)
+    no_view = "The figure and the tables below are whole."
+    yield page.stage(f"The part {result.name} under load", said, no_view=no_view)
     yield '<div class="panel">'
     yield from page.findings_card([(f.message, False) for one in results for f in one.findings])
     count = sum(len(one.steps.share) for one in results)

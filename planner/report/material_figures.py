@@ -79,12 +79,10 @@ def materials_figure(scale: StiffnessScale) -> bytes:
     >>> Path("ladder.svg").write_bytes(figure)  # doctest: +SKIP
     """
     second = _LEFT + _WIDTH + _BETWEEN
-    return svg.picture(
-        second + _WIDTH + _MARGIN,
-        _TOP + _HEIGHT + 52.0,
-        [*_ladder(scale), *_stresses(scale, second)],
-        title=f"{scale.palette.name}: stiffness of its materials",
-    )
+    width, height = second + _WIDTH + _MARGIN, _TOP + _HEIGHT + 52.0
+    parts = [*_ladder(scale), *_stresses(scale, second)]
+    title = f"{scale.palette.name}: stiffness of its materials"
+    return svg.picture(width, height, parts, title=title)
 
 
 def _ladder(scale: StiffnessScale) -> Iterator[str]:
@@ -249,12 +247,9 @@ def characterisation_figure(found: Characterisation) -> bytes:
     """
     shown = [partial(_tests_panel, one, found.curves[one.material]) for one in found.materials]
     parts, width, height = svg.in_rows(shown, _ACROSS, _CORNER, _CELL)
-    return svg.picture(
-        max(width, 2.0 * _CELL[0]),
-        height - 40.0,
-        [*_tests_key(), *parts],
-        title="Tensile tests: curves as recorded",
-    )
+    size = (max(width, 2.0 * _CELL[0]), height - 40.0)
+    title = "Tensile tests: curves as recorded"
+    return svg.picture(*size, [*_tests_key(), *parts], title=title)
 
 
 def _tests_key() -> Iterator[str]:
@@ -287,10 +282,8 @@ def _tests_panel(
 def _marks(chart: Chart, specimen: Characteristics, curve: Curve, colour: str) -> Iterator[str]:
     toe, zero = specimen.toe_strain, specimen.toe_strain + specimen.zero_strain
     # To where the eye sees whether it is a tangent: twice the linear part, within the chart.
-    end = zero + min(
-        2.0 * (specimen.linear_strain[1] - specimen.zero_strain),
-        0.8 * specimen.strength_MPa / specimen.modulus_MPa,
-    )
+    linear = 2.0 * (specimen.linear_strain[1] - specimen.zero_strain)
+    end = zero + min(linear, 0.8 * specimen.strength_MPa / specimen.modulus_MPa)
     ends = (max(zero, chart.x_range[0]), end)
     start, stop = ((chart.x(x), chart.y(specimen.modulus_MPa * (x - zero))) for x in ends)
     yield svg.segment(start, stop, colour=INK, width=1.1, dash="5,4")
@@ -469,12 +462,9 @@ def _tests(
     foot = top + _FIT_HEIGHT + 46.0
     below = Chart(left, foot, _PANEL_WIDTH, _RESIDUAL_HEIGHT, chart.x_range, (-reach, reach))
     round_end = svg.ticks(0.0, reach, 4)[-1]
-    yield from below.frame(
-        x_label="strain",
-        y_label="measured less law, % of the largest stress",
-        y_ticks=[(value, f"{value:g}") for value in (-round_end, 0.0, round_end)],
-        most_ticks=6,
-    )
+    marks = [(value, f"{value:g}") for value in (-round_end, 0.0, round_end)]
+    label = "measured less law, % of the largest stress"
+    yield from below.frame(x_label="strain", y_label=label, y_ticks=marks, most_ticks=6)
     zero = below.y(0.0)
     yield svg.segment((left, zero), (left + _PANEL_WIDTH, zero), colour=GREY, width=1.2)
     strains = [curve.strain for curve in fit.curves]

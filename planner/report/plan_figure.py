@@ -81,13 +81,11 @@ def plan_table(plan: Plan) -> PlanTable:
         "volume mm3": format_number(sum(r.volume_mm3 for r in plan.regions), 4),
         "mass g": format_number(sum(r.mass_g for r in plan.regions)),
     }
-    return PlanTable(
-        f"{plan.part.file} on {plan.printer}: secant modulus at strain "
-        f"{plan.stiffness.at_strain:g}",
-        tuple(name for name in rows[0] if name != "blend" or plan.gradient.blend is not None),
-        rows,
-        total,
-    )
+    strain = f"{plan.stiffness.at_strain:g}"
+    title = f"{plan.part.file} on {plan.printer}: secant modulus at strain {strain}"
+    blended = plan.gradient.blend is not None
+    columns = tuple(name for name in rows[0] if name != "blend" or blended)
+    return PlanTable(title, columns, rows, total)
 
 
 def error_words(plan: Plan) -> str:

@@ -236,11 +236,8 @@ def _body(source: _PlanSource, courses: "Sequence[Course]") -> Iterator[str]:
     yield '<a class="skip" href="#figures">Skip the 3D view</a>'
     yield from _header(source)
     yield '<main>\n<div class="bench">'
-    yield page.stage(
-        f"The part {plan.part.file} in its materials",
-        _in_words(plan),
-        _simplified(display) if display.simplified else "",
-    )
+    note = _simplified(display) if display.simplified else ""
+    yield page.stage(f"The part {plan.part.file} in its materials", _in_words(plan), note)
     yield '<div class="panel">'
     yield from _findings(plan, source.missed)
     if courses:
@@ -419,15 +416,12 @@ def _materials(source: _PlanSource, colours: Mapping[str, str]) -> Iterator[str]
     whole = sum(volumes.values()) or 1.0
     yield '<fieldset id="materials"><legend>Materials, from soft to hard</legend>'
     yield '<ul role="list">'
-    yield from _material_items(
-        colours,
-        {
-            name: f'<span class="volume">{format_number(volume, 4)} mm³</span>'
-            f'<span class="share">{100.0 * volume / whole:.1f} %</span>'
-            for name, volume in volumes.items()
-        },
-        _NAME_FITS,
-    )
+    told = {
+        name: f'<span class="volume">{format_number(volume, 4)} mm³</span>'
+        f'<span class="share">{100.0 * volume / whole:.1f} %</span>'
+        for name, volume in volumes.items()
+    }
+    yield from _material_items(colours, told, _NAME_FITS)
     yield "</ul>"
     if tuple(colours.values()) != source.colours:
         yield (
@@ -513,13 +507,11 @@ def _remarks(plan: Plan) -> Iterator[str]:
     remarks = [*plan.part.repairs, *plan.warnings]
     items = "".join(f"<li>{escape(remark)}</li>\n" for remark in remarks)
     columns = (("check", ""), ("value", "figure"), ("limit", "figure"), ("holds", ""))
-    rows = [
-        (
-            "",
-            (escape(name), f"{check.value:.3g}", f"{check.limit:.3g}", "yes" if check.ok else "NO"),
-        )
+    cells = (
+        (escape(name), f"{check.value:.3g}", f"{check.limit:.3g}", "yes" if check.ok else "NO")
         for name, check in plan.checks.items()
-    ]
+    )
+    rows = [("", each) for each in cells]
     notes = [f'<ul class="notes">\n{items}</ul>'] if remarks else []
     name = "checks-title"
     return page.section(name, "Checks and notes", [*notes, *page.table(columns, rows, of=name)])
@@ -700,11 +692,9 @@ def _compared(
     yield page.filled("shared.html", controls=controls, materials="\n".join(items))
     yield '<div class="below" id="differences">'
     yield from _differences(found)
-    yield from _figure(
-        "curves",
-        plan_figure.both_figure(plans[0], plans[1], "curves-words"),
-        "Dashed: the targets. Thick: the moduli of what is printed there; A is drawn wider.",
-    )
+    drawn = plan_figure.both_figure(plans[0], plans[1], "curves-words")
+    words = "Dashed: the targets. Thick: the moduli of what is printed there; A is drawn wider."
+    yield from _figure("curves", drawn, words)
     rows = [[tuple(row.values()) for row in plan_figure.plan_table(plan).rows] for plan in plans]
     for side, plan, mine, other in zip(_SIDES, plans, rows, reversed(rows), strict=True):
         changed = [k for k, row in enumerate(mine) if k >= len(other) or row != other[k]]
