@@ -501,13 +501,11 @@ class _Marks:
             cube = (index - np.array([corner & 1, corner >> 1 & 1, corner >> 2])) // _FINEST
             cube = cube[((cube >= 0) & (cube < shape)).all(axis=1)]
             self.divided[tuple(cube.T)] = number
-        return _Marks(
-            self.divided,
-            found,
-            np.concatenate([points_mm, self.points_mm])[first],
-            np.concatenate([values, self.values])[first],
-            np.concatenate([np.full(len(places), sharp, dtype=np.uint8), self.sharp])[first],
-        )
+        points_mm = np.concatenate([points_mm, self.points_mm])[first]
+        values = np.concatenate([values, self.values])[first]
+        own = np.full(len(places), sharp, dtype=np.uint8)
+        all_sharp = np.concatenate([own, self.sharp])[first]
+        return _Marks(self.divided, found, points_mm, values, all_sharp)
 
     def seen(self, grid: FieldGrid, places: NDArray[np.int64]) -> tuple[FloatArray, FloatArray]:
         """Return where vertices of tetrahedra lie, and the field there."""

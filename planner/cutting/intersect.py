@@ -168,14 +168,10 @@ def intersect(mesh: Mesh, levels: FloatArray, sets: LevelSets) -> tuple[Meetings
     inside = _inside_part(part, level, found, *on_level, sets)
     lower = np.where(found.of_part, sets.level[np.where(found.of_part, found.face, 0)], 0)
     lower, between = lower.astype(np.int32), sets.level[found.segment_level]
-    return (
-        found,
-        Crossed(part, piece, *on_part, lower, found.segment_part, between),
-        Crossed(
-            level, inside, *on_level, np.zeros_like(lower), found.segment_level,
-            np.zeros_like(between),
-        ),
-    )  # fmt: skip
+    of_part = Crossed(part, piece, *on_part, lower, found.segment_part, between)
+    none, between_none = np.zeros_like(lower), np.zeros_like(between)
+    of_level = Crossed(level, inside, *on_level, none, found.segment_level, between_none)
+    return found, of_part, of_level
 
 
 def _surface_of(

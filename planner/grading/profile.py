@@ -171,12 +171,8 @@ class Profile:
 
     def description(self) -> dict[str, Any]:
         """Return the profile as plan.json holds it."""
-        return {
-            "name": self.name,
-            "shape": self.shape,
-            "positions": list(self.positions),
-            "moduli_MPa": list(self.moduli_MPa),
-        }
+        knots = {"positions": list(self.positions), "moduli_MPa": list(self.moduli_MPa)}
+        return {"name": self.name, "shape": self.shape, **knots}
 
 
 def read_moduli(
@@ -460,10 +456,8 @@ def at_temperature(
         warmed.append(
             replace(material, law=law, modulus_log_sd=wide, readings=readings, uncertainty=None)
         )
-    notes = [
-        f"at {temperature_C:g} degC, of stress at {own_C:g} degC: "
-        + ", ".join(f"{one.id} {np.exp(v):.2g}" for one, v in zip(warmed, log, strict=True))
-    ]
+    told = ", ".join(f"{one.id} {np.exp(v):.2g}" for one, v in zip(warmed, log, strict=True))
+    notes = [f"at {temperature_C:g} degC, of stress at {own_C:g} degC: {told}"]
     if not low.min() - SAME_K <= temperature_C <= high.max() + SAME_K:
         notes.append(
             Caution(
@@ -499,13 +493,8 @@ def stiffness_scale(palette: Palette, at_strain: float) -> StiffnessScale:
     moduli = model.ladder_MPa(at_strain)
     low, high = model.modulus_interval_MPa(model.coordinates, at_strain)
     high = np.maximum(high, moduli)
-    return StiffnessScale(
-        palette=palette,
-        at_strain=at_strain,
-        model=model,
-        moduli_MPa=tuple(float(value) for value in moduli),
-        intervals_MPa=tuple((float(a), float(b)) for a, b in zip(low, high, strict=True)),
-    )
+    intervals = tuple((float(a), float(b)) for a, b in zip(low, high, strict=True))
+    return StiffnessScale(palette, at_strain, model, tuple(moduli.tolist()), intervals)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -660,12 +649,9 @@ def profile_of(description: Mapping[str, Any]) -> Profile:
         It is not one that planner writes.
     """
     try:
-        return Profile(
-            str(description["name"]),
-            tuple(description["positions"]),
-            tuple(description["moduli_MPa"]),
-            description["shape"],
-        )
+        name = str(description["name"])
+        knots = tuple(description["positions"]), tuple(description["moduli_MPa"])
+        return Profile(name, *knots, description["shape"])
     except (KeyError, TypeError) as error:
         raise FileError(
             f"plan.json: gradient.profile is not one that planner writes ({error!r}); grade the "

@@ -237,12 +237,10 @@ def blended(
     less = max(own / low for own, low, _ in ends) * (1.0 + estimate_error)
     more = max(high / own for own, _, high in ends) * (1.0 + estimate_error)
     lower, upper = (scale.palette.materials[k].id for k in pair)
+    interval = modulus_MPa / less, modulus_MPa * more
+    blend = {"kind": kind, "lower": lower, "upper": upper, **says}
     return replace(
-        region,
-        modulus_MPa=modulus_MPa,
-        modulus_interval_MPa=(modulus_MPa / less, modulus_MPa * more),
-        error=error,
-        blend={"kind": kind, "lower": lower, "upper": upper, **says},
+        region, modulus_MPa=modulus_MPa, modulus_interval_MPa=interval, error=error, blend=blend
     )
 
 

@@ -88,12 +88,9 @@ class _Alongside:
         stop = np.where(self.ahead[near], levels[:, None], levels[:, None] + reach)
         flat = high - low <= _SAME
         within = np.minimum(high, stop) - np.maximum(low, start)
-        share = np.where(
-            flat,
-            (low > start + _SAME) & (high < stop - _SAME),
-            np.clip(within / np.where(flat, 1.0, high - low), 0.0, 1.0),
-        )
-        return np.asarray(share @ self.area_mm2[near])
+        inner = (low > start + _SAME) & (high < stop - _SAME)
+        share = np.clip(within / np.where(flat, 1.0, high - low), 0.0, 1.0)
+        return np.asarray(np.where(flat, inner, share) @ self.area_mm2[near])
 
 
 def _moved_cuts(
@@ -198,9 +195,8 @@ def snapped_bands(
     found = []
     for band in bands:
         start, stop = to.get(band.start, band.start), to.get(band.stop, band.stop)
-        held = (
-            max(start, band.start) if band.start in target.jumps else start,
-            min(stop, band.stop) if band.stop in target.jumps else stop,
-        )
-        found.append(replace(band, start=start, stop=stop, target_MPa=target.interval_MPa(*held)))
+        first = max(start, band.start) if band.start in target.jumps else start
+        last = min(stop, band.stop) if band.stop in target.jumps else stop
+        held_MPa = target.interval_MPa(first, last)
+        found.append(replace(band, start=start, stop=stop, target_MPa=held_MPa))
     return tuple(found), moved

@@ -368,12 +368,9 @@ def between(
 def _steps(name: str, moduli_MPa: Sequence[float]) -> Profile:
     """Give each modulus an equal length of the field."""
     edges = [i / len(moduli_MPa) for i in range(len(moduli_MPa) + 1)]
-    return Profile(
-        name,
-        tuple(u for pair in itertools.pairwise(edges) for u in pair),
-        tuple(modulus for modulus in moduli_MPa for _ in range(2)),
-        "log",
-    )
+    positions = tuple(u for pair in itertools.pairwise(edges) for u in pair)
+    twice = tuple(modulus for modulus in moduli_MPa for _ in range(2))
+    return Profile(name, positions, twice, "log")
 
 
 def _grades(start_MPa: float, end_MPa: float, moduli_MPa: Sequence[float]) -> list[float]:

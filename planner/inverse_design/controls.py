@@ -92,12 +92,13 @@ class Controls:
             Length of the field, or 1.
         """
         count = len(even)
-        return cls(
-            lambda points: _splines(along(points)[:, None], (count,), (1,)),
-            np.diff(np.eye(count), 2, axis=0),
-            np.diff(np.eye(count), axis=0) * (count - 1) / span_mm,
-            even,
-        )
+        bends = np.diff(np.eye(count), 2, axis=0)
+        slopes = np.diff(np.eye(count), axis=0) * (count - 1) / span_mm
+
+        def basis(points_mm: FloatArray) -> Any:
+            return _splines(along(points_mm)[:, None], (count,), (1,))
+
+        return cls(basis, bends, slopes, even)
 
     @classmethod
     def lattice(

@@ -488,10 +488,8 @@ def design(
         told.insert(0, DesignFinding("interrupted", _INTERRUPTED.format(tried=tried)))
     notes, says = [shape.note for each in shapes for shape in each], None
     if free is not None:
-        says = {
-            "counts": list(counts), "bounds_mm": mesh.bounds_mm.tolist(),
-            "symmetric": list(symmetric),
-        }  # fmt: skip
+        box_mm = mesh.bounds_mm.tolist()
+        says = {"counts": list(counts), "bounds_mm": box_mm, "symmetric": list(symmetric)}
         notes.append(
             f"{counted(len(printed.values), 'control')} on a lattice of "
             f"{' x '.join(map(str, counts))}; smoothness (the sum of squared second "

@@ -210,11 +210,9 @@ def _shape(text: str, bare: str) -> Target:
         raise ArgumentError(
             f"`target` {text}: {len(values)} points; a shape takes 1 to {_MOST_POINTS}"
         )
-    return Target(
-        text,
-        points_mm=tuple((x, y, z) for x, y, z, *_ in values),
-        moves_mm=tuple((u, v, w) for *_, u, v, w in values),
-    )
+    points = tuple((x, y, z) for x, y, z, *_ in values)
+    moves = tuple((u, v, w) for *_, u, v, w in values)
+    return Target(text, points_mm=points, moves_mm=moves)
 
 
 _LIMIT = re.compile(

@@ -464,11 +464,8 @@ def search(
             if other is not None and gained <= 0.05 * hoped and tried < most:
                 # The targets bend: aim again, with what the linear model left out put into it.
                 change = values - best.values
-                bent = replace(
-                    best,
-                    off=other.off - best.slopes @ change,
-                    over=other.over - best.over_slopes @ change,
-                )
+                off = other.off - best.slopes @ change
+                bent = replace(best, off=off, over=other.over - best.over_slopes @ change)
                 again = _tried(problem, next_values(problem, bent, radius))
                 tried += 1
                 if again is not None and _merit(problem, again) < _merit(problem, other):

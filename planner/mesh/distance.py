@@ -55,12 +55,8 @@ def triangle_tree(mesh: Mesh) -> TriangleTree:
         pairs = level.reshape(-1, 2, 2, 3)
         level = np.stack([pairs[:, :, 0].min(axis=1), pairs[:, :, 1].max(axis=1)], axis=1)
         boxes.append(level)
-    return TriangleTree(
-        np.ascontiguousarray(ranked),
-        np.ascontiguousarray(_outward(mesh)[order]),
-        np.concatenate(boxes[::-1]),
-        order,
-    )
+    outward = np.ascontiguousarray(_outward(mesh)[order])
+    return TriangleTree(np.ascontiguousarray(ranked), outward, np.concatenate(boxes[::-1]), order)
 
 
 def _in_small_boxes(corners: FloatArray) -> IntArray:

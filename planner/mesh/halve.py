@@ -29,11 +29,9 @@ class _Shapes(NamedTuple):
     def turned(self, chosen: BoolArray, first: IntArray) -> "_Shapes":
         """Return some, begun at another corner."""
         turn = (first[chosen, None] + np.arange(self.corners.shape[1])) % self.corners.shape[1]
-        return _Shapes(
-            np.take_along_axis(self.corners[chosen], turn, axis=1),
-            np.take_along_axis(self.halvings[chosen], turn, axis=1),
-            self.parent[chosen],
-        )
+        corners = np.take_along_axis(self.corners[chosen], turn, axis=1)
+        halvings = np.take_along_axis(self.halvings[chosen], turn, axis=1)
+        return _Shapes(corners, halvings, self.parent[chosen])
 
 
 def halve_long_edges(mesh: Mesh, longest_mm: float) -> tuple[Mesh, NDArray[np.int32]]:

@@ -643,10 +643,8 @@ def join_shells(
     points = np.concatenate([np.empty((0, 3), np.float32), *(vertices for vertices, _ in indexed)])
     vertices, index = weld_points(points)
     starts = np.cumsum([0, *(len(vertices) for vertices, _ in indexed)])
-    return JoinedShells(
-        vertices,
-        tuple(index[start:][faces] for start, (_, faces) in zip(starts, indexed, strict=False)),
-    )
+    each = zip(starts, indexed, strict=False)
+    return JoinedShells(vertices, tuple(index[start:][faces] for start, (_, faces) in each))
 
 
 @kernel

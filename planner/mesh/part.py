@@ -1174,12 +1174,9 @@ def find_crossing(mesh: Mesh) -> Crossing | None:
         return None
     worst = int(np.argmax(np.where(wrong, length, 0.0)))
     x, y = first + step * np.array([ray[worst] % _RAYS, ray[worst] // _RAYS])
-    return Crossing(
-        place_mm=(float(x), float(y), float((z[worst] + z[worst + 1]) / 2)),
-        times_inside=int(inside[worst]),
-        length_mm=float(length[worst]),
-        volume_mm3=float(length[wrong].sum() * step[0] * step[1]),
-    )
+    place_mm = (float(x), float(y), float((z[worst] + z[worst + 1]) / 2))
+    volume_mm3 = float(length[wrong].sum() * step[0] * step[1])
+    return Crossing(place_mm, int(inside[worst]), float(length[worst]), volume_mm3)
 
 
 def _cross(

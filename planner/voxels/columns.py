@@ -502,14 +502,11 @@ def join(slabs: list[Columns]) -> Columns:
     """Return the rows of consecutive slabs as one."""
     runs = np.cumsum([0, *(len(s.start) for s in slabs)])
     parts = [s.offsets[1:] + before for s, before in zip(slabs, runs, strict=False)]
-    return Columns(
-        slabs[0].grid,
-        slabs[0].first_row,
-        np.concatenate([slabs[0].offsets[:1], *parts]),
-        np.concatenate([s.start for s in slabs]),
-        np.concatenate([s.stop for s in slabs]),
-        sum(s.unpaired for s in slabs),
-    )
+    offsets = np.concatenate([slabs[0].offsets[:1], *parts])
+    start = np.concatenate([slab.start for slab in slabs])
+    stop = np.concatenate([slab.stop for slab in slabs])
+    unpaired = sum(slab.unpaired for slab in slabs)
+    return Columns(slabs[0].grid, slabs[0].first_row, offsets, start, stop, unpaired)
 
 
 def check_reach(mesh: Mesh, grid: Grid) -> None:

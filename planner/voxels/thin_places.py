@@ -813,11 +813,9 @@ def thin_space_places(mesh: Mesh, limit_mm: float, *, listed: int) -> tuple[list
          [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]],
         dtype=np.int32,
     )  # fmt: skip
-    around = Mesh(
-        np.concatenate([low + corners * (high - low), mesh.vertices]),
-        np.concatenate([box, mesh.faces[:, ::-1] + np.int32(8)]),
-    )
-    return thin_solid_places(around, limit_mm, listed=listed)
+    vertices = np.concatenate([low + corners * (high - low), mesh.vertices])
+    faces = np.concatenate([box, mesh.faces[:, ::-1] + np.int32(8)])
+    return thin_solid_places(Mesh(vertices, faces), limit_mm, listed=listed)
 
 
 def room_mm(
@@ -861,13 +859,8 @@ def _measured(mesh: Mesh, raster: Raster, place: _Place, limit_mm: float) -> Thi
         return None
     extent = np.empty(3)
     extent[raster.order] = (place.high - place.low) * pitch_mm
-    return ThinPlace(
-        place_mm=as_point(centres[middle]),
-        size_mm=float(diameters[middle]),
-        extent_mm=as_point(extent),
-        volume_mm3=place.voxels * raster.grid.voxel_mm3,
-        alone=place.alone,
-    )
+    size_mm, volume_mm3 = float(diameters[middle]), place.voxels * raster.grid.voxel_mm3
+    return ThinPlace(as_point(centres[middle]), size_mm, as_point(extent), volume_mm3, place.alone)
 
 
 @kernel
