@@ -85,7 +85,7 @@ def manufactured(seed: int, folder: Path, *, cell_mm: float = 3.0) -> tuple[floa
     """
     mesh = block(40.0, 12.0, 6.0, (20, 6, 3))
     rng = np.random.default_rng(seed)
-    controls = Controls.lattice(mesh.bounds_mm, (5, 3, 3), [], 0.5)
+    controls = Controls.lattice(mesh.bounds_mm, (5, 3, 3), [])
     steps = np.array([24, 8, 8])
     spacing = np.ptp(mesh.bounds_mm, axis=0) / steps
     index = np.stack(np.meshgrid(*(np.arange(n + 1) for n in steps), indexing="ij"), axis=-1)
@@ -109,9 +109,7 @@ def manufactured(seed: int, folder: Path, *, cell_mm: float = 3.0) -> tuple[floa
     )  # fmt: skip
     (row,) = made.reached
     way = row.printed / (row.error or 1.0)
-    found = (
-        Controls.lattice(mesh.bounds_mm, made.free["counts"], [], 0.5).basis(places) @ made.values
-    )
+    found = Controls.lattice(mesh.bounds_mm, made.free["counts"], []).basis(places) @ made.values
     return row.error or 0.0, (row.largest or 0.0) / way, float(np.corrcoef(truth, found)[0, 1])
 
 

@@ -21,6 +21,7 @@ from planner.cli.output import (
     in_groups,
     taken,
 )
+from planner.glance import format_range
 
 if TYPE_CHECKING:
     from planner.inverse_design.design import PartDesign
@@ -160,7 +161,7 @@ _STEPS = 4
 
 
 def _report(made: "PartDesign", folder: Path) -> None:
-    from planner.cli.output import finding, format_range, print_table, say, tell_notes
+    from planner.cli.output import finding, print_table, say, tell_notes
 
     tell_notes(made.notes)
     interval = f">{100 * made.level:g} % interval"
@@ -182,8 +183,7 @@ def _report(made: "PartDesign", folder: Path) -> None:
         say("profile: " + ", ".join(f"{E:.3g} MPa at {u:.3g}" for u, E in knots))
     if made.strain_over_break is not None:
         say(f"largest strain over elongation at break: {made.strain_over_break:.3g}")
-    told = [f.message for f in made.findings] + [f.message for f in made.plan.findings[:3]]
-    for words in told:
+    for words in [f.message for f in made.findings] + [f.message for f in made.plan.findings[:3]]:
         finding(words)
     more = "" if made.table is None else "field.vti (opens in ParaView), "
     say(f"wrote {folder}: what planner grade writes, {more}design.json and profile.csv")

@@ -9,6 +9,7 @@ from typer import Argument, Context, Option
 
 import planner
 from planner.cli.output import AsJson, PaletteName, PrinterName, Quiet, check_targets, taken
+from planner.glance import format_number, format_range
 
 if TYPE_CHECKING:
     from planner.gap.correct import Correction
@@ -171,7 +172,7 @@ def correct(
 
 
 def _correct_report(made: "Correction", output: Path, options: str) -> None:
-    from planner.cli.output import finding, format_number, format_range, print_table, say, warn
+    from planner.cli.output import finding, print_table, say, warn
 
     for note in made.notes:
         (finding if note in made.findings else warn)(note)
@@ -187,11 +188,8 @@ def _correct_report(made: "Correction", output: Path, options: str) -> None:
         misfit = f"{100 * made.misfit[material.id]:.2f} %"
         rows.append([material.id, *moduli, f"{now / was:.3f}", misfit])
     at = f"secant modulus at strain {after.at_strain:g}"
-    print_table(
-        ["material", ">before MPa", ">after MPa", "95 % interval", ">factor", ">misfit"],
-        rows,
-        title=f"Corrected for {' and '.join(made.corrected)}: {at}",
-    )
+    columns = ["material", ">before MPa", ">after MPa", "95 % interval", ">factor", ">misfit"]
+    print_table(columns, rows, title=f"Corrected for {' and '.join(made.corrected)}: {at}")
     command = f"planner grade PART --like OLD_PLAN --palette {_quoted(output)}{options}"
     say(f"wrote {output} (next: {command})")
 
@@ -260,7 +258,7 @@ def design(
 def _design_report(
     made: "CampaignDesign", output: Path, printer: str, palette: str | None, *, listed: bool
 ) -> None:
-    from planner.cli.output import finding, format_number, print_table, say, warn
+    from planner.cli.output import finding, print_table, say, warn
 
     rows = []
     for e in made.expected:
@@ -396,15 +394,9 @@ def simulate(
     made = planner.synthesise_campaign(**taken(planner.synthesise_campaign, given))
     planner.write_campaign(made, output)
     if as_json:
-        print_document(
-            {
-                "schema": 1,
-                "simulated": made.notes,
-                "effects": [stated_effect(text, made.palette).text for text in effect or ()],
-                "specimens": len(made.specimens),
-                "folder": output.name,
-            }
-        )
+        effects = [stated_effect(text, made.palette).text for text in effect or ()]
+        said = {"schema": 1, "simulated": made.notes, "effects": effects}
+        print_document({**said, "specimens": len(made.specimens), "folder": output.name})
     elif not quiet:
         for note in made.remarks:
             warn(note)

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -17,8 +18,6 @@ from planner.cli.output import (
     Quiet,
     check_targets,
     finding,
-    format_interval,
-    format_number,
     in_groups,
     print_document,
     print_table,
@@ -28,6 +27,7 @@ from planner.cli.output import (
     tell_notes,
 )
 from planner.errors import ArgumentError
+from planner.glance import format_interval, format_number
 
 if TYPE_CHECKING:
     from planner.grading.invert import Mixture
@@ -110,9 +110,8 @@ def materials(
         return 0
     _print_ladder(scale)
     tell_notes([*scale.warming, *scale.remarks()])
-    for written in (output, figure):
-        if written is not None:
-            say(f"wrote {written}")
+    for written in filter(None, (output, figure)):
+        say(f"wrote {written}")
     return 0
 
 
@@ -178,18 +177,12 @@ def invert(
     if not modulus_MPa and not coordinate:
         raise ArgumentError("give --modulus, a wanted modulus in MPa, or --coordinate, a place")
     chosen = palette_of(palette, printer)
-    found = [
-        planner.invert(v, at_strain=at_strain, law=law, palette=chosen) for v in modulus_MPa or ()
-    ]
-    at = [
-        planner.invert(coordinate=m, at_strain=at_strain, law=law, palette=chosen)
-        for m in coordinate or ()
-    ]
+    ask = partial(planner.invert, at_strain=at_strain, law=law, palette=chosen)
+    found = [ask(modulus) for modulus in modulus_MPa or ()]
+    at = [ask(coordinate=place) for place in coordinate or ()]
     if as_json:
-        results = [mixture.document() for mixture in (*found, *at)]
-        print_document(
-            {"schema": 1, "palette": chosen.name, "at_strain": at_strain, "results": results}
-        )
+        said = {"schema": 1, "palette": chosen.name, "at_strain": at_strain}
+        print_document({**said, "results": [mixture.document() for mixture in (*found, *at)]})
     else:
         title = f"{chosen.name}: secant modulus at strain {at_strain:g}"
         if found:
@@ -231,8 +224,7 @@ def _print_wanted(found: "Sequence[Mixture]", title: str) -> None:
 def _nearest(mixture: "Mixture", wanted_MPa: float) -> tuple[str, str, str]:
     """Return the cells of the nearest material: its name, modulus and error."""
     modulus = mixture.nearest_modulus_MPa
-    error = f"{100 * (modulus / wanted_MPa - 1):+.1f} %"
-    return mixture.nearest, format_number(modulus, 4), error
+    return mixture.nearest, format_number(modulus, 4), f"{100 * (modulus / wanted_MPa - 1):+.1f} %"
 
 
 def _print_places(found: "Sequence[Mixture]", title: str) -> None:
@@ -270,7 +262,6 @@ def _print_places(found: "Sequence[Mixture]", title: str) -> None:
 
 def _print_laws(found: "Sequence[Mixture]") -> None:
     for mixture in found:
-        where = f"m {mixture.blend.coordinate:g}: "
         if mixture.law is None:
             continue
         parameters = "; ".join(
@@ -278,7 +269,8 @@ def _print_laws(found: "Sequence[Mixture]") -> None:
             for symbol, values in mixture.law.law.parameters.items()
         )
         error = f" ({100 * mixture.law.error:.2g} % RMS off the blend)" if mixture.law.error else ""
-        say(f"{where}{mixture.law.law.model} law, {parameters}{error}")
+        where = f"m {mixture.blend.coordinate:g}"
+        say(f"{where}: {mixture.law.law.model} law, {parameters}{error}")
 
 
 # ------------------------------------------------------------------------------------------------
@@ -403,8 +395,7 @@ def characterise(
 
     reads = listed_files(files, tests.specimens)
     check_targets(context, force=force, reads=reads, output=output, figure=figure)
-    asked = taken(planner.characterise, given | tests.given())
-    found = planner.characterise(**asked)
+    found = planner.characterise(**taken(planner.characterise, given | tests.given()))
     if output is not None:
         write_whole(output, found.csv())
     if figure is not None:
@@ -417,9 +408,8 @@ def characterise(
         _tables(found.materials)
         for one in found.materials:
             say(f"{one.material}: {one.deformation.kind}; {one.deformation.reason}")
-        for path in (output, figure):
-            if path is not None:
-                say(f"wrote {path}")
+        for path in filter(None, (output, figure)):
+            say(f"wrote {path}")
         for said in found.findings:
             finding(said)
     return 0 if found.ok else 1
@@ -597,9 +587,8 @@ def fit(
     elif not quiet:
         tell_notes(result.notes)
         _print_report(result, output)
-        for path in (figure, tables):
-            if path is not None:
-                say(f"wrote {path}")
+        for path in filter(None, (figure, tables)):
+            say(f"wrote {path}")
         for said in result.findings:
             finding(said)
         if result.problem is not None:
@@ -631,8 +620,7 @@ def _figures(given: Sequence[str] | None, option: str) -> dict[str, float]:
 
 def _print_report(result: "PaletteStudy", output: Path) -> None:
     fits = result.fits
-    level = next(iter(fits.values())).uncertainty.level
-    interval = f"{100 * level:g} % interval"
+    interval = f"{100 * next(iter(fits.values())).uncertainty.level:g} % interval"
     _print_candidates(fits)
     _print_parameters(fits, interval)
     _print_secants(fits, interval)
@@ -663,11 +651,9 @@ def _print_candidates(fits: "Mapping[str, MaterialFit]") -> None:
     ]
     figures = [">held out", ">R2", ">adj. R2", ">nRMSE"]
     if rows:
-        print_table(
-            ["material", ">n", "law", ">k", *figures, "stable", ">starts"],
-            rows,
-            title="Laws tried (* chosen; k parameters; held out: error on what is left out)",
-        )
+        columns = ["material", ">n", "law", ">k", *figures, "stable", ">starts"]
+        title = "Laws tried (* chosen; k parameters; held out: error on what is left out)"
+        print_table(columns, rows, title=title)
 
 
 def _print_parameters(fits: "Mapping[str, MaterialFit]", interval: str) -> None:
@@ -683,11 +669,8 @@ def _print_parameters(fits: "Mapping[str, MaterialFit]", interval: str) -> None:
                 figure = format_number(value, 4)
                 rows.append([material, law, label, figure, _interval(low, high), spread])
                 first = ["", "", ""]
-    print_table(
-        ["material", "law", "parameter", ">value", interval, ">next print's sd"],
-        rows,
-        title="Parameters",
-    )
+    columns = ["material", "law", "parameter", ">value", interval, ">next print's sd"]
+    print_table(columns, rows, title="Parameters")
 
 
 def _print_secants(fits: "Mapping[str, MaterialFit]", interval: str) -> None:
@@ -702,11 +685,8 @@ def _print_secants(fits: "Mapping[str, MaterialFit]", interval: str) -> None:
         for k, one in enumerate(fit.secants)
     ]
     if rows:
-        print_table(
-            ["material", ">strain", ">secant MPa", interval],
-            rows,
-            title="Secant moduli of the mean (stress is strain times it; strain 0: at rest)",
-        )
+        title = "Secant moduli of the mean (stress is strain times it; strain 0: at rest)"
+        print_table(["material", ">strain", ">secant MPa", interval], rows, title=title)
 
 
 def _print_quadratic(found: "QuadraticStudy") -> None:
@@ -719,14 +699,10 @@ def _print_quadratic(found: "QuadraticStudy") -> None:
         ],
         title="Algorithm 1, lines 1 to 3: eq. 3.8 of each material (Hemleben 2017)",
     )
-    print_table(
-        ["", ">q2", ">q1", ">q0"],
-        [
-            [name, *(format_number(q, 4) for q in row)]
-            for name, row in zip(names, found.quadratics.model.rows, strict=True)
-        ],
-        title="Algorithm 1, lines 4 to 7: c = q2 m² + q1 m + q0",
-    )
+    each = zip(names, found.quadratics.model.rows, strict=True)
+    rows = [[name, *(format_number(q, 4) for q in row)] for name, row in each]
+    title = "Algorithm 1, lines 4 to 7: c = q2 m² + q1 m + q0"
+    print_table(["", ">q2", ">q1", ">q0"], rows, title=title)
     fits = [">R2: eq. 3.8", ">quadratics", ">palette's law"]
     left_out = [">left out: quadratics", ">mixtures"]
     rows = []
@@ -735,11 +711,8 @@ def _print_quadratic(found: "QuadraticStudy") -> None:
         fitted = [f"{one.r2:.4f}" for one in own if one]
         predicted = [f"{100 * one.nrmse:.1f} %" if one else "-" for one in (quadratics, mixtures)]
         rows.append([row.id, *fitted, *predicted])
-    print_table(
-        ["material", *fits, *left_out],
-        rows,
-        title="How well each fits; and the error of what the other materials predict",
-    )
+    title = "How well each fits; and the error of what the other materials predict"
+    print_table(["material", *fits, *left_out], rows, title=title)
     for remark in found.remarks():
         say(remark)
 

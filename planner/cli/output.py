@@ -19,7 +19,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 from typer import Context, Option
 
 from planner.errors import ArgumentError, Caution
-from planner.glance import format_interval, format_number, format_range
 
 if TYPE_CHECKING:
     from rich.console import JustifyMethod
@@ -43,9 +42,6 @@ __all__ = [
     "check_targets",
     "complain",
     "finding",
-    "format_interval",
-    "format_number",
-    "format_range",
     "in_groups",
     "long_progress",
     "print_document",
@@ -169,14 +165,14 @@ def print_table(
     else:
         abridged = None
     wide = console.options.update(max_width=10_000)
-    shown = list(range(len(columns)))
     swatches = None if console.color_system is None else swatches
-    table = _table(columns, rows, shown, swatches)
+    table = _table(columns, rows, swatches)
     for dropped in droppable if console.is_terminal else ():
         if Measurement.get(console, wide, table).maximum <= console.width:
             break
-        shown = [k for k in shown if columns[k].removeprefix(">") != dropped]
-        table = _table(columns, rows, shown, swatches)
+        kept = [k for k, name in enumerate(columns) if name.removeprefix(">") != dropped]
+        columns, rows = [columns[k] for k in kept], [[row[k] for k in kept] for row in rows]
+        table = _table(columns, rows, swatches)
     if title is not None:
         console.print(title, style="bold", soft_wrap=True)
     console.width = max(console.width, Measurement.get(console, wide, table).maximum)
@@ -204,10 +200,7 @@ def _shortened(
 
 
 def _table(
-    columns: Sequence[str],
-    rows: Sequence[Sequence[str]],
-    shown: Sequence[int],
-    swatches: Sequence[str] | None,
+    columns: Sequence[str], rows: Sequence[Sequence[str]], swatches: Sequence[str] | None
 ) -> "Table":
     from rich import box
     from rich.table import Table
@@ -216,11 +209,11 @@ def _table(
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
     if swatches is not None:
         table.add_column("")
-    for number in shown:
-        flush: JustifyMethod = "right" if columns[number].startswith(">") else "left"
-        table.add_column(columns[number].removeprefix(">"), justify=flush, no_wrap=True)
+    for column in columns:
+        flush: JustifyMethod = "right" if column.startswith(">") else "left"
+        table.add_column(column.removeprefix(">"), justify=flush, no_wrap=True)
     for number, row in enumerate(rows):
-        cells = [Text(row[i]) for i in shown]
+        cells = [Text(cell) for cell in row]
         if swatches is not None:
             cells.insert(0, Text("██", style=swatches[number]))
         table.add_row(*cells)
@@ -327,8 +320,7 @@ class PrinterLimits:
     """Limits in place of the printer's own."""
 
     tray: Annotated[
-        str | None,
-        Option("--tray", help="Largest part, X,Y,Z in mm, in place of the printer's own."),
+        str | None, Option(help="Largest part, X,Y,Z in mm, in place of the printer's own.")
     ] = None
     minimum_wall_mm: Annotated[
         float | None,
@@ -475,33 +467,29 @@ ForceOversize = Annotated[
 ]
 
 
+_Texts = list[str] | None
+"""Of an option that may be repeated."""
+
+
 @dataclass(frozen=True)
 class LoadOptions:
     """How a whole part is held and loaded."""
 
     fix: Annotated[
-        list[str] | None,
+        _Texts,
         Option(
-            "--fix",
             help="Faces of the whole part that do not move, as x=max; for what may stand there see "
             "docs/how-to/simulate-a-whole-part.md. Repeatable, as all of these.",
         ),
     ] = None
-    load: Annotated[
-        list[str] | None, Option("--load", help="Force on faces in all, as 'x=min: 0,0,-0.5 N'.")
-    ] = None
+    load: Annotated[_Texts, Option(help="Force on faces in all, as 'x=min: 0,0,-0.5 N'.")] = None
     moment: Annotated[
-        list[str] | None,
-        Option("--moment", help="Moment about the middle of faces, as 'x=min: 0,5,0 N mm'."),
+        _Texts, Option(help="Moment about the middle of faces, as 'x=min: 0,5,0 N mm'.")
     ] = None
-    pressure: Annotated[
-        list[str] | None, Option("--pressure", help="Pressure on faces, as 'cavity: 20 kPa'.")
-    ] = None
-    move: Annotated[
-        list[str] | None, Option("--move", help="Faces that are moved, as 'z>102: 5,free,0 mm'.")
-    ] = None
+    pressure: Annotated[_Texts, Option(help="Pressure on faces, as 'cavity: 20 kPa'.")] = None
+    move: Annotated[_Texts, Option(help="Faces that are moved, as 'z>102: 5,free,0 mm'.")] = None
     gravity: Annotated[
-        str | None, Option("--gravity", help="Where the part's weight pulls: -z, or dx,dy,dz.")
+        str | None, Option(help="Where the part's weight pulls: -z, or dx,dy,dz.")
     ] = None
 
 

@@ -7,7 +7,7 @@ import subprocess
 import sys
 import textwrap
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -24,7 +24,6 @@ from planner.cli.output import (
     Quiet,
     check_targets,
     finding,
-    format_number,
     in_groups,
     print_document,
     print_table,
@@ -37,6 +36,7 @@ from planner.cli.output import (
     warn,
 )
 from planner.errors import ArgumentError, Caution
+from planner.glance import format_number
 
 if TYPE_CHECKING:
     from planner.grading.check import Certificate
@@ -217,8 +217,7 @@ def grade(
     if written.slicer is not None:
         needs_one_mesh(written.slicer)  # a slip is told before the work
     if not written.dry_run:
-        folders = {"output": (folder, "plan.json")}
-        check_targets(context, force=written.force, folders=folders)
+        check_targets(context, force=written.force, folders={"output": (folder, "plan.json")})
     _share_compiling()
     given = {"part": part, "like": like, "palette": palette, **vars(gradient), **vars(written)}
     with progress(not quiet and not as_json) as stage:
@@ -243,24 +242,19 @@ def _grade_report(
         return
     if quiet:
         return
-    remarks = (*map(Caution, plan.part.repairs), *plan.warnings)
     tell_notes(
         Caution(f"{plan.part.file}: {remark}") if isinstance(remark, Caution) else remark
-        for remark in remarks
+        for remark in (*map(Caution, plan.part.repairs), *plan.warnings)
     )
     _table(plan)
-    for words in (error_words(plan), moved_words(plan)):
-        if words:
-            say(words)
+    for words in filter(None, (error_words(plan), moved_words(plan))):
+        say(words)
     for words in unreachable_words(plan):
         finding(words)
     tell_findings([found.message for found in plan.findings], "plan.json")
-    failed = [name for name, check in plan.checks.items() if not check.ok]
-    held = len(plan.checks) - len(failed)
-    say(
-        f"{held} of {len(plan.checks)} checks hold"
-        + (f"; not: {', '.join(failed)}" if failed else "")
-    )
+    failed, count = [name for name, check in plan.checks.items() if not check.ok], len(plan.checks)
+    more = f"; not: {', '.join(failed)}" if failed else ""
+    say(f"{count - len(failed)} of {count} checks hold{more}")
     if folder is None:
         say("nothing was written")
         return
@@ -393,8 +387,6 @@ def diff(
 
     Example: [bold]planner diff finger-graded finger-graded-before[/bold]
     """
-    from dataclasses import asdict
-
     found = planner.diff(before, after, tolerance=tolerance)
     rows = [asdict(difference) for difference in found]
     if as_json:
@@ -432,8 +424,6 @@ def compare(
 
     Example: [bold]planner compare finger-graded finger-graded-before[/bold]
     """
-    from dataclasses import asdict
-
     from planner.formats.outputs import write_whole
 
     check_targets(context, force=force, output=output)
@@ -523,12 +513,10 @@ def _lengths(text: str) -> tuple[float, ...]:
     except ValueError as error:
         bare = re.sub(r"\s*(mm|um|µm|μm|m)\b|(?<=\d)\s*[x×;]\s*(?=[\d.])", _comma, text)
         numbers = re.findall(r"\d*\.?\d+", bare)
+        scale, hint = 0.001 if re.search(r"[uµμ]m", text) else 1.0, ""
         if len(numbers) in (1, 3):
-            scale = 0.001 if re.search(r"[uµμ]m", text) else 1.0
             meant = ",".join(f"{float(number) * scale:g}" for number in numbers)
             hint = f"did you mean {meant}? "
-        else:
-            hint = ""
         raise ArgumentError(
             f"--pitch {text}: {hint}give lengths in mm without a unit, X,Y,Z as 0.042,0.042,0.03 "
             "or one for all"
@@ -627,8 +615,7 @@ def _columns() -> None:
 
     # Of vertices on the grid: measuring a mesh is what the run itself compiles by now.
     box, grid = _box(), Grid((0.0, 0.0, 0.0), (1.0, 1.0, 0.1), (6, 6, 20))
-    snapped = snap(box.vertices, grid)
-    for _ in columns_of(snapped, box.faces, grid):
+    for _ in columns_of(snap(box.vertices, grid), box.faces, grid):
         pass
 
 

@@ -18,8 +18,6 @@ from planner.cli.output import (
     PaletteName,
     Quiet,
     check_targets,
-    format_number,
-    format_range,
     in_groups,
     print_document,
     print_table,
@@ -31,6 +29,7 @@ from planner.cli.output import (
     warn,
 )
 from planner.errors import ArgumentError
+from planner.glance import format_number, format_range
 
 if TYPE_CHECKING:
     from planner.simulation.export import Export
@@ -143,7 +142,7 @@ def simulate(
     page: Annotated[
         Path | None, Option(help="HTML file to write: the whole part as it moves, in 3D.")
     ] = None,
-    force: Annotated[bool, Option("--force", help="Replace files that are there.")] = False,
+    force: Overwrite = False,
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> int:
@@ -230,9 +229,9 @@ def simulate(
     elif not quiet:
         (_part_report if whole else _bar_report)(results)
         tell_findings([f.message for result in results for f in result.findings], "the JSON")
-        for path in (*(path for paths in each for path in paths.values()), *whole_files.values()):
-            if path:
-                say(f"wrote {path}")
+        some = [path for paths in each for path in paths.values()]
+        for path in filter(None, (*some, *whole_files.values())):
+            say(f"wrote {path}")
     return 0 if all(result.ok for result in results) else 1
 
 
@@ -261,10 +260,8 @@ def _part_report(results: "Sequence[PartSimulation]") -> None:
     for result in results:
         steps = list(step_rows(result, _ROWS))
         columns = [f">{name}" for name in steps[0]]
-        print_table(
-            columns, [[*row.values()] for row in steps], title=part_title(result),
-            droppable=["energy, mJ"],
-        )  # fmt: skip
+        cells = [[*row.values()] for row in steps]
+        print_table(columns, cells, title=part_title(result), droppable=["energy, mJ"])
         rows = list(response_rows(result))
         named, what, *figures = rows[0]
         columns = [named, what, *(f">{name}" for name in figures)]

@@ -173,14 +173,11 @@ def _field_grid(
         last = min(first + layer, nx + 1)
         wanted = _corners(held[max(first - 1, 0) : last])
         wanted = wanted[1 if first > 0 else 0 :][: last - first]
-        wanted[-first % cells :: cells, ::cells, ::cells] |= corners[
-            -(-first // cells) : (last - 1) // cells + 1
-        ]
+        layers = slice(-(-first // cells), (last - 1) // cells + 1)
+        wanted[-first % cells :: cells, ::cells, ::cells] |= corners[layers]
         index = np.argwhere(wanted)
         index[:, 0] += first
-        points = origin_mm + index * pitch_mm
-        found = _values_at(field, points)
-        values[first:last][wanted] = found
+        values[first:last][wanted] = _values_at(field, origin_mm + index * pitch_mm)
     return FieldGrid(origin_mm, pitch_mm, cells, active, values)
 
 
@@ -189,11 +186,15 @@ def _corners(active: NDArray[np.uint8]) -> BoolArray:
     n, ny, nz = active.shape
     found = np.zeros((n + 1, ny + 1, nz + 1), dtype=np.bool_)
     marked = active.view(np.bool_)
-    for i in range(2):
-        for j in range(2):
-            for k in range(2):
-                found[i : i + n, j : j + ny, k : k + nz] |= marked
+    for i, j, k in np.ndindex(2, 2, 2):
+        found[i : i + n, j : j + ny, k : k + nz] |= marked
     return found
+
+
+@inner_kernel
+def _cells_from(low: Any, high: Any, count: Any) -> Any:
+    """Return those of so many cells in a row that a stretch, in their edges, has any of."""
+    return range(max(int(np.floor(low)), 0), min(int(np.floor(high)), count - 1) + 1)
 
 
 @kernel
@@ -228,19 +229,13 @@ def _touch(
         av = (vertices[a, v] - origin[v]) / pitch
         spread = 0.5 * (abs(su) + abs(sv)) + margin
         count = offsets[f] if cells.size else 0
-        for i in range(
-            max(int(np.floor(low[u])), 0), min(int(np.floor(high[u])), shape[u] - 1) + 1
-        ):
-            for j in range(
-                max(int(np.floor(low[v])), 0), min(int(np.floor(high[v])), shape[v] - 1) + 1
-            ):
+        for i in _cells_from(low[u], high[u], shape[u]):
+            for j in _cells_from(low[v], high[v], shape[v]):
                 first, last = low[w], high[w]
                 if size > 0.0:
                     middle = a0 + su * (i + 0.5 - au) + sv * (j + 0.5 - av)
                     first, last = max(first, middle - spread), min(last, middle + spread)
-                for k in range(
-                    max(int(np.floor(first)), 0), min(int(np.floor(last)), shape[w] - 1) + 1
-                ):
+                for k in _cells_from(first, last, shape[w]):
                     if cells.size:
                         index[u], index[v], index[w] = i, j, k
                         cells[count] = (index[0] * shape[1] + index[1]) * shape[2] + index[2]
@@ -406,15 +401,13 @@ def draw_level_sets(
     offsets, touched, active = _cells_held(mesh, origin_mm, size * pitch_mm, (nx, ny, nz))
     held = active
     if size > 1:
-        cells = size * nx, size * ny, size * nz
-        _, _, held = _cells_held(mesh, origin_mm, pitch_mm, cells)
+        _, _, held = _cells_held(mesh, origin_mm, pitch_mm, (size * nx, size * ny, size * nz))
         active |= held.reshape(nx, size, ny, size, nz, size).max(axis=(1, 3, 5))
     grid = _field_grid(field, origin_mm, pitch_mm, held, active)
     lattice = _lattice_for(mesh.bounds_mm, 4.0 * pitch_mm)
     most = _FACES + _FACES_EACH * len(mesh.faces)
-    points, faces, level, cell = _drawn_near(
-        grid, levels, field if follow else None, within_mm, most
-    )
+    followed = field if follow else None
+    points, faces, level, cell = _drawn_near(grid, levels, followed, within_mm, most)
     active.reshape(-1)[cell] = 2
     values = grid.interpolate(mesh.vertices)
     points_mm = lattice.rounded(points)
@@ -443,9 +436,8 @@ def _drawn_near(
     """
     none = np.empty((0, 3))
     places = np.empty(0, dtype=np.int64)
-    marks = _Marks(
-        np.zeros(grid.active.shape, np.uint8), places, none, none[:, 0], places.astype(np.uint8)
-    )
+    divided = np.zeros(grid.active.shape, np.uint8)
+    marks = _Marks(divided, places, none, none[:, 0], places.astype(np.uint8))
     if field is None or not np.isfinite(within_mm):
         one = _drawn(grid, levels, field, marks, 0)
         return one.points_mm, one.faces, one.level, one.cell
@@ -462,9 +454,8 @@ def _drawn_near(
         few = marks.sharp.any() and len(far) < _LEFT_OFF * held
         if not len(worst) or (few and number >= _USUAL_ROUNDS):
             break
-        marks, tried, mended = _creased(
-            grid, field, marks, leaf[:, _EDGES], worst, within_mm, tried, number
-        )
+        ends = leaf[:, _EDGES]
+        marks, tried, mended = _creased(grid, field, marks, ends, worst, within_mm, tried, number)
         worst = worst[~mended[worst]]
         # Three halvings, which make the edges half as long, leave a quarter of what is off at best.
         halving = np.empty((len(worst), 7), dtype=np.int64)
@@ -510,13 +501,11 @@ class _Marks:
             cube = (index - np.array([corner & 1, corner >> 1 & 1, corner >> 2])) // _FINEST
             cube = cube[((cube >= 0) & (cube < shape)).all(axis=1)]
             self.divided[tuple(cube.T)] = number
-        return _Marks(
-            self.divided,
-            found,
-            np.concatenate([points_mm, self.points_mm])[first],
-            np.concatenate([values, self.values])[first],
-            np.concatenate([np.full(len(places), sharp, dtype=np.uint8), self.sharp])[first],
-        )
+        points_mm = np.concatenate([points_mm, self.points_mm])[first]
+        values = np.concatenate([values, self.values])[first]
+        own = np.full(len(places), sharp, dtype=np.uint8)
+        all_sharp = np.concatenate([own, self.sharp])[first]
+        return _Marks(self.divided, found, points_mm, values, all_sharp)
 
     def seen(self, grid: FieldGrid, places: NDArray[np.int64]) -> tuple[FloatArray, FloatArray]:
         """Return where vertices of tetrahedra lie, and the field there."""
@@ -557,8 +546,7 @@ def _distance_mm(field: Field, drawn: _Drawn, levels: FloatArray) -> FloatArray:
     longest = np.argmax(((ends - corners) ** 2).sum(axis=2), axis=1)
     each = np.arange(len(corners))
     places = corners.mean(axis=1), 0.5 * (corners[each, longest] + ends[each, longest])
-    found = [np.abs(_values_at(field, place) - levels[drawn.level]) for place in places]
-    off = np.maximum(*found)
+    off = np.maximum(*(np.abs(_values_at(field, at) - levels[drawn.level]) for at in places))
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray(np.where(off > 0.0, off / drawn.steepness, 0.0))
 
@@ -615,9 +603,8 @@ def _halved(
         points = _even_mm(grid, _indices(grid.active, missing))
         marks = marks.more(number, missing, points, _values_at(field, points), 0)
         room = np.empty(max(4 * len(missing), 1000), dtype=np.int64)
-        found = _hanging(
-            grid.active, marks.divided, number, TETRAHEDRA, *marks.table(), marks.sharp, room
-        )
+        known = *marks.table(), marks.sharp
+        found = _hanging(grid.active, marks.divided, number, TETRAHEDRA, *known, room)
         missing = _rising(room[:found])
     return marks
 
@@ -744,9 +731,8 @@ _SURE = 0.05
 
 
 def _met(
-    grid: FieldGrid, field: Field | None, marks: _Marks, ends: NDArray[np.int64],
-    level: FloatArray,
-) -> FloatArray:  # fmt: skip
+    grid: FieldGrid, field: Field | None, marks: _Marks, ends: NDArray[np.int64], level: FloatArray
+) -> FloatArray:
     """Find where levels meet edges, by inverse quadratic interpolation within brackets."""
     (start, first), (end, last) = (marks.seen(grid, ends[:, side]) for side in (0, 1))
     below, above = first - level, last - level
@@ -1020,12 +1006,9 @@ def _march(
                     if slope < 0.0:
                         slope = _slope(at, v)
                     p, q, r, s = even[below, 0], even[below, 1], even[below, 2], even[below, 3]
-                    sides = 3
+                    sides, pairs = 3, ((p, q), (p, r), (p, s), (p, s))
                     if some == 2:
-                        sides = 4
-                        pairs = ((p, r), (p, s), (q, s), (q, r))
-                    else:
-                        pairs = ((p, q), (p, r), (p, s), (p, s))
+                        sides, pairs = 4, ((p, r), (p, s), (q, s), (q, r))
                     for e in range(sides):
                         a, b = pairs[e]
                         if stack[left, a] > stack[left, b]:

@@ -49,29 +49,22 @@ def _side(surface: Any, corner: Any, points: Any, at: Any, normal: Any, moved: A
     face is.
     """
     nx, ny, nz = normal
-    sign = volume_sign(
-        nx, ny, nz,
-        points[at, 0] - surface[corner, 0],
-        points[at, 1] - surface[corner, 1],
-        points[at, 2] - surface[corner, 2],
-    )  # fmt: skip
+    dx = points[at, 0] - surface[corner, 0]
+    dy = points[at, 1] - surface[corner, 1]
+    dz = points[at, 2] - surface[corner, 2]
+    sign = volume_sign(nx, ny, nz, dx, dy, dz)
     return sign if sign != 0 else moved * _first_sign(nx, ny, nz)
 
 
 @inner_kernel
 def _turn_of_edges(points: Any, p: Any, q: Any, level: Any, u: Any, v: Any) -> Any:
     """Sign of (q - p) x (v - u) . (u - p) for an edge of the part and one of the level sets."""
-    ax, ay, az = (
-        points[q, 0] - points[p, 0],
-        points[q, 1] - points[p, 1],
-        points[q, 2] - points[p, 2],
-    )
-    bx, by, bz = level[v, 0] - level[u, 0], level[v, 1] - level[u, 1], level[v, 2] - level[u, 2]
+    px, py, pz = points[p, 0], points[p, 1], points[p, 2]
+    ux, uy, uz = level[u, 0], level[u, 1], level[u, 2]
+    ax, ay, az = points[q, 0] - px, points[q, 1] - py, points[q, 2] - pz
+    bx, by, bz = level[v, 0] - ux, level[v, 1] - uy, level[v, 2] - uz
     nx, ny, nz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
-    sign = volume_sign(
-        nx, ny, nz,
-        level[u, 0] - points[p, 0], level[u, 1] - points[p, 1], level[u, 2] - points[p, 2],
-    )  # fmt: skip
+    sign = volume_sign(nx, ny, nz, ux - px, uy - py, uz - pz)
     return sign if sign != 0 else _first_sign(nx, ny, nz)
 
 
@@ -175,14 +168,10 @@ def intersect(mesh: Mesh, levels: FloatArray, sets: LevelSets) -> tuple[Meetings
     inside = _inside_part(part, level, found, *on_level, sets)
     lower = np.where(found.of_part, sets.level[np.where(found.of_part, found.face, 0)], 0)
     lower, between = lower.astype(np.int32), sets.level[found.segment_level]
-    return (
-        found,
-        Crossed(part, piece, *on_part, lower, found.segment_part, between),
-        Crossed(
-            level, inside, *on_level, np.zeros_like(lower), found.segment_level,
-            np.zeros_like(between),
-        ),
-    )  # fmt: skip
+    of_part = Crossed(part, piece, *on_part, lower, found.segment_part, between)
+    none, between_none = np.zeros_like(lower), np.zeros_like(between)
+    of_level = Crossed(level, inside, *on_level, none, found.segment_level, between_none)
+    return found, of_part, of_level
 
 
 def _surface_of(
@@ -287,9 +276,8 @@ def _meet(
                     if s0 != s1 and turns[i, 0] == turns[i, 1] and turns[i, 1] == turns[i, 2]:
                         e = a_edges[t, i]
                         before = made
-                        point, made = _point(
-                            (np.int64(e) * b_faces.shape[0] + p) * 2 + 1, keys, number, made
-                        )
+                        key = (np.int64(e) * b_faces.shape[0] + p) * 2 + 1
+                        point, made = _point(key, keys, number, made)
                         if made > before:
                             edge[point], face[point], kind[point] = e, p, 0
                             forward = a_faces[t, i] == a_ends[e, 0]
@@ -305,9 +293,8 @@ def _meet(
                     if s0 != s1 and turns[0, j] == turns[1, j] and turns[1, j] == turns[2, j]:
                         e = b_edges[p, j]
                         before = made
-                        point, made = _point(
-                            (np.int64(e) * a_faces.shape[0] + t) * 2 + 2, keys, number, made
-                        )
+                        key = (np.int64(e) * a_faces.shape[0] + t) * 2 + 2
+                        point, made = _point(key, keys, number, made)
                         if made > before:
                             edge[point], face[point], kind[point] = e, t, 1
                             forward = b_faces[p, j] == b_ends[e, 0]
@@ -363,8 +350,7 @@ def _ordered(
 ) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     """Order the meetings along the edges of the part, or of the level sets; see `Crossed`."""
     own = np.flatnonzero(meetings.of_part == of_part)
-    order = np.lexsort((meetings.along[own], meetings.edge[own]))
-    points = own[order].astype(np.int32)
+    points = own[np.lexsort((meetings.along[own], meetings.edge[own]))].astype(np.int32)
     edges = np.arange(len(surface.ends) + 1)
     return np.searchsorted(meetings.edge[points], edges).astype(np.int32), points
 

@@ -278,8 +278,7 @@ def _fill_loops(
     size = np.diff(loops.starts)
     key = loops.face.astype(np.int64) * (int(loops.label.max(initial=0)) + 1) + loops.label
     order = np.argsort(key, kind="stable")
-    first = np.append(True, np.diff(key[order]) > 0)[: len(order)]
-    group = np.cumsum(first) - 1
+    group = np.cumsum(np.append(True, np.diff(key[order]) > 0)[: len(order)]) - 1
     together = np.bincount(group, minlength=1)[group]
     alone = np.zeros(len(size), dtype=np.bool_)
     alone[order] = together == 1
@@ -293,18 +292,16 @@ def _fill_loops(
         np.empty((most, 2)), np.empty((most, most)), np.empty((most, most), dtype=np.int32),
         np.empty((most, 2), dtype=np.int32),
     )  # fmt: skip
-    rest = np.ones(len(size), dtype=np.bool_)
-    rest[simple] = False  # a loop of two nodes encloses nothing
-    rest[size < 3] = False
+    rest = size >= 3  # a loop of two nodes encloses nothing
+    rest[simple] = False
     ranked = order[rest[order]]
     if len(ranked):
         normal = normals[loops.face[ranked]]
         drop = np.argmax(np.abs(normal), axis=1)
         turned = normal[np.arange(len(ranked)), drop] < 0
         across = np.stack([(drop + 1 + turned) % 3, (drop + 2 - turned) % 3], axis=1)
-        more, owners = triangulate_loops(
-            points_mm, loops.nodes, loops.starts, ranked, key[ranked], across
-        )
+        chosen = (ranked, key[ranked], across)
+        more, owners = triangulate_loops(points_mm, loops.nodes, loops.starts, *chosen)
         faces, owner = np.concatenate([faces, more]), np.concatenate([owner, owners])
     return faces, loops.label[owner], loops.face[owner]
 
@@ -343,9 +340,8 @@ def _cover(
                     value = min(best[i, j], best[j, k])
                     if value <= best[i, k]:
                         continue
-                    height = squared_height(
-                        points, nodes[first + i], nodes[first + j], nodes[first + k]
-                    )
+                    a, b, c = nodes[first + i], nodes[first + j], nodes[first + k]
+                    height = squared_height(points, a, b, c)
                     if not _turn(flat, i, j, k) > 0.0:
                         height = -1.0 - height
                     value = min(value, height)
@@ -357,9 +353,8 @@ def _cover(
             size -= 1
             i, k = stack[size, 0], stack[size, 1]
             j = middle[i, k]
-            faces[written, 0] = nodes[first + i]
-            faces[written, 1] = nodes[first + j]
-            faces[written, 2] = nodes[first + k]
+            a, b, c = nodes[first + i], nodes[first + j], nodes[first + k]
+            faces[written, 0], faces[written, 1], faces[written, 2] = a, b, c
             owner[written] = loop
             written += 1
             if j > i + 1:
@@ -405,9 +400,8 @@ def _divide_along(
 
     # One pool: the part's vertices, the level sets', the meetings; equal positions joined.
     n, m = len(mesh.vertices), len(sets.vertices)
-    pool, number = weld_points(
-        np.concatenate([mesh.vertices.astype(np.float32), sets.vertices, met])
-    )
+    own = mesh.vertices.astype(np.float32)
+    pool, number = weld_points(np.concatenate([own, sets.vertices, met]))
     of_part = np.concatenate([number[:n], number[n + m :]])
     faces, label, _ = _divided(mesh.faces, part.labels, part_loops, of_part, pool)
     caps, kept, source = _divided(sets.faces, level.labels, level_loops, number[n:], pool)
@@ -425,8 +419,7 @@ def _positions(
     for own, vertices, crossed in ((True, mesh.vertices, part), (False, sets.vertices, level)):
         chosen = meetings.of_part == own
         ends = crossed.surface.ends[meetings.edge[chosen]]
-        low = vertices[ends[:, 0]].astype(np.float64)
-        high = vertices[ends[:, 1]].astype(np.float64)
+        low, high = vertices[ends.T].astype(np.float64)
         found[chosen] = sets.lattice.rounded(low + meetings.along[chosen, None] * (high - low))
         if own:
             wall = low == high
@@ -510,7 +503,8 @@ def _split_curved(
         if best is not None and attempt >= _THIN_ATTEMPTS:
             break
         shift = (FIRST_SHIFT + attempt * _STEP) % 1.0
-        moved = levels + _moved(attempt) * pitch_mm / max(float(extent_mm.max()), pitch_mm)
+        share = _SHARE * ((attempt + 1) // 2) * (1 if attempt % 2 else -1)  # up and down in turn
+        moved = levels + share * pitch_mm / max(float(extent_mm.max()), pitch_mm)
         found, broken = _divide_along(mesh, field, moved, pitch_mm, shift, within_mm, follow)
         if broken or not _shells_close(found):
             continue
@@ -571,11 +565,6 @@ def _without_thin(divided: Pieces, first_new: int) -> Pieces:
     return replace(divided, faces=faces, cap_faces=caps)
 
 
-def _moved(attempt: int) -> float:
-    """Return the share of the pitch that levels move by, up and down in turn."""
-    return _SHARE * ((attempt + 1) // 2) * (1 if attempt % 2 else -1)
-
-
 def _shells_close(divided: Pieces) -> bool:
     """Tell whether each piece has each edge once each way, no face twice, and a volume."""
     if not ((divided.piece >= 0).all() and (divided.piece < divided.count).all()):
@@ -626,9 +615,7 @@ def split(
         The part is open where a level meets it.
     """
     values = np.asarray(levels, dtype=np.float64)
-    if values.ndim != 1 or not (
-        np.isfinite(values).all() and (values > 0).all() and (values < 1).all()
-    ):
+    if values.ndim != 1 or not ((values > 0) & (values < 1)).all():
         raise ArgumentError(f"levels {list(levels)}: every level must be a number between 0 and 1")
     if not (mesh.vertices.astype(np.float32) == mesh.vertices).all():
         raise ArgumentError(

@@ -80,8 +80,7 @@ def snap_distance_mm(bounds_mm: FloatArray) -> float:
     off its plane (at most sqrt(3)/2 of the spacing and of the lattice together), so that a new
     point can coincide only with vertices that count as lying in the plane.
     """
-    largest = np.float32(np.abs(bounds_mm).max())
-    return 2.0 * max(float(np.spacing(largest)), LATTICE_MM)
+    return 2.0 * max(float(np.spacing(np.float32(np.abs(bounds_mm).max()))), LATTICE_MM)
 
 
 def divide(mesh: Mesh, normal: FloatArray, offsets_mm: FloatArray) -> DividedSurface:
@@ -460,8 +459,7 @@ def _side_clashes(
     """
     sides = _sides(faces)
     ranked, turned = np.sort(_key(sides)), _key(sides[:, ::-1])
-    place = np.searchsorted(ranked, turned)
-    inner = np.flatnonzero(ranked.take(place, mode="clip") == turned)
+    inner = np.flatnonzero(ranked.take(np.searchsorted(ranked, turned), mode="clip") == turned)
     clash = np.zeros(len(sides), dtype=np.bool_)
     for surface, own in ((segment[below], sides[inner]), (segment[~below], sides[inner, ::-1])):
         both = np.concatenate([surface, own])
@@ -481,10 +479,7 @@ def _key(sides: NDArray[np.int32]) -> NDArray[np.int64]:
 
 
 def _split_sides(
-    vertices: Float32Array,
-    faces: NDArray[np.int32],
-    level: NDArray[np.int32],
-    sides: NDArray[np.intp],
+    vertices: Float32Array, faces: NDArray[np.int32], level: NDArray[np.int32], sides: IntArray
 ) -> tuple[Float32Array, NDArray[np.int32], NDArray[np.int32]]:
     """Put a new vertex on each side, and divide the triangles on both sides of it.
 
@@ -583,16 +578,14 @@ def caps(
     points = divided.vertices[:, [u, v]].astype(np.float64, order="C")
     corners, starts, loop_plane, astray = _loops(outline, plane, points)
     if astray >= 0:
-        place = place_text(divided.vertices[astray].tolist(), 6)
         raise MeshError(
-            f"the surface is open near {place}: the outline of a cut ends there; "
-            "repair the mesh so that every edge has two faces"
+            f"the surface is open near {place_text(divided.vertices[astray].tolist(), 6)}: the "
+            "outline of a cut ends there; repair the mesh so that every edge has two faces"
         )
     order = np.argsort(loop_plane, kind="stable")
     across = np.broadcast_to([u, v], (len(order), 2))
-    cap_faces, owner = triangulate_loops(
-        divided.vertices, corners, starts, order, loop_plane[order], across
-    )
+    chosen = (order, loop_plane[order], across)
+    cap_faces, owner = triangulate_loops(divided.vertices, corners, starts, *chosen)
     proper = ~repeats_index(cap_faces)
     cap_faces, cap_level = cap_faces[proper], loop_plane[owner[proper]]
     flip_thin(divided.vertices, cap_faces)

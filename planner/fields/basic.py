@@ -113,8 +113,7 @@ def axis_field(axis: str | Sequence[float] | None, mesh: Mesh) -> AxisField:
 def project(points_mm: FloatArray, direction: Sequence[float]) -> FloatArray:
     """Return n . x of points (n, 3), summed in a fixed order: the same bits on every machine."""
     x, y, z = np.asarray(points_mm, dtype=np.float64).T
-    along: FloatArray = x * direction[0] + y * direction[1] + z * direction[2]
-    return along
+    return np.asarray(x * direction[0] + y * direction[1] + z * direction[2])
 
 
 def unit_direction(axis: str | Sequence[float]) -> tuple[float, float, float]:
@@ -214,6 +213,12 @@ class Ramp:
                 f"a gradient from {self.start:.6g} to {self.stop:.6g} is none: the two must be "
                 "finite and differ; give from= and to="
             )
+
+    @classmethod
+    def over(cls, found: FloatArray, start: float | None, stop: float | None) -> "Ramp":
+        """Return the ramp over all of some values, as far as its ends are not stated."""
+        first = float(found.min()) if start is None else start
+        return cls(first, float(found.max()) if stop is None else stop)
 
     def along(
         self, quantity: Quantity, name: str, says: Mapping[str, object], *, length: bool = True

@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -103,11 +103,10 @@ def _formula_of(node: ast.expr, text: str, depth: int) -> _Formula:
     if depth > _FORMULA_DEEPEST:
         raise ArgumentError(f"expression {text!r}: it is nested deeper than {_FORMULA_DEEPEST}")
     match node:
-        case ast.Constant(value=bool() | str() | bytes() | complex() | None):
+        case ast.Constant(value=bool()):
             pass
         case ast.Constant(value=int() | float() as number) if abs(number) < _LARGEST:
-            constant = float(number)
-            return lambda known: constant
+            return lambda known: float(number)
         case ast.Name(id=name):
             if name in _VARIABLES or name in _CONSTANTS:
                 return lambda known: known[name]
@@ -135,8 +134,6 @@ def _formula_of(node: ast.expr, text: str, depth: int) -> _Formula:
                 )
             each = [_formula_of(argument, text, depth + 1) for argument in arguments]
             return lambda known: function(*(value(known) for value in each))
-        case _:
-            pass
     part = ast.get_source_segment(text.strip().replace("^", "**"), node) or type(node).__name__
     raise ArgumentError(
         f"expression {text!r}: {part!r} may not stand there; numbers, variables, + - * / ** %, "
@@ -148,36 +145,24 @@ def _formula_of(node: ast.expr, text: str, depth: int) -> _Formula:
 # Distances, and regions of space that fields start from or end at.
 
 
-def _point_distance(centre_mm: Point) -> Quantity:
-    """Return the distance from a point as a function of points (n, 3)."""
-
-    def distance(points_mm: FloatArray) -> FloatArray:
-        x, y, z = (points_mm - np.array(centre_mm)).T
-        return np.asarray(np.sqrt(x * x + y * y + z * z))
-
-    return distance
+def _from_point(centre_mm: Point, points_mm: FloatArray) -> FloatArray:
+    """Return the distance of points (n, 3) from a point."""
+    x, y, z = (points_mm - np.array(centre_mm)).T
+    return np.asarray(np.sqrt(x * x + y * y + z * z))
 
 
-def _line_distance(point_mm: Point, direction: Point) -> Quantity:
+def _from_line(point_mm: Point, direction: Point, points_mm: FloatArray) -> FloatArray:
     """Return the distance from a line by a point and its unit direction."""
-
-    def distance(points_mm: FloatArray) -> FloatArray:
-        x, y, z = (points_mm - np.array(point_mm)).T
-        a, b, c = direction
-        p, q, r = y * c - z * b, z * a - x * c, x * b - y * a
-        return np.asarray(np.sqrt(p * p + q * q + r * r))
-
-    return distance
+    x, y, z = (points_mm - np.array(point_mm)).T
+    a, b, c = direction
+    p, q, r = y * c - z * b, z * a - x * c, x * b - y * a
+    return np.asarray(np.sqrt(p * p + q * q + r * r))
 
 
-def _surface_distance(tree: TriangleTree, *, depth: bool = False) -> Quantity:
+def _from_surface(tree: TriangleTree, depth: bool, points_mm: FloatArray) -> FloatArray:
     """Return the exact distance from a surface; with `depth` positive inside, negative outside."""
-
-    def distance(points_mm: FloatArray) -> FloatArray:
-        found, outside = distances(tree, points_mm)
-        return np.where(outside, -found, found) if depth else found
-
-    return distance
+    found, outside = distances(tree, points_mm)
+    return np.where(outside, -found, found) if depth else found
 
 
 def _box_region(low_mm: Point, high_mm: Point) -> FieldRegion:
@@ -210,9 +195,8 @@ def _half_space(point_mm: Point, normal: Point) -> FieldRegion:
 def _inside_mesh(mesh: Mesh, file: str, sha256: str) -> FieldRegion:
     """Return what lies inside a closed mesh."""
     tree = triangle_tree(mesh)
-    return FieldRegion(
-        lambda points_mm: ~distances(tree, points_mm)[1], {"file": file, "sha256": sha256}
-    )
+    says = {"file": file, "sha256": sha256}
+    return FieldRegion(lambda points_mm: ~distances(tree, points_mm)[1], says)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -478,11 +462,9 @@ class Setting:
 def _ramp(given: FieldArguments, setting: Setting, quantity: Quantity) -> Ramp:
     """Return where the gradient starts and ends: over all of the part if not said."""
     start, stop = given.number("from"), given.number("to")
-    if start is None or stop is None:
-        found = quantity(setting.samples_mm)
-        start = float(found.min()) if start is None else start
-        stop = float(found.max()) if stop is None else stop
-    return Ramp(start, stop)
+    if start is not None and stop is not None:
+        return Ramp(start, stop)
+    return Ramp.over(quantity(setting.samples_mm), start, stop)
 
 
 def _axis(given: FieldArguments, setting: Setting) -> Field:
@@ -491,15 +473,14 @@ def _axis(given: FieldArguments, setting: Setting) -> Field:
 
 
 def _radial(given: FieldArguments, setting: Setting) -> Field:
-    says: dict[str, object]
     if given.only("point", "line") == "line":
         point, direction = given.line("line")
-        quantity = _line_distance(point, direction)
+        quantity = partial(_from_line, point, direction)
         says = {"point_mm": list(point), "direction": list(direction)}
     else:
         middle = as_point(setting.mesh.bounds_mm.mean(axis=0))
         centre = given.point("point") if "point" in given.named else middle
-        quantity, says = _point_distance(centre), {"centre_mm": list(centre)}
+        quantity, says = partial(_from_point, centre), {"centre_mm": list(centre)}
     return _ramp(given, setting, quantity).along(quantity, "radial", says)
 
 
@@ -537,7 +518,7 @@ def _distance(given: FieldArguments, setting: Setting) -> Field:
         file = Path(given.words[0])
         mesh, sha256 = _mesh_in_place(file, setting.origin_mm, closed=False)
         tree, says = triangle_tree(mesh), {"of": file.name, "sha256": sha256}
-    quantity = _surface_distance(tree, depth=depth)
+    quantity = partial(_from_surface, tree, depth)
     return _ramp(given, setting, quantity).along(quantity, "distance", says)
 
 
@@ -568,7 +549,7 @@ def _expression(given: FieldArguments, setting: Setting) -> Field:
         if "r" in used:
             known["r"] = np.sqrt(x * x + y * y)
         if "d" in used:
-            known["d"] = _surface_distance(setting.surface, depth=True)(points_mm)
+            known["d"] = _from_surface(setting.surface, True, points_mm)
         if "u" in used:
             known["u"] = along.values(points_mm)
         with np.errstate(all="ignore"):  # what is not finite is told with its place
@@ -728,8 +709,7 @@ def _parse(text: str, setting: Setting, depth: int) -> Field:
     named = _NAMED.match(text)
     name = named[1] if named else text.split("(")[0].split(":")[0].strip()
     if named is None or name not in _KINDS:
-        known = [*_KINDS, *_RULES]
-        hint = did_you_mean(name, known)
+        hint = did_you_mean(name, [*_KINDS, *_RULES])
         raise ArgumentError(
             f"`field` {text.strip()!r}: there is no field {name!r}; {hint}there are "
             f"{', '.join(_KINDS)}, and {', '.join(_RULES)} of such, as in min(axis: x; axis: y)"
@@ -861,8 +841,7 @@ def _text_of(says: Mapping[str, Any], origin_mm: Point) -> str:
     if of == "faces":
         corners = [c for corner in says["box_mm"] for c in _own(corner, origin_mm)]
         return f"distance: box={_words(corners)}, {ends}"
-    made_of = says.get("file") or says.get("function") or of
-    raise _not_held(name, made_of)
+    raise _not_held(name, says.get("file") or says.get("function") or of)
 
 
 def _region_text(says: Mapping[str, Any], origin_mm: Point) -> str:

@@ -34,16 +34,10 @@ def between_cells(grid: Grid, values: FloatArray) -> Quantity:
 
     def at(points_mm: FloatArray) -> FloatArray:
         found = np.empty(len(points_mm))
-        points = np.require(points_mm, np.float64, ["C", "W"])
-        _interpolate(points, origin, pitch, values, found)
+        _interpolate(np.require(points_mm, np.float64, ["C", "W"]), origin, pitch, values, found)
         return found
 
     return at
-
-
-def _solve_pitch_mm(mesh: Mesh, pitch_mm: float) -> float:
-    """Return the pitch to solve at: that of the shells, or as fine as `_MOST_CELLS` allow."""
-    return max(pitch_mm, math.cbrt(np.ptp(mesh.bounds_mm, axis=0).prod() / _MOST_CELLS))
 
 
 def cells_of(mesh: Mesh, pitch_mm: float) -> tuple[Grid, BoolArray]:
@@ -53,6 +47,12 @@ def cells_of(mesh: Mesh, pitch_mm: float) -> tuple[Grid, BoolArray]:
     """
     grid = grid_for(mesh.bounds_mm, pitch_mm)
     return grid, np.ascontiguousarray(dense(voxelize(mesh, pitch_mm, shortest=1)))
+
+
+def _solved_cells(mesh: Mesh, pitch_mm: float) -> tuple[float, Grid, BoolArray]:
+    """Return a pitch to solve at, the shells' or as fine as `_MOST_CELLS` allow, and the cells."""
+    pitch_mm = max(pitch_mm, math.cbrt(np.ptp(mesh.bounds_mm, axis=0).prod() / _MOST_CELLS))
+    return pitch_mm, *cells_of(mesh, pitch_mm)
 
 
 def _reached_cells(inside: BoolArray, seeds: BoolArray) -> tuple[BoolArray, IntArray | None]:
@@ -72,8 +72,7 @@ def _reached_cells(inside: BoolArray, seeds: BoolArray) -> tuple[BoolArray, IntA
     known = np.zeros(bodies + 1, dtype=np.bool_)
     known[body[seeds]] = True
     known[0] = False
-    size[known] = 0
-    size[0] = 0
+    size[known], size[0] = 0, 0
     worst = int(np.argmax(size))
     if size[worst] > _CRUMB * np.count_nonzero(inside):
         return inside, np.argwhere(body == worst)[0]
@@ -142,11 +141,7 @@ _PRECISION = 1e-7  # of the field's range, root mean square of the residual
 
 
 def harmonic_field(
-    mesh: Mesh,
-    start: FieldRegion,
-    end: FieldRegion,
-    pitch_mm: float,
-    origin_mm: Point = (0.0, 0.0, 0.0),
+    mesh: Mesh, start: FieldRegion, end: FieldRegion, pitch_mm: float, origin_mm: Point
 ) -> FunctionField:
     """Solve Laplace's equation in a part: 0 in one region, 1 in another.
 
@@ -161,8 +156,7 @@ def harmonic_field(
         A region that holds no cell of the part, regions that share one, or a body of the part
         that has none of either.
     """
-    pitch_mm = _solve_pitch_mm(mesh, pitch_mm)
-    grid, inside = cells_of(mesh, pitch_mm)
+    pitch_mm, grid, inside = _solved_cells(mesh, pitch_mm)
     index = np.argwhere(inside)
     centres = grid.centre_mm(index)
     first, second = start.holds(centres), end.holds(centres)
@@ -210,9 +204,8 @@ def _solve_laplace(inside: BoolArray, fixed: FloatArray) -> FloatArray:
     fixed
         Given values, NaN elsewhere.
     """
-    guess = np.full(inside.shape, 0.5)
-    if np.count_nonzero(inside) > _COARSEST:
-        guess = _from_coarser(inside, fixed)
+    many = np.count_nonzero(inside) > _COARSEST
+    guess = _from_coarser(inside, fixed) if many else np.full(inside.shape, 0.5)
     number = np.full(inside.shape, -1, dtype=np.int32)
     index = np.flatnonzero(inside)
     number.reshape(-1)[index] = np.arange(len(index), dtype=np.int32)
@@ -240,10 +233,7 @@ def _from_coarser(inside: BoolArray, fixed: FloatArray) -> FloatArray:
     any_inside: BoolArray = np.asarray(np.pad(inside, room).reshape(blocks).any(axis=(1, 3, 5)))
     known = np.pad(np.isfinite(fixed), room).reshape(blocks).sum(axis=(1, 3, 5))
     total = np.pad(np.nan_to_num(fixed), room).reshape(blocks).sum(axis=(1, 3, 5))
-    with np.errstate(invalid="ignore"):
-        coarse = _solve_laplace(
-            any_inside, np.where(known > 0, total / np.maximum(known, 1), np.nan)
-        )
+    coarse = _solve_laplace(any_inside, np.where(known > 0, total / np.maximum(known, 1), np.nan))
     _spread_values(coarse, any_inside, 1)
     from scipy import ndimage
 
@@ -338,8 +328,7 @@ def geodesic_field(
     ArgumentError
         The region holds nothing of the part, or a body of the part cannot be reached from it.
     """
-    pitch_mm = _solve_pitch_mm(mesh, pitch_mm)
-    grid, inside = cells_of(mesh, pitch_mm)
+    pitch_mm, grid, inside = _solved_cells(mesh, pitch_mm)
     index = np.argwhere(inside)
     held = start.holds(grid.centre_mm(index))
     if not held.any():
@@ -359,12 +348,9 @@ def geodesic_field(
         )
     length = np.full(tuple(n + 2 for n in inside.shape), np.inf)  # a border saves all tests
     length[tuple((index[held] + 1).T)] = 0.0
-    blocked = np.pad(~reached, 1, constant_values=True)
-    _sweep(length, blocked, pitch_mm)
+    _sweep(length, np.pad(~reached, 1, constant_values=True), pitch_mm)
     cells = length[1:-1, 1:-1, 1:-1].copy()
-    ramp = Ramp(
-        0.0 if from_mm is None else from_mm, float(cells[reached].max()) if to_mm is None else to_mm
-    )
+    ramp = Ramp.over(cells[reached], 0.0 if from_mm is None else from_mm, to_mm)
     _spread_values(cells, reached)
     says = {"start": dict(start.says), "cells_mm": pitch_mm}
     return ramp.along(between_cells(grid, cells), "geodesic", says)
@@ -446,6 +432,5 @@ def points_field(
         weight /= weight.sum(axis=1, keepdims=True)
         return np.asarray((weight * mean[which]).sum(axis=1))
 
-    start = float(mean.min()) if start is None else start
-    stop = float(mean.max()) if stop is None else stop
-    return Ramp(start, stop).along(at, "points", {"file": file, "sha256": sha256}, length=False)
+    says = {"file": file, "sha256": sha256}
+    return Ramp.over(mean, start, stop).along(at, "points", says, length=False)

@@ -187,10 +187,8 @@ def _region_problems(plan: Plan, whole_mm3: float) -> Iterator[str]:
         yield "plan.json: it has no regions"
         return
     total = sum(region.volume_mm3 for region in plan.regions)
-    if not any(
-        math.isclose(total, volume_mm3, rel_tol=_VOLUME_ERROR)
-        for volume_mm3 in (plan.part.volume_mm3, whole_mm3)
-    ):
+    wholes = (plan.part.volume_mm3, whole_mm3)
+    if not any(math.isclose(total, whole, rel_tol=_VOLUME_ERROR) for whole in wholes):
         yield (
             f"plan.json: its regions have {total:.9g} mm3 in all, the part "
             f"{plan.part.volume_mm3:.9g} mm3"
@@ -199,9 +197,8 @@ def _region_problems(plan: Plan, whole_mm3: float) -> Iterator[str]:
         together = before.field == after.field and _dealt(before) and _dealt(after)
         if before.field[1] > after.field[0] + 1e-9 and not together:
             yield f"plan.json: region {after.index} begins before region {before.index} ends"
-    low, high = _union([region.bounds_mm for region in plan.regions])
-    shift = np.array(plan.part.translation_mm)
-    if not _near((low, high), np.array(plan.part.bounds_mm) + shift):
+    whole_mm = np.add(plan.part.bounds_mm, plan.part.translation_mm)
+    if not _near(_union([region.bounds_mm for region in plan.regions]), whole_mm):
         yield "plan.json: its regions do not fill the part's bounds"
 
 
@@ -241,8 +238,7 @@ def _threemf_problems(root: Path, plan: Plan, shells: Mapping[str, Triangles]) -
     except PlannerError as error:
         yield str(error)
         return
-    for remark in model.remarks:
-        yield f"{path.name}: {remark}"
+    yield from (f"{path.name}: {remark}" for remark in model.remarks)
     # One mesh of all materials, as PrusaSlicer takes it, tells shells by their material alone.
     stems = {str(region.printed): Path(region.file).stem for region in plan.regions}
     objects = {
@@ -255,8 +251,7 @@ def _threemf_problems(root: Path, plan: Plan, shells: Mapping[str, Triangles]) -
             yield f"{path.name}: it has no object {Path(file).stem}"
         else:
             yield from _object_problems(path.name, item, shell, _of(plan, file))
-    for name in objects:
-        yield f"{path.name}: object {name} has no STL"
+    yield from (f"{path.name}: object {name} has no STL" for name in objects)
 
 
 def _object_problems(
@@ -288,10 +283,8 @@ def _union(boxes: Sequence[tuple[Point, Point]]) -> FloatArray:
     return np.stack([corners[:, 0].min(axis=0), corners[:, 1].max(axis=0)])
 
 
-def _near(box: object, other: object) -> bool:
-    return bool(
-        np.allclose(np.array(box), np.array(other), rtol=_PLACE_ERROR, atol=_PLACE_ERROR_MM)
-    )
+def _near(box: FloatArray, other: FloatArray) -> bool:
+    return np.allclose(box, other, rtol=_PLACE_ERROR, atol=_PLACE_ERROR_MM)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -397,10 +390,9 @@ def check(
         except FileError as error:
             problems.append(str(error))
     progress("verifying the shells")
-    checks = {"files_altered": Check(altered, 0, altered == 0)}
     verified, disagreements = plan_checks(plan, list(shells), join_shells(shells.values()))
-    checks |= verified
-    if "shells_unsound" not in verified:
+    checks = {"files_altered": Check(altered, 0, altered == 0), **verified}
+    if "shells_unsound" not in checks:
         problems.append("there is no shell that can be verified")
     progress("comparing the 3MF")
     mismatches = list(_threemf_problems(root, plan, shells))
@@ -431,8 +423,7 @@ def _misplaced(root: Path, plan: Plan) -> Iterator[str]:
 
 
 def _reported(plan: Plan) -> Iterator[str]:
-    for finding in plan.findings:
-        yield finding.message
+    yield from (finding.message for finding in plan.findings)
     for missed in plan.unreachable:
         low, high = missed.target_modulus_MPa
         yield f"target {low:.3g} .. {high:.3g} MPa is out of reach of {missed.nearest}"
@@ -522,10 +513,9 @@ def _compare(before: Plan, after: Plan, tolerance: float) -> Iterator[Difference
     for what, a, b in pairs:
         if not _equal(a, b, tolerance):
             yield Difference(what, "plan", _text(a), _text(b))
-    if before.palette.name == after.palette.name and before.palette.sha256 != after.palette.sha256:
-        yield Difference(
-            "palette content", "plan", before.palette.sha256[:12], after.palette.sha256[:12]
-        )
+    hashes = before.palette.sha256, after.palette.sha256
+    if before.palette.name == after.palette.name and hashes[0] != hashes[1]:
+        yield Difference("palette content", "plan", *(each[:12] for each in hashes))
     yield from _compare_materials(before, after, tolerance)
     yield from _compare_regions(before, after, tolerance)
     for name in sorted({*before.checks, *after.checks}):
@@ -536,10 +526,9 @@ def _compare(before: Plan, after: Plan, tolerance: float) -> Iterator[Difference
     b_found = sorted(found.message for found in after.findings)
     if a_found != b_found:
         yield Difference("findings", "plan", str(len(a_found)), str(len(b_found)))
-    if not _equal(_targets(before), _targets(after), tolerance):
-        yield Difference(
-            "unreachable targets", "plan", _text(_targets(before)), _text(_targets(after))
-        )
+    a, b = _targets(before), _targets(after)
+    if not _equal(a, b, tolerance):
+        yield Difference("unreachable targets", "plan", _text(a), _text(b))
 
 
 def _compare_materials(before: Plan, after: Plan, tolerance: float) -> Iterator[Difference]:

@@ -114,8 +114,7 @@ def own_volumes(label: NDArray[np.int16]) -> Float32Array:
         What each cell belongs to; -1 where there is none, which counts as its neighbours' own.
     """
     found = np.zeros(tuple(n + 2 for n in label.shape), dtype=np.float32)
-    padded = np.pad(label, 1, constant_values=-1)
-    _spread(padded, TETRAHEDRA, _SHARE, found)
+    _spread(np.pad(label, 1, constant_values=-1), TETRAHEDRA, _SHARE, found)
     return found[1:-1, 1:-1, 1:-1]
 
 
@@ -311,8 +310,7 @@ def count_cells(mesh: Mesh, dealt: DitherField) -> CellCounts:
     inside = _inside(mesh, first, cell_mm, shape)
     used = np.flatnonzero(inside)
     stretch, piece = np.empty((2, len(used)), dtype=np.int64)
-    fraction = np.empty(len(used))
-    centre = np.empty((len(used), 3))
+    fraction, centre = np.empty(len(used)), np.empty((len(used), 3))
     for begin in range(0, len(used), _CHUNK):
         own = slice(begin, begin + _CHUNK)
         index = np.stack(np.unravel_index(used[own], shape), axis=1)
@@ -331,12 +329,9 @@ def count_cells(mesh: Mesh, dealt: DitherField) -> CellCounts:
     cells = np.asarray(np.bincount(stretch, weights=share, minlength=stretches), np.float64)
     wanted = np.bincount(stretch, weights=share * fraction, minlength=stretches)
     volumes = np.bincount(key, weights=volume, minlength=stretches * pieces)
-    return CellCounts(
-        np.asarray(volumes, np.float64).reshape(stretches, pieces),
-        bounds.reshape(stretches, pieces, 2, 3),
-        cells,
-        np.divide(wanted, cells, out=np.full(stretches, np.nan), where=cells > 0.0),
-    )
+    volume_mm3 = np.asarray(volumes, np.float64).reshape(stretches, pieces)
+    mean = np.divide(wanted, cells, out=np.full(stretches, np.nan), where=cells > 0.0)
+    return CellCounts(volume_mm3, bounds.reshape(stretches, pieces, 2, 3), cells, mean)
 
 
 def _inside(mesh: Mesh, first: FloatArray, cell_mm: float, shape: tuple[int, ...]) -> FloatArray:
@@ -404,12 +399,10 @@ def estimate_triangles(mesh: Mesh, dealt: DitherField) -> tuple[float, float]:
     count, drawn = 0, 0.0
     grid = grid_for(mesh.bounds_mm, pitch_mm)
     for columns in iterate_columns(mesh, grid):
-        index = np.argwhere(dense(columns)).astype(np.float64)
-        index[:, 1] += columns.first_row
-        points_mm = np.array(grid.origin_mm) + (index + 0.5) * pitch_mm
-        share = table.dealt_for(dealt.wanted(points_mm)[1])
+        index = np.argwhere(dense(columns)) + np.array([0, columns.first_row, 0])
+        share = table.dealt_for(dealt.wanted(grid.centre_mm(index))[1])
         drawn += float(np.interp(share, table.dealt, table.triangles_per_cell).sum())
-        count += len(points_mm)
+        count += len(index)
     if count == 0:  # walls thinner than the sample's pitch
         drawn, count = float(table.triangles_per_cell.max()), 1
     drawn /= count
@@ -537,8 +530,7 @@ class CellDesign:
                     f"{100 * share.wanted:.1f} % is wanted: the gradient is too steep for cells of "
                     f"{self.dealt.cell_mm:g} mm; {cure} or a gentler profile"
                 )
-                found = Finding("cell", message, upper, size_mm=self.dealt.cell_mm)
-                findings.append(found)
+                findings.append(Finding("cell", message, upper, size_mm=self.dealt.cell_mm))
         return {"volume_fraction_error": Check(worst, 1.0, worst <= 1.0)}, tuple(findings)
 
     def _volumes_mm3(self, pieces: Pieces) -> FloatArray:

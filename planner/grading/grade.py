@@ -12,14 +12,7 @@ from numpy.typing import NDArray
 
 from planner import __version__
 from planner.cutting.grid import default_pitch_mm
-from planner.errors import (
-    ArgumentError,
-    Caution,
-    ThinBandError,
-    as_number,
-    did_you_mean,
-    positive,
-)
+from planner.errors import ArgumentError, Caution, ThinBandError, as_number, did_you_mean, positive
 from planner.fields.basic import Field, PlanarField, axis_field
 from planner.fields.parse import Setting, TableFile, build_field
 from planner.formats.files import SIGNIFICANT_DIGITS
@@ -261,9 +254,8 @@ def grade(
     scale = stiffness_scale(palette_of(wish.palette, machine), wish.at_strain)
     target, start, end = targets_of(wish, scale)
     limit = _tolerated_ratio(as_number(tolerance, "`tolerance`"))
-    farthest_mm = snap_limit_mm(
-        None if snap_mm is None else as_number(snap_mm, "`snap_mm`"), machine
-    )
+    stated_mm = None if snap_mm is None else as_number(snap_mm, "`snap_mm`")
+    farthest_mm = snap_limit_mm(stated_mm, machine)
 
     progress("reading the part")
     source = open_part(
@@ -304,9 +296,8 @@ def grade(
         moved=bool(moved) and by[0] == "nearest",
     )  # fmt: skip
     followed = () if earlier is None else earlier.remarks(source.sha256)
-    unsure: tuple[str, ...] = ()
-    if any(what.material is None for what in design.printed):
-        unsure = (_UNCALIBRATED.format(printer=machine.title),)
+    mixed = any(what.material is None for what in design.printed)
+    unsure = (_UNCALIBRATED.format(printer=machine.title),) if mixed else ()
     described = dict(along.description())
     if not isinstance(along, PlanarField):
         described["pitch_mm"] = pitch_mm
@@ -328,11 +319,7 @@ def grade(
             None if earlier is None else earlier.says,
             {"limit_mm": farthest_mm, "moved": moved} if moved else None,
         ),
-        stiffness=Stiffness(
-            "secant-nominal",
-            scale.at_strain,
-            alternatives=others,
-        ),
+        stiffness=Stiffness("secant-nominal", scale.at_strain, alternatives=others),
         regions=regions,
         checks={"worst_stiffness_error": stiffness, **printing},
         findings=(*off, *findings),
@@ -421,7 +408,6 @@ def _check_thickness(
 
 def _part_graded(source: Part, translation_mm: Point) -> PartGraded:
     mesh = source.mesh
-    low, high = mesh.bounds_mm
     return PartGraded(
         name=source.name,
         file=source.file,
@@ -429,7 +415,7 @@ def _part_graded(source: Part, translation_mm: Point) -> PartGraded:
         unit=source.unit,
         volume_mm3=mesh.volume_mm3,
         area_mm2=mesh.area_mm2,
-        bounds_mm=(as_point(low), as_point(high)),
+        bounds_mm=(as_point(mesh.bounds_mm[0]), as_point(mesh.bounds_mm[1])),
         triangles=len(mesh.faces),
         translation_mm=translation_mm,
         repairs=source.repairs,
@@ -529,10 +515,8 @@ def _stiffness_check(
     worst = max(regions, key=_region_error)
     ratio, moduli = _region_error(worst), scale.moduli_MPa
     between = [s for s in blend_segments(target, moduli) if s.lower < s.upper]
-    cells = max(
-        (1.0 / (1.0 - TwoPhases(moduli[s.lower], moduli[s.upper]).dither_error) for s in between),
-        default=1.0,
-    )
+    shares = (TwoPhases(moduli[s.lower], moduli[s.upper]).dither_error for s in between)
+    cells = max((1.0 / (1.0 - share) for share in shares), default=1.0)
     option = "without --bands" if equal_bands else "with --snap 0" if moved else ""
     nearest = {option: _of_nearest(target, scale)} if option else {}
     found = {**nearest, "with --blend dither": cells}
@@ -542,12 +526,11 @@ def _stiffness_check(
         return check, (), others
     low, high = worst.target_modulus_MPa
     better = [f"{option} it is {error_text(error)}" for option, error in others.items()]
-    cures = [*better, f"--tolerance {_rounded_up(ratio):g} accepts it"]
     message = (
         f"{worst.printed}: {worst.modulus_MPa:.3g} MPa where {low:.3g} .. {high:.3g} MPa is "
         f"wanted, at field {worst.field[0]:.3f} .. {worst.field[1]:.3f}: the stiffness is off by "
         f"up to {error_text(ratio)}, more than the tolerance, {error_text(limit)}; "
-        + "; ".join(cures)
+        + "; ".join([*better, f"--tolerance {_rounded_up(ratio):g} accepts it"])
     )
     return check, (Finding("stiffness", message, worst.material),), others
 

@@ -92,19 +92,17 @@ def _beneath_mm3(placed: Mesh) -> float:
     columns = voxelize(placed, float(np.ptp(placed.bounds_mm, axis=0).max()) / _COLUMNS_ACROSS)
     filled = np.flatnonzero(np.diff(columns.offsets))
     roofs = columns.stop[columns.offsets[filled + 1] - 1]
-    open_voxels = int(roofs.sum(dtype=np.int64)) - columns.voxels
-    return open_voxels * columns.grid.voxel_mm3
+    return (int(roofs.sum(dtype=np.int64)) - columns.voxels) * columns.grid.voxel_mm3
 
 
 def _conditions(scale: StiffnessScale) -> str:
     """Say how the palette's materials were measured."""
     reference = scale.palette.reference
-    soaked = "after {:g} h in water" if reference.soak_h else "without soaking"
     stated = (
         ("at {:g} degC", reference.temperature_C),
         ("at a strain rate of {:g} per s", reference.strain_rate_per_s),
         ("{:g} days after printing", reference.age_days),
-        (soaked, reference.soak_h),
+        ("after {:g} h in water" if reference.soak_h else "without soaking", reference.soak_h),
         ("with the gauge along {} of the tray", reference.orientation),
     )
     said = ", ".join(text.format(value) for text, value in stated if value is not None)
@@ -170,9 +168,7 @@ def _coupon_mesh() -> tuple[Float32Array, IntArray]:
     n = len(x)
     across = np.stack([-half, half], axis=1)[:, :, None] + _GRIP_WIDTH / 2
     corners = np.empty((n, 2, 2, 3))  # station, side, bottom and top
-    corners[..., 0] = x[:, None, None]
-    corners[..., 1] = across
-    corners[..., 2] = [0.0, _THICKNESS]
+    corners[..., 0], corners[..., 1], corners[..., 2] = x[:, None, None], across, [0.0, _THICKNESS]
     # The four corners of a station, counter-clockwise as seen from its end.
     ring = np.array([0, 2, 3, 1])
     at = 4 * np.arange(n - 1)[:, None]
@@ -199,10 +195,7 @@ def _outline() -> tuple[FloatArray, FloatArray]:
     bend = math.atan2(y_outer - y_inner, x_outer - x_inner)  # where the arcs touch
     up = np.linspace(-math.pi / 2, bend, _ARC_STEPS)
     over = np.linspace(bend + math.pi, math.pi / 2, _ARC_STEPS)[1:]
-    arcs = (
-        (x_inner, y_inner, _INNER_RADIUS, up),
-        (x_outer, y_outer, _OUTER_RADIUS, over),
-    )
+    arcs = ((x_inner, y_inner, _INNER_RADIUS, up), (x_outer, y_outer, _OUTER_RADIUS, over))
     x = np.concatenate([*(at + r * np.cos(turn) for at, _, r, turn in arcs), [_LENGTH / 2]])
     half = np.concatenate([*(y + r * np.sin(turn) for _, y, r, turn in arcs), [_GRIP_WIDTH / 2]])
     return np.concatenate([-x[::-1], x]) + _LENGTH / 2, np.concatenate([half[::-1], half])

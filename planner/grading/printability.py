@@ -103,17 +103,12 @@ def small_bodies(mesh: Mesh, limit_mm: float, least_mm: float) -> Fragments:
     `least_mm` in all directions are not counted: a printer does not see them.
     """
     corners = mesh.faces.T
-    body = connected(
-        len(mesh.vertices),
-        np.concatenate([corners[0], corners[1]]),
-        np.concatenate([corners[1], corners[2]]),
-    )
-    number = body[corners[0]]
-    used, number = np.unique(number, return_inverse=True)
+    body = connected(len(mesh.vertices), corners[:2].ravel(), corners[1:].ravel())
+    used, number = np.unique(body[corners[0]], return_inverse=True)
     if len(used) < 2 and mesh.volume_mm3 >= limit_mm**3:
         return Fragments(np.empty((0, 2, 3)))
     found = measure(mesh.vertices, mesh.faces, number.astype(np.int32), len(used))
-    extent = found.bounds_mm[:, 1] - found.bounds_mm[:, 0]
+    extent = np.ptp(found.bounds_mm, axis=1)
     small = (found.volume_mm3 < limit_mm**3) | (extent < limit_mm).all(axis=1)
     small &= found.volume_mm3 > 0.0
     boxes = found.bounds_mm[small]
@@ -121,10 +116,9 @@ def small_bodies(mesh: Mesh, limit_mm: float, least_mm: float) -> Fragments:
     if not len(members):
         return Fragments(boxes)
     largest = members[np.argmax(found.volume_mm3[members])]
-    place_mm, volume_mm3 = found.bounds_mm[largest].mean(axis=0), float(found.volume_mm3[largest])
-    total_mm3 = float(found.volume_mm3[members].sum())
-    size_mm = as_point(extent[largest])
-    return Fragments(boxes, len(members), as_point(place_mm), size_mm, volume_mm3, total_mm3)
+    place_mm, size_mm = as_point(found.bounds_mm[largest].mean(axis=0)), as_point(extent[largest])
+    volumes = float(found.volume_mm3[largest]), float(found.volume_mm3[members].sum())
+    return Fragments(boxes, len(members), place_mm, size_mm, *volumes)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -200,8 +194,7 @@ def _or_larger(place: ThinPlace, limit_mm: float, what: str) -> str:
 
 
 def _at(place: ThinPlace, part: CutPart) -> str:
-    where = _place(part.drawn_mm(place.place_mm))
-    return f" at {where} mm over {_size(place.extent_mm)} mm"
+    return f" at {_place(part.drawn_mm(place.place_mm))} mm over {_size(place.extent_mm)} mm"
 
 
 def _place(place_mm: Sequence[float]) -> str:
@@ -343,8 +336,7 @@ def _band_thicknesses(part: CutPart) -> tuple[BandThickness, ...]:
     left out.
     """
     found = []
-    corners = part.pieces.vertices.T
-    longest_mm = float(np.linalg.norm([np.ptp(corners[axis]) for axis in range(3)]))
+    longest_mm = float(np.linalg.norm(np.ptp(part.pieces.vertices, axis=0)))
     for _, group in itertools.groupby(range(len(part.names)), key=part.names.__getitem__):
         own = list(group)
         if own[0] == 0 or own[-1] == len(part.names) - 1:
@@ -358,16 +350,15 @@ def _band_thicknesses(part: CutPart) -> tuple[BandThickness, ...]:
 def _measured(part: CutPart, first: int, last: int, longest_mm: float) -> BandThickness | None:
     pieces, field, levels = part.pieces, part.field, part.levels
     low, high = float(levels[first - 1]), float(levels[last])
-    at, way, area, target = [], [], [], []
+    sides: list[tuple[FloatArray, ...]] = []
     for level, sign, end in ((first - 1, 1.0, high), (last, -1.0, low)):
         members = np.flatnonzero(pieces.cap_level == level)
         _, corners, normal, length = _some_caps(pieces, members, _THICKNESS_SAMPLES)
-        flat = ~(length > 0.0)
-        at.append(corners.mean(axis=1)[~flat])
-        way.append(sign * (normal / np.where(flat, 1.0, length)[:, None])[~flat])
-        area.append(0.5 * length[~flat])
-        target.append(np.full(int((~flat).sum()), end))
-    start, towards, goal = np.concatenate(at), np.concatenate(way), np.concatenate(target)
+        solid = length > 0.0
+        middle, length = corners.mean(axis=1)[solid], length[solid]
+        way = sign * (normal[solid] / length[:, None])
+        sides.append((middle, way, 0.5 * length, np.full(len(length), end)))
+    start, towards, area, goal = (np.concatenate(both) for both in zip(*sides, strict=True))
     if not len(start):
         return None
     own = np.where(goal == high, low, high)
@@ -385,7 +376,7 @@ def _measured(part: CutPart, first: int, last: int, longest_mm: float) -> BandTh
         return None
     middle = start + 0.5 * reached[:, None] * towards
     thickness = reached * (goal - own) / np.where(good, goal - begin, 1.0)
-    return BandThickness(first, last, thickness[good], np.concatenate(area)[good], middle[good])
+    return BandThickness(first, last, thickness[good], area[good], middle[good])
 
 
 # ------------------------------------------------------------------------------------------------
@@ -461,12 +452,8 @@ def _too_large(extent_mm: FloatArray, machine: Printer) -> Finding:
     tray = " x ".join(f"{length:g}" for length in machine.tray_mm)
     turned = fits_turned(extent_mm, machine.tray_mm)
     cure = "turn it to fit" if turned else "scale or divide the part, or check its unit"
-    return Finding(
-        kind="tray",
-        message=f"the part is {size} mm, larger than the tray of {machine.title}, {tray} mm; "
-        f"{cure}",
-        size_mm=float(extent_mm.max()),
-    )
+    message = f"the part is {size} mm, larger than the tray of {machine.title}, {tray} mm; {cure}"
+    return Finding("tray", message, size_mm=float(extent_mm.max()))
 
 
 def _walls(part: CutPart, machine: Printer, findings: list[Finding]) -> dict[str, Check]:
@@ -481,14 +468,12 @@ def _walls(part: CutPart, machine: Printer, findings: list[Finding]) -> dict[str
     if loose.count:
         findings.append(_fragments_finding(loose, None, part, limit_mm))
         unlisted += loose.count
-    volumes = part.pieces.volumes_mm3
     count, thicknesses, thick = len(walls) + unlisted, list[float](), True
     measured = _band_thicknesses(part) if part.shells else ()
     for shell in part.shells:
         own = [band for band in measured if part.names[band.first] == shell.material]
-        pieces = [
-            v for v, n in zip(volumes, part.names, strict=True) if n == shell.material and v > 0
-        ]
+        named = zip(part.pieces.volumes_mm3, part.names, strict=True)
+        pieces = [v for v, name in named if name == shell.material and v > 0]
         least_mm3 = _LEAST * float(min(pieces, default=0.0))
         found, number, thinnest = _layers(part, shell, own, machine, bool(walls), least_mm3)
         findings += found
@@ -499,9 +484,8 @@ def _walls(part: CutPart, machine: Printer, findings: list[Finding]) -> dict[str
     if thicknesses:
         checks["thinnest_band_mm"] = Check(min(thicknesses), limit_mm, thick)
     gaps, unlisted = thin_space_places(part.mesh, limit_mm, listed=_LISTED)
-    findings += [
-        _gap_finding(gap, part, limit_mm, more) for gap, more in _with_rest(gaps, unlisted)
-    ]
+    told = _with_rest(gaps, unlisted)
+    findings += [_gap_finding(gap, part, limit_mm, more) for gap, more in told]
     return checks | {"gaps_too_narrow": Check(len(gaps) + unlisted, 0, not gaps)}
 
 
@@ -530,23 +514,18 @@ def _layers(
     places, unlisted = [place for _, place in thin if place is not None], 0
     told = {n for band, place in thin if place for n in range(band.first, band.last + 1)}
     if not {n for n, name in enumerate(part.names) if name == shell.material} <= told:
+        passed_mm = _PASSED * limit_mm
         drawn, unlisted = thin_solid_places(
-            solid,
-            limit_mm,
-            listed=_LISTED,
-            widest_passed_mm=_PASSED * limit_mm,
-            least_mm3=least_mm3,
+            solid, limit_mm, listed=_LISTED, widest_passed_mm=passed_mm, least_mm3=least_mm3
         )
-        drawn = [
-            p for p in drawn if not _loose(p, bits) and not (bare and _whole(p, part, limit_mm))
-        ]
+        drawn = [place for place in drawn if not _loose(place, bits)]
+        drawn = [place for place in drawn if not (bare and _whole(place, part, limit_mm))]
         places, unlisted = (drawn, unlisted) if drawn else (places, 0)
     unlisted += max(len(places) - _LISTED, 0)
     places = places[:_LISTED]
-    findings = [
-        _layer_finding(place, shell.material, part, limit_mm, more)
-        for place, more in _with_rest(places, unlisted)
-    ]
+    told_of = _with_rest(places, unlisted)
+    name = shell.material
+    findings = [_layer_finding(place, name, part, limit_mm, more) for place, more in told_of]
     loose = bits.count if bits.total_mm3 >= least_mm3 else 0
     if loose:
         findings.append(_fragments_finding(bits, shell.material, part, limit_mm))
@@ -574,8 +553,7 @@ def _thin_band(band: BandThickness, solid: Mesh, limit_mm: float) -> ThinPlace |
     thin = np.flatnonzero(band.thickness_mm < SOUND * limit_mm)
     thin = thin[thinnest_first(band.thickness_mm[thin])]
     tried = thin[np.unique(np.linspace(0, len(thin) - 1, _TRIED).astype(np.int64))]
-    points = band.middle_mm[tried]
-    centres, room = room_mm(solid, points, 0.25 * limit_mm, limit_mm)
+    centres, room = room_mm(solid, band.middle_mm[tried], 0.25 * limit_mm, limit_mm)
     sure = np.flatnonzero((room > 0.0) & (room < SOUND * limit_mm))
     if 2 * len(sure) <= len(tried):
         return None
@@ -602,8 +580,7 @@ def _voxel_check(part: CutPart, machine: Printer) -> Check:
     grid = grid_for(part.mesh.bounds_mm, voxel.tolist())
     check_reach(part.mesh, grid)
     pieces, counted = part.pieces, np.zeros(part.pieces.count)
-    vertices = pieces.vertices.astype(np.float64)
-    snapped = snap(vertices, grid)
+    snapped = snap(pieces.vertices.astype(np.float64), grid)
     for number in range(pieces.count):
         faces = pieces.shell_faces([number])
         counted[number] = sum(columns.voxels for columns in columns_of(snapped, faces, grid))

@@ -1,5 +1,6 @@
 """A palette's stiffness, the target along a field, and the bands of material that meet it."""
 
+import functools
 import itertools
 import math
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
@@ -20,12 +21,7 @@ from planner.errors import (
 from planner.formats.tables import read_columns
 from planner.glance import brief, counted, html_of, one_line, plotted
 from planner.materials.laws import make_law, secant_modulus_MPa, stability
-from planner.materials.mixtures import (
-    CoefficientModel,
-    left_out_remark,
-    nearest_on,
-    thresholds_of,
-)
+from planner.materials.mixtures import CoefficientModel, left_out_remark, nearest_on, thresholds_of
 from planner.numerics import FloatArray, IntArray
 from planner.palette import SAME_K, Material, Palette
 from planner.printers import Printer, palette_of
@@ -90,10 +86,8 @@ class Profile:
 
     def __post_init__(self) -> None:
         for name in ("positions", "moduli_MPa"):
-            values = tuple(
-                as_number(v, f"profile {self.name}: {name}") for v in getattr(self, name)
-            )
-            object.__setattr__(self, name, values)
+            of = f"profile {self.name}: {name}"
+            object.__setattr__(self, name, tuple(as_number(v, of) for v in getattr(self, name)))
         rising = all(a <= b for a, b in itertools.pairwise(self.positions))
         jumps = any(a == b for a, b in zip(self.positions, self.positions[2:], strict=False))
         if self.shape not in _SHAPES:
@@ -177,12 +171,8 @@ class Profile:
 
     def description(self) -> dict[str, Any]:
         """Return the profile as plan.json holds it."""
-        return {
-            "name": self.name,
-            "shape": self.shape,
-            "positions": list(self.positions),
-            "moduli_MPa": list(self.moduli_MPa),
-        }
+        knots = {"positions": list(self.positions), "moduli_MPa": list(self.moduli_MPa)}
+        return {"name": self.name, "shape": self.shape, **knots}
 
 
 def read_moduli(
@@ -315,7 +305,8 @@ class StiffnessScale:
         if ids is None:
             said += left_out_remark(self.palette)
         said += [
-            f"by {name} {_first_to_last([*by])} are {_from_to([*by.values()])} times as stiff; "
+            f"by {name} {_from_to([*by])} are "
+            f"{_from_to([f'{ratio:.2g}' for ratio in sorted(by.values())])} times as stiff; "
             "intervals hold both, --palette chooses"
             for name, by in readings.items()
         ]
@@ -356,12 +347,8 @@ def _unsound(materials: Sequence[Material]) -> list[str]:
     ]
 
 
-def _first_to_last(ids: Sequence[str]) -> str:
-    return ids[0] if len(ids) == 1 else f"{ids[0]} to {ids[-1]}"
-
-
-def _from_to(values: Sequence[float]) -> str:
-    return " to ".join(dict.fromkeys(f"{value:.2g}" for value in (min(values), max(values))))
+def _from_to(words: Sequence[str]) -> str:
+    return " to ".join(dict.fromkeys((words[0], words[-1])))
 
 
 def known_interval(interval: tuple[float, float]) -> list[float] | None:
@@ -469,10 +456,8 @@ def at_temperature(
         warmed.append(
             replace(material, law=law, modulus_log_sd=wide, readings=readings, uncertainty=None)
         )
-    notes = [
-        f"at {temperature_C:g} degC, of stress at {own_C:g} degC: "
-        + ", ".join(f"{one.id} {np.exp(v):.2g}" for one, v in zip(warmed, log, strict=True))
-    ]
+    told = ", ".join(f"{one.id} {np.exp(v):.2g}" for one, v in zip(warmed, log, strict=True))
+    notes = [f"at {temperature_C:g} degC, of stress at {own_C:g} degC: {told}"]
     if not low.min() - SAME_K <= temperature_C <= high.max() + SAME_K:
         notes.append(
             Caution(
@@ -508,13 +493,8 @@ def stiffness_scale(palette: Palette, at_strain: float) -> StiffnessScale:
     moduli = model.ladder_MPa(at_strain)
     low, high = model.modulus_interval_MPa(model.coordinates, at_strain)
     high = np.maximum(high, moduli)
-    return StiffnessScale(
-        palette=palette,
-        at_strain=at_strain,
-        model=model,
-        moduli_MPa=tuple(float(value) for value in moduli),
-        intervals_MPa=tuple((float(a), float(b)) for a, b in zip(low, high, strict=True)),
-    )
+    intervals = tuple((float(a), float(b)) for a, b in zip(low, high, strict=True))
+    return StiffnessScale(palette, at_strain, model, tuple(moduli.tolist()), intervals)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -561,13 +541,10 @@ def natural_bands(profile: Profile, moduli_MPa: tuple[float, ...]) -> tuple[Band
     moduli_MPa
         Of the catalogue materials, strictly rising.
     """
-    merged: list[Band] = []
-    for stretch in profile.stretches(thresholds_of(moduli_MPa).tolist(), profile.jumps):
-        band = _band(moduli_MPa, *stretch)
-        if merged and merged[-1].grade == band.grade:
-            band = merged.pop().joined(band)
-        merged.append(band)
-    return tuple(merged)
+    cuts = thresholds_of(moduli_MPa).tolist()
+    bands = [_band(moduli_MPa, *stretch) for stretch in profile.stretches(cuts, profile.jumps)]
+    alike = itertools.groupby(bands, key=lambda band: band.grade)
+    return tuple(functools.reduce(Band.joined, group) for _, group in alike)
 
 
 def equal_bands(profile: Profile, moduli_MPa: tuple[float, ...], count: int) -> tuple[Band, ...]:
@@ -576,10 +553,8 @@ def equal_bands(profile: Profile, moduli_MPa: tuple[float, ...], count: int) -> 
     The middle is the geometric mean of the lowest and the highest target in the band, which
     makes the largest log error smallest.
     """
-    edges = [i / count for i in range(count + 1)]
-    return tuple(
-        _band(moduli_MPa, a, b, profile.interval_MPa(a, b)) for a, b in itertools.pairwise(edges)
-    )
+    steps = itertools.pairwise(i / count for i in range(count + 1))
+    return tuple(_band(moduli_MPa, a, b, profile.interval_MPa(a, b)) for a, b in steps)
 
 
 def _band(
@@ -674,12 +649,9 @@ def profile_of(description: Mapping[str, Any]) -> Profile:
         It is not one that planner writes.
     """
     try:
-        return Profile(
-            str(description["name"]),
-            tuple(description["positions"]),
-            tuple(description["moduli_MPa"]),
-            description["shape"],
-        )
+        name = str(description["name"])
+        knots = tuple(description["positions"]), tuple(description["moduli_MPa"])
+        return Profile(name, *knots, description["shape"])
     except (KeyError, TypeError) as error:
         raise FileError(
             f"plan.json: gradient.profile is not one that planner writes ({error!r}); grade the "

@@ -1,8 +1,10 @@
 """What bands are printed in, nearest or blended; as shells and regions."""
 
+import functools
 import hashlib
 import itertools
 import math
+import operator
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -16,13 +18,7 @@ from planner.formats.mesh_file import encode_stl
 from planner.formats.threemf import Constituent, composite_name, mixed_colour
 from planner.glance import in_percent
 from planner.grading.printability import CutPart, print_checks
-from planner.grading.profile import (
-    Band,
-    Profile,
-    StiffnessScale,
-    equal_bands,
-    natural_bands,
-)
+from planner.grading.profile import Band, Profile, StiffnessScale, equal_bands, natural_bands
 from planner.materials.mixtures import TwoPhases
 from planner.mesh.mesh import Mesh, compact
 from planner.numerics import FloatArray, as_point
@@ -142,14 +138,13 @@ def shells_of(
         faces = pieces.shell_faces(np.flatnonzero(names == what.name))
         used, faces = compact(faces, len(pieces.vertices))
         vertices = pieces.vertices[used]
-        file = f"stl/{name}__{len(shells) + 1:02d}_{what.name}.stl"
         header = f"{name} {what.operator_name} unit=mm"
         shells.append(
             Shell(
                 material=what.name,
                 operator_name=what.operator_name,
                 colour=what.colour,
-                file=file,
+                file=f"stl/{name}__{len(shells) + 1:02d}_{what.name}.stl",
                 vertices=vertices,
                 faces=faces,
                 header=header,
@@ -187,9 +182,8 @@ def _resins_of(palette: Palette, machine: Printer, ids: Collection[str]) -> tupl
 
 
 def region_of(
-    band: Band, what: Printed, volume_mm3: float, bounds_mm: FloatArray,
-    shells: Sequence[Shell],
-) -> Region:  # fmt: skip
+    band: Band, what: Printed, volume_mm3: float, bounds_mm: FloatArray, shells: Sequence[Shell]
+) -> Region:
     """Report a band that is printed in one material or mixture.
 
     Its number is that of its shell, from soft to hard, as in the shell's file name.
@@ -243,12 +237,10 @@ def blended(
     less = max(own / low for own, low, _ in ends) * (1.0 + estimate_error)
     more = max(high / own for own, _, high in ends) * (1.0 + estimate_error)
     lower, upper = (scale.palette.materials[k].id for k in pair)
+    interval = modulus_MPa / less, modulus_MPa * more
+    blend = {"kind": kind, "lower": lower, "upper": upper, **says}
     return replace(
-        region,
-        modulus_MPa=modulus_MPa,
-        modulus_interval_MPa=(modulus_MPa / less, modulus_MPa * more),
-        error=error,
-        blend={"kind": kind, "lower": lower, "upper": upper, **says},
+        region, modulus_MPa=modulus_MPa, modulus_interval_MPa=interval, error=error, blend=blend
     )
 
 
@@ -378,10 +370,11 @@ def laminated(
             continue
         edges = np.linspace(stretch.start, stretch.stop, periods + 1).tolist()
         edges[-1] = stretch.stop
-        middle_MPa = math.sqrt(moduli_MPa[stretch.lower] * moduli_MPa[stretch.upper])
+        soft_MPa, hard_MPa = moduli_MPa[stretch.lower], moduli_MPa[stretch.upper]
+        layers, middle_MPa = TwoPhases(soft_MPa, hard_MPa), math.sqrt(soft_MPa * hard_MPa)
         begins_hard, ends_hard = (end > middle_MPa for end in stretch.ends_MPa)
         for start, stop in itertools.pairwise(edges):
-            period = _laminate(profile, stretch, moduli_MPa, start, stop)
+            period = _laminate(profile, stretch, layers, start, stop)
             if not found:
                 hard_first = begins_hard
             elif stretch is along[-1] and stop == stretch.stop:
@@ -399,11 +392,7 @@ def laminated(
 
 
 def _laminate(
-    profile: Profile,
-    stretch: BlendSegment,
-    moduli_MPa: tuple[float, ...],
-    start: float,
-    stop: float,
+    profile: Profile, stretch: BlendSegment, layers: TwoPhases, start: float, stop: float
 ) -> Laminate:
     # Between knots the target is smooth, and Gauss' rule of 8 nodes exact to rounding.
     nodes, weights = np.polynomial.legendre.leggauss(8)
@@ -412,7 +401,6 @@ def _laminate(
     for low, high in itertools.pairwise(knots):
         u = 0.5 * (low + high) + 0.5 * (high - low) * nodes
         compliance += float(0.5 * (high - low) * (weights @ (1.0 / profile.modulus_MPa(u))))
-    layers = TwoPhases(moduli_MPa[stretch.lower], moduli_MPa[stretch.upper])
     share = float(layers.reuss_share(compliance / (stop - start)))
     if not _THINNEST < share * (stop - start) < stop - start - _THINNEST:
         share = float(math.floor(share + 0.5))
@@ -463,20 +451,11 @@ def _mixed_bands(
             )
         bands = equal_bands(profile, scale.moduli_MPa, count)
         moduli = [math.sqrt(band.target_MPa[0] * band.target_MPa[1]) for band in bands]
-    printed = tuple(_mixture(scale, modulus, machine) for modulus in moduli)
-    return _merged(bands, printed)
-
-
-def _merged(
-    bands: Sequence[Band], printed: Sequence[Printed]
-) -> tuple[tuple[Band, ...], tuple[Printed, ...]]:
-    """Join neighbours that come to one mixture, shares being kept to 0.1 %."""
-    kept: list[tuple[Band, Printed]] = []
-    for band, what in zip(bands, printed, strict=True):
-        if kept and kept[-1][1] == what:
-            band = kept.pop()[0].joined(band)
-        kept.append((band, what))
-    return tuple(band for band, _ in kept), tuple(what for _, what in kept)
+    pairs = zip(bands, (_mixture(scale, modulus, machine) for modulus in moduli), strict=True)
+    # Neighbours may come to one mixture, shares being kept to 0.1 %.
+    alike = [list(group) for _, group in itertools.groupby(pairs, key=operator.itemgetter(1))]
+    joined = (functools.reduce(Band.joined, (band for band, _ in group)) for group in alike)
+    return tuple(joined), tuple(group[0][1] for group in alike)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -583,10 +562,10 @@ def band_design(
         laminate = laminated(target, blend_segments(target, moduli), moduli, periods)
         bands, turns = zip(*laminate, strict=True)
         says = {"kind": "bands", "periods": periods}
-    elif count is None:
-        bands = natural_bands(target, moduli)
     else:
-        bands = equal_bands(target, moduli, count)
+        bands = (
+            natural_bands(target, moduli) if count is None else equal_bands(target, moduli, count)
+        )
     printed = tuple(catalogue_material(scale, band.grade, machine) for band in bands)
     return BandDesign(bands, printed, says, turns)
 

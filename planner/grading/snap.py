@@ -88,21 +88,16 @@ class _Alongside:
         stop = np.where(self.ahead[near], levels[:, None], levels[:, None] + reach)
         flat = high - low <= _SAME
         within = np.minimum(high, stop) - np.maximum(low, start)
-        share = np.where(
-            flat,
-            (low > start + _SAME) & (high < stop - _SAME),
-            np.clip(within / np.where(flat, 1.0, high - low), 0.0, 1.0),
-        )
-        return np.asarray(share @ self.area_mm2[near])
+        inner = (low > start + _SAME) & (high < stop - _SAME)
+        share = np.clip(within / np.where(flat, 1.0, high - low), 0.0, 1.0)
+        return np.asarray(np.where(flat, inner, share) @ self.area_mm2[near])
 
 
 def _moved_cuts(
     mesh: Mesh, field: Field, levels: Sequence[float], *, snap_mm: float, machine: Printer
 ) -> list[dict[str, float]]:
     """Return which cuts, at rising values of the field, to move; see `snapped_bands`."""
-    if snap_mm == 0.0 or not len(levels):
-        return []
-    faces = _faces_alongside(mesh, field)
+    faces = _faces_alongside(mesh, field) if snap_mm > 0.0 and len(levels) else None
     if faces is None:
         return []
     limit_mm, moved = machine.minimum_feature_mm, list[dict[str, float]]()
@@ -113,9 +108,8 @@ def _moved_cuts(
         if not len(near):
             break
         per_mm = float(faces.per_mm[int(np.argmin(near / faces.per_mm))])
-        back, forth = (
-            min(snap_mm * per_mm, _NEIGHBOUR * way) for way in (level - before, after - level)
-        )
+        ways = level - before, after - level
+        back, forth = (min(snap_mm * per_mm, _NEIGHBOUR * way) for way in ways)
         places = level + np.where(shares < 0.0, back, forth) * shares
         places = places[np.argsort(np.abs(places - level), kind="stable")]  # the nearest first
         slivers = faces.area_of_slivers_mm2(places, limit_mm)
@@ -201,9 +195,8 @@ def snapped_bands(
     found = []
     for band in bands:
         start, stop = to.get(band.start, band.start), to.get(band.stop, band.stop)
-        held = (
-            max(start, band.start) if band.start in target.jumps else start,
-            min(stop, band.stop) if band.stop in target.jumps else stop,
-        )
-        found.append(replace(band, start=start, stop=stop, target_MPa=target.interval_MPa(*held)))
+        first = max(start, band.start) if band.start in target.jumps else start
+        last = min(stop, band.stop) if band.stop in target.jumps else stop
+        held_MPa = target.interval_MPa(first, last)
+        found.append(replace(band, start=start, stop=stop, target_MPa=held_MPa))
     return tuple(found), moved

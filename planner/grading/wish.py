@@ -194,8 +194,7 @@ def _earlier(like: str | Path | Plan) -> _EarlierPlan:
         raise ArgumentError(
             f"`like` is a {type(like).__name__}; give a planner.Plan, a plan.json or its folder"
         )
-    plan = read_plan(like)
-    return _EarlierPlan(plan, hashlib.sha256(plan_file(like).read_bytes()).hexdigest())
+    return _EarlierPlan(read_plan(like), hashlib.sha256(plan_file(like).read_bytes()).hexdigest())
 
 
 def _blending(gradient: Gradient) -> dict[str, Any]:
@@ -234,9 +233,7 @@ def targets_of(wish: Wish, scale: StiffnessScale) -> tuple[Profile, str | None, 
     """
     profile, palette = wish.profile, scale.palette
     if isinstance(profile, Profile):
-        _, start = _end(wish.start, "from_", scale)
-        _, end = _end(wish.end, "to", scale)
-        return profile, start, end
+        return profile, _end(wish.start, "from_", scale)[1], _end(wish.end, "to", scale)[1]
     if _has_targets(profile):
         if wish.start is not None or wish.end is not None:
             named = f" {profile}" if isinstance(profile, (str, Path)) else ""
@@ -248,11 +245,8 @@ def targets_of(wish: Wish, scale: StiffnessScale) -> tuple[Profile, str | None, 
         if not isinstance(profile, (str, Path)):
             return _listed(profile, scale), None, None
         moduli = {m.id: scale.modulus_of(m.id) for m in palette.materials}
-        return (
-            read_moduli(profile, moduli, lambda called: palette.resolve(called).id),
-            None,
-            None,
-        )
+        target = read_moduli(profile, moduli, lambda called: palette.resolve(called).id)
+        return target, None, None
     if wish.start is None or wish.end is None:
         ids = ", ".join(material.id for material in palette.materials)
         raise ArgumentError(
@@ -287,9 +281,7 @@ def _listed(rows: object, scale: StiffnessScale) -> Profile:
 
 def _has_targets(profile: Wished | None) -> bool:
     """Return whether a profile names its own targets, so that it needs no ends."""
-    if isinstance(profile, str):
-        return profile.casefold().endswith(".csv")
-    return profile is not None
+    return profile.casefold().endswith(".csv") if isinstance(profile, str) else profile is not None
 
 
 def _end(end: End | None, option: str, scale: StiffnessScale) -> tuple[float, str | None]:
@@ -376,12 +368,9 @@ def between(
 def _steps(name: str, moduli_MPa: Sequence[float]) -> Profile:
     """Give each modulus an equal length of the field."""
     edges = [i / len(moduli_MPa) for i in range(len(moduli_MPa) + 1)]
-    return Profile(
-        name,
-        tuple(u for pair in itertools.pairwise(edges) for u in pair),
-        tuple(modulus for modulus in moduli_MPa for _ in range(2)),
-        "log",
-    )
+    positions = tuple(u for pair in itertools.pairwise(edges) for u in pair)
+    twice = tuple(modulus for modulus in moduli_MPa for _ in range(2))
+    return Profile(name, positions, twice, "log")
 
 
 def _grades(start_MPa: float, end_MPa: float, moduli_MPa: Sequence[float]) -> list[float]:

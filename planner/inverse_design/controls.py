@@ -92,18 +92,19 @@ class Controls:
             Length of the field, or 1.
         """
         count = len(even)
-        return cls(
-            lambda points: _splines(along(points)[:, None], (count,), (1,)),
-            np.diff(np.eye(count), 2, axis=0),
-            np.diff(np.eye(count), axis=0) * (count - 1) / span_mm,
-            even,
-        )
+        bends = np.diff(np.eye(count), 2, axis=0)
+        slopes = np.diff(np.eye(count), axis=0) * (count - 1) / span_mm
+
+        def basis(points_mm: FloatArray) -> Any:
+            return _splines(along(points_mm)[:, None], (count,), (1,))
+
+        return cls(basis, bends, slopes, even)
 
     @classmethod
     def lattice(
-        cls, bounds_mm: FloatArray, counts: Sequence[int], symmetric: Sequence[int], even: float
+        cls, bounds_mm: FloatArray, counts: Sequence[int], symmetric: Sequence[int]
     ) -> "Controls":
-        """Return a lattice of controls over a box.
+        """Return a lattice of controls over a box, all half-way where nothing else is wanted.
 
         Along an axis with one control the gradient is constant, with two linear.
 
@@ -111,13 +112,10 @@ class Controls:
         ----------
         symmetric
             Axes across whose middle plane of the box the gradient is its own mirror image.
-        even
-            Value of all controls where nothing else is wanted.
         """
         low, extent = bounds_mm[0], np.maximum(np.ptp(bounds_mm, axis=0), 1e-9)
         total, degrees = int(np.prod(counts)), [min(_DEGREE, count - 1) for count in counts]
-        number = np.arange(total).reshape(tuple(counts))
-        first = number.copy()
+        first = np.arange(total).reshape(tuple(counts))
         for axis in symmetric:
             first = np.minimum(first, np.flip(first, axis))
         kept, tied = np.unique(first.ravel(), return_inverse=True)
@@ -140,12 +138,8 @@ class Controls:
             twist = np.diff(np.diff(rows, axis=one), axis=other).reshape(-1, total)
             lines = total / max(counts[one], counts[other])
             bends.append(np.sqrt(2.0 / lines) * twist)
-        return cls(
-            basis,
-            np.concatenate(bends) @ tie,
-            np.concatenate(slopes) @ tie,
-            np.full(len(kept), even),
-        )
+        even = np.full(len(kept), 0.5)
+        return cls(basis, np.concatenate(bends) @ tie, np.concatenate(slopes) @ tie, even)
 
 
 # ------------------------------------------------------------------------------------------------

@@ -440,9 +440,7 @@ def design(
         hard = sum(aim.surface_mm is None for aims in wanted for aim in aims)
         box, figured = np.ptp(mesh.bounds_mm, axis=0), hard + 12 * sum(map(len, shapes))
         counts, follows = lattice_counts(free, box, figured), None
-        controls = Controls.lattice(
-            mesh.bounds_mm, counts, ["xyz".index(c) for c in symmetric], 0.5
-        )
+        controls = Controls.lattice(mesh.bounds_mm, counts, ["xyz".index(c) for c in symmetric])
     else:
         counts = (1, 1, 1)
         follows = axis_field(axis, placed) if field is None else build_field(field, setting)
@@ -454,8 +452,7 @@ def design(
     def problem_on(size_mm: float, done: float, before: "Sequence[Case]" = ()) -> DesignProblem:
         words = f"cutting the part into cells of {size_mm:.3g} mm; all takes {effort}"
         progress(DesignStage(words, done))
-        middle = float(stiffness.coordinates(np.array([0.5]))[0][0])
-        on_cells = asked.cut(size_mm, middle, before)
+        on_cells = asked.cut(size_mm, float(stiffness.coordinates(np.array([0.5]))[0][0]), before)
         return DesignProblem(stiffness, controls, on_cells, limits, prefer, 0.3 * tolerance, normal)
 
     begun = _begun(start, len(controls.even))
@@ -491,10 +488,8 @@ def design(
         told.insert(0, DesignFinding("interrupted", _INTERRUPTED.format(tried=tried)))
     notes, says = [shape.note for each in shapes for shape in each], None
     if free is not None:
-        says = {
-            "counts": list(counts), "bounds_mm": mesh.bounds_mm.tolist(),
-            "symmetric": list(symmetric),
-        }  # fmt: skip
+        box_mm = mesh.bounds_mm.tolist()
+        says = {"counts": list(counts), "bounds_mm": box_mm, "symmetric": list(symmetric)}
         notes.append(
             f"{counted(len(printed.values), 'control')} on a lattice of "
             f"{' x '.join(map(str, counts))}; smoothness (the sum of squared second "

@@ -141,9 +141,8 @@ class Ends(NamedTuple):
 
 
 def reached(
-    problem: "DesignProblem", best: "Tried", reach: Ends, solved: "Sequence[Solved]",
-    level: float,
-) -> Iterator[Reached]:  # fmt: skip
+    problem: "DesignProblem", best: "Tried", reach: Ends, solved: "Sequence[Solved]", level: float
+) -> Iterator[Reached]:
     """Yield what targets and limits came to in the printed materials, beside the gradient's own."""
     figures = iter(zip(best.figures.tolist(), reach.ends, strict=True))
     ideals = iter(best.deviations)
@@ -214,9 +213,8 @@ def findings(
             )
         yield DesignFinding("target" if row.kind == "target" else "limit", told)
     if limit is not None and over is not None and over > limit * (1.0 + tolerance):
-        yield DesignFinding(
-            "limit", f"strain/break<{limit:g}: the printed part comes to {over:.3g}"
-        )
+        told = f"strain/break<{limit:g}: the printed part comes to {over:.3g}"
+        yield DesignFinding("limit", told)
 
 
 _OPPOSED = -0.5
@@ -227,10 +225,8 @@ def _against(
     problem: "DesignProblem", best: "Tried", tolerance: float
 ) -> dict[tuple[str, str], str]:
     """Say of each target and limit that is missed which other stands most against it."""
-    off, over = (
-        zip(best.off, best.slopes, strict=True),
-        zip(best.over, best.over_slopes, strict=True),
-    )
+    off = zip(best.off, best.slopes, strict=True)
+    over = zip(best.over, best.over_slopes, strict=True)
     rows = []
     for case in problem.cases:
         for goal in case.goals:

@@ -113,9 +113,8 @@ class Target:
             force, slash, length = unit.partition("/")
             if not slash:
                 raise ArgumentError(f"{where}: {unit!r} is no stiffness; write N/mm or mN/mm")
-            factor = unit_factor("force", force, where=where) / unit_factor(
-                "length", length, where=where
-            )
+            newtons = unit_factor("force", force, where=where)
+            factor = newtons / unit_factor("length", length, where=where)
             if value <= 0.0:
                 raise ArgumentError(f"{where}: a stiffness must be above 0")
         elif quantity[0] == "r":
@@ -211,11 +210,9 @@ def _shape(text: str, bare: str) -> Target:
         raise ArgumentError(
             f"`target` {text}: {len(values)} points; a shape takes 1 to {_MOST_POINTS}"
         )
-    return Target(
-        text,
-        points_mm=tuple((x, y, z) for x, y, z, *_ in values),
-        moves_mm=tuple((u, v, w) for *_, u, v, w in values),
-    )
+    points = tuple((x, y, z) for x, y, z, *_ in values)
+    moves = tuple((u, v, w) for *_, u, v, w in values)
+    return Target(text, points_mm=points, moves_mm=moves)
 
 
 _LIMIT = re.compile(
@@ -373,8 +370,7 @@ def _distance(one: Any, other: Any) -> Measure:
         place = mechanics.body.cells.node_mm + state.displacement_mm
         apart = mechanics.mean(at[0], place) - mechanics.mean(at[1], place)
         size = float(np.linalg.norm(apart))
-        along = apart / size
-        first, last = (mechanics.mean_weights(points, along) for points in at)
+        first, last = (mechanics.mean_weights(points, apart / size) for points in at)
         return size, first - last
 
     return measure
@@ -410,8 +406,7 @@ def _turn(facets: Any, axis: int) -> Measure:
         inverse = np.eye(3) - 0.5 * cross + square * cross @ cross
         spin = np.linalg.solve(np.trace(both) * np.eye(3) - both, inverse[axis])
         pulls = np.degrees(size[:, None] * np.cross(spin, carried))
-        figure = float(np.degrees(turned[axis]))
-        return figure, spread(mechanics.body.cells, at, pulls)
+        return float(np.degrees(turned[axis])), spread(mechanics.body.cells, at, pulls)
 
     return measure
 
@@ -419,7 +414,6 @@ def _turn(facets: Any, axis: int) -> Measure:
 def _of_loads(
     target: Target, facets: Any, axis: int, conditions: "Conditions"
 ) -> tuple[float, str, Measure]:
-    where = f"`target` {target.text}"
     for force in conditions.forces:
         if target.quantity == "stiffness" and np.array_equal(force.facets, facets):
             given = np.array(force.force_N)
@@ -436,8 +430,8 @@ def _of_loads(
         wanted = target.value * travel if target.quantity == "stiffness" else target.value
         return wanted, "N", _reaction(number, direction)
     raise ArgumentError(
-        f"{where}: no load or support is on exactly these faces; a stiffness is that of a `load` "
-        "or of a `move`, a force that of a `fix` or a `move`, with the same selector"
+        f"`target` {target.text}: no load or support is on exactly these faces; a stiffness is that"
+        " of a `load` or of a `move`, a force that of a `fix` or a `move`, with the same selector"
     )
 
 

@@ -171,8 +171,7 @@ class Printing:
         profile, follows, table = self.space.laid(values)
         gentler = "a coarser --free" if table else "fewer --knots"
         try:
-            more = {} if table is None else {"field": table}
-            plan = self.graded(profile=profile, **more)
+            plan = self.graded(profile=profile, **({} if table is None else {"field": table}))
         except ArgumentError as error:
             raise type(error)(_own_advice(str(error), gentler)) from error
         advised = [replace(f, message=_own_advice(f.message, gentler)) for f in plan.findings]
@@ -343,8 +342,7 @@ def _prints(printing: Printing) -> Iterator[Print]:
         if len(one.misses) == 1:
 
             def apart(pair: tuple[Print, Print]) -> float:
-                way = pair[0].values - pair[1].values
-                return float(np.abs(best.slopes @ way).max())
+                return float(np.abs(best.slopes @ (pair[0].values - pair[1].values)).max())
 
             pairs = [(a, b) for a in trail for b in trail if a.misses > 0.0 >= b.misses]
             a, b = min(pairs, key=apart, default=(trail[-1], trail[-1]))

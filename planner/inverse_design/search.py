@@ -135,9 +135,8 @@ class Case:
         # Where derivatives are wanted, the material is almost that of the factor.
         near = tangent and factored is not None and factored.analysis is self.analysis
         shares = np.linspace(0.0, 1.0, max(steps, 1) + 1)[1:].tolist()
-        way = mechanics.follow(
-            shares, settled=_TOLD if steps else _SETTLED, tangents=not steps, halves=not steps
-        )
+        settled = _TOLD if steps else _SETTLED
+        way = mechanics.follow(shares, settled=settled, tangents=not steps, halves=not steps)
         try:
             if steps or state is None:
                 raise LostStabilityError(0.0, None)
@@ -169,13 +168,9 @@ class Solved(Solution):
     def shape_rows(self, share: Any) -> FloatArray:
         """Return the changes of all deviations, (m, n), by changes of the coordinate, (Q, n)."""
         moved = self.moved_by(share)
-        rows = []
-        for shape, seen in zip(self.shapes, self.deviations(), strict=True):
-            by_vertex = (shape.carried @ moved.reshape(len(moved), -1)).reshape(
-                -1, *moved.shape[1:]
-            )
-            rows.append(seen.rows(by_vertex))
-        return np.concatenate(rows)
+        flat, form = moved.reshape(len(moved), -1), (-1, *moved.shape[1:])
+        each = zip(self.shapes, self.deviations(), strict=True)
+        return np.concatenate([seen.rows((s.carried @ flat).reshape(form)) for s, seen in each])
 
     def intervals(self, model: CoefficientModel, level: float) -> list[tuple[float, float]]:
         """Return what prints do, of each goal, from the palette's uncertainty."""
@@ -469,11 +464,8 @@ def search(
             if other is not None and gained <= 0.05 * hoped and tried < most:
                 # The targets bend: aim again, with what the linear model left out put into it.
                 change = values - best.values
-                bent = replace(
-                    best,
-                    off=other.off - best.slopes @ change,
-                    over=other.over - best.over_slopes @ change,
-                )
+                off = other.off - best.slopes @ change
+                bent = replace(best, off=off, over=other.over - best.over_slopes @ change)
                 again = _tried(problem, next_values(problem, bent, radius))
                 tried += 1
                 if again is not None and _merit(problem, again) < _merit(problem, other):

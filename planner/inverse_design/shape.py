@@ -66,16 +66,14 @@ class WantedShape:
         size = float(np.ptp(part.reshape(-1, 3), axis=0).max())
         surface, rest = _mesh(moved), None
         if len(moved) == len(part) and _matched(part, moved, size):
-            rest = Mesh(
-                part.reshape(-1, 3), np.arange(3 * len(part), dtype=np.int32).reshape(-1, 3)
-            )
+            corners = np.arange(3 * len(part), dtype=np.int32).reshape(-1, 3)
+            rest = Mesh(part.reshape(-1, 3), corners)
             greatest = float(np.linalg.norm(moved - part, axis=2).max())
             note = f"{text}: its triangles are those of the part, which go up to {greatest:.4g} mm"
         else:
             own = _mesh(part)
-            way = np.linalg.norm(
-                closest(triangle_tree(surface), own.vertices)[0] - own.vertices, axis=1
-            )
+            nearest, _ = closest(triangle_tree(surface), own.vertices)
+            way = np.linalg.norm(nearest - own.vertices, axis=1)
             greatest = float(way.max())
             note = (
                 f"{text}: its {len(moved)} triangles are not the part's {len(part)}, so that each "
@@ -88,9 +86,8 @@ class WantedShape:
                 f"{size:.4g} mm long; give the part's surface as it is to be under the load, in "
                 "the same place"
             )
-        return cls(
-            text, selector, weight, surface, greatest, note, rest, None if rest is None else moved
-        )
+        own_moved = None if rest is None else moved
+        return cls(text, selector, weight, surface, greatest, note, rest, own_moved)
 
 
 def _mesh(triangles: FloatArray) -> Mesh:
@@ -210,5 +207,4 @@ def carried_along(rest: FloatArray, moved: FloatArray, place: FloatArray) -> Flo
     a, b = np.sum(one * to, axis=1), np.sum(other * to, axis=1)
     det = np.maximum(aa * bb - ab * ab, 1e-300)
     v, w = (bb * a - ab * b) / det, (aa * b - ab * a) / det
-    weights = np.stack([1.0 - v - w, v, w], axis=1)
-    return np.asarray(np.einsum("nc,nci->ni", weights, moved))
+    return np.asarray(np.einsum("nc,nci->ni", np.stack([1.0 - v - w, v, w], axis=1), moved))

@@ -55,12 +55,8 @@ def triangle_tree(mesh: Mesh) -> TriangleTree:
         pairs = level.reshape(-1, 2, 2, 3)
         level = np.stack([pairs[:, :, 0].min(axis=1), pairs[:, :, 1].max(axis=1)], axis=1)
         boxes.append(level)
-    return TriangleTree(
-        np.ascontiguousarray(ranked),
-        np.ascontiguousarray(_outward(mesh)[order]),
-        np.concatenate(boxes[::-1]),
-        order,
-    )
+    outward = np.ascontiguousarray(_outward(mesh)[order])
+    return TriangleTree(np.ascontiguousarray(ranked), outward, np.concatenate(boxes[::-1]), order)
 
 
 def _in_small_boxes(corners: FloatArray) -> IntArray:
@@ -69,9 +65,7 @@ def _in_small_boxes(corners: FloatArray) -> IntArray:
     Which a line or a ball hits as rarely as can be (MacDonald and Booth 1990). Parts are halved at
     their median along the axis that leaves the least.
     """
-    count = _LEAF
-    while count < len(corners):
-        count *= 2
+    count = max(_LEAF, 1 << (len(corners) - 1).bit_length())
     triangle = np.append(np.arange(len(corners)), np.full(count - len(corners), len(corners) - 1))
     sides = [(each.min(axis=0)[triangle], each.max(axis=0)[triangle]) for each in corners.T]
     middle = corners.mean(axis=1)[triangle]

@@ -29,11 +29,9 @@ class _Shapes(NamedTuple):
     def turned(self, chosen: BoolArray, first: IntArray) -> "_Shapes":
         """Return some, begun at another corner."""
         turn = (first[chosen, None] + np.arange(self.corners.shape[1])) % self.corners.shape[1]
-        return _Shapes(
-            np.take_along_axis(self.corners[chosen], turn, axis=1),
-            np.take_along_axis(self.halvings[chosen], turn, axis=1),
-            self.parent[chosen],
-        )
+        corners = np.take_along_axis(self.corners[chosen], turn, axis=1)
+        halvings = np.take_along_axis(self.halvings[chosen], turn, axis=1)
+        return _Shapes(corners, halvings, self.parent[chosen])
 
 
 def halve_long_edges(mesh: Mesh, longest_mm: float) -> tuple[Mesh, NDArray[np.int32]]:
@@ -53,9 +51,7 @@ def halve_long_edges(mesh: Mesh, longest_mm: float) -> tuple[Mesh, NDArray[np.in
         halvings[length > longest_mm] = np.maximum(halvings[length > longest_mm], 1)
         vertices, faces, parent = _halve(vertices, _Shapes(faces, halvings, triangle))
         triangle = parent.astype(np.int32)
-    if len(faces) == len(mesh.faces):
-        return mesh, triangle
-    return Mesh(vertices, faces), triangle
+    return mesh if len(faces) == len(mesh.faces) else Mesh(vertices, faces), triangle
 
 
 def _halve(vertices: FloatArray, whole: _Shapes) -> tuple[FloatArray, NDArray[np.int32], IntArray]:
@@ -74,9 +70,8 @@ def _halve(vertices: FloatArray, whole: _Shapes) -> tuple[FloatArray, NDArray[np
         pairs = np.stack(np.divmod(edges, len(vertices)), axis=1)
         vertices = np.concatenate([vertices, vertices[pairs].mean(axis=1)])
         split = triangles.corners.size
-        triangles, strips = _cut(
-            triangles, middle[:split].reshape(-1, 3), strips, middle[split:].reshape(-1, 4)
-        )
+        of_triangles, of_strips = middle[:split].reshape(-1, 3), middle[split:].reshape(-1, 4)
+        triangles, strips = _cut(triangles, of_triangles, strips, of_strips)
     a, b, c, d = strips.corners.T
     one = np.sum((vertices[a] - vertices[c]) ** 2, axis=1)
     near = (one <= np.sum((vertices[b] - vertices[d]) ** 2, axis=1))[:, None]
@@ -109,10 +104,7 @@ edge to be halved, or with the first one that is not."""
 
 
 def _cut(
-    triangles: _Shapes,
-    middle: NDArray[np.int32],
-    strips: _Shapes,
-    strip_middle: NDArray[np.int32],
+    triangles: _Shapes, middle: NDArray[np.int32], strips: _Shapes, strip_middle: NDArray[np.int32]
 ) -> tuple[_Shapes, _Shapes]:
     # Cut each shape once, at the middles of its edges that are to be halved (-1 elsewhere).
     made: dict[int, list[_Shapes]] = {3: [], 4: []}
@@ -127,8 +119,7 @@ def _cut(
             corners = np.concatenate([some.corners, middles], axis=1)
             left = np.pad(some.halvings - 1, ((0, 0), (1, 0)))
             for own, edges in children:
-                shape = _Shapes(corners[:, own], left[:, edges], some.parent)
-                made[len(own)].append(shape)
+                made[len(own)].append(_Shapes(corners[:, own], left[:, edges], some.parent))
     return _joined(made[3]), _joined(made[4])
 
 

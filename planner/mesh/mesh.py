@@ -74,9 +74,8 @@ class Mesh:
 
     def __post_init__(self) -> None:
         # Kernels are compiled for one kind of array: contiguous and writable.
-        vertices = np.require(self.vertices, np.float64, ["C", "W"])
-        object.__setattr__(self, "vertices", vertices)
-        object.__setattr__(self, "faces", np.require(self.faces, np.int32, ["C", "W"]))
+        for name, kind in (("vertices", np.float64), ("faces", np.int32)):
+            object.__setattr__(self, name, np.require(getattr(self, name), kind, ["C", "W"]))
 
     @cached_property
     def triangles(self) -> FloatArray:
@@ -92,8 +91,7 @@ class Mesh:
     @cached_property
     def bounds_mm(self) -> FloatArray:
         """Smallest and largest coordinate of the vertices that faces use, (2, 3) in mm."""
-        bounds_mm: FloatArray = self._measured.bounds_mm[0]
-        return bounds_mm
+        return np.asarray(self._measured.bounds_mm[0])
 
     @property
     def volume_mm3(self) -> float:
@@ -161,12 +159,9 @@ def _measure(
                     bounds[p, 1, k] = x
         ox, oy, oz = origin[p, 0], origin[p, 1], origin[p, 2]
         ax, ay, az = vertices[i0, 0] - ox, vertices[i0, 1] - oy, vertices[i0, 2] - oz
-        ux = vertices[i1, 0] - ox - ax
-        uy = vertices[i1, 1] - oy - ay
-        uz = vertices[i1, 2] - oz - az
-        vx = vertices[i2, 0] - ox - ax
-        vy = vertices[i2, 1] - oy - ay
-        vz = vertices[i2, 2] - oz - az
+        bx, by, bz = vertices[i1, 0] - ox, vertices[i1, 1] - oy, vertices[i1, 2] - oz
+        cx, cy, cz = vertices[i2, 0] - ox, vertices[i2, 1] - oy, vertices[i2, 2] - oz
+        ux, uy, uz, vx, vy, vz = bx - ax, by - ay, bz - az, cx - ax, cy - ay, cz - az
         nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
         volume[p] += ax * nx + ay * ny + az * nz
         area[p] += np.sqrt(nx * nx + ny * ny + nz * nz)
@@ -205,14 +200,13 @@ def weld(triangles: _Points) -> tuple[_Points, NDArray[np.int32]]:
 
 def weld_points(points: _Points) -> tuple[_Points, NDArray[np.int32]]:
     """Index points, (k, 3), as `weld` does: distinct positions (n, 3) and an index (k,)."""
-    plain = np.add(points, 0.0, order="C", dtype=points.dtype)  # no minus zero is left
-    words = plain.view(np.uint32)
+    # No minus zero is left.
+    words = np.add(points, 0.0, order="C", dtype=points.dtype).view(np.uint32)
     distinct = np.empty_like(words)
     index = np.empty(len(words), dtype=np.int32)
     bits = max(10, (4 * len(words) // 3).bit_length())  # at most three quarters are taken
     n, _ = _weld(words, distinct, index, np.zeros(1 << bits, np.int32), np.uint64(64 - bits))
-    vertices: _Points = distinct[:n].copy().view(points.dtype)
-    return vertices, index
+    return distinct[:n].copy().view(points.dtype), index
 
 
 _AHEAD = 256
@@ -302,16 +296,9 @@ def sort_span(keys: Any, first: Any, last: Any) -> Any:
 @inner_kernel
 def face_normal(points: Any, a: Any, b: Any, c: Any) -> Any:
     """Return the normal of a triangle between points, twice its area long."""
-    ux, uy, uz = (
-        points[b, 0] - points[a, 0],
-        points[b, 1] - points[a, 1],
-        points[b, 2] - points[a, 2],
-    )
-    vx, vy, vz = (
-        points[c, 0] - points[a, 0],
-        points[c, 1] - points[a, 1],
-        points[c, 2] - points[a, 2],
-    )
+    ax, ay, az = points[a, 0], points[a, 1], points[a, 2]
+    ux, uy, uz = points[b, 0] - ax, points[b, 1] - ay, points[b, 2] - az
+    vx, vy, vz = points[c, 0] - ax, points[c, 1] - ay, points[c, 2] - az
     return uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
 
 
@@ -426,22 +413,6 @@ def _count_into(key: Any, order: Any, place: Any, moved: Any) -> None:
 # Which faces meet at which edges: neighbours, borders, bodies.
 
 
-class EdgeOrder(NamedTuple):
-    """Half-edges sorted by the edge they lie at.
-
-    Attributes
-    ----------
-    order : (3 m,) int32
-        Half-edges; those at one edge, either way, are neighbours and rise.
-    starts, faces : (e,) int64
-        Where in `order` each edge's half-edges begin, and how many there are.
-    """
-
-    order: NDArray[np.int32]
-    starts: NDArray[np.int64]
-    faces: NDArray[np.int64]
-
-
 @dataclass(frozen=True, eq=False)
 class Topology:
     """Neighbourhood of the faces of a welded mesh.
@@ -512,8 +483,7 @@ class Topology:
         return self._edges(self.CROWDED)
 
     def _edges(self, kind: int) -> NDArray[np.int32]:
-        half = np.flatnonzero(self.twin == kind)
-        face, corner = np.divmod(half, 3)
+        face, corner = np.divmod(np.flatnonzero(self.twin == kind), 3)
         return np.stack([self.faces[face, corner], self.faces[face, (corner + 1) % 3]], axis=1)
 
     @property
@@ -527,9 +497,8 @@ class Topology:
         one, other = half // 3, self.twin[half] // 3
         off = np.where(tail[half] == tail[self.twin[half]], count, 0)
         ones, others = (one, one + count), (other + off, other + count - off)
-        group, reverse = np.split(
-            connected(2 * count, np.concatenate(ones), np.concatenate(others)), 2
-        )
+        joined = connected(2 * count, np.concatenate(ones), np.concatenate(others))
+        group, reverse = np.split(joined, 2)
         if (group == reverse).any():
             return None
         first = np.unique(self.body, return_index=True)[1]
@@ -538,11 +507,21 @@ class Topology:
         return np.asarray(turned ^ most[self.body])
 
 
-def order_edges(faces: NDArray[np.int32]) -> EdgeOrder:
-    """Sort half-edges 3 f + j by the two vertices they join; see `EdgeOrder`."""
+def order_edges(
+    faces: NDArray[np.int32],
+) -> tuple[NDArray[np.int32], NDArray[np.int64], NDArray[np.int64]]:
+    """Sort half-edges 3 f + j by the two vertices they join.
+
+    Returns
+    -------
+    order : (3 m,) int32
+        Half-edges; those at one edge, either way, are neighbours and rise.
+    starts, count : (e,) int64
+        Where in `order` each edge's half-edges begin, and how many there are.
+    """
     heads = faces[:, [1, 2, 0]]
     order, starts = order_rows(np.minimum(faces, heads).ravel(), np.maximum(faces, heads).ravel())
-    return EdgeOrder(order, starts, np.diff(starts, append=len(order)))
+    return order, starts, np.diff(starts, append=len(order))
 
 
 def connected(
@@ -558,8 +537,7 @@ def number_groups(parent: NDArray[np.int32]) -> NDArray[np.int32]:
     """Return the group of each member of a union-find, (n,), numbered by first appearance."""
     _flatten(parent)
     number = np.cumsum(parent == np.arange(len(parent)), dtype=np.int32) - np.int32(1)
-    labels: NDArray[np.int32] = number[parent]
-    return labels
+    return np.asarray(number[parent])
 
 
 @kernel
@@ -618,11 +596,8 @@ class JoinedShells:
     def left(self) -> NDArray[np.int32]:
         """The faces, (m, 3), that remain of all shells when opposite triangles cancel."""
         faces = np.concatenate([np.empty((0, 3), np.int32), *self.faces])
-        repeating = repeats_index(faces)
-        if repeating.any():
-            faces = faces[~repeating]
-        left: NDArray[np.int32] = faces[cancel_opposite(faces)]
-        return left
+        faces = faces[~repeats_index(faces)]
+        return faces[cancel_opposite(faces)]
 
     @cached_property
     def outside(self) -> Mesh:
@@ -647,11 +622,9 @@ class JoinedShells:
         Two faces on the same three vertices then are a body of their own, back to back.
         """
         faces = self.faces[number]
-        buckets = np.zeros(len(self.vertices), np.int32)
-        edges = np.empty(faces.size, np.int64)
-        if not len(faces) or not _edges_paired(faces, buckets, edges):
-            return False
-        return bool(self.measures[number].volume_mm3[0] > 0.0)
+        buckets, edges = np.zeros(len(self.vertices), np.int32), np.empty(faces.size, np.int64)
+        paired = len(faces) and _edges_paired(faces, buckets, edges)
+        return bool(paired and self.measures[number].volume_mm3[0] > 0.0)
 
 
 def join_shells(
@@ -670,10 +643,8 @@ def join_shells(
     points = np.concatenate([np.empty((0, 3), np.float32), *(vertices for vertices, _ in indexed)])
     vertices, index = weld_points(points)
     starts = np.cumsum([0, *(len(vertices) for vertices, _ in indexed)])
-    return JoinedShells(
-        vertices,
-        tuple(index[start:][faces] for start, (_, faces) in zip(starts, indexed, strict=False)),
-    )
+    each = zip(starts, indexed, strict=False)
+    return JoinedShells(vertices, tuple(index[start:][faces] for start, (_, faces) in each))
 
 
 @kernel

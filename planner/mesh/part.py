@@ -29,7 +29,7 @@ from planner.mesh.mesh import (
     weld,
     weld_points,
 )
-from planner.numerics import BoolArray, FloatArray, IntArray
+from planner.numerics import BoolArray, FloatArray, IntArray, Point
 
 __all__ = ["Part", "fits_turned", "make_part", "open_part", "place", "union"]
 
@@ -99,12 +99,10 @@ one."""
 
 def _rounded(mesh: Mesh, translation_mm: FloatArray) -> Mesh:
     """Move a mesh, round it to float32, and join what has become equal."""
-    rounded = (mesh.vertices + translation_mm).astype(np.float32)
-    vertices, index = weld_points(rounded)
+    vertices, index = weld_points((mesh.vertices + translation_mm).astype(np.float32))
     faces = index[mesh.faces]
     faces = faces[~repeats_index(faces)]
-    faces = faces[cancel_opposite(faces)]
-    used, faces = compact(faces, len(vertices))
+    used, faces = compact(faces[cancel_opposite(faces)], len(vertices))
     return Mesh(vertices[used].astype(np.float64), faces)
 
 
@@ -171,7 +169,7 @@ def open_part(
     *,
     unit: str | None = None,
     name: str | None = None,
-    tray_mm: tuple[float, float, float] | None = None,
+    tray_mm: Point | None = None,
     bodies: str | None = None,
     oversize: bool = True,
 ) -> Part:
@@ -215,15 +213,15 @@ def open_part(
     return made
 
 
-def _refuse_oversize(part: Part, tray_mm: tuple[float, float, float]) -> None:
+def _refuse_oversize(part: Part, tray_mm: Point) -> None:
     """Stop at a part that fits no way round into a tray, before the work; see `fits_turned`."""
     extent = np.ptp(part.mesh.bounds_mm, axis=0)
     if not fits_turned(extent, tray_mm):
-        tray = " x ".join(f"{length:g}" for length in tray_mm)
         hint = _unit_hint(extent, part.unit).replace("--unit", "`unit`")
         raise MeshError(
-            f"{part.file}: the part is {_size(extent)} mm, too large for the tray of {tray} mm"
-            f"{hint}; scale or divide the part, or take it as it is with `force_oversize`"
+            f"{part.file}: the part is {_size(extent)} mm, too large for the tray of "
+            f"{_size(tray_mm, 6)} mm{hint}; scale or divide the part, or take it as it is with "
+            "`force_oversize`"
         )
 
 
@@ -233,10 +231,7 @@ def _arrays(part: object) -> tuple[FloatArray, IntArray]:
     if vertices is None and isinstance(part, tuple) and len(part) == 2:
         vertices, faces = part
     try:
-        return (
-            np.ascontiguousarray(vertices, dtype=np.float64),
-            np.ascontiguousarray(faces, dtype=np.int64),
-        )
+        return np.ascontiguousarray(vertices, np.float64), np.ascontiguousarray(faces, np.int64)
     except (TypeError, ValueError):
         raise ArgumentError(
             "a part must be a path, a mesh with vertices (n, 3) and faces (m, 3), or a pair of "
@@ -253,11 +248,7 @@ def _safe(name: str) -> str:
 
 
 def make_part(
-    triangles: FloatArray,
-    *,
-    name: str,
-    tray_mm: tuple[float, float, float] | None = None,
-    bodies: str | None = None,
+    triangles: FloatArray, *, name: str, tray_mm: Point | None = None, bodies: str | None = None
 ) -> Part:
     """Check a triangle soup and make a part of it.
 
@@ -292,14 +283,11 @@ def make_part(
         hint = did_you_mean(bodies, _READINGS)
         raise ArgumentError(f"`bodies` {bodies}: {hint}it may be {' or '.join(_READINGS)}")
     _check_numbers(triangles, name)
-    vertices, welded = weld(np.ascontiguousarray(triangles, dtype=np.float64))
-    faces = welded[~repeats_index(welded)]
+    vertices, faces = _welded(np.ascontiguousarray(triangles, dtype=np.float64))
     repairs = []
-    if len(faces) < len(welded):
-        count = len(welded) - len(faces)
-        repairs.append(f"{count} triangles with two equal corners dropped")
-    topology = Topology(faces)
-    touching = False
+    if dropped := len(triangles) - len(faces):
+        repairs.append(f"{dropped} triangles with two equal corners dropped")
+    topology, touching = Topology(faces), False
     if not topology.closed:
         repaired = _close_mesh(vertices, faces)
         if repaired is None:
@@ -319,12 +307,18 @@ def make_part(
     return Part(mesh, name, tuple(repairs), tuple(_size_warnings(mesh, tray_mm)))
 
 
+def _welded(triangles: FloatArray) -> tuple[FloatArray, NDArray[np.int32]]:
+    """Index a triangle soup by position, and drop what has two equal corners."""
+    vertices, faces = weld(triangles)
+    return vertices, faces[~repeats_index(faces)]
+
+
 def part_from_arrays(
     vertices: FloatArray,
     faces: IntArray,
     *,
     name: str = "part",
-    tray_mm: tuple[float, float, float] | None = None,
+    tray_mm: Point | None = None,
     bodies: str | None = None,
 ) -> Part:
     """Make a part of vertices (n, 3) in mm and faces (m, 3); see `make_part`.
@@ -353,9 +347,8 @@ def part_from_arrays(
 def _check_numbers(triangles: FloatArray, name: str) -> None:
     if triangles.size == 0:
         raise MeshError(f"{name}: holds no triangles; export the part again")
-    largest = float(np.abs(triangles).max())
-    if np.isnan(largest) or largest > _FARTHEST_MM:
-        bad = ~(np.abs(triangles) <= _FARTHEST_MM)
+    bad = ~(np.abs(triangles) <= _FARTHEST_MM)
+    if bad.any():
         first = int(np.argmax(bad.any(axis=(1, 2))))
         raise MeshError(
             f"{name}: triangle {first + 1} has a coordinate of {triangles[first][bad[first]][0]} "
@@ -365,13 +358,14 @@ def _check_numbers(triangles: FloatArray, name: str) -> None:
 
 
 def _check_solid(mesh: Mesh, name: str, *, reweld: bool) -> None:
-    if len(mesh.faces) == 0 or mesh.volume_mm3 <= 0.0 or _is_flat(mesh):
+    leaf_mm3 = _FLAT * mesh.area_mm2 * float(np.ptp(mesh.bounds_mm, axis=0).max())
+    if len(mesh.faces) == 0 or mesh.volume_mm3 <= leaf_mm3:
         raise MeshError(
             f"{name}: encloses no volume; export it as a solid, with a thickness in every direction"
         )
     if reweld:
-        vertices, faces = weld(mesh.triangles)
-        topology = Topology(faces[~repeats_index(faces)])
+        vertices, faces = _welded(mesh.triangles)
+        topology = Topology(faces)
         if not topology.closed:
             raise MeshError(f"{name}: {_describe_faults(vertices, topology)}")
     crossing = find_crossing(mesh)
@@ -383,17 +377,11 @@ def _check_solid(mesh: Mesh, name: str, *, reweld: bool) -> None:
         )
 
 
-def _is_flat(mesh: Mesh) -> bool:
-    extent = float(np.ptp(mesh.bounds_mm, axis=0).max())
-    return mesh.volume_mm3 <= 1e-9 * mesh.area_mm2 * extent
-
-
-def _size_warnings(mesh: Mesh, tray_mm: tuple[float, float, float] | None) -> Iterator[str]:
+def _size_warnings(mesh: Mesh, tray_mm: Point | None) -> Iterator[str]:
     extent = mesh.bounds_mm[1] - mesh.bounds_mm[0]
     if tray_mm is not None and (extent > np.array(tray_mm)).any():
-        tray = " x ".join(f"{length:g}" for length in tray_mm)
         hint = "; turn it to fit" if fits_turned(extent, tray_mm) else _unit_hint(extent)
-        yield f"the part is {_size(extent)} mm, the tray {tray} mm{hint}"
+        yield f"the part is {_size(extent)} mm, the tray {_size(tray_mm, 6)} mm{hint}"
 
 
 def undersize(mesh: Mesh) -> str | None:
@@ -404,11 +392,11 @@ def undersize(mesh: Mesh) -> str | None:
     return f"the part is {_size(extent)} mm{_unit_hint(extent)}"
 
 
-def _size(extent: FloatArray, digits: int = 4) -> str:
+def _size(extent: Iterable[float], digits: int = 4) -> str:
     return " x ".join(f"{length:.{digits}g}" for length in extent)
 
 
-def fits_turned(extent_mm: FloatArray, tray_mm: tuple[float, float, float]) -> bool:
+def fits_turned(extent_mm: FloatArray, tray_mm: Point) -> bool:
     """Tell whether a part of some extent, turned by right angles as it best may be, fits a tray.
 
     How a part lies best on the diagonal, no program knows that does not know what else is to be
@@ -597,13 +585,12 @@ def _duplicates(state: Repaired) -> Repaired | None:
     faces = state.topology.faces
     if len(state.topology.crowded_edges) == 0:
         return None
-    again = np.ones(len(faces), dtype=np.bool_)
-    again[np.unique(_from_lowest(faces), axis=0, return_index=True)[1]] = False
-    count = int(again.sum())
+    first = np.sort(np.unique(_from_lowest(faces), axis=0, return_index=True)[1])
+    count = len(faces) - len(first)
     if count == 0:
         return None
     note = _counted(count, "triangle that occurs", "triangles that occur") + " twice dropped"
-    return _next(state, faces[~again], note)
+    return _next(state, faces[first], note)
 
 
 def _from_lowest(faces: NDArray[np.int32]) -> NDArray[np.int32]:
@@ -633,9 +620,8 @@ def _opposites_apart(vertices: FloatArray, faces: NDArray[np.int32]) -> Repaired
     if keep.all():
         return None
     pairs = _from_lowest(faces[~keep])
-    _, first, index = np.unique(
-        np.sort(pairs, axis=1), axis=0, return_index=True, return_inverse=True
-    )
+    corners = np.sort(pairs, axis=1)
+    _, first, index = np.unique(corners, axis=0, return_index=True, return_inverse=True)
     sheet = Topology(pairs[first])
     turned = sheet.turned
     if turned is None:
@@ -695,12 +681,11 @@ def _junctions(state: Repaired) -> Repaired | None:
         if divided == 0:
             break
         count += divided
-        state = Repaired(state.vertices, Topology(faces), state.notes)
+        state = replace(state, topology=Topology(faces))
     if count == 0:
         return None
     junctions = _counted(count, "edge that ends", "edges that end")
-    note = f"{junctions} on the middle of another joined to it"
-    return _next(state, state.topology.faces, note)
+    return _next(state, faces, f"{junctions} on the middle of another joined to it")
 
 
 def _divide(state: Repaired) -> tuple[NDArray[np.int32], int]:
@@ -727,9 +712,8 @@ def _divide(state: Repaired) -> tuple[NDArray[np.int32], int]:
         on &= border != c
         if not on.any():
             continue
-        between = border[on][np.argsort(place[on], kind="stable")]
-        chain = [a, *between.tolist(), b]
-        added += [(p, q, c) for p, q in itertools.pairwise(chain)]
+        between = border[on][np.argsort(place[on], kind="stable")].tolist()
+        added += [(p, q, c) for p, q in itertools.pairwise([a, *between, b])]
         gone[f] = True
     more = np.array(added, dtype=np.int32).reshape(-1, 3)
     return np.concatenate([faces[~gone], more]), int(gone.sum())
@@ -738,9 +722,7 @@ def _divide(state: Repaired) -> tuple[NDArray[np.int32], int]:
 def _winding(state: Repaired) -> Repaired | None:
     """Turn faces over until neighbours agree."""
     topology = state.topology
-    if not topology.two_faced:
-        return None
-    turned = topology.turned
+    turned = topology.turned if topology.two_faced else None
     if turned is None:
         return None
     triangles = _counted(int(turned.sum()), "triangle was", "triangles were")
@@ -758,10 +740,7 @@ def _touching(state: Repaired) -> Repaired | None:
     if not 0 < crowded <= _MOST_BORDERS or len(state.topology.open_edges):
         return None
     apart = _part_at_crowded_edges(state.vertices, state.topology)
-    if apart is None:
-        return None
-    topology = Topology(apart[1])
-    if not topology.closed:
+    if apart is None or not (topology := Topology(apart[1])).closed:
         return None
     return Repaired(apart[0], topology, state.notes, touching=True)
 
@@ -794,11 +773,7 @@ when none has volume."""
 
 
 def _arrange_bodies(
-    vertices: FloatArray,
-    topology: Topology,
-    *,
-    touching: bool,
-    bodies: str | None,
+    vertices: FloatArray, topology: Topology, *, touching: bool, bodies: str | None
 ) -> _Arranged:
     """Turn bodies the right way out and unite those that overlap.
 
@@ -839,11 +814,11 @@ def _arrange_bodies(
     outward, doubtful, parent = _roles(found)
     if doubtful.any() or (bodies == "solids" and not outward[full].all()):
         return _chosen(found, outward, doubtful, parent, bodies, notes)
-    turned = full & (outward != (volume > 0.0))
-    body = topology.body
-    faces = _turn(topology.faces, turned[body]) if turned.any() else topology.faces
+    turned, body, faces = full & (outward != (volume > 0.0)), topology.body, topology.faces
     if turned.any():
-        notes.append(_turned_note(turned, full))
+        faces = _turn(faces, turned[body])
+        some = f"{int(turned.sum())} of {int(full.sum())} bodies were"
+        notes.append(f"{'the part was' if turned[full].all() else some} inside out: turned")
     keep = full[body]
     if pairs and outward[full].sum() > 1:
         solid = np.where(outward, np.arange(len(full)), parent)
@@ -851,16 +826,13 @@ def _arrange_bodies(
         for i, j in pairs:
             if solid[i] != solid[j]:
                 met[[solid[i], solid[j]]] = True
-        groups = [
-            faces[keep & (solid[body] == number)] for number in np.flatnonzero(met & outward & full)
-        ]
+        numbers = np.flatnonzero(met & outward & full)
+        groups = [faces[keep & (solid[body] == number)] for number in numbers]
         united = _unite(vertices, groups, touching) if len(groups) > 1 else None
         if united is not None:
             triangles, note = united
             rest = vertices[faces[keep & ~met[solid[body]]]]
-            soup: FloatArray = np.concatenate([rest, triangles])
-            points, welded = weld(soup)
-            welded = welded[~repeats_index(welded)]
+            points, welded = _welded(np.concatenate([rest, triangles]))
             if not touching and not Topology(welded).closed:  # what was united touches the rest
                 return _arrange_bodies(vertices, topology, touching=True, bodies=bodies)
             return points, welded, (*notes, note)
@@ -870,8 +842,7 @@ def _arrange_bodies(
 def _measured(vertices: FloatArray, topology: Topology) -> tuple[FloatArray, FloatArray, BoolArray]:
     """Return each body's signed volume and bounds, and whether it is more than a leaf."""
     volume, area, bounds, _ = measure(vertices, topology.faces, topology.body, topology.bodies)
-    extent = (bounds[:, 1] - bounds[:, 0]).max(axis=1)
-    return volume, bounds, np.abs(volume) > _FLAT * area * extent
+    return volume, bounds, np.abs(volume) > _FLAT * area * np.ptp(bounds, axis=1).max(axis=1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -931,17 +902,10 @@ class _Bodies:
             return True, True
         size = np.ptp(self.bounds[outer], axis=0)
         space = manifold3d.Manifold.cube(3.0 * size).translate(self.bounds[outer, 0] - size)
-        outside = space - self.solid(outer)
-        if outside.min_gap(self.solid(inner), tolerance) >= tolerance:
+        if (space - self.solid(outer)).min_gap(self.solid(inner), tolerance) >= tolerance:
             return True, True
-        of_inner = self.shared_mm3(outer, inner) / abs(self.volume[inner])
-        return of_inner > 1.0 - _OVERLAP, False
-
-
-def _turned_note(turned: BoolArray, full: BoolArray) -> str:
-    if turned[full].all():
-        return "the part was inside out: turned"
-    return f"{int(turned.sum())} of {int(full.sum())} bodies were inside out: turned"
+        shared = self.shared_mm3(outer, inner)
+        return shared / abs(self.volume[inner]) > 1.0 - _OVERLAP, False
 
 
 def _box_pairs(bounds: FloatArray, full: BoolArray, touching: bool) -> list[tuple[int, int]]:
@@ -1048,7 +1012,10 @@ def _chosen(
     full = found.full
     solids = found.sum(full)
     hollow = manifold3d.Manifold()
-    level = np.array([_doubtful_around(k, doubtful, parent) for k in range(len(parent))])
+    level, around = np.zeros(len(parent), dtype=np.int64), parent
+    while (around >= 0).any():
+        level += (around >= 0) & doubtful[around]
+        around = np.where(around >= 0, parent[around], -1)
     for at in range(int(level.max()) + 1):  # what lies in a doubtful cavity stays
         for body in np.flatnonzero(full & outward & (level == at)).tolist():
             own = full & ~outward & ~doubtful & (parent == body)
@@ -1058,22 +1025,19 @@ def _chosen(
     volumes = f"{hollow.volume():.9g} mm3 with cavities, {solids.volume():.9g} mm3 with solids"
     same = abs(solids.volume() - hollow.volume()) <= _OVERLAP * solids.volume()
     if bodies is None and not same:
-        at_place = f"around {place_text(found.bounds[int(np.argmax(doubtful))].mean(axis=0))}"
-        which = (
-            f"{at_place}, is a cavity or a solid"
-            if doubtful.sum() == 1
-            else f"the first {at_place}, are cavities or solids"
-        )
+        place = place_text(found.bounds[int(np.argmax(doubtful))].mean(axis=0))
+        first, what = "the first ", "are cavities or solids"
+        if doubtful.sum() == 1:
+            first, what = "", "is a cavity or a solid"
         raise MeshError(
-            f"its winding does not tell whether {doubtful.sum()} of its {count} bodies, {which}: "
-            f"it has {volumes}; choose by `bodies`, if it is the part, or mend it in the CAD "
-            "program"
+            f"its winding does not tell whether {doubtful.sum()} of its {count} bodies, {first}"
+            f"around {place}, {what}: it has {volumes}; choose by `bodies`, if it is the part, or "
+            "mend it in the CAD program"
         )
     if whole.is_empty():
         raise MeshError("nothing is left where cavities are taken away; choose solids by `bodies`")
-    vertices, faces = weld(_mesh_of(whole).triangles)
     note = f"{count} bodies united" if same else f"its {count} bodies read as {bodies}: {volumes}"
-    return vertices, faces[~repeats_index(faces)], (*notes, note)
+    return *_welded(_mesh_of(whole).triangles), (*notes, note)
 
 
 def union(mesh: Mesh) -> Mesh:
@@ -1093,20 +1057,12 @@ def union(mesh: Mesh) -> Mesh:
     try:
         for hollow, group in itertools.groupby(largest_first, lambda n: found.volume[n] < 0.0):
             act = manifold3d.OpType.Subtract if hollow else manifold3d.OpType.Add
-            solids = [whole, *map(found.solid, group)]
-            whole = manifold3d.Manifold.batch_boolean(solids, act)
+            whole = manifold3d.Manifold.batch_boolean([whole, *map(found.solid, group)], act)
     except MeshError:
         return mesh
     if whole.status() != manifold3d.Error.NoError or whole.is_empty():
         return mesh
     return _mesh_of(whole)
-
-
-def _doubtful_around(body: int, doubtful: BoolArray, parent: NDArray[np.int64]) -> int:
-    around = int(parent[body])
-    if around < 0:
-        return 0
-    return int(doubtful[around]) + _doubtful_around(around, doubtful, parent)
 
 
 def _sum(solids: list[Any]) -> Any:
@@ -1178,7 +1134,7 @@ class Crossing:
         Estimate of all that is enclosed other than once.
     """
 
-    place_mm: tuple[float, float, float]
+    place_mm: Point
     times_inside: int
     length_mm: float
     volume_mm3: float
@@ -1218,12 +1174,9 @@ def find_crossing(mesh: Mesh) -> Crossing | None:
         return None
     worst = int(np.argmax(np.where(wrong, length, 0.0)))
     x, y = first + step * np.array([ray[worst] % _RAYS, ray[worst] // _RAYS])
-    return Crossing(
-        place_mm=(float(x), float(y), float((z[worst] + z[worst + 1]) / 2)),
-        times_inside=int(inside[worst]),
-        length_mm=float(length[worst]),
-        volume_mm3=float(length[wrong].sum() * step[0] * step[1]),
-    )
+    place_mm = (float(x), float(y), float((z[worst] + z[worst + 1]) / 2))
+    volume_mm3 = float(length[wrong].sum() * step[0] * step[1])
+    return Crossing(place_mm, int(inside[worst]), float(length[worst]), volume_mm3)
 
 
 def _cross(
@@ -1266,8 +1219,7 @@ def _first_ray(value: FloatArray, first: float, step: float) -> IntArray:
     ray = np.clip(np.ceil((value - first) / step), 0.0, _RAYS)
     ray -= first + (ray - 1.0) * step >= value
     ray += first + ray * step < value
-    settled: IntArray = np.clip(ray, 0.0, _RAYS).astype(np.int64)
-    return settled
+    return np.asarray(np.clip(ray, 0.0, _RAYS), np.int64)
 
 
 def _height(corners: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:
@@ -1279,8 +1231,7 @@ def _height(corners: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:
         s = ((x - a[0]) * vy - (y - a[1]) * vx) / area
         t = (ux * (y - a[1]) - uy * (x - a[0])) / area
         z = np.clip(a[2] + s * (b[2] - a[2]) + t * (c[2] - a[2]), low, high)
-    heights: FloatArray = np.where(area == 0.0, (low + high) / 2.0, z)
-    return heights
+    return np.asarray(np.where(area == 0.0, (low + high) / 2.0, z))
 
 
 # ------------------------------------------------------------------------------------------------
@@ -1312,8 +1263,9 @@ def _describe_faults(vertices: FloatArray, topology: Topology) -> str:
         length = _length(vertices, pairs)
         return (
             f"{counted(len(pairs), 'edge')} in all {length:.4g} mm long with up to {count.max()} "
-            f"faces, the first at {_middle(vertices, crowded[0])}: bodies or walls touch along a "
-            "line, which has no thickness to print; let them overlap, or move them apart"
+            f"faces, the first at {place_text(vertices[crowded[0]].mean(axis=0))}: bodies or walls "
+            "touch along a line, which has no thickness to print; let them overlap, or move them "
+            "apart"
         )
     if topology.turned is None:
         return "the surface has one side only, as a Möbius strip; export the part as a solid"
@@ -1339,7 +1291,3 @@ def _describe_borders(vertices: FloatArray, edges: NDArray[np.int32], crowded: i
 
 def _length(vertices: FloatArray, edges: NDArray[np.int32]) -> float:
     return float(np.linalg.norm(vertices[edges[:, 1]] - vertices[edges[:, 0]], axis=1).sum())
-
-
-def _middle(vertices: FloatArray, edge: NDArray[np.int32]) -> str:
-    return place_text((vertices[edge[0]] + vertices[edge[1]]) / 2)

@@ -1,5 +1,6 @@
 """What a screen shows of shells: positions rounded, triangles few enough, colours told apart."""
 
+import bisect
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -89,9 +90,8 @@ def shown(shells: Sequence[_Indexed], most: int = _MOST_TRIANGLES) -> Shown:
     grid = ScreenGrid.over([vertices for vertices, _ in shells])
     step_mm = grid.step_mm
     places = (grid.counts(vertices).T for vertices, _ in shells)
-    keys, at = np.unique(
-        np.concatenate([x << 32 | y << 16 | z for x, y, z in places]), return_inverse=True
-    )
+    packed = [x << 32 | y << 16 | z for x, y, z in places]
+    keys, at = np.unique(np.concatenate(packed), return_inverse=True)
     points = np.stack([keys >> 32, (keys >> 16) & 0xFFFF, keys & 0xFFFF], axis=1)
     begin = itertools.accumulate((len(vertices) for vertices, _ in shells), initial=0)
     faces = [at[b + f].astype(np.int32) for b, (_, f) in zip(begin, shells, strict=False)]
@@ -102,11 +102,9 @@ def shown(shells: Sequence[_Indexed], most: int = _MOST_TRIANGLES) -> Shown:
         faces = [taken[f] for f in faces]
     faces = [f[~repeats_index(f)] for f in faces]
     faces = [f[cancel_opposite(f)] for f in faces]
-    kept = []
-    for f in faces:
-        used, own = compact(f, len(points))
-        kept.append((points[used].astype(np.uint16), own))
-    return Shown(grid.origin_mm, step_mm, tuple(kept), sum(map(len, faces)), of, moved_mm)
+    own = [compact(f, len(points)) for f in faces]
+    kept = tuple((points[used].astype(np.uint16), f) for used, f in own)
+    return Shown(grid.origin_mm, step_mm, kept, sum(map(len, faces)), of, moved_mm)
 
 
 def thinned(
@@ -139,12 +137,12 @@ def _coarse(points: IntArray, faces: Sequence[IntArray], most: int) -> NDArray[n
     shared = _shared(len(points), faces)
     share = most / sum(map(len, faces))
     sizes = sorted({round(2.0 ** (n / 8.0)) for n in range(8, 121)})  # a cell's edge in steps
-    low, high = 0, len(sizes) - 1
-    while low < high:
-        middle = (low + high) // 2
-        occupied = _distinct(_cells(points, shared, sizes[middle]))
-        low, high = (low, middle) if occupied <= share * len(points) else (middle + 1, high)
-    cells = _cells(points, shared, sizes[low])
+
+    def few(size: int) -> bool:
+        return _distinct(_cells(points, shared, size)) <= share * len(points)
+
+    size = sizes[bisect.bisect_left(sizes, True, hi=len(sizes) - 1, key=few)]
+    cells = _cells(points, shared, size)
     sharp = np.zeros((len(points), 4))
     for f in faces:
         _add_areas(points, np.require(f, np.int32, ["C", "W"]), sharp)
@@ -152,9 +150,8 @@ def _coarse(points: IntArray, faces: Sequence[IntArray], most: int) -> NDArray[n
     order = np.argsort(cells, kind="stable")
     starts = np.flatnonzero(np.append(True, np.diff(cells[order]) != 0))
     cell = np.repeat(np.arange(len(starts)), np.diff(starts, append=len(order)))
-    highest = np.flatnonzero(
-        sharpness[order] == np.maximum.reduceat(sharpness[order], starts)[cell]
-    )
+    sharpest = np.maximum.reduceat(sharpness[order], starts)
+    highest = np.flatnonzero(sharpness[order] == sharpest[cell])
     first = highest[np.append(True, np.diff(cell[highest]) != 0)]
     taken = np.empty(len(points), np.int32)
     taken[order] = order[first][cell]
@@ -186,9 +183,7 @@ def _shared(count: int, faces: Sequence[IntArray]) -> IntArray:
     """Return by vertex a number of the set of shells that have it."""
     shells = np.zeros(count, np.int64)
     for number, f in enumerate(faces):
-        has = np.zeros(count, np.bool_)
-        has[f.ravel()] = True
-        shells |= has.astype(np.int64) << number % _BITS
+        shells[f] |= 1 << number % _BITS
     return np.asarray(np.unique(shells, return_inverse=True)[1] % _SETS)
 
 

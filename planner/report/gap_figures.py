@@ -10,13 +10,7 @@ from functools import partial
 import numpy as np
 
 from planner.gap.diagnosis import Diagnosis, Gap, Location, Traces, signed_error
-from planner.gap.summary import (
-    axis_words,
-    clear_places,
-    p_value,
-    percent,
-    probability,
-)
+from planner.gap.summary import axis_words, clear_places, p_value, percent, probability
 from planner.numerics import FloatArray
 from planner.report import svg
 
@@ -134,9 +128,8 @@ def _bar_figure(
 
     for x, words in marks:
         upright_line(x, _GRID)
-        parts.append(
-            svg.text(_BARS_LEFT + x, bottom + 16.0, words, anchor="middle", colour=svg.QUIET)
-        )
+        at = (_BARS_LEFT + x, bottom + 16.0)
+        parts.append(svg.text(*at, words, anchor="middle", colour=svg.QUIET))
     for number, bar in enumerate(bars):
         first, end = _TOP + _STEP * number, _BARS_LEFT
         middle = first + 0.5 * _HEIGHT
@@ -502,10 +495,8 @@ def _curves_panel(traces: Traces, test: int, left: float, top: float) -> Iterato
     yield chart.upright(38.0, "force, N")
     readable = chart.axes(across, "force, N")
     for row, curve in zip(traces.rows[test], measured, strict=True):
-        dots = [
-            svg.disc(chart.x(x[i]), chart.y(curve[i]), colour=svg.INK, radius=1.7)
-            for i in _places(x, curve)
-        ]
+        places = [(chart.x(x[i]), chart.y(curve[i])) for i in _places(x, curve)]
+        dots = [svg.disc(*place, colour=svg.INK, radius=1.7) for place in places]
         words = _error_words(traces.residual_before[row], traces.residual_after[row])
         words = f"measured, {_specimen_words(traces, row)}; {words}"
         yield from svg.told(words, dots, axes=readable)
@@ -548,9 +539,8 @@ def _evidence_figure(diagnosis: Diagnosis) -> bytes:
     bars = []
     for h in shown:
         width = _BARS_WIDTH * min(h.probability, 1.0)
-        plain = width * (1.0 - min(max(h.with_unknown, 0.0), 1.0))
-        if h.effects == ("unknown",):
-            plain = 0.0
+        alone = 0.0 if h.effects == ("unknown",) else 1.0 - min(max(h.with_unknown, 0.0), 1.0)
+        plain = width * alone
         name = f"{'● ' if h.effects in alike else ''}{h.name}"
         stretches = ((plain, svg.BLUE), (width - plain, _PALE))
         bars.append(_Bar(name, stretches, probability(h.probability)))

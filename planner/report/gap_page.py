@@ -112,8 +112,7 @@ def _meaning(effect: str, form: str, parameter: str) -> str:
     """Return what a parameter means, as the effect's form says it; "" where none does."""
     forms = EFFECTS[effect].forms if effect in EFFECTS else ()
     own_first = sorted(forms, key=lambda f: f.name != form)
-    known = (p.meaning for one in own_first for p in one.parameters if p.name == parameter)
-    return next(known, "")
+    return next((p.meaning for one in own_first for p in one.parameters if p.name == parameter), "")
 
 
 def _shown(name: str, words: str, unit: str, value: float) -> str:
@@ -223,9 +222,8 @@ def _table_lines(table: _Table, width: int) -> list[str]:
 def _cause_words(name: str) -> str:
     """Return a hypothesis in words: "no gap", "water uptake", "strain rate + water uptake"."""
     others = {"none": "no gap", "unknown": "an unknown cause"}
-    return " + ".join(
-        EFFECTS[e].title if e in EFFECTS else others.get(e, e) for e in name.split("+")
-    )
+    causes = (EFFECTS[e].title if e in EFFECTS else others.get(e, e) for e in name.split("+"))
+    return " + ".join(causes)
 
 
 def headline(diagnosis: Diagnosis) -> str:
@@ -478,8 +476,7 @@ _ODDS_ALONE = "the odds between causes shift, but no two are told apart for sure
 def _split_words(first: str, second: str) -> str:
     """Return the question whose answer tells one hypothesis from another."""
     if "none" in (first, second):
-        other = second if first == "none" else first
-        return f"is {_cause_words(other)} at work at all"
+        return f"is {_cause_words(second if first == 'none' else first)} at work at all"
     a, b = (set(name.split("+")) for name in (first, second))
     both, only_a, only_b = (
         _cause_words("+".join(sorted(effects))) for effects in (a & b, a - b, b - a)

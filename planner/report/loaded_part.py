@@ -82,20 +82,16 @@ def part_page(result: PartSimulation | Sequence[PartSimulation]) -> bytes:
 
 def _body(results: Sequence[PartSimulation]) -> Iterator[str]:
     result = results[0]
-    kept, faces = thinned(
-        result.cells.surface.vertices, result.cells.surface.faces, _MOST_TRIANGLES
-    )
+    surface = result.cells.surface
+    kept, faces = thinned(surface.vertices, surface.faces, _MOST_TRIANGLES)
     top = _top(max(float(one.steps.strain_over_break.max()) for one in results))
     yield '<a class="skip" href="#figures">Skip the 3D view</a>'
     yield from _header(results)
     yield '<main>\n<div class="bench">'
-    yield page.stage(
-        f"The part {result.name} under load",
-        " ".join(
-            f"{words}." for one in results for words in (part_title(one), *summary_words(one))
-        ),
-        no_view="The figure and the tables below are whole.",
-    )
+    words = (each for one in results for each in (part_title(one), *summary_words(one)))
+    said = " ".join(f"{each}." for each in words)
+    no_view = "The figure and the tables below are whole."
+    yield page.stage(f"The part {result.name} under load", said, no_view=no_view)
     yield '<div class="panel">'
     yield from page.findings_card([(f.message, False) for one in results for f in one.findings])
     count = sum(len(one.steps.share) for one in results)
@@ -121,7 +117,7 @@ def _body(results: Sequence[PartSimulation]) -> Iterator[str]:
     notes = dict.fromkeys(note for one in results for note in (*summary_words(one), *one.notes))
     items = "".join(f"<li>{escape(note)}</li>" for note in notes)
     yield from page.section("notes-title", "Notes", [f'<ul class="notes">{items}</ul>'])
-    shown, of = len(faces), len(result.cells.surface.faces)
+    shown, of = len(faces), len(surface.faces)
     simplified = f", simplified for display to {shown} of {of} triangles" if shown < of else ""
     palette = f"{escape(result.palette.name)} {result.palette.sha256[:16]}"
     yield page.filled(
@@ -151,9 +147,8 @@ def _header(results: Sequence[PartSimulation]) -> Iterator[str]:
     ]
     facts.append(("strain / break", format_number(worst), "bad" if worst > 1.0 else "good"))
     facts.append(("findings", str(found), "bad" if found else "good"))
-    return page.head(
-        f"{results[0].name} under load", [escape(part_title(r)) for r in results], facts
-    )
+    below = [escape(part_title(result)) for result in results]
+    return page.head(f"{results[0].name} under load", below, facts)
 
 
 def _legend(top: float) -> Iterator[str]:
@@ -199,16 +194,14 @@ def _packed(
     # One colour is kept for what is broken: the last.
     values = np.minimum(np.floor(254.0 * np.maximum(over_break, 0.0) / top), 254)
     values[over_break > 1.0] = 255
-    moved = [
-        one.tobytes() + value.astype("u1").tobytes()
-        for one, value in zip(points, values, strict=True)
-    ]
+    each = zip(points, values.astype("u1"), strict=True)
+    moved = [one.tobytes() + value.tobytes() for one, value in each]
     document = {
         "origin": grid.origin_mm.tolist(),
         "step": grid.step_mm,
         "moved": [0.0, 0.0, 0.0],
         "size": np.ptp(places, axis=(0, 1)).tolist(),
-        "shells": [page.shell_data(points[0], faces, "#8A8F98")],
+        "shells": [page.shell_data(points[0], faces, "#8A8F98", "")],
         "sections": [
             {"name": name, "normal": [float(k == axis) for axis in range(3)], "zero": 0.0}
             for k, name in enumerate("xyz")
@@ -228,10 +221,8 @@ def _packed(
 
 def _colours() -> list[str]:
     """Return 255 colours of the scale, and that of what is broken."""
-    return [
-        *svg.ramp(_SCALE, range(len(_SCALE)), np.linspace(0.0, len(_SCALE) - 1.0, 255)),
-        _BROKEN,
-    ]
+    steps = np.linspace(0.0, len(_SCALE) - 1.0, 255)
+    return [*svg.ramp(_SCALE, range(len(_SCALE)), steps), _BROKEN]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -342,8 +333,7 @@ def _cut_words(result: PartSimulation, cut: _PartCut) -> Iterator[str]:
     )
     if worst > 1.0:
         torn = np.count_nonzero(cut.strain_over_break > 1.0)
-        inside = np.count_nonzero(np.isfinite(cut.strain_over_break))
-        share = 100.0 * torn / inside
+        share = 100.0 * torn / np.count_nonzero(np.isfinite(cut.strain_over_break))
         yield f"Pink is beyond its break and would be torn, {share:.2g} % of this cut."
     yield (
         "Strains are means over neighbouring cells: at clamped edges and sharp corners they are "
@@ -367,9 +357,8 @@ def _cut_figure(result: PartSimulation, cut: _PartCut, colours: Sequence[str], t
     rows, columns = cut.strain_over_break.shape
     width, height = _SQUARE * columns + 2.0 * _MARGIN, _SQUARE * rows + 2.0 * _MARGIN
     room = cut.step_mm * (0.5 + _MARGIN / _SQUARE)
-    x_range, y_range = (
-        (float(v[0]) - room, float(v[-1]) + room) for v in (cut.along_mm, cut.up_mm)
-    )
+    both = (cut.along_mm, cut.up_mm)
+    x_range, y_range = ((float(v[0]) - room, float(v[-1]) + room) for v in both)
     chart = Chart(_CUT_LEFT, _CUT_TOP, width, height, x_range, y_range)
     x, y = chart.x(float(cut.place_mm[cut.along])), chart.y(float(cut.place_mm[cut.up]))
     worst = float(result.steps.largest[-1])
@@ -401,8 +390,7 @@ def _squares(cut: _PartCut, colours: Sequence[str], top: float) -> Iterator[str]
     shade = np.floor(np.where(values < 0.0, 0.0, shade)).astype(int)
     shade[np.isnan(values)] = -1
     shade[values > 1.0] = _BANDS
-    padded = np.pad(shade, ((0, 0), (1, 1)), constant_values=-1)
-    row, edge = np.nonzero(np.diff(padded, axis=1))
+    row, edge = np.nonzero(np.diff(shade, axis=1, prepend=-1, append=-1))
     left, above = _CUT_LEFT + _MARGIN, _CUT_TOP + _MARGIN
     paths: dict[int, list[str]] = {}
     for r, a, b in zip(row.tolist(), edge.tolist(), [*edge.tolist()[1:], 0], strict=True):
@@ -426,18 +414,16 @@ def _shade(colours: Sequence[str], number: int) -> str:
 
 def _cut_legend(colours: Sequence[str], top: float, y: float) -> Iterator[str]:
     long = 360.0
-    yield svg.text(
-        _CUT_LEFT, y, "largest principal strain, as a share of the elongation at break (no unit)"
-    )
+    words = "largest principal strain, as a share of the elongation at break (no unit)"
+    yield svg.text(_CUT_LEFT, y, words)
     for k in range(_BANDS):
         left = _CUT_LEFT + long * k / _BANDS
         yield svg.rectangle(left, y + 8.0, long / _BANDS + 0.3, 14.0, colour=_shade(colours, k))
     for share in (0.0, 0.25, 0.5, 0.75, 1.0):
         yield svg.text(_CUT_LEFT + long * share, y + 38.0, f"{top * share:.3g}", anchor="middle")
     if top == 1.0:
-        yield svg.rectangle(
-            _CUT_LEFT + long + 24.0, y + 8.0, 14.0, 14.0, colour=_shade(colours, _BANDS)
-        )
+        broken = _shade(colours, _BANDS)
+        yield svg.rectangle(_CUT_LEFT + long + 24.0, y + 8.0, 14.0, 14.0, colour=broken)
         yield svg.text(_CUT_LEFT + long + 44.0, y + 20.0, "above 1: torn")
 
 
@@ -588,8 +574,7 @@ def part_volume(result: PartSimulation) -> bytes:
     pairs = np.stack([owner.ravel(), key.ravel()], axis=1)
     _, first, number = np.unique(pairs, axis=0, return_index=True, return_inverse=True)
     number = number.reshape(owner.shape)
-    local = 2.0 * steps / _ACROSS - 1.0
-    shape, _ = shape_functions(local, cells.cell_mm)
+    shape, _ = shape_functions(2.0 * steps / _ACROSS - 1.0, cells.cell_mm)
     moved = np.einsum("sa,nai->nsi", shape, fields.displacement_mm[cells.nodes])
     points = cells.origin_mm + place.reshape(-1, 3)[first] / _ACROSS * cells.cell_mm
     u = moved.reshape(-1, 3)[first]

@@ -1,6 +1,6 @@
 """Figures of materials: a palette's ladder, what tensile tests show, and laws fitted to them."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import partial
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -79,12 +79,10 @@ def materials_figure(scale: StiffnessScale) -> bytes:
     >>> Path("ladder.svg").write_bytes(figure)  # doctest: +SKIP
     """
     second = _LEFT + _WIDTH + _BETWEEN
-    return svg.picture(
-        second + _WIDTH + _MARGIN,
-        _TOP + _HEIGHT + 52.0,
-        [*_ladder(scale), *_stresses(scale, second)],
-        title=f"{scale.palette.name}: stiffness of its materials",
-    )
+    width, height = second + _WIDTH + _MARGIN, _TOP + _HEIGHT + 52.0
+    parts = [*_ladder(scale), *_stresses(scale, second)]
+    title = f"{scale.palette.name}: stiffness of its materials"
+    return svg.picture(width, height, parts, title=title)
 
 
 def _ladder(scale: StiffnessScale) -> Iterator[str]:
@@ -145,9 +143,8 @@ def _stresses(scale: StiffnessScale, left: float) -> Iterator[str]:
     reach = longest / (1.0 - (_LETTER * letters + 14.0) / _WIDTH)
     y_range = _with_room(np.log10([min(stresses), max(stresses)]), 0.05)
     chart = Chart(left, _TOP, _WIDTH, _HEIGHT, (0.0, reach), y_range)
-    yield from chart.frame(
-        x_label="strain", y_label="nominal stress of each law to its break, MPa", y_log=True
-    )
+    label = "nominal stress of each law to its break, MPa"
+    yield from chart.frame(x_label="strain", y_label=label, y_log=True)
     if scale.at_strain < longest:
         x = chart.x(scale.at_strain)
         yield svg.segment((x, _TOP), (x, _TOP + _HEIGHT), colour=QUIET, width=1.2, dash="5,4")
@@ -250,20 +247,16 @@ def characterisation_figure(found: Characterisation) -> bytes:
     """
     shown = [partial(_tests_panel, one, found.curves[one.material]) for one in found.materials]
     parts, width, height = svg.in_rows(shown, _ACROSS, _CORNER, _CELL)
-    return svg.picture(
-        max(width, 2.0 * _CELL[0]),
-        height - 40.0,
-        [*_tests_key(), *parts],
-        title="Tensile tests: curves as recorded",
-    )
+    size = (max(width, 2.0 * _CELL[0]), height - 40.0)
+    title = "Tensile tests: curves as recorded"
+    return svg.picture(*size, [*_tests_key(), *parts], title=title)
 
 
 def _tests_key() -> Iterator[str]:
-    y = _KEY_TOP
     yield from _key(54.0, "Young's modulus", _sample(20.0, colour=INK, width=1.4, dash="5,4"))
-    yield from _key(186.0, "end of the toe", svg.disc(176.0, y, colour=INK))
-    yield from _key(306.0, "yield", svg.ring(296.0, y, colour=INK))
-    yield from _key(376.0, "break", svg.cross(366.0, y, colour=INK, arm=4.0))
+    yield from _key(186.0, "end of the toe", svg.disc(176.0, _KEY_TOP, colour=INK))
+    yield from _key(306.0, "yield", svg.ring(296.0, _KEY_TOP, colour=INK))
+    yield from _key(376.0, "break", svg.cross(366.0, _KEY_TOP, colour=INK, arm=4.0))
 
 
 def _tests_panel(
@@ -280,8 +273,7 @@ def _tests_panel(
     yield from chart.frame(
         x_label="strain as recorded", y_label="nominal stress, MPa", most_ticks=6
     )
-    for number, curve in enumerate(curves):
-        yield _specimen_line(chart, number, curve.strain, curve.stress_MPa)
+    yield from _specimen_lines(chart, ((curve.strain, curve.stress_MPa) for curve in curves))
     for number, (specimen, curve) in enumerate(zip(one.specimens, curves, strict=True)):
         yield from _marks(chart, specimen, curve, _SPECIMENS[number % len(_SPECIMENS)])
     yield from _specimen_key(chart, [curve.specimen for curve in curves])
@@ -290,14 +282,11 @@ def _tests_panel(
 def _marks(chart: Chart, specimen: Characteristics, curve: Curve, colour: str) -> Iterator[str]:
     toe, zero = specimen.toe_strain, specimen.toe_strain + specimen.zero_strain
     # To where the eye sees whether it is a tangent: twice the linear part, within the chart.
-    end = zero + min(
-        2.0 * (specimen.linear_strain[1] - specimen.zero_strain),
-        0.8 * specimen.strength_MPa / specimen.modulus_MPa,
-    )
-    start = max(zero, chart.x_range[0])
-    ends = [(x, specimen.modulus_MPa * (x - zero)) for x in (start, end)]
-    (x0, y0), (x1, y1) = ((chart.x(x), chart.y(y)) for x, y in ends)
-    yield svg.segment((x0, y0), (x1, y1), colour=INK, width=1.1, dash="5,4")
+    linear = 2.0 * (specimen.linear_strain[1] - specimen.zero_strain)
+    end = zero + min(linear, 0.8 * specimen.strength_MPa / specimen.modulus_MPa)
+    ends = (max(zero, chart.x_range[0]), end)
+    start, stop = ((chart.x(x), chart.y(specimen.modulus_MPa * (x - zero))) for x in ends)
+    yield svg.segment(start, stop, colour=INK, width=1.1, dash="5,4")
     if toe:
         yield svg.disc(chart.x(toe), chart.y(0.0), colour=colour)
     if specimen.yield_strain is not None:
@@ -308,11 +297,12 @@ def _marks(chart: Chart, specimen: Characteristics, curve: Curve, colour: str) -
     yield svg.cross(*broken, colour=colour, arm=4.0)
 
 
-def _specimen_line(chart: Chart, number: int, x: FloatArray, y: FloatArray) -> str:
-    """Draw the curve of a material's n-th specimen, at so many points as can be seen."""
-    at = np.unique(np.linspace(0, len(x) - 1, _SHOWN_POINTS).round().astype(np.int64))
-    colour, dash = _look(number)
-    return chart.line(x[at], y[at], colour=colour, width=1.6, dash=dash)
+def _specimen_lines(chart: Chart, curves: Iterable[tuple[FloatArray, FloatArray]]) -> Iterator[str]:
+    """Draw a material's specimens, each at so many points as can be seen."""
+    for number, (x, y) in enumerate(curves):
+        at = np.unique(np.linspace(0, len(x) - 1, _SHOWN_POINTS).round().astype(np.int64))
+        colour, dash = _look(number)
+        yield chart.line(x[at], y[at], colour=colour, width=1.6, dash=dash)
 
 
 def _headroom(specimens: int, height: float) -> float:
@@ -405,26 +395,24 @@ def fit_figure(study: PaletteStudy) -> bytes:
     top, width = _FIT_TOP, 2.0 * _FIT_CELL[0]
     for heading, drawn_by, height in sections:
         parts.append(svg.text(20.0, top + 6.0, heading, size=14.0))
-        drawn, reach, top = svg.in_rows(
-            drawn_by, _ACROSS, (_LEFT, top + 58.0), (_FIT_CELL[0], height)
-        )
+        corner, cell = (_LEFT, top + 58.0), (_FIT_CELL[0], height)
+        drawn, reach, top = svg.in_rows(drawn_by, _ACROSS, corner, cell)
         parts += drawn
         width = max(width, reach)
     if study.problem is not None:
-        parts.append(
-            svg.text(20.0, top, "Not fit to plan with: nothing is drawn between all materials.")
-        )
+        words = "Not fit to plan with: nothing is drawn between all materials."
+        parts.append(svg.text(20.0, top, words))
         top += 20.0
     title = f"{study.palette.name}: laws fitted to tensile tests"
     return svg.picture(width, top - 20.0, parts, title=title)
 
 
 def _fit_key(study: PaletteStudy) -> Iterator[str]:
-    y = _KEY_TOP
     yield from _key(54.0, "law or mixture", _sample(20.0, colour=INK))
     yield from _key(200.0, "95 % of prints", _sample(166.0, colour=PALE_BLUE, width=12.0))
     level = next(iter(study.fits.values())).uncertainty.level
-    mark = svg.segment((312.0, y - 6.0), (312.0, y + 6.0), colour=INK, width=2.0)
+    ends = (312.0, _KEY_TOP - 6.0), (312.0, _KEY_TOP + 6.0)
+    mark = svg.segment(*ends, colour=INK, width=2.0)
     yield from _key(320.0, f"mean of the specimens, {100 * level:g} %", mark)
     if study.quadratic is not None:
         mark = _sample(500.0, colour=_QUADRATIC, dash=_DASH)
@@ -456,7 +444,7 @@ def _tests(
     r2 = "" if fit.uncertainty.r2 is None else f", R2 {fit.uncertainty.r2:.4f}"
     heading = f"{material.id}: {fit.chosen_name}{r2}"
     predicted = _Predicted(strain, stress, stress / wide, stress * wide)
-    yield from _prints_and_tests(chart, heading, predicted, fit.curves, x_label="")
+    yield from _prints_and_tests(chart, heading, predicted, fit.curves, "")
     for one in fit.secants:
         if one.strain > 0.0 and np.isfinite(one.high_MPa):
             ends = (one.strain * one.low_MPa, min(one.strain * one.high_MPa, highest))
@@ -468,24 +456,19 @@ def _tests(
             y = study.quadratic.quadratics.model.literal_stress_MPa(material.coordinate, x)
             yield from _within(chart, x, y)
     yield from _specimen_key(chart, [curve.specimen for curve in fit.curves])
-    errors = [
-        100.0 * (c.stress_MPa - law.nominal_stress_MPa(1.0 + c.strain)) / largest
-        for c in fit.curves
-    ]
+    off = [c.stress_MPa - law.nominal_stress_MPa(1.0 + c.strain) for c in fit.curves]
+    errors = [100.0 * each / largest for each in off]
     reach = 1.1 * max(float(np.abs(error).max()) for error in errors) or 1.0
     foot = top + _FIT_HEIGHT + 46.0
     below = Chart(left, foot, _PANEL_WIDTH, _RESIDUAL_HEIGHT, chart.x_range, (-reach, reach))
     round_end = svg.ticks(0.0, reach, 4)[-1]
-    yield from below.frame(
-        x_label="strain",
-        y_label="measured less law, % of the largest stress",
-        y_ticks=[(value, f"{value:g}") for value in (-round_end, 0.0, round_end)],
-        most_ticks=6,
-    )
+    marks = [(value, f"{value:g}") for value in (-round_end, 0.0, round_end)]
+    label = "measured less law, % of the largest stress"
+    yield from below.frame(x_label="strain", y_label=label, y_ticks=marks, most_ticks=6)
     zero = below.y(0.0)
     yield svg.segment((left, zero), (left + _PANEL_WIDTH, zero), colour=GREY, width=1.2)
-    for number, (curve, error) in enumerate(zip(fit.curves, errors, strict=True)):
-        yield _specimen_line(below, number, curve.strain, error)
+    strains = [curve.strain for curve in fit.curves]
+    yield from _specimen_lines(below, zip(strains, errors, strict=True))
 
 
 def _fit_chart(left: float, top: float, end: float, highest: float) -> Chart:
@@ -508,9 +491,7 @@ def _mixture_at(model: CoefficientModel, m: float, end: float) -> _Predicted:
     return _Predicted(strain, model.nominal_stress_MPa(m, 1.0 + strain), low, high)
 
 
-def _prints(
-    chart: Chart, heading: str, predicted: _Predicted, x_label: str = "strain"
-) -> Iterator[str]:
+def _prints(chart: Chart, heading: str, predicted: _Predicted, x_label: str) -> Iterator[str]:
     """Draw the band of prints under a heading."""
     strain, _, low, high = predicted
     yield svg.text(chart.left - 44.0, chart.top - 30.0, heading, size=12.5)
@@ -519,13 +500,11 @@ def _prints(
 
 
 def _prints_and_tests(
-    chart: Chart, heading: str, predicted: _Predicted, curves: Sequence[Curve],
-    x_label: str = "strain",
-) -> Iterator[str]:  # fmt: skip
+    chart: Chart, heading: str, predicted: _Predicted, curves: Sequence[Curve], x_label: str
+) -> Iterator[str]:
     """Draw the band of prints, tests over it, and what is predicted over both."""
     yield from _prints(chart, heading, predicted, x_label)
-    for number, curve in enumerate(curves):
-        yield _specimen_line(chart, number, curve.strain, curve.stress_MPa)
+    yield from _specimen_lines(chart, ((curve.strain, curve.stress_MPa) for curve in curves))
     yield chart.line(predicted.strain, predicted.stress, colour=INK)
 
 
@@ -539,8 +518,7 @@ def _within(chart: Chart, x: FloatArray, y: FloatArray) -> Iterator[str]:
     """Draw the quadratics' line where it lies in the chart; they may leave it far."""
     low, high = chart.y_range
     inside = (y >= low) & (y <= high) & np.isfinite(y)
-    edges = np.flatnonzero(np.diff(inside)) + 1
-    for run in np.split(np.arange(len(x)), edges):
+    for run in np.split(np.arange(len(x)), np.flatnonzero(np.diff(inside)) + 1):
         if inside[run[0]] and len(run) > 1:
             yield chart.line(x[run], y[run], colour=_QUADRATIC, width=2.0, dash=_DASH)
 
@@ -593,7 +571,7 @@ def _mixture(
     highest = 1.06 * max(float(beside[1].max()), float(predicted.high.max()))
     chart = _fit_chart(left, top, end, highest)
     heading = f"m {m:.4g}: between {softer.id} and {harder.id}"
-    yield from _prints(chart, heading, predicted)
+    yield from _prints(chart, heading, predicted, "strain")
     for one, curve in zip((softer, harder), beside, strict=True):
         yield chart.line(strain, curve, colour=INK, width=3.0)
         yield chart.line(strain, curve, colour=one.colour, width=2.0)
@@ -614,9 +592,9 @@ def _left_out(
     largest = max(float(curve.stress_MPa.max()) for curve in fit.curves)
     highest = max(largest, float(predicted.stress.max())) * _headroom(len(fit.curves), _FIT_HEIGHT)
     chart = _fit_chart(left, top, end, highest)
-    yield from _prints_and_tests(chart, f"{material.id}, m {m:.4g}", predicted, fit.curves)
-    rows = () if study.quadratic is None else study.quadratic.rows
-    for row in rows:
+    heading = f"{material.id}, m {m:.4g}"
+    yield from _prints_and_tests(chart, heading, predicted, fit.curves, "strain")
+    for row in () if study.quadratic is None else study.quadratic.rows:
         if row.id == material.id and row.model_without is not None:
             x = np.linspace(*_ends(row.curve.strain), _CURVE_POINTS)
             yield from _within(chart, x, row.model_without.literal_stress_MPa(m, x))

@@ -106,20 +106,14 @@ def _plan(plan: Plan) -> str:
         return _html(plan, ())
     colours = _colours(plan)
     said = [finding.message for finding in plan.findings]
+    drawn = plan_figure.stiffness_figure(plan, colours, "Target and achieved stiffness")
     table = plan_figure.plan_table(plan)
     columns = [name for name in table.columns if name not in ("#", "mass g")]
-    return _html(
-        plan,
-        [
-            _words([*plan_figure.unreachable_words(plan), *said]),
-            _figure(plan_figure.stiffness_figure(plan, colours, "Target and achieved stiffness")),
-            _table(
-                columns, table.rows, [colours[r.printed] for r in plan.regions],
-                ["material", "blend"],
-            ),
-            _said(plan_figure.error_words(plan).replace("--blend", "blend")),
-        ],
-    )  # fmt: skip
+    swatches = [colours[region.printed] for region in plan.regions]
+    rows = _table(columns, table.rows, swatches, ["material", "blend"])
+    better = _said(plan_figure.error_words(plan).replace("--blend", "blend"))
+    found = _words([*plan_figure.unreachable_words(plan), *said])
+    return _html(plan, [found, _figure(drawn), rows, better])
 
 
 def _colours(plan: Plan) -> dict[str, str]:
@@ -131,39 +125,27 @@ def _colours(plan: Plan) -> dict[str, str]:
         except PlannerError:
             palette = None  # a lab's own, known by its file alone
         known = {m.id: m.colour for m in palette.materials} if palette is not None else {}
-    names = list(dict.fromkeys(r.printed for r in sorted(plan.regions, key=_coordinate)))
+    soft_first = sorted(plan.regions, key=lambda region: region.coordinate)
+    names = list(dict.fromkeys(region.printed for region in soft_first))
     own = [known.get(name, "#808080") for name in names]
     return dict(zip(names, colours_told_apart(own), strict=True))
 
 
-def _coordinate(region: Any) -> float:
-    return float(region.coordinate)
-
-
 @small_page.register
 def _simulation(simulation: Simulation) -> str:
-    return _html(
-        simulation,
-        [
-            _words([finding.message for finding in simulation.findings]),
-            _figure(simulation_figure(simulation)) if len(simulation.force_N) > 1 else "",
-            _words(simulation.notes, "note"),
-        ],
-    )
+    said = _words([finding.message for finding in simulation.findings])
+    drawn = _figure(simulation_figure(simulation)) if len(simulation.force_N) > 1 else ""
+    return _html(simulation, [said, drawn, _words(simulation.notes, "note")])
 
 
 @small_page.register
 def _part_simulation(result: PartSimulation) -> str:
     rows = list(response_rows(result))
-    return _html(
-        result,
-        [
-            _words([finding.message for finding in result.findings]),
-            _figure(simulation_figure(result)) if len(result.steps.share) > 1 else "",
-            _table(list(rows[0]), rows, ["transparent"] * len(rows), ["", "faces"]),
-            _words([*summary_words(result), *result.notes], "note"),
-        ],
-    )
+    said = _words([finding.message for finding in result.findings])
+    drawn = _figure(simulation_figure(result)) if len(result.steps.share) > 1 else ""
+    table = _table(list(rows[0]), rows, ["transparent"] * len(rows), ["", "faces"])
+    notes = _words([*summary_words(result), *result.notes], "note")
+    return _html(result, [said, drawn, table, notes])
 
 
 @small_page.register
@@ -268,12 +250,8 @@ def _draw_plan(plan: Plan, ax: "Axes") -> None:
         ax.fill_between(
             ends, *region.modulus_interval_MPa, color=BLUE, alpha=0.2, linewidth=0.0, label=label
         )
-    ax.set(
-        xlabel=words,
-        ylabel=f"secant modulus at strain {plan.stiffness.at_strain:g}, MPa",
-        yscale="log",
-        title=plan.part.file,
-    )
+    y_label = f"secant modulus at strain {plan.stiffness.at_strain:g}, MPa"
+    ax.set(xlabel=words, ylabel=y_label, yscale="log", title=plan.part.file)
     ax.legend()
 
 
@@ -289,11 +267,9 @@ def _draw_simulation(simulation: Simulation, ax: "Axes") -> None:
     if first < len(x):
         ax.plot(x[first:], force[first:], ":", color=BLUE, label="beyond the break")
         ax.plot(x[first], force[first], "x", color=RED, markersize=9.0, label="break")
-    ax.set(
-        xlabel="time, s" if over_time else "displacement, mm",
-        ylabel="force, N",
-        title=f"{simulation.name}: {simulation.protocol} to strain {simulation.to_strain:g}",
-    )
+    title = f"{simulation.name}: {simulation.protocol} to strain {simulation.to_strain:g}"
+    x_label = "time, s" if over_time else "displacement, mm"
+    ax.set(xlabel=x_label, ylabel="force, N", title=title)
     ax.legend()
 
 
@@ -327,12 +303,9 @@ def _draw_scale(scale: StiffnessScale, ax: "Axes") -> None:
             material.id, (material.coordinate, modulus), xytext=(7.0, -10.0),
             textcoords="offset points", fontsize="x-small",
         )  # fmt: skip
-    ax.set(
-        xlabel="coordinate m of the material",
-        ylabel=f"secant modulus at strain {strain:g}, MPa",
-        yscale="log",
-        title=scale.palette.name,
-    )
+    x_label = "coordinate m of the material"
+    y_label = f"secant modulus at strain {strain:g}, MPa"
+    ax.set(xlabel=x_label, ylabel=y_label, yscale="log", title=scale.palette.name)
     ax.legend()
 
 
@@ -341,10 +314,8 @@ def _draw_diagnosis(diagnosis: Diagnosis, ax: "Axes") -> None:
     rows = list(errors_of(diagnosis))[::-1]
     bars = ax.barh([words for words, _ in rows], [100.0 * error for _, error in rows], color=BLUE)
     ax.bar_label(bars, fmt="%.2g %%", padding=3.0)
-    ax.set(
-        xlabel="error of force, % of each test's largest",
-        title=f"{diagnosis.campaign}: {diagnosis.verdict}",
-    )
+    title = f"{diagnosis.campaign}: {diagnosis.verdict}"
+    ax.set(xlabel="error of force, % of each test's largest", title=title)
     ax.margins(x=0.15)
 
 

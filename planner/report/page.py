@@ -219,10 +219,8 @@ def stage(label: str, words: str, note: str = "", no_view: str = _NO_VIEW) -> st
 
 def section_controls(ways: Sequence[str]) -> str:
     """Return the controls of the section, by the names of the ways to cut."""
-    choices = (
-        f'<label><input type="radio" name="section" value="{name}"> {name}</label>' for name in ways
-    )
-    return filled("section.html", ways="\n".join(choices))
+    choice = '<label><input type="radio" name="section" value="{0}"> {0}</label>'
+    return filled("section.html", ways="\n".join(map(choice.format, ways)))
 
 
 def load_slider(name: str, count: int, value: int) -> str:
@@ -237,12 +235,7 @@ def scale_bar(colours: Iterable[str]) -> str:
 
 
 def shell_data(
-    points: IntArray,
-    faces: IntArray,
-    colour: str,
-    name: str = "",
-    number: int = 1,
-    modulus: str = "",
+    points: IntArray, faces: IntArray, colour: str, name: str, number: int = 1, modulus: str = ""
 ) -> dict[str, Any]:
     """Return what the viewer reads of a shell besides its geometry."""
     return {

@@ -81,14 +81,11 @@ def plan_table(plan: Plan) -> PlanTable:
         "volume mm3": format_number(sum(r.volume_mm3 for r in plan.regions), 4),
         "mass g": format_number(sum(r.mass_g for r in plan.regions)),
     }
+    strain = f"{plan.stiffness.at_strain:g}"
+    title = f"{plan.part.file} on {plan.printer}: secant modulus at strain {strain}"
     blended = plan.gradient.blend is not None
-    return PlanTable(
-        f"{plan.part.file} on {plan.printer}: secant modulus at strain "
-        f"{plan.stiffness.at_strain:g}",
-        tuple(name for name in rows[0] if name != "blend" or blended),
-        rows,
-        total,
-    )
+    columns = tuple(name for name in rows[0] if name != "blend" or blended)
+    return PlanTable(title, columns, rows, total)
 
 
 def error_words(plan: Plan) -> str:
@@ -99,9 +96,8 @@ def error_words(plan: Plan) -> str:
     check = plan.checks.get("worst_stiffness_error")
     if check is None:
         return ""
-    better = [
-        f"{option} {error_text(ratio)}" for option, ratio in plan.stiffness.alternatives.items()
-    ]
+    others = plan.stiffness.alternatives.items()
+    better = [f"{option} {error_text(ratio)}" for option, ratio in others]
     return f"largest error of the stiffness: {', '.join([error_text(check.value), *better])}"
 
 
@@ -347,8 +343,7 @@ def both_figure(first: Plan, second: Plan, words: str) -> str:
     targets = [target_along(plan) for plan in plans]
     chart = _chart(plans, targets)
     strains = dict.fromkeys(f"{plan.stiffness.at_strain:g}" for plan in plans)
-    long = chart.x_range[1] - chart.x_range[0] != 1.0
-    across = "place along the field, mm" if long else _SHARE
+    across = _SHARE if chart.x_range[1] - chart.x_range[0] == 1.0 else "place along the field, mm"
     up = f"secant modulus at strain {' and '.join(strains)}, MPa"
     parts = list(chart.frame(x_label=across, y_label=up, y_log=True))
     styles = (("A", BLUE, 5.0), ("B", RUST, 2.0))

@@ -81,20 +81,17 @@ def _from_folder(where: str | Path | Plan) -> _PlanSource:
     threemf = read_threemf(path_within(root, f"{plan.name}.3mf"))
     colours = {item.material_name: item.colour for item in threemf.objects}
     printed = {region.file: region.printed for region in plan.regions}
-    names: list[str] = []
-    shells: list[tuple[Float32Array | FloatArray, IntArray]] = []
-    for name, triangles in read_shells(plan):
-        faces = np.arange(3 * len(triangles), dtype=np.int32).reshape(-1, 3)
-        shells.append((triangles.reshape(-1, 3), faces))
-        names.append(printed[name])
+    read = list(read_shells(plan))
+    names = tuple(printed[file] for file, _ in read)
+    soups = (triangles.reshape(-1, 3) for _, triangles in read)
     howto = path_within(root, "HOWTO.md")
     return _PlanSource(
         plan,
         _sha256_of(plan),
         howto.read_text(encoding="utf-8", errors="replace") if howto.is_file() else "",
-        tuple(names),
+        names,
         tuple(colours.get(name, "") or "#808080" for name in names),
-        tuple(shells),
+        tuple((soup, np.arange(len(soup), dtype=np.int32).reshape(-1, 3)) for soup in soups),
         _missed(root / "design.json"),
     )
 
@@ -197,9 +194,8 @@ def view(plan: str | Path | Plan) -> Path:
         if html.is_file():
             shown_sha256, data = _sha256_of(read_plan(file)), read_file(html)
             begin = data[:_HEAD_BYTES]
-            if _stamp(shown_sha256).encode() in begin:
-                return html
-            if _COURSE.encode() in data and shown_sha256.encode() in begin:
+            designed = _COURSE.encode() in data and shown_sha256.encode() in begin
+            if designed or _stamp(shown_sha256).encode() in begin:
                 return html
         if not (html.is_file() and is_sealed(html)):
             raise OutputError(
@@ -235,17 +231,13 @@ def _body(source: _PlanSource, courses: "Sequence[Course]") -> Iterator[str]:
     more: dict[str, Any] = {}
     frames = ""
     if courses:
-        moved = plan.part.translation_mm
-        display, more["course"], frames = _course_data(courses, display, moved)
+        display, more["course"], frames = _course_data(courses, display, plan.part.translation_mm)
     colours = _colours([source])
     yield '<a class="skip" href="#figures">Skip the 3D view</a>'
     yield from _header(source)
     yield '<main>\n<div class="bench">'
-    yield page.stage(
-        f"The part {plan.part.file} in its materials",
-        _in_words(plan),
-        _simplified(display) if display.simplified else "",
-    )
+    note = _simplified(display) if display.simplified else ""
+    yield page.stage(f"The part {plan.part.file} in its materials", _in_words(plan), note)
     yield '<div class="panel">'
     yield from _findings(plan, source.missed)
     if courses:
@@ -260,8 +252,8 @@ def _body(source: _PlanSource, courses: "Sequence[Course]") -> Iterator[str]:
         "Dashed: the target. Thick: the modulus of what is printed there, with the interval that "
         "holds it with 95 % probability. Below: the materials by their numbers.",
     )
-    regions = _regions_table(plan, colours, "table-title")
-    yield from page.section("table-title", "Regions", regions)
+    name = "table-title"
+    yield from page.section(name, "Regions", _regions_table(plan, colours, name))
     yield from _remarks(plan)
     if source.howto.strip():
         # Its first line is a heading of its own: the section's.
@@ -402,14 +394,12 @@ def _thousands(count: int) -> str:
 def _in_words(plan: Plan) -> str:
     """Say in words what the view shows."""
     first, last = plan.regions[0], plan.regions[-1]
-    size = " by ".join(
-        format_number(high - low, 4) for low, high in zip(*plan.part.bounds_mm, strict=True)
-    )
+    lengths = (high - low for low, high in zip(*plan.part.bounds_mm, strict=True))
+    size = " by ".join(format_number(length, 4) for length in lengths)
     return (
-        f"The part is {size} mm. It begins in {first.printed}, "
-        f"{format_number(first.modulus_MPa)} MPa, and ends in {last.printed}, "
-        f"{format_number(last.modulus_MPa)} MPa, {_field_words(plan.gradient.field)}. The table "
-        "below has every region."
+        f"The part is {size} mm. It begins in {first.printed}, {format_number(first.modulus_MPa)} "
+        f"MPa, and ends in {last.printed}, {format_number(last.modulus_MPa)} MPa, "
+        f"{_field_words(plan.gradient.field)}. The table below has every region."
     )
 
 
@@ -426,15 +416,12 @@ def _materials(source: _PlanSource, colours: Mapping[str, str]) -> Iterator[str]
     whole = sum(volumes.values()) or 1.0
     yield '<fieldset id="materials"><legend>Materials, from soft to hard</legend>'
     yield '<ul role="list">'
-    yield from _material_items(
-        colours,
-        {
-            name: f'<span class="volume">{format_number(volume, 4)} mm³</span>'
-            f'<span class="share">{100.0 * volume / whole:.1f} %</span>'
-            for name, volume in volumes.items()
-        },
-        _NAME_FITS,
-    )
+    told = {
+        name: f'<span class="volume">{format_number(volume, 4)} mm³</span>'
+        f'<span class="share">{100.0 * volume / whole:.1f} %</span>'
+        for name, volume in volumes.items()
+    }
+    yield from _material_items(colours, told, _NAME_FITS)
     yield "</ul>"
     if tuple(colours.values()) != source.colours:
         yield (
@@ -496,9 +483,8 @@ def _regions_table(
     numbers = _numbers(colours)
     shown = plan_figure.plan_table(plan)
     yield f'<p class="quiet">{escape(shown.title)}</p>'
-    for words in (plan_figure.error_words(plan), plan_figure.moved_words(plan)):
-        if words:
-            yield f'<p class="quiet">{escape(words)}</p>'
+    for words in filter(None, (plan_figure.error_words(plan), plan_figure.moved_words(plan))):
+        yield f'<p class="quiet">{escape(words)}</p>'
     rows = []
     for place, (region, row) in enumerate(zip(plan.regions, shown.rows, strict=True)):
         cells = {name: escape(row[name]) for name in shown.columns}
@@ -521,13 +507,11 @@ def _remarks(plan: Plan) -> Iterator[str]:
     remarks = [*plan.part.repairs, *plan.warnings]
     items = "".join(f"<li>{escape(remark)}</li>\n" for remark in remarks)
     columns = (("check", ""), ("value", "figure"), ("limit", "figure"), ("holds", ""))
-    rows = [
-        (
-            "",
-            (escape(name), f"{check.value:.3g}", f"{check.limit:.3g}", "yes" if check.ok else "NO"),
-        )
+    cells = (
+        (escape(name), f"{check.value:.3g}", f"{check.limit:.3g}", "yes" if check.ok else "NO")
         for name, check in plan.checks.items()
-    ]
+    )
+    rows = [("", each) for each in cells]
     notes = [f'<ul class="notes">\n{items}</ul>'] if remarks else []
     name = "checks-title"
     return page.section(name, "Checks and notes", [*notes, *page.table(columns, rows, of=name)])
@@ -590,8 +574,7 @@ def _course_data(
             kept, faces = thinned(course.wanted.vertices, course.wanted.faces, _MOST_WANTED)
             shapes.append((course.wanted.vertices[kept] + shift, faces))
         off = [_left(course, places - shift, top) for places in printed]
-        count = len(course.share)
-        flat = course.displacement_mm.transpose(1, 0, 2).reshape(-1, 3 * count)
+        flat = course.displacement_mm.transpose(1, 0, 2).reshape(-1, 3 * len(course.share))
         moves = [course.cells.interpolated(places - shift, flat) for places in printed]
         for k, share in enumerate(course.share):
             places = [p + m[:, 3 * k : 3 * k + 3] for p, m in zip(printed, moves, strict=True)]
@@ -709,20 +692,17 @@ def _compared(
     yield page.filled("shared.html", controls=controls, materials="\n".join(items))
     yield '<div class="below" id="differences">'
     yield from _differences(found)
-    yield from _figure(
-        "curves",
-        plan_figure.both_figure(plans[0], plans[1], "curves-words"),
-        "Dashed: the targets. Thick: the moduli of what is printed there; A is drawn wider.",
-    )
+    drawn = plan_figure.both_figure(plans[0], plans[1], "curves-words")
+    words = "Dashed: the targets. Thick: the moduli of what is printed there; A is drawn wider."
+    yield from _figure("curves", drawn, words)
     rows = [[tuple(row.values()) for row in plan_figure.plan_table(plan).rows] for plan in plans]
     for side, plan, mine, other in zip(_SIDES, plans, rows, reversed(rows), strict=True):
         changed = [k for k, row in enumerate(mine) if k >= len(other) or row != other[k]]
         name = f"regions-{side}"
         marked = '<p class="quiet">≠ marks a region that the other plan has not.</p>'
         regions = _regions_table(plan, colours, name, changed)
-        yield from page.section(
-            name, f"Regions of {side}", [marked, *regions] if changed else regions
-        )
+        body = [marked, *regions] if changed else regions
+        yield from page.section(name, f"Regions of {side}", body)
     yield "</div>\n</main>\n<footer>"
     for side, source in zip(_SIDES, sources, strict=True):
         made = f"planner {escape(source.plan.version)}, plan.json {source.sha256[:16]}"

@@ -59,11 +59,8 @@ def simulation_figure(simulation: Simulation | PartSimulation) -> bytes:
         names = _names(stripes)
         lower = _ROW * max(0, max((row for _, row in names), default=0) - 1)
         parts += [*_along(simulation, left), *_materials(stripes, names)]
-        middle = left + _WIDTH / 2.0
-        parts.append(
-            svg.text(middle, height + lower - 12.0, "place along the axis, mm", anchor="middle")
-        )
-        width, height = width + _GAP + _WIDTH + 24.0, height + lower
+        width, height, middle = width + _GAP + _WIDTH + 24.0, height + lower, left + _WIDTH / 2.0
+        parts.append(svg.text(middle, height - 12.0, "place along the axis, mm", anchor="middle"))
     return svg.picture(width, height, parts, title=title)
 
 
@@ -110,20 +107,17 @@ def _floor(least: float) -> float:
 
 
 def _curve(simulation: Simulation) -> Iterator[str]:
-    over_time = simulation.protocol == "relaxation"
+    over_time, beyond = simulation.protocol == "relaxation", simulation.beyond_break
     x = simulation.time_s if over_time else simulation.displacement_mm
+    x_label = "time, s" if over_time else "displacement, mm"
+    first = int(np.argmax(beyond)) if beyond.any() else len(x)
     force, (low, high) = simulation.force_N, simulation.force_interval_N.T
     chart = _chart(_LEFT, (0.0, _span(float(x.max()))), (0.0, _span(float(high.max()))))
     yield chart.band(x, low, high)
-    yield from chart.frame(
-        x_label="time, s" if over_time else "displacement, mm", y_label="force, N"
-    )
-    beyond = simulation.beyond_break
-    first = int(np.argmax(beyond)) if beyond.any() else len(x)
-    held = slice(0, min(first + 1, len(x)))
-    yield chart.line(x[held], force[held], colour=BLUE)
+    yield from chart.frame(x_label=x_label, y_label="force, N")
+    yield chart.line(x[: first + 1], force[: first + 1], colour=BLUE)
     note = f"band: {100 * simulation.level:g} % of prints"
-    if beyond.any():
+    if first < len(x):
         yield chart.line(x[first:], force[first:], colour=BLUE, dash="3,4")
         yield svg.cross(chart.x(float(x[first])), chart.y(float(force[first])), colour=RED)
         note += "; cross: break, dotted beyond it"
@@ -140,9 +134,8 @@ def _along(simulation: Simulation, left: float) -> Iterator[str]:
     for step, shade in zip(steps, _SHADES[-len(steps) :], strict=True):
         yield chart.line(bar.x_mm, simulation.strain[step], colour=shade, width=1.6)
     strains = ", ".join(f"{simulation.gauge_strain[step]:.3g}" for step in steps)
-    yield svg.text(
-        left + _WIDTH, _TOP - 12.0, f"at strains of the bar of {strains}", anchor="end", colour=GREY
-    )
+    words = f"at strains of the bar of {strains}"
+    yield svg.text(left + _WIDTH, _TOP - 12.0, words, anchor="end", colour=GREY)
     shown = np.where(simulation.break_strain <= chart.y_range[1], simulation.break_strain, np.nan)
     for run in _runs(np.isfinite(shown)):
         yield chart.line(bar.x_mm[run], shown[run], colour=RED, width=1.4, dash="6,4")

@@ -233,10 +233,8 @@ def segment(start: _Pair, stop: _Pair, *, colour: str, width: float = 1.0, dash:
 
 def rectangle(left: float, top: float, width: float, height: float, *, colour: str) -> str:
     """Fill a rectangle of the picture."""
-    return (
-        f'<rect x="{left:.2f}" y="{top:.2f}" width="{width:.2f}" height="{height:.2f}" '
-        f'fill="{colour}"/>'
-    )
+    size = f'width="{width:.2f}" height="{height:.2f}"'
+    return f'<rect x="{left:.2f}" y="{top:.2f}" {size} fill="{colour}"/>'
 
 
 def text(

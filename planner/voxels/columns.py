@@ -180,9 +180,8 @@ def _spans(
             columns[n, 1] = right - left
             columns[n, 2] = exit_sign
             columns[n, 3] = -1 if level else f
-            heights[n, 0] = az + (
-                (weight_b * per_area) * (bz - az) + (weight_c * per_area) * (cz - az)
-            )
+            share_b, share_c = weight_b * per_area, weight_c * per_area
+            heights[n, 0] = az + (share_b * (bz - az) + share_c * (cz - az))
             heights[n, 1] = rise
             counts[columns[n, 0]] += 1
             counts[columns[n, 0] + columns[n, 1]] -= 1
@@ -218,10 +217,8 @@ def slab_runs(
     keys = np.empty(crossings, np.int64)
     start, stop = np.empty((2, crossings // 2), np.int32)
     offsets = np.zeros(len(cursor), np.int64)
-    mesh = (snapped, faces, row0, nx, row_leads)
-    runs, unpaired = _runs(
-        columns[:n], heights, *mesh, cursor, keys, nz, shortest, offsets, start, stop
-    )
+    drawn = (columns[:n], heights, snapped, faces, row0, nx, row_leads)
+    runs, unpaired = _runs(*drawn, cursor, keys, nz, shortest, offsets, start, stop)
     return offsets, start[:runs], stop[:runs], int(unpaired)
 
 
@@ -374,9 +371,7 @@ class Grid:
 
     def centre_mm(self, voxels: IntArray) -> FloatArray:
         """Return the centres of voxels (..., 3)."""
-        origin, pitch = np.array(self.origin_mm), np.array(self.pitch_mm)
-        centres: FloatArray = origin + (voxels + 0.5) * pitch
-        return centres
+        return np.asarray(self.origin_mm + (voxels + 0.5) * np.array(self.pitch_mm))
 
 
 @dataclass(frozen=True, eq=False)
@@ -492,8 +487,7 @@ def voxelize(mesh: Mesh, pitch_mm: float | Sequence[float], *, shortest: int = 0
     ArgumentError, MeshError
         See `grid_for` and `iterate_columns`.
     """
-    grid = grid_for(mesh.bounds_mm, pitch_mm)
-    return join(list(iterate_columns(mesh, grid, shortest=shortest)))
+    return join(list(iterate_columns(mesh, grid_for(mesh.bounds_mm, pitch_mm), shortest=shortest)))
 
 
 def dense(columns: Columns) -> BoolArray:
@@ -508,14 +502,11 @@ def join(slabs: list[Columns]) -> Columns:
     """Return the rows of consecutive slabs as one."""
     runs = np.cumsum([0, *(len(s.start) for s in slabs)])
     parts = [s.offsets[1:] + before for s, before in zip(slabs, runs, strict=False)]
-    return Columns(
-        slabs[0].grid,
-        slabs[0].first_row,
-        np.concatenate([slabs[0].offsets[:1], *parts]),
-        np.concatenate([s.start for s in slabs]),
-        np.concatenate([s.stop for s in slabs]),
-        sum(s.unpaired for s in slabs),
-    )
+    offsets = np.concatenate([slabs[0].offsets[:1], *parts])
+    start = np.concatenate([slab.start for slab in slabs])
+    stop = np.concatenate([slab.stop for slab in slabs])
+    unpaired = sum(slab.unpaired for slab in slabs)
+    return Columns(slabs[0].grid, slabs[0].first_row, offsets, start, stop, unpaired)
 
 
 def check_reach(mesh: Mesh, grid: Grid) -> None:

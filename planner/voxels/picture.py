@@ -71,8 +71,7 @@ def pictures_of(solids: Sequence[tuple[Mesh, str]], *, width: int, height: int) 
     bounds = np.array([solid.bounds_mm for solid, _ in solids])
     low, high = bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0)
     across = int((high - low)[0] > (high - low)[1])  # of x and y, the shorter side
-    normal = np.zeros(3)
-    normal[across] = 1.0 if across == 0 else -1.0
+    normal = np.array([(1.0, 0.0, 0.0), (0.0, -1.0, 0.0)][across])
     view = _view()
     placed = [_product(solid.vertices - 0.5 * (low + high), view) for solid, _ in solids]
     ends = np.array([[v.min(axis=0), v.max(axis=0)] for v in placed])
@@ -94,9 +93,8 @@ def pictures_of(solids: Sequence[tuple[Mesh, str]], *, width: int, height: int) 
         for vertices, (solid, _) in zip(placed, solids, strict=True)
     ]
     colours = [colour for _, colour in solids]
-    outside, section = (
-        _colours(seen, colours, steps / pitch) for seen in _look(turned, grid, plane)
-    )
+    both = _look(turned, grid, plane)
+    outside, section = (_colours(seen, colours, steps / pitch) for seen in both)
     return _Pictures(_encode(outside), _encode(section), _encode(_halved(outside)))
 
 
@@ -158,8 +156,7 @@ def _colours(seen: _Seen, colours: Sequence[str], step: float) -> IntArray:
     shell, depth = (np.pad(values, 1, constant_values=-1) for values in (seen.shell, seen.depth))
     at = np.flatnonzero(shell.ravel() >= 0)
     right, up = (_slope(shell, depth, at, away) * step for away in (1, shell.shape[1]))
-    row, column = np.divmod(at, shell.shape[1])
-    row, column = row - 1, column - 1
+    row, column = (places - 1 for places in np.divmod(at, shell.shape[1]))
     towards = right * _LIGHT[0] + up * _LIGHT[1] + _LIGHT[2]
     lit = np.floor(towards / np.sqrt(1.0 + right * right + up * up) * _LEVELS) / _LEVELS
     shade = _SHADE[0] + _SHADE[1] * np.clip(lit, 0.0, 1.0)
@@ -202,17 +199,15 @@ def _halved(pixels: IntArray) -> IntArray:
     weight = four[..., 3:]
     cover = weight.sum(axis=(1, 3))
     mean = ((four[..., :3] * weight).sum(axis=(1, 3)) + cover // 2) // np.maximum(cover, 1)
-    return np.asarray(
-        (np.concatenate([mean, (cover + 2) // 4], axis=2) << np.array([24, 16, 8, 0])).sum(axis=2)
-    )
+    whole = np.concatenate([mean, (cover + 2) // 4], axis=2)
+    return np.asarray((whole << np.array([24, 16, 8, 0])).sum(axis=2))
 
 
 def _encode(pixels: IntArray) -> bytes:
     """Return the PNG of packed pixels (height, width), the lowest row first."""
     height, width = pixels.shape
     packed = pixels[::-1]
-    ends = np.diff(packed, axis=1, prepend=-1) != 0
-    edges = np.flatnonzero(ends.ravel())
+    edges = np.flatnonzero(np.diff(packed, axis=1, prepend=-1))
     used, label = np.unique(packed.ravel()[edges], return_inverse=True)
     colours = [tuple(c >> shift & 255 for shift in (24, 16, 8, 0)) for c in used.tolist()]
     offsets = np.searchsorted(edges, np.arange(height + 1) * width).astype(np.int64)

@@ -148,9 +148,7 @@ def _morph(
                 if not active[row, column, word]:
                     out[row, column, word] = region[row, column, word]
                     continue
-                here = ~np.uint64(0)
-                if beyond and flip == 0:
-                    here = np.uint64(0)
+                here = np.uint64(0) if beyond and flip == 0 else ~np.uint64(0)
                 place = column * words + word
                 for i in range(count):
                     if here == 0:
@@ -278,10 +276,8 @@ def _members(runs: IntArray, bits: _Bits) -> IntArray:
 
     (n, 3) int32, -1 where a run has none in the set.
     """
-    found = np.empty((len(runs), 3), np.int32)
+    found = np.full((len(runs), 3), -1, np.int32)
     for r in range(len(runs)):
-        for i in range(3):
-            found[r, i] = -1
         row, column = runs[r, 0], runs[r, 1] + _ROOM
         n = 0
         for wanted in (0, 1):
@@ -315,20 +311,15 @@ def _components(runs: IntArray) -> IntArray:
     Runs rise by row, column and start, as from `runs_of`.
     """
     parent = np.arange(len(runs), dtype=np.int32)
-    _touching(np.ascontiguousarray(runs), parent)
+    width = int(runs[:, 1].max(initial=0)) + 3
+    key = runs[:, 0].astype(np.int64) * width + runs[:, 1] + 1
+    _touching(np.ascontiguousarray(runs), key, width, parent)
     return number_groups(parent)
 
 
 @kernel
-def _touching(runs: Any, parent: Any) -> None:
-    n = len(runs)
-    key = np.empty(n, np.int64)
-    width = 0
-    for r in range(n):
-        width = max(width, runs[r, 1] + 3)
-    for r in range(n):
-        key[r] = runs[r, 0] * width + runs[r, 1] + 1
-    pointer = np.zeros(4, np.int64)
+def _touching(runs: Any, key: Any, width: Any, parent: Any) -> None:
+    n, pointer = len(runs), np.zeros(4, np.int64)
     for r in range(n):
         for s in range(4):  # the three columns of the row before, and the column before
             line = key[r] - 1 if s == 3 else key[r] - width - 1 + s
@@ -388,12 +379,6 @@ class Raster:
     def halo(self) -> int:
         """Rows on either side of a slab that bear on it, once it is opened."""
         return 2 * self.reach + 1
-
-    def position_mm(self, voxel: IntArray) -> FloatArray:
-        """Return the centre of a voxel in the mesh's axes."""
-        position = np.empty(3)
-        position[self.order] = self.grid.centre_mm(voxel)
-        return position
 
 
 @dataclass(frozen=True)
@@ -487,17 +472,15 @@ def _places_in(words: Iterator[tuple[_Bits, ...]], raster: Raster) -> list[_Plac
         The set, slab by slab of `Raster.slab_rows` rows.
     """
     slabs = _windows(_opened(words, raster), raster, raster.halo)
-    found = [
-        _thin_runs(region, opened, first, last, low, raster)
-        for first, last, low, (region, opened) in slabs
-    ]
+    found = [_thin_runs(sets, first, last, low, raster) for first, last, low, sets in slabs]
     return _gather(np.concatenate(found), raster.radius)
 
 
 def _thin_runs(
-    region: _Bits, opened: _Bits, first: int, last: int, low: int, raster: Raster
+    sets: tuple[_Bits, ...], first: int, last: int, low: int, raster: Raster
 ) -> IntArray:
     # runs of places in rows first to last, as `_gather` takes them; rows of the sets begin at low
+    region, opened = sets
     reached = opened.copy()
     if not grow(reached, region, raster.reach):
         return np.empty((0, 9), np.int32)
@@ -585,16 +568,14 @@ def _windows(
         held = tuple(part[low - base :] for part in held)
         base = low
         while base + len(held[0]) < high:
-            both = zip(held, next(chunks), strict=True)
-            held = tuple(np.concatenate(parts) for parts in both)
+            held = tuple(np.concatenate(both) for both in zip(held, next(chunks), strict=True))
         yield first, last, low, tuple(part[: high - low] for part in held)
 
 
 def _opened(words: Iterator[tuple[_Bits, ...]], raster: Raster) -> Iterator[tuple[_Bits, ...]]:
     # a set's voxels and those of them that the ball reaches, slab by slab
     lines = ball(raster.radius)
-    windows = _windows(words, raster, 2 * raster.radius)
-    for first, last, low, (region,) in windows:
+    for first, last, low, (region,) in _windows(words, raster, 2 * raster.radius):
         active = active_words(region, raster.radius)
         eroded = morph(region, lines, False, region, active)
         opened = morph(eroded, lines, True, region, active)
@@ -767,12 +748,7 @@ class ThinPlace:
 
 
 def thin_solid_places(
-    mesh: Mesh,
-    limit_mm: float,
-    *,
-    listed: int,
-    widest_passed_mm: float = 0.0,
-    least_mm3: float = 0.0,
+    mesh: Mesh, limit_mm: float, *, listed: int, widest_passed_mm: float = 0, least_mm3: float = 0
 ) -> tuple[list[ThinPlace], int]:
     """Find where a closed solid is thinner than a limit.
 
@@ -830,18 +806,16 @@ def thin_space_places(mesh: Mesh, limit_mm: float, *, listed: int) -> tuple[list
     As `thin_solid_places`, of a box around the solid without the solid.
     """
     margin_mm = space_around_mm(limit_mm) / 2.0
-    corners = np.array(np.meshgrid([0, 1], [0, 1], [0, 1], indexing="ij")).reshape(3, 8).T
+    corners = np.indices((2, 2, 2)).reshape(3, 8).T
     low, high = mesh.bounds_mm + np.array([[-margin_mm], [margin_mm]])
     box = np.array(
         [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1],
          [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]],
         dtype=np.int32,
     )  # fmt: skip
-    around = Mesh(
-        np.concatenate([low + corners * (high - low), mesh.vertices]),
-        np.concatenate([box, mesh.faces[:, ::-1] + np.int32(8)]),
-    )
-    return thin_solid_places(around, limit_mm, listed=listed)
+    vertices = np.concatenate([low + corners * (high - low), mesh.vertices])
+    faces = np.concatenate([box, mesh.faces[:, ::-1] + np.int32(8)])
+    return thin_solid_places(Mesh(vertices, faces), limit_mm, listed=listed)
 
 
 def room_mm(
@@ -876,7 +850,8 @@ _SAME_DIGITS = 6
 def _measured(mesh: Mesh, raster: Raster, place: _Place, limit_mm: float) -> ThinPlace | None:
     pitch_mm = raster.grid.pitch_mm[0]
     voxels: IntArray = np.concatenate([place.deepest[None], place.core])
-    points = np.array([raster.position_mm(voxel) for voxel in voxels])
+    points = np.empty(voxels.shape)
+    points[:, raster.order] = raster.grid.centre_mm(voxels)  # in the mesh's axes
     centres, diameters = room_mm(mesh, points, 1.5 * pitch_mm, limit_mm)
     order = thinnest_first(diameters)
     middle = order[3 * len(order) // 4]  # points at its rim have less room
@@ -884,13 +859,8 @@ def _measured(mesh: Mesh, raster: Raster, place: _Place, limit_mm: float) -> Thi
         return None
     extent = np.empty(3)
     extent[raster.order] = (place.high - place.low) * pitch_mm
-    return ThinPlace(
-        place_mm=as_point(centres[middle]),
-        size_mm=float(diameters[middle]),
-        extent_mm=as_point(extent),
-        volume_mm3=place.voxels * raster.grid.voxel_mm3,
-        alone=place.alone,
-    )
+    size_mm, volume_mm3 = float(diameters[middle]), place.voxels * raster.grid.voxel_mm3
+    return ThinPlace(as_point(centres[middle]), size_mm, as_point(extent), volume_mm3, place.alone)
 
 
 @kernel

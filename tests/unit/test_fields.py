@@ -119,6 +119,7 @@ def test_harmonic_field_of_a_bar_is_linear_at_first_order():
             _half_space((2, 0, 0), (-1, 0, 0)),
             _box_region((10, -1, -1), (13, 4, 4)),
             pitch_mm,
+            (0.0, 0.0, 0.0),
         )
         points = RNG.uniform([2, 0.5, 0.5], [10, 2.5, 2.5], (300, 3))
         worst.append(8 * np.abs(field.values(points) - (points[:, 0] - 2) / 8).max())
@@ -133,7 +134,7 @@ def test_harmonic_field_of_a_ring_segment_follows_the_bend():
     start, end = _half_space((0, 0.3, 0), (0, -1, 0)), _ball_region((-5, 0, 1), 1.6)
     start_only = _box_region((3, -1, -1), (7, 0.3, 3))
     assert start.holds(np.array([[5.0, 0.0, 1.0]])).all()
-    field = harmonic_field(mesh, start_only, end, 0.2)
+    field = harmonic_field(mesh, start_only, end, 0.2, (0.0, 0.0, 0.0))
     angle = np.linspace(0.3, 2.5, 12)
     along = field.values(5 * np.stack([np.cos(angle), np.sin(angle), 0.2 + 0 * angle], axis=1))
     assert (np.diff(along) > 0).all()
@@ -172,7 +173,7 @@ def test_regions():
 def test_regions_between_which_nothing_flows(start, end, reason):
     mesh = mesh_of(Manifold.cube([3, 3, 3]) + Manifold.cube([3, 3, 3]).translate([9, 0, 0]))
     with pytest.raises(ArgumentError, match=reason):
-        harmonic_field(mesh, start, end, 0.25)
+        harmonic_field(mesh, start, end, 0.25, (0.0, 0.0, 0.0))
     with pytest.raises(ArgumentError, match=r"no way leads|holds nothing"):
         geodesic_field(mesh, start, 0.25)
 

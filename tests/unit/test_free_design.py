@@ -50,7 +50,7 @@ def design(part: object = BEAM, **options: Any) -> PartDesign:
 
 def test_quadratic_splines_are_one_in_sum_and_carry_straight_lines() -> None:
     """Linear in the controls is linear in space, with nothing to smooth: of exact arithmetic."""
-    made = Controls.lattice(np.array([[0.0, 0, 0], [40, 5, 5]]), (6, 3, 4), [], 0.5)
+    made = Controls.lattice(np.array([[0.0, 0, 0], [40, 5, 5]]), (6, 3, 4), [])
     points = np.random.default_rng(1).uniform([0, 0, 0], [40, 5, 5], (200, 3))
     basis = made.basis(points)
     assert np.allclose(basis.sum(axis=1), 1.0)
@@ -62,7 +62,7 @@ def test_quadratic_splines_are_one_in_sum_and_carry_straight_lines() -> None:
 
 
 def test_a_symmetric_lattice_is_its_own_mirror_image() -> None:
-    made = Controls.lattice(np.array([[0.0, 0, 0], [40, 5, 5]]), (5, 4, 3), [1], 0.5)
+    made = Controls.lattice(np.array([[0.0, 0, 0], [40, 5, 5]]), (5, 4, 3), [1])
     assert len(made.even) == 5 * 2 * 3
     points = np.random.default_rng(2).uniform([0, 0, 0], [40, 5, 5], (50, 3))
     other = points * [1, -1, 1] + [0, 5, 0]
@@ -158,7 +158,7 @@ def _problem(texts: list[str], shape: Array | None, limits: Limits) -> DesignPro
                   functionals(targets, on, 40.0), body,
                   [ShapeGoal.on(one, cells, None) for one in wished])  # fmt: skip
     ends = scale.moduli_MPa[0], scale.moduli_MPa[-1]
-    controls = Controls.lattice(MESH.bounds_mm, (5, 3, 3), [], 0.5)
+    controls = Controls.lattice(MESH.bounds_mm, (5, 3, 3), [])
     stiffness = StiffnessRange(ends, scale.model, 0.1)
     return DesignProblem(stiffness, controls, [solved], limits, "smooth")
 
