@@ -295,13 +295,9 @@ def _part_of_numba(name: str) -> ModuleType:
     """Return an extension module of numba, imported without numba, which finds it later."""
     called = f"numba.{name}"
     if called not in sys.modules:
-        package = importlib.util.find_spec("numba")
-        assert package is not None
-        places = package.submodule_search_locations or []
-        folder = Path(places[0], *name.split(".")[:-1])
-        spec = importlib.machinery.PathFinder.find_spec(called, [str(folder)])
-        assert spec is not None
-        assert spec.loader is not None
+        package: Any = importlib.util.find_spec("numba")
+        folder = Path(package.submodule_search_locations[0], *name.split(".")[:-1])
+        spec: Any = importlib.machinery.PathFinder.find_spec(called, [str(folder)])
         sys.modules[called] = importlib.util.module_from_spec(spec)
         spec.loader.exec_module(sys.modules[called])
     return sys.modules[called]

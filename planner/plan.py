@@ -40,6 +40,10 @@ __all__ = [
 _BESIDE = ("shells", "notes", "coupons", "file")
 """What a plan just made holds and plan.json does not."""
 
+_ALWAYS = ("field", "profile", "start", "end", "bands")
+_CALLED = {"start": "from", "end": "to"}
+"""What plan.json tells of every gradient, null too, and what it calls otherwise."""
+
 _MIXTURES = (
     "",
     "Files with two materials are mixtures. Only a printer whose software takes such ratios can",
@@ -337,23 +341,12 @@ class Plan:
 
     def document(self) -> dict[str, Any]:
         """Return the plan as plan.json holds it."""
-        warnings = tuple(map(str, self.warnings))  # a caution is a text in files
-        bare = dataclasses.replace(
-            self, shells=(), notes="", coupons={}, warnings=warnings, file=None
-        )
-        document: dict[str, Any] = _without_none(msgspec.to_builtins(bare))
-        for kept_beside in _BESIDE:
-            document.pop(kept_beside, None)
-        gradient = document["gradient"]
-        document["gradient"] = {
-            "field": gradient["field"],
-            "profile": gradient["profile"],
-            "from": gradient.get("start"),
-            "to": gradient.get("end"),
-            "bands": gradient.get("bands"),
-        }
-        beside = {name: gradient[name] for name in ("blend", "like", "snap") if name in gradient}
-        document["gradient"] |= beside
+        names = [each.name for each in dataclasses.fields(self) if each.name not in _BESIDE]
+        stated = {name: getattr(self, name) for name in names}
+        stated["warnings"] = list(map(str, self.warnings))  # a caution is a text in files
+        document: dict[str, Any] = _without_none(msgspec.to_builtins(stated))
+        gradient = dict.fromkeys(_ALWAYS) | document["gradient"]
+        document["gradient"] = {_CALLED.get(name, name): gradient[name] for name in gradient}
         if not document["files_sha256"]:
             del document["files_sha256"]
         return document
@@ -561,7 +554,7 @@ def decode_plan(data: bytes, name: str) -> Plan:
     document = decode_document(data, dict[str, Any], name)
     gradient = document.get("gradient")
     if isinstance(gradient, dict):
-        gradient["start"], gradient["end"] = gradient.pop("from", None), gradient.pop("to", None)
+        gradient |= {name: gradient.pop(called, None) for name, called in _CALLED.items()}
     for kept_beside in _BESIDE:
         document.pop(kept_beside, None)
     try:
@@ -658,8 +651,7 @@ def read_shell(folder: Path, region: Region) -> tuple[bytes, bool]:
         It is missing, or lies outside the folder.
     """
     data = read_file(
-        path_within(folder, region.file),
-        advice="keep it beside plan.json, or grade the part again",
+        path_within(folder, region.file), advice="keep it beside plan.json, or grade the part again"
     )
     return data, hashlib.sha256(data).hexdigest() != region.sha256
 

@@ -5,6 +5,7 @@ import math
 import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from importlib import import_module
 from itertools import islice
 from pathlib import Path
@@ -88,12 +89,8 @@ class SlabTriangles:
     def alone(self) -> "SlabTriangles":
         """Return the same without the faces and vertices that the slab does not need."""
         used, faces = compact(self.faces[self.members], len(self.snapped))
-        return replace(
-            self,
-            snapped=self.snapped[used],
-            faces=faces,
-            members=np.arange(len(faces), dtype=np.int32),
-        )
+        members = np.arange(len(faces), dtype=np.int32)
+        return replace(self, snapped=self.snapped[used], faces=faces, members=members)
 
 
 def iterate_slabs(mesh: Mesh, grid: Grid, slab_layers: int) -> Iterator[SlabTriangles]:
@@ -101,14 +98,10 @@ def iterate_slabs(mesh: Mesh, grid: Grid, slab_layers: int) -> Iterator[SlabTria
 
     Raises
     ------
-    ArgumentError
-        `slab_layers` is below 1.
     MeshError
         No faces; or a vertex is not finite, or more than 16384 voxels away from another.
     """
     ny, nz = grid.shape[1:]
-    if slab_layers < 1:
-        raise ArgumentError(f"slab_layers is {slab_layers}; it must be at least 1")
     check_reach(mesh, grid)
     snapped = np.ascontiguousarray(snap(mesh.vertices, grid)[:, [1, 2, 0]])
     for first, last, members, spans in deal_rows(snapped, mesh.faces, ny, nz, slab_layers):
@@ -194,12 +187,8 @@ def _open_shells(
     shells = tuple(_shells(file.parent, plan, machine))
     if not 0 < len(shells) <= _MOST_SHELLS:
         raise FileError(f"{file}: names {len(shells)} shells; 1 to {_MOST_SHELLS} can be sliced")
-    bounds_mm = np.array(
-        [
-            np.min([shell.mesh.bounds_mm[0] for shell in shells], axis=0),
-            np.max([shell.mesh.bounds_mm[1] for shell in shells], axis=0),
-        ]
-    )
+    lowest, highest = np.array([shell.mesh.bounds_mm for shell in shells]).swapaxes(0, 1)
+    bounds_mm = np.array([lowest.min(axis=0), highest.max(axis=0)])
     if pitch_mm is None and machine is not None:
         pitch_mm = (*machine.pixel_mm, machine.layer_mm)
     edges_mm = _pitch(pitch_mm, bounds_mm[1] - bounds_mm[0])
@@ -384,18 +373,6 @@ def _paint(offsets: Any, start: Any, stop: Any, label: Any, first: Any, image: A
 
 
 @dataclass(frozen=True, eq=False)
-class _SlabTask:
-    """Some layers to be made: the triangles of each shell there, and how images look."""
-
-    shells: tuple[SlabTriangles, ...]
-    kind: ImageKind
-
-    def alone(self) -> "_SlabTask":
-        """Return the same with no more of the shells than it needs, to be sent elsewhere."""
-        return replace(self, shells=tuple(shell.alone() for shell in self.shells))
-
-
-@dataclass(frozen=True, eq=False)
 class _SlabImages:
     """Some layers as made.
 
@@ -418,17 +395,16 @@ class _SlabImages:
     open_rows: int
 
 
-def _make_slab(task: _SlabTask) -> _SlabImages:
-    """Make the images of a slab."""
-    nx, ny, _ = task.shells[0].shape
-    runs = _join_shells(task.shells)
+def _make_slab(kind: ImageKind, shells: Sequence[SlabTriangles]) -> _SlabImages:
+    """Make the images of a slab: the triangles of each shell there, and how images look."""
+    nx, ny, _ = shells[0].shape
+    runs = _join_shells(shells)
+    drawn = (runs.offsets, runs.start, runs.stop, runs.label)
     images = tuple(
-        encode_layer(
-            *(runs.offsets, runs.start, runs.stop, runs.label), *((row, row + ny), nx, task.kind)
-        )
+        encode_layer(*drawn, (row, row + ny), nx, kind)
         for row in range(0, len(runs.offsets) - 1, ny)
     )
-    first = task.shells[0].first_layer
+    first = shells[0].first_layer
     return _SlabImages(first, images, runs.voxels, runs.overlapping, runs.open_rows)
 
 
@@ -646,7 +622,9 @@ _SLABS_A_THREAD = 2  # in flight: one is made while the next is on its way
 _LARGE_TASK = "distributed.admin.large-graph-warning-threshold"
 
 
-def _make_slabs_on(scheduler: str, tasks: Iterator[_SlabTask]) -> Iterator[_SlabImages]:
+def _make_slabs_on(
+    scheduler: str, kind: ImageKind, slabs: Iterator[Sequence[SlabTriangles]]
+) -> Iterator[_SlabImages]:
     """Make slabs on a cluster, and yield them as they come.
 
     A slab carries its triangles there and its images back. When a worker dies, what it had is
@@ -665,9 +643,9 @@ def _make_slabs_on(scheduler: str, tasks: Iterator[_SlabTask]) -> Iterator[_Slab
     OutputError
         The cluster lost all its workers, or several over one slab.
     """
-    if not isinstance(scheduler, str) or not re.fullmatch(
-        r"(tcp|tls|ws|wss)://[^\s:/]+:\d+", scheduler
-    ):
+    from planner import __version__
+
+    if not re.fullmatch(r"(tcp|tls|ws|wss)://[^\s:/]+:\d+", str(scheduler)):
         raise ArgumentError(
             f"`scheduler` {scheduler}: is no address of a scheduler; give what dask scheduler "
             "prints, as tcp://127.0.0.1:8786"
@@ -682,7 +660,9 @@ def _make_slabs_on(scheduler: str, tasks: Iterator[_SlabTask]) -> Iterator[_Slab
         ) from error
     with dask.config.set({_LARGE_TASK: "1GiB"}), _client(distributed, scheduler) as client:
         threads = _threads(client, scheduler)
-        submitted = _submit(client, tasks)
+        alone = ([shell.alone() for shell in shells] for shells in slabs)
+        made = partial(client.submit, _make_elsewhere, kind, version=__version__, pure=False)
+        submitted = map(made, alone)
         waiting = set(islice(submitted, _SLABS_A_THREAD * threads))
         while waiting:
             finished = _some_of(distributed, client, waiting, scheduler)
@@ -713,14 +693,7 @@ def _threads(client: Any, scheduler: str) -> int:
     return max(1, int(sum(client.nthreads().values())))
 
 
-def _submit(client: Any, tasks: Iterator[_SlabTask]) -> Iterator[Any]:
-    from planner import __version__
-
-    for task in tasks:
-        yield client.submit(_make_elsewhere, task.alone(), __version__, pure=False)
-
-
-def _make_elsewhere(task: _SlabTask, version: str) -> _SlabImages:
+def _make_elsewhere(kind: ImageKind, shells: Sequence[SlabTriangles], version: str) -> _SlabImages:
     """Make a slab, if this is the planner that asked: another might choose other voxels."""
     from planner import __version__
 
@@ -728,7 +701,7 @@ def _make_elsewhere(task: _SlabTask, version: str) -> _SlabImages:
         raise ArgumentError(
             f"a worker has planner {__version__}, not {version}; install planner {version} there"
         )
-    return _make_slab(task)
+    return _make_slab(kind, shells)
 
 
 def _some_of(distributed: Any, client: Any, waiting: set[Any], scheduler: str) -> set[Any]:
@@ -856,6 +829,8 @@ def write_slices(
     >>> planner.write_slices("finger-graded", "finger-slices", pitch_mm=0.1).ok  # doctest: +SKIP
     True
     """
+    from planner import __version__
+
     check_target(output, force=force, record=_RECORD)
     if slab_layers is not None and (not isinstance(slab_layers, int) or slab_layers < 1):
         raise ArgumentError(f"slab_layers is {slab_layers}; it must be a whole number from 1 up")
@@ -868,8 +843,9 @@ def write_slices(
     edges_mm = source.grid.pitch_mm
     colours = _distinct_colours([shell.colour for shell in source.shells])
     kind = ImageKind(colours, indexed, (edges_mm[0], edges_mm[1]))
-    tasks = (_SlabTask(slab, kind) for slab in _deal_slabs(source, slab_layers))
-    slabs = map(_make_slab, tasks) if scheduler is None else _make_slabs_on(scheduler, tasks)
+    dealt = _deal_slabs(source, slab_layers)
+    make = partial(_make_slab, kind)
+    slabs = map(make, dealt) if scheduler is None else _make_slabs_on(scheduler, kind, dealt)
     layers = source.grid.shape[2]
     voxels = np.zeros((layers, len(source.shells)), np.int64)
     overlapping = open_rows = done = 0
@@ -882,37 +858,26 @@ def write_slices(
             open_rows += slab.open_rows
             done += len(slab.images)
             progress(done, layers)
-        stack = _stack(source, kind, voxels, overlapping, open_rows)
+        stack = SliceStack(
+            version=__version__,
+            printer=source.printer,
+            plan_sha256=source.plan_sha256,
+            part=source.plan.part,
+            grid=source.grid,
+            indexed=indexed,
+            materials=tuple(
+                _SlicedMaterial(
+                    *(shell.material, shell.operator_name, rgba, shell.file, shell.sha256),
+                    *(count, count * source.grid.voxel_mm3),
+                )
+                for shell, rgba, count in zip(
+                    source.shells, colours, voxels.sum(axis=0).tolist(), strict=True
+                )
+            ),
+            voxels=voxels,
+            overlapping=overlapping,
+            open_rows=open_rows,
+        )
         (scratch / "layers.csv").write_bytes(stack.csv())
         (scratch / _RECORD).write_bytes(stack.json())
     return stack
-
-
-def _stack(
-    source: _PlanShells,
-    kind: ImageKind,
-    voxels: np.ndarray[tuple[int, int], np.dtype[np.int64]],
-    overlapping: int,
-    open_rows: int,
-) -> SliceStack:
-    from planner import __version__
-
-    totals = voxels.sum(axis=0).tolist()
-    return SliceStack(
-        version=__version__,
-        printer=source.printer,
-        plan_sha256=source.plan_sha256,
-        part=source.plan.part,
-        grid=source.grid,
-        indexed=kind.indexed,
-        materials=tuple(
-            _SlicedMaterial(
-                *(shell.material, shell.operator_name, rgba, shell.file, shell.sha256),
-                *(count, count * source.grid.voxel_mm3),
-            )
-            for shell, rgba, count in zip(source.shells, kind.colours, totals, strict=True)
-        ),
-        voxels=voxels,
-        overlapping=overlapping,
-        open_rows=open_rows,
-    )
