@@ -541,9 +541,8 @@ class SliceStack:
     @one_line
     def __repr__(self) -> str:
         return (
-            f"{self.part.name}: {counted(self.grid.shape[2], 'layer')} of "
-            f"{self.grid.shape[0]} x {self.grid.shape[1]} voxels, "
-            f"{counted(len(self.materials), 'material')}; "
+            f"{self.part.name}: {counted(self.grid.shape[2], 'layer')} of {self.grid.shape[0]} x "
+            f"{self.grid.shape[1]} voxels, {counted(len(self.materials), 'material')}; "
             + outcome((len(self.findings), "finding"))
         )
 

@@ -368,10 +368,9 @@ def _npy(data: bytes, path: Path) -> FloatArray:
     """Read a .npy by its head; nothing is unpickled, nor made before it is known to be there."""
     stream = io.BytesIO(data)
     try:
-        is_first = np.lib.format.read_magic(stream) == (1, 0)
-        read = (
-            np.lib.format.read_array_header_1_0 if is_first else np.lib.format.read_array_header_2_0
-        )
+        npy = np.lib.format
+        is_first = npy.read_magic(stream) == (1, 0)
+        read = npy.read_array_header_1_0 if is_first else npy.read_array_header_2_0
         shape, by_columns, dtype = read(stream)
         sizes, begin = [int(size) for size in shape], stream.tell()
     except Exception as error:  # whatever numpy's parser of foreign bytes may raise

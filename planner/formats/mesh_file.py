@@ -337,7 +337,7 @@ def decode_stl(data: bytes, name: str) -> Float32Array | FloatArray:
         raise MeshError(f"{name}: the file is empty; export the part again")
     size = len(data)
     count = int.from_bytes(data[_HEADER_BYTES : _HEADER_BYTES + 4], "little")
-    binary = size >= _HEADER_BYTES + 4 and size == _binary_size(count)
+    binary = size == _binary_size(count)
     if not binary and b"\0" in data:  # text never holds a zero byte
         raise MeshError(f"{name}: {_wrong_size(size, count)}; copy or export the file again")
     triangles: Float32Array | FloatArray = (

@@ -38,8 +38,7 @@ def _lengths() -> list[int]:
     bits[0] = 4
     for frequent in (1, 2, 255):  # filters, and alpha's steps up (255) and down (1)
         bits[frequent] = 6
-    for length in range(277, 285):  # 67 to 257 zeros
-        bits[length] = 7
+    bits[277:285] = [7] * 8  # 67 to 257 zeros
     return bits
 
 
@@ -55,10 +54,8 @@ def _codes(bits: list[int]) -> list[int]:
 
 
 def _head(bits: list[int]) -> tuple[IntArray, int]:
-    used = sorted({0, *bits})
-    meta = [0] * 19  # a code for the lengths themselves: the commonest in two bits, six in three
-    for n in used:
-        meta[n] = 2 if n == 10 else 3
+    # A code for the lengths themselves: the commonest in two bits, six in three.
+    meta = [0 if n not in {0, *bits} else 2 if n == 10 else 3 for n in range(19)]
     meta_codes = _codes(meta)
     last = max(i for i, n in enumerate(_ORDER) if meta[n])
     text = [(0x78, 8), (0x01, 8), (1, 1), (2, 2)]

@@ -147,17 +147,6 @@ class Heading:
         choices = _COLUMNS[self.meaning]
         return next((kind for kind in choices if kind in kinds), next(iter(choices)))
 
-    @property
-    def is_of_crosshead(self) -> bool:
-        """Whether it is of the machine's own way, which a nearer sensor's goes before."""
-        return _SIGNS["crosshead"].search(_folded(self.text)) is not None
-
-    @property
-    def may_be_nearer(self) -> bool:
-        """Whether what is not understood may be of a sensor, or a strain of the gauge."""
-        nearer, otherwise = (_SIGNS[n].search(_folded(self.text)) for n in ("nearer", "otherwise"))
-        return nearer is not None and otherwise is None
-
     def column(self, where: str) -> tuple[str, float]:
         """Return the name of the column, and the factor to its unit.
 
@@ -259,12 +248,7 @@ def headings_of(cells: Sequence[str]) -> list[Heading] | None:
     if sum(map(bool, cells)) < 2:
         return None
     found = [heading_of("" if _is_figure(cell) else cell) for cell in cells]
-    return found if _suffice(found) else None
-
-
-def _suffice(headings: Iterable[Heading]) -> bool:
-    """Say whether there are a load and a length among headings."""
-    return not _missing(headings)
+    return None if _missing(found) else found
 
 
 def _is_figure(cell: str) -> bool:
@@ -665,11 +649,10 @@ def _blocks(grid: _Grid) -> list[_Block]:
         wanted = sum(h.meaning not in ("", "specimen") for h in headings)
         least = 2 if own is not None or found else wanted
         data, at = _numbers_below(grid, headings, at, own is not None, least)
-        if data and own is not None:
-            found[-1].rows.extend(data)
-        elif data:
-            found.append(_Block(grid, start, data[0], headings, data))
+        if data and own is None:
+            found.append(_Block(grid, start, data[0], headings, []))
         if data:
+            found[-1].rows.extend(data)
             start = at
     return found
 
@@ -900,7 +883,7 @@ def _that_come_again(headings: _Headings, known: Sequence[int], alone: set[str])
 
 
 def _whole(headings: _Headings, places: Iterable[int]) -> bool:
-    return _suffice(headings[i] for i in places)
+    return not _missing(headings[i] for i in places)
 
 
 def _walked(headings: _Headings, places: Iterable[int]) -> list[list[int]]:
@@ -1096,7 +1079,9 @@ def _used_columns(record: _Block, places: Sequence[int]) -> tuple[list[_Column],
             del cells[i]
 
     def rank(i: int) -> tuple[bool, bool, bool, bool]:
-        meaning, of_crosshead = headings[i].meaning, headings[i].is_of_crosshead
+        # Of the machine's own way, which a nearer sensor's goes before.
+        of_crosshead = _SIGNS["crosshead"].search(_folded(headings[i].text)) is not None
+        meaning = headings[i].meaning
         unmeasured = meaning not in ("elongation", "strain")
         return len(set(cells[i])) < 2, meaning == "position", unmeasured, of_crosshead
 
@@ -1110,7 +1095,7 @@ def _used_columns(record: _Block, places: Sequence[int]) -> tuple[list[_Column],
         try:
             column = _Column(i, heading, *heading.column(where))
         except FileError as error:
-            others = _suffice(headings[j] for j in cells if j != i and headings[j].unit)
+            others = _whole(headings, (j for j in cells if j != i and headings[j].unit))
             if is_time or (heading.meaning in ("elongation", "position") and others):
                 what = "time is optional and" if is_time else "it"
                 notes.append(f"{str(error).partition('; ')[0]}; {what} is left out")
@@ -1152,9 +1137,8 @@ def _refuse_ramp(record: _Block) -> None:
         if known and max(known) - min(known) > _ONE_TEMPERATURE_C:
             raise FileError(
                 f"{record.grid.where}: {heading.text!r} goes from {min(known):g} to "
-                f"{max(known):g}; "
-                "a law is of one temperature: give tests at one each, and what it was in the "
-                "column temperature_C of specimens.csv"
+                f"{max(known):g}; a law is of one temperature: give tests at one each, and what it "
+                "was in the column temperature_C of specimens.csv"
             )
 
 
@@ -1169,7 +1153,9 @@ def _refuse_far(record: _Block, used: Mapping[str, _Column]) -> None:
     for i, h in enumerate(headings):
         unit = h.unit or _unit_at_end(h.text)
         kinds = quantities_of(unit) & {"length", "strain"}
-        if h.meaning or unit.isdigit() or not kinds or not h.may_be_nearer:
+        # What is not understood may be of a sensor, or a strain of the gauge.
+        nearer, otherwise = (_SIGNS[n].search(_folded(h.text)) for n in ("nearer", "otherwise"))
+        if h.meaning or unit.isdigit() or not kinds or not nearer or otherwise:
             continue
         numbers = {*record.numbers(i)}
         if None not in numbers and len(numbers) > 1:
@@ -1631,7 +1617,7 @@ def _by_position(columns: Sequence[str]) -> _Headings:
                 f"column {heading.text!r} is unknown; use time_s, displacement_mm, force_N, "
                 "strain, stretch, stress_MPa, specimen, or '-' for a column to leave out"
             )
-    if not _suffice(headings):
+    if _missing(headings):
         raise FileError(
             f"columns {', '.join(columns)}: name one load (force_N, stress_MPa) and one length "
             "(displacement_mm, strain, stretch)"

@@ -594,23 +594,22 @@ def _add_assembly(model: Any, shells: Sequence[_Shell], name: str) -> tuple[Any,
 
 
 def _add_one_mesh(model: Any, shells: Sequence[_Shell], name: str) -> tuple[Any, list[_Text]]:
-    counts = [len(shell.item.faces) for shell in shells]
-    starts = np.cumsum([0, *(len(shell.item.vertices) for shell in shells)])
     mesh = _add_mesh(model, name)
     mesh.SetObjectLevelProperty(*shells[0].material)
-    parts = []
-    for shell, start in zip(shells, starts, strict=False):
+    parts, volumes = [], []
+    first = start = 0
+    for shell in shells:
         group, entry = shell.material
         number = model.GetResourceByID(group).GetModelResourceID()
         # lib3mf counts entries from 1, its files from 0.
         parts.append((shell.item.faces + start, f' pid="{number}" p1="{entry - 1}"'.encode()))
-    vertices = np.concatenate([shell.item.vertices for shell in shells])
-    volumes, first = [], 0
-    for shell, count in zip(shells, counts, strict=True):
-        opening = f'volume firstid="{first}" lastid="{first + count - 1}"'
+        start += len(shell.item.vertices)
+        end = first + len(shell.item.faces)
         said = {"name": _text(shell.item.name), "volume_type": "ModelPart"}
+        opening = f'volume firstid="{first}" lastid="{end - 1}"'
         volumes.append((opening, {**said, "extruder": shell.extruder}))
-        first += count
+        first = end
+    vertices = np.concatenate([shell.item.vertices for shell in shells])
     opening = f'object id="{mesh.GetModelResourceID()}" instances_count="1"'
     _attach(model, _PRUSA_PART, _settings(opening, name, volumes, typed=True))
     return mesh, [_mesh_text(vertices, parts)]

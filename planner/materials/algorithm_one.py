@@ -519,19 +519,16 @@ def quadratic_study(
     rows = []
     for k, (material, curve, fit) in enumerate(zip(elastic, curves, single, strict=True)):
         model, others = found.model, _model_without(curves, single, k)
-        law, mixtures = make_law(material.law), mixtures_without(palette, material)
+        law, mixed = make_law(material.law), mixtures_without(palette, material)
         m, x = curve.coordinate, curve.strain
-        errors: dict[str, Errors | None] = {
-            "own": _errors(curve, literal_stress_MPa(fit.c, x)),
-            "quadratics": _errors(curve, model.literal_stress_MPa(m, x)),
-            "law": _errors(curve, law.nominal_stress_MPa(1.0 + x)),
-            "quadratics_without": None,
-            "mixtures_without": None,
+        predicted = {
+            "own": literal_stress_MPa(fit.c, x),
+            "quadratics": model.literal_stress_MPa(m, x),
+            "law": law.nominal_stress_MPa(1.0 + x),
+            "quadratics_without": None if others is None else others.literal_stress_MPa(m, x),
+            "mixtures_without": None if mixed is None else mixed.nominal_stress_MPa(m, 1.0 + x),
         }
-        if others is not None:
-            errors["quadratics_without"] = _errors(curve, others.literal_stress_MPa(m, x))
-        if mixtures is not None:
-            errors["mixtures_without"] = _errors(curve, mixtures.nominal_stress_MPa(m, 1.0 + x))
+        errors = {way: None if p is None else _errors(curve, p) for way, p in predicted.items()}
         rest = float(model.literal_stress_MPa(m, _NEAR_REST))
         law_rest = float(law.nominal_stress_MPa(1.0 + _NEAR_REST))
         rows.append(QuadraticRow(material.id, curve, fit, errors, others, rest, law_rest))
@@ -578,11 +575,8 @@ def _falls_at(
     model: QuadraticCoefficients, curves: Sequence[LiteralCurve]
 ) -> tuple[float, float] | None:
     m = np.linspace(curves[0].coordinate, curves[-1].coordinate, _POINTS)
-    strain = np.linspace(
-        max(float(c.strain.min()) for c in curves),
-        min(float(c.strain.max()) for c in curves),
-        _POINTS,
-    )
+    first = max(float(c.strain.min()) for c in curves)
+    strain = np.linspace(first, min(float(c.strain.max()) for c in curves), _POINTS)
     falls = np.diff(model.literal_stress_MPa(m[:, np.newaxis], strain), axis=0) <= 0.0
     if not falls.any():
         return None

@@ -491,11 +491,9 @@ def deformation(
 ) -> Deformation:
     """Classify by Young's modulus, strain at break and strain at yield (None: no yield point)."""
     if modulus_MPa > _NONRIGID_MPA:
-        how = (
-            f"yields at strain {yield_strain:.3g}"
-            if yield_strain is not None
-            else "breaks without a yield point"
-        )
+        how = "breaks without a yield point"
+        if yield_strain is not None:
+            how = f"yields at strain {yield_strain:.3g}"
         return Deformation(
             "plastic",
             f"modulus {modulus_MPa:.3g} MPa is above {_NONRIGID_MPA:g} MPa, not a nonrigid "
@@ -611,11 +609,8 @@ def toe_compensated(curve: Curve) -> Curve:
     Points before that origin are dropped; a curve without a toe comes back as it is.
     """
     part = _linear_part(curve)
-    if part.toe_strain == 0.0:
-        return curve
-    return curve.part(
-        curve.strain >= part.toe_strain, _toe_note(curve, part), origin=part.toe_strain
-    )
+    toe = part.toe_strain
+    return curve.part(curve.strain >= toe, _toe_note(curve, part), origin=toe) if toe else curve
 
 
 def characterise_curve(

@@ -754,12 +754,7 @@ class LawFit:
 
 
 def fit_law(
-    law: SeparableLaw,
-    sample: Sample,
-    *,
-    starts: int = STARTS,
-    shift: float = 0.5,
-    also: FloatArray | None = None,
+    law: SeparableLaw, sample: Sample, *, starts: int = STARTS, also: FloatArray | None = None
 ) -> LawFit:
     """Fit a law by multi-start variable projection.
 
@@ -767,12 +762,10 @@ def fit_law(
     ----------
     starts
         Number of starts spread over the bounds.
-    shift
-        Moves the pattern of starts; see `spread_starts`.
     also
         Further starts, shape (k, q).
     """
-    spread = spread_starts(law, sample, starts, shift)
+    spread = spread_starts(law, sample, starts)
     if also is not None and law.nonlinear:
         spread = np.concatenate([spread, also])
     thin = np.arange(len(sample.stretch)) % max(len(sample.stretch) // _ROUGH_POINTS, 1) == 0

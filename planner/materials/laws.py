@@ -235,9 +235,7 @@ class Yielding:
         """Return H + (E - H) (1 + x^n)^(-1/n - 1)."""
         strain = positive_stretch(stretch) - 1.0
         bent = np.exp(-self._log_bend(strain) * (1.0 / self.sharpness + 1.0))
-        return np.asarray(
-            self.hardening_MPa + (self.modulus_MPa - self.hardening_MPa) * bent, dtype=np.float64
-        )
+        return np.asarray(self.hardening_MPa + (self.modulus_MPa - self.hardening_MPa) * bent)
 
     def _log_bend(self, strain: FloatArray) -> FloatArray:
         """Return ln(1 + x^n), whatever the size of x."""

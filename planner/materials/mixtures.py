@@ -223,7 +223,6 @@ class CoefficientModel:
     def __post_init__(self, chosen: bool) -> None:
         materials = self.palette.materials
         elastic = [m for m in materials if m.deformation == "elastic"] or materials
-        limit = min(m.elongation_at_break for m in elastic)
         for material in materials:
             if material.law.model == "ogden-thesis":
                 raise PaletteError(
@@ -234,7 +233,7 @@ class CoefficientModel:
         if not chosen:
             object.__setattr__(self, "palette", interpolated(self.palette))
         object.__setattr__(self, "laws", tuple(make_law(m.law) for m in materials))
-        object.__setattr__(self, "strain_limit", limit)
+        object.__setattr__(self, "strain_limit", min(m.elongation_at_break for m in elastic))
         _check_ladder(self)
 
     def ladder_MPa(self, at_strain: float) -> FloatArray:
@@ -381,12 +380,8 @@ class CoefficientModel:
         variance, own = self.wiener_variance(at_strain), self.own_log_sds(at_strain, normal)
         lower, upper, _ = self.bracket(coordinate)
         ladder = self.grade_moduli_MPa(at_strain)
-        less, more = (
-            np.exp(
-                normal * self.log_sd(coordinate, variance, _rows(side, lower), _rows(side, upper))
-            )
-            for side in own
-        )
+        rows = [(_rows(side, lower), _rows(side, upper)) for side in own]
+        less, more = (np.exp(normal * self.log_sd(coordinate, variance, *ends)) for ends in rows)
         down, up = np.exp(normal * own)
         least = np.minimum(*(_rows(ladder / down, k) for k in (lower, upper)))
         most = np.maximum(*(_rows(ladder * up, k) for k in (lower, upper)))
@@ -722,13 +717,11 @@ def _inverse(
     upper = np.minimum(lower + 1, len(nodes) - 1)
     gaps, rises = np.diff(nodes, append=nodes[-1]), np.diff(values, append=values[-1])
     ahead = np.append(slopes[1:], 0.0)
-    cubics = np.stack(
-        [
-            gaps * slopes,
-            3.0 * rises - gaps * (2.0 * slopes + ahead),
-            gaps * (slopes + ahead) - 2.0 * rises,
-        ]
+    square, cube = (
+        3.0 * rises - gaps * (2.0 * slopes + ahead),
+        gaps * (slopes + ahead) - 2.0 * rises,
     )
+    cubics = np.stack([gaps * slopes, square, cube])
     t = _rising_root((wanted - values[lower]).ravel(), cubics, lower.ravel())
     return np.minimum(nodes[lower] + t.reshape(wanted.shape) * gaps[lower], nodes[upper])
 

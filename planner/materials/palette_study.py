@@ -827,9 +827,8 @@ def _temperature_table(
 def _level(curve: Curve, strain: FloatArray) -> float:
     """Return the mean ln(stress) at strains."""
     least = RELATIVE_FLOOR * float(curve.stress_MPa.max())
-    return float(
-        np.log(np.maximum(np.interp(strain, curve.strain, curve.stress_MPa), least)).mean()
-    )
+    stress = np.interp(strain, curve.strain, curve.stress_MPa)
+    return float(np.log(np.maximum(stress, least)).mean())
 
 
 def _line(x: FloatArray, y: FloatArray) -> tuple[float, float]:
