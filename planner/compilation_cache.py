@@ -103,8 +103,8 @@ class Loop:
         try:
             words = [*map(_type_word, arguments), *_processor()]
             digest = hashlib.sha256("\n".join(words).encode())
-            layout = _parts_of_code(_linkable.__code__, {}, [])  # of the file
-            for part in (*_parts(self, []), *layout):
+            # Of the loop, and of the file's layout.
+            for part in (*_parts(self, []), *_parts_of_code(_linkable.__code__, {}, [])):
                 digest.update(b"%d %b" % (len(part), part))
         except _NoNameError:
             return None

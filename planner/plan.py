@@ -544,9 +544,8 @@ def read_plan(path: str | Path) -> Plan:
     'TangoPlus'
     """
     file = plan_file(path)
-    data = read_file(file)
     # A program may change its working directory between reading a plan and using it.
-    return dataclasses.replace(decode_plan(data, str(file)), file=file.absolute())
+    return dataclasses.replace(decode_plan(read_file(file), str(file)), file=file.absolute())
 
 
 def decode_plan(data: bytes, name: str) -> Plan:

@@ -404,8 +404,7 @@ def _make_slab(kind: ImageKind, shells: Sequence[SlabTriangles]) -> _SlabImages:
         encode_layer(*drawn, (row, row + ny), nx, kind)
         for row in range(0, len(runs.offsets) - 1, ny)
     )
-    first = shells[0].first_layer
-    return _SlabImages(first, images, runs.voxels, runs.overlapping, runs.open_rows)
+    return _SlabImages(shells[0].first_layer, images, runs.voxels, runs.overlapping, runs.open_rows)
 
 
 # ------------------------------------------------------------------------------------------------

@@ -229,9 +229,8 @@ def _unpacked(document: _Document, block: bytes, raw: bool, needed: int) -> byte
     data, _ = stretch(behind, sum(packed))
     parts, at = [], 0
     for length, size in zip(packed, sizes, strict=True):
-        unpacker = zlib.decompressobj()
         # One more than promised shows that there is too much; and 0 would mean no limit.
-        parts.append(unpacker.decompress(data[at : at + length], size + 1))
+        parts.append(zlib.decompressobj().decompress(data[at : at + length], size + 1))
         if len(parts[-1]) != size:
             raise ValueError(f"a block of {size} bytes unpacks to another length")
         at += length
@@ -405,8 +404,7 @@ def _csv(path: Path, array: str | None) -> tuple[FloatArray, FloatArray]:
         raise FileError(
             f"{path}: columns are {', '.join(head)}; it needs x_mm, y_mm, z_mm and a value{which}"
         )
-    named = dict.fromkeys([*_COLUMNS, wanted])
-    numbers = read_columns(path, named, others=True).numbers
+    numbers = read_columns(path, dict.fromkeys([*_COLUMNS, wanted]), others=True).numbers
     return np.column_stack([numbers[name] for name in _COLUMNS]), numbers[wanted]
 
 
@@ -492,8 +490,7 @@ def encode_vti(first_mm: FloatArray, spacing_mm: FloatArray, values: _Values) ->
     shape = next(iter(values.values())).shape
     extent = " ".join(f"0 {n - 1}" for n in shape)
     origin, spacing = (" ".join(f"{v:.9g}" for v in one) for one in (first_mm, spacing_mm))
-    lattice = f'WholeExtent="{extent}" Origin="{origin}" Spacing="{spacing}"'
-    file = _Written("ImageData", lattice)
+    file = _Written("ImageData", f'WholeExtent="{extent}" Origin="{origin}" Spacing="{spacing}"')
     file.body.write(f'<Piece Extent="{extent}">\n')
     flat = {name: each.ravel(order="F") for name, each in values.items()}  # x runs fastest
     file.group("PointData", flat, int(np.prod(shape)))

@@ -28,6 +28,7 @@ __all__ = [
     "most_unpacked",
     "path_within",
     "read_file",
+    "toml_beside",
     "toml_text",
     "unpacked",
 ]
@@ -237,6 +238,11 @@ def decode_toml(data: bytes, name: str) -> dict[str, Any]:
         return tomllib.loads(data.decode("utf-8"))
     except (ValueError, RecursionError) as error:  # the first of text, of TOML and of long numbers
         raise FileError(f"{name}: not a TOML file: {error}") from error
+
+
+def toml_beside(name: str) -> Mapping[str, Mapping[str, Any]]:
+    """Return one of the TOML files that stand beside this module."""
+    return tomllib.loads(Path(__file__).with_name(name).read_text(encoding="utf-8"))
 
 
 def toml_text(value: str | float | Sequence[Any]) -> str:

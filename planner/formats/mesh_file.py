@@ -226,8 +226,7 @@ def _trimesh(
                 )
             if any((corners < 0).any() for corners in faces):
                 raise ValueError("a face has a vertex below the first")
-            mesh = scene.to_mesh()
-            triangles = np.asarray(mesh.triangles, dtype=np.float64).reshape(-1, 3, 3)
+            triangles = np.asarray(scene.to_mesh().triangles, dtype=np.float64).reshape(-1, 3, 3)
     except Exception as error:  # whatever a parser of foreign bytes may raise
         said = f"{type(error).__name__}: {error}"
         reason = (
@@ -245,8 +244,7 @@ def _check_tree(data: bytes, limits: UnfoldingLimits) -> None:
 
     Ten levels of as many objects as are read are a second.
     """
-    tree = json.loads(data[20 : 20 + int.from_bytes(data[12:16], "little")])
-    nodes = tree.get("nodes", [])
+    nodes = json.loads(data[20 : 20 + int.from_bytes(data[12:16], "little")]).get("nodes", [])
     parents = {child: k for k, node in enumerate(nodes) for child in node.get("children", ())}
     total, level = 0, list(range(len(nodes)))
     while level:  # of each node the one above, until all are at the root

@@ -1,7 +1,6 @@
 """The list of specimens: what each one is, its size and how it was tested."""
 
 import math
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,7 +10,7 @@ from typing import Any, Literal
 import msgspec
 
 from planner.errors import FileError
-from planner.formats.files import read_file
+from planner.formats.files import read_file, toml_beside
 from planner.formats.tables import LARGEST_FIGURE, decode_text, is_workbook, number, read_rows
 from planner.formats.tensile import headings_of, mode_of
 
@@ -73,7 +72,7 @@ class SpecimenColumn:
     is_size: bool = False
 
 
-_ROWS = tomllib.loads(Path(__file__).with_name("specimens.toml").read_text(encoding="utf-8"))
+_ROWS = toml_beside("specimens.toml")
 SPECIMEN_COLUMNS: Mapping[str, SpecimenColumn] = MappingProxyType(
     {name: msgspec.convert({"name": name, **row}, SpecimenColumn) for name, row in _ROWS.items()}
 )

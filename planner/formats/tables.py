@@ -116,8 +116,7 @@ def _decoded(data: bytes) -> str:
     except UnicodeDecodeError:
         pass
     # A Chinese character is two bytes from 0xA1 on; in European texts such bytes stand alone.
-    runs = re.findall(rb"[\x80-\xff]+", data)
-    if all(len(run) % 2 == 0 and min(run) >= 0xA1 for run in runs):
+    if all(len(run) % 2 == 0 and min(run) >= 0xA1 for run in re.findall(rb"[\x80-\xff]+", data)):
         return data.decode("gb18030", errors="replace")
     try:
         text = data.decode("cp932")

@@ -3,19 +3,17 @@
 import functools
 import math
 import re
-import tomllib
 import unicodedata
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import permutations
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from planner.errors import ArgumentError, FileError
-from planner.formats.files import read_file
+from planner.formats.files import read_file, toml_beside
 from planner.formats.tables import (
     LONGEST_HEADING,
     TextRow,
@@ -48,9 +46,7 @@ def _folded(text: str) -> str:
     return re.sub(r"[\s_,]+", " ", bare).strip(" .:=")
 
 
-_TERMS: Mapping[str, Mapping[str, Any]] = tomllib.loads(
-    Path(__file__).with_name("terms.toml").read_text(encoding="utf-8")
-)
+_TERMS = toml_beside("terms.toml")
 _MEANING, _SIZE, _SYMBOLS, _TEXT, _SPEED, _MODE = (
     {_folded(word): meaning for meaning in _TERMS[table] for word in _words(table, meaning)}
     for table in ("columns", "sizes", "symbols", "texts", "speeds", "modes")
@@ -679,10 +675,9 @@ def _with_units(headings: _Headings, grid: _Grid, head: int) -> tuple[_Headings,
 
 
 def _in_units(headings: _Headings, units: Sequence[str]) -> _Headings:
-    filled = [*units, *[""] * len(headings)]
     return [
         replace(h, unit=unit) if unit and not is_unit(h.unit or "") else h
-        for h, unit in zip(headings, filled, strict=False)
+        for h, unit in zip(headings, [*units, *[""] * len(headings)], strict=False)
     ]
 
 

@@ -578,9 +578,8 @@ def _add_assembly(model: Any, shells: Sequence[_Shell], name: str) -> tuple[Any,
         meshes.append(_mesh_text(item.vertices, [(item.faces, b"")]))
         _add_metadata(mesh.GetMetaDataGroup(), item.metadata, item.name)
         # Cura counts from 0, the others from 1.
-        number = str(shell.extruder - 1)
         mesh.GetMetaDataGroup().AddMetaData(
-            _CURA_NAMESPACE, "extruder_nr", number, "xs:integer", True
+            _CURA_NAMESPACE, "extruder_nr", str(shell.extruder - 1), "xs:integer", True
         )
         mesh.SetUUID(_identifier("object", count, shell.digest))
         mesh.SetObjectLevelProperty(*shell.material)
@@ -948,13 +947,11 @@ def needs_one_mesh(slicer: str) -> bool:
     ArgumentError
         No slicer that planner knows; the message says what is near.
     """
-    try:
-        return _ONE_MESH[slicer.casefold()]
-    except KeyError:
-        raise ArgumentError(
-            f"slicer {slicer!r}: no such slicer; "
-            f"{did_you_mean(slicer, _ONE_MESH)}it may be {', '.join(_ONE_MESH)}"
-        ) from None
+    if slicer.casefold() not in _ONE_MESH:
+        all_ = ", ".join(_ONE_MESH)
+        hint = did_you_mean(slicer, _ONE_MESH)
+        raise ArgumentError(f"slicer {slicer!r}: no such slicer; {hint}it may be {all_}")
+    return _ONE_MESH[slicer.casefold()]
 
 
 def _settings(

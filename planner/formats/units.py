@@ -1,15 +1,13 @@
 """Units: what machines write, as factors; what a person states; what a factor hints at."""
 
 import math
-import tomllib
 import unicodedata
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from types import MappingProxyType
-from typing import Any
 
 from planner.errors import ArgumentError, FileError, UnknownNameError, did_you_mean
+from planner.formats.files import toml_beside
 
 __all__ = [
     "QUANTITIES",
@@ -27,9 +25,7 @@ __all__ = [
 # Units that testing machines write, as factors to mm, N, MPa, s and fractions.
 
 
-_UNITS: Mapping[str, Mapping[str, Any]] = tomllib.loads(
-    Path(__file__).with_name("units.toml").read_text(encoding="utf-8")
-)
+_UNITS = toml_beside("units.toml")
 QUANTITY_UNITS: Mapping[str, Mapping[str, float]] = MappingProxyType(
     {quantity: _UNITS[quantity] for quantity in ("time", "length", "force", "stress", "strain")}
 )

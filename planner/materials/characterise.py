@@ -365,8 +365,7 @@ def _arc(x: FloatArray, y: FloatArray) -> tuple[float, float] | None:
     """
     if len(x) < _MINIMUM_WINDOW or x[-1] <= x[0]:
         return None
-    scale = float(x[-1] - x[0])
-    terms = np.vander((x - x[0]) / scale, 3, increasing=True)
+    terms = np.vander((x - x[0]) / float(x[-1] - x[0]), 3, increasing=True)
     inverse = np.linalg.pinv(terms)
     coefficients = inverse @ y
     slope, bend = (float(c) for c in coefficients[1:])
@@ -705,9 +704,8 @@ def _secant(curve: Curve, toe: float, strain: float) -> float | None:
     x = curve.strain - toe
     if strain > x[-1] or strain < x[0]:
         return None
-    near = np.abs(x - strain)
     # Five points even out noise; where they lie too far apart, two have to do.
-    at = np.sort(np.argsort(near, kind="stable")[:5])
+    at = np.sort(np.argsort(np.abs(x - strain), kind="stable")[:5])
     if not 0.0 < float(np.ptp(x[at])) <= 0.5 * strain:
         return float(np.interp(strain, x, curve.stress_MPa)) / strain
     return float(np.polyfit(x[at] - strain, curve.stress_MPa[at], 1)[1]) / strain

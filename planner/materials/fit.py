@@ -310,8 +310,7 @@ def minimise(
         normal = np.where(stuck[:, :, None] | stuck[:, None, :], 0.0, now.normal)
         square = np.maximum(np.einsum("skk->sk", normal), 0.0)
         length = np.sqrt(square * now.cost[:, None])
-        cosine = np.abs(slope) / np.where(length > 0, length, 1.0)
-        gradient[active] = cosine.max(axis=1)
+        gradient[active] = (np.abs(slope) / np.where(length > 0, length, 1.0)).max(axis=1)
         damped = normal.copy()
         diagonal = np.where(square > 0, square, 1.0)
         damped[:, range(q), range(q)] = diagonal * (1.0 + damping[active])[:, None]
@@ -1383,8 +1382,7 @@ def _moves_variance(
     unit, size, residual = _linearised(fit.law, fit.a, fit.c, sample, held=held)
     own = _own(sample)
     moves = np.stack([_without(unit, residual, i) for i in own]) / size @ directions
-    count = len(own)
-    return np.asarray(moves.var(axis=0) * (count - 1.0))
+    return np.asarray(moves.var(axis=0) * (len(own) - 1.0))
 
 
 def _without(unit: FloatArray, residual: FloatArray, own: BoolArray) -> FloatArray:
@@ -1903,8 +1901,7 @@ def _plastic(
     low = np.where((np.array(sides) < 0).any(axis=0), -np.inf, low)
     high = np.where((np.array(sides) > 0).any(axis=0), np.inf, high)
     strains = [e for e in (0.0, *SECANT_STRAINS) if 1.0 + e <= sample.stretch.max()]
-    each = np.log([secant_modulus_MPa(one, strains) for one in laws])
-    wide = _half_widths(each, level)
+    wide = _half_widths(np.log([secant_modulus_MPa(one, strains) for one in laws]), level)
     scatter = _scatter_of(_courses(stress, sample))
     return MaterialFit(
         material=found.material,

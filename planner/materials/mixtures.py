@@ -576,8 +576,7 @@ def _runs(strains: FloatArray, held: BoolArray) -> str:
 
 def _check_ladder(model: CoefficientModel) -> None:
     name, strains = model.palette.name, _working_strains(model)
-    moduli = model.grade_moduli_MPa(strains)
-    for material, row in zip(model.palette.materials, moduli, strict=True):
+    for material, row in zip(model.palette.materials, model.grade_moduli_MPa(strains), strict=True):
         bad = ~((row > 0.0) & np.isfinite(row))
         if bad.any():
             raise PaletteError(
