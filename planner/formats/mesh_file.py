@@ -228,10 +228,9 @@ def _trimesh(
                 raise ValueError("a face has a vertex below the first")
             triangles = np.asarray(scene.to_mesh().triangles, dtype=np.float64).reshape(-1, 3, 3)
     except Exception as error:  # whatever a parser of foreign bytes may raise
-        said = f"{type(error).__name__}: {error}"
-        reason = (
-            "a figure is no number, or too large" if isinstance(error, ArithmeticError) else said
-        )
+        reason = f"{type(error).__name__}: {error}"
+        if isinstance(error, ArithmeticError):
+            reason = "a figure is no number, or too large"
         raise MeshError(
             f"{name}: not a {kind.upper()} file that can be read ({reason}); export the part "
             "again, as STL or 3MF if you can"

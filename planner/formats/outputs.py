@@ -493,7 +493,7 @@ def new_folder(
         kept = check_target(folder, force=force, record=record, option=option)
         seen = {name for name, _ in _within(target)} if target.is_dir() else set()
         _carry(target, scratch, kept, folder, option)
-        _take_name(scratch, target, folder, force=force, option=option)
+        _take_name(scratch, target, folder, force, option)
         _remove_earlier(scratch, target, seen, folder)
 
 
@@ -528,12 +528,8 @@ def _carry(
     target: Path, scratch: Path, kept: tuple[str, ...], folder: str | Path, option: str
 ) -> None:
     """Let what is not planner's stand in the new folder too: by a second name, else as a copy."""
-    _refuse(
-        folder,
-        [name for name in kept if _stands(scratch, name)],
-        "is in the way, was not written by planner",
-        option,
-    )
+    in_the_way = [name for name in kept if _stands(scratch, name)]
+    _refuse(folder, in_the_way, "is in the way, was not written by planner", option)
     for name in kept:
         place = scratch / name
         missing = [p for p in (place, *place.parents) if p.is_relative_to(scratch)][::-1]
@@ -556,9 +552,7 @@ def _stands(scratch: Path, name: str) -> bool:
     )
 
 
-def _take_name(
-    scratch: Path, target: Path, folder: str | Path, *, force: bool, option: str
-) -> None:
+def _take_name(scratch: Path, target: Path, folder: str | Path, force: bool, option: str) -> None:
     """Give `scratch` the name `target`; an earlier folder of that name then has that of `scratch`.
 
     Both change names in one step, so that a run that is killed leaves the one or the other.

@@ -253,8 +253,7 @@ def _condition(cell: str, column: SpecimenColumn, separator: str, where: str) ->
         return cell.casefold() if column.choices else cell
     value = number(cell, separator)
     hint = ""
-    measured = value is not None and abs(value) <= LARGEST_FIGURE
-    if value is None or not measured or (column.between is None and value <= 0):
+    if value is None or not abs(value) <= LARGEST_FIGURE or (not column.between and value <= 0):
         must = "a number" if column.between else "a number above 0"
     else:
         low, high = column.between or (0.0, math.inf)

@@ -276,9 +276,7 @@ def read_threemf(path: str | Path) -> ThreemfModel:
     return decode_threemf(read_file(path, error=MeshError), str(path))
 
 
-def decode_threemf(
-    data: bytes, name: str, *, strict: bool = False, limits: UnfoldingLimits = USUAL_LIMITS
-) -> ThreemfModel:
+def decode_threemf(data: bytes, name: str, limits: UnfoldingLimits = USUAL_LIMITS) -> ThreemfModel:
     """Read the bytes of a 3MF file: every model object where the build items put it.
 
     Transforms of items and nested components are applied; a mirrored object's triangles are
@@ -289,8 +287,6 @@ def decode_threemf(
     ----------
     data, name
         The whole file, and what errors call it.
-    strict
-        Take the file only if it follows the specification to the letter.
     limits
         What the file may hold and its build unfold to, counted before anything is unfolded.
 
@@ -303,7 +299,6 @@ def decode_threemf(
     _check_structure(data, name, limits)
     model = _wrapper().CreateModel()
     reader = model.QueryReader("3mf")
-    reader.SetStrictModeActive(strict)
     remarks = []
     try:
         _read_from(reader, data)
@@ -795,9 +790,7 @@ def _archive(members: Iterable[tuple[str, _Text]]) -> bytes:
 _ROWS = 1 << 16  # at a time: 5 MB of text
 
 
-def _mesh_text(
-    vertices: Float32Array | FloatArray, parts: list[tuple[IntArray, bytes]]
-) -> Iterator[bytes | memoryview]:
+def _mesh_text(vertices: Float32Array | FloatArray, parts: list[tuple[IntArray, bytes]]) -> _Text:
     """Write the elements ``vertices`` and ``triangles`` of a mesh, piece by piece.
 
     Nine digits tell all values of float32 apart, and mostly seven or eight do. lib3mf writes as
@@ -954,13 +947,11 @@ def needs_one_mesh(slicer: str) -> bool:
     return _ONE_MESH[slicer.casefold()]
 
 
-def _settings(
-    opening: str,
-    name: str,
-    parts: Sequence[tuple[str, Mapping[str, object]]],
-    *,
-    typed: bool = False,
-) -> bytes:
+_Part: TypeAlias = tuple[str, Mapping[str, object]]
+"""An element with its attributes, and what is said of it."""
+
+
+def _settings(opening: str, name: str, parts: Sequence[_Part], *, typed: bool = False) -> bytes:
     """Return the part of a 3MF that says which part of an object has which extruder.
 
     Parameters
@@ -968,7 +959,7 @@ def _settings(
     opening, name
         The object's element with its attributes, and what it is called.
     parts
-        The same of each component or volume, with what is said of it.
+        Of each component or volume.
     typed
         Whether what is said has the element's name as its type.
     """

@@ -20,6 +20,7 @@ from planner.materials.characterise import (
 )
 from planner.materials.laws import (
     LOWEST_STRETCH,
+    Columns,
     NeoHookean,
     Ogden,
     SeparableLaw,
@@ -168,9 +169,7 @@ def _weights(specimen: IntArray, mode: IntArray) -> FloatArray:
     return np.asarray(1.0 / (count[inverse] * in_mode[of_mode] * len(modes)))
 
 
-def sample_columns(
-    law: SeparableLaw, sample: Sample, a: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+def sample_columns(law: SeparableLaw, sample: Sample, a: FloatArray) -> Columns:
     """Return a law's columns and their slopes at a sample's points, each in its own loading.
 
     As `SeparableLaw.evaluate`. Equibiaxial loading to l is uniaxial loading to l^-2, with nominal
@@ -337,9 +336,7 @@ def minimise(
     return Solutions(a, state.coefficients, state.cost, gradient, converged)
 
 
-def rows_leant_on(
-    law: SeparableLaw, sample: Sample, a: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+def rows_leant_on(law: SeparableLaw, sample: Sample, a: FloatArray) -> Columns:
     """Return columns and slopes, as `sample_columns`, of the `SoundRows` that hold a fitted law."""
     problem = _Problem(law, sample)
     state = problem.project(a[None], np.full((1, law.columns), np.nan))
@@ -1348,7 +1345,7 @@ def _scatter_known(sample: Sample) -> bool:
 
 
 def _derivatives(
-    law: SeparableLaw, a: FloatArray, c: FloatArray, columns: tuple[FloatArray, FloatArray]
+    law: SeparableLaw, a: FloatArray, c: FloatArray, columns: Columns
 ) -> tuple[FloatArray, FloatArray]:
     """Return the derivative of stress by (a, file's c), shape (n, q + p), and the stress."""
     phi, slope = columns

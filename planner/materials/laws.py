@@ -3,7 +3,7 @@
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import ClassVar, Protocol
+from typing import ClassVar, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,6 +15,7 @@ from planner.palette import LAW_PARAMETERS, LawParameters
 __all__ = [
     "FARTHEST",
     "LOWEST_STRETCH",
+    "Columns",
     "Law",
     "Ogden",
     "SeparableLaw",
@@ -48,6 +49,10 @@ class Law(Protocol):
     @abstractmethod
     def tangent_MPa(self, stretch: ArrayLike) -> FloatArray:
         """Return the derivative of the nominal stress by the stretch, of the same shape."""
+
+
+Columns: TypeAlias = tuple[FloatArray, FloatArray]
+"""phi and dphi/da, shape (s, n, p) each; the latter is empty (s, n, 0) when q = 0."""
 
 
 class SeparableLaw(Law, ABC):
@@ -91,9 +96,7 @@ class SeparableLaw(Law, ABC):
         return fraction[:, :0]
 
     @abstractmethod
-    def evaluate(
-        self, stretch: FloatArray, a: FloatArray, *, planar: bool = False
-    ) -> tuple[FloatArray, FloatArray]:
+    def evaluate(self, stretch: FloatArray, a: FloatArray, *, planar: bool = False) -> Columns:
         """Return columns and their derivatives by their own parameter.
 
         Parameters
@@ -106,10 +109,6 @@ class SeparableLaw(Law, ABC):
             Of planar loading (pure shear, width held) instead of uniaxial. Equibiaxial loading
             to l is uniaxial loading to l^-2, with stress -P(l^-2) / l^3.
 
-        Returns
-        -------
-        tuple of ndarray
-            phi and dphi/da, shape (s, n, p) each; the latter is empty (s, n, 0) when q = 0.
         """
 
     def divisor(self, a: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -280,9 +279,7 @@ class _Polynomial(_FirstInvariant):
     unit: ClassVar[float]
     """Of dW/dJ, of which a parameter of 1 has one half."""
 
-    def evaluate(
-        self, stretch: FloatArray, a: FloatArray, *, planar: bool = False
-    ) -> tuple[FloatArray, FloatArray]:
+    def evaluate(self, stretch: FloatArray, a: FloatArray, *, planar: bool = False) -> Columns:
         """Return the columns, which are those of every candidate."""
         front, invariant = _front_and_invariant(stretch, planar)
         powers = np.arange(self.columns)
@@ -387,9 +384,7 @@ class Ogden(SeparableLaw):
         t = -below + fraction * (below + np.sqrt(_LARGEST_ALPHA))
         return np.sort(t * np.abs(t), axis=1)
 
-    def evaluate(
-        self, stretch: FloatArray, a: FloatArray, *, planar: bool = False
-    ) -> tuple[FloatArray, FloatArray]:
+    def evaluate(self, stretch: FloatArray, a: FloatArray, *, planar: bool = False) -> Columns:
         """Return (l^(a-1) - l^(-m a-1)) / (1.5 a) and its derivative by a; m is 1/2, planar 1.
 
         With x = ln l and h = (1 + m) a x / 2 it is, but for a factor, exp((1 - m) a x / 2) x / l *
@@ -469,9 +464,7 @@ class Martins(_FirstInvariant):
         low, high = np.log(self.bounds(stretch_max)).T
         return np.asarray(np.exp(low + fraction * (high - low)))
 
-    def evaluate(
-        self, stretch: FloatArray, a: FloatArray, *, planar: bool = False
-    ) -> tuple[FloatArray, FloatArray]:
+    def evaluate(self, stretch: FloatArray, a: FloatArray, *, planar: bool = False) -> Columns:
         """Return the two columns and their derivatives by c1 and c3."""
         matrix, invariant = _front_and_invariant(stretch, planar)
         front = np.stack([2.0 * matrix, 2.0 * (stretch - 1.0)], axis=-1)

@@ -4,7 +4,7 @@ from collections.abc import Collection, Iterator, Sequence
 from dataclasses import InitVar, dataclass, field, replace
 from functools import cache
 from importlib.resources import files
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple, TypeAlias, TypeVar
 
 import msgspec
 import numpy as np
@@ -80,9 +80,10 @@ def pchip_slopes(coordinate: FloatArray, values: _Values) -> _Values:
     return slopes
 
 
-def bracketed(
-    coordinate: FloatArray, m: FloatArray
-) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
+_Bracket: TypeAlias = tuple[IntArray, IntArray, FloatArray, FloatArray]
+
+
+def bracketed(coordinate: FloatArray, m: FloatArray) -> _Bracket:
     """Return the nodes below and above places within them, how far between, 0..1, and the gap.
 
     At a node the share is 0; at the last one both are it.
@@ -461,9 +462,7 @@ class CoefficientModel:
         m = np.asarray(coordinate, dtype=np.float64)
         return lower, upper, np.maximum(m - c[lower], 0.0) / gap
 
-    def _bracketed(
-        self, coordinate: ArrayLike
-    ) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
+    def _bracketed(self, coordinate: ArrayLike) -> _Bracket:
         """Return the grades below and above, how far between their places, and their gap."""
         m = np.asarray(coordinate, dtype=np.float64)
         c = self.coordinates
