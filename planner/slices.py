@@ -856,6 +856,7 @@ def write_slices(
             open_rows += slab.open_rows
             done += len(slab.images)
             progress(done, layers)
+        totals = voxels.sum(axis=0).tolist()
         stack = SliceStack(
             version=__version__,
             printer=source.printer,
@@ -868,9 +869,7 @@ def write_slices(
                     *(shell.material, shell.operator_name, rgba, shell.file, shell.sha256),
                     *(count, count * source.grid.voxel_mm3),
                 )
-                for shell, rgba, count in zip(
-                    source.shells, colours, voxels.sum(axis=0).tolist(), strict=True
-                )
+                for shell, rgba, count in zip(source.shells, colours, totals, strict=True)
             ),
             voxels=voxels,
             overlapping=overlapping,

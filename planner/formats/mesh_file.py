@@ -288,9 +288,7 @@ def _rows(text: bytes) -> list[bytes]:
 
 
 _HEADER_BYTES = 80
-_RECORD = np.dtype(
-    [("normal", "<f4", (3,)), ("corners", "<f4", (3, 3)), ("attribute", "<u2")], align=False
-)
+_RECORD = np.dtype([("normal", "<f4", (3,)), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 
 _NUMBER = rb"[-+]?(?:\d+\.?\d*|\.\d+|nan|inf)(?:e[-+]?\d+)?"
 _VERTEX = rb"\s+vertex" + 3 * (rb"\s+(" + _NUMBER + rb")")

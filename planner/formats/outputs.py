@@ -60,9 +60,8 @@ def _scratch_beside(target: Path, *, folder: bool) -> Iterator[Path]:
     What is left of it in the end is removed.
     """
     for number in itertools.count():
-        scratch = target.with_name(
-            f".{target.name}.partial-{os.getpid()}" + (f"-{number}" if number else "")
-        )
+        more = f"-{number}" if number else ""
+        scratch = target.with_name(f".{target.name}.partial-{os.getpid()}{more}")
         with contextlib.suppress(FileExistsError):  # of a claim within this one
             scratch.mkdir() if folder else scratch.open("xb").close()
             break
@@ -283,8 +282,8 @@ def is_sealed(path: Path) -> bool:
     return at >= 0 and seal(page[:at] + _OPEN + page[at + len(_OPEN) :]) == page
 
 
-def _kept_files(root: Path, record: str, listed: Mapping[str, str]) -> tuple[str, ...]:
-    """List what planner has not written into a folder, or not as it is now.
+def _kept_files(root: Path, record: str, listed: Mapping[str, str]) -> Iterator[str]:
+    """Yield what planner has not written into a folder, or not as it is now.
 
     Parameters
     ----------
@@ -293,12 +292,11 @@ def _kept_files(root: Path, record: str, listed: Mapping[str, str]) -> tuple[str
     record, listed
         The name of its JSON document, and the folder's files with their hashes listed there.
 
-    Returns
-    -------
-    tuple of str
-        Files, links and empty folders by their paths within it, sorted; folders end in a slash.
+    Yields
+    ------
+    str
+        Files, links and empty folders by their paths within it; folders end in a slash.
     """
-    kept = []
     for name, path in _within(root):
         if name.endswith("/"):
             ours = any(path.iterdir()) or any(file.startswith(name) for file in listed)
@@ -307,8 +305,8 @@ def _kept_files(root: Path, record: str, listed: Mapping[str, str]) -> tuple[str
                 stat.S_ISREG(path.lstat().st_mode)
                 and (_sha256(path) == listed.get(name) or (name == _PAGE and is_sealed(path)))
             )
-        kept += [] if ours else [name]
-    return tuple(sorted(kept))
+        if not ours:
+            yield name
 
 
 def _sha256(path: Path) -> str:
@@ -416,7 +414,7 @@ def check_target(
             if not force:
                 raise OutputError(f"{folder}: exists already; replace it with `force`, or {other}")
             listed = _listed(target, record)
-            kept = _kept_files(target, record, listed)
+            kept = tuple(sorted(_kept_files(target, record, listed)))
             changed = [name for name in kept if name in listed]
             _refuse(folder, changed, "was changed since planner wrote it", option)
         elif target.exists():

@@ -200,11 +200,10 @@ def _parse(name: str) -> tuple[str, str | None, str] | None:
         return meaning, None, ""
     suffixed = _SUFFIXED.fullmatch(name)
     if suffixed and not suffixed[2].isdigit():
-        meaning = _looked_up(suffixed[1], _MEANING)
-        if meaning is not None and (
-            is_unit(suffixed[2]) or not _SIGNS["source"].search(suffixed[2])
-        ):
-            return meaning, suffixed[2], ""
+        stem, unit = suffixed.groups()
+        meaning = _looked_up(stem, _MEANING)
+        if meaning is not None and (is_unit(unit) or not _SIGNS["source"].search(unit)):
+            return meaning, unit, ""
     for stem, unit in _apart(name, _JOINED, _SPACED):
         if (inner := _parse(stem)) is not None:
             return inner[0], unit, inner[2]
@@ -545,7 +544,7 @@ def read_tensile(
         rest = replace(grid, rows=[row for row in grid.rows if row[0] not in read])
         if _count_numbers(rest) * (4 if grids[grid] else 1) >= fewest:
             raise FileError(f"{_not_understood(rest)}; the rest of the file is understood")
-    return _tables(path, pieces, ordered, notes)
+    return tuple(_tables(path, pieces, ordered, notes))
 
 
 def _best_grid(sheet: _Grid, content: str | list[list[str]]) -> tuple[_Grid, list[_Block]]:
@@ -1252,8 +1251,8 @@ def _put_together(one: _Piece, next_: _Piece, notes: list[str]) -> _Piece:
 
 def _tables(
     path: Path, pieces: list[_Piece], grids: Sequence[_Grid], notes: Sequence[str]
-) -> tuple[TensileTable, ...]:
-    """Return pieces as records, each under a name of its own, with what the file says of it."""
+) -> Iterator[TensileTable]:
+    """Yield pieces as records, each under a name of its own, with what the file says of it."""
     names = [piece.name for piece in pieces]
     if len(pieces) == 1 and not pieces[0].in_column:
         names = [""]  # a label in the head; the file's name tells specimens apart
@@ -1262,7 +1261,6 @@ def _tables(
             name if name and names.count(name) == 1 else f"{piece.grid.sheet} {name}".strip()
             for name, piece in zip(names, pieces, strict=True)
         ]
-    found = []
     said = [size for grid in grids for size in _said_sizes(grid, pieces)]
     labels = {grid: _labels(grid, pieces, names) for grid in grids}
     for nth, (piece, name) in enumerate(zip(pieces, names, strict=True)):
@@ -1277,28 +1275,25 @@ def _tables(
         metadata |= piece.texts
         if any(column.heading.compressed for column in piece.used if column.name != "time_s"):
             metadata.setdefault("mode", "compression")
-        found.append(
-            TensileTable(
-                file=path.name,
-                columns=piece.columns,
-                factors={column.name: column.factor for column in piece.used},
-                lines=np.array(piece.lines, dtype=np.int64),
-                specimen=name or str(metadata.get("specimen", "")),
-                metadata=metadata,
-                without_unit=frozenset(
-                    column.name.removeprefix("lagrange_")
-                    for column in piece.used
-                    if column.heading.unit is None and column.name != "stretch"
-                ),
-                notes=(*piece.notes, *_behind(piece, pieces), *notes),
-                sheet=piece.grid.sheet,
-                headings={column.name: _written(column.heading) for column in piece.used},
-                unused=piece.unused,
-                sources=sources,
-                unclear=unclear,
-            )
+        yield TensileTable(
+            file=path.name,
+            columns=piece.columns,
+            factors={column.name: column.factor for column in piece.used},
+            lines=np.array(piece.lines, dtype=np.int64),
+            specimen=name or str(metadata.get("specimen", "")),
+            metadata=metadata,
+            without_unit=frozenset(
+                column.name.removeprefix("lagrange_")
+                for column in piece.used
+                if column.heading.unit is None and column.name != "stretch"
+            ),
+            notes=(*piece.notes, *_behind(piece, pieces), *notes),
+            sheet=piece.grid.sheet,
+            headings={column.name: _written(column.heading) for column in piece.used},
+            unused=piece.unused,
+            sources=sources,
+            unclear=unclear,
         )
-    return tuple(found)
 
 
 def _written(heading: Heading) -> str:

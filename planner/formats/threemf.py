@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from planner.errors import ArgumentError, FileError, MeshError, OutputError, did_you_mean
 from planner.formats.files import USUAL_LIMITS, UnfoldingLimits, read_file, unpacked
+from planner.glance import channels
 from planner.numerics import Float32Array, FloatArray, IntArray, inner_kernel, kernel
 
 __all__ = [
@@ -56,11 +57,8 @@ def composite_name(constituents: Sequence[Constituent]) -> str:
 
 def mixed_colour(constituents: Sequence[Constituent]) -> str:
     """Return the display colour of a mixture, ``#RRGGBB``."""
-    channels = [
-        sum(part.share * int(part.colour[k : k + 2], 16) for part in constituents)
-        for k in (1, 3, 5)
-    ]
-    return "#" + "".join(f"{min(255, round(channel)):02X}" for channel in channels)
+    mixed = [sum(part.share * channels(part.colour)[k] for part in constituents) for k in range(3)]
+    return "#" + "".join(f"{min(255, round(channel)):02X}" for channel in mixed)
 
 
 @dataclass(frozen=True, slots=True)
@@ -310,7 +308,7 @@ def decode_threemf(data: bytes, name: str, limits: UnfoldingLimits = USUAL_LIMIT
         for mesh, matrix in _meshes(model.GetBuildItems(), name, remarks):
             number = mesh.GetUniqueResourceID()
             if number not in stored:
-                stored[number] = _objects(model, mesh)
+                stored[number] = [*_objects(model, mesh)]
             objects += [_placed(each, matrix, name) for each in stored[number]]
         return ThreemfModel(_UNITS[model.GetUnit()], tuple(objects), tuple(remarks))
     except lib3mf.ELib3MFException as error:
@@ -371,9 +369,7 @@ def _placed(item: ThreemfObject, matrix: FloatArray, name: str) -> ThreemfObject
         return item
     x, y, z = item.vertices.astype(np.float64).T
     with np.errstate(over="ignore", invalid="ignore"):
-        vertices = np.stack(
-            [x * row[0] + y * row[1] + z * row[2] + row[3] for row in matrix.T[:3]], axis=1
-        )
+        vertices = np.stack([x * a + y * b + z * c + d for a, b, c, d in matrix.T[:3]], axis=1)
         mirrored = np.linalg.det(matrix) < 0.0
     if not (np.isfinite(matrix).all() and np.isfinite(vertices).all()):
         raise MeshError(
@@ -384,19 +380,16 @@ def _placed(item: ThreemfObject, matrix: FloatArray, name: str) -> ThreemfObject
     return replace(item, vertices=vertices, faces=faces)
 
 
-def _objects(model: Any, mesh: Any) -> list[ThreemfObject]:
-    """Return what a mesh holds, an object for each of its materials, where the mesh itself lies."""
+def _objects(model: Any, mesh: Any) -> Iterator[ThreemfObject]:
+    """Yield what a mesh holds, an object for each of its materials, where the mesh itself lies."""
     vertices = _array(mesh, "vertices", lib3mf.Position, np.float32, 3)
     faces = _array(mesh, "triangleindices", lib3mf.Triangle, np.int32, 3)
-    objects = []
     for used, (material, colour, parts) in _materials(model, mesh):
         corners, own = vertices, faces
         if used is not None:
             kept, own = np.unique(faces[used], return_inverse=True)
             corners, own = vertices[kept], own.reshape(-1, 3).astype(np.int32)
-        item = ThreemfObject(mesh.GetName(), corners, own, material, colour, constituents=parts)
-        objects.append(item)
-    return objects
+        yield ThreemfObject(mesh.GetName(), corners, own, material, colour, constituents=parts)
 
 
 def _array(mesh: Any, what: str, type_: Any, dtype: Any, width: int) -> NDArray[Any]:

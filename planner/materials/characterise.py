@@ -276,12 +276,10 @@ class _Lines:
     def __init__(self, x: FloatArray, y: FloatArray) -> None:
         self._centre = float(x.mean()), float(y.mean())
         u, v = x - self._centre[0], y - self._centre[1]
-        self._sums = [
-            np.concatenate([[0.0], np.cumsum(values)]) for values in (u, v, u * u, u * v, v * v)
-        ]
+        self._sums = [np.append(0.0, np.cumsum(values)) for values in (u, v, u * u, u * v, v * v)]
 
-    def _moments(self, i: IntArray, j: IntArray) -> tuple[FloatArray, ...]:
-        n = (j - i).astype(np.float64)
+    def _moments(self, i: IntArray | int, j: IntArray | int) -> tuple[FloatArray, ...]:
+        n = np.asarray(j - i, dtype=np.float64)
         u, v, uu, uv, vv = (s[j] - s[i] for s in self._sums)
         return n, u / n, v / n, uu - u * u / n, uv - u * v / n, vv - v * v / n
 
@@ -295,9 +293,7 @@ class _Lines:
 
     def line(self, start: int, stop: int) -> tuple[float, float, float]:
         """Slope, where the line meets zero, and that strain's standard error."""
-        n, u, v, sxx, sxy, syy = (
-            float(m[0]) for m in self._moments(np.array([start]), np.array([stop]))
-        )
+        n, u, v, sxx, sxy, syy = map(float, self._moments(start, stop))
         slope = sxy / sxx if sxx > 0.0 else 0.0
         if slope <= 0.0:
             return slope, 0.0, np.inf
@@ -671,8 +667,7 @@ def characterise_material(
     figures: dict[str, list[float | None]] = {
         name: [getattr(c, name) for c in found] for name in _MATERIAL_FIGURES
     }
-    for strain in secant_strains:
-        figures[f"secant_{strain:g}_MPa"] = [c.secant_MPa[strain] for c in found]
+    figures |= {f"secant_{e:g}_MPa": [c.secant_MPa[e] for c in found] for e in secant_strains}
     spreads = {
         name: spread_of(known)
         for name, values in figures.items()

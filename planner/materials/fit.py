@@ -1337,9 +1337,7 @@ def _scatter_known(sample: Sample) -> bool:
     """Return whether at least two specimens of one loading differ in their mean secant."""
     own = _own(sample)
     means = np.array([np.mean(sample.stress_MPa[i] / (sample.stretch[i] - 1.0)) for i in own])
-    loading = np.array(
-        [(3.0 + sample.mode[i][0]) * np.sign(sample.stretch[i][0] - 1.0) for i in own]
-    )
+    loading = np.array([(3 + sample.mode[i][0]) * np.sign(sample.stretch[i][0] - 1.0) for i in own])
     alike = [means[loading == one] for one in np.unique(loading)]
     return any(float(np.ptp(one)) > _SAME * abs(float(one.mean())) for one in alike)
 
@@ -1559,10 +1557,9 @@ def _slacks(curves: Sequence[Curve]) -> list[float]:
     """
     from scipy.special import fdtri
 
-    slacks = [0.0] * len(curves)
     begun = {k: found for k, curve in enumerate(curves) if len((found := _beginning(curve))[0])}
     if not begun:
-        return slacks
+        return [0.0] * len(curves)
     farthest = np.array([reach for *_, reach in begun.values()])
     tried = np.linspace(0.0, farthest.max(), _SLACK_STEPS)
     each = [_slack_squares(x, y, np.minimum(tried, reach)) for x, y, reach in begun.values()]
@@ -1575,9 +1572,8 @@ def _slacks(curves: Sequence[Curve]) -> list[float]:
     slipped |= gain.sum(axis=0).max() > fdtri(1, freedom.sum(), 1.0 - error)
     best = tried[np.argmax(gain, axis=1)]
     best = np.where(slipped & (best < farthest), best, 0.0)  # the farthest is no minimum
-    for k, slack in zip(begun, best.tolist(), strict=True):
-        slacks[k] = slack
-    return slacks
+    slacks = dict(zip(begun, best.tolist(), strict=True))
+    return [slacks.get(k, 0.0) for k in range(len(curves))]
 
 
 def _beginning(curve: Curve) -> tuple[FloatArray, FloatArray, float]:
@@ -1884,9 +1880,8 @@ def _plastic(
         strict=True,
     )
     levelled = _at_one_level(whole, laws)
-    law, _ = least_yielding(
-        float(np.exp(np.mean(np.log(moduli)))), sample_of(levelled, weighting=weighting)
-    )
+    modulus_MPa = float(np.exp(np.mean(np.log(moduli))))
+    law, _ = least_yielding(modulus_MPa, sample_of(levelled, weighting=weighting))
     stress = law.nominal_stress_MPa(sample.stretch)
     error, measured = stress - sample.stress_MPa, sample.stress_MPa
     own = np.array([_logs(one) for one in laws])

@@ -20,6 +20,7 @@ __all__ = [
     "Ogden",
     "SeparableLaw",
     "Yielding",
+    "above_zero",
     "candidate_laws",
     "first_invariant",
     "make_law",
@@ -140,13 +141,22 @@ def positive_stretch(stretch: ArrayLike) -> FloatArray:
     ArgumentError
         A stretch is not above 0 and finite.
     """
-    array = np.asarray(stretch, dtype=np.float64)
+    advice = "; stretch is 1 at rest, 1 + engineering strain"
+    return above_zero(stretch, "stretch {:g}: it must be above 0 and finite" + advice)
+
+
+def above_zero(values: ArrayLike, otherwise: str) -> FloatArray:
+    """Return values as an array; `otherwise` is what is said of the first one that is not.
+
+    Raises
+    ------
+    ArgumentError
+        A value is not above 0 and finite.
+    """
+    array = np.asarray(values, dtype=np.float64)
     allowed = (array > 0.0) & (array < np.inf)
     if not allowed.all():
-        raise ArgumentError(
-            f"stretch {array[~allowed].flat[0]:g}: it must be above 0 and finite; stretch is "
-            "1 at rest, 1 + engineering strain"
-        )
+        raise ArgumentError(otherwise.format(array[~allowed].flat[0]))
     return array
 
 
@@ -213,11 +223,8 @@ class Yielding:
     model = "yielding"
 
     def __post_init__(self) -> None:
-        if not (
-            0.0 <= self.hardening_MPa < self.modulus_MPa
-            and self.flow_MPa > 0.0
-            and self.sharpness > 0.0
-        ):
+        bends = 0.0 <= self.hardening_MPa < self.modulus_MPa
+        if not (bends and self.flow_MPa > 0.0 and self.sharpness > 0.0):
             raise ArgumentError(
                 "law 'yielding': flow_MPa and sharpness must be above 0, and hardening_MPa from 0 "
                 f"to below modulus_MPa; they are {self.flow_MPa:g}, {self.sharpness:g}, "
@@ -666,9 +673,8 @@ def stability(law: Law, strain_max: float) -> Soundness:
                 continue
             if loading == "uniaxial":
                 stable &= law.tangent_MPa(stretch) > 0.0
-            sides.append(
-                end if stable.all() else float(stretch[max(int(np.argmin(stable)) - 1, 0)])
-            )
+            last = stretch[max(int(np.argmin(stable)) - 1, 0)]
+            sides.append(end if stable.all() else float(last))
         if sides:
             ends[loading] = (sides[0], sides[1])
     return Soundness(asked, ends)

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from planner.errors import ArgumentError, Caution, PaletteError
 from planner.glance import brief
-from planner.materials.laws import Law, make_law, positive_stretch, secant_modulus_MPa
+from planner.materials.laws import Law, above_zero, make_law, positive_stretch, secant_modulus_MPa
 from planner.numerics import BoolArray, FloatArray, IntArray, normal_quantile
 from planner.palette import Palette
 
@@ -487,7 +487,7 @@ class CoefficientModel:
             As `ladder_MPa`.
         """
         ladder, c = self.ladder_MPa(at_strain), self.coordinates
-        target = np.clip(_positive(modulus_MPa), ladder[0], ladder[-1])
+        target = np.clip(above_zero(modulus_MPa, _POSITIVE), ladder[0], ladder[-1])
         places, moduli = self.places, np.log(ladder)
         place = _inverse(places, moduli, pchip_slopes(places, moduli), np.log(target))
         at = np.searchsorted(ladder, target)  # of a grade's own modulus, exactly its coordinate
@@ -702,7 +702,7 @@ def nearest_on(ladder_MPa: ArrayLike, modulus_MPa: ArrayLike) -> IntArray:
         A modulus is not above 0.
     """
     ladder = np.asarray(ladder_MPa, dtype=np.float64)
-    rung = np.searchsorted(thresholds_of(ladder), _positive(modulus_MPa), side="left")
+    rung = np.searchsorted(thresholds_of(ladder), above_zero(modulus_MPa, _POSITIVE), side="left")
     return np.asarray(np.searchsorted(ladder, ladder[rung], side="left"))
 
 
@@ -715,10 +715,8 @@ def _inverse(
     upper = np.minimum(lower + 1, len(nodes) - 1)
     gaps, rises = np.diff(nodes, append=nodes[-1]), np.diff(values, append=values[-1])
     ahead = np.append(slopes[1:], 0.0)
-    square, cube = (
-        3.0 * rises - gaps * (2.0 * slopes + ahead),
-        gaps * (slopes + ahead) - 2.0 * rises,
-    )
+    square = 3.0 * rises - gaps * (2.0 * slopes + ahead)
+    cube = gaps * (slopes + ahead) - 2.0 * rises
     cubics = np.stack([gaps * slopes, square, cube])
     t = _rising_root((wanted - values[lower]).ravel(), cubics, lower.ravel())
     return np.minimum(nodes[lower] + t.reshape(wanted.shape) * gaps[lower], nodes[upper])
@@ -761,14 +759,7 @@ def _rising_root(value: FloatArray, cubics: FloatArray, piece: IntArray) -> Floa
     return found
 
 
-def _positive(modulus_MPa: ArrayLike) -> FloatArray:
-    modulus = np.asarray(modulus_MPa, dtype=np.float64)
-    allowed = (modulus > 0.0) & (modulus < np.inf)
-    if not allowed.all():
-        raise ArgumentError(
-            f"modulus {modulus[~allowed].flat[0]:g} MPa: it must be above 0 and finite"
-        )
-    return modulus
+_POSITIVE = "modulus {:g} MPa: it must be above 0 and finite"
 
 
 # ------------------------------------------------------------------------------------------------

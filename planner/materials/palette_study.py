@@ -819,9 +819,7 @@ def _temperature_table(
         rows.append((coordinate[material], at.min(), at.max(), np.exp(slope * span), sd * span))
     if not rows:
         return None
-    return Temperature(
-        *(tuple(float(v) for v in column) for column in zip(*sorted(rows), strict=True))
-    )
+    return Temperature(*map(tuple, np.array(sorted(rows)).T.tolist()))
 
 
 def _level(curve: Curve, strain: FloatArray) -> float:

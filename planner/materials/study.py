@@ -1123,7 +1123,7 @@ def unit_slips(
     coordinate
         Of materials, where it is stated.
     """
-    if slips := _among_replicates(study):
+    if slips := tuple(_among_replicates(study)):
         # A material's mean says nothing while its specimens are in two units.
         return slips, ()
     is_sure, said = _against_palette(study, against) if against else (False, "")
@@ -1237,9 +1237,8 @@ def _smoothest(m: FloatArray, level: FloatArray) -> _Batch | None:
     return min(found, key=lambda one: one[:2])[2] if found else None
 
 
-def _among_replicates(study: Study) -> tuple[str, ...]:
-    """Return which specimens lie off most replicates by the factor between two units."""
-    said = []
+def _among_replicates(study: Study) -> Iterator[str]:
+    """Say which specimens lie off most replicates by the factor between two units."""
     for material, curves in study.groups.items():
         found = [characterise_curve(c) for c in curves]
         level, longer = np.log([(c.modulus_MPa, c.elongation_at_break) for c in found]).T
@@ -1253,8 +1252,7 @@ def _among_replicates(study: Study) -> tuple[str, ...]:
         length = float(longer[far].mean() - longer[normal].mean())
         names = [found[i].specimen for i in far]
         if advice := _advice(study, names, shift, length, reach=_REPLICATES_REACH):
-            said.append(f"{material}: {_off(names, shift, 3)} the other specimens: {advice}")
-    return tuple(said)
+            yield f"{material}: {_off(names, shift, 3)} the other specimens: {advice}"
 
 
 # ------------------------------------------------------------------------------------------------
