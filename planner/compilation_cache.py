@@ -169,9 +169,7 @@ def _seen(value: Any) -> Any:
         return value.dtype, value.ndim, value.flags.num & _MEMORY
     if kind is int:
         return kind if value.bit_length() < 64 else "no int64"
-    if isinstance(value, tuple):
-        return (kind, *map(_seen, value))
-    return kind
+    return (kind, *map(_seen, value)) if isinstance(value, tuple) else kind
 
 
 def _type_word(value: Any) -> str:

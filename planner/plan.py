@@ -658,6 +658,4 @@ def read_shell(folder: Path, region: Region) -> tuple[bytes, bool]:
 def _without_none(value: Any) -> Any:
     if isinstance(value, dict):
         return {k: _without_none(v) for k, v in value.items() if v is not None}
-    if isinstance(value, (list, tuple)):
-        return [_without_none(v) for v in value]
-    return value
+    return [_without_none(v) for v in value] if isinstance(value, (list, tuple)) else value

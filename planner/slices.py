@@ -191,13 +191,12 @@ def _open_shells(
     bounds_mm = np.array([lowest.min(axis=0), highest.max(axis=0)])
     if pitch_mm is None and machine is not None:
         pitch_mm = (*machine.pixel_mm, machine.layer_mm)
-    edges_mm = _pitch(pitch_mm, bounds_mm[1] - bounds_mm[0])
     return _PlanShells(
         plan,
         hashlib.sha256(file.read_bytes()).hexdigest(),
         plan.printer if machine is None else machine.name,
         shells,
-        grid_for(bounds_mm, edges_mm),
+        grid_for(bounds_mm, _pitch(pitch_mm, bounds_mm[1] - bounds_mm[0])),
     )
 
 

@@ -302,9 +302,7 @@ def _rounded(value: Any) -> Any:
         return float(f"{value:.{SIGNIFICANT_DIGITS}g}") + 0.0  # + 0.0 turns -0.0 into 0.0
     if isinstance(value, Mapping):
         return {str(k): _rounded(v) for k, v in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_rounded(v) for v in value]
-    return value
+    return [_rounded(v) for v in value] if isinstance(value, (list, tuple)) else value
 
 
 def _encode(value: Any, indent: str) -> str:

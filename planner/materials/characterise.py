@@ -476,9 +476,7 @@ def _yield_strain(curve: Curve) -> float | None:
     highest = np.maximum.accumulate(stress)
     drop = max(_YIELD_DROP * float(stress.max()), 6.0 * noise_sd(stress))
     fallen = np.flatnonzero(highest - stress > drop)
-    if not len(fallen):
-        return None
-    return float(curve.strain[int(np.argmax(stress[: fallen[0]]))])
+    return float(curve.strain[np.argmax(stress[: fallen[0]])]) if len(fallen) else None
 
 
 def deformation(

@@ -233,22 +233,6 @@ class Solutions(NamedTuple):
     converged: BoolArray
 
 
-class Held(NamedTuple):
-    """Parameters that a search leaves alone, one row a start.
-
-    Attributes
-    ----------
-    a
-        Shape (s, q): true where the nonlinear parameter stays at its start.
-    c
-        Shape (s, p): where a coefficient is held, its value in the file's terms (see
-        `SeparableLaw.divisor`); NaN where it is free.
-    """
-
-    a: BoolArray
-    c: FloatArray
-
-
 def spread_starts(law: SeparableLaw, sample: Sample, count: int, shift: float = 0.5) -> FloatArray:
     """Return `count` starts spread evenly over the bounds, shape (count, q).
 
@@ -270,7 +254,7 @@ def minimise(
     law: SeparableLaw,
     sample: Sample,
     starts: FloatArray,
-    held: Held | None = None,
+    held: tuple[BoolArray, FloatArray] | None = None,
     flat: float = 1e-14,
     iterations: int = _ITERATIONS,
 ) -> Solutions:
@@ -281,7 +265,9 @@ def minimise(
     starts
         Nonlinear parameters, shape (s, q).
     held
-        Parameters left alone, for profiles.
+        Parameters left alone, for profiles, one row a start: where the nonlinear ones stay there
+        (s, q); and what coefficients are held at, in the file's terms (see `SeparableLaw.divisor`),
+        NaN where they are free (s, p).
     flat
         Share of the cost that a step has to gain for a search to go on.
     iterations
@@ -291,8 +277,7 @@ def minimise(
     low, high = law.bounds(float(sample.stretch.max())).T
     a = np.clip(starts, low, high)
     s, q = a.shape
-    held_a = np.zeros((s, q), dtype=bool) if held is None else held.a
-    held_c = np.full((s, law.columns), np.nan) if held is None else held.c
+    held_a, held_c = held or (np.zeros((s, q), dtype=bool), np.full((s, law.columns), np.nan))
     state = problem.project(a, held_c)
     damping, raised = np.full(s, 0.1), np.full(s, 2.0)
     gradient = np.zeros(s)
@@ -1493,7 +1478,7 @@ def _profile(
     starts = [np.tile(fit.a, (len(rows), 1)), near.copy()]
     for start in starts:
         start[rows[by_a], which[by_a]] = at[by_a]
-    held = Held(np.tile(held_a, (len(starts), 1)), np.tile(held_c, (len(starts), 1)))
+    held = np.tile(held_a, (len(starts), 1)), np.tile(held_c, (len(starts), 1))
     found = minimise(fit.law, sample, np.concatenate(starts), held, flat=_PROFILE_FLAT)
     cost = found.cost.reshape(len(starts), -1)
     lowest = np.argmax(cost <= cost.min(axis=0) * (1.0 + 1e-6), axis=0)
@@ -1764,8 +1749,8 @@ def fit_material(
             held = f"held to be stable to its break its error is {price:.2g} times as large"
             choice = replace(choice, reason=f"{choice.reason}; {held}")
     if others:
-        each = by_mode(chosen.fit, sample)
-        said = [f"{mode} weighs {w:.3g}, {100 * off:.2g} % off" for mode, (w, off) in each]
+        told = by_mode(chosen.fit, sample)
+        said = [f"{mode} weighs {w:.3g}, {100 * off:.2g} % off" for mode, (w, off) in told]
         notes.append(f"material {material}: {'; '.join(said)} (RMS)")
     secants = secant_intervals(chosen.fit, sample, (0.0, *SECANT_STRAINS), level)
     notes.extend(_doubts(material, chosen, secants))
@@ -1800,15 +1785,13 @@ def fit_material(
     )
 
 
-def by_mode(fit: LawFit, sample: Sample) -> list[tuple[str, tuple[float, float]]]:
-    """Return the share of the weight and the root mean square residual over scale by loading."""
+def by_mode(fit: LawFit, sample: Sample) -> Iterator[tuple[str, tuple[float, float]]]:
+    """Yield the share of the weight and the root mean square residual over scale by loading."""
     off = (sample_stress_MPa(fit.law, fit.a, fit.c, sample) - sample.stress_MPa) / sample.scale_MPa
-    found = []
     for k in np.unique(sample.mode):
         weight = np.where(sample.mode == k, sample.weight, 0.0)
         share = float(weight.sum())
-        found.append((LOADINGS[k], (share, float(np.sqrt(weight @ off**2 / share)))))
-    return found
+        yield LOADINGS[k], (share, float(np.sqrt(weight @ off**2 / share)))
 
 
 def _doubts(

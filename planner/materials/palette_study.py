@@ -817,9 +817,7 @@ def _temperature_table(
         slope, sd = _line(at, np.array([_level(curve, strain) for curve in curves]))
         span = float(np.ptp(at))
         rows.append((coordinate[material], at.min(), at.max(), np.exp(slope * span), sd * span))
-    if not rows:
-        return None
-    return Temperature(*map(tuple, np.array(sorted(rows)).T.tolist()))
+    return Temperature(*map(tuple, np.array(sorted(rows)).T.tolist())) if rows else None
 
 
 def _level(curve: Curve, strain: FloatArray) -> float:
