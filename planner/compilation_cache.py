@@ -97,8 +97,7 @@ class Loop:
 
     def _path(self, arguments: tuple[Any, ...]) -> Path | None:
         """Return the file for given arguments and this processor; None where none can be kept."""
-        folder = _folder()
-        if folder is None:
+        if (folder := _folder()) is None:
             return None
         try:
             words = [*map(_type_word, arguments), *_processor()]
@@ -164,8 +163,7 @@ _MEMORY = 0x1 | 0x2 | 0x100 | 0x400  # numpy's flags C and F contiguous, aligned
 
 def _seen(value: Any) -> Any:
     """Return what decides how a value is taken, at least."""
-    kind = type(value)
-    if kind is np.ndarray:
+    if (kind := type(value)) is np.ndarray:
         return value.dtype, value.ndim, value.flags.num & _MEMORY
     if kind is int:
         return kind if value.bit_length() < 64 else "no int64"

@@ -503,8 +503,7 @@ def _check_names_and_order(materials: tuple[Material, ...], name: str) -> None:
     seen: dict[str, str] = {}
     for material in materials:
         for called in (material.id, *material.aliases):
-            other = seen.setdefault(called.casefold(), material.id)
-            if other != material.id:
+            if (other := seen.setdefault(called.casefold(), material.id)) != material.id:
                 raise PaletteError(
                     f"palette {name}: {called!r} names both {other} and {material.id}; "
                     "ids and aliases must be unique"
@@ -608,6 +607,5 @@ def _toml_law(key: str, law: LawParameters) -> Iterator[str]:
 
 def _table(head: Sequence[str], values: Mapping[str, Any]) -> Iterator[str]:
     """Write keys under a heading, those that state something; nothing where none does."""
-    stated = {key: value for key, value in values.items() if value not in (None, ())}
-    if stated:
+    if stated := {key: value for key, value in values.items() if value not in (None, ())}:
         yield from (*head, *(f"{key} = {toml_text(value)}" for key, value in stated.items()))

@@ -117,8 +117,7 @@ def _read_vtu(data: bytes, name: str, array: str | None) -> tuple[FloatArray, Fl
 
 def _open(data: bytes, name: str, kind: str) -> _Document:
     text, appended, raw = data, b"", False
-    start = data.find(b"<AppendedData")
-    if start >= 0:
+    if (start := data.find(b"<AppendedData")) >= 0:
         head_end = data.find(b">", start)
         mark = data.find(b"_", head_end)
         end = data.rfind(b"</AppendedData")
@@ -355,8 +354,7 @@ def read_point_table(path: Path, *, array: str | None = None) -> tuple[FloatArra
 def _check(values: FloatArray, path: Path) -> None:
     if values.size == 0:
         raise FileError(f"{path}: holds no values")
-    bad = ~np.isfinite(values)
-    if bad.any():
+    if (bad := ~np.isfinite(values)).any():
         raise FileError(
             f"{path}: value {int(np.argmax(bad.ravel())) + 1} of {values.size} is not a finite "
             "number; fill the gaps or leave those points out"
@@ -510,8 +508,7 @@ class _Written:
 
     def array(self, values: NDArray[np.generic], name: str) -> None:
         """Add an array, (n,) or (n, c)."""
-        kind = _NAMES.get(values.dtype.newbyteorder("<").str[1:])
-        if kind is None:
+        if (kind := _NAMES.get(values.dtype.newbyteorder("<").str[1:])) is None:
             raise ArgumentError(
                 f"{name}: values of type {values.dtype} have no place in a VTU file"
             )

@@ -457,16 +457,14 @@ def _decode_ascii(data: bytes, name: str) -> FloatArray:
     numbers: list[bytes] = []
     at = 3 if data.startswith(b"\xef\xbb\xbf") else 0  # a byte-order mark
     while data[at:].strip():
-        opening = _SOLID.match(data, at)
-        if opening is None:
+        if (opening := _SOLID.match(data, at)) is None:
             raise _ascii_error(data, at, ["solid"], name)
         facets = _FACET.scanner(data, opening.end())  # type: ignore[attr-defined] # not in typeshed
         at = opening.end()
         while facet := facets.match():
             numbers += facet.groups()
             at = facet.end()
-        closing = _ENDSOLID.match(data, at)
-        if closing is None:
+        if (closing := _ENDSOLID.match(data, at)) is None:
             raise _ascii_error(data, at, _GRAMMAR, name)
         at = closing.end()
     return np.array([float(number) for number in numbers]).reshape(-1, 3, 3)

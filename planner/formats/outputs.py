@@ -240,8 +240,7 @@ def write_whole(path: str | Path, data: bytes) -> None:
 
 
 def _stream(data: bytes) -> None:
-    out = sys.__stdout__
-    if out is None:
+    if (out := sys.__stdout__) is None:
         raise OutputError("standard output is closed; name a file")
     out.flush()
     out.buffer.write(data)

@@ -189,8 +189,7 @@ def read_specimens(path: str | Path) -> tuple[ListedSpecimen, ...]:
                 "needs quotes"
             )
         row = _listed(dict(zip(columns, cells, strict=False)), texts, separator, where)
-        before = specimens.setdefault(row.specimen, (line, row))[0]
-        if before != line:
+        if (before := specimens.setdefault(row.specimen, (line, row))[0]) != line:
             raise FileError(
                 f"{where}: specimen {row.specimen!r} stands on line {before} already; give each "
                 "specimen its own id"
@@ -237,8 +236,7 @@ def _without_mode(record: Mapping[str, str]) -> tuple[Mapping[str, str], str]:
     Nothing more of a protocol is a monotonic test.
     """
     words = record.get("protocol", "").casefold().split()
-    mode = next(filter(mode_of, words), "")
-    if not mode:
+    if not (mode := next(filter(mode_of, words), "")):
         return record, ""
     return {**record, "protocol": " ".join(w for w in words if w != mode) or "monotonic"}, mode
 

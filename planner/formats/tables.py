@@ -379,8 +379,7 @@ def read_columns(
         if name in found:
             raise FileError(f"{where}: two columns {name!r}; keep one")
         found[name] = place, factor
-    missing = [name for name in named if name not in found and name not in optional]
-    if missing:
+    if missing := [name for name in named if name not in found and name not in optional]:
         raise FileError(
             f"{where}: no column {' nor '.join(map(repr, missing))}; its columns are "
             f"{', '.join(headings)}"

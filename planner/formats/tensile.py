@@ -173,8 +173,7 @@ def heading_of(text: str) -> Heading:
     while inner := _BRACKET.findall(name):  # one within another, as WaveMatrix writes them
         brackets, name = inner + brackets, _BRACKET.sub(" ", name)
     name = " ".join(name.split()) or plain
-    found = _parse(_NUMBERED_CHANNEL.sub("", name, count=1)) or _tagged(name)
-    if found is None:
+    if (found := _parse(_NUMBERED_CHANNEL.sub("", name, count=1)) or _tagged(name)) is None:
         return Heading(text, "", None)
     meaning, unit, tag = found
     unitless = next(iter(_COLUMNS.get(meaning, ())), "") == "strain"
@@ -207,8 +206,7 @@ def _parse(name: str) -> tuple[str, str | None, str] | None:
     for stem, unit in _apart(name, _JOINED, _SPACED):
         if (inner := _parse(stem)) is not None:
             return inner[0], unit, inner[2]
-    numbered = _NUMBERED.fullmatch(name)
-    if numbered:
+    if numbered := _NUMBERED.fullmatch(name):
         inner = _parse(numbered[1])
         if inner is not None and not inner[2]:
             return inner[0], inner[1], numbered["tag"] or numbered["number"]
@@ -278,8 +276,7 @@ def _names(cell: str) -> Iterator[tuple[str, str]]:
     group, _, last = name.rpartition(" : ")
     if group:
         yield last, unit
-    symbol = _SYMBOL.fullmatch(_folded(last))
-    if symbol:
+    if symbol := _SYMBOL.fullmatch(_folded(last)):
         yield symbol[1], unit
     for part in re.split(r"\s*,\s*|\s+-\s+", last)[:1]:
         if part != last:
@@ -907,8 +904,7 @@ def _names_above(grid: _Grid, block: _Block) -> list[list[str]]:
     words, numbers = list[list[str]](), list[list[str]]()
     for _, above in grid.rows[max(block.head - 3, 0) : block.head][::-1]:
         cells = [*above, ""]
-        figures = [cell for cell in cells if grid.number(cell) is not None]
-        if not figures:
+        if not (figures := [cell for cell in cells if grid.number(cell) is not None]):
             words.append(_carried(cells))
         elif all(map(str.isdigit, figures)) and size_of(cells[0])[0] is None:
             numbers.append(_carried(cells))
@@ -946,8 +942,7 @@ def _split(grid: _Grid, block: _Block, places: Sequence[int], label: str) -> lis
     filled = [
         i for i in places if headings[i].meaning in _LOADS | _LENGTHS or (alone and i == named)
     ]
-    lined = [r for r in block.rows if any(grid.cell(r, i) for i in filled)]
-    if not lined:
+    if not (lined := [r for r in block.rows if any(grid.cell(r, i) for i in filled)]):
         return []
     record = replace(block, rows=lined)
     used, notes = _used_columns(record, places)
@@ -991,8 +986,7 @@ _CLOCK = re.compile(r"(?:(\d+):)?(\d{1,2}):(\d{1,2}(?:[.,]\d*)?)")
 
 def _seconds(cell: str) -> str:
     """Return a time of the form 0:01:02.5 in seconds; any other cell as it is."""
-    clock = _CLOCK.fullmatch(cell)
-    if clock is None:
+    if (clock := _CLOCK.fullmatch(cell)) is None:
         return cell
     seconds = 3600.0 * int(clock[1] or 0) + 60.0 * int(clock[2]) + float(clock[3].replace(",", "."))
     return f"{seconds:.15g}"
@@ -1100,8 +1094,7 @@ def _used_columns(record: _Block, places: Sequence[int]) -> tuple[list[_Column],
             if grid.by_position or (heading.unit is not None and not grid.option):
                 raise
             raise FileError(f"{error}, or {advice}") from error
-        same = found.setdefault(column.name, column)
-        if same is column:
+        if (same := found.setdefault(column.name, column)) is column:
             continue
         notes.append(
             f"{where}: column {heading.text!r} left out; {column.name} is read from "
@@ -1228,8 +1221,7 @@ def _goes_on(one: _Piece, next_: _Piece) -> bool:
     a, b = one.columns, next_.columns
     if "time_s" in a and "time_s" in b and b["time_s"][0] < a["time_s"][-1]:
         return False
-    name = next((c for c in _LENGTH_COLUMNS if c in a and c in b), None)
-    if name is None:
+    if (name := next((c for c in _LENGTH_COLUMNS if c in a and c in b), None)) is None:
         return False
     ends, span = b[name][0] - a[name][[0, -1]], float(np.ptp([*a[name], *b[name]]))
     return bool(abs(ends[1]) <= min(abs(ends[0]), _STEP * span))
@@ -1370,8 +1362,7 @@ def _said_at(grid: _Grid, row: int, at: int, symbols: bool) -> Iterator[_Said]:
         return
     figures: list[tuple[str, float]] = []
     for column, value in enumerate(right, start=at + 1):
-        split = _split_value(value, grid.separator[0])
-        if split is not None:
+        if (split := _split_value(value, grid.separator[0])) is not None:
             figures.append((_label_above(grid, row, column), split[0]))
             unit = unit or split[1]
         elif column < at + 3 and not unit and _is_of_size(value):
@@ -1478,8 +1469,7 @@ def _metadata(
     mode = mode_of(str(found.get("mode", ("",))[0]))
     if mode != "compression" and not any(column.heading.compressed for column in piece.used):
         found.pop("height_mm", None)  # a section's
-    ranked = [found.pop(size) for size in _LENGTH_RANKS if size in found]
-    if ranked:
+    if ranked := [found.pop(size) for size in _LENGTH_RANKS if size in found]:
         found["gauge_mm"] = ranked[0]
     if mode is None:
         found.pop("mode", None)  # "Test type: QA" is another matter

@@ -315,8 +315,7 @@ def _model(rows: FloatArray) -> QuadraticCoefficients:
 
 
 def _check_coordinates(coordinates: FloatArray) -> None:
-    different = len(np.unique(coordinates))
-    if different < _FEWEST:
+    if (different := len(np.unique(coordinates))) < _FEWEST:
         raise ArgumentError(
             f"{different} different coordinates: a quadratic needs at least {_FEWEST}; add "
             "materials"

@@ -110,15 +110,13 @@ def check_record(where: str, columns: Mapping[str, FloatArray]) -> None:
             "export all of it, or leave the specimen out"
         )
     for name, array in columns.items():
-        bad = np.flatnonzero(~np.isfinite(array))
-        if len(bad):
+        if len(bad := np.flatnonzero(~np.isfinite(array))):
             raise FileError(
                 f"{where}: {name} is {array[bad[0]]} at point {bad[0] + 1}; remove or repair "
                 "such points"
             )
     time = columns.get("time_s", np.arange(points))
-    fall = np.flatnonzero(np.diff(time) <= 0.0)
-    if len(fall):
+    if len(fall := np.flatnonzero(np.diff(time) <= 0.0)):
         raise FileError(
             f"{where}: time goes from {time[fall[0]]:g} s to {time[fall[0] + 1]:g} s at point "
             f"{fall[0] + 2}; time must rise"

@@ -903,8 +903,7 @@ def choose_law(
     folds, scheme = _folds(sample)
     fits = [fit_law(law, sample, starts=starts) for law in laws]
     points = len(sample.stretch) - max(int(fold.sum()) for fold in folds)
-    usable = [fit for fit in fits if fit.parameter_count < points]
-    if not usable:
+    if not (usable := [fit for fit in fits if fit.parameter_count < points]):
         raise ArgumentError(
             f"{points} points are too few to fit {', '.join(f.name for f in fits)} and test it "
             "on what is left out; measure more points or choose a law of fewer parameters"
@@ -913,8 +912,7 @@ def choose_law(
         LawCandidate(fit, fit.unstable_strain(working_strain), *_held_out(fit, sample, folds))
         for fit in usable
     )
-    stable = [c for c in candidates if c.unstable_strain is None]
-    if not stable:
+    if not (stable := [c for c in candidates if c.unstable_strain is None]):
         return Choice(candidates, None, scheme, "no law's stress rises over the working range")
     best = min(stable, key=lambda c: c.held_out_error)
     near = [c for c in stable if _as_good(c, best)]

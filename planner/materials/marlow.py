@@ -151,8 +151,7 @@ def marlow_table(model: CoefficientModel, *, poisson: float = POISSON) -> Marlow
     # Slopes of the monotone cubic: no wiggle where a row ends and W' stays.
     log_slope = np.stack([table, pchip_slopes(x, np.ascontiguousarray(table.T)).T], axis=2)
     # The share of a shear's stress that falls: the tables are stable where W' x rises.
-    falls = np.diff(np.exp(table) * x, axis=1) <= 0.0
-    if falls.any():
+    if (falls := np.diff(np.exp(table) * x, axis=1) <= 0.0).any():
         k, i = np.argwhere(falls)[0].tolist()
         raise PaletteError(
             f"palette {model.palette.name}: at coordinate {nodes[k]:.3g} the stress in shear "

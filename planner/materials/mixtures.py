@@ -576,8 +576,7 @@ def _runs(strains: FloatArray, held: BoolArray) -> str:
 def _check_ladder(model: CoefficientModel) -> None:
     name, strains = model.palette.name, _working_strains(model)
     for material, row in zip(model.palette.materials, model.grade_moduli_MPa(strains), strict=True):
-        bad = ~((row > 0.0) & np.isfinite(row))
-        if bad.any():
+        if (bad := ~((row > 0.0) & np.isfinite(row))).any():
             raise PaletteError(
                 f"palette {name}: material {material.id!r}: law: the secant modulus is "
                 f"{row[bad][0]:g} MPa at strain {strains[bad][0]:g}; it must be above 0 at all "

@@ -589,8 +589,7 @@ def _coordinates(
             )
         steps = np.linspace(0.0, 1.0, len(ordered))
         found = {material: float(m) for material, m in zip(ordered, steps, strict=True)}
-    missing = [material for material in ordered if material not in found]
-    if missing:
+    if missing := [material for material in ordered if material not in found]:
         raise ArgumentError(
             f"material {missing[0]}: no coordinate, though others have one; give all of them by "
             f"`coordinate` {missing[0]}=... or a column coordinate in specimens.csv, or none"
@@ -637,8 +636,7 @@ def _by_material(
             )
     found: dict[str, float] = {}
     for row in _rows(study):
-        cell = row.covariates.get(column, "")
-        if not cell:
+        if not (cell := row.covariates.get(column, "")):
             continue
         # A cell holds one figure, so that a comma in it can only be the decimal sign.
         value = number(cell, ";")
@@ -772,8 +770,7 @@ def _at_one_temperature(study: Study) -> tuple[Study, dict[str, tuple[Curve, ...
 
     The one is that of most specimens. A material that was not tested there keeps what it has.
     """
-    told = _temperatures(study)
-    if not told:
+    if not (told := _temperatures(study)):
         return study, {}
     own = max(
         told.values(),

@@ -318,11 +318,9 @@ class _Test:
 
     def time_s(self) -> FloatArray | None:
         """Return the time, from 0 on; None where there is none, or it does not rise."""
-        time = self.columns.get("time_s")
-        if time is None:
+        if (time := self.columns.get("time_s")) is None:
             return None
-        back = np.flatnonzero(np.diff(time) <= 0.0)
-        if len(back):
+        if len(back := np.flatnonzero(np.diff(time) <= 0.0)):
             line = self.table.lines[back[0] + 1]
             self.notes.append(
                 f"{self.where}: time does not rise at line {line} ({time[back[0]]:g} s to "
@@ -868,8 +866,7 @@ def _copies(curves: Sequence[Curve]) -> Iterator[Caution]:
     seen: dict[tuple[bytes, bytes], str] = {}
     for curve in curves:
         key = curve.strain.tobytes(), curve.stress_MPa.tobytes()
-        first = seen.setdefault(key, curve.specimen)
-        if first != curve.specimen:
+        if (first := seen.setdefault(key, curve.specimen)) != curve.specimen:
             yield Caution(
                 f"specimen {curve.specimen}: its record equals that of {first}; leave a copy out, "
                 "else scatter comes out too small"
@@ -1142,21 +1139,18 @@ def _against_palette(study: Study, palette: Palette) -> tuple[bool, str]:
     """
     elastic = [m for m in palette.materials if m.deformation == "elastic"]
     named = {n.casefold(): m for m in elastic for n in (m.id, *m.aliases)}
-    called = [name for name in study.groups if name.casefold() in named]
-    if not called:
+    if not (called := [name for name in study.groups if name.casefold() in named]):
         return False, ""
     known = [named[name.casefold()] for name in called]
     coordinate = np.array([material.coordinate for material in known])
     ratios = np.array([_against(study, *one) for one in zip(called, known, strict=True)])
     stiffness, variance, elongation = ratios.T
-    batch = batch_apart(coordinate, stiffness, variance)
-    if batch is None:
+    if (batch := batch_apart(coordinate, stiffness, variance)) is None:
         return False, ""
     at = list(batch.members)
     inside, others = [called[i] for i in at], np.delete(called, at).tolist()
     longer = float(elongation[at].mean() - (np.delete(elongation, at).mean() if others else 0.0))
-    advice = _advice(study, inside, batch.shift, longer, reach=_UNIT_REACH)
-    if advice is None:
+    if (advice := _advice(study, inside, batch.shift, longer, reach=_UNIT_REACH)) is None:
         return False, ""
     of = _off(inside, batch.shift, 2)
     if not (others and batch.sure):
