@@ -243,9 +243,8 @@ def _engine() -> tuple[Any, Any, Any]:
 
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
-    functions, helpers, memory = map(
-        _part_of_numba, ("_dynfunc", "_helperlib", "core.runtime._nrt_python")
-    )
+    functions, helpers = map(_part_of_numba, ("_dynfunc", "_helperlib"))
+    memory = _part_of_numba("core.runtime._nrt_python")
     memory.memsys_use_cpython_allocator()
     symbols = {"_Py_NoneStruct": id(None)}
     for module in (functions, helpers):

@@ -485,10 +485,7 @@ def _law(table: Mapping[str, Any], where: str) -> LawParameters:
             raise PaletteError(f"{where}: {key!r} is missing; {takes}")
         value = table[key]
         values = value if isinstance(value, list) else [value]
-        if not values or not all(
-            isinstance(v, (int, float)) and not isinstance(v, bool) and math.isfinite(v)
-            for v in values
-        ):
+        if not values or not all(type(v) in (int, float) and math.isfinite(v) for v in values):
             raise PaletteError(f"{where}: {key} is {value!r}; it must be finite numbers")
         if length is not None and len(values) != length:
             raise PaletteError(f"{where}: {key} has {len(values)} values; {model} takes {length}")

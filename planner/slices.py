@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.errors import ArgumentError, FileError, OutputError, PlannerError, UnknownNameError
+from planner.errors import ArgumentError, FileError, OutputError, UnknownNameError
 from planner.formats.files import encode_document, path_within
 from planner.formats.outputs import check_target, new_folder
 from planner.formats.png import NOTHING, ImageKind, encode_layer
@@ -37,27 +37,6 @@ __all__ = ["Layer", "SliceStack", "iterate_layers", "write_slices"]
 
 
 _SLAB_ROWS = 1 << 17  # about: a slab's working arrays stay in the second-level cache
-
-
-@dataclass(frozen=True, eq=False)
-class LayerRuns:
-    """Runs of inside voxels along x, for whole layers of a grid.
-
-    Attributes
-    ----------
-    offsets : (layers * ny + 1,) int64
-        Row (j, k) is number ``(k - first_layer) * ny + j`` and has the runs
-        ``offsets[number]`` to ``offsets[number + 1]``.
-    start, stop : (runs,) int32
-        Each run holds the voxels start <= i < stop; runs of a row rise and do not touch.
-    open_rows
-        Rows whose entries and exits do not pair up: the mesh is not closed.
-    """
-
-    offsets: IntArray
-    start: IntArray
-    stop: IntArray
-    open_rows: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,12 +87,23 @@ def iterate_slabs(mesh: Mesh, grid: Grid, slab_layers: int) -> Iterator[SlabTria
         yield SlabTriangles(grid.shape, first, last, snapped, mesh.faces, members, spans)
 
 
-def runs_along_x(slab: SlabTriangles) -> LayerRuns:
-    """Return the runs of one slab's layers."""
+def runs_along_x(slab: SlabTriangles) -> tuple[IntArray, IntArray, IntArray, int]:
+    """Return the runs of inside voxels along x of one slab's layers.
+
+    Returns
+    -------
+    offsets : (layers * ny + 1,) int64
+        Row (j, k) is number ``(k - first_layer) * ny + j`` and has the runs
+        ``offsets[number]`` to ``offsets[number + 1]``.
+    start, stop : (runs,) int32
+        Each run holds the voxels start <= i < stop; runs of a row rise and do not touch.
+    open_rows
+        Rows whose entries and exits do not pair up: the mesh is not closed.
+    """
     nx, ny, _ = slab.shape
     triangles = (slab.snapped, slab.faces, slab.members, slab.spans)
     layers = (slab.first_layer, slab.last_layer)
-    return LayerRuns(*slab_runs(*triangles, *layers, ny, nx, 0, row_leads=True))
+    return slab_runs(*triangles, *layers, ny, nx, 0, row_leads=True)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -191,13 +181,9 @@ def _open_shells(
     bounds_mm = np.array([lowest.min(axis=0), highest.max(axis=0)])
     if pitch_mm is None and machine is not None:
         pitch_mm = (*machine.pixel_mm, machine.layer_mm)
-    return _PlanShells(
-        plan,
-        hashlib.sha256(file.read_bytes()).hexdigest(),
-        plan.printer if machine is None else machine.name,
-        shells,
-        grid_for(bounds_mm, _pitch(pitch_mm, bounds_mm[1] - bounds_mm[0])),
-    )
+    grid = grid_for(bounds_mm, _pitch(pitch_mm, bounds_mm[1] - bounds_mm[0]))
+    name = plan.printer if machine is None else machine.name
+    return _PlanShells(plan, hashlib.sha256(file.read_bytes()).hexdigest(), name, shells, grid)
 
 
 def _deal_slabs(
@@ -230,14 +216,10 @@ def _shells(root: Path, plan: Plan, machine: Printer | None) -> Iterator[_ShellM
     for name, triangles in read_shells(plan):
         vertices, faces = weld(triangles.astype(np.float32))
         material = seen[name].printed
-        yield _ShellMesh(
-            material,
-            material if machine is None else machine.operator_name(material),
-            colours.get(material, _UNKNOWN_COLOUR),
-            name,
-            seen[name].sha256,
-            Mesh(vertices.astype(np.float64), faces),
-        )
+        called = material if machine is None else machine.operator_name(material)
+        colour = colours.get(material, _UNKNOWN_COLOUR)
+        mesh = Mesh(vertices.astype(np.float64), faces)
+        yield _ShellMesh(material, called, colour, name, seen[name].sha256, mesh)
 
 
 def _colours(root: Path, plan: Plan, machine: Printer | None, wanted: set[str]) -> dict[str, str]:
@@ -284,7 +266,7 @@ def _pitch(
 
 @dataclass(frozen=True, eq=False)
 class _MaterialRuns:
-    """Runs along x of whole layers, as in `LayerRuns`, each with a label.
+    """Runs along x of whole layers, as of `runs_along_x`, each with a label.
 
     Attributes
     ----------
@@ -307,12 +289,12 @@ class _MaterialRuns:
 
 def _join_shells(shells: Sequence[SlabTriangles]) -> _MaterialRuns:
     """Join the runs that shells have in the same layers."""
-    each, ny = [runs_along_x(shell) for shell in shells], shells[0].shape[1]
-    rows = len(each[0].offsets) - 1
-    before = np.cumsum([0, *(len(runs.start) for runs in each)])
-    offsets = np.stack([runs.offsets + n for runs, n in zip(each, before, strict=False)])
-    start = np.concatenate([runs.start for runs in each])
-    stop = np.concatenate([runs.stop for runs in each])
+    ny, each = shells[0].shape[1], zip(*map(runs_along_x, shells), strict=True)
+    own_offsets, starts, stops, open_rows = each
+    rows = len(own_offsets[0]) - 1
+    before = np.cumsum([0, *map(len, starts)])
+    offsets = np.stack([own + n for own, n in zip(own_offsets, before, strict=False)])
+    start, stop = np.concatenate(starts), np.concatenate(stops)
     joined, label = np.empty((2, len(start)), np.int32), np.empty(len(start), np.int32)
     new_offsets = np.zeros(rows + 1, np.int64)
     voxels = np.zeros((rows // ny, len(shells)), np.int64)
@@ -322,7 +304,7 @@ def _join_shells(shells: Sequence[SlabTriangles]) -> _MaterialRuns:
     )
     return _MaterialRuns(
         *(new_offsets, joined[0, :runs], joined[1, :runs], label[:runs], voxels, int(overlapping)),
-        sum(runs.open_rows for runs in each),
+        sum(open_rows),
     )
 
 
@@ -399,10 +381,8 @@ def _make_slab(kind: ImageKind, shells: Sequence[SlabTriangles]) -> _SlabImages:
     nx, ny, _ = shells[0].shape
     runs = _join_shells(shells)
     drawn = (runs.offsets, runs.start, runs.stop, runs.label)
-    images = tuple(
-        encode_layer(*drawn, (row, row + ny), nx, kind)
-        for row in range(0, len(runs.offsets) - 1, ny)
-    )
+    rows = range(0, len(runs.offsets) - 1, ny)
+    images = tuple(encode_layer(*drawn, (row, row + ny), nx, kind) for row in rows)
     return _SlabImages(shells[0].first_layer, images, runs.voxels, runs.overlapping, runs.open_rows)
 
 
@@ -718,8 +698,6 @@ def _some_of(distributed: Any, client: Any, waiting: set[Any], scheduler: str) -
 def _result(distributed: Any, future: Any, scheduler: str) -> _SlabImages:
     try:
         slab: _SlabImages = future.result()
-    except PlannerError:
-        raise
     except ImportError as error:
         raise ArgumentError(
             f"`scheduler` {scheduler}: its workers cannot import what they need ({error}); install "

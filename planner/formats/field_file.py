@@ -148,12 +148,10 @@ def _named(
 ) -> tuple[ElementTree.Element, bool]:
     """Find the values by name, or the only ones; and whether they belong to cells."""
     known: dict[str, tuple[ElementTree.Element, bool]] = {}
-    for group, in_cells in (("PointData", False), ("CellData", True)):
-        if in_cells and at_points:
-            continue
+    for group in ("PointData",) if at_points else ("PointData", "CellData"):
         for item in piece.findall(f"{group}/DataArray"):
             if item.get("NumberOfComponents", "1") in ("", "1"):
-                known.setdefault(item.get("Name", ""), (item, in_cells))
+                known.setdefault(item.get("Name", ""), (item, group == "CellData"))
     if array is None and len(known) == 1:
         array = next(iter(known))
     if array not in known:

@@ -544,9 +544,8 @@ def _carry(
 def _stands(scratch: Path, name: str) -> bool:
     """Tell whether something new has a name, or is a file where that needs a folder."""
     above = [p for p in (scratch / name).parents if p.is_relative_to(scratch) and p != scratch]
-    return (os.path.lexists(scratch / name) and not name.endswith("/")) or any(
-        os.path.lexists(p) and not p.is_dir() for p in above
-    )
+    is_there = os.path.lexists(scratch / name) and not name.endswith("/")
+    return is_there or any(os.path.lexists(p) and not p.is_dir() for p in above)
 
 
 def _take_name(scratch: Path, target: Path, folder: str | Path, force: bool, option: str) -> None:

@@ -641,19 +641,16 @@ class _Materials:
         if not item.constituents:
             entry = self._base(item.name, item.material_name, item.colour)
             return self.bases.GetUniqueResourceID(), entry
-        total = sum(part.share for part in item.constituents)
-        if not (abs(total - 1.0) < 1e-6 and min(part.share for part in item.constituents) >= 0.0):
+        shares = [part.share for part in item.constituents]
+        total = sum(shares)
+        if not (abs(total - 1.0) < 1e-6 and min(shares) >= 0.0):
             raise OutputError(
                 f"3MF object {item.name}: the shares of its mixture add up to {total:g}; they must "
                 "be 0 to 1 and add up to 1"
             )
         if item.constituents not in self.entries:
-            parts = [
-                lib3mf.CompositeConstituent(
-                    self._base(item.name, part.name, part.colour), part.share
-                )
-                for part in item.constituents
-            ]
+            bases = [self._base(item.name, part.name, part.colour) for part in item.constituents]
+            parts = list(map(lib3mf.CompositeConstituent, bases, shares))
             if self.composites is None:
                 self.composites = self.model.AddCompositeMaterials(self.bases)
             self.entries[item.constituents] = self.composites.AddComposite(parts)

@@ -259,12 +259,8 @@ def algorithm_one(curves: Sequence[LiteralCurve], start: QuadraticCoefficients) 
     if not math.isfinite(error(first)):
         raise ArgumentError("the pooled error at the start is not finite; give another start")
     found = _simplex(error, first)
-    return QuadraticFit(
-        model=_model(found.x.reshape(6, 3)),
-        squared_error_MPa2=float(found.fun),
-        evaluations=int(found.nfev),
-        converged=bool(found.success),
-    )
+    model = _model(found.x.reshape(6, 3))
+    return QuadraticFit(model, float(found.fun), int(found.nfev), bool(found.success))
 
 
 def _simplex(error: Callable[[FloatArray], float], first: FloatArray) -> "OptimizeResult":
@@ -276,13 +272,10 @@ def _simplex(error: Callable[[FloatArray], float], first: FloatArray) -> "Optimi
     from scipy.optimize import minimize
 
     limit = 200 * first.size
-    return minimize(
-        error,
-        # So many steps part from the last bit on, in which processors differ.
-        np.array([float(f"{number:.9g}") for number in first]),
-        method="Nelder-Mead",
-        options={"xatol": 1e-4, "fatol": 1e-4, "maxiter": limit, "maxfev": limit},
-    )
+    # So many steps part from the last bit on, in which processors differ.
+    start = np.array([float(f"{number:.9g}") for number in first])
+    limits: Any = {"xatol": 1e-4, "fatol": 1e-4, "maxiter": limit, "maxfev": limit}
+    return minimize(error, start, method="Nelder-Mead", options=limits)
 
 
 def _pooled(curves: Sequence[LiteralCurve], degree: int) -> Callable[[FloatArray], float]:

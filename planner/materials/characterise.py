@@ -82,13 +82,10 @@ class Curve:
 
     def part(self, keep: slice | BoolArray, *notes: str, origin: float = 0.0) -> "Curve":
         """Return the points that are kept, strains counted from `origin`, with more notes."""
-        return replace(
-            self,
-            strain=self.strain[keep] - origin,
-            stress_MPa=self.stress_MPa[keep],
-            time_s=None if self.time_s is None else self.time_s[keep],
-            notes=(*self.notes, *notes),
-        )
+        time = None if self.time_s is None else self.time_s[keep]
+        strain, stress = self.strain[keep] - origin, self.stress_MPa[keep]
+        notes = (*self.notes, *notes)
+        return replace(self, strain=strain, stress_MPa=stress, time_s=time, notes=notes)
 
 
 def check_record(where: str, columns: Mapping[str, FloatArray]) -> None:
@@ -345,9 +342,8 @@ def _linear_part(curve: Curve) -> LinearPart:
         front = x < zero
         # On the line itself, they show a load that was not zeroed, and no toe.
         above = y[front] - modulus * (x[front] - zero)
-        if zero - x[0] > max(3.0 * zero_error, 0.5 * spacing) and float(
-            np.mean(above)
-        ) > 3.0 * noise / np.sqrt(len(above)):
+        is_behind = zero - x[0] > max(3.0 * zero_error, 0.5 * spacing)
+        if is_behind and float(np.mean(above)) > 3.0 * noise / np.sqrt(len(above)):
             toe = zero
     return LinearPart(start, stop, modulus, toe, kind, zero)
 
@@ -423,14 +419,11 @@ def _grow(
         fits = np.abs(slopes - modulus) <= _LINEARITY * abs(modulus) + 3.0 * errors
         fits[seed] = True
         misfits = np.flatnonzero(~fits)
-        before, behind = misfits[misfits < seed], misfits[misfits > seed]
-        grown = (
-            int(before[-1]) + 1 if len(before) else 0,
-            int(behind[0]) - 1 if len(behind) else len(slopes) - 1,
-        )
-        if grown == (first, last):
+        before = int(misfits[misfits < seed].max(initial=-1))
+        behind = int(misfits[misfits > seed].min(initial=len(slopes)))
+        if (before + 1, behind - 1) == (first, last):
             break
-        first, last = grown
+        first, last = before + 1, behind - 1
         modulus = lines.line(first, last + width)[0]
     return first, last + width
 
@@ -630,6 +623,7 @@ def characterise_curve(
     origin_area = 0.0
     if part.toe_strain == 0.0 and strain[0] > 0.0:
         origin_area = 0.5 * float(strain[0]) * max(float(curve.stress_MPa[0]), 0.0)
+    secants = {value: _secant(curve, part.toe_strain, value) for value in secant_strains}
     return Characteristics(
         specimen=curve.specimen,
         modulus_MPa=part.modulus_MPa,
@@ -640,9 +634,7 @@ def characterise_curve(
         toughness_MJ_m3=float(np.trapezoid(curve.stress_MPa, strain)) + origin_area,
         elongation_at_break=elongation,
         strength_MPa=float(np.max(curve.stress_MPa)),
-        secant_MPa=MappingProxyType(
-            {value: _secant(curve, part.toe_strain, value) for value in secant_strains}
-        ),
+        secant_MPa=MappingProxyType(secants),
         yield_strain=at_yield,
         deformation=how,
         notes=(_toe_note(curve, part), *_odd(curve, part, how.kind)),
@@ -670,11 +662,9 @@ def characterise_material(
         if (known := [value for value in values if value is not None])
     }
     yields = [c.yield_strain for c in found if c.yield_strain is not None]
-    whole = deformation(
-        spreads["modulus_MPa"].mean,
-        spreads["elongation_at_break"].mean,
-        float(np.mean(yields)) if 2 * len(yields) > len(found) else None,
-    )
+    at_yield = float(np.mean(yields)) if 2 * len(yields) > len(found) else None
+    modulus, elongation = spreads["modulus_MPa"].mean, spreads["elongation_at_break"].mean
+    whole = deformation(modulus, elongation, at_yield)
     agree = all(c.deformation.kind == whole.kind for c in found)
     return MaterialCharacteristics(material, found, MappingProxyType(spreads), whole, agree)
 

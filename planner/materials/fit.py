@@ -725,12 +725,8 @@ class LawFit:
         if margin:
             law = LawParameters(self.law.model, self.law.parameters(self.a, self.c))
             found = stability(make_law(law), working_strain)
-            strains += [
-                end - 1.0
-                for ends in found.sound.values()
-                for end, asked in zip(ends, found.asked, strict=True)
-                if end != asked
-            ]
+            pairs = (zip(ends, found.asked, strict=True) for ends in found.sound.values())
+            strains += [end - 1.0 for pair in pairs for end, asked in pair if end != asked]
         return min(strains, key=abs, default=None)
 
 
@@ -929,9 +925,8 @@ def choose_law(
 def _folds(sample: Sample) -> tuple[list[BoolArray], str]:
     """Return what is left out in turn; a specimen that nothing can be asked of is not."""
     # One specimen a loading: without it another loading would be extrapolated to.
-    alone = sample.mode.any() and sample.specimens <= len(
-        set(zip(sample.mode.tolist(), (sample.stretch > 1.0).tolist(), strict=True))
-    )
+    kinds = set(zip(sample.mode.tolist(), (sample.stretch > 1.0).tolist(), strict=True))
+    alone = sample.mode.any() and sample.specimens <= len(kinds)
     if sample.specimens > 1 and not alone:
         # The one that begins lowest can always be asked, so that at least one fold is left.
         return [fold for fold in _own(sample) if _asked(fold, sample).any()], "one specimen"
@@ -1056,14 +1051,9 @@ def least_yielding(
     from scipy.optimize import least_squares
 
     largest, strain = float(sample.stress_MPa.max()), float(sample.stretch.max()) - 1.0
-    low, high = np.log(
-        [
-            (modulus_MPa / _MODULUS, modulus_MPa * _MODULUS),
-            (0.05 * largest, 20.0 * largest),
-            (_HARDENING[0] * largest, _HARDENING[1] * modulus_MPa / _MODULUS),
-            _SHARPNESS,
-        ]
-    ).T
+    moduli = (modulus_MPa / _MODULUS, modulus_MPa * _MODULUS)
+    slopes = (_HARDENING[0] * largest, _HARDENING[1] * modulus_MPa / _MODULUS)
+    low, high = np.log([moduli, (0.05 * largest, 20.0 * largest), slopes, _SHARPNESS]).T
 
     def residuals(logs: FloatArray) -> FloatArray:
         stress = Yielding(*np.exp(logs).tolist()).nominal_stress_MPa(sample.stretch)
@@ -1072,10 +1062,8 @@ def least_yielding(
 
     hardening = np.clip(0.05 * largest / strain, *np.exp([low[2], high[2]]))
     starts = [np.log([modulus_MPa, 0.9 * largest, hardening, n]) for n in _SHARPNESS_STARTS]
-    best = min(
-        (least_squares(residuals, start, bounds=(low, high)) for start in starts),
-        key=lambda found: float(found.cost),
-    )
+    ends = (least_squares(residuals, start, bounds=(low, high)) for start in starts)
+    best = min(ends, key=lambda found: float(found.cost))
     side = (best.x > high - _AT_BOUND).astype(np.int64) - (best.x < low + _AT_BOUND)
     return Yielding(*np.exp(best.x).tolist()), side
 
@@ -1427,10 +1415,8 @@ def _crossings(fit: LawFit, sample: Sample, t: float, spread: FloatArray) -> Flo
         cost, a, c = _profile(fit, sample, which[todo], ends, near[todo])
         near[todo] = _interval_rounded(a)
         passed.append((cost, np.concatenate([a, c], axis=1)))
-        allowed = [
-            _allowed_rise(fit.law, own_a, own_c, sample, which[row])
-            for row, own_a, own_c in zip(todo, a, c, strict=True)
-        ]
+        rows = zip(which[todo], a, c, strict=True)
+        allowed = [_allowed_rise(fit.law, own_a, own_c, sample, k) for k, own_a, own_c in rows]
         target = t * t * np.maximum(allowed, 1e-12 * fit.objective)
         ratio = np.sqrt(np.maximum(cost - fit.objective, 0.0) / target)
         under = ratio < 1.0
@@ -1691,11 +1677,8 @@ def fit_material(
     loaded = tuple(loading(curves))
     # A law's strains count from where its specimens begin to bear, not from the tangent's zero.
     notes = [note for note in notes if "strains count from" not in note]
-    notes += [
-        note
-        for curve, whole in zip(loaded, curves, strict=True)
-        for note in curve.notes[len(whole.notes) :]
-    ]
+    for curve, whole in zip(loaded, curves, strict=True):
+        notes += curve.notes[len(whole.notes) :]
     ends_at = [curve.part(slice(int(np.argmax(np.abs(curve.stress_MPa))) + 1)) for curve in others]
     sample = sample_of([*loaded, *ends_at], weighting=weighting)
     working = found.spreads["elongation_at_break"].mean
@@ -1716,11 +1699,8 @@ def fit_material(
                 choice = replace(choice, chosen=None, reason=reason)
                 return replace(bent, notes=tuple(notes), choice=choice)
     if chosen is None:
-        falls = "; ".join(
-            f"the stress of {c.fit.name} falls at strain {c.unstable_strain:.3g}"
-            for c in choice.candidates
-            if c.unstable_strain is not None
-        )
+        form = "the stress of {} falls at strain {:.3g}"
+        falls = "; ".join(form.format(c.fit.name, c.unstable_strain) for c in choice.candidates)
         raise ArgumentError(
             f"material {material}: no law is stable up to its elongation at break, {working:.3g}, "
             f"and a tenth beyond ({falls}); try `law` all"
@@ -1853,13 +1833,8 @@ def _plastic(
     whole = [toe_compensated(curve) for curve in curves]
     moduli = [c.modulus_MPa for c in found.specimens]
     sample = sample_of(whole, weighting=weighting)
-    laws, sides = zip(
-        *(
-            least_yielding(modulus, sample_of([curve], weighting=weighting))
-            for modulus, curve in zip(moduli, whole, strict=True)
-        ),
-        strict=True,
-    )
+    each = [sample_of([curve], weighting=weighting) for curve in whole]
+    laws, sides = zip(*map(least_yielding, moduli, each), strict=True)
     levelled = _at_one_level(whole, laws)
     modulus_MPa = float(np.exp(np.mean(np.log(moduli))))
     law, _ = least_yielding(modulus_MPa, sample_of(levelled, weighting=weighting))
@@ -1876,6 +1851,7 @@ def _plastic(
     strains = [e for e in (0.0, *SECANT_STRAINS) if 1.0 + e <= sample.stretch.max()]
     wide = _half_widths(np.log([secant_modulus_MPa(one, strains) for one in laws]), level)
     scatter = _scatter_of(_courses(stress, sample))
+    next_ = np.full(len(strains), scatter.log_sd)
     return MaterialFit(
         material=found.material,
         characteristics=found,
@@ -1891,9 +1867,7 @@ def _plastic(
         ),
         scatter=scatter,
         choice=Choice((), None, "", found.deformation.reason),
-        secants=_secants(
-            strains, secant_modulus_MPa(law, strains), wide, np.full(len(strains), scatter.log_sd)
-        ),
+        secants=_secants(strains, secant_modulus_MPa(law, strains), wide, next_),
         curves=tuple(whole),
     )
 

@@ -693,11 +693,8 @@ def _second_derivatives_MPa(
     slope, curvature = law.energy_slopes_MPa(squares.sum(axis=0) - 3.0)
     h = 4.0 * slope * squares
     g1, g2 = squares[0] - squares[2], squares[1] - squares[2]
-    found = (
-        h[0] + h[2] + 4.0 * curvature * g1 * g1,
-        h[1] + h[2] + 4.0 * curvature * g2 * g2,
-        h[2] + 4.0 * curvature * g1 * g2,
-    )
+    bend = 4.0 * curvature
+    found = (h[0] + h[2] + bend * g1 * g1, h[1] + h[2] + bend * g2 * g2, h[2] + bend * g1 * g2)
     if not isinstance(law, Martins):
         return [found]
     stress, tangent = law.fibre_MPa(stretch)

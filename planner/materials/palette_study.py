@@ -92,11 +92,8 @@ class Characterisation:
     @property
     def findings(self) -> tuple[str, ...]:
         """What speaks against the materials' figures, one sentence each."""
-        told = [
-            said
-            for one in self.materials
-            for said in doubts(one, unit_told=_names(self.unit_slips, one.material))
-        ]
+        each = ((one, _names(self.unit_slips, one.material)) for one in self.materials)
+        told = [said for one, unit_told in each for said in doubts(one, unit_told=unit_told)]
         return (*self.unused, *self.unit_slips, *told)
 
     @property
@@ -354,10 +351,7 @@ class PaletteStudy:
         return {
             "schema": 1,
             "palette": self.palette.name,
-            "materials": [
-                _material_document(material, self.fits[material.id])
-                for material in self.palette.materials
-            ],
+            "materials": [_material_document(m, self.fits[m.id]) for m in self.palette.materials],
             "notes": list(self.notes),
             "problem": self.problem,
             "findings": list(self.findings),

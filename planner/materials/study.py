@@ -420,17 +420,11 @@ def _curve_of(name: str, record: "_Record", said: str, sure: bool) -> Curve:
     test.cross_check(strain, stress, time)
     _check_rising(strain, stress, where=where)
     kept = test.from_rest(strain, stress)
-    curve = without_tail(
-        Curve(
-            name,
-            strain[kept],
-            stress[kept],
-            None if time is None else time[kept],
-            record.material,
-            (*table.notes, *notes),
-            "uniaxial" if said in ("", "tension", "compression") else said,
-        )
-    )
+    time = None if time is None else time[kept]
+    mode = "uniaxial" if said in ("", "tension", "compression") else said
+    told = (*table.notes, *notes)
+    curve = Curve(name, strain[kept], stress[kept], time, record.material, told, mode)
+    curve = without_tail(curve)
     return replace(curve, strain=sign * curve.strain, stress_MPa=sign * curve.stress_MPa)
 
 

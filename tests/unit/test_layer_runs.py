@@ -17,10 +17,10 @@ def by_layers(mesh: Mesh, grid: Grid, slab_layers: int = 3, *, alone: bool = Fal
     nx, ny, nz = grid.shape
     voxels = np.zeros((nz * ny, nx), bool)
     for slab in iterate_slabs(mesh, grid, slab_layers):
-        runs = runs_along_x(slab.alone() if alone else slab)
-        assert runs.open_rows == 0
-        for row, (first, last) in enumerate(itertools.pairwise(runs.offsets)):
-            for start, stop in zip(runs.start[first:last], runs.stop[first:last], strict=True):
+        offsets, starts, stops, open_rows = runs_along_x(slab.alone() if alone else slab)
+        assert open_rows == 0
+        for row, (first, last) in enumerate(itertools.pairwise(offsets)):
+            for start, stop in zip(starts[first:last], stops[first:last], strict=True):
                 voxels[slab.first_layer * ny + row, start:stop] = True
     return voxels.reshape(nz, ny, nx).transpose(2, 1, 0)
 
