@@ -306,16 +306,10 @@ def _processor() -> tuple[str, ...]:
     features = ""
     with contextlib.suppress(RuntimeError):  # where LLVM cannot tell
         features = llvm.get_host_cpu_features().flatten()
-    return (
-        llvm.get_process_triple(),
-        llvm.get_host_cpu_name(),
-        features,
-        *sorted(
-            f"{name}={value}"
-            for name, value in os.environ.items()
-            if name.startswith("NUMBA_") and name != "NUMBA_CACHE_DIR"
-        ),
-    )
+    said = {name: value for name, value in os.environ.items() if name.startswith("NUMBA_")}
+    said.pop("NUMBA_CACHE_DIR", None)
+    host = (llvm.get_process_triple(), llvm.get_host_cpu_name(), features)
+    return (*host, *sorted(f"{name}={value}" for name, value in said.items()))
 
 
 # ------------------------------------------------------------------------------------------------

@@ -420,14 +420,11 @@ def _hardness(table: _HardnessFile, name: str) -> tuple[tuple[float, float], ...
 
 def _temperature(table: Temperature, name: str) -> Temperature:
     lists = msgspec.structs.astuple(table)
-    ok = len({len(one) for one in lists}) == 1 and len(table.coordinate) > 0
-    ok = ok and all(math.isfinite(v) for one in lists for v in one)
-    ok = ok and all(a < b for a, b in itertools.pairwise(table.coordinate))
-    ok = ok and all(
-        low < high and factor > 0.0 and sd >= 0.0
-        for _, low, high, factor, sd in zip(*lists, strict=True)
-    )
-    if not ok:
+    rows = [*zip(*lists, strict=False)]
+    finite = all(math.isfinite(v) for one in lists for v in one)
+    rising = all(a < b for a, b in itertools.pairwise(table.coordinate))
+    sound = all(low < high and factor > 0.0 and sd >= 0.0 for _, low, high, factor, sd in rows)
+    if not (rows and {len(one) for one in lists} == {len(rows)} and finite and rising and sound):
         raise PaletteError(
             f"palette {name}: temperature: {', '.join(table.__struct_fields__)} must be lists of "
             "one length, coordinates rising, low_C below high_C, factors above 0, log_sd not below"

@@ -457,12 +457,12 @@ class Plan:
             ]
             pictures = pictures_of(solids, width=_PICTURE[0], height=_PICTURE[1])
             del solids
+            thumbnail = pictures.thumbnail
+            model = encode_threemf(objects, self.name, thumbnail=thumbnail, one_mesh=one_mesh)
             files = {
                 "part.png": pictures.outside,
                 "section.png": pictures.section,
-                f"{self.name}.3mf": encode_threemf(
-                    objects, self.name, thumbnail=pictures.thumbnail, one_mesh=one_mesh
-                ),
+                f"{self.name}.3mf": model,
                 "HOWTO.md": self.howto().encode("utf-8"),
                 **({} if page is None else {"plan.html": page}),
                 **self.coupons,

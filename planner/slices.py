@@ -146,10 +146,7 @@ class _PlanShells:
 
 
 def _open_shells(
-    path: str | Path | Plan,
-    *,
-    pitch_mm: float | Sequence[float] | None = None,
-    printer: str | Printer | None = None,
+    path: str | Path | Plan, pitch_mm: float | Sequence[float] | None, printer: str | Printer | None
 ) -> _PlanShells:
     """Read the shells of a plan and verify that they are the ones it was written with.
 
@@ -382,7 +379,7 @@ def _make_slab(kind: ImageKind, shells: Sequence[SlabTriangles]) -> _SlabImages:
     runs = _join_shells(shells)
     drawn = (runs.offsets, runs.start, runs.stop, runs.label)
     rows = range(0, len(runs.offsets) - 1, ny)
-    images = tuple(encode_layer(*drawn, (row, row + ny), nx, kind) for row in rows)
+    images = tuple(encode_layer(drawn, (row, row + ny), nx, kind) for row in rows)
     return _SlabImages(shells[0].first_layer, images, runs.voxels, runs.overlapping, runs.open_rows)
 
 
@@ -444,7 +441,7 @@ def iterate_layers(
     >>> layer.label.shape  # doctest: +SKIP
     (16, 97)
     """
-    source = _open_shells(plan, pitch_mm=pitch_mm, printer=printer)
+    source = _open_shells(plan, pitch_mm, printer)
     grid, materials = source.grid, tuple(shell.material for shell in source.shells)
     nx, ny, _ = grid.shape
     for slab in _deal_slabs(source):
@@ -548,25 +545,17 @@ class SliceStack:
 
     def document(self) -> dict[str, Any]:
         """Return the stack as slices.json holds it."""
+        part = {name: getattr(self.part, name) for name in ("name", "file", "sha256")}
+        axes = {"column": "x", "row": "y", "layer": "z"}
+        pixels = "indexed" if self.indexed else "rgba"
         return {
             "schema": 1,
             "version": self.version,
             "printer": self.printer,
             "plan": {"sha256": self.plan_sha256},
-            "part": {
-                "name": self.part.name,
-                "file": self.part.file,
-                "sha256": self.part.sha256,
-                "translation_mm": list(self.part.translation_mm),
-            },
+            "part": part | {"translation_mm": list(self.part.translation_mm)},
             "grid": asdict(self.grid),
-            "images": {
-                "pixels": "indexed" if self.indexed else "rgba",
-                "column": "x",
-                "row": "y",
-                "layer": "z",
-                "nothing": list(NOTHING),
-            },
+            "images": {"pixels": pixels, **axes, "nothing": list(NOTHING)},
             "materials": [
                 {"label": label, **asdict(each)} for label, each in enumerate(self.materials, 1)
             ],
@@ -814,7 +803,7 @@ def write_slices(
             f"{output}: lies in the plan's own folder, which would then no longer be sound; name "
             "another folder with `output`"
         )
-    source = _open_shells(plan, pitch_mm=pitch_mm, printer=printer)
+    source = _open_shells(plan, pitch_mm, printer)
     edges_mm = source.grid.pitch_mm
     colours = _distinct_colours([shell.colour for shell in source.shells])
     kind = ImageKind(colours, indexed, (edges_mm[0], edges_mm[1]))

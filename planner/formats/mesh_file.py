@@ -330,16 +330,10 @@ def decode_stl(data: bytes, name: str) -> Float32Array | FloatArray:
     """
     if not data.strip():
         raise MeshError(f"{name}: the file is empty; export the part again")
-    size = len(data)
-    count = int.from_bytes(data[_HEADER_BYTES : _HEADER_BYTES + 4], "little")
-    binary = size == _binary_size(count)
-    if not binary and b"\0" in data:  # text never holds a zero byte
-        raise MeshError(f"{name}: {_wrong_size(size, count)}; copy or export the file again")
-    triangles: Float32Array | FloatArray = (
-        np.frombuffer(data, _RECORD, count, _HEADER_BYTES + 4)["corners"].copy()
-        if binary
-        else _decode_ascii(data, name)
-    )
+    records = _records(data)
+    if records is None and b"\0" in data:  # text never holds a zero byte
+        raise MeshError(f"{name}: {_wrong_size(data)}; copy or export the file again")
+    triangles = _decode_ascii(data, name) if records is None else records["corners"].copy()
     _require_finite(triangles, name)
     return triangles
 
@@ -388,10 +382,9 @@ def encode_stl(vertices: Float32Array, faces: IntArray, header: str) -> bytes:
 
 def stl_holds(data: bytes, vertices: Float32Array, faces: IntArray) -> bool:
     """Tell whether the triangles of a binary STL are these, bit for bit, in this order."""
-    count = int.from_bytes(data[_HEADER_BYTES : _HEADER_BYTES + 4], "little")
-    if count != len(faces) or len(data) != _binary_size(count):
+    records = _records(data)
+    if records is None or len(records) != len(faces):
         return False
-    records = np.frombuffer(data, _RECORD, count, _HEADER_BYTES + 4)
     points = np.ascontiguousarray(vertices, np.float32).view(np.uint32)
     return np.array_equal(records["corners"].copy().view(np.uint32), points[faces])
 
@@ -417,14 +410,18 @@ def _require_finite(triangles: Float32Array | FloatArray, name: str) -> None:
     )
 
 
-def _binary_size(count: int) -> int:
-    return _HEADER_BYTES + 4 + count * _RECORD.itemsize
+def _records(data: bytes) -> Any:
+    """Return the triangles of a binary STL; None of what is none by its length."""
+    count = int.from_bytes(data[_HEADER_BYTES : _HEADER_BYTES + 4], "little")
+    is_whole = len(data) == _HEADER_BYTES + 4 + count * _RECORD.itemsize
+    return np.frombuffer(data, _RECORD, count, _HEADER_BYTES + 4) if is_whole else None
 
 
-def _wrong_size(size: int, count: int) -> str:
+def _wrong_size(data: bytes) -> str:
+    size, count = len(data), int.from_bytes(data[_HEADER_BYTES : _HEADER_BYTES + 4], "little")
     if size < _HEADER_BYTES + 4:
         return f"a binary STL begins with {_HEADER_BYTES + 4} bytes, got {size}: it is cut short"
-    expected = _binary_size(count)
+    expected = _HEADER_BYTES + 4 + count * _RECORD.itemsize
     whole = (size - _HEADER_BYTES - 4) // _RECORD.itemsize
     verdict = "it is cut short" if size < expected else "it is damaged or no STL"
     return (

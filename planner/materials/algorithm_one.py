@@ -424,19 +424,16 @@ class QuadraticStudy:
 
     def _without(self) -> str:
         what = "a material left out and predicted by the others"
-        both = [
-            (one.nrmse, other.nrmse)
-            for row in self.rows
-            if (one := row.errors["quadratics_without"])
-            and (other := row.errors["mixtures_without"])
-        ]
+        kinds = ("quadratics_without", "mixtures_without")
+        pairs = [[row.errors[kind] for kind in kinds] for row in self.rows]
+        both = [(one.nrmse, other.nrmse) for one, other in pairs if one and other]
         if both:
             quadratics, mixtures = 100.0 * np.mean(both, axis=0)
             return (
                 f"{what}: quadratics {quadratics:.2g} % of its largest stress off, planner's "
                 f"mixtures {mixtures:.2g} % (mean of {len(both)})"
             )
-        errors = [one.nrmse for row in self.rows if (one := row.errors["quadratics_without"])]
+        errors = [one.nrmse for one, _ in pairs if one]
         if not errors:
             return f"{what}: not known, that takes {_FEWEST + 1} elastic materials"
         return (

@@ -784,11 +784,8 @@ def _unlike(found: MaterialCharacteristics, name: str, figure: str) -> Iterator[
     values = [getattr(c, figure) for c in found.specimens]
     each = [f"{v:.3g} of {c.specimen}" for v, c in zip(values, found.specimens, strict=True)]
     median = sorted(values)[len(values) // 2]
-    far = [
-        said
-        for said, value in zip(each, values, strict=True)
-        if not median / _REPLICATE_FACTOR <= value <= _REPLICATE_FACTOR * median
-    ]
+    least, most = median / _REPLICATE_FACTOR, _REPLICATE_FACTOR * median
+    far = [said for said, value in zip(each, values, strict=True) if not least <= value <= most]
     if far:
         of, off = (", ", f"off the replicates' median, {median:.3g}")
         if len(values) == 2:  # neither of which is the middle

@@ -541,12 +541,10 @@ class _Behind(NamedTuple):
 
     def said(self, model: CoefficientModel) -> str:
         """Say which grade is first to lie beyond at all strains, by the first strain; else ""."""
+        each = zip(model.palette.materials, self.moduli_MPa[:, 0], strict=True)
+        called = [f"{material.id} ({modulus:.4g} MPa)" for material, modulus in each]
         for k in np.flatnonzero(self.beyond.all(axis=1)):
-            own, other = (
-                f"{model.palette.materials[i].id} ({self.moduli_MPa[i, 0]:.4g} MPa)"
-                for i in (k, self.other[k, 0])
-            )
-            return f"{own} is not stiffer than {other}"
+            return f"{called[k]} is not stiffer than {called[self.other[k, 0]]}"
         return ""
 
 
