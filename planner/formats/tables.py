@@ -8,7 +8,7 @@ import math
 import re
 import subprocess
 import sys
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -398,11 +398,9 @@ def read_columns(
             words[name] = of
             continue
         filled = [row for row, cell in enumerate(of) if cell or name not in gaps]
+        known = {lines[row]: of[row] for row in filled}
         numbers[name] = np.full(len(of), np.nan)
-        numbers[name][filled] = finite_numbers(
-            [of[row] for row in filled], [lines[row] for row in filled],
-            separator, where, headings[place], factor,
-        )  # fmt: skip
+        numbers[name][filled] = finite_numbers(known, separator, where, headings[place], factor)
     return ColumnFile(numbers, words, lines)
 
 
@@ -422,14 +420,9 @@ def _column(heading: str, columns: Mapping[str, str | None], where: str) -> tupl
 
 
 def finite_numbers(
-    cells: Sequence[str],
-    lines: Sequence[int],
-    separator: str,
-    where: str,
-    heading: str,
-    factor: float = 1.0,
+    cells: Mapping[int, str], separator: str, where: str, heading: str, factor: float
 ) -> FloatArray:
-    """Return a column's numbers, times a factor.
+    """Return a column's numbers, times a factor, of its cells by line.
 
     Raises
     ------
@@ -437,8 +430,8 @@ def finite_numbers(
         A cell has none, or one that is not finite or beyond `LARGEST_FIGURE`; the message names
         file, line and column.
     """
-    values = [number(cell, separator) for cell in cells]
-    for line, cell, value in zip(lines, cells, values, strict=True):
+    values = [number(cell, separator) for cell in cells.values()]
+    for (line, cell), value in zip(cells.items(), values, strict=True):
         if value is None or not abs(value) <= LARGEST_FIGURE:
             finite = value is not None and math.isfinite(value)
             raise FileError(

@@ -996,7 +996,6 @@ def _values(record: _Block, used: Sequence[_Column], notes: list[str]) -> dict[s
     """Return the numbers of columns, by name; without those of a time that has none."""
     grid, found = record.grid, dict[str, FloatArray]()
     rows = [grid.rows[row] for row in record.rows]
-    lines = [line for line, _ in rows]
     for column in used:
         short = next((row for row in rows if len(row[1]) <= column.at), None)
         if short is not None:
@@ -1004,14 +1003,13 @@ def _values(record: _Block, used: Sequence[_Column], notes: list[str]) -> dict[s
                 f"{grid.where}, line {short[0]}: {len(short[1])} cells where the headings have "
                 f"{len(record.headings)}; complete or remove the line"
             )
-        is_time, text = column.name == "time_s", column.heading.text
-        cells = [_seconds(cell) if is_time else cell for cell in record.cells(column.at)]
+        at, text, is_time = column.at, column.heading.text, column.name == "time_s"
+        cells = {line: _seconds(of[at]) if is_time else of[at] for line, of in rows}
         try:
-            found[column.name] = finite_numbers(
-                cells, lines, grid.separator, grid.where, text, column.factor
-            )
+            numbers = finite_numbers(cells, grid.separator, grid.where, text, column.factor)
+            found[column.name] = numbers
         except FileError as error:
-            if not is_time or any(grid.number(cell) is not None for cell in cells):
+            if not is_time or any(grid.number(cell) is not None for cell in cells.values()):
                 raise
             notes.append(f"{str(error).partition('; ')[0]}; time is optional and is left out")
     return found
