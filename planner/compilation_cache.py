@@ -206,11 +206,9 @@ def _linkable(compiled: Any) -> _Linkable:
     others = [each for each in compiled._find_referenced_environments() if each is not own]
     environments = [(each.env_name, list(each.consts)) for each in (*others, own)]
     module = library._final_module
-    needed = [
-        value.name
-        for value in (*module.functions, *module.global_variables)
-        if value.is_declaration and not value.name.startswith("llvm.")
-    ]
+    symbols = (*module.functions, *module.global_variables)
+    declared = (value.name for value in symbols if value.is_declaration)
+    needed = [name for name in declared if not name.startswith("llvm.")]
     entry = compiled.fndesc.llvm_cpython_wrapper_name
     return library._get_compiled_object(), entry, environments, needed
 

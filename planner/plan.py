@@ -649,9 +649,8 @@ def read_shell(folder: Path, region: Region) -> tuple[bytes, bool]:
     FileError
         It is missing, or lies outside the folder.
     """
-    data = read_file(
-        path_within(folder, region.file), advice="keep it beside plan.json, or grade the part again"
-    )
+    place = path_within(folder, region.file)
+    data = read_file(place, advice="keep it beside plan.json, or grade the part again")
     return data, hashlib.sha256(data).hexdigest() != region.sha256
 
 

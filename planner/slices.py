@@ -102,8 +102,7 @@ def runs_along_x(slab: SlabTriangles) -> tuple[IntArray, IntArray, IntArray, int
     """
     nx, ny, _ = slab.shape
     triangles = (slab.snapped, slab.faces, slab.members, slab.spans)
-    layers = (slab.first_layer, slab.last_layer)
-    return slab_runs(*triangles, *layers, ny, nx, 0, row_leads=True)
+    return slab_runs(*triangles, slab.first_layer, slab.last_layer, ny, nx, 0, row_leads=True)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -296,9 +295,8 @@ def _join_shells(shells: Sequence[SlabTriangles]) -> _MaterialRuns:
     new_offsets = np.zeros(rows + 1, np.int64)
     voxels = np.zeros((rows // ny, len(shells)), np.int64)
     place = offsets[:, 0].copy()
-    runs, overlapping = _join(
-        *(offsets, start, stop, ny, place, new_offsets, joined[0], joined[1], label, voxels)
-    )
+    made = (new_offsets, joined[0], joined[1], label, voxels)
+    runs, overlapping = _join(offsets, start, stop, ny, place, *made)
     return _MaterialRuns(
         *(new_offsets, joined[0, :runs], joined[1, :runs], label[:runs], voxels, int(overlapping)),
         sum(open_rows),
@@ -724,9 +722,8 @@ def _distinct_colours(wished: Sequence[str]) -> tuple[tuple[int, int, int, int],
     spare = np.min([_squares(_SPARE, wish) for wish in wishes], axis=0)
     given: list[IntArray] = []
     for wish in wishes:
-        colour = wish
-        if any(_squares(wish, other) < _LEAST_DISTANCE**2 for other in given):
-            colour = _SPARE[np.argmax(spare)]
+        is_like = any(_squares(wish, other) < _LEAST_DISTANCE**2 for other in given)
+        colour = _SPARE[np.argmax(spare)] if is_like else wish
         given.append(colour)
         spare = np.minimum(spare, _squares(_SPARE, colour))
     return tuple((int(red), int(green), int(blue), 255) for red, green, blue in given)

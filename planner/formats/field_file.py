@@ -408,10 +408,8 @@ def _regular(points: FloatArray, values: FloatArray, path: Path) -> tuple[Point,
     axes = [np.unique(points[:, axis]) for axis in range(3)]
     shape = tuple(map(len, axes))
     steps = [(a[-1] - a[0]) / (len(a) - 1) if len(a) > 1 else 1.0 for a in axes]
-    even = all(
-        np.allclose(np.diff(a), step, rtol=1e-6, atol=0.0)
-        for a, step in zip(axes, steps, strict=True)
-    )
+    pairs = zip(axes, steps, strict=True)
+    even = all(np.allclose(np.diff(a), step, rtol=1e-6, atol=0.0) for a, step in pairs)
     index = tuple(np.searchsorted(a, points[:, axis]) for axis, a in enumerate(axes))
     if not even or math.prod(shape) != len(values):
         raise FileError(

@@ -276,14 +276,13 @@ def encode_layer(runs: _Runs, rows: tuple[int, int], width: int, kind: ImageKind
     """
     first, last = rows
     pixel, (head, head_bits, codes, lengths) = kind.pixels(), _deflate_code()
+    code = (codes, lengths)
     a_row = _BITS_A_ROW + 2 * (width * pixel.shape[1] // 258 + 1)
     edges = 2 * int(runs[0][last] - runs[0][first])
     bits = head_bits + (last - first) * a_row + edges * _BITS_AN_EDGE + 64
     stream = np.zeros(bits // 8 + 8, np.uint8)
     stream[: len(head)] = head
-    place, adler = _deflate_rows(
-        runs, first, last, width, pixel, (codes, lengths), stream, head_bits
-    )
+    place, adler = _deflate_rows(runs, first, last, width, pixel, code, stream, head_bits)
     end = (int(place) + 7) // 8
     data = stream[:end].tobytes() + int(adler).to_bytes(4, "big")
     return _encode_png(width, last - first, kind, data)

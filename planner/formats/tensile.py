@@ -833,15 +833,12 @@ def _groups(grid: _Grid, block: _Block) -> _Records:
             continue
         if {name.upper() for name in by_name} == {"X", "Y"} and not partial:
             raise _two_axes(grid, headings, by_name)
-        called = {
-            name: " ".join(name.split()) if "" not in by_name else str(n)
-            for n, name in enumerate(by_name, start=1)
-        }
+        called = {name: " ".join(name.split()) for name in by_name}
+        if "" in by_name:
+            called = {name: str(n) for n, name in enumerate(by_name, start=1)}
         walked = {name: _walked(headings, places) for name, places in by_name.items()}
-        again = any(
-            len(parts) > 1 and all(_whole(headings, part) for part in parts)
-            for parts in walked.values()
-        )
+        cut = [parts for parts in walked.values() if len(parts) > 1]
+        again = any(all(_whole(headings, part) for part in parts) for parts in cut)
         if again and names is not tags and not above_of:
             above_of = {i: called[name] for name, places in by_name.items() for i in places}
         records = [
@@ -1156,10 +1153,8 @@ def _refuse_far(record: _Block, used: Mapping[str, _Column]) -> None:
 
 def _refuse_two(record: _Block, one: _Column, other: _Column) -> None:
     """Refuse two columns of one kind that differ: of two sensors, or of two specimens."""
-    first, second = (
-        column.factor * np.array(record.numbers(column.at), dtype=np.float64)
-        for column in (one, other)
-    )
+    read = [np.array(record.numbers(column.at), dtype=np.float64) for column in (one, other)]
+    first, second = one.factor * read[0], other.factor * read[1]
     is_load = one.heading.meaning in _LOADS or other.heading.meaning in _LOADS
     if not is_load:
         first, second = first - first[0], second - second[0]

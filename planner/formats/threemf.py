@@ -436,11 +436,8 @@ def _material(model: Any, group: int, entry: int) -> _Material:
     composites = model.GetCompositeMaterialsByID(group)
     bases = composites.GetBaseMaterialGroup()
     # A group's composites share one list of materials: those without a share are left out.
-    parts = tuple(
-        Constituent(*_base(bases, part.PropertyID), part.MixingRatio)
-        for part in composites.GetComposite(entry)
-        if part.MixingRatio > 0.0
-    )
+    mixed = (part for part in composites.GetComposite(entry) if part.MixingRatio > 0.0)
+    parts = tuple(Constituent(*_base(bases, one.PropertyID), one.MixingRatio) for one in mixed)
     return composite_name(parts), mixed_colour(parts), parts
 
 
@@ -519,16 +516,13 @@ def encode_threemf(
     try:
         materials = [palette.property_of(item) for item in objects]
         extruders = {material: n for n, material in enumerate(dict.fromkeys(materials), start=1)}
-        shells = [
-            _Shell(item, material, extruders[material], _digest(item))
-            for item, material in zip(objects, materials, strict=True)
-        ]
+        pairs = zip(objects, materials, strict=True)
+        shells = [_Shell(item, of, extruders[of], _digest(item)) for item, of in pairs]
         add = _add_one_mesh if one_mesh else _add_assembly
         whole, meshes = add(model, shells, _text(assembly_name))
         layout = ("one mesh",) if one_mesh else ()
-        digest = hashlib.sha256(
-            "\n".join((_text(assembly_name), *layout, *(shell.digest for shell in shells))).encode()
-        ).hexdigest()
+        content = (_text(assembly_name), *layout, *(shell.digest for shell in shells))
+        digest = hashlib.sha256("\n".join(content).encode()).hexdigest()
         whole.SetName(_text(assembly_name))
         whole.SetUUID(_identifier("assembly", 0, digest))
         item = model.AddBuildItem(whole, _wrapper().GetIdentityTransform())

@@ -1,5 +1,6 @@
 """Units: what machines write, as factors; what a person states; what a factor hints at."""
 
+import contextlib
 import math
 import unicodedata
 from collections.abc import Mapping
@@ -196,12 +197,9 @@ class UnitOf:
         units = QUANTITY_UNITS[QUANTITIES[self.quantity][1]]
         if self.unit in units:
             return units[self.unit]
-        try:
-            factor = float(self.unit)
-        except ValueError:
-            factor = math.nan
-        if 0.0 < factor < math.inf:
-            return factor
+        with contextlib.suppress(ValueError):
+            if 0.0 < (factor := float(self.unit)) < math.inf:
+                return factor
         plain = [unit for unit in units if (unit.isascii() and unit.isalpha()) or unit == "%"]
         raise UnknownNameError(
             f"unit_of {self.text}: no unit {self.unit!r} of {self.quantity}; "

@@ -338,11 +338,10 @@ def _linear_part(curve: Curve) -> LinearPart:
         )
     toe = 0.0
     if kind == "line":
-        spacing = float(np.median(np.diff(x[:stop])))
         front = x < zero
         # On the line itself, they show a load that was not zeroed, and no toe.
         above = y[front] - modulus * (x[front] - zero)
-        is_behind = zero - x[0] > max(3.0 * zero_error, 0.5 * spacing)
+        is_behind = zero - x[0] > max(3.0 * zero_error, 0.5 * float(np.median(np.diff(x[:stop]))))
         if is_behind and float(np.mean(above)) > 3.0 * noise / np.sqrt(len(above)):
             toe = zero
     return LinearPart(start, stop, modulus, toe, kind, zero)
@@ -458,7 +457,7 @@ class Deformation:
     reason: str
 
 
-def _yield_strain(curve: Curve) -> float | None:
+def _yield_strain(curve: Curve, origin: float) -> float | None:
     """Return the strain at the yield point: the first maximum of stress before break.
 
     A fall of at least 3 % of the peak stress, and of six times the noise, has to follow.
@@ -467,7 +466,7 @@ def _yield_strain(curve: Curve) -> float | None:
     highest = np.maximum.accumulate(stress)
     drop = max(_YIELD_DROP * float(stress.max()), 6.0 * noise_sd(stress))
     fallen = np.flatnonzero(highest - stress > drop)
-    return float(curve.strain[np.argmax(stress[: fallen[0]])]) if len(fallen) else None
+    return float(curve.strain[np.argmax(stress[: fallen[0]])]) - origin if len(fallen) else None
 
 
 def deformation(
@@ -616,13 +615,10 @@ def characterise_curve(
     strain = curve.strain - part.toe_strain
     end = part.stop - 1
     elongation = float(strain[-1])
-    at_yield = _yield_strain(curve)
-    if at_yield is not None:
-        at_yield -= part.toe_strain
+    at_yield = _yield_strain(curve, part.toe_strain)
     how = deformation(part.modulus_MPa, elongation, at_yield)
-    origin_area = 0.0
-    if part.toe_strain == 0.0 and strain[0] > 0.0:
-        origin_area = 0.5 * float(strain[0]) * max(float(curve.stress_MPa[0]), 0.0)
+    # Of a record that begins behind rest; where there is a toe it begins before its end.
+    origin_area = 0.5 * max(float(strain[0]), 0.0) * max(float(curve.stress_MPa[0]), 0.0)
     secants = {value: _secant(curve, part.toe_strain, value) for value in secant_strains}
     return Characteristics(
         specimen=curve.specimen,
@@ -656,11 +652,8 @@ def characterise_material(
         name: [getattr(c, name) for c in found] for name in _MATERIAL_FIGURES
     }
     figures |= {f"secant_{e:g}_MPa": [c.secant_MPa[e] for c in found] for e in secant_strains}
-    spreads = {
-        name: spread_of(known)
-        for name, values in figures.items()
-        if (known := [value for value in values if value is not None])
-    }
+    known = {name: [v for v in values if v is not None] for name, values in figures.items()}
+    spreads = {name: spread_of(values) for name, values in known.items() if values}
     yields = [c.yield_strain for c in found if c.yield_strain is not None]
     at_yield = float(np.mean(yields)) if 2 * len(yields) > len(found) else None
     modulus, elongation = spreads["modulus_MPa"].mean, spreads["elongation_at_break"].mean

@@ -305,9 +305,8 @@ def minimise(
         gained = now.cost - after.cost > flat * now.cost
         small = np.abs(trial - at).max(axis=1) <= 1e-10 * (1.0 + np.abs(at).max(axis=1))
         taken = trial - at
-        foreseen = -np.einsum(
-            "sk,sk->s", taken, 2.0 * slope + (normal @ taken[:, :, None])[:, :, 0]
-        )
+        bent = (normal @ taken[:, :, None])[:, :, 0]
+        foreseen = -np.einsum("sk,sk->s", taken, 2.0 * slope + bent)
         share = (now.cost - after.cost) / np.where(foreseen > 0.0, foreseen, np.inf)
         eased = np.clip(1.0 - (2.0 * share - 1.0) ** 3, 1.0 / 3.0, 2.0)
         damping[active] *= np.where(better, eased, raised[active])
@@ -904,10 +903,8 @@ def choose_law(
             f"{points} points are too few to fit {', '.join(f.name for f in fits)} and test it "
             "on what is left out; measure more points or choose a law of fewer parameters"
         )
-    candidates = tuple(
-        LawCandidate(fit, fit.unstable_strain(working_strain), *_held_out(fit, sample, folds))
-        for fit in usable
-    )
+    each = ((fit, fit.unstable_strain(working_strain)) for fit in usable)
+    candidates = tuple(LawCandidate(fit, at, *_held_out(fit, sample, folds)) for fit, at in each)
     if not (stable := [c for c in candidates if c.unstable_strain is None]):
         return Choice(candidates, None, scheme, "no law's stress rises over the working range")
     best = min(stable, key=lambda c: c.held_out_error)
@@ -1283,10 +1280,8 @@ def _secants(
 
 def _levels_at(strain: FloatArray, courses: Sequence[tuple[FloatArray, FloatArray]]) -> FloatArray:
     """Return what each specimen is off the law at strains, (n, k): on the line of its course."""
-    lines = [
-        np.polyfit(stretch - 1.0, ratio, min(1, len(ratio) - 1), w=np.abs(stretch - 1.0) ** 0.5)
-        for stretch, ratio in courses
-    ]
+    own = ((stretch - 1.0, ratio) for stretch, ratio in courses)
+    lines = [np.polyfit(e, r, min(1, len(r) - 1), w=np.abs(e) ** 0.5) for e, r in own]
     return np.array([np.polyval(line, strain) for line in lines])
 
 

@@ -376,9 +376,8 @@ class Ogden(SeparableLaw):
         stretch = positive_stretch(stretch)
         tangent = np.zeros_like(stretch)
         for mu, a in zip(self.mu_MPa, self.alpha, strict=True):
-            tangent = tangent + mu * (
-                (a - 1.0) * stretch ** (a - 2.0) + (a / 2.0 + 1.0) * stretch ** (-a / 2.0 - 2.0)
-            )
+            along, across = stretch ** (a - 2.0), stretch ** (-a / 2.0 - 2.0)
+            tangent = tangent + mu * ((a - 1.0) * along + (a / 2.0 + 1.0) * across)
         return tangent
 
     def bounds(self, stretch_max: float) -> FloatArray:

@@ -207,8 +207,7 @@ def characterise(
     strains = SECANT_STRAINS if at_strain is None else tuple(at_strain)
     others = _other_modes(study)
     found = tuple(
-        characterise_material(name, curves, secant_strains=strains)
-        for name, curves in study.groups.items()
+        characterise_material(*one, secant_strains=strains) for one in study.groups.items()
     )
     slips, asked = _unit_slips(study, None, palette, printer, compare)
     notes = (*study.notes, *others, *asked)
@@ -565,9 +564,8 @@ def _coordinates(
 ) -> dict[str, float]:
     """Return coordinates by material: as given, else even in the order given, else of stiffness."""
     strain = min(_RANKING_STRAIN, *(fit.elongation_at_break for fit in fits.values()))
-    stiffness = {
-        called: float(secant_modulus_MPa(make_law(fit.law), strain)) for called, fit in fits.items()
-    }
+    laws = {called: make_law(fit.law) for called, fit in fits.items()}
+    stiffness = {called: float(secant_modulus_MPa(law, strain)) for called, law in laws.items()}
     found = {} if order else _by_material(study, fits, "coordinate", given)
     ordered = list(order) if order else sorted(fits, key=stiffness.__getitem__)
     if order and (sorted(order) != sorted(fits) or given):

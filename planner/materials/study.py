@@ -672,12 +672,9 @@ def read_study(
         found[name] = _curve_of(name, used[name], said, sure)
     unstated = [name for name, record in used.items() if _states_no_strain_unit(record.table)]
     # Who names some files means to leave out the others.
-    absent = Caution if whole else str
-    notes.extend(
-        absent(f"specimen {row.specimen}: no curve among the files")
-        for row in rows.values()
-        if row.specimen not in {*found, *asked} and not _left_out(row)
-    )
+    absent, told = Caution if whole else str, {*found, *asked}
+    missing = (row for row in rows.values() if not (row.specimen in told or _left_out(row)))
+    notes += [absent(f"specimen {row.specimen}: no curve among the files") for row in missing]
     if unstated:
         largest = [float(found[name].strain[-1]) for name in unstated]
         ends = list(dict.fromkeys([min(largest), max(largest)]))
