@@ -215,8 +215,7 @@ def _listed(
             f"{where}: give exactly one of {' and '.join(map(repr, given))} (got {got})"
         )
     if not texts.get("part"):
-        loose = next((name for name in _PART_TEXTS[1:] if texts.get(name)), None)
-        if loose is not None:
+        if loose := next((name for name in _PART_TEXTS[1:] if texts.get(name)), None):
             raise FileError(f"{where}: {loose!r} goes with a part; give one, or leave it empty")
     elif record.get("gauge_mm"):
         raise FileError(f"{where}: a part has no 'gauge_mm'; leave it empty")

@@ -1,5 +1,6 @@
 """Tables: rows of cells of a text, whatever its separator, or of a workbook; columns of numbers."""
 
+import contextlib
 import csv
 import datetime
 import functools
@@ -111,22 +112,19 @@ def _decoded(data: bytes) -> str:
         text = data.decode("utf-16-le" if odd else "utf-16-be", errors="replace")
         if "\n" in text:  # no other binary data
             return text
-    try:
+    with contextlib.suppress(UnicodeDecodeError):
         return data.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        pass
     # A Chinese character is two bytes from 0xA1 on; in European texts such bytes stand alone.
     if all(len(run) % 2 == 0 and min(run) >= 0xA1 for run in re.findall(rb"[\x80-\xff]+", data)):
         return data.decode("gb18030", errors="replace")
-    try:
+    with contextlib.suppress(UnicodeDecodeError):
         text = data.decode("cp932")
-    except UnicodeDecodeError:
-        return data.decode("cp1252", errors="replace")
-    # What European letters become as Shift-JIS begins with bytes from 0xA0 on; kana and the usual
-    # kanji begin below, where Windows-1252 has quotes, dashes and the euro.
-    begins = [c.encode("cp932")[0] for c in text if not c.isascii()]
-    japanese = 2 * sum(byte < 0xA0 for byte in begins) > len(begins)
-    return text if japanese else data.decode("cp1252", errors="replace")
+        # What European letters become as Shift-JIS begins with bytes from 0xA0 on; kana and the
+        # usual kanji begin below, where Windows-1252 has quotes, dashes and the euro.
+        begins = [c.encode("cp932")[0] for c in text if not c.isascii()]
+        if 2 * sum(byte < 0xA0 for byte in begins) > len(begins):
+            return text
+    return data.decode("cp1252", errors="replace")
 
 
 def split_rows(text: str, separator: str) -> Iterator[TextRow]:

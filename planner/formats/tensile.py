@@ -994,8 +994,7 @@ def _values(record: _Block, used: Sequence[_Column], notes: list[str]) -> dict[s
     grid, found = record.grid, dict[str, FloatArray]()
     rows = [grid.rows[row] for row in record.rows]
     for column in used:
-        short = next((row for row in rows if len(row[1]) <= column.at), None)
-        if short is not None:
+        if short := next((row for row in rows if len(row[1]) <= column.at), None):
             raise FileError(
                 f"{grid.where}, line {short[0]}: {len(short[1])} cells where the headings have "
                 f"{len(record.headings)}; complete or remove the line"

@@ -15,12 +15,10 @@ from planner.palette import LAW_PARAMETERS, LawParameters
 __all__ = [
     "FARTHEST",
     "LOWEST_STRETCH",
-    "Columns",
     "Law",
     "Ogden",
     "SeparableLaw",
     "Yielding",
-    "above_zero",
     "candidate_laws",
     "first_invariant",
     "make_law",

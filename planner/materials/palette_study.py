@@ -458,8 +458,7 @@ def fit(
         )  # fmt: skip
         notes.extend(note for note in fitted.notes if note not in notes)
         fits[called] = fitted
-    single = [called for called, fitted in fits.items() if fitted.characteristics.n == 1]
-    if single:
+    if single := [called for called, fitted in fits.items() if fitted.characteristics.n == 1]:
         notes.append(
             f"one specimen of {listed(single, 3)}: scatter of {100 * ASSUMED_LOG_SD:g} % is "
             "assumed; laws are judged by blocks of strain"
