@@ -181,8 +181,9 @@ def unpacked(data: bytes, name: str, most_bytes: int = _LARGEST) -> Iterator[tup
                         f"{name}: {member.filename} is packed by method {member.compress_type}; "
                         "only deflate is read: zip it again"
                     )
+                # At least a byte: who reads none is not told that there is more than promised.
                 with archive.open(member) as stream:
-                    content = stream.read(member.file_size)
+                    content = stream.read(max(member.file_size, 1))
                 if len(content) < member.file_size:
                     raise EOFError(f"{member.filename} is cut short")
                 yield member.filename, content
