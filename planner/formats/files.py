@@ -28,7 +28,6 @@ __all__ = [
     "most_unpacked",
     "path_within",
     "read_file",
-    "toml_beside",
     "toml_text",
     "unpacked",
 ]
