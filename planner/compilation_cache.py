@@ -97,14 +97,13 @@ class Loop:
 
     def _path(self, arguments: tuple[Any, ...]) -> Path | None:
         """Return the file for given arguments and this processor; None where none can be kept."""
-        folder = _folder()
-        if folder is None:
+        if (folder := _folder()) is None:
             return None
         try:
             words = [*map(_type_word, arguments), *_processor()]
             digest = hashlib.sha256("\n".join(words).encode())
-            layout = _parts_of_code(_linkable.__code__, {}, [])  # of the file
-            for part in (*_parts(self, []), *layout):
+            # Of the loop, and of the file's layout.
+            for part in (*_parts(self, []), *_parts_of_code(_linkable.__code__, {}, [])):
                 digest.update(b"%d %b" % (len(part), part))
         except _NoNameError:
             return None
@@ -164,14 +163,11 @@ _MEMORY = 0x1 | 0x2 | 0x100 | 0x400  # numpy's flags C and F contiguous, aligned
 
 def _seen(value: Any) -> Any:
     """Return what decides how a value is taken, at least."""
-    kind = type(value)
-    if kind is np.ndarray:
+    if (kind := type(value)) is np.ndarray:
         return value.dtype, value.ndim, value.flags.num & _MEMORY
     if kind is int:
         return kind if value.bit_length() < 64 else "no int64"
-    if isinstance(value, tuple):
-        return (kind, *map(_seen, value))
-    return kind
+    return (kind, *map(_seen, value)) if isinstance(value, tuple) else kind
 
 
 def _type_word(value: Any) -> str:
@@ -210,11 +206,9 @@ def _linkable(compiled: Any) -> _Linkable:
     others = [each for each in compiled._find_referenced_environments() if each is not own]
     environments = [(each.env_name, list(each.consts)) for each in (*others, own)]
     module = library._final_module
-    needed = [
-        value.name
-        for value in (*module.functions, *module.global_variables)
-        if value.is_declaration and not value.name.startswith("llvm.")
-    ]
+    symbols = (*module.functions, *module.global_variables)
+    declared = (value.name for value in symbols if value.is_declaration)
+    needed = [name for name in declared if not name.startswith("llvm.")]
     entry = compiled.fndesc.llvm_cpython_wrapper_name
     return library._get_compiled_object(), entry, environments, needed
 
@@ -247,9 +241,8 @@ def _engine() -> tuple[Any, Any, Any]:
 
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
-    functions, helpers, memory = map(
-        _part_of_numba, ("_dynfunc", "_helperlib", "core.runtime._nrt_python")
-    )
+    functions, helpers = map(_part_of_numba, ("_dynfunc", "_helperlib"))
+    memory = _part_of_numba("core.runtime._nrt_python")
     memory.memsys_use_cpython_allocator()
     symbols = {"_Py_NoneStruct": id(None)}
     for module in (functions, helpers):
@@ -295,13 +288,9 @@ def _part_of_numba(name: str) -> ModuleType:
     """Return an extension module of numba, imported without numba, which finds it later."""
     called = f"numba.{name}"
     if called not in sys.modules:
-        package = importlib.util.find_spec("numba")
-        assert package is not None
-        places = package.submodule_search_locations or []
-        folder = Path(places[0], *name.split(".")[:-1])
-        spec = importlib.machinery.PathFinder.find_spec(called, [str(folder)])
-        assert spec is not None
-        assert spec.loader is not None
+        package: Any = importlib.util.find_spec("numba")
+        folder = Path(package.submodule_search_locations[0], *name.split(".")[:-1])
+        spec: Any = importlib.machinery.PathFinder.find_spec(called, [str(folder)])
         sys.modules[called] = importlib.util.module_from_spec(spec)
         spec.loader.exec_module(sys.modules[called])
     return sys.modules[called]
@@ -315,16 +304,10 @@ def _processor() -> tuple[str, ...]:
     features = ""
     with contextlib.suppress(RuntimeError):  # where LLVM cannot tell
         features = llvm.get_host_cpu_features().flatten()
-    return (
-        llvm.get_process_triple(),
-        llvm.get_host_cpu_name(),
-        features,
-        *sorted(
-            f"{name}={value}"
-            for name, value in os.environ.items()
-            if name.startswith("NUMBA_") and name != "NUMBA_CACHE_DIR"
-        ),
-    )
+    said = {name: value for name, value in os.environ.items() if name.startswith("NUMBA_")}
+    said.pop("NUMBA_CACHE_DIR", None)
+    host = (llvm.get_process_triple(), llvm.get_host_cpu_name(), features)
+    return (*host, *sorted(f"{name}={value}" for name, value in said.items()))
 
 
 # ------------------------------------------------------------------------------------------------

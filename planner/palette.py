@@ -269,19 +269,17 @@ class Palette:
         wanted = name.strip().casefold()
         names = {m.id: [n.casefold() for n in (m.id, *m.aliases)] for m in self.materials}
         exact = [m for m in self.materials if wanted in names[m.id]]
-        if len(exact) == 1:
-            return exact[0]
         begun = [m for m in self.materials if any(n.startswith(wanted) for n in names[m.id])]
-        if wanted and len(begun) == 1:
-            return begun[0]
-        ids = [m.id for m in self.materials]
-        if wanted and len(begun) > 1:
+        for found in (exact, begun if wanted else []):
+            if len(found) == 1:
+                return found[0]
+        if wanted and begun:
             raise UnknownNameError(
                 f"material {name!r} is ambiguous in palette {self.name}: it may be "
                 f"{', '.join(m.id for m in begun)}; give more letters"
             )
-        known = [*ids, *(a for m in self.materials for a in m.aliases)]
-        hint = did_you_mean(name, known, most=3)
+        ids = [m.id for m in self.materials]
+        hint = did_you_mean(name, [*ids, *(a for m in self.materials for a in m.aliases)], most=3)
         raise UnknownNameError(
             f"no material {name!r} in palette {self.name}; {hint}it has {', '.join(ids)}"
         )
@@ -382,11 +380,9 @@ def parse_palette(data: bytes, *, name: str) -> Palette:
         See `load_palette`.
     """
     try:
-        document = decode_toml(data, f"palette {name}")
+        file = msgspec.convert(decode_toml(data, f"palette {name}"), PaletteFile)
     except FileError as error:
         raise PaletteError(str(error)) from error
-    try:
-        file = msgspec.convert(document, PaletteFile)
     except msgspec.ValidationError as error:
         raise PaletteError(f"palette {name}: {error}") from error
     if file.schema != 1:
@@ -424,14 +420,11 @@ def _hardness(table: _HardnessFile, name: str) -> tuple[tuple[float, float], ...
 
 def _temperature(table: Temperature, name: str) -> Temperature:
     lists = msgspec.structs.astuple(table)
-    ok = len({len(one) for one in lists}) == 1 and len(table.coordinate) > 0
-    ok = ok and all(math.isfinite(v) for one in lists for v in one)
-    ok = ok and all(a < b for a, b in itertools.pairwise(table.coordinate))
-    ok = ok and all(
-        low < high and factor > 0.0 and sd >= 0.0
-        for _, low, high, factor, sd in zip(*lists, strict=True)
-    )
-    if not ok:
+    rows = [*zip(*lists, strict=False)]
+    finite = all(math.isfinite(v) for one in lists for v in one)
+    rising = all(a < b for a, b in itertools.pairwise(table.coordinate))
+    sound = all(low < high and factor > 0.0 and sd >= 0.0 for _, low, high, factor, sd in rows)
+    if not (rows and {len(one) for one in lists} == {len(rows)} and finite and rising and sound):
         raise PaletteError(
             f"palette {name}: temperature: {', '.join(table.__struct_fields__)} must be lists of "
             "one length, coordinates rising, low_C below high_C, factors above 0, log_sd not below"
@@ -461,23 +454,16 @@ def _material(entry: _MaterialFile, name: str) -> Material:
             f"{where}: uncertainty: strain and log_sd must be lists of one length, strain rising, "
             "log_sd from 0 to 9"
         )
-    colour = entry.colour
-    if not re.fullmatch(r"#[0-9A-Fa-f]{6}", colour):
-        raise PaletteError(f"{where}: colour is {colour!r}; write it as '#RRGGBB'")
-    published = entry.published
-    read = {
-        "law": _law(entry.law, f"{where}: law"),
-        "published": None if published is None else _law(published, f"{where}: published"),
-        "aliases": tuple(entry.aliases),
-        "colour": colour.upper(),
-        "readings": tuple(
-            Reading(r.name, _law(r.law, f"{where}: reading: law"), r.modulus_log_sd, r.source)
-            for r in entry.reading
-        ),
-    }
+    if not re.fullmatch(r"#[0-9A-Fa-f]{6}", entry.colour):
+        raise PaletteError(f"{where}: colour is {entry.colour!r}; write it as '#RRGGBB'")
     stated = msgspec.structs.asdict(entry)
-    del stated["reading"]
-    return Material(**{**stated, **read})
+    for key in ("law", "published"):
+        stated[key] = stated[key] if stated[key] is None else _law(stated[key], f"{where}: {key}")
+    stated["readings"] = tuple(
+        Reading(**msgspec.structs.asdict(r) | {"law": _law(r.law, f"{where}: reading: law")})
+        for r in stated.pop("reading")
+    )
+    return Material(**stated | {"aliases": tuple(entry.aliases), "colour": entry.colour.upper()})
 
 
 def _law(table: Mapping[str, Any], where: str) -> LawParameters:
@@ -496,10 +482,7 @@ def _law(table: Mapping[str, Any], where: str) -> LawParameters:
             raise PaletteError(f"{where}: {key!r} is missing; {takes}")
         value = table[key]
         values = value if isinstance(value, list) else [value]
-        if not values or not all(
-            isinstance(v, (int, float)) and not isinstance(v, bool) and math.isfinite(v)
-            for v in values
-        ):
+        if not values or not all(type(v) in (int, float) and math.isfinite(v) for v in values):
             raise PaletteError(f"{where}: {key} is {value!r}; it must be finite numbers")
         if length is not None and len(values) != length:
             raise PaletteError(f"{where}: {key} has {len(values)} values; {model} takes {length}")
@@ -514,8 +497,7 @@ def _check_names_and_order(materials: tuple[Material, ...], name: str) -> None:
     seen: dict[str, str] = {}
     for material in materials:
         for called in (material.id, *material.aliases):
-            other = seen.setdefault(called.casefold(), material.id)
-            if other != material.id:
+            if (other := seen.setdefault(called.casefold(), material.id)) != material.id:
                 raise PaletteError(
                     f"palette {name}: {called!r} names both {other} and {material.id}; "
                     "ids and aliases must be unique"
@@ -619,6 +601,5 @@ def _toml_law(key: str, law: LawParameters) -> Iterator[str]:
 
 def _table(head: Sequence[str], values: Mapping[str, Any]) -> Iterator[str]:
     """Write keys under a heading, those that state something; nothing where none does."""
-    stated = {key: value for key, value in values.items() if value not in (None, ())}
-    if stated:
+    if stated := {key: value for key, value in values.items() if value not in (None, ())}:
         yield from (*head, *(f"{key} = {toml_text(value)}" for key, value in stated.items()))

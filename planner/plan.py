@@ -40,6 +40,10 @@ __all__ = [
 _BESIDE = ("shells", "notes", "coupons", "file")
 """What a plan just made holds and plan.json does not."""
 
+_ALWAYS = ("field", "profile", "start", "end", "bands")
+_CALLED = {"start": "from", "end": "to"}
+"""What plan.json tells of every gradient, null too, and what it calls otherwise."""
+
 _MIXTURES = (
     "",
     "Files with two materials are mixtures. Only a printer whose software takes such ratios can",
@@ -337,23 +341,12 @@ class Plan:
 
     def document(self) -> dict[str, Any]:
         """Return the plan as plan.json holds it."""
-        warnings = tuple(map(str, self.warnings))  # a caution is a text in files
-        bare = dataclasses.replace(
-            self, shells=(), notes="", coupons={}, warnings=warnings, file=None
-        )
-        document: dict[str, Any] = _without_none(msgspec.to_builtins(bare))
-        for kept_beside in _BESIDE:
-            document.pop(kept_beside, None)
-        gradient = document["gradient"]
-        document["gradient"] = {
-            "field": gradient["field"],
-            "profile": gradient["profile"],
-            "from": gradient.get("start"),
-            "to": gradient.get("end"),
-            "bands": gradient.get("bands"),
-        }
-        beside = {name: gradient[name] for name in ("blend", "like", "snap") if name in gradient}
-        document["gradient"] |= beside
+        names = [each.name for each in dataclasses.fields(self) if each.name not in _BESIDE]
+        stated = {name: getattr(self, name) for name in names}
+        stated["warnings"] = list(map(str, self.warnings))  # a caution is a text in files
+        document: dict[str, Any] = _without_none(msgspec.to_builtins(stated))
+        gradient = dict.fromkeys(_ALWAYS) | document["gradient"]
+        document["gradient"] = {_CALLED.get(name, name): gradient[name] for name in gradient}
         if not document["files_sha256"]:
             del document["files_sha256"]
         return document
@@ -464,12 +457,12 @@ class Plan:
             ]
             pictures = pictures_of(solids, width=_PICTURE[0], height=_PICTURE[1])
             del solids
+            thumbnail = pictures.thumbnail
+            model = encode_threemf(objects, self.name, thumbnail=thumbnail, one_mesh=one_mesh)
             files = {
                 "part.png": pictures.outside,
                 "section.png": pictures.section,
-                f"{self.name}.3mf": encode_threemf(
-                    objects, self.name, thumbnail=pictures.thumbnail, one_mesh=one_mesh
-                ),
+                f"{self.name}.3mf": model,
                 "HOWTO.md": self.howto().encode("utf-8"),
                 **({} if page is None else {"plan.html": page}),
                 **self.coupons,
@@ -551,9 +544,8 @@ def read_plan(path: str | Path) -> Plan:
     'TangoPlus'
     """
     file = plan_file(path)
-    data = read_file(file)
     # A program may change its working directory between reading a plan and using it.
-    return dataclasses.replace(decode_plan(data, str(file)), file=file.absolute())
+    return dataclasses.replace(decode_plan(read_file(file), str(file)), file=file.absolute())
 
 
 def decode_plan(data: bytes, name: str) -> Plan:
@@ -561,7 +553,7 @@ def decode_plan(data: bytes, name: str) -> Plan:
     document = decode_document(data, dict[str, Any], name)
     gradient = document.get("gradient")
     if isinstance(gradient, dict):
-        gradient["start"], gradient["end"] = gradient.pop("from", None), gradient.pop("to", None)
+        gradient |= {name: gradient.pop(called, None) for name, called in _CALLED.items()}
     for kept_beside in _BESIDE:
         document.pop(kept_beside, None)
     try:
@@ -657,16 +649,12 @@ def read_shell(folder: Path, region: Region) -> tuple[bytes, bool]:
     FileError
         It is missing, or lies outside the folder.
     """
-    data = read_file(
-        path_within(folder, region.file),
-        advice="keep it beside plan.json, or grade the part again",
-    )
+    place = path_within(folder, region.file)
+    data = read_file(place, advice="keep it beside plan.json, or grade the part again")
     return data, hashlib.sha256(data).hexdigest() != region.sha256
 
 
 def _without_none(value: Any) -> Any:
     if isinstance(value, dict):
         return {k: _without_none(v) for k, v in value.items() if v is not None}
-    if isinstance(value, (list, tuple)):
-        return [_without_none(v) for v in value]
-    return value
+    return [_without_none(v) for v in value] if isinstance(value, (list, tuple)) else value

@@ -5,6 +5,7 @@ import math
 import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from importlib import import_module
 from itertools import islice
 from pathlib import Path
@@ -13,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.errors import ArgumentError, FileError, OutputError, PlannerError, UnknownNameError
+from planner.errors import ArgumentError, FileError, OutputError, UnknownNameError
 from planner.formats.files import encode_document, path_within
 from planner.formats.outputs import check_target, new_folder
 from planner.formats.png import NOTHING, ImageKind, encode_layer
@@ -36,27 +37,6 @@ __all__ = ["Layer", "SliceStack", "iterate_layers", "write_slices"]
 
 
 _SLAB_ROWS = 1 << 17  # about: a slab's working arrays stay in the second-level cache
-
-
-@dataclass(frozen=True, eq=False)
-class LayerRuns:
-    """Runs of inside voxels along x, for whole layers of a grid.
-
-    Attributes
-    ----------
-    offsets : (layers * ny + 1,) int64
-        Row (j, k) is number ``(k - first_layer) * ny + j`` and has the runs
-        ``offsets[number]`` to ``offsets[number + 1]``.
-    start, stop : (runs,) int32
-        Each run holds the voxels start <= i < stop; runs of a row rise and do not touch.
-    open_rows
-        Rows whose entries and exits do not pair up: the mesh is not closed.
-    """
-
-    offsets: IntArray
-    start: IntArray
-    stop: IntArray
-    open_rows: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,12 +68,8 @@ class SlabTriangles:
     def alone(self) -> "SlabTriangles":
         """Return the same without the faces and vertices that the slab does not need."""
         used, faces = compact(self.faces[self.members], len(self.snapped))
-        return replace(
-            self,
-            snapped=self.snapped[used],
-            faces=faces,
-            members=np.arange(len(faces), dtype=np.int32),
-        )
+        members = np.arange(len(faces), dtype=np.int32)
+        return replace(self, snapped=self.snapped[used], faces=faces, members=members)
 
 
 def iterate_slabs(mesh: Mesh, grid: Grid, slab_layers: int) -> Iterator[SlabTriangles]:
@@ -101,26 +77,32 @@ def iterate_slabs(mesh: Mesh, grid: Grid, slab_layers: int) -> Iterator[SlabTria
 
     Raises
     ------
-    ArgumentError
-        `slab_layers` is below 1.
     MeshError
         No faces; or a vertex is not finite, or more than 16384 voxels away from another.
     """
     ny, nz = grid.shape[1:]
-    if slab_layers < 1:
-        raise ArgumentError(f"slab_layers is {slab_layers}; it must be at least 1")
     check_reach(mesh, grid)
     snapped = np.ascontiguousarray(snap(mesh.vertices, grid)[:, [1, 2, 0]])
     for first, last, members, spans in deal_rows(snapped, mesh.faces, ny, nz, slab_layers):
         yield SlabTriangles(grid.shape, first, last, snapped, mesh.faces, members, spans)
 
 
-def runs_along_x(slab: SlabTriangles) -> LayerRuns:
-    """Return the runs of one slab's layers."""
+def runs_along_x(slab: SlabTriangles) -> tuple[IntArray, IntArray, IntArray, int]:
+    """Return the runs of inside voxels along x of one slab's layers.
+
+    Returns
+    -------
+    offsets : (layers * ny + 1,) int64
+        Row (j, k) is number ``(k - first_layer) * ny + j`` and has the runs
+        ``offsets[number]`` to ``offsets[number + 1]``.
+    start, stop : (runs,) int32
+        Each run holds the voxels start <= i < stop; runs of a row rise and do not touch.
+    open_rows
+        Rows whose entries and exits do not pair up: the mesh is not closed.
+    """
     nx, ny, _ = slab.shape
     triangles = (slab.snapped, slab.faces, slab.members, slab.spans)
-    layers = (slab.first_layer, slab.last_layer)
-    return LayerRuns(*slab_runs(*triangles, *layers, ny, nx, 0, row_leads=True))
+    return slab_runs(*triangles, slab.first_layer, slab.last_layer, ny, nx, 0, row_leads=True)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -163,10 +145,7 @@ class _PlanShells:
 
 
 def _open_shells(
-    path: str | Path | Plan,
-    *,
-    pitch_mm: float | Sequence[float] | None = None,
-    printer: str | Printer | None = None,
+    path: str | Path | Plan, pitch_mm: float | Sequence[float] | None, printer: str | Printer | None
 ) -> _PlanShells:
     """Read the shells of a plan and verify that they are the ones it was written with.
 
@@ -194,22 +173,13 @@ def _open_shells(
     shells = tuple(_shells(file.parent, plan, machine))
     if not 0 < len(shells) <= _MOST_SHELLS:
         raise FileError(f"{file}: names {len(shells)} shells; 1 to {_MOST_SHELLS} can be sliced")
-    bounds_mm = np.array(
-        [
-            np.min([shell.mesh.bounds_mm[0] for shell in shells], axis=0),
-            np.max([shell.mesh.bounds_mm[1] for shell in shells], axis=0),
-        ]
-    )
+    lowest, highest = np.array([shell.mesh.bounds_mm for shell in shells]).swapaxes(0, 1)
+    bounds_mm = np.array([lowest.min(axis=0), highest.max(axis=0)])
     if pitch_mm is None and machine is not None:
         pitch_mm = (*machine.pixel_mm, machine.layer_mm)
-    edges_mm = _pitch(pitch_mm, bounds_mm[1] - bounds_mm[0])
-    return _PlanShells(
-        plan,
-        hashlib.sha256(file.read_bytes()).hexdigest(),
-        plan.printer if machine is None else machine.name,
-        shells,
-        grid_for(bounds_mm, edges_mm),
-    )
+    grid = grid_for(bounds_mm, _pitch(pitch_mm, bounds_mm[1] - bounds_mm[0]))
+    name = plan.printer if machine is None else machine.name
+    return _PlanShells(plan, hashlib.sha256(file.read_bytes()).hexdigest(), name, shells, grid)
 
 
 def _deal_slabs(
@@ -242,14 +212,10 @@ def _shells(root: Path, plan: Plan, machine: Printer | None) -> Iterator[_ShellM
     for name, triangles in read_shells(plan):
         vertices, faces = weld(triangles.astype(np.float32))
         material = seen[name].printed
-        yield _ShellMesh(
-            material,
-            material if machine is None else machine.operator_name(material),
-            colours.get(material, _UNKNOWN_COLOUR),
-            name,
-            seen[name].sha256,
-            Mesh(vertices.astype(np.float64), faces),
-        )
+        called = material if machine is None else machine.operator_name(material)
+        colour = colours.get(material, _UNKNOWN_COLOUR)
+        mesh = Mesh(vertices.astype(np.float64), faces)
+        yield _ShellMesh(material, called, colour, name, seen[name].sha256, mesh)
 
 
 def _colours(root: Path, plan: Plan, machine: Printer | None, wanted: set[str]) -> dict[str, str]:
@@ -296,7 +262,7 @@ def _pitch(
 
 @dataclass(frozen=True, eq=False)
 class _MaterialRuns:
-    """Runs along x of whole layers, as in `LayerRuns`, each with a label.
+    """Runs along x of whole layers, as of `runs_along_x`, each with a label.
 
     Attributes
     ----------
@@ -319,22 +285,21 @@ class _MaterialRuns:
 
 def _join_shells(shells: Sequence[SlabTriangles]) -> _MaterialRuns:
     """Join the runs that shells have in the same layers."""
-    each, ny = [runs_along_x(shell) for shell in shells], shells[0].shape[1]
-    rows = len(each[0].offsets) - 1
-    before = np.cumsum([0, *(len(runs.start) for runs in each)])
-    offsets = np.stack([runs.offsets + n for runs, n in zip(each, before, strict=False)])
-    start = np.concatenate([runs.start for runs in each])
-    stop = np.concatenate([runs.stop for runs in each])
+    ny, each = shells[0].shape[1], zip(*map(runs_along_x, shells), strict=True)
+    own_offsets, starts, stops, open_rows = each
+    rows = len(own_offsets[0]) - 1
+    before = np.cumsum([0, *map(len, starts)])
+    offsets = np.stack([own + n for own, n in zip(own_offsets, before, strict=False)])
+    start, stop = np.concatenate(starts), np.concatenate(stops)
     joined, label = np.empty((2, len(start)), np.int32), np.empty(len(start), np.int32)
     new_offsets = np.zeros(rows + 1, np.int64)
     voxels = np.zeros((rows // ny, len(shells)), np.int64)
     place = offsets[:, 0].copy()
-    runs, overlapping = _join(
-        *(offsets, start, stop, ny, place, new_offsets, joined[0], joined[1], label, voxels)
-    )
+    made = (new_offsets, joined[0], joined[1], label, voxels)
+    runs, overlapping = _join(offsets, start, stop, ny, place, *made)
     return _MaterialRuns(
         *(new_offsets, joined[0, :runs], joined[1, :runs], label[:runs], voxels, int(overlapping)),
-        sum(runs.open_rows for runs in each),
+        sum(open_rows),
     )
 
 
@@ -384,18 +349,6 @@ def _paint(offsets: Any, start: Any, stop: Any, label: Any, first: Any, image: A
 
 
 @dataclass(frozen=True, eq=False)
-class _SlabTask:
-    """Some layers to be made: the triangles of each shell there, and how images look."""
-
-    shells: tuple[SlabTriangles, ...]
-    kind: ImageKind
-
-    def alone(self) -> "_SlabTask":
-        """Return the same with no more of the shells than it needs, to be sent elsewhere."""
-        return replace(self, shells=tuple(shell.alone() for shell in self.shells))
-
-
-@dataclass(frozen=True, eq=False)
 class _SlabImages:
     """Some layers as made.
 
@@ -418,18 +371,14 @@ class _SlabImages:
     open_rows: int
 
 
-def _make_slab(task: _SlabTask) -> _SlabImages:
-    """Make the images of a slab."""
-    nx, ny, _ = task.shells[0].shape
-    runs = _join_shells(task.shells)
-    images = tuple(
-        encode_layer(
-            *(runs.offsets, runs.start, runs.stop, runs.label), *((row, row + ny), nx, task.kind)
-        )
-        for row in range(0, len(runs.offsets) - 1, ny)
-    )
-    first = task.shells[0].first_layer
-    return _SlabImages(first, images, runs.voxels, runs.overlapping, runs.open_rows)
+def _make_slab(kind: ImageKind, shells: Sequence[SlabTriangles]) -> _SlabImages:
+    """Make the images of a slab: the triangles of each shell there, and how images look."""
+    nx, ny, _ = shells[0].shape
+    runs = _join_shells(shells)
+    drawn = (runs.offsets, runs.start, runs.stop, runs.label)
+    rows = range(0, len(runs.offsets) - 1, ny)
+    images = tuple(encode_layer(drawn, (row, row + ny), nx, kind) for row in rows)
+    return _SlabImages(shells[0].first_layer, images, runs.voxels, runs.overlapping, runs.open_rows)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -490,7 +439,7 @@ def iterate_layers(
     >>> layer.label.shape  # doctest: +SKIP
     (16, 97)
     """
-    source = _open_shells(plan, pitch_mm=pitch_mm, printer=printer)
+    source = _open_shells(plan, pitch_mm, printer)
     grid, materials = source.grid, tuple(shell.material for shell in source.shells)
     nx, ny, _ = grid.shape
     for slab in _deal_slabs(source):
@@ -565,9 +514,8 @@ class SliceStack:
     @one_line
     def __repr__(self) -> str:
         return (
-            f"{self.part.name}: {counted(self.grid.shape[2], 'layer')} of "
-            f"{self.grid.shape[0]} x {self.grid.shape[1]} voxels, "
-            f"{counted(len(self.materials), 'material')}; "
+            f"{self.part.name}: {counted(self.grid.shape[2], 'layer')} of {self.grid.shape[0]} x "
+            f"{self.grid.shape[1]} voxels, {counted(len(self.materials), 'material')}; "
             + outcome((len(self.findings), "finding"))
         )
 
@@ -595,25 +543,17 @@ class SliceStack:
 
     def document(self) -> dict[str, Any]:
         """Return the stack as slices.json holds it."""
+        part = {name: getattr(self.part, name) for name in ("name", "file", "sha256")}
+        axes = {"column": "x", "row": "y", "layer": "z"}
+        pixels = "indexed" if self.indexed else "rgba"
         return {
             "schema": 1,
             "version": self.version,
             "printer": self.printer,
             "plan": {"sha256": self.plan_sha256},
-            "part": {
-                "name": self.part.name,
-                "file": self.part.file,
-                "sha256": self.part.sha256,
-                "translation_mm": list(self.part.translation_mm),
-            },
+            "part": part | {"translation_mm": list(self.part.translation_mm)},
             "grid": asdict(self.grid),
-            "images": {
-                "pixels": "indexed" if self.indexed else "rgba",
-                "column": "x",
-                "row": "y",
-                "layer": "z",
-                "nothing": list(NOTHING),
-            },
+            "images": {"pixels": pixels, **axes, "nothing": list(NOTHING)},
             "materials": [
                 {"label": label, **asdict(each)} for label, each in enumerate(self.materials, 1)
             ],
@@ -646,7 +586,9 @@ _SLABS_A_THREAD = 2  # in flight: one is made while the next is on its way
 _LARGE_TASK = "distributed.admin.large-graph-warning-threshold"
 
 
-def _make_slabs_on(scheduler: str, tasks: Iterator[_SlabTask]) -> Iterator[_SlabImages]:
+def _make_slabs_on(
+    scheduler: str, kind: ImageKind, slabs: Iterator[Sequence[SlabTriangles]]
+) -> Iterator[_SlabImages]:
     """Make slabs on a cluster, and yield them as they come.
 
     A slab carries its triangles there and its images back. When a worker dies, what it had is
@@ -665,9 +607,9 @@ def _make_slabs_on(scheduler: str, tasks: Iterator[_SlabTask]) -> Iterator[_Slab
     OutputError
         The cluster lost all its workers, or several over one slab.
     """
-    if not isinstance(scheduler, str) or not re.fullmatch(
-        r"(tcp|tls|ws|wss)://[^\s:/]+:\d+", scheduler
-    ):
+    from planner import __version__
+
+    if not re.fullmatch(r"(tcp|tls|ws|wss)://[^\s:/]+:\d+", str(scheduler)):
         raise ArgumentError(
             f"`scheduler` {scheduler}: is no address of a scheduler; give what dask scheduler "
             "prints, as tcp://127.0.0.1:8786"
@@ -682,7 +624,9 @@ def _make_slabs_on(scheduler: str, tasks: Iterator[_SlabTask]) -> Iterator[_Slab
         ) from error
     with dask.config.set({_LARGE_TASK: "1GiB"}), _client(distributed, scheduler) as client:
         threads = _threads(client, scheduler)
-        submitted = _submit(client, tasks)
+        alone = ([shell.alone() for shell in shells] for shells in slabs)
+        made = partial(client.submit, _make_elsewhere, kind, version=__version__, pure=False)
+        submitted = map(made, alone)
         waiting = set(islice(submitted, _SLABS_A_THREAD * threads))
         while waiting:
             finished = _some_of(distributed, client, waiting, scheduler)
@@ -713,14 +657,7 @@ def _threads(client: Any, scheduler: str) -> int:
     return max(1, int(sum(client.nthreads().values())))
 
 
-def _submit(client: Any, tasks: Iterator[_SlabTask]) -> Iterator[Any]:
-    from planner import __version__
-
-    for task in tasks:
-        yield client.submit(_make_elsewhere, task.alone(), __version__, pure=False)
-
-
-def _make_elsewhere(task: _SlabTask, version: str) -> _SlabImages:
+def _make_elsewhere(kind: ImageKind, shells: Sequence[SlabTriangles], version: str) -> _SlabImages:
     """Make a slab, if this is the planner that asked: another might choose other voxels."""
     from planner import __version__
 
@@ -728,7 +665,7 @@ def _make_elsewhere(task: _SlabTask, version: str) -> _SlabImages:
         raise ArgumentError(
             f"a worker has planner {__version__}, not {version}; install planner {version} there"
         )
-    return _make_slab(task)
+    return _make_slab(kind, shells)
 
 
 def _some_of(distributed: Any, client: Any, waiting: set[Any], scheduler: str) -> set[Any]:
@@ -748,8 +685,6 @@ def _some_of(distributed: Any, client: Any, waiting: set[Any], scheduler: str) -
 def _result(distributed: Any, future: Any, scheduler: str) -> _SlabImages:
     try:
         slab: _SlabImages = future.result()
-    except PlannerError:
-        raise
     except ImportError as error:
         raise ArgumentError(
             f"`scheduler` {scheduler}: its workers cannot import what they need ({error}); install "
@@ -787,9 +722,8 @@ def _distinct_colours(wished: Sequence[str]) -> tuple[tuple[int, int, int, int],
     spare = np.min([_squares(_SPARE, wish) for wish in wishes], axis=0)
     given: list[IntArray] = []
     for wish in wishes:
-        colour = wish
-        if any(_squares(wish, other) < _LEAST_DISTANCE**2 for other in given):
-            colour = _SPARE[np.argmax(spare)]
+        is_like = any(_squares(wish, other) < _LEAST_DISTANCE**2 for other in given)
+        colour = _SPARE[np.argmax(spare)] if is_like else wish
         given.append(colour)
         spare = np.minimum(spare, _squares(_SPARE, colour))
     return tuple((int(red), int(green), int(blue), 255) for red, green, blue in given)
@@ -856,6 +790,8 @@ def write_slices(
     >>> planner.write_slices("finger-graded", "finger-slices", pitch_mm=0.1).ok  # doctest: +SKIP
     True
     """
+    from planner import __version__
+
     check_target(output, force=force, record=_RECORD)
     if slab_layers is not None and (not isinstance(slab_layers, int) or slab_layers < 1):
         raise ArgumentError(f"slab_layers is {slab_layers}; it must be a whole number from 1 up")
@@ -864,12 +800,13 @@ def write_slices(
             f"{output}: lies in the plan's own folder, which would then no longer be sound; name "
             "another folder with `output`"
         )
-    source = _open_shells(plan, pitch_mm=pitch_mm, printer=printer)
+    source = _open_shells(plan, pitch_mm, printer)
     edges_mm = source.grid.pitch_mm
     colours = _distinct_colours([shell.colour for shell in source.shells])
     kind = ImageKind(colours, indexed, (edges_mm[0], edges_mm[1]))
-    tasks = (_SlabTask(slab, kind) for slab in _deal_slabs(source, slab_layers))
-    slabs = map(_make_slab, tasks) if scheduler is None else _make_slabs_on(scheduler, tasks)
+    dealt = _deal_slabs(source, slab_layers)
+    make = partial(_make_slab, kind)
+    slabs = map(make, dealt) if scheduler is None else _make_slabs_on(scheduler, kind, dealt)
     layers = source.grid.shape[2]
     voxels = np.zeros((layers, len(source.shells)), np.int64)
     overlapping = open_rows = done = 0
@@ -882,37 +819,25 @@ def write_slices(
             open_rows += slab.open_rows
             done += len(slab.images)
             progress(done, layers)
-        stack = _stack(source, kind, voxels, overlapping, open_rows)
+        totals = voxels.sum(axis=0).tolist()
+        stack = SliceStack(
+            version=__version__,
+            printer=source.printer,
+            plan_sha256=source.plan_sha256,
+            part=source.plan.part,
+            grid=source.grid,
+            indexed=indexed,
+            materials=tuple(
+                _SlicedMaterial(
+                    *(shell.material, shell.operator_name, rgba, shell.file, shell.sha256),
+                    *(count, count * source.grid.voxel_mm3),
+                )
+                for shell, rgba, count in zip(source.shells, colours, totals, strict=True)
+            ),
+            voxels=voxels,
+            overlapping=overlapping,
+            open_rows=open_rows,
+        )
         (scratch / "layers.csv").write_bytes(stack.csv())
         (scratch / _RECORD).write_bytes(stack.json())
     return stack
-
-
-def _stack(
-    source: _PlanShells,
-    kind: ImageKind,
-    voxels: np.ndarray[tuple[int, int], np.dtype[np.int64]],
-    overlapping: int,
-    open_rows: int,
-) -> SliceStack:
-    from planner import __version__
-
-    totals = voxels.sum(axis=0).tolist()
-    return SliceStack(
-        version=__version__,
-        printer=source.printer,
-        plan_sha256=source.plan_sha256,
-        part=source.plan.part,
-        grid=source.grid,
-        indexed=kind.indexed,
-        materials=tuple(
-            _SlicedMaterial(
-                *(shell.material, shell.operator_name, rgba, shell.file, shell.sha256),
-                *(count, count * source.grid.voxel_mm3),
-            )
-            for shell, rgba, count in zip(source.shells, kind.colours, totals, strict=True)
-        ),
-        voxels=voxels,
-        overlapping=overlapping,
-        open_rows=open_rows,
-    )

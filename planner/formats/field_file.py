@@ -117,8 +117,7 @@ def _read_vtu(data: bytes, name: str, array: str | None) -> tuple[FloatArray, Fl
 
 def _open(data: bytes, name: str, kind: str) -> _Document:
     text, appended, raw = data, b"", False
-    start = data.find(b"<AppendedData")
-    if start >= 0:
+    if (start := data.find(b"<AppendedData")) >= 0:
         head_end = data.find(b">", start)
         mark = data.find(b"_", head_end)
         end = data.rfind(b"</AppendedData")
@@ -149,12 +148,10 @@ def _named(
 ) -> tuple[ElementTree.Element, bool]:
     """Find the values by name, or the only ones; and whether they belong to cells."""
     known: dict[str, tuple[ElementTree.Element, bool]] = {}
-    for group, in_cells in (("PointData", False), ("CellData", True)):
-        if in_cells and at_points:
-            continue
+    for group in ("PointData",) if at_points else ("PointData", "CellData"):
         for item in piece.findall(f"{group}/DataArray"):
             if item.get("NumberOfComponents", "1") in ("", "1"):
-                known.setdefault(item.get("Name", ""), (item, in_cells))
+                known.setdefault(item.get("Name", ""), (item, group == "CellData"))
     if array is None and len(known) == 1:
         array = next(iter(known))
     if array not in known:
@@ -229,9 +226,8 @@ def _unpacked(document: _Document, block: bytes, raw: bool, needed: int) -> byte
     data, _ = stretch(behind, sum(packed))
     parts, at = [], 0
     for length, size in zip(packed, sizes, strict=True):
-        unpacker = zlib.decompressobj()
         # One more than promised shows that there is too much; and 0 would mean no limit.
-        parts.append(unpacker.decompress(data[at : at + length], size + 1))
+        parts.append(zlib.decompressobj().decompress(data[at : at + length], size + 1))
         if len(parts[-1]) != size:
             raise ValueError(f"a block of {size} bytes unpacks to another length")
         at += length
@@ -356,8 +352,7 @@ def read_point_table(path: Path, *, array: str | None = None) -> tuple[FloatArra
 def _check(values: FloatArray, path: Path) -> None:
     if values.size == 0:
         raise FileError(f"{path}: holds no values")
-    bad = ~np.isfinite(values)
-    if bad.any():
+    if (bad := ~np.isfinite(values)).any():
         raise FileError(
             f"{path}: value {int(np.argmax(bad.ravel())) + 1} of {values.size} is not a finite "
             "number; fill the gaps or leave those points out"
@@ -368,10 +363,9 @@ def _npy(data: bytes, path: Path) -> FloatArray:
     """Read a .npy by its head; nothing is unpickled, nor made before it is known to be there."""
     stream = io.BytesIO(data)
     try:
-        is_first = np.lib.format.read_magic(stream) == (1, 0)
-        read = (
-            np.lib.format.read_array_header_1_0 if is_first else np.lib.format.read_array_header_2_0
-        )
+        npy = np.lib.format
+        is_first = npy.read_magic(stream) == (1, 0)
+        read = npy.read_array_header_1_0 if is_first else npy.read_array_header_2_0
         shape, by_columns, dtype = read(stream)
         sizes, begin = [int(size) for size in shape], stream.tell()
     except Exception as error:  # whatever numpy's parser of foreign bytes may raise
@@ -406,8 +400,7 @@ def _csv(path: Path, array: str | None) -> tuple[FloatArray, FloatArray]:
         raise FileError(
             f"{path}: columns are {', '.join(head)}; it needs x_mm, y_mm, z_mm and a value{which}"
         )
-    named = dict.fromkeys([*_COLUMNS, wanted])
-    numbers = read_columns(path, named, others=True).numbers
+    numbers = read_columns(path, dict.fromkeys([*_COLUMNS, wanted]), others=True).numbers
     return np.column_stack([numbers[name] for name in _COLUMNS]), numbers[wanted]
 
 
@@ -415,10 +408,8 @@ def _regular(points: FloatArray, values: FloatArray, path: Path) -> tuple[Point,
     axes = [np.unique(points[:, axis]) for axis in range(3)]
     shape = tuple(map(len, axes))
     steps = [(a[-1] - a[0]) / (len(a) - 1) if len(a) > 1 else 1.0 for a in axes]
-    even = all(
-        np.allclose(np.diff(a), step, rtol=1e-6, atol=0.0)
-        for a, step in zip(axes, steps, strict=True)
-    )
+    pairs = zip(axes, steps, strict=True)
+    even = all(np.allclose(np.diff(a), step, rtol=1e-6, atol=0.0) for a, step in pairs)
     index = tuple(np.searchsorted(a, points[:, axis]) for axis, a in enumerate(axes))
     if not even or math.prod(shape) != len(values):
         raise FileError(
@@ -493,8 +484,7 @@ def encode_vti(first_mm: FloatArray, spacing_mm: FloatArray, values: _Values) ->
     shape = next(iter(values.values())).shape
     extent = " ".join(f"0 {n - 1}" for n in shape)
     origin, spacing = (" ".join(f"{v:.9g}" for v in one) for one in (first_mm, spacing_mm))
-    lattice = f'WholeExtent="{extent}" Origin="{origin}" Spacing="{spacing}"'
-    file = _Written("ImageData", lattice)
+    file = _Written("ImageData", f'WholeExtent="{extent}" Origin="{origin}" Spacing="{spacing}"')
     file.body.write(f'<Piece Extent="{extent}">\n')
     flat = {name: each.ravel(order="F") for name, each in values.items()}  # x runs fastest
     file.group("PointData", flat, int(np.prod(shape)))
@@ -514,8 +504,7 @@ class _Written:
 
     def array(self, values: NDArray[np.generic], name: str) -> None:
         """Add an array, (n,) or (n, c)."""
-        kind = _NAMES.get(values.dtype.newbyteorder("<").str[1:])
-        if kind is None:
+        if (kind := _NAMES.get(values.dtype.newbyteorder("<").str[1:])) is None:
             raise ArgumentError(
                 f"{name}: values of type {values.dtype} have no place in a VTU file"
             )

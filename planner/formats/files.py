@@ -180,8 +180,9 @@ def unpacked(data: bytes, name: str, most_bytes: int = _LARGEST) -> Iterator[tup
                         f"{name}: {member.filename} is packed by method {member.compress_type}; "
                         "only deflate is read: zip it again"
                     )
+                # At least a byte: who reads none is not told that there is more than promised.
                 with archive.open(member) as stream:
-                    content = stream.read(member.file_size)
+                    content = stream.read(max(member.file_size, 1))
                 if len(content) < member.file_size:
                     raise EOFError(f"{member.filename} is cut short")
                 yield member.filename, content
@@ -237,6 +238,11 @@ def decode_toml(data: bytes, name: str) -> dict[str, Any]:
         return tomllib.loads(data.decode("utf-8"))
     except (ValueError, RecursionError) as error:  # the first of text, of TOML and of long numbers
         raise FileError(f"{name}: not a TOML file: {error}") from error
+
+
+def toml_beside(name: str) -> Mapping[str, Mapping[str, Any]]:
+    """Return one of the TOML files that stand beside this module."""
+    return tomllib.loads(Path(__file__).with_name(name).read_text(encoding="utf-8"))
 
 
 def toml_text(value: str | float | Sequence[Any]) -> str:
@@ -296,9 +302,7 @@ def _rounded(value: Any) -> Any:
         return float(f"{value:.{SIGNIFICANT_DIGITS}g}") + 0.0  # + 0.0 turns -0.0 into 0.0
     if isinstance(value, Mapping):
         return {str(k): _rounded(v) for k, v in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_rounded(v) for v in value]
-    return value
+    return [_rounded(v) for v in value] if isinstance(value, (list, tuple)) else value
 
 
 def _encode(value: Any, indent: str) -> str:

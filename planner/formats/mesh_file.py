@@ -226,13 +226,11 @@ def _trimesh(
                 )
             if any((corners < 0).any() for corners in faces):
                 raise ValueError("a face has a vertex below the first")
-            mesh = scene.to_mesh()
-            triangles = np.asarray(mesh.triangles, dtype=np.float64).reshape(-1, 3, 3)
+            triangles = np.asarray(scene.to_mesh().triangles, dtype=np.float64).reshape(-1, 3, 3)
     except Exception as error:  # whatever a parser of foreign bytes may raise
-        said = f"{type(error).__name__}: {error}"
-        reason = (
-            "a figure is no number, or too large" if isinstance(error, ArithmeticError) else said
-        )
+        reason = f"{type(error).__name__}: {error}"
+        if isinstance(error, ArithmeticError):
+            reason = "a figure is no number, or too large"
         raise MeshError(
             f"{name}: not a {kind.upper()} file that can be read ({reason}); export the part "
             "again, as STL or 3MF if you can"
@@ -245,8 +243,7 @@ def _check_tree(data: bytes, limits: UnfoldingLimits) -> None:
 
     Ten levels of as many objects as are read are a second.
     """
-    tree = json.loads(data[20 : 20 + int.from_bytes(data[12:16], "little")])
-    nodes = tree.get("nodes", [])
+    nodes = json.loads(data[20 : 20 + int.from_bytes(data[12:16], "little")]).get("nodes", [])
     parents = {child: k for k, node in enumerate(nodes) for child in node.get("children", ())}
     total, level = 0, list(range(len(nodes)))
     while level:  # of each node the one above, until all are at the root
@@ -291,9 +288,7 @@ def _rows(text: bytes) -> list[bytes]:
 
 
 _HEADER_BYTES = 80
-_RECORD = np.dtype(
-    [("normal", "<f4", (3,)), ("corners", "<f4", (3, 3)), ("attribute", "<u2")], align=False
-)
+_RECORD = np.dtype([("normal", "<f4", (3,)), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 
 _NUMBER = rb"[-+]?(?:\d+\.?\d*|\.\d+|nan|inf)(?:e[-+]?\d+)?"
 _VERTEX = rb"\s+vertex" + 3 * (rb"\s+(" + _NUMBER + rb")")
@@ -335,16 +330,10 @@ def decode_stl(data: bytes, name: str) -> Float32Array | FloatArray:
     """
     if not data.strip():
         raise MeshError(f"{name}: the file is empty; export the part again")
-    size = len(data)
-    count = int.from_bytes(data[_HEADER_BYTES : _HEADER_BYTES + 4], "little")
-    binary = size >= _HEADER_BYTES + 4 and size == _binary_size(count)
-    if not binary and b"\0" in data:  # text never holds a zero byte
-        raise MeshError(f"{name}: {_wrong_size(size, count)}; copy or export the file again")
-    triangles: Float32Array | FloatArray = (
-        np.frombuffer(data, _RECORD, count, _HEADER_BYTES + 4)["corners"].copy()
-        if binary
-        else _decode_ascii(data, name)
-    )
+    records = _records(data)
+    if records is None and b"\0" in data:  # text never holds a zero byte
+        raise MeshError(f"{name}: {_wrong_size(data)}; copy or export the file again")
+    triangles = _decode_ascii(data, name) if records is None else records["corners"].copy()
     _require_finite(triangles, name)
     return triangles
 
@@ -393,10 +382,9 @@ def encode_stl(vertices: Float32Array, faces: IntArray, header: str) -> bytes:
 
 def stl_holds(data: bytes, vertices: Float32Array, faces: IntArray) -> bool:
     """Tell whether the triangles of a binary STL are these, bit for bit, in this order."""
-    count = int.from_bytes(data[_HEADER_BYTES : _HEADER_BYTES + 4], "little")
-    if count != len(faces) or len(data) != _binary_size(count):
+    records = _records(data)
+    if records is None or len(records) != len(faces):
         return False
-    records = np.frombuffer(data, _RECORD, count, _HEADER_BYTES + 4)
     points = np.ascontiguousarray(vertices, np.float32).view(np.uint32)
     return np.array_equal(records["corners"].copy().view(np.uint32), points[faces])
 
@@ -422,14 +410,18 @@ def _require_finite(triangles: Float32Array | FloatArray, name: str) -> None:
     )
 
 
-def _binary_size(count: int) -> int:
-    return _HEADER_BYTES + 4 + count * _RECORD.itemsize
+def _records(data: bytes) -> Any:
+    """Return the triangles of a binary STL; None of what is none by its length."""
+    count = int.from_bytes(data[_HEADER_BYTES : _HEADER_BYTES + 4], "little")
+    is_whole = len(data) == _HEADER_BYTES + 4 + count * _RECORD.itemsize
+    return np.frombuffer(data, _RECORD, count, _HEADER_BYTES + 4) if is_whole else None
 
 
-def _wrong_size(size: int, count: int) -> str:
+def _wrong_size(data: bytes) -> str:
+    size, count = len(data), int.from_bytes(data[_HEADER_BYTES : _HEADER_BYTES + 4], "little")
     if size < _HEADER_BYTES + 4:
         return f"a binary STL begins with {_HEADER_BYTES + 4} bytes, got {size}: it is cut short"
-    expected = _binary_size(count)
+    expected = _HEADER_BYTES + 4 + count * _RECORD.itemsize
     whole = (size - _HEADER_BYTES - 4) // _RECORD.itemsize
     verdict = "it is cut short" if size < expected else "it is damaged or no STL"
     return (
@@ -462,16 +454,14 @@ def _decode_ascii(data: bytes, name: str) -> FloatArray:
     numbers: list[bytes] = []
     at = 3 if data.startswith(b"\xef\xbb\xbf") else 0  # a byte-order mark
     while data[at:].strip():
-        opening = _SOLID.match(data, at)
-        if opening is None:
+        if (opening := _SOLID.match(data, at)) is None:
             raise _ascii_error(data, at, ["solid"], name)
         facets = _FACET.scanner(data, opening.end())  # type: ignore[attr-defined] # not in typeshed
         at = opening.end()
         while facet := facets.match():
             numbers += facet.groups()
             at = facet.end()
-        closing = _ENDSOLID.match(data, at)
-        if closing is None:
+        if (closing := _ENDSOLID.match(data, at)) is None:
             raise _ascii_error(data, at, _GRAMMAR, name)
         at = closing.end()
     return np.array([float(number) for number in numbers]).reshape(-1, 3, 3)

@@ -60,9 +60,8 @@ def _scratch_beside(target: Path, *, folder: bool) -> Iterator[Path]:
     What is left of it in the end is removed.
     """
     for number in itertools.count():
-        scratch = target.with_name(
-            f".{target.name}.partial-{os.getpid()}" + (f"-{number}" if number else "")
-        )
+        more = f"-{number}" if number else ""
+        scratch = target.with_name(f".{target.name}.partial-{os.getpid()}{more}")
         with contextlib.suppress(FileExistsError):  # of a claim within this one
             scratch.mkdir() if folder else scratch.open("xb").close()
             break
@@ -245,8 +244,7 @@ def write_whole(path: str | Path, data: bytes) -> None:
 
 
 def _stream(data: bytes) -> None:
-    out = sys.__stdout__
-    if out is None:
+    if (out := sys.__stdout__) is None:
         raise OutputError("standard output is closed; name a file")
     out.flush()
     out.buffer.write(data)
@@ -287,8 +285,8 @@ def is_sealed(path: Path) -> bool:
     return at >= 0 and seal(page[:at] + _OPEN + page[at + len(_OPEN) :]) == page
 
 
-def _kept_files(root: Path, record: str, listed: Mapping[str, str]) -> tuple[str, ...]:
-    """List what planner has not written into a folder, or not as it is now.
+def _kept_files(root: Path, record: str, listed: Mapping[str, str]) -> Iterator[str]:
+    """Yield what planner has not written into a folder, or not as it is now.
 
     Parameters
     ----------
@@ -297,12 +295,11 @@ def _kept_files(root: Path, record: str, listed: Mapping[str, str]) -> tuple[str
     record, listed
         The name of its JSON document, and the folder's files with their hashes listed there.
 
-    Returns
-    -------
-    tuple of str
-        Files, links and empty folders by their paths within it, sorted; folders end in a slash.
+    Yields
+    ------
+    str
+        Files, links and empty folders by their paths within it; folders end in a slash.
     """
-    kept = []
     for name, path in _within(root):
         if name.endswith("/"):
             ours = any(path.iterdir()) or any(file.startswith(name) for file in listed)
@@ -311,8 +308,8 @@ def _kept_files(root: Path, record: str, listed: Mapping[str, str]) -> tuple[str
                 stat.S_ISREG(path.lstat().st_mode)
                 and (_sha256(path) == listed.get(name) or (name == _PAGE and is_sealed(path)))
             )
-        kept += [] if ours else [name]
-    return tuple(sorted(kept))
+        if not ours:
+            yield name
 
 
 def _sha256(path: Path) -> str:
@@ -420,7 +417,7 @@ def check_target(
             if not force:
                 raise OutputError(f"{folder}: exists already; replace it with `force`, or {other}")
             listed = _listed(target, record)
-            kept = _kept_files(target, record, listed)
+            kept = tuple(sorted(_kept_files(target, record, listed)))
             changed = [name for name in kept if name in listed]
             _refuse(folder, changed, "was changed since planner wrote it", option)
         elif target.exists():
@@ -497,7 +494,7 @@ def new_folder(
         kept = check_target(folder, force=force, record=record, option=option)
         seen = {name for name, _ in _within(target)} if target.is_dir() else set()
         _carry(target, scratch, kept, folder, option)
-        _take_name(scratch, target, folder, force=force, option=option)
+        _take_name(scratch, target, folder, force, option)
         _remove_earlier(scratch, target, seen, folder)
 
 
@@ -532,12 +529,8 @@ def _carry(
     target: Path, scratch: Path, kept: tuple[str, ...], folder: str | Path, option: str
 ) -> None:
     """Let what is not planner's stand in the new folder too: by a second name, else as a copy."""
-    _refuse(
-        folder,
-        [name for name in kept if _stands(scratch, name)],
-        "is in the way, was not written by planner",
-        option,
-    )
+    in_the_way = [name for name in kept if _stands(scratch, name)]
+    _refuse(folder, in_the_way, "is in the way, was not written by planner", option)
     for name in kept:
         place = scratch / name
         missing = [p for p in (place, *place.parents) if p.is_relative_to(scratch)][::-1]
@@ -555,14 +548,11 @@ def _carry(
 def _stands(scratch: Path, name: str) -> bool:
     """Tell whether something new has a name, or is a file where that needs a folder."""
     above = [p for p in (scratch / name).parents if p.is_relative_to(scratch) and p != scratch]
-    return (os.path.lexists(scratch / name) and not name.endswith("/")) or any(
-        os.path.lexists(p) and not p.is_dir() for p in above
-    )
+    is_there = os.path.lexists(scratch / name) and not name.endswith("/")
+    return is_there or any(os.path.lexists(p) and not p.is_dir() for p in above)
 
 
-def _take_name(
-    scratch: Path, target: Path, folder: str | Path, *, force: bool, option: str
-) -> None:
+def _take_name(scratch: Path, target: Path, folder: str | Path, force: bool, option: str) -> None:
     """Give `scratch` the name `target`; an earlier folder of that name then has that of `scratch`.
 
     Both change names in one step, so that a run that is killed leaves the one or the other.

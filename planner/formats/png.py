@@ -38,8 +38,7 @@ def _lengths() -> list[int]:
     bits[0] = 4
     for frequent in (1, 2, 255):  # filters, and alpha's steps up (255) and down (1)
         bits[frequent] = 6
-    for length in range(277, 285):  # 67 to 257 zeros
-        bits[length] = 7
+    bits[277:285] = [7] * 8  # 67 to 257 zeros
     return bits
 
 
@@ -55,10 +54,8 @@ def _codes(bits: list[int]) -> list[int]:
 
 
 def _head(bits: list[int]) -> tuple[IntArray, int]:
-    used = sorted({0, *bits})
-    meta = [0] * 19  # a code for the lengths themselves: the commonest in two bits, six in three
-    for n in used:
-        meta[n] = 2 if n == 10 else 3
+    # A code for the lengths themselves: the commonest in two bits, six in three.
+    meta = [0 if n not in {0, *bits} else 2 if n == 10 else 3 for n in range(19)]
     meta_codes = _codes(meta)
     last = max(i for i, n in enumerate(_ORDER) if meta[n])
     text = [(0x78, 8), (0x01, 8), (1, 1), (2, 2)]
@@ -206,6 +203,7 @@ def _deflate_rows(
 
 
 _Rgba = tuple[int, int, int, int]
+_Runs = tuple[IntArray, IntArray, IntArray, IntArray]
 
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _PER_METRE = 1
@@ -264,39 +262,27 @@ class ImageKind:
         return np.array([NOTHING, *self.colours], np.uint8)
 
 
-def encode_layer(
-    offsets: IntArray,
-    start: IntArray,
-    stop: IntArray,
-    label: IntArray,
-    rows: tuple[int, int],
-    width: int,
-    kind: ImageKind,
-) -> bytes:
+def encode_layer(runs: _Runs, rows: tuple[int, int], width: int, kind: ImageKind) -> bytes:
     """Return the PNG of some rows of labelled runs.
 
     Parameters
     ----------
-    offsets : (rows + 1,) int64
-        Row r has the runs ``offsets[r]`` to ``offsets[r + 1]``.
-    start, stop : (runs,) int32
-        Runs of a row rise and do not overlap.
-    label : (runs,) int32
-        From 1 on.
+    runs
+        Offsets (rows + 1,) int64: row r has the runs ``offsets[r]`` to ``offsets[r + 1]``; start
+        and stop (runs,) int32, which rise in a row and do not overlap; label (runs,) int32, from 1
+        on.
     rows
         First row of the image, and the one after its last.
     """
     first, last = rows
     pixel, (head, head_bits, codes, lengths) = kind.pixels(), _deflate_code()
+    code = (codes, lengths)
     a_row = _BITS_A_ROW + 2 * (width * pixel.shape[1] // 258 + 1)
-    runs = int(offsets[last] - offsets[first])
-    bits = head_bits + (last - first) * a_row + 2 * runs * _BITS_AN_EDGE + 64
+    edges = 2 * int(runs[0][last] - runs[0][first])
+    bits = head_bits + (last - first) * a_row + edges * _BITS_AN_EDGE + 64
     stream = np.zeros(bits // 8 + 8, np.uint8)
     stream[: len(head)] = head
-    place, adler = _deflate_rows(
-        (offsets, start, stop, label), first, last, width, pixel,
-        (codes, lengths), stream, head_bits,
-    )  # fmt: skip
+    place, adler = _deflate_rows(runs, first, last, width, pixel, code, stream, head_bits)
     end = (int(place) + 7) // 8
     data = stream[:end].tobytes() + int(adler).to_bytes(4, "big")
     return _encode_png(width, last - first, kind, data)

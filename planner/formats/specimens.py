@@ -1,7 +1,6 @@
 """The list of specimens: what each one is, its size and how it was tested."""
 
 import math
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,7 +10,7 @@ from typing import Any, Literal
 import msgspec
 
 from planner.errors import FileError
-from planner.formats.files import read_file
+from planner.formats.files import read_file, toml_beside
 from planner.formats.tables import LARGEST_FIGURE, decode_text, is_workbook, number, read_rows
 from planner.formats.tensile import headings_of, mode_of
 
@@ -73,7 +72,7 @@ class SpecimenColumn:
     is_size: bool = False
 
 
-_ROWS = tomllib.loads(Path(__file__).with_name("specimens.toml").read_text(encoding="utf-8"))
+_ROWS = toml_beside("specimens.toml")
 SPECIMEN_COLUMNS: Mapping[str, SpecimenColumn] = MappingProxyType(
     {name: msgspec.convert({"name": name, **row}, SpecimenColumn) for name, row in _ROWS.items()}
 )
@@ -190,8 +189,7 @@ def read_specimens(path: str | Path) -> tuple[ListedSpecimen, ...]:
                 "needs quotes"
             )
         row = _listed(dict(zip(columns, cells, strict=False)), texts, separator, where)
-        before = specimens.setdefault(row.specimen, (line, row))[0]
-        if before != line:
+        if (before := specimens.setdefault(row.specimen, (line, row))[0]) != line:
             raise FileError(
                 f"{where}: specimen {row.specimen!r} stands on line {before} already; give each "
                 "specimen its own id"
@@ -217,8 +215,7 @@ def _listed(
             f"{where}: give exactly one of {' and '.join(map(repr, given))} (got {got})"
         )
     if not texts.get("part"):
-        loose = next((name for name in _PART_TEXTS[1:] if texts.get(name)), None)
-        if loose is not None:
+        if loose := next((name for name in _PART_TEXTS[1:] if texts.get(name)), None):
             raise FileError(f"{where}: {loose!r} goes with a part; give one, or leave it empty")
     elif record.get("gauge_mm"):
         raise FileError(f"{where}: a part has no 'gauge_mm'; leave it empty")
@@ -238,8 +235,7 @@ def _without_mode(record: Mapping[str, str]) -> tuple[Mapping[str, str], str]:
     Nothing more of a protocol is a monotonic test.
     """
     words = record.get("protocol", "").casefold().split()
-    mode = next(filter(mode_of, words), "")
-    if not mode:
+    if not (mode := next(filter(mode_of, words), "")):
         return record, ""
     return {**record, "protocol": " ".join(w for w in words if w != mode) or "monotonic"}, mode
 
@@ -254,8 +250,7 @@ def _condition(cell: str, column: SpecimenColumn, separator: str, where: str) ->
         return cell.casefold() if column.choices else cell
     value = number(cell, separator)
     hint = ""
-    measured = value is not None and abs(value) <= LARGEST_FIGURE
-    if value is None or not measured or (column.between is None and value <= 0):
+    if value is None or not abs(value) <= LARGEST_FIGURE or (not column.between and value <= 0):
         must = "a number" if column.between else "a number above 0"
     else:
         low, high = column.between or (0.0, math.inf)

@@ -1,5 +1,6 @@
 """Tables: rows of cells of a text, whatever its separator, or of a workbook; columns of numbers."""
 
+import contextlib
 import csv
 import datetime
 import functools
@@ -8,7 +9,7 @@ import math
 import re
 import subprocess
 import sys
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -111,23 +112,19 @@ def _decoded(data: bytes) -> str:
         text = data.decode("utf-16-le" if odd else "utf-16-be", errors="replace")
         if "\n" in text:  # no other binary data
             return text
-    try:
+    with contextlib.suppress(UnicodeDecodeError):
         return data.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        pass
     # A Chinese character is two bytes from 0xA1 on; in European texts such bytes stand alone.
-    runs = re.findall(rb"[\x80-\xff]+", data)
-    if all(len(run) % 2 == 0 and min(run) >= 0xA1 for run in runs):
+    if all(len(run) % 2 == 0 and min(run) >= 0xA1 for run in re.findall(rb"[\x80-\xff]+", data)):
         return data.decode("gb18030", errors="replace")
-    try:
+    with contextlib.suppress(UnicodeDecodeError):
         text = data.decode("cp932")
-    except UnicodeDecodeError:
-        return data.decode("cp1252", errors="replace")
-    # What European letters become as Shift-JIS begins with bytes from 0xA0 on; kana and the usual
-    # kanji begin below, where Windows-1252 has quotes, dashes and the euro.
-    begins = [c.encode("cp932")[0] for c in text if not c.isascii()]
-    japanese = 2 * sum(byte < 0xA0 for byte in begins) > len(begins)
-    return text if japanese else data.decode("cp1252", errors="replace")
+        # What European letters become as Shift-JIS begins with bytes from 0xA0 on; kana and the
+        # usual kanji begin below, where Windows-1252 has quotes, dashes and the euro.
+        begins = [c.encode("cp932")[0] for c in text if not c.isascii()]
+        if 2 * sum(byte < 0xA0 for byte in begins) > len(begins):
+            return text
+    return data.decode("cp1252", errors="replace")
 
 
 def split_rows(text: str, separator: str) -> Iterator[TextRow]:
@@ -380,8 +377,7 @@ def read_columns(
         if name in found:
             raise FileError(f"{where}: two columns {name!r}; keep one")
         found[name] = place, factor
-    missing = [name for name in named if name not in found and name not in optional]
-    if missing:
+    if missing := [name for name in named if name not in found and name not in optional]:
         raise FileError(
             f"{where}: no column {' nor '.join(map(repr, missing))}; its columns are "
             f"{', '.join(headings)}"
@@ -400,11 +396,9 @@ def read_columns(
             words[name] = of
             continue
         filled = [row for row, cell in enumerate(of) if cell or name not in gaps]
+        known = {lines[row]: of[row] for row in filled}
         numbers[name] = np.full(len(of), np.nan)
-        numbers[name][filled] = finite_numbers(
-            [of[row] for row in filled], [lines[row] for row in filled],
-            separator, where, headings[place], factor,
-        )  # fmt: skip
+        numbers[name][filled] = finite_numbers(known, separator, where, headings[place], factor)
     return ColumnFile(numbers, words, lines)
 
 
@@ -424,14 +418,9 @@ def _column(heading: str, columns: Mapping[str, str | None], where: str) -> tupl
 
 
 def finite_numbers(
-    cells: Sequence[str],
-    lines: Sequence[int],
-    separator: str,
-    where: str,
-    heading: str,
-    factor: float = 1.0,
+    cells: Mapping[int, str], separator: str, where: str, heading: str, factor: float
 ) -> FloatArray:
-    """Return a column's numbers, times a factor.
+    """Return a column's numbers, times a factor, of its cells by line.
 
     Raises
     ------
@@ -439,8 +428,8 @@ def finite_numbers(
         A cell has none, or one that is not finite or beyond `LARGEST_FIGURE`; the message names
         file, line and column.
     """
-    values = [number(cell, separator) for cell in cells]
-    for line, cell, value in zip(lines, cells, values, strict=True):
+    values = [number(cell, separator) for cell in cells.values()]
+    for (line, cell), value in zip(cells.items(), values, strict=True):
         if value is None or not abs(value) <= LARGEST_FIGURE:
             finite = value is not None and math.isfinite(value)
             raise FileError(

@@ -3,19 +3,17 @@
 import functools
 import math
 import re
-import tomllib
 import unicodedata
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import permutations
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from planner.errors import ArgumentError, FileError
-from planner.formats.files import read_file
+from planner.formats.files import read_file, toml_beside
 from planner.formats.tables import (
     LONGEST_HEADING,
     TextRow,
@@ -48,9 +46,7 @@ def _folded(text: str) -> str:
     return re.sub(r"[\s_,]+", " ", bare).strip(" .:=")
 
 
-_TERMS: Mapping[str, Mapping[str, Any]] = tomllib.loads(
-    Path(__file__).with_name("terms.toml").read_text(encoding="utf-8")
-)
+_TERMS = toml_beside("terms.toml")
 _MEANING, _SIZE, _SYMBOLS, _TEXT, _SPEED, _MODE = (
     {_folded(word): meaning for meaning in _TERMS[table] for word in _words(table, meaning)}
     for table in ("columns", "sizes", "symbols", "texts", "speeds", "modes")
@@ -147,17 +143,6 @@ class Heading:
         choices = _COLUMNS[self.meaning]
         return next((kind for kind in choices if kind in kinds), next(iter(choices)))
 
-    @property
-    def is_of_crosshead(self) -> bool:
-        """Whether it is of the machine's own way, which a nearer sensor's goes before."""
-        return _SIGNS["crosshead"].search(_folded(self.text)) is not None
-
-    @property
-    def may_be_nearer(self) -> bool:
-        """Whether what is not understood may be of a sensor, or a strain of the gauge."""
-        nearer, otherwise = (_SIGNS[n].search(_folded(self.text)) for n in ("nearer", "otherwise"))
-        return nearer is not None and otherwise is None
-
     def column(self, where: str) -> tuple[str, float]:
         """Return the name of the column, and the factor to its unit.
 
@@ -188,8 +173,7 @@ def heading_of(text: str) -> Heading:
     while inner := _BRACKET.findall(name):  # one within another, as WaveMatrix writes them
         brackets, name = inner + brackets, _BRACKET.sub(" ", name)
     name = " ".join(name.split()) or plain
-    found = _parse(_NUMBERED_CHANNEL.sub("", name, count=1)) or _tagged(name)
-    if found is None:
+    if (found := _parse(_NUMBERED_CHANNEL.sub("", name, count=1)) or _tagged(name)) is None:
         return Heading(text, "", None)
     meaning, unit, tag = found
     unitless = next(iter(_COLUMNS.get(meaning, ())), "") == "strain"
@@ -215,16 +199,14 @@ def _parse(name: str) -> tuple[str, str | None, str] | None:
         return meaning, None, ""
     suffixed = _SUFFIXED.fullmatch(name)
     if suffixed and not suffixed[2].isdigit():
-        meaning = _looked_up(suffixed[1], _MEANING)
-        if meaning is not None and (
-            is_unit(suffixed[2]) or not _SIGNS["source"].search(suffixed[2])
-        ):
-            return meaning, suffixed[2], ""
+        stem, unit = suffixed.groups()
+        meaning = _looked_up(stem, _MEANING)
+        if meaning is not None and (is_unit(unit) or not _SIGNS["source"].search(unit)):
+            return meaning, unit, ""
     for stem, unit in _apart(name, _JOINED, _SPACED):
         if (inner := _parse(stem)) is not None:
             return inner[0], unit, inner[2]
-    numbered = _NUMBERED.fullmatch(name)
-    if numbered:
+    if numbered := _NUMBERED.fullmatch(name):
         inner = _parse(numbered[1])
         if inner is not None and not inner[2]:
             return inner[0], inner[1], numbered["tag"] or numbered["number"]
@@ -259,12 +241,7 @@ def headings_of(cells: Sequence[str]) -> list[Heading] | None:
     if sum(map(bool, cells)) < 2:
         return None
     found = [heading_of("" if _is_figure(cell) else cell) for cell in cells]
-    return found if _suffice(found) else None
-
-
-def _suffice(headings: Iterable[Heading]) -> bool:
-    """Say whether there are a load and a length among headings."""
-    return not _missing(headings)
+    return None if _missing(found) else found
 
 
 def _is_figure(cell: str) -> bool:
@@ -299,8 +276,7 @@ def _names(cell: str) -> Iterator[tuple[str, str]]:
     group, _, last = name.rpartition(" : ")
     if group:
         yield last, unit
-    symbol = _SYMBOL.fullmatch(_folded(last))
-    if symbol:
+    if symbol := _SYMBOL.fullmatch(_folded(last)):
         yield symbol[1], unit
     for part in re.split(r"\s*,\s*|\s+-\s+", last)[:1]:
         if part != last:
@@ -565,7 +541,7 @@ def read_tensile(
         rest = replace(grid, rows=[row for row in grid.rows if row[0] not in read])
         if _count_numbers(rest) * (4 if grids[grid] else 1) >= fewest:
             raise FileError(f"{_not_understood(rest)}; the rest of the file is understood")
-    return _tables(path, pieces, ordered, notes)
+    return tuple(_tables(path, pieces, ordered, notes))
 
 
 def _best_grid(sheet: _Grid, content: str | list[list[str]]) -> tuple[_Grid, list[_Block]]:
@@ -665,11 +641,10 @@ def _blocks(grid: _Grid) -> list[_Block]:
         wanted = sum(h.meaning not in ("", "specimen") for h in headings)
         least = 2 if own is not None or found else wanted
         data, at = _numbers_below(grid, headings, at, own is not None, least)
-        if data and own is not None:
-            found[-1].rows.extend(data)
-        elif data:
-            found.append(_Block(grid, start, data[0], headings, data))
+        if data and own is None:
+            found.append(_Block(grid, start, data[0], headings, []))
         if data:
+            found[-1].rows.extend(data)
             start = at
     return found
 
@@ -696,10 +671,9 @@ def _with_units(headings: _Headings, grid: _Grid, head: int) -> tuple[_Headings,
 
 
 def _in_units(headings: _Headings, units: Sequence[str]) -> _Headings:
-    filled = [*units, *[""] * len(headings)]
     return [
         replace(h, unit=unit) if unit and not is_unit(h.unit or "") else h
-        for h, unit in zip(headings, filled, strict=False)
+        for h, unit in zip(headings, [*units, *[""] * len(headings)], strict=False)
     ]
 
 
@@ -859,15 +833,12 @@ def _groups(grid: _Grid, block: _Block) -> _Records:
             continue
         if {name.upper() for name in by_name} == {"X", "Y"} and not partial:
             raise _two_axes(grid, headings, by_name)
-        called = {
-            name: " ".join(name.split()) if "" not in by_name else str(n)
-            for n, name in enumerate(by_name, start=1)
-        }
+        called = {name: " ".join(name.split()) for name in by_name}
+        if "" in by_name:
+            called = {name: str(n) for n, name in enumerate(by_name, start=1)}
         walked = {name: _walked(headings, places) for name, places in by_name.items()}
-        again = any(
-            len(parts) > 1 and all(_whole(headings, part) for part in parts)
-            for parts in walked.values()
-        )
+        cut = [parts for parts in walked.values() if len(parts) > 1]
+        again = any(all(_whole(headings, part) for part in parts) for parts in cut)
         if again and names is not tags and not above_of:
             above_of = {i: called[name] for name, places in by_name.items() for i in places}
         records = [
@@ -900,7 +871,7 @@ def _that_come_again(headings: _Headings, known: Sequence[int], alone: set[str])
 
 
 def _whole(headings: _Headings, places: Iterable[int]) -> bool:
-    return _suffice(headings[i] for i in places)
+    return not _missing(headings[i] for i in places)
 
 
 def _walked(headings: _Headings, places: Iterable[int]) -> list[list[int]]:
@@ -930,8 +901,7 @@ def _names_above(grid: _Grid, block: _Block) -> list[list[str]]:
     words, numbers = list[list[str]](), list[list[str]]()
     for _, above in grid.rows[max(block.head - 3, 0) : block.head][::-1]:
         cells = [*above, ""]
-        figures = [cell for cell in cells if grid.number(cell) is not None]
-        if not figures:
+        if not (figures := [cell for cell in cells if grid.number(cell) is not None]):
             words.append(_carried(cells))
         elif all(map(str.isdigit, figures)) and size_of(cells[0])[0] is None:
             numbers.append(_carried(cells))
@@ -969,8 +939,7 @@ def _split(grid: _Grid, block: _Block, places: Sequence[int], label: str) -> lis
     filled = [
         i for i in places if headings[i].meaning in _LOADS | _LENGTHS or (alone and i == named)
     ]
-    lined = [r for r in block.rows if any(grid.cell(r, i) for i in filled)]
-    if not lined:
+    if not (lined := [r for r in block.rows if any(grid.cell(r, i) for i in filled)]):
         return []
     record = replace(block, rows=lined)
     used, notes = _used_columns(record, places)
@@ -1014,8 +983,7 @@ _CLOCK = re.compile(r"(?:(\d+):)?(\d{1,2}):(\d{1,2}(?:[.,]\d*)?)")
 
 def _seconds(cell: str) -> str:
     """Return a time of the form 0:01:02.5 in seconds; any other cell as it is."""
-    clock = _CLOCK.fullmatch(cell)
-    if clock is None:
+    if (clock := _CLOCK.fullmatch(cell)) is None:
         return cell
     seconds = 3600.0 * int(clock[1] or 0) + 60.0 * int(clock[2]) + float(clock[3].replace(",", "."))
     return f"{seconds:.15g}"
@@ -1025,22 +993,19 @@ def _values(record: _Block, used: Sequence[_Column], notes: list[str]) -> dict[s
     """Return the numbers of columns, by name; without those of a time that has none."""
     grid, found = record.grid, dict[str, FloatArray]()
     rows = [grid.rows[row] for row in record.rows]
-    lines = [line for line, _ in rows]
     for column in used:
-        short = next((row for row in rows if len(row[1]) <= column.at), None)
-        if short is not None:
+        if short := next((row for row in rows if len(row[1]) <= column.at), None):
             raise FileError(
                 f"{grid.where}, line {short[0]}: {len(short[1])} cells where the headings have "
                 f"{len(record.headings)}; complete or remove the line"
             )
-        is_time, text = column.name == "time_s", column.heading.text
-        cells = [_seconds(cell) if is_time else cell for cell in record.cells(column.at)]
+        at, text, is_time = column.at, column.heading.text, column.name == "time_s"
+        cells = {line: _seconds(of[at]) if is_time else of[at] for line, of in rows}
         try:
-            found[column.name] = finite_numbers(
-                cells, lines, grid.separator, grid.where, text, column.factor
-            )
+            numbers = finite_numbers(cells, grid.separator, grid.where, text, column.factor)
+            found[column.name] = numbers
         except FileError as error:
-            if not is_time or any(grid.number(cell) is not None for cell in cells):
+            if not is_time or any(grid.number(cell) is not None for cell in cells.values()):
                 raise
             notes.append(f"{str(error).partition('; ')[0]}; time is optional and is left out")
     return found
@@ -1096,7 +1061,9 @@ def _used_columns(record: _Block, places: Sequence[int]) -> tuple[list[_Column],
             del cells[i]
 
     def rank(i: int) -> tuple[bool, bool, bool, bool]:
-        meaning, of_crosshead = headings[i].meaning, headings[i].is_of_crosshead
+        # Of the machine's own way, which a nearer sensor's goes before.
+        of_crosshead = _SIGNS["crosshead"].search(_folded(headings[i].text)) is not None
+        meaning = headings[i].meaning
         unmeasured = meaning not in ("elongation", "strain")
         return len(set(cells[i])) < 2, meaning == "position", unmeasured, of_crosshead
 
@@ -1110,7 +1077,7 @@ def _used_columns(record: _Block, places: Sequence[int]) -> tuple[list[_Column],
         try:
             column = _Column(i, heading, *heading.column(where))
         except FileError as error:
-            others = _suffice(headings[j] for j in cells if j != i and headings[j].unit)
+            others = _whole(headings, (j for j in cells if j != i and headings[j].unit))
             if is_time or (heading.meaning in ("elongation", "position") and others):
                 what = "time is optional and" if is_time else "it"
                 notes.append(f"{str(error).partition('; ')[0]}; {what} is left out")
@@ -1121,8 +1088,7 @@ def _used_columns(record: _Block, places: Sequence[int]) -> tuple[list[_Column],
             if grid.by_position or (heading.unit is not None and not grid.option):
                 raise
             raise FileError(f"{error}, or {advice}") from error
-        same = found.setdefault(column.name, column)
-        if same is column:
+        if (same := found.setdefault(column.name, column)) is column:
             continue
         notes.append(
             f"{where}: column {heading.text!r} left out; {column.name} is read from "
@@ -1152,9 +1118,8 @@ def _refuse_ramp(record: _Block) -> None:
         if known and max(known) - min(known) > _ONE_TEMPERATURE_C:
             raise FileError(
                 f"{record.grid.where}: {heading.text!r} goes from {min(known):g} to "
-                f"{max(known):g}; "
-                "a law is of one temperature: give tests at one each, and what it was in the "
-                "column temperature_C of specimens.csv"
+                f"{max(known):g}; a law is of one temperature: give tests at one each, and what it "
+                "was in the column temperature_C of specimens.csv"
             )
 
 
@@ -1169,7 +1134,9 @@ def _refuse_far(record: _Block, used: Mapping[str, _Column]) -> None:
     for i, h in enumerate(headings):
         unit = h.unit or _unit_at_end(h.text)
         kinds = quantities_of(unit) & {"length", "strain"}
-        if h.meaning or unit.isdigit() or not kinds or not h.may_be_nearer:
+        # What is not understood may be of a sensor, or a strain of the gauge.
+        nearer, otherwise = (_SIGNS[n].search(_folded(h.text)) for n in ("nearer", "otherwise"))
+        if h.meaning or unit.isdigit() or not kinds or not nearer or otherwise:
             continue
         numbers = {*record.numbers(i)}
         if None not in numbers and len(numbers) > 1:
@@ -1185,10 +1152,8 @@ def _refuse_far(record: _Block, used: Mapping[str, _Column]) -> None:
 
 def _refuse_two(record: _Block, one: _Column, other: _Column) -> None:
     """Refuse two columns of one kind that differ: of two sensors, or of two specimens."""
-    first, second = (
-        column.factor * np.array(record.numbers(column.at), dtype=np.float64)
-        for column in (one, other)
-    )
+    read = [np.array(record.numbers(column.at), dtype=np.float64) for column in (one, other)]
+    first, second = one.factor * read[0], other.factor * read[1]
     is_load = one.heading.meaning in _LOADS or other.heading.meaning in _LOADS
     if not is_load:
         first, second = first - first[0], second - second[0]
@@ -1248,8 +1213,7 @@ def _goes_on(one: _Piece, next_: _Piece) -> bool:
     a, b = one.columns, next_.columns
     if "time_s" in a and "time_s" in b and b["time_s"][0] < a["time_s"][-1]:
         return False
-    name = next((c for c in _LENGTH_COLUMNS if c in a and c in b), None)
-    if name is None:
+    if (name := next((c for c in _LENGTH_COLUMNS if c in a and c in b), None)) is None:
         return False
     ends, span = b[name][0] - a[name][[0, -1]], float(np.ptp([*a[name], *b[name]]))
     return bool(abs(ends[1]) <= min(abs(ends[0]), _STEP * span))
@@ -1271,8 +1235,8 @@ def _put_together(one: _Piece, next_: _Piece, notes: list[str]) -> _Piece:
 
 def _tables(
     path: Path, pieces: list[_Piece], grids: Sequence[_Grid], notes: Sequence[str]
-) -> tuple[TensileTable, ...]:
-    """Return pieces as records, each under a name of its own, with what the file says of it."""
+) -> Iterator[TensileTable]:
+    """Yield pieces as records, each under a name of its own, with what the file says of it."""
     names = [piece.name for piece in pieces]
     if len(pieces) == 1 and not pieces[0].in_column:
         names = [""]  # a label in the head; the file's name tells specimens apart
@@ -1281,7 +1245,6 @@ def _tables(
             name if name and names.count(name) == 1 else f"{piece.grid.sheet} {name}".strip()
             for name, piece in zip(names, pieces, strict=True)
         ]
-    found = []
     said = [size for grid in grids for size in _said_sizes(grid, pieces)]
     labels = {grid: _labels(grid, pieces, names) for grid in grids}
     for nth, (piece, name) in enumerate(zip(pieces, names, strict=True)):
@@ -1296,28 +1259,25 @@ def _tables(
         metadata |= piece.texts
         if any(column.heading.compressed for column in piece.used if column.name != "time_s"):
             metadata.setdefault("mode", "compression")
-        found.append(
-            TensileTable(
-                file=path.name,
-                columns=piece.columns,
-                factors={column.name: column.factor for column in piece.used},
-                lines=np.array(piece.lines, dtype=np.int64),
-                specimen=name or str(metadata.get("specimen", "")),
-                metadata=metadata,
-                without_unit=frozenset(
-                    column.name.removeprefix("lagrange_")
-                    for column in piece.used
-                    if column.heading.unit is None and column.name != "stretch"
-                ),
-                notes=(*piece.notes, *_behind(piece, pieces), *notes),
-                sheet=piece.grid.sheet,
-                headings={column.name: _written(column.heading) for column in piece.used},
-                unused=piece.unused,
-                sources=sources,
-                unclear=unclear,
-            )
+        yield TensileTable(
+            file=path.name,
+            columns=piece.columns,
+            factors={column.name: column.factor for column in piece.used},
+            lines=np.array(piece.lines, dtype=np.int64),
+            specimen=name or str(metadata.get("specimen", "")),
+            metadata=metadata,
+            without_unit=frozenset(
+                column.name.removeprefix("lagrange_")
+                for column in piece.used
+                if column.heading.unit is None and column.name != "stretch"
+            ),
+            notes=(*piece.notes, *_behind(piece, pieces), *notes),
+            sheet=piece.grid.sheet,
+            headings={column.name: _written(column.heading) for column in piece.used},
+            unused=piece.unused,
+            sources=sources,
+            unclear=unclear,
         )
-    return tuple(found)
 
 
 def _written(heading: Heading) -> str:
@@ -1394,8 +1354,7 @@ def _said_at(grid: _Grid, row: int, at: int, symbols: bool) -> Iterator[_Said]:
         return
     figures: list[tuple[str, float]] = []
     for column, value in enumerate(right, start=at + 1):
-        split = _split_value(value, grid.separator[0])
-        if split is not None:
+        if (split := _split_value(value, grid.separator[0])) is not None:
             figures.append((_label_above(grid, row, column), split[0]))
             unit = unit or split[1]
         elif column < at + 3 and not unit and _is_of_size(value):
@@ -1502,8 +1461,7 @@ def _metadata(
     mode = mode_of(str(found.get("mode", ("",))[0]))
     if mode != "compression" and not any(column.heading.compressed for column in piece.used):
         found.pop("height_mm", None)  # a section's
-    ranked = [found.pop(size) for size in _LENGTH_RANKS if size in found]
-    if ranked:
+    if ranked := [found.pop(size) for size in _LENGTH_RANKS if size in found]:
         found["gauge_mm"] = ranked[0]
     if mode is None:
         found.pop("mode", None)  # "Test type: QA" is another matter
@@ -1631,7 +1589,7 @@ def _by_position(columns: Sequence[str]) -> _Headings:
                 f"column {heading.text!r} is unknown; use time_s, displacement_mm, force_N, "
                 "strain, stretch, stress_MPa, specimen, or '-' for a column to leave out"
             )
-    if not _suffice(headings):
+    if _missing(headings):
         raise FileError(
             f"columns {', '.join(columns)}: name one load (force_N, stress_MPa) and one length "
             "(displacement_mm, strain, stretch)"

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from planner.errors import ArgumentError, FileError, MeshError, OutputError, did_you_mean
 from planner.formats.files import USUAL_LIMITS, UnfoldingLimits, read_file, unpacked
+from planner.glance import channels
 from planner.numerics import Float32Array, FloatArray, IntArray, inner_kernel, kernel
 
 __all__ = [
@@ -56,11 +57,8 @@ def composite_name(constituents: Sequence[Constituent]) -> str:
 
 def mixed_colour(constituents: Sequence[Constituent]) -> str:
     """Return the display colour of a mixture, ``#RRGGBB``."""
-    channels = [
-        sum(part.share * int(part.colour[k : k + 2], 16) for part in constituents)
-        for k in (1, 3, 5)
-    ]
-    return "#" + "".join(f"{min(255, round(channel)):02X}" for channel in channels)
+    mixed = [sum(part.share * channels(part.colour)[k] for part in constituents) for k in range(3)]
+    return "#" + "".join(f"{min(255, round(channel)):02X}" for channel in mixed)
 
 
 @dataclass(frozen=True, slots=True)
@@ -276,9 +274,7 @@ def read_threemf(path: str | Path) -> ThreemfModel:
     return decode_threemf(read_file(path, error=MeshError), str(path))
 
 
-def decode_threemf(
-    data: bytes, name: str, *, strict: bool = False, limits: UnfoldingLimits = USUAL_LIMITS
-) -> ThreemfModel:
+def decode_threemf(data: bytes, name: str, limits: UnfoldingLimits = USUAL_LIMITS) -> ThreemfModel:
     """Read the bytes of a 3MF file: every model object where the build items put it.
 
     Transforms of items and nested components are applied; a mirrored object's triangles are
@@ -289,8 +285,6 @@ def decode_threemf(
     ----------
     data, name
         The whole file, and what errors call it.
-    strict
-        Take the file only if it follows the specification to the letter.
     limits
         What the file may hold and its build unfold to, counted before anything is unfolded.
 
@@ -303,7 +297,6 @@ def decode_threemf(
     _check_structure(data, name, limits)
     model = _wrapper().CreateModel()
     reader = model.QueryReader("3mf")
-    reader.SetStrictModeActive(strict)
     remarks = []
     try:
         _read_from(reader, data)
@@ -315,7 +308,7 @@ def decode_threemf(
         for mesh, matrix in _meshes(model.GetBuildItems(), name, remarks):
             number = mesh.GetUniqueResourceID()
             if number not in stored:
-                stored[number] = _objects(model, mesh)
+                stored[number] = [*_objects(model, mesh)]
             objects += [_placed(each, matrix, name) for each in stored[number]]
         return ThreemfModel(_UNITS[model.GetUnit()], tuple(objects), tuple(remarks))
     except lib3mf.ELib3MFException as error:
@@ -376,9 +369,7 @@ def _placed(item: ThreemfObject, matrix: FloatArray, name: str) -> ThreemfObject
         return item
     x, y, z = item.vertices.astype(np.float64).T
     with np.errstate(over="ignore", invalid="ignore"):
-        vertices = np.stack(
-            [x * row[0] + y * row[1] + z * row[2] + row[3] for row in matrix.T[:3]], axis=1
-        )
+        vertices = np.stack([x * a + y * b + z * c + d for a, b, c, d in matrix.T[:3]], axis=1)
         mirrored = np.linalg.det(matrix) < 0.0
     if not (np.isfinite(matrix).all() and np.isfinite(vertices).all()):
         raise MeshError(
@@ -389,19 +380,16 @@ def _placed(item: ThreemfObject, matrix: FloatArray, name: str) -> ThreemfObject
     return replace(item, vertices=vertices, faces=faces)
 
 
-def _objects(model: Any, mesh: Any) -> list[ThreemfObject]:
-    """Return what a mesh holds, an object for each of its materials, where the mesh itself lies."""
+def _objects(model: Any, mesh: Any) -> Iterator[ThreemfObject]:
+    """Yield what a mesh holds, an object for each of its materials, where the mesh itself lies."""
     vertices = _array(mesh, "vertices", lib3mf.Position, np.float32, 3)
     faces = _array(mesh, "triangleindices", lib3mf.Triangle, np.int32, 3)
-    objects = []
     for used, (material, colour, parts) in _materials(model, mesh):
         corners, own = vertices, faces
         if used is not None:
             kept, own = np.unique(faces[used], return_inverse=True)
             corners, own = vertices[kept], own.reshape(-1, 3).astype(np.int32)
-        item = ThreemfObject(mesh.GetName(), corners, own, material, colour, constituents=parts)
-        objects.append(item)
-    return objects
+        yield ThreemfObject(mesh.GetName(), corners, own, material, colour, constituents=parts)
 
 
 def _array(mesh: Any, what: str, type_: Any, dtype: Any, width: int) -> NDArray[Any]:
@@ -448,11 +436,8 @@ def _material(model: Any, group: int, entry: int) -> _Material:
     composites = model.GetCompositeMaterialsByID(group)
     bases = composites.GetBaseMaterialGroup()
     # A group's composites share one list of materials: those without a share are left out.
-    parts = tuple(
-        Constituent(*_base(bases, part.PropertyID), part.MixingRatio)
-        for part in composites.GetComposite(entry)
-        if part.MixingRatio > 0.0
-    )
+    mixed = (part for part in composites.GetComposite(entry) if part.MixingRatio > 0.0)
+    parts = tuple(Constituent(*_base(bases, one.PropertyID), one.MixingRatio) for one in mixed)
     return composite_name(parts), mixed_colour(parts), parts
 
 
@@ -531,16 +516,13 @@ def encode_threemf(
     try:
         materials = [palette.property_of(item) for item in objects]
         extruders = {material: n for n, material in enumerate(dict.fromkeys(materials), start=1)}
-        shells = [
-            _Shell(item, material, extruders[material], _digest(item))
-            for item, material in zip(objects, materials, strict=True)
-        ]
+        pairs = zip(objects, materials, strict=True)
+        shells = [_Shell(item, of, extruders[of], _digest(item)) for item, of in pairs]
         add = _add_one_mesh if one_mesh else _add_assembly
         whole, meshes = add(model, shells, _text(assembly_name))
         layout = ("one mesh",) if one_mesh else ()
-        digest = hashlib.sha256(
-            "\n".join((_text(assembly_name), *layout, *(shell.digest for shell in shells))).encode()
-        ).hexdigest()
+        content = (_text(assembly_name), *layout, *(shell.digest for shell in shells))
+        digest = hashlib.sha256("\n".join(content).encode()).hexdigest()
         whole.SetName(_text(assembly_name))
         whole.SetUUID(_identifier("assembly", 0, digest))
         item = model.AddBuildItem(whole, _wrapper().GetIdentityTransform())
@@ -578,9 +560,8 @@ def _add_assembly(model: Any, shells: Sequence[_Shell], name: str) -> tuple[Any,
         meshes.append(_mesh_text(item.vertices, [(item.faces, b"")]))
         _add_metadata(mesh.GetMetaDataGroup(), item.metadata, item.name)
         # Cura counts from 0, the others from 1.
-        number = str(shell.extruder - 1)
         mesh.GetMetaDataGroup().AddMetaData(
-            _CURA_NAMESPACE, "extruder_nr", number, "xs:integer", True
+            _CURA_NAMESPACE, "extruder_nr", str(shell.extruder - 1), "xs:integer", True
         )
         mesh.SetUUID(_identifier("object", count, shell.digest))
         mesh.SetObjectLevelProperty(*shell.material)
@@ -594,23 +575,22 @@ def _add_assembly(model: Any, shells: Sequence[_Shell], name: str) -> tuple[Any,
 
 
 def _add_one_mesh(model: Any, shells: Sequence[_Shell], name: str) -> tuple[Any, list[_Text]]:
-    counts = [len(shell.item.faces) for shell in shells]
-    starts = np.cumsum([0, *(len(shell.item.vertices) for shell in shells)])
     mesh = _add_mesh(model, name)
     mesh.SetObjectLevelProperty(*shells[0].material)
-    parts = []
-    for shell, start in zip(shells, starts, strict=False):
+    parts, volumes = [], []
+    first = start = 0
+    for shell in shells:
         group, entry = shell.material
         number = model.GetResourceByID(group).GetModelResourceID()
         # lib3mf counts entries from 1, its files from 0.
         parts.append((shell.item.faces + start, f' pid="{number}" p1="{entry - 1}"'.encode()))
-    vertices = np.concatenate([shell.item.vertices for shell in shells])
-    volumes, first = [], 0
-    for shell, count in zip(shells, counts, strict=True):
-        opening = f'volume firstid="{first}" lastid="{first + count - 1}"'
+        start += len(shell.item.vertices)
+        end = first + len(shell.item.faces)
         said = {"name": _text(shell.item.name), "volume_type": "ModelPart"}
+        opening = f'volume firstid="{first}" lastid="{end - 1}"'
         volumes.append((opening, {**said, "extruder": shell.extruder}))
-        first += count
+        first = end
+    vertices = np.concatenate([shell.item.vertices for shell in shells])
     opening = f'object id="{mesh.GetModelResourceID()}" instances_count="1"'
     _attach(model, _PRUSA_PART, _settings(opening, name, volumes, typed=True))
     return mesh, [_mesh_text(vertices, parts)]
@@ -655,19 +635,16 @@ class _Materials:
         if not item.constituents:
             entry = self._base(item.name, item.material_name, item.colour)
             return self.bases.GetUniqueResourceID(), entry
-        total = sum(part.share for part in item.constituents)
-        if not (abs(total - 1.0) < 1e-6 and min(part.share for part in item.constituents) >= 0.0):
+        shares = [part.share for part in item.constituents]
+        total = sum(shares)
+        if not (abs(total - 1.0) < 1e-6 and min(shares) >= 0.0):
             raise OutputError(
                 f"3MF object {item.name}: the shares of its mixture add up to {total:g}; they must "
                 "be 0 to 1 and add up to 1"
             )
         if item.constituents not in self.entries:
-            parts = [
-                lib3mf.CompositeConstituent(
-                    self._base(item.name, part.name, part.colour), part.share
-                )
-                for part in item.constituents
-            ]
+            bases = [self._base(item.name, part.name, part.colour) for part in item.constituents]
+            parts = list(map(lib3mf.CompositeConstituent, bases, shares))
             if self.composites is None:
                 self.composites = self.model.AddCompositeMaterials(self.bases)
             self.entries[item.constituents] = self.composites.AddComposite(parts)
@@ -797,9 +774,7 @@ def _archive(members: Iterable[tuple[str, _Text]]) -> bytes:
 _ROWS = 1 << 16  # at a time: 5 MB of text
 
 
-def _mesh_text(
-    vertices: Float32Array | FloatArray, parts: list[tuple[IntArray, bytes]]
-) -> Iterator[bytes | memoryview]:
+def _mesh_text(vertices: Float32Array | FloatArray, parts: list[tuple[IntArray, bytes]]) -> _Text:
     """Write the elements ``vertices`` and ``triangles`` of a mesh, piece by piece.
 
     Nine digits tell all values of float32 apart, and mostly seven or eight do. lib3mf writes as
@@ -949,22 +924,18 @@ def needs_one_mesh(slicer: str) -> bool:
     ArgumentError
         No slicer that planner knows; the message says what is near.
     """
-    try:
-        return _ONE_MESH[slicer.casefold()]
-    except KeyError:
-        raise ArgumentError(
-            f"slicer {slicer!r}: no such slicer; "
-            f"{did_you_mean(slicer, _ONE_MESH)}it may be {', '.join(_ONE_MESH)}"
-        ) from None
+    if slicer.casefold() not in _ONE_MESH:
+        all_ = ", ".join(_ONE_MESH)
+        hint = did_you_mean(slicer, _ONE_MESH)
+        raise ArgumentError(f"slicer {slicer!r}: no such slicer; {hint}it may be {all_}")
+    return _ONE_MESH[slicer.casefold()]
 
 
-def _settings(
-    opening: str,
-    name: str,
-    parts: Sequence[tuple[str, Mapping[str, object]]],
-    *,
-    typed: bool = False,
-) -> bytes:
+_Part: TypeAlias = tuple[str, Mapping[str, object]]
+"""An element with its attributes, and what is said of it."""
+
+
+def _settings(opening: str, name: str, parts: Sequence[_Part], *, typed: bool = False) -> bytes:
     """Return the part of a 3MF that says which part of an object has which extruder.
 
     Parameters
@@ -972,7 +943,7 @@ def _settings(
     opening, name
         The object's element with its attributes, and what it is called.
     parts
-        The same of each component or volume, with what is said of it.
+        Of each component or volume.
     typed
         Whether what is said has the element's name as its type.
     """

@@ -1,15 +1,14 @@
 """Units: what machines write, as factors; what a person states; what a factor hints at."""
 
+import contextlib
 import math
-import tomllib
 import unicodedata
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from types import MappingProxyType
-from typing import Any
 
 from planner.errors import ArgumentError, FileError, UnknownNameError, did_you_mean
+from planner.formats.files import toml_beside
 
 __all__ = [
     "QUANTITIES",
@@ -27,9 +26,7 @@ __all__ = [
 # Units that testing machines write, as factors to mm, N, MPa, s and fractions.
 
 
-_UNITS: Mapping[str, Mapping[str, Any]] = tomllib.loads(
-    Path(__file__).with_name("units.toml").read_text(encoding="utf-8")
-)
+_UNITS = toml_beside("units.toml")
 QUANTITY_UNITS: Mapping[str, Mapping[str, float]] = MappingProxyType(
     {quantity: _UNITS[quantity] for quantity in ("time", "length", "force", "stress", "strain")}
 )
@@ -200,12 +197,9 @@ class UnitOf:
         units = QUANTITY_UNITS[QUANTITIES[self.quantity][1]]
         if self.unit in units:
             return units[self.unit]
-        try:
-            factor = float(self.unit)
-        except ValueError:
-            factor = math.nan
-        if 0.0 < factor < math.inf:
-            return factor
+        with contextlib.suppress(ValueError):
+            if 0.0 < (factor := float(self.unit)) < math.inf:
+                return factor
         plain = [unit for unit in units if (unit.isascii() and unit.isalpha()) or unit == "%"]
         raise UnknownNameError(
             f"unit_of {self.text}: no unit {self.unit!r} of {self.quantity}; "

@@ -259,12 +259,8 @@ def algorithm_one(curves: Sequence[LiteralCurve], start: QuadraticCoefficients) 
     if not math.isfinite(error(first)):
         raise ArgumentError("the pooled error at the start is not finite; give another start")
     found = _simplex(error, first)
-    return QuadraticFit(
-        model=_model(found.x.reshape(6, 3)),
-        squared_error_MPa2=float(found.fun),
-        evaluations=int(found.nfev),
-        converged=bool(found.success),
-    )
+    model = _model(found.x.reshape(6, 3))
+    return QuadraticFit(model, float(found.fun), int(found.nfev), bool(found.success))
 
 
 def _simplex(error: Callable[[FloatArray], float], first: FloatArray) -> "OptimizeResult":
@@ -276,13 +272,10 @@ def _simplex(error: Callable[[FloatArray], float], first: FloatArray) -> "Optimi
     from scipy.optimize import minimize
 
     limit = 200 * first.size
-    return minimize(
-        error,
-        # So many steps part from the last bit on, in which processors differ.
-        np.array([float(f"{number:.9g}") for number in first]),
-        method="Nelder-Mead",
-        options={"xatol": 1e-4, "fatol": 1e-4, "maxiter": limit, "maxfev": limit},
-    )
+    # So many steps part from the last bit on, in which processors differ.
+    start = np.array([float(f"{number:.9g}") for number in first])
+    limits: Any = {"xatol": 1e-4, "fatol": 1e-4, "maxiter": limit, "maxfev": limit}
+    return minimize(error, start, method="Nelder-Mead", options=limits)
 
 
 def _pooled(curves: Sequence[LiteralCurve], degree: int) -> Callable[[FloatArray], float]:
@@ -315,8 +308,7 @@ def _model(rows: FloatArray) -> QuadraticCoefficients:
 
 
 def _check_coordinates(coordinates: FloatArray) -> None:
-    different = len(np.unique(coordinates))
-    if different < _FEWEST:
+    if (different := len(np.unique(coordinates))) < _FEWEST:
         raise ArgumentError(
             f"{different} different coordinates: a quadratic needs at least {_FEWEST}; add "
             "materials"
@@ -432,19 +424,16 @@ class QuadraticStudy:
 
     def _without(self) -> str:
         what = "a material left out and predicted by the others"
-        both = [
-            (one.nrmse, other.nrmse)
-            for row in self.rows
-            if (one := row.errors["quadratics_without"])
-            and (other := row.errors["mixtures_without"])
-        ]
+        kinds = ("quadratics_without", "mixtures_without")
+        pairs = [[row.errors[kind] for kind in kinds] for row in self.rows]
+        both = [(one.nrmse, other.nrmse) for one, other in pairs if one and other]
         if both:
             quadratics, mixtures = 100.0 * np.mean(both, axis=0)
             return (
                 f"{what}: quadratics {quadratics:.2g} % of its largest stress off, planner's "
                 f"mixtures {mixtures:.2g} % (mean of {len(both)})"
             )
-        errors = [one.nrmse for row in self.rows if (one := row.errors["quadratics_without"])]
+        errors = [one.nrmse for one, _ in pairs if one]
         if not errors:
             return f"{what}: not known, that takes {_FEWEST + 1} elastic materials"
         return (
@@ -519,19 +508,16 @@ def quadratic_study(
     rows = []
     for k, (material, curve, fit) in enumerate(zip(elastic, curves, single, strict=True)):
         model, others = found.model, _model_without(curves, single, k)
-        law, mixtures = make_law(material.law), mixtures_without(palette, material)
+        law, mixed = make_law(material.law), mixtures_without(palette, material)
         m, x = curve.coordinate, curve.strain
-        errors: dict[str, Errors | None] = {
-            "own": _errors(curve, literal_stress_MPa(fit.c, x)),
-            "quadratics": _errors(curve, model.literal_stress_MPa(m, x)),
-            "law": _errors(curve, law.nominal_stress_MPa(1.0 + x)),
-            "quadratics_without": None,
-            "mixtures_without": None,
+        predicted = {
+            "own": literal_stress_MPa(fit.c, x),
+            "quadratics": model.literal_stress_MPa(m, x),
+            "law": law.nominal_stress_MPa(1.0 + x),
+            "quadratics_without": None if others is None else others.literal_stress_MPa(m, x),
+            "mixtures_without": None if mixed is None else mixed.nominal_stress_MPa(m, 1.0 + x),
         }
-        if others is not None:
-            errors["quadratics_without"] = _errors(curve, others.literal_stress_MPa(m, x))
-        if mixtures is not None:
-            errors["mixtures_without"] = _errors(curve, mixtures.nominal_stress_MPa(m, 1.0 + x))
+        errors = {way: None if p is None else _errors(curve, p) for way, p in predicted.items()}
         rest = float(model.literal_stress_MPa(m, _NEAR_REST))
         law_rest = float(law.nominal_stress_MPa(1.0 + _NEAR_REST))
         rows.append(QuadraticRow(material.id, curve, fit, errors, others, rest, law_rest))
@@ -578,11 +564,8 @@ def _falls_at(
     model: QuadraticCoefficients, curves: Sequence[LiteralCurve]
 ) -> tuple[float, float] | None:
     m = np.linspace(curves[0].coordinate, curves[-1].coordinate, _POINTS)
-    strain = np.linspace(
-        max(float(c.strain.min()) for c in curves),
-        min(float(c.strain.max()) for c in curves),
-        _POINTS,
-    )
+    first = max(float(c.strain.min()) for c in curves)
+    strain = np.linspace(first, min(float(c.strain.max()) for c in curves), _POINTS)
     falls = np.diff(model.literal_stress_MPa(m[:, np.newaxis], strain), axis=0) <= 0.0
     if not falls.any():
         return None

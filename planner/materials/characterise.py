@@ -82,13 +82,10 @@ class Curve:
 
     def part(self, keep: slice | BoolArray, *notes: str, origin: float = 0.0) -> "Curve":
         """Return the points that are kept, strains counted from `origin`, with more notes."""
-        return replace(
-            self,
-            strain=self.strain[keep] - origin,
-            stress_MPa=self.stress_MPa[keep],
-            time_s=None if self.time_s is None else self.time_s[keep],
-            notes=(*self.notes, *notes),
-        )
+        time = None if self.time_s is None else self.time_s[keep]
+        strain, stress = self.strain[keep] - origin, self.stress_MPa[keep]
+        notes = (*self.notes, *notes)
+        return replace(self, strain=strain, stress_MPa=stress, time_s=time, notes=notes)
 
 
 def check_record(where: str, columns: Mapping[str, FloatArray]) -> None:
@@ -110,15 +107,13 @@ def check_record(where: str, columns: Mapping[str, FloatArray]) -> None:
             "export all of it, or leave the specimen out"
         )
     for name, array in columns.items():
-        bad = np.flatnonzero(~np.isfinite(array))
-        if len(bad):
+        if len(bad := np.flatnonzero(~np.isfinite(array))):
             raise FileError(
                 f"{where}: {name} is {array[bad[0]]} at point {bad[0] + 1}; remove or repair "
                 "such points"
             )
     time = columns.get("time_s", np.arange(points))
-    fall = np.flatnonzero(np.diff(time) <= 0.0)
-    if len(fall):
+    if len(fall := np.flatnonzero(np.diff(time) <= 0.0)):
         raise FileError(
             f"{where}: time goes from {time[fall[0]]:g} s to {time[fall[0] + 1]:g} s at point "
             f"{fall[0] + 2}; time must rise"
@@ -276,12 +271,10 @@ class _Lines:
     def __init__(self, x: FloatArray, y: FloatArray) -> None:
         self._centre = float(x.mean()), float(y.mean())
         u, v = x - self._centre[0], y - self._centre[1]
-        self._sums = [
-            np.concatenate([[0.0], np.cumsum(values)]) for values in (u, v, u * u, u * v, v * v)
-        ]
+        self._sums = [np.append(0.0, np.cumsum(values)) for values in (u, v, u * u, u * v, v * v)]
 
-    def _moments(self, i: IntArray, j: IntArray) -> tuple[FloatArray, ...]:
-        n = (j - i).astype(np.float64)
+    def _moments(self, i: IntArray | int, j: IntArray | int) -> tuple[FloatArray, ...]:
+        n = np.asarray(j - i, dtype=np.float64)
         u, v, uu, uv, vv = (s[j] - s[i] for s in self._sums)
         return n, u / n, v / n, uu - u * u / n, uv - u * v / n, vv - v * v / n
 
@@ -295,9 +288,7 @@ class _Lines:
 
     def line(self, start: int, stop: int) -> tuple[float, float, float]:
         """Slope, where the line meets zero, and that strain's standard error."""
-        n, u, v, sxx, sxy, syy = (
-            float(m[0]) for m in self._moments(np.array([start]), np.array([stop]))
-        )
+        n, u, v, sxx, sxy, syy = map(float, self._moments(start, stop))
         slope = sxy / sxx if sxx > 0.0 else 0.0
         if slope <= 0.0:
             return slope, 0.0, np.inf
@@ -347,13 +338,11 @@ def _linear_part(curve: Curve) -> LinearPart:
         )
     toe = 0.0
     if kind == "line":
-        spacing = float(np.median(np.diff(x[:stop])))
         front = x < zero
         # On the line itself, they show a load that was not zeroed, and no toe.
         above = y[front] - modulus * (x[front] - zero)
-        if zero - x[0] > max(3.0 * zero_error, 0.5 * spacing) and float(
-            np.mean(above)
-        ) > 3.0 * noise / np.sqrt(len(above)):
+        is_behind = zero - x[0] > max(3.0 * zero_error, 0.5 * float(np.median(np.diff(x[:stop]))))
+        if is_behind and float(np.mean(above)) > 3.0 * noise / np.sqrt(len(above)):
             toe = zero
     return LinearPart(start, stop, modulus, toe, kind, zero)
 
@@ -365,8 +354,7 @@ def _arc(x: FloatArray, y: FloatArray) -> tuple[float, float] | None:
     """
     if len(x) < _MINIMUM_WINDOW or x[-1] <= x[0]:
         return None
-    scale = float(x[-1] - x[0])
-    terms = np.vander((x - x[0]) / scale, 3, increasing=True)
+    terms = np.vander((x - x[0]) / float(x[-1] - x[0]), 3, increasing=True)
     inverse = np.linalg.pinv(terms)
     coefficients = inverse @ y
     slope, bend = (float(c) for c in coefficients[1:])
@@ -430,14 +418,11 @@ def _grow(
         fits = np.abs(slopes - modulus) <= _LINEARITY * abs(modulus) + 3.0 * errors
         fits[seed] = True
         misfits = np.flatnonzero(~fits)
-        before, behind = misfits[misfits < seed], misfits[misfits > seed]
-        grown = (
-            int(before[-1]) + 1 if len(before) else 0,
-            int(behind[0]) - 1 if len(behind) else len(slopes) - 1,
-        )
-        if grown == (first, last):
+        before = int(misfits[misfits < seed].max(initial=-1))
+        behind = int(misfits[misfits > seed].min(initial=len(slopes)))
+        if (before + 1, behind - 1) == (first, last):
             break
-        first, last = grown
+        first, last = before + 1, behind - 1
         modulus = lines.line(first, last + width)[0]
     return first, last + width
 
@@ -472,7 +457,7 @@ class Deformation:
     reason: str
 
 
-def _yield_strain(curve: Curve) -> float | None:
+def _yield_strain(curve: Curve, origin: float) -> float | None:
     """Return the strain at the yield point: the first maximum of stress before break.
 
     A fall of at least 3 % of the peak stress, and of six times the noise, has to follow.
@@ -481,9 +466,7 @@ def _yield_strain(curve: Curve) -> float | None:
     highest = np.maximum.accumulate(stress)
     drop = max(_YIELD_DROP * float(stress.max()), 6.0 * noise_sd(stress))
     fallen = np.flatnonzero(highest - stress > drop)
-    if not len(fallen):
-        return None
-    return float(curve.strain[int(np.argmax(stress[: fallen[0]]))])
+    return float(curve.strain[np.argmax(stress[: fallen[0]])]) - origin if len(fallen) else None
 
 
 def deformation(
@@ -491,11 +474,9 @@ def deformation(
 ) -> Deformation:
     """Classify by Young's modulus, strain at break and strain at yield (None: no yield point)."""
     if modulus_MPa > _NONRIGID_MPA:
-        how = (
-            f"yields at strain {yield_strain:.3g}"
-            if yield_strain is not None
-            else "breaks without a yield point"
-        )
+        how = "breaks without a yield point"
+        if yield_strain is not None:
+            how = f"yields at strain {yield_strain:.3g}"
         return Deformation(
             "plastic",
             f"modulus {modulus_MPa:.3g} MPa is above {_NONRIGID_MPA:g} MPa, not a nonrigid "
@@ -611,11 +592,8 @@ def toe_compensated(curve: Curve) -> Curve:
     Points before that origin are dropped; a curve without a toe comes back as it is.
     """
     part = _linear_part(curve)
-    if part.toe_strain == 0.0:
-        return curve
-    return curve.part(
-        curve.strain >= part.toe_strain, _toe_note(curve, part), origin=part.toe_strain
-    )
+    toe = part.toe_strain
+    return curve.part(curve.strain >= toe, _toe_note(curve, part), origin=toe) if toe else curve
 
 
 def characterise_curve(
@@ -637,13 +615,11 @@ def characterise_curve(
     strain = curve.strain - part.toe_strain
     end = part.stop - 1
     elongation = float(strain[-1])
-    at_yield = _yield_strain(curve)
-    if at_yield is not None:
-        at_yield -= part.toe_strain
+    at_yield = _yield_strain(curve, part.toe_strain)
     how = deformation(part.modulus_MPa, elongation, at_yield)
-    origin_area = 0.0
-    if part.toe_strain == 0.0 and strain[0] > 0.0:
-        origin_area = 0.5 * float(strain[0]) * max(float(curve.stress_MPa[0]), 0.0)
+    # Of a record that begins behind rest; where there is a toe it begins before its end.
+    origin_area = 0.5 * max(float(strain[0]), 0.0) * max(float(curve.stress_MPa[0]), 0.0)
+    secants = {value: _secant(curve, part.toe_strain, value) for value in secant_strains}
     return Characteristics(
         specimen=curve.specimen,
         modulus_MPa=part.modulus_MPa,
@@ -654,9 +630,7 @@ def characterise_curve(
         toughness_MJ_m3=float(np.trapezoid(curve.stress_MPa, strain)) + origin_area,
         elongation_at_break=elongation,
         strength_MPa=float(np.max(curve.stress_MPa)),
-        secant_MPa=MappingProxyType(
-            {value: _secant(curve, part.toe_strain, value) for value in secant_strains}
-        ),
+        secant_MPa=MappingProxyType(secants),
         yield_strain=at_yield,
         deformation=how,
         notes=(_toe_note(curve, part), *_odd(curve, part, how.kind)),
@@ -677,19 +651,13 @@ def characterise_material(
     figures: dict[str, list[float | None]] = {
         name: [getattr(c, name) for c in found] for name in _MATERIAL_FIGURES
     }
-    for strain in secant_strains:
-        figures[f"secant_{strain:g}_MPa"] = [c.secant_MPa[strain] for c in found]
-    spreads = {
-        name: spread_of(known)
-        for name, values in figures.items()
-        if (known := [value for value in values if value is not None])
-    }
+    figures |= {f"secant_{e:g}_MPa": [c.secant_MPa[e] for c in found] for e in secant_strains}
+    known = {name: [v for v in values if v is not None] for name, values in figures.items()}
+    spreads = {name: spread_of(values) for name, values in known.items() if values}
     yields = [c.yield_strain for c in found if c.yield_strain is not None]
-    whole = deformation(
-        spreads["modulus_MPa"].mean,
-        spreads["elongation_at_break"].mean,
-        float(np.mean(yields)) if 2 * len(yields) > len(found) else None,
-    )
+    at_yield = float(np.mean(yields)) if 2 * len(yields) > len(found) else None
+    modulus, elongation = spreads["modulus_MPa"].mean, spreads["elongation_at_break"].mean
+    whole = deformation(modulus, elongation, at_yield)
     agree = all(c.deformation.kind == whole.kind for c in found)
     return MaterialCharacteristics(material, found, MappingProxyType(spreads), whole, agree)
 
@@ -710,9 +678,8 @@ def _secant(curve: Curve, toe: float, strain: float) -> float | None:
     x = curve.strain - toe
     if strain > x[-1] or strain < x[0]:
         return None
-    near = np.abs(x - strain)
     # Five points even out noise; where they lie too far apart, two have to do.
-    at = np.sort(np.argsort(near, kind="stable")[:5])
+    at = np.sort(np.argsort(np.abs(x - strain), kind="stable")[:5])
     if not 0.0 < float(np.ptp(x[at])) <= 0.5 * strain:
         return float(np.interp(strain, x, curve.stress_MPa)) / strain
     return float(np.polyfit(x[at] - strain, curve.stress_MPa[at], 1)[1]) / strain
@@ -810,11 +777,8 @@ def _unlike(found: MaterialCharacteristics, name: str, figure: str) -> Iterator[
     values = [getattr(c, figure) for c in found.specimens]
     each = [f"{v:.3g} of {c.specimen}" for v, c in zip(values, found.specimens, strict=True)]
     median = sorted(values)[len(values) // 2]
-    far = [
-        said
-        for said, value in zip(each, values, strict=True)
-        if not median / _REPLICATE_FACTOR <= value <= _REPLICATE_FACTOR * median
-    ]
+    least, most = median / _REPLICATE_FACTOR, _REPLICATE_FACTOR * median
+    far = [said for said, value in zip(each, values, strict=True) if not least <= value <= most]
     if far:
         of, off = (", ", f"off the replicates' median, {median:.3g}")
         if len(values) == 2:  # neither of which is the middle

@@ -20,6 +20,7 @@ from planner.materials.characterise import (
 )
 from planner.materials.laws import (
     LOWEST_STRETCH,
+    Columns,
     NeoHookean,
     Ogden,
     SeparableLaw,
@@ -168,9 +169,7 @@ def _weights(specimen: IntArray, mode: IntArray) -> FloatArray:
     return np.asarray(1.0 / (count[inverse] * in_mode[of_mode] * len(modes)))
 
 
-def sample_columns(
-    law: SeparableLaw, sample: Sample, a: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+def sample_columns(law: SeparableLaw, sample: Sample, a: FloatArray) -> Columns:
     """Return a law's columns and their slopes at a sample's points, each in its own loading.
 
     As `SeparableLaw.evaluate`. Equibiaxial loading to l is uniaxial loading to l^-2, with nominal
@@ -234,22 +233,6 @@ class Solutions(NamedTuple):
     converged: BoolArray
 
 
-class Held(NamedTuple):
-    """Parameters that a search leaves alone, one row a start.
-
-    Attributes
-    ----------
-    a
-        Shape (s, q): true where the nonlinear parameter stays at its start.
-    c
-        Shape (s, p): where a coefficient is held, its value in the file's terms (see
-        `SeparableLaw.divisor`); NaN where it is free.
-    """
-
-    a: BoolArray
-    c: FloatArray
-
-
 def spread_starts(law: SeparableLaw, sample: Sample, count: int, shift: float = 0.5) -> FloatArray:
     """Return `count` starts spread evenly over the bounds, shape (count, q).
 
@@ -271,7 +254,7 @@ def minimise(
     law: SeparableLaw,
     sample: Sample,
     starts: FloatArray,
-    held: Held | None = None,
+    held: tuple[BoolArray, FloatArray] | None = None,
     flat: float = 1e-14,
     iterations: int = _ITERATIONS,
 ) -> Solutions:
@@ -282,7 +265,9 @@ def minimise(
     starts
         Nonlinear parameters, shape (s, q).
     held
-        Parameters left alone, for profiles.
+        Parameters left alone, for profiles, one row a start: where the nonlinear ones stay there
+        (s, q); and what coefficients are held at, in the file's terms (see `SeparableLaw.divisor`),
+        NaN where they are free (s, p).
     flat
         Share of the cost that a step has to gain for a search to go on.
     iterations
@@ -292,8 +277,7 @@ def minimise(
     low, high = law.bounds(float(sample.stretch.max())).T
     a = np.clip(starts, low, high)
     s, q = a.shape
-    held_a = np.zeros((s, q), dtype=bool) if held is None else held.a
-    held_c = np.full((s, law.columns), np.nan) if held is None else held.c
+    held_a, held_c = held or (np.zeros((s, q), dtype=bool), np.full((s, law.columns), np.nan))
     state = problem.project(a, held_c)
     damping, raised = np.full(s, 0.1), np.full(s, 2.0)
     gradient = np.zeros(s)
@@ -310,8 +294,7 @@ def minimise(
         normal = np.where(stuck[:, :, None] | stuck[:, None, :], 0.0, now.normal)
         square = np.maximum(np.einsum("skk->sk", normal), 0.0)
         length = np.sqrt(square * now.cost[:, None])
-        cosine = np.abs(slope) / np.where(length > 0, length, 1.0)
-        gradient[active] = cosine.max(axis=1)
+        gradient[active] = (np.abs(slope) / np.where(length > 0, length, 1.0)).max(axis=1)
         damped = normal.copy()
         diagonal = np.where(square > 0, square, 1.0)
         damped[:, range(q), range(q)] = diagonal * (1.0 + damping[active])[:, None]
@@ -322,9 +305,8 @@ def minimise(
         gained = now.cost - after.cost > flat * now.cost
         small = np.abs(trial - at).max(axis=1) <= 1e-10 * (1.0 + np.abs(at).max(axis=1))
         taken = trial - at
-        foreseen = -np.einsum(
-            "sk,sk->s", taken, 2.0 * slope + (normal @ taken[:, :, None])[:, :, 0]
-        )
+        bent = (normal @ taken[:, :, None])[:, :, 0]
+        foreseen = -np.einsum("sk,sk->s", taken, 2.0 * slope + bent)
         share = (now.cost - after.cost) / np.where(foreseen > 0.0, foreseen, np.inf)
         eased = np.clip(1.0 - (2.0 * share - 1.0) ** 3, 1.0 / 3.0, 2.0)
         damping[active] *= np.where(better, eased, raised[active])
@@ -338,9 +320,7 @@ def minimise(
     return Solutions(a, state.coefficients, state.cost, gradient, converged)
 
 
-def rows_leant_on(
-    law: SeparableLaw, sample: Sample, a: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+def rows_leant_on(law: SeparableLaw, sample: Sample, a: FloatArray) -> Columns:
     """Return columns and slopes, as `sample_columns`, of the `SoundRows` that hold a fitted law."""
     problem = _Problem(law, sample)
     state = problem.project(a[None], np.full((1, law.columns), np.nan))
@@ -744,22 +724,13 @@ class LawFit:
         if margin:
             law = LawParameters(self.law.model, self.law.parameters(self.a, self.c))
             found = stability(make_law(law), working_strain)
-            strains += [
-                end - 1.0
-                for ends in found.sound.values()
-                for end, asked in zip(ends, found.asked, strict=True)
-                if end != asked
-            ]
+            pairs = (zip(ends, found.asked, strict=True) for ends in found.sound.values())
+            strains += [end - 1.0 for pair in pairs for end, asked in pair if end != asked]
         return min(strains, key=abs, default=None)
 
 
 def fit_law(
-    law: SeparableLaw,
-    sample: Sample,
-    *,
-    starts: int = STARTS,
-    shift: float = 0.5,
-    also: FloatArray | None = None,
+    law: SeparableLaw, sample: Sample, *, starts: int = STARTS, also: FloatArray | None = None
 ) -> LawFit:
     """Fit a law by multi-start variable projection.
 
@@ -767,12 +738,10 @@ def fit_law(
     ----------
     starts
         Number of starts spread over the bounds.
-    shift
-        Moves the pattern of starts; see `spread_starts`.
     also
         Further starts, shape (k, q).
     """
-    spread = spread_starts(law, sample, starts, shift)
+    spread = spread_starts(law, sample, starts)
     if also is not None and law.nonlinear:
         spread = np.concatenate([spread, also])
     thin = np.arange(len(sample.stretch)) % max(len(sample.stretch) // _ROUGH_POINTS, 1) == 0
@@ -929,18 +898,14 @@ def choose_law(
     folds, scheme = _folds(sample)
     fits = [fit_law(law, sample, starts=starts) for law in laws]
     points = len(sample.stretch) - max(int(fold.sum()) for fold in folds)
-    usable = [fit for fit in fits if fit.parameter_count < points]
-    if not usable:
+    if not (usable := [fit for fit in fits if fit.parameter_count < points]):
         raise ArgumentError(
             f"{points} points are too few to fit {', '.join(f.name for f in fits)} and test it "
             "on what is left out; measure more points or choose a law of fewer parameters"
         )
-    candidates = tuple(
-        LawCandidate(fit, fit.unstable_strain(working_strain), *_held_out(fit, sample, folds))
-        for fit in usable
-    )
-    stable = [c for c in candidates if c.unstable_strain is None]
-    if not stable:
+    each = ((fit, fit.unstable_strain(working_strain)) for fit in usable)
+    candidates = tuple(LawCandidate(fit, at, *_held_out(fit, sample, folds)) for fit, at in each)
+    if not (stable := [c for c in candidates if c.unstable_strain is None]):
         return Choice(candidates, None, scheme, "no law's stress rises over the working range")
     best = min(stable, key=lambda c: c.held_out_error)
     near = [c for c in stable if _as_good(c, best)]
@@ -957,9 +922,8 @@ def choose_law(
 def _folds(sample: Sample) -> tuple[list[BoolArray], str]:
     """Return what is left out in turn; a specimen that nothing can be asked of is not."""
     # One specimen a loading: without it another loading would be extrapolated to.
-    alone = sample.mode.any() and sample.specimens <= len(
-        set(zip(sample.mode.tolist(), (sample.stretch > 1.0).tolist(), strict=True))
-    )
+    kinds = set(zip(sample.mode.tolist(), (sample.stretch > 1.0).tolist(), strict=True))
+    alone = sample.mode.any() and sample.specimens <= len(kinds)
     if sample.specimens > 1 and not alone:
         # The one that begins lowest can always be asked, so that at least one fold is left.
         return [fold for fold in _own(sample) if _asked(fold, sample).any()], "one specimen"
@@ -1084,14 +1048,9 @@ def least_yielding(
     from scipy.optimize import least_squares
 
     largest, strain = float(sample.stress_MPa.max()), float(sample.stretch.max()) - 1.0
-    low, high = np.log(
-        [
-            (modulus_MPa / _MODULUS, modulus_MPa * _MODULUS),
-            (0.05 * largest, 20.0 * largest),
-            (_HARDENING[0] * largest, _HARDENING[1] * modulus_MPa / _MODULUS),
-            _SHARPNESS,
-        ]
-    ).T
+    moduli = (modulus_MPa / _MODULUS, modulus_MPa * _MODULUS)
+    slopes = (_HARDENING[0] * largest, _HARDENING[1] * modulus_MPa / _MODULUS)
+    low, high = np.log([moduli, (0.05 * largest, 20.0 * largest), slopes, _SHARPNESS]).T
 
     def residuals(logs: FloatArray) -> FloatArray:
         stress = Yielding(*np.exp(logs).tolist()).nominal_stress_MPa(sample.stretch)
@@ -1100,10 +1059,8 @@ def least_yielding(
 
     hardening = np.clip(0.05 * largest / strain, *np.exp([low[2], high[2]]))
     starts = [np.log([modulus_MPa, 0.9 * largest, hardening, n]) for n in _SHARPNESS_STARTS]
-    best = min(
-        (least_squares(residuals, start, bounds=(low, high)) for start in starts),
-        key=lambda found: float(found.cost),
-    )
+    ends = (least_squares(residuals, start, bounds=(low, high)) for start in starts)
+    best = min(ends, key=lambda found: float(found.cost))
     side = (best.x > high - _AT_BOUND).astype(np.int64) - (best.x < low + _AT_BOUND)
     return Yielding(*np.exp(best.x).tolist()), side
 
@@ -1323,10 +1280,8 @@ def _secants(
 
 def _levels_at(strain: FloatArray, courses: Sequence[tuple[FloatArray, FloatArray]]) -> FloatArray:
     """Return what each specimen is off the law at strains, (n, k): on the line of its course."""
-    lines = [
-        np.polyfit(stretch - 1.0, ratio, min(1, len(ratio) - 1), w=np.abs(stretch - 1.0) ** 0.5)
-        for stretch, ratio in courses
-    ]
+    own = ((stretch - 1.0, ratio) for stretch, ratio in courses)
+    lines = [np.polyfit(e, r, min(1, len(r) - 1), w=np.abs(e) ** 0.5) for e, r in own]
     return np.array([np.polyval(line, strain) for line in lines])
 
 
@@ -1348,15 +1303,13 @@ def _scatter_known(sample: Sample) -> bool:
     """Return whether at least two specimens of one loading differ in their mean secant."""
     own = _own(sample)
     means = np.array([np.mean(sample.stress_MPa[i] / (sample.stretch[i] - 1.0)) for i in own])
-    loading = np.array(
-        [(3.0 + sample.mode[i][0]) * np.sign(sample.stretch[i][0] - 1.0) for i in own]
-    )
+    loading = np.array([(3 + sample.mode[i][0]) * np.sign(sample.stretch[i][0] - 1.0) for i in own])
     alike = [means[loading == one] for one in np.unique(loading)]
     return any(float(np.ptp(one)) > _SAME * abs(float(one.mean())) for one in alike)
 
 
 def _derivatives(
-    law: SeparableLaw, a: FloatArray, c: FloatArray, columns: tuple[FloatArray, FloatArray]
+    law: SeparableLaw, a: FloatArray, c: FloatArray, columns: Columns
 ) -> tuple[FloatArray, FloatArray]:
     """Return the derivative of stress by (a, file's c), shape (n, q + p), and the stress."""
     phi, slope = columns
@@ -1390,8 +1343,7 @@ def _moves_variance(
     unit, size, residual = _linearised(fit.law, fit.a, fit.c, sample, held=held)
     own = _own(sample)
     moves = np.stack([_without(unit, residual, i) for i in own]) / size @ directions
-    count = len(own)
-    return np.asarray(moves.var(axis=0) * (count - 1.0))
+    return np.asarray(moves.var(axis=0) * (len(own) - 1.0))
 
 
 def _without(unit: FloatArray, residual: FloatArray, own: BoolArray) -> FloatArray:
@@ -1458,10 +1410,8 @@ def _crossings(fit: LawFit, sample: Sample, t: float, spread: FloatArray) -> Flo
         cost, a, c = _profile(fit, sample, which[todo], ends, near[todo])
         near[todo] = _interval_rounded(a)
         passed.append((cost, np.concatenate([a, c], axis=1)))
-        allowed = [
-            _allowed_rise(fit.law, own_a, own_c, sample, which[row])
-            for row, own_a, own_c in zip(todo, a, c, strict=True)
-        ]
+        rows = zip(which[todo], a, c, strict=True)
+        allowed = [_allowed_rise(fit.law, own_a, own_c, sample, k) for k, own_a, own_c in rows]
         target = t * t * np.maximum(allowed, 1e-12 * fit.objective)
         ratio = np.sqrt(np.maximum(cost - fit.objective, 0.0) / target)
         under = ratio < 1.0
@@ -1507,7 +1457,7 @@ def _profile(
     starts = [np.tile(fit.a, (len(rows), 1)), near.copy()]
     for start in starts:
         start[rows[by_a], which[by_a]] = at[by_a]
-    held = Held(np.tile(held_a, (len(starts), 1)), np.tile(held_c, (len(starts), 1)))
+    held = np.tile(held_a, (len(starts), 1)), np.tile(held_c, (len(starts), 1))
     found = minimise(fit.law, sample, np.concatenate(starts), held, flat=_PROFILE_FLAT)
     cost = found.cost.reshape(len(starts), -1)
     lowest = np.argmax(cost <= cost.min(axis=0) * (1.0 + 1e-6), axis=0)
@@ -1571,10 +1521,9 @@ def _slacks(curves: Sequence[Curve]) -> list[float]:
     """
     from scipy.special import fdtri
 
-    slacks = [0.0] * len(curves)
     begun = {k: found for k, curve in enumerate(curves) if len((found := _beginning(curve))[0])}
     if not begun:
-        return slacks
+        return [0.0] * len(curves)
     farthest = np.array([reach for *_, reach in begun.values()])
     tried = np.linspace(0.0, farthest.max(), _SLACK_STEPS)
     each = [_slack_squares(x, y, np.minimum(tried, reach)) for x, y, reach in begun.values()]
@@ -1587,9 +1536,8 @@ def _slacks(curves: Sequence[Curve]) -> list[float]:
     slipped |= gain.sum(axis=0).max() > fdtri(1, freedom.sum(), 1.0 - error)
     best = tried[np.argmax(gain, axis=1)]
     best = np.where(slipped & (best < farthest), best, 0.0)  # the farthest is no minimum
-    for k, slack in zip(begun, best.tolist(), strict=True):
-        slacks[k] = slack
-    return slacks
+    slacks = dict(zip(begun, best.tolist(), strict=True))
+    return [slacks.get(k, 0.0) for k in range(len(curves))]
 
 
 def _beginning(curve: Curve) -> tuple[FloatArray, FloatArray, float]:
@@ -1724,11 +1672,8 @@ def fit_material(
     loaded = tuple(loading(curves))
     # A law's strains count from where its specimens begin to bear, not from the tangent's zero.
     notes = [note for note in notes if "strains count from" not in note]
-    notes += [
-        note
-        for curve, whole in zip(loaded, curves, strict=True)
-        for note in curve.notes[len(whole.notes) :]
-    ]
+    for curve, whole in zip(loaded, curves, strict=True):
+        notes += curve.notes[len(whole.notes) :]
     ends_at = [curve.part(slice(int(np.argmax(np.abs(curve.stress_MPa))) + 1)) for curve in others]
     sample = sample_of([*loaded, *ends_at], weighting=weighting)
     working = found.spreads["elongation_at_break"].mean
@@ -1749,11 +1694,8 @@ def fit_material(
                 choice = replace(choice, chosen=None, reason=reason)
                 return replace(bent, notes=tuple(notes), choice=choice)
     if chosen is None:
-        falls = "; ".join(
-            f"the stress of {c.fit.name} falls at strain {c.unstable_strain:.3g}"
-            for c in choice.candidates
-            if c.unstable_strain is not None
-        )
+        form = "the stress of {} falls at strain {:.3g}"
+        falls = "; ".join(form.format(c.fit.name, c.unstable_strain) for c in choice.candidates)
         raise ArgumentError(
             f"material {material}: no law is stable up to its elongation at break, {working:.3g}, "
             f"and a tenth beyond ({falls}); try `law` all"
@@ -1780,8 +1722,8 @@ def fit_material(
             held = f"held to be stable to its break its error is {price:.2g} times as large"
             choice = replace(choice, reason=f"{choice.reason}; {held}")
     if others:
-        each = by_mode(chosen.fit, sample)
-        said = [f"{mode} weighs {w:.3g}, {100 * off:.2g} % off" for mode, (w, off) in each]
+        told = by_mode(chosen.fit, sample)
+        said = [f"{mode} weighs {w:.3g}, {100 * off:.2g} % off" for mode, (w, off) in told]
         notes.append(f"material {material}: {'; '.join(said)} (RMS)")
     secants = secant_intervals(chosen.fit, sample, (0.0, *SECANT_STRAINS), level)
     notes.extend(_doubts(material, chosen, secants))
@@ -1816,15 +1758,13 @@ def fit_material(
     )
 
 
-def by_mode(fit: LawFit, sample: Sample) -> list[tuple[str, tuple[float, float]]]:
-    """Return the share of the weight and the root mean square residual over scale by loading."""
+def by_mode(fit: LawFit, sample: Sample) -> Iterator[tuple[str, tuple[float, float]]]:
+    """Yield the share of the weight and the root mean square residual over scale by loading."""
     off = (sample_stress_MPa(fit.law, fit.a, fit.c, sample) - sample.stress_MPa) / sample.scale_MPa
-    found = []
     for k in np.unique(sample.mode):
         weight = np.where(sample.mode == k, sample.weight, 0.0)
         share = float(weight.sum())
-        found.append((LOADINGS[k], (share, float(np.sqrt(weight @ off**2 / share)))))
-    return found
+        yield LOADINGS[k], (share, float(np.sqrt(weight @ off**2 / share)))
 
 
 def _doubts(
@@ -1888,17 +1828,11 @@ def _plastic(
     whole = [toe_compensated(curve) for curve in curves]
     moduli = [c.modulus_MPa for c in found.specimens]
     sample = sample_of(whole, weighting=weighting)
-    laws, sides = zip(
-        *(
-            least_yielding(modulus, sample_of([curve], weighting=weighting))
-            for modulus, curve in zip(moduli, whole, strict=True)
-        ),
-        strict=True,
-    )
+    each = [sample_of([curve], weighting=weighting) for curve in whole]
+    laws, sides = zip(*map(least_yielding, moduli, each), strict=True)
     levelled = _at_one_level(whole, laws)
-    law, _ = least_yielding(
-        float(np.exp(np.mean(np.log(moduli)))), sample_of(levelled, weighting=weighting)
-    )
+    modulus_MPa = float(np.exp(np.mean(np.log(moduli))))
+    law, _ = least_yielding(modulus_MPa, sample_of(levelled, weighting=weighting))
     stress = law.nominal_stress_MPa(sample.stretch)
     error, measured = stress - sample.stress_MPa, sample.stress_MPa
     own = np.array([_logs(one) for one in laws])
@@ -1910,9 +1844,9 @@ def _plastic(
     low = np.where((np.array(sides) < 0).any(axis=0), -np.inf, low)
     high = np.where((np.array(sides) > 0).any(axis=0), np.inf, high)
     strains = [e for e in (0.0, *SECANT_STRAINS) if 1.0 + e <= sample.stretch.max()]
-    each = np.log([secant_modulus_MPa(one, strains) for one in laws])
-    wide = _half_widths(each, level)
+    wide = _half_widths(np.log([secant_modulus_MPa(one, strains) for one in laws]), level)
     scatter = _scatter_of(_courses(stress, sample))
+    next_ = np.full(len(strains), scatter.log_sd)
     return MaterialFit(
         material=found.material,
         characteristics=found,
@@ -1928,9 +1862,7 @@ def _plastic(
         ),
         scatter=scatter,
         choice=Choice((), None, "", found.deformation.reason),
-        secants=_secants(
-            strains, secant_modulus_MPa(law, strains), wide, np.full(len(strains), scatter.log_sd)
-        ),
+        secants=_secants(strains, secant_modulus_MPa(law, strains), wide, next_),
         curves=tuple(whole),
     )
 

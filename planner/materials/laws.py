@@ -3,7 +3,7 @@
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import ClassVar, Protocol
+from typing import ClassVar, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -50,6 +50,10 @@ class Law(Protocol):
         """Return the derivative of the nominal stress by the stretch, of the same shape."""
 
 
+Columns: TypeAlias = tuple[FloatArray, FloatArray]
+"""phi and dphi/da, shape (s, n, p) each; the latter is empty (s, n, 0) when q = 0."""
+
+
 class SeparableLaw(Law, ABC):
     """A law as a fit sees it: a sum of columns, ``P(stretch) = sum_j c_j phi_j(stretch; a_j)``.
 
@@ -91,9 +95,7 @@ class SeparableLaw(Law, ABC):
         return fraction[:, :0]
 
     @abstractmethod
-    def evaluate(
-        self, stretch: FloatArray, a: FloatArray, *, planar: bool = False
-    ) -> tuple[FloatArray, FloatArray]:
+    def evaluate(self, stretch: FloatArray, a: FloatArray, *, planar: bool = False) -> Columns:
         """Return columns and their derivatives by their own parameter.
 
         Parameters
@@ -106,10 +108,6 @@ class SeparableLaw(Law, ABC):
             Of planar loading (pure shear, width held) instead of uniaxial. Equibiaxial loading
             to l is uniaxial loading to l^-2, with stress -P(l^-2) / l^3.
 
-        Returns
-        -------
-        tuple of ndarray
-            phi and dphi/da, shape (s, n, p) each; the latter is empty (s, n, 0) when q = 0.
         """
 
     def divisor(self, a: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -141,13 +139,22 @@ def positive_stretch(stretch: ArrayLike) -> FloatArray:
     ArgumentError
         A stretch is not above 0 and finite.
     """
-    array = np.asarray(stretch, dtype=np.float64)
+    advice = "; stretch is 1 at rest, 1 + engineering strain"
+    return above_zero(stretch, "stretch {:g}: it must be above 0 and finite" + advice)
+
+
+def above_zero(values: ArrayLike, otherwise: str) -> FloatArray:
+    """Return values as an array; `otherwise` is what is said of the first one that is not.
+
+    Raises
+    ------
+    ArgumentError
+        A value is not above 0 and finite.
+    """
+    array = np.asarray(values, dtype=np.float64)
     allowed = (array > 0.0) & (array < np.inf)
     if not allowed.all():
-        raise ArgumentError(
-            f"stretch {array[~allowed].flat[0]:g}: it must be above 0 and finite; stretch is "
-            "1 at rest, 1 + engineering strain"
-        )
+        raise ArgumentError(otherwise.format(array[~allowed].flat[0]))
     return array
 
 
@@ -214,11 +221,8 @@ class Yielding:
     model = "yielding"
 
     def __post_init__(self) -> None:
-        if not (
-            0.0 <= self.hardening_MPa < self.modulus_MPa
-            and self.flow_MPa > 0.0
-            and self.sharpness > 0.0
-        ):
+        bends = 0.0 <= self.hardening_MPa < self.modulus_MPa
+        if not (bends and self.flow_MPa > 0.0 and self.sharpness > 0.0):
             raise ArgumentError(
                 "law 'yielding': flow_MPa and sharpness must be above 0, and hardening_MPa from 0 "
                 f"to below modulus_MPa; they are {self.flow_MPa:g}, {self.sharpness:g}, "
@@ -235,9 +239,7 @@ class Yielding:
         """Return H + (E - H) (1 + x^n)^(-1/n - 1)."""
         strain = positive_stretch(stretch) - 1.0
         bent = np.exp(-self._log_bend(strain) * (1.0 / self.sharpness + 1.0))
-        return np.asarray(
-            self.hardening_MPa + (self.modulus_MPa - self.hardening_MPa) * bent, dtype=np.float64
-        )
+        return np.asarray(self.hardening_MPa + (self.modulus_MPa - self.hardening_MPa) * bent)
 
     def _log_bend(self, strain: FloatArray) -> FloatArray:
         """Return ln(1 + x^n), whatever the size of x."""
@@ -282,9 +284,7 @@ class _Polynomial(_FirstInvariant):
     unit: ClassVar[float]
     """Of dW/dJ, of which a parameter of 1 has one half."""
 
-    def evaluate(
-        self, stretch: FloatArray, a: FloatArray, *, planar: bool = False
-    ) -> tuple[FloatArray, FloatArray]:
+    def evaluate(self, stretch: FloatArray, a: FloatArray, *, planar: bool = False) -> Columns:
         """Return the columns, which are those of every candidate."""
         front, invariant = _front_and_invariant(stretch, planar)
         powers = np.arange(self.columns)
@@ -374,9 +374,8 @@ class Ogden(SeparableLaw):
         stretch = positive_stretch(stretch)
         tangent = np.zeros_like(stretch)
         for mu, a in zip(self.mu_MPa, self.alpha, strict=True):
-            tangent = tangent + mu * (
-                (a - 1.0) * stretch ** (a - 2.0) + (a / 2.0 + 1.0) * stretch ** (-a / 2.0 - 2.0)
-            )
+            along, across = stretch ** (a - 2.0), stretch ** (-a / 2.0 - 2.0)
+            tangent = tangent + mu * ((a - 1.0) * along + (a / 2.0 + 1.0) * across)
         return tangent
 
     def bounds(self, stretch_max: float) -> FloatArray:
@@ -389,9 +388,7 @@ class Ogden(SeparableLaw):
         t = -below + fraction * (below + np.sqrt(_LARGEST_ALPHA))
         return np.sort(t * np.abs(t), axis=1)
 
-    def evaluate(
-        self, stretch: FloatArray, a: FloatArray, *, planar: bool = False
-    ) -> tuple[FloatArray, FloatArray]:
+    def evaluate(self, stretch: FloatArray, a: FloatArray, *, planar: bool = False) -> Columns:
         """Return (l^(a-1) - l^(-m a-1)) / (1.5 a) and its derivative by a; m is 1/2, planar 1.
 
         With x = ln l and h = (1 + m) a x / 2 it is, but for a factor, exp((1 - m) a x / 2) x / l *
@@ -471,9 +468,7 @@ class Martins(_FirstInvariant):
         low, high = np.log(self.bounds(stretch_max)).T
         return np.asarray(np.exp(low + fraction * (high - low)))
 
-    def evaluate(
-        self, stretch: FloatArray, a: FloatArray, *, planar: bool = False
-    ) -> tuple[FloatArray, FloatArray]:
+    def evaluate(self, stretch: FloatArray, a: FloatArray, *, planar: bool = False) -> Columns:
         """Return the two columns and their derivatives by c1 and c3."""
         matrix, invariant = _front_and_invariant(stretch, planar)
         front = np.stack([2.0 * matrix, 2.0 * (stretch - 1.0)], axis=-1)
@@ -675,9 +670,8 @@ def stability(law: Law, strain_max: float) -> Soundness:
                 continue
             if loading == "uniaxial":
                 stable &= law.tangent_MPa(stretch) > 0.0
-            sides.append(
-                end if stable.all() else float(stretch[max(int(np.argmin(stable)) - 1, 0)])
-            )
+            last = stretch[max(int(np.argmin(stable)) - 1, 0)]
+            sides.append(end if stable.all() else float(last))
         if sides:
             ends[loading] = (sides[0], sides[1])
     return Soundness(asked, ends)
@@ -696,11 +690,8 @@ def _second_derivatives_MPa(
     slope, curvature = law.energy_slopes_MPa(squares.sum(axis=0) - 3.0)
     h = 4.0 * slope * squares
     g1, g2 = squares[0] - squares[2], squares[1] - squares[2]
-    found = (
-        h[0] + h[2] + 4.0 * curvature * g1 * g1,
-        h[1] + h[2] + 4.0 * curvature * g2 * g2,
-        h[2] + 4.0 * curvature * g1 * g2,
-    )
+    bend = 4.0 * curvature
+    found = (h[0] + h[2] + bend * g1 * g1, h[1] + h[2] + bend * g2 * g2, h[2] + bend * g1 * g2)
     if not isinstance(law, Martins):
         return [found]
     stress, tangent = law.fibre_MPa(stretch)

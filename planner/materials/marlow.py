@@ -125,8 +125,7 @@ def marlow_table(model: CoefficientModel, *, poisson: float = POISSON) -> Marlow
     for k, (material, law) in enumerate(zip(materials, model.laws, strict=True)):
         held = np.minimum(strain, FARTHEST * breaks[k])
         secant = secant_modulus_MPa(law, held)
-        rising = np.diff(secant * held) > 0.0
-        rising |= strain[1:] > FARTHEST * breaks[k]
+        rising = (np.diff(secant * held) > 0.0) | (strain[1:] > FARTHEST * breaks[k])
         end = len(x) if rising.all() else int(np.argmin(rising)) + 1
         if strain[end - 1] < min(breaks[k], top):
             raise PaletteError(
@@ -139,7 +138,6 @@ def marlow_table(model: CoefficientModel, *, poisson: float = POISSON) -> Marlow
         rows[k, end:] = rows[k, end - 1]
     rows += np.log(1.5 / (1.0 + poisson))
 
-    grades = model.coordinates
     nodes = model.coordinates_between(_BETWEEN)
     places = model.places
     lower, upper, t, gap = bracketed(places, places_of(model.palette.hardness, nodes))
@@ -151,8 +149,7 @@ def marlow_table(model: CoefficientModel, *, poisson: float = POISSON) -> Marlow
     # Slopes of the monotone cubic: no wiggle where a row ends and W' stays.
     log_slope = np.stack([table, pchip_slopes(x, np.ascontiguousarray(table.T)).T], axis=2)
     # The share of a shear's stress that falls: the tables are stable where W' x rises.
-    falls = np.diff(np.exp(table) * x, axis=1) <= 0.0
-    if falls.any():
+    if (falls := np.diff(np.exp(table) * x, axis=1) <= 0.0).any():
         k, i = np.argwhere(falls)[0].tolist()
         raise PaletteError(
             f"palette {model.palette.name}: at coordinate {nodes[k]:.3g} the stress in shear "
@@ -162,6 +159,5 @@ def marlow_table(model: CoefficientModel, *, poisson: float = POISSON) -> Marlow
     density = 2.0 * x * np.exp(table)  # dW / dx
     energy = np.zeros_like(table)
     np.cumsum(0.5 * step * (density[:, 1:] + density[:, :-1]), axis=1, out=energy[:, 1:])
-    return MarlowTable(
-        nodes, step, np.ascontiguousarray(log_slope), energy, np.interp(nodes, grades, breaks)
-    )
+    break_strain = np.interp(nodes, model.coordinates, breaks)
+    return MarlowTable(nodes, step, np.ascontiguousarray(log_slope), energy, break_strain)

@@ -4,7 +4,7 @@ from collections.abc import Collection, Iterator, Sequence
 from dataclasses import InitVar, dataclass, field, replace
 from functools import cache
 from importlib.resources import files
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple, TypeAlias, TypeVar
 
 import msgspec
 import numpy as np
@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from planner.errors import ArgumentError, Caution, PaletteError
 from planner.glance import brief
-from planner.materials.laws import Law, make_law, positive_stretch, secant_modulus_MPa
+from planner.materials.laws import Law, above_zero, make_law, positive_stretch, secant_modulus_MPa
 from planner.numerics import BoolArray, FloatArray, IntArray, normal_quantile
 from planner.palette import Palette
 
@@ -80,9 +80,10 @@ def pchip_slopes(coordinate: FloatArray, values: _Values) -> _Values:
     return slopes
 
 
-def bracketed(
-    coordinate: FloatArray, m: FloatArray
-) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
+_Bracket: TypeAlias = tuple[IntArray, IntArray, FloatArray, FloatArray]
+
+
+def bracketed(coordinate: FloatArray, m: FloatArray) -> _Bracket:
     """Return the nodes below and above places within them, how far between, 0..1, and the gap.
 
     At a node the share is 0; at the last one both are it.
@@ -223,7 +224,6 @@ class CoefficientModel:
     def __post_init__(self, chosen: bool) -> None:
         materials = self.palette.materials
         elastic = [m for m in materials if m.deformation == "elastic"] or materials
-        limit = min(m.elongation_at_break for m in elastic)
         for material in materials:
             if material.law.model == "ogden-thesis":
                 raise PaletteError(
@@ -234,7 +234,7 @@ class CoefficientModel:
         if not chosen:
             object.__setattr__(self, "palette", interpolated(self.palette))
         object.__setattr__(self, "laws", tuple(make_law(m.law) for m in materials))
-        object.__setattr__(self, "strain_limit", limit)
+        object.__setattr__(self, "strain_limit", min(m.elongation_at_break for m in elastic))
         _check_ladder(self)
 
     def ladder_MPa(self, at_strain: float) -> FloatArray:
@@ -381,12 +381,8 @@ class CoefficientModel:
         variance, own = self.wiener_variance(at_strain), self.own_log_sds(at_strain, normal)
         lower, upper, _ = self.bracket(coordinate)
         ladder = self.grade_moduli_MPa(at_strain)
-        less, more = (
-            np.exp(
-                normal * self.log_sd(coordinate, variance, _rows(side, lower), _rows(side, upper))
-            )
-            for side in own
-        )
+        rows = [(_rows(side, lower), _rows(side, upper)) for side in own]
+        less, more = (np.exp(normal * self.log_sd(coordinate, variance, *ends)) for ends in rows)
         down, up = np.exp(normal * own)
         least = np.minimum(*(_rows(ladder / down, k) for k in (lower, upper)))
         most = np.maximum(*(_rows(ladder * up, k) for k in (lower, upper)))
@@ -466,9 +462,7 @@ class CoefficientModel:
         m = np.asarray(coordinate, dtype=np.float64)
         return lower, upper, np.maximum(m - c[lower], 0.0) / gap
 
-    def _bracketed(
-        self, coordinate: ArrayLike
-    ) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
+    def _bracketed(self, coordinate: ArrayLike) -> _Bracket:
         """Return the grades below and above, how far between their places, and their gap."""
         m = np.asarray(coordinate, dtype=np.float64)
         c = self.coordinates
@@ -493,7 +487,7 @@ class CoefficientModel:
             As `ladder_MPa`.
         """
         ladder, c = self.ladder_MPa(at_strain), self.coordinates
-        target = np.clip(_positive(modulus_MPa), ladder[0], ladder[-1])
+        target = np.clip(above_zero(modulus_MPa, _POSITIVE), ladder[0], ladder[-1])
         places, moduli = self.places, np.log(ladder)
         place = _inverse(places, moduli, pchip_slopes(places, moduli), np.log(target))
         at = np.searchsorted(ladder, target)  # of a grade's own modulus, exactly its coordinate
@@ -547,12 +541,10 @@ class _Behind(NamedTuple):
 
     def said(self, model: CoefficientModel) -> str:
         """Say which grade is first to lie beyond at all strains, by the first strain; else ""."""
+        each = zip(model.palette.materials, self.moduli_MPa[:, 0], strict=True)
+        called = [f"{material.id} ({modulus:.4g} MPa)" for material, modulus in each]
         for k in np.flatnonzero(self.beyond.all(axis=1)):
-            own, other = (
-                f"{model.palette.materials[i].id} ({self.moduli_MPa[i, 0]:.4g} MPa)"
-                for i in (k, self.other[k, 0])
-            )
-            return f"{own} is not stiffer than {other}"
+            return f"{called[k]} is not stiffer than {called[self.other[k, 0]]}"
         return ""
 
 
@@ -581,10 +573,8 @@ def _runs(strains: FloatArray, held: BoolArray) -> str:
 
 def _check_ladder(model: CoefficientModel) -> None:
     name, strains = model.palette.name, _working_strains(model)
-    moduli = model.grade_moduli_MPa(strains)
-    for material, row in zip(model.palette.materials, moduli, strict=True):
-        bad = ~((row > 0.0) & np.isfinite(row))
-        if bad.any():
+    for material, row in zip(model.palette.materials, model.grade_moduli_MPa(strains), strict=True):
+        if (bad := ~((row > 0.0) & np.isfinite(row))).any():
             raise PaletteError(
                 f"palette {name}: material {material.id!r}: law: the secant modulus is "
                 f"{row[bad][0]:g} MPa at strain {strains[bad][0]:g}; it must be above 0 at all "
@@ -709,7 +699,7 @@ def nearest_on(ladder_MPa: ArrayLike, modulus_MPa: ArrayLike) -> IntArray:
         A modulus is not above 0.
     """
     ladder = np.asarray(ladder_MPa, dtype=np.float64)
-    rung = np.searchsorted(thresholds_of(ladder), _positive(modulus_MPa), side="left")
+    rung = np.searchsorted(thresholds_of(ladder), above_zero(modulus_MPa, _POSITIVE), side="left")
     return np.asarray(np.searchsorted(ladder, ladder[rung], side="left"))
 
 
@@ -722,13 +712,9 @@ def _inverse(
     upper = np.minimum(lower + 1, len(nodes) - 1)
     gaps, rises = np.diff(nodes, append=nodes[-1]), np.diff(values, append=values[-1])
     ahead = np.append(slopes[1:], 0.0)
-    cubics = np.stack(
-        [
-            gaps * slopes,
-            3.0 * rises - gaps * (2.0 * slopes + ahead),
-            gaps * (slopes + ahead) - 2.0 * rises,
-        ]
-    )
+    square = 3.0 * rises - gaps * (2.0 * slopes + ahead)
+    cube = gaps * (slopes + ahead) - 2.0 * rises
+    cubics = np.stack([gaps * slopes, square, cube])
     t = _rising_root((wanted - values[lower]).ravel(), cubics, lower.ravel())
     return np.minimum(nodes[lower] + t.reshape(wanted.shape) * gaps[lower], nodes[upper])
 
@@ -770,14 +756,7 @@ def _rising_root(value: FloatArray, cubics: FloatArray, piece: IntArray) -> Floa
     return found
 
 
-def _positive(modulus_MPa: ArrayLike) -> FloatArray:
-    modulus = np.asarray(modulus_MPa, dtype=np.float64)
-    allowed = (modulus > 0.0) & (modulus < np.inf)
-    if not allowed.all():
-        raise ArgumentError(
-            f"modulus {modulus[~allowed].flat[0]:g} MPa: it must be above 0 and finite"
-        )
-    return modulus
+_POSITIVE = "modulus {:g} MPa: it must be above 0 and finite"
 
 
 # ------------------------------------------------------------------------------------------------

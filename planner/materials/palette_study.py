@@ -92,11 +92,8 @@ class Characterisation:
     @property
     def findings(self) -> tuple[str, ...]:
         """What speaks against the materials' figures, one sentence each."""
-        told = [
-            said
-            for one in self.materials
-            for said in doubts(one, unit_told=_names(self.unit_slips, one.material))
-        ]
+        each = ((one, _names(self.unit_slips, one.material)) for one in self.materials)
+        told = [said for one, unit_told in each for said in doubts(one, unit_told=unit_told)]
         return (*self.unused, *self.unit_slips, *told)
 
     @property
@@ -210,8 +207,7 @@ def characterise(
     strains = SECANT_STRAINS if at_strain is None else tuple(at_strain)
     others = _other_modes(study)
     found = tuple(
-        characterise_material(name, curves, secant_strains=strains)
-        for name, curves in study.groups.items()
+        characterise_material(*one, secant_strains=strains) for one in study.groups.items()
     )
     slips, asked = _unit_slips(study, None, palette, printer, compare)
     notes = (*study.notes, *others, *asked)
@@ -354,10 +350,7 @@ class PaletteStudy:
         return {
             "schema": 1,
             "palette": self.palette.name,
-            "materials": [
-                _material_document(material, self.fits[material.id])
-                for material in self.palette.materials
-            ],
+            "materials": [_material_document(m, self.fits[m.id]) for m in self.palette.materials],
             "notes": list(self.notes),
             "problem": self.problem,
             "findings": list(self.findings),
@@ -465,8 +458,7 @@ def fit(
         )  # fmt: skip
         notes.extend(note for note in fitted.notes if note not in notes)
         fits[called] = fitted
-    single = [called for called, fitted in fits.items() if fitted.characteristics.n == 1]
-    if single:
+    if single := [called for called, fitted in fits.items() if fitted.characteristics.n == 1]:
         notes.append(
             f"one specimen of {listed(single, 3)}: scatter of {100 * ASSUMED_LOG_SD:g} % is "
             "assumed; laws are judged by blocks of strain"
@@ -571,9 +563,8 @@ def _coordinates(
 ) -> dict[str, float]:
     """Return coordinates by material: as given, else even in the order given, else of stiffness."""
     strain = min(_RANKING_STRAIN, *(fit.elongation_at_break for fit in fits.values()))
-    stiffness = {
-        called: float(secant_modulus_MPa(make_law(fit.law), strain)) for called, fit in fits.items()
-    }
+    laws = {called: make_law(fit.law) for called, fit in fits.items()}
+    stiffness = {called: float(secant_modulus_MPa(law, strain)) for called, law in laws.items()}
     found = {} if order else _by_material(study, fits, "coordinate", given)
     ordered = list(order) if order else sorted(fits, key=stiffness.__getitem__)
     if order and (sorted(order) != sorted(fits) or given):
@@ -589,8 +580,7 @@ def _coordinates(
             )
         steps = np.linspace(0.0, 1.0, len(ordered))
         found = {material: float(m) for material, m in zip(ordered, steps, strict=True)}
-    missing = [material for material in ordered if material not in found]
-    if missing:
+    if missing := [material for material in ordered if material not in found]:
         raise ArgumentError(
             f"material {missing[0]}: no coordinate, though others have one; give all of them by "
             f"`coordinate` {missing[0]}=... or a column coordinate in specimens.csv, or none"
@@ -637,8 +627,7 @@ def _by_material(
             )
     found: dict[str, float] = {}
     for row in _rows(study):
-        cell = row.covariates.get(column, "")
-        if not cell:
+        if not (cell := row.covariates.get(column, "")):
             continue
         # A cell holds one figure, so that a comma in it can only be the decimal sign.
         value = number(cell, ";")
@@ -772,8 +761,7 @@ def _at_one_temperature(study: Study) -> tuple[Study, dict[str, tuple[Curve, ...
 
     The one is that of most specimens. A material that was not tested there keeps what it has.
     """
-    told = _temperatures(study)
-    if not told:
+    if not (told := _temperatures(study)):
         return study, {}
     own = max(
         told.values(),
@@ -817,19 +805,14 @@ def _temperature_table(
         slope, sd = _line(at, np.array([_level(curve, strain) for curve in curves]))
         span = float(np.ptp(at))
         rows.append((coordinate[material], at.min(), at.max(), np.exp(slope * span), sd * span))
-    if not rows:
-        return None
-    return Temperature(
-        *(tuple(float(v) for v in column) for column in zip(*sorted(rows), strict=True))
-    )
+    return Temperature(*map(tuple, np.array(sorted(rows)).T.tolist())) if rows else None
 
 
 def _level(curve: Curve, strain: FloatArray) -> float:
     """Return the mean ln(stress) at strains."""
     least = RELATIVE_FLOOR * float(curve.stress_MPa.max())
-    return float(
-        np.log(np.maximum(np.interp(strain, curve.strain, curve.stress_MPa), least)).mean()
-    )
+    stress = np.interp(strain, curve.strain, curve.stress_MPa)
+    return float(np.log(np.maximum(stress, least)).mean())
 
 
 def _line(x: FloatArray, y: FloatArray) -> tuple[float, float]:

@@ -318,11 +318,9 @@ class _Test:
 
     def time_s(self) -> FloatArray | None:
         """Return the time, from 0 on; None where there is none, or it does not rise."""
-        time = self.columns.get("time_s")
-        if time is None:
+        if (time := self.columns.get("time_s")) is None:
             return None
-        back = np.flatnonzero(np.diff(time) <= 0.0)
-        if len(back):
+        if len(back := np.flatnonzero(np.diff(time) <= 0.0)):
             line = self.table.lines[back[0] + 1]
             self.notes.append(
                 f"{self.where}: time does not rise at line {line} ({time[back[0]]:g} s to "
@@ -422,15 +420,10 @@ def _curve_of(name: str, record: "_Record", said: str, sure: bool) -> Curve:
     test.cross_check(strain, stress, time)
     _check_rising(strain, stress, where=where)
     kept = test.from_rest(strain, stress)
-    curve = Curve(
-        name,
-        strain[kept],
-        stress[kept],
-        None if time is None else time[kept],
-        record.material,
-        (*table.notes, *notes),
-        "uniaxial" if said in ("", "tension", "compression") else said,
-    )
+    time = None if time is None else time[kept]
+    mode = "uniaxial" if said in ("", "tension", "compression") else said
+    told = (*table.notes, *notes)
+    curve = Curve(name, strain[kept], stress[kept], time, record.material, told, mode)
     curve = without_tail(curve)
     return replace(curve, strain=sign * curve.strain, stress_MPa=sign * curve.stress_MPa)
 
@@ -626,16 +619,14 @@ def read_study(
     rows: dict[str, ListedSpecimen] = {}
     if listing is not None:
         rows = {row.specimen: row for row in read_specimens(listing)}
-        files = _withlisted(files, rows.values(), listing.parent, whole)
+        files = _withlisted(files, rows.values(), listing.parent) if whole else files
     if not files:
         raise ArgumentError("no tensile file; name files, or a folder with files in it")
-    by_file: dict[str, list[ListedSpecimen]] = {}
-    for row in rows.values():
-        by_file.setdefault(row.file, []).append(row)
     found_records: list[_Record] = []
     unlisted: list[str] = []
     for path in files:
-        own = by_file.get(_relative(path, listing), []) if listing is not None else []
+        listed_as = None if listing is None else _relative(path, listing)
+        own = [row for row in rows.values() if row.file == listed_as]
         try:
             tables = read_tensile(path, columns=columns, blocks=blocks, option="--columns")
         except FileError as error:
@@ -650,7 +641,8 @@ def read_study(
         for table in tables:
             row_of_table, why = _row(table, path, own, rows), ""
             if row_of_table is not None:
-                why = _left_out(row_of_table, notes)
+                why = _left_out(row_of_table)
+                notes += [f"specimen {row_of_table.specimen}: {why}; left out"] if why else []
             elif rows:
                 what = f"specimen {table.specimen} has no row with this file"
                 said = f"{what} in" if own or several else "not named in"
@@ -680,14 +672,9 @@ def read_study(
         found[name] = _curve_of(name, used[name], said, sure)
     unstated = [name for name, record in used.items() if _states_no_strain_unit(record.table)]
     # Who names some files means to leave out the others.
-    absent = Caution if whole else str
-    notes.extend(
-        absent(f"specimen {row.specimen}: no curve among the files")
-        for row in rows.values()
-        if row.specimen not in {*found, *asked}
-        and not row.profile
-        and row.protocol in (None, "monotonic")
-    )
+    absent, told = Caution if whole else str, {*found, *asked}
+    missing = (row for row in rows.values() if not (row.specimen in told or _left_out(row)))
+    notes += [absent(f"specimen {row.specimen}: no curve among the files") for row in missing]
     if unstated:
         largest = [float(found[name].strain[-1]) for name in unstated]
         ends = list(dict.fromkeys([min(largest), max(largest)]))
@@ -851,13 +838,12 @@ def in_stated_units(
                 f"{where}: its file has no column of {quantity}, so it cannot be read as "
                 f"{quantity}={unit.unit}; it has {', '.join(table.factors)}"
             )
-        factor = unit.factor
-        values = table.columns[column] * (factor / table.factors[column])
+        values = table.columns[column] * (unit.factor / table.factors[column])
         said = f"{of}{quantity} is read in the unit {unit.unit}, as was asked for"
         table = replace(
             table,
             columns=MappingProxyType({**table.columns, column: values}),
-            factors=MappingProxyType({**table.factors, column: factor}),
+            factors=MappingProxyType({**table.factors, column: unit.factor}),
             without_unit=table.without_unit - {column},
             notes=(*table.notes, said),
         )
@@ -869,8 +855,7 @@ def _copies(curves: Sequence[Curve]) -> Iterator[Caution]:
     seen: dict[tuple[bytes, bytes], str] = {}
     for curve in curves:
         key = curve.strain.tobytes(), curve.stress_MPa.tobytes()
-        first = seen.setdefault(key, curve.specimen)
-        if first != curve.specimen:
+        if (first := seen.setdefault(key, curve.specimen)) != curve.specimen:
             yield Caution(
                 f"specimen {curve.specimen}: its record equals that of {first}; leave a copy out, "
                 "else scatter comes out too small"
@@ -886,7 +871,7 @@ def listed_files(
         return tuple(found)
     rows = read_specimens(listing)
     named = (listing.parent / row.file for row in rows if row.file)
-    return (listing, *_withlisted(found, rows, listing.parent, whole=True), *named)
+    return (listing, *_withlisted(found, rows, listing.parent), *named)
 
 
 def _files(paths: Iterable[str | Path], listing: Path | None) -> tuple[list[Path], Path | None]:
@@ -915,12 +900,8 @@ def _files(paths: Iterable[str | Path], listing: Path | None) -> tuple[list[Path
     return files, listing
 
 
-def _withlisted(
-    files: list[Path], rows: Iterable[ListedSpecimen], folder: Path, whole: bool
-) -> list[Path]:
+def _withlisted(files: list[Path], rows: Iterable[ListedSpecimen], folder: Path) -> list[Path]:
     """Add the files that the list names, where the list or its folder was given."""
-    if not whole:
-        return files
     names = dict.fromkeys(row.file or "curves.csv" for row in rows)
     named = (path_within(folder, name) for name in names)
     here, called = {path.resolve() for path in files}, {"curves.csv", *(p.name for p in files)}
@@ -991,16 +972,11 @@ def _materials(records: Mapping[str, _Record], given: str, notes: list[str]) -> 
     return {name: known[name] or by_name[told_by[name]] for name in known}
 
 
-def _left_out(row: ListedSpecimen, notes: list[str]) -> str:
+def _left_out(row: ListedSpecimen) -> str:
     """Return why the list itself takes a specimen out, or ""."""
     if row.profile:
-        why = "a graded bar, of no one material"
-    elif row.protocol not in (None, "monotonic"):
-        why = f"protocol {row.protocol}"
-    else:
-        return ""
-    notes.append(f"specimen {row.specimen}: {why}; left out")
-    return why
+        return "a graded bar, of no one material"
+    return "" if row.protocol in (None, "monotonic") else f"protocol {row.protocol}"
 
 
 # ------------------------------------------------------------------------------------------------
@@ -1133,12 +1109,10 @@ def unit_slips(
     coordinate
         Of materials, where it is stated.
     """
-    if slips := _among_replicates(study):
+    if slips := tuple(_among_replicates(study)):
         # A material's mean says nothing while its specimens are in two units.
         return slips, ()
-    is_sure, said = False, ""
-    if against is not None:
-        is_sure, said = _against_palette(study, against)
+    is_sure, said = _against_palette(study, against) if against else (False, "")
     if is_sure:
         return (said,), ()
     return _along_ladder(study, coordinate), (Caution(said),) if said else ()
@@ -1152,26 +1126,20 @@ def _against_palette(study: Study, palette: Palette) -> tuple[bool, str]:
     other prints, and it is a caution too. Rigid grades are left out: by where strain was measured,
     at the grips or on the specimen, their modulus may differ by as much as units do.
     """
-    named = {n.casefold(): m for m in palette.materials for n in (m.id, *m.aliases)}
-    known = {
-        called: named[called.casefold()]
-        for called in study.groups
-        if called.casefold() in named and named[called.casefold()].deformation == "elastic"
-    }
-    if not known:
+    elastic = [m for m in palette.materials if m.deformation == "elastic"]
+    named = {n.casefold(): m for m in elastic for n in (m.id, *m.aliases)}
+    if not (called := [name for name in study.groups if name.casefold() in named]):
         return False, ""
-    called = list(known)
-    coordinate = np.array([material.coordinate for material in known.values()])
-    ratios = np.array([_against(study, *one) for one in known.items()])
+    known = [named[name.casefold()] for name in called]
+    coordinate = np.array([material.coordinate for material in known])
+    ratios = np.array([_against(study, *one) for one in zip(called, known, strict=True)])
     stiffness, variance, elongation = ratios.T
-    batch = batch_apart(coordinate, stiffness, variance)
-    if batch is None:
+    if (batch := batch_apart(coordinate, stiffness, variance)) is None:
         return False, ""
     at = list(batch.members)
     inside, others = [called[i] for i in at], np.delete(called, at).tolist()
     longer = float(elongation[at].mean() - (np.delete(elongation, at).mean() if others else 0.0))
-    advice = _advice(study, inside, batch.shift, longer, reach=_UNIT_REACH)
-    if advice is None:
+    if (advice := _advice(study, inside, batch.shift, longer, reach=_UNIT_REACH)) is None:
         return False, ""
     of = _off(inside, batch.shift, 2)
     if not (others and batch.sure):
@@ -1222,10 +1190,8 @@ def _along_ladder(study: Study, coordinate: Mapping[str, float]) -> tuple[str, .
     )
     m = np.array([coordinate[material] for material in ordered])
     run = _smoothest(m, level) if len(ordered) > 3 else None
-    advice = None
-    if run is not None:
-        inside = [ordered[i] for i in run.members]
-        advice = _advice(study, inside, run.shift, 0.0, reach=_UNIT_REACH)
+    inside = [ordered[i] for i in run.members] if run else []
+    advice = run and _advice(study, inside, run.shift, 0.0, reach=_UNIT_REACH)
     return (f"{said}: {advice or 'check sizes, units and coordinates'}",)
 
 
@@ -1254,9 +1220,8 @@ def _smoothest(m: FloatArray, level: FloatArray) -> _Batch | None:
     return min(found, key=lambda one: one[:2])[2] if found else None
 
 
-def _among_replicates(study: Study) -> tuple[str, ...]:
-    """Return which specimens lie off most replicates by the factor between two units."""
-    said = []
+def _among_replicates(study: Study) -> Iterator[str]:
+    """Say which specimens lie off most replicates by the factor between two units."""
     for material, curves in study.groups.items():
         found = [characterise_curve(c) for c in curves]
         level, longer = np.log([(c.modulus_MPa, c.elongation_at_break) for c in found]).T
@@ -1269,10 +1234,8 @@ def _among_replicates(study: Study) -> tuple[str, ...]:
         shift = float(level[far].mean()) - middle
         length = float(longer[far].mean() - longer[normal].mean())
         names = [found[i].specimen for i in far]
-        advice = _advice(study, names, shift, length, reach=_REPLICATES_REACH)
-        if advice is not None:
-            said.append(f"{material}: {_off(names, shift, 3)} the other specimens: {advice}")
-    return tuple(said)
+        if advice := _advice(study, names, shift, length, reach=_REPLICATES_REACH):
+            yield f"{material}: {_off(names, shift, 3)} the other specimens: {advice}"
 
 
 # ------------------------------------------------------------------------------------------------
@@ -1303,17 +1266,15 @@ def _advice(
     if quantity is None:
         return None
     column, kind = QUANTITIES[quantity]
-    own = factors[column]
-    log = math.log(own) + (shift if of_length else -shift)
-    unit = unit_near(kind, log, own, reach)
+    own, units = factors[column], QUANTITY_UNITS[kind]
+    unit = unit_near(kind, math.log(own) + (shift if of_length else -shift), own, reach)
     if unit is None:
         return None
-    stated = next(name for name, factor in QUANTITY_UNITS[kind].items() if factor == own)
+    stated = next(name for name, factor in units.items() if factor == own) or "fractions"
     option = shlex.quote(UnitOf(quantity, unit, tuple(names)).text)
-    stated = stated or "fractions"
     # A section ten times too large is as near as kgf.
     sizes = ", or is a size wrong" if quantity == "force" else ""
-    if unit in QUANTITY_UNITS[kind]:
+    if unit in units:
         return f"was {unit} taken for {stated}{sizes}? Give --unit-of {option}"
     # No unit is so small: the numbers were multiplied on the way, as another unit's would be.
     other = unit_near(kind, 2.0 * math.log(own) - math.log(float(unit)), own)

@@ -216,4 +216,4 @@ def _encode(pixels: IntArray) -> bytes:
     stop[stop == 0] = width
     kind = ImageKind(tuple(colours), indexed=False, pixel_mm=(0.25, 0.25))
     labels = (label + 1).astype(np.int32)
-    return encode_layer(offsets, start, stop, labels, (0, height), width, kind)
+    return encode_layer((offsets, start, stop, labels), (0, height), width, kind)

@@ -45,7 +45,7 @@ def test_pillow_reads_what_was_drawn(width: int, indexed: bool) -> None:
     for _ in range(10):
         image = some_image(random, width)
         kind = ImageKind(COLOURS, indexed, (0.042, 0.085))
-        data = encode_layer(*runs_of(image), (0, len(image)), width, kind)
+        data = encode_layer(runs_of(image), (0, len(image)), width, kind)
         Image.open(io.BytesIO(data)).verify()
         read = Image.open(io.BytesIO(data))
         if indexed:
@@ -63,7 +63,7 @@ def test_rows_from_the_middle_of_a_slab() -> None:
     image = np.repeat([[0, 1, 1, 2, 0]], 6, axis=0)
     kind = ImageKind(COLOURS, False, (0.1, 0.1))
     whole = runs_of(image)
-    assert encode_layer(*whole, (3, 6), 5, kind) == encode_layer(*whole, (0, 3), 5, kind)
+    assert encode_layer(whole, (3, 6), 5, kind) == encode_layer(whole, (0, 3), 5, kind)
 
 
 def test_the_code_is_complete() -> None:
@@ -77,7 +77,7 @@ def test_every_match_and_literal_decodes() -> None:
     row = np.zeros(width, int)
     row[np.cumsum(np.arange(600)) + np.arange(600)] = 1
     kind = ImageKind(((7, 7, 7, 7),), True, (0.1, 0.1))
-    data = encode_layer(*runs_of(row[None]), (0, 1), width, kind)
+    data = encode_layer(runs_of(row[None]), (0, 1), width, kind)
     assert np.array_equal(np.asarray(Image.open(io.BytesIO(data))), row[None])
 
 
@@ -87,4 +87,4 @@ def test_the_bytes_are_these_for_ever() -> None:
     image[5:30, 20:290] = 1
     image[10:20, 100:200] = 2
     kind = ImageKind(COLOURS, False, (0.042, 0.042))
-    assert zlib.crc32(encode_layer(*runs_of(image), (0, 40), 300, kind)) == 1041557812
+    assert zlib.crc32(encode_layer(runs_of(image), (0, 40), 300, kind)) == 1041557812

@@ -25,7 +25,7 @@ def test_figures_that_would_overflow_are_refused_at_their_line(figure, tmp_path)
 
 
 def test_figures_up_to_the_largest_are_read_with_their_factor():
-    numbers = finite_numbers(["1e30", "-1e30", "2"], [1, 2, 3], ",", "x", "force", 1000.0)
+    numbers = finite_numbers({1: "1e30", 2: "-1e30", 3: "2"}, ",", "x", "force", 1000.0)
     np.testing.assert_allclose(numbers, [1e33, -1e33, 2000.0], rtol=1e-15)
 
 

@@ -91,6 +91,18 @@ def test_more_than_a_machine_holds_is_refused_at_once(text, said):
     assert time.process_time() - begin < 1.0
 
 
+def test_a_model_that_promises_nothing_is_no_way_around():
+    """lib3mf unpacks what is there, whatever the archive's directory says of its size."""
+    data = bytearray(archive(doubling(40)))
+    entry = data.rindex(MODEL.encode()) - 46
+    assert data[entry : entry + 4] == b"PK\x01\x02"
+    data[entry + 24 : entry + 28] = bytes(4)
+    begin = time.process_time()
+    with pytest.raises(MeshError, match=r"not a zip archive that can be read .* CRC"):
+        decode_threemf(bytes(data), "bomb.3mf")
+    assert time.process_time() - begin < 1.0
+
+
 def test_nested_components_are_read_without_recursion():
     moved = ' transform="1 0 0 0 1 0 0 0 1 1 0 0"'
     (item,) = decode_threemf(archive(chain(998, moved)), "x").objects

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from planner.materials.characterise import Curve
-from planner.materials.fit import Held, Sample, law_stress_MPa, minimise, sample_of, spread_starts
+from planner.materials.fit import Sample, law_stress_MPa, minimise, sample_of, spread_starts
 from planner.materials.laws import (
     FITTED_MODELS,
     SeparableLaw,
@@ -99,7 +99,7 @@ def test_the_search_ends_at_a_minimum(law: SeparableLaw) -> None:
     found = minimise(law, sample, spread_starts(law, sample, 40))
     best = int(found.cost.argmin())
     at = found.a[best]
-    held = Held(np.ones((1, 2), dtype=bool), np.full((1, 2), np.nan))
+    held = (np.ones((1, 2), dtype=bool), np.full((1, 2), np.nan))
     for step in (1e-3, -1e-3):
         for k in range(2):
             moved = at.copy()
@@ -111,12 +111,12 @@ def test_the_search_ends_at_a_minimum(law: SeparableLaw) -> None:
 def test_held_parameters_stay_and_cost_more() -> None:
     law, a, c = OGDEN[2], [-2.0, 4.0], [-0.1, 0.05]
     sample = _sample(law, a, c)
-    held = Held(np.array([[False, False]]), np.array([[np.nan, 0.06]]))
+    held = (np.array([[False, False]]), np.array([[np.nan, 0.06]]))
     found = minimise(law, sample, np.array([a]), held)
     assert found.c[0, 1] == 0.06
     free = minimise(law, sample, np.array([a]))
     assert found.cost[0] > free.cost[0]
-    held = Held(np.array([[True, False]]), np.full((1, 2), np.nan))
+    held = (np.array([[True, False]]), np.full((1, 2), np.nan))
     found = minimise(law, sample, np.array([[-2.5, 4.0]]), held)
     assert found.a[0, 0] == -2.5
 
