@@ -76,7 +76,7 @@ def test_the_true_effect_closes_the_gap(of_rate: Diagnosis) -> None:
 
 
 def test_what_is_left_out_is_predicted_with_all_of_the_evidence(rate_campaign) -> None:
-    """A part is for how far a name can be trusted: forms that the rest rules out have none of it."""
+    """A part is for how far a name can be trusted; forms that are ruled out have none of it."""
     weighed = weigh(ready(rate_campaign, "rate", "skin"), Priors())
     _, odds = reweigh(weighed, {}, np.ones(len(rate_campaign.specimens)))
     gain = [value - weighed.logs.of(c.effects) - weighed.logs.forms(c) for value, c in odds]
