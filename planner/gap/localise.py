@@ -305,7 +305,6 @@ _CLAIM = 3.0
 of the mean of a ramp from zero, over its variance; an effect in proportion to a column is such."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
 class _Case:
     """What every axis is made from, and what there is to explain.
 
@@ -325,19 +324,25 @@ class _Case:
         Whitened residuals, all and without their common part.
     common : (N, c)
         Orthonormal.
+    patterns
+        See `axis_patterns`.
     """
 
-    campaign: Campaign
-    table: FeatureTable
-    residual: FloatArray
-    force: FloatArray
-    local: FloatArray
-    log: FloatArray
-    weight: FloatArray
-    whitening: Whitening
-    y: FloatArray
-    varying: FloatArray
-    common: FloatArray
+    def __init__(
+        self, campaign: Campaign, table: FeatureTable, residual: FloatArray, whitening: Whitening
+    ) -> None:
+        self.campaign, self.table, self.residual = campaign, table, residual
+        self.whitening, self.y = whitening, whitening(residual)
+        level = table.sensitivity(table.measured_raw)
+        self.force = np.where(table.is_field, 0.0, level)
+        self.local = np.where(table.is_field, level, 0.0)
+        tells = np.abs(level) > _TELLS
+        self.log = residual / np.where(tells, level, 1.0)
+        self.weight = np.where(tells, level**2, 0.0)
+        self.patterns = axis_patterns(campaign, table, level)
+        shared = np.column_stack([self.force, self.patterns["strain"], self.local])
+        self.common = _orthonormal(whitening(shared))
+        self.varying = self.y - self.common @ (self.common.T @ self.y)
 
     @property
     def in_common(self) -> float:
@@ -638,18 +643,10 @@ def localise(
     """
     if len(campaign.specimens) < 2:
         return ()
-    y, level = whitening(residual), table.sensitivity(table.measured_raw)
-    tells = np.abs(level) > _TELLS
-    force, local = np.where(table.is_field, 0.0, level), np.where(table.is_field, level, 0.0)
-    patterns = axis_patterns(campaign, table, level)
-    common = _orthonormal(whitening(np.column_stack([force, patterns["strain"], local])))
-    case = _Case(
-        campaign, table, residual, force, local, residual / np.where(tells, level, 1.0),
-        np.where(tells, level**2, 0.0), whitening, y, y - common @ (common.T @ y), common,
-    )  # fmt: skip
-    in_words = case.sentence(_strain_parts(table), alike="alike at all strains")
-    axes = [_Axis("strain", common, *case.tested(common, y), in_words, is_common=True)]
-    for name, columns in patterns.items():
+    case = _Case(campaign, table, residual, whitening)
+    in_words, tested = case.sentence(_strain_parts(table), "alike at all strains"), case.tested
+    axes = [_Axis("strain", case.common, *tested(case.common, case.y), in_words, is_common=True)]
+    for name, columns in case.patterns.items():
         if name == "position":
             axes += _axis_along_bars(case, columns)
         elif name != "strain":
