@@ -32,13 +32,7 @@ from planner.materials.characterise import UNLOADED_SHARE, noise_sd
 from planner.numerics import FloatArray, IntArray
 from planner.simulation.bar_solver import predict
 
-__all__ = [
-    "HOLDS",
-    "UNLOADS",
-    "examine",
-    "merged_units",
-    "suggested_units",
-]
+__all__ = ["HOLDS", "UNLOADS", "examine", "merged_units", "suggested_units"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -579,8 +573,8 @@ _SPLIT = 1.0
 than the smallest factor between units, ln 4.4."""
 
 
-def _unit_problems(campaign: Campaign, loads: Mapping[int, float]) -> list[QualityProblem]:
-    """Return what looks like another unit of force, travel or size.
+def _unit_problems(campaign: Campaign, loads: Mapping[int, float]) -> Iterator[QualityProblem]:
+    """Yield what looks like another unit of force, travel or size.
 
     The load of each specimen is put in proportion to the laws' prediction. Specimens apart from
     their replicates by a unit's factor are named first; then singles apart from the trend of
@@ -593,18 +587,13 @@ def _unit_problems(campaign: Campaign, loads: Mapping[int, float]) -> list[Quali
     off |= _apart_from_trend(campaign, rest)
     rest = {i: v for i, v in loads.items() if i not in off}
     materials = _materials_apart(specimens, rest)
-    problems = [
-        _travel_slip(specimens[i], loads[i])
-        or _problem(specimens[i], shift, "its replicates' or neighbours'")
-        for i, shift in sorted(off.items())
-    ]
-    problems += [
-        _problem(specimens[i], shift, "other materials' (or its law is off by as much)")
-        for i, shift in sorted(materials.items())
-    ]
-    rest = {i: v for i, v in rest.items() if i not in materials}
-    whole = _whole(campaign, rest)
-    return [*problems, *_fields_in_percent(specimens), *([] if whole is None else [whole])]
+    for i, shift in sorted(off.items()):
+        one, whose = specimens[i], "its replicates' or neighbours'"
+        yield _travel_slip(one, loads[i]) or _problem(one, shift, whose)
+    for i, shift in sorted(materials.items()):
+        yield _problem(specimens[i], shift, "other materials' (or its law is off by as much)")
+    yield from _fields_in_percent(specimens)
+    yield from _whole(campaign, {i: v for i, v in rest.items() if i not in materials})
 
 
 def _among_replicates(
@@ -667,7 +656,7 @@ def _materials_apart(specimens: Sequence[Specimen], loads: Mapping[int, float]) 
     return off
 
 
-def _whole(campaign: Campaign, loads: Mapping[int, float]) -> QualityProblem | None:
+def _whole(campaign: Campaign, loads: Mapping[int, float]) -> Iterator[QualityProblem]:
     """Say that the median load is off by a factor, near the reference temperature if any is.
 
     Temperature has the largest effect.
@@ -681,19 +670,18 @@ def _whole(campaign: Campaign, loads: Mapping[int, float]) -> QualityProblem | N
         and abs(own_C - at_C) <= _NEAR_K
     ] or list(loads)
     if not near:
-        return None
+        return
     values = np.array([loads[i] for i in near])
     shift = float(np.median(values))
     spread = float(np.median(np.abs(values - shift))) * 1.4826
     if spread > max(0.5 * _SPLIT, 0.25 * abs(shift)):
-        return None
+        return
     travel = [t for i in near if (t := _travel_slip(of[i], loads[i])) is not None]
-    if 2 * len(travel) > len(near):
-        return _of_all(travel[0])
     tolerance = _AGAINST_LAW if abs(shift) < _BEYOND_EFFECTS else 2.0 * _AGAINST_LAW
-    if _slip(shift, tolerance) is None:
-        return None
-    return _of_all(_problem(of[near[0]], shift, "the laws'"))
+    if 2 * len(travel) > len(near):
+        yield _of_all(travel[0])
+    elif _slip(shift, tolerance) is not None:
+        yield _of_all(_problem(of[near[0]], shift, "the laws'"))
 
 
 def _of_all(problem: QualityProblem) -> QualityProblem:
@@ -798,7 +786,7 @@ def examine(campaign: Campaign, model: ObservationModel) -> tuple[QualityProblem
     live = [s for s in specimens if s.id not in silent]
     timed = [s for s in specimens if s.rate_mm_s is not None and s.time_recorded]
     loads = {i: v for i, v in _log_loads(model).items() if specimens[i].id not in silent}
-    units = _unit_problems(campaign, loads)
+    units = list(_unit_problems(campaign, loads))
     suspect = {p.specimen for p in (*copies, *units)}
     judged = {i: v for i, v in loads.items() if specimens[i].id not in suspect}
     problems = (  # in the order in which a specimen's are told
