@@ -20,12 +20,7 @@ from planner.gap.noise import FIT_SD, USUAL
 from planner.gap.virtual import single_tests, virtual_specimen
 from planner.glance import one_line, outcome
 from planner.materials.characterise import Curve
-from planner.materials.fit import (
-    Sample,
-    fit_law,
-    least_yielding,
-    sample_of,
-)
+from planner.materials.fit import Sample, fit_law, least_yielding, sample_of
 from planner.materials.laws import SeparableLaw, make_law
 from planner.materials.mixtures import CoefficientModel
 from planner.numerics import FloatArray, normal_quantile
@@ -553,17 +548,11 @@ class _Case:
 def _corrected(case: _Case, recalibrate: bool) -> Correction:
     palette, diagnosis, own, use = case.palette, case.diagnosis, case.own, case.use
     library = effects_for(palette)
-    known: list[FoundEffect] = []
-    left, notes = [], []
-    for found in diagnosis.effect:
-        effect = effect_named(found.id, library, "diagnosis: effect")
-        if effect.advice is None:
-            known.append(found)
-        else:
-            left.append(found.id)
-            notes.append(effect.advice(found, *case.section_mm))
-    findings = list(notes)
-    notes += _doubts(diagnosis)
+    pairs = [(one, effect_named(one.id, library, "diagnosis: effect")) for one in diagnosis.effect]
+    known = [found for found, effect in pairs if effect.advice is None]
+    left = tuple(found.id for found, effect in pairs if effect.advice)
+    findings = [effect.advice(found, *case.section_mm) for found, effect in pairs if effect.advice]
+    notes = [*findings, *_doubts(diagnosis)]
     applied = [_stated(e, library[e.id], palette.name) for e in known]
     places = [(material, use) for material in palette.materials]
     far = [_BREAK_SHARE * material.elongation_at_break for material in palette.materials]
@@ -583,9 +572,7 @@ def _corrected(case: _Case, recalibrate: bool) -> Correction:
     if recalibrate and any(material.id in asked for material in palette.materials):
         corrected.append("recalibration")
     if not corrected:
-        return Correction(
-            palette, palette, (), tuple(notes), left=tuple(left), findings=tuple(findings)
-        )
+        return Correction(palette, palette, (), tuple(notes), left=left, findings=tuple(findings))
     sure = _intervals_sd(factors, known, applied)
     forms = _forms_sd(case, acting)
     materials, fits, factor, log_sd = [], {}, {}, {}
@@ -631,7 +618,7 @@ def _corrected(case: _Case, recalibrate: bool) -> Correction:
     notes += guesses
     return Correction(
         made, palette, tuple(corrected), tuple(notes), misfit, factor, log_sd,
-        tuple(left), tuple(findings),
+        left, tuple(findings),
     )  # fmt: skip
 
 
@@ -808,22 +795,20 @@ def _guesses(case: _Case, made: Palette, forms: FloatArray) -> list[str]:
     ]
 
 
-def _doubts(diagnosis: Diagnosis) -> list[str]:
-    notes = []
+def _doubts(diagnosis: Diagnosis) -> Iterator[str]:
     if diagnosis.verdict == "unknown":
-        notes.append(
+        yield (
             "the verdict is unknown: no effect of the library explains the gap, so there is "
             "nothing to correct by; see where the gap lies, and test what the diagnosis proposes"
         )
     if diagnosis.verdict == "none":
-        notes.append("the verdict is none: the palette is right as far as the campaign can tell")
+        yield "the verdict is none: the palette is right as far as the campaign can tell"
     others = [name for name in map(name_of, diagnosis.same_class) if name != diagnosis.verdict]
     if others and diagnosis.effect:
-        notes.append(
+        yield (
             f"the data cannot tell {diagnosis.verdict} from {', '.join(others)}; the correction "
             f"is that of {diagnosis.verdict}"
         )
-    return notes
 
 
 def _source(case: _Case, known: Sequence[StatedEffect], corrected: Sequence[str]) -> str:
