@@ -153,12 +153,12 @@ def candidates_of(
     grades, (soft, middle, hard) = _elastic(palette)
     three = list(dict.fromkeys(m.id for m in (middle, soft, hard)))
     wanted = {name for id in effects for name in EFFECTS[id].changes}
-    own = stated(palette.reference)
-    assert own.strain_rate_per_s is not None
+    conditions = asdict(stated(palette.reference))
+    rate_per_s = conditions.pop("strain_rate_per_s")
     reference: dict[str, Any] = {
         **size,
-        **{name: value for name, value in asdict(own).items() if name != "strain_rate_per_s"},
-        "rate_mm_s": _rounded(own.strain_rate_per_s * size["gauge_mm"]),
+        **conditions,
+        "rate_mm_s": _rounded(rate_per_s * size["gauge_mm"]),
         "protocol": "monotonic",
     }
     steps = {name: [_changed(one, reference) for one in ways] for name, ways in STEPS.items()}
@@ -191,10 +191,8 @@ def _bars(
         ProfileDesign("stripes", edges, np.repeat([middle, hard] * 3, 2)),
         ProfileDesign("ramp", np.array([0.0, gauge_mm]), np.array([soft, hard])),
     ]
-    changes: list[_Change] = [{"profile": design} for design in designs]
-    if crossed:
-        changes.append({"profile": designs[0], "protocol": "relaxation"})
-    return changes
+    held = [{"profile": designs[0], "protocol": "relaxation"}] if crossed else []
+    return [*({"profile": design} for design in designs), *held]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -375,10 +373,7 @@ def _testable(problem: Problem, told: Information, effects: Sequence[Effect]) ->
         trial = replace(campaign, specimens=some)
         return sum(untestable(e, trial) is not None for e in effects)
 
-    while missing := lacking(counts):
-        choices = _one_more(counts, 1)
-        if not choices:
-            break
+    while (missing := lacking(counts)) and (choices := _one_more(counts, 1)):
         counts = told.best([c for c in choices if lacking(c) < missing] or choices)
     return counts
 
@@ -522,8 +517,7 @@ def design_campaign(
     palette = palette_of(palette, machine)
     library = effects_for(palette)
     named = effects.split(",") if isinstance(effects, str) else effects
-    wanted = [id.strip() for id in named if id.strip()]
-    asked = tuple(effect_named(id, library, "`effects`").id for id in wanted)
+    asked = tuple(effect_named(id, library, "`effects`").id for id in map(str.strip, named) if id)
     size = {"width_mm": width_mm, "thickness_mm": thickness_mm, "gauge_mm": gauge_mm}
     _check(asked, budget, size)
     say = progress or (lambda what: None)
@@ -661,16 +655,14 @@ def trials_of(campaign: Campaign, setup: Setup) -> tuple[Trial, ...]:
     palette = campaign.palette
     reference = _usual_coupon(replace(campaign, specimens=alike), setup.reference)
     _, (soft, middle, hard) = _elastic(palette)
-    own = stated(setup.reference)
-    known = {k: v for k, v in asdict(own).items() if k in reference}
+    known = reference | asdict(stated(setup.reference))
     ways: list[_Change] = [
-        *(_changed(step, reference | known) for steps in STEPS.values() for step in steps),
+        *(_changed(step, known) for steps in STEPS.values() for step in steps),
         *({"material": m.id} for m in (soft, middle, hard)),
         *({"material": m.id, "protocol": "cyclic"} for m in (soft, hard)),
         # A bar of two materials is pulled: pushed, its soft end gives way sideways.
         *([] if pushed else [{"profile": f"{soft.id}-to-{hard.id}"}]),
     ]
-    assert own.age_days is not None
     trials = []
     for number, change in enumerate(ways):
         if all(reference.get(name) == value for name, value in change.items()):
@@ -685,7 +677,7 @@ def trials_of(campaign: Campaign, setup: Setup) -> tuple[Trial, ...]:
             palette, reference, fields, id=f"trial-{number:02d}", strain=strain, steps=100,
             pushed=pushed,
         )  # fmt: skip
-        trials.append(Trial(change, specimen, _hours(specimen, own.age_days)))
+        trials.append(Trial(change, specimen, _hours(specimen, known["age_days"])))
     return tuple(trials)
 
 
@@ -694,10 +686,9 @@ def _usual_coupon(campaign: Campaign, own: Reference) -> dict[str, Any]:
     coupons = [s for s in campaign.specimens if s.material] or list(campaign.specimens)
     kinds = [(s.material, s.width_mm, s.thickness_mm, s.gauge_mm) for s in coupons]
     usual = coupons[kinds.index(max(kinds, key=kinds.count))]
-    rate = usual.rate_mm_s
     gauge_mm = usual.gauge_mm if usual.part is None else _USUAL_SIZE["gauge_mm"]
-    if own.strain_rate_per_s is not None:
-        rate = own.strain_rate_per_s * gauge_mm
+    own_per_s = own.strain_rate_per_s
+    rate = usual.rate_mm_s if own_per_s is None else own_per_s * gauge_mm
     conditions = ("temperature_C", "soak_h", "age_days", "orientation")
     return {
         "material": usual.material or campaign.palette.materials[0].id,
@@ -755,10 +746,9 @@ def next_experiments(
     share /= share.sum()
     candidates = [weighed.best[h.effects] for h in known]
     trials = trials_of(problem.campaign, problem.model.setup)
-    means, covariances = _predicted(weighed, candidates, trials)
     found = []
-    for trial, mean, covariance in zip(trials, means, covariances, strict=True):
-        gain, distance = _information(mean, covariance, share)
+    for trial, figures in zip(trials, _predicted(weighed, candidates, trials), strict=True):
+        gain, distance = _information(*figures, share)
         splits = sorted(
             combinations(range(len(known)), 2),
             key=lambda p: -float(distance[p] * share[list(p)].min()),
@@ -776,7 +766,7 @@ def next_experiments(
 
 def _predicted(
     weighed: Weighed, candidates: Sequence[Candidate], trials: Sequence[Trial]
-) -> tuple[list[FloatArray], list[FloatArray]]:
+) -> list[tuple[FloatArray, FloatArray]]:
     """Return, of each trial, the hypotheses' figures (K, d) and their covariance (d, d).
 
     Figures are means over the trial's specimens, which differ by their own scatter.
@@ -801,12 +791,10 @@ def _predicted(
     no_batch = np.full(len(trials), -1)
     features = NoisyFeatures(table, table.sensitivity(raw[0]), sensor, no_batch)
     noise = features.noise(problem.scatter)
-    means = [learned[:, rows] for rows in noise.rows]
-    covariances = [
-        block / _COPIES + shared[rows] @ known @ shared[rows].T
+    return [
+        (learned[:, rows], block / _COPIES + shared[rows] @ known @ shared[rows].T)
         for rows, block in zip(noise.rows, noise.blocks, strict=True)
     ]
-    return means, covariances
 
 
 def _known_laws(
