@@ -436,12 +436,11 @@ def _groups(table: FeatureTable, of: BoolArray) -> list[list[IntArray]]:
     for row in np.flatnonzero(of).tolist():
         alike, specimen = int(table.replicates[row]), int(table.specimen[row])
         found.setdefault(alike, {}).setdefault(specimen, []).append(row)
-    groups = []
-    for specimens in found.values():
-        lengths = {len(rows) for rows in specimens.values()}
-        if len(specimens) > 1 and len(lengths) == 1:
-            groups.append([np.array(rows) for rows in specimens.values()])
-    return groups
+    return [
+        [np.array(rows) for rows in specimens.values()]
+        for specimens in found.values()
+        if len(specimens) > 1 and len({len(rows) for rows in specimens.values()}) == 1
+    ]
 
 
 # ------------------------------------------------------------------------------------------------

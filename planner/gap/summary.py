@@ -176,9 +176,8 @@ def _how_far(d: Diagnosis) -> str:
     if gap.floor is not None and gap.before <= gap.floor and d.verdict == "none":
         return f"Nothing to explain: the prints repeat no better than this: {before}, and {floor}."
     if d.verdict == "none":
-        within = ""
-        if gap.floor is not None and gap.before > gap.floor and not d.remainder:
-            within = "; what is beyond lies within the doubt about its calibration"
+        beyond = "; what is beyond lies within the doubt about its calibration"
+        within = "" if gap.floor is None or d.remainder else beyond
         return f"There is nothing to close: {before}, and {floor}{within}."
     if d.verdict == "unknown":
         return f"Nothing known closes it: {before}, and {floor}."

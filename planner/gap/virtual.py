@@ -86,10 +86,8 @@ def virtual_strain(
     Bars go half as far. One strain for all keeps it from going with the material.
     """
     breaks = [palette.resolve(name).elongation_at_break for name in materials]
-    at = [m.coordinate for m in palette.materials]
-    for design in profiles:
-        ends = [m.elongation_at_break for m in palette.materials]
-        breaks.append(float(np.interp(design.coordinate, at, ends).min()))
+    at, ends = np.array([(m.coordinate, m.elongation_at_break) for m in palette.materials]).T
+    breaks += [float(np.interp(design.coordinate, at, ends).min()) for design in profiles]
     return min([_STRAIN, *(_BREAK_SHARE * b for b in breaks)])
 
 

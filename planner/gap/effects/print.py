@@ -187,10 +187,8 @@ off by so much."""
 
 def _sizes_mm(setup: Setup) -> dict[str, FloatArray]:
     """Return width and thickness as drawn, (S,); a bar's design goes before the test's own size."""
-    sizes = {
-        "width": setup.on_slices(setup.width_mm),
-        "thickness": setup.on_slices(setup.thickness_mm),
-    }
+    drawn = {"width": setup.width_mm, "thickness": setup.thickness_mm}
+    sizes = {side: setup.on_slices(size) for side, size in drawn.items()}
     for test, design in enumerate(setup.designs):
         slices = slice(setup.first_slice[test], setup.first_slice[test + 1])
         for name, size in sizes.items():

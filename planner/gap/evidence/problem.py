@@ -554,17 +554,13 @@ class Problem:
         """Return what specimens' own sizes of a candidate's effects change, (N, k), whitened."""
         table = self.table
         specimens = table.specimen[:, None] == np.unique(table.specimen)
-        alone = [
-            (branch.effect.individual, replace(candidate, branches=(branch,), places=(place,)))
-            for branch, place in candidate.parts
-            if branch.effect.individual > 0.0
-        ]
-        if not alone:
+        own = [(b, place) for b, place in candidate.parts if b.effect.individual > 0.0]
+        if not own:
             return np.zeros((len(table), 0))
-        changes = self.changes_by([one for _, one in alone])
+        changes = self.changes_by([replace(candidate, branches=(b,), places=(p,)) for b, p in own])
         parts = [
-            individual * change[:, None] * specimens
-            for (individual, _), change in zip(alone, changes, strict=True)
+            branch.effect.individual * change[:, None] * specimens
+            for (branch, _), change in zip(own, changes, strict=True)
         ]
         return self.noise.whiten(np.concatenate(parts, axis=1))
 

@@ -437,9 +437,8 @@ def _add_subset(one: Settled, worlds: Sequence[World], result: Weighed) -> None:
         assert found.members is not None
         if found.log_evidence == -np.inf:
             continue
-        axis = None
-        if not _in_another_unit(found):
-            axis = _telling_column(world.problem, found.members > 0.5)
+        in_unit, members = _in_another_unit(found), found.members > 0.5
+        axis = None if in_unit else _telling_column(world.problem, members)
         if axis is None:
             result.add_candidate(found, world)
         else:
