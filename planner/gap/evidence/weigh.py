@@ -453,14 +453,10 @@ def _telling_column(problem: Problem, members: BoolArray) -> int | None:
     own = next(b.effect.where for b in problem.branches if b.effect.id == _GAIN)
     columns = axis_columns(problem.campaign)
     for number, name in enumerate(axis.axis for axis in problem.unknown):
-        cells = columns.get(name)
-        if cells is None or name in own or len(set(cells)) > len(cells) // 2:
-            continue
-        of, other = (
-            {cell for cell, member in zip(cells, members, strict=True) if member == side}
-            for side in (True, False)
-        )
-        if of and other and not of & other:
+        cells = columns.get(name, ())
+        distinct = len(set(cells))
+        shared = name in own or not 0 < distinct <= len(cells) // 2
+        if not shared and len(set(zip(cells, members.tolist(), strict=True))) == distinct:
             return number
     return None
 
@@ -853,8 +849,7 @@ def _fits_of_same_pattern(
     if len(best) < 2:
         return {}
     changes = np.stack([problem.explained(candidate) for candidate in best.values()], axis=1)
-    patterns = problem.noise.whiten(changes)
-    m = weighed.plain.products(patterns)
+    m = weighed.plain.products(problem.noise.whiten(changes))
     size = np.sqrt(np.maximum(np.diagonal(m), 1e-150))
     alike = m > ALIKE_COSINE * np.outer(size, size)
     return {
@@ -1129,8 +1124,7 @@ def verdict_of(ranking: Sequence[Hypothesis]) -> Effects:
     kinds: dict[Effects | None, list[Hypothesis]] = {}
     for h in ranking:
         kinds.setdefault(h.effects if h.effects in ((), UNKNOWN) else None, []).append(h)
-    likeliest = max(kinds.values(), key=lambda of_it: sum(h.probability for h in of_it))
-    return likeliest[0].effects
+    return max(kinds.values(), key=lambda of_it: sum(h.probability for h in of_it))[0].effects
 
 
 # ------------------------------------------------------------------------------------------------
