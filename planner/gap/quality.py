@@ -173,8 +173,7 @@ def _dropouts(time_s: FloatArray) -> IntArray:
     """Return the indices of steps far longer than those before and behind them."""
     steps = np.diff(time_s)
     middle = np.median(np.lib.stride_tricks.sliding_window_view(steps, 3), axis=1)
-    nearby = np.maximum(middle[:-4], middle[4:])
-    return 3 + np.flatnonzero(steps[3:-3] > SPIKE_STEP * nearby)
+    return 3 + np.flatnonzero(steps[3:-3] > SPIKE_STEP * np.maximum(middle[:-4], middle[4:]))
 
 
 def _times(count: int, what: str) -> str:
@@ -419,21 +418,20 @@ _Groups = Sequence[tuple[int, ...]]
 
 def _outlier_problems(
     specimens: Sequence[Specimen], loads: Mapping[int, float]
-) -> list[QualityProblem]:
-    """Return outlying specimens, the clearest first in each round.
+) -> Iterator[QualityProblem]:
+    """Yield outlying specimens, the clearest first in each round.
 
     The level is Bonferroni's over specimens; one that was found is left out and the rest judged
     again.
     """
     groups = _groups(specimens, loads)
     least = _FAMILY_WISE / max(sum(map(len, groups)), 1)
-    found: list[QualityProblem] = []
     while True:
         worst = min(_judged(loads, groups), key=lambda w: w[0], default=None)
         if worst is None or worst[0] >= least:
-            return found
+            return
         _, place, shift, others = worst
-        found.extend(_outliers(specimens, place, shift, others))
+        yield from _outliers(specimens, place, shift, others)
         gone = {place} if len(others) > 1 else {place, *others}
         groups = [tuple(i for i in g if i not in gone) for g in groups]
 
