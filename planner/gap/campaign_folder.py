@@ -99,8 +99,7 @@ def read_list(path: Path) -> tuple[tuple[Row, ...], dict[str, Covariates], list[
                 f"{path.name}, column {heading!r}: its unit is not understood; give the values as "
                 f"{quantity} and head the column so"
             )
-        known = [*SPECIMEN_TEXTS, *SPECIMEN_COLUMNS]
-        near = nearest_names(heading, known, _ALIKE)
+        near = nearest_names(heading, [*SPECIMEN_TEXTS, *SPECIMEN_COLUMNS], _ALIKE)
         if near and abs(len(near[0]) - len(heading)) <= 2:
             notes.append(
                 f"{path.name}: column {heading!r} is unknown and kept as a covariate; rename it if "

@@ -307,8 +307,7 @@ def _refitted(material: Material, strain: FloatArray, log_factor: FloatArray) ->
             "the stress would fall before the break; measure it at these conditions and fit a "
             "law with planner fit"
         )
-    found = fit.nominal_stress_MPa(1.0 + strain)
-    misfit = float(np.sqrt(np.mean((found / stress - 1.0) ** 2)))
+    misfit = float(np.sqrt(np.mean((fit.nominal_stress_MPa(1.0 + strain) / stress - 1.0) ** 2)))
     if misfit > FIT_SD and (bent := _bent(sample)).misfit < misfit:
         return bent
     # Palettes are held to slight compression and beyond the break, too; a pull needs neither.
@@ -493,8 +492,7 @@ def correct(
         if not 0.0 < value < math.inf:
             raise ArgumentError(f"`{name}` {value:g}: it must be above 0")
     own = _conditions(Reference(), before.reference)
-    case = _Case(before, diagnosis, own, use, (width_mm, thickness_mm))
-    made = _corrected(case, recalibrate)
+    made = _corrected(_Case(before, diagnosis, own, use, (width_mm, thickness_mm)), recalibrate)
     return replace(made, notes=(*doubt, *made.notes))
 
 

@@ -354,8 +354,7 @@ def _information_of(problem: Problem, asked: Sequence[Effect]) -> Information:
         weights += [_usual_weights(problem, b) / np.sqrt(len(forms)) for b in forms]
     patterns = problem.nodes @ np.stack(weights, axis=1)
     columns = np.concatenate([patterns, problem.nuisances, _batch_level(problem)[:, None]], axis=1)
-    edges = problem.noise.first_row.tolist()
-    parts = [columns[a:b].T @ columns[a:b] for a, b in pairwise(edges)]
+    parts = [columns[rows].T @ columns[rows] for rows in problem.noise.rows]
     return Information(_BATCHES * np.stack(parts), [len(effect.forms) for effect in asked])
 
 

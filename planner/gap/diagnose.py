@@ -332,8 +332,7 @@ class _Predictor:
         ]
         expected = np.zeros_like(problem.model.measured_N)
         for share, candidate in likely:
-            settled = self.weighed.settled_as(candidate)
-            chosen = settled.fitted(world, problem.gain_of(candidate))
+            chosen = self.weighed.settled_as(candidate).fitted(world, problem.gain_of(candidate))
             forces = specimen_forces_N(problem, replace(chosen, members=None))
             if candidate.members is not None:
                 forces = self._with_own_gain(forces, candidate.log_gain)
@@ -429,8 +428,7 @@ def _interval(
     for _ in range(_RESAMPLES):
         drawn = rng.integers(len(groups), size=len(groups))
         doubt = freedom / float(rng.chisquare(freedom))
-        value = closed(np.concatenate([groups[g] for g in drawn]), doubt)
-        if value is not None:
+        if (value := closed(np.concatenate([groups[g] for g in drawn]), doubt)) is not None:
             values.append(value)
     if middle is None or len(values) < _RESAMPLES // 2:
         return None
@@ -670,8 +668,7 @@ def diagnose(
         gap = closure(problem, weighed, evidence.vain, verdict, rng, progress)
         chosen = weighed.best.get(verdict, Candidate(()))
         nodes = weighed.plain.elimination(problem.target, kept=problem.nodes)
-        likely = axes_of(problem, evidence, ranking, priors)
-        where, remainder = _places_of(problem, likely, chosen)
+        where, remainder = _places_of(problem, axes_of(problem, evidence, ranking, priors), chosen)
         same_class = class_of(problem, weighed, ranking, verdict)
         mending = [problem.unit_of for problem in data_quality if problem.unit_of is not None]
         found = Diagnosis(
@@ -754,8 +751,7 @@ def _comparable(campaign: Campaign) -> tuple[Campaign, ObservationModel]:
     if (model.test_of >= 0).all():
         return campaign, model
     kept = tuple(campaign.specimens[k] for k in np.flatnonzero(model.test_of >= 0))
-    remarks = (*campaign.remarks, *model.limitations)
-    campaign = replace(campaign, specimens=kept, remarks=remarks)
+    campaign = replace(campaign, specimens=kept, remarks=(*campaign.remarks, *model.limitations))
     return campaign, observation_model(campaign)
 
 

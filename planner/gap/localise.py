@@ -388,7 +388,7 @@ class _Case:
         found = [(mean, name, n) for mean, name, n in means if mean is not None]
         if not found:
             return "no force to tell it by"
-        logs = [mean for mean, _, _ in found]
+        logs = [mean for mean, *_ in found]
         if alike is not None and max(logs) - min(logs) < _ALIKE:
             return f"force {_off(float(np.mean(logs)))} {alike}"
         # The one farthest from prediction first, then the one farthest from it.
@@ -588,15 +588,13 @@ def _farthest_place(case: _Case, y: FloatArray) -> tuple[ProfileDesign, float, I
     y : (N,)
         Whitened.
     """
-    best, found = -1.0, None
+    found: list[tuple[float, ProfileDesign, float, IntArray]] = []
     for rows, design in _rows_by_design(case.campaign, case.table).values():
         at, place = np.unique(np.round(case.table.x_mm[rows], 3), return_inverse=True)
         score = np.abs(np.bincount(place, y[rows]) / np.sqrt(np.bincount(place)))
         peak = int(np.argmax(score))
-        if score[peak] > best:
-            best, found = float(score[peak]), (design, float(at[peak]), rows[place == peak])
-    assert found is not None
-    return found
+        found.append((float(score[peak]), design, float(at[peak]), rows[place == peak]))
+    return max(found, key=lambda one: one[0])[1:]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -661,10 +659,9 @@ def localise(
     first, end, places = order[0], normal_quantile(0.9), []
     for axis in order:
         p, sentence = min(len(axes) * axis.p, 1.0), axis.detail
-        if axis is not first and p <= SIGNIFICANT:
-            little = _ADDS_LITTLE * case.explained(axis)
-            if _added(axis, first, case) < little:
-                sentence += f"; little of it beyond what goes with {first.name}"
+        beside = axis is not first and p <= SIGNIFICANT
+        if beside and _added(axis, first, case) < _ADDS_LITTLE * case.explained(axis):
+            sentence += f"; little of it beyond what goes with {first.name}"
         interval = case.share(axis, -end), case.share(axis, end)
         places.append(Location(axis.name, case.share(axis), interval, p, sentence))
     return tuple(places)

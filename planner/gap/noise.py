@@ -167,8 +167,7 @@ class NoisyFeatures:
         """Return the covariance of one specimen's forces, (d, d)."""
         table, h = self.table, self.sensitivity[rows]
         place, strain = table.path[rows], table.strain[rows]
-        travel = strain / max(float(strain.max()), 1e-12)
-        tilt = h * (travel - 0.5)
+        tilt = h * (strain / max(float(strain.max()), 1e-12) - 0.5)
         far = np.abs(np.subtract.outer(place, place)) / scatter.wander_length
         block = scatter.specimen**2 * np.outer(h, h) + scatter.slope**2 * np.outer(tilt, tilt)
         block += scatter.wander**2 * np.exp(-far) * np.outer(h, h)
@@ -212,8 +211,7 @@ class NoisyFeatures:
             inner, cross = np.eye(len(batches)), np.zeros(len(batches))
             for rows, (values, shares) in zip(groups, contrasts, strict=True):
                 first = slice(int(rows[0][0]), int(rows[0][-1]) + 1)
-                level = scatter.batch * self.sensitivity[first]
-                columns = np.stack([level, *values], axis=1)
+                columns = np.stack([scatter.batch * self.sensitivity[first], *values], axis=1)
                 half_log, white = _whitened(self._force_block(scatter, first), columns)
                 total += len(values) * half_log + 0.5 * float(np.sum(white[:, 1:] ** 2))
                 inner += float(white[:, 0] @ white[:, 0]) * shares.T @ shares

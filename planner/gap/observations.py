@@ -155,8 +155,7 @@ class FeatureTable:
         however small the forces. Where signs differ it is the larger one's sensitivity.
         """
         measured = self.measured_raw
-        larger = np.where(np.abs(measured) > np.abs(raw), measured, raw)
-        found = self.sensitivity(larger)
+        found = self.sensitivity(np.where(np.abs(measured) > np.abs(raw), measured, raw))
         clear = np.sign(measured) * np.sign(raw) > 0.0
         ratio = np.log(np.divide(measured, raw, out=np.ones_like(raw), where=clear))
         clear &= np.abs(ratio) > _SAME
@@ -613,8 +612,7 @@ def _tests(specimens: Sequence[Specimen], paths: Mapping[int, LoadingPath]) -> l
         while left:
             alike = [place for place in left if paths[left[0]].is_like(paths[place])]
             left = [place for place in left if place not in alike]
-            frames = _frame_fractions(specimens, paths, alike)
-            tests.append(replicate_test(paths, alike, frames))
+            tests.append(replicate_test(paths, alike, _frame_fractions(specimens, paths, alike)))
     return sorted(tests, key=lambda test: test.places[0])
 
 

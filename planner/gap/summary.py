@@ -107,8 +107,7 @@ def clear_places(diagnosis: Diagnosis) -> list[Location]:
 
 def best_of(diagnosis: Diagnosis) -> Hypothesis:
     """Return the verdict with its probability, 0 where the ranking lacks it."""
-    found = (h for h in diagnosis.ranking if h.name == diagnosis.verdict)
-    return next(found, Hypothesis((), 0.0))
+    return next((h for h in diagnosis.ranking if h.name == diagnosis.verdict), Hypothesis((), 0.0))
 
 
 def _where(d: Diagnosis) -> str:

@@ -271,9 +271,8 @@ def _retraced(specimen: Specimen) -> Specimen | None:
     even, held = np.arange(1, rows + 1) / rows, np.geomspace(1e-3, 1.0, rows)
     parts = [s.begin_s + (s.end_s - s.begin_s) * (even if s.moves else held) for s in path.segments]
     time = np.concatenate([np.zeros(1), *parts])
-    corners_s = np.array([0.0, *(s.end_s for s in path.segments)])
-    corners_mm = np.array([0.0, *(s.end_mm for s in path.segments)])
-    travel = np.interp(time, corners_s, corners_mm) * (-1.0 if specimen.pushed else 1.0)
+    corners = np.array([(0.0, 0.0), *((s.end_s, s.end_mm) for s in path.segments)])
+    travel = np.interp(time, *corners.T) * (-1.0 if specimen.pushed else 1.0)
     seen = specimen.strain_field
     return replace(
         specimen,
@@ -531,8 +530,7 @@ def synthetic_campaign(
     how += f"; {seed_text}" if seed_text else ""
     specimens = []
     for place, specimen in enumerate(plan.specimens):
-        path = specimen.time_s[None], specimen.travel_mm[None]
-        setup = single_tests(plan, [place], *path)
+        setup = single_tests(plan, [place], specimen.time_s[None], specimen.travel_mm[None])
         if setup is None:
             raise FileError(
                 f"campaign {plan.name}: specimen {specimen.id} never loads over enough points; "
@@ -568,8 +566,7 @@ def _drawn(effects: Sequence[StatedEffect], rng: np.random.Generator) -> list[St
     for one in sorted(effects, key=lambda e: e.effect.order):
         own = 1.0 + one.effect.individual * float(rng.standard_normal())
         size = one.form.size.name
-        values = {**one.values, size: one.values[size] * max(own, 0.1)}
-        drawn.append(replace(one, values=values))
+        drawn.append(replace(one, values={**one.values, size: one.values[size] * max(own, 0.1)}))
     return drawn
 
 

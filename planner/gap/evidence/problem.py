@@ -696,8 +696,7 @@ def applied(candidate: Candidate, setup: Setup) -> Setup:
 def specimen_forces_N(problem: Problem, candidate: Candidate) -> FloatArray:
     """Return predicted forces on each specimen's test's steps, (n, T)."""
     model = problem.model
-    used = applied(candidate, model.setup)
-    forces: FloatArray = predict(used, model.laws).force_N[model.test_of]
+    forces = predict(applied(candidate, model.setup), model.laws).force_N[model.test_of]
     if candidate.members is not None:
         forces = forces * np.exp(candidate.log_gain * candidate.members)[:, None]
     return forces
