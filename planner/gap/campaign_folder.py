@@ -773,7 +773,7 @@ def _specimen(
             )
     said = "tension" if row.part else said_mode([row.mode, *covariates.values(), in_file])
     law = make_law(reader.palette.resolve(row.material).law) if row.material else None
-    record = _record_of(
+    fields |= _record_of(
         _Source(
             where, table, fields["gauge_mm"], area_mm2,
             fields["rate_mm_s"], said, None if law is None else law.nominal_stress_MPa, notes,
@@ -783,10 +783,7 @@ def _specimen(
     if row.part and row.specimen in measured.rows:
         notes.append("strains along a whole part are not compared; left out")
     seen = None if row.part else measured.of(row.specimen, fields["gauge_mm"], notes)
-    specimen = Specimen(
-        id=row.specimen, covariates=covariates, strain_field=seen, **record, **fields
-    )
-    return specimen, notes
+    return Specimen(id=row.specimen, covariates=covariates, strain_field=seen, **fields), notes
 
 
 @contextlib.contextmanager

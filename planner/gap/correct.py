@@ -321,9 +321,8 @@ def _bent(sample: Sample) -> Refit:
     law, _ = least_yielding(steepest, sample)
     off = law.nominal_stress_MPa(sample.stretch) / sample.stress_MPa - 1.0
     parameters = {name: (value,) for name, value in asdict(law).items()}
-    return Refit(
-        LawParameters(law.model, MappingProxyType(parameters)), float(np.sqrt(np.mean(off**2)))
-    )
+    misfit = float(np.sqrt(np.mean(off**2)))
+    return Refit(LawParameters(law.model, MappingProxyType(parameters)), misfit)
 
 
 # ------------------------------------------------------------------------------------------------

@@ -113,11 +113,8 @@ def _conditions_out(
     tests
         Places of the specimens of each condition.
     """
-    folds = [
-        (out, judged)
-        for out in _in_turn(specimens, tests)
-        if (judged := _judged(specimens, out)).any()
-    ]
+    turns = [(out, _judged(specimens, out)) for out in _in_turn(specimens, tests)]
+    folds = [(out, judged) for out, judged in turns if judged.any()]
     if folds and len(tests) >= _LEAST_LEVELS:
         most = -(-len(tests) // _MOST_FOLDS)
         several = f"{len(tests)} conditions left out, up to {most} at a time"

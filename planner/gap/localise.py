@@ -672,10 +672,8 @@ def _axis_along(case: _Case, name: str, columns: FloatArray) -> Iterator[_Axis]:
     basis, cells = case.basis(columns), _axis_cells(case.campaign).get(name)
     if not basis.shape[1] or (cells and sum(c is not None for c in cells) < _FEWEST_KNOWN):
         return
-    if cells:
-        parts = _column_parts(case, name, cells)
-    else:
-        parts = (_branch_parts if name == "branch" else _hold_parts)(case.table)
+    of_path = _branch_parts if name == "branch" else _hold_parts
+    parts = _column_parts(case, name, cells) if cells else of_path(case.table)
     yield _Axis(name, basis, *case.tested(basis, case.varying), case.sentence(parts))
 
 

@@ -562,9 +562,8 @@ def observation_model(campaign: Campaign) -> ObservationModel:
         ends = _bar_limits_mm(setup, prediction, campaign.palette)
         if not ends:
             break
-        limits.update(
-            (place, end) for number, end in ends.items() for place in tests[number].places
-        )
+        for number, end in ends.items():
+            limits |= dict.fromkeys(tests[number].places, end)
     measured = _measured(specimens, tests, paths)
     sensor = np.array([_sensor_sd_N(specimen.force_N) for specimen in specimens])
     test_of, alike = np.full((2, len(specimens)), -1)

@@ -668,9 +668,7 @@ def replicate_test(
     wanted[0] = sorted({*wanted[0], *frames})
     counts = _counts(segments, [len(at) for at in wanted])
     segment = np.concatenate([[0], np.repeat(np.arange(len(segments)), counts)])
-    fraction = np.concatenate(
-        [[0.0], *(_filled(w, n) for w, n in zip(wanted, counts, strict=True))]
-    )
+    fraction = np.concatenate([[0.0], *map(_filled, wanted, counts)])
     test = ReplicateTest(tuple(places), frames, segments, segment, fraction, np.zeros(PATH_STEPS))
     times = np.mean([_step_times_s(path, test) for path in whole], axis=0)
     rising = np.maximum.accumulate(times) + 1e-9 * float(times[-1]) * np.arange(len(times))

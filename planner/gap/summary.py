@@ -168,9 +168,8 @@ def _cause(d: Diagnosis) -> str:
 def _how_far(d: Diagnosis) -> str:
     gap = d.gap
     before = f"the palette misses the force by {percent(gap.before)} of a specimen's largest"
-    if gap.floor is None:
-        floor = "there are no replicates to say how much of that is scatter"
-    else:
+    floor = "there are no replicates to say how much of that is scatter"
+    if gap.floor is not None:
         floor = f"replicates differ by {percent(gap.floor)}"
     if gap.floor is not None and gap.before <= gap.floor and d.verdict == "none":
         return f"Nothing to explain: the prints repeat no better than this: {before}, and {floor}."

@@ -958,11 +958,7 @@ def _explained(
     effect's to close. Nor is it one's to open: a further effect that only a law far off makes up
     for raises the errors of force by the palette's own laws.
     """
-    value = {
-        e: weighed.log_evidence[e, ""]
-        for e in weighed.best
-        if e and (e, "") in weighed.log_evidence
-    }
+    value = {e: weighed.log_evidence[e, ""] for e in weighed.best if e}
     best = sorted(value, key=lambda e: -value[e])[:_LOOKED_AT]
     closes: dict[Effects, bool] = {}
     without: dict[Effects, Effects] = {}
@@ -1021,9 +1017,8 @@ def ranking_of(evidence: Evidence, priors: Priors) -> tuple[Hypothesis, ...]:
     """
     found = evidence.log_evidence
     counts = _counted(found, priors)
-    ranking = posterior(
-        {key: prior + counts * found[key] for key, prior in evidence.log_prior.items()}
-    )
+    odds = {key: prior + counts * found[key] for key, prior in evidence.log_prior.items()}
+    ranking = posterior(odds)
     p = {h.effects: h.probability for h in ranking}
     unlikely = float(expit(-_ALIKE_NATS))
     for effects, fewer in evidence.without.items():
