@@ -93,8 +93,7 @@ def read_list(path: Path) -> tuple[tuple[Row, ...], dict[str, Covariates], list[
     rows = read_specimens(path)
     names, notes = tuple(rows[0].covariates), []
     for heading in names:
-        quantity = _quantity(heading)
-        if quantity is not None:
+        if (quantity := _quantity(heading)) is not None:
             raise FileError(
                 f"{path.name}, column {heading!r}: its unit is not understood; give the values as "
                 f"{quantity} and head the column so"
@@ -368,8 +367,7 @@ def _time(source: _Source, travel: FloatArray) -> tuple[FloatArray, bool]:
         path = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(travel)))])
         return path / source.rate_mm_s, False
     time = source.table.columns["time_s"]
-    fall = np.flatnonzero(np.diff(time) < 0.0)
-    if len(fall):
+    if len(fall := np.flatnonzero(np.diff(time) < 0.0)):
         at = int(fall[0])
         reversed_ = len(fall) == len(time) - 1
         what = "the rows stand in reversed order" if reversed_ else "sort or repair the rows"
@@ -446,8 +444,7 @@ class _Fields:
         reach = float(np.median(np.diff(x))) if facet is None else facet
         # Half a facet may touch the gauge from beyond.
         slack = max(min(reach, 0.5 * LONGEST_FACET * gauge_mm), BEYOND_GAUGE * gauge_mm)
-        outside = np.flatnonzero((x < -slack) | (x > gauge_mm + slack))
-        if len(outside):
+        if len(outside := np.flatnonzero((x < -slack) | (x > gauge_mm + slack))):
             raise FileError(
                 f"{_FIELDS}, line {first[outside[0]]}: x_mm is {x[outside[0]]:g}; the gauge goes "
                 f"from 0 to {gauge_mm:g} mm; count x_mm along the undeformed gauge from its end, "

@@ -593,8 +593,7 @@ def _corrected(case: _Case, recalibrate: bool) -> Correction:
             replace(material, law=fit.law, uncertainty=None, modulus_log_sd=sd, readings=readings)
         )
     misfit = {m: fit.misfit for m, fit in fits.items()}
-    bad = [f"{m} {100 * off:.1f} %" for m, off in misfit.items() if off > FIT_SD]
-    if bad:
+    if bad := [f"{m} {100 * off:.1f} %" for m, off in misfit.items() if off > FIT_SD]:
         notes.append(f"laws more than 1 % off the corrected curve: {', '.join(bad)}")
     if tension_alone := [m for m, fit in fits.items() if fit.tension_alone]:
         notes.append(
@@ -650,15 +649,13 @@ def _in_words(at: Reference, name: str) -> str:
 
 
 def _stated(found: FoundEffect, effect: Effect, palette: str) -> StatedEffect:
-    form = effect.form(found.form)
-    if form is None:
+    if (form := effect.form(found.form)) is None:
         raise FileError(
             f"diagnosis: effect {found.id} has the form {found.form!r}, which palette {palette} "
             f"has not; it has {', '.join(f.name for f in effect.forms)}: give the palette that "
             "was diagnosed with `palette`"
         )
-    missing = [p.name for p in form.parameters if p.name not in found.parameters]
-    if missing:
+    if missing := [p.name for p in form.parameters if p.name not in found.parameters]:
         raise FileError(
             f"diagnosis: effect {found.id}: parameter {missing[0]!r} of form {form.name} is missing"
         )
@@ -687,8 +684,7 @@ def _forms_sd(case: _Case, effects: Sequence[StatedEffect]) -> FloatArray:
     for number in range(len(materials)):
         groups.setdefault(_next_to(number, seen), []).append(number)
     for one, (beside, numbers) in itertools.product(effects, groups.items()):
-        tests = _tests_of(case, [materials[n] for n in beside], one.effect.condition)
-        if tests:
+        if tests := _tests_of(case, [materials[n] for n in beside], one.effect.condition):
             places = [*tests, *((materials[n], case.use) for n in numbers)]
             far = [_working_strain(material) for material, _ in places]
             factors = _Factors(case.palette, places, case.own, case.section_mm, far, _STEPS_TO_WORK)

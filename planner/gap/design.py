@@ -119,8 +119,7 @@ def _elastic(palette: Palette) -> tuple[list[Material], list[Material]]:
     PaletteError
         There is none.
     """
-    grades = [m for m in palette.materials if m.deformation == "elastic"]
-    if not grades:
+    if not (grades := [m for m in palette.materials if m.deformation == "elastic"]):
         raise PaletteError(
             f"palette {palette.name}: no elastic material; a campaign is planned for elastomers"
         )
@@ -558,8 +557,7 @@ def design_campaign(
 def _check(asked: Sequence[str], budget: int, size: Mapping[str, float]) -> None:
     if not asked:
         raise ArgumentError("`effects`: none; name those to tell apart, as in rate,moisture")
-    double = next((id for id in asked if asked.count(id) > 1), None)
-    if double is not None:
+    if (double := next((id for id in asked if asked.count(id) > 1), None)) is not None:
         raise ArgumentError(f"`effects`: {double} stands twice; name each effect once")
     if budget > _MOST:
         raise ArgumentError(f"`budget` {budget}: it must be at most {_MOST} specimens")

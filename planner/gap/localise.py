@@ -57,8 +57,7 @@ def axis_patterns(
     cells = _axis_cells(campaign)
     found: dict[str, list[FloatArray]] = {}
     for name in (*TOLERANCES, "orientation", "batch", *campaign.covariates):
-        patterns = specimen_patterns(cells[name])
-        if patterns is not None:
+        if (patterns := specimen_patterns(cells[name])) is not None:
             rows = patterns[table.specimen]
             changing = _LESS * 2.0 * h * travel
             found[name] = [rows * h[:, None], rows * changing[:, None]]
@@ -158,8 +157,7 @@ def _rows_by_design(
     """Return by design the rows of local strains, bars of one design together."""
     rows: dict[str, tuple[list[int], ProfileDesign]] = {}
     for row in np.flatnonzero(table.is_field).tolist():
-        design = campaign.specimens[int(table.specimen[row])].profile
-        if design is not None:
+        if (design := campaign.specimens[int(table.specimen[row])].profile) is not None:
             rows.setdefault(design.name, ([], design))[0].append(row)
     return {name: (np.array(found), design) for name, (found, design) in rows.items()}
 

@@ -405,8 +405,7 @@ def _feature_table(
             continue
         bins = _bins_of(seen, setup, number)
         for step in (test.step_at(0, fraction) for fraction in test.frames):
-            means = bins.means(seen, paths[place], float(travel[step]))
-            if means is None:
+            if (means := bins.means(seen, paths[place], float(travel[step]))) is None:
                 continue
             seen_at.append((len(rows), int(setup.first_slice[number]), bins))
             rows += [
@@ -559,8 +558,7 @@ def observation_model(campaign: Campaign) -> ObservationModel:
         tests = _tests(specimens, paths)
         setup = setup_of(campaign, tests, paths)
         prediction = predict(setup, laws)
-        ends = _bar_limits_mm(setup, prediction, campaign.palette)
-        if not ends:
+        if not (ends := _bar_limits_mm(setup, prediction, campaign.palette)):
             break
         for number, end in ends.items():
             limits |= dict.fromkeys(tests[number].places, end)
@@ -656,8 +654,7 @@ def _measured(
 def _sensor_sd_N(force_N: FloatArray) -> float:
     """Return the noise of a force; of a coarse one, that of rounding, if more."""
     noise = noise_sd(force_N)
-    steps = np.diff(np.unique(force_N))
-    if not len(steps):
+    if not len(steps := np.diff(np.unique(force_N))):
         return noise
     digit = float(np.min(steps))
     multiples = steps / digit
@@ -683,8 +680,7 @@ def _bar_limits_mm(setup: Setup, prediction: Prediction, palette: Palette) -> di
         farthest = reached[:, here].max(axis=1)
         if part is not None:
             farthest = np.sum(part.at(setup.travel_mm[number])[2] * reached[:, here], axis=1)
-        late = np.flatnonzero(farthest > 1.0)
-        if len(late):
+        if len(late := np.flatnonzero(farthest > 1.0)):
             limits[number] = float(setup.travel_mm[number, : late[0]].max())
     return limits
 

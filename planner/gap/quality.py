@@ -151,16 +151,14 @@ def _timing(s: Specimen) -> _Problems:
             f"{_times(len(gaps), 'gap')} in time, the longest {steps[longest]:.3g} s from "
             f"{s.time_s[longest]:.4g} s, where {float(np.median(steps)):.3g} s is usual",
         )
-    first = leap_at_end(s)
-    if first < len(s.force_N):
+    if (first := leap_at_end(s)) < len(s.force_N):
         yield (
             "spike",
             f"force_N leaps from {s.force_N[first - 1]:.4g} to {s.force_N[-1]:.4g} at its end, at "
             f"{s.time_s[first]:.4g} s; left out of what is compared. Does something meet a stop?",
         )
     for name, values in (("force_N", s.force_N), ("displacement_mm", s.displacement_mm)):
-        begins = np.flatnonzero(np.diff(spikes_in(values).astype(np.int8), prepend=0) > 0)
-        if len(begins):
+        if len(begins := np.flatnonzero(np.diff(spikes_in(values).astype(np.int8), prepend=0) > 0)):
             yield (
                 "spike",
                 f"{_times(len(begins), 'spike')} in {name}, the first of "
@@ -234,8 +232,7 @@ def _duplicates(specimens: Sequence[Specimen]) -> Iterator[QualityProblem]:
     seen: dict[bytes, str] = {}
     for s in specimens:
         digits = _rounded(s.force_N).tobytes() + _rounded(s.displacement_mm).tobytes()
-        other = seen.setdefault(digits, s.id)
-        if other != s.id:
+        if (other := seen.setdefault(digits, s.id)) != s.id:
             words = f"its curve is that of specimen {other}, number for number"
             yield QualityProblem(s.id, "duplicate", words)
 

@@ -258,8 +258,7 @@ class LoadingPath:
 
     def on_gauge(self, gauge_mm: float) -> "LoadingPath":
         """Return the path to the same strains of another gauge length."""
-        ratio = gauge_mm / self.gauge_mm
-        if ratio == 1.0:
+        if (ratio := gauge_mm / self.gauge_mm) == 1.0:
             return self
         segments = tuple(
             replace(s, begin_mm=ratio * s.begin_mm, end_mm=ratio * s.end_mm) for s in self.segments

@@ -113,8 +113,7 @@ def best_of(diagnosis: Diagnosis) -> Hypothesis:
 def _where(d: Diagnosis) -> str:
     if not d.where:
         return "Where a gap lies cannot be told, as there is nothing to compare."
-    clear = clear_places(d)
-    if clear:
+    if clear := clear_places(d):
         place = clear[0]
         detail = f": {place.detail}" if place.detail else ""
         what = "The clearest difference" if d.verdict == "none" else "The gap"
@@ -335,8 +334,7 @@ def next_command(
         return ""
     use = ""
     for condition in dict.fromkeys(effect.condition for effect in known if effect.condition):
-        levels = found.tested.get(condition)
-        if levels:
+        if levels := found.tested.get(condition):
             level = levels[-1] if isinstance(levels[-1], str) else f"{levels[-1]:.4g}"
             use += f" --{condition.removeprefix('strain_').replace('_', '-')} {level}"
     return f"planner gap correct {_quoted(at)}{use} -o palette-corrected.toml"

@@ -120,8 +120,7 @@ def virtual_specimen(
     fields
         Of `Specimen`. Without `rate_mm_s` it is pulled at the palette's own strain rate.
     """
-    rate = fields.get("rate_mm_s")
-    if not rate:
+    if not (rate := fields.get("rate_mm_s")):
         own_per_s = stated(palette.reference).strain_rate_per_s
         assert own_per_s is not None
         rate = own_per_s * gauge_mm
@@ -264,8 +263,7 @@ def _retraced(specimen: Specimen) -> Specimen | None:
 
     None where it never loads over enough rows to be observed.
     """
-    path = path_of(specimen)
-    if path is None:
+    if (path := path_of(specimen)) is None:
         return None
     rows = max(_LONE_ROWS // len(path.segments), 12)
     even, held = np.arange(1, rows + 1) / rows, np.geomspace(1e-3, 1.0, rows)
@@ -586,8 +584,7 @@ def _seen(
     specimen: Specimen, setup: Setup, prediction: Prediction, rng: np.random.Generator
 ) -> StrainField | None:
     """Return the strains that a camera sees when it looked; facets of unknown length touch."""
-    seen = specimen.strain_field
-    if seen is None:
+    if (seen := specimen.strain_field) is None:
         return None
     facet = float(np.median(np.diff(seen.x_mm))) if seen.facet_mm is None else seen.facet_mm
     along = prediction.strain @ seen_shares(setup, 0, seen.x_mm, facet).T

@@ -413,8 +413,7 @@ def _levels_apart(campaign: Campaign, model: ObservationModel, counts: BoolArray
     count, found, most = sum(map(len, groups)), np.zeros(len(counts)), 1.0
     columns = axis_columns(campaign)
     for name in ("batch", *campaign.covariates):
-        patterns = specimen_patterns(columns[name])
-        if patterns is None:
+        if (patterns := specimen_patterns(columns[name])) is None:
             continue
         own = np.zeros_like(patterns)
         for of in groups:
@@ -554,8 +553,7 @@ class Problem:
         """Return what specimens' own sizes of a candidate's effects change, (N, k), whitened."""
         table = self.table
         specimens = table.specimen[:, None] == np.unique(table.specimen)
-        own = [(b, place) for b, place in candidate.parts if b.effect.individual > 0.0]
-        if not own:
+        if not (own := [(b, place) for b, place in candidate.parts if b.effect.individual > 0.0]):
             return np.zeros((len(table), 0))
         changes = self.changes_by([replace(candidate, branches=(b,), places=(p,)) for b, p in own])
         parts = [

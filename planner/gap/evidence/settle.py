@@ -250,8 +250,7 @@ def _mode(world: World, point: _Point, own: FloatArray) -> _Point:
     """
     slopes, fresh, damping = point.slopes, True, _DAMPING
     for _ in range(_STEPS):
-        step = _step(world, point, own, slopes, damping)
-        if step is not None:
+        if (step := _step(world, point, own, slopes, damping)) is not None:
             reached, move, gained, damping = step
             off = point.left - reached.left - slopes @ move
             slopes = slopes + np.outer(off, move / (move @ move))

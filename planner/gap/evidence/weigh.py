@@ -747,8 +747,7 @@ def _add_axes(one: Settled, world: World, result: Weighed) -> None:
 def _add_axis(effects: Effects, number: int, evidence: float, result: Weighed) -> None:
     """Add effects beside a free pattern along an axis, which may be an effect's own."""
     axis, logs = result.plain.problem.unknown[number].axis, result.logs
-    owned = logs.owned(effects, axis, result)
-    if owned is not None:
+    if (owned := logs.owned(effects, axis, result)) is not None:
         result.add(owned, "", logs.of(owned), evidence + np.log(_FREE))
     elif effects:
         result.add(effects, axis, logs.of(effects) + float(logs.beside[number]), evidence)
@@ -932,8 +931,7 @@ def _within_floor(problem: Problem) -> bool:
     squared error of n specimens in G groups of replicates, over the floor's, is 1 + (X - G) / n
     with X of chi squared, G degrees of freedom. Few specimens do not show that there is nothing.
     """
-    floor = replicate_floor(problem)
-    if floor is None:
+    if (floor := replicate_floor(problem)) is None:
         return False
     known = np.isfinite(floor) & ~problem.strays
     most, n = 1.0, int(known.sum())
