@@ -165,12 +165,11 @@ def _turned(
     down = {"force": _is_negative(force_N), "travel": _is_negative(travel_mm)}
     names = [name for name, negative in down.items() if negative]
     curve = _kind(source, force_N, travel_mm)
-    if said is not None:
-        pushed = said == "compression"
+    told = said or (curve if len(names) == 1 else None)
+    if told is not None:
+        pushed = told == "compression"
     elif len(names) != 1:
         pushed = bool(names)
-    elif curve is not None:
-        pushed = curve == "compression"
     else:
         pushed = source.area_mm2 is not None and source.gauge_mm**2 < source.area_mm2
     if pushed and len(names) == 2:
@@ -852,8 +851,7 @@ def write_campaign(campaign: Campaign, output: str | Path, *, measured: bool = T
 
 def _campaign_toml(campaign: Campaign) -> bytes:
     pairs = {"name": campaign.name, "printer": campaign.printer, "palette": "palette.toml"}
-    if campaign.notes:
-        pairs["notes"] = campaign.notes
+    pairs |= {"notes": campaign.notes} if campaign.notes else {}
     lines = (f"{key} = {toml_text(value)}\n" for key, value in pairs.items())
     return "".join(["schema = 1\n", *lines]).encode("utf-8")
 

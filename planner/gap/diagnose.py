@@ -481,14 +481,13 @@ def levels_tested(campaign: Campaign) -> Mapping[str, tuple[float | str, ...]]:
         found[name] = _levels([getattr(s, name) for s in specimens], name)
     found["strain_rate_per_s"] = _levels([r for s in specimens for r in _rates(s)], "rate_mm_s")
     found["orientation"] = tuple(sorted({s.orientation for s in specimens if s.orientation}))
+    coupons = [campaign.palette.resolve(s.material) for s in specimens if s.material is not None]
     spans = [s.coordinates for s in specimens if s.coordinates is not None]
     found["material"] = tuple(
         m.id
         for m in campaign.palette.materials
-        if any(s.material is not None and campaign.palette.resolve(s.material) == m
-               for s in specimens)
-        or any(span.min() <= m.coordinate <= span.max() for span in spans)
-    )  # fmt: skip
+        if m in coupons or any(span.min() <= m.coordinate <= span.max() for span in spans)
+    )
     return {name: values for name, values in found.items() if values}
 
 
@@ -542,8 +541,7 @@ def _traces_of(problem: Problem, chosen: Candidate) -> Traces:
 
 def _label(specimen: Specimen, specimens: tuple[Specimen, ...]) -> str:
     """Return what a test is, by the columns that vary in the campaign."""
-    parts = [specimen.named]
-    parts += ["compressed"] if specimen.pushed else []
+    parts = [specimen.named, *(["compressed"] if specimen.pushed else [])]
     for name, column in SPECIMEN_COLUMNS.items():
         value = getattr(specimen, name)
         if column.label and value is not None and len({getattr(s, name) for s in specimens}) > 1:
@@ -757,13 +755,11 @@ def _cautions(problem: Problem) -> Iterator[str]:
     specimens, scatter = problem.campaign.specimens, problem.scatter
     if scatter.heterogeneous:
         # Specimens that should be alike and are not: something differs that no effect claims.
+        alike = [[specimens[k].covariates for k in of] for of in problem.model.replicates]
         columns = [
             name
             for name in problem.campaign.covariates
-            if any(
-                len({specimens[k].covariates.get(name) for k in alike}) > 1
-                for alike in problem.model.replicates
-            )
+            if any(len({cells.get(name) for cells in of}) > 1 for of in alike)
         ]
         where = (
             f"they differ in column{'s' if len(columns) > 1 else ''} {', '.join(columns)}, which "

@@ -693,12 +693,8 @@ def _problem(specimen: Specimen, shift: float, whose: str) -> QualityProblem:
     if slip.factor in _FORCE_FACTORS:
         factor = slip.factor if shift < 0.0 else 1.0 / slip.factor
         unit = _unit_of(specimen, "force", specimen.force_unit_N, factor)
-    return QualityProblem(
-        specimen.id,
-        "units",
-        f"loads are {ratio:.3g} times {way} {whose}, as if {words} (factor {slip.factor:.4g})",
-        unit,
-    )
+    told = f"loads are {ratio:.3g} times {way} {whose}, as if {words} (factor {slip.factor:.4g})"
+    return QualityProblem(specimen.id, "units", told, unit)
 
 
 def _unit_of(specimen: Specimen, quantity: str, own: float | None, factor: float) -> UnitOf | None:
@@ -729,12 +725,9 @@ def _travel_slip(specimen: Specimen, load: float) -> QualityProblem | None:
     factor, words = (
         (_INCH, "inches taken for mm") if ratio < 0.0 else (1.0 / _INCH, "mm taken for inches")
     )
-    return QualityProblem(
-        specimen.id,
-        "units",
-        f"travel is off by 25.4 against its declared rate and its load, as if {words}",
-        _unit_of(specimen, "travel", specimen.travel_unit_mm, factor),
-    )
+    told = f"travel is off by 25.4 against its declared rate and its load, as if {words}"
+    unit = _unit_of(specimen, "travel", specimen.travel_unit_mm, factor)
+    return QualityProblem(specimen.id, "units", told, unit)
 
 
 _HUNDREDFOLD = (30.0, 300.0)

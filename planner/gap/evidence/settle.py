@@ -200,10 +200,9 @@ the next step goes on."""
 def _moved(candidate: Candidate, coordinates: FloatArray) -> Candidate:
     """Return the candidate at coordinates of all its branches, one after the other."""
     places, first = [], 0
-    for branch, own in candidate.parts:
-        stop = first + len(branch.coordinates(own))
-        places.append(branch.place(coordinates[first:stop]))
-        first = stop
+    for branch, place in candidate.parts:
+        own = slice(first, first := first + len(branch.coordinates(place)))
+        places.append(branch.place(coordinates[own]))
     return replace(candidate, places=tuple(places))
 
 
