@@ -1,6 +1,6 @@
 """Optimal design: which specimens tell effects apart, and which test to do next."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from itertools import combinations, pairwise
 from pathlib import Path
@@ -243,8 +243,8 @@ def _batch_level(problem: Problem) -> FloatArray:
 
 def _expected_of(
     problem: Problem, elimination: Elimination, asked: Sequence[str], testable: Sequence[str]
-) -> tuple[Expected, ...]:
-    """Return what to expect of the effects that were asked for.
+) -> Iterator[Expected]:
+    """Yield what to expect of the effects that were asked for.
 
     An effect is named if its expected evidence makes up for the odds against it and beats that of
     every other testable effect at its best place, as the diagnosis looks for it; both are taken to
@@ -254,7 +254,6 @@ def _expected_of(
     sizes = {d.id: d for d in detectable_sizes(problem, elimination, priors)}
     needed = needed_nats(priors, len(testable))
     m = elimination.products[1:, 1:]
-    found = []
     for id in asked:
         first = next(b for b in problem.branches if b.effect.id == id)
         pattern = _usual_weights(problem, first)
@@ -268,17 +267,14 @@ def _expected_of(
         for explained in rivals.values():
             named = min(named, float(ndtr(0.5 * np.sqrt(length2 - explained))))
         alike = tuple(k for k, explained in rivals.items() if explained > ALIKE_COSINE**2 * length2)
-        found.append(
-            Expected(
-                id=id,
-                size=first.form.size,
-                smallest=sizes[id].size,
-                probability=named,
-                alike=tuple(k for k in alike if k in asked),
-                others=tuple(k for k in alike if k not in asked),
-            )
+        yield Expected(
+            id=id,
+            size=first.form.size,
+            smallest=sizes[id].size,
+            probability=named,
+            alike=tuple(k for k in alike if k in asked),
+            others=tuple(k for k in alike if k not in asked),
         )
-    return tuple(found)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -546,7 +542,7 @@ def design_campaign(
         elimination = world.elimination(problem.target, level, problem.nodes)
         return CampaignDesign(
             campaign=campaign,
-            expected=_expected_of(problem, elimination, asked, testable),
+            expected=tuple(_expected_of(problem, elimination, asked, testable)),
             conditions=int((counts > 0).sum()),
             least=least,
             left_over=budget - len(campaign.specimens),
@@ -772,7 +768,7 @@ def _predicted(
     campaign = replace(problem.campaign, specimens=specimens, covariates=(), remarks=())
     model = observation_model(campaign)
     table, laws = model.table, model.laws
-    ways = calibrations(problem.campaign.palette, model.setup)
+    ways = tuple(calibrations(problem.campaign.palette, model.setup))
     setups = [model.setup, *(way.applied(model.setup) for way in ways)]
     # One by one: a subset's gain holds for new specimens with the share it has of old ones.
     setups += [applied(c, model.setup) for c in candidates]

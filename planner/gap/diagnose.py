@@ -682,7 +682,7 @@ def diagnose(
             remainder=remainder,
             data_quality=data_quality,
             next_experiments=next_experiments(problem, weighed, ranking),
-            detectable=detectable_sizes(problem, nodes, priors),
+            detectable=tuple(detectable_sizes(problem, nodes, priors)),
             limitations=(
                 *campaign.limitations,
                 *model.limitations,

@@ -321,27 +321,25 @@ class Calibration:
         return setup.stiffened(size * self.weight)
 
 
-def calibrations(palette: Palette, setup: Setup) -> tuple[Calibration, ...]:
-    """Return the ways that matter to a setup: of its grades, gaps between these, and parts."""
+def calibrations(palette: Palette, setup: Setup) -> Iterator[Calibration]:
+    """Yield the ways that matter to a setup: of its grades, gaps between these, and parts."""
     at = np.array([m.coordinate for m in palette.materials])
     where = np.clip(setup.coordinate, at[0], at[-1])
-    found = []
     for k, material in enumerate(palette.materials):
         hat = np.interp(where, at, np.eye(len(at))[k])
         if hat.max() > 0.0:
             sd = material.modulus_log_sd or _UNKNOWN_LOG_SD
-            found.append(Calibration(material.id, "level", sd, hat))
-            found.append(Calibration(material.id, "tilt", FIT_SD, hat))
+            yield Calibration(material.id, "level", sd, hat)
+            yield Calibration(material.id, "tilt", FIT_SD, hat)
     for low, high in itertools.pairwise(at):
         t = np.clip((where - low) / (high - low), 0.0, 1.0)
         bump = 4.0 * t * (1.0 - t)
         if bump.max() > 0.01:
             # Nobody measured it: it is as uncertain as one specimen.
-            found.append(Calibration("", "between", USUAL.specimen, bump))
+            yield Calibration("", "between", USUAL.specimen, bump)
     for part in dict.fromkeys(part for part in setup.parts if part is not None):
         its = setup.on_slices(np.array([part is one for one in setup.parts], dtype=np.float64))
-        found.append(Calibration("", "part", part.log_sd, its))
-    return tuple(found)
+        yield Calibration("", "part", part.log_sd, its)
 
 
 def calibration_columns(ways: tuple[Calibration, ...], changes: FloatArray) -> FloatArray:

@@ -1,7 +1,7 @@
 """Virtual specimens: campaigns yet to be measured, and synthetic data of stated effects."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -558,14 +558,12 @@ def synthetic_campaign(
     )
 
 
-def _drawn(effects: Sequence[StatedEffect], rng: np.random.Generator) -> list[StatedEffect]:
-    """Return the effects with sizes that are each specimen's own drawn."""
-    drawn = []
+def _drawn(effects: Sequence[StatedEffect], rng: np.random.Generator) -> Iterator[StatedEffect]:
+    """Yield the effects with sizes that are each specimen's own drawn."""
     for one in sorted(effects, key=lambda e: e.effect.order):
         own = 1.0 + one.effect.individual * float(rng.standard_normal())
         size = one.form.size.name
-        drawn.append(replace(one, values={**one.values, size: one.values[size] * max(own, 0.1)}))
-    return drawn
+        yield replace(one, values={**one.values, size: one.values[size] * max(own, 0.1)})
 
 
 def _course(specimen: Specimen, scatter: float, rng: np.random.Generator) -> FloatArray:

@@ -578,7 +578,7 @@ def set_up(
         Ids of specimens that are off by themselves; see `Problem.strays`.
     """
     branches = signed_forms(effects)
-    ways = calibrations(campaign.palette, model.setup)
+    ways = tuple(calibrations(campaign.palette, model.setup))
     alone = predict(model.setup, model.laws)
     setups = [model.setup, *(way.applied(model.setup) for way in ways)]
     for branch in branches:

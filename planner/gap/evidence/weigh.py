@@ -1179,8 +1179,8 @@ the size, for a largest one of 40 times the smallest."""
 
 def detectable_sizes(
     problem: Problem, elimination: Elimination, priors: Priors
-) -> tuple[Detectable, ...]:
-    """Return, of each effect's first form, the size whose expected evidence would name it.
+) -> Iterator[Detectable]:
+    """Yield, of each effect's first form, the size whose expected evidence would name it.
 
     That is where half the squared length of its whitened pattern, nuisances projected out, makes
     up for the prior odds against it and the width of its prior; shapes are at their middle.
@@ -1188,13 +1188,11 @@ def detectable_sizes(
     nodes = elimination.products[1:, 1:]
     first = {b.effect.id: b.effect.forms[0] for b in problem.branches}
     needed = needed_nats(priors, max(len(first), 1))
-    found = []
     for id, form in first.items():
         signed = [(nodes[b.own, b.own], b) for b in problem.branches if b.form is form]
         known = [s for own, b in signed if (s := _smallest(own, b, needed)) is not None]
         size = form.size.high * min(known) ** 2 if known else None
-        found.append(Detectable(id, form.size.name, size, form.size.unit))
-    return tuple(found)
+        yield Detectable(id, form.size.name, size, form.size.unit)
 
 
 def needed_nats(priors: Priors, effects: int) -> float:
