@@ -223,12 +223,8 @@ def _kind(source: "_Source", force_N: FloatArray, travel_mm: FloatArray) -> str 
     if not end > 0.0 or not load.max() > 0.0:
         return None
     rising, first = np.unique(np.maximum.accumulate(strain), return_index=True)
-    curves = np.stack(
-        [
-            np.interp(at, rising, load[first]),
-            *(way * source.stress_MPa(1.0 + way * at) for way in (1.0, -1.0)),
-        ]
-    )
+    laws = [way * source.stress_MPa(1.0 + way * at) for way in (1.0, -1.0)]
+    curves = np.stack([np.interp(at, rising, load[first]), *laws])
     curves /= np.maximum(np.linalg.norm(curves, axis=1, keepdims=True), 1e-300)
     pulled, pushed, apart = np.linalg.norm(curves[[0, 0, 1]] - curves[[1, 2, 2]], axis=1)
     if min(pulled, pushed) >= apart - min(pulled, pushed):

@@ -158,10 +158,9 @@ class NoisyFeatures:
     def _block(self, scatter: Scatter, rows: slice) -> FloatArray:
         """Return the covariance of one specimen's rows, (d, d): forces, then strains of a bar."""
         stop = rows.stop - int(self.table.is_field[rows].sum())
-        return scipy.linalg.block_diag(
-            self._force_block(scatter, slice(rows.start, stop)),
-            _field_block(self.table, self.sensitivity, scatter, slice(stop, rows.stop)),
-        )
+        forces = self._force_block(scatter, slice(rows.start, stop))
+        field = _field_block(self.table, self.sensitivity, scatter, slice(stop, rows.stop))
+        return scipy.linalg.block_diag(forces, field)
 
     def _force_block(self, scatter: Scatter, rows: slice) -> FloatArray:
         """Return the covariance of one specimen's forces, (d, d)."""
@@ -252,10 +251,8 @@ def _field_block(
     table: FeatureTable, sensitivity: FloatArray, scatter: Scatter, rows: slice
 ) -> FloatArray:
     """Return the covariance of one specimen's strains along a bar, (d, d); frame by frame."""
-    sd = np.hypot(
-        scatter.field * _by_raw(table, sensitivity, rows),
-        scatter.field_relative * sensitivity[rows],
-    )
+    own = scatter.field * _by_raw(table, sensitivity, rows)
+    sd = np.hypot(own, scatter.field_relative * sensitivity[rows])
     step, places, overlap = table.step[rows], table.places[rows], table.overlap[rows]
     block = np.zeros((len(sd), len(sd)))
     for frame in (np.flatnonzero(step == s) for s in np.unique(step)):

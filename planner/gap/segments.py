@@ -76,9 +76,8 @@ def spikes_in(values: FloatArray) -> BoolArray:
     """
     low, high = np.quantile(values, [0.02, 0.98])  # without what leaps out
     least = max(_SPIKE_NOISE * noise_sd(values), _SCATTER * float(high - low))
-    around = np.lib.stride_tricks.sliding_window_view(
-        np.pad(values, _WIDEST, mode="edge"), 2 * _WIDEST + 1
-    )
+    padded = np.pad(values, _WIDEST, mode="edge")
+    around = np.lib.stride_tricks.sliding_window_view(padded, 2 * _WIDEST + 1)
     moves = np.median(np.abs(np.diff(around, axis=1)), axis=1)
     off = np.abs(values - np.median(around, axis=1))
     return np.asarray(off > np.maximum(least, SPIKE_STEP * moves))
