@@ -337,14 +337,8 @@ def _field_columns(
         np.where((table.test == test) & (np.abs(table.x_mm - x) < 1e-3), _FIELD_SD, 0.0)
         for test, x in np.unique([table.test[field], table.x_mm[field].round(6)], axis=1).T
     ]
-    return np.stack(
-        [
-            *([facets] if facets.any() else []),
-            *(aside[:, None] * bars).T,
-            *(sensitivity * of_it for of_it in places),
-        ],
-        axis=1,
-    )
+    columns = [*(aside[:, None] * bars).T, *(sensitivity * of_it for of_it in places)]
+    return np.stack([facets, *columns] if facets.any() else columns, axis=1)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -620,19 +614,12 @@ def set_up(
     scatter = features.estimated_scatter(in_one_unit, aside, ~stray[table.specimen])
     noise = features.noise(scatter)
     chord = table.chord(unpredicted)
-    gains = np.where(table.is_field, 0.0, chord)[:, None] * (
-        table.specimen[:, None] == np.arange(len(campaign.specimens))
-    )
+    members = table.specimen[:, None] == np.arange(len(campaign.specimens))
+    gains = np.where(table.is_field, 0.0, chord)[:, None] * members
+    laws = calibration_columns(ways, changes[: len(ways)])
     bends = discrepancy_columns(campaign, table, sensitivity)
-    calibration = np.concatenate(
-        [
-            calibration_columns(ways, changes[: len(ways)]),
-            bends,
-            _field_columns(table, facets, aside, sensitivity),
-            _STRAY_SD * gains[:, stray],
-        ],
-        axis=1,
-    )
+    camera = _field_columns(table, facets, aside, sensitivity)
+    calibration = np.concatenate([laws, bends, camera, _STRAY_SD * gains[:, stray]], axis=1)
     unknown = _unknown_axes(campaign, table, chord, effects)
     patterns = np.concatenate([axis.columns for axis in unknown], axis=1)
     nuisances = np.concatenate([calibration, noise.batch], axis=1)

@@ -437,8 +437,8 @@ def _add_subset(one: Settled, worlds: Sequence[World], result: Weighed) -> None:
         assert found.members is not None
         if found.log_evidence == -np.inf:
             continue
-        in_unit, members = _in_another_unit(found), found.members > 0.5
-        axis = None if in_unit else _telling_column(world.problem, members)
+        of_unit = np.min(np.abs(np.abs(found.log_gain) - UNIT_GAINS)) < 1e-9
+        axis = None if of_unit else _telling_column(world.problem, found.members > 0.5)
         if axis is None:
             result.add_candidate(found, world)
         else:
@@ -459,11 +459,6 @@ def _telling_column(problem: Problem, members: BoolArray) -> int | None:
         if not shared and len(set(zip(cells, members.tolist(), strict=True))) == distinct:
             return number
     return None
-
-
-def _in_another_unit(candidate: Candidate) -> bool:
-    """Return whether a gain of some specimens is one of a unit's."""
-    return bool(np.min(np.abs(np.abs(candidate.log_gain) - UNIT_GAINS)) < 1e-9)
 
 
 def _of_some(world: World, logs: "_LogPriors", one: Settled) -> Candidate:
