@@ -153,13 +153,12 @@ def _intervals_sd(
     """Return the deviation of the mean ln factor of every place, from the parameters' intervals."""
     total = np.zeros(len(factors.strain))
     for number, (one, effect) in enumerate(zip(found, effects, strict=True)):
+        before, after = effects[:number], effects[number + 1 :]
         for name, ends in one.interval.items():
             if name not in one.parameters or not all(map(math.isfinite, ends)):
                 continue
             low, high = (
-                factors.log(
-                    [*effects[:number], _with(effect, name, end), *effects[number + 1 :]]
-                ).mean(axis=1)
+                factors.log([*before, _with(effect, name, end), *after]).mean(axis=1)
                 for end in ends
             )
             total += (0.5 * (high - low) / normal_quantile(0.9)) ** 2
@@ -600,15 +599,10 @@ def _corrected(case: _Case, recalibrate: bool) -> Correction:
             f"{', '.join(tension_alone)}: the new law holds from rest to break only; do not use "
             "it in compression"
         )
-    made = _checked(
-        replace(
-            palette,
-            name=palette.name.removesuffix("-corrected") + "-corrected",
-            materials=tuple(materials),
-            reference=use,
-            source=_source(case, applied, corrected),
-        )
-    )
+    name = palette.name.removesuffix("-corrected") + "-corrected"
+    source = _source(case, applied, corrected)
+    made = replace(palette, name=name, materials=tuple(materials), reference=use, source=source)
+    made = _checked(made)
     notes += _beyond(case, acting, log_sd)
     findings += (guesses := _guesses(case, made, forms))
     notes += guesses

@@ -363,19 +363,16 @@ class _Predictor:
         once, beside the calibrations.
         """
         problem, table = self.problem, self.problem.table
-        world, amplitude = max(
-            (
-                (World(problem, more=amplitude * problem.patterns, weight=weight), amplitude)
-                for amplitude in _GENERIC_AMPLITUDES
-            ),
-            key=lambda found: found[0].none,
+        worlds = (
+            (World(problem, more=amplitude * problem.patterns, weight=weight), amplitude)
+            for amplitude in _GENERIC_AMPLITUDES
         )
+        world, amplitude = max(worlds, key=lambda found: found[0].none)
         best = world.coefficients(problem.target)
         # Without the levels of batches: like the floor's, the specimens are new, and so is theirs.
         raw = problem.calibration @ best[: problem.calibration.shape[1]]
-        raw += np.concatenate([a.columns for a in problem.unknown], axis=1) @ (
-            amplitude * best[problem.nuisances.shape[1] :]
-        )
+        patterns = np.concatenate([a.columns for a in problem.unknown], axis=1)
+        raw += patterns @ (amplitude * best[problem.nuisances.shape[1] :])
         predicted = table.transformed(problem.unpredicted) + raw
         # No further than what was measured or predicted goes: patterns grow without an end.
         most = np.max(np.abs([table.measured, table.transformed(problem.unpredicted)]))
@@ -665,6 +662,7 @@ def diagnose(
         nodes = weighed.plain.elimination(problem.target, kept=problem.nodes)
         where, remainder = _places_of(problem, axes_of(problem, evidence, ranking, priors), chosen)
         same_class = class_of(problem, weighed, ranking, verdict)
+        doubts = [*_cautions(problem), *_confounders(verdict, reasons)]
         mending = [problem.unit_of for problem in data_quality if problem.unit_of is not None]
         found = Diagnosis(
             campaign=campaign.name,
@@ -683,12 +681,7 @@ def diagnose(
             data_quality=data_quality,
             next_experiments=next_experiments(problem, weighed, ranking),
             detectable=tuple(detectable_sizes(problem, nodes, priors)),
-            limitations=(
-                *campaign.limitations,
-                *model.limitations,
-                *_cautions(problem),
-                *_confounders(verdict, reasons),
-            ),
+            limitations=(*campaign.limitations, *model.limitations, *doubts),
             unit_of=merged_units([*_units_of(problem, weighed, same_class), *mending]),
             recalibration=_recalibration_of(weighed.settled_as(chosen).world, chosen),
             tested=levels_tested(campaign),
