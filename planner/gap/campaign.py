@@ -446,8 +446,7 @@ class Campaign:
         if not self.specimens:
             raise FileError(f"campaign {self.name}: no specimen with a curve; add some")
         ids = [s.id for s in self.specimens]
-        double = next((i for i in ids if ids.count(i) > 1), None)
-        if double is not None:
+        if (double := next((i for i in ids if ids.count(i) > 1), None)) is not None:
             raise FileError(f"campaign {self.name}: two specimens {double!r}; ids must differ")
 
     @property

@@ -93,14 +93,12 @@ def read_list(path: Path) -> tuple[tuple[Row, ...], dict[str, Covariates], list[
     rows = read_specimens(path)
     names, notes = tuple(rows[0].covariates), []
     for heading in names:
-        quantity = _quantity(heading)
-        if quantity is not None:
+        if (quantity := _quantity(heading)) is not None:
             raise FileError(
                 f"{path.name}, column {heading!r}: its unit is not understood; give the values as "
                 f"{quantity} and head the column so"
             )
-        known = [*SPECIMEN_TEXTS, *SPECIMEN_COLUMNS]
-        near = nearest_names(heading, known, _ALIKE)
+        near = nearest_names(heading, [*SPECIMEN_TEXTS, *SPECIMEN_COLUMNS], _ALIKE)
         if near and abs(len(near[0]) - len(heading)) <= 2:
             notes.append(
                 f"{path.name}: column {heading!r} is unknown and kept as a covariate; rename it if "
@@ -167,12 +165,11 @@ def _turned(
     down = {"force": _is_negative(force_N), "travel": _is_negative(travel_mm)}
     names = [name for name, negative in down.items() if negative]
     curve = _kind(source, force_N, travel_mm)
-    if said is not None:
-        pushed = said == "compression"
+    told = said or (curve if len(names) == 1 else None)
+    if told is not None:
+        pushed = told == "compression"
     elif len(names) != 1:
         pushed = bool(names)
-    elif curve is not None:
-        pushed = curve == "compression"
     else:
         pushed = source.area_mm2 is not None and source.gauge_mm**2 < source.area_mm2
     if pushed and len(names) == 2:
@@ -226,12 +223,8 @@ def _kind(source: "_Source", force_N: FloatArray, travel_mm: FloatArray) -> str 
     if not end > 0.0 or not load.max() > 0.0:
         return None
     rising, first = np.unique(np.maximum.accumulate(strain), return_index=True)
-    curves = np.stack(
-        [
-            np.interp(at, rising, load[first]),
-            *(way * source.stress_MPa(1.0 + way * at) for way in (1.0, -1.0)),
-        ]
-    )
+    laws = [way * source.stress_MPa(1.0 + way * at) for way in (1.0, -1.0)]
+    curves = np.stack([np.interp(at, rising, load[first]), *laws])
     curves /= np.maximum(np.linalg.norm(curves, axis=1, keepdims=True), 1e-300)
     pulled, pushed, apart = np.linalg.norm(curves[[0, 0, 1]] - curves[[1, 2, 2]], axis=1)
     if min(pulled, pushed) >= apart - min(pulled, pushed):
@@ -369,8 +362,7 @@ def _time(source: _Source, travel: FloatArray) -> tuple[FloatArray, bool]:
         path = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(travel)))])
         return path / source.rate_mm_s, False
     time = source.table.columns["time_s"]
-    fall = np.flatnonzero(np.diff(time) < 0.0)
-    if len(fall):
+    if len(fall := np.flatnonzero(np.diff(time) < 0.0)):
         at = int(fall[0])
         reversed_ = len(fall) == len(time) - 1
         what = "the rows stand in reversed order" if reversed_ else "sort or repair the rows"
@@ -447,8 +439,7 @@ class _Fields:
         reach = float(np.median(np.diff(x))) if facet is None else facet
         # Half a facet may touch the gauge from beyond.
         slack = max(min(reach, 0.5 * LONGEST_FACET * gauge_mm), BEYOND_GAUGE * gauge_mm)
-        outside = np.flatnonzero((x < -slack) | (x > gauge_mm + slack))
-        if len(outside):
+        if len(outside := np.flatnonzero((x < -slack) | (x > gauge_mm + slack))):
             raise FileError(
                 f"{_FIELDS}, line {first[outside[0]]}: x_mm is {x[outside[0]]:g}; the gauge goes "
                 f"from 0 to {gauge_mm:g} mm; count x_mm along the undeformed gauge from its end, "
@@ -774,7 +765,7 @@ def _specimen(
             )
     said = "tension" if row.part else said_mode([row.mode, *covariates.values(), in_file])
     law = make_law(reader.palette.resolve(row.material).law) if row.material else None
-    record = _record_of(
+    fields |= _record_of(
         _Source(
             where, table, fields["gauge_mm"], area_mm2,
             fields["rate_mm_s"], said, None if law is None else law.nominal_stress_MPa, notes,
@@ -784,10 +775,7 @@ def _specimen(
     if row.part and row.specimen in measured.rows:
         notes.append("strains along a whole part are not compared; left out")
     seen = None if row.part else measured.of(row.specimen, fields["gauge_mm"], notes)
-    specimen = Specimen(
-        id=row.specimen, covariates=covariates, strain_field=seen, **record, **fields
-    )
-    return specimen, notes
+    return Specimen(id=row.specimen, covariates=covariates, strain_field=seen, **fields), notes
 
 
 @contextlib.contextmanager
@@ -859,8 +847,7 @@ def write_campaign(campaign: Campaign, output: str | Path, *, measured: bool = T
 
 def _campaign_toml(campaign: Campaign) -> bytes:
     pairs = {"name": campaign.name, "printer": campaign.printer, "palette": "palette.toml"}
-    if campaign.notes:
-        pairs["notes"] = campaign.notes
+    pairs |= {"notes": campaign.notes} if campaign.notes else {}
     lines = (f"{key} = {toml_text(value)}\n" for key, value in pairs.items())
     return "".join(["schema = 1\n", *lines]).encode("utf-8")
 

@@ -20,12 +20,7 @@ from planner.gap.noise import FIT_SD, USUAL
 from planner.gap.virtual import single_tests, virtual_specimen
 from planner.glance import one_line, outcome
 from planner.materials.characterise import Curve
-from planner.materials.fit import (
-    Sample,
-    fit_law,
-    least_yielding,
-    sample_of,
-)
+from planner.materials.fit import Sample, fit_law, least_yielding, sample_of
 from planner.materials.laws import SeparableLaw, make_law
 from planner.materials.mixtures import CoefficientModel
 from planner.numerics import FloatArray, normal_quantile
@@ -158,13 +153,12 @@ def _intervals_sd(
     """Return the deviation of the mean ln factor of every place, from the parameters' intervals."""
     total = np.zeros(len(factors.strain))
     for number, (one, effect) in enumerate(zip(found, effects, strict=True)):
+        before, after = effects[:number], effects[number + 1 :]
         for name, ends in one.interval.items():
             if name not in one.parameters or not all(map(math.isfinite, ends)):
                 continue
             low, high = (
-                factors.log(
-                    [*effects[:number], _with(effect, name, end), *effects[number + 1 :]]
-                ).mean(axis=1)
+                factors.log([*before, _with(effect, name, end), *after]).mean(axis=1)
                 for end in ends
             )
             total += (0.5 * (high - low) / normal_quantile(0.9)) ** 2
@@ -312,8 +306,7 @@ def _refitted(material: Material, strain: FloatArray, log_factor: FloatArray) ->
             "the stress would fall before the break; measure it at these conditions and fit a "
             "law with planner fit"
         )
-    found = fit.nominal_stress_MPa(1.0 + strain)
-    misfit = float(np.sqrt(np.mean((found / stress - 1.0) ** 2)))
+    misfit = float(np.sqrt(np.mean((fit.nominal_stress_MPa(1.0 + strain) / stress - 1.0) ** 2)))
     if misfit > FIT_SD and (bent := _bent(sample)).misfit < misfit:
         return bent
     # Palettes are held to slight compression and beyond the break, too; a pull needs neither.
@@ -327,9 +320,8 @@ def _bent(sample: Sample) -> Refit:
     law, _ = least_yielding(steepest, sample)
     off = law.nominal_stress_MPa(sample.stretch) / sample.stress_MPa - 1.0
     parameters = {name: (value,) for name, value in asdict(law).items()}
-    return Refit(
-        LawParameters(law.model, MappingProxyType(parameters)), float(np.sqrt(np.mean(off**2)))
-    )
+    misfit = float(np.sqrt(np.mean(off**2)))
+    return Refit(LawParameters(law.model, MappingProxyType(parameters)), misfit)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -498,8 +490,7 @@ def correct(
         if not 0.0 < value < math.inf:
             raise ArgumentError(f"`{name}` {value:g}: it must be above 0")
     own = _conditions(Reference(), before.reference)
-    case = _Case(before, diagnosis, own, use, (width_mm, thickness_mm))
-    made = _corrected(case, recalibrate)
+    made = _corrected(_Case(before, diagnosis, own, use, (width_mm, thickness_mm)), recalibrate)
     return replace(made, notes=(*doubt, *made.notes))
 
 
@@ -553,17 +544,11 @@ class _Case:
 def _corrected(case: _Case, recalibrate: bool) -> Correction:
     palette, diagnosis, own, use = case.palette, case.diagnosis, case.own, case.use
     library = effects_for(palette)
-    known: list[FoundEffect] = []
-    left, notes = [], []
-    for found in diagnosis.effect:
-        effect = effect_named(found.id, library, "diagnosis: effect")
-        if effect.advice is None:
-            known.append(found)
-        else:
-            left.append(found.id)
-            notes.append(effect.advice(found, *case.section_mm))
-    findings = list(notes)
-    notes += _doubts(diagnosis)
+    pairs = [(one, effect_named(one.id, library, "diagnosis: effect")) for one in diagnosis.effect]
+    known = [found for found, effect in pairs if effect.advice is None]
+    left = tuple(found.id for found, effect in pairs if effect.advice)
+    findings = [effect.advice(found, *case.section_mm) for found, effect in pairs if effect.advice]
+    notes = [*findings, *_doubts(diagnosis)]
     applied = [_stated(e, library[e.id], palette.name) for e in known]
     places = [(material, use) for material in palette.materials]
     far = [_BREAK_SHARE * material.elongation_at_break for material in palette.materials]
@@ -583,9 +568,7 @@ def _corrected(case: _Case, recalibrate: bool) -> Correction:
     if recalibrate and any(material.id in asked for material in palette.materials):
         corrected.append("recalibration")
     if not corrected:
-        return Correction(
-            palette, palette, (), tuple(notes), left=tuple(left), findings=tuple(findings)
-        )
+        return Correction(palette, palette, (), tuple(notes), left=left, findings=tuple(findings))
     sure = _intervals_sd(factors, known, applied)
     forms = _forms_sd(case, acting)
     materials, fits, factor, log_sd = [], {}, {}, {}
@@ -609,29 +592,23 @@ def _corrected(case: _Case, recalibrate: bool) -> Correction:
             replace(material, law=fit.law, uncertainty=None, modulus_log_sd=sd, readings=readings)
         )
     misfit = {m: fit.misfit for m, fit in fits.items()}
-    bad = [f"{m} {100 * off:.1f} %" for m, off in misfit.items() if off > FIT_SD]
-    if bad:
+    if bad := [f"{m} {100 * off:.1f} %" for m, off in misfit.items() if off > FIT_SD]:
         notes.append(f"laws more than 1 % off the corrected curve: {', '.join(bad)}")
     if tension_alone := [m for m, fit in fits.items() if fit.tension_alone]:
         notes.append(
             f"{', '.join(tension_alone)}: the new law holds from rest to break only; do not use "
             "it in compression"
         )
-    made = _checked(
-        replace(
-            palette,
-            name=palette.name.removesuffix("-corrected") + "-corrected",
-            materials=tuple(materials),
-            reference=use,
-            source=_source(case, applied, corrected),
-        )
-    )
+    name = palette.name.removesuffix("-corrected") + "-corrected"
+    source = _source(case, applied, corrected)
+    made = replace(palette, name=name, materials=tuple(materials), reference=use, source=source)
+    made = _checked(made)
     notes += _beyond(case, acting, log_sd)
     findings += (guesses := _guesses(case, made, forms))
     notes += guesses
     return Correction(
         made, palette, tuple(corrected), tuple(notes), misfit, factor, log_sd,
-        tuple(left), tuple(findings),
+        left, tuple(findings),
     )  # fmt: skip
 
 
@@ -666,15 +643,13 @@ def _in_words(at: Reference, name: str) -> str:
 
 
 def _stated(found: FoundEffect, effect: Effect, palette: str) -> StatedEffect:
-    form = effect.form(found.form)
-    if form is None:
+    if (form := effect.form(found.form)) is None:
         raise FileError(
             f"diagnosis: effect {found.id} has the form {found.form!r}, which palette {palette} "
             f"has not; it has {', '.join(f.name for f in effect.forms)}: give the palette that "
             "was diagnosed with `palette`"
         )
-    missing = [p.name for p in form.parameters if p.name not in found.parameters]
-    if missing:
+    if missing := [p.name for p in form.parameters if p.name not in found.parameters]:
         raise FileError(
             f"diagnosis: effect {found.id}: parameter {missing[0]!r} of form {form.name} is missing"
         )
@@ -703,8 +678,7 @@ def _forms_sd(case: _Case, effects: Sequence[StatedEffect]) -> FloatArray:
     for number in range(len(materials)):
         groups.setdefault(_next_to(number, seen), []).append(number)
     for one, (beside, numbers) in itertools.product(effects, groups.items()):
-        tests = _tests_of(case, [materials[n] for n in beside], one.effect.condition)
-        if tests:
+        if tests := _tests_of(case, [materials[n] for n in beside], one.effect.condition):
             places = [*tests, *((materials[n], case.use) for n in numbers)]
             far = [_working_strain(material) for material, _ in places]
             factors = _Factors(case.palette, places, case.own, case.section_mm, far, _STEPS_TO_WORK)
@@ -808,22 +782,20 @@ def _guesses(case: _Case, made: Palette, forms: FloatArray) -> list[str]:
     ]
 
 
-def _doubts(diagnosis: Diagnosis) -> list[str]:
-    notes = []
+def _doubts(diagnosis: Diagnosis) -> Iterator[str]:
     if diagnosis.verdict == "unknown":
-        notes.append(
+        yield (
             "the verdict is unknown: no effect of the library explains the gap, so there is "
             "nothing to correct by; see where the gap lies, and test what the diagnosis proposes"
         )
     if diagnosis.verdict == "none":
-        notes.append("the verdict is none: the palette is right as far as the campaign can tell")
+        yield "the verdict is none: the palette is right as far as the campaign can tell"
     others = [name for name in map(name_of, diagnosis.same_class) if name != diagnosis.verdict]
     if others and diagnosis.effect:
-        notes.append(
+        yield (
             f"the data cannot tell {diagnosis.verdict} from {', '.join(others)}; the correction "
             f"is that of {diagnosis.verdict}"
         )
-    return notes
 
 
 def _source(case: _Case, known: Sequence[StatedEffect], corrected: Sequence[str]) -> str:

@@ -1,6 +1,6 @@
 """Optimal design: which specimens tell effects apart, and which test to do next."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from itertools import combinations, pairwise
 from pathlib import Path
@@ -119,8 +119,7 @@ def _elastic(palette: Palette) -> tuple[list[Material], list[Material]]:
     PaletteError
         There is none.
     """
-    grades = [m for m in palette.materials if m.deformation == "elastic"]
-    if not grades:
+    if not (grades := [m for m in palette.materials if m.deformation == "elastic"]):
         raise PaletteError(
             f"palette {palette.name}: no elastic material; a campaign is planned for elastomers"
         )
@@ -153,12 +152,12 @@ def candidates_of(
     grades, (soft, middle, hard) = _elastic(palette)
     three = list(dict.fromkeys(m.id for m in (middle, soft, hard)))
     wanted = {name for id in effects for name in EFFECTS[id].changes}
-    own = stated(palette.reference)
-    assert own.strain_rate_per_s is not None
+    conditions = asdict(stated(palette.reference))
+    rate_per_s = conditions.pop("strain_rate_per_s")
     reference: dict[str, Any] = {
         **size,
-        **{name: value for name, value in asdict(own).items() if name != "strain_rate_per_s"},
-        "rate_mm_s": _rounded(own.strain_rate_per_s * size["gauge_mm"]),
+        **conditions,
+        "rate_mm_s": _rounded(rate_per_s * size["gauge_mm"]),
         "protocol": "monotonic",
     }
     steps = {name: [_changed(one, reference) for one in ways] for name, ways in STEPS.items()}
@@ -191,10 +190,8 @@ def _bars(
         ProfileDesign("stripes", edges, np.repeat([middle, hard] * 3, 2)),
         ProfileDesign("ramp", np.array([0.0, gauge_mm]), np.array([soft, hard])),
     ]
-    changes: list[_Change] = [{"profile": design} for design in designs]
-    if crossed:
-        changes.append({"profile": designs[0], "protocol": "relaxation"})
-    return changes
+    held = [{"profile": designs[0], "protocol": "relaxation"}] if crossed else []
+    return [*({"profile": design} for design in designs), *held]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -246,8 +243,8 @@ def _batch_level(problem: Problem) -> FloatArray:
 
 def _expected_of(
     problem: Problem, elimination: Elimination, asked: Sequence[str], testable: Sequence[str]
-) -> tuple[Expected, ...]:
-    """Return what to expect of the effects that were asked for.
+) -> Iterator[Expected]:
+    """Yield what to expect of the effects that were asked for.
 
     An effect is named if its expected evidence makes up for the odds against it and beats that of
     every other testable effect at its best place, as the diagnosis looks for it; both are taken to
@@ -257,7 +254,6 @@ def _expected_of(
     sizes = {d.id: d for d in detectable_sizes(problem, elimination, priors)}
     needed = needed_nats(priors, len(testable))
     m = elimination.products[1:, 1:]
-    found = []
     for id in asked:
         first = next(b for b in problem.branches if b.effect.id == id)
         pattern = _usual_weights(problem, first)
@@ -271,17 +267,14 @@ def _expected_of(
         for explained in rivals.values():
             named = min(named, float(ndtr(0.5 * np.sqrt(length2 - explained))))
         alike = tuple(k for k, explained in rivals.items() if explained > ALIKE_COSINE**2 * length2)
-        found.append(
-            Expected(
-                id=id,
-                size=first.form.size,
-                smallest=sizes[id].size,
-                probability=named,
-                alike=tuple(k for k in alike if k in asked),
-                others=tuple(k for k in alike if k not in asked),
-            )
+        yield Expected(
+            id=id,
+            size=first.form.size,
+            smallest=sizes[id].size,
+            probability=named,
+            alike=tuple(k for k in alike if k in asked),
+            others=tuple(k for k in alike if k not in asked),
         )
-    return tuple(found)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -356,8 +349,7 @@ def _information_of(problem: Problem, asked: Sequence[Effect]) -> Information:
         weights += [_usual_weights(problem, b) / np.sqrt(len(forms)) for b in forms]
     patterns = problem.nodes @ np.stack(weights, axis=1)
     columns = np.concatenate([patterns, problem.nuisances, _batch_level(problem)[:, None]], axis=1)
-    edges = problem.noise.first_row.tolist()
-    parts = [columns[a:b].T @ columns[a:b] for a, b in pairwise(edges)]
+    parts = [columns[rows].T @ columns[rows] for rows in problem.noise.rows]
     return Information(_BATCHES * np.stack(parts), [len(effect.forms) for effect in asked])
 
 
@@ -375,10 +367,7 @@ def _testable(problem: Problem, told: Information, effects: Sequence[Effect]) ->
         trial = replace(campaign, specimens=some)
         return sum(untestable(e, trial) is not None for e in effects)
 
-    while missing := lacking(counts):
-        choices = _one_more(counts, 1)
-        if not choices:
-            break
+    while (missing := lacking(counts)) and (choices := _one_more(counts, 1)):
         counts = told.best([c for c in choices if lacking(c) < missing] or choices)
     return counts
 
@@ -522,8 +511,7 @@ def design_campaign(
     palette = palette_of(palette, machine)
     library = effects_for(palette)
     named = effects.split(",") if isinstance(effects, str) else effects
-    wanted = [id.strip() for id in named if id.strip()]
-    asked = tuple(effect_named(id, library, "`effects`").id for id in wanted)
+    asked = tuple(effect_named(id, library, "`effects`").id for id in map(str.strip, named) if id)
     size = {"width_mm": width_mm, "thickness_mm": thickness_mm, "gauge_mm": gauge_mm}
     _check(asked, budget, size)
     say = progress or (lambda what: None)
@@ -554,7 +542,7 @@ def design_campaign(
         elimination = world.elimination(problem.target, level, problem.nodes)
         return CampaignDesign(
             campaign=campaign,
-            expected=_expected_of(problem, elimination, asked, testable),
+            expected=tuple(_expected_of(problem, elimination, asked, testable)),
             conditions=int((counts > 0).sum()),
             least=least,
             left_over=budget - len(campaign.specimens),
@@ -565,8 +553,7 @@ def design_campaign(
 def _check(asked: Sequence[str], budget: int, size: Mapping[str, float]) -> None:
     if not asked:
         raise ArgumentError("`effects`: none; name those to tell apart, as in rate,moisture")
-    double = next((id for id in asked if asked.count(id) > 1), None)
-    if double is not None:
+    if (double := next((id for id in asked if asked.count(id) > 1), None)) is not None:
         raise ArgumentError(f"`effects`: {double} stands twice; name each effect once")
     if budget > _MOST:
         raise ArgumentError(f"`budget` {budget}: it must be at most {_MOST} specimens")
@@ -661,16 +648,14 @@ def trials_of(campaign: Campaign, setup: Setup) -> tuple[Trial, ...]:
     palette = campaign.palette
     reference = _usual_coupon(replace(campaign, specimens=alike), setup.reference)
     _, (soft, middle, hard) = _elastic(palette)
-    own = stated(setup.reference)
-    known = {k: v for k, v in asdict(own).items() if k in reference}
+    known = reference | asdict(stated(setup.reference))
     ways: list[_Change] = [
-        *(_changed(step, reference | known) for steps in STEPS.values() for step in steps),
+        *(_changed(step, known) for steps in STEPS.values() for step in steps),
         *({"material": m.id} for m in (soft, middle, hard)),
         *({"material": m.id, "protocol": "cyclic"} for m in (soft, hard)),
         # A bar of two materials is pulled: pushed, its soft end gives way sideways.
         *([] if pushed else [{"profile": f"{soft.id}-to-{hard.id}"}]),
     ]
-    assert own.age_days is not None
     trials = []
     for number, change in enumerate(ways):
         if all(reference.get(name) == value for name, value in change.items()):
@@ -685,7 +670,7 @@ def trials_of(campaign: Campaign, setup: Setup) -> tuple[Trial, ...]:
             palette, reference, fields, id=f"trial-{number:02d}", strain=strain, steps=100,
             pushed=pushed,
         )  # fmt: skip
-        trials.append(Trial(change, specimen, _hours(specimen, own.age_days)))
+        trials.append(Trial(change, specimen, _hours(specimen, known["age_days"])))
     return tuple(trials)
 
 
@@ -694,10 +679,9 @@ def _usual_coupon(campaign: Campaign, own: Reference) -> dict[str, Any]:
     coupons = [s for s in campaign.specimens if s.material] or list(campaign.specimens)
     kinds = [(s.material, s.width_mm, s.thickness_mm, s.gauge_mm) for s in coupons]
     usual = coupons[kinds.index(max(kinds, key=kinds.count))]
-    rate = usual.rate_mm_s
     gauge_mm = usual.gauge_mm if usual.part is None else _USUAL_SIZE["gauge_mm"]
-    if own.strain_rate_per_s is not None:
-        rate = own.strain_rate_per_s * gauge_mm
+    own_per_s = own.strain_rate_per_s
+    rate = usual.rate_mm_s if own_per_s is None else own_per_s * gauge_mm
     conditions = ("temperature_C", "soak_h", "age_days", "orientation")
     return {
         "material": usual.material or campaign.palette.materials[0].id,
@@ -755,10 +739,9 @@ def next_experiments(
     share /= share.sum()
     candidates = [weighed.best[h.effects] for h in known]
     trials = trials_of(problem.campaign, problem.model.setup)
-    means, covariances = _predicted(weighed, candidates, trials)
     found = []
-    for trial, mean, covariance in zip(trials, means, covariances, strict=True):
-        gain, distance = _information(mean, covariance, share)
+    for trial, figures in zip(trials, _predicted(weighed, candidates, trials), strict=True):
+        gain, distance = _information(*figures, share)
         splits = sorted(
             combinations(range(len(known)), 2),
             key=lambda p: -float(distance[p] * share[list(p)].min()),
@@ -776,7 +759,7 @@ def next_experiments(
 
 def _predicted(
     weighed: Weighed, candidates: Sequence[Candidate], trials: Sequence[Trial]
-) -> tuple[list[FloatArray], list[FloatArray]]:
+) -> list[tuple[FloatArray, FloatArray]]:
     """Return, of each trial, the hypotheses' figures (K, d) and their covariance (d, d).
 
     Figures are means over the trial's specimens, which differ by their own scatter.
@@ -785,7 +768,7 @@ def _predicted(
     campaign = replace(problem.campaign, specimens=specimens, covariates=(), remarks=())
     model = observation_model(campaign)
     table, laws = model.table, model.laws
-    ways = calibrations(problem.campaign.palette, model.setup)
+    ways = tuple(calibrations(problem.campaign.palette, model.setup))
     setups = [model.setup, *(way.applied(model.setup) for way in ways)]
     # One by one: a subset's gain holds for new specimens with the share it has of old ones.
     setups += [applied(c, model.setup) for c in candidates]
@@ -801,12 +784,10 @@ def _predicted(
     no_batch = np.full(len(trials), -1)
     features = NoisyFeatures(table, table.sensitivity(raw[0]), sensor, no_batch)
     noise = features.noise(problem.scatter)
-    means = [learned[:, rows] for rows in noise.rows]
-    covariances = [
-        block / _COPIES + shared[rows] @ known @ shared[rows].T
+    return [
+        (learned[:, rows], block / _COPIES + shared[rows] @ known @ shared[rows].T)
         for rows, block in zip(noise.rows, noise.blocks, strict=True)
     ]
-    return means, covariances
 
 
 def _known_laws(

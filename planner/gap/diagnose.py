@@ -113,11 +113,8 @@ def _conditions_out(
     tests
         Places of the specimens of each condition.
     """
-    folds = [
-        (out, judged)
-        for out in _in_turn(specimens, tests)
-        if (judged := _judged(specimens, out)).any()
-    ]
+    turns = [(out, _judged(specimens, out)) for out in _in_turn(specimens, tests)]
+    folds = [(out, judged) for out, judged in turns if judged.any()]
     if folds and len(tests) >= _LEAST_LEVELS:
         most = -(-len(tests) // _MOST_FOLDS)
         several = f"{len(tests)} conditions left out, up to {most} at a time"
@@ -332,8 +329,7 @@ class _Predictor:
         ]
         expected = np.zeros_like(problem.model.measured_N)
         for share, candidate in likely:
-            settled = self.weighed.settled_as(candidate)
-            chosen = settled.fitted(world, problem.gain_of(candidate))
+            chosen = self.weighed.settled_as(candidate).fitted(world, problem.gain_of(candidate))
             forces = specimen_forces_N(problem, replace(chosen, members=None))
             if candidate.members is not None:
                 forces = self._with_own_gain(forces, candidate.log_gain)
@@ -367,19 +363,16 @@ class _Predictor:
         once, beside the calibrations.
         """
         problem, table = self.problem, self.problem.table
-        world, amplitude = max(
-            (
-                (World(problem, more=amplitude * problem.patterns, weight=weight), amplitude)
-                for amplitude in _GENERIC_AMPLITUDES
-            ),
-            key=lambda found: found[0].none,
+        worlds = (
+            (World(problem, more=amplitude * problem.patterns, weight=weight), amplitude)
+            for amplitude in _GENERIC_AMPLITUDES
         )
+        world, amplitude = max(worlds, key=lambda found: found[0].none)
         best = world.coefficients(problem.target)
         # Without the levels of batches: like the floor's, the specimens are new, and so is theirs.
         raw = problem.calibration @ best[: problem.calibration.shape[1]]
-        raw += np.concatenate([a.columns for a in problem.unknown], axis=1) @ (
-            amplitude * best[problem.nuisances.shape[1] :]
-        )
+        patterns = np.concatenate([a.columns for a in problem.unknown], axis=1)
+        raw += patterns @ (amplitude * best[problem.nuisances.shape[1] :])
         predicted = table.transformed(problem.unpredicted) + raw
         # No further than what was measured or predicted goes: patterns grow without an end.
         most = np.max(np.abs([table.measured, table.transformed(problem.unpredicted)]))
@@ -429,8 +422,7 @@ def _interval(
     for _ in range(_RESAMPLES):
         drawn = rng.integers(len(groups), size=len(groups))
         doubt = freedom / float(rng.chisquare(freedom))
-        value = closed(np.concatenate([groups[g] for g in drawn]), doubt)
-        if value is not None:
+        if (value := closed(np.concatenate([groups[g] for g in drawn]), doubt)) is not None:
             values.append(value)
     if middle is None or len(values) < _RESAMPLES // 2:
         return None
@@ -486,14 +478,13 @@ def levels_tested(campaign: Campaign) -> Mapping[str, tuple[float | str, ...]]:
         found[name] = _levels([getattr(s, name) for s in specimens], name)
     found["strain_rate_per_s"] = _levels([r for s in specimens for r in _rates(s)], "rate_mm_s")
     found["orientation"] = tuple(sorted({s.orientation for s in specimens if s.orientation}))
+    coupons = [campaign.palette.resolve(s.material) for s in specimens if s.material is not None]
     spans = [s.coordinates for s in specimens if s.coordinates is not None]
     found["material"] = tuple(
         m.id
         for m in campaign.palette.materials
-        if any(s.material is not None and campaign.palette.resolve(s.material) == m
-               for s in specimens)
-        or any(span.min() <= m.coordinate <= span.max() for span in spans)
-    )  # fmt: skip
+        if m in coupons or any(span.min() <= m.coordinate <= span.max() for span in spans)
+    )
     return {name: values for name, values in found.items() if values}
 
 
@@ -547,8 +538,7 @@ def _traces_of(problem: Problem, chosen: Candidate) -> Traces:
 
 def _label(specimen: Specimen, specimens: tuple[Specimen, ...]) -> str:
     """Return what a test is, by the columns that vary in the campaign."""
-    parts = [specimen.named]
-    parts += ["compressed"] if specimen.pushed else []
+    parts = [specimen.named, *(["compressed"] if specimen.pushed else [])]
     for name, column in SPECIMEN_COLUMNS.items():
         value = getattr(specimen, name)
         if column.label and value is not None and len({getattr(s, name) for s in specimens}) > 1:
@@ -670,9 +660,9 @@ def diagnose(
         gap = closure(problem, weighed, evidence.vain, verdict, rng, progress)
         chosen = weighed.best.get(verdict, Candidate(()))
         nodes = weighed.plain.elimination(problem.target, kept=problem.nodes)
-        likely = axes_of(problem, evidence, ranking, priors)
-        where, remainder = _places_of(problem, likely, chosen)
+        where, remainder = _places_of(problem, axes_of(problem, evidence, ranking, priors), chosen)
         same_class = class_of(problem, weighed, ranking, verdict)
+        doubts = [*_cautions(problem), *_confounders(verdict, reasons)]
         mending = [problem.unit_of for problem in data_quality if problem.unit_of is not None]
         found = Diagnosis(
             campaign=campaign.name,
@@ -690,13 +680,8 @@ def diagnose(
             remainder=remainder,
             data_quality=data_quality,
             next_experiments=next_experiments(problem, weighed, ranking),
-            detectable=detectable_sizes(problem, nodes, priors),
-            limitations=(
-                *campaign.limitations,
-                *model.limitations,
-                *_cautions(problem),
-                *_confounders(verdict, reasons),
-            ),
+            detectable=tuple(detectable_sizes(problem, nodes, priors)),
+            limitations=(*campaign.limitations, *model.limitations, *doubts),
             unit_of=merged_units([*_units_of(problem, weighed, same_class), *mending]),
             recalibration=_recalibration_of(weighed.settled_as(chosen).world, chosen),
             tested=levels_tested(campaign),
@@ -754,8 +739,7 @@ def _comparable(campaign: Campaign) -> tuple[Campaign, ObservationModel]:
     if (model.test_of >= 0).all():
         return campaign, model
     kept = tuple(campaign.specimens[k] for k in np.flatnonzero(model.test_of >= 0))
-    remarks = (*campaign.remarks, *model.limitations)
-    campaign = replace(campaign, specimens=kept, remarks=remarks)
+    campaign = replace(campaign, specimens=kept, remarks=(*campaign.remarks, *model.limitations))
     return campaign, observation_model(campaign)
 
 
@@ -764,13 +748,11 @@ def _cautions(problem: Problem) -> Iterator[str]:
     specimens, scatter = problem.campaign.specimens, problem.scatter
     if scatter.heterogeneous:
         # Specimens that should be alike and are not: something differs that no effect claims.
+        alike = [[specimens[k].covariates for k in of] for of in problem.model.replicates]
         columns = [
             name
             for name in problem.campaign.covariates
-            if any(
-                len({specimens[k].covariates.get(name) for k in alike}) > 1
-                for alike in problem.model.replicates
-            )
+            if any(len({cells.get(name) for cells in of}) > 1 for of in alike)
         ]
         where = (
             f"they differ in column{'s' if len(columns) > 1 else ''} {', '.join(columns)}, which "

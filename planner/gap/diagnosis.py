@@ -517,8 +517,7 @@ def _faults_of(file: _DiagnosisFile) -> Iterator[tuple[str, str, str]]:
     if not all(verdict) or verdict != sorted(set(verdict)):
         yield "verdict", repr(file.verdict), "an id, or ids joined by '+' in alphabetical order"
     named = [] if file.verdict in ("none", "unknown") else verdict
-    strange = sorted(set(file.effect) - set(named))
-    if strange:
+    if strange := sorted(set(file.effect) - set(named)):
         yield "effect", f"given for {', '.join(strange)}", f"for the verdict {file.verdict!r} alone"
     places = {"where": file.where, "remainder.where": file.remainder.where}
     shares = {

@@ -229,19 +229,18 @@ def _missing(name: str, specimens: Sequence[Specimen]) -> str | None:
     return None if there(specimens) else reason
 
 
-def _constant(name: str, specimens: Sequence[Specimen]) -> str | None:
+def _constant(name: str, given: Sequence[Specimen]) -> str | None:
     """Say how a column fails to vary."""
-    values = [_value(name, s) for s in specimens]
-    known = [value for value in values if value is not None]
+    known = [value for s in given if (value := _value(name, s)) is not None]
     if not known:
         return f"{name} is not known for any specimen"
     if len(set(column_levels(name, known))) > 1:
         return None
     first = known[0]
     was = first if isinstance(first, str) else f"{float(np.median(known)):.4g}"  # type: ignore[arg-type]
-    if len(known) < len(values):
-        return f"{name} is known for {len(known)} of {len(values)} specimens, and was {was} in them"
-    return f"{name} was {was} in {'all specimens' if len(values) > 1 else 'the only specimen'}"
+    if len(known) < len(given):
+        return f"{name} is known for {len(known)} of {len(given)} specimens, and was {was} in them"
+    return f"{name} was {was} in {'all specimens' if len(given) > 1 else 'the only specimen'}"
 
 
 def _value(name: str, specimen: Specimen) -> str | float | None:

@@ -57,8 +57,7 @@ def axis_patterns(
     cells = _axis_cells(campaign)
     found: dict[str, list[FloatArray]] = {}
     for name in (*TOLERANCES, "orientation", "batch", *campaign.covariates):
-        patterns = specimen_patterns(cells[name])
-        if patterns is not None:
+        if (patterns := specimen_patterns(cells[name])) is not None:
             rows = patterns[table.specimen]
             changing = _LESS * 2.0 * h * travel
             found[name] = [rows * h[:, None], rows * changing[:, None]]
@@ -158,8 +157,7 @@ def _rows_by_design(
     """Return by design the rows of local strains, bars of one design together."""
     rows: dict[str, tuple[list[int], ProfileDesign]] = {}
     for row in np.flatnonzero(table.is_field).tolist():
-        design = campaign.specimens[int(table.specimen[row])].profile
-        if design is not None:
+        if (design := campaign.specimens[int(table.specimen[row])].profile) is not None:
             rows.setdefault(design.name, ([], design))[0].append(row)
     return {name: (np.array(found), design) for name, (found, design) in rows.items()}
 
@@ -305,7 +303,6 @@ _CLAIM = 3.0
 of the mean of a ramp from zero, over its variance; an effect in proportion to a column is such."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
 class _Case:
     """What every axis is made from, and what there is to explain.
 
@@ -325,19 +322,25 @@ class _Case:
         Whitened residuals, all and without their common part.
     common : (N, c)
         Orthonormal.
+    patterns
+        See `axis_patterns`.
     """
 
-    campaign: Campaign
-    table: FeatureTable
-    residual: FloatArray
-    force: FloatArray
-    local: FloatArray
-    log: FloatArray
-    weight: FloatArray
-    whitening: Whitening
-    y: FloatArray
-    varying: FloatArray
-    common: FloatArray
+    def __init__(
+        self, campaign: Campaign, table: FeatureTable, residual: FloatArray, whitening: Whitening
+    ) -> None:
+        self.campaign, self.table, self.residual = campaign, table, residual
+        self.whitening, self.y = whitening, whitening(residual)
+        level = table.sensitivity(table.measured_raw)
+        self.force = np.where(table.is_field, 0.0, level)
+        self.local = np.where(table.is_field, level, 0.0)
+        tells = np.abs(level) > _TELLS
+        self.log = residual / np.where(tells, level, 1.0)
+        self.weight = np.where(tells, level**2, 0.0)
+        self.patterns = axis_patterns(campaign, table, level)
+        shared = np.column_stack([self.force, self.patterns["strain"], self.local])
+        self.common = _orthonormal(whitening(shared))
+        self.varying = self.y - self.common @ (self.common.T @ self.y)
 
     @property
     def in_common(self) -> float:
@@ -383,7 +386,7 @@ class _Case:
         found = [(mean, name, n) for mean, name, n in means if mean is not None]
         if not found:
             return "no force to tell it by"
-        logs = [mean for mean, _, _ in found]
+        logs = [mean for mean, *_ in found]
         if alike is not None and max(logs) - min(logs) < _ALIKE:
             return f"force {_off(float(np.mean(logs)))} {alike}"
         # The one farthest from prediction first, then the one farthest from it.
@@ -583,15 +586,13 @@ def _farthest_place(case: _Case, y: FloatArray) -> tuple[ProfileDesign, float, I
     y : (N,)
         Whitened.
     """
-    best, found = -1.0, None
+    found: list[tuple[float, ProfileDesign, float, IntArray]] = []
     for rows, design in _rows_by_design(case.campaign, case.table).values():
         at, place = np.unique(np.round(case.table.x_mm[rows], 3), return_inverse=True)
         score = np.abs(np.bincount(place, y[rows]) / np.sqrt(np.bincount(place)))
         peak = int(np.argmax(score))
-        if score[peak] > best:
-            best, found = float(score[peak]), (design, float(at[peak]), rows[place == peak])
-    assert found is not None
-    return found
+        found.append((float(score[peak]), design, float(at[peak]), rows[place == peak]))
+    return max(found, key=lambda one: one[0])[1:]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -638,18 +639,10 @@ def localise(
     """
     if len(campaign.specimens) < 2:
         return ()
-    y, level = whitening(residual), table.sensitivity(table.measured_raw)
-    tells = np.abs(level) > _TELLS
-    force, local = np.where(table.is_field, 0.0, level), np.where(table.is_field, level, 0.0)
-    patterns = axis_patterns(campaign, table, level)
-    common = _orthonormal(whitening(np.column_stack([force, patterns["strain"], local])))
-    case = _Case(
-        campaign, table, residual, force, local, residual / np.where(tells, level, 1.0),
-        np.where(tells, level**2, 0.0), whitening, y, y - common @ (common.T @ y), common,
-    )  # fmt: skip
-    in_words = case.sentence(_strain_parts(table), alike="alike at all strains")
-    axes = [_Axis("strain", common, *case.tested(common, y), in_words, is_common=True)]
-    for name, columns in patterns.items():
+    case = _Case(campaign, table, residual, whitening)
+    in_words, tested = case.sentence(_strain_parts(table), "alike at all strains"), case.tested
+    axes = [_Axis("strain", case.common, *tested(case.common, case.y), in_words, is_common=True)]
+    for name, columns in case.patterns.items():
         if name == "position":
             axes += _axis_along_bars(case, columns)
         elif name != "strain":
@@ -664,10 +657,9 @@ def localise(
     first, end, places = order[0], normal_quantile(0.9), []
     for axis in order:
         p, sentence = min(len(axes) * axis.p, 1.0), axis.detail
-        if axis is not first and p <= SIGNIFICANT:
-            little = _ADDS_LITTLE * case.explained(axis)
-            if _added(axis, first, case) < little:
-                sentence += f"; little of it beyond what goes with {first.name}"
+        beside = axis is not first and p <= SIGNIFICANT
+        if beside and _added(axis, first, case) < _ADDS_LITTLE * case.explained(axis):
+            sentence += f"; little of it beyond what goes with {first.name}"
         interval = case.share(axis, -end), case.share(axis, end)
         places.append(Location(axis.name, case.share(axis), interval, p, sentence))
     return tuple(places)
@@ -678,10 +670,8 @@ def _axis_along(case: _Case, name: str, columns: FloatArray) -> Iterator[_Axis]:
     basis, cells = case.basis(columns), _axis_cells(case.campaign).get(name)
     if not basis.shape[1] or (cells and sum(c is not None for c in cells) < _FEWEST_KNOWN):
         return
-    if cells:
-        parts = _column_parts(case, name, cells)
-    else:
-        parts = (_branch_parts if name == "branch" else _hold_parts)(case.table)
+    of_path = _branch_parts if name == "branch" else _hold_parts
+    parts = _column_parts(case, name, cells) if cells else of_path(case.table)
     yield _Axis(name, basis, *case.tested(basis, case.varying), case.sentence(parts))
 
 

@@ -158,17 +158,15 @@ class NoisyFeatures:
     def _block(self, scatter: Scatter, rows: slice) -> FloatArray:
         """Return the covariance of one specimen's rows, (d, d): forces, then strains of a bar."""
         stop = rows.stop - int(self.table.is_field[rows].sum())
-        return scipy.linalg.block_diag(
-            self._force_block(scatter, slice(rows.start, stop)),
-            _field_block(self.table, self.sensitivity, scatter, slice(stop, rows.stop)),
-        )
+        forces = self._force_block(scatter, slice(rows.start, stop))
+        field = _field_block(self.table, self.sensitivity, scatter, slice(stop, rows.stop))
+        return scipy.linalg.block_diag(forces, field)
 
     def _force_block(self, scatter: Scatter, rows: slice) -> FloatArray:
         """Return the covariance of one specimen's forces, (d, d)."""
         table, h = self.table, self.sensitivity[rows]
         place, strain = table.path[rows], table.strain[rows]
-        travel = strain / max(float(strain.max()), 1e-12)
-        tilt = h * (travel - 0.5)
+        tilt = h * (strain / max(float(strain.max()), 1e-12) - 0.5)
         far = np.abs(np.subtract.outer(place, place)) / scatter.wander_length
         block = scatter.specimen**2 * np.outer(h, h) + scatter.slope**2 * np.outer(tilt, tilt)
         block += scatter.wander**2 * np.exp(-far) * np.outer(h, h)
@@ -212,8 +210,7 @@ class NoisyFeatures:
             inner, cross = np.eye(len(batches)), np.zeros(len(batches))
             for rows, (values, shares) in zip(groups, contrasts, strict=True):
                 first = slice(int(rows[0][0]), int(rows[0][-1]) + 1)
-                level = scatter.batch * self.sensitivity[first]
-                columns = np.stack([level, *values], axis=1)
+                columns = np.stack([scatter.batch * self.sensitivity[first], *values], axis=1)
                 half_log, white = _whitened(self._force_block(scatter, first), columns)
                 total += len(values) * half_log + 0.5 * float(np.sum(white[:, 1:] ** 2))
                 inner += float(white[:, 0] @ white[:, 0]) * shares.T @ shares
@@ -254,10 +251,8 @@ def _field_block(
     table: FeatureTable, sensitivity: FloatArray, scatter: Scatter, rows: slice
 ) -> FloatArray:
     """Return the covariance of one specimen's strains along a bar, (d, d); frame by frame."""
-    sd = np.hypot(
-        scatter.field * _by_raw(table, sensitivity, rows),
-        scatter.field_relative * sensitivity[rows],
-    )
+    own = scatter.field * _by_raw(table, sensitivity, rows)
+    sd = np.hypot(own, scatter.field_relative * sensitivity[rows])
     step, places, overlap = table.step[rows], table.places[rows], table.overlap[rows]
     block = np.zeros((len(sd), len(sd)))
     for frame in (np.flatnonzero(step == s) for s in np.unique(step)):
@@ -323,27 +318,25 @@ class Calibration:
         return setup.stiffened(size * self.weight)
 
 
-def calibrations(palette: Palette, setup: Setup) -> tuple[Calibration, ...]:
-    """Return the ways that matter to a setup: of its grades, gaps between these, and parts."""
+def calibrations(palette: Palette, setup: Setup) -> Iterator[Calibration]:
+    """Yield the ways that matter to a setup: of its grades, gaps between these, and parts."""
     at = np.array([m.coordinate for m in palette.materials])
     where = np.clip(setup.coordinate, at[0], at[-1])
-    found = []
     for k, material in enumerate(palette.materials):
         hat = np.interp(where, at, np.eye(len(at))[k])
         if hat.max() > 0.0:
             sd = material.modulus_log_sd or _UNKNOWN_LOG_SD
-            found.append(Calibration(material.id, "level", sd, hat))
-            found.append(Calibration(material.id, "tilt", FIT_SD, hat))
+            yield Calibration(material.id, "level", sd, hat)
+            yield Calibration(material.id, "tilt", FIT_SD, hat)
     for low, high in itertools.pairwise(at):
         t = np.clip((where - low) / (high - low), 0.0, 1.0)
         bump = 4.0 * t * (1.0 - t)
         if bump.max() > 0.01:
             # Nobody measured it: it is as uncertain as one specimen.
-            found.append(Calibration("", "between", USUAL.specimen, bump))
+            yield Calibration("", "between", USUAL.specimen, bump)
     for part in dict.fromkeys(part for part in setup.parts if part is not None):
         its = setup.on_slices(np.array([part is one for one in setup.parts], dtype=np.float64))
-        found.append(Calibration("", "part", part.log_sd, its))
-    return tuple(found)
+        yield Calibration("", "part", part.log_sd, its)
 
 
 def calibration_columns(ways: tuple[Calibration, ...], changes: FloatArray) -> FloatArray:
@@ -436,12 +429,11 @@ def _groups(table: FeatureTable, of: BoolArray) -> list[list[IntArray]]:
     for row in np.flatnonzero(of).tolist():
         alike, specimen = int(table.replicates[row]), int(table.specimen[row])
         found.setdefault(alike, {}).setdefault(specimen, []).append(row)
-    groups = []
-    for specimens in found.values():
-        lengths = {len(rows) for rows in specimens.values()}
-        if len(specimens) > 1 and len(lengths) == 1:
-            groups.append([np.array(rows) for rows in specimens.values()])
-    return groups
+    return [
+        [np.array(rows) for rows in specimens.values()]
+        for specimens in found.values()
+        if len(specimens) > 1 and len({len(rows) for rows in specimens.values()}) == 1
+    ]
 
 
 # ------------------------------------------------------------------------------------------------

@@ -155,8 +155,7 @@ class FeatureTable:
         however small the forces. Where signs differ it is the larger one's sensitivity.
         """
         measured = self.measured_raw
-        larger = np.where(np.abs(measured) > np.abs(raw), measured, raw)
-        found = self.sensitivity(larger)
+        found = self.sensitivity(np.where(np.abs(measured) > np.abs(raw), measured, raw))
         clear = np.sign(measured) * np.sign(raw) > 0.0
         ratio = np.log(np.divide(measured, raw, out=np.ones_like(raw), where=clear))
         clear &= np.abs(ratio) > _SAME
@@ -406,8 +405,7 @@ def _feature_table(
             continue
         bins = _bins_of(seen, setup, number)
         for step in (test.step_at(0, fraction) for fraction in test.frames):
-            means = bins.means(seen, paths[place], float(travel[step]))
-            if means is None:
+            if (means := bins.means(seen, paths[place], float(travel[step]))) is None:
                 continue
             seen_at.append((len(rows), int(setup.first_slice[number]), bins))
             rows += [
@@ -560,12 +558,10 @@ def observation_model(campaign: Campaign) -> ObservationModel:
         tests = _tests(specimens, paths)
         setup = setup_of(campaign, tests, paths)
         prediction = predict(setup, laws)
-        ends = _bar_limits_mm(setup, prediction, campaign.palette)
-        if not ends:
+        if not (ends := _bar_limits_mm(setup, prediction, campaign.palette)):
             break
-        limits.update(
-            (place, end) for number, end in ends.items() for place in tests[number].places
-        )
+        for number, end in ends.items():
+            limits |= dict.fromkeys(tests[number].places, end)
     measured = _measured(specimens, tests, paths)
     sensor = np.array([_sensor_sd_N(specimen.force_N) for specimen in specimens])
     test_of, alike = np.full((2, len(specimens)), -1)
@@ -613,8 +609,7 @@ def _tests(specimens: Sequence[Specimen], paths: Mapping[int, LoadingPath]) -> l
         while left:
             alike = [place for place in left if paths[left[0]].is_like(paths[place])]
             left = [place for place in left if place not in alike]
-            frames = _frame_fractions(specimens, paths, alike)
-            tests.append(replicate_test(paths, alike, frames))
+            tests.append(replicate_test(paths, alike, _frame_fractions(specimens, paths, alike)))
     return sorted(tests, key=lambda test: test.places[0])
 
 
@@ -659,8 +654,7 @@ def _measured(
 def _sensor_sd_N(force_N: FloatArray) -> float:
     """Return the noise of a force; of a coarse one, that of rounding, if more."""
     noise = noise_sd(force_N)
-    steps = np.diff(np.unique(force_N))
-    if not len(steps):
+    if not len(steps := np.diff(np.unique(force_N))):
         return noise
     digit = float(np.min(steps))
     multiples = steps / digit
@@ -686,8 +680,7 @@ def _bar_limits_mm(setup: Setup, prediction: Prediction, palette: Palette) -> di
         farthest = reached[:, here].max(axis=1)
         if part is not None:
             farthest = np.sum(part.at(setup.travel_mm[number])[2] * reached[:, here], axis=1)
-        late = np.flatnonzero(farthest > 1.0)
-        if len(late):
+        if len(late := np.flatnonzero(farthest > 1.0)):
             limits[number] = float(setup.travel_mm[number, : late[0]].max())
     return limits
 

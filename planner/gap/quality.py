@@ -32,13 +32,7 @@ from planner.materials.characterise import UNLOADED_SHARE, noise_sd
 from planner.numerics import FloatArray, IntArray
 from planner.simulation.bar_solver import predict
 
-__all__ = [
-    "HOLDS",
-    "UNLOADS",
-    "examine",
-    "merged_units",
-    "suggested_units",
-]
+__all__ = ["HOLDS", "UNLOADS", "examine", "merged_units", "suggested_units"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -157,16 +151,14 @@ def _timing(s: Specimen) -> _Problems:
             f"{_times(len(gaps), 'gap')} in time, the longest {steps[longest]:.3g} s from "
             f"{s.time_s[longest]:.4g} s, where {float(np.median(steps)):.3g} s is usual",
         )
-    first = leap_at_end(s)
-    if first < len(s.force_N):
+    if (first := leap_at_end(s)) < len(s.force_N):
         yield (
             "spike",
             f"force_N leaps from {s.force_N[first - 1]:.4g} to {s.force_N[-1]:.4g} at its end, at "
             f"{s.time_s[first]:.4g} s; left out of what is compared. Does something meet a stop?",
         )
     for name, values in (("force_N", s.force_N), ("displacement_mm", s.displacement_mm)):
-        begins = np.flatnonzero(np.diff(spikes_in(values).astype(np.int8), prepend=0) > 0)
-        if len(begins):
+        if len(begins := np.flatnonzero(np.diff(spikes_in(values).astype(np.int8), prepend=0) > 0)):
             yield (
                 "spike",
                 f"{_times(len(begins), 'spike')} in {name}, the first of "
@@ -179,8 +171,7 @@ def _dropouts(time_s: FloatArray) -> IntArray:
     """Return the indices of steps far longer than those before and behind them."""
     steps = np.diff(time_s)
     middle = np.median(np.lib.stride_tricks.sliding_window_view(steps, 3), axis=1)
-    nearby = np.maximum(middle[:-4], middle[4:])
-    return 3 + np.flatnonzero(steps[3:-3] > SPIKE_STEP * nearby)
+    return 3 + np.flatnonzero(steps[3:-3] > SPIKE_STEP * np.maximum(middle[:-4], middle[4:]))
 
 
 def _times(count: int, what: str) -> str:
@@ -241,8 +232,7 @@ def _duplicates(specimens: Sequence[Specimen]) -> Iterator[QualityProblem]:
     seen: dict[bytes, str] = {}
     for s in specimens:
         digits = _rounded(s.force_N).tobytes() + _rounded(s.displacement_mm).tobytes()
-        other = seen.setdefault(digits, s.id)
-        if other != s.id:
+        if (other := seen.setdefault(digits, s.id)) != s.id:
             words = f"its curve is that of specimen {other}, number for number"
             yield QualityProblem(s.id, "duplicate", words)
 
@@ -425,21 +415,20 @@ _Groups = Sequence[tuple[int, ...]]
 
 def _outlier_problems(
     specimens: Sequence[Specimen], loads: Mapping[int, float]
-) -> list[QualityProblem]:
-    """Return outlying specimens, the clearest first in each round.
+) -> Iterator[QualityProblem]:
+    """Yield outlying specimens, the clearest first in each round.
 
     The level is Bonferroni's over specimens; one that was found is left out and the rest judged
     again.
     """
     groups = _groups(specimens, loads)
     least = _FAMILY_WISE / max(sum(map(len, groups)), 1)
-    found: list[QualityProblem] = []
     while True:
         worst = min(_judged(loads, groups), key=lambda w: w[0], default=None)
         if worst is None or worst[0] >= least:
-            return found
+            return
         _, place, shift, others = worst
-        found.extend(_outliers(specimens, place, shift, others))
+        yield from _outliers(specimens, place, shift, others)
         gone = {place} if len(others) > 1 else {place, *others}
         groups = [tuple(i for i in g if i not in gone) for g in groups]
 
@@ -579,8 +568,8 @@ _SPLIT = 1.0
 than the smallest factor between units, ln 4.4."""
 
 
-def _unit_problems(campaign: Campaign, loads: Mapping[int, float]) -> list[QualityProblem]:
-    """Return what looks like another unit of force, travel or size.
+def _unit_problems(campaign: Campaign, loads: Mapping[int, float]) -> Iterator[QualityProblem]:
+    """Yield what looks like another unit of force, travel or size.
 
     The load of each specimen is put in proportion to the laws' prediction. Specimens apart from
     their replicates by a unit's factor are named first; then singles apart from the trend of
@@ -593,18 +582,13 @@ def _unit_problems(campaign: Campaign, loads: Mapping[int, float]) -> list[Quali
     off |= _apart_from_trend(campaign, rest)
     rest = {i: v for i, v in loads.items() if i not in off}
     materials = _materials_apart(specimens, rest)
-    problems = [
-        _travel_slip(specimens[i], loads[i])
-        or _problem(specimens[i], shift, "its replicates' or neighbours'")
-        for i, shift in sorted(off.items())
-    ]
-    problems += [
-        _problem(specimens[i], shift, "other materials' (or its law is off by as much)")
-        for i, shift in sorted(materials.items())
-    ]
-    rest = {i: v for i, v in rest.items() if i not in materials}
-    whole = _whole(campaign, rest)
-    return [*problems, *_fields_in_percent(specimens), *([] if whole is None else [whole])]
+    for i, shift in sorted(off.items()):
+        one, whose = specimens[i], "its replicates' or neighbours'"
+        yield _travel_slip(one, loads[i]) or _problem(one, shift, whose)
+    for i, shift in sorted(materials.items()):
+        yield _problem(specimens[i], shift, "other materials' (or its law is off by as much)")
+    yield from _fields_in_percent(specimens)
+    yield from _whole(campaign, {i: v for i, v in rest.items() if i not in materials})
 
 
 def _among_replicates(
@@ -667,7 +651,7 @@ def _materials_apart(specimens: Sequence[Specimen], loads: Mapping[int, float]) 
     return off
 
 
-def _whole(campaign: Campaign, loads: Mapping[int, float]) -> QualityProblem | None:
+def _whole(campaign: Campaign, loads: Mapping[int, float]) -> Iterator[QualityProblem]:
     """Say that the median load is off by a factor, near the reference temperature if any is.
 
     Temperature has the largest effect.
@@ -681,19 +665,18 @@ def _whole(campaign: Campaign, loads: Mapping[int, float]) -> QualityProblem | N
         and abs(own_C - at_C) <= _NEAR_K
     ] or list(loads)
     if not near:
-        return None
+        return
     values = np.array([loads[i] for i in near])
     shift = float(np.median(values))
     spread = float(np.median(np.abs(values - shift))) * 1.4826
     if spread > max(0.5 * _SPLIT, 0.25 * abs(shift)):
-        return None
+        return
     travel = [t for i in near if (t := _travel_slip(of[i], loads[i])) is not None]
-    if 2 * len(travel) > len(near):
-        return _of_all(travel[0])
     tolerance = _AGAINST_LAW if abs(shift) < _BEYOND_EFFECTS else 2.0 * _AGAINST_LAW
-    if _slip(shift, tolerance) is None:
-        return None
-    return _of_all(_problem(of[near[0]], shift, "the laws'"))
+    if 2 * len(travel) > len(near):
+        yield _of_all(travel[0])
+    elif _slip(shift, tolerance) is not None:
+        yield _of_all(_problem(of[near[0]], shift, "the laws'"))
 
 
 def _of_all(problem: QualityProblem) -> QualityProblem:
@@ -710,12 +693,8 @@ def _problem(specimen: Specimen, shift: float, whose: str) -> QualityProblem:
     if slip.factor in _FORCE_FACTORS:
         factor = slip.factor if shift < 0.0 else 1.0 / slip.factor
         unit = _unit_of(specimen, "force", specimen.force_unit_N, factor)
-    return QualityProblem(
-        specimen.id,
-        "units",
-        f"loads are {ratio:.3g} times {way} {whose}, as if {words} (factor {slip.factor:.4g})",
-        unit,
-    )
+    told = f"loads are {ratio:.3g} times {way} {whose}, as if {words} (factor {slip.factor:.4g})"
+    return QualityProblem(specimen.id, "units", told, unit)
 
 
 def _unit_of(specimen: Specimen, quantity: str, own: float | None, factor: float) -> UnitOf | None:
@@ -746,12 +725,9 @@ def _travel_slip(specimen: Specimen, load: float) -> QualityProblem | None:
     factor, words = (
         (_INCH, "inches taken for mm") if ratio < 0.0 else (1.0 / _INCH, "mm taken for inches")
     )
-    return QualityProblem(
-        specimen.id,
-        "units",
-        f"travel is off by 25.4 against its declared rate and its load, as if {words}",
-        _unit_of(specimen, "travel", specimen.travel_unit_mm, factor),
-    )
+    told = f"travel is off by 25.4 against its declared rate and its load, as if {words}"
+    unit = _unit_of(specimen, "travel", specimen.travel_unit_mm, factor)
+    return QualityProblem(specimen.id, "units", told, unit)
 
 
 _HUNDREDFOLD = (30.0, 300.0)
@@ -798,7 +774,7 @@ def examine(campaign: Campaign, model: ObservationModel) -> tuple[QualityProblem
     live = [s for s in specimens if s.id not in silent]
     timed = [s for s in specimens if s.rate_mm_s is not None and s.time_recorded]
     loads = {i: v for i, v in _log_loads(model).items() if specimens[i].id not in silent}
-    units = _unit_problems(campaign, loads)
+    units = list(_unit_problems(campaign, loads))
     suspect = {p.specimen for p in (*copies, *units)}
     judged = {i: v for i, v in loads.items() if specimens[i].id not in suspect}
     problems = (  # in the order in which a specimen's are told

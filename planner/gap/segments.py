@@ -76,9 +76,8 @@ def spikes_in(values: FloatArray) -> BoolArray:
     """
     low, high = np.quantile(values, [0.02, 0.98])  # without what leaps out
     least = max(_SPIKE_NOISE * noise_sd(values), _SCATTER * float(high - low))
-    around = np.lib.stride_tricks.sliding_window_view(
-        np.pad(values, _WIDEST, mode="edge"), 2 * _WIDEST + 1
-    )
+    padded = np.pad(values, _WIDEST, mode="edge")
+    around = np.lib.stride_tricks.sliding_window_view(padded, 2 * _WIDEST + 1)
     moves = np.median(np.abs(np.diff(around, axis=1)), axis=1)
     off = np.abs(values - np.median(around, axis=1))
     return np.asarray(off > np.maximum(least, SPIKE_STEP * moves))
@@ -258,8 +257,7 @@ class LoadingPath:
 
     def on_gauge(self, gauge_mm: float) -> "LoadingPath":
         """Return the path to the same strains of another gauge length."""
-        ratio = gauge_mm / self.gauge_mm
-        if ratio == 1.0:
+        if (ratio := gauge_mm / self.gauge_mm) == 1.0:
             return self
         segments = tuple(
             replace(s, begin_mm=ratio * s.begin_mm, end_mm=ratio * s.end_mm) for s in self.segments
@@ -325,11 +323,9 @@ def path_of(specimen: Specimen) -> LoadingPath | None:
         corner_s, end_mm = _corner(time, travel, first, last, next_kind)
         if kind in ("hold", "rest"):
             end_mm = begin_mm
-        end_s = corner_s - zero_s
-        if end_s <= begin_s:
-            continue
-        segments.append(Segment(kind, first, last, begin_s, end_s, begin_mm, end_mm))
-        begin_s, begin_mm = end_s, end_mm
+        if (end_s := corner_s - zero_s) > begin_s:
+            segments.append(Segment(kind, first, last, begin_s, end_s, begin_mm, end_mm))
+            begin_s, begin_mm = end_s, end_mm
     if not segments:
         return None
     return LoadingPath(
@@ -661,23 +657,16 @@ def replicate_test(
     if len(members[0].segments) == 1:
         shortest = min(path.segments[0].end_mm for path in members)
         members = [path.until(shortest) for path in members]
+    ends = ("begin_s", "end_s", "begin_mm", "end_mm")
     segments = tuple(
-        replace(
-            together[0],
-            **{
-                name: float(np.mean([getattr(segment, name) for segment in together]))
-                for name in ("begin_s", "end_s", "begin_mm", "end_mm")
-            },
-        )
-        for together in zip(*(path.segments for path in members), strict=True)
+        replace(of[0], **{end: float(np.mean([getattr(s, end) for s in of])) for end in ends})
+        for of in zip(*(path.segments for path in members), strict=True)
     )
     wanted = [sorted({*at, 1.0}) for at in _feature_places(segments)]
     wanted[0] = sorted({*wanted[0], *frames})
     counts = _counts(segments, [len(at) for at in wanted])
     segment = np.concatenate([[0], np.repeat(np.arange(len(segments)), counts)])
-    fraction = np.concatenate(
-        [[0.0], *(_filled(w, n) for w, n in zip(wanted, counts, strict=True))]
-    )
+    fraction = np.concatenate([[0.0], *map(_filled, wanted, counts)])
     test = ReplicateTest(tuple(places), frames, segments, segment, fraction, np.zeros(PATH_STEPS))
     times = np.mean([_step_times_s(path, test) for path in whole], axis=0)
     rising = np.maximum.accumulate(times) + 1e-9 * float(times[-1]) * np.arange(len(times))
@@ -727,8 +716,7 @@ def _step_times_s(path: LoadingPath, test: ReplicateTest) -> FloatArray:
         fraction = test.fraction[here]
         if own.moves:
             end = min(own.end_mm, mean.end_mm) if len(test.segments) == 1 else own.end_mm
-            places = own.begin_mm + fraction * (end - own.begin_mm)
-            times[here] = _moments_s(path, own, places)
+            times[here] = _moments_s(path, own, own.begin_mm + fraction * (end - own.begin_mm))
         else:
             scale, length = _hold_scale_s(mean), own.end_s - own.begin_s
             times[here] = own.begin_s + scale * np.expm1(fraction * np.log1p(length / scale))
@@ -752,13 +740,10 @@ def forces_N(path: LoadingPath, test: ReplicateTest) -> FloatArray:
             places = travel[here]
         else:
             scale = _hold_scale_s(mean)
-            since = np.maximum(path.time_s[inside] - own.begin_s, 0.0)
-            rows = np.log1p(since / scale)
-            length = own.end_s - own.begin_s
-            places = test.fraction[here] * np.log1p(length / scale)
+            rows = np.log1p(np.maximum(path.time_s[inside] - own.begin_s, 0.0) / scale)
+            places = test.fraction[here] * np.log1p((own.end_s - own.begin_s) / scale)
         if not inside.any():
-            middle_s = 0.5 * (own.begin_s + own.end_s)
-            forces[here] = np.interp(middle_s, path.time_s, path.force_N)
+            forces[here] = np.interp(0.5 * (own.begin_s + own.end_s), path.time_s, path.force_N)
             continue
         stride = np.abs(np.gradient(places)) if len(places) > 1 else np.full(1, np.ptp(rows))
         forces[here] = _smooth(rows, path.force_N[inside], places, 0.25 * stride)
@@ -794,10 +779,6 @@ def _smooth(
 
 # ------------------------------------------------------------------------------------------------
 # The setup of a campaign's tests, with no effect.
-
-
-_ORIENTATIONS = {"x": 0, "y": 1, "z": 2}
-"""Of a test, in a setup. Convention: in the order of their letters."""
 
 
 def _slices_of(
@@ -845,8 +826,8 @@ def setup_of(
     for name in ("width_mm", "thickness_mm"):
         sizes = [[_nominal_size_mm(s, name) for s in group] for group in groups]
         covariates[name], known[name] = _means(sizes, 1.0)
-    orientations = [next((s.orientation for s in group if s.orientation), None) for group in groups]
-    known["orientation"] = np.array([o is not None for o in orientations])
+    directions = [next((s.orientation for s in group if s.orientation), None) for group in groups]
+    known["orientation"] = np.array([o is not None for o in directions])
     always = np.ones(len(tests), dtype=np.bool_)
     known.update(rate_per_s=always, rate_mm_s=always, gauge_mm=always)
     rate = np.array([np.mean([paths[place].speed_mm_s for place in t.places]) for t in tests])
@@ -859,8 +840,7 @@ def setup_of(
         travel_mm=np.stack([test.travel_mm for test in tests]),
         rate_per_s=rate / gauge,
         gauge_mm=gauge,
-        orientation=np.array([_ORIENTATIONS[o or reference.orientation or "x"]
-                              for o in orientations]),
+        orientation=np.array(["xyz".index(o or reference.orientation or "x") for o in directions]),
         known=known,
         designs=tuple(group[0].profile for group in groups),
         parts=tuple(part.response if (part := group[0].part) else None for group in groups),
@@ -911,8 +891,7 @@ def _nominal_size_mm(specimen: Specimen, name: str) -> float | None:
     if own is None and specimen.part is not None:
         return specimen.part.response.thickness_mm if name == "thickness_mm" else np.inf
     if own is None and design is not None and getattr(design, name) is not None:
-        length = design.length_mm
-        own = float(np.trapezoid(getattr(design, name), design.x_mm)) / length
+        own = float(np.trapezoid(getattr(design, name), design.x_mm)) / design.length_mm
     return getattr(specimen, f"measured_{name}") if own is None else own
 
 

@@ -107,15 +107,13 @@ def clear_places(diagnosis: Diagnosis) -> list[Location]:
 
 def best_of(diagnosis: Diagnosis) -> Hypothesis:
     """Return the verdict with its probability, 0 where the ranking lacks it."""
-    found = (h for h in diagnosis.ranking if h.name == diagnosis.verdict)
-    return next(found, Hypothesis((), 0.0))
+    return next((h for h in diagnosis.ranking if h.name == diagnosis.verdict), Hypothesis((), 0.0))
 
 
 def _where(d: Diagnosis) -> str:
     if not d.where:
         return "Where a gap lies cannot be told, as there is nothing to compare."
-    clear = clear_places(d)
-    if clear:
+    if clear := clear_places(d):
         place = clear[0]
         detail = f": {place.detail}" if place.detail else ""
         what = "The clearest difference" if d.verdict == "none" else "The gap"
@@ -169,16 +167,14 @@ def _cause(d: Diagnosis) -> str:
 def _how_far(d: Diagnosis) -> str:
     gap = d.gap
     before = f"the palette misses the force by {percent(gap.before)} of a specimen's largest"
-    if gap.floor is None:
-        floor = "there are no replicates to say how much of that is scatter"
-    else:
+    floor = "there are no replicates to say how much of that is scatter"
+    if gap.floor is not None:
         floor = f"replicates differ by {percent(gap.floor)}"
     if gap.floor is not None and gap.before <= gap.floor and d.verdict == "none":
         return f"Nothing to explain: the prints repeat no better than this: {before}, and {floor}."
     if d.verdict == "none":
-        within = ""
-        if gap.floor is not None and gap.before > gap.floor and not d.remainder:
-            within = "; what is beyond lies within the doubt about its calibration"
+        beyond = "; what is beyond lies within the doubt about its calibration"
+        within = "" if gap.floor is None or d.remainder else beyond
         return f"There is nothing to close: {before}, and {floor}{within}."
     if d.verdict == "unknown":
         return f"Nothing known closes it: {before}, and {floor}."
@@ -338,8 +334,7 @@ def next_command(
         return ""
     use = ""
     for condition in dict.fromkeys(effect.condition for effect in known if effect.condition):
-        levels = found.tested.get(condition)
-        if levels:
+        if levels := found.tested.get(condition):
             level = levels[-1] if isinstance(levels[-1], str) else f"{levels[-1]:.4g}"
             use += f" --{condition.removeprefix('strain_').replace('_', '-')} {level}"
     return f"planner gap correct {_quoted(at)}{use} -o palette-corrected.toml"

@@ -1,7 +1,7 @@
 """Virtual specimens: campaigns yet to be measured, and synthetic data of stated effects."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -86,10 +86,8 @@ def virtual_strain(
     Bars go half as far. One strain for all keeps it from going with the material.
     """
     breaks = [palette.resolve(name).elongation_at_break for name in materials]
-    at = [m.coordinate for m in palette.materials]
-    for design in profiles:
-        ends = [m.elongation_at_break for m in palette.materials]
-        breaks.append(float(np.interp(design.coordinate, at, ends).min()))
+    at, ends = np.array([(m.coordinate, m.elongation_at_break) for m in palette.materials]).T
+    breaks += [float(np.interp(design.coordinate, at, ends).min()) for design in profiles]
     return min([_STRAIN, *(_BREAK_SHARE * b for b in breaks)])
 
 
@@ -122,8 +120,7 @@ def virtual_specimen(
     fields
         Of `Specimen`. Without `rate_mm_s` it is pulled at the palette's own strain rate.
     """
-    rate = fields.get("rate_mm_s")
-    if not rate:
+    if not (rate := fields.get("rate_mm_s")):
         own_per_s = stated(palette.reference).strain_rate_per_s
         assert own_per_s is not None
         rate = own_per_s * gauge_mm
@@ -266,16 +263,14 @@ def _retraced(specimen: Specimen) -> Specimen | None:
 
     None where it never loads over enough rows to be observed.
     """
-    path = path_of(specimen)
-    if path is None:
+    if (path := path_of(specimen)) is None:
         return None
     rows = max(_LONE_ROWS // len(path.segments), 12)
     even, held = np.arange(1, rows + 1) / rows, np.geomspace(1e-3, 1.0, rows)
     parts = [s.begin_s + (s.end_s - s.begin_s) * (even if s.moves else held) for s in path.segments]
     time = np.concatenate([np.zeros(1), *parts])
-    corners_s = np.array([0.0, *(s.end_s for s in path.segments)])
-    corners_mm = np.array([0.0, *(s.end_mm for s in path.segments)])
-    travel = np.interp(time, corners_s, corners_mm) * (-1.0 if specimen.pushed else 1.0)
+    corners = np.array([(0.0, 0.0), *((s.end_s, s.end_mm) for s in path.segments)])
+    travel = np.interp(time, *corners.T) * (-1.0 if specimen.pushed else 1.0)
     seen = specimen.strain_field
     return replace(
         specimen,
@@ -533,8 +528,7 @@ def synthetic_campaign(
     how += f"; {seed_text}" if seed_text else ""
     specimens = []
     for place, specimen in enumerate(plan.specimens):
-        path = specimen.time_s[None], specimen.travel_mm[None]
-        setup = single_tests(plan, [place], *path)
+        setup = single_tests(plan, [place], specimen.time_s[None], specimen.travel_mm[None])
         if setup is None:
             raise FileError(
                 f"campaign {plan.name}: specimen {specimen.id} never loads over enough points; "
@@ -564,15 +558,12 @@ def synthetic_campaign(
     )
 
 
-def _drawn(effects: Sequence[StatedEffect], rng: np.random.Generator) -> list[StatedEffect]:
-    """Return the effects with sizes that are each specimen's own drawn."""
-    drawn = []
+def _drawn(effects: Sequence[StatedEffect], rng: np.random.Generator) -> Iterator[StatedEffect]:
+    """Yield the effects with sizes that are each specimen's own drawn."""
     for one in sorted(effects, key=lambda e: e.effect.order):
         own = 1.0 + one.effect.individual * float(rng.standard_normal())
         size = one.form.size.name
-        values = {**one.values, size: one.values[size] * max(own, 0.1)}
-        drawn.append(replace(one, values=values))
-    return drawn
+        yield replace(one, values={**one.values, size: one.values[size] * max(own, 0.1)})
 
 
 def _course(specimen: Specimen, scatter: float, rng: np.random.Generator) -> FloatArray:
@@ -591,8 +582,7 @@ def _seen(
     specimen: Specimen, setup: Setup, prediction: Prediction, rng: np.random.Generator
 ) -> StrainField | None:
     """Return the strains that a camera sees when it looked; facets of unknown length touch."""
-    seen = specimen.strain_field
-    if seen is None:
+    if (seen := specimen.strain_field) is None:
         return None
     facet = float(np.median(np.diff(seen.x_mm))) if seen.facet_mm is None else seen.facet_mm
     along = prediction.strain @ seen_shares(setup, 0, seen.x_mm, facet).T

@@ -224,8 +224,7 @@ def _any_course(setup: Setup, values: Values) -> Setup:
     So rate and temperature are one law where both vary: with `haste` 1 all softening is time's, by
     a clock that is the mean of a bar's mixtures. Where nothing relaxes `haste` has no meaning.
     """
-    u = 2.0 * place_on_palette(setup) - 1.0
-    higher_K = _HIGHER_K * values.get("span", 0.0) * u
+    higher_K = _HIGHER_K * values.get("span", 0.0) * (2.0 * place_on_palette(setup) - 1.0)
     log_slope, at = _STEEPER * _course(values), _reference(setup, "temperature_C")
     now = setup.on_slices(_warmer_K(setup)) + at
     passed = _risen(log_slope, _KNOTS_C, now - higher_K)
@@ -234,8 +233,7 @@ def _any_course(setup: Setup, values: Values) -> Setup:
     haste = np.add.reduceat(softened, setup.first_slice[:-1]) / np.diff(setup.first_slice)
     drawn = values.get("entropy", 0.0) * np.log((now + _ZERO_K) / (at + _ZERO_K))
     faster = values.get("haste", 0.0) if np.any(setup.relaxing) else 0.0
-    after = setup.stiffened(drawn - (1.0 - faster) * softened)
-    return after.with_(
+    return setup.stiffened(drawn - (1.0 - faster) * softened).with_(
         log_tilt=setup.log_tilt + _LESS_FAR * values.get("tilt", 0.0) * softened,
         clock=setup.clock * 10.0 ** np.clip(_HASTE * faster * haste, -12.0, 12.0),
     )
@@ -257,8 +255,7 @@ def _rate_decades(setup: Setup) -> FloatArray:
 
 def _rate_power(setup: Setup, values: Values) -> Setup:
     """Stiffen alike by every decade."""
-    rise = _graded(setup, values["rise"], values)
-    return setup.stiffened(rise * _rate_decades(setup))
+    return setup.stiffened(_graded(setup, values["rise"], values) * _rate_decades(setup))
 
 
 def _relaxing(setup: Setup, spectrum_at: Callable[[FloatArray], FloatArray]) -> Setup:

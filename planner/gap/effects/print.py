@@ -23,11 +23,9 @@ _WIDTH = 0.3
 def _shifted(setup: Setup, shift: FloatArray) -> Setup:
     """Move slices by shares of the palette's range, (S,), ever less where its end is near."""
     place = place_on_palette(setup)
-    room = np.maximum(np.where(shift > 0.0, 1.0 - place, place), 0.0)
-    moved = kept_below(shift, room)
+    moved = kept_below(shift, np.maximum(np.where(shift > 0.0, 1.0 - place, place), 0.0))
     low, high = setup.coordinate_range
-    coordinate = np.clip(setup.coordinate + (high - low) * moved, low, high)
-    return setup.with_(coordinate=coordinate)
+    return setup.with_(coordinate=np.clip(setup.coordinate + (high - low) * moved, low, high))
 
 
 def _constant(setup: Setup, values: Values) -> Setup:
@@ -187,10 +185,8 @@ off by so much."""
 
 def _sizes_mm(setup: Setup) -> dict[str, FloatArray]:
     """Return width and thickness as drawn, (S,); a bar's design goes before the test's own size."""
-    sizes = {
-        "width": setup.on_slices(setup.width_mm),
-        "thickness": setup.on_slices(setup.thickness_mm),
-    }
+    drawn = {"width": setup.width_mm, "thickness": setup.thickness_mm}
+    sizes = {side: setup.on_slices(size) for side, size in drawn.items()}
     for test, design in enumerate(setup.designs):
         slices = slice(setup.first_slice[test], setup.first_slice[test + 1])
         for name, size in sizes.items():
@@ -252,12 +248,11 @@ def _take_off(found: FoundEffect, width_mm: float, thickness_mm: float) -> str:
     depth = found.parameters["depth"]
     excess = math.expm1(found.parameters["log_stiffness"])
 
+    bare = {"faces": width_mm, "edges": thickness_mm}
+    sizes_mm = [size for form, size in bare.items() if form != found.form]
+
     def stress_factor(scale: float) -> float:
-        inside = 1.0
-        if found.form != "faces":
-            inside *= max(1.0 - 2.0 * depth / (width_mm * scale), 0.0)
-        if found.form != "edges":
-            inside *= max(1.0 - 2.0 * depth / (thickness_mm * scale), 0.0)
+        inside = math.prod(max(1.0 - 2.0 * depth / (size * scale), 0.0) for size in sizes_mm)
         return 1.0 + excess * (1.0 - inside)
 
     return (

@@ -337,14 +337,8 @@ def _field_columns(
         np.where((table.test == test) & (np.abs(table.x_mm - x) < 1e-3), _FIELD_SD, 0.0)
         for test, x in np.unique([table.test[field], table.x_mm[field].round(6)], axis=1).T
     ]
-    return np.stack(
-        [
-            *([facets] if facets.any() else []),
-            *(aside[:, None] * bars).T,
-            *(sensitivity * of_it for of_it in places),
-        ],
-        axis=1,
-    )
+    columns = [*(aside[:, None] * bars).T, *(sensitivity * of_it for of_it in places)]
+    return np.stack([facets, *columns] if facets.any() else columns, axis=1)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -413,8 +407,7 @@ def _levels_apart(campaign: Campaign, model: ObservationModel, counts: BoolArray
     count, found, most = sum(map(len, groups)), np.zeros(len(counts)), 1.0
     columns = axis_columns(campaign)
     for name in ("batch", *campaign.covariates):
-        patterns = specimen_patterns(columns[name])
-        if patterns is None:
+        if (patterns := specimen_patterns(columns[name])) is None:
             continue
         own = np.zeros_like(patterns)
         for of in groups:
@@ -554,17 +547,12 @@ class Problem:
         """Return what specimens' own sizes of a candidate's effects change, (N, k), whitened."""
         table = self.table
         specimens = table.specimen[:, None] == np.unique(table.specimen)
-        alone = [
-            (branch.effect.individual, replace(candidate, branches=(branch,), places=(place,)))
-            for branch, place in candidate.parts
-            if branch.effect.individual > 0.0
-        ]
-        if not alone:
+        if not (own := [(b, place) for b, place in candidate.parts if b.effect.individual > 0.0]):
             return np.zeros((len(table), 0))
-        changes = self.changes_by([one for _, one in alone])
+        changes = self.changes_by([replace(candidate, branches=(b,), places=(p,)) for b, p in own])
         parts = [
-            individual * change[:, None] * specimens
-            for (individual, _), change in zip(alone, changes, strict=True)
+            branch.effect.individual * change[:, None] * specimens
+            for (branch, _), change in zip(own, changes, strict=True)
         ]
         return self.noise.whiten(np.concatenate(parts, axis=1))
 
@@ -584,7 +572,7 @@ def set_up(
         Ids of specimens that are off by themselves; see `Problem.strays`.
     """
     branches = signed_forms(effects)
-    ways = calibrations(campaign.palette, model.setup)
+    ways = tuple(calibrations(campaign.palette, model.setup))
     alone = predict(model.setup, model.laws)
     setups = [model.setup, *(way.applied(model.setup) for way in ways)]
     for branch in branches:
@@ -626,19 +614,12 @@ def set_up(
     scatter = features.estimated_scatter(in_one_unit, aside, ~stray[table.specimen])
     noise = features.noise(scatter)
     chord = table.chord(unpredicted)
-    gains = np.where(table.is_field, 0.0, chord)[:, None] * (
-        table.specimen[:, None] == np.arange(len(campaign.specimens))
-    )
+    members = table.specimen[:, None] == np.arange(len(campaign.specimens))
+    gains = np.where(table.is_field, 0.0, chord)[:, None] * members
+    laws = calibration_columns(ways, changes[: len(ways)])
     bends = discrepancy_columns(campaign, table, sensitivity)
-    calibration = np.concatenate(
-        [
-            calibration_columns(ways, changes[: len(ways)]),
-            bends,
-            _field_columns(table, facets, aside, sensitivity),
-            _STRAY_SD * gains[:, stray],
-        ],
-        axis=1,
-    )
+    camera = _field_columns(table, facets, aside, sensitivity)
+    calibration = np.concatenate([laws, bends, camera, _STRAY_SD * gains[:, stray]], axis=1)
     unknown = _unknown_axes(campaign, table, chord, effects)
     patterns = np.concatenate([axis.columns for axis in unknown], axis=1)
     nuisances = np.concatenate([calibration, noise.batch], axis=1)
@@ -700,8 +681,7 @@ def applied(candidate: Candidate, setup: Setup) -> Setup:
 def specimen_forces_N(problem: Problem, candidate: Candidate) -> FloatArray:
     """Return predicted forces on each specimen's test's steps, (n, T)."""
     model = problem.model
-    used = applied(candidate, model.setup)
-    forces: FloatArray = predict(used, model.laws).force_N[model.test_of]
+    forces = predict(applied(candidate, model.setup), model.laws).force_N[model.test_of]
     if candidate.members is not None:
         forces = forces * np.exp(candidate.log_gain * candidate.members)[:, None]
     return forces

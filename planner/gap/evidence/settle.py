@@ -200,10 +200,9 @@ the next step goes on."""
 def _moved(candidate: Candidate, coordinates: FloatArray) -> Candidate:
     """Return the candidate at coordinates of all its branches, one after the other."""
     places, first = [], 0
-    for branch, own in candidate.parts:
-        stop = first + len(branch.coordinates(own))
-        places.append(branch.place(coordinates[first:stop]))
-        first = stop
+    for branch, place in candidate.parts:
+        own = slice(first, first := first + len(branch.coordinates(place)))
+        places.append(branch.place(coordinates[own]))
     return replace(candidate, places=tuple(places))
 
 
@@ -250,8 +249,7 @@ def _mode(world: World, point: _Point, own: FloatArray) -> _Point:
     """
     slopes, fresh, damping = point.slopes, True, _DAMPING
     for _ in range(_STEPS):
-        step = _step(world, point, own, slopes, damping)
-        if step is not None:
+        if (step := _step(world, point, own, slopes, damping)) is not None:
             reached, move, gained, damping = step
             off = point.left - reached.left - slopes @ move
             slopes = slopes + np.outer(off, move / (move @ move))

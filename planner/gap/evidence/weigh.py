@@ -437,9 +437,8 @@ def _add_subset(one: Settled, worlds: Sequence[World], result: Weighed) -> None:
         assert found.members is not None
         if found.log_evidence == -np.inf:
             continue
-        axis = None
-        if not _in_another_unit(found):
-            axis = _telling_column(world.problem, found.members > 0.5)
+        of_unit = np.min(np.abs(np.abs(found.log_gain) - UNIT_GAINS)) < 1e-9
+        axis = None if of_unit else _telling_column(world.problem, found.members > 0.5)
         if axis is None:
             result.add_candidate(found, world)
         else:
@@ -454,21 +453,12 @@ def _telling_column(problem: Problem, members: BoolArray) -> int | None:
     own = next(b.effect.where for b in problem.branches if b.effect.id == _GAIN)
     columns = axis_columns(problem.campaign)
     for number, name in enumerate(axis.axis for axis in problem.unknown):
-        cells = columns.get(name)
-        if cells is None or name in own or len(set(cells)) > len(cells) // 2:
-            continue
-        of, other = (
-            {cell for cell, member in zip(cells, members, strict=True) if member == side}
-            for side in (True, False)
-        )
-        if of and other and not of & other:
+        cells = columns.get(name, ())
+        distinct = len(set(cells))
+        shared = name in own or not 0 < distinct <= len(cells) // 2
+        if not shared and len(set(zip(cells, members.tolist(), strict=True))) == distinct:
             return number
     return None
-
-
-def _in_another_unit(candidate: Candidate) -> bool:
-    """Return whether a gain of some specimens is one of a unit's."""
-    return bool(np.min(np.abs(np.abs(candidate.log_gain) - UNIT_GAINS)) < 1e-9)
 
 
 def _of_some(world: World, logs: "_LogPriors", one: Settled) -> Candidate:
@@ -752,8 +742,7 @@ def _add_axes(one: Settled, world: World, result: Weighed) -> None:
 def _add_axis(effects: Effects, number: int, evidence: float, result: Weighed) -> None:
     """Add effects beside a free pattern along an axis, which may be an effect's own."""
     axis, logs = result.plain.problem.unknown[number].axis, result.logs
-    owned = logs.owned(effects, axis, result)
-    if owned is not None:
+    if (owned := logs.owned(effects, axis, result)) is not None:
         result.add(owned, "", logs.of(owned), evidence + np.log(_FREE))
     elif effects:
         result.add(effects, axis, logs.of(effects) + float(logs.beside[number]), evidence)
@@ -854,8 +843,7 @@ def _fits_of_same_pattern(
     if len(best) < 2:
         return {}
     changes = np.stack([problem.explained(candidate) for candidate in best.values()], axis=1)
-    patterns = problem.noise.whiten(changes)
-    m = weighed.plain.products(patterns)
+    m = weighed.plain.products(problem.noise.whiten(changes))
     size = np.sqrt(np.maximum(np.diagonal(m), 1e-150))
     alike = m > ALIKE_COSINE * np.outer(size, size)
     return {
@@ -938,8 +926,7 @@ def _within_floor(problem: Problem) -> bool:
     squared error of n specimens in G groups of replicates, over the floor's, is 1 + (X - G) / n
     with X of chi squared, G degrees of freedom. Few specimens do not show that there is nothing.
     """
-    floor = replicate_floor(problem)
-    if floor is None:
+    if (floor := replicate_floor(problem)) is None:
         return False
     known = np.isfinite(floor) & ~problem.strays
     most, n = 1.0, int(known.sum())
@@ -964,11 +951,7 @@ def _explained(
     effect's to close. Nor is it one's to open: a further effect that only a law far off makes up
     for raises the errors of force by the palette's own laws.
     """
-    value = {
-        e: weighed.log_evidence[e, ""]
-        for e in weighed.best
-        if e and (e, "") in weighed.log_evidence
-    }
+    value = {e: weighed.log_evidence[e, ""] for e in weighed.best if e}
     best = sorted(value, key=lambda e: -value[e])[:_LOOKED_AT]
     closes: dict[Effects, bool] = {}
     without: dict[Effects, Effects] = {}
@@ -1027,9 +1010,8 @@ def ranking_of(evidence: Evidence, priors: Priors) -> tuple[Hypothesis, ...]:
     """
     found = evidence.log_evidence
     counts = _counted(found, priors)
-    ranking = posterior(
-        {key: prior + counts * found[key] for key, prior in evidence.log_prior.items()}
-    )
+    odds = {key: prior + counts * found[key] for key, prior in evidence.log_prior.items()}
+    ranking = posterior(odds)
     p = {h.effects: h.probability for h in ranking}
     unlikely = float(expit(-_ALIKE_NATS))
     for effects, fewer in evidence.without.items():
@@ -1130,8 +1112,7 @@ def verdict_of(ranking: Sequence[Hypothesis]) -> Effects:
     kinds: dict[Effects | None, list[Hypothesis]] = {}
     for h in ranking:
         kinds.setdefault(h.effects if h.effects in ((), UNKNOWN) else None, []).append(h)
-    likeliest = max(kinds.values(), key=lambda of_it: sum(h.probability for h in of_it))
-    return likeliest[0].effects
+    return max(kinds.values(), key=lambda of_it: sum(h.probability for h in of_it))[0].effects
 
 
 # ------------------------------------------------------------------------------------------------
@@ -1193,8 +1174,8 @@ the size, for a largest one of 40 times the smallest."""
 
 def detectable_sizes(
     problem: Problem, elimination: Elimination, priors: Priors
-) -> tuple[Detectable, ...]:
-    """Return, of each effect's first form, the size whose expected evidence would name it.
+) -> Iterator[Detectable]:
+    """Yield, of each effect's first form, the size whose expected evidence would name it.
 
     That is where half the squared length of its whitened pattern, nuisances projected out, makes
     up for the prior odds against it and the width of its prior; shapes are at their middle.
@@ -1202,13 +1183,11 @@ def detectable_sizes(
     nodes = elimination.products[1:, 1:]
     first = {b.effect.id: b.effect.forms[0] for b in problem.branches}
     needed = needed_nats(priors, max(len(first), 1))
-    found = []
     for id, form in first.items():
         signed = [(nodes[b.own, b.own], b) for b in problem.branches if b.form is form]
         known = [s for own, b in signed if (s := _smallest(own, b, needed)) is not None]
         size = form.size.high * min(known) ** 2 if known else None
-        found.append(Detectable(id, form.size.name, size, form.size.unit))
-    return tuple(found)
+        yield Detectable(id, form.size.name, size, form.size.unit)
 
 
 def needed_nats(priors: Priors, effects: int) -> float:
