@@ -194,13 +194,14 @@ class CutCells:
 
     def nearest(self, places_mm: FloatArray) -> tuple[IntArray, FloatArray]:
         """Return the cells of the material nearest to places, (n,), and their shapes there."""
-        cell = self.cell_of[self._tree.query(places_mm)[1]]
+        cell = self.cell_of[self.tree.query(places_mm)[1]]
         corner = self.origin_mm + self.index[cell] * self.cell_mm
         local = np.clip(2.0 * (places_mm - corner) / self.cell_mm - 1.0, -1.5, 1.5)
         return cell, shape_functions(local, self.cell_mm)[0]
 
     @cached_property
-    def _tree(self) -> Any:
+    def tree(self) -> Any:
+        """To find the nearest of `points_mm`."""
         from scipy.spatial import KDTree
 
         return KDTree(self.points_mm)

@@ -97,8 +97,7 @@ def _fields_of(
 
 def _hats(local: FloatArray) -> FloatArray:
     """Return the eight linear shape functions at places in a cell, (n, 8), x fastest."""
-    low, high = 0.5 * (1.0 - local), 0.5 * (1.0 + local)
-    ends = np.stack([low, high], axis=2)  # (n, 3, 2)
+    ends = np.stack([0.5 * (1.0 - local), 0.5 * (1.0 + local)], axis=2)  # (n, 3, 2)
     values = np.einsum("nk,nj,ni->nkji", ends[:, 2], ends[:, 1], ends[:, 0])
     return np.asarray(values.reshape(-1, 8))
 
@@ -435,8 +434,8 @@ def answers(mechanics: Mechanics, state: Equilibrium) -> "Iterator[tuple[Respons
             yield answer("move", support, pull, held.target_mm, weights)
         else:
             yield answer("fix", support, pull, None)
-    for pressure, pushed in zip(on.pressures, mechanics.pushed, strict=True):
-        yield answer("pressure", pressure, mechanics.push(pushed, share, u), None)
+    for pressure in on.pressures:
+        yield answer("pressure", pressure, mechanics.push(pressure, share, u).sum(axis=0), None)
     for watched in on.watched:
         axis, seen = watched.axis, watched
         if axis is not None:
