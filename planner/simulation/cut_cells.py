@@ -179,8 +179,9 @@ class CutCells:
     @property
     def points_mm(self) -> FloatArray:
         """Places of the quadrature points, (Q, 3)."""
-        index = self.index[self.cell_of]
-        return self.origin_mm + (index + 0.5 * (self.points + 1.0)) * self.cell_mm
+        return (
+            self.origin_mm + (self.index[self.cell_of] + 0.5 * (self.points + 1.0)) * self.cell_mm
+        )
 
     @cached_property
     def cell_volume_mm3(self) -> FloatArray:
@@ -505,8 +506,7 @@ def _without_skins(
     beside = coo_array((np.ones(len(ends), np.float32), tuple(ends.T)), (n, n)).tocsr()
     one, other = loose.T
     around = (beside[one] @ beside).multiply(beside[other]).sum(axis=1) > 0
-    along = place[one] == place[other]
-    walls = (np.minimum(span[one], span[other]) >= 0.5) | ~along
+    walls = (np.minimum(span[one], span[other]) >= 0.5) | (place[one] != place[other])
     return np.concatenate([firm, loose[~(around & walls.all(axis=1))]])
 
 

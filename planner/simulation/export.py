@@ -96,9 +96,7 @@ _LOCAL = np.array(
 
 # Faces by their numbers there, 1 to 6: -z, +z, -y, +x, +y, -x.
 _NORMALS = np.array([(0, 0, -1), (0, 0, 1), (0, -1, 0), (1, 0, 0), (0, 1, 0), (-1, 0, 0)])
-_FACE_NODES = np.array(
-    [np.flatnonzero(((_LOCAL - 1) @ normal) == 1) for normal in _NORMALS], dtype=np.int64
-)
+_FACE_NODES = np.array([np.flatnonzero((_LOCAL - 1) @ normal == 1) for normal in _NORMALS])
 """Local nodes of each face, (6, 8), four corners before four middles."""
 
 
@@ -150,7 +148,7 @@ def _fitting_cell_mm(surface: Mesh, about_mm: float) -> float:
     Walls gain or lose up to half a cell on either side; between one edge and another that is a
     seventh longer the volume of a finger's cells swings by several percent.
     """
-    off = {}
+    off: dict[float, float] = {}
     for edge_mm in (about_mm * np.geomspace(1.0 / _NEAR, _NEAR, _TRIALS)).tolist():
         _, edges, full = _half_full(surface, edge_mm)
         off[edge_mm] = abs(full.sum() * np.prod(edges) - surface.volume_mm3)
@@ -786,12 +784,8 @@ def _step_lines(step: _Step, to: str) -> Iterator[str]:
     for name, (nodes, forces) in step.forces_N.items():
         yield f"** {name}"
         yield "*CLOAD"
-        for node, force in zip(nodes.tolist(), forces.tolist(), strict=True):
-            yield from (
-                f"{node + 1}, {axis}, {value:.9g}"
-                for axis, value in enumerate(force, start=1)
-                if value
-            )
+        for row, axis in np.argwhere(forces).tolist():
+            yield f"{nodes[row] + 1}, {axis + 1}, {forces[row, axis]:.9g}"
     if step.pressures_MPa or step.gravity is not None:
         yield "*DLOAD"
     for name, (faces, pressure) in step.pressures_MPa.items():

@@ -634,8 +634,7 @@ def part_response(
             stiffness = [one.force_N[0] / one.displacement_mm[0] for one in (other, moved)]
             change += abs(math.log(stiffness[0] / stiffness[1]))
     # What is told bounds the error of nine parts in ten: 1.645 standard deviations.
-    log_sd = math.hypot(_HELD, COVERS * change / 1.645)
-    return response_of(part, moved, log_sd=log_sd)
+    return response_of(part, moved, log_sd=math.hypot(_HELD, COVERS * change / 1.645))
 
 
 def response_of(part: LoadedPart, moved: _Moved, *, log_sd: float) -> PartResponse:

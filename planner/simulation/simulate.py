@@ -165,8 +165,7 @@ def _pull(bar: Bar, model: CoefficientModel, displacement_mm: FloatArray) -> _Pu
         displacement_mm = displacement_mm[: int(np.argmax(out))]
         strain, _, _ = _states(bar, laws, np.array([reach]))
         stopped_at = int(np.argmax(strain / limit))
-    states = _states(bar, laws, displacement_mm)
-    return _Pulled(*states, break_strain, limit, reach, stopped_at)
+    return _Pulled(*_states(bar, laws, displacement_mm), break_strain, limit, reach, stopped_at)
 
 
 def _states(
@@ -455,8 +454,7 @@ def _bar_of(
             source = palette.resolve(str(source))
         except UnknownNameError as error:
             raise UnknownNameError(f"{error}; nor is {path} a file or folder") from error
-    sizes = {"width": width_mm, "thickness": thickness_mm, "gauge": gauge_mm}
-    for name, size in sizes.items():
+    for name, size in (("width", width_mm), ("thickness", thickness_mm), ("gauge", gauge_mm)):
         if not 0.0 < size < np.inf:
             raise ArgumentError(f"{name} of {size:g} mm: it must be above 0 and finite")
     ends, area = np.array([0.0, gauge_mm]), np.array([width_mm * thickness_mm])

@@ -105,8 +105,7 @@ def spread(cells: "CutCells", at: _FacetPoints, forces: FloatArray) -> FloatArra
 def _summed(nodes: IntArray, values: FloatArray, count: int) -> FloatArray:
     """Return the sums at nodes of values, (..., 3), that belong to nodes, (...)."""
     flat = nodes.ravel()
-    columns = values.reshape(-1, 3).T
-    return np.stack([np.bincount(flat, column, count) for column in columns], axis=1)
+    return np.stack([np.bincount(flat, along, count) for along in values.reshape(-1, 3).T], axis=1)
 
 
 _LEVI_CIVITA = np.cross(np.eye(3)[:, None], np.eye(3))
@@ -209,25 +208,16 @@ class _Sensitivity(NamedTuple):
         Over ln W' there, Poisson's ratio at rest fixed for `log_bulk`.
     log_bulk : (Q,)
         Over ln κ there.
-    over_m : (Q,)
-        d ln W' / dm there, at the strain there.
-    bulk_over_m : (Q,)
-        d ln κ / dm.
     weight_over_m : (Q,)
         Over m there, by the weight alone.
+    coordinate : (Q,)
+        Over m there, by all.
     """
 
     log_stress: FloatArray
     log_bulk: FloatArray
-    over_m: FloatArray
-    bulk_over_m: FloatArray
     weight_over_m: FloatArray
-
-    @property
-    def coordinate(self) -> FloatArray:
-        """Over the coordinate at each point, (Q,)."""
-        by_stiffness = self.log_stress * self.over_m + self.log_bulk * self.bulk_over_m
-        return by_stiffness + self.weight_over_m
+    coordinate: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -627,8 +617,7 @@ class Mechanics:
         stress, pressure = state.stress_MPa.copy(), state.pressure.copy()
         moved, factored = 0.0, into
         for iteration in range(1, _MOST_ITERATIONS + 1):
-            here = Equilibrium(share, u, strain, stress, pressure)
-            residual, size = self._assembled(here, share)
+            residual, size = self._assembled(Equilibrium(share, u, strain, stress, pressure), share)
             error = float(np.linalg.norm(residual)) / max(size, 1e-300)
             if progress is not None:
                 progress(share, iteration, error)
@@ -738,23 +727,22 @@ class Mechanics:
 
         at = self.points_of(facets)
         size = at.size_mm2
-        before, after = (
-            place - size @ place / size.sum() for place in (self.place_mm(at), self.place_mm(at, u))
-        )
+        places = (self.place_mm(at, moved) for moved in (0.0, u))
+        before, after = (place - size @ place / size.sum() for place in places)
         found, _ = Rotation.align_vectors(after, before, weights=size)
         return np.asarray(found.as_rotvec(degrees=True))
 
     def reactions(self, state: Equilibrium) -> list[FloatArray]:
         """Return the force of each support on the body, (3,) each."""
-        return [
-            self._reaction(h, state.share, state.displacement_mm).sum(axis=0) for h in self.held
-        ]
+        u = state.displacement_mm
+        return [self._reaction(held, state.share, u).sum(axis=0) for held in self.held]
 
     def reaction_weights(self, support: int, direction: FloatArray) -> FloatArray:
         """Return the derivative of a support's force along a direction over displacements."""
         held = self.held[support]
-        pull = -held.stiffness[:, None] * held.axes * direction
-        return spread(self.body.cells, held.points, pull)
+        return spread(
+            self.body.cells, held.points, -held.stiffness[:, None] * held.axes * direction
+        )
 
     def observe(self, state: Equilibrium, adjoint: FloatArray | None = None) -> "Observed":
         """Return invariants and strains at the points, and the work on an adjoint field."""
@@ -776,9 +764,8 @@ class Mechanics:
         by_weight, gravity = np.zeros(len(seen.x)), self.conditions.gravity
         if gravity is not None:
             by_weight += self.weight_over_m(state.share).T @ (adjoint @ np.array(gravity))
-        return _Sensitivity(
-            -seen.isochoric, -seen.volumetric, seen.over_m, self.bulk_over_m, by_weight
-        )
+        by_stiffness = -seen.isochoric * seen.over_m - seen.volumetric * self.bulk_over_m
+        return _Sensitivity(-seen.isochoric, -seen.volumetric, by_weight, by_stiffness + by_weight)
 
     def nodal_forces(self, state: Equilibrium, stress: FloatArray) -> FloatArray:
         """Return the nodal forces, (N, 3), of second Piola-Kirchhoff stresses, (Q, 6)."""
@@ -831,6 +818,5 @@ class Observed(NamedTuple):
 
         Its derivative over the strain is the direction's square over the stretch.
         """
-        square = np.eye(3) + 2.0 * self.strain[:, SIX]
-        values, vectors = np.linalg.eigh(square)
+        values, vectors = np.linalg.eigh(np.eye(3) + 2.0 * self.strain[:, SIX])
         return np.sqrt(np.maximum(values[:, 2], 0.0)), vectors[:, :, 2]

@@ -261,8 +261,7 @@ def analyse(nodes: IntArray, node_mm: FloatArray, links: IntArray = _NO_LINKS) -
     middle = np.asarray(node_mm, dtype=np.float64)[nodes].mean(axis=1)
     middle = np.concatenate([middle, middle[links].mean(axis=1)])
     ranks = np.stack([_ranks(middle[:, axis]) for axis in range(3)]).astype(np.int32)
-    sizes = np.repeat([27, 54], [len(nodes), len(links)])
-    begin = np.concatenate([[0], np.cumsum(sizes)])
+    begin = np.append(0, np.cumsum(np.repeat([27, 54], [len(nodes), len(links)])))
     members = np.concatenate([nodes.ravel(), nodes[links].ravel()]).astype(np.int32)
     each = (members, begin)
     cells, bounds, halves, depth, owner = _halved(*each, ranks, count, _CELLS_OF_A_LEAF)
@@ -541,8 +540,7 @@ def factor(
 
     def begin(task: int) -> tuple[Future[Any], tuple[int, FloatArray]]:
         start, end = a.tasks[task]
-        halves = a.below[end - 1].tolist() if end - start == 1 else (-1, -1)
-        outside = (updates.pop(halves[0], none), updates.pop(halves[1], none))
+        outside = tuple(updates.pop(half, none) for half in a.below[end - 1].tolist())
         work = np.empty(a.work[task])  # taken in one thread: each keeps what it once had
         given = (start, end, matrices, springs, columns, work, outside)
         return pool.submit(_factor_fronts, _blas_addresses(), a, *given), (task, work)
