@@ -470,8 +470,6 @@ def _touch_across(
     margin : (3,)
         How far from the edges, in cells.
     """
-    from scipy.sparse import coo_array
-
     column, low, high = material.segments[touching].transpose(2, 1, 0)
     firm = np.ones(len(touching), np.bool_)
     feet = np.divmod(material.foot[column], material.counts[1])
@@ -483,10 +481,9 @@ def _touch_across(
     away = (high.min(axis=0) > bottom + flat) & (low.max(axis=0) < bottom + material.voxels - flat)
     firm &= away | (column[0] == column[1])
     one, other = material.piece[touching].T
-    ends, count = (np.minimum(one, other), np.maximum(one, other)), len(material.piece)
-    times = coo_array((firm.astype(np.int32), ends), (count, count)).tocsr()
-    times.sum_duplicates()
-    return np.stack(times.tocoo().coords, axis=1).astype(np.int32), times.data > 0
+    ends = np.minimum(one, other), np.maximum(one, other)
+    order, starts = order_rows(*ends)
+    return np.stack(ends, axis=1)[order[starts]], np.logical_or.reduceat(firm[order], starts)
 
 
 def _without_skins(
@@ -577,8 +574,7 @@ def _number_nodes(
     _, at, node = np.unique(group, return_index=True, return_inverse=True)
     x, y, z = place[at].T
     order = np.lexsort((at, z, y, x))
-    number = np.empty(len(order), np.int32)
-    number[order] = np.arange(len(order))
+    number = np.argsort(order).astype(np.int32)
     return number[node.reshape(group.shape)], place[at[order]].astype(np.int32)
 
 

@@ -139,8 +139,7 @@ class PartResponse:
             The file cannot be read, or is no response.
         """
         file = decode_document(read_file(path), _ResponseFile, str(path))
-        figures = {name: np.array(getattr(file, name)) for name in _ARRAYS}
-        return cls(name=file.name, thickness_mm=file.thickness_mm, log_sd=file.log_sd, **figures)
+        return cls(**msgspec.structs.asdict(file))
 
 
 @lru_cache(maxsize=256)

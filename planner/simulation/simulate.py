@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -273,21 +274,19 @@ def _break_findings(
     return tuple(found)
 
 
-def _yield_notes(bar: Bar, model: CoefficientModel, reached: _Pulled) -> tuple[str, ...]:
+def _yield_notes(bar: Bar, model: CoefficientModel, reached: _Pulled) -> Iterator[str]:
     """Say which rigid grades without a yield are strained past where Hooke's law is known."""
     lower, _, _ = model.bracket(bar.coordinate)
     most = reached.strain.max(axis=0, initial=0.0)
-    notes = []
     for k in np.unique(lower).tolist():
         material = model.palette.materials[k]
         strain = float(most[lower == k].max())
         line = material.deformation == "plastic" and material.law.model == "linear"
         if line and strain > _YIELD_STRAIN:
-            notes.append(
+            yield (
                 f"{material.id} is known by Young's modulus alone and is strained by {strain:.3g}; "
                 f"such grades yield from about {_YIELD_STRAIN:g}, so the force is an upper bound"
             )
-    return tuple(notes)
 
 
 def called(model: CoefficientModel, coordinate: float) -> str:
