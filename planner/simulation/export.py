@@ -449,12 +449,11 @@ def export(
         step = None if case.is_empty else _step(mesh, laws, solid.surface, case, remarks)
         lines = _inp(mesh, remarks, elements, laws, step, to)
         data = ("\n".join(lines) + "\n").encode("ascii", "replace")
-    ex, ey, ez = mesh.cell_mm.tolist()
     return Export(
         name=solid.name,
         to=to,  # type: ignore[arg-type]  # one of _TARGETS
         data=data,
-        cell_mm=(ex, ey, ez),
+        cell_mm=as_point(mesh.cell_mm),
         cells=len(mesh.nodes),
         nodes=len(mesh.node_mm),
         volume_mm3=mesh.volume_mm3,
@@ -630,15 +629,15 @@ class _Step:
         Nodes and their displacement in mm; None where it is free.
     forces_N
         Nodes and forces, (k,) and (k, 3).
-    pressures_MPa
-        Elements and their faces 0 to 5, (k, 2), and the pressure.
+    pressures
+        By set: its elements, (k,), and the load, as P1 and the pressure in MPa.
     gravity
         Unit vector.
     """
 
     held: Mapping[str, tuple[IntArray, Sequence[float | None]]]
     forces_N: Mapping[str, tuple[IntArray, FloatArray]]
-    pressures_MPa: Mapping[str, tuple[IntArray, float]]
+    pressures: Mapping[str, tuple[IntArray, str]]
     gravity: Point | None
 
 
@@ -678,10 +677,12 @@ def _step(
     for name, moment, faces in named("MOMENT", conditions.moments):
         nodes, share = _spread(mesh, faces)
         forces[name] = nodes, couple(share, mesh.node_mm[nodes], np.array(moment.moment_N_mm))
-    pressures = {
-        name: (mesh.outer[faces], push.pressure_MPa)
-        for name, push, faces in named("PRESSURE", conditions.pressures)
-    }
+    pressures = {}
+    for name, push, faces in named("PRESSURE", conditions.pressures):
+        cell, face = mesh.outer[faces].T
+        for one in np.unique(face).tolist():
+            load = f"P{one + 1}, {push.pressure_MPa:.9g}"
+            pressures[f"{name}_S{one + 1}"] = cell[face == one], load
     return _Step(held, forces, pressures, conditions.gravity)
 
 
@@ -759,9 +760,8 @@ def _inp(
         yield from law.lines
     if step is None:
         return
-    for name, (faces, _) in step.pressures_MPa.items():
-        for face in np.unique(faces[:, 1]).tolist():
-            yield from _listed(f"*ELSET, ELSET={name}_S{face + 1}", faces[faces[:, 1] == face, 0])
+    for name, (pushed, _) in step.pressures.items():
+        yield from _listed(f"*ELSET, ELSET={name}", pushed)
     yield from _step_lines(step, to)
 
 
@@ -786,11 +786,10 @@ def _step_lines(step: _Step, to: str) -> Iterator[str]:
         yield "*CLOAD"
         for row, axis in np.argwhere(forces).tolist():
             yield f"{nodes[row] + 1}, {axis + 1}, {forces[row, axis]:.9g}"
-    if step.pressures_MPa or step.gravity is not None:
+    if step.pressures or step.gravity is not None:
         yield "*DLOAD"
-    for name, (faces, pressure) in step.pressures_MPa.items():
-        for face in np.unique(faces[:, 1]).tolist():
-            yield f"{name}_S{face + 1}, P{face + 1}, {pressure:.9g}"
+    for name, (_, load) in step.pressures.items():
+        yield f"{name}, {load}"
     if step.gravity is not None:
         x, y, z = step.gravity
         yield f"EALL, GRAV, {_GRAVITY_MM_S2:g}, {x:.9g}, {y:.9g}, {z:.9g}"

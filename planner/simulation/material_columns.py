@@ -185,23 +185,21 @@ def sample(
     nu, nv = (int(np.ceil((b - a) / pitch)) for a, b in (u, v))
     voxels = (MOST_VOXELS - 1) // cells[2]
     grid = Grid((u[0], v[0], 0.0), (pitch, pitch, size[2] / voxels), (nu, nv, voxels * cells[2]))
-    sampled = []
-    for mesh in shells:
-        x, y, z = (mesh.vertices - low).T
-        turned = Mesh(np.stack([cos * x + sin * y, cos * y - sin * x, z], axis=1), mesh.faces)
-        sampled.append(join(list(iterate_columns(turned, grid))))
-        if unpaired := sampled[-1].unpaired:
-            raise MeshError(
-                f"the surface is open: {unpaired} lines along z go in and do not "
-                "come out, or come out twice; repair the part first"
-            )
-    frame = np.array(
-        [u[0] + pitch / 2, v[0] + pitch / 2, pitch, cos, sin, 1.0 / size[0], 1.0 / size[1]]
-    )
+    frame = np.array([u[0] + pitch / 2, v[0] + pitch / 2, pitch, cos, sin, *(1.0 / size[:2])])
     foot = np.empty(nu * nv, np.int32)
     _find_feet(frame, nu, cells[0], cells[1], foot)
     per_foot = np.bincount(foot[foot >= 0], minlength=cells[0] * cells[1])
-    each = [_segments(columns, foot, voxels) for columns in sampled]
+    each = []
+    for mesh in shells:
+        x, y, z = (mesh.vertices - low).T
+        turned = Mesh(np.stack([cos * x + sin * y, cos * y - sin * x, z], axis=1), mesh.faces)
+        columns = join(list(iterate_columns(turned, grid)))
+        if columns.unpaired:
+            raise MeshError(
+                f"the surface is open: {columns.unpaired} lines along z go in and do not "
+                "come out, or come out twice; repair the part first"
+            )
+        each.append(_segments(columns, foot, voxels))
     segments = np.concatenate(each)
     shell = np.repeat(np.arange(len(each), dtype=np.int32), [len(own) for own in each])
     if len(each) > 1:

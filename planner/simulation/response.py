@@ -697,5 +697,5 @@ def _quantiles(values: FloatArray, weight: FloatArray, count: int) -> IntArray:
     """Return in which of so many groups of equal weight each value lies."""
     order = np.argsort(values, kind="stable")
     reach = np.cumsum(weight[order])
-    found = np.minimum(count * (reach - 0.5 * weight[order]) / reach[-1], count - 1)
+    found: FloatArray = np.minimum(count * (reach - 0.5 * weight[order]) / reach[-1], count - 1)
     return found[np.argsort(order)].astype(np.int64)

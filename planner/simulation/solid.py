@@ -358,9 +358,7 @@ class Mechanics:
         sloped = linear[:, 1:] @ np.linalg.pinv(linear[:, 1:])
         self.roughness = np.stack([np.eye(27) - linear @ np.linalg.pinv(linear), sloped])
         self.table = (body.table.log_slope_MPa, body.table.step, below, share)
-        self.geometry = (
-            cells.nodes, cells.offsets, cells.points, cells.weights_mm3, cells.cell_mm,
-        )  # fmt: skip
+        self.geometry = (cells.nodes, cells.offsets, cells.points, cells.weights_mm3, cells.cell_mm)
         self._places: dict[bytes, _FacetPoints] = {} if like is None else like._places
         softer = body.cell_shear_MPa[cells.interface.cells].min(axis=1)  # of cells that meet
         self.softer_MPa = 2.0 * (1.0 + body.poisson) * softer  # Young's modulus at rest

@@ -302,7 +302,7 @@ def _ranks(value: FloatArray) -> IntArray:
     rising = value[by_value]
     extent = float(np.ptp(rising)) if len(value) else 0.0
     # Cells are thousandths of the extent and more, roundings of means 1e-15 of the coordinates.
-    ranks = np.cumsum(np.diff(rising, prepend=rising[:1]) > 1e-6 * extent)
+    ranks = np.cumsum(np.diff(rising, prepend=rising[:1]) > 1e-6 * extent, dtype=np.int64)
     return ranks[np.argsort(by_value)]
 
 
