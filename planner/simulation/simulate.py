@@ -367,8 +367,7 @@ class Simulation:
     @property
     def beyond_break(self) -> BoolArray:
         """Steps from the first break on, which are extrapolated, (steps,)."""
-        broken = (self.strain > self.break_strain).any(axis=1)
-        return np.logical_or.accumulate(broken)
+        return np.logical_or.accumulate((self.strain > self.break_strain).any(axis=1))
 
     @property
     def _steps(self) -> dict[str, FloatArray | BoolArray]:
