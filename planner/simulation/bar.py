@@ -212,9 +212,7 @@ class Bar:
         _check_range(design, palette, Path(path).name)
         x = design.x_mm
         share = np.diff(x) / (x[-1] - x[0])
-        count = np.where(share > 0.0, np.maximum(np.rint(share * slices), 1.0), 0.0).astype(
-            np.int64
-        )
+        count = np.maximum(np.rint(share * slices), share > 0.0).astype(np.int64)
         ends = zip(x[:-1], x[1:], count, strict=True)
         edges = np.concatenate([x[:1], *(np.linspace(a, b, n + 1)[1:] for a, b, n in ends)])
         middle = 0.5 * (edges[:-1] + edges[1:])
@@ -551,9 +549,8 @@ def step_places_mm(design: ProfileDesign) -> FloatArray:
             places[-1][1] = end
         else:
             places.append([begin, end])
-    middle: FloatArray = np.array([0.5 * (begin + end) for begin, end in places], dtype=np.float64)
-    inside = (middle > 1e-9) & (middle < x[-1] - 1e-9)
-    return np.asarray(middle[inside])
+    middles = (0.5 * (begin + end) for begin, end in places)
+    return np.array([at for at in middles if 1e-9 < at < x[-1] - 1e-9], dtype=np.float64)
 
 
 def slice_edges_mm(design: ProfileDesign) -> FloatArray:

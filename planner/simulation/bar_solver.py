@@ -173,17 +173,14 @@ def law_tables(
     coordinate = np.array([m.coordinate for m in palette.materials])
     hardness = interpolated(palette).hardness
     place = places_of(hardness, coordinate)
+    values, slopes, ends = zip(*pulled, *pushed, strict=True)
     return LawTables(
         coordinate=coordinate,
         place=place,
         hardness=hardness,
         strain_step=float(nodes[1]),
-        cubics=_cubics_of(
-            place,
-            np.stack([values for values, _, _ in (*pulled, *pushed)]),
-            np.stack([slopes for _, slopes, _ in (*pulled, *pushed)]),
-        ),
-        sound_strain=np.array([end for _, _, end in pulled]),
+        cubics=_cubics_of(place, np.stack(values), np.stack(slopes)),
+        sound_strain=np.array(ends[: len(pulled)]),
     )
 
 

@@ -85,8 +85,7 @@ def quadrature(
     begin, segments = material.segments_of(cut, index[:, 2])
     share = 1.0 / np.maximum(material.per_foot[material.foot], 1)
     rule = np.stack(np.polynomial.legendre.leggauss(4))
-    across = material.across
-    pieces = (segments, begin, material.frame, across, material.voxels, share, index, rule)
+    pieces = (segments, begin, material.frame, material.across, material.voxels, share, index, rule)
     found, used = np.zeros((many, 2 * _POINTS, 4)), np.zeros(many, np.int64)
     if like is not None and _same_columns(material, like.material):
         rows = np.column_stack([like.points, like.weights_mm3 / np.prod(like.cell_mm)])
@@ -105,8 +104,7 @@ def quadrature(
         _find(pieces, first, stop, measure, normal, slopes, found, used)
 
     with one_blas_thread(), ThreadPoolExecutor(_THREADS) as pool:
-        for _ in pool.map(find, range(0, many, _CHUNK)):
-            pass
+        list(pool.map(find, range(0, many, _CHUNK)))
     counts = np.full(len(full), _POINTS)
     counts[~full] = np.where(used > 0, used, 4 * np.diff(begin))
     offsets = np.append(0, np.cumsum(counts))
@@ -296,11 +294,9 @@ def _guess(measure: Any, n: Any, place: Any) -> Any:
     # material divided between them, the same along y for each share, and along z for theirs. Then
     # each a little aside, evenly to all sides (multiples of powers of an irrational number).
     group = np.zeros(n, np.int64)
-    total, mean, spread = np.empty(28), np.empty(28), np.empty(28)
     place[0, 3] = 1.0
     for axis in range(3):
-        for g in range(28):
-            total[g], mean[g], spread[g] = 0.0, 0.0, 0.0
+        total, mean, spread = np.zeros(28), np.zeros(28), np.zeros(28)
         for q in range(n):
             x, w = measure[q, axis], measure[q, 3]
             for g in (group[q], 27):  # 27: all of the material, for shares that have none

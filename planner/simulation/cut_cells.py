@@ -179,8 +179,9 @@ class CutCells:
     @property
     def points_mm(self) -> FloatArray:
         """Places of the quadrature points, (Q, 3)."""
-        index = self.index[self.cell_of]
-        return self.origin_mm + (index + 0.5 * (self.points + 1.0)) * self.cell_mm
+        return (
+            self.origin_mm + (self.index[self.cell_of] + 0.5 * (self.points + 1.0)) * self.cell_mm
+        )
 
     @cached_property
     def cell_volume_mm3(self) -> FloatArray:
@@ -194,13 +195,14 @@ class CutCells:
 
     def nearest(self, places_mm: FloatArray) -> tuple[IntArray, FloatArray]:
         """Return the cells of the material nearest to places, (n,), and their shapes there."""
-        cell = self.cell_of[self._tree.query(places_mm)[1]]
+        cell = self.cell_of[self.tree.query(places_mm)[1]]
         corner = self.origin_mm + self.index[cell] * self.cell_mm
         local = np.clip(2.0 * (places_mm - corner) / self.cell_mm - 1.0, -1.5, 1.5)
         return cell, shape_functions(local, self.cell_mm)[0]
 
     @cached_property
-    def _tree(self) -> Any:
+    def tree(self) -> Any:
+        """To find the nearest of `points_mm`."""
         from scipy.spatial import KDTree
 
         return KDTree(self.points_mm)
@@ -468,8 +470,6 @@ def _touch_across(
     margin : (3,)
         How far from the edges, in cells.
     """
-    from scipy.sparse import coo_array
-
     column, low, high = material.segments[touching].transpose(2, 1, 0)
     firm = np.ones(len(touching), np.bool_)
     feet = np.divmod(material.foot[column], material.counts[1])
@@ -481,10 +481,9 @@ def _touch_across(
     away = (high.min(axis=0) > bottom + flat) & (low.max(axis=0) < bottom + material.voxels - flat)
     firm &= away | (column[0] == column[1])
     one, other = material.piece[touching].T
-    ends, count = (np.minimum(one, other), np.maximum(one, other)), len(material.piece)
-    times = coo_array((firm.astype(np.int32), ends), (count, count)).tocsr()
-    times.sum_duplicates()
-    return np.stack(times.tocoo().coords, axis=1).astype(np.int32), times.data > 0
+    ends = np.minimum(one, other), np.maximum(one, other)
+    order, starts = order_rows(*ends)
+    return np.stack(ends, axis=1)[order[starts]], np.logical_or.reduceat(firm[order], starts)
 
 
 def _without_skins(
@@ -504,8 +503,7 @@ def _without_skins(
     beside = coo_array((np.ones(len(ends), np.float32), tuple(ends.T)), (n, n)).tocsr()
     one, other = loose.T
     around = (beside[one] @ beside).multiply(beside[other]).sum(axis=1) > 0
-    along = place[one] == place[other]
-    walls = (np.minimum(span[one], span[other]) >= 0.5) | ~along
+    walls = (np.minimum(span[one], span[other]) >= 0.5) | (place[one] != place[other])
     return np.concatenate([firm, loose[~(around & walls.all(axis=1))]])
 
 
@@ -576,8 +574,7 @@ def _number_nodes(
     _, at, node = np.unique(group, return_index=True, return_inverse=True)
     x, y, z = place[at].T
     order = np.lexsort((at, z, y, x))
-    number = np.empty(len(order), np.int32)
-    number[order] = np.arange(len(order))
+    number = np.argsort(order).astype(np.int32)
     return number[node.reshape(group.shape)], place[at[order]].astype(np.int32)
 
 

@@ -20,7 +20,7 @@ from planner.materials.marlow import POISSON
 from planner.materials.mixtures import CoefficientModel
 from planner.mesh.halve import halve_long_edges
 from planner.mesh.mesh import Mesh
-from planner.numerics import BoolArray, FloatArray, IntArray, Point
+from planner.numerics import BoolArray, FloatArray, IntArray, Point, as_point
 from planner.palette import Palette
 from planner.printers import Printer
 from planner.simulation.loads import Condition, LoadCase, couple, read_conditions
@@ -96,9 +96,7 @@ _LOCAL = np.array(
 
 # Faces by their numbers there, 1 to 6: -z, +z, -y, +x, +y, -x.
 _NORMALS = np.array([(0, 0, -1), (0, 0, 1), (0, -1, 0), (1, 0, 0), (0, 1, 0), (-1, 0, 0)])
-_FACE_NODES = np.array(
-    [np.flatnonzero(((_LOCAL - 1) @ normal) == 1) for normal in _NORMALS], dtype=np.int64
-)
+_FACE_NODES = np.array([np.flatnonzero((_LOCAL - 1) @ normal == 1) for normal in _NORMALS])
 """Local nodes of each face, (6, 8), four corners before four middles."""
 
 
@@ -150,13 +148,11 @@ def _fitting_cell_mm(surface: Mesh, about_mm: float) -> float:
     Walls gain or lose up to half a cell on either side; between one edge and another that is a
     seventh longer the volume of a finger's cells swings by several percent.
     """
-    wanted = surface.volume_mm3
-    off = {}
-    for edge_mm in about_mm * np.geomspace(1.0 / _NEAR, _NEAR, _TRIALS):
-        low, edges, shape = _lattice(surface, float(edge_mm))
-        full = _fill(surface, low, edges, shape) >= 0.5
-        off[float(edge_mm)] = abs(full.sum() * np.prod(edges) - wanted)
-    return min(off, key=lambda edge_mm: off[edge_mm])
+    off: dict[float, float] = {}
+    for edge_mm in (about_mm * np.geomspace(1.0 / _NEAR, _NEAR, _TRIALS)).tolist():
+        _, edges, full = _half_full(surface, edge_mm)
+        off[edge_mm] = abs(full.sum() * np.prod(edges) - surface.volume_mm3)
+    return min(off, key=off.__getitem__)
 
 
 def _hexahedra(surface: Mesh, cell_mm: float) -> _Hexahedra:
@@ -167,8 +163,7 @@ def _hexahedra(surface: Mesh, cell_mm: float) -> _Hexahedra:
     ArgumentError
         There are too many, or none is half full.
     """
-    low, edges, (nx, ny, nz) = _lattice(surface, positive(cell_mm, "`cell_mm`"))
-    full = _fill(surface, low, edges, (nx, ny, nz)) >= 0.5
+    low, edges, full = _half_full(surface, positive(cell_mm, "`cell_mm`"))
     kept, pieces = _joined(full)
     index = np.argwhere(kept)
     if not len(index):
@@ -177,11 +172,12 @@ def _hexahedra(surface: Mesh, cell_mm: float) -> _Hexahedra:
             "smaller ones"
         )
     places = 2 * index[:, None] + _LOCAL
-    width = np.array([2 * nx + 1, 2 * ny + 1, 2 * nz + 1])
+    width = 2 * np.array(full.shape) + 1
     key = (places[..., 2] * width[1] + places[..., 1]) * width[0] + places[..., 0]
     used, nodes = np.unique(key, return_inverse=True)
     at = np.stack([used % width[0], used // width[0] % width[1], used // (width[0] * width[1])], 1)
-    outer = _outer(kept, index)
+    beside = np.moveaxis(index[:, None] + _NORMALS + 1, 2, 0)
+    outer = np.argwhere(~np.pad(kept, 1)[tuple(beside)])
     normal = _NORMALS[outer[:, 1]].astype(np.float64)
     middle = low + (index + 0.5) * edges
     return _Hexahedra(
@@ -197,8 +193,8 @@ def _hexahedra(surface: Mesh, cell_mm: float) -> _Hexahedra:
     )
 
 
-def _lattice(surface: Mesh, cell_mm: float) -> tuple[FloatArray, FloatArray, tuple[int, int, int]]:
-    """Return the lower corner, edges, and cells along x, y, z."""
+def _half_full(surface: Mesh, cell_mm: float) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """Return the lattice's lower corner, a cell's edges, and which cells are at least half full."""
     low, high = surface.bounds_mm
     nx, ny, nz = (max(int(n), 1) for n in np.ceil((high - low) / cell_mm - 1e-6))
     most = surface.volume_mm3 / cell_mm**3
@@ -207,22 +203,14 @@ def _lattice(surface: Mesh, cell_mm: float) -> tuple[FloatArray, FloatArray, tup
             f"`cell_mm` {cell_mm:g}: the part would come to {most:.3g} cells; up to {_MOST_CELLS} "
             "are possible: take larger ones"
         )
-    return low, (high - low) / (nx, ny, nz), (nx, ny, nz)
-
-
-def _fill(
-    surface: Mesh, low: FloatArray, edges: FloatArray, shape: tuple[int, int, int]
-) -> FloatArray:
-    """Return how full each cell is, 0 to 1."""
-    nx, ny, nz = shape
-    ox, oy, oz = low.tolist()
-    px, py, pz = (edges / _ACROSS).tolist()
-    grid = Grid((ox, oy, oz), (px, py, pz), (nx * _ACROSS, ny * _ACROSS, nz * _ACROSS))
-    share = np.empty(shape)
+    edges = (high - low) / (nx, ny, nz)
+    pitch, columns = as_point(edges / _ACROSS), (nx * _ACROSS, ny * _ACROSS, nz * _ACROSS)
+    grid = Grid(as_point(low), pitch, columns)
+    share = np.empty((nx, ny, nz))
     for slab in iterate_columns(surface, grid, slab_rows=_ACROSS):
         inside = dense(slab).reshape(nx, _ACROSS, _ACROSS, nz, _ACROSS)
         share[:, slab.first_row // _ACROSS] = inside.mean(axis=(1, 2, 4))
-    return share
+    return low, edges, share >= 0.5
 
 
 def _joined(full: BoolArray) -> tuple[BoolArray, int]:
@@ -233,19 +221,7 @@ def _joined(full: BoolArray) -> tuple[BoolArray, int]:
     size = np.bincount(number.ravel())
     size[0] = 0
     large = size >= _SPECK * max(int(size.sum()), 1)
-    large[0] = False
     return large[number], int(large.sum())
-
-
-def _outer(kept: BoolArray, index: IntArray) -> NDArray[np.int64]:
-    padded = np.pad(kept, 1)
-    found = []
-    for face, normal in enumerate(_NORMALS):
-        beside = padded[tuple((index + 1 + normal).T)]
-        cells = np.flatnonzero(~beside)
-        found.append(np.stack([cells, np.full(len(cells), face)], axis=1))
-    together = np.concatenate(found)
-    return together[np.lexsort(together.T[::-1])]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -473,12 +449,11 @@ def export(
         step = None if case.is_empty else _step(mesh, laws, solid.surface, case, remarks)
         lines = _inp(mesh, remarks, elements, laws, step, to)
         data = ("\n".join(lines) + "\n").encode("ascii", "replace")
-    ex, ey, ez = mesh.cell_mm.tolist()
     return Export(
         name=solid.name,
         to=to,  # type: ignore[arg-type]  # one of _TARGETS
         data=data,
-        cell_mm=(ex, ey, ez),
+        cell_mm=as_point(mesh.cell_mm),
         cells=len(mesh.nodes),
         nodes=len(mesh.node_mm),
         volume_mm3=mesh.volume_mm3,
@@ -626,11 +601,10 @@ def _law_notes(laws: Sequence[_Law], to_strain: float) -> Iterator[str]:
             f"{', '.join(hard)}: no rubber of CalculiX bends over as the curve does; *ELASTIC and "
             "*PLASTIC follow it while the load grows, and keep a set where it is taken off"
         )
-    reached = [(one.material.name, one.material.to_strain, one.end) for one in laws]
     if short := [
-        f"{name} {strain:.2g}"
-        for name, strain, end in reached
-        if strain is not None and strain < min(to_strain, end)
+        f"{one.material.name} {strain:.2g}"
+        for one in laws
+        if (strain := one.material.to_strain) is not None and strain < min(to_strain, one.end)
     ]:
         yield (
             f"stable laws of CalculiX are within {_WITHIN:.0%} of the palette up to these strains "
@@ -655,15 +629,15 @@ class _Step:
         Nodes and their displacement in mm; None where it is free.
     forces_N
         Nodes and forces, (k,) and (k, 3).
-    pressures_MPa
-        Elements and their faces 0 to 5, (k, 2), and the pressure.
+    pressures
+        By set: its elements, (k,), and the load, as P1 and the pressure in MPa.
     gravity
         Unit vector.
     """
 
     held: Mapping[str, tuple[IntArray, Sequence[float | None]]]
     forces_N: Mapping[str, tuple[IntArray, FloatArray]]
-    pressures_MPa: Mapping[str, tuple[IntArray, float]]
+    pressures: Mapping[str, tuple[IntArray, str]]
     gravity: Point | None
 
 
@@ -703,10 +677,12 @@ def _step(
     for name, moment, faces in named("MOMENT", conditions.moments):
         nodes, share = _spread(mesh, faces)
         forces[name] = nodes, couple(share, mesh.node_mm[nodes], np.array(moment.moment_N_mm))
-    pressures = {
-        name: (mesh.outer[faces], push.pressure_MPa)
-        for name, push, faces in named("PRESSURE", conditions.pressures)
-    }
+    pressures = {}
+    for name, push, faces in named("PRESSURE", conditions.pressures):
+        cell, face = mesh.outer[faces].T
+        for one in np.unique(face).tolist():
+            load = f"P{one + 1}, {push.pressure_MPa:.9g}"
+            pressures[f"{name}_S{one + 1}"] = cell[face == one], load
     return _Step(held, forces, pressures, conditions.gravity)
 
 
@@ -735,9 +711,9 @@ def _spread(mesh: _Hexahedra, faces: IntArray) -> tuple[IntArray, FloatArray]:
     edges = mesh.cell_mm
     area = np.prod(edges) / np.abs(mesh.outer_normal[faces] @ edges)
     # Of a face of eight nodes: -1/12 at corners, 1/3 at the middles of its edges.
-    weight = np.repeat([[-1.0 / 12.0] * 4 + [1.0 / 3.0] * 4], len(faces), axis=0)
+    weight = np.array([-1.0 / 12.0] * 4 + [1.0 / 3.0] * 4)
     nodes, at = np.unique(_nodes(mesh, faces), return_inverse=True)
-    share = np.bincount(at.ravel(), weights=(weight * area[:, None]).ravel())
+    share = np.bincount(at.ravel(), weights=np.outer(area, weight).ravel())
     return nodes, share / area.sum()
 
 
@@ -784,9 +760,8 @@ def _inp(
         yield from law.lines
     if step is None:
         return
-    for name, (faces, _) in step.pressures_MPa.items():
-        for face in np.unique(faces[:, 1]).tolist():
-            yield from _listed(f"*ELSET, ELSET={name}_S{face + 1}", faces[faces[:, 1] == face, 0])
+    for name, (pushed, _) in step.pressures.items():
+        yield from _listed(f"*ELSET, ELSET={name}", pushed)
     yield from _step_lines(step, to)
 
 
@@ -809,17 +784,12 @@ def _step_lines(step: _Step, to: str) -> Iterator[str]:
     for name, (nodes, forces) in step.forces_N.items():
         yield f"** {name}"
         yield "*CLOAD"
-        for node, force in zip(nodes.tolist(), forces.tolist(), strict=True):
-            yield from (
-                f"{node + 1}, {axis}, {value:.9g}"
-                for axis, value in enumerate(force, start=1)
-                if value
-            )
-    if step.pressures_MPa or step.gravity is not None:
+        for row, axis in np.argwhere(forces).tolist():
+            yield f"{nodes[row] + 1}, {axis + 1}, {forces[row, axis]:.9g}"
+    if step.pressures or step.gravity is not None:
         yield "*DLOAD"
-    for name, (faces, pressure) in step.pressures_MPa.items():
-        for face in np.unique(faces[:, 1]).tolist():
-            yield f"{name}_S{face + 1}, P{face + 1}, {pressure:.9g}"
+    for name, (_, load) in step.pressures.items():
+        yield f"{name}, {load}"
     if step.gravity is not None:
         x, y, z = step.gravity
         yield f"EALL, GRAV, {_GRAVITY_MM_S2:g}, {x:.9g}, {y:.9g}, {z:.9g}"
@@ -888,7 +858,6 @@ def _stable_yeoh(
     """
     from scipy.optimize import linprog
 
-    strain = np.asarray(strain, dtype=np.float64)
     y, slope = first_invariant(strain), stress_MPa / (2.0 * (1.0 + strain - (1.0 + strain) ** -2))
     fit = _slopes(y) / slope[:, None]
     both = 1.0 + _FARTHEST * to_strain  # a sheet stretched in two directions
@@ -898,18 +867,13 @@ def _stable_yeoh(
     positive = _slopes(far) / own[:, None]
     curvatures = np.stack([np.zeros_like(far), np.full_like(far, 2.0), 6.0 * far], axis=1)
     stable = positive + curvatures * _reach(far)[:, None] / own[:, None]
-    allowed, none = (
-        np.maximum(strain / to_strain, 1.0)[:, None] ** _BEYOND,
-        np.zeros((_STABLE_POINTS, 1)),
-    )
-    sides = [(fit, -allowed), (-fit, -allowed), (-positive, none), (-stable, none)]
+    allowed, none = np.maximum(strain / to_strain, 1.0)[:, None] ** _BEYOND, np.zeros((len(far), 1))
+    sides = [[fit, -allowed], [-fit, -allowed], [-positive, none], [-stable, none]]
     first = modulus_MPa / 6.0 * _REST[0], modulus_MPa / 6.0 * _REST[1]
     found = linprog(
         [0.0, 0.0, 0.0, 1.0],
-        A_ub=np.vstack([np.hstack(side) for side in sides]),
-        b_ub=np.concatenate(
-            [np.ones(len(y)), -np.ones(len(y)), np.full(2 * _STABLE_POINTS, -_SLIGHTEST)]
-        ),
+        A_ub=np.block(sides),
+        b_ub=np.repeat([1.0, -1.0, -_SLIGHTEST], [len(y), len(y), 2 * len(far)]),
         bounds=[first, *2 * [(None, None)], (0, None)],
     )
     c1, c2, c3, error = np.asarray(found.x).tolist()

@@ -49,13 +49,13 @@ def parted(
     """
     deep, skin = _DEEP * float(size.mean()), _SKIN * float(size.mean())
     places, planes = _inner_edges(surface, low)
-    shells = int(material.shell.max(initial=0)) + 1
-    material = material.connected(material.cell * shells + material.shell)
+    label = material.cell * (int(material.shell.max(initial=0)) + 1) + material.shell
+    pairs = material.touching(label, np.arange(len(label)))
+    material = replace(material, piece=connected(len(label), *pairs.T))
     halves = np.zeros((int(material.piece.max(initial=-1)) + 1, 0, 4))
     while len(places) and len(halves):
         index = np.stack(np.unravel_index(material.pieces()[0], material.counts), axis=1)
-        inward = -planes[:, :, :3].sum(axis=1)
-        piece, _, _ = material.locate(low, size, index, low + places, inward)
+        piece = material.locate(low, size, index, low + places, -planes[:, :, :3].sum(axis=1))[0]
         # At an edge on a plane that has parted it, the piece has no inner corner left.
         above = np.einsum("nki,ni->nk", halves[piece, :, :3], places) - halves[piece, :, 3]
         bounds = ((above > skin) | ~halves[piece].any(axis=2)).all(axis=1)

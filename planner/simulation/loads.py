@@ -612,9 +612,7 @@ def _cavity(faces: _Faces, where: str, caps: Sequence[_Cap]) -> BoolArray:
     for number, (axis, at) in enumerate(planes):
         apex[plane_of[rim] == number, axis] = at
     fan = np.stack([vertices[heads.ravel()[rim]], vertices[corners.ravel()[rim]], apex], axis=1)
-    six_volumes += np.bincount(
-        rim // 3, weights=np.linalg.det(fan - origin), minlength=len(corners)
-    )
+    six_volumes += np.bincount(rim // 3, np.linalg.det(fan - origin), len(corners))
     within = ~left_out
     volume = np.bincount(piece[within], weights=six_volumes[within] / 6.0, minlength=len(corners))
     area = np.bincount(piece[within], weights=faces.area_mm2[within], minlength=len(corners))
@@ -697,12 +695,8 @@ def _free_motions(faces: _Faces, supports: Sequence[Support], body: BoolArray) -
         at = (faces.mesh.vertices[touched] - middle) / size
         for axis, value in enumerate(support.displacement_mm):
             if value is not None:
-                row = np.zeros((len(at), 6))
-                row[:, axis] = 1.0
-                # u = t + w x r
-                row[:, 3 + (axis + 1) % 3] = at[:, (axis + 2) % 3]
-                row[:, 3 + (axis + 2) % 3] = -at[:, (axis + 1) % 3]
-                rows.append(row)
+                along = np.eye(3)[axis]  # of u = t + w x r
+                rows.append(np.hstack(np.broadcast_arrays(along, np.cross(at, along))))
     held = np.concatenate(rows)
     held = held.T @ held
     limit = _FREE**2 * float(np.abs(held).max())

@@ -1,7 +1,7 @@
 """The material of a part as columns, cut into segments by the faces of a lattice of cells."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import MeshError
-from planner.mesh.mesh import Mesh, connected, order_rows
+from planner.mesh.mesh import Mesh, order_rows
 from planner.numerics import FloatArray, IntArray, inner_kernel, kernel
 from planner.voxels.columns import MOST_VOXELS, Columns, Grid, iterate_columns, join
 
@@ -66,8 +66,7 @@ class SampledMaterial:
     @cached_property
     def offsets(self) -> IntArray:
         """Segments of column c are ``offsets[c]`` to ``offsets[c + 1]``."""
-        each = np.bincount(self.segments[:, 0], minlength=len(self.foot))
-        return np.append(0, np.cumsum(each))
+        return np.append(0, np.cumsum(np.bincount(self.segments[:, 0], minlength=len(self.foot))))
 
     @property
     def cell(self) -> IntArray:
@@ -89,11 +88,6 @@ class SampledMaterial:
         label, apart = label.astype(np.int64), apart.astype(np.int32)
         given = (self.segments, self.offsets, self.across, label, apart)
         return pairs[: _touching(*given, pairs)]
-
-    def connected(self, label: IntArray) -> "SampledMaterial":
-        """Tell segments to pieces: those of one label, (s,), that touch."""
-        pairs = self.touching(label, np.arange(len(label)))
-        return replace(self, piece=connected(len(label), *pairs.T))
 
     def segments_of(
         self, number: NDArray[np.int32], layer: IntArray
@@ -133,11 +127,9 @@ class SampledMaterial:
         order, starts = order_rows(self.piece)
         _, low, high = self.segments[order].T
         x, y = self.place(order)
-        low_z, high_z = low / self.voxels, high / self.voxels
-        least = [np.minimum.reduceat(along, starts) for along in (x, y, low_z)]
-        most = [np.maximum.reduceat(along, starts) for along in (x, y, high_z)]
-        ends = np.stack([np.stack(least, axis=1), np.stack(most, axis=1)], axis=1)
-        return np.add.reduceat(high - low, starts), ends
+        least = [np.minimum.reduceat(along, starts) for along in (x, y, low / self.voxels)]
+        most = [np.maximum.reduceat(along, starts) for along in (x, y, high / self.voxels)]
+        return np.add.reduceat(high - low, starts), np.array([least, most]).transpose(2, 0, 1)
 
     def locate(
         self, origin_mm: FloatArray, cell_mm: FloatArray, index: IntArray,
@@ -147,8 +139,7 @@ class SampledMaterial:
         place = (points_mm - origin_mm) / cell_mm
         counts = np.array(self.counts)
         own = np.clip(np.floor(place + _PLAIN_STEP * inward), 0, counts - 1).astype(np.int64)
-        step = self.frame[2]
-        target = points_mm - origin_mm + step * inward
+        target = points_mm - origin_mm + self.frame[2] * inward
         target[:, 2] *= self.voxels / cell_mm[2]
         if shell is None:
             shell = np.full(len(own), -1, np.int32)
@@ -194,23 +185,21 @@ def sample(
     nu, nv = (int(np.ceil((b - a) / pitch)) for a, b in (u, v))
     voxels = (MOST_VOXELS - 1) // cells[2]
     grid = Grid((u[0], v[0], 0.0), (pitch, pitch, size[2] / voxels), (nu, nv, voxels * cells[2]))
-    sampled = []
-    for mesh in shells:
-        x, y, z = (mesh.vertices - low).T
-        turned = Mesh(np.stack([cos * x + sin * y, cos * y - sin * x, z], axis=1), mesh.faces)
-        sampled.append(join(list(iterate_columns(turned, grid))))
-        if unpaired := sampled[-1].unpaired:
-            raise MeshError(
-                f"the surface is open: {unpaired} lines along z go in and do not "
-                "come out, or come out twice; repair the part first"
-            )
-    frame = np.array(
-        [u[0] + pitch / 2, v[0] + pitch / 2, pitch, cos, sin, 1.0 / size[0], 1.0 / size[1]]
-    )
+    frame = np.array([u[0] + pitch / 2, v[0] + pitch / 2, pitch, cos, sin, *(1.0 / size[:2])])
     foot = np.empty(nu * nv, np.int32)
     _find_feet(frame, nu, cells[0], cells[1], foot)
     per_foot = np.bincount(foot[foot >= 0], minlength=cells[0] * cells[1])
-    each = [_segments(columns, foot, voxels) for columns in sampled]
+    each = []
+    for mesh in shells:
+        x, y, z = (mesh.vertices - low).T
+        turned = Mesh(np.stack([cos * x + sin * y, cos * y - sin * x, z], axis=1), mesh.faces)
+        columns = join(list(iterate_columns(turned, grid)))
+        if columns.unpaired:
+            raise MeshError(
+                f"the surface is open: {columns.unpaired} lines along z go in and do not "
+                "come out, or come out twice; repair the part first"
+            )
+        each.append(_segments(columns, foot, voxels))
     segments = np.concatenate(each)
     shell = np.repeat(np.arange(len(each), dtype=np.int32), [len(own) for own in each])
     if len(each) > 1:

@@ -139,31 +139,31 @@ def _field(plan: Plan, placed: Mesh) -> Field | None:
     return build_field(text, Setting(placed, plan.part.translation_mm, pitch_mm))
 
 
-def _coordinates_by_file(plan: Plan, palette: Palette) -> dict[str, float]:
+def _filled(plan: Plan, shells: Mapping[str, Triangles], palette: Palette) -> FloatArray:
+    """Return what each shell is filled with, (shells,)."""
     files = [region.file for region in plan.regions]
-    return dict(zip(files, region_coordinates(plan, palette).tolist(), strict=True))
+    by_file = dict(zip(files, region_coordinates(plan, palette).tolist(), strict=True))
+    return np.array([by_file[file] for file in shells])
 
 
 def _by_shells(plan: Plan, shells: Mapping[str, Triangles], palette: Palette) -> Filling:
     """Look up in which shell points are; those in none, by rounding, are in the nearest."""
     moved = np.array(plan.part.translation_mm)
-    of_file = _coordinates_by_file(plan, palette)
-    meshes = {file: united({file: soup}) for file, soup in shells.items()}
-    trees = {file: triangle_tree(mesh) for file, mesh in meshes.items()}
+    filled = _filled(plan, shells, palette)
+    meshes = [united({file: soup}) for file, soup in shells.items()]
+    trees = [triangle_tree(mesh) for mesh in meshes]
 
     def by_shells(points: FloatArray) -> FloatArray:
         placed = np.ascontiguousarray(points + moved)
-        found, off = np.full(len(points), np.nan), np.full(len(points), np.inf)
-        for file, tree in trees.items():
-            low, high = meshes[file].bounds_mm
+        found = np.full(len(points), np.nan)
+        for mesh, tree, coordinate in zip(meshes, trees, filled, strict=True):
+            low, high = mesh.bounds_mm
             near = np.flatnonzero(((placed >= low) & (placed <= high)).all(axis=1))
             _, outside = distances(tree, placed[near])
-            found[near[~outside]] = of_file[file]
+            found[near[~outside]] = coordinate
         lost = np.flatnonzero(np.isnan(found))
-        for file, tree in trees.items():
-            distance, _ = distances(tree, placed[lost])
-            closer = distance < off[lost]
-            found[lost[closer]], off[lost[closer]] = of_file[file], distance[closer]
+        away = np.stack([distances(tree, placed[lost])[0] for tree in trees])
+        found[lost] = filled[away.argmin(axis=0)]
         return found
 
     return by_shells
@@ -282,8 +282,7 @@ def open_solid(
         return made
     own = Mesh(whole.vertices - np.array(source.part.translation_mm), whole.faces)
     shell = np.repeat(np.arange(len(shells), dtype=np.int32), [len(s) for s in shells.values()])
-    by_file = _coordinates_by_file(source, chosen)
-    filled = np.array([by_file[file] for file in shells])
+    filled = _filled(source, shells, chosen)
     modulus = CoefficientModel(chosen).modulus_MPa(filled, strain)
     return replace(made, shells=Shells(own, shell, modulus), shell_coordinate=filled)
 
@@ -743,8 +742,7 @@ def simulate_part(
         rests: dict[object, Factor] | None = {} if several else None
         made: list[Mechanics] = []
         for on in conditions(cells.surface):
-            like = made[0] if made else None
-            made.append(Mechanics(body, on, analysis, like=like, rests=rests))
+            made.append(Mechanics(body, on, analysis, like=next(iter(made), None), rests=rests))
         return made
 
     def told(share: float, iteration: int, residual: float) -> None:

@@ -125,10 +125,9 @@ class PartResponse:
 
     def encode(self) -> bytes:
         """Return the response as a file's bytes: what was solved once need not be solved again."""
-        values = {name: getattr(self, name) for name in _ResponseFile.__struct_fields__}
-        return encode_document(
-            {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in values.items()}
-        )
+        arrays = {name: getattr(self, name).tolist() for name in _ARRAYS}
+        figures = {"thickness_mm": self.thickness_mm, "log_sd": self.log_sd}
+        return encode_document({"name": self.name, **arrays, **figures})
 
     @classmethod
     def read(cls, path: Path) -> "PartResponse":
@@ -140,8 +139,7 @@ class PartResponse:
             The file cannot be read, or is no response.
         """
         file = decode_document(read_file(path), _ResponseFile, str(path))
-        figures = {name: np.array(getattr(file, name)) for name in _ARRAYS}
-        return cls(name=file.name, thickness_mm=file.thickness_mm, log_sd=file.log_sd, **figures)
+        return cls(**msgspec.structs.asdict(file))
 
 
 @lru_cache(maxsize=256)

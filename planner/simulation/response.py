@@ -97,8 +97,7 @@ def _fields_of(
 
 def _hats(local: FloatArray) -> FloatArray:
     """Return the eight linear shape functions at places in a cell, (n, 8), x fastest."""
-    low, high = 0.5 * (1.0 - local), 0.5 * (1.0 + local)
-    ends = np.stack([low, high], axis=2)  # (n, 3, 2)
+    ends = np.stack([0.5 * (1.0 - local), 0.5 * (1.0 + local)], axis=2)  # (n, 3, 2)
     values = np.einsum("nk,nj,ni->nkji", ends[:, 2], ends[:, 1], ends[:, 0])
     return np.asarray(values.reshape(-1, 8))
 
@@ -435,8 +434,8 @@ def answers(mechanics: Mechanics, state: Equilibrium) -> "Iterator[tuple[Respons
             yield answer("move", support, pull, held.target_mm, weights)
         else:
             yield answer("fix", support, pull, None)
-    for pressure, pushed in zip(on.pressures, mechanics.pushed, strict=True):
-        yield answer("pressure", pressure, mechanics.push(pushed, share, u), None)
+    for pressure in on.pressures:
+        yield answer("pressure", pressure, mechanics.push(pressure, share, u).sum(axis=0), None)
     for watched in on.watched:
         axis, seen = watched.axis, watched
         if axis is not None:
@@ -635,8 +634,7 @@ def part_response(
             stiffness = [one.force_N[0] / one.displacement_mm[0] for one in (other, moved)]
             change += abs(math.log(stiffness[0] / stiffness[1]))
     # What is told bounds the error of nine parts in ten: 1.645 standard deviations.
-    log_sd = math.hypot(_HELD, COVERS * change / 1.645)
-    return response_of(part, moved, log_sd=log_sd)
+    return response_of(part, moved, log_sd=math.hypot(_HELD, COVERS * change / 1.645))
 
 
 def response_of(part: LoadedPart, moved: _Moved, *, log_sd: float) -> PartResponse:
@@ -699,6 +697,5 @@ def _quantiles(values: FloatArray, weight: FloatArray, count: int) -> IntArray:
     """Return in which of so many groups of equal weight each value lies."""
     order = np.argsort(values, kind="stable")
     reach = np.cumsum(weight[order])
-    found = np.empty(len(values), dtype=np.int64)
-    found[order] = np.minimum((count * (reach - 0.5 * weight[order]) / reach[-1]), count - 1)
-    return found
+    found: FloatArray = np.minimum(count * (reach - 0.5 * weight[order]) / reach[-1], count - 1)
+    return found[np.argsort(order)].astype(np.int64)

@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -165,8 +166,7 @@ def _pull(bar: Bar, model: CoefficientModel, displacement_mm: FloatArray) -> _Pu
         displacement_mm = displacement_mm[: int(np.argmax(out))]
         strain, _, _ = _states(bar, laws, np.array([reach]))
         stopped_at = int(np.argmax(strain / limit))
-    states = _states(bar, laws, displacement_mm)
-    return _Pulled(*states, break_strain, limit, reach, stopped_at)
+    return _Pulled(*_states(bar, laws, displacement_mm), break_strain, limit, reach, stopped_at)
 
 
 def _states(
@@ -274,21 +274,19 @@ def _break_findings(
     return tuple(found)
 
 
-def _yield_notes(bar: Bar, model: CoefficientModel, reached: _Pulled) -> tuple[str, ...]:
+def _yield_notes(bar: Bar, model: CoefficientModel, reached: _Pulled) -> Iterator[str]:
     """Say which rigid grades without a yield are strained past where Hooke's law is known."""
     lower, _, _ = model.bracket(bar.coordinate)
     most = reached.strain.max(axis=0, initial=0.0)
-    notes = []
     for k in np.unique(lower).tolist():
         material = model.palette.materials[k]
         strain = float(most[lower == k].max())
         line = material.deformation == "plastic" and material.law.model == "linear"
         if line and strain > _YIELD_STRAIN:
-            notes.append(
+            yield (
                 f"{material.id} is known by Young's modulus alone and is strained by {strain:.3g}; "
                 f"such grades yield from about {_YIELD_STRAIN:g}, so the force is an upper bound"
             )
-    return tuple(notes)
 
 
 def called(model: CoefficientModel, coordinate: float) -> str:
@@ -369,8 +367,7 @@ class Simulation:
     @property
     def beyond_break(self) -> BoolArray:
         """Steps from the first break on, which are extrapolated, (steps,)."""
-        broken = (self.strain > self.break_strain).any(axis=1)
-        return np.logical_or.accumulate(broken)
+        return np.logical_or.accumulate((self.strain > self.break_strain).any(axis=1))
 
     @property
     def _steps(self) -> dict[str, FloatArray | BoolArray]:
@@ -455,8 +452,7 @@ def _bar_of(
             source = palette.resolve(str(source))
         except UnknownNameError as error:
             raise UnknownNameError(f"{error}; nor is {path} a file or folder") from error
-    sizes = {"width": width_mm, "thickness": thickness_mm, "gauge": gauge_mm}
-    for name, size in sizes.items():
+    for name, size in (("width", width_mm), ("thickness", thickness_mm), ("gauge", gauge_mm)):
         if not 0.0 < size < np.inf:
             raise ArgumentError(f"{name} of {size:g} mm: it must be above 0 and finite")
     ends, area = np.array([0.0, gauge_mm]), np.array([width_mm * thickness_mm])

@@ -17,7 +17,7 @@ from planner.simulation.loads import couple
 
 if TYPE_CHECKING:
     from planner.simulation.cut_cells import CutCells
-    from planner.simulation.loads import Conditions
+    from planner.simulation.loads import Conditions, Pressure
     from planner.simulation.sparse_cholesky import Analysis, Factor
 
 __all__ = ["Body", "Equilibrium", "LostStabilityError", "Mechanics", "spread"]
@@ -105,8 +105,7 @@ def spread(cells: "CutCells", at: _FacetPoints, forces: FloatArray) -> FloatArra
 def _summed(nodes: IntArray, values: FloatArray, count: int) -> FloatArray:
     """Return the sums at nodes of values, (..., 3), that belong to nodes, (...)."""
     flat = nodes.ravel()
-    columns = values.reshape(-1, 3).T
-    return np.stack([np.bincount(flat, column, count) for column in columns], axis=1)
+    return np.stack([np.bincount(flat, along, count) for along in values.reshape(-1, 3).T], axis=1)
 
 
 _LEVI_CIVITA = np.cross(np.eye(3)[:, None], np.eye(3))
@@ -121,13 +120,6 @@ class _Held(NamedTuple):
     springs: list[FloatArray]  # (27, 27) of each cell, alike along each axis
     axes: FloatArray  # (3,) 1 where held
     target_mm: FloatArray  # (3,)
-
-
-class _Pushed(NamedTuple):
-    """A pressure on facets."""
-
-    points: _FacetPoints
-    pressure_MPa: float
 
 
 # ------------------------------------------------------------------------------------------------
@@ -216,25 +208,16 @@ class _Sensitivity(NamedTuple):
         Over ln W' there, Poisson's ratio at rest fixed for `log_bulk`.
     log_bulk : (Q,)
         Over ln κ there.
-    over_m : (Q,)
-        d ln W' / dm there, at the strain there.
-    bulk_over_m : (Q,)
-        d ln κ / dm.
     weight_over_m : (Q,)
         Over m there, by the weight alone.
+    coordinate : (Q,)
+        Over m there, by all.
     """
 
     log_stress: FloatArray
     log_bulk: FloatArray
-    over_m: FloatArray
-    bulk_over_m: FloatArray
     weight_over_m: FloatArray
-
-    @property
-    def coordinate(self) -> FloatArray:
-        """Over the coordinate at each point, (Q,)."""
-        by_stiffness = self.log_stress * self.over_m + self.log_bulk * self.bulk_over_m
-        return by_stiffness + self.weight_over_m
+    coordinate: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -299,10 +282,9 @@ class Body:
 def _onward(before: Equilibrium, state: Equilibrium, share: float) -> Equilibrium:
     """Return a state along the line through two others: Newton's method sets out from there."""
     ahead = (share - state.share) / (state.share - before.share)
-    each = ("displacement_mm", "strain", "stress_MPa", "pressure")
     moved = {
         name: getattr(state, name) + ahead * (getattr(state, name) - getattr(before, name))
-        for name in each
+        for name in ("displacement_mm", "strain", "stress_MPa", "pressure")
     }
     return replace(state, **moved)
 
@@ -365,19 +347,18 @@ class Mechanics:
         gram[:, range(4), range(4)] += missing
         self.compliance = np.linalg.inv(gram)
         self.compliance[:, range(4), range(4)] -= missing
-        held_by = body.cell_shear_MPa if body.stabiliser_MPa is None else body.stabiliser_MPa
+        stabiliser = body.stabiliser_MPa
+        self.held_by_MPa = body.cell_shear_MPa if stabiliser is None else stabiliser
         full_mm3 = float(np.prod(cells.cell_mm))
         cut = cells.cell_volume_mm3 < (1.0 - 1e-9) * full_mm3
-        hold = np.where(cut, _STABILISER * held_by * full_mm3 ** (1.0 / 3.0), 0.0)
+        hold = np.where(cut, _STABILISER * self.held_by_MPa * full_mm3 ** (1.0 / 3.0), 0.0)
         flat = body.spread[0][:, 0] < _LINE
         self.stabiliser = np.stack([hold, _SLOPE * np.where(flat, hold, 0.0)], axis=1)
         linear = np.column_stack([np.ones(27), LOCAL - 1.0])
         sloped = linear[:, 1:] @ np.linalg.pinv(linear[:, 1:])
         self.roughness = np.stack([np.eye(27) - linear @ np.linalg.pinv(linear), sloped])
         self.table = (body.table.log_slope_MPa, body.table.step, below, share)
-        self.geometry = (
-            cells.nodes, cells.offsets, cells.points, cells.weights_mm3, cells.cell_mm,
-        )  # fmt: skip
+        self.geometry = (cells.nodes, cells.offsets, cells.points, cells.weights_mm3, cells.cell_mm)
         self._places: dict[bytes, _FacetPoints] = {} if like is None else like._places
         softer = body.cell_shear_MPa[cells.interface.cells].min(axis=1)  # of cells that meet
         self.softer_MPa = 2.0 * (1.0 + body.poisson) * softer  # Young's modulus at rest
@@ -416,26 +397,17 @@ class Mechanics:
         cells, conditions = self.body.cells, self.conditions
         self.dead = np.zeros((len(cells.node_mm), 3))
         for force in conditions.forces:
-            at = self.points_of(force.facets)
-            share = at.size_mm2 / at.size_mm2.sum()
-            self.dead += spread(cells, at, np.outer(share, force.force_N))
+            self.dead += self.mean_weights(self.points_of(force.facets), np.array(force.force_N))
         for moment in conditions.moments:
-            couples = self.couple(moment.facets, np.array(moment.moment_N_mm))
-            self.dead += spread(cells, *couples)
+            self.dead += spread(cells, *self.couple(moment.facets, np.array(moment.moment_N_mm)))
         if conditions.gravity is not None and self.body.densities is not None:
             density = np.interp(self.body.coordinate, *self.body.densities)
             self.dead += np.outer(self._weight @ density, conditions.gravity)
-        self.pushed = [
-            _Pushed(self.points_of(p.facets), p.pressure_MPa) for p in conditions.pressures
-        ]
         self.held = []
-        wide = float(cells.cell_mm.min())
         for support in conditions.supports:
             at = self.points_of(support.facets)
-            modulus = 3.0 * self.body.cell_shear_MPa[at.cell]
-            if self.body.stabiliser_MPa is not None:
-                modulus = 3.0 * self.body.stabiliser_MPa[at.cell]
-            stiffness = _PENALTY * modulus / wide * at.size_mm2
+            modulus = 3.0 * self.held_by_MPa[at.cell]
+            stiffness = _PENALTY * modulus / float(cells.cell_mm.min()) * at.size_mm2
             axes = np.array([0.0 if d is None else 1.0 for d in support.displacement_mm])
             target = np.array([d or 0.0 for d in support.displacement_mm])
             springs = [(at.shape[k].T * stiffness[k]) @ at.shape[k] for _, k in at.by_cell()]
@@ -461,26 +433,14 @@ class Mechanics:
         slope = (np.diff(density) / np.diff(coordinate))[above - 1]
         return self._weight.multiply(share * slope).tocsr()
 
-    def _weight_over_m(self, share: float, adjoint: FloatArray) -> FloatArray:
-        """Return the derivatives of a response over m at each point, (Q,), by weight alone."""
-        gravity = self.conditions.gravity
-        if gravity is None or self.body.densities is None:
-            return np.zeros(len(self.body.coordinate))
-        return np.asarray(self.weight_over_m(share).T @ (adjoint @ np.array(gravity)))
-
     # -------------------------------------------------------------------------------------------
 
     def at_rest(self) -> Equilibrium:
         """Return the state without load."""
         cells = self.body.cells
-        count = len(cells.points)
-        return Equilibrium(
-            0.0,
-            np.zeros((len(cells.node_mm), 3)),
-            np.zeros((count, 6)),
-            np.zeros((count, 6)),
-            np.zeros((len(cells.nodes), 4)),
-        )
+        none = np.zeros((len(cells.points), 6))
+        still, pressure = np.zeros((len(cells.node_mm), 3)), np.zeros((len(cells.nodes), 4))
+        return Equilibrium(0.0, still, none, none, pressure)
 
     def state_like(self, other: "Mechanics", state: Equilibrium) -> Equilibrium:
         """Return the state of a body on other cells, from which `settle` may set out.
@@ -488,10 +448,8 @@ class Mechanics:
         Displacements are interpolated; strains and stresses are those of the nearest points, since
         those of interpolated displacements are so rough that the stiffness is not positive.
         """
-        from scipy.spatial import KDTree
-
         cells, there = self.body.cells, other.body.cells
-        nearest = np.asarray(KDTree(there.points_mm).query(cells.points_mm)[1])
+        nearest = np.asarray(there.tree.query(cells.points_mm)[1])
         p = other.body.pressure_MPa(state.pressure)[nearest]
         each = (cells.weights_mm3 * p)[:, None] * self.basis
         return Equilibrium(
@@ -519,19 +477,15 @@ class Mechanics:
         below, above = self.body.table.log_slope_MPa[:, 0, 0][self._beside]
         return np.asarray((above - below) / self._gap)
 
-    def _shares(self) -> Iterator[tuple[int, int]]:
-        """Divide the cells into runs of about equal work."""
+    def _run(self, function: Callable[..., None], *arguments: Any) -> None:
+        """Call a kernel on runs of cells, of about equal work."""
         offsets = self.body.cells.offsets
         cuts = np.searchsorted(offsets, np.linspace(0, offsets[-1], 4 * _THREADS + 1))
         cuts[-1] = len(offsets) - 1
-        for first, last in itertools.pairwise(cuts.tolist()):
-            if last > first:
-                yield first, last
-
-    def _run(self, function: Callable[..., None], *arguments: Any) -> None:
+        runs = itertools.pairwise(np.unique(cuts).tolist())
+        given = (self.geometry, self.table, self.basis, self.compliance, *arguments)
         with ThreadPoolExecutor(_THREADS) as pool:
-            given = (self.geometry, self.table, self.basis, self.compliance, *arguments)
-            for job in [pool.submit(function, a, b, *given) for a, b in self._shares()]:
+            for job in [pool.submit(function, *run, *given) for run in runs]:
                 job.result()
 
     def _assembled(self, state: Equilibrium, share: float) -> tuple[FloatArray, float]:
@@ -548,16 +502,18 @@ class Mechanics:
         linked = cells.nodes[cells.interface.cells].reshape(-1, 54)
         inner += _summed(linked, self.springs @ u[linked], len(cells.node_mm))
         outer = share * self.dead
-        for pushed in self.pushed:
-            outer = outer + self._push(pushed, share, u, tangent=True)
+        for pressure in self.conditions.pressures:
+            outer = outer + self.push(pressure, share, u, tangent=True)
         for held in self.held:
             outer = outer + self._hold(held, share, u)
         return outer - inner, max(size, float(np.linalg.norm(outer)))
 
-    def _push(self, pushed: _Pushed, share: float, u: FloatArray, *, tangent: bool) -> FloatArray:
-        """Return the nodal forces of a pressure; add the symmetric part of its tangent."""
-        cells, at = self.body.cells, pushed.points
-        p = share * pushed.pressure_MPa
+    def push(
+        self, pressure: "Pressure", share: float, u: FloatArray, *, tangent: bool = False
+    ) -> FloatArray:
+        """Return the nodal forces of a pressure; add the symmetric part of its tangent if asked."""
+        cells, at = self.body.cells, self.points_of(pressure.facets)
+        p = share * pressure.pressure_MPa
         F = np.eye(3) + np.einsum("nai,nak->nik", u[cells.nodes[at.cell]], at.gradient)
         cofactor = np.cross(F[:, [1, 2, 0]], F[:, [2, 0, 1]])
         push = -p * np.einsum("nik,nk->ni", cofactor, at.area_mm2)
@@ -571,10 +527,6 @@ class Mechanics:
                 symmetric = 0.5 * (block + block.transpose(3, 2, 1, 0))
                 self._matrices[cell] += symmetric[:, [0, 1, 2, 0, 1, 0], [0, 1, 2, 1, 2, 2]]
         return spread(cells, at, push)
-
-    def push(self, pushed: _Pushed, share: float, u: FloatArray) -> FloatArray:
-        """Return the whole force of a pressure on the body, (3,)."""
-        return np.asarray(self._push(pushed, share, u, tangent=False).sum(axis=0))
 
     def _hold(self, held: _Held, share: float, u: FloatArray) -> FloatArray:
         """Return the nodal forces of a support; add its stiffness."""
@@ -600,7 +552,7 @@ class Mechanics:
         from planner.simulation.sparse_cholesky import NotPositiveDefinite, factor
 
         # A pressure has a stiffness of its own from the first.
-        rests = {} if self.rests is None or self.pushed else self.rests
+        rests = {} if self.rests is None or self.conditions.pressures else self.rests
         supports = self.conditions.supports
         key = tuple((s.facets.tobytes(), *(d is None for d in s.displacement_mm)) for s in supports)
         if at_rest and key in rests:
@@ -663,8 +615,7 @@ class Mechanics:
         stress, pressure = state.stress_MPa.copy(), state.pressure.copy()
         moved, factored = 0.0, into
         for iteration in range(1, _MOST_ITERATIONS + 1):
-            here = Equilibrium(share, u, strain, stress, pressure)
-            residual, size = self._assembled(here, share)
+            residual, size = self._assembled(Equilibrium(share, u, strain, stress, pressure), share)
             error = float(np.linalg.norm(residual)) / max(size, 1e-300)
             if progress is not None:
                 progress(share, iteration, error)
@@ -680,9 +631,8 @@ class Mechanics:
                 change = factored.solve(residual.ravel()).reshape(-1, 3)
             if not np.isfinite(change).all():
                 raise LostStabilityError(state.share, None)
-            if (
-                at_rest and not kept and not self.pushed
-            ):  # a pressure has a stiffness, which grows with it
+            # A pressure has a stiffness, which grows with it.
+            if at_rest and not kept and not self.conditions.pressures:
                 self._first = share, change
             self._run(advance, u, change, strain, stress, pressure)
             u = u + change
@@ -775,28 +725,26 @@ class Mechanics:
 
         at = self.points_of(facets)
         size = at.size_mm2
-        before, after = (
-            place - size @ place / size.sum() for place in (self.place_mm(at), self.place_mm(at, u))
-        )
+        places = (self.place_mm(at, moved) for moved in (0.0, u))
+        before, after = (place - size @ place / size.sum() for place in places)
         found, _ = Rotation.align_vectors(after, before, weights=size)
         return np.asarray(found.as_rotvec(degrees=True))
 
     def reactions(self, state: Equilibrium) -> list[FloatArray]:
         """Return the force of each support on the body, (3,) each."""
-        return [
-            self._reaction(h, state.share, state.displacement_mm).sum(axis=0) for h in self.held
-        ]
+        u = state.displacement_mm
+        return [self._reaction(held, state.share, u).sum(axis=0) for held in self.held]
 
     def reaction_weights(self, support: int, direction: FloatArray) -> FloatArray:
         """Return the derivative of a support's force along a direction over displacements."""
         held = self.held[support]
-        pull = -held.stiffness[:, None] * held.axes * direction
-        return spread(self.body.cells, held.points, pull)
+        return spread(
+            self.body.cells, held.points, -held.stiffness[:, None] * held.axes * direction
+        )
 
     def observe(self, state: Equilibrium, adjoint: FloatArray | None = None) -> "Observed":
         """Return invariants and strains at the points, and the work on an adjoint field."""
-        cells = self.body.cells
-        count = len(cells.points)
+        count = len(self.body.cells.points)
         seen = Observed(np.empty(count), np.empty((count, 6)), *np.empty((3, count)))
         field = np.zeros_like(state.displacement_mm) if adjoint is None else adjoint
         self._run(observe, self.bulk, state.displacement_mm, state.pressure, field, *seen)
@@ -811,10 +759,11 @@ class Mechanics:
         """
         adjoint = factored.solve(weights.ravel()).reshape(-1, 3)
         seen = self.observe(state, adjoint)
-        by_weight = self._weight_over_m(state.share, adjoint)
-        return _Sensitivity(
-            -seen.isochoric, -seen.volumetric, seen.over_m, self.bulk_over_m, by_weight
-        )
+        by_weight, gravity = np.zeros(len(seen.x)), self.conditions.gravity
+        if gravity is not None:
+            by_weight += self.weight_over_m(state.share).T @ (adjoint @ np.array(gravity))
+        by_stiffness = -seen.isochoric * seen.over_m - seen.volumetric * self.bulk_over_m
+        return _Sensitivity(-seen.isochoric, -seen.volumetric, by_weight, by_stiffness + by_weight)
 
     def nodal_forces(self, state: Equilibrium, stress: FloatArray) -> FloatArray:
         """Return the nodal forces, (N, 3), of second Piola-Kirchhoff stresses, (Q, 6)."""
@@ -867,6 +816,5 @@ class Observed(NamedTuple):
 
         Its derivative over the strain is the direction's square over the stretch.
         """
-        square = np.eye(3) + 2.0 * self.strain[:, SIX]
-        values, vectors = np.linalg.eigh(square)
+        values, vectors = np.linalg.eigh(np.eye(3) + 2.0 * self.strain[:, SIX])
         return np.sqrt(np.maximum(values[:, 2], 0.0)), vectors[:, :, 2]

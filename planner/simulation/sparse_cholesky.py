@@ -261,8 +261,7 @@ def analyse(nodes: IntArray, node_mm: FloatArray, links: IntArray = _NO_LINKS) -
     middle = np.asarray(node_mm, dtype=np.float64)[nodes].mean(axis=1)
     middle = np.concatenate([middle, middle[links].mean(axis=1)])
     ranks = np.stack([_ranks(middle[:, axis]) for axis in range(3)]).astype(np.int32)
-    sizes = np.repeat([27, 54], [len(nodes), len(links)])
-    begin = np.concatenate([[0], np.cumsum(sizes)])
+    begin = np.append(0, np.cumsum(np.repeat([27, 54], [len(nodes), len(links)])))
     members = np.concatenate([nodes.ravel(), nodes[links].ravel()]).astype(np.int32)
     each = (members, begin)
     cells, bounds, halves, depth, owner = _halved(*each, ranks, count, _CELLS_OF_A_LEAF)
@@ -274,13 +273,11 @@ def analyse(nodes: IntArray, node_mm: FloatArray, links: IntArray = _NO_LINKS) -
     front_of = fronts - 1 - owner
     order = np.argsort(front_of, kind="stable").astype(np.int32)
     first = np.searchsorted(front_of[order], np.arange(fronts + 1)).astype(np.int32)
-    number = np.empty(count, dtype=np.int32)
-    number[order] = np.arange(count, dtype=np.int32)
+    number = np.argsort(order).astype(np.int32)
     leaf = below[:, 0] < 0
     cell_start = np.concatenate([[0], np.cumsum(np.where(leaf, bounds[:, 1] - bounds[:, 0], 0))])
     cells = np.concatenate([cells[a:b] for a, b in bounds[leaf]] or [cells])
-    of_cell = np.empty(len(cells), np.int64)
-    of_cell[cells] = np.repeat(np.arange(fronts), np.diff(cell_start))
+    of_cell = np.repeat(np.arange(fronts), np.diff(cell_start))[np.argsort(cells)]
     front_above = np.full(fronts, -1)
     front_above[below[~leaf].ravel()] = np.repeat(np.flatnonzero(~leaf), 2)
     rest, above, rest_start, place = _structure(*each, number, first, front_above, of_cell)
@@ -304,10 +301,9 @@ def _ranks(value: FloatArray) -> IntArray:
     by_value = np.argsort(value, kind="stable")
     rising = value[by_value]
     extent = float(np.ptp(rising)) if len(value) else 0.0
-    ranks = np.empty(len(value), dtype=np.int64)
     # Cells are thousandths of the extent and more, roundings of means 1e-15 of the coordinates.
-    ranks[by_value] = np.cumsum(np.diff(rising, prepend=rising[:1]) > 1e-6 * extent)
-    return ranks
+    ranks = np.cumsum(np.diff(rising, prepend=rising[:1]) > 1e-6 * extent, dtype=np.int64)
+    return ranks[np.argsort(by_value)]
 
 
 @kernel
@@ -541,8 +537,7 @@ def factor(
 
     def begin(task: int) -> tuple[Future[Any], tuple[int, FloatArray]]:
         start, end = a.tasks[task]
-        halves = a.below[end - 1].tolist() if end - start == 1 else (-1, -1)
-        outside = (updates.pop(halves[0], none), updates.pop(halves[1], none))
+        outside = tuple(updates.pop(half, none) for half in a.below[end - 1].tolist())
         work = np.empty(a.work[task])  # taken in one thread: each keeps what it once had
         given = (start, end, matrices, springs, columns, work, outside)
         return pool.submit(_factor_fronts, _blas_addresses(), a, *given), (task, work)

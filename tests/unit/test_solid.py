@@ -472,7 +472,7 @@ def test_rivlins_tube():
     np.testing.assert_allclose(ratio, 1.5, rtol=3e-3)
     assert ratio.mean() == pytest.approx(1.5, rel=1e-3)
     # Forces of the follower pressure and of the supports are in balance.
-    push = problem.push(problem.pushed[0], 1.0, state.displacement_mm)
+    push = problem.push(problem.conditions.pressures[0], 1.0, state.displacement_mm).sum(axis=0)
     np.testing.assert_allclose(sum(problem.reactions(state)) + push, 0.0, atol=1e-5)
     # The hoop force of a half: pressure times the bore's radius as it is now, by 1e-2 in area.
     assert -problem.reactions(state)[0][0] == pytest.approx(0.428228 * 15.0 * 5.0, rel=0.01)
@@ -690,7 +690,7 @@ def test_forces_and_moments_are_in_balance(table):
     state = settled(problem)
     place = cells.node_mm + state.displacement_mm
     held = problem._hold(problem.held[0], 1.0, state.displacement_mm)
-    push = problem._push(problem.pushed[0], 1.0, state.displacement_mm, tangent=False)
+    push = problem.push(problem.conditions.pressures[0], 1.0, state.displacement_mm)
     weight = 1.1e-6 * cells.volume_mm3 * 9.80665
     np.testing.assert_allclose(problem.dead.sum(axis=0), [0.1, 0.2, 0.3 - weight], rtol=1e-12)
     every = (held, push, problem.dead)
