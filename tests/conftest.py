@@ -182,3 +182,17 @@ def shared_data() -> Path:
     if not folder.is_dir():
         pytest.skip("the shared data is not there")
     return folder
+
+
+@pytest.fixture(scope="session")
+def follows_to_the_letter() -> Callable[[bytes], bool]:
+    """Whether lib3mf takes a 3MF where it is strict: it raises what is wrong else."""
+    import lib3mf
+
+    def follows(data: bytes) -> bool:
+        reader = lib3mf.get_wrapper().CreateModel().QueryReader("3mf")
+        reader.SetStrictModeActive(True)
+        reader.ReadFromBuffer(data)
+        return bool(reader.GetWarningCount() == 0)
+
+    return follows

@@ -21,8 +21,8 @@ from planner.gap.campaign import (
 )
 from planner.gap.segments import (
     PATH_STEPS,
-    LoadingPath,
     ReplicateTest,
+    SpecimenPath,
     forces_N,
     mean_section_mm2,
     path_of,
@@ -258,7 +258,7 @@ class Bins:
         """How many places are in each, (b,)."""
         return np.bincount(self.of_place)
 
-    def means(self, field: StrainField, path: LoadingPath, travel_mm: float) -> FloatArray | None:
+    def means(self, field: StrainField, path: SpecimenPath, travel_mm: float) -> FloatArray | None:
         """Return the mean strain of each bin at a travel of the first loading.
 
         Between two frames it is linear in the travel. None without a frame that is near.
@@ -281,7 +281,7 @@ _NEAR = 0.1
 over a tenth more travel, strains along a bar grow nearly in proportion to it."""
 
 
-def _frames_of(field: StrainField, path: LoadingPath) -> tuple[FloatArray, FloatArray]:
+def _frames_of(field: StrainField, path: SpecimenPath) -> tuple[FloatArray, FloatArray]:
     """Return travels, (f,), and strains, (f, p), of the frames taken in the first loading."""
     segment = path.segments[0]
     time = field.time_s - path.shift_s
@@ -371,7 +371,7 @@ def _feature_table(
     specimens: Sequence[Specimen],
     tests: Sequence[ReplicateTest],
     alike: IntArray,
-    paths: Mapping[int, LoadingPath],
+    paths: Mapping[int, SpecimenPath],
     setup: Setup,
     measured_N: FloatArray,
     sensor_sd_N: FloatArray,
@@ -591,9 +591,9 @@ def observation_model(campaign: Campaign) -> ObservationModel:
     )
 
 
-def _paths(specimens: Sequence[Specimen]) -> dict[int, LoadingPath]:
+def _paths(specimens: Sequence[Specimen]) -> dict[int, SpecimenPath]:
     """Return the paths of specimens that load, those of one prediction on the first one's gauge."""
-    paths: dict[int, LoadingPath] = {}
+    paths: dict[int, SpecimenPath] = {}
     for group in condition_groups(specimens):
         loading = {place: path for place in group if (path := path_of(specimens[place]))}
         for place, path in loading.items():
@@ -601,7 +601,7 @@ def _paths(specimens: Sequence[Specimen]) -> dict[int, LoadingPath]:
     return dict(sorted(paths.items()))
 
 
-def _tests(specimens: Sequence[Specimen], paths: Mapping[int, LoadingPath]) -> list[ReplicateTest]:
+def _tests(specimens: Sequence[Specimen], paths: Mapping[int, SpecimenPath]) -> list[ReplicateTest]:
     """Gather specimens that went the same way; each with the first that it agrees with."""
     tests: list[ReplicateTest] = []
     for group in condition_groups(specimens):
@@ -619,7 +619,7 @@ within the noise of image correlation there."""
 
 
 def _frame_fractions(
-    specimens: Sequence[Specimen], paths: Mapping[int, LoadingPath], places: Sequence[int]
+    specimens: Sequence[Specimen], paths: Mapping[int, SpecimenPath], places: Sequence[int]
 ) -> tuple[float, ...]:
     """Return at which fractions of the first loading strain fields are compared: two or none."""
     end = min(paths[place].segments[0].end_mm for place in places)
@@ -635,7 +635,7 @@ def _frame_fractions(
 
 
 def _measured(
-    specimens: Sequence[Specimen], tests: Sequence[ReplicateTest], paths: Mapping[int, LoadingPath]
+    specimens: Sequence[Specimen], tests: Sequence[ReplicateTest], paths: Mapping[int, SpecimenPath]
 ) -> FloatArray:
     """Return each specimen's force on its test's steps, (n, T)."""
     forces = np.full((len(specimens), PATH_STEPS), np.nan)
@@ -686,7 +686,7 @@ def _bar_limits_mm(setup: Setup, prediction: Prediction, palette: Palette) -> di
 
 
 def _limitations(
-    specimens: Sequence[Specimen], paths: Mapping[int, LoadingPath], past: set[int]
+    specimens: Sequence[Specimen], paths: Mapping[int, SpecimenPath], past: set[int]
 ) -> Iterable[str]:
     parts = {place for place, specimen in enumerate(specimens) if specimen.part is not None}
     past = past & set(paths)

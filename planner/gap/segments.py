@@ -25,8 +25,8 @@ from planner.simulation.bar_solver import Setup, unaltered
 
 __all__ = [
     "PATH_STEPS",
-    "LoadingPath",
     "ReplicateTest",
+    "SpecimenPath",
     "forces_N",
     "hold_share",
     "leap_at_end",
@@ -226,7 +226,7 @@ class Segment:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class LoadingPath:
+class SpecimenPath:
     """The segments of one specimen, times counted from where travel 0 was left.
 
     Attributes
@@ -255,7 +255,7 @@ class LoadingPath:
         segment = self.segments[0]
         return (segment.end_mm - segment.begin_mm) / (segment.end_s - segment.begin_s)
 
-    def on_gauge(self, gauge_mm: float) -> "LoadingPath":
+    def on_gauge(self, gauge_mm: float) -> "SpecimenPath":
         """Return the path to the same strains of another gauge length."""
         if (ratio := gauge_mm / self.gauge_mm) == 1.0:
             return self
@@ -265,7 +265,7 @@ class LoadingPath:
         travel = ratio * self.travel_mm
         return replace(self, segments=segments, travel_mm=travel, gauge_mm=gauge_mm)
 
-    def until(self, most_mm: float) -> "LoadingPath":
+    def until(self, most_mm: float) -> "SpecimenPath":
         """Return the path up to where its travel passes `most_mm` first."""
         for at, segment in enumerate(self.segments):
             if segment.end_mm > most_mm * (1.0 + 1e-9):
@@ -276,7 +276,7 @@ class LoadingPath:
                 return replace(self, segments=before)
         return self
 
-    def is_like(self, other: "LoadingPath") -> bool:
+    def is_like(self, other: "SpecimenPath") -> bool:
         """Say whether two specimens went the same way, at the same pace.
 
         Pulls that only load may end elsewhere, as long as the shorter is not much shorter.
@@ -297,7 +297,7 @@ class LoadingPath:
 
 
 @lru_cache(maxsize=256)  # several look at one record, one after the other
-def path_of(specimen: Specimen) -> LoadingPath | None:
+def path_of(specimen: Specimen) -> SpecimenPath | None:
     """Return a specimen's path up to its break; None where it never loads over enough rows."""
     specimen = _without_spikes(specimen)
     time, travel, load = specimen.time_s, specimen.travel_mm, specimen.load_N
@@ -328,7 +328,7 @@ def path_of(specimen: Specimen) -> LoadingPath | None:
             begin_s, begin_mm = end_s, end_mm
     if not segments:
         return None
-    return LoadingPath(
+    return SpecimenPath(
         segments=_in_groups(segments),
         time_s=time - zero_s,
         travel_mm=travel,
@@ -609,7 +609,7 @@ class ReplicateTest:
         ]
 
 
-def _moments_s(path: LoadingPath, segment: Segment, travel_mm: FloatArray) -> FloatArray:
+def _moments_s(path: SpecimenPath, segment: Segment, travel_mm: FloatArray) -> FloatArray:
     """Return when a specimen's travel was at these places of a moving segment."""
     sign = 1.0 if segment.end_mm > segment.begin_mm else -1.0
     inside = (path.time_s > segment.begin_s) & (path.time_s < segment.end_s)
@@ -650,7 +650,7 @@ def _feature_places(segments: Sequence[Segment]) -> list[tuple[float, ...]]:
 
 
 def replicate_test(
-    paths: Mapping[int, LoadingPath], places: Sequence[int], frames: tuple[float, ...] = ()
+    paths: Mapping[int, SpecimenPath], places: Sequence[int], frames: tuple[float, ...] = ()
 ) -> ReplicateTest:
     """Return the test of the specimens at these places; `frames` are steps beside the features'."""
     members = whole = [paths[place] for place in places]
@@ -708,7 +708,7 @@ _MANY = 200
 still."""
 
 
-def _step_times_s(path: LoadingPath, test: ReplicateTest) -> FloatArray:
+def _step_times_s(path: SpecimenPath, test: ReplicateTest) -> FloatArray:
     """Return when a specimen came by each step, (T,)."""
     times = np.zeros(len(test.segment))
     for number, (own, mean) in enumerate(zip(path.segments, test.segments, strict=True)):
@@ -723,7 +723,7 @@ def _step_times_s(path: LoadingPath, test: ReplicateTest) -> FloatArray:
     return times
 
 
-def forces_N(path: LoadingPath, test: ReplicateTest) -> FloatArray:
+def forces_N(path: SpecimenPath, test: ReplicateTest) -> FloatArray:
     """Return a specimen's force at the travel, or the time of a rest, of each step, (T,).
 
     A parabola through the rows of the same segment within a quarter of a stride to either side, or
@@ -800,7 +800,7 @@ def _slices_of(
 
 
 def setup_of(
-    campaign: Campaign, tests: Sequence[ReplicateTest], paths: Mapping[int, LoadingPath]
+    campaign: Campaign, tests: Sequence[ReplicateTest], paths: Mapping[int, SpecimenPath]
 ) -> Setup:
     """Return the setup: as printed, by the palette's laws, in a rigid machine."""
     groups = [[campaign.specimens[place] for place in test.places] for test in tests]

@@ -685,8 +685,8 @@ _LONGEST = 0.25
 strain. Numerical: they decide how fast equilibrium is found, and not where it lies."""
 
 _CURVATURE = 20.0
-"""Of a slice's stress over strain, half of it over its tangent, as is taken for granted: it tells
-what a step of Newton's method leaves. Numerical: elastomers' is 2 to 10."""
+"""Half the curvature of a slice's stress over its tangent, at most, as is taken for granted: what a
+step of Newton's method leaves goes by it. Numerical: elastomers' is 2 to 10."""
 
 
 _LOSSES = (
@@ -781,9 +781,7 @@ def _bracketed_force(
             force += stride if high == math.inf else -stride
             stride *= 4.0
     for i in range(len(slices)):
-        stress, tangent = _slice_stress(slices[i].strain, slices[i], cubics, step, table)
-        slices[i].stress = stress
-        slices[i].stiffness = slices[i].area_mm2 * slices[i].share * tangent
+        slices[i].stress, _ = _slice_stress(slices[i].strain, slices[i], cubics, step, table)
     return force
 
 
@@ -1076,7 +1074,8 @@ def predict(
     ----------
     like
         By the same laws, of as many tests, steps and slices: tests that are the same in it are not
-        followed again, and show the same to the last digit.
+        followed again, and show the same to the last digit. The others start from it, and end
+        within the tolerance of where they would end without.
     """
     palette = laws
     tests = np.empty(len(bars.time_s), dtype=_TEST)

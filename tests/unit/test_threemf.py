@@ -22,15 +22,6 @@ VERTICES = np.array([[1, 1, 1], [11.1, 1, 1], [1, 11.3, 1], [1, 1, 11.7]], dtype
 FACES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]], dtype=np.int32)
 
 
-def follows_to_the_letter(data):
-    """Whether lib3mf takes a file where it is strict: it raises what is wrong else."""
-    model = lib3mf.get_wrapper().CreateModel()
-    reader = model.QueryReader("3mf")
-    reader.SetStrictModeActive(True)
-    reader.ReadFromBuffer(data)
-    return reader.GetWarningCount() == 0
-
-
 def tetrahedron(name="a", material="FLX9760", colour="#FF8000", shift=0.0, **metadata):
     moved = VERTICES + np.float32(shift)
     return ThreemfObject(name, moved, FACES, material, colour, metadata)
@@ -67,7 +58,7 @@ def metadata(data, tmp_path):
     ]
 
 
-def test_strict_reader_finds_what_was_written(tmp_path):
+def test_strict_reader_finds_what_was_written(follows_to_the_letter, tmp_path):
     data = encode_threemf(PAIR, "finger")
     assert follows_to_the_letter(data)
     model = decode_threemf(data, "x")
@@ -170,7 +161,7 @@ def test_hashes_name_every_part(tmp_path):
         threemf_xml_hashes(tmp_path / "none.3mf")
 
 
-def test_names_that_xml_cannot_hold_as_they_are(tmp_path):
+def test_names_that_xml_cannot_hold_as_they_are(follows_to_the_letter, tmp_path):
     item = tetrahedron("a<&>\x07", 'Vero "white"', "#000000", note="line\nbreak\x00")
     data = encode_threemf([item], "part <1> & co")
     assert follows_to_the_letter(data)
@@ -183,7 +174,7 @@ def test_names_that_xml_cannot_hold_as_they_are(tmp_path):
     assert of_object["note"] == "line\nbreak?"
 
 
-def test_names_that_utf8_cannot_hold(tmp_path):
+def test_names_that_utf8_cannot_hold(follows_to_the_letter, tmp_path):
     """Python reads a file name's byte FF, which is not UTF-8, as half of a surrogate pair."""
     odd = "\udcffpart\ufffe"
     shell = tetrahedron(odd, odd, note=odd)
