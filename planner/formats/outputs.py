@@ -78,7 +78,7 @@ def _remove(path: Path) -> None:
         else:
             with contextlib.suppress(OSError):
                 path.unlink()
-    except BaseException:  # an interrupt, which ends the command once this is done
+    except KeyboardInterrupt:  # which ends the command once this is done
         _remove(path)
         raise
 
