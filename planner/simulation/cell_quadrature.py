@@ -294,9 +294,11 @@ def _guess(measure: Any, n: Any, place: Any) -> Any:
     # material divided between them, the same along y for each share, and along z for theirs. Then
     # each a little aside, evenly to all sides (multiples of powers of an irrational number).
     group = np.zeros(n, np.int64)
+    total, mean, spread = np.empty(28), np.empty(28), np.empty(28)
     place[0, 3] = 1.0
     for axis in range(3):
-        total, mean, spread = np.zeros(28), np.zeros(28), np.zeros(28)
+        for g in range(28):
+            total[g], mean[g], spread[g] = 0.0, 0.0, 0.0
         for q in range(n):
             x, w = measure[q, axis], measure[q, 3]
             for g in (group[q], 27):  # 27: all of the material, for shares that have none

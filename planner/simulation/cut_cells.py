@@ -574,7 +574,8 @@ def _number_nodes(
     _, at, node = np.unique(group, return_index=True, return_inverse=True)
     x, y, z = place[at].T
     order = np.lexsort((at, z, y, x))
-    number = np.argsort(order).astype(np.int32)
+    number = np.empty(len(order), np.int32)
+    number[order] = np.arange(len(order))
     return number[node.reshape(group.shape)], place[at[order]].astype(np.int32)
 
 

@@ -273,11 +273,13 @@ def analyse(nodes: IntArray, node_mm: FloatArray, links: IntArray = _NO_LINKS) -
     front_of = fronts - 1 - owner
     order = np.argsort(front_of, kind="stable").astype(np.int32)
     first = np.searchsorted(front_of[order], np.arange(fronts + 1)).astype(np.int32)
-    number = np.argsort(order).astype(np.int32)
+    number = np.empty(count, dtype=np.int32)
+    number[order] = np.arange(count, dtype=np.int32)
     leaf = below[:, 0] < 0
     cell_start = np.concatenate([[0], np.cumsum(np.where(leaf, bounds[:, 1] - bounds[:, 0], 0))])
     cells = np.concatenate([cells[a:b] for a, b in bounds[leaf]] or [cells])
-    of_cell = np.repeat(np.arange(fronts), np.diff(cell_start))[np.argsort(cells)]
+    of_cell = np.empty(len(cells), np.int64)
+    of_cell[cells] = np.repeat(np.arange(fronts), np.diff(cell_start))
     front_above = np.full(fronts, -1)
     front_above[below[~leaf].ravel()] = np.repeat(np.flatnonzero(~leaf), 2)
     rest, above, rest_start, place = _structure(*each, number, first, front_above, of_cell)
@@ -301,9 +303,10 @@ def _ranks(value: FloatArray) -> IntArray:
     by_value = np.argsort(value, kind="stable")
     rising = value[by_value]
     extent = float(np.ptp(rising)) if len(value) else 0.0
+    ranks = np.empty(len(value), dtype=np.int64)
     # Cells are thousandths of the extent and more, roundings of means 1e-15 of the coordinates.
-    ranks = np.cumsum(np.diff(rising, prepend=rising[:1]) > 1e-6 * extent, dtype=np.int64)
-    return ranks[np.argsort(by_value)]
+    ranks[by_value] = np.cumsum(np.diff(rising, prepend=rising[:1]) > 1e-6 * extent)
+    return ranks
 
 
 @kernel
