@@ -1,7 +1,7 @@
 """planner gap diagnose, design, next, simulate and correct."""
 
-import shlex
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -190,7 +190,7 @@ def _correct_report(made: "Correction", output: Path, options: str) -> None:
     at = f"secant modulus at strain {after.at_strain:g}"
     columns = ["material", ">before MPa", ">after MPa", "95 % interval", ">factor", ">misfit"]
     print_table(columns, rows, title=f"Corrected for {' and '.join(made.corrected)}: {at}")
-    command = f"planner grade PART --like OLD_PLAN --palette {_quoted(output)}{options}"
+    command = f"planner grade PART --like OLD_PLAN --palette {quote(str(output))}{options}"
     say(f"wrote {output} (next: {command})")
 
 
@@ -292,21 +292,17 @@ def _design_report(
     say(made.campaign.notes)
     if listed:
         again = _again(printer, palette)
-        command = f"planner gap simulate --design {_quoted(output)}{again} -o practice"
+        command = f"planner gap simulate --design {quote(str(output))}{again} -o practice"
         say(f"wrote {output} (to practise: {command})")
     else:
-        command = f"planner gap next {_quoted(output)}"
+        command = f"planner gap next {quote(str(output))}"
         say(f"wrote {output} (next: print, pull, fill curves.csv; {command})")
 
 
 def _again(printer: str, palette: str | None = None) -> str:
     """Return the options that name a printer and a palette which are not the default ones."""
     options = ("--printer", "" if printer == "connex3" else printer), ("--palette", palette)
-    return "".join(f" {option} {shlex.quote(name)}" for option, name in options if name)
-
-
-def _quoted(path: Path) -> str:
-    return shlex.quote(str(path))
+    return "".join(f" {option} {quote(name)}" for option, name in options if name)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -401,5 +397,5 @@ def simulate(
         for note in made.remarks:
             warn(note)
         say(made.notes)
-        say(f"wrote {output} (next: planner gap diagnose {_quoted(output)})")
+        say(f"wrote {output} (next: planner gap diagnose {quote(str(output))})")
     return 0

@@ -847,7 +847,8 @@ def write_campaign(campaign: Campaign, output: str | Path, *, measured: bool = T
 
 def _campaign_toml(campaign: Campaign) -> bytes:
     pairs = {"name": campaign.name, "printer": campaign.printer, "palette": "palette.toml"}
-    pairs |= {"notes": campaign.notes} if campaign.notes else {}
+    if campaign.notes:
+        pairs["notes"] = campaign.notes
     lines = (f"{key} = {toml_text(value)}\n" for key, value in pairs.items())
     return "".join(["schema = 1\n", *lines]).encode("utf-8")
 

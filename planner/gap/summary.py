@@ -1,10 +1,10 @@
 """A diagnosis in words, three sentences and figures; where a campaign stands, what comes next."""
 
 import math
-import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from shlex import quote
 from typing import Any
 
 from planner.errors import PlannerError
@@ -303,7 +303,7 @@ def campaign_standing(campaign: str | Path) -> Standing:
         command = next_command(diagnosis, at, folder)
     elif not missing:
         target = folder.with_name(f"{folder.resolve().name}-diagnosis")
-        command = f"planner gap diagnose {_quoted(folder)} -o {_quoted(target)}"
+        command = f"planner gap diagnose {quote(str(folder))} -o {quote(str(target))}"
     found_at, verdict = (None, None) if diagnosis is None else (str(at), diagnosis.verdict)
     return Standing(name, listed, missing, unknown, found_at, verdict, command)
 
@@ -325,9 +325,9 @@ def next_command(
         What it was diagnosed with in place of its own.
     """
     if found.unit_of:
-        again = f" --palette {shlex.quote(palette)}" if palette else ""
-        units = "".join(f" --unit-of {shlex.quote(unit.text)}" for unit in found.unit_of)
-        return f"planner gap diagnose {_quoted(campaign or Path('CAMPAIGN'))}{again}{units}"
+        again = f" --palette {quote(palette)}" if palette else ""
+        units = "".join(f" --unit-of {quote(unit.text)}" for unit in found.unit_of)
+        return f"planner gap diagnose {quote(str(campaign or Path('CAMPAIGN')))}{again}{units}"
     known = [EFFECTS[one.id] for one in found.effect if one.id in EFFECTS]
     known = [effect for effect in known if effect.advice is None]
     if not known or at is None:
@@ -337,11 +337,7 @@ def next_command(
         if levels := found.tested.get(condition):
             level = levels[-1] if isinstance(levels[-1], str) else f"{levels[-1]:.4g}"
             use += f" --{condition.removeprefix('strain_').replace('_', '-')} {level}"
-    return f"planner gap correct {_quoted(at)}{use} -o palette-corrected.toml"
-
-
-def _quoted(path: Path) -> str:
-    return shlex.quote(str(path))
+    return f"planner gap correct {quote(str(at))}{use} -o palette-corrected.toml"
 
 
 def _diagnosis_of(

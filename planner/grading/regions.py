@@ -562,10 +562,10 @@ def band_design(
         laminate = laminated(target, blend_segments(target, moduli), moduli, periods)
         bands, turns = zip(*laminate, strict=True)
         says = {"kind": "bands", "periods": periods}
+    elif count is None:
+        bands = natural_bands(target, moduli)
     else:
-        bands = (
-            natural_bands(target, moduli) if count is None else equal_bands(target, moduli, count)
-        )
+        bands = equal_bands(target, moduli, count)
     printed = tuple(catalogue_material(scale, band.grade, machine) for band in bands)
     return BandDesign(bands, printed, says, turns)
 

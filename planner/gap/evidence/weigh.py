@@ -585,14 +585,10 @@ def _settled(worlds: Sequence[World], logs: _LogPriors) -> list[Settled]:
     most: dict[Effects, float] = {}
     for c in ranked:
         most.setdefault(c.effects, value(c))
+    lost = max(most.values(), default=0.0) - _LOST_NATS
+    least = {e: max(v - _SURROGATE_NATS, min(v, lost)) for e, v in most.items()}
     # Forms with details fit more than their surrogate shows.
-    chosen = [
-        c
-        for c in ranked
-        if value(c) > max(most[c.effects] - _SURROGATE_NATS, value(ranked[0]) - _LOST_NATS)
-        or value(c) == most[c.effects]
-        or c.branches[0].form.details
-    ]
+    chosen = [c for c in ranked if value(c) >= least[c.effects] or c.branches[0].form.details]
     settled = [settle(worlds, c, world) for c in chosen]
     together = _most_effects(world.problem)
     best: dict[Effects, Settled] = {}
