@@ -369,7 +369,7 @@ def _aimed(
     further, sides = aim, dict[bool, tuple[float, FloatArray]]()
     for _ in range(_ROUNDS if len(foretold) else 0):
         at = replace(best, values=base, off=beyond - weights * aim)
-        values = search.next_values(problem, at, np.where(still, 0.0, _REACH))
+        values = search.next_values(problem, at, np.where(still, 0.0, _REACH), nearest=True)
         misses = printing.foretold(values) - foretold
         missed = float(np.abs(misses).max())
         side = bool(misses[0] > 0.0)

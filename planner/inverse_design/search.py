@@ -533,9 +533,17 @@ def _weighed(
     return float(problem.miss_weight * misses + _SHAPE_WEIGHT * np.sum(near**2) + wish)
 
 
-def next_values(problem: DesignProblem, at: Tried, radius: float | FloatArray) -> FloatArray:
-    """Return the values that make the linear models' merit least within the radius and bounds."""
+def next_values(
+    problem: DesignProblem, at: Tried, radius: float | FloatArray, *, nearest: bool = False
+) -> FloatArray:
+    """Return the values that make the linear models' merit least within the radius and bounds.
+
+    `nearest`: the values that change least in place of those that please most.
+    """
     hessian, slope = problem.wish
+    if nearest:
+        hessian = hessian + np.eye(len(slope))
+        slope = -hessian @ at.values
     near = at.near - at.near_slopes @ at.values
     hessian = hessian + 2.0 * _SHAPE_WEIGHT * at.near_slopes.T @ at.near_slopes
     slope = slope + 2.0 * _SHAPE_WEIGHT * at.near_slopes.T @ near
