@@ -32,7 +32,7 @@ from planner.mesh.mesh import (
     repeats_index,
     weld_points,
 )
-from planner.numerics import Float32Array, FloatArray, inner_kernel, kernel
+from planner.numerics import Float32Array, FloatArray, IntArray, inner_kernel, kernel
 
 __all__ = ["FIRST_SHIFT", "Pieces", "split"]
 
@@ -87,13 +87,33 @@ class Pieces:
 
         Their share of the surface comes first, then interfaces with what is not a member.
         """
-        chosen = np.zeros(max(self.count, int(self.piece.max(initial=0))) + 2, dtype=np.bool_)
-        chosen[list(members)] = True
-        own = np.flatnonzero(chosen[self.piece])  # by numbers rows are taken faster
-        below, above = chosen[self.cap_level], chosen[self.cap_level + 1]
-        upper = self.cap_faces[np.flatnonzero(above & ~below)][:, ::-1]
-        lower = self.cap_faces[np.flatnonzero(below & ~above)]
-        return np.concatenate([self.faces[own], lower, upper])
+        chosen = set(members)
+        own = _rows_of(self._by_piece, chosen)
+        upper = _rows_of(self._by_level, {n - 1 for n in chosen} - chosen)
+        lower = _rows_of(self._by_level, {n for n in chosen if n + 1 not in chosen})
+        each = self.faces[own], self.cap_faces[lower], self.cap_faces[upper][:, ::-1]
+        return np.concatenate(each)
+
+    @cached_property
+    def _by_piece(self) -> tuple[IntArray, IntArray]:
+        return _grouped(self.piece)
+
+    @cached_property
+    def _by_level(self) -> tuple[IntArray, IntArray]:
+        return _grouped(self.cap_level)
+
+
+def _grouped(label: NDArray[np.int32]) -> tuple[IntArray, IntArray]:
+    """Return the rows in the order of their labels, and where in it each label begins."""
+    order = np.argsort(label, kind="stable")
+    return order, np.searchsorted(label[order], np.arange(int(label.max(initial=0)) + 2))
+
+
+def _rows_of(grouped: tuple[IntArray, IntArray], labels: Collection[int]) -> IntArray:
+    """Return the rows of some labels in their own order."""
+    order, starts = grouped
+    each = [order[starts[n] : starts[n + 1]] for n in sorted(labels) if 0 <= n < len(starts) - 1]
+    return each[0] if len(each) == 1 else np.sort(np.concatenate([*each, order[:0]]))
 
 
 # ------------------------------------------------------------------------------------------------
@@ -548,8 +568,7 @@ def _fault(divided: Pieces) -> str:
 def _thin(divided: Pieces, first_new: int) -> int:
     """Count new triangles so thin that readers drop them."""
     new = divided.faces[(divided.faces >= first_new).any(axis=1)]
-    points = divided.vertices.astype(np.float64)
-    return len(thin_faces(points, np.concatenate([new, divided.cap_faces]), _READ_MM))
+    return len(thin_faces(divided.vertices, np.concatenate([new, divided.cap_faces]), _READ_MM))
 
 
 def _without_thin(divided: Pieces, first_new: int) -> Pieces:

@@ -324,20 +324,22 @@ def flip_thin(vertices: Float32Array, faces: NDArray[np.int32], *, flat: bool = 
     flat : bool
         Whether regions are flat: what a flip made may then be flipped again, thin or not.
     """
-    points = vertices.astype(np.float64)
-    thin = thin_faces(points, faces, _THIN_MM)
+    thin = thin_faces(vertices, faces, _THIN_MM)
     if len(thin):
-        _flip(points, faces, thin, np.inf if flat else _THIN_MM**2)
+        _flip(vertices.astype(np.float64), faces, thin, np.inf if flat else _THIN_MM**2)
 
 
-def thin_faces(points_mm: FloatArray, faces: NDArray[np.int32], least_mm: float) -> IntArray:
+def thin_faces(points_mm: Float32Array, faces: NDArray[np.int32], least_mm: float) -> IntArray:
     """Return which triangles are lower than so much over their longest side."""
-    a, b, c = points_mm[faces].transpose(1, 0, 2)
-    u, v = b - a, c - a
-    square = np.maximum((u * u).sum(axis=1), (v * v).sum(axis=1))
-    square = np.maximum(square, ((v - u) ** 2).sum(axis=1))
-    doubled = (np.cross(u, v) ** 2).sum(axis=1)
-    return np.flatnonzero(doubled < least_mm**2 * np.where(square > 0.0, square, 1.0))
+    return np.flatnonzero(_lower(points_mm, faces, least_mm**2))
+
+
+@kernel
+def _lower(points: Any, faces: Any, least: Any) -> Any:
+    lower = np.empty(len(faces), dtype=np.bool_)
+    for i in range(len(faces)):
+        lower[i] = squared_height(points, faces[i, 0], faces[i, 1], faces[i, 2]) < least
+    return lower
 
 
 _FLIP_ROUNDS = 64
