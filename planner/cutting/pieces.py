@@ -4,6 +4,7 @@ import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -331,7 +332,7 @@ def _cover(
     chosen: Any, nodes: Any, starts: Any, loop_face: Any, points: Any, normals: Any, faces: Any,
     owner: Any, flat: Any, best: Any, middle: Any, stack: Any,
 ) -> None:  # fmt: skip
-    """Of all triangulations of a loop take the one whose thinnest triangle is thickest.
+    """Of all triangulations of a loop take the one whose made triangle is thickest.
 
     By dynamic programming over the loop's stretches (Klincsek 1980). Triangles that are turned
     over count as thinner than any other; where none is, they cover the loop's inside once.
@@ -526,17 +527,17 @@ def _split_curved(
         share = _SHARE * ((attempt + 1) // 2) * (1 if attempt % 2 else -1)  # up and down in turn
         moved = levels + share * pitch_mm / max(float(extent_mm.max()), pitch_mm)
         found, broken = _divide_along(mesh, field, moved, pitch_mm, shift, within_mm, follow)
-        if broken or not _shells_close(found):
+        if broken:
             continue
-        thin = _thin(found, len(mesh.vertices))
-        if thin:
+        each = [(_thin(found, len(mesh.vertices)), found)]
+        if each[0][0]:
             flipped = _without_thin(found, len(mesh.vertices))
-            fewer = _thin(flipped, len(mesh.vertices))
-            if fewer < thin and _shells_close(flipped):
-                thin, found = fewer, flipped
-        if best is None or thin < best[0]:
-            best = thin, found
-        if thin == 0:
+            each.append((_thin(flipped, len(mesh.vertices)), flipped))
+        closed = (one for one in sorted(each, key=itemgetter(0)) if _shells_close(one[1]))
+        made = next(closed, None)
+        if made is not None and (best is None or made[0] < best[0]):
+            best = made
+        if best is not None and best[0] == 0:
             break
     if best is not None:
         return best[1]
