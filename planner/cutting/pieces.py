@@ -30,7 +30,6 @@ from planner.mesh.mesh import (
     compact,
     measure,
     order_edges,
-    repeats_index,
     weld_points,
 )
 from planner.numerics import Float32Array, FloatArray, IntArray, inner_kernel, kernel
@@ -88,20 +87,15 @@ class Pieces:
 
         Their share of the surface comes first, then interfaces with what is not a member.
         """
-        chosen = set(members)
-        own = _rows_of(self._by_piece, chosen)
-        upper = _rows_of(self._by_level, {n - 1 for n in chosen} - chosen)
-        lower = _rows_of(self._by_level, {n for n in chosen if n + 1 not in chosen})
-        each = self.faces[own], self.cap_faces[lower], self.cap_faces[upper][:, ::-1]
-        return np.concatenate(each)
+        chosen, (pieces, levels) = set(members), self._grouped
+        own = self.faces[_rows_of(pieces, chosen)]
+        upper = self.cap_faces[_rows_of(levels, {n - 1 for n in chosen} - chosen)]
+        lower = self.cap_faces[_rows_of(levels, {n for n in chosen if n + 1 not in chosen})]
+        return np.concatenate([own, lower, upper[:, ::-1]])
 
     @cached_property
-    def _by_piece(self) -> tuple[IntArray, IntArray]:
-        return _grouped(self.piece)
-
-    @cached_property
-    def _by_level(self) -> tuple[IntArray, IntArray]:
-        return _grouped(self.cap_level)
+    def _grouped(self) -> list[tuple[IntArray, IntArray]]:
+        return [_grouped(self.piece), _grouped(self.cap_level)]
 
 
 def _grouped(label: NDArray[np.int32]) -> tuple[IntArray, IntArray]:
@@ -463,11 +457,11 @@ def _divided(
     corners = pool[number[faces[cut]]].astype(np.float64)
     normals[cut] = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     new, label, source = _fill_loops(loops.joined(number), pool, normals)
-    found = np.concatenate([number[faces[whole]], new])
-    label = np.concatenate([labels[faces[whole, 0]], label])
-    source = np.concatenate([np.flatnonzero(whole), source])
-    proper = ~repeats_index(found)
-    return found[proper], label[proper], source[proper]
+    return (
+        np.concatenate([number[faces[whole]], new]),
+        np.concatenate([labels[faces[whole, 0]], label]),
+        np.concatenate([np.flatnonzero(whole), source]),
+    )
 
 
 def _cleaned(
@@ -521,7 +515,7 @@ def _split_curved(
         raise ArgumentError(f"`pitch_mm` {pitch_mm}: it must be a positive number of mm")
     best: tuple[int, Pieces] | None = None
     for attempt in range(_ATTEMPTS):
-        if best is not None and attempt >= _THIN_ATTEMPTS:
+        if best is not None and (best[0] == 0 or attempt >= _THIN_ATTEMPTS):
             break
         shift = (FIRST_SHIFT + attempt * _STEP) % 1.0
         share = _SHARE * ((attempt + 1) // 2) * (1 if attempt % 2 else -1)  # up and down in turn
@@ -537,8 +531,6 @@ def _split_curved(
         made = next(closed, None)
         if made is not None and (best is None or made[0] < best[0]):
             best = made
-        if best is not None and best[0] == 0:
-            break
     if best is not None:
         return best[1]
     raise ArgumentError(

@@ -585,8 +585,7 @@ def caps(
             "outline of a cut ends there; repair the mesh so that every edge has two faces"
         )
     order = np.argsort(loop_plane, kind="stable")
-    across = np.broadcast_to([u, v], (len(order), 2))
-    chosen = (order, loop_plane[order], across)
+    chosen = (order, loop_plane[order], np.broadcast_to([u, v], (len(order), 2)))
     cap_faces, owner = triangulate_loops(divided.vertices, corners, starts, *chosen)
     proper = ~repeats_index(cap_faces)
     cap_faces, cap_level = cap_faces[proper], loop_plane[owner[proper]]

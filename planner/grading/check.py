@@ -69,8 +69,7 @@ def shell_checks(shells: JoinedShells, part: Mesh | PartGraded) -> dict[str, Che
     """
     unsound = sum(not shells.sound(number) for number in range(len(shells.faces)))
     fit = interfaces_cancel(shells, part)
-    total = sum(float(found.volume_mm3[0]) for found in shells.measures)
-    error = abs(total / part.volume_mm3 - 1.0)
+    error = abs(sum(float(m.volume_mm3[0]) for m in shells.measures) / part.volume_mm3 - 1.0)
     shared = _shared_mm3(shells) / part.volume_mm3
     return {
         "shells_unsound": Check(unsound, 0, unsound == 0),

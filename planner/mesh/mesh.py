@@ -320,19 +320,18 @@ def cancel_opposite(faces: NDArray[np.int32]) -> BoolArray:
     """Tell which faces stay when faces on the same three vertices but turned over cancel.
 
     Of a triple with p faces one way and q the other, the first |p - q| of the more frequent
-    way stay. The boundary of the surface does not change.
+    way stay. The boundary of the surface does not change. What names a vertex twice does not stay.
 
     Parameters
     ----------
     faces : (m, 3) int32
-        Faces without repeated index.
 
     Returns
     -------
     (m,) bool
         True where a face stays.
     """
-    keep = np.ones(len(faces), dtype=np.bool_)
+    keep = ~repeats_index(faces)
     order, starts = order_rows(*sorted_corners(faces))
     count = np.diff(starts, append=len(order))
     pairs = starts[count == 2]  # as good as all of them, where shells meet
@@ -348,7 +347,7 @@ def cancel_opposite(faces: NDArray[np.int32]) -> BoolArray:
         frequent = way * net > 0
         rank = np.cumsum(frequent)
         rank -= np.repeat(rank[starts] - frequent[starts], count)
-        keep[order] = frequent & (rank <= np.abs(net))
+        keep[order] &= frequent & (rank <= np.abs(net))
     return keep
 
 
@@ -596,7 +595,6 @@ class JoinedShells:
     def left(self) -> NDArray[np.int32]:
         """The faces, (m, 3), that remain of all shells when opposite triangles cancel."""
         faces = np.concatenate([np.empty((0, 3), np.int32), *self.faces])
-        faces = faces[~repeats_index(faces)]
         return faces[cancel_opposite(faces)]
 
     @cached_property

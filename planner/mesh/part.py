@@ -101,7 +101,6 @@ def _rounded(mesh: Mesh, translation_mm: FloatArray) -> Mesh:
     """Move a mesh, round it to float32, and join what has become equal."""
     vertices, index = weld_points((mesh.vertices + translation_mm).astype(np.float32))
     faces = index[mesh.faces]
-    faces = faces[~repeats_index(faces)]
     used, faces = compact(faces[cancel_opposite(faces)], len(vertices))
     return Mesh(vertices[used].astype(np.float64), faces)
 

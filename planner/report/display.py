@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.glance import channels
-from planner.mesh.mesh import cancel_opposite, compact, face_normal, repeats_index
+from planner.mesh.mesh import cancel_opposite, compact, face_normal
 from planner.numerics import Float32Array, FloatArray, IntArray, kernel
 from planner.report.svg import ramp
 
@@ -100,11 +100,9 @@ def shown(shells: Sequence[_Indexed], most: int = _MOST_TRIANGLES) -> Shown:
         taken = _coarse(points, faces, most)
         moved_mm += step_mm * float(np.sqrt(((points - points[taken]) ** 2).sum(axis=1).max()))
         faces = [taken[f] for f in faces]
-    faces = [f[~repeats_index(f)] for f in faces]
-    faces = [f[cancel_opposite(f)] for f in faces]
-    own = [compact(f, len(points)) for f in faces]
+    own = [compact(f[cancel_opposite(f)], len(points)) for f in faces]
     kept = tuple((points[used].astype(np.uint16), f) for used, f in own)
-    return Shown(grid.origin_mm, step_mm, kept, sum(map(len, faces)), of, moved_mm)
+    return Shown(grid.origin_mm, step_mm, kept, sum(len(f) for _, f in kept), of, moved_mm)
 
 
 def thinned(
@@ -118,9 +116,7 @@ def thinned(
         Triangles that are left, at most about so many.
     """
     if len(faces) > most:
-        points = ScreenGrid.over([vertices]).counts(vertices)
-        faces = _coarse(points, [faces], most)[faces]
-        faces = faces[~repeats_index(faces)]
+        faces = _coarse(ScreenGrid.over([vertices]).counts(vertices), [faces], most)[faces]
         faces = faces[cancel_opposite(faces)]
     return compact(faces, len(vertices))
 

@@ -21,7 +21,7 @@ from planner.grading.profile import dithered_profile, is_dithered
 from planner.materials.mixtures import CoefficientModel
 from planner.mesh.distance import distances, triangle_tree
 from planner.mesh.halve import halve_long_edges
-from planner.mesh.mesh import Mesh, Topology, cancel_opposite, compact, repeats_index
+from planner.mesh.mesh import Mesh, Topology, cancel_opposite, compact
 from planner.mesh.part import open_part
 from planner.numerics import FloatArray, Point, as_point, one_blas_thread
 from planner.palette import Palette
@@ -72,8 +72,7 @@ def _outer(whole: Mesh) -> Mesh:
     """Return the surface of all shells, without the edges that only their interfaces have cut."""
     import manifold3d
 
-    faces = whole.faces[~repeats_index(whole.faces)]
-    used, faces = compact(faces[cancel_opposite(faces)], len(whole.vertices))
+    used, faces = compact(whole.faces[cancel_opposite(whole.faces)], len(whole.vertices))
     vertices = np.ascontiguousarray(whole.vertices[used])
     cut = manifold3d.Manifold(manifold3d.Mesh64(vertices, faces.astype(np.uint64)))
     if cut.status() != manifold3d.Error.NoError or cut.is_empty():
