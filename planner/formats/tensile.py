@@ -1326,10 +1326,12 @@ _BESIDE = 200
 def _said_sizes(grid: _Grid, pieces: Sequence[_Piece]) -> Iterator[_Said]:
     """Yield what all cells say that are not in a record's columns."""
     data: dict[int, int] = {}
-    for piece in (p for p in pieces if p.grid is grid):
-        width = 1 + max(i for i, h in enumerate(piece.block.headings) if h.meaning)
-        data |= {row: max(width, data.get(row, 0)) for row in piece.block.rows}
-    heads = {piece.block.head for piece in pieces if piece.grid is grid}
+    # Of a table that is divided by specimens all pieces have its one block.
+    blocks = {id(piece.block): piece.block for piece in pieces if piece.grid is grid}.values()
+    for block in blocks:
+        width = 1 + max(i for i, h in enumerate(block.headings) if h.meaning)
+        data |= {row: max(width, data.get(row, 0)) for row in block.rows}
+    heads = {block.head for block in blocks}
     beside = min(data, default=0) + _BESIDE
     for row, (_, cells) in enumerate(grid.rows):
         if row in data and row > beside:

@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 import scipy.linalg
 from scipy.linalg.lapack import dpotrf, dtrtrs
+from scipy.sparse import csr_array
 
 from planner.gap.evidence.problem import Candidate, Problem, searched
 from planner.numerics import FloatArray
@@ -91,12 +92,15 @@ class World:
         blocks = [problem.nuisances * self._sizes if nuisances is None else nuisances]
         blocks += [discrepancy * problem.discrepancy] if discrepancy else []
         blocks += [] if more is None else [more]
-        self._nuisances = self._root[:, None] * np.concatenate(blocks, axis=1)
-        inner = self._nuisances.T @ self._nuisances
+        # Sparse: most are of one test's or one specimen's features.
+        self._nuisances = csr_array((self._root[:, None] * np.concatenate(blocks, axis=1)).T)
+        inner = (self._nuisances @ self._nuisances.T).toarray()
         inner[np.diag_indices(len(inner))] += 1.0
         self._factor = scipy.linalg.cholesky(inner, lower=True, check_finite=False)
         log_det = 2.0 * float(np.log(np.diagonal(self._factor)).sum())
         self._offset = -float(rows.sum()) * float(np.log(scale)) - 0.5 * log_det
+        self._own: tuple[FloatArray, ...] = ()
+        self._kept: tuple[FloatArray, ...] = ()
         alone = self.elimination(problem.target)
         self.none, self.left = alone.none, float(alone.products[0, 0])
 
@@ -109,17 +113,40 @@ class World:
         own : (N, m)
             Further nuisances of prior deviation 1.
         """
-        count = columns.shape[1]
-        if own is not None:
-            columns = np.concatenate([columns, own], axis=1)
+        return self._without_own(self._without_nuisances(columns), own)
+
+    def _without_nuisances(self, columns: FloatArray) -> tuple[FloatArray, ...]:
         weighted = self._root[:, None] * columns
-        half, _ = dtrtrs(self._factor, self._nuisances.T @ weighted, lower=True)
-        m = weighted.T @ weighted - half.T @ half
-        return np.asarray(m) if own is None else _without_last(m, count)[0]
+        half, _ = dtrtrs(self._factor, self._nuisances @ weighted, lower=True)
+        return weighted, half, np.asarray(weighted.T @ weighted - half.T @ half)
+
+    def _without_own(self, seen: tuple[FloatArray, ...], own: FloatArray | None) -> FloatArray:
+        weighted, half, m = seen
+        if own is None or not own.shape[1]:
+            return m
+        beside, halved, factor = self._beside(own)
+        out, _ = dtrtrs(factor, beside.T @ weighted - halved.T @ half, lower=True)
+        return np.asarray(m - out.T @ out)
+
+    def _beside(self, own: FloatArray) -> tuple[FloatArray, ...]:
+        """Return what integrates over further nuisances; the last one's is kept."""
+        if not self._own or self._own[0] is not own:
+            weighted, half, m = self._without_nuisances(own)
+            self._own = own, weighted, half, dpotrf(m + np.eye(len(m)), lower=True)[0]
+        return self._own[1:]
+
+    def _joined(self, seen: tuple[FloatArray, ...], kept: FloatArray) -> tuple[FloatArray, ...]:
+        """Join what is seen of columns with that of others, of which the last one's is kept."""
+        if not self._kept or self._kept[0] is not kept:
+            self._kept = kept, *self._without_nuisances(kept)
+        _, weighted, half, m = self._kept
+        cross = seen[0].T @ weighted - seen[1].T @ half
+        both = [np.concatenate(pair, axis=1) for pair in zip(seen, (weighted, half), strict=False)]
+        return *both, np.block([[seen[2], cross], [cross.T, m]])
 
     def coefficients(self, left: FloatArray) -> FloatArray:
         """Return the nuisances' posterior mean, in prior deviations, of what is left, (N,)."""
-        cross = self._nuisances.T @ (self._root * left)
+        cross = np.asarray(self._nuisances @ (self._root * left))
         return np.asarray(scipy.linalg.cho_solve((self._factor, True), cross, check_finite=False))
 
     def laws_off(self, candidate: Candidate) -> tuple[FloatArray, FloatArray]:
@@ -148,8 +175,9 @@ class World:
         return float(np.sqrt(mean).sum())
 
     def elimination(
-        self, target: FloatArray, slopes: FloatArray | None = None, kept: FloatArray | None = None
-    ) -> Elimination:
+        self, target: FloatArray, slopes: FloatArray | None = None,
+        kept: FloatArray | None = None, own: FloatArray | None = None,
+    ) -> Elimination:  # fmt: skip
         """Return inner products of a target and further columns, with ln p of the target.
 
         Parameters
@@ -158,10 +186,17 @@ class World:
         slopes : (N, p)
             Integrated out, of prior deviation 1.
         kept : (N, k)
+        own : (N, m)
+            As of `products`.
         """
-        parts = [target[:, None], *(part for part in (kept, slopes) if part is not None)]
-        m = self.products(np.concatenate(parts, axis=1))
-        m, log_det = _without_last(m, len(m) - (0 if slopes is None else slopes.shape[1]))
+        free = np.zeros((len(target), 0)) if slopes is None else slopes
+        seen = self._without_nuisances(np.concatenate([target[:, None], free], axis=1))
+        m = self._without_own(seen if kept is None else self._joined(seen, kept), own)
+        last = 1 + free.shape[1]
+        order = np.r_[0, last : len(m), 1:last]
+        m, log_det = _without_last(m[np.ix_(order, order)], len(m) - free.shape[1])
+        if own is not None and own.shape[1]:
+            log_det += 2.0 * float(np.log(np.diagonal(self._beside(own)[-1])).sum())
         return Elimination(m, self._offset - 0.5 * (float(m[0, 0]) + log_det))
 
 
@@ -317,8 +352,7 @@ class Settled:
 
     def eliminated(self, world: World, kept: FloatArray | None = None) -> Elimination:
         """Return inner products of the target and further columns, in a world."""
-        free = np.concatenate([self.slopes, self.own], axis=1)
-        return world.elimination(self.target, free, kept)
+        return world.elimination(self.target, self.slopes, kept, self.own)
 
     def weighed(self, world: World, elimination: Elimination) -> Candidate:
         """Return the candidate with its gain and evidence over no effect in a world."""
