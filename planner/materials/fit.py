@@ -437,14 +437,9 @@ class _Problem:
 
     @staticmethod
     def _solve(
-        square: FloatArray,
-        inner: FloatArray,
-        rows: FloatArray,
-        norm: FloatArray,
-        free: BoolArray,
-        held_c: FloatArray,
-        near: BoolArray | None,
-    ) -> tuple[FloatArray, BoolArray]:
+        square: FloatArray, inner: FloatArray, rows: FloatArray, norm: FloatArray,
+        free: BoolArray, held_c: FloatArray, near: BoolArray | None,
+    ) -> tuple[FloatArray, BoolArray]:  # fmt: skip
         """Return the coefficients of unit columns, and which rows they break.
 
         Newton's method on a cost that is quadratic but for the rows that are broken or not; the

@@ -313,13 +313,9 @@ def _welded(triangles: FloatArray) -> tuple[FloatArray, NDArray[np.int32]]:
 
 
 def part_from_arrays(
-    vertices: FloatArray,
-    faces: IntArray,
-    *,
-    name: str = "part",
-    tray_mm: Point | None = None,
-    bodies: str | None = None,
-) -> Part:
+    vertices: FloatArray, faces: IntArray, *,
+    name: str = "part", tray_mm: Point | None = None, bodies: str | None = None,
+) -> Part:  # fmt: skip
     """Make a part of vertices (n, 3) in mm and faces (m, 3); see `make_part`.
 
     Raises

@@ -72,17 +72,10 @@ class World:
     """
 
     def __init__(
-        self,
-        problem: Problem,
-        *,
-        scale: float = 1.0,
-        discrepancy: float = 0.0,
-        laws: float = 1.0,
-        share: float = 1.0,
-        nuisances: FloatArray | None = None,
-        more: FloatArray | None = None,
-        weight: FloatArray | None = None,
-    ) -> None:
+        self, problem: Problem, *, scale: float = 1.0, discrepancy: float = 0.0,
+        laws: float = 1.0, share: float = 1.0, nuisances: FloatArray | None = None,
+        more: FloatArray | None = None, weight: FloatArray | None = None,
+    ) -> None:  # fmt: skip
         self.problem, self.scale, self.discrepancy = problem, scale, discrepancy
         self.laws, self.log_share = laws, float(np.log(share))
         each = np.ones(len(problem.noise.rows)) if weight is None else weight
@@ -93,14 +86,14 @@ class World:
         blocks += [discrepancy * problem.discrepancy] if discrepancy else []
         blocks += [] if more is None else [more]
         # Sparse: most are of one test's or one specimen's features.
-        self._nuisances = csr_array((self._root[:, None] * np.concatenate(blocks, axis=1)).T)
-        inner = (self._nuisances @ self._nuisances.T).toarray()
+        weighted = self._root[:, None] * np.concatenate(blocks, axis=1)
+        self._nuisances = csr_array(weighted.T)
+        inner = np.asarray(self._nuisances @ weighted)
         inner[np.diag_indices(len(inner))] += 1.0
         self._factor = scipy.linalg.cholesky(inner, lower=True, check_finite=False)
         log_det = 2.0 * float(np.log(np.diagonal(self._factor)).sum())
         self._offset = -float(rows.sum()) * float(np.log(scale)) - 0.5 * log_det
         self._own: tuple[FloatArray, ...] = ()
-        self._kept: tuple[FloatArray, ...] = ()
         alone = self.elimination(problem.target)
         self.none, self.left = alone.none, float(alone.products[0, 0])
 
@@ -113,36 +106,24 @@ class World:
         own : (N, m)
             Further nuisances of prior deviation 1.
         """
-        return self._without_own(self._without_nuisances(columns), own)
+        weighted, half, m = self._without_nuisances(columns)
+        if own is None or not own.shape[1]:
+            return m
+        _, beside, halved, factor = self._beside(own)
+        out, _ = dtrtrs(factor, beside.T @ weighted - halved.T @ half, lower=True)
+        return np.asarray(m - out.T @ out)
 
     def _without_nuisances(self, columns: FloatArray) -> tuple[FloatArray, ...]:
         weighted = self._root[:, None] * columns
         half, _ = dtrtrs(self._factor, self._nuisances @ weighted, lower=True)
         return weighted, half, np.asarray(weighted.T @ weighted - half.T @ half)
 
-    def _without_own(self, seen: tuple[FloatArray, ...], own: FloatArray | None) -> FloatArray:
-        weighted, half, m = seen
-        if own is None or not own.shape[1]:
-            return m
-        beside, halved, factor = self._beside(own)
-        out, _ = dtrtrs(factor, beside.T @ weighted - halved.T @ half, lower=True)
-        return np.asarray(m - out.T @ out)
-
     def _beside(self, own: FloatArray) -> tuple[FloatArray, ...]:
         """Return what integrates over further nuisances; the last one's is kept."""
         if not self._own or self._own[0] is not own:
             weighted, half, m = self._without_nuisances(own)
             self._own = own, weighted, half, dpotrf(m + np.eye(len(m)), lower=True)[0]
-        return self._own[1:]
-
-    def _joined(self, seen: tuple[FloatArray, ...], kept: FloatArray) -> tuple[FloatArray, ...]:
-        """Join what is seen of columns with that of others, of which the last one's is kept."""
-        if not self._kept or self._kept[0] is not kept:
-            self._kept = kept, *self._without_nuisances(kept)
-        _, weighted, half, m = self._kept
-        cross = seen[0].T @ weighted - seen[1].T @ half
-        both = [np.concatenate(pair, axis=1) for pair in zip(seen, (weighted, half), strict=False)]
-        return *both, np.block([[seen[2], cross], [cross.T, m]])
+        return self._own
 
     def coefficients(self, left: FloatArray) -> FloatArray:
         """Return the nuisances' posterior mean, in prior deviations, of what is left, (N,)."""
@@ -189,12 +170,9 @@ class World:
         own : (N, m)
             As of `products`.
         """
-        free = np.zeros((len(target), 0)) if slopes is None else slopes
-        seen = self._without_nuisances(np.concatenate([target[:, None], free], axis=1))
-        m = self._without_own(seen if kept is None else self._joined(seen, kept), own)
-        last = 1 + free.shape[1]
-        order = np.r_[0, last : len(m), 1:last]
-        m, log_det = _without_last(m[np.ix_(order, order)], len(m) - free.shape[1])
+        parts = [target[:, None], *(part for part in (kept, slopes) if part is not None)]
+        m = self.products(np.concatenate(parts, axis=1), own)
+        m, log_det = _without_last(m, len(m) - (0 if slopes is None else slopes.shape[1]))
         if own is not None and own.shape[1]:
             log_det += 2.0 * float(np.log(np.diagonal(self._beside(own)[-1])).sum())
         return Elimination(m, self._offset - 0.5 * (float(m[0, 0]) + log_det))
