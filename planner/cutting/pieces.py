@@ -87,14 +87,14 @@ class Pieces:
 
         Their share of the surface comes first, then interfaces with what is not a member.
         """
-        chosen, (pieces, levels) = set(members), self._grouped
+        chosen, (pieces, levels) = set(members), self._rows
         own = self.faces[_rows_of(pieces, chosen)]
         upper = self.cap_faces[_rows_of(levels, {n - 1 for n in chosen} - chosen)]
         lower = self.cap_faces[_rows_of(levels, {n for n in chosen if n + 1 not in chosen})]
         return np.concatenate([own, lower, upper[:, ::-1]])
 
     @cached_property
-    def _grouped(self) -> list[tuple[IntArray, IntArray]]:
+    def _rows(self) -> list[tuple[IntArray, IntArray]]:
         return [_grouped(self.piece), _grouped(self.cap_level)]
 
 
@@ -326,7 +326,7 @@ def _cover(
     chosen: Any, nodes: Any, starts: Any, loop_face: Any, points: Any, normals: Any, faces: Any,
     owner: Any, flat: Any, best: Any, middle: Any, stack: Any,
 ) -> None:  # fmt: skip
-    """Of all triangulations of a loop take the one whose made triangle is thickest.
+    """Of all triangulations of a loop take the one whose thinnest triangle is thickest.
 
     By dynamic programming over the loop's stretches (Klincsek 1980). Triangles that are turned
     over count as thinner than any other; where none is, they cover the loop's inside once.
