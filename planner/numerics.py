@@ -90,7 +90,8 @@ def kernel(function: F) -> F:
 
     A first run waits for all kernels it meets, about 0.03 s a line: call each with one set of
     types, give it its arrays instead of having them made inside, and keep out of it what
-    numpy does as well.
+    numpy does as well. An array that takes over another's elements in one statement costs 2 to 3 s,
+    for the text of the error if they did not fit: loop over them.
     """
     return _compiled(function, nogil=True)
 

@@ -798,12 +798,18 @@ def _root(stack: Any, t: Any, i: Any, j: Any, k: Any, ny: Any, nz: Any, corners:
 
 
 @inner_kernel
+def _copy(into: Any, one: Any) -> None:
+    """Copy a tetrahedron."""
+    for c in range(7):
+        into[c] = one[c]
+
+
+@inner_kernel
 def _halve(stack: Any, top: Any) -> Any:
     """Replace a tetrahedron by its halves (Maubach 1995); return how many there are then."""
     tag = stack[top, 4]
     middle = (stack[top, 0] + stack[top, tag]) // 2
-    for c in range(7):
-        stack[top + 1, c] = stack[top, c]
+    _copy(stack[top + 1], stack[top])
     for c in range(tag):
         stack[top + 1, c] = stack[top, c + 1]
     stack[top, tag] = stack[top + 1, tag] = middle
@@ -818,12 +824,12 @@ def _find_halving(leaf: Any, thrice: Any, middles: Any) -> None:
     """Fill in what halves tetrahedra, and where `thrice` their halves, and theirs; else -1."""
     parts = np.empty((8, 7), dtype=np.int64)
     for n in range(leaf.shape[0]):
-        parts[0] = leaf[n]
+        _copy(parts[0], leaf[n])
         for m in range(7):
             left_out = parts[m, 5] >= 3 * _DEEPEST or (m > 0 and not thrice[n])
             middles[n, m] = -1 if left_out else (parts[m, 0] + parts[m, parts[m, 4]]) // 2
             if m < 3:
-                parts[2 * m + 1] = parts[m]
+                _copy(parts[2 * m + 1], parts[m])
                 _halve(parts, 2 * m + 1)
 
 
@@ -859,8 +865,7 @@ def _divide_at_crease(stack: Any, top: Any, keys: Any, index: Any, sharp: Any) -
                 middle, first, last = place, a, b
     if middle < 0:
         return top
-    for c in range(7):
-        stack[top + 1, c] = stack[top, c]
+    _copy(stack[top + 1], stack[top])
     stack[top, first] = stack[top + 1, last] = middle
     stack[top, 4] = stack[top + 1, 4] = 0
     return top + 2
@@ -975,13 +980,13 @@ def _march(
                         if _is_halved(stack, left, marks, mark_index, sharp):
                             left = _halve(stack, left)
                             continue
-                        whole[:] = stack[left]
+                        _copy(whole, stack[left])
                     more = _divide_at_crease(stack, left, marks, mark_index, sharp)
                     if more > left:
                         left = more
                         continue
                 else:
-                    whole[:] = stack[left]
+                    _copy(whole, stack[left])
                 low, high = np.inf, -np.inf
                 for c in range(4):
                     v[c] = _seen(

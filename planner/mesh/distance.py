@@ -175,9 +175,9 @@ def _nearest(
                             closest[1, d] = closest[0, d]
         distance[p] = np.sqrt(best)
         which[p] = last
-        place[p] = closest[1]
         dot = 0.0
         for d in range(3):
+            place[p, d] = closest[1, d]
             dot += (at[d] - closest[1, d]) * outward[last, feature, d]
         faced[p] = dot >= 0.0
 
@@ -278,7 +278,8 @@ def inscribed_ball(
     size = step / 2
     while size >= step / 16:
         moved = False
-        start[:] = centre
+        for axis in range(3):
+            start[axis] = centre[axis]
         for neighbour in range(27):
             strayed, digits = False, neighbour
             for axis in range(3):
@@ -290,7 +291,8 @@ def inscribed_ball(
             depth = _depth(corners, near, trial, reach, closest)
             if depth > best + 1e-9:
                 moved, best = True, depth
-                centre[:] = trial
+                for axis in range(3):
+                    centre[axis] = trial[axis]
         if not moved:
             size /= 2
     return centre, max(best, 0.0)

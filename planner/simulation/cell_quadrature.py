@@ -180,19 +180,22 @@ def _find(
                 _guess(measure, n, place)
                 if _settle(moment, place, line, normal, slopes):
                     used[p] = many
-                    place[:, 3] *= mass
+                    for q in range(many):
+                        place[q, 3] *= mass
                     _into_box(place, many, middle, half, turn, True)
                     break
         else:
             used[p] = n
-            found[p, :n] = measure[:n]
+            for q in range(n):
+                for k in range(4):
+                    found[p, q, k] = measure[q, k]
 
 
 @inner_kernel
 def _find_box(measure: Any, n: Any, wide: Any, middle: Any, half: Any, turn: Any) -> Any:
     # The box that holds a piece: along the piece's principal axes (the rows of `turn`), or along
     # the cell's where that is not much smaller.
-    aligned, mean, spread = np.eye(3), np.zeros(3), np.zeros((3, 3))
+    aligned, mean, spread = np.zeros((3, 3)), np.zeros(3), np.zeros((3, 3))
     mass = 0.0
     for q in range(n):
         mass += measure[q, 3]
@@ -203,7 +206,7 @@ def _find_box(measure: Any, n: Any, wide: Any, middle: Any, half: Any, turn: Any
     for a in range(3):
         for b in range(3):
             spread[a, b] = spread[a, b] / mass - mean[a] * mean[b] / mass**2
-    turn[:] = aligned
+            aligned[a, b] = turn[a, b] = 1.0 if a == b else 0.0
     for sweep in range(18):  # Jacobi's rotations, six times about each axis
         a, b = sweep % 3, (sweep + 1) % 3
         if abs(spread[a, b]) < 1e-14:
@@ -217,7 +220,9 @@ def _find_box(measure: Any, n: Any, wide: Any, middle: Any, half: Any, turn: Any
         _rotate(turn, a, b, cos, sin)
     whole = _bounds(measure, n, wide, aligned, middle, half)
     if _bounds(measure, n, wide, turn, middle, half) > _MUCH_SMALLER * whole:
-        turn[:] = aligned
+        for a in range(3):
+            for b in range(3):
+                turn[a, b] = aligned[a, b]
         _bounds(measure, n, wide, turn, middle, half)
 
 
@@ -337,7 +342,10 @@ def _settle(moment: Any, place: Any, line: Any, normal: Any, slopes: Any) -> Any
     trial, step = np.empty((many, 4)), np.empty((many, 4))
     error = _miss(moment, place, line, miss)
     for _ in range(_STEPS):
-        if np.abs(miss).max() < _MET:
+        met = True
+        for t in range(moments):
+            met = met and abs(miss[t]) < _MET
+        if met:
             return True
         # slopes of the moments by each place and each weight, in units of the room to the box's
         # sides and of the weight
@@ -365,7 +373,9 @@ def _settle(moment: Any, place: Any, line: Any, normal: Any, slopes: Any) -> Any
                     most = 0.9 * room / abs(move)
         trial_error = np.inf
         for _ in range(6):
-            trial[:] = place + most * step
+            for q in range(many):
+                for k in range(4):
+                    trial[q, k] = place[q, k] + most * step[q, k]
             trial_error = _miss(moment, trial, line, trial_miss)
             if trial_error < error * (1.0 - 1e-3 * most):
                 break
@@ -373,7 +383,11 @@ def _settle(moment: Any, place: Any, line: Any, normal: Any, slopes: Any) -> Any
         if not trial_error < error:
             return False
         error = trial_error
-        miss[:], place[:] = trial_miss, trial
+        for t in range(moments):
+            miss[t] = trial_miss[t]
+        for q in range(many):
+            for k in range(4):
+                place[q, k] = trial[q, k]
     return False
 
 
@@ -385,12 +399,16 @@ def _room(x: Any) -> Any:
 @inner_kernel
 def _miss(moment: Any, place: Any, line: Any, miss: Any) -> Any:
     # What the moments lack, and the length of that.
-    miss[:] = moment
+    for t in range(moment.size):
+        miss[t] = moment[t]
     for q in range(place.shape[0]):
         for axis in range(3):
             _legendre(place[q, axis], line[axis], line[3])
         _add_products(miss, -place[q, 3], line[0], line[1], line[2])
-    return np.sqrt(np.sum(miss**2))
+    squares = 0.0
+    for t in range(moment.size):
+        squares += miss[t] ** 2
+    return np.sqrt(squares)
 
 
 @inner_kernel
@@ -398,7 +416,9 @@ def _solve_normal(slopes: Any, miss: Any, normal: Any, answer: Any) -> Any:
     # slopes' slopes answer = miss
     np.dot(slopes.T, slopes, normal)
     n = miss.size
-    trace = np.trace(normal)
+    trace = 0.0
+    for i in range(n):
+        trace += normal[i, i]
     for i in range(n):
         normal[i, i] += 1e-12 * trace  # points that fall together leave it singular
     lower = np.linalg.cholesky(normal)

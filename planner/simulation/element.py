@@ -71,7 +71,8 @@ def _gradients(local: Any, cell_mm: Any, out: Any) -> None:
         value[axis, 2] = 0.5 * s * (s + 1.0)
         slope[axis, 0], slope[axis, 1] = (s - 0.5), -2.0 * s
         slope[axis, 2] = s + 0.5
-        slope[axis] *= 2.0 / cell_mm[axis]
+        for node in range(3):
+            slope[axis, node] *= 2.0 / cell_mm[axis]
     for k in range(3):
         for j in range(3):
             for i in range(3):
@@ -212,6 +213,15 @@ def _tangent_times(ci: Any, c: Any, d: Any, out: Any) -> None:
         out[k] += c[3] * inner
 
 
+@inner_kernel
+def _most_points(offsets: Any, first: Any, last: Any) -> Any:
+    """Return how many points a cell has at most."""
+    most = 0
+    for c in range(first, last):
+        most = max(most, offsets[c + 1] - offsets[c])
+    return most
+
+
 @kernel
 def assemble(
     first: int, last: int, cells: Any, law: Any, basis: FloatArray, compliance: FloatArray,
@@ -229,7 +239,7 @@ def assemble(
         Where Newton's method is.
     """
     nodes, offsets, points, weights, cell_mm = cells
-    most = np.diff(offsets[first : last + 1]).max()
+    most = _most_points(offsets, first, last)
     gradient, right = np.empty((most, 3, 27)), np.empty((most, 3, 6, 27))
     left, flat = gradient.reshape(3 * most, 27), right.reshape(3 * most, 162)
     Fs, cis, isos = np.empty((most, 3, 3)), np.empty((most, 6)), np.empty((most, 6))
@@ -325,7 +335,7 @@ def advance(
 ) -> None:  # fmt: skip
     """Move strains, stresses and pressures of cells along with a change of the displacements."""
     nodes, offsets, points, weights, cell_mm = cells
-    most = np.diff(offsets[first : last + 1]).max()
+    most = _most_points(offsets, first, last)
     gradient, F, G = np.empty((3, 27)), np.empty((3, 3)), np.empty((3, 3))
     cis, isos, gaps = np.empty((most, 6)), np.empty((most, 6)), np.empty((most, 6))
     coefficients, Js, actual, full = np.empty((most, 4)), np.empty(most), np.empty(6), np.empty(6)

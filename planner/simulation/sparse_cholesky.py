@@ -408,7 +408,8 @@ def _halved(
             else:
                 spare[upper] = c
                 upper += 1
-        cells[lower:end] = spare[:upper]
+        for i in range(upper):
+            cells[lower + i] = spare[i]
         # The larger half is made last and so factored first, while no update waits.
         if lower - start > upper:
             waiting.append((start, lower, deep + 1, t, 0))

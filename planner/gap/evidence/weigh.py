@@ -198,7 +198,8 @@ def _best_subset(
             bounds[s] = value
             if value > best_value and np.sum(belief > 0.5) > 0:
                 best, best_value = k, value
-                best_belief[:] = belief
+                for i in range(n):
+                    best_belief[i] = belief[i]
         most = np.max(bounds)
         evidence[k] = most + np.log(np.sum(np.exp(bounds - most)) / m)
     return best
