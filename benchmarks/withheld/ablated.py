@@ -112,9 +112,10 @@ def problem_of(
 def weighed_answer(problem: Problem, priors: Priors, reasons: tuple[str, ...]) -> dict[str, Any]:
     """Weigh all hypotheses and return the scored part of a document, cut as a diagnosis is."""
     weighed = weigh(problem, priors)
-    ranking = ranking_of(evidence_of(problem, weighed), priors)
+    evidence = evidence_of(problem, weighed)
+    ranking = ranking_of(evidence, priors)
     verdict = ranking[0].effects
-    alike = class_of(problem, weighed, ranking, verdict)
+    alike = class_of(problem, weighed, evidence, ranking, verdict)
     return {
         "verdict": "+".join(verdict) or "none",
         "ranking": [

@@ -661,7 +661,7 @@ def diagnose(
         chosen = weighed.best.get(verdict, Candidate(()))
         nodes = weighed.plain.elimination(problem.target, kept=problem.nodes)
         where, remainder = _places_of(problem, axes_of(problem, evidence, ranking, priors), chosen)
-        same_class = class_of(problem, weighed, ranking, verdict)
+        same_class = class_of(problem, weighed, evidence, ranking, verdict)
         doubts = [*_cautions(problem), *_confounders(verdict, reasons)]
         mending = [problem.unit_of for problem in data_quality if problem.unit_of is not None]
         found = Diagnosis(

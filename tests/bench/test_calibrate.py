@@ -62,6 +62,7 @@ def test_shares_of_kinds_are_found() -> None:
     assert found.single / found.none == pytest.approx(2.0, rel=0.3)
 
 
+@pytest.mark.long
 def test_what_is_right_already_stays() -> None:
     start = START
     shares = {"none": 0.66, "single": 0.055, "unknown": 0.285}  # the priors' own, without pairs

@@ -19,7 +19,7 @@ PALETTE = read_palette(
     (ROOT / "printers/connex3/palettes/connex3-tango-vero.toml").read_text(encoding="utf-8")
 )
 CAMERAS = [
-    Camera(facet, spacing, stated)
+    pytest.param(Camera(facet, spacing, stated), marks=[pytest.mark.long] * (stated and facet < 3.0))
     for facet in (0.0, 0.6, 1.2, 3.0)
     for spacing in (1.0, 0.5)
     for stated in (False, True)
@@ -50,6 +50,8 @@ def test_strains_of_a_clean_campaign_have_no_bias(camera: Camera, tmp_path: Path
     assert np.abs(far).max() < 4.0
 
 
-@pytest.mark.parametrize("camera", [Camera(0.0, 1.0), Camera(3.0, 0.5)], ids=str)
+@pytest.mark.parametrize(
+    "camera", [pytest.param(Camera(0.0, 1.0), marks=pytest.mark.long), Camera(3.0, 0.5)], ids=str
+)
 def test_nothing_is_found_where_nothing_is_hidden(camera: Camera, tmp_path: Path) -> None:
     assert diagnose(written(camera, tmp_path / "c")).verdict == "none"

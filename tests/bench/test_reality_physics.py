@@ -178,7 +178,7 @@ def test_the_signal_to_noise_ratio_is_that_of_the_generalised_least_squares_ampl
 
 @pytest.mark.parametrize("set_name", SETS)
 def test_effects_are_as_visible_as_was_drawn_unless_their_range_ends(set_name: str) -> None:
-    for index in range(6):
+    for index in range(3):
         truth = make_campaign(PALETTE, set_name, "other", 30, 17, index).truth
         (cause,) = truth["causes"]
         effect = EFFECTS[cause["effect"]]

@@ -325,7 +325,7 @@ def _states(bench: Bench, folder: Path) -> tuple[dict[str, Path], Content, int]:
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "writer",
-    [pytest.param(w, id=w.name, marks=[pytest.mark.slow] * (w.name != "grade"))
+    [pytest.param(w, id=w.name, marks=[pytest.mark.long] * (w.name != "grade"))
      for w in WRITERS if w.name in QUICK],
 )  # fmt: skip
 def test_a_step_of_quick_commands(
@@ -373,7 +373,7 @@ def test_a_disk_that_takes_no_more(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("force", [pytest.param(False, marks=pytest.mark.slow), True])
+@pytest.mark.parametrize("force", [pytest.param(False, marks=pytest.mark.long), True])
 @pytest.mark.parametrize("writer", [WRITERS[0], WRITERS[4]], ids=["folder", "files"])
 def test_two_runs_onto_one_target(
     writer: Writer, force: bool, bench_of: Callable[[Writer], Bench], tmp_path: Path,

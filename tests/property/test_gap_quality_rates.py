@@ -292,10 +292,14 @@ def detection(name: str, seeds: range) -> tuple[int, int, int]:
     return found, wrong, planted
 
 
-@pytest.mark.slow
-def test_clean_campaigns_are_clean() -> None:
+@pytest.mark.parametrize(
+    "seeds",
+    [pytest.param(range(20), marks=pytest.mark.slow),
+     pytest.param(range(20, 60), marks=pytest.mark.long)],
+)  # fmt: skip
+def test_clean_campaigns_are_clean(seeds: range) -> None:
     """None of sixty: were one in twenty called wrong, that had a chance of 0.95^60 = 5 %."""
-    assert alarms(range(60)) == []
+    assert alarms(seeds) == []
 
 
 @pytest.mark.parametrize("name", FAULTS)

@@ -77,7 +77,7 @@ def coverage(name: str, specimens: int) -> tuple[float, ...]:
 @pytest.mark.parametrize(
     "name", ["neo-hookean", "yeoh", pytest.param("ogden", marks=pytest.mark.slow)]
 )
-@pytest.mark.parametrize("specimens", [3, pytest.param(5, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("specimens", [3, pytest.param(5, marks=pytest.mark.long)])
 def test_coverage_is_nominal(name: str, specimens: int) -> None:
     # 95 % of 200 seeds: a binomial standard deviation of 1.5 %; three of them.
     assert min(coverage(name, specimens)) >= 0.95 - 3 * 0.0154

@@ -263,7 +263,7 @@ FREE = ["x=min: 0,free,free mm", "y=min: free,0,free mm", "z=min: free,free,0 mm
 @pytest.mark.parametrize(
     ("name", "strain"),
     [("TangoPlus", 0.3), ("VeroWhitePlus", 0.05),
-     *(pytest.param(*one, marks=pytest.mark.slow)
+     *(pytest.param(*one, marks=pytest.mark.long)
        for one in (("FLX9785", 0.3), ("FLX9795", 0.004), ("FLX9795", 0.5)))],
 )  # fmt: skip
 def test_calculix_pulls_a_bar_as_the_palette_does(name, strain, tmp_path):
@@ -290,7 +290,7 @@ def test_calculix_pulls_a_bar_as_the_palette_does(name, strain, tmp_path):
 
 @pytest.mark.slow
 @needs_calculix
-@pytest.mark.parametrize("force_N", [pytest.param(0.05, marks=pytest.mark.slow), 1.0])
+@pytest.mark.parametrize("force_N", [pytest.param(0.05, marks=pytest.mark.long), 1.0])
 def test_calculix_bends_ten_grades_as_planner_does(force_N, tmp_path):
     """Each grade is one layer of cells, in both; the tip moves by 0.3 and 6 mm of 40."""
     plan = planner.grade(box(40.0, 8.0, 8.0), from_="Tango", to="Vero", axis="x", profile="grades")

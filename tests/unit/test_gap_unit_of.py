@@ -135,7 +135,7 @@ def test_units_are_told_once() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("ids", [pytest.param((), marks=pytest.mark.slow), ("S003",)])
+@pytest.mark.parametrize("ids", [pytest.param((), marks=pytest.mark.long), ("S003",)])
 def test_what_the_diagnosis_hints_at_mends_it(plain, written, ids) -> None:
     folder = written(in_pounds(plain, ids))
     off = planner.diagnose(folder)

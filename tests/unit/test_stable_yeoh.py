@@ -10,7 +10,10 @@ from planner.printers import palette_of
 from planner.simulation.export import ExportedMaterial, _law, _law_notes, _stable_yeoh
 
 PALETTES = ("connex3-tango-vero", "connex3-tango-vero-extensometer", "connex3-agilus-vero")
-GRADES = [(name, m) for name in PALETTES for m in palette_of(name, None).materials]
+GRADES = [
+    pytest.param(name, m, marks=[pytest.mark.slow] * (name != PALETTES[0]))
+    for name in PALETTES for m in palette_of(name, None).materials
+]  # fmt: skip
 
 
 def hessian_lows(law: Yeoh, stretches: np.ndarray) -> np.ndarray:
@@ -77,12 +80,7 @@ def figures_below(law, head):
 
 @pytest.mark.parametrize(("name", "material"), GRADES, ids=lambda v: getattr(v, "id", v))
 @pytest.mark.parametrize(
-    "to_strain",
-    [
-        pytest.param(0.15, marks=pytest.mark.slow),
-        0.45,
-        pytest.param(np.inf, marks=pytest.mark.slow),
-    ],
+    "to_strain", [0.45, *(pytest.param(strain, marks=pytest.mark.long) for strain in (0.15, np.inf))]
 )
 def test_every_grade_bends_right(name, material, to_strain):
     """At rest within 2 %, stress within 5 % up to the strain asked, stable in every mode there."""

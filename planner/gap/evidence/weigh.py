@@ -787,18 +787,26 @@ def posterior(log_odds: Mapping[HypothesisKey, float]) -> tuple[Hypothesis, ...]
 
 
 def class_of(
-    problem: Problem, weighed: Weighed, ranking: Sequence[Hypothesis], verdict: Effects
-) -> tuple[Effects, ...]:
+    problem: Problem, weighed: Weighed, evidence: "Evidence", ranking: Sequence[Hypothesis],
+    verdict: Effects,
+) -> tuple[Effects, ...]:  # fmt: skip
     """Return the hypotheses that the data cannot tell from the verdict, itself first.
 
     Those less than `_ALIKE_NATS` below it, single effects whose pattern is the verdict's, and of
-    several effects those beside which another closes nothing of the gap.
+    several effects those beside which another closes nothing of the gap. An unknown cause that
+    looks like effects is not told from them.
     """
     share = {h.effects: h.probability for h in ranking}
-    # That a cause out of the library may look the same holds of whatever is named.
-    named = sum(p for effects, p in share.items() if effects not in ((), UNKNOWN))
-    imitated = weighed.logs.priors.imitated
-    share[UNKNOWN] = share.get(UNKNOWN, 0.0) - named * imitated / (1.0 - imitated)
+    named = [effects for effects in share if effects not in ((), UNKNOWN)]
+    priors, weights = weighed.logs.priors, evidence.log_evidence
+    if verdict != UNKNOWN:
+        # That a cause out of the library may look the same holds of whatever is named.
+        odds_imitated = priors.imitated / (1.0 - priors.imitated)
+        share[UNKNOWN] = share.get(UNKNOWN, 0.0) - odds_imitated * sum(share[e] for e in named)
+    elif not evidence.within_floor:
+        counts = _counted(weights, priors)
+        for effects in named:
+            share[effects] /= 1.0 - _imitated(effects, weights, counts, priors)
     odds = {effects: float(np.log(max(p, 1e-300))) for effects, p in share.items()}
     leading = odds.get(verdict, max(odds.values()))
     alike = _fits_of_same_pattern(problem, weighed, list(odds))

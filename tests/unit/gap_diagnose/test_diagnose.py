@@ -31,7 +31,7 @@ def test_nothing_is_none(of_nothing: Diagnosis) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [2, pytest.param(3, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seed", [2, pytest.param(3, marks=pytest.mark.long)])
 def test_other_draws_of_nothing_name_nothing(rates, imitated, seed: int) -> None:
     assert diagnose(imitated(rates, seed=seed)).verdict == "none"
 

@@ -85,7 +85,7 @@ def several(planned: Any) -> Campaign:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("effect", [EFFECTS[0], pytest.param(EFFECTS[2], marks=pytest.mark.slow)])
+@pytest.mark.parametrize("effect", [EFFECTS[0], pytest.param(EFFECTS[2], marks=pytest.mark.long)])
 def test_without_replicates_nothing_wrong_is_named(planned, imitated, effect: str) -> None:
     """Large effects may be seen without; how far they close cannot be known."""
     found = diagnose(imitated(several(planned), effect))
@@ -95,7 +95,7 @@ def test_without_replicates_nothing_wrong_is_named(planned, imitated, effect: st
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.long)])
 def test_without_replicates_nothing_is_named_where_there_is_nothing(
     planned, imitated, seed: int
 ) -> None:

@@ -30,7 +30,7 @@ def off(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.long)])
 def test_a_gap_along_a_column_that_no_effect_claims(plan, imitated, seed: int) -> None:
     """A tenth of the place on the tray per centimetre: found, not named as something else."""
     place = np.random.default_rng(seed).permutation(np.linspace(0.0, 300.0, 16))
@@ -94,7 +94,7 @@ def test_a_column_that_says_nothing_is_not_named(plan, imitated) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.long)])
 def test_a_form_that_departs_in_one_material_needs_no_second_effect(
     plan, imitated, seed: int
 ) -> None:
