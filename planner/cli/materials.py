@@ -40,10 +40,7 @@ if TYPE_CHECKING:
 
 _AtStrain = Annotated[
     float,
-    Option(
-        "--at-strain",
-        help="Working strain: stiffness is the secant modulus of the nominal stress up to it.",
-    ),
+    Option(help="Working strain: stiffness is the secant modulus of the nominal stress up to it."),
 ]
 
 # ------------------------------------------------------------------------------------------------
@@ -290,19 +287,19 @@ _TensileFiles = Annotated[
 class _TensileTests:
     """How tests are read, and what they are compared with."""
 
-    specimens: Annotated[
-        Path | None, Option("--specimens", help="List of specimens: material, size, file.")
-    ] = None
+    specimens: Annotated[Path | None, Option(help="List of specimens: material, size, file.")] = (
+        None
+    )
     material: Annotated[
         str | None, Option(help="What all specimens without a row are made of.")
     ] = None
     width_mm: Annotated[float | None, Option(help="Width of specimens without a row.")] = None
-    thickness_mm: Annotated[
-        float | None, Option("--thickness-mm", help="Thickness of specimens without a row.")
-    ] = None
-    gauge_mm: Annotated[
-        float | None, Option("--gauge-mm", help="Gauge length of specimens without a row.")
-    ] = None
+    thickness_mm: Annotated[float | None, Option(help="Thickness of specimens without a row.")] = (
+        None
+    )
+    gauge_mm: Annotated[float | None, Option(help="Gauge length of specimens without a row.")] = (
+        None
+    )
     columns: Annotated[
         str | None,
         Option(
@@ -369,7 +366,7 @@ def characterise(
     *,
     tests: _TensileTests,
     at_strain: Annotated[
-        list[float] | None, Option("--at-strain", help="Strain of a secant modulus; repeatable.")
+        list[float] | None, Option(help="Strain of a secant modulus; repeatable.")
     ] = None,
     figure: Annotated[
         Path | None,

@@ -281,12 +281,10 @@ AsJson = Annotated[bool, Option("--json", help="Print one JSON document and noth
 Quiet = Annotated[bool, Option("--quiet", "-q", help="Print nothing but errors.")]
 PrinterName = Annotated[
     str,
-    Option(
-        "--printer", help="Installed printer, see [bold]planner printers[/bold]; or its TOML file."
-    ),
+    Option(help="Installed printer, see [bold]planner printers[/bold]; or its TOML file."),
 ]
 PaletteName = Annotated[
-    str | None, Option("--palette", help="Palette file (TOML), or one of the printer's palettes.")
+    str | None, Option(help="Palette file (TOML), or one of the printer's palettes.")
 ]
 
 
@@ -495,13 +493,12 @@ class LoadOptions:
 
 CasesFile = Annotated[
     Path | None,
-    Option("--cases", help="TOML file of load cases: tables 'case' with these options, and name."),
+    Option(help="TOML file of load cases: tables 'case' with these options, and name."),
 ]
-MeshUnit = Annotated[str | None, Option("--unit", help="Unit of a mesh: mm, cm, m, um, inch, ft.")]
+MeshUnit = Annotated[str | None, Option(help="Unit of a mesh: mm, cm, m, um, inch, ft.")]
 MeshBodies = Annotated[
     str | None,
     Option(
-        "--bodies",
         help="What bodies of a mesh are whose winding does not tell: cavities, taken away from the "
         "solids around them; or solids, and then all are united.",
     ),

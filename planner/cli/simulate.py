@@ -36,9 +36,7 @@ if TYPE_CHECKING:
     from planner.simulation.part import PartSimulation
     from planner.simulation.simulate import Simulation
 
-_MeshMaterial = Annotated[
-    str | None, Option("--material", help="What a mesh is made of, which is no plan.")
-]
+_MeshMaterial = Annotated[str | None, Option(help="What a mesh is made of, which is no plan.")]
 _PlansPrinter = Annotated[
     str | None, Option(help="Installed printer; by default the plan's, else connex3.")
 ]
