@@ -92,9 +92,7 @@ def design(
     ] = None,
     limits: cli.PrinterLimits,
     palette: cli.PaletteName = None,
-    output: Annotated[
-        Path | None, Option("--output", "-o", help="Folder to write; <part>-designed by default.")
-    ] = None,
+    output: Annotated[Path | None, cli.out("Folder to write; <part>-designed by default.")] = None,
     no_page: Annotated[bool, Option("--no-page", help="Leave plan.html out.")] = False,
     force: cli.Overwrite = False,
     force_oversize: cli.ForceOversize = False,

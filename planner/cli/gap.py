@@ -46,12 +46,7 @@ def diagnose(
         ),
     ] = None,
     output: Annotated[
-        Path | None,
-        Option(
-            "--output",
-            "-o",
-            help="Folder to write: report.html, next-specimens.csv, JSON, figures.",
-        ),
+        Path | None, cli.out("Folder to write: report.html, next-specimens.csv, JSON, figures.")
     ] = None,
     without: Annotated[
         list[str] | None, Option(help="Effect to leave out, as if it were not known; repeatable.")
@@ -138,7 +133,7 @@ def correct(
         ),
     ] = False,
     printer: cli.PrinterName = "connex3",
-    output: Annotated[Path, Option("--output", "-o", help="Palette file (TOML) to write.")] = Path(
+    output: Annotated[Path, cli.out("Palette file (TOML) to write.")] = Path(
         "palette-corrected.toml"
     ),
     force: Annotated[bool, Option("--force", help="Replace a file that is there.")] = False,
@@ -198,12 +193,7 @@ def design(
     context: Context,
     effects: Annotated[str, Option(help="Ids with commas between: rate,moisture,temperature.")],
     budget: Annotated[int, Option(help="Specimens at most, of both batches.")],
-    output: Annotated[
-        Path,
-        Option(
-            "--output", "-o", help="Folder to write, a campaign to be measured; or a file .csv."
-        ),
-    ],
+    output: Annotated[Path, cli.out("Folder to write, a campaign to be measured; or a file .csv.")],
     printer: cli.PrinterName = "connex3",
     palette: cli.PaletteName = None,
     width_mm: Annotated[float, Option(help="Of the specimens' section.")] = 6.0,
@@ -348,7 +338,7 @@ def simulate(
     design: Annotated[
         Path, Option(help="Which specimens: a specimens.csv, or the folder of a campaign.")
     ],
-    output: Annotated[Path, Option("--output", "-o", help="Folder to write.")],
+    output: Annotated[Path, cli.out("Folder to write.")],
     effect: Annotated[
         list[str] | None,
         Option(

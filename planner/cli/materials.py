@@ -44,9 +44,7 @@ def materials(
         float | None,
         Option("--temperature-C", help="The palette as it is there, by its [temperature]."),
     ] = None,
-    output: Annotated[
-        Path | None, Option("--output", "-o", help="Palette file to write, with --temperature-C.")
-    ] = None,
+    output: Annotated[Path | None, cli.out("Palette file to write, with --temperature-C.")] = None,
     figure: Annotated[
         Path | None,
         Option(help="SVG file to write: the ladder with its interval, each material's stress."),
@@ -345,9 +343,7 @@ class _TensileTests:
 def characterise(
     context: Context,
     files: _TensileFiles,
-    output: Annotated[
-        Path | None, Option("--output", "-o", help="CSV file to write, one row a material.")
-    ] = None,
+    output: Annotated[Path | None, cli.out("CSV file to write, one row a material.")] = None,
     *,
     tests: _TensileTests,
     at_strain: Annotated[
@@ -525,9 +521,7 @@ class _Fitting:
 def fit(
     context: Context,
     files: _TensileFiles,
-    output: Annotated[Path, Option("--output", "-o", help="Palette file (TOML) to write.")] = Path(
-        "palette.toml"
-    ),
+    output: Annotated[Path, cli.out("Palette file (TOML) to write.")] = Path("palette.toml"),
     *,
     fitting: _Fitting,
     tests: _TensileTests,

@@ -44,6 +44,7 @@ __all__ = [
     "finding",
     "in_groups",
     "long_progress",
+    "out",
     "print_document",
     "print_table",
     "progress",
@@ -286,6 +287,11 @@ PrinterName = Annotated[
 PaletteName = Annotated[
     str | None, Option(help="Palette file (TOML), or one of the printer's palettes.")
 ]
+
+
+def out(what: str) -> Any:
+    """Return the option that says where to write, of which the help says what is written."""
+    return Option("--output", "-o", help=what)
 
 
 def in_groups(command: Callable[..., int]) -> Callable[..., int]:

@@ -129,9 +129,7 @@ class _Gradient:
 class _PlanFolder:
     """What is written, and where."""
 
-    output: Annotated[
-        Path | None, Option("--output", "-o", help="Folder to write; <part>-graded by default.")
-    ] = None
+    output: Annotated[Path | None, cli.out("Folder to write; <part>-graded by default.")] = None
     force: Annotated[bool, Option("--force", help="Replace an earlier plan there.")] = False
     force_oversize: cli.ForceOversize = False
     coupons: Annotated[
@@ -388,9 +386,9 @@ def compare(
     context: Context,
     before: Annotated[Path, Argument(help="Folder that planner grade wrote, or its plan.json.")],
     after: Annotated[Path, Argument(help="The plan to see beside it.")],
-    output: Annotated[
-        Path, Option("--output", "-o", help="Page to write; compare.html by default.")
-    ] = Path("compare.html"),
+    output: Annotated[Path, cli.out("Page to write; compare.html by default.")] = Path(
+        "compare.html"
+    ),
     tolerance: _Tolerance = 1e-6,
     no_open: Annotated[
         bool, Option("--no-open", help="Write the page and say where it is, no more.")
@@ -427,7 +425,7 @@ def compare(
 def slices(
     context: Context,
     plan: Annotated[Path, Argument(help="Folder that planner grade wrote, or its plan.json.")],
-    output: Annotated[Path, Option("--output", "-o", help="Folder to write.")],
+    output: Annotated[Path, cli.out("Folder to write.")],
     pitch_mm: Annotated[
         str | None,
         Option(

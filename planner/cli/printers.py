@@ -127,9 +127,7 @@ def new(
     like: Annotated[
         str, Option(help="Printer whose figures, palette and notes it begins with.")
     ] = "connex3",
-    output: Annotated[
-        Path | None, Option("--output", "-o", help="Folder to write; NAME-printer by default.")
-    ] = None,
+    output: Annotated[Path | None, cli.out("Folder to write; NAME-printer by default.")] = None,
 ) -> int:
     """Write a plugin for a printer of your own: figures, palette, notes, schemas and its test.
 
@@ -204,9 +202,7 @@ _Kind = Literal["printer", "palette", "campaign"]
 def schema(
     context: Context,
     kind: Annotated[_Kind, Argument(help="printer, palette or campaign.")],
-    output: Annotated[
-        Path | None, Option("--output", "-o", help="File to write; else it is printed.")
-    ] = None,
+    output: Annotated[Path | None, cli.out("File to write; else it is printed.")] = None,
     force: cli.Overwrite = False,
 ) -> int:
     """Write the JSON Schema by which an editor checks a printer's, palette's or campaign's file.

@@ -100,8 +100,7 @@ def simulate(
     printer: _PlansPrinter = None,
     palette: cli.PaletteName = None,
     output: Annotated[
-        Path | None,
-        Option("--output", "-o", help="File to write: .csv (the curve) or .json (all)."),
+        Path | None, cli.out("File to write: .csv (the curve) or .json (all).")
     ] = None,
     field: Annotated[
         Path | None, Option(help="CSV file to write: strain along the bar at every step.")
@@ -286,9 +285,7 @@ def export(
     context: Context,
     source: Annotated[str, Argument(help="A plan.json or its folder, or with --material a mesh.")],
     to: Annotated[str, Option(help="abaqus, calculix (INP files) or vtu (ParaView).")],
-    output: Annotated[
-        Path | None, Option("--output", "-o", help="File to write; <part>.inp or .vtu by default.")
-    ] = None,
+    output: Annotated[Path | None, cli.out("File to write; <part>.inp or .vtu by default.")] = None,
     cell_mm: Annotated[
         float | None,
         Option(
