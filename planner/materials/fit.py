@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from planner.errors import ArgumentError, Caution
+from planner.errors import ArgumentError, Caution, refused
 from planner.glance import brief
 from planner.materials.characterise import (
     MINIMUM_POINTS,
@@ -1672,10 +1672,8 @@ def fit_material(
     ends_at = [curve.part(slice(int(np.argmax(np.abs(curve.stress_MPa))) + 1)) for curve in others]
     sample = sample_of([*loaded, *ends_at], weighting=weighting)
     working = found.spreads["elongation_at_break"].mean
-    try:
+    with refused(ArgumentError, f"material {material}", "{}", ArgumentError):
         choice = choose_law(laws, sample, working, starts=starts)
-    except ArgumentError as error:
-        raise ArgumentError(f"material {material}: {error}") from error
     chosen = choice.chosen
     if chosen is not None and len({law.model for law in laws}) > 1 and not others:
         scatter = scatter_of_fit(chosen.fit, sample)

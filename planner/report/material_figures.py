@@ -17,7 +17,7 @@ from planner.materials.palette_study import Characterisation, PaletteStudy
 from planner.numerics import FloatArray, normal_quantile
 from planner.palette import Material
 from planner.report import svg
-from planner.report.svg import BLUE, GREY, INK, PALE_BLUE, QUIET, RUST, Chart, Panel
+from planner.report.svg import BLUE, GREY, INK, PALE_BLUE, QUIET, RUST, Chart
 
 __all__ = ["characterisation_figure", "fit_figure", "materials_figure"]
 
@@ -362,7 +362,7 @@ def fit_figure(study: PaletteStudy) -> bytes:
     >>> Path("fit.svg").write_bytes(figure)  # doctest: +SKIP
     """
     materials = study.palette.materials
-    sections: list[tuple[str, Sequence[Panel], float]] = [
+    sections = [
         (
             "Tests, their laws and residuals",
             [partial(_tests, study, material, study.fits[material.id]) for material in materials],
