@@ -223,7 +223,11 @@ def write_whole(path: str | Path, data: bytes) -> None:
         The system refused, the path is a device or a pipe, or another run writes it.
     """
     if is_stream(path):
-        _stream(data)
+        if (out := sys.__stdout__) is None:
+            raise OutputError("standard output is closed; name a file")
+        out.flush()
+        out.buffer.write(data)
+        out.flush()
         return
     with claimed(path) as target:
         check_absent(path, force=_claims[target])
@@ -233,14 +237,6 @@ def write_whole(path: str | Path, data: bytes) -> None:
         ):
             scratch.write_bytes(data)
             scratch.replace(target)
-
-
-def _stream(data: bytes) -> None:
-    if (out := sys.__stdout__) is None:
-        raise OutputError("standard output is closed; name a file")
-    out.flush()
-    out.buffer.write(data)
-    out.flush()
 
 
 # ------------------------------------------------------------------------------------------------
