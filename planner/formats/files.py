@@ -111,7 +111,7 @@ def path_within(folder: str | Path, name: str) -> Path:
     """
     path = Path(folder) / name
     asked = "cannot be read ({}); check the name"
-    # A zero byte; a loop of links.
+    # A ValueError tells a zero byte, a RuntimeError a loop of links.
     with refused(FileError, path, asked, OSError, ValueError, RuntimeError):
         root, place = Path(folder).resolve(), path.resolve()
         # What is a drive or a root on one machine is so on all.
@@ -225,7 +225,7 @@ USUAL_LIMITS = UnfoldingLimits()
 # TOML, read: what a person wrote, refused with its place where it is none.
 
 
-def decode_toml(data: bytes, name: str) -> dict[str, Any]:
+def decode_toml(data: bytes, name: str, error: type[FileError] = FileError) -> dict[str, Any]:
     """Read the bytes of a TOML file, which errors call `name`.
 
     Raises
@@ -233,8 +233,8 @@ def decode_toml(data: bytes, name: str) -> dict[str, Any]:
     FileError
         Not UTF-8, not TOML, or nested too deep or with numbers too long for Python.
     """
-    # The first of text, of TOML and of long numbers.
-    with refused(FileError, name, "not a TOML file: {}", ValueError, RecursionError):
+    # A ValueError is of text, of TOML or of long numbers.
+    with refused(error, name, "not a TOML file: {}", ValueError, RecursionError):
         return tomllib.loads(data.decode("utf-8"))
 
 
