@@ -21,7 +21,8 @@ A command maps any of them to exit code 2; whatever else escapes is a bug (exit 
 import difflib
 import math
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import SupportsFloat
 
 __all__ = [
@@ -39,6 +40,7 @@ __all__ = [
     "listed",
     "nearest_names",
     "positive",
+    "refused",
 ]
 
 
@@ -107,6 +109,18 @@ class ThinBandError(ArgumentError):
 
 class OutputError(PlannerError):
     """A result that cannot be written: no permission, no space, or already there."""
+
+
+@contextmanager
+def refused(
+    kind: type[PlannerError], place: object, said: str, *caught: type[Exception]
+) -> Iterator[None]:
+    """Tell what is caught within as an error of planner's, its reason in place of {}."""
+    try:
+        yield
+    except caught as error:
+        reason = getattr(error, "strerror", None) or error
+        raise kind(f"{place}: {said.replace('{}', str(reason))}") from error
 
 
 def nearest_names(name: str, known: Iterable[str], least: float = 0.55) -> list[str]:

@@ -18,7 +18,7 @@ from typing import Any, Literal
 
 import msgspec
 
-from planner.errors import FileError, PaletteError, UnknownNameError, did_you_mean
+from planner.errors import FileError, PaletteError, UnknownNameError, did_you_mean, refused
 from planner.formats.files import decode_toml, read_file, toml_text
 from planner.formats.outputs import check_absent, write_whole
 from planner.glance import brief, counted, html_of, one_line, plotted
@@ -379,12 +379,9 @@ def parse_palette(data: bytes, *, name: str) -> Palette:
     PaletteError
         See `load_palette`.
     """
-    try:
-        file = msgspec.convert(decode_toml(data, f"palette {name}"), PaletteFile)
-    except FileError as error:
-        raise PaletteError(str(error)) from error
-    except msgspec.ValidationError as error:
-        raise PaletteError(f"palette {name}: {error}") from error
+    called = f"palette {name}"
+    with refused(PaletteError, called, "{}", msgspec.ValidationError):
+        file = msgspec.convert(decode_toml(data, called, PaletteError), PaletteFile)
     if file.schema != 1:
         raise PaletteError(
             f"palette {name}: schema is {file.schema}, this version reads schema 1; "

@@ -11,7 +11,7 @@ from typing import Any, Literal
 
 import msgspec
 
-from planner.errors import FileError, OutputError, did_you_mean
+from planner.errors import FileError, OutputError, did_you_mean, refused
 from planner.formats.files import decode_document, encode_document, path_within, read_file
 from planner.formats.threemf import Constituent
 from planner.glance import as_words, brief, counted, html_of, one_line, outcome, plotted
@@ -556,18 +556,13 @@ def decode_plan(data: bytes, name: str) -> Plan:
         gradient |= {name: gradient.pop(called, None) for name, called in _CALLED.items()}
     for kept_beside in _BESIDE:
         document.pop(kept_beside, None)
-    try:
+    said = "{}; it is not a plan.json of schema 1"
+    with refused(FileError, name, said, msgspec.ValidationError):
         plan = msgspec.convert(document, Plan)
-    except msgspec.ValidationError as error:
-        raise FileError(f"{name}: {error}; it is not a plan.json of schema 1") from error
-    try:
+    with refused(FileError, name, f"blend or snap: {said}", msgspec.ValidationError):
         for region in plan.regions:
             msgspec.convert(region.blend, _Dithered | _InTurn | _Mixed | None)
         msgspec.convert(plan.gradient.snap, _Snapped | None)
-    except msgspec.ValidationError as error:
-        raise FileError(
-            f"{name}: blend or snap: {error}; it is not a plan.json of schema 1"
-        ) from error
     if not _NAME.fullmatch(plan.name):
         raise FileError(
             f"{name}: part.name is {plan.name!r}; files are called by it: it may hold letters, "

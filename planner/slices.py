@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.errors import ArgumentError, FileError, OutputError, UnknownNameError
+from planner.errors import ArgumentError, FileError, OutputError, UnknownNameError, refused
 from planner.formats.files import encode_document, path_within
 from planner.formats.outputs import check_target, new_folder
 from planner.formats.png import NOTHING, ImageKind, encode_layer
@@ -614,14 +614,10 @@ def _make_slabs_on(
             f"`scheduler` {scheduler}: is no address of a scheduler; give what dask scheduler "
             "prints, as tcp://127.0.0.1:8786"
         )
-    try:
+    missing = "Dask is not installed ({}); pip install distributed, or leave `scheduler` out"
+    with refused(ArgumentError, f"`scheduler` {scheduler}", missing, ImportError):
         distributed: Any = import_module("distributed")
         dask: Any = import_module("dask")
-    except ImportError as error:
-        raise ArgumentError(
-            f"`scheduler` {scheduler}: Dask is not installed ({error}); "
-            "pip install distributed, or leave `scheduler` out"
-        ) from error
     with dask.config.set({_LARGE_TASK: "1GiB"}), _client(distributed, scheduler) as client:
         threads = _threads(client, scheduler)
         alone = ([shell.alone() for shell in shells] for shells in slabs)
@@ -648,12 +644,9 @@ def _client(distributed: Any, scheduler: str) -> Any:
 
 
 def _threads(client: Any, scheduler: str) -> int:
-    try:
+    none = f"has no workers; start some: dask worker {scheduler}"
+    with refused(ArgumentError, f"`scheduler` {scheduler}", none, TimeoutError):
         client.wait_for_workers(1, timeout=_CONNECT_S)
-    except TimeoutError as error:
-        raise ArgumentError(
-            f"`scheduler` {scheduler}: has no workers; start some: dask worker {scheduler}"
-        ) from error
     return max(1, int(sum(client.nthreads().values())))
 
 
@@ -683,17 +676,14 @@ def _some_of(distributed: Any, client: Any, waiting: set[Any], scheduler: str) -
 
 
 def _result(distributed: Any, future: Any, scheduler: str) -> _SlabImages:
-    try:
+    place = f"`scheduler` {scheduler}"
+    strange = "its workers cannot import what they need ({}); install planner there"
+    killed = "several workers died over one slab; give them more memory"
+    with (
+        refused(ArgumentError, place, strange, ImportError),
+        refused(OutputError, place, killed, distributed.KilledWorker),
+    ):
         slab: _SlabImages = future.result()
-    except ImportError as error:
-        raise ArgumentError(
-            f"`scheduler` {scheduler}: its workers cannot import what they need ({error}); install "
-            "planner there"
-        ) from error
-    except distributed.KilledWorker as error:
-        raise OutputError(
-            f"`scheduler` {scheduler}: several workers died over one slab; give them more memory"
-        ) from error
     return slab
 
 

@@ -6,28 +6,14 @@ from typing import TYPE_CHECKING, Annotated
 
 from typer import Argument, Context, Option
 
-from planner.cli.output import (
-    AsJson,
-    CasesFile,
-    ForceOversize,
-    LoadOptions,
-    MeshBodies,
-    MeshUnit,
-    Overwrite,
-    PaletteName,
-    PrinterLimits,
-    Quiet,
-    check_targets,
-    in_groups,
-    taken,
-)
+from planner.cli import output as cli
 from planner.glance import format_range
 
 if TYPE_CHECKING:
     from planner.inverse_design.design import PartDesign
 
 
-@in_groups
+@cli.in_groups
 def design(
     context: Context,
     part: Annotated[Path, Argument(help="Mesh file, as for planner grade.")],
@@ -46,8 +32,8 @@ def design(
         ),
     ] = None,
     *,
-    loads: LoadOptions,
-    cases: CasesFile = None,
+    loads: cli.LoadOptions,
+    cases: cli.CasesFile = None,
     case: Annotated[
         list[str] | None,
         Option(
@@ -99,21 +85,19 @@ def design(
         float | None, Option(help="Take the finest cells that are done in about that time.")
     ] = None,
     tolerance: Annotated[float, Option(help="Relative miss of a target that is accepted.")] = 0.01,
-    unit: MeshUnit = None,
-    bodies: MeshBodies = None,
+    unit: cli.MeshUnit = None,
+    bodies: cli.MeshBodies = None,
     printer: Annotated[
         str | None, Option(help="Installed printer, or its TOML file; connex3 by default.")
     ] = None,
-    limits: PrinterLimits,
-    palette: PaletteName = None,
-    output: Annotated[
-        Path | None, Option("--output", "-o", help="Folder to write; <part>-designed by default.")
-    ] = None,
+    limits: cli.PrinterLimits,
+    palette: cli.PaletteName = None,
+    output: Annotated[Path | None, cli.out("Folder to write; <part>-designed by default.")] = None,
     no_page: Annotated[bool, Option("--no-page", help="Leave plan.html out.")] = False,
-    force: Overwrite = False,
-    force_oversize: ForceOversize = False,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
+    force: cli.Overwrite = False,
+    force_oversize: cli.ForceOversize = False,
+    as_json: cli.AsJson = False,
+    quiet: cli.Quiet = False,
 ) -> int:
     """Find the gradient with which a part bends, stretches or holds as wanted, and plan its print.
 
@@ -126,20 +110,19 @@ def design(
     """
     given = locals()
     import planner
-    from planner.cli.output import Kept, long_progress, print_document
     from planner.inverse_design.design import interrupted_design
     from planner.simulation.loads import LoadCase, read_cases
 
     folder = Path(f"{part.stem}-designed") if output is None else output
     goes_on = interrupted_design(folder)
     force = force or goes_on
-    check_targets(context, force=force, folders={"output": (folder, "plan.json")})
+    cli.check_targets(context, force=force, folders={"output": (folder, "plan.json")})
     further = [
         one if one.fix or one.move else replace(one, fix=loads.fix or (), move=loads.move or ())
         for one in map(LoadCase.read, case or ())
     ]
-    with long_progress(not quiet and not as_json) as stage:
-        asked = taken(planner.design, given | vars(loads)) | {
+    with cli.long_progress(not quiet and not as_json) as stage:
+        asked = cli.taken(planner.design, given | vars(loads)) | {
             "cases": (*(() if cases is None else read_cases(cases)), *further),
             "start": folder if goes_on else None,
             "steps": 0 if no_page else _STEPS,
@@ -150,10 +133,10 @@ def design(
         stage("writing the files")
         made.write(folder, force=force, page=None if no_page else planner.plan_page(made))
     if as_json:
-        print_document(made.json())
+        cli.print_document(made.json())
     elif not quiet:
         _report(made, folder)
-    return Kept(130) if made.interrupted else 0 if made.ok else 1
+    return cli.Kept(130) if made.interrupted else 0 if made.ok else 1
 
 
 _STEPS = 4
@@ -161,9 +144,8 @@ _STEPS = 4
 
 
 def _report(made: "PartDesign", folder: Path) -> None:
-    from planner.cli.output import finding, print_table, say, tell_notes
 
-    tell_notes(made.notes)
+    cli.tell_notes(made.notes)
     interval = f">{100 * made.level:g} % interval"
     columns = ["target", ">wanted", ">gradient", ">printed", ">error", interval]
     rows = [
@@ -177,13 +159,13 @@ def _report(made: "PartDesign", folder: Path) -> None:
         ]
         for row in made.reached
     ]
-    print_table(columns, rows, title=repr(made)[1:-1])
+    cli.print_table(columns, rows, title=repr(made)[1:-1])
     if made.free is None:
         knots = zip(made.positions, made.moduli_MPa, strict=True)
-        say("profile: " + ", ".join(f"{E:.3g} MPa at {u:.3g}" for u, E in knots))
+        cli.say("profile: " + ", ".join(f"{E:.3g} MPa at {u:.3g}" for u, E in knots))
     if made.strain_over_break is not None:
-        say(f"largest strain over elongation at break: {made.strain_over_break:.3g}")
+        cli.say(f"largest strain over elongation at break: {made.strain_over_break:.3g}")
     for words in [f.message for f in made.findings] + [f.message for f in made.plan.findings[:3]]:
-        finding(words)
+        cli.finding(words)
     more = "" if made.table is None else "field.vti (opens in ParaView), "
-    say(f"wrote {folder}: what planner grade writes, {more}design.json and profile.csv")
+    cli.say(f"wrote {folder}: what planner grade writes, {more}design.json and profile.csv")

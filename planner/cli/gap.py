@@ -8,7 +8,7 @@ import typer
 from typer import Argument, Context, Option
 
 import planner
-from planner.cli.output import AsJson, PaletteName, PrinterName, Quiet, check_targets, taken
+from planner.cli import output as cli
 from planner.glance import format_number, format_range
 
 if TYPE_CHECKING:
@@ -25,9 +25,7 @@ def _gap(context: typer.Context) -> None:
     Example: [bold]planner gap diagnose campaign -o diagnosis[/bold]
     """
     if context.invoked_subcommand is None:
-        from planner.cli.output import say
-
-        say(context.get_help())
+        cli.say(context.get_help())
 
 
 # ------------------------------------------------------------------------------------------------
@@ -48,12 +46,7 @@ def diagnose(
         ),
     ] = None,
     output: Annotated[
-        Path | None,
-        Option(
-            "--output",
-            "-o",
-            help="Folder to write: report.html, next-specimens.csv, JSON, figures.",
-        ),
+        Path | None, cli.out("Folder to write: report.html, next-specimens.csv, JSON, figures.")
     ] = None,
     without: Annotated[
         list[str] | None, Option(help="Effect to leave out, as if it were not known; repeatable.")
@@ -69,8 +62,8 @@ def diagnose(
     force: Annotated[
         bool, Option("--force", help="Replace a folder that an earlier diagnosis wrote.")
     ] = False,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
+    as_json: cli.AsJson = False,
+    quiet: cli.Quiet = False,
 ) -> int:
     """Say where measurements differ from the palette, what causes it, how far that closes it.
 
@@ -79,13 +72,12 @@ def diagnose(
     Example: [bold]planner gap diagnose campaign -o diagnosis[/bold]
     """
     given = locals()
-    from planner.cli.output import print_document, progress, say, terminal_width
     from planner.gap.summary import next_command
     from planner.report.gap_page import verdict_text
 
-    check_targets(context, force=force, folders={"output": (output, "diagnosis.json")})
-    with progress(not (quiet or as_json)) as stage:
-        asked = taken(planner.diagnose, given) | {
+    cli.check_targets(context, force=force, folders={"output": (output, "diagnosis.json")})
+    with cli.progress(not (quiet or as_json)) as stage:
+        asked = cli.taken(planner.diagnose, given) | {
             "progress": lambda done, total, what: stage(f"{what}, {done} of {total}")
         }
         found = planner.diagnose(**asked)
@@ -93,16 +85,16 @@ def diagnose(
             stage("writing the files")
             planner.write_diagnosis(found, output, force=force)
     if as_json:
-        print_document(found.json())
+        cli.print_document(found.json())
     elif not quiet:
-        _say_verdict(verdict_text(found, width=terminal_width()))
-        say()
+        _say_verdict(verdict_text(found, width=cli.terminal_width()))
+        cli.say()
         if output is None:
-            say("nothing was written (for a report with figures: --output FOLDER)")
+            cli.say("nothing was written (for a report with figures: --output FOLDER)")
         else:
-            say(f"wrote {output} (next: open {output / 'report.html'})")
+            cli.say(f"wrote {output} (next: open {output / 'report.html'})")
         if command := next_command(found, output, campaign, palette):
-            say(f"next: {command}")
+            cli.say(f"next: {command}")
     return 0 if found.ok else 1
 
 
@@ -124,7 +116,7 @@ def _say_verdict(text: str) -> None:
 def correct(
     context: Context,
     diagnosis: Annotated[Path, Argument(help="A diagnosis.json, or the folder that holds it.")],
-    palette: PaletteName = None,
+    palette: cli.PaletteName = None,
     temperature_C: Annotated[
         float | None, Option("--temperature-C", help="Of use; else the palette's own.")
     ] = None,
@@ -140,13 +132,13 @@ def correct(
             "--recalibrate", help="Shift every law to the level that the campaign asks for, too."
         ),
     ] = False,
-    printer: PrinterName = "connex3",
-    output: Annotated[Path, Option("--output", "-o", help="Palette file (TOML) to write.")] = Path(
+    printer: cli.PrinterName = "connex3",
+    output: Annotated[Path, cli.out("Palette file (TOML) to write.")] = Path(
         "palette-corrected.toml"
     ),
     force: Annotated[bool, Option("--force", help="Replace a file that is there.")] = False,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
+    as_json: cli.AsJson = False,
+    quiet: cli.Quiet = False,
 ) -> int:
     """Write a palette for the conditions of use, corrected for what a diagnosis has found.
 
@@ -157,27 +149,25 @@ def correct(
     Example: [bold]planner gap correct diagnosis --temperature-C 33 -o warm.toml[/bold]
     """
     given = locals()
-    from planner.cli.output import print_document
 
-    check_targets(context, force=force, output=output)
-    made = planner.correct(**taken(planner.correct, given))
+    cli.check_targets(context, force=force, output=output)
+    made = planner.correct(**cli.taken(planner.correct, given))
     if made.corrected:
         planner.write_palette(made.palette, output, force=force)
     if as_json:
         file = output.name if made.corrected else None
-        print_document({"schema": 1, "file": file, **made.document()})
+        cli.print_document({"schema": 1, "file": file, **made.document()})
     elif not quiet:
         _correct_report(made, output, _again(printer))
     return 0 if made.ok else 1
 
 
 def _correct_report(made: "Correction", output: Path, options: str) -> None:
-    from planner.cli.output import finding, print_table, say, warn
 
     for note in made.notes:
-        (finding if note in made.findings else warn)(note)
+        (cli.finding if note in made.findings else cli.warn)(note)
     if not made.corrected:
-        say("there is nothing to correct the palette for; nothing was written")
+        cli.say("there is nothing to correct the palette for; nothing was written")
         return
     # As the list of materials and plans have them.
     before, after = (planner.list_materials(palette=p) for p in (made.before, made.palette))
@@ -189,9 +179,9 @@ def _correct_report(made: "Correction", output: Path, options: str) -> None:
         rows.append([material.id, *moduli, f"{now / was:.3f}", misfit])
     at = f"secant modulus at strain {after.at_strain:g}"
     columns = ["material", ">before MPa", ">after MPa", "95 % interval", ">factor", ">misfit"]
-    print_table(columns, rows, title=f"Corrected for {' and '.join(made.corrected)}: {at}")
+    cli.print_table(columns, rows, title=f"Corrected for {' and '.join(made.corrected)}: {at}")
     command = f"planner grade PART --like OLD_PLAN --palette {quote(str(output))}{options}"
-    say(f"wrote {output} (next: {command})")
+    cli.say(f"wrote {output} (next: {command})")
 
 
 # ------------------------------------------------------------------------------------------------
@@ -203,19 +193,14 @@ def design(
     context: Context,
     effects: Annotated[str, Option(help="Ids with commas between: rate,moisture,temperature.")],
     budget: Annotated[int, Option(help="Specimens at most, of both batches.")],
-    output: Annotated[
-        Path,
-        Option(
-            "--output", "-o", help="Folder to write, a campaign to be measured; or a file .csv."
-        ),
-    ],
-    printer: PrinterName = "connex3",
-    palette: PaletteName = None,
+    output: Annotated[Path, cli.out("Folder to write, a campaign to be measured; or a file .csv.")],
+    printer: cli.PrinterName = "connex3",
+    palette: cli.PaletteName = None,
     width_mm: Annotated[float, Option(help="Of the specimens' section.")] = 6.0,
     thickness_mm: Annotated[float, Option(help="Likewise.")] = 3.0,
     gauge_mm: Annotated[float, Option(help="Gauge length of the specimens.")] = 25.0,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
+    as_json: cli.AsJson = False,
+    quiet: cli.Quiet = False,
 ) -> int:
     """Choose the specimens that tell effects apart, and say how sure the diagnosis will be.
 
@@ -225,7 +210,6 @@ def design(
     Example: [bold]planner gap design --effects rate,moisture --budget 30 -o plan[/bold]
     """
     given = locals()
-    from planner.cli.output import print_document, progress
     from planner.errors import ArgumentError
     from planner.formats.outputs import write_whole
     from planner.gap.campaign_folder import specimens_csv
@@ -239,17 +223,17 @@ def design(
                 f"{output}: these effects may take graded bars, whose designs are files of their "
                 "own; name a folder with --output"
             )
-        check_targets(context, force=False, output=output)
+        cli.check_targets(context, force=False, output=output)
     else:
-        check_targets(context, force=False, folders={"output": (output, None)})
-    with progress(not (quiet or as_json)) as stage:
-        made = planner.design_campaign(**taken(planner.design_campaign, given), progress=stage)
+        cli.check_targets(context, force=False, folders={"output": (output, None)})
+    with cli.progress(not (quiet or as_json)) as stage:
+        made = planner.design_campaign(**cli.taken(planner.design_campaign, given), progress=stage)
     if listed:
         write_whole(output, specimens_csv(made.campaign))
     else:
         planner.write_campaign(made.campaign, output, measured=False)
     if as_json:
-        print_document({"schema": 1, "written": output.name, **made.document()})
+        cli.print_document({"schema": 1, "written": output.name, **made.document()})
     elif not quiet:
         _design_report(made, output, printer, palette, listed=listed)
     return 0 if made.ok else 1
@@ -258,7 +242,6 @@ def design(
 def _design_report(
     made: "CampaignDesign", output: Path, printer: str, palette: str | None, *, listed: bool
 ) -> None:
-    from planner.cli.output import finding, print_table, say, warn
 
     rows = []
     for e in made.expected:
@@ -266,7 +249,7 @@ def _design_report(
         ends = (e.smallest, e.size.usual)
         sizes = ("none" if s is None else format_number(s) + unit for s in ends)
         rows.append([e.id, e.size.name, *sizes, f"{100 * min(e.probability, 0.99):.0f} %"])
-    print_table(
+    cli.print_table(
         ["effect", "size", ">smallest named", ">middling size", ">chance to name that"],
         rows,
         title=f"{len(made.campaign.specimens)} specimens, {made.conditions} conditions: what a "
@@ -274,29 +257,31 @@ def _design_report(
     )
     for e in made.expected:
         if e.alike:
-            finding(f"{e.id} and {', '.join(e.alike)} will look the same: they are named together")
+            cli.finding(
+                f"{e.id} and {', '.join(e.alike)} will look the same: they are named together"
+            )
         elif e.probability < 0.5:
-            finding(
+            cli.finding(
                 f"{e.id} will more likely be missed than named; raise the budget, or check it "
                 "by other means"
             )
         if e.others:
-            warn(
+            cli.warn(
                 f"{e.id} will look the same as {', '.join(e.others)}; add to --effects what you "
                 "cannot rule out otherwise"
             )
     if made.left_over:
-        warn(f"{made.left_over} of the budget left over: conditions are printed once a batch")
+        cli.warn(f"{made.left_over} of the budget left over: conditions are printed once a batch")
     if made.needs_camera:
-        warn("the bars' strains along their axis are counted on: write them to fields.csv")
-    say(made.campaign.notes)
+        cli.warn("the bars' strains along their axis are counted on: write them to fields.csv")
+    cli.say(made.campaign.notes)
     if listed:
         again = _again(printer, palette)
         command = f"planner gap simulate --design {quote(str(output))}{again} -o practice"
-        say(f"wrote {output} (to practise: {command})")
+        cli.say(f"wrote {output} (to practise: {command})")
     else:
         command = f"planner gap next {quote(str(output))}"
-        say(f"wrote {output} (next: print, pull, fill curves.csv; {command})")
+        cli.say(f"wrote {output} (next: print, pull, fill curves.csv; {command})")
 
 
 def _again(printer: str, palette: str | None = None) -> str:
@@ -317,30 +302,29 @@ def next_(
             help="Folder with campaign.toml and specimens.csv; or a diagnosis, JSON or folder."
         ),
     ],
-    as_json: AsJson = False,
+    as_json: cli.AsJson = False,
 ) -> int:
     """Say where a campaign or a diagnosis stands, what is missing, which command comes next.
 
     Example: [bold]planner gap next lab[/bold]
     """
-    from planner.cli.output import print_document, say
     from planner.gap.campaign import named
 
     found = planner.campaign_standing(campaign)
     if as_json:
-        print_document(found.document())
+        cli.print_document(found.document())
         return 0
     if found.listed:
         measured = len(found.listed) - len(found.missing)
-        say(f"{found.campaign}: {measured} of {len(found.listed)} specimens have a curve")
+        cli.say(f"{found.campaign}: {measured} of {len(found.listed)} specimens have a curve")
     for name, ids in found.unknown.items():
-        say(f"{name} is unknown of {named(ids)}: no effect of it is tested there")
+        cli.say(f"{name} is unknown of {named(ids)}: no effect of it is tested there")
     if found.missing:
-        say(f"missing: {named(found.missing)}; pull them, and write their curves to curves.csv")
+        cli.say(f"missing: {named(found.missing)}; pull them, and write their curves to curves.csv")
     if found.diagnosis is not None:
-        say(f"diagnosed in {found.diagnosis}: {found.verdict}")
+        cli.say(f"diagnosed in {found.diagnosis}: {found.verdict}")
     if found.next:
-        say(f"next: {found.next}")
+        cli.say(f"next: {found.next}")
     return 0
 
 
@@ -354,7 +338,7 @@ def simulate(
     design: Annotated[
         Path, Option(help="Which specimens: a specimens.csv, or the folder of a campaign.")
     ],
-    output: Annotated[Path, Option("--output", "-o", help="Folder to write.")],
+    output: Annotated[Path, cli.out("Folder to write.")],
     effect: Annotated[
         list[str] | None,
         Option(
@@ -369,10 +353,10 @@ def simulate(
     camera: Annotated[
         bool, Option("--camera", help="See the strain along planned bars, too.")
     ] = False,
-    printer: PrinterName = "connex3",
-    palette: PaletteName = None,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
+    printer: cli.PrinterName = "connex3",
+    palette: cli.PaletteName = None,
+    as_json: cli.AsJson = False,
+    quiet: cli.Quiet = False,
 ) -> int:
     """Make a campaign with stated effects by planner's own model, to teach or to practise.
 
@@ -383,19 +367,18 @@ def simulate(
     Example: [bold]planner gap simulate --design plan --effect rate:rise=0.12 -o made[/bold]
     """
     given = locals()
-    from planner.cli.output import print_document, say, warn
     from planner.gap.virtual import stated_effect
 
-    check_targets(context, force=False, folders={"output": (output, None)})
-    made = planner.synthesise_campaign(**taken(planner.synthesise_campaign, given))
+    cli.check_targets(context, force=False, folders={"output": (output, None)})
+    made = planner.synthesise_campaign(**cli.taken(planner.synthesise_campaign, given))
     planner.write_campaign(made, output)
     if as_json:
         effects = [stated_effect(text, made.palette).text for text in effect or ()]
         said = {"schema": 1, "simulated": made.notes, "effects": effects}
-        print_document({**said, "specimens": len(made.specimens), "folder": output.name})
+        cli.print_document({**said, "specimens": len(made.specimens), "folder": output.name})
     elif not quiet:
         for note in made.remarks:
-            warn(note)
-        say(made.notes)
-        say(f"wrote {output} (next: planner gap diagnose {quote(str(output))})")
+            cli.warn(note)
+        cli.say(made.notes)
+        cli.say(f"wrote {output} (next: planner gap diagnose {quote(str(output))})")
     return 0

@@ -10,22 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from typer import Argument, Context, Option
 
 import planner
-from planner.cli.output import (
-    AsJson,
-    Overwrite,
-    PaletteName,
-    PrinterName,
-    Quiet,
-    check_targets,
-    finding,
-    in_groups,
-    print_document,
-    print_table,
-    progress,
-    say,
-    taken,
-    tell_notes,
-)
+from planner.cli import output as cli
 from planner.errors import ArgumentError
 from planner.glance import format_interval, format_number
 
@@ -40,10 +25,7 @@ if TYPE_CHECKING:
 
 _AtStrain = Annotated[
     float,
-    Option(
-        "--at-strain",
-        help="Working strain: stiffness is the secant modulus of the nominal stress up to it.",
-    ),
+    Option(help="Working strain: stiffness is the secant modulus of the nominal stress up to it."),
 ]
 
 # ------------------------------------------------------------------------------------------------
@@ -55,16 +37,14 @@ def materials(
     names: Annotated[
         list[str] | None, Argument(help="Materials whose laws --as writes; all by default.")
     ] = None,
-    printer: PrinterName = "connex3",
-    palette: PaletteName = None,
+    printer: cli.PrinterName = "connex3",
+    palette: cli.PaletteName = None,
     at_strain: _AtStrain = 0.1,
     temperature_C: Annotated[
         float | None,
         Option("--temperature-C", help="The palette as it is there, by its [temperature]."),
     ] = None,
-    output: Annotated[
-        Path | None, Option("--output", "-o", help="Palette file to write, with --temperature-C.")
-    ] = None,
+    output: Annotated[Path | None, cli.out("Palette file to write, with --temperature-C.")] = None,
     figure: Annotated[
         Path | None,
         Option(help="SVG file to write: the ladder with its interval, each material's stress."),
@@ -73,8 +53,8 @@ def materials(
         str | None,
         Option("--as", help="Print their laws instead, to paste: abaqus, ansys or febio."),
     ] = None,
-    force: Overwrite = False,
-    as_json: AsJson = False,
+    force: cli.Overwrite = False,
+    as_json: cli.AsJson = False,
 ) -> int:
     """List a palette's materials from soft to hard, with their stiffness.
 
@@ -94,29 +74,29 @@ def materials(
         chosen_ones = [every.resolve(name) for name in names or ()] or every.materials
         blocks = {one.id: planner.law_block(one, as_program) for one in chosen_ones}
         if as_json:
-            print_document({"schema": 1, "palette": every.name, "blocks": blocks})
+            cli.print_document({"schema": 1, "palette": every.name, "blocks": blocks})
         else:
-            say("\n".join(blocks.values()).rstrip())
+            cli.say("\n".join(blocks.values()).rstrip())
         return 0
     if names:
         raise ArgumentError(f"materials {' '.join(names)}: name materials with --as alone")
-    check_targets(context, force=force, figure=figure, output=output)
+    cli.check_targets(context, force=force, figure=figure, output=output)
     if output is not None:
         planner.write_palette(every, output, force=force)
     if figure is not None:
         write_whole(figure, planner.materials_figure(scale))
     if as_json:
-        print_document(scale.document())
+        cli.print_document(scale.document())
         return 0
     _print_ladder(scale)
-    tell_notes([*scale.warming, *scale.remarks()])
+    cli.tell_notes([*scale.warming, *scale.remarks()])
     for written in filter(None, (output, figure)):
-        say(f"wrote {written}")
+        cli.say(f"wrote {written}")
     return 0
 
 
 def _print_ladder(scale: "StiffnessScale") -> None:
-    print_table(
+    cli.print_table(
         ["material", ">m", ">modulus MPa", "95 % interval", ">break", ">g/cm3", "also called"],
         [
             [
@@ -160,9 +140,9 @@ def invert(
             "of its neighbours' kind."
         ),
     ] = None,
-    printer: PrinterName = "connex3",
-    palette: PaletteName = None,
-    as_json: AsJson = False,
+    printer: cli.PrinterName = "connex3",
+    palette: cli.PaletteName = None,
+    as_json: cli.AsJson = False,
 ) -> int:
     """Find the digital material, and the blend of two, that has a wanted stiffness.
 
@@ -182,7 +162,7 @@ def invert(
     at = [ask(coordinate=place) for place in coordinate or ()]
     if as_json:
         said = {"schema": 1, "palette": chosen.name, "at_strain": at_strain}
-        print_document({**said, "results": [mixture.document() for mixture in (*found, *at)]})
+        cli.print_document({**said, "results": [mixture.document() for mixture in (*found, *at)]})
     else:
         title = f"{chosen.name}: secant modulus at strain {at_strain:g}"
         if found:
@@ -190,10 +170,10 @@ def invert(
         if at:
             _print_places(at, title)
         _print_laws([*found, *at])
-        tell_notes(note for mixture in (*found, *at) for note in mixture.notes)
+        cli.tell_notes(note for mixture in (*found, *at) for note in mixture.notes)
         for mixture in found:
             if not mixture.reachable:
-                finding(
+                cli.finding(
                     f"{mixture.target_MPa:g} MPa is out of reach: the palette goes from "
                     f"{' to '.join(format_number(end) for end in mixture.range_MPa)} MPa; the "
                     f"nearest is {mixture.nearest}"
@@ -202,7 +182,7 @@ def invert(
 
 
 def _print_wanted(found: "Sequence[Mixture]", title: str) -> None:
-    print_table(
+    cli.print_table(
         [">target MPa", "nearest", ">MPa", ">error", "blend", ">m", ">MPa", "95 % interval"],
         [
             [
@@ -229,7 +209,7 @@ def _nearest(mixture: "Mixture", wanted_MPa: float) -> tuple[str, str, str]:
 
 def _print_places(found: "Sequence[Mixture]", title: str) -> None:
     """Print what stands at coordinates: stiffness, nearest material, further strains, laws."""
-    print_table(
+    cli.print_table(
         [">m", "blend", ">MPa", "95 % interval", "nearest", ">MPa", ">error"],
         [
             [
@@ -244,7 +224,7 @@ def _print_places(found: "Sequence[Mixture]", title: str) -> None:
         title=title,
         droppable=["error"],
     )
-    print_table(
+    cli.print_table(
         [">m", ">strain", ">secant MPa", "95 % interval"],
         [
             [
@@ -270,7 +250,7 @@ def _print_laws(found: "Sequence[Mixture]") -> None:
         )
         error = f" ({100 * mixture.law.error:.2g} % RMS off the blend)" if mixture.law.error else ""
         where = f"m {mixture.blend.coordinate:g}"
-        say(f"{where}: {mixture.law.law.model} law, {parameters}{error}")
+        cli.say(f"{where}: {mixture.law.law.model} law, {parameters}{error}")
 
 
 # ------------------------------------------------------------------------------------------------
@@ -290,19 +270,19 @@ _TensileFiles = Annotated[
 class _TensileTests:
     """How tests are read, and what they are compared with."""
 
-    specimens: Annotated[
-        Path | None, Option("--specimens", help="List of specimens: material, size, file.")
-    ] = None
+    specimens: Annotated[Path | None, Option(help="List of specimens: material, size, file.")] = (
+        None
+    )
     material: Annotated[
         str | None, Option(help="What all specimens without a row are made of.")
     ] = None
     width_mm: Annotated[float | None, Option(help="Width of specimens without a row.")] = None
-    thickness_mm: Annotated[
-        float | None, Option("--thickness-mm", help="Thickness of specimens without a row.")
-    ] = None
-    gauge_mm: Annotated[
-        float | None, Option("--gauge-mm", help="Gauge length of specimens without a row.")
-    ] = None
+    thickness_mm: Annotated[float | None, Option(help="Thickness of specimens without a row.")] = (
+        None
+    )
+    gauge_mm: Annotated[float | None, Option(help="Gauge length of specimens without a row.")] = (
+        None
+    )
     columns: Annotated[
         str | None,
         Option(
@@ -334,7 +314,7 @@ class _TensileTests:
     leave_out: Annotated[
         list[str] | None, Option(help="Specimen or material to leave out; repeatable.")
     ] = None
-    printer: PrinterName = "connex3"
+    printer: cli.PrinterName = "connex3"
     palette: Annotated[
         str | None,
         Option(
@@ -359,25 +339,23 @@ class _TensileTests:
 # planner characterise.
 
 
-@in_groups
+@cli.in_groups
 def characterise(
     context: Context,
     files: _TensileFiles,
-    output: Annotated[
-        Path | None, Option("--output", "-o", help="CSV file to write, one row a material.")
-    ] = None,
+    output: Annotated[Path | None, cli.out("CSV file to write, one row a material.")] = None,
     *,
     tests: _TensileTests,
     at_strain: Annotated[
-        list[float] | None, Option("--at-strain", help="Strain of a secant modulus; repeatable.")
+        list[float] | None, Option(help="Strain of a secant modulus; repeatable.")
     ] = None,
     figure: Annotated[
         Path | None,
         Option(help="SVG file to write: each curve with its toe, modulus, yield and break."),
     ] = None,
-    force: Overwrite = False,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
+    force: cli.Overwrite = False,
+    as_json: cli.AsJson = False,
+    quiet: cli.Quiet = False,
 ) -> int:
     """Take modulus, toughness, elongation and their spread from tensile tests.
 
@@ -394,24 +372,24 @@ def characterise(
     from planner.materials.study import listed_files
 
     reads = listed_files(files, tests.specimens)
-    check_targets(context, force=force, reads=reads, output=output, figure=figure)
-    found = planner.characterise(**taken(planner.characterise, given | tests.given()))
+    cli.check_targets(context, force=force, reads=reads, output=output, figure=figure)
+    found = planner.characterise(**cli.taken(planner.characterise, given | tests.given()))
     if output is not None:
         write_whole(output, found.csv())
     if figure is not None:
         write_whole(figure, planner.characterisation_figure(found))
     if as_json:
-        print_document(encode_document(found.document()))
+        cli.print_document(encode_document(found.document()))
     elif not quiet:
         _print_records(found.records)
-        tell_notes((*found.notes, *_corrections(found.materials)))
+        cli.tell_notes((*found.notes, *_corrections(found.materials)))
         _tables(found.materials)
         for one in found.materials:
-            say(f"{one.material}: {one.deformation.kind}; {one.deformation.reason}")
+            cli.say(f"{one.material}: {one.deformation.kind}; {one.deformation.reason}")
         for path in filter(None, (output, figure)):
-            say(f"wrote {path}")
+            cli.say(f"wrote {path}")
         for said in found.findings:
-            finding(said)
+            cli.finding(said)
     return 0 if found.ok else 1
 
 
@@ -439,15 +417,15 @@ def _print_records(records: "Sequence[ReadRecord]") -> None:
                 str(one.rows),
             ]
         )
-    print_table(
+    cli.print_table(
         ["file", "specimen", "material", "mode", "columns", ">length mm", ">section mm2", ">rows"],
         rows,
         title="What was read",
     )
     for text, number in columns.items():
-        say(f"({number}): {text}")
+        cli.say(f"({number}): {text}")
     for text, number in places.items():
-        say(f"[{number}]: {text}")
+        cli.say(f"[{number}]: {text}")
 
 
 def _corrections(found: "Sequence[MaterialCharacteristics]") -> list[str]:
@@ -488,7 +466,7 @@ def _tables(found: "Sequence[MaterialCharacteristics]") -> None:
         ("Break", breaks),
     ):
         rows = [[one.material, str(one.n), *(told(one, name) for name in names)] for one in found]
-        print_table(["material", ">n", *names.values()], rows, title=title)
+        cli.print_table(["material", ">n", *names.values()], rows, title=title)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -539,13 +517,11 @@ class _Fitting:
         }
 
 
-@in_groups
+@cli.in_groups
 def fit(
     context: Context,
     files: _TensileFiles,
-    output: Annotated[Path, Option("--output", "-o", help="Palette file (TOML) to write.")] = Path(
-        "palette.toml"
-    ),
+    output: Annotated[Path, cli.out("Palette file (TOML) to write.")] = Path("palette.toml"),
     *,
     fitting: _Fitting,
     tests: _TensileTests,
@@ -555,9 +531,9 @@ def fit(
     tables: Annotated[
         Path | None, Option(help="Folder to write: the tables as CSV, with intervals.")
     ] = None,
-    force: Overwrite = False,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
+    force: cli.Overwrite = False,
+    as_json: cli.AsJson = False,
+    quiet: cli.Quiet = False,
 ) -> int:
     """Fit laws to tensile tests, choose one a material, and write a palette with intervals.
 
@@ -571,10 +547,12 @@ def fit(
     from planner.materials.study import listed_files
 
     reads, folders = listed_files(files, tests.specimens), {"tables": (tables, _TABLES)}
-    check_targets(context, force=force, reads=reads, output=output, figure=figure, folders=folders)
-    with progress(not (quiet or as_json)) as stage:
+    cli.check_targets(
+        context, force=force, reads=reads, output=output, figure=figure, folders=folders
+    )
+    with cli.progress(not (quiet or as_json)) as stage:
         given = {"files": files, **tests.given(), **fitting.given(output)}
-        result = planner.fit(**taken(planner.fit, given), progress=stage)
+        result = planner.fit(**cli.taken(planner.fit, given), progress=stage)
     planner.write_palette(result.palette, output, force=force)
     if figure is not None:
         write_whole(figure, planner.fit_figure(result))
@@ -583,16 +561,16 @@ def fit(
         rows = {**planner.fit_tables(result), _TABLES: record}
         write_folder(tables, rows, force=force, record=_TABLES, option="tables")
     if as_json:
-        print_document(encode_document({**result.document(), "file": str(output)}))
+        cli.print_document(encode_document({**result.document(), "file": str(output)}))
     elif not quiet:
-        tell_notes(result.notes)
+        cli.tell_notes(result.notes)
         _print_report(result, output)
         for path in filter(None, (figure, tables)):
-            say(f"wrote {path}")
+            cli.say(f"wrote {path}")
         for said in result.findings:
-            finding(said)
+            cli.finding(said)
         if result.problem is not None:
-            finding(
+            cli.finding(
                 f"{result.problem}; planner cannot grade, invert or list materials with this "
                 "palette"
             )
@@ -625,11 +603,11 @@ def _print_report(result: "PaletteStudy", output: Path) -> None:
     _print_parameters(fits, interval)
     _print_secants(fits, interval)
     for name, fit in fits.items():
-        say(f"{name}: {fit.choice.reason}")
-        say(f"  intervals: {fit.uncertainty.basis}")
+        cli.say(f"{name}: {fit.choice.reason}")
+        cli.say(f"  intervals: {fit.uncertainty.basis}")
     if result.quadratic is not None:
         _print_quadratic(result.quadratic)
-    say(f"palette {result.palette.name} written to {output}")
+    cli.say(f"palette {result.palette.name} written to {output}")
 
 
 def _print_candidates(fits: "Mapping[str, MaterialFit]") -> None:
@@ -653,7 +631,7 @@ def _print_candidates(fits: "Mapping[str, MaterialFit]") -> None:
     if rows:
         columns = ["material", ">n", "law", ">k", *figures, "stable", ">starts"]
         title = "Laws tried (* chosen; k parameters; held out: error on what is left out)"
-        print_table(columns, rows, title=title)
+        cli.print_table(columns, rows, title=title)
 
 
 def _print_parameters(fits: "Mapping[str, MaterialFit]", interval: str) -> None:
@@ -670,7 +648,7 @@ def _print_parameters(fits: "Mapping[str, MaterialFit]", interval: str) -> None:
                 rows.append([material, law, label, figure, _interval(low, high), spread])
                 first = ["", "", ""]
     columns = ["material", "law", "parameter", ">value", interval, ">next print's sd"]
-    print_table(columns, rows, title="Parameters")
+    cli.print_table(columns, rows, title="Parameters")
 
 
 def _print_secants(fits: "Mapping[str, MaterialFit]", interval: str) -> None:
@@ -686,12 +664,12 @@ def _print_secants(fits: "Mapping[str, MaterialFit]", interval: str) -> None:
     ]
     if rows:
         title = "Secant moduli of the mean (stress is strain times it; strain 0: at rest)"
-        print_table(["material", ">strain", ">secant MPa", interval], rows, title=title)
+        cli.print_table(["material", ">strain", ">secant MPa", interval], rows, title=title)
 
 
 def _print_quadratic(found: "QuadraticStudy") -> None:
     names = [f"c{number}" for number in range(1, 7)]
-    print_table(
+    cli.print_table(
         ["material", ">m", *(f">{name}" for name in names)],
         [
             [row.id, f"{row.curve.coordinate:.3g}", *(format_number(c, 4) for c in row.fit.c)]
@@ -702,7 +680,7 @@ def _print_quadratic(found: "QuadraticStudy") -> None:
     each = zip(names, found.quadratics.model.rows, strict=True)
     rows = [[name, *(format_number(q, 4) for q in row)] for name, row in each]
     title = "Algorithm 1, lines 4 to 7: c = q2 m² + q1 m + q0"
-    print_table(["", ">q2", ">q1", ">q0"], rows, title=title)
+    cli.print_table(["", ">q2", ">q1", ">q0"], rows, title=title)
     fits = [">R2: eq. 3.8", ">quadratics", ">palette's law"]
     left_out = [">left out: quadratics", ">mixtures"]
     rows = []
@@ -712,9 +690,9 @@ def _print_quadratic(found: "QuadraticStudy") -> None:
         predicted = [f"{100 * one.nrmse:.1f} %" if one else "-" for one in (quadratics, mixtures)]
         rows.append([row.id, *fitted, *predicted])
     title = "How well each fits; and the error of what the other materials predict"
-    print_table(["material", *fits, *left_out], rows, title=title)
+    cli.print_table(["material", *fits, *left_out], rows, title=title)
     for remark in found.remarks():
-        say(remark)
+        cli.say(remark)
 
 
 def _interval(low: float, high: float) -> str:

@@ -44,6 +44,7 @@ __all__ = [
     "finding",
     "in_groups",
     "long_progress",
+    "out",
     "print_document",
     "print_table",
     "progress",
@@ -281,13 +282,16 @@ AsJson = Annotated[bool, Option("--json", help="Print one JSON document and noth
 Quiet = Annotated[bool, Option("--quiet", "-q", help="Print nothing but errors.")]
 PrinterName = Annotated[
     str,
-    Option(
-        "--printer", help="Installed printer, see [bold]planner printers[/bold]; or its TOML file."
-    ),
+    Option(help="Installed printer, see [bold]planner printers[/bold]; or its TOML file."),
 ]
 PaletteName = Annotated[
-    str | None, Option("--palette", help="Palette file (TOML), or one of the printer's palettes.")
+    str | None, Option(help="Palette file (TOML), or one of the printer's palettes.")
 ]
+
+
+def out(what: str) -> Any:
+    """Return the option that says where to write, of which the help says what is written."""
+    return Option("--output", "-o", help=what)
 
 
 def in_groups(command: Callable[..., int]) -> Callable[..., int]:
@@ -495,13 +499,12 @@ class LoadOptions:
 
 CasesFile = Annotated[
     Path | None,
-    Option("--cases", help="TOML file of load cases: tables 'case' with these options, and name."),
+    Option(help="TOML file of load cases: tables 'case' with these options, and name."),
 ]
-MeshUnit = Annotated[str | None, Option("--unit", help="Unit of a mesh: mm, cm, m, um, inch, ft.")]
+MeshUnit = Annotated[str | None, Option(help="Unit of a mesh: mm, cm, m, um, inch, ft.")]
 MeshBodies = Annotated[
     str | None,
     Option(
-        "--bodies",
         help="What bodies of a mesh are whose winding does not tell: cavities, taken away from the "
         "solids around them; or solids, and then all are united.",
     ),

@@ -15,26 +15,7 @@ from typing import TYPE_CHECKING, Annotated
 from typer import Argument, Context, Option
 
 import planner
-from planner.cli.output import (
-    AsJson,
-    ForceOversize,
-    MeshBodies,
-    PaletteName,
-    PrinterLimits,
-    Quiet,
-    check_targets,
-    finding,
-    in_groups,
-    print_document,
-    print_table,
-    progress,
-    say,
-    taken,
-    tell_findings,
-    tell_notes,
-    terminal_width,
-    warn,
-)
+from planner.cli import output as cli
 from planner.errors import ArgumentError, Caution
 from planner.glance import format_number
 
@@ -134,7 +115,7 @@ class _Gradient:
         ),
     ] = 2.0
     unit: Annotated[str | None, Option(help="Unit of the mesh: mm, cm, m, um, inch, ft.")] = None
-    bodies: MeshBodies = None
+    bodies: cli.MeshBodies = None
     printer: Annotated[
         str | None,
         Option(
@@ -148,11 +129,9 @@ class _Gradient:
 class _PlanFolder:
     """What is written, and where."""
 
-    output: Annotated[
-        Path | None, Option("--output", "-o", help="Folder to write; <part>-graded by default.")
-    ] = None
+    output: Annotated[Path | None, cli.out("Folder to write; <part>-graded by default.")] = None
     force: Annotated[bool, Option("--force", help="Replace an earlier plan there.")] = False
-    force_oversize: ForceOversize = False
+    force_oversize: cli.ForceOversize = False
     coupons: Annotated[
         bool,
         Option(
@@ -181,7 +160,7 @@ class _PlanFolder:
     ] = None
 
 
-@in_groups
+@cli.in_groups
 def grade(
     context: Context,
     part: Annotated[
@@ -198,11 +177,11 @@ def grade(
     ] = None,
     *,
     gradient: _Gradient,
-    limits: PrinterLimits,
-    palette: PaletteName = None,
+    limits: cli.PrinterLimits,
+    palette: cli.PaletteName = None,
     written: _PlanFolder,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
+    as_json: cli.AsJson = False,
+    quiet: cli.Quiet = False,
 ) -> int:
     """Grade a part from one stiffness to another and write the files that print it.
 
@@ -217,11 +196,11 @@ def grade(
     if written.slicer is not None:
         needs_one_mesh(written.slicer)  # a slip is told before the work
     if not written.dry_run:
-        check_targets(context, force=written.force, folders={"output": (folder, "plan.json")})
+        cli.check_targets(context, force=written.force, folders={"output": (folder, "plan.json")})
     _share_compiling()
     given = {"part": part, "like": like, "palette": palette, **vars(gradient), **vars(written)}
-    with progress(not quiet and not as_json) as stage:
-        asked = taken(planner.grade, given) | {"printer": machine, "progress": stage}
+    with cli.progress(not quiet and not as_json) as stage:
+        asked = cli.taken(planner.grade, given) | {"printer": machine, "progress": stage}
         plan = planner.grade(**asked)
         kept = not written.dry_run and (plan.ok or not written.strict)
         if kept:
@@ -238,29 +217,29 @@ def _grade_report(
     from planner.report.plan_figure import error_words, moved_words, unreachable_words
 
     if as_json:
-        print_document(plan.json())
+        cli.print_document(plan.json())
         return
     if quiet:
         return
-    tell_notes(
+    cli.tell_notes(
         Caution(f"{plan.part.file}: {remark}") if isinstance(remark, Caution) else remark
         for remark in (*map(Caution, plan.part.repairs), *plan.warnings)
     )
     _table(plan)
     for words in filter(None, (error_words(plan), moved_words(plan))):
-        say(words)
+        cli.say(words)
     for words in unreachable_words(plan):
-        finding(words)
-    tell_findings([found.message for found in plan.findings], "plan.json")
+        cli.finding(words)
+    cli.tell_findings([found.message for found in plan.findings], "plan.json")
     failed, count = [name for name, check in plan.checks.items() if not check.ok], len(plan.checks)
     more = f"; not: {', '.join(failed)}" if failed else ""
-    say(f"{count - len(failed)} of {count} checks hold{more}")
+    cli.say(f"{count - len(failed)} of {count} checks hold{more}")
     if folder is None:
-        say("nothing was written")
+        cli.say("nothing was written")
         return
-    say(f"wrote {folder} (next: planner check {folder}; planner view {folder})")
+    cli.say(f"wrote {folder} (next: planner check {folder}; planner view {folder})")
     if like is not None:
-        say(
+        cli.say(
             f"what changed: planner diff {like} {folder}; once it is printed and pulled: "
             "planner gap next CAMPAIGN, with it in specimens.csv"
         )
@@ -271,7 +250,7 @@ def _table(plan: "Plan") -> None:
 
     colours = {shell.material: shell.colour for shell in plan.shells}
     table = plan_table(plan)
-    print_table(
+    cli.print_table(
         [f">{name}" if name in table.right else name for name in table.columns],
         [[row.get(name, "") for name in table.columns] for row in (*table.rows, table.total)],
         title=table.title,
@@ -290,8 +269,8 @@ def view(
     no_open: Annotated[
         bool, Option("--no-open", help="Make the page if need be and say where it is, no more.")
     ] = False,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
+    as_json: cli.AsJson = False,
+    quiet: cli.Quiet = False,
 ) -> int:
     """Open a plan's page in the browser: the part in its materials, its figures, how to print it.
 
@@ -299,12 +278,12 @@ def view(
 
     Example: [bold]planner view finger-graded[/bold]
     """
-    with progress(not quiet and not as_json) as stage:
+    with cli.progress(not quiet and not as_json) as stage:
         stage("making the page")
         page = planner.view(plan)
     opened = _shown(page, no_open=no_open, quiet=quiet or as_json)
     if as_json:
-        print_document({"schema": 1, "page": str(page), "opened": opened})
+        cli.print_document({"schema": 1, "page": str(page), "opened": opened})
     return 0
 
 
@@ -315,8 +294,8 @@ def _shown(page: Path, *, no_open: bool, quiet: bool) -> bool:
     opened = not no_open and webbrowser.open(page.resolve().as_uri())
     if not quiet:
         if not (opened or no_open):
-            warn("no browser could be started; open the page yourself")
-        say(str(page))
+            cli.warn("no browser could be started; open the page yourself")
+        cli.say(str(page))
     return opened
 
 
@@ -326,8 +305,8 @@ def _shown(page: Path, *, no_open: bool, quiet: bool) -> bool:
 
 def check(
     folder: Annotated[Path, Argument(help="Folder that planner grade wrote.")],
-    as_json: AsJson = False,
-    quiet: Quiet = False,
+    as_json: cli.AsJson = False,
+    quiet: cli.Quiet = False,
 ) -> int:
     """Verify a plan's folder anew from its files alone and print a certificate.
 
@@ -335,12 +314,12 @@ def check(
 
     Example: [bold]planner check finger-graded[/bold]
     """
-    with progress(not quiet and not as_json) as stage:
+    with cli.progress(not quiet and not as_json) as stage:
         certificate = planner.check(folder, progress=stage)
     if as_json:
-        print_document(certificate.document())
+        cli.print_document(certificate.document())
     elif not quiet:
-        print_table(
+        cli.print_table(
             ["check", ">value", ">limit", "holds"],
             [
                 [name, f"{c.value:.3g}", f"{c.limit:.3g}", "yes" if c.ok else "NO"]
@@ -350,10 +329,10 @@ def check(
             f"{certificate.shells} shells, {certificate.triangles} triangles",
         )
         for problem in certificate.problems:
-            finding(problem)
+            cli.finding(problem)
         for message in certificate.reported:
-            finding(f"reported by the plan: {message}")
-        say(_verdict(certificate))
+            cli.finding(f"reported by the plan: {message}")
+        cli.say(_verdict(certificate))
     return 0 if certificate.ok else 1
 
 
@@ -378,8 +357,8 @@ def diff(
     before: Annotated[Path, Argument(help="A plan.json, or the folder that holds it.")],
     after: Annotated[Path, Argument(help="The plan to compare with it.")],
     tolerance: _Tolerance = 1e-6,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
+    as_json: cli.AsJson = False,
+    quiet: cli.Quiet = False,
 ) -> int:
     """Compare two plans by meaning: material moved, volume changed, another target.
 
@@ -390,12 +369,12 @@ def diff(
     found = planner.diff(before, after, tolerance=tolerance)
     rows = [asdict(difference) for difference in found]
     if as_json:
-        print_document({"schema": 1, "equal": not found, "differences": rows})
+        cli.print_document({"schema": 1, "equal": not found, "differences": rows})
     elif found and not quiet:
         for difference in found:
-            say(textwrap.fill(difference.text, terminal_width(), subsequent_indent="    "))
+            cli.say(textwrap.fill(difference.text, cli.terminal_width(), subsequent_indent="    "))
     elif not quiet:
-        say("the plans mean the same")
+        cli.say("the plans mean the same")
     return 1 if found else 0
 
 
@@ -407,16 +386,16 @@ def compare(
     context: Context,
     before: Annotated[Path, Argument(help="Folder that planner grade wrote, or its plan.json.")],
     after: Annotated[Path, Argument(help="The plan to see beside it.")],
-    output: Annotated[
-        Path, Option("--output", "-o", help="Page to write; compare.html by default.")
-    ] = Path("compare.html"),
+    output: Annotated[Path, cli.out("Page to write; compare.html by default.")] = Path(
+        "compare.html"
+    ),
     tolerance: _Tolerance = 1e-6,
     no_open: Annotated[
         bool, Option("--no-open", help="Write the page and say where it is, no more.")
     ] = False,
     force: Annotated[bool, Option("--force", help="Replace a page that is there.")] = False,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
+    as_json: cli.AsJson = False,
+    quiet: cli.Quiet = False,
 ) -> int:
     """Write a page with two plans side by side, turned and cut together, and open it.
 
@@ -426,8 +405,8 @@ def compare(
     """
     from planner.formats.outputs import write_whole
 
-    check_targets(context, force=force, output=output)
-    with progress(not quiet and not as_json) as stage:
+    cli.check_targets(context, force=force, output=output)
+    with cli.progress(not quiet and not as_json) as stage:
         stage("making the page")
         found = planner.diff(before, after, tolerance=tolerance)
         write_whole(output, planner.compare_page(before, after, tolerance=tolerance))
@@ -435,7 +414,7 @@ def compare(
     if as_json:
         rows = [asdict(difference) for difference in found]
         page = {"page": str(output), "opened": opened}
-        print_document({"schema": 1, **page, "equal": not found, "differences": rows})
+        cli.print_document({"schema": 1, **page, "equal": not found, "differences": rows})
     return 1 if found else 0
 
 
@@ -446,7 +425,7 @@ def compare(
 def slices(
     context: Context,
     plan: Annotated[Path, Argument(help="Folder that planner grade wrote, or its plan.json.")],
-    output: Annotated[Path, Option("--output", "-o", help="Folder to write.")],
+    output: Annotated[Path, cli.out("Folder to write.")],
     pitch_mm: Annotated[
         str | None,
         Option(
@@ -465,8 +444,8 @@ def slices(
         Option(help="Make the layers on a Dask cluster: its scheduler, tcp://HOST:PORT."),
     ] = None,
     force: Annotated[bool, Option("--force", help="Replace an earlier stack there.")] = False,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
+    as_json: cli.AsJson = False,
+    quiet: cli.Quiet = False,
 ) -> int:
     """Write a plan as the printer's own layers: one image a layer, one colour a material.
 
@@ -475,19 +454,19 @@ def slices(
     Example: [bold]planner slices finger-graded -o finger-slices[/bold]
     """
     given = locals()
-    check_targets(context, force=force, folders={"output": (output, "slices.json")})
+    cli.check_targets(context, force=force, folders={"output": (output, "slices.json")})
     with _layers_bar(not quiet and not as_json) as advance:
-        asked = taken(planner.write_slices, given) | {"progress": advance}
+        asked = cli.taken(planner.write_slices, given) | {"progress": advance}
         if pitch_mm is not None:
             asked["pitch_mm"] = _lengths(pitch_mm)
         stack = planner.write_slices(**asked)
     if as_json:
-        print_document(stack.json())
+        cli.print_document(stack.json())
     elif not quiet:
         _slices_report(stack, output)
     if not quiet:
         for message in stack.findings:
-            finding(message)
+            cli.finding(message)
     return 0 if stack.ok else 1
 
 
@@ -538,14 +517,14 @@ def _slices_report(stack: "SliceStack", folder: Path) -> None:
         for each in stack.materials
     ]
     rows.append(["all", "", str(total), format_number(total * stack.grid.voxel_mm3, 4)])
-    print_table(
+    cli.print_table(
         ["material", "colour", ">voxels", ">volume mm3"],
         rows,
         title=f"{stack.part.file} on {stack.printer}: {stack.grid.shape[2]} layers of "
         f"{stack.grid.shape[0]} x {stack.grid.shape[1]} pixels, {x:g} x {y:g} x {z:g} mm",
         swatches=[*(_hex(each.rgba) for each in stack.materials), "default"],
     )
-    say(f"wrote {folder} (materials and grid: {folder / 'slices.json'})")
+    cli.say(f"wrote {folder} (materials and grid: {folder / 'slices.json'})")
 
 
 def _hex(rgba: tuple[int, ...]) -> str:

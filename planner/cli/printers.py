@@ -8,15 +8,7 @@ import typer
 from typer import Argument, Context, Option
 
 import planner
-from planner.cli.output import (
-    AsJson,
-    Overwrite,
-    check_targets,
-    finding,
-    print_document,
-    print_table,
-    say,
-)
+from planner.cli import output as cli
 from planner.errors import ArgumentError
 
 if TYPE_CHECKING:
@@ -30,7 +22,7 @@ _STATED = (
 
 
 @app.callback()
-def _printers(context: typer.Context, as_json: AsJson = False) -> int:
+def _printers(context: typer.Context, as_json: cli.AsJson = False) -> int:
     """List the installed printers, what they print and where each comes from.
 
     Example: [bold]planner printers --json[/bold]
@@ -54,9 +46,9 @@ def _list(*, as_json: bool) -> int:
         stated = {key: getattr(machine, key) for key in _STATED}
         rows.append({"name": name, **stated, "plugin": entry.value, "distribution": made_by})
     if as_json:
-        print_document({"schema": 1, "printers": rows, "broken": broken})
+        cli.print_document({"schema": 1, "printers": rows, "broken": broken})
         return 1 if broken else 0
-    print_table(
+    cli.print_table(
         ["name", "machine", "tray mm", "voxel um", "palettes", "from"],
         [
             [
@@ -72,7 +64,7 @@ def _list(*, as_json: bool) -> int:
         droppable=["from", "voxel um"],
     )
     for problem in broken:
-        finding(problem)
+        cli.finding(problem)
     return 1 if broken else 0
 
 
@@ -87,7 +79,7 @@ def _lengths(values: Any) -> str:
 @app.command()
 def show(
     name: Annotated[str, Argument(help="Installed printer, or its file, as my.toml.")],
-    as_json: AsJson = False,
+    as_json: cli.AsJson = False,
 ) -> int:
     """Show a printer: its limits, its resins, its palettes and what its software calls materials.
 
@@ -109,15 +101,15 @@ def show(
         for palette, id, operator_name in rows:
             named[palette][id] = operator_name
         document = {"name": machine.name, "title": machine.title, **limits, **resins}
-        print_document({"schema": 1, **document, "palettes": named})
+        cli.print_document({"schema": 1, **document, "palettes": named})
         return 0
-    say(f"{machine.title} ({machine.name})")
+    cli.say(f"{machine.title} ({machine.name})")
     for key, value in limits.items():
         words = _lengths(value if isinstance(value, tuple) else (value,))
-        say(f"  {key.removesuffix('_mm').replace('_', ' ')}: {words} mm")
-    say(f"  resins: {', '.join(machine.base_resins)}; support: {machine.support}")
-    print_table(["palette", "material", "in its software"], rows)
-    say(f"(stiffness: planner materials --printer {name} --palette NAME)")
+        cli.say(f"  {key.removesuffix('_mm').replace('_', ' ')}: {words} mm")
+    cli.say(f"  resins: {', '.join(machine.base_resins)}; support: {machine.support}")
+    cli.print_table(["palette", "material", "in its software"], rows)
+    cli.say(f"(stiffness: planner materials --printer {name} --palette NAME)")
     return 0
 
 
@@ -135,9 +127,7 @@ def new(
     like: Annotated[
         str, Option(help="Printer whose figures, palette and notes it begins with.")
     ] = "connex3",
-    output: Annotated[
-        Path | None, Option("--output", "-o", help="Folder to write; NAME-printer by default.")
-    ] = None,
+    output: Annotated[Path | None, cli.out("Folder to write; NAME-printer by default.")] = None,
 ) -> int:
     """Write a plugin for a printer of your own: figures, palette, notes, schemas and its test.
 
@@ -149,13 +139,13 @@ def new(
     if not _NAME.fullmatch(name):
         raise ArgumentError(f"{name}: give a name of small letters, digits, - and _, as myjet")
     folder = Path(f"{name}-printer") if output is None else output
-    check_targets(context, force=False, folders={"output": (folder, None)})
+    cli.check_targets(context, force=False, folders={"output": (folder, None)})
     package = f"{name.replace('-', '_')}_printer"
     write_folder(folder, _plugin(name, package, load_printer(like)))
     profile = folder / package / "printer.toml"
-    say(f"wrote {folder}: put your printer's figures into {profile}, its materials beside it")
-    say(f"use it at once: planner grade PART --printer {profile}")
-    say(f"or by its name: pip install -e {folder} (its test: pytest {folder})")
+    cli.say(f"wrote {folder}: put your printer's figures into {profile}, its materials beside it")
+    cli.say(f"use it at once: planner grade PART --printer {profile}")
+    cli.say(f"or by its name: pip install -e {folder} (its test: pytest {folder})")
     return 0
 
 
@@ -212,10 +202,8 @@ _Kind = Literal["printer", "palette", "campaign"]
 def schema(
     context: Context,
     kind: Annotated[_Kind, Argument(help="printer, palette or campaign.")],
-    output: Annotated[
-        Path | None, Option("--output", "-o", help="File to write; else it is printed.")
-    ] = None,
-    force: Overwrite = False,
+    output: Annotated[Path | None, cli.out("File to write; else it is printed.")] = None,
+    force: cli.Overwrite = False,
 ) -> int:
     """Write the JSON Schema by which an editor checks a printer's, palette's or campaign's file.
 
@@ -226,12 +214,12 @@ def schema(
     """
     from planner.formats.outputs import write_whole
 
-    check_targets(context, force=force, output=output)
+    cli.check_targets(context, force=force, output=output)
     if output is None:
-        print_document(_encoded(kind))
+        cli.print_document(_encoded(kind))
         return 0
     write_whole(output, _encoded(kind))
-    say(f"wrote {output} (first line of your file: #:schema ./{output.name})")
+    cli.say(f"wrote {output} (first line of your file: #:schema ./{output.name})")
     return 0
 
 

@@ -8,26 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from typer import Argument, Context, Option
 
 import planner
-from planner.cli.output import (
-    AsJson,
-    CasesFile,
-    LoadOptions,
-    MeshBodies,
-    MeshUnit,
-    Overwrite,
-    PaletteName,
-    Quiet,
-    check_targets,
-    in_groups,
-    print_document,
-    print_table,
-    progress,
-    say,
-    taken,
-    tell_findings,
-    tell_notes,
-    warn,
-)
+from planner.cli import output as cli
 from planner.errors import ArgumentError
 from planner.glance import format_number, format_range
 
@@ -36,12 +17,16 @@ if TYPE_CHECKING:
     from planner.simulation.part import PartSimulation
     from planner.simulation.simulate import Simulation
 
-_MeshMaterial = Annotated[
-    str | None, Option("--material", help="What a mesh is made of, which is no plan.")
-]
+_MeshMaterial = Annotated[str | None, Option(help="What a mesh is made of, which is no plan.")]
 _PlansPrinter = Annotated[
     str | None, Option(help="Installed printer; by default the plan's, else connex3.")
 ]
+
+
+def _cell(what: str) -> Any:
+    """Return the option of an edge in mm, of which the help says what it is of."""
+    return Option("--cell", "--cell-mm", help=what)
+
 
 _ROWS = 6
 
@@ -54,7 +39,7 @@ _OF_BAR = [
 _OF_BOTH = ["steps", "level", "printer", "palette"]
 
 
-@in_groups
+@cli.in_groups
 def simulate(
     context: Context,
     source: Annotated[
@@ -65,8 +50,8 @@ def simulate(
         ),
     ],
     *,
-    loads: LoadOptions,
-    cases: CasesFile = None,
+    loads: cli.LoadOptions,
+    cases: cli.CasesFile = None,
     watch: Annotated[
         list[str] | None,
         Option(help="Faces whose displacement is told too, as x=min, or 'x=min uz' along an axis."),
@@ -74,11 +59,7 @@ def simulate(
     material: _MeshMaterial = None,
     cell_mm: Annotated[
         float | None,
-        Option(
-            "--cell",
-            "--cell-mm",
-            help="Edge of the cells that the whole part is cut into; about 2000 by default.",
-        ),
+        _cell("Edge of the cells that the whole part is cut into; about 2000 by default."),
     ] = None,
     compare_cells: Annotated[
         bool,
@@ -87,8 +68,8 @@ def simulate(
             help="Solve with larger cells too, which tells how far figures depend on them.",
         ),
     ] = True,
-    unit: MeshUnit = None,
-    bodies: MeshBodies = None,
+    unit: cli.MeshUnit = None,
+    bodies: cli.MeshBodies = None,
     to_strain: Annotated[float, Option(help="Largest displacement over the bar's length.")] = 0.3,
     rate_mm_s: Annotated[
         float | None,
@@ -119,10 +100,9 @@ def simulate(
         float, Option(help="How probably an interval holds what a print does.")
     ] = 0.95,
     printer: _PlansPrinter = None,
-    palette: PaletteName = None,
+    palette: cli.PaletteName = None,
     output: Annotated[
-        Path | None,
-        Option("--output", "-o", help="File to write: .csv (the curve) or .json (all)."),
+        Path | None, cli.out("File to write: .csv (the curve) or .json (all).")
     ] = None,
     field: Annotated[
         Path | None, Option(help="CSV file to write: strain along the bar at every step.")
@@ -142,9 +122,9 @@ def simulate(
     page: Annotated[
         Path | None, Option(help="HTML file to write: the whole part as it moves, in 3D.")
     ] = None,
-    force: Overwrite = False,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
+    force: cli.Overwrite = False,
+    as_json: cli.AsJson = False,
+    quiet: cli.Quiet = False,
 ) -> int:
     """Pull a planned part, a graded bar or a coupon; or load a whole part, which may bend.
 
@@ -206,9 +186,9 @@ def simulate(
     ]
     for paths in each:
         targets: dict[str, Any] = {**whole_files, **paths}
-        check_targets(context, force=force, **targets)
+        cli.check_targets(context, force=force, **targets)
     results: Any
-    with progress(not quiet and not as_json and whole) as stage:
+    with cli.progress(not quiet and not as_json and whole) as stage:
         if whole:
             results = planner.simulate_part(source, held, progress=stage, **options)
         else:
@@ -225,13 +205,13 @@ def simulate(
         for name, path in paths.items():
             write_whole(path, files[name][1](result))
     if as_json:
-        print_document(document)
+        cli.print_document(document)
     elif not quiet:
         (_part_report if whole else _bar_report)(results)
-        tell_findings([f.message for result in results for f in result.findings], "the JSON")
+        cli.tell_findings([f.message for result in results for f in result.findings], "the JSON")
         some = [path for paths in each for path in paths.values()]
         for path in filter(None, (*some, *whole_files.values())):
-            say(f"wrote {path}")
+            cli.say(f"wrote {path}")
     return 0 if all(result.ok for result in results) else 1
 
 
@@ -256,29 +236,29 @@ def _between(text: str) -> tuple[float, float]:
 def _part_report(results: "Sequence[PartSimulation]") -> None:
     from planner.report.loaded_part import part_title, response_rows, step_rows, summary_words
 
-    tell_notes(note for result in results for note in result.notes)
+    cli.tell_notes(note for result in results for note in result.notes)
     for result in results:
         steps = list(step_rows(result, _ROWS))
         columns = [f">{name}" for name in steps[0]]
         cells = [[*row.values()] for row in steps]
-        print_table(columns, cells, title=part_title(result), droppable=["energy, mJ"])
+        cli.print_table(columns, cells, title=part_title(result), droppable=["energy, mJ"])
         rows = list(response_rows(result))
         named, what, *figures = rows[0]
         columns = [named, what, *(f">{name}" for name in figures)]
-        print_table(columns, [[*row.values()] for row in rows], droppable=figures[-1:])
+        cli.print_table(columns, [[*row.values()] for row in rows], droppable=figures[-1:])
         for words in summary_words(result):
-            say(words)
+            cli.say(words)
 
 
 def _bar_report(results: "Sequence[Simulation]") -> None:
     (result,) = results
     for note in result.notes:
-        warn(note)
+        cli.warn(note)
     count = len(result.force_N)
     shown = sorted({round(i * (count - 1) / (_ROWS - 1)) for i in range(_ROWS)})
     bar = result.bar
     slices, interval = len(bar.x_mm), f"{100 * result.level:g} % interval"
-    print_table(
+    cli.print_table(
         [">time s", ">mm", ">strain", ">force N", interval, "most strain"],
         [
             [
@@ -302,22 +282,17 @@ def _bar_report(results: "Sequence[Simulation]") -> None:
 # planner export.
 
 
-@in_groups
+@cli.in_groups
 def export(
     context: Context,
     source: Annotated[str, Argument(help="A plan.json or its folder, or with --material a mesh.")],
     to: Annotated[str, Option(help="abaqus, calculix (INP files) or vtu (ParaView).")],
-    output: Annotated[
-        Path | None, Option("--output", "-o", help="File to write; <part>.inp or .vtu by default.")
-    ] = None,
+    output: Annotated[Path | None, cli.out("File to write; <part>.inp or .vtu by default.")] = None,
     cell_mm: Annotated[
-        float | None,
-        Option(
-            "--cell", "--cell-mm", help="Edge of a cell in mm; by default what makes about 15000."
-        ),
+        float | None, _cell("Edge of a cell in mm; by default what makes about 15000.")
     ] = None,
     *,
-    loads: LoadOptions,
+    loads: cli.LoadOptions,
     to_strain: Annotated[
         float | None,
         Option(
@@ -326,13 +301,13 @@ def export(
         ),
     ] = None,
     material: _MeshMaterial = None,
-    unit: MeshUnit = None,
-    bodies: MeshBodies = None,
+    unit: cli.MeshUnit = None,
+    bodies: cli.MeshBodies = None,
     printer: _PlansPrinter = None,
-    palette: PaletteName = None,
-    force: Overwrite = False,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
+    palette: cli.PaletteName = None,
+    force: cli.Overwrite = False,
+    as_json: cli.AsJson = False,
+    quiet: cli.Quiet = False,
 ) -> int:
     """Write a planned part as hexahedra, each in its material, for Abaqus, CalculiX or ParaView.
 
@@ -344,21 +319,21 @@ def export(
     N"[/bold]
     """
     given = locals()
-    check_targets(context, force=force, output=output)
-    with progress(not quiet and not as_json) as stage:
+    cli.check_targets(context, force=force, output=output)
+    with cli.progress(not quiet and not as_json) as stage:
         stage("filling the part with cells")
-        model = planner.export(**taken(planner.export, given | vars(loads)))
+        model = planner.export(**cli.taken(planner.export, given | vars(loads)))
     path = model.write(output, force=force)
     if as_json:
-        print_document(model.json())
+        cli.print_document(model.json())
     elif not quiet:
         _export_report(model)
-        say(f"wrote {path}")
+        cli.say(f"wrote {path}")
     return 0
 
 
 def _export_report(model: "Export") -> None:
-    tell_notes(model.notes)
+    cli.tell_notes(model.notes)
     columns = ["material", ">coordinate", ">modulus MPa", ">cells", ">volume mm3"]
     columns += [">law", ">to strain", ">off by"]
     rows = [
@@ -377,7 +352,7 @@ def _export_report(model: "Export") -> None:
     if model.to != "calculix":
         columns, rows = columns[:-3], [row[:-3] for row in rows]
     edges = " x ".join(f"{edge:.3g}" for edge in model.cell_mm)
-    print_table(
+    cli.print_table(
         columns,
         rows,
         title=f"{model.name}: {model.cells} cells of {edges} mm, {model.nodes} nodes, volume "

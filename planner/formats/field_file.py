@@ -17,7 +17,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.errors import ArgumentError, FileError
+from planner.errors import ArgumentError, FileError, refused
 from planner.formats.files import most_unpacked, read_file
 from planner.formats.tables import read_columns, read_rows
 from planner.numerics import FloatArray, IntArray, Point
@@ -128,10 +128,9 @@ def _open(data: bytes, name: str, kind: str) -> _Document:
         raise FileError(f"{name}: is no XML in UTF-8; write it again from ParaView or meshio")
     if b"<!DOCTYPE" in text or b"<!ENTITY" in text:
         raise FileError(f"{name}: declares XML entities, which no VTK file needs; it is not read")
-    try:
+    broken = (ElementTree.ParseError, ValueError, LookupError)
+    with refused(FileError, name, "is no XML that can be read ({})", *broken):
         root = ElementTree.fromstring(text)
-    except (ElementTree.ParseError, ValueError, LookupError) as error:
-        raise FileError(f"{name}: is no XML that can be read ({error})") from error
     if root.tag != "VTKFile" or root.get("type") != kind:
         found = root.get("type") or root.tag
         raise FileError(f"{name}: is a {found} file; a VTKFile of type {kind} is needed")
@@ -362,16 +361,13 @@ def _check(values: FloatArray, path: Path) -> None:
 def _npy(data: bytes, path: Path) -> FloatArray:
     """Read a .npy by its head; nothing is unpickled, nor made before it is known to be there."""
     stream = io.BytesIO(data)
-    try:
+    # Whatever numpy's parser of foreign bytes may raise.
+    with refused(FileError, path, "is no .npy of numbers ({}); write it by numpy.save", Exception):
         npy = np.lib.format
         is_first = npy.read_magic(stream) == (1, 0)
         read = npy.read_array_header_1_0 if is_first else npy.read_array_header_2_0
         shape, by_columns, dtype = read(stream)
         sizes, begin = [int(size) for size in shape], stream.tell()
-    except Exception as error:  # whatever numpy's parser of foreign bytes may raise
-        raise FileError(
-            f"{path}: is no .npy of numbers ({error}); write it by numpy.save"
-        ) from error
     if dtype.kind not in "biuf":
         raise FileError(
             f"{path}: holds values of type {dtype}; it needs real numbers: write "

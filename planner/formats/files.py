@@ -15,7 +15,7 @@ from typing import Any, TypeVar
 
 import msgspec
 
-from planner.errors import FileError
+from planner.errors import FileError, refused
 
 __all__ = [
     "SIGNIFICANT_DIGITS",
@@ -110,7 +110,9 @@ def path_within(folder: str | Path, name: str) -> Path:
         It lies outside, on a path that is absolute or by a link; or is neither file nor folder.
     """
     path = Path(folder) / name
-    try:
+    asked = "cannot be read ({}); check the name"
+    # A ValueError tells a zero byte, a RuntimeError a loop of links.
+    with refused(FileError, path, asked, OSError, ValueError, RuntimeError):
         root, place = Path(folder).resolve(), path.resolve()
         # What is a drive or a root on one machine is so on all.
         if PureWindowsPath(name).anchor or root not in place.parents:
@@ -119,9 +121,6 @@ def path_within(folder: str | Path, name: str) -> Path:
                 "read: put it into the folder, and name it by its path from there"
             )
         mode = place.stat().st_mode if place.exists() else stat.S_IFREG
-    except (OSError, ValueError, RuntimeError) as error:  # a zero byte; a loop of links
-        reason = getattr(error, "strerror", None) or error
-        raise FileError(f"{path}: cannot be read ({reason}); check the name") from error
     if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
         raise FileError(f"{path}: is a device, a pipe or a socket; it was not read: give a file")
     return path
@@ -226,7 +225,7 @@ USUAL_LIMITS = UnfoldingLimits()
 # TOML, read: what a person wrote, refused with its place where it is none.
 
 
-def decode_toml(data: bytes, name: str) -> dict[str, Any]:
+def decode_toml(data: bytes, name: str, error: type[FileError] = FileError) -> dict[str, Any]:
     """Read the bytes of a TOML file, which errors call `name`.
 
     Raises
@@ -234,10 +233,9 @@ def decode_toml(data: bytes, name: str) -> dict[str, Any]:
     FileError
         Not UTF-8, not TOML, or nested too deep or with numbers too long for Python.
     """
-    try:
+    # A ValueError is of text, of TOML or of long numbers.
+    with refused(error, name, "not a TOML file: {}", ValueError, RecursionError):
         return tomllib.loads(data.decode("utf-8"))
-    except (ValueError, RecursionError) as error:  # the first of text, of TOML and of long numbers
-        raise FileError(f"{name}: not a TOML file: {error}") from error
 
 
 def toml_beside(name: str) -> Mapping[str, Mapping[str, Any]]:
@@ -289,10 +287,9 @@ def decode_document(data: bytes, type_: type[_T], name: str) -> _T:
     FileError
         Not JSON, or not of that type; the message names the key.
     """
-    try:
+    broken = (msgspec.DecodeError, UnicodeDecodeError, RecursionError)
+    with refused(FileError, name, "not the JSON document that it should be: {}", *broken):
         return msgspec.json.decode(data, type=type_)
-    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise FileError(f"{name}: not the JSON document that it should be: {error}") from error
 
 
 def _rounded(value: Any) -> Any:

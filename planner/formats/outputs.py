@@ -19,7 +19,7 @@ from typing import Any
 
 import msgspec
 
-from planner.errors import OutputError
+from planner.errors import OutputError, refused
 from planner.formats.files import encode_document
 
 __all__ = [
@@ -90,6 +90,9 @@ def _remove(path: Path) -> None:
 _LOCKS = find_spec("fcntl") is not None
 """Windows has no such locks: there what killed runs left stays."""
 
+_SYSTEM = (OSError, RuntimeError)
+"""What it refuses by; the latter tells a loop of links."""
+
 _claims: dict[Path, bool] = {}
 """Targets of this process, and whether what is there may be replaced."""
 
@@ -118,7 +121,7 @@ def claimed(output: str | Path, *, force: bool = True) -> Iterator[Path]:
         Another run is writing it, or its folder cannot be written into.
     """
     with contextlib.ExitStack() as held:
-        with _told(output, "cannot be written ({}); choose another place", RuntimeError):
+        with refused(OutputError, output, "cannot be written ({}); choose another place", *_SYSTEM):
             target = Path(output).resolve()
             if target not in _claims:
                 for missing in reversed([p for p in target.parents if not p.exists()]):
@@ -140,17 +143,6 @@ def claimed(output: str | Path, *, force: bool = True) -> Iterator[Path]:
                 _claims[target] = force
                 held.callback(_claims.pop, target)
         yield target
-
-
-@contextmanager
-def _told(place: str | Path, said: str, *also: type[Exception]) -> Iterator[None]:
-    """Tell what the system refuses, with its reason in place of {}; a RuntimeError tells a loop."""
-    refused: tuple[type[Exception], ...] = (OSError, *also)
-    try:
-        yield
-    except refused as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise OutputError(f"{place}: {said.replace('{}', reason)}") from error
 
 
 def _lock(path: Path, held: contextlib.ExitStack) -> bool:
@@ -197,7 +189,7 @@ def check_absent(path: str | Path, *, force: bool) -> None:
     path = Path(path)
     if is_stream(path):
         return
-    with _told(path, "{}; choose another place", RuntimeError):
+    with refused(OutputError, path, "{}; choose another place", *_SYSTEM):
         _check_link(path, "name another file", force=force)
         if path.is_dir():
             raise OutputError(f"{path}: is a folder; name a file")
@@ -231,24 +223,20 @@ def write_whole(path: str | Path, data: bytes) -> None:
         The system refused, the path is a device or a pipe, or another run writes it.
     """
     if is_stream(path):
-        _stream(data)
+        if (out := sys.__stdout__) is None:
+            raise OutputError("standard output is closed; name a file")
+        out.flush()
+        out.buffer.write(data)
+        out.flush()
         return
     with claimed(path) as target:
         check_absent(path, force=_claims[target])
         with (
-            _told(path, "cannot be written ({}); choose another place"),
+            refused(OutputError, path, "cannot be written ({}); choose another place", OSError),
             _scratch_beside(target, folder=False) as scratch,
         ):
             scratch.write_bytes(data)
             scratch.replace(target)
-
-
-def _stream(data: bytes) -> None:
-    if (out := sys.__stdout__) is None:
-        raise OutputError("standard output is closed; name a file")
-    out.flush()
-    out.buffer.write(data)
-    out.flush()
 
 
 # ------------------------------------------------------------------------------------------------
@@ -400,7 +388,7 @@ def check_target(
     """
     kept: tuple[str, ...] = ()
     other = f"name another folder with `{option}`"
-    with _told(folder, "{}", RuntimeError):
+    with refused(OutputError, folder, "{}", *_SYSTEM):
         _check_link(Path(folder), other, force=force)
         target = Path(folder).resolve()
         if target.is_dir():
@@ -481,7 +469,7 @@ def new_folder(
     said = f"{{}}; nothing was written; choose another place with `{option}`"
     with (
         claimed(folder) as target,
-        _told(folder, said),
+        refused(OutputError, folder, said, OSError),
         _scratch_beside(target, folder=True) as scratch,
     ):
         made = scratch.stat()
@@ -607,7 +595,7 @@ def _exchange_in_steps(scratch: Path, target: Path) -> None:
 
 def _remove_earlier(scratch: Path, target: Path, seen: set[str], folder: str | Path) -> None:
     said = "is written, but the earlier one could not be deleted whole ({})"
-    with _told(folder, f"{said}; delete {scratch}"):
+    with refused(OutputError, folder, f"{said}; delete {scratch}", OSError):
         if scratch.exists():
             for name, path in list(_within(scratch)):
                 if name not in seen and path.exists() and not os.path.lexists(target / name):

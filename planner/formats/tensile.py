@@ -24,7 +24,7 @@ from planner.formats.tables import (
     read_sheets,
     split_rows,
 )
-from planner.formats.units import is_unit, quantities_of, unit_factor
+from planner.formats.units import quantities_of, unit_factor
 from planner.numerics import FloatArray, IntArray
 
 __all__ = ["MODES", "NoRecordError", "TensileTable", "headings_of", "mode_of", "read_tensile"]
@@ -178,7 +178,7 @@ def heading_of(text: str) -> Heading:
     meaning, unit, tag = found
     unitless = next(iter(_COLUMNS.get(meaning, ())), "") == "strain"
     for bracket in reversed(brackets):
-        stated = is_unit(bracket) and (unitless or not bracket.isdigit())
+        stated = quantities_of(bracket) and (unitless or not bracket.isdigit())
         if stated or not (_SIGNS["source"].search(bracket) or _looked_up(bracket, _MEANING)):
             unit = bracket
             if stated:
@@ -201,7 +201,7 @@ def _parse(name: str) -> tuple[str, str | None, str] | None:
     if suffixed and not suffixed[2].isdigit():
         stem, unit = suffixed.groups()
         meaning = _looked_up(stem, _MEANING)
-        if meaning is not None and (is_unit(unit) or not _SIGNS["source"].search(unit)):
+        if meaning is not None and (quantities_of(unit) or not _SIGNS["source"].search(unit)):
             return meaning, unit, ""
     for stem, unit in _apart(name, _JOINED, _SPACED):
         if (inner := _parse(stem)) is not None:
@@ -216,7 +216,7 @@ def _parse(name: str) -> tuple[str, str | None, str] | None:
 def _apart(name: str, *patterns: re.Pattern[str]) -> Iterator[tuple[str, str]]:
     """Yield a name and the unit behind it, a known one: "Load cell", "Time stamp" have none."""
     for match in (pattern.fullmatch(name) for pattern in patterns):
-        if match and is_unit(match[2]) and not match[2].isdigit():
+        if match and quantities_of(match[2]) and not match[2].isdigit():
             yield match[1], match[2]
 
 
@@ -268,7 +268,7 @@ def _split_value(cell: str, separator: str) -> tuple[float, str] | None:
 def _names(cell: str) -> Iterator[tuple[str, str]]:
     """Yield the names that a cell such as "Dimension : Width (mm)" may mean, each with its unit."""
     plain = _plain(cell).rstrip(" :=")
-    unit = next((b for b in reversed(_BRACKET.findall(plain)) if is_unit(b)), "")
+    unit = next((b for b in reversed(_BRACKET.findall(plain)) if quantities_of(b)), "")
     name = " ".join(_BRACKET.sub(" ", plain).split()).rstrip(" :=")
     if not unit:
         name, unit = next(_apart(name, _SUFFIXED, _JOINED, _SPACED), (name, ""))
@@ -659,7 +659,7 @@ def _with_units(headings: _Headings, grid: _Grid, head: int) -> tuple[_Headings,
             break
         units = [cell.strip("()[]{} ") for cell in cells]
         known = any(
-            h.meaning and unit and (is_unit(unit) or cell[0] in "([")
+            h.meaning and unit and (quantities_of(unit) or cell[0] in "([")
             for h, unit, cell in zip(headings, units, cells, strict=False)
         )
         if known and not all(unit.isdigit() for unit in units if unit):
@@ -672,7 +672,7 @@ def _with_units(headings: _Headings, grid: _Grid, head: int) -> tuple[_Headings,
 
 def _in_units(headings: _Headings, units: Sequence[str]) -> _Headings:
     return [
-        replace(h, unit=unit) if unit and not is_unit(h.unit or "") else h
+        replace(h, unit=unit) if unit and not quantities_of(h.unit or "") else h
         for h, unit in zip(headings, [*units, *[""] * len(headings)], strict=False)
     ]
 
@@ -1415,7 +1415,7 @@ def _figures_below(
         value = _split_value(cell, grid.separator[0])
         if value is None:
             bare = cell.strip("()[] ")
-            if figures or not any(cells) or (bare and (unit or not is_unit(bare))):
+            if figures or not any(cells) or (bare and (unit or not quantities_of(bare))):
                 break
             unit = bare
             continue
@@ -1562,7 +1562,7 @@ def _with_units_of_head(grid: _Grid, block: _Block) -> _Block:
         unit = told[2] if told else ""
         of_load = "force" if "force" in quantities_of(unit) else ""
         meaning = heading_of(told[1]).meaning if told and told[1] else of_load
-        if meaning and is_unit(unit) and units.setdefault(meaning, unit) != unit:
+        if meaning and quantities_of(unit) and units.setdefault(meaning, unit) != unit:
             raise FileError(
                 f"{grid.where}, line {line}: unit of {meaning} is {unit!r} here and "
                 f"{units[meaning]!r} above; keep the right one"
@@ -1706,14 +1706,14 @@ def _nearest(grid: _Grid) -> tuple[int, _Headings, Sequence[str]]:
     else:
         return 0, (), ()
     below = rows[at - 1][1] if at > 1 else []
-    if not all(is_unit(cell.strip("()[]")) or cell[0] in "([" for cell in below if cell):
+    if not all(quantities_of(cell.strip("()[]")) or cell[0] in "([" for cell in below if cell):
         below = []
     line, names = rows[at - 1 - bool(below)]
     headings = [heading_of(name) for name in names]
     units = [h.unit if h.meaning else _unit_at_end(h.text) for h in headings]
     under = [cell.strip("()[] ") for cell in (*below, *[""] * len(names))]
     return line, headings, [
-        unit if unit and is_unit(unit) else other
+        unit if unit and quantities_of(unit) else other
         for unit, other in zip(units, under, strict=False)
     ]  # fmt: skip
 

@@ -20,7 +20,7 @@ import lib3mf
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.errors import ArgumentError, FileError, MeshError, OutputError, did_you_mean
+from planner.errors import ArgumentError, FileError, MeshError, OutputError, did_you_mean, refused
 from planner.formats.files import USUAL_LIMITS, UnfoldingLimits, read_file, unpacked
 from planner.glance import channels
 from planner.numerics import Float32Array, FloatArray, IntArray, inner_kernel, kernel
@@ -152,12 +152,9 @@ def _check_structure(data: bytes, name: str, limits: UnfoldingLimits) -> None:
     except FileError as error:
         raise MeshError(str(error)) from error
     stored = sum(found.triangles for found in objects.values())
-    try:
+    cycle = "objects are components of each other; export the part again"
+    with refused(MeshError, called, cycle, graphlib.CycleError):
         placed, triangles, depth = _unfold(objects, items)
-    except graphlib.CycleError as error:
-        raise MeshError(
-            f"{called}: objects are components of each other; export the part again"
-        ) from error
     for what, got, most in (
         ("unfolds to {} objects, assemblies included", placed, limits.objects),
         ("unfolds to {} triangles", triangles, max(limits.triangles, stored)),
@@ -298,7 +295,7 @@ def decode_threemf(data: bytes, name: str, limits: UnfoldingLimits = USUAL_LIMIT
     model = _wrapper().CreateModel()
     reader = model.QueryReader("3mf")
     remarks = []
-    try:
+    with refused(MeshError, name, "not a 3MF file that can be read: {}", lib3mf.ELib3MFException):
         _read_from(reader, data)
         warnings = [reader.GetWarning(i) for i in range(reader.GetWarningCount())]
         told = [text for code, text in warnings if code != _UNKNOWN_ATTRIBUTE]
@@ -311,8 +308,6 @@ def decode_threemf(data: bytes, name: str, limits: UnfoldingLimits = USUAL_LIMIT
                 stored[number] = [*_objects(model, mesh)]
             objects += [_placed(each, matrix, name) for each in stored[number]]
         return ThreemfModel(_UNITS[model.GetUnit()], tuple(objects), tuple(remarks))
-    except lib3mf.ELib3MFException as error:
-        raise MeshError(f"{name}: not a 3MF file that can be read: {error}") from error
 
 
 def _read_from(reader: Any, data: bytes) -> None:
@@ -513,7 +508,7 @@ def encode_threemf(
     palette = _Materials(model)
     for item in objects:
         _check_mesh(item, assembly_name)
-    try:
+    with refused(OutputError, f"3MF of {assembly_name}", "{}", lib3mf.ELib3MFException):
         materials = [palette.property_of(item) for item in objects]
         extruders = {material: n for n, material in enumerate(dict.fromkeys(materials), start=1)}
         pairs = zip(objects, materials, strict=True)
@@ -533,8 +528,6 @@ def encode_threemf(
             picture.SetPath(_THUMBNAIL)
             picture.ReadFromBuffer(thumbnail)
         bare = bytes(model.QueryWriter("3mf").WriteToBuffer())
-    except lib3mf.ELib3MFException as error:
-        raise OutputError(f"3MF of {assembly_name}: {error}") from error
     return _archive(_filled(bare, meshes))
 
 

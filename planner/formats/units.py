@@ -15,7 +15,6 @@ __all__ = [
     "QUANTITY_UNITS",
     "UnitOf",
     "canonical_unit",
-    "is_unit",
     "quantities_of",
     "unit_factor",
     "unit_near",
@@ -61,11 +60,6 @@ def _find(quantity: str, unit: str) -> float | None:
         return _find("stress", unit[1:]) and 1e6 * _FOLDED["stress"][unit[1:].casefold()]
     factor = QUANTITY_UNITS.get(quantity, {}).get(unit)
     return _FOLDED[quantity].get(unit.casefold()) if factor is None else factor
-
-
-def is_unit(text: str) -> bool:
-    """Say whether `text` is a unit of any quantity that is known here."""
-    return bool(quantities_of(text))
 
 
 def quantities_of(unit: str) -> frozenset[str]:

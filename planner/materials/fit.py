@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from planner.errors import ArgumentError, Caution
+from planner.errors import ArgumentError, Caution, refused
 from planner.glance import brief
 from planner.materials.characterise import (
     MINIMUM_POINTS,
@@ -751,7 +751,8 @@ def fit_law(
     a = np.clip([float(f"{v:.{_SIGNIFICANT_DIGITS}g}") for v in a], low, high)
     final = _Problem(law, sample).project(a[None], np.full((1, law.columns), np.nan))
     c = final.coefficients[0] / law.divisor(a[None])[0][0]
-    residual = sample_stress_MPa(law, a, c, sample) - sample.stress_MPa
+    phi, _ = sample_columns(law, sample, a[None])
+    residual = phi[0] @ (c * law.divisor(a[None])[0][0]) - sample.stress_MPa
     mean = sample.weight @ sample.stress_MPa
     error = float(sample.weight @ residual**2)
     r2 = 1.0 - error / float(sample.weight @ (sample.stress_MPa - mean) ** 2)
@@ -783,12 +784,10 @@ def law_stress_MPa(
     return np.asarray(phi[0] @ (c * law.divisor(a[None])[0][0]))
 
 
-def sample_stress_MPa(
-    law: SeparableLaw, a: FloatArray, c: FloatArray, sample: Sample
-) -> FloatArray:
+def sample_stress_MPa(fit: LawFit, sample: Sample) -> FloatArray:
     """Return a law's nominal stress at a sample's points, each in its own loading."""
-    phi, _ = sample_columns(law, sample, a[None])
-    return np.asarray(phi[0] @ (c * law.divisor(a[None])[0][0]))
+    phi, _ = sample_columns(fit.law, sample, fit.a[None])
+    return np.asarray(phi[0] @ (fit.c * fit.law.divisor(fit.a[None])[0][0]))
 
 
 def _best(found: Solutions) -> int:
@@ -1095,7 +1094,7 @@ class ParameterScatter:
 
 def scatter_of_fit(fit: LawFit, sample: Sample) -> ParameterScatter:
     """Return the scatter of a fit's specimens about its law."""
-    return _scatter_of(_courses(sample_stress_MPa(fit.law, fit.a, fit.c, sample), sample))
+    return _scatter_of(_courses(sample_stress_MPa(fit, sample), sample))
 
 
 def _scatter_of(courses: Sequence[tuple[FloatArray, FloatArray]]) -> ParameterScatter:
@@ -1250,8 +1249,8 @@ def secant_intervals(
     # At rest the secant is the slope, which stress at a small strain gives to seven digits.
     strain = np.maximum(tested, 1e-7)
     columns = fit.law.evaluate(1.0 + strain, fit.a[None])
-    derivative, stress = _derivatives(fit.law, fit.a, fit.c, columns)
-    courses = _courses(sample_stress_MPa(fit.law, fit.a, fit.c, sample), sample)
+    derivative, stress = _derivatives(fit, columns)
+    courses = _courses(sample_stress_MPa(fit, sample), sample)
     value, scatter = stress / strain, _scatter_of(courses)
     half, next_ = np.full(len(strain), np.inf), np.full(len(strain), scatter.log_sd)
     if _scatter_known(sample):
@@ -1303,28 +1302,26 @@ def _scatter_known(sample: Sample) -> bool:
     return any(float(np.ptp(one)) > _SAME * abs(float(one.mean())) for one in alike)
 
 
-def _derivatives(
-    law: SeparableLaw, a: FloatArray, c: FloatArray, columns: Columns
-) -> tuple[FloatArray, FloatArray]:
+def _derivatives(fit: LawFit, columns: Columns) -> tuple[FloatArray, FloatArray]:
     """Return the derivative of stress by (a, file's c), shape (n, q + p), and the stress."""
     phi, slope = columns
-    divisor, change = (d[0] for d in law.divisor(a[None]))
+    divisor, change = (d[0] for d in fit.law.divisor(fit.a[None]))
     by_c = phi[0] * divisor
-    by_a = (slope[0] * divisor + phi[0] * change) * c if law.nonlinear else slope[0]
-    return np.concatenate([by_a, by_c], axis=1), by_c @ c
+    by_a = (slope[0] * divisor + phi[0] * change) * fit.c if fit.law.nonlinear else slope[0]
+    return np.concatenate([by_a, by_c], axis=1), by_c @ fit.c
 
 
 def _linearised(
-    law: SeparableLaw, a: FloatArray, c: FloatArray, sample: Sample, *, held: bool = False
+    fit: LawFit, sample: Sample, *, held: bool = False
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return unit columns of the scaled residual's derivative, their sizes, and the residual.
 
     Of a law that is held (`held`) the columns go on behind the points: by `rows_leant_on`.
     """
-    derivative, stress = _derivatives(law, a, c, sample_columns(law, sample, a[None]))
+    derivative, stress = _derivatives(fit, sample_columns(fit.law, sample, fit.a[None]))
     jacobian = sample.factor[:, None] * derivative
     if held:
-        rows, _ = _derivatives(law, a, c, rows_leant_on(law, sample, a))
+        rows, _ = _derivatives(fit, rows_leant_on(fit.law, sample, fit.a))
         jacobian = np.concatenate([jacobian, rows])
     size = np.sqrt((jacobian**2).sum(axis=0))
     size = np.where(size > 0.0, size, 1.0)
@@ -1335,7 +1332,7 @@ def _moves_variance(
     fit: LawFit, sample: Sample, directions: FloatArray, *, held: bool = False
 ) -> FloatArray:
     """Return the variance between specimens of linear forms (q + p, k) of the parameters."""
-    unit, size, residual = _linearised(fit.law, fit.a, fit.c, sample, held=held)
+    unit, size, residual = _linearised(fit, sample, held=held)
     own = _own(sample)
     moves = np.stack([_without(unit, residual, i) for i in own]) / size @ directions
     return np.asarray(moves.var(axis=0) * (len(own) - 1.0))
@@ -1353,16 +1350,14 @@ def _own(sample: Sample) -> list[BoolArray]:
     return [sample.specimen == number for number in np.unique(sample.specimen)]
 
 
-def _allowed_rise(
-    law: SeparableLaw, a: FloatArray, c: FloatArray, sample: Sample, which: int
-) -> float:
+def _allowed_rise(fit: LawFit, sample: Sample, which: int) -> float:
     """Return the variance between specimens of the profile's score over its square's, at a fit.
 
     The score is that of one parameter, freed of what the others could do instead. Away from the
     best fit every specimen's has a share in the slope of the cost, by how much it tells of the
     parameter; what is left is how far the specimens differ.
     """
-    unit, _, residual = _linearised(law, a, c, sample)
+    unit, _, residual = _linearised(fit, sample)
     others = np.delete(unit, which, axis=1)
     normal = others.T @ others + _FLOOR * np.eye(others.shape[1])
     score = unit[:, which] - others @ np.linalg.solve(normal, others.T @ unit[:, which])
@@ -1406,7 +1401,7 @@ def _crossings(fit: LawFit, sample: Sample, t: float, spread: FloatArray) -> Flo
         near[todo] = _interval_rounded(a)
         passed.append((cost, np.concatenate([a, c], axis=1)))
         rows = zip(which[todo], a, c, strict=True)
-        allowed = [_allowed_rise(fit.law, own_a, own_c, sample, k) for k, own_a, own_c in rows]
+        allowed = [_allowed_rise(replace(fit, a=a, c=c), sample, k) for k, a, c in rows]
         target = t * t * np.maximum(allowed, 1e-12 * fit.objective)
         ratio = np.sqrt(np.maximum(cost - fit.objective, 0.0) / target)
         under = ratio < 1.0
@@ -1430,7 +1425,7 @@ def _crossings(fit: LawFit, sample: Sample, t: float, spread: FloatArray) -> Flo
     costs, points = (np.concatenate(values) for values in zip(*passed, strict=True))
     for rise, point in zip(costs - fit.objective, points, strict=True):
         for one in np.flatnonzero((point < out[:, 0]) | (point > out[:, 1])):
-            asked = t * t * _allowed_rise(fit.law, point[:q], point[q:], sample, int(one))
+            asked = t * t * _allowed_rise(replace(fit, a=point[:q], c=point[q:]), sample, int(one))
             if rise <= asked:
                 out[one] = min(out[one, 0], point[one]), max(out[one, 1], point[one])
     return out
@@ -1672,10 +1667,8 @@ def fit_material(
     ends_at = [curve.part(slice(int(np.argmax(np.abs(curve.stress_MPa))) + 1)) for curve in others]
     sample = sample_of([*loaded, *ends_at], weighting=weighting)
     working = found.spreads["elongation_at_break"].mean
-    try:
+    with refused(ArgumentError, f"material {material}", "{}", ArgumentError):
         choice = choose_law(laws, sample, working, starts=starts)
-    except ArgumentError as error:
-        raise ArgumentError(f"material {material}: {error}") from error
     chosen = choice.chosen
     if chosen is not None and len({law.model for law in laws}) > 1 and not others:
         scatter = scatter_of_fit(chosen.fit, sample)
@@ -1755,7 +1748,7 @@ def fit_material(
 
 def by_mode(fit: LawFit, sample: Sample) -> Iterator[tuple[str, tuple[float, float]]]:
     """Yield the share of the weight and the root mean square residual over scale by loading."""
-    off = (sample_stress_MPa(fit.law, fit.a, fit.c, sample) - sample.stress_MPa) / sample.scale_MPa
+    off = (sample_stress_MPa(fit, sample) - sample.stress_MPa) / sample.scale_MPa
     for k in np.unique(sample.mode):
         weight = np.where(sample.mode == k, sample.weight, 0.0)
         share = float(weight.sum())

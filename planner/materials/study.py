@@ -622,13 +622,11 @@ def read_study(
         files = _withlisted(files, rows.values(), listing.parent) if whole else files
     if not files:
         raise ArgumentError("no tensile file; name files, or a folder with files in it")
-    by_file: dict[str, list[ListedSpecimen]] = {}
-    for row in rows.values():
-        by_file.setdefault(row.file, []).append(row)
     found_records: list[_Record] = []
     unlisted: list[str] = []
     for path in files:
-        own = by_file.get(_relative(path, listing), []) if listing is not None else []
+        named = None if listing is None else _relative(path, listing)
+        own = [row for row in rows.values() if row.file == named]
         try:
             tables = read_tensile(path, columns=columns, blocks=blocks, option="--columns")
         except FileError as error:

@@ -17,7 +17,7 @@ from planner.materials.palette_study import Characterisation, PaletteStudy
 from planner.numerics import FloatArray, normal_quantile
 from planner.palette import Material
 from planner.report import svg
-from planner.report.svg import BLUE, GREY, INK, PALE_BLUE, QUIET, RUST, Chart, Panel
+from planner.report.svg import BLUE, GREY, INK, PALE_BLUE, QUIET, RUST, Chart
 
 __all__ = ["characterisation_figure", "fit_figure", "materials_figure"]
 
@@ -362,7 +362,7 @@ def fit_figure(study: PaletteStudy) -> bytes:
     >>> Path("fit.svg").write_bytes(figure)  # doctest: +SKIP
     """
     materials = study.palette.materials
-    sections: list[tuple[str, Sequence[Panel], float]] = [
+    sections = [
         (
             "Tests, their laws and residuals",
             [partial(_tests, study, material, study.fits[material.id]) for material in materials],
@@ -381,7 +381,9 @@ def fit_figure(study: PaletteStudy) -> bytes:
     if study.problem is None and len(materials) > 1:
         model = CoefficientModel(study.palette)
         between = [partial(_mixture, study, model, *two) for two in pairwise(materials)]
-        panels = [partial(_fit_ladder, study, model, strain) for strain in _ladder_strains(model)]
+        # Rest, and about a fifth and three fifths of the working strains.
+        strains = [float(f"{share * model.strain_limit:.1g}") for share in (0.0, 0.2, 0.6)]
+        panels = [partial(_fit_ladder, study, model, strain) for strain in strains]
         sections.append(("Secant moduli over m", panels, _FIT_CELL[1]))
         sections.append(("Mixtures halfway between two materials", between, _FIT_CELL[1]))
     left_out = [
@@ -529,11 +531,6 @@ def _ends(values: FloatArray) -> tuple[float, float]:
 
 # ------------------------------------------------------------------------------------------------
 # Between the materials: moduli over m, mixtures halfway, and Algorithm 1's coefficients over m.
-
-
-def _ladder_strains(model: CoefficientModel) -> list[float]:
-    """Return rest, and about a fifth and three fifths of the working strains."""
-    return [0.0, *(float(f"{share * model.strain_limit:.1g}") for share in (0.2, 0.6))]
 
 
 def _fit_ladder(

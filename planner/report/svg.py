@@ -21,7 +21,6 @@ __all__ = [
     "RED",
     "RUST",
     "Chart",
-    "Panel",
     "cross",
     "disc",
     "in_rows",

@@ -199,7 +199,7 @@ def test_a_law_that_is_held_is_as_sure_at_rest_as_that_makes_it() -> None:
             curves.append(Curve(f"S{number}", strain, stress))
         sample = sample_of(curves)
         fit = fit_law(law, sample, starts=4)
-        slopes, stress = _derivatives(law, fit.a, fit.c, law.evaluate(rest, fit.a[None]))
+        slopes, stress = _derivatives(fit, law.evaluate(rest, fit.a[None]))
         off.append(np.log(stress[0] / true[0]))
         relative = (slopes / stress[:, None]).T
         variances.append(

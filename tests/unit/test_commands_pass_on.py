@@ -42,4 +42,4 @@ def test_no_option_is_lost(command):
 
 
 def is_named(node, name):
-    return isinstance(node, ast.Name) and node.id == name
+    return isinstance(node, ast.Attribute) and node.attr == name

@@ -6,7 +6,7 @@ import pytest
 
 from planner.errors import FileError
 from planner.formats.tensile import TensileTable, read_tensile
-from planner.formats.units import is_unit, unit_factor
+from planner.formats.units import quantities_of, unit_factor
 
 
 @pytest.mark.parametrize(
@@ -39,8 +39,8 @@ def test_case_tells_only_milli_from_mega() -> None:
 def test_unknown_unit_is_refused_by_name_with_the_known_ones() -> None:
     with pytest.raises(FileError, match=r"a\.csv: unknown unit 'furlong' of length.*'mm'"):
         unit_factor("length", "furlong", where="a.csv")
-    assert not is_unit("furlong")
-    assert not is_unit("")
+    assert not quantities_of("furlong")
+    assert not quantities_of("")
 
 
 def read(tmp_path: Path, heading: str) -> TensileTable:
