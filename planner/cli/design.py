@@ -144,7 +144,6 @@ _STEPS = 4
 
 
 def _report(made: "PartDesign", folder: Path) -> None:
-
     cli.tell_notes(made.notes)
     interval = f">{100 * made.level:g} % interval"
     columns = ["target", ">wanted", ">gradient", ">printed", ">error", interval]

@@ -163,7 +163,6 @@ def correct(
 
 
 def _correct_report(made: "Correction", output: Path, options: str) -> None:
-
     for note in made.notes:
         (cli.finding if note in made.findings else cli.warn)(note)
     if not made.corrected:

@@ -23,11 +23,7 @@ _PlansPrinter = Annotated[
 ]
 
 
-def _cell(what: str) -> Any:
-    """Return the option of an edge in mm, of which the help says what it is of."""
-    return Option("--cell", "--cell-mm", help=what)
-
-
+_CELL = ("--cell", "--cell-mm")
 _ROWS = 6
 
 _OF_PART = ["material", "cell_mm", "compare_cells", "unit", "bodies"]
@@ -59,7 +55,9 @@ def simulate(
     material: _MeshMaterial = None,
     cell_mm: Annotated[
         float | None,
-        _cell("Edge of the cells that the whole part is cut into; about 2000 by default."),
+        Option(
+            *_CELL, help="Edge of the cells that the whole part is cut into; about 2000 by default."
+        ),
     ] = None,
     compare_cells: Annotated[
         bool,
@@ -289,7 +287,8 @@ def export(
     to: Annotated[str, Option(help="abaqus, calculix (INP files) or vtu (ParaView).")],
     output: Annotated[Path | None, cli.out("File to write; <part>.inp or .vtu by default.")] = None,
     cell_mm: Annotated[
-        float | None, _cell("Edge of a cell in mm; by default what makes about 15000.")
+        float | None,
+        Option(*_CELL, help="Edge of a cell in mm; by default what makes about 15000."),
     ] = None,
     *,
     loads: cli.LoadOptions,

@@ -19,7 +19,9 @@ PALETTE = read_palette(
     (ROOT / "printers/connex3/palettes/connex3-tango-vero.toml").read_text(encoding="utf-8")
 )
 CAMERAS = [
-    pytest.param(Camera(facet, spacing, stated), marks=[pytest.mark.long] * (stated and facet < 3.0))
+    pytest.param(
+        Camera(facet, spacing, stated), marks=[pytest.mark.long] * (stated and facet < 3.0)
+    )
     for facet in (0.0, 0.6, 1.2, 3.0)
     for spacing in (1.0, 0.5)
     for stated in (False, True)

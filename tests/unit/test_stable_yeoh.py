@@ -80,7 +80,8 @@ def figures_below(law, head):
 
 @pytest.mark.parametrize(("name", "material"), GRADES, ids=lambda v: getattr(v, "id", v))
 @pytest.mark.parametrize(
-    "to_strain", [0.45, *(pytest.param(strain, marks=pytest.mark.long) for strain in (0.15, np.inf))]
+    "to_strain",
+    [0.45, *(pytest.param(strain, marks=pytest.mark.long) for strain in (0.15, np.inf))],
 )
 def test_every_grade_bends_right(name, material, to_strain):
     """At rest within 2 %, stress within 5 % up to the strain asked, stable in every mode there."""
