@@ -448,7 +448,7 @@ def _places_of(
 ) -> tuple[tuple[Location, ...], tuple[Location, ...]]:
     """Return where the gap lies, and where a significant one is left after the chosen effects."""
     shared = np.concatenate([problem.calibration, problem.noise.batch], axis=1)
-    whitening = Whitening.of(problem.noise, shared, problem.scatter.log_sd)
+    whitening = Whitening(problem.noise, shared, problem.scatter.log_sd)
     before = after = localise(problem.campaign, problem.table, problem.residual, whitening, likely)
     if chosen.effects:
         left = problem.residual - problem.explained(chosen)

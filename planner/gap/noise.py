@@ -425,15 +425,11 @@ def _whitened(covariance: FloatArray, columns: FloatArray) -> tuple[float, Float
 
 def _groups(table: FeatureTable, of: BoolArray) -> list[list[IntArray]]:
     """Return, for each two replicates or more, the rows of each among some, (N,)."""
-    found: dict[int, dict[int, list[int]]] = {}
-    for row in np.flatnonzero(of).tolist():
-        alike, specimen = int(table.replicates[row]), int(table.specimen[row])
-        found.setdefault(alike, {}).setdefault(specimen, []).append(row)
-    return [
-        [np.array(rows) for rows in specimens.values()]
-        for specimens in found.values()
-        if len(specimens) > 1 and len({len(rows) for rows in specimens.values()}) == 1
-    ]
+    found: dict[int, list[IntArray]] = {}
+    for specimen in np.unique(table.specimen[of]):
+        rows = np.flatnonzero(of & (table.specimen == specimen))
+        found.setdefault(int(table.replicates[rows[0]]), []).append(rows)
+    return [group for group in found.values() if len(group) > 1 and len(set(map(len, group))) == 1]
 
 
 # ------------------------------------------------------------------------------------------------

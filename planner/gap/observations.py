@@ -513,8 +513,7 @@ class ObservationModel:
         """Return what a prediction says of every feature, in N or as a strain, (N,)."""
         table = self.table
         raw = prediction.force_N[table.test, table.step]
-        if len(self.weight):
-            raw[table.is_field] = self.seen(prediction, self.weight)
+        raw[table.is_field] = self.seen(prediction, self.weight)
         return np.asarray(raw)
 
     def seen(self, prediction: Prediction, weight: FloatArray) -> FloatArray:

@@ -587,8 +587,7 @@ class ReplicateTest:
     @property
     def travel_mm(self) -> FloatArray:
         """Of the crosshead at every step."""
-        begin = np.array([segment.begin_mm for segment in self.segments])[self.segment]
-        end = np.array([segment.end_mm for segment in self.segments])[self.segment]
+        begin, end = np.array([(s.begin_mm, s.end_mm) for s in self.segments])[self.segment].T
         return np.asarray(begin + self.fraction * (end - begin))
 
     def step_at(self, segment: int, fraction: float) -> int:
@@ -805,15 +804,12 @@ def setup_of(
     """Return the setup: as printed, by the palette's laws, in a rigid machine."""
     groups = [[campaign.specimens[place] for place in test.places] for test in tests]
     gauge = np.array([paths[test.places[0]].gauge_mm for test in tests])
-    slices = [
-        _slices_of(campaign, group[0], length)
-        for group, length in zip(groups, gauge.tolist(), strict=True)
-    ]
-    middles = [0.5 * (edges[1:] + edges[:-1]) for edges, _ in slices]
-    area = [
-        mean_section_mm2(group if group[0].part is None else (), middle)
-        for group, middle in zip(groups, middles, strict=True)
-    ]
+    slices, middles, area = [], [], []
+    for group, length in zip(groups, gauge.tolist(), strict=True):
+        edges, coordinate = _slices_of(campaign, group[0], length)
+        slices.append((np.diff(edges), coordinate))
+        middles.append(0.5 * (edges[1:] + edges[:-1]))
+        area.append(mean_section_mm2(group if group[0].part is None else (), middles[-1]))
     reference = campaign.palette.reference
     covariates: dict[str, Any] = {}
     known: dict[str, BoolArray] = {}
@@ -828,8 +824,6 @@ def setup_of(
         covariates[name], known[name] = _means(sizes, 1.0)
     directions = [next((s.orientation for s in group if s.orientation), None) for group in groups]
     known["orientation"] = np.array([o is not None for o in directions])
-    always = np.ones(len(tests), dtype=np.bool_)
-    known.update(rate_per_s=always, rate_mm_s=always, gauge_mm=always)
     rate = np.array([np.mean([paths[place].speed_mm_s for place in t.places]) for t in tests])
     first_slice = np.cumsum([0, *map(len, middles)], dtype=np.int64)
     return Setup(
@@ -845,7 +839,7 @@ def setup_of(
         designs=tuple(group[0].profile for group in groups),
         parts=tuple(part.response if (part := group[0].part) else None for group in groups),
         x_mm=np.concatenate(middles),
-        length_mm=np.concatenate([np.diff(edges) for edges, _ in slices]),
+        length_mm=np.concatenate([lengths for lengths, _ in slices]),
         coordinate=np.concatenate([coordinate for _, coordinate in slices]),
         area_mm2=np.concatenate(area),
         **covariates,

@@ -36,7 +36,7 @@ def _reference(setup: Setup, name: str) -> float:
 def _condition(setup: Setup, name: str) -> FloatArray:
     """Return a condition of the tests, (P,), the reference's where it is unknown."""
     values: FloatArray = getattr(setup, name)
-    known = setup.known.get(name, setup.known.get("rate_mm_s") if name == "rate_per_s" else None)
+    known = setup.known.get(name)
     return values if known is None else np.where(known, values, _reference(setup, name))
 
 
@@ -247,15 +247,11 @@ _LOG10_TIMES: FloatArray = np.log10(RELAXATION_TIMES_s)
 _TIME_STEP = float(np.log(RELAXATION_TIMES_s[1] / RELAXATION_TIMES_s[0]))
 
 
-def _rate_decades(setup: Setup) -> FloatArray:
-    """Decades of strain rate above the reference, (S,)."""
-    rate = setup.on_slices(_condition(setup, "rate_per_s")) * setup.rate_ratio
-    return np.log10(rate / _reference(setup, "rate_per_s"))
-
-
 def _rate_power(setup: Setup, values: Values) -> Setup:
-    """Stiffen alike by every decade."""
-    return setup.stiffened(_graded(setup, values["rise"], values) * _rate_decades(setup))
+    """Stiffen alike by every decade of strain rate above the reference."""
+    rate = setup.on_slices(setup.rate_per_s) * setup.rate_ratio
+    decades = np.log10(rate / _reference(setup, "rate_per_s"))
+    return setup.stiffened(_graded(setup, values["rise"], values) * decades)
 
 
 def _relaxing(setup: Setup, spectrum_at: Callable[[FloatArray], FloatArray]) -> Setup:

@@ -357,10 +357,6 @@ class Weighed:
         forms = [b.number for b in candidate.branches]
         return next(s for s in self.settled if [b.number for b in s.candidate.branches] == forms)
 
-    def error(self, candidate: Candidate) -> float:
-        """Return the errors of all tests beside a candidate, in the world where it settled."""
-        return self.settled_as(candidate).world.error(candidate)
-
 
 def _worlds(problem: Problem) -> tuple[World, ...]:
     """Return the worlds that hypotheses are weighed in, the plain one first.
@@ -530,16 +526,6 @@ class _LogPriors:
     def of(self, effects: Effects) -> float:
         """Return the log prior of effects without an unknown."""
         return (self.none, self.single, self.pair, self.triple)[len(effects)]
-
-    def owned(self, effects: Effects, axis: str, result: Weighed) -> Effects | None:
-        """Return the effects that a free pattern along an axis beside others amounts to.
-
-        None where the axis is no effect's own, or they would be more than two.
-        """
-        if axis not in self.owner:
-            return None
-        together = tuple(sorted({*effects, self.owner[axis]}))
-        return together if together in result.best else None
 
     def forms(self, candidate: Candidate) -> float:
         """Return the log prior of a candidate's forms among those of its effects."""
@@ -738,7 +724,8 @@ def _add_axes(one: Settled, world: World, result: Weighed) -> None:
 def _add_axis(effects: Effects, number: int, evidence: float, result: Weighed) -> None:
     """Add effects beside a free pattern along an axis, which may be an effect's own."""
     axis, logs = result.plain.problem.unknown[number].axis, result.logs
-    if (owned := logs.owned(effects, axis, result)) is not None:
+    owned = tuple(sorted({*effects, logs.owner[axis]})) if axis in logs.owner else ()
+    if owned and owned in result.best:  # weighed: no more effects than may be at work together
         result.add(owned, "", logs.of(owned), evidence + np.log(_FREE))
     elif effects:
         result.add(effects, axis, logs.of(effects) + float(logs.beside[number]), evidence)
@@ -819,9 +806,9 @@ def _enough_alone(weighed: Weighed, both: Effects) -> list[Effects]:
     evidence: what is small in force may count for much there.
     """
     errors = {
-        effects: weighed.error(weighed.best[effects])
+        effects: weighed.settled_as(found).world.error(found)
         for effects in (both, *(tuple(e for e in both if e != id) for id in both))
-        if effects in weighed.best
+        if (found := weighed.best.get(effects)) is not None
     }
     return [e for e in errors if e != both and not _falls(errors[e], errors[both])]
 
