@@ -60,7 +60,7 @@ from planner.gap.evidence.weigh import (
     weigh,
 )
 from planner.gap.localise import Whitening, localise
-from planner.gap.observations import ObservationModel, observation_model
+from planner.gap.observations import observation_model
 from planner.gap.quality import HOLDS, examine, merged_units, suggested_units
 from planner.gap.segments import hold_share
 from planner.gap.summary import summary_of
@@ -249,7 +249,7 @@ def closure(
         interval = _interval(problem, before, after, floor, rng)
     # Levels of the verdict's own covariates: along any other column nothing is carried beyond.
     own = own_axes([b.effect for b in problem.branches if b.effect.id in verdict])
-    beyond = [] if nothing else _levels_out(specimens, own)
+    beyond = _levels_out(specimens, own)
     gap = Gap(
         before=_rms(before),
         after=_rms(after),
@@ -707,7 +707,7 @@ def prepared(
 ) -> tuple[Problem, tuple[Untestable, ...], tuple[QualityProblem, ...]]:
     """Return a campaign ready for weighing, the effects that it says nothing about, and its faults.
 
-    Of specimens that cannot be compared none is told.
+    Of specimens whose curves cannot be compared none is told.
     """
     for id in without:
         effect_named(id, EFFECTS, "`without`")
@@ -715,7 +715,12 @@ def prepared(
     library = {id: e for id, e in effects_for(campaign.palette).items() if id not in without}
     reasons = {id: untestable(effect, campaign) for id, effect in library.items()}
     effects = [effect for id, effect in library.items() if reasons[id] is None]
-    campaign, model = _comparable(campaign)
+    model = observation_model(campaign)
+    if (model.test_of < 0).any():
+        kept = tuple(campaign.specimens[k] for k in np.flatnonzero(model.test_of >= 0))
+        remarks = (*campaign.remarks, *model.limitations)
+        campaign = replace(campaign, specimens=kept, remarks=remarks)
+        model = observation_model(campaign)
     quality = examine(campaign, model)
     problem = set_up(campaign, model, effects, progress, _strays(campaign, quality))
     untold = (Untestable(id, told) for id, told in reasons.items() if told is not None)
@@ -731,16 +736,6 @@ def _strays(campaign: Campaign, quality: Sequence[QualityProblem]) -> set[str]:
     found = {s.id for s in campaign.specimens if s.id in off}
     alike = [{campaign.specimens[k].id for k in g} for g in replicate_groups(campaign.specimens)]
     return found if len(found) == 1 or found in alike else set()
-
-
-def _comparable(campaign: Campaign) -> tuple[Campaign, ObservationModel]:
-    """Return the campaign and its model without the specimens whose curves cannot be compared."""
-    model = observation_model(campaign)
-    if (model.test_of >= 0).all():
-        return campaign, model
-    kept = tuple(campaign.specimens[k] for k in np.flatnonzero(model.test_of >= 0))
-    campaign = replace(campaign, specimens=kept, remarks=(*campaign.remarks, *model.limitations))
-    return campaign, observation_model(campaign)
 
 
 def _cautions(problem: Problem) -> Iterator[str]:

@@ -458,8 +458,6 @@ class Problem:
         Measured less predicted, transformed.
     unit_gains : (n,)
         See `planner.gap.noise.unit_gains`.
-    node_features : (nodes, N)
-        Change of the transformed features at each node.
     calibration : (N, q)
         What the palette's laws and a camera may be off by, of prior deviation 1; `ways` first.
     target, nodes, gains, patterns, nuisances : (N,), (N, ...)
@@ -487,7 +485,6 @@ class Problem:
     sensitivity: FloatArray
     residual: FloatArray
     unit_gains: FloatArray
-    node_features: FloatArray
     calibration: FloatArray
     target: FloatArray
     nodes: FloatArray
@@ -635,7 +632,6 @@ def set_up(
         sensitivity=sensitivity,
         residual=residual,
         unit_gains=of_units,
-        node_features=changes[len(ways) :],
         calibration=calibration,
         target=target[:, 0],
         nodes=nodes,
