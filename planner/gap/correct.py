@@ -129,19 +129,18 @@ def _pulled(case: _Case, places: Sequence[_Place], strain: FloatArray) -> Setup:
         conditions = asdict(at)
         rate_per_s = conditions.pop("strain_rate_per_s")
         times.append(strains / rate_per_s)
-        specimens.append(
-            virtual_specimen(
-                case.palette,
-                id=f"{number}",
-                gauge_mm=_GAUGE_mm,
-                strain=float(strains[-1]),
-                material=material.id,
-                width_mm=width_mm,
-                thickness_mm=thickness_mm,
-                rate_mm_s=rate_per_s * _GAUGE_mm,
-                **conditions,
-            )
+        specimen = virtual_specimen(
+            case.palette,
+            id=f"{number}",
+            gauge_mm=_GAUGE_mm,
+            strain=float(strains[-1]),
+            material=material.id,
+            width_mm=width_mm,
+            thickness_mm=thickness_mm,
+            rate_mm_s=rate_per_s * _GAUGE_mm,
+            **conditions,
         )
+        specimens.append(specimen)
     campaign = Campaign("use", "", case.palette, tuple(specimens))
     setup = single_tests(campaign, range(len(places)), np.stack(times), strain * _GAUGE_mm)
     assert setup is not None

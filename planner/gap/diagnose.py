@@ -246,7 +246,7 @@ def closure(
     interval: tuple[float, float] | None = None
     if floor is not None and floor_rms is not None and not nothing:
         closed = _closed(_rms(before), _rms(after), floor_rms)
-        interval = _interval(problem, before, after, floor, rng)
+        interval = _interval(problem, np.stack([before, after, floor]), rng)
     # Levels of the verdict's own covariates: along any other column nothing is carried beyond.
     own = own_axes([b.effect for b in problem.branches if b.effect.id in verdict])
     beyond = _levels_out(specimens, own)
@@ -397,17 +397,19 @@ def _closed(before: float, after: float, floor: float) -> float | None:
 
 
 def _interval(
-    problem: Problem,
-    before: FloatArray,
-    after: FloatArray,
-    floor: FloatArray,
-    rng: np.random.Generator,
+    problem: Problem, errors: FloatArray, rng: np.random.Generator
 ) -> tuple[float, float] | None:
     """Return the 90 % interval of the closure over resampled tests.
 
     Replicates of one test share most of what a model leaves: they are drawn together. The floor is
     a variance of few degrees of freedom, and drawn as such.
+
+    Parameters
+    ----------
+    errors : (3, n)
+        Of specimens: before, after, and the floor.
     """
+    before, after, floor = errors
     some, test_of = np.isfinite(before), problem.model.test_of
     freedom = max(problem.scatter.degrees_of_freedom, 1)
     groups = [np.flatnonzero(some & (test_of == test)) for test in np.unique(test_of[some])]
@@ -738,10 +740,15 @@ def _strays(campaign: Campaign, quality: Sequence[QualityProblem]) -> set[str]:
     return found if len(found) == 1 or found in alike else set()
 
 
+_LARGEST_SCATTER = 0.12
+"""Of replicates' levels, above which they are not alike. Physical: jetted specimens scatter by 1 to
+9 %, and estimates are off by a third."""
+
+
 def _cautions(problem: Problem) -> Iterator[str]:
     """Yield what is to be told of the specimens' number, and of their scatter."""
     specimens, scatter = problem.campaign.specimens, problem.scatter
-    if scatter.heterogeneous:
+    if scatter.degrees_of_freedom and scatter.specimen > _LARGEST_SCATTER:
         # Specimens that should be alike and are not: something differs that no effect claims.
         alike = [[specimens[k].covariates for k in of] for of in problem.model.replicates]
         columns = [

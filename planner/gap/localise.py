@@ -307,8 +307,8 @@ class _Case:
         zero crossings.
     y, varying : (N,)
         Whitened residuals, all and without their common part.
-    common : (N, c)
-        Orthonormal.
+    common : (N, c), in_common
+        What all specimens have in common: orthonormal, and how much beyond noise it explains.
     patterns
         See `axis_patterns`.
     """
@@ -328,11 +328,7 @@ class _Case:
         shared = np.column_stack([self.force, self.patterns["strain"], self.local])
         self.common = _orthonormal(whitening(shared))
         self.varying = self.y - self.common @ (self.common.T @ self.y)
-
-    @property
-    def in_common(self) -> float:
-        """What all specimens have in common, beyond noise."""
-        return _beyond_noise(self.common, self.y)
+        self.in_common = _beyond_noise(self.common, self.y)
 
     def explained(self, axis: _Axis, deviations: float = 0.0) -> float:
         """Return what an axis explains beyond noise, its claim on the common gap included.

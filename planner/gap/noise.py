@@ -39,11 +39,6 @@ __all__ = [
 # How much specimens made alike differ.
 
 
-_LARGEST_SCATTER = 0.12
-"""Of replicates' levels, above which they are not alike. Physical: jetted specimens scatter by 1 to
-9 %, and estimates are off by a third."""
-
-
 @dataclass(frozen=True, slots=True)
 class Scatter:
     """Standard deviations, of the logarithm of force unless named otherwise.
@@ -79,11 +74,6 @@ class Scatter:
     field_shared: float
     log_sd: float
     degrees_of_freedom: int
-
-    @property
-    def heterogeneous(self) -> bool:
-        """Whether replicates are not alike: they differ by more than prints scatter."""
-        return bool(self.degrees_of_freedom and self.specimen > _LARGEST_SCATTER)
 
 
 # ------------------------------------------------------------------------------------------------

@@ -241,6 +241,8 @@ class Bins:
         Mean of the places in each.
     of_place : (p,)
         The bin of each place.
+    places : (b,)
+        How many are in each.
     shares : (L, sides, b, S)
         What a bin sees of the slices' strains: with facets of each likely length, or of the stated
         one, and places aside from where they are said to be by each of `SIDES`.
@@ -250,13 +252,9 @@ class Bins:
 
     x_mm: FloatArray
     of_place: IntArray
+    places: IntArray
     shares: FloatArray
     overlap: FloatArray
-
-    @property
-    def places(self) -> IntArray:
-        """How many places are in each, (b,)."""
-        return np.bincount(self.of_place)
 
     def means(self, field: StrainField, path: SpecimenPath, travel_mm: float) -> FloatArray | None:
         """Return the mean strain of each bin at a travel of the first loading.
@@ -295,10 +293,10 @@ def _bins_of(field: StrainField, setup: Setup, number: int) -> Bins:
     count = max(1, min(_BINS_MOST, len(x) // _PLACES_LEAST))
     of_place = np.arange(len(x)) * count // len(x)
     first = np.searchsorted(of_place, np.arange(count))
-    size = np.bincount(of_place)[:, None]
+    size = np.bincount(of_place)
 
     def binned(rows: FloatArray) -> FloatArray:
-        return np.asarray(np.add.reduceat(rows, first) / size)
+        return np.asarray(np.add.reduceat(rows, first) / size[:, None])
 
     if field.facet_mm is None:
         longest = max(LONGEST_FACET * gauge, float(np.median(np.diff(x))))
@@ -308,12 +306,13 @@ def _bins_of(field: StrainField, setup: Setup, number: int) -> Bins:
     aside = x + 0.5 * BEYOND_GAUGE * gauge * SIDES[:, None]
     of_length = [seen_shares(setup, number, aside.ravel(), facet) for facet in lengths]
     places = np.reshape(of_length, (len(lengths), *aside.shape, -1))
-    shares = np.add.reduceat(places, first, axis=2) / size
+    shares = np.add.reduceat(places, first, axis=2) / size[:, None]
     far = np.abs(np.subtract.outer(x, x))
     alike = np.mean([np.maximum(1.0 - far / max(w, _POINT_MM), 0.0) for w in lengths], axis=0)
     return Bins(
         x_mm=binned(x[:, None])[:, 0],
         of_place=of_place,
+        places=size,
         shares=shares,
         overlap=binned(binned(alike).T),
     )

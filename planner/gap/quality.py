@@ -449,50 +449,15 @@ def _outliers(
     specimens: Sequence[Specimen], place: int, shift: float, others: Sequence[int]
 ) -> Iterator[QualityProblem]:
     size = f"load is {100 * math.expm1(shift):+.0f} % off"
-    if len(others) > 1:
-        words = f"{size} that of its {len(others)} replicates"
-        yield QualityProblem(specimens[place].id, "outlier", words)
-        return
-    for one, other in ((place, others[0]), (others[0], place)):
-        words = (
-            f"{size} that of its only replicate {specimens[other].id}, more than replicates "
+    told = {place: f"{size} that of its {len(others)} replicates"}
+    if len(others) == 1:
+        told = {
+            one: f"{size} that of its only replicate {specimens[other].id}, more than replicates "
             "elsewhere; which of the two is off cannot be told"
-        )
+            for one, other in ((place, others[0]), (others[0], place))
+        }
+    for one, words in told.items():
         yield QualityProblem(specimens[one].id, "outlier", words)
-
-
-# ------------------------------------------------------------------------------------------------
-# A trend of loads over all that may vary, that a few strays do not move.
-
-
-_ROUNDS = 60
-_SMALLEST = 1e-4
-"""Iterations of the fit of least absolute deviations, and the residual below which it goes over to
-squares. Numerical: of ln load, a hundredth of any scatter."""
-
-
-def _trend_residuals(campaign: Campaign, loads: Mapping[int, float]) -> FloatArray | None:
-    """Return what a least-absolute-deviations fit over the campaign's columns leaves of each load.
-
-    It is iteratively reweighted least squares.
-
-    Returns
-    -------
-    residuals
-        None where there are not twice as many specimens as free patterns and four more.
-    """
-    columns = [column for name, column in axis_columns(campaign).items() if name != "specimen"]
-    patterns = [specimen_patterns([column[i] for i in loads]) for column in columns]
-    matrix = np.column_stack([np.ones(len(loads)), *(p for p in patterns if p is not None)])
-    if len(loads) < 2 * np.linalg.matrix_rank(matrix) + 4:
-        return None
-    y = np.array(list(loads.values()))
-    residuals: FloatArray = y - np.median(y)
-    for _ in range(_ROUNDS):
-        weight = 1.0 / np.sqrt(np.maximum(np.abs(residuals), _SMALLEST))
-        solution = np.linalg.lstsq(matrix * weight[:, None], y * weight, rcond=1e-9)[0]
-        residuals = y - matrix @ solution
-    return residuals
 
 
 # ------------------------------------------------------------------------------------------------
@@ -597,11 +562,32 @@ def _among_replicates(
     return off
 
 
+_ROUNDS = 60
+_SMALLEST = 1e-4
+"""Iterations of the fit of least absolute deviations, and the residual below which it goes over to
+squares. Numerical: of ln load, a hundredth of any scatter."""
+
+
 def _apart_from_trend(campaign: Campaign, loads: Mapping[int, float]) -> dict[int, float]:
-    """Single specimens that a trend over material and conditions leaves off by a factor."""
-    residuals = _trend_residuals(campaign, loads)
+    """Single specimens that a trend over material and conditions leaves off by a factor.
+
+    A few strays do not move it: it is a fit of least absolute deviations over the campaign's
+    columns, by iteratively reweighted least squares, of twice as many specimens as free patterns
+    and four more.
+    """
+    columns = [column for name, column in axis_columns(campaign).items() if name != "specimen"]
+    patterns = [specimen_patterns([column[i] for i in loads]) for column in columns]
+    matrix = np.column_stack([np.ones(len(loads)), *(p for p in patterns if p is not None)])
+    if len(loads) < 2 * np.linalg.matrix_rank(matrix) + 4:
+        return {}
+    y = np.array(list(loads.values()))
+    residuals: FloatArray = y - np.median(y)
+    for _ in range(_ROUNDS):
+        weight = 1.0 / np.sqrt(np.maximum(np.abs(residuals), _SMALLEST))
+        solution = np.linalg.lstsq(matrix * weight[:, None], y * weight, rcond=1e-9)[0]
+        residuals = y - matrix @ solution
     # Of the others, two deviations are to be as near to the trend as replicates are.
-    if residuals is None or 2.0 * float(np.median(np.abs(residuals))) * 1.4826 > _AMONG_REPLICATES:
+    if 2.0 * float(np.median(np.abs(residuals))) * 1.4826 > _AMONG_REPLICATES:
         return {}
     single = {group[0] for group in replicate_groups(campaign.specimens) if len(group) == 1}
     return {

@@ -225,11 +225,6 @@ class Candidate:
     log_gain: float = 0.0
 
     @property
-    def sizes(self) -> FloatArray:
-        """The s of each effect."""
-        return np.array([place[0] for place in self.places])
-
-    @property
     def parts(self) -> list[tuple[SignedForm, _Place]]:
         """Each branch with its place."""
         return list(zip(self.branches, self.places, strict=True))

@@ -406,10 +406,8 @@ def weigh(problem: Problem, priors: Priors) -> Weighed:
     result.beside_some = _settled_beside_some(result)
     for one in result.beside_some:
         _add_subset(one, worlds, result)
-    if result.beside_some:
-        result.likeliest = result.beside_some[0].world
-    elif result.settled:
-        result.likeliest = max(result.settled, key=lambda one: one.eliminated(one.world).none).world
+    if leading := result.beside_some[:1] or result.settled:
+        result.likeliest = max(leading, key=lambda one: one.eliminated(one.world).none).world
     for world in of_scatter:
         _add_axes(none, world, result)
     for one in _chosen(result):
@@ -491,15 +489,13 @@ def reweigh(
     like = weighed.likeliest or weighed.plain
     world = World(like.problem, discrepancy=like.discrepancy, laws=like.laws, weight=weight)
     settled = [one.weighed(world, one.eliminated(world)) for one in weighed.settled]
-    prior = [logs.of(c.effects) + logs.forms(c) for c in settled]
-    if weighed.beside_some:
-        some = [_of_some(world, logs, one) for one in (weighed.none, *weighed.beside_some)]
-        settled += some
-        prior += [logs.of(c.effects) for c in some]
-    odds = [
-        p - vain.get(c.effects, 0.0) + c.log_evidence for p, c in zip(prior, settled, strict=True)
+    found = [(logs.forms(c), c) for c in settled]
+    if weighed.beside_some:  # whose evidence has the prior of forms
+        found += [(0.0, _of_some(world, logs, s)) for s in (weighed.none, *weighed.beside_some)]
+    return world, [
+        (logs.of(c.effects) + forms - vain.get(c.effects, 0.0) + c.log_evidence, c)
+        for forms, c in found
     ]
-    return world, list(zip(odds, settled, strict=True))
 
 
 class _LogPriors:
@@ -882,17 +878,14 @@ class Evidence:
 def evidence_of(problem: Problem, weighed: Weighed) -> Evidence:
     """Return what a campaign's ranking goes by."""
     closes, without = _explained(problem, weighed)
+    # What a sensor does to all specimens of one condition, their scatter does as well.
+    sensors = {b.effect.id for b in problem.branches if b.effect.stage == "sensor"}
     return Evidence(
         log_prior=weighed.log_prior,
         log_evidence=weighed.log_evidence,
         specimens=len(problem.campaign.specimens),
         within_floor=_within_floor(problem) and not problem.apart.any(),
-        # What a sensor does to all specimens of one condition, their scatter does as well.
-        scatter_like=frozenset(
-            b.effect.id
-            for b in problem.branches
-            if b.effect.stage == "sensor" and len(problem.model.tests) == 1
-        ),
+        scatter_like=frozenset(sensors if len(problem.model.tests) == 1 else ()),
         closes=closes,
         without=without,
     )
@@ -1128,17 +1121,11 @@ def found_effects(
         inner = weighed.plain.products(problem.gains)
         sd_of_log = 1.0 / np.sqrt(max(float(members @ inner @ members), 1e-12))
         factor, reach = float(np.exp(candidate.log_gain)), float(np.exp(_TAIL * sd_of_log))
+        interval, unit = {"factor": (factor / reach, factor * reach)}, {"factor": "1"}
         some = zip(problem.campaign.specimens, members, strict=True)
-        found.append(
-            FoundEffect(
-                _GAIN,
-                "of-some-specimens",
-                {"factor": factor},
-                {"factor": (factor / reach, factor * reach)},
-                {"factor": "1"},
-                tuple(s.id for s, member in some if member),
-            )
-        )
+        ids = tuple(s.id for s, member in some if member)
+        of_it = FoundEffect(_GAIN, "of-some-specimens", {"factor": factor}, interval, unit, ids)
+        found.append(of_it)
     return tuple(sorted(found, key=lambda effect: effect.id))
 
 
