@@ -32,7 +32,6 @@ __all__ = [
     "leap_at_end",
     "mean_section_mm2",
     "path_of",
-    "replicate_test",
     "setup_of",
     "speed_mm_s",
     "spikes_in",
@@ -558,16 +557,19 @@ _ROWS_LEAST = 5
 """Of a segment, for more features than its end. Numerical: fewer rows do not carry a parabola."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
 class ReplicateTest:
     """One test: the specimens that went the same way, and their steps.
 
-    Attributes
+    Parameters
     ----------
     places
         Of the specimens.
     frames
-        Fractions of the first loading at which strain fields are compared.
+        Fractions of the first loading at which strain fields are compared: steps beside the
+        features'.
+
+    Attributes
+    ----------
     segments
         The mean of the specimens' own, rows of the first one's record.
     segment, fraction : (T,)
@@ -577,12 +579,30 @@ class ReplicateTest:
         Mean of the times at which specimens came by each step, rising.
     """
 
-    places: tuple[int, ...]
-    frames: tuple[float, ...]
-    segments: tuple[Segment, ...]
-    segment: IntArray
-    fraction: FloatArray
-    time_s: FloatArray
+    def __init__(
+        self,
+        paths: Mapping[int, SpecimenPath],
+        places: Sequence[int],
+        frames: tuple[float, ...] = (),
+    ) -> None:
+        self.places, self.frames = tuple(places), frames
+        members = whole = [paths[place] for place in places]
+        if len(members[0].segments) == 1:
+            shortest = min(path.segments[0].end_mm for path in members)
+            members = [path.until(shortest) for path in members]
+        ends = ("begin_s", "end_s", "begin_mm", "end_mm")
+        self.segments = tuple(
+            replace(of[0], **{end: float(np.mean([getattr(s, end) for s in of])) for end in ends})
+            for of in zip(*(path.segments for path in members), strict=True)
+        )
+        wanted = [sorted({*at, 1.0}) for at in _feature_places(self.segments)]
+        wanted[0] = sorted({*wanted[0], *frames})
+        counts = _counts(self.segments, [len(at) for at in wanted])
+        self.segment = np.concatenate([[0], np.repeat(np.arange(len(self.segments)), counts)])
+        self.fraction = np.concatenate([[0.0], *map(_filled, wanted, counts)])
+        times = np.mean([_step_times_s(path, self) for path in whole], axis=0)
+        apart = 1e-9 * float(times[-1]) * np.arange(len(times))
+        self.time_s: FloatArray = np.maximum.accumulate(times) + apart
 
     @property
     def travel_mm(self) -> FloatArray:
@@ -646,30 +666,6 @@ def _feature_places(segments: Sequence[Segment]) -> list[tuple[float, ...]]:
         some if segment.last - segment.first + 1 >= _ROWS_LEAST else some[-1:]
         for some, segment in zip(places, segments, strict=True)
     ]
-
-
-def replicate_test(
-    paths: Mapping[int, SpecimenPath], places: Sequence[int], frames: tuple[float, ...] = ()
-) -> ReplicateTest:
-    """Return the test of the specimens at these places; `frames` are steps beside the features'."""
-    members = whole = [paths[place] for place in places]
-    if len(members[0].segments) == 1:
-        shortest = min(path.segments[0].end_mm for path in members)
-        members = [path.until(shortest) for path in members]
-    ends = ("begin_s", "end_s", "begin_mm", "end_mm")
-    segments = tuple(
-        replace(of[0], **{end: float(np.mean([getattr(s, end) for s in of])) for end in ends})
-        for of in zip(*(path.segments for path in members), strict=True)
-    )
-    wanted = [sorted({*at, 1.0}) for at in _feature_places(segments)]
-    wanted[0] = sorted({*wanted[0], *frames})
-    counts = _counts(segments, [len(at) for at in wanted])
-    segment = np.concatenate([[0], np.repeat(np.arange(len(segments)), counts)])
-    fraction = np.concatenate([[0.0], *map(_filled, wanted, counts)])
-    test = ReplicateTest(tuple(places), frames, segments, segment, fraction, np.zeros(PATH_STEPS))
-    times = np.mean([_step_times_s(path, test) for path in whole], axis=0)
-    rising = np.maximum.accumulate(times) + 1e-9 * float(times[-1]) * np.arange(len(times))
-    return replace(test, time_s=rising)
 
 
 def _counts(segments: Sequence[Segment], least: Sequence[int]) -> list[int]:

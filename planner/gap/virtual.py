@@ -29,7 +29,7 @@ from planner.gap.effect import Effect, Form, Parameter, StatedEffect, stated, wi
 from planner.gap.effects import effect_named, effects_for
 from planner.gap.noise import USUAL
 from planner.gap.observations import seen_shares
-from planner.gap.segments import path_of, replicate_test, setup_of
+from planner.gap.segments import ReplicateTest, path_of, setup_of
 from planner.numerics import FloatArray
 from planner.palette import Palette
 from planner.printers import Printer, load_printer, palette_of
@@ -178,7 +178,7 @@ def single_tests(
     paths = {k: path for k in places if (path := path_of(campaign.specimens[k]))}
     if len(paths) < len(places):
         return None
-    tests = [replicate_test(paths, [place]) for place in places]
+    tests = [ReplicateTest(paths, [place]) for place in places]
     none = np.zeros(np.shape(time_s))
     setup = setup_of(campaign, tests, paths)
     reloads = map(np.interp, time_s, setup.time_s, setup.reloads)
