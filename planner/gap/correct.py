@@ -672,7 +672,9 @@ def _forms_sd(case: _Case, effects: Sequence[StatedEffect]) -> FloatArray:
     sd = max(gap.after or 0.0, gap.floor or 0.0) or USUAL.specimen
     groups: dict[tuple[int, ...], list[int]] = {}
     for number in range(len(materials)):
-        groups.setdefault(_next_to(number, seen), []).append(number)
+        below, above = [n for n in seen if n <= number], [n for n in seen if n >= number]
+        beside = tuple(dict.fromkeys([*below[-1:], *above[:1]]))  # itself, or those next to it
+        groups.setdefault(beside, []).append(number)
     for one, (beside, numbers) in itertools.product(effects, groups.items()):
         if tests := _tests_of(case, [materials[n] for n in beside], one.effect.condition):
             places = [*tests, *((materials[n], case.use) for n in numbers)]
@@ -680,12 +682,6 @@ def _forms_sd(case: _Case, effects: Sequence[StatedEffect]) -> FloatArray:
             factors = _Factors(case, places, far, _STEPS_TO_WORK)
             total[numbers] += _parted_sd(factors, one, len(tests), sd) ** 2
     return np.sqrt(total)
-
-
-def _next_to(number: int, seen: Sequence[int]) -> tuple[int, ...]:
-    """Return a place itself if it was seen, else the seen ones next to it."""
-    below, above = [n for n in seen if n <= number], [n for n in seen if n >= number]
-    return tuple(dict.fromkeys([*below[-1:], *above[:1]]))
 
 
 def _tests_of(case: _Case, materials: Sequence[Material], condition: str | None) -> list[_Place]:

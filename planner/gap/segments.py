@@ -612,8 +612,7 @@ class ReplicateTest:
 
     def step_at(self, segment: int, fraction: float) -> int:
         """Return the step of a segment that is nearest to a fraction of it."""
-        here = np.flatnonzero(self.segment == segment)
-        here = here[here > 0]
+        here = 1 + np.flatnonzero(self.segment[1:] == segment)
         return int(here[np.argmin(np.abs(self.fraction[here] - fraction))])
 
     def feature_steps(self) -> list[int]:

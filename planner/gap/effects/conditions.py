@@ -252,9 +252,8 @@ def _relaxing(setup: Setup, spectrum_at: Callable[[FloatArray], FloatArray]) -> 
     spectrum_at
         Of places on the palette, 0 to 1, (n,): shares, (n, K).
     """
-    low, high = setup.coordinate_range
-    materials = (setup.palette_coordinate - low) / max(high - low, 1e-12)
-    shares, before = spectrum_at(materials), setup.reference_relaxing
+    materials = setup.with_(coordinate=setup.palette_coordinate)
+    shares, before = spectrum_at(place_on_palette(materials)), setup.reference_relaxing
     if not shares.any():
         return setup
     return setup.with_(

@@ -510,9 +510,8 @@ class _LogPriors:
         self.single = float(np.log(priors.single * (1.0 - priors.beside) / n))
         self.pair = float(np.log(priors.pair * (1.0 - priors.beside) / max(n * (n - 1) / 2, 1)))
         # A third effect is beside two as rare as a second is beside one.
-        triples = max(n * (n - 1) * (n - 2) / 6, 1)
-        triple = priors.pair**2 / priors.single * (1.0 - priors.beside) / triples
-        self.triple = float(np.log(triple))
+        triple = priors.pair**2 / priors.single * (1.0 - priors.beside)
+        self.triple = float(np.log(triple / max(n * (n - 1) * (n - 2) / 6, 1)))
         self.unknown = _of_axes(problem, priors.axes * priors.unknown, priors.claimed)
         self.any = float(np.log((1.0 - priors.axes) * priors.unknown))
         self.beside = _of_axes(problem, priors.beside / (1.0 - priors.beside), priors.claimed)
