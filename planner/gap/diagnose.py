@@ -678,13 +678,13 @@ def diagnose(
             not_testable=reasons,
             where=where,
             gap=gap,
-            effect=found_effects(problem, weighed, chosen),
+            effect=found_effects(weighed, chosen),
             remainder=remainder,
             data_quality=data_quality,
             next_experiments=next_experiments(problem, weighed, ranking),
             detectable=tuple(detectable_sizes(problem, nodes, priors)),
             limitations=(*campaign.limitations, *model.limitations, *doubts),
-            unit_of=merged_units([*_units_of(problem, weighed, same_class), *mending]),
+            unit_of=merged_units([*_units_of(weighed, same_class), *mending]),
             recalibration=_recalibration_of(weighed.settled_as(chosen).world, chosen),
             tested=levels_tested(campaign),
             seed=seed,
@@ -694,14 +694,12 @@ def diagnose(
         return replace(found, summary=summary_of(found))
 
 
-def _units_of(
-    problem: Problem, weighed: Weighed, same_class: Sequence[Effects]
-) -> Iterator[UnitOf]:
+def _units_of(weighed: Weighed, same_class: Sequence[Effects]) -> Iterator[UnitOf]:
     """Yield the units that the hypotheses of a class say the numbers are in."""
     for effects in same_class:
         if _OF_UNITS & set(effects):
-            found = found_effects(problem, weighed, weighed.best[effects])
-            yield from suggested_units(found, problem.campaign.specimens)
+            found = found_effects(weighed, weighed.best[effects])
+            yield from suggested_units(found, weighed.plain.problem.campaign.specimens)
 
 
 def prepared(

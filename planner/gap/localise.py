@@ -49,7 +49,9 @@ def axis_patterns(
         Of the features by the logarithm of force or strain.
     """
     h = np.where(table.is_field, 0.0, sensitivity)
-    travel = _share_of_peak(table) - 0.5
+    peak = np.zeros(int(table.specimen.max()) + 1)
+    np.maximum.at(peak, table.specimen, table.strain)
+    travel = table.strain / np.maximum(peak[table.specimen], 1e-12) - 0.5
     level_and_slope = np.stack([h, h * travel], axis=1)
     cells = _axis_cells(campaign)
     found: dict[str, list[FloatArray]] = {}
@@ -86,13 +88,6 @@ def _axis_cells(campaign: Campaign) -> Mapping[str, tuple[float | str | None, ..
         pairs = zip(cells[name], measured, strict=True)
         cells[name] = tuple(m if size is None else size for size, m in pairs)
     return cells
-
-
-def _share_of_peak(table: FeatureTable) -> FloatArray:
-    """Return each feature's strain over the largest of its specimen, (N,)."""
-    peak = np.zeros(int(table.specimen.max()) + 1)
-    np.maximum.at(peak, table.specimen, table.strain)
-    return np.asarray(table.strain / np.maximum(peak[table.specimen], 1e-12))
 
 
 def _indicators(cells: Sequence[object], values: Sequence[object]) -> FloatArray:

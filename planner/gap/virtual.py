@@ -298,19 +298,18 @@ def _listed(file: Path, name: str, palette: Palette, printer: str, camera: bool)
         else:
             far = _figure(own.get("to_strain"), share * strain, row, file, "to_strain")
         pushed = not row.part and said_mode([row.mode, *own.values()]) == "compression"
-        specimens.append(
-            virtual_specimen(
-                palette,
-                id=row.specimen,
-                # What the list says is how far it goes; a bar else goes its share.
-                strain=far / share,
-                hold_s=_figure(own.get("hold_s"), HOLD_S, row, file, "hold_s"),
-                camera=camera,
-                pushed=pushed,
-                covariates=own,
-                **fields,
-            )
+        specimen = virtual_specimen(
+            palette,
+            id=row.specimen,
+            # What the list says is how far it goes; a bar else goes its share.
+            strain=far / share,
+            hold_s=_figure(own.get("hold_s"), HOLD_S, row, file, "hold_s"),
+            camera=camera,
+            pushed=pushed,
+            covariates=own,
+            **fields,
         )
+        specimens.append(specimen)
     return Campaign(
         name=name,
         printer=printer,

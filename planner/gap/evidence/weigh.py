@@ -876,7 +876,7 @@ class Evidence:
 
 def evidence_of(problem: Problem, weighed: Weighed) -> Evidence:
     """Return what a campaign's ranking goes by."""
-    closes, without = _explained(problem, weighed)
+    closes, without = _explained(weighed)
     # What a sensor does to all specimens of one condition, their scatter does as well.
     sensors = {b.effect.id for b in problem.branches if b.effect.stage == "sensor"}
     return Evidence(
@@ -917,15 +917,14 @@ _LOOKED_AT = 12
 a diagnosis ranks."""
 
 
-def _explained(
-    problem: Problem, weighed: Weighed
-) -> tuple[Mapping[Effects, bool], Mapping[Effects, Effects]]:
+def _explained(weighed: Weighed) -> tuple[Mapping[Effects, bool], Mapping[Effects, Effects]]:
     """Return `Evidence.closes` and `Evidence.without`, of the best effects and of fewer of each.
 
     Laws are as they likeliest are with the effects, and without: what the palette is off by is no
     effect's to close. Nor is it one's to open: a further effect that only a law far off makes up
     for raises the errors of force by the palette's own laws.
     """
+    problem = weighed.plain.problem
     value = {e: weighed.log_evidence[e, ""] for e in weighed.best if e}
     best = sorted(value, key=lambda e: -value[e])[:_LOOKED_AT]
     closes: dict[Effects, bool] = {}
@@ -1098,9 +1097,7 @@ _TAIL = 1.645
 """Deviations of a normal coordinate to either side. Convention: they hold 90 % of it."""
 
 
-def found_effects(
-    problem: Problem, weighed: Weighed, candidate: Candidate
-) -> tuple[FoundEffect, ...]:
+def found_effects(weighed: Weighed, candidate: Candidate) -> tuple[FoundEffect, ...]:
     """Return each effect's form and parameters with 90 % intervals.
 
     Intervals are the posterior's, normal about its mode in coordinates in which the prior is.
@@ -1116,7 +1113,7 @@ def found_effects(
         units |= dict.fromkeys(branch.form.details, "1")
         found.append(FoundEffect(branch.effect.id, branch.form.name, middle, interval, units))
     if candidate.members is not None:
-        members = candidate.members
+        members, problem = candidate.members, weighed.plain.problem
         inner = weighed.plain.products(problem.gains)
         sd_of_log = 1.0 / np.sqrt(max(float(members @ inner @ members), 1e-12))
         factor, reach = float(np.exp(candidate.log_gain)), float(np.exp(_TAIL * sd_of_log))
