@@ -641,7 +641,7 @@ def _axis_along_bars(case: _Case, columns: FloatArray) -> Iterator[_Axis]:
     if not basis.shape[1]:
         return
     y = case.y - besides @ (besides.T @ case.y)
-    # How much larger than declared the noise is tells what no pattern along the bars explains.
+    # What no pattern along the bars explains tells how much larger the noise is than declared.
     left = (y - basis @ (basis.T @ y))[case.table.is_field]
     y = y / max(1.0, float(np.sqrt(left @ left / max(len(left) - basis.shape[1], 1))))
     yield _Axis("position", basis, *case.tested(basis, y), _position_sentence(case, y))
