@@ -91,11 +91,6 @@ class PartTest:
     move: str = ""
     load: str = ""
 
-    @property
-    def name(self) -> str:
-        """Of the part."""
-        return self.response.name
-
 
 _RECORD = ("time_s", "displacement_mm", "force_N")
 
@@ -161,7 +156,7 @@ class Specimen(SpecimenConditions):
     @property
     def made_of(self) -> str:
         """What it is: the material's id, or the name of its design or part."""
-        design = self.profile or self.part
+        design = self.profile if self.part is None else self.part.response
         return (self.material or "") if design is None else design.name
 
     @property

@@ -388,13 +388,21 @@ _COLUMNS: Mapping[str, str | None] = {"time_s": "time", "x_mm": "length", "strai
 _FACET = frozenset({"facet_mm"})
 
 
-@dataclass(frozen=True, slots=True, eq=False)
 class _Fields:
-    """The columns of fields.csv, the line of each row, and the rows of each specimen."""
+    """The columns of fields.csv, the line of each row, and the rows of each specimen.
 
-    columns: Mapping[str, FloatArray]
-    lines: IntArray
-    rows: Mapping[str, list[int]]
+    Without that file there is no row.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.rows: dict[str, list[int]] = {}
+        if not (folder / _FIELDS).is_file():
+            return
+        path = path_within(folder, _FIELDS)
+        file = read_columns(path, _COLUMNS, optional=_FACET, gaps=_FACET, texts=("specimen",))
+        self._columns, self._lines = file.numbers, np.array(file.lines)
+        for row, specimen in enumerate(file.texts["specimen"]):
+            self.rows.setdefault(specimen, []).append(row)
 
     def of(self, specimen: str, gauge_mm: float, notes: list[str]) -> StrainField | None:
         """Return a specimen's field, places that were seen at every time; None without one.
@@ -408,7 +416,7 @@ class _Fields:
         if specimen not in self.rows:
             return None
         at = np.array(self.rows[specimen])
-        lines, columns = self.lines[at], {name: v[at] for name, v in self.columns.items()}
+        lines, columns = self._lines[at], {name: v[at] for name, v in self._columns.items()}
         times, t = np.unique(columns["time_s"], return_inverse=True)
         x, first, p = np.unique(columns["x_mm"], return_index=True, return_inverse=True)
         count = np.zeros((len(times), len(x)), dtype=np.int64)
@@ -446,18 +454,6 @@ class _Fields:
                 "and leave out what is beyond"
             )
         return StrainField(times, x, strain[:, whole], facet)
-
-
-def _read_fields(folder: Path) -> _Fields:
-    """Read fields.csv, if there is one."""
-    rows: dict[str, list[int]] = {}
-    if not (folder / _FIELDS).is_file():
-        return _Fields({}, np.zeros(0, np.int64), rows)
-    path = path_within(folder, _FIELDS)
-    file = read_columns(path, _COLUMNS, optional=_FACET, gaps=_FACET, texts=("specimen",))
-    for row, specimen in enumerate(file.texts["specimen"]):
-        rows.setdefault(specimen, []).append(row)
-    return _Fields(file.numbers, np.array(file.lines), rows)
 
 
 def _stated_facet_mm(facets: FloatArray, lines: IntArray) -> float | None:
@@ -595,7 +591,7 @@ def read_campaign(
     rows, covariates, slips = read_list(path_within(folder, SPECIMENS))
     noted: _Noted = defaultdict(list, {note: [] for note in slips})
     tables = _tables(folder, rows, noted)
-    fields, listed = _read_fields(folder), {row.specimen for row in rows}
+    fields, listed = _Fields(folder), {row.specimen for row in rows}
     for stray in (specimen for specimen in fields.rows if specimen not in listed):
         noted[f"in {_FIELDS} but no row in {SPECIMENS}; left out"].append(stray)
     units = stated_units(unit_of, {row.specimen: row.material for row in rows})

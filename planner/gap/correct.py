@@ -39,6 +39,30 @@ __all__ = ["Correction", "correct"]
 
 
 # ------------------------------------------------------------------------------------------------
+# What is corrected, by what and for which use.
+
+
+@dataclass(frozen=True, slots=True)
+class _Case:
+    """A diagnosis, its palette, the palette's own conditions, those of use, a part's section.
+
+    Effects of a condition change nothing at the palette's own conditions.
+    """
+
+    palette: Palette
+    diagnosis: Diagnosis
+    own: Reference
+    use: Reference
+    section_mm: tuple[float, float]
+
+    @property
+    def grades(self) -> list[int]:
+        """The places on the palette of the materials that were tested, rising."""
+        ids = self.diagnosis.tested.get("material", tuple(self.diagnosis.recalibration))
+        return [k for k, material in enumerate(self.palette.materials) if material.id in ids]
+
+
+# ------------------------------------------------------------------------------------------------
 # _Factors on stress: materials pulled at conditions, with effects and without.
 
 
@@ -71,8 +95,6 @@ class _Factors:
     ----------
     places
         Materials and the conditions they are pulled at.
-    own
-        The palette's own conditions, at which effects of a condition change nothing.
     strain : (P,)
         How far each is pulled.
     steps
@@ -80,18 +102,12 @@ class _Factors:
     """
 
     def __init__(
-        self,
-        palette: Palette,
-        places: Sequence[_Place],
-        own: Reference,
-        section_mm: tuple[float, float],
-        strain: Sequence[float],
-        steps: int,
+        self, case: _Case, places: Sequence[_Place], strain: Sequence[float], steps: int
     ) -> None:
         self.strain = np.outer(strain, np.linspace(0.0, 1.0, steps + 1))
-        self._laws: LawTables = law_tables(palette)
-        self._used = _pulled(palette, places, section_mm, self.strain)
-        self._own = _pulled(palette, [(m, own) for m, _ in places], section_mm, self.strain)
+        self._laws: LawTables = law_tables(case.palette)
+        self._used = _pulled(case, places, self.strain)
+        self._own = _pulled(case, [(m, case.own) for m, _ in places], self.strain)
 
     def log(self, effects: Sequence[StatedEffect]) -> FloatArray:
         """Return ln factor at the strains above 0 of every place, (P, steps); NaN where it is none.
@@ -107,28 +123,25 @@ class _Factors:
         return np.where(np.isfinite(log), log, np.nan)
 
 
-def _pulled(
-    palette: Palette, places: Sequence[_Place], section_mm: tuple[float, float], strain: FloatArray
-) -> Setup:
-    specimens, times = [], []
+def _pulled(case: _Case, places: Sequence[_Place], strain: FloatArray) -> Setup:
+    specimens, times, (width_mm, thickness_mm) = [], [], case.section_mm
     for number, ((material, at), strains) in enumerate(zip(places, strain, strict=True)):
         conditions = asdict(at)
         rate_per_s = conditions.pop("strain_rate_per_s")
         times.append(strains / rate_per_s)
-        specimens.append(
-            virtual_specimen(
-                palette,
-                id=f"{number}",
-                gauge_mm=_GAUGE_mm,
-                strain=float(strains[-1]),
-                material=material.id,
-                width_mm=section_mm[0],
-                thickness_mm=section_mm[1],
-                rate_mm_s=rate_per_s * _GAUGE_mm,
-                **conditions,
-            )
+        specimen = virtual_specimen(
+            case.palette,
+            id=f"{number}",
+            gauge_mm=_GAUGE_mm,
+            strain=float(strains[-1]),
+            material=material.id,
+            width_mm=width_mm,
+            thickness_mm=thickness_mm,
+            rate_mm_s=rate_per_s * _GAUGE_mm,
+            **conditions,
         )
-    campaign = Campaign("use", "", palette, tuple(specimens))
+        specimens.append(specimen)
+    campaign = Campaign("use", "", case.palette, tuple(specimens))
     setup = single_tests(campaign, range(len(places)), np.stack(times), strain * _GAUGE_mm)
     assert setup is not None
     return setup
@@ -524,23 +537,6 @@ def _diagnosed_palette(
     )
 
 
-@dataclass(frozen=True, slots=True)
-class _Case:
-    """A diagnosis, its palette, the palette's own conditions, those of use, a part's section."""
-
-    palette: Palette
-    diagnosis: Diagnosis
-    own: Reference
-    use: Reference
-    section_mm: tuple[float, float]
-
-    @property
-    def grades(self) -> list[int]:
-        """The places on the palette of the materials that were tested, rising."""
-        ids = self.diagnosis.tested.get("material", tuple(self.diagnosis.recalibration))
-        return [k for k, material in enumerate(self.palette.materials) if material.id in ids]
-
-
 def _corrected(case: _Case, recalibrate: bool) -> Correction:
     palette, diagnosis, own, use = case.palette, case.diagnosis, case.own, case.use
     library = effects_for(palette)
@@ -552,7 +548,7 @@ def _corrected(case: _Case, recalibrate: bool) -> Correction:
     applied = [_stated(e, library[e.id], palette.name) for e in known]
     places = [(material, use) for material in palette.materials]
     far = [_BREAK_SHARE * material.elongation_at_break for material in palette.materials]
-    factors = _Factors(palette, places, own, case.section_mm, far, _STEPS)
+    factors = _Factors(case, places, far, _STEPS)
     logs = _whole(factors.log(applied), palette)
     notes += [
         f"{one.effect.id}: nothing changes at {_in_words(use, name)}, the palette's own; "
@@ -604,7 +600,7 @@ def _corrected(case: _Case, recalibrate: bool) -> Correction:
     made = replace(palette, name=name, materials=tuple(materials), reference=use, source=source)
     made = _checked(made)
     notes += _beyond(case, acting, log_sd)
-    findings += (guesses := _guesses(case, made, forms))
+    findings += (guesses := list(_guesses(case, made, forms)))
     notes += guesses
     return Correction(
         made, palette, tuple(corrected), tuple(notes), misfit, factor, log_sd,
@@ -676,20 +672,16 @@ def _forms_sd(case: _Case, effects: Sequence[StatedEffect]) -> FloatArray:
     sd = max(gap.after or 0.0, gap.floor or 0.0) or USUAL.specimen
     groups: dict[tuple[int, ...], list[int]] = {}
     for number in range(len(materials)):
-        groups.setdefault(_next_to(number, seen), []).append(number)
+        below, above = [n for n in seen if n <= number], [n for n in seen if n >= number]
+        beside = tuple(dict.fromkeys([*below[-1:], *above[:1]]))  # itself, or those next to it
+        groups.setdefault(beside, []).append(number)
     for one, (beside, numbers) in itertools.product(effects, groups.items()):
         if tests := _tests_of(case, [materials[n] for n in beside], one.effect.condition):
             places = [*tests, *((materials[n], case.use) for n in numbers)]
             far = [_working_strain(material) for material, _ in places]
-            factors = _Factors(case.palette, places, case.own, case.section_mm, far, _STEPS_TO_WORK)
+            factors = _Factors(case, places, far, _STEPS_TO_WORK)
             total[numbers] += _parted_sd(factors, one, len(tests), sd) ** 2
     return np.sqrt(total)
-
-
-def _next_to(number: int, seen: Sequence[int]) -> tuple[int, ...]:
-    """Return a place itself if it was seen, else the seen ones next to it."""
-    below, above = [n for n in seen if n <= number], [n for n in seen if n >= number]
-    return tuple(dict.fromkeys([*below[-1:], *above[:1]]))
 
 
 def _tests_of(case: _Case, materials: Sequence[Material], condition: str | None) -> list[_Place]:
@@ -761,8 +753,8 @@ def _range_in_words(name: str, tested: Sequence[float | str]) -> str:
     return f"{ends} {_CONDITIONS[name][1]}"
 
 
-def _guesses(case: _Case, made: Palette, forms: FloatArray) -> list[str]:
-    """Return a finding for the materials that may be as stiff as their neighbours in this use.
+def _guesses(case: _Case, made: Palette, forms: FloatArray) -> Iterator[str]:
+    """Yield a finding for the materials that may be as stiff as their neighbours in this use.
 
     A plan chooses grades. Where forms that fit the tests as well differ, with 95 %, by more than
     the step to the nearest grade, which grade meets a target is a guess. It is told of materials
@@ -773,13 +765,12 @@ def _guesses(case: _Case, made: Palette, forms: FloatArray) -> list[str]:
     nearest = np.minimum(np.append(steps, np.inf), np.append(np.inf, steps))
     far, grades = normal_quantile() * forms > nearest, case.grades
     ids = [m.id for n, m in enumerate(made.materials) if far[n] and grades[0] <= n <= grades[-1]]
-    if not ids:
-        return []
-    return [
-        f"{', '.join(ids)}: which grade meets a target here is a guess. Forms of the effect that "
-        "fit the tests as well differ by more than the step to the next grade. Test in this use "
-        "first"
-    ]
+    if ids:
+        yield (
+            f"{', '.join(ids)}: which grade meets a target here is a guess. Forms of the effect "
+            "that fit the tests as well differ by more than the step to the next grade. Test in "
+            "this use first"
+        )
 
 
 def _doubts(diagnosis: Diagnosis) -> Iterator[str]:

@@ -222,15 +222,11 @@ def untestable(effect: Effect, campaign: Campaign) -> str | None:
     return None
 
 
-def _missing(name: str, specimens: Sequence[Specimen]) -> str | None:
-    if name not in _CHANNELS:
-        return _constant(name, specimens)
-    there, reason = _CHANNELS[name]
-    return None if there(specimens) else reason
-
-
-def _constant(name: str, given: Sequence[Specimen]) -> str | None:
-    """Say how a column fails to vary."""
+def _missing(name: str, given: Sequence[Specimen]) -> str | None:
+    """Say what a channel lacks, or how a column fails to vary."""
+    if name in _CHANNELS:
+        there, reason = _CHANNELS[name]
+        return None if there(given) else reason
     known = [value for s in given if (value := _value(name, s)) is not None]
     if not known:
         return f"{name} is not known for any specimen"

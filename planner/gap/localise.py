@@ -38,9 +38,6 @@ _SMALL, _MIDDLING, _LARGE = 0.03, 0.12, 0.3
 four, up to a usual pull's end."""
 
 
-_HOLD = BRANCHES.index("hold")
-
-
 def axis_patterns(
     campaign: Campaign, table: FeatureTable, sensitivity: FloatArray
 ) -> Mapping[str, FloatArray]:
@@ -52,7 +49,9 @@ def axis_patterns(
         Of the features by the logarithm of force or strain.
     """
     h = np.where(table.is_field, 0.0, sensitivity)
-    travel = _share_of_peak(table) - 0.5
+    peak = np.zeros(int(table.specimen.max()) + 1)
+    np.maximum.at(peak, table.specimen, table.strain)
+    travel = table.strain / np.maximum(peak[table.specimen], 1e-12) - 0.5
     level_and_slope = np.stack([h, h * travel], axis=1)
     cells = _axis_cells(campaign)
     found: dict[str, list[FloatArray]] = {}
@@ -91,13 +90,6 @@ def _axis_cells(campaign: Campaign) -> Mapping[str, tuple[float | str | None, ..
     return cells
 
 
-def _share_of_peak(table: FeatureTable) -> FloatArray:
-    """Return each feature's strain over the largest of its specimen, (N,)."""
-    peak = np.zeros(int(table.specimen.max()) + 1)
-    np.maximum.at(peak, table.specimen, table.strain)
-    return np.asarray(table.strain / np.maximum(peak[table.specimen], 1e-12))
-
-
 def _indicators(cells: Sequence[object], values: Sequence[object]) -> FloatArray:
     """Return 1 where a cell is a value and 0 elsewhere, (cells, values)."""
     return np.array([[float(cell == value) for value in values] for cell in cells])
@@ -125,7 +117,7 @@ def specimen_patterns(cells: Sequence[str | float | None]) -> FloatArray | None:
 
 def _along_hold(table: FeatureTable, h: FloatArray) -> FloatArray:
     """Return a level, a slope and a bend over the logarithm of the time of a hold, (N, 3)."""
-    hold = table.branch == _HOLD
+    hold = table.branch == BRANCHES.index("hold")
     log = np.log(np.maximum(table.time_s, 1e-3))
     low, high = (float(f(log[hold], initial=0.0)) for f in (np.min, np.max))
     w = (log - low) / max(high - low, 1e-9)
@@ -194,44 +186,34 @@ def _along_bars(campaign: Campaign, table: FeatureTable, sensitivity: FloatArray
 # well be off by counts no more than its prior allows.
 
 
-@dataclass(frozen=True, slots=True, eq=False)
 class Whitening:
     """The way from N features to N numbers of unit noise.
 
+    Parameters
+    ----------
+    shared : (N, q)
+        What specimens share, a column of prior deviation 1 each: batches, the calibration of the
+        palette's laws. It is marginalised.
+    log_sd
+        How far the noise may be off, as a standard deviation of its logarithm.
+
     Attributes
     ----------
-    directions, shrink : (N, q), (q,)
-        What specimens share, orthonormal, and how much of it is taken off.
     degrees_of_freedom
         Of a scaled chi-square variance that is as uncertain as the noise.
     """
 
-    noise: SpecimenNoise
-    directions: FloatArray
-    shrink: FloatArray
-    degrees_of_freedom: float
-
-    @classmethod
-    def of(cls, noise: SpecimenNoise, shared: FloatArray, log_sd: float) -> "Whitening":
-        """Return the whitening of noise.
-
-        Parameters
-        ----------
-        shared : (N, q)
-            What specimens share, a column of prior deviation 1 each: batches, the calibration of
-            the palette's laws. It is marginalised.
-        log_sd
-            How far the noise may be off, as a standard deviation of its logarithm.
-        """
-        directions, singular, _ = np.linalg.svd(noise.whiten(shared), full_matrices=False)
-        shrink = 1.0 - 1.0 / np.sqrt(1.0 + singular**2)
-        return cls(noise, directions, shrink, 0.5 / max(log_sd, 1e-3) ** 2)
+    def __init__(self, noise: SpecimenNoise, shared: FloatArray, log_sd: float) -> None:
+        self.noise, self.degrees_of_freedom = noise, 0.5 / max(log_sd, 1e-3) ** 2
+        # What specimens share, orthonormal, and how much of it is taken off.
+        self._directions, size, _ = np.linalg.svd(noise.whiten(shared), full_matrices=False)
+        self._shrink = 1.0 - 1.0 / np.sqrt(1.0 + size**2)
 
     def __call__(self, columns: FloatArray) -> FloatArray:
         """Return columns, (N, ...), whitened: each specimen's own noise, then what they share."""
         whitened = self.noise.whiten(columns)
-        along = (self.directions.T @ whitened).T * self.shrink
-        return np.asarray(whitened - self.directions @ along.T, dtype=np.float64)
+        along = (self._directions.T @ whitened).T * self._shrink
+        return np.asarray(whitened - self._directions @ along.T, dtype=np.float64)
 
     def summed(self, values: FloatArray) -> FloatArray:
         """Return sums over each specimen's rows, (n, ...)."""
@@ -320,8 +302,8 @@ class _Case:
         zero crossings.
     y, varying : (N,)
         Whitened residuals, all and without their common part.
-    common : (N, c)
-        Orthonormal.
+    common : (N, c), in_common
+        What all specimens have in common: orthonormal, and how much beyond noise it explains.
     patterns
         See `axis_patterns`.
     """
@@ -341,11 +323,7 @@ class _Case:
         shared = np.column_stack([self.force, self.patterns["strain"], self.local])
         self.common = _orthonormal(whitening(shared))
         self.varying = self.y - self.common @ (self.common.T @ self.y)
-
-    @property
-    def in_common(self) -> float:
-        """What all specimens have in common, beyond noise."""
-        return _beyond_noise(self.common, self.y)
+        self.in_common = _beyond_noise(self.common, self.y)
 
     def explained(self, axis: _Axis, deviations: float = 0.0) -> float:
         """Return what an axis explains beyond noise, its claim on the common gap included.
@@ -355,10 +333,9 @@ class _Case:
         deviations
             How much more of it there is than was seen, in standard deviations.
         """
-        y = self.y if axis.is_common else self.varying
-        own = _beyond_noise(axis.basis, y, deviations, axis.spread)
         if axis.is_common:
-            return own
+            return _beyond_noise(axis.basis, self.y, deviations, axis.spread)
+        own = _beyond_noise(axis.basis, self.varying, deviations, axis.spread)
         return own + min(_CLAIM * own, self.in_common)
 
     def share(self, axis: _Axis, deviations: float = 0.0) -> float:
@@ -534,52 +511,8 @@ def _hold_parts(table: FeatureTable) -> Iterator[_Part]:
     yield hold & (table.time_s >= late), f"after {late:.2g} s of the hold", 0
 
 
-def _position_sentence(case: _Case, design: ProfileDesign, at_mm: float, rows: IntArray) -> str:
-    """Return where along which bar the local strain is farthest off."""
-    mean = case.mean(np.isin(np.arange(len(case.y)), rows))
-    off = "off" if mean is None else _off(mean)
-    sentence = f"strain {off} near {at_mm:.3g} mm along bar {design.name}"
-    reach = max(_STEP_REACH * design.length_mm, _STEP_REACH_mm)
-    near = min(_steps_of(design), key=lambda step: abs(step[0] - at_mm), default=None)
-    if near is not None and abs(near[0] - at_mm) <= reach:
-        materials = case.campaign.palette.materials
-        grades = [min(materials, key=lambda m: abs(m.coordinate - at)).id for at in near[1:]]
-        sentence += f", at the step from {grades[0]} to {grades[1]}"
-    return sentence
-
-
-def _outliers_sentence(shift: Mapping[str, float]) -> str:
-    """Return which specimens differ from their replicates, and by how much."""
-    told = [f"{id} {_off(value, 'its replicates')}" for id, value in shift.items()]
-    more = [f"and {len(told) - _NAMED} more"] if len(told) > _NAMED else []
-    return "force of " + "; ".join(told[:_NAMED] + more)
-
-
-def _off(log: float, what: str = "prediction") -> str:
-    percent = 100.0 * float(np.expm1(np.clip(log, -7.0, 7.0)))
-    if abs(percent) < 0.5:
-        return "as predicted" if what == "prediction" else f"as {what}"
-    if percent > 200.0:
-        return f"{1.0 + percent / 100.0:.3g} times {what}"
-    number = f"{abs(percent):.2g}" if abs(percent) < 10.0 else f"{abs(percent):.0f}"
-    return f"{number} % {'above' if percent > 0.0 else 'below'} {what}"
-
-
-# ------------------------------------------------------------------------------------------------
-# Along bars: how noisy, and where strains are farthest off.
-
-
-def _bar_scale(table: FeatureTable, y: FloatArray, basis: FloatArray) -> float:
-    """Return how much larger the noise of local strains is than declared, at least 1.
-
-    It is told by what no pattern along the bars explains.
-    """
-    left = (y - basis @ (basis.T @ y))[table.is_field]
-    return max(1.0, float(np.sqrt(left @ left / max(len(left) - basis.shape[1], 1))))
-
-
-def _farthest_place(case: _Case, y: FloatArray) -> tuple[ProfileDesign, float, IntArray]:
-    """Return the place along which bar the local strain is farthest off, and its rows.
+def _position_sentence(case: _Case, y: FloatArray) -> str:
+    """Return where along which bar the local strain is farthest off.
 
     Parameters
     ----------
@@ -592,7 +525,27 @@ def _farthest_place(case: _Case, y: FloatArray) -> tuple[ProfileDesign, float, I
         score = np.abs(np.bincount(place, y[rows]) / np.sqrt(np.bincount(place)))
         peak = int(np.argmax(score))
         found.append((float(score[peak]), design, float(at[peak]), rows[place == peak]))
-    return max(found, key=lambda one: one[0])[1:]
+    _, design, at_mm, rows = max(found, key=lambda one: one[0])
+    mean = case.mean(np.isin(np.arange(len(case.y)), rows))
+    off = "off" if mean is None else _off(mean)
+    sentence = f"strain {off} near {at_mm:.3g} mm along bar {design.name}"
+    reach = max(_STEP_REACH * design.length_mm, _STEP_REACH_mm)
+    near = min(_steps_of(design), key=lambda step: abs(step[0] - at_mm), default=None)
+    if near is not None and abs(near[0] - at_mm) <= reach:
+        materials = case.campaign.palette.materials
+        grades = [min(materials, key=lambda m: abs(m.coordinate - at)).id for at in near[1:]]
+        sentence += f", at the step from {grades[0]} to {grades[1]}"
+    return sentence
+
+
+def _off(log: float, what: str = "prediction") -> str:
+    percent = 100.0 * float(np.expm1(np.clip(log, -7.0, 7.0)))
+    if abs(percent) < 0.5:
+        return "as predicted" if what == "prediction" else f"as {what}"
+    if percent > 200.0:
+        return f"{1.0 + percent / 100.0:.3g} times {what}"
+    number = f"{abs(percent):.2g}" if abs(percent) < 10.0 else f"{abs(percent):.0f}"
+    return f"{number} % {'above' if percent > 0.0 else 'below'} {what}"
 
 
 # ------------------------------------------------------------------------------------------------
@@ -688,9 +641,10 @@ def _axis_along_bars(case: _Case, columns: FloatArray) -> Iterator[_Axis]:
     if not basis.shape[1]:
         return
     y = case.y - besides @ (besides.T @ case.y)
-    y = y / _bar_scale(case.table, y, basis)
-    sentence = _position_sentence(case, *_farthest_place(case, y))
-    yield _Axis("position", basis, *case.tested(basis, y), sentence)
+    # What no pattern along the bars explains tells how much larger the noise is than declared.
+    left = (y - basis @ (basis.T @ y))[case.table.is_field]
+    y = y / max(1.0, float(np.sqrt(left @ left / max(len(left) - basis.shape[1], 1))))
+    yield _Axis("position", basis, *case.tested(basis, y), _position_sentence(case, y))
 
 
 _TAIL_FREEDOM = 5.0
@@ -739,5 +693,8 @@ def _axis_of_strays(case: _Case) -> Iterator[_Axis]:
         left[worst] = False
     is_named = case.table.specimen[:, None] == list(shift)
     basis = case.basis(np.where(is_named, case.force[:, None], 0.0))
-    sentence = _outliers_sentence({case.campaign.specimens[i].id: shift[i] for i in shift})
+    ids = [s.id for s in case.campaign.specimens]
+    told = [f"{ids[i]} {_off(value, 'its replicates')}" for i, value in shift.items()]
+    more = [f"and {len(told) - _NAMED} more"] if len(told) > _NAMED else []
+    sentence = "force of " + "; ".join(told[:_NAMED] + more)
     yield _Axis("specimen", basis, max(p, _SMALLEST), 1.0, sentence)

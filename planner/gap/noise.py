@@ -39,11 +39,6 @@ __all__ = [
 # How much specimens made alike differ.
 
 
-_LARGEST_SCATTER = 0.12
-"""Of replicates' levels, above which they are not alike. Physical: jetted specimens scatter by 1 to
-9 %, and estimates are off by a third."""
-
-
 @dataclass(frozen=True, slots=True)
 class Scatter:
     """Standard deviations, of the logarithm of force unless named otherwise.
@@ -79,11 +74,6 @@ class Scatter:
     field_shared: float
     log_sd: float
     degrees_of_freedom: int
-
-    @property
-    def heterogeneous(self) -> bool:
-        """Whether replicates are not alike: they differ by more than prints scatter."""
-        return bool(self.degrees_of_freedom and self.specimen > _LARGEST_SCATTER)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -425,15 +415,11 @@ def _whitened(covariance: FloatArray, columns: FloatArray) -> tuple[float, Float
 
 def _groups(table: FeatureTable, of: BoolArray) -> list[list[IntArray]]:
     """Return, for each two replicates or more, the rows of each among some, (N,)."""
-    found: dict[int, dict[int, list[int]]] = {}
-    for row in np.flatnonzero(of).tolist():
-        alike, specimen = int(table.replicates[row]), int(table.specimen[row])
-        found.setdefault(alike, {}).setdefault(specimen, []).append(row)
-    return [
-        [np.array(rows) for rows in specimens.values()]
-        for specimens in found.values()
-        if len(specimens) > 1 and len({len(rows) for rows in specimens.values()}) == 1
-    ]
+    found: dict[int, list[IntArray]] = {}
+    for specimen in np.unique(table.specimen[of]):
+        rows = np.flatnonzero(of & (table.specimen == specimen))
+        found.setdefault(int(table.replicates[rows[0]]), []).append(rows)
+    return [group for group in found.values() if len(group) > 1 and len(set(map(len, group))) == 1]
 
 
 # ------------------------------------------------------------------------------------------------

@@ -26,7 +26,6 @@ from planner.gap.segments import (
     forces_N,
     mean_section_mm2,
     path_of,
-    replicate_test,
     setup_of,
 )
 from planner.materials.characterise import noise_sd
@@ -231,9 +230,8 @@ SIDES = np.linspace(-2.0, 2.0, 7)
 is little beside a facet."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
 class Bins:
-    """Bins of a camera's places along a bar of S slices.
+    """Bins of a camera's places along a bar of S slices, by number among the setup's tests.
 
     Attributes
     ----------
@@ -241,6 +239,8 @@ class Bins:
         Mean of the places in each.
     of_place : (p,)
         The bin of each place.
+    places : (b,)
+        How many are in each.
     shares : (L, sides, b, S)
         What a bin sees of the slices' strains: with facets of each likely length, or of the stated
         one, and places aside from where they are said to be by each of `SIDES`.
@@ -248,15 +248,29 @@ class Bins:
         Mean share of a facet that places of two bins have in common.
     """
 
-    x_mm: FloatArray
-    of_place: IntArray
-    shares: FloatArray
-    overlap: FloatArray
+    def __init__(self, field: StrainField, setup: Setup, number: int) -> None:
+        x, gauge = field.x_mm, float(setup.gauge_mm[number])
+        count = max(1, min(_BINS_MOST, len(x) // _PLACES_LEAST))
+        self.of_place = np.arange(len(x)) * count // len(x)
+        self.places = np.bincount(self.of_place)
+        first = np.searchsorted(self.of_place, np.arange(count))
 
-    @property
-    def places(self) -> IntArray:
-        """How many places are in each, (b,)."""
-        return np.bincount(self.of_place)
+        def binned(rows: FloatArray) -> FloatArray:
+            return np.asarray(np.add.reduceat(rows, first) / self.places[:, None])
+
+        if field.facet_mm is None:
+            longest = max(LONGEST_FACET * gauge, float(np.median(np.diff(x))))
+            lengths = np.linspace(0.0, longest, _LENGTHS).tolist()
+        else:
+            lengths = [field.facet_mm]
+        aside = x + 0.5 * BEYOND_GAUGE * gauge * SIDES[:, None]
+        of_length = [seen_shares(setup, number, aside.ravel(), facet) for facet in lengths]
+        seen = np.reshape(of_length, (len(lengths), *aside.shape, -1))
+        far = np.abs(np.subtract.outer(x, x))
+        alike = np.mean([np.maximum(1.0 - far / max(w, _POINT_MM), 0.0) for w in lengths], axis=0)
+        self.x_mm = binned(x[:, None])[:, 0]
+        self.shares = np.add.reduceat(seen, first, axis=2) / self.places[:, None]
+        self.overlap = binned(binned(alike).T)
 
     def means(self, field: StrainField, path: SpecimenPath, travel_mm: float) -> FloatArray | None:
         """Return the mean strain of each bin at a travel of the first loading.
@@ -289,43 +303,17 @@ def _frames_of(field: StrainField, path: SpecimenPath) -> tuple[FloatArray, Floa
     return np.interp(time[inside], path.time_s, path.travel_mm), field.strain[inside]
 
 
-def _bins_of(field: StrainField, setup: Setup, number: int) -> Bins:
-    """Return the bins of a camera's places along a bar, by number among the setup's tests."""
-    x, gauge = field.x_mm, float(setup.gauge_mm[number])
-    count = max(1, min(_BINS_MOST, len(x) // _PLACES_LEAST))
-    of_place = np.arange(len(x)) * count // len(x)
-    first = np.searchsorted(of_place, np.arange(count))
-    size = np.bincount(of_place)[:, None]
-
-    def binned(rows: FloatArray) -> FloatArray:
-        return np.asarray(np.add.reduceat(rows, first) / size)
-
-    if field.facet_mm is None:
-        longest = max(LONGEST_FACET * gauge, float(np.median(np.diff(x))))
-        lengths = np.linspace(0.0, longest, _LENGTHS).tolist()
-    else:
-        lengths = [field.facet_mm]
-    aside = x + 0.5 * BEYOND_GAUGE * gauge * SIDES[:, None]
-    of_length = [seen_shares(setup, number, aside.ravel(), facet) for facet in lengths]
-    places = np.reshape(of_length, (len(lengths), *aside.shape, -1))
-    shares = np.add.reduceat(places, first, axis=2) / size
-    far = np.abs(np.subtract.outer(x, x))
-    alike = np.mean([np.maximum(1.0 - far / max(w, _POINT_MM), 0.0) for w in lengths], axis=0)
-    return Bins(
-        x_mm=binned(x[:, None])[:, 0],
-        of_place=of_place,
-        shares=shares,
-        overlap=binned(binned(alike).T),
-    )
-
-
 # ------------------------------------------------------------------------------------------------
 # Strains of bins, made up of strains of slices.
 
 
-@dataclass(frozen=True, slots=True, eq=False)
 class FieldWeights:
     """How strains of slices make up the features that are strains of bins.
+
+    Parameters
+    ----------
+    seen_at
+        Of each frame the first row, the bar's first slice, its bins.
 
     Attributes
     ----------
@@ -338,10 +326,19 @@ class FieldWeights:
         Where the entries of each feature begin.
     """
 
-    feature: IntArray
-    slice_: IntArray
-    weight: FloatArray
-    begins: IntArray
+    def __init__(self, seen_at: Sequence[tuple[int, int, Bins]]) -> None:
+        features, slices = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
+        lengths = max((len(bins.shares) for *_, bins in seen_at), default=1)
+        weights = [np.zeros((lengths, len(SIDES), 0))]
+        for row, first, bins in seen_at:
+            of_bin, slice_ = np.nonzero(np.any(bins.shares != 0.0, axis=(0, 1)))
+            features.append(row + of_bin)
+            slices.append(first + slice_)
+            own = bins.shares[:, :, of_bin, slice_]
+            weights.append(np.broadcast_to(own, (lengths, *own.shape[1:])))
+        self.weight = np.concatenate(weights, axis=2)
+        self.feature, self.slice_ = np.concatenate(features), np.concatenate(slices)
+        self.begins = np.flatnonzero(np.diff(self.feature, prepend=-1))
 
     def at_sides(self, sides: IntArray) -> FloatArray:
         """Return the weights for each length with places where they seem to lie, (L, m).
@@ -403,7 +400,7 @@ def _feature_table(
         seen = specimens[place].strain_field
         if seen is None or setup.designs[number] is None:
             continue
-        bins = _bins_of(seen, setup, number)
+        bins = Bins(seen, setup, number)
         for step in (test.step_at(0, fraction) for fraction in test.frames):
             if (means := bins.means(seen, paths[place], float(travel[step]))) is None:
                 continue
@@ -428,24 +425,7 @@ def _feature_table(
         places=places,
         overlap=overlap,
     )
-    return table, _field_weights(seen_at)
-
-
-def _field_weights(seen_at: Sequence[tuple[int, int, Bins]]) -> FieldWeights:
-    """Return the weights of bins: of each frame the first row, the bar's first slice, its bins."""
-    features, slices = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
-    lengths = max((len(bins.shares) for *_, bins in seen_at), default=1)
-    weights = [np.zeros((lengths, len(SIDES), 0))]
-    for row, first, bins in seen_at:
-        of_bin, slice_ = np.nonzero(np.any(bins.shares != 0.0, axis=(0, 1)))
-        features.append(row + of_bin)
-        slices.append(first + slice_)
-        own = bins.shares[:, :, of_bin, slice_]
-        weights.append(np.broadcast_to(own, (lengths, *own.shape[1:])))
-    weight = np.concatenate(weights, axis=2)
-    feature = np.concatenate(features)
-    begins = np.flatnonzero(np.diff(feature, prepend=-1))
-    return FieldWeights(feature, np.concatenate(slices), weight, begins)
+    return table, FieldWeights(seen_at)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -513,8 +493,7 @@ class ObservationModel:
         """Return what a prediction says of every feature, in N or as a strain, (N,)."""
         table = self.table
         raw = prediction.force_N[table.test, table.step]
-        if len(self.weight):
-            raw[table.is_field] = self.seen(prediction, self.weight)
+        raw[table.is_field] = self.seen(prediction, self.weight)
         return np.asarray(raw)
 
     def seen(self, prediction: Prediction, weight: FloatArray) -> FloatArray:
@@ -609,7 +588,7 @@ def _tests(specimens: Sequence[Specimen], paths: Mapping[int, SpecimenPath]) -> 
         while left:
             alike = [place for place in left if paths[left[0]].is_like(paths[place])]
             left = [place for place in left if place not in alike]
-            tests.append(replicate_test(paths, alike, _frame_fractions(specimens, paths, alike)))
+            tests.append(ReplicateTest(paths, alike, _frame_fractions(specimens, paths, alike)))
     return sorted(tests, key=lambda test: test.places[0])
 
 

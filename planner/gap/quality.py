@@ -29,7 +29,7 @@ from planner.gap.segments import (
     unloading_share,
 )
 from planner.materials.characterise import UNLOADED_SHARE, noise_sd
-from planner.numerics import FloatArray, IntArray
+from planner.numerics import FloatArray
 from planner.simulation.bar_solver import predict
 
 __all__ = ["HOLDS", "UNLOADS", "examine", "merged_units", "suggested_units"]
@@ -39,23 +39,19 @@ __all__ = ["HOLDS", "UNLOADS", "examine", "merged_units", "suggested_units"]
 # Problems of single records, one by one and of all at once.
 
 
-_Problems = Iterator[tuple[str, str]]
-"""What is wrong with one specimen: the kind, and in words what was found against what was expected,
-without the specimen's name."""
+_Check = Callable[[Specimen], Iterator[str]]
+"""What is wrong with one specimen, in words: what was found against what was expected, without the
+specimen's name."""
 
 
-def _each(
-    check: Callable[[Specimen], _Problems], specimens: Sequence[Specimen]
-) -> list[QualityProblem]:
-    return [QualityProblem(s.id, *found) for s in specimens for found in check(s)]
+def _each(kind: str, check: _Check, specimens: Sequence[Specimen]) -> list[QualityProblem]:
+    return [QualityProblem(s.id, kind, words) for s in specimens for words in check(s)]
 
 
-def _shared(
-    check: Callable[[Specimen], _Problems], specimens: Sequence[Specimen]
-) -> list[QualityProblem]:
+def _shared(kind: str, check: _Check, specimens: Sequence[Specimen]) -> list[QualityProblem]:
     """Find one problem of the whole campaign where all specimens, over two, have an equal one."""
-    found = _each(check, specimens)
-    equal = len({(p.kind, p.problem) for p in found}) == 1
+    found = _each(kind, check, specimens)
+    equal = len({p.problem for p in found}) == 1
     if len(specimens) > 2 and len(found) == len(specimens) and equal:
         return [replace(found[0], specimen=None)]
     return found
@@ -75,11 +71,13 @@ along the plateau. Chosen: four deviations are no noise; a material that yields 
 its force stands still."""
 
 
-def _clipping(s: Specimen) -> _Problems:
+def _clipping(s: Specimen) -> Iterator[str]:
     """Yield a load cell or amplifier that was at its limit, if nothing else explains a plateau."""
     force, way = s.load_N, s.travel_mm
     top = float(np.max(force))
-    start, stop = _longest_run(force >= top - 1e-9 * abs(top))
+    at_top = (force >= top - 1e-9 * abs(top)).astype(np.int8)
+    plateaus = np.flatnonzero(np.diff(at_top, prepend=0, append=0)).reshape(-1, 2)
+    start, stop = max(plateaus.tolist(), key=lambda run: run[1] - run[0])
     if min(stop - start, start) < _FEWEST:
         return
     first = max(start - max(_FEWEST, (stop - start) // 5), 0)
@@ -92,17 +90,9 @@ def _clipping(s: Specimen) -> _Problems:
     resolution = float(np.min(steps[steps > 0.0], initial=top))
     if expected > max(_RISE * (noise_sd(force[:start]) + resolution), _RISE_SHARE * top):
         yield (
-            "clipped",
             f"force stands at {float(s.force_N[start]):.4g} N over {stop - start} points from "
-            f"strain {s.strain[start]:.3g} while the crosshead moves on; the load cell's limit?",
+            f"strain {s.strain[start]:.3g} while the crosshead moves on; the load cell's limit?"
         )
-
-
-def _longest_run(flags: np.ndarray) -> tuple[int, int]:
-    """Return begin and end of the longest run of True, (0, 0) if there is none."""
-    edges = np.flatnonzero(np.diff(flags.astype(np.int8), prepend=0, append=0)).reshape(-1, 2)
-    start, stop = max(edges.tolist(), key=lambda run: run[1] - run[0], default=(0, 0))
-    return start, stop
 
 
 # ------------------------------------------------------------------------------------------------
@@ -117,7 +107,7 @@ _LEAST_STRAIN = 0.01
 """From which a load should show. Chosen: below 1 % slack may take up the travel."""
 
 
-def _dead_cell(s: Specimen) -> _Problems:
+def _dead_cell(s: Specimen) -> Iterator[str]:
     """Yield a force that stood still, but for noise, over the first loading."""
     # A crosshead slows down before a hold.
     arrived = s.travel_mm >= (1.0 - TURN_SHARE) * float(np.max(s.travel_mm))
@@ -129,10 +119,9 @@ def _dead_cell(s: Specimen) -> _Problems:
     middle = float(np.median(force))
     if float(np.ptp(force)) <= max(UNLOADED_SHARE * abs(middle), noise):
         yield (
-            "dead",
             f"force stays at {middle:.3g} N while the crosshead goes from 0 to "
             f"{s.displacement_mm[stop - 1]:.3g} mm; a dead or unplugged load cell? Leave the "
-            "specimen out",
+            "specimen out"
         )
 
 
@@ -140,38 +129,33 @@ def _dead_cell(s: Specimen) -> _Problems:
 # Gaps in the time channel, and single points that leap out of the record.
 
 
-def _timing(s: Specimen) -> _Problems:
-    """Yield lost data and spikes."""
-    gaps = _dropouts(s.time_s) if s.time_recorded else np.zeros(0, dtype=np.int64)
-    if len(gaps):
-        steps = np.diff(s.time_s)
+def _dropouts(s: Specimen) -> Iterator[str]:
+    """Yield steps of a recorded time that are far longer than those before and behind them."""
+    steps = np.diff(s.time_s)
+    middle = np.median(np.lib.stride_tricks.sliding_window_view(steps, 3), axis=1)
+    gaps = 3 + np.flatnonzero(steps[3:-3] > SPIKE_STEP * np.maximum(middle[:-4], middle[4:]))
+    if s.time_recorded and len(gaps):
         longest = int(gaps[np.argmax(steps[gaps])])
         yield (
-            "dropout",
             f"{_times(len(gaps), 'gap')} in time, the longest {steps[longest]:.3g} s from "
-            f"{s.time_s[longest]:.4g} s, where {float(np.median(steps)):.3g} s is usual",
+            f"{s.time_s[longest]:.4g} s, where {float(np.median(steps)):.3g} s is usual"
         )
+
+
+def _spikes(s: Specimen) -> Iterator[str]:
+    """Yield points that leap out of the record."""
     if (first := leap_at_end(s)) < len(s.force_N):
         yield (
-            "spike",
             f"force_N leaps from {s.force_N[first - 1]:.4g} to {s.force_N[-1]:.4g} at its end, at "
-            f"{s.time_s[first]:.4g} s; left out of what is compared. Does something meet a stop?",
+            f"{s.time_s[first]:.4g} s; left out of what is compared. Does something meet a stop?"
         )
     for name, values in (("force_N", s.force_N), ("displacement_mm", s.displacement_mm)):
         if len(begins := np.flatnonzero(np.diff(spikes_in(values).astype(np.int8), prepend=0) > 0)):
             yield (
-                "spike",
                 f"{_times(len(begins), 'spike')} in {name}, the first of "
                 f"{values[begins[0]]:.4g} at {s.time_s[begins[0]]:.4g} s; left out of what is "
-                "compared",
+                "compared"
             )
-
-
-def _dropouts(time_s: FloatArray) -> IntArray:
-    """Return the indices of steps far longer than those before and behind them."""
-    steps = np.diff(time_s)
-    middle = np.median(np.lib.stride_tricks.sliding_window_view(steps, 3), axis=1)
-    return 3 + np.flatnonzero(steps[3:-3] > SPIKE_STEP * np.maximum(middle[:-4], middle[4:]))
 
 
 def _times(count: int, what: str) -> str:
@@ -196,7 +180,7 @@ _RATE_SLIPS = (
 """Factors that mixing up two units leaves. Physical: by the units' definitions."""
 
 
-def _rate(s: Specimen) -> _Problems:
+def _rate(s: Specimen) -> Iterator[str]:
     """Yield a crosshead that moved at another speed than declared."""
     speed, declared = speed_mm_s(s.time_s, s.travel_mm), s.rate_mm_s
     if declared is None or speed <= 0.0:
@@ -209,9 +193,8 @@ def _rate(s: Specimen) -> _Problems:
         return
     reasons = [words for factor, words in _RATE_SLIPS if abs(off - math.log(factor)) < _OFF]
     yield (
-        "rate",
         f"the crosshead moves at {speed:.3g} mm/s by its time channel, {declared:.3g} mm/s "
-        f"is declared{f'; {reasons[0]}' if reasons else ''}",
+        f"is declared{f'; {reasons[0]}' if reasons else ''}"
     )
 
 
@@ -257,32 +240,30 @@ def _sizes(specimens: Sequence[Specimen]) -> Iterator[QualityProblem]:
     for name, column in SPECIMEN_COLUMNS.items():
         if column.is_size:
             sized = [s for s in specimens if getattr(s, name) is not None and s.part is None]
-            yield from _shared(partial(_implausible, column=column), sized)
+            yield from _shared("size", partial(_implausible, column=column), sized)
     for name in ("width", "thickness"):
-        yield from _each(partial(_off_nominal, name=name), specimens)
+        yield from _each("size", partial(_off_nominal, name=name), specimens)
 
 
-def _implausible(s: Specimen, column: SpecimenColumn) -> _Problems:
+def _implausible(s: Specimen, column: SpecimenColumn) -> Iterator[str]:
     size: float = getattr(s, column.name)
     low, high = column.plausible
     if not low <= size <= high:
         inches = "; inches?" if size < low <= size * _INCH <= high else ""
         yield (
-            "size",
-            f"{column.name} is {size:.4g}; tensile specimens have {low:g} to {high:g} mm{inches}",
+            f"{column.name} is {size:.4g}; tensile specimens have {low:g} to {high:g} mm{inches}"
         )
 
 
-def _off_nominal(s: Specimen, name: str) -> _Problems:
+def _off_nominal(s: Specimen, name: str) -> Iterator[str]:
     nominal: float | None = getattr(s, f"{name}_mm")
     measured: float | None = getattr(s, f"measured_{name}_mm")
     if nominal is None or measured is None:
         return
     if abs(measured - nominal) > max(_DEVIATION * nominal, _SLACK_MM):
         yield (
-            "size",
             f"measured {name} is {measured:.4g} mm, nominal {nominal:.4g} mm; width and thickness "
-            "swapped, or another unit?",
+            "swapped, or another unit?"
         )
 
 
@@ -299,20 +280,17 @@ _STRAINS = ("to_strain", "amplitude_strain", "strain_amplitude", "peak_strain", 
 _TRAVELS = ("amplitude_mm", "peak_mm", "hold_mm", "to_mm")
 
 
-def _protocol(s: Specimen) -> _Problems:
+def _protocol(s: Specimen) -> Iterator[str]:
     """Yield a test that was another than its protocol says."""
-    back, held = unloading_share(s), hold_share(s)
-    found = None
+    back, held, but = unloading_share(s), hold_share(s), f"declared {s.protocol}, but it is"
     if s.protocol == "monotonic" and back > UNLOADS:
-        found = f"it is unloaded by {100 * back:.0f} % of its travel; a cyclic test?"
+        yield f"{but} unloaded by {100 * back:.0f} % of its travel; a cyclic test?"
     elif s.protocol == "monotonic" and held > HOLDS:
-        found = f"it is held for {100 * held:.0f} % of its time; a relaxation test?"
+        yield f"{but} held for {100 * held:.0f} % of its time; a relaxation test?"
     elif s.protocol == "cyclic" and back < 0.5 * UNLOADS:
-        found = "it is never unloaded"
+        yield f"{but} never unloaded"
     elif s.protocol == "relaxation" and held < 0.5 * HOLDS:
-        found = f"it is held for {100 * held:.0f} % of its time only"
-    if found is not None:
-        yield "protocol", f"declared {s.protocol}, but {found}"
+        yield f"{but} held for {100 * held:.0f} % of its time only"
 
 
 def _amplitudes(specimens: Sequence[Specimen]) -> Iterator[QualityProblem]:
@@ -322,12 +300,11 @@ def _amplitudes(specimens: Sequence[Specimen]) -> Iterator[QualityProblem]:
     cyclic or relaxation specimen that stands alone among at least two replicates is named.
     """
     for s in specimens:
-        declared = _declared_mm(s)
-        peak = float(np.max(s.travel_mm))
-        broken = s.protocol in (None, "monotonic")
-        if declared is None or (broken and peak < declared):
+        if (declared := _declared_mm(s)) is None:
             continue
-        if abs(peak / declared - 1.0) > _OFF:
+        peak = float(np.max(s.travel_mm))
+        broke = s.protocol in (None, "monotonic") and peak < declared
+        if not broke and abs(peak / declared - 1.0) > _OFF:
             yield _amplitude(s, peak, declared, "is declared")
     for group in replicate_groups(specimens):
         members = [specimens[i] for i in group if specimens[i].protocol in ("cyclic", "relaxation")]
@@ -342,11 +319,10 @@ def _amplitudes(specimens: Sequence[Specimen]) -> Iterator[QualityProblem]:
 
 
 def _declared_mm(specimen: Specimen) -> float | None:
-    for names, factor in ((_STRAINS, specimen.gauge_mm), (_TRAVELS, 1.0)):
-        for name in names:
-            value = specimen.covariates.get(name)
-            if isinstance(value, float) and value > 0.0:
-                return value * factor
+    for name in (*_STRAINS, *_TRAVELS):
+        value = specimen.covariates.get(name)
+        if isinstance(value, float) and value > 0.0:
+            return value * specimen.gauge_mm if name in _STRAINS else value
     return None
 
 
@@ -473,50 +449,15 @@ def _outliers(
     specimens: Sequence[Specimen], place: int, shift: float, others: Sequence[int]
 ) -> Iterator[QualityProblem]:
     size = f"load is {100 * math.expm1(shift):+.0f} % off"
-    if len(others) > 1:
-        words = f"{size} that of its {len(others)} replicates"
-        yield QualityProblem(specimens[place].id, "outlier", words)
-        return
-    for one, other in ((place, others[0]), (others[0], place)):
-        words = (
-            f"{size} that of its only replicate {specimens[other].id}, more than replicates "
+    told = {place: f"{size} that of its {len(others)} replicates"}
+    if len(others) == 1:
+        told = {
+            one: f"{size} that of its only replicate {specimens[other].id}, more than replicates "
             "elsewhere; which of the two is off cannot be told"
-        )
+            for one, other in ((place, others[0]), (others[0], place))
+        }
+    for one, words in told.items():
         yield QualityProblem(specimens[one].id, "outlier", words)
-
-
-# ------------------------------------------------------------------------------------------------
-# A trend of loads over all that may vary, that a few strays do not move.
-
-
-_ROUNDS = 60
-_SMALLEST = 1e-4
-"""Iterations of the fit of least absolute deviations, and the residual below which it goes over to
-squares. Numerical: of ln load, a hundredth of any scatter."""
-
-
-def _trend_residuals(campaign: Campaign, loads: Mapping[int, float]) -> FloatArray | None:
-    """Return what a least-absolute-deviations fit over the campaign's columns leaves of each load.
-
-    It is iteratively reweighted least squares.
-
-    Returns
-    -------
-    residuals
-        None where there are not twice as many specimens as free patterns and four more.
-    """
-    columns = [column for name, column in axis_columns(campaign).items() if name != "specimen"]
-    patterns = [specimen_patterns([column[i] for i in loads]) for column in columns]
-    matrix = np.column_stack([np.ones(len(loads)), *(p for p in patterns if p is not None)])
-    if len(loads) < 2 * np.linalg.matrix_rank(matrix) + 4:
-        return None
-    y = np.array(list(loads.values()))
-    residuals: FloatArray = y - np.median(y)
-    for _ in range(_ROUNDS):
-        weight = 1.0 / np.sqrt(np.maximum(np.abs(residuals), _SMALLEST))
-        solution = np.linalg.lstsq(matrix * weight[:, None], y * weight, rcond=1e-9)[0]
-        residuals = y - matrix @ solution
-    return residuals
 
 
 # ------------------------------------------------------------------------------------------------
@@ -587,7 +528,7 @@ def _unit_problems(campaign: Campaign, loads: Mapping[int, float]) -> Iterator[Q
         yield _travel_slip(one, loads[i]) or _problem(one, shift, whose)
     for i, shift in sorted(materials.items()):
         yield _problem(specimens[i], shift, "other materials' (or its law is off by as much)")
-    yield from _fields_in_percent(specimens)
+    yield from _each("units", _field_in_percent, specimens)
     yield from _whole(campaign, {i: v for i, v in rest.items() if i not in materials})
 
 
@@ -621,11 +562,32 @@ def _among_replicates(
     return off
 
 
+_ROUNDS = 60
+_SMALLEST = 1e-4
+"""Iterations of the fit of least absolute deviations, and the residual below which it goes over to
+squares. Numerical: of ln load, a hundredth of any scatter."""
+
+
 def _apart_from_trend(campaign: Campaign, loads: Mapping[int, float]) -> dict[int, float]:
-    """Single specimens that a trend over material and conditions leaves off by a factor."""
-    residuals = _trend_residuals(campaign, loads)
+    """Single specimens that a trend over material and conditions leaves off by a factor.
+
+    A few strays do not move it: it is a fit of least absolute deviations over the campaign's
+    columns, by iteratively reweighted least squares, of twice as many specimens as free patterns
+    and four more.
+    """
+    columns = [column for name, column in axis_columns(campaign).items() if name != "specimen"]
+    patterns = [specimen_patterns([column[i] for i in loads]) for column in columns]
+    matrix = np.column_stack([np.ones(len(loads)), *(p for p in patterns if p is not None)])
+    if len(loads) < 2 * np.linalg.matrix_rank(matrix) + 4:
+        return {}
+    y = np.array(list(loads.values()))
+    residuals: FloatArray = y - np.median(y)
+    for _ in range(_ROUNDS):
+        weight = 1.0 / np.sqrt(np.maximum(np.abs(residuals), _SMALLEST))
+        solution = np.linalg.lstsq(matrix * weight[:, None], y * weight, rcond=1e-9)[0]
+        residuals = y - matrix @ solution
     # Of the others, two deviations are to be as near to the trend as replicates are.
-    if residuals is None or 2.0 * float(np.median(np.abs(residuals))) * 1.4826 > _AMONG_REPLICATES:
+    if 2.0 * float(np.median(np.abs(residuals))) * 1.4826 > _AMONG_REPLICATES:
         return {}
     single = {group[0] for group in replicate_groups(campaign.specimens) if len(group) == 1}
     return {
@@ -691,17 +653,17 @@ def _problem(specimen: Specimen, shift: float, whose: str) -> QualityProblem:
     way, words = ("above", slip.high) if shift > 0 else ("below", slip.low)
     unit = None
     if slip.factor in _FORCE_FACTORS:
-        factor = slip.factor if shift < 0.0 else 1.0 / slip.factor
-        unit = _unit_of(specimen, "force", specimen.force_unit_N, factor)
+        unit = _unit_of(specimen, "force", math.copysign(math.log(slip.factor), -shift))
     told = f"loads are {ratio:.3g} times {way} {whose}, as if {words} (factor {slip.factor:.4g})"
     return QualityProblem(specimen.id, "units", told, unit)
 
 
-def _unit_of(specimen: Specimen, quantity: str, own: float | None, factor: float) -> UnitOf | None:
-    """Return the unit by which numbers in a file become `factor` times what they are now."""
+def _unit_of(specimen: Specimen, quantity: str, log: float, reach: float = 0.0) -> UnitOf | None:
+    """Return the unit by which numbers in a file become exp(log) times what they are now."""
+    own = specimen.force_unit_N if quantity == "force" else specimen.travel_unit_mm
     if own is None:
         return None
-    unit = unit_near(QUANTITIES[quantity][1], math.log(own * factor), own)
+    unit = unit_near(QUANTITIES[quantity][1], math.log(own) + log, own, reach)
     return None if unit is None else UnitOf(quantity, unit, (specimen.id,))
 
 
@@ -722,11 +684,9 @@ def _travel_slip(specimen: Specimen, load: float) -> QualityProblem | None:
     ratio = math.log(speed / specimen.rate_mm_s) if speed > 0.0 else 0.0
     if abs(abs(ratio) - math.log(_INCH)) > _OFF or ratio * load > 0.0:
         return None
-    factor, words = (
-        (_INCH, "inches taken for mm") if ratio < 0.0 else (1.0 / _INCH, "mm taken for inches")
-    )
+    words = "inches taken for mm" if ratio < 0.0 else "mm taken for inches"
     told = f"travel is off by 25.4 against its declared rate and its load, as if {words}"
-    unit = _unit_of(specimen, "travel", specimen.travel_unit_mm, factor)
+    unit = _unit_of(specimen, "travel", math.copysign(math.log(_INCH), -ratio))
     return QualityProblem(specimen.id, "units", told, unit)
 
 
@@ -735,20 +695,18 @@ _HUNDREDFOLD = (30.0, 300.0)
 third or three times as much, for what slips in the grips or lies beyond the gauge."""
 
 
-def _fields_in_percent(specimens: Sequence[Specimen]) -> Iterator[QualityProblem]:
-    for s in specimens:
-        if s.strain_field is None:
-            continue
-        mean = np.mean(s.strain_field.strain, axis=1)
-        travel = np.interp(s.strain_field.time_s, s.time_s, s.strain)
-        at = int(np.argmax(travel))
-        low, high = _HUNDREDFOLD
-        if travel[at] > 0.0 and low < abs(mean[at]) / travel[at] < high:
-            words = (
-                f"the strain field reaches {mean[at]:.3g} on average, travel over gauge length "
-                f"{travel[at]:.3g}; per cent taken for fractions"
-            )
-            yield QualityProblem(s.id, "units", words)
+def _field_in_percent(s: Specimen) -> Iterator[str]:
+    if s.strain_field is None:
+        return
+    mean = np.mean(s.strain_field.strain, axis=1)
+    travel = np.interp(s.strain_field.time_s, s.time_s, s.strain)
+    at = int(np.argmax(travel))
+    low, high = _HUNDREDFOLD
+    if travel[at] > 0.0 and low < abs(mean[at]) / travel[at] < high:
+        yield (
+            f"the strain field reaches {mean[at]:.3g} on average, travel over gauge length "
+            f"{travel[at]:.3g}; per cent taken for fractions"
+        )
 
 
 # ------------------------------------------------------------------------------------------------
@@ -768,7 +726,7 @@ def examine(campaign: Campaign, model: ObservationModel) -> tuple[QualityProblem
         Of the campaign.
     """
     specimens = campaign.specimens
-    dead, copies = _each(_dead_cell, specimens), list(_duplicates(specimens))
+    dead, copies = _each("dead", _dead_cell, specimens), list(_duplicates(specimens))
     silent = {p.specimen for p in dead}
     # A force that stood still is named for that, and neither for its protocol nor as clipped.
     live = [s for s in specimens if s.id not in silent]
@@ -781,13 +739,14 @@ def examine(campaign: Campaign, model: ObservationModel) -> tuple[QualityProblem
         *dead,
         *units,
         *_sizes(specimens),
-        *_shared(_rate, timed),
-        *_each(_protocol, live),
+        *_shared("rate", _rate, timed),
+        *_each("protocol", _protocol, live),
         *_amplitudes(specimens),
         *_outlier_problems(specimens, judged),
-        *_each(_clipping, live),
+        *_each("clipped", _clipping, live),
         *copies,
-        *_each(_timing, specimens),
+        *_each("dropout", _dropouts, specimens),
+        *_each("spike", _spikes, specimens),
     )
     order = {None: -1} | {s.id: place for place, s in enumerate(specimens)}
     return tuple(sorted(problems, key=lambda p: order[p.specimen]))
@@ -822,16 +781,13 @@ def suggested_units(
                 power * (x if name.startswith("log_") else math.log(x)) for x in (value, *ends)
             )
             reach = max(abs(low - log), abs(high - log))
-            by_unit: dict[str, list[str]] = {}
-            for s in specimens:
-                own = s.force_unit_N if quantity == "force" else s.travel_unit_mm
-                if own is None or (effect.specimens and s.id not in effect.specimens):
-                    continue
-                unit = unit_near(QUANTITIES[quantity][1], math.log(own) + log, own, reach)
-                if unit is not None:
-                    by_unit.setdefault(unit, []).append(s.id)
-            for unit, ids in by_unit.items():
-                yield UnitOf(quantity, unit, () if len(ids) == len(specimens) else tuple(ids))
+            units = [
+                _unit_of(s, quantity, log, reach)
+                for s in specimens
+                if not effect.specimens or s.id in effect.specimens
+            ]
+            for one in merged_units(unit for unit in units if unit is not None):
+                yield one if len(one.specimens) < len(specimens) else replace(one, specimens=())
 
 
 def merged_units(units: Iterable[UnitOf]) -> tuple[UnitOf, ...]:

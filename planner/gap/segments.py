@@ -32,7 +32,6 @@ __all__ = [
     "leap_at_end",
     "mean_section_mm2",
     "path_of",
-    "replicate_test",
     "setup_of",
     "speed_mm_s",
     "spikes_in",
@@ -558,16 +557,19 @@ _ROWS_LEAST = 5
 """Of a segment, for more features than its end. Numerical: fewer rows do not carry a parabola."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
 class ReplicateTest:
     """One test: the specimens that went the same way, and their steps.
 
-    Attributes
+    Parameters
     ----------
     places
         Of the specimens.
     frames
-        Fractions of the first loading at which strain fields are compared.
+        Fractions of the first loading at which strain fields are compared: steps beside the
+        features'.
+
+    Attributes
+    ----------
     segments
         The mean of the specimens' own, rows of the first one's record.
     segment, fraction : (T,)
@@ -577,24 +579,40 @@ class ReplicateTest:
         Mean of the times at which specimens came by each step, rising.
     """
 
-    places: tuple[int, ...]
-    frames: tuple[float, ...]
-    segments: tuple[Segment, ...]
-    segment: IntArray
-    fraction: FloatArray
-    time_s: FloatArray
+    def __init__(
+        self,
+        paths: Mapping[int, SpecimenPath],
+        places: Sequence[int],
+        frames: tuple[float, ...] = (),
+    ) -> None:
+        self.places, self.frames = tuple(places), frames
+        members = whole = [paths[place] for place in places]
+        if len(members[0].segments) == 1:
+            shortest = min(path.segments[0].end_mm for path in members)
+            members = [path.until(shortest) for path in members]
+        ends = ("begin_s", "end_s", "begin_mm", "end_mm")
+        self.segments = tuple(
+            replace(of[0], **{end: float(np.mean([getattr(s, end) for s in of])) for end in ends})
+            for of in zip(*(path.segments for path in members), strict=True)
+        )
+        wanted = [sorted({*at, 1.0}) for at in _feature_places(self.segments)]
+        wanted[0] = sorted({*wanted[0], *frames})
+        counts = _counts(self.segments, [len(at) for at in wanted])
+        self.segment = np.concatenate([[0], np.repeat(np.arange(len(self.segments)), counts)])
+        self.fraction = np.concatenate([[0.0], *map(_filled, wanted, counts)])
+        times = np.mean([_step_times_s(path, self) for path in whole], axis=0)
+        apart = 1e-9 * float(times[-1]) * np.arange(len(times))
+        self.time_s: FloatArray = np.maximum.accumulate(times) + apart
 
     @property
     def travel_mm(self) -> FloatArray:
         """Of the crosshead at every step."""
-        begin = np.array([segment.begin_mm for segment in self.segments])[self.segment]
-        end = np.array([segment.end_mm for segment in self.segments])[self.segment]
+        begin, end = np.array([(s.begin_mm, s.end_mm) for s in self.segments])[self.segment].T
         return np.asarray(begin + self.fraction * (end - begin))
 
     def step_at(self, segment: int, fraction: float) -> int:
         """Return the step of a segment that is nearest to a fraction of it."""
-        here = np.flatnonzero(self.segment == segment)
-        here = here[here > 0]
+        here = 1 + np.flatnonzero(self.segment[1:] == segment)
         return int(here[np.argmin(np.abs(self.fraction[here] - fraction))])
 
     def feature_steps(self) -> list[int]:
@@ -647,30 +665,6 @@ def _feature_places(segments: Sequence[Segment]) -> list[tuple[float, ...]]:
         some if segment.last - segment.first + 1 >= _ROWS_LEAST else some[-1:]
         for some, segment in zip(places, segments, strict=True)
     ]
-
-
-def replicate_test(
-    paths: Mapping[int, SpecimenPath], places: Sequence[int], frames: tuple[float, ...] = ()
-) -> ReplicateTest:
-    """Return the test of the specimens at these places; `frames` are steps beside the features'."""
-    members = whole = [paths[place] for place in places]
-    if len(members[0].segments) == 1:
-        shortest = min(path.segments[0].end_mm for path in members)
-        members = [path.until(shortest) for path in members]
-    ends = ("begin_s", "end_s", "begin_mm", "end_mm")
-    segments = tuple(
-        replace(of[0], **{end: float(np.mean([getattr(s, end) for s in of])) for end in ends})
-        for of in zip(*(path.segments for path in members), strict=True)
-    )
-    wanted = [sorted({*at, 1.0}) for at in _feature_places(segments)]
-    wanted[0] = sorted({*wanted[0], *frames})
-    counts = _counts(segments, [len(at) for at in wanted])
-    segment = np.concatenate([[0], np.repeat(np.arange(len(segments)), counts)])
-    fraction = np.concatenate([[0.0], *map(_filled, wanted, counts)])
-    test = ReplicateTest(tuple(places), frames, segments, segment, fraction, np.zeros(PATH_STEPS))
-    times = np.mean([_step_times_s(path, test) for path in whole], axis=0)
-    rising = np.maximum.accumulate(times) + 1e-9 * float(times[-1]) * np.arange(len(times))
-    return replace(test, time_s=rising)
 
 
 def _counts(segments: Sequence[Segment], least: Sequence[int]) -> list[int]:
@@ -805,15 +799,12 @@ def setup_of(
     """Return the setup: as printed, by the palette's laws, in a rigid machine."""
     groups = [[campaign.specimens[place] for place in test.places] for test in tests]
     gauge = np.array([paths[test.places[0]].gauge_mm for test in tests])
-    slices = [
-        _slices_of(campaign, group[0], length)
-        for group, length in zip(groups, gauge.tolist(), strict=True)
-    ]
-    middles = [0.5 * (edges[1:] + edges[:-1]) for edges, _ in slices]
-    area = [
-        mean_section_mm2(group if group[0].part is None else (), middle)
-        for group, middle in zip(groups, middles, strict=True)
-    ]
+    slices, middles, area = [], [], []
+    for group, length in zip(groups, gauge.tolist(), strict=True):
+        edges, coordinate = _slices_of(campaign, group[0], length)
+        slices.append((np.diff(edges), coordinate))
+        middles.append(0.5 * (edges[1:] + edges[:-1]))
+        area.append(mean_section_mm2(group if group[0].part is None else (), middles[-1]))
     reference = campaign.palette.reference
     covariates: dict[str, Any] = {}
     known: dict[str, BoolArray] = {}
@@ -828,8 +819,6 @@ def setup_of(
         covariates[name], known[name] = _means(sizes, 1.0)
     directions = [next((s.orientation for s in group if s.orientation), None) for group in groups]
     known["orientation"] = np.array([o is not None for o in directions])
-    always = np.ones(len(tests), dtype=np.bool_)
-    known.update(rate_per_s=always, rate_mm_s=always, gauge_mm=always)
     rate = np.array([np.mean([paths[place].speed_mm_s for place in t.places]) for t in tests])
     first_slice = np.cumsum([0, *map(len, middles)], dtype=np.int64)
     return Setup(
@@ -845,7 +834,7 @@ def setup_of(
         designs=tuple(group[0].profile for group in groups),
         parts=tuple(part.response if (part := group[0].part) else None for group in groups),
         x_mm=np.concatenate(middles),
-        length_mm=np.concatenate([np.diff(edges) for edges, _ in slices]),
+        length_mm=np.concatenate([lengths for lengths, _ in slices]),
         coordinate=np.concatenate([coordinate for _, coordinate in slices]),
         area_mm2=np.concatenate(area),
         **covariates,

@@ -52,9 +52,9 @@ def axis_words(axis: str) -> str:
     return _AXES.get(axis, f"column {axis}")
 
 
-def percent(share: float, digits: int = 2) -> str:
+def percent(share: float) -> str:
     """Write a share in per cent: 0.214 is "21 %", 0.034 is "3.4 %"."""
-    return f"{number_words(100.0 * share, digits)} %" if math.isfinite(share) else "open"
+    return f"{number_words(100.0 * share, 2)} %" if math.isfinite(share) else "open"
 
 
 def number_words(value: float, digits: int = 3) -> str:

@@ -29,7 +29,7 @@ from planner.gap.effect import Effect, Form, Parameter, StatedEffect, stated, wi
 from planner.gap.effects import effect_named, effects_for
 from planner.gap.noise import USUAL
 from planner.gap.observations import seen_shares
-from planner.gap.segments import path_of, replicate_test, setup_of
+from planner.gap.segments import ReplicateTest, path_of, setup_of
 from planner.numerics import FloatArray
 from planner.palette import Palette
 from planner.printers import Printer, load_printer, palette_of
@@ -178,7 +178,7 @@ def single_tests(
     paths = {k: path for k in places if (path := path_of(campaign.specimens[k]))}
     if len(paths) < len(places):
         return None
-    tests = [replicate_test(paths, [place]) for place in places]
+    tests = [ReplicateTest(paths, [place]) for place in places]
     none = np.zeros(np.shape(time_s))
     setup = setup_of(campaign, tests, paths)
     reloads = map(np.interp, time_s, setup.time_s, setup.reloads)
@@ -298,19 +298,18 @@ def _listed(file: Path, name: str, palette: Palette, printer: str, camera: bool)
         else:
             far = _figure(own.get("to_strain"), share * strain, row, file, "to_strain")
         pushed = not row.part and said_mode([row.mode, *own.values()]) == "compression"
-        specimens.append(
-            virtual_specimen(
-                palette,
-                id=row.specimen,
-                # What the list says is how far it goes; a bar else goes its share.
-                strain=far / share,
-                hold_s=_figure(own.get("hold_s"), HOLD_S, row, file, "hold_s"),
-                camera=camera,
-                pushed=pushed,
-                covariates=own,
-                **fields,
-            )
+        specimen = virtual_specimen(
+            palette,
+            id=row.specimen,
+            # What the list says is how far it goes; a bar else goes its share.
+            strain=far / share,
+            hold_s=_figure(own.get("hold_s"), HOLD_S, row, file, "hold_s"),
+            camera=camera,
+            pushed=pushed,
+            covariates=own,
+            **fields,
         )
+        specimens.append(specimen)
     return Campaign(
         name=name,
         printer=printer,

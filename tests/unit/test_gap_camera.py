@@ -12,7 +12,7 @@ from planner.gap.campaign import Campaign, Specimen, StrainField
 from planner.gap.campaign_folder import read_campaign, write_campaign
 from planner.gap.evidence.problem import Problem, set_up
 from planner.gap.noise import likeliest_facet, likeliest_sides
-from planner.gap.observations import SIDES, _bins_of, observation_model, seen_shares
+from planner.gap.observations import SIDES, Bins, observation_model, seen_shares
 from planner.gap.virtual import single_tests, synthetic_campaign, virtual_specimen
 from planner.numerics import FloatArray
 from planner.palette import load_palette
@@ -185,7 +185,7 @@ def test_a_slope_is_seen_as_a_slope() -> None:
 def test_shares_of_a_bin_add_up_to_one_and_bins_are_means_of_places(facet_mm) -> None:
     setup = setup_of(LAMELLAE)
     x = np.array([-0.3, 0.4, 1.7, 2.0, 3.0, 5.0, 9.0, 9.5, 30.0, 31.0, 32.4])
-    bins = _bins_of(StrainField(np.array([1.0]), x, np.zeros((1, 11)), facet_mm), setup, 0)
+    bins = Bins(StrainField(np.array([1.0]), x, np.zeros((1, 11)), facet_mm), setup, 0)
     np.testing.assert_allclose(bins.shares.sum(axis=3), 1.0)
     assert bins.places.tolist() == [4, 4, 3]
     np.testing.assert_allclose(bins.x_mm, [np.mean(x[:4]), np.mean(x[4:8]), np.mean(x[8:])])

@@ -14,6 +14,7 @@ from planner.cli import run
 from planner.errors import FileError, PaletteError, UnknownNameError
 from planner.gap.correct import (
     Correction,
+    _Case,
     _Factors,
     _parted_sd,
     _refitted,
@@ -423,7 +424,8 @@ def test_forms_of_one_parameter_alone_cannot_part_where_they_are_one(palette) ->
         (palette.materials[0], replace(own, temperature_C=at)) for at in (23.0, 30.0, 40.0, 60.0)
     ]
     far = [_working_strain(material) for material, _ in (*tests, *tests)]
-    factors = _Factors(palette, [*tests, *tests], own, (6.0, 3.0), far, 24)
+    case = _Case(palette, diagnosed(palette), own, own, (6.0, 3.0))
+    factors = _Factors(case, [*tests, *tests], far, 24)
     parted = _parted_sd(factors, one, len(tests), sd=0.01)
     # Two of the deviations that a form may have at each test.
     assert (parted < 0.02).all()

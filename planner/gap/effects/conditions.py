@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from scipy.special import erf, rgamma
 
 from planner.gap.diagnosis import FoundEffect
-from planner.gap.effect import Apply, Values, kept_below, place_on_palette, stated
+from planner.gap.effect import Values, kept_below, place_on_palette, stated
 from planner.numerics import FloatArray
 from planner.simulation.bar_solver import (
     SOFTENING_PEAKS,
@@ -36,7 +36,7 @@ def _reference(setup: Setup, name: str) -> float:
 def _condition(setup: Setup, name: str) -> FloatArray:
     """Return a condition of the tests, (P,), the reference's where it is unknown."""
     values: FloatArray = getattr(setup, name)
-    known = setup.known.get(name, setup.known.get("rate_mm_s") if name == "rate_per_s" else None)
+    known = setup.known.get(name)
     return values if known is None else np.where(known, values, _reference(setup, name))
 
 
@@ -131,22 +131,18 @@ _LEAST_h = 1e-9
 """Hours in water that stand for none. Numerical: so that they have a logarithm."""
 
 
-def _softened_by(uptake: Callable[[Setup, FloatArray, float], FloatArray]) -> Apply:
-    """Return the form of an uptake of water over its saturation, of hours in water."""
-
-    def apply(setup: Setup, values: Values) -> Setup:
-        soak_h = _condition(setup, "soak_h")
-        start_h = np.full_like(soak_h, _reference(setup, "soak_h"))
-        if "wave_1" in values:
-            soak_h, start_h = (_as_if_h(h, values) for h in (soak_h, start_h))
-        size = _graded(setup, values["softening"], values)
-        taken, start = (
-            np.log1p(-size * setup.on_slices(uptake(setup, h, values["saturation"])))
-            for h in (soak_h, start_h)
-        )
-        return setup.stiffened(taken - start)
-
-    return apply
+def _softened_by_water(setup: Setup, values: Values, *, sheet: bool) -> Setup:
+    """Soften by what is taken up over the saturation, through a sheet or whatever the thickness."""
+    soak_h = _condition(setup, "soak_h")
+    start_h = np.full_like(soak_h, _reference(setup, "soak_h"))
+    if "wave_1" in values:
+        soak_h, start_h = (_as_if_h(h, values) for h in (soak_h, start_h))
+    size, uptake = _graded(setup, values["softening"], values), _sheet if sheet else _root
+    taken, start = (
+        np.log1p(-size * setup.on_slices(uptake(setup, h, values["saturation"])))
+        for h in (soak_h, start_h)
+    )
+    return setup.stiffened(taken - start)
 
 
 def _as_if_h(hours: FloatArray, values: Values) -> FloatArray:
@@ -166,9 +162,6 @@ def _root(setup: Setup, soak_h: FloatArray, saturation_h: float) -> FloatArray:
     return np.tanh(np.sqrt(soak_h / saturation_h))
 
 
-_fick, _root_time = _softened_by(_sheet), _softened_by(_root)
-
-
 # ------------------------------------------------------------------------------------------------
 # Temperature: mixtures soften through a glass transition that lies the higher the harder.
 
@@ -178,15 +171,12 @@ def _warmer_K(setup: Setup) -> FloatArray:
     return _condition(setup, "temperature_C") - _reference(setup, "temperature_C")
 
 
-def _exponential(setup: Setup, values: Values) -> Setup:
-    """Soften alike by every kelvin."""
-    slope = _graded(setup, values["slope"], values)
-    return setup.stiffened(-slope * setup.on_slices(_warmer_K(setup)))
-
-
 def _wlf(setup: Setup, values: Values) -> Setup:
-    """Less and less per kelvin; below half the constant the tangent goes on."""
-    warmer, constant = _warmer_K(setup), values["constant"]
+    """Less and less per kelvin; below half the constant the tangent goes on.
+
+    A form without that parameter softens alike by every kelvin.
+    """
+    warmer, constant = _warmer_K(setup), values.get("constant", math.inf)
     inside = np.maximum(warmer, -0.5 * constant)
     shift = inside / (1.0 + inside / constant) + 4.0 * (warmer - inside)
     slope = _graded(setup, values["slope"], values)
@@ -247,15 +237,11 @@ _LOG10_TIMES: FloatArray = np.log10(RELAXATION_TIMES_s)
 _TIME_STEP = float(np.log(RELAXATION_TIMES_s[1] / RELAXATION_TIMES_s[0]))
 
 
-def _rate_decades(setup: Setup) -> FloatArray:
-    """Decades of strain rate above the reference, (S,)."""
-    rate = setup.on_slices(_condition(setup, "rate_per_s")) * setup.rate_ratio
-    return np.log10(rate / _reference(setup, "rate_per_s"))
-
-
 def _rate_power(setup: Setup, values: Values) -> Setup:
-    """Stiffen alike by every decade."""
-    return setup.stiffened(_graded(setup, values["rise"], values) * _rate_decades(setup))
+    """Stiffen alike by every decade of strain rate above the reference."""
+    rate = setup.on_slices(setup.rate_per_s) * setup.rate_ratio
+    decades = np.log10(rate / _reference(setup, "rate_per_s"))
+    return setup.stiffened(_graded(setup, values["rise"], values) * decades)
 
 
 def _relaxing(setup: Setup, spectrum_at: Callable[[FloatArray], FloatArray]) -> Setup:
@@ -266,9 +252,8 @@ def _relaxing(setup: Setup, spectrum_at: Callable[[FloatArray], FloatArray]) -> 
     spectrum_at
         Of places on the palette, 0 to 1, (n,): shares, (n, K).
     """
-    low, high = setup.coordinate_range
-    materials = (setup.palette_coordinate - low) / max(high - low, 1e-12)
-    shares, before = spectrum_at(materials), setup.reference_relaxing
+    materials = setup.with_(coordinate=setup.palette_coordinate)
+    shares, before = spectrum_at(place_on_palette(materials)), setup.reference_relaxing
     if not shares.any():
         return setup
     return setup.with_(
@@ -285,14 +270,8 @@ def _spectrum(centre_s: float, breadth: float) -> FloatArray:
 
 
 def _prony(setup: Setup, values: Values) -> Setup:
-    """All mixtures relax alike."""
-    shares = values["share"] * _spectrum(values["centre"], values["breadth"])
-    return _relaxing(setup, lambda places: np.tile(shares, (len(places), 1)))
-
-
-def _graded_prony(setup: Setup, values: Values) -> Setup:
-    """One mixture relaxes most, over two decades of time."""
-    parts = _spectrum(values["centre"], 1.0)
+    """All mixtures relax alike; or one relaxes most, over two decades of time."""
+    parts = _spectrum(values["centre"], values.get("breadth", 1.0))
     return _relaxing(setup, lambda places: _trend(places, values["share"], values)[:, None] * parts)
 
 
@@ -352,30 +331,23 @@ _SET_GROWTH = 0.3
 about two thirds."""
 
 
-def _set(setup: Setup, values: Values, table: FloatArray) -> Setup:
-    share = _graded(setup, values["share"], values)
+def _set(setup: Setup, values: Values) -> Setup:
+    """Keep a share of the largest strain, or of a power of it.
+
+    With a threshold hardly any up to there, that share far beyond.
+    """
+    share, table = _graded(setup, values["share"], values), SOFTENING_PEAKS
     if not np.any(share):
         return setup
+    if "threshold" in values:
+        beyond = (table / values["threshold"]) ** 4
+        table = table * beyond / (1.0 + beyond)
+    elif "power" in values:
+        table = table ** values["power"]
     growth = _SET_GROWTH * values.get("cycles", 0.0)
     return setup.with_(
         set_share=setup.set_share + share, set_table=table, set_growth=setup.set_growth + growth
     )
-
-
-def _proportional(setup: Setup, values: Values) -> Setup:
-    """Keep a share of the largest strain."""
-    return _set(setup, values, SOFTENING_PEAKS)
-
-
-def _threshold(setup: Setup, values: Values) -> Setup:
-    """Hardly any up to a threshold, a share of the largest strain far beyond."""
-    beyond = (SOFTENING_PEAKS / values["threshold"]) ** 4
-    return _set(setup, values, SOFTENING_PEAKS * beyond / (1.0 + beyond))
-
-
-def _set_power(setup: Setup, values: Values) -> Setup:
-    """Faster than the largest strain."""
-    return _set(setup, values, SOFTENING_PEAKS ** values["power"])
 
 
 # ------------------------------------------------------------------------------------------------

@@ -1,13 +1,13 @@
 """Effects of the print: mixture, law, interfaces, orientation, section and skin."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from scipy.special import erfc
 
 from planner.gap.diagnosis import FoundEffect
-from planner.gap.effect import Apply, Values, kept_below, place_on_palette
+from planner.gap.effect import Values, kept_below, place_on_palette
 from planner.numerics import FloatArray
 from planner.simulation.bar import ProfileDesign
 from planner.simulation.bar_solver import Setup
@@ -103,34 +103,29 @@ def _corners(design: ProfileDesign) -> tuple[FloatArray, FloatArray, FloatArray]
     return place[used], jump[used], bend[used]
 
 
-def _bled(kernel: Callable[[FloatArray], tuple[FloatArray, FloatArray]]) -> Apply:
-    """Return the form of a kernel: bars take the exact convolution of their designs with it.
+_KERNELS = {"gaussian": _gaussian, "exponential": _exponential, "droplet": _droplet}
+
+
+def _bled(setup: Setup, values: Values, *, kernel: str) -> Setup:
+    """Bars take the exact convolution of their designs with a kernel.
 
     Convolution turns a unit step at distance r into one that is off by the kernel's tail beyond
     |r|, and a bend into one that is off by the tail's integral.
     """
-
-    def apply(setup: Setup, values: Values) -> Setup:
-        length_mm = values["length"]
-        if length_mm <= 0.0:
-            return setup
-        coordinate = setup.coordinate.copy()
-        for test, design in enumerate(setup.designs):
-            if design is None:
-                continue
-            place, jump, bend = _corners(design)
-            slices = slice(setup.first_slice[test], setup.first_slice[test + 1])
-            from_corner = setup.x_mm[slices, None] - place
-            tail, integral = kernel(np.abs(from_corner) / length_mm)
-            coordinate[slices] += (-np.sign(from_corner) * tail) @ jump
-            coordinate[slices] += length_mm * (integral @ bend)
-        return setup.with_(coordinate=np.clip(coordinate, *setup.coordinate_range))
-
-    return apply
-
-
-_gaussian_bleed, _exponential_bleed = _bled(_gaussian), _bled(_exponential)
-_droplet_bleed = _bled(_droplet)
+    length_mm = values["length"]
+    if length_mm <= 0.0:
+        return setup
+    coordinate = setup.coordinate.copy()
+    for test, design in enumerate(setup.designs):
+        if design is None:
+            continue
+        place, jump, bend = _corners(design)
+        slices = slice(setup.first_slice[test], setup.first_slice[test + 1])
+        from_corner = setup.x_mm[slices, None] - place
+        tail, integral = _KERNELS[kernel](np.abs(from_corner) / length_mm)
+        coordinate[slices] += (-np.sign(from_corner) * tail) @ jump
+        coordinate[slices] += length_mm * (integral @ bend)
+    return setup.with_(coordinate=np.clip(coordinate, *setup.coordinate_range))
 
 
 def _wide_bands(found: FoundEffect, width_mm: float, thickness_mm: float) -> str:

@@ -12,20 +12,11 @@ from planner.simulation.bar_solver import Setup
 # Force offset: the load cell was not zero when it should have been.
 
 
-def _constant(setup: Setup, values: Values) -> Setup:
-    """Throughout."""
-    return setup.with_(offset_N=setup.offset_N + values["offset"])
-
-
-def _drifting(setup: Setup, values: Values) -> Setup:
-    """From zero, in proportion to time."""
-    return setup.with_(offset_N=setup.offset_N + values["drift"] / 60.0 * setup.time_s)
-
-
-def _fading(setup: Setup, values: Values) -> Setup:
-    """Less and less, as a load cell warms up."""
-    left = np.exp(-setup.time_s / values["time"])
-    return setup.with_(offset_N=setup.offset_N + values["offset"] * left)
+def _offset(setup: Setup, values: Values) -> Setup:
+    """Throughout, or less and less, as a load cell warms up; or from zero, as time goes on."""
+    left = np.exp(-setup.time_s / values.get("time", math.inf))
+    shown_N = values.get("offset", 0.0) * left + values.get("drift", 0.0) / 60.0 * setup.time_s
+    return setup.with_(offset_N=setup.offset_N + shown_N)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -95,23 +86,16 @@ _LOAD_N = 20.0
 mm bear at a stress of 1 MPa."""
 
 
-def _threshold(setup: Setup, values: Values) -> Setup:
-    """In proportion to the load beyond what the grips hold."""
-    return _slipping(setup, values["slip"], values["hold"], 1.0)
-
-
-def _power(setup: Setup, values: Values) -> Setup:
-    """From the first load on, ever faster."""
-    power = values["power"]
-    return _slipping(setup, values["slip"] * _LOAD_N**-power, 0.0, power)
-
-
-def _slipping(setup: Setup, slip_mm_N: float, from_N: float, power: float) -> Setup:
+def _slipping(setup: Setup, values: Values) -> Setup:
+    """In proportion to the load beyond what the grips hold; or from the first load on, faster."""
+    slip_mm_N, power = values["slip"], values.get("power", 1.0)
     if slip_mm_N == 0.0:
         return setup
+    if "power" in values:
+        slip_mm_N *= _LOAD_N**-power
     return setup.with_(
         slip_mm_N=setup.slip_mm_N + slip_mm_N,
-        slip_from_N=np.full_like(setup.slip_from_N, from_N),
+        slip_from_N=np.full_like(setup.slip_from_N, values.get("hold", 0.0)),
         slip_power=np.full_like(setup.slip_power, power),
     )
 

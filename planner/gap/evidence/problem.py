@@ -27,7 +27,7 @@ from planner.gap.noise import (
     seen_otherwise,
     unit_gains,
 )
-from planner.gap.observations import SIDES, FeatureTable, ObservationModel
+from planner.gap.observations import FeatureTable, ObservationModel
 from planner.numerics import BoolArray, FloatArray, IntArray
 from planner.simulation.bar_solver import Prediction, Setup, predict, predict_all
 
@@ -223,11 +223,6 @@ class Candidate:
     log_evidence: float = 0.0
     members: FloatArray | None = None
     log_gain: float = 0.0
-
-    @property
-    def sizes(self) -> FloatArray:
-        """The s of each effect."""
-        return np.array([place[0] for place in self.places])
 
     @property
     def parts(self) -> list[tuple[SignedForm, _Place]]:
@@ -458,8 +453,6 @@ class Problem:
         Measured less predicted, transformed.
     unit_gains : (n,)
         See `planner.gap.noise.unit_gains`.
-    node_features : (nodes, N)
-        Change of the transformed features at each node.
     calibration : (N, q)
         What the palette's laws and a camera may be off by, of prior deviation 1; `ways` first.
     target, nodes, gains, patterns, nuisances : (N,), (N, ...)
@@ -487,7 +480,6 @@ class Problem:
     sensitivity: FloatArray
     residual: FloatArray
     unit_gains: FloatArray
-    node_features: FloatArray
     calibration: FloatArray
     target: FloatArray
     nodes: FloatArray
@@ -577,21 +569,14 @@ def set_up(
     setups = [model.setup, *(way.applied(model.setup) for way in ways)]
     for branch in branches:
         setups += [branch.form.apply(model.setup, branch.values(p)) for p in branch.node_places()]
-    table = model.table
-    raw = np.empty((len(setups), len(table)))
-    field, weights = table.is_field, model.field_weights
-    seen = np.zeros((*weights.weight.shape[:2], int(field.sum())))
-    sides = np.zeros((len(seen), seen.shape[2]), dtype=np.int64)
-    likely = weights.weight[:, len(SIDES) // 2]
-    strains = np.zeros((len(setups), *sides.shape))
+    table, field, weights = model.table, model.table.is_field, model.field_weights
+    seen = model.seen(alone, weights.weight)
+    sides = likeliest_sides(table, seen)
+    likely = weights.at_sides(sides)
+    raw, strains = np.empty((len(setups), len(table))), np.empty((len(setups), *sides.shape))
     for k, prediction in enumerate(predict_all(setups, model.laws, like=alone)):
         raw[k] = prediction.force_N[table.test, table.step]
-        if field.any():
-            if k == 0:
-                seen = model.seen(prediction, weights.weight)
-                sides = likeliest_sides(table, seen)
-                likely = weights.at_sides(sides)
-            strains[k] = model.seen(prediction, likely)
+        strains[k] = model.seen(prediction, likely)
         if progress is not None and k % 20 == 0:
             progress(k, len(setups), "forward model")
     facet = likeliest_facet(table, strains)
@@ -642,7 +627,6 @@ def set_up(
         sensitivity=sensitivity,
         residual=residual,
         unit_gains=of_units,
-        node_features=changes[len(ways) :],
         calibration=calibration,
         target=target[:, 0],
         nodes=nodes,

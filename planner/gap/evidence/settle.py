@@ -389,8 +389,8 @@ def _mode_beside_own(world: World, point: _Point, own: FloatArray) -> tuple[_Poi
     """Return a mode and specimens' own sizes there, from a point and such sizes on."""
     for _ in range(_ROUNDS):
         before, point = point, _mode(world, point, own)
-        change = point.candidate.sizes / before.candidate.sizes - 1.0
-        if own.shape[1] and np.all(np.abs(change) < _SAME_SIZE):
+        was, now = ([s for s, *_ in one.candidate.places] for one in (before, point))
+        if own.shape[1] and np.all(np.abs(np.divide(now, was) - 1.0) < _SAME_SIZE):
             break
         # Own sizes scatter in proportion to the effect's.
         own = world.problem.own_sizes(point.candidate)

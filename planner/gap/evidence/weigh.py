@@ -358,10 +358,6 @@ class Weighed:
         forms = [b.number for b in candidate.branches]
         return next(s for s in self.settled if [b.number for b in s.candidate.branches] == forms)
 
-    def error(self, candidate: Candidate) -> float:
-        """Return the errors of all tests beside a candidate, in the world where it settled."""
-        return self.settled_as(candidate).world.error(candidate)
-
 
 def _worlds(problem: Problem) -> tuple[World, ...]:
     """Return the worlds that hypotheses are weighed in, the plain one first.
@@ -411,10 +407,8 @@ def weigh(problem: Problem, priors: Priors) -> Weighed:
     result.beside_some = _settled_beside_some(result)
     for one in result.beside_some:
         _add_subset(one, worlds, result)
-    if result.beside_some:
-        result.likeliest = result.beside_some[0].world
-    elif result.settled:
-        result.likeliest = max(result.settled, key=lambda one: one.eliminated(one.world).none).world
+    if leading := result.beside_some[:1] or result.settled:
+        result.likeliest = max(leading, key=lambda one: one.eliminated(one.world).none).world
     for world in of_scatter:
         _add_axes(none, world, result)
     for one in _chosen(result):
@@ -496,15 +490,13 @@ def reweigh(
     like = weighed.likeliest or weighed.plain
     world = World(like.problem, discrepancy=like.discrepancy, laws=like.laws, weight=weight)
     settled = [one.weighed(world, one.eliminated(world)) for one in weighed.settled]
-    prior = [logs.of(c.effects) + logs.forms(c) for c in settled]
-    if weighed.beside_some:
-        some = [_of_some(world, logs, one) for one in (weighed.none, *weighed.beside_some)]
-        settled += some
-        prior += [logs.of(c.effects) for c in some]
-    odds = [
-        p - vain.get(c.effects, 0.0) + c.log_evidence for p, c in zip(prior, settled, strict=True)
+    found = [(logs.forms(c), c) for c in settled]
+    if weighed.beside_some:  # whose evidence has the prior of forms
+        found += [(0.0, _of_some(world, logs, s)) for s in (weighed.none, *weighed.beside_some)]
+    return world, [
+        (logs.of(c.effects) + forms - vain.get(c.effects, 0.0) + c.log_evidence, c)
+        for forms, c in found
     ]
-    return world, list(zip(odds, settled, strict=True))
 
 
 class _LogPriors:
@@ -519,9 +511,8 @@ class _LogPriors:
         self.single = float(np.log(priors.single * (1.0 - priors.beside) / n))
         self.pair = float(np.log(priors.pair * (1.0 - priors.beside) / max(n * (n - 1) / 2, 1)))
         # A third effect is beside two as rare as a second is beside one.
-        triples = max(n * (n - 1) * (n - 2) / 6, 1)
-        triple = priors.pair**2 / priors.single * (1.0 - priors.beside) / triples
-        self.triple = float(np.log(triple))
+        triple = priors.pair**2 / priors.single * (1.0 - priors.beside)
+        self.triple = float(np.log(triple / max(n * (n - 1) * (n - 2) / 6, 1)))
         self.unknown = _of_axes(problem, priors.axes * priors.unknown, priors.claimed)
         self.any = float(np.log((1.0 - priors.axes) * priors.unknown))
         self.beside = _of_axes(problem, priors.beside / (1.0 - priors.beside), priors.claimed)
@@ -531,16 +522,6 @@ class _LogPriors:
     def of(self, effects: Effects) -> float:
         """Return the log prior of effects without an unknown."""
         return (self.none, self.single, self.pair, self.triple)[len(effects)]
-
-    def owned(self, effects: Effects, axis: str, result: Weighed) -> Effects | None:
-        """Return the effects that a free pattern along an axis beside others amounts to.
-
-        None where the axis is no effect's own, or they would be more than two.
-        """
-        if axis not in self.owner:
-            return None
-        together = tuple(sorted({*effects, self.owner[axis]}))
-        return together if together in result.best else None
 
     def forms(self, candidate: Candidate) -> float:
         """Return the log prior of a candidate's forms among those of its effects."""
@@ -739,7 +720,8 @@ def _add_axes(one: Settled, world: World, result: Weighed) -> None:
 def _add_axis(effects: Effects, number: int, evidence: float, result: Weighed) -> None:
     """Add effects beside a free pattern along an axis, which may be an effect's own."""
     axis, logs = result.plain.problem.unknown[number].axis, result.logs
-    if (owned := logs.owned(effects, axis, result)) is not None:
+    owned = tuple(sorted({*effects, logs.owner[axis]})) if axis in logs.owner else ()
+    if owned and owned in result.best:  # weighed: no more effects than may be at work together
         result.add(owned, "", logs.of(owned), evidence + np.log(_FREE))
     elif effects:
         result.add(effects, axis, logs.of(effects) + float(logs.beside[number]), evidence)
@@ -828,9 +810,9 @@ def _enough_alone(weighed: Weighed, both: Effects) -> list[Effects]:
     evidence: what is small in force may count for much there.
     """
     errors = {
-        effects: weighed.error(weighed.best[effects])
+        effects: weighed.settled_as(found).world.error(found)
         for effects in (both, *(tuple(e for e in both if e != id) for id in both))
-        if effects in weighed.best
+        if (found := weighed.best.get(effects)) is not None
     }
     return [e for e in errors if e != both and not _falls(errors[e], errors[both])]
 
@@ -903,18 +885,15 @@ class Evidence:
 
 def evidence_of(problem: Problem, weighed: Weighed) -> Evidence:
     """Return what a campaign's ranking goes by."""
-    closes, without = _explained(problem, weighed)
+    closes, without = _explained(weighed)
+    # What a sensor does to all specimens of one condition, their scatter does as well.
+    sensors = {b.effect.id for b in problem.branches if b.effect.stage == "sensor"}
     return Evidence(
         log_prior=weighed.log_prior,
         log_evidence=weighed.log_evidence,
         specimens=len(problem.campaign.specimens),
         within_floor=_within_floor(problem) and not problem.apart.any(),
-        # What a sensor does to all specimens of one condition, their scatter does as well.
-        scatter_like=frozenset(
-            b.effect.id
-            for b in problem.branches
-            if b.effect.stage == "sensor" and len(problem.model.tests) == 1
-        ),
+        scatter_like=frozenset(sensors if len(problem.model.tests) == 1 else ()),
         closes=closes,
         without=without,
     )
@@ -947,15 +926,14 @@ _LOOKED_AT = 12
 a diagnosis ranks."""
 
 
-def _explained(
-    problem: Problem, weighed: Weighed
-) -> tuple[Mapping[Effects, bool], Mapping[Effects, Effects]]:
+def _explained(weighed: Weighed) -> tuple[Mapping[Effects, bool], Mapping[Effects, Effects]]:
     """Return `Evidence.closes` and `Evidence.without`, of the best effects and of fewer of each.
 
     Laws are as they likeliest are with the effects, and without: what the palette is off by is no
     effect's to close. Nor is it one's to open: a further effect that only a law far off makes up
     for raises the errors of force by the palette's own laws.
     """
+    problem = weighed.plain.problem
     value = {e: weighed.log_evidence[e, ""] for e in weighed.best if e}
     best = sorted(value, key=lambda e: -value[e])[:_LOOKED_AT]
     closes: dict[Effects, bool] = {}
@@ -1128,9 +1106,7 @@ _TAIL = 1.645
 """Deviations of a normal coordinate to either side. Convention: they hold 90 % of it."""
 
 
-def found_effects(
-    problem: Problem, weighed: Weighed, candidate: Candidate
-) -> tuple[FoundEffect, ...]:
+def found_effects(weighed: Weighed, candidate: Candidate) -> tuple[FoundEffect, ...]:
     """Return each effect's form and parameters with 90 % intervals.
 
     Intervals are the posterior's, normal about its mode in coordinates in which the prior is.
@@ -1146,21 +1122,15 @@ def found_effects(
         units |= dict.fromkeys(branch.form.details, "1")
         found.append(FoundEffect(branch.effect.id, branch.form.name, middle, interval, units))
     if candidate.members is not None:
-        members = candidate.members
+        members, problem = candidate.members, weighed.plain.problem
         inner = weighed.plain.products(problem.gains)
         sd_of_log = 1.0 / np.sqrt(max(float(members @ inner @ members), 1e-12))
         factor, reach = float(np.exp(candidate.log_gain)), float(np.exp(_TAIL * sd_of_log))
+        interval, unit = {"factor": (factor / reach, factor * reach)}, {"factor": "1"}
         some = zip(problem.campaign.specimens, members, strict=True)
-        found.append(
-            FoundEffect(
-                _GAIN,
-                "of-some-specimens",
-                {"factor": factor},
-                {"factor": (factor / reach, factor * reach)},
-                {"factor": "1"},
-                tuple(s.id for s, member in some if member),
-            )
-        )
+        ids = tuple(s.id for s, member in some if member)
+        of_it = FoundEffect(_GAIN, "of-some-specimens", {"factor": factor}, interval, unit, ids)
+        found.append(of_it)
     return tuple(sorted(found, key=lambda effect: effect.id))
 
 

@@ -1,5 +1,7 @@
 """Interpolation between the nodes of the library's forms: exact at nodes, how good elsewhere."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
 
@@ -31,7 +33,7 @@ COARSE = {
 sizes and five values of a shape do not carry; 1.4 times as measured, so that none gets worse."""
 
 
-def change(problem: Problem, branch: SignedForm, places: list[list[float]]) -> FloatArray:
+def change(problem: Problem, branch: SignedForm, places: Sequence[Sequence[float]]) -> FloatArray:
     """Return what the forward model itself changes at places, (places, N)."""
     setup = problem.model.setup
     setups = [branch.form.apply(setup, branch.values(place)) for place in places]
@@ -83,8 +85,8 @@ def test_nodes_are_exact(everything: Problem) -> None:
     for effect, form in (("rate", "prony"), ("interface-bleed", "gaussian")):
         (branch,) = named(everything, effect, form)
         place = branch.node_places()[-2]
-        by_nodes = node_weights(place) @ everything.node_features[branch.own]
-        exact = change(everything, branch, [list(place)])[0]
+        by_nodes = everything.nodes[:, branch.own] @ node_weights(place)
+        exact = everything.noise.whiten(change(everything, branch, [list(place)])[0])
         assert by_nodes == pytest.approx(exact, rel=1e-9, abs=1e-9)
 
 
@@ -104,7 +106,7 @@ def test_between_nodes_forms_are_near(everything: Problem, effect: str) -> None:
                 for _ in range(PLACES)
             ]
             exact = change(everything, branch, places)
-            own = everything.node_features[branch.own]
+            own = change(everything, branch, branch.node_places())
             errors.append(node_weights(places) @ own - exact)
             changes.append(exact)
         share = np.sqrt(np.mean(np.square(errors)) / max(np.mean(np.square(changes)), 1e-30))
