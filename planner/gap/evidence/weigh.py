@@ -1001,7 +1001,7 @@ def ranking_of(evidence: Evidence, priors: Priors) -> tuple[Hypothesis, ...]:
         _give(p, {effects: 1.0 - unlikely}, fewer)
     vain = [effects for effects, closes in evidence.closes.items() if not closes]
     if evidence.within_floor:
-        no_gap = [UNKNOWN, *((id,) for id in evidence.scatter_like)]
+        no_gap = [UNKNOWN, *((id,) for id in sorted(evidence.scatter_like))]
         _give(p, dict.fromkeys([*vain, *no_gap], 1.0 - unlikely), ())
     else:
         # In proportion, and to an unknown as if that were `_ALIKE_NATS` below what gives: what has
