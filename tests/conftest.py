@@ -58,6 +58,18 @@ def pytest_configure(config: pytest.Config) -> None:
         config.option.dist = "worksteal"
 
 
+SLOW = Path(os.environ.get("PLANNER_SLOW_TESTS", ROOT / "tests/slow.txt"))
+"""Tests that were measured to take long, written by benchmarks/slow_tests.py."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark what was measured to be slow."""
+    slow = set(SLOW.read_text(encoding="utf-8").splitlines())
+    for item in items:
+        if item.nodeid in slow:
+            item.add_marker(pytest.mark.slow)
+
+
 @pytest.hookimpl(wrapper=True)
 def pytest_collection() -> Iterator[None]:
     """Search no garbage while tests are collected, an eighth of the time, nor ever among them."""
