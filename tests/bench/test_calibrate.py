@@ -52,6 +52,7 @@ def test_priors_are_the_vector_that_they_came_from() -> None:
     assert vector(again) == pytest.approx(vector(start))
 
 
+@pytest.mark.long
 def test_shares_of_kinds_are_found() -> None:
     """From priors a tenth of which are single effects, of cases half of which are."""
     start = START

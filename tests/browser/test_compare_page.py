@@ -76,7 +76,7 @@ def test_one_section_and_one_list_for_both(browser: Any, open_page: Open, page: 
     assert any((whole[side] != off[side]).any() for side in (0, 1))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize(("dark", "width"), [(False, 1200), (True, 380)])
 def test_light_dark_and_narrow_are_for_all(
     browser: Any, open_page: Open, for_all: Callable[[], None], page: Path, dark: bool, width: int

@@ -75,7 +75,7 @@ def coverage(name: str, specimens: int) -> tuple[float, ...]:
 
 
 @pytest.mark.parametrize(
-    "name", ["neo-hookean", "yeoh", pytest.param("ogden", marks=pytest.mark.slow)]
+    "name", ["neo-hookean", "yeoh", pytest.param("ogden", marks=pytest.mark.long)]
 )
 @pytest.mark.parametrize("specimens", [3, pytest.param(5, marks=pytest.mark.long)])
 def test_coverage_is_nominal(name: str, specimens: int) -> None:

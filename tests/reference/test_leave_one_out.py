@@ -53,7 +53,7 @@ def test_six_tenths_of_the_error_of_straight_lines_between_neighbours(rows: list
     assert fmean(r.consistent for r in rows) <= 0.7 * fmean(r.straight for r in rows)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("softest", [26.0, pytest.param(28.0, marks=pytest.mark.long)])
 def test_the_softest_grades_unsure_hardness_changes_little(
     softest: float, rows: list[HeldOut]

@@ -140,7 +140,7 @@ def told(a):
     assert run(code, package.parent) == [*right, False]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_each_set_of_types_has_code_of_its_own(package):
     loop = """
 def loop(a):
@@ -194,7 +194,7 @@ def test_damaged_and_lost_files_are_compiled_anew(package):
     assert run(AREAS, package.parent) == [2, both]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_without_a_place_to_write_loops_are_compiled_in_each_process(package, tmp_path):
     (package / "__pycache__").write_text("in the way, for root too")
     home = tmp_path / "home"

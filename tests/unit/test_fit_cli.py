@@ -135,7 +135,7 @@ def test_laws_that_cross_are_told_and_planned_with_where_they_do_not(capsys) -> 
     assert "(--at-strain)" in said
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_tests_of_resins_as_near_as_their_scatter_make_a_palette_in_either_order(capsys) -> None:
     """Three of four differ by less than specimens scatter; every command takes the palette."""
     strain = np.linspace(0.0, 1.0, 61)

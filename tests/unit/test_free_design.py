@@ -305,7 +305,7 @@ def _stl(file: Path, triangles: Array) -> Path:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.long)])
 def test_a_manufactured_shape_is_found_again_from_its_surface(seed: int, tmp_path: Path) -> None:
     """2 % of the longest way are asked for; the true surface is that of other cells."""
     rms, largest, correlation = manufactured(seed, tmp_path, cell_mm=4.0)

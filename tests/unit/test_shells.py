@@ -142,7 +142,7 @@ def test_holes_nested_loops_and_many_bodies():
     assert audit(pieces.vertices[pieces.shell_faces([1, 2])]).bodies == 4
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_genus_above_100():
     def solid(x, y, z):
         waves = np.sin(x) * np.cos(y) + np.sin(y) * np.cos(z) + np.sin(z) * np.cos(x)

@@ -72,7 +72,7 @@ def test_the_loop_moves_the_cuts_of_the_finger(
     assert "finding: target 220 .. 340 MPa at field 0.937 .. 1.000 is out of reach" in told
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_from_python_and_again_the_same() -> None:
     campaign = planner.read_campaign(SAMPLE)
     first, second = planner.diagnose(campaign), planner.diagnose(campaign)

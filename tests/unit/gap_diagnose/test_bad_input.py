@@ -115,7 +115,7 @@ def test_specimens_and_curves_without_each_other_and_force_below_zero(lab: Path,
     assert "specimen B: force is negative in tension; its sign was turned" in limitations
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_strain_past_the_law_is_left_out_and_said(lab: Path, capsys) -> None:
     lines = (lab / "curves.csv").read_text().splitlines()
     longer = [

@@ -182,7 +182,7 @@ def test_the_order_of_specimens_does_not_matter(rate_campaign, of_rate: Diagnosi
     assert found.gap.before == pytest.approx(of_rate.gap.before, rel=0.01)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_another_process_and_other_threads_give_the_same_bytes(
     rate_campaign, tmp_path: Path
 ) -> None:
