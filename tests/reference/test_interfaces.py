@@ -100,9 +100,8 @@ def test_layers_thinner_than_cells(name: str, size: float) -> None:
 
 @pytest.mark.parametrize(
     "shift",
-    [0.003, *(pytest.param(shift, marks=pytest.mark.slow) for shift in (0.25,)),
-     *(pytest.param(shift, marks=pytest.mark.long)
-       for shift in (0.02, 0.05, 0.1, 0.4, 0.55, 0.7, 0.9, 0.97))],
+    [0.003, *(pytest.param(shift, marks=pytest.mark.long)
+              for shift in (0.02, 0.05, 0.1, 0.25, 0.4, 0.55, 0.7, 0.9, 0.97))],
 )  # fmt: skip
 def test_an_interface_anywhere_in_a_cell(shift: float) -> None:
     """The lattice moves through two thin layers: slivers, skins and halves of cells."""

@@ -35,7 +35,7 @@ BLENDS = (
 SHAPE_CHECKS = ("shells_unsound", "volume_error", "interfaces_unmatched", "overlap")
 SOLIDS = ("body_in_body",)  # whose winding does not tell whether they are hollow
 QUICK = (0, 2, 6, 8, 10, 16, 22, 27, 30, 33, 36, 85)
-SLOW = (4, 18, 26, 34)
+SLOW = (4, 26, 34)
 MANY = 400
 
 

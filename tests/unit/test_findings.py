@@ -70,7 +70,7 @@ def test_a_part_that_fits_turned_is_planned_and_reported() -> None:
     assert "turn it to fit" in tray.message
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_walls_far_over_the_tray_are_said_to_be_unchecked() -> None:
     plan = planner.grade(_bar(25_000.0), from_="Tango", to="Vero", axis="x", force_oversize=True)
     assert "places_too_thin" not in plan.checks

@@ -135,5 +135,6 @@ def test_compiling_starts_them_once_and_leaves_garbage_collection_as_it_was(tmp_
     assert run() == [right, []]  # no installation, but a loop that changed
 
 
+@pytest.mark.slow  # it takes long only where nothing is compiled yet, as in a first quick run
 def test_every_stage_can_be_rehearsed():
     first_run.rehearse(list(STAGES))

@@ -361,7 +361,7 @@ def test_a_limit_of_another_case_is_kept() -> None:
     assert made.ok or {f.kind for f in made.findings} == set()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_robust_limits_hold_at_the_worst_of_the_interval() -> None:
     given = {"load": LOAD, "target": "x=min uz=-8 mm", "free": "5x3x3", "blend": "dither"}
     side = replace(SIDE, limit="x=min uy<6 mm")

@@ -83,7 +83,7 @@ def test_probabilities_are_of_everything_weighed(of_rate: Diagnosis, of_nothing:
         assert found.verdict == found.ranking[0].name
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_another_unit_hides_no_second_effect(rate_campaign, of_rate: Diagnosis) -> None:
     """Five of 18 specimens in pounds are found by name, and what acts on all beside them.
 

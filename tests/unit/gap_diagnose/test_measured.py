@@ -151,7 +151,7 @@ def test_recalibration_is_that_of_the_world_of_the_verdict(rates, imitated) -> N
     assert np.diagonal(own[1]).sum() > np.diagonal(exact[1]).sum()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_diagnosis_of_a_stray_still_names_it(planned, imitated) -> None:
     plan = planned(4, batches=1, material=["FLX9760", "TangoPlus"], rate_mm_s=[0.085, 0.85, 8.5])
     found = diagnose(with_stray(imitated(plan, "rate:rise=0.2,form=power-law"), 3.0))

@@ -45,7 +45,7 @@ def test_a_gap_along_a_column_that_no_effect_claims(plan, imitated, seed: int) -
     assert "tray_x_mm" in {p.axis for p in found.remainder}
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_gap_along_a_column_of_words(plan, imitated) -> None:
     """Four operators with a level each."""
     names = np.random.default_rng(1).permutation(list(LEVELS) * 4).tolist()
