@@ -17,6 +17,7 @@ from planner.gap.evidence.weigh import (
     Priors,
     Weighed,
     axes_of,
+    class_of,
     needed_nats,
     posterior,
     ranking_of,
@@ -329,3 +330,23 @@ def test_a_palette_without_an_error_is_within_the_floor_in_nineteen_of_twenty(
         within.append(weigh._within_floor(problem))  # type: ignore[arg-type]
     # Three standard errors of 2,000.
     assert np.mean(within) == pytest.approx(0.95, abs=0.015)
+
+
+@pytest.mark.parametrize("within_floor", [False, True])
+def test_an_unknown_is_of_one_class_with_what_it_resembles(within_floor: bool) -> None:
+    """Rate fits by 40 nats, and a pattern beside it by 40 more: a cause like rate, or rate itself.
+
+    Slip fits neither. A gap within the scatter resembles nothing.
+    """
+    found = weighed(
+        {((), ""): 0.0, (RATE, ""): 40.0, (SLIP, ""): 0.0, (BOTH, ""): 36.0,
+         ((), "operator"): 20.0, (RATE, "operator"): 80.0}
+    )  # fmt: skip
+    evidence = replace(Evidence(found.log_prior, found.log_evidence), within_floor=within_floor)
+    ranking = ranking_of(replace(evidence, within_floor=False), Priors())
+    assert verdict_of(ranking) == UNKNOWN
+    known = SimpleNamespace(logs=SimpleNamespace(priors=Priors()), best={})
+    alike = class_of(Mock(), known, evidence, ranking, UNKNOWN)  # type: ignore[arg-type]
+    assert alike[0] == UNKNOWN
+    assert (RATE in alike) == (not within_floor)
+    assert SLIP not in alike
