@@ -17,6 +17,7 @@ from planner.errors import (
     PaletteError,
     UnknownNameError,
     as_number,
+    refused,
 )
 from planner.formats.tables import read_columns
 from planner.glance import brief, counted, html_of, one_line, plotted
@@ -208,10 +209,8 @@ def read_moduli(
     positions = file.numbers["position"].tolist()
     asked = file.numbers.get("modulus_MPa", np.empty(0)).tolist()
     for where, name in zip(places, file.texts.get("material", ()), strict=False):
-        try:
+        with refused(FileError, where, "{}", UnknownNameError):
             asked.append(moduli_MPa[resolve(name)])
-        except UnknownNameError as error:
-            raise FileError(f"{where}: {error}") from error
     for k, (where, position, modulus) in enumerate(zip(places, positions, asked, strict=True)):
         if not 0.0 <= position <= 1.0 or (k and position < positions[k - 1]):
             raise FileError(f"{where}: position is {position:g}; positions rise from 0 to 1")

@@ -14,7 +14,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.errors import ArgumentError, MeshError, did_you_mean
+from planner.errors import ArgumentError, MeshError, did_you_mean, refused
 from planner.formats.mesh_file import read_mesh
 from planner.formats.units import QUANTITY_UNITS, canonical_unit
 from planner.glance import counted, place_text
@@ -293,12 +293,10 @@ def make_part(
             raise MeshError(f"{name}: {_describe_faults(vertices, topology)}")
         vertices, topology, touching = repaired.vertices, repaired.topology, repaired.touching
         repairs += repaired.notes
-    try:
+    with refused(MeshError, name, "{}", MeshError):
         points, arranged, notes = _arrange_bodies(
             vertices, topology, touching=touching, bodies=bodies
         )
-    except MeshError as error:
-        raise MeshError(f"{name}: {error}") from error
     repairs += notes
     used, faces = compact(arranged, len(points))
     mesh = Mesh(points[used], faces)

@@ -21,6 +21,7 @@ __all__ = [
     "RED",
     "RUST",
     "Chart",
+    "Panel",
     "cross",
     "disc",
     "in_rows",

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from planner.errors import ArgumentError, FileError, UnknownNameError
+from planner.errors import ArgumentError, FileError, UnknownNameError, refused
 from planner.formats.tables import read_columns
 from planner.glance import brief
 from planner.grading.profile import dithered_profile, is_dithered
@@ -476,10 +476,8 @@ def _of_plan(
     """
     plan = read_plan(path)
     where, notes = plan_file(path).name, []
-    try:
+    with refused(FileError, where, "{}", ArgumentError):
         _, _, span = plan_axis(plan.gradient.field)
-    except ArgumentError as error:
-        raise FileError(f"{where}: {error}") from error
     if plan.palette.sha256 and palette.sha256 and plan.palette.sha256 != palette.sha256:
         notes.append(
             f"{path.name}: planned with another version of palette {plan.palette.name}; its "

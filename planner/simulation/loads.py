@@ -11,7 +11,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from planner.errors import ArgumentError, FileError, did_you_mean
+from planner.errors import ArgumentError, FileError, did_you_mean, refused
 from planner.fields.basic import unit_direction
 from planner.formats.files import decode_toml, read_file
 from planner.formats.units import QUANTITY_UNITS, quantities_of, unit_factor
@@ -345,10 +345,8 @@ def palette_densities(palette: Palette, cases: Sequence[LoadCase]) -> tuple[Floa
 
 
 def _direction(given: str | Sequence[float], where: str) -> Point:
-    try:
+    with refused(ArgumentError, where, "{}", ArgumentError):
         return unit_direction(given)
-    except ArgumentError as error:
-        raise ArgumentError(f"{where}: {error}") from error
 
 
 # ------------------------------------------------------------------------------------------------

@@ -176,9 +176,12 @@ def test_the_signal_to_noise_ratio_is_that_of_the_generalised_least_squares_ampl
     assert np.std(amplitudes) == pytest.approx(1.0 / by.snr(pattern), rel=0.12)
 
 
+@pytest.mark.parametrize("draws", [range(3), pytest.param(range(3, 6), marks=pytest.mark.long)])
 @pytest.mark.parametrize("set_name", SETS)
-def test_effects_are_as_visible_as_was_drawn_unless_their_range_ends(set_name: str) -> None:
-    for index in range(3):
+def test_effects_are_as_visible_as_was_drawn_unless_their_range_ends(
+    set_name: str, draws: range
+) -> None:
+    for index in draws:
         truth = make_campaign(PALETTE, set_name, "other", 30, 17, index).truth
         (cause,) = truth["causes"]
         effect = EFFECTS[cause["effect"]]
