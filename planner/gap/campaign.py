@@ -2,7 +2,8 @@
 
 from collections import Counter
 from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
+from functools import cache
 from types import MappingProxyType
 
 import numpy as np
@@ -12,7 +13,7 @@ from planner.formats.specimens import SPECIMEN_COLUMNS, SpecimenConditions
 from planner.glance import brief, counted, one_line, plotted
 from planner.materials.characterise import check_record
 from planner.numerics import FloatArray, freeze
-from planner.palette import Palette
+from planner.palette import Palette, Reference
 from planner.simulation.bar import ProfileDesign
 from planner.simulation.part_response import PartResponse
 
@@ -27,6 +28,7 @@ __all__ = [
     "condition_groups",
     "named",
     "replicate_groups",
+    "stated",
     "with_modes",
 ]
 
@@ -357,6 +359,27 @@ def _design_key(design: ProfileDesign | None) -> Hashable:
     columns = ("x_mm", "coordinate", "width_mm", "thickness_mm")
     arrays = (getattr(design, name, None) for name in columns)
     return tuple(None if a is None else np.round(a, 6).tobytes() for a in arrays)
+
+
+# ------------------------------------------------------------------------------------------------
+# The conditions at which a palette was measured.
+
+
+_STANDARD = Reference(
+    strain_rate_per_s=0.03,
+    **{name: c.usual for name, c in SPECIMEN_COLUMNS.items() if c.usual is not None},
+    orientation="x",
+)
+"""What stands in where a palette does not say at which conditions it was measured. Convention: a
+tensile test at some 50 mm/min on a 25 mm gauge, in a laboratory."""
+
+
+@cache
+def stated(*references: Reference) -> Reference:
+    """Return every condition as the first reference that states it, or else the standard."""
+    names = [field.name for field in fields(Reference)]
+    known = [[getattr(at, name) for at in (*references, _STANDARD)] for name in names]
+    return Reference(*(next(v for v in values if v is not None) for values in known))
 
 
 # ------------------------------------------------------------------------------------------------

@@ -12,9 +12,9 @@ from typing import Any, Literal, TypeAlias, cast
 import numpy as np
 
 from planner.errors import ArgumentError, FileError, PaletteError, PlannerError, UnknownNameError
-from planner.gap.campaign import TOLERANCES, Campaign
+from planner.gap.campaign import TOLERANCES, Campaign, stated
 from planner.gap.diagnosis import Diagnosis, FoundEffect, name_of, read_diagnosis
-from planner.gap.effect import Effect, Form, StatedEffect, stated, with_effects
+from planner.gap.effect import Effect, Form, StatedEffect, with_effects
 from planner.gap.effects import effect_named, effects_for
 from planner.gap.noise import FIT_SD, USUAL
 from planner.gap.virtual import single_tests, virtual_specimen

@@ -13,9 +13,9 @@ from scipy.special import ndtr
 
 from planner.errors import ArgumentError, PaletteError
 from planner.formats.specimens import SPECIMEN_COLUMNS
-from planner.gap.campaign import Campaign, Specimen
+from planner.gap.campaign import Campaign, Specimen, stated
 from planner.gap.diagnosis import Experiment, Hypothesis
-from planner.gap.effect import Effect, Parameter, stated, untestable
+from planner.gap.effect import Effect, Parameter, untestable
 from planner.gap.effects import EFFECTS, STEPS, effect_named, effects_for
 from planner.gap.evidence.problem import (
     Candidate,

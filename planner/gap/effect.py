@@ -1,21 +1,18 @@
 """What an effect is: physically sized, in a family of forms, at one stage of the model."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields
-from functools import cache
+from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from planner.formats.specimens import SPECIMEN_COLUMNS
 from planner.gap.campaign import Campaign, Specimen, column_levels
 from planner.gap.diagnosis import FoundEffect
 from planner.gap.quality import HOLDS, UNLOADS
 from planner.gap.segments import hold_share, speed_mm_s, unloading_share
 from planner.numerics import FloatArray
-from planner.palette import Reference
 from planner.simulation.bar_solver import Setup
 
 __all__ = [
@@ -27,7 +24,6 @@ __all__ = [
     "Values",
     "kept_below",
     "place_on_palette",
-    "stated",
     "untestable",
     "with_effects",
 ]
@@ -287,23 +283,6 @@ _CHANNELS: Mapping[str, tuple[Callable[[Sequence[Specimen]], bool], str]] = Mapp
 
 # ------------------------------------------------------------------------------------------------
 # What the forms of several files need.
-
-
-_STANDARD = Reference(
-    strain_rate_per_s=0.03,
-    **{name: c.usual for name, c in SPECIMEN_COLUMNS.items() if c.usual is not None},
-    orientation="x",
-)
-"""What stands in where a palette does not say at which conditions it was measured. Convention: a
-tensile test at some 50 mm/min on a 25 mm gauge, in a laboratory."""
-
-
-@cache
-def stated(*references: Reference) -> Reference:
-    """Return every condition as the first reference that states it, or else the standard."""
-    names = [field.name for field in fields(Reference)]
-    known = [[getattr(at, name) for at in (*references, _STANDARD)] for name in names]
-    return Reference(*(next(v for v in values if v is not None) for values in known))
 
 
 def place_on_palette(setup: Setup) -> FloatArray:

@@ -11,7 +11,7 @@ from scipy.signal import find_peaks
 
 from planner.errors import FileError
 from planner.formats.specimens import SPECIMEN_COLUMNS
-from planner.gap.campaign import Campaign, Specimen
+from planner.gap.campaign import Campaign, Specimen, stated
 from planner.materials.characterise import (
     BROKEN_SHARE,
     MINIMUM_POINTS,
@@ -810,10 +810,8 @@ def setup_of(
     known: dict[str, BoolArray] = {}
     for name, column in SPECIMEN_COLUMNS.items():
         if column.usual is not None:
-            stands = getattr(reference, name)
-            stands = column.usual if stands is None else stands
             values = [[getattr(s, name) for s in group] for group in groups]
-            covariates[name], known[name] = _means(values, stands)
+            covariates[name], known[name] = _means(values, getattr(stated(reference), name))
     for name in ("width_mm", "thickness_mm"):
         sizes = [[_nominal_size_mm(s, name) for s in group] for group in groups]
         covariates[name], known[name] = _means(sizes, 1.0)

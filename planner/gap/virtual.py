@@ -13,7 +13,7 @@ from planner.errors import ArgumentError, FileError, UnknownNameError, did_you_m
 from planner.formats.files import path_within
 from planner.formats.specimens import ListedSpecimen as Row
 from planner.formats.specimens import read_specimens
-from planner.gap.campaign import Campaign, Specimen, StrainField
+from planner.gap.campaign import Campaign, Specimen, StrainField, stated
 from planner.gap.campaign_folder import (
     SPECIMENS,
     ListReader,
@@ -25,7 +25,7 @@ from planner.gap.campaign_folder import (
     said_mode,
 )
 from planner.gap.diagnosis import read_diagnosis
-from planner.gap.effect import Effect, Form, Parameter, StatedEffect, stated, with_effects
+from planner.gap.effect import Effect, Form, Parameter, StatedEffect, with_effects
 from planner.gap.effects import effect_named, effects_for
 from planner.gap.noise import USUAL
 from planner.gap.observations import seen_shares

@@ -1,7 +1,7 @@
 """Force and strains of bars that are pulled, slices in series under one force, and of parts."""
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, fields, replace
 from functools import lru_cache, partial
@@ -1144,7 +1144,7 @@ def predict(
 
 def predict_all(
     setups: Iterable[Setup], laws: LawTables, *, like: Prediction | None = None, workers: int = 2
-) -> list[Prediction]:
+) -> Iterator[Prediction]:
     """Predict several setups, in their order; threads change the time it takes and nothing else.
 
     Parameters
@@ -1152,8 +1152,9 @@ def predict_all(
     like
         See `predict`.
     """
-    waiting = list(setups)
+    waiting, one = list(setups), partial(predict, laws=laws, like=like)
     if workers < 2 or len(waiting) < 2:
-        return [predict(setup, laws, like=like) for setup in waiting]
+        yield from map(one, waiting)
+        return
     with ThreadPoolExecutor(min(workers, len(waiting))) as pool:
-        return list(pool.map(partial(predict, laws=laws, like=like), waiting))
+        yield from pool.map(one, waiting)

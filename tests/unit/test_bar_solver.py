@@ -343,8 +343,8 @@ def test_threads_change_nothing():
     path = there_and_back((0.3, 0.05, 0.4), points=15)
     plain = setup(path, coordinates=(np.linspace(0.0, 0.8, 12), (0.3,)))
     setups = [plain.stiffened(np.full(13, 0.01 * k)) for k in range(8)]
-    alone = predict_all(setups, LAWS, workers=1)
-    together = predict_all(iter(setups), LAWS, workers=2)
+    alone = list(predict_all(setups, LAWS, workers=1))
+    together = list(predict_all(iter(setups), LAWS, workers=2))
     for one, two in zip(alone, together, strict=True):
         np.testing.assert_array_equal(one.force_N, two.force_N)
         np.testing.assert_array_equal(one.strain, two.strain)

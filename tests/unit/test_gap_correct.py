@@ -12,6 +12,7 @@ import pytest
 import planner
 from planner.cli import run
 from planner.errors import FileError, PaletteError, UnknownNameError
+from planner.gap.campaign import stated
 from planner.gap.correct import (
     Correction,
     _Case,
@@ -23,7 +24,7 @@ from planner.gap.correct import (
 )
 from planner.gap.diagnose import levels_tested
 from planner.gap.diagnosis import Diagnosis, FoundEffect, Gap
-from planner.gap.effect import StatedEffect, stated
+from planner.gap.effect import StatedEffect
 from planner.gap.effects import EFFECTS, effects_for
 from planner.grading.profile import Profile
 from planner.materials.laws import make_law

@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import erf, rgamma
 
+from planner.gap.campaign import stated
 from planner.gap.diagnosis import FoundEffect
-from planner.gap.effect import Values, kept_below, place_on_palette, stated
+from planner.gap.effect import Values, kept_below, place_on_palette
 from planner.numerics import FloatArray
 from planner.simulation.bar_solver import (
     SOFTENING_PEAKS,

@@ -508,7 +508,7 @@ class Problem:
             Of a candidate much like these, which is faster; the palette alone by default.
         """
         setups = [applied(candidate, self.model.setup) for candidate in candidates]
-        return predict_all(setups, self.model.laws, like=like or self.alone)
+        return list(predict_all(setups, self.model.laws, like=like or self.alone))
 
     def changes(self, predictions: Sequence[Prediction]) -> FloatArray:
         """Return what predictions change of the palette's transformed features, (k, N)."""
