@@ -20,13 +20,13 @@ def fuzz(tmp_path: Path, first: int, count: int) -> None:
 
 
 @pytest.mark.slow
-def test_100_changed_files(tmp_path):
-    fuzz(tmp_path, 0, 100)
+def test_50_changed_files(tmp_path):
+    fuzz(tmp_path, 0, 50)
 
 
 @pytest.mark.long
 def test_10000_changed_files(tmp_path):
-    fuzz(tmp_path, 100, 10_000)
+    fuzz(tmp_path, 50, 10_000)
 
 
 def test_what_harms_is_told_with_the_way_to_run_it_again(tmp_path):

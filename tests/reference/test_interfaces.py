@@ -236,7 +236,8 @@ def lame(radii, moduli, pressure, poisson=0.49):
 
 
 @pytest.mark.parametrize(
-    "cell_mm", [1.4, *(pytest.param(size, marks=pytest.mark.slow) for size in (1.0, 0.7))]
+    "cell_mm",
+    [1.4, pytest.param(1.0, marks=pytest.mark.slow), pytest.param(0.7, marks=pytest.mark.long)],
 )
 @pytest.mark.parametrize(
     ("radii", "moduli"),

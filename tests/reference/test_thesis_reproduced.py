@@ -45,7 +45,7 @@ def test_close_is_not_careless() -> None:
     assert not close("3 of 7", "3 in 7")
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_tables(script: ModuleType) -> None:
     # Where Nelder and Mead's search is cut off at its 3600th step, it is where rounding has led it:
     # from the curves at 24.8 MPa², 0.095 MPa apart on one processor, at 21.1 and 0.143 on another.

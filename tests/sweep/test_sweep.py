@@ -35,7 +35,7 @@ BLENDS = (
 SHAPE_CHECKS = ("shells_unsound", "volume_error", "interfaces_unmatched", "overlap")
 SOLIDS = ("body_in_body",)  # whose winding does not tell whether they are hollow
 QUICK = (0, 2, 6, 8, 10, 16, 22, 27, 30, 33, 36, 85)
-SLOW = (4, 26, 34)
+LONG = (4, 26, 34)
 MANY = 400
 
 
@@ -150,7 +150,7 @@ FAILURES = {"silent", "false alarm", "wrong", "disagrees", "internal"}
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "number", [*QUICK, *(pytest.param(number, marks=pytest.mark.slow) for number in SLOW)]
+    "number", [*QUICK, *(pytest.param(number, marks=pytest.mark.long) for number in LONG)]
 )
 def test_a_hard_solid_is_refused_or_cut_as_the_plan_says(number, tmp_path):
     outcome = examine(number, tmp_path)
