@@ -44,6 +44,7 @@ from planner.palette import Palette, encode_palette, load_palette
 from planner.plan import plan_file
 from planner.printers import load_printer, palette_of
 from planner.simulation.bar import ProfileDesign, read_profile
+from planner.simulation.bar_solver import PUSHED_END
 from planner.simulation.part_response import PartResponse
 
 __all__ = [
@@ -204,9 +205,6 @@ Chosen: a way back past zero is small beside the pull, so that anything well abo
 _PLACES = 40
 """Strains at which a curve is looked at. Numerical: laws are straight over a fortieth of them."""
 
-_FARTHEST = 0.6
-"""Strain up to which a curve is looked at. Chosen: a law in compression ends soon after."""
-
 
 def _kind(source: "_Source", force_N: FloatArray, travel_mm: FloatArray) -> str | None:
     """Return the way of loading whose law a first loading is nearer to, at any stiffness.
@@ -218,7 +216,7 @@ def _kind(source: "_Source", force_N: FloatArray, travel_mm: FloatArray) -> str 
     moved = np.abs(travel_mm - travel_mm[0])
     top = int(np.argmax(moved >= 0.95 * moved.max()))
     strain, load = moved[: top + 1] / source.gauge_mm, np.abs(force_N[: top + 1])
-    end = min(float(strain.max()), _FARTHEST)
+    end = min(float(strain.max()), PUSHED_END)
     at = np.linspace(0.0, end, _PLACES + 1)[1:]
     if not end > 0.0 or not load.max() > 0.0:
         return None

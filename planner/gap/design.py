@@ -600,9 +600,6 @@ _WAITING_SHARE = 0.02
 """What an hour costs in which a specimen soaks or ages. Chosen: a day of waiting counts as half an
 hour of work."""
 
-_COPIES = 2
-"""Specimens of a test. Chosen: with one alone, a bad print or a slipped grip would pass unseen."""
-
 
 @dataclass(frozen=True, slots=True)
 class Trial:
@@ -627,16 +624,16 @@ class Trial:
         what = ", ".join(f"{name} {value}" for name, value in self.change.items())
         how = "compressed specimens" if s.pushed else "specimens"
         detail = (
-            f"{_COPIES} {how} with {what}, all else as where the palette was measured; about "
+            f"{_BATCHES} {how} with {what}, all else as where the palette was measured; about "
             f"{self.hours:.1f} h"
         )
         return Experiment(
-            dict(self.change), splits, gain_nats, self.hours, detail, _COPIES, row, design
+            dict(self.change), splits, gain_nats, self.hours, detail, _BATCHES, row, design
         )
 
 
 def trials_of(campaign: Campaign, setup: Setup) -> tuple[Trial, ...]:
-    """Return the candidate tests of a campaign, each of `_COPIES` specimens, loaded like most.
+    """Return the candidate tests of a campaign, each of `_BATCHES` specimens, loaded like most.
 
     Raises
     ------
@@ -701,24 +698,20 @@ def _hours(specimen: Specimen, least_days: float) -> float:
     """Return the hours of a test's specimens; they wait together."""
     test_h = float(specimen.time_s[-1]) / 3600.0
     waiting = (specimen.soak_h or 0.0) + 24.0 * max((specimen.age_days or 0.0) - least_days, 0.0)
-    return _COPIES * (_PREPARATION_H + test_h) + _WAITING_SHARE * waiting
+    return _BATCHES * (_PREPARATION_H + test_h) + _WAITING_SHARE * waiting
 
 
 # ------------------------------------------------------------------------------------------------
 # Choose the tests that tell most per hour.
 
 
-_HYPOTHESES = 6
-"""The most probable, between which tests are to tell. Chosen: what follows is hardly ever the
-cause, and would be run for every test."""
-
 _TOLD_APART = 2.0
 """Standard deviations between what two hypotheses predict, at which a test splits them. Convention:
 the usual level."""
 
 _LEAST_SHARE = 0.02
-"""No hypothesis among those weighed is taken to be less probable. Chosen: a test that would
-overturn the verdict is worth something."""
+"""Hypotheses below it take no part, but for the best two, which count so much at least. Numerical:
+each adds hardly more to what a test is expected to tell."""
 
 
 def next_experiments(
@@ -731,7 +724,7 @@ def next_experiments(
     materials alone there is none to propose.
     """
     known = [h for h in ranking if h.effects != UNKNOWN and h.effects in weighed.best]
-    known = known[:_HYPOTHESES]
+    known = [h for n, h in enumerate(known) if n < 2 or h.probability >= _LEAST_SHARE]
     rigid = all(m.deformation != "elastic" for m in problem.campaign.palette.materials)
     if len(known) < 2 or rigid:
         return ()
@@ -785,7 +778,7 @@ def _predicted(
     features = NoisyFeatures(table, table.sensitivity(raw[0]), sensor, no_batch)
     noise = features.noise(problem.scatter)
     return [
-        (learned[:, rows], block / _COPIES + shared[rows] @ known @ shared[rows].T)
+        (learned[:, rows], block / _BATCHES + shared[rows] @ known @ shared[rows].T)
         for rows, block in zip(noise.rows, noise.blocks, strict=True)
     ]
 

@@ -194,10 +194,6 @@ _LEAST_PROBABILITY = 0.02
 """Hypotheses below it do not take part in what is expected. Numerical: each would move it by less
 than 2 % of what it predicts otherwise."""
 
-_NEGATIVE = 1.05
-"""Error after over before from which predictions are told to be worse. Chosen: errors of some 15
-tests change by a few per cent by chance."""
-
 _WIDER = 1.25
 """Of the interval of what is closed: resampling some 15 tests gives one that is too narrow.
 Calibrated: so much wider, and with the floor's own doubt, it held the closure of the true effect in
@@ -259,7 +255,7 @@ def closure(
         recalibration_only=_rms(recalibrated),
         generic=_rms(generic),
         held_out=held_out,
-        negative_transfer=_rms(after) > _NEGATIVE * max(_rms(before), floor_rms or 0.0),
+        negative_transfer=_rms(after) > max(_rms(before), floor_rms or 0.0),
     )
     if not beyond:
         return gap

@@ -592,21 +592,20 @@ def _tests(specimens: Sequence[Specimen], paths: Mapping[int, SpecimenPath]) -> 
     return sorted(tests, key=lambda test: test.places[0])
 
 
-_EARLIEST_FRAME = 0.02
-"""Share of the first loading before which a camera's frame is not compared. Chosen: strains are
-within the noise of image correlation there."""
-
-
 def _frame_fractions(
     specimens: Sequence[Specimen], paths: Mapping[int, SpecimenPath], places: Sequence[int]
 ) -> tuple[float, ...]:
-    """Return at which fractions of the first loading strain fields are compared: two or none."""
+    """Return at which fractions of the first loading strain fields are compared: two or none.
+
+    From where the bar is strained by `_STRAIN_FLOOR`.
+    """
     end = min(paths[place].segments[0].end_mm for place in places)
+    least = _STRAIN_FLOOR * paths[places[0]].gauge_mm
     for place in places:
         seen = specimens[place].strain_field
         if seen is not None and specimens[place].profile is not None:
             travels = _frames_of(seen, paths[place])[0]
-            travels = travels[(travels > _EARLIEST_FRAME * end) & (travels <= end * (1.0 + 1e-9))]
+            travels = travels[(travels > least) & (travels <= end * (1.0 + 1e-9))]
             if len(travels):
                 middle = int(np.argmin(np.abs(travels - 0.5 * travels[-1])))
                 return tuple(sorted({float(travels[i]) / end for i in (middle, -1)}))

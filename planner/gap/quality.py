@@ -20,6 +20,7 @@ from planner.gap.localise import specimen_patterns
 from planner.gap.observations import BRANCHES, ObservationModel
 from planner.gap.segments import (
     SPIKE_STEP,
+    TIME_TOLERANCE,
     TURN_SHARE,
     hold_share,
     leap_at_end,
@@ -28,7 +29,7 @@ from planner.gap.segments import (
     spikes_in,
     unloading_share,
 )
-from planner.materials.characterise import UNLOADED_SHARE, noise_sd
+from planner.materials.characterise import MINIMUM_POINTS, UNLOADED_SHARE, noise_sd
 from planner.numerics import FloatArray
 from planner.simulation.bar_solver import predict
 
@@ -61,10 +62,6 @@ def _shared(kind: str, check: _Check, specimens: Sequence[Specimen]) -> list[Qua
 # Force that stands still at its largest value while the crosshead moves on.
 
 
-_FEWEST = 5
-"""Points of a plateau, and of a loading that is judged. Chosen: fewer may be equal by chance, or
-all lie in the zero."""
-
 _RISE, _RISE_SHARE = 4.0, 0.01
 """The force should have risen by so many times noise and resolution, and by so much of its peak,
 along the plateau. Chosen: four deviations are no noise; a material that yields levels off before
@@ -78,9 +75,9 @@ def _clipping(s: Specimen) -> Iterator[str]:
     at_top = (force >= top - 1e-9 * abs(top)).astype(np.int8)
     plateaus = np.flatnonzero(np.diff(at_top, prepend=0, append=0)).reshape(-1, 2)
     start, stop = max(plateaus.tolist(), key=lambda run: run[1] - run[0])
-    if min(stop - start, start) < _FEWEST:
+    if min(stop - start, start) < MINIMUM_POINTS:
         return
-    first = max(start - max(_FEWEST, (stop - start) // 5), 0)
+    first = max(start - max(MINIMUM_POINTS, (stop - start) // 5), 0)
     travel = float(way[stop - 1] - way[start])
     approach = float(way[start] - way[first])
     if travel <= 0.0 or approach <= 0.0:
@@ -103,16 +100,13 @@ _MEANS, _NOISE = 20, 6.0
 """Of a first loading, and their spread in deviations below which its load stands still. Physical:
 so many means of noise alone spread over 3.7 on average, and over 6 once in 300."""
 
-_LEAST_STRAIN = 0.01
-"""From which a load should show. Chosen: below 1 % slack may take up the travel."""
-
 
 def _dead_cell(s: Specimen) -> Iterator[str]:
     """Yield a force that stood still, but for noise, over the first loading."""
     # A crosshead slows down before a hold.
     arrived = s.travel_mm >= (1.0 - TURN_SHARE) * float(np.max(s.travel_mm))
     stop = int(np.argmax(arrived)) + 1
-    if stop < _FEWEST or float(s.strain[stop - 1]) < _LEAST_STRAIN:
+    if stop < MINIMUM_POINTS:
         return
     force = np.array([part.mean() for part in np.array_split(s.force_N[:stop], min(_MEANS, stop))])
     noise = _NOISE * noise_sd(s.force_N[:stop]) / np.sqrt(stop / len(force))
@@ -166,10 +160,6 @@ def _times(count: int, what: str) -> str:
 # The declared rate against travel and time.
 
 
-_OFF = 0.1
-"""Relative, from which speed or travel is another than declared, or than the replicates'. Chosen:
-machines hold both to 1 %; rounded times, slack and a start that is not at zero take a few."""
-
 _MINUTE, _INCH = QUANTITY_UNITS["time"]["min"], QUANTITY_UNITS["length"]["in"]
 _RATE_SLIPS = (
     (_MINUTE, "mm/s and mm/min, or s and min, were mixed up"),
@@ -189,9 +179,11 @@ def _rate(s: Specimen) -> Iterator[str]:
     # Rounded times make steps of a record too short or too long, but not the way to its end.
     path = path_of(s)
     mean = speed if path is None else path.speed_mm_s
-    if min(off, abs(math.log(mean / declared))) <= _OFF:
+    if min(off, abs(math.log(mean / declared))) <= TIME_TOLERANCE:
         return
-    reasons = [words for factor, words in _RATE_SLIPS if abs(off - math.log(factor)) < _OFF]
+    reasons = [
+        words for factor, words in _RATE_SLIPS if abs(off - math.log(factor)) < TIME_TOLERANCE
+    ]
     yield (
         f"the crosshead moves at {speed:.3g} mm/s by its time channel, {declared:.3g} mm/s "
         f"is declared{f'; {reasons[0]}' if reasons else ''}"
@@ -304,7 +296,7 @@ def _amplitudes(specimens: Sequence[Specimen]) -> Iterator[QualityProblem]:
             continue
         peak = float(np.max(s.travel_mm))
         broke = s.protocol in (None, "monotonic") and peak < declared
-        if not broke and abs(peak / declared - 1.0) > _OFF:
+        if not broke and abs(peak / declared - 1.0) > TIME_TOLERANCE:
             yield _amplitude(s, peak, declared, "is declared")
     for group in replicate_groups(specimens):
         members = [specimens[i] for i in group if specimens[i].protocol in ("cyclic", "relaxation")]
@@ -312,7 +304,7 @@ def _amplitudes(specimens: Sequence[Specimen]) -> Iterator[QualityProblem]:
         if len(members) < 3 or any(_declared_mm(s) is not None for s in members):
             continue
         middle = float(np.median(peaks))
-        off = np.abs(peaks / middle - 1.0) > _OFF
+        off = np.abs(peaks / middle - 1.0) > TIME_TOLERANCE
         if off.sum() == 1:
             at = int(np.argmax(off))
             yield _amplitude(members[at], float(peaks[at]), middle, "is its replicates'")
@@ -682,7 +674,7 @@ def _travel_slip(specimen: Specimen, load: float) -> QualityProblem | None:
         return None
     speed = speed_mm_s(specimen.time_s, specimen.travel_mm)
     ratio = math.log(speed / specimen.rate_mm_s) if speed > 0.0 else 0.0
-    if abs(abs(ratio) - math.log(_INCH)) > _OFF or ratio * load > 0.0:
+    if abs(abs(ratio) - math.log(_INCH)) > TIME_TOLERANCE or ratio * load > 0.0:
         return None
     words = "inches taken for mm" if ratio < 0.0 else "mm taken for inches"
     told = f"travel is off by 25.4 against its declared rate and its load, as if {words}"

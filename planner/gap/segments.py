@@ -25,6 +25,7 @@ from planner.simulation.bar_solver import Setup, unaltered
 
 __all__ = [
     "PATH_STEPS",
+    "TIME_TOLERANCE",
     "ReplicateTest",
     "SpecimenPath",
     "forces_N",
@@ -282,7 +283,7 @@ class SpecimenPath:
         """
         if [s.kind for s in self.segments] != [s.kind for s in other.segments]:
             return False
-        if abs(self.speed_mm_s / other.speed_mm_s - 1.0) > _TIME_TOLERANCE:
+        if abs(self.speed_mm_s / other.speed_mm_s - 1.0) > TIME_TOLERANCE:
             return False
         if len(self.segments) == 1:
             ends = self.segments[0].end_mm, other.segments[0].end_mm
@@ -290,7 +291,7 @@ class SpecimenPath:
         spread = max(segment.end_mm for segment in self.segments)
         return all(
             abs(a.end_mm - b.end_mm) <= _SCATTER * spread
-            and abs((a.end_s - a.begin_s) / (b.end_s - b.begin_s) - 1.0) <= _TIME_TOLERANCE
+            and abs((a.end_s - a.begin_s) / (b.end_s - b.begin_s) - 1.0) <= TIME_TOLERANCE
             for a, b in zip(self.segments, other.segments, strict=True)
         )
 
@@ -527,7 +528,7 @@ _HOLD_DECADES = 1000.0
 Numerical: three decades; of a hold of 240 s from 0.24 s on, when machines
 have stopped."""
 
-_TIME_TOLERANCE = 0.1
+TIME_TOLERANCE = 0.1
 """Relative difference of speeds and of times of segments of one test. Physical: a tenth of a rate
 changes a polymer's stress by less than 1 % (at 20 % a decade)."""
 

@@ -419,10 +419,6 @@ _SENSOR = 0.001
 _SENSOR_LEAST_N = 0.002
 """Noise of force, of the largest and at least. Chosen: a good load cell's."""
 
-_FIELD, _FIELD_RELATIVE = 0.003, 0.02
-"""Noise of local strains, absolute and of the strain. Chosen: a good camera's, below what is usual
-(`noise.USUAL`)."""
-
 
 def synthesise_campaign(
     design: str | Path,
@@ -586,5 +582,5 @@ def _seen(
     facet = float(np.median(np.diff(seen.x_mm))) if seen.facet_mm is None else seen.facet_mm
     along = prediction.strain @ seen_shares(setup, 0, seen.x_mm, facet).T
     strain = np.stack([np.interp(seen.time_s, specimen.time_s, at) for at in along.T], axis=1)
-    sd = np.hypot(_FIELD, _FIELD_RELATIVE * strain)
+    sd = np.hypot(USUAL.field, USUAL.field_relative * strain)
     return replace(seen, strain=strain + sd * rng.standard_normal(strain.shape))

@@ -106,10 +106,10 @@ def test_a_clean_campaign_has_no_bias_at_steps(spacing_mm, facet_mm, stated) -> 
     # 15 %, and of such a number 4 deviations are passed once in 100.
     assert np.mean(far**2) == pytest.approx(1.0, abs=0.3)
     assert np.abs(far).max() < 4.0
-    # The camera's own deviations, as they were drawn: 0.003 and 2 %, each known to some 30 %.
+    # The camera's own deviations, as they were drawn: 0.004 and 3 %, each known to some 30 %.
     scatter = problem.scatter
-    assert 0.002 < scatter.field < 0.0045
-    assert 0.01 < scatter.field_relative < 0.035
+    assert 0.0027 < scatter.field < 0.006
+    assert 0.018 < scatter.field_relative < 0.05
 
 
 @pytest.mark.parametrize(("facet_mm", "number"), [(0.0, 0), (0.6, 1), (1.2, 2), (3.0, 5)])
@@ -213,7 +213,7 @@ def test_frames_between_those_of_a_replicate_are_no_bias() -> None:
     other = replace(first, id="again", strain_field=replace(seen, time_s=frames, strain=strain))
     table = observation_model(replace(campaign, specimens=(first, other))).table
     one, again = (table.measured[table.is_field & (table.specimen == k)] for k in (0, 1))
-    np.testing.assert_allclose(again, one, atol=0.003)
+    np.testing.assert_allclose(again, one, atol=0.004)
 
 
 def test_a_facet_length_is_written_and_read(tmp_path: Path) -> None:

@@ -63,16 +63,15 @@ def _taking_up(setup: Setup, values: Values) -> Setup:
     return setup.with_(lost_mm=setup.lost_mm + slack * taken)
 
 
-_SOFTER = 0.1
-"""Of the palette, over which grips go from one way of holding to the other. Chosen: less than from
-one grade to the next."""
-
-
 def _of_soft(setup: Setup, values: Values) -> Setup:
-    """Lost first, by specimens softer than some mixture: clamped gently, they hang loosely."""
+    """Lost first, by specimens softer than some mixture: clamped gently, they hang loosely.
+
+    Grips go from one way of holding to the other over less than the step between two grades.
+    """
     mean = np.add.reduceat(place_on_palette(setup), setup.first_slice[:-1])
     mean /= np.diff(setup.first_slice)
-    share = 0.5 - 0.5 * np.tanh((mean - values["until"]) / _SOFTER)
+    grades = len(setup.palette_coordinate)
+    share = 0.5 - 0.5 * np.tanh((mean - values["until"]) * grades)
     slack_mm = values["slack"] * share[:, None]
     return setup.with_(lost_mm=setup.lost_mm + _taken(setup.travel_mm, slack_mm))
 

@@ -15,6 +15,8 @@ from planner.gap.campaign import Campaign, axis_columns
 from planner.gap.effect import Effect, Form, StatedEffect, with_effects
 from planner.gap.localise import axis_patterns, specimen_patterns
 from planner.gap.noise import (
+    FIT_SD,
+    UNIT_GAINS,
     Calibration,
     NoisyFeatures,
     Scatter,
@@ -315,21 +317,19 @@ def _model_discrepancy(table: FeatureTable, unpredicted: FloatArray) -> FloatArr
     return np.concatenate(columns, axis=1)
 
 
-_FIELD_SD = 0.012
-"""Of the logarithm of a local strain: the same, seen along a bar. Chosen: about the 1 % that laws
-follow their tests to."""
-
-
 def _field_columns(
     table: FeatureTable, facets: FloatArray, aside: FloatArray, sensitivity: FloatArray
 ) -> FloatArray:
-    """Return what facets and laws do to local strains, (N, q); see `seen_otherwise`."""
+    """Return what facets and laws do to local strains, (N, q); see `seen_otherwise`.
+
+    Laws are off by `FIT_SD` of them at each place.
+    """
     field = table.is_field
     if not field.any():
         return np.zeros((len(table), 0))
     bars = table.specimen[:, None] == np.unique(table.specimen[field])
     places = [
-        np.where((table.test == test) & (np.abs(table.x_mm - x) < 1e-3), _FIELD_SD, 0.0)
+        np.where((table.test == test) & (np.abs(table.x_mm - x) < 1e-3), FIT_SD, 0.0)
         for test, x in np.unique([table.test[field], table.x_mm[field].round(6)], axis=1).T
     ]
     columns = [*(aside[:, None] * bars).T, *(sensitivity * of_it for of_it in places)]
@@ -434,9 +434,8 @@ def own_axes(effects: Sequence[Effect]) -> dict[str, str]:
 
 _Progress = Callable[[int, int, str], None]
 
-_STRAY_SD = float(np.log(10.0))
-"""Deviation of the logarithm of a stray's own gain. Chosen: any factor, but for units hardly more
-than ten."""
+_STRAY_SD = float(UNIT_GAINS.max())
+"""Deviation of the logarithm of a stray's own gain. Physical: any factor, up to those of units."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -113,10 +113,6 @@ _SHARES: FloatArray = np.array([0.07, 0.15, 0.3, 0.5])
 """Of specimens that are members. Numerical: in steps of two, from two of thirty to half; of more
 the others are members of the inverse gain."""
 
-_LEAST_MEMBERS = 2
-"""Of such a subset, and of the rest. Chosen: one specimen alone is an outlier of the data, not an
-effect."""
-
 
 def _gains_of(scatter: Scatter) -> tuple[FloatArray, FloatArray]:
     """Return logarithms of the factor, and their log prior: half for any gain, half for units."""
@@ -226,7 +222,7 @@ def _weigh_subset(
     total = float(logsumexp(evidence + prior))
     gamma, members = float(gammas[at]), (best > 0.5).astype(np.float64)
     gain = float(gamma * members @ b - 0.5 * gamma**2 * members @ h @ members)
-    if min(members.sum(), n - members.sum()) < _LEAST_MEMBERS:
+    if not 1 < members.sum() < n - 1:  # one specimen alone is an outlier of the data
         total = -np.inf
     return replace(
         beside,
@@ -267,10 +263,6 @@ what is below the third has little of the evidence."""
 _MOST_EFFECTS = 3
 """At work together. Chosen: a fourth beside three that are found would be told by a campaign that
 was made for it, and by no other."""
-
-_WITH_UNKNOWN = 8
-"""Hypotheses that are weighed with an unknown beside them. Chosen: one that is not among the best
-alone is, with an unknown beside it, hardly more than the unknown."""
 
 _OF_SOME = 0.25
 """Prior share, of an effect that may hold for some specimens only, that it does. Chosen: faults of
@@ -677,7 +669,7 @@ def _chosen(result: Weighed) -> list[Settled]:
         for e, c in result.best.items()
         if c.branches and c.members is None
     }
-    ranked = sorted(odds, key=lambda e: -odds[e])[:_WITH_UNKNOWN]
+    ranked = sorted(odds, key=lambda e: -odds[e])[:_LOOKED_AT]
     return [result.settled_as(result.best[e]) for e in ranked]
 
 
@@ -922,8 +914,8 @@ def _within_floor(problem: Problem) -> bool:
 
 
 _LOOKED_AT = 12
-"""Effects, the best ones by evidence, of which is asked whether errors fall. Convention: as many as
-a diagnosis ranks."""
+"""Effects, the best ones by evidence, that are weighed with an unknown beside them, and of which is
+asked whether errors fall. Convention: as many as a diagnosis ranks."""
 
 
 def _explained(weighed: Weighed) -> tuple[Mapping[Effects, bool], Mapping[Effects, Effects]]:
@@ -1138,10 +1130,6 @@ def found_effects(weighed: Weighed, candidate: Candidate) -> tuple[FoundEffect, 
 # The smallest size of each effect that this campaign would have shown.
 
 
-_WIDTH_NATS = 3.0
-"""What the freedom of size and shape costs an effect, beyond its prior odds. Chosen: ln 20, for a
-size that is known to a twentieth of its prior."""
-
 _SIZES = 60
 """At which is looked for the smallest that would be named. Numerical: in steps of some 6 % of
 the size, for a largest one of 40 times the smallest."""
@@ -1153,7 +1141,7 @@ def detectable_sizes(
     """Yield, of each effect's first form, the size whose expected evidence would name it.
 
     That is where half the squared length of its whitened pattern, nuisances projected out, makes
-    up for the prior odds against it and the width of its prior; shapes are at their middle.
+    up for the prior odds against it and tells it from none; shapes are at their middle.
     """
     nodes = elimination.products[1:, 1:]
     first = {b.effect.id: b.effect.forms[0] for b in problem.branches}
@@ -1166,12 +1154,12 @@ def detectable_sizes(
 
 
 def needed_nats(priors: Priors, effects: int) -> float:
-    """Return the gain at which one of so many effects is named rather than none."""
+    """Return the gain at which one of so many effects is told from none, by `_ALIKE_NATS`."""
     odds = float(np.log(priors.none * effects / priors.single))
     # Where what counts of a gain g, T g + (1 - T) c g / (c + g), makes up for the odds.
     t, c = priors.temperature, priors.coarseness_nats
     gain = (odds - c + float(np.sqrt((c - odds) ** 2 + 4.0 * t * odds * c))) / (2.0 * t)
-    return gain + _WIDTH_NATS
+    return gain + _ALIKE_NATS
 
 
 def _smallest(nodes: FloatArray, branch: SignedForm, needed: float) -> float | None:

@@ -143,7 +143,7 @@ def test_the_more_the_best_gains_the_less_evidence_counts(gain: float) -> None:
 @pytest.mark.parametrize("effects", [1, 5, 20])
 def test_what_is_needed_is_what_then_counts(effects: int) -> None:
     priors = Priors()
-    needed = needed_nats(priors, effects) - weigh._WIDTH_NATS
+    needed = needed_nats(priors, effects) - weigh._ALIKE_NATS
     odds = np.log(priors.none * effects / priors.single)
     assert priors.counted(needed) * needed == pytest.approx(odds)
 
