@@ -710,8 +710,8 @@ _TOLD_APART = 2.0
 the usual level."""
 
 _LEAST_SHARE = 0.02
-"""Hypotheses below it take no part, but for the best two, which count so much at least. Numerical:
-each adds hardly more to what a test is expected to tell."""
+"""Of the most probable one: hypotheses below it take no part, but for the second, which counts so
+much. Numerical: each adds hardly more to what a test is expected to tell."""
 
 
 def next_experiments(
@@ -724,11 +724,12 @@ def next_experiments(
     materials alone there is none to propose.
     """
     known = [h for h in ranking if h.effects != UNKNOWN and h.effects in weighed.best]
-    known = [h for n, h in enumerate(known) if n < 2 or h.probability >= _LEAST_SHARE]
+    least = _LEAST_SHARE * known[0].probability if known else 0.0
+    known = [h for n, h in enumerate(known) if n < 2 or h.probability >= least]
     rigid = all(m.deformation != "elastic" for m in problem.campaign.palette.materials)
     if len(known) < 2 or rigid:
         return ()
-    share = np.maximum([h.probability for h in known], _LEAST_SHARE)
+    share = np.maximum([h.probability for h in known], least)
     share /= share.sum()
     candidates = [weighed.best[h.effects] for h in known]
     trials = trials_of(problem.campaign, problem.model.setup)
