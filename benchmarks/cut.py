@@ -20,7 +20,7 @@ from planner.cutting.pieces import split
 from planner.fields.basic import axis_field
 from planner.grading.check import interfaces_cancel
 from planner.mesh.mesh import Mesh, join_shells
-from planner.mesh.part import place
+from planner.mesh.part import moved_to_corner
 
 LEVELS = np.arange(1, 10) / 10
 
@@ -84,7 +84,7 @@ def by_trimesh(mesh, normal, offsets):
 def run(name, solid):
     raw = solid.to_mesh()
     source = Mesh(np.asarray(raw.vert_properties)[:, :3], np.asarray(raw.tri_verts))
-    mesh, translation_mm = place(source)
+    mesh, translation_mm = moved_to_corner(source)
     moved = solid.translate(translation_mm.tolist())
     field = axis_field(None, mesh)
     normal, offsets = field.plane(0.0)[0], [field.plane(level)[1] for level in LEVELS]
@@ -93,7 +93,7 @@ def run(name, solid):
     ours = median_s(lambda: split(mesh, field, LEVELS))
     theirs = median_s(lambda: by_manifold3d(moved, normal, offsets), runs=3)
     print(f"{name}: {len(mesh.faces)} triangles")
-    print(f"  place                  {median_s(lambda: place(source), 3):9.4f} s")
+    print(f"  place                  {median_s(lambda: moved_to_corner(source), 3):9.4f} s")
     print(f"  split                  {ours:9.4f} s")
     print(f"  manifold3d             {theirs:9.4f} s   {theirs / ours:6.1f} x")
     try:

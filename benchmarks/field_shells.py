@@ -29,7 +29,7 @@ from planner.fields.parse import Setting, build_field
 from planner.formats.mesh_file import read_mesh
 from planner.grading.check import interfaces_cancel
 from planner.mesh.mesh import Mesh, join_shells, weld
-from planner.mesh.part import make_part, place
+from planner.mesh.part import make_part, moved_to_corner
 
 MESHES = Path(__file__).parents[2] / "shared/data/meshes"
 UNITS = {".STL": 25.4}
@@ -169,7 +169,7 @@ def sweep(wanted, seed):
         kind, triangles = own[number % len(own)] if own and number % 4 == 0 else random_part(rng)
         number += 1
         try:
-            mesh, _ = place(make_part(triangles, name=kind).mesh)
+            mesh, _ = moved_to_corner(make_part(triangles, name=kind).mesh)
         except PlannerError:
             continue  # edges that touch: refused before any cut
         if not audit(mesh.triangles.astype(np.float32)).sound:
@@ -218,7 +218,7 @@ def blob(edge_mm):
 
     raw = Manifold.level_set(depth, [-27, -27, -27, 27, 27, 27], edge_mm).to_mesh()
     vertices = np.asarray(raw.vert_properties)[:, :3].astype(np.float64)
-    return place(Mesh(vertices, np.asarray(raw.tri_verts)))[0]
+    return moved_to_corner(Mesh(vertices, np.asarray(raw.tri_verts)))[0]
 
 
 def case(file, pitch_mm):
@@ -229,7 +229,7 @@ def case(file, pitch_mm):
     field = build_field(text, Setting(mesh, (0.0, 0.0, 0.0), pitch_mm))
     cube = Manifold.cube([3, 3, 3]).translate([x, y, z]).to_mesh()
     small = Mesh(np.asarray(cube.vert_properties)[:, :3], np.asarray(cube.tri_verts))
-    split(place(small)[0], field, [0.9], pitch_mm=0.5)  # the kernels are loaded
+    split(moved_to_corner(small)[0], field, [0.9], pitch_mm=0.5)  # the kernels are loaded
     start = time.process_time()
     pieces = split(mesh, field, np.arange(1, 10) / 10, pitch_mm=pitch_mm)
     cpu_s = time.process_time() - start

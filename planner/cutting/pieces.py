@@ -599,7 +599,7 @@ def split(
     Parameters
     ----------
     mesh : Mesh
-        A closed part at float32 positions, as `planner.mesh.part.place` returns it.
+        A closed part at float32 positions, as `planner.mesh.part.moved_to_corner` returns it.
     field : Field
         In the coordinates of `mesh`.
     levels : (L,) sequence of float
@@ -632,7 +632,7 @@ def split(
     if not (mesh.vertices.astype(np.float32) == mesh.vertices).all():
         raise ArgumentError(
             "the mesh has coordinates that float32 cannot hold; pass it through "
-            "planner.mesh.part.place first"
+            "planner.mesh.part.moved_to_corner first"
         )
     if not isinstance(field, PlanarField):
         if not (np.diff(values) > 0).all():

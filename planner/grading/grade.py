@@ -27,7 +27,7 @@ from planner.grading.snap import snap_limit_mm, snapped_bands
 from planner.grading.wish import End, Wish, Wished, targets_of
 from planner.materials.mixtures import TwoPhases
 from planner.mesh.mesh import Mesh, join_shells, weld
-from planner.mesh.part import Part, open_part, place
+from planner.mesh.part import Part, moved_to_corner, open_part
 from planner.numerics import Float32Array, FloatArray, Point, as_point
 from planner.palette import Palette
 from planner.plan import (
@@ -262,7 +262,7 @@ def grade(
         part, unit=wish.unit, name=name, tray_mm=machine.tray_mm, bodies=bodies,
         oversize=force_oversize,
     )  # fmt: skip
-    mesh, translation = place(source.mesh)
+    mesh, translation = moved_to_corner(source.mesh)
     pitch_mm = default_pitch_mm(mesh) if wish.pitch_mm is None else wish.pitch_mm
     if wish.field is None:
         along: Field = axis_field(wish.axis, mesh)

@@ -25,7 +25,7 @@ from planner.inverse_design.findings import DesignFinding, Ends, Reached, findin
 from planner.inverse_design.goals import Limits, Target, posed
 from planner.mesh.halve import halve_long_edges
 from planner.mesh.mesh import Mesh
-from planner.mesh.part import open_part, place
+from planner.mesh.part import moved_to_corner, open_part
 from planner.numerics import FloatArray, as_point, interrupted, normal_quantile, one_blas_thread
 from planner.palette import Palette
 from planner.plan import Plan
@@ -409,7 +409,7 @@ def design(
     mesh = open_part(
         part, unit=unit, name=name, tray_mm=machine.tray_mm, bodies=bodies, oversize=force_oversize
     ).mesh
-    placed, translation = place(mesh)
+    placed, translation = moved_to_corner(mesh)
     setting = Setting(placed, as_point(translation), default_pitch_mm(placed))
     densities = palette_densities(chosen, cases)
     # Two searches of about ten gradients and the print's own, in one or two steps each.

@@ -31,14 +31,14 @@ from planner.mesh.mesh import (
 )
 from planner.numerics import BoolArray, FloatArray, IntArray, Point
 
-__all__ = ["Part", "fits_turned", "make_part", "open_part", "place", "union"]
+__all__ = ["Part", "fits_turned", "make_part", "moved_to_corner", "open_part", "union"]
 
 
 # ------------------------------------------------------------------------------------------------
 # Move a part to where the single precision of mesh files is finest and never negative.
 
 
-def place(mesh: Mesh) -> tuple[Mesh, FloatArray]:
+def moved_to_corner(mesh: Mesh) -> tuple[Mesh, FloatArray]:
     """Move a part's smallest corner to (1, 1, 1) mm and round it to float32.
 
     Slicing programs of jetting printers want positive coordinates, and rounding before cutting

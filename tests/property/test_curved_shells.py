@@ -11,7 +11,7 @@ from planner.errors import PlannerError
 from planner.fields.parse import Setting, build_field
 from planner.grading.check import shell_checks
 from planner.mesh.mesh import join_shells
-from planner.mesh.part import make_part, place
+from planner.mesh.part import make_part, moved_to_corner
 
 KINDS = ("ball", "ring", "drilled", "thin walls", "pitted", "boxes")
 counted = {"shells": 0}
@@ -72,7 +72,7 @@ def test_every_shell_is_sound(kind, seed):
     corners = np.asarray(raw.vert_properties)[:, :3].astype(np.float64)
     corners += rng.uniform(-400, 400, 3)
     try:
-        mesh, _ = place(make_part(corners[np.asarray(raw.tri_verts)], name=kind).mesh)
+        mesh, _ = moved_to_corner(make_part(corners[np.asarray(raw.tri_verts)], name=kind).mesh)
     except PlannerError:
         assume(False)  # bodies that touch along an edge: refused before any cut
     pitch_mm = float(np.ptp(mesh.bounds_mm, axis=0).max()) / rng.uniform(6, 25)

@@ -13,7 +13,7 @@ from planner.cutting.planes import snap_distance_mm
 from planner.fields.basic import axis_field
 from planner.grading.check import interfaces_cancel
 from planner.mesh.mesh import Mesh, join_shells, weld
-from planner.mesh.part import place
+from planner.mesh.part import moved_to_corner
 
 
 def solid(kind, rng):
@@ -49,10 +49,10 @@ def random_case(kind, seed):
         found = found.rotate(rng.uniform(0, 360, 3))
     raw = found.scale(rng.uniform(0.5, 2, 3) * 10 ** rng.uniform(0, 1.7)).to_mesh()
     vertices, faces = np.asarray(raw.vert_properties)[:, :3], np.asarray(raw.tri_verts)
-    mesh, _ = place(Mesh(vertices + rng.uniform(-400, 400, 3), faces))
+    mesh, _ = moved_to_corner(Mesh(vertices + rng.uniform(-400, 400, 3), faces))
     if rng.random() < 0.3:
         # Coarser float32 than any part on a tray has: as large as a tray, but thin.
-        mesh, _ = place(mesh)
+        mesh, _ = moved_to_corner(mesh)
         moved = (mesh.vertices + rng.integers(0, 400, 3)).astype(np.float32)
         mesh = Mesh(moved, mesh.faces)
     straight = ["x", "y", "z", "-x", "-y", "-z"]
@@ -130,7 +130,9 @@ def test_shells_of_random_parts_are_sound(kind, seed):
 )
 def test_pieces_of_a_box_have_the_volume_between_the_planes(directions, shares):
     raw = Manifold.cube([3, 5, 8]).to_mesh()
-    mesh, _ = place(Mesh(np.asarray(raw.vert_properties)[:, :3], np.asarray(raw.tri_verts)))
+    mesh, _ = moved_to_corner(
+        Mesh(np.asarray(raw.vert_properties)[:, :3], np.asarray(raw.tri_verts))
+    )
     field = axis_field(directions, mesh)
     levels = np.sort(shares) / 1000
     volumes = split(mesh, field, levels).volumes_mm3

@@ -14,7 +14,7 @@ from planner.cutting.pieces import split
 from planner.fields.basic import axis_field
 from planner.grading.check import interfaces_cancel
 from planner.mesh.mesh import Mesh, join_shells, weld
-from planner.mesh.part import place
+from planner.mesh.part import moved_to_corner
 
 
 def load(path):
@@ -29,7 +29,7 @@ def load(path):
 
 
 def placed(path, unit_mm):
-    return place(Mesh(*weld(load(path).astype(np.float64) * unit_mm)))[0]
+    return moved_to_corner(Mesh(*weld(load(path).astype(np.float64) * unit_mm)))[0]
 
 
 def cut(mesh, axis):

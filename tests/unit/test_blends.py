@@ -34,7 +34,7 @@ from planner.grading.profile import Profile, dithered_profile, stiffness_scale
 from planner.grading.regions import blend_segments
 from planner.materials.mixtures import TwoPhases
 from planner.mesh.mesh import Mesh, join_shells
-from planner.mesh.part import place
+from planner.mesh.part import moved_to_corner
 from planner.simulation.bar import read_profile
 
 SAMPLES = Path(__file__).parents[2] / "samples"
@@ -43,7 +43,9 @@ LADDER = (1.0, 2.0, 4.0, 10.0)
 
 def part(solid):
     mesh = solid.to_mesh()
-    return place(Mesh(np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts)))[0]
+    return moved_to_corner(
+        Mesh(np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts))
+    )[0]
 
 
 def bar(length=20.0):

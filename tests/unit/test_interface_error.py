@@ -17,7 +17,7 @@ from planner.formats.mesh_file import decode_stl
 from planner.grading import printability
 from planner.grading.check import interfaces_cancel
 from planner.mesh.mesh import Mesh, join_shells
-from planner.mesh.part import place
+from planner.mesh.part import moved_to_corner
 from planner.voxels.columns import Grid
 
 WITHIN_MM = 0.02
@@ -25,7 +25,9 @@ WITHIN_MM = 0.02
 
 def part(solid: Manifold) -> Mesh:
     mesh = solid.to_mesh()
-    return place(Mesh(np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts)))[0]
+    return moved_to_corner(
+        Mesh(np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts))
+    )[0]
 
 
 BALL = part(Manifold.sphere(10.0, 64))

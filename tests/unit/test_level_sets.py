@@ -13,7 +13,7 @@ from planner.cutting.pieces import split
 from planner.errors import ArgumentError
 from planner.grading.check import interfaces_cancel
 from planner.mesh.mesh import Mesh, join_shells, weld
-from planner.mesh.part import place
+from planner.mesh.part import moved_to_corner
 
 
 class FunctionField:
@@ -35,7 +35,9 @@ def radial(centre, length):
 
 def part(solid):
     mesh = solid.to_mesh()
-    return place(Mesh(np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts)))[0]
+    return moved_to_corner(
+        Mesh(np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts))
+    )[0]
 
 
 def check(pieces, mesh):
@@ -226,7 +228,7 @@ def test_a_part_that_touches_itself_says_where():
     count = len(raw[0].vert_properties)
     vertices = np.concatenate([np.asarray(r.vert_properties)[:, :3] for r in raw])
     faces = np.concatenate([raw[0].tri_verts, raw[1].tri_verts + count]).astype(np.int32)
-    mesh, _ = place(Mesh(vertices.astype(float), faces))
+    mesh, _ = moved_to_corner(Mesh(vertices.astype(float), faces))
     with pytest.raises(ArgumentError, match=r"touches itself there") as told:
         split(mesh, radial([5, 5, 0], 4.0), [0.35, 0.5], pitch_mm=0.5)
     assert "(5, 5, " in str(told.value)

@@ -10,12 +10,14 @@ from planner.errors import ArgumentError, MeshError
 from planner.fields.basic import axis_field
 from planner.grading.check import interfaces_cancel
 from planner.mesh.mesh import Mesh, join_shells, weld
-from planner.mesh.part import place
+from planner.mesh.part import moved_to_corner
 
 
 def part(solid):
     mesh = solid.to_mesh()
-    return place(Mesh(np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts)))[0]
+    return moved_to_corner(
+        Mesh(np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts))
+    )[0]
 
 
 def check(pieces, mesh):

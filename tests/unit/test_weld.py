@@ -3,7 +3,7 @@ import pytest
 
 from planner.errors import MeshError
 from planner.mesh.mesh import Mesh, cancel_opposite, repeats_index, weld
-from planner.mesh.part import place
+from planner.mesh.part import moved_to_corner
 
 CUBE = Mesh(
     np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=float),
@@ -65,7 +65,7 @@ def test_cube_measures():
 
 def test_place_moves_the_corner_to_one_and_rounds_to_float32():
     mesh = Mesh(CUBE.vertices * [1 / 3, 20, 7] - 12.3456789, CUBE.faces)
-    placed, translation_mm = place(mesh)
+    placed, translation_mm = moved_to_corner(mesh)
     np.testing.assert_array_equal(placed.bounds_mm[0], 1)
     np.testing.assert_array_equal(placed.vertices, placed.vertices.astype(np.float32))
     # Half the spacing of float32 below 32 mm.
@@ -77,17 +77,17 @@ def test_place_drops_what_rounds_to_nothing():
     flake = np.array([[9, 0, 0], [10, 0, 0], [9, 1, 0], [9, 0, 1e-9]], dtype=float)
     faces = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]]) + 8
     both = Mesh(np.concatenate([CUBE.vertices, flake]), np.concatenate([CUBE.faces, faces]))
-    placed, _ = place(both)
+    placed, _ = moved_to_corner(both)
     assert len(placed.faces) == 12
     assert len(placed.vertices) == 8
     with pytest.raises(MeshError, match="no thickness"):
-        place(Mesh(flake, faces - 8))
+        moved_to_corner(Mesh(flake, faces - 8))
 
 
 def test_place_refuses_what_is_not_a_mesh():
     with pytest.raises(MeshError, match="no triangles"):
-        place(Mesh(np.zeros((0, 3)), np.zeros((0, 3))))
+        moved_to_corner(Mesh(np.zeros((0, 3)), np.zeros((0, 3))))
     vertices = CUBE.vertices.copy()
     vertices[3, 1] = np.nan
     with pytest.raises(MeshError, match="vertex 3"):
-        place(Mesh(vertices, CUBE.faces))
+        moved_to_corner(Mesh(vertices, CUBE.faces))

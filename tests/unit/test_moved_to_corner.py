@@ -7,7 +7,7 @@ import pytest
 from planner.cutting.pieces import split
 from planner.fields.basic import PlanarField, axis_field
 from planner.mesh.mesh import Mesh
-from planner.mesh.part import place
+from planner.mesh.part import moved_to_corner
 
 LEVELS = np.linspace(0.0, 1.0, 11)[1:-1]
 
@@ -42,7 +42,7 @@ def _box(size_mm, angles=(0.0, 0.0, 0.0), offset_mm: float = 0.0) -> Mesh:
 
 def _taken(mesh: Mesh, field: str) -> float:
     """Share of the volume that placing and cutting take."""
-    placed, _ = place(mesh)
+    placed, _ = moved_to_corner(mesh)
     along: PlanarField | Rings = Rings(placed) if field == "rings" else axis_field(field, placed)
     pieces = split(placed, along, LEVELS, pitch_mm=np.ptp(placed.bounds_mm, axis=0).max() / 60)
     return abs(float(pieces.volumes_mm3.sum()) / mesh.volume_mm3 - 1.0)
@@ -72,13 +72,13 @@ def test_turned_plates_keep_their_volume(size_mm, angles, field):
 
 
 def test_the_place_is_the_usual_one_where_that_takes_little():
-    placed, translation_mm = place(_box((60.0, 40.0, 20.0), offset_mm=-33.3))
+    placed, translation_mm = moved_to_corner(_box((60.0, 40.0, 20.0), offset_mm=-33.3))
     assert np.array_equal(placed.bounds_mm[0], np.ones(3))
     assert translation_mm == pytest.approx([34.3, 24.31, 10.99])
 
 
 def test_the_place_is_never_below_1_mm_nor_a_step_beyond():
     for angle in (5.0, 17.0, 31.0, 44.0):
-        low, high = place(_box((250.0, 100.0, 0.5), (angle, angle / 2, 0.0)))[0].bounds_mm
+        low, high = moved_to_corner(_box((250.0, 100.0, 0.5), (angle, angle / 2, 0.0)))[0].bounds_mm
         assert (low >= 1.0).all()
         assert (low <= 1.0 + 2.0 * np.spacing(high.astype(np.float32))).all()
