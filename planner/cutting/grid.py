@@ -541,11 +541,12 @@ class _Drawn:
 
 def _distance_mm(field: Field, drawn: _Drawn, levels: FloatArray) -> FloatArray:
     """Estimate how far faces lie from their level set: at their middle and their longest edge's."""
-    corners = drawn.points_mm[drawn.faces]
-    ends = corners[:, [1, 2, 0]]
-    longest = np.argmax(((ends - corners) ** 2).sum(axis=2), axis=1)
-    each = np.arange(len(corners))
-    places = corners.mean(axis=1), 0.5 * (corners[each, longest] + ends[each, longest])
+    a, b, c = (drawn.points_mm[drawn.faces[:, k]] for k in range(3))
+    squares = [np.square(end - start) for start, end in ((a, b), (b, c), (c, a))]
+    ab, bc, ca = (square[:, 0] + square[:, 1] + square[:, 2] for square in squares)
+    first = np.where(((ab >= bc) & (ab >= ca))[:, None], b, c)
+    other = np.where(((bc > ab) & (bc >= ca))[:, None], b, a)
+    places = (a + b + c) / 3.0, 0.5 * (first + other)
     off = np.maximum(*(np.abs(_values_at(field, at) - levels[drawn.level]) for at in places))
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray(np.where(off > 0.0, off / drawn.steepness, 0.0))

@@ -530,27 +530,29 @@ def _gather(runs: IntArray, shortest: int) -> list[_Place]:
     order = np.argsort(number, kind="stable")
     places = []
     for own in np.split(order, np.flatnonzero(np.diff(number[order])) + 1):
-        group = runs[own]
-        core = group[group[:, 5] >= 0]
-        if not len(core):
+        # Column by column: a skin has a million runs.
+        row, column, start, stop, touching, depth = (runs[own, k] for k in range(6))
+        has_core = depth >= 0
+        if not has_core.any():
             continue
-        alone = not group[:, 4].any()
-        longest = max(np.ptp(core[:, 0]), np.ptp(core[:, 1]), core[:, 8].max() - core[:, 7].min())
+        alone = not touching.any()
+        in_core, depth = own[has_core], depth[has_core]
+        length = runs[in_core, 8].max() - runs[in_core, 7].min()
+        longest = max(np.ptp(row[has_core]), np.ptp(column[has_core]), length)
         if not alone and longest + 1 < shortest:
             continue
-        deepest = core[core[:, 5] == core[:, 5].max()]
-        row, column, _, _, _, _, voxel = deepest[len(deepest) // 2, :7]
+        deepest = in_core[depth == depth.max()]
         # runs along a plate lie at all depths of it: it is as thick as the deeper ones have it
-        core = core[core[:, 5] >= np.quantile(core[:, 5], _DEEP)]
-        spread = np.linspace(0, len(core) - 1, _SAMPLES).astype(np.int64)
+        deep = in_core[depth >= np.quantile(depth, _DEEP)]
+        spread = np.linspace(0, len(deep) - 1, _SAMPLES).astype(np.int64)
         places.append(
             _Place(
-                deepest=np.array([column, row, voxel]),
-                low=group[:, [1, 0, 2]].min(axis=0),
-                high=group[:, [1, 0, 3]].max(axis=0) + np.array([1, 1, 0]),
-                voxels=int((group[:, 3] - group[:, 2]).sum()),
+                deepest=runs[deepest[len(deepest) // 2], [1, 0, 6]],
+                low=np.array([column.min(), row.min(), start.min()]),
+                high=np.array([column.max() + 1, row.max() + 1, stop.max()]),
+                voxels=int((stop - start).sum()),
                 alone=alone,
-                core=core[np.unique(spread)][:, [1, 0, 6]],
+                core=runs[deep[np.unique(spread)]][:, [1, 0, 6]],
             )
         )
     return places
