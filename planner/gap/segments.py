@@ -7,7 +7,6 @@ from itertools import pairwise
 from typing import Any, Literal
 
 import numpy as np
-from scipy.signal import find_peaks
 
 from planner.errors import FileError
 from planner.formats.specimens import SPECIMEN_COLUMNS
@@ -142,6 +141,9 @@ def _least_turn_mm(travel_mm: FloatArray) -> float:
 
 def _turns(values: FloatArray, least: float) -> IntArray:
     """Return the ends and the turns between them, of more than `least` each."""
+    # Half a second to import, which commands that look at no curve do not pay.
+    from scipy.signal import find_peaks
+
     peaks, valleys = (
         find_peaks(way * values, prominence=(least, None), plateau_size=1)[1]["left_edges"]
         for way in (1.0, -1.0)

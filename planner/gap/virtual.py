@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.signal import lfilter
 
 from planner.errors import ArgumentError, FileError, UnknownNameError, did_you_mean
 from planner.formats.files import path_within
@@ -563,6 +562,8 @@ def _drawn(effects: Sequence[StatedEffect], rng: np.random.Generator) -> Iterato
 
 def _course(specimen: Specimen, scatter: float, rng: np.random.Generator) -> FloatArray:
     """Return what is a specimen's own, of ln force along its record: level, slope, wandering."""
+    from scipy.signal import lfilter  # slow to import
+
     level, slope = rng.standard_normal(2)
     travel = specimen.travel_mm / float(specimen.travel_mm.max())
     kept = math.exp(-1.0 / (len(travel) - 1) / USUAL.wander_length)
