@@ -571,5 +571,5 @@ def band_design(
 
 
 def error_text(ratio: float) -> str:
-    """Say a ratio as an error: in per cent, or as a factor where that reads better."""
-    return in_percent(ratio - 1.0) if ratio < 2.0 else f"a factor of {ratio:.3g}"
+    """Say a ratio as an error: in per cent where it is as many above as below, or as a factor."""
+    return in_percent(ratio - 1.0) if ratio < 1.1 else f"a factor of {ratio:.3g}"
