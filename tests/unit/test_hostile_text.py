@@ -460,5 +460,5 @@ def test_a_diagnosis_strings_stay_text(tmp_path: Path) -> None:
 def test_words_of_markdown_are_shown_as_they_are(text: str) -> None:
     shown = re.sub(r"</?(p|td)>", "", to_html(as_words(text)))
     assert html.unescape(shown) == text.replace("](y)", "](y)")
-    row = to_html(f"| {as_words(text)} | end |")
+    row = to_html(f"| {as_words(text)} | end |\n| --- | --- |")
     assert row.count("<th ") == 2

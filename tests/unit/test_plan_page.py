@@ -290,7 +290,7 @@ def test_markdown_is_escaped() -> None:
     steps = "1. one **two** `<i>`\n   more\n2. *it*\n"
     html = to_html(f"# A <b>\n\n{steps}\n| a | b |\n| --- | --- |\n| 1 | 2 |\n")
     assert "<h3>A &lt;b&gt;</h3>" in html
-    assert "<li>one <strong>two</strong> <code>&lt;i&gt;</code> more</li>" in html
+    assert "<li>one <strong>two</strong> <code>&lt;i&gt;</code>\nmore</li>" in html
     assert "<li><em>it</em></li>" in html
     assert '<th scope="col">a</th>' in html
     assert to_html("[x](javascript:alert(1))").count("javascript") <= 1
