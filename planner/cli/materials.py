@@ -105,7 +105,7 @@ def _print_ladder(scale: "StiffnessScale") -> None:
                 format_number(modulus),
                 format_interval(interval),
                 f"{100 * material.elongation_at_break:.0f} %"
-                + (" (past it)" if scale.broken_at(material) else ""),
+                + (" (past it)" if scale.broken(material) else ""),
                 f"{material.density_g_cm3:.3f}",
                 ", ".join(material.aliases),
             ]
@@ -638,15 +638,14 @@ def _print_parameters(fits: "Mapping[str, MaterialFit]", interval: str) -> None:
     rows = []
     for name, fit in fits.items():
         known = fit.uncertainty
-        first = [name, fit.law.model, f"{100 * fit.scatter.log_sd:.1f} %"]
+        first, spread = [name, fit.law.model], f"{100 * fit.scatter.log_sd:.1f} %"
         for symbol, values in fit.law.parameters.items():
             ends = zip(known.law_low[symbol], known.law_high[symbol], strict=True)
             for number, (value, (low, high)) in enumerate(zip(values, ends, strict=True), start=1):
                 label = symbol if len(values) == 1 else f"{symbol} [{number}]"
-                material, law, spread = first
-                figure = format_number(value, 4)
-                rows.append([material, law, label, figure, _interval(low, high), spread])
-                first = ["", "", ""]
+                figures = [format_number(value, 4), _interval(low, high), spread]
+                rows.append([*first, label, *figures])
+                first, spread = ["", ""], ""
     columns = ["material", "law", "parameter", ">value", interval, ">next print's sd"]
     cli.print_table(columns, rows, title="Parameters")
 

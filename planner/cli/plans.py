@@ -6,7 +6,7 @@ import re
 import subprocess
 import sys
 import textwrap
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
@@ -455,7 +455,7 @@ def slices(
     """
     given = locals()
     cli.check_targets(context, force=force, folders={"output": (output, "slices.json")})
-    with _layers_bar(not quiet and not as_json) as advance:
+    with cli.progress(not quiet and not as_json, layers=True) as advance:
         asked = cli.taken(planner.write_slices, given) | {"progress": advance}
         if pitch_mm is not None:
             asked["pitch_mm"] = _lengths(pitch_mm)
@@ -470,28 +470,11 @@ def slices(
     return 0 if stack.ok else 1
 
 
-@contextlib.contextmanager
-def _layers_bar(enabled: bool) -> Iterator[Callable[[int, int], None]]:
-    """Show how many of the layers are done on stderr while it lasts, on a terminal only."""
-    if not (enabled and sys.stderr is not None and sys.stderr.isatty()):
-        yield lambda done, of: None
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
-    from rich.progress import TimeRemainingColumn as Remaining
-
-    columns = (TextColumn("layers"), BarColumn(), MofNCompleteColumn(), Remaining())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("layers", total=None)
-        yield lambda done, of: bar.update(task, completed=done, total=of)
-
-
 def _lengths(text: str) -> tuple[float, ...]:
     try:
         lengths = tuple(float(word) for word in text.split(","))
     except ValueError as error:
-        bare = re.sub(r"\s*(mm|um|µm|μm|m)\b|(?<=\d)\s*[x×;]\s*(?=[\d.])", _comma, text)
-        numbers = re.findall(r"\d*\.?\d+", bare)
+        numbers = re.findall(r"\d*\.?\d+", text)
         scale, hint = 0.001 if re.search(r"[uµμ]m", text) else 1.0, ""
         if len(numbers) in (1, 3):
             meant = ",".join(f"{float(number) * scale:g}" for number in numbers)
@@ -503,10 +486,6 @@ def _lengths(text: str) -> tuple[float, ...]:
     if len(lengths) not in (1, 3):
         raise ArgumentError(f"--pitch {text}: {len(lengths)} lengths; give one, or three: X,Y,Z")
     return lengths
-
-
-def _comma(found: re.Match[str]) -> str:
-    return "" if found.group(1) else ","
 
 
 def _slices_report(stack: "SliceStack", folder: Path) -> None:
