@@ -9,7 +9,7 @@ from typer import Argument, Context, Option
 
 import planner
 from planner.cli import output as cli
-from planner.errors import ArgumentError
+from planner.errors import ArgumentError, PlannerError
 
 if TYPE_CHECKING:
     from planner.printers import Printer
@@ -31,7 +31,6 @@ def _printers(context: typer.Context, as_json: cli.AsJson = False) -> int:
 
 
 def _list(*, as_json: bool) -> int:
-    from planner.errors import PlannerError
     from planner.printers import installed_printers, load_printer
 
     rows: list[dict[str, Any]] = []
