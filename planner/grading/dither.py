@@ -85,10 +85,10 @@ def blue_noise_bevelled() -> BevelledTile:
 # Dealing cells, and how much of the volume each of a lattice keeps, its corners bevelled.
 
 
-def dither_cells(
-    fraction: FloatArray, cell: NDArray[np.int64], thresholds: FloatArray
-) -> NDArray[np.bool_]:
-    """Tell which of some cells are hard.
+def dither_cells(fraction: FloatArray, cell: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Tell which of some cells are hard: where the fraction exceeds a cell's own threshold.
+
+    Thresholds are even over 0 to 1, neither included, by the ranks of the tile.
 
     Parameters
     ----------
@@ -97,8 +97,9 @@ def dither_cells(
     cell : (n, 3) int64
         Its place in the lattice of cells.
     """
-    i, j, k = (cell % thresholds.shape[0]).T
-    return np.asarray(fraction > thresholds[i, j, k])
+    ranks = blue_noise_ranks()
+    i, j, k = (cell % len(ranks)).T
+    return np.asarray(fraction > (ranks[i, j, k] + 0.5) / ranks.size)
 
 
 # Volume for each of 1 to 4 corners of one label in a tetrahedron of volume 1/6.
@@ -140,10 +141,6 @@ def _spread(label: Any, corners: Any, share: Any, found: Any) -> None:
                         found[x, y, z] += share[same]
 
 
-# ------------------------------------------------------------------------------------------------
-# Tiles of thresholds: a cell turns hard where the fraction exceeds its own.
-
-
 @cache
 def blue_noise_ranks() -> IntArray:
     """Return the ranks of a periodic cube of 32^3 cells, each of 0 to 32767 once.
@@ -156,11 +153,6 @@ def blue_noise_ranks() -> IntArray:
         ranks: IntArray = np.load(file).astype(np.int32)
     ranks.setflags(write=False)
     return ranks
-
-
-def thresholds(ranks: IntArray) -> FloatArray:
-    """Return the fraction above which each cell is hard, evenly over 0 to 1, neither included."""
-    return np.asarray((ranks + 0.5) / ranks.size)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -196,7 +188,8 @@ def dither_pieces(along: Sequence[BlendSegment]) -> tuple[DitherPiece, ...]:
         low, high = min(s.lower for s in own), max(s.upper for s in own)
         grades = list(range(low, high + 1))
         from_low, from_high = own[0].lower - low, high - own[0].upper
-        if from_high < from_low or (from_high == from_low and not own[0].rising):
+        begin_MPa, end_MPa = own[0].ends_MPa
+        if from_high < from_low or (from_high == from_low and end_MPa < begin_MPa):
             grades.reverse()
         pieces += [DitherPiece(run, grade) for grade in grades]
     return tuple(pieces)
@@ -248,7 +241,7 @@ class DitherField:
         stretch, fraction = self.wanted(points_mm)
         dealt = blue_noise_bevelled().dealt_for(fraction)
         cell = np.floor((points_mm - self.corner_mm) / self.cell_mm).astype(np.int64)
-        hard = dither_cells(dealt, cell, thresholds(blue_noise_ranks()))
+        hard = dither_cells(dealt, cell)
         of_soft = np.array([self.pieces.index(DitherPiece(s.run, s.lower)) for s in self.along])
         of_hard = np.array([self.pieces.index(DitherPiece(s.run, s.upper)) for s in self.along])
         return stretch, fraction, np.where(hard, of_hard[stretch], of_soft[stretch])
@@ -490,23 +483,23 @@ class CellDesign:
         cure = smaller if self.stated and cell_mm > least_mm else "take --blend nearest"
         off, findings = self._fractions(part.pieces, scale, cure)
         fine = cell_mm >= least_mm * (1.0 - 1e-9)
-        if not fine:
-            message = (
-                f"cells of {cell_mm:g} mm are smaller than what {machine.title} prints "
-                f"undistorted, {least_mm:g} mm: their volumes will be off; take --cell {least_mm:g}"
-            )
-            findings = (Finding(kind="cell", message=message, size_mm=cell_mm), *findings)
+        messages = []
         mean_wall_mm = 2.0 * part.mesh.volume_mm3 / part.mesh.area_mm2  # were it a plate
         if cell_mm > mean_wall_mm:
-            message = (
+            messages.append(
                 f"cells of {cell_mm:g} mm are thicker than the part, whose walls are "
                 f"{mean_wall_mm:.3g} mm on the mean: a place holds whichever cell happens to "
                 f"be there, and stretches of the gradient may have none; {cure}"
             )
-            findings = (Finding(kind="cell", message=message, size_mm=cell_mm), *findings)
+        if not fine:
+            messages.append(
+                f"cells of {cell_mm:g} mm are smaller than what {machine.title} prints "
+                f"undistorted, {least_mm:g} mm: their volumes will be off; take --cell {least_mm:g}"
+            )
+        cells = [Finding(kind="cell", message=message, size_mm=cell_mm) for message in messages]
         walls, thin, cautions = print_checks(part, machine)
         checks = {**off, **walls, "cell_mm": Check(cell_mm, least_mm, fine)}
-        return checks, (*findings, *thin), cautions
+        return checks, (*cells, *findings, *thin), cautions
 
     def _fractions(
         self, pieces: Pieces, scale: StiffnessScale, cure: str
