@@ -22,7 +22,7 @@ from planner.grading.profile import stiffness_scale
 from planner.grading.wish import Wish, targets_of
 from planner.inverse_design.controls import TABLE, Controls, StiffnessRange, lattice_counts
 from planner.inverse_design.findings import DesignFinding, Ends, Reached, findings, reached
-from planner.inverse_design.goals import Limits, Target, posed
+from planner.inverse_design.goals import Limits, Target, WantedShape, posed
 from planner.mesh.halve import halve_long_edges
 from planner.mesh.mesh import Mesh
 from planner.mesh.part import open_part, place
@@ -30,12 +30,12 @@ from planner.numerics import FloatArray, as_point, interrupted, normal_quantile,
 from planner.palette import Palette
 from planner.plan import Plan
 from planner.printers import Printer, load_printer, palette_of
+from planner.simulation.cut_cells import FEWEST_ALONG, CutCells
 from planner.simulation.loads import LoadCase, palette_densities
 from planner.simulation.part import check_effort, default_cell_mm, finest_cell_mm
 
 if TYPE_CHECKING:
     from planner.inverse_design.search import Case, DesignProblem, Found, Solved
-    from planner.simulation.cut_cells import CutCells
 
 __all__ = ["PartDesign", "design"]
 
@@ -71,7 +71,7 @@ class Course(NamedTuple):
 
     case: str
     share: FloatArray
-    cells: "CutCells"
+    cells: CutCells
     displacement_mm: FloatArray
     wanted: Mesh | None
     off_mm: FloatArray | None
@@ -374,10 +374,10 @@ def design(
     >>> made.reached[0].printed, made.reached[0].interval  # doctest: +SKIP
     >>> made.write("finger-designed")  # doctest: +SKIP
     """
-    own = LoadCase(target, fix, load, pressure, move, gravity, moment=moment)
+    first = LoadCase(target, fix, load, pressure, move, gravity, moment=moment)
     limits, figures = Limits.read((limit,) if isinstance(limit, str) else limit)
-    alone = bool(cases) and own.is_empty and not own.target
-    cases = tuple(cases) if alone else (own, *cases)
+    alone = bool(cases) and first.is_empty and not first.target
+    cases = tuple(cases) if alone else (first, *cases)
     wanted = [_wanted_of(case) for case in cases]
     for aims in wanted if alone else wanted[:1]:
         aims += figures
@@ -390,8 +390,8 @@ def design(
         raise ArgumentError(f"`prefer` {prefer}: {hint}it may be {' or '.join(_PREFER)}")
     if blend not in (None, "nearest", "dither"):
         raise ArgumentError(f"`blend` {blend}: a design is printed by nearest or by dither")
-    surfaces = any(aim.surface_mm is not None for aims in wanted for aim in aims)
-    if free is None and axis is None and field is None and surfaces:
+    by_surface = [[aim for aim in aims if aim.surface_mm is not None] for aims in wanted]
+    if free is None and axis is None and field is None and any(by_surface):
         free = "auto"
     if free is not None and (axis is not None or field is not None):
         raise ArgumentError("give `free`, or `axis` or `field`, not both")
@@ -423,17 +423,12 @@ def design(
     progress(DesignStage("loading the solver", 0.0))
     from planner.inverse_design.printing import DesignSpace, Printing, corrected
     from planner.inverse_design.search import DesignProblem, WantedOfPart
-    from planner.inverse_design.shape import WantedShape
     from planner.materials.marlow import marlow_table
 
-    shapes = [
-        [
-            WantedShape.of(a.text, a.selector, a.weight, a.surface_mm, _triangles(part, unit, mesh))
-            for a in aims
-            if a.surface_mm is not None
-        ]
-        for aims in wanted
-    ]
+    own = mesh.triangles
+    if any(by_surface) and isinstance(part, (str, Path)):  # in the order of the file
+        own = np.asarray(read_mesh(Path(part), unit).triangles, dtype=np.float64)
+    shapes = [[WantedShape.of(aim, own) for aim in aims] for aims in by_surface]
     stiffness = StiffnessRange((low, high), scale.model, at_strain)
     asked = WantedOfPart(mesh, cases, wanted, shapes, marlow_table(scale.model), densities)
     if free is not None:
@@ -569,7 +564,6 @@ def _searched(
         The softest and the stiffest that is allowed, in the larger cells.
     """
     from planner.inverse_design.search import search
-    from planner.simulation.cut_cells import FEWEST_ALONG
     from planner.simulation.solid import LostStabilityError
 
     def told(stage: str, first: float, last: float) -> Callable[[int, float], None]:
@@ -630,10 +624,3 @@ def _wanted_of(case: LoadCase) -> list[Target]:
             "it beside them"
         )
     return [*map(Target.read, case.target), *figures]
-
-
-def _triangles(part: object, unit: str | None, mesh: Mesh) -> FloatArray:
-    """Return the part's triangles in the order of its file, (k, 3, 3)."""
-    if isinstance(part, (str, Path)):
-        return np.asarray(read_mesh(Path(part), unit).triangles, dtype=np.float64)
-    return mesh.triangles
