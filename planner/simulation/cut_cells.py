@@ -163,13 +163,8 @@ class CutCells:
     surface: Mesh
     dropped_mm3: float
     material: SampledMaterial = field(repr=False)
-    vertex_cell: NDArray[np.int32] = field(init=False)
-    vertex_local: FloatArray = field(init=False)
-
-    def __post_init__(self) -> None:
-        cell, local = self.locate(self.surface.vertices, _inward(self.surface))
-        object.__setattr__(self, "vertex_cell", cell)
-        object.__setattr__(self, "vertex_local", local)
+    vertex_cell: NDArray[np.int32]
+    vertex_local: FloatArray
 
     @cached_property
     def cell_of(self) -> IntArray:
@@ -383,10 +378,11 @@ def _filled(
     np.add.at(shares, (number[into], shell), share)
     shares = shares[:-1] / shares[:-1].sum(axis=1, keepdims=True)
     cell_mm3 = float(np.prod(size))
+    vertex_cell, vertex_local, _ = told.locate(low, size, index, surface.vertices, _inward(surface))
     return CutCells(
         low, size, index, nodes, low + node_place * (size / 2), shares,
         _interface(number[meet], local, area), offsets, points, weights * cell_mm3, surface,
-        float(np.sum(share[number[into] < 0])) * cell_mm3, told,
+        float(np.sum(share[number[into] < 0])) * cell_mm3, told, vertex_cell, vertex_local,
     )  # fmt: skip
 
 
