@@ -473,57 +473,40 @@ def _tables(found: "Sequence[MaterialCharacteristics]") -> None:
 # planner fit.
 
 
-@dataclass(frozen=True)
-class _Fitting:
-    """How laws are fitted, and what of the palette the tests do not tell."""
-
-    law: Annotated[
-        str,
-        Option(
-            help="neo-hookean, yeoh, martins, ogden, ogden-1, -2 or -3 (terms), or all: the best "
-            "is chosen."
-        ),
-    ] = "all"
-    name: Annotated[str | None, Option(help="Name of the palette; else that of the file.")] = None
-    weighting: Annotated[str, Option(help="Residuals relative to the stress, or absolute.")] = (
-        "relative"
-    )
-    coordinate: Annotated[
-        list[str] | None, Option(help="ID=M, repeatable; else 0..1 in order of stiffness.")
-    ] = None
-    order: Annotated[
-        str | None,
-        Option(help="All materials from soft to hard, with commas, where tests leave it open."),
-    ] = None
-    density: Annotated[list[str] | None, Option(help="ID=G_CM3, repeatable.")] = None
-    starts: Annotated[int, Option(min=1, max=2000, help="Starts of each search.")] = 50
-    level: Annotated[float, Option(min=0.5, max=0.999, help="Coverage of the intervals.")] = 0.95
-    coefficients: Annotated[
-        str | None,
-        Option(
-            help="quadratic: also run Algorithm 1 of Hemleben's thesis, coefficients as quadratics "
-            "of m, and compare what it predicts; the palette is the same."
-        ),
-    ] = None
-
-    def given(self, output: Path) -> dict[str, Any]:
-        """Return them by the names that `planner.fit` has."""
-        return {
-            **vars(self),
-            "name": self.name or output.stem,
-            "coordinate": _figures(self.coordinate, "--coordinate"),
-            "order": self.order and [name.strip() for name in self.order.split(",")],
-            "density": _figures(self.density, "--density"),
-        }
-
-
 @cli.in_groups
 def fit(
     context: Context,
     files: _TensileFiles,
     output: Annotated[Path, cli.out("Palette file (TOML) to write.")] = Path("palette.toml"),
     *,
-    fitting: _Fitting,
+    law: Annotated[
+        str,
+        Option(
+            help="neo-hookean, yeoh, martins, ogden, ogden-1, -2 or -3 (terms), or all: the best "
+            "is chosen."
+        ),
+    ] = "all",
+    name: Annotated[str | None, Option(help="Name of the palette; else that of the file.")] = None,
+    weighting: Annotated[str, Option(help="Residuals relative to the stress, or absolute.")] = (
+        "relative"
+    ),
+    coordinate: Annotated[
+        list[str] | None, Option(help="ID=M, repeatable; else 0..1 in order of stiffness.")
+    ] = None,
+    order: Annotated[
+        str | None,
+        Option(help="All materials from soft to hard, with commas, where tests leave it open."),
+    ] = None,
+    density: Annotated[list[str] | None, Option(help="ID=G_CM3, repeatable.")] = None,
+    starts: Annotated[int, Option(min=1, max=2000, help="Starts of each search.")] = 50,
+    level: Annotated[float, Option(min=0.5, max=0.999, help="Coverage of the intervals.")] = 0.95,
+    coefficients: Annotated[
+        str | None,
+        Option(
+            help="quadratic: also run Algorithm 1 of Hemleben's thesis, coefficients as quadratics "
+            "of m, and compare what it predicts; the palette is the same."
+        ),
+    ] = None,
     tests: _TensileTests,
     figure: Annotated[
         Path | None, Option(help="SVG file to write: tests over laws, residuals, mixtures between.")
@@ -542,6 +525,12 @@ def fit(
 
     Example: [bold]planner fit samples/tensile -o lab.toml --figure lab.svg --tables lab[/bold]
     """
+    given = locals() | {
+        "name": name or output.stem,
+        "coordinate": _figures(coordinate, "--coordinate"),
+        "order": order and [each.strip() for each in order.split(",")],
+        "density": _figures(density, "--density"),
+    }
     from planner.formats.files import encode_document
     from planner.formats.outputs import write_folder, write_whole
     from planner.materials.study import listed_files
@@ -551,8 +540,7 @@ def fit(
         context, force=force, reads=reads, output=output, figure=figure, folders=folders
     )
     with cli.progress(not (quiet or as_json)) as stage:
-        given = {"files": files, **tests.given(), **fitting.given(output)}
-        result = planner.fit(**cli.taken(planner.fit, given), progress=stage)
+        result = planner.fit(**cli.taken(planner.fit, given | tests.given()), progress=stage)
     planner.write_palette(result.palette, output, force=force)
     if figure is not None:
         write_whole(figure, planner.fit_figure(result))

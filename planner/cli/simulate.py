@@ -252,8 +252,7 @@ def _bar_report(results: "Sequence[Simulation]") -> None:
     (result,) = results
     for note in result.notes:
         cli.warn(note)
-    count = len(result.force_N)
-    shown = sorted({round(i * (count - 1) / (_ROWS - 1)) for i in range(_ROWS)})
+    shown = sorted({round(i * (len(result.force_N) - 1) / (_ROWS - 1)) for i in range(_ROWS)})
     bar = result.bar
     slices, interval = len(bar.x_mm), f"{100 * result.level:g} % interval"
     cli.print_table(

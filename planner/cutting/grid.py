@@ -123,8 +123,7 @@ def _cells_held(
     grid = Grid(as_point(origin_mm), (pitch_mm, pitch_mm, pitch_mm), shape)
     active = np.empty(shape, dtype=np.uint8)
     for columns in iterate_columns(mesh, grid):
-        rows = slice(columns.first_row, columns.first_row + columns.rows)
-        active[:, rows] = dense(columns)
+        active[:, columns.first_row : columns.first_row + columns.rows] = dense(columns)
     active.reshape(-1)[touched] = 1
     return offsets, touched, active
 
@@ -681,8 +680,7 @@ def _rising(places: NDArray[np.int64]) -> NDArray[np.int64]:
 
 def _indices(cubes: NDArray[np.uint8], places: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return coordinates of vertices, (n, 3), in parts of the cubes' edges."""
-    shape = tuple(n * _FINEST + 1 for n in cubes.shape)
-    return np.stack(np.unravel_index(places, shape), axis=-1)
+    return np.stack(np.unravel_index(places, [n * _FINEST + 1 for n in cubes.shape]), axis=-1)
 
 
 def _even_mm(grid: FieldGrid, index: NDArray[np.int64]) -> FloatArray:

@@ -432,8 +432,7 @@ def _positions(
     found = np.empty((len(meetings.edge), 3), dtype=np.float32)
     for own, vertices, crossed in ((True, mesh.vertices, part), (False, sets.vertices, level)):
         chosen = meetings.of_part == own
-        ends = crossed.surface.ends[meetings.edge[chosen]]
-        low, high = vertices[ends.T].astype(np.float64)
+        low, high = vertices[crossed.surface.ends[meetings.edge[chosen]].T].astype(np.float64)
         found[chosen] = sets.lattice.rounded(low + meetings.along[chosen, None] * (high - low))
         if own:
             wall = low == high
@@ -526,8 +525,7 @@ def _split_curved(
         if each[0][0]:
             flipped = _without_thin(found, len(mesh.vertices))
             each.append((_thin(flipped, len(mesh.vertices)), flipped))
-        closed = (one for one in sorted(each, key=itemgetter(0)) if _shells_close(one[1]))
-        made = next(closed, None)
+        made = next((one for one in sorted(each, key=itemgetter(0)) if _shells_close(one[1])), None)
         if made is not None and (best is None or made[0] < best[0]):
             best = made
     if best is not None:

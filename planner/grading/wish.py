@@ -245,8 +245,7 @@ def targets_of(wish: Wish, scale: StiffnessScale) -> tuple[Profile, str | None, 
         if not isinstance(profile, (str, Path)):
             return _listed(profile, scale), None, None
         moduli = {m.id: scale.modulus_of(m.id) for m in palette.materials}
-        target = read_moduli(profile, moduli, lambda called: palette.resolve(called).id)
-        return target, None, None
+        return read_moduli(profile, moduli, lambda called: palette.resolve(called).id), None, None
     if wish.start is None or wish.end is None:
         ids = ", ".join(material.id for material in palette.materials)
         raise ArgumentError(

@@ -493,13 +493,11 @@ def design(
         )
     if steps:
         progress(DesignStage("from rest to full load, for the page", 0.9))
-    share = larger.basis @ printed.values
+    coordinate, _ = stiffness.coordinates(larger.basis @ printed.values)
     courses = zip(larger.cases, printed.solved, strict=True) if steps else ()
     profile, _, table = space.laid(printed.values)
     return PartDesign(
-        courses=tuple(
-            _course(case, one, stiffness.coordinates(share)[0], steps) for case, one in courses
-        ),
+        courses=tuple(_course(case, one, coordinate, steps) for case, one in courses),
         plan=printed.plan,
         positions=profile.positions,
         moduli_MPa=profile.moduli_MPa,

@@ -72,8 +72,7 @@ class SampledMaterial:
     def cell(self) -> IntArray:
         """Cell of the lattice that each segment is in, (s,)."""
         column, low, _ = self.segments.T
-        below = self.foot[column].astype(np.int64) * self.counts[2]
-        return np.asarray(below + low // self.voxels)
+        return np.asarray(self.foot[column].astype(np.int64) * self.counts[2] + low // self.voxels)
 
     def place(self, segments: Any = slice(None)) -> tuple[FloatArray, FloatArray]:
         """Return x and y of segments, in cells."""
@@ -86,8 +85,7 @@ class SampledMaterial:
         # it: room for all, of which half is written.
         pairs = np.empty((5 * len(label), 2), np.int32)
         label, apart = label.astype(np.int64), apart.astype(np.int32)
-        given = (self.segments, self.offsets, self.across, label, apart)
-        return pairs[: _touching(*given, pairs)]
+        return pairs[: _touching(self.segments, self.offsets, self.across, label, apart, pairs)]
 
     def segments_of(
         self, number: NDArray[np.int32], layer: IntArray

@@ -81,8 +81,7 @@ def loading_path(
         time = np.linspace(0.0, 2.0 * cycles * float(ramp_s[-1]), len(displacement))
         return LoadingPath(time, displacement)
     if protocol == "relaxation":
-        held = np.geomspace(_FIRST_HOLD * hold_s, hold_s, steps)
-        time = np.append(ramp_s, ramp_s[-1] + held)
+        time = np.append(ramp_s, ramp_s[-1] + np.geomspace(_FIRST_HOLD * hold_s, hold_s, steps))
         return LoadingPath(time, np.append(up, np.full(steps, up[-1])))
     hint = did_you_mean(protocol, _PROTOCOLS)
     raise ArgumentError(

@@ -262,8 +262,7 @@ def analyse(nodes: IntArray, node_mm: FloatArray, links: IntArray = _NO_LINKS) -
     middle = np.concatenate([middle, middle[links].mean(axis=1)])
     ranks = np.stack([_ranks(middle[:, axis]) for axis in range(3)]).astype(np.int32)
     begin = np.append(0, np.cumsum(np.repeat([27, 54], [len(nodes), len(links)])))
-    members = np.concatenate([nodes.ravel(), nodes[links].ravel()]).astype(np.int32)
-    each = (members, begin)
+    each = np.concatenate([nodes.ravel(), nodes[links].ravel()]).astype(np.int32), begin
     cells, bounds, halves, depth, owner = _halved(*each, ranks, count, _CELLS_OF_A_LEAF)
     # The last front made comes first: halves before their cut.
     fronts = len(bounds)
