@@ -421,7 +421,7 @@ def design(
     # What is wrong is told before the work.
     posed(cases, wanted, halve_long_edges(mesh, 0.5 * edge)[0])
     progress(DesignStage("loading the solver", 0.0))
-    from planner.inverse_design.printing import DesignSpace, Printing, corrected
+    from planner.inverse_design.printing import Printing, corrected
     from planner.inverse_design.search import DesignProblem, WantedOfPart
     from planner.materials.marlow import marlow_table
 
@@ -441,7 +441,6 @@ def design(
         follows = axis_field(axis, placed) if field is None else build_field(field, setting)
         rises = ends.moduli_MPa[0] < ends.moduli_MPa[-1]
         controls = _ramp(follows, knots, rises, limits, stiffness, translation)
-    space = DesignSpace(controls, stiffness, setting, follows, counts)
     normal = normal_quantile(level) if robust else 0.0
 
     def problem_on(size_mm: float, done: float, before: "Sequence[Case]" = ()) -> DesignProblem:
@@ -461,16 +460,15 @@ def design(
         grade, part, axis=axis, field=field, blend=blend, at_strain=at_strain, printer=machine,
         palette=chosen, unit=unit, bodies=bodies, name=name, force_oversize=force_oversize,
     )  # fmt: skip
-    printed, prints, stopped = corrected(
-        Printing(
-            asked, space, problem, larger, best, graded, scale, machine, problem_mm,
-            blend == "dither", tolerance,
-        ),
-        stopped=found.stopped,
-        progress=lambda off: progress(
-            DesignStage(f"printed materials: off by {in_percent(off)}", 0.8)
-        ),
+    printing = Printing(
+        asked, setting, follows, counts, problem, larger, best, graded, scale, machine, problem_mm,
+        blend == "dither", tolerance,
     )  # fmt: skip
+
+    def corrects(off: float) -> None:
+        progress(DesignStage(f"printed materials: off by {in_percent(off)}", 0.8))
+
+    printed, prints, stopped = corrected(printing, stopped=found.stopped, progress=corrects)
     tried = found.tried + prints
     rows = list(reached(problem, best, reach, printed.solved, level))
     over = None
@@ -495,7 +493,7 @@ def design(
         progress(DesignStage("from rest to full load, for the page", 0.9))
     coordinate, _ = stiffness.coordinates(larger.basis @ printed.values)
     courses = zip(larger.cases, printed.solved, strict=True) if steps else ()
-    profile, _, table = space.laid(printed.values)
+    profile, _, table = printing.laid(printed.values)
     return PartDesign(
         courses=tuple(_course(case, one, coordinate, steps) for case, one in courses),
         plan=printed.plan,
