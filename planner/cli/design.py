@@ -2,15 +2,13 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from typer import Argument, Context, Option
 
+import planner
 from planner.cli import output as cli
 from planner.glance import format_range
-
-if TYPE_CHECKING:
-    from planner.inverse_design.design import PartDesign
 
 
 @cli.in_groups
@@ -109,7 +107,6 @@ def design(
     "x=min: 0,0,-0.5 N" --target "x=min uz=-12 mm"[/bold]
     """
     given = locals()
-    import planner
     from planner.inverse_design.design import interrupted_design
     from planner.simulation.loads import LoadCase, read_cases
 
@@ -143,7 +140,7 @@ _STEPS = 4
 """Of each load on the page: the view takes a second a step where there is no graphics card."""
 
 
-def _report(made: "PartDesign", folder: Path) -> None:
+def _report(made: "planner.PartDesign", folder: Path) -> None:
     cli.tell_notes(made.notes)
     interval = f">{100 * made.level:g} % interval"
     columns = ["target", ">wanted", ">gradient", ">printed", ">error", interval]

@@ -18,13 +18,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Context, Option
 
+import planner
 from planner.errors import ArgumentError, Caution
 
 if TYPE_CHECKING:
     from rich.console import JustifyMethod
     from rich.table import Table
-
-    from planner.printers import Printer
 
 __all__ = [
     "AsJson",
@@ -336,10 +335,10 @@ class PrinterLimits:
         Option("--minimum-feature", help="Smallest detail in mm, in place of the printer's own."),
     ] = None
 
-    def printer(self, printer: str | None, like: Path | None = None) -> "str | Printer | None":
+    def printer(
+        self, printer: str | None, like: Path | None = None
+    ) -> "str | planner.Printer | None":
         """Return the printer that is asked for, or that a plan to follow has, with these limits."""
-        import planner
-
         if self == PrinterLimits():
             return printer
         try:

@@ -20,10 +20,7 @@ from planner.errors import ArgumentError, Caution
 from planner.glance import format_number
 
 if TYPE_CHECKING:
-    from planner.grading.check import Certificate
     from planner.mesh.mesh import Mesh
-    from planner.plan import Plan
-    from planner.slices import SliceStack
 
 # ------------------------------------------------------------------------------------------------
 # planner grade.
@@ -200,7 +197,7 @@ def grade(
 
 
 def _grade_report(
-    plan: "Plan", folder: Path | None, *, like: Path | None, as_json: bool, quiet: bool
+    plan: "planner.Plan", folder: Path | None, *, like: Path | None, as_json: bool, quiet: bool
 ) -> None:
     from planner.report.plan_figure import error_words, moved_words, unreachable_words
 
@@ -233,7 +230,7 @@ def _grade_report(
         )
 
 
-def _table(plan: "Plan") -> None:
+def _table(plan: "planner.Plan") -> None:
     from planner.report.plan_figure import plan_table
 
     colours = {shell.material: shell.colour for shell in plan.shells}
@@ -324,7 +321,7 @@ def check(
     return 0 if certificate.ok else 1
 
 
-def _verdict(certificate: "Certificate") -> str:
+def _verdict(certificate: "planner.Certificate") -> str:
     if certificate.ok:
         return "the folder is sound"
     failed = certificate.problems or not all(c.ok for c in certificate.checks.values())
@@ -475,7 +472,7 @@ def _lengths(text: str) -> tuple[float, ...]:
     return lengths
 
 
-def _slices_report(stack: "SliceStack", folder: Path) -> None:
+def _slices_report(stack: "planner.SliceStack", folder: Path) -> None:
     x, y, z = stack.grid.pitch_mm
     total = sum(each.voxels for each in stack.materials)
     rows = [

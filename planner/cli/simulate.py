@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 from typer import Argument, Context, Option
 
@@ -11,11 +11,6 @@ import planner
 from planner.cli import output as cli
 from planner.errors import ArgumentError
 from planner.glance import format_number, format_range
-
-if TYPE_CHECKING:
-    from planner.simulation.export import Export
-    from planner.simulation.part import PartSimulation
-    from planner.simulation.simulate import Simulation
 
 _MeshMaterial = Annotated[str | None, Option(help="What a mesh is made of, which is no plan.")]
 _PlansPrinter = Annotated[
@@ -231,7 +226,7 @@ def _between(text: str) -> tuple[float, float]:
         ) from None
 
 
-def _part_report(results: "Sequence[PartSimulation]") -> None:
+def _part_report(results: "Sequence[planner.PartSimulation]") -> None:
     from planner.report.loaded_part import part_title, response_rows, step_rows, summary_words
 
     cli.tell_notes(note for result in results for note in result.notes)
@@ -248,7 +243,7 @@ def _part_report(results: "Sequence[PartSimulation]") -> None:
             cli.say(words)
 
 
-def _bar_report(results: "Sequence[Simulation]") -> None:
+def _bar_report(results: "Sequence[planner.Simulation]") -> None:
     (result,) = results
     for note in result.notes:
         cli.warn(note)
@@ -330,7 +325,7 @@ def export(
     return 0
 
 
-def _export_report(model: "Export") -> None:
+def _export_report(model: "planner.Export") -> None:
     cli.tell_notes(model.notes)
     columns = ["material", ">coordinate", ">modulus MPa", ">cells", ">volume mm3"]
     columns += [">law", ">to strain", ">off by"]
