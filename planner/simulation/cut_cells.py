@@ -147,7 +147,7 @@ class CutCells:
     dropped_mm3
         Volume of specks that hang on nothing and are left out.
     material
-        The columns, from which `locate` finds cells.
+        The columns, from which `SampledMaterial.locate` finds cells.
     """
 
     origin_mm: FloatArray
@@ -221,31 +221,6 @@ class CutCells:
         cell = self.cell_of[point]
         local = 2.0 * (scaled - self.index[cell]) - 1.0
         return np.asarray(point), cell, np.clip(local, -1.0, 1.0)
-
-    def locate(
-        self, points_mm: FloatArray, inward: FloatArray
-    ) -> tuple[NDArray[np.int32], FloatArray]:
-        """Find the cell, and the place in it, of points on the surface.
-
-        A point is in the piece of its own cell whose material is nearest to it, seen from a
-        column's spacing inwards. Where its cell has no material as near as a neighbour has (it
-        was thinner than the columns see), it is in the neighbour, and its place a little outside.
-
-        Parameters
-        ----------
-        points_mm : (k, 3)
-            On the surface, or close to it.
-        inward : (k, 3)
-            Unit vectors from there into the material.
-
-        Returns
-        -------
-        cell : (k,) int32
-        local : (k, 3)
-            In the cell's own coordinates: -1..1, and beyond where the piece goes on or is nearest.
-        """
-        lattice = (self.origin_mm, self.cell_mm, self.index)
-        return self.material.locate(*lattice, points_mm, inward)[:2]
 
 
 def cut_cells(

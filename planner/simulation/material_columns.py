@@ -133,7 +133,30 @@ class SampledMaterial:
         self, origin_mm: FloatArray, cell_mm: FloatArray, index: IntArray,
         points_mm: FloatArray, inward: FloatArray, shell: NDArray[np.int32] | None = None,
     ) -> tuple[NDArray[np.int32], FloatArray, FloatArray]:  # fmt: skip
-        """Find points as `CutCells.locate`, if given in shells; also how far their material is."""
+        """Find the cell, the place in it, and the distance of the material of points on a surface.
+
+        A point is in the piece of its own cell whose material is nearest to it, seen from a
+        column's spacing inwards. Where its cell has no material as near as a neighbour has (it
+        was thinner than the columns see), it is in the neighbour, and its place a little outside.
+
+        Parameters
+        ----------
+        origin_mm, cell_mm, index
+            Of the lattice, and the place of each piece's cell in it.
+        points_mm : (k, 3)
+            On the surface, or close to it.
+        inward : (k, 3)
+            Unit vectors from there into the material.
+        shell : (k,)
+            In which each is, if that is known.
+
+        Returns
+        -------
+        cell : (k,) int32
+        local : (k, 3)
+            In the cell's own coordinates: -1..1, and beyond where the piece goes on or is nearest.
+        away : (k,)
+        """
         place = (points_mm - origin_mm) / cell_mm
         counts = np.array(self.counts)
         own = np.clip(np.floor(place + _PLAIN_STEP * inward), 0, counts - 1).astype(np.int64)

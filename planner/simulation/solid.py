@@ -85,7 +85,8 @@ def _facet_points(cells: CutCells, facets: BoolArray) -> _FacetPoints:
     corners, area, size = (v[size > 0.0] for v in (corners, area, size))
     places = np.einsum("pc,fcx->fpx", _CORNERS, corners).reshape(-1, 3)
     thirds = np.repeat(area / 3.0, 3, axis=0)
-    cell, local = cells.locate(places, -thirds / np.repeat(size / 3.0, 3)[:, None])
+    inward, lattice = -thirds / np.repeat(size / 3.0, 3)[:, None], (cells.origin_mm, cells.cell_mm)
+    cell, local, _ = cells.material.locate(*lattice, cells.index, places, inward)
     order = np.argsort(cell, kind="stable")
     cell = cell[order]
     shape, gradient = shape_functions(local[order], cells.cell_mm)
