@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from typer import Context, Option
 
 import planner
-from planner.errors import ArgumentError, Caution
+from planner.errors import ArgumentError, Caution, refused
 
 if TYPE_CHECKING:
     from rich.console import JustifyMethod
@@ -341,10 +341,9 @@ class PrinterLimits:
         """Return the printer that is asked for, or that a plan to follow has, with these limits."""
         if self == PrinterLimits():
             return printer
-        try:
+        said = "give X,Y,Z in mm, as 300,200,150"
+        with refused(ArgumentError, f"--tray {self.tray}", said, ValueError):
             x, y, z = map(float, (self.tray or "0,0,0").split(","))
-        except ValueError:
-            raise ArgumentError(f"--tray {self.tray}: give X,Y,Z in mm, as 300,200,150") from None
         return planner.load_printer(
             printer or ("connex3" if like is None else planner.read_plan(like).printer),
             tray_mm=None if self.tray is None else (x, y, z),

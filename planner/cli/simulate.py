@@ -9,7 +9,7 @@ from typer import Argument, Context, Option
 
 import planner
 from planner.cli import output as cli
-from planner.errors import ArgumentError
+from planner.errors import ArgumentError, refused
 from planner.glance import format_number, format_range
 
 _MeshMaterial = Annotated[str | None, Option(help="What a mesh is made of, which is no plan.")]
@@ -218,12 +218,9 @@ def _check_endings(**given: tuple[Path | None, *tuple[str, ...]]) -> None:
 
 def _between(text: str) -> tuple[float, float]:
     start, _, stop = text.partition(":")
-    try:
+    said = "it must be START:STOP in mm, as in 36.5:65.9"
+    with refused(ArgumentError, f"--between {text}", said, ValueError):
         return float(start), float(stop)
-    except ValueError:
-        raise ArgumentError(
-            f"--between {text}: it must be START:STOP in mm, as in 36.5:65.9"
-        ) from None
 
 
 def _part_report(results: "Sequence[planner.PartSimulation]") -> None:

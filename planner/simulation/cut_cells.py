@@ -9,16 +9,8 @@ from numpy.typing import NDArray
 
 from planner.errors import ArgumentError, MeshError, positive
 from planner.mesh.halve import halve_long_edges
-from planner.mesh.mesh import (
-    Mesh,
-    connected,
-    number_groups,
-    order_rows,
-    repeats_index,
-    sorted_corners,
-    unite,
-)
-from planner.numerics import BoolArray, FloatArray, IntArray, kernel
+from planner.mesh.mesh import Mesh, connected, order_rows, repeats_index, sorted_corners
+from planner.numerics import BoolArray, FloatArray, IntArray
 from planner.simulation.cell_quadrature import quadrature
 from planner.simulation.element import LOCAL, shape_functions
 from planner.simulation.inner_corners import contacts, opposed, parted
@@ -342,10 +334,8 @@ def _filled(
         raise _too_many(cell_mm, len(order))
     number = np.full(n, -1, np.int32)
     number[order] = np.arange(len(order))
-    own = np.arange(27 * n, dtype=np.int32)
-    _join_nodes(np.unique(into[firm], axis=0), place, own)
     index = place[order].astype(np.int32)
-    nodes, node_place = _number_nodes(number_groups(own).reshape(n, 27)[order], index)
+    nodes, node_place = _number_nodes(_joined_nodes(into[firm], place)[order], index)
     whole = (share == 1.0) & (np.bincount(into, minlength=n) == 1)
     told = replace(material, piece=number[into[piece]])
     offsets, points, weights = quadrature(told, index, whole[order], like)
@@ -521,20 +511,15 @@ def _merge_skins(
         waiting[skin[found]] = False
 
 
-@kernel
-def _join_nodes(pairs: Any, place: Any, parent: Any) -> None:
-    # Join the nodes that the cells of each pair have in common.
-    for n in range(pairs.shape[0]):
-        p, q = pairs[n, 0], pairs[n, 1]
-        dx = place[q, 0] - place[p, 0]
-        dy = place[q, 1] - place[p, 1]
-        dz = place[q, 2] - place[p, 2]
-        if p == q or (dx == 0 and dy == 0 and dz == 0):
-            continue
-        for a in range(27):
-            i, j, k = a % 3 - 2 * dx, a // 3 % 3 - 2 * dy, a // 9 - 2 * dz
-            if 0 <= i <= 2 and 0 <= j <= 2 and 0 <= k <= 2:
-                unite(parent, 27 * p + a, 27 * q + i + 3 * j + 9 * k)
+def _joined_nodes(pairs: NDArray[np.int32], place: IntArray) -> NDArray[np.int32]:
+    """Return groups of the pieces' own nodes, (n, 27): one where cells of a pair have it both."""
+    one, other = np.unique(pairs, axis=0).T
+    step = place[other] - place[one]
+    there = LOCAL - 2 * step[:, None]
+    shared = ((there >= 0) & (there <= 2)).all(axis=2) & step.any(axis=1)[:, None]
+    pair, node = np.nonzero(shared)
+    beyond = 27 * other[pair] + there[shared] @ [1, 3, 9]
+    return connected(27 * len(place), 27 * one[pair] + node, beyond).reshape(-1, 27)
 
 
 def _number_nodes(

@@ -522,10 +522,8 @@ _Caught = tuple[BoolArray, str]
 
 
 def _at_place(faces: _Faces, axis: int, sign: str, word: str, where: str) -> _Caught:
-    try:
+    with refused(ArgumentError, where, f"{word!r} is no place; give min, max or mm", ValueError):
         at = faces.place_mm(axis, word)
-    except ValueError:
-        raise ArgumentError(f"{where}: {word!r} is no place; give min, max or mm") from None
     if sign != "=":
         along = faces.centre_mm[:, axis]
         held = {"<": along < at, "<=": along <= at, ">": along > at, ">=": along >= at}[sign]

@@ -20,14 +20,7 @@ from planner.simulation.loads import Condition, Conditions, LoadCase, read_condi
 from planner.simulation.part import COARSER, COVERS, Solid, open_solid
 from planner.simulation.part_response import PartResponse
 from planner.simulation.simulate import log_sds
-from planner.simulation.solid import (
-    Body,
-    Equilibrium,
-    LostStabilityError,
-    Mechanics,
-    Progress,
-    spread,
-)
+from planner.simulation.solid import Body, Equilibrium, LostStabilityError, Mechanics, spread
 from planner.simulation.sparse_cholesky import Factor, analyse
 
 __all__ = [
@@ -296,8 +289,8 @@ class LoadSteps:
 
 
 def respond(
-    mechanics: Mechanics, model: CoefficientModel, *, steps: int = 1, level: float = 0.95,
-    progress: Progress | None = None,
+    mechanics: Mechanics, model: CoefficientModel, *, steps: int, level: float,
+    progress: Callable[[float, int, float], None],
 ) -> LoadSteps:  # fmt: skip
     """Load a body step by step.
 
