@@ -26,7 +26,6 @@ from typing import Annotated, Any
 import typer
 
 from planner import __version__
-from planner.cli import design as _design
 from planner.cli import gap as _gap
 from planner.cli import materials as _materials
 from planner.cli import plans as _plans
@@ -252,7 +251,7 @@ def _planner(
 
 
 _COMMANDS: tuple[Callable[..., int], ...] = (
-    _plans.grade, _simulate.simulate, _design.design, _simulate.export, _materials.invert,
+    _plans.grade, _simulate.simulate, _simulate.design, _simulate.export, _materials.invert,
     _materials.materials, _materials.fit, _materials.characterise, _plans.view, _plans.check,
     _plans.diff, _plans.compare, _plans.slices, _printers.schema,
 )  # fmt: skip
