@@ -227,6 +227,14 @@ class DitherField:
         """Values between pieces."""
         return np.arange(1, len(self.pieces)) / len(self.pieces)
 
+    @property
+    def ends(self) -> IntArray:
+        """Which pieces the softer and the harder material of each stretch are, (S, 2)."""
+        number = self.pieces.index
+        return np.array(
+            [[number(DitherPiece(s.run, end)) for end in (s.lower, s.upper)] for s in self.along]
+        )
+
     def description(self) -> dict[str, object]:
         """Everything needed to build the field of the gradient again."""
         return self.field.description()
@@ -242,9 +250,8 @@ class DitherField:
         dealt = blue_noise_bevelled().dealt_for(fraction)
         cell = np.floor((points_mm - self.corner_mm) / self.cell_mm).astype(np.int64)
         hard = dither_cells(dealt, cell)
-        of_soft = np.array([self.pieces.index(DitherPiece(s.run, s.lower)) for s in self.along])
-        of_hard = np.array([self.pieces.index(DitherPiece(s.run, s.upper)) for s in self.along])
-        return stretch, fraction, np.where(hard, of_hard[stretch], of_soft[stretch])
+        soft, harder = self.ends[stretch].T
+        return stretch, fraction, np.where(hard, harder, soft)
 
     def wanted(self, points_mm: FloatArray) -> tuple[IntArray, FloatArray]:
         """Return each point's stretch, and the volume fraction wanted of its harder material."""
@@ -456,12 +463,12 @@ class CellDesign:
         dealt, volumes = self.dealt, self._volumes_mm3(pieces)
         shares, boxes = self._shares(volumes), self._boxes_mm(pieces, volumes)
         regions: list[Region] = []
-        for number, stretch in enumerate(dealt.along):
-            for grade in sorted({stretch.lower, stretch.upper}):
-                piece = dealt.pieces.index(DitherPiece(stretch.run, grade))
+        for number, (stretch, ends) in enumerate(zip(dealt.along, dealt.ends, strict=True)):
+            for piece in dict.fromkeys(ends.tolist()):
                 volume_mm3 = float(volumes[number, piece])
                 if volume_mm3 <= 0.0:
                     continue
+                grade = dealt.pieces[piece].grade
                 band = Band(stretch.start, stretch.stop, grade, stretch.target_MPa)
                 box = boxes[number, piece]
                 region = region_of(band, self.printed[piece], volume_mm3, box, shells)
@@ -532,23 +539,17 @@ class CellDesign:
         shares = self.counted.volume_mm3.copy()
         for piece in np.flatnonzero((shares.sum(axis=0) <= 0.0) & (exact > 0.0)).tolist():
             # A sliver that no cell's centre is near to, or a sheet where the target is too steep.
-            wanted = self.dealt.pieces[piece]
-            own = [
-                n for n, s in enumerate(self.dealt.along)
-                if s.run == wanted.run and wanted.grade in (s.lower, s.upper)
-            ]  # fmt: skip
-            shares[own[0] if own else 0, piece] = 1.0
+            first = int((self.dealt.ends == piece).any(axis=1).argmax())
+            shares[first, piece] = 1.0
         total = shares.sum(axis=0)
         np.divide(shares, total, out=shares, where=total > 0.0)
         return np.asarray(shares * exact)
 
     def _shares(self, volumes_mm3: FloatArray) -> dict[int, _Share]:
         found = {}
-        for number, stretch in enumerate(self.dealt.along):
-            soft, hard = (
-                float(volumes_mm3[number, self.dealt.pieces.index(DitherPiece(stretch.run, grade))])
-                for grade in (stretch.lower, stretch.upper)
-            )
+        each = zip(self.dealt.along, self.dealt.ends, volumes_mm3, strict=True)
+        for number, (stretch, ends, volumes) in enumerate(each):
+            soft, hard = volumes[ends].tolist()
             if stretch.lower < stretch.upper and soft + hard > 0.0:
                 achieved, wanted = hard / (soft + hard), float(self.counted.wanted[number])
                 wanted = achieved if math.isnan(wanted) else wanted
