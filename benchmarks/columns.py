@@ -48,7 +48,7 @@ def beside_trimesh(mesh: Mesh) -> None:
     body = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
     for pitch in (2.0, 1.0, 0.5, 0.2, 0.1, NATIVE):
         ours, columns = best(lambda p=pitch: voxelize(mesh, p))
-        error = columns.volume_mm3 / mesh.volume_mm3 - 1
+        error = columns.voxels * columns.grid.voxel_mm3 / mesh.volume_mm3 - 1
         row = f"{pitch!s:22.22} {ours:8.4f} {error:+10.1e}"
         if np.prod(np.array(columns.grid.shape, float)) < 1e9:
             row += f" {best(lambda c=columns: dense(c))[0]:8.3f}"

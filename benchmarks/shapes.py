@@ -19,7 +19,7 @@ from benchmarks.grade import PLANNER, run_once
 from planner.formats.field_file import encode_vti
 from planner.formats.mesh_file import encode_stl, read_mesh
 from planner.inverse_design.controls import Controls
-from planner.inverse_design.shape import carried_along
+from planner.inverse_design.goals import carried_along
 from planner.mesh.distance import closest, triangle_tree
 from planner.mesh.mesh import Mesh
 

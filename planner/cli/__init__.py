@@ -25,12 +25,14 @@ from typing import Annotated, Any
 
 import typer
 
-from planner.cli import design as _design
+from planner import __version__
 from planner.cli import gap as _gap
 from planner.cli import materials as _materials
 from planner.cli import plans as _plans
 from planner.cli import printers as _printers
 from planner.cli import simulate as _simulate
+from planner.cli.output import Kept, complain, say
+from planner.errors import ArgumentError, PlannerError
 
 __all__ = ["app", "main", "round_alike", "run"]
 
@@ -100,9 +102,6 @@ def _keep_memory() -> None:
 
 def run(arguments: Sequence[str] | None = None, commands: typer.Typer | None = None) -> int:
     """Run the command line, or other commands than planner's, and return the exit code."""
-    from planner.cli.output import Kept, complain
-    from planner.errors import PlannerError
-
     try:
         code = _dispatch(list(sys.argv[1:] if arguments is None else arguments), commands or app)
         if sys.stdout is not None:
@@ -185,8 +184,6 @@ _command = cache(typer.main.get_command)
 
 
 def _dispatch(arguments: list[str], commands: typer.Typer) -> int:
-    from planner.errors import ArgumentError
-
     # The common base of usage errors has no public name in typer.
     usage_error: Any = next(b for b in typer.BadParameter.__mro__ if b.__name__ == "ClickException")
     try:
@@ -237,9 +234,6 @@ app = typer.Typer(
 
 def _version(wanted: bool) -> None:
     if wanted:
-        from planner import __version__
-        from planner.cli.output import say
-
         say(f"planner {__version__}")
         raise typer.Exit
 
@@ -257,7 +251,7 @@ def _planner(
 
 
 _COMMANDS: tuple[Callable[..., int], ...] = (
-    _plans.grade, _simulate.simulate, _design.design, _simulate.export, _materials.invert,
+    _plans.grade, _simulate.simulate, _simulate.design, _simulate.export, _materials.invert,
     _materials.materials, _materials.fit, _materials.characterise, _plans.view, _plans.check,
     _plans.diff, _plans.compare, _plans.slices, _printers.schema,
 )  # fmt: skip

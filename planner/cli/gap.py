@@ -2,7 +2,7 @@
 
 from pathlib import Path
 from shlex import quote
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 from typer import Argument, Context, Option
@@ -10,10 +10,6 @@ from typer import Argument, Context, Option
 import planner
 from planner.cli import output as cli
 from planner.glance import format_number, format_range
-
-if TYPE_CHECKING:
-    from planner.gap.correct import Correction
-    from planner.gap.design import CampaignDesign
 
 app = typer.Typer(name="gap", rich_markup_mode="rich", invoke_without_command=True)
 
@@ -162,7 +158,7 @@ def correct(
     return 0 if made.ok else 1
 
 
-def _correct_report(made: "Correction", output: Path, options: str) -> None:
+def _correct_report(made: "planner.Correction", output: Path, options: str) -> None:
     for note in made.notes:
         (cli.finding if note in made.findings else cli.warn)(note)
     if not made.corrected:
@@ -239,7 +235,7 @@ def design(
 
 
 def _design_report(
-    made: "CampaignDesign", output: Path, printer: str, palette: str | None, *, listed: bool
+    made: "planner.CampaignDesign", output: Path, printer: str, palette: str | None, *, listed: bool
 ) -> None:
 
     rows = []

@@ -1,11 +1,11 @@
 """planner materials, invert, fit and characterise: what can be printed."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 from typer import Argument, Context, Option
 
@@ -13,15 +13,6 @@ import planner
 from planner.cli import output as cli
 from planner.errors import ArgumentError
 from planner.glance import format_interval, format_number
-
-if TYPE_CHECKING:
-    from planner.grading.invert import Mixture
-    from planner.grading.profile import StiffnessScale
-    from planner.materials.algorithm_one import QuadraticStudy
-    from planner.materials.characterise import MaterialCharacteristics, Spread
-    from planner.materials.fit import MaterialFit
-    from planner.materials.palette_study import PaletteStudy
-    from planner.materials.study import ReadRecord
 
 _AtStrain = Annotated[
     float,
@@ -95,7 +86,7 @@ def materials(
     return 0
 
 
-def _print_ladder(scale: "StiffnessScale") -> None:
+def _print_ladder(scale: "planner.StiffnessScale") -> None:
     cli.print_table(
         ["material", ">m", ">modulus MPa", "95 % interval", ">break", ">g/cm3", "also called"],
         [
@@ -105,7 +96,7 @@ def _print_ladder(scale: "StiffnessScale") -> None:
                 format_number(modulus),
                 format_interval(interval),
                 f"{100 * material.elongation_at_break:.0f} %"
-                + (" (past it)" if scale.broken_at(material) else ""),
+                + (" (past it)" if scale.broken(material) else ""),
                 f"{material.density_g_cm3:.3f}",
                 ", ".join(material.aliases),
             ]
@@ -181,7 +172,7 @@ def invert(
     return 0 if all(mixture.reachable for mixture in found) else 1
 
 
-def _print_wanted(found: "Sequence[Mixture]", title: str) -> None:
+def _print_wanted(found: "Sequence[planner.Mixture]", title: str) -> None:
     cli.print_table(
         [">target MPa", "nearest", ">MPa", ">error", "blend", ">m", ">MPa", "95 % interval"],
         [
@@ -201,13 +192,13 @@ def _print_wanted(found: "Sequence[Mixture]", title: str) -> None:
     )
 
 
-def _nearest(mixture: "Mixture", wanted_MPa: float) -> tuple[str, str, str]:
+def _nearest(mixture: "planner.Mixture", wanted_MPa: float) -> tuple[str, str, str]:
     """Return the cells of the nearest material: its name, modulus and error."""
     modulus = mixture.nearest_modulus_MPa
     return mixture.nearest, format_number(modulus, 4), f"{100 * (modulus / wanted_MPa - 1):+.1f} %"
 
 
-def _print_places(found: "Sequence[Mixture]", title: str) -> None:
+def _print_places(found: "Sequence[planner.Mixture]", title: str) -> None:
     """Print what stands at coordinates: stiffness, nearest material, further strains, laws."""
     cli.print_table(
         [">m", "blend", ">MPa", "95 % interval", "nearest", ">MPa", ">error"],
@@ -240,7 +231,7 @@ def _print_places(found: "Sequence[Mixture]", title: str) -> None:
     )
 
 
-def _print_laws(found: "Sequence[Mixture]") -> None:
+def _print_laws(found: "Sequence[planner.Mixture]") -> None:
     for mixture in found:
         if mixture.law is None:
             continue
@@ -381,9 +372,9 @@ def characterise(
     if as_json:
         cli.print_document(encode_document(found.document()))
     elif not quiet:
-        _print_records(found.records)
-        cli.tell_notes((*found.notes, *_corrections(found.materials)))
-        _tables(found.materials)
+        _print_records(found)
+        cli.tell_notes((*found.notes, *_corrections(found)))
+        _tables(found)
         for one in found.materials:
             cli.say(f"{one.material}: {one.deformation.kind}; {one.deformation.reason}")
         for path in filter(None, (output, figure)):
@@ -393,12 +384,12 @@ def characterise(
     return 0 if found.ok else 1
 
 
-def _print_records(records: "Sequence[ReadRecord]") -> None:
+def _print_records(found: "planner.Characterisation") -> None:
     """Say what was read; columns and places of sizes, alike in many records, by their number."""
     columns: dict[str, int] = {}
     places: dict[str, int] = {}
     rows = []
-    for one in records:
+    for one in found.records:
         unused = f"; not used: {', '.join(one.unused)}" if one.unused else ""
         headed = columns.setdefault(", ".join(one.columns.values()) + unused, len(columns) + 1)
         sizes = [
@@ -428,9 +419,9 @@ def _print_records(records: "Sequence[ReadRecord]") -> None:
         cli.say(f"[{number}]: {text}")
 
 
-def _corrections(found: "Sequence[MaterialCharacteristics]") -> list[str]:
+def _corrections(found: "planner.Characterisation") -> list[str]:
     """Return the notes on single specimens, and one line for strains left as recorded."""
-    specimens = [c for one in found for c in one.specimens]
+    specimens = [c for one in found.materials for c in one.specimens]
     lines = [note for c in specimens for note in c.notes if "not shifted" not in note]
     unshifted = [c for c in specimens if not c.toe_strain]
     if unshifted:
@@ -440,20 +431,21 @@ def _corrections(found: "Sequence[MaterialCharacteristics]") -> list[str]:
     return lines
 
 
-def _tables(found: "Sequence[MaterialCharacteristics]") -> None:
-    def told(one: "MaterialCharacteristics", name: str) -> str:
+def _tables(found: "planner.Characterisation") -> None:
+    def told(number: int, name: str) -> str:
+        one = found.materials[number]
         if name == "deforms":
             return f"{one.deformation.kind}ally"
-        spread: Spread | None = one.spreads.get(name)
+        spread = one.spreads.get(name)
         if spread is None:
             return "-"
         cv = "" if spread.cv is None else f" ±{100 * spread.cv:.1f} %"
         return format_number(spread.mean) + cv
 
     moduli = {"modulus_MPa": ">E"}
-    if any(c.toe_strain for one in found for c in one.specimens):
+    if any(c.toe_strain for one in found.materials for c in one.specimens):
         moduli["modulus_uncompensated_MPa"] = ">with toe"
-    for name in (name for one in found for name in one.spreads if name.startswith("secant")):
+    for name in (n for one in found.materials for n in one.spreads if n.startswith("secant")):
         moduli[name] = f">at {name.split('_')[1]}"
     breaks = {
         "strength_MPa": ">strength MPa",
@@ -465,56 +457,15 @@ def _tables(found: "Sequence[MaterialCharacteristics]") -> None:
         ("Young's and secant moduli (MPa), mean ± coefficient of variation over specimens", moduli),
         ("Break", breaks),
     ):
-        rows = [[one.material, str(one.n), *(told(one, name) for name in names)] for one in found]
+        rows = [
+            [one.material, str(one.n), *(told(number, name) for name in names)]
+            for number, one in enumerate(found.materials)
+        ]
         cli.print_table(["material", ">n", *names.values()], rows, title=title)
 
 
 # ------------------------------------------------------------------------------------------------
 # planner fit.
-
-
-@dataclass(frozen=True)
-class _Fitting:
-    """How laws are fitted, and what of the palette the tests do not tell."""
-
-    law: Annotated[
-        str,
-        Option(
-            help="neo-hookean, yeoh, martins, ogden, ogden-1, -2 or -3 (terms), or all: the best "
-            "is chosen."
-        ),
-    ] = "all"
-    name: Annotated[str | None, Option(help="Name of the palette; else that of the file.")] = None
-    weighting: Annotated[str, Option(help="Residuals relative to the stress, or absolute.")] = (
-        "relative"
-    )
-    coordinate: Annotated[
-        list[str] | None, Option(help="ID=M, repeatable; else 0..1 in order of stiffness.")
-    ] = None
-    order: Annotated[
-        str | None,
-        Option(help="All materials from soft to hard, with commas, where tests leave it open."),
-    ] = None
-    density: Annotated[list[str] | None, Option(help="ID=G_CM3, repeatable.")] = None
-    starts: Annotated[int, Option(min=1, max=2000, help="Starts of each search.")] = 50
-    level: Annotated[float, Option(min=0.5, max=0.999, help="Coverage of the intervals.")] = 0.95
-    coefficients: Annotated[
-        str | None,
-        Option(
-            help="quadratic: also run Algorithm 1 of Hemleben's thesis, coefficients as quadratics "
-            "of m, and compare what it predicts; the palette is the same."
-        ),
-    ] = None
-
-    def given(self, output: Path) -> dict[str, Any]:
-        """Return them by the names that `planner.fit` has."""
-        return {
-            **vars(self),
-            "name": self.name or output.stem,
-            "coordinate": _figures(self.coordinate, "--coordinate"),
-            "order": self.order and [name.strip() for name in self.order.split(",")],
-            "density": _figures(self.density, "--density"),
-        }
 
 
 @cli.in_groups
@@ -523,7 +474,34 @@ def fit(
     files: _TensileFiles,
     output: Annotated[Path, cli.out("Palette file (TOML) to write.")] = Path("palette.toml"),
     *,
-    fitting: _Fitting,
+    law: Annotated[
+        str,
+        Option(
+            help="neo-hookean, yeoh, martins, ogden, ogden-1, -2 or -3 (terms), or all: the best "
+            "is chosen."
+        ),
+    ] = "all",
+    name: Annotated[str | None, Option(help="Name of the palette; else that of the file.")] = None,
+    weighting: Annotated[str, Option(help="Residuals relative to the stress, or absolute.")] = (
+        "relative"
+    ),
+    coordinate: Annotated[
+        list[str] | None, Option(help="ID=M, repeatable; else 0..1 in order of stiffness.")
+    ] = None,
+    order: Annotated[
+        str | None,
+        Option(help="All materials from soft to hard, with commas, where tests leave it open."),
+    ] = None,
+    density: Annotated[list[str] | None, Option(help="ID=G_CM3, repeatable.")] = None,
+    starts: Annotated[int, Option(min=1, max=2000, help="Starts of each search.")] = 50,
+    level: Annotated[float, Option(min=0.5, max=0.999, help="Coverage of the intervals.")] = 0.95,
+    coefficients: Annotated[
+        str | None,
+        Option(
+            help="quadratic: also run Algorithm 1 of Hemleben's thesis, coefficients as quadratics "
+            "of m, and compare what it predicts; the palette is the same."
+        ),
+    ] = None,
     tests: _TensileTests,
     figure: Annotated[
         Path | None, Option(help="SVG file to write: tests over laws, residuals, mixtures between.")
@@ -542,6 +520,12 @@ def fit(
 
     Example: [bold]planner fit samples/tensile -o lab.toml --figure lab.svg --tables lab[/bold]
     """
+    given = locals() | {
+        "name": name or output.stem,
+        "coordinate": _figures(coordinate, "--coordinate"),
+        "order": order and [each.strip() for each in order.split(",")],
+        "density": _figures(density, "--density"),
+    }
     from planner.formats.files import encode_document
     from planner.formats.outputs import write_folder, write_whole
     from planner.materials.study import listed_files
@@ -551,8 +535,7 @@ def fit(
         context, force=force, reads=reads, output=output, figure=figure, folders=folders
     )
     with cli.progress(not (quiet or as_json)) as stage:
-        given = {"files": files, **tests.given(), **fitting.given(output)}
-        result = planner.fit(**cli.taken(planner.fit, given), progress=stage)
+        result = planner.fit(**cli.taken(planner.fit, given | tests.given()), progress=stage)
     planner.write_palette(result.palette, output, force=force)
     if figure is not None:
         write_whole(figure, planner.fit_figure(result))
@@ -596,21 +579,19 @@ def _figures(given: Sequence[str] | None, option: str) -> dict[str, float]:
     return figures
 
 
-def _print_report(result: "PaletteStudy", output: Path) -> None:
-    fits = result.fits
-    interval = f"{100 * next(iter(fits.values())).uncertainty.level:g} % interval"
-    _print_candidates(fits)
-    _print_parameters(fits, interval)
-    _print_secants(fits, interval)
-    for name, fit in fits.items():
+def _print_report(result: "planner.PaletteStudy", output: Path) -> None:
+    interval = f"{100 * next(iter(result.fits.values())).uncertainty.level:g} % interval"
+    _print_candidates(result)
+    _print_parameters(result, interval)
+    _print_secants(result, interval)
+    for name, fit in result.fits.items():
         cli.say(f"{name}: {fit.choice.reason}")
         cli.say(f"  intervals: {fit.uncertainty.basis}")
-    if result.quadratic is not None:
-        _print_quadratic(result.quadratic)
+    _print_quadratic(result)
     cli.say(f"palette {result.palette.name} written to {output}")
 
 
-def _print_candidates(fits: "Mapping[str, MaterialFit]") -> None:
+def _print_candidates(result: "planner.PaletteStudy") -> None:
     rows = [
         [
             "" if k else name,
@@ -624,7 +605,7 @@ def _print_candidates(fits: "Mapping[str, MaterialFit]") -> None:
             "yes" if (at := one.unstable_strain) is None else f"falls at {format_number(at, 2)}",
             f"{one.fit.agreeing}/{one.fit.starts}",
         ]
-        for name, fit in fits.items()
+        for name, fit in result.fits.items()
         for k, one in enumerate(fit.choice.candidates)
     ]
     figures = [">held out", ">R2", ">adj. R2", ">nRMSE"]
@@ -634,24 +615,23 @@ def _print_candidates(fits: "Mapping[str, MaterialFit]") -> None:
         cli.print_table(columns, rows, title=title)
 
 
-def _print_parameters(fits: "Mapping[str, MaterialFit]", interval: str) -> None:
+def _print_parameters(result: "planner.PaletteStudy", interval: str) -> None:
     rows = []
-    for name, fit in fits.items():
+    for name, fit in result.fits.items():
         known = fit.uncertainty
-        first = [name, fit.law.model, f"{100 * fit.scatter.log_sd:.1f} %"]
+        first, spread = [name, fit.law.model], f"{100 * fit.scatter.log_sd:.1f} %"
         for symbol, values in fit.law.parameters.items():
             ends = zip(known.law_low[symbol], known.law_high[symbol], strict=True)
             for number, (value, (low, high)) in enumerate(zip(values, ends, strict=True), start=1):
                 label = symbol if len(values) == 1 else f"{symbol} [{number}]"
-                material, law, spread = first
-                figure = format_number(value, 4)
-                rows.append([material, law, label, figure, _interval(low, high), spread])
-                first = ["", "", ""]
+                figures = [format_number(value, 4), _interval(low, high), spread]
+                rows.append([*first, label, *figures])
+                first, spread = ["", ""], ""
     columns = ["material", "law", "parameter", ">value", interval, ">next print's sd"]
     cli.print_table(columns, rows, title="Parameters")
 
 
-def _print_secants(fits: "Mapping[str, MaterialFit]", interval: str) -> None:
+def _print_secants(result: "planner.PaletteStudy", interval: str) -> None:
     rows = [
         [
             "" if k else name,
@@ -659,7 +639,7 @@ def _print_secants(fits: "Mapping[str, MaterialFit]", interval: str) -> None:
             format_number(one.value_MPa, 4),
             _interval(one.low_MPa, one.high_MPa) if math.isfinite(one.high_MPa) else "unknown",
         ]
-        for name, fit in fits.items()
+        for name, fit in result.fits.items()
         for k, one in enumerate(fit.secants)
     ]
     if rows:
@@ -667,7 +647,9 @@ def _print_secants(fits: "Mapping[str, MaterialFit]", interval: str) -> None:
         cli.print_table(["material", ">strain", ">secant MPa", interval], rows, title=title)
 
 
-def _print_quadratic(found: "QuadraticStudy") -> None:
+def _print_quadratic(result: "planner.PaletteStudy") -> None:
+    if (found := result.quadratic) is None:
+        return
     names = [f"c{number}" for number in range(1, 7)]
     cli.print_table(
         ["material", ">m", *(f">{name}" for name in names)],

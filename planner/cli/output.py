@@ -18,13 +18,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Context, Option
 
-from planner.errors import ArgumentError, Caution
+import planner
+from planner.errors import ArgumentError, Caution, refused
 
 if TYPE_CHECKING:
     from rich.console import JustifyMethod
     from rich.table import Table
-
-    from planner.printers import Printer
 
 __all__ = [
     "AsJson",
@@ -160,20 +159,24 @@ def print_table(
     from rich.measure import Measurement
 
     console = Console(highlight=False)
+    coloured = swatches is not None and console.color_system is not None
+    lines = list(zip(swatches or ["default"] * len(rows), rows, strict=True))
     most = max(console.height - _AROUND, _LEAST_ROWS)
     if abridged is not None and console.is_terminal and len(rows) > most:
-        rows, swatches = _shortened(rows, swatches, most)
+        first, last = (most + 1) // 2, most // 2 - 1
+        gap = ["", f"... {len(rows) - first - last} more", *[""] * (len(columns) - 2)]
+        lines[first:-last] = [("default", gap)]
     else:
         abridged = None
     wide = console.options.update(max_width=10_000)
-    swatches = None if console.color_system is None else swatches
-    table = _table(columns, rows, swatches)
+    table = _table(columns, lines, coloured)
     for dropped in droppable if console.is_terminal else ():
         if Measurement.get(console, wide, table).maximum <= console.width:
             break
         kept = [k for k, name in enumerate(columns) if name.removeprefix(">") != dropped]
-        columns, rows = [columns[k] for k in kept], [[row[k] for k in kept] for row in rows]
-        table = _table(columns, rows, swatches)
+        columns = [columns[k] for k in kept]
+        lines = [(swatch, [row[k] for k in kept]) for swatch, row in lines]
+        table = _table(columns, lines, coloured)
     if title is not None:
         console.print(title, style="bold", soft_wrap=True)
     console.width = max(console.width, Measurement.get(console, wide, table).maximum)
@@ -188,52 +191,49 @@ _AROUND = 10
 _LEAST_ROWS = 10
 
 
-def _shortened(
-    rows: Sequence[Sequence[str]], swatches: Sequence[str] | None, most: int
-) -> tuple[Sequence[Sequence[str]], Sequence[str] | None]:
-    """Put one row, which says how many there are, in place of the middle ones."""
-    first, last = (most + 1) // 2, most // 2 - 1
-    gap = ["", f"... {len(rows) - first - last} more", *[""] * (len(rows[0]) - 2)]
-    kept = [*rows[:first], gap, *rows[-last:]]
-    if swatches is not None:
-        swatches = [*swatches[:first], "default", *swatches[-last:]]
-    return kept, swatches
-
-
 def _table(
-    columns: Sequence[str], rows: Sequence[Sequence[str]], swatches: Sequence[str] | None
+    columns: Sequence[str], lines: Sequence[tuple[str, Sequence[str]]], coloured: bool
 ) -> "Table":
+    """Make a table of lines, a swatch's colour and cells each; swatches stand in front if asked."""
     from rich import box
     from rich.table import Table
     from rich.text import Text
 
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
-    if swatches is not None:
+    if coloured:
         table.add_column("")
     for column in columns:
         flush: JustifyMethod = "right" if column.startswith(">") else "left"
         table.add_column(column.removeprefix(">"), justify=flush, no_wrap=True)
-    for number, row in enumerate(rows):
-        cells = [Text(cell) for cell in row]
-        if swatches is not None:
-            cells.insert(0, Text("██", style=swatches[number]))
-        table.add_row(*cells)
+    for swatch, row in lines:
+        front = [Text("██", style=swatch)] if coloured else []
+        table.add_row(*front, *map(Text, row))
     return table
 
 
 @contextlib.contextmanager
-def progress(enabled: bool) -> Iterator[Callable[[str], None]]:
-    """Show the running stage on stderr while it lasts, on a terminal only."""
-    if not (enabled and sys.stderr is not None and sys.stderr.isatty()):
-        yield lambda stage: None
-        return
-    from rich.console import Console
-    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+def progress(enabled: bool, *, layers: bool = False) -> Iterator[Callable[..., None]]:
+    """Show the running stage on stderr while it lasts, on a terminal only.
 
-    columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("starting")
-        yield lambda stage: bar.update(task, description=stage)
+    Yielded is what is called with the stage; or where `layers` are made, with how many of how many.
+    """
+    if not (enabled and sys.stderr is not None and sys.stderr.isatty()):
+        yield lambda *told: None
+        return
+    from rich import progress as shown
+    from rich.console import Console
+
+    told: list[shown.ProgressColumn] = [shown.TextColumn("{task.description}")]
+    if layers:
+        told += [shown.BarColumn(), shown.MofNCompleteColumn(), shown.TimeRemainingColumn()]
+    else:
+        told = [shown.SpinnerColumn(), *told, shown.TimeElapsedColumn()]
+    with shown.Progress(*told, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("layers" if layers else "starting", total=None)
+        if layers:
+            yield lambda done, of: bar.update(task, completed=done, total=of)
+        else:
+            yield lambda stage: bar.update(task, description=stage)
 
 
 _PAUSE_S = 10.0
@@ -335,16 +335,15 @@ class PrinterLimits:
         Option("--minimum-feature", help="Smallest detail in mm, in place of the printer's own."),
     ] = None
 
-    def printer(self, printer: str | None, like: Path | None = None) -> "str | Printer | None":
+    def printer(
+        self, printer: str | None, like: Path | None = None
+    ) -> "str | planner.Printer | None":
         """Return the printer that is asked for, or that a plan to follow has, with these limits."""
-        import planner
-
         if self == PrinterLimits():
             return printer
-        try:
+        said = "give X,Y,Z in mm, as 300,200,150"
+        with refused(ArgumentError, f"--tray {self.tray}", said, ValueError):
             x, y, z = map(float, (self.tray or "0,0,0").split(","))
-        except ValueError:
-            raise ArgumentError(f"--tray {self.tray}: give X,Y,Z in mm, as 300,200,150") from None
         return planner.load_printer(
             printer or ("connex3" if like is None else planner.read_plan(like).printer),
             tray_mm=None if self.tray is None else (x, y, z),
@@ -393,8 +392,9 @@ def check_targets(
         raise ArgumentError(f"--figure {figure}: its ending must be .svg")
     files = {option: path for option, path in targets.items() if path is not None}
     wholes = {option: (path, record) for option, (path, record) in folders.items() if path}
-    _refuse_sharing(files | {option: path for option, (path, _) in wholes.items()})
-    there = any(path.exists() for path in (*files.values(), *(path for path, _ in wholes.values())))
+    both = files | {option: path for option, (path, _) in wholes.items()}
+    _refuse_sharing(both)
+    there = any(path.exists() for path in both.values())
     read = [*reads, *_files_read(context, {*targets, *folders})] if there else []
     for option, path in files.items():
         _refuse_reading(option, path, [f for f in read if _same(path, f)], "that file")
@@ -406,7 +406,7 @@ def check_targets(
         if kept and not context.params.get("quiet"):
             more = f" and {len(kept) - 5} more" if len(kept) > 5 else ""
             warn(f"{path} keeps {', '.join(kept[:5])}{more}, which planner did not write")
-    for path in (*files.values(), *(path for path, _ in wholes.values())):
+    for path in both.values():
         if not is_stream(path):
             context.with_resource(claimed(path, force=force))
         elif context.params.get("as_json"):

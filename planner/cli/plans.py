@@ -6,8 +6,8 @@ import re
 import subprocess
 import sys
 import textwrap
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import asdict
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -20,144 +20,10 @@ from planner.errors import ArgumentError, Caution
 from planner.glance import format_number
 
 if TYPE_CHECKING:
-    from planner.grading.check import Certificate
     from planner.mesh.mesh import Mesh
-    from planner.plan import Plan
-    from planner.slices import SliceStack
 
 # ------------------------------------------------------------------------------------------------
 # planner grade.
-
-
-@dataclass(frozen=True)
-class _Gradient:
-    """What stiffness is wanted where, and of which mesh."""
-
-    from_: Annotated[
-        str | None,
-        Option(
-            "--from",
-            help="Where the gradient begins: a material, or a modulus with its unit (500kPa).",
-        ),
-    ] = None
-    to: Annotated[str | None, Option(help="Where it ends: a material, or a modulus (7MPa).")] = None
-    axis: Annotated[
-        str | None,
-        Option(help="Direction: x, y, z, -x, ... or dx,dy,dz; the longest extent by default."),
-    ] = None
-    field: Annotated[
-        str | None,
-        Option(
-            help="What the gradient follows instead of an axis, NAME: ARGUMENTS: radial, "
-            "distance, harmonic, geodesic, expression, table, points, axis, and min, max, "
-            "blend, clamp of such; see docs/how-to/grade-along-a-field.md."
-        ),
-    ] = None
-    pitch_mm: Annotated[
-        float | None,
-        Option(
-            "--pitch",
-            help="Cells, in mm, in which curved fields are drawn, all alike; without it they are "
-            "divided until interfaces lie within 20 um.",
-        ),
-    ] = None
-    profile: Annotated[
-        str | None,
-        Option(
-            help="log (by default), linear, smooth, steps:N, grades (an equal length of each "
-            "material from the one nearest to --from to that nearest to --to), or a CSV file with "
-            "position (0..1) and modulus_MPa or material."
-        ),
-    ] = None
-    bands: Annotated[
-        int | None,
-        Option(
-            help="Cut into N equal steps, with --blend nearest or mix; by default the cuts lie "
-            "where the material or mixture changes."
-        ),
-    ] = None
-    blend: Annotated[
-        str | None,
-        Option(
-            help="How a target between two materials is met: nearest, by default, takes the nearer "
-            "one; dither deals cells of both; bands:N lets N pairs of thinner bands take turns; "
-            "mix records mixtures; see docs/how-to/blend-materials.md."
-        ),
-    ] = None
-    cell_mm: Annotated[
-        float | None,
-        Option(
-            "--cell",
-            help="Edge, in mm, of the cells that dither deals; the printer's smallest feature by "
-            "default.",
-        ),
-    ] = None
-    snap_mm: Annotated[
-        float | None,
-        Option(
-            "--snap",
-            help="How far, in mm, a cut may be moved so that it leaves no sliver beside a face of "
-            "the part; half the minimum wall by default, 0 for not at all.",
-        ),
-    ] = None
-    at_strain: Annotated[
-        float | None,
-        Option(
-            help="Working strain: stiffness is the secant modulus of the nominal stress up to it; "
-            "0.1 by default."
-        ),
-    ] = None
-    tolerance: Annotated[
-        float,
-        Option(
-            help="How many times as stiff or as soft as asked is no finding yet, as 1.25; or below "
-            "1 a share, as 0.25 for 25 %."
-        ),
-    ] = 2.0
-    unit: Annotated[str | None, Option(help="Unit of the mesh: mm, cm, m, um, inch, ft.")] = None
-    bodies: cli.MeshBodies = None
-    printer: Annotated[
-        str | None,
-        Option(
-            help="Installed printer, see [bold]planner printers[/bold], or its TOML file; connex3 "
-            "by default."
-        ),
-    ] = None
-
-
-@dataclass(frozen=True)
-class _PlanFolder:
-    """What is written, and where."""
-
-    output: Annotated[Path | None, cli.out("Folder to write; <part>-graded by default.")] = None
-    force: Annotated[bool, Option("--force", help="Replace an earlier plan there.")] = False
-    force_oversize: cli.ForceOversize = False
-    coupons: Annotated[
-        bool,
-        Option(
-            "--coupons",
-            help="Lay a tensile coupon of each material (ASTM D638, type IV) beside the part, to "
-            "be printed and pulled with it: the folder coupons.",
-        ),
-    ] = False
-    strict: Annotated[bool, Option("--strict", help="Write nothing when something was found.")] = (
-        False
-    )
-    dry_run: Annotated[bool, Option("--dry-run", help="Plan and report, but write nothing.")] = (
-        False
-    )
-    no_page: Annotated[
-        bool, Option("--no-page", help="Leave plan.html out, the page that shows the plan.")
-    ] = False
-    slicer: Annotated[
-        str | None,
-        Option(
-            "--for",
-            help="Slicer that the 3MF is for: prusaslicer gets all materials as one mesh, which "
-            "it needs to show one object; bambu, orca and cura open the 3MF that is written by "
-            "default; see docs/how-to/open-in-a-slicer.md.",
-        ),
-    ] = None
 
 
 @cli.in_groups
@@ -176,10 +42,129 @@ def grade(
         ),
     ] = None,
     *,
-    gradient: _Gradient,
+    from_: Annotated[
+        str | None,
+        Option(
+            "--from",
+            help="Where the gradient begins: a material, or a modulus with its unit (500kPa).",
+        ),
+    ] = None,
+    to: Annotated[
+        str | None, Option(help="Where it ends: a material, or a modulus (7MPa).")
+    ] = None,
+    axis: Annotated[
+        str | None,
+        Option(help="Direction: x, y, z, -x, ... or dx,dy,dz; the longest extent by default."),
+    ] = None,
+    field: Annotated[
+        str | None,
+        Option(
+            help="What the gradient follows instead of an axis, NAME: ARGUMENTS: radial, "
+            "distance, harmonic, geodesic, expression, table, points, axis, and min, max, "
+            "blend, clamp of such; see docs/how-to/grade-along-a-field.md."
+        ),
+    ] = None,
+    pitch_mm: Annotated[
+        float | None,
+        Option(
+            "--pitch",
+            help="Cells, in mm, in which curved fields are drawn, all alike; without it they are "
+            "divided until interfaces lie within 20 um.",
+        ),
+    ] = None,
+    profile: Annotated[
+        str | None,
+        Option(
+            help="log (by default), linear, smooth, steps:N, grades (an equal length of each "
+            "material from the one nearest to --from to that nearest to --to), or a CSV file with "
+            "position (0..1) and modulus_MPa or material."
+        ),
+    ] = None,
+    bands: Annotated[
+        int | None,
+        Option(
+            help="Cut into N equal steps, with --blend nearest or mix; by default the cuts lie "
+            "where the material or mixture changes."
+        ),
+    ] = None,
+    blend: Annotated[
+        str | None,
+        Option(
+            help="How a target between two materials is met: nearest, by default, takes the nearer "
+            "one; dither deals cells of both; bands:N lets N pairs of thinner bands take turns; "
+            "mix records mixtures; see docs/how-to/blend-materials.md."
+        ),
+    ] = None,
+    cell_mm: Annotated[
+        float | None,
+        Option(
+            "--cell",
+            help="Edge, in mm, of the cells that dither deals; the printer's smallest feature by "
+            "default.",
+        ),
+    ] = None,
+    snap_mm: Annotated[
+        float | None,
+        Option(
+            "--snap",
+            help="How far, in mm, a cut may be moved so that it leaves no sliver beside a face of "
+            "the part; half the minimum wall by default, 0 for not at all.",
+        ),
+    ] = None,
+    at_strain: Annotated[
+        float | None,
+        Option(
+            help="Working strain: stiffness is the secant modulus of the nominal stress up to it; "
+            "0.1 by default."
+        ),
+    ] = None,
+    tolerance: Annotated[
+        float,
+        Option(
+            help="How many times as stiff or as soft as asked is no finding yet, as 1.25; or below "
+            "1 a share, as 0.25 for 25 %."
+        ),
+    ] = 2.0,
+    unit: Annotated[str | None, Option(help="Unit of the mesh: mm, cm, m, um, inch, ft.")] = None,
+    bodies: cli.MeshBodies = None,
+    printer: Annotated[
+        str | None,
+        Option(
+            help="Installed printer, see [bold]planner printers[/bold], or its TOML file; connex3 "
+            "by default."
+        ),
+    ] = None,
     limits: cli.PrinterLimits,
     palette: cli.PaletteName = None,
-    written: _PlanFolder,
+    output: Annotated[Path | None, cli.out("Folder to write; <part>-graded by default.")] = None,
+    force: Annotated[bool, Option("--force", help="Replace an earlier plan there.")] = False,
+    force_oversize: cli.ForceOversize = False,
+    coupons: Annotated[
+        bool,
+        Option(
+            "--coupons",
+            help="Lay a tensile coupon of each material (ASTM D638, type IV) beside the part, to "
+            "be printed and pulled with it: the folder coupons.",
+        ),
+    ] = False,
+    strict: Annotated[bool, Option("--strict", help="Write nothing when something was found.")] = (
+        False
+    ),
+    dry_run: Annotated[bool, Option("--dry-run", help="Plan and report, but write nothing.")] = (
+        False
+    ),
+    no_page: Annotated[
+        bool, Option("--no-page", help="Leave plan.html out, the page that shows the plan.")
+    ] = False,
+    slicer: Annotated[
+        str | None,
+        Option(
+            "--for",
+            help="Slicer that the 3MF is for: prusaslicer gets all materials as one mesh, which "
+            "it needs to show one object; bambu, orca and cura open the 3MF that is written by "
+            "default; see docs/how-to/open-in-a-slicer.md.",
+        ),
+    ] = None,
     as_json: cli.AsJson = False,
     quiet: cli.Quiet = False,
 ) -> int:
@@ -189,30 +174,30 @@ def grade(
 
     Example: [bold]planner grade finger.stl --from Tango --to Vero --axis x[/bold]
     """
+    given = locals()
     from planner.formats.threemf import needs_one_mesh
 
-    folder = Path(f"{part.stem}-graded") if written.output is None else written.output
-    machine = limits.printer(gradient.printer, like)
-    if written.slicer is not None:
-        needs_one_mesh(written.slicer)  # a slip is told before the work
-    if not written.dry_run:
-        cli.check_targets(context, force=written.force, folders={"output": (folder, "plan.json")})
+    folder = Path(f"{part.stem}-graded") if output is None else output
+    machine = limits.printer(printer, like)
+    if slicer is not None:
+        needs_one_mesh(slicer)  # a slip is told before the work
+    if not dry_run:
+        cli.check_targets(context, force=force, folders={"output": (folder, "plan.json")})
     _share_compiling()
-    given = {"part": part, "like": like, "palette": palette, **vars(gradient), **vars(written)}
     with cli.progress(not quiet and not as_json) as stage:
         asked = cli.taken(planner.grade, given) | {"printer": machine, "progress": stage}
         plan = planner.grade(**asked)
-        kept = not written.dry_run and (plan.ok or not written.strict)
+        kept = not dry_run and (plan.ok or not strict)
         if kept:
             stage("writing the files")
-            page = None if written.no_page else planner.plan_page(plan)
-            plan.write(folder, force=written.force, page=page, slicer=written.slicer)
+            page = None if no_page else planner.plan_page(plan)
+            plan.write(folder, force=force, page=page, slicer=slicer)
     _grade_report(plan, folder if kept else None, like=like, as_json=as_json, quiet=quiet)
     return 0 if plan.ok else 1
 
 
 def _grade_report(
-    plan: "Plan", folder: Path | None, *, like: Path | None, as_json: bool, quiet: bool
+    plan: "planner.Plan", folder: Path | None, *, like: Path | None, as_json: bool, quiet: bool
 ) -> None:
     from planner.report.plan_figure import error_words, moved_words, unreachable_words
 
@@ -245,7 +230,7 @@ def _grade_report(
         )
 
 
-def _table(plan: "Plan") -> None:
+def _table(plan: "planner.Plan") -> None:
     from planner.report.plan_figure import plan_table
 
     colours = {shell.material: shell.colour for shell in plan.shells}
@@ -336,7 +321,7 @@ def check(
     return 0 if certificate.ok else 1
 
 
-def _verdict(certificate: "Certificate") -> str:
+def _verdict(certificate: "planner.Certificate") -> str:
     if certificate.ok:
         return "the folder is sound"
     failed = certificate.problems or not all(c.ok for c in certificate.checks.values())
@@ -455,7 +440,7 @@ def slices(
     """
     given = locals()
     cli.check_targets(context, force=force, folders={"output": (output, "slices.json")})
-    with _layers_bar(not quiet and not as_json) as advance:
+    with cli.progress(not quiet and not as_json, layers=True) as advance:
         asked = cli.taken(planner.write_slices, given) | {"progress": advance}
         if pitch_mm is not None:
             asked["pitch_mm"] = _lengths(pitch_mm)
@@ -470,32 +455,14 @@ def slices(
     return 0 if stack.ok else 1
 
 
-@contextlib.contextmanager
-def _layers_bar(enabled: bool) -> Iterator[Callable[[int, int], None]]:
-    """Show how many of the layers are done on stderr while it lasts, on a terminal only."""
-    if not (enabled and sys.stderr is not None and sys.stderr.isatty()):
-        yield lambda done, of: None
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
-    from rich.progress import TimeRemainingColumn as Remaining
-
-    columns = (TextColumn("layers"), BarColumn(), MofNCompleteColumn(), Remaining())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("layers", total=None)
-        yield lambda done, of: bar.update(task, completed=done, total=of)
-
-
 def _lengths(text: str) -> tuple[float, ...]:
     try:
         lengths = tuple(float(word) for word in text.split(","))
     except ValueError as error:
-        bare = re.sub(r"\s*(mm|um|µm|μm|m)\b|(?<=\d)\s*[x×;]\s*(?=[\d.])", _comma, text)
-        numbers = re.findall(r"\d*\.?\d+", bare)
+        numbers = re.findall(r"\d*\.?\d+", text)
         scale, hint = 0.001 if re.search(r"[uµμ]m", text) else 1.0, ""
         if len(numbers) in (1, 3):
-            meant = ",".join(f"{float(number) * scale:g}" for number in numbers)
-            hint = f"did you mean {meant}? "
+            hint = f"did you mean {','.join(f'{float(each) * scale:g}' for each in numbers)}? "
         raise ArgumentError(
             f"--pitch {text}: {hint}give lengths in mm without a unit, X,Y,Z as 0.042,0.042,0.03 "
             "or one for all"
@@ -505,11 +472,7 @@ def _lengths(text: str) -> tuple[float, ...]:
     return lengths
 
 
-def _comma(found: re.Match[str]) -> str:
-    return "" if found.group(1) else ","
-
-
-def _slices_report(stack: "SliceStack", folder: Path) -> None:
+def _slices_report(stack: "planner.SliceStack", folder: Path) -> None:
     x, y, z = stack.grid.pitch_mm
     total = sum(each.voxels for each in stack.materials)
     rows = [

@@ -2,17 +2,14 @@
 
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 import typer
 from typer import Argument, Context, Option
 
 import planner
 from planner.cli import output as cli
-from planner.errors import ArgumentError
-
-if TYPE_CHECKING:
-    from planner.printers import Printer
+from planner.errors import ArgumentError, PlannerError
 
 app = typer.Typer(name="printers", rich_markup_mode="rich", invoke_without_command=True)
 
@@ -31,14 +28,11 @@ def _printers(context: typer.Context, as_json: cli.AsJson = False) -> int:
 
 
 def _list(*, as_json: bool) -> int:
-    from planner.errors import PlannerError
-    from planner.printers import installed_printers, load_printer
-
     rows: list[dict[str, Any]] = []
     broken = []
-    for name, entry in installed_printers().items():
+    for name, entry in planner.installed_printers().items():
         try:
-            machine = load_printer(name)
+            machine = planner.load_printer(name)
         except PlannerError as error:
             broken.append(str(error))
             continue
@@ -85,9 +79,7 @@ def show(
 
     Example: [bold]planner printers show connex3[/bold]
     """
-    from planner.printers import load_printer
-
-    machine = load_printer(name)
+    machine = planner.load_printer(name)
     palettes = [machine.palette(palette) for palette in machine.palettes]
     rows = [
         [palette.name, material.id, machine.operator_name(material.id)]
@@ -134,14 +126,13 @@ def new(
     Example: [bold]planner printers new myjet[/bold]
     """
     from planner.formats.outputs import write_folder
-    from planner.printers import load_printer
 
     if not _NAME.fullmatch(name):
         raise ArgumentError(f"{name}: give a name of small letters, digits, - and _, as myjet")
     folder = Path(f"{name}-printer") if output is None else output
     cli.check_targets(context, force=False, folders={"output": (folder, None)})
     package = f"{name.replace('-', '_')}_printer"
-    write_folder(folder, _plugin(name, package, load_printer(like)))
+    write_folder(folder, _plugin(name, package, planner.load_printer(like)))
     profile = folder / package / "printer.toml"
     cli.say(f"wrote {folder}: put your printer's figures into {profile}, its materials beside it")
     cli.say(f"use it at once: planner grade PART --printer {profile}")
@@ -149,7 +140,7 @@ def new(
     return 0
 
 
-def _plugin(name: str, package: str, base: "Printer") -> dict[str, bytes]:
+def _plugin(name: str, package: str, base: "planner.Printer") -> dict[str, bytes]:
     """Return the files of a plugin by their paths, each figure as the other printer has it."""
     from dataclasses import replace
     from importlib.resources import files

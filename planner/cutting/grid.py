@@ -123,8 +123,7 @@ def _cells_held(
     grid = Grid(as_point(origin_mm), (pitch_mm, pitch_mm, pitch_mm), shape)
     active = np.empty(shape, dtype=np.uint8)
     for columns in iterate_columns(mesh, grid):
-        rows = slice(columns.first_row, columns.first_row + columns.rows)
-        active[:, rows] = dense(columns)
+        active[:, columns.first_row : columns.first_row + columns.rows] = dense(columns)
     active.reshape(-1)[touched] = 1
     return offsets, touched, active
 
@@ -573,7 +572,6 @@ def _drawn(
     """Draw the level sets in the cubes that were divided in a round."""
     given = (
         grid.values, grid.cells, grid.active, marks.divided, number, grid.pitch_mm, levels,
-        TETRAHEDRA, _EVEN,
         *marks.table(), marks.sharp, marks.points_mm - grid.origin_mm, marks.values,
     )  # fmt: skip
     count = made = 0
@@ -604,8 +602,7 @@ def _halved(
         points = _even_mm(grid, _indices(grid.active, missing))
         marks = marks.more(number, missing, points, _values_at(field, points), 0)
         room = np.empty(max(4 * len(missing), 1000), dtype=np.int64)
-        known = *marks.table(), marks.sharp
-        found = _hanging(grid.active, marks.divided, number, TETRAHEDRA, *known, room)
+        found = _hanging(grid.active, marks.divided, number, *marks.table(), marks.sharp, room)
         missing = _rising(room[:found])
     return marks
 
@@ -684,8 +681,7 @@ def _rising(places: NDArray[np.int64]) -> NDArray[np.int64]:
 
 def _indices(cubes: NDArray[np.uint8], places: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return coordinates of vertices, (n, 3), in parts of the cubes' edges."""
-    shape = tuple(n * _FINEST + 1 for n in cubes.shape)
-    return np.stack(np.unravel_index(places, shape), axis=-1)
+    return np.stack(np.unravel_index(places, [n * _FINEST + 1 for n in cubes.shape]), axis=-1)
 
 
 def _even_mm(grid: FieldGrid, index: NDArray[np.int64]) -> FloatArray:
@@ -785,14 +781,14 @@ def _fill(places: Any, keys: Any, index: Any) -> None:
 
 
 @inner_kernel
-def _root(stack: Any, t: Any, i: Any, j: Any, k: Any, ny: Any, nz: Any, corners: Any) -> None:
+def _root(stack: Any, t: Any, i: Any, j: Any, k: Any, ny: Any, nz: Any) -> None:
     """Begin with a tetrahedron of a cube.
 
     A row has its vertices, the last of them at the refinement edge's end, how often it was halved,
     and whether it is left-handed.
     """
     for c in range(4):
-        b = corners[t, c]
+        b = TETRAHEDRA[t, c]
         x, y, z = (i + (b & 1)) * _FINEST, (j + (b >> 1 & 1)) * _FINEST, (k + (b >> 2)) * _FINEST
         stack[0, c] = (x * (ny * _FINEST + 1) + y) * (nz * _FINEST + 1) + z
     stack[0, 4], stack[0, 5], stack[0, 6] = 3, 0, 1 if t >= 3 else 0
@@ -874,9 +870,8 @@ def _divide_at_crease(stack: Any, top: Any, keys: Any, index: Any, sharp: Any) -
 
 @kernel
 def _hanging(
-    active: Any, divided: Any, number: Any, corners: Any, keys: Any, index: Any, sharp: Any,
-    missing: Any,
-) -> Any:  # fmt: skip
+    active: Any, divided: Any, number: Any, keys: Any, index: Any, sharp: Any, missing: Any
+) -> Any:
     """List the places at which tetrahedra have to be halved as well; return how many."""
     found = 0
     stack = np.empty((_STACK, 7), dtype=np.int64)
@@ -886,7 +881,7 @@ def _hanging(
                 if active[i, j, k] == 0 or divided[i, j, k] != number:
                     continue
                 for t in range(6):
-                    _root(stack, t, i, j, k, active.shape[1], active.shape[2], corners)
+                    _root(stack, t, i, j, k, active.shape[1], active.shape[2])
                     left = 1
                     while left > 0:
                         left -= 1
@@ -940,18 +935,11 @@ def _slope(at: Any, v: Any) -> Any:
     return np.sqrt(square) / abs(volume)
 
 
-@inner_kernel
-def _passed(levels: Any, low: Any, high: Any) -> Any:
-    """Tell whether any level lies between two values."""
-    return np.searchsorted(levels, low, side="right") < np.searchsorted(levels, high, side="right")
-
-
 @kernel
 def _march(
     values: Any, cells: Any, active: Any, divided: Any, number: Any, pitch: Any, levels: Any,
-    corners: Any, even: Any, marks: Any, mark_index: Any, sharp: Any,
-    mark_points: Any, mark_values: Any, keys: Any, index: Any, ends: Any, faces: Any, of_face: Any,
-    leaf: Any, steepness: Any,
+    marks: Any, mark_index: Any, sharp: Any, mark_points: Any, mark_values: Any, keys: Any,
+    index: Any, ends: Any, faces: Any, of_face: Any, leaf: Any, steepness: Any,
 ) -> Any:  # fmt: skip
     # With room for no faces: counts them. Otherwise fills.
     nx, ny, nz = active.shape
@@ -969,10 +957,11 @@ def _march(
                 x, y, z = i + (c & 1), j + (c >> 1 & 1), k + (c >> 2)
                 f = values[x * cells, y * cells, z * cells]
                 low, high = min(low, f), max(high, f)
-            if not _passed(levels, low, high):
+            first = np.searchsorted(levels, low, side="right")
+            if first == np.searchsorted(levels, high, side="right"):
                 continue
         for t in range(6):
-            _root(stack, t, i, j, k, ny, nz, corners)
+            _root(stack, t, i, j, k, ny, nz)
             left = 1
             while left > 0:
                 left -= 1
@@ -1011,7 +1000,8 @@ def _march(
                         continue
                     if slope < 0.0:
                         slope = _slope(at, v)
-                    p, q, r, s = even[below, 0], even[below, 1], even[below, 2], even[below, 3]
+                    p, q = _EVEN[below, 0], _EVEN[below, 1]
+                    r, s = _EVEN[below, 2], _EVEN[below, 3]
                     sides, pairs = 3, ((p, q), (p, r), (p, s), (p, s))
                     if some == 2:
                         sides, pairs = 4, ((p, r), (p, s), (q, s), (q, r))

@@ -1,7 +1,7 @@
 """Where a part's surface and level sets meet, decided by exact arithmetic."""
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,8 +72,7 @@ def _turn_of_edges(points: Any, p: Any, q: Any, level: Any, u: Any, v: Any) -> A
 # Where the surface of a part and level sets meet: points at edges, segments between them.
 
 
-@dataclass(frozen=True, eq=False)
-class Surface:
+class Surface(NamedTuple):
     """A surface on the lattice, and its edges, each from its lower vertex to its higher one.
 
     Attributes
@@ -199,9 +198,7 @@ def _met(part: Surface, level: Surface, sets: LevelSets) -> Meetings:
         along = np.empty(room)
         segment = np.empty((room, 4), dtype=np.int32)
         points, segments, broken = _meet(
-            part.points, part.faces, part.ends, part.of_face,
-            level.points, level.faces, level.ends, level.of_face,
-            own, starts, sets.offsets, sets.touched, sets.cubes.reshape(-1),
+            part, level, own, starts, sets.offsets, sets.touched, sets.cubes.reshape(-1),
             keys, number, edge, face, kind, way, along, segment,
         )  # fmt: skip
         if points >= 0:
@@ -216,16 +213,15 @@ def _met(part: Surface, level: Surface, sets: LevelSets) -> Meetings:
 
 @kernel
 def _meet(
-    a: Any, a_faces: Any, a_ends: Any, a_edges: Any, b: Any, b_faces: Any, b_ends: Any,
-    b_edges: Any, own: Any, starts: Any, offsets: Any, cells: Any, marked: Any,
-    keys: Any, number: Any, edge: Any, face: Any, kind: Any, way: Any, along: Any, segment: Any,
+    a: Any, b: Any, own: Any, starts: Any, offsets: Any, cells: Any, marked: Any, keys: Any,
+    number: Any, edge: Any, face: Any, kind: Any, way: Any, along: Any, segment: Any,
 ) -> Any:  # fmt: skip
     """Fill points and segments; return how many, or -1 where there is no room for them."""
     made = segments = broken = 0
     low, high = np.empty(3, dtype=np.int64), np.empty(3, dtype=np.int64)
-    sides, others = np.empty(3, dtype=np.int64), np.empty(3, dtype=np.int64)
-    turns = np.empty((3, 3), dtype=np.int64)
-    for t in range(a_faces.shape[0]):
+    # By whose edges, the part's (0) or the level sets' (1).
+    sides, turns = np.empty((2, 3), dtype=np.int64), np.empty((2, 3, 3), dtype=np.int64)
+    for t in range(a.faces.shape[0]):
         fresh = True
         normal = (np.int64(0), np.int64(0), np.int64(0))
         for c in range(offsets[t], offsets[t + 1]):
@@ -233,17 +229,17 @@ def _meet(
                 continue
             if fresh:
                 fresh = False
-                a0, a1, a2 = a_faces[t, 0], a_faces[t, 1], a_faces[t, 2]
-                normal = face_normal(a, a0, a1, a2)
+                a0, a1, a2 = a.faces[t, 0], a.faces[t, 1], a.faces[t, 2]
+                normal = face_normal(a.points, a0, a1, a2)
                 for d in range(3):
-                    low[d] = min(a[a0, d], min(a[a1, d], a[a2, d]))
-                    high[d] = max(a[a0, d], max(a[a1, d], a[a2, d]))
+                    x, y, z = a.points[a0, d], a.points[a1, d], a.points[a2, d]
+                    low[d], high[d] = min(x, min(y, z)), max(x, max(y, z))
             n = np.searchsorted(own, cells[c])
             for p in range(starts[n], starts[n + 1]):
-                b0, b1, b2 = b_faces[p, 0], b_faces[p, 1], b_faces[p, 2]
+                b0, b1, b2 = b.faces[p, 0], b.faces[p, 1], b.faces[p, 2]
                 apart = False
                 for d in range(3):
-                    x, y, z = b[b0, d], b[b1, d], b[b2, d]
+                    x, y, z = b.points[b0, d], b.points[b1, d], b.points[b2, d]
                     if min(x, min(y, z)) > high[d] or max(x, max(y, z)) < low[d]:
                         apart = True
                         break
@@ -251,60 +247,54 @@ def _meet(
                     continue
                 other_side = 0
                 for j in range(3):
-                    others[j] = _side(a, a0, b, b_faces[p, j], normal, 1)
-                    other_side += others[j]
+                    sides[1, j] = _side(a.points, a0, b.points, b.faces[p, j], normal, 1)
+                    other_side += sides[1, j]
                 if abs(other_side) == 3:
                     continue
-                b_normal = face_normal(b, b0, b1, b2)
+                b_normal = face_normal(b.points, b0, b1, b2)
                 side = 0
                 for j in range(3):
-                    sides[j] = _side(b, b0, a, a_faces[t, j], b_normal, -1)
-                    side += sides[j]
+                    sides[0, j] = _side(b.points, b0, a.points, a.faces[t, j], b_normal, -1)
+                    side += sides[0, j]
                 if abs(side) == 3:
                     continue
                 for i in range(3):
                     for j in range(3):
-                        turns[i, j] = _turn_of_edges(
-                            a, a_faces[t, i], a_faces[t, (i + 1) % 3],
-                            b, b_faces[p, j], b_faces[p, (j + 1) % 3],
+                        turns[0, i, j] = turns[1, j, i] = _turn_of_edges(
+                            a.points, a.faces[t, i], a.faces[t, (i + 1) % 3],
+                            b.points, b.faces[p, j], b.faces[p, (j + 1) % 3],
                         )  # fmt: skip
                 if made + 6 > edge.size or segments + 1 > segment.shape[0]:
                     return -1, 0, 0
                 begin, end, found = np.int32(-1), np.int32(-1), 0
-                for i in range(3):
-                    s0, s1 = sides[i], sides[(i + 1) % 3]
-                    if s0 != s1 and turns[i, 0] == turns[i, 1] and turns[i, 1] == turns[i, 2]:
-                        e = a_edges[t, i]
-                        before = made
-                        key = (np.int64(e) * b_faces.shape[0] + p) * 2 + 1
-                        point, made = _point(key, keys, number, made)
-                        if made > before:
-                            edge[point], face[point], kind[point] = e, p, 0
-                            forward = a_faces[t, i] == a_ends[e, 0]
-                            way[point] = 1 if (s1 > 0) == forward else -1
-                            along[point] = _along(a, a_ends, e, b, b0, b_normal)
-                        found += 1
-                        if s1 > 0:
-                            end = point
-                        else:
-                            begin = point
-                for j in range(3):
-                    s0, s1 = others[j], others[(j + 1) % 3]
-                    if s0 != s1 and turns[0, j] == turns[1, j] and turns[1, j] == turns[2, j]:
-                        e = b_edges[p, j]
-                        before = made
-                        key = (np.int64(e) * a_faces.shape[0] + t) * 2 + 2
-                        point, made = _point(key, keys, number, made)
-                        if made > before:
-                            edge[point], face[point], kind[point] = e, t, 1
-                            forward = b_faces[p, j] == b_ends[e, 0]
-                            way[point] = 1 if (s1 < 0) == forward else -1
-                            along[point] = _along(b, b_ends, e, a, a0, normal)
-                        found += 1
-                        if s1 < 0:
-                            end = point
-                        else:
-                            begin = point
+                for m in range(6):
+                    of, i = m // 3, m % 3
+                    s0, s1 = sides[of, i], sides[of, (i + 1) % 3]
+                    turn = turns[of, i, 0]
+                    if s0 == s1 or turn != turns[of, i, 1] or turn != turns[of, i, 2]:
+                        continue
+                    if of == 0:
+                        e, f = a.of_face[t, i], p
+                        forward = a.faces[t, i] == a.ends[e, 0]
+                        key = np.int64(e) * b.faces.shape[0] + p
+                        place = _along(a.points, a.ends, e, b.points, b0, b_normal)
+                    else:
+                        e, f = b.of_face[p, i], t
+                        forward = b.faces[p, i] == b.ends[e, 0]
+                        key = np.int64(e) * a.faces.shape[0] + t
+                        place = _along(b.points, b.ends, e, a.points, a0, normal)
+                    enters = (s1 > 0) == (of == 0)
+                    before = made
+                    point, made = _point(2 * key + 1 + of, keys, number, made)
+                    if made > before:
+                        edge[point], face[point], kind[point] = e, f, of
+                        way[point] = 1 if enters == forward else -1
+                        along[point] = place
+                    found += 1
+                    if enters:
+                        end = point
+                    else:
+                        begin = point
                 if found == 0:
                     continue
                 if found != 2 or begin < 0 or end < 0:

@@ -165,10 +165,9 @@ def _walk_faces(crossed: Crossed, meetings: Meetings) -> Loops:
     broken = _settle(crossed.offsets, points, surface.ends, labels, way, crossed.lower)
     slot, stamp = np.empty(2 * count, dtype=np.int32), np.full(2 * count, -1, dtype=np.int32)
     loops, lost = _walk(
-        faces.astype(np.int32), surface.faces, surface.of_face, surface.ends, labels,
-        crossed.offsets, points, way, starts, meetings.segment[order], crossed.segment_label[order],
-        slot, stamp, np.empty((most, 4), dtype=np.int32),
-        nodes, loop_starts, loop_face, loop_label,
+        faces.astype(np.int32), surface, labels, crossed.offsets, points, way, starts,
+        meetings.segment[order], crossed.segment_label[order], slot, stamp,
+        np.empty((most, 4), dtype=np.int32), nodes, loop_starts, loop_face, loop_label,
     )  # fmt: skip
     return Loops(
         nodes[: loop_starts[loops]], loop_starts[: loops + 1], loop_face[:loops],
@@ -205,9 +204,9 @@ def _settle(offsets: Any, points: Any, ends: Any, labels: Any, way: Any, step_le
 
 @kernel
 def _walk(
-    chosen: Any, faces: Any, face_edges: Any, ends: Any, labels: Any, offsets: Any, points: Any,
-    way: Any, starts: Any, segment: Any, segment_level: Any, slot: Any, stamp: Any, half: Any,
-    nodes: Any, loop_starts: Any, loop_face: Any, loop_label: Any,
+    chosen: Any, surface: Any, labels: Any, offsets: Any, points: Any, way: Any, starts: Any,
+    segment: Any, segment_level: Any, slot: Any, stamp: Any, half: Any, nodes: Any,
+    loop_starts: Any, loop_face: Any, loop_label: Any,
 ) -> Any:  # fmt: skip
     # half: where each directed side begins and ends, its label, and whether it is left to walk.
     count = labels.size
@@ -216,8 +215,8 @@ def _walk(
         f = chosen[n]
         sides = 0
         for j in range(3):
-            a, b = faces[f, j], faces[f, (j + 1) % 3]
-            e = face_edges[f, j]
+            a, b = surface.faces[f, j], surface.faces[f, (j + 1) % 3]
+            e = surface.of_face[f, j]
             first, last = offsets[e], offsets[e + 1]
             label, at = labels[a], a
             for m in range(last - first):
@@ -433,8 +432,7 @@ def _positions(
     found = np.empty((len(meetings.edge), 3), dtype=np.float32)
     for own, vertices, crossed in ((True, mesh.vertices, part), (False, sets.vertices, level)):
         chosen = meetings.of_part == own
-        ends = crossed.surface.ends[meetings.edge[chosen]]
-        low, high = vertices[ends.T].astype(np.float64)
+        low, high = vertices[crossed.surface.ends[meetings.edge[chosen]].T].astype(np.float64)
         found[chosen] = sets.lattice.rounded(low + meetings.along[chosen, None] * (high - low))
         if own:
             wall = low == high
@@ -527,8 +525,7 @@ def _split_curved(
         if each[0][0]:
             flipped = _without_thin(found, len(mesh.vertices))
             each.append((_thin(flipped, len(mesh.vertices)), flipped))
-        closed = (one for one in sorted(each, key=itemgetter(0)) if _shells_close(one[1]))
-        made = next(closed, None)
+        made = next((one for one in sorted(each, key=itemgetter(0)) if _shells_close(one[1])), None)
         if made is not None and (best is None or made[0] < best[0]):
             best = made
     if best is not None:

@@ -108,7 +108,8 @@ def divide(mesh: Mesh, normal: FloatArray, offsets_mm: FloatArray) -> DividedSur
     first = (np.minimum(np.minimum(c0, c1), c2) + 1) >> 1
     last = np.maximum(np.maximum(c0, c1), c2) >> 1
     flat = np.flatnonzero((c0 == c1) & (c1 == c2) & (c0 & 1 == 1))
-    first[flat] = last[flat] + ~_faces_up(mesh, flat, normal)
+    a, b, c = mesh.vertices[mesh.faces[flat]].transpose(1, 0, 2)
+    first[flat] = last[flat] + ~(np.cross(b - a, c - a) @ normal > 0.0)
     cut, whole = np.flatnonzero(last > first), np.flatnonzero(last <= first)
     crossings = int((last[cut] - first[cut]).sum())
     # New points: at most two a crossing, as each side of an edge finds its own.
@@ -165,12 +166,6 @@ def _classify(
     above = np.searchsorted(offsets_mm, along - snap_mm)
     nearest = np.append(offsets_mm, np.inf)[above]
     return along, (2 * above + (nearest <= along + snap_mm)).astype(np.int32)
-
-
-def _faces_up(mesh: Mesh, faces: NDArray[np.intp], normal: FloatArray) -> BoolArray:
-    """Tell which normals of faces have a positive part along the planes' normal."""
-    a, b, c = mesh.vertices[mesh.faces[faces]].transpose(1, 0, 2)
-    return np.asarray(np.cross(b - a, c - a) @ normal > 0.0)
 
 
 @kernel
@@ -755,7 +750,11 @@ def cut_by_planes(
     MeshError
         See `caps`.
     """
-    normal, offsets_mm = _planes(field, levels)
+    normal = np.asarray(field.plane(0.0)[0], dtype=np.float64)
+    offsets_mm = np.array([field.plane(level)[1] for level in levels.tolist()], dtype=np.float64)
+    if np.count_nonzero(normal) == 1:  # along a coordinate axis they are float32 values
+        rounded = np.rint(offsets_mm / LATTICE_MM) * LATTICE_MM
+        offsets_mm = rounded.astype(np.float32).astype(np.float64)
     least_mm = 2.5 * snap_distance_mm(mesh.bounds_mm)
     close = np.flatnonzero(~(np.diff(offsets_mm) > least_mm))
     if len(close):
@@ -767,12 +766,3 @@ def cut_by_planes(
         )
     divided = divide(mesh, normal, offsets_mm)
     return divided, *caps(divided, normal)
-
-
-def _planes(field: PlanarField, levels: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return normal and offsets in mm; along a coordinate axis the offsets are float32 values."""
-    normal = np.asarray(field.plane(0.0)[0], dtype=np.float64)
-    offsets_mm = np.array([field.plane(level)[1] for level in levels.tolist()], dtype=np.float64)
-    if np.count_nonzero(normal) == 1:
-        offsets_mm = (np.rint(offsets_mm / LATTICE_MM) * LATTICE_MM).astype(np.float32)
-    return normal, offsets_mm.astype(np.float64)

@@ -85,10 +85,10 @@ def blue_noise_bevelled() -> BevelledTile:
 # Dealing cells, and how much of the volume each of a lattice keeps, its corners bevelled.
 
 
-def dither_cells(
-    fraction: FloatArray, cell: NDArray[np.int64], thresholds: FloatArray
-) -> NDArray[np.bool_]:
-    """Tell which of some cells are hard.
+def dither_cells(fraction: FloatArray, cell: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Tell which of some cells are hard: where the fraction exceeds a cell's own threshold.
+
+    Thresholds are even over 0 to 1, neither included, by the ranks of the tile.
 
     Parameters
     ----------
@@ -97,8 +97,9 @@ def dither_cells(
     cell : (n, 3) int64
         Its place in the lattice of cells.
     """
-    i, j, k = (cell % thresholds.shape[0]).T
-    return np.asarray(fraction > thresholds[i, j, k])
+    ranks = blue_noise_ranks()
+    i, j, k = (cell % len(ranks)).T
+    return np.asarray(fraction > (ranks[i, j, k] + 0.5) / ranks.size)
 
 
 # Volume for each of 1 to 4 corners of one label in a tetrahedron of volume 1/6.
@@ -140,10 +141,6 @@ def _spread(label: Any, corners: Any, share: Any, found: Any) -> None:
                         found[x, y, z] += share[same]
 
 
-# ------------------------------------------------------------------------------------------------
-# Tiles of thresholds: a cell turns hard where the fraction exceeds its own.
-
-
 @cache
 def blue_noise_ranks() -> IntArray:
     """Return the ranks of a periodic cube of 32^3 cells, each of 0 to 32767 once.
@@ -156,11 +153,6 @@ def blue_noise_ranks() -> IntArray:
         ranks: IntArray = np.load(file).astype(np.int32)
     ranks.setflags(write=False)
     return ranks
-
-
-def thresholds(ranks: IntArray) -> FloatArray:
-    """Return the fraction above which each cell is hard, evenly over 0 to 1, neither included."""
-    return np.asarray((ranks + 0.5) / ranks.size)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -196,7 +188,8 @@ def dither_pieces(along: Sequence[BlendSegment]) -> tuple[DitherPiece, ...]:
         low, high = min(s.lower for s in own), max(s.upper for s in own)
         grades = list(range(low, high + 1))
         from_low, from_high = own[0].lower - low, high - own[0].upper
-        if from_high < from_low or (from_high == from_low and not own[0].rising):
+        begin_MPa, end_MPa = own[0].ends_MPa
+        if from_high < from_low or (from_high == from_low and end_MPa < begin_MPa):
             grades.reverse()
         pieces += [DitherPiece(run, grade) for grade in grades]
     return tuple(pieces)
@@ -234,6 +227,14 @@ class DitherField:
         """Values between pieces."""
         return np.arange(1, len(self.pieces)) / len(self.pieces)
 
+    @property
+    def ends(self) -> IntArray:
+        """Which pieces the softer and the harder material of each stretch are, (S, 2)."""
+        number = self.pieces.index
+        return np.array(
+            [[number(DitherPiece(s.run, end)) for end in (s.lower, s.upper)] for s in self.along]
+        )
+
     def description(self) -> dict[str, object]:
         """Everything needed to build the field of the gradient again."""
         return self.field.description()
@@ -248,10 +249,9 @@ class DitherField:
         stretch, fraction = self.wanted(points_mm)
         dealt = blue_noise_bevelled().dealt_for(fraction)
         cell = np.floor((points_mm - self.corner_mm) / self.cell_mm).astype(np.int64)
-        hard = dither_cells(dealt, cell, thresholds(blue_noise_ranks()))
-        of_soft = np.array([self.pieces.index(DitherPiece(s.run, s.lower)) for s in self.along])
-        of_hard = np.array([self.pieces.index(DitherPiece(s.run, s.upper)) for s in self.along])
-        return stretch, fraction, np.where(hard, of_hard[stretch], of_soft[stretch])
+        hard = dither_cells(dealt, cell)
+        soft, harder = self.ends[stretch].T
+        return stretch, fraction, np.where(hard, harder, soft)
 
     def wanted(self, points_mm: FloatArray) -> tuple[IntArray, FloatArray]:
         """Return each point's stretch, and the volume fraction wanted of its harder material."""
@@ -463,12 +463,12 @@ class CellDesign:
         dealt, volumes = self.dealt, self._volumes_mm3(pieces)
         shares, boxes = self._shares(volumes), self._boxes_mm(pieces, volumes)
         regions: list[Region] = []
-        for number, stretch in enumerate(dealt.along):
-            for grade in sorted({stretch.lower, stretch.upper}):
-                piece = dealt.pieces.index(DitherPiece(stretch.run, grade))
+        for number, (stretch, ends) in enumerate(zip(dealt.along, dealt.ends, strict=True)):
+            for piece in dict.fromkeys(ends.tolist()):
                 volume_mm3 = float(volumes[number, piece])
                 if volume_mm3 <= 0.0:
                     continue
+                grade = dealt.pieces[piece].grade
                 band = Band(stretch.start, stretch.stop, grade, stretch.target_MPa)
                 box = boxes[number, piece]
                 region = region_of(band, self.printed[piece], volume_mm3, box, shells)
@@ -490,23 +490,23 @@ class CellDesign:
         cure = smaller if self.stated and cell_mm > least_mm else "take --blend nearest"
         off, findings = self._fractions(part.pieces, scale, cure)
         fine = cell_mm >= least_mm * (1.0 - 1e-9)
-        if not fine:
-            message = (
-                f"cells of {cell_mm:g} mm are smaller than what {machine.title} prints "
-                f"undistorted, {least_mm:g} mm: their volumes will be off; take --cell {least_mm:g}"
-            )
-            findings = (Finding(kind="cell", message=message, size_mm=cell_mm), *findings)
+        messages = []
         mean_wall_mm = 2.0 * part.mesh.volume_mm3 / part.mesh.area_mm2  # were it a plate
         if cell_mm > mean_wall_mm:
-            message = (
+            messages.append(
                 f"cells of {cell_mm:g} mm are thicker than the part, whose walls are "
                 f"{mean_wall_mm:.3g} mm on the mean: a place holds whichever cell happens to "
                 f"be there, and stretches of the gradient may have none; {cure}"
             )
-            findings = (Finding(kind="cell", message=message, size_mm=cell_mm), *findings)
+        if not fine:
+            messages.append(
+                f"cells of {cell_mm:g} mm are smaller than what {machine.title} prints "
+                f"undistorted, {least_mm:g} mm: their volumes will be off; take --cell {least_mm:g}"
+            )
+        cells = [Finding(kind="cell", message=message, size_mm=cell_mm) for message in messages]
         walls, thin, cautions = print_checks(part, machine)
         checks = {**off, **walls, "cell_mm": Check(cell_mm, least_mm, fine)}
-        return checks, (*findings, *thin), cautions
+        return checks, (*cells, *findings, *thin), cautions
 
     def _fractions(
         self, pieces: Pieces, scale: StiffnessScale, cure: str
@@ -539,23 +539,17 @@ class CellDesign:
         shares = self.counted.volume_mm3.copy()
         for piece in np.flatnonzero((shares.sum(axis=0) <= 0.0) & (exact > 0.0)).tolist():
             # A sliver that no cell's centre is near to, or a sheet where the target is too steep.
-            wanted = self.dealt.pieces[piece]
-            own = [
-                n for n, s in enumerate(self.dealt.along)
-                if s.run == wanted.run and wanted.grade in (s.lower, s.upper)
-            ]  # fmt: skip
-            shares[own[0] if own else 0, piece] = 1.0
+            first = int((self.dealt.ends == piece).any(axis=1).argmax())
+            shares[first, piece] = 1.0
         total = shares.sum(axis=0)
         np.divide(shares, total, out=shares, where=total > 0.0)
         return np.asarray(shares * exact)
 
     def _shares(self, volumes_mm3: FloatArray) -> dict[int, _Share]:
         found = {}
-        for number, stretch in enumerate(self.dealt.along):
-            soft, hard = (
-                float(volumes_mm3[number, self.dealt.pieces.index(DitherPiece(stretch.run, grade))])
-                for grade in (stretch.lower, stretch.upper)
-            )
+        each = zip(self.dealt.along, self.dealt.ends, volumes_mm3, strict=True)
+        for number, (stretch, ends, volumes) in enumerate(each):
+            soft, hard = volumes[ends].tolist()
             if stretch.lower < stretch.upper and soft + hard > 0.0:
                 achieved, wanted = hard / (soft + hard), float(self.counted.wanted[number])
                 wanted = achieved if math.isnan(wanted) else wanted

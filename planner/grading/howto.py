@@ -13,7 +13,7 @@ from planner.formats.tables import encode_csv
 from planner.glance import as_words
 from planner.grading.profile import StiffnessScale
 from planner.mesh.mesh import Mesh
-from planner.numerics import Float32Array, FloatArray, IntArray
+from planner.numerics import FloatArray
 from planner.plan import Plan, Shell
 from planner.printers import Printer
 from planner.voxels.columns import voxelize
@@ -75,8 +75,9 @@ def _tray_notes(machine: Printer, placed: Mesh, coupons: int) -> list[str]:
         f"of {as_words(machine.support)}; the printer's software says how much it adds around it.",
     ]
     if coupons:
+        each_cm3 = _coupon_mesh().volume_mm3 / 1000.0
         said.append(
-            f"{coupons} test coupons, one of each material, {_coupon_volume_mm3() / 1000.0:.1f} "
+            f"{coupons} test coupons, one of each material, {each_cm3:.1f} "
             "cm3 each, lie beside the part: insert the STL files of `coupons/` into the same "
             "assembly, give each the material of its name, and pull them when the part is tested; "
             "`coupons/specimens.csv` lists them."
@@ -140,6 +141,7 @@ def _coupons_beside(
     """
     low_mm, high_mm = bounds_mm.tolist()
     x, y = low_mm[0], high_mm[1] + _APART
+    coupon = _coupon_mesh()
     files: dict[str, bytes] = {}
     rows: list[list[str | float]] = [
         ["specimen", "material", "width_mm", "thickness_mm", "gauge_mm", "orientation"]
@@ -153,16 +155,17 @@ def _coupons_beside(
                 f"beside the part on the tray of {machine.title}; leave `coupons` out, and print "
                 "them in a job of their own"
             )
-        vertices, faces = _coupon_mesh()
-        placed = vertices + np.array([x, y, low_mm[2]], dtype=np.float32)
+        placed = coupon.vertices.astype(np.float32) + np.array([x, y, low_mm[2]], dtype=np.float32)
         name = PurePosixPath(shell.file).name.replace("__", "__coupon_", 1)
-        files[_COUPONS + name] = encode_stl(placed, faces, f"coupon {shell.operator_name} unit=mm")
+        files[_COUPONS + name] = encode_stl(
+            placed, coupon.faces, f"coupon {shell.operator_name} unit=mm"
+        )
         rows.append([shell.material, shell.material, _WIDTH, _THICKNESS, _NARROW, "x"])
         y += _GRIP_WIDTH + _APART
     return {**files, f"{_COUPONS}specimens.csv": encode_csv(rows)}
 
 
-def _coupon_mesh() -> tuple[Float32Array, IntArray]:
+def _coupon_mesh() -> Mesh:
     """Return a closed dumbbell whose corner of least coordinates is the origin."""
     x, half = _outline()
     n = len(x)
@@ -177,13 +180,7 @@ def _coupon_mesh() -> tuple[Float32Array, IntArray]:
     first = np.array([[0, 2, 3], [0, 3, 1]])
     last = (first + 4 * (n - 1))[:, ::-1]
     faces = np.concatenate([walls, first, last])[:, ::-1]
-    return corners.reshape(-1, 3).astype(np.float32), np.ascontiguousarray(faces)
-
-
-def _coupon_volume_mm3() -> float:
-    """Return what one coupon takes."""
-    x, half = _outline()
-    return float(np.trapezoid(2.0 * half, x) * _THICKNESS)
+    return Mesh(corners.reshape(-1, 3), faces.astype(np.int32))
 
 
 def _outline() -> tuple[FloatArray, FloatArray]:

@@ -2,7 +2,7 @@
 
 import itertools
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -64,8 +64,7 @@ class CutPart:
 
     def drawn_mm(self, place_mm: Point) -> Point:
         """Return a place in the coordinates of the part's own file."""
-        x, y, z = (p - t for p, t in zip(place_mm, self.translation_mm, strict=True))
-        return x, y, z
+        return as_point(np.subtract(place_mm, self.translation_mm))
 
 
 # ------------------------------------------------------------------------------------------------
@@ -126,29 +125,41 @@ def small_bodies(mesh: Mesh, limit_mm: float, least_mm: float) -> Fragments:
 # how far off, and what to change.
 
 
-def _wall_finding(
-    place: ThinPlace, name: str, part: CutPart, limit_mm: float, unlisted: int
-) -> Finding:
-    """Say where the part as a whole is thinner than the minimum wall."""
-    message = (
-        f"{name}: a wall of {place.size_mm:.2f} mm{_at(place, part)} is below the minimum wall of "
-        f"{limit_mm:g} mm; thicken the part there{_or_larger(place, limit_mm, 'it')}"
-        f"{_more(unlisted, 'walls')}"
-    )
-    return _finding("thin-wall", message, part, place.place_mm, place.size_mm, name)
+def _thin_findings(
+    kind: str, places: Sequence[ThinPlace], unlisted: int, part: CutPart, limit_mm: float,
+    name: str | None = None,
+) -> Iterator[Finding]:  # fmt: skip
+    """Say where walls of the part, layers of a material or gaps are thinner than a limit.
 
-
-def _layer_finding(
-    place: ThinPlace, name: str, part: CutPart, limit_mm: float, unlisted: int
-) -> Finding:
-    """Say where a layer of one material is thinner than the minimum feature."""
-    message = (
-        f"{name}: a layer of {place.size_mm:.2f} mm{_at(place, part)}, field "
-        f"{_field_at(part, place):.3f}, is below the smallest feature of {limit_mm:g} mm: it blurs "
-        f"into its neighbours and will not have its stiffness; {part.cure}"
-        f"{_or_larger(place, limit_mm, 'the part')}{_more(unlisted, f'places of {name}')}"
-    )
-    return _finding("thin-band", message, part, place.place_mm, place.size_mm, name)
+    The last one tells how many more there are than are listed.
+    """
+    for place in places:
+        drawn_mm = part.drawn_mm(place.place_mm)
+        at = f"at {_place(drawn_mm)} mm over {_size(place.extent_mm)} mm"
+        of = f"of {place.size_mm:.2f} mm {at}"
+        if kind == "thin-wall":
+            number = np.searchsorted(part.levels, _field_at(part, place), side="right")
+            name, more = part.names[int(number)], "walls"
+            message = (
+                f"{name}: a wall {of} is below the minimum wall of {limit_mm:g} mm; thicken the "
+                f"part there{_or_larger(place, limit_mm, 'it')}"
+            )
+        elif kind == "thin-band":
+            more = f"places of {name}"
+            message = (
+                f"{name}: a layer {of}, field {_field_at(part, place):.3f}, is below the smallest "
+                f"feature of {limit_mm:g} mm: it blurs into its neighbours and will not have its "
+                f"stiffness; {part.cure}{_or_larger(place, limit_mm, 'the part')}"
+            )
+        else:
+            more = "gaps"
+            message = (
+                f"a gap {of} is narrower than the smallest feature of {limit_mm:g} mm: it will "
+                "fuse or hold support; widen or close it"
+            )
+        if unlisted and place is places[-1]:
+            message += f"; and {unlisted} more {more}"
+        yield Finding(kind, message, name, place.place_mm, drawn_mm, place.size_mm)
 
 
 def _fragments_finding(
@@ -156,29 +167,14 @@ def _fragments_finding(
 ) -> Finding:
     """Say how many separate bits are smaller than the minimum feature: of a material, or loose."""
     what = "a separate bit" if bits.count == 1 else f"{bits.count} separate bits, the largest"
+    drawn_mm = part.drawn_mm(bits.place_mm)
     cure = "join it to the part, or leave it out" if name is None else part.cure
     message = (
         f"{name or 'the part'}: {what} of {_size(bits.extent_mm)} mm and {bits.volume_mm3:.2g} mm3 "
-        f"at {_place(part.drawn_mm(bits.place_mm))} mm, smaller than the smallest feature of "
+        f"at {_place(drawn_mm)} mm, smaller than the smallest feature of "
         f"{limit_mm:g} mm, will not print as drawn; {cure}"
     )
-    return _finding("fragment", message, part, bits.place_mm, max(bits.extent_mm), name)
-
-
-def _gap_finding(place: ThinPlace, part: CutPart, limit_mm: float, unlisted: int) -> Finding:
-    """Say where empty space is narrower than the minimum feature."""
-    message = (
-        f"a gap of {place.size_mm:.2f} mm{_at(place, part)} is narrower than the smallest feature "
-        f"of {limit_mm:g} mm: it will fuse or hold support; widen or close it"
-        f"{_more(unlisted, 'gaps')}"
-    )
-    return _finding("gap", message, part, place.place_mm, place.size_mm)
-
-
-def _finding(
-    kind: str, message: str, part: CutPart, place_mm: Point, size_mm: float, name: str | None = None
-) -> Finding:
-    return Finding(kind, message, name, place_mm, part.drawn_mm(place_mm), size_mm)
+    return Finding("fragment", message, name, bits.place_mm, drawn_mm, max(bits.extent_mm))
 
 
 _MOST_LARGER = 5.0
@@ -193,10 +189,6 @@ def _or_larger(place: ThinPlace, limit_mm: float, what: str) -> str:
     return f", or print {what} {factor:.1f} times as large"
 
 
-def _at(place: ThinPlace, part: CutPart) -> str:
-    return f" at {_place(part.drawn_mm(place.place_mm))} mm over {_size(place.extent_mm)} mm"
-
-
 def _place(place_mm: Sequence[float]) -> str:
     # + 0.0: a place that rounds to zero has no sign.
     return "(" + ", ".join(f"{round(coordinate, 2) + 0.0:.2f}" for coordinate in place_mm) + ")"
@@ -204,10 +196,6 @@ def _place(place_mm: Sequence[float]) -> str:
 
 def _size(extent_mm: Sequence[float]) -> str:
     return " x ".join(f"{length:.2f}" for length in extent_mm)
-
-
-def _more(unlisted: int, what: str) -> str:
-    return f"; and {unlisted} more {what}" if unlisted else ""
 
 
 # ------------------------------------------------------------------------------------------------
@@ -460,10 +448,7 @@ def _walls(part: CutPart, machine: Printer, findings: list[Finding]) -> dict[str
     """Hold walls, layers, separate bits and gaps of a part against the printer."""
     limit_mm = machine.minimum_feature_mm
     walls, unlisted = thin_solid_places(part.mesh, machine.minimum_wall_mm, listed=_LISTED)
-    findings += [
-        _wall_finding(place, _piece_name(part, place), part, machine.minimum_wall_mm, more)
-        for place, more in _with_rest(walls, unlisted)
-    ]
+    findings += _thin_findings("thin-wall", walls, unlisted, part, machine.minimum_wall_mm)
     loose = small_bodies(part.mesh, limit_mm, max(machine.pixel_mm))
     if loose.count:
         findings.append(_fragments_finding(loose, None, part, limit_mm))
@@ -471,11 +456,7 @@ def _walls(part: CutPart, machine: Printer, findings: list[Finding]) -> dict[str
     count, thicknesses, thick = len(walls) + unlisted, list[float](), True
     measured = _band_thicknesses(part) if part.shells else ()
     for shell in part.shells:
-        own = [band for band in measured if part.names[band.first] == shell.material]
-        named = zip(part.pieces.volumes_mm3, part.names, strict=True)
-        pieces = [v for v, name in named if name == shell.material and v > 0]
-        least_mm3 = _LEAST * float(min(pieces, default=0.0))
-        found, number, thinnest = _layers(part, shell, own, machine, bool(walls), least_mm3)
+        found, number, thinnest = _layers(part, shell, measured, machine, bare=bool(walls))
         findings += found
         count += number
         thicknesses += thinnest
@@ -484,36 +465,29 @@ def _walls(part: CutPart, machine: Printer, findings: list[Finding]) -> dict[str
     if thicknesses:
         checks["thinnest_band_mm"] = Check(min(thicknesses), limit_mm, thick)
     gaps, unlisted = thin_space_places(part.mesh, limit_mm, listed=_LISTED)
-    told = _with_rest(gaps, unlisted)
-    findings += [_gap_finding(gap, part, limit_mm, more) for gap, more in told]
+    findings += _thin_findings("gap", gaps, unlisted, part, limit_mm)
     return checks | {"gaps_too_narrow": Check(len(gaps) + unlisted, 0, not gaps)}
 
 
-def _with_rest(places: Sequence[ThinPlace], unlisted: int) -> Iterable[tuple[ThinPlace, int]]:
-    """Pair each place with how many more there are than are listed, which the last one tells."""
-    return zip(places, [*[0] * (len(places) - 1), unlisted], strict=False)
-
-
 def _layers(
-    part: CutPart,
-    shell: Shell,
-    bands: Sequence[BandThickness],
-    machine: Printer,
-    bare: bool,
-    least_mm3: float,
+    part: CutPart, shell: Shell, measured: Sequence[BandThickness], machine: Printer, *, bare: bool
 ) -> tuple[list[Finding], int, list[float]]:
     """Return findings of a material, how many places they stand for, and thicknesses in mm.
 
     `bare` tells that walls of the part were found: they need not be told again of each material.
-    Places that together hold less than `least_mm3` do not count.
+    Places that together hold next to nothing of its smallest piece do not count.
     """
-    limit_mm = machine.minimum_feature_mm
+    limit_mm, name = machine.minimum_feature_mm, shell.material
+    own = [number for number, called in enumerate(part.names) if called == name]
+    volumes_mm3 = part.pieces.volumes_mm3[own]
+    least_mm3 = _LEAST * float(min(volumes_mm3[volumes_mm3 > 0.0], default=0.0))
+    bands = [band for band in measured if band.first in own]
     solid = Mesh(shell.vertices.astype(np.float64), shell.faces.astype(np.int32))
     bits = small_bodies(solid, limit_mm, max(machine.pixel_mm))
     thin = [(band, _thin_band(band, solid, limit_mm)) for band in bands]
     places, unlisted = [place for _, place in thin if place is not None], 0
     told = {n for band, place in thin if place for n in range(band.first, band.last + 1)}
-    if not {n for n, name in enumerate(part.names) if name == shell.material} <= told:
+    if not told.issuperset(own):
         passed_mm = _PASSED * limit_mm
         drawn, unlisted = thin_solid_places(
             solid, limit_mm, listed=_LISTED, widest_passed_mm=passed_mm, least_mm3=least_mm3
@@ -523,12 +497,10 @@ def _layers(
         places, unlisted = (drawn, unlisted) if drawn else (places, 0)
     unlisted += max(len(places) - _LISTED, 0)
     places = places[:_LISTED]
-    told_of = _with_rest(places, unlisted)
-    name = shell.material
-    findings = [_layer_finding(place, name, part, limit_mm, more) for place, more in told_of]
+    findings = list(_thin_findings("thin-band", places, unlisted, part, limit_mm, name))
     loose = bits.count if bits.total_mm3 >= least_mm3 else 0
     if loose:
-        findings.append(_fragments_finding(bits, shell.material, part, limit_mm))
+        findings.append(_fragments_finding(bits, name, part, limit_mm))
     thicknesses = [p.size_mm for p in places] or [band.kept_mm(_LEAST) for band in bands]
     return findings, len(places) + unlisted + loose, thicknesses
 
@@ -566,10 +538,6 @@ def _thin_band(band: BandThickness, solid: Mesh, limit_mm: float) -> ThinPlace |
 
 def _field_at(part: CutPart, place: ThinPlace) -> float:
     return float(part.field.values(np.array([place.place_mm]))[0])
-
-
-def _piece_name(part: CutPart, place: ThinPlace) -> str:
-    return part.names[int(np.searchsorted(part.levels, _field_at(part, place), side="right"))]
 
 
 def _voxel_check(part: CutPart, machine: Printer) -> Check:

@@ -270,10 +270,9 @@ class StiffnessScale:
         ids = [material.id for material in self.palette.materials]
         return self.moduli_MPa[ids.index(material_id)]
 
-    def broken_at(self, material: Material) -> float | None:
-        """Return where a material breaks that does not hold the working strain, else None."""
-        at = material.elongation_at_break
-        return at if at < self.at_strain else None
+    def broken(self, material: Material) -> bool:
+        """Tell whether a material breaks before the working strain."""
+        return material.elongation_at_break < self.at_strain
 
     def remarks(self, ids: Collection[str] | None = None) -> tuple[str, ...]:
         """Return what a reader of the moduli has to know, a sentence each.
@@ -288,7 +287,7 @@ class StiffnessScale:
             The materials whose moduli are shown; all by default.
         """
         shown = [m for m in self.palette.materials if ids is None or m.id in ids]
-        broken = [f"{m.id} ({m.elongation_at_break:.3g})" for m in shown if self.broken_at(m)]
+        broken = [f"{m.id} ({m.elongation_at_break:.3g})" for m in shown if self.broken(m)]
         said: list[str] = []
         if broken:
             past = f"strain {self.at_strain:g} is past the break of {', '.join(broken)}"

@@ -278,11 +278,6 @@ class BlendSegment:
     ends_MPa: tuple[float, float]
     run: int
 
-    @property
-    def rising(self) -> bool:
-        """Whether the target is not lower at the end than at the beginning."""
-        return self.ends_MPa[1] >= self.ends_MPa[0]
-
 
 def blend_segments(profile: Profile, moduli_MPa: tuple[float, ...]) -> tuple[BlendSegment, ...]:
     """Divide the field where the target passes the modulus of a material.

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Literal, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -245,8 +245,7 @@ def targets_of(wish: Wish, scale: StiffnessScale) -> tuple[Profile, str | None, 
         if not isinstance(profile, (str, Path)):
             return _listed(profile, scale), None, None
         moduli = {m.id: scale.modulus_of(m.id) for m in palette.materials}
-        target = read_moduli(profile, moduli, lambda called: palette.resolve(called).id)
-        return target, None, None
+        return read_moduli(profile, moduli, lambda called: palette.resolve(called).id), None, None
     if wish.start is None or wish.end is None:
         ids = ", ".join(material.id for material in palette.materials)
         raise ArgumentError(
@@ -293,23 +292,20 @@ def _end(end: End | None, option: str, scale: StiffnessScale) -> tuple[float, st
     if isinstance(end, str):
         figure = _MODULUS.fullmatch(end.strip())
         if figure is None or figure[2].casefold() not in _UNITS:
-            id = _material_id(end, option, scale.palette, bare=figure is not None)
+            palette = scale.palette
+            try:
+                id = palette.resolve(end).id
+            except UnknownNameError as error:
+                if figure is None:
+                    raise
+                raise ArgumentError(
+                    f"`{option}` {end}: it is no material of palette {palette.name}; for a "
+                    "modulus, give its unit too (kPa, MPa or GPa), as in 0.5MPa"
+                ) from error
             return scale.modulus_of(id), id
         end = float(figure[1]) * _UNITS[figure[2].casefold()]
     modulus_MPa = positive(end, f"`{option}`")
     return modulus_MPa, f"{modulus_MPa:.9g}MPa"
-
-
-def _material_id(name: str, option: str, palette: Palette, *, bare: bool) -> str:
-    try:
-        return palette.resolve(name).id
-    except UnknownNameError as error:
-        if not bare:
-            raise
-        raise ArgumentError(
-            f"`{option}` {name}: it is no material of palette {palette.name}; for a modulus, give "
-            "its unit too (kPa, MPa or GPa), as in 0.5MPa"
-        ) from error
 
 
 def _called(end: End) -> str:
@@ -320,9 +316,7 @@ def _called(end: End) -> str:
 # Profiles by a name, between two moduli, and by a function.
 
 
-_SHAPES: dict[str, Literal["log", "linear", "smooth"]] = {
-    "log": "log", "linear": "linear", "smooth": "smooth",
-}  # fmt: skip
+_SHAPES = ("log", "linear", "smooth")
 _PROFILES = (*_SHAPES, "steps:N", "grades", "FILE.csv")
 
 
@@ -346,7 +340,8 @@ def between(
         An unknown name, fewer than two steps, or both ends nearest to one material.
     """
     if spec in _SHAPES:
-        return Profile(spec, (0.0, 1.0), (start_MPa, end_MPa), _SHAPES[spec])
+        ends_MPa = (start_MPa, end_MPa)
+        return Profile(spec, (0.0, 1.0), ends_MPa, spec)  # type: ignore[arg-type]  # one of these
     if spec == "grades":
         return _steps(spec, _grades(start_MPa, end_MPa, moduli_MPa))
     if spec.startswith("steps:"):

@@ -22,7 +22,7 @@ from planner.grading.profile import stiffness_scale
 from planner.grading.wish import Wish, targets_of
 from planner.inverse_design.controls import TABLE, Controls, StiffnessRange, lattice_counts
 from planner.inverse_design.findings import DesignFinding, Ends, Reached, findings, reached
-from planner.inverse_design.goals import Limits, Target, posed
+from planner.inverse_design.goals import Limits, Target, WantedShape, posed
 from planner.mesh.halve import halve_long_edges
 from planner.mesh.mesh import Mesh
 from planner.mesh.part import moved_to_corner, open_part
@@ -30,12 +30,12 @@ from planner.numerics import FloatArray, as_point, interrupted, normal_quantile,
 from planner.palette import Palette
 from planner.plan import Plan
 from planner.printers import Printer, load_printer, palette_of
+from planner.simulation.cut_cells import FEWEST_ALONG, CutCells
 from planner.simulation.loads import LoadCase, palette_densities
 from planner.simulation.part import check_effort, default_cell_mm, finest_cell_mm
 
 if TYPE_CHECKING:
     from planner.inverse_design.search import Case, DesignProblem, Found, Solved
-    from planner.simulation.cut_cells import CutCells
 
 __all__ = ["PartDesign", "design"]
 
@@ -71,7 +71,7 @@ class Course(NamedTuple):
 
     case: str
     share: FloatArray
-    cells: "CutCells"
+    cells: CutCells
     displacement_mm: FloatArray
     wanted: Mesh | None
     off_mm: FloatArray | None
@@ -374,10 +374,10 @@ def design(
     >>> made.reached[0].printed, made.reached[0].interval  # doctest: +SKIP
     >>> made.write("finger-designed")  # doctest: +SKIP
     """
-    own = LoadCase(target, fix, load, pressure, move, gravity, moment=moment)
+    first = LoadCase(target, fix, load, pressure, move, gravity, moment=moment)
     limits, figures = Limits.read((limit,) if isinstance(limit, str) else limit)
-    alone = bool(cases) and own.is_empty and not own.target
-    cases = tuple(cases) if alone else (own, *cases)
+    alone = bool(cases) and first.is_empty and not first.target
+    cases = tuple(cases) if alone else (first, *cases)
     wanted = [_wanted_of(case) for case in cases]
     for aims in wanted if alone else wanted[:1]:
         aims += figures
@@ -390,8 +390,8 @@ def design(
         raise ArgumentError(f"`prefer` {prefer}: {hint}it may be {' or '.join(_PREFER)}")
     if blend not in (None, "nearest", "dither"):
         raise ArgumentError(f"`blend` {blend}: a design is printed by nearest or by dither")
-    surfaces = any(aim.surface_mm is not None for aims in wanted for aim in aims)
-    if free is None and axis is None and field is None and surfaces:
+    by_surface = [[aim for aim in aims if aim.surface_mm is not None] for aims in wanted]
+    if free is None and axis is None and field is None and any(by_surface):
         free = "auto"
     if free is not None and (axis is not None or field is not None):
         raise ArgumentError("give `free`, or `axis` or `field`, not both")
@@ -421,19 +421,14 @@ def design(
     # What is wrong is told before the work.
     posed(cases, wanted, halve_long_edges(mesh, 0.5 * edge)[0])
     progress(DesignStage("loading the solver", 0.0))
-    from planner.inverse_design.printing import DesignSpace, Printing, corrected
+    from planner.inverse_design.printing import Printing, corrected
     from planner.inverse_design.search import DesignProblem, WantedOfPart
-    from planner.inverse_design.shape import WantedShape
     from planner.materials.marlow import marlow_table
 
-    shapes = [
-        [
-            WantedShape.of(a.text, a.selector, a.weight, a.surface_mm, _triangles(part, unit, mesh))
-            for a in aims
-            if a.surface_mm is not None
-        ]
-        for aims in wanted
-    ]
+    own = mesh.triangles
+    if any(by_surface) and isinstance(part, (str, Path)):  # in the order of the file
+        own = np.asarray(read_mesh(Path(part), unit).triangles, dtype=np.float64)
+    shapes = [[WantedShape.of(aim, own) for aim in aims] for aims in by_surface]
     stiffness = StiffnessRange((low, high), scale.model, at_strain)
     asked = WantedOfPart(mesh, cases, wanted, shapes, marlow_table(scale.model), densities)
     if free is not None:
@@ -446,7 +441,6 @@ def design(
         follows = axis_field(axis, placed) if field is None else build_field(field, setting)
         rises = ends.moduli_MPa[0] < ends.moduli_MPa[-1]
         controls = _ramp(follows, knots, rises, limits, stiffness, translation)
-    space = DesignSpace(controls, stiffness, setting, follows, counts)
     normal = normal_quantile(level) if robust else 0.0
 
     def problem_on(size_mm: float, done: float, before: "Sequence[Case]" = ()) -> DesignProblem:
@@ -466,16 +460,15 @@ def design(
         grade, part, axis=axis, field=field, blend=blend, at_strain=at_strain, printer=machine,
         palette=chosen, unit=unit, bodies=bodies, name=name, force_oversize=force_oversize,
     )  # fmt: skip
-    printed, prints, stopped = corrected(
-        Printing(
-            asked, space, problem, larger, best, graded, scale, machine, problem_mm,
-            blend == "dither", tolerance,
-        ),
-        stopped=found.stopped,
-        progress=lambda off: progress(
-            DesignStage(f"printed materials: off by {in_percent(off)}", 0.8)
-        ),
+    printing = Printing(
+        asked, setting, follows, counts, problem, larger, best, graded, scale, machine, problem_mm,
+        blend == "dither", tolerance,
     )  # fmt: skip
+
+    def corrects(off: float) -> None:
+        progress(DesignStage(f"printed materials: off by {in_percent(off)}", 0.8))
+
+    printed, prints, stopped = corrected(printing, stopped=found.stopped, progress=corrects)
     tried = found.tried + prints
     rows = list(reached(problem, best, reach, printed.solved, level))
     over = None
@@ -498,13 +491,11 @@ def design(
         )
     if steps:
         progress(DesignStage("from rest to full load, for the page", 0.9))
-    share = larger.basis @ printed.values
+    coordinate, _ = stiffness.coordinates(larger.basis @ printed.values)
     courses = zip(larger.cases, printed.solved, strict=True) if steps else ()
-    profile, _, table = space.laid(printed.values)
+    profile, _, table = printing.laid(printed.values)
     return PartDesign(
-        courses=tuple(
-            _course(case, one, stiffness.coordinates(share)[0], steps) for case, one in courses
-        ),
+        courses=tuple(_course(case, one, coordinate, steps) for case, one in courses),
         plan=printed.plan,
         positions=profile.positions,
         moduli_MPa=profile.moduli_MPa,
@@ -569,7 +560,6 @@ def _searched(
         The softest and the stiffest that is allowed, in the larger cells.
     """
     from planner.inverse_design.search import search
-    from planner.simulation.cut_cells import FEWEST_ALONG
     from planner.simulation.solid import LostStabilityError
 
     def told(stage: str, first: float, last: float) -> Callable[[int, float], None]:
@@ -630,10 +620,3 @@ def _wanted_of(case: LoadCase) -> list[Target]:
             "it beside them"
         )
     return [*map(Target.read, case.target), *figures]
-
-
-def _triangles(part: object, unit: str | None, mesh: Mesh) -> FloatArray:
-    """Return the part's triangles in the order of its file, (k, 3, 3)."""
-    if isinstance(part, (str, Path)):
-        return np.asarray(read_mesh(Path(part), unit).triangles, dtype=np.float64)
-    return mesh.triangles

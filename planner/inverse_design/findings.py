@@ -158,7 +158,7 @@ def reached(
         for shape, miss in zip(case.shapes, one.deviations(), strict=True):
             way_mm = shape.wanted.greatest_mm
             yield Reached(
-                shape.wanted.text, case.name, "near", "mm off", 0.0, next(ideals) * way_mm,
+                shape.wanted.target.text, case.name, "near", "mm off", 0.0, next(ideals) * way_mm,
                 miss.rms * way_mm, None, miss.rms, largest=miss.largest * way_mm,
             )  # fmt: skip
 

@@ -17,7 +17,7 @@ from planner.glance import in_percent
 from planner.grading.profile import Profile, StiffnessScale, natural_bands
 from planner.grading.snap import snap_limit_mm, snapped_bands
 from planner.inverse_design import search
-from planner.inverse_design.controls import TABLE, Controls, StiffnessRange
+from planner.inverse_design.controls import TABLE
 from planner.inverse_design.search import Case, DesignProblem, Solved, Tried, WantedOfPart
 from planner.numerics import BoolArray, FloatArray, interrupted
 from planner.plan import Plan
@@ -25,57 +25,7 @@ from planner.printers import Printer
 from planner.simulation.part import filling_along, open_solid
 from planner.simulation.solid import LostStabilityError
 
-__all__ = ["DesignSpace", "Printing", "corrected"]
-
-
-# ------------------------------------------------------------------------------------------------
-# Where a gradient is free, and how a plan is told of it.
-
-
-@dataclass(frozen=True, eq=False)
-class DesignSpace:
-    """What a design may choose, and what it means: a profile along a field, or a lattice.
-
-    Attributes
-    ----------
-    setting
-        Of the part as placed for printing.
-    along
-        The field of a profile; None of a lattice.
-    counts
-        Of a lattice: controls along x, y and z.
-    """
-
-    controls: Controls
-    stiffness: StiffnessRange
-    setting: Setting
-    along: Field | None
-    counts: tuple[int, int, int] = (1, 1, 1)
-
-    def laid(self, values: FloatArray) -> tuple[Profile, Field, TableFile | None]:
-        """Return the profile, the field that it is along, and the field as a table."""
-        if self.along is not None:
-            positions = tuple(np.linspace(0.0, 1.0, len(values)).tolist())
-            moduli = tuple(self.stiffness.modulus_MPa(values).tolist())
-            return Profile("designed", positions, moduli, "log"), self.along, None
-        held = TableFile(Path(TABLE), "position", self._encoded(values))
-        profile = Profile("designed", (0.0, 1.0), self.stiffness.moduli_MPa, "log")
-        return profile, held.field(self.setting), held
-
-    def _encoded(self, values: FloatArray) -> bytes:
-        """Return a lattice as a VTI file: eight steps between controls, and the box's ends.
-
-        Between points of a table values are linear: off by 1/64 of an eighth of a second
-        difference.
-        """
-        low, high = self.setting.mesh.bounds_mm - np.array(self.setting.origin_mm)
-        steps = [8 * max(count - 2, 1) for count in self.counts]
-        spacing = (high - low) / steps
-        index = np.stack(np.meshgrid(*(np.arange(n + 1) for n in steps), indexing="ij"), axis=-1)
-        places = low + index.reshape(-1, 3) * spacing
-        share = (self.controls.basis(places) @ values).reshape(index.shape[:3]).astype(np.float32)
-        modulus = self.stiffness.modulus_MPa(share.astype(np.float64)).astype(np.float32)
-        return encode_vti(low, spacing, {"position": share, "modulus_MPa": modulus})
+__all__ = ["Printing", "corrected"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -116,6 +66,12 @@ class Printing:
 
     Attributes
     ----------
+    setting
+        Of the part as placed for printing.
+    along
+        The field of a profile; None of a lattice.
+    counts
+        Of a lattice: controls along x, y and z.
     problem, best
         On the cells that plans are solved on, and the gradient that was found there.
     larger
@@ -129,7 +85,9 @@ class Printing:
     """
 
     wanted: WantedOfPart
-    space: DesignSpace
+    setting: Setting
+    along: Field | None
+    counts: tuple[int, int, int]
     problem: DesignProblem
     larger: DesignProblem
     best: Tried
@@ -139,6 +97,32 @@ class Printing:
     cell_mm: float
     dithered: bool
     tolerance: float
+
+    def laid(self, values: FloatArray) -> tuple[Profile, Field, TableFile | None]:
+        """Return the profile, the field that it is along, and the field as a table."""
+        if self.along is not None:
+            positions = tuple(np.linspace(0.0, 1.0, len(values)).tolist())
+            moduli = tuple(self.problem.stiffness.modulus_MPa(values).tolist())
+            return Profile("designed", positions, moduli, "log"), self.along, None
+        held = TableFile(Path(TABLE), "position", self._encoded(values))
+        profile = Profile("designed", (0.0, 1.0), self.problem.stiffness.moduli_MPa, "log")
+        return profile, held.field(self.setting), held
+
+    def _encoded(self, values: FloatArray) -> bytes:
+        """Return a lattice as a VTI file: eight steps between controls, and the box's ends.
+
+        Between points of a table values are linear: off by 1/64 of an eighth of a second
+        difference.
+        """
+        low, high = self.setting.mesh.bounds_mm - np.array(self.setting.origin_mm)
+        steps = [8 * max(count - 2, 1) for count in self.counts]
+        spacing = (high - low) / steps
+        index = np.stack(np.meshgrid(*(np.arange(n + 1) for n in steps), indexing="ij"), axis=-1)
+        places = low + index.reshape(-1, 3) * spacing
+        share = self.problem.controls.basis(places) @ values
+        share = share.reshape(index.shape[:3]).astype(np.float32)
+        modulus = self.problem.stiffness.modulus_MPa(share.astype(np.float64)).astype(np.float32)
+        return encode_vti(low, spacing, {"position": share, "modulus_MPa": modulus})
 
     def _missed(self, figures: FloatArray) -> FloatArray:
         """Return by how much targets are missed; out of reach, the nearest found."""
@@ -168,7 +152,7 @@ class Printing:
         return Print(values, plan, cases, solved, self._missed(figures))
 
     def _planned(self, values: FloatArray) -> tuple[Plan, Field]:
-        profile, follows, table = self.space.laid(values)
+        profile, follows, table = self.laid(values)
         gentler = "a coarser --free" if table else "fewer --knots"
         try:
             plan = self.graded(profile=profile, **({} if table is None else {"field": table}))
@@ -179,12 +163,12 @@ class Printing:
         return replace(plan, findings=tuple(advised), notes=notes), follows
 
     @cached_property
-    def _along(self) -> FloatArray | None:
+    def _at_points(self) -> FloatArray | None:
         """Values of a profile's field at the quadrature points."""
-        along, moved = self.space.along, np.array(self.space.setting.origin_mm)
-        if along is None:
+        moved = np.array(self.setting.origin_mm)
+        if self.along is None:
             return None
-        return np.asarray(along.values(self.problem.cases[0].cells.points_mm + moved))
+        return np.asarray(self.along.values(self.problem.cases[0].cells.points_mm + moved))
 
     def _shares(self, values: FloatArray) -> FloatArray:
         """Return the stiffness that is printed about the points, as a share of ln(modulus).
@@ -196,15 +180,15 @@ class Printing:
         share = np.asarray(self.problem.basis @ values)
         if self.dithered:
             return share
-        profile, field, _ = self.space.laid(values)
+        profile, field, _ = self.laid(values)
         bands = natural_bands(profile, self.scale.moduli_MPa)
         snapped, _ = snapped_bands(
-            self.space.setting.mesh, field, bands, profile,
+            self.setting.mesh, field, bands, profile,
             snap_mm=snap_limit_mm(None, self.machine), machine=self.machine,
         )  # fmt: skip
         starts = [band.start for band in snapped]
         moduli = np.array(self.scale.moduli_MPa)[[band.grade for band in bands]]
-        place = share if self._along is None else self._along
+        place = share if self._at_points is None else self._at_points
         offsets = self.problem.cases[0].cells.offsets
         range_ = [f.reduceat(place, offsets[:-1]) for f in (np.maximum, np.minimum)]
         half = np.repeat(np.maximum(0.25 * (range_[0] - range_[1]), 1e-9), np.diff(offsets))

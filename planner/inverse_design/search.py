@@ -2,26 +2,29 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from planner.inverse_design.controls import Controls, StiffnessRange
-from planner.inverse_design.goals import Functional, Limits, Target, posed
-from planner.inverse_design.shape import Deviation, ShapeGoal, WantedShape
+from planner.inverse_design.goals import (
+    Deviation,
+    Functional,
+    Limits,
+    ShapeGoal,
+    Target,
+    WantedShape,
+    posed,
+)
 from planner.materials.marlow import MarlowTable
 from planner.materials.mixtures import CoefficientModel
 from planner.mesh.mesh import Mesh
 from planner.numerics import FloatArray, interrupted, normal_quantile
 from planner.simulation.cut_cells import CutCells, cut_cells
-from planner.simulation.loads import LoadCase
+from planner.simulation.loads import Conditions, LoadCase
 from planner.simulation.response import CellAverage, Solution
 from planner.simulation.solid import Body, Equilibrium, LostStabilityError, Mechanics
-from planner.simulation.sparse_cholesky import analyse
-
-if TYPE_CHECKING:
-    from planner.simulation.loads import Conditions
-    from planner.simulation.sparse_cholesky import Analysis, Factor
+from planner.simulation.sparse_cholesky import Analysis, Factor, analyse
 
 __all__ = [
     "Case", "DesignProblem", "Found", "Solved", "Tried", "WantedOfPart", "evaluate",
@@ -70,7 +73,9 @@ class WantedOfPart:
         for number, (case, (on, goals)) in enumerate(zip(self.cases, each, strict=True)):
             name = case.name or (f"case {number + 1}" if len(self.cases) > 1 else "")
             facets = {watched.selector: watched.facets for watched in on.watched}
-            shapes = [ShapeGoal.on(s, cells, facets.get(s.selector)) for s in self.shapes[number]]
+            shapes = [
+                ShapeGoal.on(s, cells, facets.get(s.target.selector)) for s in self.shapes[number]
+            ]
             made.append(Case(name, cells, on, analysis, goals, body, shapes))
             if before:
                 made[-1].begin_from(before[number])
@@ -90,14 +95,14 @@ class Case:
 
     name: str
     cells: CutCells
-    conditions: "Conditions"
-    analysis: "Analysis"
+    conditions: Conditions
+    analysis: Analysis
     goals: Sequence[Functional]
     body: Body
     shapes: Sequence[ShapeGoal] = ()
     mechanics: Mechanics | None = None
     state: Equilibrium | None = None
-    factored: "Factor | None" = None
+    factored: Factor | None = None
 
     def begin_from(self, other: "Case") -> None:
         """Take over how this part is deformed in other cells, whence the next solution starts.

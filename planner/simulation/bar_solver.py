@@ -1047,14 +1047,13 @@ def _differs(bars: PulledBars, like: PulledBars) -> BoolArray:
             continue
         if name in _OF_ALL:
             differs |= not np.array_equal(own, other)
-            continue
-        if name == "parts":
+        elif name == "parts":
             differs |= np.array([a is not b for a, b in zip_longest(own, other)], dtype=np.bool_)
-            continue
-        changed = (own != other).reshape(len(own), -1).any(axis=1)
-        if len(changed) != len(differs):
-            changed = np.logical_or.reduceat(changed, bars.first_slice[:-1])
-        differs |= changed
+        else:
+            changed = (own != other).reshape(len(own), -1).any(axis=1)
+            if len(changed) != len(differs):
+                changed = np.logical_or.reduceat(changed, bars.first_slice[:-1])
+            differs |= changed
     return differs
 
 

@@ -9,16 +9,8 @@ from numpy.typing import NDArray
 
 from planner.errors import ArgumentError, MeshError, positive
 from planner.mesh.halve import halve_long_edges
-from planner.mesh.mesh import (
-    Mesh,
-    connected,
-    number_groups,
-    order_rows,
-    repeats_index,
-    sorted_corners,
-    unite,
-)
-from planner.numerics import BoolArray, FloatArray, IntArray, kernel
+from planner.mesh.mesh import Mesh, connected, order_rows, repeats_index, sorted_corners
+from planner.numerics import BoolArray, FloatArray, IntArray
 from planner.simulation.cell_quadrature import quadrature
 from planner.simulation.element import LOCAL, shape_functions
 from planner.simulation.inner_corners import contacts, opposed, parted
@@ -147,7 +139,7 @@ class CutCells:
     dropped_mm3
         Volume of specks that hang on nothing and are left out.
     material
-        The columns, from which `locate` finds cells.
+        The columns, from which `SampledMaterial.locate` finds cells.
     """
 
     origin_mm: FloatArray
@@ -163,13 +155,8 @@ class CutCells:
     surface: Mesh
     dropped_mm3: float
     material: SampledMaterial = field(repr=False)
-    vertex_cell: NDArray[np.int32] = field(init=False)
-    vertex_local: FloatArray = field(init=False)
-
-    def __post_init__(self) -> None:
-        cell, local = self.locate(self.surface.vertices, _inward(self.surface))
-        object.__setattr__(self, "vertex_cell", cell)
-        object.__setattr__(self, "vertex_local", local)
+    vertex_cell: NDArray[np.int32]
+    vertex_local: FloatArray
 
     @cached_property
     def cell_of(self) -> IntArray:
@@ -226,31 +213,6 @@ class CutCells:
         cell = self.cell_of[point]
         local = 2.0 * (scaled - self.index[cell]) - 1.0
         return np.asarray(point), cell, np.clip(local, -1.0, 1.0)
-
-    def locate(
-        self, points_mm: FloatArray, inward: FloatArray
-    ) -> tuple[NDArray[np.int32], FloatArray]:
-        """Find the cell, and the place in it, of points on the surface.
-
-        A point is in the piece of its own cell whose material is nearest to it, seen from a
-        column's spacing inwards. Where its cell has no material as near as a neighbour has (it
-        was thinner than the columns see), it is in the neighbour, and its place a little outside.
-
-        Parameters
-        ----------
-        points_mm : (k, 3)
-            On the surface, or close to it.
-        inward : (k, 3)
-            Unit vectors from there into the material.
-
-        Returns
-        -------
-        cell : (k,) int32
-        local : (k, 3)
-            In the cell's own coordinates: -1..1, and beyond where the piece goes on or is nearest.
-        """
-        lattice = (self.origin_mm, self.cell_mm, self.index)
-        return self.material.locate(*lattice, points_mm, inward)[:2]
 
 
 def cut_cells(
@@ -372,10 +334,8 @@ def _filled(
         raise _too_many(cell_mm, len(order))
     number = np.full(n, -1, np.int32)
     number[order] = np.arange(len(order))
-    own = np.arange(27 * n, dtype=np.int32)
-    _join_nodes(np.unique(into[firm], axis=0), place, own)
     index = place[order].astype(np.int32)
-    nodes, node_place = _number_nodes(number_groups(own).reshape(n, 27)[order], index)
+    nodes, node_place = _number_nodes(_joined_nodes(into[firm], place)[order], index)
     whole = (share == 1.0) & (np.bincount(into, minlength=n) == 1)
     told = replace(material, piece=number[into[piece]])
     offsets, points, weights = quadrature(told, index, whole[order], like)
@@ -383,10 +343,11 @@ def _filled(
     np.add.at(shares, (number[into], shell), share)
     shares = shares[:-1] / shares[:-1].sum(axis=1, keepdims=True)
     cell_mm3 = float(np.prod(size))
+    vertex_cell, vertex_local, _ = told.locate(low, size, index, surface.vertices, _inward(surface))
     return CutCells(
         low, size, index, nodes, low + node_place * (size / 2), shares,
         _interface(number[meet], local, area), offsets, points, weights * cell_mm3, surface,
-        float(np.sum(share[number[into] < 0])) * cell_mm3, told,
+        float(np.sum(share[number[into] < 0])) * cell_mm3, told, vertex_cell, vertex_local,
     )  # fmt: skip
 
 
@@ -550,20 +511,15 @@ def _merge_skins(
         waiting[skin[found]] = False
 
 
-@kernel
-def _join_nodes(pairs: Any, place: Any, parent: Any) -> None:
-    # Join the nodes that the cells of each pair have in common.
-    for n in range(pairs.shape[0]):
-        p, q = pairs[n, 0], pairs[n, 1]
-        dx = place[q, 0] - place[p, 0]
-        dy = place[q, 1] - place[p, 1]
-        dz = place[q, 2] - place[p, 2]
-        if p == q or (dx == 0 and dy == 0 and dz == 0):
-            continue
-        for a in range(27):
-            i, j, k = a % 3 - 2 * dx, a // 3 % 3 - 2 * dy, a // 9 - 2 * dz
-            if 0 <= i <= 2 and 0 <= j <= 2 and 0 <= k <= 2:
-                unite(parent, 27 * p + a, 27 * q + i + 3 * j + 9 * k)
+def _joined_nodes(pairs: NDArray[np.int32], place: IntArray) -> NDArray[np.int32]:
+    """Return groups of the pieces' own nodes, (n, 27): one where cells of a pair have it both."""
+    one, other = np.unique(pairs, axis=0).T
+    step = place[other] - place[one]
+    there = LOCAL - 2 * step[:, None]
+    shared = ((there >= 0) & (there <= 2)).all(axis=2) & step.any(axis=1)[:, None]
+    pair, node = np.nonzero(shared)
+    beyond = 27 * other[pair] + there[shared] @ [1, 3, 9]
+    return connected(27 * len(place), 27 * one[pair] + node, beyond).reshape(-1, 27)
 
 
 def _number_nodes(

@@ -1,7 +1,7 @@
 """A planned part as a finite-element model for Abaqus, CalculiX or ParaView (planner.export)."""
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal, TypeVar
@@ -20,7 +20,7 @@ from planner.materials.marlow import POISSON
 from planner.materials.mixtures import CoefficientModel
 from planner.mesh.halve import halve_long_edges
 from planner.mesh.mesh import Mesh
-from planner.numerics import BoolArray, FloatArray, IntArray, Point, as_point
+from planner.numerics import BoolArray, FloatArray, IntArray, as_point
 from planner.palette import Palette
 from planner.printers import Printer
 from planner.simulation.loads import Condition, LoadCase, couple, read_conditions
@@ -113,8 +113,8 @@ class _Hexahedra:
     node_mm : (N, 3)
     outer : (m, 2)
         Cell and face, 0 to 5, of each face that only one cell has.
-    outer_mm, outer_normal : (m, 3)
-        Their middles, and which way is out.
+    outer_normal : (m, 3)
+        Which way is out.
     pieces
         Bodies that no face joins.
     dropped_mm3
@@ -126,7 +126,6 @@ class _Hexahedra:
     nodes: NDArray[np.int64]
     node_mm: FloatArray
     outer: NDArray[np.int64]
-    outer_mm: FloatArray
     outer_normal: FloatArray
     pieces: int
     dropped_mm3: float
@@ -148,11 +147,13 @@ def _fitting_cell_mm(surface: Mesh, about_mm: float) -> float:
     Walls gain or lose up to half a cell on either side; between one edge and another that is a
     seventh longer the volume of a finger's cells swings by several percent.
     """
-    off: dict[float, float] = {}
-    for edge_mm in (about_mm * np.geomspace(1.0 / _NEAR, _NEAR, _TRIALS)).tolist():
+
+    def off_mm3(edge_mm: float) -> float:
         _, edges, full = _half_full(surface, edge_mm)
-        off[edge_mm] = abs(full.sum() * np.prod(edges) - surface.volume_mm3)
-    return min(off, key=off.__getitem__)
+        return float(abs(full.sum() * np.prod(edges) - surface.volume_mm3))
+
+    edges_mm = (about_mm * np.geomspace(1.0 / _NEAR, _NEAR, _TRIALS)).tolist()
+    return float(min(edges_mm, key=off_mm3))
 
 
 def _hexahedra(surface: Mesh, cell_mm: float) -> _Hexahedra:
@@ -178,16 +179,13 @@ def _hexahedra(surface: Mesh, cell_mm: float) -> _Hexahedra:
     at = np.stack([used % width[0], used // width[0] % width[1], used // (width[0] * width[1])], 1)
     beside = np.moveaxis(index[:, None] + _NORMALS + 1, 2, 0)
     outer = np.argwhere(~np.pad(kept, 1)[tuple(beside)])
-    normal = _NORMALS[outer[:, 1]].astype(np.float64)
-    middle = low + (index + 0.5) * edges
     return _Hexahedra(
         cell_mm=edges,
-        middle_mm=middle,
+        middle_mm=low + (index + 0.5) * edges,
         nodes=nodes.reshape(-1, 20).astype(np.int64),
         node_mm=low + 0.5 * at * edges,
         outer=outer,
-        outer_mm=middle[outer[:, 0]] + 0.5 * normal * edges,
-        outer_normal=normal,
+        outer_normal=_NORMALS[outer[:, 1]].astype(np.float64),
         pieces=pieces,
         dropped_mm3=float((full.sum() - len(index)) * np.prod(edges)),
     )
@@ -446,7 +444,9 @@ def export(
             f"cells at least half full of the part: {mesh.volume_mm3:.6g} mm3 for "
             f"{part_mm3:.6g} mm3 ({mesh.volume_mm3 / part_mm3 - 1.0:+.1%})",
         ]
-        step = None if case.is_empty else _step(mesh, laws, solid.surface, case, remarks)
+        step = list[str](), list[str](), list[str]()
+        if is_loaded:
+            step = _step(mesh, laws, solid.surface, case, to, remarks)
         lines = _inp(mesh, remarks, elements, laws, step, to)
         data = ("\n".join(lines) + "\n").encode("ascii", "replace")
     return Export(
@@ -619,31 +619,13 @@ def _law_notes(laws: Sequence[_Law], to_strain: float) -> Iterator[str]:
 _On = TypeVar("_On", bound=Condition)
 
 
-@dataclass(frozen=True, eq=False)
-class _Step:
-    """What holds and loads the cells, by name; nodes, elements and faces are counted from 0.
-
-    Attributes
-    ----------
-    held
-        Nodes and their displacement in mm; None where it is free.
-    forces_N
-        Nodes and forces, (k,) and (k, 3).
-    pressures
-        By set: its elements, (k,), and the load, as P1 and the pressure in MPa.
-    gravity
-        Unit vector.
-    """
-
-    held: Mapping[str, tuple[IntArray, Sequence[float | None]]]
-    forces_N: Mapping[str, tuple[IntArray, FloatArray]]
-    pressures: Mapping[str, tuple[IntArray, str]]
-    gravity: Point | None
-
-
 def _step(
-    mesh: _Hexahedra, laws: Sequence[_Law], part: Mesh, case: LoadCase, remarks: list[str]
-) -> _Step:
+    mesh: _Hexahedra, laws: Sequence[_Law], part: Mesh, case: LoadCase, to: str, remarks: list[str]
+) -> tuple[list[str], list[str], list[str]]:
+    """Return the lines of sets of nodes, of sets of elements, and of what holds and loads them.
+
+    What the names in them stand for is added to the remarks.
+    """
     surface = halve_long_edges(part, 0.5 * float(mesh.cell_mm.min()))[0]
     conditions = read_conditions(surface, case)
     if conditions.gravity is not None and not all(np.isfinite(law.density_g_cm3) for law in laws):
@@ -660,30 +642,49 @@ def _step(
             remarks.append(f"{word}{number}: {one.selector}")
             yield f"{word}{number}", one, faces
 
-    held = {}
-    given = np.full(mesh.node_mm.shape, np.nan)
+    node_sets, element_sets, held, forces, pressures = (list[str]() for _ in range(5))
+    output = ["*OUTPUT, FIELD", "*NODE OUTPUT", "U, RF", "*ELEMENT OUTPUT", "S, LE"]
+    if to == "calculix":
+        output = ["*NODE FILE", "U, RF", "*EL FILE", "S, E"]
+    wanted_mm = np.full(mesh.node_mm.shape, np.nan)
     for name, support, faces in named("HELD", conditions.supports):
         nodes = np.unique(_nodes(mesh, faces))
         wanted = np.array([np.nan if u is None else u for u in support.displacement_mm])
         # On an edge between two that want different things the first has its way.
         with np.errstate(invalid="ignore"):
-            nodes = nodes[~(np.abs(given[nodes] - wanted) > 0.0).any(axis=1)]
-        given[nodes] = np.where(np.isnan(wanted), given[nodes], wanted)
-        held[name] = nodes, support.displacement_mm
-    forces = {}
+            nodes = nodes[~(np.abs(wanted_mm[nodes] - wanted) > 0.0).any(axis=1)]
+        wanted_mm[nodes] = np.where(np.isnan(wanted), wanted_mm[nodes], wanted)
+        node_sets += _listed(f"*NSET, NSET={name}", nodes)
+        given = [(k, u) for k, u in enumerate(support.displacement_mm, 1) if u is not None]
+        held += ["*BOUNDARY", *(f"{name}, {axis}, {axis}, {u:.9g}" for axis, u in given)]
+        if to == "calculix":
+            output += [f"*NODE PRINT, NSET={name}, TOTALS=ONLY", "RF"]
     for name, force, faces in named("LOAD", conditions.forces):
         nodes, share = _spread(mesh, faces)
-        forces[name] = nodes, share[:, None] * np.array(force.force_N)
+        forces += _pulled(name, nodes, share[:, None] * np.array(force.force_N))
     for name, moment, faces in named("MOMENT", conditions.moments):
         nodes, share = _spread(mesh, faces)
-        forces[name] = nodes, couple(share, mesh.node_mm[nodes], np.array(moment.moment_N_mm))
-    pressures = {}
+        turning = couple(share, mesh.node_mm[nodes], np.array(moment.moment_N_mm))
+        forces += _pulled(name, nodes, turning)
     for name, push, faces in named("PRESSURE", conditions.pressures):
         cell, face = mesh.outer[faces].T
-        for one in np.unique(face).tolist():
-            load = f"P{one + 1}, {push.pressure_MPa:.9g}"
-            pressures[f"{name}_S{one + 1}"] = cell[face == one], load
-    return _Step(held, forces, pressures, conditions.gravity)
+        for side in np.unique(face).tolist():
+            own = f"{name}_S{side + 1}"
+            element_sets += _listed(f"*ELSET, ELSET={own}", cell[face == side])
+            pressures.append(f"{own}, P{side + 1}, {push.pressure_MPa:.9g}")
+    if conditions.gravity is not None:
+        x, y, z = conditions.gravity
+        pressures.append(f"EALL, GRAV, {_GRAVITY_MM_S2:g}, {x:.9g}, {y:.9g}, {z:.9g}")
+    begin = "*STEP, NLGEOM=YES, INC=1000" if to == "abaqus" else "*STEP, NLGEOM, INC=1000"
+    loads = [*held, *forces, *(["*DLOAD", *pressures] if pressures else [])]
+    step = [begin, "*STATIC", "0.1, 1., 1e-6, 0.2", *loads, *output, "*END STEP"]
+    return node_sets, element_sets, step
+
+
+def _pulled(name: str, nodes: IntArray, forces_N: FloatArray) -> Iterator[str]:
+    yield from (f"** {name}", "*CLOAD")
+    for row, axis in np.argwhere(forces_N).tolist():
+        yield f"{nodes[row] + 1}, {axis + 1}, {forces_N[row, axis]:.9g}"
 
 
 def _facets(mesh: _Hexahedra, surface: Mesh) -> IntArray:
@@ -694,7 +695,8 @@ def _facets(mesh: _Hexahedra, surface: Mesh) -> IntArray:
     from scipy.spatial import cKDTree
 
     k = min(_NEIGHBOURS, len(surface.faces))
-    _, near = cKDTree(surface.triangles.mean(axis=1)).query(mesh.outer_mm, k=k)
+    middle_mm = mesh.middle_mm[mesh.outer[:, 0]] + 0.5 * mesh.outer_normal * mesh.cell_mm
+    _, near = cKDTree(surface.triangles.mean(axis=1)).query(middle_mm, k=k)
     near = np.asarray(near).reshape(-1, k)
     agrees = np.einsum("nki,ni->nk", surface.area_vectors_mm2[near], mesh.outer_normal) > 0.0
     return np.asarray(near[np.arange(len(near)), agrees.argmax(axis=1)])
@@ -727,13 +729,10 @@ _GRAVITY_MM_S2 = 9806.65
 
 
 def _inp(
-    mesh: _Hexahedra,
-    remarks: Sequence[str],
-    elements: Sequence[IntArray],
-    laws: Sequence[_Law],
-    step: _Step | None,
-    to: str,
-) -> Iterator[str]:
+    mesh: _Hexahedra, remarks: Sequence[str], elements: Sequence[IntArray], laws: Sequence[_Law],
+    step: tuple[list[str], list[str], list[str]], to: str,
+) -> Iterator[str]:  # fmt: skip
+    node_sets, element_sets, step_lines = step
     yield "*HEADING"
     yield remarks[0]
     yield from (f"** {line}" for line in remarks[1:])
@@ -754,15 +753,11 @@ def _inp(
         for end, place in (("MIN", low), ("MAX", high)):
             nodes = np.flatnonzero(np.abs(mesh.node_mm[:, a] - place[a]) < 1e-6 * edge)
             yield from _listed(f"*NSET, NSET={axis}{end}", nodes)
-    for name, (held, _) in step.held.items() if step else ():
-        yield from _listed(f"*NSET, NSET={name}", held)
+    yield from node_sets
     for law in laws:
         yield from law.lines
-    if step is None:
-        return
-    for name, (pushed, _) in step.pressures.items():
-        yield from _listed(f"*ELSET, ELSET={name}", pushed)
-    yield from _step_lines(step, to)
+    yield from element_sets
+    yield from step_lines
 
 
 def _listed(head: str, numbers: IntArray) -> Iterator[str]:
@@ -770,37 +765,6 @@ def _listed(head: str, numbers: IntArray) -> Iterator[str]:
     counted = (np.asarray(numbers) + 1).tolist()
     for start in range(0, len(counted), _PER_LINE):
         yield ", ".join(map(str, counted[start : start + _PER_LINE]))
-
-
-def _step_lines(step: _Step, to: str) -> Iterator[str]:
-    yield "*STEP, NLGEOM" + ("=YES, INC=1000" if to == "abaqus" else ", INC=1000")
-    yield "*STATIC"
-    yield "0.1, 1., 1e-6, 0.2"
-    for name, (_, displacement) in step.held.items():
-        yield "*BOUNDARY"
-        for axis, value in enumerate(displacement, start=1):
-            if value is not None:
-                yield f"{name}, {axis}, {axis}, {value:.9g}"
-    for name, (nodes, forces) in step.forces_N.items():
-        yield f"** {name}"
-        yield "*CLOAD"
-        for row, axis in np.argwhere(forces).tolist():
-            yield f"{nodes[row] + 1}, {axis + 1}, {forces[row, axis]:.9g}"
-    if step.pressures or step.gravity is not None:
-        yield "*DLOAD"
-    for name, (_, load) in step.pressures.items():
-        yield f"{name}, {load}"
-    if step.gravity is not None:
-        x, y, z = step.gravity
-        yield f"EALL, GRAV, {_GRAVITY_MM_S2:g}, {x:.9g}, {y:.9g}, {z:.9g}"
-    if to == "abaqus":
-        yield "*OUTPUT, FIELD"
-        yield from ("*NODE OUTPUT", "U, RF", "*ELEMENT OUTPUT", "S, LE")
-    else:
-        yield from ("*NODE FILE", "U, RF", "*EL FILE", "S, E")
-        for name in step.held:
-            yield from (f"*NODE PRINT, NSET={name}, TOTALS=ONLY", "RF")
-    yield "*END STEP"
 
 
 # ------------------------------------------------------------------------------------------------

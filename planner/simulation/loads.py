@@ -272,7 +272,9 @@ def read_conditions(surface: Mesh, case: LoadCase) -> Conditions:
     def loads(option: str, count: int) -> Iterator[tuple[str, BoolArray, list[float]]]:
         for text in getattr(case, option):
             selector, parts, factor = _split(option, text, count)
-            values = [factor * _not_free(part, f"`{option}` {text}") for part in parts]
+            if None in parts:
+                raise ArgumentError(f"`{option}` {text}: `move` alone takes 'free'; write 0 here")
+            values = [factor * part for part in parts if part is not None]
             if not any(values):
                 what = "force" if option == "load" else option
                 raise ArgumentError(f"`{option}` {text}: a {what} of 0; leave it out")
@@ -403,12 +405,6 @@ def _split(option: str, text: str, count: int) -> tuple[str, list[float | None],
     return selector.strip(), values, math.prod(factors)
 
 
-def _not_free(value: float | None, where: str) -> float:
-    if value is None:
-        raise ArgumentError(f"{where}: `move` alone takes 'free'; write 0 here")
-    return value
-
-
 # ------------------------------------------------------------------------------------------------
 # Which faces a selector is about.
 
@@ -526,10 +522,8 @@ _Caught = tuple[BoolArray, str]
 
 
 def _at_place(faces: _Faces, axis: int, sign: str, word: str, where: str) -> _Caught:
-    try:
+    with refused(ArgumentError, where, f"{word!r} is no place; give min, max or mm", ValueError):
         at = faces.place_mm(axis, word)
-    except ValueError:
-        raise ArgumentError(f"{where}: {word!r} is no place; give min, max or mm") from None
     if sign != "=":
         along = faces.centre_mm[:, axis]
         held = {"<": along < at, "<=": along <= at, ">": along > at, ">=": along >= at}[sign]

@@ -72,8 +72,7 @@ class SampledMaterial:
     def cell(self) -> IntArray:
         """Cell of the lattice that each segment is in, (s,)."""
         column, low, _ = self.segments.T
-        below = self.foot[column].astype(np.int64) * self.counts[2]
-        return np.asarray(below + low // self.voxels)
+        return np.asarray(self.foot[column].astype(np.int64) * self.counts[2] + low // self.voxels)
 
     def place(self, segments: Any = slice(None)) -> tuple[FloatArray, FloatArray]:
         """Return x and y of segments, in cells."""
@@ -86,8 +85,7 @@ class SampledMaterial:
         # it: room for all, of which half is written.
         pairs = np.empty((5 * len(label), 2), np.int32)
         label, apart = label.astype(np.int64), apart.astype(np.int32)
-        given = (self.segments, self.offsets, self.across, label, apart)
-        return pairs[: _touching(*given, pairs)]
+        return pairs[: _touching(self.segments, self.offsets, self.across, label, apart, pairs)]
 
     def segments_of(
         self, number: NDArray[np.int32], layer: IntArray
@@ -135,7 +133,30 @@ class SampledMaterial:
         self, origin_mm: FloatArray, cell_mm: FloatArray, index: IntArray,
         points_mm: FloatArray, inward: FloatArray, shell: NDArray[np.int32] | None = None,
     ) -> tuple[NDArray[np.int32], FloatArray, FloatArray]:  # fmt: skip
-        """Find points as `CutCells.locate`, if given in shells; also how far their material is."""
+        """Find the cell, the place in it, and the distance of the material of points on a surface.
+
+        A point is in the piece of its own cell whose material is nearest to it, seen from a
+        column's spacing inwards. Where its cell has no material as near as a neighbour has (it
+        was thinner than the columns see), it is in the neighbour, and its place a little outside.
+
+        Parameters
+        ----------
+        origin_mm, cell_mm, index
+            Of the lattice, and the place of each piece's cell in it.
+        points_mm : (k, 3)
+            On the surface, or close to it.
+        inward : (k, 3)
+            Unit vectors from there into the material.
+        shell : (k,)
+            In which each is, if that is known.
+
+        Returns
+        -------
+        cell : (k,) int32
+        local : (k, 3)
+            In the cell's own coordinates: -1..1, and beyond where the piece goes on or is nearest.
+        away : (k,)
+        """
         place = (points_mm - origin_mm) / cell_mm
         counts = np.array(self.counts)
         own = np.clip(np.floor(place + _PLAIN_STEP * inward), 0, counts - 1).astype(np.int64)

@@ -118,8 +118,7 @@ class PartResponse:
         """
         first, last = self.displacement_mm[[0, -1]]
         over_travel = _curves(self)(np.clip(displacement_mm, first, last))
-        bins = len(self.coordinate)
-        stiffness, compliance, share = np.split(over_travel, [1, 1 + bins], axis=1)
+        stiffness, compliance, share = np.split(over_travel, [1, 1 + len(self.coordinate)], axis=1)
         force: FloatArray = stiffness[:, 0] * displacement_mm
         return force, compliance * displacement_mm[:, None], share
 

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -20,18 +20,8 @@ from planner.simulation.loads import Condition, Conditions, LoadCase, read_condi
 from planner.simulation.part import COARSER, COVERS, Solid, open_solid
 from planner.simulation.part_response import PartResponse
 from planner.simulation.simulate import log_sds
-from planner.simulation.solid import (
-    Body,
-    Equilibrium,
-    LostStabilityError,
-    Mechanics,
-    Progress,
-    spread,
-)
-from planner.simulation.sparse_cholesky import analyse
-
-if TYPE_CHECKING:
-    from planner.simulation.sparse_cholesky import Factor
+from planner.simulation.solid import Body, Equilibrium, LostStabilityError, Mechanics, spread
+from planner.simulation.sparse_cholesky import Factor, analyse
 
 __all__ = [
     "CellAverage",
@@ -80,7 +70,7 @@ _ROWS = 1 << 14
 
 
 def _fields_of(
-    mechanics: "Mechanics", state: "Equilibrium", strain_over_break: FloatArray
+    mechanics: Mechanics, state: Equilibrium, strain_over_break: FloatArray
 ) -> _PartFields:
     """Return what stands in a body; Cauchy's stress is F S Fᵀ / J."""
     cells, u = mechanics.body.cells, state.displacement_mm
@@ -117,7 +107,7 @@ class Solution:
 
     mechanics: Mechanics
     state: Equilibrium
-    factored: "Factor"
+    factored: Factor
 
     def log_stress_sds(
         self, model: CoefficientModel, normal: float
@@ -299,8 +289,8 @@ class LoadSteps:
 
 
 def respond(
-    mechanics: Mechanics, model: CoefficientModel, *, steps: int = 1, level: float = 0.95,
-    progress: Progress | None = None,
+    mechanics: Mechanics, model: CoefficientModel, *, steps: int, level: float,
+    progress: Callable[[float, int, float], None],
 ) -> LoadSteps:  # fmt: skip
     """Load a body step by step.
 
@@ -452,7 +442,7 @@ def _turn_weights(
 
 def _responses(
     mechanics: Mechanics, over_steps: "Sequence[Sequence[tuple[Response, _Weights]]]",
-    last: Equilibrium, factored: "Factor", model: CoefficientModel, level: float,
+    last: Equilibrium, factored: Factor, model: CoefficientModel, level: float,
 ) -> Iterator[Response]:  # fmt: skip
     normal = normal_quantile(level)
     at_last = Solution(mechanics, last, factored)

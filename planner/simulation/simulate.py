@@ -81,11 +81,8 @@ def loading_path(
         time = np.linspace(0.0, 2.0 * cycles * float(ramp_s[-1]), len(displacement))
         return LoadingPath(time, displacement)
     if protocol == "relaxation":
-        held = np.geomspace(_FIRST_HOLD * hold_s, hold_s, steps)
-        return LoadingPath(
-            np.concatenate([ramp_s, ramp_s[-1] + held]),
-            np.concatenate([up, np.full(steps, up[-1])]),
-        )
+        time = np.append(ramp_s, ramp_s[-1] + np.geomspace(_FIRST_HOLD * hold_s, hold_s, steps))
+        return LoadingPath(time, np.append(up, np.full(steps, up[-1])))
     hint = did_you_mean(protocol, _PROTOCOLS)
     raise ArgumentError(
         f"`protocol` {protocol}: no such protocol; {hint}it may be {', '.join(_PROTOCOLS)}"

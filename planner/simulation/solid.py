@@ -6,19 +6,16 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from planner.materials.marlow import POISSON, MarlowTable
 from planner.numerics import BoolArray, FloatArray, IntArray
+from planner.simulation.cut_cells import CutCells
 from planner.simulation.element import LOCAL, SIX, advance, assemble, observe, pull, shape_functions
-from planner.simulation.loads import couple
-
-if TYPE_CHECKING:
-    from planner.simulation.cut_cells import CutCells
-    from planner.simulation.loads import Conditions, Pressure
-    from planner.simulation.sparse_cholesky import Analysis, Factor
+from planner.simulation.loads import Conditions, Pressure, couple
+from planner.simulation.sparse_cholesky import Analysis, Factor, NotPositiveDefinite, factor, reused
 
 __all__ = ["Body", "Equilibrium", "LostStabilityError", "Mechanics", "spread"]
 
@@ -81,14 +78,15 @@ class _FacetPoints(NamedTuple):
             yield int(self.cell[a]), slice(a, b)
 
 
-def _facet_points(cells: "CutCells", facets: BoolArray) -> _FacetPoints:
+def _facet_points(cells: CutCells, facets: BoolArray) -> _FacetPoints:
     """Return the points of the facets that are marked, (F,), of the cells' surface."""
     corners, area = cells.surface.triangles[facets], cells.surface.area_vectors_mm2[facets]
     size = np.linalg.norm(area, axis=1)
     corners, area, size = (v[size > 0.0] for v in (corners, area, size))
     places = np.einsum("pc,fcx->fpx", _CORNERS, corners).reshape(-1, 3)
     thirds = np.repeat(area / 3.0, 3, axis=0)
-    cell, local = cells.locate(places, -thirds / np.repeat(size / 3.0, 3)[:, None])
+    inward, lattice = -thirds / np.repeat(size / 3.0, 3)[:, None], (cells.origin_mm, cells.cell_mm)
+    cell, local, _ = cells.material.locate(*lattice, cells.index, places, inward)
     order = np.argsort(cell, kind="stable")
     cell = cell[order]
     shape, gradient = shape_functions(local[order], cells.cell_mm)
@@ -96,7 +94,7 @@ def _facet_points(cells: "CutCells", facets: BoolArray) -> _FacetPoints:
     return _FacetPoints(starts, cell, shape, gradient, thirds[order])
 
 
-def spread(cells: "CutCells", at: _FacetPoints, forces: FloatArray) -> FloatArray:
+def spread(cells: CutCells, at: _FacetPoints, forces: FloatArray) -> FloatArray:
     """Return the nodal forces, (N, 3), of forces at points, (n, 3)."""
     each = at.shape[:, :, None] * forces[:, None, :]
     return _summed(cells.nodes[at.cell], each, len(cells.node_mm))
@@ -141,7 +139,7 @@ _FLAT = 0.05
 """Of a cell: an interface that spreads less along an axis has no slope along it."""
 
 
-def _springs(cells: "CutCells", modulus_MPa: FloatArray) -> FloatArray:
+def _springs(cells: CutCells, modulus_MPa: FloatArray) -> FloatArray:
     """Return the springs between the nodes of cells that meet, (m, 54, 54), N/mm."""
     met, stiff = cells.interface, modulus_MPa / float(cells.cell_mm.mean())
     shapes = [shape_functions(met.local[:, s], cells.cell_mm)[0] for s in (0, 1)]
@@ -235,7 +233,7 @@ class Body:
         Coordinates of materials and their densities, g/cm³, for gravity.
     """
 
-    cells: "CutCells"
+    cells: CutCells
     table: MarlowTable
     coordinate: FloatArray
     poisson: float = POISSON
@@ -322,14 +320,12 @@ class Mechanics:
     def __init__(
         self,
         body: Body,
-        conditions: "Conditions",
-        analysis: "Analysis",
+        conditions: Conditions,
+        analysis: Analysis,
         *,
         like: "Mechanics | None" = None,
-        rests: "dict[object, Factor] | None" = None,
+        rests: dict[object, Factor] | None = None,
     ) -> None:
-        from planner.simulation.sparse_cholesky import reused
-
         cells, shape = body.cells, (len(body.cells.nodes), 27, 6, 27)
         self.body, self.conditions, self.analysis, self.rests = body, conditions, analysis, rests
         memory = reused(math.prod(shape), None if like is None else like._matrices)
@@ -509,7 +505,7 @@ class Mechanics:
         return outer - inner, max(size, float(np.linalg.norm(outer)))
 
     def push(
-        self, pressure: "Pressure", share: float, u: FloatArray, *, tangent: bool = False
+        self, pressure: Pressure, share: float, u: FloatArray, *, tangent: bool = False
     ) -> FloatArray:
         """Return the nodal forces of a pressure; add the symmetric part of its tangent if asked."""
         cells, at = self.body.cells, self.points_of(pressure.facets)
@@ -541,7 +537,7 @@ class Mechanics:
         place = self._carried(held.points, u)
         return np.asarray(held.stiffness[:, None] * held.axes * (share * held.target_mm - place))
 
-    def _factored(self, into: "Factor | None", *, at_rest: bool, share: float) -> "Factor":
+    def _factored(self, into: Factor | None, *, at_rest: bool, share: float) -> Factor:
         """Return the factor of the matrices; of the body at rest, the one that is kept.
 
         Raises
@@ -549,8 +545,6 @@ class Mechanics:
         LostStabilityError
             The stiffness is not positive beyond the share of the load that was reached.
         """
-        from planner.simulation.sparse_cholesky import NotPositiveDefinite, factor
-
         # A pressure has a stiffness of its own from the first.
         rests = {} if self.rests is None or self.conditions.pressures else self.rests
         supports = self.conditions.supports
@@ -589,13 +583,13 @@ class Mechanics:
         self,
         state: Equilibrium,
         share: float,
-        progress: "Progress | None" = None,
-        into: "Factor | None" = None,
+        progress: Progress | None = None,
+        into: Factor | None = None,
         *,
         near: bool = False,
         settled: float = _SETTLED,
         tangent: bool = True,
-    ) -> "tuple[Equilibrium, Factor]":
+    ) -> tuple[Equilibrium, Factor]:
         """Return the equilibrium at a share of the load, from a state nearby, and its factor.
 
         The memory of `into`, a factor that is needed no more, of whatever cells, is taken for that;
@@ -651,12 +645,12 @@ class Mechanics:
     def follow(
         self,
         shares: Sequence[float],
-        progress: "Progress | None" = None,
+        progress: Progress | None = None,
         *,
         settled: float = _SETTLED,
         tangents: bool = True,
         halves: bool = True,
-    ) -> "Iterator[tuple[Equilibrium, Factor]]":
+    ) -> Iterator[tuple[Equilibrium, Factor]]:
         """Yield the equilibria at rising shares of the load; steps are halved where they must be.
 
         The factor of each is good until the next is asked for; without `tangents` it is only the
@@ -691,7 +685,7 @@ class Mechanics:
                     break
             yield state, factored
 
-    def tangent(self, state: Equilibrium) -> "Factor":
+    def tangent(self, state: Equilibrium) -> Factor:
         """Return the factor of the stiffness at an equilibrium."""
         self._assembled(state, state.share)
         return self._factored(None, at_rest=False, share=state.share)
@@ -751,7 +745,7 @@ class Mechanics:
         return seen._replace(over_m=seen.over_m / self._gap)
 
     def sensitivity(
-        self, state: Equilibrium, factored: "Factor", weights: FloatArray
+        self, state: Equilibrium, factored: Factor, weights: FloatArray
     ) -> _Sensitivity:
         """Return the derivatives of the response weights : displacements over the materials.
 

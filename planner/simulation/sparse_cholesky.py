@@ -262,8 +262,7 @@ def analyse(nodes: IntArray, node_mm: FloatArray, links: IntArray = _NO_LINKS) -
     middle = np.concatenate([middle, middle[links].mean(axis=1)])
     ranks = np.stack([_ranks(middle[:, axis]) for axis in range(3)]).astype(np.int32)
     begin = np.append(0, np.cumsum(np.repeat([27, 54], [len(nodes), len(links)])))
-    members = np.concatenate([nodes.ravel(), nodes[links].ravel()]).astype(np.int32)
-    each = (members, begin)
+    each = np.concatenate([nodes.ravel(), nodes[links].ravel()]).astype(np.int32), begin
     cells, bounds, halves, depth, owner = _halved(*each, ranks, count, _CELLS_OF_A_LEAF)
     # The last front made comes first: halves before their cut.
     fronts = len(bounds)
@@ -661,6 +660,16 @@ def _factor_fronts(
 
 
 @inner_kernel
+def _column(
+    column: _Int, panel: FloatArray, rows: _Int, update: FloatArray, own: _Int, rest: _Int
+) -> Any:
+    """Return where a column of a front stands: in its own columns or the update, from which on."""
+    if column < own:
+        return panel, column * rows
+    return update, (column - own) * rest - own
+
+
+@inner_kernel
 def _add_cell(
     matrix: FloatArray, place: IntArray, panel: FloatArray, rows: _Int, update:
     FloatArray, own: _Int, rest: _Int,
@@ -668,10 +677,7 @@ def _add_cell(
     """Add a cell's matrix to the lower triangle of its front."""
     for b in range(27):
         for axis in range(3):
-            column = np.int64(3 * place[b] + axis)
-            into, offset = (
-                (panel, column * rows) if column < own else (update, (column - own) * rest - own)
-            )
+            into, offset = _column(np.int64(3 * place[b] + axis), panel, rows, update, own, rest)
             for a in range(27):
                 if place[a] >= place[b]:
                     to = offset + 3 * place[a]
@@ -688,10 +694,7 @@ def _add_springs(
     """Add a link's matrix, along each axis, to the lower triangle of its front."""
     for b in range(54):
         for axis in range(3):
-            column = np.int64(3 * place[b] + axis)
-            into, offset = (
-                (panel, column * rows) if column < own else (update, (column - own) * rest - own)
-            )
+            into, offset = _column(np.int64(3 * place[b] + axis), panel, rows, update, own, rest)
             for a in range(54):
                 if place[a] >= place[b]:
                     into[offset + 3 * place[a] + axis] += matrix[a, b]
@@ -706,10 +709,7 @@ def _add_update(
     n = len(to)
     for b in range(n):
         for axis in range(3):
-            column = np.int64(3 * to[b] + axis)
-            into, offset = (
-                (panel, column * rows) if column < own else (update, (column - own) * rest - own)
-            )
+            into, offset = _column(np.int64(3 * to[b] + axis), panel, rows, update, own, rest)
             source = (3 * b + axis) * 3 * n
             for a in range(b, n):
                 at = offset + 3 * to[a]

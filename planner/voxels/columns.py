@@ -410,11 +410,6 @@ class Columns:
         """Number of inside voxels."""
         return int(np.sum(self.stop, dtype=np.int64) - np.sum(self.start, dtype=np.int64))
 
-    @property
-    def volume_mm3(self) -> float:
-        """Volume of the inside voxels."""
-        return self.voxels * self.grid.voxel_mm3
-
 
 def grid_for(bounds_mm: FloatArray, pitch_mm: float | Sequence[float]) -> Grid:
     """Return the grid that covers a box, with a corner at the box's lower corner.

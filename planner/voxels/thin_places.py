@@ -375,11 +375,6 @@ class Raster:
         """How many voxels a place extends from sound material before it counts."""
         return 2 * self.radius + 1
 
-    @property
-    def halo(self) -> int:
-        """Rows on either side of a slab that bear on it, once it is opened."""
-        return 2 * self.reach + 1
-
 
 @dataclass(frozen=True)
 class _Place:
@@ -387,18 +382,15 @@ class _Place:
 
     Attributes
     ----------
-    deepest
-        The voxel that lies furthest from the surface, among those that count.
     low, high
         Smallest voxel, and one past the largest, along the grid's axes.
     alone
         Whether it touches no other voxel of the solid.
     core : (n, 3)
-        Up to `_SAMPLES` voxels spread over it, where it is deep, each as far from the surface as
-        its column goes.
+        The voxel that lies furthest from the surface, among those that count; and up to `_SAMPLES`
+        spread over it, where it is deep, each as far from the surface as its column goes.
     """
 
-    deepest: IntArray
     low: IntArray
     high: IntArray
     voxels: int
@@ -471,7 +463,8 @@ def _places_in(words: Iterator[tuple[_Bits, ...]], raster: Raster) -> list[_Plac
     words
         The set, slab by slab of `Raster.slab_rows` rows.
     """
-    slabs = _windows(_opened(words, raster), raster, raster.halo)
+    halo = 2 * raster.reach + 1  # rows that bear on a slab, once it is opened
+    slabs = _windows(_opened(words, raster), raster, halo)
     found = [_thin_runs(sets, first, last, low, raster) for first, last, low, sets in slabs]
     return _gather(np.concatenate(found), raster.radius)
 
@@ -544,15 +537,15 @@ def _gather(runs: IntArray, shortest: int) -> list[_Place]:
         deepest = in_core[depth == depth.max()]
         # runs along a plate lie at all depths of it: it is as thick as the deeper ones have it
         deep = in_core[depth >= np.quantile(depth, _DEEP)]
-        spread = np.linspace(0, len(deep) - 1, _SAMPLES).astype(np.int64)
+        spread = np.unique(np.linspace(0, len(deep) - 1, _SAMPLES).astype(np.int64))
+        seen = np.append(deepest[len(deepest) // 2], deep[spread])
         places.append(
             _Place(
-                deepest=runs[deepest[len(deepest) // 2], [1, 0, 6]],
                 low=np.array([column.min(), row.min(), start.min()]),
                 high=np.array([column.max() + 1, row.max() + 1, stop.max()]),
                 voxels=int((stop - start).sum()),
                 alone=alone,
-                core=runs[deep[np.unique(spread)]][:, [1, 0, 6]],
+                core=runs[seen][:, [1, 0, 6]],
             )
         )
     return places
@@ -851,9 +844,8 @@ _SAME_DIGITS = 6
 
 def _measured(mesh: Mesh, raster: Raster, place: _Place, limit_mm: float) -> ThinPlace | None:
     pitch_mm = raster.grid.pitch_mm[0]
-    voxels: IntArray = np.concatenate([place.deepest[None], place.core])
-    points = np.empty(voxels.shape)
-    points[:, raster.order] = raster.grid.centre_mm(voxels)  # in the mesh's axes
+    points = np.empty(place.core.shape)
+    points[:, raster.order] = raster.grid.centre_mm(place.core)  # in the mesh's axes
     centres, diameters = room_mm(mesh, points, 1.5 * pitch_mm, limit_mm)
     order = thinnest_first(diameters)
     middle = order[3 * len(order) // 4]  # points at its rim have less room

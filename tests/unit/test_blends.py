@@ -23,12 +23,10 @@ from planner.grading.check import interfaces_cancel
 from planner.grading.dither import (
     DitherField,
     affordable_cells,
-    blue_noise_ranks,
     count_cells,
     dither_cells,
     dither_pieces,
     own_volumes,
-    thresholds,
 )
 from planner.grading.profile import Profile, dithered_profile, stiffness_scale
 from planner.grading.regions import blend_segments
@@ -156,7 +154,7 @@ def test_a_material_that_comes_back_is_not_walled_in():
 
 def test_cells_are_dealt_evenly():
     cell = np.argwhere(np.ones((64, 64, 64), dtype=bool))
-    hard = dither_cells(np.full(len(cell), 0.37), cell, thresholds(blue_noise_ranks()))
+    hard = dither_cells(np.full(len(cell), 0.37), cell)
     assert hard.mean() == pytest.approx(0.37, abs=1.0 / 32**3)
 
 

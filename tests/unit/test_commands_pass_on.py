@@ -8,11 +8,11 @@ from dataclasses import fields, is_dataclass
 import pytest
 
 import planner
-from planner.cli import design, gap, materials, plans, simulate
+from planner.cli import gap, materials, plans, simulate
 
 COMMANDS = {
     f"{module.__name__.rpartition('.')[2]} {name}": inspect.unwrap(command)
-    for module in (design, gap, materials, plans, simulate)
+    for module in (gap, materials, plans, simulate)
     for name, command in vars(module).items()
     if inspect.isfunction(command) and "taken(planner." in inspect.getsource(command)
 }

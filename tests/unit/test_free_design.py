@@ -23,9 +23,8 @@ from planner.inverse_design import search
 from planner.inverse_design.controls import Controls, StiffnessRange, lattice_counts
 from planner.inverse_design.design import PartDesign
 from planner.inverse_design.findings import DesignFinding
-from planner.inverse_design.goals import Limits, Target, functionals
+from planner.inverse_design.goals import Limits, ShapeGoal, Target, WantedShape, functionals
 from planner.inverse_design.search import Case, DesignProblem, Tried, _quadratic, evaluate
-from planner.inverse_design.shape import ShapeGoal, WantedShape
 from planner.materials.marlow import marlow_table
 from planner.mesh.mesh import Mesh
 from planner.printers import load_printer, palette_of
@@ -147,13 +146,14 @@ def _problem(texts: list[str], shape: Array | None, limits: Limits) -> DesignPro
     cells = cut_cells(MESH, 2.7)
     targets = [Target.read(text) for text in texts]
     case = LoadCase(fix="x=max", load="x=min: 0,0.05,-0.1 N", gravity="-z",
-                    watch=[s for t in targets for s in t.selectors])  # fmt: skip
+                    watch=[s for t in targets for s in (t.selector, t.other) if s])  # fmt: skip
     on = read_conditions(cells.surface, case)
     middle = np.full(len(cells.points), 0.5)
     body = Body(cells, marlow_table(scale.model, poisson=POISSON), middle,
                 densities=palette_densities(palette, [case]))  # fmt: skip
     body = replace(body, stabiliser_MPa=body.cell_shear_MPa)
-    wished = [] if shape is None else [WantedShape.of("bent", "", 1.0, shape, MESH.triangles)]
+    bent = Target("bent", surface_mm=shape)
+    wished = [] if shape is None else [WantedShape.of(bent, MESH.triangles)]
     solved = Case("", cells, on, analyse(cells.nodes, cells.node_mm, cells.interface.cells),
                   functionals(targets, on, 40.0), body,
                   [ShapeGoal.on(one, cells, None) for one in wished])  # fmt: skip

@@ -266,16 +266,16 @@ def test_cases_together_are_each_alone(both: tuple[planner.PartSimulation, ...])
 
 def test_one_factor_serves_all_cases_of_a_body_at_rest(monkeypatch: pytest.MonkeyPatch) -> None:
     """Small loads, with which cells are compared, take one factor on each size of cells."""
-    from planner.simulation import sparse_cholesky
+    from planner.simulation import solid
 
     made: list[int] = []
-    factor = sparse_cholesky.factor
+    factor = solid.factor
 
     def counted(analysis: Any, *given: Any, **more: Any) -> Any:
         made.append(len(analysis.order))
         return factor(analysis, *given, **more)
 
-    monkeypatch.setattr(sparse_cholesky, "factor", counted)
+    monkeypatch.setattr(solid, "factor", counted)
     cases = [planner.LoadCase(fix="x=min", load=f"x=max: 0,0,-{k} mN") for k in (1, 2, 3)]
     said: list[str] = []
     results = planner.simulate_part(

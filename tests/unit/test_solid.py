@@ -62,9 +62,9 @@ def lattice(size, counts):
     points = np.stack(np.meshgrid(at, at, at, indexing="ij"), -1).reshape(-1, 3)
     weights = np.einsum("i,j,k->ijk", weight, weight, weight).ravel() * cell.prod() / 8.0
 
-    def locate(places, inward):
+    def locate(origin_mm, cell_mm, index, places, inward):
         own = np.clip((places + 1e-9 * inward) // cell, 0, counts - 1).astype(int)
-        return np.ravel_multi_index(own.T, counts), 2.0 * (places / cell - own) - 1.0
+        return np.ravel_multi_index(own.T, counts), 2.0 * (places / cell - own) - 1.0, None
 
     return SimpleNamespace(
         origin_mm=np.zeros(3), cell_mm=cell, index=index, offsets=27 * np.arange(len(index) + 1),
@@ -73,7 +73,8 @@ def lattice(size, counts):
         cell_of=np.repeat(np.arange(len(index)), 27),
         node_mm=np.stack(np.indices(grid), -1).reshape(-1, 3) * cell / 2.0,
         points=np.tile(points, (len(index), 1)), weights_mm3=np.tile(weights, len(index)),
-        surface=faces_of(size, counts), locate=locate, interface=NO_INTERFACE,
+        surface=faces_of(size, counts), material=SimpleNamespace(locate=locate),
+        interface=NO_INTERFACE,
     )  # fmt: skip
 
 
