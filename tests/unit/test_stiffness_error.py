@@ -12,6 +12,7 @@ import pytest
 import planner
 from planner.cli import run
 from planner.errors import ArgumentError
+from planner.report.plan_figure import error_words, plan_table
 
 BAR = m3.Manifold.cube([80.0, 20.0, 20.0]).to_mesh()
 MESH = (np.asarray(BAR.vert_properties[:, :3]), np.asarray(BAR.tri_verts))
@@ -55,6 +56,15 @@ def test_a_coarse_palette_is_a_finding_with_its_remedy() -> None:
     assert "a factor of 8.3" in finding.message
     assert "the tolerance, a factor of 2" in finding.message
     assert "with --blend dither" in finding.message
+
+
+def test_a_part_that_is_too_soft_alone_is_told_by_a_factor_that_its_table_has_as_a_share() -> None:
+    """Bands that begin in their own materials are nowhere too stiff: 1 / 1.71 is 41 % too soft."""
+    plan = planner.grade(MESH, from_="FLX9740", to="FLX9760", bands=2)
+    assert "stiffness: a factor of 1.71, without --bands a factor of 1.31, " in error_words(plan)
+    assert [row["error"] for row in plan_table(plan).rows] == ["-41 .. +0 %"] * 2
+    close = planner.grade(MESH, from_="FLX9740", to="FLX9760", blend="dither")
+    assert re.search(r"stiffness: \d\.?\d* %", error_words(close))
 
 
 def test_coarse_bands_fail_and_the_remedies_keep_their_word(capsys, tmp_path) -> None:
