@@ -21,7 +21,7 @@ from planner.formats.png import NOTHING, ImageKind, encode_layer
 from planner.formats.tables import encode_csv
 from planner.glance import brief, channels, counted, one_line, outcome
 from planner.mesh.mesh import Mesh, compact, weld
-from planner.numerics import IntArray, kernel
+from planner.numerics import FloatArray, Int32Array, IntArray, kernel
 from planner.plan import PartGraded, Plan, plan_file, read_plan, read_shells
 from planner.printers import Printer, load_printer
 from planner.voxels.columns import Grid, check_reach, deal_rows, grid_for, slab_runs, snap
@@ -61,8 +61,8 @@ class SlabTriangles:
     first_layer: int
     last_layer: int
     snapped: NDArray[np.int64]
-    faces: NDArray[np.int32]
-    members: NDArray[np.int32]
+    faces: Int32Array
+    members: Int32Array
     spans: int
 
     def alone(self) -> "SlabTriangles":
@@ -233,10 +233,7 @@ def _colours(root: Path, plan: Plan, machine: Printer | None, wanted: set[str]) 
     return {each.material_name: each.colour for each in read_threemf(file).objects if each.colour}
 
 
-def _pitch(
-    pitch_mm: float | Sequence[float] | None,
-    extent_mm: np.ndarray[tuple[int], np.dtype[np.float64]],
-) -> tuple[float, ...]:
+def _pitch(pitch_mm: float | Sequence[float] | None, extent_mm: FloatArray) -> tuple[float, ...]:
     try:
         edges = np.atleast_1d(np.asarray(pitch_mm, dtype=np.float64))
     except (TypeError, ValueError):
@@ -260,31 +257,19 @@ def _pitch(
 # The runs of several shells as one set of runs with a material each.
 
 
-@dataclass(frozen=True, eq=False)
-class _MaterialRuns:
-    """Runs along x of whole layers, as of `runs_along_x`, each with a label.
+_Runs = tuple[IntArray, IntArray, IntArray, IntArray]
+"""Runs along x of whole layers: offsets, start and stop, as of `runs_along_x`, and labels (runs,)
+int32, n + 1 of shell n."""
 
-    Attributes
-    ----------
-    label : (runs,) int32
-        Shell n has label n + 1.
-    voxels : (layers, shells) int64
-        Voxels of each shell by layer, as drawn.
-    overlapping
-        Voxels that lie in more than one shell; each is drawn once.
+
+def _join_shells(shells: Sequence[SlabTriangles]) -> tuple[_Runs, NDArray[np.int64], int, int]:
+    """Join the runs that shells have in the same layers.
+
+    Returns
+    -------
+    runs, voxels, overlapping, open_rows
+        Each voxel is drawn once; the others are those of `_SlabImages`.
     """
-
-    offsets: IntArray
-    start: IntArray
-    stop: IntArray
-    label: IntArray
-    voxels: NDArray[np.int64]
-    overlapping: int
-    open_rows: int
-
-
-def _join_shells(shells: Sequence[SlabTriangles]) -> _MaterialRuns:
-    """Join the runs that shells have in the same layers."""
     ny, each = shells[0].shape[1], zip(*map(runs_along_x, shells), strict=True)
     own_offsets, starts, stops, open_rows = each
     rows = len(own_offsets[0]) - 1
@@ -297,10 +282,8 @@ def _join_shells(shells: Sequence[SlabTriangles]) -> _MaterialRuns:
     place = offsets[:, 0].copy()
     made = (new_offsets, joined[0], joined[1], label, voxels)
     runs, overlapping = _join(offsets, start, stop, ny, place, *made)
-    return _MaterialRuns(
-        *(new_offsets, joined[0, :runs], joined[1, :runs], label[:runs], voxels, int(overlapping)),
-        sum(open_rows),
-    )
+    drawn = (new_offsets, joined[0, :runs], joined[1, :runs], label[:runs])
+    return drawn, voxels, int(overlapping), sum(open_rows)
 
 
 @kernel
@@ -374,11 +357,10 @@ class _SlabImages:
 def _make_slab(kind: ImageKind, shells: Sequence[SlabTriangles]) -> _SlabImages:
     """Make the images of a slab: the triangles of each shell there, and how images look."""
     nx, ny, _ = shells[0].shape
-    runs = _join_shells(shells)
-    drawn = (runs.offsets, runs.start, runs.stop, runs.label)
-    rows = range(0, len(runs.offsets) - 1, ny)
-    images = tuple(encode_layer(drawn, (row, row + ny), nx, kind) for row in rows)
-    return _SlabImages(shells[0].first_layer, images, runs.voxels, runs.overlapping, runs.open_rows)
+    runs, voxels, overlapping, open_rows = _join_shells(shells)
+    rows = range(0, len(runs[0]) - 1, ny)
+    images = tuple(encode_layer(runs, (row, row + ny), nx, kind) for row in rows)
+    return _SlabImages(shells[0].first_layer, images, voxels, overlapping, open_rows)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -443,11 +425,11 @@ def iterate_layers(
     grid, materials = source.grid, tuple(shell.material for shell in source.shells)
     nx, ny, _ = grid.shape
     for slab in _deal_slabs(source):
-        runs = _join_shells(slab)
+        runs, *_ = _join_shells(slab)
         for index in range(slab[0].first_layer, slab[0].last_layer):
             label = np.zeros((ny, nx), np.uint8)
             first = (index - slab[0].first_layer) * ny
-            _paint(runs.offsets, runs.start, runs.stop, runs.label, first, label)
+            _paint(*runs, first, label)
             z_mm = grid.origin_mm[2] + (index + 0.5) * grid.pitch_mm[2]
             yield Layer(index, z_mm, label, materials)
 
@@ -522,14 +504,13 @@ class SliceStack:
     @property
     def findings(self) -> tuple[str, ...]:
         """What is wrong with the plan's shells, in words."""
-        found = []
-        if self.overlapping:
-            found.append(
-                f"{self.overlapping} voxels lie in more than one shell; each is drawn once"
-            )
-        if self.open_rows:
-            found.append(f"{self.open_rows} rows of voxels enter a shell that they do not leave")
-        return tuple(f"{text}: run planner check on the plan" for text in found)
+        counts = {
+            "voxels lie in more than one shell; each is drawn once": self.overlapping,
+            "rows of voxels enter a shell that they do not leave": self.open_rows,
+        }
+        return tuple(
+            f"{n} {told}: run planner check on the plan" for told, n in counts.items() if n
+        )
 
     @property
     def ok(self) -> bool:
@@ -634,13 +615,11 @@ def _make_slabs_on(
 
 
 def _client(distributed: Any, scheduler: str) -> Any:
-    try:
+    silent = (
+        f"no scheduler answers there within {_CONNECT_S} s; give the address that dask scheduler"
+    )
+    with refused(ArgumentError, f"`scheduler` {scheduler}", f"{silent} prints", OSError):
         return distributed.Client(scheduler, timeout=_CONNECT_S, set_as_default=False)
-    except OSError as error:  # TimeoutError is one
-        raise ArgumentError(
-            f"`scheduler` {scheduler}: no scheduler answers there within {_CONNECT_S} s; give the "
-            "address that dask scheduler prints"
-        ) from error
 
 
 def _threads(client: Any, scheduler: str) -> int:
