@@ -19,7 +19,6 @@ from planner.palette import Reference
 from planner.simulation.bar_solver import Setup
 
 __all__ = [
-    "Apply",
     "Effect",
     "Form",
     "Parameter",

@@ -82,12 +82,3 @@ def test_place_drops_what_rounds_to_nothing():
     assert len(placed.vertices) == 8
     with pytest.raises(MeshError, match="no thickness"):
         place(Mesh(flake, faces - 8))
-
-
-def test_place_refuses_what_is_not_a_mesh():
-    with pytest.raises(MeshError, match="no triangles"):
-        place(Mesh(np.zeros((0, 3)), np.zeros((0, 3))))
-    vertices = CUBE.vertices.copy()
-    vertices[3, 1] = np.nan
-    with pytest.raises(MeshError, match="vertex 3"):
-        place(Mesh(vertices, CUBE.faces))
