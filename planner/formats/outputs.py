@@ -319,15 +319,12 @@ def _within(root: Path) -> Iterator[tuple[str, Path]]:
 
 
 def _listed(root: Path, record: str) -> Mapping[str, str]:
-    try:
+    old = "does not list the folder's files (an earlier version, or another program, wrote it)"
+    said = f"its {record} {old}, so that nothing in it is replaced; name another folder, or remove"
+    broken = (KeyError, msgspec.MsgspecError, UnicodeDecodeError, RecursionError)
+    with refused(OutputError, root, f"{said} this one", *broken):
         document = msgspec.json.decode((root / record).read_bytes(), type=dict[str, Any])
         return msgspec.convert(document[_LIST], dict[str, str])
-    except (KeyError, msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
-        raise OutputError(
-            f"{root}: its {record} does not list the folder's files (an earlier version, or "
-            "another program, wrote it), so that nothing in it is replaced; name another folder, "
-            "or remove this one"
-        ) from error
 
 
 def files_within(folder: str | Path) -> Iterator[Path]:

@@ -243,14 +243,8 @@ _BAMBU_PART = "/Metadata/model_settings.config"
 _PRUSA_PART = "/Metadata/Slic3r_PE_model.config"
 _CURA_NAMESPACE = "http://software.ultimaker.com/xml/cura/3mf/2015/10"
 
-_UNITS = {
-    lib3mf.ModelUnit.MicroMeter: "um",
-    lib3mf.ModelUnit.MilliMeter: "mm",
-    lib3mf.ModelUnit.CentiMeter: "cm",
-    lib3mf.ModelUnit.Inch: "inch",
-    lib3mf.ModelUnit.Foot: "ft",
-    lib3mf.ModelUnit.Meter: "m",
-}
+_UNITS = ("um", "mm", "cm", "inch", "ft", "m")
+"""What those of `lib3mf.ModelUnit` are called here, by their numbers."""
 
 
 _wrapper = functools.cache(lib3mf.get_wrapper)
