@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -443,17 +443,18 @@ class QuadraticStudy:
 
     def document(self) -> dict[str, Any]:
         """Return the comparison as plain values."""
+        found = asdict(self.quadratics)
         return {
             "materials": [_row_document(row) for row in self.rows],
             "quadratics_through_coefficients": [list(row) for row in self.through.rows],
-            "quadratics": [list(row) for row in self.quadratics.model.rows],
-            "squared_error_MPa2": self.quadratics.squared_error_MPa2,
-            "evaluations": self.quadratics.evaluations,
-            "converged": self.quadratics.converged,
-            "falls_at": self.falls_at
-            and {"coordinate": self.falls_at[0], "strain": self.falls_at[1]},
+            "quadratics": [list(row) for row in found.pop("model")["rows"]],
+            **found,
+            "falls_at": self.falls_at and dict(zip(_FALLS, self.falls_at, strict=True)),
             "remarks": list(self.remarks()),
         }
+
+
+_FALLS = ("coordinate", "strain")
 
 
 def _row_document(row: QuadraticRow) -> dict[str, Any]:

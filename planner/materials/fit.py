@@ -657,7 +657,7 @@ class LawFit:
         points, which are correlated: it flatters, and is no criterion of choice.
     nrmse
         Root mean square error over the largest stress.
-    starts, converged, agreeing
+    starts, starts_converged, starts_agreeing
         Starts made; how many converged; how many ended within `_AGREEMENT` of the lowest cost.
     gradient
         Of the best start: largest cosine between the residual and a direction of search.
@@ -676,8 +676,8 @@ class LawFit:
     adjusted_r2: float
     nrmse: float
     starts: int
-    converged: int
-    agreeing: int
+    starts_converged: int
+    starts_agreeing: int
     gradient: float
     at_bound: bool
 
@@ -769,8 +769,8 @@ def fit_law(
         adjusted_r2=1.0 - (1.0 - r2) * (count - 1) / max(count - used - 1, 1),
         nrmse=float(np.sqrt(error) / np.abs(sample.stress_MPa).max()),
         starts=len(spread),
-        converged=int(converged.sum()),
-        agreeing=int((rough.cost <= rough.cost.min() * (1.0 + _AGREEMENT)).sum()),
+        starts_converged=int(converged.sum()),
+        starts_agreeing=int((rough.cost <= rough.cost.min() * (1.0 + _AGREEMENT)).sum()),
         gradient=float(found.gradient[best]),
         at_bound=bool(np.any((a <= low + 1e-9 * abs(low)) | (a >= high - 1e-9 * abs(high)))),
     )
@@ -1486,18 +1486,14 @@ _CORRELATION_STRAINS = np.geomspace(1e-5, 1.0, 31)
 
 def loading(curves: Sequence[Curve]) -> list[Curve]:
     """Return the curves from the end of their slack to their largest stress; slack is noted."""
-    whole = [
-        curve.part(
-            curve.strain >= slack,
-            f"specimen {curve.specimen}: begins to bear at strain {slack:.3g}; strains of its "
-            "material's law count from there",
-            origin=slack,
-        )
-        if slack
-        else curve
-        for curve, slack in zip(curves, _slacks(curves), strict=True)
-    ]
-    return [curve.part(slice(int(np.argmax(curve.stress_MPa)) + 1)) for curve in whole]
+    found = []
+    for curve, slack in zip(curves, _slacks(curves), strict=True):
+        if slack:
+            bears = f"specimen {curve.specimen}: begins to bear at strain {slack:.3g}"
+            note = f"{bears}; strains of its material's law count from there"
+            curve = curve.part(curve.strain >= slack, note, origin=slack)
+        found.append(curve.part(slice(int(np.argmax(curve.stress_MPa)) + 1)))
+    return found
 
 
 def _slacks(curves: Sequence[Curve]) -> list[float]:
@@ -1770,9 +1766,9 @@ def _doubts(
             f"material {material}: its stress steepens from rest on, as in compression or "
             "behind slack: look at the tests"
         )
-    if not fit.converged or fit.agreeing < min(2, fit.starts):
+    if not fit.starts_converged or fit.starts_agreeing < min(2, fit.starts):
         yield Caution(
-            f"material {material}: {fit.agreeing} of {fit.starts} starts reach the best "
+            f"material {material}: {fit.starts_agreeing} of {fit.starts} starts reach the best "
             f"{fit.name}; a better one may exist: try more --starts"
         )
     if fit.at_bound:

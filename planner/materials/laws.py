@@ -39,8 +39,6 @@ class Law(Protocol):
     (engineering) stress is force over the area at rest, Cauchy stress over ``stretch``.
     """
 
-    __slots__ = ()
-
     @abstractmethod
     def nominal_stress_MPa(self, stretch: ArrayLike) -> FloatArray:
         """Return the nominal stress, of the shape of `stretch`."""
@@ -67,7 +65,6 @@ class SeparableLaw(Law, ABC):
         The law's name in a palette file.
     """
 
-    __slots__ = ()
     model: ClassVar[str]
 
     @property
@@ -251,8 +248,6 @@ class Yielding:
 class _FirstInvariant(SeparableLaw):
     """An energy W of J = I1 - 3 = λ² + 2/λ - 3, P = W'(J) dJ/dλ; and fibres along the load."""
 
-    __slots__ = ()
-
     @abstractmethod
     def energy_slopes_MPa(self, j: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return W' and W''."""
@@ -279,7 +274,6 @@ class _FirstInvariant(SeparableLaw):
 class _Polynomial(_FirstInvariant):
     """One in powers of J, linear in its parameters, which are the coefficients of a fit."""
 
-    __slots__ = ()
     symbol: ClassVar[str]
     unit: ClassVar[float]
     """Of dW/dJ, of which a parameter of 1 has one half."""

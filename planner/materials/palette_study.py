@@ -265,8 +265,12 @@ def _characteristics_document(material: MaterialCharacteristics) -> dict[str, An
 
 def _told(value: Any, **other: Any) -> dict[str, Any]:
     """Return the fields of a value but its notes, some told otherwise."""
-    names = (field.name for field in fields(value) if field.name != "notes")
-    return {name: getattr(value, name) for name in names} | other
+    return _these(value, *(each.name for each in fields(value) if each.name != "notes")) | other
+
+
+def _these(value: Any, *names: str) -> dict[str, Any]:
+    """Return some of a value's attributes."""
+    return {name: getattr(value, name) for name in names}
 
 
 _Row = dict[str, Any]
@@ -657,14 +661,11 @@ def _reference(study: Study, notes: list[str]) -> Reference:
     values: dict[str, list[float]] = {"strain_rate_per_s": rates}
     for condition in ("temperature_C", "soak_h", "age_days"):
         values[condition] = [v for r in rows if (v := getattr(r, condition)) is not None]
-    notes.extend(
-        Caution(
-            f"{condition} differs between specimens ({min(found):g} to {max(found):g}); laws and "
-            "scatter mix them, and the mean is written"
-        )
-        for condition, found in values.items()
-        if found and np.ptp(found) > _DIFFERENT * max(abs(v) for v in found)
-    )
+    mixed = "laws and scatter mix them, and the mean is written"
+    for condition, found in values.items():
+        if found and np.ptp(found) > _DIFFERENT * max(abs(v) for v in found):
+            ends = f"{min(found):g} to {max(found):g}"
+            notes.append(Caution(f"{condition} differs between specimens ({ends}); {mixed}"))
     unknown = [condition for condition, found in values.items() if not found]
     orientations = sorted({r.orientation for r in rows if r.orientation})
     if len(orientations) > 1:
@@ -698,12 +699,9 @@ def _colour(fraction: float) -> str:
 
 def _material_document(material: Material, fit: MaterialFit) -> dict[str, Any]:
     return {
-        "id": material.id,
-        "coordinate": material.coordinate,
+        **_these(material, "id", "coordinate"),
         "specimens": fit.characteristics.n,
-        "deformation": material.deformation,
-        "elongation_at_break": material.elongation_at_break,
-        "modulus_log_sd": material.modulus_log_sd,
+        **_these(material, "deformation", "elongation_at_break", "modulus_log_sd"),
         "law": {"model": material.law.model, **_plain(material.law.parameters)},
         "law_low": _plain(fit.uncertainty.law_low),
         "law_high": _plain(fit.uncertainty.law_high),
@@ -725,15 +723,12 @@ def _material_document(material: Material, fit: MaterialFit) -> dict[str, Any]:
                 "chosen": one is fit.choice.chosen,
                 "parameters": one.fit.parameter_count,
                 "held_out_error": one.held_out_error,
-                **{name: getattr(one.fit, name) for name in ("r2", "adjusted_r2", "nrmse")},
+                **_these(one.fit, "r2", "adjusted_r2", "nrmse"),
                 "stable": one.unstable_strain is None,
                 "unstable_at_strain": one.unstable_strain,
                 "determined": one.determined,
-                "starts": one.fit.starts,
-                "starts_converged": one.fit.converged,
-                "starts_agreeing": one.fit.agreeing,
-                "gradient": one.fit.gradient,
-                "at_bound": one.fit.at_bound,
+                **_these(one.fit, "starts", "starts_converged", "starts_agreeing"),
+                **_these(one.fit, "gradient", "at_bound"),
             }
             for one in fit.choice.candidates
         ],
@@ -874,7 +869,7 @@ def _laws(study: PaletteStudy) -> Iterator[_Row]:
             ends = zip(values, known.law_low[symbol], known.law_high[symbol], strict=True)
             for term, (value, low, high) in enumerate(ends, start=1):
                 row = {"parameter": symbol, "term": term, "value": value, "low": low, "high": high}
-                yield {**own, **row, **{name: getattr(known, name) for name in figures}}
+                yield own | row | _these(known, *figures)
 
 
 def _r2(study: PaletteStudy) -> Iterator[_Row]:

@@ -451,15 +451,9 @@ def _upright(
             "compression, or --mode tension if tension counts negative there (or the same in a "
             f"column 'mode' of {_SPECIMENS})"
         )
-    if said != "compression":
-        notes.extend(
-            Caution(
-                f"{where}: only {name} is negative; its sign was turned, as of tension: if it was "
-                "compressed, say --mode compression"
-            )
-            for name in negative
-            if not both
-        )
+    if said != "compression" and not both:
+        turned = "is negative; its sign was turned, as of tension: if it was compressed, say --mode"
+        notes.extend(Caution(f"{where}: only {name} {turned} compression") for name in negative)
     return {name: -values if name in negative else values for name, values in columns.items()}
 
 
@@ -545,12 +539,8 @@ class Study:
 
     def findings(self) -> tuple[str, ...]:
         """Return what was in the files and is in no result, one sentence each."""
-        if not self.unlisted:
-            return ()
-        return (
-            f"{listed(self.unlisted, 8)}: not used; give what is in there a row in "
-            f"{_SPECIMENS}, or move it elsewhere",
-        )
+        said = f"not used; give what is in there a row in {_SPECIMENS}, or move it elsewhere"
+        return (f"{listed(self.unlisted, 8)}: {said}",) if self.unlisted else ()
 
 
 def read_study(
