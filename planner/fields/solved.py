@@ -159,8 +159,13 @@ def harmonic_field(
     pitch_mm, grid, inside = _solved_cells(mesh, pitch_mm)
     index = np.argwhere(inside)
     centres = grid.centre_mm(index)
-    first = _held(start, "harmonic: the region from=", centres, pitch_mm, mesh, origin_mm)
-    second = _held(end, "harmonic: the region to=", centres, pitch_mm, mesh, origin_mm)
+    first, second = start.holds(centres), end.holds(centres)
+    for which, held in (("from", first), ("to", second)):
+        if not held.any():
+            raise ArgumentError(
+                f"field harmonic: the region {which}= holds nothing of the part at {pitch_mm:.3g} "
+                f"mm; the part reaches {_box(mesh, origin_mm)}"
+            )
     if (first & second).any():
         shared = place_text(centres[int(np.argmax(first & second))] - origin_mm)
         raise ArgumentError(
@@ -181,18 +186,9 @@ def harmonic_field(
     return FunctionField("harmonic", between_cells(grid, values), says)
 
 
-def _held(
-    region: FieldRegion, of: str, centres: FloatArray, pitch_mm: float, mesh: Mesh, origin_mm: Point
-) -> BoolArray:
-    """Return which cells a region `of` a field holds; at least one."""
-    held = region.holds(centres)
-    if not held.any():
-        ends = (f"({x:.4g}, {y:.4g}, {z:.4g})" for x, y, z in mesh.bounds_mm - origin_mm)
-        raise ArgumentError(
-            f"field {of} holds nothing of the part at {pitch_mm:.3g} mm; the part reaches "
-            f"{' to '.join(ends)} mm"
-        )
-    return held
+def _box(mesh: Mesh, origin_mm: Point) -> str:
+    low, high = mesh.bounds_mm - origin_mm
+    return " to ".join(f"({p[0]:.4g}, {p[1]:.4g}, {p[2]:.4g})" for p in (low, high)) + " mm"
 
 
 def _solve_laplace(inside: BoolArray, fixed: FloatArray) -> FloatArray:
@@ -334,8 +330,13 @@ def geodesic_field(
     """
     pitch_mm, grid, inside = _solved_cells(mesh, pitch_mm)
     index = np.argwhere(inside)
-    centres = grid.centre_mm(index)
-    held = _held(start, "geodesic: the region start=", centres, pitch_mm, mesh, origin_mm)
+    held = start.holds(grid.centre_mm(index))
+    if not held.any():
+        low, high = (mesh.bounds_mm - origin_mm).round(3).tolist()
+        raise ArgumentError(
+            f"field geodesic: the region start= holds nothing of the part at {pitch_mm:.3g} mm; "
+            f"the part reaches from {low} to {high} mm"
+        )
     seeds = np.zeros_like(inside)
     seeds[tuple(index[held].T)] = True
     reached, stray = _reached_cells(inside, seeds)
