@@ -87,6 +87,10 @@ def iterate_slabs(mesh: Mesh, grid: Grid, slab_layers: int) -> Iterator[SlabTria
         yield SlabTriangles(grid.shape, first, last, snapped, mesh.faces, members, spans)
 
 
+_Slab = Sequence[SlabTriangles]
+"""The same layers of each shell."""
+
+
 def runs_along_x(slab: SlabTriangles) -> tuple[IntArray, IntArray, IntArray, int]:
     """Return the runs of inside voxels along x of one slab's layers.
 
@@ -182,9 +186,7 @@ def _open_shells(
     return _PlanShells(plan, hashlib.sha256(file.read_bytes()).hexdigest(), name, shells, grid)
 
 
-def _deal_slabs(
-    shells: _PlanShells, slab_layers: int | None = None
-) -> Iterator[tuple[SlabTriangles, ...]]:
+def _deal_slabs(shells: _PlanShells, slab_layers: int | None = None) -> Iterator[_Slab]:
     """Deal the triangles of all shells to slabs of layers, from the lowest up."""
     _, ny, nz = shells.grid.shape
     layers = max(1, min(_SLAB_ROWS // ny, nz)) if slab_layers is None else slab_layers
@@ -262,7 +264,7 @@ _Runs = tuple[IntArray, IntArray, IntArray, IntArray]
 int32, n + 1 of shell n."""
 
 
-def _join_shells(shells: Sequence[SlabTriangles]) -> tuple[_Runs, NDArray[np.int64], int, int]:
+def _join_shells(shells: _Slab) -> tuple[_Runs, NDArray[np.int64], int, int]:
     """Join the runs that shells have in the same layers.
 
     Returns
@@ -354,7 +356,7 @@ class _SlabImages:
     open_rows: int
 
 
-def _make_slab(kind: ImageKind, shells: Sequence[SlabTriangles]) -> _SlabImages:
+def _make_slab(kind: ImageKind, shells: _Slab) -> _SlabImages:
     """Make the images of a slab: the triangles of each shell there, and how images look."""
     nx, ny, _ = shells[0].shape
     runs, voxels, overlapping, open_rows = _join_shells(shells)
@@ -568,7 +570,7 @@ _LARGE_TASK = "distributed.admin.large-graph-warning-threshold"
 
 
 def _make_slabs_on(
-    scheduler: str, kind: ImageKind, slabs: Iterator[Sequence[SlabTriangles]]
+    scheduler: str, kind: ImageKind, slabs: Iterator[_Slab]
 ) -> Iterator[_SlabImages]:
     """Make slabs on a cluster, and yield them as they come.
 
@@ -629,7 +631,7 @@ def _threads(client: Any, scheduler: str) -> int:
     return max(1, int(sum(client.nthreads().values())))
 
 
-def _make_elsewhere(kind: ImageKind, shells: Sequence[SlabTriangles], version: str) -> _SlabImages:
+def _make_elsewhere(kind: ImageKind, shells: _Slab, version: str) -> _SlabImages:
     """Make a slab, if this is the planner that asked: another might choose other voxels."""
     from planner import __version__
 

@@ -32,7 +32,7 @@ from planner.cli import plans as _plans
 from planner.cli import printers as _printers
 from planner.cli import simulate as _simulate
 
-__all__ = ["app", "main", "round_alike", "run"]
+__all__ = ["app", "main", "run"]
 
 
 INTERRUPTED = 130

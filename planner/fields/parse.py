@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from planner.errors import ArgumentError, FileError, MeshError, did_you_mean, refused
+from planner.errors import ArgumentError, FileError, MeshError, check_known, did_you_mean, refused
 from planner.fields.basic import (
     AxisField,
     Field,
@@ -103,13 +103,9 @@ def _formula_of(node: ast.expr, text: str, depth: int) -> _Formula:
         case ast.Constant(value=int() | float() as number) if abs(number) < _LARGEST:
             return lambda known: float(number)
         case ast.Name(id=name):
-            if name in _VARIABLES or name in _CONSTANTS:
-                return lambda known: known[name]
-            variables = [*_VARIABLES, *_CONSTANTS]
-            raise ArgumentError(
-                f"expression {text!r}: {name} is unknown; {did_you_mean(name, variables)}"
-                f"variables are {', '.join(variables)}"
-            )
+            said = f"expression {text!r}: {name} is unknown; {{}}variables are"
+            check_known(name, [*_VARIABLES, *_CONSTANTS], said)
+            return lambda known: known[name]
         case ast.UnaryOp(op=ast.UAdd() | ast.USub() as sign, operand=operand):
             inner = _formula_of(operand, text, depth + 1)
             return inner if isinstance(sign, ast.UAdd) else lambda known: -inner(known)
@@ -117,11 +113,8 @@ def _formula_of(node: ast.expr, text: str, depth: int) -> _Formula:
             first, second = (_formula_of(side, text, depth + 1) for side in (left, right))
             return lambda known: _BINARY[type(operator)](first(known), second(known))
         case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]):
-            if name not in _FUNCTIONS:
-                raise ArgumentError(
-                    f"expression {text!r}: there is no function {name}; "
-                    f"{did_you_mean(name, _FUNCTIONS)}functions are {', '.join(_FUNCTIONS)}"
-                )
+            said = f"expression {text!r}: there is no function {name}; {{}}functions are"
+            check_known(name, _FUNCTIONS, said)
             count, function = _FUNCTIONS[name]
             if len(arguments) != count:
                 raise ArgumentError(

@@ -1317,6 +1317,9 @@ class _Said:
         return f"{sheet}line {self.grid.rows[self.row][0]}, {self.key!r}"
 
 
+_Figures = list[tuple[str, float]]
+"""With the labels of their specimens."""
+
 _ONE_CELL = re.compile(r"([^:：=]+?)\s*[:：=]\s*([+-]?[\d.,]+\s*\S+)")
 _NEAR = 30
 _BESIDE = 200
@@ -1354,7 +1357,7 @@ def _said_at(grid: _Grid, row: int, at: int, symbols: bool) -> Iterator[_Said]:
     size, unit, count = size_of(key, symbols=symbols)
     if size is None:
         return
-    figures: list[tuple[str, float]] = []
+    figures: _Figures = []
     for column, value in enumerate(right, start=at + 1):
         if (split := _split_value(value, grid.separator[0])) is not None:
             figures.append((_label_above(grid, row, column), split[0]))
@@ -1401,15 +1404,13 @@ def _label_above(grid: _Grid, row: int, at: int) -> str:
     return ""
 
 
-def _figures_below(
-    grid: _Grid, row: int, at: int, unit: str
-) -> tuple[list[tuple[str, float]], str]:
+def _figures_below(grid: _Grid, row: int, at: int, unit: str) -> tuple[_Figures, str]:
     """Return the figures below a cell of a table of results, by specimen, and their unit."""
     heads = grid.rows[row][1]
     counts = (i for i, c in enumerate(heads) if c.strip(" .").casefold() in ("no", "nr", "n°"))
     named = next((i for i, c in enumerate(heads) if _head_text(c) == "specimen"), next(counts, 0))
     is_named = size_of(heads[named])[0] is None  # no figure names a specimen
-    figures: list[tuple[str, float]] = []
+    figures: _Figures = []
     for below in range(row + 1, len(grid.rows)):
         cells, cell = grid.rows[below][1], grid.cell(below, at)
         value = _split_value(cell, grid.separator[0])

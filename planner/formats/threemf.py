@@ -20,7 +20,7 @@ import lib3mf
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.errors import ArgumentError, FileError, MeshError, OutputError, did_you_mean, refused
+from planner.errors import FileError, MeshError, OutputError, check_known, refused
 from planner.formats.files import USUAL_LIMITS, UnfoldingLimits, read_file, unpacked
 from planner.glance import channels
 from planner.numerics import Float32Array, FloatArray, IntArray, inner_kernel, kernel
@@ -911,11 +911,9 @@ def needs_one_mesh(slicer: str) -> bool:
     ArgumentError
         No slicer that planner knows; the message says what is near.
     """
-    if slicer.casefold() not in _ONE_MESH:
-        all_ = ", ".join(_ONE_MESH)
-        hint = did_you_mean(slicer, _ONE_MESH)
-        raise ArgumentError(f"slicer {slicer!r}: no such slicer; {hint}it may be {all_}")
-    return _ONE_MESH[slicer.casefold()]
+    name = slicer.casefold()
+    check_known(name, _ONE_MESH, f"slicer {slicer!r}: no such slicer; {{}}it may be")
+    return _ONE_MESH[name]
 
 
 _Part: TypeAlias = tuple[str, Mapping[str, object]]

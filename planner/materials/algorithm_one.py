@@ -427,19 +427,13 @@ class QuadraticStudy:
         kinds = ("quadratics_without", "mixtures_without")
         pairs = [[row.errors[kind] for kind in kinds] for row in self.rows]
         both = [(one.nrmse, other.nrmse) for one, other in pairs if one and other]
-        if both:
-            quadratics, mixtures = 100.0 * np.mean(both, axis=0)
-            return (
-                f"{what}: quadratics {quadratics:.2g} % of its largest stress off, planner's "
-                f"mixtures {mixtures:.2g} % (mean of {len(both)})"
-            )
-        errors = [one.nrmse for one, _ in pairs if one]
-        if not errors:
+        if not (errors := [one.nrmse for one, _ in pairs if one]):
             return f"{what}: not known, that takes {_FEWEST + 1} elastic materials"
-        return (
-            f"{what}: quadratics {100 * float(np.mean(errors)):.2g} % of its largest stress off; "
-            "planner makes no mixtures of the others, whose laws cross"
-        )
+        own, *mixtures = 100.0 * np.mean(both, axis=0) if both else [100 * np.mean(errors)]
+        off = f"{what}: quadratics {own:.2g} % of its largest stress off"
+        if mixtures:
+            return f"{off}, planner's mixtures {mixtures[0]:.2g} % (mean of {len(both)})"
+        return f"{off}; planner makes no mixtures of the others, whose laws cross"
 
     def document(self) -> dict[str, Any]:
         """Return the comparison as plain values."""

@@ -1311,9 +1311,7 @@ def _derivatives(fit: LawFit, columns: Columns) -> tuple[FloatArray, FloatArray]
     return np.concatenate([by_a, by_c], axis=1), by_c @ fit.c
 
 
-def _linearised(
-    fit: LawFit, sample: Sample, *, held: bool = False
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _linearised(fit: LawFit, sample: Sample, *, held: bool = False) -> tuple[FloatArray, ...]:
     """Return unit columns of the scaled residual's derivative, their sizes, and the residual.
 
     Of a law that is held (`held`) the columns go on behind the points: by `rows_leant_on`.
@@ -1541,9 +1539,7 @@ def _beginning(curve: Curve) -> tuple[FloatArray, FloatArray, float]:
     return x, curve.stress_MPa[near], toe + 0.3 * float(np.max(x - toe, initial=0.0))
 
 
-def _slack_squares(
-    x: FloatArray, y: FloatArray, slack: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+def _slack_squares(x: FloatArray, y: FloatArray, slack: FloatArray) -> tuple[FloatArray, ...]:
     """Return how well Mooney's form behind each slack (s,) follows a record's beginning.
 
     The generalised squares (r, s) for each of `_CORRELATION_STRAINS`, and minus twice the

@@ -8,7 +8,7 @@ from typing import ClassVar, Protocol, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from planner.errors import ArgumentError, UnknownNameError, did_you_mean
+from planner.errors import ArgumentError, UnknownNameError, check_known
 from planner.numerics import FloatArray
 from planner.palette import LAW_PARAMETERS, LawParameters
 
@@ -543,9 +543,8 @@ def candidate_laws(name: str) -> tuple[SeparableLaw, ...]:
     every = tuple(law for laws in FITTED_MODELS.values() for law in laws)
     known = {**FITTED_MODELS, **{law.name: (law,) for law in every}, "all": every}
     wanted = name.strip().casefold()
-    if wanted not in known:
-        hint = did_you_mean(wanted, known)
-        raise UnknownNameError(f"law {name!r}: no such law; {hint}choose one of {', '.join(known)}")
+    said = f"law {name!r}: no such law; {{}}choose one of"
+    check_known(wanted, known, said, UnknownNameError)
     return known[wanted]
 
 

@@ -94,9 +94,7 @@ def bracketed(coordinate: FloatArray, m: FloatArray) -> _Bracket:
     return lower, upper, np.asarray((m - coordinate[lower]) / np.where(gap > 0.0, gap, 1.0)), gap
 
 
-def pchip_weights(
-    t: FloatArray, gap: FloatArray | float
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+def pchip_weights(t: FloatArray, gap: FloatArray | float) -> tuple[FloatArray, ...]:
     """Return what the rise, and the slopes at both ends, add a share t of the gap on.
 
     Hermite's: a cubic is its value at t = 0, plus these times (rise, d0, d1).

@@ -852,9 +852,7 @@ def _copies(curves: Sequence[Curve]) -> Iterator[Caution]:
             )
 
 
-def listed_files(
-    files: Iterable[str | Path], specimens: str | Path | None = None
-) -> tuple[Path, ...]:
+def listed_files(files: Iterable[str | Path], specimens: str | Path | None) -> tuple[Path, ...]:
     """Return the files that `read_study` reads: the list of specimens, and what it names."""
     found, listing = _files(files, None if specimens is None else Path(specimens))
     if listing is None:
