@@ -563,7 +563,8 @@ def _lines(palette: Palette) -> Iterator[str]:
 
 
 _STATED = (
-    "coordinate", "elongation_at_break", "density_g_cm3", "deformation", "modulus_log_sd",
+    "id", "aliases", "coordinate", "elongation_at_break", "density_g_cm3", "deformation",
+    "modulus_log_sd",
 )  # fmt: skip
 
 
@@ -571,9 +572,7 @@ def _toml_material(material: Material) -> Iterator[str]:
     colour = None if material.colour == _GREY else material.colour
     stated = {name: getattr(material, name) for name in _STATED}
     stated |= {"colour": colour, "source": material.source or None}
-    yield from _table(
-        ("", "[[material]]"), {"id": material.id, "aliases": material.aliases} | stated
-    )
+    yield from _table(("", "[[material]]"), stated)
     yield from _toml_law("law", material.law)
     if material.published is not None:
         yield from _toml_law("published", material.published)

@@ -113,6 +113,9 @@ def runs_along_x(slab: SlabTriangles) -> tuple[IntArray, IntArray, IntArray, int
 # A plan's shells, read back and placed on one grid of the printer's voxels.
 
 
+_Pitch = float | Sequence[float] | None
+"""Edges of a voxel along x, y, z, or one for all; the printer's own where there is none."""
+
 _UNKNOWN_COLOUR = "#808080"
 _MOST_SHELLS = 255  # labels are bytes
 
@@ -149,7 +152,7 @@ class _PlanShells:
 
 
 def _open_shells(
-    path: str | Path | Plan, pitch_mm: float | Sequence[float] | None, printer: str | Printer | None
+    path: str | Path | Plan, pitch_mm: _Pitch, printer: str | Printer | None
 ) -> _PlanShells:
     """Read the shells of a plan and verify that they are the ones it was written with.
 
@@ -235,7 +238,7 @@ def _colours(root: Path, plan: Plan, machine: Printer | None, wanted: set[str]) 
     return {each.material_name: each.colour for each in read_threemf(file).objects if each.colour}
 
 
-def _pitch(pitch_mm: float | Sequence[float] | None, extent_mm: FloatArray) -> tuple[float, ...]:
+def _pitch(pitch_mm: _Pitch, extent_mm: FloatArray) -> tuple[float, ...]:
     try:
         edges = np.atleast_1d(np.asarray(pitch_mm, dtype=np.float64))
     except (TypeError, ValueError):
@@ -392,10 +395,7 @@ class Layer:
 
 
 def iterate_layers(
-    plan: str | Path | Plan,
-    *,
-    pitch_mm: float | Sequence[float] | None = None,
-    printer: str | Printer | None = None,
+    plan: str | Path | Plan, *, pitch_mm: _Pitch = None, printer: str | Printer | None = None
 ) -> Iterator[Layer]:
     """Make the layers of a plan's folder, from the lowest up; a few are in memory at a time.
 
@@ -510,9 +510,7 @@ class SliceStack:
             "voxels lie in more than one shell; each is drawn once": self.overlapping,
             "rows of voxels enter a shell that they do not leave": self.open_rows,
         }
-        return tuple(
-            f"{n} {told}: run planner check on the plan" for told, n in counts.items() if n
-        )
+        return tuple(f"{n} {why}: run planner check on the plan" for why, n in counts.items() if n)
 
     @property
     def ok(self) -> bool:
@@ -617,10 +615,8 @@ def _make_slabs_on(
 
 
 def _client(distributed: Any, scheduler: str) -> Any:
-    silent = (
-        f"no scheduler answers there within {_CONNECT_S} s; give the address that dask scheduler"
-    )
-    with refused(ArgumentError, f"`scheduler` {scheduler}", f"{silent} prints", OSError):
+    silent = f"no scheduler answers there within {_CONNECT_S} s; give the address that dask"
+    with refused(ArgumentError, f"`scheduler` {scheduler}", f"{silent} scheduler prints", OSError):
         return distributed.Client(scheduler, timeout=_CONNECT_S, set_as_default=False)
 
 
@@ -712,7 +708,7 @@ def write_slices(
     plan: str | Path | Plan,
     output: str | Path,
     *,
-    pitch_mm: float | Sequence[float] | None = None,
+    pitch_mm: _Pitch = None,
     indexed: bool = False,
     printer: str | Printer | None = None,
     scheduler: str | None = None,

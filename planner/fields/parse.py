@@ -23,13 +23,7 @@ from planner.fields.basic import (
     axis_field,
     project,
 )
-from planner.fields.solved import (
-    between_cells,
-    cells_of,
-    geodesic_field,
-    harmonic_field,
-    points_field,
-)
+from planner.fields.solved import cells_of, geodesic_field, harmonic_field, over_cells, points_field
 from planner.formats.field_file import GridTable, read_grid_table, read_point_table
 from planner.formats.files import path_within, read_file
 from planner.formats.mesh_file import EXTENSIONS, read_mesh
@@ -545,7 +539,7 @@ def _table(given: FieldArguments, setting: Setting) -> Field:
 def _tabled(name: str, table: GridTable, given: FieldArguments, setting: Setting) -> Field:
     corner = np.array(table.first_mm) - 0.5 * np.array(table.spacing_mm) + setting.origin_mm
     nx, ny, nz = table.values.shape
-    quantity = between_cells(Grid(as_point(corner), table.spacing_mm, (nx, ny, nz)), table.values)
+    quantity = over_cells(Grid(as_point(corner), table.spacing_mm, (nx, ny, nz)), table.values)
     says = {"file": name, "sha256": table.sha256}
     if given.named.get("array"):
         says["array"] = given.named["array"]

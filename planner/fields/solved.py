@@ -12,7 +12,7 @@ from planner.mesh.mesh import Mesh
 from planner.numerics import BoolArray, FloatArray, Point, kernel
 from planner.voxels.columns import Grid, dense, grid_for, voxelize
 
-__all__ = ["between_cells", "cells_of", "geodesic_field", "harmonic_field", "points_field"]
+__all__ = ["cells_of", "geodesic_field", "harmonic_field", "over_cells", "points_field"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -25,7 +25,7 @@ _MOST_CELLS = 3_000_000
 _CRUMB = 1e-3  # of all cells
 
 
-def between_cells(grid: Grid, values: FloatArray) -> Quantity:
+def over_cells(grid: Grid, values: FloatArray) -> Quantity:
     """Return values (nx, ny, nz) at cell centres as a function of points (n, 3).
 
     It is linear between centres along each axis; beyond the outermost as at them.
@@ -184,7 +184,7 @@ def harmonic_field(
     values = _solve_laplace(reached, fixed)
     _spread_values(values, reached)
     says = {"from": dict(start.says), "to": dict(end.says), "cells_mm": pitch_mm}
-    return FunctionField("harmonic", between_cells(grid, values), says)
+    return FunctionField("harmonic", over_cells(grid, values), says)
 
 
 def _box(mesh: Mesh, origin_mm: Point) -> str:
@@ -349,7 +349,7 @@ def geodesic_field(
     ramp = Ramp.over(cells[reached], 0.0 if from_mm is None else from_mm, to_mm)
     _spread_values(cells, reached)
     says = {"start": dict(start.says), "cells_mm": pitch_mm}
-    return ramp.along(between_cells(grid, cells), "geodesic", says)
+    return ramp.along(over_cells(grid, cells), "geodesic", says)
 
 
 @kernel

@@ -1142,12 +1142,10 @@ def _refuse_far(record: _Block, used: Mapping[str, _Column]) -> None:
         if None not in numbers and len(numbers) > 1:
             near[i] = replace(h, meaning=_BY_KIND[min(kinds)], unit=unit)
     if near:
-        taken = [
-            near.get(i, _BLANK if h.meaning in _LENGTHS else h) for i, h in enumerate(headings)
-        ]
+        read = [near.get(i, _BLANK if h.meaning in _LENGTHS else h) for i, h in enumerate(headings)]
         first = next(iter(near.values())).text
         said = f"{first!r} is not understood, and may be nearer to the specimen than"
-        raise _one_of(grid, f"{said} {lengths[0].text!r}", [taken, headings])
+        raise _one_of(grid, f"{said} {lengths[0].text!r}", [read, headings])
 
 
 def _refuse_two(record: _Block, one: _Column, other: _Column) -> None:

@@ -477,12 +477,10 @@ class _Problem:
         return z, active
 
 
-def _solved(
-    matrix: FloatArray, right: FloatArray, free: BoolArray, given: FloatArray
-) -> FloatArray:
+def _solved(form: FloatArray, right: FloatArray, free: BoolArray, given: FloatArray) -> FloatArray:
     """Return the minimum over the free coefficients of a quadratic form, given the held ones."""
-    aim = np.where(free, right - np.einsum("sij,sj->si", matrix, given), given)
-    found = np.linalg.solve(_of_free(matrix, free), aim[:, :, None])
+    aim = np.where(free, right - np.einsum("sij,sj->si", form, given), given)
+    found = np.linalg.solve(_of_free(form, free), aim[:, :, None])
     return np.asarray(found[:, :, 0], dtype=np.float64)
 
 

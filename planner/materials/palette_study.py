@@ -206,9 +206,7 @@ def characterise(
     study = read_study(**{name: given[name] for name in _READING})
     strains = SECANT_STRAINS if at_strain is None else tuple(at_strain)
     others = _other_modes(study)
-    found = tuple(
-        characterise_material(*one, secant_strains=strains) for one in study.groups.items()
-    )
+    found = tuple(characterise_material(*of, secant_strains=strains) for of in study.groups.items())
     slips, asked = _unit_slips(study, None, palette, printer, compare)
     notes = (*study.notes, *others, *asked)
     return Characterisation(found, notes, slips, study.groups, study.records, study.findings())

@@ -905,10 +905,7 @@ def _relative(path: Path, listing: Path) -> str:
 
 
 def _row(
-    table: TensileTable,
-    path: Path,
-    own: Sequence[ListedSpecimen],
-    rows: Mapping[str, ListedSpecimen],
+    table: TensileTable, path: Path, own: list[ListedSpecimen], rows: Mapping[str, ListedSpecimen]
 ) -> ListedSpecimen | None:
     """Return the row of a record: by the file's own column of specimens, else by the file."""
     named = "" if "specimen" in table.metadata else table.specimen

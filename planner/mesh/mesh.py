@@ -632,9 +632,7 @@ def join_shells(shells: Iterable[_Shell]) -> JoinedShells:
     shells
         Of each its triangles, (k, 3, 3), or its vertices (n, 3) and faces (m, 3), in mm.
     """
-    indexed = [
-        shell if isinstance(shell, tuple) else weld(shell.astype(np.float32)) for shell in shells
-    ]
+    indexed = [one if isinstance(one, tuple) else weld(one.astype(np.float32)) for one in shells]
     points = np.concatenate([np.empty((0, 3), np.float32), *(vertices for vertices, _ in indexed)])
     vertices, index = weld_points(points)
     starts = np.cumsum([0, *(len(vertices) for vertices, _ in indexed)])

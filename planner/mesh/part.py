@@ -304,9 +304,7 @@ def make_part(triangles: FloatArray, *, name: str, bodies: str | None = None) ->
         vertices, topology, touching = repaired.vertices, repaired.topology, repaired.touching
         repairs += repaired.notes
     with refused(MeshError, name, "{}", MeshError):
-        points, arranged, notes = _arrange_bodies(
-            vertices, topology, touching=touching, bodies=bodies
-        )
+        points, arranged, notes = _arrange_bodies(vertices, topology, touching, bodies)
     repairs += notes
     used, faces = compact(arranged, len(points))
     mesh = Mesh(points[used], faces)
@@ -742,7 +740,7 @@ when none has volume."""
 
 
 def _arrange_bodies(
-    vertices: FloatArray, topology: Topology, *, touching: bool, bodies: str | None
+    vertices: FloatArray, topology: Topology, touching: bool, bodies: str | None
 ) -> _Arranged:
     """Turn bodies the right way out and unite those that overlap.
 
@@ -780,9 +778,9 @@ def _arrange_bodies(
         notes.append(f"{int((~full).sum())} of {len(full)} bodies without volume dropped")
     pairs = _box_pairs(bounds, full, touching)
     found = _Bodies(vertices, topology, volume, bounds, full, pairs)
-    outward, doubtful, parent = _roles(found)
+    outward, doubtful, parent = roles = _roles(found)
     if doubtful.any() or (bodies == "solids" and not outward[full].all()):
-        return _chosen(found, outward, doubtful, parent, bodies, notes)
+        return _chosen(found, roles, bodies, notes)
     turned, body, faces = full & (outward != (volume > 0.0)), topology.body, topology.faces
     if turned.any():
         faces = _turn(faces, turned[body])
@@ -803,7 +801,7 @@ def _arrange_bodies(
             rest = vertices[faces[keep & ~met[solid[body]]]]
             points, welded = _welded(np.concatenate([rest, triangles]))
             if not touching and not Topology(welded).closed:  # what was united touches the rest
-                return _arrange_bodies(vertices, topology, touching=True, bodies=bodies)
+                return _arrange_bodies(vertices, topology, True, bodies)
             return points, welded, (*notes, note)
     return vertices, faces if keep.all() else faces[keep], tuple(notes)
 
@@ -916,7 +914,10 @@ def _winding_number(point: FloatArray, triangles: FloatArray) -> float:
     return float(np.arctan2(above, below).sum() / (2.0 * np.pi))
 
 
-def _roles(found: _Bodies) -> tuple[BoolArray, BoolArray, NDArray[np.int64]]:
+_Roles = tuple[BoolArray, BoolArray, NDArray[np.int64]]
+
+
+def _roles(found: _Bodies) -> _Roles:
     """Decide from the outermost inwards which bodies are solids and which cavities.
 
     Returns
@@ -967,18 +968,11 @@ def _roles(found: _Bodies) -> tuple[BoolArray, BoolArray, NDArray[np.int64]]:
     return outward, doubtful, parent
 
 
-def _chosen(
-    found: _Bodies,
-    outward: BoolArray,
-    doubtful: BoolArray,
-    parent: NDArray[np.int64],
-    bodies: str | None,
-    notes: list[str],
-) -> _Arranged:
+def _chosen(found: _Bodies, roles: _Roles, bodies: str | None, notes: list[str]) -> _Arranged:
     """Make the part in which doubtful bodies are what was asked for, if that matters."""
     import manifold3d
 
-    full = found.full
+    full, (outward, doubtful, parent) = found.full, roles
     solids = found.sum(full)
     hollow = manifold3d.Manifold()
     level, around = np.zeros(len(parent), dtype=np.int64), parent
@@ -1173,9 +1167,7 @@ def _cross(
     return row[span] * _RAYS + column, heights, way
 
 
-def _covered(
-    low: FloatArray, high: FloatArray, first: float, step: float
-) -> tuple[IntArray, IntArray]:
+def _covered(low: FloatArray, high: FloatArray, first: float, step: float) -> tuple[IntArray, ...]:
     """All pairs of an interval and a ray in it: low <= first + ray * step < high."""
     begin, end = _first_ray(low, first, step), _first_ray(high, first, step)
     count = np.maximum(end - begin, 0)
