@@ -286,10 +286,6 @@ class Palette:
             f"no material {name!r} in palette {self.name}; {hint}it has {', '.join(ids)}"
         )
 
-    def index(self, material: Material) -> int:
-        """Return the place of a material from soft (0) to hard."""
-        return self.materials.index(material)
-
 
 class _ReadingFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     name: str

@@ -357,9 +357,6 @@ class Plan:
 
     def howto(self) -> str:
         """Return the text of HOWTO.md: what the operator does, and which material goes where."""
-        return "\n".join([self.notes.rstrip(), "", *self._files_table(), ""])
-
-    def _files_table(self) -> list[str]:
         grams: dict[str, float] = {}
         for region in self.regions:
             grams[region.file] = grams.get(region.file, 0.0) + region.mass_g
@@ -370,8 +367,9 @@ class Plan:
         ]
         mixed = any(shell.constituents for shell in self.shells)
         head = ["## Which material to which file", "", "| file | material | grams | colour |"]
-        total = f"| all | | {sum(grams.values()):#.3g} | |"
-        return [*head, "| --- | --- | --- | --- |", *rows, total, *(_MIXTURES if mixed else ())]
+        total = [f"| all | | {sum(grams.values()):#.3g} | |", *(_MIXTURES if mixed else ()), ""]
+        notes = [self.notes.rstrip(), "", *head, "| --- | --- | --- | --- |"]
+        return "\n".join([*notes, *rows, *total])
 
     def write(
         self,

@@ -25,10 +25,6 @@ __all__ = [
 ]
 
 
-_Orientation = Literal["x", "y", "z"]
-_Protocol = Literal["monotonic", "cyclic", "relaxation"]
-
-
 @dataclass(frozen=True, slots=True)
 class SpecimenColumn:
     """A condition or a size in specimens.csv; numbers are above 0 unless `between` says more.
@@ -97,8 +93,8 @@ class SpecimenConditions:
     temperature_C: float | None = None
     soak_h: float | None = None
     age_days: float | None = None
-    orientation: _Orientation | None = None
-    protocol: _Protocol | None = None
+    orientation: Literal["x", "y", "z"] | None = None
+    protocol: Literal["monotonic", "cyclic", "relaxation"] | None = None
     batch: str | None = None
 
     @property

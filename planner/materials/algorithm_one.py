@@ -96,8 +96,6 @@ class QuadraticCoefficients:
 # `planner.materials.mixtures`.
 
 
-_LN2 = math.log(2.0)
-
 _START = (0.0788, -0.0216, 1.9908, 0.6354, 1.6999, -0.2853)
 """c1 to c6 that lines 1 to 3 start from: the medians of the thesis' Table 3.2, whose own start is
 not printed."""
@@ -217,8 +215,8 @@ def _slopes(c: FloatArray, strain: FloatArray) -> FloatArray:
     with np.errstate(over="ignore", invalid="ignore"):
         for factor, exponent in c.reshape(3, 2):
             up, down = strain**exponent, 0.5 * (4.0 / strain) ** (exponent / 2.0)
-            columns.append(up - down)
-            columns.append(factor * (np.log(strain) * up - 0.5 * np.log(4.0 / strain) * down))
+            by_exponent = np.log(strain) * up - 0.5 * np.log(4.0 / strain) * down
+            columns += [up - down, factor * by_exponent]
     return np.stack(columns, axis=1)
 
 
@@ -287,7 +285,7 @@ def _pooled(curves: Sequence[LiteralCurve], degree: int) -> Callable[[FloatArray
     which = np.repeat(np.arange(len(curves)), [len(curve.strain) for curve in curves])
     measured = np.concatenate([curve.stress_MPa for curve in curves])
     up = np.log(np.concatenate([curve.strain for curve in curves]))
-    down = _LN2 - up / 2.0
+    down = math.log(2.0) - up / 2.0
 
     def error(numbers: FloatArray) -> float:
         c = np.einsum("km,cm->kc", powers, numbers.reshape(6, degree + 1))[which].T

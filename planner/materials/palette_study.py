@@ -14,7 +14,7 @@ import numpy as np
 from planner.errors import ArgumentError, Caution, FileError, PaletteError, listed
 from planner.formats.specimens import ListedSpecimen
 from planner.formats.tables import encode_csv, number
-from planner.glance import counted, one_line, outcome, plotted
+from planner.glance import channels, counted, one_line, outcome, plotted
 from planner.materials.algorithm_one import QuadraticStudy, quadratic_study
 from planner.materials.characterise import (
     SECANT_STRAINS,
@@ -690,9 +690,8 @@ def _ids(materials: Sequence[str]) -> dict[str, str]:
 
 def _colour(fraction: float) -> str:
     """Return a colour between yellow (soft, 0) and blue (hard, 1)."""
-    at = np.linspace(0.0, 1.0, len(_RAMP))
-    channels = ([int(colour[i : i + 2], 16) for colour in _RAMP] for i in (1, 3, 5))
-    return "#" + "".join(f"{round(np.interp(fraction, at, one)):02X}" for one in channels)
+    at, each = np.linspace(0.0, 1.0, len(_RAMP)), zip(*map(channels, _RAMP), strict=True)
+    return "#" + "".join(f"{round(np.interp(fraction, at, one)):02X}" for one in each)
 
 
 def _material_document(material: Material, fit: MaterialFit) -> dict[str, Any]:
