@@ -1690,12 +1690,8 @@ def fit_material(
             choice = replace(choice, candidates=candidates, chosen=chosen)
             sample = replace(sample, across=False)
     if limits := stability(make_law(chosen.fit.parameters), working).limits:
-        notes.append(
-            Caution(
-                f"{material}: {chosen.fit.name} is stable (Drucker) only at stretch "
-                f"{', '.join(limits)}"
-            )
-        )
+        only = f"stable (Drucker) only at stretch {', '.join(limits)}"
+        notes.append(Caution(f"{material}: {chosen.fit.name} is {only}"))
         if price > STABLE_WITHIN:
             held = f"held to be stable to its break its error is {price:.2g} times as large"
             choice = replace(choice, reason=f"{choice.reason}; {held}")
@@ -1711,29 +1707,21 @@ def fit_material(
             f"material {material}: tension bounds no modulus of {chosen.fit.name} from above: add "
             "equibiaxial tests, or compression to stretch 0.6"
         )
-    return MaterialFit(
-        material,
-        found,
-        chosen.fit.parameters,
-        Uncertainty(
-            specimens=found.n,
-            level=level,
-            law_low=_end_rounded(chosen.fit.law.parameters(ends.a[:, 0], ends.c[:, 0])),
-            law_high=_end_rounded(chosen.fit.law.parameters(ends.a[:, 1], ends.c[:, 1])),
-            basis=f"{_basis('profiles of the error', known, found.n)}; laws are judged on "
-            f"what is left out, {choice.scheme} at a time",
-            r2=chosen.fit.r2,
-            nrmse=chosen.fit.nrmse,
-            held_out_error=float(f"{chosen.held_out_error:.3g}"),
-            strain=tuple(one.strain for one in secants),
-            log_sd=tuple(float(f"{one.next_log_sd:.4g}") for one in secants),
-        ),
-        scatter_of_fit(chosen.fit, sample),
-        choice,
-        tuple(notes),
-        secants,
-        loaded,
+    fit, judged = chosen.fit, f"laws are judged on what is left out, {choice.scheme} at a time"
+    sure = Uncertainty(
+        specimens=found.n,
+        level=level,
+        law_low=_end_rounded(fit.law.parameters(ends.a[:, 0], ends.c[:, 0])),
+        law_high=_end_rounded(fit.law.parameters(ends.a[:, 1], ends.c[:, 1])),
+        basis=f"{_basis('profiles of the error', known, found.n)}; {judged}",
+        r2=fit.r2,
+        nrmse=fit.nrmse,
+        held_out_error=float(f"{chosen.held_out_error:.3g}"),
+        strain=tuple(one.strain for one in secants),
+        log_sd=tuple(float(f"{one.next_log_sd:.4g}") for one in secants),
     )
+    law, scatter = fit.parameters, scatter_of_fit(fit, sample)
+    return MaterialFit(material, found, law, sure, scatter, choice, tuple(notes), secants, loaded)
 
 
 def by_mode(fit: LawFit, sample: Sample) -> Iterator[tuple[str, tuple[float, float]]]:
@@ -1825,24 +1813,19 @@ def _plastic(
     wide = _half_widths(np.log([secant_modulus_MPa(one, strains) for one in laws]), level)
     scatter = _scatter_of(_courses(stress, sample))
     next_ = np.full(len(strains), scatter.log_sd)
-    return MaterialFit(
-        material=found.material,
-        characteristics=found,
-        law=yielding_parameters(law),
-        uncertainty=Uncertainty(
-            specimens=found.n,
-            level=level,
-            law_low=_end_rounded(_by_symbol(low)),
-            law_high=_end_rounded(_by_symbol(high)),
-            basis=_basis("Student's t", bool(np.isfinite(wide).any()), found.n),
-            r2=1.0 - float(np.sum(error**2) / np.sum((measured - measured.mean()) ** 2)),
-            nrmse=float(np.sqrt(np.sum(sample.weight * error**2))) / float(measured.max()),
-        ),
-        scatter=scatter,
-        choice=Choice((), None, "", found.deformation.reason),
-        secants=_secants(strains, secant_modulus_MPa(law, strains), wide, next_),
-        curves=tuple(whole),
+    secants = _secants(strains, secant_modulus_MPa(law, strains), wide, next_)
+    sure = Uncertainty(
+        specimens=found.n,
+        level=level,
+        law_low=_end_rounded(_by_symbol(low)),
+        law_high=_end_rounded(_by_symbol(high)),
+        basis=_basis("Student's t", bool(np.isfinite(wide).any()), found.n),
+        r2=1.0 - float(np.sum(error**2) / np.sum((measured - measured.mean()) ** 2)),
+        nrmse=float(np.sqrt(np.sum(sample.weight * error**2))) / float(measured.max()),
     )
+    choice, parameters = Choice((), None, "", found.deformation.reason), yielding_parameters(law)
+    bare = MaterialFit(found.material, found, parameters, sure, scatter, choice)
+    return replace(bare, secants=secants, curves=tuple(whole))
 
 
 _NOTABLE_FALL = 0.1

@@ -18,6 +18,7 @@ from planner.glance import channels, counted, one_line, outcome, plotted
 from planner.materials.algorithm_one import QuadraticStudy, quadratic_study
 from planner.materials.characterise import (
     SECANT_STRAINS,
+    Characteristics,
     Curve,
     MaterialCharacteristics,
     Spread,
@@ -244,20 +245,17 @@ def _unit_slips(
 
 
 def _characteristics_document(material: MaterialCharacteristics) -> dict[str, Any]:
+    def specimen(found: Characteristics) -> dict[str, Any]:
+        secants = {f"{strain:g}": value for strain, value in found.secant_MPa.items()}
+        return _told(found, secant_MPa=secants, deformation=found.deformation.kind)
+
     return {
         "material": material.material,
         "deformation": material.deformation.kind,
         "deformation_reason": material.deformation.reason,
         "specimens_agree": material.agree,
         "figures": {name: asdict(spread) for name, spread in material.spreads.items()},
-        "specimens": [
-            _told(
-                c,
-                secant_MPa={f"{k:g}": v for k, v in c.secant_MPa.items()},
-                deformation=c.deformation.kind,
-            )
-            for c in material.specimens
-        ],
+        "specimens": list(map(specimen, material.specimens)),
     }
 
 
@@ -694,6 +692,9 @@ def _colour(fraction: float) -> str:
     return "#" + "".join(f"{round(np.interp(fraction, at, one)):02X}" for one in each)
 
 
+_ENDS = ("low_MPa", "high_MPa")
+
+
 def _material_document(material: Material, fit: MaterialFit) -> dict[str, Any]:
     return {
         **_these(material, "id", "coordinate"),
@@ -705,12 +706,8 @@ def _material_document(material: Material, fit: MaterialFit) -> dict[str, Any]:
         "interval_level": fit.uncertainty.level,
         "interval_basis": fit.uncertainty.basis,
         "secants": [
-            {
-                "strain": one.strain,
-                "secant_MPa": one.value_MPa,
-                "low_MPa": one.low_MPa if np.isfinite(one.high_MPa) else None,
-                "high_MPa": one.high_MPa if np.isfinite(one.high_MPa) else None,
-            }
+            {"strain": one.strain, "secant_MPa": one.value_MPa}
+            | (_these(one, *_ENDS) if np.isfinite(one.high_MPa) else dict.fromkeys(_ENDS))
             for one in fit.secants
         ],
         "reason": fit.choice.reason,

@@ -668,12 +668,9 @@ def read_study(
     if unstated:
         largest = [float(found[name].strain[-1]) for name in unstated]
         ends = list(dict.fromkeys([min(largest), max(largest)]))
-        notes.append(
-            Caution(
-                f"strain of {listed(unstated, 2)} has no unit; taken as a fraction, up to "
-                f"{' .. '.join(f'{v:.4g}' for v in ends)}; if it is not, give --unit-of strain=%"
-            )
-        )
+        taken = f"taken as a fraction, up to {' .. '.join(f'{v:.4g}' for v in ends)}"
+        said = f"strain of {listed(unstated, 2)} has no unit; {taken}"
+        notes.append(Caution(f"{said}; if it is not, give --unit-of strain=%"))
     order = {name: k for k, name in enumerate(rows)}
     curves = sorted(found.values(), key=lambda c: order.get(c.specimen, len(order)))
     if not curves:
