@@ -312,15 +312,13 @@ class Plan:
 
     @one_line
     def __repr__(self) -> str:
+        failed = sum(not check.ok for check in self.checks.values())
+        beyond = (len(self.unreachable), "target out of reach")
+        wrong = outcome((failed, "check failed"), (len(self.findings), "finding"), beyond)
+        materials = counted(len({r.printed for r in self.regions}), "material")
         return (
-            f"{self.name}: {counted(len({r.printed for r in self.regions}), 'material')}, "
-            f"{counted(len(self.regions), 'region')}, {self.part.volume_mm3:.5g} mm3, "
-            f"{self.palette.name}; "
-            + outcome(
-                (sum(not check.ok for check in self.checks.values()), "check failed"),
-                (len(self.findings), "finding"),
-                (len(self.unreachable), "target out of reach"),
-            )
+            f"{self.name}: {materials}, {counted(len(self.regions), 'region')}, "
+            f"{self.part.volume_mm3:.5g} mm3, {self.palette.name}; {wrong}"
         )
 
     @property

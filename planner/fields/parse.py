@@ -504,7 +504,7 @@ def _geodesic(given: FieldArguments, setting: Setting) -> Field:
     if "start" not in given.named:
         raise ArgumentError("field geodesic: give where ways begin, as in start=x<3")
     region, ends = given.region("start"), (given.number("from"), given.number("to"))
-    return geodesic_field(setting.mesh, region, setting.pitch_mm, *ends, setting.origin_mm)
+    return geodesic_field(setting.mesh, region, setting.pitch_mm, ends, setting.origin_mm)
 
 
 def _expression(given: FieldArguments, setting: Setting) -> Field:
@@ -587,8 +587,8 @@ def field_of(says: Mapping[str, Any], origin_mm: Point, folder: Path | None) -> 
 def _points(given: FieldArguments, setting: Setting) -> Field:
     path = _file(given, ".csv or .vtu")
     points, values, sha256 = read_point_table(path, array=given.named.get("array"))
-    at, ends = points + np.array(setting.origin_mm), ("from", "to")
-    return points_field(path.name, sha256, at, values, *map(given.number, ends))
+    at, ends = points + np.array(setting.origin_mm), (given.number("from"), given.number("to"))
+    return points_field(path.name, sha256, at, values, ends)
 
 
 def _file(given: FieldArguments, endings: str) -> Path:

@@ -309,13 +309,12 @@ def _conjugate_gradients(neighbours: Any, free: Any, x: Any, work: Any, precisio
 # The shortest way through the part from a region.
 
 
+_Ends = tuple[float | None, float | None]
+"""Where a field is 0 and 1, if that is stated."""
+
+
 def geodesic_field(
-    mesh: Mesh,
-    start: FieldRegion,
-    pitch_mm: float,
-    from_mm: float | None = None,
-    to_mm: float | None = None,
-    origin_mm: Point = (0.0, 0.0, 0.0),
+    mesh: Mesh, start: FieldRegion, pitch_mm: float, ends: _Ends, origin_mm: Point
 ) -> FunctionField:
     """Measure shortest ways within a part from a region, on cells (fast sweeping, Zhao 2005).
 
@@ -346,7 +345,7 @@ def geodesic_field(
     length[tuple((index[held] + 1).T)] = 0.0
     _sweep(length, np.pad(~reached, 1, constant_values=True), pitch_mm)
     cells = length[1:-1, 1:-1, 1:-1].copy()
-    ramp = Ramp.over(cells[reached], 0.0 if from_mm is None else from_mm, to_mm)
+    ramp = Ramp.over(cells[reached], 0.0 if ends[0] is None else ends[0], ends[1])
     _spread_values(cells, reached)
     says = {"start": dict(start.says), "cells_mm": pitch_mm}
     return ramp.along(over_cells(grid, cells), "geodesic", says)
@@ -398,9 +397,8 @@ _NEAREST = 8
 
 
 def points_field(
-    file: str, sha256: str, points_mm: FloatArray, quantity: FloatArray,
-    start: float | None, stop: float | None,
-) -> FunctionField:  # fmt: skip
+    file: str, sha256: str, points_mm: FloatArray, quantity: FloatArray, ends: _Ends
+) -> FunctionField:
     """Build the field of scattered values: a mean of the nearest, those nearer weighing more.
 
     Weights fall to nothing at the ninth nearest (modified Shepard, Franke and Nielson 1980), so
@@ -429,4 +427,4 @@ def points_field(
         return np.asarray((weight * mean[which]).sum(axis=1))
 
     says = {"file": file, "sha256": sha256}
-    return Ramp.over(mean, start, stop).along(at, "points", says, length=False)
+    return Ramp.over(mean, *ends).along(at, "points", says, length=False)

@@ -1257,6 +1257,7 @@ def _tables(
         metadata |= piece.texts
         if any(column.heading.compressed for column in piece.used if column.name != "time_s"):
             metadata.setdefault("mode", "compression")
+        bare = {column.name for column in piece.used if column.heading.unit is None}
         yield TensileTable(
             file=path.name,
             columns=piece.columns,
@@ -1264,11 +1265,7 @@ def _tables(
             lines=np.array(piece.lines, dtype=np.int64),
             specimen=name or str(metadata.get("specimen", "")),
             metadata=metadata,
-            without_unit=frozenset(
-                column.name.removeprefix("lagrange_")
-                for column in piece.used
-                if column.heading.unit is None and column.name != "stretch"
-            ),
+            without_unit=frozenset(name.removeprefix("lagrange_") for name in bare - {"stretch"}),
             notes=(*piece.notes, *_behind(piece, pieces), *notes),
             sheet=piece.grid.sheet,
             headings={column.name: _written(column.heading) for column in piece.used},

@@ -23,6 +23,7 @@ from planner.mesh.distance import distances, triangle_tree
 from planner.mesh.mesh import Mesh, weld
 
 RNG = np.random.default_rng(5)
+ORIGIN = (0.0, 0.0, 0.0)
 POINTS = RNG.uniform(-8, 8, (400, 3))
 
 
@@ -150,7 +151,7 @@ def test_geodesic_distance_goes_round_the_corner():
     mesh = mesh_of(Manifold.cube([10, 10, 2]) - Manifold.cube([8, 8, 4]).translate([2, 2, -1]))
     errors = []
     for pitch_mm in (0.25, 0.125):
-        field = geodesic_field(mesh, _ball_region((1, 9, 1), 0.5), pitch_mm, 0.0, 1.0)
+        field = geodesic_field(mesh, _ball_region((1, 9, 1), 0.5), pitch_mm, (0.0, 1.0), ORIGIN)
         # Straight to the inner corner at (2, 2), then straight on.
         length = np.hypot(1, 7) + np.hypot(7, 1) - 0.5
         found = field.values(np.array([[9.0, 1.0, 1.0]]))[0]
@@ -182,7 +183,7 @@ def test_regions_between_which_nothing_flows(start, end, reason):
     with pytest.raises(ArgumentError, match=reason):
         harmonic_field(mesh, start, end, 0.25, (0.0, 0.0, 0.0))
     with pytest.raises(ArgumentError, match=r"no way leads|holds nothing"):
-        geodesic_field(mesh, start, 0.25)
+        geodesic_field(mesh, start, 0.25, (None, None), ORIGIN)
 
 
 def test_expressions_are_what_numpy_computes():
@@ -232,7 +233,7 @@ def test_a_name_that_is_a_slip():
 def test_scattered_values_are_kept_and_stay_in_range():
     at = RNG.uniform(0, 1, (300, 3))
     value = at @ [1.0, 2.0, 3.0]
-    field = points_field("p.csv", "0", np.concatenate([at, at]), np.tile(value, 2), 0.0, 1.0)
+    field = points_field("p.csv", "0", np.concatenate([at, at]), np.tile(value, 2), (0.0, 1.0))
     np.testing.assert_allclose(field.values(at), value, rtol=1e-6)
     between = RNG.uniform(0.2, 0.8, (500, 3))
     found = field.values(between)
@@ -241,7 +242,7 @@ def test_scattered_values_are_kept_and_stay_in_range():
     assert found.min() >= value.min()
     assert found.max() <= value.max()
     with pytest.raises(ArgumentError, match="4 or more"):
-        points_field("p.csv", "0", at[:3], value[:3], None, None)
+        points_field("p.csv", "0", at[:3], value[:3], (None, None))
 
 
 def test_fields_made_of_fields():
