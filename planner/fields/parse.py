@@ -532,7 +532,8 @@ def _expression(given: FieldArguments, setting: Setting) -> Field:
 def _table(given: FieldArguments, setting: Setting) -> Field:
     path = _file(given, ".csv, .npy or .vti")
     first, step = given.triple("origin"), given.triple("step")
-    table = read_grid_table(path, array=given.named.get("array"), first_mm=first, spacing_mm=step)
+    lies = (first, step) if first and step else None
+    table = read_grid_table(path, array=given.named.get("array"), lies=lies)
     return _tabled(path.name, table, given, setting)
 
 

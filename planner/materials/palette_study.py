@@ -208,7 +208,8 @@ def characterise(
     strains = SECANT_STRAINS if at_strain is None else tuple(at_strain)
     others = _other_modes(study)
     found = tuple(characterise_material(*of, secant_strains=strains) for of in study.groups.items())
-    slips, asked = _unit_slips(study, None, palette, printer, compare)
+    stated = _by_material(study, study.groups, "coordinate", None)
+    slips, asked = unit_slips(study, _compared(palette, printer, compare), stated)
     notes = (*study.notes, *others, *asked)
     return Characterisation(found, notes, slips, study.groups, study.records, study.findings())
 
@@ -231,17 +232,12 @@ def _other_modes(study: Study, used: Collection[str] = ()) -> list[Caution]:
     return [Caution(one) for one in said]
 
 
-def _unit_slips(
-    study: Study,
-    coordinate: Mapping[str, float] | None,
-    palette: str | Path | Palette | None,
-    printer: str | Printer,
-    compare: bool,
-) -> tuple[tuple[str, ...], tuple[Caution, ...]]:
-    """Compare a study with a palette, if one is named or a printer installed, and with itself."""
+def _compared(
+    palette: str | Path | Palette | None, printer: str | Printer, compare: bool
+) -> Palette | None:
+    """Return what a study is compared with: the palette named, or that of an installed printer."""
     asked = compare and (palette is not None or installed_printers())
-    against = palette_of(palette, printer) if asked else None
-    return unit_slips(study, against, _by_material(study, study.groups, "coordinate", coordinate))
+    return palette_of(palette, printer) if asked else None
 
 
 def _characteristics_document(material: MaterialCharacteristics) -> dict[str, Any]:
@@ -447,7 +443,8 @@ def fit(
         raise ArgumentError(f"`coefficients` {coefficients!r}: it can be quadratic, or left out")
     laws = candidate_laws(law)
     study, elsewhere = _at_one_temperature(study)
-    slips, asked = _unit_slips(study, coordinate, palette, printer, compare)
+    stated = _by_material(study, study.groups, "coordinate", coordinate)
+    slips, asked = unit_slips(study, _compared(palette, printer, compare), stated)
     notes = [*study.notes, *_other_modes(study, study.groups), *asked]
     fits: dict[str, MaterialFit] = {}
     for called, curves in study.groups.items():

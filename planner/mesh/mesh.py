@@ -38,6 +38,9 @@ __all__ = [
 # A triangle mesh in millimetres.
 
 
+_Floats = Float32Array | FloatArray
+
+
 class Measures(NamedTuple):
     """What `measure` finds of each part of a surface.
 
@@ -109,10 +112,7 @@ class Mesh:
 
 
 def measure(
-    vertices: FloatArray | Float32Array,
-    faces: Int32Array,
-    part: Int32Array | None = None,
-    parts: int = 1,
+    vertices: _Floats, faces: Int32Array, part: Int32Array | None = None, parts: int = 1
 ) -> Measures:
     """Measure each part of a surface.
 
@@ -621,10 +621,7 @@ class JoinedShells:
         return bool(paired and self.measures[number].volume_mm3[0] > 0.0)
 
 
-_Shell = Float32Array | FloatArray | tuple[Float32Array, Int32Array]
-
-
-def join_shells(shells: Iterable[_Shell]) -> JoinedShells:
+def join_shells(shells: Iterable[_Floats | tuple[Float32Array, Int32Array]]) -> JoinedShells:
     """Join equal positions of shells.
 
     Parameters
