@@ -203,7 +203,7 @@ def refused(folder, name, data, reason, most_bytes=3_000_000):
     """Read what is to be refused, and hold that it takes no memory and tells no warning."""
     (folder / name).write_bytes(data)
     read = read_point_table if name.endswith("vtu") else read_grid_table
-    given = {"first_mm": FIRST, "spacing_mm": STEP} if name.endswith("npy") else {}
+    given = {"lies": (FIRST, STEP)} if name.endswith("npy") else {}
     tracemalloc.start()
     try:
         with pytest.raises(FileError, match=reason):
