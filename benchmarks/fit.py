@@ -44,7 +44,7 @@ def main() -> None:
         started = time.perf_counter()
         fit = fit_law(OGDEN[3], sample, starts=50)
         seconds = time.perf_counter() - started
-        agreeing = f"{fit.agreeing} of {fit.starts} starts agree"
+        agreeing = f"{fit.starts_agreeing} of {fit.starts} starts agree"
         print(
             f"Ogden N=3, 50 starts, {len(sample.stretch):3d} points  {seconds:6.3f} s  {agreeing}"
         )

@@ -36,6 +36,7 @@ __all__ = [
     "ThinBandError",
     "UnknownNameError",
     "as_number",
+    "check_known",
     "did_you_mean",
     "listed",
     "nearest_names",
@@ -137,6 +138,15 @@ def did_you_mean(name: str, known: Iterable[str], most: int = 1) -> str:
     """Ask, with a space at the end, whether something near was meant; "" where nothing is near."""
     near = nearest_names(name, known)[:most]
     return f"did you mean {' or '.join(near)}? " if near else ""
+
+
+def check_known(
+    name: str, known: Iterable[str], said: str, kind: type[PlannerError] = ArgumentError
+) -> None:
+    """Refuse a name that is none of those known: what is near in place of {}, all behind."""
+    if name not in (all_ := list(known)):
+        before, _, after = said.rpartition("{}")
+        raise kind(f"{before}{did_you_mean(name, all_)}{after} {', '.join(all_)}")
 
 
 # ------------------------------------------------------------------------------------------------

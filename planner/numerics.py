@@ -14,6 +14,7 @@ __all__ = [
     "BoolArray",
     "Float32Array",
     "FloatArray",
+    "Int32Array",
     "IntArray",
     "Point",
     "as_point",
@@ -33,6 +34,7 @@ __all__ = [
 
 FloatArray: TypeAlias = NDArray[np.float64]
 Float32Array: TypeAlias = NDArray[np.float32]
+Int32Array: TypeAlias = NDArray[np.int32]
 IntArray: TypeAlias = NDArray[np.integer[Any]]
 BoolArray: TypeAlias = NDArray[np.bool_]
 Point: TypeAlias = tuple[float, float, float]

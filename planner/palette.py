@@ -40,17 +40,15 @@ __all__ = [
 ]
 
 
-LAW_PARAMETERS: Mapping[str, Mapping[str, int | None]] = MappingProxyType(
-    {
-        "linear": {"modulus_MPa": 1},
-        "yielding": {"modulus_MPa": 1, "flow_MPa": 1, "hardening_MPa": 1, "sharpness": 1},
-        "neo-hookean": {"mu_MPa": 1},
-        "yeoh": {"c_MPa": 3},
-        "ogden": {"mu_MPa": None, "alpha": None},
-        "martins": {"c1": 1, "c2_MPa": 1, "c3": 1, "c4_MPa": 1},
-        "ogden-thesis": {"c": 6, "strain_min": 1, "strain_max": 1},
-    }
-)
+LAW_PARAMETERS: Mapping[str, Mapping[str, int | None]] = {
+    "linear": {"modulus_MPa": 1},
+    "yielding": {"modulus_MPa": 1, "flow_MPa": 1, "hardening_MPa": 1, "sharpness": 1},
+    "neo-hookean": {"mu_MPa": 1},
+    "yeoh": {"c_MPa": 3},
+    "ogden": {"mu_MPa": None, "alpha": None},
+    "martins": {"c1": 1, "c2_MPa": 1, "c3": 1, "c4_MPa": 1},
+    "ogden-thesis": {"c": 6, "strain_min": 1, "strain_max": 1},
+}
 """The models a palette file may name, with the parameters of each, in file units, and the length of
 each: a single figure (1), a list (more), or lists of one length among them (None)."""
 
@@ -168,6 +166,10 @@ class Reading:
     __repr__ = brief
 
 
+_GREY = "#808080"
+"""Of a material that states no colour."""
+
+
 @dataclass(frozen=True, slots=True)
 class Material:
     """One digital material.
@@ -201,7 +203,7 @@ class Material:
     density_g_cm3: float
     law: LawParameters
     aliases: tuple[str, ...] = ()
-    colour: str = "#808080"
+    colour: str = _GREY
     source: str = ""
     deformation: Literal["elastic", "plastic"] = "elastic"
     modulus_log_sd: float = 0.0
@@ -284,10 +286,6 @@ class Palette:
             f"no material {name!r} in palette {self.name}; {hint}it has {', '.join(ids)}"
         )
 
-    def index(self, material: Material) -> int:
-        """Return the place of a material from soft (0) to hard."""
-        return self.materials.index(material)
-
 
 class _ReadingFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     name: str
@@ -303,7 +301,7 @@ class _MaterialFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     density_g_cm3: float
     law: dict[str, Any]
     aliases: list[str] = []
-    colour: str = "#808080"
+    colour: str = _GREY
     source: str = ""
     deformation: Literal["elastic", "plastic"] = "elastic"
     modulus_log_sd: float = 0.0
@@ -560,19 +558,16 @@ def _lines(palette: Palette) -> Iterator[str]:
         yield from _toml_material(material)
 
 
+_STATED = (
+    "id", "aliases", "coordinate", "elongation_at_break", "density_g_cm3", "deformation",
+    "modulus_log_sd",
+)  # fmt: skip
+
+
 def _toml_material(material: Material) -> Iterator[str]:
-    default = Material("", 0.0, 0.0, 0.0, material.law)
-    stated = {
-        "id": material.id,
-        "aliases": material.aliases,
-        "coordinate": material.coordinate,
-        "elongation_at_break": material.elongation_at_break,
-        "density_g_cm3": material.density_g_cm3,
-        "deformation": material.deformation,
-        "modulus_log_sd": material.modulus_log_sd,
-        "colour": None if material.colour == default.colour else material.colour,
-        "source": material.source or None,
-    }
+    colour = None if material.colour == _GREY else material.colour
+    stated = {name: getattr(material, name) for name in _STATED}
+    stated |= {"colour": colour, "source": material.source or None}
     yield from _table(("", "[[material]]"), stated)
     yield from _toml_law("law", material.law)
     if material.published is not None:

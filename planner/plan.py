@@ -312,15 +312,13 @@ class Plan:
 
     @one_line
     def __repr__(self) -> str:
+        failed = sum(not check.ok for check in self.checks.values())
+        beyond = (len(self.unreachable), "target out of reach")
+        wrong = outcome((failed, "check failed"), (len(self.findings), "finding"), beyond)
+        materials = counted(len({r.printed for r in self.regions}), "material")
         return (
-            f"{self.name}: {counted(len({r.printed for r in self.regions}), 'material')}, "
-            f"{counted(len(self.regions), 'region')}, {self.part.volume_mm3:.5g} mm3, "
-            f"{self.palette.name}; "
-            + outcome(
-                (sum(not check.ok for check in self.checks.values()), "check failed"),
-                (len(self.findings), "finding"),
-                (len(self.unreachable), "target out of reach"),
-            )
+            f"{self.name}: {materials}, {counted(len(self.regions), 'region')}, "
+            f"{self.part.volume_mm3:.5g} mm3, {self.palette.name}; {wrong}"
         )
 
     @property
@@ -357,9 +355,6 @@ class Plan:
 
     def howto(self) -> str:
         """Return the text of HOWTO.md: what the operator does, and which material goes where."""
-        return "\n".join([self.notes.rstrip(), "", *self._files_table(), ""])
-
-    def _files_table(self) -> list[str]:
         grams: dict[str, float] = {}
         for region in self.regions:
             grams[region.file] = grams.get(region.file, 0.0) + region.mass_g
@@ -370,8 +365,9 @@ class Plan:
         ]
         mixed = any(shell.constituents for shell in self.shells)
         head = ["## Which material to which file", "", "| file | material | grams | colour |"]
-        total = f"| all | | {sum(grams.values()):#.3g} | |"
-        return [*head, "| --- | --- | --- | --- |", *rows, total, *(_MIXTURES if mixed else ())]
+        total = [f"| all | | {sum(grams.values()):#.3g} | |", *(_MIXTURES if mixed else ()), ""]
+        notes = [self.notes.rstrip(), "", *head, "| --- | --- | --- | --- |"]
+        return "\n".join([*notes, *rows, *total])
 
     def write(
         self,

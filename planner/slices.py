@@ -21,7 +21,7 @@ from planner.formats.png import NOTHING, ImageKind, encode_layer
 from planner.formats.tables import encode_csv
 from planner.glance import brief, channels, counted, one_line, outcome
 from planner.mesh.mesh import Mesh, compact, weld
-from planner.numerics import IntArray, kernel
+from planner.numerics import FloatArray, Int32Array, IntArray, kernel
 from planner.plan import PartGraded, Plan, plan_file, read_plan, read_shells
 from planner.printers import Printer, load_printer
 from planner.voxels.columns import Grid, check_reach, deal_rows, grid_for, slab_runs, snap
@@ -61,8 +61,8 @@ class SlabTriangles:
     first_layer: int
     last_layer: int
     snapped: NDArray[np.int64]
-    faces: NDArray[np.int32]
-    members: NDArray[np.int32]
+    faces: Int32Array
+    members: Int32Array
     spans: int
 
     def alone(self) -> "SlabTriangles":
@@ -87,6 +87,10 @@ def iterate_slabs(mesh: Mesh, grid: Grid, slab_layers: int) -> Iterator[SlabTria
         yield SlabTriangles(grid.shape, first, last, snapped, mesh.faces, members, spans)
 
 
+_Slab = Sequence[SlabTriangles]
+"""The same layers of each shell."""
+
+
 def runs_along_x(slab: SlabTriangles) -> tuple[IntArray, IntArray, IntArray, int]:
     """Return the runs of inside voxels along x of one slab's layers.
 
@@ -108,6 +112,9 @@ def runs_along_x(slab: SlabTriangles) -> tuple[IntArray, IntArray, IntArray, int
 # ------------------------------------------------------------------------------------------------
 # A plan's shells, read back and placed on one grid of the printer's voxels.
 
+
+_Pitch = float | Sequence[float] | None
+"""Edges of a voxel along x, y, z, or one for all; the printer's own where there is none."""
 
 _UNKNOWN_COLOUR = "#808080"
 _MOST_SHELLS = 255  # labels are bytes
@@ -145,7 +152,7 @@ class _PlanShells:
 
 
 def _open_shells(
-    path: str | Path | Plan, pitch_mm: float | Sequence[float] | None, printer: str | Printer | None
+    path: str | Path | Plan, pitch_mm: _Pitch, printer: str | Printer | None
 ) -> _PlanShells:
     """Read the shells of a plan and verify that they are the ones it was written with.
 
@@ -182,9 +189,7 @@ def _open_shells(
     return _PlanShells(plan, hashlib.sha256(file.read_bytes()).hexdigest(), name, shells, grid)
 
 
-def _deal_slabs(
-    shells: _PlanShells, slab_layers: int | None = None
-) -> Iterator[tuple[SlabTriangles, ...]]:
+def _deal_slabs(shells: _PlanShells, slab_layers: int | None = None) -> Iterator[_Slab]:
     """Deal the triangles of all shells to slabs of layers, from the lowest up."""
     _, ny, nz = shells.grid.shape
     layers = max(1, min(_SLAB_ROWS // ny, nz)) if slab_layers is None else slab_layers
@@ -233,10 +238,7 @@ def _colours(root: Path, plan: Plan, machine: Printer | None, wanted: set[str]) 
     return {each.material_name: each.colour for each in read_threemf(file).objects if each.colour}
 
 
-def _pitch(
-    pitch_mm: float | Sequence[float] | None,
-    extent_mm: np.ndarray[tuple[int], np.dtype[np.float64]],
-) -> tuple[float, ...]:
+def _pitch(pitch_mm: _Pitch, extent_mm: FloatArray) -> tuple[float, ...]:
     try:
         edges = np.atleast_1d(np.asarray(pitch_mm, dtype=np.float64))
     except (TypeError, ValueError):
@@ -260,31 +262,19 @@ def _pitch(
 # The runs of several shells as one set of runs with a material each.
 
 
-@dataclass(frozen=True, eq=False)
-class _MaterialRuns:
-    """Runs along x of whole layers, as of `runs_along_x`, each with a label.
+_Runs = tuple[IntArray, IntArray, IntArray, IntArray]
+"""Runs along x of whole layers: offsets, start and stop, as of `runs_along_x`, and labels (runs,)
+int32, n + 1 of shell n."""
 
-    Attributes
-    ----------
-    label : (runs,) int32
-        Shell n has label n + 1.
-    voxels : (layers, shells) int64
-        Voxels of each shell by layer, as drawn.
-    overlapping
-        Voxels that lie in more than one shell; each is drawn once.
+
+def _join_shells(shells: _Slab) -> tuple[_Runs, NDArray[np.int64], int, int]:
+    """Join the runs that shells have in the same layers.
+
+    Returns
+    -------
+    runs, voxels, overlapping, open_rows
+        Each voxel is drawn once; the others are those of `_SlabImages`.
     """
-
-    offsets: IntArray
-    start: IntArray
-    stop: IntArray
-    label: IntArray
-    voxels: NDArray[np.int64]
-    overlapping: int
-    open_rows: int
-
-
-def _join_shells(shells: Sequence[SlabTriangles]) -> _MaterialRuns:
-    """Join the runs that shells have in the same layers."""
     ny, each = shells[0].shape[1], zip(*map(runs_along_x, shells), strict=True)
     own_offsets, starts, stops, open_rows = each
     rows = len(own_offsets[0]) - 1
@@ -297,10 +287,8 @@ def _join_shells(shells: Sequence[SlabTriangles]) -> _MaterialRuns:
     place = offsets[:, 0].copy()
     made = (new_offsets, joined[0], joined[1], label, voxels)
     runs, overlapping = _join(offsets, start, stop, ny, place, *made)
-    return _MaterialRuns(
-        *(new_offsets, joined[0, :runs], joined[1, :runs], label[:runs], voxels, int(overlapping)),
-        sum(open_rows),
-    )
+    drawn = (new_offsets, joined[0, :runs], joined[1, :runs], label[:runs])
+    return drawn, voxels, int(overlapping), sum(open_rows)
 
 
 @kernel
@@ -371,14 +359,13 @@ class _SlabImages:
     open_rows: int
 
 
-def _make_slab(kind: ImageKind, shells: Sequence[SlabTriangles]) -> _SlabImages:
+def _make_slab(kind: ImageKind, shells: _Slab) -> _SlabImages:
     """Make the images of a slab: the triangles of each shell there, and how images look."""
     nx, ny, _ = shells[0].shape
-    runs = _join_shells(shells)
-    drawn = (runs.offsets, runs.start, runs.stop, runs.label)
-    rows = range(0, len(runs.offsets) - 1, ny)
-    images = tuple(encode_layer(drawn, (row, row + ny), nx, kind) for row in rows)
-    return _SlabImages(shells[0].first_layer, images, runs.voxels, runs.overlapping, runs.open_rows)
+    runs, voxels, overlapping, open_rows = _join_shells(shells)
+    rows = range(0, len(runs[0]) - 1, ny)
+    images = tuple(encode_layer(runs, (row, row + ny), nx, kind) for row in rows)
+    return _SlabImages(shells[0].first_layer, images, voxels, overlapping, open_rows)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -408,10 +395,7 @@ class Layer:
 
 
 def iterate_layers(
-    plan: str | Path | Plan,
-    *,
-    pitch_mm: float | Sequence[float] | None = None,
-    printer: str | Printer | None = None,
+    plan: str | Path | Plan, *, pitch_mm: _Pitch = None, printer: str | Printer | None = None
 ) -> Iterator[Layer]:
     """Make the layers of a plan's folder, from the lowest up; a few are in memory at a time.
 
@@ -443,11 +427,11 @@ def iterate_layers(
     grid, materials = source.grid, tuple(shell.material for shell in source.shells)
     nx, ny, _ = grid.shape
     for slab in _deal_slabs(source):
-        runs = _join_shells(slab)
+        runs, *_ = _join_shells(slab)
         for index in range(slab[0].first_layer, slab[0].last_layer):
             label = np.zeros((ny, nx), np.uint8)
             first = (index - slab[0].first_layer) * ny
-            _paint(runs.offsets, runs.start, runs.stop, runs.label, first, label)
+            _paint(*runs, first, label)
             z_mm = grid.origin_mm[2] + (index + 0.5) * grid.pitch_mm[2]
             yield Layer(index, z_mm, label, materials)
 
@@ -522,14 +506,11 @@ class SliceStack:
     @property
     def findings(self) -> tuple[str, ...]:
         """What is wrong with the plan's shells, in words."""
-        found = []
-        if self.overlapping:
-            found.append(
-                f"{self.overlapping} voxels lie in more than one shell; each is drawn once"
-            )
-        if self.open_rows:
-            found.append(f"{self.open_rows} rows of voxels enter a shell that they do not leave")
-        return tuple(f"{text}: run planner check on the plan" for text in found)
+        counts = {
+            "voxels lie in more than one shell; each is drawn once": self.overlapping,
+            "rows of voxels enter a shell that they do not leave": self.open_rows,
+        }
+        return tuple(f"{n} {why}: run planner check on the plan" for why, n in counts.items() if n)
 
     @property
     def ok(self) -> bool:
@@ -587,7 +568,7 @@ _LARGE_TASK = "distributed.admin.large-graph-warning-threshold"
 
 
 def _make_slabs_on(
-    scheduler: str, kind: ImageKind, slabs: Iterator[Sequence[SlabTriangles]]
+    scheduler: str, kind: ImageKind, slabs: Iterator[_Slab]
 ) -> Iterator[_SlabImages]:
     """Make slabs on a cluster, and yield them as they come.
 
@@ -634,13 +615,9 @@ def _make_slabs_on(
 
 
 def _client(distributed: Any, scheduler: str) -> Any:
-    try:
+    silent = f"no scheduler answers there within {_CONNECT_S} s; give the address that dask"
+    with refused(ArgumentError, f"`scheduler` {scheduler}", f"{silent} scheduler prints", OSError):
         return distributed.Client(scheduler, timeout=_CONNECT_S, set_as_default=False)
-    except OSError as error:  # TimeoutError is one
-        raise ArgumentError(
-            f"`scheduler` {scheduler}: no scheduler answers there within {_CONNECT_S} s; give the "
-            "address that dask scheduler prints"
-        ) from error
 
 
 def _threads(client: Any, scheduler: str) -> int:
@@ -650,7 +627,7 @@ def _threads(client: Any, scheduler: str) -> int:
     return max(1, int(sum(client.nthreads().values())))
 
 
-def _make_elsewhere(kind: ImageKind, shells: Sequence[SlabTriangles], version: str) -> _SlabImages:
+def _make_elsewhere(kind: ImageKind, shells: _Slab, version: str) -> _SlabImages:
     """Make a slab, if this is the planner that asked: another might choose other voxels."""
     from planner import __version__
 
@@ -731,7 +708,7 @@ def write_slices(
     plan: str | Path | Plan,
     output: str | Path,
     *,
-    pitch_mm: float | Sequence[float] | None = None,
+    pitch_mm: _Pitch = None,
     indexed: bool = False,
     printer: str | Printer | None = None,
     scheduler: str | None = None,

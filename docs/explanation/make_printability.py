@@ -4,7 +4,7 @@ Small parts that show one finding each, and one whose cut is moved, are graded; 
 in the middle and drawn with the place and size that the finding tells.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,7 +15,7 @@ import planner
 from planner.grading.snap import snap_limit_mm
 from planner.plan import Shell
 from planner.printers import load_printer
-from planner.report.svg import INK, Panel, in_rows, picture, rectangle, segment, text
+from planner.report.svg import INK, in_rows, picture, rectangle, segment, text
 
 TARGET = Path(__file__).with_name("printability.svg")
 MACHINE = load_printer("connex3")
@@ -107,7 +107,7 @@ def figure() -> bytes:
     return picture(width + 20.0, bottom + 30.0, whole, title=title)
 
 
-def panel(example: Example) -> Panel:
+def panel(example: Example) -> Callable[[float, float], Iterator[str]]:
     """Return what draws one example: its section, the finding's place and size, the limit."""
     snap = {} if example.snap_mm is None else {"snap_mm": example.snap_mm}
     plan = planner.grade(

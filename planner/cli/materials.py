@@ -603,7 +603,7 @@ def _print_candidates(result: "planner.PaletteStudy") -> None:
             f"{one.fit.adjusted_r2:.5f}",
             f"{100 * one.fit.nrmse:.2f} %",
             "yes" if (at := one.unstable_strain) is None else f"falls at {format_number(at, 2)}",
-            f"{one.fit.agreeing}/{one.fit.starts}",
+            f"{one.fit.starts_agreeing}/{one.fit.starts}",
         ]
         for name, fit in result.fits.items()
         for k, one in enumerate(fit.choice.candidates)

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -53,10 +53,7 @@ class AxisField:
     start_mm: float
     span_mm: float
 
-    @property
-    def name(self) -> str:
-        """Kind of field, as a plan names it."""
-        return "axis"
+    name = "axis"
 
     def values(self, points_mm: FloatArray) -> FloatArray:
         """Field at points (n, 3) in mm: (n,)."""
@@ -64,12 +61,7 @@ class AxisField:
 
     def description(self) -> dict[str, object]:
         """Everything needed to build the field again, as JSON values."""
-        return {
-            "name": self.name,
-            "direction": list(self.direction),
-            "start_mm": self.start_mm,
-            "span_mm": self.span_mm,
-        }
+        return {"name": self.name, **asdict(self), "direction": list(self.direction)}
 
     def plane(self, level: float) -> tuple[FloatArray, float]:
         """Return unit normal and offset in mm of the plane n . x = offset where u = level."""

@@ -8,12 +8,11 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
-from planner.errors import ArgumentError, FileError, MeshError, did_you_mean
+from planner.errors import ArgumentError, FileError, MeshError, check_known, did_you_mean, refused
 from planner.fields.basic import (
     AxisField,
     Field,
@@ -24,13 +23,7 @@ from planner.fields.basic import (
     axis_field,
     project,
 )
-from planner.fields.solved import (
-    between_cells,
-    cells_of,
-    geodesic_field,
-    harmonic_field,
-    points_field,
-)
+from planner.fields.solved import cells_of, geodesic_field, harmonic_field, over_cells, points_field
 from planner.formats.field_file import GridTable, read_grid_table, read_point_table
 from planner.formats.files import path_within, read_file
 from planner.formats.mesh_file import EXTENSIONS, read_mesh
@@ -53,22 +46,18 @@ _VARIABLES = ("x", "y", "z", "r", "d", "u")
 """Position in the part's own coordinates, distance from the z axis of its file, and depth below its
 surface, all in mm; and 0 to 1 along its longest side."""
 
-_CONSTANTS = MappingProxyType({"pi": np.pi, "e": np.e})
-_FUNCTIONS: Mapping[str, tuple[int, Callable[..., _Value]]] = MappingProxyType(
-    {
-        "sin": (1, np.sin), "cos": (1, np.cos), "tan": (1, np.tan), "asin": (1, np.arcsin),
-        "acos": (1, np.arccos), "atan": (1, np.arctan), "atan2": (2, np.arctan2),
-        "sinh": (1, np.sinh), "cosh": (1, np.cosh), "tanh": (1, np.tanh), "exp": (1, np.exp),
-        "log": (1, np.log), "sqrt": (1, np.sqrt), "abs": (1, np.abs), "hypot": (2, np.hypot),
-        "min": (2, np.minimum), "max": (2, np.maximum), "clamp": (3, np.clip),
-    }
-)  # fmt: skip
-_BINARY: Mapping[type[ast.operator], Callable[[_Value, _Value], _Value]] = MappingProxyType(
-    {
-        ast.Add: np.add, ast.Sub: np.subtract, ast.Mult: np.multiply, ast.Div: np.true_divide,
-        ast.Pow: np.power, ast.Mod: np.mod,
-    }
-)  # fmt: skip
+_CONSTANTS = {"pi": np.pi, "e": np.e}
+_FUNCTIONS: Mapping[str, tuple[int, Callable[..., _Value]]] = {
+    "sin": (1, np.sin), "cos": (1, np.cos), "tan": (1, np.tan), "asin": (1, np.arcsin),
+    "acos": (1, np.arccos), "atan": (1, np.arctan), "atan2": (2, np.arctan2),
+    "sinh": (1, np.sinh), "cosh": (1, np.cosh), "tanh": (1, np.tanh), "exp": (1, np.exp),
+    "log": (1, np.log), "sqrt": (1, np.sqrt), "abs": (1, np.abs), "hypot": (2, np.hypot),
+    "min": (2, np.minimum), "max": (2, np.maximum), "clamp": (3, np.clip),
+}  # fmt: skip
+_BINARY: Mapping[type[ast.operator], Callable[[_Value, _Value], _Value]] = {
+    ast.Add: np.add, ast.Sub: np.subtract, ast.Mult: np.multiply, ast.Div: np.true_divide,
+    ast.Pow: np.power, ast.Mod: np.mod,
+}  # fmt: skip
 _LONGEST, _FORMULA_DEEPEST, _LARGEST = 1000, 60, 1e300
 
 
@@ -108,13 +97,9 @@ def _formula_of(node: ast.expr, text: str, depth: int) -> _Formula:
         case ast.Constant(value=int() | float() as number) if abs(number) < _LARGEST:
             return lambda known: float(number)
         case ast.Name(id=name):
-            if name in _VARIABLES or name in _CONSTANTS:
-                return lambda known: known[name]
-            variables = [*_VARIABLES, *_CONSTANTS]
-            raise ArgumentError(
-                f"expression {text!r}: {name} is unknown; {did_you_mean(name, variables)}"
-                f"variables are {', '.join(variables)}"
-            )
+            said = f"expression {text!r}: {name} is unknown; {{}}variables are"
+            check_known(name, [*_VARIABLES, *_CONSTANTS], said)
+            return lambda known: known[name]
         case ast.UnaryOp(op=ast.UAdd() | ast.USub() as sign, operand=operand):
             inner = _formula_of(operand, text, depth + 1)
             return inner if isinstance(sign, ast.UAdd) else lambda known: -inner(known)
@@ -122,11 +107,8 @@ def _formula_of(node: ast.expr, text: str, depth: int) -> _Formula:
             first, second = (_formula_of(side, text, depth + 1) for side in (left, right))
             return lambda known: _BINARY[type(operator)](first(known), second(known))
         case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]):
-            if name not in _FUNCTIONS:
-                raise ArgumentError(
-                    f"expression {text!r}: there is no function {name}; "
-                    f"{did_you_mean(name, _FUNCTIONS)}functions are {', '.join(_FUNCTIONS)}"
-                )
+            said = f"expression {text!r}: there is no function {name}; {{}}functions are"
+            check_known(name, _FUNCTIONS, said)
             count, function = _FUNCTIONS[name]
             if len(arguments) != count:
                 raise ArgumentError(
@@ -192,13 +174,6 @@ def _half_space(point_mm: Point, normal: Point) -> FieldRegion:
     )
 
 
-def _inside_mesh(mesh: Mesh, file: str, sha256: str) -> FieldRegion:
-    """Return what lies inside a closed mesh."""
-    tree = triangle_tree(mesh)
-    says = {"file": file, "sha256": sha256}
-    return FieldRegion(lambda points_mm: ~distances(tree, points_mm)[1], says)
-
-
 # ------------------------------------------------------------------------------------------------
 # A smooth piece of a surface, such as the wall of a hole, from one picked point.
 
@@ -226,13 +201,6 @@ def _smooth_patch(mesh: Mesh, point_mm: FloatArray) -> Mesh:
     smooth = (normal[one] * normal[other]).sum(axis=1) > _CREASE
     group = connected(len(mesh.faces), one[smooth], other[smooth])
     return Mesh(mesh.vertices, mesh.faces[group == group[picked]])
-
-
-def _faces_within(mesh: Mesh, low_mm: FloatArray, high_mm: FloatArray) -> Mesh:
-    """Return the faces whose three corners lie in a box."""
-    corners = mesh.triangles
-    held = ((corners >= low_mm) & (corners <= high_mm)).all(axis=(1, 2))
-    return Mesh(mesh.vertices, mesh.faces[held])
 
 
 # ------------------------------------------------------------------------------------------------
@@ -393,7 +361,8 @@ class FieldArguments:
             return _half_space(*self.line(key, rest))
         if Path(text).suffix.casefold().lstrip(".") in EXTENSIONS:
             mesh, sha256 = _mesh_in_place(Path(text), self.origin_mm)
-            return _inside_mesh(mesh, Path(text).name, sha256)
+            tree, says = triangle_tree(mesh), {"file": Path(text).name, "sha256": sha256}
+            return FieldRegion(lambda points_mm: ~distances(tree, points_mm)[1], says)
         raise ArgumentError(f"field {self.kind}: {key}={text!r} is no region; it may be {_REGIONS}")
 
     def _placed(self, own: Sequence[float]) -> Point:
@@ -503,13 +472,13 @@ def _distance(given: FieldArguments, setting: Setting) -> Field:
         tree = triangle_tree(_smooth_patch(setting.mesh, np.array(picked)))
         says = {"of": "hole", "point_mm": list(picked)}
     elif which == "box":
-        low_mm, high_mm = given.box("box")
-        patch = _faces_within(setting.mesh, np.array(low_mm), np.array(high_mm))
-        if not len(patch.faces):
+        (low_mm, high_mm), corners = given.box("box"), setting.mesh.triangles
+        held = ((corners >= low_mm) & (corners <= high_mm)).all(axis=(1, 2))
+        if not held.any():
             raise ArgumentError(
                 "field distance: no face of the part lies wholly in box=; make it larger"
             )
-        tree = triangle_tree(patch)
+        tree = triangle_tree(Mesh(setting.mesh.vertices, setting.mesh.faces[held]))
         says = {"of": "faces", "box_mm": [list(low_mm), list(high_mm)]}
     elif not given.words or given.words[0] == "surface":
         tree, says, depth = setting.surface, {"of": "surface"}, True
@@ -535,7 +504,7 @@ def _geodesic(given: FieldArguments, setting: Setting) -> Field:
     if "start" not in given.named:
         raise ArgumentError("field geodesic: give where ways begin, as in start=x<3")
     region, ends = given.region("start"), (given.number("from"), given.number("to"))
-    return geodesic_field(setting.mesh, region, setting.pitch_mm, *ends, setting.origin_mm)
+    return geodesic_field(setting.mesh, region, setting.pitch_mm, ends, setting.origin_mm)
 
 
 def _expression(given: FieldArguments, setting: Setting) -> Field:
@@ -563,14 +532,15 @@ def _expression(given: FieldArguments, setting: Setting) -> Field:
 def _table(given: FieldArguments, setting: Setting) -> Field:
     path = _file(given, ".csv, .npy or .vti")
     first, step = given.triple("origin"), given.triple("step")
-    table = read_grid_table(path, array=given.named.get("array"), first_mm=first, spacing_mm=step)
+    lies = (first, step) if first and step else None
+    table = read_grid_table(path, array=given.named.get("array"), lies=lies)
     return _tabled(path.name, table, given, setting)
 
 
 def _tabled(name: str, table: GridTable, given: FieldArguments, setting: Setting) -> Field:
     corner = np.array(table.first_mm) - 0.5 * np.array(table.spacing_mm) + setting.origin_mm
     nx, ny, nz = table.values.shape
-    quantity = between_cells(Grid(as_point(corner), table.spacing_mm, (nx, ny, nz)), table.values)
+    quantity = over_cells(Grid(as_point(corner), table.spacing_mm, (nx, ny, nz)), table.values)
     says = {"file": name, "sha256": table.sha256}
     if given.named.get("array"):
         says["array"] = given.named["array"]
@@ -618,8 +588,8 @@ def field_of(says: Mapping[str, Any], origin_mm: Point, folder: Path | None) -> 
 def _points(given: FieldArguments, setting: Setting) -> Field:
     path = _file(given, ".csv or .vtu")
     points, values, sha256 = read_point_table(path, array=given.named.get("array"))
-    at, ends = points + np.array(setting.origin_mm), ("from", "to")
-    return points_field(path.name, sha256, at, values, *map(given.number, ends))
+    at, ends = points + np.array(setting.origin_mm), (given.number("from"), given.number("to"))
+    return points_field(path.name, sha256, at, values, ends)
 
 
 def _file(given: FieldArguments, endings: str) -> Path:
@@ -631,18 +601,16 @@ def _file(given: FieldArguments, endings: str) -> Path:
 _Build = Callable[[FieldArguments, Setting], Field]
 
 # How each field is built; the keys that it takes (None: its text as it stands), and how many words.
-_KINDS: Mapping[str, tuple[_Build, tuple[str, ...] | None, int]] = MappingProxyType(
-    {
-        "axis": (_axis, None, 1),
-        "radial": (_radial, ("point", "line", "from", "to"), 0),
-        "distance": (_distance, ("plane", "hole", "box", "from", "to"), 1),
-        "harmonic": (_harmonic, ("from", "to"), 0),
-        "geodesic": (_geodesic, ("start", "from", "to"), 0),
-        "expression": (_expression, None, 1),
-        "table": (_table, ("array", "origin", "step", "from", "to"), 1),
-        "points": (_points, ("array", "from", "to"), 1),
-    }
-)
+_KINDS: Mapping[str, tuple[_Build, tuple[str, ...] | None, int]] = {
+    "axis": (_axis, None, 1),
+    "radial": (_radial, ("point", "line", "from", "to"), 0),
+    "distance": (_distance, ("plane", "hole", "box", "from", "to"), 1),
+    "harmonic": (_harmonic, ("from", "to"), 0),
+    "geodesic": (_geodesic, ("start", "from", "to"), 0),
+    "expression": (_expression, None, 1),
+    "table": (_table, ("array", "origin", "step", "from", "to"), 1),
+    "points": (_points, ("array", "from", "to"), 1),
+}
 
 
 # ------------------------------------------------------------------------------------------------
@@ -731,47 +699,42 @@ def _parts(text: str) -> list[str]:
 
 
 def _composed(rule: str, parts: list[str], text: str, setting: Setting, depth: int) -> Field:
-    wish = f"`field` {text.strip()!r}"
+    wish, numbers = f"`field` {text.strip()!r}", dict[str, float]()
     if rule in ("min", "max"):
         if len(parts) < 2:
             raise ArgumentError(f"{wish}: give two or more fields, parted by ;")
-        fields = [_parse(part, setting, depth) for part in parts]
-        return _made_of(rule, np.minimum.reduce if rule == "min" else np.maximum.reduce, fields)
-    if len(parts) != 3:
+    elif len(parts) != 3:
         raise ArgumentError(f"{wish}: {rule} takes {_RULES[rule]}")
-    if rule == "blend":
-        weight = _number(parts[2], text)
-        if not 0.0 <= weight <= 1.0:
-            raise ArgumentError(f"{wish}: the weight {weight:g} is not 0 to 1")
-        fields = [_parse(part, setting, depth) for part in parts[:2]]
-        return _made_of(
-            rule, lambda v: (1.0 - weight) * v[0] + weight * v[1], fields, weight=weight
-        )
-    low, high = _number(parts[1], text), _number(parts[2], text)
-    if not low < high:
-        raise ArgumentError(f"{wish}: {low:g} is not below {high:g}")
-    fields = [_parse(parts[0], setting, depth)]
-    return _made_of(rule, lambda v: np.clip(v[0], low, high), fields, low=low, high=high)
-
-
-def _made_of(
-    name: str, join: Callable[[list[FloatArray]], FloatArray], fields: list[Field], **says: object
-) -> FunctionField:
-    """Return a field of the values of other fields."""
+    elif rule == "blend":
+        *parts, last = parts
+        numbers = {"weight": _number(last, wish)}
+        if not 0.0 <= numbers["weight"] <= 1.0:
+            raise ArgumentError(f"{wish}: the weight {numbers['weight']:g} is not 0 to 1")
+    else:
+        low, high = (_number(part, wish) for part in parts[1:])
+        if not low < high:
+            raise ArgumentError(f"{wish}: {low:g} is not below {high:g}")
+        parts, numbers = parts[:1], {"low": low, "high": high}
+    fields = [_parse(part, setting, depth) for part in parts]
     return FunctionField(
-        name,
-        lambda points_mm: np.asarray(join([one.values(points_mm) for one in fields])),
-        {"fields": [one.description() for one in fields], **says},
+        rule,
+        lambda points_mm: _joined(rule, numbers, [one.values(points_mm) for one in fields]),
+        {"fields": [one.description() for one in fields], **numbers},
     )
 
 
-def _number(part: str, text: str) -> float:
-    try:
+def _joined(rule: str, numbers: Mapping[str, float], values: list[FloatArray]) -> FloatArray:
+    """Return what a rule makes of the values of fields."""
+    if rule == "blend":
+        return (1.0 - numbers["weight"]) * values[0] + numbers["weight"] * values[1]
+    if rule == "clamp":
+        return np.clip(values[0], numbers["low"], numbers["high"])
+    return np.asarray((np.minimum if rule == "min" else np.maximum).reduce(values))
+
+
+def _number(part: str, wish: str) -> float:
+    with refused(ArgumentError, wish, f"{part.strip()!r} must be a number", ValueError):
         return float(part)
-    except ValueError:
-        raise ArgumentError(
-            f"`field` {text.strip()!r}: {part.strip()!r} must be a number"
-        ) from None
 
 
 # ------------------------------------------------------------------------------------------------

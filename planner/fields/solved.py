@@ -9,10 +9,10 @@ from planner.errors import ArgumentError
 from planner.fields.basic import FieldRegion, FunctionField, Quantity, Ramp
 from planner.glance import place_text
 from planner.mesh.mesh import Mesh
-from planner.numerics import BoolArray, FloatArray, IntArray, Point, kernel
+from planner.numerics import BoolArray, FloatArray, Point, kernel
 from planner.voxels.columns import Grid, dense, grid_for, voxelize
 
-__all__ = ["between_cells", "cells_of", "geodesic_field", "harmonic_field", "points_field"]
+__all__ = ["cells_of", "geodesic_field", "harmonic_field", "over_cells", "points_field"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -25,7 +25,7 @@ _MOST_CELLS = 3_000_000
 _CRUMB = 1e-3  # of all cells
 
 
-def between_cells(grid: Grid, values: FloatArray) -> Quantity:
+def over_cells(grid: Grid, values: FloatArray) -> Quantity:
     """Return values (nx, ny, nz) at cell centres as a function of points (n, 3).
 
     It is linear between centres along each axis; beyond the outermost as at them.
@@ -55,15 +55,17 @@ def _solved_cells(mesh: Mesh, pitch_mm: float) -> tuple[float, Grid, BoolArray]:
     return pitch_mm, *cells_of(mesh, pitch_mm)
 
 
-def _reached_cells(inside: BoolArray, seeds: BoolArray) -> tuple[BoolArray, IntArray | None]:
-    """Keep the cells that are connected to seeds.
+def _reached_cells(
+    inside: BoolArray, seeds: BoolArray, grid: Grid, origin_mm: Point, lost: str
+) -> BoolArray:
+    """Keep the cells (nx, ny, nz) that are connected to seeds.
 
-    Returns
-    -------
-    reached : (nx, ny, nz) bool
-        Without crumbs: a few cells at a corner that touch no other.
-    lost : (3,) int or None
-        A cell of the largest body without a seed, where that is more than a crumb.
+    Crumbs are left out: a few cells at a corner that touch no other.
+
+    Raises
+    ------
+    ArgumentError
+        A larger body has no seed: what is `lost`, its place instead of {}.
     """
     from scipy import ndimage
 
@@ -75,8 +77,12 @@ def _reached_cells(inside: BoolArray, seeds: BoolArray) -> tuple[BoolArray, IntA
     size[known], size[0] = 0, 0
     worst = int(np.argmax(size))
     if size[worst] > _CRUMB * np.count_nonzero(inside):
-        return inside, np.argwhere(body == worst)[0]
-    return np.asarray(known[body]), None
+        place = place_text(grid.centre_mm(np.argwhere(body == worst)[0]) - origin_mm)
+        raise ArgumentError(
+            f"field {lost.replace('{}', place)}; name a region in each body, or take a finer "
+            "`pitch_mm` if a wall is thinner than a cell"
+        )
+    return np.asarray(known[body])
 
 
 def _spread_values(values: FloatArray, known: BoolArray, layers: int = 3) -> None:
@@ -173,17 +179,12 @@ def harmonic_field(
         )
     fixed = np.full(inside.shape, np.nan)
     fixed[tuple(index[first].T)], fixed[tuple(index[second].T)] = 0.0, 1.0
-    reached, lost = _reached_cells(inside, np.isfinite(fixed))
-    if lost is not None:
-        raise ArgumentError(
-            f"field harmonic: the body at {place_text(grid.centre_mm(lost) - origin_mm)} touches "
-            "neither region; name a region in each body, or take a finer `pitch_mm` if a wall is "
-            "thinner than a cell"
-        )
+    lost = "harmonic: the body at {} touches neither region"
+    reached = _reached_cells(inside, np.isfinite(fixed), grid, origin_mm, lost)
     values = _solve_laplace(reached, fixed)
     _spread_values(values, reached)
     says = {"from": dict(start.says), "to": dict(end.says), "cells_mm": pitch_mm}
-    return FunctionField("harmonic", between_cells(grid, values), says)
+    return FunctionField("harmonic", over_cells(grid, values), says)
 
 
 def _box(mesh: Mesh, origin_mm: Point) -> str:
@@ -308,13 +309,12 @@ def _conjugate_gradients(neighbours: Any, free: Any, x: Any, work: Any, precisio
 # The shortest way through the part from a region.
 
 
+_Ends = tuple[float | None, float | None]
+"""Where a field is 0 and 1, if that is stated."""
+
+
 def geodesic_field(
-    mesh: Mesh,
-    start: FieldRegion,
-    pitch_mm: float,
-    from_mm: float | None = None,
-    to_mm: float | None = None,
-    origin_mm: Point = (0.0, 0.0, 0.0),
+    mesh: Mesh, start: FieldRegion, pitch_mm: float, ends: _Ends, origin_mm: Point
 ) -> FunctionField:
     """Measure shortest ways within a part from a region, on cells (fast sweeping, Zhao 2005).
 
@@ -339,21 +339,16 @@ def geodesic_field(
         )
     seeds = np.zeros_like(inside)
     seeds[tuple(index[held].T)] = True
-    reached, stray = _reached_cells(inside, seeds)
-    if stray is not None:
-        raise ArgumentError(
-            f"field geodesic: no way leads from start= to "
-            f"{place_text(grid.centre_mm(stray) - origin_mm)} within the part; name a region in "
-            "each body, or take a finer `pitch_mm` if a wall is thinner than a cell"
-        )
+    lost = "geodesic: no way leads from start= to {} within the part"
+    reached = _reached_cells(inside, seeds, grid, origin_mm, lost)
     length = np.full(tuple(n + 2 for n in inside.shape), np.inf)  # a border saves all tests
     length[tuple((index[held] + 1).T)] = 0.0
     _sweep(length, np.pad(~reached, 1, constant_values=True), pitch_mm)
     cells = length[1:-1, 1:-1, 1:-1].copy()
-    ramp = Ramp.over(cells[reached], 0.0 if from_mm is None else from_mm, to_mm)
+    ramp = Ramp.over(cells[reached], 0.0 if ends[0] is None else ends[0], ends[1])
     _spread_values(cells, reached)
     says = {"start": dict(start.says), "cells_mm": pitch_mm}
-    return ramp.along(between_cells(grid, cells), "geodesic", says)
+    return ramp.along(over_cells(grid, cells), "geodesic", says)
 
 
 @kernel
@@ -402,9 +397,8 @@ _NEAREST = 8
 
 
 def points_field(
-    file: str, sha256: str, points_mm: FloatArray, quantity: FloatArray,
-    start: float | None, stop: float | None,
-) -> FunctionField:  # fmt: skip
+    file: str, sha256: str, points_mm: FloatArray, quantity: FloatArray, ends: _Ends
+) -> FunctionField:
     """Build the field of scattered values: a mean of the nearest, those nearer weighing more.
 
     Weights fall to nothing at the ninth nearest (modified Shepard, Franke and Nielson 1980), so
@@ -433,4 +427,4 @@ def points_field(
         return np.asarray((weight * mean[which]).sum(axis=1))
 
     says = {"file": file, "sha256": sha256}
-    return Ramp.over(mean, start, stop).along(at, "points", says, length=False)
+    return Ramp.over(mean, *ends).along(at, "points", says, length=False)

@@ -248,6 +248,8 @@ def _whole(text: str) -> int | None:
     return int(text) if text.isascii() and text.isdigit() and len(text) < 19 else None
 
 
+_Lies = tuple[Point, Point] | None
+
 _COLUMNS = ("x_mm", "y_mm", "z_mm")
 
 
@@ -272,12 +274,7 @@ class GridTable:
 
 
 def read_grid_table(
-    path: Path,
-    *,
-    array: str | None = None,
-    first_mm: Point | None = None,
-    spacing_mm: Point | None = None,
-    data: bytes | None = None,
+    path: Path, *, array: str | None = None, lies: _Lies = None, data: bytes | None = None
 ) -> GridTable:
     """Read values on a regular grid.
 
@@ -288,8 +285,8 @@ def read_grid_table(
         ``.npy`` with three axes x, y, z; or ``.vti``.
     array
         Name of the values where a file has several.
-    first_mm, spacing_mm
-        Of a ``.npy``, which does not say.
+    lies
+        Of a ``.npy``, which does not say: the place of the first value, and the steps.
     data
         The bytes of a ``.vti`` that is not on disk.
 
@@ -301,12 +298,11 @@ def read_grid_table(
     data = read_file(path, advice="check the name") if data is None else data
     kind = path.suffix.casefold()
     if kind == ".npy":
-        if first_mm is None or spacing_mm is None:
+        if lies is None:
             raise ArgumentError(
                 f"{path}: a .npy does not say where it lies; give origin= and step="
             )
-        values = _npy(data, path)
-        first, spacing = first_mm, spacing_mm
+        (first, spacing), values = lies, _npy(data, path)
     elif kind == ".vti":
         first, spacing, values = _read_vti(data, str(path), array)
     elif kind == ".csv":

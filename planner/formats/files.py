@@ -55,23 +55,18 @@ def read_file(path: str | Path, *, advice: str = "", error: type[FileError] = Fi
         No file, or one that cannot be read or is larger than the memory that is free.
     """
     then = f"; {advice}" if advice else ""
-    try:
+    # A ValueError tells a zero byte in the name.
+    with refused(error, path, f"cannot be read ({{}}){then}", OSError, ValueError):
         found = Path(path).stat()
         if not stat.S_ISREG(found.st_mode):
             what = "a folder" if stat.S_ISDIR(found.st_mode) else "a device or a pipe"
             raise error(f"{path}: is {what}, not a file{then}")
-        if _HELD * found.st_size > free_memory_bytes():
-            raise MemoryError
-        return Path(path).read_bytes()
-    except (OSError, ValueError) as refused:  # ValueError: a zero byte in the name
-        reason = getattr(refused, "strerror", None) or refused
-        raise error(f"{path}: cannot be read ({reason}){then}") from refused
-    except MemoryError as refused:
         size, free = found.st_size / 1e9, free_memory_bytes() / 1e9
-        raise error(
-            f"{path}: holds {size:.3g} GB, too much for the {free:.3g} GB of memory that are free; "
-            "take a smaller file"
-        ) from refused
+        large = f"holds {size:.3g} GB, too much for the {free:.3g} GB of memory that are free"
+        with refused(error, path, f"{large}; take a smaller file", MemoryError):
+            if _HELD * size > free:
+                raise MemoryError
+            return Path(path).read_bytes()
 
 
 _HELD = 2.5
@@ -164,32 +159,29 @@ def unpacked(data: bytes, name: str, most_bytes: int = _LARGEST) -> Iterator[tup
         No zip archive, a packing other than deflate, or more than is promised or allowed.
     """
     most_bytes = min(most_bytes, most_unpacked(len(data)))
-    try:
-        with zipfile.ZipFile(io.BytesIO(data)) as archive:
-            promised = sum(member.file_size for member in archive.infolist())
-            if promised > most_bytes:
-                raise FileError(
-                    f"{name}: {len(data):,} bytes that unpack to {promised:,}; at most "
-                    f"{most_bytes:,} are read: it is damaged, or made to exhaust memory; export "
-                    "the part again"
-                )
-            for member in archive.infolist():
-                if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
-                    raise FileError(
-                        f"{name}: {member.filename} is packed by method {member.compress_type}; "
-                        "only deflate is read: zip it again"
-                    )
-                # At least a byte: who reads none is not told that there is more than promised.
-                with archive.open(member) as stream:
-                    content = stream.read(max(member.file_size, 1))
-                if len(content) < member.file_size:
-                    raise EOFError(f"{member.filename} is cut short")
-                yield member.filename, content
+    said = "not a zip archive that can be read ({}); copy or export the file again"
     # The last of a member that is encrypted.
-    except (zipfile.BadZipFile, zlib.error, ValueError, OSError, EOFError, RuntimeError) as error:
-        raise FileError(
-            f"{name}: not a zip archive that can be read ({error}); copy or export the file again"
-        ) from error
+    broken = (zipfile.BadZipFile, zlib.error, ValueError, OSError, EOFError, RuntimeError)
+    with refused(FileError, name, said, *broken), zipfile.ZipFile(io.BytesIO(data)) as archive:
+        promised = sum(member.file_size for member in archive.infolist())
+        if promised > most_bytes:
+            raise FileError(
+                f"{name}: {len(data):,} bytes that unpack to {promised:,}; at most "
+                f"{most_bytes:,} are read: it is damaged, or made to exhaust memory; export "
+                "the part again"
+            )
+        for member in archive.infolist():
+            if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+                raise FileError(
+                    f"{name}: {member.filename} is packed by method {member.compress_type}; "
+                    "only deflate is read: zip it again"
+                )
+            # At least a byte: who reads none is not told that there is more than promised.
+            with archive.open(member) as stream:
+                content = stream.read(max(member.file_size, 1))
+            if len(content) < member.file_size:
+                raise EOFError(f"{member.filename} is cut short")
+            yield member.filename, content
 
 
 @dataclass(frozen=True, slots=True)

@@ -89,25 +89,12 @@ def read_mesh(
         unit = canonical_unit(unit)
     data = _bytes(path)
     kind = path.suffix.lstrip(".").casefold()
-    triangles: Float32Array | FloatArray
-    own: str | None = None
-    notes: tuple[str, ...] = ()
-    if kind == "stl":
-        triangles = decode_stl(data, str(path))
-    elif kind == "3mf":
-        triangles, own, notes = _threemf(data, str(path), limits)
-    elif kind in _BY_TRIMESH:
-        triangles, _ = _trimesh(data, kind, str(path), limits)
-        if kind == "glb":
-            own = "m"
-            notes = ("read in m, the unit of glTF; use --unit if the file keeps another",)
-    elif kind in _BY_CASCADIO:
-        triangles, own, notes = _step(data, str(path), limits)
-    else:
+    if kind not in EXTENSIONS:
         raise MeshError(
             f"{path}: files ending in {path.suffix or 'nothing'} are not read; convert it to one "
             f"of {', '.join(EXTENSIONS)}"
         )
+    triangles, own, notes = _READERS.get(kind, _by_trimesh)(data, kind, str(path), limits)
     _require_finite(triangles, str(path))
     if unit is not None and own is not None and unit != own:
         notes = (*notes, f"read in {unit} as asked, though the file says {own}")
@@ -128,16 +115,27 @@ def _bytes(path: Path) -> bytes:
     return read_file(path, advice=f"give a mesh file ({', '.join(EXTENSIONS)})")
 
 
-_Read = tuple[FloatArray, str | None, tuple[str, ...]]
+_Read = tuple[Float32Array | FloatArray, str | None, tuple[str, ...]]
+"""Triangles, the unit that the file states, and what is to be said."""
 
 
-def _threemf(data: bytes, name: str, limits: UnfoldingLimits) -> _Read:
+def _stl(data: bytes, kind: str, name: str, limits: UnfoldingLimits) -> _Read:
+    return decode_stl(data, name), None, ()
+
+
+def _by_trimesh(data: bytes, kind: str, name: str, limits: UnfoldingLimits) -> _Read:
+    triangles, _ = _trimesh(data, kind, name, limits)
+    in_m = "read in m, the unit of glTF; use --unit if the file keeps another"
+    return (triangles, "m", (in_m,)) if kind == "glb" else (triangles, None, ())
+
+
+def _threemf(data: bytes, kind: str, name: str, limits: UnfoldingLimits) -> _Read:
     from planner.formats.threemf import decode_threemf
 
     model = decode_threemf(data, name, limits=limits)
     corners = [np.empty((0, 3, 3)), *(item.vertices[item.faces] for item in model.objects)]
-    names = [item.name for item in model.objects]
-    return np.concatenate(corners), model.unit, (*model.remarks, *_together(names))
+    told = (*model.remarks, *_together([item.name for item in model.objects]))
+    return np.concatenate(corners, dtype=np.float64), model.unit, told
 
 
 def _together(names: Sequence[str]) -> tuple[str, ...]:
@@ -166,7 +164,7 @@ _STEP_UNITS: Mapping[bytes, str] = MappingProxyType(
 )
 
 
-def _step(data: bytes, name: str, limits: UnfoldingLimits) -> _Read:
+def _step(data: bytes, kind: str, name: str, limits: UnfoldingLimits) -> _Read:
     """Read the bodies of a STEP file as triangles, in the file's own unit."""
     if not data.lstrip().startswith(b"ISO-10303-21") or b"END-ISO-10303-21" not in data[-4096:]:
         raise MeshError(
@@ -178,9 +176,7 @@ def _step(data: bytes, name: str, limits: UnfoldingLimits) -> _Read:
             f"{name}: STEP is read by cascadio, which is not installed: pip install cascadio, or "
             "export the part as 3MF or STL"
         )
-    empty = MeshError(
-        f"{name}: Open CASCADE finds no solid in it; export the part again as a solid"
-    )
+    none = MeshError(f"{name}: Open CASCADE finds no solid in it; export the part again as a solid")
     # In a process of its own: Open CASCADE prints, and files that break its rules can crash it.
     with tempfile.TemporaryDirectory() as folder:
         step, made = Path(folder, "part.step"), Path(folder, "part.glb")
@@ -189,17 +185,20 @@ def _step(data: bytes, name: str, limits: UnfoldingLimits) -> _Read:
         command = [sys.executable, "-c", call, str(step), str(made), str(_DEFLECTION_MM)]
         ended = subprocess.run(command, capture_output=True, check=False)
         if ended.returncode or not made.is_file():
-            raise empty
+            raise none
         glb = made.read_bytes()
     in_m, names = _trimesh(glb, "glb", name, limits)
     if not len(in_m):
-        raise empty
+        raise none
     stated = _STEP_UNIT.search(data) or _STEP_METRES.search(data)
     word = b"MILLI" if stated is None else next(filter(None, stated.groups()), b"")
     own = _STEP_UNITS.get(word.upper(), "mm")
     # As precise as it was in metres; and both ends of a seam are equal again, to 10 nm.
     in_mm = np.round(1000.0 * in_m, 5).astype(np.float32).astype(np.float64)
     return in_mm / QUANTITY_UNITS["length"][own], own, _together(names)
+
+
+_READERS = {"stl": _stl, "3mf": _threemf, **dict.fromkeys(_BY_CASCADIO, _step)}
 
 
 def _trimesh(

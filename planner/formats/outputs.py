@@ -90,6 +90,9 @@ def _remove(path: Path) -> None:
 _LOCKS = find_spec("fcntl") is not None
 """Windows has no such locks: there what killed runs left stays."""
 
+_Place = str | Path
+"""As it was named, which messages repeat."""
+
 _SYSTEM = (OSError, RuntimeError)
 """What it refuses by; the latter tells a loop of links."""
 
@@ -98,7 +101,7 @@ _claims: dict[Path, bool] = {}
 
 
 @contextmanager
-def claimed(output: str | Path, *, force: bool = True) -> Iterator[Path]:
+def claimed(output: _Place, *, force: bool = True) -> Iterator[Path]:
     """Keep other runs from a target; within, this process may claim it again.
 
     Folders above it that are missing are made, and are gone again where nothing came into them.
@@ -172,12 +175,12 @@ def _remove_empty(folder: Path) -> None:
 _STREAMS = ("-", "/dev/stdout", "/dev/fd/1", "/proc/self/fd/1")
 
 
-def is_stream(output: str | Path) -> bool:
+def is_stream(output: _Place) -> bool:
     """Tell whether an output is what the process prints, by one of its usual names."""
     return str(output) in _STREAMS
 
 
-def check_absent(path: str | Path, *, force: bool) -> None:
+def check_absent(path: _Place, *, force: bool) -> None:
     """Refuse to replace a file, unless that is wished, and whatever is no file.
 
     Raises
@@ -212,7 +215,7 @@ def _check_link(path: Path, other: str, *, force: bool) -> None:
         )
 
 
-def write_whole(path: str | Path, data: bytes) -> None:
+def write_whole(path: _Place, data: bytes) -> None:
     """Write a file by way of a temporary one beside it; a link is followed.
 
     ``-`` and ``/dev/stdout`` stand for what the process prints.
@@ -319,18 +322,15 @@ def _within(root: Path) -> Iterator[tuple[str, Path]]:
 
 
 def _listed(root: Path, record: str) -> Mapping[str, str]:
-    try:
+    old = "does not list the folder's files (an earlier version, or another program, wrote it)"
+    said = f"its {record} {old}, so that nothing in it is replaced; name another folder, or remove"
+    broken = (KeyError, msgspec.MsgspecError, UnicodeDecodeError, RecursionError)
+    with refused(OutputError, root, f"{said} this one", *broken):
         document = msgspec.json.decode((root / record).read_bytes(), type=dict[str, Any])
         return msgspec.convert(document[_LIST], dict[str, str])
-    except (KeyError, msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
-        raise OutputError(
-            f"{root}: its {record} does not list the folder's files (an earlier version, or "
-            "another program, wrote it), so that nothing in it is replaced; name another folder, "
-            "or remove this one"
-        ) from error
 
 
-def files_within(folder: str | Path) -> Iterator[Path]:
+def files_within(folder: _Place) -> Iterator[Path]:
     """Yield the files of a folder that a command given this folder may read.
 
     Of a folder that planner wrote these are its record and the files listed there; of another all,
@@ -358,11 +358,7 @@ def files_within(folder: str | Path) -> Iterator[Path]:
 
 
 def check_target(
-    folder: str | Path,
-    *,
-    force: bool = False,
-    record: str | None = "plan.json",
-    option: str = "output",
+    folder: _Place, *, force: bool = False, record: str | None = "plan.json", option: str = "output"
 ) -> tuple[str, ...]:
     """Make sure that a folder may be written, before hours are spent on its content.
 
@@ -419,7 +415,7 @@ def check_target(
     return kept
 
 
-def _refuse(folder: str | Path, names: list[str], why: str, option: str) -> None:
+def _refuse(folder: _Place, names: list[str], why: str, option: str) -> None:
     if names:
         more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
         raise OutputError(
@@ -430,11 +426,7 @@ def _refuse(folder: str | Path, names: list[str], why: str, option: str) -> None
 
 @contextmanager
 def new_folder(
-    folder: str | Path,
-    *,
-    force: bool = False,
-    record: str | None = "plan.json",
-    option: str = "output",
+    folder: _Place, *, force: bool = False, record: str | None = "plan.json", option: str = "output"
 ) -> Iterator[Path]:
     """Write a folder whole or not at all.
 
@@ -487,7 +479,7 @@ def new_folder(
 
 
 def write_folder(
-    folder: str | Path,
+    folder: _Place,
     files: Mapping[str, bytes],
     *,
     force: bool = False,
@@ -513,9 +505,7 @@ def _list_files(record: Path) -> None:
     record.write_bytes(encode_document(document))
 
 
-def _carry(
-    target: Path, scratch: Path, kept: tuple[str, ...], folder: str | Path, option: str
-) -> None:
+def _carry(target: Path, scratch: Path, kept: tuple[str, ...], folder: _Place, option: str) -> None:
     """Let what is not planner's stand in the new folder too: by a second name, else as a copy."""
     in_the_way = [name for name in kept if _stands(scratch, name)]
     _refuse(folder, in_the_way, "is in the way, was not written by planner", option)
@@ -540,7 +530,7 @@ def _stands(scratch: Path, name: str) -> bool:
     return is_there or any(os.path.lexists(p) and not p.is_dir() for p in above)
 
 
-def _take_name(scratch: Path, target: Path, folder: str | Path, force: bool, option: str) -> None:
+def _take_name(scratch: Path, target: Path, folder: _Place, force: bool, option: str) -> None:
     """Give `scratch` the name `target`; an earlier folder of that name then has that of `scratch`.
 
     Both change names in one step, so that a run that is killed leaves the one or the other.
@@ -593,7 +583,7 @@ def _exchange_in_steps(scratch: Path, target: Path) -> None:
     aside.rmdir()
 
 
-def _remove_earlier(scratch: Path, target: Path, seen: set[str], folder: str | Path) -> None:
+def _remove_earlier(scratch: Path, target: Path, seen: set[str], folder: _Place) -> None:
     said = "is written, but the earlier one could not be deleted whole ({})"
     with refused(OutputError, folder, f"{said}; delete {scratch}", OSError):
         if scratch.exists():

@@ -25,10 +25,6 @@ __all__ = [
 ]
 
 
-_Orientation = Literal["x", "y", "z"]
-_Protocol = Literal["monotonic", "cyclic", "relaxation"]
-
-
 @dataclass(frozen=True, slots=True)
 class SpecimenColumn:
     """A condition or a size in specimens.csv; numbers are above 0 unless `between` says more.
@@ -97,8 +93,8 @@ class SpecimenConditions:
     temperature_C: float | None = None
     soak_h: float | None = None
     age_days: float | None = None
-    orientation: _Orientation | None = None
-    protocol: _Protocol | None = None
+    orientation: Literal["x", "y", "z"] | None = None
+    protocol: Literal["monotonic", "cyclic", "relaxation"] | None = None
     batch: str | None = None
 
     @property
@@ -208,12 +204,10 @@ def _listed(
     texts: dict[str, Any] = {name: record.get(name, "") for name in names}
     if not texts["specimen"]:
         raise FileError(f"{where}: column 'specimen' is empty; give the specimen an id")
-    given = {name: texts[name] for name in ("material", "profile", "part") if name in texts}
-    if sum(map(bool, given.values())) != 1:
-        got = " and ".join(map(repr, given.values()))
-        raise FileError(
-            f"{where}: give exactly one of {' and '.join(map(repr, given))} (got {got})"
-        )
+    made = {name: texts[name] for name in ("material", "profile", "part") if name in texts}
+    if sum(map(bool, made.values())) != 1:
+        got = " and ".join(map(repr, made.values()))
+        raise FileError(f"{where}: give exactly one of {' and '.join(map(repr, made))} (got {got})")
     if not texts.get("part"):
         if loose := next((name for name in _PART_TEXTS[1:] if texts.get(name)), None):
             raise FileError(f"{where}: {loose!r} goes with a part; give one, or leave it empty")

@@ -1142,12 +1142,10 @@ def _refuse_far(record: _Block, used: Mapping[str, _Column]) -> None:
         if None not in numbers and len(numbers) > 1:
             near[i] = replace(h, meaning=_BY_KIND[min(kinds)], unit=unit)
     if near:
-        taken = [
-            near.get(i, _BLANK if h.meaning in _LENGTHS else h) for i, h in enumerate(headings)
-        ]
+        read = [near.get(i, _BLANK if h.meaning in _LENGTHS else h) for i, h in enumerate(headings)]
         first = next(iter(near.values())).text
         said = f"{first!r} is not understood, and may be nearer to the specimen than"
-        raise _one_of(grid, f"{said} {lengths[0].text!r}", [taken, headings])
+        raise _one_of(grid, f"{said} {lengths[0].text!r}", [read, headings])
 
 
 def _refuse_two(record: _Block, one: _Column, other: _Column) -> None:
@@ -1259,6 +1257,7 @@ def _tables(
         metadata |= piece.texts
         if any(column.heading.compressed for column in piece.used if column.name != "time_s"):
             metadata.setdefault("mode", "compression")
+        bare = {column.name for column in piece.used if column.heading.unit is None}
         yield TensileTable(
             file=path.name,
             columns=piece.columns,
@@ -1266,11 +1265,7 @@ def _tables(
             lines=np.array(piece.lines, dtype=np.int64),
             specimen=name or str(metadata.get("specimen", "")),
             metadata=metadata,
-            without_unit=frozenset(
-                column.name.removeprefix("lagrange_")
-                for column in piece.used
-                if column.heading.unit is None and column.name != "stretch"
-            ),
+            without_unit=frozenset(name.removeprefix("lagrange_") for name in bare - {"stretch"}),
             notes=(*piece.notes, *_behind(piece, pieces), *notes),
             sheet=piece.grid.sheet,
             headings={column.name: _written(column.heading) for column in piece.used},
@@ -1317,6 +1312,9 @@ class _Said:
         return f"{sheet}line {self.grid.rows[self.row][0]}, {self.key!r}"
 
 
+_Figures = list[tuple[str, float]]
+"""With the labels of their specimens."""
+
 _ONE_CELL = re.compile(r"([^:：=]+?)\s*[:：=]\s*([+-]?[\d.,]+\s*\S+)")
 _NEAR = 30
 _BESIDE = 200
@@ -1354,7 +1352,7 @@ def _said_at(grid: _Grid, row: int, at: int, symbols: bool) -> Iterator[_Said]:
     size, unit, count = size_of(key, symbols=symbols)
     if size is None:
         return
-    figures: list[tuple[str, float]] = []
+    figures: _Figures = []
     for column, value in enumerate(right, start=at + 1):
         if (split := _split_value(value, grid.separator[0])) is not None:
             figures.append((_label_above(grid, row, column), split[0]))
@@ -1401,15 +1399,13 @@ def _label_above(grid: _Grid, row: int, at: int) -> str:
     return ""
 
 
-def _figures_below(
-    grid: _Grid, row: int, at: int, unit: str
-) -> tuple[list[tuple[str, float]], str]:
+def _figures_below(grid: _Grid, row: int, at: int, unit: str) -> tuple[_Figures, str]:
     """Return the figures below a cell of a table of results, by specimen, and their unit."""
     heads = grid.rows[row][1]
     counts = (i for i, c in enumerate(heads) if c.strip(" .").casefold() in ("no", "nr", "n°"))
     named = next((i for i, c in enumerate(heads) if _head_text(c) == "specimen"), next(counts, 0))
     is_named = size_of(heads[named])[0] is None  # no figure names a specimen
-    figures: list[tuple[str, float]] = []
+    figures: _Figures = []
     for below in range(row + 1, len(grid.rows)):
         cells, cell = grid.rows[below][1], grid.cell(below, at)
         value = _split_value(cell, grid.separator[0])

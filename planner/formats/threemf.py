@@ -20,7 +20,7 @@ import lib3mf
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.errors import ArgumentError, FileError, MeshError, OutputError, did_you_mean, refused
+from planner.errors import FileError, MeshError, OutputError, check_known, refused
 from planner.formats.files import USUAL_LIMITS, UnfoldingLimits, read_file, unpacked
 from planner.glance import channels
 from planner.numerics import Float32Array, FloatArray, IntArray, inner_kernel, kernel
@@ -243,14 +243,8 @@ _BAMBU_PART = "/Metadata/model_settings.config"
 _PRUSA_PART = "/Metadata/Slic3r_PE_model.config"
 _CURA_NAMESPACE = "http://software.ultimaker.com/xml/cura/3mf/2015/10"
 
-_UNITS = {
-    lib3mf.ModelUnit.MicroMeter: "um",
-    lib3mf.ModelUnit.MilliMeter: "mm",
-    lib3mf.ModelUnit.CentiMeter: "cm",
-    lib3mf.ModelUnit.Inch: "inch",
-    lib3mf.ModelUnit.Foot: "ft",
-    lib3mf.ModelUnit.Meter: "m",
-}
+_UNITS = ("um", "mm", "cm", "inch", "ft", "m")
+"""What those of `lib3mf.ModelUnit` are called here, by their numbers."""
 
 
 _wrapper = functools.cache(lib3mf.get_wrapper)
@@ -917,11 +911,9 @@ def needs_one_mesh(slicer: str) -> bool:
     ArgumentError
         No slicer that planner knows; the message says what is near.
     """
-    if slicer.casefold() not in _ONE_MESH:
-        all_ = ", ".join(_ONE_MESH)
-        hint = did_you_mean(slicer, _ONE_MESH)
-        raise ArgumentError(f"slicer {slicer!r}: no such slicer; {hint}it may be {all_}")
-    return _ONE_MESH[slicer.casefold()]
+    name = slicer.casefold()
+    check_known(name, _ONE_MESH, f"slicer {slicer!r}: no such slicer; {{}}it may be")
+    return _ONE_MESH[name]
 
 
 _Part: TypeAlias = tuple[str, Mapping[str, object]]

@@ -5,7 +5,6 @@ import math
 import unicodedata
 from collections.abc import Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 
 from planner.errors import ArgumentError, FileError, UnknownNameError, did_you_mean
 from planner.formats.files import toml_beside
@@ -26,9 +25,9 @@ __all__ = [
 
 
 _UNITS = toml_beside("units.toml")
-QUANTITY_UNITS: Mapping[str, Mapping[str, float]] = MappingProxyType(
-    {quantity: _UNITS[quantity] for quantity in ("time", "length", "force", "stress", "strain")}
-)
+QUANTITY_UNITS: Mapping[str, Mapping[str, float]] = {
+    quantity: _UNITS[quantity] for quantity in ("time", "length", "force", "stress", "strain")
+}
 """Factors to s, mm, N, MPa and fractions, by quantity and unit."""
 
 _FOLDED: dict[str, dict[str, float]] = {
@@ -117,14 +116,12 @@ def canonical_unit(unit: str) -> str:
     return called
 
 
-QUANTITIES: Mapping[str, tuple[str, str]] = MappingProxyType(
-    {
-        "force": ("force_N", "force"),
-        "travel": ("displacement_mm", "length"),
-        "stress": ("stress_MPa", "stress"),
-        "strain": ("strain", "strain"),
-    }
-)
+QUANTITIES: Mapping[str, tuple[str, str]] = {
+    "force": ("force_N", "force"),
+    "travel": ("displacement_mm", "length"),
+    "stress": ("stress_MPa", "stress"),
+    "strain": ("strain", "strain"),
+}
 """Of each that may be in another unit: its column, and the kind of its unit."""
 
 _OF_ONE = {"force": "N", "travel": "mm", "stress": "MPa", "strain": "strain of 1"}

@@ -16,7 +16,6 @@ from planner.numerics import FloatArray
 from planner.simulation.bar_solver import Setup
 
 __all__ = [
-    "Apply",
     "Effect",
     "Form",
     "Parameter",

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from planner.errors import ArgumentError, FileError, UnknownNameError, did_you_mean
+from planner.errors import ArgumentError, FileError, UnknownNameError, check_known
 from planner.formats.files import path_within
 from planner.formats.specimens import ListedSpecimen as Row
 from planner.formats.specimens import read_specimens
@@ -367,12 +367,9 @@ def stated_effect(text: str, palette: Palette) -> StatedEffect:
 
 def _form(effect: Effect, name: str | None, given: Mapping[str, str], text: str) -> Form:
     forms = {form.name: form for form in effect.forms}
-    if name is not None and name not in forms:
-        hint = did_you_mean(name, forms)
-        raise UnknownNameError(
-            f"`effect` {text}: {effect.id} has no form {name!r}; {hint}its forms are "
-            f"{', '.join(forms)}"
-        )
+    if name is not None:
+        said = f"`effect` {text}: {effect.id} has no form {name!r}; {{}}its forms are"
+        check_known(name, forms, said, UnknownNameError)
     candidates = list(forms.values()) if name is None else [forms[name]]
     for form in candidates:
         if set(given) <= {p.name for p in form.parameters}:

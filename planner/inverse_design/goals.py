@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from planner.errors import ArgumentError, did_you_mean
+from planner.errors import ArgumentError, check_known
 from planner.formats.mesh_file import read_mesh
 from planner.formats.tables import read_columns
 from planner.formats.units import unit_factor
@@ -97,11 +97,8 @@ class Target:
                 "x=min uy<1 mm"
             )
         selector, quantity, value, unit = found[1], found[2].casefold(), float(found[4]), found[5]
-        if quantity not in _QUANTITIES:
-            hint = did_you_mean(quantity, _QUANTITIES)
-            raise ArgumentError(
-                f"{where}: no such quantity {quantity!r}; {hint}there are {', '.join(_QUANTITIES)}"
-            )
+        said = f"{where}: no such quantity {quantity!r}; {{}}there are"
+        check_known(quantity, _QUANTITIES, said)
         if not unit:
             raise ArgumentError(
                 f"{where}: the unit is missing; displacements (ux) are in mm, turns (ry) in deg, "

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -95,8 +95,6 @@ class QuadraticCoefficients:
 # Kept to reproduce the source and to be compared with; planning uses
 # `planner.materials.mixtures`.
 
-
-_LN2 = math.log(2.0)
 
 _START = (0.0788, -0.0216, 1.9908, 0.6354, 1.6999, -0.2853)
 """c1 to c6 that lines 1 to 3 start from: the medians of the thesis' Table 3.2, whose own start is
@@ -217,8 +215,8 @@ def _slopes(c: FloatArray, strain: FloatArray) -> FloatArray:
     with np.errstate(over="ignore", invalid="ignore"):
         for factor, exponent in c.reshape(3, 2):
             up, down = strain**exponent, 0.5 * (4.0 / strain) ** (exponent / 2.0)
-            columns.append(up - down)
-            columns.append(factor * (np.log(strain) * up - 0.5 * np.log(4.0 / strain) * down))
+            by_exponent = np.log(strain) * up - 0.5 * np.log(4.0 / strain) * down
+            columns += [up - down, factor * by_exponent]
     return np.stack(columns, axis=1)
 
 
@@ -287,7 +285,7 @@ def _pooled(curves: Sequence[LiteralCurve], degree: int) -> Callable[[FloatArray
     which = np.repeat(np.arange(len(curves)), [len(curve.strain) for curve in curves])
     measured = np.concatenate([curve.stress_MPa for curve in curves])
     up = np.log(np.concatenate([curve.strain for curve in curves]))
-    down = _LN2 - up / 2.0
+    down = math.log(2.0) - up / 2.0
 
     def error(numbers: FloatArray) -> float:
         c = np.einsum("km,cm->kc", powers, numbers.reshape(6, degree + 1))[which].T
@@ -427,33 +425,28 @@ class QuadraticStudy:
         kinds = ("quadratics_without", "mixtures_without")
         pairs = [[row.errors[kind] for kind in kinds] for row in self.rows]
         both = [(one.nrmse, other.nrmse) for one, other in pairs if one and other]
-        if both:
-            quadratics, mixtures = 100.0 * np.mean(both, axis=0)
-            return (
-                f"{what}: quadratics {quadratics:.2g} % of its largest stress off, planner's "
-                f"mixtures {mixtures:.2g} % (mean of {len(both)})"
-            )
-        errors = [one.nrmse for one, _ in pairs if one]
-        if not errors:
+        if not (errors := [one.nrmse for one, _ in pairs if one]):
             return f"{what}: not known, that takes {_FEWEST + 1} elastic materials"
-        return (
-            f"{what}: quadratics {100 * float(np.mean(errors)):.2g} % of its largest stress off; "
-            "planner makes no mixtures of the others, whose laws cross"
-        )
+        own, *mixtures = 100.0 * np.mean(both, axis=0) if both else [100 * np.mean(errors)]
+        off = f"{what}: quadratics {own:.2g} % of its largest stress off"
+        if mixtures:
+            return f"{off}, planner's mixtures {mixtures[0]:.2g} % (mean of {len(both)})"
+        return f"{off}; planner makes no mixtures of the others, whose laws cross"
 
     def document(self) -> dict[str, Any]:
         """Return the comparison as plain values."""
+        found = asdict(self.quadratics)
         return {
             "materials": [_row_document(row) for row in self.rows],
             "quadratics_through_coefficients": [list(row) for row in self.through.rows],
-            "quadratics": [list(row) for row in self.quadratics.model.rows],
-            "squared_error_MPa2": self.quadratics.squared_error_MPa2,
-            "evaluations": self.quadratics.evaluations,
-            "converged": self.quadratics.converged,
-            "falls_at": self.falls_at
-            and {"coordinate": self.falls_at[0], "strain": self.falls_at[1]},
+            "quadratics": [list(row) for row in found.pop("model")["rows"]],
+            **found,
+            "falls_at": self.falls_at and dict(zip(_FALLS, self.falls_at, strict=True)),
             "remarks": list(self.remarks()),
         }
+
+
+_FALLS = ("coordinate", "strain")
 
 
 def _row_document(row: QuadraticRow) -> dict[str, Any]:

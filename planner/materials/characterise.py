@@ -473,26 +473,16 @@ def deformation(
     modulus_MPa: float, elongation_at_break: float, yield_strain: float | None = None
 ) -> Deformation:
     """Classify by Young's modulus, strain at break and strain at yield (None: no yield point)."""
+    modulus, limit = f"modulus {modulus_MPa:.3g} MPa is", f"{_NONRIGID_MPA:g} MPa"
+    yields = "" if yield_strain is None else f"yields at strain {yield_strain:.3g}"
     if modulus_MPa > _NONRIGID_MPA:
-        how = "breaks without a yield point"
-        if yield_strain is not None:
-            how = f"yields at strain {yield_strain:.3g}"
-        return Deformation(
-            "plastic",
-            f"modulus {modulus_MPa:.3g} MPa is above {_NONRIGID_MPA:g} MPa, not a nonrigid "
-            f"material (ASTM D883); it {how}",
-        )
+        above = f"{modulus} above {limit}, not a nonrigid material (ASTM D883); it"
+        return Deformation("plastic", f"{above} {yields or 'breaks without a yield point'}")
     if yield_strain is not None and yield_strain <= 0.5 * elongation_at_break:
-        return Deformation(
-            "plastic",
-            f"yields at strain {yield_strain:.3g}, before half its strain to break "
-            f"({elongation_at_break:.3g})",
-        )
-    return Deformation(
-        "elastic",
-        f"modulus {modulus_MPa:.3g} MPa is nonrigid (up to {_NONRIGID_MPA:g} MPa, ASTM D883) "
-        "and no yield point comes before half the strain to break",
-    )
+        before = f"before half its strain to break ({elongation_at_break:.3g})"
+        return Deformation("plastic", f"{yields}, {before}")
+    none = "no yield point comes before half the strain to break"
+    return Deformation("elastic", f"{modulus} nonrigid (up to {limit}, ASTM D883) and {none}")
 
 
 # ------------------------------------------------------------------------------------------------

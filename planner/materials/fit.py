@@ -477,12 +477,10 @@ class _Problem:
         return z, active
 
 
-def _solved(
-    matrix: FloatArray, right: FloatArray, free: BoolArray, given: FloatArray
-) -> FloatArray:
+def _solved(form: FloatArray, right: FloatArray, free: BoolArray, given: FloatArray) -> FloatArray:
     """Return the minimum over the free coefficients of a quadratic form, given the held ones."""
-    aim = np.where(free, right - np.einsum("sij,sj->si", matrix, given), given)
-    found = np.linalg.solve(_of_free(matrix, free), aim[:, :, None])
+    aim = np.where(free, right - np.einsum("sij,sj->si", form, given), given)
+    found = np.linalg.solve(_of_free(form, free), aim[:, :, None])
     return np.asarray(found[:, :, 0], dtype=np.float64)
 
 
@@ -657,7 +655,7 @@ class LawFit:
         points, which are correlated: it flatters, and is no criterion of choice.
     nrmse
         Root mean square error over the largest stress.
-    starts, converged, agreeing
+    starts, starts_converged, starts_agreeing
         Starts made; how many converged; how many ended within `_AGREEMENT` of the lowest cost.
     gradient
         Of the best start: largest cosine between the residual and a direction of search.
@@ -676,8 +674,8 @@ class LawFit:
     adjusted_r2: float
     nrmse: float
     starts: int
-    converged: int
-    agreeing: int
+    starts_converged: int
+    starts_agreeing: int
     gradient: float
     at_bound: bool
 
@@ -769,8 +767,8 @@ def fit_law(
         adjusted_r2=1.0 - (1.0 - r2) * (count - 1) / max(count - used - 1, 1),
         nrmse=float(np.sqrt(error) / np.abs(sample.stress_MPa).max()),
         starts=len(spread),
-        converged=int(converged.sum()),
-        agreeing=int((rough.cost <= rough.cost.min() * (1.0 + _AGREEMENT)).sum()),
+        starts_converged=int(converged.sum()),
+        starts_agreeing=int((rough.cost <= rough.cost.min() * (1.0 + _AGREEMENT)).sum()),
         gradient=float(found.gradient[best]),
         at_bound=bool(np.any((a <= low + 1e-9 * abs(low)) | (a >= high - 1e-9 * abs(high)))),
     )
@@ -1311,9 +1309,7 @@ def _derivatives(fit: LawFit, columns: Columns) -> tuple[FloatArray, FloatArray]
     return np.concatenate([by_a, by_c], axis=1), by_c @ fit.c
 
 
-def _linearised(
-    fit: LawFit, sample: Sample, *, held: bool = False
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _linearised(fit: LawFit, sample: Sample, *, held: bool = False) -> tuple[FloatArray, ...]:
     """Return unit columns of the scaled residual's derivative, their sizes, and the residual.
 
     Of a law that is held (`held`) the columns go on behind the points: by `rows_leant_on`.
@@ -1486,18 +1482,14 @@ _CORRELATION_STRAINS = np.geomspace(1e-5, 1.0, 31)
 
 def loading(curves: Sequence[Curve]) -> list[Curve]:
     """Return the curves from the end of their slack to their largest stress; slack is noted."""
-    whole = [
-        curve.part(
-            curve.strain >= slack,
-            f"specimen {curve.specimen}: begins to bear at strain {slack:.3g}; strains of its "
-            "material's law count from there",
-            origin=slack,
-        )
-        if slack
-        else curve
-        for curve, slack in zip(curves, _slacks(curves), strict=True)
-    ]
-    return [curve.part(slice(int(np.argmax(curve.stress_MPa)) + 1)) for curve in whole]
+    found = []
+    for curve, slack in zip(curves, _slacks(curves), strict=True):
+        if slack:
+            bears = f"specimen {curve.specimen}: begins to bear at strain {slack:.3g}"
+            note = f"{bears}; strains of its material's law count from there"
+            curve = curve.part(curve.strain >= slack, note, origin=slack)
+        found.append(curve.part(slice(int(np.argmax(curve.stress_MPa)) + 1)))
+    return found
 
 
 def _slacks(curves: Sequence[Curve]) -> list[float]:
@@ -1545,9 +1537,7 @@ def _beginning(curve: Curve) -> tuple[FloatArray, FloatArray, float]:
     return x, curve.stress_MPa[near], toe + 0.3 * float(np.max(x - toe, initial=0.0))
 
 
-def _slack_squares(
-    x: FloatArray, y: FloatArray, slack: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+def _slack_squares(x: FloatArray, y: FloatArray, slack: FloatArray) -> tuple[FloatArray, ...]:
     """Return how well Mooney's form behind each slack (s,) follows a record's beginning.
 
     The generalised squares (r, s) for each of `_CORRELATION_STRAINS`, and minus twice the
@@ -1700,12 +1690,8 @@ def fit_material(
             choice = replace(choice, candidates=candidates, chosen=chosen)
             sample = replace(sample, across=False)
     if limits := stability(make_law(chosen.fit.parameters), working).limits:
-        notes.append(
-            Caution(
-                f"{material}: {chosen.fit.name} is stable (Drucker) only at stretch "
-                f"{', '.join(limits)}"
-            )
-        )
+        only = f"stable (Drucker) only at stretch {', '.join(limits)}"
+        notes.append(Caution(f"{material}: {chosen.fit.name} is {only}"))
         if price > STABLE_WITHIN:
             held = f"held to be stable to its break its error is {price:.2g} times as large"
             choice = replace(choice, reason=f"{choice.reason}; {held}")
@@ -1721,29 +1707,21 @@ def fit_material(
             f"material {material}: tension bounds no modulus of {chosen.fit.name} from above: add "
             "equibiaxial tests, or compression to stretch 0.6"
         )
-    return MaterialFit(
-        material,
-        found,
-        chosen.fit.parameters,
-        Uncertainty(
-            specimens=found.n,
-            level=level,
-            law_low=_end_rounded(chosen.fit.law.parameters(ends.a[:, 0], ends.c[:, 0])),
-            law_high=_end_rounded(chosen.fit.law.parameters(ends.a[:, 1], ends.c[:, 1])),
-            basis=f"{_basis('profiles of the error', known, found.n)}; laws are judged on "
-            f"what is left out, {choice.scheme} at a time",
-            r2=chosen.fit.r2,
-            nrmse=chosen.fit.nrmse,
-            held_out_error=float(f"{chosen.held_out_error:.3g}"),
-            strain=tuple(one.strain for one in secants),
-            log_sd=tuple(float(f"{one.next_log_sd:.4g}") for one in secants),
-        ),
-        scatter_of_fit(chosen.fit, sample),
-        choice,
-        tuple(notes),
-        secants,
-        loaded,
+    fit, judged = chosen.fit, f"laws are judged on what is left out, {choice.scheme} at a time"
+    sure = Uncertainty(
+        specimens=found.n,
+        level=level,
+        law_low=_end_rounded(fit.law.parameters(ends.a[:, 0], ends.c[:, 0])),
+        law_high=_end_rounded(fit.law.parameters(ends.a[:, 1], ends.c[:, 1])),
+        basis=f"{_basis('profiles of the error', known, found.n)}; {judged}",
+        r2=fit.r2,
+        nrmse=fit.nrmse,
+        held_out_error=float(f"{chosen.held_out_error:.3g}"),
+        strain=tuple(one.strain for one in secants),
+        log_sd=tuple(float(f"{one.next_log_sd:.4g}") for one in secants),
     )
+    law, scatter = fit.parameters, scatter_of_fit(fit, sample)
+    return MaterialFit(material, found, law, sure, scatter, choice, tuple(notes), secants, loaded)
 
 
 def by_mode(fit: LawFit, sample: Sample) -> Iterator[tuple[str, tuple[float, float]]]:
@@ -1770,9 +1748,9 @@ def _doubts(
             f"material {material}: its stress steepens from rest on, as in compression or "
             "behind slack: look at the tests"
         )
-    if not fit.converged or fit.agreeing < min(2, fit.starts):
+    if not fit.starts_converged or fit.starts_agreeing < min(2, fit.starts):
         yield Caution(
-            f"material {material}: {fit.agreeing} of {fit.starts} starts reach the best "
+            f"material {material}: {fit.starts_agreeing} of {fit.starts} starts reach the best "
             f"{fit.name}; a better one may exist: try more --starts"
         )
     if fit.at_bound:
@@ -1835,24 +1813,19 @@ def _plastic(
     wide = _half_widths(np.log([secant_modulus_MPa(one, strains) for one in laws]), level)
     scatter = _scatter_of(_courses(stress, sample))
     next_ = np.full(len(strains), scatter.log_sd)
-    return MaterialFit(
-        material=found.material,
-        characteristics=found,
-        law=yielding_parameters(law),
-        uncertainty=Uncertainty(
-            specimens=found.n,
-            level=level,
-            law_low=_end_rounded(_by_symbol(low)),
-            law_high=_end_rounded(_by_symbol(high)),
-            basis=_basis("Student's t", bool(np.isfinite(wide).any()), found.n),
-            r2=1.0 - float(np.sum(error**2) / np.sum((measured - measured.mean()) ** 2)),
-            nrmse=float(np.sqrt(np.sum(sample.weight * error**2))) / float(measured.max()),
-        ),
-        scatter=scatter,
-        choice=Choice((), None, "", found.deformation.reason),
-        secants=_secants(strains, secant_modulus_MPa(law, strains), wide, next_),
-        curves=tuple(whole),
+    secants = _secants(strains, secant_modulus_MPa(law, strains), wide, next_)
+    sure = Uncertainty(
+        specimens=found.n,
+        level=level,
+        law_low=_end_rounded(_by_symbol(low)),
+        law_high=_end_rounded(_by_symbol(high)),
+        basis=_basis("Student's t", bool(np.isfinite(wide).any()), found.n),
+        r2=1.0 - float(np.sum(error**2) / np.sum((measured - measured.mean()) ** 2)),
+        nrmse=float(np.sqrt(np.sum(sample.weight * error**2))) / float(measured.max()),
     )
+    choice, parameters = Choice((), None, "", found.deformation.reason), yielding_parameters(law)
+    bare = MaterialFit(found.material, found, parameters, sure, scatter, choice)
+    return replace(bare, secants=secants, curves=tuple(whole))
 
 
 _NOTABLE_FALL = 0.1

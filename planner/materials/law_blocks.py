@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
 
-from planner.errors import ArgumentError, did_you_mean
+from planner.errors import ArgumentError, check_known
 from planner.materials.laws import make_law
 from planner.materials.marlow import POISSON
 from planner.numerics import FloatArray
@@ -174,9 +174,7 @@ def law_block(material: Material, program: str) -> str:
     >>> tango = planner.list_materials().palette.resolve("Tango")  # doctest: +SKIP
     >>> print(planner.law_block(tango, "abaqus"))  # doctest: +SKIP
     """
-    if program not in _PROGRAMS:
-        hint = did_you_mean(program, _PROGRAMS)
-        raise ArgumentError(f"program {program!r}: {hint}choose one of {', '.join(_PROGRAMS)}")
+    check_known(program, _PROGRAMS, f"program {program!r}: {{}}choose one of")
     block, begin, end = _PROGRAMS[program]
     known = (
         f"{material.id}: {material.law.model} law of the palette, mm, N, MPa, t; Poisson's ratio "

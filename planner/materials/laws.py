@@ -8,7 +8,7 @@ from typing import ClassVar, Protocol, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from planner.errors import ArgumentError, UnknownNameError, did_you_mean
+from planner.errors import ArgumentError, UnknownNameError, check_known
 from planner.numerics import FloatArray
 from planner.palette import LAW_PARAMETERS, LawParameters
 
@@ -39,8 +39,6 @@ class Law(Protocol):
     (engineering) stress is force over the area at rest, Cauchy stress over ``stretch``.
     """
 
-    __slots__ = ()
-
     @abstractmethod
     def nominal_stress_MPa(self, stretch: ArrayLike) -> FloatArray:
         """Return the nominal stress, of the shape of `stretch`."""
@@ -67,7 +65,6 @@ class SeparableLaw(Law, ABC):
         The law's name in a palette file.
     """
 
-    __slots__ = ()
     model: ClassVar[str]
 
     @property
@@ -251,8 +248,6 @@ class Yielding:
 class _FirstInvariant(SeparableLaw):
     """An energy W of J = I1 - 3 = λ² + 2/λ - 3, P = W'(J) dJ/dλ; and fibres along the load."""
 
-    __slots__ = ()
-
     @abstractmethod
     def energy_slopes_MPa(self, j: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return W' and W''."""
@@ -279,7 +274,6 @@ class _FirstInvariant(SeparableLaw):
 class _Polynomial(_FirstInvariant):
     """One in powers of J, linear in its parameters, which are the coefficients of a fit."""
 
-    __slots__ = ()
     symbol: ClassVar[str]
     unit: ClassVar[float]
     """Of dW/dJ, of which a parameter of 1 has one half."""
@@ -549,9 +543,8 @@ def candidate_laws(name: str) -> tuple[SeparableLaw, ...]:
     every = tuple(law for laws in FITTED_MODELS.values() for law in laws)
     known = {**FITTED_MODELS, **{law.name: (law,) for law in every}, "all": every}
     wanted = name.strip().casefold()
-    if wanted not in known:
-        hint = did_you_mean(wanted, known)
-        raise UnknownNameError(f"law {name!r}: no such law; {hint}choose one of {', '.join(known)}")
+    said = f"law {name!r}: no such law; {{}}choose one of"
+    check_known(wanted, known, said, UnknownNameError)
     return known[wanted]
 
 

@@ -6,13 +6,7 @@ import numpy as np
 
 from planner.errors import PaletteError
 from planner.materials.laws import FARTHEST, first_invariant, secant_modulus_MPa
-from planner.materials.mixtures import (
-    CoefficientModel,
-    bracketed,
-    pchip_slopes,
-    pchip_weights,
-    places_of,
-)
+from planner.materials.mixtures import CoefficientModel, pchip_slopes, pchip_weights
 from planner.numerics import FloatArray, IntArray
 
 __all__ = ["POISSON", "MarlowTable", "marlow_table", "uniaxial_strain"]
@@ -139,9 +133,8 @@ def marlow_table(model: CoefficientModel, *, poisson: float = POISSON) -> Marlow
     rows += np.log(1.5 / (1.0 + poisson))
 
     nodes = model.coordinates_between(_BETWEEN)
-    places = model.places
-    lower, upper, t, gap = bracketed(places, places_of(model.palette.hardness, nodes))
-    slopes = pchip_slopes(places, rows)
+    lower, upper, t, gap = model.bracketed(nodes)
+    slopes = pchip_slopes(model.places, rows)
     rise, d0, d1 = (weight[:, None] for weight in pchip_weights(t, gap))
     table = rows[lower] + rise * (rows[upper] - rows[lower])
     table += d0 * slopes[lower] + d1 * slopes[upper]

@@ -94,9 +94,7 @@ def bracketed(coordinate: FloatArray, m: FloatArray) -> _Bracket:
     return lower, upper, np.asarray((m - coordinate[lower]) / np.where(gap > 0.0, gap, 1.0)), gap
 
 
-def pchip_weights(
-    t: FloatArray, gap: FloatArray | float
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+def pchip_weights(t: FloatArray, gap: FloatArray | float) -> tuple[FloatArray, ...]:
     """Return what the rise, and the slopes at both ends, add a share t of the gap on.
 
     Hermite's: a cubic is its value at t = 0, plus these times (rise, d0, d1).
@@ -346,7 +344,7 @@ class CoefficientModel:
 
     def _between(self, coordinate: ArrayLike, ladder: FloatArray) -> FloatArray:
         """Return the moduli at coordinates, of those of the grades."""
-        lower, upper, t, gap = self._bracketed(coordinate)
+        lower, upper, t, gap = self.bracketed(coordinate)
         # Beyond the working strains a law may lose its logarithm: nan says it.
         with np.errstate(invalid="ignore", divide="ignore"):
             slopes = pchip_slopes(self.places, np.log(ladder))
@@ -420,7 +418,7 @@ class CoefficientModel:
         softer, harder
             That of the grades below and above, as `own_log_sds` has them of one side.
         """
-        _, _, t, gap = self._bracketed(coordinate)
+        _, _, t, gap = self.bracketed(coordinate)
         bridge = np.asarray(variance) * gap * t * (1.0 - t)
         return np.asarray(np.sqrt(((1.0 - t) * softer + t * harder) ** 2 + bridge))
 
@@ -456,13 +454,13 @@ class CoefficientModel:
             A coordinate outside the palette.
         """
         c = self.coordinates
-        lower, upper, _, _ = self._bracketed(coordinate)
+        lower, upper, _, _ = self.bracketed(coordinate)
         gap = np.where(upper > lower, c[upper] - c[lower], 1.0)
         # A place may round to the grade's where the coordinate is a hair below it.
         m = np.asarray(coordinate, dtype=np.float64)
         return lower, upper, np.maximum(m - c[lower], 0.0) / gap
 
-    def _bracketed(self, coordinate: ArrayLike) -> _Bracket:
+    def bracketed(self, coordinate: ArrayLike) -> _Bracket:
         """Return the grades below and above, how far between their places, and their gap."""
         m = np.asarray(coordinate, dtype=np.float64)
         c = self.coordinates

@@ -14,10 +14,11 @@ import numpy as np
 from planner.errors import ArgumentError, Caution, FileError, PaletteError, listed
 from planner.formats.specimens import ListedSpecimen
 from planner.formats.tables import encode_csv, number
-from planner.glance import counted, one_line, outcome, plotted
+from planner.glance import channels, counted, one_line, outcome, plotted
 from planner.materials.algorithm_one import QuadraticStudy, quadratic_study
 from planner.materials.characterise import (
     SECANT_STRAINS,
+    Characteristics,
     Curve,
     MaterialCharacteristics,
     Spread,
@@ -206,10 +207,9 @@ def characterise(
     study = read_study(**{name: given[name] for name in _READING})
     strains = SECANT_STRAINS if at_strain is None else tuple(at_strain)
     others = _other_modes(study)
-    found = tuple(
-        characterise_material(*one, secant_strains=strains) for one in study.groups.items()
-    )
-    slips, asked = _unit_slips(study, None, palette, printer, compare)
+    found = tuple(characterise_material(*of, secant_strains=strains) for of in study.groups.items())
+    stated = _by_material(study, study.groups, "coordinate", None)
+    slips, asked = unit_slips(study, _compared(palette, printer, compare), stated)
     notes = (*study.notes, *others, *asked)
     return Characterisation(found, notes, slips, study.groups, study.records, study.findings())
 
@@ -232,41 +232,37 @@ def _other_modes(study: Study, used: Collection[str] = ()) -> list[Caution]:
     return [Caution(one) for one in said]
 
 
-def _unit_slips(
-    study: Study,
-    coordinate: Mapping[str, float] | None,
-    palette: str | Path | Palette | None,
-    printer: str | Printer,
-    compare: bool,
-) -> tuple[tuple[str, ...], tuple[Caution, ...]]:
-    """Compare a study with a palette, if one is named or a printer installed, and with itself."""
+def _compared(
+    palette: str | Path | Palette | None, printer: str | Printer, compare: bool
+) -> Palette | None:
+    """Return what a study is compared with: the palette named, or that of an installed printer."""
     asked = compare and (palette is not None or installed_printers())
-    against = palette_of(palette, printer) if asked else None
-    return unit_slips(study, against, _by_material(study, study.groups, "coordinate", coordinate))
+    return palette_of(palette, printer) if asked else None
 
 
 def _characteristics_document(material: MaterialCharacteristics) -> dict[str, Any]:
+    def specimen(found: Characteristics) -> dict[str, Any]:
+        secants = {f"{strain:g}": value for strain, value in found.secant_MPa.items()}
+        return _told(found, secant_MPa=secants, deformation=found.deformation.kind)
+
     return {
         "material": material.material,
         "deformation": material.deformation.kind,
         "deformation_reason": material.deformation.reason,
         "specimens_agree": material.agree,
         "figures": {name: asdict(spread) for name, spread in material.spreads.items()},
-        "specimens": [
-            _told(
-                c,
-                secant_MPa={f"{k:g}": v for k, v in c.secant_MPa.items()},
-                deformation=c.deformation.kind,
-            )
-            for c in material.specimens
-        ],
+        "specimens": list(map(specimen, material.specimens)),
     }
 
 
 def _told(value: Any, **other: Any) -> dict[str, Any]:
     """Return the fields of a value but its notes, some told otherwise."""
-    names = (field.name for field in fields(value) if field.name != "notes")
-    return {name: getattr(value, name) for name in names} | other
+    return _these(value, *(each.name for each in fields(value) if each.name != "notes")) | other
+
+
+def _these(value: Any, *names: str) -> dict[str, Any]:
+    """Return some of a value's attributes."""
+    return {name: getattr(value, name) for name in names}
 
 
 _Row = dict[str, Any]
@@ -447,7 +443,8 @@ def fit(
         raise ArgumentError(f"`coefficients` {coefficients!r}: it can be quadratic, or left out")
     laws = candidate_laws(law)
     study, elsewhere = _at_one_temperature(study)
-    slips, asked = _unit_slips(study, coordinate, palette, printer, compare)
+    stated = _by_material(study, study.groups, "coordinate", coordinate)
+    slips, asked = unit_slips(study, _compared(palette, printer, compare), stated)
     notes = [*study.notes, *_other_modes(study, study.groups), *asked]
     fits: dict[str, MaterialFit] = {}
     for called, curves in study.groups.items():
@@ -657,14 +654,11 @@ def _reference(study: Study, notes: list[str]) -> Reference:
     values: dict[str, list[float]] = {"strain_rate_per_s": rates}
     for condition in ("temperature_C", "soak_h", "age_days"):
         values[condition] = [v for r in rows if (v := getattr(r, condition)) is not None]
-    notes.extend(
-        Caution(
-            f"{condition} differs between specimens ({min(found):g} to {max(found):g}); laws and "
-            "scatter mix them, and the mean is written"
-        )
-        for condition, found in values.items()
-        if found and np.ptp(found) > _DIFFERENT * max(abs(v) for v in found)
-    )
+    mixed = "laws and scatter mix them, and the mean is written"
+    for condition, found in values.items():
+        if found and np.ptp(found) > _DIFFERENT * max(abs(v) for v in found):
+            ends = f"{min(found):g} to {max(found):g}"
+            notes.append(Caution(f"{condition} differs between specimens ({ends}); {mixed}"))
     unknown = [condition for condition, found in values.items() if not found]
     orientations = sorted({r.orientation for r in rows if r.orientation})
     if len(orientations) > 1:
@@ -691,31 +685,26 @@ def _ids(materials: Sequence[str]) -> dict[str, str]:
 
 def _colour(fraction: float) -> str:
     """Return a colour between yellow (soft, 0) and blue (hard, 1)."""
-    at = np.linspace(0.0, 1.0, len(_RAMP))
-    channels = ([int(colour[i : i + 2], 16) for colour in _RAMP] for i in (1, 3, 5))
-    return "#" + "".join(f"{round(np.interp(fraction, at, one)):02X}" for one in channels)
+    at, each = np.linspace(0.0, 1.0, len(_RAMP)), zip(*map(channels, _RAMP), strict=True)
+    return "#" + "".join(f"{round(np.interp(fraction, at, one)):02X}" for one in each)
+
+
+_ENDS = ("low_MPa", "high_MPa")
 
 
 def _material_document(material: Material, fit: MaterialFit) -> dict[str, Any]:
     return {
-        "id": material.id,
-        "coordinate": material.coordinate,
+        **_these(material, "id", "coordinate"),
         "specimens": fit.characteristics.n,
-        "deformation": material.deformation,
-        "elongation_at_break": material.elongation_at_break,
-        "modulus_log_sd": material.modulus_log_sd,
+        **_these(material, "deformation", "elongation_at_break", "modulus_log_sd"),
         "law": {"model": material.law.model, **_plain(material.law.parameters)},
         "law_low": _plain(fit.uncertainty.law_low),
         "law_high": _plain(fit.uncertainty.law_high),
         "interval_level": fit.uncertainty.level,
         "interval_basis": fit.uncertainty.basis,
         "secants": [
-            {
-                "strain": one.strain,
-                "secant_MPa": one.value_MPa,
-                "low_MPa": one.low_MPa if np.isfinite(one.high_MPa) else None,
-                "high_MPa": one.high_MPa if np.isfinite(one.high_MPa) else None,
-            }
+            {"strain": one.strain, "secant_MPa": one.value_MPa}
+            | (_these(one, *_ENDS) if np.isfinite(one.high_MPa) else dict.fromkeys(_ENDS))
             for one in fit.secants
         ],
         "reason": fit.choice.reason,
@@ -725,15 +714,12 @@ def _material_document(material: Material, fit: MaterialFit) -> dict[str, Any]:
                 "chosen": one is fit.choice.chosen,
                 "parameters": one.fit.parameter_count,
                 "held_out_error": one.held_out_error,
-                **{name: getattr(one.fit, name) for name in ("r2", "adjusted_r2", "nrmse")},
+                **_these(one.fit, "r2", "adjusted_r2", "nrmse"),
                 "stable": one.unstable_strain is None,
                 "unstable_at_strain": one.unstable_strain,
                 "determined": one.determined,
-                "starts": one.fit.starts,
-                "starts_converged": one.fit.converged,
-                "starts_agreeing": one.fit.agreeing,
-                "gradient": one.fit.gradient,
-                "at_bound": one.fit.at_bound,
+                **_these(one.fit, "starts", "starts_converged", "starts_agreeing"),
+                **_these(one.fit, "gradient", "at_bound"),
             }
             for one in fit.choice.candidates
         ],
@@ -874,7 +860,7 @@ def _laws(study: PaletteStudy) -> Iterator[_Row]:
             ends = zip(values, known.law_low[symbol], known.law_high[symbol], strict=True)
             for term, (value, low, high) in enumerate(ends, start=1):
                 row = {"parameter": symbol, "term": term, "value": value, "low": low, "high": high}
-                yield {**own, **row, **{name: getattr(known, name) for name in figures}}
+                yield own | row | _these(known, *figures)
 
 
 def _r2(study: PaletteStudy) -> Iterator[_Row]:

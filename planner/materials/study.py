@@ -451,15 +451,9 @@ def _upright(
             "compression, or --mode tension if tension counts negative there (or the same in a "
             f"column 'mode' of {_SPECIMENS})"
         )
-    if said != "compression":
-        notes.extend(
-            Caution(
-                f"{where}: only {name} is negative; its sign was turned, as of tension: if it was "
-                "compressed, say --mode compression"
-            )
-            for name in negative
-            if not both
-        )
+    if said != "compression" and not both:
+        turned = "is negative; its sign was turned, as of tension: if it was compressed, say --mode"
+        notes.extend(Caution(f"{where}: only {name} {turned} compression") for name in negative)
     return {name: -values if name in negative else values for name, values in columns.items()}
 
 
@@ -545,12 +539,8 @@ class Study:
 
     def findings(self) -> tuple[str, ...]:
         """Return what was in the files and is in no result, one sentence each."""
-        if not self.unlisted:
-            return ()
-        return (
-            f"{listed(self.unlisted, 8)}: not used; give what is in there a row in "
-            f"{_SPECIMENS}, or move it elsewhere",
-        )
+        said = f"not used; give what is in there a row in {_SPECIMENS}, or move it elsewhere"
+        return (f"{listed(self.unlisted, 8)}: {said}",) if self.unlisted else ()
 
 
 def read_study(
@@ -678,12 +668,9 @@ def read_study(
     if unstated:
         largest = [float(found[name].strain[-1]) for name in unstated]
         ends = list(dict.fromkeys([min(largest), max(largest)]))
-        notes.append(
-            Caution(
-                f"strain of {listed(unstated, 2)} has no unit; taken as a fraction, up to "
-                f"{' .. '.join(f'{v:.4g}' for v in ends)}; if it is not, give --unit-of strain=%"
-            )
-        )
+        taken = f"taken as a fraction, up to {' .. '.join(f'{v:.4g}' for v in ends)}"
+        said = f"strain of {listed(unstated, 2)} has no unit; {taken}"
+        notes.append(Caution(f"{said}; if it is not, give --unit-of strain=%"))
     order = {name: k for k, name in enumerate(rows)}
     curves = sorted(found.values(), key=lambda c: order.get(c.specimen, len(order)))
     if not curves:
@@ -862,9 +849,7 @@ def _copies(curves: Sequence[Curve]) -> Iterator[Caution]:
             )
 
 
-def listed_files(
-    files: Iterable[str | Path], specimens: str | Path | None = None
-) -> tuple[Path, ...]:
+def listed_files(files: Iterable[str | Path], specimens: str | Path | None) -> tuple[Path, ...]:
     """Return the files that `read_study` reads: the list of specimens, and what it names."""
     found, listing = _files(files, None if specimens is None else Path(specimens))
     if listing is None:
@@ -917,10 +902,7 @@ def _relative(path: Path, listing: Path) -> str:
 
 
 def _row(
-    table: TensileTable,
-    path: Path,
-    own: Sequence[ListedSpecimen],
-    rows: Mapping[str, ListedSpecimen],
+    table: TensileTable, path: Path, own: list[ListedSpecimen], rows: Mapping[str, ListedSpecimen]
 ) -> ListedSpecimen | None:
     """Return the row of a record: by the file's own column of specimens, else by the file."""
     named = "" if "specimen" in table.metadata else table.specimen

@@ -4,10 +4,9 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from planner.mesh.mesh import Mesh
-from planner.numerics import BoolArray, FloatArray, IntArray
+from planner.numerics import BoolArray, FloatArray, Int32Array, IntArray
 
 __all__ = ["halve_long_edges"]
 
@@ -22,7 +21,7 @@ __all__ = ["halve_long_edges"]
 class _Shapes(NamedTuple):
     """Triangles (n, 3), or strips (n, 4) whose second and fourth edge are long."""
 
-    corners: NDArray[np.int32]
+    corners: Int32Array
     halvings: IntArray  # of the edge from each corner to the next
     parent: IntArray  # the triangle that each is of
 
@@ -34,7 +33,7 @@ class _Shapes(NamedTuple):
         return _Shapes(corners, halvings, self.parent[chosen])
 
 
-def halve_long_edges(mesh: Mesh, longest_mm: float) -> tuple[Mesh, NDArray[np.int32]]:
+def halve_long_edges(mesh: Mesh, longest_mm: float) -> tuple[Mesh, Int32Array]:
     """Halve edges of a surface until none is longer than so much.
 
     A closed surface stays closed. Also returned: which triangle of the mesh each new one is of.
@@ -54,7 +53,7 @@ def halve_long_edges(mesh: Mesh, longest_mm: float) -> tuple[Mesh, NDArray[np.in
     return mesh if len(faces) == len(mesh.faces) else Mesh(vertices, faces), triangle
 
 
-def _halve(vertices: FloatArray, whole: _Shapes) -> tuple[FloatArray, NDArray[np.int32], IntArray]:
+def _halve(vertices: FloatArray, whole: _Shapes) -> tuple[FloatArray, Int32Array, IntArray]:
     none = np.empty((0, 4), np.int32)
     triangles, strips = whole, _Shapes(none, none, none[:, 0])
     while triangles.halvings.any() or strips.halvings.any():
@@ -104,7 +103,7 @@ edge to be halved, or with the first one that is not."""
 
 
 def _cut(
-    triangles: _Shapes, middle: NDArray[np.int32], strips: _Shapes, strip_middle: NDArray[np.int32]
+    triangles: _Shapes, middle: Int32Array, strips: _Shapes, strip_middle: Int32Array
 ) -> tuple[_Shapes, _Shapes]:
     # Cut each shape once, at the middles of its edges that are to be halved (-1 elsewhere).
     made: dict[int, list[_Shapes]] = {3: [], 4: []}

@@ -8,7 +8,7 @@ from typing import Any, ClassVar, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.numerics import BoolArray, Float32Array, FloatArray, inner_kernel, kernel
+from planner.numerics import BoolArray, Float32Array, FloatArray, Int32Array, inner_kernel, kernel
 
 __all__ = [
     "JoinedShells",
@@ -36,6 +36,9 @@ __all__ = [
 
 # ------------------------------------------------------------------------------------------------
 # A triangle mesh in millimetres.
+
+
+_Floats = Float32Array | FloatArray
 
 
 class Measures(NamedTuple):
@@ -70,7 +73,7 @@ class Mesh:
     """
 
     vertices: FloatArray
-    faces: NDArray[np.int32]
+    faces: Int32Array
 
     def __post_init__(self) -> None:
         # Kernels are compiled for one kind of array: contiguous and writable.
@@ -109,10 +112,7 @@ class Mesh:
 
 
 def measure(
-    vertices: FloatArray | Float32Array,
-    faces: NDArray[np.int32],
-    part: NDArray[np.int32] | None = None,
-    parts: int = 1,
+    vertices: _Floats, faces: Int32Array, part: Int32Array | None = None, parts: int = 1
 ) -> Measures:
     """Measure each part of a surface.
 
@@ -177,7 +177,7 @@ def _measure(
 _Points = TypeVar("_Points", Float32Array, FloatArray)
 
 
-def weld(triangles: _Points) -> tuple[_Points, NDArray[np.int32]]:
+def weld(triangles: _Points) -> tuple[_Points, Int32Array]:
     """Index a triangle soup by exact position: corners of equal bits share a vertex.
 
     Minus zero counts as zero. Nothing is merged within a tolerance, no face is dropped.
@@ -198,7 +198,7 @@ def weld(triangles: _Points) -> tuple[_Points, NDArray[np.int32]]:
     return vertices, faces.reshape(-1, 3)
 
 
-def weld_points(points: _Points) -> tuple[_Points, NDArray[np.int32]]:
+def weld_points(points: _Points) -> tuple[_Points, Int32Array]:
     """Index points, (k, 3), as `weld` does: distinct positions (n, 3) and an index (k,)."""
     # No minus zero is left.
     words = np.add(points, 0.0, order="C", dtype=points.dtype).view(np.uint32)
@@ -302,7 +302,7 @@ def face_normal(points: Any, a: Any, b: Any, c: Any) -> Any:
     return uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
 
 
-def compact(faces: NDArray[np.int32], vertices: int) -> tuple[NDArray[np.intp], NDArray[np.int32]]:
+def compact(faces: Int32Array, vertices: int) -> tuple[NDArray[np.intp], Int32Array]:
     """Return which of so many vertices some faces use, and the faces in terms of those alone."""
     used = np.zeros(vertices, dtype=np.bool_)
     used[faces.ravel()] = True
@@ -310,13 +310,13 @@ def compact(faces: NDArray[np.int32], vertices: int) -> tuple[NDArray[np.intp], 
     return np.flatnonzero(used), index[faces]
 
 
-def repeats_index(faces: NDArray[np.int32]) -> BoolArray:
+def repeats_index(faces: Int32Array) -> BoolArray:
     """Tell which faces, (m, 3), name a vertex twice."""
     a, b, c = faces.T
     return np.asarray((a == b) | (b == c) | (c == a))
 
 
-def cancel_opposite(faces: NDArray[np.int32]) -> BoolArray:
+def cancel_opposite(faces: Int32Array) -> BoolArray:
     """Tell which faces stay when faces on the same three vertices but turned over cancel.
 
     Of a triple with p faces one way and q the other, the first |p - q| of the more frequent
@@ -351,22 +351,20 @@ def cancel_opposite(faces: NDArray[np.int32]) -> BoolArray:
     return keep
 
 
-def _turned(faces: NDArray[np.int32]) -> BoolArray:
+def _turned(faces: Int32Array) -> BoolArray:
     """Tell which faces run from their lowest vertex to the highest before the middle one."""
     a, b, c = faces.T
     return np.asarray((a < b) ^ (b < c) ^ (c < a))
 
 
-def sorted_corners(
-    faces: NDArray[np.int32],
-) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]]:
+def sorted_corners(faces: Int32Array) -> tuple[Int32Array, Int32Array, Int32Array]:
     """Lowest, middle and highest vertex of each face: the same for faces on the same three."""
     a, b, c = faces.T
     low, high = np.minimum(a, b), np.maximum(a, b)
     return np.minimum(low, c), np.maximum(low, np.minimum(high, c)), np.maximum(high, c)
 
 
-def order_rows(*columns: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
+def order_rows(*columns: Int32Array) -> tuple[Int32Array, NDArray[np.int64]]:
     """Sort rows of small numbers, stably, so that equal ones become neighbours.
 
     Parameters
@@ -424,14 +422,14 @@ class Topology:
         Faces without repeated index.
     """
 
-    faces: NDArray[np.int32]
+    faces: Int32Array
 
     OPEN: ClassVar = -1
     CROWDED: ClassVar = -2
     """In `twin`: no other face at this edge, or more than one."""
 
     @cached_property
-    def twin(self) -> NDArray[np.int32]:
+    def twin(self) -> Int32Array:
         """The other half-edge at each half-edge's edge, (3 m,), or `OPEN` or `CROWDED`."""
         order, starts, count = order_edges(self.faces)
         twin = np.full(self.faces.size, self.OPEN, dtype=np.int32)
@@ -458,7 +456,7 @@ class Topology:
         return self.two_faced and self.same_way == 0
 
     @cached_property
-    def body(self) -> NDArray[np.int32]:
+    def body(self) -> Int32Array:
         """Number of the body each face belongs to, (m,), by first appearance.
 
         Faces are of one body when steps over edges of exactly two faces connect them.
@@ -472,16 +470,16 @@ class Topology:
         return int(self.body.max(initial=-1)) + 1
 
     @property
-    def open_edges(self) -> NDArray[np.int32]:
+    def open_edges(self) -> Int32Array:
         """The vertices (k, 2) of the half-edges that no other face lies at."""
         return self._edges(self.OPEN)
 
     @property
-    def crowded_edges(self) -> NDArray[np.int32]:
+    def crowded_edges(self) -> Int32Array:
         """The vertices (k, 2) of the half-edges that more than one other face lies at."""
         return self._edges(self.CROWDED)
 
-    def _edges(self, kind: int) -> NDArray[np.int32]:
+    def _edges(self, kind: int) -> Int32Array:
         face, corner = np.divmod(np.flatnonzero(self.twin == kind), 3)
         return np.stack([self.faces[face, corner], self.faces[face, (corner + 1) % 3]], axis=1)
 
@@ -506,9 +504,7 @@ class Topology:
         return np.asarray(turned ^ most[self.body])
 
 
-def order_edges(
-    faces: NDArray[np.int32],
-) -> tuple[NDArray[np.int32], NDArray[np.int64], NDArray[np.int64]]:
+def order_edges(faces: Int32Array) -> tuple[Int32Array, NDArray[np.int64], NDArray[np.int64]]:
     """Sort half-edges 3 f + j by the two vertices they join.
 
     Returns
@@ -525,14 +521,14 @@ def order_edges(
 
 def connected(
     count: int, one: NDArray[np.integer[Any]], other: NDArray[np.integer[Any]]
-) -> NDArray[np.int32]:
+) -> Int32Array:
     """Find which of 0..count-1 links one[i]-other[i] join; number groups by first appearance."""
     parent = np.arange(count, dtype=np.int32)
     _join(parent, one.astype(np.int32), other.astype(np.int32))
     return number_groups(parent)
 
 
-def number_groups(parent: NDArray[np.int32]) -> NDArray[np.int32]:
+def number_groups(parent: Int32Array) -> Int32Array:
     """Return the group of each member of a union-find, (n,), numbered by first appearance."""
     _flatten(parent)
     number = np.cumsum(parent == np.arange(len(parent)), dtype=np.int32) - np.int32(1)
@@ -583,7 +579,7 @@ class JoinedShells:
     """
 
     vertices: Float32Array
-    faces: tuple[NDArray[np.int32], ...]
+    faces: tuple[Int32Array, ...]
 
     @cached_property
     def measures(self) -> tuple[Measures, ...]:
@@ -592,7 +588,7 @@ class JoinedShells:
         return tuple(measure(points, faces) for faces in self.faces)
 
     @cached_property
-    def left(self) -> NDArray[np.int32]:
+    def left(self) -> Int32Array:
         """The faces, (m, 3), that remain of all shells when opposite triangles cancel."""
         faces = np.concatenate([np.empty((0, 3), np.int32), *self.faces])
         return faces[cancel_opposite(faces)]
@@ -625,9 +621,7 @@ class JoinedShells:
         return bool(paired and self.measures[number].volume_mm3[0] > 0.0)
 
 
-def join_shells(
-    shells: Iterable[Float32Array | FloatArray | tuple[Float32Array, NDArray[np.int32]]],
-) -> JoinedShells:
+def join_shells(shells: Iterable[_Floats | tuple[Float32Array, Int32Array]]) -> JoinedShells:
     """Join equal positions of shells.
 
     Parameters
@@ -635,9 +629,7 @@ def join_shells(
     shells
         Of each its triangles, (k, 3, 3), or its vertices (n, 3) and faces (m, 3), in mm.
     """
-    indexed = [
-        shell if isinstance(shell, tuple) else weld(shell.astype(np.float32)) for shell in shells
-    ]
+    indexed = [one if isinstance(one, tuple) else weld(one.astype(np.float32)) for one in shells]
     points = np.concatenate([np.empty((0, 3), np.float32), *(vertices for vertices, _ in indexed)])
     vertices, index = weld_points(points)
     starts = np.cumsum([0, *(len(vertices) for vertices, _ in indexed)])

@@ -4,7 +4,7 @@ import hashlib
 import itertools
 import unicodedata
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from os import PathLike, fspath
@@ -29,7 +29,7 @@ from planner.mesh.mesh import (
     weld,
     weld_points,
 )
-from planner.numerics import BoolArray, FloatArray, IntArray, Point
+from planner.numerics import BoolArray, FloatArray, Int32Array, IntArray, Point
 
 __all__ = ["Part", "fits_turned", "make_part", "moved_to_corner", "open_part", "union"]
 
@@ -50,7 +50,7 @@ def moved_to_corner(mesh: Mesh) -> tuple[Mesh, FloatArray]:
     Parameters
     ----------
     mesh : Mesh
-        The part, in mm.
+        The part, in mm, as `make_part` has it.
 
     Returns
     -------
@@ -62,16 +62,8 @@ def moved_to_corner(mesh: Mesh) -> tuple[Mesh, FloatArray]:
     Raises
     ------
     MeshError
-        Without faces, or with a coordinate that is not finite.
+        Nothing is left of it in single precision.
     """
-    if len(mesh.faces) == 0:
-        raise MeshError("the mesh has no triangles; export the part again as a solid")
-    if not np.isfinite(mesh.vertices).all():
-        row = int(np.flatnonzero(~np.isfinite(mesh.vertices).all(axis=1))[0])
-        raise MeshError(
-            f"vertex {row} is {tuple(mesh.vertices[row].tolist())}: coordinates must be finite "
-            "numbers of mm; export the part again"
-        )
     translation_mm = 1.0 - mesh.bounds_mm[0]
     placed = _rounded(mesh, translation_mm)
     if abs(placed.volume_mm3 - mesh.volume_mm3) > _VOLUME_TAKEN * mesh.volume_mm3:
@@ -111,8 +103,7 @@ def _least_taken(mesh: Mesh, translation_mm: FloatArray) -> FloatArray:
     A vertex moved by rounding takes the scalar product of its way with the volume's gradient, which
     is a third of the summed normals of its faces, as long as their areas.
     """
-    a, b, c = mesh.triangles.transpose(1, 0, 2)
-    normals = np.cross(b - a, c - a) / 6.0
+    normals = mesh.area_vectors_mm2 / 3.0
     moved = mesh.vertices + translation_mm
     steps = np.spacing(moved.max(axis=0).astype(np.float32)).astype(np.float64)
     further = steps[:, None] * np.arange(_PLACES) / _PLACES
@@ -178,7 +169,9 @@ def open_part(
     ----------
     part
         Path, mesh with ``vertices`` and ``faces``, or pair (vertices, faces).
-    tray_mm, bodies
+    tray_mm
+        Largest part the printer takes, for a warning.
+    bodies
         See `make_part`.
     oversize
         Take a part that the tray does not hold, whichever way it is turned.
@@ -192,50 +185,71 @@ def open_part(
     """
     if isinstance(part, (str, PathLike)):
         path = Path(fspath(part))
-        file = read_mesh(path, unit)
+        read = read_mesh(path, unit)
+        triangles, notes, sha256, used = read.triangles, read.notes, read.sha256, read.unit
         called = _safe(path.stem if name is None else name)
-        made = make_part(file.triangles, name=called, tray_mm=tray_mm, bodies=bodies)
-        asked = None if unit else undersize(made.mesh)
-        warnings = (*file.notes, *made.warnings, *([asked] if asked else []))
-        shown = path.name.encode("utf-8", "replace").decode("utf-8")  # any bytes make a name
-        made = replace(made, warnings=warnings, file=shown, sha256=file.sha256, unit=file.unit)
+        file = path.name.encode("utf-8", "replace").decode("utf-8")  # any bytes make a name
     else:
-        vertices, faces = _arrays(part)
-        used = canonical_unit(unit or "mm")
-        in_mm = vertices * QUANTITY_UNITS["length"][used]
-        called = _safe(name or "part")
-        made = part_from_arrays(in_mm, faces, name=called, tray_mm=tray_mm, bodies=bodies)
-        digest = hashlib.sha256(vertices.tobytes() + faces.tobytes()).hexdigest()
-        made = replace(made, file=called, sha256=digest, unit=used)
-    if tray_mm is not None and not oversize:
-        _refuse_oversize(made, tray_mm)
-    return made
+        called = file = _safe(name or "part")
+        vertices, faces = _arrays(part, called)
+        used, notes = canonical_unit(unit or "mm"), ()
+        triangles = (vertices * QUANTITY_UNITS["length"][used])[faces]
+        sha256 = hashlib.sha256(vertices.tobytes() + faces.tobytes()).hexdigest()
+    made = make_part(triangles, name=called, bodies=bodies)
+    made = replace(made, file=file, sha256=sha256, unit=used)
+    asked = undersize(made.mesh) if unit is None and isinstance(part, (str, PathLike)) else None
+    sizes = filter(None, (_beside_tray(made, tray_mm, oversize), asked))
+    return replace(made, warnings=(*notes, *sizes))
 
 
-def _refuse_oversize(part: Part, tray_mm: Point) -> None:
-    """Stop at a part that fits no way round into a tray, before the work; see `fits_turned`."""
+def _beside_tray(part: Part, tray_mm: Point | None, oversize: bool) -> str | None:
+    """Say that a part is larger than the tray; stop before the work if it fits no way round."""
     extent = np.ptp(part.mesh.bounds_mm, axis=0)
-    if not fits_turned(extent, tray_mm):
+    if tray_mm is None or (extent <= np.array(tray_mm)).all():
+        return None
+    fits = fits_turned(extent, tray_mm)
+    if not (fits or oversize):
         hint = _unit_hint(extent, part.unit).replace("--unit", "`unit`")
         raise MeshError(
             f"{part.file}: the part is {_size(extent)} mm, too large for the tray of "
             f"{_size(tray_mm, 6)} mm{hint}; scale or divide the part, or take it as it is with "
             "`force_oversize`"
         )
+    hint = "; turn it to fit" if fits else _unit_hint(extent)
+    return f"the part is {_size(extent)} mm, the tray {_size(tray_mm, 6)} mm{hint}"
 
 
-def _arrays(part: object) -> tuple[FloatArray, IntArray]:
+def _arrays(part: object, name: str) -> tuple[FloatArray, IntArray]:
+    """Return vertices (n, 3) and faces (m, 3) of a mesh, or of a pair of them.
+
+    Raises
+    ------
+    ArgumentError
+        Neither; arrays of another shape, or an index outside the vertices.
+    """
     vertices = getattr(part, "vertices", None)
     faces = getattr(part, "faces", None)
     if vertices is None and isinstance(part, tuple) and len(part) == 2:
         vertices, faces = part
     try:
-        return np.ascontiguousarray(vertices, np.float64), np.ascontiguousarray(faces, np.int64)
+        points = np.ascontiguousarray(vertices, np.float64)
+        index = np.ascontiguousarray(faces, np.int64)
     except (TypeError, ValueError):
         raise ArgumentError(
             "a part must be a path, a mesh with vertices (n, 3) and faces (m, 3), or a pair of "
             f"these arrays; got {type(part).__name__}"
         ) from None
+    if points.ndim != 2 or points.shape[1] != 3 or index.ndim != 2 or index.shape[1] != 3:
+        raise ArgumentError(
+            f"{name}: vertices are {points.shape} and faces {index.shape}; they must be (n, 3) "
+            "and (m, 3)"
+        )
+    if index.size and not 0 <= index.min() <= index.max() < len(points):
+        raise ArgumentError(
+            f"{name}: faces name vertices {index.min()} to {index.max()}; there are {len(points)}, "
+            "counted from 0"
+        )
+    return points, index
 
 
 def _safe(name: str) -> str:
@@ -246,9 +260,7 @@ def _safe(name: str) -> str:
     return kept.strip(".-") or "part"
 
 
-def make_part(
-    triangles: FloatArray, *, name: str, tray_mm: Point | None = None, bodies: str | None = None
-) -> Part:
+def make_part(triangles: FloatArray, *, name: str, bodies: str | None = None) -> Part:
     """Check a triangle soup and make a part of it.
 
     Repairs are made only where there is one way to do so, or where `bodies` chooses one, and each
@@ -265,8 +277,6 @@ def make_part(
         Corners in mm, counter-clockwise as seen from outside.
     name
         What errors call the part.
-    tray_mm
-        Largest part the printer takes, for a warning.
     bodies
         What bodies are whose winding does not tell: ``cavities`` or ``solids``.
 
@@ -294,47 +304,18 @@ def make_part(
         vertices, topology, touching = repaired.vertices, repaired.topology, repaired.touching
         repairs += repaired.notes
     with refused(MeshError, name, "{}", MeshError):
-        points, arranged, notes = _arrange_bodies(
-            vertices, topology, touching=touching, bodies=bodies
-        )
+        points, arranged, notes = _arrange_bodies(vertices, topology, touching, bodies)
     repairs += notes
     used, faces = compact(arranged, len(points))
     mesh = Mesh(points[used], faces)
     _check_solid(mesh, name, reweld=points is not vertices or touching)
-    return Part(mesh, name, tuple(repairs), tuple(_size_warnings(mesh, tray_mm)))
+    return Part(mesh, name, tuple(repairs))
 
 
-def _welded(triangles: FloatArray) -> tuple[FloatArray, NDArray[np.int32]]:
+def _welded(triangles: FloatArray) -> tuple[FloatArray, Int32Array]:
     """Index a triangle soup by position, and drop what has two equal corners."""
     vertices, faces = weld(triangles)
     return vertices, faces[~repeats_index(faces)]
-
-
-def part_from_arrays(
-    vertices: FloatArray, faces: IntArray, *,
-    name: str = "part", tray_mm: Point | None = None, bodies: str | None = None,
-) -> Part:  # fmt: skip
-    """Make a part of vertices (n, 3) in mm and faces (m, 3); see `make_part`.
-
-    Raises
-    ------
-    ArgumentError
-        Arrays of another shape, or an index outside the vertices.
-    MeshError
-        See `make_part`.
-    """
-    points, index = np.asarray(vertices, dtype=np.float64), np.asarray(faces)
-    if points.ndim != 2 or points.shape[1] != 3 or index.ndim != 2 or index.shape[1] != 3:
-        raise ArgumentError(
-            f"{name}: vertices are {points.shape} and faces {index.shape}; they must be (n, 3) "
-            "and (m, 3)"
-        )
-    if index.size and not 0 <= index.min() <= index.max() < len(points):
-        raise ArgumentError(
-            f"{name}: faces name vertices {index.min()} to {index.max()}; there are {len(points)}, "
-            "counted from 0"
-        )
-    return make_part(points[index.astype(np.int64)], name=name, tray_mm=tray_mm, bodies=bodies)
 
 
 def _check_numbers(triangles: FloatArray, name: str) -> None:
@@ -368,13 +349,6 @@ def _check_solid(mesh: Mesh, name: str, *, reweld: bool) -> None:
             f"{crossing.times_inside} times over {crossing.length_mm:.3g} mm along z, in all about "
             f"{crossing.volume_mm3:.3g} mm3; unite or mend the part in the CAD program"
         )
-
-
-def _size_warnings(mesh: Mesh, tray_mm: Point | None) -> Iterator[str]:
-    extent = mesh.bounds_mm[1] - mesh.bounds_mm[0]
-    if tray_mm is not None and (extent > np.array(tray_mm)).any():
-        hint = "; turn it to fit" if fits_turned(extent, tray_mm) else _unit_hint(extent)
-        yield f"the part is {_size(extent)} mm, the tray {_size(tray_mm, 6)} mm{hint}"
 
 
 def undersize(mesh: Mesh) -> str | None:
@@ -419,7 +393,7 @@ _HALF_TURN = round(np.pi, _DIGITS)
 
 def _part_at_crowded_edges(
     vertices: FloatArray, topology: Topology
-) -> tuple[FloatArray, NDArray[np.int32]] | None:
+) -> tuple[FloatArray, Int32Array] | None:
     """Give each of the surfaces that meet at crowded edges vertices of its own.
 
     Around an edge of more than two faces, those between which there is solid belong together.
@@ -455,13 +429,13 @@ def _part_at_crowded_edges(
     return vertices[original], index.reshape(-1, 3)
 
 
-def _ends(faces: NDArray[np.int32], half: int) -> tuple[int, int]:
+def _ends(faces: Int32Array, half: int) -> tuple[int, int]:
     face, corner = divmod(half, 3)
     return int(faces[face, corner]), int(faces[face, (corner + 1) % 3])
 
 
 def _pairs(
-    vertices: FloatArray, faces: NDArray[np.int32], edge: tuple[int, int], halves: list[int]
+    vertices: FloatArray, faces: Int32Array, edge: tuple[int, int], halves: list[int]
 ) -> list[tuple[int, int]] | None:
     """Pair the half-edges at an edge across the solid between their faces.
 
@@ -530,7 +504,7 @@ class Repaired:
 _Repair: TypeAlias = Callable[[Repaired], Repaired | None]
 
 
-def _close_mesh(vertices: FloatArray, faces: NDArray[np.int32]) -> Repaired | None:
+def _close_mesh(vertices: FloatArray, faces: Int32Array) -> Repaired | None:
     """Make a mesh closed and consistently wound, if plain repairs do.
 
     Each repair is kept only where it changes something; none is kept unless the mesh is closed
@@ -565,7 +539,7 @@ def _closed(state: Repaired, steps: Iterable[_Repair]) -> Repaired | None:
     return state if state.topology.closed else None
 
 
-def _next(state: Repaired, faces: NDArray[np.int32], note: str) -> Repaired:
+def _next(state: Repaired, faces: Int32Array, note: str) -> Repaired:
     return Repaired(state.vertices, Topology(faces), (*state.notes, note))
 
 
@@ -586,7 +560,7 @@ def _duplicates(state: Repaired) -> Repaired | None:
     return _next(state, faces[first], note)
 
 
-def _from_lowest(faces: NDArray[np.int32]) -> NDArray[np.int32]:
+def _from_lowest(faces: Int32Array) -> Int32Array:
     """Name the lowest vertex of each face first, the same way round."""
     shift = np.argmin(faces, axis=1)[:, np.newaxis]
     return np.take_along_axis(faces, (shift + np.arange(3)) % 3, axis=1)
@@ -603,7 +577,7 @@ def _opposites(state: Repaired) -> Repaired | None:
     return _next(state, faces[keep], f"{pairs} dropped: a wall without thickness")
 
 
-def _opposites_apart(vertices: FloatArray, faces: NDArray[np.int32]) -> Repaired | None:
+def _opposites_apart(vertices: FloatArray, faces: Int32Array) -> Repaired | None:
     """Lay opposite faces in two sheets, the first before and the second behind all others.
 
     Within a sheet neighbours agree, so that bodies of a file that mixes their faces come apart; and
@@ -681,7 +655,7 @@ def _junctions(state: Repaired) -> Repaired | None:
     return _next(state, faces, f"{junctions} on the middle of another joined to it")
 
 
-def _divide(state: Repaired) -> tuple[NDArray[np.int32], int]:
+def _divide(state: Repaired) -> tuple[Int32Array, int]:
     faces = state.topology.faces
     half = np.flatnonzero(state.topology.twin == Topology.OPEN)
     if not 0 < len(half) <= _MOST_BORDERS:
@@ -722,7 +696,7 @@ def _winding(state: Repaired) -> Repaired | None:
     return _next(state, _turn(topology.faces, turned), f"{triangles} turned over: now all agree")
 
 
-def _turn(faces: NDArray[np.int32], which: BoolArray) -> NDArray[np.int32]:
+def _turn(faces: Int32Array, which: BoolArray) -> Int32Array:
     """Reverse some faces, (m,) bool."""
     return np.where(which[:, np.newaxis], faces[:, ::-1], faces)
 
@@ -760,13 +734,13 @@ _OVERLAP = 1e-7  # of the bodies' volume: less than this is touching
 _OUTSIDE = 1e-3  # of all directions: a point inside, or at a corner, sees more of the surface
 
 
-_Arranged = tuple[FloatArray, NDArray[np.int32], tuple[str, ...]]
+_Arranged = tuple[FloatArray, Int32Array, tuple[str, ...]]
 """Vertices and faces of bodies the right way out, that do not overlap, and what was done; no faces
 when none has volume."""
 
 
 def _arrange_bodies(
-    vertices: FloatArray, topology: Topology, *, touching: bool, bodies: str | None
+    vertices: FloatArray, topology: Topology, touching: bool, bodies: str | None
 ) -> _Arranged:
     """Turn bodies the right way out and unite those that overlap.
 
@@ -804,9 +778,9 @@ def _arrange_bodies(
         notes.append(f"{int((~full).sum())} of {len(full)} bodies without volume dropped")
     pairs = _box_pairs(bounds, full, touching)
     found = _Bodies(vertices, topology, volume, bounds, full, pairs)
-    outward, doubtful, parent = _roles(found)
+    outward, doubtful, parent = roles = _roles(found)
     if doubtful.any() or (bodies == "solids" and not outward[full].all()):
-        return _chosen(found, outward, doubtful, parent, bodies, notes)
+        return _chosen(found, roles, bodies, notes)
     turned, body, faces = full & (outward != (volume > 0.0)), topology.body, topology.faces
     if turned.any():
         faces = _turn(faces, turned[body])
@@ -827,7 +801,7 @@ def _arrange_bodies(
             rest = vertices[faces[keep & ~met[solid[body]]]]
             points, welded = _welded(np.concatenate([rest, triangles]))
             if not touching and not Topology(welded).closed:  # what was united touches the rest
-                return _arrange_bodies(vertices, topology, touching=True, bodies=bodies)
+                return _arrange_bodies(vertices, topology, True, bodies)
             return points, welded, (*notes, note)
     return vertices, faces if keep.all() else faces[keep], tuple(notes)
 
@@ -851,7 +825,7 @@ class _Bodies:
     _solids: dict[int, Any] = field(default_factory=dict)
 
     @cached_property
-    def faces(self) -> list[NDArray[np.int32]]:
+    def faces(self) -> list[Int32Array]:
         """Each body's faces."""
         body = self.topology.body
         order = np.argsort(body, kind="stable")
@@ -940,7 +914,10 @@ def _winding_number(point: FloatArray, triangles: FloatArray) -> float:
     return float(np.arctan2(above, below).sum() / (2.0 * np.pi))
 
 
-def _roles(found: _Bodies) -> tuple[BoolArray, BoolArray, NDArray[np.int64]]:
+_Roles = tuple[BoolArray, BoolArray, NDArray[np.int64]]
+
+
+def _roles(found: _Bodies) -> _Roles:
     """Decide from the outermost inwards which bodies are solids and which cavities.
 
     Returns
@@ -991,18 +968,11 @@ def _roles(found: _Bodies) -> tuple[BoolArray, BoolArray, NDArray[np.int64]]:
     return outward, doubtful, parent
 
 
-def _chosen(
-    found: _Bodies,
-    outward: BoolArray,
-    doubtful: BoolArray,
-    parent: NDArray[np.int64],
-    bodies: str | None,
-    notes: list[str],
-) -> _Arranged:
+def _chosen(found: _Bodies, roles: _Roles, bodies: str | None, notes: list[str]) -> _Arranged:
     """Make the part in which doubtful bodies are what was asked for, if that matters."""
     import manifold3d
 
-    full = found.full
+    full, (outward, doubtful, parent) = found.full, roles
     solids = found.sum(full)
     hollow = manifold3d.Manifold()
     level, around = np.zeros(len(parent), dtype=np.int64), parent
@@ -1068,7 +1038,7 @@ def _sum(solids: list[Any]) -> Any:
 
 
 def _unite(
-    vertices: FloatArray, groups: list[NDArray[np.int32]], touching: bool
+    vertices: FloatArray, groups: list[Int32Array], touching: bool
 ) -> tuple[FloatArray, str] | None:
     """Unite solids: their triangles, and a note; None where they do not overlap after all."""
     solids = [_manifold(vertices, faces) for faces in groups]
@@ -1088,7 +1058,7 @@ def _mesh_of(solid: Any) -> Mesh:
     return Mesh(points, np.asarray(mesh.tri_verts).astype(np.int32))
 
 
-def _manifold(vertices: FloatArray, faces: NDArray[np.int32]) -> Any:
+def _manifold(vertices: FloatArray, faces: Int32Array) -> Any:
     import manifold3d
 
     used, faces = compact(faces, len(vertices))
@@ -1197,9 +1167,7 @@ def _cross(
     return row[span] * _RAYS + column, heights, way
 
 
-def _covered(
-    low: FloatArray, high: FloatArray, first: float, step: float
-) -> tuple[IntArray, IntArray]:
+def _covered(low: FloatArray, high: FloatArray, first: float, step: float) -> tuple[IntArray, ...]:
     """All pairs of an interval and a ray in it: low <= first + ray * step < high."""
     begin, end = _first_ray(low, first, step), _first_ray(high, first, step)
     count = np.maximum(end - begin, 0)
@@ -1265,7 +1233,7 @@ def _describe_faults(vertices: FloatArray, topology: Topology) -> str:
     return f"{counted(topology.same_way, 'edge')} whose faces disagree on where outside is"
 
 
-def _describe_borders(vertices: FloatArray, edges: NDArray[np.int32], crowded: int) -> str:
+def _describe_borders(vertices: FloatArray, edges: Int32Array, crowded: int) -> str:
     # Edges that hang together, by first appearance.
     group = connected(len(vertices), *edges.T)[edges[:, 0]]
     loops = [edges[group == own] for own in dict.fromkeys(group.tolist())]
@@ -1282,5 +1250,5 @@ def _describe_borders(vertices: FloatArray, edges: NDArray[np.int32], crowded: i
     )
 
 
-def _length(vertices: FloatArray, edges: NDArray[np.int32]) -> float:
+def _length(vertices: FloatArray, edges: Int32Array) -> float:
     return float(np.linalg.norm(vertices[edges[:, 1]] - vertices[edges[:, 0]], axis=1).sum())

@@ -21,7 +21,6 @@ __all__ = [
     "RED",
     "RUST",
     "Chart",
-    "Panel",
     "cross",
     "disc",
     "in_rows",
@@ -195,12 +194,12 @@ def inline(width: float, height: float, parts: Iterable[str], label: str) -> str
     )
 
 
-Panel = Callable[[float, float], Iterator[str]]
+_Panel = Callable[[float, float], Iterator[str]]
 """Draws a part of a picture, of its left and top."""
 
 
 def in_rows(
-    panels: Sequence[Panel], across: int, corner: _Pair, cell: _Pair
+    panels: Sequence[_Panel], across: int, corner: _Pair, cell: _Pair
 ) -> tuple[list[str], float, float]:
     """Return panels set in rows from a corner, their width, and where the last row ends."""
     left, top = corner

@@ -8,12 +8,10 @@ from planner.errors import MeshError
 from planner.formats.mesh_file import read_mesh
 from planner.mesh.part import make_part, undersize
 
-TRAY_MM = (490.0, 390.0, 200.0)
-
 
 def load(shared_data, file, unit=None):
     mesh = read_mesh(shared_data / "meshes" / file, unit)
-    return make_part(mesh.triangles, name=mesh.name, tray_mm=TRAY_MM)
+    return make_part(mesh.triangles, name=mesh.name)
 
 
 @pytest.mark.parametrize(

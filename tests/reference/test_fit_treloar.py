@@ -40,8 +40,8 @@ def test_every_seed_reaches_the_best_known_cost(weighting: str, seed: int) -> No
     # Alphas rounded to five digits and the ridge cost less than 1e-7 of the minimum.
     assert fit.cost <= BEST_KNOWN[weighting] * (1 + 1e-7)
     np.testing.assert_allclose(fit.a, BEST_ALPHA[weighting], rtol=5e-5)
-    assert fit.converged > 0
-    assert fit.agreeing >= min(2, fit.starts)
+    assert fit.starts_converged > 0
+    assert fit.starts_agreeing >= min(2, fit.starts)
     assert fit.gradient < 1e-6
 
 

@@ -117,7 +117,7 @@ def test_csv_in_any_order_and_npy(tmp_path):
     _, values, _ = read_point_table(tmp_path / "a.csv")
     np.testing.assert_array_equal(values, VALUES.ravel()[order])
     np.save(tmp_path / "a.npy", VALUES.astype(np.float32))
-    table = read_grid_table(tmp_path / "a.npy", first_mm=FIRST, spacing_mm=STEP)
+    table = read_grid_table(tmp_path / "a.npy", lies=(FIRST, STEP))
     np.testing.assert_array_equal(table.values, VALUES)
 
 
@@ -148,7 +148,7 @@ def test_csv_in_any_order_and_npy(tmp_path):
 def test_files_that_hold_something_else(tmp_path, name, data, reason):
     (tmp_path / name).write_bytes(data)
     with pytest.raises(FileError, match=reason):
-        read_grid_table(tmp_path / name, first_mm=FIRST, spacing_mm=STEP)
+        read_grid_table(tmp_path / name, lies=(FIRST, STEP))
 
 
 @pytest.mark.parametrize("form", FORMS)
@@ -177,7 +177,7 @@ def test_what_a_npy_does_not_say(tmp_path):
         read_grid_table(tmp_path / "a.npy")
     np.save(tmp_path / "a.npy", VALUES[0])
     with pytest.raises(FileError, match="three axes"):
-        read_grid_table(tmp_path / "a.npy", first_mm=FIRST, spacing_mm=STEP)
+        read_grid_table(tmp_path / "a.npy", lies=(FIRST, STEP))
     with pytest.raises(FileError, match="cannot be read"):
         read_point_table(tmp_path / "none.csv")
 
@@ -203,7 +203,7 @@ def refused(folder, name, data, reason, most_bytes=3_000_000):
     """Read what is to be refused, and hold that it takes no memory and tells no warning."""
     (folder / name).write_bytes(data)
     read = read_point_table if name.endswith("vtu") else read_grid_table
-    given = {"first_mm": FIRST, "spacing_mm": STEP} if name.endswith("npy") else {}
+    given = {"lies": (FIRST, STEP)} if name.endswith("npy") else {}
     tracemalloc.start()
     try:
         with pytest.raises(FileError, match=reason):
@@ -243,7 +243,7 @@ def test_npy_is_judged_by_its_head(tmp_path, data, reason):
 def test_npy_of_any_real_type_and_order_is_read(tmp_path, kind, order):
     values = np.array(VALUES, dtype=kind, order=order)
     np.save(tmp_path / "a.npy", values)
-    table = read_grid_table(tmp_path / "a.npy", first_mm=FIRST, spacing_mm=STEP)
+    table = read_grid_table(tmp_path / "a.npy", lies=(FIRST, STEP))
     np.testing.assert_array_equal(table.values, values.astype(float))
 
 

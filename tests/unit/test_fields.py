@@ -1,5 +1,7 @@
 """Fields against what geometry and analysis say they are."""
 
+import hashlib
+
 import numpy as np
 import pytest
 from manifold3d import CrossSection, Manifold
@@ -7,20 +9,21 @@ from manifold3d import CrossSection, Manifold
 from planner.errors import ArgumentError
 from planner.fields.basic import Field, FunctionField, PlanarField, Ramp
 from planner.fields.parse import (
+    FieldArguments,
     Setting,
     _ball_region,
     _box_region,
-    _faces_within,
     _half_space,
-    _inside_mesh,
     _smooth_patch,
     build_field,
 )
 from planner.fields.solved import geodesic_field, harmonic_field, points_field
+from planner.formats.mesh_file import encode_stl
 from planner.mesh.distance import distances, triangle_tree
 from planner.mesh.mesh import Mesh, weld
 
 RNG = np.random.default_rng(5)
+ORIGIN = (0.0, 0.0, 0.0)
 POINTS = RNG.uniform(-8, 8, (400, 3))
 
 
@@ -106,8 +109,10 @@ def test_the_wall_of_a_hole_and_faces_in_a_box():
     radii = np.linalg.norm(wall.triangles[..., :2], axis=-1)
     np.testing.assert_allclose(radii, 2, atol=1e-6)  # float32 of manifold3d
     assert wall.area_mm2 == pytest.approx(2 * np.pi * 2 * 4, rel=2e-3)
-    top = _faces_within(mesh, np.array([-6, -6, 1.9]), np.array([6, 6, 2.1]))
-    assert top.area_mm2 == pytest.approx(100 - np.pi * 4, rel=2e-3)
+    top = built("distance: box=-6 -6 1.9 6 6 2.1, from=0, to=1", mesh)
+    # Above it, below it, beside it, and over the hole, which is a polygon of 60 sides.
+    points = np.array([[3.0, 3.0, 2.5], [3.0, 3.0, -2.0], [6.0, 0.0, 2.0], [0.0, 0.0, 2.0]])
+    np.testing.assert_allclose(top.values(points), [0.5, 4.0, 1.0, 2.0], rtol=2e-3)
 
 
 def test_harmonic_field_of_a_bar_is_linear_at_first_order():
@@ -146,7 +151,7 @@ def test_geodesic_distance_goes_round_the_corner():
     mesh = mesh_of(Manifold.cube([10, 10, 2]) - Manifold.cube([8, 8, 4]).translate([2, 2, -1]))
     errors = []
     for pitch_mm in (0.25, 0.125):
-        field = geodesic_field(mesh, _ball_region((1, 9, 1), 0.5), pitch_mm, 0.0, 1.0)
+        field = geodesic_field(mesh, _ball_region((1, 9, 1), 0.5), pitch_mm, (0.0, 1.0), ORIGIN)
         # Straight to the inner corner at (2, 2), then straight on.
         length = np.hypot(1, 7) + np.hypot(7, 1) - 0.5
         found = field.values(np.array([[9.0, 1.0, 1.0]]))[0]
@@ -155,11 +160,14 @@ def test_geodesic_distance_goes_round_the_corner():
     assert abs(errors[1]) < 0.8 * abs(errors[0])
 
 
-def test_regions():
-    inside = _inside_mesh(mesh_of(Manifold.cube([2, 2, 2], True)), "cube.stl", "0")
+def test_regions(tmp_path):
+    cube, file = mesh_of(Manifold.cube([2, 2, 2], True)), tmp_path / "cube.stl"
+    file.write_bytes(encode_stl(cube.vertices.astype(np.float32), cube.faces, "cube in mm"))
+    inside = FieldArguments("harmonic", (), {"to": str(file)}, (0.0, 0.0, 0.0)).region("to")
     found = inside.holds(POINTS / 4)
     np.testing.assert_array_equal(found, (np.abs(POINTS / 4) < 1).all(axis=1))
-    assert inside.says == {"file": "cube.stl", "sha256": "0"}
+    sha256 = hashlib.sha256(file.read_bytes()).hexdigest()
+    assert inside.says == {"file": "cube.stl", "sha256": sha256}
 
 
 @pytest.mark.parametrize(
@@ -175,7 +183,7 @@ def test_regions_between_which_nothing_flows(start, end, reason):
     with pytest.raises(ArgumentError, match=reason):
         harmonic_field(mesh, start, end, 0.25, (0.0, 0.0, 0.0))
     with pytest.raises(ArgumentError, match=r"no way leads|holds nothing"):
-        geodesic_field(mesh, start, 0.25)
+        geodesic_field(mesh, start, 0.25, (None, None), ORIGIN)
 
 
 def test_expressions_are_what_numpy_computes():
@@ -225,7 +233,7 @@ def test_a_name_that_is_a_slip():
 def test_scattered_values_are_kept_and_stay_in_range():
     at = RNG.uniform(0, 1, (300, 3))
     value = at @ [1.0, 2.0, 3.0]
-    field = points_field("p.csv", "0", np.concatenate([at, at]), np.tile(value, 2), 0.0, 1.0)
+    field = points_field("p.csv", "0", np.concatenate([at, at]), np.tile(value, 2), (0.0, 1.0))
     np.testing.assert_allclose(field.values(at), value, rtol=1e-6)
     between = RNG.uniform(0.2, 0.8, (500, 3))
     found = field.values(between)
@@ -234,7 +242,7 @@ def test_scattered_values_are_kept_and_stay_in_range():
     assert found.min() >= value.min()
     assert found.max() <= value.max()
     with pytest.raises(ArgumentError, match="4 or more"):
-        points_field("p.csv", "0", at[:3], value[:3], None, None)
+        points_field("p.csv", "0", at[:3], value[:3], (None, None))
 
 
 def test_fields_made_of_fields():

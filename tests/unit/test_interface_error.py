@@ -12,7 +12,7 @@ import planner
 from benchmarks.audit import audit
 from planner.cutting.pieces import Pieces, split
 from planner.fields.basic import FunctionField
-from planner.fields.solved import between_cells
+from planner.fields.solved import over_cells
 from planner.formats.mesh_file import decode_stl
 from planner.grading import printability
 from planner.grading.check import interfaces_cancel
@@ -54,7 +54,7 @@ def table(mesh: Mesh):
     """A table with a row every 4 mm, linear between them along each axis."""
     x, y, z = np.meshgrid(*[np.arange(8.0)] * 3, indexing="ij")
     values = 0.2 + 0.07 * x + 0.02 * np.sqrt(y + 1.0) + 0.01 * z
-    return between_cells(Grid((-1.0, -1.0, -1.0), (4.0, 4.0, 4.0), (8, 8, 8)), values)
+    return over_cells(Grid((-1.0, -1.0, -1.0), (4.0, 4.0, 4.0), (8, 8, 8)), values)
 
 
 def ridge(mesh: Mesh):

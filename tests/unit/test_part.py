@@ -10,7 +10,7 @@ import trimesh
 
 from planner.errors import ArgumentError, MeshError
 from planner.mesh.mesh import Topology, weld
-from planner.mesh.part import make_part, part_from_arrays, undersize
+from planner.mesh.part import make_part, open_part, undersize
 
 BOX_CORNERS = np.array(list(itertools.product((0.0, 1.0), repeat=3)))
 BOX_QUADS = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
@@ -474,7 +474,7 @@ def test_one_body_that_overlaps_itself():
     last = 24 * 120
     faces += [(last, last + i, last + i + 1) for i in range(1, 23)]
     with pytest.raises(MeshError, match="enclosed 2 times"):
-        part_from_arrays(points, np.array(faces), name="p")
+        open_part((points, np.array(faces)))
 
 
 def test_unit_hints():
@@ -485,15 +485,19 @@ def test_unit_hints():
     )
     assert undersize(part(box((5.0, 0.8, 0.9))).mesh) is None
     tray = (490.0, 390.0, 200.0)
-    assert part(box((400, 300, 100)), tray_mm=tray).warnings == ()
-    (long,) = part(box((100, 480, 100)), tray_mm=tray).warnings
+
+    def warnings(*size):
+        return open_part((BOX_CORNERS * size, BOX_FACES), tray_mm=tray).warnings
+
+    assert warnings(400, 300, 100) == ()
+    (long,) = warnings(100, 480, 100)
     assert "turn it to fit" in long
-    (huge,) = part(box((1e5, 1e4, 1e4)), tray_mm=tray).warnings
+    (huge,) = warnings(1e5, 1e4, 1e4)
     assert "in um it would be 100 x 10 x 10 mm: --unit um" in huge
 
 
 def test_arrays():
-    made = part_from_arrays(BOX_CORNERS, BOX_FACES, name="cube")
+    made = open_part((BOX_CORNERS, BOX_FACES), name="cube")
     assert made.name == "cube"
     assert made.mesh.volume_mm3 == pytest.approx(1)
 
@@ -508,4 +512,4 @@ def test_arrays():
 )
 def test_arrays_that_are_no_mesh(vertices, faces, message):
     with pytest.raises(ArgumentError, match=message):
-        part_from_arrays(vertices, faces)
+        open_part((vertices, faces))

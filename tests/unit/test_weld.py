@@ -82,12 +82,3 @@ def test_place_drops_what_rounds_to_nothing():
     assert len(placed.vertices) == 8
     with pytest.raises(MeshError, match="no thickness"):
         moved_to_corner(Mesh(flake, faces - 8))
-
-
-def test_place_refuses_what_is_not_a_mesh():
-    with pytest.raises(MeshError, match="no triangles"):
-        moved_to_corner(Mesh(np.zeros((0, 3)), np.zeros((0, 3))))
-    vertices = CUBE.vertices.copy()
-    vertices[3, 1] = np.nan
-    with pytest.raises(MeshError, match="vertex 3"):
-        moved_to_corner(Mesh(vertices, CUBE.faces))
