@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from planner.errors import UnknownNameError, did_you_mean
+from planner.errors import UnknownNameError, check_known
 from planner.gap.diagnosis import FoundEffect
 from planner.gap.effect import Effect, Form, Parameter
 from planner.gap.effects import conditions, print, test
@@ -107,8 +107,6 @@ def effect_named(id: str, effects: Mapping[str, Effect], option: str) -> Effect:
     UnknownNameError
         There is none; the message names what is near.
     """
-    if id in effects:
-        return effects[id]
-    raise UnknownNameError(
-        f"{option} {id}: no such effect; {did_you_mean(id, effects)}there are {', '.join(effects)}"
-    )
+    said = f"{option} {id}: no such effect; {{}}there are"
+    check_known(id, effects, said, UnknownNameError)
+    return effects[id]

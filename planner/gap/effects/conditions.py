@@ -128,8 +128,9 @@ def _saturating(setup: Setup, values: Values) -> Setup:
 # Moisture: soaked elastomer swells and softens, saturating within about a day.
 
 
-_LEAST_h = 1e-9
-"""Hours in water that stand for none. Numerical: so that they have a logarithm."""
+_LEAST_h, _MOST_DECADES = 1e-9, 300.0
+"""Hours in water that stand for none, and the logarithm of those that stand for all. Numerical: so
+that they have a logarithm, and are numbers."""
 
 
 def _softened_by_water(setup: Setup, values: Values, *, sheet: bool) -> Setup:
@@ -149,7 +150,8 @@ def _softened_by_water(setup: Setup, values: Values, *, sheet: bool) -> Setup:
 def _as_if_h(hours: FloatArray, values: Values) -> FloatArray:
     """Return hours that a course over their logarithm makes of them."""
     logs = np.log10(np.maximum(hours, _LEAST_h))
-    return np.asarray(10.0 ** (_KNOTS_DECADES[0] + _risen(_course(values), _KNOTS_DECADES, logs)))
+    decades = _KNOTS_DECADES[0] + _risen(_course(values), _KNOTS_DECADES, logs)
+    return np.asarray(10.0 ** np.minimum(decades, _MOST_DECADES))
 
 
 def _sheet(setup: Setup, soak_h: FloatArray, saturation_h: float) -> FloatArray:

@@ -123,6 +123,19 @@ def test_effects_stay_physical_at_the_corners_of_their_bounds(
 
 
 @EVERY_FORM
+@pytest.mark.parametrize("far", [-4.0, 4.0])
+def test_details_are_finite_as_far_as_they_are_looked_for(
+    effect: Effect, form: Form, far: float, away: Make
+) -> None:
+    """Four deviations hold all but 6e-5 of a prior: one detail after the other, and all at once."""
+    none = {p.name: p.high for p in form.parameters} | dict.fromkeys(form.details, 0.0)
+    for names in (form.details, *((name,) for name in form.details)):
+        after = form.apply(away(), none | dict.fromkeys(names, far))
+        for name in arrays(after):
+            assert np.all(np.isfinite(getattr(after, name))), (names, name)
+
+
+@EVERY_FORM
 def test_effects_are_smooth_in_their_parameters(
     effect: Effect, form: Form, away: Make, middles: Middles
 ) -> None:
