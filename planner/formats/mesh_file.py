@@ -176,7 +176,7 @@ def _step(data: bytes, kind: str, name: str, limits: UnfoldingLimits) -> _Read:
             f"{name}: STEP is read by cascadio, which is not installed: pip install cascadio, or "
             "export the part as 3MF or STL"
         )
-    none = MeshError(f"{name}: Open CASCADE finds no solid in it; export the part again as a solid")
+    empty = MeshError(f"{name}: Open CASCADE finds no solid in it; export the part as a solid")
     # In a process of its own: Open CASCADE prints, and files that break its rules can crash it.
     with tempfile.TemporaryDirectory() as folder:
         step, made = Path(folder, "part.step"), Path(folder, "part.glb")
@@ -185,11 +185,11 @@ def _step(data: bytes, kind: str, name: str, limits: UnfoldingLimits) -> _Read:
         command = [sys.executable, "-c", call, str(step), str(made), str(_DEFLECTION_MM)]
         ended = subprocess.run(command, capture_output=True, check=False)
         if ended.returncode or not made.is_file():
-            raise none
+            raise empty
         glb = made.read_bytes()
     in_m, names = _trimesh(glb, "glb", name, limits)
     if not len(in_m):
-        raise none
+        raise empty
     stated = _STEP_UNIT.search(data) or _STEP_METRES.search(data)
     word = b"MILLI" if stated is None else next(filter(None, stated.groups()), b"")
     own = _STEP_UNITS.get(word.upper(), "mm")
