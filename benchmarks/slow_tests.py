@@ -28,7 +28,12 @@ QUICK = (
     "tests/property/test_grade.py::test_every_shell_of_every_part_is_sound",
     # Noticed a mutation that shorter ones did not.
     "tests/golden/test_behaviour.py::test_as_before[blend-refused]",
-    "tests/unit/test_targets.py::test_a_result_goes_down_a_pipe[-]",
+    "tests/golden/test_behaviour.py::test_as_before[check]",
+    "tests/golden/test_behaviour.py::test_as_before[second-printer]",
+    "tests/property/test_coefficients.py::test_hardness_of_other_mixtures_moves",
+    "tests/unit/test_interface_error.py::test_a_plan_says_what_its_files_show[distance]",
+    "tests/unit/test_solid.py::test_rivlins_tube",
+    "tests/unit/test_targets.py::test_a_result_goes_down_a_pipe",
 )
 
 
