@@ -213,10 +213,10 @@ def mesh(kind: str, *seeds: bytes, change=mutations.mutated, name: str = "") -> 
 
 
 def grid(kind: str, make: Callable[[Rng], bytes], name: str = "") -> Reader:
-    given = {"first_mm": (0.0, 0.0, 0.0), "spacing_mm": (1.0, 1.0, 1.0)} if kind == "npy" else {}
+    lies = ((0.0, 0.0, 0.0), (1.0, 1.0, 1.0)) if kind == "npy" else None
     return Reader(
         name or kind,
-        lambda at: read_grid_table(at / f"table.{kind}", **given),
+        lambda at: read_grid_table(at / f"table.{kind}", lies=lies),
         lambda rng: {f"table.{kind}": make(rng)},
     )
 
