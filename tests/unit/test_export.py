@@ -314,6 +314,13 @@ def test_calculix_bends_ten_grades_as_planner_does(force_N, tmp_path):
     assert tip == pytest.approx(found.steps.responses[0].displacement_mm[-1, 2], rel=0.03)
 
 
+def test_laws_go_to_what_the_part_is_found_to_reach(plan):
+    on = {"fix": ["x=min"], "load": ["x=max: 0,0,-0.01 N"]}
+    made = planner.export(plan, to="calculix", cell_mm=4.0, **on)
+    assert any("the largest strain is 0.0" in note for note in made.notes)
+    assert max(m.to_strain for m in made.materials) <= 0.2
+
+
 def test_a_strain_given_is_what_laws_go_to(plan):
     on = {"fix": ["x=min"], "load": ["x=max: 0,0,-0.01 N"]}
     near = planner.export(plan, to="calculix", cell_mm=4.0, to_strain=0.1, **on)

@@ -46,6 +46,8 @@ def test_the_modulus_at_rest_is_the_palettes(material: Material) -> None:
     c = [float(one.text or "") for one in block if re.fullmatch("c[0-9]", one.tag)]
     assert young_MPa(0.5 * sum(c)) == pytest.approx(at_rest, rel=5e-8)
     assert float(block.findtext("k") or "") == pytest.approx(bulk, rel=5e-8)
+    ordered = [f"{letter}{number}" for number in range(1, terms + 1) for letter in "cm"]
+    assert [one.tag for one in block if one.tag[1:].isdigit()] == ordered
 
 
 def test_what_yields_flows_or_says_that_it_stays_straight() -> None:
