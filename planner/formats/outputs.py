@@ -323,9 +323,9 @@ def _within(root: Path) -> Iterator[tuple[str, Path]]:
 
 def _listed(root: Path, record: str) -> Mapping[str, str]:
     old = "does not list the folder's files (an earlier version, or another program, wrote it)"
-    said = f"its {record} {old}, so that nothing in it is replaced; name another folder, or remove"
+    said = f"its {record} {old}, so that nothing in it is replaced"
     broken = (KeyError, msgspec.MsgspecError, UnicodeDecodeError, RecursionError)
-    with refused(OutputError, root, f"{said} this one", *broken):
+    with refused(OutputError, root, f"{said}; name another folder, or remove this one", *broken):
         document = msgspec.json.decode((root / record).read_bytes(), type=dict[str, Any])
         return msgspec.convert(document[_LIST], dict[str, str])
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -316,7 +316,7 @@ def _called(end: End) -> str:
 # Profiles by a name, between two moduli, and by a function.
 
 
-_SHAPES = ("log", "linear", "smooth")
+_SHAPES: tuple[Literal["log", "linear", "smooth"], ...] = ("log", "linear", "smooth")
 _PROFILES = (*_SHAPES, "steps:N", "grades", "FILE.csv")
 
 
@@ -340,8 +340,8 @@ def between(
         An unknown name, fewer than two steps, or both ends nearest to one material.
     """
     if spec in _SHAPES:
-        ends_MPa = (start_MPa, end_MPa)
-        return Profile(spec, (0.0, 1.0), ends_MPa, spec)  # type: ignore[arg-type]  # one of these
+        shape = _SHAPES[_SHAPES.index(spec)]
+        return Profile(spec, (0.0, 1.0), (start_MPa, end_MPa), shape)
     if spec == "grades":
         return _steps(spec, _grades(start_MPa, end_MPa, moduli_MPa))
     if spec.startswith("steps:"):

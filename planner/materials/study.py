@@ -452,8 +452,8 @@ def _upright(
             f"column 'mode' of {_SPECIMENS})"
         )
     if said != "compression" and not both:
-        turned = "is negative; its sign was turned, as of tension: if it was compressed, say --mode"
-        notes.extend(Caution(f"{where}: only {name} {turned} compression") for name in negative)
+        turned = "its sign was turned, as of tension: if it was compressed, say --mode compression"
+        notes.extend(Caution(f"{where}: only {name} is negative; {turned}") for name in negative)
     return {name: -values if name in negative else values for name, values in columns.items()}
 
 
