@@ -808,30 +808,26 @@ def setup_of(
         slices.append((np.diff(edges), coordinate))
         middles.append(0.5 * (edges[1:] + edges[:-1]))
         area.append(mean_section_mm2(group if group[0].part is None else (), middles[-1]))
-    reference = campaign.palette.reference
-    covariates: dict[str, Any] = {}
-    known: dict[str, BoolArray] = {}
+    own, covariates = stated(campaign.palette.reference), dict[str, Any]()
     for name, column in SPECIMEN_COLUMNS.items():
         if column.usual is not None:
             values = [[getattr(s, name) for s in group] for group in groups]
-            covariates[name], known[name] = _means(values, getattr(stated(reference), name))
+            covariates[name] = _means(values, getattr(own, name))
     for name in ("width_mm", "thickness_mm"):
         sizes = [[_nominal_size_mm(s, name) for s in group] for group in groups]
-        covariates[name], known[name] = _means(sizes, 1.0)
-    directions = [next((s.orientation for s in group if s.orientation), None) for group in groups]
-    known["orientation"] = np.array([o is not None for o in directions])
+        covariates[name] = _means(sizes, 1.0)
+    along = [next((s.orientation for s in g if s.orientation), own.orientation) for g in groups]
     rate = np.array([np.mean([paths[place].speed_mm_s for place in t.places]) for t in tests])
     first_slice = np.cumsum([0, *map(len, middles)], dtype=np.int64)
     return Setup(
-        reference=reference,
+        reference=campaign.palette.reference,
         palette_coordinate=np.array([m.coordinate for m in campaign.palette.materials]),
         first_slice=first_slice,
         time_s=np.stack([test.time_s for test in tests]),
         travel_mm=np.stack([test.travel_mm for test in tests]),
         rate_per_s=rate / gauge,
         gauge_mm=gauge,
-        orientation=np.array(["xyz".index(o or reference.orientation or "x") for o in directions]),
-        known=known,
+        orientation=np.array(["xyz".index(direction or "x") for direction in along]),
         designs=tuple(group[0].profile for group in groups),
         parts=tuple(part.response if (part := group[0].part) else None for group in groups),
         x_mm=np.concatenate(middles),
@@ -885,10 +881,7 @@ def _nominal_size_mm(specimen: Specimen, name: str) -> float | None:
     return getattr(specimen, f"measured_{name}") if own is None else own
 
 
-def _means(
-    groups: Sequence[Sequence[float | None]], otherwise: float
-) -> tuple[FloatArray, BoolArray]:
-    """Return the mean of what is known of each group, and whether anything is."""
-    values = [[value for value in group if value is not None] for group in groups]
-    known = np.array([bool(v) for v in values])
-    return np.array([float(np.mean(v)) if v else otherwise for v in values]), known
+def _means(groups: Sequence[Sequence[float | None]], otherwise: float) -> FloatArray:
+    """Return the mean of what is known of each group."""
+    known = [[value for value in group if value is not None] for group in groups]
+    return np.array([np.mean(values or [otherwise]) for values in known])

@@ -1,7 +1,7 @@
 """Force and strains of bars that are pulled, slices in series under one force, and of parts."""
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, fields, replace
 from functools import lru_cache, partial
@@ -480,9 +480,7 @@ class Setup(PulledBars):
     rate_per_s, temperature_C, soak_h, age_days, width_mm, thickness_mm, gauge_mm : (P,)
         Covariates; where unknown, those of the reference (sizes: the nominal ones).
     orientation : (P,)
-        0, 1 or 2 for x, y, z.
-    known : name to (P,)
-        Where each covariate is known.
+        0, 1 or 2 for x, y, z; where unknown, the reference's.
     designs
         Of each test, None for a coupon.
     x_mm : (S,)
@@ -499,7 +497,6 @@ class Setup(PulledBars):
     thickness_mm: FloatArray
     gauge_mm: FloatArray
     orientation: IntArray
-    known: Mapping[str, BoolArray]
     designs: tuple[ProfileDesign | None, ...]
     x_mm: FloatArray
 

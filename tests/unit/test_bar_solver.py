@@ -67,7 +67,6 @@ def setup(travel_mm, *, time_s=None, coordinates=((0.0,),), lengths=None, **chan
         thickness_mm=3.0 * ones,
         gauge_mm=GAUGE_MM * ones,
         orientation=np.zeros(P, dtype=int),
-        known={},
         designs=(None,) * P,
         x_mm=np.zeros(S),
         coordinate=np.concatenate([np.array(c, dtype=float) for c in coordinates]),

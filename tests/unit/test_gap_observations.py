@@ -10,6 +10,7 @@ from scipy.special import ndtr
 from planner.errors import FileError
 from planner.gap.campaign import Campaign, Specimen, StrainField
 from planner.gap.campaign_folder import read_campaign, write_campaign
+from planner.gap.effects import EFFECTS
 from planner.gap.observations import BRANCHES, observation_model
 from planner.gap.segments import path_of
 from planner.materials.laws import make_law
@@ -167,11 +168,19 @@ def test_steps_go_from_rest_through_all_segments(model):
 def test_covariates_are_the_records_or_unknown(model):
     setup = model.setup
     np.testing.assert_allclose(setup.rate_per_s, 1.0 / GAUGE_MM, rtol=1e-6)
-    assert setup.known["temperature_C"].tolist() == [True, True, True, True, False]
     assert setup.temperature_C.tolist() == [23.0] * 5
-    assert not setup.known["soak_h"].any()
-    assert not setup.known["orientation"].any()
-    assert setup.age_days.tolist() == [9.0] * 5  # the reference's, and not known
+    assert setup.soak_h.tolist() == [0.0] * 5  # the reference's, and not known
+    assert setup.age_days.tolist() == [9.0] * 5
+    assert setup.orientation.tolist() == [0] * 5
+    # So that an effect of any of these does nothing there.
+    for form in (
+        EFFECTS[id].forms[0] for id in ("temperature", "moisture", "ageing", "orientation")
+    ):
+        after = form.apply(setup, {p.name: p.usual for p in form.parameters})
+        np.testing.assert_allclose(after.log_factor, 0.0, atol=1e-15)
+    printed_z = replace(PALETTE, reference=replace(PALETTE.reference, orientation="z"))
+    upright = observation_model(Campaign("c", "p", printed_z, (specimen("a"),)))
+    assert upright.setup.orientation.tolist() == [2]
     assert [design is not None for design in setup.designs] == [False, False, True, False, False]
 
 
@@ -454,7 +463,7 @@ def test_unknown_section_is_one_and_said():
     bare = specimen("a", width_mm=None, thickness_mm=None)
     found = observation_model(campaign(bare))
     assert found.setup.area_mm2.tolist() == [1.0]
-    assert not found.setup.known["width_mm"].any()
+    assert found.setup.width_mm.tolist() == [1.0]
     assert "section is unknown" in found.limitations[0]
 
 

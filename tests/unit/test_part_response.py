@@ -35,7 +35,6 @@ def setup(palette: Palette, *, first_slice, time_s, travel_mm, **fields) -> Setu
         time_s=time_s[None],
         travel_mm=travel_mm[None],
         orientation=np.zeros(1, dtype=int),
-        known={},
         designs=(None,),
         x_mm=np.zeros(counts),
         **{name: value * one for name, value in conditions.items()},

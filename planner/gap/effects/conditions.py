@@ -34,13 +34,6 @@ def _reference(setup: Setup, name: str) -> float:
     return float(getattr(stated(setup.reference), own))
 
 
-def _condition(setup: Setup, name: str) -> FloatArray:
-    """Return a condition of the tests, (P,), the reference's where it is unknown."""
-    values: FloatArray = getattr(setup, name)
-    known = setup.known.get(name)
-    return values if known is None else np.where(known, values, _reference(setup, name))
-
-
 def _graded(setup: Setup, size: float, values: Values) -> FloatArray:
     """Return a size in each slice, (S,): whole at the mixture `peak`, less around it.
 
@@ -111,7 +104,7 @@ minutes in water, to years beyond any campaign."""
 def _log_time(setup: Setup, values: Values) -> Setup:
     """Decades of age beyond the reference, counted from a first change, or else a day."""
     onset = values.get("onset", 1.0)
-    age, start = _condition(setup, "age_days"), _reference(setup, "age_days")
+    age, start = setup.age_days, _reference(setup, "age_days")
     course = partial(_risen, _course(values), _KNOTS_DECADES)
     decades = course(np.log10(age + onset)) - course(np.log10(start + onset))
     return setup.stiffened(_graded(setup, values["change"], values) * setup.on_slices(decades))
@@ -119,7 +112,7 @@ def _log_time(setup: Setup, values: Values) -> Setup:
 
 def _saturating(setup: Setup, values: Values) -> Setup:
     """To an end, as a reaction of first order."""
-    age, start = _condition(setup, "age_days"), _reference(setup, "age_days")
+    age, start = setup.age_days, _reference(setup, "age_days")
     gone = np.exp(-start / values["time"]) - np.exp(-age / values["time"])
     return setup.stiffened(setup.on_slices(values["change"] * gone))
 
@@ -135,8 +128,7 @@ that they have a logarithm, and are numbers."""
 
 def _softened_by_water(setup: Setup, values: Values, *, sheet: bool) -> Setup:
     """Soften by what is taken up over the saturation, through a sheet or whatever the thickness."""
-    soak_h = _condition(setup, "soak_h")
-    start_h = np.full_like(soak_h, _reference(setup, "soak_h"))
+    soak_h, start_h = setup.soak_h, np.full_like(setup.soak_h, _reference(setup, "soak_h"))
     if "wave_1" in values:
         soak_h, start_h = (_as_if_h(h, values) for h in (soak_h, start_h))
     size, uptake = _graded(setup, values["softening"], values), _sheet if sheet else _root
@@ -171,7 +163,7 @@ def _root(setup: Setup, soak_h: FloatArray, saturation_h: float) -> FloatArray:
 
 def _warmer_K(setup: Setup) -> FloatArray:
     """Kelvin above the reference, (P,)."""
-    return _condition(setup, "temperature_C") - _reference(setup, "temperature_C")
+    return setup.temperature_C - _reference(setup, "temperature_C")
 
 
 def _wlf(setup: Setup, values: Values) -> Setup:

@@ -146,9 +146,7 @@ def _along(setup: Setup, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Floa
     """Pick each test's number by its direction, less that of the palette's own, on slices."""
     numbers = np.array([x, y, z])
     start = numbers["xyz".index(setup.reference.orientation or "x")]
-    found: FloatArray = numbers[setup.orientation] - start
-    known = setup.known.get("orientation")
-    return setup.on_slices(found if known is None else np.where(known, found, 0.0))
+    return setup.on_slices(numbers[setup.orientation] - start)
 
 
 _GROWTH = 0.5

@@ -50,7 +50,6 @@ def make_setup(
         "thickness_mm": 2.0 * one,
         "gauge_mm": 25.0 * one,
         "orientation": np.zeros(tests, dtype=np.int64),
-        "known": {},
         "designs": designs,
         "x_mm": np.concatenate(x),
         "coordinate": np.concatenate(coordinate),

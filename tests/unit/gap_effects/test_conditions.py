@@ -208,16 +208,7 @@ def test_orientations_differ_as_each_form_says(coupons: Make, applied: Apply) ->
     np.testing.assert_allclose(turned.log_factor, (-0.2, -0.2, 0.0), atol=1e-15)
 
 
-def test_unknown_conditions_count_as_the_references(away: Make, middles: Middles) -> None:
-    known = {
-        name: np.zeros(8, dtype=np.bool_)
-        for name in ("temperature_C", "soak_h", "age_days", "orientation")
-    }
-    nowhere = np.full(8, np.nan)
-    before = away(known=known, temperature_C=nowhere, soak_h=nowhere, age_days=nowhere)
-    for id in ("temperature", "moisture", "ageing", "orientation"):
-        form = EFFECTS[id].forms[0]
-        np.testing.assert_allclose(form.apply(before, middles(form)).log_factor, 0.0, atol=1e-15)
+def test_a_reference_that_says_nothing_is_the_standard(away: Make, middles: Middles) -> None:
     bare = replace(away(), reference=Reference())
     for id in ("rate", "temperature", "moisture", "ageing", "orientation"):
         for form in EFFECTS[id].forms:
