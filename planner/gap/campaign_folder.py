@@ -5,7 +5,7 @@ import math
 import re
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from types import MappingProxyType
@@ -17,12 +17,7 @@ import numpy as np
 from planner.errors import ArgumentError, FileError, UnknownNameError, did_you_mean, nearest_names
 from planner.formats.files import decode_toml, path_within, read_file, toml_text
 from planner.formats.outputs import write_folder
-from planner.formats.specimens import (
-    SPECIMEN_COLUMNS,
-    SPECIMEN_TEXTS,
-    SpecimenConditions,
-    read_specimens,
-)
+from planner.formats.specimens import SPECIMEN_COLUMNS, SPECIMEN_TEXTS, read_specimens
 from planner.formats.specimens import ListedSpecimen as Row
 from planner.formats.tables import LONGEST_HEADING, encode_csv, number, read_columns
 from planner.formats.tensile import TensileTable, mode_of, read_tensile
@@ -172,7 +167,7 @@ def _turned(
     elif len(names) != 1:
         pushed = bool(names)
     else:
-        pushed = source.area_mm2 is not None and source.gauge_mm**2 < source.area_mm2
+        pushed = source.row.area_mm2 is not None and source.gauge_mm**2 < source.row.area_mm2
     if pushed and len(names) == 2:
         notes.append("travel and force are negative; it is compared as compressed")
     elif pushed and said is not None:
@@ -253,9 +248,8 @@ class _Source:
 
     where: str
     table: TensileTable
+    row: Row
     gauge_mm: float
-    area_mm2: float | None
-    rate_mm_s: float | None
     said: str | None
     stress_MPa: Callable[[FloatArray], FloatArray] | None
     notes: list[str]
@@ -281,7 +275,7 @@ def _record_of(source: _Source) -> dict[str, Any]:
             f"{where}: the curve has {points} points; at least {MINIMUM_POINTS} are "
             "needed: export all of it, or take the specimen out of specimens.csv"
         )
-    force, force_unit_N = _channel(source, "force", source.area_mm2)
+    force, force_unit_N = _channel(source, "force", source.row.area_mm2)
     travel, travel_unit_mm = _channel(source, "travel", source.gauge_mm)
     if not np.any(travel):
         raise FileError(f"{where}: the crosshead never moves; check the column of travel")
@@ -351,14 +345,14 @@ def _channel(
 
 def _time(source: _Source, travel: FloatArray) -> tuple[FloatArray, bool]:
     if "time_s" not in source.table.columns:
-        if source.rate_mm_s is None:
+        if source.row.rate_mm_s is None:
             raise FileError(
                 f"{source.where}: no column of time and no rate_mm_s; export the time, headed "
                 "'time_s', or give the rate in specimens.csv"
             )
         source.notes.append("time was not recorded; it is counted from travel and rate_mm_s")
         path = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(travel)))])
-        return path / source.rate_mm_s, False
+        return path / source.row.rate_mm_s, False
     time = source.table.columns["time_s"]
     if len(fall := np.flatnonzero(np.diff(time) < 0.0)):
         at = int(fall[0])
@@ -628,13 +622,8 @@ class ListReader:
         self.palette, self._file = palette, file
         self._part = cache(self._part_test)
 
-    def fields(self, row: Row, known: Mapping[str, Any]) -> tuple[dict[str, Any], list[str]]:
+    def fields(self, row: Row) -> tuple[dict[str, Any], list[str]]:
         """Return what a specimen is made of, its sizes and conditions; and what is to be noted.
-
-        Parameters
-        ----------
-        known
-            Its sizes and conditions, as its row has them or the head of its curve.
 
         Returns
         -------
@@ -649,7 +638,7 @@ class ListReader:
             No such material.
         """
         where = f"{self._file.name}, specimen {row.specimen}"
-        found, notes, design = dict(known), list[str](), None
+        found, notes, design = row.conditions(), list[str](), None
         with _naming(where):
             if row.material:
                 found["material"] = self.palette.resolve(row.material).id
@@ -743,12 +732,13 @@ def _specimen(
     reader: ListReader,
 ) -> tuple[Specimen, list[str]]:
     """Return a specimen, and what was corrected or left out of it."""
-    known = row.conditions()
-    for name, value in table.metadata.items():  # what the file's head tells, the row does not
-        if known.get(name, "") is None and isinstance(value, float) and value > 0.0:
-            known[name] = value
-    area_mm2 = SpecimenConditions(**{k: known[k] for k in known if k != "gauge_mm"}).area_mm2
-    fields, notes = reader.fields(row, known)
+    told: dict[str, Any] = {
+        name: value  # what the file's head tells, the row does not
+        for name, value in table.metadata.items()
+        if row.conditions().get(name, "") is None and isinstance(value, float) and value > 0.0
+    }
+    row = replace(row, **told)
+    fields, notes = reader.fields(row)
     # A part's travel counts along its load, whether that pulls or pushes.
     in_file = table.metadata.get("mode")
     for cell in (row.covariates.get("mode", ""), str(in_file)):
@@ -761,8 +751,8 @@ def _specimen(
     law = make_law(reader.palette.resolve(row.material).law) if row.material else None
     fields |= _record_of(
         _Source(
-            where, table, fields["gauge_mm"], area_mm2,
-            fields["rate_mm_s"], said, None if law is None else law.nominal_stress_MPa, notes,
+            where, table, row, fields["gauge_mm"], said,
+            None if law is None else law.nominal_stress_MPa, notes,
         )
     )  # fmt: skip
     notes += table.notes

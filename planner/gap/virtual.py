@@ -284,7 +284,7 @@ def _retraced(specimen: Specimen) -> Specimen | None:
 def _listed(file: Path, name: str, palette: Palette, printer: str, camera: bool) -> Campaign:
     rows, covariates, notes = read_list(file)
     reader = ListReader(file, palette)
-    read = [reader.fields(row, row.conditions())[0] for row in rows]
+    read = [reader.fields(row)[0] for row in rows]
     designs = [fields["profile"] for fields in read if "profile" in fields]
     strain = virtual_strain(palette, [row.material for row in rows if row.material], designs)
     specimens = []

@@ -206,8 +206,8 @@ class Candidate:
     ----------
     effects
         Ids, sorted; () for none.
-    branches, places
-        Of each effect, in that order; a place is (s, shapes..., details...).
+    parts
+        Of each effect, in that order: a branch, and the place (s, shapes..., details...).
     gain
         Log likelihood above that of no effect.
     log_evidence
@@ -219,25 +219,24 @@ class Candidate:
     """
 
     effects: tuple[str, ...]
-    branches: tuple[SignedForm, ...] = ()
-    places: tuple[_Place, ...] = ()
+    parts: tuple[tuple[SignedForm, _Place], ...] = ()
     gain: float = 0.0
     log_evidence: float = 0.0
     members: FloatArray | None = None
     log_gain: float = 0.0
 
     @property
-    def parts(self) -> list[tuple[SignedForm, _Place]]:
-        """Each branch with its place."""
-        return list(zip(self.branches, self.places, strict=True))
+    def forms(self) -> tuple[int, ...]:
+        """Its branches' numbers."""
+        return tuple(branch.number for branch, _ in self.parts)
 
 
 def joined(
     parts: Iterable[tuple[SignedForm, _Place]], gain: float = 0.0, log_evidence: float = 0.0
 ) -> Candidate:
     """Return branches at places as one candidate, effects sorted."""
-    branches, places = zip(*sorted(parts, key=lambda part: part[0].effect.id), strict=True)
-    return Candidate(tuple(b.effect.id for b in branches), branches, places, gain, log_evidence)
+    ordered = tuple(sorted(parts, key=lambda part: part[0].effect.id))
+    return Candidate(tuple(b.effect.id for b, _ in ordered), ordered, gain, log_evidence)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -527,7 +526,7 @@ class Problem:
     def explained(self, candidate: Candidate) -> FloatArray:
         """Return what a candidate changes of the transformed features, (N,)."""
         change = np.zeros(len(self.table))
-        if candidate.branches:
+        if candidate.parts:
             change = self.changes_by([candidate])[0]
         if candidate.members is not None:
             force = np.where(self.table.is_field, 0.0, self.table.chord(self.unpredicted))
@@ -538,9 +537,9 @@ class Problem:
         """Return what specimens' own sizes of a candidate's effects change, (N, k), whitened."""
         table = self.table
         specimens = table.specimen[:, None] == np.unique(table.specimen)
-        if not (own := [(b, place) for b, place in candidate.parts if b.effect.individual > 0.0]):
+        if not (own := [part for part in candidate.parts if part[0].effect.individual > 0.0]):
             return np.zeros((len(table), 0))
-        changes = self.changes_by([replace(candidate, branches=(b,), places=(p,)) for b, p in own])
+        changes = self.changes_by([replace(candidate, parts=(part,)) for part in own])
         parts = [
             branch.effect.individual * change[:, None] * specimens
             for (branch, _), change in zip(own, changes, strict=True)

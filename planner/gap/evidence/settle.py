@@ -212,11 +212,11 @@ the next step goes on."""
 
 def _moved(candidate: Candidate, coordinates: FloatArray) -> Candidate:
     """Return the candidate at coordinates of all its branches, one after the other."""
-    places, first = [], 0
+    parts, first = [], 0
     for branch, place in candidate.parts:
         own = slice(first, first := first + len(branch.coordinates(place)))
-        places.append(branch.place(coordinates[own]))
-    return replace(candidate, places=tuple(places))
+        parts.append((branch, branch.place(coordinates[own])))
+    return replace(candidate, parts=tuple(parts))
 
 
 class _Point:
@@ -389,7 +389,7 @@ def _mode_beside_own(world: World, point: _Point, own: FloatArray) -> tuple[_Poi
     """Return a mode and specimens' own sizes there, from a point and such sizes on."""
     for _ in range(_ROUNDS):
         before, point = point, _mode(world, point, own)
-        was, now = ([s for s, *_ in one.candidate.places] for one in (before, point))
+        was, now = ([s for _, (s, *_) in one.candidate.parts] for one in (before, point))
         if own.shape[1] and np.all(np.abs(np.divide(now, was) - 1.0) < _SAME_SIZE):
             break
         # Own sizes scatter in proportion to the effect's.

@@ -341,14 +341,13 @@ class Weighed:
 
     def settled_as(self, candidate: Candidate) -> Settled:
         """Return the settled candidate of the same forms, but for a gain of some specimens."""
-        if not candidate.branches:
+        if not candidate.parts:
             return self.none
         if candidate.members is not None:
             for one in self.beside_some:
-                if one.candidate.places == candidate.places:
+                if one.candidate.parts == candidate.parts:
                     return one
-        forms = [b.number for b in candidate.branches]
-        return next(s for s in self.settled if [b.number for b in s.candidate.branches] == forms)
+        return next(s for s in self.settled if s.candidate.forms == candidate.forms)
 
 
 def _worlds(problem: Problem) -> tuple[World, ...]:
@@ -517,7 +516,7 @@ class _LogPriors:
 
     def forms(self, candidate: Candidate) -> float:
         """Return the log prior of a candidate's forms among those of its effects."""
-        return float(sum(self.branch[b.number] for b in candidate.branches))
+        return float(sum(self.branch[number] for number in candidate.forms))
 
 
 def _of_axes(problem: Problem, share: float, of_claimed: float) -> FloatArray:
@@ -562,7 +561,7 @@ def _settled(worlds: Sequence[World], logs: _LogPriors) -> list[Settled]:
     lost = max(most.values(), default=0.0) - _LOST_NATS
     least = {e: max(v - _SURROGATE_NATS, min(v, lost)) for e, v in most.items()}
     # Forms with details fit more than their surrogate shows.
-    chosen = [c for c in ranked if value(c) >= least[c.effects] or c.branches[0].form.details]
+    chosen = [c for c in ranked if value(c) >= least[c.effects] or c.parts[0][0].form.details]
     settled = [settle(worlds, c, world) for c in chosen]
     together = _most_effects(world.problem)
     best: dict[Effects, Settled] = {}
@@ -581,13 +580,12 @@ def _settled(worlds: Sequence[World], logs: _LogPriors) -> list[Settled]:
     # two of the best three. Each once, or it would count so many times.
     pairs_in_all = {one.candidate.effects for one in leading}
     thirds: dict[Effects, Settled] = {}
-    known = {frozenset(b.number for b in one.candidate.branches) for one in both}
+    known = {one.candidate.forms for one in both}
     for _ in range(2):
         for effects in sorted(pairs_in_all):
             for c in _in_all_forms(effects, best, settled, logs):
-                forms = frozenset(b.number for b in c.branches)
-                if forms not in known:
-                    known.add(forms)
+                if c.forms not in known:
+                    known.add(c.forms)
                     both.append(settle(worlds, c, world))
         likeliest = max(both, key=odds)
         for c in _partners(likeliest, logs)[:_PARTNERS] if together > 2 else ():
@@ -667,7 +665,7 @@ def _chosen(result: Weighed) -> list[Settled]:
     odds = {
         e: result.log_evidence[e, ""] + result.logs.of(e)
         for e, c in result.best.items()
-        if c.branches and c.members is None
+        if c.parts and c.members is None
     }
     ranked = sorted(odds, key=lambda e: -odds[e])[:_LOOKED_AT]
     return [result.settled_as(result.best[e]) for e in ranked]

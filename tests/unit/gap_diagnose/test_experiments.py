@@ -25,7 +25,7 @@ def problem(planned, imitated) -> Problem:
 
 def candidate(problem: Problem, effect: str, form: str, s: float) -> Candidate:
     branch = next(b for b in problem.branches if (b.effect.id, b.form.name) == (effect, form))
-    return Candidate((effect,), (branch,), ((s, *[0.0] * branch.shapes),))
+    return Candidate((effect,), ((branch, (s, *[0.0] * branch.shapes)),))
 
 
 def asked(problem: Problem, *candidates: Candidate) -> tuple[Experiment, ...]:

@@ -100,7 +100,7 @@ def test_three_effects_are_found_together(planned, imitated) -> None:
     three = ("grip-slack", "moisture", "rate")
     best = max(found.log_evidence, key=found.log_evidence.__getitem__)
     assert best == (three, "")
-    assert len(found.best[three].branches) == 3
+    assert len(found.best[three].parts) == 3
 
 
 @pytest.mark.long
@@ -110,7 +110,7 @@ def test_rate_and_temperature_are_one_law_though_neither_alone_shows_it(tmp_path
     problem, *_ = prepared(read_campaign(tmp_path))
     found = weigh(problem, Priors())
     best = found.best["rate", "temperature"]
-    assert [b.form.name for b in best.branches] == ["spectrum", "any-course"]
+    assert [b.form.name for b, _ in best.parts] == ["spectrum", "any-course"]
     assert verdict_of(ranking_of(evidence_of(problem, found), Priors())) == best.effects
 
 

@@ -29,7 +29,7 @@ def problem(plan, imitated) -> Problem:
 
 def candidate(problem: Problem, form: str, size: float = 0.6) -> Candidate:
     branch = next(b for b in problem.branches if b.form.name == form)
-    return Candidate(("rate",), (branch,), ((size, *[0.0] * branch.shapes),))
+    return Candidate(("rate",), ((branch, (size, *[0.0] * branch.shapes)),))
 
 
 def test_a_world_integrates_its_nuisances_out(problem: Problem) -> None:
@@ -47,7 +47,7 @@ def test_a_world_integrates_its_nuisances_out(problem: Problem) -> None:
 def test_the_mode_is_found_and_flat(problem: Problem) -> None:
     world = World(problem)
     settled = settle((world,), candidate(problem, "power-law"), world)
-    branch, place = settled.candidate.branches[0], settled.candidate.places[0]
+    ((branch, place),) = settled.candidate.parts
     low, high = (
         branch.values(branch.place(settled.coordinates + k * settled.deviations()))["rise"]
         for k in (-3.0, 3.0)
@@ -120,7 +120,7 @@ def test_a_form_that_fits_worse_than_nothing_is_not_followed(problem: Problem) -
     forms = {
         branch.form.name
         for c in _in_all_forms(("rate", "strain-scale"), best, alone, logs)
-        for branch in c.branches
+        for branch, _ in c.parts
     }
     assert {"factor", "power-law"} <= forms
     assert wrong not in forms
