@@ -4,7 +4,7 @@ import contextlib
 import math
 import re
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -32,7 +32,7 @@ from planner.gap.campaign import (
     named,
 )
 from planner.materials.characterise import MINIMUM_POINTS, UNLOADED_SHARE
-from planner.materials.laws import make_law
+from planner.materials.laws import Law, make_law
 from planner.materials.study import in_stated_units, stated_units
 from planner.numerics import FloatArray, IntArray
 from planner.palette import Palette, encode_palette, load_palette
@@ -206,7 +206,7 @@ def _kind(source: "_Source", force_N: FloatArray, travel_mm: FloatArray) -> str 
 
     None where there is no law, or two differ by less than the nearer one is missed by.
     """
-    if source.stress_MPa is None:
+    if source.law is None:
         return None
     moved = np.abs(travel_mm - travel_mm[0])
     top = int(np.argmax(moved >= 0.95 * moved.max()))
@@ -216,7 +216,7 @@ def _kind(source: "_Source", force_N: FloatArray, travel_mm: FloatArray) -> str 
     if not end > 0.0 or not load.max() > 0.0:
         return None
     rising, first = np.unique(np.maximum.accumulate(strain), return_index=True)
-    laws = [way * source.stress_MPa(1.0 + way * at) for way in (1.0, -1.0)]
+    laws = [way * source.law.nominal_stress_MPa(1.0 + way * at) for way in (1.0, -1.0)]
     curves = np.stack([np.interp(at, rising, load[first]), *laws])
     curves /= np.maximum(np.linalg.norm(curves, axis=1, keepdims=True), 1e-300)
     pulled, pushed, apart = np.linalg.norm(curves[[0, 0, 1]] - curves[[1, 2, 2]], axis=1)
@@ -236,14 +236,14 @@ as what starts there would be, even a law that stiffens bears more."""
 
 @dataclass(frozen=True, slots=True)
 class _Source:
-    """A specimen's table, and what turns strain and stress into travel and force, where known.
+    """A specimen's table and row, and what tells a pull from a push.
 
     Attributes
     ----------
     said
         How it was loaded, as its row says; None where it does not.
-    stress_MPa
-        Its material's law, nominal stress of stretches; None for a bar.
+    law
+        Its material's; None for a bar.
     """
 
     where: str
@@ -251,7 +251,7 @@ class _Source:
     row: Row
     gauge_mm: float
     said: str | None
-    stress_MPa: Callable[[FloatArray], FloatArray] | None
+    law: Law | None
     notes: list[str]
     """What was corrected, without naming the specimen."""
 
@@ -749,12 +749,7 @@ def _specimen(
             )
     said = "tension" if row.part else said_mode([row.mode, *covariates.values(), in_file])
     law = make_law(reader.palette.resolve(row.material).law) if row.material else None
-    fields |= _record_of(
-        _Source(
-            where, table, row, fields["gauge_mm"], said,
-            None if law is None else law.nominal_stress_MPa, notes,
-        )
-    )  # fmt: skip
+    fields |= _record_of(_Source(where, table, row, fields["gauge_mm"], said, law, notes))
     notes += table.notes
     if row.part and row.specimen in measured.rows:
         notes.append("strains along a whole part are not compared; left out")

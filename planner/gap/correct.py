@@ -142,9 +142,7 @@ def _pulled(case: _Case, places: Sequence[_Place], strain: FloatArray) -> Setup:
         )
         specimens.append(specimen)
     campaign = Campaign("use", "", case.palette, tuple(specimens))
-    setup = single_tests(campaign, range(len(places)), np.stack(times), strain * _GAUGE_mm)
-    assert setup is not None
-    return setup
+    return single_tests(campaign, range(len(places)), np.stack(times), strain * _GAUGE_mm)
 
 
 # ------------------------------------------------------------------------------------------------

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from scipy.special import softmax
 
 from planner.errors import ArgumentError
 from planner.formats.specimens import SPECIMEN_COLUMNS
@@ -316,11 +317,10 @@ class _Predictor:
         """
         problem = self.problem
         world, odds = reweigh(self.weighed, self.vain, weight)
-        most = max(value for value, _ in odds)
-        shares = np.exp([value - most for value, _ in odds])
+        shares = softmax([value for value, _ in odds])
         likely = [
             (share, candidate)
-            for share, (_, candidate) in zip((shares / shares.sum()).tolist(), odds, strict=True)
+            for share, (_, candidate) in zip(shares.tolist(), odds, strict=True)
             if share > _LEAST_PROBABILITY
         ]
         expected = np.zeros_like(problem.model.measured_N)

@@ -162,10 +162,8 @@ _LONE_ROWS = 200
 
 def single_tests(
     campaign: Campaign, places: Sequence[int], time_s: FloatArray, travel_mm: FloatArray
-) -> Setup | None:
+) -> Setup:
     """Return the setup of specimens, a test each, along paths of any steps, with no effect.
-
-    None where one never loads over enough rows to be observed.
 
     Parameters
     ----------
@@ -173,10 +171,20 @@ def single_tests(
         Of the specimens in the campaign.
     time_s, travel_mm : (P, T)
         Of the crosshead, the first step at rest; the way it loads.
+
+    Raises
+    ------
+    FileError
+        A specimen that never loads over enough rows to be observed.
     """
-    paths = {k: path for k in places if (path := path_of(campaign.specimens[k]))}
-    if len(paths) < len(places):
-        return None
+    paths = {}
+    for place in places:
+        if (path := path_of(campaign.specimens[place])) is None:
+            raise FileError(
+                f"campaign {campaign.name}: specimen {campaign.specimens[place].id} never loads "
+                "over enough points; leave it out"
+            )
+        paths[place] = path
     tests = [ReplicateTest(paths, [place]) for place in places]
     none = np.zeros(np.shape(time_s))
     setup = setup_of(campaign, tests, paths)
@@ -520,11 +528,6 @@ def synthetic_campaign(
     specimens = []
     for place, specimen in enumerate(plan.specimens):
         setup = single_tests(plan, [place], specimen.time_s[None], specimen.travel_mm[None])
-        if setup is None:
-            raise FileError(
-                f"campaign {plan.name}: specimen {specimen.id} never loads over enough points; "
-                "leave it out"
-            )
         prediction = predict(with_effects(setup, _drawn(effects, rng)), laws)
         level = batches[specimen.batch] + _course(specimen, scatter, rng)
         force = prediction.force_N[0] * np.exp(level)

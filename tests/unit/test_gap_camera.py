@@ -156,9 +156,7 @@ def test_a_replicate_without_camera_counts_for_the_forces() -> None:
 def setup_of(design: ProfileDesign) -> Setup:
     bar = specimen("B", gauge_mm=GAUGE_MM, profile=design)
     campaign = Campaign("c", "connex3", PALETTE, (bar,))
-    setup = single_tests(campaign, [0], bar.time_s[None], bar.displacement_mm[None])
-    assert setup is not None
-    return setup
+    return single_tests(campaign, [0], bar.time_s[None], bar.displacement_mm[None])
 
 
 def test_a_step_is_seen_as_a_step() -> None:
