@@ -252,7 +252,7 @@ _SMALLEST = 1e-12
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Axis:
-    """One axis.
+    """One axis; ``strain`` is that of the gap that all specimens have in common.
 
     Attributes
     ----------
@@ -264,8 +264,6 @@ class _Axis:
         Variance of what specimens agree on, by how they differ, over that of noise; 1 or more.
     detail
         One sentence.
-    is_common
-        Whether it is the gap that all specimens have in common, over strain.
     """
 
     name: str
@@ -273,7 +271,6 @@ class _Axis:
     p: float
     spread: float
     detail: str
-    is_common: bool = False
 
 
 _Part = tuple[BoolArray, str, int]
@@ -333,7 +330,7 @@ class _Case:
         deviations
             How much more of it there is than was seen, in standard deviations.
         """
-        if axis.is_common:
+        if axis.name == "strain":
             return _beyond_noise(axis.basis, self.y, deviations, axis.spread)
         own = _beyond_noise(axis.basis, self.varying, deviations, axis.spread)
         return own + min(_CLAIM * own, self.in_common)
@@ -427,9 +424,9 @@ def _beyond_noise(
 
 def _added(axis: _Axis, first: _Axis, case: _Case) -> float:
     """Return what an axis explains beside the first."""
-    if axis.is_common:
+    if axis.name == "strain":
         return max(case.in_common - _CLAIM * _beyond_noise(first.basis, case.varying), 0.0)
-    beside = axis.basis if first.is_common else _orthonormal(axis.basis, besides=first.basis)
+    beside = axis.basis if first.name == "strain" else _orthonormal(axis.basis, besides=first.basis)
     return _beyond_noise(beside, case.varying)
 
 
@@ -457,12 +454,11 @@ one bin of a camera's places."""
 
 def _column_parts(case: _Case, name: str, cells: Sequence[float | str | None]) -> Iterator[_Part]:
     """Levels of a column, or thirds of one of many numbers."""
-    known = SPECIMEN_COLUMNS.get(name)
-    phrase = known.at if known else f"where {name} is {{}}"
-    phrase = "in {}" if name == "material" else phrase
+    phrases = {"material": "in {}"} | {known: c.at for known, c in SPECIMEN_COLUMNS.items()}
     for label, members in _groups(name, cells):
         rows = ~case.table.is_field & members[case.table.specimen]
-        yield rows, phrase.format(label), int(members.sum())
+        words = phrases[name].format(label) if name in phrases else f"where {name} is {label}"
+        yield rows, words, int(members.sum())
 
 
 def _groups(name: str, cells: Sequence[float | str | None]) -> Iterator[tuple[str, BoolArray]]:
@@ -594,7 +590,7 @@ def localise(
         return ()
     case = _Case(campaign, table, residual, whitening)
     in_words, tested = case.sentence(_strain_parts(table), "alike at all strains"), case.tested
-    axes = [_Axis("strain", case.common, *tested(case.common, case.y), in_words, is_common=True)]
+    axes = [_Axis("strain", case.common, *tested(case.common, case.y), in_words)]
     for name, columns in case.patterns.items():
         if name == "position":
             axes += _axis_along_bars(case, columns)

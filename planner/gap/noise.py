@@ -152,7 +152,7 @@ class NoisyFeatures:
         field = _field_block(self.table, self.sensitivity, scatter, slice(stop, rows.stop))
         return scipy.linalg.block_diag(forces, field)
 
-    def _force_block(self, scatter: Scatter, rows: slice) -> FloatArray:
+    def _force_block(self, scatter: Scatter, rows: slice | IntArray) -> FloatArray:
         """Return the covariance of one specimen's forces, (d, d)."""
         table, h = self.table, self.sensitivity[rows]
         place, strain = table.path[rows], table.strain[rows]
@@ -198,8 +198,7 @@ class NoisyFeatures:
                 (log / _PRIOR_SD[name]) ** 2 for name, log in zip(free, logs, strict=True)
             )
             inner, cross = np.eye(len(batches)), np.zeros(len(batches))
-            for rows, (values, shares) in zip(groups, contrasts, strict=True):
-                first = slice(int(rows[0][0]), int(rows[0][-1]) + 1)
+            for (first, *_), (values, shares) in zip(groups, contrasts, strict=True):
                 columns = np.stack([scatter.batch * self.sensitivity[first], *values], axis=1)
                 half_log, white = _whitened(self._force_block(scatter, first), columns)
                 total += len(values) * half_log + 0.5 * float(np.sum(white[:, 1:] ** 2))
@@ -208,8 +207,7 @@ class NoisyFeatures:
             # Levels of batches, which all groups have in common, integrated out.
             half_log, half = _whitened(inner, cross)
             total += half_log - 0.5 * float(half @ half)
-            for rows, differences in zip(bars, along, strict=True):
-                first = slice(int(rows[0][0]), int(rows[0][-1]) + 1)
+            for (first, *_), differences in zip(bars, along, strict=True):
                 # Where replicates differ because their places lie to the side, it is not scatter.
                 own = _field_block(table, self.sensitivity, scatter, first)
                 own += np.outer(aside[first], aside[first])
@@ -238,7 +236,7 @@ class NoisyFeatures:
 
 
 def _field_block(
-    table: FeatureTable, sensitivity: FloatArray, scatter: Scatter, rows: slice
+    table: FeatureTable, sensitivity: FloatArray, scatter: Scatter, rows: slice | IntArray
 ) -> FloatArray:
     """Return the covariance of one specimen's strains along a bar, (d, d); frame by frame."""
     own = scatter.field * _by_raw(table, sensitivity, rows)
@@ -253,7 +251,7 @@ def _field_block(
     return block
 
 
-def _by_raw(table: FeatureTable, sensitivity: FloatArray, rows: slice) -> FloatArray:
+def _by_raw(table: FeatureTable, sensitivity: FloatArray, rows: slice | IntArray) -> FloatArray:
     """Return the derivative of transformed features by raw ones, (d,)."""
     # Of asinh(F / 2 s) by F, where F = 2 s sinh(y): 1 / (2 s cosh y).
     by_raw: FloatArray = np.sqrt(np.maximum(1.0 - sensitivity[rows] ** 2, 1e-8))
@@ -517,8 +515,7 @@ def _likelihoods(
     off = _ROUGHLY * sensitivity[field] * np.stack([np.ones_like(usual), contrast])
     for one in np.unique(table.specimen[field]):
         at = np.flatnonzero(table.specimen[field] == one)
-        rows = slice(int(field[at[0]]), int(field[at[-1]]) + 1)
-        block = _field_block(table, sensitivity, USUAL, rows) + off[:, at].T @ off[:, at]
+        block = _field_block(table, sensitivity, USUAL, field[at]) + off[:, at].T @ off[:, at]
         half_log, white = _whitened(block, left[:, at].T)
         yield at, -half_log - 0.5 * np.sum(white**2, axis=0)
 

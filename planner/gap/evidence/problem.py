@@ -513,10 +513,6 @@ class Problem:
         raw, table = np.stack([self.model.predicted(p) for p in predictions]), self.table
         return np.asarray(table.transformed(raw) - table.transformed(self.unpredicted))
 
-    def changes_by(self, candidates: Sequence[Candidate]) -> FloatArray:
-        """Return what candidates change of them, but for gains of some specimens, (k, N)."""
-        return self.changes(self.predictions(candidates))
-
     def gain_of(self, candidate: Candidate) -> FloatArray:
         """Return the whitened change by a candidate's gain of some specimens, (N,)."""
         if candidate.members is None:
@@ -527,7 +523,7 @@ class Problem:
         """Return what a candidate changes of the transformed features, (N,)."""
         change = np.zeros(len(self.table))
         if candidate.parts:
-            change = self.changes_by([candidate])[0]
+            change = self.changes(self.predictions([candidate]))[0]
         if candidate.members is not None:
             force = np.where(self.table.is_field, 0.0, self.table.chord(self.unpredicted))
             change = change + candidate.log_gain * candidate.members[self.table.specimen] * force
@@ -539,10 +535,10 @@ class Problem:
         specimens = table.specimen[:, None] == np.unique(table.specimen)
         if not (own := [part for part in candidate.parts if part[0].effect.individual > 0.0]):
             return np.zeros((len(table), 0))
-        changes = self.changes_by([replace(candidate, parts=(part,)) for part in own])
+        alone = self.predictions([replace(candidate, parts=(part,)) for part in own])
         parts = [
             branch.effect.individual * change[:, None] * specimens
-            for (branch, _), change in zip(own, changes, strict=True)
+            for (branch, _), change in zip(own, self.changes(alone), strict=True)
         ]
         return self.noise.whiten(np.concatenate(parts, axis=1))
 

@@ -937,20 +937,17 @@ def _explained(weighed: Weighed) -> tuple[Mapping[Effects, bool], Mapping[Effect
         fewer = [
             e
             for e in errors
-            if set(e) < set(effects) and closes[e] and _rise(errors[e], own, problem.model.test_of)
+            if set(e) < set(effects) and closes[e] and _rise(own - errors[e], problem.model.test_of)
         ]
         if fewer:
-            least = min(fewer, key=lambda e: np.nanmean(errors[e]))
+            least = min(fewer, key=lambda e: errors[e].mean())
             without[effects] = without.get(least, least)
     return closes, without
 
 
-def _rise(before: FloatArray, after: FloatArray, test_of: IntArray) -> bool:
-    """Return whether tests' errors rise, by a paired t test."""
-    known = np.isfinite(before) & (test_of >= 0)
-    count = np.bincount(test_of[known])
-    tests = count > 0
-    rise = np.bincount(test_of[known], (after - before)[known])[tests] / count[tests]
+def _rise(rises: FloatArray, test_of: IntArray) -> bool:
+    """Return whether tests' errors rise, by a paired t test, of the rises of specimens."""
+    rise = np.bincount(test_of, rises) / np.bincount(test_of)
     if (freedom := len(rise) - 1) < 1:
         return False
     least = float(stdtrit(freedom, 1.0 - _BY_CHANCE))

@@ -55,7 +55,8 @@ def test_the_mode_is_found_and_flat(problem: Problem) -> None:
     assert low < RISE < high
     # The target is the whole residual, for a form that is nearly linear in its size.
     left = settled.target - settled.slopes @ settled.coordinates
-    change = problem.noise.whiten(problem.residual - problem.changes_by([settled.candidate])[0])
+    changes = problem.changes(problem.predictions([settled.candidate]))
+    change = problem.noise.whiten(problem.residual - changes[0])
     assert left == pytest.approx(change, abs=1e-9)
     gradient = world.products(np.stack([left, settled.slopes[:, 0]], axis=1))[1, 0]
     # An iteration that gains 0.05 nats is the last: half a squared step over the curvature.
