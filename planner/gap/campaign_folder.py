@@ -595,7 +595,7 @@ def read_campaign(
             continue
         id, where = row.specimen, f"specimen {row.specimen} ({tables[row.specimen].file})"
         table = in_stated_units(tables[id], units.get(id, {}), where, named=False)
-        specimen, notes = _specimen(row, table, where, fields, covariates[id], reader)
+        specimen, notes = reader.specimen(row, table, where, fields, covariates[id])
         specimens.append(specimen)
         for note in notes:
             noted[note].append(id)
@@ -661,6 +661,47 @@ class ListReader:
                 )
         return found, notes
 
+    def specimen(
+        self, row: Row, table: TensileTable, where: str, measured: _Fields, covariates: Covariates
+    ) -> tuple[Specimen, list[str]]:
+        """Return a specimen, and what was corrected or left out of it.
+
+        Parameters
+        ----------
+        where
+            What errors call it.
+        covariates
+            Its own of the list's further columns.
+
+        Raises
+        ------
+        FileError, UnknownNameError
+            As `fields`; or a record that is none.
+        """
+        told: dict[str, Any] = {
+            name: value  # what the file's head tells, the row does not
+            for name, value in table.metadata.items()
+            if row.conditions().get(name, "") is None and isinstance(value, float) and value > 0.0
+        }
+        row = replace(row, **told)
+        fields, notes = self.fields(row)
+        # A part's travel counts along its load, whether that pulls or pushes.
+        in_file = table.metadata.get("mode")
+        for cell in (row.covariates.get("mode", ""), str(in_file)):
+            if mode_of(cell) in ("planar", "equibiaxial"):
+                raise FileError(
+                    f"{where}: mode is {cell!r}; a campaign is of tension and compression, so "
+                    "leave this specimen out"
+                )
+        said = "tension" if row.part else said_mode([row.mode, *covariates.values(), in_file])
+        law = make_law(self.palette.resolve(row.material).law) if row.material else None
+        fields |= _record_of(_Source(where, table, row, fields["gauge_mm"], said, law, notes))
+        notes += table.notes
+        if row.part and row.specimen in measured.rows:
+            notes.append("strains along a whole part are not compared; left out")
+        seen = None if row.part else measured.of(row.specimen, fields["gauge_mm"], notes)
+        return Specimen(id=row.specimen, covariates=covariates, strain_field=seen, **fields), notes
+
     def _part_test(self, part: str, fix: str, move: str, load: str) -> PartTest:
         path = path_within(self._file.parent, part)
         if path.is_file() and path.name != "plan.json":
@@ -721,40 +762,6 @@ def _tables(folder: Path, rows: Sequence[Row], noted: _Noted) -> dict[str, Tensi
             said = f"a curve in {name} but no row in {SPECIMENS}{hint}; left out"
             noted[said].append(table.specimen)
     return found
-
-
-def _specimen(
-    row: Row,
-    table: TensileTable,
-    where: str,
-    measured: _Fields,
-    covariates: Covariates,
-    reader: ListReader,
-) -> tuple[Specimen, list[str]]:
-    """Return a specimen, and what was corrected or left out of it."""
-    told: dict[str, Any] = {
-        name: value  # what the file's head tells, the row does not
-        for name, value in table.metadata.items()
-        if row.conditions().get(name, "") is None and isinstance(value, float) and value > 0.0
-    }
-    row = replace(row, **told)
-    fields, notes = reader.fields(row)
-    # A part's travel counts along its load, whether that pulls or pushes.
-    in_file = table.metadata.get("mode")
-    for cell in (row.covariates.get("mode", ""), str(in_file)):
-        if mode_of(cell) in ("planar", "equibiaxial"):
-            raise FileError(
-                f"{where}: mode is {cell!r}; a campaign is of tension and compression, so leave "
-                "this specimen out"
-            )
-    said = "tension" if row.part else said_mode([row.mode, *covariates.values(), in_file])
-    law = make_law(reader.palette.resolve(row.material).law) if row.material else None
-    fields |= _record_of(_Source(where, table, row, fields["gauge_mm"], said, law, notes))
-    notes += table.notes
-    if row.part and row.specimen in measured.rows:
-        notes.append("strains along a whole part are not compared; left out")
-    seen = None if row.part else measured.of(row.specimen, fields["gauge_mm"], notes)
-    return Specimen(id=row.specimen, covariates=covariates, strain_field=seen, **fields), notes
 
 
 @contextlib.contextmanager

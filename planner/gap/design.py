@@ -26,7 +26,7 @@ from planner.gap.evidence.problem import (
     searched,
     set_up,
 )
-from planner.gap.evidence.settle import Elimination, World
+from planner.gap.evidence.settle import World
 from planner.gap.evidence.weigh import (
     ALIKE_COSINE,
     UNKNOWN,
@@ -170,8 +170,10 @@ def candidates_of(
         if {first, second} <= wanted:
             changes.append({"material": three[0], **steps[first][0], **steps[second][0]})
     if "bars" in wanted and len(grades) > 1:
-        ends = soft.coordinate, middle.coordinate, hard.coordinate
-        changes += _bars(*ends, size["gauge_mm"], crossed="rate" in wanted)
+        bars = _bars(soft.coordinate, middle.coordinate, hard.coordinate, size["gauge_mm"])
+        changes += [{"profile": bar} for bar in bars]
+        if "rate" in wanted:
+            changes.append({"profile": bars[0], "protocol": "relaxation"})
     strain = _strain_of(palette)
     return tuple(
         _specimen(palette, reference, change, id=f"C{number:03d}", strain=strain, camera=True)
@@ -179,19 +181,15 @@ def candidates_of(
     )
 
 
-def _bars(
-    soft: float, middle: float, hard: float, gauge_mm: float, *, crossed: bool
-) -> list[_Change]:
+def _bars(soft: float, middle: float, hard: float, gauge_mm: float) -> list[ProfileDesign]:
     """Return bars of one step, of stripes, and of a ramp."""
     edges = np.repeat(np.linspace(0.0, 1.0, 7), 2)[1:-1] * gauge_mm
-    designs = [
+    return [
         _step_bar("step-middle-hard", gauge_mm, middle, hard),
         _step_bar("step-soft-middle", gauge_mm, soft, middle),
         ProfileDesign("stripes", edges, np.repeat([middle, hard] * 3, 2)),
         ProfileDesign("ramp", np.array([0.0, gauge_mm]), np.array([soft, hard])),
     ]
-    held = [{"profile": designs[0], "protocol": "relaxation"}] if crossed else []
-    return [*({"profile": design} for design in designs), *held]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -242,18 +240,22 @@ def _batch_level(problem: Problem) -> FloatArray:
 
 
 def _expected_of(
-    problem: Problem, elimination: Elimination, asked: Sequence[str], testable: Sequence[str]
+    problem: Problem, m: FloatArray, asked: Sequence[str], testable: Sequence[str]
 ) -> Iterator[Expected]:
     """Yield what to expect of the effects that were asked for.
 
     An effect is named if its expected evidence makes up for the odds against it and beats that of
     every other testable effect at its best place, as the diagnosis looks for it; both are taken to
     be normally distributed about what is expected.
+
+    Parameters
+    ----------
+    m : (nodes, nodes)
+        Inner products of all nodes, what is uncertain besides integrated out.
     """
     priors = Priors()
-    sizes = {d.id: d for d in detectable_sizes(problem, elimination, priors)}
+    sizes = {d.id: d for d in detectable_sizes(problem, m, priors)}
     needed = needed_nats(priors, len(testable))
-    m = elimination.products[1:, 1:]
     for id in asked:
         first = next(b for b in problem.branches if b.effect.id == id)
         pattern = _usual_weights(problem, first)
@@ -539,10 +541,10 @@ def design_campaign(
         # As many specimens of each condition, spread evenly over the batches.
         world = World(problem, weight=_BATCHES * counts.astype(np.float64))
         level = _batch_level(problem)[:, None]
-        elimination = world.elimination(problem.target, level, problem.nodes)
+        m = world.elimination(problem.target, level, problem.nodes).products[1:, 1:]
         return CampaignDesign(
             campaign=campaign,
-            expected=tuple(_expected_of(problem, elimination, asked, testable)),
+            expected=tuple(_expected_of(problem, m, asked, testable)),
             conditions=int((counts > 0).sum()),
             least=least,
             left_over=budget - len(campaign.specimens),

@@ -368,7 +368,6 @@ def _feature_table(
     specimens: Sequence[Specimen],
     tests: Sequence[ReplicateTest],
     alike: IntArray,
-    paths: Mapping[int, SpecimenPath],
     setup: Setup,
     measured_N: FloatArray,
     sensor_sd_N: FloatArray,
@@ -402,7 +401,7 @@ def _feature_table(
             continue
         bins = Bins(seen, setup, number)
         for step in (test.step_at(0, fraction) for fraction in test.frames):
-            if (means := bins.means(seen, paths[place], float(travel[step]))) is None:
+            if (means := bins.means(seen, test.paths[place], float(travel[step]))) is None:
                 continue
             seen_at.append((len(rows), int(setup.first_slice[number]), bins))
             rows += [
@@ -535,13 +534,13 @@ def observation_model(campaign: Campaign) -> ObservationModel:
                 "check the columns of travel and force"
             )
         tests = _tests(specimens, paths)
-        setup = setup_of(campaign, tests, paths)
+        setup = setup_of(campaign, tests)
         prediction = predict(setup, laws)
         if not (ends := _bar_limits_mm(setup, prediction, campaign.palette)):
             break
         for number, end in ends.items():
             limits |= dict.fromkeys(tests[number].places, end)
-    measured = _measured(specimens, tests, paths)
+    measured = _measured(specimens, tests)
     sensor = np.array([_sensor_sd_N(specimen.force_N) for specimen in specimens])
     test_of, alike = np.full((2, len(specimens)), -1)
     for number, test in enumerate(tests):
@@ -554,7 +553,7 @@ def observation_model(campaign: Campaign) -> ObservationModel:
     for number, places in enumerate(replicates):
         alike[list(places)] = number
     peaks = np.abs(prediction.force_N).max(axis=1)
-    table, weights = _feature_table(specimens, tests, alike, paths, setup, measured, sensor, peaks)
+    table, weights = _feature_table(specimens, tests, alike, setup, measured, sensor, peaks)
     return ObservationModel(
         setup=setup,
         laws=laws,
@@ -586,25 +585,24 @@ def _tests(specimens: Sequence[Specimen], paths: Mapping[int, SpecimenPath]) -> 
     for group in condition_groups(specimens):
         left = [place for place in group if place in paths]
         while left:
-            alike = [place for place in left if paths[left[0]].is_like(paths[place])]
+            alike = {place: paths[place] for place in left if paths[left[0]].is_like(paths[place])}
             left = [place for place in left if place not in alike]
-            tests.append(ReplicateTest(paths, alike, _frame_fractions(specimens, paths, alike)))
+            tests.append(ReplicateTest(alike, _frame_fractions(specimens, alike)))
     return sorted(tests, key=lambda test: test.places[0])
 
 
 def _frame_fractions(
-    specimens: Sequence[Specimen], paths: Mapping[int, SpecimenPath], places: Sequence[int]
+    specimens: Sequence[Specimen], paths: Mapping[int, SpecimenPath]
 ) -> tuple[float, ...]:
-    """Return at which fractions of the first loading strain fields are compared: two or none.
+    """Return at which fractions of a test's first loading fields are compared: two or none.
 
     From where the bar is strained by `_STRAIN_FLOOR`.
     """
-    end = min(paths[place].segments[0].end_mm for place in places)
-    least = _STRAIN_FLOOR * paths[places[0]].gauge_mm
-    for place in places:
-        seen = specimens[place].strain_field
+    end = min(path.segments[0].end_mm for path in paths.values())
+    for place, path in paths.items():
+        seen, least = specimens[place].strain_field, _STRAIN_FLOOR * path.gauge_mm
         if seen is not None and specimens[place].profile is not None:
-            travels = _frames_of(seen, paths[place])[0]
+            travels = _frames_of(seen, path)[0]
             travels = travels[(travels > least) & (travels <= end * (1.0 + 1e-9))]
             if len(travels):
                 middle = int(np.argmin(np.abs(travels - 0.5 * travels[-1])))
@@ -612,20 +610,18 @@ def _frame_fractions(
     return ()
 
 
-def _measured(
-    specimens: Sequence[Specimen], tests: Sequence[ReplicateTest], paths: Mapping[int, SpecimenPath]
-) -> FloatArray:
+def _measured(specimens: Sequence[Specimen], tests: Sequence[ReplicateTest]) -> FloatArray:
     """Return each specimen's force on its test's steps, (n, T)."""
     forces = np.full((len(specimens), PATH_STEPS), np.nan)
     for test in tests:
         group = [specimens[place] for place in test.places]
         at = np.linspace(0.0, group[0].gauge_mm, 65)
         mean = mean_section_mm2(group, at)
-        for place, specimen in zip(test.places, group, strict=True):
+        for (place, path), specimen in zip(test.paths.items(), group, strict=True):
             own = specimen.section_mm2(at)
             # In series the compliances add up, so the ratio that counts is of 1 / area.
             ratio = 1.0 if own is None else float(np.mean(1.0 / own) / np.mean(1.0 / mean))
-            forces[place] = ratio * forces_N(paths[place], test)
+            forces[place] = ratio * forces_N(path, test)
     return forces
 
 

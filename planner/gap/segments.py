@@ -303,10 +303,7 @@ def path_of(specimen: Specimen) -> SpecimenPath | None:
     """Return a specimen's path up to its break; None where it never loads over enough rows."""
     specimen = _without_spikes(specimen)
     time, travel, load = specimen.time_s, specimen.travel_mm, specimen.load_N
-    spread, noise = float(np.ptp(travel)), noise_sd(travel)
-    if spread <= _LEAST_SPREAD * noise:
-        return None
-    spans = _spans(time, travel, spread, noise)
+    spans = _spans(time, travel)
     while spans and (spans[0][0] == "rest" or travel[spans[0][2]] < travel[spans[0][1]]):
         spans.pop(0)
     kept, broken = _unbroken(spans, travel, load)
@@ -401,17 +398,22 @@ def _corner(
     return at, level
 
 
-def _spans(
-    time: FloatArray, travel: FloatArray, spread: float, noise: float
-) -> list[tuple[str, int, int]]:
-    """Return ("rest" or "move", first, last) one after the other, each from the last one's end."""
+def _spans(time: FloatArray, travel: FloatArray) -> list[tuple[str, int, int]]:
+    """Return ("rest" or "move", first, last) one after the other, each from the last one's end.
+
+    There is none where travel is noise alone.
+    """
+    spread, noise = float(np.ptp(travel)), noise_sd(travel)
+    if spread <= _LEAST_SPREAD * noise:
+        return []
+    held_mm = max(_HELD_SHARE * spread, _HELD_NOISE * noise)
     resting = _resting(time, travel, max(_REST_SHARE * spread, _REST_NOISE * noise))
     turn = _least_turn_mm(travel)
     edges = np.flatnonzero(np.diff(resting.astype(np.int8))) + 1
     spans: list[tuple[str, int, int]] = []
     for first, stop in zip([0, *edges], [*edges, len(time)], strict=True):
         if resting[first]:
-            a, b = _held_rows(travel, int(first), int(stop) - 1, spread, noise)
+            a, b = _held_rows(travel, int(first), int(stop) - 1, held_mm)
             spans.append(("rest", a, b))
         else:
             first, stop = max(int(first) - 1, 0), min(int(stop) + 1, len(time))
@@ -454,15 +456,12 @@ def _resting(time: FloatArray, travel: FloatArray, least_mm: float) -> BoolArray
     return resting
 
 
-def _held_rows(
-    travel: FloatArray, first: int, last: int, spread: float, noise: float
-) -> tuple[int, int]:
+def _held_rows(travel: FloatArray, first: int, last: int, near_mm: float) -> tuple[int, int]:
     """Take off a rest what still moves towards it, or begins to leave it."""
     rows = travel[first : last + 1]
     away = np.abs(rows - np.median(rows))
     # The median of an even number may lie between two rows, far from both.
-    near = away <= max(_HELD_SHARE * spread, _HELD_NOISE * noise, float(away.min()))
-    inside = np.flatnonzero(near)
+    inside = np.flatnonzero(away <= max(near_mm, float(away.min())))
     return first + int(inside[0]), first + int(inside[-1])
 
 
@@ -565,8 +564,8 @@ class ReplicateTest:
 
     Parameters
     ----------
-    places
-        Of the specimens.
+    paths
+        Of its specimens, by place.
     frames
         Fractions of the first loading at which strain fields are compared: steps beside the
         features'.
@@ -582,14 +581,9 @@ class ReplicateTest:
         Mean of the times at which specimens came by each step, rising.
     """
 
-    def __init__(
-        self,
-        paths: Mapping[int, SpecimenPath],
-        places: Sequence[int],
-        frames: tuple[float, ...] = (),
-    ) -> None:
-        self.places, self.frames = tuple(places), frames
-        members = whole = [paths[place] for place in places]
+    def __init__(self, paths: Mapping[int, SpecimenPath], frames: tuple[float, ...] = ()) -> None:
+        self.paths, self.frames = paths, frames
+        self.places, members = tuple(paths), list(paths.values())
         if len(members[0].segments) == 1:
             shortest = min(path.segments[0].end_mm for path in members)
             members = [path.until(shortest) for path in members]
@@ -603,7 +597,7 @@ class ReplicateTest:
         counts = _counts(self.segments, [len(at) for at in wanted])
         self.segment = np.concatenate([[0], np.repeat(np.arange(len(self.segments)), counts)])
         self.fraction = np.concatenate([[0.0], *map(_filled, wanted, counts)])
-        times = np.mean([_step_times_s(path, self) for path in whole], axis=0)
+        times = np.mean([_step_times_s(path, self) for path in paths.values()], axis=0)
         apart = 1e-9 * float(times[-1]) * np.arange(len(times))
         self.time_s: FloatArray = np.maximum.accumulate(times) + apart
 
@@ -796,12 +790,10 @@ def _slices_of(
     return edges, specimen.profile.at(0.5 * (edges[1:] + edges[:-1]))
 
 
-def setup_of(
-    campaign: Campaign, tests: Sequence[ReplicateTest], paths: Mapping[int, SpecimenPath]
-) -> Setup:
+def setup_of(campaign: Campaign, tests: Sequence[ReplicateTest]) -> Setup:
     """Return the setup: as printed, by the palette's laws, in a rigid machine."""
     groups = [[campaign.specimens[place] for place in test.places] for test in tests]
-    gauge = np.array([paths[test.places[0]].gauge_mm for test in tests])
+    gauge = np.array([test.paths[test.places[0]].gauge_mm for test in tests])
     slices, middles, area = [], [], []
     for group, length in zip(groups, gauge.tolist(), strict=True):
         edges, coordinate = _slices_of(campaign, group[0], length)
@@ -817,7 +809,7 @@ def setup_of(
         sizes = [[_nominal_size_mm(s, name) for s in group] for group in groups]
         covariates[name] = _means(sizes, 1.0)
     along = [next((s.orientation for s in g if s.orientation), own.orientation) for g in groups]
-    rate = np.array([np.mean([paths[place].speed_mm_s for place in t.places]) for t in tests])
+    rate = np.array([np.mean([p.speed_mm_s for p in test.paths.values()]) for test in tests])
     first_slice = np.cumsum([0, *map(len, middles)], dtype=np.int64)
     return Setup(
         reference=campaign.palette.reference,

@@ -1,7 +1,7 @@
 """A diagnosis in words, three sentences and figures; where a campaign stands, what comes next."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from shlex import quote
@@ -297,7 +297,7 @@ def campaign_standing(campaign: str | Path) -> Standing:
         if not column.is_size
         and (ids := tuple(row.specimen for row in rows if getattr(row, name) is None))
     }
-    at, diagnosis = _diagnosis_of(folder, name, len(listed) - len(missing))
+    at, diagnosis = next(_diagnoses_of(folder, name, len(listed) - len(missing)), (None, None))
     command = ""
     if not missing and diagnosis is not None:
         command = next_command(diagnosis, at, folder)
@@ -340,10 +340,8 @@ def next_command(
     return f"planner gap correct {quote(str(at))}{use} -o palette-corrected.toml"
 
 
-def _diagnosis_of(
-    folder: Path, campaign: str, measured: int
-) -> tuple[Path | None, Diagnosis | None]:
-    """Return the folder of a diagnosis of so many specimens, below the campaign or beside it."""
+def _diagnoses_of(folder: Path, campaign: str, measured: int) -> Iterator[tuple[Path, Diagnosis]]:
+    """Yield diagnoses of so many specimens with their folders, below the campaign or beside it."""
     above, here = folder.resolve().parent, Path.cwd()
     for file in sorted([*folder.glob("*/diagnosis.json"), *above.glob("*/diagnosis.json")]):
         try:
@@ -352,5 +350,4 @@ def _diagnosis_of(
             continue
         if found.campaign == campaign and found.specimens == measured:
             at = file.parent
-            return (at.relative_to(here) if at.is_relative_to(here) else at), found
-    return None, None
+            yield at.relative_to(here) if at.is_relative_to(here) else at, found

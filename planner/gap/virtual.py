@@ -177,17 +177,16 @@ def single_tests(
     FileError
         A specimen that never loads over enough rows to be observed.
     """
-    paths = {}
+    tests = []
     for place in places:
         if (path := path_of(campaign.specimens[place])) is None:
             raise FileError(
                 f"campaign {campaign.name}: specimen {campaign.specimens[place].id} never loads "
                 "over enough points; leave it out"
             )
-        paths[place] = path
-    tests = [ReplicateTest(paths, [place]) for place in places]
+        tests.append(ReplicateTest({place: path}))
     none = np.zeros(np.shape(time_s))
-    setup = setup_of(campaign, tests, paths)
+    setup = setup_of(campaign, tests)
     reloads = map(np.interp, time_s, setup.time_s, setup.reloads)
     return setup.with_(
         reloads=np.stack(list(reloads)),

@@ -20,8 +20,8 @@ from planner.gap.evidence.problem import (
     replicate_floor,
     squared_errors,
 )
-from planner.gap.evidence.settle import Elimination, Settled, World, nothing, settle
-from planner.gap.noise import FIT_SD, UNIT_GAINS, Scatter
+from planner.gap.evidence.settle import Settled, World, nothing, settle
+from planner.gap.noise import FIT_SD, UNIT_GAINS
 from planner.numerics import BoolArray, FloatArray, IntArray, kernel
 
 __all__ = [
@@ -114,9 +114,9 @@ _SHARES: FloatArray = np.array([0.07, 0.15, 0.3, 0.5])
 the others are members of the inverse gain."""
 
 
-def _gains_of(scatter: Scatter) -> tuple[FloatArray, FloatArray]:
+def _gains_of(scatter: float) -> tuple[FloatArray, FloatArray]:
     """Return logarithms of the factor, and their log prior: half for any gain, half for units."""
-    some = _GAINS[_DISTINCT * scatter.specimen <= _GAINS]
+    some = _GAINS[_DISTINCT * scatter <= _GAINS]
     gains = np.concatenate([some, -some, UNIT_GAINS, -UNIT_GAINS])
     of_units = np.arange(len(gains)) >= 2 * len(some)
     prior = np.where(of_units, 0.5 / of_units.sum(), 0.5 / max(int((~of_units).sum()), 1))
@@ -201,19 +201,19 @@ def _best_subset(
     return best
 
 
-def _weigh_subset(
-    residual: FloatArray, gains: FloatArray, beside: Candidate, scatter: Scatter
-) -> Candidate:
+def _weigh_subset(products: FloatArray, beside: Candidate, scatter: float) -> Candidate:
     """Return the best subset beside a candidate, with the log evidence of there being one.
 
     Parameters
     ----------
-    residual : (n,), gains : (n, n)
-        Inner products of the specimens' own gains with what the candidate leaves of the residual
-        and with one another.
+    products : (1 + n, 1 + n)
+        Inner products of what the candidate leaves of the residual, then of the specimens' own
+        gains.
+    scatter
+        Deviation of the specimens' levels.
     """
-    n = len(residual)
-    b, h = np.ascontiguousarray(residual), np.ascontiguousarray(gains)
+    n = len(products) - 1
+    b, h = np.ascontiguousarray(products[1:, 0]), np.ascontiguousarray(products[1:, 1:])
     gammas, prior = _gains_of(scatter)
     belief, best = np.zeros(n), np.zeros(n)
     evidence = np.empty(len(gammas))
@@ -455,8 +455,7 @@ def _of_some(world: World, logs: "_LogPriors", one: Settled) -> Candidate:
     problem = world.problem
     e = one.eliminated(world, problem.gains)
     beside = one.weighed(world, e)
-    scatter = replace(problem.scatter, specimen=problem.scatter.specimen * world.scale)
-    found = _weigh_subset(e.products[1:, 0], e.products[1:, 1:], beside, scatter)
+    found = _weigh_subset(e.products, beside, problem.scatter.specimen * world.scale)
     log_prior = logs.forms(beside) + float(np.log(_OF_SOME))
     return replace(found, log_evidence=found.log_evidence + log_prior)
 
@@ -770,15 +769,14 @@ def class_of(
     """
     share = {h.effects: h.probability for h in ranking}
     named = [effects for effects in share if effects not in ((), UNKNOWN)]
-    priors, weights = weighed.logs.priors, evidence.log_evidence
+    priors = weighed.logs.priors
     if verdict != UNKNOWN:
         # That a cause out of the library may look the same holds of whatever is named.
         odds_imitated = priors.imitated / (1.0 - priors.imitated)
         share[UNKNOWN] = share.get(UNKNOWN, 0.0) - odds_imitated * sum(share[e] for e in named)
     elif not evidence.within_floor:
-        counts = _counted(weights, priors)
         for effects in named:
-            share[effects] /= 1.0 - _imitated(effects, weights, counts, priors)
+            share[effects] /= 1.0 - _imitated(effects, evidence.log_evidence, priors)
     odds = {effects: float(np.log(max(p, 1e-300))) for effects, p in share.items()}
     leading = odds.get(verdict, max(odds.values()))
     alike = _fits_of_same_pattern(problem, weighed, list(odds))
@@ -1001,7 +999,7 @@ def ranking_of(evidence: Evidence, priors: Priors) -> tuple[Hypothesis, ...]:
         p[UNKNOWN] = p.get(UNKNOWN, 0.0) + unlikely * each * given
     named = [effects for effects in p if effects not in ((), UNKNOWN)]
     if not evidence.within_floor:
-        _give(p, {e: _imitated(e, found, counts, priors) for e in named}, UNKNOWN)
+        _give(p, {e: _imitated(e, found, priors) for e in named}, UNKNOWN)
     most = (evidence.specimens - 1) / (ENOUGH_SPECIMENS - 1) * (1.0 - p.get((), 0.0))
     over = sum(p[effects] for effects in named)
     if evidence.specimens < ENOUGH_SPECIMENS and over > most:
@@ -1017,9 +1015,7 @@ _SURE = 30.0
 """Log odds that are as good as certain. Numerical: what is left is not rounded to nothing."""
 
 
-def _imitated(
-    effects: Effects, found: Mapping[HypothesisKey, float], counts: float, priors: Priors
-) -> float:
+def _imitated(effects: Effects, found: Mapping[HypothesisKey, float], priors: Priors) -> float:
     """Return how probable it is that a cause out of the library looks like effects.
 
     It need not look the same: the more a pattern beside the effects explains, the likelier. The
@@ -1028,7 +1024,7 @@ def _imitated(
     beside = [value for (others, axis), value in found.items() if axis and others == effects]
     own = found.get((effects, ""), np.inf)
     form = priors.imitation_nats / (priors.imitation_nats + max(own - found[(), ""], 0.0))
-    log_odds = min(counts, form) * max(max(beside, default=own) - own, 0.0)
+    log_odds = min(_counted(found, priors), form) * max(max(beside, default=own) - own, 0.0)
     odds = priors.imitated / (1.0 - priors.imitated) * np.exp(min(log_odds, _SURE))
     return float(odds / (1.0 + odds))
 
@@ -1130,15 +1126,17 @@ _SIZES = 60
 the size, for a largest one of 40 times the smallest."""
 
 
-def detectable_sizes(
-    problem: Problem, elimination: Elimination, priors: Priors
-) -> Iterator[Detectable]:
+def detectable_sizes(problem: Problem, nodes: FloatArray, priors: Priors) -> Iterator[Detectable]:
     """Yield, of each effect's first form, the size whose expected evidence would name it.
 
     That is where half the squared length of its whitened pattern, nuisances projected out, makes
     up for the prior odds against it and tells it from none; shapes are at their middle.
+
+    Parameters
+    ----------
+    nodes : (nodes, nodes)
+        Inner products of all nodes, what is uncertain besides integrated out.
     """
-    nodes = elimination.products[1:, 1:]
     first = {b.effect.id: b.effect.forms[0] for b in problem.branches}
     needed = needed_nats(priors, max(len(first), 1))
     for id, form in first.items():

@@ -7,7 +7,6 @@ shape. Tolerances are in nats, measured over seeds; 3 nats are what a class of h
 
 import itertools
 from collections.abc import Callable
-from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -20,7 +19,6 @@ from planner.gap.effect import Effect, Form, Parameter
 from planner.gap.evidence import weigh
 from planner.gap.evidence.problem import Candidate, SignedForm, searched, signed_forms
 from planner.gap.evidence.weigh import _weigh_subset
-from planner.gap.noise import USUAL
 from planner.numerics import FloatArray
 
 LEAST = float(np.sqrt(1.0 / 40.0))
@@ -143,7 +141,6 @@ SCATTER = 0.03
 """Of specimens' levels."""
 
 BATCH = 0.012
-SCATTER_OF = replace(USUAL, specimen=SCATTER)
 
 
 def weighed(levels: FloatArray, shared: FloatArray | None = None) -> Candidate:
@@ -160,7 +157,7 @@ def weighed(levels: FloatArray, shared: FloatArray | None = None) -> Candidate:
         covariance = covariance + shared @ shared.T
     columns = np.column_stack([levels, np.eye(n)])
     products = columns.T @ np.linalg.solve(covariance, columns)
-    return _weigh_subset(products[1:, 0], products[1:, 1:], Candidate(()), SCATTER_OF)
+    return _weigh_subset(products, Candidate(()), SCATTER)
 
 
 def batches(n: int) -> FloatArray:
