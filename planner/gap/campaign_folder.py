@@ -882,7 +882,7 @@ def _own_files(specimens: Sequence[Specimen]) -> tuple[list[str], dict[str, byte
     files: dict[str, bytes] = {}
     for s in specimens:
         if s.profile is not None:
-            path, data = "profiles/{}.csv", encode_csv(_profile_rows(s.profile))
+            path, data = "profiles/{}.csv", _profile_csv(s.profile)
         elif s.part is not None:
             path, data = "parts/{}.json", s.part.response.encode()
         else:
@@ -896,8 +896,7 @@ def _own_files(specimens: Sequence[Specimen]) -> tuple[list[str], dict[str, byte
     return names, files
 
 
-def _profile_rows(design: ProfileDesign) -> Iterable[_CsvRow]:
+def _profile_csv(design: ProfileDesign) -> bytes:
     names = ("x_mm", "coordinate", "width_mm", "thickness_mm")
-    columns = tuple(name for name in names if getattr(design, name) is not None)
-    yield columns
-    yield from zip(*(getattr(design, name) for name in columns), strict=True)
+    columns = {name: along for name in names if (along := getattr(design, name)) is not None}
+    return encode_csv([tuple(columns), *zip(*columns.values(), strict=True)])

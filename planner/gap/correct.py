@@ -339,14 +339,12 @@ def _bent(sample: Sample) -> Refit:
 # A palette for the conditions of use, from a diagnosis: how the loop from print to plan closes.
 
 
-_CONDITIONS: Mapping[str, tuple[str, str, float, float]] = MappingProxyType(
-    {
-        "strain_rate_per_s": ("a strain rate of ", "per s", 1e-9, 1e6),
-        "temperature_C": ("", "degC", -100.0, 200.0),
-        "soak_h": ("", "h of soaking", 0.0, 1e6),
-        "age_days": ("an age of ", "days", 0.0, 1e5),
-    }
-)
+_CONDITIONS: Mapping[str, tuple[str, str, float, float]] = {
+    "strain_rate_per_s": ("a strain rate of ", "per s", 1e-9, 1e6),
+    "temperature_C": ("", "degC", -100.0, 200.0),
+    "soak_h": ("", "h of soaking", 0.0, 1e6),
+    "age_days": ("an age of ", "days", 0.0, 1e5),
+}
 """The conditions of use, what stands before and after their figure, and what they may be.
 Convention: beyond any polymer's use, to catch slips of units."""
 
@@ -739,9 +737,8 @@ def _among(use: Reference, name: str, tested: Sequence[float | str]) -> bool:
         return value in tested
     absolute, relative = TOLERANCES["rate_mm_s" if name == "strain_rate_per_s" else name]
     low, high = (float(end) for end in (tested[0], tested[-1]))
-    return bool(
-        low - max(absolute, relative * low) <= value <= high + max(absolute, relative * high)
-    )
+    below, above = (max(absolute, relative * end) for end in (low, high))
+    return bool(low - below <= value <= high + above)
 
 
 def _range_in_words(name: str, tested: Sequence[float | str]) -> str:

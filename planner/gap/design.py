@@ -4,7 +4,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from itertools import combinations, pairwise
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -130,9 +129,7 @@ def _elastic(palette: Palette) -> tuple[list[Material], list[Material]]:
 # Conditions that a campaign may have: one step from the palette's own each, and a few crossed.
 
 
-_USUAL_SIZE: Mapping[str, float] = MappingProxyType(
-    {"width_mm": 6.0, "thickness_mm": 3.0, "gauge_mm": 25.0}
-)
+_USUAL_SIZE: Mapping[str, float] = {"width_mm": 6.0, "thickness_mm": 3.0, "gauge_mm": 25.0}
 """Of the usual specimen's gauge section. Convention: some 6 by 25 mm, as ASTM D412's die C."""
 
 

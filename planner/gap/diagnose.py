@@ -582,9 +582,6 @@ def _confounders(effects: Sequence[str], not_testable: Sequence[Untestable]) -> 
         )
 
 
-_OF_UNITS = frozenset({"force-scale", "strain-scale"})
-"""Effects of which a mixed-up unit is a form."""
-
 RANKED = 12
 LEAST_PROBABILITY = 1e-4
 """Hypotheses that are shown, and the least that each must have. Convention: what is shown."""
@@ -693,7 +690,7 @@ def diagnose(
 def _units_of(weighed: Weighed, same_class: Sequence[Effects]) -> Iterator[UnitOf]:
     """Yield the units that the hypotheses of a class say the numbers are in."""
     for effects in same_class:
-        if _OF_UNITS & set(effects):
+        if effects in weighed.best:
             found = found_effects(weighed, weighed.best[effects])
             yield from suggested_units(found, weighed.plain.problem.campaign.specimens)
 

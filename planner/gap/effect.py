@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import Literal, get_args
 
 import numpy as np
@@ -256,27 +255,25 @@ def _mixtures(specimens: Sequence[Specimen]) -> int:
     return len({material if m is None else float(m[0]) for material, m in drawn})
 
 
-_CHANNELS: Mapping[str, tuple[Callable[[Sequence[Specimen]], bool], str]] = MappingProxyType(
-    {
-        "unloading": (
-            lambda given: any(unloading_share(s) > UNLOADS for s in given),
-            "no specimen was unloaded",
-        ),
-        "hold": (lambda given: any(map(_is_held, given)), "no specimen was held at a strain"),
-        "bar": (
-            lambda given: any(s.profile is not None and _is_graded(s) for s in given),
-            "there is no graded bar",
-        ),
-        "materials": (
-            lambda given: any(map(_is_graded, given)) or _mixtures(given) > 1,
-            "there is one material only",
-        ),
-        "section": (
-            lambda given: any(s.section_mm2(np.zeros(1)) is not None for s in given),
-            "width and thickness are not known for any specimen",
-        ),
-    }
-)
+_CHANNELS: Mapping[str, tuple[Callable[[Sequence[Specimen]], bool], str]] = {
+    "unloading": (
+        lambda given: any(unloading_share(s) > UNLOADS for s in given),
+        "no specimen was unloaded",
+    ),
+    "hold": (lambda given: any(map(_is_held, given)), "no specimen was held at a strain"),
+    "bar": (
+        lambda given: any(s.profile is not None and _is_graded(s) for s in given),
+        "there is no graded bar",
+    ),
+    "materials": (
+        lambda given: any(map(_is_graded, given)) or _mixtures(given) > 1,
+        "there is one material only",
+    ),
+    "section": (
+        lambda given: any(s.section_mm2(np.zeros(1)) is not None for s in given),
+        "width and thickness are not known for any specimen",
+    ),
+}
 """Whether specimens show what a channel stands for, and the reason if not."""
 
 

@@ -492,11 +492,10 @@ def _strain_parts(table: FeatureTable) -> Iterator[_Part]:
 
 def _branch_parts(table: FeatureTable) -> Iterator[_Part]:
     """Branches of the tests that have more than a first loading."""
-    names = {"loading": "in the first loading", "unloading": "in unloading",
-             "reloading": "in reloading", "hold": "in the hold"}  # fmt: skip
+    names = ("in the first loading", "in unloading", "in reloading", "in the hold")
     cyclic = np.isin(table.specimen, table.specimen[table.branch != 0])
-    for branch, name in names.items():
-        yield (table.branch == BRANCHES.index(branch)) & cyclic, name, 0
+    for branch, name in enumerate(names):  # as `BRANCHES` has them
+        yield (table.branch == branch) & cyclic, name, 0
 
 
 def _hold_parts(table: FeatureTable) -> Iterator[_Part]:

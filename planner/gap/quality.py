@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import chain
-from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -748,13 +747,11 @@ def examine(campaign: Campaign, model: ObservationModel) -> tuple[QualityProblem
 # As a verdict hints: a gain of force or travel that is the factor between two units.
 
 
-_GAINS: Mapping[tuple[str, str], tuple[str, float]] = MappingProxyType(
-    {
-        ("force-scale", "log_gain"): ("force", -1.0),
-        ("force-scale", "factor"): ("force", -1.0),
-        ("strain-scale", "log_factor"): ("travel", 1.0),
-    }
-)
+_GAINS: Mapping[tuple[str, str], tuple[str, float]] = {
+    ("force-scale", "log_gain"): ("force", -1.0),
+    ("force-scale", "factor"): ("force", -1.0),
+    ("strain-scale", "log_factor"): ("travel", 1.0),
+}
 """By effect and parameter: the quantity, and the power of true over recorded. Convention: how the
 effects define their sizes."""
 

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -119,10 +119,8 @@ def virtual_specimen(
     fields
         Of `Specimen`. Without `rate_mm_s` it is pulled at the palette's own strain rate.
     """
-    if not (rate := fields.get("rate_mm_s")):
-        own_per_s = stated(palette.reference).strain_rate_per_s
-        assert own_per_s is not None
-        rate = own_per_s * gauge_mm
+    own = asdict(stated(palette.reference))
+    rate = fields.get("rate_mm_s") or own["strain_rate_per_s"] * gauge_mm
     design: ProfileDesign | None = fields.get("profile")
     protocol = fields.get("protocol") or "monotonic"
     end_mm = strain * gauge_mm * (1.0 if design is None else BAR_SHARE)

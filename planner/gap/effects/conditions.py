@@ -30,8 +30,7 @@ _WIDTH = 0.7
 
 def _reference(setup: Setup, name: str) -> float:
     """Return a condition's value at the palette's reference."""
-    own = "strain_rate_per_s" if name == "rate_per_s" else name
-    return float(getattr(stated(setup.reference), own))
+    return float(getattr(stated(setup.reference), name))
 
 
 def _graded(setup: Setup, size: float, values: Values) -> FloatArray:
@@ -235,7 +234,7 @@ _TIME_STEP = float(np.log(RELAXATION_TIMES_s[1] / RELAXATION_TIMES_s[0]))
 def _rate_power(setup: Setup, values: Values) -> Setup:
     """Stiffen alike by every decade of strain rate above the reference."""
     rate = setup.on_slices(setup.rate_per_s) * setup.rate_ratio
-    decades = np.log10(rate / _reference(setup, "rate_per_s"))
+    decades = np.log10(rate / _reference(setup, "strain_rate_per_s"))
     return setup.stiffened(_graded(setup, values["rise"], values) * decades)
 
 
@@ -254,7 +253,7 @@ def _relaxing(setup: Setup, spectrum_at: Callable[[FloatArray], FloatArray]) -> 
     return setup.with_(
         relaxing=setup.relaxing + spectrum_at(place_on_palette(setup)),
         reference_relaxing=shares + before if len(before) else shares,
-        reference_rate_per_s=_reference(setup, "rate_per_s"),
+        reference_rate_per_s=_reference(setup, "strain_rate_per_s"),
     )
 
 

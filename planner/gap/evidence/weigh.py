@@ -343,11 +343,9 @@ class Weighed:
         """Return the settled candidate of the same forms, but for a gain of some specimens."""
         if not candidate.parts:
             return self.none
-        if candidate.members is not None:
-            for one in self.beside_some:
-                if one.candidate.parts == candidate.parts:
-                    return one
-        return next(s for s in self.settled if s.candidate.forms == candidate.forms)
+        some = self.beside_some if candidate.members is not None else ()
+        beside = next((s for s in some if s.candidate.parts == candidate.parts), None)
+        return beside or next(s for s in self.settled if s.candidate.forms == candidate.forms)
 
 
 def _worlds(problem: Problem) -> tuple[World, ...]:
