@@ -411,8 +411,7 @@ class _Fields:
         lines, columns = self._lines[at], {name: v[at] for name, v in self._columns.items()}
         times, t = np.unique(columns["time_s"], return_inverse=True)
         x, first, p = np.unique(columns["x_mm"], return_index=True, return_inverse=True)
-        count = np.zeros((len(times), len(x)), dtype=np.int64)
-        np.add.at(count, (t, p), 1)
+        count = np.bincount(t * len(x) + p, minlength=len(times) * len(x)).reshape(len(times), -1)
         if count.max() > 1:
             double = int(np.flatnonzero(count[t, p] > 1)[1])
             raise FileError(
@@ -784,7 +783,21 @@ _CsvRow = Sequence[str | float | None]
 
 def specimens_csv(campaign: Campaign) -> bytes:
     """Return the list of specimens as a file's bytes; designs of bars as profiles/NAME.csv."""
-    return encode_csv(_specimen_rows(campaign, _own_files(campaign.specimens)[0]))
+    files, _ = _own_files(campaign.specimens)
+    has_parts = any(s.part is not None for s in campaign.specimens)
+    of_parts = ("part", "fix", "move", "load") if has_parts else ()
+    columns = ("specimen", "material", "profile", *of_parts, *_WRITTEN, *campaign.covariates)
+    rows: list[_CsvRow] = [columns]
+    for s, file in zip(campaign.specimens, files, strict=True):
+        own = {name: getattr(s, name) for name in _WRITTEN}
+        cells = {**s.covariates, **own, "specimen": s.id, "material": s.material}
+        if s.profile is not None:
+            cells["profile"] = file
+        if s.part is not None:  # its response has its gauge
+            cells |= {name: getattr(s.part, name) for name in of_parts[1:]}
+            cells |= {"part": file, "gauge_mm": None}
+        rows.append(tuple(cells.get(name) for name in columns))
+    return encode_csv(rows)
 
 
 def write_campaign(campaign: Campaign, output: str | Path, *, measured: bool = True) -> Path:
@@ -837,22 +850,6 @@ def _campaign_toml(campaign: Campaign) -> bytes:
         pairs["notes"] = campaign.notes
     lines = (f"{key} = {toml_text(value)}\n" for key, value in pairs.items())
     return "".join(["schema = 1\n", *lines]).encode("utf-8")
-
-
-def _specimen_rows(campaign: Campaign, files: Sequence[str]) -> Iterable[_CsvRow]:
-    has_parts = any(s.part is not None for s in campaign.specimens)
-    of_parts = ("part", "fix", "move", "load") if has_parts else ()
-    columns = ("specimen", "material", "profile", *of_parts, *_WRITTEN, *campaign.covariates)
-    yield columns
-    for s, file in zip(campaign.specimens, files, strict=True):
-        own = {name: getattr(s, name) for name in _WRITTEN}
-        cells = {**s.covariates, **own, "specimen": s.id, "material": s.material}
-        if s.profile is not None:
-            cells["profile"] = file
-        if s.part is not None:  # its response has its gauge
-            cells |= {name: getattr(s.part, name) for name in of_parts[1:]}
-            cells |= {"part": file, "gauge_mm": None}
-        yield tuple(cells.get(name) for name in columns)
 
 
 def _curve_rows(specimens: Sequence[Specimen]) -> Iterable[_CsvRow]:

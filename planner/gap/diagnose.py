@@ -9,6 +9,7 @@ from scipy.special import softmax
 
 from planner.errors import ArgumentError
 from planner.formats.specimens import SPECIMEN_COLUMNS
+from planner.formats.units import UnitOf
 from planner.gap.campaign import (
     TOLERANCES,
     Campaign,
@@ -27,7 +28,6 @@ from planner.gap.diagnosis import (
     Location,
     QualityProblem,
     Traces,
-    UnitOf,
     Untestable,
     name_of,
     signed_error,

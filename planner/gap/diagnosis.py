@@ -31,7 +31,6 @@ __all__ = [
     "Location",
     "QualityProblem",
     "Traces",
-    "UnitOf",
     "Untestable",
     "name_of",
     "read_diagnosis",

@@ -13,13 +13,13 @@ from planner import __version__
 from planner.errors import listed
 from planner.formats.outputs import write_folder
 from planner.formats.tables import encode_csv
+from planner.formats.units import UnitOf
 from planner.gap.diagnosis import (
     PALETTE_FILE,
     Detectable,
     Diagnosis,
     Experiment,
     FoundEffect,
-    UnitOf,
     name_of,
 )
 from planner.gap.effect import Form

@@ -247,6 +247,13 @@ def test_a_sentence_has_the_gaps_size() -> None:
     )
 
 
+def test_a_column_may_be_called_anything() -> None:
+    case = case_of(star(**{"tray {x}": tray_x_mm}))
+    gap = 0.0006 * np.array([tray_x_mm(k) for k in range(30)])[case.table.specimen] * case.force
+    found = named(case.where(gap), "tray {x}")
+    assert "where tray {x} is 200 to 290 (10 specimens)" in found.detail
+
+
 @pytest.mark.parametrize(
     ("scale", "df"), [(1.0, 0), (1.0, 4), (1.6, 0)], ids=["normal", "t4", "scatter understated"]
 )

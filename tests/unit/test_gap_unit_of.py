@@ -9,9 +9,9 @@ import pytest
 
 import planner
 from planner.errors import ArgumentError, FileError, UnknownNameError
-from planner.formats.units import QUANTITY_UNITS
+from planner.formats.units import QUANTITY_UNITS, UnitOf
 from planner.gap.campaign import Campaign
-from planner.gap.diagnosis import FoundEffect, UnitOf
+from planner.gap.diagnosis import FoundEffect
 from planner.gap.quality import merged_units, suggested_units
 from planner.materials.study import stated_units
 

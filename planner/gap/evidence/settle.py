@@ -12,7 +12,7 @@ from scipy.sparse import csr_array
 from planner.gap.evidence.problem import Candidate, Problem, searched
 from planner.numerics import FloatArray
 
-__all__ = ["Elimination", "Settled", "World", "nothing", "settle"]
+__all__ = ["Settled", "World", "nothing", "settle"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -26,14 +26,13 @@ class Elimination:
     products: FloatArray
     none: float
 
-    def with_random(self, columns: slice, amplitude: float, head: int) -> "Elimination":
-        """Integrate over columns with coefficients of deviation `amplitude`; keep `head` others."""
+    def with_random(self, columns: slice, amplitude: float) -> float:
+        """Return `none` with columns integrated over, their coefficients of such a deviation."""
         a = self.products
         inner = a[columns, columns] + np.eye(columns.stop - columns.start) / amplitude**2
-        left, log_det = _integrated(a[:head, :head], a[columns, :head], inner)
+        left, log_det = _integrated(a[:1, :1], a[columns, :1], inner)
         log_det += 2.0 * len(inner) * float(np.log(amplitude))
-        gain = 0.5 * (float(a[0, 0]) - float(left[0, 0])) - 0.5 * log_det
-        return Elimination(left, self.none + gain)
+        return self.none + (0.5 * (float(a[0, 0]) - float(left[0, 0])) - 0.5 * log_det)
 
 
 def _integrated(kept: FloatArray, cross: FloatArray, inner: FloatArray) -> tuple[FloatArray, float]:

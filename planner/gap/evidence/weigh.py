@@ -381,10 +381,9 @@ def weigh(problem: Problem, priors: Priors) -> Weighed:
     for world in worlds:
         evidence = result.relative(none.candidate, world)
         # What the palette's own fit leaves of its tests is no gap.
-        if world.discrepancy <= _law_errors(problem)[0]:
-            result.add((), "", logs.none, evidence)
-        else:
-            result.add((), EVERY_TEST, logs.any, evidence)
+        exact = world.discrepancy <= _law_errors(problem)[0]
+        axis, log_prior = ("", logs.none) if exact else (EVERY_TEST, logs.any)
+        result.add((), axis, log_prior, evidence)
     if logs.some:
         _add_subset(none, worlds, result)
     result.settled = _settled(result.worlds, logs)
@@ -700,7 +699,7 @@ def _add_axes(one: Settled, world: World, result: Weighed) -> None:
     for number, axis in enumerate(problem.unknown):
         own = slice(stop, stop := stop + axis.columns.shape[1])
         for amplitude in _AMPLITUDES:
-            evidence = e.with_random(own, amplitude, 1).none + none
+            evidence = e.with_random(own, amplitude) + none
             _add_axis(one.candidate.effects, number, evidence, result)
 
 

@@ -98,11 +98,9 @@ def test_random_columns_add_to_the_covariance(rng, amplitude: float) -> None:
     head, random, nuisances = (rng.standard_normal((N, k)) for k in (3, 2, 2))
     white = whiten(np.hstack([head, random, nuisances]), noise, 2)
     all_of_them = world(white).elimination(white.columns[:, 0], kept=white.columns[:, 1:5])
-    left = all_of_them.with_random(slice(3, 5), amplitude, 3)
+    none = all_of_them.with_random(slice(3, 5), amplitude)
     covariance = dense + nuisances @ nuisances.T + amplitude**2 * random @ random.T
-    products = head.T @ np.linalg.solve(covariance, head)
-    assert left.products == pytest.approx(products, rel=1e-8, abs=1e-8)
-    assert left.none == pytest.approx(log_density(head[:, 0], covariance, dense), abs=1e-8)
+    assert none == pytest.approx(log_density(head[:, 0], covariance, dense), abs=1e-8)
 
 
 def test_a_column_without_amplitude_changes_nothing(rng) -> None:
@@ -110,9 +108,7 @@ def test_a_column_without_amplitude_changes_nothing(rng) -> None:
     noise, _ = noise_of(rng)
     white = whiten(rng.standard_normal((N, 5)), noise, 1)
     before = world(white).elimination(white.columns[:, 0], kept=white.columns[:, 1:4])
-    after = before.with_random(slice(2, 4), 1e-6, 2)
-    assert after.none == pytest.approx(before.none, abs=1e-9)
-    assert after.products == pytest.approx(before.products[:2, :2], abs=1e-9)
+    assert before.with_random(slice(2, 4), 1e-6) == pytest.approx(before.none, abs=1e-9)
 
 
 def test_a_weight_of_two_is_a_copy_and_of_nought_is_absence(rng) -> None:

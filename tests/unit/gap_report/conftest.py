@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from planner.formats.units import UnitOf
 from planner.gap.diagnosis import (
     Detectable,
     Diagnosis,
@@ -15,7 +16,6 @@ from planner.gap.diagnosis import (
     Location,
     QualityProblem,
     Traces,
-    UnitOf,
     Untestable,
 )
 

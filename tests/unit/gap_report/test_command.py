@@ -8,9 +8,10 @@ from pathlib import Path
 import pytest
 
 from planner.cli import run
+from planner.formats.units import UnitOf
 from planner.gap.campaign import axis_columns
 from planner.gap.campaign_folder import read_campaign
-from planner.gap.diagnosis import Diagnosis, FoundEffect, UnitOf
+from planner.gap.diagnosis import Diagnosis, FoundEffect
 
 Examples = dict[str, Diagnosis]
 
