@@ -84,8 +84,7 @@ def _axis_cells(campaign: Campaign) -> Mapping[str, tuple[float | str | None, ..
     """Return columns of specimens.csv by name, sizes that are not stated as they were measured."""
     cells = dict(axis_columns(campaign))
     for name in ("width_mm", "thickness_mm"):
-        measured = [getattr(s, f"measured_{name}") for s in campaign.specimens]
-        pairs = zip(cells[name], measured, strict=True)
+        pairs = zip(cells[name], cells[f"measured_{name}"], strict=True)
         cells[name] = tuple(m if size is None else size for size, m in pairs)
     return cells
 

@@ -414,15 +414,14 @@ def _judged(
     loads: Mapping[int, float], groups: _Groups
 ) -> Iterator[tuple[float, int, float, tuple[int, ...]]]:
     """Yield p-value, place, shift and replicates of everyone that can be judged."""
-    of = [
-        (members, np.array([loads[i] for i in members])) for members in groups if len(members) > 1
-    ]
-    squares = [float(np.sum((values - values.mean()) ** 2)) for _, values in of]
-    freedoms = [len(members) - 1 for members, _ in of]
-    for g, (members, values) in enumerate(of):
+    some = [members for members in groups if len(members) > 1]
+    of = [np.array([loads[i] for i in members]) for members in some]
+    squares = [float(np.sum((values - values.mean()) ** 2)) for values in of]
+    freedoms = sum(map(len, some)) - len(some)
+    for members, values, square in zip(some, of, squares, strict=True):
         # What the other groups tell of a variance; what is usual counts as one more.
-        known = _USUAL_WEIGHT + sum(freedoms) - freedoms[g]
-        centre = (_USUAL_WEIGHT * _USUAL_SCATTER**2 + sum(squares) - squares[g]) / known
+        known = _USUAL_WEIGHT + freedoms - (len(members) - 1)
+        centre = (_USUAL_WEIGHT * _USUAL_SCATTER**2 + sum(squares) - square) / known
         weight = max(_USUAL_WEIGHT, _POOLED_WEIGHT * known)
         for k, place in enumerate(members):
             others = np.delete(values, k)
@@ -609,14 +608,10 @@ def _whole(campaign: Campaign, loads: Mapping[int, float]) -> Iterator[QualityPr
 
     Temperature has the largest effect.
     """
-    at_C, of = campaign.palette.reference.temperature_C, campaign.specimens
-    near = [
-        i
-        for i in loads
-        if at_C is not None
-        and (own_C := of[i].temperature_C) is not None
-        and abs(own_C - at_C) <= _NEAR_K
-    ] or list(loads)
+    reference, of = campaign.palette.reference, campaign.specimens
+    known = [reference.temperature_C, *(of[i].temperature_C for i in loads)]
+    at_C, *own_C = np.array(known, dtype=np.float64).tolist()  # unknown is NaN, near to none
+    near = [i for i, C in zip(loads, own_C, strict=True) if abs(C - at_C) <= _NEAR_K] or list(loads)
     if not near:
         return
     values = np.array([loads[i] for i in near])
@@ -770,12 +765,9 @@ def suggested_units(
                 power * (x if name.startswith("log_") else math.log(x)) for x in (value, *ends)
             )
             reach = max(abs(low - log), abs(high - log))
-            units = [
-                _unit_of(s, quantity, log, reach)
-                for s in specimens
-                if not effect.specimens or s.id in effect.specimens
-            ]
-            for one in merged_units(unit for unit in units if unit is not None):
+            some = (s for s in specimens if not effect.specimens or s.id in effect.specimens)
+            units = (_unit_of(s, quantity, log, reach) for s in some)
+            for one in merged_units(filter(None, units)):
                 yield one if len(one.specimens) < len(specimens) else replace(one, specimens=())
 
 
