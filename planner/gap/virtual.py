@@ -201,11 +201,7 @@ def single_tests(
 
 
 def read_design(
-    path: str | Path,
-    palette: str | Path | Palette | None = None,
-    *,
-    printer: str | Printer = "connex3",
-    camera: bool = False,
+    path: str | Path, palette: str | Path | Palette | None, *, printer: Printer, camera: bool
 ) -> Campaign:
     """Read which specimens are to be tested: a specimens.csv, or a campaign's folder.
 
@@ -229,10 +225,9 @@ def read_design(
     """
     path = Path(path)
     if path.is_file():
-        machine = load_printer(printer)
         beside = _palette_beside(path) if palette is None else None
-        own, name = beside or (palette_of(palette, machine), "")
-        return _listed(path, path.stem, own, name or machine.name, camera)
+        own, name = beside or (palette_of(palette, printer), "")
+        return _listed(path, path.stem, own, name or printer.name, camera)
     if not path.is_dir():
         raise FileError(
             f"{path}: no such file or folder; give a specimens.csv or the folder of a campaign"

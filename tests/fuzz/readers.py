@@ -25,7 +25,7 @@ from planner.gap.virtual import read_design
 from planner.grading.profile import read_moduli
 from planner.inverse_design.goals import Target
 from planner.materials.study import read_study
-from planner.printers import load_profile
+from planner.printers import load_printer, load_profile
 from planner.simulation.bar import Bar
 from planner.simulation.bar import read_profile as read_bar
 from planner.simulation.loads import read_cases
@@ -186,6 +186,7 @@ PRINTER = {
     name: (ROOT / "printers/connex3" / name).read_bytes()
     for name in ("printer.toml", "job_notes.md")
 }
+PRINTER = load_printer("connex3")
 KNOWN = planner.load_palette(SAMPLES / "warm-lab/palette.toml")
 MODULI = {material.id: 1.0 + k for k, material in enumerate(KNOWN.materials)}
 
@@ -260,7 +261,8 @@ READERS: tuple[Reader, ...] = (
     Reader("plan", lambda at: planner.read_plan(at), single("plan.json", PLAN["plan.json"])),
     Reader("plan folder", lambda at: planner.check(at), one_of(PLAN, but=".png")),
     Reader("campaign", lambda at: read_campaign(at), one_of(CAMPAIGN)),
-    Reader("campaign design", lambda at: read_design(at, KNOWN), one_of(CAMPAIGN)),
+    Reader("campaign design", lambda at: read_design(at, KNOWN, printer=PRINTER, camera=False),
+           one_of(CAMPAIGN)),
     Reader("specimens", lambda at: read_specimens(at / "specimens.csv"),
            single("specimens.csv", CAMPAIGN["specimens.csv"], STUDY["specimens.csv"])),
     Reader("tensile", lambda at: read_tensile(at / "test.csv"), single("test.csv", *TENSILE)),

@@ -16,6 +16,7 @@ from planner.gap.segments import path_of
 from planner.gap.virtual import read_design
 from planner.materials.laws import make_law
 from planner.palette import LawParameters, Material, Palette, Reference
+from planner.printers import load_printer
 from planner.simulation.bar_solver import predict
 
 PALETTE = Palette(
@@ -253,8 +254,10 @@ def test_a_list_of_compression_is_planned_as_such(tmp_path: Path) -> None:
     one = button("a", rng=np.random.default_rng(0))
     cell = "cyclic compression"
     folder = written(tmp_path / "c", one, force=1.0, travel=1.0, column="protocol", cell=cell)
-    (planned,) = read_design(folder / "specimens.csv", PALETTE).specimens
+    printer, listed = load_printer("connex3"), folder / "specimens.csv"
+    (planned,) = read_design(listed, PALETTE, printer=printer, camera=False).specimens
     assert planned.pushed
     assert planned.protocol == "cyclic"
     # With curves they go the way that these went.
-    assert all(s.pushed for s in read_design(folder, PALETTE).specimens)
+    plan = read_design(folder, PALETTE, printer=printer, camera=False)
+    assert all(s.pushed for s in plan.specimens)

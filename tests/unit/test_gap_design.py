@@ -20,6 +20,7 @@ from planner.gap.effect import untestable
 from planner.gap.effects import EFFECTS
 from planner.gap.virtual import read_design
 from planner.palette import Palette, load_palette
+from planner.printers import load_printer
 
 PALETTE = Path(__file__).parents[2] / "printers/connex3/palettes/connex3-tango-vero.toml"
 BUDGET = 16
@@ -120,7 +121,7 @@ def test_bars_where_boundaries_matter(palette, tmp_path, capsys) -> None:
     assert run([*arguments, str(tmp_path / "plan")]) in (0, 1)
     assert list((tmp_path / "plan" / "profiles").glob("*.csv"))
     assert "fields.csv" in capsys.readouterr().err
-    plan = read_design(tmp_path / "plan", palette)
+    plan = read_design(tmp_path / "plan", palette, printer=load_printer("connex3"), camera=False)
     assert any(s.profile is not None for s in plan.specimens)
     assert run([*arguments, str(tmp_path / "plan.csv")]) == 2
     assert not (tmp_path / "plan.csv").exists()
@@ -140,7 +141,7 @@ def test_the_command_writes_a_campaign_to_be_measured(tmp_path, capsys, palette)
     document = json.loads(first + "\n}")
     assert [e["effect"] for e in document["expected"]] == ["rate", "moisture"]
     assert (tmp_path / "one" / "curves.csv").read_text().count("\n") == 1
-    plan = read_design(tmp_path / "one", palette)
+    plan = read_design(tmp_path / "one", palette, printer=load_printer("connex3"), camera=False)
     assert len(plan.specimens) == document["specimens"]
     assert run(["gap", "diagnose", str(tmp_path / "one")]) == 2  # nothing is measured yet
     assert "no numbers" in capsys.readouterr().err
@@ -150,7 +151,8 @@ def test_a_list_alone_can_be_written(tmp_path, palette) -> None:
     path = tmp_path / "plan.csv"
     arguments = ["gap", "design", "--effects", "orientation", "--budget", "4", "-q"]
     assert run([*arguments, "-o", str(path)]) in (0, 1)
-    assert len(read_design(path, palette).specimens) == 4
+    plan = read_design(path, palette, printer=load_printer("connex3"), camera=False)
+    assert len(plan.specimens) == 4
     assert run([*arguments, "-o", str(path)]) == 2  # it is there
 
 

@@ -13,6 +13,7 @@ from planner.gap.effects import EFFECTS
 from planner.gap.virtual import read_design, stated_effect, synthetic_campaign, virtual_strain
 from planner.materials.laws import make_law
 from planner.palette import Palette, load_palette
+from planner.printers import load_printer
 
 PALETTE = Path(__file__).parents[2] / "printers/connex3/palettes/connex3-tango-vero.toml"
 HEAD = (
@@ -44,7 +45,7 @@ def listed(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def plan(listed: Path, palette: Palette) -> Campaign:
-    return read_design(listed, palette, camera=True)
+    return read_design(listed, palette, printer=load_printer("connex3"), camera=True)
 
 
 def made(plan: Campaign, *effects: str, scatter: float = 0.0, seed: int = 1) -> Campaign:
@@ -87,7 +88,9 @@ def test_scatter_is_as_stated(palette, tmp_path) -> None:
     rows = [f"S{i},FLX9760,,6,3,25,0.85,23,0,9,x,monotonic,1" for i in range(200)]
     path = tmp_path / "many.csv"
     path.write_text(HEAD + "\n".join(rows) + "\n")
-    campaign = made(read_design(path, palette), scatter=0.05)
+    campaign = made(
+        read_design(path, palette, printer=load_printer("connex3"), camera=False), scatter=0.05
+    )
     middle = np.log([s.force_N[70:90].mean() for s in campaign.specimens])
     assert np.std(middle) == pytest.approx(0.05, rel=4.0 / np.sqrt(400.0))
 
@@ -119,7 +122,7 @@ def test_the_command_writes_a_campaign_and_the_same_again(listed, tmp_path, caps
 
 def test_a_campaigns_specimens_are_followed_on_their_own_ways(listed, tmp_path, palette) -> None:
     assert run(["gap", "simulate", "--design", str(listed), "-o", str(tmp_path / "one"), "-q"]) == 0
-    plan = read_design(tmp_path / "one", palette)
+    plan = read_design(tmp_path / "one", palette, printer=load_printer("connex3"), camera=False)
     first = read_campaign(tmp_path / "one")
     for old, new in zip(first.specimens, plan.specimens, strict=True):
         assert new.time_s[-1] == pytest.approx(old.time_s[-1], rel=1e-3)
@@ -153,4 +156,4 @@ def test_bad_designs_are_refused(plan, palette, tmp_path) -> None:
     path = tmp_path / "bare.csv"
     path.write_text("specimen,material,gauge_mm\nA,FLX9760,25\n")
     with pytest.raises(FileError, match="width_mm"):
-        read_design(path, palette)
+        read_design(path, palette, printer=load_printer("connex3"), camera=False)

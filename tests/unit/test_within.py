@@ -18,6 +18,7 @@ from planner.gap.correct import correct
 from planner.gap.diagnosis import read_diagnosis
 from planner.gap.virtual import read_design
 from planner.materials.study import read_study
+from planner.printers import load_printer
 from planner.simulation.export import export
 from planner.simulation.part_response import PartResponse
 
@@ -244,7 +245,7 @@ def test_a_part_of_a_campaign_lies_in_its_folder(outside: Path, palette: planner
         'specimen,part,fix,move\nP1,../bar,x=min,"x=max: 0,0,-1 mm"\n'
     )
     with pytest.raises(FileError, match="lies outside the folder"):
-        read_design(lab / "specimens.csv", palette)
+        read_design(lab / "specimens.csv", palette, printer=load_printer("connex3"), camera=False)
 
 
 def test_a_palette_from_elsewhere_is_given_by_hand(outside: Path) -> None:
