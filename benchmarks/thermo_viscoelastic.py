@@ -2,13 +2,14 @@
 
 python -m benchmarks.thermo_viscoelastic [--campaigns 6] [--seed 1]
 
-A grade's law is relaxed by a spectrum, its times shifted by the WLF law, its stress proportional to
-the absolute temperature: reality owes planner nothing but the law. Each campaign draws spectrum and
-shift anew, and is pulled at four temperatures and four rates. Both sides predict conditions, and
-whole levels, that they did not see. The plain model is fitted as one would in an afternoon: shares
-of a Prony series with two times a decade, not negative, and a shift factor for each temperature,
-straight in the temperature beyond those fitted (Ferry, Viscoelastic Properties of Polymers, 1980,
-ch. 11).
+A law is relaxed by a spectrum, its times shifted by the WLF law, its stress proportional to the
+absolute temperature; pulled as the palette's grade was, it shows the palette's law, and owes
+planner nothing else. Each campaign draws spectrum and shift anew, and is pulled at four
+temperatures and four rates. Both sides predict conditions, and whole levels, that they did not see.
+The plain model is told the course of the law that relaxes, which planner has to find, and fitted as
+one would in an afternoon: shares of a Prony series with two times a decade, not negative, and a
+shift factor for each temperature, straight in the temperature beyond those fitted (Ferry,
+Viscoelastic Properties of Polymers, 1980, ch. 11).
 """
 
 import argparse
@@ -56,6 +57,14 @@ def pulled(elastic: Array, rate_per_s: float, times_s: Array) -> Array:
     return left
 
 
+def instantaneous_MPa(shares: Array) -> Array:
+    """Return the stress that, relaxed by shares, is the palette's in the palette's own test."""
+    steps = np.tri(POINTS)[:, 1:]  # the stress after each rise
+    shown = np.stack([pulled(one, REFERENCE_PER_S, TIMES_s) @ shares for one in steps.T], axis=1)
+    rises = np.linalg.solve(((1.0 - shares.sum()) * steps + shown)[1:], elastic_MPa()[1:])
+    return np.asarray(steps @ rises)
+
+
 def reality(rng: np.random.Generator) -> tuple[Array, float, float]:
     """Draw shares over `TIMES_s` and the two constants of the WLF law."""
     centre, breadth = rng.uniform(-4.0, 0.0), rng.uniform(1.5, 3.0)
@@ -64,10 +73,13 @@ def reality(rng: np.random.Generator) -> tuple[Array, float, float]:
     return share * parts / parts.sum(), rng.uniform(5.0, 12.0), rng.uniform(60.0, 110.0)
 
 
-def measured(rng: np.random.Generator) -> list[tuple[float, float, Array]]:
-    """Return tests: temperature, rate over the gauge length, and nominal stress in MPa."""
+def measured(rng: np.random.Generator) -> tuple[list[tuple[float, float, Array]], Array]:
+    """Return tests, and the law that relaxes in them.
+
+    Of each test temperature, rate over the gauge length, and nominal stress in MPa.
+    """
     shares, c1, c2 = reality(rng)
-    elastic = elastic_MPa()
+    elastic = instantaneous_MPa(shares)
 
     def stress(celsius: float, rate: float) -> Array:
         warmer = celsius - REFERENCE_C
@@ -76,19 +88,18 @@ def measured(rng: np.random.Generator) -> list[tuple[float, float, Array]]:
         drawn = (celsius + 273.15) / (REFERENCE_C + 273.15)
         return drawn * ((1.0 - shares.sum()) * elastic + relaxed)
 
-    # The law is that of the reference; a pull there has its stress, but for a little of its shape.
-    scale = float(elastic.sum() / stress(REFERENCE_C, REFERENCE_PER_S).sum())
     tests = []
     for celsius, rate_mm_s, _ in itertools.product(TEMPERATURES_C, RATES_MM_S, range(2)):
         rate = rate_mm_s / GAUGE_MM
-        clean = scale * stress(celsius, rate) * np.exp(rng.normal(0.0, LEVEL_SD))
+        clean = stress(celsius, rate) * np.exp(rng.normal(0.0, LEVEL_SD))
         tests.append((celsius, rate, clean + rng.normal(0.0, NOISE_SD * clean.max(), POINTS)))
-    return tests
+    return tests, elastic
 
 
-def fitted(tests: list[tuple[float, float, Array]]) -> dict[float, tuple[float, Array]]:
+def fitted(
+    tests: list[tuple[float, float, Array]], elastic: Array
+) -> dict[float, tuple[float, Array]]:
     """Fit the plain model; return log10 of the shift and shares at every temperature."""
-    elastic = elastic_MPa()
     told = sorted({celsius for celsius, *_ in tests})
 
     def solved(shift: Array) -> tuple[Array, Array]:
@@ -103,7 +114,7 @@ def fitted(tests: list[tuple[float, float, Array]]) -> dict[float, tuple[float, 
         # The palette's law is kept in the palette's own test, as planner keeps it.
         own = PRONY_s * 10.0 ** float(np.interp(REFERENCE_C, told, shift))
         kept = np.column_stack([elastic, pulled(elastic, REFERENCE_PER_S, own)]).sum(axis=0)
-        kept, sure = kept / elastic.sum(), 1e3
+        kept, sure = kept / elastic_MPa().sum(), 1e3
         shares = nnls(np.vstack([matrix, sure * kept]), np.append(target, sure))[0]
         return shares, matrix @ shares - target
 
@@ -125,16 +136,15 @@ def fitted(tests: list[tuple[float, float, Array]]) -> dict[float, tuple[float, 
     return {celsius: (at(celsius), shares) for celsius in TEMPERATURES_C}
 
 
-def missed(tests: list[tuple[float, float, Array]], levels: bool) -> float:
+def missed(tests: list[tuple[float, float, Array]], elastic: Array, levels: bool) -> float:
     """Return the plain model's error of held-out tests, normalised as planner's."""
-    elastic = elastic_MPa()
     keys = [(celsius,) for celsius in TEMPERATURES_C] + [(r / GAUGE_MM,) for r in RATES_MM_S]
     if not levels:
         keys = list(itertools.product(TEMPERATURES_C, [r / GAUGE_MM for r in RATES_MM_S]))
     squares = []
     for out in keys:
         left = [test for test in tests if set(out) <= set(test[:2])]
-        model = fitted([test for test in tests if not set(out) <= set(test[:2])])
+        model = fitted([test for test in tests if not set(out) <= set(test[:2])], elastic)
         for celsius, rate, stress in left:
             shift, shares = model[celsius]
             branches = pulled(elastic, rate, PRONY_s * 10.0**shift)
@@ -177,12 +187,12 @@ def main() -> None:
         "verdict                  before  after  plain  ratio | levels: before  after  plain  ratio"
     )
     for number in range(given.campaigns):
-        tests = measured(np.random.default_rng((given.seed, number)))
+        tests, elastic = measured(np.random.default_rng((given.seed, number)))
         with tempfile.TemporaryDirectory() as folder:
             write_campaign(Path(folder), tests)
             diagnosis = planner.diagnose(folder)
         gap = diagnosis.gap
-        plain, plain_levels = missed(tests, levels=False), missed(tests, levels=True)
+        plain, plain_levels = (missed(tests, elastic, levels=levels) for levels in (False, True))
         after, beyond = gap.after or np.nan, gap.extrapolated or np.nan
         print(
             f"{diagnosis.verdict:24} {gap.before:6.3f} {after:6.4f} {plain:6.4f} "

@@ -13,7 +13,7 @@ from planner.simulation.bar_solver import Setup
 
 
 def _offset(setup: Setup, values: Values) -> Setup:
-    """Throughout, or less and less, as a load cell warms up; or from zero, as time goes on."""
+    """Throughout, or less and less, as a load cell warms up; or more and more."""
     left = np.exp(-setup.time_s / values.get("time", math.inf))
     shown_N = values.get("offset", 0.0) * left + values.get("drift", 0.0) / 60.0 * setup.time_s
     return setup.with_(offset_N=setup.offset_N + shown_N)
@@ -23,9 +23,13 @@ def _offset(setup: Setup, values: Values) -> Setup:
 # Force scale: the load cell's gain, or a unit taken for another, of all or some specimens.
 
 
-def _gained(setup: Setup, values: Values) -> Setup:
-    """Scale what the load cell shows."""
-    return setup.with_(gain=setup.gain * math.exp(values["log_gain"]))
+def _gained(setup: Setup, values: Values, *, grows: bool = False) -> Setup:
+    """Scale what the load cell shows: throughout, until it is warm, or the more as it creeps."""
+    share: float | FloatArray = 1.0
+    if "time" in values:
+        left = np.exp(-setup.time_s / values["time"])
+        share = 1.0 - left if grows else left
+    return setup.with_(gain=setup.gain * np.exp(values["log_gain"] * share))
 
 
 # ------------------------------------------------------------------------------------------------

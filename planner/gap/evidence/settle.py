@@ -415,8 +415,8 @@ def settle(worlds: Sequence[World], candidate: Candidate, start: World) -> Settl
     if likeliest is start:
         return settled
     again = _settled(likeliest, *_mode_beside_own(likeliest, point, own))
-    # Far from the mode the linear model may promise what is not there.
-    return again if max(again.eliminated(w).none for w in worlds) > max(values) else settled
+    # Each by its own mode: far from one the linear model may promise what is not there.
+    return again if again.eliminated(likeliest).none > settled.eliminated(start).none else settled
 
 
 def _settled(world: World, point: _Point, own: FloatArray) -> Settled:

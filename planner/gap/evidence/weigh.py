@@ -469,7 +469,9 @@ def reweigh(
     Returns
     -------
     world
-        Of these weights, with the discrepancy that is likeliest on all specimens.
+        Of these weights, with the discrepancy that is likeliest on all specimens, and the palette's
+        laws taken for exact: by these is predicted, and effects that were fitted beside laws that
+        are off would miss what these make up for.
     odds
         Log odds and candidate each.
     """
@@ -480,7 +482,10 @@ def reweigh(
     found = [(logs.forms(c), c) for c in settled]
     if weighed.beside_some:  # whose evidence has the prior of forms
         found += [(0.0, _of_some(world, logs, s)) for s in (weighed.none, *weighed.beside_some)]
-    return world, [
+    other = like.problem.nuisances.copy()
+    other[:, : len(like.problem.ways)] = 0.0
+    exact = World(like.problem, discrepancy=like.discrepancy, nuisances=other, weight=weight)
+    return exact, [
         (logs.of(c.effects) + forms - vain.get(c.effects, 0.0) + c.log_evidence, c)
         for forms, c in found
     ]

@@ -10,6 +10,7 @@ from planner.gap.diagnose import closure
 from planner.gap.diagnosis import Diagnosis, Gap
 from planner.gap.effects import EFFECTS
 from planner.gap.evidence.problem import Problem, set_up
+from planner.gap.evidence.settle import World
 from planner.gap.evidence.weigh import Priors, reweigh, weigh
 from planner.gap.observations import observation_model
 
@@ -82,6 +83,16 @@ def test_what_is_left_out_is_predicted_with_all_of_the_evidence(rate_campaign) -
     gain = [value - weighed.logs.of(c.effects) - weighed.logs.forms(c) for value, c in odds]
     np.testing.assert_allclose(gain, [c.log_evidence for _, c in odds], atol=1e-9)
     assert np.ptp(gain) > 5.0
+
+
+def test_what_is_left_out_is_predicted_by_effects_that_need_no_other_laws(rate_campaign) -> None:
+    """A level of the laws, which is not added, is not what the effects were fitted beside."""
+    problem = ready(rate_campaign, "rate")
+    world, _ = reweigh(weigh(problem, Priors()), {}, np.ones(len(rate_campaign.specimens)))
+    laws = len(problem.ways)
+    for off in problem.nuisances[:, :laws].T:
+        assert not world.coefficients(off)[:laws].any()
+        assert World(problem).coefficients(off)[:laws].any()
 
 
 def test_where_there_is_none_nothing_closes(of_nothing: Diagnosis) -> None:

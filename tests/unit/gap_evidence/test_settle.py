@@ -65,6 +65,17 @@ def test_the_mode_is_found_and_flat(problem: Problem) -> None:
     assert branch.values(place)["rise"] == pytest.approx(RISE, rel=0.2)
 
 
+def test_a_mode_is_that_of_the_world_in_which_it_is_likeliest(planned, imitated) -> None:
+    """Not of the sloppier one that the search began in, however much its linear model promises."""
+    plan = planned(2, material=["TangoPlus", "FLX9760"], rate_mm_s=[0.085, 0.85, 8.5, 85.0])
+    campaign = imitated(plan, "rate:share=0.6,form=prony")
+    problem = set_up(campaign, observation_model(campaign), [EFFECTS["rate"]])
+    worlds = (World(problem), World(problem, laws=3.0), World(problem, discrepancy=0.06))
+    settled = settle(worlds, candidate(problem, "graded-prony"), worlds[2])
+    assert settled.world is worlds[0]
+    assert settled.eliminated(worlds[0]).none > settled.eliminated(worlds[2]).none
+
+
 @pytest.mark.parametrize("form", ["prony", "spectrum", "graded-power-law"])
 def test_coordinates_and_places_are_one_to_one(problem: Problem, form: str) -> None:
     branch = next(b for b in problem.branches if b.form.name == form)
