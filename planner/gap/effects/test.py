@@ -13,9 +13,10 @@ from planner.simulation.bar_solver import Setup
 
 
 def _offset(setup: Setup, values: Values) -> Setup:
-    """Throughout, or less and less, as a load cell warms up; or more and more."""
+    """Throughout, or less as a load cell warms up; or more and more since it was tared."""
     left = np.exp(-setup.time_s / values.get("time", math.inf))
-    shown_N = values.get("offset", 0.0) * left + values.get("drift", 0.0) / 60.0 * setup.time_s
+    drifted_s = setup.time_s + values.get("since", 0.0)
+    shown_N = values.get("offset", 0.0) * left + values.get("drift", 0.0) / 60.0 * drifted_s
     return setup.with_(offset_N=setup.offset_N + shown_N)
 
 

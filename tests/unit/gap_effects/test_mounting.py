@@ -88,12 +88,16 @@ def test_sensors_show_another_force_or_strain(coupons: Make, applied: Apply) -> 
     before = coupons()
     gain = applied("force-scale", "gain", before, log_gain=0.1)
     np.testing.assert_allclose(gain.gain, np.exp(0.1))
+    warm = applied("force-scale", "warming-up", before, log_gain=0.1, time=3.0).gain
+    crept = applied("force-scale", "creeping", before, log_gain=0.1, time=3.0).gain
+    np.testing.assert_allclose(warm * crept, np.exp(0.1))
+    np.testing.assert_allclose(np.log(crept), 0.1 * (1.0 - np.exp(-before.time_s / 3.0)))
     form = EFFECTS["force-scale"].form("pound-force")
     assert form is not None
     pounds = form.size
     assert pounds.low < np.log(4.4482216) < pounds.high
-    drift = applied("force-offset", "drifting", before, drift=0.6)
-    np.testing.assert_allclose(drift.offset_N, 0.01 * before.time_s)
+    drift = applied("force-offset", "drifting", before, drift=0.6, since=20.0)
+    np.testing.assert_allclose(drift.offset_N, 0.01 * (before.time_s + 20.0))
     fading = applied("force-offset", "fading", before, offset=-0.5, time=3.0).offset_N
     assert np.all(fading[:, 0] == -0.5)
     assert np.all(np.diff(fading, axis=1) > 0.0)
