@@ -66,6 +66,10 @@ _UNIT = re.compile(r"(.*?)\s*[\(\[].*[\)\]]")
 _PER_TIME = re.compile(r"(.*?) [^ ]+ (?:per )?(?:s|sec|min|minute|h|hr|hour)")
 
 
+_ALONG_TESTS = frozenset({"strain", "branch", "time", "position"})
+"""Axes of a diagnosis that are no columns."""
+
+
 Covariates = Mapping[str, str | float | None]
 
 
@@ -89,6 +93,11 @@ def read_list(path: Path) -> tuple[tuple[Row, ...], dict[str, Covariates], list[
     rows = read_specimens(path)
     names, notes = tuple(rows[0].covariates), []
     for heading in names:
+        if heading in _ALONG_TESTS:
+            raise FileError(
+                f"{path.name}: a further column {heading!r} would be taken for what lies along a "
+                f"test; give it another name, as {'tray ' + heading!r}"
+            )
         if (quantity := _quantity(heading)) is not None:
             raise FileError(
                 f"{path.name}, column {heading!r}: its unit is not understood; give the values as "

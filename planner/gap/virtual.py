@@ -538,7 +538,7 @@ def synthetic_campaign(
         plan,
         name=f"{plan.name} (simulated)",
         specimens=tuple(specimens),
-        covariates=(*plan.covariates, "simulated"),
+        covariates=tuple(dict.fromkeys((*plan.covariates, "simulated"))),
         notes=f"{how}. Nothing was measured.",
         remarks=(),
     )

@@ -228,6 +228,7 @@ def test_writing_and_reading_again_changes_nothing(folder: Path, tmp_path: Path)
         ("specimens.csv", "S1,FLX9760,,", "S1,FLX9760,profiles/bar.csv,", "line 2: give exactly"),
         ("specimens.csv", "material,", "substance,", "material"),
         ("specimens.csv", "width_mm", "width_in", "column 'width_in': its unit"),
+        ("specimens.csv", "operator", "position", "column 'position' would be .*'tray position'"),
         ("specimens.csv", "temperature_C", "Temperature (K)", "give the values as temperature_C"),
         ("specimens.csv", "S1,FLX9760,,6,2,25,1", "S1,FLX9760,,6,2,,1", "give gauge_mm"),
         ("specimens.csv", "S1,FLX9760,,6", "S1,FLX9760,,", "section is unknown.*give width_mm"),

@@ -118,6 +118,10 @@ def test_the_command_writes_a_campaign_and_the_same_again(listed, tmp_path, caps
         tmp_path / "one" / "curves.csv"
     ).read_bytes()
     assert "SIMULATED" in capsys.readouterr().out
+    # What is simulated is a design, too.
+    again = [*arguments[:3], str(tmp_path / "one"), "-o", str(tmp_path / "four")]
+    assert run(again) == 0
+    assert read_campaign(tmp_path / "four").covariates == ("simulated",)
 
 
 def test_a_campaigns_specimens_are_followed_on_their_own_ways(listed, tmp_path, palette) -> None:
