@@ -6,11 +6,10 @@ import re
 import subprocess
 import sys
 import textwrap
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import asdict
-from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from typer import Argument, Context, Option
 
@@ -18,9 +17,6 @@ import planner
 from planner.cli import output as cli
 from planner.errors import ArgumentError, Caution
 from planner.glance import format_number
-
-if TYPE_CHECKING:
-    from planner.mesh.mesh import Mesh
 
 # ------------------------------------------------------------------------------------------------
 # planner grade.
@@ -175,6 +171,7 @@ def grade(
     Example: [bold]planner grade finger.stl --from Tango --to Vero --axis x[/bold]
     """
     given = locals()
+    from planner.compilation_cache import at_first_compilation
     from planner.formats.threemf import needs_one_mesh
 
     folder = Path(f"{part.stem}-graded") if output is None else output
@@ -183,7 +180,7 @@ def grade(
         needs_one_mesh(slicer)  # a slip is told before the work
     if not dry_run:
         cli.check_targets(context, force=force, folders={"output": (folder, "plan.json")})
-    _share_compiling()
+    at_first_compilation(_start)
     with cli.progress(not quiet and not as_json) as stage:
         asked = cli.taken(planner.grade, given) | {"printer": machine, "progress": stage}
         plan = planner.grade(**asked)
@@ -498,7 +495,7 @@ def _hex(rgba: tuple[int, ...]) -> str:
 # The first run after installation: other processes compile the loops that it needs last.
 #
 # The loops of the main job are compiled once, for some seconds, and kept. One process compiles one
-# at a time, so further processors rehearse the last stages of a plan on a small box meanwhile; what
+# at a time, so further processors rehearse a plan's last stages on a small solid meanwhile; what
 # they compile the run then finds. Whatever becomes of them, the run compiles by itself what it does
 # not find.
 
@@ -506,25 +503,13 @@ def _hex(rgba: tuple[int, ...]) -> str:
 _started: list[subprocess.Popen[bytes]] = []
 
 
-@cache
-def _share_compiling() -> None:
-    """Start processes that rehearse stages of a plan, once something has to be compiled."""
-    from planner.compilation_cache import at_first_compilation
-
-    at_first_compilation(_start)
-
-
 def _start() -> None:
+    """Start processes that rehearse stages of a plan, as something has to be compiled."""
     # os.cpu_count() counts processors that this process may not use; not every system tells.
     allowed = getattr(os, "sched_getaffinity", None)
-    processors = len(allowed(0)) if allowed else os.cpu_count() or 1
-    # The run itself takes records, columns, walls with their sets, shells and pictures, in this
-    # order; what it would meet last comes first here, after what it meets soon.
-    shares = {1: [], 2: [["columns", "records", "sets", "pictures", "shells", "walls"]]}.get(
-        processors, [["columns", "pictures", "shells"], ["records", "sets", "walls"]]
-    )
-    for stages in shares:
-        code = f"from planner.cli.plans import rehearse; rehearse({stages!r})"
+    shares = min((len(allowed(0)) if allowed else os.cpu_count() or 1) - 1, 2)
+    for share in range(shares):
+        code = f"from planner.cli.plans import rehearse; rehearse({share}, {shares})"
         with contextlib.suppress(OSError):
             _started.append(
                 subprocess.Popen(
@@ -534,71 +519,30 @@ def _start() -> None:
             )  # fmt: skip
 
 
-def rehearse(stages: list[str]) -> None:
-    """Go through stages of a plan on a box, so that their loops are compiled and kept."""
-    for stage in stages:
-        _STAGES[stage]()
-
-
-def _box() -> "Mesh":
-    """Return a box with a wall that is thin."""
-    import numpy as np
-
-    from planner.mesh.mesh import Mesh
-
-    corners = np.array([(x, y, z) for x in (1, 5) for y in (1, 4) for z in (1, 1.3)])
-    sides = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
-    faces = [half for a, b, c, d in sides for half in ((a, b, c), (a, c, d))]
-    return Mesh(corners.astype(np.float64), np.array(faces, np.int32))
-
-
-def _columns() -> None:
-    from planner.voxels.columns import Grid, columns_of, snap
-
-    # Of vertices on the grid: measuring a mesh is what the run itself compiles by now.
-    box, grid = _box(), Grid((0.0, 0.0, 0.0), (1.0, 1.0, 0.1), (6, 6, 20))
-    for _ in columns_of(snap(box.vertices, grid), box.faces, grid):
-        pass
-
-
-def _records() -> None:
-    from planner.formats.mesh_file import encode_stl
-
-    encode_stl(_box().vertices.astype("f4"), _box().faces, "box")
-
-
-def _pictures() -> None:
-    from planner.voxels.picture import pictures_of
-
-    pictures_of([(_box(), "#808080")], width=32, height=32)
-
-
-def _sets() -> None:
-    from planner.voxels.thin_places import rehearse_sets
-
-    rehearse_sets()
-
-
-def _walls() -> None:
-    from planner.voxels.thin_places import thin_solid_places, thin_space_places
-
-    thin_solid_places(_box(), 0.6, listed=1)
-    thin_space_places(_box(), 0.4, listed=1)
-
-
-def _shells() -> None:
+def rehearse(share: int, shares: int) -> None:
+    """Go through a share of a plan's last stages on a tetrahedron, to compile and keep loops."""
     import numpy as np
 
     from planner.formats.threemf import ThreemfObject, encode_threemf
     from planner.grading.check import shell_checks
-    from planner.mesh.mesh import join_shells
+    from planner.mesh.mesh import Mesh, join_shells
+    from planner.voxels.columns import Grid, columns_of, snap
+    from planner.voxels.picture import pictures_of
+    from planner.voxels.thin_places import rehearse_sets, thin_solid_places
 
-    box = _box()
-    encode_threemf([ThreemfObject("box", box.vertices, box.faces, "", "#808080")], "box")
-    shell_checks(join_shells([box.triangles.astype(np.float32)]), box)
-
-
-_STAGES: Mapping[str, Callable[[], None]] = {
-    stage.__name__.lstrip("_"): stage
-    for stage in (_columns, _records, _pictures, _shells, _sets, _walls)
-}
+    corners = 1.0 + 4.0 * np.eye(4, 3, -1)
+    faces = np.array([(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)], np.int32)
+    part, grid = Mesh(corners, faces), Grid((0.0, 0.0, 0.0), (1.0, 1.0, 1.0), (6, 6, 6))
+    # The run itself takes columns, walls with their sets, shells and pictures, in this
+    # order; what it would meet last comes first here, after what it meets soon. Columns are of
+    # vertices on the grid: measuring a mesh is what the run itself compiles by now.
+    stages: tuple[Callable[[], object], ...] = (
+        lambda: list(columns_of(snap(corners, grid), faces, grid)),
+        rehearse_sets,
+        lambda: pictures_of([(part, "#808080")], width=32, height=32),
+        lambda: encode_threemf([ThreemfObject("a", corners, faces, "", "#808080")], "a"),
+        lambda: shell_checks(join_shells([part.triangles.astype(np.float32)]), part),
+        lambda: thin_solid_places(part, 0.6, listed=1),
+    )
+    for stage in stages[share::shares]:
+        stage()

@@ -33,10 +33,9 @@ GRADE = """
 import planner
 planner.grade(sys.argv[1], from_="Tango", to="Vero").write(sys.argv[2])
 """
-STAGES = ("columns", "records", "sets", "pictures", "shells", "walls")
 REHEARSE = """
 from planner.cli.plans import rehearse
-rehearse(sys.argv[1:])
+rehearse(int(sys.argv[1]), int(sys.argv[2]))
 """
 
 
@@ -52,7 +51,7 @@ def compiled(code, *arguments, cache):
 
 @pytest.mark.long
 def test_what_is_rehearsed_is_not_compiled_again(samples, tmp_path):
-    rehearsed = compiled(REHEARSE, *STAGES, cache=tmp_path / "kept")
+    rehearsed = compiled(REHEARSE, "0", "1", cache=tmp_path / "kept")
     part = str(samples / "finger.stl")
     own = compiled(GRADE, part, str(tmp_path / "out"), cache=tmp_path / "kept")
     assert own
@@ -71,8 +70,9 @@ def test_what_is_rehearsed_is_not_compiled_again(samples, tmp_path):
     ("processors", "shares"),
     [
         (1, []),
-        (2, [list(STAGES)]),
-        (8, [["columns", "pictures", "shells"], ["records", "sets", "walls"]]),
+        (2, [(0, 1)]),
+        (3, [(0, 2), (1, 2)]),
+        (8, [(0, 2), (1, 2)]),
     ],
 )
 def test_free_processors_rehearse_and_nothing_is_heard_of_them(monkeypatch, processors, shares):
@@ -81,8 +81,8 @@ def test_free_processors_rehearse_and_nothing_is_heard_of_them(monkeypatch, proc
     monkeypatch.setattr(subprocess, "Popen", lambda command, **_: started.append(command))
     first_run._start()
     assert [command[:2] for command in started] == [[sys.executable, "-c"]] * len(shares)
-    for command, stages in zip(started, shares, strict=True):
-        assert str(stages) in command[2]
+    for command, share in zip(started, shares, strict=True):
+        assert str(share) in command[2]
         compile(command[2], "code", "exec")
 
 
@@ -137,4 +137,4 @@ def test_compiling_starts_them_once_and_leaves_garbage_collection_as_it_was(tmp_
 
 @pytest.mark.slow  # it takes long only where nothing is compiled yet, as in a first quick run
 def test_every_stage_can_be_rehearsed():
-    first_run.rehearse(list(STAGES))
+    first_run.rehearse(0, 1)
