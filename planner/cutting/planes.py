@@ -326,15 +326,16 @@ def flip_thin(vertices: Float32Array, faces: NDArray[np.int32], *, flat: bool = 
 
 def thin_faces(points_mm: Float32Array, faces: NDArray[np.int32], least_mm: float) -> IntArray:
     """Return which triangles are lower than so much over their longest side."""
-    return np.flatnonzero(_lower(points_mm, faces, least_mm**2))
+    lower = np.empty(len(faces), np.bool_)
+    _lower(points_mm, faces, least_mm**2, lower)
+    return np.flatnonzero(lower)
 
 
 @kernel
-def _lower(points: Any, faces: Any, least: Any) -> Any:
-    lower = np.empty(len(faces), dtype=np.bool_)
+def _lower(points: Any, faces: Any, least: Any, lower: Any) -> None:
     for i in range(len(faces)):
-        lower[i] = squared_height(points, faces[i, 0], faces[i, 1], faces[i, 2]) < least
-    return lower
+        a, b, c = np.int64(faces[i, 0]), np.int64(faces[i, 1]), np.int64(faces[i, 2])
+        lower[i] = squared_height(points, a, b, c) < least
 
 
 _FLIP_ROUNDS = 64

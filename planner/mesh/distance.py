@@ -239,7 +239,6 @@ def _to_triangle(corners: Any, t: Any, at: Any, closest: Any) -> Any:
 # The largest ball inside a surface near a point.
 
 
-@kernel
 def inscribed_ball(
     corners: FloatArray, point: FloatArray, step: float, reach: float
 ) -> tuple[FloatArray, float]:
@@ -260,22 +259,19 @@ def inscribed_ball(
     centre, radius_mm
         Where no ball fits, the radius is zero.
     """
-    near = np.empty(len(corners), np.int64)
-    around = reach + 2 * step
-    n = 0
-    for f in range(len(corners)):
-        apart = False
-        for axis in range(3):
-            a, b, c = corners[f, 0, axis], corners[f, 1, axis], corners[f, 2, axis]
-            apart |= min(a, b, c) - point[axis] > around or max(a, b, c) - point[axis] < -around
-        if not apart:
-            near[n] = f
-            n += 1
-    near = near[:n]
-    closest = np.empty((2, 3))
-    best = _depth(corners, near, point, reach, closest)
-    centre, start, trial = point.copy(), np.empty(3), np.empty(3)
-    size = step / 2
+    below, above, around = corners.min(axis=1), corners.max(axis=1), reach + 2 * step
+    near = np.flatnonzero(((below - point <= around) & (above - point >= -around)).all(axis=1))
+    centre, start, trial = np.array([point, point, point])
+    radius = _climb(corners, near, point, step, reach, np.empty((2, 3)), centre, start, trial)
+    return centre, float(radius)
+
+
+@kernel
+def _climb(
+    corners: Any, near: Any, point: Any, step: Any, reach: Any, closest: Any, centre: Any,
+    start: Any, trial: Any,
+) -> Any:  # fmt: skip
+    best, size = _depth(corners, near, point, reach, closest), step / 2
     while size >= step / 16:
         moved = False
         for axis in range(3):
@@ -295,7 +291,7 @@ def inscribed_ball(
                     centre[axis] = trial[axis]
         if not moved:
             size /= 2
-    return centre, max(best, 0.0)
+    return max(best, 0.0)
 
 
 @inner_kernel

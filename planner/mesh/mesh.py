@@ -530,7 +530,8 @@ def connected(
 
 def number_groups(parent: Int32Array) -> Int32Array:
     """Return the group of each member of a union-find, (n,), numbered by first appearance."""
-    _flatten(parent)
+    while (parent != (root := parent[parent])).any():
+        parent = root
     number = np.cumsum(parent == np.arange(len(parent)), dtype=np.int32) - np.int32(1)
     return np.asarray(number[parent])
 
@@ -539,12 +540,6 @@ def number_groups(parent: Int32Array) -> Int32Array:
 def _join(parent: Any, one: Any, other: Any) -> None:
     for i in range(one.size):
         unite(parent, one[i], other[i])
-
-
-@kernel
-def _flatten(parent: Any) -> None:
-    for i in range(parent.size):
-        parent[i] = parent[parent[i]]
 
 
 @inner_kernel

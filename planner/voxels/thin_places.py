@@ -118,21 +118,22 @@ def morph(source: _Bits, lines: IntArray, dilate: bool, region: _Bits, active: B
     reach = int(lines[:, 2].max())
     # Of rows about the present one: eroded along their columns by 0, 1, ... steps.
     eroded = np.zeros((2 * reach + 1, reach + 1, source[0].size), np.uint64)
-    _morph(source, lines, flip, region, active, out, eroded, np.empty(len(lines), np.int64))
+    along = source.reshape(len(source), -1)
+    at = np.empty(len(lines), np.int64)
+    _morph(along, lines, flip, region, active, out, eroded, eroded.ravel(), at)
     return out
 
 
 @kernel
 def _morph(
-    source: Any, lines: Any, flip: Any, region: Any, active: Any, out: Any, eroded: Any, at: Any
-) -> None:
-    rows, columns, words = source.shape
+    source: Any, lines: Any, flip: Any, region: Any, active: Any, out: Any, eroded: Any,
+    flat: Any, at: Any,
+) -> None:  # fmt: skip
+    rows, columns, words = region.shape
     held, reach = eroded.shape[0], eroded.shape[1] - 1
-    flat = eroded.reshape(eroded.size)
     for row in range(-reach, rows):
         if row + reach < rows:
-            own = source[row + reach].reshape(columns * words)
-            _erode_along(own, flip, eroded[(row + reach) % held])
+            _erode_along(source[row + reach], flip, eroded[(row + reach) % held])
         if row < 0:
             continue
         count, beyond = 0, False
@@ -616,7 +617,8 @@ def _solid_words(mesh: Mesh, raster: Raster) -> Iterator[tuple[_Bits, ...]]:
         low = int(np.searchsorted(last, start - _BESIDE))
         near = order[low : np.searchsorted(first, stop + _BESIDE, side="right")]
         sheets = np.zeros_like(held)
-        _sheets(corners, along.faces, near, start, before, held, beside, sheets)
+        side, at = np.empty((2, 3))
+        _sheets(corners, along.faces, near, start, before, held, beside, sheets, side, at)
         yield (held | sheets,)
         if slab is None:
             return
@@ -633,14 +635,13 @@ def _words_drawn(slab: Columns) -> _Bits:
 @kernel
 def _sheets(
     corners: Any, faces: Any, members: Any, first_row: Any, before: Any, here: Any, after: Any,
-    found: Any,
+    found: Any, side: Any, at: Any,
 ) -> None:  # fmt: skip
     # Marks in `found` the voxels of triangles near which there is none. Triangles are looked at
     # in cells of up to two voxels, in strips along their longest side; also in those cells whose
     # middle lies beside the slab, as they may reach into it.
     rows, columns = here.shape[0], here.shape[1] - 2 * _ROOM
     voxels = (here.shape[2] - 2) * 64
-    side, at = np.empty(3), np.empty(3)
     for m in members:
         longest, j = -1.0, 0
         for e in range(3):
