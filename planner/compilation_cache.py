@@ -314,7 +314,7 @@ def _processor() -> tuple[str, ...]:
 # Compiling, and the first run after installation, in which everything is compiled.
 
 
-_at_first: list[Callable[[], object]] = []
+_at_first: set[Callable[[], object]] = set()
 
 
 def at_first_compilation(act: Callable[[], object]) -> None:
@@ -322,7 +322,7 @@ def at_first_compilation(act: Callable[[], object]) -> None:
 
     So it is after an installation, and after an upgrade of numba, llvmlite, numpy or Python.
     """
-    _at_first.append(act)
+    _at_first.add(act)
 
 
 @contextlib.contextmanager
