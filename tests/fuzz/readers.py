@@ -186,7 +186,7 @@ PRINTER = {
     name: (ROOT / "printers/connex3" / name).read_bytes()
     for name in ("printer.toml", "job_notes.md")
 }
-PRINTER = load_printer("connex3")
+CONNEX = load_printer("connex3")
 KNOWN = planner.load_palette(SAMPLES / "warm-lab/palette.toml")
 MODULI = {material.id: 1.0 + k for k, material in enumerate(KNOWN.materials)}
 
@@ -261,7 +261,7 @@ READERS: tuple[Reader, ...] = (
     Reader("plan", lambda at: planner.read_plan(at), single("plan.json", PLAN["plan.json"])),
     Reader("plan folder", lambda at: planner.check(at), one_of(PLAN, but=".png")),
     Reader("campaign", lambda at: read_campaign(at), one_of(CAMPAIGN)),
-    Reader("campaign design", lambda at: read_design(at, KNOWN, printer=PRINTER, camera=False),
+    Reader("campaign design", lambda at: read_design(at, KNOWN, printer=CONNEX, camera=False),
            one_of(CAMPAIGN)),
     Reader("specimens", lambda at: read_specimens(at / "specimens.csv"),
            single("specimens.csv", CAMPAIGN["specimens.csv"], STUDY["specimens.csv"])),
