@@ -686,10 +686,11 @@ class ListReader:
         FileError, UnknownNameError
             As `fields`; or a record that is none.
         """
+        known = row.conditions()
         told: dict[str, Any] = {
             name: value  # what the file's head tells, the row does not
             for name, value in table.metadata.items()
-            if row.conditions().get(name, "") is None and isinstance(value, float) and value > 0.0
+            if known.get(name, "") is None and isinstance(value, float) and value > 0.0
         }
         row = replace(row, **told)
         fields, notes = self.fields(row)

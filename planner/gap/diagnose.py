@@ -654,7 +654,7 @@ def diagnose(
         verdict = verdict_of(ranking)
         gap = closure(problem, weighed, evidence.vain, verdict, rng, progress)
         chosen = weighed.best.get(verdict, Candidate(()))
-        known = weighed.plain.elimination(problem.target, kept=problem.nodes)
+        nodes = weighed.plain.products(problem.nodes)
         where, remainder = _places_of(problem, axes_of(problem, evidence, ranking, priors), chosen)
         same_class = class_of(problem, weighed, evidence, ranking, verdict)
         doubts = [*_cautions(problem), *_confounders(verdict, reasons)]
@@ -675,7 +675,7 @@ def diagnose(
             remainder=remainder,
             data_quality=data_quality,
             next_experiments=next_experiments(problem, weighed, ranking),
-            detectable=tuple(detectable_sizes(problem, known.products[1:, 1:], priors)),
+            detectable=tuple(detectable_sizes(problem, nodes, priors)),
             limitations=(*campaign.limitations, *model.limitations, *doubts),
             unit_of=merged_units([*_units_of(weighed, same_class), *mending]),
             recalibration=_recalibration_of(weighed.settled_as(chosen).world, chosen),

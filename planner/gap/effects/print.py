@@ -191,8 +191,8 @@ def _sizes_mm(setup: Setup) -> dict[str, FloatArray]:
 
 def _grown(setup: Setup, values: Values, *, sides: Sequence[str]) -> Setup:
     """Larger than drawn in width, thickness or both."""
-    sizes = [_sizes_mm(setup)[side] for side in sides]
-    ratio = np.prod([np.maximum(1.0 + values["oversize"] / s, _LEAST) for s in sizes], axis=0)
+    drawn, more_mm = _sizes_mm(setup), values["oversize"]
+    ratio = np.prod([np.maximum(1.0 + more_mm / drawn[s], _LEAST) for s in sides], axis=0)
     return setup.with_(area_mm2=setup.area_mm2 * ratio)
 
 
@@ -230,8 +230,8 @@ def _covered(setup: Setup, values: Values, *, sides: Sequence[str]) -> Setup:
 
     Two skins leave a share of a size inside; such that meet leave nothing, smoothly.
     """
-    sizes = [_sizes_mm(setup)[side] for side in sides]
-    inside = np.prod([1.0 - kept_below(2.0 * values["depth"] / s, 1.0) for s in sizes], axis=0)
+    drawn, depth = _sizes_mm(setup), values["depth"]
+    inside = np.prod([1.0 - kept_below(2.0 * depth / drawn[s], 1.0) for s in sides], axis=0)
     return setup.stiffened(np.log1p(math.expm1(values["log_stiffness"]) * (1.0 - inside)))
 
 

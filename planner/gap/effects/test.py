@@ -12,11 +12,15 @@ from planner.simulation.bar_solver import Setup
 # Force offset: the load cell was not zero when it should have been.
 
 
+def _left(setup: Setup, values: Values) -> FloatArray:
+    """Return what is left of what passes as time goes on, (P, T); all, without such a time."""
+    return np.asarray(np.exp(-setup.time_s / values.get("time", math.inf)))
+
+
 def _offset(setup: Setup, values: Values) -> Setup:
     """Throughout, or less as a load cell warms up; or more and more since it was tared."""
-    left = np.exp(-setup.time_s / values.get("time", math.inf))
-    drifted_s = setup.time_s + values.get("since", 0.0)
-    shown_N = values.get("offset", 0.0) * left + values.get("drift", 0.0) / 60.0 * drifted_s
+    shown_N = values.get("offset", 0.0) * _left(setup, values)
+    shown_N += values.get("drift", 0.0) / 60.0 * (setup.time_s + values.get("since", 0.0))
     return setup.with_(offset_N=setup.offset_N + shown_N)
 
 
@@ -26,10 +30,8 @@ def _offset(setup: Setup, values: Values) -> Setup:
 
 def _gained(setup: Setup, values: Values, *, grows: bool = False) -> Setup:
     """Scale what the load cell shows: throughout, until it is warm, or the more as it creeps."""
-    share: float | FloatArray = 1.0
-    if "time" in values:
-        left = np.exp(-setup.time_s / values["time"])
-        share = 1.0 - left if grows else left
+    left = _left(setup, values)
+    share = 1.0 - left if grows else left
     return setup.with_(gain=setup.gain * np.exp(values["log_gain"] * share))
 
 

@@ -404,19 +404,19 @@ def settle(worlds: Sequence[World], candidate: Candidate, start: World) -> Settl
     Parameters
     ----------
     start
-        The world in which the candidate was found.
+        That of them in which the candidate was found.
     """
     at = [branch.coordinates(place) for branch, place in candidate.parts]
     point = _Point(start.problem, candidate, np.concatenate(at))
     point, own = _mode_beside_own(start, point, np.zeros((len(point.left), 0)))
     settled = _settled(start, point, own)
-    values = [settled.eliminated(world).none for world in worlds]
-    likeliest = worlds[int(np.argmax(values))]
+    evidence = {world: settled.eliminated(world).none for world in worlds}
+    likeliest = max(worlds, key=evidence.__getitem__)
     if likeliest is start:
         return settled
     again = _settled(likeliest, *_mode_beside_own(likeliest, point, own))
     # Each by its own mode: far from one the linear model may promise what is not there.
-    return again if again.eliminated(likeliest).none > settled.eliminated(start).none else settled
+    return again if again.eliminated(likeliest).none > evidence[start] else settled
 
 
 def _settled(world: World, point: _Point, own: FloatArray) -> Settled:
