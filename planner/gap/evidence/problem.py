@@ -216,6 +216,8 @@ class Candidate:
         Which specimens it holds for, 1 or 0, where it holds for some only.
     log_gain
         What these specimens' force is off by, as a logarithm.
+    own : (k, n) or None
+        How much larger each specimen's size is, over the effect's, of those that have their own.
     """
 
     effects: tuple[str, ...]
@@ -224,6 +226,7 @@ class Candidate:
     log_evidence: float = 0.0
     members: FloatArray | None = None
     log_gain: float = 0.0
+    own: FloatArray | None = None
 
     @property
     def forms(self) -> tuple[int, ...]:
@@ -527,18 +530,27 @@ class Problem:
         if candidate.members is not None:
             force = np.where(self.table.is_field, 0.0, self.table.chord(self.unpredicted))
             change = change + candidate.log_gain * candidate.members[self.table.specimen] * force
+        if candidate.own is not None:
+            alone = self.changes([alone for _, alone in self.with_own_sizes(candidate)])
+            change = change + np.sum(candidate.own[:, self.table.specimen] * alone, axis=0)
         return change
+
+    def with_own_sizes(self, candidate: Candidate) -> list[tuple[SignedForm, Prediction]]:
+        """Return which of its forms each specimen has a size of its own of, predicted alone."""
+        own = [part for part in candidate.parts if part[0].effect.individual > 0.0]
+        alone = self.predictions([replace(candidate, parts=(part,)) for part in own])
+        return [(branch, one) for (branch, _), one in zip(own, alone, strict=True)]
 
     def own_sizes(self, candidate: Candidate) -> FloatArray:
         """Return what specimens' own sizes of a candidate's effects change, (N, k), whitened."""
         table = self.table
-        specimens = table.specimen[:, None] == np.unique(table.specimen)
-        if not (own := [part for part in candidate.parts if part[0].effect.individual > 0.0]):
+        if not (own := self.with_own_sizes(candidate)):
             return np.zeros((len(table), 0))
-        alone = self.predictions([replace(candidate, parts=(part,)) for part in own])
+        specimens = table.specimen[:, None] == np.arange(len(self.campaign.specimens))
+        changes = self.changes([alone for _, alone in own])
         parts = [
             branch.effect.individual * change[:, None] * specimens
-            for (branch, _), change in zip(own, self.changes(alone), strict=True)
+            for (branch, _), change in zip(own, changes, strict=True)
         ]
         return self.noise.whiten(np.concatenate(parts, axis=1))
 

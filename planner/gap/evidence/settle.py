@@ -52,6 +52,8 @@ class World:
     ----------
     scale
         The specimens' scatter over the one that was estimated.
+    level
+        Of that, how much of the scatter of their force's level is left; at most 1.
     discrepancy
         Deviation of forces from any model, over each test's largest; see
         `Problem.discrepancy`.
@@ -71,27 +73,32 @@ class World:
     """
 
     def __init__(
-        self, problem: Problem, *, scale: float = 1.0, discrepancy: float = 0.0,
-        laws: float = 1.0, share: float = 1.0, nuisances: FloatArray | None = None,
-        more: FloatArray | None = None, weight: FloatArray | None = None,
+        self, problem: Problem, *, scale: float = 1.0, level: float = 1.0,
+        discrepancy: float = 0.0, laws: float = 1.0, share: float = 1.0,
+        nuisances: FloatArray | None = None, more: FloatArray | None = None,
+        weight: FloatArray | None = None,
     ) -> None:  # fmt: skip
-        self.problem, self.scale, self.discrepancy = problem, scale, discrepancy
-        self.laws, self.log_share = laws, float(np.log(share))
+        self.problem, self.scale, self.level = problem, scale, level
+        self.discrepancy, self.laws, self.log_share = discrepancy, laws, float(np.log(share))
         each = np.ones(len(problem.noise.rows)) if weight is None else weight
         rows = np.repeat(each, np.diff(problem.noise.first_row))
         self._root = np.sqrt(rows) / scale
+        self._along, self._widened = np.zeros(len(rows)), np.zeros(len(each))
+        if level < 1.0:
+            self._along, self._widened = _along_levels(problem, level)
         self._sizes = np.where(problem.of_laws, laws, 1.0)
         blocks = [problem.nuisances * self._sizes if nuisances is None else nuisances]
         blocks += [discrepancy * problem.discrepancy] if discrepancy else []
         blocks += [] if more is None else [more]
         # Sparse: most are of one test's or one specimen's features.
-        weighted = self._root[:, None] * np.concatenate(blocks, axis=1)
+        weighted = self._weighted(np.concatenate(blocks, axis=1))
         self._nuisances = csr_array(weighted.T)
         inner = np.asarray(self._nuisances @ weighted)
         inner[np.diag_indices(len(inner))] += 1.0
         self._factor = scipy.linalg.cholesky(inner, lower=True, check_finite=False)
         log_det = 2.0 * float(np.log(np.diagonal(self._factor)).sum())
         self._offset = -float(rows.sum()) * float(np.log(scale)) - 0.5 * log_det
+        self._offset += float(each @ np.log1p(self._widened))
         self._own: tuple[FloatArray, ...] = ()
         alone = self.elimination(problem.target)
         self.none, self.left = alone.none, float(alone.products[0, 0])
@@ -112,8 +119,17 @@ class World:
         out, _ = dtrtrs(factor, beside.T @ weighted - halved.T @ half, lower=True)
         return np.asarray(m - out.T @ out)
 
-    def _without_nuisances(self, columns: FloatArray) -> tuple[FloatArray, ...]:
+    def _weighted(self, columns: FloatArray) -> FloatArray:
+        """Return whitened columns, (N, k), on a scale where this world's scatter is white."""
         weighted = self._root[:, None] * columns
+        if self.level == 1.0:
+            return weighted  # as nearly everywhere
+        first, along = self.problem.noise.first_row, self._along[:, None]
+        levels = self._widened[:, None] * np.add.reduceat(along * weighted, first[:-1])
+        return weighted + along * np.repeat(levels, np.diff(first), axis=0)
+
+    def _without_nuisances(self, columns: FloatArray) -> tuple[FloatArray, ...]:
+        weighted = self._weighted(columns)
         half, _ = dtrtrs(self._factor, self._nuisances @ weighted, lower=True)
         return weighted, half, np.asarray(weighted.T @ weighted - half.T @ half)
 
@@ -126,8 +142,15 @@ class World:
 
     def coefficients(self, left: FloatArray) -> FloatArray:
         """Return the nuisances' posterior mean, in prior deviations, of what is left, (N,)."""
-        cross = np.asarray(self._nuisances @ (self._root * left))
+        cross = np.asarray(self._nuisances @ self._weighted(left[:, None])[:, 0])
         return np.asarray(scipy.linalg.cho_solve((self._factor, True), cross, check_finite=False))
+
+    def own_coefficients(self, left: FloatArray, own: FloatArray) -> FloatArray:
+        """Return the posterior mean of further nuisances of what is left, (N,); see `products`."""
+        weighted, half, _ = self._without_nuisances(left[:, None])
+        _, beside, halved, factor = self._beside(own)
+        cross = (beside.T @ weighted - halved.T @ half)[:, 0]
+        return np.asarray(scipy.linalg.cho_solve((factor, True), cross, check_finite=False))
 
     def laws_off(self, candidate: Candidate) -> tuple[FloatArray, FloatArray]:
         """Return the mean and covariance of the problem's ways, the candidate being right."""
@@ -180,6 +203,19 @@ class World:
 def _without_last(m: FloatArray, head: int) -> tuple[FloatArray, float]:
     """Return inner products of the first `head` columns, the others integrated out, prior 1."""
     return _integrated(m[:head, :head], m[head:, :head], m[head:, head:] + np.eye(len(m) - head))
+
+
+def _along_levels(problem: Problem, level: float) -> tuple[FloatArray, FloatArray]:
+    """Return the direction in which each specimen's level goes, (N,), and what it is stretched by.
+
+    Whitened features have a unit covariance, of which a level that scatters less takes from that
+    one direction: 1 - (1 - level^2) sd^2 |g|^2 of it is left, with g what the level changes.
+    """
+    first = problem.noise.first_row
+    change = problem.noise.whiten(np.where(problem.table.is_field, 0.0, problem.sensitivity))
+    squares = np.maximum(np.add.reduceat(change**2, first[:-1]), 1e-300)
+    left = 1.0 - (1.0 - level**2) * problem.scatter.specimen**2 * squares
+    return change / np.sqrt(np.repeat(squares, np.diff(first))), 1.0 / np.sqrt(left) - 1.0
 
 
 # ------------------------------------------------------------------------------------------------
@@ -358,6 +394,16 @@ class Settled:
             return float(world.products(left, self.own)[0, 0] + one[1] @ one[1])
 
         return _moved(self.candidate, min(tried, key=cost)[1])
+
+    def with_own_sizes(self, candidate: Candidate) -> Candidate:
+        """Return the candidate, as weighed, with the likeliest own size of each specimen."""
+        if not self.own.shape[1]:
+            return candidate
+        left = self.target - self.slopes @ self.coordinates
+        left -= self.world.problem.gain_of(candidate)
+        share = [[b.effect.individual] for b, _ in candidate.parts if b.effect.individual > 0.0]
+        sizes = self.world.own_coefficients(left, self.own).reshape(len(share), -1)
+        return replace(candidate, own=np.array(share) * sizes)
 
     def deviations(self) -> FloatArray:
         """Return the coordinates' posterior deviations, (p,)."""

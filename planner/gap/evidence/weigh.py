@@ -1,7 +1,8 @@
 """Weigh all hypotheses, and go from evidence to probabilities: the verdict, and its class."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import combinations, permutations, product
 
 import numpy as np
@@ -122,6 +123,11 @@ def _gains_of(scatter: float) -> tuple[FloatArray, FloatArray]:
     prior = np.where(of_units, 0.5 / of_units.sum(), 0.5 / max(int((~of_units).sum()), 1))
     return gains, np.log(prior)
 
+
+_LEVELS = (0.7, 0.5, 0.35, 0.25)
+"""Scatter of the level beside a gain of some specimens, over the one that was estimated: that holds
+the gain too. Numerical: in steps that some twenty replicates do not resolve, down to what a gain of
+half of them four times their scatter leaves."""
 
 _ROUNDS = 30
 _SETTLED = 1e-4
@@ -347,6 +353,16 @@ class Weighed:
         beside = next((s for s in some if s.candidate.parts == candidate.parts), None)
         return beside or next(s for s in self.settled if s.candidate.forms == candidate.forms)
 
+    def errors(self, effects: Effects, *, own: bool = True) -> tuple[float, float]:
+        """Return errors of features without effects, and with them as they settled.
+
+        Of `own` sizes of specimens, or their mean for all, whichever leaves less.
+        """
+        settled, found = self.settled_as(self.best[effects]), [self.best[effects]]
+        if own and settled.own.shape[1]:
+            found.append(settled.with_own_sizes(found[0]))
+        return settled.world.error(Candidate(())), min(map(settled.world.error, found))
+
 
 def _worlds(problem: Problem) -> tuple[World, ...]:
     """Return the worlds that hypotheses are weighed in, the plain one first.
@@ -384,17 +400,17 @@ def weigh(problem: Problem, priors: Priors) -> Weighed:
         exact = world.discrepancy <= _law_errors(problem)[0]
         axis, log_prior = ("", logs.none) if exact else (EVERY_TEST, logs.any)
         result.add((), axis, log_prior, evidence)
-    if logs.some:
-        _add_subset(none, worlds, result)
+    beside_gain = (*worlds, *_less_scattered(result.plain)) if logs.some else ()
+    _add_subset(none, beside_gain, result)
     result.settled = _settled(result.worlds, logs)
     for one in result.settled:
         for world in worlds:
             found = one.weighed(world, one.eliminated(world))
             found = replace(found, log_evidence=found.log_evidence + logs.forms(found))
             result.add_candidate(found, world)
-    result.beside_some = _settled_beside_some(result)
+    result.beside_some = _settled_beside_some(result, beside_gain)
     for one in result.beside_some:
-        _add_subset(one, worlds, result)
+        _add_subset(one, beside_gain, result)
     if leading := result.beside_some[:1] or result.settled:
         result.likeliest = max(leading, key=lambda one: one.eliminated(one.world).none).world
     for world in of_scatter:
@@ -402,9 +418,16 @@ def weigh(problem: Problem, priors: Priors) -> Weighed:
     for one in _chosen(result):
         # Of that world alone, as what the unknown gains is: another's scatter may do without it.
         _add_axes(one, one.world, result)
-        if logs.some and len(one.candidate.effects) < _MOST_EFFECTS:
-            _add_subset(one, worlds, result)
+        if len(one.candidate.effects) < _MOST_EFFECTS:
+            _add_subset(one, beside_gain, result)
     return result
+
+
+def _less_scattered(plain: World) -> Iterator[World]:
+    """Yield worlds like the plain one in which specimens' levels scatter less."""
+    share = float(np.exp(plain.log_share)) / len(_LEVELS)
+    for level in _LEVELS:
+        yield World(plain.problem, level=level, laws=plain.laws, share=share)
 
 
 def _add_subset(one: Settled, worlds: Sequence[World], result: Weighed) -> None:
@@ -452,7 +475,8 @@ def _of_some(world: World, logs: "_LogPriors", one: Settled) -> Candidate:
     problem = world.problem
     e = one.eliminated(world, problem.gains)
     beside = one.weighed(world, e)
-    found = _weigh_subset(e.products, beside, problem.scatter.specimen * world.scale)
+    scatter = problem.scatter.specimen * world.scale * world.level
+    found = _weigh_subset(e.products, beside, scatter)
     log_prior = logs.forms(beside) + float(np.log(_OF_SOME))
     return replace(found, log_evidence=found.log_evidence + log_prior)
 
@@ -477,15 +501,16 @@ def reweigh(
     """
     logs = weighed.logs
     like = weighed.likeliest or weighed.plain
-    world = World(like.problem, discrepancy=like.discrepancy, laws=like.laws, weight=weight)
+    level, discrepancy = like.level, like.discrepancy
+    world_of = partial(World, like.problem, level=level, discrepancy=discrepancy, weight=weight)
+    world = world_of(laws=like.laws)
     settled = [one.weighed(world, one.eliminated(world)) for one in weighed.settled]
     found = [(logs.forms(c), c) for c in settled]
     if weighed.beside_some:  # whose evidence has the prior of forms
         found += [(0.0, _of_some(world, logs, s)) for s in (weighed.none, *weighed.beside_some)]
     other = like.problem.nuisances.copy()
     other[:, : len(like.problem.ways)] = 0.0
-    exact = World(like.problem, discrepancy=like.discrepancy, nuisances=other, weight=weight)
-    return exact, [
+    return world_of(nuisances=other), [
         (logs.of(c.effects) + forms - vain.get(c.effects, 0.0) + c.log_evidence, c)
         for forms, c in found
     ]
@@ -594,7 +619,31 @@ def _settled(worlds: Sequence[World], logs: _LogPriors) -> list[Settled]:
                 thirds[c.effects] = settle(worlds, c, likeliest.world)
         third = max(thirds.values(), key=odds, default=likeliest)
         pairs_in_all = set(combinations(third.candidate.effects, 2))
-    return [*settled, *both, *thirds.values()]
+    return _with_parts_alone([*settled, *both, *thirds.values()], worlds, odds)
+
+
+def _with_parts_alone(
+    found: Sequence[Settled], worlds: Sequence[World], odds: Callable[[Settled], float]
+) -> list[Settled]:
+    """Return settled candidates, and the likeliest of several effects with one of these left out.
+
+    Alone an effect may have settled far from where it is best, which it finds beside another: then
+    that other one would count for what this one does.
+    """
+    best = {one.candidate.forms: one for one in found}
+    several = sorted((one for one in found if len(one.candidate.parts) > 1), key=odds)
+    leading, tried = several[: -_BESIDE - 1 : -1], set[tuple[int, ...]]()
+    for one in leading:
+        for fewer in combinations(one.candidate.parts, len(one.candidate.parts) - 1):
+            if (c := joined(fewer)).forms in tried:
+                continue
+            tried.add(c.forms)
+            alone = settle(worlds, c, one.world)
+            if c.forms not in best or odds(alone) > odds(best[c.forms]):
+                best[c.forms] = alone
+            if len(fewer) > 1:
+                leading.append(alone)
+    return list(best.values())
 
 
 def _in_all_forms(
@@ -627,7 +676,7 @@ def _partners(one: Settled, logs: _LogPriors) -> list[Candidate]:
     return list(best.values())
 
 
-def _settled_beside_some(result: Weighed) -> list[Settled]:
+def _settled_beside_some(result: Weighed, worlds: Sequence[World]) -> list[Settled]:
     """Return other effects settled beside a gain of some specimens, where that leads alone.
 
     Without it they settle where they make up for it. The likeliest first.
@@ -638,14 +687,15 @@ def _settled_beside_some(result: Weighed) -> list[Settled]:
         return []
     gain = result.plain.problem.gain_of(some)
     left = replace(result.none, target=result.none.target - gain)
-    left = replace(left, world=max(result.worlds, key=lambda w: left.eliminated(w).none))
+    worlds = [world for world in worlds if world.scale == 1.0]
+    left = replace(left, world=max(worlds, key=lambda w: left.eliminated(w).none))
     found: list[Settled] = []
     for _ in range(min(_most_effects(left.world.problem), _MOST_EFFECTS - 1)):  # others, in turn
         beside = [c for c in _partners(left, result.logs) if _GAIN not in c.effects]
         both = [
             replace(c, members=some.members, log_gain=some.log_gain) for c in beside[:_PARTNERS]
         ]
-        found += [settle(result.worlds, c, left.world) for c in both]
+        found += [settle(worlds, c, left.world) for c in both]
         found.sort(key=lambda one: -one.eliminated(one.world).none)
         if not found:
             break
@@ -799,11 +849,8 @@ def _enough_alone(weighed: Weighed, both: Effects) -> list[Effects]:
     The more strongly an effect shows, the more its form's own error asks for a second one, in
     evidence: what is small in force may count for much there.
     """
-    errors = {
-        effects: weighed.settled_as(found).world.error(found)
-        for effects in (both, *(tuple(e for e in both if e != id) for id in both))
-        if (found := weighed.best.get(effects)) is not None
-    }
+    fewer = (tuple(e for e in both if e != id) for id in both)
+    errors = {e: weighed.errors(e)[1] for e in (both, *fewer) if e in weighed.best}
     return [e for e in errors if e != both and not _falls(errors[e], errors[both])]
 
 
@@ -875,14 +922,15 @@ class Evidence:
 
 def evidence_of(problem: Problem, weighed: Weighed) -> Evidence:
     """Return what a campaign's ranking goes by."""
-    closes, without = _explained(weighed)
+    within_floor = _within_floor(problem) and not problem.apart.any()
+    closes, without = _explained(weighed, within_floor=within_floor)
     # What a sensor does to all specimens of one condition, their scatter does as well.
     sensors = {b.effect.id for b in problem.branches if b.effect.stage == "sensor"}
     return Evidence(
         log_prior=weighed.log_prior,
         log_evidence=weighed.log_evidence,
         specimens=len(problem.campaign.specimens),
-        within_floor=_within_floor(problem) and not problem.apart.any(),
+        within_floor=within_floor,
         scatter_like=frozenset(sensors if len(problem.model.tests) == 1 else ()),
         closes=closes,
         without=without,
@@ -911,33 +959,43 @@ def _within_floor(problem: Problem) -> bool:
     return bool(np.mean(errors[known]) <= most * np.mean(floor[known]))
 
 
+_WRONG_FORM = 1.0 / 3.0
+"""Share of an effect's pattern that a wrong form of it may miss. Chosen: a form that misses more is
+hardly one of that effect."""
+
 _LOOKED_AT = 12
 """Effects, the best ones by evidence, that are weighed with an unknown beside them, and of which is
 asked whether errors fall. Convention: as many as a diagnosis ranks."""
 
 
-def _explained(weighed: Weighed) -> tuple[Mapping[Effects, bool], Mapping[Effects, Effects]]:
+def _explained(
+    weighed: Weighed, *, within_floor: bool
+) -> tuple[Mapping[Effects, bool], Mapping[Effects, Effects]]:
     """Return `Evidence.closes` and `Evidence.without`, of the best effects and of fewer of each.
 
-    Laws are as they likeliest are with the effects, and without: what the palette is off by is no
-    effect's to close. Nor is it one's to open: a further effect that only a law far off makes up
-    for raises the errors of force by the palette's own laws.
+    Specimens may each have their own size of an effect, but not within the floor: there, what they
+    differ by is no gap. Laws are as they likeliest are with the effects, and without: what the
+    palette is off by is no effect's to close. Nor is it one's to open: a further effect that only a
+    law far off makes up for raises the errors of force by the palette's own laws. It gains no more
+    than what the form of the others may miss.
     """
     problem = weighed.plain.problem
     value = {e: weighed.log_evidence[e, ""] for e in weighed.best if e}
+    none = weighed.log_evidence[(), ""]
     best = sorted(value, key=lambda e: -value[e])[:_LOOKED_AT]
     closes: dict[Effects, bool] = {}
     without: dict[Effects, Effects] = {}
     errors: dict[Effects, FloatArray] = {}
     for effects in sorted((e for e in value if any(set(e) <= set(b) for b in best)), key=len):
-        candidate = weighed.best[effects]
-        world = weighed.settled_as(candidate).world
-        closes[effects] = _falls(world.error(Candidate(())), world.error(candidate))
-        errors[effects] = own = squared_errors(problem, candidate)
+        closes[effects] = _falls(*weighed.errors(effects, own=not within_floor))
+        errors[effects] = own = squared_errors(problem, weighed.best[effects])
         fewer = [
             e
             for e in errors
-            if set(e) < set(effects) and closes[e] and _rise(own - errors[e], problem.model.test_of)
+            if set(e) < set(effects)
+            and closes[e]
+            and value[effects] - value[e] < _WRONG_FORM**2 * (value[e] - none)
+            and _rise(own - errors[e], problem.model.test_of)
         ]
         if fewer:
             least = min(fewer, key=lambda e: errors[e].mean())

@@ -1,15 +1,22 @@
 """Candidates at their mode on the forward model, in worlds of scatter and discrepancy."""
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
 import pytest
+import scipy.linalg
 
 from planner.gap.campaign import Campaign
 from planner.gap.effects import EFFECTS
-from planner.gap.evidence.problem import Candidate, Problem, set_up
-from planner.gap.evidence.settle import World, nothing, settle
-from planner.gap.evidence.weigh import Priors, _in_all_forms, _LogPriors
+from planner.gap.evidence.problem import Candidate, Problem, joined, set_up
+from planner.gap.evidence.settle import Settled, World, nothing, settle
+from planner.gap.evidence.weigh import (
+    Priors,
+    _in_all_forms,
+    _LogPriors,
+    _with_parts_alone,
+)
 from planner.gap.observations import observation_model
 
 RISE = 0.12
@@ -38,6 +45,24 @@ def test_a_world_integrates_its_nuisances_out(problem: Problem) -> None:
     j = np.concatenate([problem.nuisances, 0.02 * problem.discrepancy], axis=1)
     residual = problem.target
     covariance = 1.3**2 * np.eye(len(residual)) + j @ j.T
+    expected = -0.5 * (
+        np.linalg.slogdet(covariance)[1] + residual @ np.linalg.solve(covariance, residual)
+    )
+    assert world.none == pytest.approx(expected, rel=1e-9)
+
+
+def test_a_level_that_scatters_less_takes_that_much_from_the_covariance(problem: Problem) -> None:
+    """As if the noise had been made with that scatter from the start."""
+    level, first = 0.4, problem.noise.first_row
+    world = World(problem, level=level)
+    change = np.where(problem.table.is_field, 0.0, problem.sensitivity)
+    whole = scipy.linalg.block_diag(*problem.noise.blocks)
+    for a, b in itertools.pairwise(first):
+        own = problem.scatter.specimen * change[a:b]
+        whole[a:b, a:b] -= (1.0 - level**2) * np.outer(own, own)
+    white = problem.noise.whiten(problem.noise.whiten(whole).T)
+    covariance = white + problem.nuisances @ problem.nuisances.T
+    residual = problem.target
     expected = -0.5 * (
         np.linalg.slogdet(covariance)[1] + residual @ np.linalg.solve(covariance, residual)
     )
@@ -108,6 +133,44 @@ def test_errors_are_those_of_features_that_laws_leave(problem: Problem) -> None:
     whole = sum(np.sqrt(np.mean(level[tests == test] ** 2)) for test in np.unique(tests))
     assert 0.0 < world.error(found) < 0.5 * whole
     assert world.error(Candidate(())) > world.error(found)
+
+
+def test_a_part_of_the_likeliest_is_settled_from_where_it_is_there(problem: Problem) -> None:
+    """An effect that had settled far off alone is as likely as it is in its place in a pair."""
+    effects = [EFFECTS["rate"], EFFECTS["force-offset"]]
+    both = set_up(problem.campaign, problem.model, effects)
+    world = World(both)
+    alone = settle((world,), candidate(both, "power-law"), world)
+    beside = next(c for c in alone.beside() if c.effects == ("force-offset",))
+    pair = settle((world,), joined([*alone.candidate.parts, *beside.parts]), world)
+    astray = replace(alone, target=2.0 * alone.target)
+
+    def odds(one: Settled) -> float:
+        return one.eliminated(world).none
+
+    found = _with_parts_alone([astray, pair], (world,), odds)
+    assert {one.candidate.effects for one in found} == {
+        ("rate",), ("force-offset",), ("force-offset", "rate")
+    }  # fmt: skip
+    (rate,) = (one for one in found if one.candidate.effects == ("rate",))
+    assert odds(astray) + 10.0 < odds(alone)
+    assert odds(rate) == pytest.approx(odds(alone), abs=0.1)  # as far as modes are found
+
+
+def test_errors_are_of_each_specimens_own_size(planned, imitated) -> None:
+    """Slack of four specimens that differ by a factor: its mean alone closes little."""
+    plan = planned(4, material=["TangoPlus", "FLX9760"])
+    campaign = imitated(plan, "grip-slack:slack=0.6,form=taking-up", seed=5)
+    problem = set_up(campaign, observation_model(campaign), [EFFECTS["grip-slack"]])
+    world = World(problem)
+    branch = next(b for b in problem.branches if b.form.name == "taking-up")
+    start = Candidate(("grip-slack",), ((branch, (0.3, *[0.0] * branch.shapes)),))
+    settled = settle((world,), start, world)
+    own = settled.with_own_sizes(settled.candidate)
+    assert own.own is not None
+    assert own.own.shape == (1, 8)
+    assert np.ptp(own.own) > 0.3  # of sizes drawn with a deviation of a third
+    assert world.error(own) < 0.8 * world.error(settled.candidate)
 
 
 def test_errors_of_strays_are_not_counted(problem: Problem) -> None:
