@@ -69,6 +69,7 @@ def collected(folder: Path, without: tuple[str, ...] = ()) -> dict[str, Any]:
         "scatter_like": sorted(found.scatter_like),
         "closes": sorted([list(effects), closes] for effects, closes in found.closes.items()),
         "without": sorted([list(e), list(fewer)] for e, fewer in found.without.items()),
+        "axes": dict(found.axes),
         "priors": asdict(Priors()),
     }
 
@@ -96,6 +97,7 @@ def _case(truth: Truth, name: str, without: tuple[str, ...], document: Mapping[s
         scatter_like=frozenset(document["scatter_like"]),
         closes={tuple(effects): closes for effects, closes in document["closes"]},
         without={tuple(e): tuple(fewer) for e, fewer in document["without"]},
+        axes=document["axes"],
     )
     tier = LEFT_OUT if without else entry.tier
     claimed = frozenset(document["claimed"])

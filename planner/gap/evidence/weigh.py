@@ -828,7 +828,7 @@ def class_of(
         share[UNKNOWN] = share.get(UNKNOWN, 0.0) - odds_imitated * sum(share[e] for e in named)
     elif not evidence.within_floor:
         for effects in named:
-            share[effects] /= 1.0 - _imitated(effects, evidence.log_evidence, priors)
+            share[effects] /= 1.0 - _imitated(effects, evidence, priors)
     odds = {effects: float(np.log(max(p, 1e-300))) for effects, p in share.items()}
     leading = odds.get(verdict, max(odds.values()))
     alike = _fits_of_same_pattern(problem, weighed, list(odds))
@@ -901,6 +901,8 @@ class Evidence:
         Of the best effects of the library, whether errors fall with them.
     without
         Of effects with which errors of force rise, fewer of them with which they do not.
+    axes
+        That each effect varies along, but for strain, along which most do.
     specimens
         How many.
     """
@@ -912,6 +914,7 @@ class Evidence:
     scatter_like: frozenset[str] = frozenset()
     closes: Mapping[Effects, bool] = field(default_factory=dict)
     without: Mapping[Effects, Effects] = field(default_factory=dict)
+    axes: Mapping[str, Sequence[str]] = field(default_factory=dict)
 
     @property
     def vain(self) -> Mapping[Effects, float]:
@@ -934,6 +937,10 @@ def evidence_of(problem: Problem, weighed: Weighed) -> Evidence:
         scatter_like=frozenset(sensors if len(problem.model.tests) == 1 else ()),
         closes=closes,
         without=without,
+        axes={
+            e.id: [a for a in e.where if a != "strain"]
+            for e in (b.effect for b in problem.branches)
+        },
     )
 
 
@@ -976,17 +983,17 @@ def _explained(
     Specimens may each have their own size of an effect, but not within the floor: there, what they
     differ by is no gap. Laws are as they likeliest are with the effects, and without: what the
     palette is off by is no effect's to close. Nor is it one's to open: a further effect that only a
-    law far off makes up for raises the errors of force by the palette's own laws. It gains no more
-    than what the form of the others may miss.
+    law far off makes up for raises the errors of force by the palette's own laws. Where all
+    together close something, it gains no more than what the form of the others may miss.
     """
     problem = weighed.plain.problem
-    value = {e: weighed.log_evidence[e, ""] for e in weighed.best if e}
     none = weighed.log_evidence[(), ""]
-    best = sorted(value, key=lambda e: -value[e])[:_LOOKED_AT]
+    gain = {e: weighed.log_evidence[e, ""] - none for e in weighed.best if e}
+    best = sorted(gain, key=lambda e: -gain[e])[:_LOOKED_AT]
     closes: dict[Effects, bool] = {}
     without: dict[Effects, Effects] = {}
     errors: dict[Effects, FloatArray] = {}
-    for effects in sorted((e for e in value if any(set(e) <= set(b) for b in best)), key=len):
+    for effects in sorted((e for e in gain if any(set(e) <= set(b) for b in best)), key=len):
         closes[effects] = _falls(*weighed.errors(effects, own=not within_floor))
         errors[effects] = own = squared_errors(problem, weighed.best[effects])
         fewer = [
@@ -994,7 +1001,7 @@ def _explained(
             for e in errors
             if set(e) < set(effects)
             and closes[e]
-            and value[effects] - value[e] < _WRONG_FORM**2 * (value[e] - none)
+            and (gain[effects] - gain[e] < _WRONG_FORM**2 * gain[e] or not closes[effects])
             and _rise(own - errors[e], problem.model.test_of)
         ]
         if fewer:
@@ -1059,7 +1066,7 @@ def ranking_of(evidence: Evidence, priors: Priors) -> tuple[Hypothesis, ...]:
         p[UNKNOWN] = p.get(UNKNOWN, 0.0) + unlikely * each * given
     named = [effects for effects in p if effects not in ((), UNKNOWN)]
     if not evidence.within_floor:
-        _give(p, {e: _imitated(e, found, priors) for e in named}, UNKNOWN)
+        _give(p, {e: _imitated(e, evidence, priors) for e in named}, UNKNOWN)
     most = (evidence.specimens - 1) / (ENOUGH_SPECIMENS - 1) * (1.0 - p.get((), 0.0))
     over = sum(p[effects] for effects in named)
     if evidence.specimens < ENOUGH_SPECIMENS and over > most:
@@ -1075,13 +1082,16 @@ _SURE = 30.0
 """Log odds that are as good as certain. Numerical: what is left is not rounded to nothing."""
 
 
-def _imitated(effects: Effects, found: Mapping[HypothesisKey, float], priors: Priors) -> float:
+def _imitated(effects: Effects, evidence: Evidence, priors: Priors) -> float:
     """Return how probable it is that a cause out of the library looks like effects.
 
     It need not look the same: the more a pattern beside the effects explains, the likelier. The
-    more they explain themselves, the less of that pattern is more than their form's own error.
+    more they explain themselves, the less of that pattern is more than their form's own error; and
+    along what they vary along it is nothing but that.
     """
-    beside = [value for (others, axis), value in found.items() if axis and others == effects]
+    found = evidence.log_evidence
+    own_axes = {axis for id in effects for axis in evidence.axes.get(id, ())}
+    beside = [v for (e, axis), v in found.items() if e == effects and axis not in {"", *own_axes}]
     own = found.get((effects, ""), np.inf)
     form = priors.imitation_nats / (priors.imitation_nats + max(own - found[(), ""], 0.0))
     log_odds = min(_counted(found, priors), form) * max(max(beside, default=own) - own, 0.0)

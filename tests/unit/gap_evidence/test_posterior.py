@@ -175,6 +175,10 @@ def test_what_is_named_may_be_an_imitation_however_much_evidence_there_is() -> N
         p = {h.effects: h.probability for h in ranking}
         odds = np.exp(4.0 * counts) / 9.0
         assert p[UNKNOWN] / p[RATE] == pytest.approx(odds, rel=1e-6)
+        # Along what it varies along itself, a pattern is but its form's error.
+        own = replace(beside, log_evidence=patterned, axes={"rate": ["operator"]})
+        p = {h.effects: h.probability for h in ranking_of(own, priors)}
+        assert p[UNKNOWN] / p[RATE] == pytest.approx(1.0 / 9.0, rel=1e-6)
     # Where there is no gap, nothing out of the library makes one.
     within = evidence(500.0, within_floor=True)
     assert probabilities(within, imitated=0.1) == probabilities(within)
