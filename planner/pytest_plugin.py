@@ -121,16 +121,9 @@ class GoldenPlan:
         if len(differences) > _SHOWN:
             shown.append(f"  and {len(differences) - _SHOWN} more")
         command = f"pytest {_OPTION} {shlex.quote(self.test.nodeid)}"
-        pytest.fail(
-            "\n".join(
-                [
-                    f"the plan is not the golden one, {golden}:",
-                    *shown,
-                    f"if it is as you want it, make it the golden one: {command}",
-                ]
-            ),
-            pytrace=False,
-        )
+        head = f"the plan is not the golden one, {golden}:"
+        advice = f"if it is as you want it, make it the golden one: {command}"
+        pytest.fail("\n".join([head, *shown, advice]), pytrace=False)
 
 
 _SHOWN = 40

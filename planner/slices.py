@@ -22,7 +22,7 @@ from planner.formats.tables import encode_csv
 from planner.glance import brief, channels, counted, one_line, outcome
 from planner.mesh.mesh import Mesh, compact, weld
 from planner.numerics import FloatArray, Int32Array, IntArray, kernel
-from planner.plan import PartGraded, Plan, plan_file, read_plan, read_shells
+from planner.plan import PartGraded, Plan, Region, plan_file, read_plan, read_shells
 from planner.printers import Printer, load_printer
 from planner.voxels.columns import Grid, check_reach, deal_rows, grid_for, slab_runs, snap
 
@@ -126,17 +126,17 @@ class _ShellMesh:
 
     Attributes
     ----------
-    material, operator_name
-        The material's id, and what the printer's own software calls it.
+    region
+        One that the file holds: it names the file and its material.
+    operator_name
+        What the printer's own software calls the material.
     colour
         "#RRGGBB", as the plan's 3MF has it.
     """
 
-    material: str
+    region: Region
     operator_name: str
     colour: str
-    file: str
-    sha256: str
     mesh: Mesh
 
 
@@ -220,7 +220,7 @@ def _shells(root: Path, plan: Plan, machine: Printer | None) -> Iterator[_ShellM
         called = material if machine is None else machine.operator_name(material)
         colour = colours.get(material, _UNKNOWN_COLOUR)
         mesh = Mesh(vertices.astype(np.float64), faces)
-        yield _ShellMesh(material, called, colour, name, seen[name].sha256, mesh)
+        yield _ShellMesh(seen[name], called, colour, mesh)
 
 
 def _colours(root: Path, plan: Plan, machine: Printer | None, wanted: set[str]) -> dict[str, str]:
@@ -424,7 +424,7 @@ def iterate_layers(
     (16, 97)
     """
     source = _open_shells(plan, pitch_mm, printer)
-    grid, materials = source.grid, tuple(shell.material for shell in source.shells)
+    grid, materials = source.grid, tuple(shell.region.printed for shell in source.shells)
     nx, ny, _ = grid.shape
     for slab in _deal_slabs(source):
         runs, *_ = _join_shells(slab)
@@ -796,8 +796,8 @@ def write_slices(
             indexed=indexed,
             materials=tuple(
                 _SlicedMaterial(
-                    *(shell.material, shell.operator_name, rgba, shell.file, shell.sha256),
-                    *(count, count * source.grid.voxel_mm3),
+                    *(shell.region.printed, shell.operator_name, rgba, shell.region.file),
+                    *(shell.region.sha256, count, count * source.grid.voxel_mm3),
                 )
                 for shell, rgba, count in zip(source.shells, colours, totals, strict=True)
             ),

@@ -97,7 +97,8 @@ def check_printer(printer: object) -> None:
         With everything that is missing or out of range.
     """
     if not isinstance(printer, Printer):
-        missing = ", ".join(sorted(n for n in _members() if not hasattr(printer, n)))
+        members = (name for name in vars(Printer) if not name.startswith("_"))
+        missing = ", ".join(sorted(name for name in members if not hasattr(printer, name)))
         raise AssertionError(f"{type(printer).__name__} lacks of planner.Printer: {missing}")
     problems = []
     for name, count in (("tray_mm", 3), ("pixel_mm", 2)):
@@ -195,10 +196,6 @@ def _law_schema() -> dict[str, Any]:
 
 def _length(value: object) -> bool:
     return isinstance(value, (int, float)) and 0.0 < value < math.inf
-
-
-def _members() -> set[str]:
-    return {name for name in vars(Printer) if not name.startswith("_")}
 
 
 def threemf_xml_hashes(path: str | Path) -> dict[str, str]:

@@ -4,6 +4,7 @@ import struct
 import zlib
 from dataclasses import dataclass
 from functools import cache
+from itertools import accumulate
 from typing import Any
 
 import numpy as np
@@ -23,11 +24,9 @@ __all__ = ["NOTHING", "ImageKind", "encode_layer"]
 
 
 _END, _SYMBOLS, _DISTANCES = 256, 286, 4
-_LENGTH_BASE = (
-    *(3, 4, 5, 6, 7, 8, 9, 10, 11, 13, 15, 17, 19, 23, 27, 31, 35, 43, 51, 59, 67, 83, 99, 115),
-    *(131, 163, 195, 227, 258),
-)
+# RFC 1951, 3.2.5: an entry of the code for lengths is so many lengths as its extra bits tell apart.
 _LENGTH_EXTRA_BITS = (*(0,) * 8, *(n for n in range(1, 6) for _ in range(4)), 0)
+_LENGTH_BASE = (*accumulate((1 << n for n in _LENGTH_EXTRA_BITS[:27]), initial=3), 258)
 # RFC 1951, 3.2.7: the order in which the lengths of the code for code lengths stand.
 _ORDER = (16, 17, 18, 0, 8, 7, 9, 6, 10, 5, 11, 4, 12, 3, 13, 2, 14, 1, 15)
 
