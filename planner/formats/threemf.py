@@ -402,8 +402,10 @@ def _materials(model: Any, mesh: Any) -> list[tuple[NDArray[np.intp] | None, _Ma
     properties = _array(mesh, "alltriangleproperties", lib3mf.TriangleProperties, np.uint32, 4)
     # One number for group and entry: a material's property is one for the whole triangle.
     keys = properties[:, 0].astype(np.uint64) << 32 | properties[:, 1]
-    if (keys == keys[:1]).all():
+    if not len(keys):
         return [(None, whole)]
+    if (keys == keys[0]).all():
+        keys = keys[:1]
     kinds, first, which = np.unique(keys, return_index=True, return_inverse=True)
     triangles: dict[_Material, list[NDArray[np.intp]]] = {}
     for kind in np.argsort(first):
@@ -411,7 +413,7 @@ def _materials(model: Any, mesh: Any) -> list[tuple[NDArray[np.intp] | None, _Ma
         found = _material(model, group, entry) if group else whole
         triangles.setdefault(found, []).append(np.flatnonzero(which == kind))
     if len(triangles) == 1:
-        return [(None, whole)]
+        return [(None, found)]
     return [(np.sort(np.concatenate(parts)), found) for found, parts in triangles.items()]
 
 

@@ -258,6 +258,25 @@ def test_mirrored_object_keeps_its_outside(tmp_path):
     assert np.einsum("ij,ij->", a, np.cross(b, c)) > 0
 
 
+def test_a_material_that_all_triangles_state_is_the_mesh_s(tmp_path):
+    """As some writers have it: on every triangle, whatever the object states."""
+
+    def build(wrapper, model, mesh):
+        group = model.AddBaseMaterialGroup()
+        first = group.AddMaterial("A", wrapper.RGBAToColor(1, 2, 3, 255))
+        second = group.AddMaterial("B", wrapper.RGBAToColor(4, 5, 6, 255))
+        mesh.SetObjectLevelProperty(group.GetResourceID(), first)
+        properties = lib3mf.TriangleProperties()
+        properties.ResourceID = group.GetResourceID()
+        properties.PropertyIDs[:] = [second] * 3
+        for triangle in range(4):
+            mesh.SetTriangleProperties(triangle, properties)
+        model.AddBuildItem(mesh, wrapper.GetIdentityTransform())
+
+    (found,) = decode_threemf(written_by_lib3mf(build, tmp_path), "x").objects
+    assert found.material_name == "B"
+
+
 def test_support_is_left_out_with_a_remark(tmp_path):
     def build(wrapper, model, mesh):
         mesh.SetType(lib3mf.ObjectType.Support)
