@@ -1432,14 +1432,9 @@ def _profile(
     Each is sought from the best fit and from the last point of this profile.
     """
     q, rows = fit.law.nonlinear, np.arange(len(which))
-    held_a = np.zeros((len(rows), q), dtype=bool)
-    held_c = np.full((len(rows), fit.law.columns), np.nan)
-    by_a, by_c = which < q, which >= q
-    held_a[rows[by_a], which[by_a]] = True
-    held_c[rows[by_c], which[by_c] - q] = at[by_c]
-    starts = [np.tile(fit.a, (len(rows), 1)), near.copy()]
-    for start in starts:
-        start[rows[by_a], which[by_a]] = at[by_a]
+    is_held = which[:, None] == np.arange(fit.parameter_count)
+    held_a, held_c = is_held[:, :q], np.where(is_held[:, q:], at[:, None], np.nan)
+    starts = [np.where(held_a, at[:, None], start) for start in (fit.a, near)]
     held = np.tile(held_a, (len(starts), 1)), np.tile(held_c, (len(starts), 1))
     found = minimise(fit.law, sample, np.concatenate(starts), held, flat=_PROFILE_FLAT)
     cost = found.cost.reshape(len(starts), -1)
