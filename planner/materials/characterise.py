@@ -638,12 +638,11 @@ def characterise_material(
         See `characterise_curve`.
     """
     found = tuple(characterise_curve(curve, secant_strains=secant_strains) for curve in curves)
-    figures: dict[str, list[float | None]] = {
-        name: [getattr(c, name) for c in found] for name in _MATERIAL_FIGURES
-    }
-    figures |= {f"secant_{e:g}_MPa": [c.secant_MPa[e] for c in found] for e in secant_strains}
-    known = {name: [v for v in values if v is not None] for name, values in figures.items()}
-    spreads = {name: spread_of(values) for name, values in known.items() if values}
+    figures = {name: [getattr(c, name) for c in found] for name in _MATERIAL_FIGURES}
+    for strain in secant_strains:
+        secants = (c.secant_MPa[strain] for c in found)
+        figures[f"secant_{strain:g}_MPa"] = [one for one in secants if one is not None]
+    spreads = {name: spread_of(values) for name, values in figures.items() if values}
     yields = [c.yield_strain for c in found if c.yield_strain is not None]
     at_yield = float(np.mean(yields)) if 2 * len(yields) > len(found) else None
     modulus, elongation = spreads["modulus_MPa"].mean, spreads["elongation_at_break"].mean

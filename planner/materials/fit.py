@@ -572,16 +572,15 @@ class SoundRows:
         squeezed = np.geomspace(LOWEST_STRETCH, 1.0, 9)[:-1:2]
         near = np.array([1.0 + 1e-6])
         used = [near, rising, *outer, squeezed, equal, equal**-2, planar, equal]
-        at = np.split(np.arange(sum(map(len, used))), np.cumsum([len(part) for part in used])[:-1])
-        modes = [_neo_hooke(part) for part in used[:7]]
-        modes += [_neo_hooke(part, planar=True) for part in used[7:]]
-        each = np.eye(sum(map(len, used)))
+        ends = np.cumsum([len(part) for part in used])
+        each = np.split(np.eye(ends[-1]), ends[:-1])
+        modes = [_neo_hooke(part, planar=k >= 7) for k, part in enumerate(used)]
         # Shares of neo-Hooke's stress, so that the modulus is that at rest.
-        share = {k: each[at[k]] / modes[k][:, None] for k in (0, 4, 5, 6, 8)}
+        share = {k: each[k] / modes[k][:, None] for k in (0, 4, 5, 6, 8)}
         rest = share[0]
-        rows = [np.diff(each[at[1]], axis=0) / np.diff(modes[1])[:, None] - _ROOM * rest]
+        rows = [np.diff(each[1], axis=0) / np.diff(modes[1])[:, None] - _ROOM * rest]
         for i in (2, 3, 7):
-            kirchhoff = np.diff(each[at[i]] * used[i][:, None], axis=0)
+            kirchhoff = np.diff(each[i] * used[i][:, None], axis=0)
             rows.append(kirchhoff / np.diff(modes[i] * used[i])[:, None] - _ROOM * rest)
         factor = COMPRESSION_FACTOR * (1.0 - _ROOM)
         rows += [factor * rest - share[4], share[4] - rest / factor]
@@ -590,8 +589,8 @@ class SoundRows:
             rows += [factor * share[5] - other, other - share[5] / factor]
         self.uniaxial, self.planar = np.concatenate(used[:7]), np.concatenate(used[7:])
         self.matrix = np.concatenate(rows)
-        ends = (min(LOWEST_STRETCH, far**-0.5), max(far, LOWEST_STRETCH**-0.5))
-        self.principal = np.geomspace(*ends, 25)
+        lowest, highest = min(LOWEST_STRETCH, far**-0.5), max(far, LOWEST_STRETCH**-0.5)
+        self.principal = np.geomspace(lowest, highest, 25)
 
 
 def _net(start: float, end: float, steps: int) -> FloatArray:
@@ -939,11 +938,10 @@ def _held_out(fit: LawFit, sample: Sample, folds: Sequence[BoolArray]) -> tuple[
         known = sample.part(~fold)
         found = minimise(fit.law, known, fit.lowest, flat=_ROUGH, iterations=_FOLD_STEPS)
         best = _best(found)
-        asked = sample.part(_asked(fold, sample))
         phi, _ = sample_columns(fit.law, sample, found.a[best][None])
         stress = phi[0] * found.c[best]
-        error = (stress.sum(axis=1)[_asked(fold, sample)] - asked.stress_MPa) / asked.scale_MPa
-        errors.append(np.sqrt(np.mean(error**2)))
+        error = (stress.sum(axis=1) - sample.stress_MPa) / sample.scale_MPa
+        errors.append(np.sqrt(np.mean(error[_asked(fold, sample)] ** 2)))
         part = sample.factor[:, None] * stress
         parts.append(np.sqrt((part**2).sum(axis=0)))
     count = len(folds)
@@ -1327,19 +1325,18 @@ def _linearised(fit: LawFit, sample: Sample, *, held: bool = False) -> tuple[Flo
 def _moves_variance(
     fit: LawFit, sample: Sample, directions: FloatArray, *, held: bool = False
 ) -> FloatArray:
-    """Return the variance between specimens of linear forms (q + p, k) of the parameters."""
+    """Return the variance between specimens of linear forms (q + p, k) of the parameters.
+
+    That of the jackknife: how far the linearised estimate moves when one specimen is left out.
+    """
     unit, size, residual = _linearised(fit, sample, held=held)
-    own = _own(sample)
-    moves = np.stack([_without(unit, residual, i) for i in own]) / size @ directions
-    return np.asarray(moves.var(axis=0) * (len(own) - 1.0))
-
-
-def _without(unit: FloatArray, residual: FloatArray, own: BoolArray) -> FloatArray:
-    """Return how far the linearised estimate moves when one specimen is left out."""
-    mine = unit[: len(own)][own]
-    rest = np.concatenate([unit[: len(own)][~own], unit[len(own) :]])
-    normal = rest.T @ rest + _FLOOR * np.eye(unit.shape[1])
-    return np.asarray(np.linalg.solve(normal, mine.T @ residual[own]), dtype=np.float64)
+    moves = []
+    for own in map(np.flatnonzero, _own(sample)):
+        rest = np.delete(unit, own, axis=0)
+        normal = rest.T @ rest + _FLOOR * np.eye(unit.shape[1])
+        moves.append(np.linalg.solve(normal, unit[own].T @ residual[own]))
+    variance = (np.stack(moves) / size @ directions).var(axis=0)
+    return np.asarray(variance * (len(moves) - 1.0))
 
 
 def _own(sample: Sample) -> list[BoolArray]:
@@ -1435,14 +1432,9 @@ def _profile(
     Each is sought from the best fit and from the last point of this profile.
     """
     q, rows = fit.law.nonlinear, np.arange(len(which))
-    held_a = np.zeros((len(rows), q), dtype=bool)
-    held_c = np.full((len(rows), fit.law.columns), np.nan)
-    by_a, by_c = which < q, which >= q
-    held_a[rows[by_a], which[by_a]] = True
-    held_c[rows[by_c], which[by_c] - q] = at[by_c]
-    starts = [np.tile(fit.a, (len(rows), 1)), near.copy()]
-    for start in starts:
-        start[rows[by_a], which[by_a]] = at[by_a]
+    is_held = which[:, None] == np.arange(fit.parameter_count)
+    held_a, held_c = is_held[:, :q], np.where(is_held[:, q:], at[:, None], np.nan)
+    starts = [np.where(held_a, at[:, None], start) for start in (fit.a, near)]
     held = np.tile(held_a, (len(starts), 1)), np.tile(held_c, (len(starts), 1))
     found = minimise(fit.law, sample, np.concatenate(starts), held, flat=_PROFILE_FLAT)
     cost = found.cost.reshape(len(starts), -1)
@@ -1791,7 +1783,7 @@ def _plastic(
     found: MaterialCharacteristics, curves: Sequence[Curve], weighting: str, level: float
 ) -> MaterialFit:
     """Fit a law that yields, with intervals of what the specimens' own laws say."""
-    whole = [toe_compensated(curve) for curve in curves]
+    whole = tuple(toe_compensated(curve) for curve in curves)
     moduli = [c.modulus_MPa for c in found.specimens]
     sample = sample_of(whole, weighting=weighting)
     each = [sample_of([curve], weighting=weighting) for curve in whole]
@@ -1824,8 +1816,7 @@ def _plastic(
         nrmse=float(np.sqrt(np.sum(sample.weight * error**2))) / float(measured.max()),
     )
     choice, parameters = Choice((), None, "", found.deformation.reason), yielding_parameters(law)
-    bare = MaterialFit(found.material, found, parameters, sure, scatter, choice)
-    return replace(bare, secants=secants, curves=tuple(whole))
+    return MaterialFit(found.material, found, parameters, sure, scatter, choice, (), secants, whole)
 
 
 _NOTABLE_FALL = 0.1

@@ -597,10 +597,9 @@ def _falling(model: CoefficientModel) -> Iterator[tuple[int, float]]:
     rising = np.diff(model.grade_moduli_MPa(strains) * strains) > 0.0
     breaks = np.array([m.elongation_at_break for m in model.palette.materials])
     rising &= strains[1:] <= breaks[:, None]  # beyond its break nothing is known of a grade
-    bad = (np.diff(stress) <= 0.0) & rising[:-1] & rising[1:]
-    for k in range(len(breaks) - 1):
-        if bad[:, k].any():
-            yield k, float(strains[1:][bad[:, k].any(axis=0)][0])
+    bad = (np.diff(stress) <= 0.0).any(axis=0) & rising[:-1] & rising[1:]
+    for k in np.flatnonzero(bad.any(axis=1)).tolist():
+        yield k, float(strains[1 + np.argmax(bad[k])])
 
 
 # ------------------------------------------------------------------------------------------------

@@ -4,6 +4,7 @@ import itertools
 import math
 import re
 import shlex
+from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -944,9 +945,8 @@ def _materials(records: Mapping[str, _Record], given: str, notes: list[str]) -> 
     unknown = [name for name in known if not known[name]]
     by_name = _materials_by_name(list(dict.fromkeys(told_by[name] for name in unknown)))
     if unknown:
-        of = [by_name[told_by[name]] for name in unknown]
-        count = dict(sorted({m: of.count(m) for m in of}.items(), key=lambda one: -one[1]))
-        groups = [m if n == 1 else f"{m} ({n} specimens)" for m, n in count.items()]
+        count = Counter(by_name[told_by[name]] for name in unknown).most_common()
+        groups = [m if n == 1 else f"{m} ({n} specimens)" for m, n in count]
         notes.append(
             f"materials by the files' names: {listed(groups, 2)}; --material or {_SPECIMENS} says "
             "others"
