@@ -32,7 +32,7 @@ from planner.mesh.mesh import (
     order_edges,
     weld_points,
 )
-from planner.numerics import Float32Array, FloatArray, IntArray, inner_kernel, kernel
+from planner.numerics import Float32Array, FloatArray, inner_kernel, kernel
 
 __all__ = ["FIRST_SHIFT", "Pieces", "split"]
 
@@ -87,28 +87,11 @@ class Pieces:
 
         Their share of the surface comes first, then interfaces with what is not a member.
         """
-        chosen, (pieces, levels) = set(members), self._rows
-        own = self.faces[_rows_of(pieces, chosen)]
-        upper = self.cap_faces[_rows_of(levels, {n - 1 for n in chosen} - chosen)]
-        lower = self.cap_faces[_rows_of(levels, {n for n in chosen if n + 1 not in chosen})]
-        return np.concatenate([own, lower, upper[:, ::-1]])
-
-    @cached_property
-    def _rows(self) -> list[tuple[IntArray, IntArray]]:
-        return [_grouped(self.piece), _grouped(self.cap_level)]
-
-
-def _grouped(label: NDArray[np.int32]) -> tuple[IntArray, IntArray]:
-    """Return the rows in the order of their labels, and where in it each label begins."""
-    order = np.argsort(label, kind="stable")
-    return order, np.searchsorted(label[order], np.arange(int(label.max(initial=0)) + 2))
-
-
-def _rows_of(grouped: tuple[IntArray, IntArray], labels: Collection[int]) -> IntArray:
-    """Return the rows of some labels in their own order."""
-    order, starts = grouped
-    each = [order[starts[n] : starts[n + 1]] for n in sorted(labels) if 0 <= n < len(starts) - 1]
-    return each[0] if len(each) == 1 else np.sort(np.concatenate([*each, order[:0]]))
+        chosen = np.zeros(self.count, dtype=np.bool_)
+        chosen[list(members)] = True
+        below, above = chosen[self.cap_level], chosen[self.cap_level + 1]
+        own, lower = self.faces[chosen[self.piece]], self.cap_faces[below & ~above]
+        return np.concatenate([own, lower, self.cap_faces[above & ~below][:, ::-1]])
 
 
 # ------------------------------------------------------------------------------------------------
@@ -473,6 +456,7 @@ def _cleaned(
     caps, cap_level = caps[keep], cap_level[keep]
     used, both = compact(np.concatenate([faces, caps]), len(pool))
     faces, caps = both[: len(faces)], both[len(faces) :]
+    piece = np.clip(piece, 0, count - 1)  # where surfaces contradict themselves
     return Pieces(pool[used], faces, piece, caps, cap_level, count)
 
 
@@ -576,8 +560,6 @@ def _without_thin(divided: Pieces, first_new: int) -> Pieces:
 
 def _shells_close(divided: Pieces) -> bool:
     """Tell whether each piece has each edge once each way, no face twice, and a volume."""
-    if not ((divided.piece >= 0).all() and (divided.piece < divided.count).all()):
-        return False
     pieces = (divided.shell_faces([number]) for number in range(divided.count))
     shells = JoinedShells(divided.vertices, tuple(faces for faces in pieces if len(faces)))
     return all(shells.sound(number) for number in range(len(shells.faces)))

@@ -1,5 +1,6 @@
 """Cut a part by parallel planes: each edge once, one triangulation for both sides."""
 
+from collections import defaultdict
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -544,15 +545,7 @@ def caps(
     u, v = (drop + 1) % 3, (drop + 2) % 3
     if normal[drop] < 0:
         u, v = v, u
-    outline = divided.segment[divided.segment_below]
-    plane = divided.segment_plane[divided.segment_below]
-    points = divided.vertices[:, [u, v]].astype(np.float64, order="C")
-    corners, starts, loop_plane, astray = _loops(outline, plane, points)
-    if astray >= 0:
-        raise MeshError(
-            f"the surface is open near {place_text(divided.vertices[astray].tolist(), 6)}: the "
-            "outline of a cut ends there; repair the mesh so that every edge has two faces"
-        )
+    corners, starts, loop_plane = _loops(divided, (u, v))
     order = np.argsort(loop_plane, kind="stable")
     chosen = (order, loop_plane[order], np.broadcast_to([u, v], (len(order), 2)))
     cap_faces, owner = triangulate_loops(divided.vertices, corners, starts, *chosen)
@@ -615,97 +608,63 @@ def triangulate_loops(
 
 
 def _loops(
-    outline: NDArray[np.int32], plane: NDArray[np.int32], points: FloatArray
-) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32], int]:
+    divided: DividedSurface, across: tuple[int, int]
+) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]]:
     """Chain the sides in a plane, turned over, to loops with the material on their left.
 
-    Sides that occur both ways cancel.
+    Sides that occur both ways cancel. Where loops touch at a vertex, a side continues with the
+    first one clockwise from where it came: every corner then spans one wedge of material.
 
     Returns
     -------
     corners, starts, plane
         Loop i has the vertices ``corners[starts[i] : starts[i + 1]]`` and lies in ``plane[i]``.
-    astray : int
-        A vertex at which no side goes on; -1 if all loops close.
     """
-    count = len(outline)
-    corners, starts = np.empty(count, dtype=np.int32), np.zeros(count + 1, dtype=np.int32)
-    seeds, later = np.empty(count, dtype=np.int32), np.empty(count, dtype=np.int32)
-    first = np.full(len(points), -1, dtype=np.int32)
-    alive = np.zeros(count, dtype=np.bool_)
-    loops, astray = _chain(outline, points, first, later, alive, corners, starts, seeds)
-    return corners[: starts[loops]], starts[: loops + 1], plane[seeds[:loops]], astray
-
-
-@kernel
-def _chain(
-    outline: Any, points: Any, first: Any, later: Any, alive: Any,
-    corners: Any, starts: Any, seeds: Any,
-) -> Any:  # fmt: skip
-    """Fill the loops; return how many there are, and the vertex where one ends or -1.
-
-    Each vertex has a list of the sides that leave it: first[vertex], later[side], ...; -1.
-    Where loops touch at a vertex, a side continues with the first one clockwise from where it
-    came: every corner then spans one wedge of material.
-    """
-    for e in range(outline.shape[0]):
-        tail, head = outline[e, 1], outline[e, 0]
-        back, previous = first[head], np.int32(-1)
-        while back >= 0 and outline[back, 0] != tail:
-            previous, back = back, later[back]
-        if back < 0:
-            alive[e] = True
-            later[e] = first[tail]
-            first[tail] = e
+    heads, tails = divided.segment[divided.segment_below].T.tolist()
+    leaving = defaultdict[int, list[int]](list)  # the sides that leave each vertex
+    for side, (tail, head) in enumerate(zip(tails, heads, strict=True)):
+        opposite = [other for other in leaving[head] if heads[other] == tail]
+        if opposite:
+            leaving[head].remove(opposite[-1])
         else:
-            alive[back] = False
-            if previous >= 0:
-                later[previous] = later[back]
-            else:
-                first[head] = later[back]
-
-    loops = filled = 0
-    for seed in range(outline.shape[0]):
-        if not alive[seed]:
-            continue
-        # The seed stays in its vertex's list until the loop comes back to it.
-        e = seed
-        while alive[seed]:
-            corners[filled] = outline[e, 1]
-            filled += 1
-            at, came = outline[e, 0], outline[e, 1]
-            best = candidate = first[at]
-            if best < 0:
-                return loops, at
-            before, previous, widest = np.int32(-1), np.int32(-1), 5.0
-            while candidate >= 0 and later[first[at]] >= 0:
-                turn = _clockwise(points, at, came, outline[candidate, 0])
-                if turn < widest:
-                    best, before, widest = candidate, previous, turn
-                previous, candidate = candidate, later[candidate]
-            if before >= 0:
-                later[before] = later[best]
-            else:
-                first[at] = later[best]
-            alive[best] = False
-            e = best
-        seeds[loops] = seed
-        loops += 1
-        starts[loops] = filled
-    return loops, np.int32(-1)
+            leaving[tail].append(side)
+    corners, starts, seeds = list[int](), [0], list[int]()
+    for seed, tail in enumerate(tails):
+        # It stays among those that leave its vertex until the loop comes back to it.
+        side, walked = seed, seed not in leaving[tail]
+        while not walked:
+            came, at = tails[side], heads[side]
+            corners.append(came)
+            onward = leaving[at][::-1]
+            if not onward:
+                raise MeshError(
+                    f"the surface is open near {place_text(divided.vertices[at].tolist(), 6)}: the "
+                    "outline of a cut ends there; repair the mesh so that every edge has two faces"
+                )
+            side = onward[0]
+            if len(onward) > 1:
+                star = divided.vertices[[at, came, *(heads[other] for other in onward)]]
+                side = onward[int(np.argmin(_clockwise(star[:, across].astype(np.float64))))]
+            leaving[at].remove(side)
+            walked = side == seed
+        if len(corners) > starts[-1]:
+            starts.append(len(corners))
+            seeds.append(seed)
+    plane = divided.segment_plane[divided.segment_below][seeds]
+    return np.array(corners, np.int32), np.array(starts, np.int32), plane
 
 
-@inner_kernel
-def _clockwise(points: Any, at: Any, came: Any, to: Any) -> Any:
-    """Measure the clockwise turn from at-came to at-to, growing with the angle, in (0, 4]."""
-    cu, cv = points[came, 0] - points[at, 0], points[came, 1] - points[at, 1]
-    tu, tv = points[to, 0] - points[at, 0], points[to, 1] - points[at, 1]
+def _clockwise(star: FloatArray) -> FloatArray:
+    """Measure clockwise turns at star[0] from star[1] to each other, growing with the angle.
+
+    They lie in (0, 4].
+    """
+    (cu, cv), (tu, tv) = star[1] - star[0], (star[2:] - star[0]).T
     cosine, sine = cu * tu + cv * tv, cv * tu - cu * tv
-    size = abs(cosine) + abs(sine)
-    if size == 0.0:
-        return 4.0
-    turn = 1.0 - cosine / size if sine >= 0.0 else 3.0 + cosine / size
-    return turn if turn > 0.0 else 4.0
+    size = np.abs(cosine) + np.abs(sine)
+    share = cosine / np.where(size > 0.0, size, 1.0)
+    turn = np.where(sine >= 0.0, 1.0 - share, 3.0 + share)
+    return np.where((turn > 0.0) & (size > 0.0), turn, 4.0)
 
 
 # ------------------------------------------------------------------------------------------------
