@@ -239,7 +239,7 @@ def _fans(
     corners -= (corners > 1) & (packed[each, corners - 1] == packed[:, 0])
     four = np.flatnonzero(corners == 4)
     heights = [
-        np.minimum(*(_squared_heights(vertices, packed[four][:, each]) for each in pair))
+        np.minimum(*(_squared_heights(vertices, packed[four][:, three]) for three in pair))
         for pair in (((0, 1, 2), (0, 2, 3)), ((1, 2, 3), (1, 3, 0)))
     ]
     begin = np.zeros(len(ring), dtype=np.int64)
@@ -257,12 +257,15 @@ def _fans(
 
 def _squared_heights(points_mm: Float32Array, faces: IntArray) -> FloatArray:
     """Return what `squared_height` does, of many triangles."""
-    a, b, c = points_mm.astype(np.float64)[faces.T].transpose(0, 2, 1)
-    u, v, w = b - a, c - a, (c - a) - (b - a)
-    n = u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]
-    square, *sides = (x * x + y * y + z * z for x, y, z in (n, u, v, w))
-    longest = np.maximum(np.maximum(*sides[:2]), sides[2])
-    return np.asarray(square / np.where(longest > 0.0, longest, 1.0))
+    heights = np.empty(len(faces))
+    _fill_heights(points_mm, np.ascontiguousarray(faces, dtype=np.int32), heights)
+    return heights
+
+
+@kernel
+def _fill_heights(points: Any, faces: Any, heights: Any) -> None:
+    for i in range(len(faces)):
+        heights[i] = squared_height(points, faces[i, 0], faces[i, 1], faces[i, 2])
 
 
 @inner_kernel
