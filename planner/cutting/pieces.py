@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from planner.cutting.grid import LevelSets, default_pitch_mm, draw_level_sets
 from planner.cutting.intersect import Crossed, Meetings, intersect
 from planner.cutting.planes import (
-    cancel_by,
     cut_by_planes,
     flip_thin,
     squared_height,
@@ -27,6 +26,7 @@ from planner.mesh.mesh import (
     JoinedShells,
     Measures,
     Mesh,
+    cancel_opposite,
     compact,
     measure,
     order_edges,
@@ -450,13 +450,13 @@ def _cleaned(
     caps: NDArray[np.int32], cap_level: NDArray[np.int32], count: int,
 ) -> Pieces:  # fmt: skip
     """Leave out what covers itself within a piece or an interface, and vertices without use."""
-    keep = cancel_by(faces, piece)
+    piece = np.clip(piece, 0, count - 1)  # where surfaces contradict themselves
+    keep = cancel_opposite(faces, piece)
     faces, piece = faces[keep], piece[keep]
-    keep = cancel_by(caps, cap_level)
+    keep = cancel_opposite(caps, cap_level)
     caps, cap_level = caps[keep], cap_level[keep]
     used, both = compact(np.concatenate([faces, caps]), len(pool))
     faces, caps = both[: len(faces)], both[len(faces) :]
-    piece = np.clip(piece, 0, count - 1)  # where surfaces contradict themselves
     return Pieces(pool[used], faces, piece, caps, cap_level, count)
 
 

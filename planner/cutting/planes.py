@@ -32,7 +32,6 @@ from planner.numerics import (
 
 __all__ = [
     "LATTICE_MM",
-    "cancel_by",
     "cut_by_planes",
     "flip_thin",
     "squared_height",
@@ -162,18 +161,9 @@ def divide(mesh: Mesh, normal: FloatArray, offsets_mm: FloatArray) -> DividedSur
     segment_below = segment_plane == piece[face]
     if merged.any():
         touched = np.flatnonzero(merged[faces].any(axis=1))
-        doubled = touched[~cancel_by(faces[touched], piece[touched])]
+        doubled = touched[~cancel_opposite(faces[touched], piece[touched])]
         faces, piece = np.delete(faces, doubled, axis=0), np.delete(piece, doubled)
     return DividedSurface(vertices, faces, piece, segment, segment_plane, segment_below)
-
-
-def cancel_by(faces: NDArray[np.int32], label: NDArray[np.int32]) -> BoolArray:
-    """Tell which faces stay when those of one label that are opposite cancel."""
-    keep = np.ones(len(faces), dtype=np.bool_)
-    for value in np.unique(label):
-        members = label == value
-        keep[members] = cancel_opposite(faces[members])
-    return keep
 
 
 def _classify(

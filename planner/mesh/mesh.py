@@ -315,7 +315,7 @@ def repeats_index(faces: Int32Array) -> BoolArray:
     return np.asarray((a == b) | (b == c) | (c == a))
 
 
-def cancel_opposite(faces: Int32Array) -> BoolArray:
+def cancel_opposite(faces: Int32Array, label: Int32Array | None = None) -> BoolArray:
     """Tell which faces stay when faces on the same three vertices but turned over cancel.
 
     Of a triple with p faces one way and q the other, the first |p - q| of the more frequent
@@ -324,6 +324,8 @@ def cancel_opposite(faces: Int32Array) -> BoolArray:
     Parameters
     ----------
     faces : (m, 3) int32
+    label : (m,) int32
+        From 0 on: faces of different labels do not cancel.
 
     Returns
     -------
@@ -331,7 +333,8 @@ def cancel_opposite(faces: Int32Array) -> BoolArray:
         True where a face stays.
     """
     keep = ~repeats_index(faces)
-    order, starts = order_rows(*sorted_corners(faces))
+    labels = () if label is None else (label,)
+    order, starts = order_rows(*labels, *sorted_corners(faces))
     count = np.diff(starts, append=len(order))
     pairs = starts[count == 2]  # as good as all of them, where shells meet
     one, other = order[pairs], order[pairs + 1]
