@@ -12,7 +12,7 @@ from planner.cutting.planes import LATTICE_MM
 from planner.errors import ArgumentError
 from planner.fields.basic import Field
 from planner.glance import place_text
-from planner.mesh.mesh import Mesh, compact, key_slot
+from planner.mesh.mesh import Mesh, compact, face_normal, key_slot
 from planner.numerics import BoolArray, Float32Array, FloatArray, as_point, inner_kernel, kernel
 from planner.voxels.columns import Grid, dense, iterate_columns
 
@@ -202,7 +202,7 @@ def _touch(
 ) -> None:
     # With room for no cells: counts into offsets[f + 1]. Otherwise fills.
     margin = 1e-3  # of a pitch: far above what rounding moves a face by
-    low, high, n = np.empty(3), np.empty(3), np.empty(3)
+    low, high = np.empty(3), np.empty(3)
     index = np.zeros(3, dtype=np.int64)
     for f in range(faces.shape[0]):
         a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
@@ -210,11 +210,7 @@ def _touch(
             x, y, z = vertices[a, d], vertices[b, d], vertices[c, d]
             low[d] = (min(x, min(y, z)) - origin[d]) / pitch - margin
             high[d] = (max(x, max(y, z)) - origin[d]) / pitch + margin
-        for d in range(3):
-            j, k = (d + 1) % 3, (d + 2) % 3
-            uj, uk = vertices[b, j] - vertices[a, j], vertices[b, k] - vertices[a, k]
-            vj, vk = vertices[c, j] - vertices[a, j], vertices[c, k] - vertices[a, k]
-            n[d] = uj * vk - uk * vj
+        n = face_normal(vertices, a, b, c)
         w = 0
         for d in range(1, 3):
             if abs(n[d]) > abs(n[w]):

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from planner.cutting.grid import LevelSets, default_pitch_mm, draw_level_sets
 from planner.cutting.intersect import Crossed, Meetings, intersect
 from planner.cutting.planes import (
-    cancel_by,
     cut_by_planes,
     flip_thin,
     squared_height,
@@ -27,12 +26,13 @@ from planner.mesh.mesh import (
     JoinedShells,
     Measures,
     Mesh,
+    cancel_opposite,
     compact,
     measure,
     order_edges,
     weld_points,
 )
-from planner.numerics import Float32Array, FloatArray, IntArray, inner_kernel, kernel
+from planner.numerics import Float32Array, FloatArray, inner_kernel, kernel
 
 __all__ = ["FIRST_SHIFT", "Pieces", "split"]
 
@@ -87,28 +87,11 @@ class Pieces:
 
         Their share of the surface comes first, then interfaces with what is not a member.
         """
-        chosen, (pieces, levels) = set(members), self._rows
-        own = self.faces[_rows_of(pieces, chosen)]
-        upper = self.cap_faces[_rows_of(levels, {n - 1 for n in chosen} - chosen)]
-        lower = self.cap_faces[_rows_of(levels, {n for n in chosen if n + 1 not in chosen})]
-        return np.concatenate([own, lower, upper[:, ::-1]])
-
-    @cached_property
-    def _rows(self) -> list[tuple[IntArray, IntArray]]:
-        return [_grouped(self.piece), _grouped(self.cap_level)]
-
-
-def _grouped(label: NDArray[np.int32]) -> tuple[IntArray, IntArray]:
-    """Return the rows in the order of their labels, and where in it each label begins."""
-    order = np.argsort(label, kind="stable")
-    return order, np.searchsorted(label[order], np.arange(int(label.max(initial=0)) + 2))
-
-
-def _rows_of(grouped: tuple[IntArray, IntArray], labels: Collection[int]) -> IntArray:
-    """Return the rows of some labels in their own order."""
-    order, starts = grouped
-    each = [order[starts[n] : starts[n + 1]] for n in sorted(labels) if 0 <= n < len(starts) - 1]
-    return each[0] if len(each) == 1 else np.sort(np.concatenate([*each, order[:0]]))
+        chosen = np.zeros(self.count, dtype=np.bool_)
+        chosen[list(members)] = True
+        below, above = chosen[self.cap_level], chosen[self.cap_level + 1]
+        own, lower = self.faces[chosen[self.piece]], self.cap_faces[below & ~above]
+        return np.concatenate([own, lower, self.cap_faces[above & ~below][:, ::-1]])
 
 
 # ------------------------------------------------------------------------------------------------
@@ -467,9 +450,10 @@ def _cleaned(
     caps: NDArray[np.int32], cap_level: NDArray[np.int32], count: int,
 ) -> Pieces:  # fmt: skip
     """Leave out what covers itself within a piece or an interface, and vertices without use."""
-    keep = cancel_by(faces, piece)
+    piece = np.clip(piece, 0, count - 1)  # where surfaces contradict themselves
+    keep = cancel_opposite(faces, piece)
     faces, piece = faces[keep], piece[keep]
-    keep = cancel_by(caps, cap_level)
+    keep = cancel_opposite(caps, cap_level)
     caps, cap_level = caps[keep], cap_level[keep]
     used, both = compact(np.concatenate([faces, caps]), len(pool))
     faces, caps = both[: len(faces)], both[len(faces) :]
@@ -576,8 +560,6 @@ def _without_thin(divided: Pieces, first_new: int) -> Pieces:
 
 def _shells_close(divided: Pieces) -> bool:
     """Tell whether each piece has each edge once each way, no face twice, and a volume."""
-    if not ((divided.piece >= 0).all() and (divided.piece < divided.count).all()):
-        return False
     pieces = (divided.shell_faces([number]) for number in range(divided.count))
     shells = JoinedShells(divided.vertices, tuple(faces for faces in pieces if len(faces)))
     return all(shells.sound(number) for number in range(len(shells.faces)))

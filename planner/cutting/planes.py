@@ -1,5 +1,6 @@
 """Cut a part by parallel planes: each edge once, one triangulation for both sides."""
 
+from collections import defaultdict
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -17,13 +18,20 @@ from planner.mesh.mesh import (
     key_slot,
     order_rows,
     repeats_index,
-    row_slot,
+    weld_points,
 )
-from planner.numerics import BoolArray, Float32Array, FloatArray, IntArray, inner_kernel, kernel
+from planner.numerics import (
+    BoolArray,
+    Float32Array,
+    FloatArray,
+    Int32Array,
+    IntArray,
+    inner_kernel,
+    kernel,
+)
 
 __all__ = [
     "LATTICE_MM",
-    "cancel_by",
     "cut_by_planes",
     "flip_thin",
     "squared_height",
@@ -102,7 +110,6 @@ def divide(mesh: Mesh, normal: FloatArray, offsets_mm: FloatArray) -> DividedSur
         Triangles that no plane cuts keep their bits. Faces in a plane belong to the side on
         which the material is.
     """
-    axis = int(np.argmax(np.abs(normal))) if np.count_nonzero(normal) == 1 else -1
     along, code = _classify(mesh.vertices, normal, offsets_mm, snap_distance_mm(mesh.bounds_mm))
     c0, c1, c2 = (code[corner] for corner in mesh.faces.T)
     first = (np.minimum(np.minimum(c0, c1), c2) + 1) >> 1
@@ -111,28 +118,39 @@ def divide(mesh: Mesh, normal: FloatArray, offsets_mm: FloatArray) -> DividedSur
     a, b, c = mesh.vertices[mesh.faces[flat]].transpose(1, 0, 2)
     first[flat] = last[flat] + ~(np.cross(b - a, c - a) @ normal > 0.0)
     cut, whole = np.flatnonzero(last > first), np.flatnonzero(last <= first)
-    crossings = int((last[cut] - first[cut]).sum())
-    # New points: at most two a crossing, as each side of an edge finds its own.
-    n, most = len(mesh.vertices), 2 * crossings
-    vertices = np.empty((n + most, 3), dtype=np.float32)
-    vertices[:n] = mesh.vertices
-    tag = np.full(n + most, -1, dtype=np.int32)
-    tag[:n][code % 2 == 1] = code[code % 2 == 1]
-    bits = max(4, int(2 * (np.count_nonzero(tag >= 0) + most)).bit_length())
-    origin = np.empty((most, 2), dtype=np.int32)
-    merged = np.zeros(n + most, dtype=np.bool_)
-    faces = np.empty((len(cut) + 2 * crossings, 3), dtype=np.int32)
-    piece, source = np.empty((2, len(faces)), dtype=np.int32)
-    made, written = _divide(
-        mesh.vertices, mesh.faces, cut, normal, axis, offsets_mm, along, code, vertices,
-        vertices.view(np.uint32), tag, origin, merged, np.zeros(1 << bits, dtype=np.int32),
-        np.uint64(64 - bits), np.empty(5, dtype=np.int64), faces, piece, source,
-    )  # fmt: skip
-    vertices, tag, merged = vertices[: n + made], tag[: n + made], merged[: n + made]
+    # Every part of a cut face, from the lowest up: the face, and its piece.
+    parts = last[cut] - first[cut] + 1
+    face = np.repeat(np.arange(len(cut)), parts)
+    k = first[cut][face] + np.arange(len(face)) - np.repeat(np.cumsum(parts) - parts, parts)
+    # The corners of a cut face by height; as stably sorted, an odd order turns it over.
+    order = np.argsort(code[mesh.faces[cut]], axis=1, kind="stable")
+    corners = np.take_along_axis(mesh.faces[cut], order, axis=1)
+    turned = ((order[:, 1] - order[:, 0]) % 3 != 1)[face]
+    lo, mid, hi = corners[face].T
+    starts, ends = k == first[cut][face], k == last[cut][face]
+    below, above = np.where(starts, code[lo], 2 * k - 1), np.where(ends, code[hi], 2 * k + 1)
+    # Where the plane above a part meets the edge lo-hi, and lo-mid or mid-hi if not at mid.
+    rises = above > code[mid]
+    met = np.stack([~ends, ~ends & (above != code[mid])], axis=1)
+    low = np.stack([lo, np.where(rises, mid, lo)], axis=1)[met]
+    high = np.stack([hi, np.where(rises, hi, mid)], axis=1)[met]
+    plane = np.broadcast_to(k[:, None], met.shape)[met]
+    points = _meetings(mesh.vertices, along, low, high, offsets_mm[plane], normal)
+    vertices, number, merged = _joined(mesh.vertices, np.flatnonzero(code & 1), points, low, high)
+    tag = np.full(len(vertices), -1, dtype=np.int32)
+    tag[: len(code)][code & 1 == 1] = code[code & 1 == 1]
+    tag[number] = 2 * plane + 1
+    sides_above = np.where(ends, hi, mid)[:, None].repeat(2, axis=1)
+    sides_above[met] = number
+    sides_below = np.where(starts[:, None], lo[:, None], np.roll(sides_above, 1, axis=0))
+    # Counter-clockwise along lo, mid, hi; the middle corner first where it takes part.
+    own = ((code[mid] > below) | starts) & ((code[mid] < above) | ends)
+    ring = np.column_stack([np.where(own, mid, -1), sides_above[:, ::-1], sides_below])
+    chosen, faces = _fans(vertices, ring, turned)
     # Back into the order of the mesh's faces.
-    order = np.argsort(np.concatenate([source[:written], whole]), kind="stable")
-    faces = np.concatenate([faces[:written], mesh.faces[whole]])[order]
-    piece = np.concatenate([piece[:written], first[whole]])[order]
+    order = np.argsort(np.concatenate([cut[face[chosen]], whole]), kind="stable")
+    faces = np.concatenate([faces, mesh.faces[whole]])[order]
+    piece = np.concatenate([k[chosen], first[whole]]).astype(np.int32)[order]
     t0, t1, t2 = (tag[corner] for corner in faces.T)
     drawn = np.stack([t0 == t1, t1 == t2, t2 == t0], axis=1)
     drawn &= np.stack([t0 >= 0, t1 >= 0, t2 >= 0], axis=1)
@@ -143,18 +161,9 @@ def divide(mesh: Mesh, normal: FloatArray, offsets_mm: FloatArray) -> DividedSur
     segment_below = segment_plane == piece[face]
     if merged.any():
         touched = np.flatnonzero(merged[faces].any(axis=1))
-        doubled = touched[~cancel_by(faces[touched], piece[touched])]
+        doubled = touched[~cancel_opposite(faces[touched], piece[touched])]
         faces, piece = np.delete(faces, doubled, axis=0), np.delete(piece, doubled)
     return DividedSurface(vertices, faces, piece, segment, segment_plane, segment_below)
-
-
-def cancel_by(faces: NDArray[np.int32], label: NDArray[np.int32]) -> BoolArray:
-    """Tell which faces stay when those of one label that are opposite cancel."""
-    keep = np.ones(len(faces), dtype=np.bool_)
-    for value in np.unique(label):
-        members = label == value
-        keep[members] = cancel_opposite(faces[members])
-    return keep
 
 
 def _classify(
@@ -168,118 +177,85 @@ def _classify(
     return along, (2 * above + (nearest <= along + snap_mm)).astype(np.int32)
 
 
+def _meetings(
+    vertices: FloatArray, along: FloatArray, low: Int32Array, high: Int32Array,
+    offset_mm: FloatArray, normal: FloatArray,
+) -> Float32Array:  # fmt: skip
+    """Return where edges low-high meet planes, rounded."""
+    start, end = vertices[low], vertices[high]
+    share = (offset_mm - along[low]) / (along[high] - along[low])
+    points = start + share[:, None] * (end - start)
+    wall = start == end  # along the axes, where it stays
+    if np.count_nonzero(normal) == 1:
+        axis = int(np.argmax(np.abs(normal)))
+        points[:, axis], wall[:, axis] = offset_mm * normal[axis], False
+    rounded = np.rint(points / LATTICE_MM) * LATTICE_MM + 0.0
+    return np.where(wall, start, rounded).astype(np.float32)
+
+
+def _joined(
+    vertices: FloatArray, inside: IntArray, points: Float32Array, low: Int32Array, high: Int32Array
+) -> tuple[Float32Array, IntArray, BoolArray]:
+    """Add new points to the vertices, each position once, also beside those `inside` planes.
+
+    Also returned: the number of each point, and which vertices are points of several edges.
+    """
+    own = vertices.astype(np.float32)
+    distinct, index = weld_points(np.concatenate([own[inside], points]))
+    known, index = len(inside), index[len(inside) :]
+    number = np.concatenate([inside, len(own) + np.arange(len(distinct) - known)])[index]
+    pool = np.concatenate([own, distinct[known:]])
+    maker = np.zeros(len(distinct), dtype=np.int64)
+    maker[index[::-1]] = np.arange(len(index))[::-1]  # the first of those with one position
+    maker = maker[index]
+    several = (index < known) | (low != low[maker]) | (high != high[maker])
+    merged = np.zeros(len(pool), dtype=np.bool_)
+    merged[number[several]] = True
+    return pool, number, merged
+
+
+def _fans(
+    vertices: Float32Array, ring: IntArray, turned: BoolArray
+) -> tuple[IntArray, NDArray[np.int32]]:
+    """Divide polygons of at most five corners, (n, 5), into triangles, and turn some over.
+
+    A corner that repeats the one before it counts once, and -1 is none. Of a quadrilateral's
+    diagonals the one that leaves thicker triangles is taken. Also returned: whose each triangle is.
+    """
+    kept = ring != np.roll(ring, 1, axis=1)
+    kept[:, 0] = ring[:, 0] >= 0
+    packed = np.take_along_axis(ring, np.argsort(~kept, axis=1, kind="stable"), axis=1)
+    corners, each = kept.sum(axis=1), np.arange(len(ring))
+    corners -= (corners > 1) & (packed[each, corners - 1] == packed[:, 0])
+    four = np.flatnonzero(corners == 4)
+    heights = [
+        np.minimum(*(_squared_heights(vertices, packed[four][:, three]) for three in pair))
+        for pair in (((0, 1, 2), (0, 2, 3)), ((1, 2, 3), (1, 3, 0)))
+    ]
+    begin = np.zeros(len(ring), dtype=np.int64)
+    begin[four] = heights[1] > heights[0]
+    step = np.arange(1, 4)
+    after = (begin[:, None] + step + 1) % np.maximum(corners, 1)[:, None]
+    faces = np.empty((len(ring), 3, 3), dtype=np.int32)
+    faces[:, :, 0] = packed[each, begin][:, None]
+    faces[:, :, 1] = np.take_along_axis(packed, begin[:, None] + step, axis=1)
+    faces[:, :, 2] = np.take_along_axis(packed, after, axis=1)
+    faces[turned] = faces[turned][:, :, [0, 2, 1]]
+    proper = (step < corners[:, None] - 1) & ~repeats_index(faces.reshape(-1, 3)).reshape(-1, 3)
+    return np.nonzero(proper)[0], faces[proper]
+
+
+def _squared_heights(points_mm: Float32Array, faces: IntArray) -> FloatArray:
+    """Return what `squared_height` does, of many triangles."""
+    heights = np.empty(len(faces))
+    _fill_heights(points_mm, np.ascontiguousarray(faces, dtype=np.int32), heights)
+    return heights
+
+
 @kernel
-def _divide(
-    vertices: Any, faces: Any, cut: Any, normal: Any, axis: Any, offsets: Any, along: Any,
-    code: Any, pool: Any, raw: Any, tag: Any, origin: Any, merged: Any, table: Any, shift: Any,
-    polygon: Any, out_face: Any, out_piece: Any, out_source: Any,
-) -> Any:  # fmt: skip
-    """Divide the faces `cut`; return how many points and triangles there are."""
-    n = vertices.shape[0]
-    for i in range(n):
-        if tag[i] >= 0:
-            slot = row_slot(table, raw, raw, i, shift)
-            if table[slot] == 0:
-                table[slot] = i + 1
-    # One integer type for indices: kernels called below are then compiled once.
-    made = written = np.int64(0)
-    for f in cut:
-        lo, mid, hi = np.int64(faces[f, 0]), np.int64(faces[f, 1]), np.int64(faces[f, 2])
-        c0, c1, c2 = code[lo], code[mid], code[hi]
-        turned = False
-        if c0 > c1:
-            lo, mid, c0, c1, turned = mid, lo, c1, c0, not turned
-        if c1 > c2:
-            mid, hi, c1, c2, turned = hi, mid, c2, c1, not turned
-        if c0 > c1:
-            lo, mid, c0, c1, turned = mid, lo, c1, c0, not turned
-        first, last = (c0 + 1) // 2, c2 // 2
-        long_below = short_below = lo
-        below = c0
-        for k in range(first, last + 1):
-            above = 2 * k + 1
-            if k == last:
-                above = c2
-                long_above = short_above = hi
-            else:
-                long_above = short_above = mid
-                for side in range(2):
-                    low, high = lo, hi
-                    if side == 1:
-                        if above == c1:
-                            continue
-                        if above < c1:
-                            high = mid
-                        else:
-                            low = mid
-                    v, made = _meet(
-                        vertices, along, low, high, offsets[k], axis, normal, pool, raw, n,
-                        made, origin, merged, table, shift,
-                    )  # fmt: skip
-                    tag[v] = above
-                    if side == 0:
-                        long_above = v
-                    else:
-                        short_above = v
-            # Counter-clockwise along lo, mid, hi; the middle corner first where it takes part.
-            corners = 0
-            if (c1 > below or k == first) and (c1 < above or k == last):
-                polygon[0] = mid
-                corners = 1
-            for v in (short_above, long_above, long_below, short_below):
-                if corners == 0 or polygon[corners - 1] != v:
-                    polygon[corners] = v
-                    corners += 1
-            while corners > 1 and polygon[corners - 1] == polygon[0]:
-                corners -= 1
-            turn = 1 if corners == 4 and _better_from_second(pool, polygon) else 0
-            for j in range(1, corners - 1):
-                a, b, c = polygon[turn], polygon[j + turn], polygon[(j + 1 + turn) % corners]
-                if turned:
-                    b, c = c, b
-                if a != b and b != c and c != a:
-                    out_face[written, 0], out_face[written, 1], out_face[written, 2] = a, b, c
-                    out_piece[written], out_source[written] = k, f
-                    written += 1
-            long_below, short_below, below = long_above, short_above, above
-    return made, written
-
-
-@inner_kernel
-def _meet(
-    vertices: Any, along: Any, low: Any, high: Any, offset: Any, axis: Any, normal: Any,
-    pool: Any, raw: Any, n: Any, made: Any, origin: Any, merged: Any, table: Any, shift: Any,
-) -> Any:  # fmt: skip
-    """Find the index of the point where the edge low-high meets a plane, or make it."""
-    t = (offset - along[low]) / (along[high] - along[low])
-    i = n + made
-    for j in range(3):
-        if j == axis:
-            value = offset * normal[j]
-        elif vertices[low, j] == vertices[high, j]:
-            pool[i, j] = vertices[low, j]  # a wall along the axes stays where it is
-            continue
-        else:
-            value = vertices[low, j] + t * (vertices[high, j] - vertices[low, j])
-        pool[i, j] = np.rint(value / LATTICE_MM) * LATTICE_MM + 0.0
-    slot = row_slot(table, raw, raw, i, shift)
-    if table[slot] > 0:
-        held = np.int64(table[slot]) - np.int64(1)
-        if held < n or origin[held - n, 0] != low or origin[held - n, 1] != high:
-            merged[held] = True
-        return held, made
-    table[slot] = i + 1
-    origin[made, 0], origin[made, 1] = low, high
-    return np.int64(i), made + 1
-
-
-@inner_kernel
-def _better_from_second(pool: Any, polygon: Any) -> Any:
-    """Tell whether diagonal 1-3 of a quadrilateral leaves thicker triangles than 0-2."""
-    p0, p1, p2, p3 = polygon[0], polygon[1], polygon[2], polygon[3]
-    kept = min(squared_height(pool, p0, p1, p2), squared_height(pool, p0, p2, p3))
-    other = min(squared_height(pool, p1, p2, p3), squared_height(pool, p1, p3, p0))
-    return other > kept
+def _fill_heights(points: Any, faces: Any, heights: Any) -> None:
+    for i in range(len(faces)):
+        heights[i] = squared_height(points, faces[i, 0], faces[i, 1], faces[i, 2])
 
 
 @inner_kernel
@@ -326,16 +302,7 @@ def flip_thin(vertices: Float32Array, faces: NDArray[np.int32], *, flat: bool = 
 
 def thin_faces(points_mm: Float32Array, faces: NDArray[np.int32], least_mm: float) -> IntArray:
     """Return which triangles are lower than so much over their longest side."""
-    lower = np.empty(len(faces), np.bool_)
-    _lower(points_mm, faces, least_mm**2, lower)
-    return np.flatnonzero(lower)
-
-
-@kernel
-def _lower(points: Any, faces: Any, least: Any, lower: Any) -> None:
-    for i in range(len(faces)):
-        a, b, c = np.int64(faces[i, 0]), np.int64(faces[i, 1]), np.int64(faces[i, 2])
-        lower[i] = squared_height(points, a, b, c) < least
+    return np.flatnonzero(_squared_heights(points_mm, faces) < least_mm**2)
 
 
 _FLIP_ROUNDS = 64
@@ -571,15 +538,7 @@ def caps(
     u, v = (drop + 1) % 3, (drop + 2) % 3
     if normal[drop] < 0:
         u, v = v, u
-    outline = divided.segment[divided.segment_below]
-    plane = divided.segment_plane[divided.segment_below]
-    points = divided.vertices[:, [u, v]].astype(np.float64, order="C")
-    corners, starts, loop_plane, astray = _loops(outline, plane, points)
-    if astray >= 0:
-        raise MeshError(
-            f"the surface is open near {place_text(divided.vertices[astray].tolist(), 6)}: the "
-            "outline of a cut ends there; repair the mesh so that every edge has two faces"
-        )
+    corners, starts, loop_plane = _loops(divided, (u, v))
     order = np.argsort(loop_plane, kind="stable")
     chosen = (order, loop_plane[order], np.broadcast_to([u, v], (len(order), 2)))
     cap_faces, owner = triangulate_loops(divided.vertices, corners, starts, *chosen)
@@ -642,97 +601,63 @@ def triangulate_loops(
 
 
 def _loops(
-    outline: NDArray[np.int32], plane: NDArray[np.int32], points: FloatArray
-) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32], int]:
+    divided: DividedSurface, across: tuple[int, int]
+) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]]:
     """Chain the sides in a plane, turned over, to loops with the material on their left.
 
-    Sides that occur both ways cancel.
+    Sides that occur both ways cancel. Where loops touch at a vertex, a side continues with the
+    first one clockwise from where it came: every corner then spans one wedge of material.
 
     Returns
     -------
     corners, starts, plane
         Loop i has the vertices ``corners[starts[i] : starts[i + 1]]`` and lies in ``plane[i]``.
-    astray : int
-        A vertex at which no side goes on; -1 if all loops close.
     """
-    count = len(outline)
-    corners, starts = np.empty(count, dtype=np.int32), np.zeros(count + 1, dtype=np.int32)
-    seeds, later = np.empty(count, dtype=np.int32), np.empty(count, dtype=np.int32)
-    first = np.full(len(points), -1, dtype=np.int32)
-    alive = np.zeros(count, dtype=np.bool_)
-    loops, astray = _chain(outline, points, first, later, alive, corners, starts, seeds)
-    return corners[: starts[loops]], starts[: loops + 1], plane[seeds[:loops]], astray
-
-
-@kernel
-def _chain(
-    outline: Any, points: Any, first: Any, later: Any, alive: Any,
-    corners: Any, starts: Any, seeds: Any,
-) -> Any:  # fmt: skip
-    """Fill the loops; return how many there are, and the vertex where one ends or -1.
-
-    Each vertex has a list of the sides that leave it: first[vertex], later[side], ...; -1.
-    Where loops touch at a vertex, a side continues with the first one clockwise from where it
-    came: every corner then spans one wedge of material.
-    """
-    for e in range(outline.shape[0]):
-        tail, head = outline[e, 1], outline[e, 0]
-        back, previous = first[head], np.int32(-1)
-        while back >= 0 and outline[back, 0] != tail:
-            previous, back = back, later[back]
-        if back < 0:
-            alive[e] = True
-            later[e] = first[tail]
-            first[tail] = e
+    heads, tails = divided.segment[divided.segment_below].T.tolist()
+    leaving = defaultdict[int, list[int]](list)  # the sides that leave each vertex
+    for side, (tail, head) in enumerate(zip(tails, heads, strict=True)):
+        opposite = [other for other in leaving[head] if heads[other] == tail]
+        if opposite:
+            leaving[head].remove(opposite[-1])
         else:
-            alive[back] = False
-            if previous >= 0:
-                later[previous] = later[back]
-            else:
-                first[head] = later[back]
-
-    loops = filled = 0
-    for seed in range(outline.shape[0]):
-        if not alive[seed]:
-            continue
-        # The seed stays in its vertex's list until the loop comes back to it.
-        e = seed
-        while alive[seed]:
-            corners[filled] = outline[e, 1]
-            filled += 1
-            at, came = outline[e, 0], outline[e, 1]
-            best = candidate = first[at]
-            if best < 0:
-                return loops, at
-            before, previous, widest = np.int32(-1), np.int32(-1), 5.0
-            while candidate >= 0 and later[first[at]] >= 0:
-                turn = _clockwise(points, at, came, outline[candidate, 0])
-                if turn < widest:
-                    best, before, widest = candidate, previous, turn
-                previous, candidate = candidate, later[candidate]
-            if before >= 0:
-                later[before] = later[best]
-            else:
-                first[at] = later[best]
-            alive[best] = False
-            e = best
-        seeds[loops] = seed
-        loops += 1
-        starts[loops] = filled
-    return loops, np.int32(-1)
+            leaving[tail].append(side)
+    corners, starts, seeds = list[int](), [0], list[int]()
+    for seed, tail in enumerate(tails):
+        # It stays among those that leave its vertex until the loop comes back to it.
+        side, walked = seed, seed not in leaving[tail]
+        while not walked:
+            came, at = tails[side], heads[side]
+            corners.append(came)
+            onward = leaving[at][::-1]
+            if not onward:
+                raise MeshError(
+                    f"the surface is open near {place_text(divided.vertices[at].tolist(), 6)}: the "
+                    "outline of a cut ends there; repair the mesh so that every edge has two faces"
+                )
+            side = onward[0]
+            if len(onward) > 1:
+                star = divided.vertices[[at, came, *(heads[other] for other in onward)]]
+                side = onward[int(np.argmin(_clockwise(star[:, across].astype(np.float64))))]
+            leaving[at].remove(side)
+            walked = side == seed
+        if len(corners) > starts[-1]:
+            starts.append(len(corners))
+            seeds.append(seed)
+    plane = divided.segment_plane[divided.segment_below][seeds]
+    return np.array(corners, np.int32), np.array(starts, np.int32), plane
 
 
-@inner_kernel
-def _clockwise(points: Any, at: Any, came: Any, to: Any) -> Any:
-    """Measure the clockwise turn from at-came to at-to, growing with the angle, in (0, 4]."""
-    cu, cv = points[came, 0] - points[at, 0], points[came, 1] - points[at, 1]
-    tu, tv = points[to, 0] - points[at, 0], points[to, 1] - points[at, 1]
+def _clockwise(star: FloatArray) -> FloatArray:
+    """Measure clockwise turns at star[0] from star[1] to each other, growing with the angle.
+
+    They lie in (0, 4].
+    """
+    (cu, cv), (tu, tv) = star[1] - star[0], (star[2:] - star[0]).T
     cosine, sine = cu * tu + cv * tv, cv * tu - cu * tv
-    size = abs(cosine) + abs(sine)
-    if size == 0.0:
-        return 4.0
-    turn = 1.0 - cosine / size if sine >= 0.0 else 3.0 + cosine / size
-    return turn if turn > 0.0 else 4.0
+    size = np.abs(cosine) + np.abs(sine)
+    share = cosine / np.where(size > 0.0, size, 1.0)
+    turn = np.where(sine >= 0.0, 1.0 - share, 3.0 + share)
+    return np.where((turn > 0.0) & (size > 0.0), turn, 4.0)
 
 
 # ------------------------------------------------------------------------------------------------

@@ -25,7 +25,6 @@ __all__ = [
     "order_edges",
     "order_rows",
     "repeats_index",
-    "row_slot",
     "sort_span",
     "sorted_corners",
     "unite",
@@ -216,16 +215,16 @@ after the other would wait for memory each time (3 times as long on a million ro
 
 @kernel
 def _weld(rows: Any, distinct: Any, index: Any, table: Any, shift: Any) -> Any:
-    """Give equal rows one number, by a hash table; see `row_slot`."""
+    """Give equal rows one number, by a hash table; see `_row_slot`."""
     n, fetched = 0, 0
     for begin in range(0, rows.shape[0], _AHEAD):
         end = begin + _AHEAD if begin + _AHEAD < rows.shape[0] else rows.shape[0]
         if n > 0:
             for i in range(begin, end):
-                held = table[row_hash(rows, i) >> shift]
+                held = table[_row_hash(rows, i) >> shift]
                 fetched ^= distinct[held - 1 if held > 0 else 0, 0]
         for i in range(begin, end):
-            slot = row_slot(table, distinct, rows, i, shift)
+            slot = _row_slot(table, distinct, rows, i, shift)
             if table[slot] == 0:
                 for k in range(rows.shape[1]):
                     distinct[n, k] = rows[i, k]
@@ -236,7 +235,7 @@ def _weld(rows: Any, distinct: Any, index: Any, table: Any, shift: Any) -> Any:
 
 
 @inner_kernel
-def row_hash(rows: Any, i: Any) -> Any:
+def _row_hash(rows: Any, i: Any) -> Any:
     """Return a product hash of a row of uint32; its top bits are the best."""
     mixed = np.uint64(0)
     for k in range(rows.shape[1]):
@@ -246,13 +245,13 @@ def row_hash(rows: Any, i: Any) -> Any:
 
 
 @inner_kernel
-def row_slot(table: Any, held: Any, rows: Any, i: Any, shift: Any) -> Any:
+def _row_slot(table: Any, held: Any, rows: Any, i: Any, shift: Any) -> Any:
     """Find where an open-addressed table has a row of uint32, or the free slot for it.
 
     The table has the number + 1 of a row of `held`, and 0 where it is free. Slots are the top bits
     of the hash, all but `shift`: low bits of round coordinates are all zero.
     """
-    slot = np.int64(row_hash(rows, i) >> shift)
+    slot = np.int64(_row_hash(rows, i) >> shift)
     while table[slot] > 0:
         same = True
         for k in range(rows.shape[1]):
@@ -316,7 +315,7 @@ def repeats_index(faces: Int32Array) -> BoolArray:
     return np.asarray((a == b) | (b == c) | (c == a))
 
 
-def cancel_opposite(faces: Int32Array) -> BoolArray:
+def cancel_opposite(faces: Int32Array, label: Int32Array | None = None) -> BoolArray:
     """Tell which faces stay when faces on the same three vertices but turned over cancel.
 
     Of a triple with p faces one way and q the other, the first |p - q| of the more frequent
@@ -325,6 +324,8 @@ def cancel_opposite(faces: Int32Array) -> BoolArray:
     Parameters
     ----------
     faces : (m, 3) int32
+    label : (m,) int32
+        From 0 on: faces of different labels do not cancel.
 
     Returns
     -------
@@ -332,7 +333,8 @@ def cancel_opposite(faces: Int32Array) -> BoolArray:
         True where a face stays.
     """
     keep = ~repeats_index(faces)
-    order, starts = order_rows(*sorted_corners(faces))
+    labels = () if label is None else (label,)
+    order, starts = order_rows(*labels, *sorted_corners(faces))
     count = np.diff(starts, append=len(order))
     pairs = starts[count == 2]  # as good as all of them, where shells meet
     one, other = order[pairs], order[pairs + 1]
