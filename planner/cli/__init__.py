@@ -31,7 +31,7 @@ from planner.cli import materials as _materials
 from planner.cli import plans as _plans
 from planner.cli import printers as _printers
 from planner.cli import simulate as _simulate
-from planner.cli.output import Kept, complain, say
+from planner.cli.output import Kept, complain, in_groups, say
 from planner.errors import ArgumentError, PlannerError
 
 __all__ = ["app", "main", "round_alike", "run"]
@@ -256,6 +256,6 @@ _COMMANDS: tuple[Callable[..., int], ...] = (
     _plans.diff, _plans.compare, _plans.slices, _printers.schema,
 )  # fmt: skip
 for _function in _COMMANDS:
-    app.command()(_function)
+    app.command()(in_groups(_function))
 app.add_typer(_gap.app)
 app.add_typer(_printers.app)

@@ -330,7 +330,6 @@ class _TensileTests:
 # planner characterise.
 
 
-@cli.in_groups
 def characterise(
     context: Context,
     files: _TensileFiles,
@@ -468,7 +467,6 @@ def _tables(found: "planner.Characterisation") -> None:
 # planner fit.
 
 
-@cli.in_groups
 def fit(
     context: Context,
     files: _TensileFiles,

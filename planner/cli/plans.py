@@ -22,7 +22,6 @@ from planner.glance import format_number
 # planner grade.
 
 
-@cli.in_groups
 def grade(
     context: Context,
     part: Annotated[

@@ -30,7 +30,6 @@ _OF_BAR = [
 _OF_BOTH = ["steps", "level", "printer", "palette"]
 
 
-@cli.in_groups
 def simulate(
     context: Context,
     source: Annotated[
@@ -271,7 +270,6 @@ def _bar_report(results: "Sequence[planner.Simulation]") -> None:
 # planner export.
 
 
-@cli.in_groups
 def export(
     context: Context,
     source: Annotated[str, Argument(help="A plan.json or its folder, or with --material a mesh.")],
@@ -354,7 +352,6 @@ def _export_report(model: "planner.Export") -> None:
 # planner design.
 
 
-@cli.in_groups
 def design(
     context: Context,
     part: Annotated[Path, Argument(help="Mesh file, as for planner grade.")],

@@ -143,14 +143,10 @@ def _coarse(points: IntArray, faces: Sequence[IntArray], most: int) -> NDArray[n
     for f in faces:
         _add_areas(points, np.require(f, np.int32, ["C", "W"]), sharp)
     sharpness = sharp[:, 0] - np.sqrt((sharp[:, 1:] ** 2).sum(axis=1))
-    order = np.argsort(cells, kind="stable")
+    order = np.lexsort((-sharpness, cells))  # by cell, the sharpest first
     starts = np.flatnonzero(np.append(True, np.diff(cells[order]) != 0))
-    cell = np.repeat(np.arange(len(starts)), np.diff(starts, append=len(order)))
-    sharpest = np.maximum.reduceat(sharpness[order], starts)
-    highest = np.flatnonzero(sharpness[order] == sharpest[cell])
-    first = highest[np.append(True, np.diff(cell[highest]) != 0)]
     taken = np.empty(len(points), np.int32)
-    taken[order] = order[first][cell]
+    taken[order] = np.repeat(order[starts], np.diff(starts, append=len(order)))
     return taken
 
 

@@ -447,7 +447,7 @@ def _x_ticks(points: Points, chart: svg.Chart) -> Sequence[tuple[float, str]]:
 
 def _y_range(panels: Sequence[Points]) -> _Range:
     """Return a range in per cent that holds zero and every error."""
-    values = np.concatenate([np.concatenate([p.before, p.after]) for p in panels])
+    values = np.concatenate([errors for p in panels for errors in (p.before, p.after)])
     values = 100.0 * values[np.isfinite(values)]
     low, high = min(0.0, float(values.min())), max(0.0, float(values.max()))
     room = 0.08 * (high - low) or 1.0

@@ -563,8 +563,7 @@ def part_volume(result: PartSimulation) -> bytes:
     cells, fields = result.cells, result.steps.fields
     coordinate = result.coordinate
     grades = np.array([material.coordinate for material in result.palette.materials])
-    steps = np.stack(np.meshgrid(*3 * [np.arange(_ACROSS + 1)], indexing="ij"), axis=-1)
-    steps = steps.reshape(-1, 3)  # z fastest
+    steps = np.indices(3 * (_ACROSS + 1,)).reshape(3, -1).T  # z fastest
     # A place on a face, edge or corner is shared by the cells that share the node there.
     part = np.where(steps == 0, 0, np.where(steps == _ACROSS, 2, 1))
     owner = cells.nodes[:, part @ np.array([1, 3, 9])]
@@ -599,11 +598,11 @@ def part_volume(result: PartSimulation) -> bytes:
         a, b = values[kept.edge[:, 0]], values[kept.edge[:, 1]]
         return np.concatenate([values, a + kept.share[:, None] * (b - a)])
 
-    used = np.concatenate([kept.of_hexahedron, kept.of_wedge, kept.of_tetrahedron])
+    used = kept.owner
     point, over_break = point[used], fields.over_break_at(cell[used], inner[used])
     return encode_vtu(
         cut(points),
-        [kept.hexahedra, kept.wedges, kept.tetrahedra],
+        kept.cells,
         point_data={"displacement_mm": cut(u)},
         cell_data={
             "material": np.abs(coordinate[point][:, None] - grades).argmin(axis=1).astype(np.int32),
@@ -632,20 +631,16 @@ class _Clipped(NamedTuple):
 
     Attributes
     ----------
-    hexahedra (a, 8), wedges (b, 6), tetrahedra (c, 4)
+    cells : hexahedra (a, 8), wedges (b, 6), tetrahedra (c, 4)
         Their points, in VTK's order.
-    of_hexahedron, of_wedge, of_tetrahedron
+    owner : (a + b + c,)
         Which hexahedron given each is of.
     edge : (p, 2), share : (p,)
         The ends of each cut edge, and how far from the first the cut is.
     """
 
-    hexahedra: IntArray
-    wedges: IntArray
-    tetrahedra: IntArray
-    of_hexahedron: IntArray
-    of_wedge: IntArray
-    of_tetrahedron: IntArray
+    cells: list[IntArray]
+    owner: IntArray
     edge: IntArray
     share: FloatArray
 
@@ -683,18 +678,14 @@ def _clip_hexahedra(corners: IntArray, points_mm: FloatArray, distance: FloatArr
     sizes = np.cumsum([len(a) for a, _ in ends])[:-1]
     a1, a2, a3, a, b, c, d, e, f, g = np.split(len(points_mm) + number.ravel(), sizes)
     low, high = distance[edge].T
+    wedges = [
+        np.stack([two[0], a, b, two[1], c, d], axis=1),
+        np.stack([three[0], three[1], three[2], e, f, g], axis=1),
+    ]
+    tetrahedra = [all_four.T, np.stack([one[0], a1, a2, a3], axis=1)]
     return _Clipped(
-        corners[whole],
-        np.concatenate(
-            [
-                np.stack([two[0], a, b, two[1], c, d], axis=1),
-                np.stack([three[0], three[1], three[2], e, f, g], axis=1),
-            ]
-        ),
-        np.concatenate([all_four.T, np.stack([one[0], a1, a2, a3], axis=1)]),
-        whole,
-        np.concatenate([owner[within == 2], owner[within == 3]]),
-        np.concatenate([owner[within == 4], owner[within == 1]]),
+        [corners[whole], np.concatenate(wedges), np.concatenate(tetrahedra)],
+        np.concatenate([whole, *(owner[within == k] for k in (2, 3, 4, 1))]),
         edge,
         low / (low - high),
     )

@@ -156,7 +156,7 @@ def _blend_text(region: Region) -> str:
 _Target: TypeAlias = tuple[FloatArray, FloatArray]
 
 _LEFT, _TOP, _WIDTH, _HEIGHT = 58.0, 34.0, 620.0, 260.0
-_STRIP_TOP, _STRIP = 0.0, 14.0
+_STRIP = 14.0
 _PLACES = 24
 """Places drawn between two knots of a target that is no straight line."""
 
@@ -276,7 +276,7 @@ def _strip(
     regions: Sequence[Region], chart: Chart, colours: Mapping[str, str], numbers: Mapping[str, int],
 ) -> Iterator[str]:  # fmt: skip
     """Draw what each stretch is printed in; two that share one have their shares of its height."""
-    top = chart.top + chart.height + 24.0 + _STRIP_TOP
+    top = chart.top + chart.height + 24.0
     filled: dict[tuple[float, float], float] = {}
     for region in regions:
         left, right = _span(region, chart)

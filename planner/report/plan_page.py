@@ -507,11 +507,10 @@ def _remarks(plan: Plan) -> Iterator[str]:
     remarks = [*plan.part.repairs, *plan.warnings]
     items = "".join(f"<li>{escape(remark)}</li>\n" for remark in remarks)
     columns = (("check", ""), ("value", "figure"), ("limit", "figure"), ("holds", ""))
-    cells = (
-        (escape(name), f"{check.value:.3g}", f"{check.limit:.3g}", "yes" if check.ok else "NO")
-        for name, check in plan.checks.items()
-    )
-    rows = [("", each) for each in cells]
+    rows = [
+        ("", (escape(name), f"{c.value:.3g}", f"{c.limit:.3g}", "yes" if c.ok else "NO"))
+        for name, c in plan.checks.items()
+    ]
     notes = [f'<ul class="notes">\n{items}</ul>'] if remarks else []
     name = "checks-title"
     return page.section(name, "Checks and notes", [*notes, *page.table(columns, rows, of=name)])
