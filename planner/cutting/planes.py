@@ -106,7 +106,7 @@ def divide(mesh: Mesh, normal: FloatArray, offsets_mm: FloatArray) -> DividedSur
 
     Returns
     -------
-    Divided
+    DividedSurface
         Triangles that no plane cuts keep their bits. Faces in a plane belong to the side on
         which the material is.
     """
@@ -514,7 +514,7 @@ def caps(
 
     Parameters
     ----------
-    divided : Divided
+    divided : DividedSurface
         The surface.
     normal : (3,) float64
         Unit normal of the planes.
