@@ -533,10 +533,10 @@ def rehearse(share: int, shares: int) -> None:
     faces = np.array([(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)], np.int32)
     part, grid = Mesh(corners, faces), Grid((0.0, 0.0, 0.0), (1.0, 1.0, 1.0), (6, 6, 6))
     # The run itself takes columns, walls with their sets, shells and pictures, in this
-    # order; what it would meet last comes first here, after what it meets soon. Columns are of
-    # vertices on the grid: measuring a mesh is what the run itself compiles by now.
+    # order; what it would meet last comes first here, after what it meets soon. Of columns it is
+    # but the first half, on a solid between them: the run is at the second by then.
     stages: tuple[Callable[[], object], ...] = (
-        lambda: list(columns_of(snap(corners, grid), faces, grid)),
+        lambda: list(columns_of(snap(0.05 * corners, grid), faces, grid)),
         rehearse_sets,
         lambda: pictures_of([(part, "#808080")], width=32, height=32),
         lambda: encode_threemf([ThreemfObject("a", corners, faces, "", "#808080")], "a"),

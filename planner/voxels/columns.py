@@ -214,9 +214,11 @@ def slab_runs(
     columns, heights = np.empty((spans, 4), np.int32), np.empty((spans, 2), np.float64)
     n = _spans(snapped, faces, members, row0, row1, nx, row_leads, cursor, columns, heights)
     crossings = int(np.sum(columns[:n, 1], dtype=np.int64))
-    keys = np.empty(crossings, np.int64)
     start, stop = np.empty((2, crossings // 2), np.int32)
     offsets = np.zeros(len(cursor), np.int64)
+    if not crossings:
+        return offsets, start, stop, 0
+    keys = np.empty(crossings, np.int64)
     drawn = (columns[:n], heights, snapped, faces, row0, nx, row_leads)
     runs, unpaired = _runs(*drawn, cursor, keys, nz, shortest, offsets, start, stop)
     return offsets, start[:runs], stop[:runs], int(unpaired)
