@@ -628,7 +628,7 @@ class ListReader:
 
     def __init__(self, file: Path, palette: Palette) -> None:
         self.palette, self._file = palette, file
-        self._part = cache(self._part_test)
+        self._part, self._profiles = cache(self._part_test), dict[str, Path]()
 
     def fields(self, row: Row) -> tuple[dict[str, Any], list[str]]:
         """Return what a specimen is made of, its sizes and conditions; and what is to be noted.
@@ -656,6 +656,12 @@ class ListReader:
             else:
                 file, gauge = path_within(self._file.parent, row.profile), found["gauge_mm"]
                 design, told = read_profile(file, palette=self.palette, gauge_mm=gauge)
+                if self._profiles.setdefault(design.name, file) != file:
+                    raise FileError(
+                        f"another profile is called {design.name!r} too, in "
+                        f"{self._profiles[design.name].parent}; rename one of them, as specimens "
+                        "of one name count as replicates"
+                    )
                 found |= {"profile": design, "gauge_mm": design.length_mm}
                 notes += told
         if found["gauge_mm"] is None:

@@ -536,7 +536,7 @@ def synthetic_campaign(
         )
     return replace(
         plan,
-        name=f"{plan.name} (simulated)",
+        name=f"{plan.name.removesuffix(' (simulated)')} (simulated)",
         specimens=tuple(specimens),
         covariates=tuple(dict.fromkeys((*plan.covariates, "simulated"))),
         notes=f"{how}. Nothing was measured.",

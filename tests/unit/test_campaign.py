@@ -170,6 +170,24 @@ def test_a_campaign_built_in_memory_has_its_limitations(folder: Path) -> None:
     assert "temperature_C is unknown" not in " ".join(fewer.limitations)
 
 
+def test_two_profiles_of_one_name_are_refused(folder: Path) -> None:
+    """They would count as replicates."""
+    (folder / "others").mkdir()
+    (folder / "others" / "bar.csv").write_text(PROFILE)
+    (row,) = (line for line in ROWS.splitlines() if line.startswith("G1,"))
+    other = row.replace("G1,", "G2,").replace("profiles/", "others/")
+    (folder / "specimens.csv").write_text(HEAD + ROWS + other + "\n")
+    curves = folder / "curves.csv"
+    more = [
+        line.replace("G1,", "G2,")
+        for line in curves.read_text().splitlines()
+        if line.startswith("G1,")
+    ]
+    curves.write_text(curves.read_text() + "\n".join(more) + "\n")
+    with pytest.raises(FileError, match=r"specimen G2: another profile is called 'bar' too"):
+        read_campaign(folder)
+
+
 def test_a_plan_is_a_profile(folder: Path, dogbone_plan: Plan) -> None:
     plan = dogbone_plan
     (folder / "bar-graded").mkdir()
