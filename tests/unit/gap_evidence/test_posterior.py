@@ -294,6 +294,26 @@ def test_what_raises_errors_of_force_speaks_for_what_does_without() -> None:
     assert found[BOTH] == pytest.approx(plain[BOTH] - given)
 
 
+@pytest.mark.parametrize(
+    ("extra", "left", "kept"), [(10.0, 0.5, False), (12.0, 0.5, True), (12.0, 1.0, False)]
+)
+def test_what_gains_more_than_a_wrong_form_could_is_kept(
+    monkeypatch: pytest.MonkeyPatch, extra: float, left: float, kept: bool
+) -> None:
+    """A third of a pattern is a ninth of the gain; but together they must close something."""
+    error = {RATE: 0.5, BOTH: left}
+    monkeypatch.setattr(weigh, "squared_errors", lambda _, candidate: np.full(8, error[candidate]))
+    found = SimpleNamespace(
+        plain=SimpleNamespace(problem=SimpleNamespace(model=SimpleNamespace(test_of=np.arange(8)))),
+        best={RATE: RATE, BOTH: BOTH},
+        log_evidence={((), ""): -4.0, (RATE, ""): 95.0, (BOTH, ""): 95.0 + extra},
+        errors=lambda effects, own: (1.0, error[effects]),
+    )
+    monkeypatch.setattr(weigh, "_rise", lambda rises, test_of: True)
+    _, without = weigh._explained(found, within_floor=False)  # type: ignore[arg-type]
+    assert without == ({} if kept else {BOTH: RATE})
+
+
 @pytest.mark.parametrize(("rise", "expected"), [(0.0, False), (0.05, True)])
 def test_errors_rise_where_they_do_so_in_most_tests(rise: float, expected: bool) -> None:
     """Two specimens in each of ten tests; a single test says nothing."""
