@@ -63,7 +63,7 @@ class _Case:
 
 
 # ------------------------------------------------------------------------------------------------
-# _Factors on stress: materials pulled at conditions, with effects and without.
+# Factors on stress: materials pulled at conditions, with effects and without.
 
 
 _GAUGE_mm = 25.0
