@@ -531,28 +531,28 @@ class Problem:
             force = np.where(self.table.is_field, 0.0, self.table.chord(self.unpredicted))
             change = change + candidate.log_gain * candidate.members[self.table.specimen] * force
         if candidate.own is not None:
-            alone = self.changes([alone for _, alone in self.with_own_sizes(candidate)])
+            _, alone = self._changes_alone(candidate)
             change = change + np.sum(candidate.own[:, self.table.specimen] * alone, axis=0)
         return change
 
-    def with_own_sizes(self, candidate: Candidate) -> list[tuple[SignedForm, Prediction]]:
-        """Return which of its forms each specimen has a size of its own of, predicted alone."""
+    def _changes_alone(self, candidate: Candidate) -> tuple[list[float], FloatArray]:
+        """Return by how much specimens' sizes differ, of effects whose sizes do, (k,).
+
+        And what each of these changes of the transformed features by itself, (k, N).
+        """
         own = [part for part in candidate.parts if part[0].effect.individual > 0.0]
+        if not own:
+            return [], np.zeros((0, len(self.table)))
         alone = self.predictions([replace(candidate, parts=(part,)) for part in own])
-        return [(branch, one) for (branch, _), one in zip(own, alone, strict=True)]
+        return [branch.effect.individual for branch, _ in own], self.changes(alone)
 
     def own_sizes(self, candidate: Candidate) -> FloatArray:
         """Return what specimens' own sizes of a candidate's effects change, (N, k), whitened."""
         table = self.table
-        if not (own := self.with_own_sizes(candidate)):
-            return np.zeros((len(table), 0))
         specimens = table.specimen[:, None] == np.arange(len(self.campaign.specimens))
-        changes = self.changes([alone for _, alone in own])
-        parts = [
-            branch.effect.individual * change[:, None] * specimens
-            for (branch, _), change in zip(own, changes, strict=True)
-        ]
-        return self.noise.whiten(np.concatenate(parts, axis=1))
+        each = zip(*self._changes_alone(candidate), strict=True)
+        parts = [sd * change[:, None] * specimens for sd, change in each]
+        return self.noise.whiten(np.concatenate([np.zeros((len(table), 0)), *parts], axis=1))
 
 
 def set_up(
