@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from planner.mesh.mesh import Mesh, order_edges
 from planner.numerics import FloatArray, IntArray, inner_kernel, kernel
 
-__all__ = ["TriangleTree", "distances", "inscribed_ball", "triangle_tree"]
+__all__ = ["TriangleTree", "distances", "inscribed_ball", "triangle_tree", "triangles_within"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -259,11 +259,30 @@ def inscribed_ball(
     centre, radius_mm
         Where no ball fits, the radius is zero.
     """
-    below, above, around = corners.min(axis=1), corners.max(axis=1), reach + 2 * step
-    near = np.flatnonzero(((below - point <= around) & (above - point >= -around)).all(axis=1))
+    near = triangles_within(corners, point - reach - 2 * step, point + reach + 2 * step)
     centre, start, trial = np.array([point, point, point])
     radius = _climb(corners, near, point, step, reach, np.empty((2, 3)), centre, start, trial)
     return centre, float(radius)
+
+
+def triangles_within(corners: FloatArray, low: FloatArray, high: FloatArray) -> IntArray:
+    """Return which triangles (m, 3, 3) have boxes that meet a box."""
+    found = np.empty(len(corners), dtype=np.int64)
+    return found[: _within(corners, low, high, found)]
+
+
+@kernel
+def _within(corners: Any, low: Any, high: Any, found: Any) -> Any:
+    n = 0
+    for f in range(len(corners)):
+        apart = False
+        for d in range(3):
+            a, b, c = corners[f, 0, d], corners[f, 1, d], corners[f, 2, d]
+            apart |= min(a, b, c) > high[d] or max(a, b, c) < low[d]
+        if not apart:
+            found[n] = f
+            n += 1
+    return n
 
 
 @kernel

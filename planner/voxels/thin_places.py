@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.mesh.distance import inscribed_ball
+from planner.mesh.distance import inscribed_ball, triangles_within
 from planner.mesh.mesh import Mesh, number_groups, unite
 from planner.numerics import BoolArray, FloatArray, IntArray, as_point, inner_kernel, kernel
 from planner.voxels.columns import MOST_VOXELS, Columns, Grid, iterate_columns
@@ -616,13 +616,13 @@ def _solid_words(mesh: Mesh, raster: Raster) -> Iterator[tuple[_Bits, ...]]:
         stop = start + len(held)
         low = int(np.searchsorted(last, start - _BESIDE))
         near = order[low : np.searchsorted(first, stop + _BESIDE, side="right")]
-        sheets = np.zeros_like(held)
+        drawn = np.concatenate([before, held, beside])
         side, at = np.empty((2, 3))
-        _sheets(corners, along.faces, near, start, before, held, beside, sheets, side, at)
-        yield (held | sheets,)
+        _sheets(corners, along.faces, near, start, drawn, held, side, at)
+        yield (held,)
         if slab is None:
             return
-        before = np.concatenate([before, held])[-_BESIDE:].copy()
+        before = drawn[len(held) :][:_BESIDE].copy()
         held, start = after, stop
 
 
@@ -634,14 +634,15 @@ def _words_drawn(slab: Columns) -> _Bits:
 
 @kernel
 def _sheets(
-    corners: Any, faces: Any, members: Any, first_row: Any, before: Any, here: Any, after: Any,
-    found: Any, side: Any, at: Any,
+    corners: Any, faces: Any, members: Any, first_row: Any, drawn: Any, found: Any, side: Any,
+    at: Any,
 ) -> None:  # fmt: skip
-    # Marks in `found` the voxels of triangles near which there is none. Triangles are looked at
-    # in cells of up to two voxels, in strips along their longest side; also in those cells whose
-    # middle lies beside the slab, as they may reach into it.
-    rows, columns = here.shape[0], here.shape[1] - 2 * _ROOM
-    voxels = (here.shape[2] - 2) * 64
+    # Marks in `found` the voxels of triangles near which none is `drawn`; that has `_BESIDE` rows
+    # more at either end. Triangles are looked at in cells of up to two voxels, in strips along
+    # their longest side; also in those cells whose middle lies beside the slab, as they may reach
+    # into it.
+    rows, columns = found.shape[0], found.shape[1] - 2 * _ROOM
+    voxels = (found.shape[2] - 2) * 64
     for m in members:
         longest, j = -1.0, 0
         for e in range(3):
@@ -652,9 +653,11 @@ def _sheets(
             if side[e] > longest:
                 longest, j = side[e], e
         a, b, c = faces[m, j], faces[m, (j + 1) % 3], faces[m, (j + 2) % 3]
-        along = 0.5 * (longest + side[(j + 2) % 3] - side[(j + 1) % 3])
-        height = np.sqrt(max(side[(j + 2) % 3] - along * along / max(longest, 1e-300), 0.0))
-        strips = max(int(np.ceil(height / _CELL)), 1)
+        strips = 1
+        if longest > _CELL * _CELL:
+            along = 0.5 * (longest + side[(j + 2) % 3] - side[(j + 1) % 3])
+            height = np.sqrt(max(side[(j + 2) % 3] - along * along / longest, 0.0))
+            strips = max(int(np.ceil(height / _CELL)), 1)
         for i in range(strips):
             up = (i + 0.5) / strips
             cells = max(int(np.ceil(np.sqrt(longest) * (1.0 - i / strips) / _CELL)), 1)
@@ -672,7 +675,7 @@ def _sheets(
                     continue
                 if not (0 <= column < columns and 0 <= voxel < voxels):
                     continue
-                if _near(before, here, after, row, column + _ROOM, voxel):
+                if _near(drawn, row + _BESIDE, column + _ROOM, voxel):
                     continue
                 for p in range(_POINTS):
                     for q in range(_POINTS):
@@ -697,22 +700,21 @@ def _at(corners: Any, a: Any, b: Any, c: Any, over: Any, up: Any, at: Any) -> No
 
 
 @inner_kernel
-def _near(before: Any, here: Any, after: Any, row: Any, column: Any, voxel: Any) -> Any:
+def _near(drawn: Any, row: Any, column: Any, voxel: Any) -> Any:
     # Whether any of the 27 voxels around one is in the set.
+    one, word, bit = np.uint64(1), 1 + (voxel >> 6), np.uint64(voxel & 63)
     for i in range(3):
         at = row + (0 if i == 0 else (-1 if i == 1 else 1))
         for j in range(3):
             beside = column + (0 if j == 0 else (-1 if j == 1 else 1))
-            for k in range(voxel - 1, voxel + 2):
-                word, bit = 1 + (k >> 6), np.uint64(k & 63)
-                if at < 0:
-                    value = before[at + _BESIDE, beside, word]
-                elif at >= here.shape[0]:
-                    value = after[at - here.shape[0], beside, word]
-                else:
-                    value = here[at, beside, word]
-                if (value >> bit) & np.uint64(1) == 1:
-                    return True
+            own = drawn[at, beside, word]
+            around = own >> bit | own >> bit >> one | own << one >> bit
+            if bit == 0:
+                around |= drawn[at, beside, word - 1] >> np.uint64(63)
+            elif bit == 63:
+                around |= drawn[at, beside, word + 1]
+            if around & one == 1:
+                return True
     return False
 
 
@@ -824,9 +826,7 @@ def room_mm(
     reach_mm = 0.55 * limit_mm
     around = reach_mm + 2.5 * step_mm
     low, high = points_mm.min(axis=0) - around, points_mm.max(axis=0) + around
-    near = np.empty(len(mesh.faces), dtype=np.int64)
-    near = near[: _within(mesh.vertices, mesh.faces, low, high, near)]
-    corners = mesh.vertices[mesh.faces[near]]
+    corners = mesh.triangles[triangles_within(mesh.triangles, low, high)]
     centres, diameters = np.empty((len(points_mm), 3)), np.empty(len(points_mm))
     for i, point in enumerate(points_mm):
         centres[i], radius = inscribed_ball(corners, np.ascontiguousarray(point), step_mm, reach_mm)
@@ -856,18 +856,3 @@ def _measured(mesh: Mesh, raster: Raster, place: _Place, limit_mm: float) -> Thi
     extent[raster.order] = (place.high - place.low) * pitch_mm
     size_mm, volume_mm3 = float(diameters[middle]), place.voxels * raster.grid.voxel_mm3
     return ThinPlace(as_point(centres[middle]), size_mm, as_point(extent), volume_mm3, place.alone)
-
-
-@kernel
-def _within(vertices: Any, faces: Any, low: Any, high: Any, found: Any) -> Any:
-    # Faces whose boxes meet a box.
-    n = 0
-    for f in range(faces.shape[0]):
-        apart = False
-        for d in range(3):
-            a, b, c = vertices[faces[f, 0], d], vertices[faces[f, 1], d], vertices[faces[f, 2], d]
-            apart |= min(a, b, c) > high[d] or max(a, b, c) < low[d]
-        if not apart:
-            found[n] = f
-            n += 1
-    return n
