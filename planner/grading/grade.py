@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import SupportsIndex
 
 import numpy as np
-from numpy.typing import NDArray
 
 from planner import __version__
 from planner.cutting.grid import default_pitch_mm
@@ -16,7 +15,6 @@ from planner.errors import ArgumentError, Caution, ThinBandError, as_number, did
 from planner.fields.basic import Field, PlanarField, axis_field
 from planner.fields.parse import Setting, TableFile, build_field
 from planner.formats.files import SIGNIFICANT_DIGITS
-from planner.formats.mesh_file import decode_stl, stl_holds
 from planner.grading.check import plan_checks
 from planner.grading.dither import CellDesign, cell_design
 from planner.grading.howto import with_howto
@@ -26,9 +24,9 @@ from planner.grading.regions import BandDesign, band_design, blend_segments, err
 from planner.grading.snap import snap_limit_mm, snapped_bands
 from planner.grading.wish import End, Wish, Wished, targets_of
 from planner.materials.mixtures import TwoPhases
-from planner.mesh.mesh import Mesh, join_shells, weld
+from planner.mesh.mesh import Mesh, join_shells
 from planner.mesh.part import Part, moved_to_corner, open_part
-from planner.numerics import Float32Array, FloatArray, Point, as_point
+from planner.numerics import FloatArray, Point, as_point
 from planner.palette import Palette
 from planner.plan import (
     Check,
@@ -38,7 +36,6 @@ from planner.plan import (
     PartGraded,
     Plan,
     Region,
-    Shell,
     Stiffness,
     Unreachable,
     decode_plan,
@@ -348,7 +345,7 @@ def _band_count(bands: SupportsIndex) -> int:
 def _verified(plan: Plan, placed: Mesh) -> Plan:
     """Add the checks that ``planner check`` makes of a plan's files, and what does not hold."""
     as_read = decode_plan(plan.json(), "plan.json")
-    shells = join_shells(map(_read_back, plan.shells))
+    shells = join_shells((each.vertices, each.faces.astype(np.int32)) for each in plan.shells)
     checks, problems = plan_checks(as_read, [shell.file for shell in plan.shells], shells, placed)
     if not problems:
         del checks["plan_disagreements"]  # a plan that is what its files are does not say so
@@ -370,14 +367,6 @@ def _volume_finding(check: Check, placed: Mesh) -> Finding:
         "the axes, or make them thicker"
     )
     return Finding(kind="volume", message=message, size_mm=wall_mm)
-
-
-def _read_back(shell: Shell) -> tuple[Float32Array, NDArray[np.int32]]:
-    """Return vertices and faces as the reader of a shell's file finds them."""
-    data = shell.stl
-    if stl_holds(data, shell.vertices, shell.faces):
-        return shell.vertices, shell.faces.astype(np.int32)
-    return weld(decode_stl(data, shell.file).astype(np.float32))
 
 
 def _remarks(scale: StiffnessScale, regions: Sequence[Region]) -> tuple[str, ...]:

@@ -14,13 +14,13 @@ import numpy as np
 from planner.cutting.pieces import Pieces, split
 from planner.errors import ArgumentError
 from planner.fields.basic import Field
-from planner.formats.mesh_file import encode_stl
+from planner.formats.mesh_file import decode_stl, encode_stl, stl_holds
 from planner.formats.threemf import Constituent, composite_name, mixed_colour
 from planner.glance import in_percent
 from planner.grading.printability import CutPart, print_checks
 from planner.grading.profile import Band, Profile, StiffnessScale, equal_bands, natural_bands
 from planner.materials.mixtures import TwoPhases
-from planner.mesh.mesh import Mesh, compact
+from planner.mesh.mesh import Mesh, compact, weld
 from planner.numerics import FloatArray, as_point
 from planner.palette import Palette
 from planner.plan import Check, Finding, Region, Shell
@@ -126,7 +126,10 @@ def _mixture(scale: StiffnessScale, modulus_MPa: float, machine: Printer) -> Pri
 def shells_of(
     pieces: Pieces, printed: Sequence[Printed], scale: StiffnessScale, machine: Printer, name: str
 ) -> tuple[Shell, ...]:
-    """Unite the pieces of each material or mixture into one shell set, from soft to hard."""
+    """Unite the pieces of each material or mixture into one shell set, from soft to hard.
+
+    Shells are what readers of their files find.
+    """
     names = np.array([what.name for what in printed])
     occupied = pieces.volumes_mm3 > 0.0
     used_ones = {what.name: what for what, some in zip(printed, occupied, strict=True) if some}
@@ -139,16 +142,20 @@ def shells_of(
         used, faces = compact(faces, len(pieces.vertices))
         vertices = pieces.vertices[used]
         header = f"{name} {what.operator_name} unit=mm"
+        file = f"stl/{name}__{len(shells) + 1:02d}_{what.name}.stl"
+        data = encode_stl(vertices, faces, header)
+        if not stl_holds(data, vertices, faces):
+            vertices, faces = weld(decode_stl(data, file).astype(np.float32))
         shells.append(
             Shell(
                 material=what.name,
                 operator_name=what.operator_name,
                 colour=what.colour,
-                file=f"stl/{name}__{len(shells) + 1:02d}_{what.name}.stl",
+                file=file,
                 vertices=vertices,
                 faces=faces,
                 header=header,
-                sha256=hashlib.sha256(encode_stl(vertices, faces, header)).hexdigest(),
+                sha256=hashlib.sha256(data).hexdigest(),
                 properties={
                     "coordinate": f"{what.coordinate:.9g}",
                     "modulus_MPa": f"{what.modulus_MPa:.9g}",
