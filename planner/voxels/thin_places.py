@@ -669,34 +669,25 @@ def _sheets(
                 first = max(int(np.floor(min(low, high) * cells)) - 1, 0)
                 last = min(int(np.ceil(max(low, high) * cells)) + 1, cells)
             for k in range(first, last):
-                _at(corners, a, b, c, (k + 0.5) / cells, up, at)
-                row, column, voxel = int(at[1]) - first_row, int(at[0]), int(at[2])
-                if not -2 <= row < rows + 2:
-                    continue
-                if not (0 <= column < columns and 0 <= voxel < voxels):
-                    continue
-                if _near(drawn, row + _BESIDE, column + _ROOM, voxel):
-                    continue
-                for p in range(_POINTS):
-                    for q in range(_POINTS):
-                        over = (k - 0.5 + 2.0 * p / (_POINTS - 1)) / cells
-                        rise = (i - 0.5 + 2.0 * q / (_POINTS - 1)) / strips
-                        over, rise = min(max(over, 0.0), 1.0), min(max(rise, 0.0), 1.0)
-                        _at(corners, a, b, c, over, rise, at)
-                        row, column, voxel = int(at[1]) - first_row, int(at[0]), int(at[2])
-                        if not 0 <= row < rows:
-                            continue
-                        if 0 <= column < columns and 0 <= voxel < voxels:
-                            bit = np.uint64(1) << np.uint64(voxel & 63)
-                            found[row, column + _ROOM, 1 + (voxel >> 6)] |= bit
-
-
-@inner_kernel
-def _at(corners: Any, a: Any, b: Any, c: Any, over: Any, up: Any, at: Any) -> None:
-    # The point so far along ab, and then towards c.
-    for d in range(3):
-        foot = corners[a, d] + over * (corners[b, d] - corners[a, d])
-        at[d] = np.floor(foot + up * (corners[c, d] - foot))
+                for p in range(-1, _POINTS * _POINTS):  # the middle, and if nothing is near, all
+                    over, rise = k + 0.5, i + 0.5
+                    if p >= 0:
+                        over = k - 0.5 + 2.0 * (p // _POINTS) / (_POINTS - 1)
+                        rise = i - 0.5 + 2.0 * (p % _POINTS) / (_POINTS - 1)
+                    over, rise = min(max(over / cells, 0.0), 1.0), min(max(rise / strips, 0.0), 1.0)
+                    for d in range(3):  # so far along ab, and then towards c
+                        foot = corners[a, d] + over * (corners[b, d] - corners[a, d])
+                        at[d] = np.floor(foot + rise * (corners[c, d] - foot))
+                    row, column, voxel = int(at[1]) - first_row, int(at[0]), int(at[2])
+                    beyond = not (0 <= column < columns and 0 <= voxel < voxels)
+                    if p < 0:
+                        if beyond or not -2 <= row < rows + 2:
+                            break
+                        if _near(drawn, row + _BESIDE, column + _ROOM, voxel):
+                            break
+                    elif not beyond and 0 <= row < rows:
+                        bit = np.uint64(1) << np.uint64(voxel & 63)
+                        found[row, column + _ROOM, 1 + (voxel >> 6)] |= bit
 
 
 @inner_kernel
