@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["Loop", "at_first_compilation"]
+__all__ = ["Loop", "nothing_kept"]
 
 # Numba's own cache looks at the file of a loop alone. But machine code also holds the loops that it
 # calls and the constants that it names, from whatever file. So the name of a file here is a digest
@@ -314,26 +314,18 @@ def _processor() -> tuple[str, ...]:
 # Compiling, and the first run after installation, in which everything is compiled.
 
 
-_at_first: set[Callable[[], object]] = set()
-
-
-def at_first_compilation(act: Callable[[], object]) -> None:
-    """Call `act` once a loop has to be compiled where none is kept yet.
+def nothing_kept() -> bool:
+    """Tell whether no loop is kept yet: all that are met will be compiled.
 
     So it is after an installation, and after an upgrade of numba, llvmlite, numpy or Python.
     """
-    _at_first.add(act)
+    folder = _folder()
+    return folder is not None and not any(folder.glob("*.nbc"))
 
 
 @contextlib.contextmanager
 def _without_pauses() -> Iterator[None]:
     """Keep Python from searching for cycles of garbage, an eighth of the time of compiling."""
-    folder = _folder()
-    first = folder is not None and not any(folder.glob("*.nbc"))
-    while _at_first:
-        act = _at_first.pop()
-        if first:
-            act()
     searching = gc.isenabled()
     gc.disable()
     try:

@@ -170,7 +170,7 @@ def grade(
     Example: [bold]planner grade finger.stl --from Tango --to Vero --axis x[/bold]
     """
     given = locals()
-    from planner.compilation_cache import at_first_compilation
+    from planner.compilation_cache import nothing_kept
     from planner.formats.threemf import needs_one_mesh
 
     folder = Path(f"{part.stem}-graded") if output is None else output
@@ -179,7 +179,8 @@ def grade(
         needs_one_mesh(slicer)  # a slip is told before the work
     if not dry_run:
         cli.check_targets(context, force=force, folders={"output": (folder, "plan.json")})
-    at_first_compilation(_start)
+    if nothing_kept():
+        _start()
     with cli.progress(not quiet and not as_json) as stage:
         asked = cli.taken(planner.grade, given) | {"printer": machine, "progress": stage}
         plan = planner.grade(**asked)
@@ -503,7 +504,7 @@ _started: list[subprocess.Popen[bytes]] = []
 
 
 def _start() -> None:
-    """Start processes that rehearse stages of a plan, as something has to be compiled."""
+    """Start processes that rehearse stages of a plan, as nothing is compiled yet."""
     # os.cpu_count() counts processors that this process may not use; not every system tells.
     allowed = getattr(os, "sched_getaffinity", None)
     shares = min((len(allowed(0)) if allowed else os.cpu_count() or 1) - 1, 2)

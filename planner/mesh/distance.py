@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from planner.mesh.mesh import Mesh, order_edges
 from planner.numerics import FloatArray, IntArray, inner_kernel, kernel
 
-__all__ = ["TriangleTree", "distances", "inscribed_ball", "triangle_tree", "triangles_within"]
+__all__ = ["TriangleTree", "distances", "inscribed_balls", "triangle_tree"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -236,13 +236,13 @@ def _to_triangle(corners: Any, t: Any, at: Any, closest: Any) -> Any:
 
 
 # ------------------------------------------------------------------------------------------------
-# The largest ball inside a surface near a point.
+# The largest balls inside a surface near points.
 
 
-def inscribed_ball(
-    corners: FloatArray, point: FloatArray, step: float, reach: float
-) -> tuple[FloatArray, float]:
-    """Climb from a point to the centre of the largest ball that fits there.
+def inscribed_balls(
+    corners: FloatArray, points: FloatArray, step: float, reach: float
+) -> tuple[FloatArray, FloatArray]:
+    """Climb from each point to the centre of the largest ball that fits there.
 
     The search halves its step from `step` to a sixteenth of it, which is its precision, and stays
     within `step` of where it starts along each axis.
@@ -251,21 +251,27 @@ def inscribed_ball(
     ----------
     corners : (m, 3, 3)
         Of the triangles.
+    points : (n, 3)
     reach
         Radius in mm beyond which the size of a ball is of no interest.
 
     Returns
     -------
-    centre, radius_mm
+    centres (n, 3), radii_mm (n,)
         Where no ball fits, the radius is zero.
     """
-    near = triangles_within(corners, point - reach - 2 * step, point + reach + 2 * step)
-    centre, start, trial = np.array([point, point, point])
-    radius = _climb(corners, near, point, step, reach, np.empty((2, 3)), centre, start, trial)
-    return centre, float(radius)
+    around = reach + 2.0 * step
+    corners = corners[_near(corners, points.min(axis=0) - around, points.max(axis=0) + around)]
+    centres, radii_mm = np.array(points, dtype=np.float64, order="C"), np.empty(len(points))
+    closest, start, trial = np.empty((2, 3)), np.empty(3), np.empty(3)
+    for i, point in enumerate(centres.copy()):
+        near = _near(corners, point - around, point + around)
+        scratch = closest, centres[i], start, trial
+        radii_mm[i] = _climb(corners, near, point, step, reach, *scratch)
+    return centres, radii_mm
 
 
-def triangles_within(corners: FloatArray, low: FloatArray, high: FloatArray) -> IntArray:
+def _near(corners: FloatArray, low: FloatArray, high: FloatArray) -> IntArray:
     """Return which triangles (m, 3, 3) have boxes that meet a box."""
     found = np.empty(len(corners), dtype=np.int64)
     return found[: _within(corners, low, high, found)]

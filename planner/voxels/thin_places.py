@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.mesh.distance import inscribed_ball, triangles_within
+from planner.mesh.distance import inscribed_balls
 from planner.mesh.mesh import Mesh, number_groups, unite
 from planner.numerics import BoolArray, FloatArray, IntArray, as_point, inner_kernel, kernel
 from planner.voxels.columns import MOST_VOXELS, Columns, Grid, iterate_columns
@@ -814,15 +814,8 @@ def room_mm(
 
     Diameters of the limit and more are not told apart; outside the solid they are zero.
     """
-    reach_mm = 0.55 * limit_mm
-    around = reach_mm + 2.5 * step_mm
-    low, high = points_mm.min(axis=0) - around, points_mm.max(axis=0) + around
-    corners = mesh.triangles[triangles_within(mesh.triangles, low, high)]
-    centres, diameters = np.empty((len(points_mm), 3)), np.empty(len(points_mm))
-    for i, point in enumerate(points_mm):
-        centres[i], radius = inscribed_ball(corners, np.ascontiguousarray(point), step_mm, reach_mm)
-        diameters[i] = 2.0 * radius
-    return centres, diameters
+    centres, radii_mm = inscribed_balls(mesh.triangles, points_mm, step_mm, 0.55 * limit_mm)
+    return centres, 2.0 * radii_mm
 
 
 def thinnest_first(thickness_mm: FloatArray) -> IntArray:

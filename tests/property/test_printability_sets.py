@@ -5,7 +5,7 @@ import pytest
 import trimesh
 from scipy import ndimage
 
-from planner.mesh.distance import inscribed_ball
+from planner.mesh.distance import inscribed_balls
 from planner.voxels.thin_places import (
     _ROOM,
     _add_runs,
@@ -126,7 +126,7 @@ def test_inscribed_ball_of_a_turned_box(seed):
     body = trimesh.creation.box((2, 1, 3))
     body.apply_transform(trimesh.transformations.random_rotation_matrix(rng.random(3)))
     start = rng.uniform(-0.1, 0.1, 3)
-    centre, radius = inscribed_ball(np.array(body.triangles), start, 0.2, 5.0)
+    (centre,), (radius,) = inscribed_balls(np.array(body.triangles), start[None], 0.2, 5.0)
     assert 0.5 - 0.2 / 16 <= radius <= 0.5 + 1e-9
     distance = np.abs(
         body.face_normals @ centre - np.einsum("ij,ij->i", body.face_normals, body.triangles[:, 0])
@@ -136,11 +136,7 @@ def test_inscribed_ball_of_a_turned_box(seed):
 
 def test_inscribed_ball_starting_outside_climbs_in():
     body = trimesh.creation.icosphere(3, 0.1)
-    centre, radius = inscribed_ball(
-        np.array(body.triangles),
-        np.array([0.12, 0.0, 0.02]),
-        0.2,
-        1.0,
-    )
+    start = np.array([[0.12, 0.0, 0.02]])
+    (centre,), (radius,) = inscribed_balls(np.array(body.triangles), start, 0.2, 1.0)
     assert np.linalg.norm(centre) < 0.03
     assert radius == pytest.approx(0.1, abs=0.02)

@@ -97,11 +97,10 @@ def test_a_run_goes_on_where_no_process_can_be_started(monkeypatch):
 
 LOOPS = """
 import gc, json, sys
-from planner.compilation_cache import at_first_compilation
+from planner.compilation_cache import nothing_kept
 from planner.numerics import kernel
 
-calls, searching = [], []
-at_first_compilation(lambda: calls.append(gc.isenabled()))
+first = nothing_kept()
 
 @kernel
 def twice(x):
@@ -114,12 +113,12 @@ def thrice(x):
 results = [thrice(2), thrice(2.5), gc.isenabled()]
 gc.disable()
 results += [thrice(2 + 1j).real, gc.isenabled()]
-print(json.dumps([results, calls]))
+print(json.dumps([results, first, nothing_kept()]))
 """
 
 
 @pytest.mark.slow
-def test_compiling_starts_them_once_and_leaves_garbage_collection_as_it_was(tmp_path):
+def test_a_first_run_is_told_and_compiling_leaves_garbage_collection_as_it_was(tmp_path):
     script, kept = tmp_path / "loops.py", tmp_path / "kept"
     script.write_text(LOOPS)
 
@@ -129,10 +128,10 @@ def test_compiling_starts_them_once_and_leaves_garbage_collection_as_it_was(tmp_
         return json.loads(subprocess.check_output(command, env={**os.environ, **place}))
 
     right = [6, 7.5, True, 6.0, False]
-    assert run() == [right, [True]]
-    assert run() == [right, []]  # nothing to compile
+    assert run() == [right, True, False]
+    assert run() == [right, False, False]  # nothing to compile
     script.write_text(LOOPS.replace("return x + x", "return 2 * x"))
-    assert run() == [right, []]  # no installation, but a loop that changed
+    assert run() == [right, False, False]  # no installation, but a loop that changed
 
 
 @pytest.mark.slow  # it takes long only where nothing is compiled yet, as in a first quick run
