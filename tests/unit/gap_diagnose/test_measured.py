@@ -106,7 +106,8 @@ def test_three_effects_are_found_together(planned, imitated) -> None:
 @pytest.mark.long
 def test_rate_and_temperature_are_one_law_though_neither_alone_shows_it(tmp_path) -> None:
     """Of forms that are best alone, or one beside another's best, 129 nats fewer."""
-    write_campaign(tmp_path, measured(np.random.default_rng((1, 3))))
+    tests, _ = measured(np.random.default_rng((1, 3)))
+    write_campaign(tmp_path, tests)
     problem, *_ = prepared(read_campaign(tmp_path))
     found = weigh(problem, Priors())
     best = found.best["rate", "temperature"]
