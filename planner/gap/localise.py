@@ -309,7 +309,8 @@ class _Case:
     ) -> None:
         self.campaign, self.table, self.residual = campaign, table, residual
         self.whitening, self.y = whitening, whitening(residual)
-        level = table.sensitivity(table.measured_raw)
+        # `sensitivity` at what is predicted: a measured zero is noise, and would explain itself.
+        level = np.tanh(table.measured - residual)
         self.force = np.where(table.is_field, 0.0, level)
         self.local = np.where(table.is_field, level, 0.0)
         tells = np.abs(level) > _TELLS

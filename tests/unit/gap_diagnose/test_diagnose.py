@@ -10,16 +10,31 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from planner.errors import UnknownNameError
 from planner.formats.units import QUANTITY_UNITS
 from planner.gap.campaign_folder import write_campaign
-from planner.gap.diagnose import diagnose
+from planner.gap.diagnose import _places_of, diagnose, prepared
 from planner.gap.diagnosis import Diagnosis
 from planner.gap.effects import EFFECTS
+from planner.gap.evidence.problem import Candidate
 
 SURE = 0.8
+
+
+def test_noise_of_the_load_cell_at_no_strain_is_no_gap(planned, imitated) -> None:
+    """Forces that are zero but for it say nothing of what all forces have in common."""
+    plan = planned(15, material=["TangoPlus", "FLX9760", "FLX9795"])
+    made, rng = imitated(plan), np.random.default_rng(4)
+    noisy = tuple(
+        replace(s, force_N=s.force_N + 0.003 * s.force_N.max() * rng.standard_normal(len(s.time_s)))
+        for s in made.specimens
+    )
+    problem, *_ = prepared(replace(made, specimens=noisy))
+    where, _ = _places_of(problem, {}, Candidate(()))
+    assert min(place.p for place in where) > 0.01
 
 
 def test_nothing_is_none(of_nothing: Diagnosis) -> None:

@@ -170,16 +170,22 @@ def planted(seed: int, members: list[int], log_gain: float, n: int = 20) -> Floa
     return levels
 
 
+def test_a_gain_is_where_it_fits_best_and_not_on_the_grid() -> None:
+    """Of six specimens without scatter; the grid's nearest are 0.216 and 0.241."""
+    found = weighed(np.repeat([0.0, 0.23], [14, 6]))
+    assert found.log_gain == pytest.approx(0.23, abs=1e-12)
+
+
 @pytest.mark.parametrize("seed", range(6))
 @pytest.mark.parametrize("log_gain", [0.3, -0.25])
 def test_those_that_were_put_in_are_found(seed: int, log_gain: float) -> None:
-    """Eight deviations off: all of them, none else, the factor to its grid of 12 % and 3 errors."""
+    """Eight deviations off: all of them, none else, the factor to 3 standard errors."""
     members = [1, 4, 5, 11, 17]
     found = weighed(planted(seed, members, log_gain), batches(20))
     assert found.effects == ("force-scale",)
     assert np.flatnonzero(found.members).tolist() == members
     off = abs(found.log_gain - log_gain)
-    assert off < 0.06 * abs(log_gain) + 3.0 * SCATTER / np.sqrt(len(members))
+    assert off < 3.0 * SCATTER / np.sqrt(len(members))
     assert found.log_evidence > 50.0
     assert found.gain > found.log_evidence
 
