@@ -262,6 +262,11 @@ def _dimensions_of(
     return Dimensions(area, gauge, rate, MappingProxyType(sources), MappingProxyType(unclear))
 
 
+_FIRST = 6
+"""Rows of a record by which is told where it has no load. Chosen: more than noise needs, and few
+enough for a line."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class _Test:
     """One specimen's record on its way to a curve; `sign` is -1 where it was compressed."""
@@ -277,7 +282,9 @@ class _Test:
         """Return the strain, with its sign turned where the specimen was compressed."""
         columns, gauge_mm = self.columns, self.dimensions.gauge_mm
         if "strain" in columns:
-            return columns["strain"]
+            strain = columns["strain"]
+            begins = abs(strain[0]) <= UNLOADED_SHARE * np.ptp(strain)
+            return strain if begins else self._from_no_load("strain", strain)
         if "true_strain" in columns:
             self.notes.append(f"{self.where}: strain from true (logarithmic) strain")
             return self.sign * np.expm1(self.sign * columns["true_strain"])
@@ -286,14 +293,26 @@ class _Test:
                 f"{self.where}: the gauge length is unknown, so displacement gives no strain; add "
                 f"gauge_mm to specimens.csv, or give `gauge_mm`{self._readings('gauge')}"
             )
-        displacement = columns["displacement_mm"]
-        load = next(columns[name] for name in _LOADS if name in columns)
-        if displacement[0] != 0.0 and abs(load[0]) < UNLOADED_SHARE * float(np.max(np.abs(load))):
-            self.notes.append(
-                f"{self.where}: displacement counted from its first value, {displacement[0]:.4g} mm"
-            )
-            displacement = displacement - displacement[0]
-        return displacement / gauge_mm
+        return self._from_no_load("displacement", columns["displacement_mm"], " mm") / gauge_mm
+
+    def _from_no_load(self, what: str, values: FloatArray, unit: str = "") -> FloatArray:
+        """Return travel or strain, counted from no load where it does not begin near zero there.
+
+        No load is where a line through the first rows says, or the first row if it has hardly any.
+        """
+        load = next(self.columns[name] for name in _LOADS if name in self.columns)
+        first, few = float(values[0]), load[:_FIRST] - np.mean(load[:_FIRST])
+        slope = float(few @ values[:_FIRST]) / max(float(few @ few), 1e-300)
+        start = float(np.mean(values[:_FIRST]) - slope * np.mean(load[:_FIRST]))
+        if abs(start) <= abs(start - first):
+            return values
+        little = abs(load[0]) < UNLOADED_SHARE * float(np.max(np.abs(load)))
+        if little or (start - first) * (values[-1] - first) > 0.0:
+            start, where = first, "its first value"
+        else:
+            where = f"no load, by a line through its first {_FIRST} rows"
+        self.notes.append(f"{self.where}: {what} counted from {where}, {start:.4g}{unit}")
+        return values - start
 
     def stress_MPa(self, strain: FloatArray) -> FloatArray:
         """Return the nominal stress, with its sign turned like that of strain."""

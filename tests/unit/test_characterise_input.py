@@ -189,3 +189,30 @@ def test_a_curve_refuses_what_no_fit_should_see(
     values = {"strain": STRAIN, "stress_MPa": STRESS} | changes
     with pytest.raises(FileError, match=message):
         Curve("s", **values)  # type: ignore[arg-type]  # arrays alone
+
+
+RUBBER_STRAIN = np.linspace(0.0, 0.8, 81)
+RUBBER_MPa = 1.0 - np.exp(-RUBBER_STRAIN)
+
+
+def test_travel_under_a_preload_counts_from_no_load(tmp_path: Path) -> None:
+    """The tangent at a load of 9 % of the peak meets zero 0.0012 from where the curve does."""
+    loaded = slice(5, None)
+    columns = {"displacement_mm": 12.5 + 25.0 * RUBBER_STRAIN, "stress_MPa": RUBBER_MPa}
+    found = study(tmp_path, {name: of[loaded] for name, of in columns.items()}, gauge_mm=25.0)
+    assert only(found).strain[0] == pytest.approx(RUBBER_STRAIN[5], abs=0.003)
+    assert "counted from no load, by a line through its first 6 rows" in " ".join(found.notes)
+
+
+def test_travel_that_counts_from_no_load_stays_though_its_first_row_lies_behind(
+    tmp_path: Path,
+) -> None:
+    columns = {"displacement_mm": 25.0 * RUBBER_STRAIN[1:], "stress_MPa": RUBBER_MPa[1:]}
+    found = study(tmp_path, columns, gauge_mm=25.0)
+    assert only(found).strain[0] == pytest.approx(RUBBER_STRAIN[1], abs=1e-8)
+
+
+def test_a_strain_that_begins_elsewhere_counts_from_no_load(tmp_path: Path) -> None:
+    found = study(tmp_path, {"strain": 0.5 + RUBBER_STRAIN, "stress_MPa": RUBBER_MPa})
+    assert only(found).strain[0] == pytest.approx(0.0, abs=1e-8)
+    assert "strain counted from its first value, 0.5" in " ".join(found.notes)
