@@ -491,6 +491,8 @@ def plan_file(plan: str | Path | Plan) -> Path:
         siblings = [p.name for p in path.parent.iterdir()] if path.parent.is_dir() else []
         hint = did_you_mean(path.name, siblings)
         raise FileError(f"{path}: no such file or folder; {hint}give a plan.json or its folder")
+    if path.suffix.casefold() in (".stl", ".3mf", ".obj", ".ply", ".off"):
+        raise FileError(f"{path}: a mesh and no plan; give the folder that planner grade wrote")
     return path
 
 

@@ -69,6 +69,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         code = run(arguments)
     except KeyboardInterrupt:  # before the command begins, or after it is done
         code = TERMINATED if _told_to_end else INTERRUPTED
+    if code == BAD_INPUT:
+        gc.collect()  # of what an error's frames held libraries would complain
     gc.freeze()  # the system takes all back: nothing is searched through on the way out
     sys.exit(code)
 
@@ -207,14 +209,10 @@ def _with_options(message: str, commands: typer.Typer) -> str:
     groups: list[Any] = [_command(app), _command(commands)]
     for command in groups:  # which grows by the groups within
         groups += getattr(command, "commands", {}).values()
-        options |= {p.name: _long(p.opts) for p in command.params if p.opts}
+        named = ((p.name, p.opts) for p in command.params if p.opts)
+        options |= {n: next((o for o in of if o.startswith("--")), of[0]) for n, of in named}
     # msgspec quotes fields of files alike: "missing required field `coordinate`".
     return re.sub(r"(?<!field )`(\w+)`", lambda named: options.get(named[1], named[0]), message)
-
-
-def _long(names: list[str]) -> str:
-    """Return the name of an option that messages use: the first that is no letter."""
-    return next((name for name in names if name.startswith("--")), names[0])
 
 
 def _discard_stdout() -> None:

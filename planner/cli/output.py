@@ -400,6 +400,8 @@ def check_targets(
         _refuse_reading(option, path, [f for f in read if _same(path, f)], "that file")
         check_absent(path, force=force)
     for option, (path, record) in wholes.items():
+        if is_stream(path):
+            raise ArgumentError(f"--{option} {path}: a folder is written; give its name")
         kept = check_target(path, force=force, record=record, option=option)
         inside = [f for f in read if _real(f).is_relative_to(_real(path))]
         _refuse_reading(option, path, inside, "a file in that folder")

@@ -9,6 +9,7 @@ import textwrap
 from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
+from shlex import quote
 from typing import Annotated
 
 from typer import Argument, Context, Option
@@ -219,7 +220,8 @@ def _grade_report(
     if folder is None:
         cli.say("nothing was written")
         return
-    cli.say(f"wrote {folder} (next: planner check {folder}; planner view {folder})")
+    named = quote(str(folder))
+    cli.say(f"wrote {folder} (next: planner check {named}; planner view {named})")
     if like is not None:
         cli.say(
             f"what changed: planner diff {like} {folder}; once it is printed and pulled: "

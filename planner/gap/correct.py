@@ -720,10 +720,9 @@ def _beyond(
     if outside:
         ends = " to ".join(dict.fromkeys(ids[n] for n in (grades[0], grades[-1])))
         factor = _factor_95([log_sd[id] for id in outside])
-        yield (
-            f"{', '.join(outside)}: beyond what was tested ({ends}); stress is known there to a "
-            f"factor of {factor} (95 %)"
-        )
+        known = f"stress is known there to a factor of {factor} (95 %)"
+        said = "nothing was corrected there" if factor == "1" else known
+        yield f"{', '.join(outside)}: beyond what was tested ({ends}); {said}"
 
 
 def _factor_95(log_sds: Sequence[float]) -> str:

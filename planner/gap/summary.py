@@ -175,7 +175,9 @@ def _how_far(d: Diagnosis) -> str:
     if d.verdict == "none":
         beyond = "; what is beyond lies within the doubt about its calibration"
         within = "" if gap.floor is None or d.remainder else beyond
-        return f"There is nothing to close: {before}, and {floor}{within}."
+        if (refitted := gap.recalibration_only) is not None:
+            before += f", by {percent(refitted)} with its laws refitted"
+        return f"No effect is needed: {before}, and {floor}{within}."
     if d.verdict == "unknown":
         return f"Nothing known closes it: {before}, and {floor}."
     if gap.after is None:

@@ -613,7 +613,9 @@ def _blended(
         "reuss_MPa": float(phases.reuss_MPa(share.achieved)),
         "estimate_error": error,
     }
-    return blended(region, scale, pair, modulus, (-error, error), error, "dither", says)
+    off = modulus / float(phases.dithered_MPa(share.wanted))
+    missed = (1.0 - error) * off - 1.0, (1.0 + error) * off - 1.0
+    return blended(region, scale, pair, modulus, missed, error, "dither", says)
 
 
 def cell_design(

@@ -289,8 +289,8 @@ def grade(
     printing, findings, cautions = design.held(cut, shells, scale, machine)
     known = _remarks(scale, regions)
     stiffness, off, others = _stiffness_check(
-        regions, limit, target, scale, equal_bands=wish.bands is not None,
-        moved=bool(moved) and by[0] == "nearest",
+        regions, limit, target, scale, blend=by[0], equal_bands=wish.bands is not None,
+        moved=bool(moved),
     )  # fmt: skip
     followed = () if earlier is None else earlier.remarks(source.sha256)
     mixed = any(what.material is None for what in design.printed)
@@ -477,7 +477,7 @@ def _tolerated_ratio(stated: float) -> float:
 
 def _stiffness_check(
     regions: Sequence[Region], limit: float, target: Profile, scale: StiffnessScale, *,
-    equal_bands: bool, moved: bool,
+    blend: str, equal_bands: bool, moved: bool,
 ) -> tuple[Check, tuple[Finding, ...], dict[str, float]]:  # fmt: skip
     """Hold the stiffness of all regions against what was wanted there.
 
@@ -505,10 +505,12 @@ def _stiffness_check(
     ratio, moduli = _region_error(worst), scale.moduli_MPa
     between = [s for s in blend_segments(target, moduli) if s.lower < s.upper]
     shares = (TwoPhases(moduli[s.lower], moduli[s.upper]).dither_error for s in between)
-    cells = max((1.0 / (1.0 - share) for share in shares), default=1.0)
-    option = "without --bands" if equal_bands else "with --snap 0" if moved else ""
-    nearest = {option: _of_nearest(target, scale)} if option else {}
-    found = {**nearest, "with --blend dither": cells}
+    beyond = _worst_of(shortfalls(target, moduli), moduli)
+    cells = max([beyond, *(1.0 / (1.0 - share) for share in shares)])
+    found = {} if blend == "dither" else {"with --blend dither": cells}
+    if blend == "nearest" and (equal_bands or moved):
+        option = "without --bands" if equal_bands else "with --snap 0"
+        found = {option: _worst_of(natural_bands(target, moduli), moduli), **found}
     others = {option: error for option, error in found.items() if error < ratio * (1.0 - 1e-6)}
     check = Check(ratio, limit, ratio <= limit * (1.0 + _ROUNDING))
     if check.ok:
@@ -529,15 +531,10 @@ def _region_error(region: Region) -> float:
     return max(1.0 + region.error[1], 1.0 / (1.0 + region.error[0]))
 
 
-def _of_nearest(target: Profile, scale: StiffnessScale) -> float:
-    """Return the worst ratio of the nearest materials, of what of the target they reach."""
-    moduli = scale.moduli_MPa
-    least, most = moduli[0], moduli[-1]
-    worst = 1.0
-    for band in natural_bands(target, moduli):
-        low, high = (min(max(value, least), most) for value in band.target_MPa)
-        worst = max(worst, moduli[band.grade] / low, high / moduli[band.grade])
-    return worst
+def _worst_of(bands: Sequence[Band], moduli: Sequence[float]) -> float:
+    """Return the worst ratio of target and modulus in bands; 1 of none."""
+    ratios = ((moduli[b.grade] / b.target_MPa[0], b.target_MPa[1] / moduli[b.grade]) for b in bands)
+    return max((ratio for each in ratios for ratio in each), default=1.0)
 
 
 def _rounded_up(value: float) -> float:

@@ -139,26 +139,26 @@ def _thin_findings(
         of = f"of {place.size_mm:.2f} mm {at}"
         if kind == "thin-wall":
             number = np.searchsorted(part.levels, _field_at(part, place), side="right")
-            name, more = part.names[int(number)], "walls"
+            name, more = part.names[int(number)], "wall"
             message = (
                 f"{name}: a wall {of} is below the minimum wall of {limit_mm:g} mm; thicken the "
                 f"part there{_or_larger(place, limit_mm, 'it')}"
             )
         elif kind == "thin-band":
-            more = f"places of {name}"
+            more = "place"
             message = (
                 f"{name}: a layer {of}, field {_field_at(part, place):.3f}, is below the smallest "
                 f"feature of {limit_mm:g} mm: it blurs into its neighbours and will not have its "
                 f"stiffness; {part.cure}{_or_larger(place, limit_mm, 'the part')}"
             )
         else:
-            more = "gaps"
+            more = "gap"
             message = (
                 f"a gap {of} is narrower than the smallest feature of {limit_mm:g} mm: it will "
                 "fuse or hold support; widen or close it"
             )
         if unlisted and place is places[-1]:
-            message += f"; and {unlisted} more {more}"
+            message += f"; and {unlisted} more {more}{'s' * (unlisted > 1)}"
         yield Finding(kind, message, name, place.place_mm, drawn_mm, place.size_mm)
 
 

@@ -303,7 +303,7 @@ class StiffnessScale:
         if ids is None:
             said += left_out_remark(self.palette)
         said += [
-            f"by {name} {_from_to([*by])} are "
+            f"by {name} {_from_to([*by])} {'is' if len(by) == 1 else 'are'} "
             f"{_from_to([f'{ratio:.2g}' for ratio in sorted(by.values())])} times as stiff; "
             "intervals hold both, --palette chooses"
             for name, by in readings.items()

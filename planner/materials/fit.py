@@ -574,7 +574,8 @@ class SoundRows:
         used = [near, rising, *outer, squeezed, equal, equal**-2, planar, equal]
         ends = np.cumsum([len(part) for part in used])
         each = np.split(np.eye(ends[-1]), ends[:-1])
-        modes = [_neo_hooke(part, planar=k >= 7) for k, part in enumerate(used)]
+        # Neo-Hooke's nominal stress over its Young's modulus, the last ones planar.
+        modes = [(part - part ** (-3.0 if k >= 7 else -2.0)) / 3.0 for k, part in enumerate(used)]
         # Shares of neo-Hooke's stress, so that the modulus is that at rest.
         share = {k: each[k] / modes[k][:, None] for k in (0, 4, 5, 6, 8)}
         rest = share[0]
@@ -596,11 +597,6 @@ class SoundRows:
 def _net(start: float, end: float, steps: int) -> FloatArray:
     """Return stretches from `start` to a step beyond `end`, for a row is a mean over a step."""
     return np.geomspace(start, end * (end / start) ** (1.0 / steps), steps + 2)
-
-
-def _neo_hooke(stretch: FloatArray, *, planar: bool = False) -> FloatArray:
-    """Return neo-Hooke's nominal stress over its Young's modulus."""
-    return (stretch - stretch ** (-3.0 if planar else -2.0)) / 3.0
 
 
 # ------------------------------------------------------------------------------------------------

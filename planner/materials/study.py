@@ -301,16 +301,14 @@ class _Test:
         No load is where a line through the first rows says, or the first row if it has hardly any.
         """
         load = next(self.columns[name] for name in _LOADS if name in self.columns)
-        first, few = float(values[0]), load[:_FIRST] - np.mean(load[:_FIRST])
-        slope = float(few @ values[:_FIRST]) / max(float(few @ few), 1e-300)
-        start = float(np.mean(values[:_FIRST]) - slope * np.mean(load[:_FIRST]))
+        rows, first = np.vander(load[:_FIRST], 2), float(values[0])
+        start = float(np.linalg.lstsq(rows, values[:_FIRST], rcond=None)[0][1])
         if abs(start) <= abs(start - first):
             return values
+        where = f"no load, by a line through its first {_FIRST} rows"
         little = abs(load[0]) < UNLOADED_SHARE * float(np.max(np.abs(load)))
         if little or (start - first) * (values[-1] - first) > 0.0:
             start, where = first, "its first value"
-        else:
-            where = f"no load, by a line through its first {_FIRST} rows"
         self.notes.append(f"{self.where}: {what} counted from {where}, {start:.4g}{unit}")
         return values - start
 

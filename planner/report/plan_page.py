@@ -393,12 +393,15 @@ def _thousands(count: int) -> str:
 
 def _in_words(plan: Plan) -> str:
     """Say in words what the view shows."""
-    first, last = plan.regions[0], plan.regions[-1]
+    first, last = (
+        f"{'a blend with ' if r.blend and r.material else ''}{r.printed}, "
+        f"{format_number(r.modulus_MPa)} MPa"
+        for r in (plan.regions[0], plan.regions[-1])
+    )
     lengths = (high - low for low, high in zip(*plan.part.bounds_mm, strict=True))
     size = " by ".join(format_number(length, 4) for length in lengths)
     return (
-        f"The part is {size} mm. It begins in {first.printed}, {format_number(first.modulus_MPa)} "
-        f"MPa, and ends in {last.printed}, {format_number(last.modulus_MPa)} MPa, "
+        f"The part is {size} mm. It begins in {first}, and ends in {last}, "
         f"{_field_words(plan.gradient.field)}. The table below has every region."
     )
 
@@ -494,13 +497,10 @@ def _regions_table(
             mark += ' class="changed"'
             cells["#"] = f"<b>≠</b> {cells['#']}"
         rows.append((mark, tuple(cells.values())))
-    columns = [(_heading(name), "figure" if name in shown.right else "") for name in shown.columns]
+    heads = {"#": "no.", "volume mm3": "volume mm³"}
+    columns = [(heads.get(n, n), "figure" if n in shown.right else "") for n in shown.columns]
     total = [escape(shown.total.get(name, "")) for name in shown.columns]
     yield from page.table(columns, rows, of=title, total=total)
-
-
-def _heading(column: str) -> str:
-    return {"#": "no.", "volume mm3": "volume mm³"}.get(column, column)
 
 
 def _remarks(plan: Plan) -> Iterator[str]:
