@@ -8,6 +8,7 @@ import time
 from pathlib import Path
 
 import pytest
+import trimesh
 
 import planner
 from planner.cli import run
@@ -324,6 +325,28 @@ def test_names_that_a_terminal_cannot_show_are_escaped() -> None:
     )
     assert done.returncode == 2
     assert rb"f\xecnger \u624b: no such file or folder" in done.stderr
+
+
+def test_an_error_is_one_line_though_libraries_hold_what_it_was_about(tmp_path) -> None:
+    """Solids of manifold3d in the frames of an error would be told as leaks."""
+    spheres = [trimesh.creation.icosphere(2, radius) for radius in (10.0, 20.0)]
+    trimesh.util.concatenate(spheres).export(tmp_path / "nested.stl")
+    command = [sys.executable, "-m", "planner", "grade", str(tmp_path / "nested.stl"), "--from"]
+    done = subprocess.run([*command, "Tango", "--to", "Vero"], capture_output=True, check=False)
+    assert done.returncode == 2
+    assert b"--bodies" in done.stderr
+    assert done.stderr.count(b"\n") == 1
+
+
+def test_a_folder_is_not_written_to_standard_output(tmp_path, samples, capsys) -> None:
+    ends = ["--from", "Tango", "--to", "Vero"]
+    assert run(["grade", str(samples / "finger.stl"), *ends, "-o", "-"]) == 2
+    assert "--output -: a folder is written" in capsys.readouterr().err
+
+
+def test_a_mesh_in_place_of_a_plan_is_named(samples, capsys) -> None:
+    assert run(["check", str(samples / "finger.stl")]) == 2
+    assert "a mesh and no plan; give the folder" in capsys.readouterr().err
 
 
 def test_a_broken_plugin_is_named_and_the_others_work(monkeypatch, capsys) -> None:

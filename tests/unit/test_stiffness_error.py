@@ -12,6 +12,7 @@ import pytest
 import planner
 from planner.cli import run
 from planner.errors import ArgumentError
+from planner.materials.mixtures import TwoPhases
 from planner.report.plan_figure import error_words, plan_table
 
 BAR = m3.Manifold.cube([80.0, 20.0, 20.0]).to_mesh()
@@ -88,6 +89,33 @@ def test_coarse_bands_fail_and_the_remedies_keep_their_word(capsys, tmp_path) ->
     assert "with --blend dither" in out.out
     assert finding.message in out.err
     assert run([*common, "--tolerance", str(accepted)]) == 0
+
+
+@pytest.mark.parametrize(("from_", "to", "blend"), [
+    ("0.01MPa", "5MPa", "nearest"), ("Vero", "3GPa", "nearest"), ("Vero", "3GPa", "dither"),
+])  # fmt: skip
+def test_no_option_mends_a_target_that_no_material_reaches(from_, to, blend) -> None:
+    plan = planner.grade(
+        MESH, from_=from_, to=to, blend=blend, cell_mm=2.0 if blend == "dither" else None
+    )
+    assert plan.unreachable
+    assert plan.stiffness.alternatives == {}
+
+
+def test_mixtures_in_bands_do_not_promise_what_nearest_materials_would_leave() -> None:
+    plan = planner.grade(MESH, **ENDS, bands=2, blend="mix")
+    assert "without --bands" not in plan.stiffness.alternatives
+
+
+def test_cells_that_miss_their_share_miss_the_stiffness_as_much() -> None:
+    """Cells as large as the stretches of the gradient: shares are off by tenths."""
+    plan = planner.grade(MESH, **ENDS, blend="dither", cell_mm=4.0)
+    for region in plan.regions:
+        phases = TwoPhases(*region.blend["moduli_MPa"])
+        shares = region.blend["volume_fraction"], region.blend["volume_fraction_wanted"]
+        achieved, wanted = map(float, phases.dithered_MPa(shares))
+        assert region.error[0] <= achieved / wanted - 1.0 <= region.error[1]
+    assert any(min(map(abs, r.error)) > 0.01 for r in plan.regions)
 
 
 @pytest.mark.parametrize("tolerance", [-0.1, math.nan, 1e9])
