@@ -167,9 +167,7 @@ def listed(words: Sequence[str], most: int | None = None, last: str = "and") -> 
     """Write a list in a sentence, a long one in short."""
     if most is not None and len(words) > most:
         return f"{', '.join(words[:most])} {last} {len(words) - most} more"
-    if len(words) < 2:
-        return "".join(words)
-    return f"{', '.join(words[:-1])} {last} {words[-1]}"
+    return "".join(words) if len(words) < 2 else f"{', '.join(words[:-1])} {last} {words[-1]}"
 
 
 # ------------------------------------------------------------------------------------------------

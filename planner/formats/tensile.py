@@ -663,14 +663,19 @@ def _with_units(headings: _Headings, grid: _Grid, head: int) -> tuple[_Headings,
             for h, unit, cell in zip(headings, units, cells, strict=False)
         )
         if known and not all(unit.isdigit() for unit in units if unit):
-            return _in_units(headings, units), row + 1
+            return _in_units(headings, units, grid.where), row + 1
     for _, cells in grid.rows[max(head - _NEAR, 0) : head]:
         if cells and _SIGNS["unit"].search(cells[0]):
-            return _in_units(headings, cells), head + 1
+            return _in_units(headings, cells, grid.where), head + 1
     return headings, head + 1
 
 
-def _in_units(headings: _Headings, units: Sequence[str]) -> _Headings:
+def _in_units(headings: _Headings, units: Sequence[str], where: str) -> _Headings:
+    for h, unit in zip(headings, units, strict=False):
+        for q in quantities_of(h.unit or "") & quantities_of(unit) if h.meaning else ():
+            if len({unit_factor(q, one, where="") for one in (h.unit or "", unit)}) > 1:
+                said = f"it says {h.unit!r} and the row of units {unit!r}; give one of both"
+                raise FileError(f"{where}, column {h.text!r}: {said}")
     return [
         replace(h, unit=unit) if unit and not quantities_of(h.unit or "") else h
         for h, unit in zip(headings, [*units, *[""] * len(headings)], strict=False)

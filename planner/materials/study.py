@@ -171,16 +171,16 @@ def _check_rising(strain: FloatArray, stress_MPa: FloatArray, *, where: str) -> 
     if (fall := float(fallen[:peak].max())) > _REVERSAL_SHARE * span:
         raise FileError(
             f"{where}: strain falls back by {fall:.4g} before the peak load, as in a cyclic "
-            "test; give the first loading alone, or say protocol 'cyclic' in specimens.csv; of "
-            "several specimens below one another, head the column of their names 'specimen'"
+            "test; give the first loading alone, or protocol 'cyclic' in specimens.csv to leave it "
+            "out; of several specimens below one another, head the names' column 'specimen'"
         )
     bears = stress_MPa[peak:] > BROKEN_SHARE * stress_MPa[peak - 1]
     fall = float(np.max(fallen[peak:], where=bears, initial=0.0))
     if fall > _REVERSAL_SHARE * span:
         raise FileError(
             f"{where}: strain falls back by {fall:.4g} behind the peak load while the specimen "
-            "still bears load, as in loading and unloading; give the loading alone, or say "
-            "protocol 'cyclic' in specimens.csv"
+            "still bears load, as in loading and unloading; give the loading alone, or protocol "
+            "'cyclic' in specimens.csv to leave it out"
         )
 
 

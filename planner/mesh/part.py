@@ -526,9 +526,7 @@ def _close_mesh(vertices: FloatArray, faces: Int32Array) -> Repaired | None:
     closed = _closed(Repaired(vertices, Topology(faces)), (_opposites, *_STEPS))
     both_ways = _opposites_apart(vertices, faces)
     apart = None if both_ways is None else _closed(both_ways, _STEPS)
-    if apart is not None and _walls_a_cavity(apart):
-        return replace(apart, touching=True)
-    return closed
+    return replace(apart, touching=True) if apart and _walls_a_cavity(apart) else closed
 
 
 def _closed(state: Repaired, steps: Iterable[_Repair]) -> Repaired | None:

@@ -290,9 +290,7 @@ def called(model: CoefficientModel, coordinate: float) -> str:
     """Return what a coordinate is called: a grade, or the blend of the two beside it."""
     lower, upper, t = model.bracket(coordinate)
     softer, harder = (model.palette.materials[int(k)].id for k in (lower, upper))
-    if t == 0.0:
-        return softer
-    return f"the blend of {softer} and {harder} at m = {coordinate:.4g}"
+    return softer if t == 0.0 else f"the blend of {softer} and {harder} at m = {coordinate:.4g}"
 
 
 # ------------------------------------------------------------------------------------------------

@@ -34,6 +34,14 @@ def test_compression_by_both_signs_is_refused_in_one_line(capsys) -> None:
     assert said.count("\n") == 1
 
 
+def test_two_units_of_one_column_are_refused_and_one_said_twice_is_not(capsys) -> None:
+    write("A.csv", strain=5.0, stress=6.0, heads="Travel (mm),Load (N)\nin,N")
+    assert run(["characterise", "A.csv", *SIZES]) == 2
+    assert "it says 'mm' and the row of units 'in'" in capsys.readouterr().err
+    write("B.csv", strain=5.0, stress=6.0, heads="Travel (mm),Load (N)\nmm,N")
+    assert run(["characterise", "B.csv", *SIZES]) == 0
+
+
 def test_one_negative_channel_is_turned_with_a_warning(capsys) -> None:
     write("A.csv", strain=5.0, stress=-6.0, heads="Travel (mm),Load (N)")
     assert run(["characterise", "A.csv", *SIZES]) == 0
