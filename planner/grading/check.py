@@ -290,9 +290,6 @@ def _near(box: FloatArray, other: FloatArray) -> bool:
 # A plan's folder verified anew, from its files alone.
 
 
-_EXTRA = {"plan.html", "part.png", "section.png", "report.html", "HOWTO.md"}
-
-
 @dataclass(frozen=True, slots=True)
 class Certificate:
     """What was verified, and what does not hold.
@@ -417,8 +414,9 @@ def _misplaced(root: Path, plan: Plan) -> Iterator[str]:
     }
     for name in sorted(expected - found):
         yield f"{name}: the plan names it, but it is missing"
-    for name in sorted(found - expected - _EXTRA - set(plan.files_sha256)):
-        yield f"{name}: no part of the plan; remove it"
+    for name in sorted(found - expected - set(plan.files_sha256)):
+        if name.startswith("stl/") or name.casefold().endswith((".stl", ".3mf")):  # may be printed
+            yield f"{name}: no part of the plan; remove it"
 
 
 def _reported(plan: Plan) -> Iterator[str]:

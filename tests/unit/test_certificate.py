@@ -44,6 +44,11 @@ def test_an_untouched_folder_is_sound(sound: Path) -> None:
     assert set(certificate.checks) >= {"shells_unsound", "overlap", "plan_disagreements"}
 
 
+def test_a_lab_s_own_notes_beside_a_plan_are_no_fault(folder: Path) -> None:
+    (folder / "notes.txt").write_text("printed on tray 3", encoding="utf-8")
+    assert planner.check(folder).ok
+
+
 DAMAGE: dict[str, Callable[[Path], object]] = {
     "files swapped": lambda f: _change(f, lambda d: _swap(d, ("file", "sha256"))),
     "materials swapped": lambda f: _change(f, lambda d: _swap(d, BY_MATERIAL)),
@@ -61,6 +66,7 @@ DAMAGE: dict[str, Callable[[Path], object]] = {
     "shell a folder": lambda f: _folder(sorted((f / "stl").iterdir())[2]),
     "3MF cut short": lambda f: _cut(f / "finger.3mf"),
     "3MF gone": lambda f: (f / "finger.3mf").unlink(),
+    "stranger beside": lambda f: (f / "old.STL").write_bytes(b"x"),
     "stranger": lambda f: (f / "stl" / "extra.stl").write_bytes(b"x"),
     "shell outside": lambda f: _change(f, lambda d: d["regions"][0].update(file="/etc/hostname")),
     "shell above": lambda f: _change(f, lambda d: d["regions"][0].update(file="../x.stl")),
