@@ -309,11 +309,12 @@ class _Case:
     ) -> None:
         self.campaign, self.table, self.residual = campaign, table, residual
         self.whitening, self.y = whitening, whitening(residual)
-        # `sensitivity` at what is predicted: a measured zero is noise, and would explain itself.
-        level = np.tanh(table.measured - residual)
+        # Where zero is predicted what was measured is noise, and would explain itself.
+        predicted = 2.0 * table.floor * np.sinh(table.measured - residual)
+        tells = np.abs(table.sensitivity(predicted)) > _TELLS
+        level = np.where(tells, table.chord(predicted), table.sensitivity(predicted))
         self.force = np.where(table.is_field, 0.0, level)
         self.local = np.where(table.is_field, level, 0.0)
-        tells = np.abs(level) > _TELLS
         self.log = residual / np.where(tells, level, 1.0)
         self.weight = np.where(tells, level**2, 0.0)
         self.patterns = axis_patterns(campaign, table, level)

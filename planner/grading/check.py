@@ -587,7 +587,7 @@ def _equal(a: Any, b: Any, tolerance: float) -> bool:
 
 def _text(value: Any) -> str:
     if isinstance(value, float):
-        return f"{value:.9g}"
+        return f"{value:.6g}"
     if isinstance(value, (list, tuple)):
         return " .. ".join(_text(v) for v in value)
     if isinstance(value, Mapping):
