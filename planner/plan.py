@@ -479,6 +479,8 @@ def plan_file(plan: str | Path | Plan) -> Path:
     FileError
         There is none; or the plan was not read from a file, or it is another one by now.
     """
+    from planner.formats.mesh_file import EXTENSIONS
+
     if isinstance(plan, Plan):
         return _file_of(plan)
     path = Path(plan)
@@ -491,7 +493,7 @@ def plan_file(plan: str | Path | Plan) -> Path:
         siblings = [p.name for p in path.parent.iterdir()] if path.parent.is_dir() else []
         hint = did_you_mean(path.name, siblings)
         raise FileError(f"{path}: no such file or folder; {hint}give a plan.json or its folder")
-    if path.suffix.casefold() in (".stl", ".3mf", ".obj", ".ply", ".off"):
+    if path.suffix.casefold().lstrip(".") in EXTENSIONS:
         raise FileError(f"{path}: a mesh and no plan; give the folder that planner grade wrote")
     return path
 

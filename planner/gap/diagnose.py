@@ -372,7 +372,7 @@ class _Predictor:
         predicted = table.transformed(problem.unpredicted) + raw
         # No further than what was measured or predicted goes: patterns grow without an end.
         most = np.max(np.abs([table.measured, table.transformed(problem.unpredicted)]))
-        force = 2.0 * table.floor * np.sinh(np.clip(predicted, -most, most))
+        force = table.raw(np.clip(predicted, -most, most))
         of = np.where(table.is_field, 0.0, 1.0 / problem.model.peaks_N[table.specimen, 0])
         after, before = (
             np.bincount(table.specimen, (of * (table.measured_raw - found)) ** 2)
@@ -387,9 +387,7 @@ no better, and a share of nothing is none."""
 
 
 def _closed(before: float, after: float, floor: float) -> float | None:
-    if before <= _NO_GAP * floor:
-        return None
-    return 1.0 - (after - floor) / (before - floor)
+    return None if before <= _NO_GAP * floor else 1.0 - (after - floor) / (before - floor)
 
 
 def _interval(

@@ -310,9 +310,10 @@ class _Case:
         self.campaign, self.table, self.residual = campaign, table, residual
         self.whitening, self.y = whitening, whitening(residual)
         # Where zero is predicted what was measured is noise, and would explain itself.
-        predicted = 2.0 * table.floor * np.sinh(table.measured - residual)
-        tells = np.abs(table.sensitivity(predicted)) > _TELLS
-        level = np.where(tells, table.chord(predicted), table.sensitivity(predicted))
+        predicted = table.raw(table.measured - residual)
+        level = table.sensitivity(predicted)
+        tells = np.abs(level) > _TELLS
+        level = np.where(tells, table.chord(predicted), level)
         self.force = np.where(table.is_field, 0.0, level)
         self.local = np.where(table.is_field, level, 0.0)
         self.log = residual / np.where(tells, level, 1.0)

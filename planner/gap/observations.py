@@ -135,6 +135,10 @@ class FeatureTable:
         """Return forces or strains of these rows, (..., N), on the scale of `measured`."""
         return np.arcsinh(raw / (2.0 * self.floor))
 
+    def raw(self, transformed: FloatArray) -> FloatArray:
+        """Return what `transformed` is of."""
+        return 2.0 * self.floor * np.sinh(transformed)
+
     def sensitivity(self, raw: FloatArray) -> FloatArray:
         """Return the derivative of `transformed` by the logarithm of its argument."""
         half = raw / (2.0 * self.floor)

@@ -68,9 +68,7 @@ def probability(value: float) -> str:
     """Write a probability without claiming certainty."""
     if value > 0.995:
         return "above 0.99"
-    if value < 0.005:
-        return "below 0.01"
-    return f"{value:.2f}"
+    return "below 0.01" if value < 0.005 else f"{value:.2f}"
 
 
 def p_value(p: float) -> str:

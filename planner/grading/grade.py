@@ -485,6 +485,8 @@ def _stiffness_check(
     ----------
     limit
         Of `_tolerated_ratio`.
+    blend
+        How targets between two materials are met.
     equal_bands
         Whether the regions are bands of equal steps, in place of the nearest materials.
     moved

@@ -227,7 +227,7 @@ def _weigh_subset(products: FloatArray, beside: Candidate, scatter: float) -> Ca
     at = int(_best_subset(b, h, likeliest, gammas, _SHARES, belief, best, evidence))
     total = float(logsumexp(evidence + prior))
     gamma, members = float(gammas[at]), (best > 0.5).astype(np.float64)
-    if members.any() and at < len(gammas) - 2 * len(UNIT_GAINS):  # the grid's nearest; now itself
+    if members.any() and abs(gamma) <= _GAINS[-1]:  # no unit's: the grid's nearest, now itself
         gamma = float(members @ b / (members @ h @ members))
     gain = float(gamma * members @ b - 0.5 * gamma**2 * members @ h @ members)
     if not 1 < members.sum() < n - 1:  # one specimen alone is an outlier of the data
