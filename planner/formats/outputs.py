@@ -587,7 +587,9 @@ def _remove_earlier(scratch: Path, target: Path, seen: set[str], folder: _Place)
     said = "is written, but the earlier one could not be deleted whole ({})"
     with refused(OutputError, folder, f"{said}; delete {scratch}", OSError):
         if scratch.exists():
-            for name, path in list(_within(scratch)):
+            for name, path in [("/", scratch), *_within(scratch)]:
+                if name.endswith("/"):  # one that its owner closed, too
+                    path.chmod(path.stat().st_mode | stat.S_IRWXU)
                 if name not in seen and path.exists() and not os.path.lexists(target / name):
                     path.rename(target / name)  # it came in the very last moment
             shutil.rmtree(scratch)

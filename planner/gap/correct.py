@@ -55,10 +55,12 @@ class _Case:
     use: Reference
     section_mm: tuple[float, float]
 
-    @property
-    def grades(self) -> list[int]:
-        """The places on the palette of the materials that were tested, rising."""
-        ids = self.diagnosis.tested.get("material", tuple(self.diagnosis.recalibration))
+    def grades(self, *conditions: str | None) -> list[int]:
+        """Return the places on the palette of the materials that tell of conditions, rising."""
+        tested = self.diagnosis.tested.get("material", tuple(self.diagnosis.recalibration))
+        ids = set(tested).intersection(
+            *(self.diagnosis.changed.get(name, tested) for name in conditions if name)
+        )
         return [k for k, material in enumerate(self.palette.materials) if material.id in ids]
 
 
@@ -158,22 +160,35 @@ _ROUNDS = 4
 the size, so that each round leaves a small share of the error; 1e-4 ends them."""
 
 
+_DEVIATIONS = 0.2
+"""Of a parameter, by which its change is asked for. Numerical: small enough that what parameters
+change adds up."""
+
+
 def _intervals_sd(
     factors: _Factors, found: Sequence[FoundEffect], effects: Sequence[StatedEffect]
 ) -> FloatArray:
-    """Return the deviation of the mean ln factor of every place, from the parameters' intervals."""
+    """Return the deviation of the mean ln factor of every place, from the parameters' errors.
+
+    Parameters that stand in for one another have large errors, which go together.
+    """
     total = np.zeros(len(factors.strain))
     for number, (one, effect) in enumerate(zip(found, effects, strict=True)):
-        before, after = effects[:number], effects[number + 1 :]
-        for name, ends in one.interval.items():
-            if name not in one.parameters or not all(map(math.isfinite, ends)):
-                continue
-            low, high = (
-                factors.log([*before, _with(effect, name, end), *after]).mean(axis=1)
-                for end in ends
-            )
-            total += (0.5 * (high - low) / normal_quantile(0.9)) ** 2
-    return np.sqrt(total)
+        before, after, names = effects[:number], effects[number + 1 :], list(one.parameters)
+        changes = np.zeros((len(names), len(total)))
+        for change, name in zip(changes, names, strict=True):
+            low, high = one.interval.get(name, (-math.inf, math.inf))
+            if math.isfinite(low) and math.isfinite(high):
+                sd, value = 0.5 * (high - low) / normal_quantile(0.9), effect.values[name]
+                near = max(low, value - _DEVIATIONS * sd), min(high, value + _DEVIATIONS * sd)
+                down, up = (
+                    factors.log([*before, _with(effect, name, end), *after]).mean(axis=1)
+                    for end in near
+                )
+                change += sd * (up - down) / max(near[1] - near[0], 1e-300)
+        correlation = np.array(one.correlation or np.eye(len(names)))
+        total += np.einsum("ip,ij,jp->p", changes, correlation, changes)
+    return np.sqrt(np.maximum(total, 0.0))
 
 
 def _with(effect: StatedEffect, name: str, value: float) -> StatedEffect:
@@ -661,17 +676,19 @@ def _forms_sd(case: _Case, effects: Sequence[StatedEffect]) -> FloatArray:
     those tests speak that are next to it on the palette, on either side; its own alone, where it
     was tested.
     """
-    materials, seen, gap = case.palette.materials, case.grades, case.diagnosis.gap
+    materials, gap = case.palette.materials, case.diagnosis.gap
     total = np.zeros(len(materials))
     # The form found misses conditions left out by this much; one that is as near to it as that
     # at the tests is as good.
     sd = max(gap.after or 0.0, gap.floor or 0.0) or USUAL.specimen
-    groups: dict[tuple[int, ...], list[int]] = {}
-    for number in range(len(materials)):
+    groups: dict[tuple[int, tuple[int, ...]], list[int]] = {}
+    for (k, one), number in itertools.product(enumerate(effects), range(len(materials))):
+        seen = case.grades(one.effect.condition)
         below, above = [n for n in seen if n <= number], [n for n in seen if n >= number]
         beside = tuple(dict.fromkeys([*below[-1:], *above[:1]]))  # itself, or those next to it
-        groups.setdefault(beside, []).append(number)
-    for one, (beside, numbers) in itertools.product(effects, groups.items()):
+        groups.setdefault((k, beside), []).append(number)
+    for (k, beside), numbers in groups.items():
+        one = effects[k]
         if tests := _tests_of(case, [materials[n] for n in beside], one.effect.condition):
             places = [*tests, *((materials[n], case.use) for n in numbers)]
             far = [_working_strain(material) for material, _ in places]
@@ -693,8 +710,9 @@ def _beyond(
     case: _Case, effects: Sequence[StatedEffect], log_sd: Mapping[str, float]
 ) -> Iterator[str]:
     """Yield a sentence for each condition and for the materials that lie beyond the tests."""
-    use, ids, grades, all_tested = case.use, list(log_sd), case.grades, case.diagnosis.tested
+    use, ids, all_tested = case.use, list(log_sd), case.diagnosis.tested
     conditions = {one.effect.condition for one in effects} - {None}
+    grades = case.grades(*conditions)
     if conditions - set(all_tested):
         yield (
             "the diagnosis does not say what was tested, so that use beyond it is not told: "
@@ -716,7 +734,7 @@ def _beyond(
     between = [id for n, id in new if grades[0] < n < grades[-1]]
     outside = [id for n, id in new if not grades[0] < n < grades[-1]]
     if between:
-        yield f"{', '.join(between)}: not in the campaign, but between materials that were"
+        yield f"{', '.join(between)}: not tested for this, but between materials that were"
     if outside:
         ends = " to ".join(dict.fromkeys(ids[n] for n in (grades[0], grades[-1])))
         factor = _factor_95([log_sd[id] for id in outside])
@@ -757,7 +775,7 @@ def _guesses(case: _Case, made: Palette, forms: FloatArray) -> Iterator[str]:
     model = CoefficientModel(made)
     steps = np.diff(np.log(model.grade_moduli_MPa(min(_WORKING_STRAIN, model.strain_limit))))
     nearest = np.minimum(np.append(steps, np.inf), np.append(np.inf, steps))
-    far, grades = normal_quantile() * forms > nearest, case.grades
+    far, grades = normal_quantile() * forms > nearest, case.grades()
     ids = [m.id for n, m in enumerate(made.materials) if far[n] and grades[0] <= n <= grades[-1]]
     if ids:
         yield (

@@ -1,8 +1,9 @@
 """Diagnose a campaign: where its gap lies, which effect causes it, how far it closes, what next."""
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
 from scipy.special import softmax
@@ -17,6 +18,7 @@ from planner.gap.campaign import (
     axis_columns,
     column_levels,
     replicate_groups,
+    stated,
     with_modes,
 )
 from planner.gap.campaign_folder import read_campaign
@@ -67,7 +69,7 @@ from planner.gap.segments import hold_share
 from planner.gap.summary import summary_of
 from planner.glance import counted
 from planner.numerics import BoolArray, FloatArray, IntArray, one_blas_thread
-from planner.palette import Palette
+from planner.palette import Material, Palette
 from planner.simulation.bar_solver import predict
 
 __all__ = ["diagnose"]
@@ -466,21 +468,37 @@ def _recalibration_of(world: World, chosen: Candidate) -> Mapping[str, tuple[flo
 # What was tested, so that whoever uses the effect knows where it was seen.
 
 
-def levels_tested(campaign: Campaign) -> Mapping[str, tuple[float | str, ...]]:
-    """Return the levels of every condition, and the materials; see `Diagnosis.tested`."""
-    specimens = campaign.specimens
-    found: dict[str, tuple[float | str, ...]] = {}
+_Levels: TypeAlias = dict[str, tuple[float | str, ...]]
+
+
+def levels_tested(campaign: Campaign) -> tuple[_Levels, Mapping[str, tuple[str, ...]]]:
+    """Return `Diagnosis.tested` and `Diagnosis.changed`."""
+    found, changed = _levels_of(campaign.specimens), dict[str, list[str]]()
+    own, tested = asdict(stated(campaign.palette.reference)), []
+    for material in campaign.palette.materials:
+        if having := [s for s in campaign.specimens if _has(campaign, s, material)]:
+            tested.append(material.id)
+            for name, levels in _levels_of(having).items():
+                column = {"strain_rate_per_s": "rate_mm_s"}.get(name, name)
+                if len({*column_levels(column, [*levels, own[name]])}) > 1:
+                    changed.setdefault(name, []).append(material.id)
+    return found | {"material": tuple(tested)}, {n: tuple(ids) for n, ids in changed.items()}
+
+
+def _has(campaign: Campaign, specimen: Specimen, material: Material) -> bool:
+    if specimen.material is not None:
+        return campaign.palette.resolve(specimen.material) == material
+    span = specimen.coordinates
+    return span is not None and bool(span.min() <= material.coordinate <= span.max())
+
+
+def _levels_of(specimens: Sequence[Specimen]) -> _Levels:
+    """Return the levels of every condition that is known of some specimen."""
+    found: _Levels = {}
     for name in ("temperature_C", "soak_h", "age_days"):
         found[name] = _levels([getattr(s, name) for s in specimens], name)
     found["strain_rate_per_s"] = _levels([r for s in specimens for r in _rates(s)], "rate_mm_s")
     found["orientation"] = tuple(sorted({s.orientation for s in specimens if s.orientation}))
-    coupons = [campaign.palette.resolve(s.material) for s in specimens if s.material is not None]
-    spans = [s.coordinates for s in specimens if s.coordinates is not None]
-    found["material"] = tuple(
-        m.id
-        for m in campaign.palette.materials
-        if m in coupons or any(span.min() <= m.coordinate <= span.max() for span in spans)
-    )
     return {name: values for name, values in found.items() if values}
 
 
@@ -657,6 +675,7 @@ def diagnose(
         same_class = class_of(problem, weighed, evidence, ranking, verdict)
         doubts = [*_cautions(problem), *_confounders(verdict, reasons)]
         mending = [problem.unit_of for problem in data_quality if problem.unit_of is not None]
+        tested, changed = levels_tested(campaign)
         found = Diagnosis(
             campaign=campaign.name,
             palette=campaign.palette.name,
@@ -677,7 +696,8 @@ def diagnose(
             limitations=(*campaign.limitations, *model.limitations, *doubts),
             unit_of=merged_units([*_units_of(weighed, same_class), *mending]),
             recalibration=_recalibration_of(weighed.settled_as(chosen).world, chosen),
-            tested=levels_tested(campaign),
+            tested=tested,
+            changed=changed,
             seed=seed,
             traces=_traces_of(problem, chosen),
             own_palette=campaign.palette,

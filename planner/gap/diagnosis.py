@@ -125,7 +125,13 @@ class Gap:
 
 @dataclass(frozen=True, slots=True)
 class FoundEffect:
-    """One effect of the verdict: its form's parameters and their 90 % intervals."""
+    """One effect of the verdict: its form's parameters and their 90 % intervals.
+
+    Attributes
+    ----------
+    correlation
+        Of the parameters' errors, a row each in their order; none where it is not known.
+    """
 
     id: str
     form: str
@@ -133,6 +139,7 @@ class FoundEffect:
     interval: Mapping[str, tuple[float, float]]
     units: Mapping[str, str]
     specimens: tuple[str, ...] = ()
+    correlation: tuple[tuple[float, ...], ...] = ()
 
     @property
     def text(self) -> str:
@@ -286,6 +293,8 @@ class Diagnosis:
     tested
         Levels of each condition of a palette's reference that the campaign tested, rising; and
         the ids of its materials, from soft to hard, as ``material``.
+    changed
+        By condition, the materials that were tested at another level of it than the palette's.
     summary
         Three sentences: where the gap lies, what causes it, how far it closes.
     own_palette
@@ -312,6 +321,7 @@ class Diagnosis:
     unit_of: tuple[UnitOf, ...] = ()
     recalibration: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     tested: Mapping[str, tuple[float | str, ...]] = field(default_factory=dict)
+    changed: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     summary: tuple[str, ...] = ()
     seed: int = 0
     traces: Traces | None = None
@@ -383,8 +393,8 @@ _MOST = 1.0 + 1e-6
 """Of a probability, and of a sum of them. Numerical: what rounding to that many digits adds."""
 
 _ALIKE = (
-    "campaign", "specimens", "tests", "tested", "seed", "verdict", "summary", "where", "gap",
-    "data_quality", "unit_of", "next_experiments", "detectable", "limitations",
+    "campaign", "specimens", "tests", "tested", "changed", "seed", "verdict", "summary", "where",
+    "gap", "data_quality", "unit_of", "next_experiments", "detectable", "limitations",
 )  # fmt: skip
 """What the file holds as the diagnosis does."""
 
@@ -422,6 +432,7 @@ class _DiagnosisFile(msgspec.Struct, kw_only=True):
     specimens: int = 0
     tests: int = 0
     tested: dict[str, tuple[float | str, ...]] = {}
+    changed: dict[str, tuple[str, ...]] = {}
     seed: int = 0
     verdict: str
     summary: tuple[str, ...] = ()

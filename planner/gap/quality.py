@@ -18,17 +18,21 @@ from planner.gap.diagnosis import FoundEffect, QualityProblem
 from planner.gap.localise import specimen_patterns
 from planner.gap.observations import BRANCHES, ObservationModel
 from planner.gap.segments import (
-    SPIKE_STEP,
     TIME_TOLERANCE,
     TURN_SHARE,
     hold_share,
     leap_at_end,
     path_of,
     speed_mm_s,
-    spikes_in,
     unloading_share,
 )
-from planner.materials.characterise import MINIMUM_POINTS, UNLOADED_SHARE, noise_sd
+from planner.materials.characterise import (
+    MINIMUM_POINTS,
+    SPIKE_STEP,
+    UNLOADED_SHARE,
+    noise_sd,
+    spikes_in,
+)
 from planner.numerics import FloatArray
 from planner.simulation.bar_solver import predict
 

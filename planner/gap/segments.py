@@ -14,8 +14,12 @@ from planner.gap.campaign import Campaign, Specimen, stated
 from planner.materials.characterise import (
     BROKEN_SHARE,
     MINIMUM_POINTS,
+    SPIKE_NOISE,
+    SPIKE_STEP,
+    WIDEST_SPIKE,
     Curve,
     noise_sd,
+    spikes_in,
     without_tail,
 )
 from planner.numerics import BoolArray, FloatArray, IntArray
@@ -34,7 +38,6 @@ __all__ = [
     "path_of",
     "setup_of",
     "speed_mm_s",
-    "spikes_in",
     "unloading_share",
 ]
 
@@ -43,18 +46,13 @@ __all__ = [
 # Single points that leap out of a record.
 
 
-_SPIKE_NOISE, SPIKE_STEP = 12.0, 5.0
-"""A spike leaps by so many noise deviations, so many steps nearby; so does time over lost rows.
-Chosen: noise never does, and adaptive sampling changes less at once."""
-
 _SCATTER = 0.03
 """A leap of less of the range does no harm, and ends of segments of one test lie no farther apart,
 of the longest travel. Physical: jetted specimens scatter by as much."""
 
-_WIDEST = 3
-_AROUND = 6
-"""Points that a spike has at most, and that are looked at on either side, fewer at an end. Chosen:
-what lasts longer is an event; twice as many beside it tell how the record goes."""
+_AROUND = 2 * WIDEST_SPIKE
+"""Points that are looked at on either side of a leap, fewer at an end. Chosen: twice as many as it
+has tell how the record goes."""
 
 
 def _without_spikes(specimen: Specimen) -> Specimen:
@@ -67,21 +65,6 @@ def _without_spikes(specimen: Specimen) -> Specimen:
     return replace(specimen, **{name: getattr(specimen, name)[keep] for name in record})
 
 
-def spikes_in(values: FloatArray) -> BoolArray:
-    """Return which points, up to `_WIDEST` beside each other, leap out of a record.
-
-    A turn of a triangle wave or a break is none: a spike leaps further off the median of what is
-    around it than the record moves there.
-    """
-    low, high = np.quantile(values, [0.02, 0.98])  # without what leaps out
-    least = max(_SPIKE_NOISE * noise_sd(values), _SCATTER * float(high - low))
-    padded = np.pad(values, _WIDEST, mode="edge")
-    around = np.lib.stride_tricks.sliding_window_view(padded, 2 * _WIDEST + 1)
-    moves = np.median(np.abs(np.diff(around, axis=1)), axis=1)
-    off = np.abs(values - np.median(around, axis=1))
-    return np.asarray(off > np.maximum(least, SPIKE_STEP * moves))
-
-
 def leap_at_end(s: Specimen) -> int:
     """Return the first of the last points if force leaps away from zero there; else their number.
 
@@ -89,9 +72,9 @@ def leap_at_end(s: Specimen) -> int:
     """
     size, duration = np.abs(s.force_N), np.diff(s.time_s)
     n = len(size)
-    least = max(_SPIKE_NOISE * noise_sd(s.force_N), _SCATTER * float(np.ptp(size[:-_WIDEST])))
+    least = max(SPIKE_NOISE * noise_sd(s.force_N), _SCATTER * float(np.ptp(size[:-WIDEST_SPIKE])))
     speed, rise = np.abs(np.diff(s.displacement_mm)) / duration, np.abs(np.diff(size)) / duration
-    for width in range(1, min(_WIDEST, n - _AROUND - 1) + 1):
+    for width in range(1, min(WIDEST_SPIKE, n - _AROUND - 1) + 1):
         i = n - 1 - width
         before = slice(i - _AROUND, i)
         leaps = rise[i] > SPIKE_STEP * np.max(rise[before]) and size[i + 1] - size[i] > least

@@ -1,5 +1,6 @@
 """Plans checked and compared: from a folder's files alone, and one against another."""
 
+import hashlib
 import itertools
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -12,7 +13,7 @@ import numpy as np
 from planner.errors import ArgumentError, FileError, PlannerError
 from planner.formats.files import path_within
 from planner.formats.mesh_file import decode_stl
-from planner.formats.outputs import is_scratch
+from planner.formats.outputs import is_scratch, is_sealed
 from planner.formats.threemf import ThreemfObject, read_threemf
 from planner.glance import counted, one_line, outcome
 from planner.mesh.mesh import JoinedShells, Measures, Mesh, join_shells, measure, weld_points
@@ -372,22 +373,23 @@ def check(
     root = file.parent
     plan = read_plan(file)
     problems = list(_misplaced(root, plan))
+    rewritten = [name for name in plan.files_sha256 if _is_rewritten(root, name, plan)]
     progress("reading the shells")
-    altered, shells = 0, dict[str, Triangles]()
+    shells = dict[str, Triangles]()
     for name, region in {region.file: region for region in plan.regions}.items():
         try:
             if not path_within(root, name).exists():
                 continue  # told as missing already
             data, changed = read_shell(root, region)
             if changed:
-                altered += 1
-                problems.append(f"{name}: its content is not what the plan was written with")
+                rewritten.append(name)
             shells[name] = decode_stl(data, name)
         except FileError as error:
             problems.append(str(error))
     progress("verifying the shells")
     verified, disagreements = plan_checks(plan, list(shells), join_shells(shells.values()))
-    checks = {"files_altered": Check(altered, 0, altered == 0), **verified}
+    checks = {"files_altered": Check(len(rewritten), 0, not rewritten), **verified}
+    problems += [f"{name}: its content is not what the plan was written with" for name in rewritten]
     if "shells_unsound" not in checks:
         problems.append("there is no shell that can be verified")
     progress("comparing the 3MF")
@@ -407,6 +409,7 @@ def check(
 
 def _misplaced(root: Path, plan: Plan) -> Iterator[str]:
     expected = {region.file for region in plan.regions} | {"plan.json", f"{plan.name}.3mf"}
+    expected |= {name for name in plan.files_sha256 if name.endswith((".md", ".stl"))}
     found = {
         p.relative_to(root).as_posix()
         for p in root.rglob("*")
@@ -417,6 +420,20 @@ def _misplaced(root: Path, plan: Plan) -> Iterator[str]:
     for name in sorted(found - expected - set(plan.files_sha256)):
         if name.startswith("stl/") or name.casefold().endswith((".stl", ".3mf")):  # may be printed
             yield f"{name}: no part of the plan; remove it"
+
+
+_READ = (".md", ".html", ".stl")
+"""Of a plan's files beside shells and 3MF, what people read and print; tables are to be filled."""
+
+
+def _is_rewritten(root: Path, name: str, plan: Plan) -> bool:
+    """Tell whether such a file is there, and not as it was written."""
+    if not name.endswith(_READ) or any(region.file == name for region in plan.regions):
+        return False
+    path = path_within(root, name)
+    if not path.is_file() or (name == "plan.html" and is_sealed(path)):
+        return False
+    return hashlib.sha256(path.read_bytes()).hexdigest() != plan.files_sha256[name]
 
 
 def _reported(plan: Plan) -> Iterator[str]:
@@ -508,8 +525,7 @@ def _compare(before: Plan, after: Plan, tolerance: float) -> Iterator[Difference
         ("working strain", before.stiffness.at_strain, after.stiffness.at_strain),
     ]
     for what, a, b in pairs:
-        if not _equal(a, b, tolerance):
-            yield Difference(what, "plan", _text(a), _text(b))
+        yield from _different(what, "plan", a, b, tolerance)
     hashes = before.palette.sha256, after.palette.sha256
     if before.palette.name == after.palette.name and hashes[0] != hashes[1]:
         yield Difference("palette content", "plan", *(each[:12] for each in hashes))
@@ -524,8 +540,7 @@ def _compare(before: Plan, after: Plan, tolerance: float) -> Iterator[Difference
     if a_found != b_found:
         yield Difference("findings", "plan", str(len(a_found)), str(len(b_found)))
     a, b = _targets(before), _targets(after)
-    if not _equal(a, b, tolerance):
-        yield Difference("unreachable targets", "plan", _text(a), _text(b))
+    yield from _different("unreachable targets", "plan", a, b, tolerance)
 
 
 def _compare_materials(before: Plan, after: Plan, tolerance: float) -> Iterator[Difference]:
@@ -536,8 +551,8 @@ def _compare_materials(before: Plan, after: Plan, tolerance: float) -> Iterator[
             yield Difference("material added", material, "", f"{_text(b)} mm3")
         elif b is None:
             yield Difference("material removed", material, f"{_text(a)} mm3", "")
-        elif not _equal(a, b, tolerance):
-            yield Difference("material volume mm3", material, _text(a), _text(b))
+        else:
+            yield from _different("material volume mm3", material, a, b, tolerance)
 
 
 def _compare_regions(before: Plan, after: Plan, tolerance: float) -> Iterator[Difference]:
@@ -556,8 +571,14 @@ def _compare_regions(before: Plan, after: Plan, tolerance: float) -> Iterator[Di
             ("volume mm3", a.volume_mm3, b.volume_mm3),
             ("mass g", a.mass_g, b.mass_g),
         ):
-            if not _equal(x, y, tolerance):
-                yield Difference(what, where, _text(x), _text(y))
+            yield from _different(what, where, x, y, tolerance)
+
+
+def _different(what: str, where: str, a: Any, b: Any, tolerance: float) -> Iterator[Difference]:
+    """Yield two values' difference, with as many digits as tell them apart; None where equal."""
+    if not _equal(a, b, tolerance):
+        texts = ((_text(a, digits), _text(b, digits)) for digits in range(6, 18))
+        yield Difference(what, where, *next((ab for ab in texts if ab[0] != ab[1]), ("", "")))
 
 
 def _volume_by_material(plan: Plan) -> dict[str, float]:
@@ -585,11 +606,11 @@ def _equal(a: Any, b: Any, tolerance: float) -> bool:
     return bool(a == b)
 
 
-def _text(value: Any) -> str:
+def _text(value: Any, digits: int = 6) -> str:
     if isinstance(value, float):
-        return f"{value:.6g}"
+        return f"{value:.{digits}g}"
     if isinstance(value, (list, tuple)):
-        return " .. ".join(_text(v) for v in value)
+        return " .. ".join(_text(v, digits) for v in value)
     if isinstance(value, Mapping):
-        return ", ".join(f"{k} {_text(v)}" for k, v in value.items())
+        return ", ".join(f"{k} {_text(v, digits)}" for k, v in value.items())
     return str(value)

@@ -2,7 +2,7 @@
 
 import math
 import operator
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import SupportsIndex
@@ -287,10 +287,10 @@ def grade(
     progress("looking for what will not print")
     cut = CutPart(mesh, along, pieces, pitch_mm, within_mm, as_point(translation), np.empty(0))
     printing, findings, cautions = design.held(cut, shells, scale, machine)
-    known = _remarks(scale, regions)
+    known = (*_idle(stated.pitch_mm, along, regions, target, scale), *_remarks(scale, regions))
     stiffness, off, others = _stiffness_check(
-        regions, limit, target, scale, blend=by[0], equal_bands=wish.bands is not None,
-        moved=bool(moved),
+        regions, limit, target, scale, blend=by[0],
+        nearest=_to_nearest(wish.bands, stated.bands, bool(moved)),
     )  # fmt: skip
     followed = () if earlier is None else earlier.remarks(source.sha256)
     mixed = any(what.material is None for what in design.printed)
@@ -374,6 +374,22 @@ def _remarks(scale: StiffnessScale, regions: Sequence[Region]) -> tuple[str, ...
     lower, upper, t = scale.model.bracket([region.coordinate for region in regions])
     used = {*lower.tolist(), *np.where(t > 0.0, upper, lower).tolist()}
     return scale.remarks({scale.palette.materials[k].id for k in used})
+
+
+def _idle(
+    pitch_mm: float | None, field: Field, regions: Sequence[Region], target: Profile,
+    scale: StiffnessScale,
+) -> Iterator[Caution]:  # fmt: skip
+    """Yield what was asked for and does nothing."""
+    if pitch_mm is not None and isinstance(field, PlanarField):
+        yield Caution(f"cells of {pitch_mm:g} mm do nothing: along an axis a cut is a plane")
+    low, high = regions[0].field[0], regions[-1].field[1]
+    one = len({region.printed for region in regions}) == 1 and high - low < 1.0
+    if one and len(natural_bands(target, scale.moduli_MPa)) > 1:
+        yield Caution(
+            f"all of the part is {regions[0].printed}: it lies within {low:.3g} to {high:.3g} of a "
+            "gradient from 0 to 1; check where the field begins and ends"
+        )
 
 
 def _check_thickness(
@@ -477,7 +493,7 @@ def _tolerated_ratio(stated: float) -> float:
 
 def _stiffness_check(
     regions: Sequence[Region], limit: float, target: Profile, scale: StiffnessScale, *,
-    blend: str, equal_bands: bool, moved: bool,
+    blend: str, nearest: str,
 ) -> tuple[Check, tuple[Finding, ...], dict[str, float]]:  # fmt: skip
     """Hold the stiffness of all regions against what was wanted there.
 
@@ -487,10 +503,8 @@ def _stiffness_check(
         Of `_tolerated_ratio`.
     blend
         How targets between two materials are met.
-    equal_bands
-        Whether the regions are bands of equal steps, in place of the nearest materials.
-    moved
-        Whether cuts between the nearest materials were moved off faces of the part.
+    nearest
+        The option by which all places get the nearest material, if they have it not.
 
     Returns
     -------
@@ -510,9 +524,8 @@ def _stiffness_check(
     beyond = _worst_of(shortfalls(target, moduli), moduli)
     cells = max([beyond, *(1.0 / (1.0 - share) for share in shares)])
     found = {} if blend == "dither" else {"with --blend dither": cells}
-    if blend == "nearest" and (equal_bands or moved):
-        option = "without --bands" if equal_bands else "with --snap 0"
-        found = {option: _worst_of(natural_bands(target, moduli), moduli), **found}
+    if blend == "nearest" and nearest:
+        found = {nearest: _worst_of(natural_bands(target, moduli), moduli), **found}
     others = {option: error for option, error in found.items() if error < ratio * (1.0 - 1e-6)}
     check = Check(ratio, limit, ratio <= limit * (1.0 + _ROUNDING))
     if check.ok:
@@ -526,6 +539,13 @@ def _stiffness_check(
         + "; ".join([*better, f"--tolerance {_rounded_up(ratio):g} accepts it"])
     )
     return check, (Finding("stiffness", message, worst.material),), others
+
+
+def _to_nearest(bands: int | None, stated: int | None, moved: bool) -> str:
+    """Return the option that undoes equal bands, or cuts that were moved off the part's faces."""
+    if bands is not None:  # an earlier plan's go where a blend is stated
+        return "with --blend nearest" if stated is None else "without --bands"
+    return "with --snap 0" if moved else ""
 
 
 def _region_error(region: Region) -> float:

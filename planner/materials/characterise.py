@@ -15,6 +15,9 @@ __all__ = [
     "BROKEN_SHARE",
     "MINIMUM_POINTS",
     "SECANT_STRAINS",
+    "SPIKE_NOISE",
+    "SPIKE_STEP",
+    "WIDEST_SPIKE",
     "Curve",
     "MaterialCharacteristics",
     "Spread",
@@ -22,7 +25,9 @@ __all__ = [
     "check_record",
     "doubts",
     "noise_sd",
+    "spikes_in",
     "toe_compensated",
+    "without_spikes",
     "without_tail",
 ]
 
@@ -121,7 +126,7 @@ def check_record(where: str, columns: Mapping[str, FloatArray]) -> None:
 
 
 # ------------------------------------------------------------------------------------------------
-# Where a record breaks, and how noisy it is.
+# Where a record breaks, how noisy it is, and which points leap out of it.
 
 
 UNLOADED_SHARE = 0.02
@@ -146,6 +151,44 @@ def noise_sd(values: FloatArray) -> float:
     if len(values) < 4:
         return 0.0
     return float(1.4826 * np.median(np.abs(np.diff(values, 3))) / np.sqrt(20.0))
+
+
+SPIKE_NOISE, SPIKE_STEP = 12.0, 5.0
+"""A spike leaps by so many noise deviations, so many steps nearby; so does time over lost rows.
+Chosen: noise never does, and adaptive sampling changes less at once."""
+
+WIDEST_SPIKE = 3
+"""Points that a spike has at most. Chosen: what lasts longer is an event."""
+
+
+def spikes_in(values: FloatArray) -> BoolArray:
+    """Return which points, up to `WIDEST_SPIKE` beside each other, leap out of a record.
+
+    A turn of a triangle wave or a break is none: a spike leaps further off the median of what is
+    around it than the record moves there.
+    """
+    low, high = np.quantile(values, [0.02, 0.98])  # without what leaps out
+    least = max(SPIKE_NOISE * noise_sd(values), _SUDDEN_SHARE * float(high - low))
+    padded = np.pad(values, WIDEST_SPIKE, mode="edge")
+    around = np.lib.stride_tricks.sliding_window_view(padded, 2 * WIDEST_SPIKE + 1)
+    moves = np.median(np.abs(np.diff(around, axis=1)), axis=1)
+    off = np.abs(values - np.median(around, axis=1))
+    return np.asarray(off > np.maximum(least, SPIKE_STEP * moves))
+
+
+def without_spikes(curve: Curve) -> Curve:
+    """Leave out points whose stress leaps out of the record, and note it.
+
+    What leaps at its end may be the break.
+    """
+    leaps = spikes_in(curve.stress_MPa)
+    leaps[-WIDEST_SPIKE:] = False
+    if not (count := int(leaps.sum())) or len(leaps) - count < MINIMUM_POINTS:
+        return curve
+    points = "1 point leaps" if count == 1 else f"{count} points leap"
+    where = f"strain {curve.strain[np.argmax(leaps)]:.4g}"
+    told = f"{points} out of the record (at {where}) and {'is' if count == 1 else 'are'} left out"
+    return curve.part(~leaps, f"specimen {curve.specimen}: {told}")
 
 
 def without_tail(curve: Curve) -> Curve:

@@ -24,6 +24,7 @@ from planner.materials.characterise import (
     Curve,
     characterise_curve,
     check_record,
+    without_spikes,
     without_tail,
 )
 from planner.materials.laws import make_law, secant_modulus_MPa
@@ -442,7 +443,7 @@ def _curve_of(name: str, record: "_Record", said: str, sure: bool) -> Curve:
     mode = "uniaxial" if said in ("", "tension", "compression") else said
     told = (*table.notes, *notes)
     curve = Curve(name, strain[kept], stress[kept], time, record.material, told, mode)
-    curve = without_tail(curve)
+    curve = without_tail(without_spikes(curve))
     return replace(curve, strain=sign * curve.strain, stress_MPa=sign * curve.stress_MPa)
 
 

@@ -405,10 +405,10 @@ class Settled:
         sizes = self.world.own_coefficients(left, self.own).reshape(len(share), -1)
         return replace(candidate, own=np.array(share) * sizes)
 
-    def deviations(self) -> FloatArray:
-        """Return the coordinates' posterior deviations, (p,)."""
+    def covariance(self) -> FloatArray:
+        """Return the coordinates' posterior covariance, (p, p)."""
         inner = self.world.products(self.slopes, self.own) + np.eye(self.slopes.shape[1])
-        return np.asarray(np.sqrt(np.diagonal(np.linalg.inv(inner))))
+        return np.asarray(np.linalg.inv(inner))
 
     def beside(self) -> list[Candidate]:
         """Return every form alone at its best place for what this candidate leaves."""

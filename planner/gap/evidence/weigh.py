@@ -1163,30 +1163,39 @@ def verdict_of(ranking: Sequence[Hypothesis]) -> Effects:
 # How well a candidate's parameters are known.
 
 
-_TAIL = 1.645
-"""Deviations of a normal coordinate to either side. Convention: they hold 90 % of it."""
+_TAIL = 0.95
+"""Quantile of a coordinate at the upper end. Convention: both ends hold 90 %."""
 
 
 def found_effects(weighed: Weighed, candidate: Candidate) -> tuple[FoundEffect, ...]:
     """Return each effect's form and parameters with 90 % intervals.
 
-    Intervals are the posterior's, normal about its mode in coordinates in which the prior is.
+    Intervals are the posterior's about its mode in coordinates in which the prior is normal:
+    Student's t, as the scatter is known to the deviation of its logarithm.
     """
     one, found, first = weighed.settled_as(candidate), [], 0
-    at, sd = one.coordinates, one.deviations()
+    tail = float(stdtrit(0.5 / one.world.problem.scatter.log_sd**2, _TAIL))
+    at, covariance = one.coordinates, one.covariance()
+    sd = np.sqrt(np.diagonal(covariance))
     for branch, place in candidate.parts:
         own = slice(first, first := first + len(branch.coordinates(place)))
-        ends = [branch.place(at[own] + step * sd[own]) for step in (-_TAIL, 0.0, _TAIL)]
+        ends = [branch.place(at[own] + step * sd[own]) for step in (-tail, 0.0, tail)]
         low, middle, high = map(branch.values, ends)
         interval = {n: (min(low[n], high[n]), max(low[n], high[n])) for n in middle}
+        signed = np.sign([high[n] - low[n] for n in middle]) / sd[own]
+        related = tuple(map(tuple, (covariance[own, own] * np.outer(signed, signed)).tolist()))
         units = {p.name: p.unit for p in branch.form.parameters}
         units |= dict.fromkeys(branch.form.details, "1")
-        found.append(FoundEffect(branch.effect.id, branch.form.name, middle, interval, units))
+        found.append(
+            FoundEffect(
+                branch.effect.id, branch.form.name, middle, interval, units, correlation=related
+            )
+        )
     if candidate.members is not None:
         members, problem = candidate.members, weighed.plain.problem
         inner = weighed.plain.products(problem.gains)
         sd_of_log = 1.0 / np.sqrt(max(float(members @ inner @ members), 1e-12))
-        factor, reach = float(np.exp(candidate.log_gain)), float(np.exp(_TAIL * sd_of_log))
+        factor, reach = float(np.exp(candidate.log_gain)), float(np.exp(tail * sd_of_log))
         interval, unit = {"factor": (factor / reach, factor * reach)}, {"factor": "1"}
         some = zip(problem.campaign.specimens, members, strict=True)
         ids = tuple(s.id for s, member in some if member)
