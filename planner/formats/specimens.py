@@ -1,6 +1,7 @@
 """The list of specimens: what each one is, its size and how it was tested."""
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,7 +12,14 @@ import msgspec
 
 from planner.errors import FileError
 from planner.formats.files import read_file, toml_beside
-from planner.formats.tables import LARGEST_FIGURE, decode_text, is_workbook, number, read_rows
+from planner.formats.tables import (
+    LARGEST_FIGURE,
+    LONGEST_HEADING,
+    decode_text,
+    is_workbook,
+    number,
+    read_rows,
+)
 from planner.formats.tensile import headings_of, mode_of
 
 __all__ = [
@@ -157,9 +165,9 @@ def read_specimens(path: str | Path) -> tuple[ListedSpecimen, ...]:
     Raises
     ------
     FileError
-        A missing column, a size that is no positive number, a condition that no test has, an
-        unknown choice, neither or both of material and profile, or two rows of one specimen; the
-        message names line and column.
+        A missing column, or one in another unit, as "width_in" or "Temperature (K)"; a size that is
+        no positive number, a condition that no test has, an unknown choice, neither or both of
+        material and profile, or two rows of one specimen; the message names line and column.
     """
     path = Path(path)
     headings, separator, rows = read_rows(path)
@@ -171,6 +179,11 @@ def read_specimens(path: str | Path) -> tuple[ListedSpecimen, ...]:
     for name in columns:
         if columns.count(name) > 1:
             raise FileError(f"{path.name}: two columns {name!r}; keep one")
+        if name not in known.values() and (quantity := _quantity(name)) is not None:
+            raise FileError(
+                f"{path.name}, column {name!r}: its unit is not understood; give the values as "
+                f"{quantity} and head the column so"
+            )
     if "specimen" not in columns or _MADE_OF.isdisjoint(columns):
         raise FileError(
             f"{path.name}: columns are {', '.join(columns)}; 'specimen' and 'material' (or "
@@ -193,6 +206,25 @@ def read_specimens(path: str | Path) -> tuple[ListedSpecimen, ...]:
     if not specimens:
         raise FileError(f"{path.name}: no specimen; write one row a specimen")
     return tuple(row for _, row in specimens.values())
+
+
+_QUANTITIES = {called: name for name, c in SPECIMEN_COLUMNS.items() for called in c.called}
+_UNIT = re.compile(r"(.*?)\s*[\(\[].*[\)\]]")
+_PER_TIME = re.compile(r"(.*?) [^ ]+ (?:per )?(?:s|sec|min|minute|h|hr|hour)")
+
+
+def _quantity(heading: str) -> str | None:
+    """Return the column whose quantity a heading names with a unit of its own, or without one."""
+    if len(heading) > LONGEST_HEADING:
+        return None
+    bracketed = _UNIT.fullmatch(heading)
+    name = bracketed[1] if bracketed else heading
+    words = re.sub(r"[\s_]+", " ", name).strip().casefold()
+    stem, _, unit = words.rpartition(" ")
+    speed = _PER_TIME.fullmatch(words)
+    if speed is not None and speed[1] in _QUANTITIES:
+        return _QUANTITIES[speed[1]]
+    return _QUANTITIES.get(words) or (_QUANTITIES.get(stem) if len(unit) <= 6 else None)
 
 
 _MADE_OF = frozenset({"material", "profile", "part"})

@@ -172,6 +172,8 @@ def number(cell: str, separator: str) -> float | None:
     if " " in cell and _BY_BLANKS.fullmatch(cell):
         cell = cell.replace(" ", "")
     between = "," if separator[0] == "," else "."
+    if "," in cell and "." in cell:  # whichever comes last is the decimal sign
+        between = min(",.", key=cell.find)
     if between in cell:
         groups = _THOUSANDS[between].fullmatch(cell)
         if groups and (groups["decimals"] or (separator[1:].strip() and groups["first"] != "0")):

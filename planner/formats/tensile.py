@@ -64,7 +64,7 @@ _SIGNS = {name: re.compile(f"(?:{any_})", re.I) for name, any_ in _ANY.items()}
 
 _BRACKET = re.compile(r"[(\[{<]\s*([^()\[\]{}<>]*?)\s*[)\]}>]")
 _NUMBERED_CHANNEL = re.compile(
-    rf"(?:{_ANY['channel']})(?=[\s_.:#\d])[\s_.:#]*\d*[\s_.:-]+", re.IGNORECASE
+    rf"(?<![a-z])(?:{_ANY['channel']})(?=[\s_.:#\d])[\s_.:#]*\d*[\s_.:-]+", re.IGNORECASE
 )
 _SUFFIXED = re.compile(r"(.+)_([^_\s]+)")
 _JOINED = re.compile(r"(.+?)\s*(?:[/,;:]|\s(?:in|en)\s)\s*(.+)")
@@ -1646,7 +1646,7 @@ def _advice(option: str, example: str) -> str:
     if "?" in example.split(","):
         return (
             f"name the columns by position: {option} {example} with time_s, displacement_mm, "
-            "force_N, strain or stress_MPa for a '?', or '-' for a column to leave out"
+            "force_N, strain, stretch or stress_MPa for a '?', or '-' for a column to leave out"
         )
     left_out = " (a '-' leaves a column out)" if "-" in example.split(",") else ""
     return f"name the columns by position, for example {option} {example}{left_out}"

@@ -19,7 +19,7 @@ from planner.formats.files import decode_toml, path_within, read_file, toml_text
 from planner.formats.outputs import write_folder
 from planner.formats.specimens import SPECIMEN_COLUMNS, SPECIMEN_TEXTS, read_specimens
 from planner.formats.specimens import ListedSpecimen as Row
-from planner.formats.tables import LONGEST_HEADING, encode_csv, number, read_columns
+from planner.formats.tables import encode_csv, number, read_columns
 from planner.formats.tensile import TensileTable, mode_of, read_tensile
 from planner.formats.units import QUANTITIES
 from planner.gap.campaign import (
@@ -61,11 +61,6 @@ __all__ = [
 # The further columns of specimens.csv: covariates, and slips in headings.
 
 
-_QUANTITIES = {called: name for name, c in SPECIMEN_COLUMNS.items() for called in c.called}
-_UNIT = re.compile(r"(.*?)\s*[\(\[].*[\)\]]")
-_PER_TIME = re.compile(r"(.*?) [^ ]+ (?:per )?(?:s|sec|min|minute|h|hr|hour)")
-
-
 _ALONG_TESTS = frozenset({"strain", "branch", "time", "position"})
 """Axes of a diagnosis that are no columns."""
 
@@ -88,7 +83,7 @@ def read_list(path: Path) -> tuple[tuple[Row, ...], dict[str, Covariates], list[
     Raises
     ------
     FileError
-        A row or heading that is refused, as "width_in" or "Temperature (K)".
+        A row or heading that is refused.
     """
     rows = read_specimens(path)
     names, notes = tuple(rows[0].covariates), []
@@ -97,11 +92,6 @@ def read_list(path: Path) -> tuple[tuple[Row, ...], dict[str, Covariates], list[
             raise FileError(
                 f"{path.name}: a further column {heading!r} would be taken for what lies along a "
                 f"test; give it another name, as {'tray ' + heading!r}"
-            )
-        if (quantity := _quantity(heading)) is not None:
-            raise FileError(
-                f"{path.name}, column {heading!r}: its unit is not understood; give the values as "
-                f"{quantity} and head the column so"
             )
         near = nearest_names(heading, [*SPECIMEN_TEXTS, *SPECIMEN_COLUMNS], _ALIKE)
         if near and abs(len(near[0]) - len(heading)) <= 2:
@@ -122,19 +112,6 @@ def _column(cells: Sequence[str]) -> list[str | float | None]:
     if all(value is not None and math.isfinite(value) for value in numbers.values()):
         return [numbers.get(cell) for cell in cells]
     return [cell or None for cell in cells]
-
-
-def _quantity(heading: str) -> str | None:
-    if len(heading) > LONGEST_HEADING:
-        return None
-    bracketed = _UNIT.fullmatch(heading)
-    name = bracketed[1] if bracketed else heading
-    words = re.sub(r"[\s_]+", " ", name).strip().casefold()
-    stem, _, unit = words.rpartition(" ")
-    speed = _PER_TIME.fullmatch(words)
-    if speed is not None and speed[1] in _QUANTITIES:
-        return _QUANTITIES[speed[1]]
-    return _QUANTITIES.get(words) or (_QUANTITIES.get(stem) if len(unit) <= 6 else None)
 
 
 _ALIKE = 0.85

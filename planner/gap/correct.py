@@ -177,15 +177,17 @@ def _intervals_sd(
         before, after, names = effects[:number], effects[number + 1 :], list(one.parameters)
         changes = np.zeros((len(names), len(total)))
         for change, name in zip(changes, names, strict=True):
-            low, high = one.interval.get(name, (-math.inf, math.inf))
-            if math.isfinite(low) and math.isfinite(high):
-                sd, value = 0.5 * (high - low) / normal_quantile(0.9), effect.values[name]
-                near = max(low, value - _DEVIATIONS * sd), min(high, value + _DEVIATIONS * sd)
+            ends = low, high = one.interval.get(name, (-math.inf, math.inf))
+            if math.isfinite(high - low) and name in effect.values:
+                value, by = effect.values[name], normal_quantile(0.9)
+                step = _DEVIATIONS * 0.5 * (high - low) / by
+                if low <= value - step < value + step <= high:  # else at the end of what may be
+                    ends, by = (value - step, value + step), _DEVIATIONS
                 down, up = (
                     factors.log([*before, _with(effect, name, end), *after]).mean(axis=1)
-                    for end in near
+                    for end in ends
                 )
-                change += sd * (up - down) / max(near[1] - near[0], 1e-300)
+                change += 0.5 * (up - down) / by
         correlation = np.array(one.correlation or np.eye(len(names)))
         total += np.einsum("ip,ij,jp->p", changes, correlation, changes)
     return np.sqrt(np.maximum(total, 0.0))

@@ -133,7 +133,7 @@ class Characterisation:
 
 
 def characterise(
-    files: Study | Iterable[str | Path],
+    files: Study | str | Path | Iterable[str | Path],
     *,
     specimens: str | Path | None = None,
     material: str | None = None,
@@ -210,7 +210,8 @@ def characterise(
     found = tuple(characterise_material(*of, secant_strains=strains) for of in study.groups.items())
     stated = _by_material(study, study.groups, "coordinate", None)
     slips, asked = unit_slips(study, _compared(palette, printer, compare), stated)
-    notes = (*study.notes, *others, *asked)
+    mixed = _mixed(study, "figures of one material mix them")
+    notes = (*study.notes, *others, *mixed, *asked)
     return Characterisation(found, notes, slips, study.groups, study.records, study.findings())
 
 
@@ -287,9 +288,9 @@ def _table(rows: Sequence[_Row]) -> bytes:
 # From a study's groups of curves to a palette, with a report of every law that was tried.
 
 
-_DEFAULT_DENSITY_G_CM3 = 1.14
+_DEFAULT_DENSITY_G_CM3, _DENSEST_G_CM3 = 1.14, 25.0
 """Assumed where none is given: between the 1.12 to 1.13 assumed of TangoPlus and the 1.17 to
-1.18 g/cm3 of VeroWhite."""
+1.18 g/cm3 of VeroWhite. And above all materials: osmium has 22.6."""
 
 _RANKING_STRAIN = 0.1
 """Secant modulus at this strain, or at the smallest elongation at break, orders a palette."""
@@ -355,7 +356,7 @@ class PaletteStudy:
 
 
 def fit(
-    files: Study | Iterable[str | Path],
+    files: Study | str | Path | Iterable[str | Path],
     *,
     law: str = "all",
     name: str | None = None,
@@ -600,8 +601,11 @@ def _densities(
 ) -> dict[str, float]:
     found = _by_material(study, ordered, "density_g_cm3", given)
     for material, value in found.items():
-        if not 0.0 < value < np.inf:
-            raise ArgumentError(f"material {material}: density_g_cm3 is {value:g}; must be above 0")
+        if not 0.0 < value < _DENSEST_G_CM3:
+            raise ArgumentError(
+                f"material {material}: density_g_cm3 is {value:g}; it must be above 0 and below "
+                f"{_DENSEST_G_CM3:g}, in g/cm3: 1140 kg/m3 are 1.14"
+            )
     assumed = [material for material in ordered if material not in found]
     if assumed:
         notes.append(
@@ -647,27 +651,39 @@ def _rows(study: Study) -> list[ListedSpecimen]:
 
 
 def _reference(study: Study, notes: list[str]) -> Reference:
-    """Return the mean conditions of the specimens; what differs between them is noted."""
+    """Return the mean conditions of the specimens; what is unknown or differs is noted."""
+    values, orientations = _conditions(study)
+    notes += _mixed(study, "laws and scatter mix them; the mean is written, or no orientation")
+    known = values | {"orientation": orientations}
+    if unknown := [condition for condition, found in known.items() if not found]:
+        notes.append(f"reference conditions unknown: {', '.join(unknown)}; see specimens.csv")
+    means = {condition: float(np.mean(v)) for condition, v in values.items() if v}
+    return Reference(**means, orientation=orientations[0] if len(orientations) == 1 else None)
+
+
+def _conditions(study: Study) -> tuple[dict[str, list[float]], list[Any]]:
+    """Return the numbers by condition that specimens have, and the orientations."""
     rows = _rows(study)
     used = [study.dimensions.get(c.specimen) for curves in study.groups.values() for c in curves]
     rates = [d.rate_mm_s / d.gauge_mm for d in used if d and d.rate_mm_s and d.gauge_mm]
     values: dict[str, list[float]] = {"strain_rate_per_s": rates}
     for condition in ("temperature_C", "soak_h", "age_days"):
         values[condition] = [v for r in rows if (v := getattr(r, condition)) is not None]
-    mixed = "laws and scatter mix them, and the mean is written"
-    for condition, found in values.items():
-        if found and np.ptp(found) > _DIFFERENT * max(abs(v) for v in found):
-            ends = f"{min(found):g} to {max(found):g}"
-            notes.append(Caution(f"{condition} differs between specimens ({ends}); {mixed}"))
-    unknown = [condition for condition, found in values.items() if not found]
-    orientations = sorted({r.orientation for r in rows if r.orientation})
+    return values, sorted({r.orientation for r in rows if r.orientation})
+
+
+def _mixed(study: Study, how: str) -> Iterator[Caution]:
+    """Say which conditions differ between specimens."""
+    values, orientations = _conditions(study)
+    told = {
+        condition: f"{min(found):g} to {max(found):g}"
+        for condition, found in values.items()
+        if found and np.ptp(found) > _DIFFERENT * max(abs(v) for v in found)
+    }
     if len(orientations) > 1:
-        said = f"orientation differs between specimens ({', '.join(orientations)})"
-        notes.append(Caution(f"{said}; none is written"))
-    if unknown:
-        notes.append(f"reference conditions unknown: {', '.join(unknown)}; see specimens.csv")
-    means = {condition: float(np.mean(v)) for condition, v in values.items() if v}
-    return Reference(**means, orientation=orientations[0] if len(orientations) == 1 else None)
+        told["orientation"] = ", ".join(orientations)
+    for condition, ends in told.items():
+        yield Caution(f"{condition} differs between specimens ({ends}); {how}")
 
 
 def _ids(materials: Sequence[str]) -> dict[str, str]:

@@ -563,7 +563,7 @@ class Study:
 
 
 def read_study(
-    files: Study | Iterable[str | Path],
+    files: Study | str | Path | Iterable[str | Path],
     *,
     specimens: str | Path | None = None,
     material: str | None = None,
@@ -621,7 +621,7 @@ def read_study(
         if value is not None and not 0.0 < value < math.inf:
             raise ArgumentError(f"{name} is {value:g}; a size must be a number above 0")
     given = ListedSpecimen("", width_mm=width_mm, thickness_mm=thickness_mm, gauge_mm=gauge_mm)
-    paths = [Path(file) for file in files]
+    paths = [Path(file) for file in ([files] if isinstance(files, (str, Path)) else files)]
     whole = not any(path.is_file() and not is_specimens_file(path) for path in paths)
     files, listing = _files(paths, None if specimens is None else Path(specimens))
     notes: list[str] = []
@@ -1271,11 +1271,12 @@ def _advice(
     if unit is None:
         return None
     stated = next(name for name, factor in units.items() if factor == own) or "fractions"
-    option = shlex.quote(UnitOf(quantity, unit, tuple(names)).text)
+    option = shlex.quote(UnitOf(quantity, unit or "1", tuple(names)).text)
     # A section ten times too large is as near as kgf.
     sizes = ", or is a size wrong" if quantity == "force" else ""
     if unit in units:
-        return f"was {unit} taken for {stated}{sizes}? Give --unit-of {option}"
+        was = f"was {unit}" if unit else "were fractions"
+        return f"{was} taken for {stated}{sizes}? Give --unit-of {option}"
     # No unit is so small: the numbers were multiplied on the way, as another unit's would be.
     other = unit_near(kind, 2.0 * math.log(own) - math.log(float(unit)), own)
     return f"was {stated} converted as if it were {other}{sizes}? Give --unit-of {option}"

@@ -17,6 +17,7 @@ from planner.gap.correct import (
     Correction,
     _Case,
     _Factors,
+    _intervals_sd,
     _parted_sd,
     _refitted,
     _working_strain,
@@ -387,7 +388,7 @@ def test_a_material_is_the_less_sure_the_farther_it_lies_from_those_tested(palet
     beyond = [made.log_sd[id] for id in ids[ids.index("FLX9760") :]]
     assert all(np.diff(beyond) > 0.0)
     assert beyond[-1] > 3.0 * beyond[0]
-    assert any("FLX9740, FLX9750: not in the campaign, but between" in n for n in made.notes)
+    assert any("FLX9740, FLX9750: not tested for this, but between" in n for n in made.notes)
     assert any("VeroWhitePlus: beyond what was tested (TangoPlus to" in n for n in made.notes)
 
 
@@ -447,7 +448,13 @@ def test_the_command_says_how_far_from_the_tests(palette, tmp_path, capsys) -> N
 
 
 def test_a_campaign_says_what_it_tested() -> None:
-    tested = levels_tested(planner.read_campaign(Path(__file__).parents[2] / "samples/warm-lab"))
+    campaign = planner.read_campaign(Path(__file__).parents[2] / "samples/warm-lab")
+    tested, changed = levels_tested(campaign)
+    assert changed == {
+        "temperature_C": ("TangoPlus", "FLX9760"),
+        "soak_h": ("TangoPlus", "FLX9760"),
+        "strain_rate_per_s": ("TangoPlus", "FLX9760"),
+    }
     assert tested["temperature_C"] == (23.0, 40.0)
     assert tested["soak_h"] == (0.0, 4.0, 72.0)
     assert tested["material"] == ("TangoPlus", "FLX9760")
@@ -499,3 +506,45 @@ def test_a_law_is_fitted_again_in_its_own_number_of_terms(palette) -> None:
     made = _refitted(material, strain, -0.2 * np.tanh(strain))
     assert len(made.law.parameters["alpha"]) == 4
     assert made.misfit < 1e-4
+
+
+def test_errors_that_go_together_are_not_added_up(palette) -> None:
+    """Slope and constant of WLF: the sum of both changes, their difference, or the root of squares.
+
+    So a form of many parameters that stand in for one another is as sure as the tests, where they
+    are. The bound is what the two changes miss by that they are finite.
+    """
+    own = stated(Reference(), palette.reference)
+    case = _Case(palette, diagnosed(palette), own, replace(own, temperature_C=60.0), (6.0, 3.0))
+    factors = _Factors(case, [(palette.materials[0], case.use)], [0.1], 24)
+    one = found("temperature", "wlf", slope=0.03, constant=50.0, peak=0.0)
+    one = replace(one, interval={**one.interval, "peak": (0.0, 0.0)})
+    effect = EFFECTS["temperature"]
+    stated_effect = StatedEffect(effect, effect.form("wlf"), dict(one.parameters))
+
+    def sd(**changes) -> float:
+        return float(_intervals_sd(factors, [replace(one, **changes)], [stated_effect])[0])
+
+    slope, constant = (
+        sd(interval={**one.interval, other: (one.parameters[other],) * 2})
+        for other in ("constant", "slope")
+    )
+    together = {by: ((1.0, by, 0.0), (by, 1.0, 0.0), (0.0, 0.0, 1.0)) for by in (-1.0, 0.0, 1.0)}
+    found_sd = [sd(correlation=rows) for rows in together.values()]
+    wanted = [slope - constant, np.hypot(slope, constant), slope + constant]
+    np.testing.assert_allclose(found_sd, wanted, rtol=1e-3)
+    assert sd() == pytest.approx(wanted[1], rel=1e-3)
+
+
+def test_a_material_that_was_not_tested_there_is_told_by_those_that_were(palette) -> None:
+    """Its tests at the palette's own temperature say nothing of another."""
+    ids = ("TangoPlus", "FLX9760", "FLX9785")
+    tested = {"temperature_C": (23.0, 40.0), "material": ids}
+    diagnosis = diagnosed(palette, found("temperature", slope=0.03), tested=tested)
+    changed = replace(diagnosis, changed={"temperature_C": ids[:2]})
+    all_, some = (correct(d, palette=palette, temperature_C=40.0) for d in (diagnosis, changed))
+    assert some.log_sd["FLX9785"] > 1.5 * all_.log_sd["FLX9785"]
+    assert some.log_sd["TangoPlus"] == all_.log_sd["TangoPlus"]
+    assert any("FLX9785" in n and "beyond what was tested (TangoPlus to FLX9760)" in n
+               for n in some.notes)  # fmt: skip
+    assert not any("FLX9785" in n for n in all_.notes)

@@ -142,7 +142,8 @@ def test_every_option_of_the_earlier_plan_is_taken(options) -> None:
     assert new.gradient.profile == old.gradient.profile
     assert new.gradient.blend == old.gradient.blend
     assert new.gradient.bands == old.gradient.bands
-    assert new.stiffness == old.stiffness
+    assert replace(new.stiffness, alternatives={}) == replace(old.stiffness, alternatives={})
+    assert "without --bands" not in new.stiffness.alternatives  # nobody gave it
     for name, value in old.gradient.field.items():
         assert new.gradient.field[name] == (value if name == "name" else pytest.approx(value))
     assert [r.printed for r in new.regions] == [r.printed for r in old.regions]

@@ -74,7 +74,9 @@ def test_the_mode_is_found_and_flat(problem: Problem) -> None:
     settled = settle((world,), candidate(problem, "power-law"), world)
     ((branch, place),) = settled.candidate.parts
     low, high = (
-        branch.values(branch.place(settled.coordinates + k * np.sqrt(np.diagonal(settled.covariance()))))["rise"]
+        branch.values(
+            branch.place(settled.coordinates + k * np.sqrt(np.diagonal(settled.covariance())))
+        )["rise"]
         for k in (-3.0, 3.0)
     )
     assert low < RISE < high
