@@ -200,7 +200,8 @@ class Ramp:
     stop: float
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.start) and np.isfinite(self.stop)) or self.start == self.stop:
+        ends = self.start, self.stop
+        if not np.isfinite(ends).all() or math.isclose(*ends, rel_tol=1e-9):  # rounding is no rise
             raise ArgumentError(
                 f"a gradient from {self.start:.6g} to {self.stop:.6g} is none: the two must be "
                 "finite and differ; give from= and to="

@@ -468,7 +468,11 @@ def _distance(given: FieldArguments, setting: Setting) -> Field:
     depth = False
     says: dict[str, object]
     if which == "hole":
-        picked = given.point("hole")
+        picked, bounds_mm = given.point("hole"), setting.mesh.bounds_mm
+        if (np.array(picked) < bounds_mm[0]).any() or (np.array(picked) > bounds_mm[1]).any():
+            raise ArgumentError(
+                "field distance: the point of hole= lies beside the part, not in it"
+            )
         tree = triangle_tree(_smooth_patch(setting.mesh, np.array(picked)))
         says = {"of": "hole", "point_mm": list(picked)}
     elif which == "box":
@@ -533,6 +537,10 @@ def _table(given: FieldArguments, setting: Setting) -> Field:
     path = _file(given, ".csv, .npy or .vti")
     first, step = given.triple("origin"), given.triple("step")
     lies = (first, step) if first and step else None
+    if (first or step) and path.suffix.casefold() in (".csv", ".vti"):
+        raise ArgumentError(
+            f"field table: {path.name} says itself where it lies; leave out origin= and step="
+        )
     table = read_grid_table(path, array=given.named.get("array"), lies=lies)
     return _tabled(path.name, table, given, setting)
 
@@ -542,6 +550,7 @@ def _tabled(name: str, table: GridTable, given: FieldArguments, setting: Setting
     nx, ny, nz = table.values.shape
     quantity = over_cells(Grid(as_point(corner), table.spacing_mm, (nx, ny, nz)), table.values)
     says = {"file": name, "sha256": table.sha256}
+    says |= _outside(name, corner, corner + np.multiply(table.spacing_mm, (nx, ny, nz)), setting)
     if given.named.get("array"):
         says["array"] = given.named["array"]
     return _ramp(given, setting, quantity).along(quantity, "table", says, length=False)
@@ -589,7 +598,34 @@ def _points(given: FieldArguments, setting: Setting) -> Field:
     path = _file(given, ".csv or .vtu")
     points, values, sha256 = read_point_table(path, array=given.named.get("array"))
     at, ends = points + np.array(setting.origin_mm), (given.number("from"), given.number("to"))
-    return points_field(path.name, sha256, at, values, ends)
+    outside = _outside(path.name, at.min(axis=0), at.max(axis=0), setting)
+    return points_field({"file": path.name, "sha256": sha256, **outside}, at, values, ends)
+
+
+_OUTSIDE = 0.01
+"""Share of a part beyond a table that is told. Chosen: grids may end short of a rounded face."""
+
+
+def _outside(name: str, low: FloatArray, high: FloatArray, setting: Setting) -> dict[str, Any]:
+    """Return what a plan says of the share of the part that lies outside a table's box.
+
+    Raises
+    ------
+    ArgumentError
+        All of it does: the table is that of something else.
+    """
+    samples, reach = setting.samples_mm, 1e-9 * np.ptp(setting.mesh.bounds_mm)
+    beyond = ((samples < low - reach) | (samples > high + reach)).any(axis=1).mean()
+    if beyond == 1.0:
+        table, part = (
+            " x ".join(f"{a:.4g}..{b:.4g}" for a, b in (np.array(box) - setting.origin_mm).T)
+            for box in ((low, high), setting.mesh.bounds_mm)
+        )
+        raise ArgumentError(
+            f"field: {name} holds values for {table} mm, where nothing of the part is, which lies "
+            f"in {part} mm; check its origin and its unit"
+        )
+    return {"outside": float(beyond)} if beyond > _OUTSIDE else {}
 
 
 def _file(given: FieldArguments, endings: str) -> Path:

@@ -1,6 +1,7 @@
 """Fields computed over the part's cells: steady flow, shortest ways, tables of values."""
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -397,7 +398,7 @@ _NEAREST = 8
 
 
 def points_field(
-    file: str, sha256: str, points_mm: FloatArray, quantity: FloatArray, ends: _Ends
+    says: Mapping[str, Any], points_mm: FloatArray, quantity: FloatArray, ends: _Ends
 ) -> FunctionField:
     """Build the field of scattered values: a mean of the nearest, those nearer weighing more.
 
@@ -414,6 +415,7 @@ def points_field(
 
     places, which, count = np.unique(points_mm, axis=0, return_inverse=True, return_counts=True)
     if len(places) < 4:
+        file = says["file"]
         raise ArgumentError(f"field points: {file} has {len(places)} places; it needs 4 or more")
     mean = np.bincount(which.ravel(), weights=quantity) / count
     tree = KDTree(places)
@@ -426,5 +428,4 @@ def points_field(
         weight /= weight.sum(axis=1, keepdims=True)
         return np.asarray((weight * mean[which]).sum(axis=1))
 
-    says = {"file": file, "sha256": sha256}
     return Ramp.over(mean, *ends).along(at, "points", says, length=False)

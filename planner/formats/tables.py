@@ -163,10 +163,9 @@ def read_rows(path: Path) -> tuple[list[str], str, Iterator[TextRow]]:
 def number(cell: str, separator: str) -> float | None:
     """Return the number in a cell, or None where there is none.
 
-    A comma is the decimal sign where it does not separate cells; in a file separated by commas,
-    "1,234.5" in quotes is one thousand and some, elsewhere "1.234,5". Where the decimal sign is
-    known it stands behind the separator: "1,234" is a thousand and some with ",.", as "1.234" is
-    with ";,".
+    A comma is the decimal sign where it does not separate cells; of comma and dot the last one is:
+    "1,234.5" and "1.234,5" are one thousand and some. Where the decimal sign is known it stands
+    behind the separator: "1,234" is a thousand and some with ",.", as "1.234" is with ";,".
     """
     cell = cell.translate(_GROUPED)
     if " " in cell and _BY_BLANKS.fullmatch(cell):

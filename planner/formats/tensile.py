@@ -970,8 +970,13 @@ def _split(grid: _Grid, block: _Block, places: Sequence[int], label: str) -> lis
     if named is None:  # several materials, or modes, are several specimens
         several = (i for i in texts.values() if len({*record.cells(i)} - {""}) > 1)
         named = next(several, None)
+    names = [""] * len(lined) if named is None else _carried(record.cells(named))
+    if named is not None and "material" in texts:
+        full = list(zip(_carried(record.cells(texts["material"])), names, strict=True))
+        if len({*full}) > len({*names}):  # numbers that begin anew with each material
+            names = ["-".join(one) for one in full]
     rows_of: dict[str, list[int]] = {}
-    for n, name in enumerate([""] * len(lined) if named is None else _carried(record.cells(named))):
+    for n, name in enumerate(names):
         rows_of.setdefault(name, []).append(n)
     return [
         _Piece(

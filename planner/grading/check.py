@@ -206,7 +206,9 @@ def _shell_problems(
     plan: Plan, measures: Mapping[str, Measures], triangles: Mapping[str, int]
 ) -> Iterator[str]:
     """Hold each shell against the regions that the plan puts into it."""
-    for number, file in enumerate(sorted(measures), start=1):
+    for number, file in enumerate(sorted({region.file for region in plan.regions}), start=1):
+        if file not in measures:
+            continue  # told as missing, or unreadable
         regions = _of(plan, file)
         materials = sorted({region.printed for region in regions})
         if not all(file.endswith(f"_{material}.stl") for material in materials):
@@ -251,7 +253,8 @@ def _threemf_problems(root: Path, plan: Plan, shells: Mapping[str, Triangles]) -
             yield f"{path.name}: it has no object {Path(file).stem}"
         else:
             yield from _object_problems(path.name, item, shell, _of(plan, file))
-    yield from (f"{path.name}: object {name} has no STL" for name in objects)
+    listed = {Path(region.file).stem for region in plan.regions}
+    yield from (f"{path.name}: object {n} has no STL" for n in objects if n not in listed)
 
 
 def _object_problems(
@@ -409,7 +412,7 @@ def check(
 
 def _misplaced(root: Path, plan: Plan) -> Iterator[str]:
     expected = {region.file for region in plan.regions} | {"plan.json", f"{plan.name}.3mf"}
-    expected |= {name for name in plan.files_sha256 if name.endswith((".md", ".stl"))}
+    expected |= {name for name in plan.files_sha256 if name.endswith(_KEPT)}
     found = {
         p.relative_to(root).as_posix()
         for p in root.rglob("*")
@@ -422,8 +425,10 @@ def _misplaced(root: Path, plan: Plan) -> Iterator[str]:
             yield f"{name}: no part of the plan; remove it"
 
 
-_READ = (".md", ".html", ".stl")
-"""Of a plan's files beside shells and 3MF, what people read and print; tables are to be filled."""
+_KEPT = (".md", ".png", ".stl")
+_READ = (*_KEPT, ".html")
+"""Of a plan's files beside shells and 3MF, what people read and print; tables are to be filled, and
+the page can be made anew."""
 
 
 def _is_rewritten(root: Path, name: str, plan: Plan) -> bool:

@@ -119,6 +119,10 @@ def _design_pieces(
 
 _Progress = Callable[[str], None]
 
+_LEAST_CELLS = 5
+"""Along a part's longest side, if their size is stated. Chosen: of fewer, some materials of a round
+field have none of a cell's corners, and no check can tell."""
+
 _UNCALIBRATED = (
     "mixtures need a printer that jets them, as {printer} may not; their ratios are not calibrated"
 )
@@ -260,6 +264,12 @@ def grade(
         oversize=force_oversize,
     )  # fmt: skip
     mesh, translation = moved_to_corner(source.mesh)
+    coarsest_mm = float(np.ptp(mesh.bounds_mm, axis=0).max()) / _LEAST_CELLS
+    if wish.pitch_mm is not None and wish.pitch_mm > coarsest_mm:
+        raise ArgumentError(
+            f"`pitch_mm` {wish.pitch_mm:g}: cells so large miss what a field does within the part; "
+            f"it must be {coarsest_mm:.2g} mm or less, a fifth of the longest side"
+        )
     pitch_mm = default_pitch_mm(mesh) if wish.pitch_mm is None else wish.pitch_mm
     if wish.field is None:
         along: Field = axis_field(wish.axis, mesh)
@@ -278,7 +288,7 @@ def grade(
                 mesh, along, design.bands, target, snap_mm=farthest_mm, machine=machine
             )
             design = replace(design, bands=bands_now)
-        _check_thickness(along, design.bands, machine, source.warnings)
+        _check_thickness(along, design.bands, bool(design.periods), machine, source.warnings)
     within_mm = WITHIN_MM if wish.pitch_mm is None else math.inf
     pieces = design.cut(mesh, along, pitch_mm, within_mm)
     shells = shells_of(pieces, design.printed, scale, machine, source.name)
@@ -383,6 +393,11 @@ def _idle(
     """Yield what was asked for and does nothing."""
     if pitch_mm is not None and isinstance(field, PlanarField):
         yield Caution(f"cells of {pitch_mm:g} mm do nothing: along an axis a cut is a plane")
+    if outside := field.description().get("outside"):
+        yield Caution(
+            f"{100.0 * float(str(outside)):.0f} % of the part lies outside "
+            f"{field.description()['file']}: there its nearest values hold"
+        )
     low, high = regions[0].field[0], regions[-1].field[1]
     one = len({region.printed for region in regions}) == 1 and high - low < 1.0
     if one and len(natural_bands(target, scale.moduli_MPa)) > 1:
@@ -393,8 +408,9 @@ def _idle(
 
 
 def _check_thickness(
-    field: Field, bands: tuple[Band, ...], machine: Printer, warnings: tuple[str, ...]
-) -> None:
+    field: Field, bands: tuple[Band, ...], periods: bool, machine: Printer,
+    warnings: tuple[str, ...],
+) -> None:  # fmt: skip
     """Refuse bands thinner than the printer's layer, where the field has a length."""
     span_mm = field.description().get("span_mm")
     if not isinstance(span_mm, float):
@@ -404,10 +420,11 @@ def _check_thickness(
     if thickness_mm < machine.layer_mm:
         fit = int(span_mm / machine.layer_mm)
         unit = next((w.replace("--unit", "`unit`") for w in warnings if "--unit" in w), None)
+        fewer = "take fewer periods" if periods else f"take `bands` {fit} or fewer"
         raise ThinBandError(
             f"a band of {1000 * thickness_mm:.3g} um at field {thinnest.start:.6g} is thinner than "
             f"a layer of {machine.title}, {1000 * machine.layer_mm:g} um, on a gradient of "
-            f"{span_mm:.4g} mm; {unit or f'take `bands` {fit} or fewer, or a gentler profile'}"
+            f"{span_mm:.4g} mm; {unit or f'{fewer}, or take a gentler profile'}"
         )
 
 

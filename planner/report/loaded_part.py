@@ -507,9 +507,12 @@ def summary_words(result: PartSimulation) -> Iterator[str]:
         f"at {place_text(steps.largest_mm[k])}"
     )
     found = result.discretisation
-    if found is not None:
+    largest = None if found is None else found.largest
+    if found is not None and largest is None:
+        yield f"{case}how far figures depend on the cells is not told: watch a place that moves"
+    elif found is not None and largest is not None:
         yield (
-            f"{case}figures are within {in_percent(found.largest)} of those of ever smaller cells, "
+            f"{case}figures are within {in_percent(largest)} of those of ever smaller cells, "
             f"as two solutions in cells of {found.cell_mm:.3g} mm tell (right for nine parts in "
             "ten)"
         )

@@ -330,9 +330,9 @@ class Discretisation:
     errors: tuple[float | None, ...]
 
     @property
-    def largest(self) -> float:
-        """The largest error."""
-        return max((error for error in self.errors if error is not None), default=0.0)
+    def largest(self) -> float | None:
+        """The largest error; None where no response tells any."""
+        return max((error for error in self.errors if error is not None), default=None)
 
 
 class LoadCurve(NamedTuple):
@@ -757,8 +757,10 @@ def simulate_part(
         here = [_small_figures(one) for one in solved]
         others = [list(map(_small_figures, prepared(larger_mm, shift))) for shift in (0.0, 0.5)]
         compared = [
-            Discretisation(larger_mm, tuple(map(_error, *each))) if all(each) else None
-            for each in zip(here, *others, strict=True)
+            Discretisation(larger_mm, tuple(map(_error, *each)))
+            if all(each) and reached.share[-1] > 0.0
+            else None
+            for reached, *each in zip(found, here, *others, strict=True)
         ]
     surface_coordinate = solid.filling(cells.surface.vertices)
     return tuple(
@@ -842,7 +844,7 @@ def _findings(
             words = (
                 f"no equilibrium is found under the least load{at}: the part may hang together by "
                 "less than a cell there, or the load be too large for the first step; take "
-                "smaller cells (`cell_mm`) or more `steps`"
+                "smaller cells or more steps"
             )
         yield PartFinding(
             "stopped", case + words, share, None if where is None else as_point(where)
