@@ -233,7 +233,9 @@ def test_a_name_that_is_a_slip():
 def test_scattered_values_are_kept_and_stay_in_range():
     at = RNG.uniform(0, 1, (300, 3))
     value = at @ [1.0, 2.0, 3.0]
-    field = points_field({"file": "p.csv", "sha256": "0"}, np.concatenate([at, at]), np.tile(value, 2), (0.0, 1.0))
+    field = points_field(
+        {"file": "p.csv", "sha256": "0"}, np.concatenate([at, at]), np.tile(value, 2), (0.0, 1.0)
+    )
     np.testing.assert_allclose(field.values(at), value, rtol=1e-6)
     between = RNG.uniform(0.2, 0.8, (500, 3))
     found = field.values(between)
