@@ -4,23 +4,21 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from planner.errors import ArgumentError, FileError, UnknownNameError, refused
+from planner.fields.basic import project
 from planner.formats.tables import read_columns
 from planner.glance import brief
 from planner.grading.profile import dithered_profile, is_dithered
+from planner.mesh.mesh import Mesh, weld
 from planner.numerics import FloatArray, Point, freeze
 from planner.palette import Palette
 from planner.plan import Plan, Triangles, plan_file, read_plan, read_shells
 from planner.printers import Printer, load_printer, palette_of
-
-if TYPE_CHECKING:
-    # Cutting a plan's shells takes meshes, voxels and dithers; coupons and profiles do not.
-    from planner.mesh.mesh import Mesh
-    from planner.voxels.columns import Grid
+from planner.voxels.columns import Grid, iterate_columns
 
 __all__ = [
     "Bar",
@@ -94,8 +92,7 @@ class Bar:
     @property
     def x_mm(self) -> FloatArray:
         """Centres of the slices along the axis, (n,)."""
-        centres: FloatArray = 0.5 * (self.edges_mm[:-1] + self.edges_mm[1:])
-        return centres
+        return np.asarray(0.5 * (self.edges_mm[:-1] + self.edges_mm[1:]))
 
     @property
     def length_mm(self) -> FloatArray:
@@ -160,8 +157,6 @@ class Bar:
         UnknownNameError
             The palette lacks a material of the plan.
         """
-        from planner.voxels.columns import iterate_columns
-
         direction, start_mm, span_mm = plan_axis(plan.gradient.field)
         mesh = _turned(united(dict(read_shells(plan))), direction)
         grid = _grid(mesh, start_mm, span_mm, slices)
@@ -260,11 +255,8 @@ def plan_palette(
             ) from error
     else:
         chosen = palette_of(palette, printer)
-    if chosen.sha256 == plan.palette.sha256:
-        return chosen, ()
-    return chosen, (
-        f"palette {chosen.name} is not the one that the plan was made with; its laws are used",
-    )
+    note = f"palette {chosen.name} is not the one that the plan was made with; its laws are used"
+    return chosen, (note,) if chosen.sha256 != plan.palette.sha256 else ()
 
 
 def plan_axis(field: Any) -> tuple[Point, float, float]:
@@ -295,19 +287,14 @@ def plan_axis(field: Any) -> tuple[Point, float, float]:
     return (x, y, z), start_mm, span_mm
 
 
-def united(soups: Mapping[str, Triangles]) -> "Mesh":
+def united(soups: Mapping[str, Triangles]) -> Mesh:
     """Return shells as one mesh; where two touch, their faces cancel in winding numbers."""
-    from planner.mesh.mesh import Mesh, weld
-
     vertices, faces = weld(np.concatenate(list(soups.values())).astype(np.float32))
     return Mesh(vertices.astype(np.float64), faces)
 
 
-def _turned(mesh: "Mesh", direction: Point) -> "Mesh":
+def _turned(mesh: Mesh, direction: Point) -> Mesh:
     """Turn a mesh so that `direction` becomes z, exactly where it is an axis of coordinates."""
-    from planner.fields.basic import project
-    from planner.mesh.mesh import Mesh
-
     n = np.array(direction)
     across = np.zeros(3)
     across[(int(np.argmax(np.abs(n))) + 1) % 3] = 1.0
@@ -318,17 +305,14 @@ def _turned(mesh: "Mesh", direction: Point) -> "Mesh":
     return Mesh(np.stack(rows, axis=1), mesh.faces)
 
 
-def _grid(mesh: "Mesh", start_mm: float, span_mm: float, slices: int) -> "Grid":
+def _grid(mesh: Mesh, start_mm: float, span_mm: float, slices: int) -> Grid:
     """Return a grid that fits the section's bounding box with whole voxels."""
-    from planner.voxels.columns import Grid
-
     (low_x, low_y, _), (high_x, high_y, _) = mesh.bounds_mm.tolist()
     width, height = high_x - low_x, high_y - low_y
     finest = max(width, height) / _ACROSS
     nx, ny = (max(1, int(np.ceil(side / finest))) for side in (width, height))
-    return Grid(
-        (low_x, low_y, start_mm), (width / nx, height / ny, span_mm / slices), (nx, ny, slices)
-    )
+    pitch_mm = (width / nx, height / ny, span_mm / slices)
+    return Grid((low_x, low_y, start_mm), pitch_mm, (nx, ny, slices))
 
 
 # ------------------------------------------------------------------------------------------------

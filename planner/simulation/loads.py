@@ -7,11 +7,10 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations
 from pathlib import Path
-from types import MappingProxyType
 
 import numpy as np
 
-from planner.errors import ArgumentError, FileError, did_you_mean, refused
+from planner.errors import ArgumentError, FileError, check_known, did_you_mean, refused
 from planner.fields.basic import unit_direction
 from planner.formats.files import decode_toml, read_file
 from planner.formats.units import QUANTITY_UNITS, quantities_of, unit_factor
@@ -127,9 +126,7 @@ def read_cases(path: str | Path) -> tuple[LoadCase, ...]:
         if not isinstance(table, dict):
             raise FileError(f"{where}: it must be a table, [[case]]")
         for key, value in table.items():
-            if key not in known:
-                hint = did_you_mean(key, known)
-                raise FileError(f"{where}: no such key {key!r}; {hint}it has {', '.join(known)}")
+            check_known(key, known, f"{where}: no such key {key!r}; {{}}it has", FileError)
             texts = value if isinstance(value, list) and key in _TEXTS else [value]
             if not all(isinstance(text, str) for text in texts):
                 raise FileError(f"{where}: {key} must be text, or a list of texts")
@@ -356,14 +353,12 @@ def _direction(given: str | Sequence[float], where: str) -> Point:
 
 
 _FIGURE = re.compile(r"\s*(free|[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?)\s*(.*?)\s*", re.IGNORECASE)
-_WRITTEN: Mapping[str, tuple[str, str, str]] = MappingProxyType(
-    {
-        "load": ("force", "x=min: 0,0,-0.5 N", "N, mN, kN, lbf, kgf"),
-        "moment": ("moment", "x=min: 0,5,0 N mm", "N mm, mN mm, N cm, N m, lbf inch"),
-        "pressure": ("stress", "cavity: 20 kPa", "kPa, MPa, Pa, bar, psi"),
-        "move": ("length", "z=max: 5,0,free mm", "mm, um, cm, m, inch"),
-    }
-)
+_WRITTEN: Mapping[str, tuple[str, str, str]] = {
+    "load": ("force", "x=min: 0,0,-0.5 N", "N, mN, kN, lbf, kgf"),
+    "moment": ("moment", "x=min: 0,5,0 N mm", "N mm, mN mm, N cm, N m, lbf inch"),
+    "pressure": ("stress", "cavity: 20 kPa", "kPa, MPa, Pa, bar, psi"),
+    "move": ("length", "z=max: 5,0,free mm", "mm, um, cm, m, inch"),
+}
 """By option: the quantity of its figures, an example, and units that are advised."""
 
 _MOMENT = re.compile(r"(.*(?:N|lbf|kgf))[\s·*]*(\S+)")
@@ -439,11 +434,6 @@ class _Faces:
     def area_mm2(self) -> FloatArray:
         """Area of each face, (F,)."""
         return np.asarray(np.linalg.norm(self.mesh.area_vectors_mm2, axis=1))
-
-    @cached_property
-    def normal(self) -> FloatArray:
-        """Unit normal of each face, (F, 3)."""
-        return np.asarray(self.mesh.area_vectors_mm2 / np.maximum(self.area_mm2, 1e-300)[:, None])
 
     @cached_property
     def topology(self) -> Topology:
@@ -565,13 +555,14 @@ def _turned(faces: _Faces, text: str, where: str) -> _Caught:
     if found is None:
         raise ArgumentError(f"{where}: write normal:DIRECTION within DEGREES: normal:+z within 20")
     direction = np.array(_direction(found[1], where))
-    angle = np.degrees(np.arccos(np.clip(faces.normal @ direction, -1.0, 1.0)))
+    normal = faces.mesh.area_vectors_mm2 / np.maximum(faces.area_mm2, 1e-300)[:, None]
+    angle = np.degrees(np.arccos(np.clip(normal @ direction, -1.0, 1.0)))
     return angle <= float(found[2]), f"the nearest is turned {angle.min():.3g}° off"
 
 
-_BY_NAME: Mapping[str, Callable[[_Faces, str, str], _Caught]] = MappingProxyType(
-    {"box": _in_box, "near": _near, "normal": _turned}
-)
+_BY_NAME: Mapping[str, Callable[[_Faces, str, str], _Caught]] = {
+    "box": _in_box, "near": _near, "normal": _turned,
+}  # fmt: skip
 
 
 # ------------------------------------------------------------------------------------------------

@@ -119,7 +119,7 @@ class PartResponse:
         first, last = self.displacement_mm[[0, -1]]
         over_travel = _curves(self)(np.clip(displacement_mm, first, last))
         stiffness, compliance, share = np.split(over_travel, [1, 1 + len(self.coordinate)], axis=1)
-        force: FloatArray = stiffness[:, 0] * displacement_mm
+        force = np.asarray(stiffness[:, 0] * displacement_mm)
         return force, compliance * displacement_mm[:, None], share
 
     def encode(self) -> bytes:

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from planner.errors import ArgumentError, FileError, UnknownNameError, did_you_mean
+from planner.errors import ArgumentError, FileError, UnknownNameError, check_known
 from planner.formats.files import encode_document
 from planner.formats.tables import encode_csv
 from planner.glance import counted, html_of, one_line, outcome, plotted
@@ -71,6 +71,7 @@ def loading_path(
     for name, count in (("`steps`", steps), ("`cycles`", cycles)):
         if not 1 <= count <= 10_000:
             raise ArgumentError(f"{name} {count}: it must be a whole number from 1 to 10000")
+    check_known(protocol, _PROTOCOLS, f"`protocol` {protocol}: no such protocol; {{}}it may be")
     up = np.linspace(0.0, to_displacement_mm, steps + 1)
     ramp_s = up / rate_mm_s
     if protocol == "monotonic":
@@ -80,13 +81,8 @@ def loading_path(
         displacement = np.concatenate([up[:1], np.tile(turns, cycles)])
         time = np.linspace(0.0, 2.0 * cycles * float(ramp_s[-1]), len(displacement))
         return LoadingPath(time, displacement)
-    if protocol == "relaxation":
-        time = np.append(ramp_s, ramp_s[-1] + np.geomspace(_FIRST_HOLD * hold_s, hold_s, steps))
-        return LoadingPath(time, np.append(up, np.full(steps, up[-1])))
-    hint = did_you_mean(protocol, _PROTOCOLS)
-    raise ArgumentError(
-        f"`protocol` {protocol}: no such protocol; {hint}it may be {', '.join(_PROTOCOLS)}"
-    )
+    time = np.append(ramp_s, ramp_s[-1] + np.geomspace(_FIRST_HOLD * hold_s, hold_s, steps))
+    return LoadingPath(time, np.append(up, np.full(steps, up[-1])))
 
 
 # ------------------------------------------------------------------------------------------------
@@ -238,16 +234,12 @@ def _break_findings(
         begin, end = float(bar.edges_mm[start]), float(bar.edges_mm[stop])
         spread = f" (in the end for all of {begin:.4g} .. {end:.4g} mm)" if stop > start + 1 else ""
         name = called(model, float(bar.coordinate[first]))
-        found.append(
-            BreakFinding(
-                "break",
-                f"{name} at {bar.x_mm[first]:.4g} mm passes its elongation at break, {limit:.3g}, "
-                f"at a strain of {at:.3g} of the bar; a print would break there, and what follows "
-                f"is extrapolated{spread}",
-                (begin, end),
-                at,
-            )
+        said = (
+            f"{name} at {bar.x_mm[first]:.4g} mm passes its elongation at break, {limit:.3g}, at a "
+            f"strain of {at:.3g} of the bar; a print would break there, and what follows is "
+            f"extrapolated{spread}"
         )
+        found.append(BreakFinding("break", said, (begin, end), at))
     found.sort(key=lambda finding: finding.gauge_strain)
     if reached.stopped_at is not None:
         k = reached.stopped_at
@@ -258,16 +250,13 @@ def _break_findings(
             if limit >= FARTHEST * breaks
             else "where the stress of its law ceases to rise"
         )
-        found.append(
-            BreakFinding(
-                "unreachable",
-                f"a strain of {wanted:.3g} is out of reach: at {got:.3g}, "
-                f"{called(model, float(bar.coordinate[k]))} at {bar.x_mm[k]:.4g} mm "
-                f"is strained by {limit:.3g}, {why}",
-                (float(bar.edges_mm[k]), float(bar.edges_mm[k + 1])),
-                got,
-            )
+        said = (
+            f"a strain of {wanted:.3g} is out of reach: at {got:.3g}, "
+            f"{called(model, float(bar.coordinate[k]))} at {bar.x_mm[k]:.4g} mm is strained by "
+            f"{limit:.3g}, {why}"
         )
+        ends = float(bar.edges_mm[k]), float(bar.edges_mm[k + 1])
+        found.append(BreakFinding("unreachable", said, ends, got))
     return tuple(found)
 
 
@@ -379,6 +368,8 @@ class Simulation:
 
     def document(self) -> dict[str, Any]:
         """Return the simulation as JSON holds it."""
+        names = ("x_mm", "length_mm", "area_mm2", "coordinate")
+        slices = {name: getattr(self.bar, name).tolist() for name in names}
         return {
             "schema": 1,
             "source": self.name,
@@ -389,13 +380,7 @@ class Simulation:
             "gauge_mm": self.bar.gauge_mm,
             "level": self.level,
             "steps": {name: values.tolist() for name, values in self._steps.items()},
-            "slices": {
-                "x_mm": self.bar.x_mm.tolist(),
-                "length_mm": self.bar.length_mm.tolist(),
-                "area_mm2": self.bar.area_mm2.tolist(),
-                "coordinate": self.bar.coordinate.tolist(),
-                "break_strain": self.break_strain.tolist(),
-            },
+            "slices": {**slices, "break_strain": self.break_strain.tolist()},
             "strain": self.strain.tolist(),
             "findings": [dataclasses.asdict(finding) for finding in self.findings],
             "notes": list(self.notes),
@@ -408,8 +393,7 @@ class Simulation:
     def csv(self) -> bytes:
         """Return the curve as CSV, one row a step."""
         steps = {name: np.asarray(values, float).tolist() for name, values in self._steps.items()}
-        last = ("gauge_strain", "beyond_break")
-        names = [*(name for name in steps if name not in last), *last]
+        names = sorted(steps, key=lambda name: name in ("gauge_strain", "beyond_break"))
         return encode_csv([names, *zip(*(steps[name] for name in names), strict=True)])
 
     def field_csv(self) -> bytes:
@@ -680,13 +664,9 @@ def simulate_bar(
             )
     if rate_mm_s is not None or protocol != "monotonic":
         notes += ("the palette's laws are elastic: rate and time change no force",)
+    end = to_strain * bar.gauge_mm
     way = loading_path(
-        protocol,
-        to_displacement_mm=to_strain * bar.gauge_mm,
-        rate_mm_s=speed,
-        steps=steps,
-        cycles=cycles,
-        hold_s=hold_s,
+        protocol, to_displacement_mm=end, rate_mm_s=speed, steps=steps, cycles=cycles, hold_s=hold_s
     )
     states = len(way.time_s) * len(bar.coordinate)
     if states > _MOST_STATES:
