@@ -174,14 +174,9 @@ def law_tables(
     hardness = interpolated(palette).hardness
     place = places_of(hardness, coordinate)
     values, slopes, ends = zip(*pulled, *pushed, strict=True)
-    return LawTables(
-        coordinate=coordinate,
-        place=place,
-        hardness=hardness,
-        strain_step=float(nodes[1]),
-        cubics=_cubics_of(place, np.stack(values), np.stack(slopes)),
-        sound_strain=np.array(ends[: len(pulled)]),
-    )
+    cubics = _cubics_of(place, np.stack(values), np.stack(slopes))
+    sound_strain = np.array(ends[: len(pulled)])
+    return LawTables(coordinate, place, hardness, float(nodes[1]), cubics, sound_strain)
 
 
 def _table_cubics(
@@ -330,8 +325,7 @@ def instantaneous(
     ratio = np.maximum(stress[1:].T / shown[:, 1:], 1e-3)
     change = np.log(np.concatenate([ratio[:, :1], ratio], axis=1))
     slopes += np.gradient(change, axis=1)
-    cubics = _cubics_of(laws.place, log_secant + change, slopes, mixed=mixed)
-    return replace(laws, cubics=cubics)
+    return replace(laws, cubics=_cubics_of(laws.place, log_secant + change, slopes, mixed=mixed))
 
 
 # ------------------------------------------------------------------------------------------------
@@ -817,16 +811,12 @@ def _follow_path(
         slices = all_slices[test.first : test.stop]
         relaxing = all_relaxing[test.first : test.stop]
         strain = all_strain[:, test.first : test.stop]
-        relaxes = False
         total_length, scale = 0.0, math.inf
         for i in range(len(slices)):
-            for k in range(len(terms)):
-                relaxes = relaxes or relaxing[i, k].share != 0.0
             total_length += slices[i].length_mm
             _, tangent = _elastic_stress(0.0, slices[i], cubics, step)
             scale = min(scale, slices[i].area_mm2 * tangent)
-        force, largest_N, settled, before = 0.0, 0.0, 0.0, 0.0
-        former_N = 0.0
+        force, former_N, largest_N, settled, before = 0.0, 0.0, 0.0, 0.0, 0.0
         for t in range(len(path)):
             target = path[t].travel_mm
             worn = path[t].worn
@@ -839,27 +829,24 @@ def _follow_path(
                     if this.left != 0.0:
                         share = this.set_share * set_grown
                         this.left = _left_strain(set_table, share, this.largest)
-            if relaxes:
-                duration = path[t].time_s - path[max(t - 1, 0)].time_s
+            duration = path[t].time_s - path[max(t - 1, 0)].time_s
+            for k in range(len(terms)):
+                spent = duration / terms[k].time_s
+                gone = -math.expm1(-spent)
+                terms[k].leaves = 1.0 - gone
+                terms[k].adds = gone / spent if spent > 1e-12 else 1.0
+            for i in range(len(slices)):
+                share, rest = 1.0, 0.0
                 for k in range(len(terms)):
-                    spent = duration / terms[k].time_s
-                    gone = -math.expm1(-spent)
-                    terms[k].leaves = 1.0 - gone
-                    terms[k].adds = gone / spent if spent > 1e-12 else 1.0
-                for i in range(len(slices)):
-                    share, rest = 1.0, 0.0
-                    for k in range(len(terms)):
-                        # Of what is new, a step adds `adds` of each relaxing share.
-                        own, term = relaxing[i, k], terms[k]
-                        share -= own.share * (1.0 - term.adds)
-                        rest += own.stress * term.leaves
-                        rest -= own.share * term.adds * slices[i].stress_before
-                    slices[i].share = share
-                    slices[i].rest = rest
+                    # Of what is new, a step adds `adds` of each relaxing share.
+                    own, term = relaxing[i, k], terms[k]
+                    share -= own.share * (1.0 - term.adds)
+                    rest += own.stress * term.leaves
+                    rest -= own.share * term.adds * slices[i].stress_before
+                slices[i].share = share
+                slices[i].rest = rest
             # Go on as before where the crosshead does: a better start than standing still.
-            ahead = 0.0
-            if settled != before:
-                ahead = (target - settled) / (settled - before)
+            ahead = (target - settled) / (settled - before) if settled != before else 0.0
             if not 0.0 < ahead < 4.0:
                 ahead = 0.0
             force, former_N = force + ahead * (force - former_N), force
@@ -912,11 +899,10 @@ def _follow_path(
             for i in range(len(slices)):
                 this = slices[i]
                 e = this.strain
-                if relaxes:
-                    new = this.stress - this.stress_before
-                    for k in range(len(terms)):
-                        own, term = relaxing[i, k], terms[k]
-                        own.stress = own.stress * term.leaves + own.share * new * term.adds
+                new = this.stress - this.stress_before
+                for k in range(len(terms)):
+                    own, term = relaxing[i, k], terms[k]
+                    own.stress = own.stress * term.leaves + own.share * new * term.adds
                 this.stress_before = this.stress
                 if e > this.largest:
                     this.largest = e
@@ -1101,7 +1087,6 @@ def predict(
     own = ("length_mm", "area_mm2", "log_factor", "log_tilt", "softening", "set_share", "fatigue")
     for name in own:
         slices[name] = getattr(bars, name)
-    slices["share"] = 1.0
     used = np.flatnonzero(bars.relaxing.any(axis=0))
     terms = np.empty(len(used), dtype=_TERM)
     terms["time_s"] = RELAXATION_TIMES_s[used]
@@ -1132,8 +1117,7 @@ def predict(
     alone = paths[of_bars]
     follow(tests[of_bars], alone)
     paths[of_bars] = alone
-    paths = paths[some]
-    signed = np.where(bars.pushed[some, None], -1.0, 1.0) * paths["force_N"]
+    signed = np.where(bars.pushed[some, None], -1.0, 1.0) * paths["force_N"][some]
     force[some] = bars.gain[some] * signed + bars.offset_N[some]
     return Prediction(force, np.where(pushed, -strain, strain), bars, mixtures)
 
