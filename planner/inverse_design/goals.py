@@ -3,6 +3,7 @@
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -268,7 +269,8 @@ class Functional(NamedTuple):
 _STRAIGHT = 0.2
 """Of what is wanted: below it a miss goes with the figure, no longer with its logarithm."""
 
-Measure = Callable[["Mechanics", "Equilibrium"], tuple[float, FloatArray]]
+Measured = tuple[float, FloatArray]
+Measure = Callable[["Mechanics", "Equilibrium"], Measured]
 
 
 def posed(
@@ -318,9 +320,9 @@ def functionals(
             held = [axis] if quantity[0] == "u" else [0, 1, 2]
             conditions.refuse_held(f"`target` {target.text}", facets, held)
         if quantity[0] == "r":
-            unit, scale, measure = "deg", 1.0, _turn(facets, axis)
+            unit, scale, measure = "deg", 1.0, partial(_turn, facets, axis)
         elif quantity == "distance":
-            measure = _distance(facets, facets_of[target.other])
+            measure = partial(_distance, facets, facets_of[target.other])
         elif quantity[0] in "fs":
             wanted, unit, measure = _of_loads(target, facets, axis, conditions)
             scale = 1.0
@@ -332,7 +334,7 @@ def functionals(
 def _linear(weights_of: "Callable[[Mechanics], FloatArray]") -> Measure:
     """Return the displacement that nodal weights, (N, 3), tell."""
 
-    def measure(mechanics: "Mechanics", state: "Equilibrium") -> tuple[float, FloatArray]:
+    def measure(mechanics: "Mechanics", state: "Equilibrium") -> Measured:
         weights = weights_of(mechanics)
         return float(np.sum(weights * state.displacement_mm)), weights
 
@@ -343,67 +345,52 @@ def _mean(facets: Any, direction: FloatArray) -> Measure:
     return _linear(lambda at: at.mean_weights(at.points_of(facets), direction))
 
 
-def _reaction(number: int, direction: FloatArray) -> Measure:
+def _reaction(
+    number: int, direction: FloatArray, mechanics: "Mechanics", state: "Equilibrium"
+) -> Measured:
     """Return the force of a support."""
-
-    def measure(mechanics: "Mechanics", state: "Equilibrium") -> tuple[float, FloatArray]:
-        force = mechanics.reactions(state)[number]
-        return float(force @ direction), mechanics.reaction_weights(number, direction)
-
-    return measure
+    force = mechanics.reactions(state)[number]
+    return float(force @ direction), mechanics.reaction_weights(number, direction)
 
 
 def _at(place: Point, direction: FloatArray) -> Measure:
     return _linear(lambda at: at.place_weights(np.array(place), direction))
 
 
-def _distance(one: Any, other: Any) -> Measure:
+def _distance(one: Any, other: Any, mechanics: "Mechanics", state: "Equilibrium") -> Measured:
     """Return the distance between the middles of faces, by area."""
-
-    def measure(mechanics: "Mechanics", state: "Equilibrium") -> tuple[float, FloatArray]:
-        at = [mechanics.points_of(facets) for facets in (one, other)]
-        place = mechanics.body.cells.node_mm + state.displacement_mm
-        apart = mechanics.mean(at[0], place) - mechanics.mean(at[1], place)
-        size = float(np.linalg.norm(apart))
-        first, last = (mechanics.mean_weights(points, apart / size) for points in at)
-        return size, first - last
-
-    return measure
+    at = [mechanics.points_of(facets) for facets in (one, other)]
+    place = mechanics.body.cells.node_mm + state.displacement_mm
+    apart = mechanics.mean(at[0], place) - mechanics.mean(at[1], place)
+    size = float(np.linalg.norm(apart))
+    first, last = (mechanics.mean_weights(points, apart / size) for points in at)
+    return size, first - last
 
 
-def _turn(facets: Any, axis: int) -> Measure:
+def _turn(facets: Any, axis: int, mechanics: "Mechanics", state: "Equilibrium") -> Measured:
     """Return how far faces turn about an axis: that component of the best fit's rotation vector.
 
     With R the rotation that takes places a about their middle nearest to b, and a' = R a, a change
     db turns it by ω = (tr S - S)⁻¹ Σ a' × db, S = Σ b a'ᵀ, and the vector r by J⁻¹ ω, J the left
     Jacobian of the rotations at r (J. Solà and others, arXiv 1812.01537, eq. 146).
     """
+    from scipy.spatial.transform import Rotation
 
-    def measure(mechanics: "Mechanics", state: "Equilibrium") -> tuple[float, FloatArray]:
-        from scipy.spatial.transform import Rotation
+    from planner.simulation.solid import spread
 
-        from planner.simulation.solid import spread
-
-        turned = np.radians(mechanics.turn_deg(facets, state.displacement_mm))
-        at = mechanics.points_of(facets)
-        size = np.linalg.norm(at.area_mm2, axis=1)
-        before, after = (
-            place - size @ place / size.sum()
-            for place in (mechanics.place_mm(at), mechanics.place_mm(at, state.displacement_mm))
-        )
-        carried = Rotation.from_rotvec(turned).apply(before)
-        both = np.einsum("n,ni,nj->ij", size, after, carried)
-        both = 0.5 * (both + both.T)
-        angle = max(float(np.linalg.norm(turned)), 1e-9)
-        x, y, z = turned
-        cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-        square = 1.0 / angle**2 - 0.5 / (angle * np.tan(0.5 * angle)) if angle > 1e-3 else 1 / 12
-        inverse = np.eye(3) - 0.5 * cross + square * cross @ cross
-        spin = np.linalg.solve(np.trace(both) * np.eye(3) - both, inverse[axis])
-        pulls = np.degrees(size[:, None] * np.cross(spin, carried))
-        return float(np.degrees(turned[axis])), spread(mechanics.body.cells, at, pulls)
-
-    return measure
+    at, u = mechanics.points_of(facets), state.displacement_mm
+    turned, size = np.radians(mechanics.turn_deg(facets, u)), at.size_mm2
+    carried = Rotation.from_rotvec(turned).apply(mechanics.arm_mm(at))
+    both = np.einsum("n,ni,nj->ij", size, mechanics.arm_mm(at, u), carried)
+    both = 0.5 * (both + both.T)
+    angle = max(float(np.linalg.norm(turned)), 1e-9)
+    x, y, z = turned
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    square = 1.0 / angle**2 - 0.5 / (angle * np.tan(0.5 * angle)) if angle > 1e-3 else 1 / 12
+    inverse = np.eye(3) - 0.5 * cross + square * cross @ cross
+    spin = np.linalg.solve(np.trace(both) * np.eye(3) - both, inverse[axis])
+    pulls = np.degrees(size[:, None] * np.cross(spin, carried))
+    return float(np.degrees(turned[axis])), spread(mechanics.body.cells, at, pulls)
 
 
 def _of_loads(
@@ -421,9 +408,9 @@ def _of_loads(
         travel = float(np.linalg.norm(moved))
         if target.quantity == "stiffness" and not travel:
             break
-        direction = moved / travel if target.quantity == "stiffness" else np.eye(3)[axis]
-        wanted = target.value * travel if target.quantity == "stiffness" else target.value
-        return wanted, "N", _reaction(number, direction)
+        if target.quantity == "stiffness":
+            return target.value * travel, "N", partial(_reaction, number, moved / travel)
+        return target.value, "N", partial(_reaction, number, np.eye(3)[axis])
     raise ArgumentError(
         f"`target` {target.text}: no load or support is on exactly these faces; a stiffness is that"
         " of a `load` or of a `move`, a force that of a `fix` or a `move`, with the same selector"
@@ -433,14 +420,13 @@ def _of_loads(
 def _shape_functionals(target: Target) -> list[Functional]:
     """Return the components of a shape's points; the longest way counts as whole."""
     greatest = float(np.linalg.norm(target.moves_mm, axis=1).max())
+    each = enumerate(zip(target.points_mm, target.moves_mm, strict=True), start=1)
     return [
         Functional(
             f"{target.text}, point {number}, u{'xyz'[axis]}", move[axis], "mm", greatest, "near",
             target.weight, _at(place, np.eye(3)[axis]),
         )
-        for number, (place, move) in enumerate(
-            zip(target.points_mm, target.moves_mm, strict=True), start=1
-        )
+        for number, (place, move) in each
         for axis in range(3)
     ]  # fmt: skip
 
@@ -453,8 +439,7 @@ _SAME = 1e-4
 """Of the part's size: corners of triangles that are one vertex, in files of single precision."""
 
 
-@dataclass(frozen=True, eq=False)
-class WantedShape:
+class WantedShape(NamedTuple):
     """Where a part's surface is to be.
 
     Attributes
@@ -551,8 +536,7 @@ class Deviation(NamedTuple):
     off_mm: FloatArray
 
 
-@dataclass(frozen=True, eq=False)
-class ShapeGoal:
+class ShapeGoal(NamedTuple):
     """A wanted shape, for the surface of a part in cells.
 
     Attributes

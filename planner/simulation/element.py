@@ -213,15 +213,6 @@ def _tangent_times(ci: Any, c: Any, d: Any, out: Any) -> None:
         out[k] += c[3] * inner
 
 
-@inner_kernel
-def _most_points(offsets: Any, first: Any, last: Any) -> Any:
-    """Return how many points a cell has at most."""
-    most = 0
-    for c in range(first, last):
-        most = max(most, offsets[c + 1] - offsets[c])
-    return most
-
-
 @kernel
 def assemble(
     first: int, last: int, cells: Any, law: Any, basis: FloatArray, compliance: FloatArray,
@@ -239,7 +230,7 @@ def assemble(
         Where Newton's method is.
     """
     nodes, offsets, points, weights, cell_mm = cells
-    most = _most_points(offsets, first, last)
+    most = np.diff(offsets[first : last + 1]).max()  # points of a cell
     gradient, right = np.empty((most, 3, 27)), np.empty((most, 3, 6, 27))
     left, flat = gradient.reshape(3 * most, 27), right.reshape(3 * most, 162)
     Fs, cis, isos = np.empty((most, 3, 3)), np.empty((most, 6)), np.empty((most, 6))
@@ -335,7 +326,7 @@ def advance(
 ) -> None:  # fmt: skip
     """Move strains, stresses and pressures of cells along with a change of the displacements."""
     nodes, offsets, points, weights, cell_mm = cells
-    most = _most_points(offsets, first, last)
+    most = np.diff(offsets[first : last + 1]).max()
     gradient, F, G = np.empty((3, 27)), np.empty((3, 3)), np.empty((3, 3))
     cis, isos, gaps = np.empty((most, 6)), np.empty((most, 6)), np.empty((most, 6))
     coefficients, Js, actual, full = np.empty((most, 4)), np.empty(most), np.empty(6), np.empty(6)

@@ -12,7 +12,7 @@ import numpy as np
 from planner.errors import FileError
 from planner.materials.marlow import MarlowTable, marlow_table, uniaxial_strain
 from planner.materials.mixtures import CoefficientModel
-from planner.numerics import BoolArray, FloatArray, IntArray, normal_quantile, one_blas_thread
+from planner.numerics import FloatArray, IntArray, normal_quantile, one_blas_thread
 from planner.palette import Palette
 from planner.simulation.cut_cells import CutCells
 from planner.simulation.element import SIX, shape_functions
@@ -20,7 +20,7 @@ from planner.simulation.loads import Condition, Conditions, LoadCase, read_condi
 from planner.simulation.part import COARSER, COVERS, Solid, open_solid
 from planner.simulation.part_response import PartResponse
 from planner.simulation.simulate import log_sds
-from planner.simulation.solid import Body, Equilibrium, LostStabilityError, Mechanics, spread
+from planner.simulation.solid import Body, Equilibrium, LostStabilityError, Mechanics
 from planner.simulation.sparse_cholesky import Factor, analyse
 
 __all__ = [
@@ -38,8 +38,7 @@ __all__ = [
 # What stands inside a loaded part, from place to place: stress, energy, strain over break.
 
 
-@dataclass(frozen=True, eq=False)
-class _PartFields:
+class _PartFields(NamedTuple):
     """One state of a body.
 
     Attributes
@@ -363,9 +362,7 @@ class CellAverage:
     def __init__(self, cells: CutCells) -> None:
         corners = [i + 3 * j + 9 * k for k in (0, 2) for j in (0, 2) for i in (0, 2)]
         self.cells = cells
-        self.corner = cells.nodes[:, corners]
-        self.node, number = np.unique(self.corner, return_inverse=True)
-        self.number = number.reshape(self.corner.shape)
+        self.node, self.number = np.unique(cells.nodes[:, corners], return_inverse=True)
         self.hat = _hats(cells.points) * cells.weights_mm3[:, None]
         self.at = self.number[cells.cell_of]
         self.volume = np.bincount(self.at.ravel(), self.hat.ravel(), len(self.node))
@@ -415,15 +412,13 @@ def answers(mechanics: Mechanics, state: Equilibrium) -> "Iterator[tuple[Respons
         points, pulls = mechanics.couple(moment.facets, given)
         left = share * np.cross(mechanics.place_mm(points, u), pulls).sum(axis=0)
         turn = mechanics.turn_deg(moment.facets, u)
-        weights = partial(_turn_weights, mechanics, moment.facets, u)
+        weights = partial(mechanics.turn_weights, moment.facets, u)
         yield answer("moment", moment, np.zeros(3), given, weights, moment_N_mm=left, turn_deg=turn)
     pulled = zip(on.supports, mechanics.held, mechanics.reactions(state), strict=True)
     for number, (support, held, pull) in enumerate(pulled):
         weights = partial(mechanics.reaction_weights, number)
-        if held.target_mm.any():
-            yield answer("move", support, pull, held.target_mm, weights)
-        else:
-            yield answer("fix", support, pull, None)
+        kind, way = ("move", held.target_mm) if held.target_mm.any() else ("fix", None)
+        yield answer(kind, support, pull, way, weights)
     for pressure in on.pressures:
         yield answer("pressure", pressure, mechanics.push(pressure, share, u).sum(axis=0), None)
     for watched in on.watched:
@@ -431,13 +426,6 @@ def answers(mechanics: Mechanics, state: Equilibrium) -> "Iterator[tuple[Respons
         if axis is not None:
             seen = replace(watched, selector=f"{watched.selector} u{'xyz'[axis]}")
         yield answer("watch", seen, np.zeros(3), None if axis is None else np.eye(3)[axis])
-
-
-def _turn_weights(
-    mechanics: Mechanics, facets: BoolArray, u: FloatArray, axis: FloatArray
-) -> FloatArray:
-    points, rates = mechanics.couple(facets, axis, u)
-    return spread(mechanics.body.cells, points, np.degrees(rates))
 
 
 def _responses(
@@ -470,8 +458,7 @@ def _unit(vector: FloatArray) -> FloatArray:
 # A plan, held and loaded in one way, cut into cells.
 
 
-@dataclass(frozen=True, eq=False)
-class LoadedPart:
+class LoadedPart(NamedTuple):
     """A part's cells with what fills them, its supports and its load.
 
     Attributes
@@ -546,11 +533,8 @@ def followed(
         Laws; the palette's, or others.
     """
     cells = part.cells
-    mechanics = Mechanics(
-        Body(cells, table, part.coordinate),
-        part.conditions,
-        analyse(cells.nodes, cells.node_mm, cells.interface.cells),
-    )
+    analysis = analyse(cells.nodes, cells.node_mm, cells.interface.cells)
+    mechanics = Mechanics(Body(cells, table, part.coordinate), part.conditions, analysis)
     found: list[tuple[FloatArray, ...]] = []
     try:
         for state, factored in mechanics.follow(list(steps), tangents=sensitive):
@@ -650,15 +634,12 @@ def response_of(part: LoadedPart, moved: _Moved, *, log_sd: float) -> PartRespon
         return np.asarray(np.bincount(bin_of, values, count), dtype=np.float64)
 
     total = summed(weight)
+    coordinate = summed(weight * part.coordinate) / total
+    strain = np.stack([summed(weight * strain) / total for strain in moved.strain])
+    share = np.stack([summed(share) for share in moved.share])
+    thickness_mm = 2.0 * surface.volume_mm3 / surface.area_mm2
     return PartResponse(
-        name,
-        moved.displacement_mm,
-        moved.force_N,
-        summed(weight * part.coordinate) / total,
-        np.stack([summed(weight * strain) / total for strain in moved.strain]),
-        np.stack([summed(share) for share in moved.share]),
-        thickness_mm=2.0 * surface.volume_mm3 / surface.area_mm2,
-        log_sd=log_sd,
+        name, moved.displacement_mm, moved.force_N, coordinate, strain, share, thickness_mm, log_sd
     )
 
 
@@ -671,16 +652,12 @@ def _bins(coordinate: FloatArray, strain: FloatArray, weight: FloatArray) -> Int
     group: IntArray = np.searchsorted(mixtures, np.round(coordinate, 9))
     if len(mixtures) > _MIXTURES:
         group = _quantiles(coordinate, weight, _MIXTURES)
-    bins = np.empty(len(coordinate), dtype=np.int64)
-    first = 0
+    bins = _BINS * group
     for number in np.unique(group).tolist():
         own = group == number
         wanted = max(1, round(_BINS * float(weight[own].sum() / weight.sum())))
-        within = _quantiles(strain[own], weight[own], wanted)
-        _, within = np.unique(within, return_inverse=True)
-        bins[own] = first + within
-        first += int(within.max()) + 1
-    return bins
+        bins[own] += _quantiles(strain[own], weight[own], wanted)
+    return np.unique(bins, return_inverse=True)[1]
 
 
 def _quantiles(values: FloatArray, weight: FloatArray, count: int) -> IntArray:

@@ -382,6 +382,11 @@ class Mechanics:
         """Return where points of facets are, (n, 3), displaced by `u`, (N, 3), or at rest."""
         return self._carried(at, self.body.cells.node_mm + u)
 
+    def arm_mm(self, at: _FacetPoints, u: FloatArray | float = 0.0) -> FloatArray:
+        """Return the same from the middle of all, by their area."""
+        place, size = self.place_mm(at, u), at.size_mm2
+        return np.asarray(place - size @ place / size.sum())
+
     def couple(
         self, facets: BoolArray, moment: FloatArray, u: FloatArray | float = 0.0
     ) -> tuple[_FacetPoints, FloatArray]:
@@ -448,13 +453,10 @@ class Mechanics:
         nearest = np.asarray(there.tree.query(cells.points_mm)[1])
         p = other.body.pressure_MPa(state.pressure)[nearest]
         each = (cells.weights_mm3 * p)[:, None] * self.basis
-        return Equilibrium(
-            state.share,
-            there.interpolated(cells.node_mm, state.displacement_mm),
-            state.strain[nearest],
-            state.stress_MPa[nearest],
-            np.add.reduceat(each, cells.offsets[:-1]) / cells.cell_volume_mm3[:, None],
-        )
+        pressure = np.add.reduceat(each, cells.offsets[:-1]) / cells.cell_volume_mm3[:, None]
+        u = there.interpolated(cells.node_mm, state.displacement_mm)
+        strain, stress = state.strain[nearest], state.stress_MPa[nearest]
+        return Equilibrium(state.share, u, strain, stress, pressure)
 
     @cached_property
     def _beside(self) -> IntArray:
@@ -713,15 +715,18 @@ class Mechanics:
         weights[cells.nodes[cell]] = shape[:, None] * direction
         return weights
 
+    def turn_weights(self, facets: BoolArray, u: FloatArray, axis: FloatArray) -> FloatArray:
+        """Return the nodal weights, (N, 3), of how far displaced facets turn about an axis."""
+        at, rates = self.couple(facets, axis, u)
+        return spread(self.body.cells, at, np.degrees(rates))
+
     def turn_deg(self, facets: BoolArray, u: FloatArray) -> FloatArray:
         """Return how facets have turned, (3,): an axis, times the angle of the best fit."""
         from scipy.spatial.transform import Rotation
 
         at = self.points_of(facets)
-        size = at.size_mm2
-        places = (self.place_mm(at, moved) for moved in (0.0, u))
-        before, after = (place - size @ place / size.sum() for place in places)
-        found, _ = Rotation.align_vectors(after, before, weights=size)
+        arms = self.arm_mm(at, u), self.arm_mm(at)
+        found, _ = Rotation.align_vectors(*arms, weights=at.size_mm2)
         return np.asarray(found.as_rotvec(degrees=True))
 
     def reactions(self, state: Equilibrium) -> list[FloatArray]:
@@ -732,9 +737,8 @@ class Mechanics:
     def reaction_weights(self, support: int, direction: FloatArray) -> FloatArray:
         """Return the derivative of a support's force along a direction over displacements."""
         held = self.held[support]
-        return spread(
-            self.body.cells, held.points, -held.stiffness[:, None] * held.axes * direction
-        )
+        forces = -held.stiffness[:, None] * held.axes * direction
+        return spread(self.body.cells, held.points, forces)
 
     def observe(self, state: Equilibrium, adjoint: FloatArray | None = None) -> "Observed":
         """Return invariants and strains at the points, and the work on an adjoint field."""
