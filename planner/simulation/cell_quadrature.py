@@ -383,8 +383,7 @@ def _settle(moment: Any, place: Any, line: Any, normal: Any, slopes: Any) -> Any
         if not trial_error < error:
             return False
         error = trial_error
-        for t in range(moments):
-            miss[t] = trial_miss[t]
+        miss, trial_miss = trial_miss, miss
         for q in range(many):
             for k in range(4):
                 place[q, k] = trial[q, k]

@@ -166,9 +166,8 @@ class CutCells:
     @property
     def points_mm(self) -> FloatArray:
         """Places of the quadrature points, (Q, 3)."""
-        return (
-            self.origin_mm + (self.index[self.cell_of] + 0.5 * (self.points + 1.0)) * self.cell_mm
-        )
+        place = self.index[self.cell_of] + 0.5 * (self.points + 1.0)
+        return np.asarray(self.origin_mm + place * self.cell_mm)
 
     @cached_property
     def cell_volume_mm3(self) -> FloatArray:
@@ -312,15 +311,14 @@ def _filled(
     firm = _without_skins(pairs, is_firm, place, np.ptp(ends, axis=1))
     flat = np.stack([ends[:, 1] <= place + thin, ends[:, 0] >= place + 1 - thin], axis=2)
     into = _merge_skins(pairs, place, flat, share)
-    meet, local, area = _NOWHERE
-    told = replace(material, piece=into[piece])
+    met = []
     if shells is not None:
-        meet, local, area = _meeting(told, low, size, place, shells)
+        told = replace(material, piece=into[piece])
+        meet, *where = _meeting(told, low, size, place, shells)
         joined = _join_nearest(meet, cell, shell, np.log(shells.modulus_MPa))
-        into, meet = joined[into], joined[meet]
-    inner = contacts(replace(material, piece=into[piece]), touching[within], place, size)
-    meet, local = np.concatenate([meet, inner[0]]), np.concatenate([local, inner[1]])
-    area = np.concatenate([area, inner[2]])
+        into, met = joined[into], [(joined[meet], *where)]
+    met.append(contacts(replace(material, piece=into[piece]), touching[within], place, size))
+    meet, local, area = (np.concatenate(each) for each in zip(*met, strict=True))
     body = connected(n, *np.concatenate([pairs, meet]).T)
     kept = (into == np.arange(n)) & (np.bincount(body, share)[body] >= _NEARLY_NOTHING)
     order = np.flatnonzero(kept)
@@ -364,15 +362,12 @@ def _join_nearest(
     of, modulus = key // len(rank), np.sort(log_modulus)[key % len(rank)]
     gap = np.where(np.diff(of, prepend=-1) > 0, np.inf, np.diff(modulus, prepend=0.0))
     widest = np.lexsort((-gap, of))
-    nth = np.empty(len(key), np.int64)
-    nth[widest] = np.arange(len(key)) - np.searchsorted(of, of)
+    nth = (np.arange(len(key)) - np.searchsorted(of, of))[np.argsort(widest)]
     group = np.cumsum(nth < _MOST_MATERIALS)[at]
     pairs = meet[group[meet[:, 0]] == group[meet[:, 1]]]
     parent = connected(len(cell), *pairs.T)
     return np.unique(parent, return_index=True)[1].astype(np.int32)[parent]
 
-
-_NOWHERE = (np.empty((0, 2), np.int32), np.empty((0, 2, 3)), np.empty(0))
 
 _ASTRAY = 3.0
 # Spacings of columns: a shell that is farther from a point where it is said to touch is there so
@@ -530,8 +525,7 @@ def _number_nodes(
     _, at, node = np.unique(group, return_index=True, return_inverse=True)
     x, y, z = place[at].T
     order = np.lexsort((at, z, y, x))
-    number = np.empty(len(order), np.int32)
-    number[order] = np.arange(len(order))
+    number = np.argsort(order).astype(np.int32)
     return number[node.reshape(group.shape)], place[at[order]].astype(np.int32)
 
 

@@ -272,13 +272,11 @@ def analyse(nodes: IntArray, node_mm: FloatArray, links: IntArray = _NO_LINKS) -
     front_of = fronts - 1 - owner
     order = np.argsort(front_of, kind="stable").astype(np.int32)
     first = np.searchsorted(front_of[order], np.arange(fronts + 1)).astype(np.int32)
-    number = np.empty(count, dtype=np.int32)
-    number[order] = np.arange(count, dtype=np.int32)
+    number = np.argsort(order).astype(np.int32)
     leaf = below[:, 0] < 0
     cell_start = np.concatenate([[0], np.cumsum(np.where(leaf, bounds[:, 1] - bounds[:, 0], 0))])
     cells = np.concatenate([cells[a:b] for a, b in bounds[leaf]] or [cells])
-    of_cell = np.empty(len(cells), np.int64)
-    of_cell[cells] = np.repeat(np.arange(fronts), np.diff(cell_start))
+    of_cell = np.repeat(np.arange(fronts), np.diff(cell_start))[np.argsort(cells)]
     front_above = np.full(fronts, -1)
     front_above[below[~leaf].ravel()] = np.repeat(np.flatnonzero(~leaf), 2)
     rest, above, rest_start, place = _structure(*each, number, first, front_above, of_cell)
