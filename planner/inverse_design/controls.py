@@ -119,8 +119,7 @@ class Controls:
         for axis in symmetric:
             first = np.minimum(first, np.flip(first, axis))
         kept, tied = np.unique(first.ravel(), return_inverse=True)
-        tie = np.zeros((total, len(kept)))
-        tie[np.arange(total), tied] = 1.0
+        tie = np.eye(len(kept))[tied]
 
         def basis(points_mm: FloatArray) -> Any:
             from scipy.sparse import csr_matrix
@@ -132,8 +131,7 @@ class Controls:
         for axis, count in enumerate(counts):
             spacing = extent[axis] / (count - degrees[axis])
             slopes.append(np.diff(rows, axis=axis).reshape(-1, total) / spacing)
-            lines = total / count
-            bends.append(np.diff(rows, 2, axis=axis).reshape(-1, total) / np.sqrt(lines))
+            bends.append(np.diff(rows, 2, axis=axis).reshape(-1, total) / np.sqrt(total / count))
         for one, other in combinations(range(3), 2):
             twist = np.diff(np.diff(rows, axis=one), axis=other).reshape(-1, total)
             lines = total / max(counts[one], counts[other])

@@ -453,7 +453,7 @@ def design(
     found, larger, reach = _searched(
         problem_on, edge, mesh, begun, tolerance, progress, is_lattice=free is not None
     )
-    best, problem = found.best, found.problem
+    best, problem, dithered = found.best, found.problem, blend == "dither"
     progress(DesignStage("planning the print", 0.7))
     problem_mm = float(problem.cases[0].cells.cell_mm.max()) if found.stopped else edge
     graded = partial(
@@ -462,7 +462,7 @@ def design(
     )  # fmt: skip
     printing = Printing(
         asked, setting, follows, counts, problem, larger, best, graded, scale, machine, problem_mm,
-        blend == "dither", tolerance,
+        dithered, tolerance,
     )  # fmt: skip
 
     def corrects(off: float) -> None:
@@ -471,12 +471,9 @@ def design(
     printed, prints, stopped = corrected(printing, stopped=found.stopped, progress=corrects)
     tried = found.tried + prints
     rows = list(reached(problem, best, reach, printed.solved, level))
-    over = None
-    if limits.strain_over_break is not None:
-        over = max(one.over_break().largest for one in printed.solved)
-    told = list(
-        findings(rows, over, tolerance, problem, best, printed.values, dithered=blend == "dither")
-    )
+    broken = () if limits.strain_over_break is None else printed.solved
+    over = max((one.over_break().largest for one in broken), default=None)
+    told = list(findings(rows, over, tolerance, problem, best, printed.values, dithered=dithered))
     if stopped:
         told.insert(0, DesignFinding("interrupted", _INTERRUPTED.format(tried=tried)))
     notes, says = [shape.note for each in shapes for shape in each], None
@@ -562,12 +559,9 @@ def _searched(
     from planner.inverse_design.search import search
     from planner.simulation.solid import LostStabilityError
 
-    def told(stage: str, first: float, last: float) -> Callable[[int, float], None]:
-        def tell(tried: int, off: float) -> None:
-            done = first + (last - first) * min(tried / 15.0, 0.9)
-            progress(DesignStage(f"{stage}: gradient {tried}, off by {in_percent(off)}", done))
-
-        return tell
+    def tell(stage: str, first: float, last: float, tried: int, off: float) -> None:
+        done = first + (last - first) * min(tried / 15.0, 0.9)
+        progress(DesignStage(f"{stage}: gradient {tried}, off by {in_percent(off)}", done))
 
     def begun_at(
         problem: "DesignProblem", start: FloatArray, tolerance: float, **more: Any
@@ -594,7 +588,7 @@ def _searched(
         problem = replace(problem, controls=controls)
     found = begun_at(
         problem, controls.even if begun is None else begun, max(0.02, tolerance),
-        progress=told("larger cells", 0.1, _NEAR),
+        progress=partial(tell, "larger cells", 0.1, _NEAR),
     )  # fmt: skip
     if found.stopped:
         return found, problem, reach
@@ -602,7 +596,7 @@ def _searched(
         finer = replace(problem_on(edge_mm, _NEAR, problem.cases), controls=controls)
         after = begun_at(
             finer, found.best.values, 0.3 * tolerance, radius=0.1,
-            progress=told("cells asked for", _NEAR, 0.7),
+            progress=partial(tell, "cells asked for", _NEAR, 0.7),
         )  # fmt: skip
     except (KeyboardInterrupt, SystemError) as error:
         if not interrupted(error):

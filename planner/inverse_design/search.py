@@ -36,8 +36,7 @@ __all__ = [
 # Load cases on one set of cells.
 
 
-@dataclass(frozen=True, eq=False)
-class WantedOfPart:
+class WantedOfPart(NamedTuple):
     """What is wanted of a part, whatever cells it is cut into.
 
     Attributes
@@ -70,12 +69,11 @@ class WantedOfPart:
         body = replace(body, stabiliser_MPa=body.cell_shear_MPa if varies else None)
         analysis = analyse(cells.nodes, cells.node_mm, cells.interface.cells)
         each = posed(self.cases, self.targets, cells.surface)
-        for number, (case, (on, goals)) in enumerate(zip(self.cases, each, strict=True)):
+        both = zip(self.cases, self.shapes, each, strict=True)
+        for number, (case, wanted, (on, goals)) in enumerate(both):
             name = case.name or (f"case {number + 1}" if len(self.cases) > 1 else "")
             facets = {watched.selector: watched.facets for watched in on.watched}
-            shapes = [
-                ShapeGoal.on(s, cells, facets.get(s.target.selector)) for s in self.shapes[number]
-            ]
+            shapes = [ShapeGoal.on(s, cells, facets.get(s.target.selector)) for s in wanted]
             made.append(Case(name, cells, on, analysis, goals, body, shapes))
             if before:
                 made[-1].begin_from(before[number])
@@ -192,10 +190,9 @@ class Solved(Solution):
         breaks = body.table.break_at(body.coordinate)
         ratio = (stretch - 1.0) / breaks
         average = CellAverage(body.cells)
-        held = average.held
-        nodal = np.where(held, average.of(ratio), 0.0)
+        nodal = np.where(average.held, average.of(ratio), 0.0)
         largest = float(nodal.max())
-        volume = np.where(held, average.volume, 0.0)
+        volume = np.where(average.held, average.volume, 0.0)
         volume /= volume.sum()
         raised = np.maximum(nodal, 0.0) / largest
         norm = float(np.sum(volume * raised**_NORM) ** (1.0 / _NORM))
@@ -456,7 +453,7 @@ def search(
         while tried < most:
             values = next_values(problem, best, radius)
             moved = float(np.abs(values - best.values).max())
-            hoped = _merit(problem, best) - _foretold(problem, best, values)
+            hoped = _merit(problem, best) - _merit(problem, best, values)
             if moved < 1e-4 or hoped <= _enough(problem, best, tolerance) or radius < 1e-3:
                 if _hard(best) < tolerance or problem.miss_weight >= _HEAVIEST:
                     break
@@ -517,19 +514,11 @@ def _hard(candidate: Tried) -> float:
     return float(max([0.0, *np.abs(candidate.off).tolist(), *candidate.over.tolist()]))
 
 
-def _merit(problem: DesignProblem, candidate: Tried) -> float:
-    return _weighed(problem, candidate.values, candidate.off, candidate.over, candidate.near)
-
-
-def _foretold(problem: DesignProblem, at: Tried, values: FloatArray) -> float:
-    change = values - at.values
+def _merit(problem: DesignProblem, at: Tried, values: FloatArray | None = None) -> float:
+    """Return what a gradient is worth, or what it foretells of other values."""
+    values = at.values if values is None else values
     each = ((at.off, at.slopes), (at.over, at.over_slopes), (at.near, at.near_slopes))
-    return _weighed(problem, values, *(now + slopes @ change for now, slopes in each))
-
-
-def _weighed(
-    problem: DesignProblem, values: FloatArray, off: FloatArray, over: FloatArray, near: FloatArray
-) -> float:
+    off, over, near = (now + slopes @ (values - at.values) for now, slopes in each)
     hessian, slope = problem.wish
     even = problem.controls.even
     wish = 0.5 * values @ hessian @ values + slope @ values
@@ -562,11 +551,10 @@ def next_values(
         rest += [-np.ones(len(steps)), -np.ones(len(steps))]
         bounds.append((0.0, np.inf, 2 * len(steps)))
     low, high = np.maximum(at.values - radius, 0.0), np.minimum(at.values + radius, 1.0)
+    least, most, counts = zip(*bounds, strict=True)
     return _quadratic(
-        hessian, slope, np.concatenate(rows), np.concatenate(rest),
-        np.concatenate([np.full(n, least) for least, _, n in bounds]),
-        np.concatenate([np.full(n, most) for _, most, n in bounds]),
-        low, high, at.values,
+        hessian, slope, np.concatenate(rows), np.concatenate(rest), np.repeat(least, counts),
+        np.repeat(most, counts), low, high, at.values,
     )  # fmt: skip
 
 

@@ -4,7 +4,7 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any, Literal, TypeVar
+from typing import Any, Literal, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -100,8 +100,7 @@ _FACE_NODES = np.array([np.flatnonzero((_LOCAL - 1) @ normal == 1) for normal in
 """Local nodes of each face, (6, 8), four corners before four middles."""
 
 
-@dataclass(frozen=True, eq=False)
-class _Hexahedra:
+class _Hexahedra(NamedTuple):
     """Cells of a lattice over a part's bounding box.
 
     Attributes
@@ -410,23 +409,19 @@ def export(
     notes = (*solid.notes, *_mesh_notes(mesh, part_mm3), *notes)
     elements = [np.flatnonzero(of_cell == k) for k in range(len(levels))]
     moduli = model.modulus_MPa(levels, strain).tolist()
+    each = zip(_names(levels, model), levels.tolist(), moduli, elements, strict=True)
     materials = [
         ExportedMaterial(name, m, modulus, len(own), len(own) * mesh.cell_mm3)
-        for name, m, modulus, own in zip(
-            _names(levels, model), levels.tolist(), moduli, elements, strict=True
-        )
+        for name, m, modulus, own in each
     ]
     if to == "vtu":
         corners, nodes = np.unique(mesh.nodes[:, :8], return_inverse=True)
-        data = encode_vtu(
-            mesh.node_mm[corners],
-            [nodes.reshape(-1, 8)],
-            cell_data={
-                "material": of_cell.astype(np.int32),
-                "coordinate": coordinate,
-                "modulus_MPa": model.modulus_MPa(coordinate, strain),
-            },
-        )
+        values: dict[str, FloatArray | IntArray] = {
+            "material": of_cell.astype(np.int32),
+            "coordinate": coordinate,
+            "modulus_MPa": model.modulus_MPa(coordinate, strain),
+        }
+        data = encode_vtu(mesh.node_mm[corners], [nodes.reshape(-1, 8)], cell_data=values)
     else:
         if to == "calculix" and is_loaded and to_strain is None:
             to_strain, words = _reached(solid, case)
@@ -437,17 +432,14 @@ def export(
             notes = (*notes, "nothing holds or loads the part: the file has no *STEP; add one")
         if to == "calculix":
             notes = (*notes, *_law_notes(laws, to_strain or np.inf))
+        edges = " x ".join(f"{edge:.4g}" for edge in mesh.cell_mm)
         remarks = [
-            f"{solid.name}: {len(mesh.nodes)} cells of "
-            + " x ".join(f"{edge:.4g}" for edge in mesh.cell_mm)
-            + " mm",
+            f"{solid.name}: {len(mesh.nodes)} cells of {edges} mm",
             f"cells at least half full of the part: {mesh.volume_mm3:.6g} mm3 for "
             f"{part_mm3:.6g} mm3 ({mesh.volume_mm3 / part_mm3 - 1.0:+.1%})",
         ]
-        step = list[str](), list[str](), list[str]()
-        if is_loaded:
-            step = _step(mesh, laws, solid.surface, case, to, remarks)
-        lines = _inp(mesh, remarks, elements, laws, step, to)
+        step = _step(mesh, laws, solid.surface, case, to, remarks) if is_loaded else ([], [], [])
+        lines = _inp(mesh, remarks, elements, laws, to, *step)
         data = ("\n".join(lines) + "\n").encode("ascii", "replace")
     return Export(
         name=solid.name,
@@ -506,8 +498,7 @@ def _names(levels: FloatArray, model: CoefficientModel) -> Iterator[str]:
         yield f"M{number:02d}_" + re.sub(r"[^A-Za-z0-9_-]", "_", word)
 
 
-@dataclass(frozen=True, eq=False)
-class _Law:
+class _Law(NamedTuple):
     """A material, its lines in the file, and up to where its curve rises.
 
     Without a density (NaN) nothing of it weighs.
@@ -529,8 +520,7 @@ def _law(made: ExportedMaterial, model: CoefficientModel, to: str, to_strain: fl
     # Closer at rest, where the curve bends most.
     strain = end * np.linspace(0.0, 1.0, _CURVE_POINTS + 1)[1:] ** 2
     stress = model.nominal_stress_MPa(made.coordinate, 1.0 + strain)
-    rising = np.concatenate([[True], np.diff(stress) > 0.0])
-    kept = slice(None if rising.all() else int(np.argmin(rising)))
+    kept = np.logical_and.accumulate(np.diff(stress, prepend=-np.inf) > 0.0)  # while it rises
     strain, stress = strain[kept], stress[kept]
     modulus = float(model.modulus_MPa(made.coordinate, 0.0))
     if to == "abaqus":
@@ -730,9 +720,8 @@ _GRAVITY_MM_S2 = 9806.65
 
 def _inp(
     mesh: _Hexahedra, remarks: Sequence[str], elements: Sequence[IntArray], laws: Sequence[_Law],
-    step: tuple[list[str], list[str], list[str]], to: str,
+    to: str, node_sets: list[str], element_sets: list[str], step: list[str],
 ) -> Iterator[str]:  # fmt: skip
-    node_sets, element_sets, step_lines = step
     yield "*HEADING"
     yield remarks[0]
     yield from (f"** {line}" for line in remarks[1:])
@@ -757,7 +746,7 @@ def _inp(
     for law in laws:
         yield from law.lines
     yield from element_sets
-    yield from step_lines
+    yield from step
 
 
 def _listed(head: str, numbers: IntArray) -> Iterator[str]:

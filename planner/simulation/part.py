@@ -259,14 +259,12 @@ def open_solid(
             )
         coordinate = chosen.resolve(material).coordinate
         opened = open_part(source, unit=unit, bodies=bodies)
-        notes = (*opened.repairs, *opened.warnings)
-        return Solid(
-            opened.file,
-            opened.mesh,
-            lambda points: np.full(len(points), coordinate),
-            chosen,
-            tuple(f"{opened.file}: {note}" for note in notes),
-        )
+        said = tuple(f"{opened.file}: {note}" for note in (*opened.repairs, *opened.warnings))
+
+        def even(points: FloatArray) -> FloatArray:
+            return np.full(len(points), coordinate)
+
+        return Solid(opened.file, opened.mesh, even, chosen, said)
     for name, given in (("`material`", material), ("`unit`", unit), ("`bodies`", bodies)):
         if given is not None:
             raise ArgumentError(f"{name} {given}: it goes with a mesh; a plan has its own")
@@ -739,10 +737,9 @@ def simulate_part(
         needed += 8 * 6 * 27**2 * len(cells.nodes)
         check_effort(solid.surface, edge_mm, factors=factors, known_bytes=needed)
         rests: dict[object, Factor] | None = {} if several else None
-        made: list[Mechanics] = []
-        for on in conditions(cells.surface):
-            made.append(Mechanics(body, on, analysis, like=next(iter(made), None), rests=rests))
-        return made
+        on, *others = conditions(cells.surface)
+        first = Mechanics(body, on, analysis, rests=rests)
+        return [first, *(Mechanics(body, on, analysis, like=first, rests=rests) for on in others)]
 
     def told(share: float, iteration: int, residual: float) -> None:
         progress(f"load {share:.3g}: iteration {iteration}, residual {residual:.1e}")
@@ -822,14 +819,12 @@ def _findings(
         k = int(np.argmax(broken))  # never at rest
         share = float(np.interp(1.0, steps.largest[k - 1 : k + 1], steps.share[k - 1 : k + 1]))
         coordinate = float(filling(steps.largest_mm[k][None])[0])
-        yield PartFinding(
-            "break",
-            f"{case}{called(model, coordinate)} at {place_text(steps.largest_mm[k])} passes its "
+        words = (
+            f"{called(model, coordinate)} at {place_text(steps.largest_mm[k])} passes its "
             f"elongation at break at {share:.3g} of the load, by the mean of neighbouring cells; a "
-            "print would break there, and what follows is extrapolated",
-            share,
-            as_point(steps.largest_mm[k]),
+            "print would break there, and what follows is extrapolated"
         )
+        yield PartFinding("break", case + words, share, as_point(steps.largest_mm[k]))
     if steps.lost is not None:
         share = float(steps.share[-1])
         where = steps.lost.place_mm
@@ -846,9 +841,8 @@ def _findings(
                 "less than a cell there, or the load be too large for the first step; take "
                 "smaller cells or more steps"
             )
-        yield PartFinding(
-            "stopped", case + words, share, None if where is None else as_point(where)
-        )
+        place = None if where is None else as_point(where)
+        yield PartFinding("stopped", case + words, share, place)
 
 
 def _moment_notes(steps: "LoadSteps", on: Conditions) -> Iterator[str]:
