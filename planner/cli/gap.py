@@ -80,11 +80,9 @@ def diagnose(
         if output is not None:
             stage("writing the files")
             planner.write_diagnosis(found, output, force=force)
-    if as_json:
-        cli.print_document(found.json())
-    elif not quiet:
+    if cli.in_words(found.json, as_json, quiet):
         _say_verdict(verdict_text(found, width=cli.terminal_width()))
-        cli.say()
+        cli.say("")
         if output is None:
             cli.say("nothing was written (for a report with figures: --output FOLDER)")
         else:
@@ -150,10 +148,8 @@ def correct(
     made = planner.correct(**cli.taken(planner.correct, given))
     if made.corrected:
         planner.write_palette(made.palette, output, force=force)
-    if as_json:
-        file = output.name if made.corrected else None
-        cli.print_document({"schema": 1, "file": file, **made.document()})
-    elif not quiet:
+    file = output.name if made.corrected else None
+    if cli.in_words(lambda: {"schema": 1, "file": file, **made.document()}, as_json, quiet):
         _correct_report(made, output, _again(printer))
     return 0 if made.ok else 1
 
@@ -227,9 +223,8 @@ def design(
         write_whole(output, specimens_csv(made.campaign))
     else:
         planner.write_campaign(made.campaign, output, measured=False)
-    if as_json:
-        cli.print_document({"schema": 1, "written": output.name, **made.document()})
-    elif not quiet:
+    said = {"schema": 1, "written": output.name}
+    if cli.in_words(lambda: {**said, **made.document()}, as_json, quiet):
         _design_report(made, output, printer, palette, listed=listed)
     return 0 if made.ok else 1
 
@@ -306,8 +301,7 @@ def next_(
     from planner.gap.campaign import named
 
     found = planner.campaign_standing(campaign)
-    if as_json:
-        cli.print_document(found.document())
+    if not cli.in_words(found.document, as_json):
         return 0
     if found.listed:
         measured = len(found.listed) - len(found.missing)
@@ -367,13 +361,11 @@ def simulate(
     cli.check_targets(context, force=False, folders={"output": (output, None)})
     made = planner.synthesise_campaign(**cli.taken(planner.synthesise_campaign, given))
     planner.write_campaign(made, output)
-    if as_json:
-        effects = [stated_effect(text, made.palette).text for text in effect or ()]
-        said = {"schema": 1, "simulated": made.notes, "effects": effects}
-        cli.print_document({**said, "specimens": len(made.specimens), "folder": output.name})
-    elif not quiet:
-        for note in made.remarks:
-            cli.warn(note)
+    effects = [stated_effect(text, made.palette).text for text in effect or ()]
+    said = {"schema": 1, "simulated": made.notes, "effects": effects}
+    said |= {"specimens": len(made.specimens), "folder": output.name}
+    if cli.in_words(lambda: said, as_json, quiet):
+        cli.warn(*made.remarks)
         cli.say(made.notes)
         cli.say(f"wrote {output} (next: planner gap diagnose {quote(str(output))})")
     return 0

@@ -64,9 +64,8 @@ def materials(
     if as_program is not None:
         chosen_ones = [every.resolve(name) for name in names or ()] or every.materials
         blocks = {one.id: planner.law_block(one, as_program) for one in chosen_ones}
-        if as_json:
-            cli.print_document({"schema": 1, "palette": every.name, "blocks": blocks})
-        else:
+        told = {"schema": 1, "palette": every.name, "blocks": blocks}
+        if cli.in_words(lambda: told, as_json):
             cli.say("\n".join(blocks.values()).rstrip())
         return 0
     if names:
@@ -76,13 +75,10 @@ def materials(
         planner.write_palette(every, output, force=force)
     if figure is not None:
         write_whole(figure, planner.materials_figure(scale))
-    if as_json:
-        cli.print_document(scale.document())
-        return 0
-    _print_ladder(scale)
-    cli.tell_notes([*scale.warming, *scale.remarks()])
-    for written in filter(None, (output, figure)):
-        cli.say(f"wrote {written}")
+    if cli.in_words(scale.document, as_json):
+        _print_ladder(scale)
+        cli.tell_notes([*scale.warming, *scale.remarks()])
+        cli.say(*(f"wrote {written}" for written in (output, figure) if written))
     return 0
 
 
@@ -151,10 +147,8 @@ def invert(
     ask = partial(planner.invert, at_strain=at_strain, law=law, palette=chosen)
     found = [ask(modulus) for modulus in modulus_MPa or ()]
     at = [ask(coordinate=place) for place in coordinate or ()]
-    if as_json:
-        said = {"schema": 1, "palette": chosen.name, "at_strain": at_strain}
-        cli.print_document({**said, "results": [mixture.document() for mixture in (*found, *at)]})
-    else:
+    said = {"schema": 1, "palette": chosen.name, "at_strain": at_strain}
+    if cli.in_words(lambda: {**said, "results": [m.document() for m in (*found, *at)]}, as_json):
         title = f"{chosen.name}: secant modulus at strain {at_strain:g}"
         if found:
             _print_wanted(found, title)
@@ -368,18 +362,14 @@ def characterise(
         write_whole(output, found.csv())
     if figure is not None:
         write_whole(figure, planner.characterisation_figure(found))
-    if as_json:
-        cli.print_document(encode_document(found.document()))
-    elif not quiet:
+    if cli.in_words(lambda: encode_document(found.document()), as_json, quiet):
         _print_records(found)
         cli.tell_notes((*found.notes, *_corrections(found)))
         _tables(found)
         for one in found.materials:
             cli.say(f"{one.material}: {one.deformation.kind}; {one.deformation.reason}")
-        for path in filter(None, (output, figure)):
-            cli.say(f"wrote {path}")
-        for said in found.findings:
-            cli.finding(said)
+        cli.say(*(f"wrote {path}" for path in (output, figure) if path))
+        cli.finding(*found.findings)
     return 0 if found.ok else 1
 
 
@@ -412,10 +402,8 @@ def _print_records(found: "planner.Characterisation") -> None:
         rows,
         title="What was read",
     )
-    for text, number in columns.items():
-        cli.say(f"({number}): {text}")
-    for text, number in places.items():
-        cli.say(f"[{number}]: {text}")
+    cli.say(*(f"({number}): {text}" for text, number in columns.items()))
+    cli.say(*(f"[{number}]: {text}" for text, number in places.items()))
 
 
 def _corrections(found: "planner.Characterisation") -> list[str]:
@@ -541,15 +529,12 @@ def fit(
         record = encode_document({"schema": 1, "palette": output.name})
         rows = {**planner.fit_tables(result), _TABLES: record}
         write_folder(tables, rows, force=force, record=_TABLES, option="tables")
-    if as_json:
-        cli.print_document(encode_document({**result.document(), "file": str(output)}))
-    elif not quiet:
+    said = {"file": str(output)}
+    if cli.in_words(lambda: encode_document({**result.document(), **said}), as_json, quiet):
         cli.tell_notes(result.notes)
         _print_report(result, output)
-        for path in filter(None, (figure, tables)):
-            cli.say(f"wrote {path}")
-        for said in result.findings:
-            cli.finding(said)
+        cli.say(*(f"wrote {path}" for path in (figure, tables) if path))
+        cli.finding(*result.findings)
         if result.problem is not None:
             cli.finding(
                 f"{result.problem}; planner cannot grade, invert or list materials with this "
@@ -671,8 +656,7 @@ def _print_quadratic(result: "planner.PaletteStudy") -> None:
         rows.append([row.id, *fitted, *predicted])
     title = "How well each fits; and the error of what the other materials predict"
     cli.print_table(["material", *fits, *left_out], rows, title=title)
-    for remark in found.remarks():
-        cli.say(remark)
+    cli.say(*found.remarks())
 
 
 def _interval(low: float, high: float) -> str:

@@ -42,6 +42,7 @@ __all__ = [
     "complain",
     "finding",
     "in_groups",
+    "in_words",
     "long_progress",
     "out",
     "print_document",
@@ -69,9 +70,9 @@ def complain(message: str) -> None:
             print(f"planner: {message}", file=sys.stderr)
 
 
-def warn(message: str) -> None:
+def warn(*messages: str) -> None:
     """Say on stderr what the user should know although the work was done."""
-    _stderr_line("warning", "yellow", message)
+    _stderr_lines("warning", "yellow", *messages)
 
 
 def tell_notes(notes: Iterable[str]) -> None:
@@ -86,15 +87,16 @@ def tell_notes(notes: Iterable[str]) -> None:
         kinds.setdefault((not isinstance(note, Caution), words), []).append(note)
     for (is_note, _), alike in sorted(kinds.items(), key=lambda kind: kind[0][0]):
         count = f" ({len(alike)} such; --json lists all)" if len(alike) > 1 else ""
-        _stderr_line(*(("note", "cyan") if is_note else ("warning", "yellow")), alike[0] + count)
+        _stderr_lines(*(("note", "cyan") if is_note else ("warning", "yellow")), alike[0] + count)
 
 
 _FIGURE = re.compile(r"\d[\d.e+-]*")
 
 
-def say(message: str = "") -> None:
-    """Write a line of the result to stdout."""
-    print(message)
+def say(*lines: str) -> None:
+    """Write lines of the result to stdout."""
+    for line in lines:
+        print(line)
 
 
 def terminal_width() -> int:
@@ -104,9 +106,9 @@ def terminal_width() -> int:
     return max(40, min(100, shutil.get_terminal_size().columns))
 
 
-def finding(message: str) -> None:
+def finding(*messages: str) -> None:
     """Say on stderr what will not come out as planned."""
-    _stderr_line("finding", "red", message)
+    _stderr_lines("finding", "red", *messages)
 
 
 _FINDINGS_SHOWN = 10
@@ -114,8 +116,7 @@ _FINDINGS_SHOWN = 10
 
 def tell_findings(messages: Sequence[str], listed: str) -> None:
     """Say findings on stderr, the first few, and where the others are listed."""
-    for message in messages[:_FINDINGS_SHOWN]:
-        finding(message)
+    finding(*messages[:_FINDINGS_SHOWN])
     if len(messages) > _FINDINGS_SHOWN:
         finding(f"{len(messages) - _FINDINGS_SHOWN} more of these are in {listed}")
 
@@ -130,6 +131,15 @@ def print_document(document: dict[str, Any] | list[Any] | bytes) -> None:
         print(document.decode("utf-8"), end="")
     else:
         print(json.dumps(document, indent=2, ensure_ascii=False))
+
+
+def in_words(
+    document: Callable[[], dict[str, Any] | bytes], as_json: bool, quiet: bool = False
+) -> bool:
+    """Print a result's document where JSON is asked for; tell whether it is to be said in words."""
+    if as_json:
+        print_document(document())
+    return not (as_json or quiet)
 
 
 def print_table(
@@ -259,19 +269,18 @@ def long_progress(enabled: bool) -> Iterator[Callable[[str], None]]:
             show(stage)
             if enabled and now - said > _PAUSE_S and not (sys.stderr and sys.stderr.isatty()):
                 said = now
-                _stderr_line("working", "cyan", stage)
+                _stderr_lines("working", "cyan", stage)
 
         yield tell
 
 
-def _stderr_line(kind: str, colour: str, message: str) -> None:
+def _stderr_lines(kind: str, colour: str, *messages: str) -> None:
     from rich.console import Console
     from rich.text import Text
 
-    if sys.stderr is None:
-        return
-    console = Console(stderr=True, highlight=False, soft_wrap=True)
-    console.print(Text.assemble((f"{kind}: ", colour), message))
+    for message in messages if sys.stderr is not None else ():
+        console = Console(stderr=True, highlight=False, soft_wrap=True)
+        console.print(Text.assemble((f"{kind}: ", colour), message))
 
 
 # ------------------------------------------------------------------------------------------------

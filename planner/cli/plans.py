@@ -6,11 +6,11 @@ import re
 import subprocess
 import sys
 import textwrap
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from shlex import quote
-from typing import Annotated
+from typing import Annotated, Any
 
 from typer import Argument, Context, Option
 
@@ -190,29 +190,21 @@ def grade(
             stage("writing the files")
             page = None if no_page else planner.plan_page(plan)
             plan.write(folder, force=force, page=page, slicer=slicer)
-    _grade_report(plan, folder if kept else None, like=like, as_json=as_json, quiet=quiet)
+    if cli.in_words(plan.json, as_json, quiet):
+        _grade_report(plan, folder if kept else None, like)
     return 0 if plan.ok else 1
 
 
-def _grade_report(
-    plan: "planner.Plan", folder: Path | None, *, like: Path | None, as_json: bool, quiet: bool
-) -> None:
+def _grade_report(plan: "planner.Plan", folder: Path | None, like: Path | None) -> None:
     from planner.report.plan_figure import error_words, moved_words, unreachable_words
 
-    if as_json:
-        cli.print_document(plan.json())
-        return
-    if quiet:
-        return
     cli.tell_notes(
         Caution(f"{plan.part.file}: {remark}") if isinstance(remark, Caution) else remark
         for remark in (*map(Caution, plan.part.repairs), *plan.warnings)
     )
     _table(plan)
-    for words in filter(None, (error_words(plan), moved_words(plan))):
-        cli.say(words)
-    for words in unreachable_words(plan):
-        cli.finding(words)
+    cli.say(*filter(None, (error_words(plan), moved_words(plan))))
+    cli.finding(*unreachable_words(plan))
     cli.tell_findings([found.message for found in plan.findings], "plan.json")
     failed, count = [name for name, check in plan.checks.items() if not check.ok], len(plan.checks)
     more = f"; not: {', '.join(failed)}" if failed else ""
@@ -300,9 +292,7 @@ def check(
     """
     with cli.progress(not quiet and not as_json) as stage:
         certificate = planner.check(folder, progress=stage)
-    if as_json:
-        cli.print_document(certificate.document())
-    elif not quiet:
+    if cli.in_words(certificate.document, as_json, quiet):
         cli.print_table(
             ["check", ">value", ">limit", "holds"],
             [
@@ -312,10 +302,8 @@ def check(
             title=f"{folder}: {certificate.part} on {certificate.printer}, "
             f"{certificate.shells} shells, {certificate.triangles} triangles",
         )
-        for problem in certificate.problems:
-            cli.finding(problem)
-        for message in certificate.reported:
-            cli.finding(f"reported by the plan: {message}")
+        cli.finding(*certificate.problems)
+        cli.finding(*(f"reported by the plan: {message}" for message in certificate.reported))
         cli.say(_verdict(certificate))
     return 0 if certificate.ok else 1
 
@@ -351,15 +339,16 @@ def diff(
     Example: [bold]planner diff finger-graded finger-graded-before[/bold]
     """
     found = planner.diff(before, after, tolerance=tolerance)
-    rows = [asdict(difference) for difference in found]
-    if as_json:
-        cli.print_document({"schema": 1, "equal": not found, "differences": rows})
-    elif found and not quiet:
+    if cli.in_words(lambda: _equality(found), as_json, quiet):
         for difference in found:
             cli.say(textwrap.fill(difference.text, cli.terminal_width(), subsequent_indent="    "))
-    elif not quiet:
-        cli.say("the plans mean the same")
+        if not found:
+            cli.say("the plans mean the same")
     return 1 if found else 0
+
+
+def _equality(found: "Sequence[planner.Difference]") -> dict[str, Any]:
+    return {"schema": 1, "equal": not found, "differences": [asdict(one) for one in found]}
 
 
 # ------------------------------------------------------------------------------------------------
@@ -396,9 +385,7 @@ def compare(
         write_whole(output, planner.compare_page(before, after, tolerance=tolerance))
     opened = _shown(output, no_open=no_open, quiet=quiet or as_json)
     if as_json:
-        rows = [asdict(difference) for difference in found]
-        page = {"page": str(output), "opened": opened}
-        cli.print_document({"schema": 1, **page, "equal": not found, "differences": rows})
+        cli.print_document({"schema": 1, "page": str(output), "opened": opened} | _equality(found))
     return 1 if found else 0
 
 
@@ -444,13 +431,10 @@ def slices(
         if pitch_mm is not None:
             asked["pitch_mm"] = _lengths(pitch_mm)
         stack = planner.write_slices(**asked)
-    if as_json:
-        cli.print_document(stack.json())
-    elif not quiet:
+    if cli.in_words(stack.json, as_json, quiet):
         _slices_report(stack, output)
     if not quiet:
-        for message in stack.findings:
-            cli.finding(message)
+        cli.finding(*stack.findings)
     return 0 if stack.ok else 1
 
 

@@ -39,26 +39,23 @@ def _list(*, as_json: bool) -> int:
         made_by = None if entry.dist is None else f"{entry.dist.name} {entry.dist.version}"
         stated = {key: getattr(machine, key) for key in _STATED}
         rows.append({"name": name, **stated, "plugin": entry.value, "distribution": made_by})
-    if as_json:
-        cli.print_document({"schema": 1, "printers": rows, "broken": broken})
-        return 1 if broken else 0
-    cli.print_table(
-        ["name", "machine", "tray mm", "voxel um", "palettes", "from"],
-        [
+    if cli.in_words(lambda: {"schema": 1, "printers": rows, "broken": broken}, as_json):
+        cli.print_table(
+            ["name", "machine", "tray mm", "voxel um", "palettes", "from"],
             [
-                row["name"],
-                row["title"],
-                _lengths(row["tray_mm"]),
-                _lengths(1000 * v for v in (*row["pixel_mm"], row["layer_mm"])),
-                ", ".join(row["palettes"]),
-                str(row["distribution"] or row["plugin"]),
-            ]
-            for row in rows
-        ],
-        droppable=["from", "voxel um"],
-    )
-    for problem in broken:
-        cli.finding(problem)
+                [
+                    row["name"],
+                    row["title"],
+                    _lengths(row["tray_mm"]),
+                    _lengths(1000 * v for v in (*row["pixel_mm"], row["layer_mm"])),
+                    ", ".join(row["palettes"]),
+                    str(row["distribution"] or row["plugin"]),
+                ]
+                for row in rows
+            ],
+            droppable=["from", "voxel um"],
+        )
+        cli.finding(*broken)
     return 1 if broken else 0
 
 

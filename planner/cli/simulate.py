@@ -196,14 +196,11 @@ def simulate(
     for result, paths in zip(results, each, strict=True):
         for name, path in paths.items():
             write_whole(path, files[name][1](result))
-    if as_json:
-        cli.print_document(document)
-    elif not quiet:
+    if cli.in_words(lambda: document, as_json, quiet):
         (_part_report if whole else _bar_report)(results)
         cli.tell_findings([f.message for result in results for f in result.findings], "the JSON")
         some = [path for paths in each for path in paths.values()]
-        for path in filter(None, (*some, *whole_files.values())):
-            cli.say(f"wrote {path}")
+        cli.say(*(f"wrote {path}" for path in (*some, *whole_files.values()) if path))
     return 0 if all(result.ok for result in results) else 1
 
 
@@ -235,14 +232,12 @@ def _part_report(results: "Sequence[planner.PartSimulation]") -> None:
         named, what, *figures = rows[0]
         columns = [named, what, *(f">{name}" for name in figures)]
         cli.print_table(columns, [[*row.values()] for row in rows], droppable=figures[-1:])
-        for words in summary_words(result):
-            cli.say(words)
+        cli.say(*summary_words(result))
 
 
 def _bar_report(results: "Sequence[planner.Simulation]") -> None:
     (result,) = results
-    for note in result.notes:
-        cli.warn(note)
+    cli.warn(*result.notes)
     shown = sorted({round(i * (len(result.force_N) - 1) / (_ROWS - 1)) for i in range(_ROWS)})
     bar = result.bar
     slices, interval = len(bar.x_mm), f"{100 * result.level:g} % interval"
@@ -312,9 +307,7 @@ def export(
         stage("filling the part with cells")
         model = planner.export(**cli.taken(planner.export, given | vars(loads)))
     path = model.write(output, force=force)
-    if as_json:
-        cli.print_document(model.json())
-    elif not quiet:
+    if cli.in_words(model.json, as_json, quiet):
         _export_report(model)
         cli.say(f"wrote {path}")
     return 0
@@ -469,9 +462,7 @@ def design(
         made = planner.design(**asked)
         stage("writing the files")
         made.write(folder, force=force, page=None if no_page else planner.plan_page(made))
-    if as_json:
-        cli.print_document(made.json())
-    elif not quiet:
+    if cli.in_words(made.json, as_json, quiet):
         _design_report(made, folder)
     return cli.Kept(130) if made.interrupted else 0 if made.ok else 1
 
@@ -501,7 +492,6 @@ def _design_report(made: "planner.PartDesign", folder: Path) -> None:
         cli.say("profile: " + ", ".join(f"{E:.3g} MPa at {u:.3g}" for u, E in knots))
     if made.strain_over_break is not None:
         cli.say(f"largest strain over elongation at break: {made.strain_over_break:.3g}")
-    for words in [f.message for f in made.findings] + [f.message for f in made.plan.findings[:3]]:
-        cli.finding(words)
+    cli.finding(*(f.message for f in made.findings), *(f.message for f in made.plan.findings[:3]))
     more = "" if made.table is None else "field.vti (opens in ParaView), "
     cli.say(f"wrote {folder}: what planner grade writes, {more}design.json and profile.csv")
