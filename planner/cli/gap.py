@@ -71,7 +71,7 @@ def diagnose(
     from planner.gap.summary import next_command
     from planner.report.gap_page import verdict_text
 
-    cli.check_targets(context, force=force, folders={"output": (output, "diagnosis.json")})
+    cli.check_targets(context, force=force, output=(output, "diagnosis.json"))
     with cli.progress(not (quiet or as_json)) as stage:
         asked = cli.taken(planner.diagnose, given) | {
             "progress": lambda done, total, what: stage(f"{what}, {done} of {total}")
@@ -214,9 +214,7 @@ def design(
                 f"{output}: these effects may take graded bars, whose designs are files of their "
                 "own; name a folder with --output"
             )
-        cli.check_targets(context, force=False, output=output)
-    else:
-        cli.check_targets(context, force=False, folders={"output": (output, None)})
+    cli.check_targets(context, force=False, output=output if listed else (output, None))
     with cli.progress(not (quiet or as_json)) as stage:
         made = planner.design_campaign(**cli.taken(planner.design_campaign, given), progress=stage)
     if listed:
@@ -358,7 +356,7 @@ def simulate(
     given = locals()
     from planner.gap.virtual import stated_effect
 
-    cli.check_targets(context, force=False, folders={"output": (output, None)})
+    cli.check_targets(context, force=False, output=(output, None))
     made = planner.synthesise_campaign(**cli.taken(planner.synthesise_campaign, given))
     planner.write_campaign(made, output)
     effects = [stated_effect(text, made.palette).text for text in effect or ()]

@@ -516,10 +516,8 @@ def fit(
     from planner.formats.outputs import write_folder, write_whole
     from planner.materials.study import listed_files
 
-    reads, folders = listed_files(files, tests.specimens), {"tables": (tables, _TABLES)}
-    cli.check_targets(
-        context, force=force, reads=reads, output=output, figure=figure, folders=folders
-    )
+    reads, targets = listed_files(files, tests.specimens), {"output": output, "figure": figure}
+    cli.check_targets(context, force=force, reads=reads, **targets, tables=(tables, _TABLES))
     with cli.progress(not (quiet or as_json)) as stage:
         result = planner.fit(**cli.taken(planner.fit, given | tests.given()), progress=stage)
     planner.write_palette(result.palette, output, force=force)

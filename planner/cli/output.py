@@ -13,7 +13,6 @@ import time
 from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Context, Option
@@ -374,9 +373,8 @@ def check_targets(
     context: Context,
     *,
     force: bool,
-    folders: Mapping[str, tuple[Path | None, str | None]] = MappingProxyType({}),
     reads: Iterable[Path] = (),
-    **targets: Path | None,
+    **targets: Path | tuple[Path | None, str | None] | None,
 ) -> None:
     """Refuse targets that cannot be written; keep the others for this command until it ends.
 
@@ -387,28 +385,27 @@ def check_targets(
     ----------
     context
         The command's own.
-    folders
-        By the option that names each: a folder to write, and its record; see `check_target`.
     reads
         Files that the command reads though none of its arguments names them.
     targets
-        Files to write, by the option that names each; None where it is not given.
+        Files to write, by the option that names each; None where it is not given. A folder stands
+        with its record; see `check_target`.
     """
     from planner.formats.outputs import check_absent, check_target, claimed, is_stream
 
     figure = targets.get("figure")
-    if figure is not None and figure.suffix.casefold() != ".svg":
+    if isinstance(figure, Path) and figure.suffix.casefold() != ".svg":
         raise ArgumentError(f"--figure {figure}: its ending must be .svg")
-    files = {option: path for option, path in targets.items() if path is not None}
-    wholes = {option: (path, record) for option, (path, record) in folders.items() if path}
-    both = files | {option: path for option, (path, _) in wholes.items()}
-    _refuse_sharing(both)
-    there = any(path.exists() for path in both.values())
-    read = [*reads, *_files_read(context, {*targets, *folders})] if there else []
-    for option, path in files.items():
-        _refuse_reading(option, path, [f for f in read if _same(path, f)], "that file")
-        check_absent(path, force=force)
-    for option, (path, record) in wholes.items():
+    asked = {name: one if isinstance(one, tuple) else (one, "") for name, one in targets.items()}
+    places = {option: path for option, (path, _) in asked.items() if path is not None}
+    _refuse_sharing(places)
+    there = any(path.exists() for path in places.values())
+    read = [*reads, *_files_read(context, targets)] if there else []
+    for option, path in places.items():
+        if (record := asked[option][1]) == "":
+            _refuse_reading(option, path, [f for f in read if _same(path, f)], "that file")
+            check_absent(path, force=force)
+            continue
         if is_stream(path):
             raise ArgumentError(f"--{option} {path}: a folder is written; give its name")
         kept = check_target(path, force=force, record=record, option=option)
@@ -417,7 +414,7 @@ def check_targets(
         if kept and not context.params.get("quiet"):
             more = f" and {len(kept) - 5} more" if len(kept) > 5 else ""
             warn(f"{path} keeps {', '.join(kept[:5])}{more}, which planner did not write")
-    for path in both.values():
+    for path in places.values():
         if not is_stream(path):
             context.with_resource(claimed(path, force=force))
         elif context.params.get("as_json"):

@@ -179,7 +179,7 @@ def grade(
     if slicer is not None:
         needs_one_mesh(slicer)  # a slip is told before the work
     if not dry_run:
-        cli.check_targets(context, force=force, folders={"output": (folder, "plan.json")})
+        cli.check_targets(context, force=force, output=(folder, "plan.json"))
     if nothing_kept():
         _start()
     with cli.progress(not quiet and not as_json) as stage:
@@ -425,7 +425,7 @@ def slices(
     Example: [bold]planner slices finger-graded -o finger-slices[/bold]
     """
     given = locals()
-    cli.check_targets(context, force=force, folders={"output": (output, "slices.json")})
+    cli.check_targets(context, force=force, output=(output, "slices.json"))
     with cli.progress(not quiet and not as_json, layers=True) as advance:
         asked = cli.taken(planner.write_slices, given) | {"progress": advance}
         if pitch_mm is not None:

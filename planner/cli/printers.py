@@ -24,10 +24,8 @@ def _printers(context: typer.Context, as_json: cli.AsJson = False) -> int:
 
     Example: [bold]planner printers --json[/bold]
     """
-    return 0 if context.invoked_subcommand else _list(as_json=as_json)
-
-
-def _list(*, as_json: bool) -> int:
+    if context.invoked_subcommand:
+        return 0
     rows: list[dict[str, Any]] = []
     broken = []
     for name, entry in planner.installed_printers().items():
@@ -127,7 +125,7 @@ def new(
     if not _NAME.fullmatch(name):
         raise ArgumentError(f"{name}: give a name of small letters, digits, - and _, as myjet")
     folder = Path(f"{name}-printer") if output is None else output
-    cli.check_targets(context, force=False, folders={"output": (folder, None)})
+    cli.check_targets(context, force=False, output=(folder, None))
     package = f"{name.replace('-', '_')}_printer"
     write_folder(folder, _plugin(name, package, planner.load_printer(like)))
     profile = folder / package / "printer.toml"

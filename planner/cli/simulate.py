@@ -446,7 +446,7 @@ def design(
     folder = Path(f"{part.stem}-designed") if output is None else output
     goes_on = interrupted_design(folder)
     force = force or goes_on
-    cli.check_targets(context, force=force, folders={"output": (folder, "plan.json")})
+    cli.check_targets(context, force=force, output=(folder, "plan.json"))
     further = [
         one if one.fix or one.move else replace(one, fix=loads.fix or (), move=loads.move or ())
         for one in map(LoadCase.read, case or ())

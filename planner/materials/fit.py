@@ -686,9 +686,9 @@ class LawFit:
         """Number of fitted parameters."""
         return self.law.columns + self.law.nonlinear
 
-    def nominal_stress_MPa(self, stretch: FloatArray) -> FloatArray:
-        """Return the nominal stress."""
-        return law_stress_MPa(self.law, self.a, self.c, stretch)
+    def nominal_stress_MPa(self, at: FloatArray | Sample) -> FloatArray:
+        """Return the nominal stress at stretches, or at points each in its own loading."""
+        return law_stress_MPa(self.law, self.a, self.c, at)
 
     def unstable_strain(self, working_strain: float, margin: float = _MARGIN) -> float | None:
         """Return the strain nearest to rest at which the law is unstable in some mode, if any.
@@ -744,8 +744,7 @@ def fit_law(
     a = np.clip([float(f"{v:.{_SIGNIFICANT_DIGITS}g}") for v in a], low, high)
     final = _Problem(law, sample).project(a[None], np.full((1, law.columns), np.nan))
     c = final.coefficients[0] / law.divisor(a[None])[0][0]
-    phi, _ = sample_columns(law, sample, a[None])
-    residual = phi[0] @ (c * law.divisor(a[None])[0][0]) - sample.stress_MPa
+    residual = law_stress_MPa(law, a, c, sample) - sample.stress_MPa
     mean = sample.weight @ sample.stress_MPa
     error = float(sample.weight @ residual**2)
     r2 = 1.0 - error / float(sample.weight @ (sample.stress_MPa - mean) ** 2)
@@ -770,17 +769,15 @@ def fit_law(
 
 
 def law_stress_MPa(
-    law: SeparableLaw, a: FloatArray, c: FloatArray, stretch: FloatArray
+    law: SeparableLaw, a: FloatArray, c: FloatArray, at: FloatArray | Sample
 ) -> FloatArray:
-    """Return nominal stress of a law with nonlinear parameters a (q,), file coefficients c (p,)."""
-    phi, _ = law.evaluate(stretch, a[None])
+    """Return nominal stress of a law with nonlinear parameters a (q,), file coefficients c (p,).
+
+    At stretches of uniaxial loading, or at a sample's points, each in its own loading.
+    """
+    one = a[None]
+    phi, _ = sample_columns(law, at, one) if isinstance(at, Sample) else law.evaluate(at, one)
     return np.asarray(phi[0] @ (c * law.divisor(a[None])[0][0]))
-
-
-def sample_stress_MPa(fit: LawFit, sample: Sample) -> FloatArray:
-    """Return a law's nominal stress at a sample's points, each in its own loading."""
-    phi, _ = sample_columns(fit.law, sample, fit.a[None])
-    return np.asarray(phi[0] @ (fit.c * fit.law.divisor(fit.a[None])[0][0]))
 
 
 def _best(found: Solutions) -> int:
@@ -1086,7 +1083,7 @@ class ParameterScatter:
 
 def scatter_of_fit(fit: LawFit, sample: Sample) -> ParameterScatter:
     """Return the scatter of a fit's specimens about its law."""
-    return _scatter_of(_courses(sample_stress_MPa(fit, sample), sample))
+    return _scatter_of(_courses(fit.nominal_stress_MPa(sample), sample))
 
 
 def _scatter_of(courses: Sequence[tuple[FloatArray, FloatArray]]) -> ParameterScatter:
@@ -1242,7 +1239,7 @@ def secant_intervals(
     strain = np.maximum(tested, 1e-7)
     columns = fit.law.evaluate(1.0 + strain, fit.a[None])
     derivative, stress = _derivatives(fit, columns)
-    courses = _courses(sample_stress_MPa(fit, sample), sample)
+    courses = _courses(fit.nominal_stress_MPa(sample), sample)
     value, scatter = stress / strain, _scatter_of(courses)
     half, next_ = np.full(len(strain), np.inf), np.full(len(strain), scatter.log_sd)
     if _scatter_known(sample):
@@ -1714,7 +1711,7 @@ def fit_material(
 
 def by_mode(fit: LawFit, sample: Sample) -> Iterator[tuple[str, tuple[float, float]]]:
     """Yield the share of the weight and the root mean square residual over scale by loading."""
-    off = (sample_stress_MPa(fit, sample) - sample.stress_MPa) / sample.scale_MPa
+    off = (fit.nominal_stress_MPa(sample) - sample.stress_MPa) / sample.scale_MPa
     for k in np.unique(sample.mode):
         weight = np.where(sample.mode == k, sample.weight, 0.0)
         share = float(weight.sum())

@@ -6,7 +6,7 @@ import numpy as np
 
 from planner.errors import PaletteError
 from planner.materials.laws import FARTHEST, first_invariant, secant_modulus_MPa
-from planner.materials.mixtures import CoefficientModel, pchip_slopes, pchip_weights
+from planner.materials.mixtures import CoefficientModel, bracketed, pchip_at, pchip_slopes
 from planner.numerics import FloatArray, IntArray
 
 __all__ = ["POISSON", "MarlowTable", "marlow_table", "uniaxial_strain"]
@@ -66,12 +66,9 @@ class MarlowTable:
     def places(self, coordinate: FloatArray) -> tuple[IntArray, FloatArray]:
         """Return the node below each coordinate and the share of the way to the next."""
         inside = np.clip(coordinate, self.coordinate[0], self.coordinate[-1])
-        below = np.searchsorted(self.coordinate, inside, side="right") - 1
-        below = np.minimum(below, max(len(self.coordinate) - 2, 0))
-        above = np.minimum(below + 1, len(self.coordinate) - 1)
-        gap = self.coordinate[above] - self.coordinate[below]
-        share = (inside - self.coordinate[below]) / np.where(gap > 0.0, gap, 1.0)
-        return below.astype(np.int64), share
+        below, _, share, _ = bracketed(self.coordinate, inside)
+        last = max(len(self.coordinate) - 2, 0)  # at the last node all of the way to it
+        return np.minimum(below, last).astype(np.int64), np.where(below > last, 1.0, share)
 
     def shear_modulus_MPa(self, coordinate: FloatArray) -> FloatArray:
         """Return the shear modulus at rest, 2 W'(3)."""
@@ -134,10 +131,8 @@ def marlow_table(model: CoefficientModel, *, poisson: float = POISSON) -> Marlow
 
     nodes = model.coordinates_between(_BETWEEN)
     lower, upper, t, gap = model.bracketed(nodes)
-    slopes = pchip_slopes(model.places, rows)
-    rise, d0, d1 = (weight[:, None] for weight in pchip_weights(t, gap))
-    table = rows[lower] + rise * (rows[upper] - rows[lower])
-    table += d0 * slopes[lower] + d1 * slopes[upper]
+    bracket = lower, upper, t[:, None], gap[:, None]
+    table = pchip_at(rows, pchip_slopes(model.places, rows), bracket)
     step = float(x[1])
     # Slopes of the monotone cubic: no wiggle where a row ends and W' stays.
     log_slope = np.stack([table, pchip_slopes(x, np.ascontiguousarray(table.T)).T], axis=2)

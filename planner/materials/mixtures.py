@@ -103,6 +103,14 @@ def pchip_weights(t: FloatArray, gap: FloatArray | float) -> tuple[FloatArray, .
     return t * t * (3.0 - 2.0 * t), gap * t * rest * rest, -gap * t * t * rest
 
 
+def pchip_at(values: FloatArray, slopes: FloatArray, bracket: _Bracket) -> FloatArray:
+    """Return what the cubics through rows of values are at places, as `bracketed` has them."""
+    lower, upper, t, gap = bracket
+    rise, d0, d1 = pchip_weights(t, gap)
+    found = values[lower] + rise * (values[upper] - values[lower])
+    return np.asarray(found + (d0 * slopes[lower] + d1 * slopes[upper]))
+
+
 # ------------------------------------------------------------------------------------------------
 # The place of a mixture: where it lies on the scale that the logarithm of stiffness is even over.
 #
@@ -125,10 +133,7 @@ def places_of(hardness: Sequence[tuple[float, float]], coordinate: ArrayLike) ->
         return m
     known, places, slopes = _scale(hardness)
     inside = np.clip(m, known[0], known[-1])
-    lower, upper, t, gap = bracketed(known, inside)
-    rise, d0, d1 = pchip_weights(t, gap)
-    place = places[lower] + rise * (places[upper] - places[lower])
-    place += d0 * slopes[lower] + d1 * slopes[upper]
+    place = pchip_at(places, slopes, bracketed(known, inside))
     return np.asarray(place + (m - inside) * slopes[np.where(m < known[0], 0, -1)])
 
 
@@ -661,10 +666,8 @@ def interpolated(palette: Palette) -> Palette:
 def _foretold(x: FloatArray, rows: FloatArray, k: int) -> FloatArray:
     """Return what the monotone cubic through all other rows, at places x, is at row k's place."""
     others, h1, h2 = np.delete(rows, k, axis=0), x[k] - x[k - 1], x[k + 1] - x[k]
-    slopes = pchip_slopes(np.delete(x, k), others)
-    rise, d0, d1 = pchip_weights(h1 / (h1 + h2), h1 + h2)
-    found = others[k - 1] + rise * (others[k] - others[k - 1])
-    return np.asarray(found + (d0 * slopes[k - 1] + d1 * slopes[k]))
+    bracket = np.array(k - 1), np.array(k), h1 / (h1 + h2), h1 + h2
+    return pchip_at(others, pchip_slopes(np.delete(x, k), others), bracket)
 
 
 def left_out_remark(palette: Palette) -> Iterator[str]:

@@ -94,8 +94,8 @@ def _body(results: Sequence[PartSimulation]) -> Iterator[str]:
     yield page.stage(f"The part {result.name} under load", said, no_view=no_view)
     yield '<div class="panel">'
     yield from page.findings_card([(f.message, False) for one in results for f in one.findings])
-    count = sum(len(one.steps.share) for one in results)
-    yield page.load_slider("", count, count - 1)
+    last = f"{sum(len(one.steps.share) for one in results) - 1}"
+    yield page.filled("load.html", name="", last=last, value=last)
     yield '<label class="tick"><input type="checkbox" id="ghost"> outline at rest</label>'
     yield '<label class="tick"><input type="checkbox" id="edges" checked> edges</label></fieldset>'
     yield from _legend(top)

@@ -24,7 +24,7 @@ from planner.report.gap_figures import errors_of, figures_of
 from planner.report.gap_page import headline, scope
 from planner.report.loaded_part import response_rows, summary_words
 from planner.report.material_figures import materials_figure
-from planner.report.simulation_figures import simulation_figure
+from planner.report.simulation_figures import course_of, simulation_figure
 from planner.report.svg import BLUE, INK, RED
 from planner.simulation.part import PartSimulation
 from planner.simulation.simulate import Simulation
@@ -257,18 +257,13 @@ def _draw_plan(plan: Plan, ax: "Axes") -> None:
 
 @_draw.register(Simulation)
 def _draw_simulation(simulation: Simulation, ax: "Axes") -> None:
-    over_time = simulation.protocol == "relaxation"
-    x = simulation.time_s if over_time else simulation.displacement_mm
-    force, beyond = simulation.force_N, simulation.beyond_break
-    first = int(np.argmax(beyond)) if beyond.any() else len(x)
+    force, (x, x_label, first, title) = simulation.force_N, course_of(simulation)
     band = f"{100 * simulation.level:g} % of prints"
     ax.fill_between(x, *simulation.force_interval_N.T, color=BLUE, alpha=0.2, label=band)
     ax.plot(x[: first + 1], force[: first + 1], color=BLUE, label="predicted")
     if first < len(x):
         ax.plot(x[first:], force[first:], ":", color=BLUE, label="beyond the break")
         ax.plot(x[first], force[first], "x", color=RED, markersize=9.0, label="break")
-    title = f"{simulation.name}: {simulation.protocol} to strain {simulation.to_strain:g}"
-    x_label = "time, s" if over_time else "displacement, mm"
     ax.set(xlabel=x_label, ylabel="force, N", title=title)
     ax.legend()
 

@@ -21,7 +21,6 @@ __all__ = [
     "findings_card",
     "geometry",
     "head",
-    "load_slider",
     "packed",
     "scale_bar",
     "section",
@@ -174,14 +173,10 @@ def findings_card(messages: Sequence[tuple[str, bool]]) -> Iterator[str]:
         return
     yield '<section class="card" id="findings" aria-labelledby="findings-title">'
     yield f'<h2 id="findings-title">Findings ({len(messages)})</h2>\n<ol role="list">'
+    button = '<li><button type="button" aria-pressed="false"><b>{}</b><span>{}</span></button></li>'
     for number, (message, placed) in enumerate(messages, start=1):
-        if placed:
-            yield (
-                f'<li><button type="button" aria-pressed="false"><b>{number}</b>'
-                f"<span>{escape(message)}</span></button></li>"
-            )
-        else:
-            yield f'<li class="plain">{escape(message)}</li>'
+        shown = button if placed else '<li class="plain">{1}</li>'
+        yield shown.format(number, escape(message))
     yield "</ol>\n</section>"
 
 
@@ -221,11 +216,6 @@ def section_controls(ways: Sequence[str]) -> str:
     """Return the controls of the section, by the names of the ways to cut."""
     choice = '<label><input type="radio" name="section" value="{0}"> {0}</label>'
     return filled("section.html", ways="\n".join(map(choice.format, ways)))
-
-
-def load_slider(name: str, count: int, value: int) -> str:
-    """Return the beginning of the controls of a load: which of so many steps is seen, in words."""
-    return filled("load.html", name=name, last=f"{count - 1}", value=f"{value}")
 
 
 def scale_bar(colours: Iterable[str]) -> str:

@@ -613,7 +613,7 @@ def _course_controls(document: dict[str, Any]) -> Iterator[str]:
     """Yield the slider and what stands beside it."""
     frames = document["frames"]
     last = next(k for k in reversed(range(len(frames))) if frames[k]["shape"] == frames[0]["shape"])
-    yield page.load_slider("course-", len(frames), last)
+    yield page.filled("load.html", name="course-", last=f"{len(frames) - 1}", value=f"{last}")
     if any(frame["shape"] is not None for frame in frames):
         words = f"what is left, up to {document['top_mm']:.3g} mm"
         yield page.filled("wanted.html", words=words, bar=page.scale_bar(_LEFT_SCALE))

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planner.numerics import BoolArray
+from planner.numerics import BoolArray, FloatArray
 from planner.report import svg
 from planner.report.svg import BLUE, GREY, INK, PALE_BLUE, RED, Chart
 from planner.simulation.part import PartSimulation
@@ -50,7 +50,7 @@ def simulation_figure(simulation: Simulation | PartSimulation) -> bytes:
     """
     if not isinstance(simulation, Simulation):
         return _part_figure(simulation)
-    title = f"{simulation.name}: {simulation.protocol} to strain {simulation.to_strain:g}"
+    *_, title = course_of(simulation)
     parts = list(_curve(simulation))
     width, height = _LEFT + _WIDTH + 24.0, _TOP + _HEIGHT + 92.0
     if len(simulation.bar.x_mm) > 1:
@@ -106,11 +106,17 @@ def _floor(least: float) -> float:
     return -_span(-least) if least < 0.0 else 0.0
 
 
+def course_of(simulation: Simulation) -> tuple[FloatArray, str, int, str]:
+    """Return what force is drawn over, its name, the first step beyond the break, and a title."""
+    x, label, beyond = simulation.displacement_mm, "displacement, mm", simulation.beyond_break
+    if simulation.protocol == "relaxation":
+        x, label = simulation.time_s, "time, s"
+    title = f"{simulation.name}: {simulation.protocol} to strain {simulation.to_strain:g}"
+    return x, label, int(np.argmax(beyond)) if beyond.any() else len(x), title
+
+
 def _curve(simulation: Simulation) -> Iterator[str]:
-    over_time, beyond = simulation.protocol == "relaxation", simulation.beyond_break
-    x = simulation.time_s if over_time else simulation.displacement_mm
-    x_label = "time, s" if over_time else "displacement, mm"
-    first = int(np.argmax(beyond)) if beyond.any() else len(x)
+    x, x_label, first, _ = course_of(simulation)
     force, (low, high) = simulation.force_N, simulation.force_interval_N.T
     chart = _chart(_LEFT, (0.0, _span(float(x.max()))), (0.0, _span(float(high.max()))))
     yield chart.band(x, low, high)

@@ -114,19 +114,16 @@ class Chart:
         """
         right, bottom = self.left + self.width, self.top + self.height
 
-        def shown(
-            given: Sequence[tuple[float, str]] | None, ends: _Pair
-        ) -> Sequence[tuple[float, str]]:
-            if given is not None:
-                return given
+        def round_figures(ends: _Pair) -> list[tuple[float, str]]:
             low, high = sorted(ends)  # an axis may fall from left to right
             return [(value, f"{value:g}") for value in ticks(low, high, most_ticks)]
 
-        for value, words in shown(x_ticks, self.x_range):
+        for value, words in x_ticks or round_figures(self.x_range):
             x = self.x(value)
             yield f'<path d="M{x:.2f},{self.top:.2f}V{bottom:.2f}" stroke="{_GRID}"/>'
             yield text(x, bottom + 16.0, words, anchor="middle")
-        for value, words in log_ticks(*self.y_range) if y_log else shown(y_ticks, self.y_range):
+        upwards = log_ticks(*self.y_range) if y_log else y_ticks
+        for value, words in upwards or round_figures(self.y_range):
             y = self.y(value)
             yield f'<path d="M{self.left:.2f},{y:.2f}H{right:.2f}" stroke="{_GRID}"/>'
             yield text(self.left - 6.0, y + 4.0, words, anchor="end")
