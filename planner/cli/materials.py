@@ -83,23 +83,17 @@ def materials(
 
 
 def _print_ladder(scale: "planner.StiffnessScale") -> None:
+    rows = []
+    each = zip(scale.palette.materials, scale.moduli_MPa, scale.intervals_MPa, strict=True)
+    for material, modulus, interval in each:
+        stiffness = [format_number(modulus), format_interval(interval)]
+        past = " (past it)" if scale.broken(material) else ""
+        breaks = f"{100 * material.elongation_at_break:.0f} %{past}"
+        others = [f"{material.density_g_cm3:.3f}", ", ".join(material.aliases)]
+        rows.append([material.id, f"{material.coordinate:.3f}", *stiffness, breaks, *others])
     cli.print_table(
         ["material", ">m", ">modulus MPa", "95 % interval", ">break", ">g/cm3", "also called"],
-        [
-            [
-                material.id,
-                f"{material.coordinate:.3f}",
-                format_number(modulus),
-                format_interval(interval),
-                f"{100 * material.elongation_at_break:.0f} %"
-                + (" (past it)" if scale.broken(material) else ""),
-                f"{material.density_g_cm3:.3f}",
-                ", ".join(material.aliases),
-            ]
-            for material, modulus, interval in zip(
-                scale.palette.materials, scale.moduli_MPa, scale.intervals_MPa, strict=True
-            )
-        ],
+        rows,
         title=f"{scale.palette.name}: secant modulus at strain {scale.at_strain:g}",
         droppable=["also called", "g/cm3", "break"],
         swatches=[material.colour for material in scale.palette.materials],
@@ -386,22 +380,13 @@ def _print_records(found: "planner.Characterisation") -> None:
             else f"{format_number(value, 4)} [{places.setdefault(where, len(places) + 1)}]"
             for value, where in ((one.gauge_mm, one.gauge_from), (one.area_mm2, one.area_from))
         ]  # fmt: skip
-        rows.append(
-            [
-                f"{one.file}, {one.sheet}" if one.sheet else one.file,
-                one.specimen,
-                one.material,
-                f"left out: {one.left_out}" if one.left_out else one.mode,
-                f"({headed})",
-                *sizes,
-                str(one.rows),
-            ]
-        )
-    cli.print_table(
-        ["file", "specimen", "material", "mode", "columns", ">length mm", ">section mm2", ">rows"],
-        rows,
-        title="What was read",
-    )
+        file = f"{one.file}, {one.sheet}" if one.sheet else one.file
+        mode = f"left out: {one.left_out}" if one.left_out else one.mode
+        read = [file, one.specimen, one.material, mode, f"({headed})", *sizes, str(one.rows)]
+        rows.append(read)
+    named = ["file", "specimen", "material", "mode", "columns"]
+    figures = [">length mm", ">section mm2", ">rows"]
+    cli.print_table([*named, *figures], rows, title="What was read")
     cli.say(*(f"({number}): {text}" for text, number in columns.items()))
     cli.say(*(f"[{number}]: {text}" for text, number in places.items()))
 

@@ -21,7 +21,6 @@ import planner
 from planner.errors import ArgumentError, Caution, refused
 
 if TYPE_CHECKING:
-    from rich.console import JustifyMethod
     from rich.table import Table
 
 __all__ = [
@@ -212,7 +211,7 @@ def _table(
     if coloured:
         table.add_column("")
     for column in columns:
-        flush: JustifyMethod = "right" if column.startswith(">") else "left"
+        flush: Any = "right" if column.startswith(">") else "left"
         table.add_column(column.removeprefix(">"), justify=flush, no_wrap=True)
     for swatch, row in lines:
         front = [Text("██", style=swatch)] if coloured else []

@@ -458,23 +458,20 @@ def _lengths(text: str) -> tuple[float, ...]:
 def _slices_report(stack: "planner.SliceStack", folder: Path) -> None:
     x, y, z = stack.grid.pitch_mm
     total = sum(each.voxels for each in stack.materials)
-    rows = [
-        [each.material, _hex(each.rgba), str(each.voxels), format_number(each.volume_mm3, 4)]
-        for each in stack.materials
-    ]
+    rows = []
+    for each in stack.materials:
+        colour = "#" + bytes(each.rgba[:3]).hex().upper()
+        volume = format_number(each.volume_mm3, 4)
+        rows.append([each.material, colour, str(each.voxels), volume])
     rows.append(["all", "", str(total), format_number(total * stack.grid.voxel_mm3, 4)])
     cli.print_table(
         ["material", "colour", ">voxels", ">volume mm3"],
         rows,
         title=f"{stack.part.file} on {stack.printer}: {stack.grid.shape[2]} layers of "
         f"{stack.grid.shape[0]} x {stack.grid.shape[1]} pixels, {x:g} x {y:g} x {z:g} mm",
-        swatches=[*(_hex(each.rgba) for each in stack.materials), "default"],
+        swatches=[colour or "default" for _, colour, *_ in rows],
     )
     cli.say(f"wrote {folder} (materials and grid: {folder / 'slices.json'})")
-
-
-def _hex(rgba: tuple[int, ...]) -> str:
-    return "#" + bytes(rgba[:3]).hex().upper()
 
 
 # ------------------------------------------------------------------------------------------------

@@ -27,7 +27,7 @@ def _printers(context: typer.Context, as_json: cli.AsJson = False) -> int:
     if context.invoked_subcommand:
         return 0
     rows: list[dict[str, Any]] = []
-    broken = []
+    shown, broken = [], []
     for name, entry in planner.installed_printers().items():
         try:
             machine = planner.load_printer(name)
@@ -37,20 +37,13 @@ def _printers(context: typer.Context, as_json: cli.AsJson = False) -> int:
         made_by = None if entry.dist is None else f"{entry.dist.name} {entry.dist.version}"
         stated = {key: getattr(machine, key) for key in _STATED}
         rows.append({"name": name, **stated, "plugin": entry.value, "distribution": made_by})
+        sizes = machine.tray_mm, [1000 * v for v in (*machine.pixel_mm, machine.layer_mm)]
+        where = [", ".join(machine.palettes), made_by or entry.value]
+        shown.append([name, machine.title, *map(_lengths, sizes), *where])
     if cli.in_words(lambda: {"schema": 1, "printers": rows, "broken": broken}, as_json):
         cli.print_table(
             ["name", "machine", "tray mm", "voxel um", "palettes", "from"],
-            [
-                [
-                    row["name"],
-                    row["title"],
-                    _lengths(row["tray_mm"]),
-                    _lengths(1000 * v for v in (*row["pixel_mm"], row["layer_mm"])),
-                    ", ".join(row["palettes"]),
-                    str(row["distribution"] or row["plugin"]),
-                ]
-                for row in rows
-            ],
+            shown,
             droppable=["from", "voxel um"],
         )
         cli.finding(*broken)

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,9 +15,6 @@ from planner.materials.laws import make_law
 from planner.materials.mixtures import CoefficientModel, interpolated
 from planner.numerics import FloatArray, students_t
 from planner.palette import Material, Palette
-
-if TYPE_CHECKING:
-    from scipy.optimize import OptimizeResult
 
 __all__ = [
     "LiteralCurve",
@@ -261,7 +258,7 @@ def algorithm_one(curves: Sequence[LiteralCurve], start: QuadraticCoefficients) 
     return QuadraticFit(model, float(found.fun), int(found.nfev), bool(found.success))
 
 
-def _simplex(error: Callable[[FloatArray], float], first: FloatArray) -> "OptimizeResult":
+def _simplex(error: Callable[[FloatArray], float], first: FloatArray) -> Any:
     """Search as Matlab's fminsearch does, whose defaults are scipy's too.
 
     Nelder and Mead's: a first simplex 5 % wide, tolerances of 1e-4 on numbers and error, at most

@@ -534,19 +534,16 @@ def _csv_files(d: Diagnosis) -> dict[str, bytes]:
         for number, x in enumerate(d.next_experiments, start=1)
         for copy in range(x.count if x.row else 0)
     ]
+    where = ("of", "axis", "share", "share_low", "share_high", "p", "detail")
     tables: dict[str, Sequence[Sequence[str | float]]] = {
-        "where.csv": [
-            ("of", "axis", "share", "share_low", "share_high", "p", "detail"),
-            *_placed(d),
-        ],
+        "where.csv": [where, *_placed(d)],
         "ranking.csv": [("hypothesis", "probability", "with_unknown", "same_class"), *_ranked(d)],
         **({"next-specimens.csv": [("specimen", *columns), *specimens]} if columns else {}),
-        **{
-            str(x.row["profile"]): [tuple(x.design), *zip(*x.design.values(), strict=True)]
-            for x in d.next_experiments
-            if x.design
-        },
     }
+    for x in d.next_experiments:
+        if x.design:
+            profile = [tuple(x.design), *zip(*x.design.values(), strict=True)]
+            tables[str(x.row["profile"])] = profile
     return {path: encode_csv(rows, _SIGNIFICANT_DIGITS) for path, rows in tables.items()}
 
 

@@ -139,10 +139,10 @@ def _top(most: float) -> float:
 def _header(results: Sequence[PartSimulation]) -> Iterator[str]:
     worst = max(float(result.steps.largest.max()) for result in results)
     found = sum(len(result.findings) for result in results)
-    curves = [(one, one.curve) for one in results]
     facts = [
         (f"{one.case}: {label}" if one.case else label, format_number(float(along[-1]), 4), "")
-        for one, curve in curves
+        for one in results
+        for curve in [one.curve]
         for label, along in ((curve.x_label, curve.x), (curve.y_label, curve.y))
     ]
     facts.append(("strain / break", format_number(worst), "bad" if worst > 1.0 else "good"))

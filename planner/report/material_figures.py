@@ -362,22 +362,15 @@ def fit_figure(study: PaletteStudy) -> bytes:
     >>> Path("fit.svg").write_bytes(figure)  # doctest: +SKIP
     """
     materials = study.palette.materials
-    sections = [
-        (
-            "Tests, their laws and residuals",
-            [partial(_tests, study, material, study.fits[material.id]) for material in materials],
-            _FIT_CELL[1] + _RESIDUALS,
-        )
-    ]
+    tests = [partial(_tests, study, material, study.fits[material.id]) for material in materials]
+    sections = [("Tests, their laws and residuals", tests, _FIT_CELL[1] + _RESIDUALS)]
     if study.quadratic is not None:
-        sections.append(
-            (
-                "Coefficients of eq. 3.8 over m: rings, with intervals, each material by itself; "
-                "dotted, the quadratics through them; dashed, those fitted to all curves",
-                [partial(_coefficient, study.quadratic, which) for which in range(6)],
-                _FIT_CELL[1],
-            )
+        words = (
+            "Coefficients of eq. 3.8 over m: rings, with intervals, each material by itself; "
+            "dotted, the quadratics through them; dashed, those fitted to all curves"
         )
+        panels = [partial(_coefficient, study.quadratic, which) for which in range(6)]
+        sections.append((words, panels, _FIT_CELL[1]))
     if study.problem is None and len(materials) > 1:
         model = CoefficientModel(study.palette)
         between = [partial(_mixture, study, model, *two) for two in pairwise(materials)]

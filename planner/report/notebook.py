@@ -191,15 +191,9 @@ def _materials(palette: Palette, told: Mapping[str, Mapping[str, str]]) -> str:
 @small_page.register
 def _diagnosis(diagnosis: Diagnosis) -> str:
     figures = figures_of(diagnosis)
-    return _html(
-        diagnosis,
-        [
-            _said(headline(diagnosis)),
-            _said(" ".join(diagnosis.summary) or scope(diagnosis)),
-            *(_figure(figures[name]) for name in ("evidence", "closure") if name in figures),
-            _words(diagnosis.limitations, "limitation"),
-        ],
-    )
+    drawn = [_figure(figures[name]) for name in ("evidence", "closure") if name in figures]
+    said = _said(headline(diagnosis)), _said(" ".join(diagnosis.summary) or scope(diagnosis))
+    return _html(diagnosis, [*said, *drawn, _words(diagnosis.limitations, "limitation")])
 
 
 # ------------------------------------------------------------------------------------------------

@@ -239,7 +239,9 @@ def _body(source: _PlanSource, courses: "Sequence[Course]") -> Iterator[str]:
     note = _simplified(display) if display.simplified else ""
     yield page.stage(f"The part {plan.part.file} in its materials", _in_words(plan), note)
     yield '<div class="panel">'
-    yield from _findings(plan, source.missed)
+    placed = [(found.message, found.place_mm is not None) for found in plan.findings]
+    missed = [(words, False) for words in plan_figure.unreachable_words(plan)]
+    yield from page.findings_card([*missed, *placed, *((words, False) for words in source.missed)])
     if courses:
         yield from _course_controls(more["course"])
     yield page.section_controls([name for name, *_ in _ways(plan)])
@@ -288,24 +290,17 @@ def _numbers(names: Iterable[str]) -> dict[str, int]:
 
 def _viewer_data(source: _PlanSource, display: Shown, colours: Mapping[str, str]) -> dict[str, Any]:
     """Return what the viewer reads; shapes of a design follow the shells."""
-    printed = display.shells[: len(source.names)]
-    points = np.concatenate([points for points, _ in printed])
-    plan, numbers = source.plan, _numbers(colours)
+    plan, names, numbers = source.plan, source.names, _numbers(colours)
+    points = np.concatenate([points for points, _ in display.shells[: len(names)]])
+    looks = [(colours[name], name, numbers[name], _modulus_words(plan, name)) for name in names]
+    looks += [("#2A9D8F", "wanted", 0, "")] * (len(display.shells) - len(names))
+    shells = zip(display.shells, looks, strict=True)
     return {
         "origin": display.origin_mm.tolist(),
         "step": display.step_mm,
         "moved": list(plan.part.translation_mm),
         "size": (display.step_mm * points.max(axis=0).astype(float)).tolist(),
-        "shells": [
-            page.shell_data(
-                points, faces, colours[name], name, numbers[name], _modulus_words(plan, name)
-            )
-            for name, (points, faces) in zip(source.names, printed, strict=True)
-        ]
-        + [
-            page.shell_data(points, faces, "#2A9D8F", "wanted", 0)
-            for points, faces in display.shells[len(source.names) :]
-        ],
+        "shells": [page.shell_data(points, faces, *look) for (points, faces), look in shells],
         "sections": [
             {"name": name, "normal": normal, "zero": zero} for name, normal, zero in _ways(plan)
         ],
@@ -340,13 +335,12 @@ def _ways(plan: Plan) -> Iterator[tuple[str, list[float], float]]:
 
 def _header(source: _PlanSource) -> Iterator[str]:
     plan = source.plan
-    size = [high - low for low, high in zip(*plan.part.bounds_mm, strict=True)]
     mass = sum(region.mass_g for region in plan.regions)
     found = len(plan.findings) + len(plan.unreachable)
     failed = [name for name, check in plan.checks.items() if not check.ok]
     volume = plan.part.volume_mm3
     facts = (
-        ("size, mm", " × ".join(format_number(length, 4) for length in size), ""),
+        ("size, mm", " × ".join(_sizes(plan)), ""),
         ("volume, mm³", format_number(volume, 5), "")
         if volume < 1e5
         else ("volume, cm³", format_number(volume / 1000.0, 5), ""),
@@ -391,6 +385,10 @@ def _thousands(count: int) -> str:
     return f"{count:,}".replace(",", "\N{NARROW NO-BREAK SPACE}")
 
 
+def _sizes(plan: Plan) -> list[str]:
+    return [format_number(b - a, 4) for a, b in zip(*plan.part.bounds_mm, strict=True)]
+
+
 def _in_words(plan: Plan) -> str:
     """Say in words what the view shows."""
     first, last = (
@@ -398,18 +396,10 @@ def _in_words(plan: Plan) -> str:
         f"{format_number(r.modulus_MPa)} MPa"
         for r in (plan.regions[0], plan.regions[-1])
     )
-    lengths = (high - low for low, high in zip(*plan.part.bounds_mm, strict=True))
-    size = " by ".join(format_number(length, 4) for length in lengths)
     return (
-        f"The part is {size} mm. It begins in {first}, and ends in {last}, "
+        f"The part is {' by '.join(_sizes(plan))} mm. It begins in {first}, and ends in {last}, "
         f"{_field_words(plan.gradient.field)}. The table below has every region."
     )
-
-
-def _findings(plan: Plan, more: Sequence[str]) -> Iterator[str]:
-    missed = [(words, False) for words in plan_figure.unreachable_words(plan)]
-    placed = [(found.message, found.place_mm is not None) for found in plan.findings]
-    return page.findings_card([*missed, *placed, *((words, False) for words in more)])
 
 
 def _materials(source: _PlanSource, colours: Mapping[str, str]) -> Iterator[str]:
