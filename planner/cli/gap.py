@@ -237,12 +237,9 @@ def _design_report(
         ends = (e.smallest, e.size.usual)
         sizes = ("none" if s is None else format_number(s) + unit for s in ends)
         rows.append([e.id, e.size.name, *sizes, f"{100 * min(e.probability, 0.99):.0f} %"])
-    cli.print_table(
-        ["effect", "size", ">smallest named", ">middling size", ">chance to name that"],
-        rows,
-        title=f"{len(made.campaign.specimens)} specimens, {made.conditions} conditions: what a "
-        "diagnosis is to name",
-    )
+    columns = ["effect", "size", ">smallest named", ">middling size", ">chance to name that"]
+    of = f"{len(made.campaign.specimens)} specimens, {made.conditions} conditions"
+    cli.print_table(columns, rows, title=f"{of}: what a diagnosis is to name")
     for e in made.expected:
         if e.alike:
             cli.finding(

@@ -177,8 +177,7 @@ def simulate(
         for number in range(1, max(len(held), 1) + 1)
     ]
     for paths in each:
-        targets: dict[str, Any] = {**whole_files, **paths}
-        cli.check_targets(context, force=force, **targets)
+        cli.check_targets(context, force=force, reads=(), **whole_files, **paths)
     results: Any
     with cli.progress(not quiet and not as_json and whole) as stage:
         if whole:
@@ -241,20 +240,16 @@ def _bar_report(results: "Sequence[planner.Simulation]") -> None:
     shown = sorted({round(i * (len(result.force_N) - 1) / (_ROWS - 1)) for i in range(_ROWS)})
     bar = result.bar
     slices, interval = len(bar.x_mm), f"{100 * result.level:g} % interval"
+    rows = []
+    for i in shown:
+        figures = result.time_s[i], result.displacement_mm[i], result.force_N[i]
+        time, travel, force = (format_number(float(figure), 4) for figure in figures)
+        ends, strain = format_range(result.force_interval_N[i].tolist()), result.strain[i]
+        most = f"{strain.max():.4f} at {bar.x_mm[int(strain.argmax())]:.2f} mm"
+        rows.append([time, travel, f"{result.gauge_strain[i]:.4f}", force, ends, most])
     cli.print_table(
         [">time s", ">mm", ">strain", ">force N", interval, "most strain"],
-        [
-            [
-                format_number(float(result.time_s[i]), 4),
-                format_number(float(result.displacement_mm[i]), 4),
-                f"{result.gauge_strain[i]:.4f}",
-                format_number(float(result.force_N[i]), 4),
-                format_range(result.force_interval_N[i].tolist()),
-                f"{result.strain[i].max():.4f} at "
-                f"{bar.x_mm[int(result.strain[i].argmax())]:.2f} mm",
-            ]
-            for i in shown
-        ],
+        rows,
         title=f"{result.name}, {bar.gauge_mm:.4g} mm long, {slices} "
         f"{'slice' if slices == 1 else 'slices'}, {result.protocol} to strain "
         f"{result.to_strain:g}",
@@ -316,22 +311,16 @@ def export(
 def _export_report(model: "planner.Export") -> None:
     cli.tell_notes(model.notes)
     columns = ["material", ">coordinate", ">modulus MPa", ">cells", ">volume mm3"]
-    columns += [">law", ">to strain", ">off by"]
-    rows = [
-        [
-            made.name,
-            f"{made.coordinate:.4g}",
-            format_number(made.modulus_MPa),
-            str(made.cells),
-            format_number(made.volume_mm3, 4),
-            made.law or "-",
-            "-" if made.to_strain is None else f"{made.to_strain:.3g}",
-            "-" if made.fit_error is None else f"{made.fit_error:.1%}",
-        ]
-        for made in model.materials
-    ]
-    if model.to != "calculix":
-        columns, rows = columns[:-3], [row[:-3] for row in rows]
+    rows = []
+    for made in model.materials:
+        sizes = [str(made.cells), format_number(made.volume_mm3, 4)]
+        rows.append([made.name, f"{made.coordinate:.4g}", format_number(made.modulus_MPa), *sizes])
+    if model.to == "calculix":
+        columns += [">law", ">to strain", ">off by"]
+        for made, row in zip(model.materials, rows, strict=True):
+            to = "-" if made.to_strain is None else f"{made.to_strain:.3g}"
+            off = "-" if made.fit_error is None else f"{made.fit_error:.1%}"
+            row += [made.law or "-", to, off]
     edges = " x ".join(f"{edge:.3g}" for edge in model.cell_mm)
     cli.print_table(
         columns,

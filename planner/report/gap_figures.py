@@ -221,7 +221,10 @@ def points_along(traces: Traces, axis: str) -> Points | None:
 
 def _along_curves(traces: Traces, axis: str) -> Points:
     """Return the mean error of each test along its curve, at steps that lie apart."""
-    x_of_tests = _strain(traces) if axis == "strain" else traces.time_s
+    x_of_tests = traces.time_s
+    if axis == "strain":
+        lengths = [traces.columns["gauge_mm"][rows[0]] for rows in traces.rows]
+        x_of_tests = traces.travel_mm / np.array(lengths, dtype=np.float64)[:, None]
     errors = [traces.errors(f) for f in (traces.before_N, traces.after_N)]
     parts: list[tuple[float, ...]] = []
     for test, (x, rows) in enumerate(zip(x_of_tests, traces.rows, strict=True)):
@@ -259,12 +262,6 @@ def _branch_of_steps(travel: FloatArray) -> FloatArray:
     fallen = np.logical_or.accumulate((moves < 0.0) & ~still)
     branch = np.where(still, _HOLD, np.where(moves < 0.0, 1.0, np.where(fallen, 2.0, 0.0)))
     return np.append(np.nan, branch)
-
-
-def _strain(traces: Traces) -> FloatArray:
-    """Return travel over gauge length, (P, T)."""
-    lengths = [traces.columns["gauge_mm"][rows[0]] for rows in traces.rows]
-    return traces.travel_mm / np.array(lengths, dtype=np.float64)[:, None]
 
 
 # ------------------------------------------------------------------------------------------------

@@ -3,7 +3,7 @@
 import hashlib
 import math
 import os
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from html import escape
 from pathlib import Path
@@ -283,14 +283,10 @@ def _colours(sources: Sequence[_PlanSource]) -> dict[str, str]:
     return dict(zip(names, colours_told_apart([own[name][1] for name in names]), strict=True))
 
 
-def _numbers(names: Iterable[str]) -> dict[str, int]:
-    """Return the number of each material, by their names from soft to hard."""
-    return {name: number for number, name in enumerate(names, start=1)}
-
-
 def _viewer_data(source: _PlanSource, display: Shown, colours: Mapping[str, str]) -> dict[str, Any]:
     """Return what the viewer reads; shapes of a design follow the shells."""
-    plan, names, numbers = source.plan, source.names, _numbers(colours)
+    plan, names = source.plan, source.names
+    numbers = {name: number for number, name in enumerate(colours, start=1)}
     points = np.concatenate([points for points, _ in display.shells[: len(names)]])
     looks = [(colours[name], name, numbers[name], _modulus_words(plan, name)) for name in names]
     looks += [("#2A9D8F", "wanted", 0, "")] * (len(display.shells) - len(names))
@@ -473,7 +469,7 @@ def _regions_table(
     changed
         Rows to mark, from 0.
     """
-    numbers = _numbers(colours)
+    numbers = {name: number for number, name in enumerate(colours, start=1)}
     shown = plan_figure.plan_table(plan)
     yield f'<p class="quiet">{escape(shown.title)}</p>'
     for words in filter(None, (plan_figure.error_words(plan), plan_figure.moved_words(plan))):
