@@ -13,15 +13,12 @@ import time
 from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 from typer import Context, Option
 
 import planner
 from planner.errors import ArgumentError, Caution, refused
-
-if TYPE_CHECKING:
-    from rich.table import Table
 
 __all__ = [
     "AsJson",
@@ -163,8 +160,11 @@ def print_table(
         Where rows are left out of the middle of a table that a terminal cannot show at once, what
         is said of them; by default all rows are written.
     """
+    from rich import box
     from rich.console import Console
     from rich.measure import Measurement
+    from rich.table import Table
+    from rich.text import Text
 
     console = Console(highlight=False)
     coloured = swatches is not None and console.color_system is not None
@@ -177,17 +177,25 @@ def print_table(
     else:
         abridged = None
     wide = console.options.update(max_width=10_000)
-    table = _table(columns, lines, coloured)
-    for dropped in droppable if console.is_terminal else ():
-        if Measurement.get(console, wide, table).maximum <= console.width:
+    left = iter(droppable if console.is_terminal else ())
+    while True:
+        table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
+        if coloured:
+            table.add_column("")
+        for column in columns:
+            flush: Any = "right" if column.startswith(">") else "left"
+            table.add_column(column.removeprefix(">"), justify=flush, no_wrap=True)
+        for swatch, row in lines:
+            table.add_row(*([Text("██", style=swatch)] if coloured else []), *map(Text, row))
+        width = Measurement.get(console, wide, table).maximum
+        if width <= console.width or (dropped := next(left, None)) is None:
             break
         kept = [k for k, name in enumerate(columns) if name.removeprefix(">") != dropped]
         columns = [columns[k] for k in kept]
         lines = [(swatch, [row[k] for k in kept]) for swatch, row in lines]
-        table = _table(columns, lines, coloured)
     if title is not None:
         console.print(title, style="bold", soft_wrap=True)
-    console.width = max(console.width, Measurement.get(console, wide, table).maximum)
+    console.width = max(console.width, width)
     console.print(table)
     if abridged is not None:
         console.print(abridged, soft_wrap=True)
@@ -197,26 +205,6 @@ _AROUND = 10
 """Lines of a terminal that are kept for what stands about a table."""
 
 _LEAST_ROWS = 10
-
-
-def _table(
-    columns: Sequence[str], lines: Sequence[tuple[str, Sequence[str]]], coloured: bool
-) -> "Table":
-    """Make a table of lines, a swatch's colour and cells each; swatches stand in front if asked."""
-    from rich import box
-    from rich.table import Table
-    from rich.text import Text
-
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
-    if coloured:
-        table.add_column("")
-    for column in columns:
-        flush: Any = "right" if column.startswith(">") else "left"
-        table.add_column(column.removeprefix(">"), justify=flush, no_wrap=True)
-    for swatch, row in lines:
-        front = [Text("██", style=swatch)] if coloured else []
-        table.add_row(*front, *map(Text, row))
-    return table
 
 
 @contextlib.contextmanager
