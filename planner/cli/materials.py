@@ -161,23 +161,14 @@ def invert(
 
 
 def _print_wanted(found: "Sequence[planner.Mixture]", title: str) -> None:
-    cli.print_table(
-        [">target MPa", "nearest", ">MPa", ">error", "blend", ">m", ">MPa", "95 % interval"],
-        [
-            [
-                format_number(target, 4),
-                *_nearest(mixture, target),
-                mixture.blend_text(),
-                f"{mixture.blend.coordinate:.4f}",
-                format_number(mixture.modulus_MPa, 4),
-                format_interval(mixture.interval_MPa),
-            ]
-            for mixture in found
-            if (target := mixture.target_MPa) is not None
-        ],
-        title=title,
-        droppable=["95 % interval", "error"],
-    )
+    rows = []
+    for mixture in found:
+        if (target := mixture.target_MPa) is not None:
+            near, blend = _nearest(mixture, target), mixture.blend_text()
+            place = f"{mixture.blend.coordinate:.4f}"
+            rows.append([format_number(target, 4), *near, blend, place, *_stiffness(mixture)])
+    columns = [">target MPa", "nearest", ">MPa", ">error", "blend", ">m", ">MPa", "95 % interval"]
+    cli.print_table(columns, rows, title=title, droppable=["95 % interval", "error"])
 
 
 def _nearest(mixture: "planner.Mixture", wanted_MPa: float) -> tuple[str, str, str]:
@@ -186,37 +177,23 @@ def _nearest(mixture: "planner.Mixture", wanted_MPa: float) -> tuple[str, str, s
     return mixture.nearest, format_number(modulus, 4), f"{100 * (modulus / wanted_MPa - 1):+.1f} %"
 
 
+def _stiffness(found: Any) -> tuple[str, str]:
+    """Return the cells of a mixture's modulus, also at another strain, and of its interval."""
+    return format_number(found.modulus_MPa, 4), format_interval(found.interval_MPa)
+
+
 def _print_places(found: "Sequence[planner.Mixture]", title: str) -> None:
     """Print what stands at coordinates: stiffness, nearest material, further strains, laws."""
-    cli.print_table(
-        [">m", "blend", ">MPa", "95 % interval", "nearest", ">MPa", ">error"],
-        [
-            [
-                f"{mixture.blend.coordinate:g}",
-                mixture.blend_text(),
-                format_number(mixture.modulus_MPa, 4),
-                format_interval(mixture.interval_MPa),
-                *_nearest(mixture, mixture.modulus_MPa),
-            ]
-            for mixture in found
-        ],
-        title=title,
-        droppable=["error"],
-    )
-    cli.print_table(
-        [">m", ">strain", ">secant MPa", "95 % interval"],
-        [
-            [
-                "" if number else f"{mixture.blend.coordinate:g}",
-                f"{one.strain:g}",
-                format_number(one.modulus_MPa, 4),
-                format_interval(one.interval_MPa),
-            ]
-            for mixture in found
-            for number, one in enumerate(mixture.secants)
-        ],
-        title="Secant moduli (stress is strain times it; strain 0: at rest)",
-    )
+    rows, secants = [], []
+    for mixture in found:
+        place, near = f"{mixture.blend.coordinate:g}", _nearest(mixture, mixture.modulus_MPa)
+        rows.append([place, mixture.blend_text(), *_stiffness(mixture), *near])
+        for number, one in enumerate(mixture.secants):
+            secants.append(["" if number else place, f"{one.strain:g}", *_stiffness(one)])
+    columns = [">m", "blend", ">MPa", "95 % interval", "nearest", ">MPa", ">error"]
+    cli.print_table(columns, rows, title=title, droppable=["error"])
+    title = "Secant moduli (stress is strain times it; strain 0: at rest)"
+    cli.print_table([">m", ">strain", ">secant MPa", "95 % interval"], secants, title=title)
 
 
 def _print_laws(found: "Sequence[planner.Mixture]") -> None:

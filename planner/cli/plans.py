@@ -293,15 +293,13 @@ def check(
     with cli.progress(not quiet and not as_json) as stage:
         certificate = planner.check(folder, progress=stage)
     if cli.in_words(certificate.document, as_json, quiet):
-        cli.print_table(
-            ["check", ">value", ">limit", "holds"],
-            [
-                [name, f"{c.value:.3g}", f"{c.limit:.3g}", "yes" if c.ok else "NO"]
-                for name, c in certificate.checks.items()
-            ],
-            title=f"{folder}: {certificate.part} on {certificate.printer}, "
-            f"{certificate.shells} shells, {certificate.triangles} triangles",
-        )
+        rows = [
+            [name, f"{c.value:.3g}", f"{c.limit:.3g}", "yes" if c.ok else "NO"]
+            for name, c in certificate.checks.items()
+        ]
+        where = f"{folder}: {certificate.part} on {certificate.printer}"
+        title = f"{where}, {certificate.shells} shells, {certificate.triangles} triangles"
+        cli.print_table(["check", ">value", ">limit", "holds"], rows, title=title)
         cli.finding(*certificate.problems)
         cli.finding(*(f"reported by the plan: {message}" for message in certificate.reported))
         cli.say(_verdict(certificate))

@@ -41,11 +41,8 @@ def _printers(context: typer.Context, as_json: cli.AsJson = False) -> int:
         where = [", ".join(machine.palettes), made_by or entry.value]
         shown.append([name, machine.title, *map(_lengths, sizes), *where])
     if cli.in_words(lambda: {"schema": 1, "printers": rows, "broken": broken}, as_json):
-        cli.print_table(
-            ["name", "machine", "tray mm", "voxel um", "palettes", "from"],
-            shown,
-            droppable=["from", "voxel um"],
-        )
+        columns = ["name", "machine", "tray mm", "voxel um", "palettes", "from"]
+        cli.print_table(columns, shown, droppable=["from", "voxel um"])
         cli.finding(*broken)
     return 1 if broken else 0
 

@@ -10,7 +10,7 @@ from typer import Argument, Context, Option
 import planner
 from planner.cli import output as cli
 from planner.errors import ArgumentError, refused
-from planner.glance import format_number, format_range
+from planner.glance import counted, format_number, format_range
 
 _MeshMaterial = Annotated[str | None, Option(help="What a mesh is made of, which is no plan.")]
 _PlansPrinter = Annotated[
@@ -239,7 +239,7 @@ def _bar_report(results: "Sequence[planner.Simulation]") -> None:
     cli.warn(*result.notes)
     shown = sorted({round(i * (len(result.force_N) - 1) / (_ROWS - 1)) for i in range(_ROWS)})
     bar = result.bar
-    slices, interval = len(bar.x_mm), f"{100 * result.level:g} % interval"
+    interval = f"{100 * result.level:g} % interval"
     rows = []
     for i in shown:
         figures = result.time_s[i], result.displacement_mm[i], result.force_N[i]
@@ -247,13 +247,10 @@ def _bar_report(results: "Sequence[planner.Simulation]") -> None:
         ends, strain = format_range(result.force_interval_N[i].tolist()), result.strain[i]
         most = f"{strain.max():.4f} at {bar.x_mm[int(strain.argmax())]:.2f} mm"
         rows.append([time, travel, f"{result.gauge_strain[i]:.4f}", force, ends, most])
-    cli.print_table(
-        [">time s", ">mm", ">strain", ">force N", interval, "most strain"],
-        rows,
-        title=f"{result.name}, {bar.gauge_mm:.4g} mm long, {slices} "
-        f"{'slice' if slices == 1 else 'slices'}, {result.protocol} to strain "
-        f"{result.to_strain:g}",
-    )
+    of = f"{result.name}, {bar.gauge_mm:.4g} mm long, {counted(len(bar.x_mm), 'slice')}"
+    title = f"{of}, {result.protocol} to strain {result.to_strain:g}"
+    columns = [">time s", ">mm", ">strain", ">force N", interval, "most strain"]
+    cli.print_table(columns, rows, title=title)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -322,12 +319,9 @@ def _export_report(model: "planner.Export") -> None:
             off = "-" if made.fit_error is None else f"{made.fit_error:.1%}"
             row += [made.law or "-", to, off]
     edges = " x ".join(f"{edge:.3g}" for edge in model.cell_mm)
-    cli.print_table(
-        columns,
-        rows,
-        title=f"{model.name}: {model.cells} cells of {edges} mm, {model.nodes} nodes, volume "
-        f"{model.volume_error:+.1%}",
-    )
+    of = f"{model.cells} cells of {edges} mm, {model.nodes} nodes"
+    title = f"{model.name}: {of}, volume {model.volume_error:+.1%}"
+    cli.print_table(columns, rows, title=title)
 
 
 # ------------------------------------------------------------------------------------------------
