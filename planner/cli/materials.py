@@ -372,8 +372,7 @@ def _corrections(found: "planner.Characterisation") -> list[str]:
     """Return the notes on single specimens, and one line for strains left as recorded."""
     specimens = [c for one in found.materials for c in one.specimens]
     lines = [note for c in specimens for note in c.notes if "not shifted" not in note]
-    unshifted = [c for c in specimens if not c.toe_strain]
-    if unshifted:
+    if unshifted := [c for c in specimens if not c.toe_strain]:
         of = f"{len(unshifted)} of {len(specimens)} specimens show no toe; their strains"
         of = of if len(unshifted) < len(specimens) else "no specimen shows a toe; strains"
         lines.append(f"{of} are as recorded (--json says why for each)")
@@ -535,22 +534,18 @@ def _print_report(result: "planner.PaletteStudy", output: Path) -> None:
 
 
 def _print_candidates(result: "planner.PaletteStudy") -> None:
-    rows = [
-        [
-            "" if k else name,
-            "" if k else str(fit.characteristics.n),
-            f"{'*' if one.fit.parameters is fit.law else ' '} {one.fit.name}",
-            str(one.fit.parameter_count),
-            f"{100 * one.held_out_error:.2f} %",
-            f"{one.fit.r2:.5f}",
-            f"{one.fit.adjusted_r2:.5f}",
-            f"{100 * one.fit.nrmse:.2f} %",
-            "yes" if (at := one.unstable_strain) is None else f"falls at {format_number(at, 2)}",
-            f"{one.fit.starts_agreeing}/{one.fit.starts}",
-        ]
-        for name, fit in result.fits.items()
-        for k, one in enumerate(fit.choice.candidates)
-    ]
+    rows = []
+    for name, fit in result.fits.items():
+        of = [name, str(fit.characteristics.n)]
+        for one in fit.choice.candidates:
+            tried, at = one.fit, one.unstable_strain
+            law = f"{'*' if tried.parameters is fit.law else ' '} {tried.name}"
+            r2 = [f"{tried.r2:.5f}", f"{tried.adjusted_r2:.5f}", f"{100 * tried.nrmse:.2f} %"]
+            errors = [f"{100 * one.held_out_error:.2f} %", *r2]
+            stable = "yes" if at is None else f"falls at {format_number(at, 2)}"
+            starts = f"{tried.starts_agreeing}/{tried.starts}"
+            rows.append([*of, law, str(tried.parameter_count), *errors, stable, starts])
+            of = ["", ""]
     figures = [">held out", ">R2", ">adj. R2", ">nRMSE"]
     if rows:
         columns = ["material", ">n", "law", ">k", *figures, "stable", ">starts"]
@@ -575,16 +570,13 @@ def _print_parameters(result: "planner.PaletteStudy", interval: str) -> None:
 
 
 def _print_secants(result: "planner.PaletteStudy", interval: str) -> None:
-    rows = [
-        [
-            "" if k else name,
-            f"{one.strain:g}",
-            format_number(one.value_MPa, 4),
-            _interval(one.low_MPa, one.high_MPa) if math.isfinite(one.high_MPa) else "unknown",
-        ]
-        for name, fit in result.fits.items()
-        for k, one in enumerate(fit.secants)
-    ]
+    rows = []
+    for name, fit in result.fits.items():
+        for k, one in enumerate(fit.secants):
+            ends = one.low_MPa, one.high_MPa
+            sure = _interval(*ends) if math.isfinite(one.high_MPa) else "unknown"
+            value = format_number(one.value_MPa, 4)
+            rows.append(["" if k else name, f"{one.strain:g}", value, sure])
     if rows:
         title = "Secant moduli of the mean (stress is strain times it; strain 0: at rest)"
         cli.print_table(["material", ">strain", ">secant MPa", interval], rows, title=title)
@@ -594,14 +586,12 @@ def _print_quadratic(result: "planner.PaletteStudy") -> None:
     if (found := result.quadratic) is None:
         return
     names = [f"c{number}" for number in range(1, 7)]
-    cli.print_table(
-        ["material", ">m", *(f">{name}" for name in names)],
-        [
-            [row.id, f"{row.curve.coordinate:.3g}", *(format_number(c, 4) for c in row.fit.c)]
-            for row in found.rows
-        ],
-        title="Algorithm 1, lines 1 to 3: eq. 3.8 of each material (Hemleben 2017)",
-    )
+    rows = [
+        [row.id, f"{row.curve.coordinate:.3g}", *(format_number(c, 4) for c in row.fit.c)]
+        for row in found.rows
+    ]
+    title = "Algorithm 1, lines 1 to 3: eq. 3.8 of each material (Hemleben 2017)"
+    cli.print_table(["material", ">m", *(f">{name}" for name in names)], rows, title=title)
     each = zip(names, found.quadratics.model.rows, strict=True)
     rows = [[name, *(format_number(q, 4) for q in row)] for name, row in each]
     title = "Algorithm 1, lines 4 to 7: c = q2 m² + q1 m + q0"

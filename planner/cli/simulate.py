@@ -458,17 +458,13 @@ def _design_report(made: "planner.PartDesign", folder: Path) -> None:
     cli.tell_notes(made.notes)
     interval = f">{100 * made.level:g} % interval"
     columns = ["target", ">wanted", ">gradient", ">printed", ">error", interval]
-    rows = [
-        [
-            f"{row.case}: {row.target}" if row.case else row.target,
-            f"{row.kind if row.kind in '<>' else ''}{row.wanted:.4g} {row.unit}",
-            f"{row.continuous:.4g}",
-            f"{row.printed:.4g}",
-            "" if row.error is None or row.kind in "<>" else f"{100 * row.error:+.2f} %",
-            "" if row.interval is None else format_range(list(row.interval)),
-        ]
-        for row in made.reached
-    ]
+    rows = []
+    for row in made.reached:
+        target = f"{row.case}: {row.target}" if row.case else row.target
+        wanted = f"{row.kind if row.kind in '<>' else ''}{row.wanted:.4g} {row.unit}"
+        off = "" if row.error is None or row.kind in "<>" else f"{100 * row.error:+.2f} %"
+        ends = "" if row.interval is None else format_range(list(row.interval))
+        rows.append([target, wanted, f"{row.continuous:.4g}", f"{row.printed:.4g}", off, ends])
     cli.print_table(columns, rows, title=repr(made)[1:-1])
     if made.free is None:
         knots = zip(made.positions, made.moduli_MPa, strict=True)
