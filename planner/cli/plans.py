@@ -175,7 +175,7 @@ def grade(
     from planner.formats.threemf import needs_one_mesh
 
     folder = Path(f"{part.stem}-graded") if output is None else output
-    machine = limits.printer(printer, like)
+    given = {**given, "printer": limits.printer(printer, like)}
     if slicer is not None:
         needs_one_mesh(slicer)  # a slip is told before the work
     if not dry_run:
@@ -183,8 +183,7 @@ def grade(
     if nothing_kept():
         _start()
     with cli.progress(not quiet and not as_json) as stage:
-        asked = cli.taken(planner.grade, given) | {"printer": machine, "progress": stage}
-        plan = planner.grade(**asked)
+        plan = planner.grade(**cli.taken(planner.grade, given), progress=stage)
         kept = not dry_run and (plan.ok or not strict)
         if kept:
             stage("writing the files")
@@ -424,11 +423,9 @@ def slices(
     """
     given = locals()
     cli.check_targets(context, force=force, output=(output, "slices.json"))
+    given = {**given, "pitch_mm": None if pitch_mm is None else _lengths(pitch_mm)}
     with cli.progress(not quiet and not as_json, layers=True) as advance:
-        asked = cli.taken(planner.write_slices, given) | {"progress": advance}
-        if pitch_mm is not None:
-            asked["pitch_mm"] = _lengths(pitch_mm)
-        stack = planner.write_slices(**asked)
+        stack = planner.write_slices(**cli.taken(planner.write_slices, given), progress=advance)
     if cli.in_words(stack.json, as_json, quiet):
         _slices_report(stack, output)
     if not quiet:
