@@ -284,12 +284,15 @@ def _meet(
                         key = np.int64(e) * a.faces.shape[0] + t
                         place = _along(b.points, b.ends, e, a.points, a0, normal)
                     enters = (s1 > 0) == (of == 0)
-                    before = made
-                    point, made = _point(2 * key + 1 + of, keys, number, made)
-                    if made > before:
-                        edge[point], face[point], kind[point] = e, f, of
-                        way[point] = 1 if enters == forward else -1
-                        along[point] = place
+                    key = 2 * key + 1 + of
+                    slot = key_slot(keys, key)
+                    if keys[slot] == 0:
+                        keys[slot], number[slot] = key, made
+                        edge[made], face[made], kind[made] = e, f, of
+                        way[made] = 1 if enters == forward else -1
+                        along[made] = place
+                        made += 1
+                    point = number[slot]
                     found += 1
                     if enters:
                         end = point
@@ -304,17 +307,6 @@ def _meet(
                 segment[segments, 2], segment[segments, 3] = t, p
                 segments += 1
     return made, segments, broken
-
-
-@inner_kernel
-def _point(key: Any, keys: Any, number: Any, made: Any) -> Any:
-    """Find the point of an edge and a face, or give it the next number."""
-    slot = key_slot(keys, key)
-    if keys[slot] == key:
-        return number[slot], made
-    keys[slot] = key
-    number[slot] = made
-    return np.int32(made), made + 1
 
 
 @inner_kernel

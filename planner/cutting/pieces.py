@@ -339,7 +339,8 @@ def _cover(
                         continue
                     a, b, c = nodes[first + i], nodes[first + j], nodes[first + k]
                     height = squared_height(points, a, b, c)
-                    if not _turn(flat, i, j, k) > 0.0:
+                    turn = (flat[j, 0] - flat[i, 0]) * (flat[k, 1] - flat[i, 1])
+                    if not turn - (flat[j, 1] - flat[i, 1]) * (flat[k, 0] - flat[i, 0]) > 0.0:
                         height = -1.0 - height
                     value = min(value, height)
                     if value > best[i, k]:
@@ -360,13 +361,6 @@ def _cover(
             if k > j + 1:
                 stack[size, 0], stack[size, 1] = j, k
                 size += 1
-
-
-@inner_kernel
-def _turn(flat: Any, a: Any, b: Any, c: Any) -> Any:
-    return (flat[b, 0] - flat[a, 0]) * (flat[c, 1] - flat[a, 1]) - (flat[b, 1] - flat[a, 1]) * (
-        flat[c, 0] - flat[a, 0]
-    )
 
 
 # ------------------------------------------------------------------------------------------------

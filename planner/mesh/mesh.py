@@ -215,7 +215,11 @@ after the other would wait for memory each time (3 times as long on a million ro
 
 @kernel
 def _weld(rows: Any, distinct: Any, index: Any, table: Any, shift: Any) -> Any:
-    """Give equal rows one number, by a hash table; see `_row_slot`."""
+    """Give equal rows of uint32 one number.
+
+    An open-addressed table has the number + 1 of a row of `distinct`, and 0 where it is free. Slots
+    are the top bits of the hash, all but `shift`: low bits of round coordinates are all zero.
+    """
     n, fetched = 0, 0
     for begin in range(0, rows.shape[0], _AHEAD):
         end = begin + _AHEAD if begin + _AHEAD < rows.shape[0] else rows.shape[0]
@@ -224,7 +228,14 @@ def _weld(rows: Any, distinct: Any, index: Any, table: Any, shift: Any) -> Any:
                 held = table[_row_hash(rows, i) >> shift]
                 fetched ^= distinct[held - 1 if held > 0 else 0, 0]
         for i in range(begin, end):
-            slot = _row_slot(table, distinct, rows, i, shift)
+            slot = np.int64(_row_hash(rows, i) >> shift)
+            while table[slot] > 0:
+                same = True
+                for k in range(rows.shape[1]):
+                    same &= distinct[table[slot] - 1, k] == rows[i, k]
+                if same:
+                    break
+                slot = (slot + 1) & (table.size - 1)
             if table[slot] == 0:
                 for k in range(rows.shape[1]):
                     distinct[n, k] = rows[i, k]
@@ -242,24 +253,6 @@ def _row_hash(rows: Any, i: Any) -> Any:
         mixed = (mixed ^ np.uint64(rows[i, k])) * np.uint64(0x9E3779B97F4A7C15)
     mixed ^= mixed >> np.uint64(32)
     return mixed * np.uint64(0xD6E8FEB86659FD93)
-
-
-@inner_kernel
-def _row_slot(table: Any, held: Any, rows: Any, i: Any, shift: Any) -> Any:
-    """Find where an open-addressed table has a row of uint32, or the free slot for it.
-
-    The table has the number + 1 of a row of `held`, and 0 where it is free. Slots are the top bits
-    of the hash, all but `shift`: low bits of round coordinates are all zero.
-    """
-    slot = np.int64(_row_hash(rows, i) >> shift)
-    while table[slot] > 0:
-        same = True
-        for k in range(rows.shape[1]):
-            same &= held[table[slot] - 1, k] == rows[i, k]
-        if same:
-            break
-        slot = (slot + 1) & (table.size - 1)
-    return slot
 
 
 @inner_kernel
@@ -613,9 +606,13 @@ class JoinedShells:
         Two faces on the same three vertices then are a body of their own, back to back.
         """
         faces = self.faces[number]
-        buckets, edges = np.zeros(len(self.vertices), np.int32), np.empty(faces.size, np.int64)
-        paired = len(faces) and _edges_paired(faces, buckets, edges)
-        return bool(paired and self.measures[number].volume_mm3[0] > 0.0)
+        order, _, count = order_edges(faces)
+        if not len(faces) or (count != 2).any():
+            return False
+        one, other = order[::2], order[1::2]
+        tail, third = faces.ravel(), faces[:, [2, 0, 1]].ravel()
+        paired = (tail[one] != tail[other]) & (third[one] != third[other])
+        return bool(paired.all() and self.measures[number].volume_mm3[0] > 0.0)
 
 
 def join_shells(shells: Iterable[_Floats | tuple[Float32Array, Int32Array]]) -> JoinedShells:
@@ -632,43 +629,3 @@ def join_shells(shells: Iterable[_Floats | tuple[Float32Array, Int32Array]]) -> 
     starts = np.cumsum([0, *(len(vertices) for vertices, _ in indexed)])
     each = zip(starts, indexed, strict=False)
     return JoinedShells(vertices, tuple(index[start:][faces] for start, (_, faces) in each))
-
-
-@kernel
-def _edges_paired(faces: Any, buckets: Any, edges: Any) -> Any:
-    """Tell whether every directed edge occurs once, and so does its reverse, on two other faces.
-
-    Edges are dealt to `buckets`, zeros, one for each vertex, by their lower vertex: the few of a
-    bucket are sorted on the spot. An edge is its higher vertex, then a bit that is set where it
-    runs down, then the face's third vertex.
-    """
-    for f in range(faces.shape[0]):
-        for j in range(3):
-            tail, head = faces[f, j], faces[f, j - 2]
-            buckets[tail if tail < head else head] += 1
-    total = 0
-    for v in range(buckets.size):
-        total += buckets[v]
-        buckets[v] = total - buckets[v]
-    for f in range(faces.shape[0]):
-        for j in range(3):
-            tail, head, third = np.int64(faces[f, j]), np.int64(faces[f, j - 2]), faces[f, j - 1]
-            if tail == head:
-                return False
-            lower, edge = (tail, 2 * head) if tail < head else (head, 2 * tail + 1)
-            edges[buckets[lower]] = edge << 32 | third
-            buckets[lower] += 1
-    first = np.int64(0)
-    for v in range(buckets.size):
-        last = np.int64(buckets[v])
-        sort_span(edges, first, last)
-        if (last - first) % 2 == 1:
-            return False
-        for i in range(first, last, 2):
-            up, down = edges[i] >> 32, edges[i + 1] >> 32
-            if up % 2 == 1 or down != up + 1 or edges[i] + (1 << 32) == edges[i + 1]:
-                return False
-            if i > first and edges[i - 1] >> 32 >= up:
-                return False
-        first = last
-    return True
