@@ -8,7 +8,6 @@ import io
 import re
 import struct
 import uuid
-import zipfile
 import zlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -290,7 +289,10 @@ def decode_threemf(data: bytes, name: str, limits: UnfoldingLimits = USUAL_LIMIT
     reader = model.QueryReader("3mf")
     remarks = []
     with refused(MeshError, name, "not a 3MF file that can be read: {}", lib3mf.ELib3MFException):
-        _read_from(reader, data)
+        # lib3mf's own method makes a list of the bytes.
+        content = ctypes.cast(ctypes.c_char_p(data), ctypes.POINTER(ctypes.c_uint8))
+        read, size = _wrapper().lib.lib3mf_reader_readfrombuffer, ctypes.c_uint64(len(data))
+        _wrapper().checkError(reader, read(reader._handle, size, content))
         warnings = [reader.GetWarning(i) for i in range(reader.GetWarningCount())]
         told = [text for code, text in warnings if code != _UNKNOWN_ATTRIBUTE]
         remarks += [f"3MF reader: {text}" for text in dict.fromkeys(told)]
@@ -302,17 +304,6 @@ def decode_threemf(data: bytes, name: str, limits: UnfoldingLimits = USUAL_LIMIT
                 stored[number] = [*_objects(model, mesh)]
             objects += [_placed(each, matrix, name) for each in stored[number]]
         return ThreemfModel(_UNITS[model.GetUnit()], tuple(objects), tuple(remarks))
-
-
-def _read_from(reader: Any, data: bytes) -> None:
-    stream = io.BytesIO(data)
-
-    def read(address: int, size: int, _: int) -> None:
-        chunk = stream.read(size)
-        ctypes.memmove(address, chunk, len(chunk))
-
-    seek = lib3mf.SeekCallback(lambda position, _: stream.seek(position))
-    reader.ReadFromCallback(lib3mf.ReadCallback(read), len(data), seek, None)
 
 
 def _meshes(items: Any, name: str, remarks: list[str]) -> Iterator[tuple[Any, FloatArray]]:
@@ -692,9 +683,9 @@ _MESH = re.compile(rb"<vertices>.*?</triangles>", re.DOTALL)
 
 def _filled(bare: bytes, meshes: Sequence[_Text]) -> Iterator[tuple[str, _Text]]:
     """Yield the members of a file, with the text of meshes in the places of those there."""
-    with zipfile.ZipFile(io.BytesIO(bare)) as source:
-        for member in (*_FIRST, *sorted({*source.namelist()}.difference(_FIRST))):
-            yield member, _with_meshes(source.read(member), meshes)
+    members = dict(unpacked(bare, "3MF"))
+    for member in (*_FIRST, *sorted(members.keys() - _FIRST)):
+        yield member, _with_meshes(members[member], meshes)
 
 
 def _with_meshes(text: bytes, meshes: Sequence[_Text]) -> _Text:
@@ -777,60 +768,43 @@ def _mesh_text(vertices: Float32Array | FloatArray, parts: list[tuple[IntArray, 
         (m, 3) corners, and what their ``triangle`` elements have besides: `` pid="1" p1="0"``.
     """
     yield b"<vertices>\n"
-    for start in range(0, len(vertices), _ROWS):
-        rows = np.array(vertices[start : start + _ROWS], np.float32, order="C")
-        text = np.empty(len(rows) * _LONGEST_VERTEX, np.uint8)
-        yield text[: _write_vertices(rows, text)].data
+    yield from _elements(vertices, b'<vertex x="\0" y="\0" z="\0"/>\n', whole=False)
     yield b"</vertices>\n<triangles>\n"
     for corners, besides in parts:
-        end = np.frombuffer(b'"' + besides + b"/>\n", np.uint8)
-        longest = _LONGEST_TRIANGLE + len(end)
-        for start in range(0, len(corners), _ROWS):
-            numbers = np.array(corners[start : start + _ROWS], np.int64, order="C")
-            text = np.empty(len(numbers) * longest, np.uint8)
-            yield text[: _write_triangles(numbers, end, text)].data
+        form = b'<triangle v1="\0" v2="\0" v3="\0"' + besides + b"/>\n"
+        yield from _elements(corners, form, whole=True)
     yield b"</triangles>"
 
 
-_VERTEX = np.frombuffer(b'<vertex x="', np.uint8)
-_BETWEEN = np.frombuffer(b'" y="" z="', np.uint8).reshape(2, 5)
-_END = np.frombuffer(b'"/>\n', np.uint8)
-_TRIANGLE = np.frombuffer(b'<triangle v1="', np.uint8)
-_CORNERS = np.frombuffer(b'" v2="" v3="', np.uint8).reshape(2, 6)
-_LONGEST_FIGURE = len("-0.00000123456789")
-_LONGEST_VERTEX = len(_VERTEX) + _BETWEEN.size + len(_END) + 3 * _LONGEST_FIGURE
-_LONGEST_TRIANGLE = len(_TRIANGLE) + _CORNERS.size + 3 * len(str(2**63))
+def _elements(figures: FloatArray | Float32Array | IntArray, form: bytes, *, whole: bool) -> _Text:
+    """Write an element for each row of figures, (n, 3), which take the place of a form's zeros."""
+    signs = np.frombuffer(form, np.uint8)
+    for start in range(0, len(figures), _ROWS):
+        rows = np.array(figures[start : start + _ROWS], np.float64, order="C")
+        text = np.empty(len(rows) * (len(form) + 3 * _LONGEST_FIGURE), np.uint8)
+        yield text[: _write_rows(rows, signs, whole, text)].data
+
+
+_LONGEST_FIGURE = len(str(2**63))
 
 
 @kernel
-def _write_vertices(vertices: Any, text: Any) -> Any:
-    """Write the elements; return how long they are."""
-    at = np.int64(0)
-    for i in range(len(vertices)):
-        at = _put(text, at, _VERTEX)
-        for j in range(3):
-            at = _put_float(text, at, vertices[i, j])
-            at = _put(text, at, _BETWEEN[j] if j < 2 else _END)
-    return at
-
-
-@kernel
-def _write_triangles(corners: Any, end: Any, text: Any) -> Any:
+def _write_rows(rows: Any, signs: Any, whole: Any, text: Any) -> Any:
     """Write the elements; return how long they are."""
     at = least = np.int64(0)  # literals of Python would be types of their own for _put_whole
-    for i in range(len(corners)):
-        at = _put(text, at, _TRIANGLE)
-        for j in range(3):
-            at = _put_whole(text, at, corners[i, j], least)
-            at = _put(text, at, _CORNERS[j] if j < 2 else end)
+    for i in range(len(rows)):
+        column = 0
+        for sign in signs:
+            if sign != 0:
+                text[at] = sign
+                at += 1
+                continue
+            if whole:
+                at = _put_whole(text, at, np.int64(rows[i, column]), least)
+            else:
+                at = _put_float(text, at, np.float32(rows[i, column]))
+            column += 1
     return at
-
-
-@inner_kernel
-def _put(text: Any, at: Any, what: Any) -> Any:
-    for i in range(len(what)):
-        text[at + i] = what[i]
-    return at + len(what)
 
 
 @inner_kernel
