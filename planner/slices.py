@@ -24,7 +24,15 @@ from planner.mesh.mesh import Mesh, compact, weld
 from planner.numerics import FloatArray, Int32Array, IntArray, kernel
 from planner.plan import PartGraded, Plan, Region, plan_file, read_plan, read_shells
 from planner.printers import Printer, load_printer
-from planner.voxels.columns import Grid, check_reach, deal_rows, grid_for, slab_runs, snap
+from planner.voxels.columns import (
+    Grid,
+    check_reach,
+    deal_rows,
+    fill_runs,
+    grid_for,
+    slab_runs,
+    snap,
+)
 
 __all__ = ["Layer", "SliceStack", "iterate_layers", "write_slices"]
 
@@ -321,15 +329,6 @@ def _join(
     return runs, overlapping
 
 
-@kernel
-def _paint(offsets: Any, start: Any, stop: Any, label: Any, first: Any, image: Any) -> None:
-    """Write the labels of runs into a zeroed (rows, nx) uint8 array, from row `first` on."""
-    for r in range(image.shape[0]):
-        for n in range(offsets[first + r], offsets[first + r + 1]):
-            for i in range(start[n], stop[n]):
-                image[r, i] = label[n]
-
-
 # ------------------------------------------------------------------------------------------------
 # A slab of layers: what is needed to make it, and what comes out; nothing is shared with others.
 #
@@ -427,11 +426,11 @@ def iterate_layers(
     grid, materials = source.grid, tuple(shell.region.printed for shell in source.shells)
     nx, ny, _ = grid.shape
     for slab in _deal_slabs(source):
-        runs, *_ = _join_shells(slab)
+        (offsets, start, stop, material), *_ = _join_shells(slab)
         for index in range(slab[0].first_layer, slab[0].last_layer):
             label = np.zeros((ny, nx), np.uint8)
             first = (index - slab[0].first_layer) * ny
-            _paint(*runs, first, label)
+            fill_runs(offsets[first : first + ny + 1], start, stop, material, label)
             z_mm = grid.origin_mm[2] + (index + 0.5) * grid.pitch_mm[2]
             yield Layer(index, z_mm, label, materials)
 

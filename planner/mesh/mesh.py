@@ -25,7 +25,6 @@ __all__ = [
     "order_edges",
     "order_rows",
     "repeats_index",
-    "sort_span",
     "sorted_corners",
     "unite",
     "weld",
@@ -263,26 +262,6 @@ def key_slot(keys: Any, key: Any) -> Any:
     while keys[slot] != 0 and keys[slot] != key:
         slot = (slot + 1) & (keys.size - 1)
     return slot
-
-
-@inner_kernel
-def sort_span(keys: Any, first: Any, last: Any) -> Any:
-    """Sort keys[first:last] by Shell's method.
-
-    Insertion sort for the usual handful, no quadratic worst case for a stack.
-    """
-    gap = 1
-    while gap < (last - first) // 3:
-        gap = 3 * gap + 1
-    while gap > 0:
-        for i in range(first + gap, last):
-            key = keys[i]
-            j = i
-            while j >= first + gap and keys[j - gap] > key:
-                keys[j] = keys[j - gap]
-                j -= gap
-            keys[j] = key
-        gap //= 3
 
 
 @inner_kernel

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import ArgumentError, MeshError
-from planner.mesh.mesh import Mesh, sort_span
+from planner.mesh.mesh import Mesh
 from planner.numerics import BoolArray, FloatArray, IntArray, as_point, inner_kernel, kernel
 
 __all__ = [
@@ -19,6 +19,7 @@ __all__ = [
     "columns_of",
     "deal_rows",
     "dense",
+    "fill_runs",
     "grid_for",
     "iterate_columns",
     "join",
@@ -247,6 +248,26 @@ def _exact_voxel(
     return near + 1
 
 
+@inner_kernel
+def _sort_span(keys: Any, first: Any, last: Any) -> Any:
+    """Sort keys[first:last] by Shell's method.
+
+    Insertion sort for the usual handful, no quadratic worst case for a stack.
+    """
+    gap = 1
+    while gap < (last - first) // 3:
+        gap = 3 * gap + 1
+    while gap > 0:
+        for i in range(first + gap, last):
+            key = keys[i]
+            j = i
+            while j >= first + gap and keys[j - gap] > key:
+                keys[j] = keys[j - gap]
+                j -= gap
+            keys[j] = key
+        gap //= 3
+
+
 @kernel
 def _runs(
     columns: Any, heights: Any, snapped: Any, faces: Any, row0: Any, nx: Any, row_leads: Any,
@@ -280,7 +301,7 @@ def _runs(
             if keys[first] > keys[first + 1]:
                 keys[first], keys[first + 1] = keys[first + 1], keys[first]
         elif last - first > 2:
-            sort_span(keys, first, last)
+            _sort_span(keys, first, last)
         winding, low = 0, 0
         for i in range(first, last):
             voxel = keys[i] >> 1
@@ -310,11 +331,12 @@ def _runs(
 
 
 @kernel
-def _fill_runs(offsets: IntArray, start: IntArray, stop: IntArray, dense: IntArray) -> None:
-    """Set the voxels of runs to one in a zeroed (columns, nz) uint8 array."""
-    for c in range(len(offsets) - 1):
-        for r in range(offsets[c], offsets[c + 1]):
-            dense[c, start[r] : stop[r]] = 1
+def fill_runs(offsets: Any, start: Any, stop: Any, label: Any, filled: Any) -> None:
+    """Write the labels of runs into a zeroed (lines, voxels) uint8 array."""
+    for r in range(filled.shape[0]):
+        for n in range(offsets[r], offsets[r + 1]):
+            for i in range(start[n], stop[n]):
+                filled[r, i] = label[n]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -491,7 +513,8 @@ def dense(columns: Columns) -> BoolArray:
     """Return whether each voxel is inside, (nx, rows, nz); one byte a voxel."""
     nx, _, nz = columns.grid.shape
     voxels = np.zeros((len(columns.offsets) - 1, nz), np.uint8)
-    _fill_runs(columns.offsets, columns.start, columns.stop, voxels)
+    inside = np.ones(len(columns.start), np.int32)
+    fill_runs(columns.offsets, columns.start, columns.stop, inside, voxels)
     return voxels.view(np.bool_).reshape(columns.rows, nx, nz).transpose(1, 0, 2)
 
 
