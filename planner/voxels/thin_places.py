@@ -239,36 +239,15 @@ def rehearse_sets() -> None:
     morph(nothing, ball(1), False, nothing, active_words(nothing, 1))
 
 
-@kernel
 def _runs_of(bits: _Bits, low: int, high: int) -> IntArray:
     """Return the runs of rows low <= row < high: (n, 4) int32 of row, column, start, stop."""
-    columns, words = bits.shape[1], bits.shape[2]
-    runs = np.empty((64, 4), np.int32)
-    n = 0
-    for row in range(low, high):
-        for column in range(_ROOM, columns - _ROOM):
-            inside = False
-            for w in range(1, words):  # the empty last word ends the last run
-                word = bits[row, column, w]
-                if word == (~np.uint64(0) if inside else np.uint64(0)):
-                    continue
-                for b in range(64):
-                    if ((word >> np.uint64(b)) & np.uint64(1) == 1) == inside:
-                        continue
-                    voxel = (w - 1) * 64 + b
-                    if inside:
-                        runs[n, 3] = voxel
-                        n += 1
-                    else:
-                        if n == len(runs):
-                            longer = np.empty((2 * n, 4), np.int32)
-                            for r in range(n):
-                                for i in range(4):
-                                    longer[r, i] = runs[r, i]
-                            runs = longer
-                        runs[n, 0], runs[n, 1], runs[n, 2] = row, column - _ROOM, voxel
-                    inside = not inside
-    return runs[:n]
+    columns = np.argwhere(bits[low:high, _ROOM:-_ROOM].any(axis=2)) + np.array([low, 0])
+    words = bits[columns[:, 0], columns[:, 1] + _ROOM]
+    voxels = np.unpackbits(words.view(np.uint8), axis=1, bitorder="little")
+    # Runs begin and end by turns, since the words at either end are empty.
+    column, voxel = np.nonzero(voxels[:, 1:] != voxels[:, :-1])
+    ends = voxel.reshape(-1, 2) - 63
+    return np.concatenate([columns[column[::2]], ends], axis=1, dtype=np.int32)
 
 
 @kernel
