@@ -15,7 +15,6 @@ from planner.mesh.mesh import (
     Mesh,
     cancel_opposite,
     face_normal,
-    key_slot,
     order_rows,
     repeats_index,
     weld_points,
@@ -295,9 +294,12 @@ def flip_thin(vertices: Float32Array, faces: NDArray[np.int32], *, flat: bool = 
     flat : bool
         Whether regions are flat: what a flip made may then be flipped again, thin or not.
     """
-    thin = thin_faces(vertices, faces, _THIN_MM)
-    if len(thin):
-        _flip(vertices.astype(np.float64), faces, thin, np.inf if flat else _THIN_MM**2)
+    thin, points = thin_faces(vertices, faces, _THIN_MM), vertices.astype(np.float64)
+    for _ in range(_FLIP_ROUNDS if len(thin) else 0):
+        keys = _key(_sides(faces))
+        half = np.argsort(keys, kind="stable")
+        if not _flip(points, faces, thin, np.inf if flat else _THIN_MM**2, keys[half], half):
+            break
 
 
 def thin_faces(points_mm: Float32Array, faces: NDArray[np.int32], least_mm: float) -> IntArray:
@@ -311,45 +313,43 @@ many loops had 31 of them left after 8 rounds, 2 after 16, none after 64."""
 
 
 @kernel
-def _flip(vertices: Any, faces: Any, thin: Any, most: Any) -> Any:
-    for _ in range(_FLIP_ROUNDS):
-        table, half = _half_edges(faces)
-        moved = np.zeros(faces.shape[0], dtype=np.bool_)
-        flips = 0
-        for i in thin:
-            if moved[i]:
-                continue
-            corner, longest = 0, -1.0
-            for j in range(3):
-                a, b = faces[i, j], faces[i, (j + 1) % 3]
-                length = 0.0
-                for k in range(3):
-                    length += (vertices[a, k] - vertices[b, k]) ** 2
-                if length > longest:
-                    corner, longest = j, length
-            a, b, c = faces[i, corner], faces[i, (corner + 1) % 3], faces[i, (corner + 2) % 3]
-            if squared_height(vertices, a, b, c) >= most:
-                continue
-            other = half[_find(table, b, a)]
-            if other < 0 or moved[other // 3]:
-                continue
-            f = other // 3
-            d = faces[f, (other % 3 + 2) % 3]
-            now = min(squared_height(vertices, a, b, c), squared_height(vertices, b, a, d))
-            then = min(squared_height(vertices, c, a, d), squared_height(vertices, d, b, c))
-            if (
-                then > now
-                and half[_find(table, c, d)] < 0
-                and half[_find(table, d, c)] < 0
-                and _same_side(vertices, b, a, d, c, a, d)
-                and _same_side(vertices, b, a, d, d, b, c)
-            ):
-                faces[i, 0], faces[i, 1], faces[i, 2] = c, a, d
-                faces[f, 0], faces[f, 1], faces[f, 2] = d, b, c
-                moved[i] = moved[f] = True
-                flips += 1
-        if flips == 0:
-            break
+def _flip(vertices: Any, faces: Any, thin: Any, most: Any, keys: Any, half: Any) -> Any:
+    """Flip once, by the sides 3f + j of faces by their keys, which rise; return how often."""
+    moved = np.zeros(faces.shape[0], dtype=np.bool_)
+    flips = 0
+    for i in thin:
+        if moved[i]:
+            continue
+        corner, longest = 0, -1.0
+        for j in range(3):
+            a, b = faces[i, j], faces[i, (j + 1) % 3]
+            length = 0.0
+            for k in range(3):
+                length += (vertices[a, k] - vertices[b, k]) ** 2
+            if length > longest:
+                corner, longest = j, length
+        a, b, c = faces[i, corner], faces[i, (corner + 1) % 3], faces[i, (corner + 2) % 3]
+        if squared_height(vertices, a, b, c) >= most:
+            continue
+        place = _find(keys, b, a)
+        if place < 0 or moved[half[place] // 3]:
+            continue
+        f, other = divmod(half[place], 3)
+        d = faces[f, (other + 2) % 3]
+        now = min(squared_height(vertices, a, b, c), squared_height(vertices, b, a, d))
+        then = min(squared_height(vertices, c, a, d), squared_height(vertices, d, b, c))
+        if (
+            then > now
+            and _find(keys, c, d) < 0
+            and _find(keys, d, c) < 0
+            and _same_side(vertices, b, a, d, c, a, d)
+            and _same_side(vertices, b, a, d, d, b, c)
+        ):
+            faces[i, 0], faces[i, 1], faces[i, 2] = c, a, d
+            faces[f, 0], faces[f, 1], faces[f, 2] = d, b, c
+            moved[i] = moved[f] = True
+            flips += 1
+    return flips
 
 
 @inner_kernel
@@ -361,26 +361,11 @@ def _same_side(vertices: Any, a: Any, b: Any, c: Any, d: Any, e: Any, f: Any) ->
 
 
 @inner_kernel
-def _half_edges(faces: Any) -> Any:
-    """Hash the directed sides: face 3f + j where a slot is taken, -1 where it is free."""
-    size = 16
-    while size < 6 * faces.shape[0]:
-        size *= 2
-    table = np.zeros(size, dtype=np.int64)
-    half = np.full(size, -1, dtype=np.int32)
-    for i in range(faces.shape[0]):
-        for j in range(3):
-            a, b = faces[i, j], faces[i, (j + 1) % 3]
-            slot = _find(table, a, b)
-            table[slot] = (np.int64(a) << 32) + b + 1
-            half[slot] = 3 * i + j
-    return table, half
-
-
-@inner_kernel
-def _find(table: Any, a: Any, b: Any) -> Any:
-    """Find the slot of side a-b, or the free one where it would go."""
-    return key_slot(table, (np.int64(a) << 32) + b + 1)
+def _find(keys: Any, a: Any, b: Any) -> Any:
+    """Find the last place of side a-b in rising keys; -1 where it is not there."""
+    key = (np.int64(a) << 32) + b
+    place = np.searchsorted(keys, key, side="right") - 1
+    return place if place >= 0 and keys[place] == key else -1
 
 
 def _first_unfilled(faces: NDArray[np.int32], segment: NDArray[np.int32], below: BoolArray) -> int:
