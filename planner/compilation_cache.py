@@ -82,9 +82,14 @@ class Loop:
                 with contextlib.suppress(OSError):  # another user's
                     os.utime(path)  # for _sweep
                 return entry
-        with _without_pauses():
+        searching = gc.isenabled()
+        gc.disable()  # for cycles of garbage, an eighth of the time of compiling
+        try:
             types = tuple(map(_numba().typeof, arguments))
             self._dispatcher.compile(types)
+        finally:
+            if searching:
+                gc.enable()
         if path is None:
             return self._dispatcher  # type: ignore[no-any-return]
         compiled = self._dispatcher.overloads[types]
@@ -321,18 +326,6 @@ def nothing_kept() -> bool:
     """
     folder = _folder()
     return folder is not None and not any(folder.glob("*.nbc"))
-
-
-@contextlib.contextmanager
-def _without_pauses() -> Iterator[None]:
-    """Keep Python from searching for cycles of garbage, an eighth of the time of compiling."""
-    searching = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if searching:
-            gc.enable()
 
 
 @cache

@@ -15,7 +15,14 @@ from typing import Protocol, runtime_checkable
 
 import msgspec
 
-from planner.errors import ArgumentError, FileError, PaletteError, UnknownNameError, did_you_mean
+from planner.errors import (
+    ArgumentError,
+    FileError,
+    PaletteError,
+    UnknownNameError,
+    check_known,
+    did_you_mean,
+)
 from planner.formats.files import decode_toml
 from planner.glance import brief
 from planner.palette import Palette, load_palette, parse_palette
@@ -149,12 +156,8 @@ class PrinterProfile:
             The palette's file breaks the schema.
         """
         wanted = self.palettes[0] if name is None else name
-        if wanted not in self.palettes:
-            hint = did_you_mean(wanted, self.palettes)
-            raise UnknownNameError(
-                f"no palette {wanted!r} for printer {self.name}; {hint}"
-                f"it has {', '.join(self.palettes)}"
-            )
+        said = f"no palette {wanted!r} for printer {self.name}; {{}}it has"
+        check_known(wanted, self.palettes, said, UnknownNameError)
         if self.base is not None:
             return self.base.palette(wanted)
         file = self.folder / "palettes" / f"{wanted}.toml"

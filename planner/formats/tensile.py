@@ -634,18 +634,15 @@ def _blocks(grid: _Grid) -> list[_Block]:
             headings = None
         if own is not None:
             headings, at = _with_units(own, grid, at)
-            found.append(_Block(grid, start, head, headings, []))
         elif headings is None:
             at += 1
             continue
         wanted = sum(h.meaning not in ("", "specimen") for h in headings)
         least = 2 if own is not None or found else wanted
         data, at = _numbers_below(grid, headings, at, own is not None, least)
-        if data and own is None:
-            found.append(_Block(grid, start, data[0], headings, []))
-        if data:
-            found[-1].rows.extend(data)
-            start = at
+        if data or own is not None:
+            found.append(_Block(grid, start, data[0] if own is None else head, headings, data))
+        start = at if data else start
     return found
 
 
