@@ -245,18 +245,14 @@ def _meet(
                         break
                 if apart:
                     continue
-                other_side = 0
                 for j in range(3):
                     sides[1, j] = _side(a.points, a0, b.points, b.faces[p, j], normal, 1)
-                    other_side += sides[1, j]
-                if abs(other_side) == 3:
+                if abs(sides[1, 0] + sides[1, 1] + sides[1, 2]) == 3:
                     continue
                 b_normal = face_normal(b.points, b0, b1, b2)
-                side = 0
                 for j in range(3):
                     sides[0, j] = _side(b.points, b0, a.points, a.faces[t, j], b_normal, -1)
-                    side += sides[0, j]
-                if abs(side) == 3:
+                if abs(sides[0, 0] + sides[0, 1] + sides[0, 2]) == 3:
                     continue
                 for i in range(3):
                     for j in range(3):
@@ -312,14 +308,10 @@ def _meet(
 @inner_kernel
 def _along(points: Any, ends: Any, e: Any, others: Any, corner: Any, normal: Any) -> Any:
     """Place between an edge's ends where it meets a plane."""
-    heights = (0.0, 0.0)
-    for end in range(2):
-        v = ends[e, end]
-        height = 0.0
-        for d in range(3):
-            height += float(normal[d]) * float(points[v, d] - others[corner, d])
-        heights = (heights[1], height)
-    low, high = heights
+    low = high = 0.0
+    for d in range(3):
+        low += float(normal[d]) * float(points[ends[e, 0], d] - others[corner, d])
+        high += float(normal[d]) * float(points[ends[e, 1], d] - others[corner, d])
     return min(max(low / (low - high), 0.0), 1.0) if low != high else 0.5
 
 

@@ -447,19 +447,15 @@ def _split_sides(
     vertices, faces, level
         With the new vertices and triangles; `level` stays increasing.
     """
-    half = {
-        (int(a), int(b)): (i, j)
-        for i, face in enumerate(faces)
-        for j, (a, b) in enumerate(zip(face, np.roll(face, -1), strict=True))
-    }
+    pairs = list(map(tuple, _sides(faces).tolist()))
+    half = {pair: side for side, pair in enumerate(pairs)}
     taken = {point.tobytes() for point in vertices}
     points = [vertices]
     children = {}
     count = len(vertices)
     for side in sides.tolist():
-        i, j = divmod(side, 3)
-        a, b = int(faces[i, j]), int(faces[i, (j + 1) % 3])
-        f, k = half[b, a]
+        a, b = pairs[side]
+        (i, j), (f, k) = divmod(side, 3), divmod(half[b, a], 3)
         if i in children or f in children or i == f:
             continue
         ends = vertices[[a, b]].astype(np.float64)

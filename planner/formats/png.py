@@ -153,17 +153,13 @@ def _deflate_rows(
     size = pixel.shape[1]
     low, high = 1, 0  # Adler-32
     for r in range(first, last):
-        repeated = r > first and offsets[r + 1] - offsets[r] == offsets[r] - offsets[r - 1]
-        if repeated:
-            back = offsets[r] - offsets[r - 1]
-            for n in range(offsets[r], offsets[r + 1]):
-                if (
-                    start[n] != start[n - back]
-                    or stop[n] != stop[n - back]
-                    or label[n] != label[n - back]
-                ):
-                    repeated = False
-                    break
+        back = offsets[r] - offsets[max(r - 1, 0)]
+        repeated = r > first and offsets[r + 1] - offsets[r] == back
+        for n in range(offsets[r], offsets[r + 1]):
+            if not repeated:
+                break
+            same = start[n] == start[n - back] and stop[n] == stop[n - back]
+            repeated = same and label[n] == label[n - back]
         row_filter = _SAME_AS_ABOVE if repeated else _SAME_AS_LEFT
         place = _put(stream, place, row_filter, codes, bits)
         low = (low + row_filter) % _ADLER

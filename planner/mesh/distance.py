@@ -273,22 +273,8 @@ def inscribed_balls(
 
 def _near(corners: FloatArray, low: FloatArray, high: FloatArray) -> IntArray:
     """Return which triangles (m, 3, 3) have boxes that meet a box."""
-    found = np.empty(len(corners), dtype=np.int64)
-    return found[: _within(corners, low, high, found)]
-
-
-@kernel
-def _within(corners: Any, low: Any, high: Any, found: Any) -> Any:
-    n = 0
-    for f in range(len(corners)):
-        apart = False
-        for d in range(3):
-            a, b, c = corners[f, 0, d], corners[f, 1, d], corners[f, 2, d]
-            apart |= min(a, b, c) > high[d] or max(a, b, c) < low[d]
-        if not apart:
-            found[n] = f
-            n += 1
-    return n
+    met = (corners.min(axis=1) <= high) & (corners.max(axis=1) >= low)
+    return np.flatnonzero(met.all(axis=1))
 
 
 @kernel

@@ -584,14 +584,10 @@ class JoinedShells:
         Every directed edge occurs once, and so does its reverse; no face has two equal corners.
         Two faces on the same three vertices then are a body of their own, back to back.
         """
-        faces = self.faces[number]
-        order, _, count = order_edges(faces)
-        if not len(faces) or (count != 2).any():
-            return False
-        one, other = order[::2], order[1::2]
-        tail, third = faces.ravel(), faces[:, [2, 0, 1]].ravel()
-        paired = (tail[one] != tail[other]) & (third[one] != third[other])
-        return bool(paired.all() and self.measures[number].volume_mm3[0] > 0.0)
+        topology = Topology(self.faces[number])
+        third = topology.faces[:, [2, 0, 1]].ravel()
+        paired = topology.closed and (third != third[topology.twin]).all()
+        return bool(paired and self.measures[number].volume_mm3[0] > 0.0)
 
 
 def join_shells(shells: Iterable[_Floats | tuple[Float32Array, Int32Array]]) -> JoinedShells:

@@ -552,9 +552,8 @@ def _opened(words: Iterator[tuple[_Bits, ...]], raster: Raster) -> Iterator[tupl
     lines = ball(raster.radius)
     for first, last, low, (region,) in _windows(words, raster, 2 * raster.radius):
         active = active_words(region, raster.radius)
-        eroded = morph(region, lines, False, region, active)
-        opened = morph(eroded, lines, True, region, active)
-        del active, eroded  # or they would be held until the next slab
+        opened = morph(morph(region, lines, False, region, active), lines, True, region, active)
+        del active  # or it would be held until the next slab
         yield region[first - low : last - low], opened[first - low : last - low]
 
 
