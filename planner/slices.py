@@ -227,8 +227,7 @@ def _shells(root: Path, plan: Plan, machine: Printer | None) -> Iterator[_ShellM
         material = seen[name].printed
         called = material if machine is None else machine.operator_name(material)
         colour = colours.get(material, _UNKNOWN_COLOUR)
-        mesh = Mesh(vertices.astype(np.float64), faces)
-        yield _ShellMesh(seen[name], called, colour, mesh)
+        yield _ShellMesh(seen[name], called, colour, Mesh(vertices.astype(np.float64), faces))
 
 
 def _colours(root: Path, plan: Plan, machine: Printer | None, wanted: set[str]) -> dict[str, str]:

@@ -498,8 +498,7 @@ class _Marks:
             self.divided[tuple(cube.T)] = number
         points_mm = np.concatenate([points_mm, self.points_mm])[first]
         values = np.concatenate([values, self.values])[first]
-        own = np.full(len(places), sharp, dtype=np.uint8)
-        all_sharp = np.concatenate([own, self.sharp])[first]
+        all_sharp = np.concatenate([np.full(len(places), sharp, np.uint8), self.sharp])[first]
         return _Marks(self.divided, found, points_mm, values, all_sharp)
 
     def seen(self, grid: FieldGrid, places: NDArray[np.int64]) -> tuple[FloatArray, FloatArray]:
@@ -736,8 +735,7 @@ def _met(
     left, low, high = np.arange(len(share)), np.zeros(len(share)), np.ones(len(share))
     for _ in range(_ROOT_STEPS):
         t, a, b, fa, fb = share[left], low[left], high[left], below[left], above[left]
-        at = start[left] + t[:, None] * (end[left] - start[left])
-        f = _values_at(field, at) - level[left]
+        f = _values_at(field, start[left] + t[:, None] * (end[left] - start[left])) - level[left]
         with np.errstate(all="ignore"):
             better = (
                 a * (f * fb) / ((fa - f) * (fa - fb)) + t * (fa * fb) / ((f - fa) * (f - fb))

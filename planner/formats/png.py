@@ -278,6 +278,5 @@ def encode_layer(runs: _Runs, rows: tuple[int, int], width: int, kind: ImageKind
     stream = np.zeros(bits // 8 + 8, np.uint8)
     stream[: len(head)] = head
     place, adler = _deflate_rows(runs, first, last, width, pixel, code, stream, head_bits)
-    end = (int(place) + 7) // 8
-    data = stream[:end].tobytes() + int(adler).to_bytes(4, "big")
+    data = stream[: (int(place) + 7) // 8].tobytes() + int(adler).to_bytes(4, "big")
     return _encode_png(width, last - first, kind, data)

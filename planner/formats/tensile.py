@@ -183,8 +183,7 @@ def heading_of(text: str) -> Heading:
             unit = bracket
             if stated:
                 break
-    compressed = _SIGNS["compressed"].search(_folded(name)) is not None
-    return Heading(text, meaning, unit, tag, compressed)
+    return Heading(text, meaning, unit, tag, bool(_SIGNS["compressed"].search(_folded(name))))
 
 
 def _plain(text: str) -> str:
@@ -965,8 +964,7 @@ def _split(grid: _Grid, block: _Block, places: Sequence[int], label: str) -> lis
         if (counts or not alone) and min(Counter(names).values()) < _FEWEST_ROWS <= len(lined):
             named = None
     if named is None:  # several materials, or modes, are several specimens
-        several = (i for i in texts.values() if len({*record.cells(i)} - {""}) > 1)
-        named = next(several, None)
+        named = next((i for i in texts.values() if len({*record.cells(i)} - {""}) > 1), None)
     names = [""] * len(lined) if named is None else _carried(record.cells(named))
     if named is not None and "material" in texts:
         full = list(zip(_carried(record.cells(texts["material"])), names, strict=True))

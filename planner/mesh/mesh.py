@@ -25,6 +25,7 @@ __all__ = [
     "order_edges",
     "order_rows",
     "repeats_index",
+    "sort_span",
     "sorted_corners",
     "unite",
     "weld",
@@ -265,6 +266,26 @@ def key_slot(keys: Any, key: Any) -> Any:
 
 
 @inner_kernel
+def sort_span(keys: Any, first: Any, last: Any) -> Any:
+    """Sort keys[first:last] by Shell's method.
+
+    Insertion sort for the usual handful, no quadratic worst case for a stack.
+    """
+    gap = 1
+    while gap < (last - first) // 3:
+        gap = 3 * gap + 1
+    while gap > 0:
+        for i in range(first + gap, last):
+            key = keys[i]
+            j = i
+            while j >= first + gap and keys[j - gap] > key:
+                keys[j] = keys[j - gap]
+                j -= gap
+            keys[j] = key
+        gap //= 3
+
+
+@inner_kernel
 def face_normal(points: Any, a: Any, b: Any, c: Any) -> Any:
     """Return the normal of a triangle between points, twice its area long."""
     ax, ay, az = points[a, 0], points[a, 1], points[a, 2]
@@ -305,8 +326,7 @@ def cancel_opposite(faces: Int32Array, label: Int32Array | None = None) -> BoolA
         True where a face stays.
     """
     keep = ~repeats_index(faces)
-    labels = () if label is None else (label,)
-    order, starts = order_rows(*labels, *sorted_corners(faces))
+    order, starts = order_rows(*(() if label is None else (label,)), *sorted_corners(faces))
     count = np.diff(starts, append=len(order))
     pairs = starts[count == 2]  # as good as all of them, where shells meet
     one, other = order[pairs], order[pairs + 1]
@@ -584,9 +604,9 @@ class JoinedShells:
         Every directed edge occurs once, and so does its reverse; no face has two equal corners.
         Two faces on the same three vertices then are a body of their own, back to back.
         """
-        topology = Topology(self.faces[number])
-        third = topology.faces[:, [2, 0, 1]].ravel()
-        paired = topology.closed and (third != third[topology.twin]).all()
+        faces = self.faces[number]
+        buckets, edges = np.zeros(len(self.vertices), np.int32), np.empty(faces.size, np.int64)
+        paired = len(faces) and _edges_paired(faces, buckets, edges)
         return bool(paired and self.measures[number].volume_mm3[0] > 0.0)
 
 
@@ -604,3 +624,43 @@ def join_shells(shells: Iterable[_Floats | tuple[Float32Array, Int32Array]]) -> 
     starts = np.cumsum([0, *(len(vertices) for vertices, _ in indexed)])
     each = zip(starts, indexed, strict=False)
     return JoinedShells(vertices, tuple(index[start:][faces] for start, (_, faces) in each))
+
+
+@kernel
+def _edges_paired(faces: Any, buckets: Any, edges: Any) -> Any:
+    """Tell whether every directed edge occurs once, and so does its reverse, on two other faces.
+
+    Edges are dealt to `buckets`, zeros, one for each vertex, by their lower vertex: the few of a
+    bucket are sorted on the spot. An edge is its higher vertex, then a bit that is set where it
+    runs down, then the face's third vertex.
+    """
+    for f in range(faces.shape[0]):
+        for j in range(3):
+            tail, head = faces[f, j], faces[f, j - 2]
+            buckets[tail if tail < head else head] += 1
+    total = 0
+    for v in range(buckets.size):
+        total += buckets[v]
+        buckets[v] = total - buckets[v]
+    for f in range(faces.shape[0]):
+        for j in range(3):
+            tail, head, third = np.int64(faces[f, j]), np.int64(faces[f, j - 2]), faces[f, j - 1]
+            if tail == head:
+                return False
+            lower, edge = (tail, 2 * head) if tail < head else (head, 2 * tail + 1)
+            edges[buckets[lower]] = edge << 32 | third
+            buckets[lower] += 1
+    first = np.int64(0)
+    for v in range(buckets.size):
+        last = np.int64(buckets[v])
+        sort_span(edges, first, last)
+        if (last - first) % 2 == 1:
+            return False
+        for i in range(first, last, 2):
+            up, down = edges[i] >> 32, edges[i + 1] >> 32
+            if up % 2 == 1 or down != up + 1 or edges[i] + (1 << 32) == edges[i + 1]:
+                return False
+            if i > first and edges[i - 1] >> 32 >= up:
+                return False
+        first = last
+    return True

@@ -832,9 +832,8 @@ class _Bodies:
     def solid(self, number: int) -> Any:
         """Return a body as a solid, whichever way it is wound."""
         if number not in self._solids:
-            inward = self.volume[number] < 0.0
-            faces = self.faces[number][:, ::-1] if inward else self.faces[number]
-            self._solids[number] = _manifold(self.vertices, faces)
+            way = -1 if self.volume[number] < 0.0 else 1
+            self._solids[number] = _manifold(self.vertices, self.faces[number][:, ::way])
         return self._solids[number]
 
     def sum(self, which: BoolArray) -> Any:
@@ -869,8 +868,7 @@ class _Bodies:
         space = manifold3d.Manifold.cube(3.0 * size).translate(self.bounds[outer, 0] - size)
         if (space - self.solid(outer)).min_gap(self.solid(inner), tolerance) >= tolerance:
             return True, True
-        shared = self.shared_mm3(outer, inner)
-        return shared / abs(self.volume[inner]) > 1.0 - _OVERLAP, False
+        return self.shared_mm3(outer, inner) / abs(self.volume[inner]) > 1.0 - _OVERLAP, False
 
 
 def _box_pairs(bounds: FloatArray, full: BoolArray, touching: bool) -> list[tuple[int, int]]:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import ArgumentError, MeshError
-from planner.mesh.mesh import Mesh
+from planner.mesh.mesh import Mesh, sort_span
 from planner.numerics import BoolArray, FloatArray, IntArray, as_point, inner_kernel, kernel
 
 __all__ = [
@@ -19,7 +19,6 @@ __all__ = [
     "columns_of",
     "deal_rows",
     "dense",
-    "fill_runs",
     "grid_for",
     "iterate_columns",
     "join",
@@ -248,26 +247,6 @@ def _exact_voxel(
     return near + 1
 
 
-@inner_kernel
-def _sort_span(keys: Any, first: Any, last: Any) -> Any:
-    """Sort keys[first:last] by Shell's method.
-
-    Insertion sort for the usual handful, no quadratic worst case for a stack.
-    """
-    gap = 1
-    while gap < (last - first) // 3:
-        gap = 3 * gap + 1
-    while gap > 0:
-        for i in range(first + gap, last):
-            key = keys[i]
-            j = i
-            while j >= first + gap and keys[j - gap] > key:
-                keys[j] = keys[j - gap]
-                j -= gap
-            keys[j] = key
-        gap //= 3
-
-
 @kernel
 def _runs(
     columns: Any, heights: Any, snapped: Any, faces: Any, row0: Any, nx: Any, row_leads: Any,
@@ -301,7 +280,7 @@ def _runs(
             if keys[first] > keys[first + 1]:
                 keys[first], keys[first + 1] = keys[first + 1], keys[first]
         elif last - first > 2:
-            _sort_span(keys, first, last)
+            sort_span(keys, first, last)
         winding, low = 0, 0
         for i in range(first, last):
             voxel = keys[i] >> 1

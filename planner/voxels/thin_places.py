@@ -476,9 +476,7 @@ def _thin_runs(
 
 
 def _without(region: _Bits, taken: _Bits) -> _Bits:
-    left = ~taken
-    left &= region
-    return left
+    return ~taken & region
 
 
 def _deepest(runs: IntArray, region: _Bits, core: _Bits, radius: int) -> tuple[IntArray, IntArray]:
@@ -573,9 +571,8 @@ _BESIDE = 3  # rows on either side of a slab that cells reaching into it are tol
 
 def _solid_words(mesh: Mesh, raster: Raster) -> Iterator[tuple[_Bits, ...]]:
     """Draw a closed mesh on a raster, slab by slab of `Raster.slab_rows` rows."""
-    odd = np.linalg.det(np.eye(3)[raster.order]) < 0  # a mirror image: turn the faces around
-    faces = mesh.faces[:, ::-1] if odd else mesh.faces
-    along, grid = Mesh(mesh.vertices[:, raster.order], faces), raster.grid
+    way = round(np.linalg.det(np.eye(3)[raster.order]))  # -1 of a mirror image: faces turn around
+    along, grid = Mesh(mesh.vertices[:, raster.order], mesh.faces[:, ::way]), raster.grid
     corners = (along.vertices - np.asarray(grid.origin_mm)) / np.asarray(grid.pitch_mm)
     # rows are below 2^14: sorting whole ones takes a few passes over them
     row = np.clip(np.floor(corners[:, 1]), -1, MOST_VOXELS).astype(np.int16)
@@ -672,10 +669,9 @@ def _sheets(
 def _near(drawn: Any, row: Any, column: Any, voxel: Any) -> Any:
     # Whether any of the 27 voxels around one is in the set.
     one, word, bit = np.uint64(1), 1 + (voxel >> 6), np.uint64(voxel & 63)
-    for i in range(3):
-        at = row + (0 if i == 0 else (-1 if i == 1 else 1))
-        for j in range(3):
-            beside = column + (0 if j == 0 else (-1 if j == 1 else 1))
+    for i in (0, -1, 1):
+        for j in (0, -1, 1):
+            at, beside = row + i, column + j
             own = drawn[at, beside, word]
             around = own >> bit | own >> bit >> one | own << one >> bit
             if bit == 0:
