@@ -230,8 +230,7 @@ def _linked(kept: _Linkable, function: Callable[..., Any]) -> Callable[..., Any]
     for name, constants in environments:
         environment = functions.Environment({})
         environment.consts[:] = constants
-        place = ctypes.c_void_p.from_address(engine.get_global_value_address(name))
-        place.value = id(environment)
+        ctypes.c_void_p.from_address(engine.get_global_value_address(name)).value = id(environment)
         held.append(environment)
     return functions.make_function(  # type: ignore[no-any-return]
         sys.modules[function.__module__], function.__name__, function.__doc__ or "",

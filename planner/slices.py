@@ -24,15 +24,7 @@ from planner.mesh.mesh import Mesh, compact, weld
 from planner.numerics import FloatArray, Int32Array, IntArray, kernel
 from planner.plan import PartGraded, Plan, Region, plan_file, read_plan, read_shells
 from planner.printers import Printer, load_printer
-from planner.voxels.columns import (
-    Grid,
-    check_reach,
-    deal_rows,
-    fill_runs,
-    grid_for,
-    slab_runs,
-    snap,
-)
+from planner.voxels.columns import Grid, check_reach, deal_rows, grid_for, paint, slab_runs, snap
 
 __all__ = ["Layer", "SliceStack", "iterate_layers", "write_slices"]
 
@@ -429,7 +421,7 @@ def iterate_layers(
         for index in range(slab[0].first_layer, slab[0].last_layer):
             label = np.zeros((ny, nx), np.uint8)
             first = (index - slab[0].first_layer) * ny
-            fill_runs(offsets[first : first + ny + 1], start, stop, material, label)
+            paint(offsets[first : first + ny + 1], start, stop, material, label)
             z_mm = grid.origin_mm[2] + (index + 0.5) * grid.pitch_mm[2]
             yield Layer(index, z_mm, label, materials)
 

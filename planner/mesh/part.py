@@ -701,8 +701,7 @@ def _turn(faces: Int32Array, which: BoolArray) -> Int32Array:
 
 def _touching(state: Repaired) -> Repaired | None:
     """Give bodies that meet at crowded edges vertices of their own."""
-    crowded = len(state.topology.crowded_edges)
-    if not 0 < crowded <= _MOST_BORDERS or len(state.topology.open_edges):
+    if not 0 < len(state.topology.crowded_edges) <= _MOST_BORDERS or len(state.topology.open_edges):
         return None
     apart = _part_at_crowded_edges(state.vertices, state.topology)
     if apart is None or not (topology := Topology(apart[1])).closed:

@@ -310,7 +310,7 @@ def _runs(
 
 
 @kernel
-def fill_runs(offsets: Any, start: Any, stop: Any, label: Any, filled: Any) -> None:
+def paint(offsets: Any, start: Any, stop: Any, label: Any, filled: Any) -> None:
     """Write the labels of runs into a zeroed (lines, voxels) uint8 array."""
     for r in range(filled.shape[0]):
         for n in range(offsets[r], offsets[r + 1]):
@@ -493,7 +493,7 @@ def dense(columns: Columns) -> BoolArray:
     nx, _, nz = columns.grid.shape
     voxels = np.zeros((len(columns.offsets) - 1, nz), np.uint8)
     inside = np.ones(len(columns.start), np.int32)
-    fill_runs(columns.offsets, columns.start, columns.stop, inside, voxels)
+    paint(columns.offsets, columns.start, columns.stop, inside, voxels)
     return voxels.view(np.bool_).reshape(columns.rows, nx, nz).transpose(1, 0, 2)
 
 
