@@ -424,7 +424,7 @@ def _check_thickness(
         raise ThinBandError(
             f"a band of {1000 * thickness_mm:.3g} um at field {thinnest.start:.6g} is thinner than "
             f"a layer of {machine.title}, {1000 * machine.layer_mm:g} um, on a gradient of "
-            f"{span_mm:.4g} mm; {unit or f'{fewer}, or take a gentler profile'}"
+            f"{span_mm:.4g} mm; {unit or f'{fewer}, or a gentler profile'}"
         )
 
 

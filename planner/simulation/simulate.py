@@ -30,6 +30,10 @@ __all__ = ["Simulation", "called", "loading_path", "log_sds", "simulate", "simul
 
 
 _PROTOCOLS = ("monotonic", "cyclic", "relaxation")
+_HOLD_s = 100.0
+_COUPON_MM = (6.0, 4.0, 33.0)
+"""Width, thickness and gauge length where none are stated: ASTM D638, type IV."""
+
 _FIRST_HOLD = 1e-3  # of the hold: relaxation is read on a logarithmic scale of time
 
 
@@ -47,7 +51,7 @@ def loading_path(
     rate_mm_s: float,
     steps: int = 100,
     cycles: int = 1,
-    hold_s: float = 100.0,
+    hold_s: float = _HOLD_s,
 ) -> LoadingPath:
     """Return the path of a protocol.
 
@@ -570,12 +574,12 @@ def simulate_bar(
     protocol: str = "monotonic",
     steps: int = 100,
     cycles: int = 1,
-    hold_s: float = 100.0,
+    hold_s: float = _HOLD_s,
     slices: int = 400,
     between_mm: tuple[float, float] | None = None,
-    width_mm: float = 6.0,
-    thickness_mm: float = 4.0,
-    gauge_mm: float = 33.0,
+    width_mm: float = _COUPON_MM[0],
+    thickness_mm: float = _COUPON_MM[1],
+    gauge_mm: float = _COUPON_MM[2],
     level: float = 0.95,
     printer: str | Printer | None = None,
     palette: str | Path | Palette | None = None,
@@ -637,6 +641,10 @@ def simulate_bar(
         )
     if not 1 <= slices <= 10_000:
         raise ArgumentError(f"`slices` {slices}: it must be a whole number from 1 to 10000")
+    of_protocols = ("cycles", cycles, 1, "cyclic"), ("hold_s", hold_s, _HOLD_s, "relaxation")
+    for name, value, usual, of in of_protocols:
+        if value != usual and protocol != of:
+            raise ArgumentError(f"`{name}` {value:g}: it goes with `protocol` {of}")
     path = source if isinstance(source, (str, Path)) else ""
     if path and (Path(path).suffix.casefold() == ".json" or Path(path).is_dir()):
         source = read_plan(path)
@@ -645,6 +653,8 @@ def simulate_bar(
         name = source.part.file
         chosen, notes = plan_palette(source, palette, printer)
         bar = Bar.of_plan(source, chosen, slices=slices, between_mm=between_mm)
+        if (width_mm, thickness_mm, gauge_mm) != _COUPON_MM:
+            notes += ("the sizes stated are a coupon's, and change nothing: the plan has its own",)
         if float(np.sqrt(bar.area_mm2.max())) > bar.gauge_mm:
             notes += (
                 "the part is wider than it is long along the gradient: sections do not stay plane, "

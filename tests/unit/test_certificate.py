@@ -49,7 +49,19 @@ def test_a_lab_s_own_notes_beside_a_plan_are_no_fault(folder: Path) -> None:
     assert planner.check(folder).ok
 
 
+def test_a_damaged_shell_is_the_only_one_that_is_told(folder: Path) -> None:
+    """The others keep their numbers, and its object in the 3MF is not said to have no STL."""
+    with sorted((folder / "stl").iterdir())[0].open("ab") as shell:
+        shell.write(b"x")
+    problems = planner.check(folder).problems
+    assert problems
+    assert all("finger__01" in problem for problem in problems)
+
+
 DAMAGE: dict[str, Callable[[Path], object]] = {
+    "instructions changed": lambda f: (f / "HOWTO.md").write_text("another", encoding="utf-8"),
+    "instructions gone": lambda f: (f / "HOWTO.md").unlink(),
+    "picture gone": lambda f: (f / "section.png").unlink(),
     "files swapped": lambda f: _change(f, lambda d: _swap(d, ("file", "sha256"))),
     "materials swapped": lambda f: _change(f, lambda d: _swap(d, BY_MATERIAL)),
     "volumes swapped": lambda f: _change(f, lambda d: _swap(d, ("volume_mm3",))),

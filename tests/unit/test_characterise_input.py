@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from planner.errors import FileError
+import planner
+from planner.errors import ArgumentError, FileError
 from planner.materials.characterise import Curve
 from planner.materials.study import Study, read_study
 from planner.numerics import FloatArray
@@ -216,3 +217,75 @@ def test_a_strain_that_begins_elsewhere_counts_from_no_load(tmp_path: Path) -> N
     found = study(tmp_path, {"strain": 0.5 + RUBBER_STRAIN, "stress_MPa": RUBBER_MPa})
     assert only(found).strain[0] == pytest.approx(0.0, abs=1e-8)
     assert "strain counted from its first value, 0.5" in " ".join(found.notes)
+
+
+@pytest.mark.parametrize("values", [{40: 0.0}, {40: 3.0}, {20: -0.2, 21: -0.2}])
+def test_a_point_that_leaps_out_is_no_break(tmp_path: Path, values: dict[int, float]) -> None:
+    stress = STRESS + NOISE
+    stress[list(values)] = list(values.values())
+    curve = only(study(tmp_path, {"strain": STRAIN, "stress_MPa": stress}))
+    assert curve.strain[-1] == STRAIN[-1]
+    assert len(curve.strain) == len(STRAIN) - len(values)
+    leap = "1 point leaps" if len(values) == 1 else "2 points leap"
+    assert any(f"{leap} out of the record" in note for note in curve.notes)
+
+
+def test_a_break_at_the_end_is_one(tmp_path: Path) -> None:
+    stress = STRESS + NOISE
+    stress[-2:] = 0.0
+    curve = only(study(tmp_path, {"strain": STRAIN, "stress_MPa": stress}))
+    assert curve.strain[-1] == STRAIN[-3]
+    assert any("breaks at strain" in note for note in curve.notes)
+
+
+HEADED = "specimen,material,file,{}\na,M,s.csv,8\n"
+
+
+@pytest.mark.parametrize("heading", ["Temperature (°C)", "temperature_K", "Width (mm)", "width_cm"])
+def test_a_condition_in_a_unit_of_its_own_is_refused(tmp_path: Path, heading: str) -> None:
+    """It would be lost without a word, and specimens that differ would count as replicates."""
+    (tmp_path / "specimens.csv").write_text(HEADED.format(heading), encoding="utf-8")
+    with pytest.raises(FileError, match="its unit is not understood; give the values as"):
+        study(tmp_path, {"strain": STRAIN, "stress_MPa": STRESS})
+
+
+def warm_and_cold(tmp_path: Path) -> Path:
+    """Two specimens of one rubber at each of two temperatures, warm ones half as stiff."""
+    rows = ["specimen,material,file,temperature_C"]
+    for number, (warm, share) in enumerate([(23, 1.0), (23, 1.01), (40, 0.5), (40, 0.505)]):
+        rows.append(f"{number},M,{number}.csv,{warm}")
+        lines = [f"{e:.9g},{share * s:.9g}" for e, s in zip(STRAIN, STRESS, strict=True)]
+        (tmp_path / f"{number}.csv").write_text("\n".join(["strain,stress_MPa", *lines]))
+    (tmp_path / "specimens.csv").write_text("\n".join(rows))
+    return tmp_path
+
+
+def test_figures_that_mix_temperatures_say_so(tmp_path: Path) -> None:
+    found = planner.characterise(warm_and_cold(tmp_path))  # a folder as such, as in all commands
+    assert found.materials[0].n == 4
+    assert any("temperature_C differs between specimens (23 to 40)" in n for n in found.notes)
+
+
+def test_a_fit_says_which_conditions_are_unknown_and_refuses_kg_m3(tmp_path: Path) -> None:
+    folder = warm_and_cold(tmp_path)
+    options = {"law": "neo-hookean", "starts": 2, "compare": False}
+    (told,) = (n for n in planner.fit(folder, **options).notes if "conditions unknown" in n)
+    assert told.startswith(
+        "reference conditions unknown: strain_rate_per_s, soak_h, age_days, orientation"
+    )
+    with pytest.raises(ArgumentError, match=r"in g/cm3: 1140 kg/m3 are 1.14"):
+        planner.fit(folder, density={"M": 1140.0}, **options)
+
+
+def test_specimens_that_are_numbered_anew_in_each_material(tmp_path: Path) -> None:
+    lines = ["material,specimen,stretch ratio,stress (MPa)"]
+    for material, of in (("A", 1.0), ("B", 2.0)):
+        for number in (1, 2):
+            pairs = zip(STRAIN[::4], STRESS[::4], strict=True)
+            lines += [f"{material},{number},{1.0 + e:.9g},{of * s:.9g}" for e, s in pairs]
+    (tmp_path / "long.csv").write_text("\n".join(lines))
+    groups = read_study([tmp_path / "long.csv"]).groups
+    assert {m: [c.specimen for c in curves] for m, curves in groups.items()} == {
+        "A": ["A-1", "A-2"],
+        "B": ["B-1", "B-2"],
+    }

@@ -122,3 +122,9 @@ def test_differences_fit_a_terminal(tmp_path, capsys) -> None:
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].startswith("profile (plan): name log ->")
     assert max(map(len, lines)) <= 80
+
+
+def test_a_difference_has_as_many_digits_as_it_takes() -> None:
+    part = dataclasses.replace(PLAN.part, volume_mm3=40.00001)
+    (found,) = diff(PLAN, dataclasses.replace(PLAN, part=part), tolerance=1e-9)
+    assert found.text == "part volume mm3 (plan): 40 -> 40.00001"

@@ -81,6 +81,56 @@ def test_same_input_same_bytes():
     assert [s.stl for s in first.shells] == [s.stl for s in second.shells]
 
 
+@pytest.fixture
+def table(tmp_path):
+    """Write a value along x at places of a grid between two corners."""
+
+    def written(low, high, value=lambda x: x / 80.0):
+        corners = np.linspace(low, high, 6).T
+        at = np.stack(np.meshgrid(*corners, indexing="ij"), -1).reshape(-1, 3)
+        rows = [f"{x},{y},{z},{value(x)}" for x, y, z in at.tolist()]
+        (tmp_path / "t.csv").write_text("\n".join(["x_mm,y_mm,z_mm,v", *rows]))
+        return tmp_path / "t.csv"
+
+    return written
+
+
+@pytest.mark.parametrize("kind", ["table", "points"])
+def test_a_table_of_half_the_part_is_told_and_one_of_nothing_of_it_refused(kind, table):
+    low, high = np.array([-20.0, -20.0, -20.0]), np.array([120.0, 40.0, 40.0])
+    assert not any("outside" in w for w in grade(f"{kind}: {table(low, high)}").warnings)
+    plan = grade(f"{kind}: {table(low, [40.0, 40.0, 40.0])}")
+    (told,) = (w for w in plan.warnings if "of the part lies outside t.csv" in w)
+    assert 20 < float(told.split(" %")[0].split()[-1]) < 80
+    with pytest.raises(PlannerError, match=r"where nothing of the part is.*origin and its unit"):
+        grade(f"{kind}: {table(low + 1000.0, high + 1000.0)}")
+
+
+def test_a_table_of_one_value_is_no_gradient_by_rounding(table):
+    path = table([-20.0, -20.0, -20.0], [120.0, 40.0, 40.0], lambda x: 0.3)
+    with pytest.raises(PlannerError, match=r"from 0.3 to 0.3 is none"):
+        grade(f"table: {path}")
+
+
+def test_a_table_that_says_where_it_lies_is_not_told_so(table):
+    path = table([-20.0, -20.0, -20.0], [120.0, 40.0, 40.0])
+    with pytest.raises(PlannerError, match="leave out origin= and step="):
+        grade(f"table: {path}, origin=5 5 5, step=9 9 9")
+
+
+def test_cells_that_miss_the_field_are_refused():
+    with pytest.raises(PlannerError, match=r"`pitch_mm` 1000: cells so large miss"):
+        grade("radial:", pitch_mm=1000)
+
+
+def test_what_does_nothing_is_told():
+    away = grade("radial: point=500 500 500, to=12")
+    assert any("all of the part is TangoPlus: it lies within 0 to" in w for w in away.warnings)
+    along = planner.grade(FINGER, from_="Tango", to="Vero", pitch_mm=0.7)
+    assert any("cells of 0.7 mm do nothing" in w for w in along.warnings)
+    assert not any("all of the part" in w for w in along.warnings)
+
+
 @pytest.mark.slow
 def test_a_field_that_bends_within_a_pitch_is_a_finding():
     plan = grade("expression: 0.5 + 0.5*sin(3*x)*sin(3*y)", bands=2, pitch_mm=1.5)
@@ -114,6 +164,7 @@ def test_tables_and_points(tmp_path):
         ("radial: from=3, to=3", "must be finite and differ"),
         ("distance: nothing.stl", "no such file"),
         ("distance: box=100 100 100 101 101 101", "no face"),
+        ("distance: hole=500 0 0", "lies beside the part"),
         ("harmonic: from=x<4", "give both end regions"),
         ("harmonic: from=x<4, to=somewhere", "is no region"),
         ("harmonic: from=x<-4, to=x>70", "from= holds nothing"),

@@ -214,6 +214,7 @@ def test_the_travel_goes_before_a_crossheads_position(tmp_path: Path) -> None:
         ("1\N{NO-BREAK SPACE}234.5", ",", 1234.5),
         ("1'234.5", ",", 1234.5),
         ("\N{MINUS SIGN}0,5", ";", -0.5),
+        ("1,092.8", ";", 1092.8),
         ("1.2,5", ";", None),
     ],
 )
