@@ -19,6 +19,7 @@ from planner.errors import ArgumentError
 from planner.formats.mesh_file import decode_stl
 from planner.materials.mixtures import CoefficientModel
 from planner.printers import load_printer
+from planner.report.loaded_part import summary_words
 from planner.simulation import part
 
 PALETTE = load_printer("connex3").palette()
@@ -121,6 +122,23 @@ def test_cells_of_another_size_pull_alike(pulled: planner.PartSimulation) -> Non
     assert pulled.discretisation.cell_mm == pytest.approx(6.0)
     assert pulled.discretisation.largest < 2e-3
     assert [error is None for error in pulled.discretisation.errors] == [True] * 3 + [False]
+
+
+def test_what_nothing_tells_of_the_cells_is_not_called_exact(tmp_path, capsys) -> None:
+    """Of gravity without a place that is watched, and of a load under which nothing settles."""
+    options: dict[str, Any] = {"compare_cells": True, "steps": 1, "cell_mm": 2.0}
+    weight = simulate(fix="x=min", gravity="-z", **options)
+    assert weight.discretisation is not None
+    assert weight.discretisation.largest is None
+    (words,) = [w for w in summary_words(weight) if "cells" in w]
+    assert words == "how far figures depend on the cells is not told: watch a place that moves"
+    watched = simulate(fix="x=min", gravity="-z", watch="x=max", **options)
+    assert watched.discretisation is not None
+    assert 0.0 < (watched.discretisation.largest or 0.0) < 0.2
+    torn = simulate(fix="x=min", load="x=max: 0,0,-5000 N", **options)
+    assert torn.steps.share[-1] == 0.0
+    assert torn.discretisation is None
+    assert "take smaller cells or more steps" in torn.findings[-1].message
 
 
 def test_forces_are_in_balance_and_work_is_stored(bent: planner.PartSimulation) -> None:

@@ -157,6 +157,22 @@ def test_replicates_in_mixed_units_name_the_unit(tmp_path: Path, palette: Palett
     assert run([*command, "--unit-of", "force=lbf:own-3"]) == 0
 
 
+def test_fractions_taken_for_per_cent_are_told_with_an_option_that_there_is(
+    tmp_path: Path, palette: Palette, capsys
+) -> None:
+    law = palette.resolve("FLX9760")
+    strain = np.linspace(0.0, law.elongation_at_break, 81)
+    stress = make_law(law.law).nominal_stress_MPa(1.0 + strain)
+    rows = "".join(f"{e:.9f},{s:.9f}\n" for e, s in zip(strain, stress, strict=True))
+    path = tmp_path / "FLX9760.csv"
+    path.write_text(f"Strain (%),Stress (MPa)\n{rows}", encoding="utf-8")
+    assert run(["characterise", str(path)]) == 0
+    said = capsys.readouterr().err
+    assert "were fractions taken for %?" in said
+    assert run(["characterise", str(path), *options(said)]) == 0
+    assert "taken for" not in capsys.readouterr().err
+
+
 def test_a_conversion_too_many_is_undone(tmp_path: Path, palette: Palette, capsys) -> None:
     for n, force in enumerate((1.0, 1.0, 1.0 / POUND_N), start=1):
         write_record(tmp_path / f"own-{n}.csv", palette, "FLX9760", force=force)
