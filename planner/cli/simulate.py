@@ -237,7 +237,8 @@ def _part_report(results: "Sequence[planner.PartSimulation]") -> None:
 def _bar_report(results: "Sequence[planner.Simulation]") -> None:
     (result,) = results
     cli.warn(*result.notes)
-    shown = sorted({round(i * (len(result.force_N) - 1) / (_ROWS - 1)) for i in range(_ROWS)})
+    evenly = {round(i * (len(result.force_N) - 1) / (_ROWS - 1)) for i in range(_ROWS)}
+    shown = sorted(evenly | {int(result.displacement_mm.argmax())})
     bar = result.bar
     interval = f"{100 * result.level:g} % interval"
     rows = []
