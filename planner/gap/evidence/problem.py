@@ -106,14 +106,10 @@ class SignedForm:
         return len(self.form.parameters) - 1
 
     @property
-    def nodes(self) -> int:
-        """Number of nodes."""
-        return prod(_STOP[d] - _FIRST[d] for d in range(1 + self.shapes))
-
-    @property
     def own(self) -> slice:
         """Its nodes among all nodes."""
-        return slice(self.first, self.first + self.nodes)
+        count = prod(_STOP[d] - _FIRST[d] for d in range(1 + self.shapes))
+        return slice(self.first, self.first + count)
 
     def values(self, place: Sequence[float]) -> dict[str, float]:
         """Return the parameters at a place: s, then shapes in -1 to 1, then perhaps details."""
@@ -164,7 +160,7 @@ def signed_forms(effects: Sequence[Effect]) -> tuple[SignedForm, ...]:
                 weight = form.weight / sum(f.weight for f in effect.forms) / len(signs)
                 branch = SignedForm(len(found), effect, form, sign, first, weight)
                 found.append(branch)
-                first += branch.nodes
+                first = branch.own.stop
     return tuple(found)
 
 
@@ -217,7 +213,7 @@ class Candidate:
     log_gain
         What these specimens' force is off by, as a logarithm.
     own : (k, n) or None
-        How much larger each specimen's size is, over the effect's, of those that have their own.
+        How much larger each specimen's size is, in its deviations, of those that have their own.
     """
 
     effects: tuple[str, ...]
@@ -531,28 +527,26 @@ class Problem:
             force = np.where(self.table.is_field, 0.0, self.table.chord(self.unpredicted))
             change = change + candidate.log_gain * candidate.members[self.table.specimen] * force
         if candidate.own is not None:
-            _, alone = self._changes_alone(candidate)
-            change = change + np.sum(candidate.own[:, self.table.specimen] * alone, axis=0)
+            each = candidate.own[:, self.table.specimen] * self._changes_alone(candidate)
+            change = change + np.sum(each, axis=0)
         return change
 
-    def _changes_alone(self, candidate: Candidate) -> tuple[list[float], FloatArray]:
-        """Return by how much specimens' sizes differ, of effects whose sizes do, (k,).
+    def _changes_alone(self, candidate: Candidate) -> FloatArray:
+        """Return what effects whose sizes differ change of the transformed features, (k, N).
 
-        And what each of these changes of the transformed features by itself, (k, N).
+        Each by itself, a deviation of its size.
         """
         own = [part for part in candidate.parts if part[0].effect.individual > 0.0]
         if not own:
-            return [], np.zeros((0, len(self.table)))
+            return np.zeros((0, len(self.table)))
         alone = self.predictions([replace(candidate, parts=(part,)) for part in own])
-        return [branch.effect.individual for branch, _ in own], self.changes(alone)
+        return self.changes(alone) * [[branch.effect.individual] for branch, _ in own]
 
     def own_sizes(self, candidate: Candidate) -> FloatArray:
         """Return what specimens' own sizes of a candidate's effects change, (N, k), whitened."""
-        table = self.table
-        specimens = table.specimen[:, None] == np.arange(len(self.campaign.specimens))
-        each = zip(*self._changes_alone(candidate), strict=True)
-        parts = [sd * change[:, None] * specimens for sd, change in each]
-        return self.noise.whiten(np.concatenate([np.zeros((len(table), 0)), *parts], axis=1))
+        specimens = self.table.specimen[:, None] == np.arange(len(self.campaign.specimens))
+        each = self._changes_alone(candidate).T[:, :, None] * specimens[:, None]
+        return self.noise.whiten(each.reshape(len(self.table), -1))
 
 
 def set_up(
@@ -612,12 +606,7 @@ def set_up(
     camera = _field_columns(table, facets, aside, sensitivity)
     calibration = np.concatenate([laws, bends, camera, _STRAY_SD * gains[:, stray]], axis=1)
     unknown = _unknown_axes(campaign, table, chord, effects)
-    patterns = np.concatenate([axis.columns for axis in unknown], axis=1)
     nuisances = np.concatenate([calibration, noise.batch], axis=1)
-    parts = (residual[:, None], changes[len(ways) :].T, gains, patterns, nuisances)
-    ends = np.cumsum([part.shape[1] for part in parts[:-1]])
-    columns = noise.whiten(np.concatenate(parts, axis=1))
-    target, nodes, gains, patterns, nuisances = np.split(columns, ends, axis=1)
     of_laws = np.zeros(nuisances.shape[1], dtype=bool)
     of_laws[: len(ways)] = [way.kind == "tilt" for way in ways]
     of_laws[len(ways) : len(ways) + bends.shape[1]] = True
@@ -634,11 +623,11 @@ def set_up(
         residual=residual,
         unit_gains=of_units,
         calibration=calibration,
-        target=target[:, 0],
-        nodes=nodes,
-        gains=gains,
-        patterns=patterns,
-        nuisances=nuisances,
+        target=noise.whiten(residual),
+        nodes=noise.whiten(changes[len(ways) :].T),
+        gains=noise.whiten(gains),
+        patterns=noise.whiten(np.concatenate([axis.columns for axis in unknown], axis=1)),
+        nuisances=noise.whiten(nuisances),
         unknown=unknown,
         of_laws=of_laws,
         apart=apart,

@@ -83,9 +83,7 @@ class World:
         each = np.ones(len(problem.noise.rows)) if weight is None else weight
         rows = np.repeat(each, np.diff(problem.noise.first_row))
         self._root = np.sqrt(rows) / scale
-        self._along, self._widened = np.zeros(len(rows)), np.zeros(len(each))
-        if level < 1.0:
-            self._along, self._widened = _along_levels(problem, level)
+        self._along, self._widened = _along_levels(problem, level)
         self._sizes = np.where(problem.of_laws, laws, 1.0)
         blocks = [problem.nuisances * self._sizes if nuisances is None else nuisances]
         blocks += [discrepancy * problem.discrepancy] if discrepancy else []
@@ -194,15 +192,12 @@ class World:
         """
         parts = [target[:, None], *(part for part in (kept, slopes) if part is not None)]
         m = self.products(np.concatenate(parts, axis=1), own)
-        m, log_det = _without_last(m, len(m) - (0 if slopes is None else slopes.shape[1]))
+        head = len(m) - (0 if slopes is None else slopes.shape[1])
+        inner = m[head:, head:] + np.eye(len(m) - head)
+        m, log_det = _integrated(m[:head, :head], m[head:, :head], inner)
         if own is not None and own.shape[1]:
             log_det += 2.0 * float(np.log(np.diagonal(self._beside(own)[-1])).sum())
         return Elimination(m, self._offset - 0.5 * (float(m[0, 0]) + log_det))
-
-
-def _without_last(m: FloatArray, head: int) -> tuple[FloatArray, float]:
-    """Return inner products of the first `head` columns, the others integrated out, prior 1."""
-    return _integrated(m[:head, :head], m[head:, :head], m[head:, head:] + np.eye(len(m) - head))
 
 
 def _along_levels(problem: Problem, level: float) -> tuple[FloatArray, FloatArray]:
@@ -401,9 +396,8 @@ class Settled:
             return candidate
         left = self.target - self.slopes @ self.coordinates
         left -= self.world.problem.gain_of(candidate)
-        share = [[b.effect.individual] for b, _ in candidate.parts if b.effect.individual > 0.0]
-        sizes = self.world.own_coefficients(left, self.own).reshape(len(share), -1)
-        return replace(candidate, own=np.array(share) * sizes)
+        sizes = self.world.own_coefficients(left, self.own)
+        return replace(candidate, own=sizes.reshape(-1, len(self.world.problem.noise.rows)))
 
     def covariance(self) -> FloatArray:
         """Return the coordinates' posterior covariance, (p, p)."""

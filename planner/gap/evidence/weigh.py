@@ -118,10 +118,9 @@ the others are members of the inverse gain."""
 def _gains_of(scatter: float) -> tuple[FloatArray, FloatArray]:
     """Return logarithms of the factor, and their log prior: half for any gain, half for units."""
     some = _GAINS[_DISTINCT * scatter <= _GAINS]
-    gains = np.concatenate([some, -some, UNIT_GAINS, -UNIT_GAINS])
-    of_units = np.arange(len(gains)) >= 2 * len(some)
-    prior = np.where(of_units, 0.5 / of_units.sum(), 0.5 / max(int((~of_units).sum()), 1))
-    return gains, np.log(prior)
+    counts = np.array([2 * len(some), 2 * len(UNIT_GAINS)])
+    prior = np.repeat(0.5 / np.maximum(counts, 1), counts)
+    return np.concatenate([some, -some, UNIT_GAINS, -UNIT_GAINS]), np.log(prior)
 
 
 _LEVELS = (0.7, 0.5, 0.35, 0.25)
@@ -140,7 +139,7 @@ def _best_subset(
     b: FloatArray, h: FloatArray, likeliest: FloatArray, gammas: FloatArray, shares: FloatArray,
     belief: FloatArray, best_belief: FloatArray, evidence: FloatArray,
 ) -> int:  # fmt: skip
-    """Fill the log evidence of each logarithm of gain; return the best one, its beliefs filled.
+    """Fill the log evidence of each gain and share; return the best gain, its beliefs filled.
 
     With members z, each of them one with probability `share`, the log likelihood over that of none
     is g z'b - g^2 z'Hz / 2. Its sum over all z is bounded from below by independent beliefs q in
@@ -158,16 +157,15 @@ def _best_subset(
         Shares of members, equally probable.
     belief, best_belief : (n,)
         Workspace, and the beliefs at the best gain.
-    evidence : (gammas,)
+    evidence : (gammas, m)
     """
-    n, m = len(b), len(shares)
-    bounds = np.empty(m)
+    n = len(b)
     best, best_value = 0, -np.inf
     pull = np.empty(n)
     for k in range(len(gammas)):
         gamma = gammas[k]
         square = gamma * gamma
-        for s in range(m):
+        for s in range(len(shares)):
             odds = np.log(shares[s] / (1.0 - shares[s]))
             pull[:] = 0.0
             for i in range(n):
@@ -197,13 +195,11 @@ def _best_subset(
                     value += q * (np.log(shares[s]) - np.log(q))
                 if q < 1.0:
                     value += (1.0 - q) * (np.log(1.0 - shares[s]) - np.log(1.0 - q))
-            bounds[s] = value
+            evidence[k, s] = value
             if value > best_value and np.sum(belief > 0.5) > 0:
                 best, best_value = k, value
                 for i in range(n):
                     best_belief[i] = belief[i]
-        most = np.max(bounds)
-        evidence[k] = most + np.log(np.sum(np.exp(bounds - most)) / m)
     return best
 
 
@@ -222,10 +218,10 @@ def _weigh_subset(products: FloatArray, beside: Candidate, scatter: float) -> Ca
     b, h = np.ascontiguousarray(products[1:, 0]), np.ascontiguousarray(products[1:, 1:])
     gammas, prior = _gains_of(scatter)
     belief, best = np.zeros(n), np.zeros(n)
-    evidence = np.empty(len(gammas))
+    evidence = np.empty((len(gammas), len(_SHARES)))
     likeliest = np.asarray(np.linalg.lstsq(h, b, rcond=1e-9)[0], dtype=np.float64)
     at = int(_best_subset(b, h, likeliest, gammas, _SHARES, belief, best, evidence))
-    total = float(logsumexp(evidence + prior))
+    total = float(logsumexp(evidence + prior[:, None]) - np.log(len(_SHARES)))
     gamma, members = float(gammas[at]), (best > 0.5).astype(np.float64)
     if members.any() and abs(gamma) <= _GAINS[-1]:  # no unit's: the grid's nearest, now itself
         gamma = float(members @ b / (members @ h @ members))
@@ -704,11 +700,7 @@ def _settled_beside_some(result: Weighed, worlds: Sequence[World]) -> list[Settl
         left = found[0]
     # What the gain does is left for it to make up again, whichever specimens have it.
     return [
-        replace(
-            one,
-            candidate=replace(one.candidate, members=None, log_gain=0.0),
-            target=one.target + gain,
-        )
+        replace(one, candidate=joined(one.candidate.parts), target=one.target + gain)
         for one in found
     ]
 
