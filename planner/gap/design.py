@@ -133,11 +133,6 @@ _USUAL_SIZE: Mapping[str, float] = {"width_mm": 6.0, "thickness_mm": 3.0, "gauge
 """Of the usual specimen's gauge section. Convention: some 6 by 25 mm, as ASTM D412's die C."""
 
 
-def _strain_of(palette: Palette) -> float:
-    """Return how far coupons are pulled, whichever elastic materials are chosen."""
-    return virtual_strain(palette, [m.id for m in _elastic(palette)[0]])
-
-
 def candidates_of(
     palette: Palette, effects: Sequence[str], size: Mapping[str, float] = _USUAL_SIZE
 ) -> tuple[Specimen, ...]:
@@ -171,7 +166,7 @@ def candidates_of(
         changes += [{"profile": bar} for bar in bars]
         if "rate" in wanted:
             changes.append({"profile": bars[0], "protocol": "relaxation"})
-    strain = _strain_of(palette)
+    strain = virtual_strain(palette, [m.id for m in grades])  # whichever are chosen
     return tuple(
         _specimen(palette, reference, change, id=f"C{number:03d}", strain=strain, camera=True)
         for number, change in enumerate(changes)
@@ -222,8 +217,7 @@ class Expected:
 def _usual_weights(problem: Problem, form: SignedForm) -> FloatArray:
     """Return the weights of all nodes that stand for a form at the middle of its prior, (k,)."""
     size, weights = form.form.size, np.zeros(problem.nodes.shape[1])
-    place = float(np.sqrt(size.usual / size.high)), *[0.0] * form.shapes
-    weights[form.own] = node_weights(place)
+    weights[form.own] = node_weights((np.sqrt(size.usual / size.high), *[0.0] * form.shapes))
     return weights
 
 
@@ -362,8 +356,8 @@ def _testable(problem: Problem, told: Information, effects: Sequence[Effect]) ->
     counts[0] = 1
 
     def lacking(chosen: IntArray) -> int:
-        some = tuple(campaign.specimens[k] for k in np.flatnonzero(chosen))
-        trial = replace(campaign, specimens=some)
+        some = (campaign.specimens[k] for k in np.flatnonzero(chosen))
+        trial = replace(campaign, specimens=tuple(some))
         return sum(untestable(e, trial) is not None for e in effects)
 
     while (missing := lacking(counts)) and (choices := _one_more(counts, 1)):
@@ -574,7 +568,7 @@ def _campaign(plan: Campaign, counts: IntArray, asked: Sequence[str]) -> Campaig
         for number, place in enumerate(np.flatnonzero(counts).tolist(), start=1)
         for copy in range(int(counts[place]) * _BATCHES)
     )
-    strain = _strain_of(plan.palette)
+    strain = virtual_strain(plan.palette, [m.id for m in _elastic(plan.palette)[0]])
     bars = any(s.profile is not None for s in specimens)
     held = any(s.protocol == "relaxation" for s in specimens)
     notes = (  # what the list of specimens does not say
@@ -791,11 +785,11 @@ def _known_laws(
     Materials that it tested are known much better than the palette says, and each hypothesis has
     its own idea of them: covariance (q, q), and sizes under each hypothesis (K, q), in deviations.
     """
-    own = enumerate(weighed.plain.problem.ways)
-    by_name = {(way.material, way.kind): k for k, way in own if way.material}
-    keys = {k: (way.material, way.kind) for k, way in enumerate(ways)}
-    at = [k for k, key in keys.items() if key in by_name]
-    taken = [by_name[keys[k]] for k in at]
+    own, new = (
+        {(way.material, way.kind): k for k, way in enumerate(of) if way.material}
+        for of in (weighed.plain.problem.ways, ways)
+    )
+    at, taken = [new[key] for key in new if key in own], [own[key] for key in new if key in own]
     known = np.eye(len(ways))
     sizes = np.zeros((len(candidates), len(ways)))
     for row, candidate in zip(sizes, candidates, strict=True):
@@ -813,8 +807,7 @@ def _information(
     It follows from pairs of hypotheses alone, between the bounds of Kolchinsky and Tracey (Entropy
     19, 361, 2017): to a tenth for two, and exactly where all are alike or all are far apart.
     """
-    factor = np.linalg.cholesky(covariance)
-    white = scipy.linalg.solve_triangular(factor, mean.T, lower=True).T
+    white = scipy.linalg.solve_triangular(np.linalg.cholesky(covariance), mean.T, lower=True).T
     squares = np.sum((white[:, None] - white[None]) ** 2, axis=2)
     # The bounds have a half and an eighth in place of a quarter.
     gain = -float(share @ np.log(np.exp(-0.25 * squares) @ share))

@@ -58,8 +58,7 @@ def axis_patterns(
     for name in (*TOLERANCES, "orientation", "batch", *campaign.covariates):
         if (patterns := specimen_patterns(cells[name])) is not None:
             rows = patterns[table.specimen]
-            changing = _LESS * 2.0 * h * travel
-            found[name] = [rows * h[:, None], rows * changing[:, None]]
+            found[name] = [rows * h[:, None], rows * (_LESS * 2.0 * h * travel)[:, None]]
     strain = np.minimum(table.strain, 1.0)
     bumps = [np.exp(-strain / _SMALL), np.exp(-strain / _MIDDLING), strain / _LARGE]
     found["strain"] = [(h * bump)[:, None] for bump in bumps]
@@ -272,8 +271,8 @@ class _Axis:
     detail: str
 
 
-_Part = tuple[BoolArray, str, int]
-"""Rows, what to call them, and of how many specimens they are; 0 not to tell."""
+_Part = tuple[BoolArray, str]
+"""Rows, and what to call them."""
 
 
 _CLAIM = 3.0
@@ -358,21 +357,16 @@ class _Case:
         alike
             What to say where they hardly differ.
         """
-        means = [(self.mean(rows), name, n) for rows, name, n in parts]
-        found = [(mean, name, n) for mean, name, n in means if mean is not None]
+        found = [(mean, name) for of, name in parts if (mean := self.mean(of)) is not None]
         if not found:
             return "no force to tell it by"
-        logs = [mean for mean, *_ in found]
+        logs = [mean for mean, _ in found]
         if alike is not None and max(logs) - min(logs) < _ALIKE:
             return f"force {_off(float(np.mean(logs)))} {alike}"
         # The one farthest from prediction first, then the one farthest from it.
         first = max(found, key=lambda f: abs(f[0]))
         second = max(found, key=lambda f: abs(f[0] - first[0]))
-        found = [first, second][: len(found)]
-        told = [
-            f"{_off(mean)} {name}" + (f" ({counted(n, 'specimen')})" if n else "")
-            for mean, name, n in found
-        ]
+        told = [f"{_off(mean)} {name}" for mean, name in (first, second)[: len(found)]]
         return "force " + ", ".join([told[0], *(t.replace(" prediction", "", 1) for t in told[1:])])
 
     def basis(self, columns: FloatArray) -> FloatArray:
@@ -460,7 +454,7 @@ def _column_parts(case: _Case, name: str, cells: Sequence[float | str | None]) -
     for label, members in _groups(name, cells):
         rows = ~case.table.is_field & members[case.table.specimen]
         words = phrases[name].format(label) if name in phrases else f"where {name} is {label}"
-        yield rows, words, int(members.sum())
+        yield rows, f"{words} ({counted(int(members.sum()), 'specimen')})"
 
 
 def _groups(name: str, cells: Sequence[float | str | None]) -> Iterator[tuple[str, BoolArray]]:
@@ -489,7 +483,7 @@ def _strain_parts(table: FeatureTable) -> Iterator[_Part]:
     for k, (low, high) in enumerate(itertools.pairwise(edges)):
         rows = force & (strain >= low) & ((strain < high) if k < 3 else (strain <= high))
         name = {0: f"at strains up to {high:.2g}", 3: f"at strains of {low:.2g} and more"}
-        yield rows, name.get(k, f"at strains from {low:.2g} to {high:.2g}"), 0
+        yield rows, name.get(k, f"at strains from {low:.2g} to {high:.2g}")
 
 
 def _branch_parts(table: FeatureTable) -> Iterator[_Part]:
@@ -497,15 +491,15 @@ def _branch_parts(table: FeatureTable) -> Iterator[_Part]:
     names = ("in the first loading", "in unloading", "in reloading", "in the hold")
     cyclic = np.isin(table.specimen, table.specimen[table.branch != 0])
     for branch, name in enumerate(names):  # as `BRANCHES` has them
-        yield (table.branch == branch) & cyclic, name, 0
+        yield (table.branch == branch) & cyclic, name
 
 
 def _hold_parts(table: FeatureTable) -> Iterator[_Part]:
     """Early and late in the hold."""
     hold = table.branch == BRANCHES.index("hold")
     early, late = np.quantile(table.time_s[hold], (0.25, 0.75)).tolist()
-    yield hold & (table.time_s <= early), f"within {early:.2g} s of the hold", 0
-    yield hold & (table.time_s >= late), f"after {late:.2g} s of the hold", 0
+    yield hold & (table.time_s <= early), f"within {early:.2g} s of the hold"
+    yield hold & (table.time_s >= late), f"after {late:.2g} s of the hold"
 
 
 def _position_sentence(case: _Case, y: FloatArray) -> str:

@@ -189,8 +189,16 @@ class NoisyFeatures:
         bars = _groups(table, table.is_field)
         freedom = sum(len(g) - 1 for g in groups)
         free = [name for name in _PRIOR_SD if (bars if name.startswith("field") else groups)]
-        contrasts = [self._contrasts(rows, batches, residual) for rows in groups]
-        along = [scipy.linalg.helmert(len(rows)) @ residual[np.stack(rows)] for rows in bars]
+        # Orthonormal differences of replicates, and how much each has of every batch.
+        contrasts, along = (
+            [scipy.linalg.helmert(len(rows)) @ residual[np.stack(rows)] for rows in of]
+            for of in (groups, bars)
+        )
+        members = (self.batch_of[:, None] == batches) & (batches >= 0)
+        of_batch = [
+            scipy.linalg.helmert(len(rows)) @ members[table.specimen[[r[0] for r in rows]]]
+            for rows in groups
+        ]
 
         def cost(logs: FloatArray) -> float:
             scatter = _scatter(dict(zip(free, logs.tolist(), strict=True)))
@@ -198,7 +206,7 @@ class NoisyFeatures:
                 (log / _PRIOR_SD[name]) ** 2 for name, log in zip(free, logs, strict=True)
             )
             inner, cross = np.eye(len(batches)), np.zeros(len(batches))
-            for (first, *_), (values, shares) in zip(groups, contrasts, strict=True):
+            for (first, *_), values, shares in zip(groups, contrasts, of_batch, strict=True):
                 columns = np.stack([scatter.batch * self.sensitivity[first], *values], axis=1)
                 half_log, white = _whitened(self._force_block(scatter, first), columns)
                 total += len(values) * half_log + 0.5 * float(np.sum(white[:, 1:] ** 2))
@@ -224,15 +232,6 @@ class NoisyFeatures:
         log_sd = 1.0 / math.sqrt(1.0 / USUAL.log_sd**2 + 2.0 * freedom)
         found = _scatter(dict(zip(free, best.x.tolist(), strict=True)))
         return replace(found, log_sd=log_sd, degrees_of_freedom=freedom)
-
-    def _contrasts(
-        self, rows: list[IntArray], batches: IntArray, residual: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return orthonormal differences of replicates, and how much each has of every batch."""
-        helmert = scipy.linalg.helmert(len(rows))
-        batch = self.batch_of[[self.table.specimen[r[0]] for r in rows]]
-        members = (batch[:, None] == batches) & (batch[:, None] >= 0)
-        return helmert @ residual[np.stack(rows)], helmert @ members.astype(np.float64)
 
 
 def _field_block(
@@ -335,8 +334,7 @@ def calibration_columns(ways: tuple[Calibration, ...], changes: FloatArray) -> F
     changes : (q, N)
         Of the features, with ``way.applied(setup)``.
     """
-    sizes = np.array([way.sd / _STEP for way in ways])
-    return np.ascontiguousarray((changes * sizes[:, None]).T)
+    return np.ascontiguousarray((changes * [[way.sd / _STEP] for way in ways]).T)
 
 
 # ------------------------------------------------------------------------------------------------

@@ -423,10 +423,8 @@ def _resting(time: FloatArray, travel: FloatArray, least_mm: float) -> BoolArray
     window = _REST_LENGTH * least_mm / max(speed_mm_s(time, travel), 1e-300)
     still = time + window <= time[-1]
     for share in _LOOKS:
-        ahead = np.interp(time + share * window, time, travel)
-        still &= np.abs(ahead - travel) < least_mm
-    until = np.maximum.accumulate(np.where(still, time + window, -np.inf))
-    resting = np.asarray(until >= time)
+        still &= np.abs(np.interp(time + share * window, time, travel) - travel) < least_mm
+    resting = np.maximum.accumulate(np.where(still, time + window, -np.inf)) >= time
     # The last rows have not enough ahead of them: they rest on, or they move.
     judged = int(np.searchsorted(time, time[-1] - window, side="right")) - 1
     if judged >= 0 and still[judged]:
@@ -658,7 +656,7 @@ def _counts(segments: Sequence[Segment], least: Sequence[int]) -> list[int]:
         floor -= 1
     while counts.sum() < PATH_STEPS - 1:
         counts[int(np.argmax(travel / counts))] += 1
-    return [int(n) for n in counts]
+    return list(counts.tolist())
 
 
 def _filled(places: Sequence[float], count: int) -> FloatArray:

@@ -30,7 +30,7 @@ def test_schwarz_weighs_fit_against_parameters() -> None:
 
 def test_the_grid_finds_the_place_that_made_the_data() -> None:
     branch = next(b for b in signed_forms([EFFECTS["rate"]]) if b.form.name == "prony")
-    nodes = np.random.default_rng(1).normal(size=(branch.nodes, 300))
+    nodes = np.random.default_rng(1).normal(size=(len(branch.node_places()), 300))
     # A place of the grid itself: what is left is rounding
     place = [branch.least + 0.5 * (1.0 - branch.least), 0.25, -0.5]
     made = node_weights(place) @ nodes

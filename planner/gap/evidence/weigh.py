@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import combinations, permutations, product
+from math import comb
 
 import numpy as np
 from scipy.special import chdtri, expit, logsumexp, stdtrit
@@ -14,7 +15,6 @@ from planner.gap.evidence.problem import (
     EVERY_AXIS,
     Candidate,
     Problem,
-    SignedForm,
     joined,
     node_weights,
     own_axes,
@@ -396,7 +396,7 @@ def weigh(problem: Problem, priors: Priors) -> Weighed:
         evidence = result.relative(none.candidate, world)
         # What the palette's own fit leaves of its tests is no gap.
         exact = world.discrepancy <= _law_errors(problem)[0]
-        axis, log_prior = ("", logs.none) if exact else (EVERY_TEST, logs.any)
+        axis, log_prior = ("", logs.of(())) if exact else (EVERY_TEST, logs.any)
         result.add((), axis, log_prior, evidence)
     beside_gain = (*worlds, *_less_scattered(result.plain)) if logs.some else ()
     _add_subset(none, beside_gain, result)
@@ -472,10 +472,9 @@ def _of_some(world: World, logs: "_LogPriors", one: Settled) -> Candidate:
     """
     problem = world.problem
     e = one.eliminated(world, problem.gains)
-    beside = one.weighed(world, e)
     scatter = problem.scatter.specimen * world.scale * world.level
-    found = _weigh_subset(e.products, beside, scatter)
-    log_prior = logs.forms(beside) + float(np.log(_OF_SOME))
+    found = _weigh_subset(e.products, one.weighed(world, e), scatter)
+    log_prior = logs.forms(found) + float(np.log(_OF_SOME))
     return replace(found, log_evidence=found.log_evidence + log_prior)
 
 
@@ -520,14 +519,12 @@ class _LogPriors:
     def __init__(self, problem: Problem, priors: Priors) -> None:
         self.priors = priors
         effects = {b.effect.id: b.effect for b in problem.branches}
-        n = max(len(effects), 1)
         self.some = any(e.some for e in effects.values())
-        self.none = float(np.log(priors.none))
-        self.single = float(np.log(priors.single * (1.0 - priors.beside) / n))
-        self.pair = float(np.log(priors.pair * (1.0 - priors.beside) / max(n * (n - 1) / 2, 1)))
         # A third effect is beside two as rare as a second is beside one.
-        triple = priors.pair**2 / priors.single * (1.0 - priors.beside)
-        self.triple = float(np.log(triple / max(n * (n - 1) * (n - 2) / 6, 1)))
+        named = np.array([priors.single, priors.pair, priors.pair**2 / priors.single])
+        named *= 1.0 - priors.beside
+        named /= [max(comb(len(effects), k), 1) for k in (1, 2, 3)]
+        self.by_count = np.log([priors.none, *named]).tolist()
         self.unknown = _of_axes(problem, priors.axes * priors.unknown, priors.claimed)
         self.any = float(np.log((1.0 - priors.axes) * priors.unknown))
         self.beside = _of_axes(problem, priors.beside / (1.0 - priors.beside), priors.claimed)
@@ -536,7 +533,7 @@ class _LogPriors:
 
     def of(self, effects: Effects) -> float:
         """Return the log prior of effects without an unknown."""
-        return (self.none, self.single, self.pair, self.triple)[len(effects)]
+        return float(self.by_count[len(effects)])
 
     def forms(self, candidate: Candidate) -> float:
         """Return the log prior of a candidate's forms among those of its effects."""
@@ -856,8 +853,8 @@ def _fits_of_same_pattern(
     Of pairs of single effects, of all specimens, whose whitened patterns, nuisances projected out,
     have a larger cosine than this.
     """
-    best = {e: weighed.best[e] for e in among if len(e) == 1 and e in weighed.best}
-    best = {e: candidate for e, candidate in best.items() if candidate.members is None}
+    known = {e: weighed.best[e] for e in among if len(e) == 1 and e in weighed.best}
+    best = {e: candidate for e, candidate in known.items() if candidate.members is None}
     if len(best) < 2:
         return {}
     changes = np.stack([problem.explained(candidate) for candidate in best.values()], axis=1)
@@ -1219,8 +1216,12 @@ def detectable_sizes(problem: Problem, nodes: FloatArray, priors: Priors) -> Ite
     first = {b.effect.id: b.effect.forms[0] for b in problem.branches}
     needed = needed_nats(priors, max(len(first), 1))
     for id, form in first.items():
-        signed = [(nodes[b.own, b.own], b) for b in problem.branches if b.form is form]
-        known = [s for own, b in signed if (s := _smallest(own, b, needed)) is not None]
+        known: list[float] = []
+        for b in (b for b in problem.branches if b.form is form):
+            sizes = np.geomspace(b.least, 1.0, _SIZES)
+            weights = node_weights([(s, *[0.0] * b.shapes) for s in sizes])
+            nats = 0.5 * np.sum((weights @ nodes[b.own, b.own]) * weights, axis=1)
+            known += sizes[nats >= needed][:1].tolist()
         size = form.size.high * min(known) ** 2 if known else None
         yield Detectable(id, form.size.name, size, form.size.unit)
 
@@ -1232,10 +1233,3 @@ def needed_nats(priors: Priors, effects: int) -> float:
     t, c = priors.temperature, priors.coarseness_nats
     gain = (odds - c + float(np.sqrt((c - odds) ** 2 + 4.0 * t * odds * c))) / (2.0 * t)
     return gain + _ALIKE_NATS
-
-
-def _smallest(nodes: FloatArray, branch: SignedForm, needed: float) -> float | None:
-    sizes = np.geomspace(branch.least, 1.0, _SIZES)
-    weights = node_weights([(s, *[0.0] * branch.shapes) for s in sizes])
-    enough = np.flatnonzero(0.5 * np.sum((weights @ nodes) * weights, axis=1) >= needed)
-    return float(sizes[enough[0]]) if len(enough) else None

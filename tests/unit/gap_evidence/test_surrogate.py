@@ -51,7 +51,7 @@ def named(problem: Problem, effect: str, form: str) -> list[SignedForm]:
 def test_weights_are_one_at_a_node_and_carry_polynomials(shapes: int) -> None:
     branch = next(b for b in BRANCHES if b.shapes == shapes)
     nodes = branch.node_places()
-    assert node_weights(nodes) == pytest.approx(np.eye(branch.nodes), abs=1e-12)
+    assert node_weights(nodes) == pytest.approx(np.eye(len(nodes)), abs=1e-12)
     # Third order in the size, being nought at 0; second order in each shape.
     values = [s**6 * np.prod([1.0 + x**2 for x in t]) for s, *t in nodes]
     at = [0.4, 0.3, -0.6][: 1 + shapes]
@@ -63,8 +63,7 @@ def test_branches_have_their_nodes_one_after_another() -> None:
     first = 0
     for number, branch in enumerate(BRANCHES):
         assert (branch.number, branch.first) == (number, first)
-        assert len(branch.node_places()) == branch.nodes
-        first += branch.nodes
+        assert branch.own == slice(first, first := first + len(branch.node_places()))
     for id in EFFECTS:
         assert sum(b.weight for b in BRANCHES if b.effect.id == id) == pytest.approx(1.0)
 
