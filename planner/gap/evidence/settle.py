@@ -83,7 +83,9 @@ class World:
         each = np.ones(len(problem.noise.rows)) if weight is None else weight
         rows = np.repeat(each, np.diff(problem.noise.first_row))
         self._root = np.sqrt(rows) / scale
-        self._along, self._widened = _along_levels(problem, level)
+        self._along, self._widened = np.zeros(len(rows)), np.zeros(len(each))
+        if level < 1.0:
+            self._along, self._widened = _along_levels(problem, level)
         self._sizes = np.where(problem.of_laws, laws, 1.0)
         blocks = [problem.nuisances * self._sizes if nuisances is None else nuisances]
         blocks += [discrepancy * problem.discrepancy] if discrepancy else []
