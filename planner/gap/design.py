@@ -578,8 +578,7 @@ def _campaign(plan: Campaign, counts: IntArray, asked: Sequence[str]) -> Campaig
         f"{f'relaxation holds for {HOLD_S:g} s; ' if held else ''}"
         "print each batch as one tray, and test in an order drawn by lot."
     )
-    name = f"to tell {', '.join(asked)} apart"
-    return replace(plan, name=name, specimens=specimens, notes=notes)
+    return replace(plan, name=f"to tell {', '.join(asked)} apart", specimens=specimens, notes=notes)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -810,5 +809,5 @@ def _information(
     white = scipy.linalg.solve_triangular(np.linalg.cholesky(covariance), mean.T, lower=True).T
     squares = np.sum((white[:, None] - white[None]) ** 2, axis=2)
     # The bounds have a half and an eighth in place of a quarter.
-    gain = -float(share @ np.log(np.exp(-0.25 * squares) @ share))
-    return max(gain, 0.0), np.sqrt(squares)
+    gain = -share @ np.log(np.exp(-0.25 * squares) @ share)
+    return max(float(gain), 0.0), np.sqrt(squares)

@@ -30,7 +30,6 @@ __all__ = [
     "discrepancy_columns",
     "likeliest_facet",
     "likeliest_sides",
-    "seen_otherwise",
     "unit_gains",
 ]
 
@@ -516,28 +515,3 @@ def _likelihoods(
         block = _field_block(table, sensitivity, USUAL, field[at]) + off[:, at].T @ off[:, at]
         half_log, white = _whitened(block, left[:, at].T)
         yield at, -half_log - 0.5 * np.sum(white**2, axis=0)
-
-
-def seen_otherwise(
-    table: FeatureTable, seen: FloatArray, sides: IntArray, facet: int
-) -> tuple[FloatArray, FloatArray]:
-    """Return how features change with a camera's facets and places, (N,) each.
-
-    By standard deviations: a step from one of the likely lengths to the next, or of `SIDES`, as
-    they are known no better. Finite differences, as strain at a boundary has no slope.
-
-    Parameters
-    ----------
-    seen : (L, sides, F)
-        Strains of bins, by `FieldWeights.weight`, as the palette alone predicts them.
-    sides, facet
-        What is predicted with: see `likeliest_sides` and `likeliest_facet`.
-    """
-    field = table.is_field
-    facets, aside = np.zeros((2, len(table)))
-    features, each = np.arcsinh(seen / (2.0 * table.floor[field])), np.arange(int(field.sum()))
-    at = facet, sides[facet], each
-    if len(seen) > 1:
-        facets[field] = np.gradient(features, axis=0)[at]
-    aside[field] = np.gradient(features, axis=1)[at]
-    return facets, aside

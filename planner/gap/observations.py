@@ -24,7 +24,6 @@ from planner.gap.segments import (
     ReplicateTest,
     SpecimenPath,
     forces_N,
-    mean_section_mm2,
     path_of,
     setup_of,
 )
@@ -544,7 +543,7 @@ def observation_model(campaign: Campaign) -> ObservationModel:
             break
         for number, end in ends.items():
             limits |= dict.fromkeys(tests[number].places, end)
-    measured = _measured(specimens, tests)
+    measured = forces_N(specimens, tests)
     sensor = np.array([_sensor_sd_N(specimen.force_N) for specimen in specimens])
     test_of, alike = np.full((2, len(specimens)), -1)
     for number, test in enumerate(tests):
@@ -612,21 +611,6 @@ def _frame_fractions(
                 middle = int(np.argmin(np.abs(travels - 0.5 * travels[-1])))
                 return tuple(sorted({float(travels[i]) / end for i in (middle, -1)}))
     return ()
-
-
-def _measured(specimens: Sequence[Specimen], tests: Sequence[ReplicateTest]) -> FloatArray:
-    """Return each specimen's force on its test's steps, (n, T)."""
-    forces = np.full((len(specimens), PATH_STEPS), np.nan)
-    for test in tests:
-        group = [specimens[place] for place in test.places]
-        at = np.linspace(0.0, group[0].gauge_mm, 65)
-        mean = mean_section_mm2(group, at)
-        for (place, path), specimen in zip(test.paths.items(), group, strict=True):
-            own = specimen.section_mm2(at)
-            # In series the compliances add up, so the ratio that counts is of 1 / area.
-            ratio = 1.0 if own is None else float(np.mean(1.0 / own) / np.mean(1.0 / mean))
-            forces[place] = ratio * forces_N(path, test)
-    return forces
 
 
 def _sensor_sd_N(force_N: FloatArray) -> float:

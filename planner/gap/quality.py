@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import chain
-from typing import NamedTuple
 
 import numpy as np
 from scipy.special import stdtr
@@ -55,8 +54,7 @@ def _each(kind: str, check: _Check, specimens: Sequence[Specimen]) -> list[Quali
 def _shared(kind: str, check: _Check, specimens: Sequence[Specimen]) -> list[QualityProblem]:
     """Find one problem of the whole campaign where all specimens, over two, have an equal one."""
     found = _each(kind, check, specimens)
-    equal = len({p.problem for p in found}) == 1
-    if len(specimens) > 2 and len(found) == len(specimens) and equal:
+    if 2 < len(specimens) == len(found) and len({p.problem for p in found}) == 1:
         return [replace(found[0], specimen=None)]
     return found
 
@@ -107,8 +105,7 @@ so many means of noise alone spread over 3.7 on average, and over 6 once in 300.
 def _dead_cell(s: Specimen) -> Iterator[str]:
     """Yield a force that stood still, but for noise, over the first loading."""
     # A crosshead slows down before a hold.
-    arrived = s.travel_mm >= (1.0 - TURN_SHARE) * float(np.max(s.travel_mm))
-    stop = int(np.argmax(arrived)) + 1
+    stop = int(np.argmax(s.travel_mm >= (1.0 - TURN_SHARE) * np.max(s.travel_mm))) + 1
     if stop < MINIMUM_POINTS:
         return
     force = np.array([part.mean() for part in np.array_split(s.force_N[:stop], min(_MEANS, stop))])
@@ -399,8 +396,16 @@ def _outlier_problems(
         if worst is None or worst[0] >= least:
             return
         _, place, shift, others = worst
-        yield from _outliers(specimens, place, shift, others)
-        gone = {place} if len(others) > 1 else {place, *others}
+        gone = (place,) if len(others) > 1 else (place, *others)
+        for one, other in zip(gone, reversed(gone), strict=True):
+            whose = f"its {len(others)} replicates"
+            if one != other:
+                whose = (
+                    f"its only replicate {specimens[other].id}, more than replicates elsewhere; "
+                    "which of the two is off cannot be told"
+                )
+            words = f"load is {100 * math.expm1(shift):+.0f} % off that of {whose}"
+            yield QualityProblem(specimens[one].id, "outlier", words)
         groups = [tuple(i for i in g if i not in gone) for g in groups]
 
 
@@ -439,47 +444,26 @@ def _judged(
             yield p, place, shift, tuple(m for m in members if m != place)
 
 
-def _outliers(
-    specimens: Sequence[Specimen], place: int, shift: float, others: Sequence[int]
-) -> Iterator[QualityProblem]:
-    size = f"load is {100 * math.expm1(shift):+.0f} % off"
-    told = {place: f"{size} that of its {len(others)} replicates"}
-    if len(others) == 1:
-        told = {
-            one: f"{size} that of its only replicate {specimens[other].id}, more than replicates "
-            "elsewhere; which of the two is off cannot be told"
-            for one, other in ((place, others[0]), (others[0], place))
-        }
-    for one, words in told.items():
-        yield QualityProblem(specimens[one].id, "outlier", words)
-
-
 # ------------------------------------------------------------------------------------------------
 # Forces and lengths off by the factor between two units, in all specimens or in some.
 
 
-class _Slip(NamedTuple):
-    factor: float
-    high: str
-    low: str
-
-
 _FORCES_N = QUANTITY_UNITS["force"]
 
-_SLIPS = (
-    _Slip(_FORCES_N["lbf"], "N taken for lbf", "lbf taken for N"),
-    _Slip(_FORCES_N["kgf"], "N taken for kgf", "kgf taken for N"),
-    _Slip(1 / _FORCES_N["gf"], "gf taken for N", "N taken for gf"),
-    _Slip(1 / QUANTITY_UNITS["stress"]["psi"], "psi taken for MPa", "MPa taken for psi"),
-    _Slip(_FORCES_N["kN"], "mN taken for N, or N for kN", "kN taken for N, or N for mN"),
-    _Slip(_INCH, "a size in inches taken for mm", "a size or travel in mm taken for inches"),
-    _Slip(_INCH**2, "width and thickness in inches taken for mm",
-          "width and thickness in mm taken for inches"),
-)  # fmt: skip
-"""Factors that mixing up two units leaves. Physical: by the units' definitions."""
-
-_FORCE_FACTORS = frozenset(slip.factor for slip in (*_SLIPS[:3], _SLIPS[4]))
-"""Of slips that another unit of force mends."""
+_FORCE_SLIPS = {
+    _FORCES_N["lbf"]: ("N taken for lbf", "lbf taken for N"),
+    _FORCES_N["kgf"]: ("N taken for kgf", "kgf taken for N"),
+    1 / _FORCES_N["gf"]: ("gf taken for N", "N taken for gf"),
+    _FORCES_N["kN"]: ("mN taken for N, or N for kN", "kN taken for N, or N for mN"),
+}
+_SLIPS = _FORCE_SLIPS | {
+    1 / QUANTITY_UNITS["stress"]["psi"]: ("psi taken for MPa", "MPa taken for psi"),
+    _INCH: ("a size in inches taken for mm", "a size or travel in mm taken for inches"),
+    _INCH**2: ("width and thickness in inches taken for mm",
+               "width and thickness in mm taken for inches"),
+}  # fmt: skip
+"""Factors that mixing up two units leaves, and what it is where loads are high and where they are
+low; those that another unit of force mends. Physical: by the units' definitions."""
 
 _AMONG_REPLICATES = 0.25
 """Log distance from a slip's factor. Physical: jetted specimens scatter by up to 9 %, so that two
@@ -542,8 +526,8 @@ def _among_replicates(
         cut = int(np.argmax(gaps)) + 1
         shift = float(np.median(values[cut:]) - np.median(values[:cut]))
         tight = max(np.ptp(values[:cut]), np.ptp(values[cut:])) < 0.5 * _SPLIT
-        if tight and (slip := _slip(shift, _AMONG_REPLICATES)) is not None:
-            by_factor[slip.factor].append((members[:cut], members[cut:], shift))
+        if tight and (factor := _slip(shift, _AMONG_REPLICATES)) is not None:
+            by_factor[factor].append((members[:cut], members[cut:], shift))
     reference = float(np.median(whole)) if len(whole) > 2 else 0.0
     off: dict[int, float] = {}
     for groups in by_factor.values():
@@ -620,8 +604,7 @@ def _whole(campaign: Campaign, loads: Mapping[int, float]) -> Iterator[QualityPr
         return
     values = np.array([loads[i] for i in near])
     shift = float(np.median(values))
-    spread = float(np.median(np.abs(values - shift))) * 1.4826
-    if spread > max(0.5 * _SPLIT, 0.25 * abs(shift)):
+    if float(np.median(np.abs(values - shift))) * 1.4826 > max(0.5 * _SPLIT, 0.25 * abs(shift)):
         return
     travel = [t for i in near if (t := _travel_slip(of[i], loads[i])) is not None]
     tolerance = _AGAINST_LAW if abs(shift) < _BEYOND_EFFECTS else 2.0 * _AGAINST_LAW
@@ -637,14 +620,14 @@ def _of_all(problem: QualityProblem) -> QualityProblem:
 
 
 def _problem(specimen: Specimen, shift: float, whose: str) -> QualityProblem:
-    slip = _slip(shift, math.inf)
-    assert slip is not None
-    ratio = math.exp(abs(shift))
-    way, words = ("above", slip.high) if shift > 0 else ("below", slip.low)
+    factor = _slip(shift, math.inf)
+    assert factor is not None
+    ratio, (high, low) = math.exp(abs(shift)), _SLIPS[factor]
+    way, words = ("above", high) if shift > 0 else ("below", low)
     unit = None
-    if slip.factor in _FORCE_FACTORS:
-        unit = _unit_of(specimen, "force", math.copysign(math.log(slip.factor), -shift))
-    told = f"loads are {ratio:.3g} times {way} {whose}, as if {words} (factor {slip.factor:.4g})"
+    if factor in _FORCE_SLIPS:
+        unit = _unit_of(specimen, "force", math.copysign(math.log(factor), -shift))
+    told = f"loads are {ratio:.3g} times {way} {whose}, as if {words} (factor {factor:.4g})"
     return QualityProblem(specimen.id, "units", told, unit)
 
 
@@ -657,9 +640,10 @@ def _unit_of(specimen: Specimen, quantity: str, log: float, reach: float = 0.0) 
     return None if unit is None else UnitOf(quantity, unit, (specimen.id,))
 
 
-def _slip(shift: float, tolerance: float) -> _Slip | None:
-    nearest = min(_SLIPS, key=lambda s: abs(abs(shift) - math.log(s.factor)))
-    return nearest if abs(abs(shift) - math.log(nearest.factor)) < tolerance else None
+def _slip(shift: float, tolerance: float) -> float | None:
+    off = {factor: abs(abs(shift) - math.log(factor)) for factor in _SLIPS}
+    nearest = min(off, key=off.__getitem__)
+    return nearest if off[nearest] < tolerance else None
 
 
 def _travel_slip(specimen: Specimen, load: float) -> QualityProblem | None:

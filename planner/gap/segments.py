@@ -34,7 +34,6 @@ __all__ = [
     "forces_N",
     "hold_share",
     "leap_at_end",
-    "mean_section_mm2",
     "path_of",
     "setup_of",
     "speed_mm_s",
@@ -695,7 +694,25 @@ def _step_times_s(path: SpecimenPath, test: ReplicateTest) -> FloatArray:
     return times
 
 
-def forces_N(path: SpecimenPath, test: ReplicateTest) -> FloatArray:
+def forces_N(specimens: Sequence[Specimen], tests: Sequence[ReplicateTest]) -> FloatArray:
+    """Return each specimen's force on its test's steps, (n, T), as of the test's section.
+
+    NaN for a specimen of none.
+    """
+    forces = np.full((len(specimens), PATH_STEPS), np.nan)
+    for test in tests:
+        group = [specimens[place] for place in test.places]
+        at = np.linspace(0.0, group[0].gauge_mm, 65)
+        mean = _mean_section_mm2(group, at)
+        for (place, path), specimen in zip(test.paths.items(), group, strict=True):
+            own = specimen.section_mm2(at)
+            # In series the compliances add up, so the ratio that counts is of 1 / area.
+            ratio = 1.0 if own is None else float(np.mean(1.0 / own) / np.mean(1.0 / mean))
+            forces[place] = ratio * _forces_of(path, test)
+    return forces
+
+
+def _forces_of(path: SpecimenPath, test: ReplicateTest) -> FloatArray:
     """Return a specimen's force at the travel, or the time of a rest, of each step, (T,).
 
     A parabola through the rows of the same segment within a quarter of a stride to either side, or
@@ -775,12 +792,13 @@ def setup_of(campaign: Campaign, tests: Sequence[ReplicateTest]) -> Setup:
     """Return the setup: as printed, by the palette's laws, in a rigid machine."""
     groups = [[campaign.specimens[place] for place in test.places] for test in tests]
     gauge = np.array([test.paths[test.places[0]].gauge_mm for test in tests])
-    slices, middles, area = [], [], []
-    for group, length in zip(groups, gauge.tolist(), strict=True):
-        edges, coordinate = _slices_of(campaign, group[0], length)
-        slices.append((np.diff(edges), coordinate))
-        middles.append(0.5 * (edges[1:] + edges[:-1]))
-        area.append(mean_section_mm2(group if group[0].part is None else (), middles[-1]))
+    each = zip(groups, gauge.tolist(), strict=True)
+    slices = [_slices_of(campaign, group[0], length) for group, length in each]
+    middles = [0.5 * (edges[1:] + edges[:-1]) for edges, _ in slices]
+    area = [
+        _mean_section_mm2(group if group[0].part is None else (), at)
+        for group, at in zip(groups, middles, strict=True)
+    ]
     own, covariates = stated(campaign.palette.reference), dict[str, Any]()
     for name, column in SPECIMEN_COLUMNS.items():
         if column.usual is not None:
@@ -804,7 +822,7 @@ def setup_of(campaign: Campaign, tests: Sequence[ReplicateTest]) -> Setup:
         designs=tuple(group[0].profile for group in groups),
         parts=tuple(part.response if (part := group[0].part) else None for group in groups),
         x_mm=np.concatenate(middles),
-        length_mm=np.concatenate([lengths for lengths, _ in slices]),
+        length_mm=np.concatenate([np.diff(edges) for edges, _ in slices]),
         coordinate=np.concatenate([coordinate for _, coordinate in slices]),
         area_mm2=np.concatenate(area),
         **covariates,
@@ -834,7 +852,7 @@ def _reloads(test: ReplicateTest) -> FloatArray:
     return found
 
 
-def mean_section_mm2(group: Sequence[Specimen], x_mm: FloatArray) -> FloatArray:
+def _mean_section_mm2(group: Sequence[Specimen], x_mm: FloatArray) -> FloatArray:
     """Return the mean section of specimens along the gauge; 1 mm² where it is unknown."""
     found = [area for s in group if (area := s.section_mm2(x_mm)) is not None]
     return np.mean(found, axis=0) if found else np.ones_like(x_mm)

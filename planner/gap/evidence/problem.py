@@ -26,7 +26,6 @@ from planner.gap.noise import (
     discrepancy_columns,
     likeliest_facet,
     likeliest_sides,
-    seen_otherwise,
     unit_gains,
 )
 from planner.gap.observations import FeatureTable, ObservationModel
@@ -315,10 +314,35 @@ def _model_discrepancy(table: FeatureTable, unpredicted: FloatArray) -> FloatArr
     return np.concatenate(columns, axis=1)
 
 
+def _seen_otherwise(
+    table: FeatureTable, seen: FloatArray, sides: IntArray, facet: int
+) -> tuple[FloatArray, FloatArray]:
+    """Return how features change with a camera's facets and places, (N,) each.
+
+    By standard deviations: a step from one of the likely lengths to the next, or of `SIDES`, as
+    they are known no better. Finite differences, as strain at a boundary has no slope.
+
+    Parameters
+    ----------
+    seen : (L, sides, F)
+        Strains of bins, by `FieldWeights.weight`, as the palette alone predicts them.
+    sides, facet
+        What is predicted with: see `likeliest_sides` and `likeliest_facet`.
+    """
+    field = table.is_field
+    facets, aside = np.zeros((2, len(table)))
+    features, each = np.arcsinh(seen / (2.0 * table.floor[field])), np.arange(int(field.sum()))
+    at = facet, sides[facet], each
+    if len(seen) > 1:
+        facets[field] = np.gradient(features, axis=0)[at]
+    aside[field] = np.gradient(features, axis=1)[at]
+    return facets, aside
+
+
 def _field_columns(
     table: FeatureTable, facets: FloatArray, aside: FloatArray, sensitivity: FloatArray
 ) -> FloatArray:
-    """Return what facets and laws do to local strains, (N, q); see `seen_otherwise`.
+    """Return what facets and laws do to local strains, (N, q); see `_seen_otherwise`.
 
     Laws are off by `FIT_SD` of them at each place.
     """
@@ -589,7 +613,7 @@ def set_up(
     # By replicates' mean: each one's own would weigh those that came out low more than the others.
     typical = table.test_means(np.abs(table.measured_raw))
     sensitivity = table.sensitivity(np.maximum(typical, np.abs(unpredicted)))
-    facets, aside = seen_otherwise(table, seen, sides, facet)
+    facets, aside = _seen_otherwise(table, seen, sides, facet)
     of_units = unit_gains(table)
     stray = np.array([s.id in strays for s in campaign.specimens])
     apart = _levels_apart(campaign, model, ~stray)

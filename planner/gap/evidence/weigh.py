@@ -745,8 +745,7 @@ def _add_axes(one: Settled, world: World, result: Weighed) -> None:
     for number, axis in enumerate(problem.unknown):
         own = slice(stop, stop := stop + axis.columns.shape[1])
         for amplitude in _AMPLITUDES:
-            evidence = e.with_random(own, amplitude) + none
-            _add_axis(one.candidate.effects, number, evidence, result)
+            _add_axis(one.candidate.effects, number, e.with_random(own, amplitude) + none, result)
 
 
 def _add_axis(effects: Effects, number: int, evidence: float, result: Weighed) -> None:
