@@ -257,8 +257,8 @@ def _expected_of(
             (k,) = rival.effects
             if k in rivals:
                 rivals[k] = max(rivals[k], min(2.0 * rival.gain, length2))
-        for explained in rivals.values():
-            named = min(named, float(ndtr(0.5 * np.sqrt(length2 - explained))))
+        nearest = max(rivals.values(), default=-np.inf)
+        named = min(named, float(ndtr(0.5 * np.sqrt(length2 - nearest))))
         alike = tuple(k for k, explained in rivals.items() if explained > ALIKE_COSINE**2 * length2)
         yield Expected(
             id=id,
@@ -659,7 +659,11 @@ def trials_of(campaign: Campaign, setup: Setup) -> tuple[Trial, ...]:
             palette, reference, fields, id=f"trial-{number:02d}", strain=strain, steps=100,
             pushed=pushed,
         )  # fmt: skip
-        trials.append(Trial(change, specimen, _hours(specimen, known["age_days"])))
+        # A test's specimens wait together.
+        waiting = 24.0 * max((specimen.age_days or 0.0) - known["age_days"], 0.0)
+        waiting += specimen.soak_h or 0.0
+        hours = _BATCHES * (_PREPARATION_H + float(specimen.time_s[-1]) / 3600.0)
+        trials.append(Trial(change, specimen, hours + _WAITING_SHARE * waiting))
     return tuple(trials)
 
 
@@ -684,13 +688,6 @@ def _usual_coupon(campaign: Campaign, own: Reference) -> dict[str, Any]:
         "protocol": "monotonic",
         "time_recorded": usual.time_recorded,
     }
-
-
-def _hours(specimen: Specimen, least_days: float) -> float:
-    """Return the hours of a test's specimens; they wait together."""
-    test_h = float(specimen.time_s[-1]) / 3600.0
-    waiting = (specimen.soak_h or 0.0) + 24.0 * max((specimen.age_days or 0.0) - least_days, 0.0)
-    return _BATCHES * (_PREPARATION_H + test_h) + _WAITING_SHARE * waiting
 
 
 # ------------------------------------------------------------------------------------------------

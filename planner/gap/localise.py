@@ -69,10 +69,10 @@ def axis_patterns(
     ]
     found["time"] = [_along_hold(table, h)]
     names = [s.material for s in campaign.specimens]
-    materials = _indicators(names, [n for n in dict.fromkeys(names) if n is not None])
-    if materials.shape[1] > 1:
-        of_each = materials[table.specimen].T
-        found["material"] = [level_and_slope * of_it[:, None] for of_it in of_each]
+    materials = [name for name in dict.fromkeys(names) if name is not None]
+    if len(materials) > 1:
+        of_each = np.array([[name == one for name in names] for one in materials])
+        found["material"] = [level_and_slope * is_of[table.specimen, None] for is_of in of_each]
     found["position"] = [_along_bars(campaign, table, sensitivity)]
     axes = {name: np.concatenate(parts, axis=1) for name, parts in found.items()}
     axes = {name: columns[:, np.any(columns != 0.0, axis=0)] for name, columns in axes.items()}
@@ -86,11 +86,6 @@ def _axis_cells(campaign: Campaign) -> Mapping[str, tuple[float | str | None, ..
         pairs = zip(cells[name], cells[f"measured_{name}"], strict=True)
         cells[name] = tuple(m if size is None else size for size, m in pairs)
     return cells
-
-
-def _indicators(cells: Sequence[object], values: Sequence[object]) -> FloatArray:
-    """Return 1 where a cell is a value and 0 elsewhere, (cells, values)."""
-    return np.array([[float(cell == value) for value in values] for cell in cells])
 
 
 def specimen_patterns(cells: Sequence[str | float | None]) -> FloatArray | None:
@@ -107,7 +102,7 @@ def specimen_patterns(cells: Sequence[str | float | None]) -> FloatArray | None:
         bend, leap = 1.5 * t * t - 0.5, np.sign(t) * (np.abs(t) > _LEAP)
         patterns = np.stack([t, _LESS * bend, _LESS * leap], axis=1)
     elif len(distinct) <= max(2, len(values) // 2):
-        patterns = _indicators(cells, distinct)
+        patterns = np.array([[float(cell == value) for value in distinct] for cell in cells])
     else:
         return None
     return np.asarray((patterns - patterns[known].mean(axis=0)) * known[:, None])

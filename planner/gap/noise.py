@@ -123,7 +123,7 @@ class NoisyFeatures:
     sensor_sd_N : (n,)
         Of each specimen's force.
     batch_of : (n,)
-        Number of each specimen's batch, -1 where unknown.
+        A number of each specimen's batch, -1 where unknown.
     """
 
     table: FeatureTable

@@ -395,8 +395,11 @@ def _spans(time: FloatArray, travel: FloatArray) -> list[tuple[str, int, int]]:
     spans: list[tuple[str, int, int]] = []
     for first, stop in zip([0, *edges], [*edges, len(time)], strict=True):
         if resting[first]:
-            a, b = _held_rows(travel, int(first), int(stop) - 1, held_mm)
-            spans.append(("rest", a, b))
+            # What still moves towards it, or begins to leave it, is no part of a rest.
+            away = np.abs(travel[first:stop] - np.median(travel[first:stop]))
+            # The median of an even number may lie between two rows, far from both.
+            inside = np.flatnonzero(away <= max(held_mm, float(away.min())))
+            spans.append(("rest", int(first + inside[0]), int(first + inside[-1])))
         else:
             first, stop = max(int(first) - 1, 0), min(int(stop) + 1, len(time))
             corners = _turns(travel[first:stop], turn) + first
@@ -434,15 +437,6 @@ def _resting(time: FloatArray, travel: FloatArray, least_mm: float) -> BoolArray
         if way[i - 1] * way[i + 1] < 0.0 and step[i] < 1.5 * max(step[i - 1], step[i + 1]):
             resting[i : i + 2] = False
     return resting
-
-
-def _held_rows(travel: FloatArray, first: int, last: int, near_mm: float) -> tuple[int, int]:
-    """Take off a rest what still moves towards it, or begins to leave it."""
-    rows = travel[first : last + 1]
-    away = np.abs(rows - np.median(rows))
-    # The median of an even number may lie between two rows, far from both.
-    inside = np.flatnonzero(away <= max(near_mm, float(away.min())))
-    return first + int(inside[0]), first + int(inside[-1])
 
 
 def _unbroken(
@@ -556,7 +550,7 @@ class ReplicateTest:
         The mean of the specimens' own, rows of the first one's record.
     segment, fraction : (T,)
         Where each step is: its segment, and how much of it is behind it. Of a rest the fraction is
-        that of the logarithm of time, see `_hold_scale_s`.
+        that of the logarithm of time, see `_HOLD_DECADES`.
     time_s : (T,)
         Mean of the times at which specimens came by each step, rising.
     """
@@ -614,11 +608,6 @@ def _moments_s(path: SpecimenPath, segment: Segment, travel_mm: FloatArray) -> F
     places = np.concatenate([[low], np.clip(even, low, high), [high]])
     times = np.concatenate([[segment.begin_s], path.time_s[inside], [segment.end_s]])
     return np.asarray(np.interp(sign * travel_mm, places, times))
-
-
-def _hold_scale_s(segment: Segment) -> float:
-    """Return the time from which on a rest is looked at evenly in the logarithm of time."""
-    return (segment.end_s - segment.begin_s) / _HOLD_DECADES
 
 
 def _feature_places(segments: Sequence[Segment]) -> list[tuple[float, ...]]:
@@ -689,8 +678,9 @@ def _step_times_s(path: SpecimenPath, test: ReplicateTest) -> FloatArray:
             end = min(own.end_mm, mean.end_mm) if len(test.segments) == 1 else own.end_mm
             times[here] = _moments_s(path, own, own.begin_mm + fraction * (end - own.begin_mm))
         else:
-            scale, length = _hold_scale_s(mean), own.end_s - own.begin_s
-            times[here] = own.begin_s + scale * np.expm1(fraction * np.log1p(length / scale))
+            scale = (mean.end_s - mean.begin_s) / _HOLD_DECADES
+            length = np.log1p((own.end_s - own.begin_s) / scale)
+            times[here] = own.begin_s + scale * np.expm1(fraction * length)
     return times
 
 
@@ -728,7 +718,7 @@ def _forces_of(path: SpecimenPath, test: ReplicateTest) -> FloatArray:
             rows = path.travel_mm[inside]
             places = travel[here]
         else:
-            scale = _hold_scale_s(mean)
+            scale = (mean.end_s - mean.begin_s) / _HOLD_DECADES
             rows = np.log1p(np.maximum(path.time_s[inside] - own.begin_s, 0.0) / scale)
             places = test.fraction[here] * np.log1p((own.end_s - own.begin_s) / scale)
         if not inside.any():

@@ -390,8 +390,7 @@ def _unknown_axes(
     claimed = frozenset(own).union(*[e.where for e in effects])
     axes = []
     for name, columns in axis_patterns(campaign, table, sensitivity).items():
-        touched = max(int(np.any(columns != 0.0, axis=1).sum()), 1)
-        scale = max(float(np.sqrt(np.sum(columns**2) / touched)), 1e-12)
+        scale = np.sqrt(np.sum(columns**2) / np.any(columns != 0.0, axis=1).sum())
         axes.append(UnknownAxis(name, columns / scale, name in claimed))
     known = [axis.columns for axis in axes if axis.claimed and axis.axis not in own]
     if len(known) > 1:
@@ -619,7 +618,9 @@ def set_up(
     apart = _levels_apart(campaign, model, ~stray)
     own = np.where(field, 0.0, (of_units + apart)[table.specimen])
     in_one_unit = table.transformed(table.measured_raw * np.exp(-own)) - transformed[0]
-    features = NoisyFeatures(table, sensitivity, model.sensor_sd_N, _batches(campaign))
+    names = [s.batch for s in campaign.specimens]
+    batch_of = np.array([-1 if name is None else names.index(name) for name in names])
+    features = NoisyFeatures(table, sensitivity, model.sensor_sd_N, batch_of)
     scatter = features.estimated_scatter(in_one_unit, aside, ~stray[table.specimen])
     noise = features.noise(scatter)
     chord = table.chord(unpredicted)
@@ -658,13 +659,6 @@ def set_up(
         strays=stray,
         discrepancy=noise.whiten(_model_discrepancy(table, unpredicted)),
     )
-
-
-def _batches(campaign: Campaign) -> IntArray:
-    """Return the number of each specimen's batch, in order of appearance, -1 where unknown."""
-    names = [s.batch for s in campaign.specimens]
-    order = [name for name in dict.fromkeys(names) if name is not None]
-    return np.array([-1 if name is None else order.index(name) for name in names])
 
 
 # ------------------------------------------------------------------------------------------------

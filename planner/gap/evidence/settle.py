@@ -12,7 +12,7 @@ from scipy.sparse import csr_array
 from planner.gap.evidence.problem import Candidate, Problem, searched
 from planner.numerics import FloatArray
 
-__all__ = ["Settled", "World", "nothing", "settle"]
+__all__ = ["Settled", "World", "settle"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -394,8 +394,6 @@ class Settled:
 
     def with_own_sizes(self, candidate: Candidate) -> Candidate:
         """Return the candidate, as weighed, with the likeliest own size of each specimen."""
-        if not self.own.shape[1]:
-            return candidate
         left = self.target - self.slopes @ self.coordinates
         left -= self.world.problem.gain_of(candidate)
         sizes = self.world.own_coefficients(left, self.own)
@@ -411,13 +409,6 @@ class Settled:
         problem = self.world.problem
         left = self.eliminated(self.world, problem.nodes).products
         return searched(problem.branches, left[0, 1:], left[1:, 1:])
-
-
-def nothing(world: World) -> Settled:
-    """Return no effect at all in a world."""
-    residual = world.problem.target
-    none = np.zeros((len(residual), 0))
-    return Settled(world, Candidate(()), np.zeros(0), none, none, residual)
 
 
 _ROUNDS = 3

@@ -21,7 +21,7 @@ from planner.gap.evidence.problem import (
     replicate_floor,
     squared_errors,
 )
-from planner.gap.evidence.settle import Settled, World, nothing, settle
+from planner.gap.evidence.settle import Settled, World, settle
 from planner.gap.noise import FIT_SD, UNIT_GAINS
 from planner.numerics import BoolArray, FloatArray, IntArray, kernel
 
@@ -389,7 +389,7 @@ def weigh(problem: Problem, priors: Priors) -> Weighed:
     logs = _LogPriors(problem, priors)
     worlds = _worlds(problem)
     of_scatter = tuple(w for w in worlds if w.scale == 1.0)
-    none = nothing(max(of_scatter, key=lambda world: world.none + world.log_share))
+    none = _nothing(max(of_scatter, key=lambda world: world.none + world.log_share))
     result = Weighed(logs, of_scatter, none)
     result.best[()] = Candidate(())
     for world in worlds:
@@ -419,6 +419,13 @@ def weigh(problem: Problem, priors: Priors) -> Weighed:
         if len(one.candidate.effects) < _MOST_EFFECTS:
             _add_subset(one, beside_gain, result)
     return result
+
+
+def _nothing(world: World) -> Settled:
+    """Return no effect at all in a world."""
+    residual = world.problem.target
+    none = np.zeros((len(residual), 0))
+    return Settled(world, Candidate(()), np.zeros(0), none, none, residual)
 
 
 def _less_scattered(plain: World) -> Iterator[World]:
@@ -549,8 +556,7 @@ def _of_axes(problem: Problem, share: float, of_claimed: float) -> FloatArray:
     counts = np.where(claimed, claimed.sum(), (~claimed).sum())
     kinds = np.where(claimed, of_claimed, 1.0 - of_claimed)
     with np.errstate(divide="ignore"):
-        shares: FloatArray = np.log(share * kinds / np.maximum(counts, 1))
-    return shares
+        return np.asarray(np.log(share * kinds / np.maximum(counts, 1)))
 
 
 def _most_effects(problem: Problem) -> int:
@@ -575,7 +581,7 @@ def _settled(worlds: Sequence[World], logs: _LogPriors) -> list[Settled]:
 
     # Surrogates are compared where models may be off by as much as surrogates are.
     world = max(worlds, key=lambda w: w.none)
-    ranked = sorted(nothing(world).beside(), key=lambda c: -value(c))
+    ranked = sorted(_nothing(world).beside(), key=lambda c: -value(c))
     most: dict[Effects, float] = {}
     for c in ranked:
         most.setdefault(c.effects, value(c))

@@ -10,11 +10,12 @@ import scipy.linalg
 from planner.gap.campaign import Campaign
 from planner.gap.effects import EFFECTS
 from planner.gap.evidence.problem import Candidate, Problem, joined, set_up
-from planner.gap.evidence.settle import Settled, World, nothing, settle
+from planner.gap.evidence.settle import Settled, World, settle
 from planner.gap.evidence.weigh import (
     Priors,
     _in_all_forms,
     _LogPriors,
+    _nothing,
     _with_parts_alone,
 )
 from planner.gap.observations import observation_model
@@ -191,7 +192,7 @@ def test_a_form_that_fits_worse_than_nothing_is_not_followed(problem: Problem) -
     tried = replace(scale, forms=tuple(f for f in scale.forms if f.name in ("factor", wrong)))
     both = set_up(campaign, problem.model, [rate, tried])
     world, logs = World(both), _LogPriors(both, Priors())
-    alone = [settle((world,), c, world) for c in nothing(world).beside()]
+    alone = [settle((world,), c, world) for c in _nothing(world).beside()]
     best = {id: next(s for s in alone if s.candidate.effects == id)
             for id in (("rate",), ("strain-scale",))}  # fmt: skip
     forms = {
