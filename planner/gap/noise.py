@@ -311,8 +311,7 @@ def calibrations(palette: Palette, setup: Setup) -> Iterator[Calibration]:
     for k, material in enumerate(palette.materials):
         hat = np.interp(where, at, np.eye(len(at))[k])
         if hat.max() > 0.0:
-            sd = material.modulus_log_sd or _UNKNOWN_LOG_SD
-            yield Calibration(material.id, "level", sd, hat)
+            yield Calibration(material.id, "level", material.modulus_log_sd or _UNKNOWN_LOG_SD, hat)
             yield Calibration(material.id, "tilt", FIT_SD, hat)
     for low, high in itertools.pairwise(at):
         t = np.clip((where - low) / (high - low), 0.0, 1.0)

@@ -246,8 +246,7 @@ class SpecimenPath:
         segments = tuple(
             replace(s, begin_mm=ratio * s.begin_mm, end_mm=ratio * s.end_mm) for s in self.segments
         )
-        travel = ratio * self.travel_mm
-        return replace(self, segments=segments, travel_mm=travel, gauge_mm=gauge_mm)
+        return replace(self, segments=segments, travel_mm=ratio * self.travel_mm, gauge_mm=gauge_mm)
 
     def until(self, most_mm: float) -> "SpecimenPath":
         """Return the path up to where its travel passes `most_mm` first."""
@@ -566,8 +565,8 @@ class ReplicateTest:
             replace(of[0], **{end: float(np.mean([getattr(s, end) for s in of])) for end in ends})
             for of in zip(*(path.segments for path in members), strict=True)
         )
-        wanted = [sorted({*at, 1.0}) for at in _feature_places(self.segments)]
-        wanted[0] = sorted({*wanted[0], *frames})
+        first, *others = _feature_places(self.segments)
+        wanted = [sorted({*at, 1.0}) for at in ((*first, *frames), *others)]
         counts = _counts(self.segments, [len(at) for at in wanted])
         self.segment = np.concatenate([[0], np.repeat(np.arange(len(self.segments)), counts)])
         self.fraction = np.concatenate([[0.0], *map(_filled, wanted, counts)])

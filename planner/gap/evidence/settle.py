@@ -268,10 +268,6 @@ class _Point:
         self.left = problem.noise.whiten(problem.residual - self._change[0])
         self.left -= problem.gain_of(self.candidate)
 
-    def moved(self, move: FloatArray) -> "_Point":
-        """Return where the candidate is after a move of its coordinates."""
-        return _Point(self._problem, self.candidate, self.coordinates + move)
-
     def cost(self, squares: float) -> float:
         """Return minus ln of the posterior, but for a constant, of the squares that are left."""
         return 0.5 * (squares + float(self.coordinates @ self.coordinates))
@@ -324,7 +320,7 @@ def _step(
     while promised >= _ENOUGH_NATS and damping <= _MOST_DAMPING:
         damped = curvature + damping * np.diag(np.diagonal(curvature))
         move = np.clip(np.linalg.solve(damped, gradient), -_LONGEST, _LONGEST)
-        reached = point.moved(move)
+        reached = _Point(world.problem, point.candidate, point.coordinates + move)
         gained = cost - reached.cost(float(world.products(reached.left[:, None], own)[0, 0]))
         if gained > 0.0:
             return reached, move, gained, damping * _LESS
@@ -382,8 +378,8 @@ class Settled:
         at = np.linalg.solve(m[1:, 1:] + np.eye(len(m) - 1), m[1:, 0])
         move = np.clip(at - self.coordinates, -_LONGEST, _LONGEST)
         # Slopes say nothing of what is far off: as far as the forward model bears them out.
-        point = _Point(self.world.problem, self.candidate, self.coordinates + move)
-        tried = [(one.left, one.coordinates) for one in (point, point.moved(-0.5 * move))]
+        ends = [self.coordinates + share * move for share in (1.0, 0.5)]
+        tried = [(_Point(self.world.problem, self.candidate, at).left, at) for at in ends]
         tried.append((self.target - self.slopes @ self.coordinates, self.coordinates))
 
         def cost(one: tuple[FloatArray, FloatArray]) -> float:

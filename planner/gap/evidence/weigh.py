@@ -115,14 +115,6 @@ _SHARES: FloatArray = np.array([0.07, 0.15, 0.3, 0.5])
 the others are members of the inverse gain."""
 
 
-def _gains_of(scatter: float) -> tuple[FloatArray, FloatArray]:
-    """Return logarithms of the factor, and their log prior: half for any gain, half for units."""
-    some = _GAINS[_DISTINCT * scatter <= _GAINS]
-    counts = np.array([2 * len(some), 2 * len(UNIT_GAINS)])
-    prior = np.repeat(0.5 / np.maximum(counts, 1), counts)
-    return np.concatenate([some, -some, UNIT_GAINS, -UNIT_GAINS]), np.log(prior)
-
-
 _LEVELS = (0.7, 0.5, 0.35, 0.25)
 """Scatter of the level beside a gain of some specimens, over the one that was estimated: that holds
 the gain too. Numerical: in steps that some twenty replicates do not resolve, down to what a gain of
@@ -216,7 +208,11 @@ def _weigh_subset(products: FloatArray, beside: Candidate, scatter: float) -> Ca
     """
     n = len(products) - 1
     b, h = np.ascontiguousarray(products[1:, 0]), np.ascontiguousarray(products[1:, 1:])
-    gammas, prior = _gains_of(scatter)
+    some = _GAINS[_DISTINCT * scatter <= _GAINS]
+    gammas = np.concatenate([some, -some, UNIT_GAINS, -UNIT_GAINS])
+    # Half for any gain, half for units.
+    counts = np.array([2 * len(some), 2 * len(UNIT_GAINS)])
+    prior = np.log(np.repeat(0.5 / np.maximum(counts, 1), counts))
     belief, best = np.zeros(n), np.zeros(n)
     evidence = np.empty((len(gammas), len(_SHARES)))
     likeliest = np.asarray(np.linalg.lstsq(h, b, rcond=1e-9)[0], dtype=np.float64)
@@ -834,20 +830,13 @@ def class_of(
         return odds[effects] > leading - _ALIKE_NATS or fit > -2.0 * _ALIKE_NATS
 
     found = [verdict, *(h.effects for h in ranking if h.effects != verdict and near(h.effects))]
+    # The more strongly an effect shows, the more its form's own error asks for a second one, in
+    # evidence: what is small in force may count for much there.
     for both in [effects for effects in found if len(effects) > 1]:
-        found += [one for one in _enough_alone(weighed, both) if one not in found]
+        fewer = (tuple(e for e in both if e != id) for id in both)
+        errors = {e: weighed.errors(e)[1] for e in (both, *fewer) if e in weighed.best}
+        found += [e for e in errors if e not in found and not _falls(errors[e], errors[both])]
     return tuple(found)
-
-
-def _enough_alone(weighed: Weighed, both: Effects) -> list[Effects]:
-    """Return those of several effects, less one, that close as much of the gap.
-
-    The more strongly an effect shows, the more its form's own error asks for a second one, in
-    evidence: what is small in force may count for much there.
-    """
-    fewer = (tuple(e for e in both if e != id) for id in both)
-    errors = {e: weighed.errors(e)[1] for e in (both, *fewer) if e in weighed.best}
-    return [e for e in errors if e != both and not _falls(errors[e], errors[both])]
 
 
 def _fits_of_same_pattern(
