@@ -578,9 +578,7 @@ def _settled(worlds: Sequence[World], logs: _LogPriors) -> list[Settled]:
     # Surrogates are compared where models may be off by as much as surrogates are.
     world = max(worlds, key=lambda w: w.none)
     ranked = sorted(_nothing(world).beside(), key=lambda c: -value(c))
-    most: dict[Effects, float] = {}
-    for c in ranked:
-        most.setdefault(c.effects, value(c))
+    most = {c.effects: value(c) for c in reversed(ranked)}
     lost = max(most.values(), default=0.0) - _LOST_NATS
     least = {e: max(v - _SURROGATE_NATS, min(v, lost)) for e, v in most.items()}
     # Forms with details fit more than their surrogate shows.
