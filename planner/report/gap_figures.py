@@ -90,9 +90,6 @@ _BASELINE = "#9aa3ad"
 _PALE = "#c9d8ea"
 """The part of a bar that needs something unknown."""
 
-_GRID = "#e4e4e4"
-
-
 # ------------------------------------------------------------------------------------------------
 # What figures share: panels in rows, and bars from the left.
 
@@ -101,7 +98,6 @@ _TOP = 84.0
 
 _BARS_LEFT, _BARS_WIDTH, _BARS_RIGHT = 290.0, 380.0, 90.0
 _STEP, _HEIGHT, _LEADING = 28.0, 17.0, 15.0
-_LINE = 104
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,7 +107,7 @@ class _Bar:
     name: str
     stretches: Sequence[tuple[float, str]]
     words: str
-    whisker: tuple[float, float] | None = None
+    whisker: Sequence[float] = ()
 
 
 def _bar_figure(
@@ -127,7 +123,7 @@ def _bar_figure(
         parts.append(svg.segment(*ends, colour=colour, width=width, dash=dash))
 
     for x, words in marks:
-        upright_line(x, _GRID)
+        upright_line(x, "#e4e4e4")
         at = (_BARS_LEFT + x, bottom + 16.0)
         parts.append(svg.text(*at, words, anchor="middle", colour=svg.QUIET))
     for number, bar in enumerate(bars):
@@ -137,7 +133,7 @@ def _bar_figure(
         for width, colour in bar.stretches:
             parts.append(svg.rectangle(end, first, width, _HEIGHT, colour=colour))
             end += width
-        if bar.whisker is not None:
+        if bar.whisker:
             low, high = (_BARS_LEFT + x for x in bar.whisker)
             for ends in ((low, 0.0, high, 0.0), (low, -4.0, low, 4.0), (high, -4.0, high, 4.0)):
                 start, stop = (ends[0], middle + ends[1]), (ends[2], middle + ends[3])
@@ -147,7 +143,7 @@ def _bar_figure(
     upright_line(0.0, svg.GREY)
     if dashed is not None:
         upright_line(dashed, svg.INK, 1.5, "5,4")
-    lines = [line for note in notes for line in textwrap.wrap(note, _LINE)]
+    lines = [line for note in notes for line in textwrap.wrap(note, 104)]
     for number, words in enumerate(lines):
         parts.append(svg.text(20.0, bottom + 40.0 + _LEADING * number, words, colour=svg.QUIET))
     width, height = _BARS_LEFT + _BARS_WIDTH + _BARS_RIGHT, bottom + 34.0 + _LEADING * len(lines)
@@ -158,9 +154,7 @@ def _bar_figure(
 # The errors to draw along one axis: points a specimen, or a line a test.
 
 
-_LEVELS = 12
 _LOG_FROM = 20.0
-_CURVE_STEPS = 40
 _BRANCHES = ("loading", "unloading", "reloading", "hold")
 _HOLD = 3.0
 
@@ -211,7 +205,7 @@ def points_along(traces: Traces, axis: str) -> Points | None:
         x = np.array([np.nan if v is None else float(v) for v in column])
         log = min(numbers) > 0.0 and max(numbers) >= _LOG_FROM * min(numbers)
         x = np.log10(x) if log else x
-        few = len(np.unique(np.round(x[np.isfinite(x)], 9))) <= _LEVELS
+        few = len(np.unique(np.round(x[np.isfinite(x)], 9))) <= 12
         return Points(x, *errors, log=log, joined=few, row=row)
     names = tuple(dict.fromkeys(map(str, known)))
     names = names if axis in ("specimen", "material") else tuple(sorted(names))
@@ -230,7 +224,7 @@ def _along_curves(traces: Traces, axis: str) -> Points:
     for test, (x, rows) in enumerate(zip(x_of_tests, traces.rows, strict=True)):
         # Of strains the first loading alone: on the way back the same ones come again.
         last = int(np.argmax(x)) if axis == "strain" else len(x) - 1
-        for i in np.unique(np.linspace(0, last, _CURVE_STEPS).round().astype(np.intp)).tolist():
+        for i in np.unique(np.linspace(0, last, 40).round().astype(np.intp)).tolist():
             parts.append((x[i], *(float(np.mean(e[rows, i])) for e in errors), float(test)))
     table = np.array(parts)
     x, before, after, of_curve = table[table[:, 0] > 0.0].T if axis == "time" else table.T
@@ -251,8 +245,7 @@ def _of_branches(traces: Traces) -> Points:
     places, befores, afters, row = np.array(parts).T
     there, x = np.unique(places, return_inverse=True)
     names = tuple(_BRANCHES[int(place)] for place in there)
-    whose = tuple(int(each) for each in row)
-    return Points(x.astype(np.float64), befores, afters, names=names, row=whose)
+    return Points(x.astype(np.float64), befores, afters, names=names, row=tuple(map(int, row)))
 
 
 def _branch_of_steps(travel: FloatArray) -> FloatArray:
@@ -303,7 +296,6 @@ _Range = tuple[float, float]
 
 _SHOWN, _ACROSS = 4, 2
 _CHARACTER = 7.0
-_NAMES = 14
 _ERROR = "error, % of the largest force"
 _OVERALL = Location("material", 0.0, (0.0, 0.0), 1.0)
 """Shows every specimen where there is room, whether or not the gap varies along it."""
@@ -339,9 +331,13 @@ def _residual_panel(
     traces: Traces, place: Location, points: Points, y_range: _Range, left: float, top: float
 ) -> Iterator[str]:
     chart = svg.Chart(left, top + 20.0, 350.0, 190.0, _x_range(points), y_range)
-    yield svg.text(chart.left, chart.top - 10.0, _heading(place), size=12.5)
+    words = axis_words(place.axis)
+    heading = words[:1].upper() + words[1:]
+    if place is not _OVERALL:
+        heading += f": {percent(place.share)} of the gap, {p_value(place.p)}"
+    yield svg.text(chart.left, chart.top - 10.0, heading, size=12.5)
     unit = "s" if place.axis == "time" else unit_of(place.axis)
-    label = f"{axis_words(place.axis)}, {unit}" if unit else axis_words(place.axis)
+    label = f"{words}, {unit}" if unit else words
     marks = _x_ticks(points, chart)
     blank = [(value, "") for value, _ in marks]
     yield from chart.frame(x_label="", y_label="", x_ticks=blank, most_ticks=7)
@@ -360,14 +356,20 @@ def _error_lines(traces: Traces, points: Points, chart: svg.Chart, label: str) -
     readable = chart.axes(label, _ERROR, log=points.log)
     for errors, look in ((points.before, _BEFORE), (points.after, _AFTER)):
         y = np.clip(100.0 * errors, *chart.y_range)
-        x = points.x if points.of_curve is not None else points.x + look.aside * across
-        for test, line_x, line_y in _lines(points, x, y):
-            drawn = chart.line(line_x, line_y, colour=look.colour, width=1.3, dash=look.dash)
-            if test is None:
-                yield drawn
-            else:
-                words = f"{traces.label[test]}: error, {look.of}"
-                yield from svg.told(words, [drawn], axes=readable)
+        line = partial(chart.line, colour=look.colour, width=1.3, dash=look.dash)
+        if points.of_curve is not None:
+            for curve in np.unique(points.of_curve):
+                on = (points.of_curve == curve) & np.isfinite(y)
+                if on.sum() > 1:
+                    words = f"{traces.label[int(curve)]}: error, {look.of}"
+                    yield from svg.told(words, [line(points.x[on], y[on])], axes=readable)
+        elif points.joined:
+            x = points.x + look.aside * across
+            level = np.round(points.x, 9)
+            known = np.isfinite(level) & np.isfinite(y)
+            at = [known & (level == one) for one in np.unique(level[known])]
+            if len(at) > 1:
+                yield line(*(np.array([v[on].mean() for on in at]) for v in (x, y)))
 
 
 def _error_marks(traces: Traces, points: Points, chart: svg.Chart) -> Iterator[str]:
@@ -380,32 +382,6 @@ def _error_marks(traces: Traces, points: Points, chart: svg.Chart) -> Iterator[s
         ]
         if marks:
             yield from svg.told(f"{_specimen_words(traces, row)}; {_error_words(*errors)}", marks)
-
-
-def _heading(place: Location) -> str:
-    words = axis_words(place.axis)
-    heading = words[:1].upper() + words[1:]
-    if place is _OVERALL:
-        return heading
-    return f"{heading}: {percent(place.share)} of the gap, {p_value(place.p)}"
-
-
-def _lines(
-    points: Points, x: FloatArray, y: FloatArray
-) -> Iterator[tuple[int | None, FloatArray, FloatArray]]:
-    """Yield the lines to draw: of each test along its curve, or through the means of the levels."""
-    if points.of_curve is not None:
-        for curve in np.unique(points.of_curve):
-            on = (points.of_curve == curve) & np.isfinite(y)
-            if on.sum() > 1:
-                yield int(curve), x[on], y[on]
-    elif points.joined:
-        level = np.round(points.x, 9)
-        known = np.isfinite(level) & np.isfinite(y)
-        at = [known & (level == one) for one in np.unique(level[known])]
-        if len(at) > 1:
-            x_means, y_means = (np.array([v[on].mean() for on in at]) for v in (x, y))
-            yield None, x_means, y_means
 
 
 def _x_range(points: Points) -> _Range:
@@ -435,11 +411,11 @@ def _x_words(chart: svg.Chart, marks: Sequence[tuple[float, str]], label: str) -
 
 def _x_ticks(points: Points, chart: svg.Chart) -> Sequence[tuple[float, str]]:
     if points.names:
-        every = math.ceil(len(points.names) / _NAMES)
+        every = math.ceil(len(points.names) / 14)
         return [(float(i), n) for i, n in enumerate(points.names) if i % every == 0]
-    if not points.log:
-        return [(value, f"{value:g}") for value in svg.ticks(*chart.x_range, 6)]
-    return svg.log_ticks(*chart.x_range)
+    if points.log:
+        return svg.log_ticks(*chart.x_range)
+    return [(value, f"{value:g}") for value in svg.ticks(*chart.x_range, 6)]
 
 
 def _y_range(panels: Sequence[Points]) -> _Range:
@@ -455,16 +431,11 @@ def _y_range(panels: Sequence[Points]) -> _Range:
 # Predicted against measured curves of the tests with the largest gap, side by side.
 
 
-_TESTS = 6
-_LABEL, _DOTS = 36, 22
-_HELD = 0.5
-
-
 def _curves_figure(traces: Traces) -> bytes:
     """Return the figure as SVG."""
     squares = traces.errors(traces.before_N) ** 2
     errors = np.array([np.mean(squares[rows]) for rows in traces.rows])
-    shown = np.argsort(-errors, kind="stable").tolist()[:_TESTS]
+    shown = np.argsort(-errors, kind="stable").tolist()[:6]
     title = "The tests with the largest gap" if len(errors) > len(shown) else "Every test"
     panels = [partial(_curves_panel, traces, test) for test in shown]
     parts, width, height = svg.in_rows(panels, 3, (62.0, _TOP), (292.0, 256.0))
@@ -478,7 +449,9 @@ def _curves_figure(traces: Traces) -> bytes:
 def _curves_panel(traces: Traces, test: int, left: float, top: float) -> Iterator[str]:
     measured = traces.measured_N[traces.rows[test]]
     before, after = traces.before_N[test], traces.after_N[test]
-    held = _is_held(traces.travel_mm[test], traces.time_s[test])
+    steps = np.diff(traces.time_s[test])
+    still = steps[_branch_of_steps(traces.travel_mm[test])[1:] == _HOLD]
+    held = float(still.sum()) > 0.5 * float(steps.sum())  # for most of the time
     x = (traces.time_s if held else traces.travel_mm)[test]
     force = np.concatenate([before, after, measured.ravel()])
     low, high = min(0.0, float(np.nanmin(force))), max(float(np.nanmax(force)), 0.0)
@@ -486,7 +459,7 @@ def _curves_panel(traces: Traces, test: int, left: float, top: float) -> Iterato
     y_range = (low - room if low < 0.0 else 0.0, high + room)
     across = "time, s" if held else "travel, mm"
     chart = svg.Chart(left, top + 34.0, 220.0, 150.0, (0.0, float(x.max()) or 1.0), y_range)
-    for number, words in enumerate(textwrap.wrap(traces.label[test], _LABEL, max_lines=2)):
+    for number, words in enumerate(textwrap.wrap(traces.label[test], 36, max_lines=2)):
         yield svg.text(left, top + 8.0 + 14.0 * number, words, size=11.5)
     yield from chart.frame(x_label=across, y_label="", most_ticks=5)
     yield chart.upright(38.0, "force, N")
@@ -504,17 +477,11 @@ def _curves_panel(traces: Traces, test: int, left: float, top: float) -> Iterato
             yield from svg.told(words, [drawn], axes=readable)
 
 
-def _is_held(travel: FloatArray, time: FloatArray) -> bool:
-    """Tell whether the crosshead stood still for most of the time."""
-    still, steps = _branch_of_steps(travel)[1:] == _HOLD, np.diff(time)
-    return float(steps[still].sum()) > _HELD * float(steps.sum())
-
-
 def _places(x: FloatArray, y: FloatArray) -> list[int]:
     """Return some steps that lie apart along the curve, its ends among them."""
     across, up = (np.diff(v) / (np.ptp(v) or 1.0) for v in (x, y))
     along = np.append(0.0, np.cumsum(np.hypot(across, up)))
-    wanted = np.linspace(0.0, along[-1], _DOTS)
+    wanted = np.linspace(0.0, along[-1], 22)
     return sorted(set(np.searchsorted(along, wanted).clip(max=len(x) - 1).tolist()))
 
 
@@ -522,15 +489,12 @@ def _places(x: FloatArray, y: FloatArray) -> list[int]:
 # The probability of each hypothesis as bars.
 
 
-_MOST, _LEAST = 8, 0.005
-
-
 def _evidence_figure(diagnosis: Diagnosis) -> bytes:
     """Return the figure as SVG: most probable first, the part that needs an unknown pale."""
     shown = [
         h
-        for h in diagnosis.ranking[:_MOST]
-        if h.probability >= _LEAST or h.name in ("none", diagnosis.verdict)
+        for h in diagnosis.ranking[:8]
+        if h.probability >= 0.005 or h.name in ("none", diagnosis.verdict)
     ]
     alike = diagnosis.same_class if len(diagnosis.same_class) > 1 else ()
     bars = []
@@ -568,11 +532,11 @@ def _closure_figure(diagnosis: Diagnosis) -> bytes:
         if words != "scatter between replicates"
     ]
     interval = _after_interval(gap)
-    most = max([value for _, value, _ in rows] + [gap.floor or 0.0, *(interval or ())]) or 1.0
+    most = max([gap.floor or 0.0, *interval, *(value for _, value, _ in rows)]) or 1.0
     scale = _BARS_WIDTH / (1.12 * most)
-    whisker = None if interval is None else (scale * interval[0], scale * interval[1])
+    whisker = [scale * end for end in interval]
     bars = [
-        _Bar(words, [(scale * x, colour)], percent(x), whisker if colour == svg.BLUE else None)
+        _Bar(words, [(scale * x, colour)], percent(x), whisker if colour == svg.BLUE else ())
         for words, x, colour in rows
     ]
     marks = [(scale * tick / 100.0, f"{tick:g} %") for tick in svg.ticks(0.0, 112.0 * most, 6)]
@@ -584,12 +548,10 @@ def _closure_figure(diagnosis: Diagnosis) -> bytes:
     return _bar_figure(title, bars, marks, notes=notes, dashed=floor)
 
 
-def _after_interval(gap: Gap) -> tuple[float, float] | None:
-    """Return the error after that the ends of the closure's interval stand for."""
-    if gap.after is None or gap.floor is None or gap.closed_interval is None:
-        return None
-    if not all(map(math.isfinite, gap.closed_interval)):
-        return None
+def _after_interval(gap: Gap) -> list[float]:
+    """Return the error after that the ends of the closure's interval stand for, if it has any."""
+    closed = gap.closed_interval or (math.inf, math.inf)
+    if gap.after is None or gap.floor is None or not all(map(math.isfinite, closed)):
+        return []
     reach = gap.before - gap.floor
-    low, high = (max(0.0, gap.floor + (1.0 - c) * reach) for c in gap.closed_interval)
-    return min(low, high), max(low, high)
+    return sorted(max(0.0, gap.floor + (1.0 - c) * reach) for c in closed)

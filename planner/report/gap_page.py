@@ -14,14 +14,7 @@ from planner.errors import listed
 from planner.formats.outputs import write_folder
 from planner.formats.tables import encode_csv
 from planner.formats.units import UnitOf
-from planner.gap.diagnosis import (
-    PALETTE_FILE,
-    Detectable,
-    Diagnosis,
-    Experiment,
-    FoundEffect,
-    name_of,
-)
+from planner.gap.diagnosis import PALETTE_FILE, Diagnosis, Experiment, name_of
 from planner.gap.effect import Form
 from planner.gap.effects import EFFECTS
 from planner.gap.summary import (
@@ -48,19 +41,17 @@ __all__ = ["headline", "scope", "verdict_text", "write_diagnosis"]
 
 
 _SPECIMENS = 6
-_SEEN = 8
 _LOG_STRESS = re.compile(r"(^|fall |drop )of ln stress")
 
 
-def _size_words(effects: Sequence[FoundEffect]) -> Iterator[str]:
+def _size_words(diagnosis: Diagnosis) -> Iterator[str]:
     """Yield a sentence an effect: its parameters with their 90 % intervals, but for details."""
-    for effect in effects:
+    for effect in diagnosis.effect:
         sizes = []
         form = EFFECTS[effect.id].form(effect.form) if effect.id in EFFECTS else None
-        details = [n for n in effect.parameters if form is not None and n in form.details]
-        for name, value in effect.parameters.items():
-            if name in details:
-                continue
+        details = set(form.details if form is not None else ()).intersection(effect.parameters)
+        for name in (name for name in effect.parameters if name not in details):
+            value = effect.parameters[name]
             unit = effect.units.get(name, "1")
             ends = effect.interval.get(name)
             words = _meaning(effect.id, effect.form, name)
@@ -87,16 +78,16 @@ def _at_bound(form: Form | None, name: str, value: float) -> str:
     return ""
 
 
-def _detectable_words(detectable: Sequence[Detectable], most: int | None) -> Iterator[str]:
+def _detectable_words(diagnosis: Diagnosis, most: int | None) -> Iterator[str]:
     """Yield the smallest size of each effect that would have been seen."""
     seen = [
         f"{d.id}: {_label(d.parameter, words)} {_shown(d.parameter, words, d.unit, d.size)}."
-        for d in detectable
+        for d in diagnosis.detectable
         if d.size is not None
         for words in [_meaning(d.id, "", d.parameter)]
     ]
     yield from _first(seen, most)
-    blind = [d.id for d in detectable if d.size is None]
+    blind = [d.id for d in diagnosis.detectable if d.size is None]
     if blind:
         yield f"Not seen however large: {listed(blind)}."
 
@@ -155,13 +146,8 @@ def _span(name: str, words: str, unit: str, ends: tuple[float, float]) -> str:
 # The verdict in plain words: for the terminal, and above the figures of the report.
 
 
-_WIDTH = 80
 _INDENT = "  "
 _PLACES = 3
-_PROBLEMS = 6
-_EXPERIMENTS = 3
-_WORTH_NAMING = 0.05
-_UNKNOWN_SHARE = 0.2
 _UNIT = re.compile(r"(?<=\d) (?=(?:%|mm|N|K|°C|h|s|days|times|decade)\b|%)")
 
 
@@ -172,12 +158,15 @@ class _Table:
     columns: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
 
+    def __bool__(self) -> bool:
+        return bool(self.rows)
+
 
 _Part = str | tuple[str, ...] | _Table
 """What stands below a heading: a paragraph, a list of sentences, a table."""
 
 
-def verdict_text(diagnosis: Diagnosis, *, width: int = _WIDTH) -> str:
+def verdict_text(diagnosis: Diagnosis, *, width: int = 80) -> str:
     """Return the verdict as text, no line wider than `width` but for a command to copy."""
     lines: list[str] = []
     for paragraph in (*summary_of(diagnosis), "", headline(diagnosis), scope(diagnosis)):
@@ -242,52 +231,47 @@ def _sections(d: Diagnosis, *, whole: bool = False) -> Iterator[tuple[str, tuple
 
     A page has it whole: with tables of all that was weighed, and every row of them.
     """
-    ranking, places, levels = _tables(d) if whole else ((), (), ())
+    ranking, places, levels = _tables(d) if whole else ("", "", "")
     clear = whole or d.verdict == "none"
-    seen = tuple(_detectable_words(d.detectable, None if whole else _SEEN)) if clear else ()
+    seen = tuple(_detectable_words(d, None if whole else 8)) if clear else ()
     quality = [sentence(f"{q.specimen or 'All specimens'}: {q.problem}") for q in d.data_quality]
     sections: Sequence[tuple[str, Iterable[_Part]]] = (
-        ("How sure that is", (*_how_sure(d), *ranking)),
+        ("How sure that is", (*_how_sure(d), ranking)),
         ("Numbers in another unit", _units(d.unit_of)),
-        ("How large it is", [tuple(_size_words(d.effect))]),
+        ("How large it is", [tuple(_size_words(d))]),
         ("Smaller effects than these may hide", [seen]),
-        ("Where it lies", (tuple(_where(d)), *places)),
+        ("Where it lies", (tuple(_where(d)), places)),
         ("How far it closes", _how_far(d)),
         ("What remains", _remainder(d)),
-        ("What the data ask of the laws besides", levels),
+        ("What the data ask of the laws besides", [levels]),
         ("What could not be tested", [tuple(_not_testable(d))]),
-        ("Data to look at", [tuple(_first(quality, None if whole else _PROBLEMS))]),
+        ("Data to look at", [tuple(_first(quality, None if whole else 6))]),
         ("Limits of this campaign", [tuple(map(sentence, d.limitations))]),
-        ("What to test next", _next(d.next_experiments[:_EXPERIMENTS], d.verdict)),
+        ("What to test next", _next(d.next_experiments[:3], d.verdict)),
     )
     for heading, parts in sections:
         if filled := tuple(part for part in parts if part):
             yield heading, filled
 
 
-def _tables(d: Diagnosis) -> Iterator[tuple[_Table, ...]]:
+def _tables(d: Diagnosis) -> Iterator[_Table]:
     """Yield every hypothesis, every axis of the gap and of its remainder, every law's level."""
     ranking = (
         (name, probability(share), probability(share * unknown), "yes" if same else "")
         for name, share, unknown, same in _ranked(d)
     )
     named = ("hypothesis", "probability", "with an unknown beside it", "same class as the verdict")
-    yield _table(named, ranking)
+    yield _Table(named, tuple(ranking))
     places = (
         (of, axis_words(axis), percent(share), _ends(ends, percent), number_words(p, 2), detail)
         for of, axis, share, *ends, p, detail in _placed(d)
     )
-    yield _table(("of", "along", "share", "90 % interval", "p", "detail"), places)
+    yield _Table(("of", "along", "share", "90 % interval", "p", "detail"), tuple(places))
     levels = (
         (material, _factor(log), _ends((log - 1.645 * sd, log + 1.645 * sd), _factor))
         for material, (log, sd) in d.recalibration.items()
     )
-    yield _table(("material", "factor on the law's stress", "90 % interval"), levels)
-
-
-def _table(columns: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> tuple[_Table, ...]:
-    found = tuple(rows)
-    return (_Table(columns, found),) if found else ()
+    yield _Table(("material", "factor on the law's stress", "90 % interval"), tuple(levels))
 
 
 def _factor(log: float) -> str:
@@ -311,9 +295,8 @@ def _ends(ends: Sequence[float], words: Callable[[float], str]) -> str:
     return f"{words(ends[0])} to {words(ends[1])}"
 
 
-def scope(diagnosis: Diagnosis) -> str:
+def scope(d: Diagnosis) -> str:
     """Return what was diagnosed, in one line."""
-    d = diagnosis
     count, tests = counted(d.specimens, "specimen"), counted(d.tests, "test")
     return f"{d.campaign or 'campaign'}: {count} in {tests}, held against palette {d.palette}"
 
@@ -321,13 +304,13 @@ def scope(diagnosis: Diagnosis) -> str:
 def _how_sure(diagnosis: Diagnosis) -> Iterator[str]:
     best = best_of(diagnosis)
     beside = best.probability * best.with_unknown
-    if diagnosis.verdict != "unknown" and best.with_unknown >= _UNKNOWN_SHARE:
+    if diagnosis.verdict != "unknown" and best.with_unknown >= 0.2:
         what = "it" if diagnosis.verdict != "none" else "the scatter"
         yield f"Something unknown may be at work beside {what} (probability {probability(beside)})."
     others = [
         f"{h.name} ({probability(h.probability)})"
         for h in diagnosis.ranking
-        if h.name != diagnosis.verdict and h.probability >= _WORTH_NAMING
+        if h.name != diagnosis.verdict and h.probability >= 0.05
     ]
     if others:
         yield f"Not ruled out: {listed(others, most=4)}."
@@ -452,9 +435,8 @@ def _next(experiments: Sequence[Experiment], verdict: str) -> Iterator[_Part]:
         f"thickness x gauge, and they are {how} to a strain; next-specimens.csv in the report "
         "folder has them as rows of specimens.csv."
     )
-    listed_alike = [x for x in experiments if x.row]
-    if listed_alike:
-        rows = [_next_cells(f"{experiments.index(x) + 1}", x) for x in listed_alike]
+    rows = [_next_cells(number, x) for number, x in enumerate(experiments, start=1) if x.row]
+    if rows:
         columns = [name for name in rows[0] if any(row[name] for row in rows)]
         cells = tuple(tuple(row[name] for name in columns) for row in rows)
         yield _Table(tuple(columns), cells)
@@ -467,10 +449,6 @@ def _next(experiments: Sequence[Experiment], verdict: str) -> Iterator[_Part]:
         f"Test{'s' if len(tests) > 1 else ''} {listed(tests)}: {reason}"
         for reason, tests in reasons.items()
     )
-
-
-_SPLITS = 2
-_ODDS_ALONE = "the odds between causes shift, but no two are told apart for sure."
 
 
 def _split_words(first: str, second: str) -> str:
@@ -488,7 +466,7 @@ def _split_words(first: str, second: str) -> str:
     return f"is {only_a or only_b} at work beside {both}"
 
 
-def _next_cells(number: str, x: Experiment) -> dict[str, str]:
+def _next_cells(number: int, x: Experiment) -> dict[str, str]:
     """Return a row of the table; its size as width x thickness x gauge."""
     cell = {name: v if isinstance(v, str) else f"{v:.4g}" for name, v in x.row.items()}
     bar = cell.get("profile", "").rpartition("/")[2].removesuffix(".csv")
@@ -514,16 +492,14 @@ def _pushed(x: Experiment) -> bool:
 def _next_reason(x: Experiment, verdict: str) -> str:
     """Return what a test is good for, and the hours of its specimens together."""
     of_verdict = [pair for pair in x.splits if verdict in pair] or x.splits
-    told = "; and ".join(_split_words(*pair) for pair in of_verdict[:_SPLITS])
-    told = f"{told}?" if told else _ODDS_ALONE
+    told = "; and ".join(_split_words(*pair) for pair in of_verdict[:2])
+    odds = "the odds between causes shift, but no two are told apart for sure."
+    told = f"{told}?" if told else odds
     return told + (f" About {number_words(x.hours, 2)} h of work each." if x.hours > 0.0 else "")
 
 
 # ------------------------------------------------------------------------------------------------
 # The figures of a diagnosis in rows, as CSV for a spreadsheet.
-
-
-_SIGNIFICANT_DIGITS = 6
 
 
 def _csv_files(d: Diagnosis) -> dict[str, bytes]:
@@ -544,7 +520,7 @@ def _csv_files(d: Diagnosis) -> dict[str, bytes]:
         if x.design:
             profile = [tuple(x.design), *zip(*x.design.values(), strict=True)]
             tables[str(x.row["profile"])] = profile
-    return {path: encode_csv(rows, _SIGNIFICANT_DIGITS) for path, rows in tables.items()}
+    return {path: encode_csv(rows, digits=6) for path, rows in tables.items()}
 
 
 _FLUSH_RIGHT = {
@@ -569,7 +545,13 @@ _SIGN = (
 
 def _body(d: Diagnosis, figures: Mapping[str, bytes]) -> Iterator[str]:
     """Yield the lines of the page, figures as SVG by name; their marks tell what they are."""
-    yield from _head(d)
+    errors = {"gap before": d.gap.before, "gap after": d.gap.after, "floor": d.gap.floor}
+    facts = (
+        ("verdict", d.verdict, "good" if d.ok else "bad"),
+        ("probability", probability(best_of(d).probability), ""),
+        *((name, percent(error), "") for name, error in errors.items() if error is not None),
+    )
+    yield from head(d.campaign, [escape(headline(d)), escape(scope(d))], facts)
     yield "<main>"
     for svg in figures.values():
         yield '<figure>\n<div class="wide" tabindex="0" role="group" aria-label="Figure">'
@@ -578,35 +560,20 @@ def _body(d: Diagnosis, figures: Mapping[str, bytes]) -> Iterator[str]:
         yield f'<p class="quiet">{escape(_SIGN)}</p>'
     yield from (f"<p>{escape(words)}</p>" for words in summary_of(d))
     for heading, parts in _sections(d, whole=True):
-        yield from _section(heading, parts)
+        yield f"<h2>{escape(heading)}</h2>"
+        for part in parts:
+            if isinstance(part, _Table):
+                heads = [(name, "figure" if name in _FLUSH_RIGHT else "") for name in part.columns]
+                yield from table(heads, (("", list(map(escape, row))) for row in part.rows))
+            elif isinstance(part, str):
+                yield f"<p>{escape(part)}</p>"
+            else:
+                items = "".join(f"<li>{escape(sentence)}</li>\n" for sentence in part)
+                yield f"<ul>\n{items}</ul>"
     yield "</main>\n<footer>"
     yield f"<p>planner {escape(__version__)}, seed {d.seed}</p>"
     yield f"<p>palette {escape(d.palette)}, sha256 {escape(d.palette_sha256)}</p>"
     yield "</footer>"
-
-
-def _head(d: Diagnosis) -> Iterator[str]:
-    """Yield the head: what was diagnosed, and the verdict in figures."""
-    errors = {"gap before": d.gap.before, "gap after": d.gap.after, "floor": d.gap.floor}
-    facts = (
-        ("verdict", d.verdict, "good" if d.ok else "bad"),
-        ("probability", probability(best_of(d).probability), ""),
-        *((name, percent(error), "") for name, error in errors.items() if error is not None),
-    )
-    return head(d.campaign, [escape(headline(d)), escape(scope(d))], facts)
-
-
-def _section(heading: str, parts: Iterable[_Part]) -> Iterator[str]:
-    yield f"<h2>{escape(heading)}</h2>"
-    for part in parts:
-        if isinstance(part, _Table):
-            heads = [(name, "figure" if name in _FLUSH_RIGHT else "") for name in part.columns]
-            yield from table(heads, (("", list(map(escape, row))) for row in part.rows))
-        elif isinstance(part, str):
-            yield f"<p>{escape(part)}</p>"
-        else:
-            items = "".join(f"<li>{escape(sentence)}</li>\n" for sentence in part)
-            yield f"<ul>\n{items}</ul>"
 
 
 # ------------------------------------------------------------------------------------------------
