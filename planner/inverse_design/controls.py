@@ -94,11 +94,7 @@ class Controls:
         count = len(even)
         bends = np.diff(np.eye(count), 2, axis=0)
         slopes = np.diff(np.eye(count), axis=0) * (count - 1) / span_mm
-
-        def basis(points_mm: FloatArray) -> Any:
-            return _splines(along(points_mm)[:, None], (count,), (1,))
-
-        return cls(basis, bends, slopes, even)
+        return cls(lambda at: _splines(along(at)[:, None], (count,), (1,)), bends, slopes, even)
 
     @classmethod
     def lattice(

@@ -132,11 +132,9 @@ class Ends(NamedTuple):
         """Return the share of stiffness at which an even part comes nearest to the targets."""
         shares = []
         for goal, soft, stiff in self._targets():
-            if goal.wanted and soft and stiff and soft != stiff:
-                figures = np.array([goal.wanted, stiff]) / soft
-                if (figures > 0.0).all():
-                    wanted, span = np.log(figures)
-                    shares.append(float(np.clip(wanted / span, 0.05, 0.95)))
+            if soft and soft != stiff and min(goal.wanted / soft, stiff / soft) > 0.0:
+                wanted, span = np.log(np.array([goal.wanted, stiff]) / soft)
+                shares.append(float(np.clip(wanted / span, 0.05, 0.95)))
         return float(np.mean(shares)) if shares else 0.5
 
 

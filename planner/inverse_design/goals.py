@@ -184,7 +184,6 @@ _WEIGHT = re.compile(rf"(.*)\sweight\s+{_NUMBER}", re.IGNORECASE)
 _BETWEEN = re.compile(r"\s+to\s+", re.IGNORECASE)
 
 
-_SHAPE_COLUMNS = ("x_mm", "y_mm", "z_mm", "ux_mm", "uy_mm", "uz_mm")
 _MOST_POINTS = 30
 """Each costs three solutions an evaluation; ten to twenty tell a shape."""
 
@@ -199,7 +198,7 @@ def _shape(text: str, bare: str) -> Target:
     if path.suffix.casefold() != ".csv":
         surface = read_mesh(path).triangles
         return Target(text, on[2] if on else "", "shape", surface_mm=np.asarray(surface, float))
-    columns = dict.fromkeys(_SHAPE_COLUMNS, "length")
+    columns = dict.fromkeys(("x_mm", "y_mm", "z_mm", "ux_mm", "uy_mm", "uz_mm"), "length")
     numbers = read_columns(path, columns, others=True).numbers
     values = np.stack([numbers[name] for name in columns], axis=1).tolist()
     if len(values) > _MOST_POINTS:
@@ -314,8 +313,8 @@ def functionals(
             continue
         facets = facets_of[target.selector]
         axis, quantity = "xyz".find(target.quantity[-1]), target.quantity
-        unit, scale, measure = "mm", 0.01 * size_mm, _mean(facets, np.eye(3)[axis])
-        wanted = target.value
+        unit, scale, wanted = "mm", 0.01 * size_mm, target.value
+        measure: Measure = partial(_mean, facets, np.eye(3)[axis])
         if quantity[0] in "ur":
             held = [axis] if quantity[0] == "u" else [0, 1, 2]
             conditions.refuse_held(f"`target` {target.text}", facets, held)
@@ -331,18 +330,12 @@ def functionals(
     return out
 
 
-def _linear(weights_of: "Callable[[Mechanics], FloatArray]") -> Measure:
-    """Return the displacement that nodal weights, (N, 3), tell."""
-
-    def measure(mechanics: "Mechanics", state: "Equilibrium") -> Measured:
-        weights = weights_of(mechanics)
-        return float(np.sum(weights * state.displacement_mm)), weights
-
-    return measure
-
-
-def _mean(facets: Any, direction: FloatArray) -> Measure:
-    return _linear(lambda at: at.mean_weights(at.points_of(facets), direction))
+def _mean(
+    facets: Any, direction: FloatArray, mechanics: "Mechanics", state: "Equilibrium"
+) -> Measured:
+    """Return the mean displacement of faces."""
+    weights = mechanics.mean_weights(mechanics.points_of(facets), direction)
+    return float(np.sum(weights * state.displacement_mm)), weights
 
 
 def _reaction(
@@ -353,8 +346,12 @@ def _reaction(
     return float(force @ direction), mechanics.reaction_weights(number, direction)
 
 
-def _at(place: Point, direction: FloatArray) -> Measure:
-    return _linear(lambda at: at.place_weights(np.array(place), direction))
+def _at(
+    place: Point, direction: FloatArray, mechanics: "Mechanics", state: "Equilibrium"
+) -> Measured:
+    """Return the displacement of a place."""
+    weights = mechanics.place_weights(np.array(place), direction)
+    return float(np.sum(weights * state.displacement_mm)), weights
 
 
 def _distance(one: Any, other: Any, mechanics: "Mechanics", state: "Equilibrium") -> Measured:
@@ -400,7 +397,7 @@ def _of_loads(
         if target.quantity == "stiffness" and np.array_equal(force.facets, facets):
             given = np.array(force.force_N)
             size = float(np.linalg.norm(given))
-            return size / target.value, "mm", _mean(facets, given / size)
+            return size / target.value, "mm", partial(_mean, facets, given / size)
     for number, support in enumerate(conditions.supports):
         if not np.array_equal(support.facets, facets):
             continue
@@ -424,7 +421,7 @@ def _shape_functionals(target: Target) -> list[Functional]:
     return [
         Functional(
             f"{target.text}, point {number}, u{'xyz'[axis]}", move[axis], "mm", greatest, "near",
-            target.weight, _at(place, np.eye(3)[axis]),
+            target.weight, partial(_at, place, np.eye(3)[axis]),
         )
         for number, (place, move) in each
         for axis in range(3)
@@ -584,17 +581,15 @@ class ShapeGoal(NamedTuple):
         place = self.place_mm + self.carried @ displacement_mm
         greatest = self.wanted.greatest_mm
         scale = np.sqrt(self.share * self.wanted.target.weight) / greatest
-        if self.target_mm is not None:
-            apart = place - self.target_mm
-            off_mm = np.linalg.norm(apart, axis=1)
+        to, which = closest(self.tree, place) if self.target_mm is None else (self.target_mm, None)
+        apart = place - to
+        off_mm = np.linalg.norm(apart, axis=1)
+        if which is None:
             off = (scale[:, None] * apart).ravel()
 
             def rows(moved: FloatArray) -> FloatArray:
                 return (scale[:, None, None] * moved).reshape(-1, moved.shape[2])
         else:
-            nearest, which = closest(self.tree, place)
-            apart = place - nearest
-            off_mm = np.linalg.norm(apart, axis=1)
             far = off_mm > 1e-9 * greatest
             along: FloatArray = self.normal[which]
             along[far] = apart[far] / off_mm[far, None]
