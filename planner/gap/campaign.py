@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import astuple, dataclass, field, replace
 from functools import cache
 from types import MappingProxyType
 
@@ -74,6 +74,12 @@ class StrainField:
         shape = (len(self.time_s), len(self.x_mm))
         if self.strain.shape != shape:
             raise FileError(f"strain field: shape {self.strain.shape}; it must be {shape}")
+
+    def slack_mm(self, gauge_mm: float) -> float:
+        """Return how far beyond an end of the gauge its places may lie."""
+        reach = float(np.median(np.diff(self.x_mm))) if self.facet_mm is None else self.facet_mm
+        # Half a facet may touch the gauge from beyond.
+        return max(min(reach, 0.5 * LONGEST_FACET * gauge_mm), BEYOND_GAUGE * gauge_mm)
 
 
 @dataclass(frozen=True, slots=True)
@@ -214,17 +220,15 @@ class Specimen(SpecimenConditions):
 
         None where it is unknown.
         """
-        design, sizes = self.profile, []
+        design, area = self.profile, np.ones(np.shape(x_mm))
         for name in ("width_mm", "thickness_mm"):
-            along: FloatArray | None = getattr(design, name, None)
-            alone: float | None = getattr(self, f"measured_{name}") or getattr(self, name)
-            if design is not None and along is not None:
-                sizes.append(np.interp(x_mm, design.x_mm, along))
-            elif alone is not None:
-                sizes.append(np.full(np.shape(x_mm), alone))
-            else:
+            size = getattr(self, f"measured_{name}") or getattr(self, name)
+            if design is not None and getattr(design, name) is not None:
+                size = np.interp(x_mm, design.x_mm, getattr(design, name))
+            if size is None:
                 return None
-        return np.asarray(sizes[0] * sizes[1])
+            area *= size
+        return area
 
 
 _FEWEST_LEVELS = 5
@@ -293,19 +297,10 @@ def _condition_keys(specimens: Sequence[Specimen]) -> tuple[Hashable, ...]:
     count, figures within `TOLERANCES`; further columns do not. Two unknowns count as alike.
     Gauge lengths that were measured one by one differ by some per cent and are one length.
     """
-    columns = [column_levels(name, [getattr(s, name) for s in specimens]) for name in TOLERANCES]
-    return tuple(
-        (
-            s.material,
-            _design_key(s.profile),
-            None if s.part is None else id(s.part.response),
-            s.orientation,
-            s.protocol,
-            s.pushed,
-            *(column[i] for column in columns),
-        )
-        for i, s in enumerate(specimens)
-    )
+    levels = [column_levels(name, [getattr(s, name) for s in specimens]) for name in TOLERANCES]
+    made = [(s.material, _design_key(s.profile), s.part and id(s.part.response)) for s in specimens]
+    tested = [(s.orientation, s.protocol, s.pushed) for s in specimens]
+    return tuple(zip(made, tested, *levels, strict=True))
 
 
 def condition_groups(specimens: Sequence[Specimen]) -> tuple[tuple[int, ...], ...]:
@@ -377,8 +372,7 @@ tensile test at some 50 mm/min on a 25 mm gauge, in a laboratory."""
 @cache
 def stated(*references: Reference) -> Reference:
     """Return every condition as the first reference that states it, or else the standard."""
-    names = [field.name for field in fields(Reference)]
-    known = [[getattr(at, name) for at in (*references, _STANDARD)] for name in names]
+    known = zip(*map(astuple, (*references, _STANDARD)), strict=True)
     return Reference(*(next(v for v in values if v is not None) for values in known))
 
 
@@ -488,22 +482,19 @@ class Campaign:
         return tuple(tuple(self.specimens[i] for i in group) for group in groups)
 
 
-_MODE = "mode"
-
-
 def with_modes(campaign: Campaign) -> Campaign:
     """Return a campaign of which a further column tells tension from compression, if it has both.
 
     Laws that were measured in tension may be off in compression alone: a gap may lie along it.
     """
     specimens = campaign.specimens
-    if len({s.pushed for s in specimens}) < 2 or _MODE in campaign.covariates:
+    if len({s.pushed for s in specimens}) < 2 or "mode" in campaign.covariates:
         return campaign
     told = [
-        replace(s, covariates={**s.covariates, _MODE: "compression" if s.pushed else "tension"})
+        replace(s, covariates={**s.covariates, "mode": "compression" if s.pushed else "tension"})
         for s in specimens
     ]
-    return replace(campaign, specimens=tuple(told), covariates=(*campaign.covariates, _MODE))
+    return replace(campaign, specimens=tuple(told), covariates=(*campaign.covariates, "mode"))
 
 
 # ------------------------------------------------------------------------------------------------

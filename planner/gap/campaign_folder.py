@@ -22,15 +22,7 @@ from planner.formats.specimens import ListedSpecimen as Row
 from planner.formats.tables import encode_csv, number, read_columns
 from planner.formats.tensile import TensileTable, mode_of, read_tensile
 from planner.formats.units import QUANTITIES
-from planner.gap.campaign import (
-    BEYOND_GAUGE,
-    LONGEST_FACET,
-    Campaign,
-    PartTest,
-    Specimen,
-    StrainField,
-    named,
-)
+from planner.gap.campaign import Campaign, PartTest, Specimen, StrainField, named
 from planner.materials.characterise import MINIMUM_POINTS, UNLOADED_SHARE
 from planner.materials.laws import Law, make_law
 from planner.materials.study import in_stated_units, stated_units
@@ -421,16 +413,15 @@ class _Fields:
                 f"{_FIELDS}, line {first[0]}: facet_mm is {facet:g}, more than the gauge's "
                 f"{gauge_mm:g} mm; give the length that one strain is the mean of"
             )
-        reach = float(np.median(np.diff(x))) if facet is None else facet
-        # Half a facet may touch the gauge from beyond.
-        slack = max(min(reach, 0.5 * LONGEST_FACET * gauge_mm), BEYOND_GAUGE * gauge_mm)
+        field = StrainField(times, x, strain[:, whole], facet)
+        slack = field.slack_mm(gauge_mm)
         if len(outside := np.flatnonzero((x < -slack) | (x > gauge_mm + slack))):
             raise FileError(
                 f"{_FIELDS}, line {first[outside[0]]}: x_mm is {x[outside[0]]:g}; the gauge goes "
                 f"from 0 to {gauge_mm:g} mm; count x_mm along the undeformed gauge from its end, "
                 "and leave out what is beyond"
             )
-        return StrainField(times, x, strain[:, whole], facet)
+        return field
 
 
 def _stated_facet_mm(facets: FloatArray, lines: IntArray) -> float | None:
@@ -777,8 +768,7 @@ _CsvRow = Sequence[str | float | None]
 def specimens_csv(campaign: Campaign) -> bytes:
     """Return the list of specimens as a file's bytes; designs of bars as profiles/NAME.csv."""
     files, _ = _own_files(campaign.specimens)
-    has_parts = any(s.part is not None for s in campaign.specimens)
-    of_parts = ("part", "fix", "move", "load") if has_parts else ()
+    of_parts = ("part", "fix", "move", "load") if any(s.part for s in campaign.specimens) else ()
     columns = ("specimen", "material", "profile", *of_parts, *_WRITTEN, *campaign.covariates)
     rows: list[_CsvRow] = [columns]
     for s, file in zip(campaign.specimens, files, strict=True):
