@@ -250,9 +250,9 @@ def _is_graded(specimen: Specimen) -> bool:
     return specimen.coordinates is not None and float(np.ptp(specimen.coordinates)) > 1e-6
 
 
-def _mixtures(specimens: Sequence[Specimen]) -> int:
-    drawn = [(s.material, s.coordinates) for s in specimens]
-    return len({material if m is None else float(m[0]) for material, m in drawn})
+def _made_of(specimen: Specimen) -> str | float | None:
+    at = specimen.coordinates
+    return specimen.material if at is None else float(at[0])
 
 
 _CHANNELS: Mapping[str, tuple[Callable[[Sequence[Specimen]], bool], str]] = {
@@ -266,7 +266,7 @@ _CHANNELS: Mapping[str, tuple[Callable[[Sequence[Specimen]], bool], str]] = {
         "there is no graded bar",
     ),
     "materials": (
-        lambda given: any(map(_is_graded, given)) or _mixtures(given) > 1,
+        lambda given: any(map(_is_graded, given)) or len(set(map(_made_of, given))) > 1,
         "there is one material only",
     ),
     "section": (

@@ -43,16 +43,15 @@ def _effect(id: str, table: dict[str, Any], common: Mapping[str, Any]) -> Effect
         for key, given in {**common, **table.pop("parameters", {})}.items()
     }
     forms = tuple(_form(name, given, parameters) for name, given in table.pop("forms", {}).items())
-    remedy, advice = table.pop("remedy", None), table.pop("advice", None)
-    advise = None if advice is None else _named(advice)
-    advise = advise if remedy is None else partial(_measure_anew, remedy)
-    return Effect(id=id, advice=advise, forms=forms, **_frozen(table))
+    advice = _named(table.pop("advice")) if "advice" in table else None
+    if "remedy" in table:
+        advice = partial(_measure_anew, table.pop("remedy"))
+    return Effect(id=id, advice=advice, forms=forms, **_frozen(table))
 
 
 def _form(name: str, table: dict[str, Any], parameters: Mapping[str, Parameter]) -> Form:
-    own, apply = table.pop("parameters"), _named(table.pop("apply"))
-    own = tuple(parameters[key] for key in own)
-    apply = partial(apply, **table.pop("given")) if "given" in table else apply
+    own = tuple(parameters[key] for key in table.pop("parameters"))
+    apply = partial(_named(table.pop("apply")), **table.pop("given", {}))
     return Form(name=name, parameters=own, apply=apply, **_frozen(table))
 
 

@@ -51,16 +51,11 @@ def _taken(
     return np.asarray(slack_mm * ratio * (1.0 + ratio**sharpness) ** (-1.0 / sharpness))
 
 
-def _dead_travel(setup: Setup, values: Values) -> Setup:
+def _dead_travel(setup: Setup, values: Values, *, for_good: bool = False) -> Setup:
     """Lost first, and again on every way back; rounded, bit by bit as strands are drawn taut."""
-    taken = _taken(setup.travel_mm, values["slack"], values.get("sharpness", 4.0))
+    travel_mm = np.maximum.accumulate(setup.travel_mm, axis=1) if for_good else setup.travel_mm
+    taken = _taken(travel_mm, values["slack"], values.get("sharpness", 4.0))
     return setup.with_(lost_mm=setup.lost_mm + taken)
-
-
-def _seating(setup: Setup, values: Values) -> Setup:
-    """Lost first and for good."""
-    furthest = np.maximum.accumulate(setup.travel_mm, axis=1)
-    return setup.with_(lost_mm=setup.lost_mm + _taken(furthest, values["slack"]))
 
 
 def _taking_up(setup: Setup, values: Values) -> Setup:
