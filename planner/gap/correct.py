@@ -24,14 +24,7 @@ from planner.materials.fit import Sample, fit_law, least_yielding, sample_of
 from planner.materials.laws import SeparableLaw, make_law
 from planner.materials.mixtures import CoefficientModel
 from planner.numerics import FloatArray, normal_quantile
-from planner.palette import (
-    LawParameters,
-    Material,
-    Palette,
-    Reference,
-    encode_palette,
-    parse_palette,
-)
+from planner.palette import Material, Palette, Reference, encode_palette, parse_palette
 from planner.printers import Printer, load_printer, palette_of
 from planner.simulation.bar_solver import LawTables, Setup, law_tables, predict
 
@@ -282,8 +275,8 @@ off by half of it at most."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Refit:
-    """A law, and how well it follows what it was to follow.
+class _Refit:
+    """A material with another law, and how well this follows what it was to follow.
 
     Attributes
     ----------
@@ -293,13 +286,13 @@ class Refit:
         Whether it is unfit for even slight compression, where its stress would turn.
     """
 
-    law: LawParameters
+    material: Material
     misfit: float
     tension_alone: bool = False
 
 
-def _refitted(material: Material, strain: FloatArray, log_factor: FloatArray) -> Refit:
-    """Return a material's law with its stress multiplied by exp(log_factor).
+def _refitted(material: Material, strain: FloatArray, log_factor: FloatArray) -> _Refit:
+    """Return a material with its law's stress multiplied by exp(log_factor).
 
     An even factor multiplies the law's moduli and leaves no misfit; a straight line has the mean of
     an uneven one. Else the same model, with as many terms, is fitted to the changed curve, or one
@@ -319,12 +312,12 @@ def _refitted(material: Material, strain: FloatArray, log_factor: FloatArray) ->
     if law.model == "linear" or float(np.ptp(log_factor)) < _EVEN:
         even = log_factor.mean()
         misfit = float(np.sqrt(np.mean((np.exp(even - log_factor) - 1.0) ** 2)))
-        return Refit(law.stiffened(float(np.exp(even))), misfit)
+        return _Refit(replace(material, law=law.stiffened(float(np.exp(even)))), misfit)
     model = make_law(law)
     stress = model.nominal_stress_MPa(1.0 + strain) * np.exp(log_factor)
     sample = sample_of([Curve(material.id, strain, stress)], points=None)
     if not isinstance(model, SeparableLaw):  # one that yields
-        return _bent(sample)
+        return _bent(material, sample)
     own = [np.sort(v) for name, v in sorted(law.parameters.items()) if not name.endswith("_MPa")]
     start = np.concatenate(own)[None] if own else None
     fit = fit_law(model, sample, starts=_STARTS, also=start)
@@ -335,21 +328,21 @@ def _refitted(material: Material, strain: FloatArray, log_factor: FloatArray) ->
             "law with planner fit"
         )
     misfit = float(np.sqrt(np.mean((fit.nominal_stress_MPa(1.0 + strain) / stress - 1.0) ** 2)))
-    if misfit > FIT_SD and (bent := _bent(sample)).misfit < misfit:
+    if misfit > FIT_SD and (bent := _bent(material, sample)).misfit < misfit:
         return bent
     # Palettes are held to slight compression and beyond the break, too; a pull needs neither.
     alone = fit.unstable_strain(material.elongation_at_break) is not None
-    return Refit(fit.parameters, misfit, alone)
+    return _Refit(replace(material, law=fit.parameters), misfit, alone)
 
 
-def _bent(sample: Sample) -> Refit:
-    """Return the law that yields which follows a curve best, in relative stress."""
+def _bent(material: Material, sample: Sample) -> _Refit:
+    """Return a material with the law that yields and follows a curve best, in relative stress."""
     steepest = float(sample.stress_MPa[0] / (sample.stretch[0] - 1.0))
     law, _ = least_yielding(steepest, sample)
     off = law.nominal_stress_MPa(sample.stretch) / sample.stress_MPa - 1.0
-    parameters = {name: (value,) for name, value in asdict(law).items()}
-    misfit = float(np.sqrt(np.mean(off**2)))
-    return Refit(LawParameters(law.model, MappingProxyType(parameters)), misfit)
+    parameters = MappingProxyType({name: (value,) for name, value in asdict(law).items()})
+    bent = replace(material.law, model=law.model, parameters=parameters)
+    return _Refit(replace(material, law=bent), float(np.sqrt(np.mean(off**2))))
 
 
 # ------------------------------------------------------------------------------------------------
@@ -569,9 +562,7 @@ def _corrected(case: _Case, recalibrate: bool) -> Correction:
         for one in applied
         if (name := one.effect.condition) and getattr(own, name) == getattr(use, name)
     ]
-    acting = [
-        one for one in applied if np.abs(_whole(factors.log([one]), palette)).max() > _NOTABLE
-    ]
+    acting = [e for e in applied if np.abs(_whole(factors.log([e]), palette)).max() > _NOTABLE]
     corrected = [one.effect.id for one in acting]
     asked = diagnosis.recalibration if recalibrate else {}
     if recalibrate and any(material.id in asked for material in palette.materials):
@@ -591,15 +582,14 @@ def _corrected(case: _Case, recalibrate: bool) -> Correction:
         readings = tuple(
             replace(
                 one,
-                law=_refitted(replace(material, law=one.law), strain, log).law,
+                law=_refitted(replace(material, law=one.law), strain, log).material.law,
                 modulus_log_sd=math.hypot(one.modulus_log_sd, sd),
             )
             for one in material.readings
         )
         sd = math.hypot(material.modulus_log_sd, sd)
-        materials.append(
-            replace(material, law=fit.law, uncertainty=None, modulus_log_sd=sd, readings=readings)
-        )
+        new = replace(fit.material, uncertainty=None, modulus_log_sd=sd, readings=readings)
+        materials.append(new)
     misfit = {m: fit.misfit for m, fit in fits.items()}
     if bad := [f"{m} {100 * off:.1f} %" for m, off in misfit.items() if off > FIT_SD]:
         notes.append(f"laws more than 1 % off the corrected curve: {', '.join(bad)}")

@@ -504,7 +504,7 @@ def test_a_law_is_fitted_again_in_its_own_number_of_terms(palette) -> None:
     material = replace(palette.materials[0], law=LawParameters("ogden", terms))
     strain = np.linspace(0.01, 0.7, 60)
     made = _refitted(material, strain, -0.2 * np.tanh(strain))
-    assert len(made.law.parameters["alpha"]) == 4
+    assert len(made.material.law.parameters["alpha"]) == 4
     assert made.misfit < 1e-4
 
 
