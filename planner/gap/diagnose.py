@@ -237,15 +237,14 @@ def closure(
     after, recalibrated, generic = _held_out(problem, folds, errors_of, progress)
     judged = np.isfinite(after)
     before = np.where(judged, alone, np.nan)
-    if floor is not None:  # of the same specimens as the errors, where some of these are replicated
+    closed, floor_rms, interval = 0.0 if nothing else None, None, None
+    if floor is not None:  # of the same specimens as the errors, where some are replicated
         same = np.where(judged, floor, np.nan)
         floor = floor if np.isnan(same).all() else same
-    floor_rms = None if floor is None else _rms(floor)
-    closed = 0.0 if nothing else None
-    interval: tuple[float, float] | None = None
-    if floor is not None and floor_rms is not None and not nothing:
-        closed = _closed(_rms(before), _rms(after), floor_rms)
-        interval = _interval(problem, np.stack([before, after, floor]), rng)
+        floor_rms = _rms(floor)
+        if not nothing:
+            closed = _closed(_rms(before), _rms(after), floor_rms)
+            interval = _interval(problem, np.stack([before, after, floor]), rng)
     # Levels of the verdict's own covariates: along any other column nothing is carried beyond.
     own = own_axes([b.effect for b in problem.branches if b.effect.id in verdict])
     beyond = _levels_out(specimens, own)
@@ -580,15 +579,14 @@ def _confounders(effects: Sequence[str], not_testable: Sequence[Untestable]) -> 
     effects
         The verdict's, by id; an "unknown" has no axes of its own and resembles nothing.
     """
+    where = {id: EFFECTS[id].where for id in effects if id in EFFECTS}
     for one in not_testable:
         other = EFFECTS[one.id]
         needs = (*other.covariates, *other.channels)
-        alike = [
-            id for id in effects if id in EFFECTS and set(EFFECTS[id].where) & set(other.where)
-        ]
+        alike = [id for id in where if set(where[id]) & set(other.where)]
         if not alike or _NEVER_THERE & set(needs):
             continue
-        axes = [axis for axis in other.where if any(axis in EFFECTS[id].where for id in alike)]
+        axes = [axis for axis in other.where if any(axis in where[id] for id in alike)]
         tests = " and ".join(", or ".join(TESTS[n] for n in need.split("|")) for need in needs)
         settle = f"; to settle it, {tests}" if tests else ""
         yield (
