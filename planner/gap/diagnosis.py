@@ -11,7 +11,7 @@ import msgspec
 import numpy as np
 
 from planner import __version__
-from planner.errors import FileError, PaletteError
+from planner.errors import FileError, PaletteError, refused
 from planner.formats.files import decode_document, encode_document, path_within, read_file
 from planner.formats.units import UnitOf
 from planner.glance import brief, counted, html_of, one_line, plotted
@@ -392,12 +392,6 @@ what machines disagree in."""
 _MOST = 1.0 + 1e-6
 """Of a probability, and of a sum of them. Numerical: what rounding to that many digits adds."""
 
-_ALIKE = (
-    "campaign", "specimens", "tests", "tested", "changed", "seed", "verdict", "summary", "where",
-    "gap", "data_quality", "unit_of", "next_experiments", "detectable", "limitations",
-)  # fmt: skip
-"""What the file holds as the diagnosis does."""
-
 _LEFT_OUT: Mapping[str, Mapping[str, Any]] = {
     "where": {"share_interval": None},
     "remainder.where": {"share_interval": None},
@@ -452,6 +446,11 @@ class _DiagnosisFile(msgspec.Struct, kw_only=True):
     limitations: tuple[str, ...] = ()
 
 
+_OTHERWISE = {"palette", "ranking", "not_testable", "effect", "remainder", "recalibration"}
+_ALIKE = {*Diagnosis.__dataclass_fields__} & {*_DiagnosisFile.__struct_fields__} - _OTHERWISE
+"""What the file holds otherwise than the diagnosis does, and as it does."""
+
+
 PALETTE_FILE = "palette.toml"
 """What the diagnosed palette is called in the folder of its diagnosis."""
 
@@ -487,12 +486,9 @@ def read_diagnosis(path: str | Path) -> Diagnosis:
         file, advice="give a diagnosis.json as planner gap diagnose -o writes it, or its folder"
     )
     document = decode_document(data, dict[str, Any], str(file))
-    try:
+    said = "not a diagnosis: {}; see docs/reference/diagnosis.md for its keys"
+    with refused(FileError, file, said, msgspec.ValidationError):
         content = msgspec.convert(_completed(document), _DiagnosisFile)
-    except msgspec.ValidationError as error:
-        raise FileError(
-            f"{file}: not a diagnosis: {error}; see docs/reference/diagnosis.md for its keys"
-        ) from error
     for key, value, allowed in _faults_of(content):
         raise FileError(f"{file}: {key} is {value}; it must be {allowed}")
     return Diagnosis(
