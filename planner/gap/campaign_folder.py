@@ -352,9 +352,6 @@ def _time(source: _Source, travel: FloatArray) -> tuple[FloatArray, bool]:
 
 SPECIMENS, CURVES, _FIELDS = "specimens.csv", "curves.csv", "fields.csv"
 
-_COLUMNS: Mapping[str, str | None] = {"time_s": "time", "x_mm": "length", "strain": None,
-                                        "facet_mm": "length"}  # fmt: skip
-
 _FACET = frozenset({"facet_mm"})
 
 
@@ -369,7 +366,8 @@ class _Fields:
         if not (folder / _FIELDS).is_file():
             return
         path = path_within(folder, _FIELDS)
-        file = read_columns(path, _COLUMNS, optional=_FACET, gaps=_FACET, texts=("specimen",))
+        columns = {"time_s": "time", "x_mm": "length", "strain": None, "facet_mm": "length"}
+        file = read_columns(path, columns, optional=_FACET, gaps=_FACET, texts=("specimen",))
         self._columns, self._lines = file.numbers, np.array(file.lines)
         for row, specimen in enumerate(file.texts["specimen"]):
             self.rows.setdefault(specimen, []).append(row)

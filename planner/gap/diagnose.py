@@ -3,7 +3,6 @@
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import TypeAlias
 
 import numpy as np
 from scipy.special import softmax
@@ -116,8 +115,7 @@ def _conditions_out(
     tests
         Places of the specimens of each condition.
     """
-    turns = [(out, _judged(specimens, out)) for out in _in_turn(specimens, tests)]
-    folds = [(out, judged) for out, judged in turns if judged.any()]
+    folds = [(out, j) for out in _in_turn(specimens, tests) if (j := _judged(specimens, out)).any()]
     if folds and len(tests) >= _LEAST_LEVELS:
         most = -(-len(tests) // _MOST_FOLDS)
         several = f"{len(tests)} conditions left out, up to {most} at a time"
@@ -467,7 +465,7 @@ def _recalibration_of(world: World, chosen: Candidate) -> Mapping[str, tuple[flo
 # What was tested, so that whoever uses the effect knows where it was seen.
 
 
-_Levels: TypeAlias = dict[str, tuple[float | str, ...]]
+_Levels = dict[str, tuple[float | str, ...]]
 
 
 def levels_tested(campaign: Campaign) -> tuple[_Levels, Mapping[str, tuple[str, ...]]]:

@@ -171,6 +171,7 @@ class PartDesign:
 
     def document(self) -> dict[str, Any]:
         """Return the design as JSON holds it; the plan has its own."""
+        same = ("level", "strain_over_break", "cell_mm", "tried", "interrupted")
         return {
             "schema": 1,
             "part": self.plan.part.file,
@@ -180,11 +181,7 @@ class PartDesign:
             "free": None if self.free is None else dict(self.free),
             "values": list(self.values),
             "targets": [{**asdict(r), "hard": r.hard} for r in self.reached],
-            "level": self.level,
-            "strain_over_break": self.strain_over_break,
-            "cell_mm": self.cell_mm,
-            "tried": self.tried,
-            "interrupted": self.interrupted,
+            **{name: getattr(self, name) for name in same},
             "findings": [asdict(f) for f in self.findings],
             "notes": list(self.notes),
         }

@@ -188,12 +188,9 @@ _MOST_POINTS = 30
 """Each costs three solutions an evaluation; ten to twenty tell a shape."""
 
 
-_ON = re.compile(r"(.+?)\s+on\s+(.+)", re.IGNORECASE)
-
-
 def _shape(text: str, bare: str) -> Target:
     named = bare.partition(":")[2].strip()
-    on = _ON.fullmatch(named)
+    on = re.fullmatch(r"(.+?)\s+on\s+(.+)", named, re.IGNORECASE)
     path = Path(on[1] if on else named)
     if path.suffix.casefold() != ".csv":
         surface = read_mesh(path).triangles

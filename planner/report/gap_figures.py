@@ -261,7 +261,6 @@ def _branch_of_steps(travel: FloatArray) -> FloatArray:
 # What a pointer on a mark brings up: the specimen or test, its conditions, its errors.
 
 
-_ALWAYS = ("rate_mm_s", "temperature_C")
 _SIZES = ("specimen", "material", "width_mm", "thickness_mm", "gauge_mm")
 
 
@@ -272,8 +271,8 @@ def _specimen_words(traces: Traces, row: int) -> str:
     words = [str(columns["material"][row])] if "material" in columns else []
     for column, values in columns.items():
         value = values[row]
-        varies = len({v for v in values if v is not None}) > 1
-        if value is None or column in _SIZES or not (varies or column in _ALWAYS):
+        told = column in ("rate_mm_s", "temperature_C") or len({*values} - {None}) > 1
+        if value is None or column in _SIZES or not told:
             continue
         shown = f"{value:g}" if isinstance(value, float) else str(value)
         words.append(f"{axis_words(column)} {shown} {unit_of(column)}".strip())

@@ -60,8 +60,6 @@ _WAVES = 7
 """Patterns of it, the smoothest first. Numerical: they hold 95 % of its variance over the middle
 knots."""
 
-_WAVE_NAMES = tuple(f"wave_{k}" for k in range(1, _WAVES + 1))
-
 
 @lru_cache(maxsize=1)
 def _waves() -> FloatArray:
@@ -75,7 +73,7 @@ def _waves() -> FloatArray:
 
 def _course(values: Values) -> FloatArray:
     """Return a form's own waves over the knots, (K,); 0 where it is given none."""
-    return np.asarray(_waves() @ [values.get(name, 0.0) for name in _WAVE_NAMES])
+    return np.asarray(_waves() @ [values.get(f"wave_{k + 1}", 0.0) for k in range(_WAVES)])
 
 
 def _risen(log_slope: FloatArray, knots: FloatArray, at: ArrayLike) -> FloatArray:
