@@ -405,6 +405,12 @@ def _limitations_of(specimens: Sequence[Specimen]) -> Iterator[str]:
         )
 
 
+_UNUSED_TABLE = (
+    "the palette's own table of temperatures is not used: a gap with temperature is told against "
+    "its laws as they stand, at the temperature they were measured at"
+)
+
+
 def named(ids: Sequence[str], most: int = 6) -> str:
     """Write a list of specimens in words, a long one in short."""
     if len(ids) > most:
@@ -464,7 +470,11 @@ class Campaign:
     @property
     def limitations(self) -> tuple[str, ...]:
         """The remarks, and what the specimens cannot tell whatever is made of them."""
-        return (*self.remarks, *_limitations_of(self.specimens))
+        table = self.palette.temperature is not None and any(
+            s.temperature_C is not None for s in self.specimens
+        )
+        unused = (_UNUSED_TABLE,) if table else ()
+        return (*self.remarks, *unused, *_limitations_of(self.specimens))
 
     def specimen(self, id: str) -> Specimen:
         """Return a specimen by its id.

@@ -11,6 +11,7 @@ from planner.errors import PlannerError
 from planner.formats.files import path_within
 from planner.formats.specimens import SPECIMEN_COLUMNS
 from planner.formats.tensile import read_tensile
+from planner.gap.campaign import named
 from planner.gap.campaign_folder import CURVES, SPECIMENS, has_curves, read_campaign_file, read_list
 from planner.gap.diagnosis import SIGNIFICANT, Diagnosis, Gap, Hypothesis, Location, read_diagnosis
 from planner.gap.effects import EFFECTS
@@ -182,6 +183,12 @@ def _how_far(d: Diagnosis) -> str:
         return (
             "How far it closes cannot be checked, as no condition can be left out of the fit: "
             f"{before}, and {floor}."
+        )
+    some = [id for one in d.effect for id in one.specimens]
+    if some and gap.after > 0.5 * gap.before:
+        return (
+            f"How far it closes cannot be checked: what {named(some)} alone have, the others do "
+            f"not tell of where these are left out. Before, {before}, and {floor}."
         )
     added = "it is" if len(d.verdict.split("+")) == 1 else "they are"
     missed = f"{percent(gap.after)} of a specimen's largest force"

@@ -23,7 +23,6 @@ __all__ = [
     "algorithm_one",
     "literal_stress_MPa",
     "mixtures_without",
-    "normalised_rmse",
     "quadratic_study",
     "quadratics_through",
     "without",
