@@ -641,10 +641,6 @@ def simulate_bar(
         )
     if not 1 <= slices <= 10_000:
         raise ArgumentError(f"`slices` {slices}: it must be a whole number from 1 to 10000")
-    of_protocols = ("cycles", cycles, 1, "cyclic"), ("hold_s", hold_s, _HOLD_s, "relaxation")
-    for name, value, usual, of in of_protocols:
-        if value != usual and protocol != of:
-            raise ArgumentError(f"`{name}` {value:g}: it goes with `protocol` {of}")
     path = source if isinstance(source, (str, Path)) else ""
     if path and (Path(path).suffix.casefold() == ".json" or Path(path).is_dir()):
         source = read_plan(path)
@@ -678,6 +674,10 @@ def simulate_bar(
     way = loading_path(
         protocol, to_displacement_mm=end, rate_mm_s=speed, steps=steps, cycles=cycles, hold_s=hold_s
     )
+    of_protocols = ("cycles", cycles, 1, "cyclic"), ("hold_s", hold_s, _HOLD_s, "relaxation")
+    for option, value, usual, of in of_protocols:
+        if value != usual and protocol != of:
+            raise ArgumentError(f"`{option}` {value:g}: it goes with `protocol` {of}")
     states = len(way.time_s) * len(bar.coordinate)
     if states > _MOST_STATES:
         raise ArgumentError(

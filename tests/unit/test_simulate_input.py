@@ -25,7 +25,7 @@ from planner.simulation.bar import Bar
         ({"cycles": 4}, "`cycles` 4: it goes with `protocol` cyclic"),
         ({"hold_s": 5.0}, "`hold_s` 5: it goes with `protocol` relaxation"),
         ({"rate_mm_s": -1.0}, "rate_mm_s"),
-        ({"protocol": "relaxation", "hold_s": 0.0}, "hold_s"),
+        ({"hold_s": 0.0}, "hold_s"),
         ({"level": 1.0}, "level"),
         ({"width_mm": 0.0}, "width"),
         ({"gauge_mm": float("inf")}, "gauge"),
