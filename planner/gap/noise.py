@@ -188,6 +188,7 @@ class NoisyFeatures:
         bars = _groups(table, table.is_field)
         freedom = sum(len(g) - 1 for g in groups)
         free = [name for name in _PRIOR_SD if (bars if name.startswith("field") else groups)]
+        prior_sd = np.array([_PRIOR_SD[name] for name in free])
         # Orthonormal differences of replicates, and how much each has of every batch.
         contrasts, along = (
             [scipy.linalg.helmert(len(rows)) @ residual[np.stack(rows)] for rows in of]
@@ -201,9 +202,7 @@ class NoisyFeatures:
 
         def cost(logs: FloatArray) -> float:
             scatter = _scatter(dict(zip(free, logs.tolist(), strict=True)))
-            total = 0.5 * sum(
-                (log / _PRIOR_SD[name]) ** 2 for name, log in zip(free, logs, strict=True)
-            )
+            total = 0.5 * sum((logs / prior_sd) ** 2)
             inner, cross = np.eye(len(batches)), np.zeros(len(batches))
             for (first, *_), values, shares in zip(groups, contrasts, of_batch, strict=True):
                 columns = np.stack([scatter.batch * self.sensitivity[first], *values], axis=1)

@@ -675,8 +675,7 @@ def _field_in_percent(s: Specimen) -> Iterator[str]:
     mean = np.mean(s.strain_field.strain, axis=1)
     travel = np.interp(s.strain_field.time_s, s.time_s, s.strain)
     at = int(np.argmax(travel))
-    low, high = _HUNDREDFOLD
-    if travel[at] > 0.0 and low < abs(mean[at]) / travel[at] < high:
+    if travel[at] > 0.0 and _HUNDREDFOLD[0] < abs(mean[at]) / travel[at] < _HUNDREDFOLD[1]:
         yield (
             f"the strain field reaches {mean[at]:.3g} on average, travel over gauge length "
             f"{travel[at]:.3g}; per cent taken for fractions"

@@ -920,10 +920,7 @@ def evidence_of(problem: Problem, weighed: Weighed) -> Evidence:
         scatter_like=frozenset(sensors if len(problem.model.tests) == 1 else ()),
         closes=closes,
         without=without,
-        axes={
-            e.id: [a for a in e.where if a != "strain"]
-            for e in (b.effect for b in problem.branches)
-        },
+        axes={b.effect.id: [a for a in b.effect.where if a != "strain"] for b in problem.branches},
     )
 
 
@@ -1167,11 +1164,8 @@ def found_effects(weighed: Weighed, candidate: Candidate) -> tuple[FoundEffect, 
         related = tuple(map(tuple, (covariance[own, own] * np.outer(signed, signed)).tolist()))
         units = {p.name: p.unit for p in branch.form.parameters}
         units |= dict.fromkeys(branch.form.details, "1")
-        found.append(
-            FoundEffect(
-                branch.effect.id, branch.form.name, middle, interval, units, correlation=related
-            )
-        )
+        names = branch.effect.id, branch.form.name
+        found.append(FoundEffect(*names, middle, interval, units, correlation=related))
     if candidate.members is not None:
         members, problem = candidate.members, weighed.plain.problem
         inner = weighed.plain.products(problem.gains)
