@@ -149,8 +149,9 @@ def _from_surface(tree: TriangleTree, depth: bool, points_mm: FloatArray) -> Flo
 
 def _box_region(low_mm: Point, high_mm: Point) -> FieldRegion:
     """Return what lies between two corners."""
+    low, high = np.array(low_mm), np.array(high_mm)
     return FieldRegion(
-        lambda points_mm: np.all((points_mm >= low_mm) & (points_mm <= high_mm), axis=1),
+        lambda points_mm: np.asarray(((points_mm >= low) & (points_mm <= high)).all(axis=1)),
         {"box_mm": [list(low_mm), list(high_mm)]},
     )
 
@@ -158,7 +159,9 @@ def _box_region(low_mm: Point, high_mm: Point) -> FieldRegion:
 def _ball_region(centre_mm: Point, radius_mm: float) -> FieldRegion:
     """Return what lies within a radius of a point."""
     return FieldRegion(
-        lambda points_mm: np.square(points_mm - centre_mm).sum(axis=1) <= radius_mm**2,
+        lambda points_mm: np.asarray(
+            np.square(points_mm - np.array(centre_mm)).sum(axis=1) <= radius_mm**2
+        ),
         {"centre_mm": list(centre_mm), "radius_mm": radius_mm},
     )
 
@@ -166,7 +169,7 @@ def _ball_region(centre_mm: Point, radius_mm: float) -> FieldRegion:
 def _half_space(point_mm: Point, normal: Point) -> FieldRegion:
     """Return what lies beyond a plane, where its normal points."""
     return FieldRegion(
-        lambda points_mm: project(points_mm - point_mm, normal) >= 0.0,
+        lambda points_mm: np.asarray(project(points_mm - np.array(point_mm), normal) >= 0.0),
         {"point_mm": list(point_mm), "normal": list(normal)},
     )
 
@@ -306,7 +309,10 @@ class FieldArguments:
 
     def triple(self, key: str) -> Point | None:
         """Return three numbers as they are, None where they are not given."""
-        return as_point(np.array(self.numbers(key, 3))) if key in self.named else None
+        if key not in self.named:
+            return None
+        x, y, z = self.numbers(key, 3)
+        return x, y, z
 
     def point(self, key: str) -> Point:
         """Return a position as placed for printing."""
@@ -337,10 +343,12 @@ class FieldArguments:
         text = self.named[key]
         half = _HALF.match(text)
         if half:
-            axis, (at, normal) = "xyz".index(half[1]), np.zeros((2, 3))
-            at[axis] = self.numbers(key, 1, half[3])[0] + self.origin_mm[axis]
-            normal[axis] = 1.0 if half[2] == ">" else -1.0
-            return _half_space(as_point(at), as_point(normal))
+            axis = "xyz".index(half[1])
+            value = self.numbers(key, 1, half[3])[0]
+            sign = 1.0 if half[2] == ">" else -1.0
+            at, normal = [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]
+            at[axis], normal[axis] = value + self.origin_mm[axis], sign
+            return _half_space((at[0], at[1], at[2]), (normal[0], normal[1], normal[2]))
         word, _, rest = text.strip().partition(" ")
         if word == "box":
             return _box_region(*self.box(key, rest))
@@ -358,7 +366,8 @@ class FieldArguments:
         raise ArgumentError(f"field {self.kind}: {key}={text!r} is no region; it may be {_REGIONS}")
 
     def _placed(self, own: Sequence[float]) -> Point:
-        return as_point(np.add(own, self.origin_mm))
+        x, y, z = (one + shift for one, shift in zip(own, self.origin_mm, strict=True))
+        return x, y, z
 
 
 def _mesh_in_place(path: Path, origin_mm: Point, *, closed: bool = True) -> tuple[Mesh, str]:
@@ -445,16 +454,19 @@ def _radial(given: FieldArguments, setting: Setting) -> Field:
 
 
 def _distance(given: FieldArguments, setting: Setting) -> Field:
-    which, depth, says = given.only("plane", "hole", "box"), False, dict[str, object]()
+    which = given.only("plane", "hole", "box")
     if which and given.words:
         raise ArgumentError(f"field distance: give {given.words[0]} or {which}=, not both")
     if which == "plane":
         point, normal = given.line("plane")
         offset = float(np.dot(point, normal))
         ramp = _ramp(given, setting, AxisField(normal, offset, 1.0).values)
-        sign = math.copysign(1.0, ramp.stop - ramp.start)
-        way = as_point(sign * np.array(normal) + 0.0)
-        return AxisField(way, sign * (offset + ramp.start), abs(ramp.stop - ramp.start))
+        if ramp.stop > ramp.start:
+            return AxisField(normal, offset + ramp.start, ramp.stop - ramp.start)
+        back = (-normal[0] + 0.0, -normal[1] + 0.0, -normal[2] + 0.0)
+        return AxisField(back, -(offset + ramp.start), ramp.start - ramp.stop)
+    depth = False
+    says: dict[str, object]
     if which == "hole":
         picked, bounds_mm = given.point("hole"), setting.mesh.bounds_mm
         if (np.array(picked) < bounds_mm[0]).any() or (np.array(picked) > bounds_mm[1]).any():
@@ -810,8 +822,9 @@ def _text_of(says: Mapping[str, Any], origin_mm: Point) -> str:
     if name == "harmonic":
         first, last = (_region_text(says[key], origin_mm) for key in ("from", "to"))
         return f"harmonic: from={first}, to={last}"
-    told = [f"{end}={float(says[f'{end}_mm'])!r}" for end in ("from", "to") if "to_mm" in says]
-    ends = ", ".join(told)
+    ends = (
+        f"from={float(says['from_mm'])!r}, to={float(says['to_mm'])!r}" if "to_mm" in says else ""
+    )
     if name == "geodesic":
         return f"geodesic: start={_region_text(says['start'], origin_mm)}, {ends}"
     if name == "radial" and "direction" in says:
