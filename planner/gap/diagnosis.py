@@ -540,6 +540,9 @@ def _faults_of(file: _DiagnosisFile) -> Iterator[tuple[str, str, str]]:
         profile = str(test.row.get("profile", ""))
         if test.design and not re.fullmatch(r"profiles/[^/\\\0]+\.csv", profile):
             yield f"next_experiments[{i}].row.profile", repr(profile), "profiles/NAME.csv"
+    for id, one in file.effect.items():
+        if {len(one.correlation), *map(len, one.correlation)} - {0, len(one.parameters)}:
+            yield f"effect.{id}.correlation", "no square", "a row and a column for each parameter"
     if file.remainder.significant != bool(file.remainder.where):
         allowed = "true where remainder.where names a place, and else false"
         yield "remainder.significant", str(file.remainder.significant).lower(), allowed

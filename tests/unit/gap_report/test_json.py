@@ -101,6 +101,18 @@ def test_none_reads_alike_as_an_empty_hypothesis_and_by_name(examples: Examples)
         ({"where": [{"axis": "time", "share": 0.1, "p": -1.0}]}, r"where\[0\]\.p"),
         ({"remainder": {"significant": True, "where": []}}, r"remainder\.significant"),
         (
+            {
+                "effect": {
+                    "rate": {
+                        "parameters": {"rise": 0.1},
+                        "interval": {},
+                        "correlation": [[1.0, 0.5], [0.5, 1.0]],
+                    }
+                }
+            },  # of two
+            r"effect\.rate\.correlation",
+        ),
+        (
             {"next_experiments": [{"change": {}, "splits": [["a"]], "expected_gain_nats": 1}]},
             r"next_experiments\[0\]\.splits",
         ),
