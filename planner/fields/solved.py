@@ -415,8 +415,8 @@ def points_field(
 
     places, which, count = np.unique(points_mm, axis=0, return_inverse=True, return_counts=True)
     if len(places) < 4:
-        file = says["file"]
-        raise ArgumentError(f"field points: {file} has {len(places)} places; it needs 4 or more")
+        few = f"{says['file']} has {len(places)} places"
+        raise ArgumentError(f"field points: {few}; it needs 4 or more")
     mean = np.bincount(which.ravel(), weights=quantity) / count
     tree = KDTree(places)
 

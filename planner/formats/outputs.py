@@ -28,6 +28,7 @@ __all__ = [
     "check_target",
     "claimed",
     "files_within",
+    "is_as_written",
     "is_scratch",
     "is_sealed",
     "is_stream",
@@ -296,11 +297,16 @@ def _kept_files(root: Path, record: str, listed: Mapping[str, str]) -> Iterator[
             ours = any(path.iterdir()) or any(file.startswith(name) for file in listed)
         else:
             ours = name == record or (
-                stat.S_ISREG(path.lstat().st_mode)
-                and (_sha256(path) == listed.get(name) or (name == _PAGE and is_sealed(path)))
+                stat.S_ISREG(path.lstat().st_mode) and is_as_written(root, name, listed.get(name))
             )
         if not ours:
             yield name
+
+
+def is_as_written(root: Path, name: str, sha256: str | None) -> bool:
+    """Tell whether a file of a folder has the hash that was listed, or is a page made anew."""
+    path = root / name
+    return _sha256(path) == sha256 or (name == _PAGE and is_sealed(path))
 
 
 def _sha256(path: Path) -> str:
@@ -587,9 +593,10 @@ def _remove_earlier(scratch: Path, target: Path, seen: set[str], folder: _Place)
     said = "is written, but the earlier one could not be deleted whole ({})"
     with refused(OutputError, folder, f"{said}; delete {scratch}", OSError):
         if scratch.exists():
-            for name, path in [("/", scratch), *_within(scratch)]:
-                if name.endswith("/"):  # one that its owner closed, too
-                    path.chmod(path.stat().st_mode | stat.S_IRWXU)
+            left = list(_within(scratch))
+            for closed in (scratch, *(path for name, path in left if name.endswith("/"))):
+                closed.chmod(closed.stat().st_mode | stat.S_IRWXU)  # by its owner, perhaps
+            for name, path in left:
                 if name not in seen and path.exists() and not os.path.lexists(target / name):
                     path.rename(target / name)  # it came in the very last moment
             shutil.rmtree(scratch)

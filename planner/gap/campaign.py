@@ -380,8 +380,13 @@ def stated(*references: Reference) -> Reference:
 # What a campaign cannot tell, whatever is made of it.
 
 
-def _limitations_of(specimens: Sequence[Specimen]) -> Iterator[str]:
-    """Yield one sentence a limitation that the specimens themselves show."""
+def _limitations_of(palette: Palette, specimens: Sequence[Specimen]) -> Iterator[str]:
+    """Yield one sentence a limitation that palette and specimens themselves show."""
+    if palette.temperature is not None and any(s.temperature_C is not None for s in specimens):
+        yield (
+            "the palette's own table of temperatures is not used: a gap with temperature is told "
+            "against its laws as they stand, at the temperature they were measured at"
+        )
     if len(specimens) == 1:
         yield (
             "one specimen only: no condition varies and there is no scatter to judge a gap by, "
@@ -403,12 +408,6 @@ def _limitations_of(specimens: Sequence[Specimen]) -> Iterator[str]:
             f"{named([s.id for s in pushed])}: compressed, to a strain of {far:.2g}; a palette's "
             "laws are fitted to tension and extrapolated there, so that a gap may be the law's own"
         )
-
-
-_UNUSED_TABLE = (
-    "the palette's own table of temperatures is not used: a gap with temperature is told against "
-    "its laws as they stand, at the temperature they were measured at"
-)
 
 
 def named(ids: Sequence[str], most: int = 6) -> str:
@@ -470,11 +469,7 @@ class Campaign:
     @property
     def limitations(self) -> tuple[str, ...]:
         """The remarks, and what the specimens cannot tell whatever is made of them."""
-        table = self.palette.temperature is not None and any(
-            s.temperature_C is not None for s in self.specimens
-        )
-        unused = (_UNUSED_TABLE,) if table else ()
-        return (*self.remarks, *unused, *_limitations_of(self.specimens))
+        return (*self.remarks, *_limitations_of(self.palette, self.specimens))
 
     def specimen(self, id: str) -> Specimen:
         """Return a specimen by its id.

@@ -1,6 +1,5 @@
 """Plans checked and compared: from a folder's files alone, and one against another."""
 
-import hashlib
 import itertools
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -13,7 +12,7 @@ import numpy as np
 from planner.errors import ArgumentError, FileError, PlannerError
 from planner.formats.files import path_within
 from planner.formats.mesh_file import decode_stl
-from planner.formats.outputs import is_scratch, is_sealed
+from planner.formats.outputs import is_as_written, is_scratch
 from planner.formats.threemf import ThreemfObject, read_threemf
 from planner.glance import counted, one_line, outcome
 from planner.mesh.mesh import JoinedShells, Measures, Mesh, join_shells, measure, weld_points
@@ -253,8 +252,8 @@ def _threemf_problems(root: Path, plan: Plan, shells: Mapping[str, Triangles]) -
             yield f"{path.name}: it has no object {Path(file).stem}"
         else:
             yield from _object_problems(path.name, item, shell, _of(plan, file))
-    listed = {Path(region.file).stem for region in plan.regions}
-    yield from (f"{path.name}: object {n} has no STL" for n in objects if n not in listed)
+    strange = (name for name in objects if name not in stems.values())
+    yield from (f"{path.name}: object {name} has no STL" for name in strange)
 
 
 def _object_problems(
@@ -435,10 +434,8 @@ def _is_rewritten(root: Path, name: str, plan: Plan) -> bool:
     """Tell whether such a file is there, and not as it was written."""
     if not name.endswith(_READ) or any(region.file == name for region in plan.regions):
         return False
-    path = path_within(root, name)
-    if not path.is_file() or (name == "plan.html" and is_sealed(path)):
-        return False
-    return hashlib.sha256(path.read_bytes()).hexdigest() != plan.files_sha256[name]
+    is_there = path_within(root, name).is_file()
+    return is_there and not is_as_written(root, name, plan.files_sha256[name])
 
 
 def _reported(plan: Plan) -> Iterator[str]:
@@ -582,8 +579,9 @@ def _compare_regions(before: Plan, after: Plan, tolerance: float) -> Iterator[Di
 def _different(what: str, where: str, a: Any, b: Any, tolerance: float) -> Iterator[Difference]:
     """Yield two values' difference, with as many digits as tell them apart; None where equal."""
     if not _equal(a, b, tolerance):
-        texts = ((_text(a, digits), _text(b, digits)) for digits in range(6, 18))
-        yield Difference(what, where, *next((ab for ab in texts if ab[0] != ab[1]), ("", "")))
+        each = ((_text(a, digits), _text(b, digits)) for digits in range(6, 18))
+        told = next((texts for texts in each if texts[0] != texts[1]), (_text(a), _text(b)))
+        yield Difference(what, where, *told)
 
 
 def _volume_by_material(plan: Plan) -> dict[str, float]:

@@ -119,7 +119,7 @@ def _design_pieces(
 
 _Progress = Callable[[str], None]
 
-_LEAST_CELLS = 5
+_FEWEST_CELLS = 5
 """Along a part's longest side, if their size is stated. Chosen: of fewer, some materials of a round
 field have none of a cell's corners, and no check can tell."""
 
@@ -264,7 +264,7 @@ def grade(
         oversize=force_oversize,
     )  # fmt: skip
     mesh, translation = moved_to_corner(source.mesh)
-    coarsest_mm = float(np.ptp(mesh.bounds_mm, axis=0).max()) / _LEAST_CELLS
+    coarsest_mm = float(np.ptp(mesh.bounds_mm, axis=0).max()) / _FEWEST_CELLS
     if wish.pitch_mm is not None and wish.pitch_mm > coarsest_mm:
         raise ArgumentError(
             f"`pitch_mm` {wish.pitch_mm:g}: cells so large miss what a field does within the part; "

@@ -18,7 +18,6 @@ from planner.palette import Material, Palette
 
 __all__ = [
     "LiteralCurve",
-    "QuadraticCoefficients",
     "QuadraticStudy",
     "algorithm_one",
     "literal_stress_MPa",

@@ -210,7 +210,7 @@ def characterise(
     found = tuple(characterise_material(*of, secant_strains=strains) for of in study.groups.items())
     stated = _by_material(study, study.groups, "coordinate", None)
     slips, asked = unit_slips(study, _compared(palette, printer, compare), stated)
-    mixed = _mixed(study, "figures of one material mix them")
+    mixed = _mixed(_conditions(study), "figures of one material mix them")
     notes = (*study.notes, *others, *mixed, *asked)
     return Characterisation(found, notes, slips, study.groups, study.records, study.findings())
 
@@ -652,38 +652,36 @@ def _rows(study: Study) -> list[ListedSpecimen]:
 
 def _reference(study: Study, notes: list[str]) -> Reference:
     """Return the mean conditions of the specimens; what is unknown or differs is noted."""
-    values, orientations = _conditions(study)
-    notes += _mixed(study, "laws and scatter mix them; the mean is written, or no orientation")
-    known = values | {"orientation": orientations}
+    known = _conditions(study)
+    notes += _mixed(known, "laws and scatter mix them; the mean is written, or no orientation")
     if unknown := [condition for condition, found in known.items() if not found]:
         notes.append(f"reference conditions unknown: {', '.join(unknown)}; see specimens.csv")
-    means = {condition: float(np.mean(v)) for condition, v in values.items() if v}
-    return Reference(**means, orientation=orientations[0] if len(orientations) == 1 else None)
+    ways = known.pop("orientation")
+    means = {condition: float(np.mean(v)) for condition, v in known.items() if v}
+    return Reference(**means, orientation=ways[0] if len(ways) == 1 else None)
 
 
-def _conditions(study: Study) -> tuple[dict[str, list[float]], list[Any]]:
-    """Return the numbers by condition that specimens have, and the orientations."""
+def _conditions(study: Study) -> dict[str, list[Any]]:
+    """Return what specimens have of each condition: numbers, and the different orientations."""
     rows = _rows(study)
     used = [study.dimensions.get(c.specimen) for curves in study.groups.values() for c in curves]
     rates = [d.rate_mm_s / d.gauge_mm for d in used if d and d.rate_mm_s and d.gauge_mm]
-    values: dict[str, list[float]] = {"strain_rate_per_s": rates}
+    values: dict[str, list[Any]] = {"strain_rate_per_s": rates}
     for condition in ("temperature_C", "soak_h", "age_days"):
         values[condition] = [v for r in rows if (v := getattr(r, condition)) is not None]
-    return values, sorted({r.orientation for r in rows if r.orientation})
+    return values | {"orientation": sorted({r.orientation for r in rows if r.orientation})}
 
 
-def _mixed(study: Study, how: str) -> Iterator[Caution]:
+def _mixed(known: Mapping[str, Sequence[Any]], how: str) -> Iterator[Caution]:
     """Say which conditions differ between specimens."""
-    values, orientations = _conditions(study)
-    told = {
-        condition: f"{min(found):g} to {max(found):g}"
-        for condition, found in values.items()
-        if found and np.ptp(found) > _DIFFERENT * max(abs(v) for v in found)
-    }
-    if len(orientations) > 1:
-        told["orientation"] = ", ".join(orientations)
-    for condition, ends in told.items():
-        yield Caution(f"{condition} differs between specimens ({ends}); {how}")
+    for condition, found in known.items():
+        if condition == "orientation":
+            differ, ends = len(found) > 1, ", ".join(found)
+        else:
+            differ = bool(found) and np.ptp(found) > _DIFFERENT * max(map(abs, found))
+            ends = f"{min(found):g} to {max(found):g}" if differ else ""
+        if differ:
+            yield Caution(f"{condition} differs between specimens ({ends}); {how}")
 
 
 def _ids(materials: Sequence[str]) -> dict[str, str]:
