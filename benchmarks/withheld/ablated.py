@@ -54,10 +54,10 @@ def _without_specimens(problem: Problem, priors: Priors) -> _Part:
 def _without_calibration(problem: Problem, priors: Priors) -> _Part:
     """Take the palette's laws for exact: neither level nor course of a grade is uncertain."""
     courses = discrepancy_columns(problem.campaign, problem.table, problem.sensitivity).shape[1]
-    gone = len(problem.ways) + courses
+    gone = len(problem.calibrations) + courses
     less = replace(
         problem,
-        ways=(),
+        calibrations=(),
         calibration=problem.calibration[:, gone:],
         nuisances=problem.nuisances[:, gone:],
         of_laws=problem.of_laws[gone:],
@@ -72,7 +72,7 @@ def _without_unknown(problem: Problem, priors: Priors) -> _Part:
 
 def _flat(problem: Problem, priors: Priors) -> _Part:
     """None, unknown, every effect and every pair alike, half of them with an unknown beside."""
-    n = len({branch.effect.id for branch in problem.branches})
+    n = len({signed.effect.id for signed in problem.signed_forms})
     pairs = n * (n - 1) / 2
     total = 2.0 + n + pairs
     shares = {"none": 1.0, "unknown": 1.0, "single": float(n), "pair": max(pairs, _NONE)}

@@ -39,21 +39,21 @@ def naive_bic(campaign: Campaign, without: Sequence[str] = ()) -> dict[str, Any]
     """Return the scored part of a document: verdict, ranking, class; nothing of where or gap."""
     effects = {id: e for id, e in effects_for(campaign.palette).items() if id not in without}
     reasons = {id for id, e in effects.items() if untestable(e, campaign) is not None}
-    branches = signed_forms([e for id, e in effects.items() if id not in reasons])
+    forms = signed_forms([e for id, e in effects.items() if id not in reasons])
     model = observation_model(campaign)
     setups = [model.setup]
-    for branch in branches:
-        setups += [branch.form.apply(model.setup, branch.values(p)) for p in branch.node_places()]
+    for signed in forms:
+        setups += [signed.form.apply(model.setup, signed.values(p)) for p in signed.node_points()]
     raw = np.stack([model.predicted(p) for p in predict_all(setups, model.laws)])
     features = model.table.transformed(raw)
     residual = model.table.measured - features[0]
     changes = features[1:] - features[0]
     scores: dict[Effects, float] = {(): schwarz(float(residual @ residual), len(residual), 0)}
-    for branch in branches:
-        nodes = changes[branch.own]
-        rss = least_sum_of_squares(branch, nodes, residual)
-        score = schwarz(rss, len(residual), 1 + branch.shapes)
-        key: Effects = (branch.effect.id,)
+    for signed in forms:
+        nodes = changes[signed.own]
+        rss = least_sum_of_squares(signed, nodes, residual)
+        score = schwarz(rss, len(residual), 1 + signed.shapes)
+        key: Effects = (signed.effect.id,)
         scores[key] = min(scores.get(key, np.inf), score)
     ranking = schwarz_probabilities(scores)
     verdict = next(iter(ranking))
@@ -67,10 +67,10 @@ def naive_bic(campaign: Campaign, without: Sequence[str] = ()) -> dict[str, Any]
     }
 
 
-def least_sum_of_squares(branch: SignedForm, nodes: FloatArray, residual: FloatArray) -> float:
+def least_sum_of_squares(signed: SignedForm, nodes: FloatArray, residual: FloatArray) -> float:
     """Return the least sum of squares over a grid of a branch's sizes and shapes."""
-    axes = [np.linspace(branch.least, 1.0, _SIZES)]
-    axes += [np.linspace(-1.0, 1.0, _SHAPES)] * branch.shapes
+    axes = [np.linspace(signed.least, 1.0, _SIZES)]
+    axes += [np.linspace(-1.0, 1.0, _SHAPES)] * signed.shapes
     places = np.stack([x.ravel() for x in np.meshgrid(*axes, indexing="ij")], axis=1)
     weights = node_weights(places)
     explained = 2.0 * weights @ (nodes @ residual)

@@ -16,6 +16,7 @@ from planner.gap.campaign import Campaign, Specimen, stated
 from planner.gap.diagnosis import Experiment, Hypothesis
 from planner.gap.effect import Effect, Parameter, untestable
 from planner.gap.effects import EFFECTS, STEPS, effect_named, effects_for
+from planner.gap.evidence.posterior_mode import Likelihood
 from planner.gap.evidence.problem import (
     Candidate,
     Problem,
@@ -25,7 +26,6 @@ from planner.gap.evidence.problem import (
     searched,
     set_up,
 )
-from planner.gap.evidence.settle import World
 from planner.gap.evidence.weigh import (
     ALIKE_COSINE,
     UNKNOWN,
@@ -34,7 +34,7 @@ from planner.gap.evidence.weigh import (
     detectable_sizes,
     needed_nats,
 )
-from planner.gap.noise import Calibration, NoisyFeatures, calibration_columns, calibrations
+from planner.gap.noise import Calibration, NoisyFeatures, calibration_columns, calibrations_of
 from planner.gap.observations import observation_model
 from planner.gap.virtual import (
     BAR_SHARE,
@@ -248,12 +248,12 @@ def _expected_of(
     sizes = {d.id: d for d in detectable_sizes(problem, m, priors)}
     needed = needed_nats(priors, len(testable))
     for id in asked:
-        first = next(b for b in problem.branches if b.effect.id == id)
+        first = next(b for b in problem.signed_forms if b.effect.id == id)
         pattern = _usual_weights(problem, first)
         length2 = float(pattern @ m @ pattern)
         named = float(ndtr(np.sqrt(length2) - np.sqrt(2.0 * needed)))
         rivals = dict.fromkeys((k for k in testable if k != id), 0.0)
-        for rival in searched(problem.branches, m @ pattern, m):
+        for rival in searched(problem.signed_forms, m @ pattern, m):
             (k,) = rival.effects
             if k in rivals:
                 rivals[k] = max(rivals[k], min(2.0 * rival.gain, length2))
@@ -338,7 +338,7 @@ def _information_of(problem: Problem, asked: Sequence[Effect]) -> Information:
     """
     weights = []
     for effect in asked:
-        forms = [b for b in problem.branches if b.effect.id == effect.id and b.sign > 0.0]
+        forms = [b for b in problem.signed_forms if b.effect.id == effect.id and b.sign > 0.0]
         weights += [_usual_weights(problem, b) / np.sqrt(len(forms)) for b in forms]
     patterns = problem.nodes @ np.stack(weights, axis=1)
     columns = np.concatenate([patterns, problem.nuisances, _batch_level(problem)[:, None]], axis=1)
@@ -530,9 +530,9 @@ def design_campaign(
         campaign = _campaign(plan, counts, asked)
         testable = [id for id, e in library.items() if untestable(e, campaign) is None]
         # As many specimens of each condition, spread evenly over the batches.
-        world = World(problem, weight=_BATCHES * counts.astype(np.float64))
+        likelihood = Likelihood(problem, weight=_BATCHES * counts.astype(np.float64))
         level = _batch_level(problem)[:, None]
-        m = world.elimination(problem.target, level, problem.nodes).products[1:, 1:]
+        m = likelihood.elimination(problem.target, level, problem.nodes).products[1:, 1:]
         return CampaignDesign(
             campaign=campaign,
             expected=tuple(_expected_of(problem, m, asked, testable)),
@@ -751,18 +751,18 @@ def _predicted(
     campaign = replace(problem.campaign, specimens=specimens, covariates=(), remarks=())
     model = observation_model(campaign)
     table, laws = model.table, model.laws
-    ways = tuple(calibrations(problem.campaign.palette, model.setup))
-    setups = [model.setup, *(way.applied(model.setup) for way in ways)]
+    calibrations = tuple(calibrations_of(problem.campaign.palette, model.setup))
+    setups = [model.setup, *(calibration.applied(model.setup) for calibration in calibrations)]
     # One by one: a subset's gain holds for new specimens with the share it has of old ones.
     setups += [applied(c, model.setup) for c in candidates]
     raw = np.stack([model.predicted(predict(s, laws)) for s in setups])
     for k, candidate in enumerate(candidates):
         if candidate.members is not None and candidate.log_gain:
-            raw[1 + len(ways) + k] *= np.exp(candidate.log_gain * candidate.members.mean())
+            raw[1 + len(calibrations) + k] *= np.exp(candidate.log_gain * candidate.members.mean())
     figures = table.transformed(raw)
-    shared = calibration_columns(ways, figures[1 : 1 + len(ways)] - figures[0])
-    known, sizes = _known_laws(weighed, candidates, ways)
-    learned = figures[1 + len(ways) :] + sizes @ shared.T
+    shared = calibration_columns(calibrations, figures[1 : 1 + len(calibrations)] - figures[0])
+    known, sizes = _known_laws(weighed, candidates, calibrations)
+    learned = figures[1 + len(calibrations) :] + sizes @ shared.T
     sensor = np.full(len(trials), float(np.median(problem.model.sensor_sd_N)))
     no_batch = np.full(len(trials), -1)
     features = NoisyFeatures(table, table.sensitivity(raw[0]), sensor, no_batch)
@@ -774,7 +774,7 @@ def _predicted(
 
 
 def _known_laws(
-    weighed: Weighed, candidates: Sequence[Candidate], ways: Sequence[Calibration]
+    weighed: Weighed, candidates: Sequence[Candidate], calibrations: Sequence[Calibration]
 ) -> tuple[FloatArray, FloatArray]:
     """Return what the campaign has taught about the trials' ways of being off.
 
@@ -782,14 +782,18 @@ def _known_laws(
     its own idea of them: covariance (q, q), and sizes under each hypothesis (K, q), in deviations.
     """
     own, new = (
-        {(way.material, way.kind): k for k, way in enumerate(of) if way.material}
-        for of in (weighed.plain.problem.ways, ways)
+        {
+            (calibration.material, calibration.kind): k
+            for k, calibration in enumerate(of)
+            if calibration.material
+        }
+        for of in (weighed.plain.problem.calibrations, calibrations)
     )
     at, taken = [new[key] for key in new if key in own], [own[key] for key in new if key in own]
-    known = np.eye(len(ways))
-    sizes = np.zeros((len(candidates), len(ways)))
+    known = np.eye(len(calibrations))
+    sizes = np.zeros((len(candidates), len(calibrations)))
     for row, candidate in zip(sizes, candidates, strict=True):
-        mean, covariance = weighed.settled_as(candidate).world.laws_off(candidate)
+        mean, covariance = weighed.mode_of(candidate).likelihood.laws_off(candidate)
         row[at] = mean[taken]
         known[np.ix_(at, at)] = covariance[np.ix_(taken, taken)]
     return known, sizes

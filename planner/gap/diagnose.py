@@ -35,6 +35,7 @@ from planner.gap.diagnosis import (
 )
 from planner.gap.effect import untestable
 from planner.gap.effects import EFFECTS, TESTS, effect_named, effects_for
+from planner.gap.evidence.posterior_mode import Likelihood
 from planner.gap.evidence.problem import (
     Candidate,
     Problem,
@@ -45,7 +46,6 @@ from planner.gap.evidence.problem import (
     specimen_forces_N,
     squared_errors,
 )
-from planner.gap.evidence.settle import World
 from planner.gap.evidence.weigh import (
     ENOUGH_SPECIMENS,
     UNKNOWN,
@@ -244,7 +244,7 @@ def closure(
             closed = _closed(_rms(before), _rms(after), floor_rms)
             interval = _interval(problem, np.stack([before, after, floor]), rng)
     # Levels of the verdict's own covariates: along any other column nothing is carried beyond.
-    own = own_axes([b.effect for b in problem.branches if b.effect.id in verdict])
+    own = own_axes([b.effect for b in problem.signed_forms if b.effect.id in verdict])
     beyond = _levels_out(specimens, own)
     gap = Gap(
         before=_rms(before),
@@ -315,7 +315,7 @@ class _Predictor:
         `recalibrated`.
         """
         problem = self.problem
-        world, odds = reweigh(self.weighed, self.vain, weight)
+        likelihood, odds = reweigh(self.weighed, self.vain, weight)
         shares = softmax([value for value, _ in odds])
         likely = [
             (share, candidate)
@@ -324,7 +324,7 @@ class _Predictor:
         ]
         expected = np.zeros_like(problem.model.measured_N)
         for share, candidate in likely:
-            chosen = self.weighed.settled_as(candidate).fitted(world, problem.gain_of(candidate))
+            chosen = self.weighed.mode_of(candidate).fitted(likelihood, problem.gain_of(candidate))
             forces = specimen_forces_N(problem, replace(chosen, members=None))
             if candidate.members is not None:
                 forces = self._with_own_gain(forces, candidate.log_gain)
@@ -343,12 +343,14 @@ class _Predictor:
 
     def recalibrated(self, weight: FloatArray) -> FloatArray:
         """By calibrations that fit the weighted specimens best, no effect added."""
-        problem, count = self.problem, len(self.problem.ways)
-        ways = _RECALIBRATION_SD * problem.nuisances[:, :count]
-        best = World(problem, nuisances=ways, weight=weight).coefficients(problem.target)
+        problem, count = self.problem, len(self.problem.calibrations)
+        calibrations = _RECALIBRATION_SD * problem.nuisances[:, :count]
+        best = Likelihood(problem, nuisances=calibrations, weight=weight).coefficients(
+            problem.target
+        )
         model, setup = problem.model, problem.model.setup
-        for way, size in zip(problem.ways, best.tolist(), strict=True):
-            setup = way.applied(setup, _RECALIBRATION_SD * size * way.sd)
+        for calibration, size in zip(problem.calibrations, best.tolist(), strict=True):
+            setup = calibration.applied(setup, _RECALIBRATION_SD * size * calibration.sd)
         return squared_errors(problem, predict(setup, model.laws).force_N[model.test_of])
 
     def generic(self, weight: FloatArray) -> FloatArray:
@@ -358,12 +360,12 @@ class _Predictor:
         once, beside the calibrations.
         """
         problem, table = self.problem, self.problem.table
-        worlds = (
-            (World(problem, more=amplitude * problem.patterns, weight=weight), amplitude)
+        likelihoods = (
+            (Likelihood(problem, more=amplitude * problem.patterns, weight=weight), amplitude)
             for amplitude in _GENERIC_AMPLITUDES
         )
-        world, amplitude = max(worlds, key=lambda found: found[0].none)
-        best = world.coefficients(problem.target)
+        likelihood, amplitude = max(likelihoods, key=lambda found: found[0].none)
+        best = likelihood.coefficients(problem.target)
         # Without the levels of batches: like the floor's, the specimens are new, and so is theirs.
         raw = problem.calibration @ best[: problem.calibration.shape[1]]
         patterns = np.concatenate([a.columns for a in problem.unknown], axis=1)
@@ -451,13 +453,18 @@ def _places_of(
     return before, tuple(p for p in after if p.p < _SIGNIFICANT)
 
 
-def _recalibration_of(world: World, chosen: Candidate) -> Mapping[str, tuple[float, float]]:
+def _recalibration_of(
+    likelihood: Likelihood, chosen: Candidate
+) -> Mapping[str, tuple[float, float]]:
     """Return each material's posterior level, ln of a factor on its stress, and its deviation."""
-    problem, (mean, covariance) = world.problem, world.laws_off(chosen)
+    problem, (mean, covariance) = likelihood.problem, likelihood.laws_off(chosen)
     return {
-        way.material: (float(mean[k] * way.sd), float(np.sqrt(covariance[k, k]) * way.sd))
-        for k, way in enumerate(problem.ways)
-        if way.kind == "level"
+        calibration.material: (
+            float(mean[k] * calibration.sd),
+            float(np.sqrt(covariance[k, k]) * calibration.sd),
+        )
+        for k, calibration in enumerate(problem.calibrations)
+        if calibration.kind == "level"
     }
 
 
@@ -691,7 +698,7 @@ def diagnose(
             detectable=tuple(detectable_sizes(problem, nodes, priors)),
             limitations=(*campaign.limitations, *model.limitations, *doubts),
             unit_of=merged_units([*_units_of(weighed, same_class), *mending]),
-            recalibration=_recalibration_of(weighed.settled_as(chosen).world, chosen),
+            recalibration=_recalibration_of(weighed.mode_of(chosen).likelihood, chosen),
             tested=tested,
             changed=changed,
             seed=seed,

@@ -26,7 +26,7 @@ __all__ = [
     "Scatter",
     "SpecimenNoise",
     "calibration_columns",
-    "calibrations",
+    "calibrations_of",
     "discrepancy_columns",
     "likeliest_facet",
     "likeliest_sides",
@@ -303,7 +303,7 @@ class Calibration:
         return setup.stiffened(size * self.weight)
 
 
-def calibrations(palette: Palette, setup: Setup) -> Iterator[Calibration]:
+def calibrations_of(palette: Palette, setup: Setup) -> Iterator[Calibration]:
     """Yield the ways that matter to a setup: of its grades, gaps between these, and parts."""
     at = np.array([m.coordinate for m in palette.materials])
     where = np.clip(setup.coordinate, at[0], at[-1])
@@ -323,7 +323,7 @@ def calibrations(palette: Palette, setup: Setup) -> Iterator[Calibration]:
         yield Calibration("", "part", part.log_sd, its)
 
 
-def calibration_columns(ways: tuple[Calibration, ...], changes: FloatArray) -> FloatArray:
+def calibration_columns(calibrations: tuple[Calibration, ...], changes: FloatArray) -> FloatArray:
     """Return the columns, (N, q).
 
     Parameters
@@ -331,7 +331,9 @@ def calibration_columns(ways: tuple[Calibration, ...], changes: FloatArray) -> F
     changes : (q, N)
         Of the features, with ``way.applied(setup)``.
     """
-    return np.ascontiguousarray((changes * [[way.sd / _STEP] for way in ways]).T)
+    return np.ascontiguousarray(
+        (changes * [[calibration.sd / _STEP] for calibration in calibrations]).T
+    )
 
 
 # ------------------------------------------------------------------------------------------------

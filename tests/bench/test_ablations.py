@@ -43,9 +43,9 @@ def test_without_specimen_effects_only_the_sensor_is_left(problem: Problem) -> N
 
 def test_fixed_base_parameters_leave_camera_and_batches(problem: Problem) -> None:
     less, _ = VARIANTS["fixed base parameters"](problem, Priors())
-    assert less.ways == ()
+    assert less.calibrations == ()
     gone = problem.nuisances.shape[1] - less.nuisances.shape[1]
-    assert gone >= len(problem.ways)
+    assert gone >= len(problem.calibrations)
     # What stays of the calibration is about strains of the camera
     force = ~problem.table.is_field
     assert not less.calibration[force].any()
@@ -59,7 +59,7 @@ def test_priors_without_unknown_and_flat(problem: Problem) -> None:
     assert (none.unknown, none.beside) == (1e-12, 1e-12)
     same, flat = VARIANTS["flat priors"](problem, Priors())
     assert same is problem
-    n = len({b.effect.id for b in problem.branches})
+    n = len({b.effect.id for b in problem.signed_forms})
     assert flat.none == flat.unknown == pytest.approx(flat.single / n)
     assert flat.pair / (n * (n - 1) / 2) == pytest.approx(flat.none)
     assert flat.none + flat.unknown + flat.single + flat.pair == pytest.approx(1.0)

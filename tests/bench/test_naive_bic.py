@@ -29,12 +29,12 @@ def test_schwarz_weighs_fit_against_parameters() -> None:
 
 
 def test_the_grid_finds_the_place_that_made_the_data() -> None:
-    branch = next(b for b in signed_forms([EFFECTS["rate"]]) if b.form.name == "prony")
-    nodes = np.random.default_rng(1).normal(size=(len(branch.node_places()), 300))
+    signed = next(b for b in signed_forms([EFFECTS["rate"]]) if b.form.name == "prony")
+    nodes = np.random.default_rng(1).normal(size=(len(signed.node_points()), 300))
     # A place of the grid itself: what is left is rounding
-    place = [branch.least + 0.5 * (1.0 - branch.least), 0.25, -0.5]
+    place = [signed.least + 0.5 * (1.0 - signed.least), 0.25, -0.5]
     made = node_weights(place) @ nodes
-    assert least_sum_of_squares(branch, nodes, made) == pytest.approx(0.0, abs=1e-9 * made @ made)
+    assert least_sum_of_squares(signed, nodes, made) == pytest.approx(0.0, abs=1e-9 * made @ made)
 
 
 def test_it_answers_as_a_diagnosis_does(tmp_path: Path) -> None:

@@ -22,7 +22,7 @@ from planner.gap.noise import (
     Scatter,
     SpecimenNoise,
     calibration_columns,
-    calibrations,
+    calibrations_of,
     discrepancy_columns,
     likeliest_facet,
     likeliest_sides,
@@ -54,7 +54,7 @@ __all__ = [
 #
 # The features that a form predicts are smooth in its parameters: three sizes, five values of a
 # first parameter of shape and three of a second carry them. Sizes are spaced nearly as squares,
-# being nought at the first, which needs no evaluation; a place has the root s of the size over its
+# being nought at the first, which needs no evaluation; a point has the root s of the size over its
 # largest. Times of relaxation over decades take the five.
 
 
@@ -67,7 +67,7 @@ _NODES = np.array(
 )
 _FIRST, _STOP = (1, 0, 0), (4, 5, 3)
 """Nodes of a form: where they lie, and which are evaluated. Numerical: what lies between is
-interpolated to find where to look; what is found is settled on the model itself."""
+interpolated to find where to look; the posterior mode is found on the model itself."""
 
 _FAR = 4.0
 """Deviations beyond which no parameter is looked for. Numerical: all but 6e-5 of a prior lies
@@ -85,11 +85,11 @@ class SignedForm:
     Attributes
     ----------
     number
-        Among all branches.
+        Among all signed forms.
     first
         Its first node among all nodes.
     weight
-        Its share of the prior among the effect's branches.
+        Its share of the prior among the effect's signed forms.
     """
 
     number: int
@@ -110,36 +110,36 @@ class SignedForm:
         count = prod(_STOP[d] - _FIRST[d] for d in range(1 + self.shapes))
         return slice(self.first, self.first + count)
 
-    def values(self, place: Sequence[float]) -> dict[str, float]:
-        """Return the parameters at a place: s, then shapes in -1 to 1, then perhaps details."""
+    def values(self, point: Sequence[float]) -> dict[str, float]:
+        """Return the parameters at a point: s, then shapes in -1 to 1, then perhaps details."""
         size = self.form.size
-        values = {size.name: self.sign * size.high * place[0] ** 2}
-        for parameter, at in zip(self.form.parameters[1:], place[1:], strict=False):
+        values = {size.name: self.sign * size.high * point[0] ** 2}
+        for parameter, at in zip(self.form.parameters[1:], point[1:], strict=False):
             values[parameter.name] = parameter.at(0.5 * (at + 1.0))
-        values.update(zip(self.form.details, place[1 + self.shapes :], strict=False))
+        values.update(zip(self.form.details, point[1 + self.shapes :], strict=False))
         return values
 
-    def coordinates(self, place: Sequence[float]) -> FloatArray:
-        """Return a place in coordinates that are normal with deviation 1 before any data.
+    def coordinates(self, point: Sequence[float]) -> FloatArray:
+        """Return a point in coordinates that are normal with deviation 1 before any data.
 
         Sizes are uniform in their logarithm, shapes over their range.
         """
-        share = [1.0 - np.log(max(place[0], self.least)) / np.log(self.least)]
-        share += [0.5 * (at + 1.0) for at in place[1 : 1 + self.shapes]]
+        share = [1.0 - np.log(max(point[0], self.least)) / np.log(self.least)]
+        share += [0.5 * (at + 1.0) for at in point[1 : 1 + self.shapes]]
         found = np.zeros(1 + self.shapes + len(self.form.details))
         found[: len(share)] = ndtri(np.clip(share, *ndtr([-_FAR, _FAR])))
-        found[len(share) : len(place)] = place[len(share) :]
+        found[len(share) : len(point)] = point[len(share) :]
         return found
 
-    def place(self, coordinates: FloatArray) -> tuple[float, ...]:
-        """Return the place at coordinates; see `coordinates`."""
+    def point(self, coordinates: FloatArray) -> tuple[float, ...]:
+        """Return the point at coordinates; see `coordinates`."""
         at = np.clip(coordinates, -_FAR, _FAR)
         share = ndtr(at[: 1 + self.shapes])
         size = float(self.least ** (1.0 - share[0]))
         return (size, *(2.0 * share[1:] - 1.0).tolist(), *at[1 + self.shapes :].tolist())
 
-    def node_places(self) -> list[tuple[float, ...]]:
-        """Return the places of its nodes, sizes slowest."""
+    def node_points(self) -> list[tuple[float, ...]]:
+        """Return the points of its nodes, sizes slowest."""
         return list(product(*(_NODES[d, _FIRST[d] : _STOP[d]] for d in range(1 + self.shapes))))
 
     @property
@@ -149,7 +149,7 @@ class SignedForm:
 
 
 def signed_forms(effects: Sequence[Effect]) -> tuple[SignedForm, ...]:
-    """Return all branches of the effects, numbered, with their nodes one after another."""
+    """Return all signed forms of the effects, numbered, with their nodes one after another."""
     found: list[SignedForm] = []
     first = 0
     for effect in effects:
@@ -157,14 +157,14 @@ def signed_forms(effects: Sequence[Effect]) -> tuple[SignedForm, ...]:
             signs = (1.0, -1.0) if form.size.signed else (1.0,)
             for sign in signs:
                 weight = form.weight / sum(f.weight for f in effect.forms) / len(signs)
-                branch = SignedForm(len(found), effect, form, sign, first, weight)
-                found.append(branch)
-                first = branch.own.stop
+                signed = SignedForm(len(found), effect, form, sign, first, weight)
+                found.append(signed)
+                first = signed.own.stop
     return tuple(found)
 
 
 _POWER = (2, 1, 1)
-"""Of a place, in which polynomials are. Numerical: those of the size itself, and not of its root,
+"""Of a point, in which polynomials are. Numerical: those of the size itself, and not of its root,
 are near at small sizes too."""
 
 
@@ -175,12 +175,12 @@ def _lagrange(d: int) -> FloatArray:
     return np.asarray(np.linalg.inv(np.vander(nodes, increasing=True)))
 
 
-def node_weights(places: ArrayLike) -> FloatArray:
-    """Return the weight of each node of a form, (..., nodes), at places (..., 1 + shapes).
+def node_weights(points: ArrayLike) -> FloatArray:
+    """Return the weight of each node of a form, (..., nodes), at points (..., 1 + shapes).
 
     Lagrange's, sizes slowest.
     """
-    at = np.asarray(places, dtype=np.float64)
+    at = np.asarray(points, dtype=np.float64)
     weights = np.ones((*at.shape[:-1], 1))
     for d in range(at.shape[-1]):
         powers = np.vander(at[..., d].ravel() ** _POWER[d], _STOP[d], increasing=True)
@@ -202,7 +202,7 @@ class Candidate:
     effects
         Ids, sorted; () for none.
     parts
-        Of each effect, in that order: a branch, and the place (s, shapes..., details...).
+        Of each effect, in that order: a signed form, and its point (s, shapes..., details...).
     gain
         Log likelihood above that of no effect.
     log_evidence
@@ -225,14 +225,14 @@ class Candidate:
 
     @property
     def forms(self) -> tuple[int, ...]:
-        """Its branches' numbers."""
-        return tuple(branch.number for branch, _ in self.parts)
+        """Its signed forms' numbers."""
+        return tuple(signed.number for signed, _ in self.parts)
 
 
 def joined(
     parts: Iterable[tuple[SignedForm, _Place]], gain: float = 0.0, log_evidence: float = 0.0
 ) -> Candidate:
-    """Return branches at places as one candidate, effects sorted."""
+    """Return signed forms at points as one candidate, effects sorted."""
     ordered = tuple(sorted(parts, key=lambda part: part[0].effect.id))
     return Candidate(tuple(b.effect.id for b, _ in ordered), ordered, gain, log_evidence)
 
@@ -246,22 +246,22 @@ def joined(
 
 _GRID = (24, 7, 7)
 """Sizes and shapes at which a form is looked at. Numerical: its evidence is the mean over them, and
-what is settled starts from the best."""
+the search for a mode starts from the best."""
 
 
 @lru_cache(maxsize=256)
 def _grid(least: float, shapes: int) -> tuple[FloatArray, FloatArray]:
-    """Return places of a form, and the weights of its nodes there."""
+    """Return points of a form, and the weights of its nodes there."""
     sizes = least ** (1.0 - np.arange(_GRID[0]) / (_GRID[0] - 1.0))
     of_shapes = [np.linspace(-1.0, 1.0, count) for count in _GRID[1 : 1 + shapes]]
-    places = np.array(list(product(sizes, *of_shapes)))
-    return places, node_weights(places)
+    points = np.array(list(product(sizes, *of_shapes)))
+    return points, node_weights(points)
 
 
 def searched(
-    branches: Sequence[SignedForm], residual: FloatArray, nodes: FloatArray
+    signed_forms: Sequence[SignedForm], residual: FloatArray, nodes: FloatArray
 ) -> list[Candidate]:
-    """Return every branch alone, at its best place.
+    """Return every signed form alone, at its best point.
 
     Parameters
     ----------
@@ -269,14 +269,14 @@ def searched(
         Inner products of all nodes with the residual and with one another.
     """
     found = []
-    for branch in branches:
-        own = branch.own
-        places, weights = _grid(branch.least, branch.shapes)
+    for signed in signed_forms:
+        own = signed.own
+        points, weights = _grid(signed.least, signed.shapes)
         squares = np.sum((weights @ nodes[own, own]) * weights, axis=1)
         gains = weights @ residual[own] - 0.5 * squares
         at = int(np.argmax(gains))
         mean = gains[at] + np.log(np.mean(np.exp(gains - gains[at])))
-        found.append(joined([(branch, tuple(places[at].tolist()))], float(gains[at]), float(mean)))
+        found.append(joined([(signed, tuple(points[at].tolist()))], float(gains[at]), float(mean)))
     return found
 
 
@@ -491,10 +491,10 @@ class Problem:
 
     campaign: Campaign
     model: ObservationModel
-    branches: tuple[SignedForm, ...]
+    signed_forms: tuple[SignedForm, ...]
     scatter: Scatter
     noise: SpecimenNoise
-    ways: tuple[Calibration, ...]
+    calibrations: tuple[Calibration, ...]
     alone: Prediction
     unpredicted: FloatArray
     sensitivity: FloatArray
@@ -563,7 +563,7 @@ class Problem:
         if not own:
             return np.zeros((0, len(self.table)))
         alone = self.predictions([replace(candidate, parts=(part,)) for part in own])
-        return self.changes(alone) * [[branch.effect.individual] for branch, _ in own]
+        return self.changes(alone) * [[signed.effect.individual] for signed, _ in own]
 
     def own_sizes(self, candidate: Candidate) -> FloatArray:
         """Return what specimens' own sizes of a candidate's effects change, (N, k), whitened."""
@@ -586,12 +586,12 @@ def set_up(
     strays
         Ids of specimens that are off by themselves; see `Problem.strays`.
     """
-    branches = signed_forms(effects)
-    ways = tuple(calibrations(campaign.palette, model.setup))
+    forms = signed_forms(effects)
+    calibrations = tuple(calibrations_of(campaign.palette, model.setup))
     alone = predict(model.setup, model.laws)
-    setups = [model.setup, *(way.applied(model.setup) for way in ways)]
-    for branch in branches:
-        setups += [branch.form.apply(model.setup, branch.values(p)) for p in branch.node_places()]
+    setups = [model.setup, *(calibration.applied(model.setup) for calibration in calibrations)]
+    for signed in forms:
+        setups += [signed.form.apply(model.setup, signed.values(p)) for p in signed.node_points()]
     table, field, weights = model.table, model.table.is_field, model.field_weights
     seen = model.seen(alone, weights.weight)
     sides = likeliest_sides(table, seen)
@@ -626,22 +626,22 @@ def set_up(
     chord = table.chord(unpredicted)
     members = table.specimen[:, None] == np.arange(len(campaign.specimens))
     gains = np.where(table.is_field, 0.0, chord)[:, None] * members
-    laws = calibration_columns(ways, changes[: len(ways)])
+    laws = calibration_columns(calibrations, changes[: len(calibrations)])
     bends = discrepancy_columns(campaign, table, sensitivity)
     camera = _field_columns(table, facets, aside, sensitivity)
     calibration = np.concatenate([laws, bends, camera, _STRAY_SD * gains[:, stray]], axis=1)
     unknown = _unknown_axes(campaign, table, chord, effects)
     nuisances = np.concatenate([calibration, noise.batch], axis=1)
     of_laws = np.zeros(nuisances.shape[1], dtype=bool)
-    of_laws[: len(ways)] = [way.kind == "tilt" for way in ways]
-    of_laws[len(ways) : len(ways) + bends.shape[1]] = True
+    of_laws[: len(calibrations)] = [calibration.kind == "tilt" for calibration in calibrations]
+    of_laws[len(calibrations) : len(calibrations) + bends.shape[1]] = True
     return Problem(
         campaign=campaign,
         model=model,
-        branches=branches,
+        signed_forms=forms,
         scatter=scatter,
         noise=noise,
-        ways=ways,
+        calibrations=calibrations,
         alone=alone,
         unpredicted=unpredicted,
         sensitivity=sensitivity,
@@ -649,7 +649,7 @@ def set_up(
         unit_gains=of_units,
         calibration=calibration,
         target=noise.whiten(residual),
-        nodes=noise.whiten(changes[len(ways) :].T),
+        nodes=noise.whiten(changes[len(calibrations) :].T),
         gains=noise.whiten(gains),
         patterns=noise.whiten(np.concatenate([axis.columns for axis in unknown], axis=1)),
         nuisances=noise.whiten(nuisances),
@@ -671,7 +671,7 @@ def applied(candidate: Candidate, setup: Setup) -> Setup:
     What holds for some specimens only is left to `specimen_forces_N`.
     """
     return with_effects(
-        setup, [StatedEffect(b.effect, b.form, b.values(place)) for b, place in candidate.parts]
+        setup, [StatedEffect(b.effect, b.form, b.values(point)) for b, point in candidate.parts]
     )
 
 

@@ -11,6 +11,7 @@ from scipy.special import chdtri, expit, logsumexp, stdtrit
 
 from planner.gap.campaign import axis_columns
 from planner.gap.diagnosis import Detectable, Effects, FoundEffect, Hypothesis
+from planner.gap.evidence.posterior_mode import Likelihood, PosteriorMode, posterior_mode
 from planner.gap.evidence.problem import (
     EVERY_AXIS,
     Candidate,
@@ -21,7 +22,6 @@ from planner.gap.evidence.problem import (
     replicate_floor,
     squared_errors,
 )
-from planner.gap.evidence.settle import Settled, World, settle
 from planner.gap.noise import FIT_SD, UNIT_GAINS
 from planner.numerics import BoolArray, FloatArray, IntArray, kernel
 
@@ -246,19 +246,19 @@ HypothesisKey = tuple[Effects, str]
 """Effects, and the axis of an unknown beside them, "" without."""
 
 _PARTNERS = 6
-"""Effects that are settled beside what settled. Numerical: the best ones by the surrogate."""
+"""Effects whose mode is found beside others. Numerical: the best ones by the surrogate."""
 
 _SURROGATE_NATS = 3.0
-"""Below its effect's best form by the surrogate, to which a form is settled. Numerical: in 97 % of
-effects a form so far below is not the best once settled."""
+"""Below its effect's best form by the surrogate, to which a form's mode is found. Numerical: in
+97 % of effects a form so far below is not the best at its mode."""
 
 _LOST_NATS = 20.0
 """Below the best form of all by the surrogate, from which one form of an effect will do. Numerical:
 such an effect has none of the probability, with evidence counted in part too."""
 
 _BESIDE = 3
-"""Effects, the best ones once settled, beside which every other one is looked for anew. Numerical:
-what is below the third has little of the evidence."""
+"""Effects, the best ones at their modes, beside which every other one is looked for anew.
+Numerical: what is below the third has little of the evidence."""
 
 _MOST_EFFECTS = 3
 """At work together. Chosen: a fourth beside three that are found would be told by a campaign that
@@ -290,40 +290,40 @@ class Weighed:
     ----------
     logs
         Prior log odds.
-    worlds
+    likelihoods
         Of the scatter as estimated: of models that are exact, of poor laws, of discrepancies.
     none
-        No effect at all, in the world in which that is likeliest.
+        No effect at all, under the likelihood in which that is likeliest.
     log_prior, log_evidence
         By effects and the axis of an unknown beside them ("" without).
     best
         The best form and parameters of each set of effects.
-    settled
+    modes
         Every candidate that was weighed on the forward model.
     beside_some
-        Single effects, settled where a gain of some specimens is beside them.
+        Single effects, at their modes where a gain of some specimens is beside them.
     likeliest
-        The world in which the likeliest of these settled, if any did.
+        That under which the likeliest of these has its mode, if any does.
     """
 
     logs: "_LogPriors"
-    worlds: tuple[World, ...]
-    none: Settled
+    likelihoods: tuple[Likelihood, ...]
+    none: PosteriorMode
     log_prior: dict[HypothesisKey, float] = field(default_factory=dict)
     log_evidence: dict[HypothesisKey, float] = field(default_factory=dict)
     best: dict[Effects, Candidate] = field(default_factory=dict)
-    settled: list[Settled] = field(default_factory=list)
-    beside_some: list[Settled] = field(default_factory=list)
-    likeliest: World | None = None
+    modes: list[PosteriorMode] = field(default_factory=list)
+    beside_some: list[PosteriorMode] = field(default_factory=list)
+    likeliest: Likelihood | None = None
 
     @property
-    def plain(self) -> World:
-        """The world of the scatter as estimated and of models that are exact."""
-        return self.worlds[0]
+    def plain(self) -> Likelihood:
+        """That of the scatter as estimated and of models that are exact."""
+        return self.likelihoods[0]
 
-    def relative(self, found: Candidate, world: World) -> float:
-        """Return a candidate's evidence in a world, over none in the plain one."""
-        return found.log_evidence + world.none - self.plain.none + world.log_share
+    def relative(self, found: Candidate, likelihood: Likelihood) -> float:
+        """Return a candidate's evidence under a likelihood, over none in the plain one."""
+        return found.log_evidence + likelihood.none - self.plain.none + likelihood.log_share
 
     def add(self, effects: Effects, axis: str, log_prior: float, log_evidence: float) -> None:
         """Add to a hypothesis' evidence, of which logarithms are kept."""
@@ -331,35 +331,35 @@ class Weighed:
         self.log_evidence[effects, axis] = float(np.logaddexp(before, log_evidence))
         self.log_prior[effects, axis] = log_prior
 
-    def add_candidate(self, found: Candidate, world: World) -> None:
-        """Add a candidate without an unknown, weighed in a world; keep the best of its effects."""
-        evidence = self.relative(found, world)
+    def add_candidate(self, found: Candidate, likelihood: Likelihood) -> None:
+        """Add a candidate without an unknown, weighed under a likelihood; the best one stays."""
+        evidence = self.relative(found, likelihood)
         self.add(found.effects, "", self.logs.of(found.effects), evidence)
         known = self.best.get(found.effects)
         if known is None or evidence > known.log_evidence:
             self.best[found.effects] = replace(found, log_evidence=evidence)
 
-    def settled_as(self, candidate: Candidate) -> Settled:
-        """Return the settled candidate of the same forms, but for a gain of some specimens."""
+    def mode_of(self, candidate: Candidate) -> PosteriorMode:
+        """Return the mode of the same forms, but for a gain of some specimens."""
         if not candidate.parts:
             return self.none
         some = self.beside_some if candidate.members is not None else ()
         beside = next((s for s in some if s.candidate.parts == candidate.parts), None)
-        return beside or next(s for s in self.settled if s.candidate.forms == candidate.forms)
+        return beside or next(s for s in self.modes if s.candidate.forms == candidate.forms)
 
     def errors(self, effects: Effects, *, own: bool = True) -> tuple[float, float]:
-        """Return errors of features without effects, and with them as they settled.
+        """Return errors of features without effects, and with them at their mode.
 
         Of `own` sizes of specimens, or their mean for all, whichever leaves less.
         """
-        settled, found = self.settled_as(self.best[effects]), [self.best[effects]]
-        if own and settled.own.shape[1]:
-            found.append(settled.with_own_sizes(found[0]))
-        return settled.world.error(Candidate(())), min(map(settled.world.error, found))
+        mode, found = self.mode_of(self.best[effects]), [self.best[effects]]
+        if own and mode.own.shape[1]:
+            found.append(mode.with_own_sizes(found[0]))
+        return mode.likelihood.error(Candidate(())), min(map(mode.likelihood.error, found))
 
 
-def _worlds(problem: Problem) -> tuple[World, ...]:
-    """Return the worlds that hypotheses are weighed in, the plain one first.
+def _likelihoods(problem: Problem) -> tuple[Likelihood, ...]:
+    """Return the likelihoods that hypotheses are weighed under, the plain one first.
 
     Models are exact, the scatter a little off; or laws are as poor as fits may be; or all models
     have a discrepancy.
@@ -375,7 +375,7 @@ def _worlds(problem: Problem) -> tuple[World, ...]:
         *((1.0, size, least, share) for size, share in _DISCREPANCIES.items() if size),
     ]
     return tuple(
-        World(problem, scale=scale, discrepancy=size, laws=error / FIT_SD, share=share)
+        Likelihood(problem, scale=scale, discrepancy=size, laws=error / FIT_SD, share=share)
         for scale, size, error, share in sizes
     )
 
@@ -383,73 +383,75 @@ def _worlds(problem: Problem) -> tuple[World, ...]:
 def weigh(problem: Problem, priors: Priors) -> Weighed:
     """Weigh all hypotheses on a campaign."""
     logs = _LogPriors(problem, priors)
-    worlds = _worlds(problem)
-    of_scatter = tuple(w for w in worlds if w.scale == 1.0)
-    none = _nothing(max(of_scatter, key=lambda world: world.none + world.log_share))
+    likelihoods = _likelihoods(problem)
+    of_scatter = tuple(w for w in likelihoods if w.scale == 1.0)
+    none = _nothing(max(of_scatter, key=lambda likelihood: likelihood.none + likelihood.log_share))
     result = Weighed(logs, of_scatter, none)
     result.best[()] = Candidate(())
-    for world in worlds:
-        evidence = result.relative(none.candidate, world)
+    for likelihood in likelihoods:
+        evidence = result.relative(none.candidate, likelihood)
         # What the palette's own fit leaves of its tests is no gap.
-        exact = world.discrepancy <= _law_errors(problem)[0]
+        exact = likelihood.discrepancy <= _law_errors(problem)[0]
         axis, log_prior = ("", logs.of(())) if exact else (EVERY_TEST, logs.any)
         result.add((), axis, log_prior, evidence)
-    beside_gain = (*worlds, *_less_scattered(result.plain)) if logs.some else ()
+    beside_gain = (*likelihoods, *_less_scattered(result.plain)) if logs.some else ()
     _add_subset(none, beside_gain, result)
-    result.settled = _settled(result.worlds, logs)
-    for one in result.settled:
-        for world in worlds:
-            found = one.weighed(world, one.eliminated(world))
+    result.modes = _modes(result.likelihoods, logs)
+    for one in result.modes:
+        for likelihood in likelihoods:
+            found = one.weighed(likelihood, one.eliminated(likelihood))
             found = replace(found, log_evidence=found.log_evidence + logs.forms(found))
-            result.add_candidate(found, world)
-    result.beside_some = _settled_beside_some(result, beside_gain)
+            result.add_candidate(found, likelihood)
+    result.beside_some = _modes_beside_some(result, beside_gain)
     for one in result.beside_some:
         _add_subset(one, beside_gain, result)
-    if leading := result.beside_some[:1] or result.settled:
-        result.likeliest = max(leading, key=lambda one: one.eliminated(one.world).none).world
-    for world in of_scatter:
-        _add_axes(none, world, result)
+    if leading := result.beside_some[:1] or result.modes:
+        result.likeliest = max(
+            leading, key=lambda one: one.eliminated(one.likelihood).none
+        ).likelihood
+    for likelihood in of_scatter:
+        _add_axes(none, likelihood, result)
     for one in _chosen(result):
-        # Of that world alone, as what the unknown gains is: another's scatter may do without it.
-        _add_axes(one, one.world, result)
+        # Of that one alone, as what the unknown gains is: another's scatter may do without it.
+        _add_axes(one, one.likelihood, result)
         if len(one.candidate.effects) < _MOST_EFFECTS:
             _add_subset(one, beside_gain, result)
     return result
 
 
-def _nothing(world: World) -> Settled:
-    """Return no effect at all in a world."""
-    residual = world.problem.target
+def _nothing(likelihood: Likelihood) -> PosteriorMode:
+    """Return no effect at all under a likelihood."""
+    residual = likelihood.problem.target
     none = np.zeros((len(residual), 0))
-    return Settled(world, Candidate(()), np.zeros(0), none, none, residual)
+    return PosteriorMode(likelihood, Candidate(()), np.zeros(0), none, none, residual)
 
 
-def _less_scattered(plain: World) -> Iterator[World]:
-    """Yield worlds like the plain one in which specimens' levels scatter less."""
+def _less_scattered(plain: Likelihood) -> Iterator[Likelihood]:
+    """Yield likelihoods like the plain one whose specimens' levels scatter less."""
     share = float(np.exp(plain.log_share)) / len(_LEVELS)
     for level in _LEVELS:
-        yield World(plain.problem, level=level, laws=plain.laws, share=share)
+        yield Likelihood(plain.problem, level=level, laws=plain.laws, share=share)
 
 
-def _add_subset(one: Settled, worlds: Sequence[World], result: Weighed) -> None:
-    """Add a candidate with a gain of some specimens beside it, weighed in each world.
+def _add_subset(one: PosteriorMode, likelihoods: Sequence[Likelihood], result: Weighed) -> None:
+    """Add a candidate with a gain of some specimens beside it, weighed under each likelihood.
 
     Where a column tells these from the others, what is in it is likelier to be at work than a load
     cell or a slip of the pen that chose them, unless the gain is a unit's.
     """
     if _GAIN in one.candidate.effects:
         return
-    for world in worlds:
-        found = _of_some(world, result.logs, one)
+    for likelihood in likelihoods:
+        found = _of_some(likelihood, result.logs, one)
         assert found.members is not None
         if found.log_evidence == -np.inf:
             continue
         of_unit = np.min(np.abs(np.abs(found.log_gain) - UNIT_GAINS)) < 1e-9
-        axis = None if of_unit else _telling_column(world.problem, found.members > 0.5)
+        axis = None if of_unit else _telling_column(likelihood.problem, found.members > 0.5)
         if axis is None:
-            result.add_candidate(found, world)
+            result.add_candidate(found, likelihood)
         else:
-            _add_axis(one.candidate.effects, axis, result.relative(found, world), result)
+            _add_axis(one.candidate.effects, axis, result.relative(found, likelihood), result)
 
 
 def _telling_column(problem: Problem, members: BoolArray) -> int | None:
@@ -457,7 +459,7 @@ def _telling_column(problem: Problem, members: BoolArray) -> int | None:
 
     None if the column is one that tells specimens one by one, or one along which gains may go.
     """
-    own = next(b.effect.where for b in problem.branches if b.effect.id == _GAIN)
+    own = next(b.effect.where for b in problem.signed_forms if b.effect.id == _GAIN)
     columns = axis_columns(problem.campaign)
     for number, name in enumerate(axis.axis for axis in problem.unknown):
         cells = columns.get(name, ())
@@ -468,31 +470,31 @@ def _telling_column(problem: Problem, members: BoolArray) -> int | None:
     return None
 
 
-def _of_some(world: World, logs: "_LogPriors", one: Settled) -> Candidate:
-    """Return a gain of some specimens beside a settled candidate, priors of forms included.
+def _of_some(likelihood: Likelihood, logs: "_LogPriors", one: PosteriorMode) -> Candidate:
+    """Return a gain of some specimens beside a candidate at its mode, priors of forms included.
 
-    Its evidence is that over no effect in the world.
+    Its evidence is that over no effect under the likelihood.
     """
-    problem = world.problem
-    e = one.eliminated(world, problem.gains)
-    scatter = problem.scatter.specimen * world.scale * world.level
-    found = _weigh_subset(e.products, one.weighed(world, e), scatter)
+    problem = likelihood.problem
+    e = one.eliminated(likelihood, problem.gains)
+    scatter = problem.scatter.specimen * likelihood.scale * likelihood.level
+    found = _weigh_subset(e.products, one.weighed(likelihood, e), scatter)
     log_prior = logs.forms(found) + float(np.log(_OF_SOME))
     return replace(found, log_evidence=found.log_evidence + log_prior)
 
 
 def reweigh(
     weighed: Weighed, vain: Mapping[Effects, float], weight: FloatArray
-) -> tuple[World, list[tuple[float, Candidate]]]:
-    """Weigh settled candidates, vain ones among them, on specimens weighted by `weight` (n,).
+) -> tuple[Likelihood, list[tuple[float, Candidate]]]:
+    """Weigh candidates at their modes, vain ones too, on specimens weighted by `weight` (n,).
 
-    By the model linear about where they settled on all specimens, where they stay. Evidence counts
+    By the model linear about their modes on all specimens, where they stay. Evidence counts
     in full: a part of it (`Priors.counted`) says how far a name can be trusted, but predicts with
     forms that the specimens speak against.
 
     Returns
     -------
-    world
+    likelihood
         Of these weights, with the discrepancy that is likeliest on all specimens, and the palette's
         laws taken for exact: by these is predicted, and effects that were fitted beside laws that
         are off would miss what these make up for.
@@ -502,15 +504,19 @@ def reweigh(
     logs = weighed.logs
     like = weighed.likeliest or weighed.plain
     level, discrepancy = like.level, like.discrepancy
-    world_of = partial(World, like.problem, level=level, discrepancy=discrepancy, weight=weight)
-    world = world_of(laws=like.laws)
-    settled = [one.weighed(world, one.eliminated(world)) for one in weighed.settled]
-    found = [(logs.forms(c), c) for c in settled]
+    likelihood_of = partial(
+        Likelihood, like.problem, level=level, discrepancy=discrepancy, weight=weight
+    )
+    likelihood = likelihood_of(laws=like.laws)
+    alone = [one.weighed(likelihood, one.eliminated(likelihood)) for one in weighed.modes]
+    found = [(logs.forms(c), c) for c in alone]
     if weighed.beside_some:  # whose evidence has the prior of forms
-        found += [(0.0, _of_some(world, logs, s)) for s in (weighed.none, *weighed.beside_some)]
+        found += [
+            (0.0, _of_some(likelihood, logs, s)) for s in (weighed.none, *weighed.beside_some)
+        ]
     other = like.problem.nuisances.copy()
-    other[:, : len(like.problem.ways)] = 0.0
-    return world_of(nuisances=other), [
+    other[:, : len(like.problem.calibrations)] = 0.0
+    return likelihood_of(nuisances=other), [
         (logs.of(c.effects) + forms - vain.get(c.effects, 0.0) + c.log_evidence, c)
         for forms, c in found
     ]
@@ -521,7 +527,7 @@ class _LogPriors:
 
     def __init__(self, problem: Problem, priors: Priors) -> None:
         self.priors = priors
-        effects = {b.effect.id: b.effect for b in problem.branches}
+        effects = {b.effect.id: b.effect for b in problem.signed_forms}
         self.some = any(e.some for e in effects.values())
         # A third effect is beside two as rare as a second is beside one.
         named = np.array([priors.single, priors.pair, priors.pair**2 / priors.single])
@@ -531,7 +537,7 @@ class _LogPriors:
         self.unknown = _of_axes(problem, priors.axes * priors.unknown, priors.claimed)
         self.any = float(np.log((1.0 - priors.axes) * priors.unknown))
         self.beside = _of_axes(problem, priors.beside / (1.0 - priors.beside), priors.claimed)
-        self.branch = np.log([b.weight for b in problem.branches])
+        self.of_form = np.log([b.weight for b in problem.signed_forms])
         self.owner = own_axes(list(effects.values()))
 
     def of(self, effects: Effects) -> float:
@@ -540,7 +546,7 @@ class _LogPriors:
 
     def forms(self, candidate: Candidate) -> float:
         """Return the log prior of a candidate's forms among those of its effects."""
-        return float(sum(self.branch[number] for number in candidate.forms))
+        return float(sum(self.of_form[number] for number in candidate.forms))
 
 
 def _of_axes(problem: Problem, share: float, of_claimed: float) -> FloatArray:
@@ -563,8 +569,8 @@ def _most_effects(problem: Problem) -> int:
     return min(_MOST_EFFECTS, max(len(problem.model.tests) - 1, 1))
 
 
-def _settled(worlds: Sequence[World], logs: _LogPriors) -> list[Settled]:
-    """Return candidates settled: the best forms of every effect, and of several effects."""
+def _modes(likelihoods: Sequence[Likelihood], logs: _LogPriors) -> list[PosteriorMode]:
+    """Return modes: the best forms of every effect, and of several effects."""
 
     def log_prior(candidate: Candidate) -> float:
         return logs.forms(candidate) + logs.of(candidate.effects)
@@ -572,57 +578,59 @@ def _settled(worlds: Sequence[World], logs: _LogPriors) -> list[Settled]:
     def value(candidate: Candidate) -> float:
         return candidate.log_evidence + log_prior(candidate)
 
-    def odds(one: Settled) -> float:
-        return one.eliminated(one.world).none + log_prior(one.candidate)
+    def odds(one: PosteriorMode) -> float:
+        return one.eliminated(one.likelihood).none + log_prior(one.candidate)
 
     # Surrogates are compared where models may be off by as much as surrogates are.
-    world = max(worlds, key=lambda w: w.none)
-    ranked = sorted(_nothing(world).beside(), key=lambda c: -value(c))
+    likelihood = max(likelihoods, key=lambda w: w.none)
+    ranked = sorted(_nothing(likelihood).beside(), key=lambda c: -value(c))
     most = {c.effects: value(c) for c in reversed(ranked)}
     lost = max(most.values(), default=0.0) - _LOST_NATS
     least = {e: max(v - _SURROGATE_NATS, min(v, lost)) for e, v in most.items()}
     # Forms with details fit more than their surrogate shows.
     chosen = [c for c in ranked if value(c) >= least[c.effects] or c.parts[0][0].form.details]
-    settled = [settle(worlds, c, world) for c in chosen]
-    together = _most_effects(world.problem)
-    best: dict[Effects, Settled] = {}
-    for one in sorted(settled, key=lambda one: -odds(one)):
+    modes = [posterior_mode(likelihoods, c, likelihood) for c in chosen]
+    together = _most_effects(likelihood.problem)
+    best: dict[Effects, PosteriorMode] = {}
+    for one in sorted(modes, key=lambda one: -odds(one)):
         best.setdefault(one.candidate.effects, one)
     pairs = {
         c.effects: c
         for one in reversed(list(best.values())[: _BESIDE if together > 1 else 0])
         for c in _partners(one, logs)[:_PARTNERS]
     }
-    both = [settle(worlds, c, world) for c in pairs.values()]
+    both = [posterior_mode(likelihoods, c, likelihood) for c in pairs.values()]
     leading = sorted(both, key=odds, reverse=True)[:_BESIDE]
-    if not leading or odds(leading[0]) < max(map(odds, settled)):
-        return [*settled, *both]
+    if not leading or odds(leading[0]) < max(map(odds, modes)):
+        return [*modes, *both]
     # What looks best with some forms is looked at in all, and a third effect beside it; then any
     # two of the best three. Each once, or it would count so many times.
     pairs_in_all = {one.candidate.effects for one in leading}
-    thirds: dict[Effects, Settled] = {}
+    thirds: dict[Effects, PosteriorMode] = {}
     known = {one.candidate.forms for one in both}
     for _ in range(2):
         for effects in sorted(pairs_in_all):
-            for c in _in_all_forms(effects, best, settled, logs):
+            for c in _in_all_forms(effects, best, modes, logs):
                 if c.forms not in known:
                     known.add(c.forms)
-                    both.append(settle(worlds, c, world))
+                    both.append(posterior_mode(likelihoods, c, likelihood))
         likeliest = max(both, key=odds)
         for c in _partners(likeliest, logs)[:_PARTNERS] if together > 2 else ():
             if c.effects not in thirds:
-                thirds[c.effects] = settle(worlds, c, likeliest.world)
+                thirds[c.effects] = posterior_mode(likelihoods, c, likeliest.likelihood)
         third = max(thirds.values(), key=odds, default=likeliest)
         pairs_in_all = set(combinations(third.candidate.effects, 2))
-    return _with_parts_alone([*settled, *both, *thirds.values()], worlds, odds)
+    return _with_parts_alone([*modes, *both, *thirds.values()], likelihoods, odds)
 
 
 def _with_parts_alone(
-    found: Sequence[Settled], worlds: Sequence[World], odds: Callable[[Settled], float]
-) -> list[Settled]:
-    """Return settled candidates, and the likeliest of several effects with one of these left out.
+    found: Sequence[PosteriorMode],
+    likelihoods: Sequence[Likelihood],
+    odds: Callable[[PosteriorMode], float],
+) -> list[PosteriorMode]:
+    """Return the modes, and the likeliest of several effects with one of these left out.
 
-    Alone an effect may have settled far from where it is best, which it finds beside another: then
+    Alone an effect may have its mode far from where it is best, which it finds beside another: then
     that other one would count for what this one does.
     """
     best = {one.candidate.forms: one for one in found}
@@ -633,7 +641,7 @@ def _with_parts_alone(
             if (c := joined(fewer)).forms in tried:
                 continue
             tried.add(c.forms)
-            alone = settle(worlds, c, one.world)
+            alone = posterior_mode(likelihoods, c, one.likelihood)
             if c.forms not in best or odds(alone) > odds(best[c.forms]):
                 best[c.forms] = alone
             if len(fewer) > 1:
@@ -642,7 +650,10 @@ def _with_parts_alone(
 
 
 def _in_all_forms(
-    effects: Effects, best: Mapping[Effects, Settled], singles: Sequence[Settled], logs: _LogPriors
+    effects: Effects,
+    best: Mapping[Effects, PosteriorMode],
+    singles: Sequence[PosteriorMode],
+    logs: _LogPriors,
 ) -> Iterator[Candidate]:
     """Yield effects together in each form with each: one alone does not tell what suits both.
 
@@ -655,14 +666,14 @@ def _in_all_forms(
             for c in sorted(best[id,].beside(), key=lambda c: -(c.log_evidence + logs.forms(c))):
                 if c.effects == (other,) and c.gain > -_ALIKE_NATS:
                     yield joined([*best[id,].candidate.parts, *c.parts])
-    alone = [one.weighed(one.world, one.eliminated(one.world)) for one in singles]
+    alone = [one.weighed(one.likelihood, one.eliminated(one.likelihood)) for one in singles]
     of = [[c for c in alone if c.effects == (id,) and c.gain > -_ALIKE_NATS] for id in effects]
     for each in product(*of):
         yield joined([part for c in each for part in c.parts])
 
 
-def _partners(one: Settled, logs: _LogPriors) -> list[Candidate]:
-    """Return a settled candidate joined with each other effect in its best form, the best first."""
+def _partners(one: PosteriorMode, logs: _LogPriors) -> list[Candidate]:
+    """Join a candidate at its mode with each other effect in its best form, the best first."""
     own = one.candidate
     best: dict[Effects, Candidate] = {}
     for c in sorted(one.beside(), key=lambda c: -(c.log_evidence + logs.forms(c))):
@@ -671,10 +682,10 @@ def _partners(one: Settled, logs: _LogPriors) -> list[Candidate]:
     return list(best.values())
 
 
-def _settled_beside_some(result: Weighed, worlds: Sequence[World]) -> list[Settled]:
-    """Return other effects settled beside a gain of some specimens, where that leads alone.
+def _modes_beside_some(result: Weighed, likelihoods: Sequence[Likelihood]) -> list[PosteriorMode]:
+    """Return the modes of other effects beside a gain of some specimens, where that leads alone.
 
-    Without it they settle where they make up for it. The likeliest first.
+    Without it their modes lie where they make up for it. The likeliest first.
     """
     singles = [candidate for effects, candidate in result.best.items() if len(effects) == 1]
     some = max(singles, key=lambda c: c.log_evidence, default=Candidate(()))
@@ -682,16 +693,18 @@ def _settled_beside_some(result: Weighed, worlds: Sequence[World]) -> list[Settl
         return []
     gain = result.plain.problem.gain_of(some)
     left = replace(result.none, target=result.none.target - gain)
-    worlds = [world for world in worlds if world.scale == 1.0]
-    left = replace(left, world=max(worlds, key=lambda w: left.eliminated(w).none))
-    found: list[Settled] = []
-    for _ in range(min(_most_effects(left.world.problem), _MOST_EFFECTS - 1)):  # others, in turn
+    likelihoods = [likelihood for likelihood in likelihoods if likelihood.scale == 1.0]
+    left = replace(left, likelihood=max(likelihoods, key=lambda w: left.eliminated(w).none))
+    found: list[PosteriorMode] = []
+    for _ in range(
+        min(_most_effects(left.likelihood.problem), _MOST_EFFECTS - 1)
+    ):  # others, in turn
         beside = [c for c in _partners(left, result.logs) if _GAIN not in c.effects]
         both = [
             replace(c, members=some.members, log_gain=some.log_gain) for c in beside[:_PARTNERS]
         ]
-        found += [settle(worlds, c, left.world) for c in both]
-        found.sort(key=lambda one: -one.eliminated(one.world).none)
+        found += [posterior_mode(likelihoods, c, left.likelihood) for c in both]
+        found.sort(key=lambda one: -one.eliminated(one.likelihood).none)
         if not found:
             break
         left = found[0]
@@ -702,7 +715,7 @@ def _settled_beside_some(result: Weighed, worlds: Sequence[World]) -> list[Settl
     ]
 
 
-def _chosen(result: Weighed) -> list[Settled]:
+def _chosen(result: Weighed) -> list[PosteriorMode]:
     """Return the best hypotheses' best forms."""
     odds = {
         e: result.log_evidence[e, ""] + result.logs.of(e)
@@ -710,7 +723,7 @@ def _chosen(result: Weighed) -> list[Settled]:
         if c.parts and c.members is None
     }
     ranked = sorted(odds, key=lambda e: -odds[e])[:_LOOKED_AT]
-    return [result.settled_as(result.best[e]) for e in ranked]
+    return [result.mode_of(result.best[e]) for e in ranked]
 
 
 _POOR_FIT = 0.03
@@ -724,7 +737,7 @@ def _law_errors(problem: Problem) -> tuple[float, ...]:
     The largest that the palette states of the campaign's materials, and what laws usually leave at
     least; that and what they may leave where it does not say.
     """
-    names = {way.material for way in problem.ways if way.material}
+    names = {calibration.material for calibration in problem.calibrations if calibration.material}
     laws = [m.uncertainty for m in problem.campaign.palette.materials if m.id in names]
     stated = [u.nrmse for u in laws if u is not None and u.nrmse is not None]
     largest = max([FIT_SD, *stated])
@@ -736,12 +749,12 @@ _AMPLITUDES = (0.03, 0.1, 0.3, 0.9)
 three, from the scatter of specimens to a factor of more than two."""
 
 
-def _add_axes(one: Settled, world: World, result: Weighed) -> None:
-    """Add a candidate with the unknown beside it, along each axis, in a world."""
-    problem = world.problem
-    e = one.eliminated(world, problem.patterns)
+def _add_axes(one: PosteriorMode, likelihood: Likelihood, result: Weighed) -> None:
+    """Add a candidate with the unknown beside it, along each axis, under a likelihood."""
+    problem = likelihood.problem
+    e = one.eliminated(likelihood, problem.patterns)
     forms = result.logs.forms(one.candidate) - float(np.log(len(_AMPLITUDES)))
-    none, stop = forms - result.plain.none + world.log_share, 1
+    none, stop = forms - result.plain.none + likelihood.log_share, 1
     for number, axis in enumerate(problem.unknown):
         own = slice(stop, stop := stop + axis.columns.shape[1])
         for amplitude in _AMPLITUDES:
@@ -911,7 +924,7 @@ def evidence_of(problem: Problem, weighed: Weighed) -> Evidence:
     within_floor = _within_floor(problem) and not problem.apart.any()
     closes, without = _explained(weighed, within_floor=within_floor)
     # What a sensor does to all specimens of one condition, their scatter does as well.
-    sensors = {b.effect.id for b in problem.branches if b.effect.stage == "sensor"}
+    sensors = {b.effect.id for b in problem.signed_forms if b.effect.stage == "sensor"}
     return Evidence(
         log_prior=weighed.log_prior,
         log_evidence=weighed.log_evidence,
@@ -920,7 +933,9 @@ def evidence_of(problem: Problem, weighed: Weighed) -> Evidence:
         scatter_like=frozenset(sensors if len(problem.model.tests) == 1 else ()),
         closes=closes,
         without=without,
-        axes={b.effect.id: [a for a in b.effect.where if a != "strain"] for b in problem.branches},
+        axes={
+            b.effect.id: [a for a in b.effect.where if a != "strain"] for b in problem.signed_forms
+        },
     )
 
 
@@ -1110,7 +1125,7 @@ def axes_of(
     An effect's lies along the axes that it varies along, an unknown's along its own; what goes
     along every test says nothing of where.
     """
-    own = {b.effect.id: set(b.effect.where) for b in problem.branches}
+    own = {b.effect.id: set(b.effect.where) for b in problem.signed_forms}
     own |= {axis.axis: {axis.axis} for axis in problem.unknown if axis.axis != EVERY_AXIS}
     names = set().union(*own.values())
     counts = _counted(evidence.log_evidence, priors)
@@ -1151,20 +1166,20 @@ def found_effects(weighed: Weighed, candidate: Candidate) -> tuple[FoundEffect, 
     Intervals are the posterior's about its mode in coordinates in which the prior is normal:
     Student's t, as the scatter is known to the deviation of its logarithm.
     """
-    one, found, first = weighed.settled_as(candidate), [], 0
-    tail = float(stdtrit(0.5 / one.world.problem.scatter.log_sd**2, _TAIL))
+    one, found, first = weighed.mode_of(candidate), [], 0
+    tail = float(stdtrit(0.5 / one.likelihood.problem.scatter.log_sd**2, _TAIL))
     at, covariance = one.coordinates, one.covariance()
     sd = np.sqrt(np.diagonal(covariance))
-    for branch, place in candidate.parts:
-        own = slice(first, first := first + len(branch.coordinates(place)))
-        ends = [branch.place(at[own] + step * sd[own]) for step in (-tail, 0.0, tail)]
-        low, middle, high = map(branch.values, ends)
+    for signed, point in candidate.parts:
+        own = slice(first, first := first + len(signed.coordinates(point)))
+        ends = [signed.point(at[own] + step * sd[own]) for step in (-tail, 0.0, tail)]
+        low, middle, high = map(signed.values, ends)
         interval = {n: (min(low[n], high[n]), max(low[n], high[n])) for n in middle}
-        signed = np.sign([high[n] - low[n] for n in middle]) / sd[own]
-        related = tuple(map(tuple, (covariance[own, own] * np.outer(signed, signed)).tolist()))
-        units = {p.name: p.unit for p in branch.form.parameters}
-        units |= dict.fromkeys(branch.form.details, "1")
-        names = branch.effect.id, branch.form.name
+        scaled = np.sign([high[n] - low[n] for n in middle]) / sd[own]
+        related = tuple(map(tuple, (covariance[own, own] * np.outer(scaled, scaled)).tolist()))
+        units = {p.name: p.unit for p in signed.form.parameters}
+        units |= dict.fromkeys(signed.form.details, "1")
+        names = signed.effect.id, signed.form.name
         found.append(FoundEffect(*names, middle, interval, units, correlation=related))
     if candidate.members is not None:
         members, problem = candidate.members, weighed.plain.problem
@@ -1199,11 +1214,11 @@ def detectable_sizes(problem: Problem, nodes: FloatArray, priors: Priors) -> Ite
     nodes : (nodes, nodes)
         Inner products of all nodes, what is uncertain besides integrated out.
     """
-    first = {b.effect.id: b.effect.forms[0] for b in problem.branches}
+    first = {b.effect.id: b.effect.forms[0] for b in problem.signed_forms}
     needed = needed_nats(priors, max(len(first), 1))
     for id, form in first.items():
         known: list[float] = []
-        for b in (b for b in problem.branches if b.form is form):
+        for b in (b for b in problem.signed_forms if b.form is form):
             sizes = np.geomspace(b.least, 1.0, _SIZES)
             weights = node_weights([(s, *[0.0] * b.shapes) for s in sizes])
             nats = 0.5 * np.sum((weights @ nodes[b.own, b.own]) * weights, axis=1)

@@ -9,8 +9,8 @@ from planner.gap.campaign import Campaign
 from planner.gap.diagnose import closure
 from planner.gap.diagnosis import Diagnosis, Gap
 from planner.gap.effects import EFFECTS
+from planner.gap.evidence.posterior_mode import Likelihood
 from planner.gap.evidence.problem import Problem, set_up
-from planner.gap.evidence.settle import World
 from planner.gap.evidence.weigh import Priors, reweigh, weigh
 from planner.gap.observations import observation_model
 
@@ -88,11 +88,11 @@ def test_what_is_left_out_is_predicted_with_all_of_the_evidence(rate_campaign) -
 def test_what_is_left_out_is_predicted_by_effects_that_need_no_other_laws(rate_campaign) -> None:
     """A level of the laws, which is not added, is not what the effects were fitted beside."""
     problem = ready(rate_campaign, "rate")
-    world, _ = reweigh(weigh(problem, Priors()), {}, np.ones(len(rate_campaign.specimens)))
-    laws = len(problem.ways)
+    likelihood, _ = reweigh(weigh(problem, Priors()), {}, np.ones(len(rate_campaign.specimens)))
+    laws = len(problem.calibrations)
     for off in problem.nuisances[:, :laws].T:
-        assert not world.coefficients(off)[:laws].any()
-        assert World(problem).coefficients(off)[:laws].any()
+        assert not likelihood.coefficients(off)[:laws].any()
+        assert Likelihood(problem).coefficients(off)[:laws].any()
 
 
 def test_where_there_is_none_nothing_closes(of_nothing: Diagnosis) -> None:

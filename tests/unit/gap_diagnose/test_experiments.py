@@ -11,8 +11,8 @@ from planner.gap.design import next_experiments
 from planner.gap.diagnose import diagnose
 from planner.gap.diagnosis import Diagnosis, Experiment, Hypothesis
 from planner.gap.effects import EFFECTS
+from planner.gap.evidence.posterior_mode import Likelihood
 from planner.gap.evidence.problem import Candidate, Problem, set_up
-from planner.gap.evidence.settle import World
 from planner.gap.observations import observation_model
 
 
@@ -24,18 +24,18 @@ def problem(planned, imitated) -> Problem:
 
 
 def candidate(problem: Problem, effect: str, form: str, s: float) -> Candidate:
-    branch = next(b for b in problem.branches if (b.effect.id, b.form.name) == (effect, form))
-    return Candidate((effect,), ((branch, (s, *[0.0] * branch.shapes)),))
+    signed = next(b for b in problem.signed_forms if (b.effect.id, b.form.name) == (effect, form))
+    return Candidate((effect,), ((signed, (s, *[0.0] * signed.shapes)),))
 
 
 def asked(problem: Problem, *candidates: Candidate) -> tuple[Experiment, ...]:
     share = 1.0 / len(candidates)
     ranking = [Hypothesis(c.effects, share) for c in candidates]
-    exact = World(problem)
+    exact = Likelihood(problem)
     weighed = SimpleNamespace(
         plain=exact,
         best={c.effects: c for c in candidates},
-        settled_as=lambda _: SimpleNamespace(world=exact),
+        mode_of=lambda _: SimpleNamespace(likelihood=exact),
     )
     return next_experiments(problem, weighed, ranking)  # type: ignore[arg-type]
 

@@ -145,9 +145,9 @@ def test_recalibration_is_that_of_the_world_of_the_verdict(rates, imitated) -> N
     problem = ready(imitated(rates, "rate:rise=0.3,form=power-law"))
     found = weigh(problem, Priors())
     none = Candidate(())
-    world = found.settled_as(none).world
-    assert world.discrepancy > 0.0
-    exact, own = (w.laws_off(none) for w in (found.plain, world))
+    likelihood = found.mode_of(none).likelihood
+    assert likelihood.discrepancy > 0.0
+    exact, own = (w.laws_off(none) for w in (found.plain, likelihood))
     assert np.all(np.diagonal(own[1]) >= np.diagonal(exact[1]) - 1e-12)
     assert np.diagonal(own[1]).sum() > np.diagonal(exact[1]).sum()
 

@@ -7,8 +7,8 @@ import pytest
 from scipy.stats import chi2
 
 from planner.formats.units import QUANTITY_UNITS
+from planner.gap.evidence.posterior_mode import Likelihood
 from planner.gap.evidence.problem import Problem, replicate_floor, set_up
-from planner.gap.evidence.settle import World
 from planner.gap.noise import USUAL, unit_gains
 from planner.gap.observations import observation_model
 
@@ -116,7 +116,7 @@ def test_the_whole_residual_is_as_large_as_its_model_says(cells, imitated, seed:
     So nuisances only take away, at most one square each.
     """
     problem = ready(imitated(cells, seed=seed))
-    left = float(World(problem).left)
+    left = float(Likelihood(problem).left)
     count = len(problem.table)
     assert 0.85 * chi2.ppf(5e-5, count - problem.nuisances.shape[1]) < left
     assert left < 1.15 * chi2.ppf(1.0 - 5e-5, count)

@@ -33,16 +33,16 @@ def effect(id: str, shapes: int = 0, forms: int = 1) -> Effect:
     return Effect(id, id, id, "law", (form,) * forms, (), ())
 
 
-def nodes_of(branch: SignedForm, pattern: Callable[..., FloatArray]) -> FloatArray:
+def nodes_of(signed: SignedForm, pattern: Callable[..., FloatArray]) -> FloatArray:
     """Return what a form changes at its nodes: linear in the size."""
-    return np.array([s * s * pattern(*shape) for s, *shape in branch.node_places()])
+    return np.array([s * s * pattern(*shape) for s, *shape in signed.node_points()])
 
 
 def best(pattern: FloatArray, residual: FloatArray) -> Candidate:
     """Return a form without shapes at its best size."""
-    (branch,) = signed_forms([effect("a")])
-    nodes = nodes_of(branch, lambda: pattern)
-    return searched((branch,), nodes @ residual, nodes @ nodes.T)[0]
+    (signed,) = signed_forms([effect("a")])
+    nodes = nodes_of(signed, lambda: pattern)
+    return searched((signed,), nodes @ residual, nodes @ nodes.T)[0]
 
 
 def size(u: FloatArray | float) -> FloatArray:
@@ -123,9 +123,9 @@ def test_shapes_are_weighed_with_the_size(seed: int, length: float) -> None:
         return found
 
     r = (0.4 if length else 0.0) * pattern(0.3) + rng.standard_normal(FEATURES)
-    (branch,) = signed_forms([effect("a", shapes=1)])
-    nodes = nodes_of(branch, pattern)
-    (found,) = searched((branch,), nodes @ r, nodes @ nodes.T)
+    (signed,) = signed_forms([effect("a", shapes=1)])
+    nodes = nodes_of(signed, pattern)
+    (found,) = searched((signed,), nodes @ r, nodes @ nodes.T)
     exact = integral(lambda u, v: likelihood(r, size(u) * pattern(2.0 * v - 1.0)), 2)
     assert found.log_evidence <= found.gain + 1e-12
     assert found.log_evidence - exact == pytest.approx(0.0, abs=1.0)
@@ -273,8 +273,8 @@ def test_two_effects_are_looked_at_in_all_forms_of_each(monkeypatch: pytest.Monk
 
     def single(own: Any, *beside: Any) -> Any:
         return SimpleNamespace(
-            candidate=own, beside=lambda: beside, world=None, eliminated=lambda world: None,
-            weighed=lambda world, eliminated: own,
+            candidate=own, beside=lambda: beside, likelihood=None, eliminated=lambda _: None,
+            weighed=lambda likelihood, eliminated: own,
         )  # fmt: skip
 
     best: Any = {

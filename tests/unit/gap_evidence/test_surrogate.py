@@ -10,7 +10,7 @@ from planner.gap.evidence.problem import Problem, SignedForm, node_weights, sign
 from planner.numerics import FloatArray
 from planner.simulation.bar_solver import predict_all
 
-BRANCHES = signed_forms(list(EFFECTS.values()))
+SIGNED_FORMS = signed_forms(list(EFFECTS.values()))
 PLACES = 8
 
 USUAL_ERROR = 0.08
@@ -33,10 +33,10 @@ COARSE = {
 sizes and five values of a shape do not carry; 1.4 times as measured, so that none gets worse."""
 
 
-def change(problem: Problem, branch: SignedForm, places: Sequence[Sequence[float]]) -> FloatArray:
+def change(problem: Problem, signed: SignedForm, places: Sequence[Sequence[float]]) -> FloatArray:
     """Return what the forward model itself changes at places, (places, N)."""
     setup = problem.model.setup
-    setups = [branch.form.apply(setup, branch.values(place)) for place in places]
+    setups = [signed.form.apply(setup, signed.values(place)) for place in places]
     table = problem.table
     raw = np.array([problem.model.predicted(p) for p in predict_all(setups, problem.model.laws)])
     found: FloatArray = table.transformed(raw) - table.transformed(problem.unpredicted)
@@ -44,13 +44,13 @@ def change(problem: Problem, branch: SignedForm, places: Sequence[Sequence[float
 
 
 def named(problem: Problem, effect: str, form: str) -> list[SignedForm]:
-    return [b for b in problem.branches if (b.effect.id, b.form.name) == (effect, form)]
+    return [b for b in problem.signed_forms if (b.effect.id, b.form.name) == (effect, form)]
 
 
 @pytest.mark.parametrize("shapes", [0, 1, 2])
 def test_weights_are_one_at_a_node_and_carry_polynomials(shapes: int) -> None:
-    branch = next(b for b in BRANCHES if b.shapes == shapes)
-    nodes = branch.node_places()
+    signed = next(b for b in SIGNED_FORMS if b.shapes == shapes)
+    nodes = signed.node_points()
     assert node_weights(nodes) == pytest.approx(np.eye(len(nodes)), abs=1e-12)
     # Third order in the size, being nought at 0; second order in each shape.
     values = [s**6 * np.prod([1.0 + x**2 for x in t]) for s, *t in nodes]
@@ -61,20 +61,22 @@ def test_weights_are_one_at_a_node_and_carry_polynomials(shapes: int) -> None:
 
 def test_branches_have_their_nodes_one_after_another() -> None:
     first = 0
-    for number, branch in enumerate(BRANCHES):
-        assert (branch.number, branch.first) == (number, first)
-        assert branch.own == slice(first, first := first + len(branch.node_places()))
+    for number, signed in enumerate(SIGNED_FORMS):
+        assert (signed.number, signed.first) == (number, first)
+        assert signed.own == slice(first, first := first + len(signed.node_points()))
     for id in EFFECTS:
-        assert sum(b.weight for b in BRANCHES if b.effect.id == id) == pytest.approx(1.0)
+        assert sum(b.weight for b in SIGNED_FORMS if b.effect.id == id) == pytest.approx(1.0)
 
 
-@pytest.mark.parametrize("branch", BRANCHES, ids=lambda b: f"{b.effect.id}-{b.form.name}{b.sign:+}")
-def test_places_are_within_the_priors(branch: SignedForm) -> None:
-    for s in (branch.least, 1.0):
+@pytest.mark.parametrize(
+    "signed", SIGNED_FORMS, ids=lambda b: f"{b.effect.id}-{b.form.name}{b.sign:+}"
+)
+def test_points_are_within_the_priors(signed: SignedForm) -> None:
+    for s in (signed.least, 1.0):
         for t in (-1.0, 1.0):
-            values = branch.values([s] + [t] * branch.shapes)
-            for p in branch.form.parameters:
-                value = abs(values[p.name]) if p is branch.form.size else values[p.name]
+            values = signed.values([s] + [t] * signed.shapes)
+            for p in signed.form.parameters:
+                value = abs(values[p.name]) if p is signed.form.size else values[p.name]
                 slack = 1e-9 * max(abs(p.low), abs(p.high))
                 assert p.low - slack <= value <= p.high + slack
 
@@ -82,14 +84,14 @@ def test_places_are_within_the_priors(branch: SignedForm) -> None:
 def test_nodes_are_exact(everything: Problem) -> None:
     """A candidate at a node has the features that the forward model gave there."""
     for effect, form in (("rate", "prony"), ("interface-bleed", "gaussian")):
-        (branch,) = named(everything, effect, form)
-        place = branch.node_places()[-2]
-        by_nodes = everything.nodes[:, branch.own] @ node_weights(place)
-        exact = everything.noise.whiten(change(everything, branch, [list(place)])[0])
+        (signed,) = named(everything, effect, form)
+        place = signed.node_points()[-2]
+        by_nodes = everything.nodes[:, signed.own] @ node_weights(place)
+        exact = everything.noise.whiten(change(everything, signed, [list(place)])[0])
         assert by_nodes == pytest.approx(exact, rel=1e-9, abs=1e-9)
 
 
-FORMS = sorted({(b.effect.id, b.form.name) for b in BRANCHES if b.effect.id != "material-law"})
+FORMS = sorted({(b.effect.id, b.form.name) for b in SIGNED_FORMS if b.effect.id != "material-law"})
 
 
 @pytest.mark.slow
@@ -98,14 +100,14 @@ def test_between_nodes_forms_are_near(everything: Problem, effect: str) -> None:
     """At random places of the prior: RMS error over the RMS of the change, all places together."""
     for form in (f for e, f in FORMS if e == effect):
         errors, changes = [], []
-        for branch in named(everything, effect, form):
+        for signed in named(everything, effect, form):
             rng = np.random.default_rng(0)
             places = [
-                [branch.least ** float(rng.uniform()), *rng.uniform(-1.0, 1.0, branch.shapes)]
+                [signed.least ** float(rng.uniform()), *rng.uniform(-1.0, 1.0, signed.shapes)]
                 for _ in range(PLACES)
             ]
-            exact = change(everything, branch, places)
-            own = change(everything, branch, branch.node_places())
+            exact = change(everything, signed, places)
+            own = change(everything, signed, signed.node_points())
             errors.append(node_weights(places) @ own - exact)
             changes.append(exact)
         share = np.sqrt(np.mean(np.square(errors)) / max(np.mean(np.square(changes)), 1e-30))

@@ -11,7 +11,7 @@ import pytest
 import scipy.linalg
 from scipy.stats import multivariate_normal
 
-from planner.gap.evidence.settle import World
+from planner.gap.evidence.posterior_mode import Likelihood
 from planner.gap.noise import SpecimenNoise
 from planner.numerics import FloatArray, IntArray
 
@@ -57,9 +57,9 @@ def rng(request: pytest.FixtureRequest) -> np.random.Generator:
     return np.random.default_rng(request.param)
 
 
-def world(problem: Any, **options: Any) -> World:
-    """Return a world of columns and nuisances alone."""
-    return World(problem, **options)
+def likelihood(problem: Any, **options: Any) -> Likelihood:
+    """Return a likelihood of columns and nuisances alone."""
+    return Likelihood(problem, **options)
 
 
 @pytest.mark.parametrize("scale", [1.0, 0.6, 1.7])
@@ -67,7 +67,9 @@ def test_eliminating_is_the_dense_marginal_likelihood(rng, scale: float) -> None
     noise, dense = noise_of(rng)
     kept, nuisances = rng.standard_normal((N, 4)), rng.standard_normal((N, 3))
     white = whiten(np.hstack([kept, nuisances]), noise, 3)
-    left = world(white, scale=scale).elimination(white.columns[:, 0], kept=white.columns[:, 1:4])
+    left = likelihood(white, scale=scale).elimination(
+        white.columns[:, 0], kept=white.columns[:, 1:4]
+    )
     covariance = scale**2 * dense + nuisances @ nuisances.T
     products = kept.T @ np.linalg.solve(covariance, kept)
     assert left.products == pytest.approx(products, rel=1e-9, abs=1e-9)
@@ -83,9 +85,9 @@ def test_slopes_are_as_good_as_nuisances_that_were_there(rng, scale: float) -> N
     white = whiten(np.hstack([kept, nuisances]), noise, 3)
     target, others = white.columns[:, 0], white.columns[:, 1:4]
     slopes = whiten(extra, noise, 0).columns
-    left = world(white, scale=scale).elimination(target, slopes, others)
+    left = likelihood(white, scale=scale).elimination(target, slopes, others)
     all_of_them = whiten(np.hstack([kept, nuisances, extra]), noise, 5)
-    together = world(all_of_them, scale=scale).elimination(target, kept=others)
+    together = likelihood(all_of_them, scale=scale).elimination(target, kept=others)
     assert left.products == pytest.approx(together.products, rel=1e-9, abs=1e-9)
     assert left.none == pytest.approx(together.none, abs=1e-9)
     covariance = scale**2 * dense + nuisances @ nuisances.T + extra @ extra.T
@@ -97,7 +99,7 @@ def test_random_columns_add_to_the_covariance(rng, amplitude: float) -> None:
     noise, dense = noise_of(rng)
     head, random, nuisances = (rng.standard_normal((N, k)) for k in (3, 2, 2))
     white = whiten(np.hstack([head, random, nuisances]), noise, 2)
-    all_of_them = world(white).elimination(white.columns[:, 0], kept=white.columns[:, 1:5])
+    all_of_them = likelihood(white).elimination(white.columns[:, 0], kept=white.columns[:, 1:5])
     none = all_of_them.with_random(slice(3, 5), amplitude)
     covariance = dense + nuisances @ nuisances.T + amplitude**2 * random @ random.T
     assert none == pytest.approx(log_density(head[:, 0], covariance, dense), abs=1e-8)
@@ -107,7 +109,7 @@ def test_a_column_without_amplitude_changes_nothing(rng) -> None:
     """Its gain goes with the squared amplitude: below 1e-9 at 1e-6."""
     noise, _ = noise_of(rng)
     white = whiten(rng.standard_normal((N, 5)), noise, 1)
-    before = world(white).elimination(white.columns[:, 0], kept=white.columns[:, 1:4])
+    before = likelihood(white).elimination(white.columns[:, 0], kept=white.columns[:, 1:4])
     assert before.with_random(slice(2, 4), 1e-6) == pytest.approx(before.none, abs=1e-9)
 
 
@@ -117,8 +119,8 @@ def test_a_weight_of_two_is_a_copy_and_of_nought_is_absence(rng) -> None:
     rows = [*range(4), *range(4), *range(4, 7)]
     copies = problem_of(white.columns[rows], np.array([0, 4, 8, 11]), 2)
     for scale in (1.0, 1.5):
-        weighted = world(white, scale=scale, weight=np.array([2.0, 1.0, 0.0]))
-        copied = world(copies, scale=scale)
+        weighted = likelihood(white, scale=scale, weight=np.array([2.0, 1.0, 0.0]))
+        copied = likelihood(copies, scale=scale)
         a, b = (
             w.elimination(of.columns[:, 0], kept=of.columns[:, 1:3])
             for w, of in ((weighted, white), (copied, copies))

@@ -1,4 +1,4 @@
-"""Candidates settled on the forward model: their posterior mode, and the model linear about it."""
+"""Candidates on the forward model: their posterior mode, and the model linear about it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -12,7 +12,7 @@ from scipy.sparse import csr_array
 from planner.gap.evidence.problem import Candidate, Problem, searched
 from planner.numerics import FloatArray
 
-__all__ = ["Settled", "World", "settle"]
+__all__ = ["Likelihood", "PosteriorMode", "posterior_mode"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -45,7 +45,7 @@ def _integrated(kept: FloatArray, cross: FloatArray, inner: FloatArray) -> tuple
     return kept - half.T @ half, 2.0 * float(np.log(np.diagonal(factor)).sum())
 
 
-class World:
+class Likelihood:
     """Scatter of one size and a model discrepancy of one size, all nuisances integrated out.
 
     Parameters
@@ -120,7 +120,7 @@ class World:
         return np.asarray(m - out.T @ out)
 
     def _weighted(self, columns: FloatArray) -> FloatArray:
-        """Return whitened columns, (N, k), on a scale where this world's scatter is white."""
+        """Return whitened columns, (N, k), on a scale where its scatter is white."""
         weighted = self._root[:, None] * columns
         if self.level == 1.0:
             return weighted  # as nearly everywhere
@@ -154,7 +154,7 @@ class World:
 
     def laws_off(self, candidate: Candidate) -> tuple[FloatArray, FloatArray]:
         """Return the mean and covariance of the problem's ways, the candidate being right."""
-        problem, count = self.problem, len(self.problem.ways)
+        problem, count = self.problem, len(self.problem.calibrations)
         left = problem.target - problem.noise.whiten(problem.explained(candidate))
         unit = np.eye(len(self._factor), count)
         inverse = scipy.linalg.cho_solve((self._factor, True), unit, check_finite=False)[:count]
@@ -243,15 +243,15 @@ the next step goes on."""
 
 
 def _moved(candidate: Candidate, coordinates: FloatArray) -> Candidate:
-    """Return the candidate at coordinates of all its branches, one after the other."""
+    """Return the candidate at coordinates of all its signed forms, one after the other."""
     parts, first = [], 0
-    for branch, place in candidate.parts:
-        own = slice(first, first := first + len(branch.coordinates(place)))
-        parts.append((branch, branch.place(coordinates[own])))
+    for signed, point in candidate.parts:
+        own = slice(first, first := first + len(signed.coordinates(point)))
+        parts.append((signed, signed.point(coordinates[own])))
     return replace(candidate, parts=tuple(parts))
 
 
-class _Point:
+class _State:
     """A candidate somewhere, and what the forward model says of it there.
 
     Attributes
@@ -283,45 +283,45 @@ class _Point:
         return problem.noise.whiten((changes / steps[:, None]).T)
 
 
-def _mode(world: World, point: _Point, own: FloatArray) -> _Point:
-    """Return the posterior mode in a world from a point on, beside specimens' own sizes.
+def _mode(likelihood: Likelihood, state: _State, own: FloatArray) -> _State:
+    """Return the posterior mode under a likelihood from a point on, beside specimens' own sizes.
 
     Slopes follow the steps (Broyden's rule); where they promise no more they are made anew.
     """
-    slopes, fresh, damping = point.slopes, True, _DAMPING
+    slopes, fresh, damping = state.slopes, True, _DAMPING
     for _ in range(_STEPS):
-        if (step := _step(world, point, own, slopes, damping)) is not None:
+        if (step := _damped_step(likelihood, state, own, slopes, damping)) is not None:
             reached, move, gained, damping = step
-            off = point.left - reached.left - slopes @ move
+            off = state.left - reached.left - slopes @ move
             slopes = slopes + np.outer(off, move / (move @ move))
-            point = reached
+            state = reached
         if step is None or gained < _ENOUGH_NATS:
             if fresh:
                 break
-            slopes, fresh, damping = point.slopes, True, _DAMPING
+            slopes, fresh, damping = state.slopes, True, _DAMPING
         else:
             fresh = False
-    return point
+    return state
 
 
-def _step(
-    world: World, point: _Point, own: FloatArray, slopes: FloatArray, damping: float
-) -> tuple[_Point, FloatArray, float, float] | None:
+def _damped_step(
+    likelihood: Likelihood, state: _State, own: FloatArray, slopes: FloatArray, damping: float
+) -> tuple[_State, FloatArray, float, float] | None:
     """Return where a damped step leads, that step, its gain and the next one's damping.
 
     None where the model linear about the point, whose evidence has its gain already, promises
     nothing, or no step gains.
     """
-    m = world.products(np.concatenate([point.left[:, None], slopes], axis=1), own)
-    gradient = m[1:, 0] - point.coordinates
+    m = likelihood.products(np.concatenate([state.left[:, None], slopes], axis=1), own)
+    gradient = m[1:, 0] - state.coordinates
     curvature = m[1:, 1:] + np.eye(len(gradient))
-    cost = point.cost(float(m[0, 0]))
+    cost = state.cost(float(m[0, 0]))
     promised = 0.5 * float(gradient @ np.linalg.solve(curvature, gradient))
     while promised >= _ENOUGH_NATS and damping <= _MOST_DAMPING:
         damped = curvature + damping * np.diag(np.diagonal(curvature))
         move = np.clip(np.linalg.solve(damped, gradient), -_LONGEST, _LONGEST)
-        reached = _Point(world.problem, point.candidate, point.coordinates + move)
-        gained = cost - reached.cost(float(world.products(reached.left[:, None], own)[0, 0]))
+        reached = _State(likelihood.problem, state.candidate, state.coordinates + move)
+        gained = cost - reached.cost(float(likelihood.products(reached.left[:, None], own)[0, 0]))
         if gained > 0.0:
             return reached, move, gained, damping * _LESS
         damping, promised = damping * _MORE, float(gradient @ move)
@@ -333,12 +333,12 @@ def _step(
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Settled:
+class PosteriorMode:
     """One candidate at its mode, and the model linear about it.
 
     Attributes
     ----------
-    world
+    likelihood
         That in which the mode is.
     coordinates : (p,)
     slopes : (N, p)
@@ -349,24 +349,24 @@ class Settled:
         Whitened: what slopes times coordinates, own sizes, nuisances and noise must make up.
     """
 
-    world: World
+    likelihood: Likelihood
     candidate: Candidate
     coordinates: FloatArray
     slopes: FloatArray
     own: FloatArray
     target: FloatArray
 
-    def eliminated(self, world: World, kept: FloatArray | None = None) -> Elimination:
-        """Return inner products of the target and further columns, in a world."""
-        return world.elimination(self.target, self.slopes, kept, self.own)
+    def eliminated(self, likelihood: Likelihood, kept: FloatArray | None = None) -> Elimination:
+        """Return inner products of the target and further columns, under a likelihood."""
+        return likelihood.elimination(self.target, self.slopes, kept, self.own)
 
-    def weighed(self, world: World, elimination: Elimination) -> Candidate:
-        """Return the candidate with its gain and evidence over no effect in a world."""
-        gain = 0.5 * (world.left - float(elimination.products[0, 0]))
-        return replace(self.candidate, gain=gain, log_evidence=elimination.none - world.none)
+    def weighed(self, likelihood: Likelihood, elimination: Elimination) -> Candidate:
+        """Return the candidate with its gain and evidence over no effect under a likelihood."""
+        gain = 0.5 * (likelihood.left - float(elimination.products[0, 0]))
+        return replace(self.candidate, gain=gain, log_evidence=elimination.none - likelihood.none)
 
-    def fitted(self, world: World, beside: FloatArray) -> Candidate:
-        """Return the candidate at its mode in another world, by this linear model.
+    def fitted(self, likelihood: Likelihood, beside: FloatArray) -> Candidate:
+        """Return the candidate at its mode under another likelihood, by this linear model.
 
         Parameters
         ----------
@@ -374,37 +374,37 @@ class Settled:
             The whitened change by a gain of some specimens beside it.
         """
         columns = np.concatenate([(self.target - beside)[:, None], self.slopes], axis=1)
-        m = world.products(columns, self.own)
+        m = likelihood.products(columns, self.own)
         at = np.linalg.solve(m[1:, 1:] + np.eye(len(m) - 1), m[1:, 0])
         move = np.clip(at - self.coordinates, -_LONGEST, _LONGEST)
         # Slopes say nothing of what is far off: as far as the forward model bears them out.
         ends = [self.coordinates + share * move for share in (1.0, 0.5)]
-        tried = [(_Point(self.world.problem, self.candidate, at).left, at) for at in ends]
+        tried = [(_State(self.likelihood.problem, self.candidate, at).left, at) for at in ends]
         tried.append((self.target - self.slopes @ self.coordinates, self.coordinates))
 
         def cost(one: tuple[FloatArray, FloatArray]) -> float:
             left = (one[0] - beside)[:, None]
-            return float(world.products(left, self.own)[0, 0] + one[1] @ one[1])
+            return float(likelihood.products(left, self.own)[0, 0] + one[1] @ one[1])
 
         return _moved(self.candidate, min(tried, key=cost)[1])
 
     def with_own_sizes(self, candidate: Candidate) -> Candidate:
         """Return the candidate, as weighed, with the likeliest own size of each specimen."""
         left = self.target - self.slopes @ self.coordinates
-        left -= self.world.problem.gain_of(candidate)
-        sizes = self.world.own_coefficients(left, self.own)
-        return replace(candidate, own=sizes.reshape(-1, len(self.world.problem.noise.rows)))
+        left -= self.likelihood.problem.gain_of(candidate)
+        sizes = self.likelihood.own_coefficients(left, self.own)
+        return replace(candidate, own=sizes.reshape(-1, len(self.likelihood.problem.noise.rows)))
 
     def covariance(self) -> FloatArray:
         """Return the coordinates' posterior covariance, (p, p)."""
-        inner = self.world.products(self.slopes, self.own) + np.eye(self.slopes.shape[1])
+        inner = self.likelihood.products(self.slopes, self.own) + np.eye(self.slopes.shape[1])
         return np.asarray(np.linalg.inv(inner))
 
     def beside(self) -> list[Candidate]:
         """Return every form alone at its best place for what this candidate leaves."""
-        problem = self.world.problem
-        left = self.eliminated(self.world, problem.nodes).products
-        return searched(problem.branches, left[0, 1:], left[1:, 1:])
+        problem = self.likelihood.problem
+        left = self.eliminated(self.likelihood, problem.nodes).products
+        return searched(problem.signed_forms, left[0, 1:], left[1:, 1:])
 
 
 _ROUNDS = 3
@@ -413,41 +413,45 @@ _SAME_SIZE = 0.05
 end. Numerical: their deviation, a third, is off by as little."""
 
 
-def _mode_beside_own(world: World, point: _Point, own: FloatArray) -> tuple[_Point, FloatArray]:
+def _mode_beside_own(
+    likelihood: Likelihood, state: _State, own: FloatArray
+) -> tuple[_State, FloatArray]:
     """Return a mode and specimens' own sizes there, from a point and such sizes on."""
     for _ in range(_ROUNDS):
-        before, point = point, _mode(world, point, own)
-        was, now = ([s for _, (s, *_) in one.candidate.parts] for one in (before, point))
+        before, state = state, _mode(likelihood, state, own)
+        was, now = ([s for _, (s, *_) in one.candidate.parts] for one in (before, state))
         if own.shape[1] and np.all(np.abs(np.divide(now, was) - 1.0) < _SAME_SIZE):
             break
         # Own sizes scatter in proportion to the effect's.
-        own = world.problem.own_sizes(point.candidate)
+        own = likelihood.problem.own_sizes(state.candidate)
         if not own.shape[1]:
             break
-    return point, own
+    return state, own
 
 
-def settle(worlds: Sequence[World], candidate: Candidate, start: World) -> Settled:
-    """Return a candidate at its mode, in the world in which it is likeliest.
+def posterior_mode(
+    likelihoods: Sequence[Likelihood], candidate: Candidate, start: Likelihood
+) -> PosteriorMode:
+    """Return a candidate at its mode, under the likelihood in which it is likeliest.
 
     Parameters
     ----------
     start
         That of them in which the candidate was found.
     """
-    at = [branch.coordinates(place) for branch, place in candidate.parts]
-    point = _Point(start.problem, candidate, np.concatenate(at))
-    point, own = _mode_beside_own(start, point, np.zeros((len(point.left), 0)))
-    settled = _settled(start, point, own)
-    evidence = {world: settled.eliminated(world).none for world in worlds}
-    likeliest = max(worlds, key=evidence.__getitem__)
+    at = [signed.coordinates(point) for signed, point in candidate.parts]
+    state = _State(start.problem, candidate, np.concatenate(at))
+    state, own = _mode_beside_own(start, state, np.zeros((len(state.left), 0)))
+    mode = _mode_at(start, state, own)
+    evidence = {likelihood: mode.eliminated(likelihood).none for likelihood in likelihoods}
+    likeliest = max(likelihoods, key=evidence.__getitem__)
     if likeliest is start:
-        return settled
-    again = _settled(likeliest, *_mode_beside_own(likeliest, point, own))
+        return mode
+    again = _mode_at(likeliest, *_mode_beside_own(likeliest, state, own))
     # Each by its own mode: far from one the linear model may promise what is not there.
-    return again if again.eliminated(likeliest).none > evidence[start] else settled
+    return again if again.eliminated(likeliest).none > evidence[start] else mode
 
 
-def _settled(world: World, point: _Point, own: FloatArray) -> Settled:
-    at, slopes = point.coordinates, point.slopes
-    return Settled(world, point.candidate, at, slopes, own, point.left + slopes @ at)
+def _mode_at(likelihood: Likelihood, state: _State, own: FloatArray) -> PosteriorMode:
+    at, slopes = state.coordinates, state.slopes
+    return PosteriorMode(likelihood, state.candidate, at, slopes, own, state.left + slopes @ at)

@@ -1,4 +1,4 @@
-"""Candidates at their mode on the forward model, in worlds of scatter and discrepancy."""
+"""Candidates at their mode on the forward model, by likelihoods of scatter and discrepancy."""
 
 import itertools
 from dataclasses import replace
@@ -9,8 +9,8 @@ import scipy.linalg
 
 from planner.gap.campaign import Campaign
 from planner.gap.effects import EFFECTS
+from planner.gap.evidence.posterior_mode import Likelihood, PosteriorMode, posterior_mode
 from planner.gap.evidence.problem import Candidate, Problem, joined, set_up
-from planner.gap.evidence.settle import Settled, World, settle
 from planner.gap.evidence.weigh import (
     Priors,
     _in_all_forms,
@@ -36,26 +36,26 @@ def problem(plan, imitated) -> Problem:
 
 
 def candidate(problem: Problem, form: str, size: float = 0.6) -> Candidate:
-    branch = next(b for b in problem.branches if b.form.name == form)
-    return Candidate(("rate",), ((branch, (size, *[0.0] * branch.shapes)),))
+    signed = next(b for b in problem.signed_forms if b.form.name == form)
+    return Candidate(("rate",), ((signed, (size, *[0.0] * signed.shapes)),))
 
 
 def test_a_world_integrates_its_nuisances_out(problem: Problem) -> None:
     """As the normal density with the covariance that noise and nuisances make together."""
-    world = World(problem, scale=1.3, discrepancy=0.02)
+    likelihood = Likelihood(problem, scale=1.3, discrepancy=0.02)
     j = np.concatenate([problem.nuisances, 0.02 * problem.discrepancy], axis=1)
     residual = problem.target
     covariance = 1.3**2 * np.eye(len(residual)) + j @ j.T
     expected = -0.5 * (
         np.linalg.slogdet(covariance)[1] + residual @ np.linalg.solve(covariance, residual)
     )
-    assert world.none == pytest.approx(expected, rel=1e-9)
+    assert likelihood.none == pytest.approx(expected, rel=1e-9)
 
 
 def test_a_level_that_scatters_less_takes_that_much_from_the_covariance(problem: Problem) -> None:
     """As if the noise had been made with that scatter from the start."""
     level, first = 0.4, problem.noise.first_row
-    world = World(problem, level=level)
+    likelihood = Likelihood(problem, level=level)
     change = np.where(problem.table.is_field, 0.0, problem.sensitivity)
     whole = scipy.linalg.block_diag(*problem.noise.blocks)
     for a, b in itertools.pairwise(first):
@@ -67,30 +67,30 @@ def test_a_level_that_scatters_less_takes_that_much_from_the_covariance(problem:
     expected = -0.5 * (
         np.linalg.slogdet(covariance)[1] + residual @ np.linalg.solve(covariance, residual)
     )
-    assert world.none == pytest.approx(expected, rel=1e-9)
+    assert likelihood.none == pytest.approx(expected, rel=1e-9)
 
 
 def test_the_mode_is_found_and_flat(problem: Problem) -> None:
-    world = World(problem)
-    settled = settle((world,), candidate(problem, "power-law"), world)
-    ((branch, place),) = settled.candidate.parts
+    likelihood = Likelihood(problem)
+    mode = posterior_mode((likelihood,), candidate(problem, "power-law"), likelihood)
+    ((signed, point),) = mode.candidate.parts
     low, high = (
-        branch.values(
-            branch.place(settled.coordinates + k * np.sqrt(np.diagonal(settled.covariance())))
-        )["rise"]
+        signed.values(signed.point(mode.coordinates + k * np.sqrt(np.diagonal(mode.covariance()))))[
+            "rise"
+        ]
         for k in (-3.0, 3.0)
     )
     assert low < RISE < high
     # The target is the whole residual, for a form that is nearly linear in its size.
-    left = settled.target - settled.slopes @ settled.coordinates
-    changes = problem.changes(problem.predictions([settled.candidate]))
+    left = mode.target - mode.slopes @ mode.coordinates
+    changes = problem.changes(problem.predictions([mode.candidate]))
     change = problem.noise.whiten(problem.residual - changes[0])
     assert left == pytest.approx(change, abs=1e-9)
-    gradient = world.products(np.stack([left, settled.slopes[:, 0]], axis=1))[1, 0]
+    gradient = likelihood.products(np.stack([left, mode.slopes[:, 0]], axis=1))[1, 0]
     # An iteration that gains 0.05 nats is the last: half a squared step over the curvature.
-    curvature = world.products(settled.slopes)[0, 0] + 1.0
-    assert 0.5 * (gradient - settled.coordinates[0]) ** 2 / curvature < 0.05
-    assert branch.values(place)["rise"] == pytest.approx(RISE, rel=0.2)
+    curvature = likelihood.products(mode.slopes)[0, 0] + 1.0
+    assert 0.5 * (gradient - mode.coordinates[0]) ** 2 / curvature < 0.05
+    assert signed.values(point)["rise"] == pytest.approx(RISE, rel=0.2)
 
 
 def test_a_mode_is_that_of_the_world_in_which_it_is_likeliest(planned, imitated) -> None:
@@ -98,19 +98,23 @@ def test_a_mode_is_that_of_the_world_in_which_it_is_likeliest(planned, imitated)
     plan = planned(2, material=["TangoPlus", "FLX9760"], rate_mm_s=[0.085, 0.85, 8.5, 85.0])
     campaign = imitated(plan, "rate:share=0.6,form=prony")
     problem = set_up(campaign, observation_model(campaign), [EFFECTS["rate"]])
-    worlds = (World(problem), World(problem, laws=3.0), World(problem, discrepancy=0.06))
-    settled = settle(worlds, candidate(problem, "graded-prony"), worlds[2])
-    assert settled.world is worlds[0]
-    assert settled.eliminated(worlds[0]).none > settled.eliminated(worlds[2]).none
+    likelihoods = (
+        Likelihood(problem),
+        Likelihood(problem, laws=3.0),
+        Likelihood(problem, discrepancy=0.06),
+    )
+    mode = posterior_mode(likelihoods, candidate(problem, "graded-prony"), likelihoods[2])
+    assert mode.likelihood is likelihoods[0]
+    assert mode.eliminated(likelihoods[0]).none > mode.eliminated(likelihoods[2]).none
 
 
 @pytest.mark.parametrize("form", ["prony", "spectrum", "graded-power-law"])
 def test_coordinates_and_places_are_one_to_one(problem: Problem, form: str) -> None:
-    branch = next(b for b in problem.branches if b.form.name == form)
+    signed = next(b for b in problem.signed_forms if b.form.name == form)
     rng = np.random.default_rng(3)
     for _ in range(20):
-        at = rng.standard_normal(1 + branch.shapes + len(branch.form.details))
-        assert branch.coordinates(branch.place(at)) == pytest.approx(at, abs=1e-6)
+        at = rng.standard_normal(1 + signed.shapes + len(signed.form.details))
+        assert signed.coordinates(signed.point(at)) == pytest.approx(at, abs=1e-6)
 
 
 def test_a_discrepancy_is_asked_for_where_no_form_fits(plan, imitated) -> None:
@@ -118,7 +122,7 @@ def test_a_discrepancy_is_asked_for_where_no_form_fits(plan, imitated) -> None:
     campaign = imitated(plan, "softening")
     problem = set_up(campaign, observation_model(campaign), [EFFECTS["rate"]])
     bent = np.sin(np.linspace(0.0, 6.0, len(problem.table))) * 0.05
-    exact, off = World(problem), World(problem, discrepancy=0.06)
+    exact, off = Likelihood(problem), Likelihood(problem, discrepancy=0.06)
     residual = problem.target
     whitened = residual + problem.noise.whiten(bent)
     gained = off.elimination(whitened).none - exact.elimination(whitened).none
@@ -129,29 +133,31 @@ def test_errors_are_those_of_features_that_laws_leave(problem: Problem) -> None:
     found = candidate(problem, "power-law")
     change, level = problem.explained(found), problem.calibration[:, 0]
     exact = replace(problem, residual=change, target=problem.noise.whiten(change))
-    assert World(exact).error(found) == pytest.approx(0.0, abs=1e-9)
+    assert Likelihood(exact).error(found) == pytest.approx(0.0, abs=1e-9)
     # What a law's level is off by is mostly taken for that.
     off = replace(exact, residual=change + level, target=problem.noise.whiten(change + level))
-    world, tests = World(off), problem.table.test
+    likelihood, tests = Likelihood(off), problem.table.test
     whole = sum(np.sqrt(np.mean(level[tests == test] ** 2)) for test in np.unique(tests))
-    assert 0.0 < world.error(found) < 0.5 * whole
-    assert world.error(Candidate(())) > world.error(found)
+    assert 0.0 < likelihood.error(found) < 0.5 * whole
+    assert likelihood.error(Candidate(())) > likelihood.error(found)
 
 
 def test_a_part_of_the_likeliest_is_settled_from_where_it_is_there(problem: Problem) -> None:
     """An effect that had settled far off alone is as likely as it is in its place in a pair."""
     effects = [EFFECTS["rate"], EFFECTS["force-offset"]]
     both = set_up(problem.campaign, problem.model, effects)
-    world = World(both)
-    alone = settle((world,), candidate(both, "power-law"), world)
+    likelihood = Likelihood(both)
+    alone = posterior_mode((likelihood,), candidate(both, "power-law"), likelihood)
     beside = next(c for c in alone.beside() if c.effects == ("force-offset",))
-    pair = settle((world,), joined([*alone.candidate.parts, *beside.parts]), world)
+    pair = posterior_mode(
+        (likelihood,), joined([*alone.candidate.parts, *beside.parts]), likelihood
+    )
     astray = replace(alone, target=2.0 * alone.target)
 
-    def odds(one: Settled) -> float:
-        return one.eliminated(world).none
+    def odds(one: PosteriorMode) -> float:
+        return one.eliminated(likelihood).none
 
-    found = _with_parts_alone([astray, pair], (world,), odds)
+    found = _with_parts_alone([astray, pair], (likelihood,), odds)
     assert {one.candidate.effects for one in found} == {
         ("rate",), ("force-offset",), ("force-offset", "rate")
     }  # fmt: skip
@@ -165,23 +171,23 @@ def test_errors_are_of_each_specimens_own_size(planned, imitated) -> None:
     plan = planned(4, material=["TangoPlus", "FLX9760"])
     campaign = imitated(plan, "grip-slack:slack=0.6,form=taking-up", seed=5)
     problem = set_up(campaign, observation_model(campaign), [EFFECTS["grip-slack"]])
-    world = World(problem)
-    branch = next(b for b in problem.branches if b.form.name == "taking-up")
-    start = Candidate(("grip-slack",), ((branch, (0.3, *[0.0] * branch.shapes)),))
-    settled = settle((world,), start, world)
-    own = settled.with_own_sizes(settled.candidate)
+    likelihood = Likelihood(problem)
+    signed = next(b for b in problem.signed_forms if b.form.name == "taking-up")
+    start = Candidate(("grip-slack",), ((signed, (0.3, *[0.0] * signed.shapes)),))
+    mode = posterior_mode((likelihood,), start, likelihood)
+    own = mode.with_own_sizes(mode.candidate)
     assert own.own is not None
     assert own.own.shape == (1, 8)
     assert np.ptp(own.own) > 0.3  # of sizes drawn with a deviation of a third
-    assert world.error(own) < 0.8 * world.error(settled.candidate)
+    assert likelihood.error(own) < 0.8 * likelihood.error(mode.candidate)
 
 
 def test_errors_of_strays_are_not_counted(problem: Problem) -> None:
     rows, residual = problem.table.specimen == 0, problem.explained(Candidate(()))
     exact = replace(problem, residual=residual + rows, target=0.0 * problem.target)
-    assert World(exact).error(Candidate(())) > 0.1
+    assert Likelihood(exact).error(Candidate(())) > 0.1
     stray = replace(exact, strays=np.arange(len(problem.strays)) == 0)
-    assert World(stray).error(Candidate(())) == 0.0
+    assert Likelihood(stray).error(Candidate(())) == 0.0
 
 
 def test_a_form_that_fits_worse_than_nothing_is_not_followed(problem: Problem) -> None:
@@ -191,14 +197,14 @@ def test_a_form_that_fits_worse_than_nothing_is_not_followed(problem: Problem) -
     scale = EFFECTS["strain-scale"]
     tried = replace(scale, forms=tuple(f for f in scale.forms if f.name in ("factor", wrong)))
     both = set_up(campaign, problem.model, [rate, tried])
-    world, logs = World(both), _LogPriors(both, Priors())
-    alone = [settle((world,), c, world) for c in _nothing(world).beside()]
+    likelihood, logs = Likelihood(both), _LogPriors(both, Priors())
+    alone = [posterior_mode((likelihood,), c, likelihood) for c in _nothing(likelihood).beside()]
     best = {id: next(s for s in alone if s.candidate.effects == id)
             for id in (("rate",), ("strain-scale",))}  # fmt: skip
     forms = {
-        branch.form.name
+        signed.form.name
         for c in _in_all_forms(("rate", "strain-scale"), best, alone, logs)
-        for branch, _ in c.parts
+        for signed, _ in c.parts
     }
     assert {"factor", "power-law"} <= forms
     assert wrong not in forms
