@@ -695,23 +695,21 @@ def _modes_beside_some(result: Weighed, likelihoods: Sequence[Likelihood]) -> li
     left = replace(result.none, target=result.none.target - gain)
     likelihoods = [likelihood for likelihood in likelihoods if likelihood.scale == 1.0]
     left = replace(left, likelihood=max(likelihoods, key=lambda w: left.eliminated(w).none))
-    found: list[PosteriorMode] = []
-    for _ in range(
-        min(_most_effects(left.likelihood.problem), _MOST_EFFECTS - 1)
-    ):  # others, in turn
-        beside = [c for c in _partners(left, result.logs) if _GAIN not in c.effects]
-        both = [
-            replace(c, members=some.members, log_gain=some.log_gain) for c in beside[:_PARTNERS]
-        ]
-        found += [posterior_mode(likelihoods, c, left.likelihood) for c in both]
-        found.sort(key=lambda one: -one.eliminated(one.likelihood).none)
-        if not found:
-            break
-        left = found[0]
+    found: dict[Effects, PosteriorMode] = {}
+    leading = [left]
+    for _ in range(min(_most_effects(left.likelihood.problem), _MOST_EFFECTS - 1)):
+        for one in leading:  # the best ones, as the second may be better beside a third
+            beside = [c for c in _partners(one, result.logs) if _GAIN not in c.effects]
+            for c in beside[:_PARTNERS]:
+                if c.effects not in found:
+                    both = replace(c, members=some.members, log_gain=some.log_gain)
+                    found[c.effects] = posterior_mode(likelihoods, both, one.likelihood)
+        ranked = sorted(found.values(), key=lambda one: -one.eliminated(one.likelihood).none)
+        leading = ranked[:_BESIDE]
     # What the gain does is left for it to make up again, whichever specimens have it.
     return [
         replace(one, candidate=joined(one.candidate.parts), target=one.target + gain)
-        for one in found
+        for one in ranked
     ]
 
 
