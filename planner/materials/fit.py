@@ -1692,13 +1692,14 @@ def fit_material(
             f"material {material}: tension bounds no modulus of {chosen.fit.name} from above: add "
             "equibiaxial tests, or compression to stretch 0.6"
         )
+    how = "profiles of the error" if chosen.fit.law.nonlinear else "the jackknife"
     fit, judged = chosen.fit, f"laws are judged on what is left out, {choice.scheme} at a time"
     sure = Uncertainty(
         specimens=found.n,
         level=level,
         law_low=_end_rounded(fit.law.parameters(ends.a[:, 0], ends.c[:, 0])),
         law_high=_end_rounded(fit.law.parameters(ends.a[:, 1], ends.c[:, 1])),
-        basis=f"{_basis('profiles of the error', known, found.n)}; {judged}",
+        basis=f"{_basis(how, known, found.n)}; {judged}",
         r2=fit.r2,
         nrmse=fit.nrmse,
         held_out_error=float(f"{chosen.held_out_error:.3g}"),

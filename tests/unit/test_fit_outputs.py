@@ -158,3 +158,12 @@ def test_the_command_writes_all_or_nothing(samples: Path, tmp_path: Path, capsys
     assert run([*command, "--figure", str(tmp_path / "lab.pdf")]) == 2
     assert not palette.exists()
     assert not figure.exists()
+
+
+@pytest.mark.parametrize(
+    ("law", "how"), [("neo-hookean", "the jackknife"), ("ogden-1", "profiles of the error")]
+)
+def test_a_material_says_what_its_intervals_rest_on(samples: Path, law: str, how: str) -> None:
+    files = sorted((samples / "tensile").glob("soft-*.txt"))
+    (one,) = planner.fit(files, law=law, starts=4, compare=False).fits.values()
+    assert one.uncertainty.basis.startswith(f"{how}, by the scatter of ")
