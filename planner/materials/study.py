@@ -223,6 +223,11 @@ def _states_no_strain_unit(table: TensileTable) -> bool:
     return used in table.columns and used in table.without_unit
 
 
+_OFF_NOMINAL = 0.05
+"""By which a size may differ from the one in a file's head without a word. Chosen: what callipers
+measure differs from the nominal size by less."""
+
+
 def _dimensions_of(
     specimen: ListedSpecimen | None, given: ListedSpecimen, table: TensileTable, notes: list[str]
 ) -> Dimensions:
@@ -230,14 +235,18 @@ def _dimensions_of(
     from_head, sources = list[str](), dict[str, str]()
 
     def nearest(name: str) -> tuple[float, str] | None:
+        said = table.metadata.get(name)
+        head = said if isinstance(said, float) and said > 0.0 else None
         for source, where in ((specimen, _SPECIMENS), (given, f"--{name.replace('_', '-')}")):
             if (value := getattr(source, name, None)) is not None:
+                if head and abs(value / head - 1.0) > _OFF_NOMINAL:
+                    said = f"its head gives {name} {head:.4g}; {value:.4g} counts, from {where}"
+                    notes.append(f"{table.file}: {said}")
                 return float(value), where
-        value = table.metadata.get(name)
-        if not isinstance(value, float) or not value > 0.0:
+        if head is None:
             return None
-        from_head.append(f"{name} {value:.4g}")
-        return value, table.sources.get(name, "")
+        from_head.append(f"{name} {head:.4g}")
+        return head, table.sources.get(name, "")
 
     def product(of: str, *names: str) -> float | None:
         found = [one for name in names if (one := nearest(name)) is not None]

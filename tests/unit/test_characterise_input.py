@@ -289,3 +289,17 @@ def test_specimens_that_are_numbered_anew_in_each_material(tmp_path: Path) -> No
         "A": ["A-1", "A-2"],
         "B": ["B-1", "B-2"],
     }
+
+
+@pytest.mark.parametrize(("width_mm", "told"), [(6.0, True), (10.1, False)])
+def test_a_size_that_overrules_the_files_head_is_told(
+    tmp_path: Path, width_mm: float, *, told: bool
+) -> None:
+    rows = "".join(f"{2 * k},{0.5 * k}\n" for k in range(12))
+    text = f"Width,10,mm\nThickness,3,mm\nGauge length,25,mm\n\nTravel (mm),Load (N)\n{rows}"
+    (tmp_path / "s.csv").write_text(text)
+    found = read_study([tmp_path / "s.csv"], width_mm=width_mm)
+    said = "s.csv: its head gives width_mm 10; 6 counts, from --width-mm"
+    assert any(note.endswith(said) for note in found.notes) == told
+    ((curve,),) = found.groups.values()
+    assert curve.stress_MPa[-1] == pytest.approx(5.5 / (3.0 * width_mm))
