@@ -149,9 +149,8 @@ def _from_surface(tree: TriangleTree, depth: bool, points_mm: FloatArray) -> Flo
 
 def _box_region(low_mm: Point, high_mm: Point) -> FieldRegion:
     """Return what lies between two corners."""
-    low, high = np.array(low_mm), np.array(high_mm)
     return FieldRegion(
-        lambda points_mm: np.asarray(((points_mm >= low) & (points_mm <= high)).all(axis=1)),
+        lambda points_mm: np.all((points_mm >= low_mm) & (points_mm <= high_mm), axis=1),
         {"box_mm": [list(low_mm), list(high_mm)]},
     )
 
@@ -159,9 +158,7 @@ def _box_region(low_mm: Point, high_mm: Point) -> FieldRegion:
 def _ball_region(centre_mm: Point, radius_mm: float) -> FieldRegion:
     """Return what lies within a radius of a point."""
     return FieldRegion(
-        lambda points_mm: np.asarray(
-            np.square(points_mm - np.array(centre_mm)).sum(axis=1) <= radius_mm**2
-        ),
+        lambda points_mm: np.square(points_mm - centre_mm).sum(axis=1) <= radius_mm**2,
         {"centre_mm": list(centre_mm), "radius_mm": radius_mm},
     )
 
@@ -169,7 +166,7 @@ def _ball_region(centre_mm: Point, radius_mm: float) -> FieldRegion:
 def _half_space(point_mm: Point, normal: Point) -> FieldRegion:
     """Return what lies beyond a plane, where its normal points."""
     return FieldRegion(
-        lambda points_mm: np.asarray(project(points_mm - np.array(point_mm), normal) >= 0.0),
+        lambda points_mm: project(points_mm - point_mm, normal) >= 0.0,
         {"point_mm": list(point_mm), "normal": list(normal)},
     )
 
@@ -309,10 +306,7 @@ class FieldArguments:
 
     def triple(self, key: str) -> Point | None:
         """Return three numbers as they are, None where they are not given."""
-        if key not in self.named:
-            return None
-        x, y, z = self.numbers(key, 3)
-        return x, y, z
+        return as_point(np.array(self.numbers(key, 3))) if key in self.named else None
 
     def point(self, key: str) -> Point:
         """Return a position as placed for printing."""
@@ -343,12 +337,10 @@ class FieldArguments:
         text = self.named[key]
         half = _HALF.match(text)
         if half:
-            axis = "xyz".index(half[1])
-            value = self.numbers(key, 1, half[3])[0]
-            sign = 1.0 if half[2] == ">" else -1.0
-            at, normal = [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]
-            at[axis], normal[axis] = value + self.origin_mm[axis], sign
-            return _half_space((at[0], at[1], at[2]), (normal[0], normal[1], normal[2]))
+            axis, (at, normal) = "xyz".index(half[1]), np.zeros((2, 3))
+            at[axis] = self.numbers(key, 1, half[3])[0] + self.origin_mm[axis]
+            normal[axis] = 1.0 if half[2] == ">" else -1.0
+            return _half_space(as_point(at), as_point(normal))
         word, _, rest = text.strip().partition(" ")
         if word == "box":
             return _box_region(*self.box(key, rest))
@@ -366,8 +358,7 @@ class FieldArguments:
         raise ArgumentError(f"field {self.kind}: {key}={text!r} is no region; it may be {_REGIONS}")
 
     def _placed(self, own: Sequence[float]) -> Point:
-        x, y, z = (one + shift for one, shift in zip(own, self.origin_mm, strict=True))
-        return x, y, z
+        return as_point(np.add(own, self.origin_mm))
 
 
 def _mesh_in_place(path: Path, origin_mm: Point, *, closed: bool = True) -> tuple[Mesh, str]:
@@ -454,7 +445,7 @@ def _radial(given: FieldArguments, setting: Setting) -> Field:
 
 
 def _distance(given: FieldArguments, setting: Setting) -> Field:
-    which = given.only("plane", "hole", "box")
+    which, depth, says = given.only("plane", "hole", "box"), False, dict[str, object]()
     if which and given.words:
         raise ArgumentError(f"field distance: give {given.words[0]} or {which}=, not both")
     if which == "plane":
@@ -463,10 +454,8 @@ def _distance(given: FieldArguments, setting: Setting) -> Field:
         ramp = _ramp(given, setting, AxisField(normal, offset, 1.0).values)
         if ramp.stop > ramp.start:
             return AxisField(normal, offset + ramp.start, ramp.stop - ramp.start)
-        back = (-normal[0] + 0.0, -normal[1] + 0.0, -normal[2] + 0.0)
+        back = as_point(0.0 - np.array(normal))
         return AxisField(back, -(offset + ramp.start), ramp.start - ramp.stop)
-    depth = False
-    says: dict[str, object]
     if which == "hole":
         picked, bounds_mm = given.point("hole"), setting.mesh.bounds_mm
         if (np.array(picked) < bounds_mm[0]).any() or (np.array(picked) > bounds_mm[1]).any():
@@ -822,9 +811,8 @@ def _text_of(says: Mapping[str, Any], origin_mm: Point) -> str:
     if name == "harmonic":
         first, last = (_region_text(says[key], origin_mm) for key in ("from", "to"))
         return f"harmonic: from={first}, to={last}"
-    ends = (
-        f"from={float(says['from_mm'])!r}, to={float(says['to_mm'])!r}" if "to_mm" in says else ""
-    )
+    told = [f"{end}={float(says[f'{end}_mm'])!r}" for end in ("from", "to") if "to_mm" in says]
+    ends = ", ".join(told)
     if name == "geodesic":
         return f"geodesic: start={_region_text(says['start'], origin_mm)}, {ends}"
     if name == "radial" and "direction" in says:

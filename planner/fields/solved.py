@@ -50,10 +50,31 @@ def cells_of(mesh: Mesh, pitch_mm: float) -> tuple[Grid, BoolArray]:
     return grid, np.ascontiguousarray(dense(voxelize(mesh, pitch_mm, shortest=1)))
 
 
-def _solved_cells(mesh: Mesh, pitch_mm: float) -> tuple[float, Grid, BoolArray]:
-    """Return a pitch to solve at, the shells' or as fine as `_MOST_CELLS` allow, and the cells."""
+def _solved_cells(
+    mesh: Mesh, pitch_mm: float, field: str, regions: Mapping[str, FieldRegion], reaches: str
+) -> tuple[float, Grid, BoolArray, list[BoolArray]]:
+    """Return a pitch to solve at, the cells, and those that each region holds.
+
+    The pitch is the shells', or as fine as `_MOST_CELLS` allow. Messages say where the part
+    `reaches`.
+
+    Raises
+    ------
+    ArgumentError
+        A region holds nothing of the part.
+    """
     pitch_mm = max(pitch_mm, math.cbrt(np.ptp(mesh.bounds_mm, axis=0).prod() / _MOST_CELLS))
-    return pitch_mm, *cells_of(mesh, pitch_mm)
+    grid, inside = cells_of(mesh, pitch_mm)
+    centres, found = grid.centre_mm(np.argwhere(inside)), list[BoolArray]()
+    for key, region in regions.items():
+        found.append(np.zeros_like(inside))
+        found[-1][inside] = region.holds(centres)
+        if not found[-1].any():
+            raise ArgumentError(
+                f"field {field}: the region {key}= holds nothing of the part at {pitch_mm:.3g} mm; "
+                f"the part reaches {reaches}"
+            )
+    return pitch_mm, grid, inside, found
 
 
 def _reached_cells(
@@ -163,34 +184,23 @@ def harmonic_field(
         A region that holds no cell of the part, regions that share one, or a body of the part
         that has none of either.
     """
-    pitch_mm, grid, inside = _solved_cells(mesh, pitch_mm)
-    index = np.argwhere(inside)
-    centres = grid.centre_mm(index)
-    first, second = start.holds(centres), end.holds(centres)
-    for which, held in (("from", first), ("to", second)):
-        if not held.any():
-            raise ArgumentError(
-                f"field harmonic: the region {which}= holds nothing of the part at {pitch_mm:.3g} "
-                f"mm; the part reaches {_box(mesh, origin_mm)}"
-            )
-    if (first & second).any():
-        shared = place_text(centres[int(np.argmax(first & second))] - origin_mm)
+    low, high = map(place_text, mesh.bounds_mm - origin_mm)
+    pitch_mm, grid, inside, held = _solved_cells(
+        mesh, pitch_mm, "harmonic", {"from": start, "to": end},
+        f"{low.removesuffix(' mm')} to {high}",
+    )  # fmt: skip
+    if len(both := np.argwhere(held[0] & held[1])):
+        shared = place_text(grid.centre_mm(both[0]) - origin_mm)
         raise ArgumentError(
             f"field harmonic: the regions from= and to= share {shared}; they must lie apart"
         )
-    fixed = np.full(inside.shape, np.nan)
-    fixed[tuple(index[first].T)], fixed[tuple(index[second].T)] = 0.0, 1.0
+    fixed = np.where(held[0], 0.0, np.where(held[1], 1.0, np.nan))
     lost = "harmonic: the body at {} touches neither region"
     reached = _reached_cells(inside, np.isfinite(fixed), grid, origin_mm, lost)
     values = _solve_laplace(reached, fixed)
     _spread_values(values, reached)
     says = {"from": dict(start.says), "to": dict(end.says), "cells_mm": pitch_mm}
     return FunctionField("harmonic", over_cells(grid, values), says)
-
-
-def _box(mesh: Mesh, origin_mm: Point) -> str:
-    low, high = mesh.bounds_mm - origin_mm
-    return " to ".join(f"({p[0]:.4g}, {p[1]:.4g}, {p[2]:.4g})" for p in (low, high)) + " mm"
 
 
 def _solve_laplace(inside: BoolArray, fixed: FloatArray) -> FloatArray:
@@ -329,21 +339,14 @@ def geodesic_field(
     ArgumentError
         The region holds nothing of the part, or a body of the part cannot be reached from it.
     """
-    pitch_mm, grid, inside = _solved_cells(mesh, pitch_mm)
-    index = np.argwhere(inside)
-    held = start.holds(grid.centre_mm(index))
-    if not held.any():
-        low, high = (mesh.bounds_mm - origin_mm).round(3).tolist()
-        raise ArgumentError(
-            f"field geodesic: the region start= holds nothing of the part at {pitch_mm:.3g} mm; "
-            f"the part reaches from {low} to {high} mm"
-        )
-    seeds = np.zeros_like(inside)
-    seeds[tuple(index[held].T)] = True
+    low, high = (mesh.bounds_mm - origin_mm).round(3).tolist()
+    pitch_mm, grid, inside, (seeds,) = _solved_cells(
+        mesh, pitch_mm, "geodesic", {"start": start}, f"from {low} to {high} mm"
+    )
     lost = "geodesic: no way leads from start= to {} within the part"
     reached = _reached_cells(inside, seeds, grid, origin_mm, lost)
-    length = np.full(tuple(n + 2 for n in inside.shape), np.inf)  # a border saves all tests
-    length[tuple((index[held] + 1).T)] = 0.0
+    # A border saves all tests.
+    length = np.pad(np.where(seeds, 0.0, np.inf), 1, constant_values=np.inf)
     _sweep(length, np.pad(~reached, 1, constant_values=True), pitch_mm)
     cells = length[1:-1, 1:-1, 1:-1].copy()
     ramp = Ramp.over(cells[reached], 0.0 if ends[0] is None else ends[0], ends[1])

@@ -316,23 +316,19 @@ class BandThickness:
         return float(self.thickness_mm[order[at]])
 
 
-def _band_thicknesses(part: CutPart) -> tuple[BandThickness, ...]:
+def _band_thicknesses(part: CutPart) -> Iterator[BandThickness]:
     """Measure the bands that have an interface on both sides, in the order of the field.
 
     From the centres of up to 200 triangles of either interface along their normals to where the
     field has the other level. Ways that do not end there, as beyond an edge of the field, are
     left out.
     """
-    found = []
     longest_mm = float(np.linalg.norm(np.ptp(part.pieces.vertices, axis=0)))
     for _, group in itertools.groupby(range(len(part.names)), key=part.names.__getitem__):
         own = list(group)
-        if own[0] == 0 or own[-1] == len(part.names) - 1:
-            continue
-        band = _measured(part, own[0], own[-1], longest_mm)
-        if band is not None:
-            found.append(band)
-    return tuple(found)
+        inner = own[0] > 0 and own[-1] < len(part.names) - 1
+        if inner and (band := _measured(part, own[0], own[-1], longest_mm)):
+            yield band
 
 
 def _measured(part: CutPart, first: int, last: int, longest_mm: float) -> BandThickness | None:
@@ -454,7 +450,7 @@ def _walls(part: CutPart, machine: Printer, findings: list[Finding]) -> dict[str
         findings.append(_fragments_finding(loose, None, part, limit_mm))
         unlisted += loose.count
     count, thicknesses, thick = len(walls) + unlisted, list[float](), True
-    measured = _band_thicknesses(part) if part.shells else ()
+    measured = tuple(_band_thicknesses(part)) if part.shells else ()
     for shell in part.shells:
         found, number, thinnest = _layers(part, shell, measured, machine, bare=bool(walls))
         findings += found
