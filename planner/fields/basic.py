@@ -31,7 +31,10 @@ Quantity = Callable[[FloatArray], FloatArray]
 # The field along a straight direction.
 
 
-_UNITS = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
+_DIRECTIONS = {
+    "x": "1,0,0", "y": "0,1,0", "z": "0,0,1", "+x": "1,0,0", "+y": "0,1,0", "+z": "0,0,1",
+    "-x": "-1,0,0", "-y": "0,-1,0", "-z": "0,0,-1",
+}  # fmt: skip
 _ALLOWED = 'x, y, z, -x, -y, -z, or three numbers such as "1,0,1"'
 
 
@@ -112,11 +115,7 @@ def unit_direction(axis: str | Sequence[float]) -> tuple[float, float, float]:
     """Return the unit vector of an axis as a user writes it."""
     if isinstance(axis, str):
         text = axis.strip().lower()
-        if text.lstrip("+-") in _UNITS and len(text) <= 2:
-            sign = -1.0 if text[0] == "-" else 1.0
-            x, y, z = (sign * component + 0.0 for component in _UNITS[text[-1]])
-            return x, y, z
-        parts: Sequence[object] = text.split(",")
+        parts: Sequence[object] = _DIRECTIONS.get(text, text).split(",")
     else:
         parts = list(axis)
     try:

@@ -190,9 +190,7 @@ def _smooth_patch(mesh: Mesh, point_mm: FloatArray) -> Mesh:
         for f in candidates.tolist()
     ]
     picked = int(candidates[int(np.argmin(off))])
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
-    twin = Topology(mesh.faces).twin
+    normal, twin = mesh.normals, Topology(mesh.faces).twin
     half = np.flatnonzero(twin >= 0)
     one, other = half // 3, twin[half] // 3
     smooth = (normal[one] * normal[other]).sum(axis=1) > _CREASE

@@ -2,7 +2,7 @@
 
 import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from importlib.resources import files
@@ -418,21 +418,6 @@ def estimate_triangles(mesh: Mesh, dealt: DitherField) -> tuple[float, float]:
 _SHARE_ERROR = 0.01  # of the volume: cells of a gradient against those of an even fraction
 
 
-@dataclass(frozen=True, slots=True)
-class _Share:
-    """Volume fraction of the harder material in a stretch."""
-
-    achieved: float
-    wanted: float
-    cells: float
-
-    @property
-    def off(self) -> float:
-        """How far it is off, over what few cells may be."""
-        limit = _SHARE_ERROR + max(self.cells, 1.0) ** (-2.0 / 3.0)
-        return float(abs(self.achieved - self.wanted) / limit)
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class CellDesign:
     """Cells of two materials among each other: their lattice, and what they come to."""
@@ -453,16 +438,15 @@ class CellDesign:
 
     def regions(
         self, pieces: Pieces, shells: Sequence[Shell], scale: StiffnessScale
-    ) -> tuple[Region, ...]:
-        """Report what of each material lies in each stretch.
+    ) -> Iterator[Region]:
+        """Yield what of each material lies in each stretch.
 
         A piece's volume is exact; its stretches share in it as its cells do. The modulus is that of
         the stretch at its mean fraction; the error is the estimate's alone, because the fraction
         follows the target within the stretch.
         """
         dealt, volumes = self.dealt, self._volumes_mm3(pieces)
-        shares, boxes = self._shares(volumes), self._boxes_mm(pieces, volumes)
-        regions: list[Region] = []
+        shares, boxes = dict(self._shares(volumes)), self._boxes_mm(pieces, volumes)
         for number, (stretch, ends) in enumerate(zip(dealt.along, dealt.ends, strict=True)):
             for piece in dict.fromkeys(ends.tolist()):
                 volume_mm3 = float(volumes[number, piece])
@@ -473,9 +457,8 @@ class CellDesign:
                 box = boxes[number, piece]
                 region = region_of(band, self.printed[piece], volume_mm3, box, shells)
                 if stretch.lower < stretch.upper:
-                    region = _blended(region, stretch, shares[number], scale, dealt.cell_mm)
-                regions.append(region)
-        return tuple(regions)
+                    region = _blended(region, stretch, *shares[number], scale, dealt.cell_mm)
+                yield region
 
     def held(
         self, part: CutPart, shells: Sequence[Shell], scale: StiffnessScale, machine: Printer
@@ -516,18 +499,19 @@ class CellDesign:
         ``volume_fraction_error`` is that of the worst stretch, as a share of what may be: 0.01, and
         more where cells are few. `cure` is what to do where cells are too large for the gradient.
         """
-        shares = self._shares(self._volumes_mm3(pieces))
-        worst = max((share.off for share in shares.values()), default=0.0)
         ids = [material.id for material in scale.palette.materials]
-        findings = []
-        for number, share in shares.items():
-            if share.off > 1.0:
+        worst, findings = 0.0, []
+        for number, (achieved, wanted) in self._shares(self._volumes_mm3(pieces)):
+            few = max(float(self.counted.cells[number]), 1.0) ** (-2.0 / 3.0)
+            off = abs(achieved - wanted) / (_SHARE_ERROR + few)
+            worst = max(worst, off)
+            if off > 1.0:
                 stretch = self.dealt.along[number]
                 lower, upper = ids[stretch.lower], ids[stretch.upper]
                 message = (
                     f"between {lower} and {upper}, at field {stretch.start:.4g} .. "
-                    f"{stretch.stop:.4g}, {100 * share.achieved:.1f} % is {upper} where "
-                    f"{100 * share.wanted:.1f} % is wanted: the gradient is too steep for cells of "
+                    f"{stretch.stop:.4g}, {100 * achieved:.1f} % is {upper} where "
+                    f"{100 * wanted:.1f} % is wanted: the gradient is too steep for cells of "
                     f"{self.dealt.cell_mm:g} mm; {cure} or a gentler profile"
                 )
                 findings.append(Finding("cell", message, upper, size_mm=self.dealt.cell_mm))
@@ -545,16 +529,14 @@ class CellDesign:
         np.divide(shares, total, out=shares, where=total > 0.0)
         return np.asarray(shares * exact)
 
-    def _shares(self, volumes_mm3: FloatArray) -> dict[int, _Share]:
-        found = {}
+    def _shares(self, volumes_mm3: FloatArray) -> Iterator[tuple[int, tuple[float, float]]]:
+        """Yield achieved and wanted volume fraction of the harder material, by stretch."""
         each = zip(self.dealt.along, self.dealt.ends, volumes_mm3, strict=True)
         for number, (stretch, ends, volumes) in enumerate(each):
             soft, hard = volumes[ends].tolist()
             if stretch.lower < stretch.upper and soft + hard > 0.0:
                 achieved, wanted = hard / (soft + hard), float(self.counted.wanted[number])
-                wanted = achieved if math.isnan(wanted) else wanted
-                found[number] = _Share(achieved, wanted, float(self.counted.cells[number]))
-        return found
+                yield number, (achieved, achieved if math.isnan(wanted) else wanted)
 
     def _boxes_mm(self, pieces: Pieces, volumes_mm3: FloatArray) -> FloatArray:
         """Return where each stretch has each piece, (stretches, pieces, 2, 3).
@@ -593,27 +575,28 @@ def _furthest_mm(pieces: Pieces, piece: int) -> FloatArray:
 
 
 def _blended(
-    region: Region, stretch: BlendSegment, share: _Share, scale: StiffnessScale, cell_mm: float
-) -> Region:
+    region: Region, stretch: BlendSegment, achieved: float, wanted: float, scale: StiffnessScale,
+    cell_mm: float,
+) -> Region:  # fmt: skip
     pair = stretch.lower, stretch.upper
     soft, hard = (scale.moduli_MPa[grade] for grade in pair)
     phases = TwoPhases(soft, hard)
-    modulus = float(phases.dithered_MPa(share.achieved))
-    low, high = phases.hashin_shtrikman_MPa(share.achieved)
+    modulus = float(phases.dithered_MPa(achieved))
+    low, high = phases.hashin_shtrikman_MPa(achieved)
     ends = phases.dithered_fraction(np.array(stretch.ends_MPa))
     error = phases.dither_error
     says: dict[str, Any] = {
         "moduli_MPa": [soft, hard],
         "fraction": [round(float(f), 6) for f in ends],
-        "volume_fraction": share.achieved,
-        "volume_fraction_wanted": share.wanted,
+        "volume_fraction": achieved,
+        "volume_fraction_wanted": wanted,
         "cell_mm": cell_mm,
         "bounds_MPa": [float(low), float(high)],
-        "voigt_MPa": float(phases.voigt_MPa(share.achieved)),
-        "reuss_MPa": float(phases.reuss_MPa(share.achieved)),
+        "voigt_MPa": float(phases.voigt_MPa(achieved)),
+        "reuss_MPa": float(phases.reuss_MPa(achieved)),
         "estimate_error": error,
     }
-    off = modulus / float(phases.dithered_MPa(share.wanted))
+    off = modulus / float(phases.dithered_MPa(wanted))
     missed = (1.0 - error) * off - 1.0, (1.0 + error) * off - 1.0
     return blended(region, scale, pair, modulus, missed, error, "dither", says)
 

@@ -117,8 +117,6 @@ def _design_pieces(
 # The main job: part + gradient + palette -> Plan.
 
 
-_Progress = Callable[[str], None]
-
 _FEWEST_CELLS = 5
 """Along a part's longest side, if their size is stated. Chosen: of fewer, some materials of a round
 field have none of a cell's corners, and no check can tell."""
@@ -151,7 +149,7 @@ def grade(
     name: str | None = None,
     coupons: bool = False,
     force_oversize: bool = False,
-    progress: _Progress = lambda stage: None,
+    progress: Callable[[str], None] = lambda stage: None,
 ) -> Plan:
     """Plan the print of a part whose stiffness follows a gradient.
 
@@ -255,8 +253,7 @@ def grade(
     scale = stiffness_scale(palette_of(wish.palette, machine), wish.at_strain)
     target, start, end = targets_of(wish, scale)
     limit = _tolerated_ratio(as_number(tolerance, "`tolerance`"))
-    stated_mm = None if snap_mm is None else as_number(snap_mm, "`snap_mm`")
-    farthest_mm = snap_limit_mm(stated_mm, machine)
+    farthest_mm = snap_limit_mm(snap_mm, machine)
 
     progress("reading the part")
     source = open_part(
@@ -291,8 +288,8 @@ def grade(
         _check_thickness(along, design.bands, bool(design.periods), machine, source.warnings)
     within_mm = WITHIN_MM if wish.pitch_mm is None else math.inf
     pieces = design.cut(mesh, along, pitch_mm, within_mm)
-    shells = shells_of(pieces, design.printed, scale, machine, source.name)
-    regions = design.regions(pieces, shells, scale)
+    shells = tuple(shells_of(pieces, design.printed, scale, machine, source.name))
+    regions = tuple(design.regions(pieces, shells, scale))
 
     progress("looking for what will not print")
     cut = CutPart(mesh, along, pieces, pitch_mm, within_mm, as_point(translation), np.empty(0))

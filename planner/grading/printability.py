@@ -104,8 +104,6 @@ def small_bodies(mesh: Mesh, limit_mm: float, least_mm: float) -> Fragments:
     corners = mesh.faces.T
     body = connected(len(mesh.vertices), corners[:2].ravel(), corners[1:].ravel())
     used, number = np.unique(body[corners[0]], return_inverse=True)
-    if len(used) < 2 and mesh.volume_mm3 >= limit_mm**3:
-        return Fragments(np.empty((0, 2, 3)))
     found = measure(mesh.vertices, mesh.faces, number.astype(np.int32), len(used))
     extent = np.ptp(found.bounds_mm, axis=1)
     small = (found.volume_mm3 < limit_mm**3) | (extent < limit_mm).all(axis=1)

@@ -5,7 +5,7 @@ import hashlib
 import itertools
 import math
 import operator
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -125,7 +125,7 @@ def _mixture(scale: StiffnessScale, modulus_MPa: float, machine: Printer) -> Pri
 
 def shells_of(
     pieces: Pieces, printed: Sequence[Printed], scale: StiffnessScale, machine: Printer, name: str
-) -> tuple[Shell, ...]:
+) -> Iterator[Shell]:
     """Unite the pieces of each material or mixture into one shell set, from soft to hard.
 
     Shells are what readers of their files find.
@@ -136,37 +136,34 @@ def shells_of(
     mixed = (part.name for what in used_ones.values() for part in what.constituents)
     ids = {*mixed, *(what.material for what in used_ones.values() if what.material)}
     resins = _resins_of(scale.palette, machine, ids)
-    shells: list[Shell] = []
-    for what in sorted(used_ones.values(), key=lambda what: what.coordinate):
+    from_soft = sorted(used_ones.values(), key=lambda what: what.coordinate)
+    for number, what in enumerate(from_soft, start=1):
         faces = pieces.shell_faces(np.flatnonzero(names == what.name))
         used, faces = compact(faces, len(pieces.vertices))
         vertices = pieces.vertices[used]
         header = f"{name} {what.operator_name} unit=mm"
-        file = f"stl/{name}__{len(shells) + 1:02d}_{what.name}.stl"
+        file = f"stl/{name}__{number:02d}_{what.name}.stl"
         data = encode_stl(vertices, faces, header)
         if not stl_holds(data, vertices, faces):
             vertices, faces = weld(decode_stl(data, file).astype(np.float32))
-        shells.append(
-            Shell(
-                material=what.name,
-                operator_name=what.operator_name,
-                colour=what.colour,
-                file=file,
-                vertices=vertices,
-                faces=faces,
-                header=header,
-                sha256=hashlib.sha256(data).hexdigest(),
-                properties={
-                    "coordinate": f"{what.coordinate:.9g}",
-                    "modulus_MPa": f"{what.modulus_MPa:.9g}",
-                    "at_strain": f"{scale.at_strain:.9g}",
-                    "operator_name": what.operator_name,
-                    "base_resins": ", ".join(resins),
-                },
-                constituents=what.constituents,
-            )
+        yield Shell(
+            material=what.name,
+            operator_name=what.operator_name,
+            colour=what.colour,
+            file=file,
+            vertices=vertices,
+            faces=faces,
+            header=header,
+            sha256=hashlib.sha256(data).hexdigest(),
+            properties={
+                "coordinate": f"{what.coordinate:.9g}",
+                "modulus_MPa": f"{what.modulus_MPa:.9g}",
+                "at_strain": f"{scale.at_strain:.9g}",
+                "operator_name": what.operator_name,
+                "base_resins": ", ".join(resins),
+            },
+            constituents=what.constituents,
         )
-    return tuple(shells)
 
 
 def _resins_of(palette: Palette, machine: Printer, ids: Collection[str]) -> tuple[str, ...]:
@@ -306,14 +303,11 @@ def blend_segments(profile: Profile, moduli_MPa: tuple[float, ...]) -> tuple[Ble
 
 def _neighbours(low: float, high: float, moduli_MPa: tuple[float, ...]) -> tuple[int, int]:
     place = int(np.searchsorted(moduli_MPa, math.sqrt(low * high)))
-    if place == 0:
-        return 0, 0
-    if place == len(moduli_MPa):
-        return place - 1, place - 1
-    for grade in (place - 1, place):
+    lower, upper = max(place - 1, 0), min(place, len(moduli_MPa) - 1)
+    for grade in (lower, upper):
         if all(math.isclose(e, moduli_MPa[grade], rel_tol=_SAME) for e in (low, high)):
             return grade, grade
-    return place - 1, place
+    return lower, upper
 
 
 # ------------------------------------------------------------------------------------------------
@@ -331,22 +325,19 @@ class Laminate:
     ----------
     start, stop
         Field values.
-    stretch
-        Which it is part of.
+    pair
+        Places of the two materials from soft to hard.
     share
         Of the length along the field that is of the harder one.
     modulus_MPa
         In series: the harmonic mean.
-    target_MPa
-        Lowest and highest target within.
     """
 
     start: float
     stop: float
-    stretch: BlendSegment
+    pair: tuple[int, int]
     share: float
     modulus_MPa: float
-    target_MPa: tuple[float, float]
 
 
 def laminated(
@@ -371,31 +362,30 @@ def laminated(
             found.append((band, None))
             continue
         edges = np.linspace(stretch.start, stretch.stop, periods + 1).tolist()
-        edges[-1] = stretch.stop
-        soft_MPa, hard_MPa = moduli_MPa[stretch.lower], moduli_MPa[stretch.upper]
+        pair = stretch.lower, stretch.upper
+        soft_MPa, hard_MPa = (moduli_MPa[grade] for grade in pair)
         layers, middle_MPa = TwoPhases(soft_MPa, hard_MPa), math.sqrt(soft_MPa * hard_MPa)
         begins_hard, ends_hard = (end > middle_MPa for end in stretch.ends_MPa)
         for start, stop in itertools.pairwise(edges):
-            period = _laminate(profile, stretch, layers, start, stop)
+            target_MPa = profile.interval_MPa(start, stop)
+            share = _share(profile, layers, start, stop)
+            period = Laminate(start, stop, pair, share, float(layers.reuss_MPa(share)))
             if not found:
                 hard_first = begins_hard
             elif stretch is along[-1] and stop == stretch.stop:
                 hard_first = not ends_hard
             else:
                 hard_first = found[-1][0].grade == stretch.upper
-            shares = [(stretch.lower, 1.0 - period.share), (stretch.upper, period.share)]
-            if hard_first:
-                shares.reverse()
-            middle = start + shares[0][1] * (stop - start)
-            for (grade, _), low, high in zip(shares, (start, middle), (middle, stop), strict=True):
+            middle = start + (share if hard_first else 1.0 - share) * (stop - start)
+            in_turn = reversed(pair) if hard_first else pair
+            for grade, low, high in zip(in_turn, (start, middle), (middle, stop), strict=True):
                 if high - low > _THINNEST:
-                    found.append((Band(low, high, grade, period.target_MPa), period))
+                    found.append((Band(low, high, grade, target_MPa), period))
     return tuple(found)
 
 
-def _laminate(
-    profile: Profile, stretch: BlendSegment, layers: TwoPhases, start: float, stop: float
-) -> Laminate:
+def _share(profile: Profile, layers: TwoPhases, start: float, stop: float) -> float:
+    """Return the share of the harder material that has the mean of the target's compliance."""
     # Between knots the target is smooth, and Gauss' rule of 8 nodes exact to rounding.
     nodes, weights = np.polynomial.legendre.leggauss(8)
     knots = [start, *(u for u in profile.positions if start < u < stop), stop]
@@ -405,9 +395,8 @@ def _laminate(
         compliance += float(0.5 * (high - low) * (weights @ (1.0 / profile.modulus_MPa(u))))
     share = float(layers.reuss_share(compliance / (stop - start)))
     if not _THINNEST < share * (stop - start) < stop - start - _THINNEST:
-        share = float(math.floor(share + 0.5))
-    modulus, target = float(layers.reuss_MPa(share)), profile.interval_MPa(start, stop)
-    return Laminate(start, stop, stretch, share, modulus, target)
+        return float(math.floor(share + 0.5))
+    return share
 
 
 # ------------------------------------------------------------------------------------------------
@@ -494,25 +483,23 @@ class BandDesign:
 
     def regions(
         self, pieces: Pieces, shells: Sequence[Shell], scale: StiffnessScale
-    ) -> tuple[Region, ...]:
-        """Report each band that holds any of the part, and what turns come to in series."""
-        volumes, bounds = pieces.volumes_mm3, pieces.bounds_mm
-        found: list[Region] = []
+    ) -> Iterator[Region]:
+        """Yield each band that holds any of the part, and what turns come to in series."""
         turns = self.periods or (None,) * len(self.bands)
-        for number, (band, what, turn) in enumerate(
-            zip(self.bands, self.printed, turns, strict=True)
-        ):
-            if not volumes[number] > 0.0:
+        held = zip(pieces.volumes_mm3.tolist(), pieces.bounds_mm, strict=True)
+        each = zip(self.bands, self.printed, turns, held, strict=True)
+        for band, what, turn, (volume_mm3, bounds_mm) in each:
+            if not volume_mm3 > 0.0:
                 continue
-            region = region_of(band, what, float(volumes[number]), bounds[number], shells)
+            region = region_of(band, what, volume_mm3, bounds_mm, shells)
             if turn is not None and turn.share not in (0.0, 1.0):
-                low, high = turn.target_MPa
+                low, high = band.target_MPa
                 error = (turn.modulus_MPa / high - 1.0, turn.modulus_MPa / low - 1.0)
                 says = {"field": [turn.start, turn.stop], "share": turn.share}
-                pair = turn.stretch.lower, turn.stretch.upper
-                region = blended(region, scale, pair, turn.modulus_MPa, error, 0.0, "bands", says)
-            found.append(region)
-        return tuple(found)
+                region = blended(
+                    region, scale, turn.pair, turn.modulus_MPa, error, 0.0, "bands", says
+                )
+            yield region
 
     def _fewer(self, along: Field, machine: Printer) -> str:
         """Say what makes thin bands thicker: equal ones, so many as have room along the field."""

@@ -1,12 +1,13 @@
 """Cuts moved off faces that lie alongside them, so that no sliver of a material is left there."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import SupportsFloat
 
 import numpy as np
 
-from planner.errors import ArgumentError
+from planner.errors import ArgumentError, as_number
 from planner.fields.basic import Field, PlanarField
 from planner.grading.profile import Band, Profile
 from planner.mesh.mesh import Mesh
@@ -41,7 +42,7 @@ _NEIGHBOUR = 0.1
 of the step between its materials at most."""
 
 
-def snap_limit_mm(stated: float | None, machine: Printer) -> float:
+def snap_limit_mm(stated: SupportsFloat | None, machine: Printer) -> float:
     """Return how far a cut may be moved: half the minimum wall, where nothing is stated.
 
     Raises
@@ -51,9 +52,10 @@ def snap_limit_mm(stated: float | None, machine: Printer) -> float:
     """
     if stated is None:
         return machine.minimum_wall_mm / 2.0
-    if not 0.0 <= stated < np.inf:
-        raise ArgumentError(f"`snap_mm` {stated:g}: it must be 0 mm, for none, or more")
-    return stated
+    limit_mm = as_number(stated, "`snap_mm`")
+    if limit_mm < 0.0:
+        raise ArgumentError(f"`snap_mm` {limit_mm:g}: it must be 0 mm, for none, or more")
+    return limit_mm
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,13 +97,12 @@ class _Alongside:
 
 def _moved_cuts(
     mesh: Mesh, field: Field, levels: Sequence[float], *, snap_mm: float, machine: Printer
-) -> list[dict[str, float]]:
-    """Return which cuts, at rising values of the field, to move; see `snapped_bands`."""
+) -> Iterator[dict[str, float]]:
+    """Yield which cuts, at rising values of the field, to move; see `snapped_bands`."""
     faces = _faces_alongside(mesh, field) if snap_mm > 0.0 and len(levels) else None
     if faces is None:
-        return []
-    limit_mm, moved = machine.minimum_feature_mm, list[dict[str, float]]()
-    edges = [0.0, *levels, 1.0]
+        return
+    limit_mm, edges = machine.minimum_feature_mm, [0.0, *levels, 1.0]
     shares = np.arange(-_OFFSETS, _OFFSETS + 1) / _OFFSETS
     for before, level, after in zip(edges, levels, edges[2:], strict=False):
         near = np.abs(0.5 * (faces.low + faces.high) - level)
@@ -118,8 +119,7 @@ def _moved_cuts(
         best = int(clean[0]) if len(clean) else int(np.argmin(slivers))
         if best and (len(clean) or slivers[best] <= _WORTH * slivers[0]):
             to = float(places[best])
-            moved.append({"field": level, "to": to, "by_mm": abs(to - level) / per_mm})
-    return moved
+            yield {"field": level, "to": to, "by_mm": abs(to - level) / per_mm}
 
 
 def _faces_alongside(mesh: Mesh, field: Field) -> _Alongside | None:
@@ -190,7 +190,7 @@ def snapped_bands(
         Farthest that a cut may move, along the field.
     """
     levels = [band.start for band in bands[1:]]
-    moved = _moved_cuts(mesh, field, levels, snap_mm=snap_mm, machine=machine)
+    moved = list(_moved_cuts(mesh, field, levels, snap_mm=snap_mm, machine=machine))
     to = {cut["field"]: cut["to"] for cut in moved}
     found = []
     for band in bands:

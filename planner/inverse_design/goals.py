@@ -566,11 +566,9 @@ class ShapeGoal(NamedTuple):
         if wanted.rest is not None:
             place, which = closest(triangle_tree(wanted.rest), surface.vertices)
             target = carried_along(wanted.rest.triangles[which], wanted.moved[which], place)
-        normal = wanted.surface.area_vectors_mm2
-        normal = normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
         return cls(
             wanted, surface.vertices, carried, share / share.sum(), target,
-            triangle_tree(wanted.surface), normal,
+            triangle_tree(wanted.surface), wanted.surface.normals,
         )  # fmt: skip
 
     def deviation(self, displacement_mm: FloatArray) -> Deviation:

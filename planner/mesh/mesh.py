@@ -90,6 +90,12 @@ class Mesh:
         a, b, c = self.triangles.transpose(1, 0, 2)
         return np.asarray(0.5 * np.cross(b - a, c - a))
 
+    @property
+    def normals(self) -> FloatArray:
+        """Outward normals of the faces, of length 1, (m, 3); 0 of a face without area."""
+        length = np.linalg.norm(self.area_vectors_mm2, axis=1, keepdims=True)
+        return np.asarray(self.area_vectors_mm2 / np.maximum(length, 1e-300))
+
     @cached_property
     def bounds_mm(self) -> FloatArray:
         """Smallest and largest coordinate of the vertices that faces use, (2, 3) in mm."""

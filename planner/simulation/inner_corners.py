@@ -72,8 +72,7 @@ def parted(
 def _inner_edges(surface: Mesh, low: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return middles of edges where faces turn to each other, from `low`, and both planes."""
     corners = surface.triangles
-    normal = surface.area_vectors_mm2
-    normal = normal / np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
+    normal = surface.normals
     twin = Topology(surface.faces).twin
     half = np.flatnonzero(twin > np.arange(len(twin)))
     sides = np.stack([half, twin[half]], axis=1)

@@ -97,8 +97,8 @@ def test_what_only_the_plan_gets_wrong_is_told(monkeypatch: pytest.MonkeyPatch) 
     made = BandDesign.regions
 
     def elsewhere(*given: Any) -> Any:
-        regions = made(*given)
-        return (replace(regions[0], bounds_mm=((0.0,) * 3, (0.5,) * 3)), *regions[1:])
+        first, *others = made(*given)
+        return (replace(first, bounds_mm=((0.0,) * 3, (0.5,) * 3)), *others)
 
     monkeypatch.setattr(BandDesign, "regions", elsewhere)
     bar = m3.Manifold.cube([40.0, 4.0, 4.0])
