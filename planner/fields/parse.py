@@ -4,7 +4,7 @@ import ast
 import hashlib
 import math
 import re
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
@@ -800,7 +800,8 @@ def _text_of(says: Mapping[str, Any], origin_mm: Point) -> str:
         normal = [float(c) for c in says["direction"]]
         start = float(says["start_mm"]) - float(np.dot(normal, origin_mm))
         stop = start + float(says["span_mm"])
-        return f"distance: plane={_words([0.0, 0.0, 0.0, *normal])}, from={start!r}, to={stop!r}"
+        plane = " ".join(map(repr, [0.0, 0.0, 0.0, *normal]))
+        return f"distance: plane={plane}, from={start!r}, to={stop!r}"
     if name == "expression":
         text = str(says["expression"])
         if ";" in text:  # it would part this field into several, such as a table from any file
@@ -814,28 +815,26 @@ def _text_of(says: Mapping[str, Any], origin_mm: Point) -> str:
     if name == "geodesic":
         return f"geodesic: start={_region_text(says['start'], origin_mm)}, {ends}"
     if name == "radial" and "direction" in says:
-        line = [*_own(says["point_mm"], origin_mm), *map(float, says["direction"])]
-        return f"radial: line={_words(line)}, {ends}"
+        return f"radial: line={_words(says, 'point_mm', origin_mm, *says['direction'])}, {ends}"
     if name == "radial":
-        return f"radial: point={_words(_own(says['centre_mm'], origin_mm))}, {ends}"
+        return f"radial: point={_words(says, 'centre_mm', origin_mm)}, {ends}"
     of = says.get("of") if name == "distance" else None
     if of == "surface":
         return f"distance: surface, {ends}"
     if of == "hole":
-        return f"distance: hole={_words(_own(says['point_mm'], origin_mm))}, {ends}"
+        return f"distance: hole={_words(says, 'point_mm', origin_mm)}, {ends}"
     if of == "faces":
-        corners = [c for corner in says["box_mm"] for c in _own(corner, origin_mm)]
-        return f"distance: box={_words(corners)}, {ends}"
+        return f"distance: box={_words(says, 'box_mm', origin_mm)}, {ends}"
     raise _not_held(name, says.get("file") or says.get("function") or of)
 
 
 def _region_text(says: Mapping[str, Any], origin_mm: Point) -> str:
     if "box_mm" in says:
-        return f"box {_words([c for corner in says['box_mm'] for c in _own(corner, origin_mm)])}"
+        return f"box {_words(says, 'box_mm', origin_mm)}"
     if "radius_mm" in says:
-        return f"ball {_words([*_own(says['centre_mm'], origin_mm), float(says['radius_mm'])])}"
+        return f"ball {_words(says, 'centre_mm', origin_mm, says['radius_mm'])}"
     if "normal" in says:
-        return f"plane {_words([*_own(says['point_mm'], origin_mm), *map(float, says['normal'])])}"
+        return f"plane {_words(says, 'point_mm', origin_mm, *says['normal'])}"
     raise _not_held("region", says["file"])
 
 
@@ -846,10 +845,8 @@ def _not_held(name: str, made_of: object) -> ArgumentError:
     )
 
 
-def _own(placed_mm: Sequence[float], origin_mm: Point) -> list[float]:
-    """Return a position in the part's own coordinates."""
-    return [float(one) - shift for one, shift in zip(placed_mm, origin_mm, strict=True)]
-
-
-def _words(numbers: Iterable[float]) -> str:
-    return " ".join(map(repr, numbers))
+def _words(says: Mapping[str, Any], key: str, origin_mm: Point, *more: float) -> str:
+    """Return a position, or corners of a box, in the part's own coordinates, and more numbers."""
+    corners = says[key] if key == "box_mm" else [says[key]]
+    own = [float(c) - o for corner in corners for c, o in zip(corner, origin_mm, strict=True)]
+    return " ".join(map(repr, [*own, *map(float, more)]))

@@ -114,23 +114,20 @@ class Mixture:
                 "lower": self.blend.lower,
                 "upper": self.blend.upper,
                 "fraction": self.blend.fraction,
-                "modulus_MPa": self.modulus_MPa,
-                "modulus_interval_MPa": known_interval(self.interval_MPa),
+                **_stiffness(self),
             },
             "notes": list(self.notes),
         }
         if self.target_MPa is None:
-            found["secants"] = [
-                {
-                    "strain": one.strain,
-                    "modulus_MPa": one.modulus_MPa,
-                    "modulus_interval_MPa": known_interval(one.interval_MPa),
-                }
-                for one in self.secants
-            ]
+            found["secants"] = [{"strain": one.strain, **_stiffness(one)} for one in self.secants]
         if self.target_MPa is None or self.law is not None:
             found["law"] = None if self.law is None else _law_document(self.law)
         return found
+
+
+def _stiffness(of: Mixture | MixtureSecant) -> dict[str, Any]:
+    interval = known_interval(of.interval_MPa)
+    return {"modulus_MPa": of.modulus_MPa, "modulus_interval_MPa": interval}
 
 
 def _law_document(found: MixtureLaw) -> dict[str, Any]:

@@ -90,14 +90,13 @@ def _mixture(scale: StiffnessScale, modulus_MPa: float, machine: Printer) -> Pri
     A modulus beyond the palette is clamped to it. The share of the harder material is how far the
     mixture's coordinate lies between the two: the palette knows no other measure.
     """
-    blend = scale.model.blend_for(modulus_MPa, scale.at_strain)
-    ids = [material.id for material in scale.palette.materials]
+    place = scale.model.coordinate_for(modulus_MPa, scale.at_strain)
+    lower, upper, fraction = scale.model.bracket(place)
     # Shares as their names tell them, so that one name is one mixture.
-    share = round(blend.fraction, 3)
-    lower, upper = ids.index(blend.lower), ids.index(blend.upper)
-    if share in (0.0, 1.0) or lower == upper:
-        return catalogue_material(scale, upper if share == 1.0 else lower, machine)
-    pair = scale.palette.materials[lower], scale.palette.materials[upper]
+    share = round(float(fraction), 3)
+    if share in (0.0, 1.0):
+        return catalogue_material(scale, int(upper if share == 1.0 else lower), machine)
+    pair = scale.palette.materials[int(lower)], scale.palette.materials[int(upper)]
     coordinate = pair[0].coordinate + share * (pair[1].coordinate - pair[0].coordinate)
     low, high = scale.model.modulus_interval_MPa(coordinate, scale.at_strain)
     parts = tuple(
