@@ -504,7 +504,7 @@ def rehearse(share: int, shares: int) -> None:
     from planner.formats.threemf import ThreemfObject, encode_threemf
     from planner.grading.check import shell_checks
     from planner.mesh.mesh import Mesh, join_shells
-    from planner.voxels.columns import Grid, columns_of, snap
+    from planner.voxels.columns import Grid, voxel_counts
     from planner.voxels.picture import pictures_of
     from planner.voxels.thin_places import rehearse_sets, thin_solid_places
 
@@ -515,7 +515,7 @@ def rehearse(share: int, shares: int) -> None:
     # order; what it would meet last comes first here, after what it meets soon. Of columns it is
     # but the first half, on a solid between them: the run is at the second by then.
     stages: tuple[Callable[[], object], ...] = (
-        lambda: list(columns_of(snap(0.05 * corners, grid), faces, grid)),
+        lambda: voxel_counts(0.05 * corners, [faces], grid),
         rehearse_sets,
         lambda: pictures_of([(part, "#808080")], width=32, height=32),
         lambda: encode_threemf([ThreemfObject("a", corners, faces, "", "#808080")], "a"),

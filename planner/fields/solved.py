@@ -112,31 +112,21 @@ def _spread_values(values: FloatArray, known: BoolArray, layers: int = 3) -> Non
 
     Each new cell takes the mean of its known neighbours; what lies farther takes the mean of all.
     """
+    from scipy import ndimage
+
     mean = float(values[known].mean())
-    state = known.astype(np.uint8)
-    _spread(values, state, layers)
-    values[state == 0] = mean
-
-
-@kernel
-def _spread(values: Any, state: Any, layers: Any) -> None:
-    nx, ny, nz = values.shape
-    for layer in range(2, layers + 2):
-        for i in range(nx):
-            for j in range(ny):
-                for k in range(nz):
-                    if state[i, j, k] != 0:
-                        continue
-                    total, count = 0.0, 0
-                    for a in range(max(i - 1, 0), min(i + 2, nx)):
-                        for b in range(max(j - 1, 0), min(j + 2, ny)):
-                            for c in range(max(k - 1, 0), min(k + 2, nz)):
-                                if state[a, b, c] != 0 and state[a, b, c] < layer:
-                                    total += values[a, b, c]
-                                    count += 1
-                    if count > 0:
-                        values[i, j, k] = total / count
-                        state[i, j, k] = layer
+    held, spread = np.pad(known, 1), np.pad(np.where(known, values, 0.0), 1)  # 0 where not held
+    inner = (slice(1, -1), slice(1, -1), slice(1, -1))
+    for _ in range(layers):
+        beside = np.argwhere(ndimage.maximum_filter(held[inner], 3) & ~held[inner])
+        total, count = np.zeros((2, len(beside)))
+        for step in np.ndindex(3, 3, 3):
+            neighbour = tuple((beside + step).T)
+            total += spread[neighbour]
+            count += held[neighbour]
+        cell = tuple((beside + 1).T)
+        spread[cell], held[cell] = total / count, True
+    values[...] = np.where(held, spread, mean)[inner]
 
 
 @kernel

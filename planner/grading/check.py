@@ -27,7 +27,7 @@ from planner.plan import (
     read_plan,
     read_shell,
 )
-from planner.voxels.columns import columns_of, grid_for, snap
+from planner.voxels.columns import grid_for, voxel_counts
 
 __all__ = ["Certificate", "Difference", "check", "diff", "plan_checks", "shell_checks"]
 
@@ -122,11 +122,7 @@ def _shared_mm3(shells: JoinedShells) -> float:
     points = shells.vertices.astype(np.float64)
     bounds_mm = np.stack([points.min(axis=0), points.max(axis=0)])
     grid = grid_for(bounds_mm, float(np.ptp(bounds_mm, axis=0).max()) / _COLUMNS_ACROSS)
-    snapped = snap(points, grid)
-    whole, *each = (
-        sum(columns.voxels for columns in columns_of(snapped, faces, grid))
-        for faces in (shells.left, *shells.faces)
-    )
+    whole, *each = voxel_counts(points, (shells.left, *shells.faces), grid)
     return abs(sum(each) - whole) * grid.voxel_mm3
 
 
@@ -547,7 +543,7 @@ def _compare(before: Plan, after: Plan, tolerance: float) -> Iterator[Difference
 
 def _compare_materials(before: Plan, after: Plan, tolerance: float) -> Iterator[Difference]:
     volumes = [_volume_by_material(plan) for plan in (before, after)]
-    for material in [*volumes[0], *(m for m in volumes[1] if m not in volumes[0])]:
+    for material in volumes[0] | volumes[1]:
         a, b = volumes[0].get(material), volumes[1].get(material)
         if a is None:
             yield Difference("material added", material, "", f"{_text(b)} mm3")

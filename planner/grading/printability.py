@@ -14,7 +14,7 @@ from planner.mesh.part import fits_turned
 from planner.numerics import FloatArray, IntArray, Point, as_point
 from planner.plan import Check, Finding, Shell
 from planner.printers import Printer
-from planner.voxels.columns import MOST_VOXELS, check_reach, columns_of, grid_for, snap
+from planner.voxels.columns import MOST_VOXELS, check_reach, grid_for, voxel_counts
 from planner.voxels.thin_places import (
     SOUND,
     ThinPlace,
@@ -541,12 +541,10 @@ def _voxel_check(part: CutPart, machine: Printer) -> Check:
     voxel = native_mm * max(1.0, float((extent_mm / native_mm).max()) / (MOST_VOXELS - 1))
     grid = grid_for(part.mesh.bounds_mm, voxel.tolist())
     check_reach(part.mesh, grid)
-    pieces, counted = part.pieces, np.zeros(part.pieces.count)
-    snapped = snap(pieces.vertices.astype(np.float64), grid)
-    for number in range(pieces.count):
-        faces = pieces.shell_faces([number])
-        counted[number] = sum(columns.voxels for columns in columns_of(snapped, faces, grid))
-    off_mm3 = np.abs(counted * grid.voxel_mm3 - part.pieces.volumes_mm3)
+    pieces = part.pieces
+    each = (pieces.shell_faces([number]) for number in range(pieces.count))
+    counted = np.array(voxel_counts(pieces.vertices.astype(np.float64), each, grid))
+    off_mm3 = np.abs(counted * grid.voxel_mm3 - pieces.volumes_mm3)
     error = float(off_mm3.max()) / part.mesh.volume_mm3
     limit = part.mesh.area_mm2 * float(np.linalg.norm(voxel)) / part.mesh.volume_mm3
     return Check(error, limit, error <= limit)

@@ -1,6 +1,6 @@
 """A mesh as columns of voxels: runs along z that lie inside."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,7 +16,6 @@ __all__ = [
     "Columns",
     "Grid",
     "check_reach",
-    "columns_of",
     "deal_rows",
     "dense",
     "grid_for",
@@ -24,6 +23,7 @@ __all__ = [
     "join",
     "slab_runs",
     "snap",
+    "voxel_counts",
     "voxelize",
 ]
 
@@ -475,6 +475,14 @@ def columns_of(
     for first, last, members, spans in deal_rows(snapped, faces, nx, ny, rows):
         runs = slab_runs(snapped, faces, members, spans, first, last, nx, nz, shortest)
         yield Columns(grid, first, *runs)
+
+
+def voxel_counts(
+    vertices: FloatArray, shells: Iterable[NDArray[np.int32]], grid: Grid
+) -> list[int]:
+    """Return how many voxels lie in each of some shells, by their faces between vertices."""
+    snapped = snap(vertices, grid)
+    return [sum(columns.voxels for columns in columns_of(snapped, one, grid)) for one in shells]
 
 
 def voxelize(mesh: Mesh, pitch_mm: float | Sequence[float], *, shortest: int = 0) -> Columns:
