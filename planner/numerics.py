@@ -1,6 +1,6 @@
 """Array types that cross module borders, loops over arrays compiled once, one thread of BLAS."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from functools import cache
 from typing import Any, TypeAlias, TypeVar, cast
@@ -23,6 +23,7 @@ __all__ = [
     "interrupted",
     "kernel",
     "normal_quantile",
+    "numbers_in",
     "one_blas_thread",
     "students_t",
 ]
@@ -43,6 +44,17 @@ Point: TypeAlias = tuple[float, float, float]
 def as_point(values: FloatArray | Float32Array) -> Point:
     """Return three coordinates as plain numbers."""
     return float(values[0]), float(values[1]), float(values[2])
+
+
+_Number = TypeVar("_Number", int, float)
+
+
+def numbers_in(words: Iterable[Any], kind: Callable[[Any], _Number]) -> list[_Number]:
+    """Return words as numbers of a kind; none where one of them is none."""
+    try:
+        return [kind(word) for word in words]
+    except (TypeError, ValueError):
+        return []
 
 
 def freeze(value: object, *names: str) -> None:

@@ -118,6 +118,11 @@ class Gradient:
 
     __repr__ = brief
 
+    @property
+    def kind(self) -> str:
+        """Kind of its blend: ``nearest``, ``dither``, ``bands`` or ``mix``."""
+        return str((self.blend or {}).get("kind", "nearest"))
+
 
 @dataclass(frozen=True, slots=True)
 class Stiffness:

@@ -9,7 +9,7 @@ import numpy as np
 
 from planner.errors import ArgumentError
 from planner.mesh.mesh import Mesh
-from planner.numerics import BoolArray, FloatArray
+from planner.numerics import BoolArray, FloatArray, numbers_in
 
 __all__ = [
     "AxisField",
@@ -118,10 +118,7 @@ def unit_direction(axis: str | Sequence[float]) -> tuple[float, float, float]:
         parts: Sequence[object] = _DIRECTIONS.get(text, text).split(",")
     else:
         parts = list(axis)
-    try:
-        components = [float(part) for part in parts]  # type: ignore[arg-type] # ValueError below
-    except (TypeError, ValueError):
-        components = []
+    components = numbers_in(parts, float)
     if len(components) != 3:
         raise ArgumentError(f"axis {axis!r} is not a direction; allowed are {_ALLOWED}")
     if not all(map(math.isfinite, components)):

@@ -30,7 +30,7 @@ from planner.formats.mesh_file import EXTENSIONS, read_mesh
 from planner.mesh.distance import TriangleTree, distances, triangle_tree
 from planner.mesh.mesh import Mesh, Topology, connected
 from planner.mesh.part import make_part, union
-from planner.numerics import FloatArray, Point, as_point
+from planner.numerics import FloatArray, Point, as_point, numbers_in
 from planner.voxels.columns import Grid
 
 __all__ = ["Setting", "TableFile", "build_field", "field_of"]
@@ -291,10 +291,7 @@ class FieldArguments:
             Another count, or none.
         """
         text = self.named[key] if text is None else text
-        try:
-            found = [float(word) for word in text.split()]
-        except ValueError:
-            found = []
+        found = numbers_in(text.split(), float)
         if len(found) != count or not all(map(math.isfinite, found)):
             raise ArgumentError(
                 f"field {self.kind}: {key}={text.strip()!r} must be {count} number"

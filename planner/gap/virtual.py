@@ -29,7 +29,7 @@ from planner.gap.effects import effect_named, effects_for
 from planner.gap.noise import USUAL
 from planner.gap.observations import seen_shares
 from planner.gap.segments import ReplicateTest, path_of, setup_of
-from planner.numerics import FloatArray
+from planner.numerics import FloatArray, numbers_in
 from planner.palette import Palette
 from planner.printers import Printer, load_printer, palette_of
 from planner.simulation.bar import ProfileDesign
@@ -382,10 +382,7 @@ def _form(effect: Effect, name: str | None, given: Mapping[str, str], text: str)
 
 
 def _value(parameter: Parameter, text: str, size: bool, whole: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
+    (value,) = numbers_in([text], float) or [math.nan]
     low, high = parameter.low, parameter.high
     if size:
         low = -high if parameter.signed else 0.0

@@ -26,7 +26,7 @@ from planner.grading.wish import End, Wish, Wished, targets_of
 from planner.materials.mixtures import TwoPhases
 from planner.mesh.mesh import Mesh, join_shells
 from planner.mesh.part import Part, moved_to_corner, open_part
-from planner.numerics import FloatArray, Point, as_point
+from planner.numerics import FloatArray, Point, as_point, numbers_in
 from planner.palette import Palette
 from planner.plan import (
     Check,
@@ -64,10 +64,7 @@ def _blend_of(text: object) -> tuple[str, int]:
     if text in ("nearest", "dither", "mix"):
         return str(text), 0
     if isinstance(text, str) and text.startswith("bands:"):
-        try:
-            periods = int(text.removeprefix("bands:"))
-        except ValueError:
-            periods = 0
+        (periods,) = numbers_in([text.removeprefix("bands:")], int) or [0]
         if not 1 <= periods <= _MOST_PERIODS:
             raise ArgumentError(
                 f"`blend` {text}: N must be a whole number from 1 to {_MOST_PERIODS}, as in bands:4"

@@ -37,7 +37,6 @@ __all__ = [
     "at_temperature",
     "dithered_profile",
     "equal_bands",
-    "is_dithered",
     "known_interval",
     "list_materials",
     "natural_bands",
@@ -576,11 +575,6 @@ def _distinct(positions: list[float]) -> list[float]:
 
 
 _POINTS = 65  # of a stretch; the coordinate between them is off by 1e-4 of a grade at most
-
-
-def is_dithered(plan: "Plan") -> bool:
-    """Tell whether cells of two materials lie among each other in a plan."""
-    return (plan.gradient.blend or {}).get("kind") == "dither"
 
 
 def dithered_profile(plan: "Plan", palette: Palette) -> tuple[FloatArray, FloatArray]:

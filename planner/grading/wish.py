@@ -25,7 +25,7 @@ from planner.fields.parse import TableFile, field_of
 from planner.formats.units import QUANTITY_UNITS
 from planner.grading.profile import Profile, StiffnessScale, profile_of, read_moduli
 from planner.materials.mixtures import nearest_on
-from planner.numerics import FloatArray
+from planner.numerics import FloatArray, numbers_in
 from planner.palette import Material, Palette
 from planner.plan import Gradient, Plan, plan_file, read_plan
 from planner.printers import Printer, load_printer
@@ -200,8 +200,7 @@ def _earlier(like: str | Path | Plan) -> _EarlierPlan:
 def _blending(gradient: Gradient) -> dict[str, Any]:
     """Return the options that made a plan's blend."""
     blend = gradient.blend or {}
-    kind = blend.get("kind", "nearest")
-    name = f"bands:{blend.get('periods')}" if kind == "bands" else str(kind)
+    name = f"bands:{blend.get('periods')}" if gradient.kind == "bands" else gradient.kind
     return {"blend": name, "bands": gradient.bands, "cell_mm": _number(blend.get("cell_mm"))}
 
 
@@ -345,10 +344,7 @@ def between(
     if spec == "grades":
         return _steps(spec, _grades(start_MPa, end_MPa, moduli_MPa))
     if spec.startswith("steps:"):
-        try:
-            count = int(spec.removeprefix("steps:"))
-        except ValueError:
-            count = 0
+        (count,) = numbers_in([spec.removeprefix("steps:")], int) or [0]
         if not 2 <= count <= 10_000:
             raise ArgumentError(
                 f"`profile` {spec}: the number of steps must be a whole number from 2 to 10000, "

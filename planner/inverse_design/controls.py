@@ -10,7 +10,7 @@ import numpy as np
 
 from planner.errors import ArgumentError
 from planner.materials.mixtures import CoefficientModel
-from planner.numerics import FloatArray
+from planner.numerics import FloatArray, numbers_in
 
 __all__ = ["TABLE", "Controls", "StiffnessRange", "lattice_counts"]
 
@@ -179,10 +179,7 @@ def lattice_counts(text: str, extent_mm: FloatArray, figures: int) -> tuple[int,
     if len(words) == 3 and all(word.isdigit() and int(word) for word in words):
         x, y, z = map(int, words)
     else:
-        try:
-            spacing = float(plain.removesuffix("mm"))
-        except ValueError:
-            spacing = 0.0
+        (spacing,) = numbers_in([plain.removesuffix("mm")], float) or [0.0]
         if plain == "auto":
             wanted = min(max(8 * figures, 64), 216)
             sizes = np.geomspace(1.0, 0.01, 100) * float(extent_mm.max())

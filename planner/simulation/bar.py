@@ -12,7 +12,7 @@ from planner.errors import ArgumentError, FileError, UnknownNameError, refused
 from planner.fields.basic import project
 from planner.formats.tables import read_columns
 from planner.glance import brief
-from planner.grading.profile import dithered_profile, is_dithered
+from planner.grading.profile import dithered_profile
 from planner.mesh.mesh import Mesh, weld
 from planner.numerics import FloatArray, Point, freeze
 from planner.palette import Palette
@@ -175,7 +175,7 @@ class Bar:
         layer = np.minimum((centres / span_mm * slices).astype(np.int64), slices - 1)
         region = np.clip(np.searchsorted(bands[:, 0], centres, side="right") - 1, 0, None)
         area = np.where(centres <= bands[region, 1], layer_area_mm2[layer], 0.0)
-        if is_dithered(plan):
+        if plan.gradient.kind == "dither":
             coordinate = np.interp(centres / span_mm, *dithered_profile(plan, palette))
         else:
             coordinate = region_coordinates(plan, palette)[region]
@@ -474,7 +474,7 @@ def _of_plan(
             f"{where}: its regions do not follow each other from 0 to 1 along the axis; give the "
             "bar's profile along the gauge as a CSV file x_mm,coordinate"
         )
-    if is_dithered(plan):
+    if plan.gradient.kind == "dither":
         field, coordinate = dithered_profile(plan, palette)
         x = field * span
     else:

@@ -16,7 +16,7 @@ from planner.formats.files import decode_toml, read_file
 from planner.formats.units import QUANTITY_UNITS, quantities_of, unit_factor
 from planner.glance import place_text
 from planner.mesh.mesh import Mesh, Topology, connected, measure
-from planner.numerics import BoolArray, FloatArray, IntArray, Point
+from planner.numerics import BoolArray, FloatArray, IntArray, Point, numbers_in
 from planner.palette import Palette
 
 __all__ = ["Conditions", "LoadCase", "couple", "palette_densities", "read_cases", "read_conditions"]
@@ -527,10 +527,7 @@ def _at_place(faces: _Faces, axis: int, sign: str, word: str, where: str) -> _Ca
 
 
 def _numbers(text: str, count: int, where: str) -> list[float]:
-    try:
-        found = [float(word) for word in text.split(",")]
-    except ValueError:
-        found = []
+    found = numbers_in(text.split(","), float)
     if len(found) != count or not all(map(math.isfinite, found)):
         raise ArgumentError(f"{where}: {text!r} must be {count} figures in mm, parted by commas")
     return found

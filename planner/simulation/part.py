@@ -17,7 +17,7 @@ from planner.formats.files import encode_document, free_memory_bytes
 from planner.formats.mesh_file import encode_stl
 from planner.formats.tables import encode_csv
 from planner.glance import counted, html_of, one_line, outcome, place_text, plotted
-from planner.grading.profile import dithered_profile, is_dithered
+from planner.grading.profile import dithered_profile
 from planner.materials.mixtures import CoefficientModel
 from planner.mesh.distance import distances, triangle_tree
 from planner.mesh.halve import halve_long_edges
@@ -97,7 +97,7 @@ def _filling(
     field = _field(plan, placed)
     if field is not None:
         return filling_along(field, plan, palette)
-    if is_dithered(plan):
+    if plan.gradient.kind == "dither":
         raise ArgumentError(
             f"{plan.part.file}: its cells are dealt along a field, {plan.gradient.field['name']}, "
             "that plan.json does not hold, so that no mixture is known; grade it with another "
@@ -109,7 +109,7 @@ def _filling(
 def filling_along(field: Field, plan: Plan, palette: Palette) -> Filling:
     """Return what a plan prints along its field, which is over the part as placed for printing."""
     moved = np.array(plan.part.translation_mm)
-    if is_dithered(plan):
+    if plan.gradient.kind == "dither":
         along, coordinate = dithered_profile(plan, palette)
         return lambda points: np.interp(field.values(points + moved), along, coordinate)
     rising = sorted(range(len(plan.regions)), key=lambda k: plan.regions[k].field)
@@ -275,7 +275,7 @@ def open_solid(
     filling = _filling(source, shells, placed, chosen)
     surface, strain = _own(source, placed), source.stiffness.at_strain
     made = Solid(source.part.file, surface, filling, chosen, notes, strain)
-    if (source.gradient.blend or {}).get("kind") in ("mix", "dither") or len(shells) == 1:
+    if source.gradient.kind in ("mix", "dither") or len(shells) == 1:
         return made
     own = Mesh(whole.vertices - np.array(source.part.translation_mm), whole.faces)
     shell = np.repeat(np.arange(len(shells), dtype=np.int32), [len(s) for s in shells.values()])
