@@ -208,22 +208,19 @@ def _solve_laplace(inside: BoolArray, fixed: FloatArray) -> FloatArray:
     """
     many = np.count_nonzero(inside) > _COARSEST
     guess = _from_coarser(inside, fixed) if many else np.full(inside.shape, 0.5)
-    number = np.full(inside.shape, -1, dtype=np.int32)
-    index = np.flatnonzero(inside)
-    number.reshape(-1)[index] = np.arange(len(index), dtype=np.int32)
-    neighbours = np.full((len(index), 6), -1, dtype=np.int32)
-    padded = np.pad(number, 1, constant_values=-1)
-    place = np.stack(np.unravel_index(index, inside.shape), axis=1) + 1
-    for way in range(6):
-        step = np.zeros(3, dtype=np.int64)
-        step[way % 3] = 1 if way < 3 else -1
-        neighbours[:, way] = padded[tuple((place + step).T)]
-    given = fixed.reshape(-1)[index]
+    place = np.argwhere(inside) + 1
+    number = np.full(np.add(inside.shape, 2), -1, dtype=np.int32)  # with a border
+    number[tuple(place.T)] = np.arange(len(place), dtype=np.int32)
+    neighbours = np.empty((len(place), 6), dtype=np.int32)
+    forth = np.eye(3, dtype=np.int64)
+    for way, step in enumerate((*forth, *-forth)):
+        neighbours[:, way] = number[tuple((place + step).T)]
+    given = fixed[inside]
     free = np.isnan(given)
-    x = np.where(free, guess.reshape(-1)[index], given)
+    x = np.where(free, guess[inside], given)
     _conjugate_gradients(neighbours, free, x, np.empty((4, len(x))), _PRECISION)
     values = np.full(inside.shape, np.nan)
-    values.reshape(-1)[index] = np.clip(x, np.nanmin(given), np.nanmax(given))
+    values[inside] = np.clip(x, np.nanmin(given), np.nanmax(given))
     return values
 
 
