@@ -174,6 +174,10 @@ def _half_space(point_mm: Point, normal: Point) -> FieldRegion:
 # ------------------------------------------------------------------------------------------------
 # A smooth piece of a surface, such as the wall of a hole, from one picked point.
 
+_PICKED = 0.01
+"""How far beside the part's box such a point may be, of its longest side. Chosen: a point on a
+face, picked on a screen, is off by less."""
+
 
 _CREASE = np.cos(np.radians(40.0))
 
@@ -452,10 +456,12 @@ def _distance(given: FieldArguments, setting: Setting) -> Field:
         back = as_point(0.0 - np.array(normal))
         return AxisField(back, -(offset + ramp.start), ramp.start - ramp.stop)
     if which == "hole":
-        picked, bounds_mm = given.point("hole"), setting.mesh.bounds_mm
-        if (np.array(picked) < bounds_mm[0]).any() or (np.array(picked) > bounds_mm[1]).any():
+        picked, (low, high) = given.point("hole"), setting.mesh.bounds_mm
+        beside = np.maximum(low - picked, picked - high).max()
+        if beside > _PICKED * (high - low).max():
             raise ArgumentError(
-                "field distance: the point of hole= lies beside the part, not in it"
+                f"field distance: the point of hole= lies beside the part, {beside:.3g} mm out of "
+                "its box; give a point on the wall of the hole"
             )
         tree = triangle_tree(_smooth_patch(setting.mesh, np.array(picked)))
         says = {"of": "hole", "point_mm": list(picked)}

@@ -736,11 +736,16 @@ def _toe_note(curve: Curve, part: LinearPart) -> str:
     return f"{where}: no toe; strains not shifted"
 
 
+_STILL, _HELD = 1e-3, 0.02
+"""The last share of the travel in which a hold is, and the share of all points from which it is
+one. Chosen: a pull at one rate has a twentieth of them there."""
+
+
 def _odd(curve: Curve, part: LinearPart, kind: str) -> Iterator[str]:
     """Say what is odd at the ends of a curve.
 
-    A line or arc that misses the origin though the record begins at rest, and a long fall at the
-    end of a rubber's curve, which counts as elongation.
+    A line or arc that misses the origin though the record begins at rest, a hold at the end, which
+    is no break, and a long fall at the end of a rubber's curve, which counts as elongation.
     """
     strain, stress, where = curve.strain, curve.stress_MPa, f"specimen {curve.specimen}"
     at_rest, at_peak = -part.modulus_MPa * part.zero_strain, int(np.argmax(stress))
@@ -750,6 +755,12 @@ def _odd(curve: Curve, part: LinearPart, kind: str) -> Iterator[str]:
         yield Caution(
             f"{where}: its beginning points at {at_rest:.3g} MPa at rest, "
             f"{100 * at_rest / peak:.2g} % of its peak; it may not have been zeroed"
+        )
+    held = int(np.sum(strain >= end - _STILL * np.ptp(strain)))
+    if held > max(_HELD * len(strain), 3.0):
+        yield Caution(
+            f"{where}: it ends in a hold of {held} points at strain {end:.4g}; it was not pulled "
+            "to its break, for which the largest strain stands"
         )
     if kind == "elastic" and strain[at_peak] <= 0.98 * end and 1.0 - stress[-1] / peak >= 0.1:
         yield (

@@ -303,3 +303,13 @@ def test_a_size_that_overrules_the_files_head_is_told(
     assert any(note.endswith(said) for note in found.notes) == told
     ((curve,),) = found.groups.values()
     assert curve.stress_MPa[-1] == pytest.approx(5.5 / (3.0 * width_mm))
+
+
+def test_a_hold_at_the_end_is_no_break(tmp_path: Path) -> None:
+    held = np.full(40, STRAIN[-1])
+    relaxed = STRESS[-1] * (0.7 + 0.3 * np.exp(-np.arange(40) / 10.0))
+    columns = {"strain": np.append(STRAIN, held), "stress_MPa": np.append(STRESS, relaxed)}
+    for more, told in ((columns, True), ({"strain": STRAIN, "stress_MPa": STRESS}, False)):
+        ((one,),) = (m.specimens for m in planner.characterise(study(tmp_path, more)).materials)
+        said = "it ends in a hold of 41 points at strain 0.8; it was not pulled to its break"
+        assert any(said in note for note in one.notes) == told
