@@ -224,7 +224,7 @@ def closure(
     alone = squared_errors(problem, Candidate(()))
     predictor = _Predictor(problem, weighed, vain, alone)
     folds, held_out = _conditions_out(specimens, problem.model.tests)
-    floor = replicate_floor(problem)
+    floor = replicate_floor(problem, None if nothing else weighed.best.get(verdict))
     if not folds:
         return Gap(_rms(alone), None, None, None, None, None, None, held_out)
 

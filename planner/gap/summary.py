@@ -167,8 +167,10 @@ def _how_far(d: Diagnosis) -> str:
     gap = d.gap
     before = f"the palette misses the force by {percent(gap.before)} of a specimen's largest"
     floor = "there are no replicates to say how much of that is scatter"
+    some = [id for one in d.effect for id in one.specimens]
     if gap.floor is not None:
-        floor = f"replicates differ by {percent(gap.floor)}"
+        but = " once that gain is taken out" if some else ""
+        floor = f"replicates differ by {percent(gap.floor)}{but}"
     if gap.floor is not None and gap.before <= gap.floor and d.verdict == "none":
         return f"Nothing to explain: the prints repeat no better than this: {before}, and {floor}."
     if d.verdict == "none":
@@ -184,7 +186,6 @@ def _how_far(d: Diagnosis) -> str:
             "How far it closes cannot be checked, as no condition can be left out of the fit: "
             f"{before}, and {floor}."
         )
-    some = [id for one in d.effect for id in one.specimens]
     if some and gap.after > 0.5 * gap.before:
         return (
             f"How far it closes cannot be checked: what {named(some)} alone have, the others do "

@@ -713,13 +713,18 @@ def _typical_peaks_N(problem: Problem) -> FloatArray:
     return np.asarray(typical * units)
 
 
-def replicate_floor(problem: Problem) -> FloatArray | None:
+def replicate_floor(problem: Problem, known: Candidate | None = None) -> FloatArray | None:
     """Return what a prediction of a new specimen misses by, squared, (n,); None without replicates.
 
     What replicates differ by, and what they share as specimens of one batch. It is known from few
-    replicates, so that an error may come out slightly below it.
+    replicates, so that an error may come out slightly below it. A gain of some specimens, of the
+    candidate that is `known`, is no scatter.
     """
     curves = problem.model.measured_N / _typical_peaks_N(problem)
+    if known is not None and known.members is not None:
+        # Peaks are in each specimen's own unit already.
+        gain = np.where(problem.unit_gains == 0.0, known.log_gain * known.members, 0.0)
+        curves *= np.exp(-gain)[:, None]
     floor = np.full(len(curves), np.nan)
     batches = [s.batch for s in problem.campaign.specimens]
     for members in problem.model.replicates:

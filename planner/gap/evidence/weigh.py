@@ -510,10 +510,12 @@ def reweigh(
     likelihood = likelihood_of(laws=like.laws)
     alone = [one.weighed(likelihood, one.eliminated(likelihood)) for one in weighed.modes]
     found = [(logs.forms(c), c) for c in alone]
-    if weighed.beside_some:  # whose evidence has the prior of forms
-        found += [
-            (0.0, _of_some(likelihood, logs, s)) for s in (weighed.none, *weighed.beside_some)
-        ]
+    leading = max(c.log_evidence for c in weighed.best.values()) - _LOST_NATS
+    found += [
+        (0.0, _of_some(likelihood, logs, weighed.mode_of(c)))  # its evidence has the prior of forms
+        for c in weighed.best.values()
+        if c.members is not None and c.log_evidence > leading
+    ]
     other = like.problem.nuisances.copy()
     other[:, : len(like.problem.calibrations)] = 0.0
     return likelihood_of(nuisances=other), [
