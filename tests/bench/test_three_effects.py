@@ -1,5 +1,6 @@
 """Three effects in one campaign: what is looked for beside what, and how far all of it closes."""
 
+import json
 from pathlib import Path
 
 import pytest
@@ -10,12 +11,13 @@ from planner.gap.diagnose import diagnose
 from planner.gap.diagnosis import Diagnosis
 
 
-def diagnosed(folder: Path, tier: str, seed: int) -> Diagnosis:
+def diagnosed(folder: Path, tier: str, seed: int, index: int = 0) -> Diagnosis:
     made, truth = folder / "made", folder / "truth.json"
-    command = ["make", "--set", "development", "--tier", tier, "--count", "1", "--seed", f"{seed}"]
-    assert reality([*command, "--truth", str(truth), "-o", str(made)]) == 0
-    (campaign,) = made.iterdir()
-    return diagnose(read_campaign(campaign), seed=1)
+    command = ["make", "--set", "development", "--tier", tier, "--seed", f"{seed}"]
+    command += ["--count", f"{index + 1}", "--truth", str(truth), "-o", str(made)]
+    assert reality(command) == 0
+    of = {told["index"]: id for id, told in json.loads(truth.read_text())["campaigns"].items()}
+    return diagnose(read_campaign(made / of[index]), seed=1)
 
 
 @pytest.mark.slow
@@ -34,13 +36,15 @@ def test_what_is_best_beside_two_others_is_found_though_it_is_not_best_beside_on
 def test_a_gain_of_one_batch_beside_other_effects_is_known_of_what_is_left_out(
     tmp_path: Path,
 ) -> None:
-    """Folds that took it for a gain of all closed 40 % of such a gap, of 83 % that can be."""
-    found = diagnosed(tmp_path, "lab", 93)
+    """Folds that took it for a gain of all specimens closed next to nothing of such a gap."""
+    found = diagnosed(tmp_path, "lab", 93, index=1)
     assert found.verdict == "force-scale+rate+temperature"
     gap = found.gap
     assert gap.after is not None
     assert gap.floor is not None
     assert gap.closed is not None
-    # Replicates are one of each batch: what they differ by is not the gain. Twice the scatter.
-    assert gap.floor < gap.after < 2.0 * gap.floor < 0.5 * gap.before
-    assert 0.7 < gap.closed < 1.0
+    # Replicates are one of each batch: what they differ by is scatter, of 2.9 %, and not the gain.
+    # The true effects leave 2.6 %; 10.8 % is left where the gain is not known.
+    assert 0.02 < gap.floor < 0.04
+    assert gap.floor < gap.after < 0.04
+    assert 0.9 < gap.closed < 1.0
