@@ -9,7 +9,7 @@ import numpy as np
 
 from planner.cutting.pieces import Pieces
 from planner.fields.basic import Field, PlanarField
-from planner.mesh.mesh import Mesh, connected, measure
+from planner.mesh.mesh import Measures, Mesh, connected, measure
 from planner.mesh.part import fits_turned
 from planner.numerics import FloatArray, IntArray, Point, as_point
 from planner.plan import Check, Finding, Shell
@@ -95,16 +95,35 @@ class Fragments:
     total_mm3: float = 0.0
 
 
+def _bodies(mesh: Mesh) -> Measures:
+    """Measure what vertices in common hold together; the volume of a closed void is below 0."""
+    corners = mesh.faces.T
+    body = connected(len(mesh.vertices), corners[:2].ravel(), corners[1:].ravel())
+    used, number = np.unique(body[corners[0]], return_inverse=True)
+    return measure(mesh.vertices, mesh.faces, number.astype(np.int32), len(used))
+
+
+def _closed_voids(part: CutPart, machine: Printer) -> Iterator[str]:
+    """Say that closed voids are printed full of support."""
+    found = _bodies(part.mesh)
+    volumes_mm3 = -found.volume_mm3
+    if count := int((volumes_mm3 > machine.minimum_feature_mm**3).sum()):
+        largest = int(np.argmax(volumes_mm3))
+        place = _place(part.drawn_mm(as_point(found.bounds_mm[largest].mean(axis=0))))
+        what = "a closed void" if count == 1 else f"{count} closed voids, the largest"
+        yield (
+            f"{what} of {volumes_mm3[largest]:.3g} mm3 at {place} mm: it is printed full of "
+            f"{machine.support}, which cannot be taken out; open it to the outside"
+        )
+
+
 def small_bodies(mesh: Mesh, limit_mm: float, least_mm: float) -> Fragments:
     """Find bodies with less volume than a cube of a limit, or smaller than it in all directions.
 
     Bodies are what vertices in common hold together; cavities are none. Bodies smaller than
     `least_mm` in all directions are not counted: a printer does not see them.
     """
-    corners = mesh.faces.T
-    body = connected(len(mesh.vertices), corners[:2].ravel(), corners[1:].ravel())
-    used, number = np.unique(body[corners[0]], return_inverse=True)
-    found = measure(mesh.vertices, mesh.faces, number.astype(np.int32), len(used))
+    found = _bodies(mesh)
     extent = np.ptp(found.bounds_mm, axis=1)
     small = (found.volume_mm3 < limit_mm**3) | (extent < limit_mm).all(axis=1)
     small &= found.volume_mm3 > 0.0
@@ -403,7 +422,7 @@ def print_checks(
         With place, size, limit and what to change, the tray first; three of a kind and a material
         at most. Messages have places in the coordinates of the part's own file.
     cautions : list of str
-        How far interfaces lie from a curved field, where that is beyond 20 um.
+        How far interfaces lie from a curved field, where that is beyond 20 um; closed voids.
     """
     extent_mm = np.ptp(part.mesh.bounds_mm, axis=0)
     excess_mm = float((extent_mm - np.array(machine.tray_mm)).max())
@@ -426,7 +445,7 @@ def print_checks(
         interfaces, cautions = _interfaces(part, findings)
         checks |= interfaces
     checks["voxel_volume_error"] = _voxel_check(part, machine)
-    return checks, tuple(findings), cautions
+    return checks, tuple(findings), [*cautions, *_closed_voids(part, machine)]
 
 
 def _too_large(extent_mm: FloatArray, machine: Printer) -> Finding:

@@ -211,7 +211,11 @@ def findings(
             )
         yield DesignFinding("target" if row.kind == "target" else "limit", told)
     if limit is not None and over is not None and over > limit * (1.0 + tolerance):
-        told = f"strain/break<{limit:g}: the printed part comes to {over:.3g}"
+        told = (
+            f"strain/break<{limit:g}: the printed part comes to {over:.3g}, as materials in steps "
+            f"strain more in places than the gradient; take strain/break<{limit**2 / over:.2g}"
+            f"{closer}"
+        )
         yield DesignFinding("limit", told)
 
 

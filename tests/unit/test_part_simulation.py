@@ -234,6 +234,35 @@ def test_what_a_load_moves_goes_its_way() -> None:
     assert 1.2 < high < 2.0
 
 
+def test_a_point_under_the_load_has_the_loads_interval() -> None:
+    """The same displacement twice, of a grade whose modulus is known to a factor of three."""
+    found = simulate(
+        BAR, material="Vero", fix="x=min", load="x=max: 0,0,-0.01 N", watch="x=max uz", steps=1
+    ).steps.responses
+    load, tip = (next(one for one in found if one.kind == kind) for kind in ("load", "watch"))
+    assert load.interval is not None
+    assert tip.interval is not None
+    low, high = load.interval
+    assert 0.0 < low < high
+    assert tip.interval == pytest.approx((-high, -low), rel=1e-6)
+
+
+def test_loads_that_cancel_have_an_interval_all_the_same() -> None:
+    """A force and the moment that brings its end back, but for a thousandth."""
+    alone = simulate(BAR, fix="x=min", load="x=max: 0,0,-0.001 N", steps=1).main
+    turned = simulate(BAR, fix="x=min", moment="x=max: 0,0.01,0 N mm", steps=1, watch="x=max uz")
+    back = float(turned.steps.responses[-1].displacement_mm[-1, 2])
+    moment = -0.01 * (alone.along_mm[-1] / back) * 1.001
+    both = simulate(
+        BAR, fix="x=min", load="x=max: 0,0,-0.001 N", moment=f"x=max: 0,{-moment:.9g},0 N mm",
+        steps=1,
+    ).main  # fmt: skip
+    assert both.interval is not None
+    low, high = both.interval
+    assert low < both.along_mm[-1] < high
+    assert max(abs(low), high) < alone.along_mm[-1]
+
+
 def test_a_moments_interval_is_that_of_the_stiffness() -> None:
     """A small turn goes with 1 / E of one material; so do its ends."""
     result = simulate(LONG, fix="x=min", moment="x=max: 0,0.1,0 N mm", steps=1)

@@ -269,3 +269,11 @@ def test_a_sample_that_stiffens_from_its_skin(tmp_path, capsys):
     plan = planner.read_plan(out)
     assert 0 < len(plan.findings) <= 3 * len({region.file for region in plan.regions})
     assert not plan.checks["thinnest_band_mm"].ok
+
+
+@pytest.mark.parametrize(("height", "told"), [(16.0, 1), (30.0, 0)])
+def test_a_closed_void_is_told(height, told):
+    """It prints full of support, which cannot be taken out; what opens to the outside can."""
+    solid = cube((24, 24, 24), at=(12, 12, 12)) - cube((16, 16, height), at=(12, 12, 12))
+    plan = planner.grade(part_of(solid), from_="Tango", to="FLX9795", axis="x")
+    assert sum("a closed void of 4.1e+03 mm3 at (12.00, 12.00" in w for w in plan.warnings) == told
