@@ -2,6 +2,7 @@
 
 import ast
 import hashlib
+import itertools
 import math
 import re
 from collections.abc import Callable, Collection, Mapping, Sequence
@@ -385,6 +386,11 @@ def _mesh_in_place(path: Path, origin_mm: Point, *, closed: bool = True) -> tupl
 
 _SAMPLES = 100_000  # cells of the part's box, for the range of a quantity over the part
 
+_DEPTH_MM, _HALVED = 1e-3, 512
+"""Numerical: how near the greatest depth is found, and how many cells are halved at a time."""
+
+_CORNERS = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
+
 
 @dataclass(frozen=True, eq=False)
 class Setting:
@@ -407,10 +413,26 @@ class Setting:
     @cached_property
     def samples_mm(self) -> FloatArray:
         """The part's vertices and points within it."""
-        extent_mm = np.ptp(self.mesh.bounds_mm, axis=0)
-        coarse = math.cbrt(extent_mm.prod() / _SAMPLES)
-        grid, inside = cells_of(self.mesh, max(coarse, float(extent_mm.max()) / 4000.0))
+        grid, inside = cells_of(self.mesh, self._coarse_mm)
         return np.concatenate([self.mesh.vertices, grid.centre_mm(np.argwhere(inside))])
+
+    @property
+    def _coarse_mm(self) -> float:
+        extent_mm = np.ptp(self.mesh.bounds_mm, axis=0)
+        return max(math.cbrt(extent_mm.prod() / _SAMPLES), float(extent_mm.max()) / 4000.0)
+
+    def greatest(self, quantity: Quantity) -> float:
+        """Return the greatest value within of one that rises by 1 mm a mm at most, to `_DEPTH_MM`.
+
+        The cells that hold most are halved.
+        """
+        points, half_mm = self.samples_mm, 0.5 * self._coarse_mm
+        values = quantity(points)
+        while half_mm > _DEPTH_MM:
+            points, half_mm = points[np.argsort(-values, kind="stable")[:_HALVED]], 0.5 * half_mm
+            points = (points[:, None] + half_mm * _CORNERS).reshape(-1, 3)
+            values = quantity(points)
+        return float(values.max())
 
     @cached_property
     def surface(self) -> TriangleTree:
@@ -477,6 +499,8 @@ def _distance(given: FieldArguments, setting: Setting) -> Field:
     elif not given.words or given.words[0] == "surface":
         tree, says, depth = setting.surface, {"of": "surface"}, True
         given.named.setdefault("from", "0")
+        if "to" not in given.named:
+            given.named["to"] = repr(setting.greatest(partial(_from_surface, tree, depth)))
     else:
         file = Path(given.words[0])
         mesh, sha256 = _mesh_in_place(file, setting.origin_mm, closed=False)
