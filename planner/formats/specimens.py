@@ -175,7 +175,7 @@ def read_specimens(path: str | Path) -> tuple[ListedSpecimen, ...]:
     if "part" in (name.casefold() for name in headings):
         texts += _PART_TEXTS
     known = {name.casefold(): name for name in (*texts, *SPECIMEN_COLUMNS)}
-    columns = [known.get(name.casefold(), name) for name in headings]
+    columns = [_column(name, known) for name in headings]
     for name in columns:
         if columns.count(name) > 1:
             raise FileError(f"{path.name}: two columns {name!r}; keep one")
@@ -209,8 +209,18 @@ def read_specimens(path: str | Path) -> tuple[ListedSpecimen, ...]:
 
 
 _QUANTITIES = {called: name for name, c in SPECIMEN_COLUMNS.items() for called in c.called}
-_UNIT = re.compile(r"(.*?)\s*[\(\[].*[\)\]]")
+_UNIT = re.compile(r"(.*?)\s*[\(\[]\s*(.*?)\s*[\)\]]")
+_OWN_UNITS = {
+    "mm": "_mm", "mm/s": "_mm_s", "°c": "_C", "degc": "_C", "h": "_h", "d": "_days", "days": "_days"
+}  # fmt: skip
 _PER_TIME = re.compile(r"(.*?) [^ ]+ (?:per )?(?:s|sec|min|minute|h|hr|hour)")
+
+
+def _column(heading: str, known: Mapping[str, str]) -> str:
+    """Return the column that a heading names, as "Width (mm)" does; else the heading itself."""
+    quantity, bracketed = _quantity(heading) or "", _UNIT.fullmatch(heading)
+    own = _OWN_UNITS.get(bracketed[2].casefold()) if bracketed else None
+    return quantity if own and quantity.endswith(own) else known.get(heading.casefold(), heading)
 
 
 def _quantity(heading: str) -> str | None:

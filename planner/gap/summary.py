@@ -144,6 +144,12 @@ def _cause(d: Diagnosis) -> str:
             f"({chance})."
         )
     if d.verdict == "unknown":
+        likeliest = next((h for h in d.ranking if h.name not in ("none", "unknown")), None)
+        if likeliest is not None and likeliest.effects in d.same_class:
+            return (
+                f"The cause is unknown ({chance}); of the effects that could be tested here, "
+                f"{likeliest.name} is likeliest ({probability(likeliest.probability)})."
+            )
         return (
             f"The cause is unknown ({chance}): no effect that could be tested here explains what "
             "was measured, alone or with a second one."
@@ -180,6 +186,12 @@ def _how_far(d: Diagnosis) -> str:
             before += f", by {percent(refitted)} with its laws refitted"
         return f"No effect is needed: {before}, and {floor}{within}."
     if d.verdict == "unknown":
+        refitted = gap.recalibration_only
+        if refitted is not None and refitted < 0.5 * gap.before:
+            return (
+                f"Refitted laws close most of it: {before}, by {percent(refitted)} with its laws "
+                f"refitted, and {floor}."
+            )
         return f"Nothing known closes it: {before}, and {floor}."
     if gap.after is None:
         return (

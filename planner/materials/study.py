@@ -46,7 +46,7 @@ __all__ = [
 # Which files are replicates of one material, by their names alone.
 
 
-_REPLICATE = re.compile(r"(.+?)(?:_\d{1,2}|-0?[1-9]|[ _-][sS]\d{1,2}| ?\(\d{1,2}\))")
+_REPLICATE = re.compile(r"(.+?)(?:_\d{1,2}|-0?\d|[ _-][sS]\d{1,2}| ?\(\d{1,2}\))")
 _TENS = re.compile(r"(.+?)-[1-9]\d")
 
 
@@ -58,7 +58,7 @@ def _materials_by_name(names: Iterable[str]) -> dict[str, str]:
     "FLX-1", "FLX-2".
     """
     found = {name: match[1] for name in names if (match := _REPLICATE.fullmatch(name))}
-    stems = {stem for name, stem in found.items() if re.fullmatch(r"-0?[1-9]", name[len(stem) :])}
+    stems = {stem for name, stem in found.items() if re.fullmatch(r"-0?\d", name[len(stem) :])}
     tens = {name: match[1] for name in names if (match := _TENS.fullmatch(name))}
     found |= {name: stem for name, stem in tens.items() if stem in stems}
     return {name: found.get(name, name) for name in names}

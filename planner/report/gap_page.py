@@ -232,7 +232,8 @@ def _sections(d: Diagnosis, *, whole: bool = False) -> Iterator[tuple[str, tuple
     A page has it whole: with tables of all that was weighed, and every row of them.
     """
     ranking, places, levels = _tables(d) if whole else ("", "", "")
-    clear = whole or d.verdict == "none"
+    # Where the cause is unknown, an effect much larger may be what it is.
+    clear = (whole or d.verdict == "none") and d.verdict != "unknown"
     seen = tuple(_detectable_words(d, None if whole else 8)) if clear else ()
     quality = [sentence(f"{q.specimen or 'All specimens'}: {q.problem}") for q in d.data_quality]
     sections: Sequence[tuple[str, Iterable[_Part]]] = (

@@ -8,6 +8,7 @@ import pytest
 
 import planner
 from planner.errors import ArgumentError, FileError
+from planner.formats.specimens import read_specimens
 from planner.materials.characterise import Curve
 from planner.materials.study import Study, read_study
 from planner.numerics import FloatArray
@@ -241,12 +242,28 @@ def test_a_break_at_the_end_is_one(tmp_path: Path) -> None:
 HEADED = "specimen,material,file,{}\na,M,s.csv,8\n"
 
 
-@pytest.mark.parametrize("heading", ["Temperature (°C)", "temperature_K", "Width (mm)", "width_cm"])
+@pytest.mark.parametrize("heading", ["Temperature (K)", "temperature_K", "Width (in)", "width_cm"])
 def test_a_condition_in_a_unit_of_its_own_is_refused(tmp_path: Path, heading: str) -> None:
     """It would be lost without a word, and specimens that differ would count as replicates."""
     (tmp_path / "specimens.csv").write_text(HEADED.format(heading), encoding="utf-8")
     with pytest.raises(FileError, match="its unit is not understood; give the values as"):
         study(tmp_path, {"strain": STRAIN, "stress_MPa": STRESS})
+
+
+def test_a_size_in_its_own_unit_is_read(tmp_path: Path) -> None:
+    head = "specimen,material,file,Width (mm),Thickness [mm],Temperature (°C)"
+    (tmp_path / "specimens.csv").write_text(f"{head}\na,M,s.csv,6,2,35\n", encoding="utf-8")
+    found = study(tmp_path, {"strain": STRAIN, "force_N": 12.0 * STRESS})
+    assert only(found).stress_MPa[-1] == pytest.approx(STRESS[-1])
+    (row,) = read_specimens(tmp_path / "specimens.csv")
+    assert (row.width_mm, row.thickness_mm, row.temperature_C) == (6.0, 2.0, 35.0)
+
+
+def test_replicates_may_be_numbered_from_nought(tmp_path: Path) -> None:
+    rows = "".join(f"{e:.9g},{s:.9g}\n" for e, s in zip(STRAIN, STRESS, strict=True))
+    for number in range(3):
+        (tmp_path / f"R-{number}.csv").write_text(f"strain,stress_MPa\n{rows}")
+    assert list(read_study(sorted(tmp_path.glob("*.csv"))).groups) == ["R"]
 
 
 def warm_and_cold(tmp_path: Path) -> Path:
