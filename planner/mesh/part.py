@@ -1164,18 +1164,11 @@ def _cross(
 
 def _covered(low: FloatArray, high: FloatArray, first: float, step: float) -> tuple[IntArray, ...]:
     """All pairs of an interval and a ray in it: low <= first + ray * step < high."""
-    begin, end = _first_ray(low, first, step), _first_ray(high, first, step)
+    rays = first + np.arange(_RAYS) * step
+    begin, end = np.searchsorted(rays, low), np.searchsorted(rays, high)
     count = np.maximum(end - begin, 0)
     owner = np.repeat(np.arange(len(low)), count)
     return owner, np.arange(len(owner)) - (np.cumsum(count) - count - begin)[owner]
-
-
-def _first_ray(value: FloatArray, first: float, step: float) -> IntArray:
-    """Smallest ray with first + ray * step >= value, judged by that expression."""
-    ray = np.clip(np.ceil((value - first) / step), 0.0, _RAYS)
-    ray -= first + (ray - 1.0) * step >= value
-    ray += first + ray * step < value
-    return np.asarray(np.clip(ray, 0.0, _RAYS), np.int64)
 
 
 def _height(corners: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:
