@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import ArgumentError, MeshError
-from planner.mesh.mesh import Mesh, sort_span
+from planner.mesh.mesh import Mesh, face_normal, sort_span
 from planner.numerics import BoolArray, FloatArray, IntArray, as_point, inner_kernel, kernel
 
 __all__ = [
@@ -138,11 +138,9 @@ def _spans(
     for m in range(len(members)):
         f = members[m]
         a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
-        level = snapped[a, 2] == snapped[b, 2] and snapped[b, 2] == snapped[c, 2]
-        area = (snapped[b, 0] - snapped[a, 0]) * (snapped[c, 1] - snapped[a, 1]) - (
-            snapped[c, 0] - snapped[a, 0]
-        ) * (snapped[b, 1] - snapped[a, 1])
-        exit_sign = 1 if area > 0 else 0  # the normal points up: the line leaves the body
+        normal = face_normal(snapped, a, b, c)
+        level = normal[0] == 0 and normal[1] == 0
+        exit_sign = 1 if normal[2] > 0 else 0  # the normal points up: the line leaves the body
         # vertices by rising y, so that both triangles at an edge divide the same numbers
         if snapped[b, 1] < snapped[a, 1]:
             a, b = b, a
@@ -231,16 +229,11 @@ def _exact_voxel(
     # First voxel at or beyond face f in the column at x, y, where the face is within `_DOUBT` of
     # the centre of voxel `near`. Products of three coordinates take 92 bits and wrap around, but
     # what they sum to is area * distance, below 2^62 * 2^-11: it comes out whole.
-    a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
-    ax, ay, az = snapped[a, 0], snapped[a, 1], snapped[a, 2]
-    ux, uy, uz = snapped[b, 0] - ax, snapped[b, 1] - ay, snapped[b, 2] - az
-    vx, vy, vz = snapped[c, 0] - ax, snapped[c, 1] - ay, snapped[c, 2] - az
-    area = ux * vy - vx * uy
-    weight_b = (x - ax) * vy - vx * (y - ay)
-    weight_c = ux * (y - ay) - (x - ax) * uy
-    beyond = ((near << _SHIFT) - az) * area - weight_b * uz - weight_c * vz
-    rises = ux * vz - vx * uz  # along the rows, times the area
-    if area < 0:
+    a = faces[f, 0]
+    nx, ny, nz = face_normal(snapped, a, faces[f, 1], faces[f, 2])
+    dx, dy, dz = x - snapped[a, 0], y - snapped[a, 1], (near << _SHIFT) - snapped[a, 2]
+    beyond, rises = nx * dx + ny * dy + nz * dz, -ny  # the latter along the rows
+    if nz < 0:
         beyond, rises = -beyond, -rises
     if beyond > 0 or (beyond == 0 and not (row_leads and rises > 0)):
         return near
