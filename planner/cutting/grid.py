@@ -477,12 +477,15 @@ class _Marks:
     values: FloatArray
     sharp: NDArray[np.uint8]
 
-    def table(self) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
-        """Return a table of the places for kernels to look into."""
+    def table(self, origin_mm: FloatArray) -> tuple[NDArray[Any], ...]:
+        """Return a table of the places for kernels, and what they look up in it.
+
+        Of each place whether it is sharp, where its vertex lies from an origin, and the value.
+        """
         bits = max(4, int(2 * len(self.places)).bit_length())
         keys, index = np.zeros(1 << bits, dtype=np.int64), np.empty(1 << bits, dtype=np.int32)
         _fill(self.places, keys, index)
-        return keys, index
+        return keys, index, self.sharp, self.points_mm - origin_mm, self.values
 
     def more(
         self, number: int, places: NDArray[np.int64], points_mm: FloatArray, values: FloatArray,
@@ -565,10 +568,8 @@ def _drawn(
     grid: FieldGrid, levels: FloatArray, field: Field | None, marks: _Marks, number: int
 ) -> _Drawn:
     """Draw the level sets in the cubes that were divided in a round."""
-    given = (
-        grid.values, grid.cells, grid.active, marks.divided, number, grid.pitch_mm, levels,
-        *marks.table(), marks.sharp, marks.points_mm - grid.origin_mm, marks.values,
-    )  # fmt: skip
+    cubes = (grid.values, grid.cells, grid.active, grid.pitch_mm)
+    given = (cubes, marks.divided, number, levels, marks.table(grid.origin_mm))
     count = made = 0
     while True:  # first with room for nothing, to count
         bits = max(4, int(2 * count + 1).bit_length())
@@ -597,7 +598,8 @@ def _halved(
         points = _even_mm(grid, _indices(grid.active, missing))
         marks = marks.more(number, missing, points, _values_at(field, points), 0)
         room = np.empty(max(4 * len(missing), 1000), dtype=np.int64)
-        found = _hanging(grid.active, marks.divided, number, *marks.table(), marks.sharp, room)
+        table = marks.table(grid.origin_mm)
+        found = _hanging(grid.active, marks.divided, number, table, room)
         missing = _rising(room[:found])
     return marks
 
@@ -825,24 +827,25 @@ def _find_halving(leaf: Any, thrice: Any, middles: Any) -> None:
 
 
 @inner_kernel
-def _divides(stack: Any, top: Any, a: Any, b: Any, keys: Any, index: Any, sharp: Any) -> Any:
+def _divides(stack: Any, top: Any, a: Any, b: Any, marks: Any) -> Any:
     """Tell what divides an edge of a tetrahedron: nothing (0), a halving (1), a crease (2)."""
+    keys, index, sharp, _, _ = marks
     slot = key_slot(keys, (stack[top, a] + stack[top, b]) // 2 + 1)
     return 0 if keys[slot] == 0 else 1 + sharp[index[slot]]
 
 
 @inner_kernel
-def _is_halved(stack: Any, top: Any, keys: Any, index: Any, sharp: Any) -> Any:
+def _is_halved(stack: Any, top: Any, marks: Any) -> Any:
     """Tell whether a tetrahedron has another's corner within one of its edges."""
     for a in range(3):
         for b in range(a + 1, 4):
-            if _divides(stack, top, a, b, keys, index, sharp) == 1:
+            if _divides(stack, top, a, b, marks) == 1:
                 return True
     return False
 
 
 @inner_kernel
-def _divide_at_crease(stack: Any, top: Any, keys: Any, index: Any, sharp: Any) -> Any:
+def _divide_at_crease(stack: Any, top: Any, marks: Any) -> Any:
     """Divide a tetrahedron at a crease, if any meets an edge; return how many there are then.
 
     Of several creases the one with the largest number comes first, so that what is on both sides
@@ -852,7 +855,7 @@ def _divide_at_crease(stack: Any, top: Any, keys: Any, index: Any, sharp: Any) -
     for a in range(3):
         for b in range(a + 1, 4):
             place = (stack[top, a] + stack[top, b]) // 2
-            if place > middle and _divides(stack, top, a, b, keys, index, sharp) == 2:
+            if place > middle and _divides(stack, top, a, b, marks) == 2:
                 middle, first, last = place, a, b
     if middle < 0:
         return top
@@ -863,9 +866,7 @@ def _divide_at_crease(stack: Any, top: Any, keys: Any, index: Any, sharp: Any) -
 
 
 @kernel
-def _hanging(
-    active: Any, divided: Any, number: Any, keys: Any, index: Any, sharp: Any, missing: Any
-) -> Any:
+def _hanging(active: Any, divided: Any, number: Any, marks: Any, missing: Any) -> Any:
     """List the places at which tetrahedra have to be halved as well; return how many."""
     found = 0
     stack = np.empty((_STACK, 7), dtype=np.int64)
@@ -879,11 +880,11 @@ def _hanging(
                     left = 1
                     while left > 0:
                         left -= 1
-                        if not _is_halved(stack, left, keys, index, sharp):
+                        if not _is_halved(stack, left, marks):
                             continue
                         last = stack[left, 4]
                         middle = (stack[left, 0] + stack[left, last]) // 2
-                        if _divides(stack, left, 0, last, keys, index, sharp) != 1:
+                        if _divides(stack, left, 0, last, marks) != 1:
                             if found == missing.size:
                                 return found
                             missing[found] = middle
@@ -893,21 +894,19 @@ def _hanging(
 
 
 @inner_kernel
-def _seen(
-    place: Any, shape: Any, values: Any, cells: Any, pitch: Any, marks: Any, mark_index: Any,
-    mark_points: Any, mark_values: Any, at: Any,
-) -> Any:  # fmt: skip
+def _seen(place: Any, grid: Any, marks: Any, at: Any) -> Any:
     """Fill in where a vertex lies, in mm from the grid's corner, and return the field there."""
-    ny, nz = shape[1] * _FINEST + 1, shape[2] * _FINEST + 1
+    (values, cells, active, pitch), (keys, index, _, points, value_at) = grid, marks
+    ny, nz = active.shape[1] * _FINEST + 1, active.shape[2] * _FINEST + 1
     x, y, z = place // (ny * nz), place // nz % ny, place % nz
     if x % _FINEST == 0 and y % _FINEST == 0 and z % _FINEST == 0:
         x, y, z = x // _FINEST * cells, y // _FINEST * cells, z // _FINEST * cells
         at[0], at[1], at[2] = x * pitch, y * pitch, z * pitch
         return values[x, y, z]
-    n = mark_index[key_slot(marks, place + 1)]
+    n = index[key_slot(keys, place + 1)]
     for d in range(3):
-        at[d] = mark_points[n, d]
-    return mark_values[n]
+        at[d] = points[n, d]
+    return value_at[n]
 
 
 @inner_kernel
@@ -931,11 +930,11 @@ def _slope(at: Any, v: Any) -> Any:
 
 @kernel
 def _march(
-    values: Any, cells: Any, active: Any, divided: Any, number: Any, pitch: Any, levels: Any,
-    marks: Any, mark_index: Any, sharp: Any, mark_points: Any, mark_values: Any, keys: Any,
-    index: Any, ends: Any, faces: Any, of_face: Any, leaf: Any, steepness: Any,
+    grid: Any, divided: Any, number: Any, levels: Any, marks: Any, keys: Any, index: Any,
+    ends: Any, faces: Any, of_face: Any, leaf: Any, steepness: Any,
 ) -> Any:  # fmt: skip
     # With room for no faces: counts them. Otherwise fills.
+    values, cells, active, _ = grid
     nx, ny, nz = active.shape
     count, made, drawing = 0, 0, faces.shape[0] > 0
     v, at, met = np.empty(4), np.empty((4, 3)), np.empty((4, 3))
@@ -961,11 +960,11 @@ def _march(
                 left -= 1
                 if number > 0:
                     if stack[left, 4] > 0:
-                        if _is_halved(stack, left, marks, mark_index, sharp):
+                        if _is_halved(stack, left, marks):
                             left = _halve(stack, left)
                             continue
                         _copy(whole, stack[left])
-                    more = _divide_at_crease(stack, left, marks, mark_index, sharp)
+                    more = _divide_at_crease(stack, left, marks)
                     if more > left:
                         left = more
                         continue
@@ -973,10 +972,7 @@ def _march(
                     _copy(whole, stack[left])
                 low, high = np.inf, -np.inf
                 for c in range(4):
-                    v[c] = _seen(
-                        stack[left, c], active.shape, values, cells, pitch, marks, mark_index,
-                        mark_points, mark_values, at[c],
-                    )  # fmt: skip
+                    v[c] = _seen(stack[left, c], grid, marks, at[c])
                     low, high = min(low, v[c]), max(high, v[c])
                 first = np.searchsorted(levels, low, side="right")
                 slope, across = -1.0, -1
