@@ -25,6 +25,7 @@ from planner.mesh.mesh import (
     compact,
     connected,
     measure,
+    order_edges,
     repeats_index,
     weld,
     weld_points,
@@ -411,12 +412,9 @@ def _part_at_crowded_edges(
     """
     faces = topology.faces
     twin = topology.twin.astype(np.int64)
-    crowded: dict[tuple[int, int], list[int]] = {}
-    for half in np.flatnonzero(twin == Topology.CROWDED).tolist():
-        a, b = _ends(faces, half)
-        crowded.setdefault((min(a, b), max(a, b)), []).append(half)
-    for edge, halves in crowded.items():
-        pairs = _pairs(vertices, faces, edge, halves)
+    order, starts, count = order_edges(faces)
+    for first, last in zip(starts[count > 2], (starts + count)[count > 2], strict=True):
+        pairs = _pairs(vertices, faces, order[first:last].tolist())
         if pairs is None:
             return None
         for one, other in pairs:
@@ -435,7 +433,7 @@ def _ends(faces: Int32Array, half: int) -> tuple[int, int]:
 
 
 def _pairs(
-    vertices: FloatArray, faces: Int32Array, edge: tuple[int, int], halves: list[int]
+    vertices: FloatArray, faces: Int32Array, halves: list[int]
 ) -> list[tuple[int, int]] | None:
     """Pair the half-edges at an edge across the solid between their faces.
 
@@ -443,6 +441,7 @@ def _pairs(
     along the edge has its solid before it, one that runs against it behind it: as brackets
     close and open.
     """
+    edge = tuple(sorted(_ends(faces, halves[0])))
     along = vertices[edge[1]] - vertices[edge[0]]
     along = np.ldexp(along, -int(np.frexp(np.abs(along).max())[1]))  # or its square may be 0
     along = along / np.linalg.norm(along)
