@@ -73,8 +73,12 @@ def pictures_of(solids: Sequence[tuple[Mesh, str]], *, width: int, height: int) 
     across = int((high - low)[0] > (high - low)[1])  # of x and y, the shorter side
     normal = np.array([(1.0, 0.0, 0.0), (0.0, -1.0, 0.0)][across])
     view = _view()
-    placed = [_product(solid.vertices - 0.5 * (low + high), view) for solid, _ in solids]
-    ends = np.array([[v.min(axis=0), v.max(axis=0)] for v in placed])
+    # Right, up and away are a left-handed set: what was outside would be inside.
+    turned = [
+        Mesh(_product(solid.vertices - 0.5 * (low + high), view), solid.faces[:, ::-1])
+        for solid, _ in solids
+    ]
+    ends = np.array([[s.vertices.min(axis=0), s.vertices.max(axis=0)] for s in turned])
     least, most = ends[:, 0].min(axis=0), ends[:, 1].max(axis=0)
     fill = 1.0 - 2.0 * _MARGIN
     pitch = float(max((most - least)[0] / width, (most - least)[1] / height)) / fill / _FINER
@@ -87,11 +91,6 @@ def pictures_of(solids: Sequence[tuple[Mesh, str]], *, width: int, height: int) 
     origin = (float(corner[0]), float(corner[1]), float(least[2]) - steps)
     grid = Grid(origin, (pitch, pitch, steps), (nx, ny, nz))
     plane = _plane_depth(_product(normal[None], view)[0], grid)
-    # Right, up and away are a left-handed set: what was outside would be inside.
-    turned = [
-        Mesh(vertices, np.ascontiguousarray(solid.faces[:, ::-1]))
-        for vertices, (solid, _) in zip(placed, solids, strict=True)
-    ]
     colours = [colour for _, colour in solids]
     both = _look(turned, grid, plane)
     outside, section = (_colours(seen, colours, steps / pitch) for seen in both)
@@ -122,20 +121,18 @@ def _plane_depth(normal: FloatArray, grid: Grid) -> IntArray:
     return np.asarray(np.clip(step, 0, nz), dtype=np.int64)
 
 
-def _look(meshes: Sequence[Mesh], grid: Grid, plane: IntArray) -> tuple[_Seen, _Seen]:
+def _look(meshes: Sequence[Mesh], grid: Grid, plane: IntArray) -> list[_Seen]:
     """Follow all rays to what they meet first, and to what they meet first behind a plane."""
     nx, ny, nz = grid.shape
-    begins = [np.zeros(nx * ny, np.int32), plane.ravel().astype(np.int32)]
-    shells, depths = np.full((2, nx * ny), -1, np.int32), np.full((2, nx * ny), nz, np.int32)
+    begins = np.stack([np.zeros(nx * ny, np.int32), plane.ravel().astype(np.int32)])
+    shells, depths = np.full_like(begins, -1), np.full_like(begins, nz)
     for number, mesh in enumerate(meshes):
         for slab in iterate_columns(mesh, grid):
             for begin, *seen in zip(begins, shells, depths, strict=True):
                 _meet(slab, slab.first_row * nx, number, begin, seen)
-    form, cut = (ny, nx), depths[1] == begins[1]
-    return (
-        _Seen(shells[0].reshape(form), depths[0].reshape(form), np.zeros(form, np.bool_)),
-        _Seen(shells[1].reshape(form), depths[1].reshape(form), cut.reshape(form)),
-    )
+    # No solid reaches the first step, where the rays of the whole begin.
+    both = zip(shells, depths, depths == begins, strict=True)
+    return [_Seen(*(each.reshape(ny, nx) for each in seen)) for seen in both]
 
 
 def _meet(slab: Columns, ray: int, number: int, begin: IntArray, seen: Sequence[IntArray]) -> None:
