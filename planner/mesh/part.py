@@ -786,9 +786,8 @@ def _arrange_bodies(
     if pairs and outward[full].sum() > 1:
         solid = np.where(outward, np.arange(len(full)), parent)
         met = np.zeros(len(full), dtype=np.bool_)
-        for i, j in pairs:
-            if solid[i] != solid[j]:
-                met[[solid[i], solid[j]]] = True
+        both = solid[np.array(pairs)]
+        met[both[both[:, 0] != both[:, 1]]] = True
         numbers = np.flatnonzero(met & outward & full)
         groups = [faces[keep & (solid[body] == number)] for number in numbers]
         united = _unite(vertices, groups, touching) if len(groups) > 1 else None
