@@ -269,10 +269,7 @@ def _runs(
     runs, first, unpaired = np.int64(0), np.int64(0), 0
     for c in range(cursor.size - 1):
         last = np.int64(cursor[c])
-        if last - first == 2:
-            if keys[first] > keys[first + 1]:
-                keys[first], keys[first + 1] = keys[first + 1], keys[first]
-        elif last - first > 2:
+        if last - first > 1:
             sort_span(keys, first, last)
         winding, low = 0, 0
         for i in range(first, last):
