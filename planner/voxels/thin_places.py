@@ -6,6 +6,7 @@ inscribed balls between the solid's own triangles, so that nothing of the limit 
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -748,14 +749,10 @@ def thin_solid_places(
     if sum(place.voxels for place in places) * raster.grid.voxel_mm3 < least_mm3:
         return [], 0
     places.sort(key=lambda p: (-p.voxels, *p.low.tolist()))
-    found: list[ThinPlace] = []
-    for seen, place in enumerate(places):
-        if len(found) == listed:
-            return found, len(places) - seen
-        measured = _measured(mesh, raster, place, limit_mm)
-        if measured is not None:
-            found.append(measured)
-    return found, 0
+    waiting = iter(places)
+    measured = (_measured(mesh, raster, place, limit_mm) for place in waiting)
+    found = list(islice(filter(None, measured), listed))
+    return found, len(list(waiting))
 
 
 def space_around_mm(limit_mm: float) -> float:
