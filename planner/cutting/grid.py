@@ -551,8 +551,7 @@ def _distance_mm(field: Field, drawn: _Drawn, levels: FloatArray) -> FloatArray:
 
 def _joined(rounds: list[_Drawn], marks: _Marks) -> _Faces:
     """Take from each cube what was drawn in it last."""
-    held = [one.held(marks, number) for number, one in enumerate(rounds)]
-    both = list(zip(rounds, held, strict=True))
+    both = [(one, one.held(marks, number)) for number, one in enumerate(rounds)]
     cell = np.concatenate([one.cell[kept] for one, kept in both])
     order = np.argsort(cell, kind="stable")
     level = np.concatenate([one.level[kept] for one, kept in both])[order]

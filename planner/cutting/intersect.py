@@ -165,8 +165,8 @@ def intersect(mesh: Mesh, levels: FloatArray, sets: LevelSets) -> tuple[Meetings
     on_part, on_level = _ordered(found, True, part), _ordered(found, False, level)
     piece = _piece_of_vertices(part, found, *on_part, levels, sets.values)
     inside = _inside_part(part, level, found, *on_level, sets)
-    lower = np.where(found.of_part, sets.level[np.where(found.of_part, found.face, 0)], 0)
-    lower, between = lower.astype(np.int32), sets.level[found.segment_level]
+    lower = sets.level[np.where(found.of_part, found.face, 0)]  # of the part's edges alone
+    between = sets.level[found.segment_level]
     of_part = Crossed(part, piece, *on_part, lower, found.segment_part, between)
     none, between_none = np.zeros_like(lower), np.zeros_like(between)
     of_level = Crossed(level, inside, *on_level, none, found.segment_level, between_none)
