@@ -218,9 +218,11 @@ _PER_TIME = re.compile(r"(.*?) [^ ]+ (?:per )?(?:s|sec|min|minute|h|hr|hour)")
 
 def _column(heading: str, known: Mapping[str, str]) -> str:
     """Return the column that a heading names, as "Width (mm)" does; else the heading itself."""
-    quantity, bracketed = _quantity(heading) or "", _UNIT.fullmatch(heading)
-    own = _OWN_UNITS.get(bracketed[2].casefold()) if bracketed else None
-    return quantity if own and quantity.endswith(own) else known.get(heading.casefold(), heading)
+    bracketed = _UNIT.fullmatch(heading) if len(heading) <= LONGEST_HEADING else None
+    if bracketed and (own := _OWN_UNITS.get(bracketed[2].casefold())):
+        quantity = _quantity(heading) or ""
+        return quantity if quantity.endswith(own) else heading
+    return known.get(heading.casefold(), heading)
 
 
 def _quantity(heading: str) -> str | None:

@@ -782,11 +782,7 @@ def _known_laws(
     its own idea of them: covariance (q, q), and sizes under each hypothesis (K, q), in deviations.
     """
     own, new = (
-        {
-            (calibration.material, calibration.kind): k
-            for k, calibration in enumerate(of)
-            if calibration.material
-        }
+        {(one.material, one.kind): k for k, one in enumerate(of) if one.material}
         for of in (weighed.plain.problem.calibrations, calibrations)
     )
     at, taken = [new[key] for key in new if key in own], [own[key] for key in new if key in own]

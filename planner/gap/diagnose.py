@@ -344,10 +344,8 @@ class _Predictor:
     def recalibrated(self, weight: FloatArray) -> FloatArray:
         """By calibrations that fit the weighted specimens best, no effect added."""
         problem, count = self.problem, len(self.problem.calibrations)
-        calibrations = _RECALIBRATION_SD * problem.nuisances[:, :count]
-        best = Likelihood(problem, nuisances=calibrations, weight=weight).coefficients(
-            problem.target
-        )
+        laws = _RECALIBRATION_SD * problem.nuisances[:, :count]
+        best = Likelihood(problem, nuisances=laws, weight=weight).coefficients(problem.target)
         model, setup = problem.model, problem.model.setup
         for calibration, size in zip(problem.calibrations, best.tolist(), strict=True):
             setup = calibration.applied(setup, _RECALIBRATION_SD * size * calibration.sd)
@@ -459,12 +457,9 @@ def _recalibration_of(
     """Return each material's posterior level, ln of a factor on its stress, and its deviation."""
     problem, (mean, covariance) = likelihood.problem, likelihood.laws_off(chosen)
     return {
-        calibration.material: (
-            float(mean[k] * calibration.sd),
-            float(np.sqrt(covariance[k, k]) * calibration.sd),
-        )
-        for k, calibration in enumerate(problem.calibrations)
-        if calibration.kind == "level"
+        one.material: (float(mean[k] * one.sd), float(np.sqrt(covariance[k, k]) * one.sd))
+        for k, one in enumerate(problem.calibrations)
+        if one.kind == "level"
     }
 
 

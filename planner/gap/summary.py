@@ -177,22 +177,18 @@ def _how_far(d: Diagnosis) -> str:
     if gap.floor is not None:
         but = " once that gain is taken out" if some else ""
         floor = f"replicates differ by {percent(gap.floor)}{but}"
+    laws = gap.recalibration_only
+    refitted = "" if laws is None else f", by {percent(laws)} with its laws refitted"
     if gap.floor is not None and gap.before <= gap.floor and d.verdict == "none":
         return f"Nothing to explain: the prints repeat no better than this: {before}, and {floor}."
     if d.verdict == "none":
         beyond = "; what is beyond lies within the doubt about its calibration"
         within = "" if gap.floor is None or d.remainder else beyond
-        if (refitted := gap.recalibration_only) is not None:
-            before += f", by {percent(refitted)} with its laws refitted"
-        return f"No effect is needed: {before}, and {floor}{within}."
+        return f"No effect is needed: {before}{refitted}, and {floor}{within}."
     if d.verdict == "unknown":
-        refitted = gap.recalibration_only
-        if refitted is not None and refitted < 0.5 * gap.before:
-            return (
-                f"Refitted laws close most of it: {before}, by {percent(refitted)} with its laws "
-                f"refitted, and {floor}."
-            )
-        return f"Nothing known closes it: {before}, and {floor}."
+        closes = laws is not None and laws < 0.5 * gap.before
+        said = "Refitted laws close most of it" if closes else "Nothing known closes it"
+        return f"{said}: {before}{refitted}, and {floor}."
     if gap.after is None:
         return (
             "How far it closes cannot be checked, as no condition can be left out of the fit: "

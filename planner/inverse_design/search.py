@@ -208,7 +208,7 @@ class Solved(Solution):
         gap = 1e-6 * float(np.ptp(table.coordinate)) + 1e-12
         change = (table.break_at(body.coordinate + gap) - breaks) / gap
         direct = -each * ratio / breaks * change
-        by_stress = (through.log_stress + through.log_bulk) / norm * largest
+        by_stress = through.log_modulus / norm * largest
         return OverBreak(largest, norm * largest, through.coordinate + direct, by_stress)
 
 
@@ -352,7 +352,7 @@ def evaluate(problem: DesignProblem, values: FloatArray) -> Tried:
             if goal.kind in "<>":
                 raised = 1.0
                 if sds is not None and figure:
-                    change = _worst(through.log_stress + through.log_bulk, sds, problem.normal)
+                    change = _worst(through.log_modulus, sds, problem.normal)
                     raised += change / abs(figure) * (1.0 if goal.kind == "<" else -1.0)
                 sign = np.sign(figure) * raised * (1.0 if goal.kind == "<" else -1.0)
                 rows["over"].append((goal.passed(figure * raised), sign * row / goal.wanted))

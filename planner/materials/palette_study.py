@@ -461,7 +461,7 @@ def fit(
             f"one specimen of {listed(single, 3)}: scatter of {100 * ASSUMED_LOG_SD:g} % is "
             "assumed; laws are judged by blocks of strain"
         )
-    coordinates = _coordinates(study, fits, coordinate, order, notes, slips)
+    coordinates = _coordinates(fits, stated, coordinate, order, notes, slips)
     ordered = sorted(coordinates, key=coordinates.__getitem__)
     densities = _densities(study, ordered, density, notes)
     ids = _ids(ordered)
@@ -552,18 +552,18 @@ def _findings(fit: MaterialFit, unit_told: bool) -> Iterator[str]:
 
 
 def _coordinates(
-    study: Study,
     fits: Mapping[str, MaterialFit],
+    stated: Mapping[str, float],
     given: Mapping[str, float] | None,
     order: Sequence[str] | None,
     notes: list[str],
     slips: Sequence[str],
-) -> dict[str, float]:
-    """Return coordinates by material: as given, else even in the order given, else of stiffness."""
+) -> Mapping[str, float]:
+    """Return coordinates by material: stated, else even in the order given, else of stiffness."""
     strain = min(_RANKING_STRAIN, *(fit.elongation_at_break for fit in fits.values()))
     laws = {called: make_law(fit.law) for called, fit in fits.items()}
     stiffness = {called: float(secant_modulus_MPa(law, strain)) for called, law in laws.items()}
-    found = {} if order else _by_material(study, fits, "coordinate", given)
+    found = {} if order else stated
     ordered = list(order) if order else sorted(fits, key=stiffness.__getitem__)
     if order and (sorted(order) != sorted(fits) or given):
         raise ArgumentError(
@@ -761,11 +761,11 @@ def _at_one_temperature(study: Study) -> tuple[Study, dict[str, tuple[Curve, ...
 
     The one is that of most specimens. A material that was not tested there keeps what it has.
     """
-    if not (told := _temperatures(study)):
-        return study, {}
+    told = _temperatures(study)
     own = max(
         told.values(),
         key=lambda t: (sum(abs(v - t) <= SAME_K for v in told.values()), -abs(t - _USUAL_C)),
+        default=_USUAL_C,
     )
     groups, others = dict(study.groups), {}
     for material, curves in study.groups.items():

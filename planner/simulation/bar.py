@@ -116,10 +116,8 @@ class Bar:
         ArgumentError
             The two places do not rise or do not lie on the bar; or as `Bar`.
         """
-        if between_mm is None:
-            return cls(edges_mm, coordinate, area_mm2)
-        start, stop = between_mm
         low, high = float(edges_mm[0]), float(edges_mm[-1])
+        start, stop = between_mm or (low, high)
         if not low <= start < stop <= high:
             raise ArgumentError(
                 f"`between_mm` {start:g}:{stop:g}: it must rise and lie on the bar, which goes "

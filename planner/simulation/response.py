@@ -133,8 +133,7 @@ class Solution:
         save where a figure changes by far more than in proportion to the stiffness, as across the
         load, or between loads that all but cancel.
         """
-        found = self.mechanics.sensitivity(self.state, self.factored, weights)
-        each = found.log_stress + found.log_bulk
+        each = self.mechanics.sensitivity(self.state, self.factored, weights).log_modulus
         ends = []
         for sign, sd in zip((-1.0, 1.0), sds, strict=True):
             change = sign * normal * float(each @ sd)
@@ -545,8 +544,7 @@ def followed(
             strain = share = np.empty(0)
             if sensitive:
                 own = mechanics.sensitivity(state, factored, weights(loaded.direction))
-                share = own.log_stress + own.log_bulk
-                share = share / share.sum()
+                share = own.log_modulus / own.log_modulus.sum()
                 strain = uniaxial_strain(mechanics.observe(state).x)
             found.append((loaded.along_mm, loaded.along_N, strain, share))
     except LostStabilityError:

@@ -202,19 +202,13 @@ class _Sensitivity(NamedTuple):
 
     Attributes
     ----------
-    log_stress : (Q,)
-        Over ln W' there, Poisson's ratio at rest fixed for `log_bulk`.
-    log_bulk : (Q,)
-        Over ln κ there.
-    weight_over_m : (Q,)
-        Over m there, by the weight alone.
+    log_modulus : (Q,)
+        Over ln W' and ln κ there together, as Poisson's ratio at rest ties them.
     coordinate : (Q,)
-        Over m there, by all.
+        Over m there, by stiffness and by weight.
     """
 
-    log_stress: FloatArray
-    log_bulk: FloatArray
-    weight_over_m: FloatArray
+    log_modulus: FloatArray
     coordinate: FloatArray
 
 
@@ -756,12 +750,11 @@ class Mechanics:
         The load is held. `factored` belongs to the state.
         """
         adjoint = factored.solve(weights.ravel()).reshape(-1, 3)
-        seen = self.observe(state, adjoint)
-        by_weight, gravity = np.zeros(len(seen.x)), self.conditions.gravity
+        seen, gravity = self.observe(state, adjoint), self.conditions.gravity
+        over_m = -seen.isochoric * seen.over_m - seen.volumetric * self.bulk_over_m
         if gravity is not None:
-            by_weight += self.weight_over_m(state.share).T @ (adjoint @ np.array(gravity))
-        by_stiffness = -seen.isochoric * seen.over_m - seen.volumetric * self.bulk_over_m
-        return _Sensitivity(-seen.isochoric, -seen.volumetric, by_weight, by_stiffness + by_weight)
+            over_m += self.weight_over_m(state.share).T @ (adjoint @ np.array(gravity))
+        return _Sensitivity(-seen.isochoric - seen.volumetric, over_m)
 
     def nodal_forces(self, state: Equilibrium, stress: FloatArray) -> FloatArray:
         """Return the nodal forces, (N, 3), of second Piola-Kirchhoff stresses, (Q, 6)."""

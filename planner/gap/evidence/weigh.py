@@ -406,9 +406,8 @@ def weigh(problem: Problem, priors: Priors) -> Weighed:
     for one in result.beside_some:
         _add_subset(one, beside_gain, result)
     if leading := result.beside_some[:1] or result.modes:
-        result.likeliest = max(
-            leading, key=lambda one: one.eliminated(one.likelihood).none
-        ).likelihood
+        likeliest = max(leading, key=lambda one: one.eliminated(one.likelihood).none)
+        result.likeliest = likeliest.likelihood
     for likelihood in of_scatter:
         _add_axes(none, likelihood, result)
     for one in _chosen(result):
@@ -626,10 +625,9 @@ def _modes(likelihoods: Sequence[Likelihood], logs: _LogPriors) -> list[Posterio
 
 
 def _with_parts_alone(
-    found: Sequence[PosteriorMode],
-    likelihoods: Sequence[Likelihood],
+    found: Sequence[PosteriorMode], likelihoods: Sequence[Likelihood],
     odds: Callable[[PosteriorMode], float],
-) -> list[PosteriorMode]:
+) -> list[PosteriorMode]:  # fmt: skip
     """Return the modes, and the likeliest of several effects with one of these left out.
 
     Alone an effect may have its mode far from where it is best, which it finds beside another: then
@@ -652,11 +650,9 @@ def _with_parts_alone(
 
 
 def _in_all_forms(
-    effects: Effects,
-    best: Mapping[Effects, PosteriorMode],
-    singles: Sequence[PosteriorMode],
-    logs: _LogPriors,
-) -> Iterator[Candidate]:
+    effects: Effects, best: Mapping[Effects, PosteriorMode],
+    singles: Sequence[PosteriorMode], logs: _LogPriors,
+) -> Iterator[Candidate]:  # fmt: skip
     """Yield effects together in each form with each: one alone does not tell what suits both.
 
     First each form where it is best beside the other effect at its best, then as each is alone.
