@@ -143,11 +143,12 @@ class FoundEffect:
 
     @property
     def text(self) -> str:
-        """Its parameters with their units."""
-        return ", ".join(
+        """Its parameters with their units, and which specimens have it, if some alone do."""
+        said = ", ".join(
             f"{name} {value:.3g}{'' if (unit := self.units.get(name, '1')) == '1' else ' ' + unit}"
             for name, value in self.parameters.items()
         )
+        return f"{said}, of {', '.join(self.specimens)} alone" if self.specimens else said
 
 
 @dataclass(frozen=True, slots=True)

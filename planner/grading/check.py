@@ -192,6 +192,15 @@ def _region_problems(plan: Plan, whole_mm3: float) -> Iterator[str]:
         together = before.field == after.field and _dealt(before) and _dealt(after)
         if before.field[1] > after.field[0] + 1e-9 and not together:
             yield f"plan.json: region {after.index} begins before region {before.index} ends"
+    for region in plan.regions:
+        low, high = region.modulus_interval_MPa
+        softest, stiffest = region.target_modulus_MPa
+        error = [region.modulus_MPa / target - 1.0 for target in (stiffest, softest)]
+        told = f"plan.json: region {region.index}: its modulus, {region.modulus_MPa:.4g} MPa,"
+        if not low <= region.modulus_MPa <= high:
+            yield f"{told} is not in its interval, {low:.4g} .. {high:.4g} MPa"
+        if region.blend is None and not np.allclose(region.error, error, atol=1e-6):
+            yield f"{told} and its target, {softest:.4g} .. {stiffest:.4g} MPa, give another error"
     whole_mm = np.add(plan.part.bounds_mm, plan.part.translation_mm)
     if not _near(_union([region.bounds_mm for region in plan.regions]), whole_mm):
         yield "plan.json: its regions do not fill the part's bounds"

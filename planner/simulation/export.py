@@ -45,6 +45,9 @@ _FAR_OFF = 0.1
 """Relative: a volume of cells off by more is told as a warning. Chosen: stiffness goes with it at
 least in proportion, and the palette's moduli are known to about that."""
 
+_SAME = 1e-6
+"""Relative, below which cells fill a box. Numerical: rounding is less, a slant is more."""
+
 _CURVE_POINTS = 60
 
 _WITHIN = 0.05
@@ -460,7 +463,7 @@ def _mesh_notes(mesh: _Hexahedra, part_mm3: float) -> Iterator[str]:
     words = f"the cells have {abs(off):.1%} {'more' if off > 0 else 'less'} volume than the part"
     if abs(off) > _FAR_OFF:
         yield Caution(f"{words}; take a smaller `cell_mm`")
-    else:
+    elif abs(off) > _SAME:  # else a box
         yield f"{words}; slanted and curved faces are stairs of {mesh.cell_mm.max():.3g} mm"
     if mesh.pieces > 1:
         yield Caution(

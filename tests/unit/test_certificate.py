@@ -128,3 +128,17 @@ def test_what_is_no_plan_is_bad_input(folder: Path, capsys, text: str) -> None:
     (folder / "plan.json").write_text(text)
     assert run(["check", str(folder)]) == 2
     assert capsys.readouterr().err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "said"),
+    [
+        ("modulus_MPa", 99.0, "is not in its interval"),
+        ("modulus_interval_MPa", [700.0, 800.0], "is not in its interval"),
+        ("target_modulus_MPa", [100.0, 200.0], "give another error"),
+        ("error", [5.0, 9.0], "give another error"),
+    ],
+)
+def test_figures_that_contradict_each_other_are_told(folder, key, value, said) -> None:
+    _change(folder, lambda document: document["regions"][3].update({key: value}))
+    assert any(said in problem for problem in planner.check(folder).problems)
