@@ -159,9 +159,7 @@ class NoisyFeatures:
         far = np.abs(np.subtract.outer(place, place)) / scatter.wander_length
         block = scatter.specimen**2 * np.outer(h, h) + scatter.slope**2 * np.outer(tilt, tilt)
         block += scatter.wander**2 * np.exp(-far) * np.outer(h, h)
-        # At rest a force is one row's, and all others are parabolas through several.
-        share = np.where(strain <= 0.0, max(scatter.sensor, 1.0), scatter.sensor)
-        sensor = share * self.sensor_sd_N[table.specimen[rows]]
+        sensor = scatter.sensor * self.sensor_sd_N[table.specimen[rows]]
         own = sensor * _by_raw(table, self.sensitivity, rows)
         block[np.diag_indices(len(h))] += own**2 + _MODEL_SD**2
         return block
