@@ -65,18 +65,13 @@ def show(
     Example: [bold]planner printers show connex3[/bold]
     """
     machine = planner.load_printer(name)
-    palettes = [machine.palette(palette) for palette in machine.palettes]
-    rows = [
-        [palette.name, material.id, machine.operator_name(material.id)]
-        for palette in palettes
-        for material in palette.materials
-    ]
+    named = {
+        palette.name: {m.id: machine.operator_name(m.id) for m in palette.materials}
+        for palette in map(machine.palette, machine.palettes)
+    }
     limits = {key: getattr(machine, key) for key in (*_STATED[1:5], "minimum_feature_mm")}
     resins = {"base_resins": machine.base_resins, "support": machine.support}
     if as_json:
-        named: dict[str, dict[str, str]] = {palette.name: {} for palette in palettes}
-        for palette, id, operator_name in rows:
-            named[palette][id] = operator_name
         document = {"name": machine.name, "title": machine.title, **limits, **resins}
         cli.print_document({"schema": 1, **document, "palettes": named})
         return 0
@@ -85,6 +80,7 @@ def show(
         words = _lengths(value if isinstance(value, tuple) else (value,))
         cli.say(f"  {key.removesuffix('_mm').replace('_', ' ')}: {words} mm")
     cli.say(f"  resins: {', '.join(machine.base_resins)}; support: {machine.support}")
+    rows = [[palette, *pair] for palette, called in named.items() for pair in called.items()]
     cli.print_table(["palette", "material", "in its software"], rows)
     cli.say(f"(stiffness: planner materials --printer {name} --palette NAME)")
     return 0
