@@ -498,15 +498,16 @@ def _distance(given: FieldArguments, setting: Setting) -> Field:
         says = {"of": "faces", "box_mm": [list(low_mm), list(high_mm)]}
     elif not given.words or given.words[0] == "surface":
         tree, says, depth = setting.surface, {"of": "surface"}, True
-        given.named.setdefault("from", "0")
-        if "to" not in given.named:
-            given.named["to"] = repr(setting.greatest(partial(_from_surface, tree, depth)))
     else:
         file = Path(given.words[0])
         mesh, sha256 = _mesh_in_place(file, setting.origin_mm, closed=False)
         tree, says = triangle_tree(mesh), {"of": file.name, "sha256": sha256}
     quantity = partial(_from_surface, tree, depth)
-    return _ramp(given, setting, quantity).along(quantity, "distance", says)
+    if not depth:
+        return _ramp(given, setting, quantity).along(quantity, "distance", says)
+    start, stop = given.number("from") or 0.0, given.number("to")
+    ramp = Ramp(start, setting.greatest(quantity) if stop is None else stop)
+    return ramp.along(quantity, "distance", says)
 
 
 def _harmonic(given: FieldArguments, setting: Setting) -> Field:

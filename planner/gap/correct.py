@@ -779,8 +779,7 @@ def _guesses(case: _Case, made: Palette, forms: FloatArray) -> Iterator[str]:
 
 def _doubts(diagnosis: Diagnosis) -> Iterator[str]:
     if diagnosis.verdict == "unknown":
-        refitted, before = diagnosis.gap.recalibration_only, diagnosis.gap.before
-        closes = refitted is not None and refitted < 0.5 * before
+        closes = diagnosis.gap.laws_close_it
         yield (
             "the verdict is unknown: no effect of the library explains the gap, so there is "
             "nothing to correct by; see where the gap lies, and test what the diagnosis proposes"

@@ -14,6 +14,7 @@ from planner import __version__
 from planner.errors import FileError, PaletteError, refused
 from planner.formats.files import decode_document, encode_document, path_within, read_file
 from planner.formats.units import UnitOf
+from planner.gap.campaign import named
 from planner.glance import brief, counted, html_of, one_line, plotted
 from planner.numerics import FloatArray
 from planner.palette import Palette, load_palette
@@ -122,6 +123,11 @@ class Gap:
     extrapolated: float | None = None
     negative_transfer: bool = False
 
+    @property
+    def laws_close_it(self) -> bool:
+        """Whether refitted laws alone, with no effect added, leave less than half of it."""
+        return self.recalibration_only is not None and self.recalibration_only < 0.5 * self.before
+
 
 @dataclass(frozen=True, slots=True)
 class FoundEffect:
@@ -148,7 +154,7 @@ class FoundEffect:
             f"{name} {value:.3g}{'' if (unit := self.units.get(name, '1')) == '1' else ' ' + unit}"
             for name, value in self.parameters.items()
         )
-        return f"{said}, of {', '.join(self.specimens)} alone" if self.specimens else said
+        return f"{said}, of {named(self.specimens)} alone" if self.specimens else said
 
 
 @dataclass(frozen=True, slots=True)

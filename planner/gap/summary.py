@@ -186,8 +186,7 @@ def _how_far(d: Diagnosis) -> str:
         within = "" if gap.floor is None or d.remainder else beyond
         return f"No effect is needed: {before}{refitted}, and {floor}{within}."
     if d.verdict == "unknown":
-        closes = laws is not None and laws < 0.5 * gap.before
-        said = "Refitted laws close most of it" if closes else "Nothing known closes it"
+        said = "Refitted laws close most of it" if gap.laws_close_it else "Nothing known closes it"
         return f"{said}: {before}{refitted}, and {floor}."
     if gap.after is None:
         return (

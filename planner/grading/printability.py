@@ -95,7 +95,7 @@ class Fragments:
     total_mm3: float = 0.0
 
 
-def _bodies(mesh: Mesh) -> Measures:
+def bodies_of(mesh: Mesh) -> Measures:
     """Measure what vertices in common hold together; the volume of a closed void is below 0."""
     corners = mesh.faces.T
     body = connected(len(mesh.vertices), corners[:2].ravel(), corners[1:].ravel())
@@ -103,9 +103,8 @@ def _bodies(mesh: Mesh) -> Measures:
     return measure(mesh.vertices, mesh.faces, number.astype(np.int32), len(used))
 
 
-def _closed_voids(part: CutPart, machine: Printer) -> Iterator[str]:
-    """Say that closed voids are printed full of support."""
-    found = _bodies(part.mesh)
+def _closed_voids(found: Measures, part: CutPart, machine: Printer) -> Iterator[str]:
+    """Say that a part's closed voids, of its bodies as measured, are printed full of support."""
     volumes_mm3 = -found.volume_mm3
     if count := int((volumes_mm3 > machine.minimum_feature_mm**3).sum()):
         largest = int(np.argmax(volumes_mm3))
@@ -117,13 +116,12 @@ def _closed_voids(part: CutPart, machine: Printer) -> Iterator[str]:
         )
 
 
-def small_bodies(mesh: Mesh, limit_mm: float, least_mm: float) -> Fragments:
+def small_bodies(found: Measures, limit_mm: float, least_mm: float) -> Fragments:
     """Find bodies with less volume than a cube of a limit, or smaller than it in all directions.
 
-    Bodies are what vertices in common hold together; cavities are none. Bodies smaller than
-    `least_mm` in all directions are not counted: a printer does not see them.
+    Bodies are as `bodies_of` measures them; voids are none. Bodies smaller than `least_mm` in all
+    directions are not counted: a printer does not see them.
     """
-    found = _bodies(mesh)
     extent = np.ptp(found.bounds_mm, axis=1)
     small = (found.volume_mm3 < limit_mm**3) | (extent < limit_mm).all(axis=1)
     small &= found.volume_mm3 > 0.0
@@ -433,9 +431,10 @@ def print_checks(
         findings.append(Finding("unchecked", f"{message}{machine.title}; check its unit"))
         return checks, tuple(findings), []
     wall_mm, feature_mm = machine.minimum_wall_mm, machine.minimum_feature_mm
+    bodies = bodies_of(part.mesh)
     around_mm = float(extent_mm.max()) + space_around_mm(feature_mm)
     if around_mm <= longest_checked_mm(min(wall_mm, feature_mm)):
-        checks |= _walls(part, machine, findings)
+        checks |= _walls(part, bodies, machine, findings)
     else:
         message = "walls, bands and gaps were not checked: the part is too long for so small a"
         what = f"feature as {feature_mm:g}" if feature_mm <= wall_mm else f"wall as {wall_mm:g}"
@@ -445,7 +444,7 @@ def print_checks(
         interfaces, cautions = _interfaces(part, findings)
         checks |= interfaces
     checks["voxel_volume_error"] = _voxel_check(part, machine)
-    return checks, tuple(findings), [*cautions, *_closed_voids(part, machine)]
+    return checks, tuple(findings), [*cautions, *_closed_voids(bodies, part, machine)]
 
 
 def _too_large(extent_mm: FloatArray, machine: Printer) -> Finding:
@@ -457,12 +456,14 @@ def _too_large(extent_mm: FloatArray, machine: Printer) -> Finding:
     return Finding("tray", message, size_mm=float(extent_mm.max()))
 
 
-def _walls(part: CutPart, machine: Printer, findings: list[Finding]) -> dict[str, Check]:
+def _walls(
+    part: CutPart, bodies: Measures, machine: Printer, findings: list[Finding]
+) -> dict[str, Check]:
     """Hold walls, layers, separate bits and gaps of a part against the printer."""
     limit_mm = machine.minimum_feature_mm
     walls, unlisted = thin_solid_places(part.mesh, machine.minimum_wall_mm, listed=_LISTED)
     findings += _thin_findings("thin-wall", walls, unlisted, part, machine.minimum_wall_mm)
-    loose = small_bodies(part.mesh, limit_mm, max(machine.pixel_mm))
+    loose = small_bodies(bodies, limit_mm, max(machine.pixel_mm))
     if loose.count:
         findings.append(_fragments_finding(loose, None, part, limit_mm))
         unlisted += loose.count
@@ -496,7 +497,7 @@ def _layers(
     least_mm3 = _LEAST * float(min(volumes_mm3[volumes_mm3 > 0.0], default=0.0))
     bands = [band for band in measured if band.first in own]
     solid = Mesh(shell.vertices.astype(np.float64), shell.faces.astype(np.int32))
-    bits = small_bodies(solid, limit_mm, max(machine.pixel_mm))
+    bits = small_bodies(bodies_of(solid), limit_mm, max(machine.pixel_mm))
     thin = [(band, _thin_band(band, solid, limit_mm)) for band in bands]
     places, unlisted = [place for _, place in thin if place is not None], 0
     told = {n for band, place in thin if place for n in range(band.first, band.last + 1)}

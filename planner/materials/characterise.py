@@ -738,7 +738,7 @@ def _toe_note(curve: Curve, part: LinearPart) -> str:
 
 _STILL, _HELD = 1e-3, 0.02
 """The last share of the travel in which a hold is, and the share of all points from which it is
-one. Chosen: a pull at one rate has a twentieth of them there."""
+one. Chosen: in a pull at one rate a thousandth of the points is there, in a hold far more."""
 
 
 def _odd(curve: Curve, part: LinearPart, kind: str) -> Iterator[str]:

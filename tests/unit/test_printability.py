@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 import planner
 from planner.cli import run
-from planner.grading.printability import small_bodies
+from planner.grading.printability import bodies_of, small_bodies
 from planner.mesh.mesh import Mesh
 from planner.voxels.thin_places import thin_solid_places, thin_space_places
 
@@ -203,7 +203,7 @@ def test_islands_are_one_finding(tmp_path):
 def test_bits_that_no_droplet_shows_are_not_counted():
     block = cube((3, 3, 3))
     crumb = block + cube((0.03, 0.03, 0.03), (4, 0, 0)) + cube((0.1, 0.1, 0.1), (5, 0, 0))
-    bits = small_bodies(mesh_of(crumb), FEATURE, 0.042)
+    bits = small_bodies(bodies_of(mesh_of(crumb)), FEATURE, 0.042)
     assert bits.count == 1
     assert bits.place_mm == pytest.approx((5, 0, 0), abs=1e-6)
     assert len(bits.boxes_mm) == 2

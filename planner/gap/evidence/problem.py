@@ -74,7 +74,7 @@ _FAR = 4.0
 within."""
 
 
-_Place: TypeAlias = tuple[float, ...]
+_Point: TypeAlias = tuple[float, ...]
 """Of a form: s, the root of its size over the largest; shapes in -1 to 1; then perhaps details."""
 
 
@@ -216,7 +216,7 @@ class Candidate:
     """
 
     effects: tuple[str, ...]
-    parts: tuple[tuple[SignedForm, _Place], ...] = ()
+    parts: tuple[tuple[SignedForm, _Point], ...] = ()
     gain: float = 0.0
     log_evidence: float = 0.0
     members: FloatArray | None = None
@@ -230,7 +230,7 @@ class Candidate:
 
 
 def joined(
-    parts: Iterable[tuple[SignedForm, _Place]], gain: float = 0.0, log_evidence: float = 0.0
+    parts: Iterable[tuple[SignedForm, _Point]], gain: float = 0.0, log_evidence: float = 0.0
 ) -> Candidate:
     """Return signed forms at points as one candidate, effects sorted."""
     ordered = tuple(sorted(parts, key=lambda part: part[0].effect.id))

@@ -253,8 +253,9 @@ _SURROGATE_NATS = 3.0
 97 % of effects a form so far below is not the best at its mode."""
 
 _LOST_NATS = 20.0
-"""Below the best form of all by the surrogate, from which one form of an effect will do. Numerical:
-such an effect has none of the probability, with evidence counted in part too."""
+"""Below the best of all, from which one form of an effect will do by the surrogate, and what folds
+do not weigh. Numerical: such an effect has none of the probability, with evidence counted in part
+too."""
 
 _BESIDE = 3
 """Effects, the best ones at their modes, beside which every other one is looked for anew.
