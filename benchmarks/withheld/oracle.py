@@ -347,7 +347,7 @@ def _covariance(data: _Data, scatter: Scatter) -> FloatArray:
         shared[own, own] += scatter.wander**2 * wander_correlation(data.rows[i], scatter)
     scale_N = np.hypot(data.force_N, data.small_N)
     felt = (data.force_N / scale_N).ravel()
-    white = (scatter.sensor_N**2 + scatter.quantum_N**2 / 12.0) / scale_N**2
+    white = (scatter.white_N(data.force_N) / scale_N) ** 2
     return np.asarray(shared * np.outer(felt, felt) + np.diag(white.ravel()))
 
 

@@ -118,6 +118,9 @@ def open_lab(
     scatter = rules.draw_scatter(rng["scatter"], kind.scatter_factor, kind.freedom)
     if kind.level_scatter is not None:
         scatter = replace(scatter, specimen=float(rng["labs"].uniform(*kind.level_scatter)))
+    if kind.sensor_share is not None:
+        share = float(rng["labs"].uniform(*kind.sensor_share))
+        scatter = replace(scatter, slope=0.0, wander=0.0, sensor_share=share)
     law = fit_base_law(palette, rules.network, rules.largest_misfit)
     grades = len(law.coordinates)
     law = law.shifted(

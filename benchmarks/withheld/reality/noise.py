@@ -36,6 +36,8 @@ class Scatter:
         Of each grade's true law about the palette's: its level, and its course.
     sensor_N, quantum_N
         White noise and resolution of the load cell.
+    sensor_share
+        White noise besides, over each specimen's largest force.
     freedom
         Degrees of freedom of the specimens' and sensors' distribution; 0 is the normal's.
     """
@@ -51,6 +53,16 @@ class Scatter:
     sensor_N: float
     quantum_N: float
     freedom: int = 0
+    sensor_share: float = 0.0
+
+    def white_N(self, force_N: FloatArray) -> FloatArray:
+        """Return the standard deviation of each specimen's white noise, rounding too, (S, 1)."""
+        return np.hypot(self.cell_N(force_N), self.quantum_N / np.sqrt(12.0))
+
+    def cell_N(self, force_N: FloatArray) -> FloatArray:
+        """Return the standard deviation of the load cell's own, (S, 1)."""
+        share_N = self.sensor_share * np.abs(force_N).max(axis=1, keepdims=True)
+        return np.asarray(np.hypot(self.sensor_N, share_N))
 
 
 def measured_force(
@@ -75,7 +87,7 @@ def measured_force(
     level = level + scatter.batch * rng.normal(size=len(batches))[batch][:, None]
     slope = scatter.slope * _drawn((specimens, 1), scatter.freedom, rng) * (level_travel - 0.5)
     wander = scatter.wander * _wander(specimens, rows, scatter, rng)
-    sensor = scatter.sensor_N * _drawn((specimens, rows), scatter.freedom, rng)
+    sensor = scatter.cell_N(force_N) * _drawn((specimens, rows), scatter.freedom, rng)
     true = force_N * np.exp(level + slope + wander) + sensor
     return np.round(true / scatter.quantum_N) * scatter.quantum_N
 

@@ -87,7 +87,7 @@ class Yardstick:
             covariance[block, block] += np.outer(part, part)
         peak = np.abs(self.force_N).max(axis=1, keepdims=True)
         scale = np.maximum(np.abs(self.force_N[:, ROWS_LOOKED_AT]), _LEAST_SHARE_OF_PEAK * peak)
-        white = (scatter.sensor_N**2 + scatter.quantum_N**2 / 12.0) / scale**2
+        white = (scatter.white_N(self.force_N) / scale) ** 2
         covariance += np.diag(white.ravel())
         flat = excess.ravel()
         return float(np.sqrt(flat @ np.linalg.solve(covariance, flat)))

@@ -30,6 +30,9 @@ class Tier:
         Whether the palette is another law family's fit to three noisy specimens a grade.
     stray
         Whether one specimen's force is off by a factor of its own.
+    sensor_share
+        Range of the load cell's white noise over each specimen's largest force, where curves
+        differ by that and their level alone.
     negligible
         Whether what is hidden is smaller than the scatter: the right answer is "none".
     """
@@ -40,6 +43,7 @@ class Tier:
     level_scatter: tuple[float, float] | None = None
     fitted: bool = False
     stray: bool = False
+    sensor_share: tuple[float, float] | None = None
     negligible: bool = False
 
 
@@ -63,6 +67,8 @@ TIERS: Mapping[str, Tier] = {
     "fill": Tier("force falls along a further column, as a gain would have it"),
     "lab": Tier("a batch's gain beside rate and temperature"),
     "three": Tier("pounds in some files, slack of soft grades, and one law that is off"),
+    "noisy": Tier("one effect; a noisy load cell", sensor_share=(0.001, 0.005)),
+    "noisy-none": Tier("no effect; a noisy load cell", sensor_share=(0.001, 0.005)),
 }
 """Tiers by name; the order is part of the seeds."""
 
@@ -125,10 +131,10 @@ def draw_causes(
     ids = sorted(EFFECTS)
     wanted = _draw_snr(rng)
     match tier:
-        case "none" | "none-t4" | "none-scatter" | "fitted-none" | "levels":
+        case "none" | "none-t4" | "none-scatter" | "fitted-none" | "levels" | "noisy-none":
             return ()
-        case "library" | "other" | "fitted" | "stray":
-            if tier in LABS:  # beside what the palette or a stray hides
+        case "library" | "other" | "fitted" | "stray" | "noisy":
+            if tier in LABS:  # beside what the palette, a stray or noise hides
                 tier, wanted = "library", max(wanted, _CLEAR)
             effect = EFFECTS[ids[turn % len(ids)]]
             return (drawn_cause(effect, tier, set_name, design, wanted, rng),)
