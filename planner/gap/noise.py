@@ -120,8 +120,8 @@ class NoisyFeatures:
     ----------
     sensitivity : (N,)
         Of the transformed features by the logarithm of force or strain.
-    sensor_sd_N : (n,)
-        Of each specimen's force.
+    sensor_sd_N : (N,)
+        What the noise of its record makes of each force.
     batch_of : (n,)
         A number of each specimen's batch, -1 where unknown.
     """
@@ -147,11 +147,11 @@ class NoisyFeatures:
     def _block(self, scatter: Scatter, rows: slice) -> FloatArray:
         """Return the covariance of one specimen's rows, (d, d): forces, then strains of a bar."""
         stop = rows.stop - int(self.table.is_field[rows].sum())
-        forces = self._force_block(scatter, slice(rows.start, stop))
+        forces = self._force_block(scatter, slice(rows.start, stop), _MODEL_SD)
         field = _field_block(self.table, self.sensitivity, scatter, slice(stop, rows.stop))
         return scipy.linalg.block_diag(forces, field)
 
-    def _force_block(self, scatter: Scatter, rows: slice | IntArray) -> FloatArray:
+    def _force_block(self, scatter: Scatter, rows: slice | IntArray, least: float) -> FloatArray:
         """Return the covariance of one specimen's forces, (d, d)."""
         table, h = self.table, self.sensitivity[rows]
         place, strain = table.path[rows], table.strain[rows]
@@ -159,9 +159,8 @@ class NoisyFeatures:
         far = np.abs(np.subtract.outer(place, place)) / scatter.wander_length
         block = scatter.specimen**2 * np.outer(h, h) + scatter.slope**2 * np.outer(tilt, tilt)
         block += scatter.wander**2 * np.exp(-far) * np.outer(h, h)
-        sensor = scatter.sensor * self.sensor_sd_N[table.specimen[rows]]
-        own = sensor * _by_raw(table, self.sensitivity, rows)
-        block[np.diag_indices(len(h))] += own**2 + _MODEL_SD**2
+        own = scatter.sensor * self.sensor_sd_N[rows] * _by_raw(table, self.sensitivity, rows)
+        block[np.diag_indices(len(h))] += own**2 + least**2
         return block
 
     def estimated_scatter(
@@ -206,7 +205,7 @@ class NoisyFeatures:
             inner, cross = np.eye(len(batches)), np.zeros(len(batches))
             for (first, *_), values, shares in zip(groups, contrasts, of_batch, strict=True):
                 columns = np.stack([scatter.batch * self.sensitivity[first], *values], axis=1)
-                half_log, white = _whitened(self._force_block(scatter, first), columns)
+                half_log, white = _whitened(self._force_block(scatter, first, _READ_SD), columns)
                 total += len(values) * half_log + 0.5 * float(np.sum(white[:, 1:] ** 2))
                 inner += float(white[:, 0] @ white[:, 0]) * shares.T @ shares
                 cross += shares.T @ (white[:, 1:].T @ white[:, 0])
@@ -351,6 +350,10 @@ thousandths of strain. Of the parts of it the shares are chosen: most of a curve
 _MODEL_SD = 0.1 * USUAL.specimen
 """No prediction is truer than this, in transformed units. Numerical: above what discretisation and
 reading a curve at a place leave, and little beside the scatter."""
+
+_READ_SD = 0.1 * _MODEL_SD
+"""What replicates differ by at least: a prediction that is off is off for all of them. Numerical:
+so that records without noise have a covariance."""
 
 _PRIOR_SD = {"specimen": 1.0, "batch": 0.5, "slope": 0.8, "wander": 0.8, "wander_length": 0.4,
              "sensor": 0.4, "field": 1.0, "field_relative": 1.0, "field_shared": 1.5}  # fmt: skip

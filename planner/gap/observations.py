@@ -466,8 +466,8 @@ class ObservationModel:
     measured_N : (n, T)
         Force of each specimen on its test's steps, times the test's section over its own; NaN
         for one that is left out.
-    sensor_sd_N : (n,)
-        Noise of the force, point to point.
+    sensor_sd_N : (n, T)
+        What the noise of the record makes of each of `measured_N`.
     limitations
         What was left out, a sentence each.
     weight : (m,)
@@ -543,7 +543,7 @@ def observation_model(campaign: Campaign) -> ObservationModel:
             break
         for number, end in ends.items():
             limits |= dict.fromkeys(tests[number].places, end)
-    measured = forces_N(specimens, tests)
+    measured, share = forces_N(specimens, tests)
     sensor = np.array([_sensor_sd_N(specimen.force_N) for specimen in specimens])
     test_of, alike = np.full((2, len(specimens)), -1)
     for number, test in enumerate(tests):
@@ -567,7 +567,7 @@ def observation_model(campaign: Campaign) -> ObservationModel:
         field_weights=weights,
         weight=weights.weight[len(weights.weight) // 2, len(SIDES) // 2],
         measured_N=measured,
-        sensor_sd_N=sensor,
+        sensor_sd_N=sensor[:, None] * share,
         limitations=tuple(_limitations(specimens, paths, past)),
     )
 

@@ -683,12 +683,14 @@ def _step_times_s(path: SpecimenPath, test: ReplicateTest) -> FloatArray:
     return times
 
 
-def forces_N(specimens: Sequence[Specimen], tests: Sequence[ReplicateTest]) -> FloatArray:
+def forces_N(
+    specimens: Sequence[Specimen], tests: Sequence[ReplicateTest]
+) -> tuple[FloatArray, FloatArray]:
     """Return each specimen's force on its test's steps, (n, T), as of the test's section.
 
-    NaN for a specimen of none.
+    And the noise of each as a share of the record's, (n, T). NaN for a specimen of none.
     """
-    forces = np.full((len(specimens), PATH_STEPS), np.nan)
+    forces, noise = np.full((2, len(specimens), PATH_STEPS), np.nan)
     for test in tests:
         group = [specimens[place] for place in test.places]
         at = np.linspace(0.0, group[0].gauge_mm, 65)
@@ -697,17 +699,17 @@ def forces_N(specimens: Sequence[Specimen], tests: Sequence[ReplicateTest]) -> F
             own = specimen.section_mm2(at)
             # In series the compliances add up, so the ratio that counts is of 1 / area.
             ratio = 1.0 if own is None else float(np.mean(1.0 / own) / np.mean(1.0 / mean))
-            forces[place] = ratio * _forces_of(path, test)
-    return forces
+            forces[place], noise[place] = ratio * np.stack(_forces_of(path, test))
+    return forces, noise
 
 
-def _forces_of(path: SpecimenPath, test: ReplicateTest) -> FloatArray:
-    """Return a specimen's force at the travel, or the time of a rest, of each step, (T,).
+def _forces_of(path: SpecimenPath, test: ReplicateTest) -> tuple[FloatArray, FloatArray]:
+    """Return a specimen's force at the travel, or the time of a rest, of each step, and its noise.
 
     A parabola through the rows of the same segment within a quarter of a stride to either side, or
     the nearest few, is taken where the step is.
     """
-    forces = np.zeros(len(test.segment))
+    forces, noise = np.zeros(len(test.segment)), np.ones(len(test.segment))
     travel = test.travel_mm
     for number, (own, mean) in enumerate(zip(path.segments, test.segments, strict=True)):
         here = np.flatnonzero(test.segment == number)
@@ -724,16 +726,20 @@ def _forces_of(path: SpecimenPath, test: ReplicateTest) -> FloatArray:
             forces[here] = np.interp(0.5 * (own.begin_s + own.end_s), path.time_s, path.force_N)
             continue
         stride = np.abs(np.gradient(places)) if len(places) > 1 else np.full(1, np.ptp(rows))
-        forces[here] = _smooth(rows, path.force_N[inside], places, 0.25 * stride)
+        forces[here], noise[here] = _smooth(rows, path.force_N[inside], places, 0.25 * stride)
     # As it was read: a parabola that ends where curves bend most is off by more than an offset.
-    forces[0] = path.force_N[path.segments[0].first]
-    return forces
+    forces[0], noise[0] = path.force_N[path.segments[0].first], 1.0
+    return forces, noise
 
 
 def _smooth(
     rows: FloatArray, values: FloatArray, places: FloatArray, reach: FloatArray
-) -> FloatArray:
-    """Return local parabolas at `places`, of the rows within `reach`, at least `_FEWEST`."""
+) -> tuple[FloatArray, FloatArray]:
+    """Return local parabolas at `places`, of the rows within `reach`, at least `_FEWEST`.
+
+    And the noise that each has, as a share of that of a row.
+    """
+    count = len(values)
     rows, values = _fewer(rows, _MANY), _fewer(values, _MANY)
     away = np.abs(rows[None, :] - places[:, None])
     if len(rows) > _FEWEST:
@@ -751,8 +757,9 @@ def _smooth(
     normal = np.einsum("pr,pri,prj->pij", weight, basis, basis)
     # Rows that stand at one place decide no slope; the least of a ridge leaves it at none.
     normal += 1e-9 * np.trace(normal, axis1=1, axis2=2)[:, None, None] * np.diag(powers > 0)
-    right = np.einsum("pr,pri,r->pi", weight, basis, values)
-    return np.asarray(np.linalg.solve(normal, right[..., None])[:, 0, 0])
+    first = np.linalg.solve(normal, np.eye(len(powers))[:, :1])
+    of_row = weight * np.einsum("pri,pi->pr", basis, first[..., 0])
+    return of_row @ values, np.linalg.norm(of_row, axis=1) * np.sqrt(len(values) / count)
 
 
 # ------------------------------------------------------------------------------------------------
