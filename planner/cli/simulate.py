@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from inspect import signature
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -21,13 +22,8 @@ _PlansPrinter = Annotated[
 _CELL = ("--cell", "--cell-mm")
 _ROWS = 6
 
-_OF_PART = ["material", "cell_mm", "compare_cells", "unit", "bodies"]
+_FILES_OF_BAR = ["field"]
 _FILES_OF_PART = ["watch", "deformed", "vtu", "volume", "page"]
-_OF_BAR = [
-    "to_strain", "rate_mm_s", "protocol", "cycles", "hold_s", "slices", "between_mm", "width_mm",
-    "thickness_mm", "gauge_mm",
-]  # fmt: skip
-_OF_BOTH = ["steps", "level", "printer", "palette"]
 
 
 def simulate(
@@ -144,17 +140,20 @@ def simulate(
     own = planner.LoadCase(watch=seen, **{k: v for k, v in vars(loads).items() if v is not None})
     held = [] if own.is_empty else [own]
     whole = bool(held) or cases is not None
+    solve: Callable[..., Any] = planner.simulate_bar
+    other: Callable[..., Any] = planner.simulate_part
     why = "it is of a whole part; say how that is held and loaded with `fix` and `load`, `moment`, "
     why += "`pressure`, `move` or `gravity`, or with `cases`"
     if whole:
+        solve, other = other, solve
         why = "it is of a bar that is pulled along its axis, not of a whole part; leave it out"
-    for name in (*_OF_BAR, "field") if whole else (*_OF_PART, *_FILES_OF_PART):
-        if name in given:
+    takes = signature(solve).parameters
+    for name in (*signature(other).parameters, *(_FILES_OF_BAR if whole else _FILES_OF_PART)):
+        if name in given and name not in takes:
             told = ", ".join(given[name]) if name == "watch" else given[name]
             raise ArgumentError(f"`{name}` {told}: {why}")
     if between_mm is not None:
         given["between_mm"] = _between(between_mm)
-    options = {name: given[name] for name in (*_OF_BOTH, *_OF_BAR, *_OF_PART) if name in given}
     if cases is not None:
         held += [replace(case, watch=(*case.watch, *seen)) for case in read_cases(cases)]
     files: dict[str, tuple[Path | None, Callable[[Any], bytes]]] = {
@@ -178,12 +177,9 @@ def simulate(
     ]
     for paths in each:
         cli.check_targets(context, force=force, reads=(), **whole_files, **paths)
-    results: Any
     with cli.progress(not quiet and not as_json and whole) as stage:
-        if whole:
-            results = planner.simulate_part(source, held, progress=stage, **options)
-        else:
-            results = (planner.simulate_bar(source, **options),)
+        asked = cli.taken(solve, given) | ({"cases": held, "progress": stage} if whole else {})
+        results = solve(**asked) if whole else (solve(**asked),)
         if page is not None:
             stage("making the page")
             write_whole(page, planner.part_page(results))
