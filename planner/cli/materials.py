@@ -11,7 +11,7 @@ from typer import Argument, Context, Option
 
 import planner
 from planner.cli import output as cli
-from planner.errors import ArgumentError
+from planner.errors import ArgumentError, refused
 from planner.glance import format_interval, format_number
 
 _AtStrain = Annotated[
@@ -380,8 +380,7 @@ def _corrections(found: "planner.Characterisation") -> list[str]:
 
 
 def _tables(found: "planner.Characterisation") -> None:
-    def told(number: int, name: str) -> str:
-        one = found.materials[number]
+    def told(one: Any, name: str) -> str:
         if name == "deforms":
             return f"{one.deformation.kind}ally"
         spread = one.spreads.get(name)
@@ -406,8 +405,8 @@ def _tables(found: "planner.Characterisation") -> None:
         ("Break", breaks),
     ):
         rows = [
-            [one.material, str(one.n), *(told(number, name) for name in names)]
-            for number, one in enumerate(found.materials)
+            [one.material, str(one.n), *(told(one, name) for name in names)]
+            for one in found.materials
         ]
         cli.print_table(["material", ">n", *names.values()], rows, title=title)
 
@@ -511,13 +510,11 @@ def _figures(given: Sequence[str] | None, option: str) -> dict[str, float]:
     figures = {}
     for text in given or ():
         key, _, value = text.rpartition("=")
-        try:
-            number = float(value)
-        except ValueError:
-            number = math.nan
-        if not key.strip() or not math.isfinite(number):
-            raise ArgumentError(f"{option} {text!r}: write ID=NUMBER, as FLX9760=0.5")
-        figures[key.strip()] = number
+        said = "write ID=NUMBER, as FLX9760=0.5"
+        with refused(ArgumentError, f"{option} {text!r}", said, ValueError):
+            figures[key.strip()] = float(value)
+            if not key.strip() or not math.isfinite(float(value)):
+                raise ValueError
     return figures
 
 

@@ -101,21 +101,18 @@ def _ladder(scale: StiffnessScale) -> Iterator[str]:
     yield from drawn
     for coordinate, modulus in others:
         yield svg.ring(chart.x(coordinate), _log_y(chart, modulus), colour=RUST, radius=4.5)
-    each = zip(scale.model.coordinates.tolist(), scale.moduli_MPa, strict=True)
-    at = [(chart.x(coordinate), _log_y(chart, modulus)) for coordinate, modulus in each]
-    for (x, y), ends, material in zip(at, scale.intervals_MPa, materials, strict=True):
+    names = []
+    each = zip(materials, scale.moduli_MPa, scale.intervals_MPa, strict=True)
+    for material, modulus, ends in each:
+        x, y = chart.x(material.coordinate), _log_y(chart, modulus)
         bottom, top = (_log_y(chart, end) for end in ends)
         yield svg.segment((x, bottom), (x, top), colour=BLUE)
         yield from _dot(x, y, colour=material.colour, radius=6.0)
-    # A ladder rises, so that there is room below a grade on its right and above it on its left.
-    right = chart.left + chart.width
-    names = [material.id for material in materials]
-    below = [x + 9.0 + _LETTER * len(name) < right for (x, _), name in zip(at, names, strict=True)]
-    placed = [
-        (x + 9.0, y + 15.0, "start") if fits else (x - 9.0, y - 9.0, "end")
-        for (x, y), fits in zip(at, below, strict=True)
-    ]
-    yield from _names(names, placed)
+        # A ladder rises, so that there is room below a grade on its right and above on its left.
+        fits = x + 9.0 + _LETTER * len(material.id) < chart.left + chart.width
+        place = (x + 9.0, y + 15.0, "start") if fits else (x - 9.0, y - 9.0, "end")
+        names.append((material.id, *place))
+    yield from _names(names)
     yield from _ladder_key(bool(others))
 
 
@@ -149,23 +146,21 @@ def _stresses(scale: StiffnessScale, left: float) -> Iterator[str]:
         x = chart.x(scale.at_strain)
         yield svg.segment((x, _TOP), (x, _TOP + _HEIGHT), colour=QUIET, width=1.2, dash="5,4")
         yield svg.text(x + 5.0, _TOP + _HEIGHT - 8.0, "working strain", colour=QUIET, size=_SMALL)
-    ends = []
+    names = []
     for material, (strain, stress) in zip(materials, curves, strict=True):
         y = np.log10(stress)
         yield chart.line(strain, y, colour=INK, width=3.2)
         yield chart.line(strain, y, colour=material.colour, width=2.0)
         x_end, y_end = chart.x(float(strain[-1])), chart.y(float(y[-1]))
         yield svg.cross(x_end, y_end, colour=INK, arm=4.0)
-        ends.append((x_end + 8.0, y_end + 4.0, "start"))
-    yield from _names([material.id for material in materials], ends)
+        names.append((material.id, x_end + 8.0, y_end + 4.0, "start"))
+    yield from _names(names)
 
 
-def _names(names: Sequence[str], places: Sequence[tuple[float, float, str]]) -> Iterator[str]:
-    """Write names beside marks, from the lowest up; what would cover another moves up."""
-    taken = [(x - 15.0, x - 3.0, y) for x, y, anchor in places if anchor == "start"]
-    for name, (x, y, anchor) in sorted(
-        zip(names, places, strict=True), key=lambda item: -item[1][1]
-    ):
+def _names(names: Sequence[tuple[str, float, float, str]]) -> Iterator[str]:
+    """Write names at places beside marks, from the lowest up; what would cover another moves up."""
+    taken = [(x - 15.0, x - 3.0, y) for _, x, y, anchor in names if anchor == "start"]
+    for name, x, y, anchor in sorted(names, key=lambda placed: -placed[2]):
         start = x - _LETTER * len(name) if anchor == "end" else x
         stop = start + _LETTER * len(name)
         for left, right, at in sorted(taken, key=lambda box: -box[2]):
