@@ -206,11 +206,9 @@ def load_profile(folder: Traversable, name: str = "printer.toml") -> PrinterProf
         raise PaletteError(f"printer {folder}: {name}: {error}") from error
     if file.schema != 1 or not file.palettes:
         raise PaletteError(f"printer {file.name}: {name} needs schema = 1 and a palette")
-    stated = msgspec.structs.asdict(file)
     for key in _LENGTHS:
-        _check_lengths(stated[key], f"printer {file.name}: {name}: {key}")
-    for key in ("schema", "source", "like"):
-        del stated[key]
+        _check_lengths(getattr(file, key), f"printer {file.name}: {name}: {key}")
+    stated = {key: getattr(file, key) for key in (*_SAME_AS_BASE, "operator_names")}
     return PrinterProfile(**stated, folder=folder, base=base)
 
 

@@ -280,14 +280,13 @@ def _join_shells(shells: _Slab) -> tuple[_Runs, NDArray[np.int64], int, int]:
     before = np.cumsum([0, *map(len, starts)])
     offsets = np.stack([own + n for own, n in zip(own_offsets, before, strict=False)])
     start, stop = np.concatenate(starts), np.concatenate(stops)
-    joined, label = np.empty((2, len(start)), np.int32), np.empty(len(start), np.int32)
+    joined = np.empty((3, len(start)), np.int32)  # start, stop and label of each
     new_offsets = np.zeros(rows + 1, np.int64)
     voxels = np.zeros((rows // ny, len(shells)), np.int64)
     place = offsets[:, 0].copy()
-    made = (new_offsets, joined[0], joined[1], label, voxels)
+    made = (new_offsets, *joined, voxels)
     runs, overlapping = _join(offsets, start, stop, ny, place, *made)
-    drawn = (new_offsets, joined[0, :runs], joined[1, :runs], label[:runs])
-    return drawn, voxels, int(overlapping), sum(open_rows)
+    return (new_offsets, *joined[:, :runs]), voxels, int(overlapping), sum(open_rows)
 
 
 @kernel
