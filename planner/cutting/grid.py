@@ -348,6 +348,9 @@ class LevelSets:
         1 where a cube holds any of the part, 2 where it has faces.
     values
         The field as the grid has it at the part's vertices.
+    field_range
+        Values between which the field lies over the part: those of the grid, and its largest step
+        more either way.
     """
 
     vertices: Float32Array
@@ -359,6 +362,7 @@ class LevelSets:
     touched: NDArray[np.int32]
     cubes: NDArray[np.uint8]
     values: FloatArray
+    field_range: tuple[float, float]
 
 
 _Faces = tuple[FloatArray, NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]]
@@ -406,7 +410,9 @@ def draw_level_sets(
     active.reshape(-1)[cell] = 2
     values = grid.interpolate(mesh.vertices)
     points_mm = lattice.rounded(points)
-    return LevelSets(points_mm, faces, level, cell, lattice, offsets, touched, active, values)
+    step = max(np.nanmax(np.abs(np.diff(grid.values, axis=axis))) for axis in range(3))
+    ends = float(np.nanmin(grid.values) - step), float(np.nanmax(grid.values) + step)
+    return LevelSets(points_mm, faces, level, cell, lattice, offsets, touched, active, values, ends)
 
 
 def _drawn_near(

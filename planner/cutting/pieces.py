@@ -55,6 +55,8 @@ class Pieces:
         The level each of `cap_faces` lies in.
     count : int
         Number of pieces, L + 1; some may be empty.
+    field_range
+        Values between which the field lies over the part.
     """
 
     vertices: Float32Array
@@ -63,6 +65,7 @@ class Pieces:
     cap_faces: NDArray[np.int32]
     cap_level: NDArray[np.int32]
     count: int
+    field_range: tuple[float, float] = (0.0, 1.0)
 
     @cached_property
     def measures(self) -> Measures:
@@ -399,6 +402,7 @@ def _divide_along(
     order = np.argsort(sets.level[source[kept == 1]], kind="stable")
     caps, source = caps[kept == 1][order], source[kept == 1][order]
     divided = _cleaned(pool, faces, label, caps, sets.level[source], len(levels) + 1)
+    divided = replace(divided, field_range=sets.field_range)
     return divided, meetings.broken + part_loops.broken + level_loops.broken
 
 
@@ -613,4 +617,6 @@ def split(
         pitch_mm = default_pitch_mm(mesh) if pitch_mm is None else pitch_mm
         return _split_curved(mesh, field, values, pitch_mm, within_mm, follow)
     divided, vertices, cap_faces, cap_level = cut_by_planes(mesh, field, values)
-    return Pieces(vertices, divided.faces, divided.piece, cap_faces, cap_level, len(values) + 1)
+    found = Pieces(vertices, divided.faces, divided.piece, cap_faces, cap_level, len(values) + 1)
+    over = field.values(mesh.vertices)
+    return replace(found, field_range=(float(over.min()), float(over.max())))

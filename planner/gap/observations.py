@@ -543,7 +543,7 @@ def observation_model(campaign: Campaign) -> ObservationModel:
             break
         for number, end in ends.items():
             limits |= dict.fromkeys(tests[number].places, end)
-    measured, share = forces_N(specimens, tests)
+    measured, noise = forces_N(specimens, tests)
     sensor = np.array([_sensor_sd_N(specimen.force_N) for specimen in specimens])
     test_of, alike = np.full((2, len(specimens)), -1)
     for number, test in enumerate(tests):
@@ -567,7 +567,7 @@ def observation_model(campaign: Campaign) -> ObservationModel:
         field_weights=weights,
         weight=weights.weight[len(weights.weight) // 2, len(SIDES) // 2],
         measured_N=measured,
-        sensor_sd_N=sensor[:, None] * share,
+        sensor_sd_N=sensor[:, None] * noise,
         limitations=tuple(_limitations(specimens, paths, past)),
     )
 

@@ -683,14 +683,13 @@ def _step_times_s(path: SpecimenPath, test: ReplicateTest) -> FloatArray:
     return times
 
 
-def forces_N(
-    specimens: Sequence[Specimen], tests: Sequence[ReplicateTest]
-) -> tuple[FloatArray, FloatArray]:
-    """Return each specimen's force on its test's steps, (n, T), as of the test's section.
+def forces_N(specimens: Sequence[Specimen], tests: Sequence[ReplicateTest]) -> FloatArray:
+    """Return each specimen's force on its test's steps, and its noise, (2, n, T).
 
-    And the noise of each as a share of the record's, (n, T). NaN for a specimen of none.
+    As of the test's section; the noise as a share of that of the record. NaN for a specimen of
+    none.
     """
-    forces, noise = np.full((2, len(specimens), PATH_STEPS), np.nan)
+    forces = np.full((2, len(specimens), PATH_STEPS), np.nan)
     for test in tests:
         group = [specimens[place] for place in test.places]
         at = np.linspace(0.0, group[0].gauge_mm, 65)
@@ -699,25 +698,23 @@ def forces_N(
             own = specimen.section_mm2(at)
             # In series the compliances add up, so the ratio that counts is of 1 / area.
             ratio = 1.0 if own is None else float(np.mean(1.0 / own) / np.mean(1.0 / mean))
-            forces[place], noise[place] = ratio * np.stack(_forces_of(path, test))
-    return forces, noise
+            forces[:, place] = ratio * _forces_of(path, test)
+    return forces
 
 
-def _forces_of(path: SpecimenPath, test: ReplicateTest) -> tuple[FloatArray, FloatArray]:
+def _forces_of(path: SpecimenPath, test: ReplicateTest) -> FloatArray:
     """Return a specimen's force at the travel, or the time of a rest, of each step, and its noise.
 
     A parabola through the rows of the same segment within a quarter of a stride to either side, or
     the nearest few, is taken where the step is.
     """
-    forces, noise = np.zeros(len(test.segment)), np.ones(len(test.segment))
-    travel = test.travel_mm
+    forces, noise = found = np.ones((2, len(test.segment)))
     for number, (own, mean) in enumerate(zip(path.segments, test.segments, strict=True)):
         here = np.flatnonzero(test.segment == number)
         inside = (path.time_s >= own.begin_s - 1e-9) & (path.time_s <= own.end_s + 1e-9)
         inside &= (np.arange(len(inside)) >= own.first) & (np.arange(len(inside)) <= own.last)
         if own.moves:
-            rows = path.travel_mm[inside]
-            places = travel[here]
+            rows, places = path.travel_mm[inside], test.travel_mm[here]
         else:
             scale = (mean.end_s - mean.begin_s) / _HOLD_DECADES
             rows = np.log1p(np.maximum(path.time_s[inside] - own.begin_s, 0.0) / scale)
@@ -728,8 +725,8 @@ def _forces_of(path: SpecimenPath, test: ReplicateTest) -> tuple[FloatArray, Flo
         stride = np.abs(np.gradient(places)) if len(places) > 1 else np.full(1, np.ptp(rows))
         forces[here], noise[here] = _smooth(rows, path.force_N[inside], places, 0.25 * stride)
     # As it was read: a parabola that ends where curves bend most is off by more than an offset.
-    forces[0], noise[0] = path.force_N[path.segments[0].first], 1.0
-    return forces, noise
+    found[:, 0] = path.force_N[path.segments[0].first], 1.0
+    return found
 
 
 def _smooth(

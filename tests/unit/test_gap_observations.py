@@ -10,6 +10,7 @@ from scipy.special import ndtr
 from planner.errors import FileError
 from planner.gap.campaign import Campaign, Specimen, StrainField
 from planner.gap.campaign_folder import read_campaign, write_campaign
+from planner.gap.diagnose import prepared
 from planner.gap.effects import EFFECTS
 from planner.gap.observations import BRANCHES, observation_model
 from planner.gap.segments import path_of
@@ -520,3 +521,34 @@ def test_slices_are_fine_enough_for_force_and_strain():
     )
     coarse = predict(setup, found.laws).force_N
     np.testing.assert_allclose(coarse, predict(fine, found.laws).force_N, rtol=5e-4, atol=1e-9)
+
+
+@pytest.mark.parametrize("rows", [40, 240, 3000])
+def test_each_force_has_the_noise_of_the_rows_that_it_is_read_from(rows: int) -> None:
+    """Of the parabola through them, as many specimens show; at rest that of one row."""
+    rng = np.random.default_rng(rows)
+    clean = Campaign("c", "p", PALETTE, (specimen("a", rows=rows),))
+    noisy = tuple(specimen(f"s{k}", rng=rng, rows=rows) for k in range(80))
+    model = observation_model(Campaign("c", "p", PALETTE, noisy))
+    off = model.measured_N - observation_model(clean).measured_N
+    said = NOISE_N * model.sensor_sd_N / model.sensor_sd_N[:, :1]
+    assert said[0, 0] == NOISE_N
+    assert said[0, -1] < said[0, 0]
+    # Of 80 figures a deviation is off by 8 %: four of these, and a quarter of it for the mean.
+    found = np.sqrt(np.mean((off / said) ** 2, axis=0))
+    np.testing.assert_allclose(found, 1.0, atol=0.32)
+    assert found.mean() == pytest.approx(1.0, abs=0.08)
+
+
+def test_replicates_show_the_noise_of_their_load_cell() -> None:
+    """What a prediction is off by is the same for all of them: it is no part of their noise."""
+    rng = np.random.default_rng(6)
+    levels = np.exp(0.03 * rng.normal(size=30))
+    made = tuple(
+        specimen(f"s{k}", rng=rng, factor=factor, material=("soft", "firm")[k % 2])
+        for k, factor in enumerate(levels)
+    )
+    problem, *_ = prepared(Campaign("c", "p", PALETTE, made))
+    # Of 30 records with nine forces each the factor is known to some 5 %.
+    assert problem.scatter.sensor == pytest.approx(1.0, abs=0.2)
+    assert problem.scatter.specimen == pytest.approx(0.03, rel=0.4)

@@ -123,6 +123,25 @@ def test_cells_that_miss_the_field_are_refused():
         grade("radial:", pitch_mm=1000)
 
 
+@pytest.mark.parametrize(
+    ("field", "step"),
+    [("distance: plane=0 0 0 1 0 0, from=0, to=400", 2e-6), ("expression: x / 400", 0.006)],
+)
+def test_a_part_that_holds_a_stretch_of_the_field_has_the_targets_of_that(field, step):
+    """What the field does beyond the part is no error of the part; a step of the grid is."""
+    plan = grade(field, pitch_mm=1.0)
+    low, high = np.array(plan.part.bounds_mm)[:, 0] / 400.0
+    assert len(plan.regions) > 1
+    ends = plan.gradient.profile["moduli_MPa"]
+    assert low - step <= plan.regions[0].field[0] <= low
+    assert high <= plan.regions[-1].field[1] <= high + step
+    for region in plan.regions:
+        target = np.exp(np.interp(region.field, (0.0, 1.0), np.log(ends)))
+        np.testing.assert_allclose(region.target_modulus_MPa, target, rtol=1e-6)
+        error = [region.modulus_MPa / end - 1.0 for end in reversed(region.target_modulus_MPa)]
+        np.testing.assert_allclose(region.error, error)
+
+
 def test_what_does_nothing_is_told():
     away = grade("radial: point=500 500 500, to=12")
     assert any("all of the part is TangoPlus: it lies within 0 to" in w for w in away.warnings)
