@@ -161,8 +161,12 @@ class PartDesign:
         what = counted(len(self.values), "control" if self.free else "knot")
         return (
             f"{self.plan.part.name}: {counted(len(self.reached), 'target')}, worst missed by "
-            f"{in_percent(worst)}, {what}; " + outcome((len(self.findings), "finding"))
+            f"{in_percent(worst)}, {what}; " + outcome((len(self._found), "finding"))
         )
+
+    @property
+    def _found(self) -> list[Any]:
+        return [*self.findings, *self.plan.findings]
 
     @property
     def ok(self) -> bool:
@@ -182,7 +186,7 @@ class PartDesign:
             "values": list(self.values),
             "targets": [{**asdict(r), "hard": r.hard} for r in self.reached],
             **{name: getattr(self, name) for name in same},
-            "findings": [asdict(f) for f in self.findings],
+            "findings": [{"kind": f.kind, "message": f.message} for f in self._found],
             "notes": list(self.notes),
         }
 
@@ -379,7 +383,7 @@ def design(
     for aims in wanted if alone else wanted[:1]:
         aims += figures
     if not all(wanted) or not any(aim.sense == "=" for aims in wanted for aim in aims):
-        raise ArgumentError("`target` is missing: give one, as target='x=min uz=-12 mm'")
+        raise ArgumentError("`target` is missing: each case needs one, as target='x=min uz=-12 mm'")
     if not 2 <= knots <= _MOST_KNOTS:
         raise ArgumentError(f"`knots` {knots}: it must be a whole number from 2 to {_MOST_KNOTS}")
     if prefer not in _PREFER:

@@ -34,13 +34,16 @@ class Reached:
     interval
         Holds what a print does, from the palette's uncertainty; None of a surface.
     error
-        (printed - wanted) over wanted, of a surface over its longest way; None where nothing is
-        wanted to move.
+        (printed - wanted) over `whole`, of a surface over its longest way; None of a point of a
+        shape along an axis along which it is not to move.
     reach
         The figure in the softest and in the stiffest material that is allowed; None where the part
         is not stable in it.
     largest
         Of a surface: the largest deviation of the printed part, mm.
+    whole
+        What a miss is relative to: what is wanted; of a target of 0 the farthest that the softest
+        or the stiffest material comes to, at least a hundredth of the part, 1 deg or 1 N.
     """
 
     target: str
@@ -54,6 +57,7 @@ class Reached:
     error: float | None
     reach: tuple[float | None, float | None] = (None, None)
     largest: float | None = None
+    whole: float = 1.0
 
     @property
     def hard(self) -> bool:
@@ -70,7 +74,7 @@ class Reached:
         if self.error is None:
             return 0.0
         if self.kind not in "<>":
-            return abs(self.error if self.unit == "mm off" else figure / self.wanted - 1.0)
+            return abs(self.error if self.unit == "mm off" else (figure - self.wanted) / self.whole)
         over = abs(figure) / self.wanted - 1.0
         return max(over if self.kind == "<" else -over, 0.0)
 
@@ -147,11 +151,14 @@ def reached(
     for case, one in zip(problem.cases, solved, strict=True):
         intervals = one.intervals(problem.stiffness.model, level)
         for goal, figure, span in zip(case.goals, one.values().tolist(), intervals, strict=True):
-            off = None if not goal.wanted else figure / goal.wanted - 1.0
             continuous, ends = next(figures)
+            whole = goal.wanted
+            if not whole and goal.kind == "target":
+                whole = max([goal.scale, *(abs(end) for end in ends if end is not None)])
+            off = (figure - goal.wanted) / whole if whole else None
             yield Reached(
                 goal.text, case.name, goal.kind, goal.unit, goal.wanted, continuous, figure,
-                span, off, ends,
+                span, off, ends, whole=whole,
             )  # fmt: skip
         for shape, miss in zip(case.shapes, one.deviations(), strict=True):
             way_mm = shape.wanted.greatest_mm
@@ -195,8 +202,9 @@ def findings(
                 + ("" if row.continuous > 0.8 * row.printed else closer),
             )
             continue
-        off = row.missed if row.kind in "<>" else row.printed / row.wanted - 1.0
-        told = f"{name}: {row.printed:.4g} {row.unit} is reached, {in_percent(off, '+')}; "
+        off = row.missed if row.kind in "<>" else (row.printed - row.wanted) / row.whole
+        told = f"{name}: {row.printed:.4g} {row.unit} is reached, {in_percent(off, '+')}"
+        told += "; " if row.wanted else " of the farthest that one material alone gives; "
         if row.missed_by(row.continuous) > tolerance:
             soft, stiff = (f"{e:.4g}" if e is not None else "nothing stable" for e in row.reach)
             told += (

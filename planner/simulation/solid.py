@@ -78,6 +78,10 @@ class _FacetPoints(NamedTuple):
             yield int(self.cell[a]), slice(a, b)
 
 
+_CLOSED = 1e-6
+"""Area vectors of a closed surface add up to less of its area. Numerical: single precision's."""
+
+
 def _facet_points(cells: CutCells, facets: BoolArray) -> _FacetPoints:
     """Return the points of the facets that are marked, (F,), of the cells' surface."""
     corners, area = cells.surface.triangles[facets], cells.surface.area_vectors_mm2[facets]
@@ -503,12 +507,19 @@ class Mechanics:
     def push(
         self, pressure: Pressure, share: float, u: FloatArray, *, tangent: bool = False
     ) -> FloatArray:
-        """Return the nodal forces of a pressure; add the symmetric part of its tangent if asked."""
+        """Return the nodal forces of a pressure; add the symmetric part of its tangent if asked.
+
+        Those of a closed surface balance. Slopes at points, which jump from cell to cell, leave a
+        rest, which is spread evenly over the area.
+        """
         cells, at = self.body.cells, self.points_of(pressure.facets)
         p = share * pressure.pressure_MPa
         F = np.eye(3) + np.einsum("nai,nak->nik", u[cells.nodes[at.cell]], at.gradient)
         cofactor = np.cross(F[:, [1, 2, 0]], F[:, [2, 0, 1]])
         push = -p * np.einsum("nik,nk->ni", cofactor, at.area_mm2)
+        size = at.size_mm2
+        if np.linalg.norm(at.area_mm2.sum(axis=0)) < _CLOSED * size.sum():
+            push -= np.outer(size / size.sum(), push.sum(axis=0))
         if tangent:
             # d cof F / dF, with ε_ijk ε_IJK F_kK A_I = ε_ijk (A × F_k)_J.
             crossed = np.cross(at.area_mm2[:, None, :], F)  # (n, k, J): A x F_k

@@ -315,3 +315,16 @@ def test_what_grade_advises_is_told_as_a_design_can_follow_it() -> None:
     for message in (_own_advice(text, "fewer --knots") for text in told):
         assert {*re.findall(r"--[a-z-]+", message)} <= known - {"--tolerance"}, message
         assert "`bands`" not in message
+
+
+def test_a_target_of_nothing_is_missed_by_its_share_of_what_is_in_reach() -> None:
+    """No material is stiff enough to stay where it is: the stiffest is told, and that it misses."""
+    made = design(load=LOAD, target="x=min uz=0 mm", cell_mm=5.0, to="FLX9760")
+    (row,) = made.reached
+    soft, stiff = row.reach
+    assert soft is not None
+    assert row.printed == pytest.approx(stiff, rel=0.01)
+    assert row.missed == pytest.approx(row.printed / soft)
+    assert not made.ok
+    assert "of the farthest that one material alone gives" in made.findings[0].message
+    assert "; 1 finding" in repr(made)

@@ -639,3 +639,18 @@ def test_progress_tells_stages_and_residuals() -> None:
     simulate(fix="x=min", load="x=max: 0,0,-0.01 N", steps=1, progress=stages.append)
     assert stages[0] == "reading the part"
     assert any(re.fullmatch(r"load 1: iteration \d+, residual \d\.\de-\d\d", s) for s in stages)
+
+
+@pytest.mark.slow
+def test_a_pressure_within_a_closed_void_pushes_no_part_as_a_whole() -> None:
+    """Nor bends one that is alike on both sides, whatever cells it is cut into."""
+    hollow = [40.0, 6.0, 6.0] * BOX, [34.0, 3.0, 3.0] * BOX + [3.0, 1.5, 1.5]
+    corners, faces = np.concatenate(hollow), np.concatenate([FACES, FACES[:, ::-1] + len(BOX)])
+    result, *_ = planner.simulate_part(
+        (corners, faces), planner.LoadCase(fix="x=min", pressure="cavity: 20 kPa", watch="x=max"),
+        material="TangoPlus", cell_mm=1.7, steps=1, compare_cells=False,
+    )  # fmt: skip
+    pushed, watched = result.steps.responses[1:3]
+    assert np.abs(pushed.force_N[-1]).max() < 1e-9
+    along, *aside = watched.displacement_mm[-1]
+    assert np.abs(aside).max() < 0.1 * along
