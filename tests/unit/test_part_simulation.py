@@ -387,8 +387,9 @@ def test_a_balloon_that_is_inflated_without_end_is_told() -> None:
     given = {"material": "Tango", "fix": "x=min", "watch": "x=max ux", "cell_mm": 5.0}
     result = simulate(walls, pressure="cavity: 380 kPa", steps=8, **given)
     before = simulate(walls, pressure=f"cavity: {380 * result.steps.share[-1]} kPa", **given)
-    # The interval is that of the last step, which the failed one has taken nothing from.
-    assert result.main.interval == pytest.approx(before.main.interval, rel=1e-6)
+    # The interval is that of the last step, which the failed one has taken nothing from; both are
+    # settled to a few millionths, as a closed void's balance has no tangent.
+    assert result.main.interval == pytest.approx(before.main.interval, rel=1e-5)
     (found,) = result.findings
     assert found.kind == "stopped"
     assert found.place_mm is not None
