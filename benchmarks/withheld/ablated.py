@@ -40,9 +40,8 @@ def _without_specimens(problem: Problem, priors: Priors) -> _Part:
     none = dict.fromkeys(("specimen", "batch", "slope", "wander"), _NONE)
     scatter = replace(problem.scatter, **none, field_shared=0.0)
     unknown = np.full(len(problem.campaign.specimens), -1)
-    table = problem.table
-    sensor_sd_N = problem.model.sensor_sd_N[table.specimen, table.step]
-    features = NoisyFeatures(table, problem.sensitivity, sensor_sd_N, unknown)
+    sensor_sd_N = problem.model.sensor_sd_N
+    features = NoisyFeatures(problem.table, problem.sensitivity, sensor_sd_N, unknown)
     noise = features.noise(scatter)
     names = ("target", "nodes", "gains", "patterns", "nuisances", "discrepancy")
     parts = {n: noise.whiten(_unwhitened(problem, getattr(problem, n))) for n in names}

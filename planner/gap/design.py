@@ -763,7 +763,7 @@ def _predicted(
     shared = calibration_columns(calibrations, figures[1 : 1 + len(calibrations)] - figures[0])
     known, sizes = _known_laws(weighed, candidates, calibrations)
     learned = figures[1 + len(calibrations) :] + sizes @ shared.T
-    sensor = np.nanmedian(problem.model.sensor_sd_N, axis=0)[table.step]
+    sensor = np.tile(np.nanmedian(problem.model.sensor_sd_N, axis=0), (len(trials), 1))
     no_batch = np.full(len(trials), -1)
     features = NoisyFeatures(table, table.sensitivity(raw[0]), sensor, no_batch)
     noise = features.noise(problem.scatter)

@@ -120,8 +120,8 @@ class NoisyFeatures:
     ----------
     sensitivity : (N,)
         Of the transformed features by the logarithm of force or strain.
-    sensor_sd_N : (N,)
-        What the noise of its record makes of each force.
+    sensor_sd_N : (n, T)
+        What the noise of its record makes of each specimen's force at each step.
     batch_of : (n,)
         A number of each specimen's batch, -1 where unknown.
     """
@@ -159,7 +159,8 @@ class NoisyFeatures:
         far = np.abs(np.subtract.outer(place, place)) / scatter.wander_length
         block = scatter.specimen**2 * np.outer(h, h) + scatter.slope**2 * np.outer(tilt, tilt)
         block += scatter.wander**2 * np.exp(-far) * np.outer(h, h)
-        own = scatter.sensor * self.sensor_sd_N[rows] * _by_raw(table, self.sensitivity, rows)
+        sensor = scatter.sensor * self.sensor_sd_N[table.specimen[rows], table.step[rows]]
+        own = sensor * _by_raw(table, self.sensitivity, rows)
         block[np.diag_indices(len(h))] += own**2 + least**2
         return block
 

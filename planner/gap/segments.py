@@ -703,7 +703,9 @@ def forces_N(specimens: Sequence[Specimen], tests: Sequence[ReplicateTest]) -> F
 
 
 def _forces_of(path: SpecimenPath, test: ReplicateTest) -> FloatArray:
-    """Return a specimen's force at the travel, or the time of a rest, of each step, and its noise.
+    """Return a specimen's force at the travel, or time of a rest, of each step, and its noise.
+
+    Of shape (2, T).
 
     A parabola through the rows of the same segment within a quarter of a stride to either side, or
     the nearest few, is taken where the step is.

@@ -286,8 +286,7 @@ def grade(
     within_mm = WITHIN_MM if wish.pitch_mm is None else math.inf
     pieces = design.cut(mesh, along, pitch_mm, within_mm)
     shells = tuple(shells_of(pieces, design.printed, scale, machine, source.name))
-    found = design.regions(pieces, shells, scale)
-    regions = tuple(_within(region, pieces.field_range, target) for region in found)
+    regions = tuple(design.regions(pieces, shells, scale))
 
     progress("looking for what will not print")
     cut = CutPart(mesh, along, pieces, pitch_mm, within_mm, as_point(translation), np.empty(0))
@@ -379,22 +378,6 @@ def _remarks(scale: StiffnessScale, regions: Sequence[Region]) -> tuple[str, ...
     lower, upper, t = scale.model.bracket([region.coordinate for region in regions])
     used = {*lower.tolist(), *np.where(t > 0.0, upper, lower).tolist()}
     return scale.remarks({scale.palette.materials[k].id for k in used})
-
-
-def _within(region: Region, held: tuple[float, float], target: Profile) -> Region:
-    """Return a region with no more of the field, and of its targets, than the part has.
-
-    One of two materials is as it is: its target is met by both together.
-    """
-    # Outwards to a millionth: rounding makes no part end just before its field does.
-    start = max(region.field[0], math.floor(1e6 * held[0]) / 1e6)
-    stop = min(region.field[1], math.ceil(1e6 * held[1]) / 1e6)
-    of_two = region.blend is not None and region.blend["kind"] != "mix"
-    if of_two or (start, stop) == region.field or not start < stop:
-        return region
-    low, high = target.interval_MPa(start, stop)
-    error = region.modulus_MPa / high - 1.0, region.modulus_MPa / low - 1.0
-    return replace(region, field=(start, stop), target_modulus_MPa=(low, high), error=error)
 
 
 def _idle(

@@ -527,6 +527,15 @@ class Band:
         (a, b), (c, d) = self.target_MPa, after.target_MPa
         return Band(self.start, after.stop, after.grade, (min(a, c), max(b, d)))
 
+    def within(self, field_range: tuple[float, float], target: Profile) -> "Band":
+        """Return the band with no more of the field, and of its targets, than a part has."""
+        # Outwards to a millionth: rounding makes no part end just before its field does.
+        start = max(self.start, math.floor(1e6 * field_range[0]) / 1e6)
+        stop = min(self.stop, math.ceil(1e6 * field_range[1]) / 1e6)
+        if (start, stop) == (self.start, self.stop) or not start < stop:
+            return self
+        return Band(start, stop, self.grade, target.interval_MPa(start, stop))
+
 
 def natural_bands(profile: Profile, moduli_MPa: tuple[float, ...]) -> tuple[Band, ...]:
     """Cut where the catalogue material nearest in log stiffness changes.

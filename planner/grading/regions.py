@@ -458,6 +458,8 @@ class BandDesign:
 
     Attributes
     ----------
+    target
+        Along the gradient.
     bands, printed
         Field and target of each, and what it is printed in.
     says
@@ -466,6 +468,7 @@ class BandDesign:
         Of each band, where two materials take turns; else empty.
     """
 
+    target: Profile
     bands: tuple[Band, ...]
     printed: tuple[Printed, ...]
     says: Mapping[str, object] | None = None
@@ -490,15 +493,15 @@ class BandDesign:
         for band, what, turn, (volume_mm3, bounds_mm) in each:
             if not volume_mm3 > 0.0:
                 continue
-            region = region_of(band, what, volume_mm3, bounds_mm, shells)
-            if turn is not None and turn.share not in (0.0, 1.0):
+            if turn is None or turn.share in (0.0, 1.0):
+                held_of = band.within(pieces.field_range, self.target)
+                yield region_of(held_of, what, volume_mm3, bounds_mm, shells)
+            else:
                 low, high = band.target_MPa
                 error = (turn.modulus_MPa / high - 1.0, turn.modulus_MPa / low - 1.0)
                 says = {"field": [turn.start, turn.stop], "share": turn.share}
-                region = blended(
-                    region, scale, turn.pair, turn.modulus_MPa, error, 0.0, "bands", says
-                )
-            yield region
+                region = region_of(band, what, volume_mm3, bounds_mm, shells)
+                yield blended(region, scale, turn.pair, turn.modulus_MPa, error, 0.0, "bands", says)
 
     def _fewer(self, along: Field, machine: Printer) -> str:
         """Say what makes thin bands thicker: equal ones, so many as have room along the field."""
@@ -544,7 +547,7 @@ def band_design(
     """
     moduli = scale.moduli_MPa
     if kind == "mix":
-        return BandDesign(*_mixed_bands(target, scale, count, machine), {"kind": "mix"})
+        return BandDesign(target, *_mixed_bands(target, scale, count, machine), {"kind": "mix"})
     says, turns = None, ()
     if kind == "bands":
         laminate = laminated(target, blend_segments(target, moduli), moduli, periods)
@@ -555,7 +558,7 @@ def band_design(
     else:
         bands = equal_bands(target, moduli, count)
     printed = tuple(catalogue_material(scale, band.grade, machine) for band in bands)
-    return BandDesign(bands, printed, says, turns)
+    return BandDesign(target, bands, printed, says, turns)
 
 
 def error_text(ratio: float) -> str:

@@ -43,7 +43,8 @@ class Reached:
         Of a surface: the largest deviation of the printed part, mm.
     whole
         What a miss is relative to: what is wanted; of a target of 0 the farthest that the softest
-        or the stiffest material comes to, at least a hundredth of the part, 1 deg or 1 N.
+        or the stiffest material comes to, at least a hundredth of the part, 1 deg or 1 N; of a
+        surface its longest way.
     """
 
     target: str
@@ -74,7 +75,7 @@ class Reached:
         if self.error is None:
             return 0.0
         if self.kind not in "<>":
-            return abs(self.error if self.unit == "mm off" else (figure - self.wanted) / self.whole)
+            return abs(figure - self.wanted) / abs(self.whole)
         over = abs(figure) / self.wanted - 1.0
         return max(over if self.kind == "<" else -over, 0.0)
 
@@ -164,7 +165,7 @@ def reached(
             way_mm = shape.wanted.greatest_mm
             yield Reached(
                 shape.wanted.target.text, case.name, "near", "mm off", 0.0, next(ideals) * way_mm,
-                miss.rms * way_mm, None, miss.rms, largest=miss.largest * way_mm,
+                miss.rms * way_mm, None, miss.rms, largest=miss.largest * way_mm, whole=way_mm,
             )  # fmt: skip
 
 

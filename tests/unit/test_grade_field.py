@@ -142,6 +142,18 @@ def test_a_part_that_holds_a_stretch_of_the_field_has_the_targets_of_that(field,
         np.testing.assert_allclose(region.error, error)
 
 
+def test_dithered_stretches_of_one_material_are_those_of_the_profile(tmp_path):
+    """What is cut then are cells: their own field, 0 to 1 over the materials, is not the part's."""
+    steps = tmp_path / "steps.csv"
+    rows = "0,FLX9750 0.35,FLX9750 0.35,FLX9770 0.9,FLX9770 0.9,FLX9795 1,FLX9795"
+    steps.write_text("position,material\n" + rows.replace(" ", "\n") + "\n")
+    plan = planner.grade(
+        FINGER, profile=str(steps), field="expression: 0.3 + x / 1000", pitch_mm=1.0,
+        blend="dither", cell_mm=2.0,
+    )  # fmt: skip
+    assert [r.field for r in plan.regions] == [(0.0, 0.35), (0.35, 0.9)]
+
+
 def test_what_does_nothing_is_told():
     away = grade("radial: point=500 500 500, to=12")
     assert any("all of the part is TangoPlus: it lies within 0 to" in w for w in away.warnings)

@@ -325,6 +325,7 @@ def test_a_target_of_nothing_is_missed_by_its_share_of_what_is_in_reach() -> Non
     assert soft is not None
     assert row.printed == pytest.approx(stiff, rel=0.01)
     assert row.missed == pytest.approx(row.printed / soft)
+    assert row.whole == pytest.approx(abs(soft))
     assert not made.ok
     assert "of the farthest that one material alone gives" in made.findings[0].message
     assert "; 1 finding" in repr(made)

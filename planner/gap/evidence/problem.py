@@ -620,8 +620,7 @@ def set_up(
     in_one_unit = table.transformed(table.measured_raw * np.exp(-own)) - transformed[0]
     names = [s.batch for s in campaign.specimens]
     batch_of = np.array([-1 if name is None else names.index(name) for name in names])
-    sensor_sd_N = model.sensor_sd_N[table.specimen, table.step]
-    features = NoisyFeatures(table, sensitivity, sensor_sd_N, batch_of)
+    features = NoisyFeatures(table, sensitivity, model.sensor_sd_N, batch_of)
     scatter = features.estimated_scatter(in_one_unit, aside, ~stray[table.specimen])
     noise = features.noise(scatter)
     chord = table.chord(unpredicted)

@@ -7,6 +7,7 @@ import pytest
 from scipy.stats import chi2
 
 from planner.formats.units import QUANTITY_UNITS
+from planner.gap.campaign import Specimen
 from planner.gap.evidence.posterior_mode import Likelihood
 from planner.gap.evidence.problem import Problem, replicate_floor, set_up
 from planner.gap.noise import USUAL, unit_gains
@@ -120,3 +121,22 @@ def test_the_whole_residual_is_as_large_as_its_model_says(cells, imitated, seed:
     count = len(problem.table)
     assert 0.85 * chi2.ppf(5e-5, count - problem.nuisances.shape[1]) < left
     assert left < 1.15 * chi2.ppf(1.0 - 5e-5, count)
+
+
+def test_noise_at_rest_is_that_of_one_row(planned, imitated) -> None:
+    """Elsewhere parabolas through many rows have a fraction of it. 30 values know 1 to 13 %."""
+    made, rng = imitated(planned(15, material=["TangoPlus", "FLX9760"])), np.random.default_rng(4)
+
+    def noisy(one: Specimen) -> Specimen:
+        time_s = np.linspace(one.time_s[0], one.time_s[-1], 3000)
+        displacement_mm, force_N = (
+            np.interp(time_s, one.time_s, values) for values in (one.displacement_mm, one.force_N)
+        )
+        force_N += 0.003 * force_N.max() * rng.standard_normal(3000)
+        return replace(one, time_s=time_s, displacement_mm=displacement_mm, force_N=force_N)
+
+    problem = ready(replace(made, specimens=tuple(map(noisy, made.specimens))))
+    sd = np.sqrt(np.concatenate([np.diagonal(block) for block in problem.noise.blocks]))
+    rest, off = problem.table.strain <= 0.0, problem.residual / sd
+    assert 0.6 < np.std(off[rest]) < 1.4
+    assert 0.8 < np.std(off[~rest]) < 1.2
