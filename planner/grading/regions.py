@@ -405,6 +405,8 @@ def _share(profile: Profile, layers: TwoPhases, start: float, stop: float) -> fl
 _MOST_MIXTURES = 99
 """Each is a file of its own."""
 
+_MOST_KEPT = _MOST_MIXTURES // 2  # of moduli that the target keeps: the others are steps between
+
 _STEP = 1.2  # of the modulus from mixture to mixture: within 10 % of the target
 
 
@@ -417,7 +419,7 @@ def _mixed_bands(
     ----------
     count
         Equal steps of the field; by default steps of the modulus of up to 20 %, both ends of the
-        gradient among them.
+        gradient among them, and every modulus that the target keeps over a stretch.
 
     Raises
     ------
@@ -425,13 +427,8 @@ def _mixed_bands(
         More than 99 bands.
     """
     if count is None:
-        low, high = (
-            float(np.clip(end, scale.moduli_MPa[0], scale.moduli_MPa[-1]))
-            for end in profile.interval_MPa(0.0, 1.0)
-        )
-        steps = max(1, math.ceil(math.log(high / low) / math.log(_STEP) - 1e-9))
-        ladder = np.geomspace(low, high, steps + 1).tolist() if high > low * 1.001 else [low]
-        bands = natural_bands(profile, tuple(ladder))
+        ladder = _rungs_MPa(profile, scale.moduli_MPa[0], scale.moduli_MPa[-1])
+        bands = natural_bands(profile, ladder)
         moduli = [ladder[band.grade] for band in bands]
     else:
         if count > _MOST_MIXTURES:
@@ -446,6 +443,21 @@ def _mixed_bands(
     alike = [list(group) for _, group in itertools.groupby(pairs, key=operator.itemgetter(1))]
     joined = (functools.reduce(Band.joined, (band for band, _ in group)) for group in alike)
     return tuple(joined), tuple(group[0][1] for group in alike)
+
+
+def _rungs_MPa(profile: Profile, softest_MPa: float, stiffest_MPa: float) -> tuple[float, ...]:
+    """Return the moduli that mixtures are made for, rising."""
+    knots = list(itertools.pairwise(zip(profile.positions, profile.moduli_MPa, strict=True)))
+    kept = {MPa for (begin, MPa), (end, same) in knots if begin < end and MPa == same}
+    # Where there are too many for a mixture each, they share: steps of 20 % are what all can have.
+    kept = {*profile.interval_MPa(0.0, 1.0), *(kept if len(kept) <= _MOST_KEPT else ())}
+    inside = np.unique(np.clip(sorted(kept), softest_MPa, stiffest_MPa)).tolist()
+    found = inside[:1]
+    for high in inside[1:]:
+        if high > found[-1] * 1.001:
+            steps = max(1, math.ceil(math.log(high / found[-1]) / math.log(_STEP) - 1e-9))
+            found += np.geomspace(found[-1], high, steps + 1).tolist()[1:]
+    return tuple(found)
 
 
 # ------------------------------------------------------------------------------------------------

@@ -42,9 +42,9 @@ class Reached:
     largest
         Of a surface: the largest deviation of the printed part, mm.
     whole
-        What a miss is relative to: what is wanted; of a target of 0 the farthest that the softest
-        or the stiffest material comes to, at least a hundredth of the part, 1 deg or 1 N; of a
-        surface its longest way.
+        What a miss is relative to: what is wanted; of a distance how far it is to change; where
+        nothing is to change, the farthest that the softest or the stiffest material comes to, at
+        least a hundredth of the part, 1 deg or 1 N; of a surface its longest way.
     """
 
     target: str
@@ -127,7 +127,8 @@ class Ends(NamedTuple):
         for goal, soft, stiff in self._targets():
             low, high = sorted((soft, stiff))
             if not low <= goal.wanted <= high:
-                way = "the sign is the other one" if goal.wanted * (low + high) < 0.0 else ""
+                middle = 0.5 * (low + high) - goal.at_rest
+                way = "the sign is the other one" if goal.way * middle < 0.0 else ""
                 yield (
                     f"{goal.text}: all in the softest material comes to {soft:.4g} {goal.unit}, "
                     f"all in the stiffest to {stiff:.4g}; {way or 'a gradient may not get there'}"
@@ -137,8 +138,9 @@ class Ends(NamedTuple):
         """Return the share of stiffness at which an even part comes nearest to the targets."""
         shares = []
         for goal, soft, stiff in self._targets():
-            if soft and soft != stiff and min(goal.wanted / soft, stiff / soft) > 0.0:
-                wanted, span = np.log(np.array([goal.wanted, stiff]) / soft)
+            soft, stiff = soft - goal.at_rest, stiff - goal.at_rest
+            if soft and soft != stiff and min(goal.way / soft, stiff / soft) > 0.0:
+                wanted, span = np.log(np.array([goal.way, stiff]) / soft)
                 shares.append(float(np.clip(wanted / span, 0.05, 0.95)))
         return float(np.mean(shares)) if shares else 0.5
 
@@ -153,9 +155,10 @@ def reached(
         intervals = one.intervals(problem.stiffness.model, level)
         for goal, figure, span in zip(case.goals, one.values().tolist(), intervals, strict=True):
             continuous, ends = next(figures)
-            whole = goal.wanted
+            whole = goal.way if goal.kind == "target" else goal.wanted
             if not whole and goal.kind == "target":
-                whole = max([goal.scale, *(abs(end) for end in ends if end is not None)])
+                told = [abs(end - goal.at_rest) for end in ends if end is not None]
+                whole = max([goal.scale, *told])
             off = (figure - goal.wanted) / whole if whole else None
             yield Reached(
                 goal.text, case.name, goal.kind, goal.unit, goal.wanted, continuous, figure,
@@ -205,7 +208,11 @@ def findings(
             continue
         off = row.missed if row.kind in "<>" else (row.printed - row.wanted) / row.whole
         told = f"{name}: {row.printed:.4g} {row.unit} is reached, {in_percent(off, '+')}"
-        told += "; " if row.wanted else " of the farthest that one material alone gives; "
+        if not row.wanted:
+            told += " of the farthest that one material alone gives"
+        elif row.whole != row.wanted:
+            told += f" of a change of {abs(row.whole):.3g} {row.unit}"
+        told += "; "
         if row.missed_by(row.continuous) > tolerance:
             soft, stiff = (f"{e:.4g}" if e is not None else "nothing stable" for e in row.reach)
             told += (

@@ -226,7 +226,7 @@ class Functional(NamedTuple):
     wanted, unit
         The figure wanted, or the limit.
     scale
-        A deviation that counts as whole, where `wanted` is 0.
+        A deviation that counts as whole, where nothing is to change.
     kind
         ``target``, which is to be met; ``near``, which the design comes as near to as it can;
         ``<`` or ``>``, limits of the figure without its sign.
@@ -235,6 +235,8 @@ class Functional(NamedTuple):
     measure : callable
         Of `Mechanics` and an equilibrium: the figure, and its derivatives over the nodes'
         displacements, (N, 3).
+    at_rest
+        The figure without a load: 0 but for a distance. What is missed is missed of the way there.
     """
 
     text: str
@@ -244,17 +246,25 @@ class Functional(NamedTuple):
     kind: str
     weight: float
     measure: "Measure"
+    at_rest: float = 0.0
+
+    @property
+    def way(self) -> float:
+        """How far the figure is to go from rest; 0 where it is to stay."""
+        way = self.wanted - self.at_rest
+        return way if abs(way) > _NO_WAY * self.scale else 0.0
 
     def miss(self, figure: float) -> tuple[float, float]:
-        """Return how far a target is missed, ln(figure / wanted), and the slope of that.
+        """Return how far a target is missed, ln(way gone / way), and the slope of that.
 
-        Below a fifth of what is wanted, its tangent: figures may be 0 or of the other sign.
+        Below a fifth of the way, its tangent: figures may be 0 or of the other sign.
         """
-        if not self.wanted:
-            return figure / self.scale, 1.0 / self.scale
-        ratio = figure / self.wanted
+        gone, way = figure - self.at_rest, self.way
+        if not way:
+            return gone / self.scale, 1.0 / self.scale
+        ratio = gone / way
         bent = max(ratio, _STRAIGHT)
-        return float(np.log(bent)) + (ratio - bent) / bent, 1.0 / (bent * self.wanted)
+        return float(np.log(bent)) + (ratio - bent) / bent, 1.0 / (bent * way)
 
     def passed(self, figure: float) -> float:
         """Return by how much a limit is passed, over it; below 0 if it is not."""
@@ -263,7 +273,10 @@ class Functional(NamedTuple):
 
 
 _STRAIGHT = 0.2
-"""Of what is wanted: below it a miss goes with the figure, no longer with its logarithm."""
+"""Of the way: below it a miss goes with the figure, no longer with its logarithm."""
+
+_NO_WAY = 1e-6
+"""Numerical, of `Functional.scale`: a distance that is wanted as it is, but for rounding."""
 
 Measured = tuple[float, FloatArray]
 Measure = Callable[["Mechanics", "Equilibrium"], Measured]
@@ -273,17 +286,16 @@ def posed(
     cases: Sequence[LoadCase], targets: Sequence[Sequence[Target]], surface: Mesh
 ) -> list[tuple[Conditions, list[Functional]]]:
     """Return each case's supports and loads on a surface, and what its targets ask there."""
-    size_mm = float(np.linalg.norm(np.ptp(surface.bounds_mm, axis=0)))
     out = []
     for case, aims in zip(cases, targets, strict=True):
         watch = [faces for aim in aims for faces in (aim.selector, aim.other) if faces]
         on = read_conditions(surface, replace(case, watch=watch))
-        out.append((on, functionals(aims, on, size_mm)))
+        out.append((on, functionals(aims, on, surface)))
     return out
 
 
 def functionals(
-    targets: Sequence[Target], conditions: Conditions, size_mm: float
+    targets: Sequence[Target], conditions: Conditions, surface: Mesh
 ) -> list[Functional]:
     """Return what targets ask of equilibria under conditions; shapes by a surface are not among.
 
@@ -291,8 +303,8 @@ def functionals(
     ----------
     conditions
         Whose watched faces are those of the targets' selectors.
-    size_mm
-        Of the part: a displacement of a hundredth of it counts as whole.
+    surface
+        Of the part: a displacement of a hundredth of its size counts as whole.
 
     Raises
     ------
@@ -302,6 +314,7 @@ def functionals(
     """
     out: list[Functional] = []
     facets_of = {watched.selector: watched.facets for watched in conditions.watched}
+    size_mm = float(np.linalg.norm(np.ptp(surface.bounds_mm, axis=0)))
     for target in targets:
         if target.surface_mm is not None:
             continue
@@ -310,7 +323,7 @@ def functionals(
             continue
         facets = facets_of[target.selector]
         axis, quantity = "xyz".find(target.quantity[-1]), target.quantity
-        unit, scale, wanted = "mm", 0.01 * size_mm, target.value
+        unit, scale, wanted, at_rest = "mm", 0.01 * size_mm, target.value, 0.0
         measure: Measure = partial(_mean, facets, np.eye(3)[axis])
         if quantity[0] in "ur":
             held = [axis] if quantity[0] == "u" else [0, 1, 2]
@@ -318,13 +331,22 @@ def functionals(
         if quantity[0] == "r":
             unit, scale, measure = "deg", 1.0, partial(_turn, facets, axis)
         elif quantity == "distance":
-            measure = partial(_distance, facets, facets_of[target.other])
+            other = facets_of[target.other]
+            measure = partial(_distance, facets, other)
+            at_rest = float(np.linalg.norm(_middle(surface, facets) - _middle(surface, other)))
         elif quantity[0] in "fs":
             wanted, unit, measure = _of_loads(target, facets, axis, conditions)
             scale = 1.0
         kind = "target" if target.sense == "=" else target.sense
-        out.append(Functional(target.text, wanted, unit, scale, kind, target.weight, measure))
+        out.append(
+            Functional(target.text, wanted, unit, scale, kind, target.weight, measure, at_rest)
+        )
     return out
+
+
+def _middle(surface: Mesh, facets: BoolArray) -> FloatArray:
+    area = np.linalg.norm(surface.area_vectors_mm2[facets], axis=1)
+    return np.asarray(area @ surface.triangles[facets].mean(axis=1) / area.sum())
 
 
 def _mean(

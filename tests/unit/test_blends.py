@@ -282,6 +282,14 @@ def test_mixtures_in_a_3mf_as_lib3mf_reads_them(plans):
                                         f"{100 * upper.share:.1f}.stl")  # fmt: skip
 
 
+@pytest.mark.parametrize("profile", ["steps:4", "grades"])
+def test_a_modulus_that_is_kept_over_a_stretch_is_mixed_as_it_is(profile):
+    """Shares are kept to 0.1 %, which is 0.4 % of the modulus between the farthest neighbours."""
+    plan = planner.grade(bar(60.0), from_="Tango", to="Vero", blend="mix", profile=profile)
+    assert max(abs(e) for region in plan.regions for e in region.error) < 0.004
+    assert len(plan.regions) == (4 if profile == "steps:4" else 10)
+
+
 def test_mixtures_follow_the_target_within_a_tenth():
     plan = planner.grade(bar(60.0), from_="Tango", to="Vero", blend="mix", name="bar")
     assert max(abs(e) for region in plan.regions for e in region.error) < 0.1

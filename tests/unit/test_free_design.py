@@ -155,7 +155,7 @@ def _problem(texts: list[str], shape: Array | None, limits: Limits) -> DesignPro
     bent = Target("bent", surface_mm=shape)
     wished = [] if shape is None else [WantedShape.of(bent, MESH.triangles)]
     solved = Case("", cells, on, analyse(cells.nodes, cells.node_mm, cells.interface.cells),
-                  functionals(targets, on, 40.0), body,
+                  functionals(targets, on, cells.surface), body,
                   [ShapeGoal.on(one, cells, None) for one in wished])  # fmt: skip
     ends = scale.moduli_MPa[0], scale.moduli_MPa[-1]
     controls = Controls.lattice(MESH.bounds_mm, (5, 3, 3), [])

@@ -199,6 +199,20 @@ def test_what_is_out_of_reach_is_told_with_the_nearest() -> None:
     assert made.reached[0].continuous < -0.5
 
 
+@pytest.mark.parametrize(("wanted_mm", "change_mm"), [(39.99, "0.01"), (40.0, "1.16")])
+def test_a_distance_is_missed_of_its_change(wanted_mm: float, change_mm: str) -> None:
+    """It is 40 mm at rest: of all of it, nothing that is soft would be missed by a per cent.
+
+    Where it is to stay, a miss is of what one material alone makes of it.
+    """
+    target = f"x=min to x=max distance={wanted_mm:g} mm"
+    made = design(load="x=min: 0,0,-0.03 N", from_="Tango", to="FLX9750", target=target)
+    (row,) = made.reached
+    assert abs(row.printed / wanted_mm - 1.0) < 0.01 < row.missed
+    assert re.search(rf"mm is reached, \S+ % of a change of {change_mm} mm; ",
+                     made.findings[0].message)  # fmt: skip
+
+
 def test_a_print_that_is_not_stable_is_told_in_a_line(monkeypatch: pytest.MonkeyPatch) -> None:
     """Before that the print that is aimed at and the gradient's own are tried."""
     tried = 0
