@@ -14,12 +14,18 @@ from planner.cutting.grid import default_pitch_mm
 from planner.errors import ArgumentError, Caution, ThinBandError, as_number, did_you_mean, positive
 from planner.fields.basic import Field, PlanarField, axis_field
 from planner.fields.parse import Setting, TableFile, build_field
-from planner.formats.files import SIGNIFICANT_DIGITS
 from planner.grading.check import plan_checks
 from planner.grading.dither import CellDesign, cell_design
 from planner.grading.howto import with_howto
 from planner.grading.printability import WITHIN_MM, CutPart
-from planner.grading.profile import Band, Profile, StiffnessScale, natural_bands, stiffness_scale
+from planner.grading.profile import (
+    AS_SHOWN,
+    Band,
+    Profile,
+    StiffnessScale,
+    natural_bands,
+    stiffness_scale,
+)
 from planner.grading.regions import BandDesign, band_design, blend_segments, error_text, shells_of
 from planner.grading.snap import snap_limit_mm, snapped_bands
 from planner.grading.wish import End, Wish, Wished, targets_of
@@ -438,19 +444,14 @@ def _part_graded(source: Part, translation_mm: Point) -> PartGraded:
     )
 
 
-# Moduli nearer than this to each other, relatively, are one: a plan.json keeps nine digits of a
-# target, and the material that gave it must still reach it.
-_SAME_MODULUS = 10.0 ** (1 - SIGNIFICANT_DIGITS)
-
-
 def shortfalls(profile: Profile, moduli_MPa: tuple[float, ...]) -> tuple[Band, ...]:
     """Find where the target lies below the softest or above the hardest material: the nearest."""
     ends = softest, hardest = moduli_MPa[0], moduli_MPa[-1]
     found = []
     for start, stop, (low, high) in profile.stretches(ends, profile.positions):
-        if low < softest * (1.0 - _SAME_MODULUS):
+        if low < softest * (1.0 - AS_SHOWN):
             found.append(Band(start, stop, 0, (low, high)))
-        elif high > hardest * (1.0 + _SAME_MODULUS):
+        elif high > hardest * (1.0 + AS_SHOWN):
             found.append(Band(start, stop, len(moduli_MPa) - 1, (low, high)))
     return tuple(found)
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from planner.errors import ArgumentError
 from planner.glance import one_line
-from planner.grading.profile import known_interval, stiffness_scale
+from planner.grading.profile import AS_SHOWN, known_interval, stiffness_scale
 from planner.materials.algorithm_one import (
     LiteralCurve,
     algorithm_one,
@@ -198,7 +198,8 @@ def invert(
     return Mixture(
         target_MPa=modulus_MPa,
         at_strain=at_strain,
-        reachable=modulus_MPa is None or low * (1 - 1e-9) <= modulus_MPa <= high * (1 + 1e-9),
+        reachable=modulus_MPa is None
+        or low * (1 - AS_SHOWN) <= modulus_MPa <= high * (1 + AS_SHOWN),
         nearest=palette.materials[place].id,
         nearest_modulus_MPa=scale.moduli_MPa[place],
         blend=blend,

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from planner.plan import Plan, Region
 
 __all__ = [
+    "AS_SHOWN",
     "Band",
     "Profile",
     "StiffnessScale",
@@ -229,6 +230,10 @@ def read_moduli(
 
 # ------------------------------------------------------------------------------------------------
 # A palette as a ladder of stiffness at one working strain.
+
+
+AS_SHOWN = 5e-3
+"""Relative: moduli are shown with three digits, and one that is written so is the one meant."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,6 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import planner
+from benchmarks.interfaces import BOX, FACES
 from planner.grading.grade import shortfalls
 from planner.grading.profile import Profile, equal_bands, natural_bands
 from planner.grading.wish import between
@@ -74,3 +76,15 @@ def test_shortfalls_say_where_and_which() -> None:
 def test_nothing_is_out_of_reach_between_two_materials() -> None:
     assert shortfalls(between("log", LADDER[0], LADDER[-1]), LADDER) == ()
     assert shortfalls(between("linear", LADDER[-1], LADDER[0]), LADDER) == ()
+
+
+def test_a_modulus_that_was_read_off_a_table_is_in_reach() -> None:
+    """The softest is 0.35940 MPa at a strain of 0.1, and shown as 0.359."""
+    softest = planner.list_materials().moduli_MPa[0]
+    assert softest > 0.359 == float(f"{softest:.3g}")
+    assert planner.invert(0.359).reachable
+    assert not planner.invert(0.355).reachable
+    for least, reached in (("0.359MPa", True), ("0.355MPa", False)):
+        assert (
+            planner.grade(([40.0, 5.0, 5.0] * BOX, FACES), from_=least, to="FLX9750").ok is reached
+        )
