@@ -14,7 +14,7 @@ from dataclasses import asdict, dataclass, field
 from functools import lru_cache
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import msgspec
 
@@ -24,6 +24,7 @@ from planner.formats.outputs import check_absent, write_whole
 from planner.glance import brief, counted, html_of, one_line, plotted
 
 __all__ = [
+    "DENSEST_G_CM3",
     "LAW_PARAMETERS",
     "SAME_K",
     "LawParameters",
@@ -310,11 +311,14 @@ class _MaterialFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     reading: list[_ReadingFile] = []
 
 
+_Span = Annotated[float, msgspec.Meta(ge=0.0, lt=1e9)]
+
+
 class _ReferenceFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    strain_rate_per_s: float | None = None
-    temperature_C: float | None = None
-    soak_h: float | None = None
-    age_days: float | None = None
+    strain_rate_per_s: Annotated[float, msgspec.Meta(gt=0.0, lt=1e9)] | None = None
+    temperature_C: Annotated[float, msgspec.Meta(gt=-273.15, lt=1e4)] | None = None
+    soak_h: _Span | None = None
+    age_days: _Span | None = None
     orientation: Literal["x", "y", "z"] | None = None
 
 
@@ -427,27 +431,41 @@ def _temperature(table: Temperature, name: str) -> Temperature:
     return table
 
 
+DENSEST_G_CM3 = 25.0
+"""Above all materials: osmium has 22.6."""
+
+_LONGEST, _UNSUREST = 50.0, 9.0
+"""Above what the most stretchable gels reach, 20 to 30; and of ln(modulus), a factor of 8,000."""
+
+
 def _material(entry: _MaterialFile, name: str) -> Material:
     where = f"palette {name}: material {entry.id!r}"
     if not re.fullmatch(r"[A-Za-z0-9._-]+", entry.id):
         raise PaletteError(
             f"{where}: the id goes into file names; use letters, digits, '.', '-' and '_'"
         )
-    for key, value, low in (
-        ("coordinate", entry.coordinate, -math.inf),
-        ("elongation_at_break", entry.elongation_at_break, 0.0),
-        ("density_g_cm3", entry.density_g_cm3, 0.0),
-        ("modulus_log_sd", entry.modulus_log_sd, -1e-300),
-        *(("reading: modulus_log_sd", r.modulus_log_sd, -1e-300) for r in entry.reading),
+    if not math.isfinite(entry.coordinate):
+        raise PaletteError(f"{where}: coordinate is {entry.coordinate}; it must be finite")
+    for key, value, most, such in (
+        ("elongation_at_break", entry.elongation_at_break, _LONGEST, "a strain: 170 % are 1.7"),
+        ("density_g_cm3", entry.density_g_cm3, DENSEST_G_CM3, "in g/cm3: 1140 kg/m3 are 1.14"),
     ):
-        if not math.isfinite(value) or value <= low:
-            raise PaletteError(f"{where}: {key} is {value}; it must be finite and above {low:g}")
+        if not 0.0 < value < most:
+            raise PaletteError(
+                f"{where}: {key} is {value}; it must be above 0 and below {most:g}, {such}"
+            )
+    for log_sd in (entry.modulus_log_sd, *(r.modulus_log_sd for r in entry.reading)):
+        if not 0.0 <= log_sd < _UNSUREST:
+            raise PaletteError(
+                f"{where}: modulus_log_sd is {log_sd}; it must be from 0 to {_UNSUREST:g}"
+            )
     at = entry.uncertainty or Uncertainty(0)
     rising = all(a < b for a, b in itertools.pairwise((-1.0, *at.strain, math.inf)))
-    if not (len(at.strain) == len(at.log_sd) and rising and all(0.0 <= v < 9.0 for v in at.log_sd)):
+    sure = all(0.0 <= v < _UNSUREST for v in at.log_sd)
+    if not (len(at.strain) == len(at.log_sd) and rising and sure):
         raise PaletteError(
             f"{where}: uncertainty: strain and log_sd must be lists of one length, strain rising, "
-            "log_sd from 0 to 9"
+            f"log_sd from 0 to {_UNSUREST:g}"
         )
     if not re.fullmatch(r"#[0-9A-Fa-f]{6}", entry.colour):
         raise PaletteError(f"{where}: colour is {entry.colour!r}; write it as '#RRGGBB'")

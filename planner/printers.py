@@ -160,8 +160,7 @@ class PrinterProfile:
         check_known(wanted, self.palettes, said, UnknownNameError)
         if self.base is not None:
             return self.base.palette(wanted)
-        file = self.folder / "palettes" / f"{wanted}.toml"
-        return parse_palette(file.read_bytes(), name=wanted)
+        return parse_palette(self._beside(f"palettes/{wanted}.toml"), name=wanted)
 
     def operator_name(self, material_id: str) -> str:
         """Return what the printer's own software calls a material."""
@@ -171,11 +170,20 @@ class PrinterProfile:
     def job_notes(self) -> str:
         """Return the how-to (Markdown) that goes beside the files, for the operator."""
         if self.base is None:
-            return (self.folder / "job_notes.md").read_text(encoding="utf-8")
+            return self._beside("job_notes.md").decode(errors="replace")
         pairs = ((key, getattr(self, key), getattr(self.base, key)) for key in _LENGTHS)
         other = [f"{key} {own}, not {its}" for key, own, its in pairs if own != its]
         stated = f"\nStated for this plan: {'; '.join(other)}.\n" if other else ""
         return self.base.job_notes() + stated
+
+    def _beside(self, name: str) -> bytes:
+        file = self.folder.joinpath(*name.split("/"))
+        if not file.is_file():
+            raise FileError(
+                f"printer {self.name}: {name} is missing beside its printer.toml; "
+                "`planner printers new NAME` writes one of each file"
+            )
+        return file.read_bytes()
 
 
 def load_profile(folder: Traversable, name: str = "printer.toml") -> PrinterProfile:

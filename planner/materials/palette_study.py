@@ -39,7 +39,7 @@ from planner.materials.laws import candidate_laws, make_law, secant_modulus_MPa,
 from planner.materials.mixtures import CoefficientModel, left_out_remark
 from planner.materials.study import ReadRecord, Study, read_study, unit_slips
 from planner.numerics import FloatArray, normal_quantile
-from planner.palette import SAME_K, Material, Palette, Reference, Temperature
+from planner.palette import DENSEST_G_CM3, SAME_K, Material, Palette, Reference, Temperature
 from planner.printers import Printer, installed_printers, palette_of
 
 __all__ = ["Characterisation", "PaletteStudy", "characterise", "fit", "fit_tables"]
@@ -288,9 +288,9 @@ def _table(rows: Sequence[_Row]) -> bytes:
 # From a study's groups of curves to a palette, with a report of every law that was tried.
 
 
-_DEFAULT_DENSITY_G_CM3, _DENSEST_G_CM3 = 1.14, 25.0
+_DEFAULT_DENSITY_G_CM3 = 1.14
 """Assumed where none is given: between the 1.12 to 1.13 assumed of TangoPlus and the 1.17 to
-1.18 g/cm3 of VeroWhite. And above all materials: osmium has 22.6."""
+1.18 g/cm3 of VeroWhite."""
 
 _RANKING_STRAIN = 0.1
 """Secant modulus at this strain, or at the smallest elongation at break, orders a palette."""
@@ -601,10 +601,10 @@ def _densities(
 ) -> dict[str, float]:
     found = _by_material(study, ordered, "density_g_cm3", given)
     for material, value in found.items():
-        if not 0.0 < value < _DENSEST_G_CM3:
+        if not 0.0 < value < DENSEST_G_CM3:
             raise ArgumentError(
                 f"material {material}: density_g_cm3 is {value:g}; it must be above 0 and below "
-                f"{_DENSEST_G_CM3:g}, in g/cm3: 1140 kg/m3 are 1.14"
+                f"{DENSEST_G_CM3:g}, in g/cm3: 1140 kg/m3 are 1.14"
             )
     assumed = [material for material in ordered if material not in found]
     if assumed:

@@ -10,7 +10,7 @@ import pytest
 import trimesh
 
 from planner.cli import run
-from planner.errors import PaletteError, UnknownNameError
+from planner.errors import FileError, PaletteError, UnknownNameError
 from planner.printers import installed_printers, load_printer, load_profile
 from planner.testing import check_printer
 
@@ -56,6 +56,14 @@ def folder(tmp_path: Path) -> Path:
     (tmp_path / "printer.toml").write_text(PROFILE)
     (tmp_path / "job_notes.md").write_text("# Print it\n")
     return tmp_path
+
+
+@pytest.mark.parametrize("name", ["job_notes.md", "palettes/myjet-soft.toml"])
+def test_a_file_that_is_missing_beside_it_is_named(folder: Path, name: str) -> None:
+    (folder / name).unlink()
+    machine = load_profile(folder)
+    with pytest.raises(FileError, match=rf"{name} is missing beside its printer\.toml"):
+        machine.job_notes() if name.endswith(".md") else machine.palette()
 
 
 def test_a_lone_file_is_a_printer_like_another(folder: Path) -> None:
