@@ -1,13 +1,12 @@
 """Which material or blend has a wanted stiffness; and what stands at a wanted coordinate."""
 
-import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from planner.errors import ArgumentError
+from planner.errors import ArgumentError, positive
 from planner.glance import one_line
 from planner.grading.profile import AS_SHOWN, known_interval, stiffness_scale
 from planner.materials.algorithm_one import (
@@ -184,8 +183,8 @@ def invert(
     """
     if (modulus_MPa is None) is (coordinate is None):
         raise ArgumentError("give `modulus_MPa`, a wanted modulus, or `coordinate`, a place; one")
-    if modulus_MPa is not None and not (math.isfinite(modulus_MPa) and modulus_MPa > 0.0):
-        raise ArgumentError(f"`modulus_MPa` {modulus_MPa:g}: it must be above 0 MPa")
+    if modulus_MPa is not None:
+        modulus_MPa = positive(modulus_MPa, "`modulus_MPa`")
     palette = palette_of(palette, printer)
     scale = stiffness_scale(palette, at_strain)
     model, low, high = scale.model, scale.moduli_MPa[0], scale.moduli_MPa[-1]

@@ -436,9 +436,9 @@ def at_temperature(
     >>> warm, notes = planner.at_temperature(33, palette="lab.toml")  # doctest: +SKIP
     >>> planner.write_palette(warm, "warm.toml")  # doctest: +SKIP
     """
-    chosen = palette_of(palette, printer)
+    chosen, temperature_C = palette_of(palette, printer), as_number(temperature_C, "temperature")
     table, own_C = chosen.temperature, chosen.reference.temperature_C
-    if table is None or own_C is None or not np.isfinite(temperature_C):
+    if table is None or own_C is None:
         raise PaletteError(
             f"palette {chosen.name}: it cannot be told at {temperature_C:g} degC; it needs "
             "[reference] temperature_C and a table [temperature], which planner fit makes of tests "
@@ -491,7 +491,7 @@ def stiffness_scale(palette: Palette, at_strain: float) -> StiffnessScale:
     PaletteError
         The palette's stiffness does not rise with the coordinate at that strain.
     """
-    model = CoefficientModel(palette)
+    model, at_strain = CoefficientModel(palette), as_number(at_strain, "`at_strain`")
     moduli = model.ladder_MPa(at_strain)
     low, high = model.modulus_interval_MPa(model.coordinates, at_strain)
     high = np.maximum(high, moduli)

@@ -154,7 +154,7 @@ WRONG = [
     ("design", {"target": "x=min uz=-1 mm", "prefer": "smoth"}, [*DESIGN.split(), "--target",
      "x=min uz=-1 mm", "--prefer", "smoth"], "`prefer` smoth: did you mean smooth"),
     ("design", {}, DESIGN, "`target` is missing"),
-    ("invert", {}, "invert --modulus 0", "`modulus_MPa` 0: it must be above 0 MPa"),
+    ("invert", {}, "invert --modulus 0", "`modulus_MPa` 0: it must be above 0"),
     ("list_materials", {"at_strain": -0.1}, "materials --at-strain -0.1", "`at_strain` -0.1: the"),
     ("design_campaign", {"budget": 1000}, "gap design --effects rate --budget 1000 -o d",
      "`budget` 1000: it must be at most"),
