@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -137,8 +137,8 @@ class Effect:
     changes
         What a campaign changes to see it: `planner.gap.effects.STEPS`, ``materials`` or ``bars``.
     covariates
-        Columns that must be known and take more than one value, or it cannot be tested; each
-        entry may name alternatives, "rate_mm_s|hold".
+        Columns that must be known and take more than one value, or another than in the palette's
+        own tests, or it cannot be tested; each entry may name alternatives, "rate_mm_s|hold".
     channels
         What must have been measured, each entry with alternatives: ``unloading``, ``hold``,
         ``bar``, ``materials`` (two or more, a bar or a part), ``section`` (width and thickness).
@@ -206,39 +206,40 @@ def with_effects(setup: Setup, effects: Iterable[StatedEffect]) -> Setup:
 def untestable(effect: Effect, campaign: Campaign) -> str | None:
     """Return why a campaign says nothing about an effect; None if it does say something.
 
-    A covariate serves if it is known of two specimens or more and differs between them by more
-    than replicates may. Unloading and holding are taken from the records.
+    A covariate serves if specimens differ in it by more than replicates may, from one another or
+    all alike from the palette's own tests. Unloading and holding are taken from the records.
     """
     for needed in (*effect.covariates, *effect.channels):
-        reasons = [_missing(name, campaign.specimens) for name in needed.split("|")]
+        reasons = [_missing(name, campaign) for name in needed.split("|")]
         if None not in reasons:
             return " and ".join(reason for reason in reasons if reason is not None)
     return None
 
 
-def _missing(name: str, given: Sequence[Specimen]) -> str | None:
+def _missing(name: str, campaign: Campaign) -> str | None:
     """Say what a channel lacks, or how a column fails to vary."""
+    given, own = campaign.specimens, campaign.palette.reference
     if name in _CHANNELS:
         there, reason = _CHANNELS[name]
         return None if there(given) else reason
     known = [value for s in given if (value := _value(name, s)) is not None]
     if not known:
         return f"{name} is not known for any specimen"
-    if len(set(column_levels(name, known))) > 1:
+    rate_mm_s = own.strain_rate_per_s and own.strain_rate_per_s * given[0].gauge_mm
+    in_palette = rate_mm_s if name == "rate_mm_s" else getattr(own, name, None)
+    if len({*column_levels(name, [*known, in_palette])} - {None}) > 1:
         return None
-    first = known[0]
-    was = first if isinstance(first, str) else f"{float(np.median(known)):.4g}"  # type: ignore[arg-type]
+    was = known[0] if isinstance(known[0], str) else f"{float(np.median(known)):.4g}"
     if len(known) < len(given):
         return f"{name} is known for {len(known)} of {len(given)} specimens, and was {was} in them"
     return f"{name} was {was} in {'all specimens' if len(given) > 1 else 'the only specimen'}"
 
 
-def _value(name: str, specimen: Specimen) -> str | float | None:
+def _value(name: str, specimen: Specimen) -> Any:
     """Return a column's value; the rate is what the record shows, where it has a time."""
     if name == "rate_mm_s" and specimen.time_recorded:
         return speed_mm_s(specimen.time_s, specimen.travel_mm)
-    value: str | float | None = getattr(specimen, name, specimen.covariates.get(name))
-    return value
+    return getattr(specimen, name, specimen.covariates.get(name))
 
 
 def _is_held(specimen: Specimen) -> bool:
@@ -251,8 +252,7 @@ def _is_graded(specimen: Specimen) -> bool:
 
 
 def _made_of(specimen: Specimen) -> str | float | None:
-    at = specimen.coordinates
-    return specimen.material if at is None else float(at[0])
+    return specimen.material if specimen.coordinates is None else float(specimen.coordinates[0])
 
 
 _CHANNELS: Mapping[str, tuple[Callable[[Sequence[Specimen]], bool], str]] = {

@@ -146,3 +146,14 @@ def test_with_every_column_missing_no_cause_by_column_is_named(
         assert f"{name} is unknown for all specimens" in said(found)
     assert effect.partition(":")[0] in {u.id for u in found.not_testable}
     assert sure_of(found) is None
+
+
+@pytest.mark.slow
+def test_all_at_another_temperature_than_the_palettes_may_be_that(planned, imitated) -> None:
+    """Nothing varies with it, so that a gain looks the same: one answer, and neither is sure."""
+    grades = ("TangoPlus", "FLX9750", "FLX9770", "FLX9795")
+    warm = [{"material": m, "temperature_C": 35.0, "batch": b} for m in grades for b in "AB"]
+    found = diagnose(imitated(planned(more=warm * 2), "temperature"))
+    assert {("temperature",), ("force-scale",)} <= set(found.same_class)
+    assert sure_of(found) is None
+    assert "temperature" not in {one.id for one in found.not_testable}

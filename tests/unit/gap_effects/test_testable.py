@@ -12,12 +12,13 @@ from planner.gap.effects import EFFECTS
 from planner.printers import load_printer
 from planner.simulation.bar import ProfileDesign
 
-PALETTE = load_printer("connex3").palette()
+CONNEX3 = load_printer("connex3").palette()
+PALETTE = replace(CONNEX3, reference=replace(CONNEX3.reference, strain_rate_per_s=0.01))
 STEP_BAR = ProfileDesign("step", np.array([0.0, 12.5, 12.5, 25.0]), np.array([0.1, 0.1, 0.9, 0.9]))
 
 
 def specimen(k: int, kind: str = "monotonic", **changes: Any) -> Specimen:
-    """A specimen of a linear law, pulled to strain 0.4 at 1 mm/s."""
+    """A specimen of a linear law, pulled to strain 0.4 as fast as the palette's, at 0.25 mm/s."""
     t = np.linspace(0.0, 40.0, 401)
     travel = {
         "monotonic": 0.25 * t,
@@ -49,6 +50,27 @@ def test_a_condition_must_be_known_and_vary() -> None:
     assert "age_days was 9" in (reason("ageing", specimen(0, age_days=9.0)) or "")
 
 
+@pytest.mark.parametrize(
+    ("id", "column", "own", "other"),
+    [("temperature", "temperature_C", 23, 35), ("moisture", "soak_h", 0, 24),
+     ("ageing", "age_days", 9, 60), ("orientation", "orientation", "x", "z")],
+)  # fmt: skip
+def test_a_condition_that_is_not_the_palettes_is_told_by_its_laws(
+    id: str, column: str, own: Any, other: Any
+) -> None:
+    """All at 35 degC against laws of 23 degC: temperature may be the cause, and none varies it.
+
+    Where the palette does not say at which it was measured, there is nothing to tell it by.
+    """
+    alike = [specimen(k, **{column: other}) for k in range(3)]
+    assert reason(id, *alike) is None
+    same = [specimen(k, **{column: own}) for k in range(3)]
+    assert (reason(id, *same) or "").startswith(f"{column} was {own}")
+    unsaid = replace(PALETTE, reference=replace(PALETTE.reference, **{column: None}))
+    found = untestable(EFFECTS[id], Campaign("one", "connex3", unsaid, alike))
+    assert found == f"{column} was {other} in all specimens"
+
+
 def test_rate_is_told_by_records_or_by_a_hold() -> None:
     slow = specimen(0, rate_mm_s=0.25)
     lied = specimen(1, rate_mm_s=2.5)
@@ -59,6 +81,8 @@ def test_rate_is_told_by_records_or_by_a_hold() -> None:
     assert reason("rate", held, specimen(3, "relaxation")) is None
     fast = replace(slow, id="S4", time_s=slow.time_s / 10.0)
     assert reason("rate", slow, fast) is None
+    unlike = [replace(s, time_s=s.time_s / 10.0) for s in (slow, lied)]
+    assert reason("rate", *unlike) is None, "of each other's, not of the palette's"
     untimed = [replace(s, time_recorded=False) for s in (slow, lied)]
     assert reason("rate", *untimed) is None
 
