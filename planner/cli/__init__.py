@@ -31,7 +31,7 @@ from planner.cli import materials as _materials
 from planner.cli import plans as _plans
 from planner.cli import printers as _printers
 from planner.cli import simulate as _simulate
-from planner.cli.output import Kept, complain, in_groups, say
+from planner.cli.output import Kept, command, complain, say
 from planner.errors import ArgumentError, PlannerError
 
 __all__ = ["app", "main", "round_alike", "run"]
@@ -207,9 +207,9 @@ def _with_options(message: str, commands: typer.Typer) -> str:
     """Show arguments, which a message names between backticks, as the options that give them."""
     options: dict[str, str] = {}
     groups: list[Any] = [_command(app), _command(commands)]
-    for command in groups:  # which grows by the groups within
-        groups += getattr(command, "commands", {}).values()
-        named = ((p.name, p.opts) for p in command.params if p.opts)
+    for one in groups:  # which grows by the groups within
+        groups += getattr(one, "commands", {}).values()
+        named = ((p.name, p.opts) for p in one.params if p.opts)
         options |= {n: next((o for o in of if o.startswith("--")), of[0]) for n, of in named}
     # msgspec quotes fields of files alike: "missing required field `coordinate`".
     return re.sub(r"(?<!field )`(\w+)`", lambda named: options.get(named[1], named[0]), message)
@@ -254,6 +254,6 @@ _COMMANDS: tuple[Callable[..., int], ...] = (
     _plans.diff, _plans.compare, _plans.slices, _printers.schema,
 )  # fmt: skip
 for _function in _COMMANDS:
-    app.command()(in_groups(_function))
+    command(app)(_function)
 app.add_typer(_gap.app)
 app.add_typer(_printers.app)

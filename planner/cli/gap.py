@@ -28,7 +28,7 @@ def _gap(context: typer.Context) -> None:
 # planner gap diagnose.
 
 
-@app.command()
+@cli.command(app)
 def diagnose(
     context: Context,
     campaign: Annotated[
@@ -36,28 +36,21 @@ def diagnose(
     ],
     palette: Annotated[
         str | None,
-        Option(
-            help="Palette file (TOML), or one of the printer's palettes, in place of the "
-            "campaign's own."
-        ),
+        "Palette file (TOML), or one of the printer's palettes, in place of the campaign's own.",
     ] = None,
     output: Annotated[
         Path | None, cli.out("Folder to write: report.html, next-specimens.csv, JSON, figures.")
     ] = None,
     without: Annotated[
-        list[str] | None, Option(help="Effect to leave out, as if it were not known; repeatable.")
+        list[str] | None, "Effect to leave out, as if it were not known; repeatable."
     ] = None,
     unit_of: Annotated[
         list[str] | None,
-        Option(
-            help="Read force or travel in another unit than the files say, as in "
-            "force=lbf:S1,S2 or, for all specimens, travel=in; repeatable."
-        ),
+        "Read force or travel in another unit than the files say, as in "
+        "force=lbf:S1,S2 or, for all specimens, travel=in; repeatable.",
     ] = None,
     seed: Annotated[int, Option(min=0, help="Of resampling: same seed, same diagnosis.")] = 0,
-    force: Annotated[
-        bool, Option("--force", help="Replace a folder that an earlier diagnosis wrote.")
-    ] = False,
+    force: Annotated[bool, "Replace a folder that an earlier diagnosis wrote."] = False,
     as_json: cli.AsJson = False,
     quiet: cli.Quiet = False,
 ) -> int:
@@ -106,31 +99,28 @@ def _say_verdict(text: str) -> None:
 # planner gap correct.
 
 
-@app.command()
+@cli.command(app)
 def correct(
     context: Context,
     diagnosis: Annotated[Path, Argument(help="A diagnosis.json, or the folder that holds it.")],
     palette: cli.PaletteName = None,
     temperature_C: Annotated[
-        float | None, Option("--temperature-C", help="Of use; else the palette's own.")
+        float | None, "--temperature-C", "Of use; else the palette's own."
     ] = None,
-    rate_per_s: Annotated[float | None, Option(help="Strain rate of use, likewise.")] = None,
-    soak_h: Annotated[float | None, Option(help="Hours in water before use, likewise.")] = None,
-    age_days: Annotated[float | None, Option(help="Days since the print, likewise.")] = None,
-    orientation: Annotated[str | None, Option(help="Of the load on the tray: x, y or z.")] = None,
-    width_mm: Annotated[float, Option(help="Of the part's section, for water and advice.")] = 6.0,
-    thickness_mm: Annotated[float, Option(help="Of the part's section, likewise.")] = 3.0,
+    rate_per_s: Annotated[float | None, "Strain rate of use, likewise."] = None,
+    soak_h: Annotated[float | None, "Hours in water before use, likewise."] = None,
+    age_days: Annotated[float | None, "Days since the print, likewise."] = None,
+    orientation: Annotated[str | None, "Of the load on the tray: x, y or z."] = None,
+    width_mm: Annotated[float, "Of the part's section, for water and advice."] = 6.0,
+    thickness_mm: Annotated[float, "Of the part's section, likewise."] = 3.0,
     recalibrate: Annotated[
-        bool,
-        Option(
-            "--recalibrate", help="Shift every law to the level that the campaign asks for, too."
-        ),
+        bool, "Shift every law to the level that the campaign asks for, too."
     ] = False,
     printer: cli.PrinterName = "connex3",
     output: Annotated[Path, cli.out("Palette file (TOML) to write.")] = Path(
         "palette-corrected.toml"
     ),
-    force: Annotated[bool, Option("--force", help="Replace a file that is there.")] = False,
+    force: Annotated[bool, "Replace a file that is there."] = False,
     as_json: cli.AsJson = False,
     quiet: cli.Quiet = False,
 ) -> int:
@@ -179,17 +169,17 @@ def _correct_report(made: "planner.Correction", output: Path, options: str) -> N
 # planner gap design.
 
 
-@app.command()
+@cli.command(app)
 def design(
     context: Context,
-    effects: Annotated[str, Option(help="Ids with commas between: rate,moisture,temperature.")],
-    budget: Annotated[int, Option(help="Specimens at most, of both batches.")],
+    effects: Annotated[str, "Ids with commas between: rate,moisture,temperature."],
+    budget: Annotated[int, "Specimens at most, of both batches."],
     output: Annotated[Path, cli.out("Folder to write, a campaign to be measured; or a file .csv.")],
     printer: cli.PrinterName = "connex3",
     palette: cli.PaletteName = None,
-    width_mm: Annotated[float, Option(help="Of the specimens' section.")] = 6.0,
-    thickness_mm: Annotated[float, Option(help="Likewise.")] = 3.0,
-    gauge_mm: Annotated[float, Option(help="Gauge length of the specimens.")] = 25.0,
+    width_mm: Annotated[float, "Of the specimens' section."] = 6.0,
+    thickness_mm: Annotated[float, "Likewise."] = 3.0,
+    gauge_mm: Annotated[float, "Gauge length of the specimens."] = 25.0,
     as_json: cli.AsJson = False,
     quiet: cli.Quiet = False,
 ) -> int:
@@ -279,7 +269,7 @@ def _again(printer: str, palette: str | None = None) -> str:
 # planner gap next.
 
 
-@app.command("next")
+@cli.command(app, "next")
 def next_(
     campaign: Annotated[
         Path,
@@ -316,27 +306,21 @@ def next_(
 # planner gap simulate.
 
 
-@app.command()
+@cli.command(app)
 def simulate(
     context: Context,
-    design: Annotated[
-        Path, Option(help="Which specimens: a specimens.csv, or the folder of a campaign.")
-    ],
+    design: Annotated[Path, "Which specimens: a specimens.csv, or the folder of a campaign."],
     output: Annotated[Path, cli.out("Folder to write.")],
     effect: Annotated[
         list[str] | None,
-        Option(
-            help="ID:NAME=VALUE,..., as in rate:rise=0.12,form=power-law; repeatable; what is not "
-            "given is in the middle of what is physical."
-        ),
+        "ID:NAME=VALUE,..., as in rate:rise=0.12,form=power-law; repeatable; what is not "
+        "given is in the middle of what is physical.",
     ] = None,
     scatter: Annotated[
-        float, Option(help="Of force from specimen to specimen, as a share: 0.03 is 3 %.")
+        float, "Of force from specimen to specimen, as a share: 0.03 is 3 %."
     ] = 0.03,
     seed: Annotated[int, Option(min=0, help="Same seed, same bytes.")] = 1,
-    camera: Annotated[
-        bool, Option("--camera", help="See the strain along planned bars, too.")
-    ] = False,
+    camera: Annotated[bool, "See the strain along planned bars, too."] = False,
     printer: cli.PrinterName = "connex3",
     palette: cli.PaletteName = None,
     as_json: cli.AsJson = False,

@@ -15,8 +15,7 @@ from planner.errors import ArgumentError, refused
 from planner.glance import format_interval, format_number
 
 _AtStrain = Annotated[
-    float,
-    Option(help="Working strain: stiffness is the secant modulus of the nominal stress up to it."),
+    float, "Working strain: stiffness is the secant modulus of the nominal stress up to it."
 ]
 
 # ------------------------------------------------------------------------------------------------
@@ -32,17 +31,14 @@ def materials(
     palette: cli.PaletteName = None,
     at_strain: _AtStrain = 0.1,
     temperature_C: Annotated[
-        float | None,
-        Option("--temperature-C", help="The palette as it is there, by its [temperature]."),
+        float | None, "--temperature-C", "The palette as it is there, by its [temperature]."
     ] = None,
     output: Annotated[Path | None, cli.out("Palette file to write, with --temperature-C.")] = None,
     figure: Annotated[
-        Path | None,
-        Option(help="SVG file to write: the ladder with its interval, each material's stress."),
+        Path | None, "SVG file to write: the ladder with its interval, each material's stress."
     ] = None,
     as_program: Annotated[
-        str | None,
-        Option("--as", help="Print their laws instead, to paste: abaqus, ansys or febio."),
+        str | None, "--as", "Print their laws instead, to paste: abaqus, ansys or febio."
     ] = None,
     force: cli.Overwrite = False,
     as_json: cli.AsJson = False,
@@ -106,20 +102,18 @@ def _print_ladder(scale: "planner.StiffnessScale") -> None:
 
 def invert(
     modulus_MPa: Annotated[
-        list[float] | None, Option("--modulus", "-m", help="Wanted modulus in MPa; repeatable.")
+        list[float] | None, "--modulus", "-m", "Wanted modulus in MPa; repeatable."
     ] = None,
     coordinate: Annotated[
         list[float] | None,
-        Option(help="Or the reverse: a coordinate whose stiffness and law are told; repeatable."),
+        "Or the reverse: a coordinate whose stiffness and law are told; repeatable.",
     ] = None,
     at_strain: _AtStrain = 0.1,
     law: Annotated[
         str | None,
-        Option(
-            help="Law that stands for it: neo-hookean, yeoh, martins, ogden-1, -2, -3, yielding, "
-            "or ogden-thesis (eq. 3.8, its coefficients as quadratics of m); a coordinate gets one "
-            "of its neighbours' kind."
-        ),
+        "Law that stands for it: neo-hookean, yeoh, martins, ogden-1, -2, -3, yielding, "
+        "or ogden-thesis (eq. 3.8, its coefficients as quadratics of m); a coordinate gets one "
+        "of its neighbours' kind.",
     ] = None,
     printer: cli.PrinterName = "connex3",
     palette: cli.PaletteName = None,
@@ -226,63 +220,40 @@ _TensileFiles = Annotated[
 class _TensileTests:
     """How tests are read, and what they are compared with."""
 
-    specimens: Annotated[Path | None, Option(help="List of specimens: material, size, file.")] = (
-        None
-    )
-    material: Annotated[
-        str | None, Option(help="What all specimens without a row are made of.")
-    ] = None
-    width_mm: Annotated[float | None, Option(help="Width of specimens without a row.")] = None
-    thickness_mm: Annotated[float | None, Option(help="Thickness of specimens without a row.")] = (
-        None
-    )
-    gauge_mm: Annotated[float | None, Option(help="Gauge length of specimens without a row.")] = (
-        None
-    )
+    specimens: Annotated[Path | None, "List of specimens: material, size, file."] = None
+    material: Annotated[str | None, "What all specimens without a row are made of."] = None
+    width_mm: Annotated[float | None, "Width of specimens without a row."] = None
+    thickness_mm: Annotated[float | None, "Thickness of specimens without a row."] = None
+    gauge_mm: Annotated[float | None, "Gauge length of specimens without a row."] = None
     columns: Annotated[
         str | None,
-        Option(
-            help="Headings in place of the files' own, by position: 'stretch,stress_MPa', '-' "
-            "leaves a column out."
-        ),
+        "Headings in place of the files' own, by position: 'stretch,stress_MPa', '-' "
+        "leaves a column out.",
     ] = None
     unit_of: Annotated[
         list[str] | None,
-        Option(
-            help="Read force, travel, stress or strain in another unit than the files say, as in "
-            "force=lbf:S1,S2 (specimens or materials) or, for all, travel=in; repeatable."
-        ),
+        "Read force, travel, stress or strain in another unit than the files say, as in "
+        "force=lbf:S1,S2 (specimens or materials) or, for all, travel=in; repeatable.",
     ] = None
     mode: Annotated[
         str | None,
-        Option(
-            help="How specimens were loaded whose row has no mode: tension, compression, planar or "
-            "equibiaxial."
-        ),
+        "How specimens were loaded whose row has no mode: tension, compression, planar or "
+        "equibiaxial.",
     ] = None
     blocks: Annotated[
         str | None,
-        Option(
-            help="Blocks of numbers in one sheet that nothing names: join (one record) or apart "
-            "(specimens)."
-        ),
+        "Blocks of numbers in one sheet that nothing names: join (one record) or apart "
+        "(specimens).",
     ] = None
-    leave_out: Annotated[
-        list[str] | None, Option(help="Specimen or material to leave out; repeatable.")
-    ] = None
+    leave_out: Annotated[list[str] | None, "Specimen or material to leave out; repeatable."] = None
     printer: cli.PrinterName = "connex3"
     palette: Annotated[
         str | None,
-        Option(
-            help="Palette to hold the tests against, a file (TOML) or one of the printer's; else "
-            "its default."
-        ),
+        "Palette to hold the tests against, a file (TOML) or one of the printer's; else "
+        "its default.",
     ] = None
     compare: Annotated[
-        bool,
-        Option(
-            help="Hold materials that the palette names against it: was a unit taken for another?"
-        ),
+        bool, "Hold materials that the palette names against it: was a unit taken for another?"
     ] = True
 
     def given(self) -> dict[str, Any]:
@@ -301,12 +272,9 @@ def characterise(
     output: Annotated[Path | None, cli.out("CSV file to write, one row a material.")] = None,
     *,
     tests: _TensileTests,
-    at_strain: Annotated[
-        list[float] | None, Option(help="Strain of a secant modulus; repeatable.")
-    ] = None,
+    at_strain: Annotated[list[float] | None, "Strain of a secant modulus; repeatable."] = None,
     figure: Annotated[
-        Path | None,
-        Option(help="SVG file to write: each curve with its toe, modulus, yield and break."),
+        Path | None, "SVG file to write: each curve with its toe, modulus, yield and break."
     ] = None,
     force: cli.Overwrite = False,
     as_json: cli.AsJson = False,
@@ -422,39 +390,29 @@ def fit(
     *,
     law: Annotated[
         str,
-        Option(
-            help="neo-hookean, yeoh, martins, ogden, ogden-1, -2 or -3 (terms), or all: the best "
-            "is chosen."
-        ),
+        "neo-hookean, yeoh, martins, ogden, ogden-1, -2 or -3 (terms), or all: the best is chosen.",
     ] = "all",
-    name: Annotated[str | None, Option(help="Name of the palette; else that of the file.")] = None,
-    weighting: Annotated[str, Option(help="Residuals relative to the stress, or absolute.")] = (
-        "relative"
-    ),
+    name: Annotated[str | None, "Name of the palette; else that of the file."] = None,
+    weighting: Annotated[str, "Residuals relative to the stress, or absolute."] = "relative",
     coordinate: Annotated[
-        list[str] | None, Option(help="ID=M, repeatable; else 0..1 in order of stiffness.")
+        list[str] | None, "ID=M, repeatable; else 0..1 in order of stiffness."
     ] = None,
     order: Annotated[
-        str | None,
-        Option(help="All materials from soft to hard, with commas, where tests leave it open."),
+        str | None, "All materials from soft to hard, with commas, where tests leave it open."
     ] = None,
-    density: Annotated[list[str] | None, Option(help="ID=G_CM3, repeatable.")] = None,
+    density: Annotated[list[str] | None, "ID=G_CM3, repeatable."] = None,
     starts: Annotated[int, Option(min=1, max=2000, help="Starts of each search.")] = 50,
     level: Annotated[float, Option(min=0.5, max=0.999, help="Coverage of the intervals.")] = 0.95,
     coefficients: Annotated[
         str | None,
-        Option(
-            help="quadratic: also run Algorithm 1 of Hemleben's thesis, coefficients as quadratics "
-            "of m, and compare what it predicts; the palette is the same."
-        ),
+        "quadratic: also run Algorithm 1 of Hemleben's thesis, coefficients as quadratics "
+        "of m, and compare what it predicts; the palette is the same.",
     ] = None,
     tests: _TensileTests,
     figure: Annotated[
-        Path | None, Option(help="SVG file to write: tests over laws, residuals, mixtures between.")
+        Path | None, "SVG file to write: tests over laws, residuals, mixtures between."
     ] = None,
-    tables: Annotated[
-        Path | None, Option(help="Folder to write: the tables as CSV, with intervals.")
-    ] = None,
+    tables: Annotated[Path | None, "Folder to write: the tables as CSV, with intervals."] = None,
     force: cli.Overwrite = False,
     as_json: cli.AsJson = False,
     quiet: cli.Quiet = False,

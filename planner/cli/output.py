@@ -13,9 +13,9 @@ import time
 from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 
-from typer import Context, Option
+from typer import Context, Option, Typer
 
 import planner
 from planner.errors import ArgumentError, Caution, refused
@@ -34,9 +34,9 @@ __all__ = [
     "PrinterName",
     "Quiet",
     "check_targets",
+    "command",
     "complain",
     "finding",
-    "in_groups",
     "in_words",
     "long_progress",
     "out",
@@ -274,14 +274,11 @@ def _stderr_lines(kind: str, colour: str, *messages: str) -> None:
 
 
 AsJson = Annotated[bool, Option("--json", help="Print one JSON document and nothing else.")]
-Quiet = Annotated[bool, Option("--quiet", "-q", help="Print nothing but errors.")]
+Quiet = Annotated[bool, "--quiet", "-q", "Print nothing but errors."]
 PrinterName = Annotated[
-    str,
-    Option(help="Installed printer, see [bold]planner printers[/bold]; or its TOML file."),
+    str, "Installed printer, see [bold]planner printers[/bold]; or its TOML file."
 ]
-PaletteName = Annotated[
-    str | None, Option(help="Palette file (TOML), or one of the printer's palettes.")
-]
+PaletteName = Annotated[str | None, "Palette file (TOML), or one of the printer's palettes."]
 
 
 def out(what: str) -> Any:
@@ -289,45 +286,65 @@ def out(what: str) -> Any:
     return Option("--output", "-o", help=what)
 
 
-def in_groups(command: Callable[..., int]) -> Callable[..., int]:
-    """Let a command take options in groups: each field of a parameter that is a dataclass."""
-    shown: list[inspect.Parameter] = []
-    groups: dict[str, Any] = {}
-    for one in inspect.signature(command).parameters.values():
-        if is_dataclass(one.annotation):
-            groups[one.name] = one.annotation
-            shown += [
-                one.replace(name=option.name, annotation=option.type, default=option.default)
-                for option in fields(one.annotation)
-            ]
-        else:
-            shown.append(one)
+_Command = TypeVar("_Command", bound=Callable[..., int])
 
-    @functools.wraps(command)
-    def run(**given: Any) -> int:
-        for name, group in groups.items():
-            given[name] = group(**{one.name: given.pop(one.name) for one in fields(group)})
-        return command(**given)
 
-    vars(run)["__signature__"] = inspect.Signature(shown)
-    run.__annotations__ = {one.name: one.annotation for one in shown}
-    return run
+def command(app: Typer, name: str | None = None) -> Callable[[_Command], _Command]:
+    """Add a function to the commands of an app; `_shown` tells what its options may be."""
+
+    def add(function: _Command) -> _Command:
+        shown: list[inspect.Parameter] = []
+        groups: dict[str, Any] = {}
+        for one in inspect.signature(function).parameters.values():
+            if is_dataclass(one.annotation):
+                groups[one.name] = one.annotation
+            shown += _shown(one)
+
+        @functools.wraps(function)
+        def run(**given: Any) -> int:
+            for name, group in groups.items():
+                given[name] = group(**{one.name: given.pop(one.name) for one in fields(group)})
+            return function(**given)
+
+        vars(run)["__signature__"] = inspect.Signature(shown)
+        run.__annotations__ = {one.name: one.annotation for one in shown}
+        app.command(name)(run)
+        return function
+
+    return add
+
+
+def _shown(one: inspect.Parameter) -> Iterator[inspect.Parameter]:
+    """Yield a parameter as typer knows it; of one that is a dataclass, a group, each field.
+
+    What is annotated with texts is an option: they are its names, as --from, if it has other ones
+    than its parameter, and its help. A switch that is off by default has no other to turn it off.
+    """
+    if is_dataclass(one.annotation):
+        for each in fields(one.annotation):
+            yield from _shown(
+                one.replace(name=each.name, annotation=each.type, default=each.default)
+            )
+        return
+    names = list(getattr(one.annotation, "__metadata__", [None]))
+    if isinstance(said := names.pop(), str):
+        kind = one.annotation.__origin__
+        if not names and one.default is False:
+            names = [f"--{one.name.replace('_', '-')}"]
+        one = one.replace(annotation=Annotated[kind, Option(*names, help=said)])
+    yield one
 
 
 @dataclass(frozen=True)
 class PrinterLimits:
     """Limits in place of the printer's own."""
 
-    tray: Annotated[
-        str | None, Option(help="Largest part, X,Y,Z in mm, in place of the printer's own.")
-    ] = None
+    tray: Annotated[str | None, "Largest part, X,Y,Z in mm, in place of the printer's own."] = None
     minimum_wall_mm: Annotated[
-        float | None,
-        Option("--minimum-wall", help="Thinnest wall in mm, in place of the printer's own."),
+        float | None, "--minimum-wall", "Thinnest wall in mm, in place of the printer's own."
     ] = None
     minimum_feature_mm: Annotated[
-        float | None,
-        Option("--minimum-feature", help="Smallest detail in mm, in place of the printer's own."),
+        float | None, "--minimum-feature", "Smallest detail in mm, in place of the printer's own."
     ] = None
 
     def printer(
@@ -460,9 +477,9 @@ def _real(path: Path) -> Path:
 # Options of the commands that take whole parts, and write files.
 
 
-Overwrite = Annotated[bool, Option("--force", help="Replace files that are there.")]
+Overwrite = Annotated[bool, "--force", "Replace files that are there."]
 ForceOversize = Annotated[
-    bool, Option("--force-oversize", help="Plan a part that the printer's tray does not hold.")
+    bool, "--force-oversize", "Plan a part that the printer's tray does not hold."
 ]
 
 
@@ -476,31 +493,22 @@ class LoadOptions:
 
     fix: Annotated[
         _Texts,
-        Option(
-            help="Faces of the whole part that do not move, as x=max; for what may stand there see "
-            "docs/how-to/simulate-a-whole-part.md. Repeatable, as all of these.",
-        ),
+        "Faces of the whole part that do not move, as x=max; for what may stand there see "
+        "docs/how-to/simulate-a-whole-part.md. Repeatable, as all of these.",
     ] = None
-    load: Annotated[_Texts, Option(help="Force on faces in all, as 'x=min: 0,0,-0.5 N'.")] = None
-    moment: Annotated[
-        _Texts, Option(help="Moment about the middle of faces, as 'x=min: 0,5,0 N mm'.")
-    ] = None
-    pressure: Annotated[_Texts, Option(help="Pressure on faces, as 'cavity: 20 kPa'.")] = None
-    move: Annotated[_Texts, Option(help="Faces that are moved, as 'z>102: 5,free,0 mm'.")] = None
-    gravity: Annotated[
-        str | None, Option(help="Where the part's weight pulls: -z, or dx,dy,dz.")
-    ] = None
+    load: Annotated[_Texts, "Force on faces in all, as 'x=min: 0,0,-0.5 N'."] = None
+    moment: Annotated[_Texts, "Moment about the middle of faces, as 'x=min: 0,5,0 N mm'."] = None
+    pressure: Annotated[_Texts, "Pressure on faces, as 'cavity: 20 kPa'."] = None
+    move: Annotated[_Texts, "Faces that are moved, as 'z>102: 5,free,0 mm'."] = None
+    gravity: Annotated[str | None, "Where the part's weight pulls: -z, or dx,dy,dz."] = None
 
 
 CasesFile = Annotated[
-    Path | None,
-    Option(help="TOML file of load cases: tables 'case' with these options, and name."),
+    Path | None, "TOML file of load cases: tables 'case' with these options, and name."
 ]
-MeshUnit = Annotated[str | None, Option(help="Unit of a mesh: mm, cm, m, um, inch, ft.")]
+MeshUnit = Annotated[str | None, "Unit of a mesh: mm, cm, m, um, inch, ft."]
 MeshBodies = Annotated[
     str | None,
-    Option(
-        help="What bodies of a mesh are whose winding does not tell: cavities, taken away from the "
-        "solids around them; or solids, and then all are united.",
-    ),
+    "What bodies of a mesh are whose winding does not tell: cavities, taken away from the "
+    "solids around them; or solids, and then all are united.",
 ]

@@ -12,7 +12,7 @@ from pathlib import Path
 from shlex import quote
 from typing import Annotated, Any
 
-from typer import Argument, Context, Option
+from typer import Argument, Context
 
 import planner
 from planner.cli import output as cli
@@ -31,135 +31,96 @@ def grade(
     ],
     like: Annotated[
         Path | None,
-        Option(
-            help="An earlier plan's folder or plan.json: its targets in MPa are to be met again, "
-            "with another --palette; what else is not stated is as it was there; see "
-            "docs/how-to/close-the-loop.md."
-        ),
+        "An earlier plan's folder or plan.json: its targets in MPa are to be met again, "
+        "with another --palette; what else is not stated is as it was there; see "
+        "docs/how-to/close-the-loop.md.",
     ] = None,
     *,
     from_: Annotated[
         str | None,
-        Option(
-            "--from",
-            help="Where the gradient begins: a material, or a modulus with its unit (500kPa).",
-        ),
+        "--from",
+        "Where the gradient begins: a material, or a modulus with its unit (500kPa).",
     ] = None,
-    to: Annotated[
-        str | None, Option(help="Where it ends: a material, or a modulus (7MPa).")
-    ] = None,
+    to: Annotated[str | None, "Where it ends: a material, or a modulus (7MPa)."] = None,
     axis: Annotated[
-        str | None,
-        Option(help="Direction: x, y, z, -x, ... or dx,dy,dz; the longest extent by default."),
+        str | None, "Direction: x, y, z, -x, ... or dx,dy,dz; the longest extent by default."
     ] = None,
     field: Annotated[
         str | None,
-        Option(
-            help="What the gradient follows instead of an axis, NAME: ARGUMENTS: radial, "
-            "distance, harmonic, geodesic, expression, table, points, axis, and min, max, "
-            "blend, clamp of such; see docs/how-to/grade-along-a-field.md."
-        ),
+        "What the gradient follows instead of an axis, NAME: ARGUMENTS: radial, "
+        "distance, harmonic, geodesic, expression, table, points, axis, and min, max, "
+        "blend, clamp of such; see docs/how-to/grade-along-a-field.md.",
     ] = None,
     pitch_mm: Annotated[
         float | None,
-        Option(
-            "--pitch",
-            help="Cells, in mm, in which curved fields are drawn, all alike; without it they are "
-            "divided until interfaces lie within 20 um.",
-        ),
+        "--pitch",
+        "Cells, in mm, in which curved fields are drawn, all alike; without it they are "
+        "divided until interfaces lie within 20 um.",
     ] = None,
     profile: Annotated[
         str | None,
-        Option(
-            help="log (by default), linear, smooth, steps:N, grades (an equal length of each "
-            "material from the one nearest to --from to that nearest to --to), or a CSV file with "
-            "position (0..1) and modulus_MPa or material."
-        ),
+        "log (by default), linear, smooth, steps:N, grades (an equal length of each "
+        "material from the one nearest to --from to that nearest to --to), or a CSV file with "
+        "position (0..1) and modulus_MPa or material.",
     ] = None,
     bands: Annotated[
         int | None,
-        Option(
-            help="Cut into N equal steps, with --blend nearest or mix; by default the cuts lie "
-            "where the material or mixture changes."
-        ),
+        "Cut into N equal steps, with --blend nearest or mix; by default the cuts lie "
+        "where the material or mixture changes.",
     ] = None,
     blend: Annotated[
         str | None,
-        Option(
-            help="How a target between two materials is met: nearest, by default, takes the nearer "
-            "one; dither deals cells of both; bands:N lets N pairs of thinner bands take turns; "
-            "mix records mixtures; see docs/how-to/blend-materials.md."
-        ),
+        "How a target between two materials is met: nearest, by default, takes the nearer "
+        "one; dither deals cells of both; bands:N lets N pairs of thinner bands take turns; "
+        "mix records mixtures; see docs/how-to/blend-materials.md.",
     ] = None,
     cell_mm: Annotated[
         float | None,
-        Option(
-            "--cell",
-            help="Edge, in mm, of the cells that dither deals; the printer's smallest feature by "
-            "default.",
-        ),
+        "--cell",
+        "Edge, in mm, of the cells that dither deals; the printer's smallest feature by default.",
     ] = None,
     snap_mm: Annotated[
         float | None,
-        Option(
-            "--snap",
-            help="How far, in mm, a cut may be moved so that it leaves no sliver beside a face of "
-            "the part; half the minimum wall by default, 0 for not at all.",
-        ),
+        "--snap",
+        "How far, in mm, a cut may be moved so that it leaves no sliver beside a face of "
+        "the part; half the minimum wall by default, 0 for not at all.",
     ] = None,
     at_strain: Annotated[
         float | None,
-        Option(
-            help="Working strain: stiffness is the secant modulus of the nominal stress up to it; "
-            "0.1 by default."
-        ),
+        "Working strain: stiffness is the secant modulus of the nominal stress up to it; "
+        "0.1 by default.",
     ] = None,
     tolerance: Annotated[
         float,
-        Option(
-            help="How many times as stiff or as soft as asked is no finding yet, as 1.25; or below "
-            "1 a share, as 0.25 for 25 %."
-        ),
+        "How many times as stiff or as soft as asked is no finding yet, as 1.25; or below "
+        "1 a share, as 0.25 for 25 %.",
     ] = 2.0,
-    unit: Annotated[str | None, Option(help="Unit of the mesh: mm, cm, m, um, inch, ft.")] = None,
+    unit: Annotated[str | None, "Unit of the mesh: mm, cm, m, um, inch, ft."] = None,
     bodies: cli.MeshBodies = None,
     printer: Annotated[
         str | None,
-        Option(
-            help="Installed printer, see [bold]planner printers[/bold], or its TOML file; connex3 "
-            "by default."
-        ),
+        "Installed printer, see [bold]planner printers[/bold], or its TOML file; connex3 "
+        "by default.",
     ] = None,
     limits: cli.PrinterLimits,
     palette: cli.PaletteName = None,
     output: Annotated[Path | None, cli.out("Folder to write; <part>-graded by default.")] = None,
-    force: Annotated[bool, Option("--force", help="Replace an earlier plan there.")] = False,
+    force: Annotated[bool, "Replace an earlier plan there."] = False,
     force_oversize: cli.ForceOversize = False,
     coupons: Annotated[
         bool,
-        Option(
-            "--coupons",
-            help="Lay a tensile coupon of each material (ASTM D638, type IV) beside the part, to "
-            "be printed and pulled with it: the folder coupons.",
-        ),
+        "Lay a tensile coupon of each material (ASTM D638, type IV) beside the part, to "
+        "be printed and pulled with it: the folder coupons.",
     ] = False,
-    strict: Annotated[bool, Option("--strict", help="Write nothing when something was found.")] = (
-        False
-    ),
-    dry_run: Annotated[bool, Option("--dry-run", help="Plan and report, but write nothing.")] = (
-        False
-    ),
-    no_page: Annotated[
-        bool, Option("--no-page", help="Leave plan.html out, the page that shows the plan.")
-    ] = False,
+    strict: Annotated[bool, "Write nothing when something was found."] = False,
+    dry_run: Annotated[bool, "Plan and report, but write nothing."] = False,
+    no_page: Annotated[bool, "Leave plan.html out, the page that shows the plan."] = False,
     slicer: Annotated[
         str | None,
-        Option(
-            "--for",
-            help="Slicer that the 3MF is for: prusaslicer gets all materials as one mesh, which "
-            "it needs to show one object; bambu, orca and cura open the 3MF that is written by "
-            "default; see docs/how-to/open-in-a-slicer.md.",
-        ),
+        "--for",
+        "Slicer that the 3MF is for: prusaslicer gets all materials as one mesh, which "
+        "it needs to show one object; bambu, orca and cura open the 3MF that is written by "
+        "default; see docs/how-to/open-in-a-slicer.md.",
     ] = None,
     as_json: cli.AsJson = False,
     quiet: cli.Quiet = False,
@@ -241,9 +202,7 @@ def _table(plan: "planner.Plan") -> None:
 
 def view(
     plan: Annotated[Path, Argument(help="Folder that planner grade wrote, or its plan.json.")],
-    no_open: Annotated[
-        bool, Option("--no-open", help="Make the page if need be and say where it is, no more.")
-    ] = False,
+    no_open: Annotated[bool, "Make the page if need be and say where it is, no more."] = False,
     as_json: cli.AsJson = False,
     quiet: cli.Quiet = False,
 ) -> int:
@@ -317,8 +276,7 @@ def _verdict(certificate: "planner.Certificate") -> str:
 
 
 _Tolerance = Annotated[
-    float,
-    Option(help="Relative difference of volumes, masses and moduli that still counts as equal."),
+    float, "Relative difference of volumes, masses and moduli that still counts as equal."
 ]
 
 
@@ -360,10 +318,8 @@ def compare(
         "compare.html"
     ),
     tolerance: _Tolerance = 1e-6,
-    no_open: Annotated[
-        bool, Option("--no-open", help="Write the page and say where it is, no more.")
-    ] = False,
-    force: Annotated[bool, Option("--force", help="Replace a page that is there.")] = False,
+    no_open: Annotated[bool, "Write the page and say where it is, no more."] = False,
+    force: Annotated[bool, "Replace a page that is there."] = False,
     as_json: cli.AsJson = False,
     quiet: cli.Quiet = False,
 ) -> int:
@@ -396,22 +352,15 @@ def slices(
     output: Annotated[Path, cli.out("Folder to write.")],
     pitch_mm: Annotated[
         str | None,
-        Option(
-            "--pitch",
-            help="Edges of a voxel in mm, X,Y,Z or one for all; the printer's own by default.",
-        ),
+        "--pitch",
+        "Edges of a voxel in mm, X,Y,Z or one for all; the printer's own by default.",
     ] = None,
-    indexed: Annotated[
-        bool, Option("--indexed", help="Write palette images: smaller, the same colours.")
-    ] = False,
-    printer: Annotated[
-        str | None, Option(help="Installed printer or its file; else the plan's.")
-    ] = None,
+    indexed: Annotated[bool, "Write palette images: smaller, the same colours."] = False,
+    printer: Annotated[str | None, "Installed printer or its file; else the plan's."] = None,
     scheduler: Annotated[
-        str | None,
-        Option(help="Make the layers on a Dask cluster: its scheduler, tcp://HOST:PORT."),
+        str | None, "Make the layers on a Dask cluster: its scheduler, tcp://HOST:PORT."
     ] = None,
-    force: Annotated[bool, Option("--force", help="Replace an earlier stack there.")] = False,
+    force: Annotated[bool, "Replace an earlier stack there."] = False,
     as_json: cli.AsJson = False,
     quiet: cli.Quiet = False,
 ) -> int:

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import typer
-from typer import Argument, Context, Option
+from typer import Argument, Context
 
 import planner
 from planner.cli import output as cli
@@ -55,7 +55,7 @@ def _lengths(values: Any) -> str:
 # planner printers show.
 
 
-@app.command()
+@cli.command(app)
 def show(
     name: Annotated[str, Argument(help="Installed printer, or its file, as my.toml.")],
     as_json: cli.AsJson = False,
@@ -93,13 +93,11 @@ def show(
 _NAME = re.compile(r"[a-z][a-z0-9_-]*")
 
 
-@app.command()
+@cli.command(app)
 def new(
     context: Context,
     name: Annotated[str, Argument(help="Of the printer: small letters, digits, - and _.")],
-    like: Annotated[
-        str, Option(help="Printer whose figures, palette and notes it begins with.")
-    ] = "connex3",
+    like: Annotated[str, "Printer whose figures, palette and notes it begins with."] = "connex3",
     output: Annotated[Path | None, cli.out("Folder to write; NAME-printer by default.")] = None,
 ) -> int:
     """Write a plugin for a printer of your own: figures, palette, notes, schemas and its test.

@@ -6,17 +6,15 @@ from inspect import signature
 from pathlib import Path
 from typing import Annotated, Any
 
-from typer import Argument, Context, Option
+from typer import Argument, Context
 
 import planner
 from planner.cli import output as cli
 from planner.errors import ArgumentError, refused
 from planner.glance import counted, format_number, format_range
 
-_MeshMaterial = Annotated[str | None, Option(help="What a mesh is made of, which is no plan.")]
-_PlansPrinter = Annotated[
-    str | None, Option(help="Installed printer; by default the plan's, else connex3.")
-]
+_MeshMaterial = Annotated[str | None, "What a mesh is made of, which is no plan."]
+_PlansPrinter = Annotated[str | None, "Installed printer; by default the plan's, else connex3."]
 
 
 _CELL = ("--cell", "--cell-mm")
@@ -40,76 +38,60 @@ def simulate(
     cases: cli.CasesFile = None,
     watch: Annotated[
         list[str] | None,
-        Option(help="Faces whose displacement is told too, as x=min, or 'x=min uz' along an axis."),
+        "Faces whose displacement is told too, as x=min, or 'x=min uz' along an axis.",
     ] = None,
     material: _MeshMaterial = None,
     cell_mm: Annotated[
         float | None,
-        Option(
-            *_CELL, help="Edge of the cells that the whole part is cut into; about 2000 by default."
-        ),
+        *_CELL,
+        "Edge of the cells that the whole part is cut into; about 2000 by default.",
     ] = None,
     compare_cells: Annotated[
         bool,
-        Option(
-            "--compare-cells/--no-compare-cells",
-            help="Solve with larger cells too, which tells how far figures depend on them.",
-        ),
+        "Solve with larger cells too, which tells how far figures depend on them.",
     ] = True,
     unit: cli.MeshUnit = None,
     bodies: cli.MeshBodies = None,
-    to_strain: Annotated[float, Option(help="Largest displacement over the bar's length.")] = 0.3,
+    to_strain: Annotated[float, "Largest displacement over the bar's length."] = 0.3,
     rate_mm_s: Annotated[
         float | None,
-        Option(
-            "--rate",
-            help="Crosshead speed in mm/s, which sets the times alone; by default the palette's "
-            "reference strain rate.",
-        ),
+        "--rate",
+        "Crosshead speed in mm/s, which sets the times alone; by default the palette's "
+        "reference strain rate.",
     ] = None,
-    protocol: Annotated[str, Option(help="monotonic, cyclic or relaxation.")] = "monotonic",
-    cycles: Annotated[int, Option(help="Of the cyclic protocol.")] = 1,
-    hold_s: Annotated[float, Option(help="How long relaxation holds, in seconds.")] = 100.0,
+    protocol: Annotated[str, "monotonic, cyclic or relaxation."] = "monotonic",
+    cycles: Annotated[int, "Of the cyclic protocol."] = 1,
+    hold_s: Annotated[float, "How long relaxation holds, in seconds."] = 100.0,
     steps: Annotated[
-        int | None,
-        Option(help="Load steps up, and down or held: 100 by default, 5 of a whole part."),
+        int | None, "Load steps up, and down or held: 100 by default, 5 of a whole part."
     ] = None,
-    slices: Annotated[int, Option(help="Slices of a plan or a profile.")] = 400,
+    slices: Annotated[int, "Slices of a plan or a profile."] = 400,
     between_mm: Annotated[
         str | None,
-        Option(
-            "--between", help="START:STOP in mm along the axis: pull only this stretch of the bar."
-        ),
+        "--between",
+        "START:STOP in mm along the axis: pull only this stretch of the bar.",
     ] = None,
-    width_mm: Annotated[float, Option(help="Width of a coupon, or of a profile without.")] = 6.0,
-    thickness_mm: Annotated[float, Option(help="Thickness of a coupon or such a profile.")] = 4.0,
-    gauge_mm: Annotated[float, Option(help="Gauge length of a coupon.")] = 33.0,
-    level: Annotated[
-        float, Option(help="How probably an interval holds what a print does.")
-    ] = 0.95,
+    width_mm: Annotated[float, "Width of a coupon, or of a profile without."] = 6.0,
+    thickness_mm: Annotated[float, "Thickness of a coupon or such a profile."] = 4.0,
+    gauge_mm: Annotated[float, "Gauge length of a coupon."] = 33.0,
+    level: Annotated[float, "How probably an interval holds what a print does."] = 0.95,
     printer: _PlansPrinter = None,
     palette: cli.PaletteName = None,
     output: Annotated[
         Path | None, cli.out("File to write: .csv (the curve) or .json (all).")
     ] = None,
-    field: Annotated[
-        Path | None, Option(help="CSV file to write: strain along the bar at every step.")
-    ] = None,
-    figure: Annotated[Path | None, Option(help="SVG file to write: the curves.")] = None,
+    field: Annotated[Path | None, "CSV file to write: strain along the bar at every step."] = None,
+    figure: Annotated[Path | None, "SVG file to write: the curves."] = None,
     deformed: Annotated[
-        Path | None, Option(help="STL file to write: the whole part's surface as it is at last.")
+        Path | None, "STL file to write: the whole part's surface as it is at last."
     ] = None,
     vtu: Annotated[
-        Path | None,
-        Option(help="VTU file to write: that surface with displacement, strain and material."),
+        Path | None, "VTU file to write: that surface with displacement, strain and material."
     ] = None,
     volume: Annotated[
-        Path | None,
-        Option(help="VTU file to write: the volume with stress, energy, strain over break."),
+        Path | None, "VTU file to write: the volume with stress, energy, strain over break."
     ] = None,
-    page: Annotated[
-        Path | None, Option(help="HTML file to write: the whole part as it moves, in 3D.")
-    ] = None,
+    page: Annotated[Path | None, "HTML file to write: the whole part as it moves, in 3D."] = None,
     force: cli.Overwrite = False,
     as_json: cli.AsJson = False,
     quiet: cli.Quiet = False,
@@ -257,20 +239,17 @@ def _bar_report(results: "Sequence[planner.Simulation]") -> None:
 def export(
     context: Context,
     source: Annotated[str, Argument(help="A plan.json or its folder, or with --material a mesh.")],
-    to: Annotated[str, Option(help="abaqus, calculix (INP files) or vtu (ParaView).")],
+    to: Annotated[str, "abaqus, calculix (INP files) or vtu (ParaView)."],
     output: Annotated[Path | None, cli.out("File to write; <part>.inp or .vtu by default.")] = None,
     cell_mm: Annotated[
-        float | None,
-        Option(*_CELL, help="Edge of a cell in mm; by default what makes about 15000."),
+        float | None, *_CELL, "Edge of a cell in mm; by default what makes about 15000."
     ] = None,
     *,
     loads: cli.LoadOptions,
     to_strain: Annotated[
         float | None,
-        Option(
-            help="Strain up to which CalculiX' laws follow the palette; by default 1.5 times what "
-            "the part reaches under its loads, or the break."
-        ),
+        "Strain up to which CalculiX' laws follow the palette; by default 1.5 times what "
+        "the part reaches under its loads, or the break.",
     ] = None,
     material: _MeshMaterial = None,
     unit: cli.MeshUnit = None,
@@ -329,82 +308,62 @@ def design(
     context: Context,
     part: Annotated[Path, Argument(help="Mesh file, as for planner grade.")],
     from_: Annotated[
-        str,
-        Option("--from", help="What the gradient begins with: a material or a modulus (0.5MPa)."),
+        str, "--from", "What the gradient begins with: a material or a modulus (0.5MPa)."
     ],
-    to: Annotated[str, Option(help="What it ends with. Nothing softer or stiffer is used.")],
+    to: Annotated[str, "What it ends with. Nothing softer or stiffer is used."],
     target: Annotated[
         list[str] | None,
-        Option(
-            help="What is wanted, as 'x=min uz=-12 mm', 'x=min ry=30 deg' (the faces turn), 'z=max "
-            "to z=min distance=12 mm', 'x=min stiffness=0.05 N/mm', 'x=max fz=2 N', 'shape: "
-            "bent.stl' (the surface as it is to be) or 'shape: points.csv'; 'weight 2' behind one "
-            "makes its miss count twice. Repeatable."
-        ),
+        "What is wanted, as 'x=min uz=-12 mm', 'x=min ry=30 deg' (the faces turn), 'z=max "
+        "to z=min distance=12 mm', 'x=min stiffness=0.05 N/mm', 'x=max fz=2 N', 'shape: "
+        "bent.stl' (the surface as it is to be) or 'shape: points.csv'; 'weight 2' behind one "
+        "makes its miss count twice. Repeatable.",
     ] = None,
     *,
     loads: cli.LoadOptions,
     cases: cli.CasesFile = None,
     case: Annotated[
         list[str] | None,
-        Option(
-            help="A further load case: 'side; load x=min: 0,0.1,0 N; limit x=min uy<1 mm': its "
-            "name, then target, limit, fix, load, ..., as in a file; held as the first one if "
-            "nothing is said. Repeatable."
-        ),
+        "A further load case: 'side; load x=min: 0,0.1,0 N; limit x=min uy<1 mm': its "
+        "name, then target, limit, fix, load, ..., as in a file; held as the first one if "
+        "nothing is said. Repeatable.",
     ] = None,
     limit: Annotated[
         list[str] | None,
-        Option(
-            help="'strain/break<0.5', 'slope<0.1 /mm', or a figure without its sign: 'x=min uy<1 "
-            "mm'. Repeatable."
-        ),
+        "'strain/break<0.5', 'slope<0.1 /mm', or a figure without its sign: 'x=min uy<1 "
+        "mm'. Repeatable.",
     ] = None,
     free: Annotated[
         str | None,
-        Option(
-            help="A gradient free in space: on a lattice of 6x3x3 controls, one each 8mm, or auto."
-        ),
+        "A gradient free in space: on a lattice of 6x3x3 controls, one each 8mm, or auto.",
     ] = None,
     symmetric: Annotated[
-        str, Option(help="With --free: its own mirror image across the part's middle along y, say.")
+        str, "With --free: its own mirror image across the part's middle along y, say."
     ] = "",
-    robust: Annotated[
-        bool, Option("--robust", help="Limits hold at the worst of the palette's interval.")
-    ] = False,
-    knots: Annotated[int, Option(help="Of the profile, between which it is even.")] = 7,
-    axis: Annotated[
-        str | None, Option(help="Direction of the gradient; the longest side by default.")
-    ] = None,
-    field: Annotated[
-        str | None, Option(help="What the gradient follows instead, as for planner grade.")
-    ] = None,
+    robust: Annotated[bool, "Limits hold at the worst of the palette's interval."] = False,
+    knots: Annotated[int, "Of the profile, between which it is even."] = 7,
+    axis: Annotated[str | None, "Direction of the gradient; the longest side by default."] = None,
+    field: Annotated[str | None, "What the gradient follows instead, as for planner grade."] = None,
     prefer: Annotated[
         str,
-        Option(
-            help="Among profiles that reach the targets: smooth (near the even gradient) or soft "
-            "(least of what is stiff)."
-        ),
+        "Among profiles that reach the targets: smooth (near the even gradient) or soft "
+        "(least of what is stiff).",
     ] = "smooth",
-    blend: Annotated[str | None, Option(help="nearest, by default, or dither.")] = None,
-    at_strain: Annotated[float, Option(help="Working strain of the moduli.")] = 0.1,
-    cell_mm: Annotated[
-        float | None,
-        Option(*_CELL, help="Edge of the cells; about 2000 by default."),
-    ] = None,
+    blend: Annotated[str | None, "nearest, by default, or dither."] = None,
+    at_strain: Annotated[float, "Working strain of the moduli."] = 0.1,
+    cell_mm: Annotated[float | None, *_CELL, "Edge of the cells; about 2000 by default."] = None,
     minutes: Annotated[
-        float | None, Option(help="Take the finest cells that are done in about that time.")
+        float | None, "Take the finest cells that are done in about that time."
     ] = None,
-    tolerance: Annotated[float, Option(help="Relative miss of a target that is accepted.")] = 0.01,
+    tolerance: Annotated[float, "Relative miss of a target that is accepted."] = 0.01,
     unit: cli.MeshUnit = None,
     bodies: cli.MeshBodies = None,
     printer: Annotated[
-        str | None, Option(help="Installed printer, or its TOML file; connex3 by default.")
+        str | None, "Installed printer, or its TOML file; connex3 by default."
     ] = None,
     limits: cli.PrinterLimits,
     palette: cli.PaletteName = None,
     output: Annotated[Path | None, cli.out("Folder to write; <part>-designed by default.")] = None,
-    no_page: Annotated[bool, Option("--no-page", help="Leave plan.html out.")] = False,
+    no_page: Annotated[bool, "Leave plan.html out."] = False,
     force: cli.Overwrite = False,
     force_oversize: cli.ForceOversize = False,
     as_json: cli.AsJson = False,
