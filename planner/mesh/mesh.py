@@ -25,7 +25,6 @@ __all__ = [
     "order_edges",
     "order_rows",
     "repeats_index",
-    "sort_span",
     "sorted_corners",
     "unite",
     "weld",
@@ -269,26 +268,6 @@ def key_slot(keys: Any, key: Any) -> Any:
     while keys[slot] != 0 and keys[slot] != key:
         slot = (slot + 1) & (keys.size - 1)
     return slot
-
-
-@inner_kernel
-def sort_span(keys: Any, first: Any, last: Any) -> Any:
-    """Sort keys[first:last] by Shell's method.
-
-    Insertion sort for the usual handful, no quadratic worst case for a stack.
-    """
-    gap = 1
-    while gap < (last - first) // 3:
-        gap = 3 * gap + 1
-    while gap > 0:
-        for i in range(first + gap, last):
-            key = keys[i]
-            j = i
-            while j >= first + gap and keys[j - gap] > key:
-                keys[j] = keys[j - gap]
-                j -= gap
-            keys[j] = key
-        gap //= 3
 
 
 @inner_kernel
@@ -611,9 +590,11 @@ class JoinedShells:
         Two faces on the same three vertices then are a body of their own, back to back.
         """
         faces = self.faces[number]
-        buckets, edges = np.zeros(len(self.vertices), np.int32), np.empty(faces.size, np.int64)
-        paired = len(faces) and _edges_paired(faces, buckets, edges)
-        return bool(paired and self.measures[number].volume_mm3[0] > 0.0)
+        topology, third = Topology(faces), np.roll(faces, 1, axis=1).ravel()
+        if not topology.closed or repeats_index(faces).any():
+            return False
+        apart = (third != third[topology.twin]).all()
+        return bool(apart and self.measures[number].volume_mm3[0] > 0.0)
 
 
 def join_shells(shells: Iterable[_Floats | tuple[Float32Array, Int32Array]]) -> JoinedShells:
@@ -630,43 +611,3 @@ def join_shells(shells: Iterable[_Floats | tuple[Float32Array, Int32Array]]) -> 
     starts = np.cumsum([0, *(len(vertices) for vertices, _ in indexed)])
     each = zip(starts, indexed, strict=False)
     return JoinedShells(vertices, tuple(index[start:][faces] for start, (_, faces) in each))
-
-
-@kernel
-def _edges_paired(faces: Any, buckets: Any, edges: Any) -> Any:
-    """Tell whether every directed edge occurs once, and so does its reverse, on two other faces.
-
-    Edges are dealt to `buckets`, zeros, one for each vertex, by their lower vertex: the few of a
-    bucket are sorted on the spot. An edge is its higher vertex, then a bit that is set where it
-    runs down, then the face's third vertex.
-    """
-    for f in range(faces.shape[0]):
-        for j in range(3):
-            tail, head = faces[f, j], faces[f, j - 2]
-            buckets[tail if tail < head else head] += 1
-    total = 0
-    for v in range(buckets.size):
-        total += buckets[v]
-        buckets[v] = total - buckets[v]
-    for f in range(faces.shape[0]):
-        for j in range(3):
-            tail, head, third = np.int64(faces[f, j]), np.int64(faces[f, j - 2]), faces[f, j - 1]
-            if tail == head:
-                return False
-            lower, edge = (tail, 2 * head) if tail < head else (head, 2 * tail + 1)
-            edges[buckets[lower]] = edge << 32 | third
-            buckets[lower] += 1
-    first = np.int64(0)
-    for v in range(buckets.size):
-        last = np.int64(buckets[v])
-        sort_span(edges, first, last)
-        if (last - first) % 2 == 1:
-            return False
-        for i in range(first, last, 2):
-            up, down = edges[i] >> 32, edges[i + 1] >> 32
-            if up % 2 == 1 or down != up + 1 or edges[i] + (1 << 32) == edges[i + 1]:
-                return False
-            if i > first and edges[i - 1] >> 32 >= up:
-                return False
-        first = last
-    return True

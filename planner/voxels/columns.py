@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import ArgumentError, MeshError
-from planner.mesh.mesh import Mesh, face_normal, sort_span
+from planner.mesh.mesh import Mesh, face_normal
 from planner.numerics import BoolArray, FloatArray, IntArray, as_point, inner_kernel, kernel
 
 __all__ = [
@@ -240,6 +240,26 @@ def _exact_voxel(
     return near + 1
 
 
+@inner_kernel
+def _sort_span(keys: Any, first: Any, last: Any) -> Any:
+    """Sort keys[first:last] by Shell's method.
+
+    Insertion sort for the usual handful, no quadratic worst case for a stack.
+    """
+    gap = 1
+    while gap < (last - first) // 3:
+        gap = 3 * gap + 1
+    while gap > 0:
+        for i in range(first + gap, last):
+            key = keys[i]
+            j = i
+            while j >= first + gap and keys[j - gap] > key:
+                keys[j] = keys[j - gap]
+                j -= gap
+            keys[j] = key
+        gap //= 3
+
+
 @kernel
 def _runs(
     columns: Any, heights: Any, snapped: Any, faces: Any, row0: Any, nx: Any, row_leads: Any,
@@ -270,7 +290,7 @@ def _runs(
     for c in range(cursor.size - 1):
         last = np.int64(cursor[c])
         if last - first > 1:
-            sort_span(keys, first, last)
+            _sort_span(keys, first, last)
         winding, low = 0, 0
         for i in range(first, last):
             voxel = keys[i] >> 1
