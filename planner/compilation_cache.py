@@ -32,7 +32,8 @@ __all__ = ["Loop", "nothing_kept"]
 #
 # What is kept is called without numba, whose import takes a quarter of a short command: LLVM links
 # the machine code to numba's helpers in C, and numba's entry into it, which takes and returns
-# Python's objects, is made a function.
+# Python's objects, is made a function. What has to be unpickled, named tuples, arrays that are
+# returned, errors that are raised, it asks numba for, which is imported then.
 
 
 _compiling = threading.RLock()
@@ -258,34 +259,8 @@ def _engine() -> tuple[Any, Any, Any]:
             symbols[f"PyExc_{name}"] = id(value)
     for name, place in symbols.items():
         llvm.add_symbol(name, place)
-    _prepare_unpickling(helpers)
     machine = llvm.Target.from_default_triple().create_target_machine()
     return llvm, llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine), functions
-
-
-def _prepare_unpickling(helpers: Any) -> None:
-    """Let machine code unpickle what it returns or raises without numba.
-
-    It asks numba.core.serialize once how that is done, and keeps the answer.
-    """
-    asked = {"numba", "numba.core.serialize"}
-    if asked & sys.modules.keys():
-        return
-
-    @cache
-    def unpickle(address: int, data: bytes, digest: bytes) -> Any:
-        return pickle.loads(data)
-
-    answer: Any = ModuleType("answer")
-    answer._numba_unpickle = unpickle
-    ask = ctypes.PYFUNCTYPE(ctypes.py_object, ctypes.c_char_p, ctypes.c_int, ctypes.c_char_p)
-    something = pickle.dumps(None)
-    sys.modules.update(dict.fromkeys(asked, answer))
-    try:
-        ask(helpers.c_helpers["unpickle"])(something, len(something), bytes(20))
-    finally:
-        for name in asked:
-            del sys.modules[name]
 
 
 def _part_of_numba(name: str) -> ModuleType:

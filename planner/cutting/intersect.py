@@ -198,8 +198,8 @@ def _met(part: Surface, level: Surface, sets: LevelSets) -> Meetings:
         along = np.empty(room)
         segment = np.empty((room, 4), dtype=np.int32)
         points, segments, broken = _meet(
-            part, level, own, starts, sets.offsets, sets.touched, sets.cubes.reshape(-1),
-            keys, number, edge, face, kind, way, along, segment,
+            tuple(part), tuple(level), own, starts, sets.offsets, sets.touched,
+            sets.cubes.reshape(-1), keys, number, edge, face, kind, way, along, segment,
         )  # fmt: skip
         if points >= 0:
             break
@@ -218,10 +218,11 @@ def _meet(
 ) -> Any:  # fmt: skip
     """Fill points and segments; return how many, or -1 where there is no room for them."""
     made = segments = broken = 0
+    (a_points, a_faces, a_ends, a_edges), (b_points, b_faces, b_ends, b_edges) = a, b
     low, high = np.empty(3, dtype=np.int64), np.empty(3, dtype=np.int64)
     # By whose edges, the part's (0) or the level sets' (1).
     sides, turns = np.empty((2, 3), dtype=np.int64), np.empty((2, 3, 3), dtype=np.int64)
-    for t in range(a.faces.shape[0]):
+    for t in range(a_faces.shape[0]):
         fresh = True
         normal = (np.int64(0), np.int64(0), np.int64(0))
         for c in range(offsets[t], offsets[t + 1]):
@@ -229,36 +230,36 @@ def _meet(
                 continue
             if fresh:
                 fresh = False
-                a0, a1, a2 = a.faces[t, 0], a.faces[t, 1], a.faces[t, 2]
-                normal = face_normal(a.points, a0, a1, a2)
+                a0, a1, a2 = a_faces[t, 0], a_faces[t, 1], a_faces[t, 2]
+                normal = face_normal(a_points, a0, a1, a2)
                 for d in range(3):
-                    x, y, z = a.points[a0, d], a.points[a1, d], a.points[a2, d]
+                    x, y, z = a_points[a0, d], a_points[a1, d], a_points[a2, d]
                     low[d], high[d] = min(x, min(y, z)), max(x, max(y, z))
             n = np.searchsorted(own, cells[c])
             for p in range(starts[n], starts[n + 1]):
-                b0, b1, b2 = b.faces[p, 0], b.faces[p, 1], b.faces[p, 2]
+                b0, b1, b2 = b_faces[p, 0], b_faces[p, 1], b_faces[p, 2]
                 apart = False
                 for d in range(3):
-                    x, y, z = b.points[b0, d], b.points[b1, d], b.points[b2, d]
+                    x, y, z = b_points[b0, d], b_points[b1, d], b_points[b2, d]
                     if min(x, min(y, z)) > high[d] or max(x, max(y, z)) < low[d]:
                         apart = True
                         break
                 if apart:
                     continue
                 for j in range(3):
-                    sides[1, j] = _side(a.points, a0, b.points, b.faces[p, j], normal, 1)
+                    sides[1, j] = _side(a_points, a0, b_points, b_faces[p, j], normal, 1)
                 if abs(sides[1, 0] + sides[1, 1] + sides[1, 2]) == 3:
                     continue
-                b_normal = face_normal(b.points, b0, b1, b2)
+                b_normal = face_normal(b_points, b0, b1, b2)
                 for j in range(3):
-                    sides[0, j] = _side(b.points, b0, a.points, a.faces[t, j], b_normal, -1)
+                    sides[0, j] = _side(b_points, b0, a_points, a_faces[t, j], b_normal, -1)
                 if abs(sides[0, 0] + sides[0, 1] + sides[0, 2]) == 3:
                     continue
                 for i in range(3):
                     for j in range(3):
                         turns[0, i, j] = turns[1, j, i] = _turn_of_edges(
-                            a.points, a.faces[t, i], a.faces[t, (i + 1) % 3],
-                            b.points, b.faces[p, j], b.faces[p, (j + 1) % 3],
+                            a_points, a_faces[t, i], a_faces[t, (i + 1) % 3],
+                            b_points, b_faces[p, j], b_faces[p, (j + 1) % 3],
                         )  # fmt: skip
                 if made + 6 > edge.size or segments + 1 > segment.shape[0]:
                     return -1, 0, 0
@@ -270,15 +271,15 @@ def _meet(
                     if s0 == s1 or turn != turns[of, i, 1] or turn != turns[of, i, 2]:
                         continue
                     if of == 0:
-                        e, f = a.of_face[t, i], p
-                        forward = a.faces[t, i] == a.ends[e, 0]
-                        key = np.int64(e) * b.faces.shape[0] + p
-                        place = _along(a.points, a.ends, e, b.points, b0, b_normal)
+                        e, f = a_edges[t, i], p
+                        forward = a_faces[t, i] == a_ends[e, 0]
+                        key = np.int64(e) * b_faces.shape[0] + p
+                        place = _along(a_points, a_ends, e, b_points, b0, b_normal)
                     else:
-                        e, f = b.of_face[p, i], t
-                        forward = b.faces[p, i] == b.ends[e, 0]
-                        key = np.int64(e) * a.faces.shape[0] + t
-                        place = _along(b.points, b.ends, e, a.points, a0, normal)
+                        e, f = b_edges[p, i], t
+                        forward = b_faces[p, i] == b_ends[e, 0]
+                        key = np.int64(e) * a_faces.shape[0] + t
+                        place = _along(b_points, b_ends, e, a_points, a0, normal)
                     enters = (s1 > 0) == (of == 0)
                     key = 2 * key + 1 + of
                     slot = key_slot(keys, key)

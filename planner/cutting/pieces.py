@@ -151,8 +151,8 @@ def _walk_faces(crossed: Crossed, meetings: Meetings) -> Loops:
     broken = _settle(crossed.offsets, points, surface.ends, labels, way, crossed.lower)
     slot, stamp = np.empty(2 * count, dtype=np.int32), np.full(2 * count, -1, dtype=np.int32)
     loops, lost = _walk(
-        faces.astype(np.int32), surface, labels, crossed.offsets, points, way, starts,
-        meetings.segment[order], crossed.segment_label[order], slot, stamp,
+        faces.astype(np.int32), surface.faces, surface.of_face, labels, crossed.offsets, points,
+        way, starts, meetings.segment[order], crossed.segment_label[order], slot, stamp,
         np.empty((most, 4), dtype=np.int32), nodes, loop_starts, loop_face, loop_label,
     )  # fmt: skip
     return Loops(
@@ -190,8 +190,8 @@ def _settle(offsets: Any, points: Any, ends: Any, labels: Any, way: Any, step_le
 
 @kernel
 def _walk(
-    chosen: Any, surface: Any, labels: Any, offsets: Any, points: Any, way: Any, starts: Any,
-    segment: Any, segment_level: Any, slot: Any, stamp: Any, half: Any, nodes: Any,
+    chosen: Any, corners: Any, edges: Any, labels: Any, offsets: Any, points: Any, way: Any,
+    starts: Any, segment: Any, segment_level: Any, slot: Any, stamp: Any, half: Any, nodes: Any,
     loop_starts: Any, loop_face: Any, loop_label: Any,
 ) -> Any:  # fmt: skip
     # half: where each directed side begins and ends, its label, and whether it is left to walk.
@@ -201,8 +201,8 @@ def _walk(
         f = chosen[n]
         sides = 0
         for j in range(3):
-            a, b = surface.faces[f, j], surface.faces[f, (j + 1) % 3]
-            e = surface.of_face[f, j]
+            a, b = corners[f, j], corners[f, (j + 1) % 3]
+            e = edges[f, j]
             first, last = offsets[e], offsets[e + 1]
             label, at = labels[a], a
             for m in range(last - first):

@@ -251,13 +251,18 @@ def _runs_of(bits: _Bits, low: int, high: int) -> IntArray:
     return np.concatenate([columns[column[::2]], ends], axis=1, dtype=np.int32)
 
 
-@kernel
 def _members(runs: IntArray, bits: _Bits) -> IntArray:
     """Return the first, the middle and the last voxel of each run that are in a set.
 
     (n, 3) int32, -1 where a run has none in the set.
     """
     found = np.full((len(runs), 3), -1, np.int32)
+    _find_members(runs, bits, found)
+    return found
+
+
+@kernel
+def _find_members(runs: IntArray, bits: _Bits, found: IntArray) -> None:
     for r in range(len(runs)):
         row, column = runs[r, 0], runs[r, 1] + _ROOM
         n = 0
@@ -283,7 +288,6 @@ def _members(runs: IntArray, bits: _Bits) -> IntArray:
                     break
             if n == 0:
                 break
-    return found
 
 
 def _components(runs: IntArray) -> IntArray:
