@@ -5,7 +5,7 @@ from shlex import quote
 from typing import Annotated
 
 import typer
-from typer import Argument, Context, Option
+from typer import Context, Option
 
 import planner
 from planner.cli import output as cli
@@ -31,9 +31,7 @@ def _gap(context: typer.Context) -> None:
 @cli.command(app)
 def diagnose(
     context: Context,
-    campaign: Annotated[
-        Path, Argument(help="Folder with campaign.toml, specimens.csv and the curves.")
-    ],
+    campaign: Annotated[Path, "Folder with campaign.toml, specimens.csv and the curves."],
     palette: Annotated[
         str | None,
         "Palette file (TOML), or one of the printer's palettes, in place of the campaign's own.",
@@ -102,7 +100,7 @@ def _say_verdict(text: str) -> None:
 @cli.command(app)
 def correct(
     context: Context,
-    diagnosis: Annotated[Path, Argument(help="A diagnosis.json, or the folder that holds it.")],
+    diagnosis: Annotated[Path, "A diagnosis.json, or the folder that holds it."],
     palette: cli.PaletteName = None,
     temperature_C: Annotated[
         float | None, "--temperature-C", "Of use; else the palette's own."
@@ -172,6 +170,7 @@ def _correct_report(made: "planner.Correction", output: Path, options: str) -> N
 @cli.command(app)
 def design(
     context: Context,
+    *,
     effects: Annotated[str, "Ids with commas between: rate,moisture,temperature."],
     budget: Annotated[int, "Specimens at most, of both batches."],
     output: Annotated[Path, cli.out("Folder to write, a campaign to be measured; or a file .csv.")],
@@ -272,10 +271,7 @@ def _again(printer: str, palette: str | None = None) -> str:
 @cli.command(app, "next")
 def next_(
     campaign: Annotated[
-        Path,
-        Argument(
-            help="Folder with campaign.toml and specimens.csv; or a diagnosis, JSON or folder."
-        ),
+        Path, "Folder with campaign.toml and specimens.csv; or a diagnosis, JSON or folder."
     ],
     as_json: cli.AsJson = False,
 ) -> int:
@@ -309,6 +305,7 @@ def next_(
 @cli.command(app)
 def simulate(
     context: Context,
+    *,
     design: Annotated[Path, "Which specimens: a specimens.csv, or the folder of a campaign."],
     output: Annotated[Path, cli.out("Folder to write.")],
     effect: Annotated[

@@ -209,10 +209,8 @@ def _print_laws(found: "Sequence[planner.Mixture]") -> None:
 
 _TensileFiles = Annotated[
     list[Path],
-    Argument(
-        help="Files of tests (CSV, text, XLSX, XLS, ODS, as machines write them), or folders; a "
-        "specimens.csv among or beside them is used."
-    ),
+    "Files of tests (CSV, text, XLSX, XLS, ODS, as machines write them), or folders; a "
+    "specimens.csv among or beside them is used.",
 ]
 
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
-from typer import Context, Option, Typer
+from typer import Argument, Context, Option, Typer
 
 import planner
 from planner.errors import ArgumentError, Caution, refused
@@ -319,6 +319,7 @@ def _shown(one: inspect.Parameter) -> Iterator[inspect.Parameter]:
 
     What is annotated with texts is an option: they are its names, as --from, if it has other ones
     than its parameter, and its help. A switch that is off by default has no other to turn it off.
+    One by position that has to be given is an argument.
     """
     if is_dataclass(one.annotation):
         for each in fields(one.annotation):
@@ -331,7 +332,9 @@ def _shown(one: inspect.Parameter) -> Iterator[inspect.Parameter]:
         kind = one.annotation.__origin__
         if not names and one.default is False:
             names = [f"--{one.name.replace('_', '-')}"]
-        one = one.replace(annotation=Annotated[kind, Option(*names, help=said)])
+        is_argument = one.default is one.empty and one.kind is not one.KEYWORD_ONLY
+        info = Argument(help=said) if is_argument else Option(*names, help=said)
+        one = one.replace(annotation=Annotated[kind, info])
     yield one
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from shlex import quote
 from typing import Annotated, Any
 
-from typer import Argument, Context
+from typer import Context
 
 import planner
 from planner.cli import output as cli
@@ -26,8 +26,7 @@ from planner.glance import format_number
 def grade(
     context: Context,
     part: Annotated[
-        Path,
-        Argument(help="Mesh: STL, 3MF, PLY, OBJ, OFF, GLB; or STEP, with the package cascadio."),
+        Path, "Mesh: STL, 3MF, PLY, OBJ, OFF, GLB; or STEP, with the package cascadio."
     ],
     like: Annotated[
         Path | None,
@@ -201,7 +200,7 @@ def _table(plan: "planner.Plan") -> None:
 
 
 def view(
-    plan: Annotated[Path, Argument(help="Folder that planner grade wrote, or its plan.json.")],
+    plan: Annotated[Path, "Folder that planner grade wrote, or its plan.json."],
     no_open: Annotated[bool, "Make the page if need be and say where it is, no more."] = False,
     as_json: cli.AsJson = False,
     quiet: cli.Quiet = False,
@@ -238,7 +237,7 @@ def _shown(page: Path, *, no_open: bool, quiet: bool) -> bool:
 
 
 def check(
-    folder: Annotated[Path, Argument(help="Folder that planner grade wrote.")],
+    folder: Annotated[Path, "Folder that planner grade wrote."],
     as_json: cli.AsJson = False,
     quiet: cli.Quiet = False,
 ) -> int:
@@ -281,8 +280,8 @@ _Tolerance = Annotated[
 
 
 def diff(
-    before: Annotated[Path, Argument(help="A plan.json, or the folder that holds it.")],
-    after: Annotated[Path, Argument(help="The plan to compare with it.")],
+    before: Annotated[Path, "A plan.json, or the folder that holds it."],
+    after: Annotated[Path, "The plan to compare with it."],
     tolerance: _Tolerance = 1e-6,
     as_json: cli.AsJson = False,
     quiet: cli.Quiet = False,
@@ -312,8 +311,8 @@ def _equality(found: "Sequence[planner.Difference]") -> dict[str, Any]:
 
 def compare(
     context: Context,
-    before: Annotated[Path, Argument(help="Folder that planner grade wrote, or its plan.json.")],
-    after: Annotated[Path, Argument(help="The plan to see beside it.")],
+    before: Annotated[Path, "Folder that planner grade wrote, or its plan.json."],
+    after: Annotated[Path, "The plan to see beside it."],
     output: Annotated[Path, cli.out("Page to write; compare.html by default.")] = Path(
         "compare.html"
     ),
@@ -348,7 +347,7 @@ def compare(
 
 def slices(
     context: Context,
-    plan: Annotated[Path, Argument(help="Folder that planner grade wrote, or its plan.json.")],
+    plan: Annotated[Path, "Folder that planner grade wrote, or its plan.json."],
     output: Annotated[Path, cli.out("Folder to write.")],
     pitch_mm: Annotated[
         str | None,

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import typer
-from typer import Argument, Context
+from typer import Context
 
 import planner
 from planner.cli import output as cli
@@ -57,7 +57,7 @@ def _lengths(values: Any) -> str:
 
 @cli.command(app)
 def show(
-    name: Annotated[str, Argument(help="Installed printer, or its file, as my.toml.")],
+    name: Annotated[str, "Installed printer, or its file, as my.toml."],
     as_json: cli.AsJson = False,
 ) -> int:
     """Show a printer: its limits, its resins, its palettes and what its software calls materials.
@@ -96,7 +96,7 @@ _NAME = re.compile(r"[a-z][a-z0-9_-]*")
 @cli.command(app)
 def new(
     context: Context,
-    name: Annotated[str, Argument(help="Of the printer: small letters, digits, - and _.")],
+    name: Annotated[str, "Of the printer: small letters, digits, - and _."],
     like: Annotated[str, "Printer whose figures, palette and notes it begins with."] = "connex3",
     output: Annotated[Path | None, cli.out("Folder to write; NAME-printer by default.")] = None,
 ) -> int:
@@ -171,7 +171,7 @@ _Kind = Literal["printer", "palette", "campaign"]
 
 def schema(
     context: Context,
-    kind: Annotated[_Kind, Argument(help="printer, palette or campaign.")],
+    kind: Annotated[_Kind, "printer, palette or campaign."],
     output: Annotated[Path | None, cli.out("File to write; else it is printed.")] = None,
     force: cli.Overwrite = False,
 ) -> int:

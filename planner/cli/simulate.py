@@ -6,7 +6,7 @@ from inspect import signature
 from pathlib import Path
 from typing import Annotated, Any
 
-from typer import Argument, Context
+from typer import Context
 
 import planner
 from planner.cli import output as cli
@@ -28,10 +28,8 @@ def simulate(
     context: Context,
     source: Annotated[
         str,
-        Argument(
-            help="A plan.json or its folder, a profile (CSV: x_mm, coordinate[, width_mm, "
-            "thickness_mm]), a material, or with --fix and --load a mesh."
-        ),
+        "A plan.json or its folder, a profile (CSV: x_mm, coordinate[, width_mm, "
+        "thickness_mm]), a material, or with --fix and --load a mesh.",
     ],
     *,
     loads: cli.LoadOptions,
@@ -238,13 +236,13 @@ def _bar_report(results: "Sequence[planner.Simulation]") -> None:
 
 def export(
     context: Context,
-    source: Annotated[str, Argument(help="A plan.json or its folder, or with --material a mesh.")],
+    source: Annotated[str, "A plan.json or its folder, or with --material a mesh."],
+    *,
     to: Annotated[str, "abaqus, calculix (INP files) or vtu (ParaView)."],
     output: Annotated[Path | None, cli.out("File to write; <part>.inp or .vtu by default.")] = None,
     cell_mm: Annotated[
         float | None, *_CELL, "Edge of a cell in mm; by default what makes about 15000."
     ] = None,
-    *,
     loads: cli.LoadOptions,
     to_strain: Annotated[
         float | None,
@@ -306,7 +304,8 @@ def _export_report(model: "planner.Export") -> None:
 
 def design(
     context: Context,
-    part: Annotated[Path, Argument(help="Mesh file, as for planner grade.")],
+    part: Annotated[Path, "Mesh file, as for planner grade."],
+    *,
     from_: Annotated[
         str, "--from", "What the gradient begins with: a material or a modulus (0.5MPa)."
     ],
@@ -318,7 +317,6 @@ def design(
         "bent.stl' (the surface as it is to be) or 'shape: points.csv'; 'weight 2' behind one "
         "makes its miss count twice. Repeatable.",
     ] = None,
-    *,
     loads: cli.LoadOptions,
     cases: cli.CasesFile = None,
     case: Annotated[
