@@ -26,10 +26,10 @@ from planner.mesh.mesh import (
     JoinedShells,
     Measures,
     Mesh,
+    Topology,
     cancel_opposite,
     compact,
     measure,
-    order_edges,
     weld_points,
 )
 from planner.numerics import Float32Array, FloatArray, inner_kernel, kernel
@@ -433,8 +433,7 @@ def _divided(
     whole[loops.face] = False
     cut = np.flatnonzero(~whole)
     normals = np.zeros((len(faces), 3))
-    corners = pool[number[faces[cut]]].astype(np.float64)
-    normals[cut] = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals[cut] = Mesh(pool.astype(np.float64), number[faces[cut]]).area_vectors_mm2
     new, label, source = _fill_loops(loops.joined(number), pool, normals)
     return (
         np.concatenate([number[faces[whole]], new]),
@@ -526,12 +525,10 @@ def _fault(divided: Pieces) -> str:
     """
     for number in np.unique(divided.piece).tolist():
         faces = divided.shell_faces([number])
-        order, starts, count = order_edges(faces)
-        tail, pairs = faces.ravel(), starts[count == 2]
-        wrong = count != 2
-        wrong[count == 2] = tail[order[pairs]] == tail[order[pairs + 1]]
-        if wrong.any():
-            face, j = divmod(int(order[starts[wrong]].min()), 3)
+        twin, tail = Topology(faces).twin, faces.ravel()
+        wrong = np.flatnonzero((twin < 0) | (tail == tail[twin]))
+        if len(wrong):
+            face, j = divmod(int(wrong[0]), 3)
             ends = divided.vertices[faces[face, [j, (j + 1) % 3]]].astype(np.float64)
             return f" at {place_text(ends.mean(axis=0))} as placed for printing"
     return ""

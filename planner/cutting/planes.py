@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import ArgumentError, MeshError
-from planner.fields.basic import PlanarField
+from planner.fields.basic import PlanarField, project
 from planner.glance import place_text
 from planner.mesh.mesh import (
     Mesh,
@@ -25,6 +25,7 @@ from planner.numerics import (
     FloatArray,
     Int32Array,
     IntArray,
+    as_point,
     inner_kernel,
     kernel,
 )
@@ -169,8 +170,7 @@ def _classify(
     vertices: FloatArray, normal: FloatArray, offsets_mm: FloatArray, snap_mm: float
 ) -> tuple[FloatArray, NDArray[np.int32]]:
     """Place every vertex along the normal: code 2i in piece i, 2i + 1 in plane i."""
-    x, y, z = vertices.T
-    along = normal[0] * x + normal[1] * y + normal[2] * z
+    along = project(vertices, as_point(normal))
     above = np.searchsorted(offsets_mm, along - snap_mm)
     nearest = np.append(offsets_mm, np.inf)[above]
     return along, (2 * above + (nearest <= along + snap_mm)).astype(np.int32)

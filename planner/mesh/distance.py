@@ -85,9 +85,7 @@ def _in_small_boxes(corners: FloatArray) -> IntArray:
 
 def _outward(mesh: Mesh) -> FloatArray:
     """Return what tells outside at each face, its vertices and its edges, (m, 7, 3)."""
-    corners, faces = mesh.triangles, mesh.faces
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
+    corners, faces, normal = mesh.triangles, mesh.faces, mesh.normals
     at_vertex = np.zeros((len(mesh.vertices), 3))
     for j in range(3):
         u = corners[:, (j + 1) % 3] - corners[:, j]

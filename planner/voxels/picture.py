@@ -5,10 +5,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from planner.fields.basic import project
 from planner.formats.png import ImageKind, encode_layer
 from planner.glance import channels
 from planner.mesh.mesh import Mesh
-from planner.numerics import BoolArray, FloatArray, IntArray
+from planner.numerics import BoolArray, FloatArray, IntArray, as_point
 from planner.voxels.columns import Columns, Grid, iterate_columns
 
 __all__ = ["pictures_of"]
@@ -106,9 +107,8 @@ def _view() -> FloatArray:
 
 
 def _product(points: FloatArray, axes: FloatArray) -> FloatArray:
-    """Return points in other axes, summed in a fixed order: the same bits on every machine."""
-    x, y, z = points.T
-    return np.stack([x * a[0] + y * a[1] + z * a[2] for a in axes], axis=1)
+    """Return points in other axes."""
+    return np.stack([project(points, as_point(axis)) for axis in axes], axis=1)
 
 
 def _plane_depth(normal: FloatArray, grid: Grid) -> IntArray:
