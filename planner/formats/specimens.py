@@ -11,15 +11,8 @@ from typing import Any, Literal
 import msgspec
 
 from planner.errors import FileError
+from planner.formats import tables
 from planner.formats.files import read_file, toml_beside
-from planner.formats.tables import (
-    LARGEST_FIGURE,
-    LONGEST_HEADING,
-    decode_text,
-    is_workbook,
-    number,
-    read_rows,
-)
 from planner.formats.tensile import headings_of, mode_of
 
 __all__ = [
@@ -150,9 +143,9 @@ class ListedSpecimen(SpecimenConditions):
 def is_specimens_file(path: str | Path) -> bool:
     """Say whether a file lists specimens: a column `specimen`, and what each is made of."""
     data = read_file(path, advice="give the path of a tensile file")
-    if is_workbook(data):
+    if tables.is_workbook(data):
         return False
-    first = decode_text(data, Path(path)).lstrip("\n").splitlines()[0]
+    first = tables.decode_text(data, Path(path)).lstrip("\n").splitlines()[0]
     return any(
         "specimen" in cells and not _MADE_OF.isdisjoint(cells) and headings_of(cells) is None
         for cells in ([c.strip().casefold() for c in first.split(s)] for s in ",;\t")
@@ -170,7 +163,7 @@ def read_specimens(path: str | Path) -> tuple[ListedSpecimen, ...]:
         material and profile, or two rows of one specimen; the message names line and column.
     """
     path = Path(path)
-    headings, separator, rows = read_rows(path)
+    headings, separator, rows = tables.read_rows(path)
     texts: tuple[str, ...] = SPECIMEN_TEXTS
     if "part" in (name.casefold() for name in headings):
         texts += _PART_TEXTS
@@ -218,7 +211,7 @@ _PER_TIME = re.compile(r"(.*?) [^ ]+ (?:per )?(?:s|sec|min|minute|h|hr|hour)")
 
 def _column(heading: str, known: Mapping[str, str]) -> str:
     """Return the column that a heading names, as "Width (mm)" does; else the heading itself."""
-    bracketed = _UNIT.fullmatch(heading) if len(heading) <= LONGEST_HEADING else None
+    bracketed = _UNIT.fullmatch(heading) if len(heading) <= tables.LONGEST_HEADING else None
     if bracketed and (own := _OWN_UNITS.get(bracketed[2].casefold())):
         quantity = _quantity(heading) or ""
         return quantity if quantity.endswith(own) else heading
@@ -227,7 +220,7 @@ def _column(heading: str, known: Mapping[str, str]) -> str:
 
 def _quantity(heading: str) -> str | None:
     """Return the column whose quantity a heading names with a unit of its own, or without one."""
-    if len(heading) > LONGEST_HEADING:
+    if len(heading) > tables.LONGEST_HEADING:
         return None
     bracketed = _UNIT.fullmatch(heading)
     name = bracketed[1] if bracketed else heading
@@ -286,9 +279,13 @@ def _condition(cell: str, column: SpecimenColumn, separator: str, where: str) ->
             allowed = ", ".join(column.choices)
             raise FileError(f"{where}: {column.name} is {cell!r}; it must be one of {allowed}")
         return cell.casefold() if column.choices else cell
-    value = number(cell, separator)
+    value = tables.number(cell, separator)
     hint = ""
-    if value is None or not abs(value) <= LARGEST_FIGURE or (not column.between and value <= 0):
+    if (
+        value is None
+        or not abs(value) <= tables.LARGEST_FIGURE
+        or (not column.between and value <= 0)
+    ):
         must = "a number" if column.between else "a number above 0"
     else:
         low, high = column.between or (0.0, math.inf)

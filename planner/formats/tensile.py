@@ -13,17 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from planner.errors import ArgumentError, FileError
+from planner.formats import tables
 from planner.formats.files import read_file, toml_beside
-from planner.formats.tables import (
-    LONGEST_HEADING,
-    TextRow,
-    decode_text,
-    finite_numbers,
-    is_workbook,
-    number,
-    read_sheets,
-    split_rows,
-)
 from planner.formats.units import quantities_of, unit_factor
 from planner.numerics import FloatArray, IntArray
 
@@ -188,7 +179,7 @@ def heading_of(text: str) -> Heading:
 
 def _plain(text: str) -> str:
     """Return a cell in one width, with single blanks; of what is too long for a heading ""."""
-    short = unicodedata.normalize("NFKC", text) if len(text) <= LONGEST_HEADING else ""
+    short = unicodedata.normalize("NFKC", text) if len(text) <= tables.LONGEST_HEADING else ""
     return " ".join(short.split())
 
 
@@ -257,8 +248,8 @@ _VALUE = re.compile(r"([+-]?\d[\d.,'\s]*(?:[eE][+-]?\d+)?)\s*([^\d\s]\S*(?:\s\S+
 
 def _split_value(cell: str, separator: str) -> tuple[float, str] | None:
     """Return the number and the unit in a cell such as "6,00 mm"; None where there is no number."""
-    match = _VALUE.fullmatch(cell.strip()) if len(cell) <= LONGEST_HEADING else None
-    value = None if match is None else number(match[1].strip(), separator)
+    match = _VALUE.fullmatch(cell.strip()) if len(cell) <= tables.LONGEST_HEADING else None
+    value = None if match is None else tables.number(match[1].strip(), separator)
     if match is None or value is None or not math.isfinite(value):
         return None
     return value, (match[2] or "").strip("()[] ")
@@ -319,7 +310,7 @@ def mode_of(text: str) -> str | None:
 
 def marked_specimen(cell: str) -> str | None:
     """Return the specimen that a cell by itself announces: "1" of "Specimen 1"; else None."""
-    match = _MARK.fullmatch(cell.strip()) if len(cell) <= LONGEST_HEADING else None
+    match = _MARK.fullmatch(cell.strip()) if len(cell) <= tables.LONGEST_HEADING else None
     return (match["said"] or match["number"]).strip() if match else None
 
 
@@ -419,12 +410,12 @@ class _Grid:
     where: str
     sheet: str
     separator: str
-    rows: list[TextRow]
+    rows: list[tables.TextRow]
     by_position: _Headings | None
     option: str
 
     def number(self, cell: str) -> float | None:
-        return number(cell, self.separator)
+        return tables.number(cell, self.separator)
 
     def is_number(self, cell: str) -> bool:
         return self.number(cell) is not None or _CLOCK.fullmatch(cell) is not None
@@ -519,9 +510,9 @@ def read_tensile(
         raise ArgumentError(f"blocks is {blocks!r}; it must be one of {', '.join(_BLOCKS)}")
     data = read_file(path, advice="give the path of a tensile file")
     by_position = None if columns is None else _by_position(columns)
-    of_text = [] if is_workbook(data) else [("", decode_text(data, path))]
+    of_text = [] if tables.is_workbook(data) else [("", tables.decode_text(data, path))]
     grids, pieces, notes = dict[_Grid, list[_Block]](), list[_Piece](), list[str]()
-    for sheet, cells in of_text or read_sheets(data, path.name):
+    for sheet, cells in of_text or tables.read_sheets(data, path.name):
         where = f"{path.name}, sheet {sheet!r}" if sheet else path.name
         grid, found = _best_grid(_Grid(where, sheet, "", [], by_position, option), cells)
         grids[grid] = found
@@ -549,7 +540,7 @@ def _best_grid(sheet: _Grid, content: str | list[list[str]]) -> tuple[_Grid, lis
     text = content if isinstance(content, str) else None
     in_it = [s for s in _SEPARATORS if text is not None and (s in text or sheet.by_position)]
     for separator in in_it or [";"]:
-        rows = [*(enumerate(content, 1) if text is None else split_rows(text, separator))]
+        rows = [*(enumerate(content, 1) if text is None else tables.split_rows(text, separator))]
         if separator == " " and sheet.by_position is None:
             rows = _with_headings_of_words(rows)
         grid = replace(sheet, separator=_decimals(rows, separator), rows=rows)
@@ -569,12 +560,12 @@ def _best_grid(sheet: _Grid, content: str | list[list[str]]) -> tuple[_Grid, lis
     return max(tried, key=nearness), []
 
 
-def _with_headings_of_words(rows: list[TextRow]) -> list[TextRow]:
+def _with_headings_of_words(rows: list[tables.TextRow]) -> list[tables.TextRow]:
     """Put words between blanks together to headings: "Time Axial Force" are two.
 
     As few words as make a heading, or as many, whichever gives as many as there are columns below.
     """
-    found: list[TextRow] = []
+    found: list[tables.TextRow] = []
     below = 0
     for line, words in reversed(rows):
         few = len(words) <= _MOST_WORDS and len(words) != below
@@ -598,7 +589,7 @@ def _put_together_words(words: Sequence[str], step: int) -> list[str]:
     return cells
 
 
-def _decimals(rows: Sequence[TextRow], separator: str) -> str:
+def _decimals(rows: Sequence[tables.TextRow], separator: str) -> str:
     """Return the separator by which numbers are read (see `number`).
 
     Cells in quotes may have decimal commas between commas: "0,5","12,25". A cell that cannot be
@@ -1007,7 +998,7 @@ def _values(record: _Block, used: Sequence[_Column], notes: list[str]) -> dict[s
         at, text, is_time = column.at, column.heading.text, column.name == "time_s"
         cells = {line: _seconds(of[at]) if is_time else of[at] for line, of in rows}
         try:
-            numbers = finite_numbers(cells, grid.separator, grid.where, text, column.factor)
+            numbers = tables.finite_numbers(cells, grid.separator, grid.where, text, column.factor)
             found[column.name] = numbers
         except FileError as error:
             if not is_time or any(grid.number(cell) is not None for cell in cells.values()):
@@ -1023,19 +1014,18 @@ def _with_strain(
 
     The squared stretch of a line along x is 1 + 2 Exx, however the specimen is sheared.
     """
-    made = {name: values.pop(name) for name in ("stretch", "lagrange_strain") if name in values}
-    if "strain" in values or not made:
-        return values
-    if "stretch" in made:
-        return {**values, "strain": made["stretch"] - 1.0}
-    lagrange = made["lagrange_strain"]
-    if float(lagrange.min()) <= -0.5:
-        raise FileError(
-            f"{where}: Lagrange strain reaches {lagrange.min():.4g}; it is above -0.5 at any "
-            "stretch: check its unit"
-        )
-    notes.append(f"{where}: strain is sqrt(1 + 2 E) - 1 of Lagrange strain E")
-    return {**values, "strain": np.sqrt(1.0 + 2.0 * lagrange) - 1.0}
+    stretch, lagrange = (values.pop(name, None) for name in ("stretch", "lagrange_strain"))
+    if "strain" not in values and stretch is None and lagrange is not None:
+        if float(lagrange.min()) <= -0.5:
+            raise FileError(
+                f"{where}: Lagrange strain reaches {lagrange.min():.4g}; it is above -0.5 at any "
+                "stretch: check its unit"
+            )
+        notes.append(f"{where}: strain is sqrt(1 + 2 E) - 1 of Lagrange strain E")
+        stretch = np.sqrt(1.0 + 2.0 * lagrange)
+    if stretch is not None:
+        values.setdefault("strain", stretch - 1.0)
+    return values
 
 
 def _used_columns(record: _Block, places: Sequence[int]) -> tuple[list[_Column], list[str]]:
@@ -1348,7 +1338,7 @@ def _said_at(grid: _Grid, row: int, at: int, symbols: bool) -> Iterator[_Said]:
     """Yield what one cell says together with its neighbours: to its right, or below it."""
     cells = grid.rows[row][1]
     key, right = cells[at], [c for c in cells[at + 1 :] if c]
-    single = _ONE_CELL.fullmatch(key) if len(key) <= LONGEST_HEADING else None
+    single = _ONE_CELL.fullmatch(key) if len(key) <= tables.LONGEST_HEADING else None
     if single is not None:  # "Width: 6.00 mm"
         key, right = single[1], [single[2]]
     text = _head_text(key)

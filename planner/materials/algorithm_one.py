@@ -61,17 +61,17 @@ def literal_stress_MPa(c: ArrayLike, strain: ArrayLike) -> FloatArray:
 # Kept to reproduce the source; planning uses `planner.materials.mixtures`.
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class QuadraticCoefficients:
     """c_j(m) = q2 m² + q1 m + q0 for the six coefficients of `OgdenThesis`.
 
     Parameters
     ----------
-    rows
+    rows : (6, 3)
         (q2, q1, q0) of c1 to c6.
     """
 
-    rows: tuple[tuple[float, float, float], ...]
+    rows: FloatArray
 
     def coefficients(self, coordinate: ArrayLike) -> FloatArray:
         """Return c1 to c6 along the last axis."""
@@ -233,7 +233,7 @@ def quadratics_through(coordinates: ArrayLike, coefficients: ArrayLike) -> Quadr
     m = np.asarray(coordinates, dtype=np.float64)
     _check_coordinates(m)
     rows = np.linalg.lstsq(np.vander(m, 3), np.asarray(coefficients), rcond=None)[0].T
-    return _model(np.asarray(rows, dtype=np.float64))
+    return QuadraticCoefficients(rows)
 
 
 def algorithm_one(curves: Sequence[LiteralCurve], start: QuadraticCoefficients) -> QuadraticFit:
@@ -252,7 +252,7 @@ def algorithm_one(curves: Sequence[LiteralCurve], start: QuadraticCoefficients) 
     if not math.isfinite(error(first)):
         raise ArgumentError("the pooled error at the start is not finite; give another start")
     found = _simplex(error, first)
-    model = _model(found.x.reshape(6, 3))
+    model = QuadraticCoefficients(found.x.reshape(6, 3))
     return QuadraticFit(model, float(found.fun), int(found.nfev), bool(found.success))
 
 
@@ -294,10 +294,6 @@ def _pooled(curves: Sequence[LiteralCurve], degree: int) -> Callable[[FloatArray
         return total if math.isfinite(total) else math.inf
 
     return error
-
-
-def _model(rows: FloatArray) -> QuadraticCoefficients:
-    return QuadraticCoefficients(tuple((float(a), float(b), float(c)) for a, b, c in rows))
 
 
 def _check_coordinates(coordinates: FloatArray) -> None:
@@ -433,8 +429,8 @@ class QuadraticStudy:
         found = asdict(self.quadratics)
         return {
             "materials": [_row_document(row) for row in self.rows],
-            "quadratics_through_coefficients": [list(row) for row in self.through.rows],
-            "quadratics": [list(row) for row in found.pop("model")["rows"]],
+            "quadratics_through_coefficients": self.through.rows.tolist(),
+            "quadratics": found.pop("model")["rows"].tolist(),
             **found,
             "falls_at": self.falls_at and dict(zip(_FALLS, self.falls_at, strict=True)),
             "remarks": list(self.remarks()),

@@ -691,8 +691,8 @@ def _of_two_series(
         sheets.append((f"Values Series {series}", [row.split(",") for row in rows]))
     path = tmp_path / "two.xlsx"
     path.write_bytes(b"PK")
-    monkeypatch.setattr("planner.formats.tensile.is_workbook", lambda data: True)
-    monkeypatch.setattr("planner.formats.tensile.read_sheets", lambda data, name: sheets)
+    monkeypatch.setattr("planner.formats.tables.is_workbook", lambda data: True)
+    monkeypatch.setattr("planner.formats.tables.read_sheets", lambda data, name: sheets)
     return read_tensile(path)
 
 
