@@ -777,33 +777,24 @@ _POSITIVE = "modulus {:g} MPa: it must be above 0 and finite"
 _NODES = 513
 
 
-@dataclass(frozen=True, slots=True)
-class _DitherTable:
-    """Where the modulus of dealt cells lies between the bounds.
+@cache
+def _dither_table() -> dict[str, FloatArray]:
+    """Return where the modulus of dealt cells lies between the bounds.
 
-    Attributes
-    ----------
-    volume
+    Returns
+    -------
+    volume : (V,)
         Volume fractions of the harder phase, rising.
-    contrast
+    contrast : (C,)
         Harder modulus over softer one, rising.
-    weight
+    weight : (V, C)
         w at each volume and contrast.
-    error
+    error : (C,)
         Largest relative error of a modulus, of any direction, at each contrast. Most of it is that
         cells are bevelled along one diagonal of their cubes, in which the pattern is stiffest.
     """
-
-    volume: tuple[float, ...]
-    contrast: tuple[float, ...]
-    weight: tuple[tuple[float, ...], ...]
-    error: tuple[float, ...]
-
-
-@cache
-def _dither_table() -> _DitherTable:
     path = files("planner.materials") / "dithered.json"
-    return msgspec.json.decode(path.read_bytes(), type=_DitherTable)
+    return {name: np.array(v) for name, v in msgspec.json.decode(path.read_bytes()).items()}
 
 
 @dataclass(frozen=True, slots=True)
@@ -848,10 +839,10 @@ class TwoPhases:
         f = np.asarray(fraction, dtype=np.float64)
         low, high = self.hashin_shtrikman_MPa(f)
         table = _dither_table()
-        contrasts = np.log(table.contrast)
+        contrasts = np.log(table["contrast"])
         contrast = np.clip(np.log(self.hard_MPa / self.soft_MPa), contrasts[0], contrasts[-1])
-        column = [float(np.interp(contrast, contrasts, row)) for row in table.weight]
-        w = np.interp(f, table.volume, column)
+        column = [float(np.interp(contrast, contrasts, row)) for row in table["weight"]]
+        w = np.interp(f, table["volume"], column)
         return np.asarray(low ** (1.0 - w) * high**w)
 
     def dithered_fraction(self, modulus_MPa: ArrayLike) -> FloatArray:
@@ -875,7 +866,7 @@ class TwoPhases:
         """Largest relative error of `dithered_MPa`; beyond the largest contrast it is not known."""
         table = _dither_table()
         contrast = np.log(self.hard_MPa / self.soft_MPa)
-        return float(np.interp(contrast, np.log(table.contrast), table.error))
+        return float(np.interp(contrast, np.log(table["contrast"]), table["error"]))
 
 
 def _mixed(matrix: float, other: float, share: FloatArray, of: float) -> FloatArray:

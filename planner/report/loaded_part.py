@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -595,17 +595,16 @@ def part_volume(result: PartSimulation) -> bytes:
     asked = np.unique(corners[~full[cell]])
     away, outside = distances(triangle_tree(cells.surface), points[asked])
     distance[asked] = np.where(outside, away, -away) - _NEAR * float(cells.cell_mm.min())
-    kept = _clip_hexahedra(corners, points, distance)
+    kept, used, edge, share = _clip_hexahedra(corners, points, distance)
 
     def cut(values: FloatArray) -> FloatArray:
-        a, b = values[kept.edge[:, 0]], values[kept.edge[:, 1]]
-        return np.concatenate([values, a + kept.share[:, None] * (b - a)])
+        a, b = values[edge[:, 0]], values[edge[:, 1]]
+        return np.concatenate([values, a + share[:, None] * (b - a)])
 
-    used = kept.owner
     point, over_break = point[used], fields.over_break_at(cell[used], inner[used])
     return encode_vtu(
         cut(points),
-        kept.cells,
+        kept,
         point_data={"displacement_mm": cut(u)},
         cell_data={
             "material": np.abs(coordinate[point][:, None] - grades).argmin(axis=1).astype(np.int32),
@@ -629,26 +628,9 @@ _TETRAHEDRA = np.array(
 neighbours on a lattice are halved alike."""
 
 
-class _Clipped(NamedTuple):
-    """What is left of hexahedra; points are the given ones, then those on cut edges.
-
-    Attributes
-    ----------
-    cells : hexahedra (a, 8), wedges (b, 6), tetrahedra (c, 4)
-        Their points, in VTK's order.
-    owner : (a + b + c,)
-        Which hexahedron given each is of.
-    edge : (p, 2), share : (p,)
-        The ends of each cut edge, and how far from the first the cut is.
-    """
-
-    cells: list[IntArray]
-    owner: IntArray
-    edge: IntArray
-    share: FloatArray
-
-
-def _clip_hexahedra(corners: IntArray, points_mm: FloatArray, distance: FloatArray) -> _Clipped:
+def _clip_hexahedra(
+    corners: IntArray, points_mm: FloatArray, distance: FloatArray
+) -> tuple[list[IntArray], IntArray, IntArray, FloatArray]:
     """Keep what of hexahedra is inside: where a distance, linear between points, is 0 or less.
 
     Parameters
@@ -658,6 +640,15 @@ def _clip_hexahedra(corners: IntArray, points_mm: FloatArray, distance: FloatArr
     points_mm : (P, 3)
     distance : (P,)
         From the surface, above 0 outside.
+
+    Returns
+    -------
+    cells : hexahedra (a, 8), wedges (b, 6), tetrahedra (c, 4)
+        What is left: points in VTK's order, the given ones, then those on cut edges.
+    owner : (a + b + c,)
+        Which hexahedron given each is of.
+    edge : (p, 2), share : (p,)
+        The ends of each cut edge, and how far from the first the cut is.
     """
     inside = distance <= 0.0
     count = inside[corners].sum(axis=1)
@@ -686,9 +677,6 @@ def _clip_hexahedra(corners: IntArray, points_mm: FloatArray, distance: FloatArr
         np.stack([three[0], three[1], three[2], e, f, g], axis=1),
     ]
     tetrahedra = [all_four.T, np.stack([one[0], a1, a2, a3], axis=1)]
-    return _Clipped(
-        [corners[whole], np.concatenate(wedges), np.concatenate(tetrahedra)],
-        np.concatenate([whole, *(owner[within == k] for k in (2, 3, 4, 1))]),
-        edge,
-        low / (low - high),
-    )
+    cells = [corners[whole], np.concatenate(wedges), np.concatenate(tetrahedra)]
+    owner = np.concatenate([whole, *(owner[within == k] for k in (2, 3, 4, 1))])
+    return cells, owner, edge, low / (low - high)

@@ -56,13 +56,13 @@ def test_a_ball_is_clipped_out_of_a_lattice():
     low, high = slice(None, -1), slice(1, None)
     corners = [at[i, j, k] for k in (low, high) for i, j in
                ((low, low), (high, low), (high, high), (low, high))]  # fmt: skip
-    kept = _clip_hexahedra(
+    cells, _, edge, share = _clip_hexahedra(
         np.stack([c.ravel() for c in corners], axis=1), points,
         np.linalg.norm(points, axis=1) - 0.83,
     )  # fmt: skip
-    hexahedra, wedges, tetrahedra = kept.cells
-    ends = points[kept.edge]
-    new = ends[:, 0] + kept.share[:, None] * (ends[:, 1] - ends[:, 0])
+    hexahedra, wedges, tetrahedra = cells
+    ends = points[edge]
+    new = ends[:, 0] + share[:, None] * (ends[:, 1] - ends[:, 0])
     points = np.concatenate([points, new])
 
     def volumes(tets: np.ndarray) -> np.ndarray:
