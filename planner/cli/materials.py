@@ -31,7 +31,7 @@ def materials(
     palette: cli.PaletteName = None,
     at_strain: _AtStrain = 0.1,
     temperature_C: Annotated[
-        float | None, "--temperature-C", "The palette as it is there, by its [temperature]."
+        float | None, "--temperature-C", "The palette as it is there, by its table of temperatures."
     ] = None,
     output: Annotated[Path | None, cli.out("Palette file to write, with --temperature-C.")] = None,
     figure: Annotated[

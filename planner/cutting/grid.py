@@ -751,7 +751,9 @@ def _met(
         beyond = (f < 0.0) == rising[left]
         a, fa = np.where(beyond, t, a), np.where(beyond, f, fa)
         b, fb = np.where(beyond, b, t), np.where(beyond, fb, f)
-        better = np.where((better > a) & (better < b), better, 0.5 * (a + b))
+        # Where the field is straight it may be an end, or beyond it by rounding.
+        inside = (better > a - 1e-9) & (better < b + 1e-9)
+        better = np.where(inside, np.clip(better, a, b), 0.5 * (a + b))
         better = np.where(f == 0.0, t, better)
         share[left], low[left], high[left], below[left], above[left] = better, a, b, fa, fb
         left = left[np.abs(better - t) > _SURE]

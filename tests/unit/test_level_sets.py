@@ -8,9 +8,11 @@ from manifold3d import CrossSection, Error, Manifold
 from manifold3d import Mesh as SolidMesh
 
 from benchmarks.audit import audit
+from benchmarks.interfaces import BOX, FACES
 from planner.cutting.intersect import volume_sign
 from planner.cutting.pieces import split
 from planner.errors import ArgumentError
+from planner.fields.parse import Setting, build_field
 from planner.grading.check import interfaces_cancel
 from planner.mesh.mesh import Mesh, join_shells, weld
 from planner.mesh.part import moved_to_corner
@@ -51,6 +53,23 @@ def check(pieces, mesh):
         assert trimesh.Trimesh(vertices, faces, process=True, validate=True).is_watertight
     assert interfaces_cancel(join_shells(soups), mesh)
     return len(soups)
+
+
+LEVELS = (0.03906810533247537, 0.04581336939740248, 0.07057545606160655, 0.09462974960809709)
+"""Where the first guess is the root but for its last digit, and others are made."""
+
+
+@pytest.mark.parametrize("level", LEVELS)
+def test_a_flat_level_set_lies_at_its_level(level):
+    """Of a distance from flat faces: within the 2e-3 of a cell that vertices keep off its edges."""
+    mesh = Mesh(np.asarray([20.0, 12.0, 6.0] * BOX, dtype=np.float32).astype(float), FACES)
+    depth = build_field("distance: surface, to=3", Setting(mesh, (0.0, 0.0, 0.0), 0.56))
+    pieces = split(mesh, depth, [level], pitch_mm=0.56, within_mm=0.02)
+    x, y, z = pieces.vertices[np.unique(pieces.cap_faces)].T
+    inner = (x > 2.0) & (x < 18.0) & (y > 2.0) & (y < 10.0)
+    for deep in (z[inner & (z < 3.0)], 6.0 - z[inner & (z > 3.0)]):
+        assert len(deep) > 50
+        assert np.abs(deep - 3.0 * level).max() < 2.0 * 2e-3 * 0.56
 
 
 @numba.njit
