@@ -233,6 +233,12 @@ def _interfaces(part: CutPart, findings: list[Finding]) -> tuple[dict[str, Check
         return float(distance_mm[min(int(np.searchsorted(share, of_area)), len(share) - 1)])
 
     error_mm, limit_mm, cautions = kept_mm(_KEPT), part.within_mm, []
+    if math.isinf(limit_mm) and (lost := _lost_at_the_surface(part)):
+        message = (
+            f"cells of {part.pitch_mm:g} mm hold nothing of {', '.join(lost)}, which is at the "
+            "part's surface: it is printed as its neighbour; take a finer --pitch, or none"
+        )
+        findings.append(Finding(kind="pitch", message=message, size_mm=part.pitch_mm))
     if error_mm > WITHIN_MM:
         nearer = np.searchsorted(distance_mm, WITHIN_MM, side="right")
         near = float(share[nearer - 1]) if nearer else 0.0
@@ -256,6 +262,14 @@ def _interfaces(part: CutPart, findings: list[Finding]) -> tuple[dict[str, Check
         )
         findings.append(Finding(kind="pitch", message=message, size_mm=error_mm))
     return {"interface_error_um": Check(1e3 * error_mm, 1e3 * limit_mm, ok)}, cautions
+
+
+def _lost_at_the_surface(part: CutPart) -> list[str]:
+    """Return what no piece is of, though the field has it at vertices of the part."""
+    at = part.field.values(part.mesh.vertices)
+    low, high = (np.searchsorted(part.levels, at + 1e-6 * way) for way in (-1.0, 1.0))
+    held = np.unique(low[low == high])
+    return list(dict.fromkeys(part.names[k] for k in held if not part.pieces.volumes_mm3[k]))
 
 
 def _interface_distances_mm(part: CutPart) -> tuple[FloatArray, FloatArray]:

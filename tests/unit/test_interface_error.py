@@ -9,6 +9,7 @@ import pytest
 from manifold3d import Manifold
 
 import planner
+from benchmarks import interfaces
 from benchmarks.audit import audit
 from planner.cutting.pieces import Pieces, split
 from planner.fields.basic import FunctionField
@@ -234,6 +235,20 @@ def test_a_plan_says_what_its_files_show(tmp_path, text, field, slope, pitch_mm)
 def test_none_within_20_um_is_told_as_0_per_cent(monkeypatch: pytest.MonkeyPatch) -> None:
     far = np.array([0.4, 0.52]), np.array([0.6, 1.0])
     monkeypatch.setattr(printability, "_interface_distances_mm", lambda part: far)
+    monkeypatch.setattr(printability, "_lost_at_the_surface", lambda part: [])
     part = SimpleNamespace(within_mm=np.inf, pitch_mm=4.0)
     _, (told,) = printability._interfaces(part, [])
     assert "over 0 % of their area, and 520 um or more off" in told
+
+
+def test_a_band_at_the_surface_that_cells_are_too_large_for_is_found() -> None:
+    """The softest lies within 0.38 mm of a face: between it and the first cells of 1 mm."""
+    given = {"from_": "Tango", "to": "Vero", "field": "distance: box=-9 -9 -9 29 21 0, to=10"}
+    box = interfaces.BOX * [20.0, 12.0, 6.0], interfaces.FACES
+    coarse = planner.grade(box, pitch_mm=1.0, **given)
+    assert "TangoPlus" not in {region.material for region in coarse.regions}
+    told = [finding.message for finding in coarse.findings if finding.kind == "pitch"]
+    assert any("hold nothing of TangoPlus" in message for message in told)
+    fine = planner.grade(box, pitch_mm=0.3, **given)
+    assert fine.regions[0].material == "TangoPlus"
+    assert not any("hold nothing" in finding.message for finding in fine.findings)
