@@ -349,8 +349,7 @@ class LevelSets:
     values
         The field as the grid has it at the part's vertices.
     field_range
-        Values between which the field lies over the part: those of the grid, and its largest step
-        more either way.
+        Values between which the field lies over the part, sought about the grid's extremes.
     """
 
     vertices: Float32Array
@@ -410,9 +409,25 @@ def draw_level_sets(
     active.reshape(-1)[cell] = 2
     values = grid.interpolate(mesh.vertices)
     points_mm = lattice.rounded(points)
-    step = max(np.nanmax(np.abs(np.diff(grid.values, axis=axis))) for axis in range(3))
-    ends = float(np.nanmin(grid.values) - step), float(np.nanmax(grid.values) + step)
+    low, high = (_extreme(grid, field, mesh.bounds_mm, way) for way in (-1.0, 1.0))
+    ends = low, high
     return LevelSets(points_mm, faces, level, cell, lattice, offsets, touched, active, values, ends)
+
+
+_NARROWED = 12
+"""How often the place of an extreme is halved: from a pitch to about a ten-thousandth of a mm."""
+
+
+def _extreme(grid: FieldGrid, field: Field, bounds_mm: FloatArray, way: float) -> float:
+    """Return the field's greatest value over a part (1), or its least (-1), and a little more."""
+    corner = np.unravel_index(np.nanargmax(way * grid.values), grid.values.shape)
+    middle_mm = grid.origin_mm + np.array(corner) * grid.pitch_mm
+    about = np.stack(np.meshgrid(*[np.linspace(-1.0, 1.0, 5)] * 3, indexing="ij"), axis=-1)
+    for k in range(_NARROWED):
+        places = np.clip(middle_mm + about.reshape(-1, 3) * grid.pitch_mm / 2**k, *bounds_mm)
+        found = way * _values_at(field, places)
+        middle_mm = places[np.argmax(found)]
+    return way * float(found.max() + np.ptp(found))
 
 
 def _drawn_near(

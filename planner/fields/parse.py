@@ -424,13 +424,15 @@ class Setting:
     def greatest(self, quantity: Quantity) -> float:
         """Return the greatest value within of one that rises by 1 mm a mm at most, to `_DEPTH_MM`.
 
-        The cells that hold most are halved.
+        The cells that hold most are halved; of what they reach beyond the part, no more counts than
+        lies in its box.
         """
         points, half_mm = self.samples_mm, 0.5 * self._coarse_mm
         values = quantity(points)
         while half_mm > _DEPTH_MM:
             points, half_mm = points[np.argsort(-values, kind="stable")[:_HALVED]], 0.5 * half_mm
             points = (points[:, None] + half_mm * _CORNERS).reshape(-1, 3)
+            points = np.clip(points, *self.mesh.bounds_mm)
             values = quantity(points)
         return float(values.max())
 
@@ -462,7 +464,11 @@ def _radial(given: FieldArguments, setting: Setting) -> Field:
         middle = as_point(setting.mesh.bounds_mm.mean(axis=0))
         centre = given.point("point") if "point" in given.named else middle
         quantity, says = partial(_from_point, centre), {"centre_mm": list(centre)}
-    return _ramp(given, setting, quantity).along(quantity, "radial", says)
+    start, stop = given.number("from"), given.number("to")
+    values = quantity(setting.mesh.vertices)  # the farthest place of a part is a vertex
+    if start is None:
+        values = np.append(values, -setting.greatest(lambda points: -quantity(points)))
+    return Ramp.over(values, start, stop).along(quantity, "radial", says)
 
 
 def _distance(given: FieldArguments, setting: Setting) -> Field:

@@ -536,7 +536,7 @@ class Band:
         """Return the band with no more of the field, and of its targets, than a part has."""
         # Outwards to a millionth: rounding makes no part end just before its field does.
         start = max(self.start, math.floor(1e6 * field_range[0]) / 1e6)
-        stop = min(self.stop, math.ceil(1e6 * field_range[1]) / 1e6)
+        stop = min(self.stop, max(start + 1e-6, math.ceil(1e6 * field_range[1]) / 1e6))
         if (start, stop) == (self.start, self.stop) or not start < stop:
             return self
         return Band(start, stop, self.grade, target.interval_MPa(start, stop))

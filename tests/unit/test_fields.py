@@ -1,6 +1,7 @@
 """Fields against what geometry and analysis say they are."""
 
 import hashlib
+import math
 
 import numpy as np
 import pytest
@@ -48,6 +49,21 @@ def test_distances_from_a_point_and_a_line():
     assert isinstance(point, Field)
     assert not isinstance(point, PlanarField)
     assert line.description()["span_mm"] == 6.0
+
+
+@pytest.mark.parametrize(
+    ("solid", "text", "least", "most"),
+    [
+        (Manifold.cylinder(20.0, 10.0, circular_segments=128), "radial: line=0 0 0 0 0 1", 0, 10),
+        (Manifold.sphere(30.0, 64), "radial: point=0 0 0", 0, 30),
+        (Manifold.cube([120.0, 120.0, 4.0]), "radial: point=60 60 60", 56, math.sqrt(10_800)),
+    ],
+)
+def test_radii_run_over_those_of_the_part(solid, text, least, most):
+    """To a micrometre or two: cells of the part are halved about the least, float32 the rest."""
+    says = built(text, mesh_of(solid)).description()
+    assert says["from_mm"] == pytest.approx(least, abs=2e-3)
+    assert says["to_mm"] == pytest.approx(most, abs=1e-4)
 
 
 def brute_force(triangles, points):

@@ -59,6 +59,22 @@ def test_a_coarse_palette_is_a_finding_with_its_remedy() -> None:
     assert "with --blend dither" in finding.message
 
 
+@pytest.mark.parametrize(
+    ("field", "low", "high"),
+    [("clamp(axis: x; 0.2; 0.7)", 0.2, 0.7), ("min(axis: x; axis: -x)", 0.0, 0.5),
+     ("expression: 0.5", 0.5, 0.5)],
+)  # fmt: skip
+def test_targets_are_those_that_a_field_has_within_the_part(moduli, field, low, high) -> None:
+    """One that ends within a band is not held against the rest of it; to 1e-5 of the field."""
+    plan = planner.grade(MESH, **ENDS, field=field)
+    softest, stiffest = plan.regions[0], plan.regions[-1]
+    assert softest.field[0] == pytest.approx(low, abs=1e-5)
+    assert stiffest.field[1] == pytest.approx(high, abs=1e-5)
+    soft, hard = moduli["TangoPlus"], moduli["VeroWhitePlus"]
+    for found, u in ((softest.target_modulus_MPa[0], low), (stiffest.target_modulus_MPa[1], high)):
+        assert math.log(found / soft) / math.log(hard / soft) == pytest.approx(u, abs=2e-5)
+
+
 def test_a_part_that_is_too_soft_alone_is_told_by_a_factor_that_its_table_has_as_a_share() -> None:
     """Bands that begin in their own materials are nowhere too stiff: 1 / 1.71 is 41 % too soft."""
     plan = planner.grade(MESH, from_="FLX9740", to="FLX9760", bands=2)
