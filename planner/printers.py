@@ -160,7 +160,13 @@ class PrinterProfile:
         check_known(wanted, self.palettes, said, UnknownNameError)
         if self.base is not None:
             return self.base.palette(wanted)
-        return parse_palette(self._beside(f"palettes/{wanted}.toml"), name=wanted)
+        found = parse_palette(self._beside(f"palettes/{wanted}.toml"), name=wanted)
+        if found.name != wanted:  # plans name the palette, and ask for it by that
+            raise PaletteError(
+                f"printer {self.name}: palettes/{wanted}.toml is of name = {found.name!r}; give "
+                "file and palette one name"
+            )
+        return found
 
     def operator_name(self, material_id: str) -> str:
         """Return what the printer's own software calls a material."""

@@ -66,6 +66,12 @@ def test_a_file_that_is_missing_beside_it_is_named(folder: Path, name: str) -> N
         machine.job_notes() if name.endswith(".md") else machine.palette()
 
 
+def test_a_palette_goes_by_one_name(folder: Path) -> None:
+    (folder / "palettes" / "myjet-soft.toml").write_text(PALETTE.replace("myjet-soft", "own"))
+    with pytest.raises(PaletteError, match=r"palettes/myjet-soft\.toml is of name = 'own'"):
+        load_profile(folder).palette()
+
+
 def test_a_lone_file_is_a_printer_like_another(folder: Path) -> None:
     own = folder / "own.toml"
     own.write_text('schema = 1\nname = "own"\nlike = "connex3"\nminimum_wall_mm = 0.8\n')
