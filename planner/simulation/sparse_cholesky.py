@@ -54,7 +54,7 @@ processor two take a twentieth longer than one: both want its cache."""
 
 # Addresses of scipy's functions are asked for at run time and given to kernels as numbers, so that
 # kernels can be cached on disk. Matrices too are addresses: columns one after the other, with a
-# leading dimension; and so are the letters and numbers that say what is to be done.
+# leading dimension. `integers` is scratch of six numbers, by which arguments are handed over.
 
 _Int: TypeAlias = Any
 """In kernels, of any width."""
@@ -96,10 +96,53 @@ _NUMBERS = np.array([1.0, -1.0, 0.0])
 
 
 @inner_kernel
-def _constants() -> tuple[_Int, _Int, _Int, _Int, _Int, _Int, _Int]:
-    """Return where L (lower, left), R, T and N stand, and 1, -1 and 0."""
-    letter, number = _address_of(_LETTERS), _address_of(_NUMBERS)
-    return letter, letter + 1, letter + 2, letter + 3, number, number + 8, number + 16
+def _potrf(address: _Int, n: _Int, a: _Int, lda: _Int, integers: IntArray) -> _Int:
+    """Factor; return 0, or which pivot failed, from 1."""
+    integers[0], integers[1], integers[2] = n, lda, 0
+    i = _address_of(integers)
+    _call(address, (_address_of(_LETTERS), i, a, i + 4, i + 8))
+    return integers[2]
+
+
+@inner_kernel
+def _trsm(
+    address: _Int, side: _Int, transposed: bool, m: _Int, n: _Int, a: _Int, lda: _Int, b: _Int,
+    ldb: _Int, integers: IntArray,
+) -> None:  # fmt: skip
+    """Divide b, (m, n), by a lower triangle, from the left (0) or the right (1)."""
+    integers[0], integers[1], integers[2], integers[3] = m, n, lda, ldb
+    i, letters = _address_of(integers), _address_of(_LETTERS)
+    turned = letters + (2 if transposed else 3)
+    one = _address_of(_NUMBERS)
+    _call(
+        address, (letters + side, letters, turned, letters + 3, i, i + 4, one, a, i + 8, b, i + 12)
+    )
+
+
+@inner_kernel
+def _syrk(
+    address: _Int, n: _Int, k: _Int, a: _Int, lda: _Int, c: _Int, ldc: _Int, integers: IntArray,
+) -> None:  # fmt: skip
+    """Take a times its transpose from the lower triangle of c."""
+    integers[0], integers[1], integers[2], integers[3] = n, k, lda, ldc
+    i, letters, numbers = _address_of(integers), _address_of(_LETTERS), _address_of(_NUMBERS)
+    _call(address, (letters, letters + 3, i, i + 4, numbers + 8, a, i + 8, numbers, c, i + 12))
+
+
+@inner_kernel
+def _gemm(
+    address: _Int, transposed: bool, m: _Int, n: _Int, k: _Int, a: _Int, lda: _Int, b: _Int,
+    ldb: _Int, scale: _Int, c: _Int, ldc: _Int, integers: IntArray,
+) -> None:  # fmt: skip
+    """Set c to a, or its transpose, times b (scale 0); or take that from c (scale 1)."""
+    integers[0], integers[1], integers[2] = m, n, k
+    integers[3], integers[4], integers[5] = lda, ldb, ldc
+    i, letters, numbers = _address_of(integers), _address_of(_LETTERS), _address_of(_NUMBERS)
+    turned = letters + (2 if transposed else 3)
+    by, keep = (numbers + 8, numbers) if scale else (numbers, numbers + 16)
+    _call(
+        address, (turned, letters + 3, i, i + 4, i + 8, by, a, i + 12, b, i + 16, keep, c, i + 20)
+    )
 
 
 # ------------------------------------------------------------------------------------------------
@@ -467,10 +510,7 @@ def _factor_fronts(
     """
     low, high = 0, len(work)
     where = np.zeros(end - start, dtype=np.int64)
-    sizes = np.zeros(4, dtype=np.int32)
-    n_own = _address_of(sizes)
-    n_rest, n_rows, info = n_own + 4, n_own + 8, n_own + 12
-    lower, right, turned, plain, one, less, _ = _constants()
+    integers = np.zeros(8, dtype=np.int32)
     for t in range(start, end):
         own = np.int64(3 * (analysis.first[t + 1] - analysis.first[t]))
         rest = 3 * (analysis.rest_start[t + 1] - analysis.rest_start[t])
@@ -512,19 +552,15 @@ def _factor_fronts(
             continue
         diagonal, square = _address_of(panel), _address_of(update)
         under = diagonal + 8 * own
-        sizes[0], sizes[1], sizes[2] = own, rest, rows
-        _call(blas[0], (lower, n_own, diagonal, n_rows, info))
-        failed = sizes[3]
+        failed = _potrf(blas[0], own, diagonal, rows, integers)
         for j in range(own):  # LAPACK lets what is not a number pass
             if failed == 0 and not panel[j * rows + j] > 0.0:
                 failed = j + 1
         if failed > 0:
             return np.int64(analysis.first[t]) + (failed - 1) // 3, at
         if rest > 0:
-            divided = right, lower, turned, plain, n_rest, n_own, one, diagonal, n_rows
-            _call(blas[1], (*divided, under, n_rows))
-            squared = lower, plain, n_rest, n_own, less, under, n_rows
-            _call(blas[2], (*squared, one, square, n_rest))
+            _trsm(blas[1], 1, True, rest, own, diagonal, rows, under, rows, integers)
+            _syrk(blas[2], rest, own, under, rows, square, rest, integers)
     return np.int64(-1), at
 
 
@@ -600,11 +636,7 @@ def _solve(
     """Solve in place for `many` right-hand sides, one after the other in x, by the order."""
     first, rest, rest_start = analysis.first, analysis.rest, analysis.rest_start
     length = 3 * np.int64(first[-1])
-    sizes = np.array([0, 0, 0, many, length], dtype=np.int32)
-    n_own = _address_of(sizes)
-    n_rest, n_rows, n_many, n_length = n_own + 4, n_own + 8, n_own + 12, n_own + 16
-    left, _, turned, plain, one, less, none = _constants()
-    divided = plain, n_own, n_many, one
+    integers = np.zeros(8, dtype=np.int32)
     fronts = len(first) - 1
     for turn in range(2 * fronts):
         back = turn >= fronts
@@ -615,15 +647,13 @@ def _solve(
         rows = own + n
         if own == 0:
             continue
-        sizes[0], sizes[1], sizes[2] = own, n, rows
         l11 = _address_of(columns) + 8 * analysis.panel[t]
         l21 = l11 + 8 * own
         x1, s = _address_of(x) + 24 * first[t], _address_of(spare)
         if not back:
-            _call(blas[1], (left, left, plain, *divided, l11, n_rows, x1, n_length))
+            _trsm(blas[1], 0, False, own, many, l11, rows, x1, length, integers)
             if n > 0:
-                times = plain, plain, n_rest, n_many, n_own, one, l21, n_rows
-                _call(blas[3], (*times, x1, n_length, none, s, n_rest))
+                _gemm(blas[3], False, n, many, own, l21, rows, x1, length, 0, s, n, integers)
                 for k in range(many):
                     for i in range(len(others)):
                         for axis in range(3):
@@ -634,6 +664,5 @@ def _solve(
                     for i in range(len(others)):
                         for axis in range(3):
                             spare[k * n + 3 * i + axis] = x[k * length + 3 * others[i] + axis]
-                times = turned, plain, n_own, n_many, n_rest, less, l21, n_rows
-                _call(blas[3], (*times, s, n_rest, one, x1, n_length))
-            _call(blas[1], (left, left, turned, *divided, l11, n_rows, x1, n_length))
+                _gemm(blas[3], True, own, many, n, l21, rows, s, n, 1, x1, length, integers)
+            _trsm(blas[1], 0, True, own, many, l11, rows, x1, length, integers)
