@@ -1,10 +1,8 @@
 """Factor finite-element matrices of 27-node cells: multifrontal Cholesky on nested dissection."""
 
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from functools import cache
-from itertools import pairwise
-from operator import itemgetter
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -40,9 +38,9 @@ _CELLS_OF_A_LEAF = 4
 """So many cells are not halved further. Measured on a finger: 1 to 8 differ by less than a tenth,
 with 16 factoring takes 1.4 times as long and a third more memory."""
 
-_ALONE = 4
-"""Fronts below so many cuts are eliminated with all that are below them, in one task; cuts above
-are tasks of their own. Numerical: enough to keep two threads busy, few enough updates that wait."""
+_TASKS = 8
+"""A subtree of at most this share of all work is one task; cuts above are tasks of their own.
+Numerical: enough to keep two threads busy, few enough updates that wait at a time."""
 
 _THREADS = min(2, config.NUMBA_NUM_THREADS)  # type: ignore[attr-defined]
 """Chosen: the last cut's front is one thread's, and updates of more tasks wait in memory. On one
@@ -182,18 +180,18 @@ class Analysis(NamedTuple):
         and each one's place in the front above.
     below : (T, 2)
         Fronts of both halves, or -1.
-    depth : (T,)
-        How many cuts are above.
+    side : (T,)
+        At which end of the working memory the update stands.
     cells, cell_start
         Cells of front t, and links by numbers above theirs, at `cell_start[t]:cell_start[t + 1]`.
     place, begin
         Of each one's nodes in their front, at `begin[c]:begin[c + 1]`.
     panel : (T + 1,)
         Where the columns of each front begin in the factor.
-    start : (T,)
-        First front of the task that ends with each, if there is one.
-    work : (T,)
-        How many numbers that task needs for updates.
+    tasks : (k, 2)
+        First front of each task and the one after its last, in postorder.
+    work : (k,)
+        How many numbers each needs for updates.
     """
 
     factor_bytes: int
@@ -204,13 +202,13 @@ class Analysis(NamedTuple):
     above: IntArray
     rest_start: IntArray
     below: IntArray
-    depth: IntArray
+    side: IntArray
     cells: IntArray
     cell_start: IntArray
     begin: IntArray
     place: IntArray
     panel: IntArray
-    start: IntArray
+    tasks: IntArray
     work: IntArray
 
 
@@ -262,13 +260,13 @@ def analyse(nodes: IntArray, node_mm: FloatArray, links: IntArray = _NO_LINKS) -
     count = len(node_mm)
     middle = np.asarray(node_mm, dtype=np.float64)[nodes].mean(axis=1)
     middle = np.concatenate([middle, middle[links].mean(axis=1)])
-    ranks = np.stack([_ranks(middle[:, axis]) for axis in range(3)], axis=1)
+    ranks = np.stack([_ranks(middle[:, axis]) for axis in range(3)]).astype(np.int32)
     begin = np.append(0, np.cumsum(np.repeat([27, 54], [len(nodes), len(links)])))
     each = np.concatenate([nodes.ravel(), nodes[links].ravel()]).astype(np.int32), begin
-    heaps, halves, depth, owner = _halved(*each, ranks, count)
+    cells, bounds, halves, depth, owner = _halved(*each, ranks, count, _CELLS_OF_A_LEAF)
     # The last front made comes first: halves before their cut.
-    fronts = len(heaps)
-    heaps, depth = heaps[::-1], depth[::-1]
+    fronts = len(bounds)
+    bounds, depth = bounds[::-1], depth[::-1]
     below = np.where(halves >= 0, fronts - 1 - halves, -1)[::-1].copy()
     # Nodes of no cell stay with the last front, where they fail as pivots.
     front_of = fronts - 1 - owner
@@ -276,8 +274,8 @@ def analyse(nodes: IntArray, node_mm: FloatArray, links: IntArray = _NO_LINKS) -
     first = np.searchsorted(front_of[order], np.arange(fronts + 1)).astype(np.int32)
     number = np.argsort(order).astype(np.int32)
     leaf = below[:, 0] < 0
-    cell_start = np.append(0, np.cumsum([len(heap) for heap in heaps]))
-    cells = np.concatenate(heaps)
+    cell_start = np.concatenate([[0], np.cumsum(np.where(leaf, bounds[:, 1] - bounds[:, 0], 0))])
+    cells = np.concatenate([cells[a:b] for a, b in bounds[leaf]] or [cells])
     of_cell = np.repeat(np.arange(fronts), np.diff(cell_start))[np.argsort(cells)]
     front_above = np.full(fronts, -1)
     front_above[below[~leaf].ravel()] = np.repeat(np.flatnonzero(~leaf), 2)
@@ -285,21 +283,15 @@ def analyse(nodes: IntArray, node_mm: FloatArray, links: IntArray = _NO_LINKS) -
     own = 3 * np.diff(first).astype(np.int64)
     update = (3 * np.diff(rest_start)) ** 2
     panel = np.concatenate([[0], np.cumsum(-(-own * (own + 3 * np.diff(rest_start)) // 8) * 8)])
-    start, work = np.arange(fronts), update.copy()
-    for t in np.flatnonzero(~leaf & (depth >= _ALONE)).tolist():
-        a, b = sorted(below[t].tolist())
-        start[t] = start[a]
-        work[t] = max(work[a], update[a] + work[b], update[a] + update[b] + update[t])
-    # Of each round of tasks, the deepest first: updates that are left, and what is in use beside.
-    rounds = [depth == level for level in range(min(_ALONE, depth.max()), -1, -1)]
-    left = [int(update[these].sum()) for these in rounds]
-    busy = int(np.sort(work[rounds[0]])[-_THREADS:].sum())
+    k, b = own.astype(np.float64), np.sqrt(update)
+    flops = k**3 / 3.0 + k * k * b + k * b * b
+    tasks, work, most = _tasks(below, front_above, update, flops)
     return Analysis(
         factor_bytes=8 * int(panel[-1]) + 64,
-        work_bytes=8 * max([left[0] + busy, *map(sum, pairwise(left))]),
+        work_bytes=8 * most,
         order=order, first=first, rest=rest, above=above, rest_start=rest_start, below=below,
-        depth=depth, cells=cells, cell_start=cell_start, begin=begin, place=place, panel=panel,
-        start=start, work=work,
+        side=(depth % 2).astype(np.int32), cells=cells, cell_start=cell_start, begin=begin,
+        place=place, panel=panel, tasks=tasks, work=work,
     )  # fmt: skip
 
 
@@ -314,10 +306,11 @@ def _ranks(value: FloatArray) -> IntArray:
     return ranks
 
 
+@kernel
 def _halved(
-    nodes: NDArray[np.int32], begin: IntArray, ranks: IntArray, count: int
-) -> tuple[list[IntArray], IntArray, IntArray, IntArray]:
-    """Halve the cells until heaps of at most `_CELLS_OF_A_LEAF` are left.
+    nodes: NDArray[np.int32], begin: IntArray, ranks: NDArray[np.int32], count: int, most: int
+) -> tuple[IntArray, IntArray, IntArray, IntArray, IntArray]:
+    """Halve the cells until heaps of at most so many are left.
 
     The cut is the plane between layers of cells with the fewest nodes on it over the product of
     the cells on either side. Measured on boxes and fingers: other powers of either, or the least
@@ -325,8 +318,10 @@ def _halved(
 
     Returns
     -------
-    heaps
-        Cells of each front, none of cuts, which are before their halves.
+    cells : (n,)
+        Their order.
+    bounds : (T, 2)
+        Of each front's cells, cuts before their halves.
     halves : (T, 2)
         -1 for heaps.
     depth : (T,)
@@ -334,54 +329,92 @@ def _halved(
     owner : (N,)
         Front that each node is eliminated in.
     """
-    order = np.argsort(nodes, kind="stable")
-    at = np.repeat(ranks, np.diff(begin), axis=0)[order]
-    owner = np.zeros(count, dtype=np.int64)
-    heaps, halves, depth = list[IntArray](), list[list[int]](), list[int]()
-    # Waiting: cells; their nodes that no cut has, rising, and the cells' ranks there; depth; which
-    # half of which cut.
-    waiting = [(np.arange(len(ranks)), nodes[order], at, 0, [-1], 0)]
-    while waiting:
-        cells, node, at, deep, above, half = waiting.pop()
-        above[half] = t = len(heaps)
-        starts = np.flatnonzero(np.diff(node, prepend=-1))
-        low, high = (f.reduceat(at, starts) if len(at) else at for f in (np.minimum, np.maximum))
-        axes = range(3) if len(cells) > _CELLS_OF_A_LEAF else ()
-        cuts = ((*_cheapest(ranks[cells, i], low[:, i], high[:, i]), i) for i in axes)
-        score, rank, axis = min(cuts, key=itemgetter(0), default=(np.inf, 0, 0))
-        depth.append(deep)
-        halves.append([-1, -1])
-        if score == np.inf:
-            heaps.append(cells)
-            owner[node] = t
+    n = len(begin) - 1
+    cells = np.arange(n).astype(np.int32)
+    bounds = np.zeros((2 * n + 1, 2), dtype=np.int64)
+    halves = np.full((2 * n + 1, 2), -1, dtype=np.int64)
+    depth = np.zeros(2 * n + 1, dtype=np.int64)
+    owner = np.full(count, -1, dtype=np.int64)
+    low, high = np.empty((3, count), dtype=np.int32), np.empty((3, count), dtype=np.int32)
+    seen = np.full(count, -1, dtype=np.int64)
+    touched = np.empty(count, dtype=np.int32)
+    spare = np.empty(n, dtype=np.int32)
+    on_cut = np.zeros(ranks.max() + 2, dtype=np.int64)
+    in_layer = np.zeros_like(on_cut)
+    # Waiting: bounds, depth, and the half of which cut it is.
+    waiting = [(0, n, 0, -1, 0)]
+    made = 0
+    while len(waiting) > 0:
+        start, end, deep, cut, half = waiting.pop()
+        t = made
+        made += 1
+        bounds[t, 0], bounds[t, 1], depth[t] = start, end, deep
+        if cut >= 0:
+            halves[cut, half] = t
+        met = 0
+        for place in range(start, end):
+            c = cells[place]
+            for node in nodes[begin[c] : begin[c + 1]]:
+                if owner[node] >= 0:
+                    continue
+                if seen[node] != t:
+                    seen[node] = t
+                    touched[met] = node
+                    met += 1
+                    for axis in range(3):
+                        low[axis, node] = high[axis, node] = ranks[axis, c]
+                else:
+                    for axis in range(3):
+                        low[axis, node] = min(low[axis, node], ranks[axis, c])
+                        high[axis, node] = max(high[axis, node], ranks[axis, c])
+        best, best_axis, best_rank = np.inf, -1, 0
+        if end - start > most:
+            for axis in range(3):
+                here = ranks[axis][cells[start:end]]
+                least, greatest = here.min(), here.max()
+                on_cut[: greatest - least + 2] = 0
+                in_layer[: greatest - least + 2] = 0
+                for rank in here:
+                    in_layer[rank - least] += 1
+                for i in range(met):
+                    on_cut[low[axis, touched[i]] - least + 1] += 1
+                    on_cut[high[axis, touched[i]] - least + 1] -= 1
+                before, cost = 0, 0
+                for rank in range(1, greatest - least + 1):
+                    before += in_layer[rank - 1]
+                    cost += on_cut[rank]
+                    if before == 0 or before == end - start:
+                        continue
+                    score = cost / (np.float64(before) * np.float64(end - start - before))
+                    if score < best:
+                        best, best_axis, best_rank = score, axis, rank + least
+        if best_axis < 0:
+            for i in range(met):
+                owner[touched[i]] = t
             continue
-        heaps.append(cells[:0])
-        on_cut = (low[:, axis] < rank) & (rank <= high[:, axis])
-        owner[node[starts[on_cut]]] = t
-        left = np.repeat(~on_cut, np.diff(starts, append=len(node)))
-        node, at = node[left], at[left]
-        upper, beyond = ranks[cells, axis] >= rank, at[:, axis] >= rank
-        parts = [
-            (cells[~upper], node[~beyond], at[~beyond], deep + 1, halves[t], 0),
-            (cells[upper], node[beyond], at[beyond], deep + 1, halves[t], 1),
-        ]
+        for i in range(met):
+            node = touched[i]
+            if low[best_axis, node] < best_rank <= high[best_axis, node]:
+                owner[node] = t
+        lower, upper = start, 0
+        for place in range(start, end):
+            c = cells[place]
+            if ranks[best_axis, c] < best_rank:
+                cells[lower] = c
+                lower += 1
+            else:
+                spare[upper] = c
+                upper += 1
+        for i in range(upper):
+            cells[lower + i] = spare[i]
         # The larger half is made last and so factored first, while no update waits.
-        waiting += parts if 2 * np.count_nonzero(upper) < len(cells) else parts[::-1]
-    return heaps, np.array(halves), np.array(depth), owner
-
-
-def _cheapest(here: IntArray, low: IntArray, high: IntArray) -> tuple[float, int]:
-    """Return the score and the rank before which cells are best cut; infinity of one layer."""
-    least = int(here.min())
-    layers = int(here.max()) - least
-    if not layers:
-        return np.inf, 0
-    ends = (np.bincount(end - least, minlength=layers + 1)[:layers] for end in (low, high))
-    on_cut = np.cumsum(np.subtract(*ends))
-    before = np.cumsum(np.bincount(here - least))[:-1].astype(np.float64)
-    score = on_cut / (before * (len(here) - before))
-    best = int(np.argmin(score))
-    return float(score[best]), least + best + 1
+        if lower - start > upper:
+            waiting.append((start, lower, deep + 1, t, 0))
+            waiting.append((lower, end, deep + 1, t, 1))
+        else:
+            waiting.append((lower, end, deep + 1, t, 1))
+            waiting.append((start, lower, deep + 1, t, 0))
+    return cells, bounds[:made], halves[:made], depth[:made], np.maximum(owner, 0)
 
 
 def _structure(
@@ -419,6 +452,48 @@ def _structure(
     return rest.astype(np.int32), place(above[front], rest), rest_start, place(of, node)
 
 
+def _tasks(
+    below: IntArray, above: IntArray, update: IntArray, flops: FloatArray
+) -> tuple[IntArray, IntArray, int]:
+    """Divide the fronts among tasks.
+
+    Returns
+    -------
+    tasks : (k, 2)
+    work : (k,)
+        Numbers that the updates of each need at most at a time.
+    most
+        What all tasks together may have in use at a time, whatever order they run in.
+    """
+    fronts = len(below)
+    total, need, start = flops.copy(), update.copy(), np.arange(fronts)
+    for t in range(fronts):
+        a, b = sorted(below[t])
+        if a >= 0:
+            total[t] += total[a] + total[b]
+            need[t] = max(need[a], update[a] + need[b], update[a] + update[b] + update[t])
+            start[t] = start[a]
+    small = total * _TASKS <= total[-1]
+    if not small.any():
+        small[:] = True  # one task has them all
+    tasks, work = [], []
+    all_at_once = np.zeros(fronts, dtype=np.int64)
+    for t in range(fronts):
+        if small[t]:
+            if above[t] >= 0 and small[above[t]]:
+                continue
+            tasks.append((start[t], t + 1))
+            work.append(need[t])
+            all_at_once[t] = need[t] + update[t]
+        else:
+            tasks.append((t, t + 1))
+            work.append(update[t])
+            halves = below[t][below[t] >= 0]
+            waiting, busy = update[halves].sum(), all_at_once[halves].sum()
+            all_at_once[t] = max(busy, update[t] + waiting)
+    return np.array(tasks), np.array(work), int(all_at_once[-1])
+
+
 # ------------------------------------------------------------------------------------------------
 # Factoring
 
@@ -454,22 +529,40 @@ def factor(
     assert matrices.shape == (len(a.begin) - 1 - len(springs), 27, 6, 27)
     columns = reused(int(a.panel[-1]), None if into is None else into.columns)
     updates: dict[int, FloatArray] = {}  # of tasks' last fronts, until the front above has them
-    nothing, failed = np.empty(0), len(a.order)
+    none = np.empty(0)
+    failed = len(a.order)
 
-    def eliminate(last: int) -> int:
-        """Eliminate a task's fronts; return the pivot that failed, in the order of elimination."""
-        outside = tuple(updates.pop(half, nothing) for half in a.below[last].tolist())
-        work, size = np.empty(a.work[last]), 9 * int(np.diff(a.rest_start)[last]) ** 2
-        given = (matrices, springs, columns, work, outside)
-        pivot, at = _factor_fronts(_blas_addresses(), a, a.start[last], last + 1, *given)
+    def is_ready(task: int) -> bool:
+        start, end = a.tasks[task]
+        return end - start > 1 or all(t < 0 or t in updates for t in a.below[end - 1].tolist())
+
+    def begin(task: int) -> tuple[Future[Any], tuple[int, FloatArray]]:
+        start, end = a.tasks[task]
+        outside = tuple(updates.pop(half, none) for half in a.below[end - 1].tolist())
+        work = np.empty(a.work[task])  # taken in one thread: each keeps what it once had
+        given = (start, end, matrices, springs, columns, work, outside)
+        return pool.submit(_factor_fronts, _blas_addresses(), a, *given), (task, work)
+
+    def keep(task: int, work: FloatArray, at: int) -> None:
+        last = int(a.tasks[task, 1]) - 1
+        size = 9 * int(a.rest_start[last + 1] - a.rest_start[last]) ** 2
         updates[last] = work if len(work) == size else work[at : at + size].copy()
-        return pivot if pivot >= 0 else len(a.order)
 
     with one_blas_thread(), ThreadPoolExecutor(_THREADS) as pool:
-        for level in range(_ALONE, -1, -1):
-            tasks = np.flatnonzero(a.depth == level)
-            # Tasks before one that fails may fail at an earlier pivot; those after it cannot.
-            failed = min([failed, *pool.map(eliminate, tasks[a.first[tasks] <= failed].tolist())])
+        todo = list(range(len(a.tasks)))
+        running: dict[Future[Any], tuple[int, FloatArray]] = {}
+        while todo or running:
+            ready = [k for k in todo if is_ready(k)][: _THREADS - len(running)]
+            todo = [k for k in todo if k not in ready]
+            running.update(map(begin, ready))
+            for future in wait(running, return_when=FIRST_COMPLETED).done:
+                pivot, at = future.result()
+                task = running[future][0]
+                keep(*running.pop(future), at)
+                if pivot >= 0:
+                    # Tasks before this one may fail at an earlier pivot; those after it cannot.
+                    failed = min(failed, pivot)
+                    todo = [k for k in todo if k < task]
     if failed < len(a.order):
         raise NotPositiveDefinite(int(a.order[failed]))
     return Factor(analysis, columns)
@@ -515,7 +608,7 @@ def _factor_fronts(
         own = np.int64(3 * (analysis.first[t + 1] - analysis.first[t]))
         rest = 3 * (analysis.rest_start[t + 1] - analysis.rest_start[t])
         rows, size = own + rest, rest * rest
-        if analysis.depth[t] % 2 == 0:
+        if analysis.side[t] == 0:
             at = low
             low += size
         else:
@@ -540,7 +633,7 @@ def _factor_fronts(
             numbers = 9 * (analysis.rest_start[half + 1] - analysis.rest_start[half]) ** 2
             if half >= start:
                 given = work[where[half - start] : where[half - start] + numbers]
-                if analysis.depth[half] % 2 == 0:
+                if analysis.side[half] == 0:
                     low -= numbers
                 else:
                     high += numbers
