@@ -25,6 +25,7 @@ from planner.palette import (
 
 figures = st.floats(-1e9, 1e9, allow_nan=False).map(lambda v: float(f"{v:.9g}") + 0.0)
 positive = st.floats(1e-6, 1e6).map(lambda v: float(f"{v:.9g}"))
+possible = st.floats(1e-6, 24.0).map(lambda v: float(f"{v:.9g}"))  # as breaks and densities
 texts = st.text(st.characters(exclude_categories=["Cs"]), max_size=20)
 ends = st.dictionaries(
     st.sampled_from(["mu_MPa", "alpha"]),
@@ -59,8 +60,8 @@ def palettes(draw: st.DrawFn) -> Palette:
             id=f"M{number}",
             aliases=draw(st.sampled_from([(), (f"alias {number}", f"µ{number}")])),
             coordinate=float(number) / 3.0 if number % 3 == 0 else float(number),
-            elongation_at_break=draw(positive),
-            density_g_cm3=draw(positive),
+            elongation_at_break=draw(possible),
+            density_g_cm3=draw(possible),
             law=draw(laws()),
             published=draw(st.none() | laws()),
             colour=draw(st.sampled_from(["#808080", "#FBD724"])),
