@@ -50,7 +50,9 @@ def test_plans_hold(field, tmp_path):
 
 
 def test_profile_and_bands_compose_as_with_an_axis():
-    plan = grade("radial: line=0 6 6 1 0 0", profile="linear", bands=4, snap_mm=0, tolerance=1)
+    plan = grade(
+        "radial: line=0 6 6 1 0 0, from=0.2726", profile="linear", bands=4, snap_mm=0, tolerance=1
+    )
     assert [r.field for r in plan.regions] == [(i / 4, (i + 1) / 4) for i in range(4)]
     assert plan.gradient.field["pitch_mm"] == 0.8
     assert not plan.warnings
@@ -225,7 +227,7 @@ def test_fields_that_cannot_be(field, reason):
 def test_the_command(tmp_path, capsys):
     out = tmp_path / "out"
     command = ["grade", str(FINGER), "--from", "Tango", "--to", "FLX9795", "-o", str(out)]
-    field = ["--field", "radial: line=0 6 6 1 0 0", "--pitch", "0.8"]
+    field = ["--field", "radial: line=0 6 6 1 0 0, from=0.2726", "--pitch", "0.8"]
     assert run([*command, *field, "--bands", "24"]) == 1
     told = capsys.readouterr()
     assert "along mm" in told.out
