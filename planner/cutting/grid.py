@@ -409,8 +409,7 @@ def draw_level_sets(
     active.reshape(-1)[cell] = 2
     values = grid.interpolate(mesh.vertices)
     points_mm = lattice.rounded(points)
-    low, high = (_extreme(grid, field, mesh.bounds_mm, way) for way in (-1.0, 1.0))
-    ends = low, high
+    ends = _extreme(grid, field, mesh.bounds_mm, -1.0), _extreme(grid, field, mesh.bounds_mm, 1.0)
     return LevelSets(points_mm, faces, level, cell, lattice, offsets, touched, active, values, ends)
 
 

@@ -442,12 +442,20 @@ class Setting:
         return triangle_tree(union(self.mesh))
 
 
-def _ramp(given: FieldArguments, setting: Setting, quantity: Quantity) -> Ramp:
-    """Return where the gradient starts and ends: over all of the part if not said."""
+def _ramp(
+    given: FieldArguments, setting: Setting, quantity: Quantity, *, exact: bool = False
+) -> Ramp:
+    """Return where the gradient starts and ends: over all of the part if not said.
+
+    With `exact` the least is sought between samples; the greatest of radii is at a vertex.
+    """
     start, stop = given.number("from"), given.number("to")
     if start is not None and stop is not None:
         return Ramp(start, stop)
-    return Ramp.over(quantity(setting.samples_mm), start, stop)
+    values = quantity(setting.samples_mm)
+    if exact and start is None:
+        values = np.append(values, -setting.greatest(lambda points: -quantity(points)))
+    return Ramp.over(values, start, stop)
 
 
 def _axis(given: FieldArguments, setting: Setting) -> Field:
@@ -464,11 +472,7 @@ def _radial(given: FieldArguments, setting: Setting) -> Field:
         middle = as_point(setting.mesh.bounds_mm.mean(axis=0))
         centre = given.point("point") if "point" in given.named else middle
         quantity, says = partial(_from_point, centre), {"centre_mm": list(centre)}
-    start, stop = given.number("from"), given.number("to")
-    values = quantity(setting.mesh.vertices)  # the farthest place of a part is a vertex
-    if start is None:
-        values = np.append(values, -setting.greatest(lambda points: -quantity(points)))
-    return Ramp.over(values, start, stop).along(quantity, "radial", says)
+    return _ramp(given, setting, quantity, exact=True).along(quantity, "radial", says)
 
 
 def _distance(given: FieldArguments, setting: Setting) -> Field:

@@ -176,15 +176,15 @@ def law_block(material: Material, program: str) -> str:
     """
     check_known(program, _PROGRAMS, f"program {program!r}: {{}}choose one of")
     block, begin, end = _PROGRAMS[program]
+    until = f"to its break at strain {material.elongation_at_break:g}"
+    may_flow = material.deformation == "plastic" and material.law.model in ("linear", "yielding")
+    if may_flow and not len(_flow(material)):
+        # E ln(l) / l, of a program that takes the logarithmic strain, against E (l - 1).
+        until = "for small strains: straight in nominal stress, some 5 % off at a strain of 0.03"
     known = (
         f"{material.id}: {material.law.model} law of the palette, mm, N, MPa, t; Poisson's ratio "
-        f"{POISSON:g}; "
+        f"{POISSON:g}; {until}"
     )
-    if material.deformation == "plastic" and not len(_flow(material)):
-        # E ln(l) / l, of a program that takes the logarithmic strain, against E (l - 1).
-        known += "for small strains: straight in nominal stress, some 5 % off at a strain of 0.03"
-    else:
-        known += f"to its break at strain {material.elongation_at_break:g}"
     return "\n".join([f"{begin}{known}{end}", *block(material)]) + "\n"
 
 
