@@ -421,18 +421,20 @@ class Setting:
         extent_mm = np.ptp(self.mesh.bounds_mm, axis=0)
         return max(math.cbrt(extent_mm.prod() / _SAMPLES), float(extent_mm.max()) / 4000.0)
 
-    def greatest(self, quantity: Quantity) -> float:
+    def greatest(self, quantity: Quantity, *, outside: bool = True) -> float:
         """Return the greatest value within of one that rises by 1 mm a mm at most, to `_DEPTH_MM`.
 
-        The cells that hold most are halved; of what they reach beyond the part, no more counts than
-        lies in its box.
+        The cells that hold most are halved. What they reach beyond the part must be no greater than
+        what is within, or is left out.
         """
         points, half_mm = self.samples_mm, 0.5 * self._coarse_mm
         values = quantity(points)
         while half_mm > _DEPTH_MM:
             points, half_mm = points[np.argsort(-values, kind="stable")[:_HALVED]], 0.5 * half_mm
-            points = (points[:, None] + half_mm * _CORNERS).reshape(-1, 3)
-            points = np.clip(points, *self.mesh.bounds_mm)
+            finer = (points[:, None] + half_mm * _CORNERS).reshape(-1, 3)
+            if not outside:
+                finer = np.concatenate([points, finer[~distances(self.surface, finer)[1]]])
+            points = finer
             values = quantity(points)
         return float(values.max())
 
@@ -454,7 +456,9 @@ def _ramp(
         return Ramp(start, stop)
     values = quantity(setting.samples_mm)
     if exact and start is None:
-        values = np.append(values, -setting.greatest(lambda points: -quantity(points)))
+        values = np.append(
+            values, -setting.greatest(lambda points: -quantity(points), outside=False)
+        )
     return Ramp.over(values, start, stop)
 
 

@@ -57,6 +57,13 @@ def test_distances_from_a_point_and_a_line():
         (Manifold.cylinder(20.0, 10.0, circular_segments=128), "radial: line=0 0 0 0 0 1", 0, 10),
         (Manifold.sphere(30.0, 64), "radial: point=0 0 0", 0, 30),
         (Manifold.cube([120.0, 120.0, 4.0]), "radial: point=60 60 60", 56, math.sqrt(10_800)),
+        (
+            Manifold.cylinder(40.0, 10.0, circular_segments=128)
+            - Manifold.cylinder(50.0, 4.0, circular_segments=128).translate((0.0, 0.0, -5.0)),
+            "radial: line=0 0 0 0 0 1",
+            4,
+            10,
+        ),
     ],
 )
 def test_radii_run_over_those_of_the_part(solid, text, least, most):
