@@ -433,6 +433,7 @@ class Setting:
             points, half_mm = points[np.argsort(-values, kind="stable")[:_HALVED]], 0.5 * half_mm
             finer = (points[:, None] + half_mm * _CORNERS).reshape(-1, 3)
             if not outside:
+                finer = finer[quantity(finer) > values.max()]
                 finer = np.concatenate([points, finer[~distances(self.surface, finer)[1]]])
             points = finer
             values = quantity(points)
