@@ -21,7 +21,7 @@ from planner.gap.effects import effects_for
 from planner.gap.evidence.problem import SignedForm, node_weights, signed_forms
 from planner.gap.observations import observation_model
 from planner.numerics import FloatArray
-from planner.simulation.bar_solver import predict_all
+from planner.simulation.bar_solver import predict
 
 __all__ = ["least_sum_of_squares", "naive_answer", "naive_bic", "schwarz_probabilities"]
 
@@ -44,7 +44,7 @@ def naive_bic(campaign: Campaign, without: Sequence[str] = ()) -> dict[str, Any]
     setups = [model.setup]
     for signed in forms:
         setups += [signed.form.apply(model.setup, signed.values(p)) for p in signed.node_points()]
-    raw = np.stack([model.predicted(p) for p in predict_all(setups, model.laws)])
+    raw = np.stack([model.predicted(predict(each, model.laws)) for each in setups])
     features = model.table.transformed(raw)
     residual = model.table.measured - features[0]
     changes = features[1:] - features[0]

@@ -1,10 +1,9 @@
 """Force and strains of bars that are pulled, slices in series under one force, and of parts."""
 
 import math
-from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable
 from dataclasses import dataclass, field, fields, replace
-from functools import lru_cache, partial
+from functools import lru_cache
 from itertools import zip_longest
 from typing import Any, TypeAlias
 
@@ -36,7 +35,6 @@ __all__ = [
     "Setup",
     "law_tables",
     "predict",
-    "predict_all",
     "unaltered",
 ]
 
@@ -1120,21 +1118,3 @@ def predict(
     signed = np.where(bars.pushed[some, None], -1.0, 1.0) * paths["force_N"][some]
     force[some] = bars.gain[some] * signed + bars.offset_N[some]
     return Prediction(force, np.where(pushed, -strain, strain), bars, mixtures)
-
-
-def predict_all(
-    setups: Iterable[Setup], laws: LawTables, *, like: Prediction | None = None, workers: int = 2
-) -> Iterator[Prediction]:
-    """Predict several setups, in their order; threads change the time it takes and nothing else.
-
-    Parameters
-    ----------
-    like
-        See `predict`.
-    """
-    waiting, one = list(setups), partial(predict, laws=laws, like=like)
-    if workers < 2 or len(waiting) < 2:
-        yield from map(one, waiting)
-        return
-    with ThreadPoolExecutor(min(workers, len(waiting))) as pool:
-        yield from pool.map(one, waiting)

@@ -16,7 +16,6 @@ from planner.simulation.bar_solver import (
     instantaneous,
     law_tables,
     predict,
-    predict_all,
     unaltered,
 )
 
@@ -336,18 +335,6 @@ def test_more_travel_than_the_slices_can_take_stays_finite():
     found = predict(wild, LAWS)
     assert np.isfinite(found.force_N).all()
     assert np.isfinite(found.strain).all()
-
-
-def test_threads_change_nothing():
-    path = there_and_back((0.3, 0.05, 0.4), points=15)
-    plain = setup(path, coordinates=(np.linspace(0.0, 0.8, 12), (0.3,)))
-    setups = [plain.stiffened(np.full(13, 0.01 * k)) for k in range(8)]
-    alone = list(predict_all(setups, LAWS, workers=1))
-    together = list(predict_all(iter(setups), LAWS, workers=2))
-    for one, two in zip(alone, together, strict=True):
-        np.testing.assert_array_equal(one.force_N, two.force_N)
-        np.testing.assert_array_equal(one.strain, two.strain)
-    assert alone[0].force_N[0, -1] < alone[-1].force_N[0, -1]
 
 
 def test_pushed_mixtures_and_instantaneous_ones_lie_on_the_cubic_through_their_laws():

@@ -8,7 +8,7 @@ import pytest
 from planner.gap.effects import EFFECTS
 from planner.gap.evidence.problem import Problem, SignedForm, node_weights, signed_forms
 from planner.numerics import FloatArray
-from planner.simulation.bar_solver import predict_all
+from planner.simulation.bar_solver import predict
 
 SIGNED_FORMS = signed_forms(list(EFFECTS.values()))
 PLACES = 8
@@ -38,7 +38,8 @@ def change(problem: Problem, signed: SignedForm, places: Sequence[Sequence[float
     setup = problem.model.setup
     setups = [signed.form.apply(setup, signed.values(place)) for place in places]
     table = problem.table
-    raw = np.array([problem.model.predicted(p) for p in predict_all(setups, problem.model.laws)])
+    model = problem.model
+    raw = np.array([model.predicted(predict(each, model.laws)) for each in setups])
     found: FloatArray = table.transformed(raw) - table.transformed(problem.unpredicted)
     return found
 
