@@ -9,7 +9,6 @@ from scipy.special import softmax
 
 from planner.errors import ArgumentError
 from planner.formats.specimens import SPECIMEN_COLUMNS
-from planner.formats.units import UnitOf
 from planner.gap.campaign import (
     TOLERANCES,
     Campaign,
@@ -421,12 +420,9 @@ def _interval(
             values.append(value)
     if middle is None or len(values) < _RESAMPLES // 2:
         return None
-    low, high = np.quantile(values, [0.05, 0.95])
-    # More than all there is cannot close: a share above 1 is the floor's own doubt.
-    return (
-        min(1.0, middle, middle - _WIDER * (middle - float(low))),
-        min(1.0, max(middle, middle + _WIDER * (float(high) - middle))),
-    )
+    low, high = (middle + _WIDER * (np.quantile(values, [0.05, 0.95]) - middle)).tolist()
+    # A share above 1 is the floor's own doubt, of which the middle has its part too.
+    return min(middle, low), max(middle, high)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -672,7 +668,9 @@ def diagnose(
         where, remainder = _places_of(problem, axes_of(problem, evidence, ranking, priors), chosen)
         same_class = class_of(problem, weighed, evidence, ranking, verdict)
         doubts = [*_cautions(problem), *_confounders(verdict, reasons)]
-        mending = [problem.unit_of for problem in data_quality if problem.unit_of is not None]
+        alike = [found_effects(weighed, weighed.best[e]) for e in same_class if e in weighed.best]
+        units = [unit for found in alike for unit in suggested_units(found, campaign.specimens)]
+        units += [problem.unit_of for problem in data_quality if problem.unit_of is not None]
         tested, changed = levels_tested(campaign)
         found = Diagnosis(
             campaign=campaign.name,
@@ -692,7 +690,7 @@ def diagnose(
             next_experiments=next_experiments(problem, weighed, ranking),
             detectable=tuple(detectable_sizes(problem, nodes, priors)),
             limitations=(*campaign.limitations, *model.limitations, *doubts),
-            unit_of=merged_units([*_units_of(weighed, same_class), *mending]),
+            unit_of=merged_units(units),
             recalibration=_recalibration_of(weighed.mode_of(chosen).likelihood, chosen),
             tested=tested,
             changed=changed,
@@ -701,14 +699,6 @@ def diagnose(
             own_palette=campaign.palette,
         )
         return replace(found, summary=summary_of(found))
-
-
-def _units_of(weighed: Weighed, same_class: Sequence[Effects]) -> Iterator[UnitOf]:
-    """Yield the units that the hypotheses of a class say the numbers are in."""
-    for effects in same_class:
-        if effects in weighed.best:
-            found = found_effects(weighed, weighed.best[effects])
-            yield from suggested_units(found, weighed.plain.problem.campaign.specimens)
 
 
 def prepared(

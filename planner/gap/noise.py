@@ -9,6 +9,8 @@ import numpy as np
 import scipy.linalg
 import scipy.optimize
 import scipy.special
+from scipy.linalg.lapack import dtrtrs
+from scipy.sparse import block_diag, csr_array
 
 from planner.formats.units import QUANTITY_UNITS
 from planner.gap.campaign import Campaign
@@ -89,8 +91,8 @@ class SpecimenNoise:
         Slices of the table's rows, one a specimen.
     blocks
         Covariance of each specimen's rows, (d, d).
-    inverse_roots
-        Inverses of their lower Cholesky factors.
+    inverse_root : (N, N)
+        Sparse: the inverses of their lower Cholesky factors.
     batch : (N, batches)
         What specimens of one batch share, a column of prior deviation 1 a batch; no column where
         batches are unknown or all the same.
@@ -98,7 +100,7 @@ class SpecimenNoise:
 
     rows: tuple[slice, ...]
     blocks: tuple[FloatArray, ...]
-    inverse_roots: tuple[FloatArray, ...]
+    inverse_root: csr_array
     batch: FloatArray
 
     @property
@@ -108,8 +110,7 @@ class SpecimenNoise:
 
     def whiten(self, columns: FloatArray) -> FloatArray:
         """Return columns, (N, ...), on a scale where each specimen's own noise is white."""
-        parts = zip(self.inverse_roots, self.rows, strict=True)
-        return np.concatenate([root @ columns[rows] for root, rows in parts])
+        return np.asarray(self.inverse_root @ columns)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -141,8 +142,8 @@ class NoisyFeatures:
         level = scatter.batch * np.where(table.is_field, 0.0, self.sensitivity)
         columns = level[:, None] * (batch_of[table.specimen][:, None] == batches)
         columns = columns if len(batches) > 1 else columns[:, :0]
-        roots = tuple(np.linalg.inv(np.linalg.cholesky(block)) for block in blocks)
-        return SpecimenNoise(rows, blocks, roots, columns)
+        roots = [np.linalg.inv(np.linalg.cholesky(block)) for block in blocks]
+        return SpecimenNoise(rows, blocks, csr_array(block_diag(roots)), columns)
 
     def _block(self, scatter: Scatter, rows: slice) -> FloatArray:
         """Return the covariance of one specimen's rows, (d, d): forces, then strains of a bar."""
@@ -408,7 +409,7 @@ def _scatter(logs: Mapping[str, float]) -> Scatter:
 def _whitened(covariance: FloatArray, columns: FloatArray) -> tuple[float, FloatArray]:
     """Return half the log determinant of a covariance, and columns on its scale."""
     factor = np.linalg.cholesky(covariance)
-    white = scipy.linalg.solve_triangular(factor, columns, lower=True, check_finite=False)
+    white, _ = dtrtrs(factor, columns, lower=True)
     return float(np.log(np.diagonal(factor)).sum()), white
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import scipy.linalg
 import scipy.stats
+from scipy.sparse import csr_array
 
 from planner.gap.campaign import Campaign, Specimen
 from planner.gap.diagnosis import Location
@@ -148,7 +149,8 @@ def noise_of(table: FeatureTable) -> SpecimenNoise:
         block += WANDER**2 * np.outer(h, h) * np.exp(-away)
         blocks.append(block + np.diag(np.where(h > 0.0, OWN, FIELD) ** 2))
     roots = tuple(np.linalg.inv(np.linalg.cholesky(block)) for block in blocks)
-    return SpecimenNoise(slices, tuple(blocks), roots, np.zeros((len(table), 0)))
+    root = csr_array(scipy.linalg.block_diag(*roots))
+    return SpecimenNoise(slices, tuple(blocks), root, np.zeros((len(table), 0)))
 
 
 def shared_of(specimens: Sequence[Specimen], table: FeatureTable) -> FloatArray:

@@ -1,16 +1,17 @@
 """Candidates on the forward model: their posterior mode, and the model linear about it."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import scipy.linalg
 from scipy.linalg.lapack import dpotrf, dtrtrs
-from scipy.sparse import csr_array
+from scipy.sparse import block_diag, csr_array, diags_array
 
 from planner.gap.evidence.problem import Candidate, Problem, searched
-from planner.numerics import FloatArray
+from planner.numerics import FloatArray, IntArray
 
 __all__ = ["Likelihood", "PosteriorMode", "posterior_mode"]
 
@@ -70,6 +71,10 @@ class Likelihood:
     ----------
     none, left
         ln p of the campaign without any effect, and the sum of squares that it leaves.
+    offset
+        ln p where nothing is left, and no more is integrated over.
+    likeliest
+        ln p of the campaign beside the likeliest candidate that was eliminated so far.
     """
 
     def __init__(
@@ -82,28 +87,32 @@ class Likelihood:
         self.discrepancy, self.laws, self.log_share = discrepancy, laws, float(np.log(share))
         each = np.ones(len(problem.noise.rows)) if weight is None else weight
         rows = np.repeat(each, np.diff(problem.noise.first_row))
-        self._root = np.sqrt(rows) / scale
-        self._along, self._widened = np.zeros(len(rows)), np.zeros(len(each))
+        self.offset = -float(rows.sum()) * float(np.log(scale))
+        # To a scale where scatter and discrepancy are white: sparse, as both are of a test each.
+        self._white = csr_array(diags_array(np.sqrt(rows) / scale))
         if level < 1.0:
-            self._along, self._widened = _along_levels(problem, level)
+            levels, widened = _along_levels(problem, level)
+            self.offset += float(each @ np.log1p(widened))
+            self._white += levels @ diags_array(widened) @ levels.T @ self._white
+        if discrepancy:
+            courses = np.asarray(self._white @ (discrepancy * problem.discrepancy))
+            root = _inverse_root_of_tests(courses, problem.table.test)
+            self.offset += float(np.log(root.diagonal()).sum())
+            self._white = root @ self._white
         self._sizes = np.where(problem.of_laws, laws, 1.0)
         blocks = [problem.nuisances * self._sizes if nuisances is None else nuisances]
-        blocks += [discrepancy * problem.discrepancy] if discrepancy else []
-        blocks += [] if more is None else [more]
-        # Sparse: most are of one test's or one specimen's features.
-        weighted = self._weighted(np.concatenate(blocks, axis=1))
+        weighted = self._white @ np.concatenate(blocks if more is None else [*blocks, more], axis=1)
         self._nuisances = csr_array(weighted.T)
         inner = np.asarray(self._nuisances @ weighted)
         inner[np.diag_indices(len(inner))] += 1.0
         self._factor = scipy.linalg.cholesky(inner, lower=True, check_finite=False)
-        log_det = 2.0 * float(np.log(np.diagonal(self._factor)).sum())
-        self._offset = -float(rows.sum()) * float(np.log(scale)) - 0.5 * log_det
-        self._offset += float(each @ np.log1p(self._widened))
-        self._own: tuple[FloatArray, ...] = ()
+        self.offset -= float(np.log(np.diagonal(self._factor)).sum())
+        self._own: tuple[Any, ...] = ()
+        self.likeliest = -np.inf
         alone = self.elimination(problem.target)
         self.none, self.left = alone.none, float(alone.products[0, 0])
 
-    def products(self, columns: FloatArray, own: FloatArray | None = None) -> FloatArray:
+    def products(self, columns: FloatArray, own: csr_array | None = None) -> FloatArray:
         """Return inner products of whitened columns, (k, k), nuisances integrated out.
 
         Parameters
@@ -119,33 +128,26 @@ class Likelihood:
         out, _ = dtrtrs(factor, beside.T @ weighted - halved.T @ half, lower=True)
         return np.asarray(m - out.T @ out)
 
-    def _weighted(self, columns: FloatArray) -> FloatArray:
-        """Return whitened columns, (N, k), on a scale where its scatter is white."""
-        weighted = self._root[:, None] * columns
-        if self.level == 1.0:
-            return weighted  # as nearly everywhere
-        first, along = self.problem.noise.first_row, self._along[:, None]
-        levels = self._widened[:, None] * np.add.reduceat(along * weighted, first[:-1])
-        return weighted + along * np.repeat(levels, np.diff(first), axis=0)
-
     def _without_nuisances(self, columns: FloatArray) -> tuple[FloatArray, ...]:
-        weighted = self._weighted(columns)
+        weighted = np.asarray(self._white @ columns)
         half, _ = dtrtrs(self._factor, self._nuisances @ weighted, lower=True)
         return weighted, half, np.asarray(weighted.T @ weighted - half.T @ half)
 
-    def _beside(self, own: FloatArray) -> tuple[FloatArray, ...]:
+    def _beside(self, own: csr_array) -> tuple[Any, ...]:
         """Return what integrates over further nuisances; the last one's is kept."""
         if not self._own or self._own[0] is not own:
-            weighted, half, m = self._without_nuisances(own)
+            weighted = self._white @ own
+            half, _ = dtrtrs(self._factor, (self._nuisances @ weighted).toarray(), lower=True)
+            m = (weighted.T @ weighted).toarray() - half.T @ half
             self._own = own, weighted, half, dpotrf(m + np.eye(len(m)), lower=True)[0]
         return self._own
 
     def coefficients(self, left: FloatArray) -> FloatArray:
         """Return the nuisances' posterior mean, in prior deviations, of what is left, (N,)."""
-        cross = np.asarray(self._nuisances @ self._weighted(left[:, None])[:, 0])
+        cross = np.asarray(self._nuisances @ (self._white @ left))
         return np.asarray(scipy.linalg.cho_solve((self._factor, True), cross, check_finite=False))
 
-    def own_coefficients(self, left: FloatArray, own: FloatArray) -> FloatArray:
+    def own_coefficients(self, left: FloatArray, own: csr_array) -> FloatArray:
         """Return the posterior mean of further nuisances of what is left, (N,); see `products`."""
         weighted, half, _ = self._without_nuisances(left[:, None])
         _, beside, halved, factor = self._beside(own)
@@ -179,7 +181,7 @@ class Likelihood:
 
     def elimination(
         self, target: FloatArray, slopes: FloatArray | None = None,
-        kept: FloatArray | None = None, own: FloatArray | None = None,
+        kept: FloatArray | None = None, own: csr_array | None = None,
     ) -> Elimination:  # fmt: skip
         """Return inner products of a target and further columns, with ln p of the target.
 
@@ -199,20 +201,34 @@ class Likelihood:
         m, log_det = _integrated(m[:head, :head], m[head:, :head], inner)
         if own is not None and own.shape[1]:
             log_det += 2.0 * float(np.log(np.diagonal(self._beside(own)[-1])).sum())
-        return Elimination(m, self._offset - 0.5 * (float(m[0, 0]) + log_det))
+        none = self.offset - 0.5 * (float(m[0, 0]) + log_det)
+        self.likeliest = max(self.likeliest, none)
+        return Elimination(m, none)
 
 
-def _along_levels(problem: Problem, level: float) -> tuple[FloatArray, FloatArray]:
-    """Return the direction in which each specimen's level goes, (N,), and what it is stretched by.
+def _along_levels(problem: Problem, level: float) -> tuple[csr_array, FloatArray]:
+    """Return directions in which specimens' levels go, (N, n), and what each is stretched by.
 
     Whitened features have a unit covariance, of which a level that scatters less takes from that
     one direction: 1 - (1 - level^2) sd^2 |g|^2 of it is left, with g what the level changes.
     """
-    first = problem.noise.first_row
     change = problem.noise.whiten(np.where(problem.table.is_field, 0.0, problem.sensitivity))
-    squares = np.maximum(np.add.reduceat(change**2, first[:-1]), 1e-300)
+    changes = csr_array((change, (np.arange(len(change)), problem.table.specimen)))
+    squares = np.maximum(changes.power(2).sum(axis=0), 1e-300)
     left = 1.0 - (1.0 - level**2) * problem.scatter.specimen**2 * squares
-    return change / np.sqrt(np.repeat(squares, np.diff(first))), 1.0 / np.sqrt(left) - 1.0
+    return changes @ diags_array(1.0 / np.sqrt(squares)), 1.0 / np.sqrt(left) - 1.0
+
+
+def _inverse_root_of_tests(courses: FloatArray, test: IntArray) -> csr_array:
+    """Return what whitens noise of I + courses courses^T, triangular in each test.
+
+    Each course, a column of (N, r), is of one test's rows.
+    """
+    order = np.argsort(test, kind="stable")
+    rows = np.split(order, np.flatnonzero(np.diff(test[order])) + 1)
+    factors = [np.linalg.cholesky(np.eye(len(of)) + courses[of] @ courses[of].T) for of in rows]
+    back = np.argsort(order)
+    return csr_array(block_diag(list(map(np.linalg.inv, factors))))[back][:, back]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -227,6 +243,10 @@ _ENOUGH_NATS = 0.05
 """Iterations, and the gain that is none: one that was made, or that the model linear about a point
 promises still. Numerical: evidence is off by about that, little beside the 3 nats that tell
 hypotheses apart."""
+
+_ENOUGH_SHARE = 0.05
+"""The same, of what a candidate is behind the likeliest so far. Numerical: whether it is behind by
+100 nats or by 95, it is out of the question."""
 
 _DIFFERENCE = 0.02
 """Step of the derivatives, in prior deviations. Numerical: they are off by a hundredth of what they
@@ -283,7 +303,7 @@ class _State:
         return problem.noise.whiten((changes / steps[:, None]).T)
 
 
-def _mode(likelihood: Likelihood, state: _State, own: FloatArray) -> _State:
+def _mode(likelihood: Likelihood, state: _State, own: csr_array) -> _State:
     """Return the posterior mode under a likelihood from a point on, beside specimens' own sizes.
 
     Slopes follow the steps (Broyden's rule); where they promise no more they are made anew.
@@ -291,23 +311,21 @@ def _mode(likelihood: Likelihood, state: _State, own: FloatArray) -> _State:
     slopes, fresh, damping = state.slopes, True, _DAMPING
     for _ in range(_STEPS):
         if (step := _damped_step(likelihood, state, own, slopes, damping)) is not None:
-            reached, move, gained, damping = step
+            reached, move, enough, damping = step
             off = state.left - reached.left - slopes @ move
             slopes = slopes + np.outer(off, move / (move @ move))
             state = reached
-        if step is None or gained < _ENOUGH_NATS:
-            if fresh:
-                break
-            slopes, fresh, damping = state.slopes, True, _DAMPING
-        else:
-            fresh = False
+        if (done := step is None or enough) and fresh:
+            break
+        if fresh := done:
+            slopes, damping = state.slopes, _DAMPING
     return state
 
 
 def _damped_step(
-    likelihood: Likelihood, state: _State, own: FloatArray, slopes: FloatArray, damping: float
-) -> tuple[_State, FloatArray, float, float] | None:
-    """Return where a damped step leads, that step, its gain and the next one's damping.
+    likelihood: Likelihood, state: _State, own: csr_array, slopes: FloatArray, damping: float
+) -> tuple[_State, FloatArray, bool, float] | None:
+    """Return where a damped step leads, that step, if it gains next to none, and the next damping.
 
     None where the model linear about the point, whose evidence has its gain already, promises
     nothing, or no step gains.
@@ -317,13 +335,14 @@ def _damped_step(
     curvature = m[1:, 1:] + np.eye(len(gradient))
     cost = state.cost(float(m[0, 0]))
     promised = 0.5 * float(gradient @ np.linalg.solve(curvature, gradient))
-    while promised >= _ENOUGH_NATS and damping <= _MOST_DAMPING:
+    enough = max(_ENOUGH_NATS, _ENOUGH_SHARE * (likelihood.likeliest - likelihood.offset + cost))
+    while promised >= enough and damping <= _MOST_DAMPING:
         damped = curvature + damping * np.diag(np.diagonal(curvature))
         move = np.clip(np.linalg.solve(damped, gradient), -_LONGEST, _LONGEST)
         reached = _State(likelihood.problem, state.candidate, state.coordinates + move)
         gained = cost - reached.cost(float(likelihood.products(reached.left[:, None], own)[0, 0]))
         if gained > 0.0:
-            return reached, move, gained, damping * _LESS
+            return reached, move, gained < enough, damping * _LESS
         damping, promised = damping * _MORE, float(gradient @ move)
     return None
 
@@ -353,12 +372,16 @@ class PosteriorMode:
     candidate: Candidate
     coordinates: FloatArray
     slopes: FloatArray
-    own: FloatArray
+    own: csr_array
     target: FloatArray
+    _known: dict[Likelihood, Elimination] = field(init=False, default_factory=dict)
 
     def eliminated(self, likelihood: Likelihood, kept: FloatArray | None = None) -> Elimination:
         """Return inner products of the target and further columns, under a likelihood."""
-        return likelihood.elimination(self.target, self.slopes, kept, self.own)
+        found = None if kept is not None else self._known.get(likelihood)
+        if found is None:
+            found = likelihood.elimination(self.target, self.slopes, kept, self.own)
+        return found if kept is not None else self._known.setdefault(likelihood, found)
 
     def weighed(self, likelihood: Likelihood, elimination: Elimination) -> Candidate:
         """Return the candidate with its gain and evidence over no effect under a likelihood."""
@@ -414,8 +437,8 @@ end. Numerical: their deviation, a third, is off by as little."""
 
 
 def _mode_beside_own(
-    likelihood: Likelihood, state: _State, own: FloatArray
-) -> tuple[_State, FloatArray]:
+    likelihood: Likelihood, state: _State, own: csr_array
+) -> tuple[_State, csr_array]:
     """Return a mode and specimens' own sizes there, from a point and such sizes on."""
     for _ in range(_ROUNDS):
         before, state = state, _mode(likelihood, state, own)
@@ -441,7 +464,7 @@ def posterior_mode(
     """
     at = [signed.coordinates(point) for signed, point in candidate.parts]
     state = _State(start.problem, candidate, np.concatenate(at))
-    state, own = _mode_beside_own(start, state, np.zeros((len(state.left), 0)))
+    state, own = _mode_beside_own(start, state, csr_array((len(state.left), 0)))
     mode = _mode_at(start, state, own)
     evidence = {likelihood: mode.eliminated(likelihood).none for likelihood in likelihoods}
     likeliest = max(likelihoods, key=evidence.__getitem__)
@@ -452,6 +475,6 @@ def posterior_mode(
     return again if again.eliminated(likeliest).none > evidence[start] else mode
 
 
-def _mode_at(likelihood: Likelihood, state: _State, own: FloatArray) -> PosteriorMode:
+def _mode_at(likelihood: Likelihood, state: _State, own: csr_array) -> PosteriorMode:
     at, slopes = state.coordinates, state.slopes
     return PosteriorMode(likelihood, state.candidate, at, slopes, own, state.left + slopes @ at)

@@ -9,6 +9,7 @@ from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.sparse import csr_array
 from scipy.special import fdtrc, ndtr, ndtri
 
 from planner.gap.campaign import Campaign, axis_columns
@@ -30,7 +31,7 @@ from planner.gap.noise import (
 )
 from planner.gap.observations import FeatureTable, ObservationModel
 from planner.numerics import BoolArray, FloatArray, IntArray
-from planner.simulation.bar_solver import Prediction, Setup, predict, predict_all
+from planner.simulation.bar_solver import Prediction, Setup, predict
 
 __all__ = [
     "EVERY_AXIS",
@@ -157,9 +158,8 @@ def signed_forms(effects: Sequence[Effect]) -> tuple[SignedForm, ...]:
             signs = (1.0, -1.0) if form.size.signed else (1.0,)
             for sign in signs:
                 weight = form.weight / sum(f.weight for f in effect.forms) / len(signs)
-                signed = SignedForm(len(found), effect, form, sign, first, weight)
-                found.append(signed)
-                first = signed.own.stop
+                found.append(SignedForm(len(found), effect, form, sign, first, weight))
+                first = found[-1].own.stop
     return tuple(found)
 
 
@@ -171,8 +171,7 @@ are near at small sizes too."""
 @lru_cache(maxsize=3)
 def _lagrange(d: int) -> FloatArray:
     """Return the coefficients of Lagrange's polynomials through the nodes of a parameter."""
-    nodes = _NODES[d, : _STOP[d]] ** _POWER[d]
-    return np.asarray(np.linalg.inv(np.vander(nodes, increasing=True)))
+    return np.asarray(np.linalg.inv(np.vander(_NODES[d, : _STOP[d]] ** _POWER[d], increasing=True)))
 
 
 def node_weights(points: ArrayLike) -> FloatArray:
@@ -528,7 +527,7 @@ class Problem:
             Of a candidate much like these, which is faster; the palette alone by default.
         """
         setups = [applied(candidate, self.model.setup) for candidate in candidates]
-        return list(predict_all(setups, self.model.laws, like=like or self.alone))
+        return [predict(setup, self.model.laws, like=like or self.alone) for setup in setups]
 
     def changes(self, predictions: Sequence[Prediction]) -> FloatArray:
         """Return what predictions change of the palette's transformed features, (k, N)."""
@@ -565,11 +564,11 @@ class Problem:
         alone = self.predictions([replace(candidate, parts=(part,)) for part in own])
         return self.changes(alone) * [[signed.effect.individual] for signed, _ in own]
 
-    def own_sizes(self, candidate: Candidate) -> FloatArray:
+    def own_sizes(self, candidate: Candidate) -> csr_array:
         """Return what specimens' own sizes of a candidate's effects change, (N, k), whitened."""
         specimens = self.table.specimen[:, None] == np.arange(len(self.campaign.specimens))
         each = self._changes_alone(candidate).T[:, :, None] * specimens[:, None]
-        return self.noise.whiten(each.reshape(len(self.table), -1))
+        return self.noise.inverse_root @ csr_array(each.reshape(len(self.table), -1))
 
 
 def set_up(
@@ -597,7 +596,8 @@ def set_up(
     sides = likeliest_sides(table, seen)
     likely = weights.at_sides(sides)
     raw, strains = np.empty((len(setups), len(table))), np.empty((len(setups), *sides.shape))
-    for k, prediction in enumerate(predict_all(setups, model.laws, like=alone)):
+    for k, setup in enumerate(setups):
+        prediction = predict(setup, model.laws, like=alone)
         raw[k] = prediction.force_N[table.test, table.step]
         strains[k] = model.seen(prediction, likely)
         if progress is not None and k % 20 == 0:

@@ -7,7 +7,8 @@ from itertools import combinations, permutations, product
 from math import comb
 
 import numpy as np
-from scipy.special import chdtri, expit, logsumexp, stdtrit
+from scipy.sparse import csr_array
+from scipy.special import chdtri, expit, logit, logsumexp, stdtrit
 
 from planner.gap.campaign import axis_columns
 from planner.gap.diagnosis import Detectable, Effects, FoundEffect, Hypothesis
@@ -423,7 +424,7 @@ def _nothing(likelihood: Likelihood) -> PosteriorMode:
     """Return no effect at all under a likelihood."""
     residual = likelihood.problem.target
     none = np.zeros((len(residual), 0))
-    return PosteriorMode(likelihood, Candidate(()), np.zeros(0), none, none, residual)
+    return PosteriorMode(likelihood, Candidate(()), np.zeros(0), none, csr_array(none), residual)
 
 
 def _less_scattered(plain: Likelihood) -> Iterator[Likelihood]:
@@ -503,9 +504,8 @@ def reweigh(
     """
     logs = weighed.logs
     like = weighed.likeliest or weighed.plain
-    level, discrepancy = like.level, like.discrepancy
     likelihood_of = partial(
-        Likelihood, like.problem, level=level, discrepancy=discrepancy, weight=weight
+        Likelihood, like.problem, level=like.level, discrepancy=like.discrepancy, weight=weight
     )
     likelihood = likelihood_of(laws=like.laws)
     alone = [one.weighed(likelihood, one.eliminated(likelihood)) for one in weighed.modes]
@@ -795,9 +795,8 @@ def posterior(log_odds: Mapping[HypothesisKey, float]) -> tuple[Hypothesis, ...]
     beside: dict[Effects, float] = {}
     total = float(logsumexp(list(log_odds.values())))
     for (effects, axis), value in log_odds.items():
-        named = bool(effects) and (
-            log_odds.get((effects, ""), -np.inf) >= log_odds.get(((), axis), -np.inf)
-        )
+        alone = log_odds.get((effects, ""), -np.inf)
+        named = bool(effects) and alone >= log_odds.get(((), axis), -np.inf)
         key = UNKNOWN if axis and not named else effects
         share = float(np.exp(value - total))
         together[key] = together.get(key, 0.0) + share
@@ -855,8 +854,8 @@ def _fits_of_same_pattern(
     Of pairs of single effects, of all specimens, whose whitened patterns, nuisances projected out,
     have a larger cosine than this.
     """
-    known = {e: weighed.best[e] for e in among if len(e) == 1 and e in weighed.best}
-    best = {e: candidate for e, candidate in known.items() if candidate.members is None}
+    singles = {e: weighed.best[e] for e in among if len(e) == 1 and e in weighed.best}
+    best = {e: candidate for e, candidate in singles.items() if candidate.members is None}
     if len(best) < 2:
         return {}
     changes = np.stack([problem.explained(candidate) for candidate in best.values()], axis=1)
@@ -921,7 +920,8 @@ def evidence_of(problem: Problem, weighed: Weighed) -> Evidence:
     within_floor = _within_floor(problem) and not problem.apart.any()
     closes, without = _explained(weighed, within_floor=within_floor)
     # What a sensor does to all specimens of one condition, their scatter does as well.
-    sensors = {b.effect.id for b in problem.signed_forms if b.effect.stage == "sensor"}
+    effects = {b.effect.id: b.effect for b in problem.signed_forms}
+    sensors = {id for id, effect in effects.items() if effect.stage == "sensor"}
     return Evidence(
         log_prior=weighed.log_prior,
         log_evidence=weighed.log_evidence,
@@ -930,9 +930,7 @@ def evidence_of(problem: Problem, weighed: Weighed) -> Evidence:
         scatter_like=frozenset(sensors if len(problem.model.tests) == 1 else ()),
         closes=closes,
         without=without,
-        axes={
-            b.effect.id: [a for a in b.effect.where if a != "strain"] for b in problem.signed_forms
-        },
+        axes={id: [a for a in e.where if a != "strain"] for id, e in effects.items()},
     )
 
 
@@ -1005,10 +1003,8 @@ def _explained(
 def _rise(rises: FloatArray, test_of: IntArray) -> bool:
     """Return whether tests' errors rise, by a paired t test, of the rises of specimens."""
     rise = np.bincount(test_of, rises) / np.bincount(test_of)
-    if (freedom := len(rise) - 1) < 1:
-        return False
-    least = float(stdtrit(freedom, 1.0 - _BY_CHANCE))
-    return bool(rise.mean() > least * rise.std(ddof=1) / np.sqrt(len(rise)))
+    least = float(stdtrit(len(rise) - 1, 1.0 - _BY_CHANCE))
+    return len(rise) > 1 and bool(rise.mean() > least * rise.std(ddof=1) / np.sqrt(len(rise)))
 
 
 _RESOLVED = 0.005
@@ -1093,8 +1089,7 @@ def _imitated(effects: Effects, evidence: Evidence, priors: Priors) -> float:
     own = found.get((effects, ""), np.inf)
     form = priors.imitation_nats / (priors.imitation_nats + max(own - found[(), ""], 0.0))
     log_odds = min(_counted(found, priors), form) * max(max(beside, default=own) - own, 0.0)
-    odds = priors.imitated / (1.0 - priors.imitated) * np.exp(min(log_odds, _SURE))
-    return float(odds / (1.0 + odds))
+    return float(expit(logit(priors.imitated) + min(log_odds, _SURE)))
 
 
 def _counted(found: Mapping[HypothesisKey, float], priors: Priors) -> float:
@@ -1184,8 +1179,7 @@ def found_effects(weighed: Weighed, candidate: Candidate) -> tuple[FoundEffect, 
         sd_of_log = 1.0 / np.sqrt(max(float(members @ inner @ members), 1e-12))
         factor, reach = float(np.exp(candidate.log_gain)), float(np.exp(tail * sd_of_log))
         interval, unit = {"factor": (factor / reach, factor * reach)}, {"factor": "1"}
-        some = zip(problem.campaign.specimens, members, strict=True)
-        ids = tuple(s.id for s, member in some if member)
+        ids = tuple(s.id for s, m in zip(problem.campaign.specimens, members, strict=True) if m)
         of_it = FoundEffect(_GAIN, "of-some-specimens", {"factor": factor}, interval, unit, ids)
         found.append(of_it)
     return tuple(sorted(found, key=lambda effect: effect.id))

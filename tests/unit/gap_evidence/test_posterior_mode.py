@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import scipy.linalg
+from scipy.sparse import csr_array
 
 from planner.gap.campaign import Campaign
 from planner.gap.effects import EFFECTS
@@ -19,6 +20,7 @@ from planner.gap.evidence.weigh import (
     _with_parts_alone,
 )
 from planner.gap.observations import observation_model
+from planner.simulation.bar_solver import predict
 
 RISE = 0.12
 
@@ -50,6 +52,18 @@ def test_a_world_integrates_its_nuisances_out(problem: Problem) -> None:
         np.linalg.slogdet(covariance)[1] + residual @ np.linalg.solve(covariance, residual)
     )
     assert likelihood.none == pytest.approx(expected, rel=1e-9)
+
+
+def test_own_sizes_and_discrepancies_are_integrated_out_together(problem: Problem) -> None:
+    """As the normal density with the covariance that all of them make."""
+    of, rng = problem.table.specimen, np.random.default_rng(4)
+    own = (of[:, None] == np.arange(of.max() + 1)) * rng.standard_normal((len(of), 1))
+    residual, j = problem.target, np.concatenate([problem.nuisances, own], axis=1)
+    covariance = np.eye(len(of)) + j @ j.T + 0.02**2 * problem.discrepancy @ problem.discrepancy.T
+    left = residual @ np.linalg.solve(covariance, residual)
+    found = Likelihood(problem, discrepancy=0.02).elimination(residual, own=csr_array(own))
+    assert found.products[0, 0] == pytest.approx(left, rel=1e-9)
+    assert found.none == pytest.approx(-0.5 * (np.linalg.slogdet(covariance)[1] + left), rel=1e-9)
 
 
 def test_a_level_that_scatters_less_takes_that_much_from_the_covariance(problem: Problem) -> None:
@@ -91,6 +105,27 @@ def test_the_mode_is_found_and_flat(problem: Problem) -> None:
     curvature = likelihood.products(mode.slopes)[0, 0] + 1.0
     assert 0.5 * (gradient - mode.coordinates[0]) ** 2 / curvature < 0.05
     assert signed.values(point)["rise"] == pytest.approx(RISE, rel=0.2)
+
+
+def test_a_mode_far_behind_is_found_roughly_with_fewer_runs(problem: Problem, monkeypatch) -> None:
+    """To a twentieth of what it is behind by; the search ends where less than that is promised."""
+    runs = []
+    monkeypatch.setattr(
+        "planner.gap.evidence.problem.predict", lambda *a, **k: runs.append(1) or predict(*a, **k)
+    )
+
+    def evidence(likeliest: float) -> tuple[float, int]:
+        likelihood = Likelihood(problem)
+        likelihood.likeliest = likeliest
+        runs.clear()
+        mode = posterior_mode((likelihood,), candidate(problem, "power-law", 0.9), likelihood)
+        return mode.eliminated(likelihood).none, len(runs)
+
+    exact, most = evidence(-np.inf)
+    rough, fewer = evidence(exact + 1000.0)
+    assert exact - 1000.0 / 20.0 < rough <= exact + 0.1
+    assert fewer < 0.7 * most
+    assert evidence(exact - 5.0) == (exact, most)
 
 
 def test_a_mode_is_that_of_the_world_in_which_it_is_likeliest(planned, imitated) -> None:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import scipy.linalg
+from scipy.sparse import csr_array
 from scipy.stats import multivariate_normal
 
 from planner.gap.evidence.posterior_mode import Likelihood
@@ -29,7 +30,8 @@ def noise_of(rng: np.random.Generator) -> tuple[SpecimenNoise, FloatArray]:
     blocks = tuple(half @ half.T + 0.5 * np.eye(len(half)) for half in halves)
     roots = tuple(np.linalg.inv(np.linalg.cholesky(block)) for block in blocks)
     dense = scipy.linalg.block_diag(*blocks)
-    return SpecimenNoise(rows, blocks, roots, np.zeros((N, 0))), dense
+    root = csr_array(scipy.linalg.block_diag(*roots))
+    return SpecimenNoise(rows, blocks, root, np.zeros((N, 0))), dense
 
 
 def whiten(columns: FloatArray, noise: SpecimenNoise, nuisances: int) -> SimpleNamespace:
