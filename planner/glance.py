@@ -24,6 +24,7 @@ __all__ = [
     "outcome",
     "place_text",
     "plotted",
+    "shade",
 ]
 
 
@@ -73,6 +74,17 @@ def brief(value: Any) -> str:
 def channels(colour: str) -> tuple[int, ...]:
     """Return red, green and blue of a colour "#RRGGBB", 0 to 255."""
     return tuple(bytes.fromhex(colour[1:]))
+
+
+_SHADES = ("#FBD724", "#F89540", "#CC4778", "#7E03A8", "#0D0887")
+
+
+def shade(fraction: float) -> str:
+    """Return a colour between yellow (soft, 0) and blue (hard, 1)."""
+    below = min(int(fraction * (len(_SHADES) - 1)), len(_SHADES) - 2)
+    part = fraction * (len(_SHADES) - 1) - below
+    ends = zip(channels(_SHADES[below]), channels(_SHADES[below + 1]), strict=True)
+    return "#" + "".join(f"{round(a + part * (b - a)):02X}" for a, b in ends)
 
 
 def place_text(place_mm: Iterable[float], digits: int = 4) -> str:

@@ -10,7 +10,7 @@ import itertools
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
 from types import MappingProxyType
@@ -21,7 +21,7 @@ import msgspec
 from planner.errors import FileError, PaletteError, UnknownNameError, did_you_mean, refused
 from planner.formats.files import decode_toml, read_file, toml_text
 from planner.formats.outputs import check_absent, write_whole
-from planner.glance import brief, counted, html_of, one_line, plotted
+from planner.glance import brief, counted, html_of, one_line, plotted, shade
 
 __all__ = [
     "DENSEST_G_CM3",
@@ -168,7 +168,7 @@ class Reading:
 
 
 _GREY = "#808080"
-"""Of a material that states no colour."""
+"""Of a material that states no colour, where another of its palette does."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -302,7 +302,7 @@ class _MaterialFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     density_g_cm3: float
     law: dict[str, Any]
     aliases: list[str] = []
-    colour: str = _GREY
+    colour: str = ""
     source: str = ""
     deformation: Literal["elastic", "plastic"] = "elastic"
     modulus_log_sd: float = 0.0
@@ -393,6 +393,9 @@ def parse_palette(data: bytes, *, name: str) -> Palette:
         raise PaletteError(f"palette {name}: no [[material]]; a palette needs at least one")
     materials = tuple(_material(entry, name) for entry in file.material)
     _check_names_and_order(materials, name)
+    if not any(entry.colour for entry in file.material):
+        last = max(len(materials) - 1, 1)
+        materials = tuple(replace(m, colour=shade(k / last)) for k, m in enumerate(materials))
     return Palette(
         name=file.name,
         materials=materials,
@@ -467,16 +470,16 @@ def _material(entry: _MaterialFile, name: str) -> Material:
             f"{where}: uncertainty: strain and log_sd must be lists of one length, strain rising, "
             f"log_sd from 0 to {_UNSUREST:g}"
         )
-    if not re.fullmatch(r"#[0-9A-Fa-f]{6}", entry.colour):
+    if not re.fullmatch(r"#[0-9A-Fa-f]{6}", entry.colour or _GREY):
         raise PaletteError(f"{where}: colour is {entry.colour!r}; write it as '#RRGGBB'")
-    stated = msgspec.structs.asdict(entry)
+    stated = msgspec.structs.asdict(entry) | {"colour": (entry.colour or _GREY).upper()}
     for key in ("law", "published"):
         stated[key] = stated[key] if stated[key] is None else _law(stated[key], f"{where}: {key}")
     stated["readings"] = tuple(
         Reading(**msgspec.structs.asdict(r) | {"law": _law(r.law, f"{where}: reading: law")})
         for r in stated.pop("reading")
     )
-    return Material(**stated | {"aliases": tuple(entry.aliases), "colour": entry.colour.upper()})
+    return Material(**stated | {"aliases": tuple(entry.aliases)})
 
 
 def _law(table: Mapping[str, Any], where: str) -> LawParameters:
@@ -583,9 +586,8 @@ _STATED = (
 
 
 def _toml_material(material: Material) -> Iterator[str]:
-    colour = None if material.colour == _GREY else material.colour
     stated = {name: getattr(material, name) for name in _STATED}
-    stated |= {"colour": colour, "source": material.source or None}
+    stated |= {"colour": material.colour, "source": material.source or None}
     yield from _table(("", "[[material]]"), stated)
     yield from _toml_law("law", material.law)
     if material.published is not None:

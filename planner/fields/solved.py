@@ -386,15 +386,20 @@ def _sweep(length: Any, blocked: Any, pitch: Any) -> None:
 
 _NEAREST = 8
 
+_FLAT = 0.01
+"""Of how far neighbours spread along one direction over another, below which values tell of no
+slope along it. Numerical: they lie in a plane or on a line then, but for rounding of the file."""
+
 
 def points_field(
     says: Mapping[str, Any], points_mm: FloatArray, quantity: FloatArray, ends: _Ends
 ) -> FunctionField:
     """Build the field of scattered values: a mean of the nearest, those nearer weighing more.
 
-    Weights fall to nothing at the ninth nearest (modified Shepard, Franke and Nielson 1980), so
-    that the field is continuous; it keeps each point's value at the point, and never leaves the
-    range of its neighbours. Points that repeat a place take their mean.
+    Of each point a plane through its value is taken, sloped as its neighbours lie, and weights fall
+    to nothing at the ninth nearest (modified Shepard, Franke and Nielson 1980): so the field is
+    continuous, keeps each point's value at the point, and is linear where values are. It never
+    leaves the range of its neighbours. Points that repeat a place take their mean.
 
     Raises
     ------
@@ -409,6 +414,11 @@ def points_field(
         raise ArgumentError(f"field points: {few}; it needs 4 or more")
     mean = np.bincount(which.ravel(), weights=quantity) / count
     tree = KDTree(places)
+    near = np.asarray(tree.query(places, k=min(_NEAREST + 1, len(places)))[1])[:, 1:]
+    far = places[near] - places[:, None]
+    each = 1.0 / np.linalg.norm(far, axis=2)
+    rises = each * (mean[near] - mean[:, None])
+    slopes = np.einsum("nij,nj->ni", np.linalg.pinv(each[..., None] * far, rcond=_FLAT), rises)
 
     def at(points_mm: FloatArray) -> FloatArray:
         found = tree.query(points_mm, k=min(_NEAREST + 1, len(places)))
@@ -416,6 +426,8 @@ def points_field(
         reach = distance[:, -1:] * (1.0 + 1e-12) + 1e-300
         weight = np.square(np.maximum(reach - distance, 0.0) / (reach * (distance + 1e-12)))
         weight /= weight.sum(axis=1, keepdims=True)
-        return np.asarray((weight * mean[which]).sum(axis=1))
+        own = mean[which]
+        planes = np.einsum("nkj,nkj->nk", points_mm[:, None] - places[which], slopes[which]) + own
+        return np.asarray(np.clip((weight * planes).sum(axis=1), own.min(axis=1), own.max(axis=1)))
 
     return Ramp.over(mean, *ends).along(at, "points", says, length=False)

@@ -378,7 +378,7 @@ def design(
     first = LoadCase(target, fix, load, pressure, move, gravity, moment=moment)
     limits, figures = Limits.read((limit,) if isinstance(limit, str) else limit)
     alone = bool(cases) and first.is_empty and not first.target
-    cases = tuple(cases) if alone else (first, *cases)
+    cases = LoadCase.named(tuple(cases) if alone else (first, *cases))
     wanted = [_wanted_of(case) for case in cases]
     for aims in wanted if alone else wanted[:1]:
         aims += figures

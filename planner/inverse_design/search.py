@@ -71,10 +71,9 @@ class WantedOfPart(NamedTuple):
         each = posed(self.cases, self.targets, cells.surface)
         both = zip(self.cases, self.shapes, each, strict=True)
         for number, (case, wanted, (on, goals)) in enumerate(both):
-            name = case.name or (f"case {number + 1}" if len(self.cases) > 1 else "")
             facets = {watched.selector: watched.facets for watched in on.watched}
             shapes = [ShapeGoal.on(s, cells, facets.get(s.target.selector)) for s in wanted]
-            made.append(Case(name, cells, on, analysis, goals, body, shapes))
+            made.append(Case(case.name, cells, on, analysis, goals, body, shapes))
             if before:
                 made[-1].begin_from(before[number])
         return made

@@ -14,7 +14,7 @@ import numpy as np
 from planner.errors import ArgumentError, Caution, FileError, PaletteError, listed
 from planner.formats.specimens import ListedSpecimen
 from planner.formats.tables import encode_csv, number
-from planner.glance import channels, counted, one_line, outcome, plotted
+from planner.glance import counted, one_line, outcome, plotted, shade
 from planner.materials.algorithm_one import QuadraticStudy, quadratic_study
 from planner.materials.characterise import (
     SECANT_STRAINS,
@@ -300,7 +300,6 @@ _LARGEST_HELD_OUT_ERROR = 0.2
 """A law that does worse than either is reported as a finding."""
 
 _WEIGHTINGS = ("relative", "absolute")
-_RAMP = ("#FBD724", "#F89540", "#CC4778", "#7E03A8", "#0D0887")
 _DIFFERENT = 1e-3
 """Relative spread of a condition that counts as a difference between specimens."""
 
@@ -473,7 +472,7 @@ def fit(
             elongation_at_break=fits[called].elongation_at_break,
             density_g_cm3=densities[called],
             law=fits[called].law,
-            colour=_colour(rank / max(len(ordered) - 1, 1)),
+            colour=shade(rank / max(len(ordered) - 1, 1)),
             source=_source(fits[called], weighting),
             deformation=fits[called].characteristics.deformation.kind,
             modulus_log_sd=fits[called].scatter.log_sd,
@@ -695,12 +694,6 @@ def _ids(materials: Sequence[str]) -> dict[str, str]:
             )
         ids[material] = identifier
     return ids
-
-
-def _colour(fraction: float) -> str:
-    """Return a colour between yellow (soft, 0) and blue (hard, 1)."""
-    at, each = np.linspace(0.0, 1.0, len(_RAMP)), zip(*map(channels, _RAMP), strict=True)
-    return "#" + "".join(f"{round(np.interp(fraction, at, one)):02X}" for one in each)
 
 
 _ENDS = ("low_MPa", "high_MPa")

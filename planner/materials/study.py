@@ -263,8 +263,7 @@ def _dimensions_of(
         area = product("area", "area_mm2")
         if area is None and (diameter := product("area", "diameter_mm")) is not None:
             area = 0.25 * np.pi * diameter**2
-    if area is None:
-        area = product("area", *sides)
+    area = product("area", *sides) if area is None else area
     gauge, rate = product("gauge", "gauge_mm"), product("rate", "rate_mm_s")
     if from_head:
         notes.append(f"{table.file}: its head gives {listed(from_head)}")

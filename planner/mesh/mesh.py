@@ -134,8 +134,7 @@ def measure(
     parts : int
         How many there are.
     """
-    if part is None:
-        part = np.zeros(len(faces), dtype=np.int32)
+    part = np.zeros(len(faces), dtype=np.int32) if part is None else part
     volume, area, origin = np.zeros(parts), np.zeros(parts), np.full((parts, 3), np.nan)
     bounds = np.empty((parts, 2, 3))
     bounds[:, 0], bounds[:, 1] = np.inf, -np.inf

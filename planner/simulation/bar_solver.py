@@ -1057,7 +1057,6 @@ def predict(
         followed again, and show the same to the last digit. The others start from it, and end
         within the tolerance of where they would end without.
     """
-    palette = laws
     tests = np.empty(len(bars.time_s), dtype=_TEST)
     tests["first"], tests["stop"] = bars.first_slice[:-1], bars.first_slice[1:]
     for name in _LOSSES:
@@ -1067,18 +1066,18 @@ def predict(
     paths["travel_mm"] = bars.travel_mm * bars.travel_factor[:, None] - bars.lost_mm
     paths["worn"] = np.log1p(bars.reloads)
     materials, ways = len(laws.coordinate), 2 if bars.pushed.any() else 1
-    laws = replace(laws, cubics=laws.cubics[: ways * materials])
+    curves = replace(laws, cubics=laws.cubics[: ways * materials])
     slices = np.zeros(len(bars.coordinate), dtype=_SLICE)
     if like is not None and bars.coordinate is like.bars.coordinate:
         mixtures = like.mixtures
     else:
-        mixtures = laws.mixed(bars.coordinate)
+        mixtures = curves.mixed(bars.coordinate)
     slices["lower"], slices["upper"], weights = mixtures
     slices["rise"], slices["slope_0"], slices["slope_1"] = weights
     if len(bars.reference_relaxing):
         mixed = bool(slices["rise"].any())
         shares = np.tile(bars.reference_relaxing, (ways, 1))
-        laws = instantaneous(laws, shares, bars.reference_rate_per_s, mixed=mixed)
+        curves = instantaneous(curves, shares, bars.reference_rate_per_s, mixed=mixed)
     pushed = np.repeat(bars.pushed, np.diff(bars.first_slice))
     for name in ("lower", "upper"):
         slices[name] += materials * pushed
@@ -1103,15 +1102,15 @@ def predict(
 
     def follow(tests: _Record, paths: _Record) -> None:
         _follow_path(
-            tests, paths, slices.copy(), terms.copy(), relaxing.copy(), laws.cubics,
-            laws.strain_step, softening, left, bars.set_growth, tolerance, strain, near,
+            tests, paths, slices.copy(), terms.copy(), relaxing.copy(), curves.cubics,
+            curves.strain_step, softening, left, bars.set_growth, tolerance, strain, near,
         )  # fmt: skip
 
     of_bars = some.copy()
     for number, part in enumerate(bars.parts):
         if part is not None and some[number]:
             of_bars[number] = False
-            _move_part(part, palette, tests[number : number + 1], paths[number], follow)
+            _move_part(part, laws, tests[number : number + 1], paths[number], follow)
     alone = paths[of_bars]
     follow(tests[of_bars], alone)
     paths[of_bars] = alone

@@ -81,6 +81,20 @@ class LoadCase:
         """Targets that are displacements, as `watch` takes them."""
         return tuple(text for text in self.target if _WATCHED.fullmatch(text.strip()))
 
+    @staticmethod
+    def named(cases: Sequence["LoadCase"]) -> "tuple[LoadCase, ...]":
+        """Return several cases, each with a name; one alone may have none.
+
+        Raises
+        ------
+        ArgumentError
+            Two have one name.
+        """
+        names = [case.name or f"case {k}" * (len(cases) > 1) for k, case in enumerate(cases, 1)]
+        if twice := sorted({name for name in names if names.count(name) > 1}):
+            raise ArgumentError(f"`cases`: {twice[0]!r} names two; give each case its own name")
+        return tuple(replace(case, name=name) for case, name in zip(cases, names, strict=True))
+
     @classmethod
     def read(cls, text: str) -> "LoadCase":
         """Read a load case from one line: ``NAME; KEY VALUE; KEY VALUE``, keys as in a file.

@@ -162,8 +162,7 @@ class SampledMaterial:
         own = np.clip(np.floor(place + _PLAIN_STEP * inward), 0, counts - 1).astype(np.int64)
         target = points_mm - origin_mm + self.frame[2] * inward
         target[:, 2] *= self.voxels / cell_mm[2]
-        if shell is None:
-            shell = np.full(len(own), -1, np.int32)
+        shell = np.full(len(own), -1, np.int32) if shell is None else shell
         cell, away = np.empty(len(points_mm), np.int32), np.empty(len(points_mm))
         _nearest(
             self.segments, self.offsets, self.piece, self.shell, self.foot,

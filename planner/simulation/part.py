@@ -697,7 +697,7 @@ def simulate_part(
     >>> held = planner.LoadCase(fix="x=max", load="x=min: 0,0,-0.5 N")  # doctest: +SKIP
     >>> (bent,) = planner.simulate_part("finger-graded", held)  # doctest: +SKIP
     """
-    cases = (cases,) if isinstance(cases, LoadCase) else tuple(cases)
+    cases = LoadCase.named((cases,) if isinstance(cases, LoadCase) else tuple(cases))
     if not cases:
         raise ArgumentError("`cases`: there is none; say how the part is held and loaded")
     if not 1 <= steps <= _MOST_STEPS:
@@ -705,7 +705,6 @@ def simulate_part(
     if not 0.0 < level < 1.0:
         raise ArgumentError(f"`level` {level:g}: it must be between 0 and 1")
     several = len(cases) > 1
-    names = [case.name or (f"case {k}" if several else "") for k, case in enumerate(cases, 1)]
     progress("reading the part")
     solid = open_solid(source, material, unit, printer, palette, bodies)
     densities = palette_densities(solid.palette, cases)
@@ -715,7 +714,7 @@ def simulate_part(
     effort = check_effort(solid.surface, edge, factors=factors, solutions=solutions)
 
     def conditions(surface: Mesh) -> list[Conditions]:
-        return [_conditions(surface, *named) for named in zip(cases, names, strict=True)]
+        return [_conditions(surface, case) for case in cases]
 
     conditions(halve_long_edges(solid.surface, 0.5 * edge)[0])
     progress("loading the solver")
@@ -771,15 +770,15 @@ def simulate_part(
             steps=reached,
             level=level,
             discretisation=change,
-            findings=tuple(_findings(reached, solid.filling, model, f"{name}: " if name else "")),
+            findings=tuple(_findings(reached, solid.filling, model, case.name)),
             notes=(*solid.notes, *_notes(solved[0].body), *_moment_notes(reached, one.conditions)),
-            case=name,
+            case=case.name,
         )
-        for one, reached, change, name in zip(solved, found, compared, names, strict=True)
+        for one, reached, change, case in zip(solved, found, compared, cases, strict=True)
     )
 
 
-def _conditions(surface: Mesh, case: LoadCase, name: str) -> Conditions:
+def _conditions(surface: Mesh, case: LoadCase) -> Conditions:
     """Read a load case to simulate: the displacements among its targets are watched too."""
     try:
         watched = (*case.watch, *case.watched_targets)
@@ -788,7 +787,7 @@ def _conditions(surface: Mesh, case: LoadCase, name: str) -> Conditions:
             axes = range(3) if seen.axis is None else [seen.axis]
             on.refuse_held(f"`watch` {seen.selector}", seen.facets, axes)
     except ArgumentError as error:
-        raise ArgumentError(f"{name}: {error}" if name else str(error)) from error
+        raise ArgumentError(f"{case.name}: {error}" if case.name else str(error)) from error
     return on
 
 
@@ -814,6 +813,7 @@ def _findings(
     steps: "LoadSteps", filling: Filling, model: CoefficientModel, case: str
 ) -> Iterator[PartFinding]:
     """Report where the part breaks first, and where it loses stability."""
+    case = f"{case}: " * bool(case)
     broken = steps.largest > 1.0
     if broken.any():
         k = int(np.argmax(broken))  # never at rest

@@ -235,9 +235,7 @@ def _exact_voxel(
     beyond, rises = nx * dx + ny * dy + nz * dz, -ny  # the latter along the rows
     if nz < 0:
         beyond, rises = -beyond, -rises
-    if beyond > 0 or (beyond == 0 and not (row_leads and rises > 0)):
-        return near
-    return near + 1
+    return near if beyond > 0 or (beyond == 0 and not (row_leads and rises > 0)) else near + 1
 
 
 @inner_kernel

@@ -96,6 +96,13 @@ def test_a_fault_is_named(old: str, new: str, words: str) -> None:
     assert "two.toml" in str(caught.value)
 
 
+def test_without_colours_shades_go_from_soft_to_hard() -> None:
+    """From yellow to blue, each its own; where one is stated, the others are grey."""
+    assert [m.colour for m in parse(SOUND).materials] == ["#FBD724", "#0D0887"]
+    told = SOUND.replace('aliases = ["Tango"]', 'aliases = ["Tango"]\ncolour = "#0000ff"')
+    assert sorted(m.colour for m in parse(told).materials) == ["#0000FF", "#808080"]
+
+
 @pytest.mark.parametrize(
     "lists",
     [

@@ -590,6 +590,9 @@ def test_the_command_takes_a_file_of_cases(bar_stl: Path, capsys: Any) -> None:
     Path("cases.toml").write_text(CASE_FILE.replace('moment = "x=max', 'moment = "x=99'))
     assert command(words) == 2
     assert "case 2: --moment x=99 catches no face" in capsys.readouterr().err
+    Path("cases.toml").write_text(CASE_FILE.replace("gravity", 'name = "down"\ngravity'))
+    assert command(words) == 2
+    assert "'down' names two; give each case its own name" in capsys.readouterr().err
 
 
 def test_cells_that_do_not_fit_are_refused_with_the_finest_that_do() -> None:

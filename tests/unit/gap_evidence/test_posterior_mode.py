@@ -108,7 +108,7 @@ def test_the_mode_is_found_and_flat(problem: Problem) -> None:
 
 
 def test_a_mode_far_behind_is_found_roughly_with_fewer_runs(problem: Problem, monkeypatch) -> None:
-    """To a twentieth of what it is behind by; the search ends where less than that is promised."""
+    """To a twentieth of what it is too far behind by; the search ends where less is promised."""
     runs = []
     monkeypatch.setattr(
         "planner.gap.evidence.problem.predict", lambda *a, **k: runs.append(1) or predict(*a, **k)
@@ -123,9 +123,9 @@ def test_a_mode_far_behind_is_found_roughly_with_fewer_runs(problem: Problem, mo
 
     exact, most = evidence(-np.inf)
     rough, fewer = evidence(exact + 1000.0)
-    assert exact - 1000.0 / 20.0 < rough <= exact + 0.1
+    assert exact - 950.0 / 20.0 < rough <= exact + 0.1
     assert fewer < 0.7 * most
-    assert evidence(exact - 5.0) == (exact, most)
+    assert evidence(exact + 45.0) == (exact, most)
 
 
 def test_a_mode_is_that_of_the_world_in_which_it_is_likeliest(planned, imitated) -> None:
