@@ -160,8 +160,7 @@ def _legend(top: float) -> Iterator[str]:
 
 
 def _cut(result: PartSimulation, top: float, case: str, mark: str) -> Iterator[str]:
-    # Where it is nearest to breaking, along that of the planes across an axis that shows most.
-    cut = max(_cuts(result), key=lambda c: np.isfinite(c.strain_over_break).sum() * c.step_mm**2)
+    cut = _cut_of(result)
     name = f"cut-title{mark}"
     said = f'<p id="cut-words{mark}">{escape(" ".join(_cut_words(result, cut)))}</p>'
     drawn = page.figure(name, _cut_figure(result, cut, _colours(), top))
@@ -275,6 +274,14 @@ class _PartCut:
     step_mm: float
     strain_over_break: FloatArray
     place_mm: FloatArray
+
+
+def _cut_of(result: PartSimulation) -> _PartCut:
+    """Cut a part open where it is nearest to breaking, so that the most of it is seen.
+
+    The plane is across one of the axes, and not along the surface at that place.
+    """
+    return max(_cuts(result), key=lambda c: np.isfinite(c.strain_over_break).sum() * c.step_mm**2)
 
 
 def _cuts(result: PartSimulation) -> Iterator[_PartCut]:

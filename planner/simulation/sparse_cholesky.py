@@ -662,9 +662,7 @@ def _column(
     column: _Int, panel: FloatArray, rows: _Int, update: FloatArray, own: _Int, rest: _Int
 ) -> Any:
     """Return where a column of a front stands: in its own columns or the update, from which on."""
-    if column < own:
-        return panel, column * rows
-    return update, (column - own) * rest - own
+    return (panel, column * rows) if column < own else (update, (column - own) * rest - own)
 
 
 @inner_kernel
