@@ -9,7 +9,7 @@ import pytest
 from benchmarks.withheld.reality.base_law import STRAINS, BaseLaw, fit_base_law
 from benchmarks.withheld.reality.bench import Bench, mount
 from benchmarks.withheld.reality.campaign import make_campaign
-from benchmarks.withheld.reality.confounded import SCENARIOS
+from benchmarks.withheld.reality.confounded import ELSEWHERE, SCENARIOS
 from benchmarks.withheld.reality.design import Design, draw_design
 from benchmarks.withheld.reality.effects import EFFECTS
 from benchmarks.withheld.reality.noise import measured_force
@@ -201,6 +201,23 @@ def test_cancelling_effects_leave_less_than_either() -> None:
     # Effects that knew nothing of each other would leave 1
     assert max(shares) < 0.9
     assert np.mean(shares) < 0.7
+
+
+@pytest.mark.parametrize("index", range(len(ELSEWHERE)))
+@pytest.mark.parametrize("set_name", SETS)
+def test_a_lab_elsewhere_has_no_test_at_the_palettes_condition(set_name: str, index: int) -> None:
+    campaign = make_campaign(PALETTE, set_name, "elsewhere", 30, 6, index)
+    design, truth = campaign.design, campaign.truth
+    levels = SETS[set_name].levels
+    column, own = {
+        "all-warm": (design.temperature_C, levels.temperatures_C[0]),
+        "all-slow": (design.strain_rate_per_s, PALETTE.strain_rate_per_s),
+        "all-soaked": (design.soak_h, levels.soaks_h[0]),
+        "all-old": (design.age_days, levels.ages_days[0]),
+    }[truth["design"]]
+    assert np.ptp(column) <= 0.01 * column.max()  # rates are rounded to three digits
+    assert not np.any(np.abs(column / own - 1.0) < 0.1) if own else np.all(column > 0.0)
+    assert set(truth["effects"]) <= {i for (i,) in truth["class"]}
 
 
 @pytest.mark.parametrize("scenario", SCENARIOS, ids=lambda s: s.name)

@@ -12,7 +12,7 @@ import numpy as np
 from benchmarks.withheld.reality.design import Design, Levels
 from benchmarks.withheld.reality.effects import EFFECTS, Form, Shape
 
-__all__ = ["SCENARIOS", "Member", "Scenario"]
+__all__ = ["ELSEWHERE", "SCENARIOS", "Member", "Scenario"]
 
 
 @dataclass(frozen=True)
@@ -128,6 +128,28 @@ def _only_pulled(design: Design, levels: Levels, rate_per_s: float) -> Design:
     return _filled(_coupons(design), width_mm=width, thickness_mm=thickness, protocol="monotonic")
 
 
+def _all_warm(design: Design, levels: Levels, rate_per_s: float) -> Design:
+    """All tests warmer than the palette's, all else as it varies."""
+    return _filled(design, temperature_C=max(levels.temperatures_C))
+
+
+def _all_slow(design: Design, levels: Levels, rate_per_s: float) -> Design:
+    """All tests as much slower than the palette's."""
+    slow = rate_per_s * min(levels.strain_rate_factors)
+    rates = [float(f"{v:.3g}") for v in slow * design.gauge_mm]
+    return replace(design, rate_mm_s=np.array(rates))
+
+
+def _all_soaked(design: Design, levels: Levels, rate_per_s: float) -> Design:
+    """All specimens soaked, the palette's dry."""
+    return _filled(design, soak_h=levels.soaks_h[-1])
+
+
+def _all_old(design: Design, levels: Levels, rate_per_s: float) -> Design:
+    """All specimens older than the palette's."""
+    return _filled(design, age_days=levels.ages_days[-1])
+
+
 _FREE: Shape = {}
 _LESS: Shape = {"sign": -1.0}
 
@@ -163,3 +185,14 @@ SCENARIOS: tuple[Scenario, ...] = (
         ),
     ),
 )
+
+_GAIN_DOWN = Member("force-scale", "gain", _LESS)
+
+ELSEWHERE: tuple[Scenario, ...] = (
+    Scenario("all-warm", _all_warm, (Member("temperature", "exponential", _FREE), _GAIN_DOWN)),
+    Scenario("all-slow", _all_slow, (Member("rate", "power", _FREE), _GAIN_DOWN)),
+    Scenario("all-soaked", _all_soaked, (Member("moisture", "root-time", _FREE), _GAIN_DOWN)),
+    Scenario("all-old", _all_old, (Member("ageing", "log-time", _LESS), _GAIN_DOWN)),
+)
+"""Labs that test everything at another condition than the palette was measured at. A gain of force
+looks nearly the same there, but that conditions act less on harder grades, or later in a test."""

@@ -9,7 +9,7 @@ from typing import get_args
 
 import numpy as np
 
-from benchmarks.withheld.reality.confounded import SCENARIOS, Scenario
+from benchmarks.withheld.reality.confounded import ELSEWHERE, SCENARIOS, Scenario
 from benchmarks.withheld.reality.design import Design
 from benchmarks.withheld.reality.effects import EFFECTS, UNCLAIMED, Effect, Form, Set, Shape
 
@@ -69,6 +69,7 @@ TIERS: Mapping[str, Tier] = {
     "three": Tier("pounds in some files, slack of soft grades, and one law that is off"),
     "noisy": Tier("one effect; a noisy load cell", sensor_share=(0.001, 0.005)),
     "noisy-none": Tier("no effect; a noisy load cell", sensor_share=(0.001, 0.005)),
+    "elsewhere": Tier("one effect, all tests at another condition than the palette's"),
 }
 """Tiers by name; the order is part of the seeds."""
 
@@ -112,8 +113,9 @@ class Cause:
 
 
 def scenario_of(tier: str, turn: int) -> Scenario | None:
-    """Return the restricted design of a confounded campaign; other tiers have the full one."""
-    return SCENARIOS[turn % len(SCENARIOS)] if tier == "confounded" else None
+    """Return the restricted design of a campaign of two tiers; others have the full one."""
+    among = {"confounded": SCENARIOS, "elsewhere": ELSEWHERE}.get(tier)
+    return None if among is None else among[turn % len(among)]
 
 
 def draw_causes(
@@ -141,9 +143,10 @@ def draw_causes(
         case "unclaimed":
             effect = UNCLAIMED[sorted(UNCLAIMED)[turn % len(UNCLAIMED)]]
             return (drawn_cause(effect, "other", set_name, design, wanted, rng),)
-        case "confounded":
+        case "confounded" | "elsewhere":
             assert scenario is not None
-            member = scenario.members[turn // len(SCENARIOS) % len(scenario.members)]
+            among = len(SCENARIOS if tier == "confounded" else ELSEWHERE)
+            member = scenario.members[turn // among % len(scenario.members)]
             form = member.find()
             shape = {**form.draw(rng, design), **member.fixed}
             return (Cause(EFFECTS[member.effect], form, shape, max(wanted, 4.0)),)
