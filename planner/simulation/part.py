@@ -252,13 +252,13 @@ def open_solid(
         source = read_plan(plan_file(Path(str(source))))
     if not isinstance(source, Plan):
         chosen = palette_of(palette, printer)
+        opened = open_part(source, unit=unit, bodies=bodies)
         if material is None:
             raise ArgumentError(
                 "`material` is missing: a mesh has none of its own; give one, as "
                 f"{chosen.materials[len(chosen.materials) // 2].id}, or a plan"
             )
         coordinate = chosen.resolve(material).coordinate
-        opened = open_part(source, unit=unit, bodies=bodies)
         said = tuple(f"{opened.file}: {note}" for note in (*opened.repairs, *opened.warnings))
 
         def even(points: FloatArray) -> FloatArray:

@@ -124,6 +124,7 @@ def test_shells_of_another_part_are_told() -> None:
     ("source", "material", "unit", "says"),
     [
         ("mesh", None, None, "`material` is missing: a mesh has none of its own; give one, as"),
+        ("nowhere", None, None, "nowhere: no such file"),
         ("mesh", "FLX976", None, "FLX9760"),
         ("plan", "FLX9760", None, "`material` FLX9760: it goes with a mesh"),
         ("plan", None, "cm", "`unit` cm: it goes with a mesh"),
@@ -132,7 +133,8 @@ def test_shells_of_another_part_are_told() -> None:
 def test_a_mesh_has_one_material_and_a_plan_its_own(
     source: str, material: str | None, unit: str | None, says: str
 ) -> None:
-    given = graded(axis="x") if source == "plan" else (CORNER + SIZE * BOX, FACES)
+    mesh = CORNER + SIZE * BOX, FACES
+    given = graded(axis="x") if source == "plan" else mesh if source == "mesh" else source
     if says == "FLX9760":
         assert (open_solid(given, material, unit, None, None).filling(np.zeros((2, 3))) > 0).all()
         return
