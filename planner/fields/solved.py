@@ -394,12 +394,12 @@ slope along it. Numerical: they lie in a plane or on a line then, but for roundi
 def points_field(
     says: Mapping[str, Any], points_mm: FloatArray, quantity: FloatArray, ends: _Ends
 ) -> FunctionField:
-    """Build the field of scattered values: a mean of the nearest, those nearer weighing more.
+    """Build the field of scattered values: a mean of planes, those of nearer points weighing more.
 
-    Of each point a plane through its value is taken, sloped as its neighbours lie, and weights fall
-    to nothing at the ninth nearest (modified Shepard, Franke and Nielson 1980): so the field is
-    continuous, keeps each point's value at the point, and is linear where values are. It never
-    leaves the range of its neighbours. Points that repeat a place take their mean.
+    Each goes through a point's value, sloped as its eight neighbours lie; weights fall to nothing
+    at the ninth nearest (modified Shepard, Franke and Nielson 1980). So the field is continuous,
+    keeps each point's value at the point, and is linear where values are; it stays within the
+    range of all values. Points that repeat a place take their mean.
 
     Raises
     ------
@@ -415,10 +415,8 @@ def points_field(
     mean = np.bincount(which.ravel(), weights=quantity) / count
     tree = KDTree(places)
     near = np.asarray(tree.query(places, k=min(_NEAREST + 1, len(places)))[1])[:, 1:]
-    far = places[near] - places[:, None]
-    each = 1.0 / np.linalg.norm(far, axis=2)
-    rises = each * (mean[near] - mean[:, None])
-    slopes = np.einsum("nij,nj->ni", np.linalg.pinv(each[..., None] * far, rcond=_FLAT), rises)
+    far, rises = places[near] - places[:, None], mean[near] - mean[:, None]
+    slopes = np.einsum("nij,nj->ni", np.linalg.pinv(far, rcond=_FLAT), rises)
 
     def at(points_mm: FloatArray) -> FloatArray:
         found = tree.query(points_mm, k=min(_NEAREST + 1, len(places)))
@@ -428,6 +426,6 @@ def points_field(
         weight /= weight.sum(axis=1, keepdims=True)
         own = mean[which]
         planes = np.einsum("nkj,nkj->nk", points_mm[:, None] - places[which], slopes[which]) + own
-        return np.asarray(np.clip((weight * planes).sum(axis=1), own.min(axis=1), own.max(axis=1)))
+        return np.asarray(np.clip((weight * planes).sum(axis=1), mean.min(), mean.max()))
 
     return Ramp.over(mean, *ends).along(at, "points", says, length=False)

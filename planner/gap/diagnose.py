@@ -421,7 +421,7 @@ def _interval(
     if middle is None or len(values) < _RESAMPLES // 2:
         return None
     low, high = (middle + _WIDER * (np.quantile(values, [0.05, 0.95]) - middle)).tolist()
-    # A share above 1 is the floor's own doubt, of which the middle has its part too.
+    # Ends may pass 1, as the middle may: the floor is itself uncertain.
     return min(middle, low), max(middle, high)
 
 

@@ -246,7 +246,8 @@ hypotheses apart."""
 
 _HOPELESS_NATS, _ENOUGH_SHARE = 50.0, 0.05
 """What a candidate may be behind the likeliest so far, and the gain that is none of what it is
-behind by more. Numerical: along curved valleys a search gained 40 nats more than was promised."""
+behind by more, made or promised. Numerical: along curved valleys a search gained 40 nats more
+than was promised."""
 
 _DIFFERENCE = 0.02
 """Step of the derivatives, in prior deviations. Numerical: they are off by a hundredth of what they
