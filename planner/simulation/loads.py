@@ -92,7 +92,7 @@ class LoadCase:
         """
         names = [case.name or f"case {k}" * (len(cases) > 1) for k, case in enumerate(cases, 1)]
         if twice := sorted({name for name in names if names.count(name) > 1}):
-            raise ArgumentError(f"`cases`: {twice[0]!r} names two; name each case its own way")
+            raise ArgumentError(f"`cases`: {twice[0]!r} names two; give each case its own name")
         return tuple(replace(case, name=name) for case, name in zip(cases, names, strict=True))
 
     @classmethod
