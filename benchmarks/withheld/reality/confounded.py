@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from benchmarks.withheld.reality.design import Design, Levels
+from benchmarks.withheld.reality.design import Design, Levels, three_digits
 from benchmarks.withheld.reality.effects import EFFECTS, Form, Shape
 
 __all__ = ["ELSEWHERE", "SCENARIOS", "Member", "Scenario"]
@@ -71,8 +71,7 @@ def _filled(design: Design, **columns: float | str) -> Design:
     }
     changed = replace(design, **held)  # type: ignore[arg-type]  # columns by name
     if "rate_mm_s" not in columns:
-        rate = [float(f"{v:.3g}") for v in rate_per_s * changed.gauge_mm]
-        changed = replace(changed, rate_mm_s=np.array(rate))
+        changed = replace(changed, rate_mm_s=three_digits(rate_per_s * changed.gauge_mm))
     return changed
 
 
@@ -118,7 +117,7 @@ def _slow_when_warm(design: Design, levels: Levels, rate_per_s: float) -> Design
     return replace(
         design,
         temperature_C=np.where(warm, max(levels.temperatures_C), levels.temperatures_C[0]),
-        rate_mm_s=np.array([float(f"{v:.3g}") for v in rates_per_s * design.gauge_mm]),
+        rate_mm_s=three_digits(rates_per_s * design.gauge_mm),
     )
 
 
@@ -136,8 +135,7 @@ def _all_warm(design: Design, levels: Levels, rate_per_s: float) -> Design:
 def _all_slow(design: Design, levels: Levels, rate_per_s: float) -> Design:
     """All tests as much slower than the palette's."""
     slow = rate_per_s * min(levels.strain_rate_factors)
-    rates = [float(f"{v:.3g}") for v in slow * design.gauge_mm]
-    return replace(design, rate_mm_s=np.array(rates))
+    return replace(design, rate_mm_s=three_digits(slow * design.gauge_mm))
 
 
 def _all_soaked(design: Design, levels: Levels, rate_per_s: float) -> Design:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from benchmarks.withheld.reality.palette_file import PaletteFile
 from benchmarks.withheld.reality.profiles import Profile, draw_profiles
 
-__all__ = ["Design", "Levels", "draw_design"]
+__all__ = ["Design", "Levels", "draw_design", "three_digits"]
 
 FloatArray = NDArray[np.float64]
 StringArray = NDArray[np.str_]
@@ -139,7 +139,7 @@ def draw_design(
         profiles=profiles,
     )
     factor = np.r_[rate, reference * levels.strain_rate_factors[0]]
-    rate_mm_s = _three_digits(factor * palette.strain_rate_per_s * conditions.gauge_mm)
+    rate_mm_s = three_digits(factor * palette.strain_rate_per_s * conditions.gauge_mm)
     conditions = replace(conditions, rate_mm_s=rate_mm_s)
 
     rows = np.concatenate(
@@ -193,5 +193,6 @@ def _arrange(columns: list[FloatArray], rng: np.random.Generator) -> list[FloatA
     return list(best)
 
 
-def _three_digits(values: FloatArray) -> FloatArray:
+def three_digits(values: FloatArray) -> FloatArray:
+    """Round as a list of specimens states rates."""
     return np.array([float(f"{v:.3g}") for v in values])

@@ -76,6 +76,11 @@ TIERS: Mapping[str, Tier] = {
 LABS = tuple(TIERS)[list(TIERS).index("fitted-none") :]
 """Tiers of what other labs' measurements have shown."""
 
+_RESTRICTED: Mapping[str, tuple[Scenario, ...]] = {
+    "confounded": SCENARIOS, "elsewhere": ELSEWHERE
+}  # fmt: skip
+"""Designs of tiers that do not have the full one, by turns."""
+
 _ALIKE = frozenset({frozenset({"cross-section", "skin"})})
 """Pairs that would be one effect with another number in the full design too."""
 
@@ -113,8 +118,8 @@ class Cause:
 
 
 def scenario_of(tier: str, turn: int) -> Scenario | None:
-    """Return the restricted design of a campaign of two tiers; others have the full one."""
-    among = {"confounded": SCENARIOS, "elsewhere": ELSEWHERE}.get(tier)
+    """Return the restricted design of a campaign, if its tier has any; others have the full one."""
+    among = _RESTRICTED.get(tier)
     return None if among is None else among[turn % len(among)]
 
 
@@ -145,8 +150,7 @@ def draw_causes(
             return (drawn_cause(effect, "other", set_name, design, wanted, rng),)
         case "confounded" | "elsewhere":
             assert scenario is not None
-            among = len(SCENARIOS if tier == "confounded" else ELSEWHERE)
-            member = scenario.members[turn // among % len(scenario.members)]
+            member = scenario.members[turn // len(_RESTRICTED[tier]) % len(scenario.members)]
             form = member.find()
             shape = {**form.draw(rng, design), **member.fixed}
             return (Cause(EFFECTS[member.effect], form, shape, max(wanted, 4.0)),)
