@@ -90,7 +90,7 @@ class LoadCase:
         ArgumentError
             Two have one name.
         """
-        names = [case.name or f"case {k}" * (len(cases) > 1) for k, case in enumerate(cases, 1)]
+        names = [c.name or (f"case {k}" if len(cases) > 1 else "") for k, c in enumerate(cases, 1)]
         if twice := sorted({name for name in names if names.count(name) > 1}):
             raise ArgumentError(f"`cases`: {twice[0]!r} names two; give each case its own name")
         return tuple(replace(case, name=name) for case, name in zip(cases, names, strict=True))

@@ -813,7 +813,7 @@ def _findings(
     steps: "LoadSteps", filling: Filling, model: CoefficientModel, case: str
 ) -> Iterator[PartFinding]:
     """Report where the part breaks first, and where it loses stability."""
-    case = f"{case}: " * bool(case)
+    prefix = f"{case}: " if case else ""
     broken = steps.largest > 1.0
     if broken.any():
         k = int(np.argmax(broken))  # never at rest
@@ -824,7 +824,7 @@ def _findings(
             f"elongation at break at {share:.3g} of the load, by the mean of neighbouring cells; a "
             "print would break there, and what follows is extrapolated"
         )
-        yield PartFinding("break", case + words, share, as_point(steps.largest_mm[k]))
+        yield PartFinding("break", prefix + words, share, as_point(steps.largest_mm[k]))
     if steps.lost is not None:
         share = float(steps.share[-1])
         where = steps.lost.place_mm
@@ -842,7 +842,7 @@ def _findings(
                 "smaller cells or more steps"
             )
         place = None if where is None else as_point(where)
-        yield PartFinding("stopped", case + words, share, place)
+        yield PartFinding("stopped", prefix + words, share, place)
 
 
 def _moment_notes(steps: "LoadSteps", on: Conditions) -> Iterator[str]:

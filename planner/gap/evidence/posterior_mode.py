@@ -380,10 +380,11 @@ class PosteriorMode:
 
     def eliminated(self, likelihood: Likelihood, kept: FloatArray | None = None) -> Elimination:
         """Return inner products of the target and further columns, under a likelihood."""
-        found = None if kept is not None else self._known.get(likelihood)
-        if found is None:
-            found = likelihood.elimination(self.target, self.slopes, kept, self.own)
-        return found if kept is not None else self._known.setdefault(likelihood, found)
+        if kept is not None:
+            return likelihood.elimination(self.target, self.slopes, kept, self.own)
+        if likelihood not in self._known:
+            self._known[likelihood] = likelihood.elimination(self.target, self.slopes, own=self.own)
+        return self._known[likelihood]
 
     def weighed(self, likelihood: Likelihood, elimination: Elimination) -> Candidate:
         """Return the candidate with its gain and evidence over no effect under a likelihood."""
@@ -468,13 +469,12 @@ def posterior_mode(
     state = _State(start.problem, candidate, np.concatenate(at))
     state, own = _mode_beside_own(start, state, csr_array((len(state.left), 0)))
     mode = _mode_at(start, state, own)
-    evidence = {likelihood: mode.eliminated(likelihood).none for likelihood in likelihoods}
-    likeliest = max(likelihoods, key=evidence.__getitem__)
+    likeliest = max(likelihoods, key=lambda w: mode.eliminated(w).none)
     if likeliest is start:
         return mode
     again = _mode_at(likeliest, *_mode_beside_own(likeliest, state, own))
     # Each by its own mode: far from one the linear model may promise what is not there.
-    return again if again.eliminated(likeliest).none > evidence[start] else mode
+    return again if again.eliminated(likeliest).none > mode.eliminated(start).none else mode
 
 
 def _mode_at(likelihood: Likelihood, state: _State, own: csr_array) -> PosteriorMode:
