@@ -74,7 +74,7 @@ class Likelihood:
     offset
         ln p where nothing is left, and no more is integrated over.
     likeliest
-        ln p of the campaign beside the likeliest candidate that was eliminated so far.
+        ln p of the campaign beside the likeliest candidate whose mode is known so far.
     """
 
     def __init__(
@@ -108,9 +108,9 @@ class Likelihood:
         self._factor = scipy.linalg.cholesky(inner, lower=True, check_finite=False)
         self.offset -= float(np.log(np.diagonal(self._factor)).sum())
         self._own: tuple[Any, ...] = ()
-        self.likeliest = -np.inf
         alone = self.elimination(problem.target)
         self.none, self.left = alone.none, float(alone.products[0, 0])
+        self.likeliest = self.none
 
     def products(self, columns: FloatArray, own: csr_array | None = None) -> FloatArray:
         """Return inner products of whitened columns, (k, k), nuisances integrated out.
@@ -147,13 +147,6 @@ class Likelihood:
         cross = np.asarray(self._nuisances @ (self._white @ left))
         return np.asarray(scipy.linalg.cho_solve((self._factor, True), cross, check_finite=False))
 
-    def own_coefficients(self, left: FloatArray, own: csr_array) -> FloatArray:
-        """Return the posterior mean of further nuisances of what is left, (N,); see `products`."""
-        weighted, half, _ = self._without_nuisances(left[:, None])
-        _, beside, halved, factor = self._beside(own)
-        cross = (beside.T @ weighted - halved.T @ half)[:, 0]
-        return np.asarray(scipy.linalg.cho_solve((factor, True), cross, check_finite=False))
-
     def laws_off(self, candidate: Candidate) -> tuple[FloatArray, FloatArray]:
         """Return the mean and covariance of the problem's ways, the candidate being right."""
         problem, count = self.problem, len(self.problem.calibrations)
@@ -181,7 +174,7 @@ class Likelihood:
 
     def elimination(
         self, target: FloatArray, slopes: FloatArray | None = None,
-        kept: FloatArray | None = None, own: csr_array | None = None,
+        kept: FloatArray | None = None, own: csr_array | None = None, unkept: float = 0.0,
     ) -> Elimination:  # fmt: skip
         """Return inner products of a target and further columns, with ln p of the target.
 
@@ -193,17 +186,18 @@ class Likelihood:
         kept : (N, k)
         own : (N, m)
             As of `products`.
+        unkept
+            Nats of what slopes explain of the target that are not to be had.
         """
         parts = [target[:, None], *(part for part in (kept, slopes) if part is not None)]
         m = self.products(np.concatenate(parts, axis=1), own)
         head = len(m) - (0 if slopes is None else slopes.shape[1])
         inner = m[head:, head:] + np.eye(len(m) - head)
         m, log_det = _integrated(m[:head, :head], m[head:, :head], inner)
+        m[0, 0] += 2.0 * unkept
         if own is not None and own.shape[1]:
             log_det += 2.0 * float(np.log(np.diagonal(self._beside(own)[-1])).sum())
-        none = self.offset - 0.5 * (float(m[0, 0]) + log_det)
-        self.likeliest = max(self.likeliest, none)
-        return Elimination(m, none)
+        return Elimination(m, self.offset - 0.5 * (float(m[0, 0]) + log_det))
 
 
 def _along_levels(problem: Problem, level: float) -> tuple[csr_array, FloatArray]:
@@ -238,7 +232,7 @@ def _inverse_root_of_tests(courses: FloatArray, test: IntArray) -> csr_array:
 # of squares: of whitened residuals, nuisances integrated out, and of the coordinates.
 
 
-_STEPS = 16
+_STEPS = 60
 _ENOUGH_NATS = 0.05
 """Iterations, and the gain that is none: one that was made, or that the model linear about a point
 promises still. Numerical: evidence is off by about that, little beside the 3 nats that tell
@@ -331,11 +325,7 @@ def _damped_step(
     None where the model linear about the point, whose evidence has its gain already, promises
     nothing, or no step gains.
     """
-    m = likelihood.products(np.concatenate([state.left[:, None], slopes], axis=1), own)
-    gradient = m[1:, 0] - state.coordinates
-    curvature = m[1:, 1:] + np.eye(len(gradient))
-    cost = state.cost(float(m[0, 0]))
-    promised = 0.5 * float(gradient @ np.linalg.solve(curvature, gradient))
+    cost, gradient, curvature, promised = _promise(likelihood, state, own, slopes)
     hopeless = likelihood.likeliest - (likelihood.offset - cost) - _HOPELESS_NATS
     enough = max(_ENOUGH_NATS, _ENOUGH_SHARE * hopeless)
     while promised >= enough and damping <= _MOST_DAMPING:
@@ -347,6 +337,17 @@ def _damped_step(
             return reached, move, gained < enough, damping * _LESS
         damping, promised = damping * _MORE, float(gradient @ move)
     return None
+
+
+def _promise(
+    likelihood: Likelihood, state: _State, own: csr_array, slopes: FloatArray
+) -> tuple[float, FloatArray, FloatArray, float]:
+    """Return the cost of a point, gradient and curvature there, and what these promise to gain."""
+    m = likelihood.products(np.concatenate([state.left[:, None], slopes], axis=1), own)
+    gradient = m[1:, 0] - state.coordinates
+    curvature = m[1:, 1:] + np.eye(len(gradient))
+    promised = 0.5 * float(gradient @ np.linalg.solve(curvature, gradient))
+    return state.cost(float(m[0, 0])), gradient, curvature, promised
 
 
 # ------------------------------------------------------------------------------------------------
@@ -368,6 +369,8 @@ class PosteriorMode:
         What specimens' own sizes change beside, whitened, of prior deviation 1.
     target : (N,)
         Whitened: what slopes times coordinates, own sizes, nuisances and noise must make up.
+    unkept
+        Nats that the linear model promises of the target, and the search did not find.
     """
 
     likelihood: Likelihood
@@ -376,14 +379,17 @@ class PosteriorMode:
     slopes: FloatArray
     own: csr_array
     target: FloatArray
+    unkept: float = 0.0
     _known: dict[Likelihood, Elimination] = field(init=False, default_factory=dict)
 
     def eliminated(self, likelihood: Likelihood, kept: FloatArray | None = None) -> Elimination:
         """Return inner products of the target and further columns, under a likelihood."""
         if kept is not None:
-            return likelihood.elimination(self.target, self.slopes, kept, self.own)
+            return likelihood.elimination(self.target, self.slopes, kept, self.own, self.unkept)
         if likelihood not in self._known:
-            self._known[likelihood] = likelihood.elimination(self.target, self.slopes, own=self.own)
+            found = likelihood.elimination(self.target, self.slopes, None, self.own, self.unkept)
+            self._known[likelihood] = found
+            likelihood.likeliest = max(likelihood.likeliest, found.none)
         return self._known[likelihood]
 
     def weighed(self, likelihood: Likelihood, elimination: Elimination) -> Candidate:
@@ -418,7 +424,8 @@ class PosteriorMode:
         """Return the candidate, as weighed, with the likeliest own size of each specimen."""
         left = self.target - self.slopes @ self.coordinates
         left -= self.likelihood.problem.gain_of(candidate)
-        sizes = self.likelihood.own_coefficients(left, self.own)
+        m = self.likelihood.products(np.concatenate([left[:, None], self.own.toarray()], axis=1))
+        sizes = scipy.linalg.solve(m[1:, 1:] + np.eye(len(m) - 1), m[1:, 0], assume_a="pos")
         return replace(candidate, own=sizes.reshape(-1, len(self.likelihood.problem.noise.rows)))
 
     def covariance(self) -> FloatArray:
@@ -479,4 +486,5 @@ def posterior_mode(
 
 def _mode_at(likelihood: Likelihood, state: _State, own: csr_array) -> PosteriorMode:
     at, slopes = state.coordinates, state.slopes
-    return PosteriorMode(likelihood, state.candidate, at, slopes, own, state.left + slopes @ at)
+    unkept, target = _promise(likelihood, state, own, slopes)[-1], state.left + slopes @ at
+    return PosteriorMode(likelihood, state.candidate, at, slopes, own, target, unkept)

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from itertools import combinations, permutations, product
+from itertools import combinations, permutations
 from math import comb
 
 import numpy as np
@@ -612,7 +612,7 @@ def _modes(likelihoods: Sequence[Likelihood], logs: _LogPriors) -> list[Posterio
     known = {one.candidate.forms for one in both}
     for _ in range(2):
         for effects in sorted(pairs_in_all):
-            for c in _in_all_forms(effects, best, modes, logs):
+            for c in _in_all_forms(effects, best, logs):
                 if c.forms not in known:
                     known.add(c.forms)
                     both.append(posterior_mode(likelihoods, c, likelihood))
@@ -651,24 +651,19 @@ def _with_parts_alone(
 
 
 def _in_all_forms(
-    effects: Effects, best: Mapping[Effects, PosteriorMode],
-    singles: Sequence[PosteriorMode], logs: _LogPriors,
-) -> Iterator[Candidate]:  # fmt: skip
-    """Yield effects together in each form with each: one alone does not tell what suits both.
+    effects: Effects, best: Mapping[Effects, PosteriorMode], logs: _LogPriors
+) -> Iterator[Candidate]:
+    """Yield either effect in each form, where it is best beside the other at its best.
 
-    First each form where it is best beside the other effect at its best, then as each is alone.
-    What fits worse there than nothing in its place, as a wrong unit does, is left out: no other
-    effect makes up for that, and the search for its mode is a long one.
+    One alone does not tell what form suits both. What fits worse there than nothing in its place,
+    as a wrong unit does, is left out: no other effect makes up for that, and the search for its
+    mode is a long one.
     """
     for id, other in (effects, effects[::-1]):
         if (id,) in best:
             for c in sorted(best[id,].beside(), key=lambda c: -(c.log_evidence + logs.forms(c))):
                 if c.effects == (other,) and c.gain > -_ALIKE_NATS:
                     yield joined([*best[id,].candidate.parts, *c.parts])
-    alone = [one.weighed(one.likelihood, one.eliminated(one.likelihood)) for one in singles]
-    of = [[c for c in alone if c.effects == (id,) and c.gain > -_ALIKE_NATS] for id in effects]
-    for each in product(*of):
-        yield joined([part for c in each for part in c.parts])
 
 
 def _partners(one: PosteriorMode, logs: _LogPriors) -> list[Candidate]:
@@ -690,6 +685,8 @@ def _modes_beside_some(result: Weighed, likelihoods: Sequence[Likelihood]) -> li
     some = max(singles, key=lambda c: c.log_evidence, default=Candidate(()))
     if some.members is None:
         return []
+    # Where models are exact: a model that may be far off takes what is soft for a member.
+    some = _of_some(result.plain, result.logs, result.none)
     gain = result.plain.problem.gain_of(some)
     left = replace(result.none, target=result.none.target - gain)
     likelihoods = [likelihood for likelihood in likelihoods if likelihood.scale == 1.0]

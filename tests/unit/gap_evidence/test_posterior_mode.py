@@ -10,7 +10,11 @@ from scipy.sparse import csr_array
 
 from planner.gap.campaign import Campaign
 from planner.gap.effects import EFFECTS
-from planner.gap.evidence.posterior_mode import Likelihood, PosteriorMode, posterior_mode
+from planner.gap.evidence.posterior_mode import (
+    Likelihood,
+    PosteriorMode,
+    posterior_mode,
+)
 from planner.gap.evidence.problem import Candidate, Problem, joined, set_up
 from planner.gap.evidence.weigh import (
     Priors,
@@ -105,6 +109,29 @@ def test_the_mode_is_found_and_flat(problem: Problem) -> None:
     curvature = likelihood.products(mode.slopes)[0, 0] + 1.0
     assert 0.5 * (gradient - mode.coordinates[0]) ** 2 / curvature < 0.05
     assert signed.values(point)["rise"] == pytest.approx(RISE, rel=0.2)
+
+
+def test_a_search_that_ends_early_is_weighed_by_what_it_reached(
+    planned, imitated, monkeypatch
+) -> None:
+    """What the model linear about its last point promises beyond is no evidence."""
+    plan = planned(2, material=["TangoPlus", "FLX9760"], protocol=["monotonic", "cyclic"])
+    campaign = imitated(plan, "softening:softening=0.5,scale=0.3,power=1.5,form=damage", seed=3)
+    problem = set_up(campaign, observation_model(campaign), [EFFECTS["softening"]])
+    likelihood = Likelihood(problem)
+    signed = next(b for b in problem.signed_forms if b.form.name == "damage")
+    start = Candidate(("softening",), ((signed, (0.5, *[0.9] * signed.shapes)),))
+    mode = posterior_mode((likelihood,), start, likelihood)
+    monkeypatch.setattr("planner.gap.evidence.posterior_mode._STEPS", 2)
+    early = posterior_mode((Likelihood(problem),), start, Likelihood(problem))
+    evidence = early.eliminated(likelihood).none
+    assert early.unkept > 50.0 > 0.5 > mode.unkept
+    assert evidence < mode.eliminated(likelihood).none - 50.0
+    # Laplace's: the height at the point, and how wide the linear model is there.
+    left = early.target - early.slopes @ early.coordinates
+    height = likelihood.elimination(left).none - 0.5 * float(early.coordinates @ early.coordinates)
+    wide = 0.5 * np.linalg.slogdet(early.covariance())[1]
+    assert evidence == pytest.approx(height + wide, abs=1e-6)
 
 
 def test_a_mode_far_behind_is_found_roughly_with_fewer_runs(problem: Problem, monkeypatch) -> None:
@@ -238,7 +265,7 @@ def test_a_form_that_fits_worse_than_nothing_is_not_followed(problem: Problem) -
             for id in (("rate",), ("strain-scale",))}  # fmt: skip
     forms = {
         signed.form.name
-        for c in _in_all_forms(("rate", "strain-scale"), best, alone, logs)
+        for c in _in_all_forms(("rate", "strain-scale"), best, logs)
         for signed, _ in c.parts
     }
     assert {"factor", "power-law"} <= forms
