@@ -685,8 +685,9 @@ def _modes_beside_some(result: Weighed, likelihoods: Sequence[Likelihood]) -> li
     some = max(singles, key=lambda c: c.log_evidence, default=Candidate(()))
     if some.members is None:
         return []
-    # Where models are exact: a model that may be far off takes what is soft for a member.
-    some = _of_some(result.plain, result.logs, result.none)
+    # A unit's, where models are exact: one that may be far off takes what is soft for a member.
+    if np.min(np.abs(np.abs(some.log_gain) - UNIT_GAINS)) < 1e-9:
+        some = _of_some(result.plain, result.logs, result.none)
     gain = result.plain.problem.gain_of(some)
     left = replace(result.none, target=result.none.target - gain)
     likelihoods = [likelihood for likelihood in likelihoods if likelihood.scale == 1.0]
