@@ -142,6 +142,14 @@ class Likelihood:
             self._own = own, weighted, half, dpotrf(m + np.eye(len(m)), lower=True)[0]
         return self._own
 
+    def fit(self, left: FloatArray, columns: FloatArray, own: csr_array | None) -> FloatArray:
+        """Return the posterior mean of the columns' coefficients, of prior deviation 1, in `left`.
+
+        Of (N,) and (N, k); `own` as of `products`.
+        """
+        m = self.products(np.concatenate([left[:, None], columns], axis=1), own)
+        return np.asarray(np.linalg.solve(m[1:, 1:] + np.eye(len(m) - 1), m[1:, 0]))
+
     def coefficients(self, left: FloatArray) -> FloatArray:
         """Return the nuisances' posterior mean, in prior deviations, of what is left, (N,)."""
         cross = np.asarray(self._nuisances @ (self._white @ left))
@@ -354,7 +362,7 @@ def _promise(
 # The model linear about the mode: evidence, gains of some specimens, and the unknown beside it.
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class PosteriorMode:
     """One candidate at its mode, and the model linear about it.
 
@@ -405,9 +413,7 @@ class PosteriorMode:
         beside : (N,)
             The whitened change by a gain of some specimens beside it.
         """
-        columns = np.concatenate([(self.target - beside)[:, None], self.slopes], axis=1)
-        m = likelihood.products(columns, self.own)
-        at = np.linalg.solve(m[1:, 1:] + np.eye(len(m) - 1), m[1:, 0])
+        at = likelihood.fit(self.target - beside, self.slopes, self.own)
         move = np.clip(at - self.coordinates, -_LONGEST, _LONGEST)
         # Slopes say nothing of what is far off: as far as the forward model bears them out.
         ends = [self.coordinates + share * move for share in (1.0, 0.5)]
@@ -424,8 +430,7 @@ class PosteriorMode:
         """Return the candidate, as weighed, with the likeliest own size of each specimen."""
         left = self.target - self.slopes @ self.coordinates
         left -= self.likelihood.problem.gain_of(candidate)
-        m = self.likelihood.products(np.concatenate([left[:, None], self.own.toarray()], axis=1))
-        sizes = scipy.linalg.solve(m[1:, 1:] + np.eye(len(m) - 1), m[1:, 0], assume_a="pos")
+        sizes = self.likelihood.fit(left, self.own.toarray(), None)
         return replace(candidate, own=sizes.reshape(-1, len(self.likelihood.problem.noise.rows)))
 
     def covariance(self) -> FloatArray:
@@ -433,8 +438,9 @@ class PosteriorMode:
         inner = self.likelihood.products(self.slopes, self.own) + np.eye(self.slopes.shape[1])
         return np.asarray(np.linalg.inv(inner))
 
+    @cached_property
     def beside(self) -> list[Candidate]:
-        """Return every form alone at its best place for what this candidate leaves."""
+        """Every form alone at its best place for what this candidate leaves."""
         problem = self.likelihood.problem
         left = self.eliminated(self.likelihood, problem.nodes).products
         return searched(problem.signed_forms, left[0, 1:], left[1:, 1:])

@@ -313,7 +313,7 @@ class Weighed:
     none: PosteriorMode
     log_prior: dict[HypothesisKey, float] = field(default_factory=dict)
     log_evidence: dict[HypothesisKey, float] = field(default_factory=dict)
-    best: dict[Effects, Candidate] = field(default_factory=dict)
+    best: dict[Effects, Candidate] = field(default_factory=lambda: {(): Candidate(())})
     modes: list[PosteriorMode] = field(default_factory=list)
     beside_some: list[PosteriorMode] = field(default_factory=list)
     likeliest: Likelihood | None = None
@@ -389,7 +389,6 @@ def weigh(problem: Problem, priors: Priors) -> Weighed:
     of_scatter = tuple(w for w in likelihoods if w.scale == 1.0)
     none = _nothing(max(of_scatter, key=lambda likelihood: likelihood.none + likelihood.log_share))
     result = Weighed(logs, of_scatter, none)
-    result.best[()] = Candidate(())
     for likelihood in likelihoods:
         evidence = result.relative(none.candidate, likelihood)
         # What the palette's own fit leaves of its tests is no gap.
@@ -447,12 +446,16 @@ def _add_subset(one: PosteriorMode, likelihoods: Sequence[Likelihood], result: W
         assert found.members is not None
         if found.log_evidence == -np.inf:
             continue
-        of_unit = np.min(np.abs(np.abs(found.log_gain) - UNIT_GAINS)) < 1e-9
-        axis = None if of_unit else _telling_column(likelihood.problem, found.members > 0.5)
+        axis = None if _of_unit(found) else _telling_column(likelihood.problem, found.members > 0.5)
         if axis is None:
             result.add_candidate(found, likelihood)
         else:
             _add_axis(one.candidate.effects, axis, result.relative(found, likelihood), result)
+
+
+def _of_unit(candidate: Candidate) -> bool:
+    """Return whether the gain of some specimens is one that a unit makes."""
+    return bool(np.min(np.abs(np.abs(candidate.log_gain) - UNIT_GAINS)) < 1e-9)
 
 
 def _telling_column(problem: Problem, members: BoolArray) -> int | None:
@@ -480,8 +483,7 @@ def _of_some(likelihood: Likelihood, logs: "_LogPriors", one: PosteriorMode) -> 
     e = one.eliminated(likelihood, problem.gains)
     scatter = problem.scatter.specimen * likelihood.scale * likelihood.level
     found = _weigh_subset(e.products, one.weighed(likelihood, e), scatter)
-    log_prior = logs.forms(found) + float(np.log(_OF_SOME))
-    return replace(found, log_evidence=found.log_evidence + log_prior)
+    return replace(found, log_evidence=found.log_evidence + logs.forms(found) + np.log(_OF_SOME))
 
 
 def reweigh(
@@ -585,7 +587,7 @@ def _modes(likelihoods: Sequence[Likelihood], logs: _LogPriors) -> list[Posterio
 
     # Surrogates are compared where models may be off by as much as surrogates are.
     likelihood = max(likelihoods, key=lambda w: w.none)
-    ranked = sorted(_nothing(likelihood).beside(), key=lambda c: -value(c))
+    ranked = sorted(_nothing(likelihood).beside, key=lambda c: -value(c))
     most = {c.effects: value(c) for c in reversed(ranked)}
     lost = max(most.values(), default=0.0) - _LOST_NATS
     least = {e: max(v - _SURROGATE_NATS, min(v, lost)) for e, v in most.items()}
@@ -661,7 +663,7 @@ def _in_all_forms(
     """
     for id, other in (effects, effects[::-1]):
         if (id,) in best:
-            for c in sorted(best[id,].beside(), key=lambda c: -(c.log_evidence + logs.forms(c))):
+            for c in sorted(best[id,].beside, key=lambda c: -(c.log_evidence + logs.forms(c))):
                 if c.effects == (other,) and c.gain > -_ALIKE_NATS:
                     yield joined([*best[id,].candidate.parts, *c.parts])
 
@@ -670,7 +672,7 @@ def _partners(one: PosteriorMode, logs: _LogPriors) -> list[Candidate]:
     """Join a candidate at its mode with each other effect in its best form, the best first."""
     own = one.candidate
     best: dict[Effects, Candidate] = {}
-    for c in sorted(one.beside(), key=lambda c: -(c.log_evidence + logs.forms(c))):
+    for c in sorted(one.beside, key=lambda c: -(c.log_evidence + logs.forms(c))):
         if not set(c.effects) & set(own.effects):
             best.setdefault(c.effects, joined([*own.parts, *c.parts]))
     return list(best.values())
@@ -686,7 +688,7 @@ def _modes_beside_some(result: Weighed, likelihoods: Sequence[Likelihood]) -> li
     if some.members is None:
         return []
     # A unit's, where models are exact: one that may be far off takes what is soft for a member.
-    if np.min(np.abs(np.abs(some.log_gain) - UNIT_GAINS)) < 1e-9:
+    if _of_unit(some):
         some = _of_some(result.plain, result.logs, result.none)
     gain = result.plain.problem.gain_of(some)
     left = replace(result.none, target=result.none.target - gain)

@@ -10,11 +10,7 @@ from scipy.sparse import csr_array
 
 from planner.gap.campaign import Campaign
 from planner.gap.effects import EFFECTS
-from planner.gap.evidence.posterior_mode import (
-    Likelihood,
-    PosteriorMode,
-    posterior_mode,
-)
+from planner.gap.evidence.posterior_mode import Likelihood, PosteriorMode, posterior_mode
 from planner.gap.evidence.problem import Candidate, Problem, joined, set_up
 from planner.gap.evidence.weigh import (
     Priors,
@@ -210,7 +206,7 @@ def test_a_part_of_the_likeliest_is_settled_from_where_it_is_there(problem: Prob
     both = set_up(problem.campaign, problem.model, effects)
     likelihood = Likelihood(both)
     alone = posterior_mode((likelihood,), candidate(both, "power-law"), likelihood)
-    beside = next(c for c in alone.beside() if c.effects == ("force-offset",))
+    beside = next(c for c in alone.beside if c.effects == ("force-offset",))
     pair = posterior_mode(
         (likelihood,), joined([*alone.candidate.parts, *beside.parts]), likelihood
     )
@@ -260,7 +256,7 @@ def test_a_form_that_fits_worse_than_nothing_is_not_followed(problem: Problem) -
     tried = replace(scale, forms=tuple(f for f in scale.forms if f.name in ("factor", wrong)))
     both = set_up(campaign, problem.model, [rate, tried])
     likelihood, logs = Likelihood(both), _LogPriors(both, Priors())
-    alone = [posterior_mode((likelihood,), c, likelihood) for c in _nothing(likelihood).beside()]
+    alone = [posterior_mode((likelihood,), c, likelihood) for c in _nothing(likelihood).beside]
     best = {id: next(s for s in alone if s.candidate.effects == id)
             for id in (("rate",), ("strain-scale",))}  # fmt: skip
     forms = {

@@ -272,7 +272,7 @@ def test_two_effects_are_looked_at_in_all_forms_of_each(monkeypatch: pytest.Monk
         )
 
     def single(own: Any, *beside: Any) -> Any:
-        return SimpleNamespace(candidate=own, beside=lambda: beside)
+        return SimpleNamespace(candidate=own, beside=beside)
 
     best: Any = {
         ("a",): single(form("a", 1), form("b", 2, 1.0), form("b", 1, 2.0), form("c", 1, 3.0)),
