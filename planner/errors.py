@@ -20,10 +20,11 @@ A command maps any of them to exit code 2; whatever else escapes is a bug (exit 
 
 import difflib
 import math
+import operator
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import SupportsFloat
+from typing import SupportsFloat, SupportsIndex
 
 __all__ = [
     "ArgumentError",
@@ -35,6 +36,7 @@ __all__ = [
     "PlannerError",
     "ThinBandError",
     "UnknownNameError",
+    "as_count",
     "as_number",
     "check_known",
     "did_you_mean",
@@ -141,12 +143,12 @@ def did_you_mean(name: str, known: Iterable[str], most: int = 1) -> str:
 
 
 def check_known(
-    name: str, known: Iterable[str], said: str, kind: type[PlannerError] = ArgumentError
+    name: object, known: Iterable[str], said: str, kind: type[PlannerError] = ArgumentError
 ) -> None:
     """Refuse a name that is none of those known: what is near in place of {}, all behind."""
     if name not in (all_ := list(known)):
         before, _, after = said.rpartition("{}")
-        raise kind(f"{before}{did_you_mean(name, all_)}{after} {', '.join(all_)}")
+        raise kind(f"{before}{did_you_mean(str(name), all_)}{after} {', '.join(all_)}")
 
 
 # ------------------------------------------------------------------------------------------------
@@ -202,4 +204,21 @@ def positive(value: SupportsFloat, name: str) -> float:
     number = as_number(value, name)
     if not number > 0.0:
         raise ArgumentError(f"{name} {number:g}: it must be above 0")
+    return number
+
+
+def as_count(value: SupportsIndex, name: str, most: int, least: int = 1) -> int:
+    """Return a whole number from `least` to `most`.
+
+    Raises
+    ------
+    ArgumentError
+        It is none.
+    """
+    try:
+        number = operator.index(value)
+    except TypeError:
+        number = least - 1
+    if not least <= number <= most:
+        raise ArgumentError(f"{name} {value!r}: it must be a whole number from {least} to {most}")
     return number

@@ -18,7 +18,7 @@ from typing import Annotated, Any, Literal
 
 import msgspec
 
-from planner.errors import FileError, PaletteError, UnknownNameError, did_you_mean, refused
+from planner.errors import PaletteError, UnknownNameError, did_you_mean, refused
 from planner.formats.files import decode_toml, read_file, toml_text
 from planner.formats.outputs import check_absent, write_whole
 from planner.glance import brief, counted, html_of, one_line, plotted, shade
@@ -364,12 +364,8 @@ def load_palette(path: str | Path) -> Palette:
     >>> planner.load_palette("lab.toml").resolve("flx97").id  # doctest: +SKIP
     'FLX9760'
     """
-    path = Path(path)
-    try:
-        data = read_file(path, advice="give the path of a palette file (TOML)")
-    except FileError as error:
-        raise PaletteError(f"palette {error}") from error
-    return parse_palette(data, name=str(path))
+    data = read_file(path, advice="give the path of a palette file (TOML)", error=PaletteError)
+    return parse_palette(data, name=str(Path(path)))
 
 
 @lru_cache(maxsize=16)  # a command asks for its palette several times

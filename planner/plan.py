@@ -7,11 +7,11 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import msgspec
 
-from planner.errors import FileError, OutputError, did_you_mean, refused
+from planner.errors import ArgumentError, FileError, OutputError, did_you_mean, refused
 from planner.formats.files import decode_document, encode_document, path_within, read_file
 from planner.formats.threemf import Constituent
 from planner.glance import as_words, brief, counted, html_of, one_line, outcome, plotted
@@ -138,7 +138,7 @@ class Stiffness:
     """
 
     measure: Literal["secant-nominal"]
-    at_strain: float
+    at_strain: Annotated[float, msgspec.Meta(ge=0.0, lt=50.0)]  # as far as palettes reach
     rigid_measure: Literal["initial-modulus", "secant-nominal"] = "secant-nominal"
     alternatives: Mapping[str, float] = field(default_factory=dict)
 
@@ -488,7 +488,9 @@ def plan_file(plan: str | Path | Plan) -> Path:
 
     if isinstance(plan, Plan):
         return _file_of(plan)
-    path = Path(plan)
+    said = "give a plan.json, its folder or a planner.Plan"
+    with refused(ArgumentError, f"plan {plan!r}", said, TypeError):
+        path = Path(plan)
     if path.is_dir():
         file = path_within(path, "plan.json")
         if not file.is_file():

@@ -22,6 +22,7 @@ from planner.errors import (
     UnknownNameError,
     check_known,
     did_you_mean,
+    refused,
 )
 from planner.formats.files import decode_toml
 from planner.glance import brief
@@ -210,14 +211,13 @@ def load_profile(folder: Traversable, name: str = "printer.toml") -> PrinterProf
     UnknownNameError
         No printer is called as `like` says.
     """
-    try:
+    broken = OSError, FileError, msgspec.ValidationError
+    with refused(PaletteError, f"printer {folder}: {name}", "{}", *broken):
         document = decode_toml((folder / name).read_bytes(), name)
         like = document.get("like")
         base = _installed(like) if isinstance(like, str) else None
         given = {} if base is None else {key: getattr(base, key) for key in _SAME_AS_BASE}
         file = msgspec.convert(given | document, ProfileFile)
-    except (OSError, FileError, msgspec.ValidationError) as error:
-        raise PaletteError(f"printer {folder}: {name}: {error}") from error
     if file.schema != 1 or not file.palettes:
         raise PaletteError(f"printer {file.name}: {name} needs schema = 1 and a palette")
     for key in _LENGTHS:

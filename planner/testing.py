@@ -12,7 +12,7 @@ from typing import Any, Literal
 
 import msgspec
 
-from planner.errors import ArgumentError
+from planner.errors import check_known
 from planner.formats.files import encode_document, read_file, unpacked
 from planner.gap.campaign_folder import CampaignFile
 from planner.grading.check import diff
@@ -155,8 +155,7 @@ def file_schema(kind: Literal["printer", "palette", "campaign"]) -> dict[str, An
     '#/$defs/CampaignFile'
     """
     files = {"printer": ProfileFile, "palette": PaletteFile, "campaign": CampaignFile}
-    if kind not in files:
-        raise ArgumentError(f"`kind` {kind}: it may be {', '.join(files)}")
+    check_known(kind, files, f"`kind` {kind}: {{}}it may be")
     document = msgspec.json.schema(files[kind])
     for part in document["$defs"].values():
         if "law" in part["properties"]:

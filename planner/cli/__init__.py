@@ -34,7 +34,7 @@ from planner.cli import simulate as _simulate
 from planner.cli.output import Kept, command, complain, say
 from planner.errors import ArgumentError, PlannerError
 
-__all__ = ["app", "main", "round_alike", "run"]
+__all__ = ["app", "main", "run"]
 
 
 INTERRUPTED = 130

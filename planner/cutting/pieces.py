@@ -19,7 +19,7 @@ from planner.cutting.planes import (
     thin_faces,
     triangulate_loops,
 )
-from planner.errors import ArgumentError
+from planner.errors import ArgumentError, positive
 from planner.fields.basic import Field, PlanarField
 from planner.glance import place_text
 from planner.mesh.mesh import (
@@ -490,8 +490,7 @@ def _split_curved(
         The pitch is none or too fine, the field is not finite, or no grid serves.
     """
     extent_mm = mesh.bounds_mm[1] - mesh.bounds_mm[0]
-    if not (np.isfinite(pitch_mm) and pitch_mm > 0.0):
-        raise ArgumentError(f"`pitch_mm` {pitch_mm}: it must be a positive number of mm")
+    positive(pitch_mm, "`pitch_mm`")
     best: tuple[int, Pieces] | None = None
     for attempt in range(_ATTEMPTS):
         if best is not None and (best[0] == 0 or attempt >= _THIN_ATTEMPTS):

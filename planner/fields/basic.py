@@ -116,7 +116,7 @@ def unit_direction(axis: str | Sequence[float]) -> tuple[float, float, float]:
         text = axis.strip().lower()
         parts: Sequence[object] = _DIRECTIONS.get(text, text).split(",")
     else:
-        parts = list(axis)
+        parts = list(axis) if np.iterable(axis) else []
     components = numbers_in(parts, float)
     if len(components) != 3:
         raise ArgumentError(f"axis {axis!r} is not a direction; allowed are {_ALLOWED}")

@@ -28,7 +28,8 @@ from planner.fields.solved import cells_of, geodesic_field, harmonic_field, over
 from planner.formats.field_file import GridTable, read_grid_table, read_point_table
 from planner.formats.files import path_within, read_file
 from planner.formats.mesh_file import EXTENSIONS, read_mesh
-from planner.mesh.distance import TriangleTree, distances, triangle_tree
+from planner.glance import place_text
+from planner.mesh.distance import TriangleTree, distances, moved_within, triangle_tree
 from planner.mesh.mesh import Mesh, Topology, connected
 from planner.mesh.part import make_part, union
 from planner.numerics import FloatArray, Point, as_point, numbers_in
@@ -387,7 +388,8 @@ def _mesh_in_place(path: Path, origin_mm: Point, *, closed: bool = True) -> tupl
 _SAMPLES = 100_000  # cells of the part's box, for the range of a quantity over the part
 
 _DEPTH_MM, _HALVED = 1e-3, 512
-"""Numerical: how near the greatest depth is found, and how many cells are halved at a time."""
+"""Numerical: how near the greatest depth is found, and how far below the surface a formula is asked
+that has no value outside; and how many cells are halved at a time."""
 
 _CORNERS = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
 
@@ -546,7 +548,7 @@ def _expression(given: FieldArguments, setting: Setting) -> Field:
     formula, used = _formula(text)
     along = axis_field(None, setting.mesh)
 
-    def values(points_mm: FloatArray) -> FloatArray:
+    def valued(points_mm: FloatArray) -> FloatArray:
         x, y, z = (points_mm - np.array(setting.origin_mm)).T
         known: dict[str, _Value] = {"x": x, "y": y, "z": z, **_CONSTANTS}
         if "r" in used:
@@ -558,6 +560,20 @@ def _expression(given: FieldArguments, setting: Setting) -> Field:
         with np.errstate(all="ignore"):  # what is not finite is told with its place
             found = np.asarray(formula(known), dtype=np.float64)
         return np.array(np.broadcast_to(found, len(points_mm)))
+
+    def values(points_mm: FloatArray) -> FloatArray:
+        found = valued(points_mm)
+        if (bad := ~np.isfinite(found)).any():
+            held = moved_within(setting.surface, points_mm[bad], _DEPTH_MM)
+            found[bad] = again = valued(held)
+            if not np.isfinite(again).all():
+                first = int(np.argmin(np.isfinite(again)))
+                place = place_text(held[first] - setting.origin_mm)
+                raise ArgumentError(
+                    f"expression {text!r}: it is {again[first]} at {place}; it must be finite "
+                    "over the part"
+                )
+        return found
 
     says = {"expression": text, "origin_mm": list(setting.origin_mm)}
     return FunctionField("expression", values, says)
@@ -824,13 +840,9 @@ def field_text(says: Mapping[str, Any], origin_mm: Point) -> str:
     FileError
         No description that planner writes.
     """
-    try:
+    said = "it is not one that planner writes ({}); give the field again with `field` or `axis`"
+    with refused(FileError, "plan.json: gradient.field", said, KeyError, TypeError, ValueError):
         return _text_of(says, origin_mm)
-    except (KeyError, TypeError, ValueError) as error:
-        raise FileError(
-            f"plan.json: gradient.field is not one that planner writes ({error!r}); give the field "
-            "again with `field` or `axis`"
-        ) from error
 
 
 def _text_of(says: Mapping[str, Any], origin_mm: Point) -> str:

@@ -56,7 +56,7 @@ def read_file(path: str | Path, *, advice: str = "", error: type[FileError] = Fi
     """
     then = f"; {advice}" if advice else ""
     # A ValueError tells a zero byte in the name.
-    with refused(error, path, f"cannot be read ({{}}){then}", OSError, ValueError):
+    with refused(error, path, f"cannot be read ({{}}){then}", OSError, ValueError, TypeError):
         found = Path(path).stat()
         if not stat.S_ISREG(found.st_mode):
             what = "a folder" if stat.S_ISDIR(found.st_mode) else "a device or a pipe"

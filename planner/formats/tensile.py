@@ -660,9 +660,10 @@ def _with_units(headings: _Headings, grid: _Grid, head: int) -> tuple[_Headings,
 def _in_units(headings: _Headings, units: Sequence[str], where: str) -> _Headings:
     for h, unit in zip(headings, units, strict=False):
         for q in quantities_of(h.unit or "") & quantities_of(unit) if h.meaning else ():
-            if len({unit_factor(q, one, where="") for one in (h.unit or "", unit)}) > 1:
-                said = f"it says {h.unit!r} and the row of units {unit!r}; give one of both"
-                raise FileError(f"{where}, column {h.text!r}: {said}")
+            said = f"{where}, column {h.text!r}"
+            if len({unit_factor(q, one, where=said) for one in (h.unit or "", unit)}) > 1:
+                said += f": it says {h.unit!r} and the row of units {unit!r}; give one of both"
+                raise FileError(said)
     return [
         replace(h, unit=unit) if unit and not quantities_of(h.unit or "") else h
         for h, unit in zip(headings, [*units, *[""] * len(headings)], strict=False)

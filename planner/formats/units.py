@@ -6,7 +6,7 @@ import unicodedata
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from planner.errors import ArgumentError, FileError, UnknownNameError, did_you_mean
+from planner.errors import ArgumentError, FileError, UnknownNameError, check_known, did_you_mean
 from planner.formats.files import toml_beside
 
 __all__ = [
@@ -75,7 +75,7 @@ def unit_factor(quantity: str, unit: str, *, where: str) -> float:
     quantity
         A key of `QUANTITY_UNITS`, "area" or "speed".
     unit
-        As the file writes it; case is ignored, save between mN and MN.
+        As the file writes it; case is ignored, save between mN and MN, and in mPa: SI's milli.
     where
         What errors call the place: file and column.
 
@@ -84,10 +84,12 @@ def unit_factor(quantity: str, unit: str, *, where: str) -> float:
     FileError
         The unit is none of that quantity.
     """
-    factor = _find(quantity, unit.strip())
+    unit, units = unit.strip(), QUANTITY_UNITS.get(quantity, {})
+    factor = None if unit == "mPa" else _find(quantity, unit)
     if factor is None:
-        known = ", ".join(repr(u) for u in QUANTITY_UNITS.get(quantity, ()) if u.isascii() and u)
-        raise FileError(f"{where}: unknown unit {unit.strip()!r} of {quantity}; use one of {known}")
+        known = f"{did_you_mean(unit, units)}use one of "
+        known += ", ".join(repr(each) for each in units if each.isascii() and each)
+        raise FileError(f"{where}: unknown unit {unit!r} of {quantity}; {known}")
     return factor
 
 
@@ -107,9 +109,9 @@ def canonical_unit(unit: str) -> str:
         Nothing is called so; the message says what is near.
     """
     short = {QUANTITY_UNITS["length"][name]: name for name in _OF_MESHES}
-    called = short.get(_find("length", unit.strip()) or 0.0)
+    called = short.get(_find("length", str(unit).strip()) or 0.0)
     if called is None:
-        hint = did_you_mean(unit, [name for name, mm in _LENGTHS if mm in short])
+        hint = did_you_mean(str(unit), [name for name, mm in _LENGTHS if mm in short])
         raise ArgumentError(
             f"`unit` {unit or repr(unit)}: no such unit; {hint}it may be {', '.join(_OF_MESHES)}"
         )
@@ -161,11 +163,8 @@ class UnitOf:
                 f"unit_of {text!r}: write QUANTITY=UNIT:ID,ID,..., as in force=lbf:S1,S2; without "
                 "ids for all specimens"
             )
-        if quantity not in QUANTITIES:
-            raise UnknownNameError(
-                f"unit_of {text}: no quantity {quantity!r}; {did_you_mean(quantity, QUANTITIES)}"
-                f"there are {' and '.join(QUANTITIES)}"
-            )
+        said = f"unit_of {text}: no quantity {quantity!r}; {{}}there are"
+        check_known(quantity, QUANTITIES, said, UnknownNameError)
         one = UnitOf(quantity, unit, tuple(id.strip() for id in ids.split(",") if id.strip()))
         _ = one.factor  # a slip is told at once
         return one

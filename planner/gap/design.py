@@ -10,7 +10,7 @@ import numpy as np
 import scipy.linalg
 from scipy.special import ndtr
 
-from planner.errors import ArgumentError, PaletteError
+from planner.errors import ArgumentError, PaletteError, as_count
 from planner.formats.specimens import SPECIMEN_COLUMNS
 from planner.gap.campaign import Campaign, Specimen, stated
 from planner.gap.diagnosis import Experiment, Hypothesis
@@ -548,8 +548,7 @@ def _check(asked: Sequence[str], budget: int, size: Mapping[str, float]) -> None
         raise ArgumentError("`effects`: none; name those to tell apart, as in rate,moisture")
     if (double := next((id for id in asked if asked.count(id) > 1), None)) is not None:
         raise ArgumentError(f"`effects`: {double} stands twice; name each effect once")
-    if budget > _MOST:
-        raise ArgumentError(f"`budget` {budget}: it must be at most {_MOST} specimens")
+    as_count(budget, "`budget`", _MOST)
     for name, value in size.items():
         if not _SMALLEST_mm <= value <= _LARGEST_mm:
             raise ArgumentError(

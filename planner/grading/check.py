@@ -17,6 +17,7 @@ from planner.formats.threemf import ThreemfObject, read_threemf
 from planner.glance import counted, one_line, outcome
 from planner.mesh.mesh import JoinedShells, Measures, Mesh, join_shells, measure, weld_points
 from planner.numerics import FloatArray, Point
+from planner.palette import DENSEST_G_CM3
 from planner.plan import (
     Check,
     PartGraded,
@@ -192,7 +193,15 @@ def _region_problems(plan: Plan, whole_mm3: float) -> Iterator[str]:
         together = before.field == after.field and _dealt(before) and _dealt(after)
         if before.field[1] > after.field[0] + 1e-9 and not together:
             yield f"plan.json: region {after.index} begins before region {before.index} ends"
+    densities = dict[str, float]()
     for region in plan.regions:
+        density = 1000.0 * region.mass_g / (region.volume_mm3 or math.nan)
+        usual = densities.setdefault(region.printed, density)
+        if not (0.0 < density < DENSEST_G_CM3 and math.isclose(density, usual, rel_tol=1e-6)):
+            yield (
+                f"plan.json: region {region.index}: its mass, {region.mass_g:.4g} g, is not that "
+                f"of {region.volume_mm3:.4g} mm3 of {region.printed}"
+            )
         low, high = region.modulus_interval_MPa
         softest, stiffest = region.target_modulus_MPa
         error = [region.modulus_MPa / target - 1.0 for target in (stiffest, softest)]

@@ -1,17 +1,23 @@
 """The main job: part + gradient + palette -> Plan."""
 
 import math
-import operator
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import SupportsIndex
 
 import numpy as np
 
 from planner import __version__
 from planner.cutting.grid import default_pitch_mm
-from planner.errors import ArgumentError, Caution, ThinBandError, as_number, did_you_mean, positive
+from planner.errors import (
+    ArgumentError,
+    Caution,
+    ThinBandError,
+    as_count,
+    as_number,
+    check_known,
+    positive,
+)
 from planner.fields.basic import Field, PlanarField, axis_field
 from planner.fields.parse import Setting, TableFile, build_field
 from planner.grading.check import plan_checks
@@ -67,8 +73,6 @@ def _blend_of(text: object) -> tuple[str, int]:
     ArgumentError
         No such blend, or N out of range.
     """
-    if text in ("nearest", "dither", "mix"):
-        return str(text), 0
     if isinstance(text, str) and text.startswith("bands:"):
         (periods,) = numbers_in([text.removeprefix("bands:")], int) or [0]
         if not 1 <= periods <= _MOST_PERIODS:
@@ -76,8 +80,8 @@ def _blend_of(text: object) -> tuple[str, int]:
                 f"`blend` {text}: N must be a whole number from 1 to {_MOST_PERIODS}, as in bands:4"
             )
         return "bands", periods
-    hint = did_you_mean(str(text), ["nearest", "dither", "bands:4", "mix"])
-    raise ArgumentError(f"`blend` {text}: no such blend; {hint}it takes {', '.join(_BLENDS)}")
+    check_known(str(text), _BLENDS, f"`blend` {text}: no such blend; {{}}it takes")
+    return str(text), 0
 
 
 _MOST_BANDS = 10_000
@@ -107,8 +111,6 @@ def _design_pieces(
             f"`bands` {bands}: it goes with `blend` nearest or mix"
             + ("; write `blend` bands:N for N periods" if kind == "bands" else "")
         )
-    if bands is not None and not 1 <= bands <= _MOST_BANDS:
-        raise ArgumentError(f"`bands` {bands}: it must be a whole number from 1 to {_MOST_BANDS}")
     if cell_mm is not None and kind != "dither":
         raise ArgumentError(f"`cell_mm` {cell_mm:g}: it goes with `blend` dither")
     if kind == "dither":
@@ -242,7 +244,7 @@ def grade(
     stated = Wish(
         start=from_, end=to, profile=profile, axis=axis, field=field,
         pitch_mm=None if pitch_mm is None else positive(pitch_mm, "`pitch_mm`"),
-        bands=None if bands is None else _band_count(bands),
+        bands=None if bands is None else as_count(bands, "`bands`", _MOST_BANDS),
         blend=blend,
         cell_mm=None if cell_mm is None else positive(cell_mm, "`cell_mm`"),
         at_strain=None if at_strain is None else as_number(at_strain, "`at_strain`"),
@@ -336,20 +338,6 @@ def grade(
     )
     progress("verifying the shells")
     return with_howto(_verified(plan, mesh), mesh, machine, scale, known, coupons=coupons)
-
-
-def _band_count(bands: SupportsIndex) -> int:
-    """Return how many bands are asked for.
-
-    Raises
-    ------
-    ArgumentError
-        No whole number.
-    """
-    try:
-        return operator.index(bands)
-    except TypeError:
-        raise ArgumentError(f"`bands` {bands!r}: it must be a whole number") from None
 
 
 def _verified(plan: Plan, placed: Mesh) -> Plan:

@@ -88,7 +88,8 @@ class Profile:
     def __post_init__(self) -> None:
         for name in ("positions", "moduli_MPa"):
             of = f"profile {self.name}: {name}"
-            object.__setattr__(self, name, tuple(as_number(v, of) for v in getattr(self, name)))
+            given = np.asarray(getattr(self, name), dtype=object).ravel()
+            object.__setattr__(self, name, tuple(as_number(v, of) for v in given))
         rising = all(a <= b for a, b in itertools.pairwise(self.positions))
         jumps = any(a == b for a, b in zip(self.positions, self.positions[2:], strict=False))
         if self.shape not in _SHAPES:
@@ -627,18 +628,13 @@ def _coordinates_of(
     blend, palette = region.blend, model.palette
     if blend is None:
         return np.full(len(u), palette.resolve(region.printed).coordinate)
-    try:
+    where = f"plan.json: region {region.index}"
+    said = "its blend is not that of dithered cells ({}); grade the part again"
+    with refused(FileError, where, said, KeyError, TypeError, ValueError):
         lower, upper = (palette.resolve(str(blend[name])).coordinate for name in ("lower", "upper"))
         soft, hard = (float(modulus) for modulus in blend["moduli_MPa"])
         if not 0.0 < soft < hard < np.inf:
-            raise ValueError(
-                f"moduli_MPa are {soft:g} and {hard:g}, not the softer's and the harder's"
-            )
-    except (KeyError, TypeError, ValueError) as error:
-        raise FileError(
-            f"plan.json: region {region.index}: its blend is not that of dithered cells "
-            f"({error!r}); grade the part again"
-        ) from error
+            raise ValueError(f"moduli are {soft:g} and {hard:g}, not the softer's and the harder's")
     # At a jump the profile has the value after it: keep within the stretch.
     inner = np.clip(u, u[0] + 1e-9 * (u[-1] - u[0]), u[-1] - 1e-9 * (u[-1] - u[0]))
     t = np.clip(np.log(profile.modulus_MPa(inner) / soft) / np.log(hard / soft), 0.0, 1.0)
@@ -654,12 +650,8 @@ def profile_of(description: Mapping[str, Any]) -> Profile:
     FileError
         It is not one that planner writes.
     """
-    try:
+    said = "it is not one that planner writes ({}); grade the part again"
+    with refused(FileError, "plan.json: gradient.profile", said, KeyError, TypeError):
         name = str(description["name"])
         knots = tuple(description["positions"]), tuple(description["moduli_MPa"])
         return Profile(name, *knots, description["shape"])
-    except (KeyError, TypeError) as error:
-        raise FileError(
-            f"plan.json: gradient.profile is not one that planner writes ({error!r}); grade the "
-            "part again"
-        ) from error

@@ -290,7 +290,7 @@ def _end(end: End | None, option: str, scale: StiffnessScale) -> tuple[float, st
         end = end.id
     if isinstance(end, str):
         figure = _MODULUS.fullmatch(end.strip())
-        if figure is None or figure[2].casefold() not in _UNITS:
+        if figure is None or figure[2] == "mPa" or figure[2].casefold() not in _UNITS:
             palette = scale.palette
             try:
                 id = palette.resolve(end).id

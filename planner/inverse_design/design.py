@@ -10,7 +10,7 @@ import msgspec
 import numpy as np
 
 from planner.cutting.grid import default_pitch_mm
-from planner.errors import ArgumentError, FileError, did_you_mean, positive
+from planner.errors import ArgumentError, FileError, as_count, check_known, positive
 from planner.fields.basic import Field, axis_field
 from planner.fields.parse import Setting, build_field
 from planner.formats.files import decode_document, encode_document, read_file
@@ -384,13 +384,10 @@ def design(
         aims += figures
     if not all(wanted) or not any(aim.sense == "=" for aims in wanted for aim in aims):
         raise ArgumentError("`target` is missing: each case needs one, as target='x=min uz=-12 mm'")
-    if not 2 <= knots <= _MOST_KNOTS:
-        raise ArgumentError(f"`knots` {knots}: it must be a whole number from 2 to {_MOST_KNOTS}")
-    if prefer not in _PREFER:
-        hint = did_you_mean(prefer, _PREFER)
-        raise ArgumentError(f"`prefer` {prefer}: {hint}it may be {' or '.join(_PREFER)}")
-    if blend not in (None, "nearest", "dither"):
-        raise ArgumentError(f"`blend` {blend}: a design is printed by nearest or by dither")
+    knots = as_count(knots, "`knots`", _MOST_KNOTS, least=2)
+    check_known(prefer, _PREFER, f"`prefer` {prefer}: {{}}it may be")
+    if blend is not None:
+        check_known(blend, ("nearest", "dither"), f"`blend` {blend}: {{}}a design's may be")
     by_surface = [[aim for aim in aims if aim.surface_mm is not None] for aims in wanted]
     if free is None and axis is None and field is None and any(by_surface):
         free = "auto"

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from planner.errors import ArgumentError, check_known
+from planner.errors import ArgumentError, check_known, positive
 from planner.formats.mesh_file import read_mesh
 from planner.formats.tables import read_columns
 from planner.formats.units import unit_factor
@@ -83,8 +83,7 @@ class Target:
         where, bare, weight = f"`{option}` {text}", text.strip(), 1.0
         if weighed := _WEIGHT.fullmatch(bare):
             bare, weight = weighed[1].strip(), float(weighed[2])
-            if weight <= 0.0:
-                raise ArgumentError(f"{where}: a weight must be above 0")
+            positive(weight, f"{where}: a weight")
         if bare.casefold().startswith("shape:") and option == "target":
             return replace(_shape(text, bare), weight=weight)
         found, signs = _TARGET.fullmatch(bare), "=" if option == "target" else "<>"
@@ -111,8 +110,7 @@ class Target:
                 raise ArgumentError(f"{where}: {unit!r} is no stiffness; write N/mm or mN/mm")
             newtons = unit_factor("force", force, where=where)
             factor = newtons / unit_factor("length", length, where=where)
-            if value <= 0.0:
-                raise ArgumentError(f"{where}: a stiffness must be above 0")
+            positive(value, f"{where}: a stiffness")
         elif quantity[0] == "r":
             factor = {"deg": 1.0, "°": 1.0, "rad": float(np.degrees(1.0))}.get(unit.strip(), 0.0)
             if not factor:
@@ -169,9 +167,7 @@ class Limits:
             if found is None:
                 figures.append(Target.read(text, "limit"))
                 continue
-            if float(found[2]) <= 0.0:
-                raise ArgumentError(f"`limit` {text}: it must be above 0")
-            held[found[1].casefold()] = float(found[2])
+            held[found[1].casefold()] = positive(float(found[2]), f"`limit` {text}:")
         return cls(held.get("strain/break"), held.get("slope")), figures
 
 

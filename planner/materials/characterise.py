@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from planner.errors import ArgumentError, Caution, FileError
+from planner.errors import Caution, FileError, positive
 from planner.glance import brief
 from planner.numerics import BoolArray, FloatArray, IntArray, freeze, students_t
 
@@ -642,8 +642,7 @@ def characterise_curve(
         A secant strain is not above 0.
     """
     for value in secant_strains:
-        if not 0.0 < value < np.inf:
-            raise ArgumentError(f"secant strain is {value:g}; it must be a number above 0")
+        positive(value, "secant strain")
     part = _linear_part(curve)
     strain = curve.strain - part.toe_strain
     end = part.stop - 1

@@ -514,9 +514,7 @@ def make_law(parameters: LawParameters) -> Law:
         No law is called so, or it is one that is published and not planned with.
     """
     model = parameters.model
-    if model not in _LAWS:
-        names = ", ".join(name for name in LAW_PARAMETERS if name in _LAWS)
-        raise ArgumentError(f"law {model!r}: it must be one of {names}")
+    check_known(model, _LAWS, f"law {model!r}: {{}}it must be one of")
     lengths, given = LAW_PARAMETERS[model], parameters.parameters
     return _LAWS[model](**{k: v[0] if lengths[k] == 1 else v for k, v in given.items()})
 

@@ -11,7 +11,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from planner.errors import ArgumentError, Caution, FileError, PaletteError, listed
+from planner.errors import ArgumentError, Caution, FileError, PaletteError, check_known, listed
 from planner.formats.specimens import ListedSpecimen
 from planner.formats.tables import encode_csv, number
 from planner.glance import counted, one_line, outcome, plotted, shade
@@ -437,8 +437,7 @@ def fit(
     """
     given = locals()
     study = read_study(**{name: given[name] for name in _READING})
-    if weighting not in _WEIGHTINGS:
-        raise ArgumentError(f"weighting {weighting!r}: choose {' or '.join(_WEIGHTINGS)}")
+    check_known(weighting, _WEIGHTINGS, f"weighting {weighting!r}: {{}}choose")
     if coefficients not in (None, "quadratic"):
         raise ArgumentError(f"`coefficients` {coefficients!r}: it can be quadratic, or left out")
     laws = candidate_laws(law)

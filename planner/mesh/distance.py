@@ -118,6 +118,15 @@ def closest(tree: TriangleTree, points_mm: FloatArray) -> tuple[FloatArray, IntA
     return place, tree.order[which]
 
 
+def moved_within(tree: TriangleTree, points_mm: FloatArray, depth_mm: float) -> FloatArray:
+    """Return points (n, 3), those outside a closed surface, or hardly below it, moved below it."""
+    distance, faced, place, which = _all_nearest(tree, points_mm)
+    inwards = tree.corners[which].mean(axis=1) - place  # off the face's own edges, too
+    inwards /= np.maximum(np.linalg.norm(inwards, axis=1, keepdims=True), 1e-300)
+    below = place + depth_mm * (inwards - tree.outward[which, 0])
+    return np.where((faced | (distance < depth_mm))[:, None], below, points_mm)
+
+
 def _all_nearest(
     tree: TriangleTree, points_mm: FloatArray
 ) -> tuple[FloatArray, NDArray[np.bool_], FloatArray, IntArray]:

@@ -14,7 +14,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.errors import ArgumentError, MeshError, did_you_mean, refused
+from planner.errors import ArgumentError, MeshError, check_known, refused
 from planner.formats.mesh_file import read_mesh
 from planner.formats.units import QUANTITY_UNITS, canonical_unit
 from planner.glance import counted, place_text
@@ -255,7 +255,7 @@ def _arrays(part: object, name: str) -> tuple[FloatArray, IntArray]:
 
 def _safe(name: str) -> str:
     """Keep what any file system and any reader of STL headers takes."""
-    plain = unicodedata.normalize("NFKD", name)  # an accent becomes a mark of its own
+    plain = unicodedata.normalize("NFKD", str(name))  # an accent becomes a mark of its own
     bare = (c for c in plain if not unicodedata.combining(c))
     kept = "".join(c if c.isascii() and (c.isalnum() or c in "._-") else "-" for c in bare)
     return kept.strip(".-") or "part"
@@ -289,9 +289,8 @@ def make_part(triangles: FloatArray, *, name: str, bodies: str | None = None) ->
         Empty, not finite, open, without volume, crossing itself, or more than two faces at an
         edge; or its volume depends on `bodies`. The message says how many, where, and what to do.
     """
-    if bodies is not None and bodies not in _READINGS:
-        hint = did_you_mean(bodies, _READINGS)
-        raise ArgumentError(f"`bodies` {bodies}: {hint}it may be {' or '.join(_READINGS)}")
+    if bodies is not None:
+        check_known(bodies, _READINGS, f"`bodies` {bodies}: {{}}it may be")
     _check_numbers(triangles, name)
     vertices, faces = _welded(np.ascontiguousarray(triangles, dtype=np.float64))
     repairs = []

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from planner.errors import ArgumentError, PlannerError
+from planner.errors import ArgumentError, PlannerError, refused
 from planner.gap.campaign import Campaign
 from planner.gap.diagnosis import Diagnosis
 from planner.glance import format_interval, format_number
@@ -213,12 +213,9 @@ def draw(value: Any, ax: "Axes | None") -> "Axes":
         matplotlib is not installed.
     """
     if ax is None:
-        try:
+        needed = "plots need matplotlib"
+        with refused(ArgumentError, needed, "pip install matplotlib ({})", ImportError):
             pyplot: Any = import_module("matplotlib.pyplot")
-        except ImportError as error:
-            raise ArgumentError(
-                f"plots need matplotlib ({error}): pip install matplotlib"
-            ) from error
         _, ax = pyplot.subplots(layout="constrained")
         assert ax is not None
     _draw(value, ax)

@@ -242,15 +242,11 @@ def plan_palette(
         The plan's palette is not installed, or there is none of that name.
     """
     if palette is None:
-        try:
+        made = f"the plan of {plan.part.file} was made with palette {plan.palette.name}"
+        with refused(UnknownNameError, made, "{}; give its file with `palette`", UnknownNameError):
             # A name alone: no plan has a file of its choice read.
             machine = load_printer(plan.printer if printer is None else printer)
             chosen = machine.palette(plan.palette.name)
-        except UnknownNameError as error:
-            raise UnknownNameError(
-                f"{error}; the plan was made with palette {plan.palette.name}: give its file with "
-                "`palette`"
-            ) from error
     else:
         chosen = palette_of(palette, printer)
     note = f"palette {chosen.name} is not the one that the plan was made with; its laws are used"

@@ -9,7 +9,7 @@ from typing import Any, Literal, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.errors import ArgumentError, Caution, PlannerError, did_you_mean, positive
+from planner.errors import ArgumentError, Caution, PlannerError, check_known, positive
 from planner.formats.field_file import encode_vtu
 from planner.formats.files import encode_document
 from planner.formats.outputs import check_absent, write_whole
@@ -388,10 +388,7 @@ def export(
     --------
     >>> planner.export("finger-graded", to="calculix").write("finger.inp")  # doctest: +SKIP
     """
-    if to not in _TARGETS:
-        raise ArgumentError(
-            f"`to` {to}: {did_you_mean(to, _TARGETS)}it must be abaqus, calculix or vtu"
-        )
+    check_known(to, _TARGETS, f"`to` {to}: {{}}it may be")
     if to_strain is not None:
         positive(to_strain, "`to_strain`")
     case = LoadCase(

@@ -88,9 +88,16 @@ class LoadCase:
         Raises
         ------
         ArgumentError
-            Two have one name.
+            Two have one name, or one is something else.
         """
-        names = [c.name or (f"case {k}" if len(cases) > 1 else "") for k, c in enumerate(cases, 1)]
+        if wrong := [case for case in cases if not isinstance(case, LoadCase)]:
+            raise ArgumentError(f"`cases`: {wrong[0]!r} is no LoadCase; give one or several")
+        given = [case.name for case in cases]
+        alone = len(given) < 2
+        names = [
+            name or ("" if alone else f"unnamed case {k}" if f"case {k}" in given else f"case {k}")
+            for k, name in enumerate(given, 1)
+        ]
         if twice := sorted({name for name in names if names.count(name) > 1}):
             raise ArgumentError(f"`cases`: {twice[0]!r} names two; give each case its own name")
         return tuple(replace(case, name=name) for case, name in zip(cases, names, strict=True))

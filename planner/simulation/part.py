@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from planner.errors import ArgumentError, FileError, positive
+from planner.errors import ArgumentError, FileError, as_count, as_number, positive
 from planner.fields.basic import AxisField, Field
 from planner.fields.parse import Setting, build_field, field_of
 from planner.formats.field_file import encode_vtu
@@ -700,9 +700,8 @@ def simulate_part(
     cases = LoadCase.named((cases,) if isinstance(cases, LoadCase) else tuple(cases))
     if not cases:
         raise ArgumentError("`cases`: there is none; say how the part is held and loaded")
-    if not 1 <= steps <= _MOST_STEPS:
-        raise ArgumentError(f"`steps` {steps}: it must be a whole number from 1 to {_MOST_STEPS}")
-    if not 0.0 < level < 1.0:
+    steps = as_count(steps, "`steps`", _MOST_STEPS)
+    if not 0.0 < as_number(level, "`level`") < 1.0:
         raise ArgumentError(f"`level` {level:g}: it must be between 0 and 1")
     several = len(cases) > 1
     progress("reading the part")

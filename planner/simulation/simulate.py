@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from planner.errors import ArgumentError, FileError, UnknownNameError, check_known
+from planner.errors import ArgumentError, FileError, UnknownNameError, as_count, check_known
 from planner.formats.files import encode_document
 from planner.formats.tables import encode_csv
 from planner.glance import counted, html_of, one_line, outcome, plotted
@@ -72,9 +72,7 @@ def loading_path(
     for name, value in (("`rate_mm_s`", rate_mm_s), ("`hold_s`", hold_s)):
         if not 0.0 < value < np.inf:
             raise ArgumentError(f"{name} {value:g}: it must be above 0 and finite")
-    for name, count in (("`steps`", steps), ("`cycles`", cycles)):
-        if not 1 <= count <= 10_000:
-            raise ArgumentError(f"{name} {count}: it must be a whole number from 1 to 10000")
+    steps, cycles = as_count(steps, "`steps`", 10_000), as_count(cycles, "`cycles`", 10_000)
     check_known(protocol, _PROTOCOLS, f"`protocol` {protocol}: no such protocol; {{}}it may be")
     up = np.linspace(0.0, to_displacement_mm, steps + 1)
     ramp_s = up / rate_mm_s
@@ -639,8 +637,7 @@ def simulate_bar(
             f"`to_strain` {to_strain:g}: it must be above 0 and at most {_MOST_STRAIN:g}; strains "
             "are fractions, so 30 % is 0.3"
         )
-    if not 1 <= slices <= 10_000:
-        raise ArgumentError(f"`slices` {slices}: it must be a whole number from 1 to 10000")
+    slices = as_count(slices, "`slices`", 10_000)
     path = source if isinstance(source, (str, Path)) else ""
     if path and (Path(path).suffix.casefold() == ".json" or Path(path).is_dir()):
         source = read_plan(path)

@@ -55,7 +55,7 @@ def test_every_command_tells_both_volumes_and_asks(
     assert told.count("\n") == 1
     assert not output.exists()
     assert run([command, pocketed, *options, "--bodies", "hollow", "-o", str(output)]) == 2
-    assert "--bodies hollow: it may be cavities or solids" in capsys.readouterr().err
+    assert "--bodies hollow: it may be cavities, solids" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(("bodies", "volume_mm3"), [("cavities", 896), ("solids", 1024)])

@@ -66,6 +66,8 @@ DAMAGE: dict[str, Callable[[Path], object]] = {
     "materials swapped": lambda f: _change(f, lambda d: _swap(d, BY_MATERIAL)),
     "volumes swapped": lambda f: _change(f, lambda d: _swap(d, ("volume_mm3",))),
     "bounds swapped": lambda f: _change(f, lambda d: _swap(d, ("bounds_mm",))),
+    "mass negative": lambda f: _change(f, lambda d: d["regions"][2].update(mass_g=-3.0)),
+    "mass enormous": lambda f: _change(f, lambda d: d["regions"][0].update(mass_g=1e9)),
     "triangles wrong": lambda f: _change(f, lambda d: d["regions"][0].update(triangles=4)),
     "part elsewhere": lambda f: _change(
         f, lambda d: d["part"].update(bounds_mm=[[0, 0, 0], [1, 1, 1]])
@@ -105,6 +107,15 @@ def test_damage_is_a_finding_and_never_a_crash(damage: str, folder: Path, capsys
     document = json.loads(capsys.readouterr().out)
     assert not document["ok"]
     assert document["problems"]
+
+
+@pytest.mark.parametrize("strain", [-0.1, 1e9])
+def test_a_working_strain_that_no_material_reaches_is_refused(
+    strain: float, folder: Path, capsys
+) -> None:
+    _change(folder, lambda d: d["stiffness"].update(at_strain=strain))
+    assert run(["check", str(folder)]) == 2
+    assert "$.stiffness.at_strain" in capsys.readouterr().err
 
 
 def test_what_lies_outside_the_folder_is_not_read(folder: Path, capsys) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import planner
-from planner.errors import ArgumentError, OutputError
+from planner.errors import ArgumentError, OutputError, PlannerError
 
 BAR = m3.Manifold.cube([40.0, 8.0, 6.0]).to_mesh()
 MESH = (np.asarray(BAR.vert_properties[:, :3]), np.asarray(BAR.tri_verts))
@@ -58,13 +58,34 @@ def test_materials_profiles_and_palettes_may_be_values() -> None:
         {"like": 7},
         {"axis": "up"},
         {"axis": (1, 0)},
+        {"axis": 0},
         {"unit": "furlong"},
+        {"unit": 25.4},
+        {"bodies": 3},
+        {"from_": "0.5mPa"},
         {"blend": "mixed"},
     ],
 )
 def test_what_cannot_be_taken_is_named(arguments: dict) -> None:
     with pytest.raises(ArgumentError):
         planner.grade(MESH, **{**ENDS, **arguments})
+
+
+@pytest.mark.parametrize(
+    ("call", "says"),
+    [
+        (lambda: planner.check(3), "plan 3: give a plan.json, its folder or a planner.Plan"),
+        (lambda: planner.read_plan(None), "plan None: give a plan.json"),
+        (lambda: planner.load_palette(3), "3: cannot be read .*; give the path of a palette file"),
+        (lambda: planner.simulate_bar("Tango", steps="3"), "`steps` '3': it must be a whole"),
+        (lambda: planner.simulate_bar("Tango", slices=2.5), "`slices` 2.5: it must be a whole"),
+        (lambda: planner.simulate_part(MESH, ["fix"]), "'fix' is no LoadCase"),
+        (lambda: planner.design_campaign("rate", budget="8"), "`budget` '8': it must be a whole"),
+    ],
+)
+def test_another_type_is_refused_with_what_to_give(call, says) -> None:
+    with pytest.raises(PlannerError, match=says):
+        call()
 
 
 @pytest.mark.parametrize(
@@ -80,6 +101,7 @@ def test_what_cannot_be_taken_is_named(arguments: dict) -> None:
         ((0,), (1,), "log"),
         ((0, 1), (1, 2), "cubic"),
         ((0, "x"), (1, 2), "log"),
+        (0, 1, "log"),
     ],
 )
 def test_a_profile_is_whole_or_refused(positions, moduli, shape) -> None:

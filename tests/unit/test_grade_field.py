@@ -1,6 +1,7 @@
 """Grading along a field, as a user writes it."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -221,6 +222,21 @@ def test_tables_and_points(tmp_path):
 def test_fields_that_cannot_be(field, reason):
     with pytest.raises(PlannerError, match=reason):
         grade(field)
+
+
+@pytest.mark.parametrize("formula", ["sqrt(x)/9", "(sqrt(x) + sqrt(8-y) + sqrt(20-z)) / 20"])
+def test_a_formula_is_asked_where_the_part_is(formula):
+    """Beyond the part, where the grid of level sets ends, a root has no value."""
+    plan = grade(f"expression: {formula}", bands=2, tolerance=10)
+    assert len(plan.regions) == 2
+    assert plan.checks["interface_error_um"].ok
+
+
+def test_a_formula_without_a_value_is_told_in_the_part_s_own_places():
+    with pytest.raises(PlannerError, match=r"it is nan at \(.*\) mm; it must be") as told:
+        grade("expression: sqrt(x-20)")
+    (x,) = re.findall(r"nan at \(([-\d.e]+),", str(told.value))
+    assert 0.0 <= float(x) < 20.0
 
 
 @pytest.mark.slow

@@ -188,7 +188,7 @@ def test_a_wrong_law_is_named(name: str, meant: str) -> None:
     [
         (
             lambda: fit(Study({}, {}, ()), weighting="log"),
-            r"weighting 'log': choose relative or absolute",
+            r"weighting 'log': choose relative, absolute",
         ),
         (
             lambda: sample_of([Curve("C1", -np.linspace(0.1, 0.5, 9), np.linspace(1, 2, 9))]),

@@ -311,3 +311,9 @@ def test_a_motion_along_no_axis_is_named_by_its_direction() -> None:
     says = r"still move along x and y and turn about z and \(-?0.71, -?0.71, 0\);"
     with pytest.raises(ArgumentError, match=says):
         read(Mesh(turned, BEAM.faces), fix=[], move=hinge)
+
+
+def test_a_name_that_was_given_is_not_made_for_another() -> None:
+    one, two = LoadCase(fix="x=min"), LoadCase(fix="x=max", name="case 1")
+    assert [case.name for case in LoadCase.named((one, two))] == ["unnamed case 1", "case 1"]
+    assert [case.name for case in LoadCase.named((one, one))] == ["case 1", "case 2"]

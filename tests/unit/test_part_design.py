@@ -274,7 +274,7 @@ def test_the_command_writes_the_plan_and_the_design(tmp_path: Path, capsys: Any)
         ({"limit": "slope<0"}, "must be above 0"),
         ({"knots": 1}, "from 2 to 100"),
         ({"prefer": "sofd"}, "did you mean"),
-        ({"blend": "mix"}, "printed by nearest or by dither"),
+        ({"blend": "mix"}, "a design's may be nearest, dither"),
         ({"target": "x=max uz=-1 mm"}, "all of its faces are held along z by supports (x=max)"),
         ({"moment": "x=min: 0,1 N mm"}, "must be 3 figures"),
         ({"cases": [planner.LoadCase(fix="x=max", load=LOAD)]}, "`target` is missing"),

@@ -157,7 +157,7 @@ WRONG = [
     ("invert", {}, "invert --modulus 0", "`modulus_MPa` 0: it must be above 0"),
     ("list_materials", {"at_strain": -0.1}, "materials --at-strain -0.1", "`at_strain` -0.1: the"),
     ("design_campaign", {"budget": 1000}, "gap design --effects rate --budget 1000 -o d",
-     "`budget` 1000: it must be at most"),
+     "`budget` 1000: it must be a whole number from 1 to 400"),
     ("design_campaign", {"budget": 8, "gauge_mm": 0.0},
      "gap design --effects rate --budget 8 --gauge-mm 0 -o d", "`gauge_mm` 0: it must be"),
     ("synthesise_campaign", {"scatter": 1.0}, "gap simulate --design lab --scatter 1 -o d",

@@ -36,6 +36,12 @@ def test_case_tells_only_milli_from_mega() -> None:
         unit_factor("force", "mn", where="")
 
 
+def test_millipascals_are_no_megapascals() -> None:
+    with pytest.raises(FileError, match=r"unknown unit 'mPa' of stress; did you mean MPa\?"):
+        unit_factor("stress", "mPa", where="a.csv")
+    assert unit_factor("stress", "mpa", where="") == unit_factor("stress", "MPA", where="") == 1.0
+
+
 def test_unknown_unit_is_refused_by_name_with_the_known_ones() -> None:
     with pytest.raises(FileError, match=r"a\.csv: unknown unit 'furlong' of length.*'mm'"):
         unit_factor("length", "furlong", where="a.csv")
