@@ -24,7 +24,7 @@ import operator
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import SupportsFloat, SupportsIndex
+from typing import Any, SupportsFloat
 
 __all__ = [
     "ArgumentError",
@@ -207,7 +207,7 @@ def positive(value: SupportsFloat, name: str) -> float:
     return number
 
 
-def as_count(value: SupportsIndex, name: str, most: int, least: int = 1) -> int:
+def as_count(value: Any, name: str, most: int, least: int = 1) -> int:
     """Return a whole number from `least` to `most`.
 
     Raises

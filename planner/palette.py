@@ -18,7 +18,7 @@ from typing import Annotated, Any, Literal
 
 import msgspec
 
-from planner.errors import PaletteError, UnknownNameError, did_you_mean, refused
+from planner.errors import PaletteError, UnknownNameError, check_known, did_you_mean
 from planner.formats.files import decode_toml, read_file, toml_text
 from planner.formats.outputs import check_absent, write_whole
 from planner.glance import brief, counted, html_of, one_line, plotted, shade
@@ -368,6 +368,10 @@ def load_palette(path: str | Path) -> Palette:
     return parse_palette(data, name=str(Path(path)))
 
 
+_ALLOWED = {"kind": "palette", "deformation": "elastic or plastic", "orientation": "x, y or z"}
+"""By key, where only some words are."""
+
+
 @lru_cache(maxsize=16)  # a command asks for its palette several times
 def parse_palette(data: bytes, *, name: str) -> Palette:
     """Make a palette of a palette file's bytes; `name` is what errors call it.
@@ -378,8 +382,12 @@ def parse_palette(data: bytes, *, name: str) -> Palette:
         See `load_palette`.
     """
     called = f"palette {name}"
-    with refused(PaletteError, called, "{}", msgspec.ValidationError):
+    try:
         file = msgspec.convert(decode_toml(data, called, PaletteError), PaletteFile)
+    except msgspec.ValidationError as error:
+        key = str(error).rpartition(".")[2].strip("`")
+        allowed = f"; it may be {_ALLOWED[key]}" if key in _ALLOWED else ""
+        raise PaletteError(f"{called}: {error}{allowed}") from error
     if file.schema != 1:
         raise PaletteError(
             f"palette {name}: schema is {file.schema}, this version reads schema 1; "
@@ -479,10 +487,9 @@ def _material(entry: _MaterialFile, name: str) -> Material:
 
 
 def _law(table: Mapping[str, Any], where: str) -> LawParameters:
-    model = table.get("model")
-    if not isinstance(model, str) or model not in LAW_PARAMETERS:
-        known = ", ".join(LAW_PARAMETERS)
-        raise PaletteError(f"{where}: model is {model!r}; it must be one of {known}")
+    model: Any = table.get("model")
+    said = f"{where}: model is {model!r}; {{}}it must be one of"
+    check_known(model, LAW_PARAMETERS, said, PaletteError)
     expected = LAW_PARAMETERS[model]
     takes = f"{model} takes {', '.join(expected)}"
     for key in table:
@@ -506,16 +513,14 @@ def _law(table: Mapping[str, Any], where: str) -> LawParameters:
 
 
 def _check_names_and_order(materials: tuple[Material, ...], name: str) -> None:
-    seen: dict[str, str] = {}
+    seen: dict[str, Material] = {}
     for material in materials:
         for called in (material.id, *material.aliases):
-            if (other := seen.setdefault(called.casefold(), material.id)) != material.id:
+            if (other := seen.setdefault(called.casefold(), material)) is not material:
                 raise PaletteError(
-                    f"palette {name}: {called!r} names both {other} and {material.id}; "
+                    f"palette {name}: {called!r} names both {other.id} and {material.id}; "
                     "ids and aliases must be unique"
                 )
-    if len({m.id for m in materials}) != len(materials):
-        raise PaletteError(f"palette {name}: two materials have one id; ids must be unique")
     for softer, harder in itertools.pairwise(materials):
         if not softer.coordinate < harder.coordinate:
             raise PaletteError(

@@ -21,7 +21,6 @@ from planner.errors import (
     PaletteError,
     UnknownNameError,
     check_known,
-    did_you_mean,
     refused,
 )
 from planner.formats.files import decode_toml
@@ -309,12 +308,8 @@ def _found(name: str | Path) -> Printer:
 
 def _installed(name: str) -> Printer:
     found = installed_printers()
-    if name not in found:
-        hint = did_you_mean(name, found)
-        known = ", ".join(found) or "none"
-        raise UnknownNameError(
-            f"no printer {name!r}; {hint}installed: {known}; or give its file, as printer.toml"
-        )
+    said = f"no printer {name!r}; {{}}give its file, as printer.toml, or one that is installed:"
+    check_known(name, found, said, UnknownNameError)
     try:
         loaded = found[name].load()
     except Exception as error:  # whatever a plugin of others may raise

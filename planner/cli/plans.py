@@ -90,10 +90,10 @@ def grade(
         "0.1 by default.",
     ] = None,
     tolerance: Annotated[
-        float,
+        float | None,
         "How many times as stiff or as soft as asked is no finding yet, as 1.25; or below "
-        "1 a share, as 0.25 for 25 %.",
-    ] = 2.0,
+        "1 a share, as 0.25 for 25 %; 2 by default.",
+    ] = None,
     unit: Annotated[str | None, "Unit of the mesh: mm, cm, m, um, inch, ft."] = None,
     bodies: cli.MeshBodies = None,
     printer: Annotated[

@@ -63,7 +63,7 @@ def simulate(
     steps: Annotated[
         int | None, "Load steps up, and down or held: 100 by default, 5 of a whole part."
     ] = None,
-    slices: Annotated[int, "Slices of a plan or a profile."] = 400,
+    slices: Annotated[int, "Slices of a plan or a profile, 10 or more."] = 400,
     between_mm: Annotated[
         str | None,
         "--between",

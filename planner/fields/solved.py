@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -413,14 +414,13 @@ def points_field(
         few = f"{says['file']} has {len(places)} places"
         raise ArgumentError(f"field points: {few}; it needs 4 or more")
     mean = np.bincount(which.ravel(), weights=quantity) / count
-    tree = KDTree(places)
-    near = np.asarray(tree.query(places, k=min(_NEAREST + 1, len(places)))[1])[:, 1:]
+    nearest = partial(KDTree(places).query, k=min(_NEAREST + 1, len(places)))
+    near = np.asarray(nearest(places)[1])[:, 1:]
     far, rises = places[near] - places[:, None], mean[near] - mean[:, None]
     slopes = np.einsum("nij,nj->ni", np.linalg.pinv(far, rcond=_FLAT), rises)
 
     def at(points_mm: FloatArray) -> FloatArray:
-        found = tree.query(points_mm, k=min(_NEAREST + 1, len(places)))
-        distance, which = np.asarray(found[0]), np.asarray(found[1])
+        distance, which = map(np.asarray, nearest(points_mm))
         reach = distance[:, -1:] * (1.0 + 1e-12) + 1e-300
         weight = np.square(np.maximum(reach - distance, 0.0) / (reach * (distance + 1e-12)))
         weight /= weight.sum(axis=1, keepdims=True)

@@ -339,18 +339,18 @@ def read_point_table(path: Path, *, array: str | None = None) -> tuple[FloatArra
         points, values = _csv(path, array)
     else:
         raise FileError(f"{path}: points come as .csv or .vtu; a table is a .csv, .npy or .vti")
-    _check(values, path)
-    _check(points, path)
+    for found in (values, points):
+        _check(found, path, "fill the gaps or leave those points out")
     return points, values, hashlib.sha256(data).hexdigest()
 
 
-def _check(values: FloatArray, path: Path) -> None:
+def _check(values: FloatArray, path: Path, then: str = "fill the gaps") -> None:
     if values.size == 0:
         raise FileError(f"{path}: holds no values")
     if (bad := ~np.isfinite(values)).any():
         raise FileError(
             f"{path}: value {int(np.argmax(bad.ravel())) + 1} of {values.size} is not a finite "
-            "number; fill the gaps or leave those points out"
+            f"number; {then}"
         )
 
 
@@ -390,7 +390,8 @@ def _csv(path: Path, array: str | None) -> tuple[FloatArray, FloatArray]:
     if not set(_COLUMNS) <= set(head) or wanted not in others:
         which = f"; array= may be {', '.join(others)}" if len(others) > 1 else ""
         raise FileError(
-            f"{path}: columns are {', '.join(head)}; it needs x_mm, y_mm, z_mm and a value{which}"
+            f"{path}: columns are {', '.join(head)}; it needs x_mm, y_mm, z_mm and "
+            f"{array or 'a value'}{which}"
         )
     numbers = read_columns(path, dict.fromkeys([*_COLUMNS, wanted]), others=True).numbers
     return np.column_stack([numbers[name] for name in _COLUMNS]), numbers[wanted]

@@ -74,12 +74,9 @@ def _blend_of(text: object) -> tuple[str, int]:
         No such blend, or N out of range.
     """
     if isinstance(text, str) and text.startswith("bands:"):
-        (periods,) = numbers_in([text.removeprefix("bands:")], int) or [0]
-        if not 1 <= periods <= _MOST_PERIODS:
-            raise ArgumentError(
-                f"`blend` {text}: N must be a whole number from 1 to {_MOST_PERIODS}, as in bands:4"
-            )
-        return "bands", periods
+        word = text.removeprefix("bands:")
+        periods = next(iter(numbers_in([word], int)), word)
+        return "bands", as_count(periods, f"`blend` {text}: N", _MOST_PERIODS)
     check_known(str(text), _BLENDS, f"`blend` {text}: no such blend; {{}}it takes")
     return str(text), 0
 
@@ -146,7 +143,7 @@ def grade(
     cell_mm: float | None = None,
     snap_mm: float | None = None,
     at_strain: float | None = None,
-    tolerance: float = 2.0,
+    tolerance: float | None = None,
     printer: str | Path | Printer | None = None,
     palette: str | Path | Palette | None = None,
     unit: str | None = None,
@@ -166,7 +163,7 @@ def grade(
     like
         An earlier plan, its plan.json or its folder: its targets in MPa are to be met again, with
         another palette. What else is not stated is as it was there: field, profile, blend, bands,
-        strain, printer and unit.
+        strain, tolerance, printer and unit.
     from_, to
         What stands at the beginning and the end of the gradient: a material by id, alias or
         unique prefix; or a modulus, in MPa or as text with its unit, ``"500kPa"``. Not needed
@@ -206,7 +203,7 @@ def grade(
         Working strain of the secant modulus; 0.1 by default.
     tolerance
         Largest ratio between target and achieved modulus, either way, that is no finding, as 1.25;
-        or below 1 a share, as 0.25 for 25 %. It is the limit of the check
+        or below 1 a share, as 0.25 for 25 %; 2 by default. It is the limit of the check
         ``worst_stiffness_error``.
     printer, palette
         By name, file or value; the Connex3 and the printer's default palette if not given.
@@ -248,16 +245,18 @@ def grade(
         blend=blend,
         cell_mm=None if cell_mm is None else positive(cell_mm, "`cell_mm`"),
         at_strain=None if at_strain is None else as_number(at_strain, "`at_strain`"),
+        tolerance=None if tolerance is None else as_number(tolerance, "`tolerance`"),
         printer=printer, palette=palette, unit=unit,
     )  # fmt: skip
     wish, earlier = stated.whole(like)
     assert wish.printer is not None
     assert wish.at_strain is not None
+    assert wish.tolerance is not None
     machine = load_printer(wish.printer)
     by = _blend_of(wish.blend)
     scale = stiffness_scale(palette_of(wish.palette, machine), wish.at_strain)
     target, start, end = targets_of(wish, scale)
-    limit = _tolerated_ratio(as_number(tolerance, "`tolerance`"))
+    limit = _tolerated_ratio(wish.tolerance)
     farthest_mm = snap_limit_mm(snap_mm, machine)
 
     progress("reading the part")

@@ -16,6 +16,7 @@ from planner.errors import (
     ArgumentError,
     PlannerError,
     UnknownNameError,
+    as_count,
     as_number,
     did_you_mean,
     positive,
@@ -62,6 +63,7 @@ class Wish:
     blend: str | None = None
     cell_mm: float | None = None
     at_strain: float | None = None
+    tolerance: float | None = None
     printer: str | Path | Printer | None = None
     palette: str | Path | Palette | None = None
     unit: str | None = None
@@ -91,7 +93,7 @@ class Wish:
         return self.or_else(earlier.wish(self)).or_else(_DEFAULTS), earlier
 
 
-_DEFAULTS = Wish(profile="log", blend="nearest", at_strain=0.1, printer="connex3")
+_DEFAULTS = Wish(profile="log", blend="nearest", at_strain=0.1, tolerance=2.0, printer="connex3")
 
 
 # ------------------------------------------------------------------------------------------------
@@ -141,6 +143,7 @@ class _EarlierPlan:
             field=field,
             pitch_mm=pitch_mm,
             at_strain=self.plan.stiffness.at_strain,
+            tolerance=getattr(self.plan.checks.get("worst_stiffness_error"), "limit", None),
             printer=self.plan.printer,
             palette=None if stated.palette is not None else self._own_palette(stated.printer),
             unit=None if part.unit == "mm" else part.unit,
@@ -344,12 +347,9 @@ def between(
     if spec == "grades":
         return _steps(spec, _grades(start_MPa, end_MPa, moduli_MPa))
     if spec.startswith("steps:"):
-        (count,) = numbers_in([spec.removeprefix("steps:")], int) or [0]
-        if not 2 <= count <= 10_000:
-            raise ArgumentError(
-                f"`profile` {spec}: the number of steps must be a whole number from 2 to 10000, "
-                "as in steps:5"
-            )
+        word = spec.removeprefix("steps:")
+        steps = next(iter(numbers_in([word], int)), word)
+        count = as_count(steps, f"`profile` {spec}: N", 10_000, least=2)
         ratio = end_MPa / start_MPa
         return _steps(spec, [start_MPa * ratio ** (i / (count - 1)) for i in range(count)])
     hint = did_you_mean(spec, ["log", "linear", "smooth", "steps:5", "grades"])

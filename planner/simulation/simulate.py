@@ -605,7 +605,8 @@ def simulate_bar(
     hold_s
         How long relaxation holds.
     slices
-        Slices over a plan's axis or a profile; a coupon is one.
+        Slices over a plan's axis or a profile, 10 or more: fewer miss how its section changes. A
+        coupon is one.
     between_mm
         Only what lies between these places along the axis.
     width_mm, thickness_mm, gauge_mm
@@ -637,7 +638,7 @@ def simulate_bar(
             f"`to_strain` {to_strain:g}: it must be above 0 and at most {_MOST_STRAIN:g}; strains "
             "are fractions, so 30 % is 0.3"
         )
-    slices = as_count(slices, "`slices`", 10_000)
+    slices = as_count(slices, "`slices`", 10_000, least=10)
     path = source if isinstance(source, (str, Path)) else ""
     if path and (Path(path).suffix.casefold() == ".json" or Path(path).is_dir()):
         source = read_plan(path)

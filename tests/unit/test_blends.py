@@ -320,7 +320,7 @@ def test_same_input_same_bytes(plans):
     ("options", "reason"),
     [
         ({"blend": "dithr"}, "did you mean dither"),
-        ({"blend": "bands"}, "did you mean bands:4"),
+        ({"blend": "bands"}, "did you mean bands:N"),
         ({"blend": "mixed"}, "did you mean mix"),
         ({"blend": 3}, "no such blend"),
         ({"blend": "bands:0"}, "1 to 1000"),

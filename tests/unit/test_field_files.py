@@ -229,7 +229,7 @@ def refused(folder, name, data, reason, most_bytes=3_000_000):
         (npy(head(descr="'<M8[s]'"), bytes(192)), r"type datetime64\[s\]"),
         (npy(head(descr="'<U2'"), bytes(192)), "type <U2"),
         (npy(head(descr="'<f3'"), bytes(192)), "no .npy of numbers"),
-        (npy(head(), np.full(24, np.inf).tobytes()), "not a finite"),
+        (npy(head(), np.full(24, np.inf).tobytes()), "not a finite number; fill the gaps$"),
         (npy(head(shape="(0, 4, 2)")), "holds no values"),
         (b"\x93NUMPY\x02\x00\xff\xff\xff\xff" + head(), "no .npy of numbers"),
     ],
@@ -319,6 +319,12 @@ def test_blocks_of_several_sizes_are_read(tmp_path):
         blocks = [zlib.compress(whole[at : at + size]) for at in range(0, 192, size)]
         (tmp_path / "a.vti").write_bytes(packed_vti(*blocks, usual=size, last=last))
         np.testing.assert_array_equal(read_grid_table(tmp_path / "a.vti").values, VALUES)
+
+
+def test_an_array_that_a_file_lacks_is_named(tmp_path):
+    (tmp_path / "a.csv").write_bytes(b"x_mm,y_mm,z_mm,a,b\n1,2,3,4,5\n")
+    with pytest.raises(FileError, match="it needs x_mm, y_mm, z_mm and q; array= may be a, b"):
+        read_point_table(tmp_path / "a.csv", array="q")
 
 
 @pytest.mark.slow

@@ -133,6 +133,7 @@ def test_another_part_is_a_warning(first) -> None:
         {"profile": planner.Profile("mine", (0, 0.4, 1), (0.5, 2, 5), "linear")},
         {"at_strain": 0.2},
         {"axis": (1, 1, 0)},
+        {"tolerance": 1.3},
     ],
 )
 def test_every_option_of_the_earlier_plan_is_taken(options) -> None:
@@ -147,6 +148,8 @@ def test_every_option_of_the_earlier_plan_is_taken(options) -> None:
     for name, value in old.gradient.field.items():
         assert new.gradient.field[name] == (value if name == "name" else pytest.approx(value))
     assert [r.printed for r in new.regions] == [r.printed for r in old.regions]
+    limits = [plan.checks["worst_stiffness_error"].limit for plan in (new, old)]
+    assert limits == [options.get("tolerance", 2.0)] * 2
 
 
 def test_options_beside_it_win(first) -> None:
@@ -158,6 +161,8 @@ def test_options_beside_it_win(first) -> None:
     mixed = planner.grade(MESH, like=plan, blend="dither")
     assert mixed.gradient.blend["kind"] == "dither"
     assert mixed.gradient.bands is None
+    wide = planner.grade(MESH, like=planner.grade(MESH, **ENDS, tolerance=1.3), tolerance=3)
+    assert wide.checks["worst_stiffness_error"].limit == 3.0
 
 
 @pytest.mark.parametrize(

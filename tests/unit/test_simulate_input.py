@@ -17,6 +17,7 @@ from planner.simulation.bar import Bar
         ({"to_strain": 30.0}, "30 % is 0.3"),
         ({"to_strain": float("nan")}, "above 0"),
         ({"slices": 0}, "slices"),
+        ({"slices": 1}, "`slices` 1: it must be a whole number from 10 to 10000"),
         ({"steps": 0}, "steps"),
         ({"protocol": "cyclic", "steps": 10_000, "cycles": 2000}, "20 million"),
         ({"protocol": "cyclical"}, "did you mean cyclic"),
