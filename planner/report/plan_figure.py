@@ -64,7 +64,7 @@ def plan_table(plan: Plan) -> PlanTable:
             "#": str(r.index),
             "material": r.printed,
             "blend": _blend_text(r),
-            "along mm" if long else "field": " .. ".join(
+            "place mm" if long else "field": " .. ".join(
                 f"{begin + u * way:.{2 if long else 4}f}" for u in r.field
             ),
             "target MPa": format_range(r.target_modulus_MPa),
@@ -124,7 +124,7 @@ def unreachable_words(plan: Plan) -> list[str]:
     ]
 
 
-_IN_MM, _SHARE = "mm along the field", "field, from its beginning (0) to its end (1)"
+_IN_MM, _SHARE = "place along the field, mm", "field, from its beginning (0) to its end (1)"
 
 
 def mm_along(field: Mapping[str, object]) -> tuple[float, float, str]:
@@ -343,7 +343,7 @@ def both_figure(first: Plan, second: Plan, words: str) -> str:
     targets = [target_along(plan) for plan in plans]
     chart = _chart(plans, targets)
     strains = dict.fromkeys(f"{plan.stiffness.at_strain:g}" for plan in plans)
-    across = _SHARE if chart.x_range[1] - chart.x_range[0] == 1.0 else "place along the field, mm"
+    across = _SHARE if chart.x_range[1] - chart.x_range[0] == 1.0 else _IN_MM
     up = f"secant modulus at strain {' and '.join(strains)}, MPa"
     parts = list(chart.frame(x_label=across, y_label=up, y_log=True))
     styles = (("A", BLUE, 5.0), ("B", RUST, 2.0))

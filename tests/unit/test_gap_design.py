@@ -162,7 +162,7 @@ def test_a_list_alone_can_be_written(tmp_path, palette) -> None:
         (["moistur"], 20, UnknownNameError, "did you mean moisture"),
         ([], 20, ArgumentError, "none"),
         (["rate", "rate"], 20, ArgumentError, "twice"),
-        (["rate"], 1000, ArgumentError, "at most 400"),
+        (["rate"], 1000, ArgumentError, "from 1 to 400"),
         (["ageing"], 2, ArgumentError, "at least 4,"),
         (["ageing"], -1, ArgumentError, "at least 4,"),
     ],

@@ -246,7 +246,7 @@ def test_the_command(tmp_path, capsys):
     field = ["--field", "radial: line=0 6 6 1 0 0, from=0.2726", "--pitch", "0.8"]
     assert run([*command, *field, "--bands", "24"]) == 1
     told = capsys.readouterr()
-    assert "along mm" in told.out
+    assert "place mm" in told.out
     # bands of 0.4 mm: place, size, limit and what to change
     assert "a layer of" in told.err
     assert "below the smallest feature of 0.42 mm" in told.err

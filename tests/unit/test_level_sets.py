@@ -219,7 +219,7 @@ def test_same_input_same_bytes():
 
 @pytest.mark.parametrize(
     ("pitch_mm", "reason"),
-    [(0.0, "positive"), (-1.0, "positive"), (np.nan, "positive"), (1e-4, "or more fits")],
+    [(0.0, "above 0"), (-1.0, "above 0"), (np.nan, "finite number"), (1e-4, "or more fits")],
 )
 def test_pitches_that_cannot_be(pitch_mm, reason):
     mesh = part(Manifold.cube([3, 3, 3]))
