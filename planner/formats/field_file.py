@@ -298,9 +298,9 @@ def read_grid_table(
     data = read_file(path, advice="check the name") if data is None else data
     kind = path.suffix.casefold()
     if kind == ".npy":
-        if lies is None:
+        if lies is None or array:
             raise ArgumentError(
-                f"{path}: a .npy does not say where it lies; give origin= and step="
+                f"{path}: a .npy holds values alone; give origin= and step=, and no array="
             )
         (first, spacing), values = lies, _npy(data, path)
     elif kind == ".vti":

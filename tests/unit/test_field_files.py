@@ -175,6 +175,8 @@ def test_what_a_npy_does_not_say(tmp_path):
     np.save(tmp_path / "a.npy", VALUES)
     with pytest.raises(ArgumentError, match="origin= and step="):
         read_grid_table(tmp_path / "a.npy")
+    with pytest.raises(ArgumentError, match="give origin= and step=, and no array="):
+        read_grid_table(tmp_path / "a.npy", lies=(FIRST, STEP), array="a")
     np.save(tmp_path / "a.npy", VALUES[0])
     with pytest.raises(FileError, match="three axes"):
         read_grid_table(tmp_path / "a.npy", lies=(FIRST, STEP))

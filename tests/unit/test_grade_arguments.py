@@ -80,6 +80,7 @@ def test_what_cannot_be_taken_is_named(arguments: dict) -> None:
         (lambda: planner.simulate_bar("Tango", steps="3"), "`steps` '3': it must be a whole"),
         (lambda: planner.simulate_bar("Tango", slices=2.5), "`slices` 2.5: it must be a whole"),
         (lambda: planner.simulate_part(MESH, ["fix"]), "'fix' is no LoadCase"),
+        (lambda: planner.simulate_part(MESH, None), "`cases`: there is none"),
         (lambda: planner.design_campaign("rate", budget="8"), "`budget` '8': it must be a whole"),
     ],
 )
