@@ -164,7 +164,7 @@ def test_a_list_alone_can_be_written(tmp_path, palette) -> None:
         (["rate", "rate"], 20, ArgumentError, "twice"),
         (["rate"], 1000, ArgumentError, "from 1 to 400"),
         (["ageing"], 2, ArgumentError, "at least 4,"),
-        (["ageing"], -1, ArgumentError, "at least 4,"),
+        (["ageing"], -1, ArgumentError, "from 1 to 400"),
     ],
 )
 def test_bad_wishes_are_refused(palette, effects, budget, error, says) -> None:
