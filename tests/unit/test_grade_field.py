@@ -100,13 +100,14 @@ def table(tmp_path):
 
 @pytest.mark.parametrize("kind", ["table", "points"])
 def test_a_table_of_half_the_part_is_told_and_one_of_nothing_of_it_refused(kind, table):
+    coarse = {"pitch_mm": 2.0, "bands": 2, "tolerance": 10}
     low, high = np.array([-20.0, -20.0, -20.0]), np.array([120.0, 40.0, 40.0])
-    assert not any("outside" in w for w in grade(f"{kind}: {table(low, high)}").warnings)
-    plan = grade(f"{kind}: {table(low, [40.0, 40.0, 40.0])}")
+    assert not any("outside" in w for w in grade(f"{kind}: {table(low, high)}", **coarse).warnings)
+    plan = grade(f"{kind}: {table(low, [40.0, 40.0, 40.0])}", **coarse)
     (told,) = (w for w in plan.warnings if "of the part lies outside t.csv" in w)
     assert 20 < float(told.split(" %")[0].split()[-1]) < 80
     with pytest.raises(PlannerError, match=r"where nothing of the part is.*origin and its unit"):
-        grade(f"{kind}: {table(low + 1000.0, high + 1000.0)}")
+        grade(f"{kind}: {table(low + 1000.0, high + 1000.0)}", **coarse)
 
 
 def test_a_table_of_one_value_is_no_gradient_by_rounding(table):

@@ -31,7 +31,7 @@ def values(
         "plan": plan,
         "plan read back": planner.read_plan(folder),
         "plan with cells": planner.grade(
-            samples / "dogbone.stl", from_="Tango", to="FLX9750", blend="dither"
+            samples / "dogbone.stl", from_="Tango", to="FLX9750", blend="dither", cell_mm=1.0
         ),
         "plan on a field": planner.grade(
             samples / "dogbone.stl", from_="Tango", to="FLX9750",
