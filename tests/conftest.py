@@ -2,12 +2,14 @@
 
 import contextlib
 import fcntl
+import functools
 import gc
 import itertools
 import os
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from importlib.metadata import EntryPoints, entry_points
 from pathlib import Path
 from typing import Any
 
@@ -86,12 +88,31 @@ def pytest_unconfigure() -> None:
     gc.unfreeze()
 
 
+SMALL_PICTURES = ("unit", "property", "sweep")
+"""Folders of tests that write plans and look at no picture, but for test_picture."""
+
+
 @pytest.fixture(scope="module", autouse=True)
 def _small_pictures(request: pytest.FixtureRequest) -> Iterator[None]:
     """Draw small what lies beside each plan where no test looks at it: whole, it takes 0.2 s."""
     with pytest.MonkeyPatch.context() as patch:
-        if request.path.parent.name == "unit" and request.path.stem != "test_picture":
+        if request.path.parent.name in SMALL_PICTURES and request.path.stem != "test_picture":
             patch.setattr("planner.plan._PICTURE", (96, 64))
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _printers_looked_for_once() -> Iterator[None]:
+    """Read what all installed packages offer once a path: the tests ask two thousand times."""
+
+    @functools.cache
+    def offered(group: str, path: tuple[str, ...]) -> EntryPoints:
+        return entry_points(group=group)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(
+            "planner.printers.entry_points", lambda group: offered(group, tuple(sys.path))
+        )
         yield
 
 
