@@ -495,8 +495,7 @@ def stiffness_scale(palette: Palette, at_strain: float) -> StiffnessScale:
     model, at_strain = CoefficientModel(palette), as_number(at_strain, "`at_strain`")
     moduli = model.ladder_MPa(at_strain)
     low, high = model.modulus_interval_MPa(model.coordinates, at_strain)
-    high = np.maximum(high, moduli)
-    intervals = tuple((float(a), float(b)) for a, b in zip(low, high, strict=True))
+    intervals = tuple(zip(low.tolist(), np.maximum(high, moduli).tolist(), strict=True))
     return StiffnessScale(palette, at_strain, model, tuple(moduli.tolist()), intervals)
 
 

@@ -637,13 +637,13 @@ def left_out_errors(palette: Palette) -> dict[str, float]:
     if palette.hardness:
         ways = {"hardness": places_of(palette.hardness, m), **ways}
     off: dict[str, list[float]] = {way: [] for way in ways}
-    for k in range(1, len(m) - 1):
-        strain = np.linspace(0.0, materials[k].elongation_at_break, _LEFT_OUT_STRAINS)[1:]
-        held = [np.minimum(strain, material.elongation_at_break) for material in materials]
-        rows = zip(materials, held, strict=True)
-        with np.errstate(invalid="ignore", divide="ignore"):  # of a law that is refused later
-            logs = np.log([secant_modulus_MPa(make_law(one.law), e) for one, e in rows])
-        own = np.exp(logs[k]) * strain
+    breaks = [material.elongation_at_break for material in materials]
+    strains = np.linspace(0.0, breaks[1:-1], _LEFT_OUT_STRAINS, axis=1)[:, 1:]
+    rows = zip(materials, [np.minimum(strains, end) for end in breaks], strict=True)
+    with np.errstate(invalid="ignore", divide="ignore"):  # of a law that is refused later
+        every = np.log([secant_modulus_MPa(make_law(one.law), e) for one, e in rows])
+    for k, strain in enumerate(strains, start=1):
+        logs, own = every[:, k - 1], np.exp(every[k, k - 1]) * strain
         for way, x in ways.items():
             error = np.exp(_foretold(x, logs, k)) * strain - own
             off[way].append(float(np.sqrt(np.mean(error**2)) / own.max()))
