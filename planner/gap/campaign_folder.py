@@ -23,7 +23,7 @@ from planner.formats.tables import encode_csv, number, read_columns
 from planner.formats.tensile import TensileTable, mode_of, read_tensile
 from planner.formats.units import QUANTITIES
 from planner.gap.campaign import Campaign, PartTest, Specimen, StrainField, named
-from planner.materials.characterise import MINIMUM_POINTS, UNLOADED_SHARE
+from planner.materials.characterise import MINIMUM_POINTS, UNLOADED_SHARE, check_record
 from planner.materials.laws import Law, make_law
 from planner.materials.study import in_stated_units, stated_units
 from planner.numerics import FloatArray, IntArray
@@ -140,12 +140,9 @@ def _turned(
     names = [name for name, negative in down.items() if negative]
     curve = _kind(source, force_N, travel_mm)
     told = said or (curve if len(names) == 1 else None)
-    if told is not None:
-        pushed = told == "compression"
-    elif len(names) != 1:
-        pushed = bool(names)
-    else:
-        pushed = source.row.area_mm2 is not None and source.gauge_mm**2 < source.row.area_mm2
+    is_wide = source.gauge_mm**2 < (source.row.area_mm2 or 0.0)
+    by_signs = is_wide if len(names) == 1 else bool(names)
+    pushed = by_signs if told is None else told == "compression"
     if pushed and len(names) == 2:
         notes.append("travel and force are negative; it is compared as compressed")
     elif pushed and said is not None:
@@ -248,13 +245,9 @@ def _record_of(source: _Source) -> dict[str, Any]:
         specimen and line.
     """
     where, points, notes = source.where, len(source.table.lines), source.notes
-    if points < MINIMUM_POINTS:
-        raise FileError(
-            f"{where}: the curve has {points} points; at least {MINIMUM_POINTS} are "
-            "needed: export all of it, or take the specimen out of specimens.csv"
-        )
     force, force_unit_N = _channel(source, "force", source.row.area_mm2)
     travel, travel_unit_mm = _channel(source, "travel", source.gauge_mm)
+    check_record(where, {"force_N": force, "displacement_mm": travel})
     if not np.any(travel):
         raise FileError(f"{where}: the crosshead never moves; check the column of travel")
     if not np.any(force):
@@ -557,8 +550,8 @@ def read_campaign(
     rows, covariates, slips = read_list(path_within(folder, SPECIMENS))
     noted: _Noted = defaultdict(list, {note: [] for note in slips})
     tables = _tables(folder, rows, noted)
-    fields, listed = _Fields(folder), {row.specimen for row in rows}
-    for stray in (specimen for specimen in fields.rows if specimen not in listed):
+    fields = _Fields(folder)
+    for stray in (specimen for specimen in fields.rows if specimen not in covariates):
         noted[f"in {_FIELDS} but no row in {SPECIMENS}; left out"].append(stray)
     units = stated_units(unit_of, {row.specimen: row.material for row in rows})
     reader = ListReader(folder / SPECIMENS, palette)
@@ -658,11 +651,10 @@ class ListReader:
         FileError, UnknownNameError
             As `fields`; or a record that is none.
         """
-        known = row.conditions()
         told: dict[str, Any] = {
             name: value  # what the file's head tells, the row does not
             for name, value in table.metadata.items()
-            if known.get(name, "") is None and isinstance(value, float) and value > 0.0
+            if getattr(row, name, "") is None and isinstance(value, float) and value > 0.0
         }
         row = replace(row, **told)
         fields, notes = self.fields(row)
@@ -712,9 +704,7 @@ def _tables(folder: Path, rows: Sequence[Row], noted: _Noted) -> dict[str, Tensi
         files.setdefault(row.file or CURVES, []).append(row)
     if (folder / CURVES).is_file():
         files.setdefault(CURVES, [])
-    elif CURVES in files and len(files) > 1:
-        del files[CURVES]
-    elif CURVES in files:
+    elif files.pop(CURVES, None) and not files:
         raise FileError(
             f"{folder}: no {CURVES}; write the curves there (specimen,time_s,displacement_mm,"
             f"force_N), or name a file for each specimen in the column 'file' of {SPECIMENS}"
@@ -826,9 +816,8 @@ def write_campaign(campaign: Campaign, output: str | Path, *, measured: bool = T
 
 
 def _campaign_toml(campaign: Campaign) -> bytes:
-    pairs = {"name": campaign.name, "printer": campaign.printer, "palette": "palette.toml"}
-    if campaign.notes:
-        pairs["notes"] = campaign.notes
+    notes = {"notes": campaign.notes} if campaign.notes else {}
+    pairs = {"name": campaign.name, "printer": campaign.printer, "palette": "palette.toml"} | notes
     lines = (f"{key} = {toml_text(value)}\n" for key, value in pairs.items())
     return "".join(["schema = 1\n", *lines]).encode("utf-8")
 

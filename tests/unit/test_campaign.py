@@ -288,7 +288,7 @@ def test_missing_files_are_named(folder: Path, missing: str) -> None:
 
 def test_an_empty_curve_is_refused(folder: Path) -> None:
     (folder / "curves.csv").write_text(curves("S1", "G1") + "S2,0,0,0\nS2,1,1,1\n")
-    with pytest.raises(FileError, match=r"specimen S2 \(curves.csv\): the curve has \d points"):
+    with pytest.raises(FileError, match=r"specimen S2 \(curves.csv\): the record has \d points"):
         read_campaign(folder)
     (folder / "curves.csv").write_text(curves())
     with pytest.raises(FileError, match="no numbers below"):
