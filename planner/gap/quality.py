@@ -161,12 +161,12 @@ def _times(count: int, what: str) -> str:
 
 
 _MINUTE, _INCH = QUANTITY_UNITS["time"]["min"], QUANTITY_UNITS["length"]["in"]
-_RATE_SLIPS = (
-    (_MINUTE, "mm/s and mm/min, or s and min, were mixed up"),
-    (_INCH, "mm and inches were mixed up in travel or rate"),
-    (_INCH * _MINUTE, "mm/s and in/min were mixed up"),
-    (1.0 / QUANTITY_UNITS["time"]["ms"], "s and ms were mixed up"),
-)
+_RATE_SLIPS = {
+    _MINUTE: "mm/s and mm/min, or s and min, were mixed up",
+    _INCH: "mm and inches were mixed up in travel or rate",
+    _INCH * _MINUTE: "mm/s and in/min were mixed up",
+    1.0 / QUANTITY_UNITS["time"]["ms"]: "s and ms were mixed up",
+}
 """Factors that mixing up two units leaves. Physical: by the units' definitions."""
 
 
@@ -181,12 +181,10 @@ def _rate(s: Specimen) -> Iterator[str]:
     mean = speed if path is None else path.speed_mm_s
     if min(off, abs(math.log(mean / declared))) <= TIME_TOLERANCE:
         return
-    reasons = [
-        words for factor, words in _RATE_SLIPS if abs(off - math.log(factor)) < TIME_TOLERANCE
-    ]
+    factor = _slip(off, TIME_TOLERANCE, _RATE_SLIPS)
     yield (
         f"the crosshead moves at {speed:.3g} mm/s by its time channel, {declared:.3g} mm/s "
-        f"is declared{f'; {reasons[0]}' if reasons else ''}"
+        f"is declared{f'; {_RATE_SLIPS[factor]}' if factor else ''}"
     )
 
 
@@ -250,9 +248,7 @@ def _implausible(s: Specimen, column: SpecimenColumn) -> Iterator[str]:
 def _off_nominal(s: Specimen, name: str) -> Iterator[str]:
     nominal: float | None = getattr(s, f"{name}_mm")
     measured: float | None = getattr(s, f"measured_{name}_mm")
-    if nominal is None or measured is None:
-        return
-    if abs(measured - nominal) > max(_DEVIATION * nominal, _SLACK_MM):
+    if nominal and measured and abs(measured - nominal) > max(_DEVIATION * nominal, _SLACK_MM):
         yield (
             f"measured {name} is {measured:.4g} mm, nominal {nominal:.4g} mm; width and thickness "
             "swapped, or another unit?"
@@ -391,11 +387,8 @@ def _outlier_problems(
     """
     groups = _groups(specimens, loads)
     least = _FAMILY_WISE / max(sum(map(len, groups)), 1)
-    while True:
-        worst = min(_judged(loads, groups), key=lambda w: w[0], default=None)
-        if worst is None or worst[0] >= least:
-            return
-        _, place, shift, others = worst
+    while outliers := [one for one in _judged(loads, groups) if one[0] < least]:
+        _, place, shift, others = min(outliers, key=lambda one: one[0])
         gone = (place,) if len(others) > 1 else (place, *others)
         for one, other in zip(gone, reversed(gone), strict=True):
             whose = f"its {len(others)} replicates"
@@ -624,9 +617,8 @@ def _problem(specimen: Specimen, shift: float, whose: str) -> QualityProblem:
     assert factor is not None
     ratio, (high, low) = math.exp(abs(shift)), _SLIPS[factor]
     way, words = ("above", high) if shift > 0 else ("below", low)
-    unit = None
-    if factor in _FORCE_SLIPS:
-        unit = _unit_of(specimen, "force", math.copysign(math.log(factor), -shift))
+    back = math.copysign(math.log(factor), -shift)
+    unit = _unit_of(specimen, "force", back) if factor in _FORCE_SLIPS else None
     told = f"loads are {ratio:.3g} times {way} {whose}, as if {words} (factor {factor:.4g})"
     return QualityProblem(specimen.id, "units", told, unit)
 
@@ -640,8 +632,9 @@ def _unit_of(specimen: Specimen, quantity: str, log: float, reach: float = 0.0) 
     return None if unit is None else UnitOf(quantity, unit, (specimen.id,))
 
 
-def _slip(shift: float, tolerance: float) -> float | None:
-    off = {factor: abs(abs(shift) - math.log(factor)) for factor in _SLIPS}
+def _slip(shift: float, tolerance: float, factors: Iterable[float] = tuple(_SLIPS)) -> float | None:
+    """Return the factor between units that a logarithm is nearest to; None beyond the tolerance."""
+    off = {factor: abs(abs(shift) - math.log(factor)) for factor in factors}
     nearest = min(off, key=off.__getitem__)
     return nearest if off[nearest] < tolerance else None
 
@@ -729,13 +722,9 @@ def examine(campaign: Campaign, model: ObservationModel) -> tuple[QualityProblem
 # As a verdict hints: a gain of force or travel that is the factor between two units.
 
 
-_GAINS: Mapping[tuple[str, str], tuple[str, float]] = {
-    ("force-scale", "log_gain"): ("force", -1.0),
-    ("force-scale", "factor"): ("force", -1.0),
-    ("strain-scale", "log_factor"): ("travel", 1.0),
-}
-"""By effect and parameter: the quantity, and the power of true over recorded. Convention: how the
-effects define their sizes."""
+_GAINS = {"force-scale": ("force", "log_gain", -1.0), "strain-scale": ("travel", "log_factor", 1.0)}
+"""By effect: the quantity, the parameter, and its sign in ln of true over recorded. Convention: how
+the effects define their sizes."""
 
 
 def suggested_units(
@@ -743,19 +732,15 @@ def suggested_units(
 ) -> Iterator[UnitOf]:
     """Yield the units in which numbers make sense as they stand in the files, without a gain."""
     for effect in found:
-        for name, value in effect.parameters.items():
-            if (effect.id, name) not in _GAINS:
-                continue
-            quantity, power = _GAINS[effect.id, name]
-            ends = effect.interval.get(name, (value, value))
-            log, low, high = (
-                power * (x if name.startswith("log_") else math.log(x)) for x in (value, *ends)
-            )
-            reach = max(abs(low - log), abs(high - log))
-            some = (s for s in specimens if not effect.specimens or s.id in effect.specimens)
-            units = (_unit_of(s, quantity, log, reach) for s in some)
-            for one in merged_units(filter(None, units)):
-                yield one if len(one.specimens) < len(specimens) else replace(one, specimens=())
+        quantity, name, sign = _GAINS.get(effect.id, ("", "", 0.0))
+        if (value := effect.parameters.get(name)) is None:
+            continue
+        low, high = effect.interval.get(name, (value, value))
+        reach = max(abs(low - value), abs(high - value))
+        some = (s for s in specimens if not effect.specimens or s.id in effect.specimens)
+        units = (_unit_of(s, quantity, sign * value, reach) for s in some)
+        for one in merged_units(filter(None, units)):
+            yield one if len(one.specimens) < len(specimens) else replace(one, specimens=())
 
 
 def merged_units(units: Iterable[UnitOf]) -> tuple[UnitOf, ...]:
