@@ -281,12 +281,9 @@ class Bins:
         Between two frames it is linear in the travel. None without a frame that is near.
         """
         travels, strains = _frames_of(field, path)
-        if not len(travels):
+        if not np.any(np.abs(travels - travel_mm) <= _NEAR * travel_mm):
             return None
         order = np.argsort(travels, kind="stable")
-        nearest = float(travels[np.argmin(np.abs(travels - travel_mm))])
-        if abs(nearest - travel_mm) > _NEAR * travel_mm:
-            return None
         within = float(np.clip(travel_mm, travels[order[0]], travels[order[-1]]))
         strain = [np.interp(within, travels[order], at) for at in strains[order].T]
         sums = np.bincount(self.of_place, np.array(strain) * (travel_mm / within))
@@ -330,17 +327,15 @@ class FieldWeights:
     """
 
     def __init__(self, seen_at: Sequence[tuple[int, int, Bins]]) -> None:
-        features, slices = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
         lengths = max((len(bins.shares) for *_, bins in seen_at), default=1)
-        weights = [np.zeros((lengths, len(SIDES), 0))]
+        places, weights = [np.zeros((2, 0), np.int64)], [np.zeros((lengths, len(SIDES), 0))]
         for row, first, bins in seen_at:
             of_bin, slice_ = np.nonzero(np.any(bins.shares != 0.0, axis=(0, 1)))
-            features.append(row + of_bin)
-            slices.append(first + slice_)
+            places.append(np.stack([row + of_bin, first + slice_]))
             own = bins.shares[:, :, of_bin, slice_]
             weights.append(np.broadcast_to(own, (lengths, *own.shape[1:])))
         self.weight = np.concatenate(weights, axis=2)
-        self.feature, self.slice_ = np.concatenate(features), np.concatenate(slices)
+        self.feature, self.slice_ = np.concatenate(places, axis=1)
         self.begins = np.flatnonzero(np.diff(self.feature, prepend=-1))
 
     def at_sides(self, sides: IntArray) -> FloatArray:
@@ -635,9 +630,7 @@ def _bar_limits_mm(setup: Setup, prediction: Prediction, palette: Palette) -> di
     most = np.where(prediction.strain < 0.0, PUSHED_END, most)
     reached = np.abs(prediction.strain) / (most * (1.0 + 1e-6))
     limits = {}
-    for number, (design, part) in enumerate(zip(setup.designs, setup.parts, strict=True)):
-        if design is None and part is None:
-            continue
+    for number, part in enumerate(setup.parts):  # coupons were cut at their limits before
         here = slice(int(setup.first_slice[number]), int(setup.first_slice[number + 1]))
         farthest = reached[:, here].max(axis=1)
         if part is not None:

@@ -1,6 +1,7 @@
 """Segments of a test (loading, unloading, rest) and the time grid that predicts them."""
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import pairwise
@@ -112,9 +113,7 @@ def _fewer(values: FloatArray, count: int) -> FloatArray:
     size = len(values) // count
     if size < 2:
         return values
-    whole, rest = np.split(values, [len(values) // size * size])
-    means = whole.reshape(-1, size).mean(axis=1)
-    return np.append(means, rest.mean()) if len(rest) else means
+    return np.array([run.mean() for run in np.split(values, range(size, len(values), size))])
 
 
 def _least_turn_mm(travel_mm: FloatArray) -> float:
@@ -241,8 +240,7 @@ class SpecimenPath:
 
     def on_gauge(self, gauge_mm: float) -> "SpecimenPath":
         """Return the path to the same strains of another gauge length."""
-        if (ratio := gauge_mm / self.gauge_mm) == 1.0:
-            return self
+        ratio = gauge_mm / self.gauge_mm
         segments = tuple(
             replace(s, begin_mm=ratio * s.begin_mm, end_mm=ratio * s.end_mm) for s in self.segments
         )
@@ -455,7 +453,8 @@ def _unbroken(
             there = kind == "reloading" and travel[last] > _SAME_TRAVEL * farthest
             if there and np.max(part) < BROKEN_SHARE * peak:
                 return kept, True
-            end = first + _last_before_break(part)
+            with suppress(FileError):  # too few rows, or a load that does not rise above its noise
+                end = first + len(without_tail(Curve("", part, part)).strain) - 1
             if np.max(force[last + 1 :], initial=0.0) > _BACK_SHARE * force[end]:
                 end = last  # what comes back later was no rupture's
         elif kind == "unloading":
@@ -474,15 +473,6 @@ def _unbroken(
         if end < last:
             return kept, True
     return kept, False
-
-
-def _last_before_break(force: FloatArray) -> int:
-    """Return the last place before rupture of a loading's rows."""
-    rows = np.arange(len(force), dtype=np.float64)
-    try:
-        return len(without_tail(Curve("", rows, force)).strain) - 1
-    except FileError:  # too few rows, or a load that does not rise above its noise
-        return len(force) - 1
 
 
 # ------------------------------------------------------------------------------------------------
@@ -519,7 +509,6 @@ _FRACTIONS: Mapping[SegmentKind, tuple[tuple[float, ...], ...]] = {
     "unloading": ((0.2, 0.45, 0.7, 0.9), (0.2, 0.45, 0.7, 0.9), (0.25, 0.6, 0.9)),
     "reloading": ((0.25, 0.5, 0.75, 1.0), (0.25, 0.5, 0.75, 1.0), (0.3, 0.65, 1.0)),
     "hold": ((0.2, 0.4, 0.6, 0.8, 1.0), (0.25, 0.5, 0.75, 1.0), (0.25, 0.5, 0.75, 1.0)),
-    "rest": ((), (), ()),
 }
 """Places of features along a segment, three lists each: the fewer the more segments. Chosen: closer
 at small strains, where laws bend; not at the turn itself, where an unloading begins."""
@@ -794,14 +783,16 @@ def setup_of(campaign: Campaign, tests: Sequence[ReplicateTest]) -> Setup:
         _mean_section_mm2(group if group[0].part is None else (), at)
         for group, at in zip(groups, middles, strict=True)
     ]
-    own, covariates = stated(campaign.palette.reference), dict[str, Any]()
+    own, of_tests = stated(campaign.palette.reference), dict[str, Any]()
     for name, column in SPECIMEN_COLUMNS.items():
         if column.usual is not None:
             values = [[getattr(s, name) for s in group] for group in groups]
-            covariates[name] = _means(values, getattr(own, name))
+            of_tests[name] = _means(values, getattr(own, name))
     for name in ("width_mm", "thickness_mm"):
         sizes = [[_nominal_size_mm(s, name) for s in group] for group in groups]
-        covariates[name] = _means(sizes, 1.0)
+        of_tests[name] = _means(sizes, 1.0)
+    of_tests["pushed"] = np.array([group[0].pushed for group in groups])
+    of_tests["reloads"] = np.stack([_reloads(test) for test in tests])
     along = [next((s.orientation for s in g if s.orientation), own.orientation) for g in groups]
     rate = np.array([np.mean([p.speed_mm_s for p in test.paths.values()]) for test in tests])
     first_slice = np.cumsum([0, *map(len, middles)], dtype=np.int64)
@@ -820,12 +811,8 @@ def setup_of(campaign: Campaign, tests: Sequence[ReplicateTest]) -> Setup:
         length_mm=np.concatenate([np.diff(edges) for edges, _ in slices]),
         coordinate=np.concatenate([coordinate for _, coordinate in slices]),
         area_mm2=np.concatenate(area),
-        **covariates,
-        **unaltered(first_slice, len(tests[0].time_s)),
-    ).with_(
-        pushed=np.array([group[0].pushed for group in groups]),
-        reloads=np.stack([_reloads(test) for test in tests]),
-    )  # fmt: skip
+        **unaltered(first_slice, len(tests[0].time_s)) | of_tests,
+    )
 
 
 _MET_AGAIN = 20.0
