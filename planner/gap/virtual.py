@@ -10,7 +10,6 @@ import numpy as np
 
 from planner.errors import ArgumentError, FileError, UnknownNameError, check_known
 from planner.formats.files import path_within
-from planner.formats.specimens import ListedSpecimen as Row
 from planner.formats.specimens import read_specimens
 from planner.gap.campaign import Campaign, Specimen, StrainField, stated
 from planner.gap.campaign_folder import (
@@ -183,17 +182,10 @@ def single_tests(
                 "over enough points; leave it out"
             )
         tests.append(ReplicateTest({place: path}))
-    none = np.zeros(np.shape(time_s))
-    setup = setup_of(campaign, tests)
-    reloads = map(np.interp, time_s, setup.time_s, setup.reloads)
-    return setup.with_(
-        reloads=np.stack(list(reloads)),
-        time_s=np.asarray(time_s, dtype=np.float64),
-        travel_mm=np.asarray(travel_mm, dtype=np.float64),
-        lost_mm=none,
-        gain=none + 1.0,
-        offset_N=none,
-    )
+    setup, none = setup_of(campaign, tests), np.zeros_like(time_s)
+    reloads = np.stack([*map(np.interp, time_s, setup.time_s, setup.reloads)])
+    steps = {"time_s": time_s, "travel_mm": travel_mm, "reloads": reloads}
+    return setup.with_(**steps, lost_mm=none, gain=none + 1.0, offset_N=none)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -225,9 +217,13 @@ def read_design(
     """
     path = Path(path)
     if path.is_file():
-        beside = _palette_beside(path) if palette is None else None
-        own, name = beside or (palette_of(palette, printer), "")
-        return _listed(path, path.stem, own, name or printer.name, camera)
+        folder, name = path.parent, ""
+        if palette is None and (folder / "campaign.toml").is_file():
+            file = read_campaign_file(folder)
+            palette, name = campaign_palette(file, folder), file.printer
+        elif palette is None and (folder / "diagnosis.json").is_file():
+            palette = read_diagnosis(folder).own_palette
+        return _listed(path, path.stem, palette_of(palette, printer), name or printer.name, camera)
     if not path.is_dir():
         raise FileError(
             f"{path}: no such file or folder; give a specimens.csv or the folder of a campaign"
@@ -244,17 +240,6 @@ def read_design(
             )
         return replace(campaign, specimens=specimens)
     return _listed(path_within(path, SPECIMENS), file.name, own, file.printer, camera)
-
-
-def _palette_beside(listed: Path) -> tuple[Palette, str] | None:
-    """Return the palette, and the printer if it is told, of the campaign or diagnosis of a list."""
-    folder = listed.parent
-    if (folder / "campaign.toml").is_file():
-        file = read_campaign_file(folder)
-        return campaign_palette(file, folder), file.printer
-    diagnosed = (folder / "diagnosis.json").is_file()
-    own = read_diagnosis(folder).own_palette if diagnosed else None
-    return None if own is None else (own, "")
 
 
 def _retraced(specimen: Specimen) -> Specimen | None:
@@ -289,20 +274,20 @@ def _listed(file: Path, name: str, palette: Palette, printer: str, camera: bool)
     strain = virtual_strain(palette, [row.material for row in rows if row.material], designs)
     specimens = []
     for row, fields in zip(rows, read, strict=True):
-        own = covariates[row.specimen]
+        own, where = covariates[row.specimen], f"{file.name}, specimen {row.specimen}"
         share = BAR_SHARE if row.profile else 1.0
         if row.part:
             end_mm = float(fields["part"].response.displacement_mm[-1])
-            far = _figure(own.get("to_mm"), end_mm, row, file, "to_mm") / fields["gauge_mm"]
+            far = _figure(own.get("to_mm"), end_mm, where, "to_mm") / fields["gauge_mm"]
         else:
-            far = _figure(own.get("to_strain"), share * strain, row, file, "to_strain")
+            far = _figure(own.get("to_strain"), share * strain, where, "to_strain")
         pushed = not row.part and said_mode([row.mode, *own.values()]) == "compression"
         specimen = virtual_specimen(
             palette,
             id=row.specimen,
             # What the list says is how far it goes; a bar else goes its share.
             strain=far / share,
-            hold_s=_figure(own.get("hold_s"), HOLD_S, row, file, "hold_s"),
+            hold_s=_figure(own.get("hold_s"), HOLD_S, where, "hold_s"),
             camera=camera,
             pushed=pushed,
             covariates=own,
@@ -319,14 +304,11 @@ def _listed(file: Path, name: str, palette: Palette, printer: str, camera: bool)
     )
 
 
-def _figure(value: str | float | None, otherwise: float, row: Row, file: Path, name: str) -> float:
+def _figure(value: str | float | None, otherwise: float, where: str, name: str) -> float:
     if value is None:
         return otherwise
     if isinstance(value, str) or not value > 0.0:
-        raise FileError(
-            f"{file.name}, specimen {row.specimen}: {name} is {value!r}; it must be above 0, or "
-            "empty"
-        )
+        raise FileError(f"{where}: {name} is {value!r}; it must be above 0, or empty")
     return value
 
 
@@ -366,19 +348,16 @@ def stated_effect(text: str, palette: Palette) -> StatedEffect:
 
 
 def _form(effect: Effect, name: str | None, given: Mapping[str, str], text: str) -> Form:
-    forms = {form.name: form for form in effect.forms}
-    if name is not None:
+    candidates = [form for form in effect.forms if name in (None, form.name)]
+    if not candidates:
         said = f"`effect` {text}: {effect.id} has no form {name!r}; {{}}its forms are"
-        check_known(name, forms, said, UnknownNameError)
-    candidates = list(forms.values()) if name is None else [forms[name]]
+        check_known(name, (form.name for form in effect.forms), said, UnknownNameError)
     for form in candidates:
         if set(given) <= {p.name for p in form.parameters}:
             return form
-    which = "no form" if name is None else f"form {name} does not"
+    which = "no form takes" if name is None else f"form {name} does not take"
     owns = "; ".join(f"{f.name}: {', '.join(p.name for p in f.parameters)}" for f in candidates)
-    raise UnknownNameError(
-        f"`effect` {text}: {which} take{'s' if name is None else ''} {', '.join(given)} ({owns})"
-    )
+    raise UnknownNameError(f"`effect` {text}: {which} {', '.join(given)} ({owns})")
 
 
 def _value(parameter: Parameter, text: str, size: bool, whole: str) -> float:
@@ -470,8 +449,7 @@ def synthesise_campaign(
     stated = [effect] if isinstance(effect, str) else effect
     effects = [stated_effect(text, plan.palette) for text in stated]
     rng = np.random.default_rng(seed)
-    made = synthetic_campaign(plan, effects, rng, scatter=scatter, seed_text=f"seed {seed}")
-    return replace(made, remarks=plan.remarks)
+    return synthetic_campaign(plan, effects, rng, scatter=scatter, seed_text=f"seed {seed}")
 
 
 def synthetic_campaign(
@@ -537,7 +515,6 @@ def synthetic_campaign(
         specimens=tuple(specimens),
         covariates=tuple(dict.fromkeys((*plan.covariates, "simulated"))),
         notes=f"{how}. Nothing was measured.",
-        remarks=(),
     )
 
 

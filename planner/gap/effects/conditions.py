@@ -347,7 +347,6 @@ def _set(setup: Setup, values: Values) -> Setup:
 
 
 _SHARES: FloatArray = SOFTENING_SHARES[:, None]
-_PEAKS: FloatArray = SOFTENING_PEAKS[None, :]
 
 
 _MOST_LOST = 0.95
@@ -379,11 +378,11 @@ def _softened(setup: Setup, values: Values, table: FloatArray) -> Setup:
 def _damage(setup: Setup, values: Values) -> Setup:
     """Damage by the largest strain, felt the less the nearer to it."""
     below = 1.0 - _SHARES ** values.get("power", 1.0)
-    return _softened(setup, values, below * -np.expm1(-_PEAKS / values["scale"]))
+    return _softened(setup, values, below * -np.expm1(-SOFTENING_PEAKS / values["scale"]))
 
 
 def _pseudo_elastic(setup: Setup, values: Values) -> Setup:
     """Error function of the energy missing to its largest, energies taken as strain squared."""
-    missing = _PEAKS**2 * (1.0 - _SHARES**2)
-    reach = values["scale"] ** 2 + values["reach"] * _PEAKS**2
+    missing = SOFTENING_PEAKS**2 * (1.0 - _SHARES**2)
+    reach = values["scale"] ** 2 + values["reach"] * SOFTENING_PEAKS**2
     return _softened(setup, values, erf(missing / reach))

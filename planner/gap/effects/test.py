@@ -39,13 +39,15 @@ def _gained(setup: Setup, values: Values, *, grows: bool = False) -> Setup:
 # Grip slack: the crosshead moves before the specimen is taut.
 
 
-def _taken(
-    travel_mm: FloatArray, slack_mm: float | FloatArray, sharpness: float = 4.0
-) -> FloatArray:
+_SHARPNESS = 4.0
+"""Of the corner, where no form says. Chosen: it is spread over about half the slack, as a grip does
+not close at once."""
+
+
+def _taken(travel_mm: FloatArray, slack_mm: float | FloatArray, sharpness: float) -> FloatArray:
     """Return the travel while it is well below the slack, the slack when it is well above.
 
-    At 4 the corner is spread over about half the slack, as a grip does not close at once; at 1 the
-    slack is taken up over many times its length.
+    At a sharpness of 1 the slack is taken up over many times its length.
     """
     ratio = np.maximum(travel_mm, 0.0) / np.maximum(slack_mm, 1e-12)
     return np.asarray(slack_mm * ratio * (1.0 + ratio**sharpness) ** (-1.0 / sharpness))
@@ -54,7 +56,7 @@ def _taken(
 def _dead_travel(setup: Setup, values: Values, *, for_good: bool = False) -> Setup:
     """Lost first, and again on every way back; rounded, bit by bit as strands are drawn taut."""
     travel_mm = np.maximum.accumulate(setup.travel_mm, axis=1) if for_good else setup.travel_mm
-    taken = _taken(travel_mm, values["slack"], values.get("sharpness", 4.0))
+    taken = _taken(travel_mm, values["slack"], values.get("sharpness", _SHARPNESS))
     return setup.with_(lost_mm=setup.lost_mm + taken)
 
 
@@ -72,10 +74,9 @@ def _of_soft(setup: Setup, values: Values) -> Setup:
     """
     mean = np.add.reduceat(place_on_palette(setup), setup.first_slice[:-1])
     mean /= np.diff(setup.first_slice)
-    grades = len(setup.palette_coordinate)
-    share = 0.5 - 0.5 * np.tanh((mean - values["until"]) * grades)
+    share = 0.5 - 0.5 * np.tanh((mean - values["until"]) * len(setup.palette_coordinate))
     slack_mm = values["slack"] * share[:, None]
-    return setup.with_(lost_mm=setup.lost_mm + _taken(setup.travel_mm, slack_mm))
+    return setup.with_(lost_mm=setup.lost_mm + _taken(setup.travel_mm, slack_mm, _SHARPNESS))
 
 
 # ------------------------------------------------------------------------------------------------
