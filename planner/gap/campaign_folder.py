@@ -262,11 +262,9 @@ def _record_of(source: _Source) -> dict[str, Any]:
         travel = travel - travel[0]
     force, travel = _turned(source, force, travel)
     time, recorded = _time(source, travel)
-    starts = np.flatnonzero(np.diff(time, prepend=-np.inf) > 0.0)
-    if len(starts) < points:
+    time, starts, counts = np.unique(time, return_index=True, return_counts=True)
+    if len(time) < points:
         notes.append("several points of one time, averaged; log time with more digits")
-        counts = np.diff(np.append(starts, points))
-        time = time[starts]
         travel = np.add.reduceat(travel, starts) / counts
         force = np.add.reduceat(force, starts) / counts
         if len(time) < MINIMUM_POINTS:

@@ -255,8 +255,7 @@ class Bins:
         x, gauge = field.x_mm, float(setup.gauge_mm[number])
         count = max(1, min(_BINS_MOST, len(x) // _PLACES_LEAST))
         self.of_place = np.arange(len(x)) * count // len(x)
-        self.places = np.bincount(self.of_place)
-        first = np.searchsorted(self.of_place, np.arange(count))
+        _, first, self.places = np.unique(self.of_place, return_index=True, return_counts=True)
 
         def binned(rows: FloatArray) -> FloatArray:
             return np.asarray(np.add.reduceat(rows, first) / self.places[:, None])
