@@ -176,9 +176,8 @@ class Specimen(SpecimenConditions):
     @property
     def coordinates(self) -> FloatArray | None:
         """Of its design or part; None of a coupon, which its material says."""
-        if self.part is not None:
-            return self.part.response.coordinate
-        return None if self.profile is None else self.profile.coordinate
+        design = self.profile if self.part is None else self.part.response
+        return None if design is None else design.coordinate
 
     @property
     def pushed(self) -> bool:

@@ -7,11 +7,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Literal, TypeAlias, cast
+from typing import Any, TypeAlias, cast
 
 import numpy as np
 
-from planner.errors import ArgumentError, FileError, PaletteError, PlannerError, UnknownNameError
+from planner.errors import ArgumentError, FileError, PaletteError, UnknownNameError, refused
 from planner.gap.campaign import TOLERANCES, Campaign, stated
 from planner.gap.diagnosis import Diagnosis, FoundEffect, name_of, read_diagnosis
 from planner.gap.effect import Effect, Form, StatedEffect, with_effects
@@ -408,12 +408,10 @@ class Correction:
 
     @one_line
     def __repr__(self) -> str:
-        return (
-            f"{self.palette.name}: corrected for {', '.join(self.corrected)}; "
-            + outcome((len(self.findings), "finding"))
-            if self.corrected
-            else f"{self.palette.name}: nothing corrected"
-        )
+        if not self.corrected:
+            return f"{self.palette.name}: nothing corrected"
+        found = outcome((len(self.findings), "finding"))
+        return f"{self.palette.name}: corrected for {', '.join(self.corrected)}; {found}"
 
     @property
     def ok(self) -> bool:
@@ -422,11 +420,10 @@ class Correction:
 
     def document(self) -> dict[str, Any]:
         """Return what was corrected, for which conditions and how well, as JSON holds it."""
-        at = self.palette.reference
         return {
             "corrected": list(self.corrected),
             "left": list(self.left),
-            "conditions": asdict(at) if self.corrected else None,
+            "conditions": asdict(self.palette.reference) if self.corrected else None,
             "materials": {
                 m: {
                     "stress_factor": float(f"{f:.6g}"),
@@ -500,57 +497,55 @@ def correct(
     """
     if orientation not in (None, "x", "y", "z"):
         raise ArgumentError(f"`orientation` {orientation}: it must be x, y or z")
-    along = cast("Literal['x', 'y', 'z'] | None", orientation)
     diagnosis = diagnosis if isinstance(diagnosis, Diagnosis) else read_diagnosis(diagnosis)
     before, doubt = _diagnosed_palette(diagnosis, palette, printer)
-    asked = Reference(rate_per_s, temperature_C, soak_h, age_days, along)
+    asked = Reference(rate_per_s, temperature_C, soak_h, age_days, cast("Any", orientation))
     use = _conditions(asked, before.reference)
     for name, value in (("width_mm", width_mm), ("thickness_mm", thickness_mm)):
         if not 0.0 < value < math.inf:
             raise ArgumentError(f"`{name}` {value:g}: it must be above 0")
     own = _conditions(Reference(), before.reference)
-    made = _corrected(_Case(before, diagnosis, own, use, (width_mm, thickness_mm)), recalibrate)
-    return replace(made, notes=(*doubt, *made.notes))
+    case = _Case(before, diagnosis, own, use, (width_mm, thickness_mm))
+    return _corrected(case, recalibrate, doubt)
 
 
 def _diagnosed_palette(
     found: Diagnosis, palette: str | Path | Palette | None, printer: str | Printer
 ) -> tuple[Palette, tuple[str, ...]]:
     """Return the palette, and a doubt whether it is the one that was diagnosed."""
-    own, chosen = found.own_palette, None
+    own = found.own_palette
     if palette is not None:
         chosen = palette_of(palette, printer)
-    elif own is not None:
-        return own, ()
-    else:
-        with contextlib.suppress(PlannerError):
-            chosen = load_printer(printer).palette(found.palette)
-    if chosen is not None and (
-        found.palette_sha256 in ("", chosen.sha256)
-        or (own is not None and encode_palette(chosen) == encode_palette(own))
-    ):
-        return chosen, ()
-    if palette is None or chosen is None:
-        machine = printer if isinstance(printer, str) else printer.name
-        has = "does not bring" if chosen is None else "brings with other bytes"
-        raise UnknownNameError(
-            f"the diagnosis is of a palette {found.palette} that printer {machine} {has}; give "
-            "its file, the campaign's palette.toml, with `palette`"
+        same = own is not None and encode_palette(chosen) == encode_palette(own)
+        if same or found.palette_sha256 in ("", chosen.sha256):
+            return chosen, ()
+        return chosen, (
+            f"palette {chosen.name} is not, byte for byte, the one that was diagnosed; if it has "
+            "other laws, the correction is wrong: give the campaign's own with --palette",
         )
-    return chosen, (
-        f"palette {chosen.name} is not, byte for byte, the one that was diagnosed; if it has "
-        "other laws, the correction is wrong: give the campaign's own with --palette",
+    if own is not None:
+        return own, ()
+    has = "does not bring"
+    with contextlib.suppress(FileError, UnknownNameError):
+        brought = load_printer(printer).palette(found.palette)
+        if found.palette_sha256 in ("", brought.sha256):
+            return brought, ()
+        has = "brings with other bytes"
+    machine = printer if isinstance(printer, str) else printer.name
+    raise UnknownNameError(
+        f"the diagnosis is of a palette {found.palette} that printer {machine} {has}; give "
+        "its file, the campaign's palette.toml, with `palette`"
     )
 
 
-def _corrected(case: _Case, recalibrate: bool) -> Correction:
+def _corrected(case: _Case, recalibrate: bool, doubt: Sequence[str]) -> Correction:
     palette, diagnosis, own, use = case.palette, case.diagnosis, case.own, case.use
     library = effects_for(palette)
     pairs = [(one, effect_named(one.id, library, "diagnosis: effect")) for one in diagnosis.effect]
     known = [found for found, effect in pairs if effect.advice is None]
     left = tuple(found.id for found, effect in pairs if effect.advice)
     findings = [effect.advice(found, *case.section_mm) for found, effect in pairs if effect.advice]
-    notes = [*findings, *_doubts(diagnosis)]
+    notes = [*doubt, *findings, *_doubts(diagnosis)]
     applied = [_stated(e, library[e.id], palette.name) for e in known]
     places = [(material, use) for material in palette.materials]
     far = [_BREAK_SHARE * material.elongation_at_break for material in palette.materials]
@@ -601,9 +596,13 @@ def _corrected(case: _Case, recalibrate: bool) -> Correction:
     name = palette.name.removesuffix("-corrected") + "-corrected"
     source = _source(case, applied, corrected)
     made = replace(palette, name=name, materials=tuple(materials), reference=use, source=source)
-    made = _checked(made)
+    made = parse_palette(encode_palette(made), name=name)  # as its file will be read
+    unfit = "the correction makes the palette unfit to plan with"
+    then = "{}; if it is one material's, measure that one again, or leave it out of the palette"
+    with refused(PaletteError, unfit, then, PaletteError):
+        model = CoefficientModel(made)  # as for grading
     notes += _beyond(case, acting, log_sd)
-    findings += (guesses := list(_guesses(case, made, forms)))
+    findings += (guesses := list(_guesses(case, model, forms)))
     notes += guesses
     return Correction(
         made, palette, tuple(corrected), tuple(notes), misfit, factor, log_sd,
@@ -693,9 +692,8 @@ def _tests_of(case: _Case, materials: Sequence[Material], condition: str | None)
     """Return materials, each at every level of a condition that was tested."""
     if condition is None:
         return [(material, case.own) for material in materials]
-    tested = case.diagnosis.tested.get(condition, ())
-    levels = [cast("Any", {condition: level}) for level in tested]
-    return [(material, replace(case.own, **level)) for material in materials for level in levels]
+    tested: Any = case.diagnosis.tested.get(condition, ())
+    return [(m, replace(case.own, **{condition: level})) for m in materials for level in tested]
 
 
 def _beyond(
@@ -757,19 +755,18 @@ def _range_in_words(name: str, tested: Sequence[float | str]) -> str:
     return f"{ends} {_CONDITIONS[name][1]}"
 
 
-def _guesses(case: _Case, made: Palette, forms: FloatArray) -> Iterator[str]:
+def _guesses(case: _Case, model: CoefficientModel, forms: FloatArray) -> Iterator[str]:
     """Yield a finding for the materials that may be as stiff as their neighbours in this use.
 
     A plan chooses grades. Where forms that fit the tests as well differ, with 95 %, by more than
     the step to the nearest grade, which grade meets a target is a guess. It is told of materials
     that were tested, or lie between such: a plan may do without the others, which a note names.
     """
-    model = CoefficientModel(made)
     steps = np.diff(np.log(model.grade_moduli_MPa(min(_WORKING_STRAIN, model.strain_limit))))
     nearest = np.minimum(np.append(steps, np.inf), np.append(np.inf, steps))
     far, grades = normal_quantile() * forms > nearest, case.grades()
-    ids = [m.id for n, m in enumerate(made.materials) if far[n] and grades[0] <= n <= grades[-1]]
-    if ids:
+    between = range(grades[0], grades[-1] + 1) if grades else ()
+    if ids := [case.palette.materials[n].id for n in between if far[n]]:
         yield (
             f"{', '.join(ids)}: which grade meets a target here is a guess. Forms of the effect "
             "that fit the tests as well differ by more than the step to the next grade. Test in "
@@ -807,16 +804,3 @@ def _source(case: _Case, known: Sequence[StatedEffect], corrected: Sequence[str]
         f"gap correct, from the diagnosis of campaign {case.diagnosis.campaign}, for {at}"
         f"{f', parts {thickness_mm:g} mm thick' if thick else ''}; before: {palette.source}"
     )
-
-
-def _checked(palette: Palette) -> Palette:
-    """Return the palette as its file will be read, its ladder checked as for grading."""
-    made = parse_palette(encode_palette(palette), name=palette.name)
-    try:
-        CoefficientModel(made)
-    except PaletteError as error:
-        raise PaletteError(
-            f"the correction makes the palette unfit to plan with: {error}; if it is one "
-            "material's, measure that one again, or leave it out of the palette"
-        ) from error
-    return made

@@ -104,10 +104,10 @@ def _specimen(
     return virtual_specimen(palette, **fields, **options)
 
 
-def _step_bar(name: str, gauge_mm: float, first: float, second: float) -> ProfileDesign:
-    """Return a bar of two mixtures, half and half."""
-    half = np.array([0.0, 0.5, 0.5, 1.0]) * gauge_mm
-    return ProfileDesign(name, half, np.repeat([first, second], 2))
+def _striped(name: str, gauge_mm: float, *mixtures: float) -> ProfileDesign:
+    """Return a bar of mixtures, each as long as the others."""
+    edges = np.repeat(np.linspace(0.0, 1.0, len(mixtures) + 1), 2)[1:-1]
+    return ProfileDesign(name, edges * gauge_mm, np.repeat(mixtures, 2))
 
 
 def _elastic(palette: Palette) -> tuple[list[Material], list[Material]]:
@@ -162,7 +162,13 @@ def candidates_of(
         if {first, second} <= wanted:
             changes.append({"material": three[0], **steps[first][0], **steps[second][0]})
     if "bars" in wanted and len(grades) > 1:
-        bars = _bars(soft.coordinate, middle.coordinate, hard.coordinate, size["gauge_mm"])
+        gauge_mm, (low, mid, high) = size["gauge_mm"], (m.coordinate for m in (soft, middle, hard))
+        bars = [
+            _striped("step-middle-hard", gauge_mm, mid, high),
+            _striped("step-soft-middle", gauge_mm, low, mid),
+            _striped("stripes", gauge_mm, *[mid, high] * 3),
+            ProfileDesign("ramp", np.array([0.0, gauge_mm]), np.array([low, high])),
+        ]
         changes += [{"profile": bar} for bar in bars]
         if "rate" in wanted:
             changes.append({"profile": bars[0], "protocol": "relaxation"})
@@ -171,17 +177,6 @@ def candidates_of(
         _specimen(palette, reference, change, id=f"C{number:03d}", strain=strain, camera=True)
         for number, change in enumerate(changes)
     )
-
-
-def _bars(soft: float, middle: float, hard: float, gauge_mm: float) -> list[ProfileDesign]:
-    """Return bars of one step, of stripes, and of a ramp."""
-    edges = np.repeat(np.linspace(0.0, 1.0, 7), 2)[1:-1] * gauge_mm
-    return [
-        _step_bar("step-middle-hard", gauge_mm, middle, hard),
-        _step_bar("step-soft-middle", gauge_mm, soft, middle),
-        ProfileDesign("stripes", edges, np.repeat([middle, hard] * 3, 2)),
-        ProfileDesign("ramp", np.array([0.0, gauge_mm]), np.array([soft, hard])),
-    ]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -506,7 +501,16 @@ def design_campaign(
     named = effects.split(",") if isinstance(effects, str) else effects
     asked = tuple(effect_named(id, library, "`effects`").id for id in map(str.strip, named) if id)
     size = {"width_mm": width_mm, "thickness_mm": thickness_mm, "gauge_mm": gauge_mm}
-    _check(asked, budget, size)
+    if not asked:
+        raise ArgumentError("`effects`: none; name those to tell apart, as in rate,moisture")
+    if (double := next((id for id in asked if asked.count(id) > 1), None)) is not None:
+        raise ArgumentError(f"`effects`: {double} stands twice; name each effect once")
+    as_count(budget, "`budget`", _MOST)
+    for name, value in size.items():
+        if not _SMALLEST_mm <= value <= _LARGEST_mm:
+            raise ArgumentError(
+                f"`{name}` {value:g}: it must be from {_SMALLEST_mm:g} to {_LARGEST_mm:g}"
+            )
     say = progress or (lambda what: None)
     plan = Campaign("candidates", machine.name, palette, candidates_of(palette, asked, size))
     # Small matrices: more threads only change the last digits.
@@ -541,19 +545,6 @@ def design_campaign(
             left_over=budget - len(campaign.specimens),
             needs_camera=any(s.profile is not None for s in campaign.specimens),
         )
-
-
-def _check(asked: Sequence[str], budget: int, size: Mapping[str, float]) -> None:
-    if not asked:
-        raise ArgumentError("`effects`: none; name those to tell apart, as in rate,moisture")
-    if (double := next((id for id in asked if asked.count(id) > 1), None)) is not None:
-        raise ArgumentError(f"`effects`: {double} stands twice; name each effect once")
-    as_count(budget, "`budget`", _MOST)
-    for name, value in size.items():
-        if not _SMALLEST_mm <= value <= _LARGEST_mm:
-            raise ArgumentError(
-                f"`{name}` {value:g}: it must be from {_SMALLEST_mm:g} to {_LARGEST_mm:g}"
-            )
 
 
 def _campaign(plan: Campaign, counts: IntArray, asked: Sequence[str]) -> Campaign:
@@ -648,12 +639,12 @@ def trials_of(campaign: Campaign, setup: Setup) -> tuple[Trial, ...]:
     for number, change in enumerate(ways):
         if all(reference.get(name) == value for name, value in change.items()):
             continue
-        material, fields = change.get("material", reference["material"]), change
-        strain = virtual_strain(palette, [material])
+        strain = virtual_strain(palette, [change.get("material", reference["material"])])
+        fields = change
         if "profile" in change:
             ends = soft.coordinate, hard.coordinate
-            bar = _step_bar(change["profile"], reference["gauge_mm"], *ends)
-            strain, fields = virtual_strain(palette, ()), {"profile": bar}
+            fields = {"profile": _striped(change["profile"], reference["gauge_mm"], *ends)}
+            strain = virtual_strain(palette, ())
         specimen = _specimen(
             palette, reference, fields, id=f"trial-{number:02d}", strain=strain, steps=100,
             pushed=pushed,
@@ -763,8 +754,7 @@ def _predicted(
     known, sizes = _known_laws(weighed, candidates, calibrations)
     learned = figures[1 + len(calibrations) :] + sizes @ shared.T
     sensor = np.tile(np.nanmedian(problem.model.sensor_sd_N, axis=0), (len(trials), 1))
-    no_batch = np.full(len(trials), -1)
-    features = NoisyFeatures(table, table.sensitivity(raw[0]), sensor, no_batch)
+    features = NoisyFeatures(table, table.sensitivity(raw[0]), sensor, np.full(len(trials), -1))
     noise = features.noise(problem.scatter)
     return [
         (learned[:, rows], block / _BATCHES + shared[rows] @ known @ shared[rows].T)

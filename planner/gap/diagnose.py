@@ -66,7 +66,7 @@ from planner.gap.quality import HOLDS, examine, merged_units, suggested_units
 from planner.gap.segments import hold_share
 from planner.gap.summary import summary_of
 from planner.glance import counted
-from planner.numerics import BoolArray, FloatArray, IntArray, one_blas_thread
+from planner.numerics import BoolArray, FloatArray, one_blas_thread
 from planner.palette import Material, Palette
 from planner.simulation.bar_solver import predict
 
@@ -241,7 +241,7 @@ def closure(
         floor_rms = _rms(floor)
         if not nothing:
             closed = _closed(_rms(before), _rms(after), floor_rms)
-            interval = _interval(problem, np.stack([before, after, floor]), rng)
+            interval = _interval(problem, np.stack([before, after, floor]), closed, rng)
     # Levels of the verdict's own covariates: along any other column nothing is carried beyond.
     own = own_axes([b.effect for b in problem.signed_forms if b.effect.id in verdict])
     beyond = _levels_out(specimens, own)
@@ -389,9 +389,9 @@ def _closed(before: float, after: float, floor: float) -> float | None:
 
 
 def _interval(
-    problem: Problem, errors: FloatArray, rng: np.random.Generator
+    problem: Problem, errors: FloatArray, middle: float | None, rng: np.random.Generator
 ) -> tuple[float, float] | None:
-    """Return the 90 % interval of the closure over resampled tests.
+    """Return the 90 % interval, about a middle, of the closure over resampled tests.
 
     Replicates of one test share most of what a model leaves: they are drawn together. The floor is
     a variance of few degrees of freedom, and drawn as such.
@@ -406,21 +406,17 @@ def _interval(
     freedom = max(problem.scatter.degrees_of_freedom, 1)
     groups = [np.flatnonzero(some & (test_of == test)) for test in np.unique(test_of[some])]
 
-    def closed(rows: IntArray, doubt: float) -> float | None:
-        if np.isnan(floor[rows]).all():
-            return None
-        return _closed(_rms(before[rows]), _rms(after[rows]), _rms(doubt * floor[rows]))
-
-    middle = closed(np.flatnonzero(some), 1.0)
     values = []
     for _ in range(_RESAMPLES):
         drawn = rng.integers(len(groups), size=len(groups))
+        rows = np.concatenate([groups[g] for g in drawn])
         doubt = freedom / float(rng.chisquare(freedom))
-        if (value := closed(np.concatenate([groups[g] for g in drawn]), doubt)) is not None:
-            values.append(value)
-    if middle is None or len(values) < _RESAMPLES // 2:
+        if not np.isnan(floor[rows]).all():
+            values.append(_closed(*map(_rms, (before[rows], after[rows], doubt * floor[rows]))))
+    told = [value for value in values if value is not None]
+    if middle is None or len(told) < _RESAMPLES // 2:
         return None
-    low, high = (middle + _WIDER * (np.quantile(values, [0.05, 0.95]) - middle)).tolist()
+    low, high = (middle + _WIDER * (np.quantile(told, [0.05, 0.95]) - middle)).tolist()
     # Ends may pass 1, as the middle may: the floor is itself uncertain.
     return min(middle, low), max(middle, high)
 
@@ -445,18 +441,6 @@ def _places_of(
         left = problem.residual - problem.explained(chosen)
         after = localise(problem.campaign, problem.table, left, whitening)
     return before, tuple(p for p in after if p.p < _SIGNIFICANT)
-
-
-def _recalibration_of(
-    likelihood: Likelihood, chosen: Candidate
-) -> Mapping[str, tuple[float, float]]:
-    """Return each material's posterior level, ln of a factor on its stress, and its deviation."""
-    problem, (mean, covariance) = likelihood.problem, likelihood.laws_off(chosen)
-    return {
-        one.material: (float(mean[k] * one.sd), float(np.sqrt(covariance[k, k]) * one.sd))
-        for k, one in enumerate(problem.calibrations)
-        if one.kind == "level"
-    }
 
 
 # ------------------------------------------------------------------------------------------------
@@ -671,6 +655,7 @@ def diagnose(
         alike = [found_effects(weighed, weighed.best[e]) for e in same_class if e in weighed.best]
         units = [unit for found in alike for unit in suggested_units(found, campaign.specimens)]
         units += [problem.unit_of for problem in data_quality if problem.unit_of is not None]
+        mean, covariance = weighed.mode_of(chosen).likelihood.laws_off(chosen)
         tested, changed = levels_tested(campaign)
         found = Diagnosis(
             campaign=campaign.name,
@@ -691,7 +676,11 @@ def diagnose(
             detectable=tuple(detectable_sizes(problem, nodes, priors)),
             limitations=(*campaign.limitations, *model.limitations, *doubts),
             unit_of=merged_units(units),
-            recalibration=_recalibration_of(weighed.mode_of(chosen).likelihood, chosen),
+            recalibration={
+                one.material: (float(mean[k] * one.sd), float(np.sqrt(covariance[k, k]) * one.sd))
+                for k, one in enumerate(problem.calibrations)
+                if one.kind == "level"
+            },
             tested=tested,
             changed=changed,
             seed=seed,

@@ -378,7 +378,7 @@ class Diagnosis:
             recalibration={m: _LevelFile(*level) for m, level in self.recalibration.items()},
             **{name: getattr(self, name) for name in _ALIKE},
         )
-        document: dict[str, Any] = _written(msgspec.to_builtins(file, enc_hook=_plain))
+        document: dict[str, Any] = _written(msgspec.to_builtins(file, enc_hook=np.generic.item))
         for entry in document["effect"].values():
             del entry["id"]  # its key says it
         return document
@@ -597,10 +597,3 @@ def _completed(value: Any, key: str = "") -> Any:
 
 def _unnamed(effects: Effects) -> Effects:
     return () if effects == ("none",) else effects
-
-
-def _plain(value: Any) -> Any:
-    """Return a number that is numpy's as Python's."""
-    if isinstance(value, np.generic):
-        return value.item()
-    raise TypeError(f"a diagnosis cannot hold a {type(value).__name__}")

@@ -332,9 +332,7 @@ def calibration_columns(calibrations: tuple[Calibration, ...], changes: FloatArr
     changes : (q, N)
         Of the features, with ``way.applied(setup)``.
     """
-    return np.ascontiguousarray(
-        (changes * [[calibration.sd / _STEP] for calibration in calibrations]).T
-    )
+    return np.ascontiguousarray((changes * [[one.sd / _STEP] for one in calibrations]).T)
 
 
 # ------------------------------------------------------------------------------------------------
