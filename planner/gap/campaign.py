@@ -247,8 +247,7 @@ def _without_stairs(time_s: FloatArray, travel_mm: FloatArray) -> FloatArray:
     """
     first = np.flatnonzero(np.diff(travel_mm, prepend=np.nan) != 0.0)
     last = np.append(first[1:], len(travel_mm)) - 1
-    stands = last > first
-    if len(first) < _FEWEST_LEVELS or np.mean(stands) < _STAIRS:
+    if len(first) < _FEWEST_LEVELS or np.mean(last > first) < _STAIRS:
         return travel_mm
     # A level begins and ends half-way to the rows beside it.
     edges = np.concatenate([time_s[:1], 0.5 * (time_s[last[:-1]] + time_s[first[1:]]), time_s[-1:]])

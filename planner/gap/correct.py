@@ -257,8 +257,7 @@ def _fitted(
             log = np.zeros_like(log)
             break
         one = _with(one, size.name, better)
-    chi2 = float(np.sum(((log[:tests] - found[:tests]) / sd) ** 2))
-    return -0.5 * chi2, log
+    return -0.5 * float(np.sum(((log[:tests] - found[:tests]) / sd) ** 2)), log
 
 
 # ------------------------------------------------------------------------------------------------
@@ -547,9 +546,8 @@ def _corrected(case: _Case, recalibrate: bool, doubt: Sequence[str]) -> Correcti
     findings = [effect.advice(found, *case.section_mm) for found, effect in pairs if effect.advice]
     notes = [*doubt, *findings, *_doubts(diagnosis)]
     applied = [_stated(e, library[e.id], palette.name) for e in known]
-    places = [(material, use) for material in palette.materials]
     far = [_BREAK_SHARE * material.elongation_at_break for material in palette.materials]
-    factors = _Factors(case, places, far, _STEPS)
+    factors = _Factors(case, [(material, use) for material in palette.materials], far, _STEPS)
     logs = _whole(factors.log(applied), palette)
     notes += [
         f"{one.effect.id}: nothing changes at {_in_words(use, name)}, the palette's own; "

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from itertools import combinations, pairwise
+from itertools import accumulate, combinations, pairwise
 from pathlib import Path
 from typing import Any
 
@@ -306,17 +306,15 @@ class Information:
         factor = scipy.linalg.cho_factor(total, lower=True, check_finite=False)
         of_effects = np.eye(len(total), sum(self.forms))
         inverse = scipy.linalg.cho_solve(factor, of_effects, check_finite=False)
-        ends: list[int] = np.cumsum([0, *self.forms]).tolist()
         return sum(
             -0.5 / (b - a) * float(np.linalg.slogdet(inverse[a:b, a:b])[1])
-            for a, b in pairwise(ends)
+            for a, b in pairwise(accumulate(self.forms, initial=0))
         )
 
     def best(self, choices: Sequence[IntArray]) -> IntArray:
         """Return the first of the choices that tell most."""
         # Rounded, so that the last bits of another machine choose no other condition.
-        told = [round(self.nats(counts), 6) for counts in choices]
-        return choices[told.index(max(told))]
+        return max(choices, key=lambda counts: round(self.nats(counts), 6))
 
     def filled(self, counts: IntArray, conditions: int) -> IntArray:
         """Return the choice with as many more as make up a number of conditions."""

@@ -15,7 +15,6 @@ from planner.gap.campaign import (
     Specimen,
     axis_columns,
     column_levels,
-    replicate_groups,
     stated,
     with_modes,
 )
@@ -316,19 +315,17 @@ class _Predictor:
         problem = self.problem
         likelihood, odds = reweigh(self.weighed, self.vain, weight)
         shares = softmax([value for value, _ in odds])
-        likely = [
-            (share, candidate)
-            for share, (_, candidate) in zip(shares.tolist(), odds, strict=True)
-            if share > _LEAST_PROBABILITY
-        ]
-        expected = np.zeros_like(problem.model.measured_N)
-        for share, candidate in likely:
+        expected, told = np.zeros_like(problem.model.measured_N), 0.0
+        for share, (_, candidate) in zip(shares.tolist(), odds, strict=True):
+            if share <= _LEAST_PROBABILITY:
+                continue
             chosen = self.weighed.mode_of(candidate).fitted(likelihood, problem.gain_of(candidate))
             forces = specimen_forces_N(problem, replace(chosen, members=None))
             if candidate.members is not None:
                 forces = self._with_own_gain(forces, candidate.log_gain)
             expected += share * forces
-        return squared_errors(problem, expected / sum(share for share, _ in likely))
+            told += share
+        return squared_errors(problem, expected / told)
 
     def _with_own_gain(self, forces: FloatArray, log_gain: float) -> FloatArray:
         """Return forces with each specimen's gain, told from its own curve's level alone.
@@ -370,11 +367,10 @@ class _Predictor:
         predicted = table.transformed(problem.unpredicted) + raw
         # No further than what was measured or predicted goes: patterns grow without an end.
         most = np.max(np.abs([table.measured, table.transformed(problem.unpredicted)]))
-        force = table.raw(np.clip(predicted, -most, most))
         of = np.where(table.is_field, 0.0, 1.0 / problem.model.peaks_N[table.specimen, 0])
         after, before = (
             np.bincount(table.specimen, (of * (table.measured_raw - found)) ** 2)
-            for found in (force, problem.unpredicted)
+            for found in (table.raw(np.clip(predicted, -most, most)), problem.unpredicted)
         )
         return np.asarray(self.before * (after / np.maximum(before, 1e-300)))
 
@@ -408,8 +404,7 @@ def _interval(
 
     values = []
     for _ in range(_RESAMPLES):
-        drawn = rng.integers(len(groups), size=len(groups))
-        rows = np.concatenate([groups[g] for g in drawn])
+        rows = np.concatenate([groups[g] for g in rng.integers(len(groups), size=len(groups))])
         doubt = freedom / float(rng.chisquare(freedom))
         if not np.isnan(floor[rows]).all():
             values.append(_closed(*map(_rms, (before[rows], after[rows], doubt * floor[rows]))))
@@ -720,9 +715,8 @@ def _strays(campaign: Campaign, quality: Sequence[QualityProblem]) -> set[str]:
 
     Or the two of which it cannot be told. Several are no strays: something sets them apart.
     """
-    off = {p.specimen for p in quality if p.kind in ("outlier", "units")}
-    found = {s.id for s in campaign.specimens if s.id in off}
-    alike = [{campaign.specimens[k].id for k in g} for g in replicate_groups(campaign.specimens)]
+    found = {p.specimen for p in quality if p.specimen and p.kind in ("outlier", "units")}
+    alike = [{s.id for s in group} for group in campaign.replicates()]
     return found if len(found) == 1 or found in alike else set()
 
 

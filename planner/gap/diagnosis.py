@@ -273,8 +273,7 @@ class Traces:
 
 def signed_error(errors: FloatArray) -> FloatArray:
     """Return root mean squares of the last axis, below 0 where their mean is."""
-    size = np.sqrt(np.mean(errors**2, axis=-1))
-    return np.asarray(np.copysign(size, errors.sum(axis=-1)))
+    return np.asarray(np.copysign(np.sqrt(np.mean(errors**2, axis=-1)), errors.sum(axis=-1)))
 
 
 @dataclass(frozen=True, slots=True)

@@ -289,5 +289,4 @@ def place_on_palette(setup: Setup) -> FloatArray:
 
 def kept_below(size: FloatArray, most: ArrayLike) -> FloatArray:
     """Return sizes of either sign that hardly change well below a largest, and never exceed it."""
-    ratio = size / np.maximum(most, 1e-12)
-    return np.asarray(size * (1.0 + ratio**8) ** -0.125)
+    return np.asarray(size * (1.0 + (size / np.maximum(most, 1e-12)) ** 8) ** -0.125)

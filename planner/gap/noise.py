@@ -252,8 +252,7 @@ def _field_block(
 def _by_raw(table: FeatureTable, sensitivity: FloatArray, rows: slice | IntArray) -> FloatArray:
     """Return the derivative of transformed features by raw ones, (d,)."""
     # Of asinh(F / 2 s) by F, where F = 2 s sinh(y): 1 / (2 s cosh y).
-    by_raw: FloatArray = np.sqrt(np.maximum(1.0 - sensitivity[rows] ** 2, 1e-8))
-    return by_raw / (2.0 * table.floor[rows])
+    return np.sqrt(np.maximum(1.0 - sensitivity[rows] ** 2, 1e-8)) / (2.0 * table.floor[rows])
 
 
 # ------------------------------------------------------------------------------------------------
