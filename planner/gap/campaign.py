@@ -452,10 +452,8 @@ class Campaign:
 
     @one_line
     def __repr__(self) -> str:
-        return (
-            f"{self.name}: {counted(len(self.specimens), 'specimen')}, {self.printer}, "
-            f"{self.palette.name}"
-        )
+        held = counted(len(self.specimens), "specimen")
+        return f"{self.name}: {held}, {self.printer}, {self.palette.name}"
 
     def __post_init__(self) -> None:
         if not self.specimens:

@@ -51,9 +51,8 @@ class _Case:
     def grades(self, *conditions: str | None) -> list[int]:
         """Return the places on the palette of the materials that tell of conditions, rising."""
         tested = self.diagnosis.tested.get("material", tuple(self.diagnosis.recalibration))
-        ids = set(tested).intersection(
-            *(self.diagnosis.changed.get(name, tested) for name in conditions if name)
-        )
+        of_each = (self.diagnosis.changed.get(name, tested) for name in conditions if name)
+        ids = set(tested).intersection(*of_each)
         return [k for k, material in enumerate(self.palette.materials) if material.id in ids]
 
 
@@ -592,7 +591,7 @@ def _corrected(case: _Case, recalibrate: bool, doubt: Sequence[str]) -> Correcti
             "it in compression"
         )
     name = palette.name.removesuffix("-corrected") + "-corrected"
-    source = _source(case, applied, corrected)
+    source = _source(case, acting, corrected)
     made = replace(palette, name=name, materials=tuple(materials), reference=use, source=source)
     made = parse_palette(encode_palette(made), name=name)  # as its file will be read
     unfit = "the correction makes the palette unfit to plan with"
@@ -790,13 +789,12 @@ def _doubts(diagnosis: Diagnosis) -> Iterator[str]:
         )
 
 
-def _source(case: _Case, known: Sequence[StatedEffect], corrected: Sequence[str]) -> str:
+def _source(case: _Case, acting: Sequence[StatedEffect], corrected: Sequence[str]) -> str:
     palette, use, thickness_mm = case.palette, case.use, case.section_mm[1]
-    ours = [one for one in known if one.effect.id in corrected]
-    names = {one.effect.id: f"{one.effect.id} ({one.form.name})" for one in ours}
+    names = {one.effect.id: f"{one.effect.id} ({one.form.name})" for one in acting}
     what = " and ".join(names.get(id, id) for id in corrected)
     at = ", ".join(_in_words(use, name) for name in (*_CONDITIONS, "orientation"))
-    thick = any("thickness_mm" in one.effect.where for one in ours)
+    thick = any("thickness_mm" in one.effect.where for one in acting)
     return (
         f"palette {palette.name} (sha256 {palette.sha256[:12]}) corrected for {what} by planner "
         f"gap correct, from the diagnosis of campaign {case.diagnosis.campaign}, for {at}"

@@ -97,8 +97,6 @@ def _specimen(
         Of `virtual_specimen`.
     """
     fields = {**reference, **change}
-    if "profile" in change:
-        fields["material"] = None
     if "rate_mm_s" not in change:
         fields["rate_mm_s"] *= fields["gauge_mm"] / reference["gauge_mm"]
     return virtual_specimen(palette, **fields, **options)
@@ -306,10 +304,8 @@ class Information:
         factor = scipy.linalg.cho_factor(total, lower=True, check_finite=False)
         of_effects = np.eye(len(total), sum(self.forms))
         inverse = scipy.linalg.cho_solve(factor, of_effects, check_finite=False)
-        return sum(
-            -0.5 / (b - a) * float(np.linalg.slogdet(inverse[a:b, a:b])[1])
-            for a, b in pairwise(accumulate(self.forms, initial=0))
-        )
+        blocks = (inverse[a:b, a:b] for a, b in pairwise(accumulate(self.forms, initial=0)))
+        return sum(-0.5 / len(block) * float(np.linalg.slogdet(block)[1]) for block in blocks)
 
     def best(self, choices: Sequence[IntArray]) -> IntArray:
         """Return the first of the choices that tell most."""
@@ -407,11 +403,9 @@ class CampaignDesign:
 
     @one_line
     def __repr__(self) -> str:
-        return (
-            f"for {', '.join(e.id for e in self.expected)}: "
-            f"{counted(len(self.campaign.specimens), 'specimen')}, "
-            f"{counted(self.conditions, 'condition')}; {'ok' if self.ok else 'not sure'}"
-        )
+        asked, specimens = ", ".join(e.id for e in self.expected), len(self.campaign.specimens)
+        held = f"{counted(specimens, 'specimen')}, {counted(self.conditions, 'condition')}"
+        return f"for {asked}: {held}; {'ok' if self.ok else 'not sure'}"
 
     @property
     def ok(self) -> bool:
@@ -602,14 +596,9 @@ class Trial:
             design = {name: tuple(getattr(bar, name).tolist()) for name in ("x_mm", "coordinate")}
         row = {name: cell for name, cell in cells.items() if cell is not None}
         what = ", ".join(f"{name} {value}" for name, value in self.change.items())
-        how = "compressed specimens" if s.pushed else "specimens"
-        detail = (
-            f"{_BATCHES} {how} with {what}, all else as where the palette was measured; about "
-            f"{self.hours:.1f} h"
-        )
-        return Experiment(
-            dict(self.change), splits, gain_nats, self.hours, detail, _BATCHES, row, design
-        )
+        tests = f"{_BATCHES} {'compressed ' if s.pushed else ''}specimens with {what}"
+        detail = f"{tests}, all else as where the palette was measured; about {self.hours:.1f} h"
+        return Experiment(self.change, splits, gain_nats, self.hours, detail, _BATCHES, row, design)
 
 
 def trials_of(campaign: Campaign, setup: Setup) -> tuple[Trial, ...]:
@@ -637,12 +626,12 @@ def trials_of(campaign: Campaign, setup: Setup) -> tuple[Trial, ...]:
     for number, change in enumerate(ways):
         if all(reference.get(name) == value for name, value in change.items()):
             continue
-        strain = virtual_strain(palette, [change.get("material", reference["material"])])
-        fields = change
+        material, fields = change.get("material", reference["material"]), change
+        strain = virtual_strain(palette, [material])
         if "profile" in change:
             ends = soft.coordinate, hard.coordinate
-            fields = {"profile": _striped(change["profile"], reference["gauge_mm"], *ends)}
-            strain = virtual_strain(palette, ())
+            bar = _striped(change["profile"], reference["gauge_mm"], *ends)
+            strain, fields = virtual_strain(palette, ()), {"profile": bar, "material": None}
         specimen = _specimen(
             palette, reference, fields, id=f"trial-{number:02d}", strain=strain, steps=100,
             pushed=pushed,
@@ -713,13 +702,10 @@ def next_experiments(
     found = []
     for trial, figures in zip(trials, _predicted(weighed, candidates, trials), strict=True):
         gain, distance = _information(*figures, share)
-        splits = sorted(
-            combinations(range(len(known)), 2),
-            key=lambda p: -float(distance[p] * share[list(p)].min()),
-        )
-        named = tuple(
-            (known[a].name, known[b].name) for a, b in splits[:3] if distance[a, b] > _TOLD_APART
-        )
+        pairs = combinations(range(len(known)), 2)
+        splits = sorted(pairs, key=lambda p: -float(distance[p] * share[list(p)].min()))
+        apart = [pair for pair in splits[:3] if distance[pair] > _TOLD_APART]
+        named = tuple((known[a].name, known[b].name) for a, b in apart)
         found.append(trial.experiment(named, gain))
     found.sort(key=lambda e: -e.expected_gain_nats / e.hours)
     first: dict[str, Experiment] = {}  # what is planned for two reasons is one test

@@ -736,12 +736,10 @@ def _cautions(problem: Problem) -> Iterator[str]:
             for name in problem.campaign.covariates
             if any(len({cells.get(name) for cells in of}) > 1 for of in alike)
         ]
-        where = (
-            f"they differ in column{'s' if len(columns) > 1 else ''} {', '.join(columns)}, which "
-            "no effect claims"
-            if columns
-            else "no column tells them apart"
-        )
+        where = "no column tells them apart"
+        if columns:
+            named = f"column{'s' if len(columns) > 1 else ''} {', '.join(columns)}"
+            where = f"they differ in {named}, which no effect claims"
         yield (
             f"specimens made and tested alike differ by {100.0 * scatter.specimen:.0f} %, and "
             f"jetted ones by 1 to 9 %: {where}; give the condition in which they differ its own "

@@ -338,11 +338,9 @@ class Diagnosis:
 
     @one_line
     def __repr__(self) -> str:
-        return (
-            f"{self.campaign}: {self.verdict}, {counted(self.specimens, 'specimen')}, "
-            f"{counted(self.tests, 'test')}, error {self.gap.before:.3g}"
-            + ("" if self.gap.after is None else f" -> {self.gap.after:.3g}")
-        )
+        held = f"{counted(self.specimens, 'specimen')}, {counted(self.tests, 'test')}"
+        after = "" if self.gap.after is None else f" -> {self.gap.after:.3g}"
+        return f"{self.campaign}: {self.verdict}, {held}, error {self.gap.before:.3g}{after}"
 
     @property
     def ok(self) -> bool:

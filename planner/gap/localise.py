@@ -93,15 +93,13 @@ def specimen_patterns(cells: Sequence[str | float | None]) -> FloatArray | None:
     known = np.array([c is not None for c in cells])
     values = [c for c in cells if c is not None]
     distinct = sorted(set(values), key=str)
-    if len(distinct) < 2:
-        return None
     if len(distinct) > 3 and not any(isinstance(v, str) for v in values):
         at = np.array([0.0 if c is None else float(c) for c in cells])
         low, high = min(at[known]), max(at[known])
         t = 2.0 * (at - low) / (high - low) - 1.0
         bend, leap = 1.5 * t * t - 0.5, np.sign(t) * (np.abs(t) > _LEAP)
         patterns = np.stack([t, _LESS * bend, _LESS * leap], axis=1)
-    elif len(distinct) <= max(2, len(values) // 2):
+    elif 1 < len(distinct) <= max(2, len(values) // 2):
         patterns = np.array([[float(cell == value) for value in distinct] for cell in cells])
     else:
         return None
