@@ -175,10 +175,8 @@ def _intervals_sd(
                 step = _DEVIATIONS * 0.5 * (high - low) / by
                 if low <= value - step < value + step <= high:  # else at the end of what may be
                     ends, by = (value - step, value + step), _DEVIATIONS
-                down, up = (
-                    factors.log([*before, _with(effect, name, end), *after]).mean(axis=1)
-                    for end in ends
-                )
+                both = ([*before, _with(effect, name, end), *after] for end in ends)
+                down, up = (factors.log(acting).mean(axis=1) for acting in both)
                 change += 0.5 * (up - down) / by
         correlation = np.array(one.correlation or np.eye(len(names)))
         total += np.einsum("ip,ij,jp->p", changes, correlation, changes)

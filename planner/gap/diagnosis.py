@@ -486,9 +486,8 @@ def read_diagnosis(path: str | Path) -> Diagnosis:
     """
     path = Path(path)
     file = path_within(path, "diagnosis.json") if path.is_dir() else path
-    data = read_file(
-        file, advice="give a diagnosis.json as planner gap diagnose -o writes it, or its folder"
-    )
+    advice = "give a diagnosis.json as planner gap diagnose -o writes it, or its folder"
+    data = read_file(file, advice=advice)
     document = decode_document(data, dict[str, Any], str(file))
     said = "not a diagnosis: {}; see docs/reference/diagnosis.md for its keys"
     with refused(FileError, file, said, msgspec.ValidationError):

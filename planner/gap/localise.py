@@ -62,11 +62,8 @@ def axis_patterns(
     strain = np.minimum(table.strain, 1.0)
     bumps = [np.exp(-strain / _SMALL), np.exp(-strain / _MIDDLING), strain / _LARGE]
     found["strain"] = [(h * bump)[:, None] for bump in bumps]
-    found["branch"] = [
-        level_and_slope * (table.branch == k)[:, None]
-        for k, name in enumerate(BRANCHES)
-        if name not in ("loading", "field")
-    ]
+    later = [k for k, name in enumerate(BRANCHES) if name not in ("loading", "field")]
+    found["branch"] = [level_and_slope * (table.branch == k)[:, None] for k in later]
     found["time"] = [_along_hold(table, h)]
     names = [s.material for s in campaign.specimens]
     materials = [name for name in dict.fromkeys(names) if name is not None]
