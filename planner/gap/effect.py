@@ -112,6 +112,10 @@ class Form:
         return self.parameters[0]
 
 
+_LEAST_ROOT = 0.1
+"""Of a specimen's own size. Numerical: a thousandth of the effect's is none."""
+
+
 @dataclass(frozen=True, slots=True)
 class Effect:
     """One physical or experimental effect that a palette's laws do not know.
@@ -171,6 +175,15 @@ class Effect:
     def order(self) -> int:
         """The place of its stage among `_STAGES`."""
         return _STAGES.index(self.stage)
+
+    def own_size(self, deviate: ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """Return a specimen's size over the effect's, of a normal deviate, and its slope by that.
+
+        The cube root of a Gamma variate is nearly normal (Wilson & Hilferty, Proc. Natl. Acad. Sci.
+        17, 1931, 684): sizes are positive, and their variation is `individual`.
+        """
+        root = np.maximum(1.0 + self.individual * np.asarray(deviate) / 3.0, _LEAST_ROOT)
+        return root**3, self.individual * root**2
 
     def form(self, name: str) -> Form | None:
         """Return a form by its name."""

@@ -521,9 +521,9 @@ def synthetic_campaign(
 def _drawn(effects: Sequence[StatedEffect], rng: np.random.Generator) -> Iterator[StatedEffect]:
     """Yield the effects with sizes that are each specimen's own drawn."""
     for one in sorted(effects, key=lambda e: e.effect.order):
-        own = 1.0 + one.effect.individual * float(rng.standard_normal())
+        own = float(one.effect.own_size(rng.standard_normal())[0])
         size = one.form.size.name
-        yield replace(one, values={**one.values, size: one.values[size] * max(own, 0.1)})
+        yield replace(one, values={**one.values, size: one.values[size] * own})
 
 
 def _course(specimen: Specimen, scatter: float, rng: np.random.Generator) -> FloatArray:

@@ -112,20 +112,20 @@ class Likelihood:
         self.none, self.left = alone.none, float(alone.products[0, 0])
         self.likeliest = self.none
 
-    def products(self, columns: FloatArray, own: csr_array | None = None) -> FloatArray:
+    def products(self, columns: FloatArray, own: FloatArray | None = None) -> FloatArray:
         """Return inner products of whitened columns, (k, k), nuisances integrated out.
 
         Parameters
         ----------
         columns : (N, k)
-        own : (N, m)
-            Further nuisances of prior deviation 1.
+        own : (m, N)
+            Further nuisances of prior deviation 1, of each specimen by itself: m of each.
         """
         weighted, half, m = self._without_nuisances(columns)
-        if own is None or not own.shape[1]:
+        if own is None or not len(own):
             return m
-        _, beside, halved, factor = self._beside(own)
-        out, _ = dtrtrs(factor, beside.T @ weighted - halved.T @ half, lower=True)
+        halved, factor = self._beside(own)
+        out, _ = dtrtrs(factor, self._summed(own, weighted) - halved.T @ half, lower=True)
         return np.asarray(m - out.T @ out)
 
     def _without_nuisances(self, columns: FloatArray) -> tuple[FloatArray, ...]:
@@ -133,16 +133,54 @@ class Likelihood:
         half, _ = dtrtrs(self._factor, self._nuisances @ weighted, lower=True)
         return weighted, half, np.asarray(weighted.T @ weighted - half.T @ half)
 
-    def _beside(self, own: csr_array) -> tuple[Any, ...]:
-        """Return what integrates over further nuisances; the last one's is kept."""
-        if not self._own or self._own[0] is not own:
-            weighted = self._white @ own
-            half, _ = dtrtrs(self._factor, (self._nuisances @ weighted).toarray(), lower=True)
-            m = (weighted.T @ weighted).toarray() - half.T @ half
-            self._own = own, weighted, half, dpotrf(m + np.eye(len(m)), lower=True)[0]
-        return self._own
+    def _summed(self, own: FloatArray, weighted: FloatArray) -> FloatArray:
+        """Return products of each specimen's own columns with weighted ones, (m n, k)."""
+        each = own[:, :, None] * np.asarray(self._white.T @ weighted)
+        sums = np.add.reduceat(each, self.problem.noise.first_row[:-1], axis=1)
+        return sums.reshape(-1, weighted.shape[1])
 
-    def fit(self, left: FloatArray, columns: FloatArray, own: csr_array | None) -> FloatArray:
+    @cached_property
+    def _inner(self) -> tuple[Any, ...]:
+        """Products of all rows: values, rows, columns and cells by specimen; nuisances by row."""
+        square = (self._white.T @ self._white).tocoo()
+        of = self.problem.table.specimen
+        cell = of[square.row] * len(self.problem.noise.rows) + of[square.col]
+        reach, _ = dtrtrs(self._factor, (self._nuisances @ self._white).toarray(), lower=True)
+        return square.data, square.row, square.col, cell, reach
+
+    def _among(self, own: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return what nuisances share with specimens' own columns, and these with one another."""
+        values, row, column, cell, reach = self._inner
+        n = len(self.problem.noise.rows)
+        each = np.add.reduceat(own[:, None] * reach, self.problem.noise.first_row[:-1], axis=2)
+        halved = each.transpose(1, 0, 2).reshape(len(reach), -1)
+        blocks = [[np.bincount(cell, a[row] * values * b[column], n * n) for b in own] for a in own]
+        whole = np.reshape(blocks, (len(own), len(own), n, n)).transpose(0, 2, 1, 3)
+        return halved, whole.reshape(halved.shape[1], -1) - halved.T @ halved
+
+    def _beside(self, own: FloatArray) -> tuple[Any, ...]:
+        """Return what integrates over specimens' own columns; the last ones' is kept."""
+        if not self._own or self._own[0] is not own:
+            halved, m = self._among(own)
+            self._own = own, halved, dpotrf(m + np.eye(len(m)), lower=True)[0]
+        return self._own[1:]
+
+    def log_det(self, own: FloatArray | None) -> float:
+        """Return half of the logarithm of the determinant that integrating over `own` brings."""
+        if own is None or not len(own):
+            return 0.0
+        return float(np.log(np.diagonal(self._beside(own)[1])).sum())
+
+    def among(self, own: FloatArray, left: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return products of specimens' own columns with one another, (m n, m n), and with `left`.
+
+        Of (m, N) and (N,), nuisances integrated out.
+        """
+        halved, m = self._among(own)
+        weighted, half, _ = self._without_nuisances(left[:, None])
+        return m, (self._summed(own, weighted) - halved.T @ half)[:, 0]
+
+    def fit(self, left: FloatArray, columns: FloatArray, own: FloatArray) -> FloatArray:
         """Return the posterior mean of the columns' coefficients, of prior deviation 1, in `left`.
 
         Of (N,) and (N, k); `own` as of `products`.
@@ -182,7 +220,7 @@ class Likelihood:
 
     def elimination(
         self, target: FloatArray, slopes: FloatArray | None = None,
-        kept: FloatArray | None = None, own: csr_array | None = None, unkept: float = 0.0,
+        kept: FloatArray | None = None, own: FloatArray | None = None, unkept: float = 0.0,
     ) -> Elimination:  # fmt: skip
         """Return inner products of a target and further columns, with ln p of the target.
 
@@ -192,7 +230,7 @@ class Likelihood:
         slopes : (N, p)
             Integrated out, of prior deviation 1.
         kept : (N, k)
-        own : (N, m)
+        own : (m, N)
             As of `products`.
         unkept
             Nats of what slopes explain of the target that are not to be had.
@@ -203,8 +241,7 @@ class Likelihood:
         inner = m[head:, head:] + np.eye(len(m) - head)
         m, log_det = _integrated(m[:head, :head], m[head:, :head], inner)
         m[0, 0] += 2.0 * unkept
-        if own is not None and own.shape[1]:
-            log_det += 2.0 * float(np.log(np.diagonal(self._beside(own)[-1])).sum())
+        log_det += 2.0 * self.log_det(own)
         return Elimination(m, self.offset - 0.5 * (float(m[0, 0]) + log_det))
 
 
@@ -274,73 +311,167 @@ def _moved(candidate: Candidate, coordinates: FloatArray) -> Candidate:
     return replace(candidate, parts=tuple(parts))
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _OwnSizes:
+    """Specimens' likeliest own sizes of m effects beside a candidate.
+
+    Attributes
+    ----------
+    deviates : (m, n)
+        See `Candidate.own_sizes`.
+    change : (N,)
+        By these, whitened.
+    columns : (m, N)
+        By a deviation more.
+    left : (N,)
+        What the candidate leaves where they are 0, by the model linear about them.
+    """
+
+    deviates: FloatArray
+    change: FloatArray
+    columns: FloatArray
+    left: FloatArray
+
+
 class _State:
     """A candidate somewhere, and what the forward model says of it there.
 
     Attributes
     ----------
     left : (N,)
-        The whitened residual that it leaves.
+        The whitened residual that it leaves where all specimens have the effects' sizes.
+    near : (m, n)
+        Where own sizes' deviates are looked for first.
     """
 
-    def __init__(self, problem: Problem, candidate: Candidate, coordinates: FloatArray) -> None:
+    def __init__(
+        self, problem: Problem, candidate: Candidate, coordinates: FloatArray,
+        near: FloatArray | None = None,
+    ) -> None:  # fmt: skip
         self._problem, self.coordinates = problem, coordinates
         self.candidate = _moved(candidate, coordinates)
+        none = np.zeros((len(candidate.differing), len(problem.noise.rows)))
+        self._near = none if near is None else near
         self._prediction = problem.predictions([self.candidate])
         self._change = problem.changes(self._prediction)
         self.left = problem.noise.whiten(problem.residual - self._change[0])
         self.left -= problem.gain_of(self.candidate)
+        self._known: dict[Any, FloatArray] = {}
+        self._own: tuple[Likelihood, _OwnSizes] | None = None
 
-    def cost(self, squares: float) -> float:
-        """Return minus ln of the posterior, but for a constant, of the squares that are left."""
-        return 0.5 * (squares + float(self.coordinates @ self.coordinates))
+    def _courses_of(self, candidate: Candidate) -> FloatArray:
+        """Return whitened courses over the sizes of effects whose sizes differ, (m, 3, N)."""
+        own = candidate.differing
+        for signed, point in own:
+            if (signed.number, point) not in self._known:
+                course = self._problem.course_over_sizes((signed, point))
+                self._known[signed.number, point] = self._problem.noise.whiten(course.T).T
+        found = [self._known[signed.number, point] for signed, point in own]
+        return np.reshape(found, (len(own), 3, len(self.left)))
+
+    def by_own(
+        self, deviates: FloatArray, candidate: Candidate | None = None
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the whitened change by own sizes, (N,), and by a deviation more, (m, N)."""
+        courses = self._courses_of(candidate or self.candidate)
+        return self._problem.by_own_sizes(courses, *self.candidate.own_sizes(deviates))
+
+    def own(self, likelihood: Likelihood) -> _OwnSizes:
+        """Return specimens' own sizes under a likelihood; the last one's are kept."""
+        if self._own is None or self._own[0] is not likelihood:
+            near = self._own[1].deviates if self._own else self._near
+            self._own = likelihood, self._likeliest_sizes(likelihood, near)
+        return self._own[1]
+
+    def _likeliest_sizes(self, likelihood: Likelihood, at: FloatArray) -> _OwnSizes:
+        def cost(at: FloatArray, change: FloatArray) -> float:
+            squares = float(likelihood.products((self.left - change)[:, None])[0, 0])
+            return 0.5 * (squares + float(np.sum(at**2)))
+
+        change, columns = self.by_own(at)
+        for _ in range(_STEPS if len(at) else 0):
+            inner, cross = likelihood.among(columns, self.left - change)
+            gradient = cross - at.ravel()
+            step = np.linalg.solve(inner + np.eye(len(inner)), gradient).reshape(at.shape)
+            if 0.5 * float(gradient @ step.ravel()) < _ENOUGH_NATS:
+                break
+            most, there = cost(at, change), at + step
+            while cost(there, self.by_own(there)[0]) > most and np.any(there != at):
+                there = at + _LESS * (there - at)
+            at, (change, columns) = there, self.by_own(there)
+        left = self.left - change + np.sum(columns * at[:, self._problem.table.specimen], axis=0)
+        return _OwnSizes(at, change, columns, left)
+
+    def cost(self, likelihood: Likelihood) -> float:
+        """Return minus ln of the posterior, but for a constant, own sizes integrated over."""
+        own = self.own(likelihood)
+        squares = float(likelihood.products(own.left[:, None], own.columns)[0, 0])
+        cost = 0.5 * (squares + float(self.coordinates @ self.coordinates))
+        return cost + likelihood.log_det(own.columns)
+
+    def linear(self, likelihood: Likelihood) -> tuple[FloatArray, FloatArray]:
+        """Return derivatives by the coordinates at the own sizes: of features, and of `log_det`.
+
+        Whitened, (N, p), and (p,).
+        """
+        steps, moved, changes = self._at_steps
+        own = self.own(likelihood)
+        rise = self._problem.noise.whiten((changes - self._change).T)
+        narrower = np.zeros(len(steps))
+        for k, candidate in enumerate(moved if len(own.columns) else ()):
+            change, columns = self.by_own(own.deviates, candidate)
+            rise[:, k] += change - own.change
+            narrower[k] = likelihood.log_det(columns)
+        return rise / steps, (narrower - likelihood.log_det(own.columns)) / steps
 
     @cached_property
-    def slopes(self) -> FloatArray:
-        """Derivatives of the whitened features by the coordinates, (N, p)."""
-        at, problem = self.coordinates, self._problem
+    def _at_steps(self) -> tuple[FloatArray, list[Candidate], FloatArray]:
+        """Steps of the coordinates, and the candidates and changes there."""
         # Towards the middle, where no parameter is at its bound.
-        steps = np.where(at > 0.0, -_DIFFERENCE, _DIFFERENCE)
-        moved = [_moved(self.candidate, row) for row in at + np.diag(steps)]
-        changes = problem.changes(problem.predictions(moved, self._prediction[0])) - self._change
-        return problem.noise.whiten((changes / steps[:, None]).T)
+        steps = np.where(self.coordinates > 0.0, -_DIFFERENCE, _DIFFERENCE)
+        moved = [_moved(self.candidate, row) for row in self.coordinates + np.diag(steps)]
+        predictions = self._problem.predictions(moved, self._prediction[0])
+        return steps, moved, self._problem.changes(predictions)
 
 
-def _mode(likelihood: Likelihood, state: _State, own: csr_array) -> _State:
+def _mode(likelihood: Likelihood, state: _State) -> _State:
     """Return the posterior mode under a likelihood from a point on, beside specimens' own sizes.
 
     Slopes follow the steps (Broyden's rule); where they promise no more they are made anew.
     """
-    slopes, fresh, damping = state.slopes, True, _DAMPING
+    (slopes, narrower), fresh, damping = state.linear(likelihood), True, _DAMPING
     for _ in range(_STEPS):
-        if (step := _damped_step(likelihood, state, own, slopes, damping)) is not None:
+        if (step := _damped_step(likelihood, state, slopes, narrower, damping)) is not None:
             reached, move, enough, damping = step
-            off = state.left - reached.left - slopes @ move
+            own = state.own(likelihood)
+            off = state.left - own.change - slopes @ move
+            off -= reached.left - reached.by_own(own.deviates)[0]
             slopes = slopes + np.outer(off, move / (move @ move))
             state = reached
         if (done := step is None or enough) and fresh:
             break
         if fresh := done:
-            slopes, damping = state.slopes, _DAMPING
+            (slopes, narrower), damping = state.linear(likelihood), _DAMPING
     return state
 
 
 def _damped_step(
-    likelihood: Likelihood, state: _State, own: csr_array, slopes: FloatArray, damping: float
+    likelihood: Likelihood, state: _State, slopes: FloatArray, narrower: FloatArray, damping: float
 ) -> tuple[_State, FloatArray, bool, float] | None:
     """Return where a damped step leads, that step, if it gains next to none, and the next damping.
 
     None where the model linear about the point, whose evidence has its gain already, promises
     nothing, or no step gains.
     """
-    cost, gradient, curvature, promised = _promise(likelihood, state, own, slopes)
+    cost, gradient, curvature, promised = _promise(likelihood, state, slopes, narrower)
     hopeless = likelihood.likeliest - (likelihood.offset - cost) - _HOPELESS_NATS
     enough = max(_ENOUGH_NATS, _ENOUGH_SHARE * hopeless)
     while promised >= enough and damping <= _MOST_DAMPING:
         damped = curvature + damping * np.diag(np.diagonal(curvature))
         move = np.clip(np.linalg.solve(damped, gradient), -_LONGEST, _LONGEST)
-        reached = _State(likelihood.problem, state.candidate, state.coordinates + move)
-        gained = cost - reached.cost(float(likelihood.products(reached.left[:, None], own)[0, 0]))
+        at, near = state.coordinates + move, state.own(likelihood).deviates
+        reached = _State(likelihood.problem, state.candidate, at, near)
+        gained = cost - reached.cost(likelihood)
         if gained > 0.0:
             return reached, move, gained < enough, damping * _LESS
         damping, promised = damping * _MORE, float(gradient @ move)
@@ -348,14 +479,16 @@ def _damped_step(
 
 
 def _promise(
-    likelihood: Likelihood, state: _State, own: csr_array, slopes: FloatArray
+    likelihood: Likelihood, state: _State, slopes: FloatArray, narrower: FloatArray
 ) -> tuple[float, FloatArray, FloatArray, float]:
     """Return the cost of a point, gradient and curvature there, and what these promise to gain."""
-    m = likelihood.products(np.concatenate([state.left[:, None], slopes], axis=1), own)
-    gradient = m[1:, 0] - state.coordinates
+    own = state.own(likelihood)
+    columns = np.concatenate([own.left[:, None], slopes], axis=1)
+    m = likelihood.products(columns, own.columns)
+    gradient = m[1:, 0] - state.coordinates - narrower
     curvature = m[1:, 1:] + np.eye(len(gradient))
     promised = 0.5 * float(gradient @ np.linalg.solve(curvature, gradient))
-    return state.cost(float(m[0, 0])), gradient, curvature, promised
+    return state.cost(likelihood), gradient, curvature, promised
 
 
 # ------------------------------------------------------------------------------------------------
@@ -373,8 +506,8 @@ class PosteriorMode:
     coordinates : (p,)
     slopes : (N, p)
         Derivatives of the whitened features by the coordinates.
-    own : (N, k)
-        What specimens' own sizes change beside, whitened, of prior deviation 1.
+    own : (m, N)
+        By specimens' own sizes, whitened, of prior deviation 1.
     target : (N,)
         Whitened: what slopes times coordinates, own sizes, nuisances and noise must make up.
     unkept
@@ -385,10 +518,17 @@ class PosteriorMode:
     candidate: Candidate
     coordinates: FloatArray
     slopes: FloatArray
-    own: csr_array
+    own: FloatArray
     target: FloatArray
     unkept: float = 0.0
     _known: dict[Likelihood, Elimination] = field(init=False, default_factory=dict)
+
+    @classmethod
+    def of_nothing(cls, likelihood: Likelihood) -> "PosteriorMode":
+        """Return no effect at all under a likelihood."""
+        left = likelihood.problem.target
+        none = np.zeros((0, len(left)))
+        return cls(likelihood, Candidate(()), np.zeros(0), none.T, none, left)
 
     def eliminated(self, likelihood: Likelihood, kept: FloatArray | None = None) -> Elimination:
         """Return inner products of the target and further columns, under a likelihood."""
@@ -430,8 +570,9 @@ class PosteriorMode:
         """Return the candidate, as weighed, with the likeliest own size of each specimen."""
         left = self.target - self.slopes @ self.coordinates
         left -= self.likelihood.problem.gain_of(candidate)
-        sizes = self.likelihood.fit(left, self.own.toarray(), None)
-        return replace(candidate, own=sizes.reshape(-1, len(self.likelihood.problem.noise.rows)))
+        inner, cross = self.likelihood.among(self.own, left)
+        deviates = np.linalg.solve(inner + np.eye(len(inner)), cross)
+        return replace(candidate, own=np.reshape(deviates, (len(self.own), -1)))
 
     def covariance(self) -> FloatArray:
         """Return the coordinates' posterior covariance, (p, p)."""
@@ -446,28 +587,6 @@ class PosteriorMode:
         return searched(problem.signed_forms, left[0, 1:], left[1:, 1:])
 
 
-_ROUNDS = 3
-_SAME_SIZE = 0.05
-"""Rounds in which specimens' own sizes follow the effect's, and its relative change at which they
-end. Numerical: their deviation, a third, is off by as little."""
-
-
-def _mode_beside_own(
-    likelihood: Likelihood, state: _State, own: csr_array
-) -> tuple[_State, csr_array]:
-    """Return a mode and specimens' own sizes there, from a point and such sizes on."""
-    for _ in range(_ROUNDS):
-        before, state = state, _mode(likelihood, state, own)
-        was, now = ([s for _, (s, *_) in one.candidate.parts] for one in (before, state))
-        if own.shape[1] and np.all(np.abs(np.divide(now, was) - 1.0) < _SAME_SIZE):
-            break
-        # Own sizes scatter in proportion to the effect's.
-        own = likelihood.problem.own_sizes(state.candidate)
-        if not own.shape[1]:
-            break
-    return state, own
-
-
 def posterior_mode(
     likelihoods: Sequence[Likelihood], candidate: Candidate, start: Likelihood
 ) -> PosteriorMode:
@@ -479,18 +598,18 @@ def posterior_mode(
         That of them in which the candidate was found.
     """
     at = [signed.coordinates(point) for signed, point in candidate.parts]
-    state = _State(start.problem, candidate, np.concatenate(at))
-    state, own = _mode_beside_own(start, state, csr_array((len(state.left), 0)))
-    mode = _mode_at(start, state, own)
+    state = _mode(start, _State(start.problem, candidate, np.concatenate(at)))
+    mode = _mode_at(start, state)
     likeliest = max(likelihoods, key=lambda w: mode.eliminated(w).none)
     if likeliest is start:
         return mode
-    again = _mode_at(likeliest, *_mode_beside_own(likeliest, state, own))
+    again = _mode_at(likeliest, _mode(likeliest, state))
     # Each by its own mode: far from one the linear model may promise what is not there.
     return again if again.eliminated(likeliest).none > mode.eliminated(start).none else mode
 
 
-def _mode_at(likelihood: Likelihood, state: _State, own: csr_array) -> PosteriorMode:
-    at, slopes = state.coordinates, state.slopes
-    unkept, target = _promise(likelihood, state, own, slopes)[-1], state.left + slopes @ at
-    return PosteriorMode(likelihood, state.candidate, at, slopes, own, target, unkept)
+def _mode_at(likelihood: Likelihood, state: _State) -> PosteriorMode:
+    at, own, (slopes, narrower) = state.coordinates, state.own(likelihood), state.linear(likelihood)
+    # Where own sizes' volume grows with the effect's size, the linear model promises more.
+    unkept, target = _promise(likelihood, state, slopes, 0.0 * narrower)[-1], own.left + slopes @ at
+    return PosteriorMode(likelihood, state.candidate, at, slopes, own.columns, target, unkept)

@@ -9,7 +9,6 @@ from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.sparse import csr_array
 from scipy.special import fdtrc, ndtr, ndtri
 
 from planner.gap.campaign import Campaign, axis_columns
@@ -210,8 +209,8 @@ class Candidate:
         Which specimens it holds for, 1 or 0, where it holds for some only.
     log_gain
         What these specimens' force is off by, as a logarithm.
-    own : (k, n) or None
-        How much larger each specimen's size is, in its deviations, of those that have their own.
+    own : (m, n) or None
+        Of effects whose sizes differ: a normal deviate of each specimen's; see `own_sizes`.
     """
 
     effects: tuple[str, ...]
@@ -221,6 +220,18 @@ class Candidate:
     members: FloatArray | None = None
     log_gain: float = 0.0
     own: FloatArray | None = None
+
+    def own_sizes(self, deviates: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return specimens' own sizes, over the effects', and slopes; see `Effect.own_size`."""
+        each = zip(self.differing, deviates, strict=True)
+        found = [signed.effect.own_size(row) for (signed, _), row in each]
+        sizes, slopes = np.reshape(found, (len(found), 2, deviates.shape[1])).swapaxes(0, 1)
+        return sizes, slopes
+
+    @property
+    def differing(self) -> tuple[tuple[SignedForm, _Point], ...]:
+        """Of its parts, those whose sizes differ from specimen to specimen."""
+        return tuple(part for part in self.parts if part[0].effect.individual)
 
     @property
     def forms(self) -> tuple[int, ...]:
@@ -452,6 +463,11 @@ def own_axes(effects: Sequence[Effect]) -> dict[str, str]:
 # out cost one product each.
 
 
+_OWN_SHARES = np.array([0.3, 0.5, 0.7])
+"""Of a specimen's own size in the sum of that and the effect's, at which features are predicted.
+Numerical: what lies between is a cubic, from nothing at no size on."""
+_OWN_COURSE: FloatArray = np.linalg.inv(_OWN_SHARES[:, None] ** np.arange(1, 4))
+
 _Progress = Callable[[int, int, str], None]
 
 _STRAY_SD = float(UNIT_GAINS.max())
@@ -549,26 +565,34 @@ class Problem:
             force = np.where(self.table.is_field, 0.0, self.table.chord(self.unpredicted))
             change = change + candidate.log_gain * candidate.members[self.table.specimen] * force
         if candidate.own is not None:
-            each = candidate.own[:, self.table.specimen] * self._changes_alone(candidate)
-            change = change + np.sum(each, axis=0)
+            courses = np.stack([self.course_over_sizes(part) for part in candidate.differing])
+            change = change + self.by_own_sizes(courses, *candidate.own_sizes(candidate.own))[0]
         return change
 
-    def _changes_alone(self, candidate: Candidate) -> FloatArray:
-        """Return what effects whose sizes differ change of the transformed features, (k, N).
+    def course_over_sizes(self, part: tuple[SignedForm, _Point]) -> FloatArray:
+        """Return the course over its size of what an effect alone changes of features, (3, N)."""
+        signed, (s, *rest) = part
+        roots = np.sqrt(_OWN_SHARES / (1.0 - _OWN_SHARES)).tolist()
+        sized = [joined([(signed, (s * root, *rest))]) for root in roots]
+        return _OWN_COURSE @ self.changes(self.predictions(sized))
 
-        Each by itself, a deviation of its size.
+    def by_own_sizes(
+        self, courses: FloatArray, sizes: FloatArray, slopes: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the change by own sizes in place of the effects', (N,), and by each deviate.
+
+        Parameters
+        ----------
+        courses : (m, 3, N)
+            See `course_over_sizes`.
+        sizes, slopes : (m, n)
+            See `Candidate.own_sizes`.
         """
-        own = [part for part in candidate.parts if part[0].effect.individual > 0.0]
-        if not own:
-            return np.zeros((0, len(self.table)))
-        alone = self.predictions([replace(candidate, parts=(part,)) for part in own])
-        return self.changes(alone) * [[signed.effect.individual] for signed, _ in own]
-
-    def own_sizes(self, candidate: Candidate) -> csr_array:
-        """Return what specimens' own sizes of a candidate's effects change, (N, k), whitened."""
-        specimens = self.table.specimen[:, None] == np.arange(len(self.campaign.specimens))
-        each = self._changes_alone(candidate).T[:, :, None] * specimens[:, None]
-        return self.noise.inverse_root @ csr_array(each.reshape(len(self.table), -1))
+        of, power = self.table.specimen, np.arange(1, 4)[:, None]
+        at = (sizes / (1.0 + sizes))[:, None, of]
+        change = np.sum((at**power - 0.5**power) * courses, axis=(0, 1))
+        by_size = np.sum(power * at ** (power - 1) * (1.0 - at) ** 2 * courses, axis=1)
+        return change, by_size * slopes[:, of]
 
 
 def set_up(

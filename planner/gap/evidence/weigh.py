@@ -3,11 +3,10 @@
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from itertools import combinations, permutations
+from itertools import combinations, permutations, product
 from math import comb
 
 import numpy as np
-from scipy.sparse import csr_array
 from scipy.special import chdtri, expit, logit, logsumexp, stdtrit
 
 from planner.gap.campaign import axis_columns
@@ -103,9 +102,10 @@ class Priors:
 _GAIN = "force-scale"
 """The effect that may hold for some specimens only."""
 
-_GAINS = np.geomspace(0.05, 0.6, 24)
-"""Logarithms of a gain of some specimens. Numerical: each 11 % larger than the one before,
-which a few specimens of usual scatter do not resolve."""
+_GAINS, _LARGE_GAINS = np.geomspace(0.05, 0.6, 24), np.geomspace(0.67, 3.2, 16)
+"""Logarithms of a gain of some specimens that a load cell may have, to 0.6, and of ones that a
+column tells. Numerical: each 11 % larger than the one before, which a few specimens of usual
+scatter do not resolve."""
 
 _DISTINCT = 2.5
 """Deviations of the specimens' scatter by which a gain must exceed it. Chosen: by chance one
@@ -129,10 +129,10 @@ and off by much less."""
 
 @kernel
 def _best_subset(
-    b: FloatArray, h: FloatArray, likeliest: FloatArray, gammas: FloatArray, shares: FloatArray,
-    belief: FloatArray, best_belief: FloatArray, evidence: FloatArray,
+    b: FloatArray, h: FloatArray, likeliest: FloatArray, gammas: FloatArray, prior: FloatArray,
+    shares: FloatArray, belief: FloatArray, best_belief: FloatArray, evidence: FloatArray,
 ) -> int:  # fmt: skip
-    """Fill the log evidence of each gain and share; return the best gain, its beliefs filled.
+    """Fill the log odds of each gain and share; return the best gain, its beliefs filled.
 
     With members z, each of them one with probability `share`, the log likelihood over that of none
     is g z'b - g^2 z'Hz / 2. Its sum over all z is bounded from below by independent beliefs q in
@@ -146,6 +146,8 @@ def _best_subset(
         Inner products of the specimens' own gains with the residual and one another.
     likeliest : (n,)
         Logarithms of every specimen's own gain, all free, from which members are told at first.
+    prior : (gammas,)
+        Its logarithm.
     shares : (m,)
         Shares of members, equally probable.
     belief, best_belief : (n,)
@@ -179,7 +181,7 @@ def _best_subset(
                         moved = max(moved, abs(change))
                 if moved < _SETTLED:
                     break
-            value = 0.0
+            value = prior[k]
             for i in range(n):
                 q = belief[i]
                 value += q * gamma * b[i]
@@ -196,7 +198,9 @@ def _best_subset(
     return best
 
 
-def _weigh_subset(products: FloatArray, beside: Candidate, scatter: float) -> Candidate:
+def _weigh_subset(
+    products: FloatArray, beside: Candidate, scatter: float, large: bool = False
+) -> Candidate:
     """Return the best subset beside a candidate, with the log evidence of there being one.
 
     Parameters
@@ -206,21 +210,24 @@ def _weigh_subset(products: FloatArray, beside: Candidate, scatter: float) -> Ca
         gains.
     scatter
         Deviation of the specimens' levels.
+    large
+        Whether it is one that neither a load cell nor a unit has.
     """
     n = len(products) - 1
     b, h = np.ascontiguousarray(products[1:, 0]), np.ascontiguousarray(products[1:, 1:])
-    some = _GAINS[_DISTINCT * scatter <= _GAINS]
-    gammas = np.concatenate([some, -some, UNIT_GAINS, -UNIT_GAINS])
+    some = _LARGE_GAINS if large else _GAINS[_DISTINCT * scatter <= _GAINS]
+    units = UNIT_GAINS[: 0 if large else None]
+    gammas = np.concatenate([some, -some, units, -units])
     # Half for any gain, half for units.
-    counts = np.array([2 * len(some), 2 * len(UNIT_GAINS)])
+    counts = np.array([2 * len(some), 2 * len(units)])
     prior = np.log(np.repeat(0.5 / np.maximum(counts, 1), counts))
     belief, best = np.zeros(n), np.zeros(n)
     evidence = np.empty((len(gammas), len(_SHARES)))
     likeliest = np.asarray(np.linalg.lstsq(h, b, rcond=1e-9)[0], dtype=np.float64)
-    at = int(_best_subset(b, h, likeliest, gammas, _SHARES, belief, best, evidence))
-    total = float(logsumexp(evidence + prior[:, None]) - np.log(len(_SHARES)))
+    at = int(_best_subset(b, h, likeliest, gammas, prior, _SHARES, belief, best, evidence))
+    total = float(logsumexp(evidence) - np.log(len(_SHARES)))
     gamma, members = float(gammas[at]), (best > 0.5).astype(np.float64)
-    if members.any() and abs(gamma) <= _GAINS[-1]:  # no unit's: the grid's nearest, now itself
+    if members.any() and at < counts[0]:  # no unit's: the grid's nearest, now itself
         gamma = float(members @ b / (members @ h @ members))
     gain = float(gamma * members @ b - 0.5 * gamma**2 * members @ h @ members)
     if not 1 < members.sum() < n - 1:  # one specimen alone is an outlier of the data
@@ -355,7 +362,7 @@ class Weighed:
         Of `own` sizes of specimens, or their mean for all, whichever leaves less.
         """
         mode, found = self.mode_of(self.best[effects]), [self.best[effects]]
-        if own and mode.own.shape[1]:
+        if own and len(mode.own):
             found.append(mode.with_own_sizes(found[0]))
         return mode.likelihood.error(Candidate(())), min(map(mode.likelihood.error, found))
 
@@ -387,7 +394,9 @@ def weigh(problem: Problem, priors: Priors) -> Weighed:
     logs = _LogPriors(problem, priors)
     likelihoods = _likelihoods(problem)
     of_scatter = tuple(w for w in likelihoods if w.scale == 1.0)
-    none = _nothing(max(of_scatter, key=lambda likelihood: likelihood.none + likelihood.log_share))
+    none = PosteriorMode.of_nothing(
+        max(of_scatter, key=lambda likelihood: likelihood.none + likelihood.log_share)
+    )
     result = Weighed(logs, of_scatter, none)
     for likelihood in likelihoods:
         evidence = result.relative(none.candidate, likelihood)
@@ -412,18 +421,14 @@ def weigh(problem: Problem, priors: Priors) -> Weighed:
     for likelihood in of_scatter:
         _add_axes(none, likelihood, result)
     for one in _chosen(result):
-        # Of that one alone, as what the unknown gains is: another's scatter may do without it.
-        _add_axes(one, one.likelihood, result)
-        if len(one.candidate.effects) < _MOST_EFFECTS:
+        # Of that alone in which it is likeliest: another's scatter may do without the unknown.
+        best = max(likelihoods, key=lambda w: one.eliminated(w).none + w.log_share)
+        _add_axes(one, best, result)
+        # Where it lies beside a gain is not where it lies alone.
+        known = any(some.candidate.effects == one.candidate.effects for some in result.beside_some)
+        if len(one.candidate.effects) < _MOST_EFFECTS and not known:
             _add_subset(one, beside_gain, result)
     return result
-
-
-def _nothing(likelihood: Likelihood) -> PosteriorMode:
-    """Return no effect at all under a likelihood."""
-    residual = likelihood.problem.target
-    none = np.zeros((len(residual), 0))
-    return PosteriorMode(likelihood, Candidate(()), np.zeros(0), none, csr_array(none), residual)
 
 
 def _less_scattered(plain: Likelihood) -> Iterator[Likelihood]:
@@ -437,20 +442,21 @@ def _add_subset(one: PosteriorMode, likelihoods: Sequence[Likelihood], result: W
     """Add a candidate with a gain of some specimens beside it, weighed under each likelihood.
 
     Where a column tells these from the others, what is in it is likelier to be at work than a load
-    cell or a slip of the pen that chose them, unless the gain is a unit's.
+    cell or a slip of the pen that chose them, unless the gain is a unit's. No load cell is off by a
+    large one.
     """
     if _GAIN in one.candidate.effects:
         return
-    for likelihood in likelihoods:
-        found = _of_some(likelihood, result.logs, one)
+    for likelihood, large in product(likelihoods, (False, True)):
+        found = _of_some(likelihood, result.logs, one, large)
         assert found.members is not None
         if found.log_evidence == -np.inf:
             continue
         axis = None if _of_unit(found) else _telling_column(likelihood.problem, found.members > 0.5)
-        if axis is None:
-            result.add_candidate(found, likelihood)
-        else:
+        if axis is not None:
             _add_axis(one.candidate.effects, axis, result.relative(found, likelihood), result)
+        elif not large:
+            result.add_candidate(found, likelihood)
 
 
 def _of_unit(candidate: Candidate) -> bool:
@@ -474,7 +480,9 @@ def _telling_column(problem: Problem, members: BoolArray) -> int | None:
     return None
 
 
-def _of_some(likelihood: Likelihood, logs: "_LogPriors", one: PosteriorMode) -> Candidate:
+def _of_some(
+    likelihood: Likelihood, logs: "_LogPriors", one: PosteriorMode, large: bool = False
+) -> Candidate:
     """Return a gain of some specimens beside a candidate at its mode, priors of forms included.
 
     Its evidence is that over no effect under the likelihood.
@@ -482,7 +490,7 @@ def _of_some(likelihood: Likelihood, logs: "_LogPriors", one: PosteriorMode) -> 
     problem = likelihood.problem
     e = one.eliminated(likelihood, problem.gains)
     scatter = problem.scatter.specimen * likelihood.scale * likelihood.level
-    found = _weigh_subset(e.products, one.weighed(likelihood, e), scatter)
+    found = _weigh_subset(e.products, one.weighed(likelihood, e), scatter, large)
     return replace(found, log_evidence=found.log_evidence + logs.forms(found) + np.log(_OF_SOME))
 
 
@@ -587,7 +595,7 @@ def _modes(likelihoods: Sequence[Likelihood], logs: _LogPriors) -> list[Posterio
 
     # Surrogates are compared where models may be off by as much as surrogates are.
     likelihood = max(likelihoods, key=lambda w: w.none)
-    ranked = sorted(_nothing(likelihood).beside, key=lambda c: -value(c))
+    ranked = sorted(PosteriorMode.of_nothing(likelihood).beside, key=lambda c: -value(c))
     most = {c.effects: value(c) for c in reversed(ranked)}
     lost = max(most.values(), default=0.0) - _LOST_NATS
     least = {e: max(v - _SURROGATE_NATS, min(v, lost)) for e, v in most.items()}
@@ -690,14 +698,21 @@ def _modes_beside_some(result: Weighed, likelihoods: Sequence[Likelihood]) -> li
     # A unit's, where models are exact: one that may be far off takes what is soft for a member.
     if _of_unit(some):
         some = _of_some(result.plain, result.logs, result.none)
-    gain = result.plain.problem.gain_of(some)
-    left = replace(result.none, target=result.none.target - gain)
+    gain_of = result.plain.problem.gain_of
+    left = replace(result.none, target=result.none.target - gain_of(some))
     likelihoods = [likelihood for likelihood in likelihoods if likelihood.scale == 1.0]
     left = replace(left, likelihood=max(likelihoods, key=lambda w: left.eliminated(w).none))
     found: dict[Effects, PosteriorMode] = {}
     leading = [left]
     for _ in range(min(_most_effects(left.likelihood.problem), _MOST_EFFECTS - 1)):
         for one in leading:  # the best ones, as the second may be better beside a third
+            if one.candidate.parts:
+                # Beside it others may be members than where it was not known.
+                whole = replace(one, target=one.target + gain_of(one.candidate))
+                some = _of_some(result.plain, result.logs, whole)
+                own = replace(one.candidate, members=some.members, log_gain=some.log_gain)
+                one = posterior_mode(likelihoods, own, one.likelihood)
+                found[own.effects] = one
             beside = [c for c in _partners(one, result.logs) if _GAIN not in c.effects]
             for c in beside[:_PARTNERS]:
                 if c.effects not in found:
@@ -707,7 +722,9 @@ def _modes_beside_some(result: Weighed, likelihoods: Sequence[Likelihood]) -> li
         leading = ranked[:_BESIDE]
     # What the gain does is left for it to make up again, whichever specimens have it.
     return [
-        replace(one, candidate=joined(one.candidate.parts), target=one.target + gain)
+        replace(
+            one, candidate=joined(one.candidate.parts), target=one.target + gain_of(one.candidate)
+        )
         for one in ranked
     ]
 

@@ -6,17 +6,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import scipy.linalg
-from scipy.sparse import csr_array
 
 from planner.gap.campaign import Campaign
 from planner.gap.effects import EFFECTS
-from planner.gap.evidence.posterior_mode import Likelihood, PosteriorMode, posterior_mode
+from planner.gap.evidence.posterior_mode import Likelihood, PosteriorMode, _State, posterior_mode
 from planner.gap.evidence.problem import Candidate, Problem, joined, set_up
 from planner.gap.evidence.weigh import (
     Priors,
     _in_all_forms,
     _LogPriors,
-    _nothing,
     _with_parts_alone,
 )
 from planner.gap.observations import observation_model
@@ -57,11 +55,12 @@ def test_a_world_integrates_its_nuisances_out(problem: Problem) -> None:
 def test_own_sizes_and_discrepancies_are_integrated_out_together(problem: Problem) -> None:
     """As the normal density with the covariance that all of them make."""
     of, rng = problem.table.specimen, np.random.default_rng(4)
-    own = (of[:, None] == np.arange(of.max() + 1)) * rng.standard_normal((len(of), 1))
-    residual, j = problem.target, np.concatenate([problem.nuisances, own], axis=1)
+    own = rng.standard_normal((2, len(of)))
+    each = [(of[:, None] == np.arange(of.max() + 1)) * columns[:, None] for columns in own]
+    residual, j = problem.target, np.concatenate([problem.nuisances, *each], axis=1)
     covariance = np.eye(len(of)) + j @ j.T + 0.02**2 * problem.discrepancy @ problem.discrepancy.T
     left = residual @ np.linalg.solve(covariance, residual)
-    found = Likelihood(problem, discrepancy=0.02).elimination(residual, own=csr_array(own))
+    found = Likelihood(problem, discrepancy=0.02).elimination(residual, own=own)
     assert found.products[0, 0] == pytest.approx(left, rel=1e-9)
     assert found.none == pytest.approx(-0.5 * (np.linalg.slogdet(covariance)[1] + left), rel=1e-9)
 
@@ -224,6 +223,49 @@ def test_a_part_of_the_likeliest_is_settled_from_where_it_is_there(problem: Prob
     assert odds(rate) == pytest.approx(odds(alone), abs=0.1)  # as far as modes are found
 
 
+@pytest.fixture(scope="module")
+def slack(planned, imitated) -> Problem:
+    """Two materials, four of each, whose grips lose a tenth to seven tenths of a millimetre."""
+    campaign = imitated(planned(4, material=["TangoPlus", "FLX9760"]))
+    problem = set_up(campaign, observation_model(campaign), [EFFECTS["grip-slack"]])
+    signed = next(b for b in problem.signed_forms if b.form.name == "dead-travel")
+    lost = [joined([(signed, (np.sqrt(s / signed.form.size.high),))]) for s in LOST_MM]
+    each = problem.changes(problem.predictions(lost))[
+        problem.table.specimen, np.arange(len(problem.table))
+    ]
+    return replace(problem, residual=each, target=problem.noise.whiten(each))
+
+
+LOST_MM = (0.1, 0.14, 0.2, 0.25, 0.3, 0.4, 0.5, 0.7)
+
+
+def test_specimens_own_sizes_are_found_where_they_differ_by_a_factor(slack: Problem) -> None:
+    """By a factor of seven, to 15 %: the prior draws to the middle, cubics miss a little."""
+    likelihood = Likelihood(slack)
+    signed = next(b for b in slack.signed_forms if b.form.name == "dead-travel")
+    mode = posterior_mode((likelihood,), joined([(signed, (0.6,))]), likelihood)
+    own = mode.with_own_sizes(mode.candidate)
+    ((_, point),) = own.parts
+    found = signed.values(point)["slack"] * own.own_sizes(own.own)[0]
+    assert found[0] == pytest.approx(LOST_MM, rel=0.15)
+
+
+def test_a_mode_beside_own_sizes_is_the_likeliest_with_their_volume(slack: Problem) -> None:
+    """A larger effect makes own sizes cheap; what integrating over them costs holds that."""
+    likelihood = Likelihood(slack)
+    signed = next(b for b in slack.signed_forms if b.form.name == "dead-travel")
+    mode = posterior_mode((likelihood,), joined([(signed, (0.6,))]), likelihood)
+    costs = [
+        _State(slack, mode.candidate, mode.coordinates + step).cost(likelihood)
+        for step in (-0.2, -0.1, 0.0, 0.1, 0.2)
+    ]
+    assert min(costs) > costs[2] - 0.05  # nats, at which a search ends
+    assert costs[0] > costs[1] > costs[2] < costs[3] < costs[4]
+    curvature = likelihood.products(mode.slopes, mode.own)[0, 0] + 1.0
+    evidence = likelihood.offset - costs[2] - 0.5 * np.log(curvature)
+    assert mode.eliminated(likelihood).none == pytest.approx(evidence, abs=0.05)
+
+
 def test_errors_are_of_each_specimens_own_size(planned, imitated) -> None:
     """Slack of four specimens that differ by a factor: its mean alone closes little."""
     plan = planned(4, material=["TangoPlus", "FLX9760"])
@@ -256,7 +298,10 @@ def test_a_form_that_fits_worse_than_nothing_is_not_followed(problem: Problem) -
     tried = replace(scale, forms=tuple(f for f in scale.forms if f.name in ("factor", wrong)))
     both = set_up(campaign, problem.model, [rate, tried])
     likelihood, logs = Likelihood(both), _LogPriors(both, Priors())
-    alone = [posterior_mode((likelihood,), c, likelihood) for c in _nothing(likelihood).beside]
+    alone = [
+        posterior_mode((likelihood,), c, likelihood)
+        for c in PosteriorMode.of_nothing(likelihood).beside
+    ]
     best = {id: next(s for s in alone if s.candidate.effects == id)
             for id in (("rate",), ("strain-scale",))}  # fmt: skip
     forms = {

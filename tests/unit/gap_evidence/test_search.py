@@ -143,7 +143,9 @@ SCATTER = 0.03
 BATCH = 0.012
 
 
-def weighed(levels: FloatArray, shared: FloatArray | None = None) -> Candidate:
+def weighed(
+    levels: FloatArray, shared: FloatArray | None = None, *, large: bool = False
+) -> Candidate:
     """Weigh specimens whose force is off by these logarithms, a figure each.
 
     Parameters
@@ -157,7 +159,7 @@ def weighed(levels: FloatArray, shared: FloatArray | None = None) -> Candidate:
         covariance = covariance + shared @ shared.T
     columns = np.column_stack([levels, np.eye(n)])
     products = columns.T @ np.linalg.solve(covariance, columns)
-    return _weigh_subset(products, Candidate(()), SCATTER)
+    return _weigh_subset(products, Candidate(()), SCATTER, large)
 
 
 def batches(n: int) -> FloatArray:
@@ -197,6 +199,15 @@ def test_units_are_found_as_they_are(unit: float, sign: float) -> None:
     found = weighed(planted(2, [0, 7, 8], sign * float(np.log(unit))))
     assert np.exp(found.log_gain) == pytest.approx(unit**sign, rel=1e-12)
     assert np.flatnonzero(found.members).tolist() == [0, 7, 8]
+
+
+@pytest.mark.parametrize("factor", [0.28, 3.3, 7.0])
+def test_a_factor_between_those_of_units_is_likelier_to_be_none_of_them(factor: float) -> None:
+    """Treated samples that bear a third of the force are not in pounds: lbf would be 4.448."""
+    levels = planted(2, [0, 7, 8], float(np.log(factor)))
+    found = weighed(levels, large=True)
+    assert np.exp(found.log_gain) == pytest.approx(factor, rel=4.0 * SCATTER / np.sqrt(3.0))
+    assert found.log_evidence > weighed(levels).log_evidence + 10.0
 
 
 @pytest.mark.parametrize("seed", range(20))
