@@ -398,9 +398,15 @@ class _State:
             most, there = cost(at, change), at + step
             while cost(there, self.by_own(there)[0]) > most and np.any(there != at):
                 there = at + _LESS * (there - at)
+            if np.all(there == at):
+                break
             at, (change, columns) = there, self.by_own(there)
-        left = self.left - change + np.sum(columns * at[:, self._problem.table.specimen], axis=0)
-        return _OwnSizes(at, change, columns, left)
+        return _OwnSizes(at, change, columns, self.left_at_none(at, columns))
+
+    def left_at_none(self, deviates: FloatArray, columns: FloatArray) -> FloatArray:
+        """Return what is left without own sizes, by the model linear about deviates, (N,)."""
+        linear = np.sum(columns * deviates[:, self._problem.table.specimen], axis=0)
+        return np.asarray(self.left - self.by_own(deviates)[0] + linear)
 
     def cost(self, likelihood: Likelihood) -> float:
         """Return minus ln of the posterior, but for a constant, own sizes integrated over."""
@@ -506,8 +512,8 @@ class PosteriorMode:
     coordinates : (p,)
     slopes : (N, p)
         Derivatives of the whitened features by the coordinates.
-    own : (m, N)
-        By specimens' own sizes, whitened, of prior deviation 1.
+    deviates : (m, n), own : (m, N)
+        Specimens' own sizes, and how features change with them by a deviation, whitened.
     target : (N,)
         Whitened: what slopes times coordinates, own sizes, nuisances and noise must make up.
     unkept
@@ -518,6 +524,7 @@ class PosteriorMode:
     candidate: Candidate
     coordinates: FloatArray
     slopes: FloatArray
+    deviates: FloatArray
     own: FloatArray
     target: FloatArray
     unkept: float = 0.0
@@ -527,8 +534,8 @@ class PosteriorMode:
     def of_nothing(cls, likelihood: Likelihood) -> "PosteriorMode":
         """Return no effect at all under a likelihood."""
         left = likelihood.problem.target
-        none = np.zeros((0, len(left)))
-        return cls(likelihood, Candidate(()), np.zeros(0), none.T, none, left)
+        none, sizes = np.zeros((0, len(left))), np.zeros((0, len(likelihood.problem.noise.rows)))
+        return cls(likelihood, Candidate(()), np.zeros(0), none.T, sizes, none, left)
 
     def eliminated(self, likelihood: Likelihood, kept: FloatArray | None = None) -> Elimination:
         """Return inner products of the target and further columns, under a likelihood."""
@@ -557,7 +564,8 @@ class PosteriorMode:
         move = np.clip(at - self.coordinates, -_LONGEST, _LONGEST)
         # Slopes say nothing of what is far off: as far as the forward model bears them out.
         ends = [self.coordinates + share * move for share in (1.0, 0.5)]
-        tried = [(_State(self.likelihood.problem, self.candidate, at).left, at) for at in ends]
+        states = [_State(self.likelihood.problem, self.candidate, at) for at in ends]
+        tried = [(s.left_at_none(self.deviates, self.own), s.coordinates) for s in states]
         tried.append((self.target - self.slopes @ self.coordinates, self.coordinates))
 
         def cost(one: tuple[FloatArray, FloatArray]) -> float:
@@ -612,4 +620,5 @@ def _mode_at(likelihood: Likelihood, state: _State) -> PosteriorMode:
     at, own, (slopes, narrower) = state.coordinates, state.own(likelihood), state.linear(likelihood)
     # Where own sizes' volume grows with the effect's size, the linear model promises more.
     unkept, target = _promise(likelihood, state, slopes, 0.0 * narrower)[-1], own.left + slopes @ at
-    return PosteriorMode(likelihood, state.candidate, at, slopes, own.columns, target, unkept)
+    sizes = own.deviates, own.columns
+    return PosteriorMode(likelihood, state.candidate, at, slopes, *sizes, target, unkept)

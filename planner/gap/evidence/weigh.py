@@ -102,10 +102,12 @@ class Priors:
 _GAIN = "force-scale"
 """The effect that may hold for some specimens only."""
 
-_GAINS, _LARGE_GAINS = np.geomspace(0.05, 0.6, 24), np.geomspace(0.67, 3.2, 16)
-"""Logarithms of a gain of some specimens that a load cell may have, to 0.6, and of ones that a
-column tells. Numerical: each 11 % larger than the one before, which a few specimens of usual
-scatter do not resolve."""
+_GAINS = np.geomspace(0.05, 0.6, 24)
+_LARGE_GAINS = np.arange(0.66, UNIT_GAINS.max(), 0.06)
+_LARGE_GAINS = _LARGE_GAINS[np.abs(_LARGE_GAINS[:, None] - UNIT_GAINS).min(axis=1) > 0.1]
+"""Logarithms of a gain of some specimens that a load cell may have, and of larger ones that a
+column tells, none of them a unit's. Numerical: each 11 %, or .06, larger than the one before, which
+a few specimens of usual scatter do not resolve."""
 
 _DISTINCT = 2.5
 """Deviations of the specimens' scatter by which a gain must exceed it. Chosen: by chance one
@@ -359,7 +361,7 @@ class Weighed:
     def errors(self, effects: Effects, *, own: bool = True) -> tuple[float, float]:
         """Return errors of features without effects, and with them at their mode.
 
-        Of `own` sizes of specimens, or their mean for all, whichever leaves less.
+        Of `own` sizes of specimens, or the effect's for all, whichever leaves less.
         """
         mode, found = self.mode_of(self.best[effects]), [self.best[effects]]
         if own and len(mode.own):
@@ -405,13 +407,13 @@ def weigh(problem: Problem, priors: Priors) -> Weighed:
         axis, log_prior = ("", logs.of(())) if exact else (EVERY_TEST, logs.any)
         result.add((), axis, log_prior, evidence)
     beside_gain = (*likelihoods, *_less_scattered(result.plain)) if logs.some else ()
-    _add_subset(none, beside_gain, result)
     result.modes = _modes(result.likelihoods, logs)
     for one in result.modes:
         for likelihood in likelihoods:
             found = one.weighed(likelihood, one.eliminated(likelihood))
             found = replace(found, log_evidence=found.log_evidence + logs.forms(found))
             result.add_candidate(found, likelihood)
+    _add_subset(none, beside_gain, result)
     result.beside_some = _modes_beside_some(result, beside_gain)
     for one in result.beside_some:
         _add_subset(one, beside_gain, result)
@@ -699,26 +701,35 @@ def _modes_beside_some(result: Weighed, likelihoods: Sequence[Likelihood]) -> li
     if _of_unit(some):
         some = _of_some(result.plain, result.logs, result.none)
     gain_of = result.plain.problem.gain_of
-    left = replace(result.none, target=result.none.target - gain_of(some))
+    without = replace(some, effects=(), parts=())
+    left = replace(result.none, candidate=without, target=result.none.target - gain_of(some))
     likelihoods = [likelihood for likelihood in likelihoods if likelihood.scale == 1.0]
     left = replace(left, likelihood=max(likelihoods, key=lambda w: left.eliminated(w).none))
     found: dict[Effects, PosteriorMode] = {}
+
+    def log_p(one: PosteriorMode) -> float:
+        return one.eliminated(one.likelihood).none
+
     leading = [left]
     for _ in range(min(_most_effects(left.likelihood.problem), _MOST_EFFECTS - 1)):
         for one in leading:  # the best ones, as the second may be better beside a third
+            start = one
             if one.candidate.parts:
                 # Beside it others may be members than where it was not known.
                 whole = replace(one, target=one.target + gain_of(one.candidate))
-                some = _of_some(result.plain, result.logs, whole)
-                own = replace(one.candidate, members=some.members, log_gain=some.log_gain)
-                one = posterior_mode(likelihoods, own, one.likelihood)
-                found[own.effects] = one
-            beside = [c for c in _partners(one, result.logs) if _GAIN not in c.effects]
+                exact = result.plain if _of_unit(one.candidate) else one.likelihood
+                some = _of_some(exact, result.logs, whole)
+                again = replace(one.candidate, members=some.members, log_gain=some.log_gain)
+                if some.log_evidence > -np.inf:
+                    start = max(one, posterior_mode(likelihoods, again, one.likelihood), key=log_p)
+                found[one.candidate.effects] = start
+            has = start.candidate
+            beside = [c for c in _partners(start, result.logs) if _GAIN not in c.effects]
             for c in beside[:_PARTNERS]:
                 if c.effects not in found:
-                    both = replace(c, members=some.members, log_gain=some.log_gain)
-                    found[c.effects] = posterior_mode(likelihoods, both, one.likelihood)
-        ranked = sorted(found.values(), key=lambda one: -one.eliminated(one.likelihood).none)
+                    both = replace(c, members=has.members, log_gain=has.log_gain)
+                    found[c.effects] = posterior_mode(likelihoods, both, start.likelihood)
+        ranked = sorted(found.values(), key=log_p, reverse=True)
         leading = ranked[:_BESIDE]
     # What the gain does is left for it to make up again, whichever specimens have it.
     return [

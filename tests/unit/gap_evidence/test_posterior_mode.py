@@ -266,6 +266,18 @@ def test_a_mode_beside_own_sizes_is_the_likeliest_with_their_volume(slack: Probl
     assert mode.eliminated(likelihood).none == pytest.approx(evidence, abs=0.05)
 
 
+def test_what_a_mode_leaves_is_the_same_of_its_model_and_of_the_forward_model(
+    slack: Problem,
+) -> None:
+    """Folds compare both: where they differ, no candidate moves to what the others say."""
+    likelihood = Likelihood(slack)
+    signed = next(b for b in slack.signed_forms if b.form.name == "dead-travel")
+    mode = posterior_mode((likelihood,), joined([(signed, (0.6,))]), likelihood)
+    state = _State(slack, mode.candidate, mode.coordinates)
+    left = mode.target - mode.slopes @ mode.coordinates
+    assert state.left_at_none(mode.deviates, mode.own) == pytest.approx(left, abs=1e-9)
+
+
 def test_errors_are_of_each_specimens_own_size(planned, imitated) -> None:
     """Slack of four specimens that differ by a factor: its mean alone closes little."""
     plan = planned(4, material=["TangoPlus", "FLX9760"])
