@@ -396,11 +396,11 @@ class _State:
             if 0.5 * float(gradient @ step.ravel()) < _ENOUGH_NATS:
                 break
             most, there = cost(at, change), at + step
-            while cost(there, self.by_own(there)[0]) > most and np.any(there != at):
+            while cost(there, (found := self.by_own(there))[0]) > most and np.any(there != at):
                 there = at + _LESS * (there - at)
             if np.all(there == at):
                 break
-            at, (change, columns) = there, self.by_own(there)
+            at, (change, columns) = there, found
         return _OwnSizes(at, change, columns, self.left_at_none(at, columns))
 
     def left_at_none(self, deviates: FloatArray, columns: FloatArray) -> FloatArray:
