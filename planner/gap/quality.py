@@ -722,9 +722,13 @@ def examine(campaign: Campaign, model: ObservationModel) -> tuple[QualityProblem
 # As a verdict hints: a gain of force or travel that is the factor between two units.
 
 
-_GAINS = {"force-scale": ("force", "log_gain", -1.0), "strain-scale": ("travel", "log_factor", 1.0)}
-"""By effect: the quantity, the parameter, and its sign in ln of true over recorded. Convention: how
-the effects define their sizes."""
+_GAINS: Mapping[tuple[str, str], tuple[str, float]] = {
+    ("force-scale", "log_gain"): ("force", -1.0),
+    ("force-scale", "factor"): ("force", -1.0),
+    ("strain-scale", "log_factor"): ("travel", 1.0),
+}
+"""By effect and parameter: the quantity, and the power of true over recorded. Convention: how the
+effects define their sizes."""
 
 
 def suggested_units(
@@ -732,15 +736,19 @@ def suggested_units(
 ) -> Iterator[UnitOf]:
     """Yield the units in which numbers make sense as they stand in the files, without a gain."""
     for effect in found:
-        quantity, name, sign = _GAINS.get(effect.id, ("", "", 0.0))
-        if (value := effect.parameters.get(name)) is None:
-            continue
-        low, high = effect.interval.get(name, (value, value))
-        reach = max(abs(low - value), abs(high - value))
-        some = (s for s in specimens if not effect.specimens or s.id in effect.specimens)
-        units = (_unit_of(s, quantity, sign * value, reach) for s in some)
-        for one in merged_units(filter(None, units)):
-            yield one if len(one.specimens) < len(specimens) else replace(one, specimens=())
+        for name, value in effect.parameters.items():
+            if (effect.id, name) not in _GAINS:
+                continue
+            quantity, power = _GAINS[effect.id, name]
+            ends = effect.interval.get(name, (value, value))
+            log, low, high = (
+                power * (x if name.startswith("log_") else math.log(x)) for x in (value, *ends)
+            )
+            reach = max(abs(low - log), abs(high - log))
+            some = (s for s in specimens if not effect.specimens or s.id in effect.specimens)
+            units = (_unit_of(s, quantity, log, reach) for s in some)
+            for one in merged_units(filter(None, units)):
+                yield one if len(one.specimens) < len(specimens) else replace(one, specimens=())
 
 
 def merged_units(units: Iterable[UnitOf]) -> tuple[UnitOf, ...]:

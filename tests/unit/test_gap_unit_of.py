@@ -128,6 +128,13 @@ def test_units_hint_at_the_specimens_that_have_them(plain: Campaign) -> None:
     ]
 
 
+def test_a_gain_of_some_hints_at_the_unit_that_they_are_in(plain: Campaign) -> None:
+    """As a verdict states it: by its factor, and not by its logarithm."""
+    ends, some = {"factor": (0.2236, 0.2260)}, ("S001", "S003")
+    found = FoundEffect("force-scale", "of-some-specimens", {"factor": 1 / _LBF}, ends, {}, some)
+    assert list(suggested_units([found], plain.specimens)) == [UnitOf("force", "lbf", some)]
+
+
 def test_units_are_told_once() -> None:
     one, two, every = (UnitOf("force", "lbf", ids) for ids in (("A",), ("B", "A"), ()))
     assert merged_units([one, two]) == (UnitOf("force", "lbf", ("A", "B")),)

@@ -218,7 +218,7 @@ def _weigh_subset(
     n = len(products) - 1
     b, h = np.ascontiguousarray(products[1:, 0]), np.ascontiguousarray(products[1:, 1:])
     some = _LARGE_GAINS if large else _GAINS[_DISTINCT * scatter <= _GAINS]
-    units = UNIT_GAINS[: 0 if large else None]
+    units = UNIT_GAINS[:0] if large else UNIT_GAINS
     gammas = np.concatenate([some, -some, units, -units])
     # Half for any gain, half for units.
     counts = np.array([2 * len(some), 2 * len(units)])
@@ -396,9 +396,7 @@ def weigh(problem: Problem, priors: Priors) -> Weighed:
     logs = _LogPriors(problem, priors)
     likelihoods = _likelihoods(problem)
     of_scatter = tuple(w for w in likelihoods if w.scale == 1.0)
-    none = PosteriorMode.of_nothing(
-        max(of_scatter, key=lambda likelihood: likelihood.none + likelihood.log_share)
-    )
+    none = PosteriorMode.of_nothing(max(of_scatter, key=lambda w: w.none + w.log_share))
     result = Weighed(logs, of_scatter, none)
     for likelihood in likelihoods:
         evidence = result.relative(none.candidate, likelihood)
@@ -701,8 +699,7 @@ def _modes_beside_some(result: Weighed, likelihoods: Sequence[Likelihood]) -> li
     if _of_unit(some):
         some = _of_some(result.plain, result.logs, result.none)
     gain_of = result.plain.problem.gain_of
-    without = replace(some, effects=(), parts=())
-    left = replace(result.none, candidate=without, target=result.none.target - gain_of(some))
+    left = replace(result.none, candidate=some, target=result.none.target - gain_of(some))
     likelihoods = [likelihood for likelihood in likelihoods if likelihood.scale == 1.0]
     left = replace(left, likelihood=max(likelihoods, key=lambda w: left.eliminated(w).none))
     found: dict[Effects, PosteriorMode] = {}
@@ -710,34 +707,30 @@ def _modes_beside_some(result: Weighed, likelihoods: Sequence[Likelihood]) -> li
     def log_p(one: PosteriorMode) -> float:
         return one.eliminated(one.likelihood).none
 
+    def whole(one: PosteriorMode) -> PosteriorMode:
+        return replace(one, target=one.target + gain_of(one.candidate))
+
     leading = [left]
     for _ in range(min(_most_effects(left.likelihood.problem), _MOST_EFFECTS - 1)):
         for one in leading:  # the best ones, as the second may be better beside a third
-            start = one
             if one.candidate.parts:
                 # Beside it others may be members than where it was not known.
-                whole = replace(one, target=one.target + gain_of(one.candidate))
                 exact = result.plain if _of_unit(one.candidate) else one.likelihood
-                some = _of_some(exact, result.logs, whole)
+                some = _of_some(exact, result.logs, whole(one))
                 again = replace(one.candidate, members=some.members, log_gain=some.log_gain)
                 if some.log_evidence > -np.inf:
-                    start = max(one, posterior_mode(likelihoods, again, one.likelihood), key=log_p)
-                found[one.candidate.effects] = start
-            has = start.candidate
-            beside = [c for c in _partners(start, result.logs) if _GAIN not in c.effects]
+                    one = max(one, posterior_mode(likelihoods, again, one.likelihood), key=log_p)
+                found[again.effects] = one
+            has = one.candidate
+            beside = [c for c in _partners(one, result.logs) if _GAIN not in c.effects]
             for c in beside[:_PARTNERS]:
                 if c.effects not in found:
                     both = replace(c, members=has.members, log_gain=has.log_gain)
-                    found[c.effects] = posterior_mode(likelihoods, both, start.likelihood)
+                    found[c.effects] = posterior_mode(likelihoods, both, one.likelihood)
         ranked = sorted(found.values(), key=log_p, reverse=True)
         leading = ranked[:_BESIDE]
     # What the gain does is left for it to make up again, whichever specimens have it.
-    return [
-        replace(
-            one, candidate=joined(one.candidate.parts), target=one.target + gain_of(one.candidate)
-        )
-        for one in ranked
-    ]
+    return [replace(whole(one), candidate=joined(one.candidate.parts)) for one in ranked]
 
 
 def _chosen(result: Weighed) -> list[PosteriorMode]:
