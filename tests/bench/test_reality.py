@@ -6,6 +6,7 @@ import json
 import tomllib
 from collections import Counter
 from dataclasses import replace
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from benchmarks.withheld.reality.campaign import make_campaign
 from benchmarks.withheld.reality.effects import EFFECTS
 from benchmarks.withheld.reality.palette_file import read_palette
 from benchmarks.withheld.reality.protocol import ROWS
+from benchmarks.withheld.reality.sets import SETS
 from benchmarks.withheld.reality.tiers import TIERS
 from benchmarks.withheld.reality.writing import campaign_files
 from planner.materials.laws import make_law
@@ -92,7 +94,7 @@ def check_format(files: dict[str, str], name: str, specimens: int) -> None:
 
 
 @pytest.mark.parametrize("tier", TIERS)
-@pytest.mark.parametrize("set_name", ["development", "final"])
+@pytest.mark.parametrize("set_name", SETS)
 def test_campaigns_are_as_the_contract_has_them(set_name: str, tier: str) -> None:
     campaign = make_campaign(PALETTE, set_name, tier, 30, 11, 0)
     check_format(dict(campaign_files(campaign)), campaign.name, 30)
@@ -182,18 +184,16 @@ def test_single_effects_take_turns() -> None:
 def test_the_sets_share_no_form_and_no_condition_off_the_reference() -> None:
     for effect in EFFECTS.values():
         for forms in (effect.library, effect.other):
-            development, final = (
-                {(f.name, f.low, f.high) for f in forms[s]} for s in ("development", "final")
-            )
-            assert not development & final
+            for one, another in combinations(forms.values(), 2):
+                ranges = [{(f.name, f.low, f.high) for f in of_set} for of_set in (one, another)]
+                assert not ranges[0] & ranges[1]
         names = [
             {f.name for s in by_set.values() for f in s}
             for by_set in (effect.library, effect.other)
         ]
         assert not names[0] & names[1]
-        assert not {f.name for f in effect.other["development"]} & {
-            f.name for f in effect.other["final"]
-        }
+        others = [f.name for of_set in effect.other.values() for f in of_set]
+        assert len(set(others)) == len(others)
 
 
 def test_the_command_seals_the_truth_outside_and_prints_its_hash_first(

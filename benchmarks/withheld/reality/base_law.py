@@ -1,8 +1,9 @@
 """What the printed grades really do at reference conditions: a network beside a yielding phase.
 
-A palette's law is an Ogden sum; here a molecular network (eight-chain or Gent) carries the large
-strains and a second phase that saturates carries the initial stiffness. Both are fitted to the
-published curve, and what they cannot follow stays as the base law's misfit, up to a stated size.
+A palette's law is an Ogden sum; here a molecular network (eight-chain or Gent) or an exponential
+carries the large strains, and a second phase that saturates carries the initial stiffness. Both
+are fitted to the published curve, and what they cannot follow stays as the base law's misfit, up
+to a stated size.
 Between grades the logarithm of the secant modulus follows a monotone cubic in the coordinate.
 """
 
@@ -20,7 +21,7 @@ from benchmarks.withheld.reality.palette_file import Grade, PaletteFile
 __all__ = ["STRAINS", "BaseLaw", "Network", "fit_base_law"]
 
 FloatArray = NDArray[np.float64]
-Network = Literal["eight-chain", "gent"]
+Network = Literal["eight-chain", "exponential", "gent"]
 
 STRAINS: FloatArray = np.linspace(0.0, 1.2, 241)
 """Engineering strains at which secant moduli are held."""
@@ -95,6 +96,10 @@ def _stress_MPa(strain: FloatArray, parameters: FloatArray, network: Network) ->
         y0 = 1.0 / limit
         gain = (3.0 - y**2) / (1.0 - y**2) / ((3.0 - y0**2) / (1.0 - y0**2))
         glassy = yield_MPa * np.tanh(strain / yield_strain)
+    elif network == "exponential":
+        # Fung 1967, Demiray 1972; `limit` is the I1 - 3 over which the stiffness grows by e
+        gain = np.exp(np.minimum((stretch**2 + 2.0 / stretch - 3.0) / limit, 4.0))
+        glassy = yield_MPa * strain / (strain + yield_strain)
     else:
         # Gent 1996; `limit` is the largest I1 - 3
         gain = limit / np.maximum(limit - (stretch**2 + 2.0 / stretch - 3.0), 0.02 * limit)

@@ -50,6 +50,21 @@ def _cure_then_decay(bench: Bench, size: float, shape: Shape) -> Bench:
     return _changed(bench, size, shape, progress)
 
 
+def _hyperbolic(bench: Bench, size: float, shape: Shape) -> Bench:
+    tau = number(shape, "tau_days")
+    return _changed(bench, size, shape, lambda age: age / (age + tau))
+
+
+def _two_cures(bench: Bench, size: float, shape: Shape) -> Bench:
+    """A cure that is over within days, and one that never ends."""
+    tau, slow = number(shape, "tau_days"), number(shape, "slow_share")
+
+    def progress(age: FloatArray) -> FloatArray:
+        return (1.0 - slow) * -np.expm1(-4.0 * age / tau) + slow * np.log1p(age / tau)
+
+    return _changed(bench, size, shape, progress)
+
+
 def _draw_sign(rng: np.random.Generator, design: Design) -> Shape:
     return {"sign": sign(rng)}
 
@@ -66,16 +81,22 @@ def _draw_cure(rng: np.random.Generator, design: Design) -> Shape:
     return {**_draw_stretched(rng, design), "loss": float(rng.uniform(0.1, 0.4))}
 
 
+def _draw_two_cures(rng: np.random.Generator, design: Design) -> Shape:
+    return {**_draw_tau(rng, design), "slow_share": float(rng.uniform(0.3, 0.7))}
+
+
 EFFECT = Effect(
     "ageing",
     stage=1,
     where=("age_days",),
     library={
         "development": (Form("log-time", 0.02, 0.25, _log_time, _draw_sign),),
+        "validation": (Form("hyperbolic", 0.03, 0.3, _hyperbolic, _draw_tau),),
         "final": (Form("saturating", 0.03, 0.35, _saturating, _draw_tau),),
     },
     other={
         "development": (Form("stretched", 0.02, 0.25, _stretched, _draw_stretched),),
+        "validation": (Form("two-cures", 0.03, 0.3, _two_cures, _draw_two_cures),),
         "final": (Form("cure-then-decay", 0.03, 0.3, _cure_then_decay, _draw_cure),),
     },
 )

@@ -37,6 +37,13 @@ def _settling(bench: Bench, size: float, shape: Shape) -> Bench:
     return replace(bench, offset_N=bench.offset_N + offset)
 
 
+def _cable(bench: Bench, size: float, shape: Shape) -> Bench:
+    """A cable that hangs on the crosshead, and is lifted with it."""
+    lifted = bench.motion.displacement_mm / number(shape, "lift_mm")
+    offset = number(shape, "sign") * size * (0.6 + lifted / (1.0 + lifted))
+    return replace(bench, offset_N=bench.offset_N + offset)
+
+
 def _draw(rng: np.random.Generator, design: Design) -> Shape:
     return {"sign": sign(rng)}
 
@@ -54,16 +61,22 @@ def _draw_fade(rng: np.random.Generator, design: Design) -> Shape:
     return {**_draw_each(rng, design), "fade_s": float(rng.uniform(5.0, 60.0))}
 
 
+def _draw_lift(rng: np.random.Generator, design: Design) -> Shape:
+    return {"sign": sign(rng), "lift_mm": float(rng.uniform(3.0, 15.0))}
+
+
 EFFECT = Effect(
     "force-offset",
     stage=4,
     where=("strain", "material", "time"),
     library={
         "development": (Form("constant", 0.03, 0.6, _constant, _draw),),
+        "validation": (Form("constant", 0.05, 0.7, _constant, _draw),),
         "final": (Form("each-its-own", 0.04, 0.8, _each_its_own, _draw_each),),
     },
     other={
         "development": (Form("drifting", 0.03, 0.5, _drifting, _draw_drift),),
+        "validation": (Form("cable", 0.04, 0.6, _cable, _draw_lift),),
         "final": (Form("settling", 0.05, 0.8, _settling, _draw_fade),),
     },
 )

@@ -35,6 +35,13 @@ def _travel_gain(bench: Bench, size: float, shape: Shape) -> Bench:
     return replace(bench, gain=bench.gain * (1.0 + part * (1.0 + travel**2) / (1.5 + travel**2)))
 
 
+def _fading_gain(bench: Bench, size: float, shape: Shape) -> Bench:
+    """A gain that is off most at the start, while a filter settles."""
+    left = np.exp(-bench.motion.time_s / number(shape, "settle_s"))
+    part = number(shape, "sign") * size * listed(shape, "affected", bench)[:, None]
+    return replace(bench, gain=bench.gain * (1.0 + part * (0.55 + 0.45 * left)))
+
+
 def _all(rng: np.random.Generator, design: Design) -> Shape:
     return {"sign": sign(rng), "affected": [1.0] * len(design)}
 
@@ -64,6 +71,10 @@ def _of_batch(rng: np.random.Generator, design: Design) -> Shape:
     return {"sign": sign(rng), "affected": [float(a) for a in affected]}
 
 
+def _settling(rng: np.random.Generator, design: Design) -> Shape:
+    return {**_some(rng, design), "settle_s": float(rng.uniform(10.0, 90.0))}
+
+
 EFFECT = Effect(
     "force-scale",
     stage=4,
@@ -73,6 +84,10 @@ EFFECT = Effect(
             Form("gain", 0.03, 0.2, _gain, _all),
             Form("gain-of-some", 0.05, 0.3, _gain, _some),
         ),
+        "validation": (
+            Form("gain", 0.05, 0.25, _gain, _all),
+            Form("gain-of-batch", 0.06, 0.3, _gain, _of_batch),
+        ),
         "final": (
             Form("gain-of-some", 0.06, 0.35, _gain, _some),
             Form("pounds-of-some", POUND_FORCE_N - 1.0, POUND_FORCE_N - 1.0, _gain, _units),
@@ -80,6 +95,7 @@ EFFECT = Effect(
     },
     other={
         "development": (Form("warming-gain", 0.04, 0.2, _time_gain, _warming),),
+        "validation": (Form("fading-gain", 0.06, 0.3, _fading_gain, _settling),),
         "final": (Form("hinge-gain", 0.06, 0.3, _travel_gain, _hinge),),
     },
     measured=(

@@ -22,7 +22,7 @@ __all__ = [
     "sign",
 ]
 
-Set = Literal["development", "final"]
+Set = Literal["development", "final", "validation"]
 Shape = Mapping[str, float | list[float] | str]
 Apply = Callable[[Bench, float, Shape], Bench]
 Draw = Callable[[np.random.Generator, Design], Shape]

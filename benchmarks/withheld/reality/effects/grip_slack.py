@@ -10,7 +10,7 @@ import numpy as np
 
 from benchmarks.withheld.reality.bench import Bench, FloatArray
 from benchmarks.withheld.reality.design import Design
-from benchmarks.withheld.reality.effects.form import Effect, Form, Shape, listed
+from benchmarks.withheld.reality.effects.form import Effect, Form, Shape, listed, number
 
 __all__ = ["EFFECT"]
 
@@ -48,6 +48,21 @@ def _slow(bench: Bench, size: float, shape: Shape) -> Bench:
     return _taken_up(bench, size, shape, lambda ratio: ratio / (ratio + 1.5))
 
 
+def _hyperbolic_tangent(bench: Bench, size: float, shape: Shape) -> Bench:
+    return _taken_up(bench, size, shape, np.tanh)
+
+
+def _seating(bench: Bench, size: float, shape: Shape) -> Bench:
+    """A part is taken up dead, the rest as the jaws bed into the specimen."""
+    dead = number(shape, "dead_share")
+    return _taken_up(
+        bench,
+        size,
+        shape,
+        lambda ratio: dead * np.minimum(ratio, 1.0) + (1.0 - dead) * np.tanh(ratio / 2.5),
+    )
+
+
 def _draw(rng: np.random.Generator, design: Design) -> Shape:
     sd = float(rng.uniform(0.2, 0.45))
     return {"relative": [float(v) for v in np.exp(rng.normal(0.0, sd, len(design)))]}
@@ -71,16 +86,22 @@ def _draw_soft(rng: np.random.Generator, design: Design) -> Shape:
     return {"relative": [float(v) for v in np.where(soft, relative, 0.0)]}
 
 
+def _draw_seating(rng: np.random.Generator, design: Design) -> Shape:
+    return {**_draw(rng, design), "dead_share": float(rng.uniform(0.2, 0.7))}
+
+
 EFFECT = Effect(
     "grip-slack",
     stage=3,
     where=("strain", "specimen"),
     library={
         "development": (Form("dead", 0.003, 0.04, _dead, _draw),),
+        "validation": (Form("hyperbolic-tangent", 0.004, 0.045, _hyperbolic_tangent, _draw),),
         "final": (Form("exponential", 0.004, 0.05, _exponential, _draw),),
     },
     other={
         "development": (Form("two-grips", 0.003, 0.04, _two_grips, _draw),),
+        "validation": (Form("seating", 0.004, 0.045, _seating, _draw_seating),),
         "final": (Form("slow", 0.004, 0.05, _slow, _draw),),
     },
     measured=(

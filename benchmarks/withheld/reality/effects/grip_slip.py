@@ -61,6 +61,25 @@ def _running(bench: Bench, size: float, shape: Shape) -> Bench:
     return replace(bench, slip_mm=slip_mm)
 
 
+def _proportional(bench: Bench, size: float, shape: Shape) -> Bench:
+    width = bench.design.width_mm
+    return replace(
+        bench, slip_mm=lambda force: (size * force / width, np.full_like(force, 1.0) * size / width)
+    )
+
+
+def _catching(bench: Bench, size: float, shape: Shape) -> Bench:
+    """Quick at first, until the teeth have caught that specimen."""
+    width = bench.design.width_mm
+    hold = number(shape, "hold_N_mm") * listed(shape, "relative", bench)
+
+    def slip_mm(force: FloatArray) -> tuple[FloatArray, FloatArray]:
+        over = np.maximum(force, 0.0) / width / hold
+        return size * hold * np.log1p(over), size / width / (1.0 + over)
+
+    return replace(bench, slip_mm=slip_mm)
+
+
 def _relative(rng: np.random.Generator, design: Design) -> list[float]:
     return [float(v) for v in np.exp(rng.normal(0.0, 0.3, len(design)))]
 
@@ -87,10 +106,12 @@ EFFECT = Effect(
     where=("material", "branch", "strain", "specimen"),
     library={
         "development": (Form("above-threshold", 0.01, 0.3, _above_threshold, _draw_start),),
+        "validation": (Form("proportional", 0.01, 0.3, _proportional),),
         "final": (Form("power", 0.01, 0.3, _power, _draw_power),),
     },
     other={
         "development": (Form("stick-slip", 0.01, 0.3, _stick_slip, _draw_step),),
+        "validation": (Form("catching", 0.01, 0.4, _catching, _draw_hold),),
         "final": (Form("running", 0.01, 0.4, _running, _draw_hold),),
     },
 )

@@ -67,6 +67,17 @@ def _one_sided(bench: Bench, size: float, shape: Shape) -> Bench:
     )
 
 
+def _box(bench: Bench, size: float, shape: Shape) -> Bench:
+    half = np.sqrt(3.0) * size
+    return _blurred(bench, size, lambda x: np.clip((half - np.abs(x)) / _PITCH_MM + 0.5, 0.0, 1.0))
+
+
+def _long_tailed(bench: Bench, size: float, shape: Shape) -> Bench:
+    """Droplets that splash: no farthest distance."""
+    power = number(shape, "power")
+    return _blurred(bench, size, lambda x: (1.0 + (x / size) ** 2) ** -power)
+
+
 def _draw_two(rng: np.random.Generator, design: Design) -> Shape:
     return {"far": float(rng.uniform(2.5, 4.0)), "far_share": float(rng.uniform(0.1, 0.35))}
 
@@ -75,16 +86,22 @@ def _draw_side(rng: np.random.Generator, design: Design) -> Shape:
     return {"sign": sign(rng)}
 
 
+def _draw_tail(rng: np.random.Generator, design: Design) -> Shape:
+    return {"power": float(rng.uniform(1.3, 2.2))}
+
+
 EFFECT = Effect(
     "interface-bleed",
     stage=0,
     where=("position", "profile", "material"),
     library={
         "development": (Form("gaussian", 0.1, 0.8, _gaussian),),
+        "validation": (Form("box", 0.1, 0.9, _box),),
         "final": (Form("exponential", 0.1, 1.0, _exponential),),
     },
     other={
         "development": (Form("two-gaussians", 0.1, 0.8, _two_gaussians, _draw_two),),
+        "validation": (Form("long-tailed", 0.1, 0.7, _long_tailed, _draw_tail),),
         "final": (Form("one-sided", 0.1, 1.0, _one_sided, _draw_side),),
     },
 )

@@ -45,6 +45,18 @@ def _hertz(bench: Bench, size: float, shape: Shape) -> Bench:
     return replace(bench, compliance_mm=compliance_mm)
 
 
+def _yielding(bench: Bench, size: float, shape: Shape) -> Bench:
+    """A frame that gives ever more, as a belt's teeth climb."""
+    more, force_N = number(shape, "more"), number(shape, "climbing_N")
+
+    def compliance_mm(force: FloatArray) -> tuple[FloatArray, FloatArray]:
+        over = np.abs(force) / force_N
+        slope = size * (1.0 + more * over * (2.0 + over) / (1.0 + over) ** 2)
+        return size * force * (1.0 + more * over / (1.0 + over)), slope
+
+    return replace(bench, compliance_mm=compliance_mm)
+
+
 def _draw_closing(rng: np.random.Generator, design: Design) -> Shape:
     return {"more": float(rng.uniform(0.5, 2.0)), "closing_N": float(rng.uniform(2.0, 15.0))}
 
@@ -53,16 +65,22 @@ def _draw_contact(rng: np.random.Generator, design: Design) -> Shape:
     return {"contact_share": float(rng.uniform(0.3, 0.8))}
 
 
+def _draw_climbing(rng: np.random.Generator, design: Design) -> Shape:
+    return {"more": float(rng.uniform(0.5, 2.0)), "climbing_N": float(rng.uniform(5.0, 40.0))}
+
+
 EFFECT = Effect(
     "machine-compliance",
     stage=3,
     where=("material", "width_mm", "thickness_mm", "gauge_mm", "strain"),
     library={
         "development": (Form("linear", 1 / 300, 1 / 25, _linear),),
+        "validation": (Form("linear", 1 / 280, 1 / 22, _linear),),
         "final": (Form("linear", 1 / 250, 1 / 20, _linear),),
     },
     other={
         "development": (Form("stiffening", 1 / 300, 1 / 25, _stiffening, _draw_closing),),
+        "validation": (Form("yielding", 1 / 280, 1 / 22, _yielding, _draw_climbing),),
         "final": (Form("hertz", 1 / 250, 1 / 20, _hertz, _draw_contact),),
     },
 )

@@ -45,6 +45,16 @@ def _late(bench: Bench, size: float, shape: Shape) -> Bench:
     return _changed(bench, size, shape, scaled ** number(shape, "power"))
 
 
+def _waning(bench: Bench, size: float, shape: Shape) -> Bench:
+    return _changed(bench, size, shape, 1.0 - 0.6 * np.minimum(STRAINS / _END_STRAIN, 1.0))
+
+
+def _knee(bench: Bench, size: float, shape: Shape) -> Bench:
+    """The two phases meet elsewhere: most about the knee of the curve."""
+    away = (STRAINS - number(shape, "knee_strain")) / 0.1
+    return _changed(bench, size, shape, 0.3 + 0.7 / (1.0 + away**2))
+
+
 def _draw(rng: np.random.Generator, design: Design) -> Shape:
     coordinates = np.unique(design.coordinate[design.profile < 0])
     return {"sign": sign(rng), "coordinate": float(rng.choice(coordinates))}
@@ -58,16 +68,22 @@ def _draw_late(rng: np.random.Generator, design: Design) -> Shape:
     return {**_draw(rng, design), "power": float(rng.uniform(0.6, 1.1))}
 
 
+def _draw_knee(rng: np.random.Generator, design: Design) -> Shape:
+    return {**_draw(rng, design), "knee_strain": float(rng.uniform(0.08, 0.22))}
+
+
 EFFECT = Effect(
     "material-law",
     stage=1,
     where=("material",),
     library={
         "development": (Form("factor", 0.06, 0.4, _factor, _draw),),
+        "validation": (Form("waning", 0.07, 0.4, _waning, _draw),),
         "final": (Form("tilted", 0.08, 0.45, _tilted, _draw),),
     },
     other={
         "development": (Form("initial", 0.08, 0.45, _initial, _draw_initial),),
+        "validation": (Form("knee", 0.08, 0.4, _knee, _draw_knee),),
         "final": (Form("late", 0.08, 0.3, _late, _draw_late),),
     },
 )

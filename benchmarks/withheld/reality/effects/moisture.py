@@ -52,6 +52,18 @@ def _two_sided(bench: Bench, size: float, shape: Shape) -> Bench:
     return bench.stiffened((1.0 - size) ** (uptake**power))
 
 
+def _first_order(bench: Bench, size: float, shape: Shape) -> Bench:
+    uptake = -np.expm1(-_soaked_h(bench) / number(shape, "uptake_h"))
+    return bench.stiffened(1.0 - size * uptake)
+
+
+def _front(bench: Bench, size: float, shape: Shape) -> Bench:
+    """A sharp front from both faces: what it has passed is soft, the rest as printed."""
+    passed_mm = 2.0 * np.sqrt(number(shape, "diffusion_mm2_h") * _soaked_h(bench))
+    wet = np.minimum(passed_mm / bench.design.thickness_mm, 1.0)
+    return bench.stiffened(1.0 - size * wet ** number(shape, "power"))
+
+
 def _draw_saturation(rng: np.random.Generator, design: Design) -> Shape:
     return {"saturation_h": float(rng.uniform(12.0, 40.0))}
 
@@ -72,16 +84,22 @@ def _draw_two_sided(rng: np.random.Generator, design: Design) -> Shape:
     return {**_draw_diffusion(rng, design), "power": float(rng.uniform(0.8, 1.5))}
 
 
+def _draw_uptake(rng: np.random.Generator, design: Design) -> Shape:
+    return {"uptake_h": float(np.exp(rng.uniform(np.log(3.0), np.log(30.0))))}
+
+
 EFFECT = Effect(
     "moisture",
     stage=1,
     where=("soak_h",),
     library={
         "development": (Form("root-time", 0.02, 0.35, _root_time, _draw_saturation),),
+        "validation": (Form("first-order", 0.03, 0.35, _first_order, _draw_uptake),),
         "final": (Form("fick", 0.03, 0.4, _fick, _draw_diffusion),),
     },
     other={
         "development": (Form("two-stage", 0.02, 0.35, _two_stage, _draw_two_stage),),
+        "validation": (Form("front", 0.03, 0.4, _front, _draw_two_sided),),
         "final": (Form("two-sided", 0.03, 0.4, _two_sided, _draw_two_sided),),
     },
 )

@@ -48,6 +48,23 @@ def _saturating(bench: Bench, size: float, shape: Shape) -> Bench:
     )
 
 
+def _root(bench: Bench, size: float, shape: Shape) -> Bench:
+    full = size * np.sqrt(_REFERENCE_STRAIN)
+    return replace(bench, set_strain=lambda peak: np.minimum(full * np.sqrt(peak), peak / 2))
+
+
+def _of_soft(bench: Bench, size: float, shape: Shape) -> Bench:
+    """A power of the strain, and larger in softer mixtures."""
+    power = number(shape, "power")
+    soft = 1.3 - 0.8 * np.clip(bench.coordinate, 0.0, 1.0)
+    return replace(
+        bench,
+        set_strain=lambda peak: np.minimum(
+            size * soft * _REFERENCE_STRAIN * (peak / _REFERENCE_STRAIN) ** power, peak / 2
+        ),
+    )
+
+
 def _draw_threshold(rng: np.random.Generator, design: Design) -> Shape:
     return {"start_strain": float(rng.uniform(0.02, 0.1)), "power": float(rng.uniform(0.8, 1.8))}
 
@@ -56,16 +73,22 @@ def _draw_saturating(rng: np.random.Generator, design: Design) -> Shape:
     return {"strain": float(rng.uniform(0.1, 0.4))}
 
 
+def _draw_power(rng: np.random.Generator, design: Design) -> Shape:
+    return {"power": float(rng.uniform(0.7, 1.6))}
+
+
 EFFECT = Effect(
     "permanent-set",
     stage=1,
     where=("branch", "protocol"),
     library={
         "development": (Form("proportional", 0.01, 0.2, _proportional),),
+        "validation": (Form("root", 0.01, 0.2, _root),),
         "final": (Form("quadratic", 0.01, 0.25, _quadratic),),
     },
     other={
         "development": (Form("above-threshold", 0.01, 0.2, _above_threshold, _draw_threshold),),
+        "validation": (Form("of-soft", 0.01, 0.2, _of_soft, _draw_power),),
         "final": (Form("saturating", 0.01, 0.2, _saturating, _draw_saturating),),
     },
 )

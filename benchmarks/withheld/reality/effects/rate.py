@@ -56,6 +56,26 @@ def _fractional(bench: Bench, size: float, shape: Shape) -> Bench:
     return _fading(_most_in_mixtures(bench), lambda t: (1.0 + t / tau_s) ** -order, size)
 
 
+def _most_in_soft(bench: Bench) -> Bench:
+    share = 1.0 - 0.7 * np.clip(bench.coordinate, 0.0, 1.0)
+    return replace(bench, memory_share=share)
+
+
+def _two_terms(bench: Bench, size: float, shape: Shape) -> Bench:
+    tau_s = number(shape, "tau_s")
+    return _fading(
+        _everywhere(bench),
+        lambda t: 0.5 * np.exp(-t / tau_s) + 0.5 * np.exp(-t / (8.0 * tau_s)),
+        size,
+    )
+
+
+def _logistic(bench: Bench, size: float, shape: Shape) -> Bench:
+    """A spectrum that is even in the logarithm of time: Cole and Cole's in the time domain."""
+    tau_s, order = number(shape, "tau_s"), number(shape, "order")
+    return _fading(_most_in_soft(bench), lambda t: 1.0 / (1.0 + (t / tau_s) ** order), size)
+
+
 def _draw_tau(rng: np.random.Generator, design: Design) -> Shape:
     return {"tau_s": float(np.exp(rng.uniform(np.log(2.0), np.log(60.0))))}
 
@@ -69,16 +89,26 @@ def _draw_fractional(rng: np.random.Generator, design: Design) -> Shape:
     return {"tau_s": tau_s, "order": float(rng.uniform(0.2, 0.5))}
 
 
+def _draw_short(rng: np.random.Generator, design: Design) -> Shape:
+    return {"tau_s": float(np.exp(rng.uniform(np.log(1.0), np.log(20.0))))}
+
+
+def _draw_logistic(rng: np.random.Generator, design: Design) -> Shape:
+    return {**_draw_tau(rng, design), "order": float(rng.uniform(0.5, 0.9))}
+
+
 EFFECT = Effect(
     "rate",
     stage=1,
     where=("rate_mm_s", "time", "branch"),
     library={
         "development": (Form("prony", 0.05, 0.6, _prony, _draw_tau),),
+        "validation": (Form("two-terms", 0.06, 0.6, _two_terms, _draw_short),),
         "final": (Form("power", 0.02, 0.25, _power),),
     },
     other={
         "development": (Form("stretched", 0.05, 0.6, _stretched, _draw_stretched),),
+        "validation": (Form("logistic", 0.08, 0.7, _logistic, _draw_logistic),),
         "final": (Form("fractional", 0.08, 0.7, _fractional, _draw_fractional),),
     },
 )

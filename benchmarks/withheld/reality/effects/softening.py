@@ -94,6 +94,29 @@ def _reference_work(bench: Bench) -> FloatArray:
     return 0.5 * secant * 0.3**2
 
 
+def _power(bench: Bench, size: float, shape: Shape) -> Bench:
+    power = number(shape, "power")
+
+    def loss(below: FloatArray) -> tuple[FloatArray, FloatArray]:
+        below = np.maximum(below, 0.0)
+        return below**power, power * below ** (power - 1.0)
+
+    return _by_ratio(bench, size, loss)
+
+
+def _of_hard(bench: Bench, size: float, shape: Shape) -> Bench:
+    """A loss that is larger the harder the mixture, and levels off below the largest work."""
+    width = number(shape, "width")
+    hard = 0.4 + 0.6 * np.clip(bench.coordinate, 0.0, 1.0)
+
+    def damage(work: FloatArray, largest: FloatArray) -> tuple[FloatArray, FloatArray]:
+        largest = np.maximum(largest, _LEAST_WORK_MPa)
+        fade = np.exp(-(1.0 - work / largest) / width)
+        return 1.0 - size * hard * (1.0 - fade), size * hard * fade / width / largest
+
+    return replace(bench, damage=damage)
+
+
 def _draw_width(rng: np.random.Generator, design: Design) -> Shape:
     return {"width": float(rng.uniform(0.3, 0.9))}
 
@@ -106,16 +129,22 @@ def _draw_grown(rng: np.random.Generator, design: Design) -> Shape:
     return {"power": float(rng.uniform(0.5, 1.0)), "half": float(rng.uniform(0.1, 0.4))}
 
 
+def _draw_power(rng: np.random.Generator, design: Design) -> Shape:
+    return {"power": float(rng.uniform(1.0, 1.8))}
+
+
 EFFECT = Effect(
     "softening",
     stage=1,
     where=("branch", "protocol"),
     library={
         "development": (Form("tanh", 0.04, 0.5, _tanh, _draw_width),),
+        "validation": (Form("power", 0.05, 0.5, _power, _draw_power),),
         "final": (Form("error-function", 0.05, 0.6, _error_function, _draw_width),),
     },
     other={
         "development": (Form("continuum-damage", 0.05, 0.6, _damage, _draw_damage),),
+        "validation": (Form("of-hard", 0.06, 0.6, _of_hard, _draw_width),),
         "final": (Form("grown-loss", 0.05, 0.6, _grown_loss, _draw_grown),),
     },
 )

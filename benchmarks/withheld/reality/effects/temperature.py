@@ -54,6 +54,19 @@ def _sigmoid(bench: Bench, size: float, shape: Shape) -> Bench:
     return bench.stiffened(np.exp(-drop * (transition(_warmer_K(bench)) - transition(0.0))))
 
 
+def _hyperbolic(bench: Bench, size: float, shape: Shape) -> Bench:
+    """The modulus is inverse to what it gives more, kelvin by kelvin."""
+    change = size * _less_when_hard(bench) * _warmer_K(bench)
+    return bench.stiffened(1.0 / np.maximum(1.0 + change, 0.25))
+
+
+def _nearing(bench: Bench, size: float, shape: Shape) -> Bench:
+    """Each mixture's transition lies above: hardly any when cold, ever more when warm."""
+    scale_K = number(shape, "scale_K") * (1.0 + 0.5 * bench.coordinate)
+    drop = size * _less_when_hard(bench) * scale_K * np.expm1(_warmer_K(bench) / scale_K)
+    return bench.stiffened(np.exp(-drop))
+
+
 def _draw_wlf(rng: np.random.Generator, design: Design) -> Shape:
     return {"c2_K": float(rng.uniform(50.0, 110.0))}
 
@@ -66,16 +79,22 @@ def _draw_sigmoid(rng: np.random.Generator, design: Design) -> Shape:
     return {"width_K": float(rng.uniform(14.0, 25.0)), "centre_K": float(rng.uniform(-10.0, 6.0))}
 
 
+def _draw_scale(rng: np.random.Generator, design: Design) -> Shape:
+    return {"scale_K": float(rng.uniform(12.0, 40.0))}
+
+
 EFFECT = Effect(
     "temperature",
     stage=1,
     where=("temperature_C",),
     library={
         "development": (Form("exponential", 0.003, 0.05, _exponential),),
+        "validation": (Form("hyperbolic", 0.004, 0.05, _hyperbolic),),
         "final": (Form("wlf", 0.004, 0.07, _wlf, _draw_wlf),),
     },
     other={
         "development": (Form("arrhenius", 0.003, 0.05, _arrhenius, _draw_arrhenius),),
+        "validation": (Form("nearing", 0.004, 0.05, _nearing, _draw_scale),),
         "final": (Form("sigmoid", 0.004, 0.06, _sigmoid, _draw_sigmoid),),
     },
 )

@@ -32,6 +32,12 @@ def _lamp(bench: Bench, size: float, shape: Shape) -> Bench:
     return bench.stiffened(1.0 + number(shape, "sign") * size * (along**2 - 1.0 / 3.0))
 
 
+def _halves(bench: Bench, size: float, shape: Shape) -> Bench:
+    """Two heads, each of which prints one half of the tray."""
+    right = np.where(bench.design.tray_x_mm > 0.5 * _TRAY_MM, 0.5, -0.5)
+    return bench.stiffened(1.0 + number(shape, "sign") * size * right)
+
+
 def _fill(bench: Bench, size: float, shape: Shape) -> Bench:
     """Ever less material is printed, from one end of the tray to the other."""
     along = bench.design.tray_x_mm / _TRAY_MM
@@ -44,10 +50,12 @@ def _draw(rng: np.random.Generator, design: Design) -> Shape:
 
 _BY_OPERATOR: dict[Set, tuple[Form, ...]] = {
     "development": (Form("operator", 0.04, 0.25, _operator, _draw),),
+    "validation": (Form("operator", 0.06, 0.25, _operator, _draw),),
     "final": (Form("operator", 0.05, 0.3, _operator, _draw),),
 }
 _BY_TRAY: dict[Set, tuple[Form, ...]] = {
     "development": (Form("tray", 0.06, 0.4, _tray, _draw),),
+    "validation": (Form("halves", 0.06, 0.3, _halves, _draw),),
     "final": (Form("lamp", 0.06, 0.4, _lamp, _draw),),
 }
 OPERATOR = Effect(
