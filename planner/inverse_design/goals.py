@@ -174,7 +174,7 @@ class Limits:
 _QUANTITIES = (
     "ux", "uy", "uz", "rx", "ry", "rz", "fx", "fy", "fz", "distance", "stiffness",
 )  # fmt: skip
-_NUMBER = r"([-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?)"
+_NUMBER = r"([-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d{1,2}(?!\d))?)"
 _TARGET = re.compile(rf"(.+)\s+([a-z]+)\s*(=|<|>)=?\s*{_NUMBER}\s*([^=<>]*)", re.IGNORECASE)
 _WEIGHT = re.compile(rf"(.*)\sweight\s+{_NUMBER}", re.IGNORECASE)
 _BETWEEN = re.compile(r"\s+to\s+", re.IGNORECASE)

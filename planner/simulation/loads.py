@@ -115,8 +115,8 @@ class LoadCase:
         held: dict[str, list[str]] = {}
         for part in filter(None, parts):
             key, _, value = part.partition(" ")
-            if key not in (*_TEXTS, "gravity") or not value:
-                hint = did_you_mean(key, _TEXTS)
+            if key not in _KEYS or not value:
+                hint = did_you_mean(key, _KEYS)
                 raise ArgumentError(
                     f"`case` {text}: {part!r} is no key with a value; {hint}write it as 'side; fix "
                     "x=max; load x=min: 0,0.1,0 N; limit x=min uy<1 mm'"
@@ -127,6 +127,7 @@ class LoadCase:
 
 
 _TEXTS = ("target", "fix", "load", "moment", "pressure", "move", "watch", "limit")
+_KEYS = (*_TEXTS, "gravity")
 
 
 def read_cases(path: str | Path) -> tuple[LoadCase, ...]:
@@ -141,13 +142,12 @@ def read_cases(path: str | Path) -> tuple[LoadCase, ...]:
     tables = found.get("case")
     if not isinstance(tables, list) or not tables or set(found) != {"case"}:
         raise FileError(f"{path}: it needs tables [[case]], and nothing else")
-    known = (*_TEXTS, "gravity", "name")
     for number, table in enumerate(tables, 1):
         where = f"{path}: case {number}"
         if not isinstance(table, dict):
             raise FileError(f"{where}: it must be a table, [[case]]")
         for key, value in table.items():
-            check_known(key, known, f"{where}: no such key {key!r}; {{}}it has", FileError)
+            check_known(key, (*_KEYS, "name"), f"{where}: no key {key!r}; {{}}it has", FileError)
             texts = value if isinstance(value, list) and key in _TEXTS else [value]
             if not all(isinstance(text, str) for text in texts):
                 raise FileError(f"{where}: {key} must be text, or a list of texts")
@@ -431,7 +431,7 @@ rounds by 6e-8 of a coordinate; 1e-5 of a 100 mm part is a thirtieth of a printe
 
 _PLACE = re.compile(r"([xyz])\s*(<=|>=|<|>|=)\s*(min|max|[-+.\de]+)(?:\s*mm)?", re.IGNORECASE)
 _CALLED = re.compile(r"(box|near|normal)\s*:\s*(.*)", re.IGNORECASE)
-_NORMAL = re.compile(r"(.+?)\s+within\s+([.\d]+)(?:\s*(?:deg|degrees|°))?", re.IGNORECASE)
+_NORMAL = re.compile(r"(.+?)\s+within\s+(\d+\.?\d*|\.\d+)(?:\s*(?:deg|degrees|°))?", re.IGNORECASE)
 _SELECTORS = (
     "x<1, y>=3, x=min, z=max, x=12.5, box:x0,y0,z0,x1,y1,z1, near:x,y,z,radius, "
     "normal:+z within 20, cavity, and such joined by 'and'"

@@ -463,3 +463,5 @@ def test_cases_are_read_from_a_line() -> None:
                             limit=("x=min uy<1 mm", "x=min uz<2 mm"))  # fmt: skip
     with pytest.raises(PlannerError, match="did you mean load"):
         LoadCase.read("side; laod x=min: 0,0.1,0 N")
+    with pytest.raises(PlannerError, match="did you mean gravity"):
+        LoadCase.read("side; gravty -z")

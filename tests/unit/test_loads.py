@@ -83,6 +83,7 @@ def test_a_selector_catches_its_faces(selector: str, expected_mm2: float) -> Non
         ("normal:+z", "write normal:DIRECTION within DEGREES"),
         ("x=max and z=2.1 and x<5", "catches no face"),
         ("x=max and x<5", "none is in all terms at once (x=max: 128, x<5: "),
+        ("normal:+z within 1.2.3", "write normal:DIRECTION within DEGREES"),
         ("cavty", "'cavty' selects nothing; did you mean cavity?"),
         ("knob:1,2", "selects nothing; there are x<1"),
     ],

@@ -265,6 +265,7 @@ def test_the_command_writes_the_plan_and_the_design(tmp_path: Path, capsys: Any)
         ({"target": "x=min"}, "SELECTOR QUANTITY=VALUE UNIT"),
         ({"target": "x=min uw=3 mm"}, "no such quantity 'uw'; there are ux"),
         ({"target": "x=min uz=3"}, "the unit is missing"),
+        ({"target": "x=min uz=1e999 mm"}, "unknown unit 'e999 mm'"),
         ({"target": "x=min stiffness=3 N"}, "write N/mm"),
         ({"target": "x=min stiffness=-3 N/mm"}, "must be above 0"),
         ({"target": "x<1 stiffness=3 N/mm"}, "no load or support is on exactly these faces"),
