@@ -509,6 +509,10 @@ class Setup(PulledBars):
                 ratio[bins] = np.maximum(part.at(end_mm)[1][0] / nominal, _SLOWEST)
         return ratio
 
+    def mean_of_tests(self, values: FloatArray) -> FloatArray:
+        """Return the mean of each test's slices, (P,), of values a slice, (S,)."""
+        return np.add.reduceat(values, self.first_slice[:-1]) / np.diff(self.first_slice)
+
     def on_slices(self, values: FloatArray) -> FloatArray:
         """Return values of the tests, (P,), on their slices, (S,)."""
         return np.repeat(np.asarray(values, dtype=np.float64), np.diff(self.first_slice))

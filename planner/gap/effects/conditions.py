@@ -212,12 +212,12 @@ def _any_course(setup: Setup, values: Values) -> Setup:
     passed = _risen(log_slope, _KNOTS_C, now - higher_K)
     passed -= _risen(log_slope, _KNOTS_C, at - higher_K)
     softened = values["slope"] * passed
-    haste = np.add.reduceat(softened, setup.first_slice[:-1]) / np.diff(setup.first_slice)
     drawn = values.get("entropy", 0.0) * np.log((now + _ZERO_K) / (at + _ZERO_K))
     faster = values.get("haste", 0.0) if np.any(setup.relaxing) else 0.0
     return setup.stiffened(drawn - (1.0 - faster) * softened).with_(
         log_tilt=setup.log_tilt + _LESS_FAR * values.get("tilt", 0.0) * softened,
-        clock=setup.clock * 10.0 ** np.clip(_HASTE * faster * haste, -12.0, 12.0),
+        clock=setup.clock
+        * 10.0 ** np.clip(_HASTE * faster * setup.mean_of_tests(softened), -12.0, 12.0),
     )
 
 

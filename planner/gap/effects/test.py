@@ -72,9 +72,8 @@ def _of_soft(setup: Setup, values: Values) -> Setup:
 
     Grips go from one way of holding to the other over less than the step between two grades.
     """
-    mean = np.add.reduceat(place_on_palette(setup), setup.first_slice[:-1])
-    mean /= np.diff(setup.first_slice)
-    share = 0.5 - 0.5 * np.tanh((mean - values["until"]) * len(setup.palette_coordinate))
+    beyond = setup.mean_of_tests(place_on_palette(setup)) - values["until"]
+    share = 0.5 - 0.5 * np.tanh(beyond * len(setup.palette_coordinate))
     slack_mm = values["slack"] * share[:, None]
     return setup.with_(lost_mm=setup.lost_mm + _taken(setup.travel_mm, slack_mm, _SHARPNESS))
 

@@ -202,11 +202,12 @@ class Likelihood:
         sizes = self._sizes[:count]
         return sizes * self.coefficients(left)[:count], np.outer(sizes, sizes) * inverse
 
-    def error(self, candidate: Candidate) -> float:
-        """Return the root mean square errors of all tests' features, summed, beside a candidate.
+    def error(self, candidate: Candidate) -> FloatArray:
+        """Return root mean square errors beside a candidate, summed: of forces, and of strains.
 
-        Laws are off as they likeliest are then. Features tell small forces from each other as well
-        as large ones: at the start of a curve, errors of its largest force say nothing.
+        Of each test. Laws are off as they likeliest are then. Features tell small forces from each
+        other as well as large ones: at the start of a curve, errors of its largest force say
+        nothing.
         """
         problem, table = self.problem, self.problem.table
         explained = problem.explained(candidate)
@@ -214,9 +215,10 @@ class Likelihood:
         off = (self._sizes * off[: len(self._sizes)])[: problem.calibration.shape[1]]
         left = problem.residual - explained - problem.calibration @ off
         known = ~problem.strays[table.specimen]
-        of = table.test[known]
-        mean = np.bincount(of, left[known] ** 2) / np.maximum(np.bincount(of), 1)
-        return float(np.sqrt(mean).sum())
+        of = 2 * table.test[known] + table.is_field[known]
+        count = np.bincount(of, minlength=2 * len(problem.model.tests))
+        mean = np.bincount(of, left[known] ** 2, len(count)) / np.maximum(count, 1)
+        return np.asarray(np.sqrt(mean).reshape(-1, 2).sum(axis=0))
 
     def elimination(
         self, target: FloatArray, slopes: FloatArray | None = None,
@@ -516,6 +518,8 @@ class PosteriorMode:
         Specimens' own sizes, and how features change with them by a deviation, whitened.
     target : (N,)
         Whitened: what slopes times coordinates, own sizes, nuisances and noise must make up.
+    missed : (N, k)
+        See `Problem.missed_by_forms`: what may come to the slopes, in the evidence alone.
     unkept
         Nats that the linear model promises of the target, and the search did not find.
     """
@@ -527,6 +531,7 @@ class PosteriorMode:
     deviates: FloatArray
     own: FloatArray
     target: FloatArray
+    missed: FloatArray
     unkept: float = 0.0
     _known: dict[Likelihood, Elimination] = field(init=False, default_factory=dict)
 
@@ -535,14 +540,15 @@ class PosteriorMode:
         """Return no effect at all under a likelihood."""
         left = likelihood.problem.target
         none, sizes = np.zeros((0, len(left))), np.zeros((0, len(likelihood.problem.noise.rows)))
-        return cls(likelihood, Candidate(()), np.zeros(0), none.T, sizes, none, left)
+        return cls(likelihood, Candidate(()), np.zeros(0), none.T, sizes, none, left, none.T)
 
     def eliminated(self, likelihood: Likelihood, kept: FloatArray | None = None) -> Elimination:
         """Return inner products of the target and further columns, under a likelihood."""
-        if kept is not None:
-            return likelihood.elimination(self.target, self.slopes, kept, self.own, self.unkept)
-        if likelihood not in self._known:
-            found = likelihood.elimination(self.target, self.slopes, None, self.own, self.unkept)
+        if kept is not None or likelihood not in self._known:
+            slopes = np.concatenate([self.slopes, self.missed], axis=1)
+            found = likelihood.elimination(self.target, slopes, kept, self.own, self.unkept)
+            if kept is not None:
+                return found
             self._known[likelihood] = found
             likelihood.likeliest = max(likelihood.likeliest, found.none)
         return self._known[likelihood]
@@ -620,5 +626,5 @@ def _mode_at(likelihood: Likelihood, state: _State) -> PosteriorMode:
     at, own, (slopes, narrower) = state.coordinates, state.own(likelihood), state.linear(likelihood)
     # Where own sizes' volume grows with the effect's size, the linear model promises more.
     unkept, target = _promise(likelihood, state, slopes, 0.0 * narrower)[-1], own.left + slopes @ at
-    sizes = own.deviates, own.columns
-    return PosteriorMode(likelihood, state.candidate, at, slopes, *sizes, target, unkept)
+    sizes, missed = (own.deviates, own.columns), likelihood.problem.missed_by_forms(state.candidate)
+    return PosteriorMode(likelihood, state.candidate, at, slopes, *sizes, target, missed, unkept)

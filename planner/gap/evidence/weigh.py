@@ -358,15 +358,16 @@ class Weighed:
         beside = next((s for s in some if s.candidate.parts == candidate.parts), None)
         return beside or next(s for s in self.modes if s.candidate.forms == candidate.forms)
 
-    def errors(self, effects: Effects, *, own: bool = True) -> tuple[float, float]:
-        """Return errors of features without effects, and with them at their mode.
+    def errors(self, effects: Effects, *, own: bool = True) -> tuple[FloatArray, FloatArray]:
+        """Return errors of forces and of strains without effects, and with them at their mode.
 
         Of `own` sizes of specimens, or the effect's for all, whichever leaves less.
         """
         mode, found = self.mode_of(self.best[effects]), [self.best[effects]]
         if own and len(mode.own):
             found.append(mode.with_own_sizes(found[0]))
-        return mode.likelihood.error(Candidate(())), min(map(mode.likelihood.error, found))
+        error = mode.likelihood.error
+        return error(Candidate(())), np.minimum.reduce([error(each) for each in found])
 
 
 def _likelihoods(problem: Problem) -> tuple[Likelihood, ...]:
@@ -1033,8 +1034,9 @@ _RESOLVED = 0.005
 0.05 nats moves them by some thousandths either way."""
 
 
-def _falls(before: float, after: float) -> bool:
-    return before - after > _RESOLVED * before
+def _falls(before: FloatArray, after: FloatArray) -> bool:
+    """Return whether errors of forces fall, or those of strains."""
+    return bool(np.any(before - after > _RESOLVED * before))
 
 
 # ------------------------------------------------------------------------------------------------
