@@ -283,9 +283,12 @@ def test_a_gap_lies_where_its_likely_causes_do() -> None:
 
 
 def test_errors_fall_by_more_than_an_idle_effect_moves_them() -> None:
-    assert weigh._falls(1.0, 0.99)
-    assert not weigh._falls(1.0, 0.998)
-    assert not weigh._falls(1.0, 1.01)
+    before = np.array([1.0, 1.0])  # of forces, of strains
+    assert weigh._falls(before, np.array([0.99, 1.0]))
+    assert weigh._falls(before, np.array([1.01, 0.9]))
+    assert not weigh._falls(before, np.array([0.998, 0.998]))
+    assert not weigh._falls(before, np.array([1.01, 1.0]))
+    assert not weigh._falls(0.0 * before, 0.0 * before)  # where no camera looked on
 
 
 def test_what_raises_errors_of_force_speaks_for_what_does_without() -> None:
