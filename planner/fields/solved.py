@@ -94,9 +94,7 @@ def _reached_cells(
 
     body, bodies = ndimage.label(inside)
     size = np.bincount(body.ravel(), minlength=bodies + 1)
-    known = np.zeros(bodies + 1, dtype=np.bool_)
-    known[body[seeds]] = True
-    known[0] = False
+    known = np.isin(np.arange(bodies + 1), body[seeds])
     size[known], size[0] = 0, 0
     worst = int(np.argmax(size))
     if size[worst] > _CRUMB * np.count_nonzero(inside):
@@ -208,7 +206,7 @@ def _solve_laplace(inside: BoolArray, fixed: FloatArray) -> FloatArray:
         Given values, NaN elsewhere.
     """
     many = np.count_nonzero(inside) > _COARSEST
-    guess = _from_coarser(inside, fixed) if many else np.full(inside.shape, 0.5)
+    guess = _from_coarser(inside, fixed) if many else 0.5
     place = np.argwhere(inside) + 1
     number = np.full(np.add(inside.shape, 2), -1, dtype=np.int32)  # with a border
     number[tuple(place.T)] = np.arange(len(place), dtype=np.int32)
@@ -218,7 +216,7 @@ def _solve_laplace(inside: BoolArray, fixed: FloatArray) -> FloatArray:
         neighbours[:, way] = number[tuple((place + step).T)]
     given = fixed[inside]
     free = np.isnan(given)
-    x = np.where(free, guess[inside], given)
+    x = np.where(free, guess, given)
     _conjugate_gradients(neighbours, free, x, np.empty((4, len(x))), _PRECISION)
     values = np.full(inside.shape, np.nan)
     values[inside] = np.clip(x, np.nanmin(given), np.nanmax(given))
@@ -226,7 +224,10 @@ def _solve_laplace(inside: BoolArray, fixed: FloatArray) -> FloatArray:
 
 
 def _from_coarser(inside: BoolArray, fixed: FloatArray) -> FloatArray:
-    """Solve on cells twice as large: inside where any of the eight is, fixed by their mean."""
+    """Return values at inside cells from a solution on cells twice as large.
+
+    Those are inside where any of the eight is, fixed by their mean.
+    """
     shape = tuple((n + 1) // 2 for n in inside.shape)
     room = [(0, 2 * m - n) for m, n in zip(shape, inside.shape, strict=True)]
     blocks = (shape[0], 2, shape[1], 2, shape[2], 2)
@@ -237,20 +238,13 @@ def _from_coarser(inside: BoolArray, fixed: FloatArray) -> FloatArray:
     _spread_values(coarse, any_inside, 1)
     from scipy import ndimage
 
-    x, y, z = (
-        np.clip((np.arange(n) - 0.5) / 2.0, 0.0, m - 1.0)
-        for n, m in zip(inside.shape, shape, strict=True)
-    )
-    found = np.empty(inside.shape)
-    for i, at in enumerate(x):  # layer by layer, to save memory
-        where = np.meshgrid([at], y, z, indexing="ij")
-        found[i] = ndimage.map_coordinates(coarse, where, order=1, mode="nearest")[0]
-    return found
+    where = np.clip((np.argwhere(inside) - 0.5) / 2.0, 0.0, np.subtract(shape, 1.0))
+    return np.asarray(ndimage.map_coordinates(coarse, where.T, order=1, mode="nearest"))
 
 
 @kernel
-def _conjugate_gradients(neighbours: Any, free: Any, x: Any, work: Any, precision: Any) -> Any:
-    """Improve `x` at free cells until the residual falls below the precision; return the steps.
+def _conjugate_gradients(neighbours: Any, free: Any, x: Any, work: Any, precision: Any) -> None:
+    """Improve `x` at free cells until the residual falls below the precision.
 
     `work` holds the residual, the way to go, its image, and one over the number of neighbours,
     which is 0 for cells that do not move.
@@ -275,9 +269,9 @@ def _conjugate_gradients(neighbours: Any, free: Any, x: Any, work: Any, precisio
             way[i] = total * inverse[i]
             energy += total * way[i]
     enough = precision * precision * unknowns
-    for step in range(20000):
+    for _ in range(20000):
         if energy <= enough:
-            return step
+            return
         curvature = 0.0
         for i in range(n):
             if inverse[i] > 0.0:
@@ -289,7 +283,7 @@ def _conjugate_gradients(neighbours: Any, free: Any, x: Any, work: Any, precisio
                 image[i] = total
                 curvature += own * total
         if curvature <= 0.0:
-            return step
+            return
         length = energy / curvature
         fresh = 0.0
         for i in range(n):
@@ -301,7 +295,6 @@ def _conjugate_gradients(neighbours: Any, free: Any, x: Any, work: Any, precisio
         energy = fresh
         for i in range(n):
             way[i] = residual[i] * inverse[i] + turn * way[i]
-    return 20000
 
 
 # ------------------------------------------------------------------------------------------------
@@ -372,10 +365,7 @@ def _sweep(length: Any, blocked: Any, pitch: Any) -> None:
                                 under = total * total - 3.0 * (a * a + b * b + c * c - pitch**2)
                                 found = (total + np.sqrt(max(under, 0.0))) / 3.0
                         if found < length[i, j, k]:
-                            if length[i, j, k] == np.inf:
-                                change = np.inf
-                            else:
-                                change = max(change, length[i, j, k] - found)
+                            change = max(change, length[i, j, k] - found)
                             length[i, j, k] = found
         if change <= 1e-9 * pitch:
             return
