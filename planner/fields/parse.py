@@ -798,20 +798,17 @@ def _composed(rule: str, parts: list[str], text: str, setting: Setting, depth: i
             raise ArgumentError(f"{wish}: {low:g} is not below {high:g}")
         parts, numbers = parts[:1], {"low": low, "high": high}
     fields = [_parse(part, setting, depth) for part in parts]
-    return FunctionField(
-        rule,
-        lambda points_mm: _joined(rule, numbers, [one.values(points_mm) for one in fields]),
-        {"fields": [one.description() for one in fields], **numbers},
-    )
 
+    def values(points_mm: FloatArray) -> FloatArray:
+        found = [one.values(points_mm) for one in fields]
+        if rule == "blend":
+            return (1.0 - numbers["weight"]) * found[0] + numbers["weight"] * found[1]
+        if rule == "clamp":
+            return np.clip(found[0], numbers["low"], numbers["high"])
+        return np.asarray((np.minimum if rule == "min" else np.maximum).reduce(found))
 
-def _joined(rule: str, numbers: Mapping[str, float], values: list[FloatArray]) -> FloatArray:
-    """Return what a rule makes of the values of fields."""
-    if rule == "blend":
-        return (1.0 - numbers["weight"]) * values[0] + numbers["weight"] * values[1]
-    if rule == "clamp":
-        return np.clip(values[0], numbers["low"], numbers["high"])
-    return np.asarray((np.minimum if rule == "min" else np.maximum).reduce(values))
+    says = {"fields": [one.description() for one in fields], **numbers}
+    return FunctionField(rule, values, says)
 
 
 def _number(part: str, wish: str) -> float:

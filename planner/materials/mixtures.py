@@ -2,7 +2,7 @@
 
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import InitVar, dataclass, field, replace
-from functools import cache
+from functools import cache, partial
 from importlib.resources import files
 from typing import NamedTuple, TypeAlias, TypeVar
 
@@ -708,8 +708,7 @@ def _inverse(
 ) -> FloatArray:
     """Return where a rising cubic through nodes has the values wanted, clamped to its range."""
     wanted = np.clip(wanted, values[0], values[-1])
-    lower = np.searchsorted(values, wanted, side="right") - 1
-    upper = np.minimum(lower + 1, len(nodes) - 1)
+    lower, upper, _, _ = bracketed(values, wanted)
     gaps, rises = np.diff(nodes, append=nodes[-1]), np.diff(values, append=values[-1])
     ahead = np.append(slopes[1:], 0.0)
     square = 3.0 * rises - gaps * (2.0 * slopes + ahead)
@@ -838,11 +837,7 @@ class TwoPhases:
         """
         f = np.asarray(fraction, dtype=np.float64)
         low, high = self.hashin_shtrikman_MPa(f)
-        table = _dither_table()
-        contrasts = np.log(table["contrast"])
-        contrast = np.clip(np.log(self.hard_MPa / self.soft_MPa), contrasts[0], contrasts[-1])
-        column = [float(np.interp(contrast, contrasts, row)) for row in table["weight"]]
-        w = np.interp(f, table["volume"], column)
+        w = np.interp(f, _dither_table()["volume"], self._at_contrast("weight"))
         return np.asarray(low ** (1.0 - w) * high**w)
 
     def dithered_fraction(self, modulus_MPa: ArrayLike) -> FloatArray:
@@ -864,9 +859,13 @@ class TwoPhases:
     @property
     def dither_error(self) -> float:
         """Largest relative error of `dithered_MPa`; beyond the largest contrast it is not known."""
-        table = _dither_table()
-        contrast = np.log(self.hard_MPa / self.soft_MPa)
-        return float(np.interp(contrast, np.log(table["contrast"]), table["error"]))
+        return float(self._at_contrast("error"))
+
+    def _at_contrast(self, name: str) -> FloatArray:
+        """Return figures of the table at the phases' contrast, or at the end nearest to it."""
+        table, contrast = _dither_table(), np.log(self.hard_MPa / self.soft_MPa)
+        at = partial(np.interp, contrast, np.log(table["contrast"]))
+        return np.asarray(np.apply_along_axis(at, -1, table[name]))
 
 
 def _mixed(matrix: float, other: float, share: FloatArray, of: float) -> FloatArray:

@@ -673,8 +673,7 @@ def read_study(
     units = stated_units(unit_of, materials)
     for name in leave_out:
         _check_name(name, materials, f"leave_out {name}: no specimen and no material of that name")
-    asked = {name for name, of in materials.items() if not {name, of}.isdisjoint(leave_out)}
-    if asked:
+    if asked := {name for name, of in materials.items() if not {name, of}.isdisjoint(leave_out)}:
         records |= {name: replace(records[name], left_out="as asked") for name in asked}
         notes.append(f"left out as asked: {listed(list(dict.fromkeys(leave_out)), 6)}")
     used = {name: record for name, record in records.items() if not record.left_out}
@@ -687,12 +686,11 @@ def read_study(
         used[name] = replace(record, table=table, mode=said or "tension", sizes=sizes)
         sure = not {"stress", "force"}.isdisjoint(own_units)
         found[name] = _curve_of(name, used[name], said, sure)
-    unstated = [name for name, record in used.items() if _states_no_strain_unit(record.table)]
     # Who names some files means to leave out the others.
     absent, told = Caution if whole else str, {*found, *asked}
     missing = (row for row in rows.values() if not (row.specimen in told or _left_out(row)))
     notes += [absent(f"specimen {row.specimen}: no curve among the files") for row in missing]
-    if unstated:
+    if unstated := [name for name, one in used.items() if _states_no_strain_unit(one.table)]:
         largest = [float(found[name].strain[-1]) for name in unstated]
         ends = list(dict.fromkeys([min(largest), max(largest)]))
         taken = f"taken as a fraction, up to {' .. '.join(f'{v:.4g}' for v in ends)}"
