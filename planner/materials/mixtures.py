@@ -315,8 +315,7 @@ class CoefficientModel:
 
         A grade that breaks before the strain has its secant at its break: beyond it has none.
         """
-        rows = zip(self.laws, self._held(at_strain), strict=True)
-        return np.stack([secant_modulus_MPa(law, strain) for law, strain in rows])
+        return np.stack([*map(secant_modulus_MPa, self.laws, self._held(at_strain))])
 
     def _held(self, at_strain: ArrayLike) -> FloatArray:
         """Return the strain of each grade, a row each: as asked, or its break."""

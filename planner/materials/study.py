@@ -281,15 +281,14 @@ class _Test:
     """One specimen's record on its way to a curve; `sign` is -1 where it was compressed."""
 
     where: str
-    table: TensileTable
+    record: "_Record"
     columns: Mapping[str, FloatArray]
-    dimensions: Dimensions
     sign: float
     notes: list[str]
 
     def strain(self) -> FloatArray:
         """Return the strain, with its sign turned where the specimen was compressed."""
-        columns, gauge_mm = self.columns, self.dimensions.gauge_mm
+        columns, gauge_mm = self.columns, self.record.sizes.gauge_mm
         if "strain" in columns:
             strain = columns["strain"]
             begins = abs(strain[0]) <= UNLOADED_SHARE * np.ptp(strain)
@@ -323,7 +322,7 @@ class _Test:
 
     def stress_MPa(self, strain: FloatArray) -> FloatArray:
         """Return the nominal stress, with its sign turned like that of strain."""
-        columns, area_mm2 = self.columns, self.dimensions.area_mm2
+        columns, area_mm2 = self.columns, self.record.sizes.area_mm2
         if "stress_MPa" in columns:
             return columns["stress_MPa"]
         if "force_N" not in columns:
@@ -339,7 +338,7 @@ class _Test:
 
     def _readings(self, *sizes: str) -> str:
         """Say what the file leaves unclear of sizes that are missing, or ""."""
-        unclear = self.dimensions.unclear
+        unclear = self.record.sizes.unclear
         said = [unclear[size] for size in sizes if size in unclear]
         return f"; the file has {listed(said)}" if said else ""
 
@@ -348,7 +347,7 @@ class _Test:
         if (time := self.columns.get("time_s")) is None:
             return None
         if len(back := np.flatnonzero(np.diff(time) <= 0.0)):
-            line = self.table.lines[back[0] + 1]
+            line = self.record.table.lines[back[0] + 1]
             self.notes.append(
                 f"{self.where}: time does not rise at line {line} ({time[back[0]]:g} s to "
                 f"{time[back[0] + 1]:g} s); the time column is left out"
@@ -371,7 +370,7 @@ class _Test:
         FileError
             They differ by the factor of a known slip of units (within 10 %).
         """
-        columns, sizes = self.columns, self.dimensions
+        columns, sizes = self.columns, self.record.sizes
         gauge_mm, area_mm2, rate_mm_s = sizes.gauge_mm, sizes.area_mm2, sizes.rate_mm_s
         twice: list[tuple[str, float, float]] = []
         if gauge_mm is not None and {"strain", "displacement_mm"} <= set(columns):
@@ -392,18 +391,6 @@ class _Test:
                     raise FileError(f"{said} against {derived:.4g}; {advice}")
             if not 0.75 < ratio < 4.0 / 3.0:
                 self.notes.append(Caution(f"{said} to {derived:.4g}; check sizes, units"))
-
-    def from_rest(self, strain: FloatArray, stress_MPa: FloatArray) -> slice:
-        """Return the points behind the last strain below zero ahead of the peak."""
-        below = np.flatnonzero(strain[: int(np.argmax(stress_MPa))] < 0.0)
-        if not len(below):
-            return slice(None)
-        count = int(below[-1]) + 1
-        self.notes.append(
-            f"{self.where}: {count} points up to strain {strain[count]:.4g} are left out, for "
-            f"strain is negative there (from {strain[:count].min():.4g})"
-        )
-        return slice(count, None)
 
 
 def _curve_of(name: str, record: "_Record", said: str, sure: bool) -> Curve:
@@ -433,7 +420,7 @@ def _curve_of(name: str, record: "_Record", said: str, sure: bool) -> Curve:
     check_record(where, {"line": np.asarray(table.lines, dtype=np.float64)})
     sign = -1.0 if said == "compression" else 1.0
     columns = _upright(table.columns, where, notes, said)
-    test = _Test(where, table, columns, record.sizes, sign, notes)
+    test = _Test(where, record, columns, sign, notes)
     strain = test.strain()
     stress = test.stress_MPa(strain)
     if sign < 0.0 and float(strain.max()) >= 1.0:
@@ -446,13 +433,24 @@ def _curve_of(name: str, record: "_Record", said: str, sure: bool) -> Curve:
     _check_plausible(strain, stress, unit_stated=unit_stated, sure=sure, where=where)
     test.cross_check(strain, stress, time)
     _check_rising(strain, stress, where=where)
-    kept = test.from_rest(strain, stress)
-    time = None if time is None else time[kept]
     mode = "uniaxial" if said in ("", "tension", "compression") else said
     told = (*table.notes, *notes)
-    curve = Curve(name, strain[kept], stress[kept], time, record.material, told, mode)
-    curve = without_tail(without_spikes(curve))
+    curve = Curve(name, strain, stress, time, record.material, told, mode)
+    curve = without_tail(without_spikes(_from_rest(curve, where)))
     return replace(curve, strain=sign * curve.strain, stress_MPa=sign * curve.stress_MPa)
+
+
+def _from_rest(curve: Curve, where: str) -> Curve:
+    """Leave out points up to the last strain below zero ahead of the peak, and note it."""
+    below = np.flatnonzero(curve.strain[: int(np.argmax(curve.stress_MPa))] < 0.0)
+    if not len(below):
+        return curve
+    count = int(below[-1]) + 1
+    return curve.part(
+        slice(count, None),
+        f"{where}: {count} points up to strain {curve.strain[count]:.4g} are left out, for strain "
+        f"is negative there (from {curve.strain[:count].min():.4g})",
+    )
 
 
 def _upright(
