@@ -12,7 +12,7 @@ from planner.fields.basic import FieldRegion, FunctionField, Quantity, Ramp
 from planner.glance import place_text
 from planner.mesh.mesh import Mesh
 from planner.numerics import BoolArray, FloatArray, Point, kernel
-from planner.voxels.columns import Grid, dense, grid_for, voxelize
+from planner.voxels.columns import Grid, dense, voxelize
 
 __all__ = ["cells_of", "geodesic_field", "harmonic_field", "over_cells", "points_field"]
 
@@ -47,8 +47,8 @@ def cells_of(mesh: Mesh, pitch_mm: float) -> tuple[Grid, BoolArray]:
 
     Walls thinner than a cell keep one cell along z.
     """
-    grid = grid_for(mesh.bounds_mm, pitch_mm)
-    return grid, np.ascontiguousarray(dense(voxelize(mesh, pitch_mm, shortest=1)))
+    columns = voxelize(mesh, pitch_mm, shortest=1)
+    return columns.grid, np.ascontiguousarray(dense(columns))
 
 
 def _solved_cells(

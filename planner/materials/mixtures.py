@@ -632,9 +632,8 @@ def left_out_errors(palette: Palette) -> dict[str, float]:
     """
     materials = palette.materials
     m = np.array([material.coordinate for material in materials])
-    ways = {"coordinate": m}
-    if palette.hardness:
-        ways = {"hardness": places_of(palette.hardness, m), **ways}
+    ways = {"hardness": places_of(palette.hardness, m)} if palette.hardness else {}
+    ways["coordinate"] = m
     off: dict[str, list[float]] = {way: [] for way in ways}
     breaks = [material.elongation_at_break for material in materials]
     strains = np.linspace(0.0, breaks[1:-1], _LEFT_OUT_STRAINS, axis=1)[:, 1:]
