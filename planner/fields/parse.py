@@ -336,8 +336,7 @@ class FieldArguments:
             It is none, or its mesh cannot be read.
         """
         text = self.named[key]
-        half = _HALF.match(text)
-        if half:
+        if half := _HALF.match(text):
             axis, (at, normal) = "xyz".index(half[1]), np.zeros((2, 3))
             at[axis] = self.numbers(key, 1, half[3])[0] + self.origin_mm[axis]
             normal[axis] = 1.0 if half[2] == ">" else -1.0
@@ -457,12 +456,9 @@ def _ramp(
     start, stop = given.number("from"), given.number("to")
     if start is not None and stop is not None:
         return Ramp(start, stop)
-    values = quantity(setting.samples_mm)
     if exact and start is None:
-        values = np.append(
-            values, -setting.greatest(lambda points: -quantity(points), outside=False)
-        )
-    return Ramp.over(values, start, stop)
+        start = -setting.greatest(lambda points: -quantity(points), outside=False)
+    return Ramp.over(quantity(setting.samples_mm), start, stop)
 
 
 def _axis(given: FieldArguments, setting: Setting) -> Field:
