@@ -205,8 +205,7 @@ def _solve_laplace(inside: BoolArray, fixed: FloatArray) -> FloatArray:
     fixed
         Given values, NaN elsewhere.
     """
-    many = np.count_nonzero(inside) > _COARSEST
-    guess = _from_coarser(inside, fixed) if many else 0.5
+    guess = _from_coarser(inside, fixed) if np.count_nonzero(inside) > _COARSEST else 0.5
     place = np.argwhere(inside) + 1
     number = np.full(np.add(inside.shape, 2), -1, dtype=np.int32)  # with a border
     number[tuple(place.T)] = np.arange(len(place), dtype=np.int32)

@@ -604,8 +604,7 @@ def _densities(
                 f"material {material}: density_g_cm3 is {value:g}; it must be above 0 and below "
                 f"{DENSEST_G_CM3:g}, in g/cm3: 1140 kg/m3 are 1.14"
             )
-    assumed = [material for material in ordered if material not in found]
-    if assumed:
+    if assumed := [material for material in ordered if material not in found]:
         notes.append(
             f"density of {listed(assumed, 3)} assumed {_DEFAULT_DENSITY_G_CM3:g} g/cm3; --density "
             "or a column density_g_cm3 says another"

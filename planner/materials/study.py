@@ -176,8 +176,7 @@ def _check_rising(strain: FloatArray, stress_MPa: FloatArray, *, where: str) -> 
             "out; of several specimens below one another, head the names' column 'specimen'"
         )
     bears = stress_MPa[peak:] > BROKEN_SHARE * stress_MPa[peak - 1]
-    fall = float(np.max(fallen[peak:], where=bears, initial=0.0))
-    if fall > _REVERSAL_SHARE * span:
+    if (fall := float(np.max(fallen[peak:], where=bears, initial=0.0))) > _REVERSAL_SHARE * span:
         raise FileError(
             f"{where}: strain falls back by {fall:.4g} behind the peak load while the specimen "
             "still bears load, as in loading and unloading; give the loading alone, or protocol "
