@@ -45,6 +45,16 @@ _BROKEN = "#E0218A"
 """Beyond the elongation at break; no colour of the scale is near it, to the colour-blind either: it
 is half-way light where the scale is green."""
 
+_COLOURS = svg.ramp(_SCALE, range(len(_SCALE)), np.linspace(0.0, len(_SCALE) - 1.0, 255))
+"""What the scale is drawn in on the part, from no strain to the most."""
+
+_BANDS = 20
+"""Colours drawn of the scale on a cut: between them are lines of equal strain, and the file is
+small."""
+
+_SHADES = [*(_COLOURS[round((k + 0.5) / _BANDS * 254)] for k in range(_BANDS)), _BROKEN]
+"""The bands, and last what is broken."""
+
 
 def part_page(result: PartSimulation | Sequence[PartSimulation]) -> bytes:
     """Return the page of a loaded part: the part at every step, coloured by strain, and figures.
@@ -163,7 +173,7 @@ def _cut(result: PartSimulation, top: float, case: str, mark: str) -> Iterator[s
     cut = _cut_of(result)
     name = f"cut-title{mark}"
     said = f'<p id="cut-words{mark}">{escape(" ".join(_cut_words(result, cut)))}</p>'
-    drawn = page.figure(name, _cut_figure(result, cut, _colours(), top))
+    drawn = page.figure(name, _cut_figure(result, cut, top))
     return page.section(name, f"Where it would tear{case}", [said, *drawn])
 
 
@@ -213,16 +223,10 @@ def _packed(
             for one in results
             for share, x in zip(one.steps.share, one.curve.x, strict=True)
         ],
-        "scale": _colours(),
+        "scale": [*_COLOURS, _BROKEN],
         "top": top,
     }
     return document, page.geometry([(points[0], faces)]), page.packed(moved)
-
-
-def _colours() -> list[str]:
-    """Return 255 colours of the scale, and that of what is broken."""
-    steps = np.linspace(0.0, len(_SCALE) - 1.0, 255)
-    return [*svg.ramp(_SCALE, range(len(_SCALE)), steps), _BROKEN]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -236,9 +240,6 @@ _MARGIN = 12.0
 
 _SQUARE = 2.0
 """Pixels along the edge of a square of one colour."""
-
-_BANDS = 20
-"""Colours drawn of the scale: between them are lines of equal strain, and the file is small."""
 
 _SKIN = 0.05
 """Of a cell: a cut is at least so far inside the part's box; at its end there is nothing to see."""
@@ -341,13 +342,13 @@ def _cut_words(result: PartSimulation, cut: _PartCut) -> Iterator[str]:
     )
 
 
-def _cut_figure(result: PartSimulation, cut: _PartCut, colours: Sequence[str], top: float) -> str:
+def _cut_figure(result: PartSimulation, cut: _PartCut, top: float) -> str:
     """Draw a cut.
 
     Parameters
     ----------
-    colours
-        Of the scale from 0 to `top`, and last that of what is beyond its break.
+    top
+        Where the colour scale ends, which begins at 0.
 
     Returns
     -------
@@ -371,25 +372,24 @@ def _cut_figure(result: PartSimulation, cut: _PartCut, colours: Sequence[str], t
             y_ticks=[(v, f"{v:g}") for v in svg.ticks(*y_range, max(4, int(height / 30.0)))],
             most_ticks=max(3, int(width / 60.0)),
         ),
-        *_squares(cut, colours, top),
+        *_squares(cut, top),
         svg.segment((x, y - 7.0), (x, _CUT_TOP - 8.0), colour="#fefefe", width=3.0),
         svg.segment((x, y - 7.0), (x, _CUT_TOP - 8.0), colour="#111111"),
         f'<circle cx="{x:.2f}" cy="{y:.2f}" r="7" fill="none" stroke="#fefefe" stroke-width="4"/>',
         f'<circle cx="{x:.2f}" cy="{y:.2f}" r="7" fill="none" stroke="#111111" stroke-width="2"/>',
         svg.text(x, _CUT_TOP - 14.0, f"largest: {worst:.3g}", anchor=anchor),
-        *_cut_legend(colours, top, bottom),
+        *_cut_legend(top, bottom),
     ]  # fmt: skip
     wide, high = _CUT_LEFT + _CUT_LONGEST + 2.0 * _MARGIN + 16.0, bottom + 52.0
     return svg.inline(wide, high, parts, 'aria-labelledby="cut-words"')
 
 
-def _squares(cut: _PartCut, colours: Sequence[str], top: float) -> Iterator[str]:
+def _squares(cut: _PartCut, top: float) -> Iterator[str]:
     """Draw squares, those of one colour in one path, neighbours in a row as one rectangle."""
     values = cut.strain_over_break[::-1]  # the picture's rows go downwards
-    shade = np.clip(np.nan_to_num(values, nan=-1.0) / top * _BANDS, -1.0, _BANDS - 1.0)
-    shade = np.floor(np.where(values < 0.0, 0.0, shade)).astype(int)
-    shade[np.isnan(values)] = -1
+    shade = np.clip(np.floor(values / top * _BANDS), 0.0, _BANDS - 1.0)
     shade[values > 1.0] = _BANDS
+    shade = np.nan_to_num(shade, nan=-1.0).astype(int)
     row, edge = np.nonzero(np.diff(shade, axis=1, prepend=-1, append=-1))
     left, above = _CUT_LEFT + _MARGIN, _CUT_TOP + _MARGIN
     paths: dict[int, list[str]] = {}
@@ -403,27 +403,20 @@ def _squares(cut: _PartCut, colours: Sequence[str], top: float) -> Iterator[str]
     whole = "".join(each for one in paths.values() for each in one)
     yield f'<path d="{whole}" fill="none" stroke="{INK}" stroke-width="2"/>'
     for k, found in sorted(paths.items()):
-        colour = _shade(colours, k)
-        yield f'<path d="{"".join(found)}" fill="{colour}" shape-rendering="crispEdges"/>'
+        yield f'<path d="{"".join(found)}" fill="{_SHADES[k]}" shape-rendering="crispEdges"/>'
 
 
-def _shade(colours: Sequence[str], number: int) -> str:
-    last = len(colours) - 2
-    return colours[-1] if number == _BANDS else colours[round((number + 0.5) / _BANDS * last)]
-
-
-def _cut_legend(colours: Sequence[str], top: float, y: float) -> Iterator[str]:
+def _cut_legend(top: float, y: float) -> Iterator[str]:
     long = 360.0
     words = "largest principal strain, as a share of the elongation at break (no unit)"
     yield svg.text(_CUT_LEFT, y, words)
-    for k in range(_BANDS):
+    for k, colour in enumerate(_SHADES[:_BANDS]):
         left = _CUT_LEFT + long * k / _BANDS
-        yield svg.rectangle(left, y + 8.0, long / _BANDS + 0.3, 14.0, colour=_shade(colours, k))
+        yield svg.rectangle(left, y + 8.0, long / _BANDS + 0.3, 14.0, colour=colour)
     for share in (0.0, 0.25, 0.5, 0.75, 1.0):
         yield svg.text(_CUT_LEFT + long * share, y + 38.0, f"{top * share:.3g}", anchor="middle")
     if top == 1.0:
-        broken = _shade(colours, _BANDS)
-        yield svg.rectangle(_CUT_LEFT + long + 24.0, y + 8.0, 14.0, 14.0, colour=broken)
+        yield svg.rectangle(_CUT_LEFT + long + 24.0, y + 8.0, 14.0, 14.0, colour=_BROKEN)
         yield svg.text(_CUT_LEFT + long + 44.0, y + 20.0, "above 1: torn")
 
 

@@ -439,10 +439,9 @@ def _tests(
         if one.strain > 0.0 and np.isfinite(one.high_MPa):
             ends = (one.strain * one.low_MPa, min(one.strain * one.high_MPa, highest))
             yield from _whisker(chart.x(one.strain), *(chart.y(end) for end in ends))
-    if study.quadratic is not None:
-        known = {row.id: row.curve for row in study.quadratic.rows}
-        if material.id in known:
-            x = np.linspace(*_ends(known[material.id].strain), _CURVE_POINTS)
+    for row in () if study.quadratic is None else study.quadratic.rows:
+        if row.id == material.id:
+            x = np.linspace(*_ends(row.curve.strain), _CURVE_POINTS)
             y = study.quadratic.quadratics.model.literal_stress_MPa(material.coordinate, x)
             yield from _within(chart, x, y)
     yield from _specimen_key(chart, [curve.specimen for curve in fit.curves])
@@ -537,9 +536,8 @@ def _fit_ladder(
         y = study.quadratic.quadratics.model.literal_stress_MPa(x, strain) / strain
         # What is not above zero has no logarithm, and lies below the chart.
         yield from _within(chart, x, np.log10(np.where(y > 0.0, y, 1e-9)))
-    for material, modulus in zip(
-        study.palette.materials, model.grade_moduli_MPa(strain).tolist(), strict=True
-    ):
+    moduli = model.grade_moduli_MPa(strain).tolist()
+    for material, modulus in zip(study.palette.materials, moduli, strict=True):
         x_at, y_at = chart.x(material.coordinate), _log_y(chart, modulus)
         yield from _dot(x_at, y_at, colour=material.colour, radius=5.0)
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planner.numerics import BoolArray, FloatArray
+from planner.numerics import FloatArray
 from planner.report import svg
 from planner.report.svg import BLUE, GREY, INK, PALE_BLUE, RED, Chart
 from planner.simulation.part import PartSimulation
@@ -73,15 +73,14 @@ def _part_figure(result: PartSimulation) -> bytes:
     x_range, y_range = ((_floor(float(v.min())), _span(float(v.max()))) for v in ends)
     left = _LEFT + _WIDTH + _GAP
     most = (0.0, _span(float(steps.largest.max())))
+    force = _chart(_LEFT, x_range, y_range)
     charts = (
-        (_chart(_LEFT, x_range, y_range), curve.y, curve.y_label),
+        (force, curve.y, curve.y_label),
         (_chart(left, x_range, most), steps.largest, "largest strain over elongation at break"),
     )
-    parts: list[str] = []
-    for number, (chart, values, label) in enumerate(charts):
-        if number == 0:
-            around = [np.concatenate([low, high[::-1]]) for low, high in ends]
-            parts.append(f'<path d="{chart.path(*around)}Z" fill="{PALE_BLUE}"/>')
+    around = [np.concatenate([low, high[::-1]]) for low, high in ends]
+    parts = [f'<path d="{force.path(*around)}Z" fill="{PALE_BLUE}"/>']
+    for chart, values, label in charts:
         parts += chart.frame(x_label=curve.x_label, y_label=label)
         parts.append(chart.line(curve.x, values, colour=BLUE))
         parts += [svg.disc(chart.x(float(x)), chart.y(float(y)), colour=BLUE, radius=2.5)
@@ -142,17 +141,12 @@ def _along(simulation: Simulation, left: float) -> Iterator[str]:
     strains = ", ".join(f"{simulation.gauge_strain[step]:.3g}" for step in steps)
     words = f"at strains of the bar of {strains}"
     yield svg.text(left + _WIDTH, _TOP - 12.0, words, anchor="end", colour=GREY)
-    shown = np.where(simulation.break_strain <= chart.y_range[1], simulation.break_strain, np.nan)
-    for run in _runs(np.isfinite(shown)):
-        yield chart.line(bar.x_mm[run], shown[run], colour=RED, width=1.4, dash="6,4")
-    if np.isfinite(shown).any():
+    breaks = simulation.break_strain
+    shown = np.ma.masked_greater(np.ma.masked_invalid(breaks), chart.y_range[1])
+    for run in np.ma.clump_unmasked(shown):
+        yield chart.line(bar.x_mm[run], breaks[run], colour=RED, width=1.4, dash="6,4")
+    if shown.count():
         yield svg.text(left + 6.0, _TOP + 12.0, "dashed: elongation at break", colour=RED)
-
-
-def _runs(known: BoolArray) -> list[slice]:
-    """Return the stretches of steps that are known, in order."""
-    turns = np.flatnonzero(np.diff(known.astype(np.int8), prepend=0, append=0))
-    return [slice(start, stop) for start, stop in turns.reshape(-1, 2).tolist()]
 
 
 class _Stripe(NamedTuple):
