@@ -430,7 +430,7 @@ def _surely_sound(mesh: Mesh, limit_mm: float) -> bool:
     for first, last, low, (region, opened) in slabs:
         reached = opened.copy()
         grow(reached, region, _NARROWEST - 1)
-        if _without(region, reached)[first - low : last - low].any():
+        if (~reached & region)[first - low : last - low].any():
             return False
     return True
 
@@ -462,26 +462,20 @@ def _thin_runs(
     reached = opened.copy()
     if not grow(reached, region, raster.reach):
         return np.empty((0, 9), np.int32)
-    core = _without(region, reached)
+    core = ~reached & region
     place = core.copy()
-    grow(place, _without(region, opened), raster.reach)
+    grow(place, ~opened & region, raster.reach)
     runs = _runs_of(place, first - low, last - low)
     if not len(runs):
         return np.empty((0, 9), np.int32)
-    beside = _without(region, place)
+    beside = ~place & region
     grow(beside, region, 2)
     touching = _members(runs, place & beside)[:, 0] >= 0
     counting = _members(runs, core)
     depth, voxel = _deepest(runs, region, core, raster.radius)
     runs[:, 0] += low
-    table = np.empty((len(runs), 9), np.int32)  # a skin has a million of them
-    table[:, :4], table[:, 4], table[:, 5], table[:, 6] = runs, touching, depth, voxel
-    table[:, 7:] = counting[:, [0, 2]]
-    return table
-
-
-def _without(region: _Bits, taken: _Bits) -> _Bits:
-    return ~taken & region
+    columns = [runs, touching[:, None], depth[:, None], voxel[:, None], counting[:, ::2]]
+    return np.concatenate(columns, axis=1, dtype=np.int32)  # a skin has a million of them
 
 
 def _deepest(runs: IntArray, region: _Bits, core: _Bits, radius: int) -> tuple[IntArray, IntArray]:
