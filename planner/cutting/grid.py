@@ -558,12 +558,11 @@ class _Drawn:
 
 def _distance_mm(field: Field, drawn: _Drawn, levels: FloatArray) -> FloatArray:
     """Estimate how far faces lie from their level set: at their middle and their longest edge's."""
-    a, b, c = (drawn.points_mm[drawn.faces[:, k]] for k in range(3))
-    squares = [np.square(end - start) for start, end in ((a, b), (b, c), (c, a))]
-    ab, bc, ca = (square[:, 0] + square[:, 1] + square[:, 2] for square in squares)
-    first = np.where(((ab >= bc) & (ab >= ca))[:, None], b, c)
-    other = np.where(((bc > ab) & (bc >= ca))[:, None], b, a)
-    places = (a + b + c) / 3.0, 0.5 * (first + other)
+    corners = drawn.points_mm[drawn.faces]
+    x, y, z = np.square(np.roll(corners, -1, axis=1) - corners).transpose(2, 0, 1)
+    each, longest = np.arange(len(corners)), (x + y + z).argmax(axis=1)
+    ends = corners[each, longest] + corners[each, (longest + 1) % 3]
+    places = corners.sum(axis=1) / 3.0, 0.5 * ends
     off = np.maximum(*(np.abs(_values_at(field, at) - levels[drawn.level]) for at in places))
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray(np.where(off > 0.0, off / drawn.steepness, 0.0))
@@ -979,18 +978,16 @@ def _march(
             left = 1
             while left > 0:
                 left -= 1
+                if stack[left, 4] > 0:
+                    if number > 0 and _is_halved(stack, left, marks):
+                        left = _halve(stack, left)
+                        continue
+                    _copy(whole, stack[left])
                 if number > 0:
-                    if stack[left, 4] > 0:
-                        if _is_halved(stack, left, marks):
-                            left = _halve(stack, left)
-                            continue
-                        _copy(whole, stack[left])
                     more = _divide_at_crease(stack, left, marks)
                     if more > left:
                         left = more
                         continue
-                else:
-                    _copy(whole, stack[left])
                 low, high = np.inf, -np.inf
                 for c in range(4):
                     v[c] = _seen(stack[left, c], grid, marks, at[c])
@@ -1041,8 +1038,7 @@ def _march(
                             y, z = z, y
                         faces[count, 0], faces[count, 1], faces[count, 2] = vertex[begin], y, z
                         of_face[count, 0], of_face[count, 1] = n, cube
-                        for c in range(7):
-                            leaf[count, c] = whole[c]
+                        _copy(leaf[count], whole)
                         steepness[count] = slope
                         count += 1
     return count, made
