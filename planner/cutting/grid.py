@@ -890,26 +890,24 @@ def _hanging(active: Any, divided: Any, number: Any, marks: Any, missing: Any) -
     """List the places at which tetrahedra have to be halved as well; return how many."""
     found = 0
     stack = np.empty((_STACK, 7), dtype=np.int64)
-    for i in range(active.shape[0]):
-        for j in range(active.shape[1]):
-            for k in range(active.shape[2]):
-                if active[i, j, k] == 0 or divided[i, j, k] != number:
+    for i, j, k in np.ndindex(active.shape):
+        if active[i, j, k] == 0 or divided[i, j, k] != number:
+            continue
+        for t in range(6):
+            _root(stack, t, i, j, k, active.shape[1], active.shape[2])
+            left = 1
+            while left > 0:
+                left -= 1
+                if not _is_halved(stack, left, marks):
                     continue
-                for t in range(6):
-                    _root(stack, t, i, j, k, active.shape[1], active.shape[2])
-                    left = 1
-                    while left > 0:
-                        left -= 1
-                        if not _is_halved(stack, left, marks):
-                            continue
-                        last = stack[left, 4]
-                        middle = (stack[left, 0] + stack[left, last]) // 2
-                        if _divides(stack, left, 0, last, marks) != 1:
-                            if found == missing.size:
-                                return found
-                            missing[found] = middle
-                            found += 1
-                        left = _halve(stack, left)
+                last = stack[left, 4]
+                middle = (stack[left, 0] + stack[left, last]) // 2
+                if _divides(stack, left, 0, last, marks) != 1:
+                    if found == missing.size:
+                        return found
+                    missing[found] = middle
+                    found += 1
+                left = _halve(stack, left)
     return found
 
 

@@ -439,9 +439,10 @@ def _tests(
         if one.strain > 0.0 and np.isfinite(one.high_MPa):
             ends = (one.strain * one.low_MPa, min(one.strain * one.high_MPa, highest))
             yield from _whisker(chart.x(one.strain), *(chart.y(end) for end in ends))
-    for row in () if study.quadratic is None else study.quadratic.rows:
-        if row.id == material.id:
-            x = np.linspace(*_ends(row.curve.strain), _CURVE_POINTS)
+    if study.quadratic is not None:
+        known = {row.id: row.curve for row in study.quadratic.rows}
+        if material.id in known:
+            x = np.linspace(*_ends(known[material.id].strain), _CURVE_POINTS)
             y = study.quadratic.quadratics.model.literal_stress_MPa(material.coordinate, x)
             yield from _within(chart, x, y)
     yield from _specimen_key(chart, [curve.specimen for curve in fit.curves])

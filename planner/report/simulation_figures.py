@@ -143,7 +143,7 @@ def _along(simulation: Simulation, left: float) -> Iterator[str]:
     yield svg.text(left + _WIDTH, _TOP - 12.0, words, anchor="end", colour=GREY)
     breaks = simulation.break_strain
     shown = np.ma.masked_greater(np.ma.masked_invalid(breaks), chart.y_range[1])
-    for run in np.ma.clump_unmasked(shown):
+    for run in np.ma.clump_unmasked(shown):  # type: ignore[no-untyped-call]
         yield chart.line(bar.x_mm[run], breaks[run], colour=RED, width=1.4, dash="6,4")
     if shown.count():
         yield svg.text(left + 6.0, _TOP + 12.0, "dashed: elongation at break", colour=RED)
