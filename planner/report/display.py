@@ -240,14 +240,9 @@ def colours_told_apart(colours: Sequence[str]) -> tuple[str, ...]:
 
 
 def _least_distance(colours: Sequence[str]) -> float:
-    if len(colours) < 2:
-        return np.inf
-    share = np.array([channels(colour) for colour in colours]) / 255.0
+    share = np.array([channels(colour) for colour in colours]).reshape(-1, 3) / 255.0
     light = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
-    least = np.inf
-    for eyes in _BLIND:
-        seen = np.clip(light @ np.array(eyes).T, 0.0, 1.0)
-        lab = np.cbrt(seen @ _CONES.T) @ _LAB.T
-        apart = np.linalg.norm(lab[:, None] - lab[None, :], axis=2)
-        least = min(least, float(apart[np.triu_indices(len(lab), 1)].min()))
-    return least
+    seen = np.clip(light @ np.swapaxes(_BLIND, 1, 2), 0.0, 1.0)  # by each kind of eyes
+    lab = np.cbrt(seen @ _CONES.T) @ _LAB.T
+    one, other = np.triu_indices(len(colours), 1)
+    return float(np.linalg.norm(lab[:, one] - lab[:, other], axis=2).min(initial=np.inf))

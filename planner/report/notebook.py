@@ -235,11 +235,10 @@ def _draw_plan(plan: Plan, ax: "Axes") -> None:
         ax.plot(begin + target[0] * way, 10.0 ** target[1], "--", color=BLUE, label="target")
     for number, region in enumerate(plan_figure.stretches(plan.regions)):
         ends = [begin + u * way for u in region.field]
-        label = "achieved" if number == 0 else None
-        ax.plot(ends, [region.modulus_MPa] * 2, color=INK, linewidth=2.5, label=label)
-        label = "95 % interval" if number == 0 else None
+        step, band = ("achieved", "95 % interval") if number == 0 else (None, None)
+        ax.plot(ends, [region.modulus_MPa] * 2, color=INK, linewidth=2.5, label=step)
         ax.fill_between(
-            ends, *region.modulus_interval_MPa, color=BLUE, alpha=0.2, linewidth=0.0, label=label
+            ends, *region.modulus_interval_MPa, color=BLUE, alpha=0.2, linewidth=0.0, label=band
         )
     y_label = f"secant modulus at strain {plan.stiffness.at_strain:g}, MPa"
     ax.set(xlabel=words, ylabel=y_label, yscale="log", title=plan.part.file)
