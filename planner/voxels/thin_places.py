@@ -6,7 +6,7 @@ inscribed balls between the solid's own triangles, so that nothing of the limit 
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import islice
+from itertools import chain, islice, pairwise
 from typing import Any
 
 import numpy as np
@@ -582,10 +582,8 @@ def _solid_words(mesh: Mesh, raster: Raster) -> Iterator[tuple[_Bits, ...]]:
     first = first[order]
     slabs = iterate_columns(along, grid, slab_rows=raster.slab_rows, shortest=1)
     nothing = empty_set(_BESIDE, grid.shape[0], grid.shape[2])
-    before, held, start = nothing, _words_drawn(next(slabs)), 0
-    while True:
-        slab = next(slabs, None)
-        after = nothing if slab is None else _words_drawn(slab)
+    before, start = nothing, 0
+    for held, after in pairwise(chain(map(_words_drawn, slabs), [nothing])):
         beside = np.concatenate([after[:_BESIDE], nothing[len(after) :]])
         stop = start + len(held)
         low = int(np.searchsorted(last, start - _BESIDE))
@@ -594,10 +592,7 @@ def _solid_words(mesh: Mesh, raster: Raster) -> Iterator[tuple[_Bits, ...]]:
         side, at = np.empty((2, 3))
         _sheets(corners, along.faces, near, start, drawn, held, side, at)
         yield (held,)
-        if slab is None:
-            return
-        before = drawn[len(held) :][:_BESIDE].copy()
-        held, start = after, stop
+        before, start = drawn[len(held) :][:_BESIDE].copy(), stop
 
 
 def _words_drawn(slab: Columns) -> _Bits:
