@@ -214,8 +214,7 @@ def _tagged(name: str) -> tuple[str, str | None, str] | None:
     """Return meaning, unit and tag of a heading with the specimen's in front: "S1_force_N"."""
     for gap in re.finditer(r"[\s_:./|-]+", name):
         tag = name[: gap.start()]
-        inner = _parse(name[gap.end() :]) if _TAG.fullmatch(tag) else None
-        if inner is not None:
+        if _TAG.fullmatch(tag) and (inner := _parse(name[gap.end() :])) is not None:
             return inner[0], inner[1], tag
     return None
 

@@ -583,7 +583,7 @@ def part_volume(result: PartSimulation) -> bytes:
 
     distance = np.full(len(points), -1.0)
     volume = np.zeros(tuple(cells.index.max(axis=0) + 1))
-    np.add.at(volume, tuple(cells.index.T), np.add.reduceat(cells.weights_mm3, cells.offsets[:-1]))
+    np.add.at(volume, tuple(cells.index.T), cells.cell_volume_mm3)
     full = volume[tuple(cells.index.T)] > (1.0 - 1e-9) * np.prod(cells.cell_mm)
     asked = np.unique(corners[~full[cell]])
     away, outside = distances(triangle_tree(cells.surface), points[asked])

@@ -396,16 +396,14 @@ def raster_for(
     order = np.argsort(high_mm - low_mm, kind="stable")
     for radius in range(finest or FINEST_RADIUS, _COARSEST_RADIUS - 1, -1):
         pitch = limit_mm / (2 * radius + 1)
-        origin = low_mm[order] - pitch
-        shape = np.ceil((high_mm - low_mm)[order] / pitch).astype(np.int64) + 2
-        row_bytes = (int(shape[0]) + 2 * _ROOM) * (int(shape[2]) // 64 + 3) * 8
+        nx, ny, nz = (np.ceil((high_mm - low_mm)[order] / pitch).astype(np.int64) + 2).tolist()
+        row_bytes = (nx + 2 * _ROOM) * (nz // 64 + 3) * 8
         rows = _SET_BYTES // row_bytes
-        work = int(shape[0]) * int(shape[1]) * len(ball(radius))
-        small = rows >= min(_LEAST_ROWS, int(shape[1])) and int(shape.max()) <= MOST_VOXELS
+        work = nx * ny * len(ball(radius))
+        small = rows >= min(_LEAST_ROWS, ny) and max(nx, ny, nz) <= MOST_VOXELS
         if small and work <= _MOST_WORK.get(radius, 0):
             break
-    nx, ny, nz = (int(n) for n in shape)
-    grid = Grid(as_point(origin), (pitch, pitch, pitch), (nx, ny, nz))
+    grid = Grid(as_point(low_mm[order] - pitch), (pitch, pitch, pitch), (nx, ny, nz))
     return Raster(order, grid, radius, max(min(rows, ny), _LEAST_ROWS))
 
 
@@ -516,15 +514,10 @@ def _gather(runs: IntArray, shortest: int) -> list[_Place]:
         deep = in_core[depth >= np.quantile(depth, _DEEP)]
         spread = np.unique(np.linspace(0, len(deep) - 1, _SAMPLES).astype(np.int64))
         seen = np.append(deepest[len(deepest) // 2], deep[spread])
-        places.append(
-            _Place(
-                low=np.array([column.min(), row.min(), start.min()]),
-                high=np.array([column.max() + 1, row.max() + 1, stop.max()]),
-                voxels=int((stop - start).sum()),
-                alone=alone,
-                core=runs[seen][:, [1, 0, 6]],
-            )
-        )
+        low = np.array([column.min(), row.min(), start.min()])
+        high = np.array([column.max() + 1, row.max() + 1, stop.max()])
+        voxels, core = int((stop - start).sum()), runs[seen][:, [1, 0, 6]]
+        places.append(_Place(low, high, voxels, alone, core))
     return places
 
 
