@@ -1,6 +1,7 @@
 """What a notebook shows of a value: words, figure, table; and its plot, with matplotlib."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from functools import singledispatch
 from html import escape
 from importlib import import_module
@@ -120,11 +121,9 @@ def _colours(plan: Plan) -> dict[str, str]:
     """Return a colour for each material of a plan, from soft to hard, grey where none is known."""
     known = {shell.material: shell.colour for shell in plan.shells}
     if not known:
-        try:
+        with suppress(PlannerError):  # a lab's own palette is known by its file alone
             palette = load_printer(plan.printer).palette(plan.palette.name)
-        except PlannerError:
-            palette = None  # a lab's own, known by its file alone
-        known = {m.id: m.colour for m in palette.materials} if palette is not None else {}
+            known = {material.id: material.colour for material in palette.materials}
     soft_first = sorted(plan.regions, key=lambda region: region.coordinate)
     names = list(dict.fromkeys(region.printed for region in soft_first))
     own = [known.get(name, "#808080") for name in names]

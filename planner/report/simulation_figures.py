@@ -194,10 +194,9 @@ def _names(stripes: Sequence[_Stripe]) -> list[tuple[_Stripe, int]]:
     """
     roomy = [one for one in stripes if one.name and one.room]
     narrow = [one for one in stripes if one.name and not one.room]
-    chosen: dict[str, _Stripe] = {}
-    for one in sorted(narrow, key=lambda one: one.left - one.right):
-        if one.name not in {each.name for each in roomy}:
-            chosen.setdefault(one.name, one)
+    named = {one.name for one in roomy}
+    widest_last = sorted(narrow, key=lambda one: one.left - one.right)[::-1]
+    chosen = {one.name: one for one in widest_last if one.name not in named}
     taken = sorted(chosen.values(), key=lambda one: one.left)
     most = max(_rows(taken), default=1)
     for one in narrow:
