@@ -518,8 +518,6 @@ class PosteriorMode:
         Specimens' own sizes, and how features change with them by a deviation, whitened.
     target : (N,)
         Whitened: what slopes times coordinates, own sizes, nuisances and noise must make up.
-    missed : (N, k)
-        See `Problem.missed_by_forms`: what may come to the slopes, in the evidence alone.
     unkept
         Nats that the linear model promises of the target, and the search did not find.
     """
@@ -531,7 +529,6 @@ class PosteriorMode:
     deviates: FloatArray
     own: FloatArray
     target: FloatArray
-    missed: FloatArray
     unkept: float = 0.0
     _known: dict[Likelihood, Elimination] = field(init=False, default_factory=dict)
 
@@ -540,15 +537,14 @@ class PosteriorMode:
         """Return no effect at all under a likelihood."""
         left = likelihood.problem.target
         none, sizes = np.zeros((0, len(left))), np.zeros((0, len(likelihood.problem.noise.rows)))
-        return cls(likelihood, Candidate(()), np.zeros(0), none.T, sizes, none, left, none.T)
+        return cls(likelihood, Candidate(()), np.zeros(0), none.T, sizes, none, left)
 
     def eliminated(self, likelihood: Likelihood, kept: FloatArray | None = None) -> Elimination:
         """Return inner products of the target and further columns, under a likelihood."""
-        if kept is not None or likelihood not in self._known:
-            slopes = np.concatenate([self.slopes, self.missed], axis=1)
-            found = likelihood.elimination(self.target, slopes, kept, self.own, self.unkept)
-            if kept is not None:
-                return found
+        if kept is not None:
+            return likelihood.elimination(self.target, self.slopes, kept, self.own, self.unkept)
+        if likelihood not in self._known:
+            found = likelihood.elimination(self.target, self.slopes, None, self.own, self.unkept)
             self._known[likelihood] = found
             likelihood.likeliest = max(likelihood.likeliest, found.none)
         return self._known[likelihood]
@@ -626,5 +622,5 @@ def _mode_at(likelihood: Likelihood, state: _State) -> PosteriorMode:
     at, own, (slopes, narrower) = state.coordinates, state.own(likelihood), state.linear(likelihood)
     # Where own sizes' volume grows with the effect's size, the linear model promises more.
     unkept, target = _promise(likelihood, state, slopes, 0.0 * narrower)[-1], own.left + slopes @ at
-    sizes, missed = (own.deviates, own.columns), likelihood.problem.missed_by_forms(state.candidate)
-    return PosteriorMode(likelihood, state.candidate, at, slopes, *sizes, target, missed, unkept)
+    sizes = own.deviates, own.columns
+    return PosteriorMode(likelihood, state.candidate, at, slopes, *sizes, target, unkept)

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from scipy.special import fdtrc, ndtr, ndtri
 
 from planner.gap.campaign import Campaign, axis_columns
-from planner.gap.effect import Effect, Form, StatedEffect, place_on_palette, with_effects
+from planner.gap.effect import Effect, Form, StatedEffect, with_effects
 from planner.gap.localise import axis_patterns, specimen_patterns
 from planner.gap.noise import (
     FIT_SD,
@@ -469,11 +469,6 @@ _OWN_COURSE: FloatArray = np.linalg.inv(_OWN_SHARES[:, None] ** np.arange(1, 4))
 and the cubics through these. Numerical: from nothing at no size on, off by less than features
 scatter for sizes of a half to twice the effect's."""
 
-_FORM_SD = 0.05
-"""Deviation of an effect's change from that of its form, over the latter, at either end of curves
-and of the palette. Chosen: forms that were never seen are off by up to some 20 %, and the data say
-so; one that is off by all of its size is another effect."""
-
 _Progress = Callable[[int, int, str], None]
 
 _STRAY_SD = float(UNIT_GAINS.max())
@@ -574,19 +569,6 @@ class Problem:
             courses = np.stack([self.course_over_sizes(part) for part in candidate.differing])
             change = change + self.by_own_sizes(courses, *candidate.own_sizes(candidate.own))[0]
         return change
-
-    def missed_by_forms(self, candidate: Candidate) -> FloatArray:
-        """Return what forms of a candidate may be off by, whitened, (N, 2 parts).
-
-        Each of a part of its change, that grows along the curve or towards hard mixtures.
-        """
-        hard = self.model.setup.mean_of_tests(place_on_palette(self.model.setup))[self.table.test]
-        off = []
-        for part in candidate.parts:
-            (change,) = self.changes(self.predictions([joined([part])]))
-            for along in (self.table.path, hard):
-                off.append(2.0 * (along - np.average(along, weights=change**2 + 1e-300)) * change)
-        return _FORM_SD * self.noise.whiten(np.reshape(off, (len(off), -1)).T)
 
     def course_over_sizes(self, part: tuple[SignedForm, _Point]) -> FloatArray:
         """Return the course over its size of what an effect alone changes of features, (3, N)."""

@@ -118,7 +118,6 @@ def test_a_search_that_ends_early_is_weighed_by_what_it_reached(
     start = Candidate(("softening",), ((signed, (0.5, *[0.9] * signed.shapes)),))
     mode = posterior_mode((likelihood,), start, likelihood)
     monkeypatch.setattr("planner.gap.evidence.posterior_mode._STEPS", 2)
-    monkeypatch.setattr("planner.gap.evidence.problem._FORM_SD", 0.0)
     early = posterior_mode((Likelihood(problem),), start, Likelihood(problem))
     evidence = early.eliminated(likelihood).none
     assert early.unkept > 50.0 > 0.5 > mode.unkept
@@ -147,7 +146,7 @@ def test_a_mode_far_behind_is_found_roughly_with_fewer_runs(problem: Problem, mo
     exact, most = evidence(-np.inf)
     rough, fewer = evidence(exact + 1000.0)
     assert exact - 950.0 / 20.0 < rough <= exact + 0.1
-    assert fewer - 1 < 0.7 * (most - 1)  # a run of each says what its form may miss
+    assert fewer < 0.7 * most
     assert evidence(exact + 45.0) == (exact, most)
 
 
@@ -202,36 +201,6 @@ def test_errors_are_those_of_features_that_laws_leave(problem: Problem) -> None:
     assert likelihood.error(Candidate(()))[0] > forces
 
 
-def test_a_form_may_be_off_by_a_part_of_its_change(problem: Problem, monkeypatch) -> None:
-    """An effect that is a tenth more in the harder grade, and less in the softer, is held lightly.
-
-    One that is all in one grade is another's: the doubt of the form does not make up for it.
-    """
-    found = candidate(problem, "power-law", 1.0)
-    change = problem.explained(found)
-    soft = np.array([s.material == "TangoPlus" for s in problem.campaign.specimens])
-    sign = np.where(soft[problem.table.specimen], -1.0, 1.0)
-
-    def lost(part: float) -> float:
-        """Nats that the tilted change is less likely than the exact one."""
-        evidence = []
-        for residual in (change, (1.0 + part * sign) * change):
-            target = problem.noise.whiten(residual)
-            likelihood = Likelihood(replace(problem, residual=residual, target=target))
-            mode = posterior_mode((likelihood,), found, likelihood)
-            evidence.append(mode.eliminated(likelihood).none)
-        return evidence[0] - evidence[1]
-
-    doubted = lost(0.1), lost(0.9)
-    monkeypatch.setattr("planner.gap.evidence.problem._FORM_SD", 0.0)
-    exact = lost(0.1), lost(0.9)
-    # The grades lie a third of the palette apart, where a form is off by 5 % of its change at the
-    # ends. Variances add up: of what the doubt allows, and of what the scatter does.
-    allowed = [0.5 * (part / (0.05 / 3.0)) ** 2 for part in (0.1, 0.9)]
-    expected = [1.0 / (1.0 / a + 1.0 / b) for a, b in zip(allowed, exact, strict=True)]
-    assert doubted == pytest.approx(expected, rel=0.05)  # the course along the path takes a little
-
-
 def test_a_part_of_the_likeliest_is_settled_from_where_it_is_there(problem: Problem) -> None:
     """An effect that had settled far off alone is as likely as it is in its place in a pair."""
     effects = [EFFECTS["rate"], EFFECTS["force-offset"]]
@@ -283,11 +252,8 @@ def test_specimens_own_sizes_are_found_where_they_differ_by_a_factor(slack: Prob
     assert found[0] == pytest.approx(LOST_MM, rel=0.15)
 
 
-def test_a_mode_beside_own_sizes_is_the_likeliest_with_their_volume(
-    slack: Problem, monkeypatch
-) -> None:
+def test_a_mode_beside_own_sizes_is_the_likeliest_with_their_volume(slack: Problem) -> None:
     """A larger effect makes own sizes cheap; what integrating over them costs holds that."""
-    monkeypatch.setattr("planner.gap.evidence.problem._FORM_SD", 0.0)
     likelihood = Likelihood(slack)
     signed = next(b for b in slack.signed_forms if b.form.name == "dead-travel")
     mode = posterior_mode((likelihood,), joined([(signed, (0.6,))]), likelihood)
