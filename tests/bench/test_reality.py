@@ -5,7 +5,7 @@ import hashlib
 import json
 import tomllib
 from collections import Counter
-from dataclasses import replace
+from dataclasses import fields, replace
 from itertools import combinations
 from pathlib import Path
 
@@ -194,6 +194,10 @@ def test_the_sets_share_no_form_and_no_condition_off_the_reference() -> None:
         assert not names[0] & names[1]
         others = [f.name for of_set in effect.other.values() for f in of_set]
         assert len(set(others)) == len(others)
+    for one, another in combinations([rules.levels for rules in SETS.values()], 2):
+        for levels in fields(one):
+            off = [set(getattr(of_set, levels.name)[1:]) for of_set in (one, another)]
+            assert not off[0] & off[1]
 
 
 def test_the_command_seals_the_truth_outside_and_prints_its_hash_first(
