@@ -268,25 +268,33 @@ def inscribed_balls(
         Where no ball fits, the radius is zero.
     """
     around = reach + 2.0 * step
-    corners = corners[_near(corners, points.min(axis=0) - around, points.max(axis=0) + around)]
     centres, radii_mm = np.array(points, dtype=np.float64, order="C"), np.empty(len(points))
-    closest, start, trial = np.empty((2, 3)), np.empty(3), np.empty(3)
+    near = np.empty(len(corners), dtype=np.int64)
+    scratch = np.empty((2, 3)), np.empty(3), np.empty(3)
     for i, point in enumerate(centres.copy()):
-        near = _near(corners, point - around, point + around)
-        scratch = closest, centres[i], start, trial
-        radii_mm[i] = _climb(corners, near, point, step, reach, *scratch)
+        count = _list_near(corners, point, around, near)
+        radii_mm[i] = _climb(corners, near[:count], point, step, reach, centres[i], *scratch)
     return centres, radii_mm
 
 
-def _near(corners: FloatArray, low: FloatArray, high: FloatArray) -> IntArray:
-    """Return which triangles (m, 3, 3) have boxes that meet a box."""
-    met = (corners.min(axis=1) <= high) & (corners.max(axis=1) >= low)
-    return np.flatnonzero(met.all(axis=1))
+@kernel
+def _list_near(corners: Any, point: Any, around: Any, near: Any) -> Any:
+    """List the triangles whose boxes meet a cube about a point; return how many there are."""
+    count = 0
+    for f in range(corners.shape[0]):
+        met = True
+        for d in range(3):
+            a, b, c = corners[f, 0, d], corners[f, 1, d], corners[f, 2, d]
+            met &= min(a, min(b, c)) <= point[d] + around and max(a, max(b, c)) >= point[d] - around
+        if met:
+            near[count] = f
+            count += 1
+    return count
 
 
 @kernel
 def _climb(
-    corners: Any, near: Any, point: Any, step: Any, reach: Any, closest: Any, centre: Any,
+    corners: Any, near: Any, point: Any, step: Any, reach: Any, centre: Any, closest: Any,
     start: Any, trial: Any,
 ) -> Any:  # fmt: skip
     best, size = _depth(corners, near, point, reach, closest), step / 2

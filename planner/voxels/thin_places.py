@@ -242,13 +242,34 @@ def rehearse_sets() -> None:
 
 def _runs_of(bits: _Bits, low: int, high: int) -> IntArray:
     """Return the runs of rows low <= row < high: (n, 4) int32 of row, column, start, stop."""
-    columns = np.argwhere(bits[low:high, _ROOM:-_ROOM].any(axis=2)) + np.array([low, 0])
-    words = bits[columns[:, 0], columns[:, 1] + _ROOM]
-    voxels = np.unpackbits(words.view(np.uint8), axis=1, bitorder="little")
-    # Runs begin and end by turns, since the words at either end are empty.
-    column, voxel = np.nonzero(voxels[:, 1:] != voxels[:, :-1])
-    ends = voxel.reshape(-1, 2) - 63
-    return np.concatenate([columns[column[::2]], ends], axis=1, dtype=np.int32)
+    runs = np.empty((_list_runs(bits, low, high, np.empty((0, 4), np.int32)), 4), np.int32)
+    _list_runs(bits, low, high, runs)
+    return runs
+
+
+@kernel
+def _list_runs(bits: Any, low: Any, high: Any, runs: Any) -> Any:
+    # With room for none: counts them. Otherwise fills.
+    one, ends = np.uint64(1), 0
+    for row in range(low, high):
+        for column in range(_ROOM, bits.shape[1] - _ROOM):
+            before = np.uint64(0)
+            for w in range(bits.shape[2]):
+                word, voxel = bits[row, column, w], 64 * (w - 1)
+                turns = word ^ (word << one | before)
+                before = word >> np.uint64(63)
+                while turns != 0:
+                    if turns & one == 1:
+                        if runs.shape[0] > 0:
+                            r = ends // 2
+                            if ends % 2 == 0:
+                                runs[r, 0], runs[r, 1], runs[r, 2] = row, column - _ROOM, voxel
+                            else:
+                                runs[r, 3] = voxel
+                        ends += 1
+                    turns >>= one
+                    voxel += 1
+    return ends // 2
 
 
 def _members(runs: IntArray, bits: _Bits) -> IntArray:
