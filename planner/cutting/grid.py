@@ -456,9 +456,9 @@ def _drawn_near(
     if field is None or not np.isfinite(within_mm):
         one = _drawn(grid, levels, field, marks, 0)
         return one.points_mm, one.faces, one.level, one.cell
-    marks = _halved(grid, field, marks, _hidden(grid, levels), 1)
+    marks, tried = _shown(grid, field, levels, marks, within_mm)
     rounds = [_drawn(grid, levels, field, marks, number) for number in (0, 1)]
-    fresh, tried = rounds, places
+    fresh = rounds
     while len(rounds) <= _MOST_ROUNDS:
         off_mm = np.concatenate([_distance_mm(field, one, levels) for one in fresh])
         leaf = np.concatenate([one.leaf for one in fresh])
@@ -471,11 +471,9 @@ def _drawn_near(
             break
         ends = leaf[:, _EDGES]
         marks, tried, mended = _creased(grid, field, marks, ends, worst, within_mm, tried, number)
-        worst = worst[~mended[worst]]
-        # Three halvings, which make the edges half as long, leave a quarter of what is off at best.
-        halving = np.empty((len(worst), 7), dtype=np.int64)
-        _find_halving(leaf[worst], off_mm[worst] > 4.0 * within_mm, halving)
-        marks = _halved(grid, field, marks, _rising(halving[halving >= 0]), number)
+        rest = leaf[worst[~mended[worst]]]
+        middle = (rest[:, 0] + rest[np.arange(len(rest)), rest[:, 4]]) // 2
+        marks = _halved(grid, field, marks, _rising(middle), number)
         fresh = [_drawn(grid, levels, field, marks, number)]
         rounds += fresh
     return _joined(rounds, marks)
@@ -652,13 +650,13 @@ def _creased(
     while len(chosen):
         waiting[chosen] = False
         places, first = np.unique(middle[chosen], return_index=True)
-        new = np.isin(places, tried, assume_unique=True, invert=True)
+        new = ~_holds(tried, places)
         tried = _rising(np.concatenate([tried, places[new]]))
         edges = ends[chosen].reshape(-1, 2)[first[new]]
         sharp, points, values = _crease(grid, field, marks, edges, within_mm)
         places = places[new][sharp]
         marks = marks.more(number, places, points[sharp], values[sharp], 1)
-        mended |= np.isin(middle, places).any(axis=1)
+        mended |= _holds(places, middle).any(axis=1)
         chosen = np.flatnonzero(waiting & mended)
     return marks, tried, mended
 
@@ -694,6 +692,12 @@ def _rising(places: NDArray[np.int64]) -> NDArray[np.int64]:
     return np.asarray(ranked[np.append(True, ranked[1:] > ranked[:-1])[: len(ranked)]])
 
 
+def _holds(rising: NDArray[np.int64], places: NDArray[np.int64]) -> BoolArray:
+    """Tell which of some places are among others that rise."""
+    at = np.searchsorted(rising, places)
+    return np.asarray(np.append(rising, -1)[at] == places)
+
+
 def _indices(cubes: NDArray[np.uint8], places: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return coordinates of vertices, (n, 3), in parts of the cubes' edges."""
     return np.stack(np.unravel_index(places, [n * _FINEST + 1 for n in cubes.shape]), axis=-1)
@@ -704,27 +708,56 @@ def _even_mm(grid: FieldGrid, index: NDArray[np.int64]) -> FloatArray:
     return np.asarray(grid.origin_mm + index * (grid.cells * grid.pitch_mm / _FINEST))
 
 
-def _hidden(grid: FieldGrid, levels: FloatArray) -> NDArray[np.int64]:
-    """Return places that halve cubes, and halves of them, whose corners do not show all levels."""
-    places, size, smaller = [np.empty(0, dtype=np.int64)], 2, np.empty(0, dtype=np.bool_)
+def _shown(
+    grid: FieldGrid, field: Field, levels: FloatArray, marks: _Marks, within_mm: float
+) -> tuple[_Marks, NDArray[np.int64]]:
+    """Divide cubes whose corners do not show all levels: at creases, and where these do not do.
+
+    Where creases show what corners do not, a cube need not be halved: walls thinner than it have
+    few triangles then.
+
+    Also returned: the middles of all edges in which a crease was sought.
+    """
+    sizes = [2**n for n in range(1, grid.cells.bit_length())]
+    found = [_hides(grid.values, size, levels) for size in sizes]
+    for small, large in itertools.pairwise(found):
+        x, y, z = large.shape
+        large |= small.reshape(x, 2, y, 2, z, 2).max(axis=(1, 3, 5))
+    cubes = np.argwhere(found[-1])
     ny, nz = (n * _FINEST + 1 for n in grid.active.shape[1:])
-    while size <= grid.cells:
+    x, y, z = cubes.T[..., None] + (np.arange(8) >> np.arange(3)[:, None, None] & 1)
+    corners = _FINEST * ((x * ny + y) * nz + z)
+    ends = corners[:, TETRAHEDRA][:, :, _EDGES].reshape(-1, 6, 2)
+    every, none = np.arange(len(ends)), np.empty(0, dtype=np.int64)
+    marks, tried, _ = _creased(grid, field, marks, ends, every, within_mm, none, 1)
+    # Of cubes with creases, what the field is there.
+    middle = (ends.sum(axis=2) // 2).reshape(len(cubes), 36)
+    at = np.append(marks.values, np.nan)[np.searchsorted(marks.places, middle)]
+    at = np.where(_holds(marks.places, middle), at, np.nan)
+    seen = np.full((2, *found[-1].shape), np.nan)
+    seen[:, *cubes.T] = np.fmin.reduce(at, axis=1), np.fmax.reduce(at, axis=1)
+    shown = ~np.isnan(seen[0]) & ~_hides(grid.values, grid.cells, levels, *seen)
+    wanted = [none]
+    for size, hidden in zip(sizes, found, strict=True):
         parts = grid.cells // size
-        found = _hides(grid.values, size, levels)
-        if len(smaller):
-            x, y, z = found.shape
-            found |= smaller.reshape(x, 2, y, 2, z, 2).max(axis=(1, 3, 5))
         side = np.arange(3) * (_FINEST // parts // 2)
         inner = ((side[:, None, None] * ny + side[:, None]) * nz + side).ravel()
-        x, y, z = np.argwhere(found).T * (_FINEST // parts)
+        for axis in range(3):
+            wide = shown if axis == 0 else wide
+            wide = np.repeat(wide, parts, axis=axis)
+        x, y, z = np.argwhere(hidden & ~wide).T * (_FINEST // parts)
         at = ((x * ny + y) * nz + z)[:, None] + inner
-        places.append(np.delete(at, (0, 2, 6, 8, 18, 20, 24, 26), axis=1).ravel())
-        smaller, size = found, 2 * size
-    return _rising(np.concatenate(places))
+        wanted.append(np.delete(at, (0, 2, 6, 8, 18, 20, 24, 26), axis=1).ravel())
+    return _halved(grid, field, marks, _rising(np.concatenate(wanted)), 1), tried
 
 
-def _hides(values: FloatArray, size: int, levels: FloatArray) -> BoolArray:
-    """Tell which cubes, of a size in cells, have a level far beyond the values of their corners."""
+def _hides(
+    values: FloatArray, size: int, levels: FloatArray, least: Any = np.nan, most: Any = np.nan
+) -> BoolArray:
+    """Tell which cubes, of a size in cells, have a level far beyond what is seen of them.
+
+    That is the values of their corners, and a least and a greatest value where they are known.
+    """
     low = lowest = high = highest = np.array(np.nan)
     for first in itertools.product(range(size + 1), repeat=3):
         x, y, z = (slice(d, n + d - size, size) for d, n in zip(first, values.shape, strict=True))
@@ -733,6 +766,7 @@ def _hides(values: FloatArray, size: int, levels: FloatArray) -> BoolArray:
         if all(d % size == 0 for d in first):
             low, high = (at, at) if not any(first) else (np.minimum(low, at), np.maximum(high, at))
     off = _CLEAR * (highest - lowest) / size
+    low, high = np.fmin(low, least), np.fmax(high, most)
     rank = [levels.searchsorted(v, side="right") for v in (lowest + off, low, high, highest - off)]
     return np.asarray(~np.isnan(low) & ((rank[0] < rank[1]) | (rank[2] < rank[3])))
 
@@ -830,20 +864,6 @@ def _halve(stack: Any, top: Any) -> Any:
     stack[top, 5] = stack[top + 1, 5] = stack[top, 5] + 1
     stack[top + 1, 6] = stack[top, 6] ^ (tag & 1)
     return top + 2
-
-
-@kernel
-def _find_halving(leaf: Any, thrice: Any, middles: Any) -> None:
-    """Fill in what halves tetrahedra, and where `thrice` their halves, and theirs; else -1."""
-    parts = np.empty((8, 7), dtype=np.int64)
-    for n in range(leaf.shape[0]):
-        _copy(parts[0], leaf[n])
-        for m in range(7):
-            left_out = parts[m, 5] >= 3 * _DEEPEST or (m > 0 and not thrice[n])
-            middles[n, m] = -1 if left_out else (parts[m, 0] + parts[m, parts[m, 4]]) // 2
-            if m < 3:
-                _copy(parts[2 * m + 1], parts[m])
-                _halve(parts, 2 * m + 1)
 
 
 @inner_kernel
