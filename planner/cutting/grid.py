@@ -447,7 +447,7 @@ def _drawn_near(
     field
         None takes the field to be linear between the grid's vertices.
     most_faces
-        Beyond these none are divided; those farthest off come first.
+        Beyond these none are divided; those that misplace most volume come first.
     """
     none = np.empty((0, 3))
     places = np.empty(0, dtype=np.int64)
@@ -460,20 +460,21 @@ def _drawn_near(
     rounds = [_drawn(grid, levels, field, marks, number) for number in (0, 1)]
     fresh = rounds
     while len(rounds) <= _MOST_ROUNDS:
-        off_mm = np.concatenate([_distance_mm(field, one, levels) for one in fresh])
+        off_mm, area_mm2 = np.concatenate([_errors(field, one, levels) for one in fresh], axis=1)
         leaf = np.concatenate([one.leaf for one in fresh])
         far = np.flatnonzero((off_mm > _SURE_OFF * within_mm) & (leaf[:, 5] < 3 * _DEEPEST))
         number = len(rounds)
         held = sum(int(one.held(marks, n).sum()) for n, one in enumerate(rounds))
-        worst = far[np.argsort(-off_mm[far], kind="stable")][: max(int(most_faces) - held, 0)]
+        order = np.argsort(-(off_mm * area_mm2)[far], kind="stable")
+        worst = far[order[: max(int(most_faces) - held, 0)]]
         few = marks.sharp.any() and len(far) < _LEFT_OFF * held
         if not len(worst) or (few and number >= _USUAL_ROUNDS):
             break
         ends = leaf[:, _EDGES]
         marks, tried, mended = _creased(grid, field, marks, ends, worst, within_mm, tried, number)
         rest = leaf[worst[~mended[worst]]]
-        middle = (rest[:, 0] + rest[np.arange(len(rest)), rest[:, 4]]) // 2
-        marks = _halved(grid, field, marks, _rising(middle), number)
+        ends = np.stack([rest[:, 0], rest[np.arange(len(rest)), rest[:, 4]]], axis=1)
+        marks = _halved(grid, field, marks, ends, number)
         fresh = [_drawn(grid, levels, field, marks, number)]
         rounds += fresh
     return _joined(rounds, marks)
@@ -554,16 +555,20 @@ class _Drawn:
         return np.asarray(marks.divided.reshape(-1)[self.cell] == number)
 
 
-def _distance_mm(field: Field, drawn: _Drawn, levels: FloatArray) -> FloatArray:
-    """Estimate how far faces lie from their level set: at their middle and their longest edge's."""
+def _errors(field: Field, drawn: _Drawn, levels: FloatArray) -> FloatArray:
+    """Estimate how far faces lie from their level set in mm, and their areas in mm2: (2, m).
+
+    At their middle and their longest edge's.
+    """
     corners = drawn.points_mm[drawn.faces]
-    x, y, z = np.square(np.roll(corners, -1, axis=1) - corners).transpose(2, 0, 1)
-    each, longest = np.arange(len(corners)), (x + y + z).argmax(axis=1)
+    way = np.roll(corners, -1, axis=1) - corners
+    each, longest = np.arange(len(corners)), np.square(way).sum(axis=2).argmax(axis=1)
     ends = corners[each, longest] + corners[each, (longest + 1) % 3]
     places = corners.sum(axis=1) / 3.0, 0.5 * ends
     off = np.maximum(*(np.abs(_values_at(field, at) - levels[drawn.level]) for at in places))
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.asarray(np.where(off > 0.0, off / drawn.steepness, 0.0))
+        off_mm = np.where(off > 0.0, off / drawn.steepness, 0.0)
+    return np.stack([off_mm, 0.5 * np.linalg.norm(np.cross(way[:, 0], way[:, 1]), axis=1)])
 
 
 def _joined(rounds: list[_Drawn], marks: _Marks) -> _Faces:
@@ -606,18 +611,49 @@ def _drawn(
 
 
 def _halved(
-    grid: FieldGrid, field: Field, marks: _Marks, wanted: NDArray[np.int64], number: int
+    grid: FieldGrid, field: Field, marks: _Marks, ends: NDArray[np.int64], number: int
 ) -> _Marks:
-    """Divide tetrahedra at places, and those that then have a corner within an edge."""
-    missing = wanted
-    while len(missing):
-        points = _even_mm(grid, _indices(grid.active, missing))
-        marks = marks.more(number, missing, points, _values_at(field, points), 0)
-        room = np.empty(max(4 * len(missing), 1000), dtype=np.int64)
-        table = marks.table(grid.origin_mm)
-        found = _hanging(grid.active, marks.divided, number, table, room)
-        missing = _rising(room[:found])
-    return marks
+    """Divide tetrahedra at edges, (n, 2), and those that then have a corner within an edge."""
+    while True:
+        places, first = np.unique(ends.sum(axis=1) // 2, return_index=True)
+        points, values = _parted(grid, field, marks, ends[first])
+        marks = marks.more(number, places, points, values, 0)
+        room = np.empty((max(4 * len(ends), 1000), 2), dtype=np.int64)
+        found = _hanging(grid.active, marks.divided, number, marks.table(grid.origin_mm), room)
+        if not found:
+            return marks
+        # Those from a vertex that is still to come are found again once it is there.
+        ends = room[:found]
+        known = _holds(marks.places, ends) | (_indices(grid.active, ends) % _FINEST == 0).all(-1)
+        ends = ends[known.all(axis=1)]
+
+
+_SAMPLES = 8
+"""Stretches in which the sharpest crease of an edge is sought; with 6 and 12 interfaces come out as
+near."""
+
+
+def _parted(
+    grid: FieldGrid, field: Field, marks: _Marks, ends: NDArray[np.int64]
+) -> tuple[FloatArray, FloatArray]:
+    """Return where to part edges that are halved: at their sharpest crease, else in the middle.
+
+    Also returned: the field there. In halves of an edge with several creases are fewer.
+    """
+    (start, low), (end, high) = (marks.seen(grid, ends[:, side]) for side in (0, 1))
+    step = (end - start) / _SAMPLES
+    inner = start[:, None] + np.arange(1, _SAMPLES)[:, None] * step[:, None]
+    found = _values_at(field, inner.reshape(-1, 3)).reshape(-1, _SAMPLES - 1)
+    found = np.column_stack([low, found, high])
+    rise = np.diff(found, axis=1)
+    each, at = np.arange(len(ends)), np.abs(rise[:, 2:] - rise[:, :-2]).argmax(axis=1)
+    sharp, points, values, _ = _meeting(
+        field, start + (at + 1.0)[:, None] * step, step, found[each, at + 1], found[each, at + 2],
+        rise[each, at], rise[each, at + 2],
+    )  # fmt: skip
+    middle = start + 0.5 * (end - start)
+    values = np.where(sharp, values, found[:, _SAMPLES // 2])
+    return np.where(sharp[:, None], points, middle), values
 
 
 _EDGES = np.array([[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]])
@@ -664,15 +700,25 @@ def _creased(
 def _crease(
     grid: FieldGrid, field: Field, marks: _Marks, ends: NDArray[np.int64], within_mm: float
 ) -> tuple[BoolArray, FloatArray, FloatArray]:
-    """Tell which edges meet a crease that matters, where, and the field there.
-
-    A crease is where the lines meet that an edge's ends begin with, if the field is there what
-    they foretell.
-    """
+    """Tell which edges meet a crease that matters, where, and the field there."""
     (start, low), (end, high) = (marks.seen(grid, ends[:, side]) for side in (0, 1))
     way = end - start
     rise = (_values_at(field, start + _NEAR_END * way) - low) / _NEAR_END
     fall = (high - _values_at(field, end - _NEAR_END * way)) / _NEAR_END
+    sharp, points, values, bent = _meeting(field, start, way, low, high, rise, fall)
+    steep = np.maximum(np.abs(rise), np.abs(fall)) / np.sqrt((way**2).sum(axis=1))
+    return sharp & (np.abs(bent) > 2.0 * _SURE_OFF * within_mm * steep), points, values
+
+
+def _meeting(
+    field: Field, start: FloatArray, way: FloatArray, low: FloatArray, high: FloatArray,
+    rise: FloatArray, fall: FloatArray,
+) -> tuple[BoolArray, FloatArray, FloatArray, FloatArray]:  # fmt: skip
+    """Tell whether stretches have a crease, where, the field there, and how far it bends.
+
+    A crease is where the lines meet that rise from one end and to the other, if the field is there
+    what they foretell.
+    """
     with np.errstate(all="ignore"):
         share = (high - low - fall) / (rise - fall)
     inner = (share >= _NEAR_END) & (share <= 1.0 - _NEAR_END)
@@ -681,9 +727,7 @@ def _crease(
     values = _values_at(field, points)
     straight = low + share * (high - low)
     bent, foretold = values - straight, low + share * rise - straight
-    steep = np.maximum(np.abs(rise), np.abs(fall)) / np.sqrt((way**2).sum(axis=1))
-    sharp = inner & (bent * np.sign(foretold) > _SHARP * np.abs(foretold))
-    return sharp & (np.abs(bent) > 2.0 * _SURE_OFF * within_mm * steep), points, values
+    return inner & (bent * np.sign(foretold) > _SHARP * np.abs(foretold)), points, values, bent
 
 
 def _rising(places: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -742,13 +786,14 @@ def _shown(
         parts = grid.cells // size
         side = np.arange(3) * (_FINEST // parts // 2)
         inner = ((side[:, None, None] * ny + side[:, None]) * nz + side).ravel()
-        for axis in range(3):
-            wide = shown if axis == 0 else wide
-            wide = np.repeat(wide, parts, axis=axis)
-        x, y, z = np.argwhere(hidden & ~wide).T * (_FINEST // parts)
+        hidden &= ~shown.repeat(parts, axis=0).repeat(parts, axis=1).repeat(parts, axis=2)
+        x, y, z = np.argwhere(hidden).T * (_FINEST // parts)
         at = ((x * ny + y) * nz + z)[:, None] + inner
         wanted.append(np.delete(at, (0, 2, 6, 8, 18, 20, 24, 26), axis=1).ravel())
-    return _halved(grid, field, marks, _rising(np.concatenate(wanted)), 1), tried
+    places = _rising(np.concatenate(wanted))
+    points = _even_mm(grid, _indices(grid.active, places))
+    marks = marks.more(1, places, points, _values_at(field, points), 0)
+    return _halved(grid, field, marks, np.empty((0, 2), np.int64), 1), tried
 
 
 def _hides(
@@ -921,11 +966,10 @@ def _hanging(active: Any, divided: Any, number: Any, marks: Any, missing: Any) -
                 if not _is_halved(stack, left, marks):
                     continue
                 last = stack[left, 4]
-                middle = (stack[left, 0] + stack[left, last]) // 2
                 if _divides(stack, left, 0, last, marks) != 1:
-                    if found == missing.size:
+                    if found == missing.shape[0]:
                         return found
-                    missing[found] = middle
+                    missing[found, 0], missing[found, 1] = stack[left, 0], stack[left, last]
                     found += 1
                 left = _halve(stack, left)
     return found
