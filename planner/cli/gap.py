@@ -31,24 +31,13 @@ def _gap(context: typer.Context) -> None:
 @cli.command(app)
 def diagnose(
     context: Context,
-    campaign: Annotated[Path, "Folder with campaign.toml, specimens.csv and the curves."],
-    palette: Annotated[
-        str | None,
-        "Palette file (TOML), or one of the printer's palettes, in place of the campaign's own.",
-    ] = None,
-    output: Annotated[
-        Path | None, cli.out("Folder to write: report.html, next-specimens.csv, JSON, figures.")
-    ] = None,
-    without: Annotated[
-        list[str] | None, "Effect to leave out, as if it were not known; repeatable."
-    ] = None,
-    unit_of: Annotated[
-        list[str] | None,
-        "Read force or travel in another unit than the files say, as in "
-        "force=lbf:S1,S2 or, for all specimens, travel=in; repeatable.",
-    ] = None,
+    campaign: Path,
+    palette: str | None = None,
+    output: Annotated[Path | None, "--output", "-o"] = None,
+    without: list[str] | None = None,
+    unit_of: list[str] | None = None,
     seed: Annotated[int, Option(min=0, help="Of resampling: same seed, same diagnosis.")] = 0,
-    force: Annotated[bool, "Replace a folder that an earlier diagnosis wrote."] = False,
+    force: bool = False,
     as_json: cli.AsJson = False,
     quiet: cli.Quiet = False,
 ) -> int:
@@ -57,6 +46,22 @@ def diagnose(
     Exit code 1 when there is a gap to explain, or one remains after the effect.
 
     Example: [bold]planner gap diagnose campaign -o diagnosis[/bold]
+
+    Parameters
+    ----------
+    campaign
+        Folder with campaign.toml, specimens.csv and the curves.
+    palette
+        Palette file (TOML), or one of the printer's palettes, in place of the campaign's own.
+    output
+        Folder to write: report.html, next-specimens.csv, JSON, figures.
+    without
+        Effect to leave out, as if it were not known; repeatable.
+    unit_of
+        Read force or travel in another unit than the files say, as in force=lbf:S1,S2 or, for all
+        specimens, travel=in; repeatable.
+    force
+        Replace a folder that an earlier diagnosis wrote.
     """
     given = locals()
     from planner.gap.summary import next_command
@@ -100,25 +105,19 @@ def _say_verdict(text: str) -> None:
 @cli.command(app)
 def correct(
     context: Context,
-    diagnosis: Annotated[Path, "A diagnosis.json, or the folder that holds it."],
+    diagnosis: Path,
     palette: cli.PaletteName = None,
-    temperature_C: Annotated[
-        float | None, "--temperature-C", "Of use; else the palette's own."
-    ] = None,
-    rate_per_s: Annotated[float | None, "Strain rate of use, likewise."] = None,
-    soak_h: Annotated[float | None, "Hours in water before use, likewise."] = None,
-    age_days: Annotated[float | None, "Days since the print, likewise."] = None,
-    orientation: Annotated[str | None, "Of the load on the tray: x, y or z."] = None,
-    width_mm: Annotated[float, "Of the part's section, for water and advice."] = 6.0,
-    thickness_mm: Annotated[float, "Of the part's section, likewise."] = 3.0,
-    recalibrate: Annotated[
-        bool, "Shift every law to the level that the campaign asks for, too."
-    ] = False,
+    temperature_C: Annotated[float | None, "--temperature-C"] = None,
+    rate_per_s: float | None = None,
+    soak_h: float | None = None,
+    age_days: float | None = None,
+    orientation: str | None = None,
+    width_mm: float = 6.0,
+    thickness_mm: float = 3.0,
+    recalibrate: bool = False,
     printer: cli.PrinterName = "connex3",
-    output: Annotated[Path, cli.out("Palette file (TOML) to write.")] = Path(
-        "palette-corrected.toml"
-    ),
-    force: Annotated[bool, "Replace a file that is there."] = False,
+    output: Annotated[Path, "--output", "-o"] = Path("palette-corrected.toml"),
+    force: bool = False,
     as_json: cli.AsJson = False,
     quiet: cli.Quiet = False,
 ) -> int:
@@ -129,6 +128,31 @@ def correct(
     so far from the tests that they do not tell one grade from the next there.
 
     Example: [bold]planner gap correct diagnosis --temperature-C 33 -o warm.toml[/bold]
+
+    Parameters
+    ----------
+    diagnosis
+        A diagnosis.json, or the folder that holds it.
+    temperature_C
+        Of use; else the palette's own.
+    rate_per_s
+        Strain rate of use, likewise.
+    soak_h
+        Hours in water before use, likewise.
+    age_days
+        Days since the print, likewise.
+    orientation
+        Of the load on the tray: x, y or z.
+    width_mm
+        Of the part's section, for water and advice.
+    thickness_mm
+        Of the part's section, likewise.
+    recalibrate
+        Shift every law to the level that the campaign asks for, too.
+    output
+        Palette file (TOML) to write.
+    force
+        Replace a file that is there.
     """
     given = locals()
 
@@ -171,14 +195,14 @@ def _correct_report(made: "planner.Correction", output: Path, options: str) -> N
 def design(
     context: Context,
     *,
-    effects: Annotated[str, "Ids with commas between: rate,moisture,temperature."],
-    budget: Annotated[int, "Specimens at most, of both batches."],
-    output: Annotated[Path, cli.out("Folder to write, a campaign to be measured; or a file .csv.")],
+    effects: str,
+    budget: int,
+    output: Annotated[Path, "--output", "-o"],
     printer: cli.PrinterName = "connex3",
     palette: cli.PaletteName = None,
-    width_mm: Annotated[float, "Of the specimens' section."] = 6.0,
-    thickness_mm: Annotated[float, "Likewise."] = 3.0,
-    gauge_mm: Annotated[float, "Gauge length of the specimens."] = 25.0,
+    width_mm: float = 6.0,
+    thickness_mm: float = 3.0,
+    gauge_mm: float = 25.0,
     as_json: cli.AsJson = False,
     quiet: cli.Quiet = False,
 ) -> int:
@@ -188,6 +212,21 @@ def design(
     likely be missed than named: the design is written all the same.
 
     Example: [bold]planner gap design --effects rate,moisture --budget 30 -o plan[/bold]
+
+    Parameters
+    ----------
+    effects
+        Ids with commas between: rate,moisture,temperature.
+    budget
+        Specimens at most, of both batches.
+    output
+        Folder to write, a campaign to be measured; or a file .csv.
+    width_mm
+        Of the specimens' section.
+    thickness_mm
+        Likewise.
+    gauge_mm
+        Gauge length of the specimens.
     """
     given = locals()
     from planner.errors import ArgumentError
@@ -269,15 +308,15 @@ def _again(printer: str, palette: str | None = None) -> str:
 
 
 @cli.command(app, "next")
-def next_(
-    campaign: Annotated[
-        Path, "Folder with campaign.toml and specimens.csv; or a diagnosis, JSON or folder."
-    ],
-    as_json: cli.AsJson = False,
-) -> int:
+def next_(campaign: Path, as_json: cli.AsJson = False) -> int:
     """Say where a campaign or a diagnosis stands, what is missing, which command comes next.
 
     Example: [bold]planner gap next lab[/bold]
+
+    Parameters
+    ----------
+    campaign
+        Folder with campaign.toml and specimens.csv; or a diagnosis, JSON or folder.
     """
     from planner.gap.campaign import named
 
@@ -306,18 +345,12 @@ def next_(
 def simulate(
     context: Context,
     *,
-    design: Annotated[Path, "Which specimens: a specimens.csv, or the folder of a campaign."],
-    output: Annotated[Path, cli.out("Folder to write.")],
-    effect: Annotated[
-        list[str] | None,
-        "ID:NAME=VALUE,..., as in rate:rise=0.12,form=power-law; repeatable; what is not "
-        "given is in the middle of what is physical.",
-    ] = None,
-    scatter: Annotated[
-        float, "Of force from specimen to specimen, as a share: 0.03 is 3 %."
-    ] = 0.03,
+    design: Path,
+    output: Annotated[Path, "--output", "-o"],
+    effect: list[str] | None = None,
+    scatter: float = 0.03,
     seed: Annotated[int, Option(min=0, help="Same seed, same bytes.")] = 1,
-    camera: Annotated[bool, "See the strain along planned bars, too."] = False,
+    camera: bool = False,
     printer: cli.PrinterName = "connex3",
     palette: cli.PaletteName = None,
     as_json: cli.AsJson = False,
@@ -330,6 +363,20 @@ def simulate(
     a diagnosis' next-specimens.csv alone, where the options name none.
 
     Example: [bold]planner gap simulate --design plan --effect rate:rise=0.12 -o made[/bold]
+
+    Parameters
+    ----------
+    design
+        Which specimens: a specimens.csv, or the folder of a campaign.
+    output
+        Folder to write.
+    effect
+        ID:NAME=VALUE,..., as in rate:rise=0.12,form=power-law; repeatable; what is not given is in
+        the middle of what is physical.
+    scatter
+        Of force from specimen to specimen, as a share: 0.03 is 3 %.
+    camera
+        See the strain along planned bars, too.
     """
     given = locals()
     from planner.gap.virtual import stated_effect

@@ -30,16 +30,10 @@ def materials(
     printer: cli.PrinterName = "connex3",
     palette: cli.PaletteName = None,
     at_strain: _AtStrain = 0.1,
-    temperature_C: Annotated[
-        float | None, "--temperature-C", "The palette as it is there, by its table of temperatures."
-    ] = None,
-    output: Annotated[Path | None, cli.out("Palette file to write, with --temperature-C.")] = None,
-    figure: Annotated[
-        Path | None, "SVG file to write: the ladder with its interval, each material's stress."
-    ] = None,
-    as_program: Annotated[
-        str | None, "--as", "Print their laws instead, to paste: abaqus, ansys or febio."
-    ] = None,
+    temperature_C: Annotated[float | None, "--temperature-C"] = None,
+    output: Annotated[Path | None, "--output", "-o"] = None,
+    figure: Path | None = None,
+    as_program: Annotated[str | None, "--as"] = None,
     force: cli.Overwrite = False,
     as_json: cli.AsJson = False,
 ) -> int:
@@ -48,6 +42,17 @@ def materials(
     Examples: [bold]planner materials --at-strain 0.3 --figure ladder.svg[/bold],
     [bold]planner materials FLX9760 --as abaqus[/bold],
     [bold]planner materials --palette lab.toml --temperature-C 33 -o warm.toml[/bold]
+
+    Parameters
+    ----------
+    temperature_C
+        The palette as it is there, by its table of temperatures.
+    output
+        Palette file to write, with --temperature-C.
+    figure
+        SVG file to write: the ladder with its interval, each material's stress.
+    as_program
+        Print their laws instead, to paste: abaqus, ansys or febio.
     """
     from planner.formats.outputs import write_whole
 
@@ -101,20 +106,10 @@ def _print_ladder(scale: "planner.StiffnessScale") -> None:
 
 
 def invert(
-    modulus_MPa: Annotated[
-        list[float] | None, "--modulus", "-m", "Wanted modulus in MPa; repeatable."
-    ] = None,
-    coordinate: Annotated[
-        list[float] | None,
-        "Or the reverse: a coordinate whose stiffness and law are told; repeatable.",
-    ] = None,
+    modulus_MPa: Annotated[list[float] | None, "--modulus", "-m"] = None,
+    coordinate: list[float] | None = None,
     at_strain: _AtStrain = 0.1,
-    law: Annotated[
-        str | None,
-        "Law that stands for it: neo-hookean, yeoh, martins, ogden-1, -2, -3, yielding, "
-        "or ogden-thesis (eq. 3.8, its coefficients as quadratics of m); a coordinate gets one "
-        "of its neighbours' kind.",
-    ] = None,
+    law: str | None = None,
     printer: cli.PrinterName = "connex3",
     palette: cli.PaletteName = None,
     as_json: cli.AsJson = False,
@@ -126,6 +121,17 @@ def invert(
 
     Examples: [bold]planner invert --modulus 1.2 --at-strain 0.2[/bold],
     [bold]planner invert --coordinate 0.4 --law ogden-2[/bold]
+
+    Parameters
+    ----------
+    modulus_MPa
+        Wanted modulus in MPa; repeatable.
+    coordinate
+        Or the reverse: a coordinate whose stiffness and law are told; repeatable.
+    law
+        Law that stands for it: neo-hookean, yeoh, martins, ogden-1, -2, -3, yielding, or
+        ogden-thesis (eq. 3.8, its coefficients as quadratics of m); a coordinate gets one of its
+        neighbours' kind.
     """
     from planner.printers import palette_of
 
@@ -216,43 +222,52 @@ _TensileFiles = Annotated[
 
 @dataclass(frozen=True)
 class _TensileTests:
-    """How tests are read, and what they are compared with."""
+    """How tests are read, and what they are compared with.
 
-    specimens: Annotated[Path | None, "List of specimens: material, size, file."] = None
-    material: Annotated[str | None, "What all specimens without a row are made of."] = None
-    width_mm: Annotated[float | None, "Width of specimens without a row."] = None
-    thickness_mm: Annotated[float | None, "Thickness of specimens without a row."] = None
-    gauge_mm: Annotated[float | None, "Gauge length of specimens without a row."] = None
-    columns: Annotated[
-        str | None,
-        "Headings in place of the files' own, by position: 'stretch,stress_MPa', '-' "
-        "leaves a column out.",
-    ] = None
-    unit_of: Annotated[
-        list[str] | None,
-        "Read force, travel, stress or strain in another unit than the files say, as in "
-        "force=lbf:S1,S2 (specimens or materials) or, for all, travel=in; repeatable.",
-    ] = None
-    mode: Annotated[
-        str | None,
-        "How specimens were loaded whose row has no mode: tension, compression, planar or "
-        "equibiaxial.",
-    ] = None
-    blocks: Annotated[
-        str | None,
-        "Blocks of numbers in one sheet that nothing names: join (one record) or apart "
-        "(specimens).",
-    ] = None
-    leave_out: Annotated[list[str] | None, "Specimen or material to leave out; repeatable."] = None
+    Attributes
+    ----------
+    specimens
+        List of specimens: material, size, file.
+    material
+        What all specimens without a row are made of.
+    width_mm
+        Width of specimens without a row.
+    thickness_mm
+        Thickness of specimens without a row.
+    gauge_mm
+        Gauge length of specimens without a row.
+    columns
+        Headings in place of the files' own, by position: 'stretch,stress_MPa', '-' leaves a column
+        out.
+    unit_of
+        Read force, travel, stress or strain in another unit than the files say, as in
+        force=lbf:S1,S2 (specimens or materials) or, for all, travel=in; repeatable.
+    mode
+        How specimens were loaded whose row has no mode: tension, compression, planar or
+        equibiaxial.
+    blocks
+        Blocks of numbers in one sheet that nothing names: join (one record) or apart (specimens).
+    leave_out
+        Specimen or material to leave out; repeatable.
+    palette
+        Palette to hold the tests against, a file (TOML) or one of the printer's; else its default.
+    compare
+        Hold materials that the palette names against it: was a unit taken for another?
+    """
+
+    specimens: Path | None = None
+    material: str | None = None
+    width_mm: float | None = None
+    thickness_mm: float | None = None
+    gauge_mm: float | None = None
+    columns: str | None = None
+    unit_of: list[str] | None = None
+    mode: str | None = None
+    blocks: str | None = None
+    leave_out: list[str] | None = None
     printer: cli.PrinterName = "connex3"
-    palette: Annotated[
-        str | None,
-        "Palette to hold the tests against, a file (TOML) or one of the printer's; else "
-        "its default.",
-    ] = None
-    compare: Annotated[
-        bool, "Hold materials that the palette names against it: was a unit taken for another?"
-    ] = True
+    palette: str | None = None
+    compare: bool = True
 
     def given(self) -> dict[str, Any]:
         """Return them by the names that the functions have."""
@@ -267,13 +282,11 @@ class _TensileTests:
 def characterise(
     context: Context,
     files: _TensileFiles,
-    output: Annotated[Path | None, cli.out("CSV file to write, one row a material.")] = None,
+    output: Annotated[Path | None, "--output", "-o"] = None,
     *,
     tests: _TensileTests,
-    at_strain: Annotated[list[float] | None, "Strain of a secant modulus; repeatable."] = None,
-    figure: Annotated[
-        Path | None, "SVG file to write: each curve with its toe, modulus, yield and break."
-    ] = None,
+    at_strain: list[float] | None = None,
+    figure: Path | None = None,
     force: cli.Overwrite = False,
     as_json: cli.AsJson = False,
     quiet: cli.Quiet = False,
@@ -286,6 +299,15 @@ def characterise(
 
     Example: [bold]planner characterise tests/*.csv --width-mm 3 --thickness-mm 2 --gauge-mm 15 -o
     materials.csv --figure tests.svg[/bold]
+
+    Parameters
+    ----------
+    output
+        CSV file to write, one row a material.
+    at_strain
+        Strain of a secant modulus; repeatable.
+    figure
+        SVG file to write: each curve with its toe, modulus, yield and break.
     """
     given = locals()
     from planner.formats.files import encode_document
@@ -384,33 +406,20 @@ def _tables(found: "planner.Characterisation") -> None:
 def fit(
     context: Context,
     files: _TensileFiles,
-    output: Annotated[Path, cli.out("Palette file (TOML) to write.")] = Path("palette.toml"),
+    output: Annotated[Path, "--output", "-o"] = Path("palette.toml"),
     *,
-    law: Annotated[
-        str,
-        "neo-hookean, yeoh, martins, ogden, ogden-1, -2 or -3 (terms), or all: the best is chosen.",
-    ] = "all",
-    name: Annotated[str | None, "Name of the palette; else that of the file."] = None,
-    weighting: Annotated[str, "Residuals relative to the stress, or absolute."] = "relative",
-    coordinate: Annotated[
-        list[str] | None, "ID=M, repeatable; else 0..1 in order of stiffness."
-    ] = None,
-    order: Annotated[
-        str | None, "All materials from soft to hard, with commas, where tests leave it open."
-    ] = None,
-    density: Annotated[list[str] | None, "ID=G_CM3, repeatable."] = None,
+    law: str = "all",
+    name: str | None = None,
+    weighting: str = "relative",
+    coordinate: list[str] | None = None,
+    order: str | None = None,
+    density: list[str] | None = None,
     starts: Annotated[int, Option(min=1, max=2000, help="Starts of each search.")] = 50,
     level: Annotated[float, Option(min=0.5, max=0.999, help="Coverage of the intervals.")] = 0.95,
-    coefficients: Annotated[
-        str | None,
-        "quadratic: also run Algorithm 1 of Hemleben's thesis, coefficients as quadratics "
-        "of m, and compare what it predicts; the palette is the same.",
-    ] = None,
+    coefficients: str | None = None,
     tests: _TensileTests,
-    figure: Annotated[
-        Path | None, "SVG file to write: tests over laws, residuals, mixtures between."
-    ] = None,
-    tables: Annotated[Path | None, "Folder to write: the tables as CSV, with intervals."] = None,
+    figure: Path | None = None,
+    tables: Path | None = None,
     force: cli.Overwrite = False,
     as_json: cli.AsJson = False,
     quiet: cli.Quiet = False,
@@ -421,6 +430,30 @@ def fit(
     apart, or when a law describes its material badly.
 
     Example: [bold]planner fit samples/tensile -o lab.toml --figure lab.svg --tables lab[/bold]
+
+    Parameters
+    ----------
+    output
+        Palette file (TOML) to write.
+    law
+        neo-hookean, yeoh, martins, ogden, ogden-1, -2 or -3 (terms), or all: the best is chosen.
+    name
+        Name of the palette; else that of the file.
+    weighting
+        Residuals relative to the stress, or absolute.
+    coordinate
+        ID=M, repeatable; else 0..1 in order of stiffness.
+    order
+        All materials from soft to hard, with commas, where tests leave it open.
+    density
+        ID=G_CM3, repeatable.
+    coefficients
+        quadratic: also run Algorithm 1 of Hemleben's thesis, coefficients as quadratics of m, and
+        compare what it predicts; the palette is the same.
+    figure
+        SVG file to write: tests over laws, residuals, mixtures between.
+    tables
+        Folder to write: the tables as CSV, with intervals.
     """
     given = locals() | {
         "name": name or output.stem,

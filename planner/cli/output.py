@@ -13,7 +13,7 @@ import time
 from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, TypeVar, get_args, get_origin
 
 from typer import Argument, Context, Option, Typer
 
@@ -39,7 +39,6 @@ __all__ = [
     "finding",
     "in_words",
     "long_progress",
-    "out",
     "print_document",
     "print_table",
     "progress",
@@ -281,24 +280,23 @@ PrinterName = Annotated[
 PaletteName = Annotated[str | None, "Palette file (TOML), or one of the printer's palettes."]
 
 
-def out(what: str) -> Any:
-    """Return the option that says where to write, of which the help says what is written."""
-    return Option("--output", "-o", help=what)
-
-
 _Command = TypeVar("_Command", bound=Callable[..., int])
 
 
 def command(app: Typer, name: str | None = None) -> Callable[[_Command], _Command]:
-    """Add a function to the commands of an app; `_shown` tells what its options may be."""
+    """Add a function to the commands of an app; `_shown` tells what its options may be.
+
+    Its docstring is the command's help, and where it has a section of parameters their help.
+    """
 
     def add(function: _Command) -> _Command:
         shown: list[inspect.Parameter] = []
+        told, texts = _documented(function)
         groups: dict[str, Any] = {}
         for one in inspect.signature(function).parameters.values():
             if is_dataclass(one.annotation):
                 groups[one.name] = one.annotation
-            shown += _shown(one)
+            shown += _shown(one, texts)
 
         @functools.wraps(function)
         def run(**given: Any) -> int:
@@ -306,6 +304,7 @@ def command(app: Typer, name: str | None = None) -> Callable[[_Command], _Comman
                 given[name] = group(**{one.name: given.pop(one.name) for one in fields(group)})
             return function(**given)
 
+        run.__doc__ = told
         vars(run)["__signature__"] = inspect.Signature(shown)
         run.__annotations__ = {one.name: one.annotation for one in shown}
         app.command(name)(run)
@@ -314,25 +313,36 @@ def command(app: Typer, name: str | None = None) -> Callable[[_Command], _Comman
     return add
 
 
-def _shown(one: inspect.Parameter) -> Iterator[inspect.Parameter]:
+def _documented(thing: object) -> tuple[str, dict[str, str]]:
+    """Return a docstring up to its parameters or attributes, and what it says of each of these."""
+    doc = inspect.getdoc(thing) or ""
+    told, *said = re.split(r"\n+(?:Parameters|Attributes)\n-{10}\n", doc)
+    texts = re.findall(r"^(\w+)\n((?: {4}.+\n?)+)", "".join(said), re.MULTILINE)
+    return told, {name: " ".join(text.split()) for name, text in texts}
+
+
+def _shown(one: inspect.Parameter, texts: Mapping[str, str]) -> Iterator[inspect.Parameter]:
     """Yield a parameter as typer knows it; of one that is a dataclass, a group, each field.
 
-    What is annotated with texts is an option: they are its names, as --from, if it has other ones
-    than its parameter, and its help. A switch that is off by default has no other to turn it off.
-    One by position that has to be given is an argument.
+    It is an option: those texts that it is annotated with and that begin with - are its names, as
+    --from, if it has other ones than its parameter; another one is its help, else what the
+    docstring says. A switch that is off by default has no other to turn it off. One by position
+    that has to be given and has no such names is an argument.
     """
     if is_dataclass(one.annotation):
+        _, texts = _documented(one.annotation)
         for each in fields(one.annotation):
-            yield from _shown(
-                one.replace(name=each.name, annotation=each.type, default=each.default)
-            )
+            field = one.replace(name=each.name, annotation=each.type, default=each.default)
+            yield from _shown(field, texts)
         return
-    names = list(getattr(one.annotation, "__metadata__", [None]))
-    if isinstance(said := names.pop(), str):
-        kind = one.annotation.__origin__
+    is_annotated = get_origin(one.annotation) is Annotated
+    kind, *told = get_args(one.annotation) if is_annotated else [one.annotation]
+    if kind is not Context and all(isinstance(each, str) for each in told):
+        names = [each for each in told if each.startswith("-")]
+        said = next((each for each in told if each not in names), texts.get(one.name))
         if not names and one.default is False:
             names = [f"--{one.name.replace('_', '-')}"]
-        is_argument = one.default is one.empty and one.kind is not one.KEYWORD_ONLY
+        is_argument = one.default is one.empty and one.kind is not one.KEYWORD_ONLY and not names
         info = Argument(help=said) if is_argument else Option(*names, help=said)
         one = one.replace(annotation=Annotated[kind, info])
     yield one
@@ -340,15 +350,21 @@ def _shown(one: inspect.Parameter) -> Iterator[inspect.Parameter]:
 
 @dataclass(frozen=True)
 class PrinterLimits:
-    """Limits in place of the printer's own."""
+    """Limits in place of the printer's own.
 
-    tray: Annotated[str | None, "Largest part, X,Y,Z in mm, in place of the printer's own."] = None
-    minimum_wall_mm: Annotated[
-        float | None, "--minimum-wall", "Thinnest wall in mm, in place of the printer's own."
-    ] = None
-    minimum_feature_mm: Annotated[
-        float | None, "--minimum-feature", "Smallest detail in mm, in place of the printer's own."
-    ] = None
+    Attributes
+    ----------
+    tray
+        Largest part, X,Y,Z in mm, in place of the printer's own.
+    minimum_wall_mm
+        Thinnest wall in mm, in place of the printer's own.
+    minimum_feature_mm
+        Smallest detail in mm, in place of the printer's own.
+    """
+
+    tray: str | None = None
+    minimum_wall_mm: Annotated[float | None, "--minimum-wall"] = None
+    minimum_feature_mm: Annotated[float | None, "--minimum-feature"] = None
 
     def printer(
         self, printer: str | None, like: Path | None = None
@@ -492,18 +508,31 @@ _Texts = list[str] | None
 
 @dataclass(frozen=True)
 class LoadOptions:
-    """How a whole part is held and loaded."""
+    """How a whole part is held and loaded.
 
-    fix: Annotated[
-        _Texts,
-        "Faces of the whole part that do not move, as x=max; for what may stand there see "
-        "docs/how-to/simulate-a-whole-part.md. Repeatable, as all of these.",
-    ] = None
-    load: Annotated[_Texts, "Force on faces in all, as 'x=min: 0,0,-0.5 N'."] = None
-    moment: Annotated[_Texts, "Moment about the middle of faces, as 'x=min: 0,5,0 N mm'."] = None
-    pressure: Annotated[_Texts, "Pressure on faces, as 'cavity: 20 kPa'."] = None
-    move: Annotated[_Texts, "Faces that are moved, as 'z>102: 5,free,0 mm'."] = None
-    gravity: Annotated[str | None, "Where the part's weight pulls: -z, or dx,dy,dz."] = None
+    Attributes
+    ----------
+    fix
+        Faces of the whole part that do not move, as x=max; for what may stand there see
+        docs/how-to/simulate-a-whole-part.md. Repeatable, as all of these.
+    load
+        Force on faces in all, as 'x=min: 0,0,-0.5 N'.
+    moment
+        Moment about the middle of faces, as 'x=min: 0,5,0 N mm'.
+    pressure
+        Pressure on faces, as 'cavity: 20 kPa'.
+    move
+        Faces that are moved, as 'z>102: 5,free,0 mm'.
+    gravity
+        Where the part's weight pulls: -z, or dx,dy,dz.
+    """
+
+    fix: _Texts = None
+    load: _Texts = None
+    moment: _Texts = None
+    pressure: _Texts = None
+    move: _Texts = None
+    gravity: str | None = None
 
 
 CasesFile = Annotated[

@@ -25,102 +25,34 @@ from planner.glance import format_number
 
 def grade(
     context: Context,
-    part: Annotated[
-        Path, "Mesh: STL, 3MF, PLY, OBJ, OFF, GLB; or STEP, with the package cascadio."
-    ],
-    like: Annotated[
-        Path | None,
-        "An earlier plan's folder or plan.json: its targets in MPa are to be met again, "
-        "with another --palette; what else is not stated is as it was there; see "
-        "docs/how-to/close-the-loop.md.",
-    ] = None,
+    part: Path,
+    like: Path | None = None,
     *,
-    from_: Annotated[
-        str | None,
-        "--from",
-        "Where the gradient begins: a material, or a modulus with its unit (500kPa).",
-    ] = None,
-    to: Annotated[str | None, "Where it ends: a material, or a modulus (7MPa)."] = None,
-    axis: Annotated[
-        str | None, "Direction: x, y, z, -x, ... or dx,dy,dz; the longest extent by default."
-    ] = None,
-    field: Annotated[
-        str | None,
-        "What the gradient follows instead of an axis, NAME: ARGUMENTS: radial, "
-        "distance, harmonic, geodesic, expression, table, points, axis, and min, max, "
-        "blend, clamp of such; see docs/how-to/grade-along-a-field.md.",
-    ] = None,
-    pitch_mm: Annotated[
-        float | None,
-        "--pitch",
-        "Cells, in mm, in which curved fields are drawn, all alike; without it they are "
-        "divided until interfaces lie within 20 um.",
-    ] = None,
-    profile: Annotated[
-        str | None,
-        "log (by default), linear, smooth, steps:N, grades (an equal length of each "
-        "material from the one nearest to --from to that nearest to --to), or a CSV file with "
-        "position (0..1) and modulus_MPa or material.",
-    ] = None,
-    bands: Annotated[
-        int | None,
-        "Cut into N equal steps, with --blend nearest or mix; by default the cuts lie "
-        "where the material or mixture changes.",
-    ] = None,
-    blend: Annotated[
-        str | None,
-        "How a target between two materials is met: nearest, by default, takes the nearer "
-        "one; dither deals cells of both; bands:N lets N pairs of thinner bands take turns; "
-        "mix records mixtures; see docs/how-to/blend-materials.md.",
-    ] = None,
-    cell_mm: Annotated[
-        float | None,
-        "--cell",
-        "Edge, in mm, of the cells that dither deals; the printer's smallest feature by default.",
-    ] = None,
-    snap_mm: Annotated[
-        float | None,
-        "--snap",
-        "How far, in mm, a cut may be moved so that it leaves no sliver beside a face of "
-        "the part; half the minimum wall by default, 0 for not at all.",
-    ] = None,
-    at_strain: Annotated[
-        float | None,
-        "Working strain: stiffness is the secant modulus of the nominal stress up to it; "
-        "0.1 by default.",
-    ] = None,
-    tolerance: Annotated[
-        float | None,
-        "How many times as stiff or as soft as asked is no finding yet, as 1.25; or below "
-        "1 a share, as 0.25 for 25 %; 2 by default.",
-    ] = None,
-    unit: Annotated[str | None, "Unit of the mesh: mm, cm, m, um, inch, ft."] = None,
+    from_: Annotated[str | None, "--from"] = None,
+    to: str | None = None,
+    axis: str | None = None,
+    field: str | None = None,
+    pitch_mm: Annotated[float | None, "--pitch"] = None,
+    profile: str | None = None,
+    bands: int | None = None,
+    blend: str | None = None,
+    cell_mm: Annotated[float | None, "--cell"] = None,
+    snap_mm: Annotated[float | None, "--snap"] = None,
+    at_strain: float | None = None,
+    tolerance: float | None = None,
+    unit: str | None = None,
     bodies: cli.MeshBodies = None,
-    printer: Annotated[
-        str | None,
-        "Installed printer, see [bold]planner printers[/bold], or its TOML file; connex3 "
-        "by default.",
-    ] = None,
+    printer: str | None = None,
     limits: cli.PrinterLimits,
     palette: cli.PaletteName = None,
-    output: Annotated[Path | None, cli.out("Folder to write; <part>-graded by default.")] = None,
-    force: Annotated[bool, "Replace an earlier plan there."] = False,
+    output: Annotated[Path | None, "--output", "-o"] = None,
+    force: bool = False,
     force_oversize: cli.ForceOversize = False,
-    coupons: Annotated[
-        bool,
-        "Lay a tensile coupon of each material (ASTM D638, type IV) beside the part, to "
-        "be printed and pulled with it: the folder coupons.",
-    ] = False,
-    strict: Annotated[bool, "Write nothing when something was found."] = False,
-    dry_run: Annotated[bool, "Plan and report, but write nothing."] = False,
-    no_page: Annotated[bool, "Leave plan.html out, the page that shows the plan."] = False,
-    slicer: Annotated[
-        str | None,
-        "--for",
-        "Slicer that the 3MF is for: prusaslicer gets all materials as one mesh, which "
-        "it needs to show one object; bambu, orca and cura open the 3MF that is written by "
-        "default; see docs/how-to/open-in-a-slicer.md.",
-    ] = None,
+    coupons: bool = False,
+    strict: bool = False,
+    dry_run: bool = False,
+    no_page: bool = False,
+    slicer: Annotated[str | None, "--for"] = None,
     as_json: cli.AsJson = False,
     quiet: cli.Quiet = False,
 ) -> int:
@@ -129,6 +61,70 @@ def grade(
     Exit code 1 when a target is out of reach, a check fails or something will not print as drawn.
 
     Example: [bold]planner grade finger.stl --from Tango --to Vero --axis x[/bold]
+
+    Parameters
+    ----------
+    part
+        Mesh: STL, 3MF, PLY, OBJ, OFF, GLB; or STEP, with the package cascadio.
+    like
+        An earlier plan's folder or plan.json: its targets in MPa are to be met again, with another
+        --palette; what else is not stated is as it was there; see docs/how-to/close-the-loop.md.
+    from_
+        Where the gradient begins: a material, or a modulus with its unit (500kPa).
+    to
+        Where it ends: a material, or a modulus (7MPa).
+    axis
+        Direction: x, y, z, -x, ... or dx,dy,dz; the longest extent by default.
+    field
+        What the gradient follows instead of an axis, NAME: ARGUMENTS: radial, distance, harmonic,
+        geodesic, expression, table, points, axis, and min, max, blend, clamp of such; see
+        docs/how-to/grade-along-a-field.md.
+    pitch_mm
+        Cells, in mm, in which curved fields are drawn, all alike; without it they are divided until
+        interfaces lie within 20 um.
+    profile
+        log (by default), linear, smooth, steps:N, grades (an equal length of each material from the
+        one nearest to --from to that nearest to --to), or a CSV file with position (0..1) and
+        modulus_MPa or material.
+    bands
+        Cut into N equal steps, with --blend nearest or mix; by default the cuts lie where the
+        material or mixture changes.
+    blend
+        How a target between two materials is met: nearest, by default, takes the nearer one; dither
+        deals cells of both; bands:N lets N pairs of thinner bands take turns; mix records mixtures;
+        see docs/how-to/blend-materials.md.
+    cell_mm
+        Edge, in mm, of the cells that dither deals; the printer's smallest feature by default.
+    snap_mm
+        How far, in mm, a cut may be moved so that it leaves no sliver beside a face of the part;
+        half the minimum wall by default, 0 for not at all.
+    at_strain
+        Working strain: stiffness is the secant modulus of the nominal stress up to it; 0.1 by
+        default.
+    tolerance
+        How many times as stiff or as soft as asked is no finding yet, as 1.25; or below 1 a share,
+        as 0.25 for 25 %; 2 by default.
+    unit
+        Unit of the mesh: mm, cm, m, um, inch, ft.
+    printer
+        Installed printer, see [bold]planner printers[/bold], or its TOML file; connex3 by default.
+    output
+        Folder to write; <part>-graded by default.
+    force
+        Replace an earlier plan there.
+    coupons
+        Lay a tensile coupon of each material (ASTM D638, type IV) beside the part, to be printed
+        and pulled with it: the folder coupons.
+    strict
+        Write nothing when something was found.
+    dry_run
+        Plan and report, but write nothing.
+    no_page
+        Leave plan.html out, the page that shows the plan.
+    slicer
+        Slicer that the 3MF is for: prusaslicer gets all materials as one mesh, which it needs to
+        show one object; bambu, orca and cura open the 3MF that is written by default; see
+        docs/how-to/open-in-a-slicer.md.
     """
     given = locals()
     from planner.compilation_cache import nothing_kept
@@ -200,16 +196,20 @@ def _table(plan: "planner.Plan") -> None:
 
 
 def view(
-    plan: Annotated[Path, "Folder that planner grade wrote, or its plan.json."],
-    no_open: Annotated[bool, "Make the page if need be and say where it is, no more."] = False,
-    as_json: cli.AsJson = False,
-    quiet: cli.Quiet = False,
+    plan: Path, no_open: bool = False, as_json: cli.AsJson = False, quiet: cli.Quiet = False
 ) -> int:
     """Open a plan's page in the browser: the part in its materials, its figures, how to print it.
 
     The page, plan.html, is made where it is missing or of another version.
 
     Example: [bold]planner view finger-graded[/bold]
+
+    Parameters
+    ----------
+    plan
+        Folder that planner grade wrote, or its plan.json.
+    no_open
+        Make the page if need be and say where it is, no more.
     """
     with cli.progress(not quiet and not as_json) as stage:
         stage("making the page")
@@ -236,16 +236,17 @@ def _shown(page: Path, *, no_open: bool, quiet: bool) -> bool:
 # planner check.
 
 
-def check(
-    folder: Annotated[Path, "Folder that planner grade wrote."],
-    as_json: cli.AsJson = False,
-    quiet: cli.Quiet = False,
-) -> int:
+def check(folder: Path, as_json: cli.AsJson = False, quiet: cli.Quiet = False) -> int:
     """Verify a plan's folder anew from its files alone and print a certificate.
 
     Exit code 1 when something does not hold.
 
     Example: [bold]planner check finger-graded[/bold]
+
+    Parameters
+    ----------
+    folder
+        Folder that planner grade wrote.
     """
     with cli.progress(not quiet and not as_json) as stage:
         certificate = planner.check(folder, progress=stage)
@@ -280,8 +281,8 @@ _Tolerance = Annotated[
 
 
 def diff(
-    before: Annotated[Path, "A plan.json, or the folder that holds it."],
-    after: Annotated[Path, "The plan to compare with it."],
+    before: Path,
+    after: Path,
     tolerance: _Tolerance = 1e-6,
     as_json: cli.AsJson = False,
     quiet: cli.Quiet = False,
@@ -291,6 +292,13 @@ def diff(
     Exit code 1 when they differ.
 
     Example: [bold]planner diff finger-graded finger-graded-before[/bold]
+
+    Parameters
+    ----------
+    before
+        A plan.json, or the folder that holds it.
+    after
+        The plan to compare with it.
     """
     found = planner.diff(before, after, tolerance=tolerance)
     if cli.in_words(lambda: _equality(found), as_json, quiet):
@@ -311,14 +319,12 @@ def _equality(found: "Sequence[planner.Difference]") -> dict[str, Any]:
 
 def compare(
     context: Context,
-    before: Annotated[Path, "Folder that planner grade wrote, or its plan.json."],
-    after: Annotated[Path, "The plan to see beside it."],
-    output: Annotated[Path, cli.out("Page to write; compare.html by default.")] = Path(
-        "compare.html"
-    ),
+    before: Path,
+    after: Path,
+    output: Annotated[Path, "--output", "-o"] = Path("compare.html"),
     tolerance: _Tolerance = 1e-6,
-    no_open: Annotated[bool, "Write the page and say where it is, no more."] = False,
-    force: Annotated[bool, "Replace a page that is there."] = False,
+    no_open: bool = False,
+    force: bool = False,
     as_json: cli.AsJson = False,
     quiet: cli.Quiet = False,
 ) -> int:
@@ -327,6 +333,19 @@ def compare(
     Exit code 1 when they differ, as of [bold]planner diff[/bold].
 
     Example: [bold]planner compare finger-graded finger-graded-before[/bold]
+
+    Parameters
+    ----------
+    before
+        Folder that planner grade wrote, or its plan.json.
+    after
+        The plan to see beside it.
+    output
+        Page to write; compare.html by default.
+    no_open
+        Write the page and say where it is, no more.
+    force
+        Replace a page that is there.
     """
     from planner.formats.outputs import write_whole
 
@@ -347,19 +366,13 @@ def compare(
 
 def slices(
     context: Context,
-    plan: Annotated[Path, "Folder that planner grade wrote, or its plan.json."],
-    output: Annotated[Path, cli.out("Folder to write.")],
-    pitch_mm: Annotated[
-        str | None,
-        "--pitch",
-        "Edges of a voxel in mm, X,Y,Z or one for all; the printer's own by default.",
-    ] = None,
-    indexed: Annotated[bool, "Write palette images: smaller, the same colours."] = False,
-    printer: Annotated[str | None, "Installed printer or its file; else the plan's."] = None,
-    scheduler: Annotated[
-        str | None, "Make the layers on a Dask cluster: its scheduler, tcp://HOST:PORT."
-    ] = None,
-    force: Annotated[bool, "Replace an earlier stack there."] = False,
+    plan: Path,
+    output: Annotated[Path, "--output", "-o"],
+    pitch_mm: Annotated[str | None, "--pitch"] = None,
+    indexed: bool = False,
+    printer: str | None = None,
+    scheduler: str | None = None,
+    force: bool = False,
     as_json: cli.AsJson = False,
     quiet: cli.Quiet = False,
 ) -> int:
@@ -368,6 +381,23 @@ def slices(
     Exit code 1 when the plan's shells overlap or are open.
 
     Example: [bold]planner slices finger-graded -o finger-slices[/bold]
+
+    Parameters
+    ----------
+    plan
+        Folder that planner grade wrote, or its plan.json.
+    output
+        Folder to write.
+    pitch_mm
+        Edges of a voxel in mm, X,Y,Z or one for all; the printer's own by default.
+    indexed
+        Write palette images: smaller, the same colours.
+    printer
+        Installed printer or its file; else the plan's.
+    scheduler
+        Make the layers on a Dask cluster: its scheduler, tcp://HOST:PORT.
+    force
+        Replace an earlier stack there.
     """
     given = locals()
     cli.check_targets(context, force=force, output=(output, "slices.json"))

@@ -56,13 +56,15 @@ def _lengths(values: Any) -> str:
 
 
 @cli.command(app)
-def show(
-    name: Annotated[str, "Installed printer, or its file, as my.toml."],
-    as_json: cli.AsJson = False,
-) -> int:
+def show(name: str, as_json: cli.AsJson = False) -> int:
     """Show a printer: its limits, its resins, its palettes and what its software calls materials.
 
     Example: [bold]planner printers show connex3[/bold]
+
+    Parameters
+    ----------
+    name
+        Installed printer, or its file, as my.toml.
     """
     machine = planner.load_printer(name)
     named = {
@@ -96,13 +98,22 @@ _NAME = re.compile(r"[a-z][a-z0-9_-]*")
 @cli.command(app)
 def new(
     context: Context,
-    name: Annotated[str, "Of the printer: small letters, digits, - and _."],
-    like: Annotated[str, "Printer whose figures, palette and notes it begins with."] = "connex3",
-    output: Annotated[Path | None, cli.out("Folder to write; NAME-printer by default.")] = None,
+    name: str,
+    like: str = "connex3",
+    output: Annotated[Path | None, "--output", "-o"] = None,
 ) -> int:
     """Write a plugin for a printer of your own: figures, palette, notes, schemas and its test.
 
     Example: [bold]planner printers new myjet[/bold]
+
+    Parameters
+    ----------
+    name
+        Of the printer: small letters, digits, - and _.
+    like
+        Printer whose figures, palette and notes it begins with.
+    output
+        Folder to write; NAME-printer by default.
     """
     from planner.formats.outputs import write_folder
 
@@ -171,8 +182,8 @@ _Kind = Literal["printer", "palette", "campaign"]
 
 def schema(
     context: Context,
-    kind: Annotated[_Kind, "printer, palette or campaign."],
-    output: Annotated[Path | None, cli.out("File to write; else it is printed.")] = None,
+    kind: _Kind,
+    output: Annotated[Path | None, "--output", "-o"] = None,
     force: cli.Overwrite = False,
 ) -> int:
     """Write the JSON Schema by which an editor checks a printer's, palette's or campaign's file.
@@ -181,6 +192,13 @@ def schema(
     [bold]#:schema ./palette.schema.json[/bold]. What no schema can say, planner checks on reading.
 
     Example: [bold]planner schema palette -o palette.schema.json[/bold]
+
+    Parameters
+    ----------
+    kind
+        printer, palette or campaign.
+    output
+        File to write; else it is printed.
     """
     from planner.formats.outputs import write_whole
 

@@ -26,70 +26,37 @@ _FILES_OF_PART = ["watch", "deformed", "vtu", "volume", "page"]
 
 def simulate(
     context: Context,
-    source: Annotated[
-        str,
-        "A plan.json or its folder, a profile (CSV: x_mm, coordinate[, width_mm, "
-        "thickness_mm]), a material, or with --fix and --load a mesh.",
-    ],
+    source: str,
     *,
     loads: cli.LoadOptions,
     cases: cli.CasesFile = None,
-    watch: Annotated[
-        list[str] | None,
-        "Faces whose displacement is told too, as x=min, or 'x=min uz' along an axis.",
-    ] = None,
+    watch: list[str] | None = None,
     material: _MeshMaterial = None,
-    cell_mm: Annotated[
-        float | None,
-        *_CELL,
-        "Edge of the cells that the whole part is cut into; about 2000 by default.",
-    ] = None,
-    compare_cells: Annotated[
-        bool,
-        "Solve with larger cells too, which tells how far figures depend on them.",
-    ] = True,
+    cell_mm: Annotated[float | None, *_CELL] = None,
+    compare_cells: bool = True,
     unit: cli.MeshUnit = None,
     bodies: cli.MeshBodies = None,
-    to_strain: Annotated[float, "Largest displacement over the bar's length."] = 0.3,
-    rate_mm_s: Annotated[
-        float | None,
-        "--rate",
-        "Crosshead speed in mm/s, which sets the times alone; by default the palette's "
-        "reference strain rate.",
-    ] = None,
-    protocol: Annotated[str, "monotonic, cyclic or relaxation."] = "monotonic",
-    cycles: Annotated[int, "Of the cyclic protocol."] = 1,
-    hold_s: Annotated[float, "How long relaxation holds, in seconds."] = 100.0,
-    steps: Annotated[
-        int | None, "Load steps up, and down or held: 100 by default, 5 of a whole part."
-    ] = None,
-    slices: Annotated[int, "Slices of a plan or a profile, 10 or more."] = 400,
-    between_mm: Annotated[
-        str | None,
-        "--between",
-        "START:STOP in mm along the axis: pull only this stretch of the bar.",
-    ] = None,
-    width_mm: Annotated[float, "Width of a coupon, or of a profile without."] = 6.0,
-    thickness_mm: Annotated[float, "Thickness of a coupon or such a profile."] = 4.0,
-    gauge_mm: Annotated[float, "Gauge length of a coupon."] = 33.0,
-    level: Annotated[float, "How probably an interval holds what a print does."] = 0.95,
+    to_strain: float = 0.3,
+    rate_mm_s: Annotated[float | None, "--rate"] = None,
+    protocol: str = "monotonic",
+    cycles: int = 1,
+    hold_s: float = 100.0,
+    steps: int | None = None,
+    slices: int = 400,
+    between_mm: Annotated[str | None, "--between"] = None,
+    width_mm: float = 6.0,
+    thickness_mm: float = 4.0,
+    gauge_mm: float = 33.0,
+    level: float = 0.95,
     printer: _PlansPrinter = None,
     palette: cli.PaletteName = None,
-    output: Annotated[
-        Path | None, cli.out("File to write: .csv (the curve) or .json (all).")
-    ] = None,
-    field: Annotated[Path | None, "CSV file to write: strain along the bar at every step."] = None,
-    figure: Annotated[Path | None, "SVG file to write: the curves."] = None,
-    deformed: Annotated[
-        Path | None, "STL file to write: the whole part's surface as it is at last."
-    ] = None,
-    vtu: Annotated[
-        Path | None, "VTU file to write: that surface with displacement, strain and material."
-    ] = None,
-    volume: Annotated[
-        Path | None, "VTU file to write: the volume with stress, energy, strain over break."
-    ] = None,
-    page: Annotated[Path | None, "HTML file to write: the whole part as it moves, in 3D."] = None,
+    output: Annotated[Path | None, "--output", "-o"] = None,
+    field: Path | None = None,
+    figure: Path | None = None,
+    deformed: Path | None = None,
+    vtu: Path | None = None,
+    volume: Path | None = None,
+    page: Path | None = None,
     force: cli.Overwrite = False,
     as_json: cli.AsJson = False,
     quiet: cli.Quiet = False,
@@ -104,6 +71,57 @@ def simulate(
     Example: [bold]planner simulate finger-graded --to-strain 0.1 --figure pull.svg[/bold]
 
     Example: [bold]planner simulate finger-graded --fix x=max --load "x=min: 0,0,-0.5 N"[/bold]
+
+    Parameters
+    ----------
+    source
+        A plan.json or its folder, a profile (CSV: x_mm, coordinate[, width_mm, thickness_mm]), a
+        material, or with --fix and --load a mesh.
+    watch
+        Faces whose displacement is told too, as x=min, or 'x=min uz' along an axis.
+    cell_mm
+        Edge of the cells that the whole part is cut into; about 2000 by default.
+    compare_cells
+        Solve with larger cells too, which tells how far figures depend on them.
+    to_strain
+        Largest displacement over the bar's length.
+    rate_mm_s
+        Crosshead speed in mm/s, which sets the times alone; by default the palette's reference
+        strain rate.
+    protocol
+        monotonic, cyclic or relaxation.
+    cycles
+        Of the cyclic protocol.
+    hold_s
+        How long relaxation holds, in seconds.
+    steps
+        Load steps up, and down or held: 100 by default, 5 of a whole part.
+    slices
+        Slices of a plan or a profile, 10 or more.
+    between_mm
+        START:STOP in mm along the axis: pull only this stretch of the bar.
+    width_mm
+        Width of a coupon, or of a profile without.
+    thickness_mm
+        Thickness of a coupon or such a profile.
+    gauge_mm
+        Gauge length of a coupon.
+    level
+        How probably an interval holds what a print does.
+    output
+        File to write: .csv (the curve) or .json (all).
+    field
+        CSV file to write: strain along the bar at every step.
+    figure
+        SVG file to write: the curves.
+    deformed
+        STL file to write: the whole part's surface as it is at last.
+    vtu
+        VTU file to write: that surface with displacement, strain and material.
+    volume
+        VTU file to write: the volume with stress, energy, strain over break.
+    page
+        HTML file to write: the whole part as it moves, in 3D.
     """
     from planner.formats.files import encode_document
     from planner.formats.outputs import write_whole
@@ -236,19 +254,13 @@ def _bar_report(results: "Sequence[planner.Simulation]") -> None:
 
 def export(
     context: Context,
-    source: Annotated[str, "A plan.json or its folder, or with --material a mesh."],
+    source: str,
     *,
-    to: Annotated[str, "abaqus, calculix (INP files) or vtu (ParaView)."],
-    output: Annotated[Path | None, cli.out("File to write; <part>.inp or .vtu by default.")] = None,
-    cell_mm: Annotated[
-        float | None, *_CELL, "Edge of a cell in mm; by default what makes about 15000."
-    ] = None,
+    to: str,
+    output: Annotated[Path | None, "--output", "-o"] = None,
+    cell_mm: Annotated[float | None, *_CELL] = None,
     loads: cli.LoadOptions,
-    to_strain: Annotated[
-        float | None,
-        "Strain up to which CalculiX' laws follow the palette; by default 1.5 times what "
-        "the part reaches under its loads, or the break.",
-    ] = None,
+    to_strain: float | None = None,
     material: _MeshMaterial = None,
     unit: cli.MeshUnit = None,
     bodies: cli.MeshBodies = None,
@@ -266,6 +278,20 @@ def export(
 
     Example: [bold]planner export finger-graded --to calculix --fix x=max --load "x=min: 0,0,-0.2
     N"[/bold]
+
+    Parameters
+    ----------
+    source
+        A plan.json or its folder, or with --material a mesh.
+    to
+        abaqus, calculix (INP files) or vtu (ParaView).
+    output
+        File to write; <part>.inp or .vtu by default.
+    cell_mm
+        Edge of a cell in mm; by default what makes about 15000.
+    to_strain
+        Strain up to which CalculiX' laws follow the palette; by default 1.5 times what the part
+        reaches under its loads, or the break.
     """
     given = locals()
     cli.check_targets(context, force=force, output=output)
@@ -304,64 +330,34 @@ def _export_report(model: "planner.Export") -> None:
 
 def design(
     context: Context,
-    part: Annotated[Path, "Mesh file, as for planner grade."],
+    part: Path,
     *,
-    from_: Annotated[
-        str, "--from", "What the gradient begins with: a material or a modulus (0.5MPa)."
-    ],
-    to: Annotated[str, "What it ends with. Nothing softer or stiffer is used."],
-    target: Annotated[
-        list[str] | None,
-        "What is wanted, as 'x=min uz=-12 mm', 'x=min ry=30 deg' (the faces turn), 'z=max "
-        "to z=min distance=12 mm', 'x=min stiffness=0.05 N/mm', 'x=max fz=2 N', 'shape: "
-        "bent.stl' (the surface as it is to be) or 'shape: points.csv'; 'weight 2' behind one "
-        "makes its miss count twice. Repeatable.",
-    ] = None,
+    from_: Annotated[str, "--from"],
+    to: str,
+    target: list[str] | None = None,
     loads: cli.LoadOptions,
     cases: cli.CasesFile = None,
-    case: Annotated[
-        list[str] | None,
-        "A further load case: 'side; load x=min: 0,0.1,0 N; limit x=min uy<1 mm': its "
-        "name, then target, limit, fix, load, ..., as in a file; held as the first one if "
-        "nothing is said. Repeatable.",
-    ] = None,
-    limit: Annotated[
-        list[str] | None,
-        "'strain/break<0.5', 'slope<0.1 /mm', or a figure without its sign: 'x=min uy<1 "
-        "mm'. Repeatable.",
-    ] = None,
-    free: Annotated[
-        str | None,
-        "A gradient free in space: on a lattice of 6x3x3 controls, one each 8mm, or auto.",
-    ] = None,
-    symmetric: Annotated[
-        str, "With --free: its own mirror image across the part's middle along y, say."
-    ] = "",
-    robust: Annotated[bool, "Limits hold at the worst of the palette's interval."] = False,
-    knots: Annotated[int, "Of the profile, between which it is even."] = 7,
-    axis: Annotated[str | None, "Direction of the gradient; the longest side by default."] = None,
-    field: Annotated[str | None, "What the gradient follows instead, as for planner grade."] = None,
-    prefer: Annotated[
-        str,
-        "Among profiles that reach the targets: smooth (near the even gradient) or soft "
-        "(least of what is stiff).",
-    ] = "smooth",
-    blend: Annotated[str | None, "nearest, by default, or dither."] = None,
-    at_strain: Annotated[float, "Working strain of the moduli."] = 0.1,
-    cell_mm: Annotated[float | None, *_CELL, "Edge of the cells; about 2000 by default."] = None,
-    minutes: Annotated[
-        float | None, "Take the finest cells that are done in about that time."
-    ] = None,
-    tolerance: Annotated[float, "Relative miss of a target that is accepted."] = 0.01,
+    case: list[str] | None = None,
+    limit: list[str] | None = None,
+    free: str | None = None,
+    symmetric: str = "",
+    robust: bool = False,
+    knots: int = 7,
+    axis: str | None = None,
+    field: str | None = None,
+    prefer: str = "smooth",
+    blend: str | None = None,
+    at_strain: float = 0.1,
+    cell_mm: Annotated[float | None, *_CELL] = None,
+    minutes: float | None = None,
+    tolerance: float = 0.01,
     unit: cli.MeshUnit = None,
     bodies: cli.MeshBodies = None,
-    printer: Annotated[
-        str | None, "Installed printer, or its TOML file; connex3 by default."
-    ] = None,
+    printer: str | None = None,
     limits: cli.PrinterLimits,
     palette: cli.PaletteName = None,
-    output: Annotated[Path | None, cli.out("Folder to write; <part>-designed by default.")] = None,
-    no_page: Annotated[bool, "Leave plan.html out."] = False,
+    output: Annotated[Path | None, "--output", "-o"] = None,
+    no_page: bool = False,
     force: cli.Overwrite = False,
     force_oversize: cli.ForceOversize = False,
     as_json: cli.AsJson = False,
@@ -375,6 +371,58 @@ def design(
 
     Example: [bold]planner design finger.stl --from Tango --to Vero --axis x --fix x=max --load
     "x=min: 0,0,-0.5 N" --target "x=min uz=-12 mm"[/bold]
+
+    Parameters
+    ----------
+    part
+        Mesh file, as for planner grade.
+    from_
+        What the gradient begins with: a material or a modulus (0.5MPa).
+    to
+        What it ends with. Nothing softer or stiffer is used.
+    target
+        What is wanted, as 'x=min uz=-12 mm', 'x=min ry=30 deg' (the faces turn), 'z=max to z=min
+        distance=12 mm', 'x=min stiffness=0.05 N/mm', 'x=max fz=2 N', 'shape: bent.stl' (the surface
+        as it is to be) or 'shape: points.csv'; 'weight 2' behind one makes its miss count twice.
+        Repeatable.
+    case
+        A further load case: 'side; load x=min: 0,0.1,0 N; limit x=min uy<1 mm': its name, then
+        target, limit, fix, load, ..., as in a file; held as the first one if nothing is said.
+        Repeatable.
+    limit
+        'strain/break<0.5', 'slope<0.1 /mm', or a figure without its sign: 'x=min uy<1 mm'.
+        Repeatable.
+    free
+        A gradient free in space: on a lattice of 6x3x3 controls, one each 8mm, or auto.
+    symmetric
+        With --free: its own mirror image across the part's middle along y, say.
+    robust
+        Limits hold at the worst of the palette's interval.
+    knots
+        Of the profile, between which it is even.
+    axis
+        Direction of the gradient; the longest side by default.
+    field
+        What the gradient follows instead, as for planner grade.
+    prefer
+        Among profiles that reach the targets: smooth (near the even gradient) or soft (least of
+        what is stiff).
+    blend
+        nearest, by default, or dither.
+    at_strain
+        Working strain of the moduli.
+    cell_mm
+        Edge of the cells; about 2000 by default.
+    minutes
+        Take the finest cells that are done in about that time.
+    tolerance
+        Relative miss of a target that is accepted.
+    printer
+        Installed printer, or its TOML file; connex3 by default.
+    output
+        Folder to write; <part>-designed by default.
+    no_page
+        Leave plan.html out.
     """
     given = locals()
     from planner.inverse_design.design import interrupted_design
