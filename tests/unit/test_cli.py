@@ -1,5 +1,6 @@
 """The command line as its users meet it: exit codes, what goes where, and what errors say."""
 
+import inspect
 import json
 import os
 import subprocess
@@ -42,6 +43,7 @@ def test_every_command_has_help_with_an_example(capsys) -> None:
     import typer
 
     from planner.cli import app
+    from planner.cli.output import _documented as documented
 
     commands = typer.main.get_command(app).commands  # type: ignore[attr-defined]
     assert {"grade", "invert", "materials", "check", "diff", "printers", "gap"} <= set(commands)
@@ -50,6 +52,8 @@ def test_every_command_has_help_with_an_example(capsys) -> None:
         assert f"planner {name}" in (command.callback.__doc__ or ""), name
         assert run([*name.split(), "--help"]) == 0
         assert all(p.help for p in command.params), name
+        function = inspect.unwrap(command.callback)
+        assert documented(function)[1].keys() <= inspect.signature(function).parameters.keys(), name
 
 
 def test_grade_then_check_then_diff(finger: str, capsys) -> None:
