@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from planner.cli import run
-from planner.cli.output import AsJson, Quiet
+from planner.cli.output import AsJson, Quiet, command
 
 if TYPE_CHECKING:
     from benchmarks.withheld.answers import Outcome
@@ -173,7 +173,7 @@ def _print(results: "Results", output: Path | None) -> None:
 
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode="rich")
-app.command()(bench)
+command(app)(bench)
 
 if __name__ == "__main__":
     sys.exit(run(commands=app))
