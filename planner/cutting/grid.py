@@ -747,6 +747,12 @@ def _indices(cubes: NDArray[np.uint8], places: NDArray[np.int64]) -> NDArray[np.
     return np.stack(np.unravel_index(places, [n * _FINEST + 1 for n in cubes.shape]), axis=-1)
 
 
+def _places(grid: FieldGrid, index: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the numbers of vertices, of which `_indices` returns the coordinates (..., 3)."""
+    _, ny, nz = (n * _FINEST + 1 for n in grid.active.shape)
+    return np.asarray(index @ np.array([ny * nz, nz, 1]))
+
+
 def _even_mm(grid: FieldGrid, index: NDArray[np.int64]) -> FloatArray:
     """Return where vertices lie that are in the middle of their edges; see `_indices`."""
     return np.asarray(grid.origin_mm + index * (grid.cells * grid.pitch_mm / _FINEST))
@@ -757,8 +763,7 @@ def _shown(
 ) -> tuple[_Marks, NDArray[np.int64]]:
     """Divide cubes whose corners do not show all levels: at creases, and where these do not do.
 
-    Where creases show what corners do not, a cube need not be halved: walls thinner than it have
-    few triangles then.
+    Walls thinner than a cube have few triangles where creases show what corners do not.
 
     Also returned: the middles of all edges in which a crease was sought.
     """
@@ -768,28 +773,25 @@ def _shown(
         x, y, z = large.shape
         large |= small.reshape(x, 2, y, 2, z, 2).max(axis=(1, 3, 5))
     cubes = np.argwhere(found[-1])
-    ny, nz = (n * _FINEST + 1 for n in grid.active.shape[1:])
-    x, y, z = cubes.T[..., None] + (np.arange(8) >> np.arange(3)[:, None, None] & 1)
-    corners = _FINEST * ((x * ny + y) * nz + z)
-    ends = corners[:, TETRAHEDRA][:, :, _EDGES].reshape(-1, 6, 2)
-    every, none = np.arange(len(ends)), np.empty(0, dtype=np.int64)
-    marks, tried, _ = _creased(grid, field, marks, ends, every, within_mm, none, 1)
-    # Of cubes with creases, what the field is there.
-    middle = (ends.sum(axis=2) // 2).reshape(len(cubes), 36)
+    corners = np.arange(8)[:, None] >> np.arange(3) & 1
+    ends = _places(grid, _FINEST * (cubes[:, None] + corners))[:, TETRAHEDRA][:, :, _EDGES]
+    each, none = np.arange(6 * len(cubes)), np.empty(0, dtype=np.int64)
+    edges = ends.reshape(-1, 6, 2)
+    marks, tried, _ = _creased(grid, field, marks, edges, each, within_mm, none, 1)
+    # What the field is at least and at most at creases of a cube.
+    middle = (ends.sum(axis=-1) // 2).reshape(len(cubes), 36)
     at = np.append(marks.values, np.nan)[np.searchsorted(marks.places, middle)]
     at = np.where(_holds(marks.places, middle), at, np.nan)
     seen = np.full((2, *found[-1].shape), np.nan)
     seen[:, *cubes.T] = np.fmin.reduce(at, axis=1), np.fmax.reduce(at, axis=1)
     shown = ~np.isnan(seen[0]) & ~_hides(grid.values, grid.cells, levels, *seen)
     wanted = [none]
+    inner = np.delete(np.indices((3, 3, 3)).reshape(3, 27).T, (0, 2, 6, 8, 18, 20, 24, 26), axis=0)
     for size, hidden in zip(sizes, found, strict=True):
         parts = grid.cells // size
-        side = np.arange(3) * (_FINEST // parts // 2)
-        inner = ((side[:, None, None] * ny + side[:, None]) * nz + side).ravel()
         hidden &= ~shown.repeat(parts, axis=0).repeat(parts, axis=1).repeat(parts, axis=2)
-        x, y, z = np.argwhere(hidden).T * (_FINEST // parts)
-        at = ((x * ny + y) * nz + z)[:, None] + inner
-        wanted.append(np.delete(at, (0, 2, 6, 8, 18, 20, 24, 26), axis=1).ravel())
+        twice = 2 * np.argwhere(hidden)[:, None] + inner
+        wanted.append(_places(grid, twice * (_FINEST // parts // 2)).ravel())
     places = _rising(np.concatenate(wanted))
     points = _even_mm(grid, _indices(grid.active, places))
     marks = marks.more(1, places, points, _values_at(field, points), 0)

@@ -148,7 +148,7 @@ def _walk_faces(crossed: Crossed, meetings: Meetings) -> Loops:
     count = len(labels) + len(way)
     # The order of near meetings is settled where labels tell it: a copy is changed.
     points = crossed.points.copy()
-    broken = _settle(crossed.offsets, points, surface.ends, labels, way, crossed.lower)
+    broken = _order(crossed.offsets, points, surface.ends, labels, way, crossed.lower)
     slot, stamp = np.empty(2 * count, dtype=np.int32), np.full(2 * count, -1, dtype=np.int32)
     loops, lost = _walk(
         faces.astype(np.int32), surface.faces, surface.of_face, labels, crossed.offsets, points,
@@ -162,7 +162,7 @@ def _walk_faces(crossed: Crossed, meetings: Meetings) -> Loops:
 
 
 @kernel
-def _settle(offsets: Any, points: Any, ends: Any, labels: Any, way: Any, step_level: Any) -> Any:
+def _order(offsets: Any, points: Any, ends: Any, labels: Any, way: Any, step_level: Any) -> Any:
     """Let each edge's meetings follow from label to label; return how many edges cannot."""
     broken = 0
     for e in range(ends.shape[0]):

@@ -201,9 +201,11 @@ def _how_far(d: Diagnosis) -> str:
     added = "it is" if len(d.verdict.split("+")) == 1 else "they are"
     missed = f"{percent(gap.after)} of a specimen's largest force"
     if gap.negative_transfer:
+        by_chance = gap.closed_interval is not None and gap.closed_interval[1] > 0.0
+        so = ", which may be chance: more tests would tell" if by_chance else ": do not use it"
         return (
             f"Once {added} added, tests that were left out of the fit are predicted worse, by "
-            f"{missed} in place of {percent(gap.before)}: do not use it."
+            f"{missed} in place of {percent(gap.before)}{so}."
         )
     change = "falls" if gap.after < gap.before else "changes"
     return (

@@ -62,7 +62,9 @@ def test_sentences_agree_with_the_figures(gap: Gap, verdict: str) -> None:
             or "Refitted laws" in how_far
         )
     elif gap.negative_transfer:
-        assert "do not use it" in how_far
+        by_chance = gap.closed_interval is not None and gap.closed_interval[1] > 0.0
+        assert ("which may be chance" in how_far) == by_chance
+        assert ("do not use it" in how_far) != by_chance
     else:
         fell = gap.after is not None and gap.after < gap.before
         assert (f"falls from {percent(gap.before)} to {after}" in how_far) == fell
