@@ -240,8 +240,6 @@ def spread_starts(law: SeparableLaw, sample: Sample, count: int, shift: float = 
     moves the whole pattern, as a seed would.
     """
     q = law.nonlinear
-    if q == 0:
-        return np.empty((1, 0))
     ratio = 2.0
     for _ in range(60):
         ratio = (1.0 + ratio) ** (1.0 / (q + 1))
@@ -393,10 +391,8 @@ class _Problem:
             divisor, change = law.divisor(a)
             by = np.where(free, 1.0, divisor)
             turn = np.zeros((len(a), p + q, p + q))
-            turn[:, range(p), range(p)] = by
-            if q:
-                turn[:, range(p, p + q), range(p, p + q)] = by
-                turn[:, range(p), range(p, p + q)] = np.where(free, 0.0, change)
+            turn[:, range(p), range(p)] = turn[:, range(p, p + q), range(p, p + q)] = by
+            turn[:, range(p), range(p, p + q)] = np.where(free, 0.0, change)
             both, rows = both @ turn, rows @ turn
         square = both.transpose(0, 2, 1) @ both
         inner = self.target @ both
@@ -583,11 +579,10 @@ class SoundRows:
         for i in (2, 3, 7):
             kirchhoff = np.diff(each[i] * used[i][:, None], axis=0)
             rows.append(kirchhoff / np.diff(modes[i] * used[i])[:, None] - _ROOM * rest)
-        factor = COMPRESSION_FACTOR * (1.0 - _ROOM)
-        rows += [factor * rest - share[4], share[4] - rest / factor]
-        factor = MODES_FACTOR * (1.0 - _ROOM)
-        for other in (share[6], share[8]):
-            rows += [factor * share[5] - other, other - share[5] / factor]
+        limits = ((COMPRESSION_FACTOR, 0, 4), (MODES_FACTOR, 5, 6), (MODES_FACTOR, 5, 8))
+        for most, one, other in limits:
+            factor = most * (1.0 - _ROOM)
+            rows += [factor * share[one] - share[other], share[other] - share[one] / factor]
         self.uniaxial, self.planar = np.concatenate(used[:7]), np.concatenate(used[7:])
         self.matrix = np.concatenate(rows)
         lowest, highest = min(LOWEST_STRETCH, far**-0.5), max(far, LOWEST_STRETCH**-0.5)

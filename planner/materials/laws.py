@@ -88,8 +88,8 @@ class SeparableLaw(Law, ABC):
         return np.empty((0, 2))
 
     def start(self, fraction: FloatArray, stretch_max: float) -> FloatArray:
-        """Map points of the unit cube, shape (s, q), to starts within the bounds."""
-        return fraction[:, :0]
+        """Map points of the unit cube, shape (s, q), to starts within the bounds; one if q = 0."""
+        return np.empty((1, 0))
 
     @abstractmethod
     def evaluate(self, stretch: FloatArray, a: FloatArray, *, planar: bool = False) -> Columns:
@@ -647,25 +647,22 @@ def stability(law: Law, strain_max: float) -> Soundness:
     strain_max
         Up to which tension is looked at: the elongation at break, or the working strain.
     """
-    asked = (LOWEST_STRETCH, 1.0 + strain_max)
-    ends = {}
-    for loading, powers in _LOADINGS.items():
-        sides = []
-        for end in asked:
-            stretch = np.geomspace(1.0, end, _SOUND_POINTS + 1)
-            stable = np.ones(_SOUND_POINTS + 1, dtype=bool)
-            if isinstance(law, Ogden | _FirstInvariant):
-                for h11, h22, h12 in _second_derivatives_MPa(law, stretch, powers):
-                    stable &= (h11 > 0.0) & (h11 * h22 > h12 * h12)
-            elif loading != "uniaxial":
-                continue
-            if loading == "uniaxial":
-                stable &= law.tangent_MPa(stretch) > 0.0
-            last = stretch[max(int(np.argmin(stable)) - 1, 0)]
-            sides.append(end if stable.all() else float(last))
-        if sides:
-            ends[loading] = (sides[0], sides[1])
+    low, high = asked = (LOWEST_STRETCH, 1.0 + strain_max)
+    told = _LOADINGS if isinstance(law, Ogden | _FirstInvariant) else ("uniaxial",)
+    ends = {one: (_sound_end(law, one, low), _sound_end(law, one, high)) for one in told}
     return Soundness(asked, ends)
+
+
+def _sound_end(law: Law, loading: str, asked: float) -> float:
+    """Return how far from rest a law is sound in a loading, towards the stretch asked for."""
+    stretch = np.geomspace(1.0, asked, _SOUND_POINTS + 1)
+    sound = np.ones(len(stretch), dtype=bool)
+    if isinstance(law, Ogden | _FirstInvariant):
+        for h11, h22, h12 in _second_derivatives_MPa(law, stretch, _LOADINGS[loading]):
+            sound &= (h11 > 0.0) & (h11 * h22 > h12 * h12)
+    if loading == "uniaxial":
+        sound &= law.tangent_MPa(stretch) > 0.0
+    return asked if sound.all() else float(stretch[max(int(np.argmin(sound)) - 1, 0)])
 
 
 def _second_derivatives_MPa(

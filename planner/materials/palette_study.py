@@ -274,8 +274,7 @@ def _cells(name: str, figure: Spread | None) -> _Row:
     stem, unit = re.split(r"(?=_MPa|_MJ_m3|$)", name, maxsplit=1)
     names = (name, f"{stem}_sd{unit}", f"{stem}_cv", f"{stem}_low{unit}", f"{stem}_high{unit}")
     told = (figure.mean, figure.sd, figure.cv, *(figure.interval or ())) if figure else ()
-    row: _Row = dict.fromkeys(names)
-    return row | dict(zip(names, told, strict=False)) | {f"{stem}_n": figure.n if figure else 0}
+    return dict(itertools.zip_longest(names, told)) | {f"{stem}_n": figure.n if figure else 0}
 
 
 def _table(rows: Sequence[_Row]) -> bytes:
@@ -574,8 +573,7 @@ def _coordinates(
             notes.append(
                 f"coordinates go from 0 to 1 evenly, {how}; --coordinate{more} says others"
             )
-        steps = np.linspace(0.0, 1.0, len(ordered))
-        found = {material: float(m) for material, m in zip(ordered, steps, strict=True)}
+        found = dict(zip(ordered, np.linspace(0.0, 1.0, len(ordered)).tolist(), strict=True))
     if missing := [material for material in ordered if material not in found]:
         raise ArgumentError(
             f"material {missing[0]}: no coordinate, though others have one; give all of them by "
