@@ -273,10 +273,10 @@ def minimise(
     """
     problem = _Problem(law, sample)
     low, high = law.bounds(float(sample.stretch.max())).T
-    a = np.clip(starts, low, high)
-    s, q = a.shape
+    starts = np.clip(starts, low, high)
+    s, q = starts.shape
     held_a, held_c = held or (np.zeros((s, q), dtype=bool), np.full((s, law.columns), np.nan))
-    state = problem.project(a, held_c)
+    state = problem.project(starts, held_c)
     damping, raised = np.full(s, 0.1), np.full(s, 2.0)
     gradient = np.zeros(s)
     converged = np.full(s, q == 0)
@@ -285,8 +285,7 @@ def minimise(
         if not len(active):
             break
         now = state.rows(active)
-        at = a[active]
-        slope = now.slope
+        at, slope = now.a, now.slope
         stuck = held_a[active] | ((at <= low) & (slope > 0)) | ((at >= high) & (slope < 0))
         slope = np.where(stuck, 0.0, slope)
         normal = np.where(stuck[:, :, None] | stuck[:, None, :], 0.0, now.normal)
@@ -310,12 +309,11 @@ def minimise(
         damping[active] *= np.where(better, eased, raised[active])
         damping[active] = np.maximum(damping[active], 1e-10)
         raised[active] = np.where(better, 2.0, 2.0 * raised[active])
-        a[active] = np.where(better[:, None], trial, at)
         state.take(active[better], after.rows(np.flatnonzero(better)))
         done = (gradient[active] < _CONVERGED_GRADIENT) | (better & ~gained) | (~better & small)
         converged[active] |= done
         active = active[~done]
-    return Solutions(a, state.coefficients, state.cost, gradient, converged)
+    return Solutions(state.a, state.coefficients, state.cost, gradient, converged)
 
 
 def rows_leant_on(law: SeparableLaw, sample: Sample, a: FloatArray) -> Columns:
@@ -333,6 +331,7 @@ class _State(NamedTuple):
     `broken` says which of `SoundRows` pull at it.
     """
 
+    a: FloatArray
     coefficients: FloatArray
     cost: FloatArray
     slope: FloatArray
@@ -413,7 +412,7 @@ class _Problem:
         )
         if not q:
             empty = np.zeros((len(a), 0))
-            return _State(c, cost, empty, empty[:, :, None], active)
+            return _State(a, c, cost, empty, empty[:, :, None], active)
         # A unit column turns, it does not grow: its change has no part along itself.
         grown = np.where(free, np.einsum("spp->sp", square[:, :p, p:]) / norm**2, 0.0)
         kept = rows * active[:, :, None]
@@ -429,7 +428,7 @@ class _Problem:
         matrix = _of_free(matrix, free, _RIDGE**2)
         solved = np.linalg.solve(matrix, by_columns.transpose(0, 2, 1))
         normal = across @ turn - by_columns @ solved
-        return _State(c, np.maximum(cost, 0.0), gradient, normal, active)
+        return _State(a, c, np.maximum(cost, 0.0), gradient, normal, active)
 
     @staticmethod
     def _solve(
