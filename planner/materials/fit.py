@@ -1,7 +1,7 @@
 """Fit laws to specimens, choose one, and say how sure it is."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, replace
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -30,7 +30,7 @@ from planner.materials.laws import (
     stability,
 )
 from planner.numerics import BoolArray, FloatArray, IntArray, normal_quantile, students_t
-from planner.palette import LawParameters, Uncertainty
+from planner.palette import LAW_PARAMETERS, LawParameters, Uncertainty
 
 __all__ = [
     "ASSUMED_LOG_SD",
@@ -996,17 +996,15 @@ _AT_BOUND = 0.01
 """Distance of ln(parameter) from its bound that counts as being there: the search keeps inside."""
 
 
-_SYMBOLS = ("modulus_MPa", "flow_MPa", "hardening_MPa", "sharpness")
-
-
 def _logs(law: Yielding) -> FloatArray:
     """Return the logarithms of the parameters, shape (4,)."""
-    return np.log([getattr(law, symbol) for symbol in _SYMBOLS])
+    return np.log(astuple(law))
 
 
 def _by_symbol(logs: FloatArray) -> dict[str, tuple[float, ...]]:
     """Return parameters by symbol; five digits, beyond which no test tells anything."""
-    return {s: (float(f"{v:.5g}"),) for s, v in zip(_SYMBOLS, np.exp(logs).tolist(), strict=True)}
+    each = zip(LAW_PARAMETERS[Yielding.model], np.exp(logs).tolist(), strict=True)
+    return {symbol: (float(f"{value:.5g}"),) for symbol, value in each}
 
 
 def yielding_parameters(law: Yielding) -> LawParameters:
