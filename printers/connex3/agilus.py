@@ -171,35 +171,21 @@ def rubber_readings(sources: Sources) -> list[Reading]:
     temperature. A storage modulus is taken at the frequency 1 / (2 π t) of the pull's time t. The
     Tango ladder is the other palette's: its laws hold at the test already.
     """
-    test, stamp = sources.test, sources.stamp
-    readings = [_stated(entry, _bend(entry.at_strain, test)) for entry in sources.pulled]
+    test, stamp, shaken = sources.test, sources.stamp, sources.shaken
     agilus = stamp.relaxation[0].secant_MPa(test.time_s, test.temperature_C, stamp.wlf)
-    readings.append(_one(stamp.source, stamp.address, "Agilus30 Black", agilus, 30.0))
-    shaken = sources.shaken
     at_20_C = _between(shaken.master_curve, 1.0 / (2.0 * math.pi * test.time_s))
     cooler, warmer = (_between(shaken.at_1_Hz, t) for t in (20.0, test.temperature_C))
-    readings.append(
-        _one(
-            shaken.source,
-            shaken.address,
-            shaken.material,
-            at_20_C * warmer / cooler,
-            shaken.shore_A,
-        )
-    )
+    at_test = at_20_C * warmer / cooler
     tango = parse_palette(PALETTE.read_bytes(), name=PALETTE.stem)
-    for published in load_thesis().elastomers[1:]:
-        law = make_law(tango.resolve(published.id).law)
-        readings.append(
-            _one(
-                "Hemleben 2017",
-                "printers/connex3/palettes/connex3-tango-vero.toml",
-                published.id,
-                float(secant_modulus_MPa(law, test.at_strain)),
-                float(published.id[-2:]),
-            )
-        )
-    return readings
+    laws = {p.id: make_law(tango.resolve(p.id).law) for p in load_thesis().elastomers[1:]}
+    moduli = {name: float(secant_modulus_MPa(law, test.at_strain)) for name, law in laws.items()}
+    ladder = "Hemleben 2017", f"printers/connex3/palettes/{PALETTE.name}"
+    return [
+        *(_stated(entry, _bend(entry.at_strain, test)) for entry in sources.pulled),
+        _one(stamp.source, stamp.address, "Agilus30 Black", agilus, 30.0),
+        _one(shaken.source, shaken.address, shaken.material, at_test, shaken.shore_A),
+        *(_one(*ladder, name, modulus, float(name[-2:])) for name, modulus in moduli.items()),
+    ]
 
 
 def rigid_readings(sources: Sources) -> list[Reading]:

@@ -133,34 +133,27 @@ def _derived_palette(reading: Literal["crosshead", "extensometer"]) -> Palette:
     )
     soft, hard = (catalogue.density_g_cm3[thesis.materials[k].id] for k in (0, -1))
     last = thesis.coordinate(thesis.materials[-1])
-    materials = []
+    materials, hardness = [], []
     for published, entry in zip(thesis.materials, catalogue.material, strict=True):
-        coordinate = thesis.coordinate(published)
-        materials.append(
-            Material(
-                id=published.id,
-                coordinate=coordinate,
-                elongation_at_break=published.elongation_at_break,
-                density_g_cm3=round(soft + (hard - soft) * coordinate / last, 4),
-                aliases=tuple(entry.aliases),
-                colour=entry.colour,
-                **(
-                    _elastic(published)
-                    if entry.extensometer is None
-                    else _plastic(published, thesis, entry.extensometer, reading)
-                ),
-            )
+        coordinate, measured = thesis.coordinate(published), entry.extensometer
+        material = Material(
+            id=published.id,
+            coordinate=coordinate,
+            elongation_at_break=published.elongation_at_break,
+            density_g_cm3=round(soft + (hard - soft) * coordinate / last, 4),
+            aliases=tuple(entry.aliases),
+            colour=entry.colour,
+            **(_plastic(published, thesis, measured, reading) if measured else _elastic(published)),
         )
+        materials.append(material)
+        if entry.shore_A is not None:
+            hardness.append((coordinate, entry.shore_A))
     file = PALETTE if reading == "crosshead" else EXTENSOMETER_PALETTE
     return Palette(
         name=file.stem,
         materials=tuple(materials),
         reference=_REFERENCE,
-        hardness=tuple(
-            (thesis.coordinate(published), entry.shore_A)
-            for published, entry in zip(thesis.materials, catalogue.material, strict=True)
-            if entry.shore_A is not None
-        ),
+        hardness=tuple(hardness),
         source=f"{thesis.source}; see docs/explanation/thesis-numbers.md",
     )
 

@@ -104,40 +104,28 @@ def _rubber(entry: Entry, coordinate: float, votes: Sequence[float], sources: So
     spread = math.hypot(
         float(np.std(votes, ddof=1)), hardness_log_sd(entry.shore_A), SPECIMEN_LOG_SD
     )
-    return _material(
-        entry,
-        coordinate,
-        sources,
-        LawParameters("neo-hookean", {"mu_MPa": (_digits(mu),)}),
-        spread,
+    law = LawParameters("neo-hookean", {"mu_MPa": (_digits(mu),)})
+    said = (
         f"{scale:.2f} times Gent's modulus of Shore A {entry.shore_A:g}, by {len(votes)} sources; "
-        f"{_DENSITY}; break UNCONFIRMED",
+        f"{_DENSITY}; break UNCONFIRMED"
     )
+    return _material(entry, coordinate, sources, law, spread, said)
 
 
 def _rigid(entry: Entry, coordinate: float, sources: Sources) -> Material:
     votes = list(rigid_votes(rigid_readings(sources)).values())
-    modulus = math.exp(float(np.mean(votes)))
-    return _material(
-        entry,
-        coordinate,
-        sources,
-        yielding_law(_digits(modulus), _digits(math.sqrt(math.prod(entry.strength_MPa)))),
-        math.hypot(float(np.std(votes, ddof=1)), SPECIMEN_LOG_SD),
+    modulus, (low, high) = math.exp(float(np.mean(votes))), entry.strength_MPa
+    law = yielding_law(_digits(modulus), _digits(math.sqrt(low * high)))
+    said = (
         f"modulus: geometric mean of {len(votes)} sources; flows at the middle of its strength, "
-        "{:g} to {:g} MPa (data sheet); density and break as in the Tango palette".format(
-            *entry.strength_MPa
-        ),
+        f"{low:g} to {high:g} MPa (data sheet); density and break as in the Tango palette"
     )
+    spread = math.hypot(float(np.std(votes, ddof=1)), SPECIMEN_LOG_SD)
+    return _material(entry, coordinate, sources, law, spread, said)
 
 
 def _material(
-    entry: Entry,
-    coordinate: float,
-    sources: Sources,
-    law: LawParameters,
-    log_sd: float,
-    source: str,
+    entry: Entry, coordinate: float, sources: Sources, law: LawParameters, log_sd: float, said: str
 ) -> Material:
     soft, hard = sources.stamp.density_g_cm3["Agilus30"], sources.material[-1].density_g_cm3
     return Material(
@@ -148,7 +136,7 @@ def _material(
         law=law,
         aliases=tuple(entry.aliases),
         colour=entry.colour,
-        source=source,
+        source=said,
         deformation="plastic" if math.isnan(entry.shore_A) else "elastic",
         modulus_log_sd=round(log_sd, 3),
     )
