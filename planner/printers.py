@@ -37,9 +37,6 @@ __all__ = [
 ]
 
 
-_GROUP = "planner.printers"
-
-
 @runtime_checkable
 class Printer(Protocol):
     """What planner asks of a printer. Lengths in mm."""
@@ -244,7 +241,7 @@ def installed_printers() -> dict[str, EntryPoint]:
     >>> list(planner.installed_printers())  # doctest: +SKIP
     ['connex3']
     """
-    return {e.name: e for e in sorted(entry_points(group=_GROUP), key=lambda e: e.name)}
+    return {e.name: e for e in sorted(entry_points(group="planner.printers"), key=lambda e: e.name)}
 
 
 def load_printer(

@@ -533,7 +533,6 @@ def deformation(
 
 
 SECANT_STRAINS = (0.1, 0.5, 1.0)
-_CONFIDENCE = 0.95
 _MATERIAL_FIGURES = (
     "modulus_MPa", "modulus_uncompensated_MPa", "toughness_MJ_m3", "elongation_at_break",
     "strength_MPa",
@@ -700,7 +699,7 @@ def spread_of(values: Sequence[float]) -> Spread:
     if n < 2:
         return Spread(mean, None, None, None, n)
     sd = float(np.std(values, ddof=1))
-    half = students_t(_CONFIDENCE, n) * sd / n**0.5
+    half = students_t(0.95, n) * sd / n**0.5
     return Spread(mean, sd, sd / abs(mean) if mean else None, (mean - half, mean + half), n)
 
 

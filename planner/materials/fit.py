@@ -180,9 +180,8 @@ def sample_columns(law: SeparableLaw, sample: Sample, a: FloatArray) -> Columns:
     planar, both = (sample.mode == LOADINGS.index(name) for name in LOADINGS[1:])
     stretch = np.where(both, sample.stretch**-2.0, sample.stretch)
     turn = np.where(both, -(sample.stretch**-3.0), 1.0)[:, None]
-    uniaxial = law.evaluate(stretch, a)
+    found = [one * turn for one in law.evaluate(stretch, a)]
     of_planar = law.evaluate(sample.stretch[planar], a, planar=True)
-    found = [one * turn for one in uniaxial]
     for one, other in zip(found, of_planar, strict=True):
         one[:, planar] = other
     return found[0], found[1]
@@ -359,7 +358,8 @@ class _Problem:
         self.target = sample.factor * sample.stress_MPa
         self.size = float(self.target @ self.target)
         # Neo-Hooke's modulus: what rows of the modulus' size are compared with.
-        front = sample.factor * sample_columns(_NEO_HOOKE, sample, _NO_PARAMETERS)[0][0, :, 0] / 3.0
+        columns, _ = sample_columns(NeoHookean(1.0), sample, np.empty((1, 0)))
+        front = sample.factor * columns[0, :, 0] / 3.0
         self.stiffness = _STIFFNESS * float(front @ front) / float(front @ self.target)
         self.weigh = self.stiffness * self.rows.matrix
         self.across = self.rows.principal if sample.across and isinstance(law, Ogden) else None
@@ -527,9 +527,6 @@ by at most the misfit it costs, a few per cent squared, and so gives by 1e-3 / 3
 
 _LARGEST_ROW = 1e3
 """Bound of a weighted row's entries beside unit columns: its square leaves the ridge its digits."""
-
-_NEO_HOOKE = NeoHookean(1.0)
-_NO_PARAMETERS = np.empty((1, 0))
 
 _ROW_ROUNDS = 12
 _SHARES = np.array([1.0, 0.6, 0.3, 0.1, 0.03])
@@ -1229,8 +1226,7 @@ def secant_intervals(
     tested = np.array([e for e in strains if 1.0 + e <= sample.stretch.max()])
     # At rest the secant is the slope, which stress at a small strain gives to seven digits.
     strain = np.maximum(tested, 1e-7)
-    columns = fit.law.evaluate(1.0 + strain, fit.a[None])
-    derivative, stress = _derivatives(fit, columns)
+    derivative, stress = _derivatives(fit, fit.law.evaluate(1.0 + strain, fit.a[None]))
     courses = _courses(fit.nominal_stress_MPa(sample), sample)
     value, scatter = stress / strain, _scatter_of(courses)
     half, next_ = np.full(len(strain), np.inf), np.full(len(strain), scatter.log_sd)
@@ -1505,8 +1501,7 @@ def _beginning(curve: Curve) -> tuple[FloatArray, FloatArray, float]:
     None of a record that tells no slack. The tangent's toe ends before the slack does.
     """
     toe = float(curve.strain[-1] - toe_compensated(curve).strain[-1])
-    peak = int(np.argmax(curve.stress_MPa)) + 1
-    near = np.arange(len(curve.strain)) < peak
+    near = np.arange(len(curve.strain)) <= np.argmax(curve.stress_MPa)
     near &= curve.strain - curve.strain[0] <= toe + _SLACK_RANGE
     if near.sum() < 3 * MINIMUM_POINTS or curve.strain[0] < 0.0:
         near[:] = False

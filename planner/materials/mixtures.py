@@ -743,8 +743,7 @@ def _rising_root(value: FloatArray, cubics: FloatArray, piece: IntArray) -> Floa
         low, high = np.where(excess <= 0.0, t, low), np.where(excess >= 0.0, t, high)
         with np.errstate(invalid="ignore", divide="ignore"):
             better = t - excess / (a1 + t * (2.0 * a2 + t * 3.0 * a3))
-        within = (better >= low) & (better <= high)
-        better = np.where(within, better, 0.5 * (low + high))
+        better = np.where((better >= low) & (better <= high), better, 0.5 * (low + high))
         found[todo] = better
         on = np.abs(better - t) > 1e-15
         if not on.any():

@@ -298,7 +298,6 @@ _SMALLEST_R2 = 0.9
 _LARGEST_HELD_OUT_ERROR = 0.2
 """A law that does worse than either is reported as a finding."""
 
-_WEIGHTINGS = ("relative", "absolute")
 _DIFFERENT = 1e-3
 """Relative spread of a condition that counts as a difference between specimens."""
 
@@ -436,7 +435,7 @@ def fit(
     """
     given = locals()
     study = read_study(**{name: given[name] for name in _READING})
-    check_known(weighting, _WEIGHTINGS, f"weighting {weighting!r}: {{}}choose")
+    check_known(weighting, ("relative", "absolute"), f"weighting {weighting!r}: {{}}choose")
     if coefficients not in (None, "quadratic"):
         raise ArgumentError(f"`coefficients` {coefficients!r}: it can be quadratic, or left out")
     laws = candidate_laws(law)

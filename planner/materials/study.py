@@ -418,8 +418,7 @@ def _curve_of(name: str, record: "_Record", said: str, sure: bool) -> Curve:
         where += f" ({table.file})"
     check_record(where, {"line": np.asarray(table.lines, dtype=np.float64)})
     sign = -1.0 if said == "compression" else 1.0
-    columns = _upright(table.columns, where, notes, said)
-    test = _Test(where, record, columns, sign, notes)
+    test = _Test(where, record, _upright(table.columns, where, notes, said), sign, notes)
     strain = test.strain()
     stress = test.stress_MPa(strain)
     if sign < 0.0 and float(strain.max()) >= 1.0:
