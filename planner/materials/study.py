@@ -17,16 +17,8 @@ from planner.formats.files import path_within
 from planner.formats.specimens import ListedSpecimen, is_specimens_file, read_specimens
 from planner.formats.tensile import MODES, NoRecordError, TensileTable, mode_of, read_tensile
 from planner.formats.units import QUANTITIES, QUANTITY_UNITS, UnitOf, unit_near
-from planner.materials.characterise import (
-    BROKEN_SHARE,
-    SECANT_STRAINS,
-    UNLOADED_SHARE,
-    Curve,
-    characterise_curve,
-    check_record,
-    without_spikes,
-    without_tail,
-)
+from planner.materials import characterise
+from planner.materials.characterise import Curve, characterise_curve
 from planner.materials.laws import make_law, secant_modulus_MPa
 from planner.numerics import FloatArray, IntArray, normal_quantile
 from planner.palette import Material, Palette
@@ -175,7 +167,7 @@ def _check_rising(strain: FloatArray, stress_MPa: FloatArray, *, where: str) -> 
             "test; give the first loading alone, or protocol 'cyclic' in specimens.csv to leave it "
             "out; of several specimens below one another, head the names' column 'specimen'"
         )
-    bears = stress_MPa[peak:] > BROKEN_SHARE * stress_MPa[peak - 1]
+    bears = stress_MPa[peak:] > characterise.BROKEN_SHARE * stress_MPa[peak - 1]
     if (fall := float(np.max(fallen[peak:], where=bears, initial=0.0))) > _REVERSAL_SHARE * span:
         raise FileError(
             f"{where}: strain falls back by {fall:.4g} behind the peak load while the specimen "
@@ -290,7 +282,7 @@ class _Test:
         columns, gauge_mm = self.columns, self.record.sizes.gauge_mm
         if "strain" in columns:
             strain = columns["strain"]
-            begins = abs(strain[0]) <= UNLOADED_SHARE * np.ptp(strain)
+            begins = abs(strain[0]) <= characterise.UNLOADED_SHARE * np.ptp(strain)
             return strain if begins else self._from_no_load("strain", strain)
         if "true_strain" in columns:
             self.notes.append(f"{self.where}: strain from true (logarithmic) strain")
@@ -313,7 +305,7 @@ class _Test:
         if abs(start) <= abs(start - first):
             return values
         where = f"no load, by a line through its first {_FIRST} rows"
-        little = abs(load[0]) < UNLOADED_SHARE * float(np.max(np.abs(load)))
+        little = abs(load[0]) < characterise.UNLOADED_SHARE * float(np.max(np.abs(load)))
         if little or (start - first) * (values[-1] - first) > 0.0:
             start, where = first, "its first value"
         self.notes.append(f"{self.where}: {what} counted from {where}, {start:.4g}{unit}")
@@ -416,7 +408,7 @@ def _curve_of(name: str, record: "_Record", said: str, sure: bool) -> Curve:
     table, where, notes = record.table, f"specimen {name}", list[str]()
     if Path(table.file).stem != name:
         where += f" ({table.file})"
-    check_record(where, {"line": np.asarray(table.lines, dtype=np.float64)})
+    characterise.check_record(where, {"line": np.asarray(table.lines, dtype=np.float64)})
     sign = -1.0 if said == "compression" else 1.0
     test = _Test(where, record, _upright(table.columns, where, notes, said), sign, notes)
     strain = test.strain()
@@ -434,7 +426,7 @@ def _curve_of(name: str, record: "_Record", said: str, sure: bool) -> Curve:
     mode = "uniaxial" if said in ("", "tension", "compression") else said
     told = (*table.notes, *notes)
     curve = Curve(name, strain, stress, time, record.material, told, mode)
-    curve = without_tail(without_spikes(_from_rest(curve, where)))
+    curve = characterise.without_tail(characterise.without_spikes(_from_rest(curve, where)))
     return replace(curve, strain=sign * curve.strain, stress_MPa=sign * curve.stress_MPa)
 
 
@@ -1159,7 +1151,7 @@ def _off(names: Sequence[str], shift: float, digits: int) -> str:
 def _against(study: Study, called: str, material: Material) -> tuple[float, float, float]:
     """Return ln of stiffness over the palette's, its variance, and ln of the strain at break."""
     curves = study.groups[called]
-    strain = min(SECANT_STRAINS[0], 0.5 * min(float(c.strain[-1]) for c in curves))
+    strain = min(characterise.SECANT_STRAINS[0], 0.5 * min(float(c.strain[-1]) for c in curves))
     found = [characterise_curve(c, secant_strains=[strain]) for c in curves]
     logs = [math.log(c.secant_MPa[strain] or c.modulus_MPa) for c in found]
     expected = math.log(float(secant_modulus_MPa(make_law(material.law), strain)))
