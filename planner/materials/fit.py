@@ -10,14 +10,8 @@ from numpy.typing import ArrayLike
 
 from planner.errors import ArgumentError, Caution, refused
 from planner.glance import brief
-from planner.materials.characterise import (
-    MINIMUM_POINTS,
-    SECANT_STRAINS,
-    Curve,
-    MaterialCharacteristics,
-    characterise_material,
-    toe_compensated,
-)
+from planner.materials import characterise
+from planner.materials.characterise import Curve, MaterialCharacteristics, characterise_material
 from planner.materials.laws import (
     LOWEST_STRETCH,
     Columns,
@@ -1500,10 +1494,10 @@ def _beginning(curve: Curve) -> tuple[FloatArray, FloatArray, float]:
 
     None of a record that tells no slack. The tangent's toe ends before the slack does.
     """
-    toe = float(curve.strain[-1] - toe_compensated(curve).strain[-1])
+    toe = float(curve.strain[-1] - characterise.toe_compensated(curve).strain[-1])
     near = np.arange(len(curve.strain)) <= np.argmax(curve.stress_MPa)
     near &= curve.strain - curve.strain[0] <= toe + _SLACK_RANGE
-    if near.sum() < 3 * MINIMUM_POINTS or curve.strain[0] < 0.0:
+    if near.sum() < 3 * characterise.MINIMUM_POINTS or curve.strain[0] < 0.0:
         near[:] = False
     x = curve.strain[near]
     return x, curve.stress_MPa[near], toe + 0.3 * float(np.max(x - toe, initial=0.0))
@@ -1671,7 +1665,7 @@ def fit_material(
         told = by_mode(chosen.fit, sample)
         said = [f"{mode} weighs {w:.3g}, {100 * off:.2g} % off" for mode, (w, off) in told]
         notes.append(f"material {material}: {'; '.join(said)} (RMS)")
-    secants = secant_intervals(chosen.fit, sample, (0.0, *SECANT_STRAINS), level)
+    secants = secant_intervals(chosen.fit, sample, (0.0, *characterise.SECANT_STRAINS), level)
     notes.extend(_doubts(material, chosen, secants))
     ends, known = intervals(chosen.fit, sample, level), _scatter_known(sample)
     if known and not others and np.isposinf(ends.c[:, 1]).any():
@@ -1764,7 +1758,7 @@ def _plastic(
     found: MaterialCharacteristics, curves: Sequence[Curve], weighting: str, level: float
 ) -> MaterialFit:
     """Fit a law that yields, with intervals of what the specimens' own laws say."""
-    whole = tuple(toe_compensated(curve) for curve in curves)
+    whole = tuple(characterise.toe_compensated(curve) for curve in curves)
     moduli = [c.modulus_MPa for c in found.specimens]
     sample = sample_of(whole, weighting=weighting)
     each = [sample_of([curve], weighting=weighting) for curve in whole]
@@ -1782,7 +1776,7 @@ def _plastic(
     # A parameter at its bound in some specimen is one that its test leaves open on that side.
     low = np.where((np.array(sides) < 0).any(axis=0), -np.inf, low)
     high = np.where((np.array(sides) > 0).any(axis=0), np.inf, high)
-    strains = [e for e in (0.0, *SECANT_STRAINS) if 1.0 + e <= sample.stretch.max()]
+    strains = [e for e in (0.0, *characterise.SECANT_STRAINS) if 1.0 + e <= sample.stretch.max()]
     wide = _half_widths(np.log([secant_modulus_MPa(one, strains) for one in laws]), level)
     scatter = _scatter_of(_courses(stress, sample))
     next_ = np.full(len(strains), scatter.log_sd)
