@@ -11,7 +11,15 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from planner.errors import ArgumentError, Caution, FileError, PaletteError, check_known, listed
+from planner.errors import (
+    ArgumentError,
+    Caution,
+    FileError,
+    PaletteError,
+    check_known,
+    listed,
+    positive,
+)
 from planner.formats.specimens import ListedSpecimen
 from planner.formats.tables import encode_csv, number
 from planner.glance import counted, one_line, outcome, plotted, shade
@@ -436,6 +444,7 @@ def fit(
     given = locals()
     study = read_study(**{name: given[name] for name in _READING})
     check_known(weighting, ("relative", "absolute"), f"weighting {weighting!r}: {{}}choose")
+    positive(starts, "`starts`")
     if coefficients not in (None, "quadratic"):
         raise ArgumentError(f"`coefficients` {coefficients!r}: it can be quadratic, or left out")
     laws = candidate_laws(law)
@@ -750,9 +759,11 @@ def _at_one_temperature(study: Study) -> tuple[Study, dict[str, tuple[Curve, ...
     The one is that of most specimens. A material that was not tested there keeps what it has.
     """
     told = _temperatures(study)
+    every = itertools.chain.from_iterable(study.groups.values())
+    used = [told[curve.specimen] for curve in every if curve.specimen in told]
     own = max(
-        told.values(),
-        key=lambda t: (sum(abs(v - t) <= SAME_K for v in told.values()), -abs(t - _USUAL_C)),
+        used,
+        key=lambda t: (sum(abs(v - t) <= SAME_K for v in used), -abs(t - _USUAL_C)),
         default=_USUAL_C,
     )
     groups, others = dict(study.groups), {}

@@ -659,6 +659,7 @@ def read_study(
     materials = _materials(records, material or "", notes)
     records |= {name: replace(records[name], material=of) for name, of in materials.items()}
     units = stated_units(unit_of, materials)
+    leave_out = (leave_out,) if isinstance(leave_out, str) else leave_out
     for name in leave_out:
         _check_name(name, materials, f"leave_out {name}: no specimen and no material of that name")
     if asked := {name for name, of in materials.items() if not {name, of}.isdisjoint(leave_out)}:

@@ -9,7 +9,7 @@ import pytest
 
 import planner
 from planner.cli import run
-from planner.errors import PaletteError
+from planner.errors import ArgumentError, PaletteError
 from planner.grading.profile import at_temperature
 from planner.materials.laws import make_law, secant_modulus_MPa
 from planner.materials.palette_study import PaletteStudy
@@ -81,6 +81,35 @@ def test_the_laws_are_those_of_the_tests_at_one_temperature(
         (mu,), (mean,) = one.law.parameters["mu_MPa"], other.law.parameters["mu_MPa"]
         assert mu == pytest.approx(mean, rel=0.05)  # other draws of the same 2 % of scatter
         assert both.fits[one.id].characteristics.n == 3
+
+
+def test_what_is_left_out_has_no_say_in_the_temperature(tmp_path: Path) -> None:
+    """Others' 25 degC made a specimen of no known temperature the only one of the soft grade."""
+    folder = lab(tmp_path / "lab", (COLD_C,))
+    listed = folder / "specimens.csv"
+    rows = listed.read_text()
+    for number, instead in enumerate(("", "33.0", "43.0")):
+        one = f"soft-25-{number}.csv,soft,0.0,"
+        assert one in rows
+        rows = rows.replace(f"{one}25.0", one + instead)
+    listed.write_text(rows)
+    found = planner.fit([folder], law="neo-hookean", compare=False, leave_out=["middle", "stiff"])
+    assert found.palette.reference.temperature_C == 33.0
+    table = found.palette.temperature
+    assert table is not None
+    assert (table.low_C, table.high_C) == ((33.0,), (43.0,))
+
+
+def test_one_name_left_out_is_no_list_of_letters(tmp_path: Path) -> None:
+    found = planner.fit(
+        [lab(tmp_path / "lab", (COLD_C,))], law="neo-hookean", compare=False, leave_out="soft"
+    )
+    assert [material.id for material in found.palette.materials] == ["middle", "stiff"]
+
+
+def test_a_search_has_a_start(tmp_path: Path) -> None:
+    with pytest.raises(ArgumentError, match=r"`starts` 0: it must be above 0"):
+        planner.fit([lab(tmp_path / "lab", (COLD_C,))], starts=0)
 
 
 def moduli(palette: Palette) -> np.ndarray:
