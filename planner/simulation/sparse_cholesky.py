@@ -51,96 +51,49 @@ processor two take a twentieth longer than one: both want its cache."""
 
 
 # Addresses of scipy's functions are asked for at run time and given to kernels as numbers, so that
-# kernels can be cached on disk. Matrices too are addresses: columns one after the other, with a
-# leading dimension. `integers` is scratch of six numbers, by which arguments are handed over.
+# kernels can be cached on disk. Calls are Fortran's: a letter says lower (L), left (L), right (R),
+# transposed (T) or as it is (N); a matrix is an array that begins with it, its columns one after
+# the other, and behind it stands its leading dimension.
 
 _Int: TypeAlias = Any
 """In kernels, of any width."""
 
+_L, _R, _T, _N = np.frombuffer(b"LRTN", dtype=np.uint8)
+
 
 @cache
-def _blas_addresses() -> NDArray[np.int64]:
+def _blas_addresses() -> tuple[int, ...]:
     """Return the addresses of dpotrf, dtrsm, dsyrk and dgemm."""
     names = ("lapack", "dpotrf"), ("blas", "dtrsm"), ("blas", "dsyrk"), ("blas", "dgemm")
-    found = [get_cython_function_address(f"scipy.linalg.cython_{of}", name) for of, name in names]
-    return np.array(found, dtype=np.int64)
+    return tuple(
+        get_cython_function_address(f"scipy.linalg.cython_{of}", name) for of, name in names
+    )
 
 
-def _calling(typing_context: Any, address: Any, pointers: Any) -> Any:
-    """Call the function at an address with a tuple of pointers, all as integers."""
-    unpacked: Any = cgutils.unpack_tuple
+def _calling(typing_context: Any, address: Any, given: Any) -> Any:
+    """Call the function at an address: it is told where arrays begin, and where numbers stand.
+
+    Whole numbers, but for letters, stand there in 32 bits.
+    """
+    tools: Any = cgutils
 
     def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        pointer = ir.IntType(8).as_pointer()
-        given = [builder.inttoptr(value, pointer) for value in unpacked(builder, arguments[1])]
-        function = ir.FunctionType(ir.VoidType(), [pointer] * len(given)).as_pointer()
-        builder.call(builder.inttoptr(arguments[0], function), given)
+        pointers = []
+        for kind, value in zip(given, tools.unpack_tuple(builder, arguments[1]), strict=True):
+            if isinstance(kind, types.Array):
+                pointers.append(context.make_array(kind)(context, builder, value).data)
+            else:
+                if kind not in (types.float64, types.uint8):
+                    value = builder.trunc(value, ir.IntType(32))
+                pointers.append(tools.alloca_once_value(builder, value))
+        function = ir.FunctionType(ir.VoidType(), [each.type for each in pointers]).as_pointer()
+        builder.call(builder.inttoptr(arguments[0], function), pointers)
         return context.get_dummy_value()
 
-    return types.void(address, pointers), code
+    return types.void(address, given), code
 
 
 _call: Any = intrinsic(_calling)
-
-
-@inner_kernel
-def _address_of(array: Any) -> _Int:
-    """Return where an array begins; it must live on while the address is used."""
-    return np.int64(array.ctypes.data)
-
-
-_LETTERS = np.frombuffer(b"LRTN", dtype=np.uint8)
-_NUMBERS = np.array([1.0, -1.0, 0.0])
-
-
-@inner_kernel
-def _potrf(address: _Int, n: _Int, a: _Int, lda: _Int, integers: IntArray) -> _Int:
-    """Factor; return 0, or which pivot failed, from 1."""
-    integers[0], integers[1], integers[2] = n, lda, 0
-    i = _address_of(integers)
-    _call(address, (_address_of(_LETTERS), i, a, i + 4, i + 8))
-    return integers[2]
-
-
-@inner_kernel
-def _trsm(
-    address: _Int, side: _Int, transposed: bool, m: _Int, n: _Int, a: _Int, lda: _Int, b: _Int,
-    ldb: _Int, integers: IntArray,
-) -> None:  # fmt: skip
-    """Divide b, (m, n), by a lower triangle, from the left (0) or the right (1)."""
-    integers[0], integers[1], integers[2], integers[3] = m, n, lda, ldb
-    i, letters = _address_of(integers), _address_of(_LETTERS)
-    turned = letters + (2 if transposed else 3)
-    one = _address_of(_NUMBERS)
-    _call(
-        address, (letters + side, letters, turned, letters + 3, i, i + 4, one, a, i + 8, b, i + 12)
-    )
-
-
-@inner_kernel
-def _syrk(
-    address: _Int, n: _Int, k: _Int, a: _Int, lda: _Int, c: _Int, ldc: _Int, integers: IntArray,
-) -> None:  # fmt: skip
-    """Take a times its transpose from the lower triangle of c."""
-    integers[0], integers[1], integers[2], integers[3] = n, k, lda, ldc
-    i, letters, numbers = _address_of(integers), _address_of(_LETTERS), _address_of(_NUMBERS)
-    _call(address, (letters, letters + 3, i, i + 4, numbers + 8, a, i + 8, numbers, c, i + 12))
-
-
-@inner_kernel
-def _gemm(
-    address: _Int, transposed: bool, m: _Int, n: _Int, k: _Int, a: _Int, lda: _Int, b: _Int,
-    ldb: _Int, scale: _Int, c: _Int, ldc: _Int, integers: IntArray,
-) -> None:  # fmt: skip
-    """Set c to a, or its transpose, times b (scale 0); or take that from c (scale 1)."""
-    integers[0], integers[1], integers[2] = m, n, k
-    integers[3], integers[4], integers[5] = lda, ldb, ldc
-    i, letters, numbers = _address_of(integers), _address_of(_LETTERS), _address_of(_NUMBERS)
-    turned = letters + (2 if transposed else 3)
-    by, keep = (numbers + 8, numbers) if scale else (numbers, numbers + 16)
-    _call(
-        address, (turned, letters + 3, i, i + 4, i + 8, by, a, i + 12, b, i + 16, keep, c, i + 20)
-    )
 
 
 # ------------------------------------------------------------------------------------------------
@@ -586,7 +539,7 @@ def reused(size: int, from_: FloatArray | None) -> FloatArray:
 
 @kernel
 def _factor_fronts(
-    blas: IntArray, analysis: Analysis, start: _Int, end: _Int, matrices: FloatArray,
+    blas: tuple[int, ...], analysis: Analysis, start: _Int, end: _Int, matrices: FloatArray,
     springs: FloatArray, columns: FloatArray, work: FloatArray, outside: Any,
 ) -> tuple[_Int, _Int]:  # fmt: skip
     """Factor fronts of one task, in order; `outside` are updates of halves that others have made.
@@ -603,7 +556,8 @@ def _factor_fronts(
     """
     low, high = 0, len(work)
     where = np.zeros(end - start, dtype=np.int64)
-    integers = np.zeros(8, dtype=np.int32)
+    potrf, trsm, syrk, _ = blas
+    info = np.zeros(1, dtype=np.int32)
     for t in range(start, end):
         own = np.int64(3 * (analysis.first[t + 1] - analysis.first[t]))
         rest = 3 * (analysis.rest_start[t + 1] - analysis.rest_start[t])
@@ -643,17 +597,17 @@ def _factor_fronts(
             _add_update(given, to, panel, rows, update, own, rest)
         if own == 0:
             continue
-        diagonal, square = _address_of(panel), _address_of(update)
-        under = diagonal + 8 * own
-        failed = _potrf(blas[0], own, diagonal, rows, integers)
+        _call(potrf, (_L, own, panel, rows, info))
+        failed = info[0]  # a pivot, from 1
         for j in range(own):  # LAPACK lets what is not a number pass
             if failed == 0 and not panel[j * rows + j] > 0.0:
                 failed = j + 1
         if failed > 0:
             return np.int64(analysis.first[t]) + (failed - 1) // 3, at
         if rest > 0:
-            _trsm(blas[1], 1, True, rest, own, diagonal, rows, under, rows, integers)
-            _syrk(blas[2], rest, own, under, rows, square, rest, integers)
+            under = panel[own:]
+            _call(trsm, (_R, _L, _T, _N, rest, own, 1.0, panel, rows, under, rows))
+            _call(syrk, (_L, _N, rest, own, -1.0, under, rows, 1.0, update, rest))
     return np.int64(-1), at
 
 
@@ -721,13 +675,13 @@ def _add_update(
 
 @kernel
 def _solve(
-    blas: IntArray, analysis: Analysis, columns: FloatArray, x: FloatArray, spare: FloatArray,
-    many: _Int,
+    blas: tuple[int, ...], analysis: Analysis, columns: FloatArray, x: FloatArray,
+    spare: FloatArray, many: _Int,
 ) -> None:  # fmt: skip
     """Solve in place for `many` right-hand sides, one after the other in x, by the order."""
     first, rest, rest_start = analysis.first, analysis.rest, analysis.rest_start
     length = 3 * np.int64(first[-1])
-    integers = np.zeros(8, dtype=np.int32)
+    _, trsm, _, gemm = blas
     fronts = len(first) - 1
     for turn in range(2 * fronts):
         back = turn >= fronts
@@ -738,13 +692,12 @@ def _solve(
         rows = own + n
         if own == 0:
             continue
-        l11 = _address_of(columns) + 8 * analysis.panel[t]
-        l21 = l11 + 8 * own
-        x1, s = _address_of(x) + 24 * first[t], _address_of(spare)
+        l11, x1 = columns[analysis.panel[t] :], x[3 * first[t] :]
+        l21 = l11[own:]
         if not back:
-            _trsm(blas[1], 0, False, own, many, l11, rows, x1, length, integers)
+            _call(trsm, (_L, _L, _N, _N, own, many, 1.0, l11, rows, x1, length))
             if n > 0:
-                _gemm(blas[3], False, n, many, own, l21, rows, x1, length, 0, s, n, integers)
+                _call(gemm, (_N, _N, n, many, own, 1.0, l21, rows, x1, length, 0.0, spare, n))
                 for k in range(many):
                     for i in range(len(others)):
                         for axis in range(3):
@@ -755,5 +708,5 @@ def _solve(
                     for i in range(len(others)):
                         for axis in range(3):
                             spare[k * n + 3 * i + axis] = x[k * length + 3 * others[i] + axis]
-                _gemm(blas[3], True, own, many, n, l21, rows, s, n, 1, x1, length, integers)
-            _trsm(blas[1], 0, True, own, many, l11, rows, x1, length, integers)
+                _call(gemm, (_T, _N, own, many, n, -1.0, l21, rows, spare, n, 1.0, x1, length))
+            _call(trsm, (_L, _L, _T, _N, own, many, 1.0, l11, rows, x1, length))
