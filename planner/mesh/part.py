@@ -32,7 +32,7 @@ from planner.mesh.mesh import (
 )
 from planner.numerics import BoolArray, FloatArray, Int32Array, IntArray, Point
 
-__all__ = ["Part", "fits_turned", "make_part", "moved_to_corner", "open_part", "union"]
+__all__ = ["Part", "fits_turned", "make_part", "moved_to_corner", "open_part", "plain", "union"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -1018,6 +1018,18 @@ def union(mesh: Mesh) -> Mesh:
     if whole.status() != manifold3d.Error.NoError or whole.is_empty():
         return mesh
     return _mesh_of(whole)
+
+
+def plain(mesh: Mesh, within_mm: float) -> Mesh:
+    """Return a closed surface without the edges that it does without, moved by so much at most.
+
+    One whose bodies touch along an edge is returned as it is.
+    """
+    try:
+        solid = _manifold(mesh.vertices, mesh.faces)
+    except MeshError:
+        return mesh
+    return mesh if solid.is_empty() else _mesh_of(solid.simplify(within_mm))
 
 
 def _sum(solids: list[Any]) -> Any:

@@ -21,8 +21,8 @@ from planner.grading.profile import dithered_profile
 from planner.materials.mixtures import CoefficientModel
 from planner.mesh.distance import distances, triangle_tree
 from planner.mesh.halve import halve_long_edges
-from planner.mesh.mesh import Mesh, Topology, cancel_opposite, compact
-from planner.mesh.part import open_part
+from planner.mesh.mesh import Mesh, Topology, join_shells
+from planner.mesh.part import open_part, plain
 from planner.numerics import FloatArray, Point, as_point, one_blas_thread
 from planner.palette import Palette
 from planner.plan import Plan, Triangles, plan_file, read_plan, read_shells
@@ -66,19 +66,6 @@ _OFF = 1e-4
 _FLAT_MM = 1e-4
 """How far cuts that are taken back may move the surface: ten times what single precision rounds by
 on a tray of 400 mm, and a hundredth of a printed layer."""
-
-
-def _outer(whole: Mesh) -> Mesh:
-    """Return the surface of all shells, without the edges that only their interfaces have cut."""
-    import manifold3d
-
-    used, faces = compact(whole.faces[cancel_opposite(whole.faces)], len(whole.vertices))
-    vertices = np.ascontiguousarray(whole.vertices[used])
-    cut = manifold3d.Manifold(manifold3d.Mesh64(vertices, faces.astype(np.uint64)))
-    if cut.status() != manifold3d.Error.NoError or cut.is_empty():
-        return Mesh(vertices, faces)  # two shells may touch along an edge
-    plain = cut.simplify(_FLAT_MM).to_mesh64()
-    return Mesh(np.array(plain.vert_properties)[:, :3], np.array(plain.tri_verts, np.int32))
 
 
 def _own(plan: Plan, placed: Mesh) -> Mesh:
@@ -270,15 +257,16 @@ def open_solid(
             raise ArgumentError(f"{name} {given}: it goes with a mesh; a plan has its own")
     chosen, notes = plan_palette(source, palette, printer)
     shells = dict(read_shells(source))
-    whole = united(shells)
-    placed = _outer(whole)
+    joined = join_shells(shells.values())
+    placed = plain(joined.outside, _FLAT_MM)  # without what only interfaces have cut
     filling = _filling(source, shells, placed, chosen)
     surface, strain = _own(source, placed), source.stiffness.at_strain
     made = Solid(source.part.file, surface, filling, chosen, notes, strain)
     if source.gradient.kind in ("mix", "dither") or len(shells) == 1:
         return made
-    own = Mesh(whole.vertices - np.array(source.part.translation_mm), whole.faces)
-    shell = np.repeat(np.arange(len(shells), dtype=np.int32), [len(s) for s in shells.values()])
+    places = joined.vertices - np.array(source.part.translation_mm)
+    own = Mesh(places, np.concatenate(joined.faces))
+    shell = np.repeat(np.arange(len(shells), dtype=np.int32), [len(s) for s in joined.faces])
     filled = _filled(source, shells, chosen)
     modulus = CoefficientModel(chosen).modulus_MPa(filled, strain)
     return replace(made, shells=Shells(own, shell, modulus), shell_coordinate=filled)
