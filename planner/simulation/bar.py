@@ -1,6 +1,6 @@
 """A bar to pull: sections of a plan, a profile of a file, or a coupon."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -23,6 +23,7 @@ from planner.voxels.columns import Grid, iterate_columns
 __all__ = [
     "Bar",
     "ProfileDesign",
+    "mixture_along",
     "plan_axis",
     "plan_palette",
     "read_profile",
@@ -173,10 +174,7 @@ class Bar:
         layer = np.minimum((centres / span_mm * slices).astype(np.int64), slices - 1)
         region = np.clip(np.searchsorted(bands[:, 0], centres, side="right") - 1, 0, None)
         area = np.where(centres <= bands[region, 1], layer_area_mm2[layer], 0.0)
-        if plan.gradient.kind == "dither":
-            coordinate = np.interp(centres / span_mm, *dithered_profile(plan, palette))
-        else:
-            coordinate = region_coordinates(plan, palette)[region]
+        coordinate = mixture_along(plan, palette)(centres / span_mm)
         return cls.between(edges, coordinate, area, between_mm)
 
     @classmethod
@@ -229,6 +227,17 @@ def region_coordinates(plan: Plan, palette: Palette) -> FloatArray:
         [r.coordinate if r.material is None else palette.resolve(r.material).coordinate
          for r in plan.regions]
     )  # fmt: skip
+
+
+def mixture_along(plan: Plan, palette: Palette) -> Callable[[FloatArray], FloatArray]:
+    """Return what tells the coordinate that a plan prints at values of its field."""
+    if plan.gradient.kind == "dither":
+        along, coordinate = dithered_profile(plan, palette)
+        return lambda u: np.interp(u, along, coordinate)
+    rising = sorted(range(len(plan.regions)), key=lambda k: plan.regions[k].field)
+    starts = np.array([plan.regions[k].field[0] for k in rising])
+    coordinates = region_coordinates(plan, palette)[rising]
+    return lambda u: coordinates[np.maximum(np.searchsorted(starts, u, side="right") - 1, 0)]
 
 
 def plan_palette(

@@ -573,8 +573,7 @@ def _turned(faces: _Faces, text: str, where: str) -> _Caught:
     if found is None:
         raise ArgumentError(f"{where}: write normal:DIRECTION within DEGREES: normal:+z within 20")
     direction = np.array(_direction(found[1], where))
-    normal = faces.mesh.area_vectors_mm2 / np.maximum(faces.area_mm2, 1e-300)[:, None]
-    angle = np.degrees(np.arccos(np.clip(normal @ direction, -1.0, 1.0)))
+    angle = np.degrees(np.arccos(np.clip(faces.mesh.normals @ direction, -1.0, 1.0)))
     return angle <= float(found[2]), f"the nearest is turned {angle.min():.3g}° off"
 
 

@@ -17,7 +17,6 @@ from planner.formats.files import encode_document, free_memory_bytes
 from planner.formats.mesh_file import encode_stl
 from planner.formats.tables import encode_csv
 from planner.glance import counted, html_of, one_line, outcome, place_text, plotted
-from planner.grading.profile import dithered_profile
 from planner.materials.mixtures import CoefficientModel
 from planner.mesh.distance import distances, triangle_tree
 from planner.mesh.halve import halve_long_edges
@@ -27,7 +26,13 @@ from planner.numerics import FloatArray, Point, as_point, one_blas_thread
 from planner.palette import Palette
 from planner.plan import Plan, Triangles, plan_file, read_plan, read_shells
 from planner.printers import Printer, palette_of
-from planner.simulation.bar import plan_axis, plan_palette, region_coordinates, united
+from planner.simulation.bar import (
+    mixture_along,
+    plan_axis,
+    plan_palette,
+    region_coordinates,
+    united,
+)
 from planner.simulation.cut_cells import FEWEST_ALONG, MOST_CELLS, CutCells, Shells, cut_cells
 from planner.simulation.loads import Conditions, LoadCase, palette_densities, read_conditions
 from planner.simulation.simulate import called
@@ -95,19 +100,8 @@ def _filling(
 
 def filling_along(field: Field, plan: Plan, palette: Palette) -> Filling:
     """Return what a plan prints along its field, which is over the part as placed for printing."""
-    moved = np.array(plan.part.translation_mm)
-    if plan.gradient.kind == "dither":
-        along, coordinate = dithered_profile(plan, palette)
-        return lambda points: np.interp(field.values(points + moved), along, coordinate)
-    rising = sorted(range(len(plan.regions)), key=lambda k: plan.regions[k].field)
-    starts = np.array([plan.regions[k].field[0] for k in rising])
-    coordinates = region_coordinates(plan, palette)[rising]
-
-    def by_field(points: FloatArray) -> FloatArray:
-        band = np.searchsorted(starts, field.values(points + moved), side="right") - 1
-        return coordinates[np.maximum(band, 0)]
-
-    return by_field
+    moved, mixture = np.array(plan.part.translation_mm), mixture_along(plan, palette)
+    return lambda points: mixture(field.values(points + moved))
 
 
 def _field(plan: Plan, placed: Mesh) -> Field | None:
