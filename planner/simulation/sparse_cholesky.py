@@ -292,8 +292,6 @@ def _halved(
     seen = np.full(count, -1, dtype=np.int64)
     touched = np.empty(count, dtype=np.int32)
     spare = np.empty(n, dtype=np.int32)
-    on_cut = np.zeros(ranks.max() + 2, dtype=np.int64)
-    in_layer = np.zeros_like(on_cut)
     # Waiting: bounds, depth, and the half of which cut it is.
     waiting = [(0, n, 0, -1, 0)]
     made = 0
@@ -316,39 +314,32 @@ def _halved(
                     met += 1
                     for axis in range(3):
                         low[axis, node] = high[axis, node] = ranks[axis, c]
-                else:
-                    for axis in range(3):
-                        low[axis, node] = min(low[axis, node], ranks[axis, c])
-                        high[axis, node] = max(high[axis, node], ranks[axis, c])
+                for axis in range(3):
+                    low[axis, node] = min(low[axis, node], ranks[axis, c])
+                    high[axis, node] = max(high[axis, node], ranks[axis, c])
         best, best_axis, best_rank = np.inf, -1, 0
         if end - start > most:
             for axis in range(3):
                 here = ranks[axis][cells[start:end]]
-                least, greatest = here.min(), here.max()
-                on_cut[: greatest - least + 2] = 0
-                in_layer[: greatest - least + 2] = 0
-                for rank in here:
-                    in_layer[rank - least] += 1
-                for i in range(met):
-                    on_cut[low[axis, touched[i]] - least + 1] += 1
-                    on_cut[high[axis, touched[i]] - least + 1] -= 1
+                least, layers = here.min(), here.max() - here.min() + 1
+                in_layer = np.bincount(here - least)
+                begin_in = np.bincount(low[axis][touched[:met]] - least, minlength=layers)
+                end_in = np.bincount(high[axis][touched[:met]] - least, minlength=layers)
                 before, cost = 0, 0
-                for rank in range(1, greatest - least + 1):
+                for rank in range(1, layers):
                     before += in_layer[rank - 1]
-                    cost += on_cut[rank]
+                    cost += begin_in[rank - 1] - end_in[rank - 1]
                     if before == 0 or before == end - start:
                         continue
                     score = cost / (np.float64(before) * np.float64(end - start - before))
                     if score < best:
                         best, best_axis, best_rank = score, axis, rank + least
-        if best_axis < 0:
-            for i in range(met):
-                owner[touched[i]] = t
-            continue
         for i in range(met):
             node = touched[i]
-            if low[best_axis, node] < best_rank <= high[best_axis, node]:
+            if best_axis < 0 or low[best_axis, node] < best_rank <= high[best_axis, node]:
                 owner[node] = t
+        if best_axis < 0:
+            continue
         lower, upper = start, 0
         for place in range(start, end):
             c = cells[place]
