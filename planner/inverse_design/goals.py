@@ -565,7 +565,6 @@ class ShapeGoal(NamedTuple):
     share: FloatArray
     target_mm: FloatArray | None
     tree: TriangleTree
-    normal: FloatArray
 
     @classmethod
     def on(cls, wanted: WantedShape, cells: CutCells, facets: BoolArray | None) -> "ShapeGoal":
@@ -586,7 +585,7 @@ class ShapeGoal(NamedTuple):
             target = carried_along(wanted.rest.triangles[which], wanted.moved[which], place)
         return cls(
             wanted, surface.vertices, carried, share / share.sum(), target,
-            triangle_tree(wanted.surface), wanted.surface.normals,
+            triangle_tree(wanted.surface),
         )  # fmt: skip
 
     def deviation(self, displacement_mm: FloatArray) -> Deviation:
@@ -604,7 +603,7 @@ class ShapeGoal(NamedTuple):
                 return (scale[:, None, None] * moved).reshape(-1, moved.shape[2])
         else:
             far = off_mm > 1e-9 * greatest
-            along: FloatArray = self.normal[which]
+            along: FloatArray = self.wanted.surface.normals[which]
             along[far] = apart[far] / off_mm[far, None]
             off = scale * off_mm
 

@@ -185,10 +185,7 @@ def _find(
                     _into_box(place, many, middle, half, turn, True)
                     break
         else:
-            used[p] = n
-            for q in range(n):
-                for k in range(4):
-                    found[p, q, k] = measure[q, k]
+            used[p] = _measure(pieces, p, found[p])
 
 
 @inner_kernel
