@@ -167,9 +167,9 @@ def _find(
             continue
         n = _measure(pieces, p, measure)
         if n > _POINTS:
-            _find_box(measure, n, wide, middle, half, turn)
-            _into_box(measure, n, middle, half, turn, False)
             mass = measure[:n, 3].sum()
+            _find_box(measure, n, mass, wide, middle, half, turn)
+            _into_box(measure, n, middle, half, turn, False)
             moment[:] = 0.0
             for q in range(n):
                 for axis in range(3):
@@ -189,13 +189,11 @@ def _find(
 
 
 @inner_kernel
-def _find_box(measure: Any, n: Any, wide: Any, middle: Any, half: Any, turn: Any) -> Any:
+def _find_box(measure: Any, n: Any, mass: Any, wide: Any, middle: Any, half: Any, turn: Any) -> Any:
     # The box that holds a piece: along the piece's principal axes (the rows of `turn`), or along
     # the cell's where that is not much smaller.
     aligned, mean, spread = np.zeros((3, 3)), np.zeros(3), np.zeros((3, 3))
-    mass = 0.0
     for q in range(n):
-        mass += measure[q, 3]
         for a in range(3):
             mean[a] += measure[q, 3] * measure[q, a]
             for b in range(3):
@@ -296,11 +294,9 @@ def _guess(measure: Any, n: Any, place: Any) -> Any:
     # material divided between them, the same along y for each share, and along z for theirs. Then
     # each a little aside, evenly to all sides (multiples of powers of an irrational number).
     group = np.zeros(n, np.int64)
-    total, mean, spread = np.empty(28), np.empty(28), np.empty(28)
     place[0, 3] = 1.0
     for axis in range(3):
-        for g in range(28):
-            total[g], mean[g], spread[g] = 0.0, 0.0, 0.0
+        total, mean, spread = np.zeros(28), np.zeros(28), np.zeros(28)
         for q in range(n):
             x, w = measure[q, axis], measure[q, 3]
             for g in (group[q], 27):  # 27: all of the material, for shares that have none
@@ -339,10 +335,7 @@ def _settle(moment: Any, place: Any, line: Any, normal: Any, slopes: Any) -> Any
     trial, step = np.empty((many, 4)), np.empty((many, 4))
     error = _miss(moment, place, line, miss)
     for _ in range(_STEPS):
-        met = True
-        for t in range(moments):
-            met = met and abs(miss[t]) < _MET
-        if met:
+        if np.abs(miss).max() < _MET:
             return True
         # slopes of the moments by each place and each weight, in units of the room to the box's
         # sides and of the weight
@@ -401,20 +394,14 @@ def _miss(moment: Any, place: Any, line: Any, miss: Any) -> Any:
         for axis in range(3):
             _legendre(place[q, axis], line[axis], line[3])
         _add_products(miss, -place[q, 3], line[0], line[1], line[2])
-    squares = 0.0
-    for t in range(moment.size):
-        squares += miss[t] ** 2
-    return np.sqrt(squares)
+    return np.sqrt((miss * miss).sum())
 
 
 @inner_kernel
 def _solve_normal(slopes: Any, miss: Any, normal: Any, answer: Any) -> Any:
     # slopes' slopes answer = miss
     np.dot(slopes.T, slopes, normal)
-    n = miss.size
-    trace = 0.0
-    for i in range(n):
-        trace += normal[i, i]
+    n, trace = miss.size, np.trace(normal)
     for i in range(n):
         normal[i, i] += 1e-12 * trace  # points that fall together leave it singular
     lower = np.linalg.cholesky(normal)
