@@ -4,7 +4,6 @@ import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from itertools import combinations
 from pathlib import Path
 
@@ -440,31 +439,24 @@ _Cap = tuple[int, str]
 """A plane that a support is in: across which axis, and where (min, max, or mm)."""
 
 
-@dataclass(frozen=True, eq=False)
 class _Faces:
-    """A surface, and what selectors ask of its faces."""
+    """A surface, and what selectors ask of its faces.
 
-    mesh: Mesh
+    Attributes
+    ----------
+    topology
+        Which faces meet at which edges.
+    centre_mm, area_mm2 : (F, 3), (F,)
+        Middle and area of each face.
+    flat_mm
+        How near a plane is in it.
+    """
 
-    @cached_property
-    def centre_mm(self) -> FloatArray:
-        """Middle of each face, (F, 3)."""
-        return np.asarray(self.mesh.triangles.mean(axis=1))
-
-    @cached_property
-    def area_mm2(self) -> FloatArray:
-        """Area of each face, (F,)."""
-        return np.asarray(np.linalg.norm(self.mesh.area_vectors_mm2, axis=1))
-
-    @cached_property
-    def topology(self) -> Topology:
-        """Which faces meet at which edges."""
-        return Topology(self.mesh.faces)
-
-    @cached_property
-    def flat_mm(self) -> float:
-        """How near a plane is in it."""
-        return _FLAT * float(np.ptp(self.mesh.bounds_mm, axis=0).max())
+    def __init__(self, mesh: Mesh) -> None:
+        self.mesh, self.topology = mesh, Topology(mesh.faces)
+        self.centre_mm = mesh.triangles.mean(axis=1)
+        self.area_mm2 = np.linalg.norm(mesh.area_vectors_mm2, axis=1)
+        self.flat_mm = _FLAT * float(np.ptp(mesh.bounds_mm, axis=0).max())
 
     def place_mm(self, axis: int, word: str) -> float:
         """Return the place along an axis that a word of a selector means."""

@@ -352,6 +352,12 @@ class Mechanics:
         sloped = linear[:, 1:] @ np.linalg.pinv(linear[:, 1:])
         self.roughness = np.stack([np.eye(27) - linear @ np.linalg.pinv(linear), sloped])
         self.table = (body.table.log_slope_MPa, body.table.step, below, share)
+        # Nodes of the table below and above the mixture at each point, (2, Q).
+        self._beside = np.stack([below, np.minimum(below + 1, len(body.table.coordinate) - 1)])
+        lower, upper = body.table.coordinate[self._beside]
+        softer, harder = body.table.log_slope_MPa[:, 0, 0][self._beside]
+        self._gap = np.maximum(upper - lower, 1e-12)
+        self.bulk_over_m = (harder - softer) / self._gap  # d ln κ / dm at each point, (Q,)
         self.geometry = (cells.nodes, cells.offsets, cells.points, cells.weights_mm3, cells.cell_mm)
         self._places: dict[bytes, _FacetPoints] = {} if like is None else like._places
         softer = body.cell_shear_MPa[cells.interface.cells].min(axis=1)  # of cells that meet
@@ -455,23 +461,6 @@ class Mechanics:
         u = there.interpolated(cells.node_mm, state.displacement_mm)
         strain, stress = state.strain[nearest], state.stress_MPa[nearest]
         return Equilibrium(state.share, u, strain, stress, pressure)
-
-    @cached_property
-    def _beside(self) -> IntArray:
-        """Nodes of the table below and above the mixture at each point, (2, Q)."""
-        below = self.table[2]
-        return np.stack([below, np.minimum(below + 1, len(self.body.table.coordinate) - 1)])
-
-    @cached_property
-    def _gap(self) -> FloatArray:
-        below, above = self.body.table.coordinate[self._beside]
-        return np.asarray(np.maximum(above - below, 1e-12))
-
-    @cached_property
-    def bulk_over_m(self) -> FloatArray:
-        """Derivative of ln κ over m at each point, (Q,)."""
-        below, above = self.body.table.log_slope_MPa[:, 0, 0][self._beside]
-        return np.asarray((above - below) / self._gap)
 
     def _run(self, function: Callable[..., None], *arguments: Any) -> None:
         """Call a kernel on runs of cells, of about equal work."""

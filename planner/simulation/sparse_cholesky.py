@@ -352,12 +352,10 @@ def _halved(
         for i in range(upper):
             cells[lower + i] = spare[i]
         # The larger half is made last and so factored first, while no update waits.
+        waiting.append((lower, end, deep + 1, t, 1))
+        waiting.append((start, lower, deep + 1, t, 0))
         if lower - start > upper:
-            waiting.append((start, lower, deep + 1, t, 0))
-            waiting.append((lower, end, deep + 1, t, 1))
-        else:
-            waiting.append((lower, end, deep + 1, t, 1))
-            waiting.append((start, lower, deep + 1, t, 0))
+            waiting[-1], waiting[-2] = waiting[-2], waiting[-1]
     return cells, bounds[:made], halves[:made], depth[:made], np.maximum(owner, 0)
 
 
