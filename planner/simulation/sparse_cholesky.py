@@ -418,22 +418,15 @@ def _tasks(
     small = total * _TASKS <= total[-1]
     if not small.any():
         small[:] = True  # one task has them all
-    tasks, work = [], []
-    all_at_once = np.zeros(fronts, dtype=np.int64)
-    for t in range(fronts):
-        if small[t]:
-            if above[t] >= 0 and small[above[t]]:
-                continue
-            tasks.append((start[t], t + 1))
-            work.append(need[t])
-            all_at_once[t] = need[t] + update[t]
-        else:
-            tasks.append((t, t + 1))
-            work.append(update[t])
-            halves = below[t][below[t] >= 0]
-            waiting, busy = update[halves].sum(), all_at_once[halves].sum()
-            all_at_once[t] = max(busy, update[t] + waiting)
-    return np.array(tasks), np.array(work), int(all_at_once[-1])
+    last = np.flatnonzero((above < 0) | ~small | ~small[above])  # of each task
+    tasks = np.stack([np.where(small, start, np.arange(fronts))[last], last + 1], axis=1)
+    work = np.where(small, need, update)[last]
+    all_at_once = need + update
+    for t in np.flatnonzero(~small).tolist():
+        halves = below[t][below[t] >= 0]
+        waiting, busy = update[halves].sum(), all_at_once[halves].sum()
+        all_at_once[t] = max(busy, update[t] + waiting)
+    return tasks, work, int(all_at_once[-1])
 
 
 # ------------------------------------------------------------------------------------------------
