@@ -122,7 +122,7 @@ class Case:
             good as is told. By default from the last one, else from rest by steps that are halved
             where they must be.
         tangent
-            As of `Mechanics.settle`.
+            As of `Mechanics.equilibrated`.
 
         Raises
         ------

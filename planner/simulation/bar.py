@@ -458,7 +458,7 @@ def _of_plan(
 ) -> tuple[ProfileDesign, tuple[str, ...]]:
     """Take the material of a plan's regions along the gauge.
 
-    Not its sections, as `plan_sections`: a specimen's section is the one that was measured, and
+    Not its sections, as `Bar.of_plan`: a specimen's section is the one that was measured, and
     its files of shells need not lie beside the plan.
     """
     plan = read_plan(path)

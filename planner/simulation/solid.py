@@ -448,7 +448,7 @@ class Mechanics:
         return Equilibrium(0.0, still, none, none, pressure)
 
     def state_like(self, other: "Mechanics", state: Equilibrium) -> Equilibrium:
-        """Return the state of a body on other cells, from which `settle` may set out.
+        """Return the state of a body on other cells, from which `equilibrated` may set out.
 
         Displacements are interpolated; strains and stresses are those of the nearest points, since
         those of interpolated displacements are so rough that the stiffness is not positive.
@@ -650,8 +650,8 @@ class Mechanics:
         """Yield the equilibria at rising shares of the load; steps are halved where they must be.
 
         The factor of each is good until the next is asked for; without `tangents` it is only the
-        last one's that is of its state. `settled` as of `settle`. Without `halves` it is given up
-        where a step fails.
+        last one's that is of its state. `settled` as of `equilibrated`. Without `halves` it is
+        given up where a step fails.
 
         Raises
         ------
