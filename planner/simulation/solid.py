@@ -57,8 +57,8 @@ class _FacetPoints(NamedTuple):
         Points of one cell lie together: where each cell's begin.
     cell : (n,), shape : (n, 27), gradient : (n, 27, 3)
         The cell of each, and its shape functions there.
-    area_mm2 : (n, 3)
-        Outward area vector.
+    area_mm2, size_mm2 : (n, 3), (n,)
+        Outward area vector, and its length.
     """
 
     starts: IntArray
@@ -66,11 +66,7 @@ class _FacetPoints(NamedTuple):
     shape: FloatArray
     gradient: FloatArray
     area_mm2: FloatArray
-
-    @property
-    def size_mm2(self) -> FloatArray:
-        """Area of each, (n,)."""
-        return np.asarray(np.linalg.norm(self.area_mm2, axis=1))
+    size_mm2: FloatArray
 
     def by_cell(self) -> Iterator[tuple[int, slice]]:
         """Yield each cell, and which points are in it."""
@@ -95,7 +91,8 @@ def _facet_points(cells: CutCells, facets: BoolArray) -> _FacetPoints:
     cell = cell[order]
     shape, gradient = shape_functions(local[order], cells.cell_mm)
     starts = np.append(np.flatnonzero(np.diff(cell, prepend=-1)), len(cell))
-    return _FacetPoints(starts, cell, shape, gradient, thirds[order])
+    out = thirds[order]
+    return _FacetPoints(starts, cell, shape, gradient, out, np.linalg.norm(out, axis=1))
 
 
 def spread(cells: CutCells, at: _FacetPoints, forces: FloatArray) -> FloatArray:
