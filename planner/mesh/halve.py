@@ -55,22 +55,20 @@ def halve_long_edges(mesh: Mesh, longest_mm: float) -> tuple[Mesh, Int32Array]:
 
 def _halve(vertices: FloatArray, whole: _Shapes) -> tuple[FloatArray, Int32Array, IntArray]:
     none = np.empty((0, 4), np.int32)
-    triangles, strips = whole, _Shapes(none, none, none[:, 0])
-    while triangles.halvings.any() or strips.halvings.any():
+    both = (whole, _Shapes(none, none, none[:, 0]))
+    while (marked := np.concatenate([shapes.halvings.ravel() for shapes in both]) > 0).any():
         tails, heads = (
             np.concatenate([np.roll(shapes.corners, -step, axis=1).ravel() for shapes in both])
-            for both, step in (((triangles, strips), 0), ((triangles, strips), 1))
+            for step in (0, 1)
         )
-        marked = np.concatenate([triangles.halvings.ravel(), strips.halvings.ravel()]) > 0
         ends = np.sort(np.stack([tails, heads], axis=1)[marked].astype(np.int64), axis=1)
         edges, at = np.unique(ends @ [len(vertices), 1], return_inverse=True)
         middle = np.full(len(marked), -1, np.int32)
         middle[marked] = len(vertices) + at
         pairs = np.stack(np.divmod(edges, len(vertices)), axis=1)
         vertices = np.concatenate([vertices, vertices[pairs].mean(axis=1)])
-        split = triangles.corners.size
-        of_triangles, of_strips = middle[:split].reshape(-1, 3), middle[split:].reshape(-1, 4)
-        triangles, strips = _cut(triangles, of_triangles, strips, of_strips)
+        both = _cut(both, np.split(middle, [both[0].corners.size]))
+    triangles, strips = both
     a, b, c, d = strips.corners.T
     one = np.sum((vertices[a] - vertices[c]) ** 2, axis=1)
     near = (one <= np.sum((vertices[b] - vertices[d]) ** 2, axis=1))[:, None]
@@ -102,12 +100,11 @@ on, whose halvings less one each of its edges has left; 0 for none. The whole be
 edge to be halved, or with the first one that is not."""
 
 
-def _cut(
-    triangles: _Shapes, middle: Int32Array, strips: _Shapes, strip_middle: Int32Array
-) -> tuple[_Shapes, _Shapes]:
+def _cut(both: Sequence[_Shapes], middles: Sequence[Int32Array]) -> tuple[_Shapes, _Shapes]:
     # Cut each shape once, at the middles of its edges that are to be halved (-1 elsewhere).
     made: dict[int, list[_Shapes]] = {3: [], 4: []}
-    for whole, at in ((triangles, middle), (strips, strip_middle)):
+    for whole, middle in zip(both, middles, strict=True):
+        at = middle.reshape(whole.corners.shape)
         sides, halved = at.shape[1], at >= 0
         count = np.count_nonzero(halved, axis=1)
         made[sides].append(whole.turned(count == 0, 0 * count))

@@ -291,25 +291,17 @@ def make_part(triangles: FloatArray, *, name: str, bodies: str | None = None) ->
     """
     if bodies is not None:
         check_known(bodies, _READINGS, f"`bodies` {bodies}: {{}}it may be")
-    _check_numbers(triangles, name)
-    vertices, faces = _welded(np.ascontiguousarray(triangles, dtype=np.float64))
-    repairs = []
-    if dropped := len(triangles) - len(faces):
-        repairs.append(f"{dropped} triangles with two equal corners dropped")
-    topology, touching = Topology(faces), False
-    if not topology.closed:
-        repaired = _close_mesh(vertices, faces)
-        if repaired is None:
-            raise MeshError(f"{name}: {_describe_faults(vertices, topology)}")
-        vertices, topology, touching = repaired.vertices, repaired.topology, repaired.touching
-        repairs += repaired.notes
     with refused(MeshError, name, "{}", MeshError):
-        points, arranged, notes = _arrange_bodies(vertices, topology, touching, bodies)
-    repairs += notes
-    used, faces = compact(arranged, len(points))
-    mesh = Mesh(points[used], faces)
-    _check_solid(mesh, name, reweld=points is not vertices or touching)
-    return Part(mesh, name, tuple(repairs))
+        _check_numbers(triangles)
+        vertices, faces = _welded(np.ascontiguousarray(triangles, dtype=np.float64))
+        dropped = len(triangles) - len(faces)
+        told = (f"{dropped} triangles with two equal corners dropped",) if dropped else ()
+        state = _close_mesh(Repaired(vertices, Topology(faces), told))
+        points, arranged, repairs = _arrange_bodies(state, bodies)
+        used, faces = compact(arranged, len(points))
+        mesh = Mesh(points[used], faces)
+        _check_solid(mesh, reweld=points is not state.vertices or state.touching)
+    return Part(mesh, name, repairs)
 
 
 def _welded(triangles: FloatArray) -> tuple[FloatArray, Int32Array]:
@@ -318,34 +310,34 @@ def _welded(triangles: FloatArray) -> tuple[FloatArray, Int32Array]:
     return vertices, faces[~repeats_index(faces)]
 
 
-def _check_numbers(triangles: FloatArray, name: str) -> None:
+def _check_numbers(triangles: FloatArray) -> None:
     if triangles.size == 0:
-        raise MeshError(f"{name}: holds no triangles; export the part again")
+        raise MeshError("holds no triangles; export the part again")
     bad = ~(np.abs(triangles) <= _FARTHEST_MM)
     if bad.any():
         first = int(np.argmax(bad.any(axis=(1, 2))))
         raise MeshError(
-            f"{name}: triangle {first + 1} has a coordinate of {triangles[first][bad[first]][0]} "
-            f"mm; coordinates must be finite and at most {_FARTHEST_MM:g} mm: check the unit, or "
+            f"triangle {first + 1} has a coordinate of {triangles[first][bad[first]][0]} mm; "
+            f"coordinates must be finite and at most {_FARTHEST_MM:g} mm: check the unit, or "
             "export the part again"
         )
 
 
-def _check_solid(mesh: Mesh, name: str, *, reweld: bool) -> None:
+def _check_solid(mesh: Mesh, *, reweld: bool) -> None:
     leaf_mm3 = _FLAT * mesh.area_mm2 * float(np.ptp(mesh.bounds_mm, axis=0).max())
     if len(mesh.faces) == 0 or mesh.volume_mm3 <= leaf_mm3:
         raise MeshError(
-            f"{name}: encloses no volume; export it as a solid, with a thickness in every direction"
+            "encloses no volume; export it as a solid, with a thickness in every direction"
         )
     if reweld:
         vertices, faces = _welded(mesh.triangles)
         topology = Topology(faces)
         if not topology.closed:
-            raise MeshError(f"{name}: {_describe_faults(vertices, topology)}")
+            raise MeshError(_describe_faults(vertices, topology))
     crossing = find_crossing(mesh)
     if crossing is not None:
         raise MeshError(
-            f"{name}: the surface crosses itself: {place_text(crossing.place_mm)} is enclosed "
+            f"the surface crosses itself: {place_text(crossing.place_mm)} is enclosed "
             f"{crossing.times_inside} times over {crossing.length_mm:.3g} mm along z, in all about "
             f"{crossing.volume_mm3:.3g} mm3; unite or mend the part in the CAD program"
         )
@@ -502,8 +494,8 @@ class Repaired:
 _Repair: TypeAlias = Callable[[Repaired], Repaired | None]
 
 
-def _close_mesh(vertices: FloatArray, faces: Int32Array) -> Repaired | None:
-    """Make a mesh closed and consistently wound, if plain repairs do.
+def _close_mesh(state: Repaired) -> Repaired:
+    """Make a mesh closed and consistently wound by plain repairs.
 
     Each repair is kept only where it changes something; none is kept unless the mesh is closed
     in the end: pairs of opposite faces, bodies that share the vertices of an edge at which they
@@ -513,18 +505,24 @@ def _close_mesh(vertices: FloatArray, faces: Int32Array) -> Repaired | None:
 
     Parameters
     ----------
-    vertices, faces
+    state
         Welded mesh without repeated indices.
 
-    Returns
-    -------
-    Repaired or None
-        None where the mesh stays open or crowded at edges.
+    Raises
+    ------
+    MeshError
+        The mesh stays open or crowded at edges.
     """
-    closed = _closed(Repaired(vertices, Topology(faces)), (_opposites, *_STEPS))
-    both_ways = _opposites_apart(vertices, faces)
+    if state.topology.closed:
+        return state
+    closed = _closed(state, (_opposites, *_STEPS))
+    both_ways = _opposites_apart(state)
     apart = None if both_ways is None else _closed(both_ways, _STEPS)
-    return replace(apart, touching=True) if apart and _walls_a_cavity(apart) else closed
+    if apart is not None and _walls_a_cavity(apart):
+        return replace(apart, touching=True)
+    if closed is None:
+        raise MeshError(_describe_faults(state.vertices, state.topology))
+    return closed
 
 
 def _closed(state: Repaired, steps: Iterable[_Repair]) -> Repaired | None:
@@ -573,12 +571,13 @@ def _opposites(state: Repaired) -> Repaired | None:
     return _next(state, faces[keep], f"{pairs} dropped: a wall without thickness")
 
 
-def _opposites_apart(vertices: FloatArray, faces: Int32Array) -> Repaired | None:
+def _opposites_apart(state: Repaired) -> Repaired | None:
     """Lay opposite faces in two sheets, the first before and the second behind all others.
 
     Within a sheet neighbours agree, so that bodies of a file that mixes their faces come apart; and
     a sheet shares vertices with others at its rim alone. None where there are no opposite faces.
     """
+    faces, count = state.topology.faces, len(state.vertices)
     keep = cancel_opposite(faces)
     if keep.all():
         return None
@@ -590,11 +589,12 @@ def _opposites_apart(vertices: FloatArray, faces: Int32Array) -> Repaired | None
     if turned is None:
         return None
     front = (pairs == _from_lowest(_turn(sheet.faces, turned))[index.ravel()]).all(axis=1)
-    inner = np.ones(len(vertices), dtype=np.int32)
+    inner = np.ones(count, dtype=np.int32)
     inner[sheet.open_edges] = inner[sheet.crowded_edges] = 0
-    own = len(vertices) * inner[pairs]
+    own = count * inner[pairs]
     layers = [(pairs + own)[front], faces[keep], (pairs + 2 * own)[~front]]
-    return Repaired(np.tile(vertices, (3, 1)), Topology(np.concatenate(layers)))
+    vertices = np.tile(state.vertices, (3, 1))
+    return replace(state, vertices=vertices, topology=Topology(np.concatenate(layers)))
 
 
 def _walls_a_cavity(state: Repaired) -> bool:
@@ -734,9 +734,7 @@ _Arranged = tuple[FloatArray, Int32Array, tuple[str, ...]]
 when none has volume."""
 
 
-def _arrange_bodies(
-    vertices: FloatArray, topology: Topology, touching: bool, bodies: str | None
-) -> _Arranged:
+def _arrange_bodies(state: Repaired, bodies: str | None) -> _Arranged:
     """Turn bodies the right way out and unite those that overlap.
 
     An outermost body turned inside out is turned over with all that lies inside it. Inside a
@@ -747,10 +745,8 @@ def _arrange_bodies(
 
     Parameters
     ----------
-    vertices, topology
-        A closed mesh.
-    touching
-        Bodies share edges by position: unite them even where they only touch.
+    state
+        A closed mesh; what touches is united even where it does not overlap.
     bodies
         What such a body is: ``cavities``, taken away from the solids around it; or ``solids``:
         then every body is, whichever way it is wound.
@@ -761,8 +757,9 @@ def _arrange_bodies(
         Bodies overlap and cannot be united; or `bodies` has to be given, as the part's volume
         depends on it.
     """
+    vertices, topology, touching = state.vertices, state.topology, state.touching
     volume, bounds, full = _measured(vertices, topology)
-    notes = []
+    notes = [*state.notes]
     if not full.all() and full.any():
         flat = find_crossing(Mesh(vertices, topology.faces[~full[topology.body]]))
         if flat is not None:
@@ -795,7 +792,7 @@ def _arrange_bodies(
             rest = vertices[faces[keep & ~met[solid[body]]]]
             points, welded = _welded(np.concatenate([rest, triangles]))
             if not touching and not Topology(welded).closed:  # what was united touches the rest
-                return _arrange_bodies(vertices, topology, True, bodies)
+                return _arrange_bodies(replace(state, touching=True), bodies)
             return points, welded, (*notes, note)
     return vertices, faces if keep.all() else faces[keep], tuple(notes)
 
