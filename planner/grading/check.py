@@ -16,7 +16,7 @@ from planner.formats.outputs import is_as_written, is_scratch
 from planner.formats.threemf import ThreemfObject, read_threemf
 from planner.glance import counted, one_line, outcome
 from planner.mesh.mesh import JoinedShells, Measures, Mesh, join_shells, measure, weld_points
-from planner.numerics import FloatArray, Point
+from planner.numerics import FloatArray, Int32Array, Point
 from planner.palette import DENSEST_G_CM3
 from planner.plan import (
     Check,
@@ -168,8 +168,7 @@ def plan_checks(
         checks = shell_checks(shells, plan.part)
         if placed is not None and not interfaces_cancel(shells, placed):
             checks["interfaces_unmatched"] = Check(1, 0, False)
-        triangles = {file: len(faces) for file, faces in zip(files, shells.faces, strict=True)}
-        problems += _shell_problems(plan, measures, triangles)
+        problems += _shell_problems(plan, measures, dict(zip(files, shells.faces, strict=True)))
     checks["plan_disagreements"] = Check(len(problems), 0, not problems)
     return checks, tuple(problems)
 
@@ -216,7 +215,7 @@ def _region_problems(plan: Plan, whole_mm3: float) -> Iterator[str]:
 
 
 def _shell_problems(
-    plan: Plan, measures: Mapping[str, Measures], triangles: Mapping[str, int]
+    plan: Plan, measures: Mapping[str, Measures], faces: Mapping[str, Int32Array]
 ) -> Iterator[str]:
     """Hold each shell against the regions that the plan puts into it."""
     for number, file in enumerate(sorted({region.file for region in plan.regions}), start=1):
@@ -234,8 +233,8 @@ def _shell_problems(
         volume_mm3, said_mm3 = float(found.volume_mm3[0]), sum(r.volume_mm3 for r in regions)
         if not math.isclose(volume_mm3, said_mm3, rel_tol=_VOLUME_ERROR):
             yield f"{file}: it has {volume_mm3:.9g} mm3, the plan says {said_mm3:.9g} mm3"
-        if any(region.triangles != triangles[file] for region in regions):
-            yield f"{file}: it has {triangles[file]} triangles, the plan says otherwise"
+        if any(region.triangles != len(faces[file]) for region in regions):
+            yield f"{file}: it has {len(faces[file])} triangles, the plan says otherwise"
         if not _near(found.bounds_mm[0], _union([region.bounds_mm for region in regions])):
             yield f"{file}: it does not lie where the plan says"
     softest_first = [_of(plan, file)[0].coordinate for file in sorted(measures)]
@@ -551,12 +550,11 @@ def _compare(before: Plan, after: Plan, tolerance: float) -> Iterator[Difference
         a, b = before.checks.get(name), after.checks.get(name)
         if (a is None or a.ok) != (b is None or b.ok):
             yield Difference("check", name, _holds(a), _holds(b))
-    a_found = sorted(found.message for found in before.findings)
-    b_found = sorted(found.message for found in after.findings)
-    if a_found != b_found:
-        yield Difference("findings", "plan", str(len(a_found)), str(len(b_found)))
-    a, b = _targets(before), _targets(after)
-    yield from _different("unreachable targets", "plan", a, b, tolerance)
+    messages = [sorted(found.message for found in plan.findings) for plan in (before, after)]
+    if messages[0] != messages[1]:
+        yield Difference("findings", "plan", *(str(len(each)) for each in messages))
+    missed = ([[m.field, m.target_modulus_MPa] for m in p.unreachable] for p in (before, after))
+    yield from _different("unreachable targets", "plan", *missed, tolerance)
 
 
 def _compare_materials(before: Plan, after: Plan, tolerance: float) -> Iterator[Difference]:
@@ -603,10 +601,6 @@ def _volume_by_material(plan: Plan) -> dict[str, float]:
     for region in plan.regions:
         volumes[region.printed] = volumes.get(region.printed, 0.0) + region.volume_mm3
     return volumes
-
-
-def _targets(plan: Plan) -> list[Any]:
-    return [[missed.field, missed.target_modulus_MPa] for missed in plan.unreachable]
 
 
 def _holds(check: Any) -> str:

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "AS_SHOWN",
+    "SHAPES",
     "Band",
     "Profile",
     "StiffnessScale",
@@ -52,7 +53,7 @@ __all__ = [
 
 
 _Shape = Literal["log", "linear", "smooth"]
-_SHAPES = get_args(_Shape)
+SHAPES = get_args(_Shape)
 _LEAST_MPa, _MOST_MPa = 1e-6, 1e7  # far beyond any solid that is printed
 
 
@@ -92,8 +93,8 @@ class Profile:
             object.__setattr__(self, name, tuple(as_number(v, of) for v in given))
         rising = all(a <= b for a, b in itertools.pairwise(self.positions))
         jumps = any(a == b for a, b in zip(self.positions, self.positions[2:], strict=False))
-        if self.shape not in _SHAPES:
-            fault = f"shape is {self.shape!r}; it must be one of {', '.join(_SHAPES)}"
+        if self.shape not in SHAPES:
+            fault = f"shape is {self.shape!r}; it must be one of {', '.join(SHAPES)}"
         elif len(self.positions) != len(self.moduli_MPa) or len(self.positions) < 2:
             fault = "it needs two or more positions, and a modulus for each"
         elif self.positions[0] != 0.0 or self.positions[-1] != 1.0 or not rising or jumps:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Literal, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,7 +24,7 @@ from planner.errors import (
 from planner.fields.basic import Field
 from planner.fields.parse import TableFile, field_of
 from planner.formats.units import QUANTITY_UNITS
-from planner.grading.profile import Profile, StiffnessScale, profile_of, read_moduli
+from planner.grading.profile import SHAPES, Profile, StiffnessScale, profile_of, read_moduli
 from planner.materials.mixtures import nearest_on
 from planner.numerics import FloatArray, numbers_in
 from planner.palette import Material, Palette
@@ -318,8 +318,7 @@ def _called(end: End) -> str:
 # Profiles by a name, between two moduli, and by a function.
 
 
-_SHAPES: tuple[Literal["log", "linear", "smooth"], ...] = ("log", "linear", "smooth")
-_PROFILES = (*_SHAPES, "steps:N", "grades", "FILE.csv")
+_PROFILES = (*SHAPES, "steps:N", "grades", "FILE.csv")
 
 
 def between(
@@ -341,9 +340,8 @@ def between(
     ArgumentError
         An unknown name, fewer than two steps, or both ends nearest to one material.
     """
-    if spec in _SHAPES:
-        shape = _SHAPES[_SHAPES.index(spec)]
-        return Profile(spec, (0.0, 1.0), (start_MPa, end_MPa), shape)
+    if spec in SHAPES:
+        return Profile(spec, (0.0, 1.0), (start_MPa, end_MPa), SHAPES[SHAPES.index(spec)])
     if spec == "grades":
         return _steps(spec, _grades(start_MPa, end_MPa, moduli_MPa))
     if spec.startswith("steps:"):

@@ -1222,9 +1222,8 @@ def _describe_faults(vertices: FloatArray, topology: Topology) -> str:
             "touch along a line, which has no thickness to print; let them overlap, or move them "
             "apart"
         )
-    if topology.turned is None:
-        return "the surface has one side only, as a Möbius strip; export the part as a solid"
-    return f"{counted(topology.same_way, 'edge')} whose faces disagree on where outside is"
+    # Of a surface with two sides `_winding` has turned over what disagreed on where outside is.
+    return "the surface has one side only, as a Möbius strip; export the part as a solid"
 
 
 def _describe_borders(vertices: FloatArray, edges: Int32Array, crowded: int) -> str:

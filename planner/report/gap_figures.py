@@ -421,9 +421,9 @@ def _y_range(panels: Sequence[Points]) -> _Range:
     """Return a range in per cent that holds zero and every error."""
     values = np.concatenate([errors for p in panels for errors in (p.before, p.after)])
     values = 100.0 * values[np.isfinite(values)]
-    low, high = min(0.0, float(values.min())), max(0.0, float(values.max()))
-    room = 0.08 * (high - low) or 1.0
-    return min(low - room, -1.0), max(high + room, 1.0)
+    held = min(0.0, float(values.min())), max(0.0, float(values.max()))
+    low, high = svg.with_room(held, 0.08, 1.0)
+    return min(low, -1.0), max(high, 1.0)
 
 
 # ------------------------------------------------------------------------------------------------

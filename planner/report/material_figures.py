@@ -138,7 +138,7 @@ def _stresses(scale: StiffnessScale, left: float) -> Iterator[str]:
     # Names stand behind the ends of the curves.
     letters = max(len(material.id) for material in materials)
     reach = longest / (1.0 - (_LETTER * letters + 14.0) / _WIDTH)
-    y_range = _with_room(np.log10([min(stresses), max(stresses)]), 0.05)
+    y_range = svg.with_room(np.log10([min(stresses), max(stresses)]), 0.05)
     chart = Chart(left, _TOP, _WIDTH, _HEIGHT, (0.0, reach), y_range)
     label = "nominal stress of each law to its break, MPa"
     yield from chart.frame(x_label="strain", y_label=label, y_log=True)
@@ -192,16 +192,10 @@ def _moduli(
     grades, m = model.coordinates, model.coordinates_between(places)
     low, high = model.modulus_interval_MPa(m, strain)
     ends = np.log10([low.min(), max(most, high.max())])
-    chart = Chart(*box, _with_room(grades, room[0]), _with_room(ends, room[1]))
+    chart = Chart(*box, svg.with_room(grades, room[0]), svg.with_room(ends, room[1]))
     line = chart.line(m, np.log10(model.modulus_MPa(m, strain)), colour=colour)
     band = chart.band(m, np.log10(low), np.log10(high))
     return chart, [band, *chart.frame(y_log=True, **labels), line]
-
-
-def _with_room(ends: FloatArray, share: float) -> tuple[float, float]:
-    """Return a range with some room on either side."""
-    room = share * float(ends[-1] - ends[0]) or 0.5
-    return float(ends[0]) - room, float(ends[-1]) + room
 
 
 # ------------------------------------------------------------------------------------------------
@@ -591,10 +585,8 @@ def _coefficient(found: QuadraticStudy, which: int, left: float, top: float) -> 
     m = np.linspace(grades[0], grades[-1], _CURVE_POINTS)
     last = found.quadratics.model.coefficients(m)[:, which]
     through = found.through.coefficients(m)[:, which]
-    low, high = _ends(np.concatenate([own, last, through]))
-    spare = 0.08 * (high - low) or 1.0
-    y_range = (low - spare, high + spare)
-    chart = Chart(left, top, _PANEL_WIDTH, _FIT_HEIGHT, _with_room(grades, 0.04), y_range)
+    y_range = svg.with_room(_ends(np.concatenate([own, last, through])), 0.08, 1.0)
+    chart = Chart(left, top, _PANEL_WIDTH, _FIT_HEIGHT, svg.with_room(grades, 0.04), y_range)
     unit = ", MPa" if which % 2 == 0 else ""
     yield from chart.frame(x_label="coordinate m", y_label=f"c{which + 1}{unit}", most_ticks=6)
     yield chart.line(m, through, colour=GREY, width=1.6, dash="2,3")

@@ -213,11 +213,11 @@ def _chart(
     logs += [math.log10(modulus) for modulus in more_MPa]
     for target in targets:
         logs += [] if target is None else [float(target[1].min()), float(target[1].max())]
-    room = _ROOM * (max(logs) - min(logs)) or 0.5
     spans = {mm_along(plan.gradient.field)[:2] for plan in plans}
     begin, way = spans.pop() if len(spans) == 1 else (0.0, 1.0)
     ends = (begin, begin + way) if way else (0.0, 1.0)
-    return Chart(_LEFT, _TOP, _WIDTH, _HEIGHT, ends, (min(logs) - room, max(logs) + room))
+    y_range = svg.with_room((min(logs), max(logs)), _ROOM)
+    return Chart(_LEFT, _TOP, _WIDTH, _HEIGHT, ends, y_range)
 
 
 def _target_line(chart: Chart, target: _Target, colour: str = BLUE, width: float = 2.0) -> str:

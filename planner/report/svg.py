@@ -34,6 +34,7 @@ __all__ = [
     "text",
     "ticks",
     "told",
+    "with_room",
 ]
 
 
@@ -293,6 +294,12 @@ def log_ticks(low: float, high: float) -> list[tuple[float, str]]:
     if len(found) > 1:
         return found
     return [(math.log10(value), f"{value:g}") for value in ticks(10.0**low, 10.0**high)]
+
+
+def with_room(ends: Sequence[float] | FloatArray, share: float, least: float = 0.5) -> _Pair:
+    """Return a range with a share of it as room on either side, so much of one without width."""
+    room = share * float(ends[-1] - ends[0]) or least
+    return float(ends[0]) - room, float(ends[-1]) + room
 
 
 def ramp(colours: Sequence[str], places: Sequence[float], at: FloatArray) -> list[str]:
