@@ -757,9 +757,8 @@ def write_slices(
             "another folder with `output`"
         )
     source = _open_shells(plan, pitch_mm, printer)
-    edges_mm = source.grid.pitch_mm
     colours = _distinct_colours([shell.colour for shell in source.shells])
-    kind = ImageKind(colours, indexed, (edges_mm[0], edges_mm[1]))
+    kind = ImageKind(colours, indexed, source.grid.pitch_mm[:2])
     dealt = _deal_slabs(source, slab_layers)
     make = partial(_make_slab, kind)
     slabs = map(make, dealt) if scheduler is None else _make_slabs_on(scheduler, kind, dealt)

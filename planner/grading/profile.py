@@ -397,10 +397,9 @@ def list_materials(
     >>> round(planner.list_materials(at_strain=0.3).modulus_of("TangoPlus"), 3)  # doctest: +SKIP
     0.349
     """
-    chosen = palette_of(palette, printer)
-    if temperature_C is None:
-        return stiffness_scale(chosen, at_strain)
-    chosen, warming = at_temperature(temperature_C, palette=chosen)
+    chosen, warming = palette_of(palette, printer), tuple[str, ...]()
+    if temperature_C is not None:
+        chosen, warming = at_temperature(temperature_C, palette=chosen)
     return replace(stiffness_scale(chosen, at_strain), warming=warming)
 
 

@@ -4,6 +4,7 @@ import hashlib
 import itertools
 import re
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -177,17 +178,15 @@ class _EarlierPlan:
 
     def _own_palette(self, printer: str | Path | Printer | None) -> Palette:
         used = self.plan.palette
-        try:
+        with suppress(PlannerError):
             palette = load_printer(printer or self.plan.printer).palette(used.name)
-        except PlannerError:
-            palette = None
-        if palette is None or palette.sha256 != used.sha256:
-            raise ArgumentError(
-                f"the plan of {self.plan.part.file} was made with a palette {used.name} (sha256 "
-                f"{used.sha256[:12]}) that its printer does not bring: give a palette file with "
-                "`palette`"
-            )
-        return palette
+            if palette.sha256 == used.sha256:
+                return palette
+        raise ArgumentError(
+            f"the plan of {self.plan.part.file} was made with a palette {used.name} (sha256 "
+            f"{used.sha256[:12]}) that its printer does not bring: give a palette file with "
+            "`palette`"
+        )
 
 
 def _earlier(like: str | Path | Plan) -> _EarlierPlan:

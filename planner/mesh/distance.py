@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.mesh.mesh import Mesh, order_edges
+from planner.mesh.mesh import Mesh, face_normal, order_edges
 from planner.numerics import FloatArray, IntArray, inner_kernel, kernel
 
 __all__ = ["TriangleTree", "distances", "inscribed_balls", "triangle_tree"]
@@ -327,14 +327,10 @@ def _depth(corners: Any, near: Any, point: Any, reach: Any, closest: Any) -> Any
     nearest, inside, facing = reach * reach, True, 0.0
     for f in near:
         distance, _ = _to_triangle(corners, f, point, closest)
-        height, square = 0.0, 0.0
-        for d in range(3):
-            i, j = (d + 1) % 3, (d + 2) % 3
-            ui, uj = corners[f, 1, i] - corners[f, 0, i], corners[f, 1, j] - corners[f, 0, j]
-            vi, vj = corners[f, 2, i] - corners[f, 0, i], corners[f, 2, j] - corners[f, 0, j]
-            n = ui * vj - uj * vi
-            height += n * (closest[0, d] - point[d])
-            square += n * n
+        x, y, z = face_normal(corners[f], 0, 1, 2)
+        height = x * (closest[0, 0] - point[0]) + y * (closest[0, 1] - point[1])
+        height += z * (closest[0, 2] - point[2])
+        square = x * x + y * y + z * z
         if distance > nearest * (1 + 1e-9) + 1e-18 or square == 0.0:
             continue
         cosine = height / np.sqrt(square * max(distance, 1e-300))

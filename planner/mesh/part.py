@@ -383,41 +383,6 @@ _DIGITS = 9  # of an angle in radians: faces nearer than that lie on each other
 _HALF_TURN = round(np.pi, _DIGITS)
 
 
-def _part_at_crowded_edges(
-    vertices: FloatArray, topology: Topology
-) -> tuple[FloatArray, Int32Array] | None:
-    """Give each of the surfaces that meet at crowded edges vertices of its own.
-
-    Around an edge of more than two faces, those between which there is solid belong together.
-
-    Parameters
-    ----------
-    vertices, topology
-        A mesh without open edges.
-
-    Returns
-    -------
-    vertices, faces
-        Positions as before, those on contacts repeated; None where the faces at an edge do not
-        pair up.
-    """
-    faces = topology.faces
-    twin = topology.twin.astype(np.int64)
-    order, starts, count = order_edges(faces)
-    for first, last in zip(starts[count > 2], (starts + count)[count > 2], strict=True):
-        pairs = _pairs(vertices, faces, order[first:last].tolist())
-        if pairs is None:
-            return None
-        for one, other in pairs:
-            twin[one], twin[other] = other, one
-    corner = np.arange(len(twin))
-    after = corner - corner % 3 + (corner + 1) % 3
-    index = connected(len(twin), corner, after[twin])  # neighbours around a vertex are one
-    original = np.zeros(index.max() + 1, dtype=np.int64)
-    original[index] = faces.ravel()
-    return vertices[original], index.reshape(-1, 3)
-
-
 def _ends(faces: Int32Array, half: int) -> tuple[int, int]:
     face, corner = divmod(half, 3)
     return int(faces[face, corner]), int(faces[face, (corner + 1) % 3])
@@ -698,13 +663,28 @@ def _turn(faces: Int32Array, which: BoolArray) -> Int32Array:
 
 
 def _touching(state: Repaired) -> Repaired | None:
-    """Give bodies that meet at crowded edges vertices of their own."""
-    if not 0 < len(state.topology.crowded_edges) <= _MOST_BORDERS or len(state.topology.open_edges):
+    """Give bodies that meet at crowded edges vertices of their own.
+
+    Around an edge of more than two faces, those between which there is solid belong together.
+    """
+    vertices, topology = state.vertices, state.topology
+    if not 0 < len(topology.crowded_edges) <= _MOST_BORDERS or len(topology.open_edges):
         return None
-    apart = _part_at_crowded_edges(state.vertices, state.topology)
-    if apart is None or not (topology := Topology(apart[1])).closed:
-        return None
-    return Repaired(apart[0], topology, state.notes, touching=True)
+    faces, twin = topology.faces, topology.twin.astype(np.int64)
+    order, starts, count = order_edges(faces)
+    for first, last in zip(starts[count > 2], (starts + count)[count > 2], strict=True):
+        pairs = _pairs(vertices, faces, order[first:last].tolist())
+        if pairs is None:
+            return None
+        for one, other in pairs:
+            twin[one], twin[other] = other, one
+    corner = np.arange(len(twin))
+    after = corner - corner % 3 + (corner + 1) % 3
+    index = connected(len(twin), corner, after[twin])  # neighbours around a vertex are one
+    original = np.zeros(index.max() + 1, dtype=np.int64)
+    original[index] = faces.ravel()
+    apart = Topology(index.reshape(-1, 3))
+    return Repaired(vertices[original], apart, state.notes, touching=True) if apart.closed else None
 
 
 # Where faces balance at each edge, bodies touch or coincide and no face may go.
