@@ -25,6 +25,7 @@ __all__ = [
     "place_text",
     "plotted",
     "shade",
+    "sized",
 ]
 
 
@@ -90,6 +91,11 @@ def shade(fraction: float) -> str:
 def place_text(place_mm: Iterable[float], digits: int = 4) -> str:
     """Write a place with so many digits: "(1.5, 20, 3) mm"."""
     return f"({', '.join(f'{x:.{digits}g}' for x in place_mm)}) mm"
+
+
+def sized(lengths: Iterable[float], form: str = ".4g") -> str:
+    """Write lengths along the axes, each in a form: "1.5 x 20 x 3"."""
+    return " x ".join(f"{length:{form}}" for length in lengths)
 
 
 def counted(count: int, noun: str) -> str:

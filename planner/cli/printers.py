@@ -10,6 +10,7 @@ from typer import Context
 import planner
 from planner.cli import output as cli
 from planner.errors import ArgumentError, PlannerError
+from planner.glance import sized
 
 app = typer.Typer(name="printers", rich_markup_mode="rich", invoke_without_command=True)
 
@@ -39,16 +40,12 @@ def _printers(context: typer.Context, as_json: cli.AsJson = False) -> int:
         rows.append({"name": name, **stated, "plugin": entry.value, "distribution": made_by})
         sizes = machine.tray_mm, [1000 * v for v in (*machine.pixel_mm, machine.layer_mm)]
         where = [", ".join(machine.palettes), made_by or entry.value]
-        shown.append([name, machine.title, *map(_lengths, sizes), *where])
+        shown.append([name, machine.title, *(sized(each, "g") for each in sizes), *where])
     if cli.in_words(lambda: {"schema": 1, "printers": rows, "broken": broken}, as_json):
         columns = ["name", "machine", "tray mm", "voxel um", "palettes", "from"]
         cli.print_table(columns, shown, droppable=["from", "voxel um"])
         cli.finding(*broken)
     return 1 if broken else 0
-
-
-def _lengths(values: Any) -> str:
-    return " x ".join(f"{value:g}" for value in values)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -79,7 +76,7 @@ def show(name: str, as_json: cli.AsJson = False) -> int:
         return 0
     cli.say(f"{machine.title} ({machine.name})")
     for key, value in limits.items():
-        words = _lengths(value if isinstance(value, tuple) else (value,))
+        words = sized(value if isinstance(value, tuple) else (value,), "g")
         cli.say(f"  {key.removesuffix('_mm').replace('_', ' ')}: {words} mm")
     cli.say(f"  resins: {', '.join(machine.base_resins)}; support: {machine.support}")
     rows = [[palette, *pair] for palette, called in named.items() for pair in called.items()]

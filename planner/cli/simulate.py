@@ -11,7 +11,7 @@ from typer import Context
 import planner
 from planner.cli import output as cli
 from planner.errors import ArgumentError, refused
-from planner.glance import counted, format_number, format_range
+from planner.glance import counted, format_number, format_range, sized
 
 _MeshMaterial = Annotated[str | None, "What a mesh is made of, which is no plan."]
 _PlansPrinter = Annotated[str | None, "Installed printer; by default the plan's, else connex3."]
@@ -318,8 +318,7 @@ def _export_report(model: "planner.Export") -> None:
             to = "-" if made.to_strain is None else f"{made.to_strain:.3g}"
             off = "-" if made.fit_error is None else f"{made.fit_error:.1%}"
             row += [made.law or "-", to, off]
-    edges = " x ".join(f"{edge:.3g}" for edge in model.cell_mm)
-    of = f"{model.cells} cells of {edges} mm, {model.nodes} nodes"
+    of = f"{model.cells} cells of {sized(model.cell_mm, '.3g')} mm, {model.nodes} nodes"
     title = f"{model.name}: {of}, volume {model.volume_error:+.1%}"
     cli.print_table(columns, rows, title=title)
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from planner.cutting.pieces import Pieces
 from planner.fields.basic import Field, PlanarField
+from planner.glance import sized
 from planner.mesh.mesh import Measures, Mesh, connected, measure
 from planner.mesh.part import fits_turned
 from planner.numerics import FloatArray, IntArray, Point, as_point
@@ -150,7 +151,7 @@ def _thin_findings(
     """
     for place in places:
         drawn_mm = part.drawn_mm(place.place_mm)
-        at = f"at {_place(drawn_mm)} mm over {_size(place.extent_mm)} mm"
+        at = f"at {_place(drawn_mm)} mm over {sized(place.extent_mm, '.2f')} mm"
         of = f"of {place.size_mm:.2f} mm {at}"
         if kind == "thin-wall":
             number = np.searchsorted(part.levels, _field_at(part, place), side="right")
@@ -185,8 +186,8 @@ def _fragments_finding(
     drawn_mm = part.drawn_mm(bits.place_mm)
     cure = "join it to the part, or leave it out" if name is None else part.cure
     message = (
-        f"{name or 'the part'}: {what} of {_size(bits.extent_mm)} mm and {bits.volume_mm3:.2g} mm3 "
-        f"at {_place(drawn_mm)} mm, smaller than the smallest feature of "
+        f"{name or 'the part'}: {what} of {sized(bits.extent_mm, '.2f')} mm and "
+        f"{bits.volume_mm3:.2g} mm3 at {_place(drawn_mm)} mm, smaller than the smallest feature of "
         f"{limit_mm:g} mm, will not print as drawn; {cure}"
     )
     return Finding("fragment", message, name, bits.place_mm, drawn_mm, max(bits.extent_mm))
@@ -207,10 +208,6 @@ def _or_larger(place: ThinPlace, limit_mm: float, what: str) -> str:
 def _place(place_mm: Sequence[float]) -> str:
     # + 0.0: a place that rounds to zero has no sign.
     return "(" + ", ".join(f"{round(coordinate, 2) + 0.0:.2f}" for coordinate in place_mm) + ")"
-
-
-def _size(extent_mm: Sequence[float]) -> str:
-    return " x ".join(f"{length:.2f}" for length in extent_mm)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -462,8 +459,7 @@ def print_checks(
 
 
 def _too_large(extent_mm: FloatArray, machine: Printer) -> Finding:
-    size = " x ".join(f"{length:.1f}" for length in extent_mm)
-    tray = " x ".join(f"{length:g}" for length in machine.tray_mm)
+    size, tray = sized(extent_mm, ".1f"), sized(machine.tray_mm, "g")
     turned = fits_turned(extent_mm, machine.tray_mm)
     cure = "turn it to fit" if turned else "scale or divide the part, or check its unit"
     message = f"the part is {size} mm, larger than the tray of {machine.title}, {tray} mm; {cure}"

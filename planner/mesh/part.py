@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from planner.errors import ArgumentError, MeshError, check_known, refused
 from planner.formats.mesh_file import read_mesh
 from planner.formats.units import QUANTITY_UNITS, canonical_unit
-from planner.glance import counted, place_text
+from planner.glance import counted, place_text, sized
 from planner.mesh.mesh import (
     Mesh,
     Topology,
@@ -212,12 +212,12 @@ def _beside_tray(part: Part, tray_mm: Point | None, oversize: bool) -> str | Non
     if not (fits or oversize):
         hint = _unit_hint(extent, part.unit).replace("--unit", "`unit`")
         raise MeshError(
-            f"{part.file}: the part is {_size(extent)} mm, too large for the tray of "
-            f"{_size(tray_mm, 6)} mm{hint}; scale or divide the part, or take it as it is with "
+            f"{part.file}: the part is {sized(extent)} mm, too large for the tray of "
+            f"{sized(tray_mm, 'g')} mm{hint}; scale or divide the part, or take it as it is with "
             "`force_oversize`"
         )
     hint = "; turn it to fit" if fits else _unit_hint(extent)
-    return f"the part is {_size(extent)} mm, the tray {_size(tray_mm, 6)} mm{hint}"
+    return f"the part is {sized(extent)} mm, the tray {sized(tray_mm, 'g')} mm{hint}"
 
 
 def _arrays(part: object, name: str) -> tuple[FloatArray, IntArray]:
@@ -348,11 +348,7 @@ def undersize(mesh: Mesh) -> str | None:
     extent = np.ptp(mesh.bounds_mm, axis=0)
     if extent.max() >= _LIKELY_MM[0]:
         return None
-    return f"the part is {_size(extent)} mm{_unit_hint(extent)}"
-
-
-def _size(extent: Iterable[float], digits: int = 4) -> str:
-    return " x ".join(f"{length:.{digits}g}" for length in extent)
+    return f"the part is {sized(extent)} mm{_unit_hint(extent)}"
 
 
 def fits_turned(extent_mm: FloatArray, tray_mm: Point) -> bool:
@@ -371,7 +367,7 @@ def _unit_hint(extent: FloatArray, stated: str = "mm") -> str:
         scale = mm[unit] / mm[stated]
         if unit != stated and low <= scale * extent.max() <= high:
             name = {"inch": "inches"}.get(unit, unit)
-            return f"; in {name} it would be {_size(scale * extent, 3)} mm: --unit {unit}"
+            return f"; in {name} it would be {sized(scale * extent, '.3g')} mm: --unit {unit}"
     return "; check its unit (--unit)"
 
 

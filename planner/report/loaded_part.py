@@ -9,7 +9,7 @@ import numpy as np
 
 from planner import __version__
 from planner.formats.field_file import encode_vtu
-from planner.glance import format_interval, format_number, in_percent, place_text
+from planner.glance import format_interval, format_number, in_percent, place_text, sized
 from planner.materials.mixtures import CoefficientModel
 from planner.mesh.distance import distances, triangle_tree
 from planner.numerics import FloatArray, IntArray
@@ -427,12 +427,11 @@ def _cut_legend(top: float, y: float) -> Iterator[str]:
 def part_title(result: PartSimulation) -> str:
     """Say in a line what was solved."""
     cells = result.cells
-    edges = " x ".join(f"{edge:.3g}" for edge in cells.cell_mm)
     share = float(result.steps.share[-1])
     reached = "the whole load" if share == 1.0 else f"{share:.3g} of the load"
     return (
-        f"{result.called}: {len(cells.nodes)} cells of {edges} mm, {3 * len(cells.node_mm)} "
-        f"unknowns, {reached}"
+        f"{result.called}: {len(cells.nodes)} cells of {sized(cells.cell_mm, '.3g')} mm, "
+        f"{3 * len(cells.node_mm)} unknowns, {reached}"
     )
 
 

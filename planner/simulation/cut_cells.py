@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import ArgumentError, MeshError, positive
+from planner.glance import sized
 from planner.mesh.halve import halve_long_edges
 from planner.mesh.mesh import Mesh, connected, order_rows, repeats_index, sorted_corners
 from planner.numerics import BoolArray, FloatArray, IntArray
@@ -250,17 +251,17 @@ def cut_cells(
     extent = high - low
     if np.max(extent) < FEWEST_ALONG * cell_mm:
         raise ArgumentError(
-            f"`cell_mm` {cell_mm:g}: the part is {_by(extent)} mm; at least {FEWEST_ALONG} cells "
+            f"`cell_mm` {cell_mm:g}: the part is {sized(extent)} mm; at least {FEWEST_ALONG} cells "
             f"along its longest side are needed: {np.max(extent) / FEWEST_ALONG:.3g} or less"
         )
     if not np.min(extent) > 0:
-        raise MeshError(f"the part is {_by(extent)} mm, which holds no material; give a solid")
+        raise MeshError(f"the part is {sized(extent)} mm, which holds no material; give a solid")
     counts = np.maximum(np.ceil(extent / cell_mm - 1e-6), 1.0)
     columns = np.sum(extent[:2]) * np.hypot(*extent[:2]) * (_COLUMNS_ACROSS / cell_mm) ** 2
     fewest = max(mesh.volume_mm3, 0.0) / cell_mm**3
     if max(counts) * _COLUMNS_ACROSS * 1.5 > MOST_VOXELS or columns > _MOST_COLUMNS:
         raise ArgumentError(
-            f"`cell_mm` {cell_mm:g}: {_by(counts)} cells across the part are more than can be "
+            f"`cell_mm` {cell_mm:g}: {sized(counts)} cells across the part are more than can be "
             "sampled; choose a larger cell"
         )
     if fewest > MOST_CELLS:
@@ -274,10 +275,6 @@ def cut_cells(
     surface, _ = halve_long_edges(mesh, float(np.min(size)) / 2)
     told, halves = parted(sample(each, low, extent, cells, _COLUMNS_ACROSS), surface, low, size)
     return _filled(told, halves, low, size, shells, surface, cell_mm, like)
-
-
-def _by(sizes: FloatArray) -> str:
-    return " x ".join(f"{s:.4g}" for s in sizes)
 
 
 def _too_many(cell_mm: float, cells: float) -> ArgumentError:

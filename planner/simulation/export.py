@@ -13,7 +13,7 @@ from planner.errors import ArgumentError, Caution, PlannerError, check_known, po
 from planner.formats.field_file import encode_vtu
 from planner.formats.files import encode_document
 from planner.formats.outputs import check_absent, write_whole
-from planner.glance import counted, one_line
+from planner.glance import counted, one_line, sized
 from planner.materials.law_blocks import hardening
 from planner.materials.laws import Yeoh, first_invariant
 from planner.materials.marlow import POISSON
@@ -432,9 +432,8 @@ def export(
             notes = (*notes, "nothing holds or loads the part: the file has no *STEP; add one")
         if to == "calculix":
             notes = (*notes, *_law_notes(laws, to_strain or np.inf))
-        edges = " x ".join(f"{edge:.4g}" for edge in mesh.cell_mm)
         remarks = [
-            f"{solid.name}: {len(mesh.nodes)} cells of {edges} mm",
+            f"{solid.name}: {len(mesh.nodes)} cells of {sized(mesh.cell_mm)} mm",
             f"cells at least half full of the part: {mesh.volume_mm3:.6g} mm3 for "
             f"{part_mm3:.6g} mm3 ({mesh.volume_mm3 / part_mm3 - 1.0:+.1%})",
         ]

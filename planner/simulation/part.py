@@ -16,7 +16,7 @@ from planner.formats.field_file import encode_vtu
 from planner.formats.files import encode_document, free_memory_bytes
 from planner.formats.mesh_file import encode_stl
 from planner.formats.tables import encode_csv
-from planner.glance import counted, html_of, one_line, outcome, place_text, plotted
+from planner.glance import counted, html_of, one_line, outcome, place_text, plotted, sized
 from planner.materials.mixtures import CoefficientModel
 from planner.mesh.distance import distances, triangle_tree
 from planner.mesh.halve import halve_long_edges
@@ -853,14 +853,13 @@ def _notes(body: "Body") -> Iterator[str]:
             f"walls are {thick_mm:.2g} mm thick on average, less than a cell: the part may come "
             f"out a tenth too stiff, also where larger cells agree; try {0.75 * thick_mm:.2g} mm"
         )
-    edges = " x ".join(f"{edge:.3g}" for edge in cells.cell_mm)
     yield (
         "the palette's laws are of tension; what compression and stretch in two directions do is "
         "extrapolated from them"
     )
     yield (
-        f"strains are means over neighbouring cells of {edges} mm; at clamped edges and sharp "
-        "corners they are higher"
+        f"strains are means over neighbouring cells of {sized(cells.cell_mm, '.3g')} mm; at "
+        "clamped edges and sharp corners they are higher"
     )
     starts, log = cells.offsets[:-1], np.log(body.shear_modulus_MPa)
     change = np.maximum.reduceat(log, starts) - np.minimum.reduceat(log, starts)
