@@ -553,8 +553,8 @@ def _compare(before: Plan, after: Plan, tolerance: float) -> Iterator[Difference
     messages = [sorted(found.message for found in plan.findings) for plan in (before, after)]
     if messages[0] != messages[1]:
         yield Difference("findings", "plan", *(str(len(each)) for each in messages))
-    missed = ([[m.field, m.target_modulus_MPa] for m in p.unreachable] for p in (before, after))
-    yield from _different("unreachable targets", "plan", *missed, tolerance)
+    a, b = ([[m.field, m.target_modulus_MPa] for m in p.unreachable] for p in (before, after))
+    yield from _different("unreachable targets", "plan", a, b, tolerance)
 
 
 def _compare_materials(before: Plan, after: Plan, tolerance: float) -> Iterator[Difference]:

@@ -100,11 +100,11 @@ on, whose halvings less one each of its edges has left; 0 for none. The whole be
 edge to be halved, or with the first one that is not."""
 
 
-def _cut(both: Sequence[_Shapes], middles: Sequence[Int32Array]) -> tuple[_Shapes, _Shapes]:
+def _cut(both: Sequence[_Shapes], middle: Sequence[Int32Array]) -> tuple[_Shapes, _Shapes]:
     # Cut each shape once, at the middles of its edges that are to be halved (-1 elsewhere).
     made: dict[int, list[_Shapes]] = {3: [], 4: []}
-    for whole, middle in zip(both, middles, strict=True):
-        at = middle.reshape(whole.corners.shape)
+    for whole, flat in zip(both, middle, strict=True):
+        at = flat.reshape(-1, whole.corners.shape[1])
         sides, halved = at.shape[1], at >= 0
         count = np.count_nonzero(halved, axis=1)
         made[sides].append(whole.turned(count == 0, 0 * count))
