@@ -100,14 +100,12 @@ def _moved_cuts(
 ) -> Iterator[dict[str, float]]:
     """Yield which cuts, at rising values of the field, to move; see `snapped_bands`."""
     faces = _faces_alongside(mesh, field) if snap_mm > 0.0 and len(levels) else None
-    if faces is None:
+    if faces is None or not len(faces.low):
         return
     limit_mm, edges = machine.minimum_feature_mm, [0.0, *levels, 1.0]
     shares = np.arange(-_OFFSETS, _OFFSETS + 1) / _OFFSETS
     for before, level, after in zip(edges, levels, edges[2:], strict=False):
         near = np.abs(0.5 * (faces.low + faces.high) - level)
-        if not len(near):
-            break
         per_mm = float(faces.per_mm[int(np.argmin(near / faces.per_mm))])
         ways = level - before, after - level
         back, forth = (min(snap_mm * per_mm, _NEIGHBOUR * way) for way in ways)
