@@ -43,7 +43,6 @@ _MOST_ROWS, _MOST_WORDS = 20, 6
 """Rows and remarks shown: what is seen without scrolling. The value itself holds the others."""
 
 
-@singledispatch
 def small_page(value: Any) -> str:
     """Return what a notebook shows of a value: HTML that holds all it needs, and no script.
 
@@ -52,15 +51,16 @@ def small_page(value: Any) -> str:
     TypeError
         Nothing is drawn of values of this type.
     """
-    raise TypeError(f"a {type(value).__name__} has no page in a notebook")
-
-
-def _html(value: object, parts: Iterable[str]) -> str:
-    """Put parts below the value's own line, dark on white whatever the notebook's colours."""
+    # Parts stand below the value's own line, dark on white whatever the notebook's colours.
     style = "background:#fff;color:#222;padding:8px 12px;overflow-x:auto;font:13px sans-serif"
     line = repr(value).strip("<>")
-    body = "\n".join(part for part in parts if part)
+    body = "\n".join(part for part in _parts(value) if part)
     return f'<div style="{style}">\n<p><b>{escape(line)}</b></p>\n{body}\n</div>'
+
+
+@singledispatch
+def _parts(value: Any) -> Iterable[str]:
+    raise TypeError(f"a {type(value).__name__} has no page in a notebook")
 
 
 def _said(words: str) -> str:
@@ -101,10 +101,10 @@ def _table(
     return "<table>\n" + "\n".join(lines) + "\n</table>"
 
 
-@small_page.register
-def _plan(plan: Plan) -> str:
+@_parts.register
+def _plan(plan: Plan) -> Iterable[str]:
     if not plan.regions:
-        return _html(plan, ())
+        return ()
     colours = _colours(plan)
     said = [finding.message for finding in plan.findings]
     drawn = plan_figure.stiffness_figure(plan, colours, "Target and achieved stiffness")
@@ -114,7 +114,7 @@ def _plan(plan: Plan) -> str:
     rows = _table(columns, table.rows, swatches, ["material", "blend"])
     better = _said(plan_figure.error_words(plan).replace("--blend", "blend"))
     found = _words([*plan_figure.unreachable_words(plan), *said])
-    return _html(plan, [found, _figure(drawn), rows, better])
+    return found, _figure(drawn), rows, better
 
 
 def _colours(plan: Plan) -> dict[str, str]:
@@ -130,46 +130,40 @@ def _colours(plan: Plan) -> dict[str, str]:
     return dict(zip(names, colours_told_apart(own), strict=True))
 
 
-@small_page.register
-def _simulation(simulation: Simulation) -> str:
+@_parts.register
+def _simulation(simulation: Simulation) -> Iterable[str]:
     said = _words([finding.message for finding in simulation.findings])
     drawn = _figure(simulation_figure(simulation)) if len(simulation.force_N) > 1 else ""
-    return _html(simulation, [said, drawn, _words(simulation.notes, "note")])
+    return said, drawn, _words(simulation.notes, "note")
 
 
-@small_page.register
-def _part_simulation(result: PartSimulation) -> str:
+@_parts.register
+def _part_simulation(result: PartSimulation) -> Iterable[str]:
     rows = list(response_rows(result))
     said = _words([finding.message for finding in result.findings])
     drawn = _figure(simulation_figure(result)) if len(result.steps.share) > 1 else ""
     table = _table(list(rows[0]), rows, ["transparent"] * len(rows), ["", "faces"])
-    notes = _words([*summary_words(result), *result.notes], "note")
-    return _html(result, [said, drawn, table, notes])
+    return said, drawn, table, _words([*summary_words(result), *result.notes], "note")
 
 
-@small_page.register
-def _palette(palette: Palette) -> str:
+@_parts.register
+def _palette(palette: Palette) -> Iterable[str]:
     try:
         scale = stiffness_scale(palette, _AT_STRAIN)
     except PlannerError as error:  # it can be looked at all the same
-        return _html(palette, [_words([str(error)]), _materials(palette, {})])
-    return _html(palette, _ladder(scale))
+        return _words([str(error)]), _materials(palette, {})
+    return _ladder(scale)
 
 
-@small_page.register
-def _scale(scale: StiffnessScale) -> str:
-    return _html(scale, _ladder(scale))
-
-
-def _ladder(scale: StiffnessScale) -> Iterator[str]:
+@_parts.register
+def _ladder(scale: StiffnessScale) -> Iterable[str]:
     stiffness = zip(scale.palette.materials, scale.moduli_MPa, scale.intervals_MPa, strict=True)
     column = f"MPa at strain {scale.at_strain:g}"
     told = {
         m.id: {column: format_number(modulus), "95 % interval": format_interval(interval)}
         for m, modulus, interval in stiffness
     }
-    yield _figure(materials_figure(scale))
-    yield _materials(scale.palette, told)
+    return _figure(materials_figure(scale)), _materials(scale.palette, told)
 
 
 def _materials(palette: Palette, told: Mapping[str, Mapping[str, str]]) -> str:
@@ -187,12 +181,12 @@ def _materials(palette: Palette, told: Mapping[str, Mapping[str, str]]) -> str:
     return _table(columns, rows, [m.colour for m in palette.materials], ["material", "law"])
 
 
-@small_page.register
-def _diagnosis(diagnosis: Diagnosis) -> str:
+@_parts.register
+def _diagnosis(diagnosis: Diagnosis) -> Iterable[str]:
     figures = figures_of(diagnosis)
     drawn = [_figure(figures[name]) for name in ("evidence", "closure") if name in figures]
     said = _said(headline(diagnosis)), _said(" ".join(diagnosis.summary) or scope(diagnosis))
-    return _html(diagnosis, [*said, *drawn, _words(diagnosis.limitations, "limitation")])
+    return *said, *drawn, _words(diagnosis.limitations, "limitation")
 
 
 # ------------------------------------------------------------------------------------------------
@@ -218,6 +212,8 @@ def draw(value: Any, ax: "Axes | None") -> "Axes":
         _, ax = pyplot.subplots(layout="constrained")
         assert ax is not None
     _draw(value, ax)
+    if not isinstance(value, Diagnosis):  # whose bars have names beside them
+        ax.legend()
     return ax
 
 
@@ -241,7 +237,6 @@ def _draw_plan(plan: Plan, ax: "Axes") -> None:
         )
     y_label = f"secant modulus at strain {plan.stiffness.at_strain:g}, MPa"
     ax.set(xlabel=words, ylabel=y_label, yscale="log", title=plan.part.file)
-    ax.legend()
 
 
 @_draw.register(Simulation)
@@ -254,7 +249,6 @@ def _draw_simulation(simulation: Simulation, ax: "Axes") -> None:
         ax.plot(x[first:], force[first:], ":", color=BLUE, label="beyond the break")
         ax.plot(x[first], force[first], "x", color=RED, markersize=9.0, label="break")
     ax.set(xlabel=x_label, ylabel="force, N", title=title)
-    ax.legend()
 
 
 @_draw.register(PartSimulation)
@@ -264,7 +258,6 @@ def _draw_part(result: PartSimulation, ax: "Axes") -> None:
     ax.fill(*around, color=BLUE, alpha=0.2, label=f"{100 * result.level:g} % of prints")
     ax.plot(curve.x, curve.y, "o-", color=BLUE, markersize=3.0, label="predicted")
     ax.set(xlabel=curve.x_label, ylabel=curve.y_label, title=result.called)
-    ax.legend()
 
 
 @_draw.register(Palette)
@@ -290,7 +283,6 @@ def _draw_scale(scale: StiffnessScale, ax: "Axes") -> None:
     x_label = "coordinate m of the material"
     y_label = f"secant modulus at strain {strain:g}, MPa"
     ax.set(xlabel=x_label, ylabel=y_label, yscale="log", title=scale.palette.name)
-    ax.legend()
 
 
 @_draw.register(Diagnosis)
@@ -323,4 +315,3 @@ def _coloured(ax: "Axes", curves: Iterable[tuple[str, FloatArray, FloatArray]]) 
         label = None if name in colours else name
         colour = colours.setdefault(name, f"C{len(colours)}")
         ax.plot(x, y, color=colour, linewidth=1.0, label=label)
-    ax.legend()
