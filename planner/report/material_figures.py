@@ -53,7 +53,7 @@ def _dot(x: float, y: float, *, colour: str, radius: float) -> Iterator[str]:
 _LEFT, _TOP, _WIDTH, _HEIGHT = 64.0, 100.0, 520.0, 380.0
 _BETWEEN, _MARGIN = 84.0, 24.0
 
-_PLACES = 60
+PLACES = 60
 """Places drawn between two grades."""
 
 _FROM_STRAIN, _STRAINS = 0.01, 200
@@ -94,7 +94,7 @@ def _ladder(scale: StiffnessScale) -> Iterator[str]:
         for held in [min(strain, material.elongation_at_break)]
     ]
     chart, drawn = _moduli(
-        scale.model, strain, (_LEFT, _TOP, _WIDTH, _HEIGHT), (0.05, 0.05), _PLACES, BLUE,
+        scale.model, strain, (_LEFT, _TOP, _WIDTH, _HEIGHT), (0.05, 0.05), PLACES, BLUE,
         most=max((modulus for _, modulus in others), default=0.0),
         x_label="coordinate m of the material", y_label=f"secant modulus at strain {strain:g}, MPa",
     )  # fmt: skip

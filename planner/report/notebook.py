@@ -24,7 +24,7 @@ from planner.report.display import colours_told_apart
 from planner.report.gap_figures import errors_of, figures_of
 from planner.report.gap_page import headline, scope
 from planner.report.loaded_part import response_rows, summary_words
-from planner.report.material_figures import materials_figure
+from planner.report.material_figures import PLACES, materials_figure
 from planner.report.simulation_figures import course_of, simulation_figure
 from planner.report.svg import BLUE, INK, RED
 from planner.simulation.part import PartSimulation
@@ -193,10 +193,6 @@ def _diagnosis(diagnosis: Diagnosis) -> Iterable[str]:
 # Plots with matplotlib, for figures of one's own.
 
 
-_PLACES = 60
-"""Places drawn between two grades."""
-
-
 def draw(value: Any, ax: "Axes | None") -> "Axes":
     """Draw a value into axes, new ones if none are given, and return them.
 
@@ -269,7 +265,7 @@ def _draw_palette(palette: Palette, ax: "Axes") -> None:
 def _draw_scale(scale: StiffnessScale, ax: "Axes") -> None:
     materials, strain = scale.palette.materials, scale.at_strain
     grades = [material.coordinate for material in materials]
-    m = scale.model.coordinates_between(_PLACES)
+    m = scale.model.coordinates_between(PLACES)
     low, high = scale.model.modulus_interval_MPa(m, strain)
     ax.fill_between(m, low, high, color=BLUE, alpha=0.2, linewidth=0.0, label="95 % of prints")
     ax.plot(m, scale.model.modulus_MPa(m, strain), color=BLUE, label="between materials")
