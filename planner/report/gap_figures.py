@@ -419,10 +419,8 @@ def _x_ticks(points: Points, chart: svg.Chart) -> Sequence[tuple[float, str]]:
 
 def _y_range(panels: Sequence[Points]) -> _Range:
     """Return a range in per cent that holds zero and every error."""
-    values = np.concatenate([errors for p in panels for errors in (p.before, p.after)])
-    values = 100.0 * values[np.isfinite(values)]
-    held = min(0.0, float(values.min())), max(0.0, float(values.max()))
-    low, high = svg.with_room(held, 0.08, 1.0)
+    values = np.concatenate([[0.0], *(errors for p in panels for errors in (p.before, p.after))])
+    low, high = svg.with_room(np.sort(100.0 * values[np.isfinite(values)]), 0.08, 1.0)
     return min(low, -1.0), max(high, 1.0)
 
 

@@ -209,15 +209,13 @@ def _chart(
     plans: Sequence[Plan], targets: Sequence[_Target | None], more_MPa: Sequence[float] = ()
 ) -> Chart:
     """Return a chart of moduli over the field, in mm where all plans' have the same ends."""
-    logs = [math.log10(r.modulus_MPa) for plan in plans for r in plan.regions]
-    logs += [math.log10(modulus) for modulus in more_MPa]
-    for target in targets:
-        logs += [] if target is None else [float(target[1].min()), float(target[1].max())]
+    moduli_MPa = [*(r.modulus_MPa for plan in plans for r in plan.regions), *more_MPa]
+    wanted = [target[1] for target in targets if target is not None]
+    logs = np.sort(np.concatenate([[*map(math.log10, moduli_MPa)], *wanted]))
     spans = {mm_along(plan.gradient.field)[:2] for plan in plans}
     begin, way = spans.pop() if len(spans) == 1 else (0.0, 1.0)
     ends = (begin, begin + way) if way else (0.0, 1.0)
-    y_range = svg.with_room((min(logs), max(logs)), _ROOM)
-    return Chart(_LEFT, _TOP, _WIDTH, _HEIGHT, ends, y_range)
+    return Chart(_LEFT, _TOP, _WIDTH, _HEIGHT, ends, svg.with_room(logs, _ROOM))
 
 
 def _target_line(chart: Chart, target: _Target, colour: str = BLUE, width: float = 2.0) -> str:
