@@ -48,15 +48,14 @@ def _without_specimens(problem: Problem, priors: Priors) -> _Part:
     kept = problem.nuisances.shape[1] - problem.noise.batch.shape[1]
     parts["nuisances"] = parts["nuisances"][:, :kept]
     of_laws = problem.of_laws[:kept]
-    return replace(problem, scatter=scatter, noise=noise, of_laws=of_laws, **parts), priors
+    return problem.with_(scatter=scatter, noise=noise, of_laws=of_laws, **parts), priors
 
 
 def _without_calibration(problem: Problem, priors: Priors) -> _Part:
     """Take the palette's laws for exact: neither level nor course of a grade is uncertain."""
     courses = discrepancy_columns(problem.campaign, problem.table, problem.sensitivity).shape[1]
     gone = len(problem.calibrations) + courses
-    less = replace(
-        problem,
+    less = problem.with_(
         calibrations=(),
         calibration=problem.calibration[:, gone:],
         nuisances=problem.nuisances[:, gone:],

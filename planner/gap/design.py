@@ -24,7 +24,6 @@ from planner.gap.evidence.problem import (
     applied,
     node_weights,
     searched,
-    set_up,
 )
 from planner.gap.evidence.weigh import (
     ALIKE_COSINE,
@@ -511,7 +510,7 @@ def design_campaign(
         # As measured without any effect: with the sensors' noise figures are as uncertain as ever.
         made = synthetic_campaign(plan, (), np.random.default_rng(0), scatter=0.0)
         made = replace(made, covariates=())
-        problem = set_up(made, observation_model(made), tuple(library.values()))
+        problem = Problem(made, observation_model(made), tuple(library.values()))
         say("choosing conditions")
         told = _information_of(problem, [library[id] for id in asked])
         counts = _testable(problem, told, [library[id] for id in asked])

@@ -40,7 +40,6 @@ from planner.gap.evidence.problem import (
     applied,
     own_axes,
     replicate_floor,
-    set_up,
     specimen_forces_N,
     squared_errors,
 )
@@ -705,7 +704,7 @@ def prepared(
         campaign = replace(campaign, specimens=kept, remarks=remarks)
         model = observation_model(campaign)
     quality = examine(campaign, model)
-    problem = set_up(campaign, model, effects, progress, _strays(campaign, quality))
+    problem = Problem(campaign, model, effects, progress, _strays(campaign, quality))
     untold = (Untestable(id, told) for id, told in reasons.items() if told is not None)
     return problem, tuple(untold), quality
 

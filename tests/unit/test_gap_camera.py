@@ -10,7 +10,7 @@ import pytest
 from planner.errors import FileError
 from planner.gap.campaign import Campaign, Specimen, StrainField
 from planner.gap.campaign_folder import read_campaign, write_campaign
-from planner.gap.evidence.problem import Problem, set_up
+from planner.gap.evidence.problem import Problem
 from planner.gap.noise import likeliest_facet, likeliest_sides
 from planner.gap.observations import SIDES, Bins, observation_model, seen_shares
 from planner.gap.virtual import single_tests, synthetic_campaign, virtual_specimen
@@ -77,7 +77,7 @@ def clean(spacing_mm: float, facet_mm: float, *, stated: bool, seed: int = 1) ->
 
 
 def problem_of(campaign: Campaign) -> Problem:
-    return set_up(campaign, observation_model(campaign), [])
+    return Problem(campaign, observation_model(campaign), [])
 
 
 @cache

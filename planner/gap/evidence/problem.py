@@ -1,11 +1,12 @@
 """A campaign made ready for weighing: forms on nodes, and every column that hypotheses need."""
 
 from collections.abc import Callable, Collection, Iterable, Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import product
 from math import prod
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,10 +18,7 @@ from planner.gap.localise import axis_patterns, specimen_patterns
 from planner.gap.noise import (
     FIT_SD,
     UNIT_GAINS,
-    Calibration,
     NoisyFeatures,
-    Scatter,
-    SpecimenNoise,
     calibration_columns,
     calibrations_of,
     discrepancy_columns,
@@ -43,7 +41,6 @@ __all__ = [
     "own_axes",
     "replicate_floor",
     "searched",
-    "set_up",
     "specimen_forces_N",
     "squared_errors",
 ]
@@ -475,9 +472,15 @@ _STRAY_SD = float(UNIT_GAINS.max())
 """Deviation of the logarithm of a stray's own gain. Physical: any factor, up to those of units."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
 class Problem:
     """A campaign made ready for weighing.
+
+    The forward model is run at every node of every form, and what comes out whitened.
+
+    Parameters
+    ----------
+    strays
+        Ids of specimens that are off by themselves.
 
     Attributes
     ----------
@@ -490,7 +493,8 @@ class Problem:
     unit_gains : (n,)
         See `planner.gap.noise.unit_gains`.
     calibration : (N, q)
-        What the palette's laws and a camera may be off by, of prior deviation 1; `ways` first.
+        What the palette's laws and a camera may be off by, of prior deviation 1; the
+        `calibrations` first.
     target, nodes, gains, patterns, nuisances : (N,), (N, ...)
         Whitened: the residual, the change at each node, each specimen's own gain, the patterns of
         the `unknown` along all axes, and what is uncertain besides, of prior deviation 1.
@@ -505,33 +509,78 @@ class Problem:
         Whitened: what all models miss together, of deviation 1 over each test's largest force.
     """
 
-    campaign: Campaign
-    model: ObservationModel
-    signed_forms: tuple[SignedForm, ...]
-    scatter: Scatter
-    noise: SpecimenNoise
-    calibrations: tuple[Calibration, ...]
-    alone: Prediction
-    unpredicted: FloatArray
-    sensitivity: FloatArray
-    residual: FloatArray
-    unit_gains: FloatArray
-    calibration: FloatArray
-    target: FloatArray
-    nodes: FloatArray
-    gains: FloatArray
-    patterns: FloatArray
-    nuisances: FloatArray
-    unknown: tuple[UnknownAxis, ...]
-    of_laws: BoolArray
-    apart: FloatArray
-    strays: BoolArray
-    discrepancy: FloatArray
+    def __init__(
+        self,
+        campaign: Campaign,
+        model: ObservationModel,
+        effects: Sequence[Effect],
+        progress: _Progress | None = None,
+        strays: Collection[str] = (),
+    ) -> None:
+        self.campaign, self.signed_forms = campaign, signed_forms(effects)
+        self.calibrations = tuple(calibrations_of(campaign.palette, model.setup))
+        self.alone, count = predict(model.setup, model.laws), len(self.calibrations)
+        setups = [model.setup, *(one.applied(model.setup) for one in self.calibrations)]
+        for signed in self.signed_forms:
+            points = signed.node_points()
+            setups += [signed.form.apply(model.setup, signed.values(p)) for p in points]
+        table, field, weights = model.table, model.table.is_field, model.field_weights
+        seen = model.seen(self.alone, weights.weight)
+        sides = likeliest_sides(table, seen)
+        likely = weights.at_sides(sides)
+        raw, strains = np.empty((len(setups), len(table))), np.empty((len(setups), *sides.shape))
+        for k, setup in enumerate(setups):
+            prediction = predict(setup, model.laws, like=self.alone)
+            raw[k] = prediction.force_N[table.test, table.step]
+            strains[k] = model.seen(prediction, likely)
+            if progress is not None and k % 20 == 0:
+                progress(k, len(setups), "forward model")
+        facet = likeliest_facet(table, strains)
+        self.model, self.table = replace(model, weight=likely[facet]), table
+        raw[:, field] = strains[:, facet]
+        self.unpredicted = raw[0].copy()
+        transformed = table.transformed(raw)
+        changes = transformed[1:] - transformed[0]
+        self.residual: FloatArray = table.measured - transformed[0]
+        # By replicates' mean: each one's own would weigh those that came out low more than others.
+        typical = table.test_means(np.abs(table.measured_raw))
+        self.sensitivity = table.sensitivity(np.maximum(typical, np.abs(self.unpredicted)))
+        facets, aside = _seen_otherwise(table, seen, sides, facet)
+        self.unit_gains = unit_gains(table)
+        self.strays = np.array([s.id in strays for s in campaign.specimens])
+        self.apart = _levels_apart(campaign, model, ~self.strays)
+        own = np.where(field, 0.0, (self.unit_gains + self.apart)[table.specimen])
+        in_one_unit = table.transformed(table.measured_raw * np.exp(-own)) - transformed[0]
+        names = [s.batch for s in campaign.specimens]
+        batch_of = np.array([-1 if name is None else names.index(name) for name in names])
+        features = NoisyFeatures(table, self.sensitivity, model.sensor_sd_N, batch_of)
+        counts = ~self.strays[table.specimen]
+        self.scatter = features.estimated_scatter(in_one_unit, aside, counts)
+        self.noise = features.noise(self.scatter)
+        chord = table.chord(self.unpredicted)
+        members = table.specimen[:, None] == np.arange(len(campaign.specimens))
+        gains = np.where(field, 0.0, chord)[:, None] * members
+        laws = calibration_columns(self.calibrations, changes[:count])
+        bends = discrepancy_columns(campaign, table, self.sensitivity)
+        camera = _field_columns(table, facets, aside, self.sensitivity)
+        stray = _STRAY_SD * gains[:, self.strays]
+        self.calibration = np.concatenate([laws, bends, camera, stray], axis=1)
+        self.unknown = _unknown_axes(campaign, table, chord, effects)
+        nuisances = np.concatenate([self.calibration, self.noise.batch], axis=1)
+        self.of_laws = np.arange(nuisances.shape[1]) < count + bends.shape[1]
+        self.of_laws[:count] = [one.kind == "tilt" for one in self.calibrations]
+        patterns = np.concatenate([axis.columns for axis in self.unknown], axis=1)
+        whiten = self.noise.whiten
+        self.target, self.gains = whiten(self.residual), whiten(gains)
+        self.nodes, self.patterns = whiten(changes[count:].T), whiten(patterns)
+        self.nuisances = whiten(nuisances)
+        self.discrepancy = whiten(_model_discrepancy(table, self.unpredicted))
 
-    @property
-    def table(self) -> FeatureTable:
-        """The features."""
-        return self.model.table
+    def with_(self, **changes: Any) -> "Problem":
+        """Return a copy with some attributes changed."""
+        other = copy(self)
+        vars(other).update(changes)
+        return other
 
     def predictions(
         self, candidates: Sequence[Candidate], like: Prediction | None = None
@@ -594,96 +643,6 @@ class Problem:
         change = np.sum((at**power - 0.5**power) * courses, axis=(0, 1))
         by_size = np.sum(power * at ** (power - 1) * (1.0 - at) ** 2 * courses, axis=1)
         return change, by_size * slopes[:, of]
-
-
-def set_up(
-    campaign: Campaign,
-    model: ObservationModel,
-    effects: Sequence[Effect],
-    progress: _Progress | None = None,
-    strays: Collection[str] = (),
-) -> Problem:
-    """Run the forward model at every node of every form, and whiten what comes out.
-
-    Parameters
-    ----------
-    strays
-        Ids of specimens that are off by themselves; see `Problem.strays`.
-    """
-    forms = signed_forms(effects)
-    calibrations = tuple(calibrations_of(campaign.palette, model.setup))
-    alone = predict(model.setup, model.laws)
-    setups = [model.setup, *(calibration.applied(model.setup) for calibration in calibrations)]
-    for signed in forms:
-        setups += [signed.form.apply(model.setup, signed.values(p)) for p in signed.node_points()]
-    table, field, weights = model.table, model.table.is_field, model.field_weights
-    seen = model.seen(alone, weights.weight)
-    sides = likeliest_sides(table, seen)
-    likely = weights.at_sides(sides)
-    raw, strains = np.empty((len(setups), len(table))), np.empty((len(setups), *sides.shape))
-    for k, setup in enumerate(setups):
-        prediction = predict(setup, model.laws, like=alone)
-        raw[k] = prediction.force_N[table.test, table.step]
-        strains[k] = model.seen(prediction, likely)
-        if progress is not None and k % 20 == 0:
-            progress(k, len(setups), "forward model")
-    facet = likeliest_facet(table, strains)
-    model = replace(model, weight=likely[facet])
-    raw[:, field] = strains[:, facet]
-    unpredicted = raw[0].copy()
-    transformed = table.transformed(raw)
-    changes = transformed[1:] - transformed[0]
-    residual = table.measured - transformed[0]
-    # By replicates' mean: each one's own would weigh those that came out low more than the others.
-    typical = table.test_means(np.abs(table.measured_raw))
-    sensitivity = table.sensitivity(np.maximum(typical, np.abs(unpredicted)))
-    facets, aside = _seen_otherwise(table, seen, sides, facet)
-    of_units = unit_gains(table)
-    stray = np.array([s.id in strays for s in campaign.specimens])
-    apart = _levels_apart(campaign, model, ~stray)
-    own = np.where(field, 0.0, (of_units + apart)[table.specimen])
-    in_one_unit = table.transformed(table.measured_raw * np.exp(-own)) - transformed[0]
-    names = [s.batch for s in campaign.specimens]
-    batch_of = np.array([-1 if name is None else names.index(name) for name in names])
-    features = NoisyFeatures(table, sensitivity, model.sensor_sd_N, batch_of)
-    scatter = features.estimated_scatter(in_one_unit, aside, ~stray[table.specimen])
-    noise = features.noise(scatter)
-    chord = table.chord(unpredicted)
-    members = table.specimen[:, None] == np.arange(len(campaign.specimens))
-    gains = np.where(table.is_field, 0.0, chord)[:, None] * members
-    laws = calibration_columns(calibrations, changes[: len(calibrations)])
-    bends = discrepancy_columns(campaign, table, sensitivity)
-    camera = _field_columns(table, facets, aside, sensitivity)
-    calibration = np.concatenate([laws, bends, camera, _STRAY_SD * gains[:, stray]], axis=1)
-    unknown = _unknown_axes(campaign, table, chord, effects)
-    nuisances = np.concatenate([calibration, noise.batch], axis=1)
-    of_laws = np.zeros(nuisances.shape[1], dtype=bool)
-    of_laws[: len(calibrations)] = [calibration.kind == "tilt" for calibration in calibrations]
-    of_laws[len(calibrations) : len(calibrations) + bends.shape[1]] = True
-    return Problem(
-        campaign=campaign,
-        model=model,
-        signed_forms=forms,
-        scatter=scatter,
-        noise=noise,
-        calibrations=calibrations,
-        alone=alone,
-        unpredicted=unpredicted,
-        sensitivity=sensitivity,
-        residual=residual,
-        unit_gains=of_units,
-        calibration=calibration,
-        target=noise.whiten(residual),
-        nodes=noise.whiten(changes[len(calibrations) :].T),
-        gains=noise.whiten(gains),
-        patterns=noise.whiten(np.concatenate([axis.columns for axis in unknown], axis=1)),
-        nuisances=noise.whiten(nuisances),
-        unknown=unknown,
-        of_laws=of_laws,
-        apart=apart,
-        strays=stray,
-        discrepancy=noise.whiten(_model_discrepancy(table, unpredicted)),
-    )
 
 
 # ------------------------------------------------------------------------------------------------

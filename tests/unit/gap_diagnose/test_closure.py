@@ -10,13 +10,13 @@ from planner.gap.diagnose import closure
 from planner.gap.diagnosis import Diagnosis, Gap
 from planner.gap.effects import EFFECTS
 from planner.gap.evidence.posterior_mode import Likelihood
-from planner.gap.evidence.problem import Problem, set_up
+from planner.gap.evidence.problem import Problem
 from planner.gap.evidence.weigh import Priors, reweigh, weigh
 from planner.gap.observations import observation_model
 
 
 def ready(campaign: Campaign, *effects: str) -> Problem:
-    return set_up(campaign, observation_model(campaign), [EFFECTS[id] for id in effects])
+    return Problem(campaign, observation_model(campaign), [EFFECTS[id] for id in effects])
 
 
 def closed(problem: Problem, *verdict: str) -> Gap:

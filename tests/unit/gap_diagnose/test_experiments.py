@@ -12,7 +12,7 @@ from planner.gap.diagnose import diagnose
 from planner.gap.diagnosis import Diagnosis, Experiment, Hypothesis
 from planner.gap.effects import EFFECTS
 from planner.gap.evidence.posterior_mode import Likelihood
-from planner.gap.evidence.problem import Candidate, Problem, set_up
+from planner.gap.evidence.problem import Candidate, Problem
 from planner.gap.observations import observation_model
 
 
@@ -20,7 +20,7 @@ from planner.gap.observations import observation_model
 def problem(planned, imitated) -> Problem:
     campaign = imitated(planned(2, material=["TangoPlus", "FLX9760"]))
     effects = [EFFECTS[id] for id in ("rate", "temperature")]
-    return set_up(campaign, observation_model(campaign), effects)
+    return Problem(campaign, observation_model(campaign), effects)
 
 
 def candidate(problem: Problem, effect: str, form: str, s: float) -> Candidate:

@@ -10,7 +10,7 @@ from planner.gap.campaign import Campaign
 from planner.gap.campaign_folder import read_campaign
 from planner.gap.diagnose import diagnose, prepared
 from planner.gap.effects import EFFECTS
-from planner.gap.evidence.problem import Candidate, Problem, replicate_floor, set_up
+from planner.gap.evidence.problem import Candidate, Problem, replicate_floor
 from planner.gap.evidence.weigh import (
     Priors,
     _law_errors,
@@ -25,7 +25,7 @@ from planner.palette import Uncertainty
 
 
 def ready(campaign: Campaign, *effects: str) -> Problem:
-    return set_up(campaign, observation_model(campaign), [EFFECTS[id] for id in effects])
+    return Problem(campaign, observation_model(campaign), [EFFECTS[id] for id in effects])
 
 
 def verdict(problem: Problem) -> tuple[str, ...]:
@@ -136,7 +136,7 @@ def test_laws_are_as_poor_as_the_palette_says_or_may_be(planned, imitated) -> No
     stated = replace(
         palette, materials=tuple(replace(m, uncertainty=sure) for m in palette.materials)
     )
-    told = replace(problem, campaign=replace(problem.campaign, palette=stated))
+    told = problem.with_(campaign=replace(problem.campaign, palette=stated))
     assert _law_errors(told) == (0.05,)
 
 

@@ -4,7 +4,7 @@ import pytest
 
 from planner.gap.effect import untestable
 from planner.gap.effects import effects_for
-from planner.gap.evidence.problem import Problem, set_up
+from planner.gap.evidence.problem import Problem
 from planner.gap.observations import observation_model
 
 CONDITIONS = (
@@ -20,4 +20,4 @@ def everything(planned, imitated, step_bar) -> Problem:
     rows.append({"profile": step_bar, "gauge_mm": 32.0})
     campaign = imitated(planned(more=rows, camera=True))
     effects = [e for e in effects_for(campaign.palette).values() if not untestable(e, campaign)]
-    return set_up(campaign, observation_model(campaign), effects)
+    return Problem(campaign, observation_model(campaign), effects)

@@ -9,13 +9,13 @@ from scipy.stats import chi2
 from planner.formats.units import QUANTITY_UNITS
 from planner.gap.campaign import Specimen
 from planner.gap.evidence.posterior_mode import Likelihood
-from planner.gap.evidence.problem import Problem, replicate_floor, set_up
+from planner.gap.evidence.problem import Problem, replicate_floor
 from planner.gap.noise import USUAL, unit_gains
 from planner.gap.observations import observation_model
 
 
 def ready(campaign) -> Problem:
-    return set_up(campaign, observation_model(campaign), ())
+    return Problem(campaign, observation_model(campaign), ())
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ import scipy.linalg
 from planner.gap.campaign import Campaign
 from planner.gap.effects import EFFECTS
 from planner.gap.evidence.posterior_mode import Likelihood, PosteriorMode, _State, posterior_mode
-from planner.gap.evidence.problem import Candidate, Problem, joined, set_up
+from planner.gap.evidence.problem import Candidate, Problem, joined
 from planner.gap.evidence.weigh import (
     Priors,
     _in_all_forms,
@@ -32,7 +32,7 @@ def plan(planned) -> Campaign:
 @pytest.fixture(scope="module")
 def problem(plan, imitated) -> Problem:
     campaign = imitated(plan, f"rate:rise={RISE},form=power-law")
-    return set_up(campaign, observation_model(campaign), [EFFECTS["rate"]])
+    return Problem(campaign, observation_model(campaign), [EFFECTS["rate"]])
 
 
 def candidate(problem: Problem, form: str, size: float = 0.6) -> Candidate:
@@ -112,7 +112,7 @@ def test_a_search_that_ends_early_is_weighed_by_what_it_reached(
     """What the model linear about its last point promises beyond is no evidence."""
     plan = planned(2, material=["TangoPlus", "FLX9760"], protocol=["monotonic", "cyclic"])
     campaign = imitated(plan, "softening:softening=0.5,scale=0.3,power=1.5,form=damage", seed=3)
-    problem = set_up(campaign, observation_model(campaign), [EFFECTS["softening"]])
+    problem = Problem(campaign, observation_model(campaign), [EFFECTS["softening"]])
     likelihood = Likelihood(problem)
     signed = next(b for b in problem.signed_forms if b.form.name == "damage")
     start = Candidate(("softening",), ((signed, (0.5, *[0.9] * signed.shapes)),))
@@ -154,7 +154,7 @@ def test_a_mode_is_that_of_the_world_in_which_it_is_likeliest(planned, imitated)
     """Not of the sloppier one that the search began in, however much its linear model promises."""
     plan = planned(2, material=["TangoPlus", "FLX9760"], rate_mm_s=[0.085, 0.85, 8.5, 85.0])
     campaign = imitated(plan, "rate:share=0.6,form=prony")
-    problem = set_up(campaign, observation_model(campaign), [EFFECTS["rate"]])
+    problem = Problem(campaign, observation_model(campaign), [EFFECTS["rate"]])
     likelihoods = (
         Likelihood(problem),
         Likelihood(problem, laws=3.0),
@@ -177,7 +177,7 @@ def test_coordinates_and_places_are_one_to_one(problem: Problem, form: str) -> N
 def test_a_discrepancy_is_asked_for_where_no_form_fits(plan, imitated) -> None:
     """Force off by 5 % along the path, alike in replicates: no scatter, and no rate."""
     campaign = imitated(plan, "softening")
-    problem = set_up(campaign, observation_model(campaign), [EFFECTS["rate"]])
+    problem = Problem(campaign, observation_model(campaign), [EFFECTS["rate"]])
     bent = np.sin(np.linspace(0.0, 6.0, len(problem.table))) * 0.05
     exact, off = Likelihood(problem), Likelihood(problem, discrepancy=0.06)
     residual = problem.target
@@ -189,10 +189,10 @@ def test_a_discrepancy_is_asked_for_where_no_form_fits(plan, imitated) -> None:
 def test_errors_are_those_of_features_that_laws_leave(problem: Problem) -> None:
     found = candidate(problem, "power-law")
     change, level = problem.explained(found), problem.calibration[:, 0]
-    exact = replace(problem, residual=change, target=problem.noise.whiten(change))
+    exact = problem.with_(residual=change, target=problem.noise.whiten(change))
     assert Likelihood(exact).error(found) == pytest.approx([0.0, 0.0], abs=1e-9)
     # What a law's level is off by is mostly taken for that.
-    off = replace(exact, residual=change + level, target=problem.noise.whiten(change + level))
+    off = exact.with_(residual=change + level, target=problem.noise.whiten(change + level))
     likelihood, tests = Likelihood(off), problem.table.test
     whole = sum(np.sqrt(np.mean(level[tests == test] ** 2)) for test in np.unique(tests))
     forces, strains = likelihood.error(found)
@@ -204,7 +204,7 @@ def test_errors_are_those_of_features_that_laws_leave(problem: Problem) -> None:
 def test_a_part_of_the_likeliest_is_settled_from_where_it_is_there(problem: Problem) -> None:
     """An effect that had settled far off alone is as likely as it is in its place in a pair."""
     effects = [EFFECTS["rate"], EFFECTS["force-offset"]]
-    both = set_up(problem.campaign, problem.model, effects)
+    both = Problem(problem.campaign, problem.model, effects)
     likelihood = Likelihood(both)
     alone = posterior_mode((likelihood,), candidate(both, "power-law"), likelihood)
     beside = next(c for c in alone.beside if c.effects == ("force-offset",))
@@ -229,13 +229,13 @@ def test_a_part_of_the_likeliest_is_settled_from_where_it_is_there(problem: Prob
 def slack(planned, imitated) -> Problem:
     """Two materials, four of each, whose grips lose a tenth to seven tenths of a millimetre."""
     campaign = imitated(planned(4, material=["TangoPlus", "FLX9760"]))
-    problem = set_up(campaign, observation_model(campaign), [EFFECTS["grip-slack"]])
+    problem = Problem(campaign, observation_model(campaign), [EFFECTS["grip-slack"]])
     signed = next(b for b in problem.signed_forms if b.form.name == "dead-travel")
     lost = [joined([(signed, (np.sqrt(s / signed.form.size.high),))]) for s in LOST_MM]
     each = problem.changes(problem.predictions(lost))[
         problem.table.specimen, np.arange(len(problem.table))
     ]
-    return replace(problem, residual=each, target=problem.noise.whiten(each))
+    return problem.with_(residual=each, target=problem.noise.whiten(each))
 
 
 LOST_MM = (0.1, 0.14, 0.2, 0.25, 0.3, 0.4, 0.5, 0.7)
@@ -284,7 +284,7 @@ def test_errors_are_of_each_specimens_own_size(planned, imitated) -> None:
     """Slack of four specimens that differ by a factor: its mean alone closes little."""
     plan = planned(4, material=["TangoPlus", "FLX9760"])
     campaign = imitated(plan, "grip-slack:slack=0.6,form=taking-up", seed=5)
-    problem = set_up(campaign, observation_model(campaign), [EFFECTS["grip-slack"]])
+    problem = Problem(campaign, observation_model(campaign), [EFFECTS["grip-slack"]])
     likelihood = Likelihood(problem)
     signed = next(b for b in problem.signed_forms if b.form.name == "taking-up")
     start = Candidate(("grip-slack",), ((signed, (0.3, *[0.0] * signed.shapes)),))
@@ -298,9 +298,9 @@ def test_errors_are_of_each_specimens_own_size(planned, imitated) -> None:
 
 def test_errors_of_strays_are_not_counted(problem: Problem) -> None:
     rows, residual = problem.table.specimen == 0, problem.explained(Candidate(()))
-    exact = replace(problem, residual=residual + rows, target=0.0 * problem.target)
+    exact = problem.with_(residual=residual + rows, target=0.0 * problem.target)
     assert Likelihood(exact).error(Candidate(()))[0] > 0.1
-    stray = replace(exact, strays=np.arange(len(problem.strays)) == 0)
+    stray = exact.with_(strays=np.arange(len(problem.strays)) == 0)
     assert Likelihood(stray).error(Candidate(()))[0] == 0.0
 
 
@@ -310,7 +310,7 @@ def test_a_form_that_fits_worse_than_nothing_is_not_followed(problem: Problem) -
     campaign, rate = problem.campaign, EFFECTS["rate"]
     scale = EFFECTS["strain-scale"]
     tried = replace(scale, forms=tuple(f for f in scale.forms if f.name in ("factor", wrong)))
-    both = set_up(campaign, problem.model, [rate, tried])
+    both = Problem(campaign, problem.model, [rate, tried])
     likelihood, logs = Likelihood(both), _LogPriors(both, Priors())
     alone = [
         posterior_mode((likelihood,), c, likelihood)
