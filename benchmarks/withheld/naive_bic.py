@@ -19,7 +19,7 @@ from planner.gap.campaign_folder import read_campaign
 from planner.gap.effect import untestable
 from planner.gap.effects import effects_for
 from planner.gap.evidence.problem import SignedForm, node_weights, signed_forms
-from planner.gap.observations import observation_model
+from planner.gap.observations import ObservationModel
 from planner.numerics import FloatArray
 from planner.simulation.bar_solver import predict
 
@@ -40,7 +40,7 @@ def naive_bic(campaign: Campaign, without: Sequence[str] = ()) -> dict[str, Any]
     effects = {id: e for id, e in effects_for(campaign.palette).items() if id not in without}
     reasons = {id for id, e in effects.items() if untestable(e, campaign) is not None}
     forms = signed_forms([e for id, e in effects.items() if id not in reasons])
-    model = observation_model(campaign)
+    model = ObservationModel(campaign)
     setups = [model.setup]
     for signed in forms:
         setups += [signed.form.apply(model.setup, signed.values(p)) for p in signed.node_points()]

@@ -19,7 +19,7 @@ from planner.gap.campaign_folder import read_campaign
 from planner.gap.design import Trial, trials_of
 from planner.gap.diagnose import diagnose
 from planner.gap.evidence.weigh import Priors
-from planner.gap.observations import observation_model
+from planner.gap.observations import ObservationModel
 from planner.palette import Palette
 
 __all__ = ["as_test", "equal_cost", "next_answers"]
@@ -43,7 +43,7 @@ def next_answers(
         before = diagnose(campaign, without=without).document()
         if len(before["class"]) < 2 or not before["next_experiments"]:
             return {"before": before}
-        trials = trials_of(campaign, observation_model(campaign).setup)
+        trials = trials_of(campaign, ObservationModel(campaign).setup)
         suggested = before["next_experiments"][0]
         first = next(t for t in trials if dict(t.change) == suggested["change"])
         # Of the campaign's own name, so that neither order nor company changes it

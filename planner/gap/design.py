@@ -34,7 +34,7 @@ from planner.gap.evidence.weigh import (
     needed_nats,
 )
 from planner.gap.noise import Calibration, NoisyFeatures, calibration_columns, calibrations_of
-from planner.gap.observations import observation_model
+from planner.gap.observations import ObservationModel
 from planner.gap.virtual import (
     BAR_SHARE,
     HOLD_S,
@@ -510,7 +510,7 @@ def design_campaign(
         # As measured without any effect: with the sensors' noise figures are as uncertain as ever.
         made = synthetic_campaign(plan, (), np.random.default_rng(0), scatter=0.0)
         made = replace(made, covariates=())
-        problem = Problem(made, observation_model(made), tuple(library.values()))
+        problem = Problem(made, ObservationModel(made), tuple(library.values()))
         say("choosing conditions")
         told = _information_of(problem, [library[id] for id in asked])
         counts = _testable(problem, told, [library[id] for id in asked])
@@ -722,7 +722,7 @@ def _predicted(
     """
     problem, specimens = weighed.plain.problem, tuple(t.specimen for t in trials)
     campaign = replace(problem.campaign, specimens=specimens, covariates=(), remarks=())
-    model = observation_model(campaign)
+    model = ObservationModel(campaign)
     table, laws = model.table, model.laws
     calibrations = tuple(calibrations_of(problem.campaign.palette, model.setup))
     setups = [model.setup, *(calibration.applied(model.setup) for calibration in calibrations)]

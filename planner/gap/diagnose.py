@@ -59,7 +59,7 @@ from planner.gap.evidence.weigh import (
     weigh,
 )
 from planner.gap.localise import Whitening, localise
-from planner.gap.observations import observation_model
+from planner.gap.observations import ObservationModel
 from planner.gap.quality import HOLDS, examine, merged_units, suggested_units
 from planner.gap.segments import hold_share
 from planner.gap.summary import summary_of
@@ -697,12 +697,12 @@ def prepared(
     library = {id: e for id, e in effects_for(campaign.palette).items() if id not in without}
     reasons = {id: untestable(effect, campaign) for id, effect in library.items()}
     effects = [effect for id, effect in library.items() if reasons[id] is None]
-    model = observation_model(campaign)
+    model = ObservationModel(campaign)
     if (model.test_of < 0).any():
         kept = tuple(campaign.specimens[k] for k in np.flatnonzero(model.test_of >= 0))
         remarks = (*campaign.remarks, *model.limitations)
         campaign = replace(campaign, specimens=kept, remarks=remarks)
-        model = observation_model(campaign)
+        model = ObservationModel(campaign)
     quality = examine(campaign, model)
     problem = Problem(campaign, model, effects, progress, _strays(campaign, quality))
     untold = (Untestable(id, told) for id, told in reasons.items() if told is not None)

@@ -33,7 +33,6 @@ from planner.palette import Palette
 from planner.simulation.bar import step_places_mm
 from planner.simulation.bar_solver import (
     PUSHED_END,
-    LawTables,
     Prediction,
     Setup,
     law_tables,
@@ -45,7 +44,6 @@ __all__ = [
     "SIDES",
     "FeatureTable",
     "ObservationModel",
-    "observation_model",
     "seen_shares",
 ]
 
@@ -437,9 +435,10 @@ _ROUNDS = 4
 none left; another round sees to the steps' new places."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
 class ObservationModel:
     """A campaign as the forward model sees it: n specimens in P tests of T steps.
+
+    Replicates that went the same way, whatever their batch, share one test.
 
     Attributes
     ----------
@@ -447,6 +446,8 @@ class ObservationModel:
         With no effect.
     laws
         The palette's.
+    alone
+        What the palette alone predicts.
     tests
         Places in the campaign of each test's specimens.
     replicates
@@ -466,19 +467,65 @@ class ObservationModel:
         What was left out, a sentence each.
     weight : (m,)
         Those of `field_weights` that strains are predicted with.
+
+    Raises
+    ------
+    FileError
+        No specimen loads over enough rows to be compared.
+    PaletteError
+        A law that nothing can be predicted with.
     """
 
-    setup: Setup
-    laws: LawTables
-    tests: tuple[tuple[int, ...], ...]
-    replicates: tuple[tuple[int, ...], ...]
-    test_of: IntArray
-    table: FeatureTable
-    field_weights: FieldWeights
-    measured_N: FloatArray
-    sensor_sd_N: FloatArray
-    limitations: tuple[str, ...]
-    weight: FloatArray
+    def __init__(self, campaign: Campaign) -> None:
+        self.laws = law_tables(campaign.palette)
+        specimens = campaign.specimens
+        paths = _paths(specimens)
+        limits = {}
+        for place, path in paths.items():
+            one = specimens[place]
+            share = 1.0 if one.part else _BREAK_SHARE
+            strain = PUSHED_END if one.pushed else share * one.strain_end(campaign.palette)
+            limits[place] = path.gauge_mm * strain
+        past: set[int] = set()
+        for _ in range(_ROUNDS):
+            short = {place: path.until(limits[place]) for place, path in paths.items()}
+            past |= {place for place in paths if short[place].segments != paths[place].segments}
+            paths = {place: path for place, path in short.items() if path.segments}
+            if not paths:
+                raise FileError(
+                    f"campaign {campaign.name}: no specimen loads over enough points to be "
+                    "compared; check the columns of travel and force"
+                )
+            tests = _tests(specimens, paths)
+            self.setup = setup_of(campaign, tests)
+            self.alone = predict(self.setup, self.laws)
+            if not (ends := _bar_limits_mm(self.setup, self.alone, campaign.palette)):
+                break
+            for number, end in ends.items():
+                limits |= dict.fromkeys(tests[number].places, end)
+        self.measured_N: FloatArray
+        self.measured_N, noise = forces_N(specimens, tests)
+        sensor = np.array([_sensor_sd_N(specimen.force_N) for specimen in specimens])
+        self.sensor_sd_N = sensor[:, None] * noise
+        self.tests = tuple(test.places for test in tests)
+        self.test_of: IntArray = np.full(len(specimens), -1)
+        for number, places in enumerate(self.tests):
+            self.test_of[list(places)] = number
+        self.replicates = tuple(
+            tuple(place for place in group if self.test_of[place] == number)
+            for group in replicate_groups(specimens)
+            for number in sorted({int(self.test_of[place]) for place in group} - {-1})
+        )
+        alike = self.test_of.copy()
+        for number, places in enumerate(self.replicates):
+            alike[list(places)] = number
+        peaks = np.abs(self.alone.force_N).max(axis=1)
+        self.table, self.field_weights = _feature_table(
+            specimens, tests, alike, self.setup, self.measured_N, sensor, peaks
+        )
+        weights = self.field_weights.weight
+        self.weight = weights[len(weights) // 2, len(SIDES) // 2]
+        self.limitations = tuple(_limitations(specimens, paths, past))
 
     @property
     def peaks_N(self) -> FloatArray:
@@ -497,73 +544,6 @@ class ObservationModel:
         feature = self.field_weights.feature
         strain = prediction.strain[self.table.step[feature], self.field_weights.slice_]
         return np.asarray(np.add.reduceat(weight * strain, self.field_weights.begins, axis=-1))
-
-
-def observation_model(campaign: Campaign) -> ObservationModel:
-    """Return the observation model of a campaign.
-
-    Replicates that went the same way, whatever their batch, share one test.
-
-    Raises
-    ------
-    FileError
-        No specimen loads over enough rows to be compared.
-    PaletteError
-        A law that nothing can be predicted with.
-    """
-    laws = law_tables(campaign.palette)
-    specimens = campaign.specimens
-    paths = _paths(specimens)
-    limits = {}
-    for place, path in paths.items():
-        one = specimens[place]
-        share = 1.0 if one.part else _BREAK_SHARE
-        strain = PUSHED_END if one.pushed else share * one.strain_end(campaign.palette)
-        limits[place] = path.gauge_mm * strain
-    past: set[int] = set()
-    for _ in range(_ROUNDS):
-        short = {place: path.until(limits[place]) for place, path in paths.items()}
-        past |= {place for place in paths if short[place].segments != paths[place].segments}
-        paths = {place: path for place, path in short.items() if path.segments}
-        if not paths:
-            raise FileError(
-                f"campaign {campaign.name}: no specimen loads over enough points to be compared; "
-                "check the columns of travel and force"
-            )
-        tests = _tests(specimens, paths)
-        setup = setup_of(campaign, tests)
-        prediction = predict(setup, laws)
-        if not (ends := _bar_limits_mm(setup, prediction, campaign.palette)):
-            break
-        for number, end in ends.items():
-            limits |= dict.fromkeys(tests[number].places, end)
-    measured, noise = forces_N(specimens, tests)
-    sensor = np.array([_sensor_sd_N(specimen.force_N) for specimen in specimens])
-    test_of, alike = np.full((2, len(specimens)), -1)
-    for number, test in enumerate(tests):
-        test_of[list(test.places)] = number
-    replicates = tuple(
-        tuple(place for place in group if test_of[place] == number)
-        for group in replicate_groups(specimens)
-        for number in sorted({int(test_of[place]) for place in group} - {-1})
-    )
-    for number, places in enumerate(replicates):
-        alike[list(places)] = number
-    peaks = np.abs(prediction.force_N).max(axis=1)
-    table, weights = _feature_table(specimens, tests, alike, setup, measured, sensor, peaks)
-    return ObservationModel(
-        setup=setup,
-        laws=laws,
-        tests=tuple(test.places for test in tests),
-        replicates=replicates,
-        test_of=test_of,
-        table=table,
-        field_weights=weights,
-        weight=weights.weight[len(weights.weight) // 2, len(SIDES) // 2],
-        measured_N=measured,
-        sensor_sd_N=sensor[:, None] * noise,
-        limitations=tuple(_limitations(specimens, paths, past)),
-    )
 
 
 def _paths(specimens: Sequence[Specimen]) -> dict[int, SpecimenPath]:

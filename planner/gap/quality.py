@@ -33,7 +33,6 @@ from planner.materials.characterise import (
     spikes_in,
 )
 from planner.numerics import FloatArray
-from planner.simulation.bar_solver import predict
 
 __all__ = ["HOLDS", "UNLOADS", "examine", "merged_units", "suggested_units"]
 
@@ -333,7 +332,7 @@ def _log_loads(model: ObservationModel) -> dict[int, float]:
 
     A specimen of which less than half is above zero has none.
     """
-    table, predicted = model.table, model.predicted(predict(model.setup, model.laws))
+    table, predicted = model.table, model.predicted(model.alone)
     loading = table.branch == BRANCHES.index("loading")
     found = {}
     for place in np.unique(table.specimen).tolist():

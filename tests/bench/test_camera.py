@@ -12,7 +12,7 @@ from benchmarks.withheld.reality.writing import write_campaign
 from planner import diagnose
 from planner.gap.campaign_folder import read_campaign
 from planner.gap.evidence.problem import Problem
-from planner.gap.observations import observation_model
+from planner.gap.observations import ObservationModel
 
 ROOT = Path(__file__).parents[2]
 PALETTE = read_palette(
@@ -39,7 +39,7 @@ def written(camera: Camera, folder: Path, index: int = 0) -> Path:
 def test_strains_of_a_clean_campaign_have_no_bias(camera: Camera, tmp_path: Path) -> None:
     """Steps every 2 mm, places each millimetre: many lie on a step."""
     campaign = read_campaign(written(camera, tmp_path / "c"))
-    problem = Problem(campaign, observation_model(campaign), [])
+    problem = Problem(campaign, ObservationModel(campaign), [])
     table, noise = problem.table, problem.noise
     covariance = problem.calibration @ problem.calibration.T
     for rows, block in zip(noise.rows, noise.blocks, strict=True):

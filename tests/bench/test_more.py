@@ -16,7 +16,7 @@ from benchmarks.withheld.reality.more import FurtherTest, further, read_test
 from benchmarks.withheld.reality.palette_file import read_palette
 from planner.gap.campaign_folder import read_campaign
 from planner.gap.design import trials_of
-from planner.gap.observations import observation_model
+from planner.gap.observations import ObservationModel
 
 ROOT = Path(__file__).parents[2]
 PALETTE = read_palette(
@@ -101,7 +101,7 @@ def test_every_candidate_test_can_be_done(tmp_path: Path) -> None:
     assert main([*made, "--specimens", "20", "-o", str(tmp_path / "c")]) == 0
     (folder,) = (tmp_path / "c").iterdir()
     campaign = read_campaign(folder)
-    trials = trials_of(campaign, observation_model(campaign).setup)
+    trials = trials_of(campaign, ObservationModel(campaign).setup)
     tests = [as_test(t, campaign.palette) for t in trials]
     assert {len(t.materials) for t in tests} == {1, 2}
     more = further(PALETTE, "development", "none", 20, 8, 0, tests)

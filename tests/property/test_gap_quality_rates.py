@@ -15,7 +15,7 @@ import pytest
 from planner.gap import quality
 from planner.gap.campaign import Campaign, Specimen
 from planner.gap.diagnosis import QualityProblem
-from planner.gap.observations import observation_model
+from planner.gap.observations import ObservationModel
 from planner.materials.laws import make_law
 from planner.numerics import FloatArray
 from planner.printers import load_printer
@@ -49,7 +49,7 @@ def travel(protocol: str, peak: float, rate: float, rng: Generator) -> tuple[Any
 
 
 def examine(of: Campaign) -> tuple[QualityProblem, ...]:
-    return quality.examine(of, observation_model(of))
+    return quality.examine(of, ObservationModel(of))
 
 
 def stress_MPa(piece: Any, strain: FloatArray) -> FloatArray:

@@ -10,7 +10,7 @@ import pytest
 from planner.errors import FileError, OutputError, PlannerError, UnknownNameError
 from planner.gap.campaign import Campaign
 from planner.gap.campaign_folder import read_campaign, write_campaign
-from planner.gap.observations import observation_model
+from planner.gap.observations import ObservationModel
 from planner.palette import load_palette
 from planner.plan import Plan
 
@@ -355,7 +355,7 @@ def test_points_of_one_time_are_averaged(folder: Path) -> None:
 
 def test_strain_past_the_law_is_a_limitation(folder: Path) -> None:
     (folder / "specimens.csv").write_text(HEAD + ROWS.replace("6,2,25", "6,2,2.5"))
-    said = observation_model(read_campaign(folder)).limitations
+    said = ObservationModel(read_campaign(folder)).limitations
     assert "specimens S1, S2: compared up to 1.3 times the elongation at break" in " ".join(said)
 
 

@@ -12,7 +12,7 @@ from planner.gap.campaign import Campaign, Specimen, StrainField
 from planner.gap.campaign_folder import read_campaign, write_campaign
 from planner.gap.evidence.problem import Problem
 from planner.gap.noise import likeliest_facet, likeliest_sides
-from planner.gap.observations import SIDES, Bins, observation_model, seen_shares
+from planner.gap.observations import SIDES, Bins, ObservationModel, seen_shares
 from planner.gap.virtual import single_tests, synthetic_campaign, virtual_specimen
 from planner.numerics import FloatArray
 from planner.palette import load_palette
@@ -77,7 +77,7 @@ def clean(spacing_mm: float, facet_mm: float, *, stated: bool, seed: int = 1) ->
 
 
 def problem_of(campaign: Campaign) -> Problem:
-    return Problem(campaign, observation_model(campaign), [])
+    return Problem(campaign, ObservationModel(campaign), [])
 
 
 @cache
@@ -115,7 +115,7 @@ def test_a_clean_campaign_has_no_bias_at_steps(spacing_mm, facet_mm, stated) -> 
 @pytest.mark.parametrize(("facet_mm", "number"), [(0.0, 0), (0.6, 1), (1.2, 2), (3.0, 5)])
 def test_the_likeliest_facet_is_the_nearest(facet_mm, number) -> None:
     """Of six lengths to 3.2 mm; laws are exact here, so that steps tell."""
-    model = observation_model(clean(0.7, facet_mm, stated=False))
+    model = ObservationModel(clean(0.7, facet_mm, stated=False))
     weight, table = model.field_weights.weight, model.table
     prediction = predict(model.setup, model.laws)
     strains = model.seen(prediction, weight[:, SAID])
@@ -131,7 +131,7 @@ def test_places_on_steps_are_seen_on_the_side_where_they_lie() -> None:
     first, *others = campaign.specimens
     moved = replace(first.strain_field, x_mm=first.strain_field.x_mm + 0.5)
     aside = replace(campaign, specimens=(replace(first, strain_field=moved), *others))
-    model = observation_model(aside)
+    model = ObservationModel(aside)
     seen = model.seen(predict(model.setup, model.laws), model.field_weights.weight)
     sides = likeliest_sides(model.table, seen)[0]
     of_first = model.table.specimen[model.table.is_field] == 0
@@ -209,7 +209,7 @@ def test_frames_between_those_of_a_replicate_are_no_bias() -> None:
     frames = np.linspace(0.06, 1.0, 24) * seen.time_s[-1]
     strain = np.stack([np.interp(frames, seen.time_s, at) for at in seen.strain.T], axis=1)
     other = replace(first, id="again", strain_field=replace(seen, time_s=frames, strain=strain))
-    table = observation_model(replace(campaign, specimens=(first, other))).table
+    table = ObservationModel(replace(campaign, specimens=(first, other))).table
     one, again = (table.measured[table.is_field & (table.specimen == k)] for k in (0, 1))
     np.testing.assert_allclose(again, one, atol=0.004)
 

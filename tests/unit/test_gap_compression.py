@@ -10,7 +10,7 @@ from planner.errors import FileError
 from planner.gap.campaign import Campaign, Specimen, with_modes
 from planner.gap.campaign_folder import read_campaign, write_campaign
 from planner.gap.diagnose import diagnose
-from planner.gap.observations import BRANCHES, observation_model
+from planner.gap.observations import BRANCHES, ObservationModel
 from planner.gap.quality import examine
 from planner.gap.segments import path_of
 from planner.gap.virtual import read_design
@@ -74,10 +74,10 @@ def of(protocol: str, *, seed: int = 0, strain: float = -0.4) -> list[Specimen]:
 def test_nothing_is_wrong_with_compression(protocol: str) -> None:
     specimens = of(protocol)
     whole = campaign(*specimens)
-    assert examine(whole, observation_model(whole)) == ()
+    assert examine(whole, ObservationModel(whole)) == ()
     pounds = [replace(s, force_N=s.force_N / 4.4482) for s in specimens[:1]]
     mixed = campaign(*pounds, *specimens[1:])
-    (problem,) = examine(mixed, observation_model(mixed))
+    (problem,) = examine(mixed, ObservationModel(mixed))
     assert "lbf taken for N" in problem.problem
 
 
@@ -85,7 +85,7 @@ def test_its_loading_is_a_loading_and_its_law_that_of_stretches_below_one() -> N
     one = button("a", rng=np.random.default_rng(0), protocol="cyclic", rise=0.0)
     kinds = [segment.kind for segment in path_of(one).segments]
     assert kinds == ["loading", "unloading", "reloading", "unloading"]
-    model = observation_model(campaign(one, button("b", rng=np.random.default_rng(1), rise=0.0)))
+    model = ObservationModel(campaign(one, button("b", rng=np.random.default_rng(1), rise=0.0)))
     raw = model.predicted(predict(model.setup, model.laws))
     # Where the record starts there is no load yet.
     first = (model.table.branch == BRANCHES.index("loading")) & (model.table.step > 0)
@@ -108,14 +108,14 @@ def test_a_law_of_tension_is_said_to_be_extrapolated() -> None:
 
 def test_it_counts_to_a_strain_of_seven_tenths() -> None:
     far = button("a", rng=np.random.default_rng(0), strain=-0.8)
-    model = observation_model(campaign(far))
+    model = ObservationModel(campaign(far))
     assert model.setup.travel_mm[0, -1] == pytest.approx(0.7 * GAUGE_MM)
     assert "to a strain of -0.7" in model.limitations[0]
 
 
 def test_tension_is_no_replicate_of_compression_and_has_a_column() -> None:
     both = campaign(*of("monotonic"), *of("monotonic", strain=0.4))
-    assert len(observation_model(both).tests) == 4
+    assert len(ObservationModel(both).tests) == 4
     told = with_modes(both)
     assert told.covariates == ("mode",)
     assert {s.covariates["mode"] for s in told.specimens} == {"tension", "compression"}

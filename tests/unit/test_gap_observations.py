@@ -12,7 +12,7 @@ from planner.gap.campaign import Campaign, Specimen, StrainField
 from planner.gap.campaign_folder import read_campaign, write_campaign
 from planner.gap.diagnose import prepared
 from planner.gap.effects import EFFECTS
-from planner.gap.observations import BRANCHES, observation_model
+from planner.gap.observations import BRANCHES, ObservationModel
 from planner.gap.segments import path_of
 from planner.materials.laws import make_law
 from planner.numerics import FloatArray
@@ -65,7 +65,7 @@ def bar(id, design, *, rng, field=False):
     """A bar that follows the forward model, seen by a camera of 1 mm spacing."""
     blank = specimen(id)
     blank = replace(blank, material=None, profile=design)
-    model = observation_model(Campaign("c", "p", PALETTE, (blank,)))
+    model = ObservationModel(Campaign("c", "p", PALETTE, (blank,)))
     found = predict(model.setup, LAWS)
     steps_s = model.setup.time_s[0]
     force = np.interp(blank.time_s, steps_s, found.force_N[0])
@@ -128,7 +128,7 @@ def mixed():
 
 @pytest.fixture(scope="module")
 def model(mixed):
-    return observation_model(mixed)
+    return ObservationModel(mixed)
 
 
 def test_replicates_share_a_test_whatever_their_batch(model):
@@ -180,7 +180,7 @@ def test_covariates_are_the_records_or_unknown(model):
         after = form.apply(setup, {p.name: p.usual for p in form.parameters})
         np.testing.assert_allclose(after.log_factor, 0.0, atol=1e-15)
     printed_z = replace(PALETTE, reference=replace(PALETTE.reference, orientation="z"))
-    upright = observation_model(Campaign("c", "p", printed_z, (specimen("a"),)))
+    upright = ObservationModel(Campaign("c", "p", printed_z, (specimen("a"),)))
     assert upright.setup.orientation.tolist() == [2]
     assert [design is not None for design in setup.designs] == [False, False, True, False, False]
 
@@ -225,7 +225,7 @@ def test_evenly_strained_bars_are_seen_evenly(model):
 
 
 def test_written_and_read_campaign_is_the_same(mixed, model, tmp_path):
-    again = observation_model(read_campaign(write_campaign(mixed, tmp_path / "c")))
+    again = ObservationModel(read_campaign(write_campaign(mixed, tmp_path / "c")))
     assert again.tests == model.tests
     # Nine digits are written, of forces whose features a difference of noisy rows can magnify.
     np.testing.assert_allclose(again.table.measured, model.table.measured, atol=1e-5)
@@ -233,7 +233,7 @@ def test_written_and_read_campaign_is_the_same(mixed, model, tmp_path):
 
 def test_pulls_to_different_ends_share_the_way_up_to_the_shortest():
     ends = [campaign(specimen("a"), specimen("b", ((0.0, 0.0), (end, end)))) for end in (9.0, 4.0)]
-    near, far = map(observation_model, ends)
+    near, far = map(ObservationModel, ends)
     assert near.tests == ((0, 1),)
     assert near.setup.travel_mm[0, -1] == pytest.approx(9.0)
     assert far.tests == ((0,), (1,))
@@ -241,7 +241,7 @@ def test_pulls_to_different_ends_share_the_way_up_to_the_shortest():
 
 def test_another_pace_is_another_test():
     slow = specimen("b", ((0.0, 0.0), (24.0, 12.0)))  # declared 1 mm/s, went at 0.5
-    found = observation_model(campaign(specimen("a"), slow))
+    found = ObservationModel(campaign(specimen("a"), slow))
     assert found.tests == ((0,), (1,))
     np.testing.assert_allclose(found.setup.rate_per_s * GAUGE_MM, [1.0, 0.5], rtol=1e-6)
 
@@ -254,7 +254,7 @@ def test_measured_gauges_are_replicates_at_the_same_strains():
         replace(s, gauge_mm=g, displacement_mm=s.displacement_mm * g / GAUGE_MM)
         for s, g in zip(whole, gauges, strict=True)
     ]
-    found = observation_model(campaign(*specimens))
+    found = ObservationModel(campaign(*specimens))
     assert found.tests == ((0, 1, 2),)
     assert found.setup.gauge_mm.tolist() == [26.1]
     assert found.setup.travel_mm[0, -1] == pytest.approx(26.1 * 12.0 / GAUGE_MM)
@@ -263,7 +263,7 @@ def test_measured_gauges_are_replicates_at_the_same_strains():
     raw = found.predicted(predict(found.setup, LAWS))
     assert np.abs(raw - found.table.measured_raw).max() < 4.5 * NOISE_N
     other = replace(specimens[0], id="c", gauge_mm=30.0)
-    assert len(observation_model(campaign(*specimens, other)).tests) == 2
+    assert len(ObservationModel(campaign(*specimens, other)).tests) == 2
 
 
 def told(column, cells):
@@ -285,7 +285,7 @@ def told(column, cells):
     ],
 )
 def test_a_further_column_that_was_repeated_tells_replicates_apart(cells, sizes):
-    found = observation_model(campaign(*told("column", cells)))
+    found = ObservationModel(campaign(*told("column", cells)))
     # What nothing predicts otherwise is one test of the forward model all the same.
     assert [len(test) for test in found.tests] == [6, 6]
     assert sorted(map(len, found.replicates)) == sorted(sizes)
@@ -296,7 +296,7 @@ def test_a_further_column_that_was_repeated_tells_replicates_apart(cells, sizes)
 
 def test_measured_sections_are_allowed_for():
     thick = specimen("b", factor=1.1, measured_width_mm=11.0, measured_thickness_mm=3.0)
-    found = observation_model(campaign(specimen("a"), thick))
+    found = ObservationModel(campaign(specimen("a"), thick))
     assert found.tests == ((0, 1),)
     assert found.setup.area_mm2.tolist() == [pytest.approx(31.5)]
     np.testing.assert_allclose(found.measured_N[0], found.measured_N[1], rtol=1e-9, atol=1e-9)
@@ -306,7 +306,7 @@ def test_measured_sections_are_allowed_for():
 def test_only_what_came_before_a_break_counts():
     whole = specimen("a", rng=np.random.default_rng(0))
     force = np.where(whole.time_s > 8.0, 0.02 * whole.force_N, whole.force_N)
-    broken = observation_model(campaign(replace(whole, force_N=force)))
+    broken = ObservationModel(campaign(replace(whole, force_N=force)))
     assert 7.8 < broken.setup.travel_mm[0, -1] <= 8.0
     assert any("a: broke" in sentence for sentence in broken.limitations)
 
@@ -316,8 +316,8 @@ def test_a_spike_does_not_spoil_what_is_compared(at):
     clean = specimen("a", rng=np.random.default_rng(0))
     force = np.array(clean.force_N)
     force[at] = 60.0
-    spoilt = observation_model(campaign(replace(clean, force_N=force)))
-    whole = observation_model(campaign(clean))
+    spoilt = ObservationModel(campaign(replace(clean, force_N=force)))
+    whole = ObservationModel(campaign(clean))
     assert spoilt.limitations == ()
     assert spoilt.table.step.tolist() == whole.table.step.tolist()
     # Of the last row is missed what force rises in one step, 0.06 N.
@@ -336,7 +336,7 @@ def test_what_breaks_before_a_stop_broke():
 def test_a_coarse_travel_is_one_loading():
     fine = specimen("a", ((0.0, 0.0), (15.0, 0.25)), rng=np.random.default_rng(0))
     coarse = replace(fine, displacement_mm=np.round(fine.displacement_mm / 0.005) * 0.005)
-    found, expected = (observation_model(campaign(one)) for one in (coarse, fine))
+    found, expected = (ObservationModel(campaign(one)) for one in (coarse, fine))
     assert [segment.kind for segment in path_of(coarse).segments] == ["loading"]
     # Half a digit of travel, in a force that rises by 47 N/mm near rest.
     raw = expected.table.measured_raw
@@ -344,14 +344,14 @@ def test_a_coarse_travel_is_one_loading():
 
 
 def test_strain_beyond_the_laws_is_left_out():
-    far = observation_model(campaign(specimen("a", ((0.0, 0.0), (48.0, 48.0)))))
+    far = ObservationModel(campaign(specimen("a", ((0.0, 0.0), (48.0, 48.0)))))
     assert far.setup.travel_mm[0, -1] == pytest.approx(1.3 * 0.9 * GAUGE_MM)
-    firm = observation_model(campaign(specimen("a", ((0.0, 0.0), (48.0, 48.0)), material="firm")))
+    firm = ObservationModel(campaign(specimen("a", ((0.0, 0.0), (48.0, 48.0)), material="firm")))
     assert firm.setup.travel_mm[0, -1] == pytest.approx(1.3 * 0.5 * GAUGE_MM)
     rng = np.random.default_rng(1)
     graded = bar("a", SMOOTH, rng=rng)
     stretched = replace(graded, displacement_mm=graded.displacement_mm * 3.0)
-    found = observation_model(campaign(stretched))
+    found = ObservationModel(campaign(stretched))
     strain = predict(found.setup, found.laws).strain
     assert strain.max() <= 1.3 * 0.9 + 1e-6
     assert found.setup.travel_mm[0, -1] < 36.0
@@ -366,7 +366,7 @@ def test_tapes_are_compared_as_far_as_their_laws_are_followed():
     law = make_law(stretches.law).nominal_stress_MPa(1.0 + far.strain)
     far = replace(far, force_N=30.0 * law + NOISE_N * rng.normal(size=900))
     blank = replace(far, id="b", material=None, profile=STEPPED)
-    found = observation_model(Campaign("c", "p", tape, (far, blank)))
+    found = ObservationModel(Campaign("c", "p", tape, (far, blank)))
     assert found.setup.travel_mm[0, -1] == pytest.approx(300.0)
     raw = found.predicted(predict(found.setup, found.laws))
     assert np.abs(raw - found.table.measured_raw)[found.table.test == 0].max() < 4.5 * NOISE_N
@@ -387,7 +387,7 @@ def test_waiting_before_the_test_and_preload_are_taken_off():
     waiting = specimen("a", ((0.0, 0.0), (6.0, 0.0), (18.0, 12.0)))
     preload = specimen("b", ((0.0, 0.4), (11.6, 12.0)))
     for one in (waiting, preload):
-        found = observation_model(campaign(one)).setup
+        found = ObservationModel(campaign(one)).setup
         assert (found.time_s[0, 0], found.travel_mm[0, 0]) == (0.0, 0.0)
         # A wait is a rest within 0.4 % of the travel, so its end is known to as much.
         assert found.time_s[0, -1] == pytest.approx(12.0, abs=0.06)
@@ -398,7 +398,7 @@ def test_hold_after_a_ramp_of_two_rows_still_counts():
     travel = np.minimum(8.0 * time / 0.5, 8.0)
     force = 30.0 * stress_MPa(0.0, travel / GAUGE_MM)
     fast = replace(specimen("a"), time_s=time, displacement_mm=travel, force_N=force)
-    found = observation_model(campaign(fast))
+    found = ObservationModel(campaign(fast))
     assert [BRANCHES[b] for b in found.table.branch] == 2 * ["loading"] + 5 * ["hold"]
 
 
@@ -423,7 +423,7 @@ def test_first_and_last_cycles_are_compared_however_many_there_are(cycles, rows_
     assert kinds == ["loading", "unloading", *["reloading", "unloading"] * (len(kinds) // 2 - 1)]
     assert sum(s.cycles for s in path.segments if s.kind == "reloading") == cycles - 1
     assert len(kinds) == min(2 * cycles, 24)
-    found = observation_model(campaign(one, cycled("b", cycles, seed=1, rows_a_cycle=rows_a_cycle)))
+    found = ObservationModel(campaign(one, cycled("b", cycles, seed=1, rows_a_cycle=rows_a_cycle)))
     assert found.tests == ((0, 1),)
     times, table = found.setup.time_s[0], found.table
     assert times[-1] == pytest.approx(40.0 * cycles, rel=0.015)
@@ -453,8 +453,8 @@ def test_nothing_to_compare_is_refused():
     noise = np.random.default_rng(4).normal(size=240)
     idle = replace(specimen("a"), displacement_mm=0.01 * noise)
     with pytest.raises(FileError, match="no specimen loads"):
-        observation_model(campaign(idle))
-    partly = observation_model(campaign(specimen("b"), idle))
+        ObservationModel(campaign(idle))
+    partly = ObservationModel(campaign(specimen("b"), idle))
     assert partly.test_of.tolist() == [0, -1]
     assert "specimen a: no loading" in partly.limitations[0]
     assert np.isnan(partly.measured_N[1]).all()
@@ -462,7 +462,7 @@ def test_nothing_to_compare_is_refused():
 
 def test_unknown_section_is_one_and_said():
     bare = specimen("a", width_mm=None, thickness_mm=None)
-    found = observation_model(campaign(bare))
+    found = ObservationModel(campaign(bare))
     assert found.setup.area_mm2.tolist() == [1.0]
     assert found.setup.width_mm.tolist() == [1.0]
     assert "section is unknown" in found.limitations[0]
@@ -504,7 +504,7 @@ def test_slices_are_fine_at_steps_and_few():
 
 
 def test_slices_are_fine_enough_for_force_and_strain():
-    found = observation_model(campaign(bar("a", SMOOTH, rng=np.random.default_rng(5))))
+    found = ObservationModel(campaign(bar("a", SMOOTH, rng=np.random.default_rng(5))))
     setup = found.setup
     n = 4000
     fine = setup.with_(
@@ -529,8 +529,8 @@ def test_each_force_has_the_noise_of_the_rows_that_it_is_read_from(rows: int) ->
     rng = np.random.default_rng(rows)
     clean = Campaign("c", "p", PALETTE, (specimen("a", rows=rows),))
     noisy = tuple(specimen(f"s{k}", rng=rng, rows=rows) for k in range(80))
-    model = observation_model(Campaign("c", "p", PALETTE, noisy))
-    off = model.measured_N - observation_model(clean).measured_N
+    model = ObservationModel(Campaign("c", "p", PALETTE, noisy))
+    off = model.measured_N - ObservationModel(clean).measured_N
     said = NOISE_N * model.sensor_sd_N / model.sensor_sd_N[:, :1]
     assert said[0, 0] == NOISE_N
     assert said[0, -1] < said[0, 0]

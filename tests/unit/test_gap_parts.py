@@ -10,7 +10,7 @@ from planner.errors import FileError
 from planner.gap.campaign_folder import read_campaign, write_campaign
 from planner.gap.effect import untestable
 from planner.gap.effects import effects_for
-from planner.gap.observations import observation_model
+from planner.gap.observations import ObservationModel
 from planner.gap.quality import examine
 from planner.gap.virtual import synthesise_campaign
 from planner.simulation.bar_solver import predict
@@ -60,7 +60,7 @@ def test_parts_stand_beside_coupons(folder: Path) -> None:
     assert not p2.pushed  # travel counts along the load, however it was recorded
     assert p2.part is p1.part
     assert any("P2" in remark and "sign was turned" in remark for remark in campaign.remarks)
-    model = observation_model(campaign)
+    model = ObservationModel(campaign)
     assert model.tests == ((0, 1), (2,))
     force = predict(model.setup, model.laws).force_N[0]
     np.testing.assert_allclose(force, 0.3 * model.setup.travel_mm[0], rtol=1e-6, atol=1e-6)
@@ -92,7 +92,7 @@ def test_beyond_its_response_a_part_is_not_compared(folder: Path) -> None:
     )
     (folder / "finger.json").write_bytes(short.encode())
     campaign = read_campaign(folder)
-    model = observation_model(campaign)
+    model = ObservationModel(campaign)
     assert any("as far as the part was simulated" in text for text in model.limitations)
     assert model.setup.travel_mm[0].max() == pytest.approx(5.0)
 

@@ -10,7 +10,7 @@ import pytest
 from planner.gap import quality
 from planner.gap.campaign import Campaign, Specimen, StrainField
 from planner.gap.diagnosis import QualityProblem
-from planner.gap.observations import observation_model
+from planner.gap.observations import ObservationModel
 from planner.materials.laws import make_law
 from planner.numerics import FloatArray
 from planner.printers import load_printer
@@ -54,7 +54,7 @@ def campaign(*specimens: Specimen) -> Campaign:
 
 
 def examine(of: Campaign) -> tuple[QualityProblem, ...]:
-    return quality.examine(of, observation_model(of))
+    return quality.examine(of, ObservationModel(of))
 
 
 def base(**changes: Any) -> list[Specimen]:

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.optimize import nnls
 
 from planner.gap.campaign import Campaign, column_levels
-from planner.gap.observations import observation_model
+from planner.gap.observations import ObservationModel
 from planner.materials.laws import make_law
 from planner.numerics import FloatArray
 from planner.palette import Material
@@ -64,7 +64,7 @@ def left_out_errors(campaign: Campaign, group: Sequence[Hashable]) -> FloatArray
     Each material is fitted alone, to its coupons of the other groups and to the palette's own
     curve. A specimen that cannot be compared has NaN, and so has a graded bar.
     """
-    mounted = observation_model(campaign)
+    mounted = ObservationModel(campaign)
     setup, of = mounted.setup, np.maximum(mounted.test_of, 0)
     area = (setup.width_mm * setup.thickness_mm)[of, None]
     basis = hereditary(setup.time_s, setup.travel_mm / setup.gauge_mm[:, None])[of]
@@ -99,7 +99,7 @@ def convex_errors(campaign: Campaign) -> tuple[float, float | None]:
     With one condition only, specimens are left out one at a time; with fewer than two rates known
     there is no second figure.
     """
-    tests = observation_model(campaign).tests
+    tests = ObservationModel(campaign).tests
     condition = {place: n for n, members in enumerate(tests) for place in members}
     count = len(campaign.specimens)
     groups = [condition.get(k, -1) for k in range(count)] if len(tests) > 1 else list(range(count))

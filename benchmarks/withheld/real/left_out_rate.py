@@ -8,7 +8,7 @@ import numpy as np
 from planner.gap.campaign import Campaign, column_levels
 from planner.gap.diagnosis import Diagnosis, FoundEffect
 from planner.gap.effects import effects_for
-from planner.gap.observations import observation_model
+from planner.gap.observations import ObservationModel
 from planner.numerics import FloatArray
 from planner.simulation.bar_solver import law_tables, predict
 
@@ -66,7 +66,7 @@ def specimen_errors(campaign: Campaign, found: tuple[FoundEffect, ...]) -> Float
 
     Effects of some specimens only say nothing of others and are left out.
     """
-    mounted = observation_model(campaign)
+    mounted = ObservationModel(campaign)
     effects = effects_for(campaign.palette)
     setup = mounted.setup
     acting = [one for one in found if not one.specimens]

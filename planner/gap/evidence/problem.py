@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Collection, Iterable, Sequence
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from itertools import product
 from math import prod
@@ -484,10 +484,8 @@ class Problem:
 
     Attributes
     ----------
-    alone
-        What the palette alone predicts.
     unpredicted : (N,)
-        Its raw features.
+        What the palette alone predicts of the features, raw.
     residual : (N,)
         Measured less predicted, transformed.
     unit_gains : (n,)
@@ -519,24 +517,25 @@ class Problem:
     ) -> None:
         self.campaign, self.signed_forms = campaign, signed_forms(effects)
         self.calibrations = tuple(calibrations_of(campaign.palette, model.setup))
-        self.alone, count = predict(model.setup, model.laws), len(self.calibrations)
+        count = len(self.calibrations)
         setups = [model.setup, *(one.applied(model.setup) for one in self.calibrations)]
         for signed in self.signed_forms:
             points = signed.node_points()
             setups += [signed.form.apply(model.setup, signed.values(p)) for p in points]
         table, field, weights = model.table, model.table.is_field, model.field_weights
-        seen = model.seen(self.alone, weights.weight)
+        seen = model.seen(model.alone, weights.weight)
         sides = likeliest_sides(table, seen)
         likely = weights.at_sides(sides)
         raw, strains = np.empty((len(setups), len(table))), np.empty((len(setups), *sides.shape))
         for k, setup in enumerate(setups):
-            prediction = predict(setup, model.laws, like=self.alone)
+            prediction = predict(setup, model.laws, like=model.alone)
             raw[k] = prediction.force_N[table.test, table.step]
             strains[k] = model.seen(prediction, likely)
             if progress is not None and k % 20 == 0:
                 progress(k, len(setups), "forward model")
         facet = likeliest_facet(table, strains)
-        self.model, self.table = replace(model, weight=likely[facet]), table
+        self.model, self.table = copy(model), table
+        self.model.weight = likely[facet]
         raw[:, field] = strains[:, facet]
         self.unpredicted = raw[0].copy()
         transformed = table.transformed(raw)
@@ -592,8 +591,9 @@ class Problem:
         like
             Of a candidate much like these, which is faster; the palette alone by default.
         """
-        setups = [applied(candidate, self.model.setup) for candidate in candidates]
-        return [predict(setup, self.model.laws, like=like or self.alone) for setup in setups]
+        model = self.model
+        setups = (applied(candidate, model.setup) for candidate in candidates)
+        return [predict(setup, model.laws, like=like or model.alone) for setup in setups]
 
     def changes(self, predictions: Sequence[Prediction]) -> FloatArray:
         """Return what predictions change of the palette's transformed features, (k, N)."""

@@ -12,11 +12,11 @@ from planner.gap.effects import EFFECTS
 from planner.gap.evidence.posterior_mode import Likelihood
 from planner.gap.evidence.problem import Problem
 from planner.gap.evidence.weigh import Priors, reweigh, weigh
-from planner.gap.observations import observation_model
+from planner.gap.observations import ObservationModel
 
 
 def ready(campaign: Campaign, *effects: str) -> Problem:
-    return Problem(campaign, observation_model(campaign), [EFFECTS[id] for id in effects])
+    return Problem(campaign, ObservationModel(campaign), [EFFECTS[id] for id in effects])
 
 
 def closed(problem: Problem, *verdict: str) -> Gap:

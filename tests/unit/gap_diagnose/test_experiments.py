@@ -13,14 +13,14 @@ from planner.gap.diagnosis import Diagnosis, Experiment, Hypothesis
 from planner.gap.effects import EFFECTS
 from planner.gap.evidence.posterior_mode import Likelihood
 from planner.gap.evidence.problem import Candidate, Problem
-from planner.gap.observations import observation_model
+from planner.gap.observations import ObservationModel
 
 
 @pytest.fixture(scope="module")
 def problem(planned, imitated) -> Problem:
     campaign = imitated(planned(2, material=["TangoPlus", "FLX9760"]))
     effects = [EFFECTS[id] for id in ("rate", "temperature")]
-    return Problem(campaign, observation_model(campaign), effects)
+    return Problem(campaign, ObservationModel(campaign), effects)
 
 
 def candidate(problem: Problem, effect: str, form: str, s: float) -> Candidate:

@@ -20,12 +20,12 @@ from planner.gap.evidence.weigh import (
     weigh,
 )
 from planner.gap.noise import FIT_SD
-from planner.gap.observations import observation_model
+from planner.gap.observations import ObservationModel
 from planner.palette import Uncertainty
 
 
 def ready(campaign: Campaign, *effects: str) -> Problem:
-    return Problem(campaign, observation_model(campaign), [EFFECTS[id] for id in effects])
+    return Problem(campaign, ObservationModel(campaign), [EFFECTS[id] for id in effects])
 
 
 def verdict(problem: Problem) -> tuple[str, ...]:
@@ -123,7 +123,7 @@ def test_two_effects_are_found_where_there_is_no_third(planned, imitated) -> Non
 
 def test_a_record_starts_as_it_was_read(planned, imitated) -> None:
     made = imitated(planned(2, material=["FLX9760"]))
-    model = observation_model(made)
+    model = ObservationModel(made)
     assert np.all(model.measured_N[:, 0] == [s.force_N[0] for s in made.specimens])
     assert (model.table.step == 0).sum() == len(made.specimens)
 

@@ -5,7 +5,7 @@ import pytest
 from planner.gap.effect import untestable
 from planner.gap.effects import effects_for
 from planner.gap.evidence.problem import Problem
-from planner.gap.observations import observation_model
+from planner.gap.observations import ObservationModel
 
 CONDITIONS = (
     {}, {"rate_mm_s": 8.5}, {"temperature_C": 35.0}, {"soak_h": 24.0}, {"age_days": 60.0},
@@ -20,4 +20,4 @@ def everything(planned, imitated, step_bar) -> Problem:
     rows.append({"profile": step_bar, "gauge_mm": 32.0})
     campaign = imitated(planned(more=rows, camera=True))
     effects = [e for e in effects_for(campaign.palette).values() if not untestable(e, campaign)]
-    return Problem(campaign, observation_model(campaign), effects)
+    return Problem(campaign, ObservationModel(campaign), effects)

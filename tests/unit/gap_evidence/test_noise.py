@@ -11,11 +11,11 @@ from planner.gap.campaign import Specimen
 from planner.gap.evidence.posterior_mode import Likelihood
 from planner.gap.evidence.problem import Problem, replicate_floor
 from planner.gap.noise import USUAL, unit_gains
-from planner.gap.observations import observation_model
+from planner.gap.observations import ObservationModel
 
 
 def ready(campaign) -> Problem:
-    return Problem(campaign, observation_model(campaign), ())
+    return Problem(campaign, ObservationModel(campaign), ())
 
 
 @pytest.fixture(scope="module")

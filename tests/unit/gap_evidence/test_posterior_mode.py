@@ -17,7 +17,7 @@ from planner.gap.evidence.weigh import (
     _LogPriors,
     _with_parts_alone,
 )
-from planner.gap.observations import observation_model
+from planner.gap.observations import ObservationModel
 from planner.simulation.bar_solver import predict
 
 RISE = 0.12
@@ -32,7 +32,7 @@ def plan(planned) -> Campaign:
 @pytest.fixture(scope="module")
 def problem(plan, imitated) -> Problem:
     campaign = imitated(plan, f"rate:rise={RISE},form=power-law")
-    return Problem(campaign, observation_model(campaign), [EFFECTS["rate"]])
+    return Problem(campaign, ObservationModel(campaign), [EFFECTS["rate"]])
 
 
 def candidate(problem: Problem, form: str, size: float = 0.6) -> Candidate:
@@ -112,7 +112,7 @@ def test_a_search_that_ends_early_is_weighed_by_what_it_reached(
     """What the model linear about its last point promises beyond is no evidence."""
     plan = planned(2, material=["TangoPlus", "FLX9760"], protocol=["monotonic", "cyclic"])
     campaign = imitated(plan, "softening:softening=0.5,scale=0.3,power=1.5,form=damage", seed=3)
-    problem = Problem(campaign, observation_model(campaign), [EFFECTS["softening"]])
+    problem = Problem(campaign, ObservationModel(campaign), [EFFECTS["softening"]])
     likelihood = Likelihood(problem)
     signed = next(b for b in problem.signed_forms if b.form.name == "damage")
     start = Candidate(("softening",), ((signed, (0.5, *[0.9] * signed.shapes)),))
@@ -154,7 +154,7 @@ def test_a_mode_is_that_of_the_world_in_which_it_is_likeliest(planned, imitated)
     """Not of the sloppier one that the search began in, however much its linear model promises."""
     plan = planned(2, material=["TangoPlus", "FLX9760"], rate_mm_s=[0.085, 0.85, 8.5, 85.0])
     campaign = imitated(plan, "rate:share=0.6,form=prony")
-    problem = Problem(campaign, observation_model(campaign), [EFFECTS["rate"]])
+    problem = Problem(campaign, ObservationModel(campaign), [EFFECTS["rate"]])
     likelihoods = (
         Likelihood(problem),
         Likelihood(problem, laws=3.0),
@@ -177,7 +177,7 @@ def test_coordinates_and_places_are_one_to_one(problem: Problem, form: str) -> N
 def test_a_discrepancy_is_asked_for_where_no_form_fits(plan, imitated) -> None:
     """Force off by 5 % along the path, alike in replicates: no scatter, and no rate."""
     campaign = imitated(plan, "softening")
-    problem = Problem(campaign, observation_model(campaign), [EFFECTS["rate"]])
+    problem = Problem(campaign, ObservationModel(campaign), [EFFECTS["rate"]])
     bent = np.sin(np.linspace(0.0, 6.0, len(problem.table))) * 0.05
     exact, off = Likelihood(problem), Likelihood(problem, discrepancy=0.06)
     residual = problem.target
@@ -229,7 +229,7 @@ def test_a_part_of_the_likeliest_is_settled_from_where_it_is_there(problem: Prob
 def slack(planned, imitated) -> Problem:
     """Two materials, four of each, whose grips lose a tenth to seven tenths of a millimetre."""
     campaign = imitated(planned(4, material=["TangoPlus", "FLX9760"]))
-    problem = Problem(campaign, observation_model(campaign), [EFFECTS["grip-slack"]])
+    problem = Problem(campaign, ObservationModel(campaign), [EFFECTS["grip-slack"]])
     signed = next(b for b in problem.signed_forms if b.form.name == "dead-travel")
     lost = [joined([(signed, (np.sqrt(s / signed.form.size.high),))]) for s in LOST_MM]
     each = problem.changes(problem.predictions(lost))[
@@ -284,7 +284,7 @@ def test_errors_are_of_each_specimens_own_size(planned, imitated) -> None:
     """Slack of four specimens that differ by a factor: its mean alone closes little."""
     plan = planned(4, material=["TangoPlus", "FLX9760"])
     campaign = imitated(plan, "grip-slack:slack=0.6,form=taking-up", seed=5)
-    problem = Problem(campaign, observation_model(campaign), [EFFECTS["grip-slack"]])
+    problem = Problem(campaign, ObservationModel(campaign), [EFFECTS["grip-slack"]])
     likelihood = Likelihood(problem)
     signed = next(b for b in problem.signed_forms if b.form.name == "taking-up")
     start = Candidate(("grip-slack",), ((signed, (0.3, *[0.0] * signed.shapes)),))
