@@ -17,14 +17,7 @@ from planner.gap.diagnosis import Experiment, Hypothesis
 from planner.gap.effect import Effect, Parameter, untestable
 from planner.gap.effects import EFFECTS, STEPS, effect_named, effects_for
 from planner.gap.evidence.posterior_mode import Likelihood
-from planner.gap.evidence.problem import (
-    Candidate,
-    Problem,
-    SignedForm,
-    applied,
-    node_weights,
-    searched,
-)
+from planner.gap.evidence.problem import Candidate, Problem, SignedForm, node_weights, searched
 from planner.gap.evidence.weigh import (
     ALIKE_COSINE,
     UNKNOWN,
@@ -727,7 +720,7 @@ def _predicted(
     calibrations = tuple(calibrations_of(problem.campaign.palette, model.setup))
     setups = [model.setup, *(calibration.applied(model.setup) for calibration in calibrations)]
     # One by one: a subset's gain holds for new specimens with the share it has of old ones.
-    setups += [applied(c, model.setup) for c in candidates]
+    setups += [c.applied(model.setup) for c in candidates]
     raw = np.stack([model.predicted(predict(s, laws)) for s in setups])
     for k, candidate in enumerate(candidates):
         if candidate.members is not None and candidate.log_gain:

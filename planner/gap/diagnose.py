@@ -34,15 +34,7 @@ from planner.gap.diagnosis import (
 from planner.gap.effect import untestable
 from planner.gap.effects import EFFECTS, TESTS, effect_named, effects_for
 from planner.gap.evidence.posterior_mode import Likelihood
-from planner.gap.evidence.problem import (
-    Candidate,
-    Problem,
-    applied,
-    own_axes,
-    replicate_floor,
-    specimen_forces_N,
-    squared_errors,
-)
+from planner.gap.evidence.problem import Candidate, Problem, own_axes
 from planner.gap.evidence.weigh import (
     ENOUGH_SPECIMENS,
     UNKNOWN,
@@ -218,10 +210,10 @@ def closure(
         Of the whole campaign: with "none" or "unknown" there is no effect to add.
     """
     specimens, nothing = problem.campaign.specimens, verdict in ((), UNKNOWN)
-    alone = squared_errors(problem, Candidate(()))
+    alone = problem.squared_errors(Candidate(()))
     predictor = _Predictor(problem, weighed, vain, alone)
     folds, held_out = _conditions_out(specimens, problem.model.tests)
-    floor = replicate_floor(problem, None if nothing else weighed.best.get(verdict))
+    floor = problem.replicate_floor(None if nothing else weighed.best.get(verdict))
     if not folds:
         return Gap(_rms(alone), None, None, None, None, None, None, held_out)
 
@@ -319,12 +311,12 @@ class _Predictor:
             if share <= _LEAST_PROBABILITY:
                 continue
             chosen = self.weighed.mode_of(candidate).fitted(likelihood, problem.gain_of(candidate))
-            forces = specimen_forces_N(problem, replace(chosen, members=None))
+            forces = problem.forces_N(replace(chosen, members=None))
             if candidate.members is not None:
                 forces = self._with_own_gain(forces, candidate.log_gain)
             expected += share * forces
             told += share
-        return squared_errors(problem, expected / told)
+        return problem.squared_errors(expected / told)
 
     def _with_own_gain(self, forces: FloatArray, log_gain: float) -> FloatArray:
         """Return forces with each specimen's gain, told from its own curve's level alone.
@@ -344,7 +336,7 @@ class _Predictor:
         model, setup = problem.model, problem.model.setup
         for calibration, size in zip(problem.calibrations, best.tolist(), strict=True):
             setup = calibration.applied(setup, _RECALIBRATION_SD * size * calibration.sd)
-        return squared_errors(problem, predict(setup, model.laws).force_N[model.test_of])
+        return problem.squared_errors(predict(setup, model.laws).force_N[model.test_of])
 
     def generic(self, weight: FloatArray) -> FloatArray:
         """By a generic regressor, on the features of force.
@@ -506,15 +498,15 @@ def _traces_of(problem: Problem, chosen: Candidate) -> Traces:
     sign = np.where(setup.pushed, -1.0, 1.0)[:, None]
     signs = sign[model.test_of]
     measured = signs * model.measured_N
-    before = signs * specimen_forces_N(problem, Candidate(()))
-    after = signs * specimen_forces_N(problem, chosen)
+    before = signs * problem.forces_N(Candidate(()))
+    after = signs * problem.forces_N(chosen)
     return Traces(
         label=tuple(_label(specimens[members[0]], specimens) for members in model.tests),
         rows=[list(members) for members in model.tests],
         travel_mm=setup.travel_mm,
         time_s=setup.time_s,
         before_N=sign * predict(setup, model.laws).force_N,
-        after_N=sign * predict(applied(chosen, setup), model.laws).force_N,
+        after_N=sign * predict(chosen.applied(setup), model.laws).force_N,
         measured_N=measured,
         residual_before=signed_error((measured - before) / model.peaks_N),
         residual_after=signed_error((measured - after) / model.peaks_N),

@@ -31,13 +31,7 @@ from planner.materials.characterise import noise_sd
 from planner.numerics import BoolArray, FloatArray, IntArray
 from planner.palette import Palette
 from planner.simulation.bar import step_places_mm
-from planner.simulation.bar_solver import (
-    PUSHED_END,
-    Prediction,
-    Setup,
-    law_tables,
-    predict,
-)
+from planner.simulation.bar_solver import PUSHED_END, Prediction, Setup, law_tables, predict
 
 __all__ = [
     "BRANCHES",

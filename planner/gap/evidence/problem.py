@@ -35,14 +35,10 @@ __all__ = [
     "Candidate",
     "Problem",
     "SignedForm",
-    "applied",
     "joined",
     "node_weights",
     "own_axes",
-    "replicate_floor",
     "searched",
-    "specimen_forces_N",
-    "squared_errors",
 ]
 
 
@@ -217,6 +213,14 @@ class Candidate:
     members: FloatArray | None = None
     log_gain: float = 0.0
     own: FloatArray | None = None
+
+    def applied(self, setup: Setup) -> Setup:
+        """Return a setup with the effects, each at its stage.
+
+        What holds for some specimens only is left to `Problem.forces_N`.
+        """
+        effects = (StatedEffect(b.effect, b.form, b.values(point)) for b, point in self.parts)
+        return with_effects(setup, effects)
 
     def own_sizes(self, deviates: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return specimens' own sizes, over the effects', and slopes; see `Effect.own_size`."""
@@ -592,7 +596,7 @@ class Problem:
             Of a candidate much like these, which is faster; the palette alone by default.
         """
         model = self.model
-        setups = (applied(candidate, model.setup) for candidate in candidates)
+        setups = (candidate.applied(model.setup) for candidate in candidates)
         return [predict(setup, model.laws, like=like or model.alone) for setup in setups]
 
     def changes(self, predictions: Sequence[Prediction]) -> FloatArray:
@@ -644,78 +648,60 @@ class Problem:
         by_size = np.sum(power * at ** (power - 1) * (1.0 - at) ** 2 * courses, axis=1)
         return change, by_size * slopes[:, of]
 
+    def forces_N(self, candidate: Candidate) -> FloatArray:
+        """Return predicted forces on each specimen's test's steps, (n, T)."""
+        model = self.model
+        forces = predict(candidate.applied(model.setup), model.laws).force_N[model.test_of]
+        if candidate.members is not None:
+            forces = forces * np.exp(candidate.log_gain * candidate.members)[:, None]
+        return forces
 
-# ------------------------------------------------------------------------------------------------
-# A setup with a candidate's effects, and the force that each specimen would then show.
+    def squared_errors(self, predicted: Candidate | FloatArray) -> FloatArray:
+        """Return mean squared errors of force over `_typical_peaks_N`, (n,).
 
+        Parameters
+        ----------
+        predicted
+            Forces, (n, T), or what they are predicted with; see `forces_N`.
+        """
+        if isinstance(predicted, Candidate):
+            predicted = self.forces_N(predicted)
+        off = (self.model.measured_N - predicted) / self._typical_peaks_N()
+        return np.asarray(np.mean(off**2, axis=1))
 
-def applied(candidate: Candidate, setup: Setup) -> Setup:
-    """Return a setup with the candidate's effects, each at its stage.
+    def _typical_peaks_N(self) -> FloatArray:
+        """Return the mean size of its replicates' largest forces, in each specimen's unit, (n, 1).
 
-    What holds for some specimens only is left to `specimen_forces_N`.
-    """
-    return with_effects(
-        setup, [StatedEffect(b.effect, b.form, b.values(point)) for b, point in candidate.parts]
-    )
+        Its own would hide that it is high, and double that it is low.
+        """
+        # As far as they are in one unit: a slip of the pen is no scatter.
+        units = np.exp(self.unit_gains)[:, None]
+        peaks = self.model.peaks_N / units
+        typical = peaks.copy()
+        for members in self.model.replicates:
+            known = [k for k in members if not self.strays[k]]
+            typical[list(members)] = peaks[known or list(members)].mean()
+        return np.asarray(typical * units)
 
+    def replicate_floor(self, known: Candidate | None = None) -> FloatArray | None:
+        """Return what a prediction of a new specimen misses by, squared, (n,).
 
-def specimen_forces_N(problem: Problem, candidate: Candidate) -> FloatArray:
-    """Return predicted forces on each specimen's test's steps, (n, T)."""
-    model = problem.model
-    forces = predict(applied(candidate, model.setup), model.laws).force_N[model.test_of]
-    if candidate.members is not None:
-        forces = forces * np.exp(candidate.log_gain * candidate.members)[:, None]
-    return forces
-
-
-def squared_errors(problem: Problem, predicted: Candidate | FloatArray) -> FloatArray:
-    """Return mean squared errors of force over `_typical_peaks_N`, (n,).
-
-    Parameters
-    ----------
-    predicted
-        Forces, (n, T), or what they are predicted with; see `specimen_forces_N`.
-    """
-    if isinstance(predicted, Candidate):
-        predicted = specimen_forces_N(problem, predicted)
-    off = (problem.model.measured_N - predicted) / _typical_peaks_N(problem)
-    return np.asarray(np.mean(off**2, axis=1))
-
-
-def _typical_peaks_N(problem: Problem) -> FloatArray:
-    """Return the mean size of its replicates' largest forces, in each specimen's unit, (n, 1).
-
-    Its own would hide that it is high, and double that it is low.
-    """
-    # As far as they are in one unit: a slip of the pen is no scatter.
-    units = np.exp(problem.unit_gains)[:, None]
-    peaks = problem.model.peaks_N / units
-    typical = peaks.copy()
-    for members in problem.model.replicates:
-        known = [k for k in members if not problem.strays[k]]
-        typical[list(members)] = peaks[known or list(members)].mean()
-    return np.asarray(typical * units)
-
-
-def replicate_floor(problem: Problem, known: Candidate | None = None) -> FloatArray | None:
-    """Return what a prediction of a new specimen misses by, squared, (n,); None without replicates.
-
-    What replicates differ by, and what they share as specimens of one batch. It is known from few
-    replicates, so that an error may come out slightly below it. A gain of some specimens, of the
-    candidate that is `known`, is no scatter.
-    """
-    curves = problem.model.measured_N / _typical_peaks_N(problem)
-    if known is not None and known.members is not None:
-        # Peaks are in each specimen's own unit already.
-        gain = np.where(problem.unit_gains == 0.0, known.log_gain * known.members, 0.0)
-        curves *= np.exp(-gain)[:, None]
-    floor = np.full(len(curves), np.nan)
-    batches = [s.batch for s in problem.campaign.specimens]
-    for members in problem.model.replicates:
-        rows = np.array([k for k in members if not problem.strays[k]])
-        if len(rows) > 1:
-            away = curves[rows] - curves[rows].mean(axis=0)
-            floor[rows] = len(rows) / (len(rows) - 1.0) * np.mean(away**2, axis=1)
-            if len({batches[k] for k in rows}) == 1:
-                floor[rows] += problem.scatter.batch**2 * np.mean(curves[rows] ** 2, axis=1)
-    return None if np.isnan(floor).all() else floor
+        None without replicates. What these differ by, and what they share as specimens of one
+        batch. It is known from few replicates, so that an error may come out slightly below it. A
+        gain of some specimens, of the candidate that is `known`, is no scatter.
+        """
+        curves = self.model.measured_N / self._typical_peaks_N()
+        if known is not None and known.members is not None:
+            # Peaks are in each specimen's own unit already.
+            gain = np.where(self.unit_gains == 0.0, known.log_gain * known.members, 0.0)
+            curves *= np.exp(-gain)[:, None]
+        floor = np.full(len(curves), np.nan)
+        batches = [s.batch for s in self.campaign.specimens]
+        for members in self.model.replicates:
+            rows = np.array([k for k in members if not self.strays[k]])
+            if len(rows) > 1:
+                away = curves[rows] - curves[rows].mean(axis=0)
+                floor[rows] = len(rows) / (len(rows) - 1.0) * np.mean(away**2, axis=1)
+                if len({batches[k] for k in rows}) == 1:
+                    floor[rows] += self.scatter.batch**2 * np.mean(curves[rows] ** 2, axis=1)
+        return None if np.isnan(floor).all() else floor

@@ -19,8 +19,6 @@ from planner.gap.evidence.problem import (
     joined,
     node_weights,
     own_axes,
-    replicate_floor,
-    squared_errors,
 )
 from planner.gap.noise import FIT_SD, UNIT_GAINS
 from planner.numerics import BoolArray, FloatArray, IntArray, kernel
@@ -967,14 +965,14 @@ def _within_floor(problem: Problem) -> bool:
     squared error of n specimens in G groups of replicates, over the floor's, is 1 + (X - G) / n
     with X of chi squared, G degrees of freedom. Few specimens do not show that there is nothing.
     """
-    if (floor := replicate_floor(problem)) is None:
+    if (floor := problem.replicate_floor()) is None:
         return False
     known = np.isfinite(floor) & ~problem.strays
     most, n = 1.0, int(known.sum())
     if len(problem.campaign.specimens) >= ENOUGH_SPECIMENS:
         groups = sum(bool(known[list(members)].any()) for members in problem.model.replicates)
         most += (float(chdtri(groups, _BY_CHANCE)) - groups) / n
-    errors = squared_errors(problem, Candidate(()))
+    errors = problem.squared_errors(Candidate(()))
     return bool(np.mean(errors[known]) <= most * np.mean(floor[known]))
 
 
@@ -1007,7 +1005,7 @@ def _explained(
     errors: dict[Effects, FloatArray] = {}
     for effects in sorted((e for e in gain if any(set(e) <= set(b) for b in best)), key=len):
         closes[effects] = _falls(*weighed.errors(effects, own=not within_floor))
-        errors[effects] = own = squared_errors(problem, weighed.best[effects])
+        errors[effects] = own = problem.squared_errors(weighed.best[effects])
         fewer = [
             e
             for e in errors

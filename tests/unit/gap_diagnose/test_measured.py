@@ -10,7 +10,7 @@ from planner.gap.campaign import Campaign
 from planner.gap.campaign_folder import read_campaign
 from planner.gap.diagnose import diagnose, prepared
 from planner.gap.effects import EFFECTS
-from planner.gap.evidence.problem import Candidate, Problem, replicate_floor
+from planner.gap.evidence.problem import Candidate, Problem
 from planner.gap.evidence.weigh import (
     Priors,
     _law_errors,
@@ -52,9 +52,9 @@ def test_a_stray_is_set_apart_and_moves_neither_scatter_nor_floor(planned, imita
     assert not clean.strays.any()
     # One of sixteen tells no more; what the others say is the same.
     assert off.scatter.specimen == pytest.approx(clean.scatter.specimen, rel=0.15)
-    floors = [np.sqrt(np.nanmean(replicate_floor(p))) for p in (clean, off)]
+    floors = [np.sqrt(np.nanmean(p.replicate_floor())) for p in (clean, off)]
     assert floors[1] == pytest.approx(floors[0], rel=0.2)
-    assert np.isnan(replicate_floor(off)[0])
+    assert np.isnan(off.replicate_floor()[0])
 
 
 def test_two_that_are_off_are_no_strays(planned, imitated) -> None:

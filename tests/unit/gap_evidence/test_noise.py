@@ -9,7 +9,7 @@ from scipy.stats import chi2
 from planner.formats.units import QUANTITY_UNITS
 from planner.gap.campaign import Specimen
 from planner.gap.evidence.posterior_mode import Likelihood
-from planner.gap.evidence.problem import Problem, replicate_floor
+from planner.gap.evidence.problem import Problem
 from planner.gap.noise import USUAL, unit_gains
 from planner.gap.observations import ObservationModel
 
@@ -68,7 +68,7 @@ def test_another_unit_is_no_scatter(cells, imitated, unit: str) -> None:
     expected = [np.log(factors.get(k, 1.0)) for k in range(len(mixed))]
     assert unit_gains(problem.table) == pytest.approx(expected)
     assert not unit_gains(clean.table).any()
-    floor, other = (np.sqrt(np.nanmean(replicate_floor(p))) for p in (clean, problem))
+    floor, other = (np.sqrt(np.nanmean(p.replicate_floor())) for p in (clean, problem))
     assert other == pytest.approx(floor, rel=0.15)
 
 

@@ -307,9 +307,12 @@ def test_what_gains_more_than_a_wrong_form_could_is_kept(
 ) -> None:
     """A third of a pattern is a ninth of the gain; but together they must close something."""
     error = {RATE: 0.5, BOTH: left}
-    monkeypatch.setattr(weigh, "squared_errors", lambda _, candidate: np.full(8, error[candidate]))
+    problem = SimpleNamespace(
+        model=SimpleNamespace(test_of=np.arange(8)),
+        squared_errors=lambda candidate: np.full(8, error[candidate]),
+    )
     found = SimpleNamespace(
-        plain=SimpleNamespace(problem=SimpleNamespace(model=SimpleNamespace(test_of=np.arange(8)))),
+        plain=SimpleNamespace(problem=problem),
         best={RATE: RATE, BOTH: BOTH},
         log_evidence={((), ""): -4.0, (RATE, ""): 95.0, (BOTH, ""): 95.0 + extra},
         errors=lambda effects, own: (1.0, error[effects]),
@@ -337,7 +340,7 @@ def test_a_rise_is_by_students_one_sided_test(mean: float) -> None:
 
 @pytest.mark.parametrize(("groups", "each"), [(1, 18), (3, 6), (15, 2)])
 def test_a_palette_without_an_error_is_within_the_floor_in_nineteen_of_twenty(
-    groups: int, each: int, monkeypatch: pytest.MonkeyPatch
+    groups: int, each: int
 ) -> None:
     """Specimens are made so that they differ by just the floor; their means are drawn."""
     rng, n, within = np.random.default_rng(3), groups * each, []
@@ -346,13 +349,13 @@ def test_a_palette_without_an_error_is_within_the_floor_in_nineteen_of_twenty(
         strays=np.zeros(n, dtype=bool),
         campaign=SimpleNamespace(specimens=[None] * n),
         model=SimpleNamespace(replicates=members.tolist()),
+        replicate_floor=lambda: np.ones(n),
     )
-    monkeypatch.setattr(weigh, "replicate_floor", lambda _: np.ones(n))
     for _ in range(2000):
         level = rng.standard_normal((groups, each))
         mean = level.mean(axis=1, keepdims=True)
         error = (mean + (level - mean) / level.std(axis=1, ddof=1, keepdims=True)) ** 2
-        monkeypatch.setattr(weigh, "squared_errors", Mock(return_value=error.ravel()))
+        problem.squared_errors = Mock(return_value=error.ravel())
         within.append(weigh._within_floor(problem))  # type: ignore[arg-type]
     # Three standard errors of 2,000.
     assert np.mean(within) == pytest.approx(0.95, abs=0.015)
