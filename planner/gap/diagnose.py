@@ -34,7 +34,7 @@ from planner.gap.diagnosis import (
 from planner.gap.effect import untestable
 from planner.gap.effects import EFFECTS, TESTS, effect_named, effects_for
 from planner.gap.evidence.posterior_mode import Likelihood
-from planner.gap.evidence.problem import Candidate, Problem, own_axes
+from planner.gap.evidence.problem import Candidate, Problem
 from planner.gap.evidence.weigh import (
     ENOUGH_SPECIMENS,
     UNKNOWN,
@@ -233,7 +233,7 @@ def closure(
             closed = _closed(_rms(before), _rms(after), floor_rms)
             interval = _interval(problem, np.stack([before, after, floor]), closed, rng)
     # Levels of the verdict's own covariates: along any other column nothing is carried beyond.
-    own = own_axes([b.effect for b in problem.signed_forms if b.effect.id in verdict])
+    own = {axis for axis, id in problem.own_axes.items() if id in verdict}
     beyond = _levels_out(specimens, own)
     gap = Gap(
         before=_rms(before),

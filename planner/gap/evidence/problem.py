@@ -1,6 +1,6 @@
 """A campaign made ready for weighing: forms on nodes, and every column that hypotheses need."""
 
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass
 from functools import lru_cache
@@ -37,7 +37,6 @@ __all__ = [
     "SignedForm",
     "joined",
     "node_weights",
-    "own_axes",
     "searched",
 ]
 
@@ -390,17 +389,16 @@ class UnknownAxis:
 
 
 def _unknown_axes(
-    campaign: Campaign, table: FeatureTable, sensitivity: FloatArray, effects: Sequence[Effect]
+    patterns: Mapping[str, FloatArray], effects: Iterable[Effect], own: Collection[str]
 ) -> tuple[UnknownAxis, ...]:
     """Return the axes that vary in a campaign, with their patterns.
 
     Claimed are those along which some effect varies. All of these together, but for an effect's own
     covariate, along which free patterns count for it, are one axis more.
     """
-    own = own_axes(effects)
     claimed = frozenset(own).union(*[e.where for e in effects])
     axes = []
-    for name, columns in axis_patterns(campaign, table, sensitivity).items():
+    for name, columns in patterns.items():
         scale = np.sqrt(np.sum(columns**2) / np.any(columns != 0.0, axis=1).sum())
         axes.append(UnknownAxis(name, columns / scale, name in claimed))
     known = [axis.columns for axis in axes if axis.claimed and axis.axis not in own]
@@ -452,11 +450,6 @@ def _levels_apart(campaign: Campaign, model: ObservationModel, counts: BoolArray
     return found
 
 
-def own_axes(effects: Sequence[Effect]) -> dict[str, str]:
-    """Return, of each axis that is an effect's own covariate, that effect's id."""
-    return {name: e.id for e in effects for entry in e.covariates for name in entry.split("|")}
-
-
 # ------------------------------------------------------------------------------------------------
 # A campaign made ready for weighing: every column that any hypothesis needs, whitened once.
 #
@@ -488,6 +481,10 @@ class Problem:
 
     Attributes
     ----------
+    effects
+        By id.
+    own_axes
+        Of each axis that is an effect's own covariate, that effect's id.
     unpredicted : (N,)
         What the palette alone predicts of the features, raw.
     residual : (N,)
@@ -520,6 +517,9 @@ class Problem:
         strays: Collection[str] = (),
     ) -> None:
         self.campaign, self.signed_forms = campaign, signed_forms(effects)
+        self.effects = {effect.id: effect for effect in effects}
+        covariates = ((name, e.id) for e in effects for name in e.covariates)
+        self.own_axes = {name: id for names, id in covariates for name in names.split("|")}
         self.calibrations = tuple(calibrations_of(campaign.palette, model.setup))
         count = len(self.calibrations)
         setups = [model.setup, *(one.applied(model.setup) for one in self.calibrations)]
@@ -568,7 +568,8 @@ class Problem:
         camera = _field_columns(table, facets, aside, self.sensitivity)
         stray = _STRAY_SD * gains[:, self.strays]
         self.calibration = np.concatenate([laws, bends, camera, stray], axis=1)
-        self.unknown = _unknown_axes(campaign, table, chord, effects)
+        axes = axis_patterns(campaign, table, chord)
+        self.unknown = _unknown_axes(axes, effects, self.own_axes)
         nuisances = np.concatenate([self.calibration, self.noise.batch], axis=1)
         self.of_laws = np.arange(nuisances.shape[1]) < count + bends.shape[1]
         self.of_laws[:count] = [one.kind == "tilt" for one in self.calibrations]

@@ -12,14 +12,7 @@ from scipy.special import chdtri, expit, logit, logsumexp, stdtrit
 from planner.gap.campaign import axis_columns
 from planner.gap.diagnosis import Detectable, Effects, FoundEffect, Hypothesis
 from planner.gap.evidence.posterior_mode import Likelihood, PosteriorMode, posterior_mode
-from planner.gap.evidence.problem import (
-    EVERY_AXIS,
-    Candidate,
-    Problem,
-    joined,
-    node_weights,
-    own_axes,
-)
+from planner.gap.evidence.problem import EVERY_AXIS, Candidate, Problem, joined, node_weights
 from planner.gap.noise import FIT_SD, UNIT_GAINS
 from planner.numerics import BoolArray, FloatArray, IntArray, kernel
 
@@ -468,8 +461,7 @@ def _telling_column(problem: Problem, members: BoolArray) -> int | None:
 
     None if the column is one that tells specimens one by one, or one along which gains may go.
     """
-    own = next(b.effect.where for b in problem.signed_forms if b.effect.id == _GAIN)
-    columns = axis_columns(problem.campaign)
+    own, columns = problem.effects[_GAIN].where, axis_columns(problem.campaign)
     for number, name in enumerate(axis.axis for axis in problem.unknown):
         cells = columns.get(name, ())
         distinct = len(set(cells))
@@ -538,7 +530,7 @@ class _LogPriors:
 
     def __init__(self, problem: Problem, priors: Priors) -> None:
         self.priors = priors
-        effects = {b.effect.id: b.effect for b in problem.signed_forms}
+        effects = problem.effects
         self.some = any(e.some for e in effects.values())
         # A third effect is beside two as rare as a second is beside one.
         named = np.array([priors.single, priors.pair, priors.pair**2 / priors.single])
@@ -549,7 +541,6 @@ class _LogPriors:
         self.any = float(np.log((1.0 - priors.axes) * priors.unknown))
         self.beside = _of_axes(problem, priors.beside / (1.0 - priors.beside), priors.claimed)
         self.of_form = np.log([b.weight for b in problem.signed_forms])
-        self.owner = own_axes(list(effects.values()))
 
     def of(self, effects: Effects) -> float:
         """Return the log prior of effects without an unknown."""
@@ -780,8 +771,9 @@ def _add_axes(one: PosteriorMode, likelihood: Likelihood, result: Weighed) -> No
 
 def _add_axis(effects: Effects, number: int, evidence: float, result: Weighed) -> None:
     """Add effects beside a free pattern along an axis, which may be an effect's own."""
-    axis, logs = result.plain.problem.unknown[number].axis, result.logs
-    owned = tuple(sorted({*effects, logs.owner[axis]})) if axis in logs.owner else ()
+    problem, logs = result.plain.problem, result.logs
+    axis, owner = problem.unknown[number].axis, problem.own_axes
+    owned = tuple(sorted({*effects, owner[axis]})) if axis in owner else ()
     if owned and owned in result.best:  # weighed: no more effects than may be at work together
         result.add(owned, "", logs.of(owned), evidence + np.log(_FREE))
     elif effects:
@@ -940,8 +932,7 @@ def evidence_of(problem: Problem, weighed: Weighed) -> Evidence:
     within_floor = _within_floor(problem) and not problem.apart.any()
     closes, without = _explained(weighed, within_floor=within_floor)
     # What a sensor does to all specimens of one condition, their scatter does as well.
-    effects = {b.effect.id: b.effect for b in problem.signed_forms}
-    sensors = {id for id, effect in effects.items() if effect.stage == "sensor"}
+    sensors = {id for id, effect in problem.effects.items() if effect.stage == "sensor"}
     return Evidence(
         log_prior=weighed.log_prior,
         log_evidence=weighed.log_evidence,
@@ -950,7 +941,7 @@ def evidence_of(problem: Problem, weighed: Weighed) -> Evidence:
         scatter_like=frozenset(sensors if len(problem.model.tests) == 1 else ()),
         closes=closes,
         without=without,
-        axes={id: [a for a in e.where if a != "strain"] for id, e in effects.items()},
+        axes={id: [a for a in e.where if a != "strain"] for id, e in problem.effects.items()},
     )
 
 
@@ -1138,7 +1129,7 @@ def axes_of(
     An effect's lies along the axes that it varies along, an unknown's along its own; what goes
     along every test says nothing of where.
     """
-    own = {b.effect.id: set(b.effect.where) for b in problem.signed_forms}
+    own = {id: set(effect.where) for id, effect in problem.effects.items()}
     own |= {axis.axis: {axis.axis} for axis in problem.unknown if axis.axis != EVERY_AXIS}
     names = set().union(*own.values())
     counts = _counted(evidence.log_evidence, priors)
@@ -1226,10 +1217,9 @@ def detectable_sizes(problem: Problem, nodes: FloatArray, priors: Priors) -> Ite
     nodes : (nodes, nodes)
         Inner products of all nodes, what is uncertain besides integrated out.
     """
-    first = {b.effect.id: b.effect.forms[0] for b in problem.signed_forms}
-    needed = needed_nats(priors, max(len(first), 1))
-    for id, form in first.items():
-        known: list[float] = []
+    needed = needed_nats(priors, max(len(problem.effects), 1))
+    for id, effect in problem.effects.items():
+        known, form = list[float](), effect.forms[0]
         for b in (b for b in problem.signed_forms if b.form is form):
             sizes = np.geomspace(b.least, 1.0, _SIZES)
             weights = node_weights([(s, *[0.0] * b.shapes) for s in sizes])

@@ -262,9 +262,7 @@ def test_a_gap_lies_where_its_likely_causes_do() -> None:
     """An unknown along its axis; one along every test anywhere."""
     where = {"rate": ("rate_mm_s", "time"), "grip-slip": ("time",)}
     problem = SimpleNamespace(
-        signed_forms=[
-            SimpleNamespace(effect=SimpleNamespace(id=i, where=w)) for i, w in where.items()
-        ],
+        effects={id: SimpleNamespace(where=w) for id, w in where.items()},
         unknown=[SimpleNamespace(axis=axis) for axis in ("operator", "any")],
     )
     p = {(): 0.1, RATE: 0.4, SLIP: 0.1, BOTH: 0.05, UNKNOWN: 0.35}
