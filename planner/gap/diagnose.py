@@ -497,18 +497,17 @@ def _traces_of(problem: Problem, chosen: Candidate) -> Traces:
     setup = model.setup
     sign = np.where(setup.pushed, -1.0, 1.0)[:, None]
     signs = sign[model.test_of]
-    measured = signs * model.measured_N
-    before = signs * problem.forces_N(Candidate(()))
-    after = signs * problem.forces_N(chosen)
+    measured, after = signs * model.measured_N, signs * problem.forces_N(chosen)
+    before_N = sign * model.alone.force_N
     return Traces(
         label=tuple(_label(specimens[members[0]], specimens) for members in model.tests),
         rows=[list(members) for members in model.tests],
         travel_mm=setup.travel_mm,
         time_s=setup.time_s,
-        before_N=sign * predict(setup, model.laws).force_N,
+        before_N=before_N,
         after_N=sign * predict(chosen.applied(setup), model.laws).force_N,
         measured_N=measured,
-        residual_before=signed_error((measured - before) / model.peaks_N),
+        residual_before=signed_error((measured - before_N[model.test_of]) / model.peaks_N),
         residual_after=signed_error((measured - after) / model.peaks_N),
         specimens=tuple(s.id for s in specimens),
         columns=axis_columns(problem.campaign),

@@ -342,7 +342,7 @@ class FieldWeights:
 
 
 # ------------------------------------------------------------------------------------------------
-# From curves on steps to the table of features.
+# The observation model of a campaign: specimens as tests of the forward model, curves as features.
 
 
 _FORCE_SHARE = 0.1
@@ -351,74 +351,6 @@ slack and zeros make of small forces, below most of a curve."""
 
 _STRAIN_FLOOR = 0.01
 """The same of strains along a bar. Chosen: some times the noise of image correlation."""
-
-
-def _feature_table(
-    specimens: Sequence[Specimen],
-    tests: Sequence[ReplicateTest],
-    alike: IntArray,
-    setup: Setup,
-    measured_N: FloatArray,
-    sensor_sd_N: FloatArray,
-    peak_N: FloatArray,
-) -> tuple[FeatureTable, FieldWeights]:
-    """Return the features of all specimens that a test has, and how fields are made up.
-
-    Parameters
-    ----------
-    alike : (n,)
-        Number of each specimen's replicates.
-    peak_N
-        Of each test, as the palette's laws predict it.
-    """
-    rows: list[tuple[float, ...]] = []
-    seen_at: list[tuple[int, int, Bins]] = []
-    for place, number in sorted((p, k) for k, test in enumerate(tests) for p in test.places):
-        test, travel, gauge = tests[number], setup.travel_mm[number], setup.gauge_mm[number]
-        floor = max(_FORCE_SHARE * float(peak_N[number]), 2.0 * float(sensor_sd_N[place]))
-        for step in test.feature_steps():
-            segment = test.segments[test.segment[step]]
-            # A hold's time counts from the last step of the segment before.
-            first = int(np.argmax(test.segment == test.segment[step]))
-            begin_s = test.time_s[first - 1] if segment.kind == "hold" else 0.0
-            rows.append((
-                place, number, step, BRANCHES.index(segment.kind), travel[step] / gauge,
-                test.time_s[step] - begin_s, np.nan, floor, measured_N[place, step],
-            ))  # fmt: skip
-        seen = specimens[place].strain_field
-        if seen is None or setup.designs[number] is None:
-            continue
-        bins = Bins(seen, setup, number)
-        for step in (test.step_at(0, fraction) for fraction in test.frames):
-            if (means := bins.means(seen, test.paths[place], float(travel[step]))) is None:
-                continue
-            seen_at.append((len(rows), int(setup.first_slice[number]), bins))
-            rows += [
-                (place, number, step, BRANCHES.index("field"), travel[step] / gauge,
-                 test.time_s[step], x, _STRAIN_FLOOR, mean)
-                for x, mean in zip(bins.x_mm, means, strict=True)
-            ]  # fmt: skip
-    places, overlap = np.zeros(len(rows)), np.zeros((len(rows), _BINS_MOST if seen_at else 0))
-    for row, _, bins in seen_at:
-        here = slice(row, row + len(bins.x_mm))
-        places[here], overlap[here, : len(bins.x_mm)] = bins.places, bins.overlap
-    numbers = ("specimen", "test", "step", "branch")
-    figures = ("strain", "time_s", "x_mm", "floor", "measured_raw")
-    columns: dict[str, Any] = dict(zip((*numbers, *figures), np.array(rows).T, strict=True))
-    columns |= {name: columns[name].astype(np.int64) for name in numbers}
-    table = FeatureTable(
-        **columns,
-        replicates=alike[columns["specimen"]],
-        measured=np.arcsinh(columns["measured_raw"] / (2.0 * columns["floor"])),
-        places=places,
-        overlap=overlap,
-    )
-    return table, FieldWeights(seen_at)
-
-
-# ------------------------------------------------------------------------------------------------
-# The observation model of a campaign: specimens as tests of the forward model, curves as features.
-
 
 _BREAK_SHARE = 1.3
 """A test counts up to this many times the elongation at break, in compression to `PUSHED_END`.
@@ -510,16 +442,62 @@ class ObservationModel:
             for group in replicate_groups(specimens)
             for number in sorted({int(self.test_of[place]) for place in group} - {-1})
         )
-        alike = self.test_of.copy()
-        for number, places in enumerate(self.replicates):
-            alike[list(places)] = number
-        peaks = np.abs(self.alone.force_N).max(axis=1)
-        self.table, self.field_weights = _feature_table(
-            specimens, tests, alike, self.setup, self.measured_N, sensor, peaks
-        )
+        self.table, self.field_weights = self._features(specimens, tests, sensor)
         weights = self.field_weights.weight
         self.weight = weights[len(weights) // 2, len(SIDES) // 2]
         self.limitations = tuple(_limitations(specimens, paths, past))
+
+    def _features(
+        self, specimens: Sequence[Specimen], tests: Sequence[ReplicateTest], sensor_sd_N: FloatArray
+    ) -> tuple[FeatureTable, FieldWeights]:
+        """Return the features of all specimens that a test has, and how fields are made up."""
+        setup, alike = self.setup, self.test_of.copy()
+        for number, members in enumerate(self.replicates):
+            alike[list(members)] = number
+        peak_N = np.abs(self.alone.force_N).max(axis=1)
+        rows: list[tuple[float, ...]] = []
+        seen_at: list[tuple[int, int, Bins]] = []
+        for place, number in sorted((p, k) for k, test in enumerate(tests) for p in test.places):
+            test, travel, gauge = tests[number], setup.travel_mm[number], setup.gauge_mm[number]
+            floor = max(_FORCE_SHARE * float(peak_N[number]), 2.0 * float(sensor_sd_N[place]))
+            for step in test.feature_steps():
+                segment = test.segments[test.segment[step]]
+                # A hold's time counts from the last step of the segment before.
+                first = int(np.argmax(test.segment == test.segment[step]))
+                begin_s = test.time_s[first - 1] if segment.kind == "hold" else 0.0
+                rows.append((
+                    place, number, step, BRANCHES.index(segment.kind), travel[step] / gauge,
+                    test.time_s[step] - begin_s, np.nan, floor, self.measured_N[place, step],
+                ))  # fmt: skip
+            seen = specimens[place].strain_field
+            if seen is None or setup.designs[number] is None:
+                continue
+            bins = Bins(seen, setup, number)
+            for step in (test.step_at(0, fraction) for fraction in test.frames):
+                if (means := bins.means(seen, test.paths[place], float(travel[step]))) is None:
+                    continue
+                seen_at.append((len(rows), int(setup.first_slice[number]), bins))
+                rows += [
+                    (place, number, step, BRANCHES.index("field"), travel[step] / gauge,
+                     test.time_s[step], x, _STRAIN_FLOOR, mean)
+                    for x, mean in zip(bins.x_mm, means, strict=True)
+                ]  # fmt: skip
+        places, overlap = np.zeros(len(rows)), np.zeros((len(rows), _BINS_MOST if seen_at else 0))
+        for row, _, bins in seen_at:
+            here = slice(row, row + len(bins.x_mm))
+            places[here], overlap[here, : len(bins.x_mm)] = bins.places, bins.overlap
+        numbers = ("specimen", "test", "step", "branch")
+        figures = ("strain", "time_s", "x_mm", "floor", "measured_raw")
+        columns: dict[str, Any] = dict(zip((*numbers, *figures), np.array(rows).T, strict=True))
+        columns |= {name: columns[name].astype(np.int64) for name in numbers}
+        table = FeatureTable(
+            **columns,
+            replicates=alike[columns["specimen"]],
+            measured=np.arcsinh(columns["measured_raw"] / (2.0 * columns["floor"])),
+            places=places,
+            overlap=overlap,
+        )
+        return table, FieldWeights(seen_at)
 
     @property
     def peaks_N(self) -> FloatArray:
