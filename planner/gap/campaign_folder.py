@@ -38,7 +38,6 @@ __all__ = [
     "CURVES",
     "SPECIMENS",
     "ListReader",
-    "campaign_palette",
     "has_curves",
     "read_campaign",
     "read_campaign_file",
@@ -441,6 +440,30 @@ class CampaignFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     palette: str | None = None
     notes: str = ""
 
+    def palette_in(self, folder: Path, given: str | Path | Palette | None = None) -> Palette:
+        """Load a campaign's palette.
+
+        It is the given one; else the one that campaign.toml names, a file beside it or one of the
+        printer's.
+
+        Raises
+        ------
+        FileError
+            It names none.
+        PaletteError, UnknownNameError
+            The file breaks its schema, or the printer or its palette is not installed.
+        """
+        if given is not None:
+            return palette_of(given, self.printer)
+        if self.palette is None:
+            raise FileError(
+                f'{_CAMPAIGN}: no palette; write palette = "palette.toml", or a palette\'s name'
+            )
+        beside = path_within(folder, self.palette)
+        if self.palette.endswith(".toml") or beside.is_file():
+            return load_palette(beside)
+        return load_printer(self.printer).palette(self.palette)
+
 
 def read_campaign_file(folder: Path) -> CampaignFile:
     """Read campaign.toml in a folder.
@@ -462,33 +485,6 @@ def read_campaign_file(folder: Path) -> CampaignFile:
     except msgspec.ValidationError as error:
         known = ", ".join(CampaignFile.__struct_fields__)
         raise FileError(f"{_CAMPAIGN}: {error}; its keys are {known}") from error
-
-
-def campaign_palette(
-    file: CampaignFile, folder: Path, palette: str | Path | Palette | None = None
-) -> Palette:
-    """Load a campaign's palette.
-
-    It is the given one; else the one that campaign.toml names, a file beside it or one of the
-    printer's.
-
-    Raises
-    ------
-    FileError
-        It names none.
-    PaletteError, UnknownNameError
-        The file breaks its schema, or the printer or its palette is not installed.
-    """
-    if palette is not None:
-        return palette_of(palette, file.printer)
-    if file.palette is None:
-        raise FileError(
-            f'{_CAMPAIGN}: no palette; write palette = "palette.toml", or a palette\'s name'
-        )
-    beside = path_within(folder, file.palette)
-    if file.palette.endswith(".toml") or beside.is_file():
-        return load_palette(beside)
-    return load_printer(file.printer).palette(file.palette)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -544,7 +540,7 @@ def read_campaign(
     """
     folder = Path(folder)
     file = read_campaign_file(folder)
-    palette = campaign_palette(file, folder, palette)
+    palette = file.palette_in(folder, palette)
     rows, covariates, slips = read_list(path_within(folder, SPECIMENS))
     noted: _Noted = defaultdict(list, {note: [] for note in slips})
     tables = _tables(folder, rows, noted)

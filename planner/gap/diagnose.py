@@ -420,8 +420,7 @@ def _places_of(
     problem: Problem, likely: Mapping[str, float], chosen: Candidate
 ) -> tuple[tuple[Location, ...], tuple[Location, ...]]:
     """Return where the gap lies, and where a significant one is left after the chosen effects."""
-    shared = np.concatenate([problem.calibration, problem.noise.batch], axis=1)
-    whitening = Whitening(problem.noise, shared, problem.scatter.log_sd)
+    whitening = Whitening(problem.noise, problem.nuisances, problem.scatter.log_sd)
     before = after = localise(problem.campaign, problem.table, problem.residual, whitening, likely)
     if chosen.effects:
         left = problem.residual - problem.explained(chosen)
@@ -451,10 +450,9 @@ def levels_tested(campaign: Campaign) -> tuple[_Levels, Mapping[str, tuple[str, 
 
 
 def _has(campaign: Campaign, specimen: Specimen, material: Material) -> bool:
-    if specimen.material is not None:
-        return campaign.palette.resolve(specimen.material) == material
-    span = specimen.coordinates
-    return span is not None and bool(span.min() <= material.coordinate <= span.max())
+    if (span := specimen.coordinates) is None:
+        return campaign.palette.resolve(specimen.material or "") == material
+    return bool(span.min() <= material.coordinate <= span.max())
 
 
 def _levels_of(specimens: Sequence[Specimen]) -> _Levels:

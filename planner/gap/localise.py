@@ -180,8 +180,8 @@ class Whitening:
     Parameters
     ----------
     shared : (N, q)
-        What specimens share, a column of prior deviation 1 each: batches, the calibration of the
-        palette's laws. It is marginalised.
+        What specimens share, a column of prior deviation 1 each, white by the noise: batches, the
+        calibration of the palette's laws. It is marginalised.
     log_sd
         How far the noise may be off, as a standard deviation of its logarithm.
 
@@ -194,7 +194,7 @@ class Whitening:
     def __init__(self, noise: SpecimenNoise, shared: FloatArray, log_sd: float) -> None:
         self.noise, self.degrees_of_freedom = noise, 0.5 / max(log_sd, 1e-3) ** 2
         # What specimens share, orthonormal, and how much of it is taken off.
-        self._directions, size, _ = np.linalg.svd(noise.whiten(shared), full_matrices=False)
+        self._directions, size, _ = np.linalg.svd(shared, full_matrices=False)
         self._shrink = 1.0 - 1.0 / np.sqrt(1.0 + size**2)
 
     def __call__(self, columns: FloatArray) -> FloatArray:

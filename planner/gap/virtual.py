@@ -15,7 +15,6 @@ from planner.gap.campaign import Campaign, Specimen, StrainField, stated
 from planner.gap.campaign_folder import (
     SPECIMENS,
     ListReader,
-    campaign_palette,
     has_curves,
     read_campaign,
     read_campaign_file,
@@ -220,7 +219,7 @@ def read_design(
         folder, name = path.parent, ""
         if palette is None and (folder / "campaign.toml").is_file():
             file = read_campaign_file(folder)
-            palette, name = campaign_palette(file, folder), file.printer
+            palette, name = file.palette_in(folder), file.printer
         elif palette is None and (folder / "diagnosis.json").is_file():
             palette = read_diagnosis(folder).own_palette
         return _listed(path, path.stem, palette_of(palette, printer), name or printer.name, camera)
@@ -229,7 +228,7 @@ def read_design(
             f"{path}: no such file or folder; give a specimens.csv or the folder of a campaign"
         )
     file = read_campaign_file(path)
-    own = campaign_palette(file, path)
+    own = file.palette_in(path)
     if has_curves(path) or any(row.file for row in read_specimens(path_within(path, SPECIMENS))):
         campaign = read_campaign(path, own)
         specimens = tuple(s for s in map(_retraced, campaign.specimens) if s is not None)

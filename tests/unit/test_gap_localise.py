@@ -43,7 +43,7 @@ class Case:
 
     @property
     def whitening(self) -> Whitening:
-        return Whitening(self.noise, self.shared, self.log_sd)
+        return Whitening(self.noise, self.noise.whiten(self.shared), self.log_sd)
 
     def value(self, column: str) -> FloatArray:
         """A column's numbers, one a feature; NaN where unknown."""
