@@ -518,8 +518,8 @@ class Problem:
     ) -> None:
         self.campaign, self.signed_forms = campaign, signed_forms(effects)
         self.effects = {effect.id: effect for effect in effects}
-        covariates = ((name, e.id) for e in effects for name in e.covariates)
-        self.own_axes = {name: id for names, id in covariates for name in names.split("|")}
+        covariates = ((entry, e.id) for e in effects for entry in e.covariates)
+        self.own_axes = {name: id for entry, id in covariates for name in entry.split("|")}
         self.calibrations = tuple(calibrations_of(campaign.palette, model.setup))
         count = len(self.calibrations)
         setups = [model.setup, *(one.applied(model.setup) for one in self.calibrations)]
