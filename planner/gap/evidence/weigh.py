@@ -530,12 +530,11 @@ class _LogPriors:
 
     def __init__(self, problem: Problem, priors: Priors) -> None:
         self.priors = priors
-        effects = problem.effects
-        self.some = any(e.some for e in effects.values())
+        self.some = any(e.some for e in problem.effects.values())
         # A third effect is beside two as rare as a second is beside one.
         named = np.array([priors.single, priors.pair, priors.pair**2 / priors.single])
         named *= 1.0 - priors.beside
-        named /= [max(comb(len(effects), k), 1) for k in (1, 2, 3)]
+        named /= [max(comb(len(problem.effects), k), 1) for k in (1, 2, 3)]
         self.by_count = np.log([priors.none, *named]).tolist()
         self.unknown = _of_axes(problem, priors.axes * priors.unknown, priors.claimed)
         self.any = float(np.log((1.0 - priors.axes) * priors.unknown))
