@@ -459,14 +459,15 @@ def _drawn_near(
     marks, tried = _shown(grid, field, levels, marks, within_mm)
     rounds = [_drawn(grid, levels, field, marks, number) for number in (0, 1)]
     fresh = rounds
-    while len(rounds) <= _MOST_ROUNDS:
+    while (number := len(rounds)) <= _MOST_ROUNDS:
+        held = sum(int(one.held(marks, n).sum()) for n, one in enumerate(rounds))
+        if held >= most_faces:
+            break
         off_mm, area_mm2 = np.concatenate([_errors(field, one, levels) for one in fresh], axis=1)
         leaf = np.concatenate([one.leaf for one in fresh])
         far = np.flatnonzero((off_mm > _SURE_OFF * within_mm) & (leaf[:, 5] < 3 * _DEEPEST))
-        number = len(rounds)
-        held = sum(int(one.held(marks, n).sum()) for n, one in enumerate(rounds))
         order = np.argsort(-(off_mm * area_mm2)[far], kind="stable")
-        worst = far[order[: max(int(most_faces) - held, 0)]]
+        worst = far[order[: int(most_faces) - held]]
         few = marks.sharp.any() and len(far) < _LEFT_OFF * held
         if not len(worst) or (few and number >= _USUAL_ROUNDS):
             break
