@@ -178,7 +178,7 @@ def _find(
             for many in range(_POINTS, min(2 * _POINTS, n) + 1, _POINTS):
                 place = found[p, :many]
                 _guess(measure, n, place)
-                if _settle(moment, place, line, normal, slopes):
+                if _adjust(moment, place, line, normal, slopes):
                     used[p] = many
                     for q in range(many):
                         place[q, 3] *= mass
@@ -328,7 +328,7 @@ def _guess(measure: Any, n: Any, place: Any) -> Any:
 
 
 @inner_kernel
-def _settle(moment: Any, place: Any, line: Any, normal: Any, slopes: Any) -> Any:
+def _adjust(moment: Any, place: Any, line: Any, normal: Any, slopes: Any) -> Any:
     """Move points in the box -1..1, and change their weights, until they have the moments."""
     many, moments = place.shape[0], moment.size
     miss, trial_miss, answer = np.empty(moments), np.empty(moments), np.empty(moments)
