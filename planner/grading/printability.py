@@ -109,7 +109,7 @@ def _closed_voids(found: Measures, part: CutPart, machine: Printer) -> Iterator[
     volumes_mm3 = -found.volume_mm3
     if count := int((volumes_mm3 > machine.minimum_feature_mm**3).sum()):
         largest = int(np.argmax(volumes_mm3))
-        place = _place(part.drawn_mm(as_point(found.bounds_mm[largest].mean(axis=0))))
+        place = _point(part.drawn_mm(as_point(found.bounds_mm[largest].mean(axis=0))))
         what = "a closed void" if count == 1 else f"{count} closed voids, the largest"
         yield (
             f"{what} of {volumes_mm3[largest]:.3g} mm3 at {place} mm: it is printed full of "
@@ -151,7 +151,7 @@ def _thin_findings(
     """
     for place in places:
         drawn_mm = part.drawn_mm(place.place_mm)
-        at = f"at {_place(drawn_mm)} mm over {sized(place.extent_mm, '.2f')} mm"
+        at = f"at {_point(drawn_mm)} mm over {sized(place.extent_mm, '.2f')} mm"
         of = f"of {place.size_mm:.2f} mm {at}"
         if kind == "thin-wall":
             number = np.searchsorted(part.levels, _field_at(part, place), side="right")
@@ -187,7 +187,7 @@ def _fragments_finding(
     cure = "join it to the part, or leave it out" if name is None else part.cure
     message = (
         f"{name or 'the part'}: {what} of {sized(bits.extent_mm, '.2f')} mm and "
-        f"{bits.volume_mm3:.2g} mm3 at {_place(drawn_mm)} mm, smaller than the smallest feature of "
+        f"{bits.volume_mm3:.2g} mm3 at {_point(drawn_mm)} mm, smaller than the smallest feature of "
         f"{limit_mm:g} mm, will not print as drawn; {cure}"
     )
     return Finding("fragment", message, name, bits.place_mm, drawn_mm, max(bits.extent_mm))
@@ -205,7 +205,7 @@ def _or_larger(place: ThinPlace, limit_mm: float, what: str) -> str:
     return f", or print {what} {factor:.1f} times as large"
 
 
-def _place(place_mm: Sequence[float]) -> str:
+def _point(place_mm: Sequence[float]) -> str:
     # + 0.0: a place that rounds to zero has no sign.
     return "(" + ", ".join(f"{round(coordinate, 2) + 0.0:.2f}" for coordinate in place_mm) + ")"
 

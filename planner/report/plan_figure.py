@@ -195,7 +195,7 @@ def stiffness_figure(plan: Plan, colours: Mapping[str, str], words: str = "") ->
             y_log=True,
         ),
         *([] if target is None else [_target_line(chart, target)]),
-        *(_step(r, chart) for r in stretches(plan.regions)),
+        *(_achieved(r, chart) for r in stretches(plan.regions)),
         *_strip(plan.regions, chart, colours, numbers),
         svg.text(_LEFT + 0.5 * _WIDTH, bottom + 24.0, words_along, anchor="middle"),
         *_key(known, target is not None),
@@ -264,7 +264,7 @@ def _interval(region: Region, chart: Chart, numbers: Mapping[str, int]) -> str:
     return f'<g data-material="{numbers[region.printed]}">{drawn}</g>'
 
 
-def _step(region: Region, chart: Chart, colour: str = INK, width: float = 2.5) -> str:
+def _achieved(region: Region, chart: Chart, colour: str = INK, width: float = 2.5) -> str:
     left, right = _span(region, chart)
     y = chart.y(math.log10(region.modulus_MPa))
     return svg.segment((left, y), (right, y), colour=colour, width=width)
@@ -350,7 +350,7 @@ def both_figure(first: Plan, second: Plan, words: str) -> str:
             parts += svg.told(f"{side}: target", [_target_line(chart, target, colour, 1.3)])
         for region in stretches(plan.regions):
             said = f"{side}: {region.printed}, {_said(region)}"
-            parts += svg.told(said, [_step(region, chart, colour, thick)])
+            parts += svg.told(said, [_achieved(region, chart, colour, thick)])
     for place, (side, colour, thick) in enumerate(styles):
         x = _LEFT + _WIDTH - 100.0 + 56.0 * place
         parts += [

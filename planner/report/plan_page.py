@@ -244,7 +244,7 @@ def _body(source: _PlanSource, courses: "Sequence[Course]") -> Iterator[str]:
     yield from page.findings_card([*missed, *placed, *((words, False) for words in source.missed)])
     if courses:
         yield from _course_controls(more["course"])
-    yield page.section_controls([way["name"] for way in _ways(plan)])
+    yield page.section_controls([way["name"] for way in _cut_directions(plan)])
     yield from _materials(source, colours)
     yield page.asset("keys.html")
     yield '</div>\n</div>\n<div class="below" id="figures">'
@@ -297,7 +297,7 @@ def _viewer_data(source: _PlanSource, display: Shown, colours: Mapping[str, str]
         "moved": list(plan.part.translation_mm),
         "size": (display.step_mm * points.max(axis=0).astype(float)).tolist(),
         "shells": [page.shell_data(points, faces, *look) for (points, faces), look in shells],
-        "sections": list(_ways(plan)),
+        "sections": list(_cut_directions(plan)),
         "findings": [
             {"number": number, "place": list(found.place_mm), "size": found.size_mm or 0.0}
             for number, found in enumerate(plan.findings, start=1 + len(plan.unreachable))
@@ -313,7 +313,7 @@ def _modulus_words(plan: Plan, material: str) -> str:
     return "" if blended else f"{format_number(regions[0].modulus_MPa)} MPa"
 
 
-def _ways(plan: Plan) -> Iterator[dict[str, Any]]:
+def _cut_directions(plan: Plan) -> Iterator[dict[str, Any]]:
     """Yield ways to cut: name, normal, and where the zero that a user knows lies along it."""
     for k, (name, zero) in enumerate(zip("xyz", plan.part.translation_mm, strict=True)):
         yield {"name": name, "normal": [float(k == axis) for axis in range(3)], "zero": zero}

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from planner.numerics import BoolArray, FloatArray, IntArray, inner_kernel, kernel, one_blas_thread
 from planner.simulation.element import LOCAL
-from planner.simulation.material_columns import SampledMaterial, column_place
+from planner.simulation.material_columns import SampledMaterial, column_xy
 
 if TYPE_CHECKING:
     from planner.simulation.cut_cells import CutCells
@@ -139,7 +139,7 @@ def _measure(pieces: Any, p: Any, measure: Any) -> Any:
     segments, begin, frame, across, voxels, share, index, rule = pieces
     n = 0
     for s in range(begin[p], begin[p + 1]):
-        x, y = column_place(frame, across, segments[s, 0])
+        x, y = column_xy(frame, across, segments[s, 0])
         bottom = 2.0 * segments[s, 1] / voxels - 1.0
         top = 2.0 * segments[s, 2] / voxels - 1.0
         for g in range(rule.shape[1]):

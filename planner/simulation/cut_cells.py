@@ -426,7 +426,7 @@ def _touch_across(
     column, low, high = material.segments[touching].transpose(2, 1, 0)
     firm = np.ones(len(touching), np.bool_)
     feet = np.divmod(material.foot[column], material.counts[1])
-    for along, foot, off in zip(material.place(touching[:, 0]), feet, margin[:2], strict=True):
+    for along, foot, off in zip(material.xy(touching[:, 0]), feet, margin[:2], strict=True):
         away = along - np.floor(along)
         firm &= (foot[0] != foot[1]) | ((off <= away) & (away <= 1.0 - off))
     flat = int(margin[2] * material.voxels)

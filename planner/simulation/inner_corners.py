@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from planner.mesh.mesh import Mesh, Topology, connected
 from planner.numerics import BoolArray, FloatArray, IntArray, kernel
-from planner.simulation.material_columns import SampledMaterial, column_place
+from planner.simulation.material_columns import SampledMaterial, column_xy
 
 __all__ = ["contacts", "opposed", "parted"]
 
@@ -128,7 +128,7 @@ def _halved(
     """
     is_planned = np.asarray(plane.any(axis=1))[material.piece]
     planned, rest = np.flatnonzero(is_planned), np.flatnonzero(~is_planned)
-    x, y = material.place(planned)
+    x, y = material.xy(planned)
     a, b, slope, offset = _scaled(material, plane, size)[material.piece[planned]].T
     base = a * x + b * y - offset
     column, low, high = material.segments[planned].T
@@ -214,7 +214,7 @@ def contacts(
     column, low, high = material.segments[touching].transpose(2, 1, 0)
     beside = column[1] - column[0]
     axis = np.where(beside == 0, 2, beside == material.across)
-    (x, y), (far_x, far_y) = (material.place(each) for each in touching.T)
+    (x, y), (far_x, far_y) = (material.xy(each) for each in touching.T)
     bottom = low.max(axis=0)
     bottom, length = bottom / material.voxels, (high.min(axis=0) - bottom) / material.voxels
     count = len(index)
@@ -256,7 +256,7 @@ def _part_depths(
     for j in range(piece.size):
         high, low = -np.inf, np.inf
         for s in range(begin[piece[j]], begin[piece[j] + 1]):
-            x, y = column_place(frame, nu, segments[s, 0])
+            x, y = column_xy(frame, nu, segments[s, 0])
             base = planes[j, 0] * x + planes[j, 1] * y - planes[j, 3]
             one, other = base + planes[j, 2] * segments[s, 1], base + planes[j, 2] * segments[s, 2]
             high, low = max(high, one, other), min(low, one, other)

@@ -13,7 +13,7 @@ from planner.mesh.mesh import Mesh, order_rows
 from planner.numerics import FloatArray, IntArray, inner_kernel, kernel
 from planner.voxels.columns import MOST_VOXELS, Columns, Grid, iterate_columns, join
 
-__all__ = ["SampledMaterial", "column_place", "sample"]
+__all__ = ["SampledMaterial", "column_xy", "sample"]
 
 
 # Material is sampled by exact columns along z, on a square lattice turned about z by an angle
@@ -74,9 +74,9 @@ class SampledMaterial:
         column, low, _ = self.segments.T
         return np.asarray(self.foot[column].astype(np.int64) * self.counts[2] + low // self.voxels)
 
-    def place(self, segments: Any = slice(None)) -> tuple[FloatArray, FloatArray]:
+    def xy(self, segments: Any = slice(None)) -> tuple[FloatArray, FloatArray]:
         """Return x and y of segments, in cells."""
-        x, y = _place(self.frame, self.across, self.segments[segments, 0])
+        x, y = _column_xy(self.frame, self.across, self.segments[segments, 0])
         return x, y
 
     def touching(self, label: IntArray, apart: IntArray) -> NDArray[np.int32]:
@@ -124,7 +124,7 @@ class SampledMaterial:
         """Return steps that each piece fills, (n,), and its bounds in cells, (n, 2, 3)."""
         order, starts = order_rows(self.piece)
         _, low, high = self.segments[order].T
-        x, y = self.place(order)
+        x, y = self.xy(order)
         least = [np.minimum.reduceat(along, starts) for along in (x, y, low / self.voxels)]
         most = [np.maximum.reduceat(along, starts) for along in (x, y, high / self.voxels)]
         return np.add.reduceat(high - low, starts), np.array([least, most]).transpose(2, 0, 1)
@@ -242,19 +242,19 @@ def _segments(columns: Columns, foot: NDArray[np.int32], voxels: int) -> NDArray
     return np.stack([column[run], low, high], axis=1, dtype=np.int32, casting="same_kind")
 
 
-def _place(frame: Any, across: Any, column: Any) -> Any:
+def _column_xy(frame: Any, across: Any, column: Any) -> Any:
     """Return x and y of a column, in cells."""
     u, v = frame[0] + (column % across) * frame[2], frame[1] + (column // across) * frame[2]
     return (frame[3] * u - frame[4] * v) * frame[5], (frame[4] * u + frame[3] * v) * frame[6]
 
 
-column_place = inner_kernel(_place)
+column_xy = inner_kernel(_column_xy)
 
 
 @kernel
 def _find_feet(frame: Any, nu: Any, cells_x: Any, cells_y: Any, foot: Any) -> None:
     for c in range(foot.size):
-        x, y = column_place(frame, nu, c)
+        x, y = column_xy(frame, nu, c)
         i, j = int(np.floor(x)), int(np.floor(y))
         foot[c] = i * cells_y + j if 0 <= i < cells_x and 0 <= j < cells_y else -1
 
