@@ -136,6 +136,8 @@ def _values_at(field: Field, points_mm: FloatArray) -> FloatArray:
     ArgumentError
         It gives another number of values, or one that is not finite.
     """
+    if not len(points_mm):  # which functions of users need not take
+        return np.empty(0)
     found = np.asarray(field.values(points_mm), dtype=np.float64)
     if found.shape != (len(points_mm),):
         raise ArgumentError(
@@ -623,9 +625,9 @@ def _halved(
         found = _hanging(grid.active, marks.divided, number, marks.table(grid.origin_mm), room)
         if not found:
             return marks
-        # Those from a vertex that is still to come are found again once it is there.
-        ends = room[:found]
-        known = _holds(marks.places, ends) | (_indices(grid.active, ends) % _FINEST == 0).all(-1)
+        # Those from a vertex that is still to come, or to be moved, are found again after that.
+        ends, there = room[:found], marks.places[marks.sharp == 0]
+        known = _holds(there, ends) | (_indices(grid.active, ends) % _FINEST == 0).all(-1)
         ends = ends[known.all(axis=1)]
 
 

@@ -9,6 +9,7 @@ from manifold3d import Mesh as SolidMesh
 
 from benchmarks.audit import audit
 from benchmarks.interfaces import BOX, FACES
+from planner.cutting import grid
 from planner.cutting.intersect import volume_sign
 from planner.cutting.pieces import split
 from planner.errors import ArgumentError
@@ -70,6 +71,36 @@ def test_a_flat_level_set_lies_at_its_level(level):
     for deep in (z[inner & (z < 3.0)], 6.0 - z[inner & (z > 3.0)]):
         assert len(deep) > 50
         assert np.abs(deep - 3.0 * level).max() < 2.0 * 2e-3 * 0.56
+
+
+def test_edges_are_parted_from_corners_that_stay(monkeypatch):
+    """A corner at a crease may move once its edge is halved; tetrahedra parted before turn over."""
+    parted, moving = grid._parted, []
+
+    def watched(cubes, field, marks, ends):
+        moving.append(np.isin(ends, marks.places[marks.sharp == 1]).any())
+        return parted(cubes, field, marks, ends)
+
+    monkeypatch.setattr(grid, "_parted", watched)
+    mesh = Mesh(np.asarray([20.0, 12.0, 6.0] * BOX, dtype=np.float32).astype(float), FACES)
+    wish = "max(distance: surface; radial: point=0 0 0)"
+    field = build_field(wish, Setting(mesh, (0.0, 0.0, 0.0), 0.56))
+    split(mesh, field, np.arange(1, 8) / 8, pitch_mm=0.56, within_mm=0.02)
+    assert len(moving) > 2
+    assert not any(moving)
+
+
+def test_functions_are_asked_where_there_are_points():
+    """Some take no empty arrays, as those of `numpy.vectorize`."""
+    asked = []
+
+    def values(points):
+        asked.append(len(points))
+        return points[:, 0] / 20.0
+
+    mesh = Mesh(np.asarray([20.0, 12.0, 6.0] * BOX, dtype=np.float32).astype(float), FACES)
+    split(mesh, FunctionField(values), [0.5], pitch_mm=0.56, within_mm=0.02)
+    assert min(asked) > 0
 
 
 @numba.njit
