@@ -165,20 +165,15 @@ def _field_grid(
     ArgumentError
         A value is not finite.
     """
-    nx, ny, nz = held.shape
-    cells = nx // len(active)
-    values = np.full((nx + 1, ny + 1, nz + 1), np.nan)
-    corners = _corners(active)
-    layer = max(1, _CHUNK // ((ny + 1) * (nz + 1)))
-    for first in range(0, nx + 1, layer):
-        last = min(first + layer, nx + 1)
-        wanted = _corners(held[max(first - 1, 0) : last])
-        wanted = wanted[1 if first > 0 else 0 :][: last - first]
-        layers = slice(-(-first // cells), (last - 1) // cells + 1)
-        wanted[-first % cells :: cells, ::cells, ::cells] |= corners[layers]
-        index = np.argwhere(wanted)
-        index[:, 0] += first
-        values[first:last][wanted] = _values_at(field, origin_mm + index * pitch_mm)
+    cells = len(held) // len(active)
+    wanted = _corners(held)
+    wanted[::cells, ::cells, ::cells] |= _corners(active)
+    values = np.full(wanted.shape, np.nan)
+    layers = max(1, _CHUNK // wanted[0].size)
+    for first in range(0, len(wanted), layers):
+        own = slice(first, first + layers)
+        index = np.argwhere(wanted[own]) + np.array([first, 0, 0])
+        values[own][wanted[own]] = _values_at(field, origin_mm + index * pitch_mm)
     return FieldGrid(origin_mm, pitch_mm, cells, active, values)
 
 
@@ -999,18 +994,13 @@ def _seen(place: Any, grid: Any, marks: Any, at: Any) -> Any:
 @inner_kernel
 def _slope(at: Any, v: Any) -> Any:
     """Length of the gradient of what is linear in a tetrahedron."""
+    normals = face_normal(at, 0, 2, 3), face_normal(at, 0, 3, 1), face_normal(at, 0, 1, 2)
     square = volume = 0.0
     for d in range(3):
-        e, f = (d + 1) % 3, (d + 2) % 3
         total = 0.0
-        for c in range(1, 4):
-            p, q = c % 3 + 1, (c + 1) % 3 + 1
-            across = (at[p, e] - at[0, e]) * (at[q, f] - at[0, f]) - (at[p, f] - at[0, f]) * (
-                at[q, e] - at[0, e]
-            )
-            total += (v[c] - v[0]) * across
-            if c == 1:
-                volume += (at[1, d] - at[0, d]) * across
+        for c in range(3):
+            total += (v[c + 1] - v[0]) * normals[c][d]
+        volume += (at[1, d] - at[0, d]) * normals[0][d]
         square += total * total
     return np.sqrt(square) / abs(volume)
 
