@@ -65,7 +65,7 @@ class Pieces:
     cap_faces: NDArray[np.int32]
     cap_level: NDArray[np.int32]
     count: int
-    field_range: tuple[float, float] = (0.0, 1.0)
+    field_range: tuple[float, float]
 
     @cached_property
     def measures(self) -> Measures:
@@ -394,16 +394,22 @@ def _divide_along(
 
     # One pool: the part's vertices, the level sets', the meetings; equal positions joined.
     n, m = len(mesh.vertices), len(sets.vertices)
-    own = mesh.vertices.astype(np.float32)
-    pool, number = weld_points(np.concatenate([own, sets.vertices, met]))
+    placed = mesh.vertices.astype(np.float32)
+    pool, number = weld_points(np.concatenate([placed, sets.vertices, met]))
     of_part = np.concatenate([number[:n], number[n + m :]])
-    faces, label, _ = _divided(mesh.faces, part.labels, part_loops, of_part, pool)
+    faces, piece, _ = _divided(mesh.faces, part.labels, part_loops, of_part, pool)
+    piece = np.clip(piece, 0, len(levels))  # where surfaces contradict themselves
     caps, kept, source = _divided(sets.faces, level.labels, level_loops, number[n:], pool)
     order = np.argsort(sets.level[source[kept == 1]], kind="stable")
-    caps, source = caps[kept == 1][order], source[kept == 1][order]
-    divided = _cleaned(pool, faces, label, caps, sets.level[source], len(levels) + 1)
-    divided = replace(divided, field_range=sets.field_range)
-    return divided, meetings.broken + part_loops.broken + level_loops.broken
+    caps, cap_level = caps[kept == 1][order], sets.level[source[kept == 1][order]]
+
+    # What covers itself within a piece or an interface is left out, and vertices without use.
+    own, inner = cancel_opposite(faces, piece), cancel_opposite(caps, cap_level)
+    used, both = compact(np.concatenate([faces[own], caps[inner]]), len(pool))
+    faces, caps = np.split(both, [np.count_nonzero(own)])
+    ends = sets.field_range
+    found = Pieces(pool[used], faces, piece[own], caps, cap_level[inner], len(levels) + 1, ends)
+    return found, meetings.broken + part_loops.broken + level_loops.broken
 
 
 def _positions(
@@ -440,21 +446,6 @@ def _divided(
         np.concatenate([labels[faces[whole, 0]], label]),
         np.concatenate([np.flatnonzero(whole), source]),
     )
-
-
-def _cleaned(
-    pool: Float32Array, faces: NDArray[np.int32], piece: NDArray[np.int32],
-    caps: NDArray[np.int32], cap_level: NDArray[np.int32], count: int,
-) -> Pieces:  # fmt: skip
-    """Leave out what covers itself within a piece or an interface, and vertices without use."""
-    piece = np.clip(piece, 0, count - 1)  # where surfaces contradict themselves
-    keep = cancel_opposite(faces, piece)
-    faces, piece = faces[keep], piece[keep]
-    keep = cancel_opposite(caps, cap_level)
-    caps, cap_level = caps[keep], cap_level[keep]
-    used, both = compact(np.concatenate([faces, caps]), len(pool))
-    faces, caps = both[: len(faces)], both[len(faces) :]
-    return Pieces(pool[used], faces, piece, caps, cap_level, count)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -613,6 +604,6 @@ def split(
         pitch_mm = default_pitch_mm(mesh) if pitch_mm is None else pitch_mm
         return _split_curved(mesh, field, values, pitch_mm, within_mm, follow)
     divided, vertices, cap_faces, cap_level = cut_by_planes(mesh, field, values)
-    found = Pieces(vertices, divided.faces, divided.piece, cap_faces, cap_level, len(values) + 1)
-    over = field.values(mesh.vertices)
-    return replace(found, field_range=(float(over.min()), float(over.max())))
+    over, count = field.values(mesh.vertices), len(values) + 1
+    ends = float(over.min()), float(over.max())
+    return Pieces(vertices, divided.faces, divided.piece, cap_faces, cap_level, count, ends)
