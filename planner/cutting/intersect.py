@@ -163,7 +163,7 @@ def intersect(mesh: Mesh, levels: FloatArray, sets: LevelSets) -> tuple[Meetings
     level = _surface_of(sets.vertices, sets.faces, sets.lattice)
     found = _met(part, level, sets)
     on_part, on_level = _ordered(found, True, part), _ordered(found, False, level)
-    piece = _piece_of_vertices(part, found, *on_part, levels, sets.values)
+    piece = _piece_of_vertices(part, found, levels, sets.values)
     inside = _inside_part(part, level, found, *on_level, sets)
     lower = sets.level[np.where(found.of_part, found.face, 0)]  # of the part's edges alone
     between = sets.level[found.segment_level]
@@ -331,9 +331,8 @@ def _ordered(
 
 
 def _piece_of_vertices(
-    part: Surface, meetings: Meetings, offsets: NDArray[np.int32], points: NDArray[np.int32],
-    levels: FloatArray, values: FloatArray,
-) -> NDArray[np.int32]:  # fmt: skip
+    part: Surface, meetings: Meetings, levels: FloatArray, values: FloatArray
+) -> NDArray[np.int32]:
     """Count the levels below each vertex of the part, (n,).
 
     The field decides for one vertex of each body, the one farthest from any level; from there
@@ -344,16 +343,15 @@ def _piece_of_vertices(
     margin = np.minimum(values - padded[above], padded[above + 1] - values)
     seeds = np.argsort(-margin, kind="stable")
     ends = part.ends
-    step = np.add.reduceat(np.append(meetings.way[points], 0).astype(np.int64), offsets[:-1]) * (
-        np.diff(offsets) > 0
-    )
+    own, step = meetings.of_part, np.zeros(len(ends), dtype=np.int32)
+    np.add.at(step, meetings.edge[own], meetings.way[own])
     both = np.concatenate([ends, ends[:, ::-1]])
     order = np.argsort(both[:, 0], kind="stable")
     starts = np.searchsorted(both[order, 0], np.arange(len(values) + 1))
     piece = np.full(len(values), -1, dtype=np.int32)
     _spread(
-        starts, both[order, 1], np.concatenate([step, -step])[order].astype(np.int32), seeds,
-        above, piece, np.empty(len(values), dtype=np.int32),
+        starts, both[order, 1], np.concatenate([step, -step])[order], seeds, above, piece,
+        np.empty(len(values), dtype=np.int32),
     )  # fmt: skip
     return piece
 

@@ -277,12 +277,8 @@ def _fill_loops(
     """
     size = np.diff(loops.starts)
     key = loops.face.astype(np.int64) * (int(loops.label.max(initial=0)) + 1) + loops.label
-    order = np.argsort(key, kind="stable")
-    group = np.cumsum(np.append(True, np.diff(key[order]) > 0)[: len(order)]) - 1
-    together = np.bincount(group, minlength=1)[group]
-    alone = np.zeros(len(size), dtype=np.bool_)
-    alone[order] = together == 1
-    simple = np.flatnonzero(alone & (size <= _MOST_COVERED))
+    _, group, together = np.unique(key, return_inverse=True, return_counts=True)
+    simple = np.flatnonzero((together[group] == 1) & (size <= _MOST_COVERED))
     triangles = int(np.maximum(size[simple] - 2, 0).sum())
     faces = np.empty((triangles, 3), dtype=np.int32)
     owner = np.empty(triangles, dtype=np.int32)
@@ -294,7 +290,8 @@ def _fill_loops(
     )  # fmt: skip
     rest = size >= 3  # a loop of two nodes encloses nothing
     rest[simple] = False
-    ranked = order[rest[order]]
+    ranked = np.flatnonzero(rest)
+    ranked = ranked[np.argsort(key[ranked], kind="stable")]
     if len(ranked):
         normal = normals[loops.face[ranked]]
         drop = np.argmax(np.abs(normal), axis=1)
