@@ -118,7 +118,8 @@ class ListedSpecimen(SpecimenConditions):
     fix, move, load
         How a part is held and loaded.
     mode
-        How it was loaded, as a protocol such as "cyclic compression" says; "" where it does not.
+        How it was loaded, as a column ``mode`` says, whatever its case, or else a protocol such as
+        "cyclic compression"; "" where neither does.
     covariates
         Further columns as the lab wrote them, by name.
     """
@@ -257,6 +258,7 @@ def _listed(
     }
     known = {*names, *SPECIMEN_COLUMNS, ""}
     others = {name: value for name, value in record.items() if name not in known}
+    mode = {name.casefold(): value for name, value in others.items()}.get("mode") or mode
     return ListedSpecimen(**texts, **conditions, mode=mode, covariates=MappingProxyType(others))
 
 

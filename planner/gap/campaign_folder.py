@@ -25,7 +25,12 @@ from planner.formats.units import QUANTITIES
 from planner.gap.campaign import Campaign, PartTest, Specimen, StrainField, named
 from planner.materials.characterise import MINIMUM_POINTS, UNLOADED_SHARE, check_record
 from planner.materials.laws import Law, make_law
-from planner.materials.study import in_stated_units, stated_units
+from planner.materials.study import (
+    in_stated_units,
+    is_negative,
+    place_of_no_load,
+    stated_units,
+)
 from planner.numerics import FloatArray, IntArray
 from planner.palette import Palette, encode_palette, load_palette
 from planner.plan import plan_file
@@ -114,13 +119,15 @@ seven."""
 # Whether a record is of a pull or of a push, whichever way its channels count.
 
 
-def said_mode(cells: Iterable[object]) -> str | None:
-    """Return what a row of specimens.csv says of the way of loading; None where it says nothing.
+def said_mode(row: Row, in_file: str = "") -> str | None:
+    """Return what a row of specimens.csv says of the way of loading, or else the curve's file.
 
-    A cell says so by itself alone: a batch that was moulded by compression may be pulled. What is
-    as short as "uc" may as well be a person's initials.
+    None where neither says it. A cell says so by itself alone: a batch that was moulded by
+    compression may be pulled. What is as short as "uc" may as well be a person's initials, save
+    where a mode is asked for.
     """
-    modes = {mode_of(cell): None for cell in cells if isinstance(cell, str) and len(cell) > 2}
+    others = [cell for cell in row.covariates.values() if len(cell) > 2]
+    modes = map(mode_of, (row.mode, *others, in_file))
     return next((mode for mode in modes if mode in ("tension", "compression")), None)
 
 
@@ -135,7 +142,8 @@ def _turned(
     What was turned or looks odd is noted.
     """
     said, notes = source.said, source.notes
-    down = {"force": _is_negative(force_N), "travel": _is_negative(travel_mm)}
+    # Under a preload no row shows the travel 0 that it counts from.
+    down = {"force": is_negative(force_N), "travel": is_negative(np.append(0.0, travel_mm))}
     names = [name for name, negative in down.items() if negative]
     curve = _kind(source, force_N, travel_mm)
     told = said or (curve if len(names) == 1 else None)
@@ -162,14 +170,6 @@ def _turned(
     of_force, of_travel = (1.0 if negative is pushed else -1.0 for negative in down.values())
     return of_force * force_N, of_travel * travel_mm
 
-
-def _is_negative(values: FloatArray) -> bool:
-    return float(-values.min()) > _TURNED_RATIO * abs(float(values.max()))
-
-
-_TURNED_RATIO = 5.0
-"""Largest value below zero over the largest above, of what was recorded with its sign turned.
-Chosen: a way back past zero is small beside the pull, so that anything well above 1 does."""
 
 _PLACES = 40
 """Strains at which a curve is looked at. Numerical: laws are straight over a fortieth of them."""
@@ -203,11 +203,6 @@ def _kind(source: "_Source", force_N: FloatArray, travel_mm: FloatArray) -> str 
 # From a tensile file's table to a specimen's record of time, travel and force.
 
 
-_PRELOAD_SHARE = 0.1
-"""Below it a first force is a preload. Chosen: at a travel beyond half of its largest, as far off
-as what starts there would be, even a law that stiffens bears more."""
-
-
 @dataclass(frozen=True, slots=True)
 class _Source:
     """A specimen's table and row, and what tells a pull from a push.
@@ -234,7 +229,7 @@ def _record_of(source: _Source) -> dict[str, Any]:
     """Take time, travel and force of a table, and whether the time was recorded.
 
     Force and travel count positive in tension and negative in compression (see `_turned`). Travel
-    counts from its unloaded start, points of one time are averaged, and a time that was not
+    counts from no load, points of one time are averaged, and a time that was not
     recorded is counted from travel and rate; each is noted.
 
     Raises
@@ -251,14 +246,11 @@ def _record_of(source: _Source) -> dict[str, Any]:
         raise FileError(f"{where}: the crosshead never moves; check the column of travel")
     if not np.any(force):
         raise FileError(f"{where}: the force is 0 all along; check the load cell and the column")
-    start = abs(force[0]) / float(np.max(np.abs(force)))
-    reach = float(np.ptp(travel))
-    # Under a preload, a travel that starts farther off than it goes is a crosshead's place.
-    unloaded, placed = start < UNLOADED_SHARE, start < _PRELOAD_SHARE and abs(travel[0]) > reach
-    if placed or (unloaded and abs(travel[0]) > UNLOADED_SHARE * reach):
-        kind = "unloaded start" if unloaded else "start under a preload"
-        notes.append(f"travel counts from its {kind}, not from 0 as recorded")
-        travel = travel - travel[0]
+    if abs(travel[0]) > UNLOADED_SHARE * np.ptp(travel):
+        start_mm, told_by = place_of_no_load(travel, force)
+        if told_by:
+            notes.append(f"travel counts from {told_by}, not from 0 as recorded")
+        travel = travel - start_mm
     force, travel = _turned(source, force, travel)
     time, recorded = _time(source, travel)
     time, starts, counts = np.unique(time, return_index=True, return_counts=True)
@@ -646,21 +638,22 @@ class ListReader:
             As `fields`; or a record that is none.
         """
         told: dict[str, Any] = {
-            name: value  # what the file's head tells, the row does not
+            name: value  # what the file's head tells, the row does not; sides tell the section
             for name, value in table.metadata.items()
-            if getattr(row, name, "") is None and isinstance(value, float) and value > 0.0
+            if name != "area_mm2" and getattr(row, name, "") is None
+            if isinstance(value, float) and value > 0.0
         }
         row = replace(row, **told)
         fields, notes = self.fields(row)
         # A part's travel counts along its load, whether that pulls or pushes.
-        in_file = table.metadata.get("mode")
-        for cell in (row.covariates.get("mode", ""), str(in_file)):
+        in_file = str(table.metadata.get("mode", ""))
+        for cell in (row.covariates.get("mode", ""), in_file):
             if mode_of(cell) in ("planar", "equibiaxial"):
                 raise FileError(
                     f"{where}: mode is {cell!r}; a campaign is of tension and compression, so "
                     "leave this specimen out"
                 )
-        said = "tension" if row.part else said_mode([row.mode, *covariates.values(), in_file])
+        said = "tension" if row.part else said_mode(row, in_file)
         law = make_law(self.palette.resolve(row.material).law) if row.material else None
         fields |= _record_of(_Source(where, table, row, fields["gauge_mm"], said, law, notes))
         notes += table.notes

@@ -280,7 +280,7 @@ def _listed(file: Path, name: str, palette: Palette, printer: str, camera: bool)
             far = _figure(own.get("to_mm"), end_mm, where, "to_mm") / fields["gauge_mm"]
         else:
             far = _figure(own.get("to_strain"), share * strain, where, "to_strain")
-        pushed = not row.part and said_mode([row.mode, *own.values()]) == "compression"
+        pushed = not row.part and said_mode(row) == "compression"
         specimen = virtual_specimen(
             palette,
             id=row.specimen,

@@ -27,7 +27,9 @@ __all__ = [
     "ReadRecord",
     "Study",
     "in_stated_units",
+    "is_negative",
     "listed_files",
+    "place_of_no_load",
     "read_study",
     "stated_units",
     "unit_slips",
@@ -267,6 +269,32 @@ _FIRST = 6
 enough for a line."""
 
 
+def place_of_no_load(length: FloatArray, load: FloatArray) -> tuple[float, str]:
+    """Return the travel or strain at no load, and what tells it; 0 and "" if it counts from there.
+
+    No load is where a line through the first rows says, or the first row if it has hardly any.
+    """
+    rows, first = np.vander(load[:_FIRST], 2), float(length[0])
+    start = float(np.linalg.lstsq(rows, length[:_FIRST], rcond=None)[0][1])
+    if abs(start) <= abs(start - first):
+        return 0.0, ""
+    little = abs(load[0]) < characterise.UNLOADED_SHARE * float(np.max(np.abs(load)))
+    farthest = float(length[np.argmax(np.abs(length - first))])
+    if little or (start - first) * (farthest - first) > 0.0:
+        return first, "its first value"
+    return start, f"no load, by a line through its first {_FIRST} rows"
+
+
+_TURNED_RATIO = 5.0
+"""Largest value below zero over the largest above, of what was recorded with its sign turned.
+Chosen: a way back past zero is small beside the pull, so that anything well above 1 does."""
+
+
+def is_negative(values: FloatArray) -> bool:
+    """Say whether a load, or a length that counts from its start, has its sign turned."""
+    return float(-values.min()) > _TURNED_RATIO * abs(float(values.max()))
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class _Test:
     """One specimen's record on its way to a curve; `sign` is -1 where it was compressed."""
@@ -295,20 +323,11 @@ class _Test:
         return self._from_no_load("displacement", columns["displacement_mm"], " mm") / gauge_mm
 
     def _from_no_load(self, what: str, values: FloatArray, unit: str = "") -> FloatArray:
-        """Return travel or strain, counted from no load where it does not begin near zero there.
-
-        No load is where a line through the first rows says, or the first row if it has hardly any.
-        """
+        """Return travel or strain, counted from no load, which is noted where it did not."""
         load = next(self.columns[name] for name in _LOADS if name in self.columns)
-        rows, first = np.vander(load[:_FIRST], 2), float(values[0])
-        start = float(np.linalg.lstsq(rows, values[:_FIRST], rcond=None)[0][1])
-        if abs(start) <= abs(start - first):
-            return values
-        where = f"no load, by a line through its first {_FIRST} rows"
-        little = abs(load[0]) < characterise.UNLOADED_SHARE * float(np.max(np.abs(load)))
-        if little or (start - first) * (values[-1] - first) > 0.0:
-            start, where = first, "its first value"
-        self.notes.append(f"{self.where}: {what} counted from {where}, {start:.4g}{unit}")
+        start, where = place_of_no_load(values, load)
+        if where:
+            self.notes.append(f"{self.where}: {what} counted from {where}, {start:.4g}{unit}")
         return values - start
 
     def stress_MPa(self, strain: FloatArray) -> FloatArray:
@@ -457,7 +476,7 @@ def _upright(
     for name, values in columns.items():
         # A crosshead's position may be negative throughout and yet rise.
         change = values if name in _LOADS else values - values[0]
-        if name != "time_s" and -float(change.min()) > 5.0 * abs(float(change.max())):
+        if name != "time_s" and is_negative(change):
             negative.append(name)
     both = any(name in _LOADS for name in negative) and any(n not in _LOADS for n in negative)
     if both and not said:
@@ -743,8 +762,7 @@ def _said_mode(record: _Record, given: str | None) -> str:
         A way of loading that there is not.
     """
     row, table = record.row, record.table
-    columns = {} if row is None else {k.casefold(): v for k, v in row.covariates.items()}
-    of_row = columns.get("mode") or (row.mode if row else "")
+    of_row = row.mode if row else ""
     if given is not None and mode_of(given) is None:
         raise ArgumentError(f"mode is {given!r}; it must be one of {', '.join(MODES)}")
     said = of_row or given or str(table.metadata.get("mode", ""))

@@ -11,6 +11,7 @@ from planner.errors import FileError, OutputError, PlannerError, UnknownNameErro
 from planner.gap.campaign import Campaign
 from planner.gap.campaign_folder import read_campaign, write_campaign
 from planner.gap.observations import ObservationModel
+from planner.materials.study import read_study
 from planner.palette import load_palette
 from planner.plan import Plan
 
@@ -328,6 +329,51 @@ def test_force_of_the_wrong_sign_is_turned_and_said(folder: Path) -> None:
     campaign = read_campaign(folder)
     assert campaign.specimen("S2").force_N[10] == 3.0
     assert "specimen S2: force is negative in tension; its sign was turned" in campaign.limitations
+
+
+@pytest.mark.parametrize("column", ["displacement_mm", "strain"])
+@pytest.mark.parametrize(
+    ("start_mm", "way", "said"),
+    [
+        (100.0, 1.0, "its first value"),  # a crosshead's place, unloaded
+        (100.0, 1.0, "no load, by a line through its first 6 rows"),
+        (20.0, -1.0, "no load, by a line through its first 6 rows"),
+        (-10.0, 1.0, "no load, by a line through its first 6 rows"),
+        (8.0, 1.0, "no load, by a line through its first 6 rows"),
+    ],
+)
+def test_a_record_counts_from_no_load_as_it_does_in_a_fit(
+    folder: Path, column: str, start_mm: float, way: float, said: str
+) -> None:
+    travel = np.linspace(0.0, 10.0, 41)
+    force = 5.0 * (1.0 - np.exp(-travel / 5.0))
+    rows = slice(0 if said == "its first value" else 10, None)  # from 45 % of the largest load on
+    place = start_mm + way * (travel - travel[rows][0])
+    place = place / 25.0 if column == "strain" else place
+    lines = zip(travel[rows], place[rows], force[rows], strict=True)
+    text = "".join(f"S1,{t:.9g},{x:.9g},{f:.9g}\n" for t, x, f in lines)
+    heading = "strain (mm/mm)" if column == "strain" else column
+    (folder / "curves.csv").write_text(f"specimen,time_s,{heading},force_N\n{text}")
+    campaign = read_campaign(folder)
+    (specimen,) = campaign.specimens
+    (curve,) = read_study(folder).groups["FLX9760"]
+    np.testing.assert_allclose(specimen.strain, curve.strain, atol=1e-8)
+    np.testing.assert_allclose(specimen.load_N / 12.0, curve.stress_MPa, rtol=1e-7, atol=1e-9)
+    assert not specimen.pushed
+    # The line meets zero 1.2 mm from where the curve does.
+    assert specimen.displacement_mm[0] == pytest.approx(travel[rows][0], abs=1.3)
+    assert f"specimen S1: travel counts from {said}, not from 0 as recorded" in campaign.limitations
+
+
+def test_an_area_in_a_files_head_is_no_width(folder: Path) -> None:
+    (folder / "specimens.csv").write_text(
+        "specimen,material,file,gauge_mm\nS1,FLX9760,one.csv,25\n"
+    )
+    (folder / "curves.csv").unlink()
+    rows = "\n".join(curve())
+    (folder / "one.csv").write_text(f"Area (mm2),12\n\ntime_s,displacement_mm,force_N\n{rows}\n")
+    with pytest.raises(FileError, match=r"S1: the section is unknown.*; give width_mm"):
+        read_campaign(folder)
 
 
 def test_time_may_be_counted_from_the_rate(folder: Path) -> None:

@@ -162,6 +162,8 @@ def written(
         (-1.0, 1.0, "", ""),
         (1.0, -1.0, "", ""),
         (-1.0, -1.0, "mode", "compression"),
+        (-1.0, -1.0, "mode", "uc"),
+        (-1.0, -1.0, "Mode", "compression"),
         (-1.0, 1.0, "test", "Uniaxial compression"),
         (-1.0, -1.0, "protocol", "compression"),
         (-1.0, -1.0, "protocol", "monotonic compression"),
