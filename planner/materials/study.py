@@ -199,15 +199,12 @@ class Dimensions:
     ----------
     sources
         Of ``area`` and ``gauge``: where they come from.
-    unclear
-        The same, where a file says them in two ways and nothing tells which one holds.
     """
 
     area_mm2: float | None
     gauge_mm: float | None
     rate_mm_s: float | None
     sources: Mapping[str, str] = field(default_factory=dict)
-    unclear: Mapping[str, str] = field(default_factory=dict)
 
 
 def _states_no_strain_unit(table: TensileTable) -> bool:
@@ -260,8 +257,7 @@ def _dimensions_of(
     gauge, rate = product("gauge", "gauge_mm"), product("rate", "rate_mm_s")
     if from_head:
         notes.append(f"{table.file}: its head gives {listed(from_head)}")
-    unclear = {name.partition("_")[0]: said for name, said in table.unclear.items()}
-    return Dimensions(area, gauge, rate, MappingProxyType(sources), MappingProxyType(unclear))
+    return Dimensions(area, gauge, rate, MappingProxyType(sources))
 
 
 _FIRST = 6
@@ -272,15 +268,18 @@ enough for a line."""
 def place_of_no_load(length: FloatArray, load: FloatArray) -> tuple[float, str]:
     """Return the travel or strain at no load, and what tells it; 0 and "" if it counts from there.
 
-    No load is where a line through the first rows says, or the first row if it has hardly any.
+    No load is where a line through the first rows says, or the first row if it has hardly any, or
+    if all bear the same: a preload that is held.
     """
-    rows, first = np.vander(load[:_FIRST], 2), float(length[0])
-    start = float(np.linalg.lstsq(rows, length[:_FIRST], rcond=None)[0][1])
+    first, middle = float(length[0]), float(np.mean(load[:_FIRST]))
+    rows = np.vander(load[:_FIRST] - middle, 2)
+    slope, level = np.linalg.lstsq(rows, length[:_FIRST], rcond=None)[0].tolist()
+    start = level - slope * middle
     if abs(start) <= abs(start - first):
         return 0.0, ""
     little = abs(load[0]) < characterise.UNLOADED_SHARE * float(np.max(np.abs(load)))
     farthest = float(length[np.argmax(np.abs(length - first))])
-    if little or (start - first) * (farthest - first) > 0.0:
+    if little or not np.ptp(load[:_FIRST]) or (start - first) * (farthest - first) > 0.0:
         return first, "its first value"
     return start, f"no load, by a line through its first {_FIRST} rows"
 
@@ -318,7 +317,7 @@ class _Test:
         if gauge_mm is None:
             raise FileError(
                 f"{self.where}: the gauge length is unknown, so displacement gives no strain; add "
-                f"gauge_mm to specimens.csv, or give `gauge_mm`{self._readings('gauge')}"
+                f"gauge_mm to specimens.csv, or give `gauge_mm`{self._readings('gauge_mm')}"
             )
         return self._from_no_load("displacement", columns["displacement_mm"], " mm") / gauge_mm
 
@@ -342,13 +341,13 @@ class _Test:
             raise FileError(
                 f"{self.where}: the section is unknown, so force gives no stress; add width_mm and "
                 "thickness_mm to specimens.csv, or give `width_mm` and `thickness_mm`"
-                f"{self._readings('area', 'width', 'thickness', 'diameter')}"
+                f"{self._readings('area_mm2', 'width_mm', 'thickness_mm', 'diameter_mm')}"
             )
         return columns["force_N"] / area_mm2
 
     def _readings(self, *sizes: str) -> str:
         """Say what the file leaves unclear of sizes that are missing, or ""."""
-        unclear = self.record.sizes.unclear
+        unclear = self.record.table.unclear
         said = [unclear[size] for size in sizes if size in unclear]
         return f"; the file has {listed(said)}" if said else ""
 
@@ -472,12 +471,12 @@ def _upright(
     FileError
         Both are negative, as in compression, and nothing says the way of loading.
     """
-    negative = []
-    for name, values in columns.items():
+    negative = [
+        name
+        for name, values in columns.items()
         # A crosshead's position may be negative throughout and yet rise.
-        change = values if name in _LOADS else values - values[0]
-        if name != "time_s" and is_negative(change):
-            negative.append(name)
+        if name != "time_s" and is_negative(values if name in _LOADS else values - values[0])
+    ]
     both = any(name in _LOADS for name in negative) and any(n not in _LOADS for n in negative)
     if both and not said:
         raise FileError(

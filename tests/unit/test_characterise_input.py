@@ -206,6 +206,14 @@ def test_travel_under_a_preload_counts_from_no_load(tmp_path: Path) -> None:
     assert "counted from no load, by a line through its first 6 rows" in " ".join(found.notes)
 
 
+def test_travel_under_a_preload_that_is_held_counts_from_its_first_value(tmp_path: Path) -> None:
+    rows = [5] * 10 + [*range(6, 81)]
+    columns = {"displacement_mm": 100.0 + 25.0 * RUBBER_STRAIN, "stress_MPa": RUBBER_MPa}
+    found = study(tmp_path, {name: of[rows] for name, of in columns.items()}, gauge_mm=25.0)
+    assert only(found).strain[0] == pytest.approx(0.0, abs=1e-8)
+    assert "displacement counted from its first value, 101.2 mm" in " ".join(found.notes)
+
+
 def test_travel_that_counts_from_no_load_stays_though_its_first_row_lies_behind(
     tmp_path: Path,
 ) -> None:
