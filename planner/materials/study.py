@@ -228,7 +228,8 @@ def _dimensions_of(
         said = table.metadata.get(name)
         head = said if isinstance(said, float) and said > 0.0 else None
         for source, where in ((specimen, _SPECIMENS), (given, f"--{name.replace('_', '-')}")):
-            if (value := getattr(source, name, None)) is not None:
+            value = getattr(source, f"measured_{name}", None) or getattr(source, name, None)
+            if value is not None:
                 if head and abs(value / head - 1.0) > _OFF_NOMINAL:
                     said = f"its head gives {name} {head:.4g}; {value:.4g} counts, from {where}"
                     notes.append(f"{table.file}: {said}")

@@ -176,6 +176,21 @@ def test_a_strain_without_unit_is_said(tmp_path: Path) -> None:
     assert "no unit" not in " ".join(read_study([tmp_path]).notes)
 
 
+@pytest.mark.parametrize(
+    ("columns", "cells", "head"),
+    [
+        ("measured_width_mm", "5", "Width (mm),6\nThickness (mm),2\n"),
+        ("width_mm,measured_width_mm", "6,5", "Thickness (mm),2\n"),
+    ],
+)
+def test_a_measured_size_goes_before_a_files_head(
+    tmp_path: Path, columns: str, cells: str, head: str
+) -> None:
+    (tmp_path / "a.csv").write_text(f"{head}\n{curve()}")
+    listing(tmp_path, f"specimen,material,gauge_mm,{columns}\na,A,25,{cells}\n")
+    assert read_study([tmp_path]).dimensions["a"].area_mm2 == 10.0
+
+
 def test_size_and_rate_go_with_the_study_whatever_their_source(tmp_path: Path) -> None:
     head = "Specimen Length (mm),33,\nSpeed (mm/min),450,\n"
     (tmp_path / "a.csv").write_text(head + curve())
