@@ -292,7 +292,9 @@ Chosen: a way back past zero is small beside the pull, so that anything well abo
 
 def is_negative(values: FloatArray) -> bool:
     """Say whether a load, or a length that counts from its start, has its sign turned."""
-    return float(-values.min()) > _TURNED_RATIO * abs(float(values.max()))
+    low, high = float(values.min()), float(values.max())
+    # A load that begins under a preload stays below zero; one that was not zeroed rises there.
+    return -low > _TURNED_RATIO * abs(high) or (high < 0.0 and float(values[0]) > 0.5 * low)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

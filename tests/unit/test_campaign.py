@@ -365,6 +365,21 @@ def test_a_record_counts_from_no_load_as_it_does_in_a_fit(
     assert f"specimen S1: travel counts from {said}, not from 0 as recorded" in campaign.limitations
 
 
+def test_a_push_from_a_preload_on_is_one_as_it_is_in_a_fit(folder: Path) -> None:
+    travel = np.linspace(0.0, -10.0, 41)[10:]
+    force = 5.0 * (np.exp(travel / 5.0) - 1.0)  # from 45 % of the largest on
+    rows = "".join(f"S1,{-x:.9g},{x:.9g},{f:.9g}\n" for x, f in zip(travel, force, strict=True))
+    (folder / "curves.csv").write_text(f"specimen,time_s,displacement_mm,force_N\n{rows}")
+    head, row, *_ = (HEAD + ROWS).splitlines()
+    (folder / "specimens.csv").write_text(f"{head},mode\n{row},compression\n")
+    (specimen,) = read_campaign(folder).specimens
+    (curve,) = read_study(folder).other_modes["FLX9760"]
+    assert specimen.pushed
+    np.testing.assert_allclose(specimen.displacement_mm / 25.0, curve.strain, atol=1e-8)
+    np.testing.assert_allclose(specimen.force_N / 12.0, curve.stress_MPa, rtol=1e-7)
+    np.testing.assert_allclose(specimen.force_N, force, rtol=1e-7)
+
+
 def test_an_area_in_a_files_head_is_no_width(folder: Path) -> None:
     (folder / "specimens.csv").write_text(
         "specimen,material,file,gauge_mm\nS1,FLX9760,one.csv,25\n"
