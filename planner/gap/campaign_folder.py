@@ -25,12 +25,7 @@ from planner.formats.units import QUANTITIES
 from planner.gap.campaign import Campaign, PartTest, Specimen, StrainField, named
 from planner.materials.characterise import MINIMUM_POINTS, UNLOADED_SHARE, check_record
 from planner.materials.laws import Law, make_law
-from planner.materials.study import (
-    in_stated_units,
-    is_negative,
-    place_of_no_load,
-    stated_units,
-)
+from planner.materials.study import in_stated_units, is_negative, place_of_no_load, stated_units
 from planner.numerics import FloatArray, IntArray
 from planner.palette import Palette, encode_palette, load_palette
 from planner.plan import plan_file
