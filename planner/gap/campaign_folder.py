@@ -237,7 +237,7 @@ def _record_of(source: _Source) -> dict[str, Any]:
     force, force_unit_N = _channel(source, "force", source.row.area_mm2)
     travel, travel_unit_mm = _channel(source, "travel", source.gauge_mm)
     check_record(where, {"force_N": force, "displacement_mm": travel})
-    if not np.any(travel):
+    if not np.ptp(travel):
         raise FileError(f"{where}: the crosshead never moves; check the column of travel")
     if not np.any(force):
         raise FileError(f"{where}: the force is 0 all along; check the load cell and the column")
@@ -642,7 +642,7 @@ class ListReader:
         fields, notes = self.fields(row)
         # A part's travel counts along its load, whether that pulls or pushes.
         in_file = str(table.metadata.get("mode", ""))
-        for cell in (row.covariates.get("mode", ""), in_file):
+        for cell in (row.mode, in_file):
             if mode_of(cell) in ("planar", "equibiaxial"):
                 raise FileError(
                     f"{where}: mode is {cell!r}; a campaign is of tension and compression, so "

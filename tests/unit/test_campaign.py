@@ -380,6 +380,26 @@ def test_a_push_from_a_preload_on_is_one_as_it_is_in_a_fit(folder: Path) -> None
     np.testing.assert_allclose(specimen.force_N, force, rtol=1e-7)
 
 
+@pytest.mark.parametrize("column", ["mode", "Mode", ""])
+def test_a_planar_test_is_no_pull(folder: Path, column: str) -> None:
+    head, row, *_ = (HEAD + ROWS).splitlines()
+    listed = f"{head},{column}\n{row},planar\n"
+    if not column:
+        assert "monotonic" in row
+        listed = f"{head}\n{row.replace('monotonic', 'planar')}\n"
+    (folder / "specimens.csv").write_text(listed)
+    with pytest.raises(FileError, match=r"mode is 'planar'; .* leave this specimen out"):
+        read_campaign(folder)
+
+
+def test_a_crosshead_that_stands_somewhere_never_moves(folder: Path) -> None:
+    rows = "".join(f"S1,{k},3.0,{0.1 * k}\n" for k in range(20))
+    (folder / "curves.csv").write_text(f"specimen,time_s,displacement_mm,force_N\n{rows}")
+    (folder / "specimens.csv").write_text("\n".join((HEAD + ROWS).splitlines()[:2]) + "\n")
+    with pytest.raises(FileError, match=r"S1 .*the crosshead never moves"):
+        read_campaign(folder)
+
+
 def test_an_area_in_a_files_head_is_no_width(folder: Path) -> None:
     (folder / "specimens.csv").write_text(
         "specimen,material,file,gauge_mm\nS1,FLX9760,one.csv,25\n"
