@@ -1253,15 +1253,19 @@ def _tables(
         if any(column.heading.compressed for column in piece.used if column.name != "time_s"):
             metadata.setdefault("mode", "compression")
         bare = {column.name for column in piece.used if column.heading.unit is None}
+        steps = np.diff(piece.columns.get("time_s", ()))
+        falls = len(steps) > 0 and bool((steps < 0.0).all())
+        turned = ["the rows stand in reversed order of time; read from the last"] if falls else []
+        onwards = slice(None, None, -1 if falls else 1)
         yield TensileTable(
             file=path.name,
-            columns=piece.columns,
+            columns={name: values[onwards] for name, values in piece.columns.items()},
             factors={column.name: column.factor for column in piece.used},
-            lines=np.array(piece.lines, dtype=np.int64),
+            lines=np.array(piece.lines, dtype=np.int64)[onwards],
             specimen=name or str(metadata.get("specimen", "")),
             metadata=metadata,
             without_unit=frozenset(name.removeprefix("lagrange_") for name in bare - {"stretch"}),
-            notes=(*piece.notes, *_behind(piece, pieces), *notes),
+            notes=(*piece.notes, *_behind(piece, pieces), *turned, *notes),
             sheet=piece.grid.sheet,
             headings={column.name: _written(column.heading) for column in piece.used},
             unused=piece.unused,

@@ -311,11 +311,9 @@ def _time(source: _Source, travel: FloatArray) -> tuple[FloatArray, bool]:
     time = source.table.columns["time_s"]
     if len(fall := np.flatnonzero(np.diff(time) < 0.0)):
         at = int(fall[0])
-        reversed_ = len(fall) == len(time) - 1
-        what = "the rows stand in reversed order" if reversed_ else "sort or repair the rows"
         raise FileError(
             f"{source.where}, line {source.table.lines[at + 1]}: time falls from {time[at]:g} s to "
-            f"{time[at + 1]:g} s; {what}"
+            f"{time[at + 1]:g} s; sort or repair the rows"
         )
     if time[0] < 0.0:
         source.notes.append(f"time counts from its first value, {time[0]:g} s")
