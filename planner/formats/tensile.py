@@ -888,16 +888,24 @@ def _two_axes(grid: _Grid, headings: _Headings, by_name: Mapping[str, Sequence[i
 def _names_above(grid: _Grid, block: _Block) -> list[list[str]]:
     """Return the rows near above a block that may name its records: of words, then of numbers.
 
-    Figures are sizes; whole numbers may be those of specimens.
+    Figures are sizes; whole numbers may be those of specimens, as words that count are.
     """
-    words, numbers = list[list[str]](), list[list[str]]()
+    words, counts, numbers = (list[list[str]]() for _ in range(3))
     for _, above in grid.rows[max(block.head - 3, 0) : block.head][::-1]:
         cells = [*above, ""]
         if not (figures := [cell for cell in cells if grid.number(cell) is not None]):
-            words.append(_carried(cells))
+            (counts if _counts({*above} - {""}) else words).append(_carried(cells))
         elif all(map(str.isdigit, figures)) and size_of(cells[0])[0] is None:
             numbers.append(_carried(cells))
-    return words + numbers
+    return words + counts + numbers
+
+
+def _counts(names: Collection[str]) -> bool:
+    """Say whether names count within what stands above them: "Specimen 1", or "S1" to "S3"."""
+    split = [re.fullmatch(r"(\D*)(\d{1,3})", name) for name in names]
+    stems = {match and match[1] for match in split}
+    run = {int(match[2]) for match in split if match} == {*range(1, len(names) + 1)}
+    return (run and len(stems) == 1) or all(map(marked_specimen, names))
 
 
 def _carried(cells: Iterable[str]) -> list[str]:
