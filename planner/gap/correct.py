@@ -11,7 +11,14 @@ from typing import Any, TypeAlias, cast
 
 import numpy as np
 
-from planner.errors import ArgumentError, FileError, PaletteError, UnknownNameError, refused
+from planner.errors import (
+    ArgumentError,
+    FileError,
+    PaletteError,
+    UnknownNameError,
+    as_number,
+    refused,
+)
 from planner.gap.campaign import TOLERANCES, Campaign, stated
 from planner.gap.diagnosis import Diagnosis, FoundEffect, name_of, read_diagnosis
 from planner.gap.effect import Effect, Form, StatedEffect, with_effects
@@ -620,9 +627,9 @@ def _conditions(asked: Reference, own: Reference) -> Reference:
     """Return the conditions of use, each stated, the palette's own or the usual one."""
     use = stated(asked, own)
     for name, (_, _, low, high) in _CONDITIONS.items():
-        value = getattr(use, name)
+        argument = {"strain_rate_per_s": "rate_per_s"}.get(name, name)
+        value = as_number(getattr(use, name), f"`{argument}`")
         if not low <= value <= high:
-            argument = {"strain_rate_per_s": "rate_per_s"}.get(name, name)
             raise ArgumentError(f"`{argument}` {value:g}: it must be from {low:g} to {high:g}")
     numbers: dict[str, Any] = {name: float(getattr(use, name)) for name in _CONDITIONS}
     return replace(use, **numbers)

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from scipy.special import softmax
 
-from planner.errors import ArgumentError
+from planner.errors import ArgumentError, as_count
 from planner.formats.specimens import SPECIMEN_COLUMNS
 from planner.gap.campaign import (
     TOLERANCES,
@@ -625,7 +625,7 @@ def diagnose(
         problem, reasons, data_quality = prepared(campaign, without, progress)
         campaign, model = problem.campaign, problem.model
         weighed = weigh(problem, priors)
-        rng = np.random.default_rng(seed)
+        rng = np.random.default_rng(as_count(seed, "`seed`", 2**63, least=0))
         evidence = evidence_of(problem, weighed)
         ranking = ranking_of(evidence, priors)
         verdict = verdict_of(ranking)

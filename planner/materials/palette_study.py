@@ -16,6 +16,7 @@ from planner.errors import (
     Caution,
     FileError,
     PaletteError,
+    as_number,
     check_known,
     listed,
     positive,
@@ -213,7 +214,7 @@ def characterise(
     """
     given = locals()
     study = read_study(**{name: given[name] for name in _READING})
-    strains = SECANT_STRAINS if at_strain is None else tuple(at_strain)
+    strains = SECANT_STRAINS if at_strain is None else tuple(np.atleast_1d(at_strain).tolist())
     others = _other_modes(study)
     found = tuple(characterise_material(*of, secant_strains=strains) for of in study.groups.items())
     stated = _by_material(study, study.groups, "coordinate", None)
@@ -568,6 +569,7 @@ def _coordinates(
     strain = min(_RANKING_STRAIN, *(fit.elongation_at_break for fit in fits.values()))
     laws = {called: make_law(fit.law) for called, fit in fits.items()}
     stiffness = {called: float(secant_modulus_MPa(law, strain)) for called, law in laws.items()}
+    order = [order] if isinstance(order, str) else order
     found = {} if order else stated
     ordered = list(order) if order else sorted(fits, key=stiffness.__getitem__)
     if order and (sorted(order) != sorted(fits) or given):
@@ -644,7 +646,7 @@ def _by_material(
                 f"material {row.material}: {column} is {found[row.material]:g} for one specimen "
                 f"and {value:g} for {row.specimen}; give one value"
             )
-    return found | dict(given)
+    return found | {name: as_number(given[name], f"{column} of {name}") for name in given}
 
 
 def _rows(study: Study) -> list[ListedSpecimen]:

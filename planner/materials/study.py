@@ -12,7 +12,15 @@ from types import MappingProxyType
 
 import numpy as np
 
-from planner.errors import ArgumentError, Caution, FileError, UnknownNameError, did_you_mean, listed
+from planner.errors import (
+    ArgumentError,
+    Caution,
+    FileError,
+    UnknownNameError,
+    as_number,
+    did_you_mean,
+    listed,
+)
 from planner.formats.files import path_within
 from planner.formats.specimens import ListedSpecimen, is_specimens_file, read_specimens
 from planner.formats.tensile import MODES, NoRecordError, TensileTable, mode_of, read_tensile
@@ -635,7 +643,7 @@ def read_study(
         return files
     sizes_given = {"width_mm": width_mm, "thickness_mm": thickness_mm, "gauge_mm": gauge_mm}
     for name, value in sizes_given.items():
-        if value is not None and not 0.0 < value < math.inf:
+        if value is not None and not as_number(value, name) > 0.0:
             raise ArgumentError(f"{name} is {value:g}; a size must be a number above 0")
     given = ListedSpecimen("", width_mm=width_mm, thickness_mm=thickness_mm, gauge_mm=gauge_mm)
     paths = [Path(file) for file in ([files] if isinstance(files, (str, Path)) else files)]

@@ -118,7 +118,9 @@ class Bar:
             The two places do not rise or do not lie on the bar; or as `Bar`.
         """
         low, high = float(edges_mm[0]), float(edges_mm[-1])
-        start, stop = between_mm or (low, high)
+        said = "it must be two places in mm, as (10, 60)"
+        with refused(ArgumentError, "`between_mm`", said, TypeError, ValueError):
+            start, stop = map(float, between_mm or (low, high))
         if not low <= start < stop <= high:
             raise ArgumentError(
                 f"`between_mm` {start:g}:{stop:g}: it must rise and lie on the bar, which goes "

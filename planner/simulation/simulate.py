@@ -9,7 +9,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from planner.errors import ArgumentError, FileError, UnknownNameError, as_count, check_known
+from planner.errors import (
+    ArgumentError,
+    FileError,
+    UnknownNameError,
+    as_count,
+    as_number,
+    check_known,
+    positive,
+)
 from planner.formats.files import encode_document
 from planner.formats.tables import encode_csv
 from planner.glance import counted, html_of, one_line, outcome, plotted
@@ -70,8 +78,7 @@ def loading_path(
         An unknown protocol, or a figure outside what it may be.
     """
     for name, value in (("`rate_mm_s`", rate_mm_s), ("`hold_s`", hold_s)):
-        if not 0.0 < value < np.inf:
-            raise ArgumentError(f"{name} {value:g}: it must be above 0 and finite")
+        positive(value, name)
     steps, cycles = as_count(steps, "`steps`", 10_000), as_count(cycles, "`cycles`", 10_000)
     check_known(protocol, _PROTOCOLS, f"`protocol` {protocol}: no such protocol; {{}}it may be")
     up = np.linspace(0.0, to_displacement_mm, steps + 1)
@@ -468,7 +475,7 @@ def _force_interval_N(
     ArgumentError
         A level that is not between 0 and 1.
     """
-    if not 0.0 < level < 1.0:
+    if not 0.0 < as_number(level, "`level`") < 1.0:
         raise ArgumentError(f"`level` {level:g}: it must be between 0 and 1")
     weight = bar.length_mm * reached.stress_MPa / reached.tangent_MPa
     total = weight.sum(axis=1, keepdims=True)
@@ -633,7 +640,7 @@ def simulate_bar(
     >>> round(float(result.force_N[-1]), 2)  # doctest: +SKIP
     8.42
     """
-    if not 0.0 < to_strain <= _MOST_STRAIN:
+    if not 0.0 < as_number(to_strain, "`to_strain`") <= _MOST_STRAIN:
         raise ArgumentError(
             f"`to_strain` {to_strain:g}: it must be above 0 and at most {_MOST_STRAIN:g}; strains "
             "are fractions, so 30 % is 0.3"

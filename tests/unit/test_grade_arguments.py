@@ -14,6 +14,7 @@ from planner.errors import ArgumentError, OutputError, PlannerError
 BAR = m3.Manifold.cube([40.0, 8.0, 6.0]).to_mesh()
 MESH = (np.asarray(BAR.vert_properties[:, :3]), np.asarray(BAR.tri_verts))
 ENDS = {"from_": "Tango", "to": "FLX9795"}
+TESTS = Path(__file__).parents[2] / "samples" / "tensile"
 
 
 class _Mesh:
@@ -82,6 +83,17 @@ def test_what_cannot_be_taken_is_named(arguments: dict) -> None:
         (lambda: planner.simulate_part(MESH, ["fix"]), "'fix' is no LoadCase"),
         (lambda: planner.simulate_part(MESH, None), "`cases`: there is none"),
         (lambda: planner.design_campaign("rate", budget="8"), "`budget` '8': it must be a whole"),
+        (lambda: planner.simulate_bar("Tango", to_strain="20%"), "`to_strain` '20%': it must be"),
+        (lambda: planner.simulate_bar("Tango", rate_mm_s="1"), "`rate_mm_s` '1': it must be"),
+        (lambda: planner.simulate_bar("Tango", level="0.95"), "`level` '0.95': it must be"),
+        (lambda: planner.simulate_bar("Tango", between_mm="1:9"), r"two places in mm, as \(10, 60"),
+        (lambda: planner.characterise(TESTS, gauge_mm="15"), "gauge_mm '15': it must be a finite"),
+        (lambda: planner.characterise(TESTS, at_strain="0.1"), "strain '0.1': it must be a finite"),
+        (lambda: planner.fit(TESTS, law="yeoh", order="A,B"), "`order` A,B: give each of"),
+        (
+            lambda: planner.fit(TESTS, law="yeoh", density={"SYN-soft": "1.1"}),
+            "density_g_cm3 of SYN-soft '1.1': it must be a finite",
+        ),
     ],
 )
 def test_another_type_is_refused_with_what_to_give(call, says) -> None:
