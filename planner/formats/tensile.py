@@ -969,6 +969,8 @@ def _split(grid: _Grid, block: _Block, places: Sequence[int], label: str) -> lis
         full = list(zip(_carried(record.cells(texts["material"])), names, strict=True))
         if len({*full}) > len({*names}):  # numbers that begin anew with each material
             names = ["-".join(one) for one in full]
+    # A cell that is merged over several specimens is filled in its first row alone.
+    told = {what: _carried(record.cells(i)) for what, i in texts.items() if what}
     rows_of: dict[str, list[int]] = {}
     for n, name in enumerate(names):
         rows_of.setdefault(name, []).append(n)
@@ -976,7 +978,7 @@ def _split(grid: _Grid, block: _Block, places: Sequence[int], label: str) -> lis
         _Piece(
             name or label, grid, block, {column: array[at] for column, array in values.items()},
             kept, [grid.rows[lined[n]][0] for n in at], unused, (*block.notes, *notes), bool(name),
-            {what: grid.cell(lined[at[0]], i) for what, i in texts.items() if what},
+            {what: told[what][at[0]] for what in told},
         )
         for name, at in rows_of.items()
     ]  # fmt: skip

@@ -307,6 +307,17 @@ def test_modes_in_one_file_are_specimens_of_one_material(tmp_path: Path, head: s
     assert [record.rows for record in study.records] == [MADE.points(1), MADE.points(2)]
 
 
+def test_a_material_that_is_merged_over_specimens_is_of_each(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    head = "Material;Probe;Dehnung [%];Spannung [MPa]\n"
+    made = [("Weich", "P1", 1), ("", "P2", 1.1), ("Hart", "P3", 9), ("", "P4", 9.1)]
+    curves = ["".join(f";;{i};{i * e / 100}\n" for i in range(1, 40)) for _, _, e in made]
+    rows = [f"{m};{p};0;0\n{curve}" for (m, p, _), curve in zip(made, curves, strict=True)]
+    path.write_text(head + "".join(rows), encoding="utf-8")
+    records = read_study([path]).records
+    assert [r.material for r in records] == ["Weich", "Weich", "Hart", "Hart"]
+
+
 def test_an_unknown_mode_in_a_column_is_refused(tmp_path: Path) -> None:
     rows = "\n".join(MADE.lines(1, "bending,{e},{s}"))
     (tmp_path / "a.csv").write_text("mode,strain (mm/mm),stress (MPa)\n" + rows)
