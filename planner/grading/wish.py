@@ -215,6 +215,7 @@ def _number(value: object) -> float | None:
 
 
 _MODULUS = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([A-Za-z]*)")
+_MEANT_AS_MODULUS = re.compile(r"\d+([.,]\d+)?\s*([kMG]?Pa|N/mm)", re.IGNORECASE)
 _UNITS: Mapping[str, float] = MappingProxyType(
     {unit.casefold(): QUANTITY_UNITS["stress"][unit] for unit in ("kPa", "MPa", "GPa")}
 )
@@ -297,7 +298,7 @@ def _end(end: End | None, option: str, scale: StiffnessScale) -> tuple[float, st
             try:
                 id = palette.resolve(end).id
             except UnknownNameError as error:
-                if figure is None:
+                if figure is None and _MEANT_AS_MODULUS.match(end.strip()) is None:
                     raise
                 raise ArgumentError(
                     f"`{option}` {end}: it is no material of palette {palette.name}; for a "

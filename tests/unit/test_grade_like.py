@@ -214,6 +214,8 @@ def test_materials_and_moduli_may_be_mixed(tmp_path: Path) -> None:
     [
         ("0.5", "give its unit too"),
         ("0.5psi", "give its unit too"),
+        ("0,5MPa", "give its unit too"),
+        ("1 N/mm²", "give its unit too"),
         ("-1MPa", "above 0"),
         (0.0, "above 0"),
         (float("nan"), "finite"),
