@@ -682,12 +682,12 @@ def _tables(folder: Path, rows: Sequence[Row], noted: _Noted) -> dict[str, Tensi
     files: dict[str, list[Row]] = {}
     for row in rows:
         files.setdefault(row.file or CURVES, []).append(row)
-    if (folder / CURVES).is_file():
+    if has_curves(folder):
         files.setdefault(CURVES, [])
     elif files.pop(CURVES, None) and not files:
         raise FileError(
-            f"{folder}: no {CURVES}; write the curves there (specimen,time_s,displacement_mm,"
-            f"force_N), or name a file for each specimen in the column 'file' of {SPECIMENS}"
+            f"{folder}: nothing in {CURVES}; write the curves there (specimen,time_s,"
+            f"displacement_mm,force_N), or name a file for each specimen in the column 'file' of {SPECIMENS}"
         )
     found: dict[str, TensileTable] = {}
     for name, members in files.items():

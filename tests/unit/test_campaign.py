@@ -111,6 +111,7 @@ def test_raw_exports_are_read_by_file(folder: Path) -> None:
         "specimen,material,file,gauge_mm,width_mm,thickness_mm\n"
         "S1,FLX9760,bluehill.csv,25,,\nS2,FLX9760,mark10.txt,25,6,2\n"
     )
+    (folder / "curves.csv").write_text(curves())  # headings alone, as a design leaves them
     s1, s2 = read_campaign(folder).specimens
     assert (s1.width_mm, s1.rate_mm_s, s1.force_N[10]) == (6.0, 1.0, 10.0)
     # Ten pounds in N, ten hundredths of an inch in mm, by the definitions of both.
@@ -292,7 +293,7 @@ def test_an_empty_curve_is_refused(folder: Path) -> None:
     with pytest.raises(FileError, match=r"specimen S2 \(curves.csv\): the record has \d points"):
         read_campaign(folder)
     (folder / "curves.csv").write_text(curves())
-    with pytest.raises(FileError, match="no numbers below"):
+    with pytest.raises(FileError, match=r"nothing in curves\.csv; write the curves there"):
         read_campaign(folder)
 
 
