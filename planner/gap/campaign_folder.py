@@ -687,7 +687,8 @@ def _tables(folder: Path, rows: Sequence[Row], noted: _Noted) -> dict[str, Tensi
     elif files.pop(CURVES, None) and not files:
         raise FileError(
             f"{folder}: nothing in {CURVES}; write the curves there (specimen,time_s,"
-            f"displacement_mm,force_N), or name a file for each specimen in the column 'file' of {SPECIMENS}"
+            f"displacement_mm,force_N), or name a file for each specimen in the column 'file' of "
+            f"{SPECIMENS}"
         )
     found: dict[str, TensileTable] = {}
     for name, members in files.items():
