@@ -7,7 +7,7 @@ import unicodedata
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import permutations
+from itertools import dropwhile, permutations, takewhile
 from pathlib import Path
 
 import numpy as np
@@ -1356,7 +1356,9 @@ def _said_at(grid: _Grid, row: int, at: int, symbols: bool) -> Iterator[_Said]:
     if single is not None:  # "Width: 6.00 mm"
         key, right = single[1], [single[2]]
     text = _head_text(key)
-    if text and right and _head_text(right[0]) is None and size_of(right[0])[0] is None:
+    if symbols and text == "material" and (listed := _materials_below(grid, row, at)):
+        yield _Said(grid, row, key, text, listed)
+    elif text and right and _head_text(right[0]) is None and size_of(right[0])[0] is None:
         yield _Said(grid, row, key, text, (("", right[0]),))
     size, unit, count = size_of(key, symbols=symbols)
     if size is None:
@@ -1406,6 +1408,17 @@ def _label_above(grid: _Grid, row: int, at: int) -> str:
         if other != row and label and _head_text(grid.cell(other, 0)) == "specimen":
             return label
     return ""
+
+
+def _materials_below(grid: _Grid, row: int, at: int) -> tuple[tuple[str, str], ...]:
+    """Return the materials below a cell of a table of specimens, by specimen; merged or not."""
+    heads = enumerate(grid.rows[row][1])
+    named = next((i for i, c in heads if "specimen" in (_head_text(c), heading_of(c).meaning)), at)
+    below = dropwhile(lambda r: not grid.cell(r, named), range(row + 1, len(grid.rows)))  # units
+    listed = [*takewhile(lambda r: grid.cell(r, named) and not headings_of(grid.rows[r][1]), below)]
+    materials = _carried(grid.cell(r, at) for r in listed)
+    told = zip([grid.cell(r, named) for r in listed], materials, strict=True)
+    return () if named == at else tuple((name, m) for name, m in told if m)
 
 
 def _figures_below(grid: _Grid, row: int, at: int, unit: str) -> tuple[_Figures, str]:

@@ -318,6 +318,15 @@ def test_a_material_that_is_merged_over_specimens_is_of_each(tmp_path: Path) -> 
     assert [r.material for r in records] == ["Weich", "Weich", "Hart", "Hart"]
 
 
+def test_materials_stand_in_a_table_of_specimens(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    table = "Probe;Material;Breite (mm)\nP1;Weich;6\nP2;;6\nP3;Hart;6\n\n"
+    heads = "P1;;P2;;P3;\n" + ";".join(["Dehnung [%];Spannung [MPa]"] * 3) + "\n"
+    rows = "".join(f"{i};{i};{i};{i * 1.1};{i};{i * 9}\n" for i in range(40))
+    path.write_text(table + heads + rows, encoding="utf-8")
+    assert [r.material for r in read_study([path]).records] == ["Weich", "Weich", "Hart"]
+
+
 def test_an_unknown_mode_in_a_column_is_refused(tmp_path: Path) -> None:
     rows = "\n".join(MADE.lines(1, "bending,{e},{s}"))
     (tmp_path / "a.csv").write_text("mode,strain (mm/mm),stress (MPa)\n" + rows)
