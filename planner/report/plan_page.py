@@ -248,11 +248,15 @@ def _body(source: _PlanSource, courses: "Sequence[Course]") -> Iterator[str]:
     yield from _materials(source, colours)
     yield page.asset("keys.html")
     yield '</div>\n</div>\n<div class="below" id="figures">'
+    drawn, told = "modulus of what is printed there", "numbers"
+    if plan.gradient.kind == "dither":
+        drawn = "mean of each stretch, within which the shares of cells follow the target"
+        told = "shares"
     yield from _figure(
         "stiffness",
         plan_figure.stiffness_figure(plan, colours),
-        "Dashed: the target. Thick: the modulus of what is printed there, with the interval that "
-        "holds it with 95 % probability. Below: the materials by their numbers.",
+        f"Dashed: the target. Thick: the {drawn}, with the interval that holds it with 95 % "
+        f"probability. Below: the materials by their {told}.",
     )
     name = "table-title"
     yield from page.section(name, "Regions", _regions_table(plan, colours, name))

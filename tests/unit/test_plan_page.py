@@ -115,6 +115,11 @@ class Elements(HTMLParser):
         self.names.append(tag)
 
 
+def test_the_figure_of_cells_says_that_it_draws_means(graded: Path) -> None:
+    text = (graded / "plan.html").read_text(encoding="utf-8")
+    assert "Thick: the mean of each stretch, within which the shares of cells follow" in text
+
+
 def test_names_are_words_and_no_markup(samples: Path, tmp_path: Path) -> None:
     part = tmp_path / "<script>alert(1)<!--.stl"
     part.write_bytes((samples / "dogbone.stl").read_bytes())
