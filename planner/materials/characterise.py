@@ -192,7 +192,7 @@ def without_spikes(curve: Curve) -> Curve:
 
 
 def without_tail(curve: Curve) -> Curve:
-    """Cut what a record holds behind rupture, and note it.
+    """Cut what a record holds behind rupture, and note it; ask about a break ahead of the peak.
 
     Rupture is where the stress behind its peak falls below `BROKEN_SHARE` of it, or by
     `_RUPTURE_SHARE` of it at once, or where the record ends in a sudden fall; the sudden falls
@@ -212,6 +212,14 @@ def without_tail(curve: Curve) -> Curve:
             f"specimen {curve.specimen}: the curve never loads (stress reaches {height:g} MPa, "
             f"noise is {noise:.2g} MPa); check the load cell, the sign and the columns"
         )
+    borne = np.maximum.accumulate(stress[:peak]) > max(UNLOADED_SHARE * height, 6.0 * noise)
+    slack = np.flatnonzero(borne & (stress[:peak] <= 0.0))
+    if len(slack) > WIDEST_SPIKE:
+        told = (
+            f"specimen {curve.specimen}: bears nothing from strain {strain[slack[0]]:.4g} on, and "
+        )
+        told += "more than ever behind that; if it broke there, end the record there"
+        curve = curve.part(slice(None), Caution(told))
     behind = stress[peak:]
     broken = behind[1:] < BROKEN_SHARE * height
     broken |= -np.diff(behind) > max(_RUPTURE_SHARE * height, 6.0 * noise)

@@ -115,6 +115,14 @@ def test_a_broken_tail_is_cut_in_sight(tmp_path: Path) -> None:
     assert "breaks at strain 0.8; 20 points behind it are cut" in " ".join(found.notes)
 
 
+def test_a_break_ahead_of_a_later_load_is_asked(tmp_path: Path) -> None:
+    """As where the crosshead runs against its stop behind the break."""
+    strain = np.linspace(0.0, 1.0, 101)
+    stress = np.concatenate([STRESS, np.full(15, -0.01), STRESS[-1] * np.linspace(0.5, 9, 5)])
+    found = study(tmp_path, {"strain": strain, "stress_MPa": stress})
+    assert "bears nothing from strain 0.81 on" in " ".join(found.notes)
+
+
 def test_a_strain_that_springs_back_at_rupture_is_no_unloading(tmp_path: Path) -> None:
     """An extensometer falls back when the specimen is broken and bears nothing."""
     strain = np.concatenate([STRAIN, np.linspace(0.5, 0.1, 10)])
