@@ -222,7 +222,8 @@ def test_without_3d_the_rest_stands(browser: Any, pages: Pages) -> None:
     assert not browser.find_element("id", "section").is_displayed()
     assert "VeroWhitePlus" in browser.find_element("css selector", "#figures table").text
     name = browser.find_element("css selector", "#materials .name")
-    assert name.size["width"] > 60 and name.size["height"] < 30  # TangoPlus, in one line
+    assert name.size["width"] > 60
+    assert name.size["height"] < 30  # TangoPlus, in one line
     browser.get_log("browser")  # three.js says that there is no WebGL
 
 

@@ -15,7 +15,7 @@ from planner.simulation.bar import Bar
     [
         ({"to_strain": 0.0}, "above 0"),
         ({"to_strain": 30.0}, "30 % is 0.3"),
-        ({"to_strain": float("nan")}, "above 0"),
+        ({"to_strain": float("nan")}, "a finite number"),
         ({"slices": 0}, "slices"),
         ({"slices": 1}, "`slices` 1: it must be a whole number from 10 to 10000"),
         ({"steps": 0}, "steps"),
