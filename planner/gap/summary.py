@@ -314,7 +314,11 @@ def campaign_standing(campaign: str | Path) -> Standing:
         if not column.is_size
         and (ids := tuple(row.specimen for row in rows if getattr(row, name) is None))
     }
-    at, diagnosis = next(_diagnoses_of(folder, name, len(listed) - len(missing)), (None, None))
+    files = {SPECIMENS, CURVES, *(row.file for row in rows if row.file)}
+    read = (path_within(folder, file) for file in files)
+    since = max(path.stat().st_mtime for path in read if path.is_file())
+    diagnoses = _diagnoses_of(folder, name, len(listed) - len(missing), since)
+    at, diagnosis = next(diagnoses, (None, None))
     command = ""
     if not missing and diagnosis is not None:
         command = next_command(diagnosis, at, folder)
@@ -357,14 +361,21 @@ def next_command(
     return f"planner gap correct {quote(str(at))}{use} -o palette-corrected.toml"
 
 
-def _diagnoses_of(folder: Path, campaign: str, measured: int) -> Iterator[tuple[Path, Diagnosis]]:
-    """Yield diagnoses of so many specimens with their folders, below the campaign or beside it."""
+def _diagnoses_of(
+    folder: Path, campaign: str, measured: int, since: float
+) -> Iterator[tuple[Path, Diagnosis]]:
+    """Yield diagnoses of so many specimens with their folders, below the campaign or beside it.
+
+    What is older than the last measurement is of an earlier state, or of a campaign of that name
+    before this one: designs for the same effects are called alike.
+    """
     above, here = folder.resolve().parent, Path.cwd()
     for file in sorted([*folder.glob("*/diagnosis.json"), *above.glob("*/diagnosis.json")]):
         try:
             found = read_diagnosis(file)
         except PlannerError:
             continue
-        if found.campaign == campaign and found.specimens == measured:
+        current = file.stat().st_mtime >= since
+        if current and found.campaign == campaign and found.specimens == measured:
             at = file.parent
             yield at.relative_to(here) if at.is_relative_to(here) else at, found

@@ -1,6 +1,7 @@
 """Where a campaign stands, and the command that comes next."""
 
 import json
+import os
 import shutil
 from pathlib import Path
 
@@ -70,6 +71,8 @@ def test_from_a_list_alone_to_a_correction(lab: Path, capsys: pytest.CaptureFixt
         document = DIAGNOSIS | {"campaign": campaign}
         Path("why/diagnosis.json").write_text(json.dumps(document))
         assert expected in _standing(capsys)["next"]
+    os.utime("why/diagnosis.json", (0, 0))  # of another campaign of that name, before this one
+    assert _standing(capsys)["next"] == "planner gap diagnose lab -o lab-diagnosis"
 
 
 def test_of_a_diagnosis_it_says_the_verdict_and_what_follows(lab: Path, capsys) -> None:
