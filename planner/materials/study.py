@@ -988,9 +988,10 @@ def _materials(records: Mapping[str, _Record], given: str, notes: list[str]) -> 
     if unknown:
         count = Counter(by_name[told_by[name]] for name in unknown).most_common()
         groups = [m if n == 1 else f"{m} ({n} specimens)" for m, n in count]
+        by_file = all(told_by[name] == records[name].path.stem for name in unknown)
         notes.append(
-            f"materials by the files' names: {listed(groups, 2)}; --material or {_SPECIMENS} says "
-            "others"
+            f"materials by the {'files' if by_file else 'specimens'}' names: {listed(groups, 2)}; "
+            f"--material or {_SPECIMENS} says others"
         )
     return {name: known[name] or by_name[told_by[name]] for name in known}
 

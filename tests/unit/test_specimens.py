@@ -137,6 +137,13 @@ def test_replicates_beyond_nine_belong_to_their_siblings(tmp_path: Path) -> None
     assert "FLX (12 specimens)" in said
 
 
+def test_materials_by_names_within_a_file_are_told_as_such(tmp_path: Path) -> None:
+    rows = [f"{name},{row}" for name in ("FLX-1", "FLX-2") for row in curve().splitlines()[1:]]
+    (tmp_path / "all.csv").write_text("\n".join([f"specimen,{curve().splitlines()[0]}", *rows]))
+    study = read_study([tmp_path], width_mm=2, thickness_mm=1, gauge_mm=10)
+    assert any("by the specimens' names: FLX (2 specimens)" in note for note in study.notes)
+
+
 def test_one_file_of_all_specimens_is_told_apart_by_its_own_column(tmp_path: Path) -> None:
     rows = curve().splitlines()[1:]
     both = [f"{name},{row}" for name in ("a", "b", "c") for row in rows]
