@@ -129,6 +129,7 @@ def test_utf_16_without_its_mark(tmp_path: Path, encoding: str) -> None:
         ("Spannung / N/mm²", "stress", "N/mm2"),
         ("Kraft_kN", "force", "kN"),
         ("PRUEFKRAFT [N]", "force", "N"),
+        ("Pruefling", "specimen", None),
         ("ひずみ(%)", "strain", "%"),
         ("応力（MPa）", "stress", "MPa"),
         ("Engineering Stress (MPa)", "stress", "MPa"),
