@@ -48,7 +48,7 @@ class CutPart:
     levels, names, shells
         Values of the field between the pieces, what each is printed in, and the shell of each
         material; none where cells of several lie among each other.
-    cure
+    cures
         What makes bands thicker, in words.
     """
 
@@ -61,7 +61,7 @@ class CutPart:
     levels: FloatArray
     names: Sequence[str] = ("the part",)
     shells: Sequence[Shell] = ()
-    cure: str = ""
+    cures: Sequence[str] = ()
 
     def drawn_mm(self, place_mm: Point) -> Point:
         """Return a place in the coordinates of the part's own file."""
@@ -156,16 +156,15 @@ def _thin_findings(
         if kind == "thin-wall":
             number = np.searchsorted(part.levels, _field_at(part, place), side="right")
             name, more = part.names[int(number)], "wall"
-            message = (
-                f"{name}: a wall {of} is below the minimum wall of {limit_mm:g} mm; thicken the "
-                f"part there{_or_larger(place, limit_mm, 'it')}"
-            )
+            cure = _one_of(["thicken the part there", *_larger(place, limit_mm, "it")])
+            message = f"{name}: a wall {of} is below the minimum wall of {limit_mm:g} mm; {cure}"
         elif kind == "thin-band":
             more = "place"
+            cure = _one_of([*part.cures, *_larger(place, limit_mm, "the part")])
             message = (
                 f"{name}: a layer {of}, field {_field_at(part, place):.3f}, is below the smallest "
                 f"feature of {limit_mm:g} mm: it blurs into its neighbours and will not have its "
-                f"stiffness; {part.cure}{_or_larger(place, limit_mm, 'the part')}"
+                f"stiffness; {cure}"
             )
         else:
             more = "gap"
@@ -184,7 +183,7 @@ def _fragments_finding(
     """Say how many separate bits are smaller than the minimum feature: of a material, or loose."""
     what = "a separate bit" if bits.count == 1 else f"{bits.count} separate bits, the largest"
     drawn_mm = part.drawn_mm(bits.place_mm)
-    cure = "join it to the part, or leave it out" if name is None else part.cure
+    cure = "join it to the part, or leave it out" if name is None else _one_of(part.cures)
     message = (
         f"{name or 'the part'}: {what} of {sized(bits.extent_mm, '.2f')} mm and "
         f"{bits.volume_mm3:.2g} mm3 at {_point(drawn_mm)} mm, smaller than the smallest feature of "
@@ -197,12 +196,15 @@ _MOST_LARGER = 5.0
 """Chosen: nobody prints a part larger than so many times to be rid of a layer."""
 
 
-def _or_larger(place: ThinPlace, limit_mm: float, what: str) -> str:
+def _larger(place: ThinPlace, limit_mm: float, what: str) -> Iterator[str]:
     """Say by what factor a part would have to grow, rounded up, so that it is enough."""
-    if place.size_mm * _MOST_LARGER < limit_mm:
-        return ""
-    factor = math.ceil(10.0 * limit_mm / place.size_mm) / 10.0
-    return f", or print {what} {factor:.1f} times as large"
+    if place.size_mm * _MOST_LARGER >= limit_mm:
+        yield f"print {what} {math.ceil(10.0 * limit_mm / place.size_mm) / 10.0:.1f} times as large"
+
+
+def _one_of(cures: Sequence[str]) -> str:
+    *others, last = cures
+    return f"{', '.join(others)}, or {last}" if others else last
 
 
 def _point(place_mm: Sequence[float]) -> str:

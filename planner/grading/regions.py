@@ -531,9 +531,9 @@ class BandDesign:
         self, part: CutPart, shells: Sequence[Shell], scale: StiffnessScale, machine: Printer
     ) -> tuple[dict[str, Check], tuple[Finding, ...], list[str]]:
         """Hold the pieces against the printer."""
-        cure = f"{self._fewer(part.field, machine)}, a gentler profile there"
+        cures = self._fewer(part.field, machine), "a gentler profile there"
         names = [what.name for what in self.printed]
-        own = replace(part, levels=self.levels, names=names, shells=shells, cure=cure)
+        own = replace(part, levels=self.levels, names=names, shells=shells, cures=cures)
         return print_checks(own, machine)
 
 
