@@ -613,6 +613,7 @@ def diagnose(
     >>> planner.diagnose("samples/warm-lab").verdict  # doctest: +SKIP
     'temperature'
     """
+    rng = np.random.default_rng(as_count(seed, "`seed`", 2**63, least=0))
     without = (without,) if isinstance(without, str) else tuple(without)
     if not isinstance(campaign, Campaign):
         campaign = read_campaign(campaign, palette, unit_of)
@@ -625,7 +626,6 @@ def diagnose(
         problem, reasons, data_quality = prepared(campaign, without, progress)
         campaign, model = problem.campaign, problem.model
         weighed = weigh(problem, priors)
-        rng = np.random.default_rng(as_count(seed, "`seed`", 2**63, least=0))
         evidence = evidence_of(problem, weighed)
         ranking = ranking_of(evidence, priors)
         verdict = verdict_of(ranking)

@@ -217,8 +217,8 @@ def without_tail(curve: Curve) -> Curve:
     if len(slack) > WIDEST_SPIKE:
         told = (
             f"specimen {curve.specimen}: bears nothing from strain {strain[slack[0]]:.4g} on, and "
+            "more than ever behind that; if it broke there, end the record there"
         )
-        told += "more than ever behind that; if it broke there, end the record there"
         curve = curve.part(slice(None), Caution(told))
     behind = stress[peak:]
     broken = behind[1:] < BROKEN_SHARE * height

@@ -197,3 +197,9 @@ def test_messages_name_arguments_in_python_and_options_on_the_command_line(
     words = shown.split("`")
     words[1::2] = ["--" + word.strip("_").replace("_", "-") for word in words[1::2]]
     assert capsys.readouterr().err == f"planner: {''.join(words)}\n"
+
+
+def test_a_seed_is_asked_for_at_once(samples: Path) -> None:
+    """A diagnosis took a minute, and then ended in a TypeError."""
+    with pytest.raises(planner.PlannerError, match=r"`seed` -1: it must be a whole number"):
+        planner.diagnose(samples / "warm-lab", seed=-1)
