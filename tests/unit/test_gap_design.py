@@ -144,7 +144,7 @@ def test_the_command_writes_a_campaign_to_be_measured(tmp_path, capsys, palette)
     plan = read_design(tmp_path / "one", palette, printer=load_printer("connex3"), camera=False)
     assert len(plan.specimens) == document["specimens"]
     assert run(["gap", "diagnose", str(tmp_path / "one")]) == 2  # nothing is measured yet
-    assert "no numbers" in capsys.readouterr().err
+    assert "nothing in curves.csv" in capsys.readouterr().err
 
 
 def test_a_list_alone_can_be_written(tmp_path, palette) -> None:
