@@ -969,8 +969,10 @@ def _split(grid: _Grid, block: _Block, places: Sequence[int], label: str) -> lis
         full = list(zip(_carried(record.cells(texts["material"])), names, strict=True))
         if len({*full}) > len({*names}):  # numbers that begin anew with each material
             names = ["-".join(one) for one in full]
-    # A cell that is merged over several specimens is filled in its first row alone.
-    told = {what: _carried(record.cells(i)) for what, i in texts.items() if what}
+    # A material's cell that is merged over several specimens is filled in its first row alone;
+    # where a mode is left empty it is the usual one.
+    told = {what: record.cells(i) for what, i in texts.items() if what}
+    told |= {what: _carried(told[what]) for what in told if what == "material"}
     rows_of: dict[str, list[int]] = {}
     for n, name in enumerate(names):
         rows_of.setdefault(name, []).append(n)
@@ -1264,14 +1266,13 @@ def _tables(
             metadata.setdefault("mode", "compression")
         bare = {column.name for column in piece.used if column.heading.unit is None}
         steps = np.diff(piece.columns.get("time_s", ()))
-        falls = len(steps) > 0 and bool((steps < 0.0).all())
-        turned = ["the rows stand in reversed order of time; read from the last"] if falls else []
-        onwards = slice(None, None, -1 if falls else 1)
+        way = -1 if len(steps) and (steps < 0.0).all() else 1
+        turned = ["the rows stand in reversed order of time; read from the last"] * (way < 0)
         yield TensileTable(
             file=path.name,
-            columns={name: values[onwards] for name, values in piece.columns.items()},
+            columns={name: values[::way] for name, values in piece.columns.items()},
             factors={column.name: column.factor for column in piece.used},
-            lines=np.array(piece.lines, dtype=np.int64)[onwards],
+            lines=np.array(piece.lines, dtype=np.int64)[::way],
             specimen=name or str(metadata.get("specimen", "")),
             metadata=metadata,
             without_unit=frozenset(name.removeprefix("lagrange_") for name in bare - {"stretch"}),

@@ -327,6 +327,15 @@ def test_materials_stand_in_a_table_of_specimens(tmp_path: Path) -> None:
     assert [r.material for r in read_study([path]).records] == ["Weich", "Weich", "Hart"]
 
 
+def test_a_mode_is_of_its_specimen_alone(tmp_path: Path) -> None:
+    """Empty, it is the usual one, whatever the specimen above was."""
+    head = "specimen,mode,strain (mm/mm),stress (MPa)\n"
+    rows = "\n".join([*MADE.lines(1, "P1,planar,{e},{s}"), *MADE.lines(2, "P2,,{e},{s}")])
+    (tmp_path / "a.csv").write_text(head + rows)
+    study = read_study([tmp_path / "a.csv"], material="soft")
+    assert [curve.specimen for curve in study.groups["soft"]] == ["P2"]
+
+
 def test_an_unknown_mode_in_a_column_is_refused(tmp_path: Path) -> None:
     rows = "\n".join(MADE.lines(1, "bending,{e},{s}"))
     (tmp_path / "a.csv").write_text("mode,strain (mm/mm),stress (MPa)\n" + rows)
