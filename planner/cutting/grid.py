@@ -558,15 +558,16 @@ def _errors(field: Field, drawn: _Drawn, levels: FloatArray) -> FloatArray:
 
     At their middle and their longest edge's.
     """
-    corners = drawn.points_mm[drawn.faces]
+    mesh = Mesh(drawn.points_mm, drawn.faces)
+    corners, each = mesh.triangles, np.arange(len(drawn.faces))
     way = np.roll(corners, -1, axis=1) - corners
-    each, longest = np.arange(len(corners)), np.square(way).sum(axis=2).argmax(axis=1)
+    longest = np.square(way).sum(axis=2).argmax(axis=1)
     ends = corners[each, longest] + corners[each, (longest + 1) % 3]
     places = corners.sum(axis=1) / 3.0, 0.5 * ends
     off = np.maximum(*(np.abs(_values_at(field, at) - levels[drawn.level]) for at in places))
     with np.errstate(divide="ignore", invalid="ignore"):
         off_mm = np.where(off > 0.0, off / drawn.steepness, 0.0)
-    return np.stack([off_mm, 0.5 * np.linalg.norm(np.cross(way[:, 0], way[:, 1]), axis=1)])
+    return np.stack([off_mm, np.linalg.norm(mesh.area_vectors_mm2, axis=1)])
 
 
 def _joined(rounds: list[_Drawn], marks: _Marks) -> _Faces:
@@ -735,7 +736,7 @@ def _rising(places: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def _holds(rising: NDArray[np.int64], places: NDArray[np.int64]) -> BoolArray:
-    """Tell which of some places are among others that rise."""
+    """Tell which of some places are among others that rise; `np.isin` would sort both."""
     at = np.searchsorted(rising, places)
     return np.asarray(np.append(rising, -1)[at] == places)
 

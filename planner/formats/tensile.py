@@ -965,14 +965,15 @@ def _split(grid: _Grid, block: _Block, places: Sequence[int], label: str) -> lis
     if named is None:  # several materials, or modes, are several specimens
         named = next((i for i in texts.values() if len({*record.cells(i)} - {""}) > 1), None)
     names = [""] * len(lined) if named is None else _carried(record.cells(named))
-    if named is not None and "material" in texts:
-        full = list(zip(_carried(record.cells(texts["material"])), names, strict=True))
-        if len({*full}) > len({*names}):  # numbers that begin anew with each material
-            names = ["-".join(one) for one in full]
-    # A material's cell that is merged over several specimens is filled in its first row alone;
-    # where a mode is left empty it is the usual one.
     told = {what: record.cells(i) for what, i in texts.items() if what}
-    told |= {what: _carried(told[what]) for what in told if what == "material"}
+    if "material" in told:
+        # Merged over several specimens it is filled in its first row alone; an empty mode is the
+        # usual one.
+        told["material"] = _carried(told["material"])
+        full = list(zip(told["material"], names, strict=True))
+        # Numbers may begin anew with each material.
+        if named is not None and len({*full}) > len({*names}):
+            names = ["-".join(one) for one in full]
     rows_of: dict[str, list[int]] = {}
     for n, name in enumerate(names):
         rows_of.setdefault(name, []).append(n)

@@ -261,11 +261,8 @@ def _list_runs(bits: Any, low: Any, high: Any, runs: Any) -> Any:
                 while turns != 0:
                     if turns & one == 1:
                         if runs.shape[0] > 0:
-                            r = ends // 2
-                            if ends % 2 == 0:
-                                runs[r, 0], runs[r, 1], runs[r, 2] = row, column - _ROOM, voxel
-                            else:
-                                runs[r, 3] = voxel
+                            run = runs[ends // 2]
+                            run[0], run[1], run[2 + ends % 2] = row, column - _ROOM, voxel
                         ends += 1
                     turns >>= one
                     voxel += 1

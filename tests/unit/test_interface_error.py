@@ -145,12 +145,18 @@ def test_creases_take_few_triangles(make) -> None:
     plain = split(BOX, field, levels, pitch_mm=2.0)
     pieces = split(BOX, field, levels, pitch_mm=0.5, within_mm=WITHIN_MM)
     assert len(pieces.cap_faces) < 12 * len(plain.cap_faces)
+    assert_near_and_sound(pieces, field, levels, BOX)
+
+
+def assert_near_and_sound(
+    pieces: Pieces, field: FunctionField, levels: np.ndarray, mesh: Mesh
+) -> None:
     ends, middles = off_mm(pieces, field, levels)
     assert np.quantile(ends, 0.99) < WITHIN_MM
     assert np.quantile(middles, 0.99) < WITHIN_MM
     soups = [pieces.vertices[pieces.shell_faces([i])] for i in range(pieces.count)]
     assert all(audit(soup).sound for soup in soups)
-    assert interfaces_cancel(join_shells(soups), BOX)
+    assert interfaces_cancel(join_shells(soups), mesh)
 
 
 def depth(mesh: Mesh):
@@ -184,12 +190,7 @@ def test_creases_near_each_other_take_few_triangles(mesh: Mesh, make, levels, mo
     field, levels = FunctionField("function", make(mesh)), np.array(levels)
     pieces = split(mesh, field, levels, pitch_mm=0.5, within_mm=WITHIN_MM)
     assert len(pieces.cap_faces) < most
-    ends, middles = off_mm(pieces, field, levels)
-    assert np.quantile(ends, 0.99) < WITHIN_MM
-    assert np.quantile(middles, 0.99) < WITHIN_MM
-    soups = [pieces.vertices[pieces.shell_faces([i])] for i in range(pieces.count)]
-    assert all(audit(soup).sound for soup in soups)
-    assert interfaces_cancel(join_shells(soups), mesh)
+    assert_near_and_sound(pieces, field, levels, mesh)
 
 
 def shells_of(folder: Path) -> list[np.ndarray]:
