@@ -268,36 +268,20 @@ def inscribed_balls(
         Where no ball fits, the radius is zero.
     """
     around = reach + 2.0 * step
+    along = corners.T.copy()  # by axis, each in one piece: many times as fast
+    low, high = along.min(axis=1), along.max(axis=1)
     centres, radii_mm = np.array(points, dtype=np.float64, order="C"), np.empty(len(points))
-    near = np.empty(len(corners), dtype=np.int64)
-    scratch = np.empty((2, 3)), np.empty(3), np.empty(3)
     for i, point in enumerate(centres.copy()):
-        count = _list_near(corners, point, around, near)
-        radii_mm[i] = _climb(corners, near[:count], point, step, reach, centres[i], *scratch)
+        at = point[:, None]
+        near = ((low <= at + around) & (high >= at - around)).all(axis=0)
+        radii_mm[i] = _climb(corners[near], point, step, reach, centres[i])
     return centres, radii_mm
 
 
 @kernel
-def _list_near(corners: Any, point: Any, around: Any, near: Any) -> Any:
-    """List the triangles whose boxes meet a cube about a point; return how many there are."""
-    count = 0
-    for f in range(corners.shape[0]):
-        met = True
-        for d in range(3):
-            a, b, c = corners[f, 0, d], corners[f, 1, d], corners[f, 2, d]
-            met &= min(a, min(b, c)) <= point[d] + around and max(a, max(b, c)) >= point[d] - around
-        if met:
-            near[count] = f
-            count += 1
-    return count
-
-
-@kernel
-def _climb(
-    corners: Any, near: Any, point: Any, step: Any, reach: Any, centre: Any, closest: Any,
-    start: Any, trial: Any,
-) -> Any:  # fmt: skip
-    best, size = _depth(corners, near, point, reach, closest), step / 2
+def _climb(corners: Any, point: Any, step: Any, reach: Any, centre: Any) -> Any:
+    closest, start, trial = np.empty((2, 3)), np.empty(3), np.empty(3)
+    best, size = _depth(corners, point, reach, closest), step / 2
     while size >= step / 16:
         moved = False
         for axis in range(3):
@@ -310,7 +294,7 @@ def _climb(
                 digits //= 3
             if strayed:
                 continue
-            depth = _depth(corners, near, trial, reach, closest)
+            depth = _depth(corners, trial, reach, closest)
             if depth > best + 1e-9:
                 moved, best = True, depth
                 for axis in range(3):
@@ -321,11 +305,11 @@ def _climb(
 
 
 @inner_kernel
-def _depth(corners: Any, near: Any, point: Any, reach: Any, closest: Any) -> Any:
+def _depth(corners: Any, point: Any, reach: Any, closest: Any) -> Any:
     # Distance to the surface, negative outside. Among triangles that share the nearest point
     # (an edge, a corner) the one seen least edge-on tells the side.
     nearest, inside, facing = reach * reach, True, 0.0
-    for f in near:
+    for f in range(corners.shape[0]):
         distance, _ = _to_triangle(corners, f, point, closest)
         x, y, z = face_normal(corners[f], 0, 1, 2)
         height = x * (closest[0, 0] - point[0]) + y * (closest[0, 1] - point[1])
