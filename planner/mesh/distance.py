@@ -284,8 +284,7 @@ def _climb(corners: Any, point: Any, step: Any, reach: Any, centre: Any) -> Any:
     best, size = _depth(corners, point, reach, closest), step / 2
     while size >= step / 16:
         moved = False
-        for axis in range(3):
-            start[axis] = centre[axis]
+        start[:] = centre
         for neighbour in range(27):
             strayed, digits = False, neighbour
             for axis in range(3):
@@ -297,8 +296,7 @@ def _climb(corners: Any, point: Any, step: Any, reach: Any, centre: Any) -> Any:
             depth = _depth(corners, trial, reach, closest)
             if depth > best + 1e-9:
                 moved, best = True, depth
-                for axis in range(3):
-                    centre[axis] = trial[axis]
+                centre[:] = trial
         if not moved:
             size /= 2
     return max(best, 0.0)
