@@ -374,11 +374,15 @@ def _sweep(length: Any, blocked: Any, pitch: Any) -> None:
 # Values at scattered points, from a file.
 
 
-_NEAREST = 8
+_NEAREST = (8, 32, 128)
+"""Neighbours that tell a slope: the nearest; more where those lie flat, as on grids that are finer
+one way. Chosen: 128 reach across steps six times as long one way, or thirty times two ways."""
 
-_FLAT = 0.01
+_FLAT = 0.1
 """Of how far neighbours spread along one direction over another, below which values tell of no
-slope along it. Numerical: they lie in a plane or on a line then, but for rounding of the file."""
+slope along it. Chosen: below, an uneven grid makes a slope of what its values bend."""
+
+_SLOPES_AT_ONCE = 1 << 14  # some 50 MB where neighbours are many
 
 
 def points_field(
@@ -386,10 +390,10 @@ def points_field(
 ) -> FunctionField:
     """Build the field of scattered values: a mean of planes, those of nearer points weighing more.
 
-    Each goes through a point's value, sloped as its eight neighbours lie; weights fall to nothing
-    at the ninth nearest (modified Shepard, Franke and Nielson 1980). So the field is continuous,
-    keeps each point's value at the point, and is linear where values are; it stays within the
-    range of all values. Points that repeat a place take their mean.
+    Each goes through a point's value, sloped as its eight neighbours lie, or as many as do not lie
+    flat; weights fall to nothing at the ninth nearest (modified Shepard, Franke and Nielson 1980).
+    So the field is continuous, keeps each point's value at the point, and is linear where values
+    are; it stays within the range of all values. Points that repeat a place take their mean.
 
     Raises
     ------
@@ -403,10 +407,15 @@ def points_field(
         few = f"{says['file']} has {len(places)} places"
         raise ArgumentError(f"field points: {few}; it needs 4 or more")
     mean = np.bincount(which.ravel(), weights=quantity) / count
-    nearest = partial(KDTree(places).query, k=min(_NEAREST + 1, len(places)))
-    near = np.asarray(nearest(places)[1])[:, 1:]
-    far, rises = places[near] - places[:, None], mean[near] - mean[:, None]
-    slopes = np.einsum("nij,nj->ni", np.linalg.pinv(far, rcond=_FLAT), rises)
+    tree, slopes = KDTree(places), np.zeros_like(places)
+    nearest = partial(tree.query, k=min(_NEAREST[0] + 1, len(places)))
+    for some in np.array_split(np.arange(len(places)), len(places) // _SLOPES_AT_ONCE + 1):
+        flat = some
+        for most in _NEAREST:
+            near = np.asarray(tree.query(places[flat], k=min(most + 1, len(places)))[1])[:, 1:]
+            far, rises = places[near] - places[flat, None], mean[near] - mean[flat, None]
+            slopes[flat] = np.einsum("nij,nj->ni", np.linalg.pinv(far, rcond=_FLAT), rises)
+            flat = flat[np.linalg.matrix_rank(far, rtol=_FLAT) < 3]
 
     def at(points_mm: FloatArray) -> FloatArray:
         distance, which = map(np.asarray, nearest(points_mm))

@@ -701,7 +701,7 @@ _READINGS = ("cavities", "solids")
 """What a body may be whose winding does not tell."""
 
 _FLAT = 1e-9  # of area times extent: far below any printable thickness, far above rounding
-_OVERLAP = 1e-7  # of the bodies' volume: less than this is touching
+_OVERLAP = 1e-7  # of the bodies' volume: less than this is touching; of their area: not even that
 _OUTSIDE = 1e-3  # of all directions: a point inside, or at a corner, sees more of the surface
 
 
@@ -733,7 +733,7 @@ def _arrange_bodies(state: Repaired, bodies: str | None) -> _Arranged:
         Bodies overlap and cannot be united; or `bodies` has to be given, as the part's volume
         depends on it.
     """
-    vertices, topology, touching = state.vertices, state.topology, state.touching
+    vertices, topology = state.vertices, state.topology
     volume, bounds, full = _measured(vertices, topology)
     notes = [*state.notes]
     if not full.all() and full.any():
@@ -744,7 +744,7 @@ def _arrange_bodies(state: Repaired, bodies: str | None) -> _Arranged:
                 "as much of its volume as outwards; mend it in the CAD program"
             )
         notes.append(f"{int((~full).sum())} of {len(full)} bodies without volume dropped")
-    pairs = _box_pairs(bounds, full, touching)
+    pairs = _box_pairs(bounds, full)
     found = _Bodies(vertices, topology, volume, bounds, full, pairs)
     outward, doubtful, parent = roles = _roles(found)
     if doubtful.any() or (bodies == "solids" and not outward[full].all()):
@@ -762,14 +762,11 @@ def _arrange_bodies(state: Repaired, bodies: str | None) -> _Arranged:
         met[both[both[:, 0] != both[:, 1]]] = True
         numbers = np.flatnonzero(met & outward & full)
         groups = [faces[keep & (solid[body] == number)] for number in numbers]
-        united = _unite(vertices, groups, touching) if len(groups) > 1 else None
+        united = _unite(vertices, groups) if len(groups) > 1 else None
         if united is not None:
             triangles, note = united
             rest = vertices[faces[keep & ~met[solid[body]]]]
-            points, welded = _welded(np.concatenate([rest, triangles]))
-            if not touching and not Topology(welded).closed:  # what was united touches the rest
-                return _arrange_bodies(replace(state, touching=True), bodies)
-            return points, welded, (*notes, note)
+            return *_welded(np.concatenate([rest, triangles])), (*notes, note)
     return vertices, faces if keep.all() else faces[keep], tuple(notes)
 
 
@@ -840,10 +837,9 @@ class _Bodies:
         return self.shared_mm3(outer, inner) / abs(self.volume[inner]) > 1.0 - _OVERLAP, False
 
 
-def _box_pairs(bounds: FloatArray, full: BoolArray, touching: bool) -> list[tuple[int, int]]:
-    """Return the pairs of bodies whose bounding boxes overlap, by a sweep along x."""
-    if touching:  # boxes that only touch count as well
-        bounds = np.stack([bounds[:, 0], np.nextafter(bounds[:, 1], np.inf)], axis=1)
+def _box_pairs(bounds: FloatArray, full: BoolArray) -> list[tuple[int, int]]:
+    """Return the pairs of bodies whose bounding boxes overlap or touch, by a sweep along x."""
+    bounds = np.stack([bounds[:, 0], np.nextafter(bounds[:, 1], np.inf)], axis=1)
     order = np.flatnonzero(full)
     order = order[np.argsort(bounds[order, 0, 0], kind="stable")]
     low, high = bounds[order, 0], bounds[order, 1]
@@ -1014,18 +1010,17 @@ def _sum(solids: list[Any]) -> Any:
     return whole
 
 
-def _unite(
-    vertices: FloatArray, groups: list[Int32Array], touching: bool
-) -> tuple[FloatArray, str] | None:
-    """Unite solids: their triangles, and a note; None where they do not overlap after all."""
+def _unite(vertices: FloatArray, groups: list[Int32Array]) -> tuple[FloatArray, str] | None:
+    """Unite solids: their triangles, and a note; None where no two overlap or touch in a face."""
     solids = [_manifold(vertices, faces) for faces in groups]
     whole = _sum(solids)
-    alone = sum(solid.volume() for solid in solids)
+    alone, area = sum(s.volume() for s in solids), sum(s.surface_area() for s in solids)
     shared = alone - whole.volume()
-    if shared <= _OVERLAP * alone and not touching:
-        return None
-    verb = "overlapped" if shared > _OVERLAP * alone else "touched"
-    size = f" ({shared:.4g} mm3 counted twice)" if shared > _OVERLAP * alone else ""
+    verb, size = "overlapped", f" ({shared:.4g} mm3 counted twice)"
+    if shared <= _OVERLAP * alone:
+        if area - whole.surface_area() <= _OVERLAP * area:
+            return None
+        verb, size = "touched", ""
     return _mesh_of(whole).triangles, f"{len(groups)} bodies {verb}{size}: united"
 
 

@@ -282,6 +282,21 @@ def test_scattered_values_change_no_faster_than_they_are_apart():
         assert np.abs(np.diff(field.values(line))).max() < most
 
 
+@pytest.mark.parametrize("uneven", [0.0, 0.02], ids=["even", "uneven"])
+@pytest.mark.parametrize("step_mm", [(5.0, 5.0, 1.0), (6.0, 1.0, 1.0), (1.0, 10.0, 10.0)])
+def test_scattered_values_are_met_on_grids_that_are_finer_one_way(
+    step_mm: tuple[float, float, float], uneven: float
+) -> None:
+    """As meshes of plates and beams are: the nearest places then lie in a plane or on a line."""
+    at = np.argwhere(np.ones((7, 7, 7))) * step_mm
+    at += uneven * RNG.uniform(-1, 1, at.shape) * step_mm
+    between = RNG.uniform(1.5, 4.5, (500, 3)) * step_mm
+    linear = np.array([1.0, 2.0, 3.0]) / step_mm / 36.0
+    field = points_field({"file": "p.csv"}, at, at @ linear, (0.0, 1.0))
+    # Solved in one step each: rounding is all that is left.
+    np.testing.assert_allclose(field.values(between), between @ linear, atol=1e-9)
+
+
 @pytest.mark.parametrize("flat", [[1.0, 1.0, 0.0], [1.0, 0.0, 0.0]], ids=["plane", "line"])
 def test_scattered_values_of_a_plane_or_a_line_go_on_even_aside(flat: list[float]) -> None:
     at = RNG.uniform(0, 1, (300, 3)) * flat

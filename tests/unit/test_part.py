@@ -205,7 +205,8 @@ def test_two_readings_are_told_and_one_is_chosen(bodies, cavities_mm3, solids_mm
         pytest.param([BLOCK, inward(BESIDE)], 1051, ("1 of 2 bodies were inside out: turned",),
                      id="inward beside"),
         pytest.param([BLOCK, inward(box((4, 4, 8), at=(2, 2, 16)))], 1152,
-                     ("1 of 2 bodies were inside out: turned",), id="inward upon"),
+                     ("1 of 2 bodies were inside out: turned", "2 bodies touched: united"),
+                     id="inward upon"),
         pytest.param([box((20, 20, 20), (-5, -5, -2)), BLOCK, inward(BLOCK)], 8000,
                      ("3 bodies united",), id="inverse inside another"),
         # A hollow body and a rod that goes through it are each sound: their union is one.
@@ -279,6 +280,24 @@ def test_bodies_that_share_an_edge_and_overlap_are_united():
     made = part(box((4, 4, 4)), box((2, 4, 4), at=(0, 0, 4)))
     assert made.mesh.volume_mm3 == pytest.approx(64 + 32)
     assert made.repairs == ("2 bodies touched: united",)
+    assert is_closed(made)
+
+
+@pytest.mark.parametrize(
+    ("size", "at", "contact_mm2"),
+    [((2, 2, 4), (1, 1, 4), 4), ((4, 4, 4), (4, 1, 2), 6), ((3, 1, 1), (0.5, 2, -1), 3)],
+    ids=["a post on a plate", "side by side", "below"],
+)
+def test_bodies_that_touch_in_a_face_are_one_wherever_their_corners_lie(
+    size: tuple[float, ...], at: tuple[float, ...], contact_mm2: float
+) -> None:
+    """An assembly's parts share no edge: what they touch in is no surface, and no gap."""
+    one, other = box((4, 4, 4)), box(size, at=at)
+    made = part(one, other)
+    assert made.repairs == ("2 bodies touched: united",)
+    assert made.mesh.volume_mm3 == pytest.approx(volume(one) + volume(other))
+    alone = [make_part(each, name="p").mesh.area_mm2 for each in (one, other)]
+    assert made.mesh.area_mm2 == pytest.approx(sum(alone) - 2 * contact_mm2)
     assert is_closed(made)
 
 
