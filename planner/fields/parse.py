@@ -31,7 +31,7 @@ from planner.formats.mesh_file import EXTENSIONS, read_mesh
 from planner.glance import place_text
 from planner.mesh.distance import TriangleTree, distances, moved_within, triangle_tree
 from planner.mesh.mesh import Mesh, Topology, connected
-from planner.mesh.part import make_part, union
+from planner.mesh.part import make_part
 from planner.numerics import FloatArray, Point, as_point, numbers_in
 from planner.voxels.columns import Grid
 
@@ -443,7 +443,7 @@ class Setting:
     @cached_property
     def surface(self) -> TriangleTree:
         """The part's surface, for distances."""
-        return triangle_tree(union(self.mesh))
+        return triangle_tree(self.mesh)
 
 
 def _ramp(

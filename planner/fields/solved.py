@@ -52,12 +52,12 @@ def cells_of(mesh: Mesh, pitch_mm: float) -> tuple[Grid, BoolArray]:
 
 
 def _solved_cells(
-    mesh: Mesh, pitch_mm: float, field: str, regions: Mapping[str, FieldRegion], reaches: str
+    mesh: Mesh, pitch_mm: float, field: str, regions: Mapping[str, FieldRegion], origin_mm: Point
 ) -> tuple[float, Grid, BoolArray, list[BoolArray]]:
     """Return a pitch to solve at, the cells, and those that each region holds.
 
-    The pitch is the shells', or as fine as `_MOST_CELLS` allow. Messages say where the part
-    `reaches`.
+    The pitch is the shells', or as fine as `_MOST_CELLS` allow. Messages give places as seen from
+    `origin_mm`: where the part's own origin lies.
 
     Raises
     ------
@@ -71,9 +71,10 @@ def _solved_cells(
         found.append(np.zeros_like(inside))
         found[-1][inside] = region.holds(centres)
         if not found[-1].any():
+            low, high = map(place_text, mesh.bounds_mm - origin_mm)
             raise ArgumentError(
                 f"field {field}: the region {key}= holds nothing of the part at {pitch_mm:.3g} mm; "
-                f"the part reaches {reaches}"
+                f"the part reaches {low.removesuffix(' mm')} to {high}"
             )
     return pitch_mm, grid, inside, found
 
@@ -173,11 +174,9 @@ def harmonic_field(
         A region that holds no cell of the part, regions that share one, or a body of the part
         that has none of either.
     """
-    low, high = map(place_text, mesh.bounds_mm - origin_mm)
     pitch_mm, grid, inside, held = _solved_cells(
-        mesh, pitch_mm, "harmonic", {"from": start, "to": end},
-        f"{low.removesuffix(' mm')} to {high}",
-    )  # fmt: skip
+        mesh, pitch_mm, "harmonic", {"from": start, "to": end}, origin_mm
+    )
     if len(both := np.argwhere(held[0] & held[1])):
         shared = place_text(grid.centre_mm(both[0]) - origin_mm)
         raise ArgumentError(
@@ -319,9 +318,8 @@ def geodesic_field(
     ArgumentError
         The region holds nothing of the part, or a body of the part cannot be reached from it.
     """
-    low, high = (mesh.bounds_mm - origin_mm).round(3).tolist()
     pitch_mm, grid, inside, (seeds,) = _solved_cells(
-        mesh, pitch_mm, "geodesic", {"start": start}, f"from {low} to {high} mm"
+        mesh, pitch_mm, "geodesic", {"start": start}, origin_mm
     )
     lost = "geodesic: no way leads from start= to {} within the part"
     reached = _reached_cells(inside, seeds, grid, origin_mm, lost)
@@ -409,8 +407,7 @@ def points_field(
     mean = np.bincount(which.ravel(), weights=quantity) / count
     tree, slopes = KDTree(places), np.zeros_like(places)
     nearest = partial(tree.query, k=min(_NEAREST[0] + 1, len(places)))
-    for some in np.array_split(np.arange(len(places)), len(places) // _SLOPES_AT_ONCE + 1):
-        flat = some
+    for flat in np.array_split(np.arange(len(places)), len(places) // _SLOPES_AT_ONCE + 1):
         for most in _NEAREST:
             near = np.asarray(tree.query(places[flat], k=min(most + 1, len(places)))[1])[:, 1:]
             far, rises = places[near] - places[flat, None], mean[near] - mean[flat, None]

@@ -11,7 +11,7 @@ from planner.cutting.pieces import Pieces
 from planner.fields.basic import Field, PlanarField
 from planner.glance import sized
 from planner.mesh.mesh import Measures, Mesh, connected, measure
-from planner.mesh.part import fits_turned, union
+from planner.mesh.part import fits_turned
 from planner.numerics import FloatArray, IntArray, Point, as_point
 from planner.plan import Check, Finding, Shell
 from planner.printers import Printer
@@ -490,7 +490,7 @@ def _walls(
     checks = {"places_too_thin": Check(count, 0, count == 0)}
     if thicknesses:
         checks["thinnest_band_mm"] = Check(min(thicknesses), limit_mm, thick)
-    gaps, unlisted = thin_space_places(union(part.mesh), limit_mm, listed=_LISTED)
+    gaps, unlisted = thin_space_places(part.mesh, limit_mm, listed=_LISTED)
     findings += _thin_findings("gap", gaps, unlisted, part, limit_mm)
     return checks | {"gaps_too_narrow": Check(len(gaps) + unlisted, 0, not gaps)}
 

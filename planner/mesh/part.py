@@ -32,7 +32,7 @@ from planner.mesh.mesh import (
 )
 from planner.numerics import BoolArray, FloatArray, Int32Array, IntArray, Point
 
-__all__ = ["Part", "fits_turned", "make_part", "moved_to_corner", "open_part", "plain", "union"]
+__all__ = ["Part", "fits_turned", "make_part", "moved_to_corner", "open_part", "plain"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -296,7 +296,7 @@ def make_part(triangles: FloatArray, *, name: str, bodies: str | None = None) ->
         vertices, faces = _welded(np.ascontiguousarray(triangles, dtype=np.float64))
         dropped = len(triangles) - len(faces)
         told = (f"{dropped} triangles with two equal corners dropped",) if dropped else ()
-        state = _close_mesh(Repaired(vertices, Topology(faces), told))
+        state = _unfolded(_close_mesh(Repaired(vertices, Topology(faces), told)))
         points, arranged, repairs = _arrange_bodies(state, bodies)
         used, faces = compact(arranged, len(points))
         mesh = Mesh(points[used], faces)
@@ -694,6 +694,54 @@ def _tolerance_mm(vertices: FloatArray) -> float:
 
 
 # ------------------------------------------------------------------------------------------------
+# Polygons with a notch that a program divided into triangles as if they had none.
+
+
+_LEVEL = 1e-6
+"""Of a cosine, off 1: between faces that may lie in one plane, rounded as files are."""
+
+
+def _unfolded(state: Repaired) -> Repaired:
+    """Divide anew what lies in a plane and folds back on itself, as a fan over a notch does.
+
+    Its outline tells its shape; what has no simple one stays, and a mesh that would not be closed.
+    """
+    from manifold3d import triangulate
+
+    mesh, faces = Mesh(state.vertices, state.topology.faces), state.topology.faces
+    one, other, normals = np.arange(faces.size) // 3, state.topology.twin // 3, mesh.normals
+    large = np.linalg.norm(mesh.area_vectors_mm2, axis=1) > _OVERLAP * mesh.area_mm2
+    bare = np.flatnonzero(~large)  # corners in line, or nearly: in the plane beyond the long side
+    sides = np.roll(mesh.triangles[bare], -1, axis=1) - mesh.triangles[bare]
+    normals[bare] = normals[other[3 * bare + np.linalg.norm(sides, axis=2).argmax(axis=1)]]
+    cosine = np.einsum("ij,ij->i", normals[one], normals[other])
+    folded, level = cosine < _LEVEL - 1.0, np.abs(cosine) > 1.0 - _LEVEL
+    folded &= large[one] & large[other]
+    group = connected(len(faces), one[level], other[level]) if folded.any() else one
+    kept, divided = np.ones(len(faces), dtype=np.bool_), list[Int32Array]()
+    for number in np.unique(group[one[folded]]):
+        own = group == number
+        rim, up = Topology(faces[own]).open_edges, mesh.area_vectors_mm2[own].sum(axis=0)
+        after, height, size = dict(rim.tolist()), mesh.triangles[own] @ up, np.linalg.norm(up)
+        # After fewer corners than there are sides where one is met twice.
+        if not 0 < len(after) == len(rim) or np.ptp(height) > _tolerance_mm(state.vertices) * size:
+            continue
+        loops = list[list[int]]()
+        while after:
+            loops.append([next(iter(after))])
+            while (onward := after.pop(loops[-1][-1])) != loops[-1][0]:
+                loops[-1].append(onward)
+        drop = int(np.argmax(np.abs(up)))
+        across = [(drop + 1) % 3, (drop + 2) % 3][:: 1 if up[drop] > 0.0 else -1]
+        flat = triangulate([state.vertices[loop][:, across] for loop in loops])
+        divided.append(np.array([*itertools.chain(*loops)], np.int32)[flat])
+        kept &= ~own
+    count = _counted(len(divided), "folded polygon", "folded polygons")
+    new = _next(state, np.concatenate([faces[kept], *divided]), f"{count} divided anew")
+    return new if divided and new.topology.closed else state
+
+
+# ------------------------------------------------------------------------------------------------
 # Several bodies in one part: which lie inside which, which way out, and overlaps united.
 
 
@@ -702,6 +750,10 @@ _READINGS = ("cavities", "solids")
 
 _FLAT = 1e-9  # of area times extent: far below any printable thickness, far above rounding
 _OVERLAP = 1e-7  # of the bodies' volume: less than this is touching; of their area: not even that
+_SAME_MM = 2.0**-36
+"""Places that near are one where bodies meet. Numerical: far below what float32 tells apart on any
+part, far above the rounding of what was computed twice."""
+
 _OUTSIDE = 1e-3  # of all directions: a point inside, or at a corner, sees more of the surface
 
 
@@ -762,8 +814,7 @@ def _arrange_bodies(state: Repaired, bodies: str | None) -> _Arranged:
         met[both[both[:, 0] != both[:, 1]]] = True
         numbers = np.flatnonzero(met & outward & full)
         groups = [faces[keep & (solid[body] == number)] for number in numbers]
-        united = _unite(vertices, groups) if len(groups) > 1 else None
-        if united is not None:
+        if (united := _unite(vertices, groups)) is not None:
             triangles, note = united
             rest = vertices[faces[keep & ~met[solid[body]]]]
             return *_welded(np.concatenate([rest, triangles])), (*notes, note)
@@ -839,10 +890,9 @@ class _Bodies:
 
 def _box_pairs(bounds: FloatArray, full: BoolArray) -> list[tuple[int, int]]:
     """Return the pairs of bodies whose bounding boxes overlap or touch, by a sweep along x."""
-    bounds = np.stack([bounds[:, 0], np.nextafter(bounds[:, 1], np.inf)], axis=1)
     order = np.flatnonzero(full)
     order = order[np.argsort(bounds[order, 0, 0], kind="stable")]
-    low, high = bounds[order, 0], bounds[order, 1]
+    low, high = bounds[order, 0], bounds[order, 1] + _SAME_MM
     pairs = []
     for i, stop in enumerate(np.searchsorted(low[:, 0], high[:, 0]).tolist()):
         later = slice(i + 1, max(stop, i + 1))
@@ -964,31 +1014,6 @@ def _chosen(found: _Bodies, roles: _Roles, bodies: str | None, notes: list[str])
     return *_welded(_mesh_of(whole).triangles), (*notes, note)
 
 
-def union(mesh: Mesh) -> Mesh:
-    """Return the surface of all bodies of a closed mesh together: faces that touch are none of it.
-
-    Bodies are added and cavities taken out from the largest to the smallest, so that what lies in
-    a cavity stays. A mesh of one body is returned as it is, and so is one that cannot be united.
-    """
-    import manifold3d
-
-    topology = Topology(mesh.faces)
-    if topology.bodies < 2:
-        return mesh
-    found = _Bodies(mesh.vertices, topology, *_measured(mesh.vertices, topology), [])
-    largest_first = np.argsort(-np.abs(found.volume), kind="stable").tolist()
-    whole = manifold3d.Manifold()
-    try:
-        for hollow, group in itertools.groupby(largest_first, lambda n: found.volume[n] < 0.0):
-            act = manifold3d.OpType.Subtract if hollow else manifold3d.OpType.Add
-            whole = manifold3d.Manifold.batch_boolean([whole, *map(found.solid, group)], act)
-    except MeshError:
-        return mesh
-    if whole.status() != manifold3d.Error.NoError or whole.is_empty():
-        return mesh
-    return _mesh_of(whole)
-
-
 def plain(mesh: Mesh, within_mm: float) -> Mesh:
     """Return a closed surface without the edges that it does without, moved by so much at most.
 
@@ -1012,16 +1037,16 @@ def _sum(solids: list[Any]) -> Any:
 
 def _unite(vertices: FloatArray, groups: list[Int32Array]) -> tuple[FloatArray, str] | None:
     """Unite solids: their triangles, and a note; None where no two overlap or touch in a face."""
-    solids = [_manifold(vertices, faces) for faces in groups]
+    snapped = np.rint(vertices / _SAME_MM) * _SAME_MM
+    solids = [_manifold(snapped, faces) for faces in groups]
     whole = _sum(solids)
     alone, area = sum(s.volume() for s in solids), sum(s.surface_area() for s in solids)
     shared = alone - whole.volume()
-    verb, size = "overlapped", f" ({shared:.4g} mm3 counted twice)"
-    if shared <= _OVERLAP * alone:
-        if area - whole.surface_area() <= _OVERLAP * area:
-            return None
-        verb, size = "touched", ""
-    return _mesh_of(whole).triangles, f"{len(groups)} bodies {verb}{size}: united"
+    touched = shared <= _OVERLAP * alone
+    if touched and area - whole.surface_area() <= _OVERLAP * area:
+        return None
+    met = "touched" if touched else f"overlapped ({shared:.4g} mm3 counted twice)"
+    return _mesh_of(whole).triangles, f"{len(groups)} bodies {met}: united"
 
 
 def _mesh_of(solid: Any) -> Mesh:

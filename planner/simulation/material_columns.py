@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from planner.errors import MeshError
 from planner.mesh.mesh import Mesh, order_rows
 from planner.numerics import FloatArray, IntArray, inner_kernel, kernel
-from planner.voxels.columns import MOST_VOXELS, Columns, Grid, iterate_columns, join
+from planner.voxels.columns import MOST_VOXELS, Columns, Grid, iterate_columns
 
 __all__ = ["SampledMaterial", "column_xy", "sample"]
 
@@ -213,7 +213,7 @@ def sample(
     for mesh in shells:
         x, y, z = (mesh.vertices - low).T
         turned = Mesh(np.stack([cos * x + sin * y, cos * y - sin * x, z], axis=1), mesh.faces)
-        columns = join(list(iterate_columns(turned, grid)))
+        columns = next(iterate_columns(turned, grid, slab_rows=grid.shape[1]))
         if columns.unpaired:
             raise MeshError(
                 f"the surface is open: {columns.unpaired} lines along z go in and do not "

@@ -20,7 +20,6 @@ __all__ = [
     "dense",
     "grid_for",
     "iterate_columns",
-    "join",
     "slab_runs",
     "snap",
     "voxel_counts",
@@ -501,7 +500,8 @@ def voxelize(mesh: Mesh, pitch_mm: float | Sequence[float], *, shortest: int = 0
     ArgumentError, MeshError
         See `grid_for` and `iterate_columns`.
     """
-    return join(list(iterate_columns(mesh, grid_for(mesh.bounds_mm, pitch_mm), shortest=shortest)))
+    grid = grid_for(mesh.bounds_mm, pitch_mm)
+    return next(iterate_columns(mesh, grid, slab_rows=grid.shape[1], shortest=shortest))
 
 
 def dense(columns: Columns) -> BoolArray:
@@ -511,17 +511,6 @@ def dense(columns: Columns) -> BoolArray:
     inside = np.ones(len(columns.start), np.int32)
     paint(columns.offsets, columns.start, columns.stop, inside, voxels)
     return voxels.view(np.bool_).reshape(columns.rows, nx, nz).transpose(1, 0, 2)
-
-
-def join(slabs: list[Columns]) -> Columns:
-    """Return the rows of consecutive slabs as one."""
-    runs = np.cumsum([0, *(len(s.start) for s in slabs)])
-    parts = [s.offsets[1:] + before for s, before in zip(slabs, runs, strict=False)]
-    offsets = np.concatenate([slabs[0].offsets[:1], *parts])
-    start = np.concatenate([slab.start for slab in slabs])
-    stop = np.concatenate([slab.stop for slab in slabs])
-    unpaired = sum(slab.unpaired for slab in slabs)
-    return Columns(slabs[0].grid, slabs[0].first_row, offsets, start, stop, unpaired)
 
 
 def check_reach(mesh: Mesh, grid: Grid) -> None:

@@ -769,16 +769,12 @@ def thin_space_places(mesh: Mesh, limit_mm: float, *, listed: int) -> tuple[list
 
     As `thin_solid_places`, of a box around the solid without the solid.
     """
-    margin_mm = space_around_mm(limit_mm) / 2.0
-    corners = np.indices((2, 2, 2)).reshape(3, 8).T
-    low, high = mesh.bounds_mm + np.array([[-margin_mm], [margin_mm]])
-    box = np.array(
-        [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1],
-         [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]],
-        dtype=np.int32,
-    )  # fmt: skip
-    vertices = np.concatenate([low + corners * (high - low), mesh.vertices])
-    faces = np.concatenate([box, mesh.faces[:, ::-1] + np.int32(8)])
+    from manifold3d import Manifold
+
+    size_mm = np.ptp(mesh.bounds_mm, axis=0) + space_around_mm(limit_mm)
+    box = Manifold.cube(size_mm, True).translate(mesh.bounds_mm.mean(axis=0)).to_mesh64()
+    vertices = np.concatenate([box.vert_properties, mesh.vertices])
+    faces = np.concatenate([box.tri_verts, mesh.faces[:, ::-1] + len(box.vert_properties)])
     return thin_solid_places(Mesh(vertices, faces), limit_mm, listed=listed)
 
 

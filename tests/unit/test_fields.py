@@ -21,7 +21,8 @@ from planner.fields.parse import (
 from planner.fields.solved import geodesic_field, harmonic_field, points_field
 from planner.formats.mesh_file import encode_stl
 from planner.mesh.distance import distances, triangle_tree
-from planner.mesh.mesh import Mesh, weld
+from planner.mesh.mesh import Mesh
+from planner.mesh.part import make_part
 
 RNG = np.random.default_rng(5)
 ORIGIN = (0.0, 0.0, 0.0)
@@ -342,7 +343,8 @@ def test_depth_where_bodies_touch_and_in_cavities():
         return np.asarray(found.vert_properties)[:, :3][np.asarray(found.tri_verts)]
 
     touching = [corners_of([8, 8, 8], [0, 0, 0]), corners_of([6, 6, 6], [8, 1, 1])]
-    depth = built("distance: surface, from=0, to=8", Mesh(*weld(np.concatenate(touching))))
+    one = make_part(np.concatenate(touching), name="p").mesh
+    depth = built("distance: surface, from=0, to=8", one)
     inside = np.array(
         [[4.0, 4, 4], [7.9, 4, 4], [8.1, 4, 4], [11, 4, 4], [15, 4, 4], [8.5, 0.5, 4]]
     )
@@ -354,6 +356,7 @@ def test_depth_where_bodies_touch_and_in_cavities():
         corners_of([6, 6, 6], [1, 1, 1])[:, ::-1],
         corners_of([2, 2, 2], [3, 3, 3]),
     ]
-    depth = built("distance: surface, from=0, to=1", Mesh(*weld(np.concatenate(nested))))
+    hollow = make_part(np.concatenate(nested), name="p").mesh
+    depth = built("distance: surface, from=0, to=1", hollow)
     at = np.array([[0.5, 4, 4], [2, 4, 4], [4, 4, 4]])  # wall, cavity, what lies in it
     np.testing.assert_allclose(depth.values(at), [0.5, -1, 1], atol=1e-12)

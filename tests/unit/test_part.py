@@ -288,17 +288,57 @@ def test_bodies_that_share_an_edge_and_overlap_are_united():
     [((2, 2, 4), (1, 1, 4), 4), ((4, 4, 4), (4, 1, 2), 6), ((3, 1, 1), (0.5, 2, -1), 3)],
     ids=["a post on a plate", "side by side", "below"],
 )
+@pytest.mark.parametrize("noise_mm", [0.0, 1e-15], ids=["exact", "float64"])
 def test_bodies_that_touch_in_a_face_are_one_wherever_their_corners_lie(
-    size: tuple[float, ...], at: tuple[float, ...], contact_mm2: float
+    size: tuple[float, ...], at: tuple[float, ...], contact_mm2: float, noise_mm: float
 ) -> None:
     """An assembly's parts share no edge: what they touch in is no surface, and no gap."""
-    one, other = box((4, 4, 4)), box(size, at=at)
+    one, other = box((4, 4, 4)), box(size, at=at) + noise_mm
     made = part(one, other)
     assert made.repairs == ("2 bodies touched: united",)
     assert made.mesh.volume_mm3 == pytest.approx(volume(one) + volume(other))
     alone = [make_part(each, name="p").mesh.area_mm2 for each in (one, other)]
     assert made.mesh.area_mm2 == pytest.approx(sum(alone) - 2 * contact_mm2)
     assert is_closed(made)
+
+
+def prism(outline: np.ndarray, turn: int, rotation: np.ndarray) -> np.ndarray:
+    """A polygon's prism of height 8, divided as readers divide polygons: fans from one corner."""
+    low, count = np.roll(outline, turn, axis=0), len(outline)
+    points = np.concatenate([np.insert(low, 2, z, axis=1) for z in (0.0, 8.0)]) @ rotation
+    points = points.astype(np.float32).astype(np.float64)
+    fans = np.array([(0, i, i + 1) for i in range(1, count - 1)])
+    sides = [(i, (i + 1) % count, i + count) for i in range(count)]
+    rest = [((i + 1) % count, (i + 1) % count + count, i + count) for i in range(count)]
+    return points[np.concatenate([fans[:, ::-1], fans + count, sides, rest])]
+
+
+NOTCHED = {
+    "L": [(0, 0), (20, 0), (20, 5), (5, 5), (5, 20), (0, 20)],
+    "dart": [(0, 0), (10, 4), (0, 8), (3, 4)],
+    "comb": [(0, 0), (30, 0), (30, 20), (25, 20), (25, 5), (20, 5), (20, 20), (15, 20), (15, 5),
+             (10, 5), (10, 20), (5, 20), (5, 8), (0, 8)],
+}  # fmt: skip
+
+
+ASKEW = trimesh.transformations.euler_matrix(0.3, 0.5, 0.7)[:3, :3]
+
+
+@pytest.mark.parametrize("rotation", [np.eye(3), ASKEW], ids=["flat", "askew"])
+@pytest.mark.parametrize("name", NOTCHED)
+def test_polygons_with_a_notch_have_their_own_shape_whatever_corner_they_begin_at(
+    name: str, rotation: np.ndarray
+) -> None:
+    outline = np.array(NOTCHED[name], dtype=float)
+    beside = np.roll(outline, -1, axis=0)
+    base_mm2 = 0.5 * float(np.linalg.det(np.stack([outline, beside], axis=1)).sum())
+    round_mm = float(np.linalg.norm(beside - outline, axis=1).sum())
+    for turn in range(len(outline)):
+        made = make_part(prism(outline, turn, rotation), name="p")
+        assert made.mesh.volume_mm3 == pytest.approx(8 * base_mm2)  # 1e-6: float32 leaves 1e-7
+        assert made.mesh.area_mm2 == pytest.approx(2 * base_mm2 + 8 * round_mm)
+        assert is_closed(made)
+        assert all("folded polygon" in told for told in made.repairs)
 
 
 def test_bodies_that_touch_along_an_edge_are_refused():
