@@ -135,14 +135,17 @@ class LawTables:
 
 
 def law_tables(
-    palette: Palette, *, strain_end: float | None = None, farthest: float = FARTHEST
-) -> LawTables:
+    palette: Palette, *, strain_end: float | None = None, farthest: float = FARTHEST,
+    chosen: bool = False,
+) -> LawTables:  # fmt: skip
     """Tabulate a palette's laws, each up to `farthest` times its elongation at break.
 
     Parameters
     ----------
     strain_end
         The tables' last strain; by default as far as any law is followed, `_STRAIN_END` at least.
+    chosen
+        Whether the way between grades was chosen already, from more grades than these.
 
     Raises
     ------
@@ -169,7 +172,7 @@ def law_tables(
         pulled.append(table)
         pushed.append(other)
     coordinate = np.array([m.coordinate for m in palette.materials])
-    hardness = interpolated(palette).hardness
+    hardness = palette.hardness if chosen else interpolated(palette).hardness
     place = places_of(hardness, coordinate)
     values, slopes, ends = zip(*pulled, *pushed, strict=True)
     cubics = _cubics_of(place, np.stack(values), np.stack(slopes))

@@ -148,6 +148,7 @@ def _pull(bar: Bar, model: CoefficientModel, displacement_mm: FloatArray) -> _Pu
         replace(model.palette, materials=materials[near]),
         strain_end=FARTHEST * float(breaks[np.unique([lower, upper])].max()),
         farthest=math.inf,
+        chosen=True,
     )
     rising = np.zeros(len(breaks))
     rising[near] = laws.sound_strain
