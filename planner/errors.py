@@ -182,10 +182,10 @@ def as_number(value: SupportsFloat, name: str) -> float:
     Raises
     ------
     ArgumentError
-        It is none; text is not taken for one.
+        It is none; text and a yes or no are not taken for one.
     """
     try:
-        number = math.nan if isinstance(value, str) else float(value)
+        number = math.nan if isinstance(value, (str, bool)) else float(value)
     except (TypeError, ValueError):
         number = math.nan
     if not math.isfinite(number):
@@ -216,7 +216,7 @@ def as_count(value: Any, name: str, most: int, least: int = 1) -> int:
         It is none.
     """
     try:
-        number = operator.index(value)
+        number = least - 1 if isinstance(value, bool) else operator.index(value)
     except TypeError:
         number = least - 1
     if not least <= number <= most:

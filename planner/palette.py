@@ -212,6 +212,31 @@ class Material:
     uncertainty: Uncertainty | None = None
     readings: tuple[Reading, ...] = ()
 
+    @property
+    def laws(self) -> tuple[LawParameters, ...]:
+        """Its law, and behind it those of its readings."""
+        return self.law, *(reading.law for reading in self.readings)
+
+    def changed(self, laws: Sequence[LawParameters], log_sd: float) -> "Material":
+        """Return the material with other `laws`, all of them less sure by `log_sd` of ln(modulus).
+
+        What is told of the fit is of the law before, and goes.
+        """
+
+        def wider(*sds: float) -> tuple[float, ...]:
+            return tuple(math.hypot(sd, log_sd) for sd in sds)
+
+        law, *others = laws
+        (own,), known = wider(self.modulus_log_sd), self.uncertainty
+        if known is not None:
+            sds = wider(*known.log_sd)
+            known = Uncertainty(known.specimens, strain=known.strain, log_sd=sds)
+        readings = tuple(
+            replace(one, law=other, modulus_log_sd=wider(one.modulus_log_sd)[0])
+            for one, other in zip(self.readings, others, strict=True)
+        )
+        return replace(self, law=law, modulus_log_sd=own, uncertainty=known, readings=readings)
+
     @one_line
     def __repr__(self) -> str:
         return (

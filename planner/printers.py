@@ -20,6 +20,7 @@ from planner.errors import (
     FileError,
     PaletteError,
     UnknownNameError,
+    as_number,
     check_known,
     refused,
 )
@@ -269,11 +270,11 @@ def load_printer(
     Raises
     ------
     ArgumentError
-        Neither a name nor a printer.
+        A limit that is no length, or not as many as there are.
     UnknownNameError
         No printer of that name is installed, or its plugin is not a printer.
     PaletteError
-        A limit that is no length above 0, or a file that breaks its schema.
+        A length that is not above 0, or a file that breaks its schema.
 
     Examples
     --------
@@ -290,15 +291,18 @@ def load_printer(
     if not stated:
         return machine
     for key, lengths in stated.items():
-        _check_lengths(lengths, f"`{key}`")
+        own, said = getattr(machine, key), "it must be three lengths in mm, along x, y and z"
+        with refused(ArgumentError, f"`{key}` {lengths!r}", said, TypeError, ValueError):
+            sides = zip(own, lengths, strict=True) if isinstance(own, tuple) else ()
+            tray = tuple(as_number(side, f"`{key}`") for _, side in sides)
+            stated[key] = tray or as_number(lengths, f"`{key}`")
+        _check_lengths(stated[key], f"`{key}`")
     given = {key: getattr(machine, key) for key in _SAME_AS_BASE} | stated
     return PrinterProfile(**given, operator_names={}, folder=Path(), base=machine)
 
 
 def _found(name: str | Path) -> Printer:
-    if not isinstance(name, (str, Path)):
-        raise ArgumentError(f"printer is a {type(name).__name__}; give a name or a Printer")
-    if isinstance(name, Path) or name.endswith(".toml"):
+    if isinstance(name, Path) or str(name).endswith(".toml"):
         return load_profile(Path(name).parent, Path(name).name)
     return _installed(name)
 
@@ -336,10 +340,8 @@ def palette_of(
 
     Raises
     ------
-    ArgumentError
-        None of these.
     UnknownNameError, PaletteError
-        No such palette, or a file that breaks the schema.
+        No such palette or printer, or a file that breaks the schema.
     """
     if isinstance(palette, Palette):
         return palette
@@ -347,9 +349,4 @@ def palette_of(
         isinstance(palette, str) and (palette.endswith(".toml") or Path(palette).is_file())
     ):
         return load_palette(palette)
-    if palette is None or isinstance(palette, str):
-        return load_printer(printer or "connex3").palette(palette)
-    raise ArgumentError(
-        f"palette is a {type(palette).__name__}; give a name, the path of a palette file or a "
-        "planner.Palette"
-    )
+    return load_printer(printer or "connex3").palette(palette)

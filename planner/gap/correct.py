@@ -573,20 +573,11 @@ def _corrected(case: _Case, recalibrate: bool, doubt: Sequence[str]) -> Correcti
         level, level_sd = asked.get(material.id, (0.0, 0.0))
         strain, log = factors.strain[number, 1:], logs[number] + level
         sd = math.hypot(sure[number], forms[number], level_sd)
-        fits[material.id] = fit = _refitted(material, strain, log)
+        refits = [_refitted(replace(material, law=law), strain, log) for law in material.laws]
+        fits[material.id] = refits[0]
         factor[material.id] = float(np.exp(np.interp(_working_strain(material), strain, log)))
         log_sd[material.id] = sd
-        readings = tuple(
-            replace(
-                one,
-                law=_refitted(replace(material, law=one.law), strain, log).material.law,
-                modulus_log_sd=math.hypot(one.modulus_log_sd, sd),
-            )
-            for one in material.readings
-        )
-        sd = math.hypot(material.modulus_log_sd, sd)
-        new = replace(fit.material, uncertainty=None, modulus_log_sd=sd, readings=readings)
-        materials.append(new)
+        materials.append(material.changed([one.material.law for one in refits], sd))
     misfit = {m: fit.misfit for m, fit in fits.items()}
     if bad := [f"{m} {100 * off:.1f} %" for m, off in misfit.items() if off > FIT_SD]:
         notes.append(f"laws more than 1 % off the corrected curve: {', '.join(bad)}")

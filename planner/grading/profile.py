@@ -413,7 +413,7 @@ def at_temperature(
 
     ln(stress) falls straight with temperature, by the slope between the two temperatures that a
     grade was tested at. Between tested grades the slope is straight over the coordinate, beyond
-    them that of the last. How sure it is adds to `Material.modulus_log_sd`.
+    them that of the last. How sure it is adds to the deviations of `Material`.
 
     Parameters
     ----------
@@ -450,15 +450,10 @@ def at_temperature(
     warmer = temperature_C - own_C
     log = np.interp(m, table.coordinate, np.log(table.factor) / (high - low)) * warmer
     sd = np.interp(m, table.coordinate, np.array(table.log_sd) / (high - low)) * abs(warmer)
-    warmed = []
-    for material, change, own in zip(chosen.materials, log, sd, strict=True):
-        factor = float(np.exp(change))
-        readings = tuple(replace(r, law=r.law.stiffened(factor)) for r in material.readings)
-        wide = float(np.hypot(material.modulus_log_sd, own))
-        law = material.law.stiffened(factor)
-        warmed.append(
-            replace(material, law=law, modulus_log_sd=wide, readings=readings, uncertainty=None)
-        )
+    warmed = [
+        material.changed([law.stiffened(factor) for law in material.laws], own)
+        for material, factor, own in zip(chosen.materials, np.exp(log).tolist(), sd, strict=True)
+    ]
     told = ", ".join(f"{one.id} {np.exp(v):.2g}" for one, v in zip(warmed, log, strict=True))
     notes = [f"at {temperature_C:g} degC, of stress at {own_C:g} degC: {told}"]
     if not low.min() - SAME_K <= temperature_C <= high.max() + SAME_K:

@@ -425,6 +425,8 @@ def _bar_of(
     """Return the name and the bar of all but a plan."""
     if isinstance(source, Bar):
         return "bar", source
+    for name, size in (("width", width_mm), ("thickness", thickness_mm), ("gauge", gauge_mm)):
+        positive(size, f"`{name}_mm`")
     if not isinstance(source, Material):
         path = Path(str(source))
         if path.suffix.casefold() == ".csv":
@@ -441,9 +443,6 @@ def _bar_of(
             source = palette.resolve(str(source))
         except UnknownNameError as error:
             raise UnknownNameError(f"{error}; nor is {path} a file or folder") from error
-    for name, size in (("width", width_mm), ("thickness", thickness_mm), ("gauge", gauge_mm)):
-        if not 0.0 < size < np.inf:
-            raise ArgumentError(f"{name} of {size:g} mm: it must be above 0 and finite")
     ends, area = np.array([0.0, gauge_mm]), np.array([width_mm * thickness_mm])
     return source.id, Bar(ends, np.array([source.coordinate]), area)
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import planner
-from planner.errors import ArgumentError, OutputError, PlannerError
+from planner.errors import ArgumentError, OutputError, PlannerError, UnknownNameError
 
 BAR = m3.Manifold.cube([40.0, 8.0, 6.0]).to_mesh()
 MESH = (np.asarray(BAR.vert_properties[:, :3]), np.asarray(BAR.tri_verts))
@@ -46,6 +46,7 @@ def test_materials_profiles_and_palettes_may_be_values() -> None:
     "arguments",
     [
         {"bands": 2.5},
+        {"bands": True},
         {"bands": "3"},
         {"bands": 0},
         {"at_strain": "0.1"},
@@ -68,7 +69,7 @@ def test_materials_profiles_and_palettes_may_be_values() -> None:
     ],
 )
 def test_what_cannot_be_taken_is_named(arguments: dict) -> None:
-    with pytest.raises(ArgumentError):
+    with pytest.raises((ArgumentError, UnknownNameError)):
         planner.grade(MESH, **{**ENDS, **arguments})
 
 

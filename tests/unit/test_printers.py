@@ -6,11 +6,12 @@ import json
 import tomllib
 from pathlib import Path
 
+import numpy as np
 import pytest
 import trimesh
 
 from planner.cli import run
-from planner.errors import FileError, PaletteError, UnknownNameError
+from planner.errors import ArgumentError, FileError, PaletteError, UnknownNameError
 from planner.printers import installed_printers, load_printer, load_profile
 from planner.testing import check_printer
 
@@ -95,6 +96,10 @@ def test_single_limits_are_stated(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert (machine.minimum_wall_mm, machine.minimum_feature_mm) == (0.8, 0.42)
     with pytest.raises(PaletteError, match="above 0"):
         load_printer("connex3", minimum_feature_mm=0.0)
+    for tray_mm in (5, (1.0, 2.0), (1, 2, "3")):
+        with pytest.raises(ArgumentError, match="`tray_mm` .*: it must be"):
+            load_printer("connex3", tray_mm=tray_mm)
+    assert load_printer("connex3", tray_mm=np.full(3, 50.0)).tray_mm == machine.tray_mm
     part = str(tmp_path / "bar.stl")
     trimesh.creation.box((40.0, 10.0, 0.7)).export(part)
     words = ["grade", part, "--from", "Tango", "--to", "Vero", "--dry-run"]

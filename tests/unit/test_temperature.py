@@ -12,8 +12,16 @@ from planner.cli import run
 from planner.errors import ArgumentError, PaletteError
 from planner.grading.profile import at_temperature
 from planner.materials.laws import make_law, secant_modulus_MPa
+from planner.materials.mixtures import CoefficientModel
 from planner.materials.palette_study import PaletteStudy
-from planner.palette import Palette, encode_palette, load_palette, parse_palette, write_palette
+from planner.palette import (
+    Palette,
+    Reading,
+    encode_palette,
+    load_palette,
+    parse_palette,
+    write_palette,
+)
 
 COLD_C, WARM_C, SCATTER = 25.0, 35.0, 0.02
 GRADES = {"soft": (0.0, 0.4, 0.5), "middle": (0.4, 1.2, 0.6), "stiff": (1.0, 4.0, 0.85)}
@@ -134,6 +142,34 @@ def test_a_palette_at_another_temperature(both: PaletteStudy) -> None:
     # At its own temperature nothing changes.
     same, _ = at_temperature(COLD_C, palette=palette)
     assert [m.law for m in same.materials] == [m.law for m in palette.materials]
+
+
+@pytest.mark.parametrize("at_strain", [0.0, 0.1, 0.5])
+def test_intervals_are_a_palettes_own_at_its_temperature_and_wider_elsewhere(
+    both: PaletteStudy, at_strain: float
+) -> None:
+    """The deviations at strains went, so that those at rest shrank where laws are least sure."""
+    soft = both.palette.materials[0]
+    other = Reading("other", soft.law.stiffened(1.3), 0.1)
+    palette = replace(
+        both.palette, materials=(replace(soft, readings=(other,)), *both.palette.materials[1:])
+    )
+
+    def deviations(temperature_C: float) -> np.ndarray:
+        warm, _ = at_temperature(temperature_C, palette=palette)
+        read = parse_palette(encode_palette(warm), name="warm")
+        return CoefficientModel(read).own_log_sds(at_strain, 1.96)
+
+    own = CoefficientModel(palette).own_log_sds(at_strain, 1.96)
+    # Files hold nine digits.
+    np.testing.assert_allclose(deviations(COLD_C), own, rtol=1e-8)
+    table = palette.temperature
+    assert table is not None
+    wider = np.hypot(own, table.log_sd)
+    np.testing.assert_allclose(deviations(WARM_C)[:, 1:], wider[:, 1:], rtol=1e-8)
+    # Of the other reading: its own deviation is wider, how far it lies off is not.
+    far = np.log(1.3) / 1.96
+    assert deviations(WARM_C)[1, 0] == pytest.approx(far + np.hypot(0.1, table.log_sd[0]))
 
 
 def test_extrapolation_is_told(both: PaletteStudy) -> None:
