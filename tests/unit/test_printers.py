@@ -97,7 +97,7 @@ def test_single_limits_are_stated(tmp_path: Path, capsys: pytest.CaptureFixture[
     with pytest.raises(PaletteError, match="above 0"):
         load_printer("connex3", minimum_feature_mm=0.0)
     for tray_mm in (5, (1.0, 2.0), (1, 2, "3")):
-        with pytest.raises(ArgumentError, match="`tray_mm` .*: it must be"):
+        with pytest.raises(ArgumentError, match=r"`tray_mm` .*: it must be"):
             load_printer("connex3", tray_mm=tray_mm)
     assert load_printer("connex3", tray_mm=np.full(3, 50.0)).tray_mm == machine.tray_mm
     part = str(tmp_path / "bar.stl")
