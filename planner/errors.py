@@ -176,8 +176,8 @@ def listed(words: Sequence[str], most: int | None = None, last: str = "and") -> 
 # Arguments as scripts give them, numpy scalars included, as plain numbers.
 
 
-def as_number(value: SupportsFloat, name: str) -> float:
-    """Return a finite number.
+def as_number(value: SupportsFloat, name: str, ends: Sequence[float] = ()) -> float:
+    """Return a finite number, where ends are given one between them.
 
     Raises
     ------
@@ -190,7 +190,21 @@ def as_number(value: SupportsFloat, name: str) -> float:
         number = math.nan
     if not math.isfinite(number):
         raise ArgumentError(f"{name} {value!r}: it must be a finite number")
+    if ends and not ends[0] < number < ends[1]:
+        raise ArgumentError(f"{name} {number:g}: it must be between {ends[0]:g} and {ends[1]:g}")
     return number
+
+
+def as_texts(value: str | Iterable[str], name: str) -> tuple[str, ...]:
+    """Return one text or several as several.
+
+    Raises
+    ------
+    ArgumentError
+        It is something else.
+    """
+    with refused(ArgumentError, f"{name} {value!r}", "it must be text, or several", TypeError):
+        return (value,) if isinstance(value, str) else tuple(text + "" for text in value)
 
 
 def positive(value: SupportsFloat, name: str) -> float:

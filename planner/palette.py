@@ -229,8 +229,7 @@ class Material:
         law, *others = laws
         (own,), known = wider(self.modulus_log_sd), self.uncertainty
         if known is not None:
-            sds = wider(*known.log_sd)
-            known = Uncertainty(known.specimens, strain=known.strain, log_sd=sds)
+            known = Uncertainty(known.specimens, strain=known.strain, log_sd=wider(*known.log_sd))
         readings = tuple(
             replace(one, law=other, modulus_log_sd=wider(one.modulus_log_sd)[0])
             for one, other in zip(self.readings, others, strict=True)
@@ -294,7 +293,7 @@ class Palette:
         UnknownNameError
             Nothing, or more than one material, is called so; the message names what is near.
         """
-        wanted = name.strip().casefold()
+        wanted = str(name).strip().casefold()
         names = {m.id: [n.casefold() for n in (m.id, *m.aliases)] for m in self.materials}
         exact = [m for m in self.materials if wanted in names[m.id]]
         begun = [m for m in self.materials if any(n.startswith(wanted) for n in names[m.id])]
@@ -307,7 +306,7 @@ class Palette:
                 f"{', '.join(m.id for m in begun)}; give more letters"
             )
         ids = [m.id for m in self.materials]
-        hint = did_you_mean(name, [*ids, *(a for m in self.materials for a in m.aliases)], most=3)
+        hint = did_you_mean(wanted, [*ids, *(a for m in self.materials for a in m.aliases)], most=3)
         raise UnknownNameError(
             f"no material {name!r} in palette {self.name}; {hint}it has {', '.join(ids)}"
         )

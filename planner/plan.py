@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal
 import msgspec
 
 from planner.errors import ArgumentError, FileError, OutputError, did_you_mean, refused
-from planner.formats.files import decode_document, encode_document, path_within, read_file
+from planner.formats.files import decode_document, json_of, path_within, read_file
 from planner.formats.threemf import Constituent
 from planner.glance import as_words, brief, counted, html_of, one_line, outcome, plotted
 from planner.numerics import Float32Array, FloatArray, IntArray, Point
@@ -354,9 +354,7 @@ class Plan:
             del document["files_sha256"]
         return document
 
-    def json(self) -> bytes:
-        """Return the bytes of plan.json; those of a plan just made list no files yet."""
-        return encode_document(self.document())
+    json = json_of
 
     def howto(self) -> str:
         """Return the text of HOWTO.md: what the operator does, and which material goes where."""

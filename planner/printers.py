@@ -20,8 +20,8 @@ from planner.errors import (
     FileError,
     PaletteError,
     UnknownNameError,
-    as_number,
     check_known,
+    positive,
     refused,
 )
 from planner.formats.files import decode_toml
@@ -218,15 +218,12 @@ def load_profile(folder: Traversable, name: str = "printer.toml") -> PrinterProf
     if file.schema != 1 or not file.palettes:
         raise PaletteError(f"printer {file.name}: {name} needs schema = 1 and a palette")
     for key in _LENGTHS:
-        _check_lengths(getattr(file, key), f"printer {file.name}: {name}: {key}")
+        lengths, what = getattr(file, key), f"printer {file.name}: {name}: {key}"
+        for length in lengths if isinstance(lengths, tuple) else (lengths,):
+            if not 0.0 < length < math.inf:
+                raise PaletteError(f"{what} has {length:g}; it must be a length above 0 mm")
     stated = {key: getattr(file, key) for key in (*_SAME_AS_BASE, "operator_names")}
     return PrinterProfile(**stated, folder=folder, base=base)
-
-
-def _check_lengths(lengths: float | tuple[float, ...], what: str) -> None:
-    for length in lengths if isinstance(lengths, tuple) else (lengths,):
-        if not 0.0 < length < math.inf:
-            raise PaletteError(f"{what} has {length:g}; it must be a length above 0 mm")
 
 
 def installed_printers() -> dict[str, EntryPoint]:
@@ -270,23 +267,19 @@ def load_printer(
     Raises
     ------
     ArgumentError
-        A limit that is no length, or not as many as there are.
+        A limit that is no length above 0, or not as many as there are.
     UnknownNameError
         No printer of that name is installed, or its plugin is not a printer.
     PaletteError
-        A length that is not above 0, or a file that breaks its schema.
+        A file that breaks its schema.
 
     Examples
     --------
     >>> planner.load_printer("connex3").palette().name  # doctest: +SKIP
     'connex3-tango-vero'
     """
-    limits = {
-        "tray_mm": tray_mm,
-        "minimum_wall_mm": minimum_wall_mm,
-        "minimum_feature_mm": minimum_feature_mm,
-    }
-    stated = {key: value for key, value in limits.items() if value is not None}
+    given = locals()
+    stated = {key: given[key] for key in _LENGTHS if given.get(key) is not None}
     machine = name if isinstance(name, Printer) else _found(name)
     if not stated:
         return machine
@@ -294,11 +287,10 @@ def load_printer(
         own, said = getattr(machine, key), "it must be three lengths in mm, along x, y and z"
         with refused(ArgumentError, f"`{key}` {lengths!r}", said, TypeError, ValueError):
             sides = zip(own, lengths, strict=True) if isinstance(own, tuple) else ()
-            tray = tuple(as_number(side, f"`{key}`") for _, side in sides)
-            stated[key] = tray or as_number(lengths, f"`{key}`")
-        _check_lengths(stated[key], f"`{key}`")
-    given = {key: getattr(machine, key) for key in _SAME_AS_BASE} | stated
-    return PrinterProfile(**given, operator_names={}, folder=Path(), base=machine)
+            tray = tuple(positive(side, f"`{key}`") for _, side in sides)
+            stated[key] = tray or positive(lengths, f"`{key}`")
+    same = {key: getattr(machine, key) for key in _SAME_AS_BASE} | stated
+    return PrinterProfile(**same, operator_names={}, folder=Path(), base=machine)
 
 
 def _found(name: str | Path) -> Printer:
@@ -345,8 +337,7 @@ def palette_of(
     """
     if isinstance(palette, Palette):
         return palette
-    if isinstance(palette, Path) or (
-        isinstance(palette, str) and (palette.endswith(".toml") or Path(palette).is_file())
-    ):
-        return load_palette(palette)
+    file = Path(str(palette or ""))
+    if isinstance(palette, Path) or file.name.endswith(".toml") or file.is_file():
+        return load_palette(file)
     return load_printer(printer or "connex3").palette(palette)

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import ArgumentError, FileError, OutputError, UnknownNameError, refused
-from planner.formats.files import encode_document, path_within
+from planner.formats.files import json_of, path_within
 from planner.formats.outputs import check_target, new_folder
 from planner.formats.png import NOTHING, ImageKind, encode_layer
 from planner.formats.tables import encode_csv
@@ -533,9 +533,7 @@ class SliceStack:
             "files": list(self.files),
         }
 
-    def json(self) -> bytes:
-        """Return the bytes of slices.json."""
-        return encode_document(self.document())
+    json = json_of
 
     def csv(self) -> bytes:
         """Return the bytes of layers.csv."""

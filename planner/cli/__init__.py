@@ -181,6 +181,8 @@ def _end_in_time() -> None:
     threading.Thread(target=watch, daemon=True).start()
 
 
+_FIGURES = {"float_parsing": "a number alone, 20 % as 0.2", "int_parsing": "a whole number"}
+
 _command = cache(typer.main.get_command)
 """Commands as typer makes them of functions' types, which takes as long as many a command."""
 
@@ -194,7 +196,12 @@ def _dispatch(arguments: list[str], commands: typer.Typer) -> int:
         )
     except usage_error as error:
         path = getattr(error.ctx, "command_path", "planner")
-        raise ArgumentError(f"{error.format_message()} (see {path} --help)") from error
+        said = error.format_message()
+        # Of a figure that is none typer says neither what was given nor what may be.
+        for found in getattr(error.__cause__, "errors", list)():
+            if kind := _FIGURES.get(found["type"]):
+                said = f"{error.param.opts[0]} {found['input']!r}: it must be {kind}"
+        raise ArgumentError(f"{said} (see {path} --help)") from error
     except (KeyboardInterrupt, typer.Abort):
         return INTERRUPTED
     except SystemExit as error:

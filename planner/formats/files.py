@@ -271,6 +271,11 @@ def encode_document(document: Mapping[str, Any]) -> bytes:
     return (_encode(_rounded(document), "") + "\n").encode("utf-8")
 
 
+def json_of(value: Any) -> bytes:
+    """Return the bytes of the JSON document that the value is: equal ones of equal values."""
+    return encode_document(value.document())
+
+
 def decode_document(data: bytes, type_: type[_T], name: str) -> _T:
     """Read a JSON document into a typed value.
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from planner.errors import ArgumentError, FileError
+from planner.errors import ArgumentError, FileError, as_texts
 from planner.formats import tables
 from planner.formats.files import read_file, toml_beside
 from planner.formats.units import quantities_of, unit_factor
@@ -304,7 +304,7 @@ def _head_text(cell: str) -> str | None:
 
 def mode_of(text: str) -> str | None:
     """Return how a specimen was loaded, as its words tell: one of `MODES`, or None."""
-    return _MODE.get(_folded(text))
+    return _MODE.get(_folded(str(text)))
 
 
 def marked_specimen(cell: str) -> str | None:
@@ -1604,7 +1604,9 @@ _UNIT_OF = re.compile(r"(?:(\w+) )?units?\s*:?\s*[(\[]?([^\s()\[\]]+)[)\]]?", re
 
 
 def _by_position(columns: Sequence[str]) -> _Headings:
-    headings = [heading_of("" if c.strip() == "-" else c.strip()) for c in columns]
+    headings = [
+        heading_of("" if c.strip() == "-" else c.strip()) for c in as_texts(columns, "`columns`")
+    ]
     for heading in headings:
         if heading.text and not heading.meaning:
             raise FileError(

@@ -6,7 +6,6 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any, TypeAlias, cast
 
 import numpy as np
@@ -27,7 +26,7 @@ from planner.gap.noise import FIT_SD, USUAL
 from planner.gap.virtual import single_tests, virtual_specimen
 from planner.glance import one_line, outcome
 from planner.materials.characterise import Curve
-from planner.materials.fit import Sample, fit_law, least_yielding, sample_of
+from planner.materials.fit import Sample, fit_law, least_yielding, sample_of, yielding_parameters
 from planner.materials.laws import SeparableLaw, make_law
 from planner.materials.mixtures import CoefficientModel
 from planner.numerics import FloatArray, normal_quantile
@@ -343,9 +342,8 @@ def _bent(material: Material, sample: Sample) -> _Refit:
     steepest = float(sample.stress_MPa[0] / (sample.stretch[0] - 1.0))
     law, _ = least_yielding(steepest, sample)
     off = law.nominal_stress_MPa(sample.stretch) / sample.stress_MPa - 1.0
-    parameters = MappingProxyType({name: (value,) for name, value in asdict(law).items()})
-    bent = replace(material.law, model=law.model, parameters=parameters)
-    return _Refit(replace(material, law=bent), float(np.sqrt(np.mean(off**2))))
+    bent = replace(material, law=yielding_parameters(law))
+    return _Refit(bent, float(np.sqrt(np.mean(off**2))))
 
 
 # ------------------------------------------------------------------------------------------------

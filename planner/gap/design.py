@@ -10,7 +10,7 @@ import numpy as np
 import scipy.linalg
 from scipy.special import ndtr
 
-from planner.errors import ArgumentError, PaletteError, as_count
+from planner.errors import ArgumentError, PaletteError, as_count, as_texts
 from planner.formats.specimens import SPECIMEN_COLUMNS
 from planner.gap.campaign import Campaign, Specimen, stated
 from planner.gap.diagnosis import Experiment, Hypothesis
@@ -482,7 +482,7 @@ def design_campaign(
     machine = load_printer(printer)
     palette = palette_of(palette, machine)
     library = effects_for(palette)
-    named = effects.split(",") if isinstance(effects, str) else effects
+    named = effects.split(",") if isinstance(effects, str) else as_texts(effects, "`effects`")
     asked = tuple(effect_named(id, library, "`effects`").id for id in map(str.strip, named) if id)
     size = {"width_mm": width_mm, "thickness_mm": thickness_mm, "gauge_mm": gauge_mm}
     if not asked:

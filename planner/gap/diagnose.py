@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from scipy.special import softmax
 
-from planner.errors import ArgumentError, as_count
+from planner.errors import ArgumentError, as_count, as_texts
 from planner.formats.specimens import SPECIMEN_COLUMNS
 from planner.gap.campaign import (
     TOLERANCES,
@@ -614,7 +614,7 @@ def diagnose(
     'temperature'
     """
     rng = np.random.default_rng(as_count(seed, "`seed`", 2**63, least=0))
-    without = (without,) if isinstance(without, str) else tuple(without)
+    without = as_texts(without, "`without`")
     if not isinstance(campaign, Campaign):
         campaign = read_campaign(campaign, palette, unit_of)
     elif palette is not None or unit_of:

@@ -12,7 +12,7 @@ import numpy as np
 
 from planner import __version__
 from planner.errors import FileError, PaletteError, refused
-from planner.formats.files import decode_document, encode_document, path_within, read_file
+from planner.formats.files import decode_document, json_of, path_within, read_file
 from planner.formats.units import UnitOf
 from planner.gap.campaign import named
 from planner.glance import brief, counted, html_of, one_line, plotted
@@ -380,9 +380,7 @@ class Diagnosis:
             del entry["id"]  # its key says it
         return document
 
-    def json(self) -> bytes:
-        """Return the bytes of diagnosis.json; the same diagnosis gives the same bytes."""
-        return encode_document(self.document())
+    json = json_of
 
 
 # ------------------------------------------------------------------------------------------------

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from planner.errors import ArgumentError, FileError, UnknownNameError, check_known
+from planner.errors import ArgumentError, FileError, UnknownNameError, as_texts, check_known
 from planner.formats.files import path_within
 from planner.formats.specimens import read_specimens
 from planner.gap.campaign import Campaign, Specimen, StrainField, stated
@@ -445,8 +445,7 @@ def synthesise_campaign(
     'rate'
     """
     plan = read_design(design, palette, printer=load_printer(printer), camera=camera)
-    stated = [effect] if isinstance(effect, str) else effect
-    effects = [stated_effect(text, plan.palette) for text in stated]
+    effects = [stated_effect(text, plan.palette) for text in as_texts(effect, "`effect`")]
     rng = np.random.default_rng(seed)
     return synthetic_campaign(plan, effects, rng, scatter=scatter, seed_text=f"seed {seed}")
 

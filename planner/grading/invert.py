@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from planner.errors import ArgumentError, positive
+from planner.errors import ArgumentError, as_number, positive
 from planner.glance import one_line
 from planner.grading.profile import AS_SHOWN, known_interval, stiffness_scale
 from planner.materials.algorithm_one import (
@@ -191,7 +191,7 @@ def invert(
     if modulus_MPa is not None:
         blend = model.blend_for(min(max(modulus_MPa, low), high), at_strain)
     elif coordinate is not None:
-        blend = model.blend_at(coordinate)
+        blend = model.blend_at(as_number(coordinate, "`coordinate`"))
     modulus, interval = _modulus(model, blend.coordinate, at_strain)
     place = int(nearest_on(model.ladder_MPa(at_strain), modulus))
     return Mixture(

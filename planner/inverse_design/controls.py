@@ -174,7 +174,7 @@ def lattice_counts(text: str, extent_mm: FloatArray, figures: int) -> tuple[int,
     ArgumentError
         Another text, or too many.
     """
-    plain = text.strip().casefold().replace("×", "x")
+    plain = str(text).strip().casefold().replace("×", "x")
     words = plain.split("x")
     if len(words) == 3 and all(word.isdigit() and int(word) for word in words):
         x, y, z = map(int, words)

@@ -10,10 +10,10 @@ import msgspec
 import numpy as np
 
 from planner.cutting.grid import default_pitch_mm
-from planner.errors import ArgumentError, FileError, as_count, check_known, positive
+from planner.errors import ArgumentError, FileError, as_count, as_number, check_known, positive
 from planner.fields.basic import Field, axis_field
 from planner.fields.parse import Setting, build_field
-from planner.formats.files import decode_document, encode_document, read_file
+from planner.formats.files import decode_document, json_of, read_file
 from planner.formats.mesh_file import read_mesh
 from planner.formats.tables import encode_csv
 from planner.glance import counted, html_of, in_percent, one_line, outcome
@@ -190,9 +190,7 @@ class PartDesign:
             "notes": list(self.notes),
         }
 
-    def json(self) -> bytes:
-        """Return `document` as bytes."""
-        return encode_document(self.document())
+    json = json_of
 
     def profile_csv(self) -> bytes:
         """Return the profile as `planner.grade` reads it."""
@@ -237,11 +235,11 @@ def _begun(start: "str | Path | PartDesign | None", count: int) -> FloatArray | 
     """Return the values of an earlier design to go on from."""
     if start is None:
         return None
-    if isinstance(start, (str, Path)):
-        file = Path(start)
-        values = _written(file / "design.json" if file.is_dir() else file).values
-    else:
+    if isinstance(start, PartDesign):
         values, start = start.values, "design"
+    else:
+        file = Path(str(start))
+        values = _written(file / "design.json" if file.is_dir() else file).values
     if len(values) != count:
         raise FileError(
             f"`start` {start}: it has {len(values)} values, this design {count} controls; give one "
@@ -376,7 +374,7 @@ def design(
     >>> made.write("finger-designed")  # doctest: +SKIP
     """
     first = LoadCase(target, fix, load, pressure, move, gravity, moment=moment)
-    limits, figures = Limits.read((limit,) if isinstance(limit, str) else limit)
+    limits, figures = Limits.read(limit)
     alone = bool(cases) and first.is_empty and not first.target
     cases = LoadCase.named(tuple(cases) if alone else (first, *cases))
     wanted = [_wanted_of(case) for case in cases]
@@ -385,6 +383,7 @@ def design(
     if not all(wanted) or not any(aim.sense == "=" for aims in wanted for aim in aims):
         raise ArgumentError("`target` is missing: each case needs one, as target='x=min uz=-12 mm'")
     knots = as_count(knots, "`knots`", _MOST_KNOTS, least=2)
+    steps, level = as_count(steps, "`steps`", 1000, 0), as_number(level, "`level`", (0.0, 1.0))
     check_known(prefer, _PREFER, f"`prefer` {prefer}: {{}}it may be")
     if blend is not None:
         check_known(blend, ("nearest", "dither"), f"`blend` {blend}: {{}}a design's may be")
@@ -393,7 +392,7 @@ def design(
         free = "auto"
     if free is not None and (axis is not None or field is not None):
         raise ArgumentError("give `free`, or `axis` or `field`, not both")
-    if not set(symmetric) <= set("xyz") or (symmetric and free is None):
+    if not set(str(symmetric)) <= set("xyz") or (symmetric and free is None):
         raise ArgumentError(f"`symmetric` {symmetric}: it is x, y or z, or several, with `free`")
     if cell_mm is not None and minutes is not None:
         raise ArgumentError("give `cell_mm` or `minutes`, not both")

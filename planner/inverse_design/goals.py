@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from planner.errors import ArgumentError, check_known, positive
+from planner.errors import ArgumentError, as_texts, check_known, positive
 from planner.formats.mesh_file import read_mesh
 from planner.formats.tables import read_columns
 from planner.formats.units import unit_factor
@@ -152,7 +152,7 @@ class Limits:
     slope: float | None = None
 
     @classmethod
-    def read(cls, texts: Sequence[str]) -> tuple["Limits", list[Target]]:
+    def read(cls, texts: str | Sequence[str]) -> tuple["Limits", list[Target]]:
         """Read ``strain/break<0.5`` and ``slope<0.1 /mm``, and figures such as ``x=min uy<1 mm``.
 
         Raises
@@ -162,7 +162,7 @@ class Limits:
         """
         held: dict[str, float] = {}
         figures = []
-        for text in texts:
+        for text in as_texts(texts, "`limit`"):
             found = _LIMIT.fullmatch(text.strip())
             if found is None:
                 figures.append(Target.read(text, "limit"))

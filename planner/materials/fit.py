@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from planner.errors import ArgumentError, Caution, refused
+from planner.errors import ArgumentError, Caution, as_number, refused
 from planner.glance import brief
 from planner.materials import characterise
 from planner.materials.characterise import Curve, MaterialCharacteristics, characterise_material
@@ -1603,7 +1603,7 @@ def fit_material(
     FileError
         A curve that no figure can rest on.
     """
-    if not 0.5 <= level < 1.0:
+    if not 0.5 <= as_number(level, "`level`") < 1.0:
         raise ArgumentError(f"level {level:g}: it must be at least 0.5 and below 1, as 0.95")
     found = characterise_material(material, curves)
     notes = [note for c in found.specimens for note in c.notes if "not shifted" not in note]

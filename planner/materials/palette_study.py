@@ -17,6 +17,7 @@ from planner.errors import (
     FileError,
     PaletteError,
     as_number,
+    as_texts,
     check_known,
     listed,
     positive,
@@ -456,12 +457,11 @@ def fit(
     fits: dict[str, MaterialFit] = {}
     for called, curves in study.groups.items():
         progress(f"fitting {called}")
-        fitted = fit_material(
+        fits[called] = fitted = fit_material(
             called, curves, laws, others=study.other_modes.get(called, ()), weighting=weighting,
             starts=starts, level=level,
         )  # fmt: skip
         notes.extend(note for note in fitted.notes if note not in notes)
-        fits[called] = fitted
     if single := [called for called, fitted in fits.items() if fitted.characteristics.n == 1]:
         notes.append(
             f"one specimen of {listed(single, 3)}: scatter of {100 * ASSUMED_LOG_SD:g} % is "
@@ -569,7 +569,7 @@ def _coordinates(
     strain = min(_RANKING_STRAIN, *(fit.elongation_at_break for fit in fits.values()))
     laws = {called: make_law(fit.law) for called, fit in fits.items()}
     stiffness = {called: float(secant_modulus_MPa(law, strain)) for called, law in laws.items()}
-    order = [order] if isinstance(order, str) else order
+    order = as_texts(order or (), "`order`")
     found = {} if order else stated
     ordered = list(order) if order else sorted(fits, key=stiffness.__getitem__)
     if order and (sorted(order) != sorted(fits) or given):
@@ -624,7 +624,8 @@ def _by_material(
     study: Study, materials: Collection[str], column: str, given: Mapping[str, float] | None
 ) -> dict[str, float]:
     """Return a figure by material: as given, else from a column of specimens.csv."""
-    given = given or {}
+    if not isinstance(given := given or {}, Mapping):
+        raise ArgumentError(f"{column} {given!r}: give figures by material, as {{'FLX9760': 1.1}}")
     for material in given:
         if material not in materials:
             raise ArgumentError(

@@ -17,9 +17,11 @@ from planner.errors import (
     Caution,
     FileError,
     UnknownNameError,
-    as_number,
+    as_texts,
     did_you_mean,
     listed,
+    positive,
+    refused,
 )
 from planner.formats.files import path_within
 from planner.formats.specimens import ListedSpecimen, is_specimens_file, read_specimens
@@ -643,12 +645,13 @@ def read_study(
         return files
     sizes_given = {"width_mm": width_mm, "thickness_mm": thickness_mm, "gauge_mm": gauge_mm}
     for name, value in sizes_given.items():
-        if value is not None and not as_number(value, name) > 0.0:
-            raise ArgumentError(f"{name} is {value:g}; a size must be a number above 0")
+        if value is not None:
+            positive(value, f"`{name}`")
     given = ListedSpecimen("", width_mm=width_mm, thickness_mm=thickness_mm, gauge_mm=gauge_mm)
-    paths = [Path(file) for file in ([files] if isinstance(files, (str, Path)) else files)]
+    with refused(ArgumentError, f"`files` {files!r}", "give paths of files or folders", TypeError):
+        paths = [Path(file) for file in ([files] if isinstance(files, (str, Path)) else files)]
     whole = not any(path.is_file() and not is_specimens_file(path) for path in paths)
-    files, listing = _files(paths, None if specimens is None else Path(specimens))
+    files, listing = _files(paths, None if specimens is None else Path(str(specimens)))
     notes: list[str] = []
     rows: dict[str, ListedSpecimen] = {}
     if listing is not None:
@@ -688,7 +691,7 @@ def read_study(
     materials = _materials(records, material or "", notes)
     records |= {name: replace(records[name], material=of) for name, of in materials.items()}
     units = stated_units(unit_of, materials)
-    leave_out = (leave_out,) if isinstance(leave_out, str) else leave_out
+    leave_out = as_texts(leave_out, "`leave_out`")
     for name in leave_out:
         _check_name(name, materials, f"leave_out {name}: no specimen and no material of that name")
     if asked := {name for name, of in materials.items() if not {name, of}.isdisjoint(leave_out)}:
@@ -825,7 +828,7 @@ def stated_units(
         See `UnitOf.parsed`; also a name of neither a specimen nor a material.
     """
     found: dict[str, dict[str, UnitOf]] = {}
-    for text in (stated,) if isinstance(stated, str) else stated:
+    for text in as_texts(stated, "`unit_of`"):
         one = UnitOf.parsed(text)
         for name in one.specimens:
             _check_name(name, materials, f"unit_of {text}: no specimen and no material {name!r}")
@@ -893,7 +896,7 @@ def _copies(curves: Sequence[Curve]) -> Iterator[Caution]:
 
 def listed_files(files: Iterable[str | Path], specimens: str | Path | None) -> tuple[Path, ...]:
     """Return the files that `read_study` reads: the list of specimens, and what it names."""
-    found, listing = _files(files, None if specimens is None else Path(specimens))
+    found, listing = _files(files, None if specimens is None else Path(str(specimens)))
     if listing is None:
         return tuple(found)
     rows = read_specimens(listing)

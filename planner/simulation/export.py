@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from planner.errors import ArgumentError, Caution, PlannerError, check_known, positive
 from planner.formats.field_file import encode_vtu
-from planner.formats.files import encode_document
+from planner.formats.files import json_of
 from planner.formats.outputs import check_absent, write_whole
 from planner.glance import counted, one_line, sized
 from planner.materials.law_blocks import hardening
@@ -322,9 +322,7 @@ class Export:
         del said["data"]
         return {"schema": 1, "source": said.pop("name"), **said}
 
-    def json(self) -> bytes:
-        """Return the bytes of the JSON document."""
-        return encode_document(self.document())
+    json = json_of
 
 
 def export(

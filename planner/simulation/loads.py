@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from planner.errors import ArgumentError, FileError, check_known, did_you_mean, refused
+from planner.errors import ArgumentError, FileError, as_texts, check_known, did_you_mean, refused
 from planner.fields.basic import unit_direction
 from planner.formats.files import decode_toml, read_file
 from planner.formats.units import QUANTITY_UNITS, quantities_of, unit_factor
@@ -66,8 +66,7 @@ class LoadCase:
 
     def __post_init__(self) -> None:
         for key in _TEXTS:
-            given = getattr(self, key)
-            object.__setattr__(self, key, (given,) if isinstance(given, str) else tuple(given))
+            object.__setattr__(self, key, as_texts(getattr(self, key), f"`{key}`"))
 
     @property
     def is_empty(self) -> bool:

@@ -13,7 +13,7 @@ from planner.errors import ArgumentError, FileError, as_count, as_number, positi
 from planner.fields.basic import AxisField, Field
 from planner.fields.parse import Setting, build_field, field_of
 from planner.formats.field_file import encode_vtu
-from planner.formats.files import encode_document, free_memory_bytes
+from planner.formats.files import free_memory_bytes, json_of
 from planner.formats.mesh_file import encode_stl
 from planner.formats.tables import encode_csv
 from planner.glance import counted, html_of, one_line, outcome, place_text, plotted, sized
@@ -473,9 +473,7 @@ class PartSimulation:
             "notes": list(self.notes),
         }
 
-    def json(self) -> bytes:
-        """Return the bytes of the JSON document."""
-        return encode_document(self.document())
+    json = json_of
 
     def csv(self) -> bytes:
         """Return the steps as CSV, one a row; responses are numbered as in the JSON, from 1."""
@@ -683,8 +681,7 @@ def simulate_part(
     if not cases:
         raise ArgumentError("`cases`: there is none; say how the part is held and loaded")
     steps = as_count(steps, "`steps`", _MOST_STEPS)
-    if not 0.0 < as_number(level, "`level`") < 1.0:
-        raise ArgumentError(f"`level` {level:g}: it must be between 0 and 1")
+    level = as_number(level, "`level`", (0.0, 1.0))
     several = len(cases) > 1
     progress("reading the part")
     solid = open_solid(source, material, unit, printer, palette, bodies)

@@ -18,7 +18,7 @@ from planner.errors import (
     check_known,
     positive,
 )
-from planner.formats.files import encode_document
+from planner.formats.files import json_of
 from planner.formats.tables import encode_csv
 from planner.glance import counted, html_of, one_line, outcome, plotted
 from planner.materials.laws import FARTHEST
@@ -396,9 +396,7 @@ class Simulation:
             "notes": list(self.notes),
         }
 
-    def json(self) -> bytes:
-        """Return the bytes of the JSON document."""
-        return encode_document(self.document())
+    json = json_of
 
     def csv(self) -> bytes:
         """Return the curve as CSV, one row a step."""
@@ -475,8 +473,7 @@ def _force_interval_N(
     ArgumentError
         A level that is not between 0 and 1.
     """
-    if not 0.0 < as_number(level, "`level`") < 1.0:
-        raise ArgumentError(f"`level` {level:g}: it must be between 0 and 1")
+    level = as_number(level, "`level`", (0.0, 1.0))
     weight = bar.length_mm * reached.stress_MPa / reached.tangent_MPa
     total = weight.sum(axis=1, keepdims=True)
     weight = weight / np.where(total > 0.0, total, 1.0)

@@ -122,7 +122,8 @@ def test_strict_writes_nothing_when_something_was_found(finger: str, capsys) -> 
         (["--from", "Tango", "--to", "Vero", "--axis", "w"], "axis"),
         (["--from", "Tango", "--to", "Vero", "--axis", "0,0,0"], "axis"),
         (["--profile", "none.csv"], "cannot be read"),
-        (["--bands", "many"], "'--bands'"),
+        (["--bands", "many"], "--bands 'many': it must be a whole number"),
+        ([*GRADIENT, "--at-strain", "20%"], "--at-strain '20%': it must be a number"),
         (["--bnads", "3"], "--bands"),
     ],
 )

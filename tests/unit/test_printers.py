@@ -94,7 +94,7 @@ def test_single_limits_are_stated(tmp_path: Path, capsys: pytest.CaptureFixture[
     machine = load_printer("connex3", minimum_wall_mm=0.8, tray_mm=(50.0, 50.0, 50.0))
     check_printer(machine)
     assert (machine.minimum_wall_mm, machine.minimum_feature_mm) == (0.8, 0.42)
-    with pytest.raises(PaletteError, match="above 0"):
+    with pytest.raises(ArgumentError, match="above 0"):
         load_printer("connex3", minimum_feature_mm=0.0)
     for tray_mm in (5, (1.0, 2.0), (1, 2, "3")):
         with pytest.raises(ArgumentError, match=r"`tray_mm` .*: it must be"):
