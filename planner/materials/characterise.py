@@ -742,7 +742,7 @@ def _toe_note(curve: Curve, part: LinearPart) -> str:
     return f"{where}: no toe; strains not shifted"
 
 
-_STILL, _HELD = 1e-3, 0.02
+STILL_SHARE, HELD_SHARE = 1e-3, 0.02
 """The last share of the travel in which a hold is, and the share of all points from which it is
 one. Chosen: in a pull at one rate a thousandth of the points is there, in a hold far more."""
 
@@ -762,8 +762,8 @@ def _odd(curve: Curve, part: LinearPart, kind: str) -> Iterator[str]:
             f"{where}: its beginning points at {at_rest:.3g} MPa at rest, "
             f"{100 * at_rest / peak:.2g} % of its peak; it may not have been zeroed"
         )
-    held = int(np.sum(strain >= end - _STILL * np.ptp(strain)))
-    if held > max(_HELD * len(strain), 3.0):
+    held = int(np.sum(strain >= end - STILL_SHARE * np.ptp(strain)))
+    if held > max(HELD_SHARE * len(strain), 3.0):
         yield Caution(
             f"{where}: it ends in a hold of {held} points at strain {end:.4g}; it was not pulled "
             "to its break, for which the largest strain stands"

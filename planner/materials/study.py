@@ -152,7 +152,8 @@ def _check_rising(strain: FloatArray, stress_MPa: FloatArray, *, where: str) -> 
     FileError
         Stress has even steps and strain uneven ones, or strain falls back and stress never does
         (swapped); or strain falls back by more than 5 % of its range before the peak, or behind
-        it while the specimen still bears load (a cyclic test).
+        it while the specimen still bears load (a cyclic test); or stress falls by as much of its
+        peak ahead of it while strain stands (relaxation by steps), or begins at its peak.
     """
     peak = int(np.argmax(stress_MPa)) + 1
     span = float(np.ptp(strain))
@@ -162,30 +163,32 @@ def _check_rising(strain: FloatArray, stress_MPa: FloatArray, *, where: str) -> 
     if bool(np.all(np.diff(stress_MPa) >= 0.0)):
         # A strain measured optically jitters beside a smooth load: even steps tell it apart.
         even = _unevenness(stress_MPa) < _EVEN
-        if float(fallen.max()) > (1e-3 if even else _JITTER_SHARE) * span:
+        back = float(fallen.max()) > (1e-3 if even else _JITTER_SHARE) * span
+        if back or (_unevenness(stress_MPa) < 0.01 and _unevenness(strain) > 0.2):
+            said = "strain falls back and stress never does"
+            said = said if back else "stress has even steps and strain uneven ones"
             raise FileError(
-                f"{where}: strain falls back and stress never does, as if the columns were "
-                "swapped; check the headings"
+                f"{where}: {said}, as if the columns were swapped (or the test was "
+                "load-controlled, which is not understood here); check the headings"
             )
-        if _unevenness(stress_MPa) < 0.01 and _unevenness(strain) > 0.2:
+    climbed, largest = np.maximum.accumulate(strain[:peak]), stress_MPa[peak - 1]
+    first = np.searchsorted(climbed, climbed - characterise.STILL_SHARE * span)
+    held = np.arange(peak) - first > max(characterise.HELD_SHARE * len(strain), 3.0)
+    relaxed = np.where(held, stress_MPa[first] - stress_MPa[:peak], 0.0)
+    bears = stress_MPa[peak:] > characterise.BROKEN_SHARE * largest
+    behind = np.max(fallen[peak:], where=bears, initial=0.0)
+    for fall, of, said in (
+        (fallen[:peak].max(), span, "strain falls back by {} before the peak load, as in a cyclic"),
+        (relaxed.max(), largest, "stress falls by {} while strain stands, as in a relaxation"),
+        (behind, span, "strain falls back by {} behind the peak load, under load, as in a cyclic"),
+        (largest * (peak == 1), largest, "stress begins at its peak of {}, as in an unloading"),
+    ):
+        if fall > _REVERSAL_SHARE * of:
             raise FileError(
-                f"{where}: stress has even steps and strain uneven ones, as if the columns were "
-                "swapped (or the test was load-controlled, which is not understood here); check "
-                "the headings"
+                f"{where}: {said.format(f'{fall:.4g}')} test; give the first loading alone, from "
+                "no load on, or protocol 'cyclic' or 'relaxation' in specimens.csv to leave it "
+                "out; of several specimens below one another, head the names' column 'specimen'"
             )
-    if (fall := float(fallen[:peak].max())) > _REVERSAL_SHARE * span:
-        raise FileError(
-            f"{where}: strain falls back by {fall:.4g} before the peak load, as in a cyclic "
-            "test; give the first loading alone, or protocol 'cyclic' in specimens.csv to leave it "
-            "out; of several specimens below one another, head the names' column 'specimen'"
-        )
-    bears = stress_MPa[peak:] > characterise.BROKEN_SHARE * stress_MPa[peak - 1]
-    if (fall := float(np.max(fallen[peak:], where=bears, initial=0.0))) > _REVERSAL_SHARE * span:
-        raise FileError(
-            f"{where}: strain falls back by {fall:.4g} behind the peak load while the specimen "
-            "still bears load, as in loading and unloading; give the loading alone, or protocol "
-            "'cyclic' in specimens.csv to leave it out"
-        )
 
 
 def _unevenness(values: FloatArray) -> float:

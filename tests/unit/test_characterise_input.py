@@ -36,6 +36,11 @@ NOISE = 0.002 * np.random.default_rng(1).standard_normal(81)
 LOOP = np.concatenate([STRAIN, STRAIN[::-1]])
 LOOP_STRESS = np.concatenate([STRESS, 0.8 * STRESS[::-1]])
 
+STEPS = np.concatenate([np.append(STRAIN[k:k + 20], np.full(20, STRAIN[k + 19]))
+                        for k in (0, 20, 40, 60)])  # fmt: skip
+RELAXED = 0.5 * (1.0 + STEPS - (1.0 + STEPS) ** -2.0)
+RELAXED *= 1.0 - 0.3 * (np.arange(160) % 40 >= 20)
+
 CYCLE = np.abs(np.sin(6 * STRAIN)) + STRAIN
 
 
@@ -47,6 +52,7 @@ CYCLE = np.abs(np.sin(6 * STRAIN)) + STRAIN
         ({"strain": 3 * STRAIN, "stress_MPa": 30 * STRESS}, "per cent is likely"),
         ({"strain": 25 * STRAIN, "stress_MPa": 5 * STRESS}, "per cent is likely"),
         ({"strain": LOOP, "stress_MPa": LOOP_STRESS}, "falls back .* behind the peak"),
+        ({"strain": STEPS, "stress_MPa": RELAXED}, "while strain stands, as in a relaxation test"),
         ({"strain": LOOP[:121], "stress_MPa": LOOP_STRESS[:121]}, "falls back .* behind the peak"),
         ({"strain": -STRAIN / 4, "stress_MPa": -STRESS}, "as in compression"),
         ({"strain": STRAIN, "stress_MPa": 2000 * STRESS}, "psi or kPa"),
@@ -62,7 +68,7 @@ CYCLE = np.abs(np.sin(6 * STRAIN)) + STRAIN
         ),
     ],
     ids=["per-cent", "per-cent-rigid", "per-cent-brittle",
-         "per-cent-tough", "loading-unloading", "unloading-in-part", "compression", "psi",
+         "per-cent-tough", "loading-unloading", "steps", "unloading-in-part", "compression", "psi",
          "three-points", "noise", "zero", "no-strain",
          "swapped-noisy", "swapped", "cyclic"],
 )  # fmt: skip
@@ -346,3 +352,26 @@ def test_a_hold_at_the_end_is_no_break(tmp_path: Path) -> None:
         ((one,),) = (m.specimens for m in planner.characterise(study(tmp_path, more)).materials)
         said = "it ends in a hold of 41 points at strain 0.8; it was not pulled to its break"
         assert any(said in note for note in one.notes) == told
+
+
+def test_rows_from_the_largest_load_down_are_no_compression(tmp_path: Path) -> None:
+    """As papers sort them, by stretch; its strains would count from the largest."""
+    stretch = np.linspace(0.6, 1.0, 81)
+    columns = {"stretch": stretch, "stress_MPa": 0.5 * (stretch - stretch**-2.0)}
+    with pytest.raises(FileError, match="stress begins at its peak of"):
+        study(tmp_path, columns, mode="compression")  # type: ignore[arg-type]
+    columns = {name: values[::-1] for name, values in columns.items()}
+    found = study(tmp_path, columns, mode="compression")  # type: ignore[arg-type]
+    ((curve,),) = found.other_modes.values()
+    # 1e-8: nine digits in the text.
+    np.testing.assert_allclose(curve.strain, columns["stretch"] - 1.0, atol=1e-8)
+
+
+@pytest.mark.parametrize("fallen", [0.0, 0.03])
+def test_a_coarse_strain_and_a_short_hold_are_no_steps(tmp_path: Path, fallen: float) -> None:
+    """Strain to a hundredth of its range, and a wait that costs 3 % of the load."""
+    strain = np.round(np.linspace(0.0, 0.8, 2001), 2)
+    stress = 0.5 * (1.0 + strain - (1.0 + strain) ** -2.0)
+    stress[1000:1100] -= fallen * stress[-1] * np.linspace(0.0, 1.0, 100)
+    strain[1000:1100] = strain[1000]
+    assert len(only(study(tmp_path, {"strain": strain, "stress_MPa": stress})).strain) > 1900
