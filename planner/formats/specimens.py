@@ -224,13 +224,11 @@ def _quantity(heading: str) -> str | None:
     if len(heading) > tables.LONGEST_HEADING:
         return None
     bracketed = _UNIT.fullmatch(heading)
-    name = bracketed[1] if bracketed else heading
-    words = re.sub(r"[\s_]+", " ", name).strip().casefold()
+    words = re.sub(r"[\s_]+", " ", bracketed[1] if bracketed else heading).strip().casefold()
     stem, _, unit = words.rpartition(" ")
     speed = _PER_TIME.fullmatch(words)
-    if speed is not None and speed[1] in _QUANTITIES:
-        return _QUANTITIES[speed[1]]
-    return _QUANTITIES.get(words) or (_QUANTITIES.get(stem) if len(unit) <= 6 else None)
+    called = (speed[1] if speed else "", words, stem if len(unit) <= 6 else "")
+    return next((_QUANTITIES[each] for each in called if each in _QUANTITIES), None)
 
 
 _MADE_OF = frozenset({"material", "profile", "part"})
@@ -281,13 +279,9 @@ def _condition(cell: str, column: SpecimenColumn, separator: str, where: str) ->
             allowed = ", ".join(column.choices)
             raise FileError(f"{where}: {column.name} is {cell!r}; it must be one of {allowed}")
         return cell.casefold() if column.choices else cell
-    value = tables.number(cell, separator)
-    hint = ""
-    if (
-        value is None
-        or not abs(value) <= tables.LARGEST_FIGURE
-        or (not column.between and value <= 0)
-    ):
+    number, hint = tables.number(cell, separator), ""
+    value = math.nan if number is None else number
+    if not abs(value) <= tables.LARGEST_FIGURE or (not column.between and value <= 0):
         must = "a number" if column.between else "a number above 0"
     else:
         low, high = column.between or (0.0, math.inf)

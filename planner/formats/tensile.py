@@ -47,7 +47,7 @@ MODES = tuple(_TERMS["modes"])
 
 _BEFORE, _BEHIND = (
     re.compile(form % "|".join(sorted(map(_folded, _words("qualifiers", name)), key=len)[::-1]))
-    for name, form in (("before", r"^(?:%s)\s*"), ("behind", r"\s(?:%s)$"))
+    for name, form in (("before", r"^(?:%s)[\s.]*"), ("behind", r"\s(?:%s)$"))
 )
 _ANY = {name: "|".join(_words("signs", name)) for name in _TERMS["signs"]}
 _SIGNS = {name: re.compile(f"(?:{any_})", re.I) for name, any_ in _ANY.items()}
@@ -70,7 +70,7 @@ _SYMBOL = re.compile(r"(.+) (?:[abdhls]\s?[0o]|[abhtw])")
 """A size with its symbol in ISO 527: "Probendicke a0"."""
 
 _GAUGE = re.compile(
-    r"(?:(?:anfangs)?messl(?:a|ae)nge|gau?ge length)\b(?!.*(?:bruch|break|final|end|after))"
+    r"((anfangs)?messlae?nge|(\w+ strain )?gau?ge length)\b(?!.*(bruch|break|final|end|after))"
 )
 """Which travel or strain it is of may stand behind."""
 
@@ -178,9 +178,12 @@ def heading_of(text: str) -> Heading:
 
 
 def _plain(text: str) -> str:
-    """Return a cell in one width, with single blanks; of what is too long for a heading ""."""
+    """Return a cell in one width, with single blanks; of what is too long for a heading "".
+
+    A hash before it is a comment's, as NumPy writes headings; "% strain" is "strain %".
+    """
     short = unicodedata.normalize("NFKC", text) if len(text) <= tables.LONGEST_HEADING else ""
-    return " ".join(short.split())
+    return re.sub(r"^%\s*(?=[^\W\d])(.+)", r"\1 %", " ".join(short.split()).lstrip("# "))
 
 
 def _parse(name: str) -> tuple[str, str | None, str] | None:
@@ -227,8 +230,6 @@ _LOADS = {"force", "stress", "true stress"}
 
 def headings_of(cells: Sequence[str]) -> list[Heading] | None:
     """Return the headings in a row that names a load and a length; None of any other row."""
-    if sum(map(bool, cells)) < 2:
-        return None
     found = [heading_of("" if _is_figure(cell) else cell) for cell in cells]
     return None if _missing(found) else found
 
@@ -262,14 +263,11 @@ def _names(cell: str) -> Iterator[tuple[str, str]]:
     if not unit:
         name, unit = next(_apart(name, _SUFFIXED, _JOINED, _SPACED), (name, ""))
     yield name, unit
-    group, _, last = name.rpartition(" : ")
-    if group:
-        yield last, unit
+    last = name.rpartition(" : ")[2]
+    yield last, unit
     if symbol := _SYMBOL.fullmatch(_folded(last)):
         yield symbol[1], unit
-    for part in re.split(r"\s*,\s*|\s+-\s+", last)[:1]:
-        if part != last:
-            yield part, unit
+    yield re.split(r"\s*,\s*|\s+-\s+", last)[0], unit
 
 
 def size_of(cell: str, *, symbols: bool = False) -> tuple[str | None, str, str]:
@@ -278,7 +276,6 @@ def size_of(cell: str, *, symbols: bool = False) -> tuple[str | None, str, str]:
     A size as width_mm, or rate_mm_s, the crosshead's speed. "Width 2" has the number 2: one of
     several readings. `symbols` takes "w" for a width too, if its unit is of length or not there.
     """
-    name = unit = ""
     for name, unit in _names(cell):
         numbered = _NUMBERED.fullmatch(_folded(name))
         stem, count = (numbered[1], numbered["tag"] or numbered["number"]) if numbered else ("", "")
@@ -296,10 +293,7 @@ def size_of(cell: str, *, symbols: bool = False) -> tuple[str | None, str, str]:
 
 def _head_text(cell: str) -> str | None:
     """Return which text of the head a cell names: material, specimen, mode or none."""
-    for name, _ in _names(cell):
-        if (text := _TEXT.get(_folded(name))) is not None:
-            return text
-    return None
+    return next(filter(None, (_TEXT.get(_folded(name)) for name, _ in _names(cell))), None)
 
 
 def mode_of(text: str) -> str | None:
@@ -530,6 +524,10 @@ def read_tensile(
         rest = replace(grid, rows=[row for row in grid.rows if row[0] not in read])
         if _count_numbers(rest) * (4 if grids[grid] else 1) >= fewest:
             raise FileError(f"{_not_understood(rest)}; the rest of the file is understood")
+    means = [p for p in pieces if len(p.name) > 1 and _is_statistic(p.name)]
+    if means and len(pieces) > len(means) + 1:
+        pieces = [piece for piece in pieces if piece not in means]
+        notes.append(f"{path.name}: {', '.join(p.name for p in means)} of the others; left out")
     return tuple(_tables(path, pieces, ordered, notes))
 
 
@@ -563,13 +561,15 @@ def _with_headings_of_words(rows: list[tables.TextRow]) -> list[tables.TextRow]:
     """Put words between blanks together to headings: "Time Axial Force" are two.
 
     As few words as make a heading, or as many, whichever gives as many as there are columns below.
+    Headings that come out otherwise would stand above others' numbers: they are left one cell.
     """
     found: list[tables.TextRow] = []
     below = 0
     for line, words in reversed(rows):
         few = len(words) <= _MOST_WORDS and len(words) != below
         choices = [_put_together_words(words, step) for step in (1, -1)] if few else []
-        found.append((line, next((c for c in choices if len(c) == below), words)))
+        otherwise = [" ".join(words)] if choices and headings_of(words) else words
+        found.append((line, next((c for c in choices if len(c) == below), otherwise)))
         below = len(words) if any(words) else below
     return found[::-1]
 
@@ -737,10 +737,8 @@ def _ends(grid: _Grid, wanted: Sequence[int], at: int) -> bool:
     """
     for row in range(at + 1, len(grid.rows)):
         numbers = [grid.is_number(grid.cell(row, i)) for i in wanted]
-        if all(numbers):
-            return False
-        if any(grid.rows[row][1]) and not any(numbers):
-            return True
+        if all(numbers) or (any(grid.rows[row][1]) and not any(numbers)):
+            return not all(numbers)
     return True
 
 
@@ -1056,6 +1054,10 @@ def _used_columns(record: _Block, places: Sequence[int]) -> tuple[list[_Column],
     grid, headings, where, notes = record.grid, record.headings, record.grid.where, list[str]()
     cells = {i: record.cells(i) for i in places if headings[i].meaning != "specimen"}
     cells = {i: column for i, column in cells.items() if any(column)}
+    told = {i: c for i, c in cells.items() if any(map(grid.is_number, {*c} - {"NaN", "nan"}))}
+    cells = told if _whole(headings, told) else cells
+    if lacking := _missing(headings[i] for i in cells):
+        raise FileError(f"{where}: no numbers of a {' nor of a '.join(lacking)}; export them too")
     gaps = [i for i, column in cells.items() if "" in column]
     if _whole(headings, (i for i in cells if i not in gaps)):
         for i, j in permutations(cells, 2):
@@ -1104,6 +1106,8 @@ def _used_columns(record: _Block, places: Sequence[int]) -> tuple[list[_Column],
         )
         if rank(i) == rank(same.at) and not is_time:
             doubles.append((same, column))
+    if loading := _other_loading(headings):
+        raise FileError(f"{where}: {loading}")
     _refuse_ramp(record)
     _refuse_far(record, found)
     is_strain = any(column.heading.quantity == "strain" for column in found.values())
@@ -1111,6 +1115,13 @@ def _used_columns(record: _Block, places: Sequence[int]) -> tuple[list[_Column],
         if not (is_strain and one.name == "displacement_mm"):
             _refuse_two(record, one, other)
     return sorted(found.values(), key=lambda column: column.at), notes
+
+
+def _other_loading(headings: _Headings) -> str:
+    """Say which heading is of bending or shear, whose load would be read as tension, or ""."""
+    bent = [h.text for h in headings if not h.meaning and _SIGNS["bent"].search(_folded(h.text))]
+    said = "is of bending or shear; give tests in tension, compression, planar or equibiaxial"
+    return f"{bent[0]!r} {said} tension, or take that column out" if bent else ""
 
 
 _ONE_TEMPERATURE_C = 4.0
@@ -1195,23 +1206,18 @@ def _joined(pieces: Sequence[_Piece], blocks: str | None, notes: list[str]) -> l
     for count, piece in enumerate(pieces, start=1):
         if blocks == "apart" and not piece.name and len(pieces) > 1:
             piece = replace(piece, name=str(count))
-        name = piece.name
-        last = found.get(name)
+        name, last = piece.name, found.get(piece.name)
         if last is not None and blocks != "join" and not _goes_on(last, piece):
             who = f"specimen {name}" if name else "the block"
-            advice = _ASKED[bool(piece.grid.option)]
+            advice = "write 'Specimen' and its name above each, or give each a file"
+            if piece.grid.option:
+                advice = "give --blocks apart for specimens, or --blocks join for one record"
             raise FileError(
                 f"{piece.grid.where}: {who} that ends on line {last.lines[-1]} starts again on "
                 f"line {piece.lines[0]}, and nothing names another; {advice}"
             )
         found[name] = piece if last is None else _put_together(last, piece, notes)
     return [*found.values()]
-
-
-_ASKED = (
-    "write 'Specimen' and its name above each, or give each a file",
-    "give --blocks apart if they are specimens, or --blocks join if they are one record",
-)
 
 
 def _goes_on(one: _Piece, next_: _Piece) -> bool:
@@ -1326,7 +1332,7 @@ class _Said:
 _Figures = list[tuple[str, float]]
 """With the labels of their specimens."""
 
-_ONE_CELL = re.compile(r"([^:：=]+?)\s*[:：=]\s*([+-]?[\d.,]+\s*\S+)")
+_ONE_CELL = re.compile(r"([^:：=]+?)\s*[:：=]\s*([+-]?[\d.,]+(?:\s*\S+)?)")
 _NEAR = 30
 _BESIDE = 200
 """Rows of numbers beside which sizes are looked for; programs write them at the top."""
@@ -1646,6 +1652,8 @@ def _not_understood(grid: _Grid) -> str:
         f"{grid.where}, line {line}: no heading of a {' nor of a '.join(_missing(headings))}; "
         f"understood: {', '.join(known) or 'none'}; not understood: {', '.join(shown) or 'none'}"
     )
+    if other := _other_loading(headings):
+        return f"{grid.where}, line {line}: {other}"
     example = _example([replace(h, unit=u) for h, u in zip(headings, units, strict=True)])
     named = example.split(",")
     if named.count("?") < len(_missing(map(heading_of, named))):
@@ -1728,18 +1736,20 @@ def _nearest(grid: _Grid) -> tuple[int, _Headings, Sequence[str]]:
     else:
         return 0, (), ()
     below = rows[at - 1][1] if at > 1 else []
-    if not all(quantities_of(cell.strip("()[]")) or cell[0] in "([" for cell in below if cell):
+    known = [bool(quantities_of(cell.strip("()[]")) or cell[0] in "([") for cell in below if cell]
+    if 2 * sum(known) < len(known):
         below = []
     line, names = rows[at - 1 - bool(below)]
     headings = [heading_of(name) for name in names]
     units = [h.unit if h.meaning else _unit_at_end(h.text) for h in headings]
-    under = [cell.strip("()[] ") for cell in (*below, *[""] * len(names))]
+    # Of a figure, as a modulus, the unit tells nothing.
     return line, headings, [
-        unit if unit and quantities_of(unit) else other
-        for unit, other in zip(units, under, strict=False)
+        "" if not h.meaning and _SIGNS["figure"].search(_folded(h.text))
+        else unit if unit and quantities_of(unit) else other.strip("()[] ")
+        for h, unit, other in zip(headings, units, [*below, *[""] * len(names)], strict=False)
     ]  # fmt: skip
 
 
 def _unit_at_end(name: str) -> str:
     """Return the unit in a heading whose name is not known: "Gap (mm)", "Gap_mm", "Gap / mm"."""
-    return re.split(r"[\s_(\[]", name.rstrip(")] "))[-1]
+    return re.split(r"[\s_(\[]", re.sub(r"[\s_#]\d+$", "", name).rstrip(")] "))[-1]

@@ -134,6 +134,16 @@ def test_utf_16_without_its_mark(tmp_path: Path, encoding: str) -> None:
         ("応力（MPa）", "stress", "MPa"),
         ("Engineering Stress (MPa)", "stress", "MPa"),
         ("Disp.", "displacement", None),
+        ("Eng. Strain (%)", "strain", "%"),
+        ("Avg. Force (N)", "force", "N"),
+        ("% Strain", "strain", "%"),
+        ("%Elongation", "elongation", "%"),
+        ("# time_s", "time", "s"),
+        ("Static force (N)", "force", "N"),
+        ("Compression load (N)", "force", "N"),
+        ("Nominelle Stauchung", "elongation", None),
+        ("Deformação (%)", "elongation", "%"),
+        ("Load (grams)", "force", "grams"),
     ],
 )
 def test_headings_are_taken_apart(heading: str, meaning: str, unit: str | None) -> None:
@@ -156,7 +166,8 @@ def test_what_only_sounds_alike_is_none(heading: str) -> None:
             "Messlänge Standardweg", "Meßlänge Traverse", "Messlaenge grob", "Anfangsmeßlänge L0",
             "Gauge length (extensometer)", "Gage length, fine strain", "Gauge Length 1", "Lo",
             "L 0", "L₀", "Original length", "Original gauge length", "Anfangslänge",
-            "Bezugslänge", "標線間距離",
+            "Bezugslänge", "標線間距離", "Strain : Tensile strain (Extension) gauge length",
+            "# gauge_mm",
         )),
         *((cell, "grip_mm") for cell in ("Jaw separation", "Distance between grips")),
         *((cell, "width_mm") for cell in ("Probenbreite b [mm]:", "Width w", "幅(W)")),
@@ -281,6 +292,26 @@ def test_no_order_of_columns_is_guessed(tmp_path: Path, head: str, example: str)
         read_tensile(path, option="--columns")
     with pytest.raises(FileError, match=r"column '\?' is unknown"):
         read_tensile(path, columns=example.split(","))
+
+
+@pytest.mark.parametrize(
+    "other", ["Young's modulus (MPa)", "Peak stress [MPa]", "Pressure (kPa)", "Yield Str. (MPa)"]
+)
+def test_a_figure_is_not_proposed_as_a_load(tmp_path: Path, other: str) -> None:
+    """Its unit is a stress's, and yet it is no channel of the record."""
+    path = tmp_path / "a.csv"
+    for head in (f"Time (s),Strain (%),{other}", f"Time,Strain,{other[:5]}\n(s),(%),(V)"):
+        path.write_text(f"{head}\n{columns(',', comma=False)}", encoding="utf-8")
+        with pytest.raises(FileError, match=r"--columns time_s,strain_%,(\?|-)") as caught:
+            read_tensile(path, option="--columns")
+        assert "stress_MPa " not in str(caught.value).partition(" with ")[0]
+
+
+def test_a_number_behind_a_name_is_no_unit(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text(f"Time (s),Sensor (N),Aux Input 1\n{columns(',', comma=False)}")
+    with pytest.raises(FileError, match=r"--columns time_s,force_N,\? with"):
+        read_tensile(path, option="--columns")
 
 
 def test_a_file_without_a_load_is_told_so(tmp_path: Path) -> None:

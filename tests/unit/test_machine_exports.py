@@ -1,6 +1,7 @@
 """What testing machines export, in each layout, is read whole; and what is not used is said."""
 
 import importlib.util
+import itertools
 import json
 import re
 import subprocess
@@ -200,7 +201,7 @@ def test_blocks_that_nothing_names_stop_and_the_option_decides(
     path.write_text("\n\n".join("\n".join(block) for block in blocks), encoding="utf-8")
     assert run(["characterise", str(path)]) == 2
     said = capsys.readouterr().err
-    assert "--blocks apart if they are specimens, or --blocks join if they are one" in said
+    assert "--blocks apart for specimens, or --blocks join for one record" in said
     assert said.count("\n") == 1
     check(read_study([path], blocks="apart"), 2)
 
@@ -900,3 +901,105 @@ def test_two_directions_of_image_correlation_stop(tmp_path: Path) -> None:
     path.write_text("\n".join([head, *rows]), encoding="utf-8")
     with pytest.raises(FileError, match=r"two lengths of one record.*--columns force_N,-,strain"):
         read_tensile(path, option="--columns")
+
+
+@pytest.mark.parametrize("nothing", ["N/A", "---", "NaN", "n. a."])
+def test_a_column_without_numbers_is_none(tmp_path: Path, nothing: str) -> None:
+    """Programs fill the columns that they did not measure with words."""
+    path = tmp_path / "a.csv"
+    rows = MADE.lines(1, f"{{t}},{{f}},{nothing},,{{d}}")
+    head = "Time (sec),Load (N),Stress (kPa),Strain (mm),Position (mm)"
+    path.write_text("\n".join([head, *rows]), encoding="utf-8")
+    check(read_study([path], **SIZES), 1)  # type: ignore[arg-type]
+    path.write_text("\n".join([head, *MADE.lines(1, "{t},,,,{d}")]), encoding="utf-8")
+    with pytest.raises(FileError, match=r"a\.csv: no numbers of a load .*; export them too"):
+        read_tensile(path)
+
+
+def test_words_of_unknown_headings_are_not_laid_over_the_columns(tmp_path: Path) -> None:
+    """Where tabs make no headings of a row, its words would: more of them than of numbers."""
+    path = tmp_path / "a.txt"
+    rows = MADE.lines(1, "{t}\t{d}\t{f}\t0.1\t0.2")
+    head = (
+        "Time\tUniversal Displacement\tUniversal Force\tAux Input 1\tAux Input 2\ns\tmm\tkN\tV\tV"
+    )
+    path.write_text("\n".join([head, *rows]), encoding="utf-8")
+    with pytest.raises(FileError, match="not understood: 'Universal Disp") as caught:
+        read_tensile(path, option="--columns")
+    assert "--columns time_s,displacement_mm,force_kN,-,-" in str(caught.value)
+
+
+@pytest.mark.parametrize("other", [
+    "Flexure stress (MPa)", "Flex Stress (MPa)", "Bending stress [MPa]", "Biegespannung (MPa)",
+    "Shear stress (kPa)", "Flexural strain (%)", "Contrainte de flexion (MPa)",
+])  # fmt: skip
+def test_bending_and_shear_are_no_tension(tmp_path: Path, other: str) -> None:
+    path = tmp_path / "a.csv"
+    for head in (f"Time (s),Load (N),Extension (mm),{other}", f"Time (s),b,c,{other}"):
+        rows = MADE.lines(1, "{t},{f},{d},{f}")
+        path.write_text("\n".join([head, *rows]), encoding="utf-8")
+        with pytest.raises(FileError, match=re.escape(f"{other!r} is of bending or shear; give")):
+            read_tensile(path, option="--columns")
+    # As it says: that column taken out, it is read.
+    path.write_text("\n".join(["Time (s),Load (N),Extension (mm)", *MADE.lines(1, "{t},{f},{d}")]))
+    check(read_study([path], **SIZES), 1)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("near", ["Pure shear stress (MPa)", "Flex70 (V)", "exy [1] - Lagrange"])
+def test_what_only_sounds_like_bending_or_shear_stops_nothing(tmp_path: Path, near: str) -> None:
+    path = tmp_path / "a.csv"
+    head = f"Time (s),Load (N),Extension (mm),{near}"
+    path.write_text("\n".join([head, *MADE.lines(1, "{t},{f},{d},0.5")]), encoding="utf-8")
+    check(read_study([path], **SIZES), 1)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("length", "load"), [
+    ("stretch", "Cauchy stress (MPa)"), ("Strain (mm/mm)", "Stress True (MPa)"),
+    ("Hencky strain", "sigma_true (MPa)"), ("strain_true", "stress_true (MPa)"),
+    ("Log strain", "Nominal stress (MPa)"), ("epsilon", "P (MPa)"),
+])  # fmt: skip
+def test_true_measures_by_their_other_names_are_turned(
+    tmp_path: Path, length: str, load: str
+) -> None:
+    """Whatever names say, the curve is the same one of nominal stress over engineering strain."""
+    path = tmp_path / "a.csv"
+    stretch = np.linspace(1.0, 2.0, 41)
+    nominal = 0.3 * (stretch - stretch**-2.0)
+    is_log = re.search("Hencky|true|Log", length)
+    x = stretch if length == "stretch" else np.log(stretch) if is_log else stretch - 1.0
+    y = nominal if load[0] in "NP" else nominal * stretch
+    rows = "".join(f"{a:.9g},{b:.9g}\n" for a, b in zip(x, y, strict=True))
+    path.write_text(f"{length},{load}\n{rows}", encoding="utf-8")
+    columns = ["strain", "stress_MPa"] if load[0] == "P" else None
+    ((curve,),) = read_study([path], columns=columns).groups.values()
+    # 1e-8: nine digits in the file.
+    np.testing.assert_allclose(curve.strain, stretch - 1.0, rtol=1e-8, atol=1e-8)
+    np.testing.assert_allclose(curve.stress_MPa, nominal, rtol=1e-8, atol=1e-8)
+
+
+@pytest.mark.parametrize("label", ["Mean", "Average", "Std. Dev.", "Mittelwert", "平均"])
+@pytest.mark.parametrize("beside", [True, False])
+def test_a_mean_beside_records_is_no_specimen(tmp_path: Path, label: str, *, beside: bool) -> None:
+    path = tmp_path / "a.csv"
+    one, two = MADE.lines(1, "{f},{d}"), MADE.lines(2, "{f},{d}")
+    if beside:
+        names = f"S1,,S2,,{label},\n" + ",".join(["Load (N),Extension (mm)"] * 3)
+        rows = [",".join(row) for row in itertools.zip_longest(one, two, one, fillvalue=",")]
+    else:
+        names = "specimen,Load (N),Extension (mm)"
+        of = {"S1": one, "S2": two, label: one}
+        rows = [f"{name},{row}" for name, lines in of.items() for row in lines]
+    path.write_text("\n".join([names, *rows]), encoding="utf-8")
+    found = read_study([path], **SIZES)  # type: ignore[arg-type]
+    check(found, 2)
+    assert f"a.csv: {label} of the others; left out" in " ".join(found.notes)
+
+
+def test_sizes_behind_hashes_as_scripts_write_them(tmp_path: Path) -> None:
+    """A figure of one digit as well, in one cell with its name."""
+    path = tmp_path / "a.csv"
+    head = ["# width_mm: 6", "# Thickness (mm): 2", "# gauge_mm: 25", "# time_s,force_N,travel_mm"]
+    path.write_text("\n".join([*head, *MADE.lines(1, "{t},{f},{d}")]), encoding="utf-8")
+    found = read_study([path])
+    check(found, 1)
+    assert found.records[0].area_mm2 == 12.0
