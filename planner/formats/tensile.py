@@ -164,6 +164,10 @@ def heading_of(text: str) -> Heading:
     while inner := _BRACKET.findall(name):  # one within another, as WaveMatrix writes them
         brackets, name = inner + brackets, _BRACKET.sub(" ", name)
     name = " ".join(name.split()) or plain
+    if any(_SIGNS[kind].search(_folded(b)) for b in brackets for kind in ("bent", "otherwise")):
+        return Heading(text, "", None)
+    for word in [b for b in brackets if _folded(f"{b} {name}") in _MEANING]:  # "Stress (true)"
+        name, brackets = f"{word} {name}", [b for b in brackets if b != word]
     if (found := _parse(_NUMBERED_CHANNEL.sub("", name, count=1)) or _tagged(name)) is None:
         return Heading(text, "", None)
     meaning, unit, tag = found
@@ -214,8 +218,11 @@ def _apart(name: str, *patterns: re.Pattern[str]) -> Iterator[tuple[str, str]]:
 
 
 def _tagged(name: str) -> tuple[str, str | None, str] | None:
-    """Return meaning, unit and tag of a heading with the specimen's in front: "S1_force_N"."""
-    for gap in re.finditer(r"[\s_:./|-]+", name):
+    """Return meaning, unit and tag of a heading with the specimen's in front: "S1_force_N".
+
+    In "1/lambda" no specimen stands in front.
+    """
+    for gap in re.finditer(r"(?<!^1(?=\s*/))[\s_:./|-]+", name):
         tag = name[: gap.start()]
         if _TAG.fullmatch(tag) and (inner := _parse(name[gap.end() :])) is not None:
             return inner[0], inner[1], tag
@@ -230,7 +237,7 @@ _LOADS = {"force", "stress", "true stress"}
 
 def headings_of(cells: Sequence[str]) -> list[Heading] | None:
     """Return the headings in a row that names a load and a length; None of any other row."""
-    found = [heading_of("" if _is_figure(cell) else cell) for cell in cells]
+    found = [heading_of("" if _is_figure(c) and not _WORD.search(c) else c) for c in cells]
     return None if _missing(found) else found
 
 
@@ -1106,8 +1113,7 @@ def _used_columns(record: _Block, places: Sequence[int]) -> tuple[list[_Column],
         )
         if rank(i) == rank(same.at) and not is_time:
             doubles.append((same, column))
-    if loading := _other_loading(headings):
-        raise FileError(f"{where}: {loading}")
+    _refuse_bent(headings, where)
     _refuse_ramp(record)
     _refuse_far(record, found)
     is_strain = any(column.heading.quantity == "strain" for column in found.values())
@@ -1117,11 +1123,11 @@ def _used_columns(record: _Block, places: Sequence[int]) -> tuple[list[_Column],
     return sorted(found.values(), key=lambda column: column.at), notes
 
 
-def _other_loading(headings: _Headings) -> str:
-    """Say which heading is of bending or shear, whose load would be read as tension, or ""."""
+def _refuse_bent(headings: _Headings, where: str) -> None:
+    """Refuse what a heading tells to be bending or shear: its load would be read as tension."""
     bent = [h.text for h in headings if not h.meaning and _SIGNS["bent"].search(_folded(h.text))]
-    said = "is of bending or shear; give tests in tension, compression, planar or equibiaxial"
-    return f"{bent[0]!r} {said} tension, or take that column out" if bent else ""
+    if bent:
+        raise FileError(f"{where}: {bent[0]!r} is of bending or shear; leave out test or column")
 
 
 _ONE_TEMPERATURE_C = 4.0
@@ -1652,8 +1658,7 @@ def _not_understood(grid: _Grid) -> str:
         f"{grid.where}, line {line}: no heading of a {' nor of a '.join(_missing(headings))}; "
         f"understood: {', '.join(known) or 'none'}; not understood: {', '.join(shown) or 'none'}"
     )
-    if other := _other_loading(headings):
-        return f"{grid.where}, line {line}: {other}"
+    _refuse_bent(headings, f"{grid.where}, line {line}")
     example = _example([replace(h, unit=u) for h, u in zip(headings, units, strict=True)])
     named = example.split(",")
     if named.count("?") < len(_missing(map(heading_of, named))):
@@ -1707,8 +1712,7 @@ def _example(headings: _Headings, *, twice: bool = False) -> str:
             continue
         meant.append(name)
         bare = next(iter(_COLUMNS.get(name, {}).values()), name)
-        stated = unit and name != "specimen"
-        names.append(f"{name.replace(' ', '_')}_{unit}" if stated else bare)
+        names.append(f"{name.replace(' ', '_')}_{unit}" if unit and name != "specimen" else bare)
     if any(kinds.isdisjoint(meant) for kinds in _SOUGHT.values()):
         names = [
             "?" if h.text and not h.meaning and name == "-" else name
@@ -1752,4 +1756,4 @@ def _nearest(grid: _Grid) -> tuple[int, _Headings, Sequence[str]]:
 
 def _unit_at_end(name: str) -> str:
     """Return the unit in a heading whose name is not known: "Gap (mm)", "Gap_mm", "Gap / mm"."""
-    return re.split(r"[\s_(\[]", re.sub(r"[\s_#]\d+$", "", name).rstrip(")] "))[-1]
+    return re.split(r"[\s_(\[]", re.sub(r"(?:^|[\s_#])\d+$", "", name).rstrip(")] "))[-1]

@@ -187,7 +187,7 @@ def _check_rising(strain: FloatArray, stress_MPa: FloatArray, *, where: str) -> 
             raise FileError(
                 f"{where}: {said.format(f'{fall:.4g}')} test; give the first loading alone, from "
                 "no load on, or protocol 'cyclic' or 'relaxation' in specimens.csv to leave it "
-                "out; of several specimens below one another, head the names' column 'specimen'"
+                "out; of several specimens, give each a name of its own in a column 'specimen'"
             )
 
 
@@ -458,8 +458,7 @@ def _curve_of(name: str, record: "_Record", said: str, sure: bool) -> Curve:
     test.cross_check(strain, stress, time)
     _check_rising(strain, stress, where=where)
     mode = "uniaxial" if said in ("", "tension", "compression") else said
-    told = (*table.notes, *notes)
-    curve = Curve(name, strain, stress, time, record.material, told, mode)
+    curve = Curve(name, strain, stress, time, record.material, (*table.notes, *notes), mode)
     curve = characterise.without_tail(characterise.without_spikes(_from_rest(curve, where)))
     return replace(curve, strain=sign * curve.strain, stress_MPa=sign * curve.stress_MPa)
 

@@ -144,6 +144,12 @@ def test_utf_16_without_its_mark(tmp_path: Path, encoding: str) -> None:
         ("Nominelle Stauchung", "elongation", None),
         ("Deformação (%)", "elongation", "%"),
         ("Load (grams)", "force", "grams"),
+        ("Stress (true) [MPa]", "true stress", "MPa"),
+        ("Strain (Hencky) [%]", "true strain", "%"),
+        ("Strain (Green-Lagrange) [-]", "lagrange strain", "-"),
+        ("Stress (nominal) [MPa]", "stress", "MPa"),
+        ("First Piola-Kirchhoff stress (kPa)", "stress", "kPa"),
+        ("Longitudinal strain", "strain", None),
     ],
 )
 def test_headings_are_taken_apart(heading: str, meaning: str, unit: str | None) -> None:
@@ -153,7 +159,19 @@ def test_headings_are_taken_apart(heading: str, meaning: str, unit: str | None) 
 
 @pytest.mark.parametrize(
     "heading",
-    ["Breitenänderung", "Kraftmessdose", "Temps de repos", "Bruchdehnung", "最大点_試験力"],
+    [
+        "Breitenänderung",
+        "Kraftmessdose",
+        "Temps de repos",
+        "Bruchdehnung",
+        "最大点_試験力",
+        "1/lambda",
+        "1 / λ",
+        "Displacement (setpoint) [mm]",
+        "Strain (transverse) [%]",
+        "Stress (shear) [MPa]",
+        "2nd PK stress (MPa)",
+    ],
 )
 def test_what_only_sounds_alike_is_none(heading: str) -> None:
     assert not heading_of(heading).meaning
@@ -295,7 +313,15 @@ def test_no_order_of_columns_is_guessed(tmp_path: Path, head: str, example: str)
 
 
 @pytest.mark.parametrize(
-    "other", ["Young's modulus (MPa)", "Peak stress [MPa]", "Pressure (kPa)", "Yield Str. (MPa)"]
+    "other",
+    [
+        "Young's modulus (MPa)",
+        "Peak stress [MPa]",
+        "Pressure (kPa)",
+        "Yield Str. (MPa)",
+        "2nd PK stress (MPa)",
+        "Mooney stress (MPa)",
+    ],
 )
 def test_a_figure_is_not_proposed_as_a_load(tmp_path: Path, other: str) -> None:
     """Its unit is a stress's, and yet it is no channel of the record."""
