@@ -83,7 +83,8 @@ def diagnose(
             cli.say("nothing was written (for a report with figures: --output FOLDER)")
         else:
             cli.say(f"wrote {output} (next: open {output / 'report.html'})")
-        if command := next_command(found, output, campaign, palette):
+        again = _again("connex3", palette, without=without, unit_of=unit_of)
+        if command := next_command(found, output, campaign, again):
             cli.say(f"next: {command}")
     return 0 if found.ok else 1
 
@@ -297,9 +298,13 @@ def _design_report(
         cli.say(f"wrote {output} (next: print, pull, fill curves.csv; {command})")
 
 
-def _again(printer: str, palette: str | None = None) -> str:
-    """Return the options that name a printer and a palette which are not the default ones."""
-    options = ("--printer", "" if printer == "connex3" else printer), ("--palette", palette)
+def _again(printer: str, palette: str | None = None, **lists: list[str] | None) -> str:
+    """Return the options that name a printer and a palette which are not the default ones.
+
+    And repeatable ones, by their names here.
+    """
+    options = [("--printer", "" if printer == "connex3" else printer), ("--palette", palette)]
+    options += [(f"--{n.replace('_', '-')}", one) for n, of in lists.items() for one in of or ()]
     return "".join(f" {option} {quote(name)}" for option, name in options if name)
 
 

@@ -298,7 +298,7 @@ def campaign_standing(campaign: str | Path) -> Standing:
         found = read_diagnosis(folder)
         command = next_command(found, folder)
         return Standing(found.campaign, (), (), {}, str(folder), found.verdict, command)
-    name = read_campaign_file(folder).name
+    file = read_campaign_file(folder)
     rows, _, _ = read_list(path_within(folder, SPECIMENS))
     listed = tuple(row.specimen for row in rows)
     tables = read_tensile(path_within(folder, CURVES)) if has_curves(folder) else ()
@@ -314,23 +314,26 @@ def campaign_standing(campaign: str | Path) -> Standing:
         if not column.is_size
         and (ids := tuple(row.specimen for row in rows if getattr(row, name) is None))
     }
-    files = {SPECIMENS, CURVES, *(row.file for row in rows if row.file)}
-    read = (path_within(folder, file) for file in files)
-    since = max(path.stat().st_mtime for path in read if path.is_file())
-    diagnoses = _diagnoses_of(folder, name, len(listed) - len(missing), since)
-    at, diagnosis = next(diagnoses, (None, None))
+    names = {"campaign.toml", file.palette, SPECIMENS, CURVES, "fields.csv"}
+    names |= {name for row in rows for name in (row.file, row.profile)}
+    read = (path for name in names if name and (path := folder / name).is_file())
+    since = max(path.stat().st_mtime for path in read)
+    diagnoses = _diagnoses_of(folder, file.name, len(listed) - len(missing), since)
+    *_, at, diagnosis = max(diagnoses, key=lambda one: one[:2], default=(0, 0.0, None, None))
     command = ""
     if not missing and diagnosis is not None:
         command = next_command(diagnosis, at, folder)
     elif not missing:
-        target = folder.with_name(f"{folder.resolve().name}-diagnosis")
-        command = f"planner gap diagnose {quote(str(folder))} -o {quote(str(target))}"
+        whole = folder.resolve()
+        target = _from_here(whole.parent / f"{whole.name}-diagnosis")
+        again = " --force" if (target / "diagnosis.json").is_file() else ""
+        command = f"planner gap diagnose {quote(str(folder))} -o {quote(str(target))}{again}"
     found_at, verdict = (None, None) if diagnosis is None else (str(at), diagnosis.verdict)
-    return Standing(name, listed, missing, unknown, found_at, verdict, command)
+    return Standing(file.name, listed, missing, unknown, found_at, verdict, command)
 
 
 def next_command(
-    found: Diagnosis, at: Path | None, campaign: Path | None = None, palette: str | None = None
+    found: Diagnosis, at: Path | None, campaign: Path | None = None, asked: str = ""
 ) -> str:
     """Return the command that follows from a verdict, with the options that it needs; "" for none.
 
@@ -342,13 +345,13 @@ def next_command(
         The folder or file of the diagnosis; None where none was written.
     campaign
         Its folder, if it is known.
-    palette
-        What it was diagnosed with in place of its own.
+    asked
+        The options that it was diagnosed with.
     """
     if found.unit_of:
-        again = f" --palette {quote(palette)}" if palette else ""
+        # What is said of a specimen last holds.
         units = "".join(f" --unit-of {quote(unit.text)}" for unit in found.unit_of)
-        return f"planner gap diagnose {quote(str(campaign or Path('CAMPAIGN')))}{again}{units}"
+        return f"planner gap diagnose {quote(str(campaign or Path('CAMPAIGN')))}{asked}{units}"
     known = [EFFECTS[one.id] for one in found.effect if one.id in EFFECTS]
     known = [effect for effect in known if effect.advice is None]
     if not known or at is None:
@@ -363,19 +366,23 @@ def next_command(
 
 def _diagnoses_of(
     folder: Path, campaign: str, measured: int, since: float
-) -> Iterator[tuple[Path, Diagnosis]]:
-    """Yield diagnoses of so many specimens with their folders, below the campaign or beside it.
+) -> Iterator[tuple[int, float, Path, Diagnosis]]:
+    """Yield diagnoses below the campaign or beside it: specimens, when, where, and what they say.
 
-    What is older than the last measurement is of an earlier state, or of a campaign of that name
-    before this one: designs for the same effects are called alike.
+    Of so many specimens, or of fewer: what cannot be compared is left out of a diagnosis. What is
+    older than the last measurement is of an earlier state, or of a campaign of that name before
+    this one: designs for the same effects are called alike.
     """
-    above, here = folder.resolve().parent, Path.cwd()
+    above = folder.resolve().parent
     for file in sorted([*folder.glob("*/diagnosis.json"), *above.glob("*/diagnosis.json")]):
         try:
             found = read_diagnosis(file)
         except PlannerError:
             continue
-        current = file.stat().st_mtime >= since
-        if current and found.campaign == campaign and found.specimens == measured:
-            at = file.parent
-            yield at.relative_to(here) if at.is_relative_to(here) else at, found
+        written = file.stat().st_mtime
+        if written >= since and found.campaign == campaign and found.specimens <= measured:
+            yield found.specimens, written, _from_here(file.parent), found
+
+
+def _from_here(path: Path) -> Path:
+    return path.relative_to(here) if path.is_relative_to(here := Path.cwd()) else path

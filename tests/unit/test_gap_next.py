@@ -75,6 +75,56 @@ def test_from_a_list_alone_to_a_correction(lab: Path, capsys: pytest.CaptureFixt
     assert _standing(capsys)["next"] == "planner gap diagnose lab -o lab-diagnosis"
 
 
+def _diagnosed(folder: str, **more: object) -> None:
+    Path(folder).mkdir(exist_ok=True)
+    (Path(folder) / "diagnosis.json").write_text(json.dumps(DIAGNOSIS | more))
+
+
+def test_from_within_the_folder_it_is_the_same_campaign(
+    lab: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Seen from within, the report goes beside the campaign too, where it is then found."""
+    monkeypatch.chdir(lab)
+    for place in (".", "../lab"):
+        assert run(["gap", "next", place, "--json"]) == 0
+        expected = Path.cwd().with_name("lab-diagnosis")
+        command = json.loads(capsys.readouterr().out)["next"]
+        assert command == f"planner gap diagnose {place} -o {expected}"
+    _diagnosed("../lab-diagnosis")
+    assert run(["gap", "next", "."]) == 0
+    assert "planner gap correct" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("name", ["curves.csv", "campaign.toml", "palette.toml", "fields.csv"])
+def test_what_changed_since_is_diagnosed_anew(
+    lab: Path, capsys: pytest.CaptureFixture[str], name: str
+) -> None:
+    """In place of the earlier report: the command runs as it is written."""
+    _diagnosed("lab-diagnosis")
+    assert "correct" in _standing(capsys)["next"]
+    (lab / name).touch()
+    later = Path("lab-diagnosis/diagnosis.json").stat().st_mtime + 10.0
+    os.utime(lab / name, (later, later))
+    assert _standing(capsys)["next"] == "planner gap diagnose lab -o lab-diagnosis --force"
+
+
+def test_a_specimen_that_is_not_compared_hides_no_diagnosis(
+    lab: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Of those that were diagnosed alike the last one counts, whatever it is called."""
+    _diagnosed("lab-diagnosis", specimens=17)
+    assert _standing(capsys)["diagnosis"] == "lab-diagnosis"
+    _diagnosed("another", specimens=17, verdict="unknown", effect={})
+    later = Path("lab-diagnosis/diagnosis.json").stat().st_mtime + 10.0
+    for first, last in (("lab-diagnosis", "another"), ("another", "lab-diagnosis")):
+        os.utime(f"{first}/diagnosis.json", (later, later))
+        os.utime(f"{last}/diagnosis.json", (later + 1.0, later + 1.0))
+        assert _standing(capsys)["diagnosis"] == last
+    _diagnosed("whole")  # of all 18, which no other campaign's few go before
+    os.utime("whole/diagnosis.json", (later, later))
+    assert _standing(capsys)["diagnosis"] == "whole"
+
+
 def test_of_a_diagnosis_it_says_the_verdict_and_what_follows(lab: Path, capsys) -> None:
     Path("why").mkdir()
     Path("why/diagnosis.json").write_text(json.dumps(DIAGNOSIS))

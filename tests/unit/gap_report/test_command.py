@@ -175,6 +175,11 @@ def test_another_unit_is_named_in_the_next_command(
     run(["gap", "diagnose", "lab"])
     last = capsys.readouterr().out.splitlines()[-1]
     assert last == f"next: planner gap diagnose lab --unit-of {units[0].text}"
+    # What was said before stays said: files in two wrong units are read in both.
+    said = ["--palette", "connex3-tango-vero", "--without", "skin", "--unit-of", "force=kgf"]
+    run(["gap", "diagnose", "lab", *said])
+    last = capsys.readouterr().out.splitlines()[-1]
+    assert last == f"next: planner gap diagnose lab {' '.join(said)} --unit-of {units[0].text}"
 
 
 def test_of_nothing_no_command_follows(campaign, monkeypatch, capsys, examples: Examples) -> None:
