@@ -492,7 +492,7 @@ def _rates(specimen: Specimen) -> tuple[float, ...]:
 def _traces_of(problem: Problem, chosen: Candidate) -> Traces:
     """Return the traces of a campaign and its verdict's candidate."""
     model, specimens = problem.model, problem.campaign.specimens
-    setup = model.setup
+    setup, peaks_N = model.setup, problem.typical_peaks_N()
     sign = np.where(setup.pushed, -1.0, 1.0)[:, None]
     signs = sign[model.test_of]
     measured, after = signs * model.measured_N, signs * problem.forces_N(chosen)
@@ -505,9 +505,9 @@ def _traces_of(problem: Problem, chosen: Candidate) -> Traces:
         before_N=before_N,
         after_N=sign * predict(chosen.applied(setup), model.laws).force_N,
         measured_N=measured,
-        residual_before=signed_error((measured - before_N[model.test_of]) / model.peaks_N),
-        residual_after=signed_error((measured - after) / model.peaks_N),
-        specimens=tuple(s.id for s in specimens),
+        peaks_N=peaks_N,
+        residual_before=signed_error((measured - before_N[model.test_of]) / peaks_N),
+        residual_after=signed_error((measured - after) / peaks_N),
         columns=axis_columns(problem.campaign),
     )
 

@@ -235,10 +235,11 @@ class Traces:
         Predicted by the palette alone, and with the verdict's effects: NaN where it names none.
     measured_N : (n, T)
         Of each specimen, in the campaign's order, on its test's steps.
+    peaks_N : (n, 1)
+        What errors are told over: the mean size of the largest forces of a specimen and its
+        replicates.
     residual_before, residual_after : (n,)
         Error of each specimen by its own prediction, as `signed_error` has it.
-    specimens : (n,)
-        Their ids in the campaign's order.
     columns
         By axis, what each specimen has there, None where it is unknown; see `axis_columns`.
     """
@@ -250,15 +251,15 @@ class Traces:
     before_N: FloatArray
     after_N: FloatArray
     measured_N: FloatArray
+    peaks_N: FloatArray
     residual_before: FloatArray
     residual_after: FloatArray
-    specimens: tuple[str, ...]
     columns: Mapping[str, tuple[float | str | None, ...]]
 
     __repr__ = brief
 
     def errors(self, predicted_N: FloatArray) -> FloatArray:
-        """Return measured less predicted over the specimen's largest force, (n, T).
+        """Return measured less predicted over `peaks_N`, (n, T).
 
         Parameters
         ----------
@@ -268,7 +269,7 @@ class Traces:
         errors = np.empty_like(self.measured_N)
         for predicted, rows in zip(predicted_N, self.rows, strict=True):
             errors[rows] = self.measured_N[rows] - predicted
-        return np.asarray(errors / np.abs(self.measured_N).max(axis=1, keepdims=True))
+        return np.asarray(errors / self.peaks_N)
 
 
 def signed_error(errors: FloatArray) -> FloatArray:
@@ -482,8 +483,9 @@ def read_diagnosis(path: str | Path) -> Diagnosis:
     >>> planner.read_diagnosis("diagnosis").verdict  # doctest: +SKIP
     'temperature'
     """
-    path = Path(path)
-    file = path_within(path, "diagnosis.json") if path.is_dir() else path
+    file = Path(path) if isinstance(path, str) else path
+    if isinstance(file, Path) and file.is_dir():
+        file = path_within(file, "diagnosis.json")
     advice = "give a diagnosis.json as planner gap diagnose -o writes it, or its folder"
     data = read_file(file, advice=advice)
     document = decode_document(data, dict[str, Any], str(file))

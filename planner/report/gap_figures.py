@@ -267,7 +267,7 @@ _SIZES = ("specimen", "material", "width_mm", "thickness_mm", "gauge_mm")
 def _specimen_words(traces: Traces, row: int) -> str:
     """Name a specimen with what it is of and the conditions that it was tested in."""
     columns = traces.columns
-    name = traces.specimens[row]
+    name = str(columns["specimen"][row])
     words = [str(columns["material"][row])] if "material" in columns else []
     for column, values in columns.items():
         value = values[row]

@@ -28,8 +28,12 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
         measured_N=np.stack([travel, 1.1 * travel, 2.0 * travel]),
         residual_before=np.array([0.0, 0.05, 0.3]),
         residual_after=np.array([0.0, 0.05, 0.0]),
-        specimens=("A", "B", "C"),
-        columns={"material": ("soft",) * 3, "temperature_C": (40.0, 40.0, 23.0)},
+        peaks_N=np.array([[10.5], [10.5], [20.0]]),
+        columns={
+            "specimen": ("A", "B", "C"),
+            "material": ("soft",) * 3,
+            "temperature_C": (40.0, 40.0, 23.0),
+        },
     )
     diagnosis = Diagnosis(
         campaign="warm <b>", palette="lab", palette_sha256="ab" * 32, specimens=3, tests=2,

@@ -419,7 +419,7 @@ def _traces(text: str) -> Traces:
         travel_mm=np.stack([travel, travel]), time_s=np.stack([travel, travel]),
         before_N=1.2 * force[:2], after_N=force[:2], measured_N=force,
         residual_before=np.array([0.1, 0.2, -0.1]), residual_after=np.array([0.0, 0.1, 0.0]),
-        specimens=ids,
+        peaks_N=force.max(axis=1, keepdims=True),
         columns={
             "specimen": ids, "material": ids, "rate_mm_s": (5.0, 0.5, 5.0), "operator": ids,
             "gauge_mm": (20.0, 20.0, 20.0),

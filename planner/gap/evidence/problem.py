@@ -658,7 +658,7 @@ class Problem:
         return forces
 
     def squared_errors(self, predicted: Candidate | FloatArray) -> FloatArray:
-        """Return mean squared errors of force over `_typical_peaks_N`, (n,).
+        """Return mean squared errors of force over `typical_peaks_N`, (n,).
 
         Parameters
         ----------
@@ -667,10 +667,10 @@ class Problem:
         """
         if isinstance(predicted, Candidate):
             predicted = self.forces_N(predicted)
-        off = (self.model.measured_N - predicted) / self._typical_peaks_N()
+        off = (self.model.measured_N - predicted) / self.typical_peaks_N()
         return np.asarray(np.mean(off**2, axis=1))
 
-    def _typical_peaks_N(self) -> FloatArray:
+    def typical_peaks_N(self) -> FloatArray:
         """Return the mean size of its replicates' largest forces, in each specimen's unit, (n, 1).
 
         Its own would hide that it is high, and double that it is low.
@@ -691,7 +691,7 @@ class Problem:
         batch. It is known from few replicates, so that an error may come out slightly below it. A
         gain of some specimens, of the candidate that is `known`, is no scatter.
         """
-        curves = self.model.measured_N / self._typical_peaks_N()
+        curves = self.model.measured_N / self.typical_peaks_N()
         if known is not None and known.members is not None:
             # Peaks are in each specimen's own unit already.
             gain = np.where(self.unit_gains == 0.0, known.log_gain * known.members, 0.0)

@@ -66,6 +66,14 @@ def test_rate_is_rate(of_rate: Diagnosis) -> None:
     assert not of_rate.ok
 
 
+def test_a_figure_has_the_errors_that_the_words_have(of_rate: Diagnosis) -> None:
+    """Every condition is left out once and none strays, so that the error before is theirs all."""
+    assert of_rate.traces is not None
+    of_each = np.mean(of_rate.traces.errors(of_rate.traces.before_N) ** 2, axis=1)
+    for squares in (of_each, of_rate.traces.residual_before**2):
+        assert np.sqrt(np.mean(squares)) == pytest.approx(of_rate.gap.before, rel=1e-9)
+
+
 @pytest.mark.slow
 def test_temperature_is_not_rate(planned, imitated) -> None:
     plan = planned(2, material=["FLX9760"], rate_mm_s=[0.85, 8.5], temperature_C=[23.0, 38.0])

@@ -36,7 +36,7 @@ def make_traces() -> Traces:
         measured_N=np.stack([force, force, 1.02 * force]),
         residual_before=np.array([0.0, -0.125, 0.01]),
         residual_after=np.array([0.0, 0.0, 0.01]),
-        specimens=("A", "B", "C"),
+        peaks_N=np.array([[20.2], [20.0], [20.2]]),
         columns={
             "specimen": ("A", "B", "C"),
             "material": ("hard", "soft", "hard"),
