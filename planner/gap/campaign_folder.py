@@ -315,9 +315,6 @@ def _time(source: _Source, travel: FloatArray) -> tuple[FloatArray, bool]:
             f"{source.where}, line {source.table.lines[at + 1]}: time falls from {time[at]:g} s to "
             f"{time[at + 1]:g} s; sort or repair the rows"
         )
-    if time[0] < 0.0:
-        source.notes.append(f"time counts from its first value, {time[0]:g} s")
-        time = time - time[0]
     return time, True
 
 
@@ -450,7 +447,7 @@ class CampaignFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
         return load_printer(self.printer).palette(self.palette)
 
 
-def read_campaign_file(folder: Path) -> CampaignFile:
+def read_campaign_file(folder: str | Path) -> CampaignFile:
     """Read campaign.toml in a folder.
 
     Raises
@@ -459,7 +456,7 @@ def read_campaign_file(folder: Path) -> CampaignFile:
         The folder or file is missing, is no TOML, or breaks the schema; the message names the
         key.
     """
-    if not folder.is_dir():
+    if not isinstance(folder, str | Path) or not Path(folder).is_dir():
         raise FileError(f"{folder}: no such folder; give the folder of a campaign")
     data = read_file(
         path_within(folder, _CAMPAIGN),
@@ -523,8 +520,8 @@ def read_campaign(
     >>> len(planner.read_campaign("samples/warm-lab").specimens)  # doctest: +SKIP
     18
     """
-    folder = Path(folder)
     file = read_campaign_file(folder)
+    folder = Path(folder)
     palette = file.palette_in(folder, palette)
     rows, covariates, slips = read_list(path_within(folder, SPECIMENS))
     noted: _Noted = defaultdict(list, {note: [] for note in slips})

@@ -16,6 +16,7 @@ from planner.errors import (
     PaletteError,
     UnknownNameError,
     as_number,
+    positive,
     refused,
 )
 from planner.gap.campaign import TOLERANCES, Campaign, stated
@@ -502,11 +503,9 @@ def correct(
     before, doubt = _diagnosed_palette(diagnosis, palette, printer)
     asked = Reference(rate_per_s, temperature_C, soak_h, age_days, cast("Any", orientation))
     use = _conditions(asked, before.reference)
-    for name, value in (("width_mm", width_mm), ("thickness_mm", thickness_mm)):
-        if not 0.0 < value < math.inf:
-            raise ArgumentError(f"`{name}` {value:g}: it must be above 0")
+    section_mm = positive(width_mm, "`width_mm`"), positive(thickness_mm, "`thickness_mm`")
     own = _conditions(Reference(), before.reference)
-    case = _Case(before, diagnosis, own, use, (width_mm, thickness_mm))
+    case = _Case(before, diagnosis, own, use, section_mm)
     return _corrected(case, recalibrate, doubt)
 
 
@@ -614,13 +613,12 @@ def _whole(log: FloatArray, palette: Palette) -> FloatArray:
 
 def _conditions(asked: Reference, own: Reference) -> Reference:
     """Return the conditions of use, each stated, the palette's own or the usual one."""
-    use = stated(asked, own)
+    use, numbers = stated(asked, own), dict[str, Any]()
     for name, (_, _, low, high) in _CONDITIONS.items():
         argument = {"strain_rate_per_s": "rate_per_s"}.get(name, name)
-        value = as_number(getattr(use, name), f"`{argument}`")
+        numbers[name] = value = as_number(getattr(use, name), f"`{argument}`")
         if not low <= value <= high:
             raise ArgumentError(f"`{argument}` {value:g}: it must be from {low:g} to {high:g}")
-    numbers: dict[str, Any] = {name: float(getattr(use, name)) for name in _CONDITIONS}
     return replace(use, **numbers)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import scipy.linalg
 from scipy.special import ndtr
 
-from planner.errors import ArgumentError, PaletteError, as_count, as_texts
+from planner.errors import ArgumentError, PaletteError, as_count, as_number, as_texts
 from planner.formats.specimens import SPECIMEN_COLUMNS
 from planner.gap.campaign import Campaign, Specimen, stated
 from planner.gap.diagnosis import Experiment, Hypothesis
@@ -491,7 +491,7 @@ def design_campaign(
         raise ArgumentError(f"`effects`: {double} stands twice; name each effect once")
     as_count(budget, "`budget`", _MOST)
     for name, value in size.items():
-        if not _SMALLEST_mm <= value <= _LARGEST_mm:
+        if not _SMALLEST_mm <= as_number(value, f"`{name}`") <= _LARGEST_mm:
             raise ArgumentError(
                 f"`{name}` {value:g}: it must be from {_SMALLEST_mm:g} to {_LARGEST_mm:g}"
             )

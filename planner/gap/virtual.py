@@ -8,7 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from planner.errors import ArgumentError, FileError, UnknownNameError, as_texts, check_known
+from planner.errors import (
+    ArgumentError,
+    FileError,
+    UnknownNameError,
+    as_count,
+    as_texts,
+    check_known,
+)
 from planner.formats.files import path_within
 from planner.formats.specimens import read_specimens
 from planner.gap.campaign import Campaign, Specimen, StrainField, stated
@@ -280,7 +287,6 @@ def _listed(file: Path, name: str, palette: Palette, printer: str, camera: bool)
             far = _figure(own.get("to_mm"), end_mm, where, "to_mm") / fields["gauge_mm"]
         else:
             far = _figure(own.get("to_strain"), share * strain, where, "to_strain")
-        pushed = not row.part and said_mode(row) == "compression"
         specimen = virtual_specimen(
             palette,
             id=row.specimen,
@@ -288,7 +294,7 @@ def _listed(file: Path, name: str, palette: Palette, printer: str, camera: bool)
             strain=far / share,
             hold_s=_figure(own.get("hold_s"), HOLD_S, where, "hold_s"),
             camera=camera,
-            pushed=pushed,
+            pushed=not row.part and said_mode(row) == "compression",
             covariates=own,
             **fields,
         )
@@ -446,7 +452,7 @@ def synthesise_campaign(
     """
     plan = read_design(design, palette, printer=load_printer(printer), camera=camera)
     effects = [stated_effect(text, plan.palette) for text in as_texts(effect, "`effect`")]
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(as_count(seed, "`seed`", 2**63, least=0))
     return synthetic_campaign(plan, effects, rng, scatter=scatter, seed_text=f"seed {seed}")
 
 

@@ -132,6 +132,23 @@ def test_strain_fields_keep_the_places_seen_throughout(folder: Path) -> None:
     assert any("G1: places along the axis" in text for text in campaign.limitations)
 
 
+@pytest.mark.parametrize("start_s", [-5.0, 7.0])
+def test_a_clock_that_starts_elsewhere_is_that_of_curve_and_camera(
+    folder: Path, start_s: float
+) -> None:
+    """Both count on one clock, wherever it starts: what the camera saw stays where it was."""
+    for start in (0.0, start_s):
+        rows = [line.split(",", 1) for line in curve()]
+        told = [f"G1,{float(time) + start},{rest}" for time, rest in rows]
+        (folder / "curves.csv").write_text(curves("S1", "S2") + "\n".join(told) + "\n")
+        told = [f"G1,{t + start},{x},{0.01 * t * x}" for t in (1, 2, 3) for x in (5, 10, 20)]
+        (folder / "fields.csv").write_text("specimen,time_s,x_mm,strain\n" + "\n".join(told))
+        bar = read_campaign(folder).specimen("G1")
+        assert bar.strain_field is not None
+        travel = np.interp(bar.strain_field.time_s, bar.time_s, bar.displacement_mm)
+        assert travel.tolist() == [1.0, 2.0, 3.0]
+
+
 @pytest.mark.parametrize(
     ("places", "message"),
     [

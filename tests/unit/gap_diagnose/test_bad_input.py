@@ -4,11 +4,15 @@ What is refused in reading is in test_campaign.py; here one of each kind goes al
 """
 
 import json
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+import planner
 from planner.cli import run
+from planner.errors import ArgumentError, FileError
 
 HEAD = (
     "specimen,material,profile,width_mm,thickness_mm,gauge_mm,rate_mm_s,temperature_C,soak_h,"
@@ -83,6 +87,30 @@ def test_what_cannot_be_read_is_refused_in_one_line(
     assert all(part in printed.err for part in says), printed.err
     assert "Traceback" not in printed.err
     assert sorted(p.name for p in lab.parent.iterdir()) == ["lab"]
+
+
+@pytest.mark.parametrize("wrong", [None, 3, ["lab"], b"lab"])
+def test_what_is_no_folder_is_refused_from_python_too(wrong: Any) -> None:
+    for read in (planner.diagnose, planner.read_campaign, planner.read_diagnosis, planner.correct):
+        with pytest.raises(FileError, match=r"give (the folder of a campaign|a diagnosis\.json)"):
+            read(wrong)
+
+
+@pytest.mark.parametrize(
+    ("call", "said"),
+    [
+        (lambda: planner.design_campaign("rate", 16, width_mm="6"), "`width_mm` '6'"),
+        (lambda: planner.design_campaign("rate", 16, gauge_mm=[25]), "`gauge_mm`"),
+        (lambda: planner.synthesise_campaign("lab", seed=None), "`seed` None"),
+        (lambda: planner.synthesise_campaign("lab", seed=-1), "`seed` -1"),
+    ],
+)
+def test_what_is_no_number_is_refused_by_its_name(
+    lab: Path, call: Callable[[], object], said: str
+) -> None:
+    with pytest.raises(ArgumentError) as caught:
+        call()
+    assert said in str(caught.value)
 
 
 def document(capsys) -> dict[str, object]:
