@@ -1096,10 +1096,10 @@ def _imitated(effects: Effects, evidence: Evidence, priors: Priors) -> float:
     """
     found = evidence.log_evidence
     own_axes = {axis for id in effects for axis in evidence.axes.get(id, ())}
-    beside = [v for (e, axis), v in found.items() if e == effects and axis not in {"", *own_axes}]
     own = found.get((effects, ""), np.inf)
+    beside = [v - own for (e, at), v in found.items() if e == effects and at not in {"", *own_axes}]
     form = priors.imitation_nats / (priors.imitation_nats + max(own - found[(), ""], 0.0))
-    log_odds = min(_counted(found, priors), form) * max(max(beside, default=own) - own, 0.0)
+    log_odds = min(_counted(found, priors), form) * max([0.0, *beside])
     return float(expit(logit(priors.imitated) + min(log_odds, _SURE)))
 
 

@@ -377,3 +377,13 @@ def test_an_unknown_is_of_one_class_with_what_it_resembles(within_floor: bool) -
     assert alike[0] == UNKNOWN
     assert (RATE in alike) == (not within_floor)
     assert SLIP not in alike
+
+
+def test_effects_that_are_known_beside_their_own_axis_alone_have_a_probability() -> None:
+    """A gain of some specimens that a column tells is that column's, which an effect may claim."""
+    prior = {**PRIOR, (BOTH, "rate_mm_s"): PRIOR[BOTH, ""]}
+    del prior[BOTH, ""]
+    found = Evidence(prior, dict.fromkeys(prior, 0.0), axes={"rate": ["rate_mm_s"]})
+    shares = [h.probability for h in ranking_of(found, Priors())]
+    assert sum(shares) == pytest.approx(1.0)
+    assert min(shares) > 0.0
