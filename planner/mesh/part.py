@@ -701,6 +701,20 @@ _LEVEL = 1e-6
 """Of a cosine, off 1: between faces that may lie in one plane, rounded as files are."""
 
 
+def _folds(mesh: Mesh, topology: Topology) -> tuple[Int32Array, Int32Array]:
+    """Group the faces of a closed mesh by planes, (m,), and tell which groups fold back."""
+    one, other, normals = np.arange(mesh.faces.size) // 3, topology.twin // 3, mesh.normals
+    large = np.linalg.norm(mesh.area_vectors_mm2, axis=1) > _OVERLAP * mesh.area_mm2
+    bare = np.flatnonzero(~large)  # corners in line, or nearly: in the plane beyond the long side
+    sides = np.roll(mesh.triangles[bare], -1, axis=1) - mesh.triangles[bare]
+    normals[bare] = normals[other[3 * bare + np.linalg.norm(sides, axis=2).argmax(axis=1)]]
+    cosine = np.einsum("ij,ij->i", normals[one], normals[other])
+    folded, level = cosine < _LEVEL - 1.0, np.abs(cosine) > 1.0 - _LEVEL
+    folded = one[folded & large[one] & large[other]]
+    group = connected(len(mesh.faces), one[level], other[level]) if len(folded) else topology.body
+    return group, np.unique(group[folded])
+
+
 def _unfolded(state: Repaired) -> Repaired:
     """Divide anew what lies in a plane and folds back on itself, as a fan over a notch does.
 
@@ -709,17 +723,9 @@ def _unfolded(state: Repaired) -> Repaired:
     from manifold3d import triangulate
 
     mesh, faces = Mesh(state.vertices, state.topology.faces), state.topology.faces
-    one, other, normals = np.arange(faces.size) // 3, state.topology.twin // 3, mesh.normals
-    large = np.linalg.norm(mesh.area_vectors_mm2, axis=1) > _OVERLAP * mesh.area_mm2
-    bare = np.flatnonzero(~large)  # corners in line, or nearly: in the plane beyond the long side
-    sides = np.roll(mesh.triangles[bare], -1, axis=1) - mesh.triangles[bare]
-    normals[bare] = normals[other[3 * bare + np.linalg.norm(sides, axis=2).argmax(axis=1)]]
-    cosine = np.einsum("ij,ij->i", normals[one], normals[other])
-    folded, level = cosine < _LEVEL - 1.0, np.abs(cosine) > 1.0 - _LEVEL
-    folded &= large[one] & large[other]
-    group = connected(len(faces), one[level], other[level]) if folded.any() else one
+    group, numbers = _folds(mesh, state.topology)
     kept, divided = np.ones(len(faces), dtype=np.bool_), list[Int32Array]()
-    for number in np.unique(group[one[folded]]):
+    for number in numbers:
         own = group == number
         rim, up = Topology(faces[own]).open_edges, mesh.area_vectors_mm2[own].sum(axis=0)
         after, height, size = dict(rim.tolist()), mesh.triangles[own] @ up, np.linalg.norm(up)
@@ -814,7 +820,7 @@ def _arrange_bodies(state: Repaired, bodies: str | None) -> _Arranged:
         met[both[both[:, 0] != both[:, 1]]] = True
         numbers = np.flatnonzero(met & outward & full)
         groups = [faces[keep & (solid[body] == number)] for number in numbers]
-        if (united := _unite(vertices, groups)) is not None:
+        if (united := _unite(state, groups)) is not None:
             triangles, note = united
             rest = vertices[faces[keep & ~met[solid[body]]]]
             return *_welded(np.concatenate([rest, triangles])), (*notes, note)
@@ -1035,18 +1041,22 @@ def _sum(solids: list[Any]) -> Any:
     return whole
 
 
-def _unite(vertices: FloatArray, groups: list[Int32Array]) -> tuple[FloatArray, str] | None:
-    """Unite solids: their triangles, and a note; None where no two overlap or touch in a face."""
-    snapped = np.rint(vertices / _SAME_MM) * _SAME_MM
+def _unite(state: Repaired, groups: list[Int32Array]) -> tuple[FloatArray, str] | None:
+    """Unite solids: their triangles, and a note; None where no two overlap or touch in a face.
+
+    Rounded askew they touch in places alone, and what would be united has slits: they stay apart,
+    but for bodies that met at shared edges.
+    """
+    snapped = np.rint(state.vertices / _SAME_MM) * _SAME_MM
     solids = [_manifold(snapped, faces) for faces in groups]
-    whole = _sum(solids)
+    whole = _mesh_of(_sum(solids))
     alone, area = sum(s.volume() for s in solids), sum(s.surface_area() for s in solids)
-    shared = alone - whole.volume()
-    touched = shared <= _OVERLAP * alone
-    if touched and area - whole.surface_area() <= _OVERLAP * area:
+    shared = alone - whole.volume_mm3
+    touched, apart = shared <= _OVERLAP * alone, area - whole.area_mm2 <= _OVERLAP * area
+    if touched and not state.touching and (apart or len(_folds(whole, Topology(whole.faces))[1])):
         return None
     met = "touched" if touched else f"overlapped ({shared:.4g} mm3 counted twice)"
-    return _mesh_of(whole).triangles, f"{len(groups)} bodies {met}: united"
+    return whole.triangles, f"{len(groups)} bodies {met}: united"
 
 
 def _mesh_of(solid: Any) -> Mesh:
@@ -1174,15 +1184,12 @@ def _covered(low: FloatArray, high: FloatArray, first: float, step: float) -> tu
 
 
 def _height(corners: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:
-    a, b, c = corners.transpose(1, 2, 0)
-    ux, uy, vx, vy = b[0] - a[0], b[1] - a[1], c[0] - a[0], c[1] - a[1]
-    area = ux * vy - uy * vx
+    a, b, c = corners.transpose(1, 0, 2)
+    nx, ny, nz = np.cross(b - a, c - a).T
     low, high = corners[:, :, 2].min(axis=1), corners[:, :, 2].max(axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
-        s = ((x - a[0]) * vy - (y - a[1]) * vx) / area
-        t = (ux * (y - a[1]) - uy * (x - a[0])) / area
-        z = np.clip(a[2] + s * (b[2] - a[2]) + t * (c[2] - a[2]), low, high)
-    return np.asarray(np.where(area == 0.0, (low + high) / 2.0, z))
+        z = np.clip(a[:, 2] - (nx * (x - a[:, 0]) + ny * (y - a[:, 1])) / nz, low, high)
+    return np.asarray(np.where(nz == 0.0, (low + high) / 2.0, z))
 
 
 # ------------------------------------------------------------------------------------------------

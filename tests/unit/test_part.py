@@ -302,6 +302,20 @@ def test_bodies_that_touch_in_a_face_are_one_wherever_their_corners_lie(
     assert is_closed(made)
 
 
+ASKEW = trimesh.transformations.euler_matrix(0.3, 0.5, 0.7)[:3, :3]
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_bodies_that_touch_askew_are_one_or_two_and_have_no_slits(seed: int) -> None:
+    """Rounded to float32 they overlap in places by 1e-6 mm, and are as far apart in others."""
+    both = np.concatenate([box((20, 10, 6)), box((20, 10, 6), at=(20, 3, 2))])
+    moved = both @ ASKEW + np.random.default_rng(seed).uniform(-50, 50, 3)
+    made = make_part(moved.astype(np.float32).astype(np.float64), name="p")
+    assert any(
+        made.mesh.area_mm2 == pytest.approx(area_mm2) for area_mm2 in (2 * 760, 2 * 760 - 2 * 28)
+    )
+
+
 def prism(outline: np.ndarray, turn: int, rotation: np.ndarray) -> np.ndarray:
     """A polygon's prism of height 8, divided as readers divide polygons: fans from one corner."""
     low, count = np.roll(outline, turn, axis=0), len(outline)
@@ -319,9 +333,6 @@ NOTCHED = {
     "comb": [(0, 0), (30, 0), (30, 20), (25, 20), (25, 5), (20, 5), (20, 20), (15, 20), (15, 5),
              (10, 5), (10, 20), (5, 20), (5, 8), (0, 8)],
 }  # fmt: skip
-
-
-ASKEW = trimesh.transformations.euler_matrix(0.3, 0.5, 0.7)[:3, :3]
 
 
 @pytest.mark.parametrize("rotation", [np.eye(3), ASKEW], ids=["flat", "askew"])
