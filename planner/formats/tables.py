@@ -154,8 +154,7 @@ def read_rows(path: Path) -> tuple[list[str], str, Iterator[TextRow]]:
         The file cannot be read, is empty, or is binary.
     """
     text = decode_text(read_file(path, advice="give a CSV file"), path)
-    first = next(line for line in text.splitlines() if line.strip())
-    separator = max(",;\t", key=first.count)
+    separator = max(",;\t", key=text.strip().splitlines()[0].count)
     rows = ((line, cells) for line, cells in split_rows(text, separator) if any(cells))
     return next(rows)[1], separator, rows
 

@@ -84,8 +84,13 @@ def test_refused(tmp_path: Path, columns: dict[str, FloatArray], message: str) -
         ({"strain": 10 * STRAIN, "displacement_mm": STRAIN, "stress_MPa": STRESS}, "per cent"),
         ({"strain": STRAIN, "stress_MPa": 145.0377 * STRESS, "force_N": 6 * STRESS}, "psi"),
         ({"strain": STRAIN, "stress_MPa": STRESS, "force_N": 6 * STRESS / 4.448222}, "lbf"),
+        ({"strain": STRAIN, "stress_MPa": 6 * STRESS, "force_N": 6 * STRESS}, "correct the size"),
+        (
+            {"strain": STRAIN, "stress_MPa": (1.0 + STRAIN) * STRESS, "force_N": 6 * STRESS},
+            "leave one out by --columns",
+        ),
     ],
-    ids=["per-cent", "psi", "lbf"],
+    ids=["per-cent", "psi", "lbf", "section-of-one", "true-stress"],
 )
 def test_columns_that_contradict_each_other_name_the_slip(
     tmp_path: Path, columns: dict[str, FloatArray], message: str
