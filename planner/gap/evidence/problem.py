@@ -221,6 +221,10 @@ class Candidate:
         effects = (StatedEffect(b.effect, b.form, b.values(point)) for b, point in self.parts)
         return with_effects(setup, effects)
 
+    def log_gains(self, n: int) -> FloatArray:
+        """Return what the force of each of n specimens is off by, as a logarithm, (n,)."""
+        return np.zeros(n) if self.members is None else self.log_gain * self.members
+
     def own_sizes(self, deviates: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return specimens' own sizes, over the effects', and slopes; see `Effect.own_size`."""
         each = zip(self.differing, deviates, strict=True)
@@ -607,18 +611,14 @@ class Problem:
 
     def gain_of(self, candidate: Candidate) -> FloatArray:
         """Return the whitened change by a candidate's gain of some specimens, (N,)."""
-        if candidate.members is None:
-            return np.zeros(len(self.table))
-        return np.asarray(self.gains @ (candidate.log_gain * candidate.members))
+        return np.asarray(self.gains @ candidate.log_gains(len(self.strays)))
 
     def explained(self, candidate: Candidate) -> FloatArray:
         """Return what a candidate changes of the transformed features, (N,)."""
-        change = np.zeros(len(self.table))
+        force = np.where(self.table.is_field, 0.0, self.table.chord(self.unpredicted))
+        change = candidate.log_gains(len(self.strays))[self.table.specimen] * force
         if candidate.parts:
-            change = self.changes(self.predictions([candidate]))[0]
-        if candidate.members is not None:
-            force = np.where(self.table.is_field, 0.0, self.table.chord(self.unpredicted))
-            change = change + candidate.log_gain * candidate.members[self.table.specimen] * force
+            change += self.changes(self.predictions([candidate]))[0]
         if candidate.own is not None:
             courses = np.stack([self.course_over_sizes(part) for part in candidate.differing])
             change = change + self.by_own_sizes(courses, *candidate.own_sizes(candidate.own))[0]
@@ -653,9 +653,7 @@ class Problem:
         """Return predicted forces on each specimen's test's steps, (n, T)."""
         model = self.model
         forces = predict(candidate.applied(model.setup), model.laws).force_N[model.test_of]
-        if candidate.members is not None:
-            forces = forces * np.exp(candidate.log_gain * candidate.members)[:, None]
-        return forces
+        return np.asarray(forces * np.exp(candidate.log_gains(len(forces)))[:, None])
 
     def squared_errors(self, predicted: Candidate | FloatArray) -> FloatArray:
         """Return mean squared errors of force over `typical_peaks_N`, (n,).
@@ -692,15 +690,15 @@ class Problem:
         gain of some specimens, of the candidate that is `known`, is no scatter.
         """
         curves = self.model.measured_N / self.typical_peaks_N()
-        if known is not None and known.members is not None:
-            # Peaks are in each specimen's own unit already.
-            gain = np.where(self.unit_gains == 0.0, known.log_gain * known.members, 0.0)
-            curves *= np.exp(-gain)[:, None]
+        gain = (known or Candidate(())).log_gains(len(curves))
         floor = np.full(len(curves), np.nan)
         batches = [s.batch for s in self.campaign.specimens]
         for members in self.model.replicates:
             rows = np.array([k for k in members if not self.strays[k]])
             if len(rows) > 1:
+                # Else each one's peak has it already.
+                if np.ptp(gain[rows]) and not self.unit_gains[rows].any():
+                    curves[rows] *= np.exp(-gain[rows])[:, None]
                 away = curves[rows] - curves[rows].mean(axis=0)
                 floor[rows] = len(rows) / (len(rows) - 1.0) * np.mean(away**2, axis=1)
                 if len({batches[k] for k in rows}) == 1:

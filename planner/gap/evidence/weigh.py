@@ -192,7 +192,7 @@ def _best_subset(
 
 
 def _weigh_subset(
-    products: FloatArray, beside: Candidate, scatter: float, large: bool = False
+    products: FloatArray, beside: Candidate, scatter: float, large: bool = False, least: int = 2
 ) -> Candidate:
     """Return the best subset beside a candidate, with the log evidence of there being one.
 
@@ -205,6 +205,8 @@ def _weigh_subset(
         Deviation of the specimens' levels.
     large
         Whether it is one that neither a load cell nor a unit has.
+    least
+        Members: one specimen alone is an outlier of the data, unless others have the same gain.
     """
     n = len(products) - 1
     b, h = np.ascontiguousarray(products[1:, 0]), np.ascontiguousarray(products[1:, 1:])
@@ -223,7 +225,7 @@ def _weigh_subset(
     if members.any() and at < counts[0]:  # no unit's: the grid's nearest, now itself
         gamma = float(members @ b / (members @ h @ members))
     gain = float(gamma * members @ b - 0.5 * gamma**2 * members @ h @ members)
-    if not 1 < members.sum() < n - 1:  # one specimen alone is an outlier of the data
+    if not least <= members.sum() < n - 1:
         total = -np.inf
     return replace(
         beside,
@@ -472,8 +474,9 @@ def _telling_column(problem: Problem, members: BoolArray) -> int | None:
 
 
 def _of_some(
-    likelihood: Likelihood, logs: "_LogPriors", one: PosteriorMode, large: bool = False
-) -> Candidate:
+    likelihood: Likelihood, logs: "_LogPriors", one: PosteriorMode, large: bool = False,
+    least: int = 2,
+) -> Candidate:  # fmt: skip
     """Return a gain of some specimens beside a candidate at its mode, priors of forms included.
 
     Its evidence is that over no effect under the likelihood.
@@ -481,7 +484,7 @@ def _of_some(
     problem = likelihood.problem
     e = one.eliminated(likelihood, problem.gains)
     scatter = problem.scatter.specimen * likelihood.scale * likelihood.level
-    found = _weigh_subset(e.products, one.weighed(likelihood, e), scatter, large)
+    found = _weigh_subset(e.products, one.weighed(likelihood, e), scatter, large, least)
     return replace(found, log_evidence=found.log_evidence + logs.forms(found) + np.log(_OF_SOME))
 
 
@@ -513,7 +516,8 @@ def reweigh(
     found = [(logs.forms(c), c) for c in alone]
     leading = max(c.log_evidence for c in weighed.best.values()) - _LOST_NATS
     found += [
-        (0.0, _of_some(likelihood, logs, weighed.mode_of(c)))  # its evidence has the prior of forms
+        # Its evidence has the prior of forms; of those off by the gain, one may be left.
+        (0.0, _of_some(likelihood, logs, weighed.mode_of(c), least=1))
         for c in weighed.best.values()
         if c.members is not None and c.log_evidence > leading
     ]

@@ -5,14 +5,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from planner.formats.units import QUANTITY_UNITS
 from planner.gap.campaign import Campaign
 from planner.gap.diagnose import closure
 from planner.gap.diagnosis import Diagnosis, Gap
 from planner.gap.effects import EFFECTS
 from planner.gap.evidence.posterior_mode import Likelihood
-from planner.gap.evidence.problem import Problem
+from planner.gap.evidence.problem import Candidate, Problem
 from planner.gap.evidence.weigh import Priors, reweigh, weigh
+from planner.gap.noise import UNIT_GAINS
 from planner.gap.observations import ObservationModel
+
+FORCE = "force-scale"
 
 
 def ready(campaign: Campaign, *effects: str) -> Problem:
@@ -156,3 +160,32 @@ def test_no_baseline_goes_beyond_what_was_measured_or_predicted(planned, imitate
     problem = ready(scaled(made, [1e-3] + [1.0] * (len(made.specimens) - 1)), "rate")
     gap = closed(problem)
     assert gap.generic < 10.0 * gap.before
+
+
+def in_pounds(campaign: Campaign, places: tuple[int, ...]) -> Campaign:
+    newtons = QUANTITY_UNITS["force"]["lbf"]
+    return scaled(
+        campaign, [1 / newtons if k in places else 1.0 for k in range(len(campaign.specimens))]
+    )
+
+
+@pytest.mark.parametrize("places", [(0, 2), (1, 3), (0, 1, 3), (0, 1, 2)])
+def test_a_unit_is_no_scatter_whichever_replicate_it_is_of(planned, imitated, places) -> None:
+    """Of two replicates neither says which is in pounds; two of three may be, or all."""
+    plain = imitated(planned(len(places), material=["FLX9760", "TangoPlus"]))
+    problem = ready(in_pounds(plain, places))
+    members = np.isin(np.arange(len(plain.specimens)), places).astype(float)
+    known = Candidate((FORCE,), members=members, log_gain=-float(UNIT_GAINS[0]))
+    floors = problem.replicate_floor(known), ready(plain).replicate_floor()
+    np.testing.assert_allclose(*floors, rtol=1e-9)
+
+
+def test_one_that_is_left_tells_of_a_gain_that_several_had(planned, imitated) -> None:
+    """Two of two conditions are in pounds: a fold that leaves out one of them knows the other."""
+    plain = imitated(planned(2, material=["FLX9760"], rate_mm_s=[0.085, 0.85, 8.5]))
+    weighed = weigh(ready(in_pounds(plain, (0, 2)), FORCE), Priors())
+    weight = np.where(np.arange(6) < 2, 0.0, 1.0)
+    _, odds = reweigh(weighed, {}, weight)
+    _, best = max(odds, key=lambda found: found[0])
+    assert best.members is not None
+    assert best.members.tolist() == [0, 0, 1, 0, 0, 0]
