@@ -181,7 +181,7 @@ def _end_in_time() -> None:
     threading.Thread(target=watch, daemon=True).start()
 
 
-_FIGURES = {"float_parsing": "a number alone, 20 % as 0.2", "int_parsing": "a whole number"}
+_FIGURES = {"float_parsing": "a number and nothing else, as 0.2", "int_parsing": "a whole number"}
 
 _command = cache(typer.main.get_command)
 """Commands as typer makes them of functions' types, which takes as long as many a command."""

@@ -363,7 +363,7 @@ def _linear_part(curve: Curve) -> LinearPart:
     if peak < _MINIMUM_WINDOW:
         raise FileError(
             f"specimen {curve.specimen}: the stress peaks at point {peak}; a slope takes at "
-            f"least {_MINIMUM_WINDOW} points of loading: sample faster"
+            f"least {_MINIMUM_WINDOW} points of loading: sample faster, or turn its rows round"
         )
     lines = _Lines(x, y)
     noise = noise_sd(y)
