@@ -278,7 +278,7 @@ def column_levels(name: str, cells: Sequence[float | str | None]) -> tuple[int |
     """
     if any(isinstance(cell, str) for cell in cells):
         return tuple(None if cell is None else str(cell) for cell in cells)
-    absolute, relative = TOLERANCES.get(name, (0.0, 1e-6))
+    absolute, relative = TOLERANCES.get(name, (0.0, 1e-9))
     found: list[int | None] = [None] * len(cells)
     level, first = -1, 0.0
     for value, place in sorted((float(v), i) for i, v in enumerate(cells) if v is not None):

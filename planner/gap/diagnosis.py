@@ -483,9 +483,8 @@ def read_diagnosis(path: str | Path) -> Diagnosis:
     >>> planner.read_diagnosis("diagnosis").verdict  # doctest: +SKIP
     'temperature'
     """
-    file = Path(path) if isinstance(path, str) else path
-    if isinstance(file, Path) and file.is_dir():
-        file = path_within(file, "diagnosis.json")
+    is_folder = isinstance(path, str | Path) and Path(path).is_dir()
+    file = path_within(path, "diagnosis.json") if is_folder else path
     advice = "give a diagnosis.json as planner gap diagnose -o writes it, or its folder"
     data = read_file(file, advice=advice)
     document = decode_document(data, dict[str, Any], str(file))
@@ -505,7 +504,7 @@ def read_diagnosis(path: str | Path) -> Diagnosis:
         effect=tuple(content.effect.values()),
         remainder=content.remainder.where,
         recalibration={m: (r.log_factor, r.sd) for m, r in content.recalibration.items()},
-        own_palette=_own_palette(file, document, content.palette.sha256),
+        own_palette=_own_palette(Path(file), document, content.palette.sha256),
         **{name: getattr(content, name) for name in _ALIKE},
     )
 

@@ -455,15 +455,19 @@ def _groups(name: str, cells: Sequence[float | str | None]) -> Iterator[tuple[st
         yield from zip(map(str, known), members, strict=True)
         return
     value = np.array([np.nan if cell is None else float(cell) for cell in cells])
-    if len(known) <= _MOST_LEVELS:
-        for of_it in members:
-            yield f"{float(np.mean(value[of_it])):.4g}", of_it
-        return
-    low, high = np.nanquantile(value, (1.0 / 3.0, 2.0 / 3.0)).tolist()
-    for third in (value <= low, (value > low) & (value <= high), value > high):
-        if third.any():
-            ends = dict.fromkeys(f"{f(value[third]):.3g}" for f in (np.min, np.max))
-            yield " to ".join(ends), third
+    ends = [[float(np.mean(value[of_it]))] for of_it in members]
+    if len(known) > _MOST_LEVELS:
+        low, high = np.nanquantile(value, (1.0 / 3.0, 2.0 / 3.0)).tolist()
+        thirds = value <= low, (value > low) & (value <= high), value > high
+        members = [third for third in thirds if third.any()]
+        ends = [[float(np.min(value[of_it])), float(np.max(value[of_it]))] for of_it in members]
+    told = {end for of_it in ends for end in of_it}
+    # Four digits of levels, three of ends; of dates and the like all, or what tells them apart.
+    digits = max(5 - len(ends[0]), min(len(f"{max(map(abs, told)):.0f}"), 17))
+    while len({f"{end:.{digits}g}" for end in told}) < len(told):
+        digits += 1
+    for of_it, own in zip(members, ends, strict=True):
+        yield " to ".join(dict.fromkeys(f"{end:.{digits}g}" for end in own)), of_it
 
 
 def _strain_parts(table: FeatureTable) -> Iterator[_Part]:

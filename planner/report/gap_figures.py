@@ -266,17 +266,15 @@ _SIZES = ("specimen", "material", "width_mm", "thickness_mm", "gauge_mm")
 
 def _specimen_words(traces: Traces, row: int) -> str:
     """Name a specimen with what it is of and the conditions that it was tested in."""
-    columns = traces.columns
-    name = str(columns["specimen"][row])
-    words = [str(columns["material"][row])] if "material" in columns else []
-    for column, values in columns.items():
+    words = [str(traces.columns["material"][row])]
+    for column, values in traces.columns.items():
         value = values[row]
         told = column in ("rate_mm_s", "temperature_C") or len({*values} - {None}) > 1
         if value is None or column in _SIZES or not told:
             continue
         shown = f"{value:g}" if isinstance(value, float) else str(value)
         words.append(f"{axis_words(column)} {shown} {unit_of(column)}".strip())
-    return f"{name}: {', '.join(words)}" if words else name
+    return f"{traces.columns['specimen'][row]}: {', '.join(words)}"
 
 
 def _error_words(before: float, after: float) -> str:

@@ -13,7 +13,7 @@ from scipy.sparse import csr_array
 
 from planner.gap.campaign import Campaign, Specimen
 from planner.gap.diagnosis import Location
-from planner.gap.localise import Whitening, localise
+from planner.gap.localise import Whitening, _groups, localise
 from planner.gap.noise import SpecimenNoise
 from planner.gap.observations import FeatureTable
 from planner.numerics import FloatArray
@@ -338,3 +338,25 @@ def test_whitened_noise_is_white() -> None:
     matrix = STAR.whitening(np.eye(len(STAR.table)))
     # Rounding times the covariance's condition, some 1e5.
     np.testing.assert_allclose(matrix @ covariance @ matrix.T, np.eye(len(matrix)), atol=1e-9)
+
+
+@pytest.mark.parametrize("count", [4, 12])
+@pytest.mark.parametrize(
+    ("first", "step"), [(1.7e9, 60.0), (20_260_605.0, 1.0), (2024.1, 0.001), (23.0, 1.5)]
+)
+def test_a_column_reads_apart_wherever_it_begins(first: float, step: float, count: int) -> None:
+    """Seconds since 1970, dates and years are told by what sets them apart, as are small numbers.
+
+    Levels where there are few, thirds else; each number of it names one place of the column.
+    """
+    cells = [first + step * (k // 2) for k in range(2 * count)]
+    groups = list(_groups("a column of its own", cells))
+    assert sum(int(members.sum()) for _, members in groups) == len(cells)
+    assert len(groups) == (4 if count == 4 else 3)
+    said = [float(number) for label, _ in groups for number in label.split(" to ")]
+    assert said == sorted(set(said))
+    assert not any("e" in label for label, _ in groups)
+    for label, members in groups:
+        ends = [cells[k] for k in np.flatnonzero(members)]
+        # To half of the step at least.
+        assert float(label.split(" to ")[0]) == pytest.approx(ends[0], abs=0.51 * step)
