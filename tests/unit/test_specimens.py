@@ -109,7 +109,7 @@ def test_missing_sizes_and_files_are_named(tmp_path: Path) -> None:
         read_study([path])
     with pytest.raises(FileError, match="specimen a: the section is unknown"):
         read_study([path], gauge_mm=10)
-    with pytest.raises(ArgumentError, match="thickness_mm is 0"):
+    with pytest.raises(ArgumentError, match="`thickness_mm` 0: it must be above 0"):
         read_study([path], gauge_mm=10, width_mm=1, thickness_mm=0)
     with pytest.raises(ArgumentError, match="no tensile file"):
         read_study([])
