@@ -34,6 +34,7 @@ from planner.palette import (
     LawParameters,
     Palette,
     Reference,
+    Uncertainty,
     encode_palette,
     load_palette,
     parse_palette,
@@ -146,6 +147,20 @@ def test_the_interval_of_the_effect_widens_that_of_the_print(palette) -> None:
         assert new.modulus_log_sd == pytest.approx(
             np.hypot(old.modulus_log_sd, 0.03 / 1.644854), rel=1e-6
         )
+
+
+def test_deviations_at_strains_are_widened_and_stay(palette) -> None:
+    """They went, and intervals by `modulus_log_sd` alone shrank where the law is least sure."""
+    sure = Uncertainty(3, strain=(0.0, 0.5), log_sd=(0.4, 0.2))
+    known = replace(
+        palette, materials=tuple(replace(m, uncertainty=sure) for m in palette.materials)
+    )
+    made = corrected(known, diagnosed(known, found("temperature", slope=0.03)), WARM).palette
+    for new in made.materials:
+        assert new.uncertainty is not None
+        assert new.uncertainty.strain == sure.strain
+        wider = np.hypot(sure.log_sd, 0.03 / 1.644854)
+        assert new.uncertainty.log_sd == pytest.approx(wider, rel=1e-6)
 
 
 def test_a_mixture_off_by_a_share_takes_the_law_of_that_mixture(palette) -> None:
