@@ -206,7 +206,7 @@ def _weigh_subset(
     large
         Whether it is one that neither a load cell nor a unit has.
     least
-        Members: one specimen alone is an outlier of the data, unless others have the same gain.
+        Members: one specimen alone is an outlier of the data, unless others were in that unit too.
     """
     n = len(products) - 1
     b, h = np.ascontiguousarray(products[1:, 0]), np.ascontiguousarray(products[1:, 1:])
@@ -515,12 +515,11 @@ def reweigh(
     alone = [one.weighed(likelihood, one.eliminated(likelihood)) for one in weighed.modes]
     found = [(logs.forms(c), c) for c in alone]
     leading = max(c.log_evidence for c in weighed.best.values()) - _LOST_NATS
-    found += [
-        # Its evidence has the prior of forms; of those off by the gain, one may be left.
-        (0.0, _of_some(likelihood, logs, weighed.mode_of(c), least=1))
-        for c in weighed.best.values()
-        if c.members is not None and c.log_evidence > leading
-    ]
+    for c in weighed.best.values():
+        if c.members is not None and c.log_evidence > leading:
+            least = 1 if _of_unit(c) else 2  # of those in another unit, one may be left
+            some = _of_some(likelihood, logs, weighed.mode_of(c), least=least)
+            found.append((0.0, some))  # its evidence has the prior of forms
     other = like.problem.nuisances.copy()
     other[:, : len(like.problem.calibrations)] = 0.0
     return likelihood_of(nuisances=other), [
@@ -910,6 +909,8 @@ class Evidence:
         Of effects with which errors of force rise, fewer of them with which they do not.
     axes
         That each effect varies along, but for strain, along which most do.
+    fitting
+        Effects that leave no more than replicates differ by, by the palette's own laws.
     specimens
         How many.
     """
@@ -922,6 +923,7 @@ class Evidence:
     closes: Mapping[Effects, bool] = field(default_factory=dict)
     without: Mapping[Effects, Effects] = field(default_factory=dict)
     axes: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    fitting: frozenset[Effects] = frozenset()
 
     @property
     def vain(self) -> Mapping[Effects, float]:
@@ -932,7 +934,7 @@ class Evidence:
 
 def evidence_of(problem: Problem, weighed: Weighed) -> Evidence:
     """Return what a campaign's ranking goes by."""
-    within_floor = _within_floor(problem) and not problem.apart.any()
+    within_floor = _within_floor(problem, Candidate(()))
     closes, without = _explained(weighed, within_floor=within_floor)
     # What a sensor does to all specimens of one condition, their scatter does as well.
     sensors = {id for id, effect in problem.effects.items() if effect.stage == "sensor"}
@@ -945,6 +947,7 @@ def evidence_of(problem: Problem, weighed: Weighed) -> Evidence:
         closes=closes,
         without=without,
         axes={id: [a for a in e.where if a != "strain"] for id, e in problem.effects.items()},
+        fitting=frozenset(e for e in closes if _within_floor(problem, weighed.best[e])),
     )
 
 
@@ -952,21 +955,21 @@ _BY_CHANCE = 0.05
 """Level of the tests of lack of fit and of whether errors rise. Convention: 5 %."""
 
 
-def _within_floor(problem: Problem) -> bool:
-    """Return whether the palette misses by no more than replicates differ by, but for chance.
+def _within_floor(problem: Problem, with_effects: Candidate) -> bool:
+    """Return whether no more is missed than replicates differ by, along no column, but for chance.
 
     That is the test of lack of fit against pure error. Where nothing but scatter is wrong, the
     squared error of n specimens in G groups of replicates, over the floor's, is 1 + (X - G) / n
     with X of chi squared, G degrees of freedom. Few specimens do not show that there is nothing.
     """
-    if (floor := problem.replicate_floor()) is None:
+    if (floor := problem.replicate_floor(with_effects)) is None or problem.apart.any():
         return False
     known = np.isfinite(floor) & ~problem.strays
     most, n = 1.0, int(known.sum())
     if len(problem.campaign.specimens) >= ENOUGH_SPECIMENS:
         groups = sum(bool(known[list(members)].any()) for members in problem.model.replicates)
         most += (float(chdtri(groups, _BY_CHANCE)) - groups) / n
-    errors = problem.squared_errors(Candidate(()))
+    errors = problem.squared_errors(with_effects)
     return bool(np.mean(errors[known]) <= most * np.mean(floor[known]))
 
 
@@ -1096,14 +1099,15 @@ def _imitated(effects: Effects, evidence: Evidence, priors: Priors) -> float:
 
     It need not look the same: the more a pattern beside the effects explains, the likelier. The
     more they explain themselves, the less of that pattern is more than their form's own error; and
-    along what they vary along it is nothing but that.
+    along what they vary along it is nothing but that. What lies within the floor is no gap.
     """
     found = evidence.log_evidence
     own_axes = {axis for id in effects for axis in evidence.axes.get(id, ())}
     own = found.get((effects, ""), np.inf)
     beside = [v - own for (e, at), v in found.items() if e == effects and at not in {"", *own_axes}]
     form = priors.imitation_nats / (priors.imitation_nats + max(own - found[(), ""], 0.0))
-    log_odds = min(_counted(found, priors), form) * max([0.0, *beside])
+    more = 0.0 if effects in evidence.fitting else max([0.0, *beside])
+    log_odds = min(_counted(found, priors), form) * more
     return float(expit(logit(priors.imitated) + min(log_odds, _SURE)))
 
 
