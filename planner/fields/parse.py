@@ -451,7 +451,8 @@ def _ramp(
 ) -> Ramp:
     """Return where the gradient starts and ends: over all of the part if not said.
 
-    With `exact` the least is sought between samples; the greatest of radii is at a vertex.
+    With `exact` the least is sought between samples, as where a mesh lies within; the greatest of
+    radii is at a vertex, and of distances mostly.
     """
     start, stop = given.number("from"), given.number("to")
     if start is not None and stop is not None:
@@ -517,7 +518,7 @@ def _distance(given: FieldArguments, setting: Setting) -> Field:
         tree, says = triangle_tree(mesh), {"of": file.name, "sha256": sha256}
     quantity = partial(_from_surface, tree, depth)
     if not depth:
-        return _ramp(given, setting, quantity).along(quantity, "distance", says)
+        return _ramp(given, setting, quantity, exact=True).along(quantity, "distance", says)
     start, stop = given.number("from") or 0.0, given.number("to")
     ramp = Ramp(start, setting.greatest(quantity) if stop is None else stop)
     return ramp.along(quantity, "distance", says)

@@ -40,6 +40,17 @@ def built(wish, mesh=None, origin_mm=(0.0, 0.0, 0.0)):
     return build_field(wish, Setting(mesh, origin_mm, 0.5))
 
 
+@pytest.mark.parametrize("at_mm", [0.0, 0.137, -0.4219])
+def test_distances_from_a_mesh_begin_where_it_meets_the_part(tmp_path, at_mm):
+    """However its place lies on the grid that the part is sampled on."""
+    sheet = np.array([[at_mm, -5, -5], [at_mm, 5, -5], [at_mm, 0, 9]], dtype=np.float32)
+    path = tmp_path / "sheet.stl"
+    path.write_bytes(encode_stl(sheet, np.array([[0, 1, 2]]), "sheet"))
+    says = built(f"distance: {path}").description()
+    assert 0.0 <= says["from_mm"] < 1e-3  # as near as it is sought
+    assert says["to_mm"] == pytest.approx(1 + abs(at_mm))
+
+
 def test_distances_from_a_point_and_a_line():
     point = built("radial: point=1 2 3, from=2, to=6")
     expected = (np.linalg.norm(POINTS - [1, 2, 3], axis=1) - 2) / 4
