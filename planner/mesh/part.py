@@ -698,8 +698,8 @@ def _tolerance_mm(vertices: FloatArray) -> float:
 
 
 _LEVEL = 1e-6
-"""Of a cosine, off 1, between faces that may lie in one plane. Numerical: far above what rounding to
-float32 turns them by; whether they do is told by their heights."""
+"""Of a cosine, off 1, between faces that may lie in one plane. Numerical: far above what float32
+turns them by; whether they do is told by their heights."""
 
 
 def _folds(mesh: Mesh, topology: Topology) -> tuple[Int32Array, Int32Array]:
