@@ -704,15 +704,18 @@ turns them by; whether they do is told by their heights."""
 
 def _folds(mesh: Mesh, topology: Topology) -> tuple[Int32Array, Int32Array]:
     """Group the faces of a closed mesh by planes, (m,), and tell which groups fold back."""
-    one, other, normals = np.arange(mesh.faces.size) // 3, topology.twin // 3, mesh.normals
-    large = np.linalg.norm(mesh.area_vectors_mm2, axis=1) > _OVERLAP * mesh.area_mm2
+    size = np.linalg.norm(mesh.area_vectors_mm2, axis=1)
+    large, twin = size > _OVERLAP * size.sum(), topology.twin
+    normals = mesh.area_vectors_mm2 / np.maximum(size, 1e-300)[:, None]
     bare = np.flatnonzero(~large)  # corners in line, or nearly: in the plane beyond the long side
     sides = np.roll(mesh.triangles[bare], -1, axis=1) - mesh.triangles[bare]
-    normals[bare] = normals[other[3 * bare + np.linalg.norm(sides, axis=2).argmax(axis=1)]]
+    normals[bare] = normals[twin[3 * bare + np.linalg.norm(sides, axis=2).argmax(axis=1)] // 3]
+    once = np.flatnonzero(twin > np.arange(len(twin)))
+    one, other = once // 3, twin[once] // 3
     cosine = np.einsum("ij,ij->i", normals[one], normals[other])
-    folded, level = cosine < _LEVEL - 1.0, np.abs(cosine) > 1.0 - _LEVEL
-    folded = one[folded & large[one] & large[other]]
-    group = connected(len(mesh.faces), one[level], other[level]) if len(folded) else topology.body
+    folded = one[(cosine < _LEVEL - 1.0) & large[one] & large[other]]
+    level = np.abs(cosine) > 1.0 - _LEVEL
+    group = connected(len(size), one[level], other[level]) if len(folded) else topology.body
     return group, np.unique(group[folded])
 
 
@@ -721,10 +724,12 @@ def _unfolded(state: Repaired) -> Repaired:
 
     Its outline tells its shape; what has no simple one stays, and a mesh that would not be closed.
     """
-    from manifold3d import triangulate
-
     mesh, faces = Mesh(state.vertices, state.topology.faces), state.topology.faces
     group, numbers = _folds(mesh, state.topology)
+    if not len(numbers):
+        return state
+    from manifold3d import triangulate
+
     kept, divided = np.ones(len(faces), dtype=np.bool_), list[Int32Array]()
     for number in numbers:
         own = group == number
