@@ -70,7 +70,6 @@ def collected(folder: Path, without: tuple[str, ...] = ()) -> dict[str, Any]:
         "closes": sorted([list(effects), closes] for effects, closes in found.closes.items()),
         "without": sorted([list(e), list(fewer)] for e, fewer in found.without.items()),
         "axes": dict(found.axes),
-        "fitting": sorted(map(list, found.fitting)),
         "priors": asdict(Priors()),
     }
 
@@ -99,7 +98,6 @@ def _case(truth: Truth, name: str, without: tuple[str, ...], document: Mapping[s
         closes={tuple(effects): closes for effects, closes in document["closes"]},
         without={tuple(e): tuple(fewer) for e, fewer in document["without"]},
         axes=document["axes"],
-        fitting=frozenset(map(tuple, document["fitting"])),
     )
     tier = LEFT_OUT if without else entry.tier
     claimed = frozenset(document["claimed"])

@@ -909,8 +909,6 @@ class Evidence:
         Of effects with which errors of force rise, fewer of them with which they do not.
     axes
         That each effect varies along, but for strain, along which most do.
-    fitting
-        Effects that leave no more than replicates differ by, by the palette's own laws.
     specimens
         How many.
     """
@@ -923,7 +921,6 @@ class Evidence:
     closes: Mapping[Effects, bool] = field(default_factory=dict)
     without: Mapping[Effects, Effects] = field(default_factory=dict)
     axes: Mapping[str, Sequence[str]] = field(default_factory=dict)
-    fitting: frozenset[Effects] = frozenset()
 
     @property
     def vain(self) -> Mapping[Effects, float]:
@@ -934,7 +931,7 @@ class Evidence:
 
 def evidence_of(problem: Problem, weighed: Weighed) -> Evidence:
     """Return what a campaign's ranking goes by."""
-    within_floor = _within_floor(problem, Candidate(()))
+    within_floor = _within_floor(problem) and not problem.apart.any()
     closes, without = _explained(weighed, within_floor=within_floor)
     # What a sensor does to all specimens of one condition, their scatter does as well.
     sensors = {id for id, effect in problem.effects.items() if effect.stage == "sensor"}
@@ -947,7 +944,6 @@ def evidence_of(problem: Problem, weighed: Weighed) -> Evidence:
         closes=closes,
         without=without,
         axes={id: [a for a in e.where if a != "strain"] for id, e in problem.effects.items()},
-        fitting=frozenset(e for e in closes if _within_floor(problem, weighed.best[e])),
     )
 
 
@@ -955,21 +951,21 @@ _BY_CHANCE = 0.05
 """Level of the tests of lack of fit and of whether errors rise. Convention: 5 %."""
 
 
-def _within_floor(problem: Problem, with_effects: Candidate) -> bool:
-    """Return whether no more is missed than replicates differ by, along no column, but for chance.
+def _within_floor(problem: Problem) -> bool:
+    """Return whether the palette misses by no more than replicates differ by, but for chance.
 
     That is the test of lack of fit against pure error. Where nothing but scatter is wrong, the
     squared error of n specimens in G groups of replicates, over the floor's, is 1 + (X - G) / n
     with X of chi squared, G degrees of freedom. Few specimens do not show that there is nothing.
     """
-    if (floor := problem.replicate_floor(with_effects)) is None or problem.apart.any():
+    if (floor := problem.replicate_floor()) is None:
         return False
     known = np.isfinite(floor) & ~problem.strays
     most, n = 1.0, int(known.sum())
     if len(problem.campaign.specimens) >= ENOUGH_SPECIMENS:
         groups = sum(bool(known[list(members)].any()) for members in problem.model.replicates)
         most += (float(chdtri(groups, _BY_CHANCE)) - groups) / n
-    errors = problem.squared_errors(with_effects)
+    errors = problem.squared_errors(Candidate(()))
     return bool(np.mean(errors[known]) <= most * np.mean(floor[known]))
 
 
@@ -1099,15 +1095,14 @@ def _imitated(effects: Effects, evidence: Evidence, priors: Priors) -> float:
 
     It need not look the same: the more a pattern beside the effects explains, the likelier. The
     more they explain themselves, the less of that pattern is more than their form's own error; and
-    along what they vary along it is nothing but that. What lies within the floor is no gap.
+    along what they vary along it is nothing but that.
     """
     found = evidence.log_evidence
     own_axes = {axis for id in effects for axis in evidence.axes.get(id, ())}
     own = found.get((effects, ""), np.inf)
     beside = [v - own for (e, at), v in found.items() if e == effects and at not in {"", *own_axes}]
     form = priors.imitation_nats / (priors.imitation_nats + max(own - found[(), ""], 0.0))
-    more = 0.0 if effects in evidence.fitting else max([0.0, *beside])
-    log_odds = min(_counted(found, priors), form) * more
+    log_odds = min(_counted(found, priors), form) * max([0.0, *beside])
     return float(expit(logit(priors.imitated) + min(log_odds, _SURE)))
 
 

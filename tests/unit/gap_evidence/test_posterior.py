@@ -10,7 +10,6 @@ from scipy.stats import ttest_1samp
 
 from planner.gap.diagnosis import Effects, Hypothesis
 from planner.gap.evidence import weigh
-from planner.gap.evidence.problem import Candidate
 from planner.gap.evidence.weigh import (
     UNKNOWN,
     Evidence,
@@ -346,17 +345,16 @@ def test_a_palette_without_an_error_is_within_the_floor_in_nineteen_of_twenty(
     members = np.arange(n).reshape(groups, each)
     problem = SimpleNamespace(
         strays=np.zeros(n, dtype=bool),
-        apart=np.zeros(n),
         campaign=SimpleNamespace(specimens=[None] * n),
         model=SimpleNamespace(replicates=members.tolist()),
-        replicate_floor=Mock(return_value=np.ones(n)),
+        replicate_floor=lambda: np.ones(n),
     )
     for _ in range(2000):
         level = rng.standard_normal((groups, each))
         mean = level.mean(axis=1, keepdims=True)
         error = (mean + (level - mean) / level.std(axis=1, ddof=1, keepdims=True)) ** 2
         problem.squared_errors = Mock(return_value=error.ravel())
-        within.append(weigh._within_floor(problem, Candidate(())))  # type: ignore[arg-type]
+        within.append(weigh._within_floor(problem))  # type: ignore[arg-type]
     # Three standard errors of 2,000.
     assert np.mean(within) == pytest.approx(0.95, abs=0.015)
 
@@ -389,14 +387,3 @@ def test_effects_that_are_known_beside_their_own_axis_alone_have_a_probability()
     shares = [h.probability for h in ranking_of(found, Priors())]
     assert sum(shares) == pytest.approx(1.0)
     assert min(shares) > 0.0
-
-
-def test_what_lies_within_the_floor_is_no_cause_out_of_the_library() -> None:
-    """Beside the rate a pattern gains 40 nats; where specimens differ by more it is no gap."""
-    gains = {**dict.fromkeys(PRIOR, 0.0), (RATE, ""): 40.0, (RATE, "operator"): 80.0}
-    found = Evidence(PRIOR, gains)
-    assert verdict_of(ranking_of(found, Priors())) == UNKNOWN
-    ranking = ranking_of(replace(found, fitting=frozenset({RATE})), Priors())
-    assert verdict_of(ranking) == RATE
-    imitated = next(h.probability for h in ranking if h.effects == UNKNOWN)
-    assert imitated == pytest.approx(Priors().imitated, abs=0.01)
