@@ -94,7 +94,7 @@ class Loop:
         if path is None:
             return self._dispatcher  # type: ignore[no-any-return]
         compiled = self._dispatcher.overloads[types]
-        with contextlib.suppress(OSError, pickle.PicklingError, _NoNameError):  # a full disk, say
+        with contextlib.suppress(*_UNUSABLE, pickle.PicklingError):  # a full disk, say
             scratch = path.with_suffix(f".{os.getpid()}")
             scratch.write_bytes(pickle.dumps(_linkable(compiled)))
             scratch.replace(path)
@@ -121,7 +121,7 @@ _UNUSABLE = (
     OSError, EOFError, pickle.UnpicklingError,  # a file that is gone, cut short or damaged
     AttributeError, ImportError, KeyError, RuntimeError, TypeError,  # numba from within is another
 )  # fmt: skip
-"""What a file cannot be linked for; the loop is compiled then."""
+"""What a file cannot be linked for, or written; the loop is compiled then."""
 
 
 @cache

@@ -287,3 +287,20 @@ def test_a_loop_with_something_untold_in_it_is_compiled_but_not_kept(monkeypatch
 
     assert untold(2.0) == told(2.0) == 2.0
     assert [path.name.rpartition("-")[0] for path in tmp_path.iterdir()] == [f"{__name__}.told"]
+
+
+def test_a_numba_that_is_another_within_compiles_and_keeps_nothing(monkeypatch, tmp_path):
+    # `_linkable` goes by what numba keeps to itself, which a new version may rename.
+    monkeypatch.setattr(compilation_cache, "_folder", lambda: tmp_path)
+
+    def renamed(compiled):
+        return compiled.of_another_name
+
+    monkeypatch.setattr(compilation_cache, "_linkable", renamed)
+
+    @kernel
+    def loop(x):
+        return x + 1.0
+
+    assert loop(2.0) == 3.0
+    assert not [*tmp_path.glob("*.nbc")]
