@@ -690,8 +690,8 @@ def _modes_beside_some(result: Weighed, likelihoods: Sequence[Likelihood]) -> li
     # A unit's, where models are exact: one that may be far off takes what is soft for a member.
     if _of_unit(some):
         some = _of_some(result.plain, result.logs, result.none)
-    gain_of = result.plain.problem.gain_of
-    left = replace(result.none, candidate=some, target=result.none.target - gain_of(some))
+    gain = result.plain.problem.gain_of(some)
+    left = replace(result.none, candidate=some, target=result.none.target - gain)
     likelihoods = [likelihood for likelihood in likelihoods if likelihood.scale == 1.0]
     left = replace(left, likelihood=max(likelihoods, key=lambda w: left.eliminated(w).none))
     found: dict[Effects, PosteriorMode] = {}
@@ -699,30 +699,21 @@ def _modes_beside_some(result: Weighed, likelihoods: Sequence[Likelihood]) -> li
     def log_p(one: PosteriorMode) -> float:
         return one.eliminated(one.likelihood).none
 
-    def whole(one: PosteriorMode) -> PosteriorMode:
-        return replace(one, target=one.target + gain_of(one.candidate))
-
     leading = [left]
     for _ in range(min(_most_effects(left.likelihood.problem), _MOST_EFFECTS - 1)):
         for one in leading:  # the best ones, as the second may be better beside a third
-            if one.candidate.parts:
-                # Beside it others may be members than where it was not known.
-                exact = result.plain if _of_unit(one.candidate) else one.likelihood
-                some = _of_some(exact, result.logs, whole(one))
-                again = replace(one.candidate, members=some.members, log_gain=some.log_gain)
-                if some.log_evidence > -np.inf:
-                    one = max(one, posterior_mode(likelihoods, again, one.likelihood), key=log_p)
-                found[again.effects] = one
-            has = one.candidate
             beside = [c for c in _partners(one, result.logs) if _GAIN not in c.effects]
             for c in beside[:_PARTNERS]:
                 if c.effects not in found:
-                    both = replace(c, members=has.members, log_gain=has.log_gain)
+                    both = replace(c, members=some.members, log_gain=some.log_gain)
                     found[c.effects] = posterior_mode(likelihoods, both, one.likelihood)
         ranked = sorted(found.values(), key=log_p, reverse=True)
         leading = ranked[:_BESIDE]
     # What the gain does is left for it to make up again, whichever specimens have it.
-    return [replace(whole(one), candidate=joined(one.candidate.parts)) for one in ranked]
+    return [
+        replace(one, target=one.target + gain, candidate=joined(one.candidate.parts))
+        for one in ranked
+    ]
 
 
 def _chosen(result: Weighed) -> list[PosteriorMode]:
