@@ -169,6 +169,9 @@ neo-Hookean one of the same initial modulus, so that a sound law has next to non
 _MARTINS_REACH = (1e-3, 12.0)
 """Bounds of the arguments of Martins' two exponentials at the largest stretch."""
 
+_LARGEST_EXPONENT = 600.0
+"""At stretches far beyond the tests: its power of e, some 1e260, can still be weighed."""
+
 
 @dataclass(frozen=True, slots=True)
 class Linear:
@@ -467,7 +470,7 @@ class Martins(_FirstInvariant):
         matrix, invariant = _front_and_invariant(stretch, planar)
         front = np.stack([2.0 * matrix, 2.0 * (stretch - 1.0)], axis=-1)
         inner = np.stack([invariant, (stretch - 1.0) ** 2], axis=-1)
-        phi = front * np.exp(a[:, None, :] * inner)
+        phi = front * np.exp(np.minimum(a[:, None, :] * inner, _LARGEST_EXPONENT))
         return phi, phi * inner
 
     def divisor(self, a: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -108,6 +108,17 @@ def test_a_forced_law_is_sound_to_the_end_of_the_range(samples: Path) -> None:
     assert fit.unstable_strain(float(np.mean([c.strain[-1] for c in curves]))) is None
 
 
+@pytest.mark.parametrize("far", [0.003, 0.047])
+@pytest.mark.parametrize("starts", [1, 5])
+@pytest.mark.filterwarnings("error")
+def test_records_of_small_strains_are_fitted_from_few_starts(far: float, starts: int) -> None:
+    """Exponents that small strains allow overflow in compression: all starts may lie there."""
+    strain = np.linspace(0.0, far, 61)
+    curve = Curve("S1", strain, 0.3 * (1.2 + 26.0 * strain - (1.2 + 26.0 * strain) ** -2 - 0.5))
+    (law,) = candidate_laws("martins")
+    assert np.isfinite(fit_law(law, sample_of([curve]), starts=starts).r2)
+
+
 RUBBERS = ("Treloar_1944", "Kawabata_1981", "Meunier_2008")
 
 
