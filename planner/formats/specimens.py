@@ -171,7 +171,7 @@ def read_specimens(path: str | Path) -> tuple[ListedSpecimen, ...]:
     known = {name.casefold(): name for name in (*texts, *SPECIMEN_COLUMNS)}
     columns = [_column(name, known) for name in headings]
     for name in columns:
-        if columns.count(name) > 1:
+        if name and columns.count(name) > 1:
             raise FileError(f"{path.name}: two columns {name!r}; keep one")
         if name not in known.values() and (quantity := _quantity(name)) is not None:
             raise FileError(

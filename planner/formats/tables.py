@@ -88,7 +88,7 @@ def _csv_cell(value: str | float | None, digits: int) -> str:
 
 
 def decode_text(data: bytes, path: Path) -> str:
-    """Return a text in UTF-8, UTF-16, GB 18030, Shift-JIS or Windows-1252, whichever it is in.
+    """Return a text in UTF-8, UTF-16, GB 18030, Shift-JIS, Windows-1251 or -1252: as it is in.
 
     Raises
     ------
@@ -115,7 +115,8 @@ def _decoded(data: bytes) -> str:
     with contextlib.suppress(UnicodeDecodeError):
         return data.decode("utf-8-sig")
     # A Chinese character is two bytes from 0xA1 on; in European texts such bytes stand alone.
-    if all(len(run) % 2 == 0 and min(run) >= 0xA1 for run in re.findall(rb"[\x80-\xff]+", data)):
+    runs = re.findall(rb"[\x80-\xff]+", data)
+    if all(len(run) % 2 == 0 and min(run) >= 0xA1 for run in runs):
         return data.decode("gb18030", errors="replace")
     with contextlib.suppress(UnicodeDecodeError):
         text = data.decode("cp932")
@@ -124,7 +125,9 @@ def _decoded(data: bytes) -> str:
         begins = [c.encode("cp932")[0] for c in text if not c.isascii()]
         if 2 * sum(byte < 0xA0 for byte in begins) > len(begins):
             return text
-    return data.decode("cp1252", errors="replace")
+    # Cyrillic words are of such bytes alone; accents of European letters stand alone.
+    cyrillic = 2 * sum(len(run) > 1 for run in runs) > len(runs)
+    return data.decode("cp1251" if cyrillic else "cp1252", errors="replace")
 
 
 def split_rows(text: str, separator: str) -> Iterator[TextRow]:

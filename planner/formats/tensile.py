@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from planner.errors import ArgumentError, FileError, as_texts
+from planner.errors import ArgumentError, Caution, FileError, as_texts
 from planner.formats import tables
 from planner.formats.files import read_file, toml_beside
 from planner.formats.units import quantities_of, unit_factor
@@ -54,6 +54,7 @@ _SIGNS = {name: re.compile(f"(?:{any_})", re.I) for name, any_ in _ANY.items()}
 """By what cells are known that are no terms; see terms.toml."""
 
 _BRACKET = re.compile(r"[(\[{<]\s*([^()\[\]{}<>]*?)\s*[)\]}>]")
+_LEADING = re.compile(r"^(%(?=\s*[^\W\d])|[XY](?=[A-Z][a-z]))\s*(.+)")
 _NUMBERED_CHANNEL = re.compile(
     rf"(?<![a-z])(?:{_ANY['channel']})(?=[\s_.:#\d])[\s_.:#]*\d*[\s_.:-]+", re.IGNORECASE
 )
@@ -68,11 +69,6 @@ _NUMBERED = re.compile(
 _TAG = re.compile(rf"(?:(?:{_ANY['specimen']})[\s_]*)?[\w-]*\d[\w-]*", re.IGNORECASE)
 _SYMBOL = re.compile(r"(.+) (?:[abdhls]\s?[0o]|[abhtw])")
 """A size with its symbol in ISO 527: "Probendicke a0"."""
-
-_GAUGE = re.compile(
-    r"((anfangs)?messlae?nge|(\w+ strain )?gau?ge length)\b(?!.*(bruch|break|final|end|after))"
-)
-"""Which travel or strain it is of may stand behind."""
 
 _MARK = re.compile(
     rf"[#*%\s]*(?:(?:{_ANY['specimen']})n?|(?P<test>{_ANY['test']}))[\s-]*"
@@ -184,10 +180,11 @@ def heading_of(text: str) -> Heading:
 def _plain(text: str) -> str:
     """Return a cell in one width, with single blanks; of what is too long for a heading "".
 
-    A hash before it is a comment's, as NumPy writes headings; "% strain" is "strain %".
+    A hash before it is a comment's, as NumPy writes headings; "% strain" is "strain %", and
+    CellScale's "XForce_mN" is "Force_mN X".
     """
     short = unicodedata.normalize("NFKC", text) if len(text) <= tables.LONGEST_HEADING else ""
-    return re.sub(r"^%\s*(?=[^\W\d])(.+)", r"\1 %", " ".join(short.split()).lstrip("# "))
+    return _LEADING.sub(r"\2 \1", " ".join(short.split()).lstrip("# "))
 
 
 def _parse(name: str) -> tuple[str, str | None, str] | None:
@@ -287,7 +284,7 @@ def size_of(cell: str, *, symbols: bool = False) -> tuple[str | None, str, str]:
         numbered = _NUMBERED.fullmatch(_folded(name))
         stem, count = (numbered[1], numbered["tag"] or numbered["number"]) if numbered else ("", "")
         speed = _SPEED.get(_folded(name)) or _SPEED.get(stem)
-        gauge = "gauge_mm" if _GAUGE.match(_folded(name)) else None
+        gauge = "gauge_mm" if _SIGNS["gauge"].match(_folded(name)) else None
         if (size := _looked_up(name, _SIZE) or speed or gauge) is not None:
             of_area = _folded(name) == "a0" and "area" in quantities_of(unit)
             return "area_mm2" if of_area else size, unit, ""
@@ -544,7 +541,8 @@ def _best_grid(sheet: _Grid, content: str | list[list[str]]) -> tuple[_Grid, lis
     text = content if isinstance(content, str) else None
     in_it = [s for s in _SEPARATORS if text is not None and (s in text or sheet.by_position)]
     for separator in in_it or [";"]:
-        rows = [*(enumerate(content, 1) if text is None else tables.split_rows(text, separator))]
+        split = enumerate(content, 1) if text is None else tables.split_rows(text, separator)
+        rows = _with_signals([*split])
         if separator == " " and sheet.by_position is None:
             rows = _with_headings_of_words(rows)
         grid = replace(sheet, separator=_decimals(rows, separator), rows=rows)
@@ -579,6 +577,12 @@ def _with_headings_of_words(rows: list[tables.TextRow]) -> list[tables.TextRow]:
         found.append((line, next((c for c in choices if len(c) == below), otherwise)))
         below = len(words) if any(words) else below
     return found[::-1]
+
+
+def _with_signals(rows: list[tables.TextRow]) -> list[tables.TextRow]:
+    """Head what stands below "StartOfData" by the rows "Sig1", ... above, as TA's DMA means it."""
+    signals = [" ".join(c[1:]) for _, c in rows if c and re.fullmatch(r"Sig\d+", c[0])]
+    return [(n, signals if signals and c[:1] == ["StartOfData"] else c) for n, c in rows]
 
 
 _MOST_WORDS = 60
@@ -872,11 +876,11 @@ def _whole(headings: _Headings, places: Iterable[int]) -> bool:
 
 
 def _walked(headings: _Headings, places: Iterable[int]) -> list[list[int]]:
-    """Cut columns where a heading comes again, and what stands before it is a record."""
+    """Cut columns where a heading comes again: first, behind a record."""
     walked: list[list[int]] = [[]]
     for i in places:
         again = any(_same(headings[i], headings[j]) for j in walked[-1])
-        if again and _whole(headings, walked[-1]):
+        if again and (len(walked) > 1 or _whole(headings, walked[-1])):
             walked.append([])
         walked[-1].append(i)
     return walked
@@ -1085,7 +1089,7 @@ def _used_columns(record: _Block, places: Sequence[int]) -> tuple[list[_Column],
         return len(set(cells[i])) < 2, meaning == "position", unmeasured, of_crosshead
 
     found: dict[str, _Column] = {}
-    doubles: list[tuple[_Column, _Column]] = []
+    doubles = list[_Column]()
     for i in sorted(cells, key=rank):
         heading = headings[i]
         is_time = heading.meaning == "time"
@@ -1112,14 +1116,17 @@ def _used_columns(record: _Block, places: Sequence[int]) -> tuple[list[_Column],
             f"{same.heading.text!r}"
         )
         if rank(i) == rank(same.at) and not is_time:
-            doubles.append((same, column))
+            doubles.append(column)
     _refuse_bent(headings, where)
     _refuse_ramp(record)
     _refuse_far(record, found)
     is_strain = any(column.heading.quantity == "strain" for column in found.values())
-    for one, other in doubles:
-        if not (is_strain and one.name == "displacement_mm"):
-            _refuse_two(record, one, other)
+    for other in doubles:
+        if not (is_strain and other.name == "displacement_mm"):
+            _refuse_two(record, found[other.name], other, doubles)
+    if "strain" in found and _SIGNS["tensor"].search(_folded(found["strain"].heading.text)):
+        said = f"{where}: {found['strain'].heading.text!r} is read as engineering strain; if it is"
+        notes.append(Caution(f"{said} Lagrange's, as of Ncorr or VIC, head it Lagrange strain"))
     return sorted(found.values(), key=lambda column: column.at), notes
 
 
@@ -1173,22 +1180,21 @@ def _refuse_far(record: _Block, used: Mapping[str, _Column]) -> None:
         raise _one_of(grid, f"{said} {lengths[0].text!r}", [read, headings])
 
 
-def _refuse_two(record: _Block, one: _Column, other: _Column) -> None:
+def _refuse_two(record: _Block, one: _Column, other: _Column, doubles: list[_Column]) -> None:
     """Refuse two columns of one kind that differ: of two sensors, or of two specimens."""
-    read = [np.array(record.numbers(column.at), dtype=np.float64) for column in (one, other)]
-    first, second = one.factor * read[0], other.factor * read[1]
+    first, second = (c.factor * np.array(record.numbers(c.at), np.float64) for c in (one, other))
     is_load = one.heading.meaning in _LOADS or other.heading.meaning in _LOADS
-    if not is_load:
-        first, second = first - first[0], second - second[0]
-    if not float(np.max(np.abs(first - second))) > _SAME * float(np.ptp(first)):
+    apart = first - second - (0.0 if is_load else first[0] - second[0])
+    if not float(np.max(np.abs(apart))) > _SAME * float(np.ptp(first)):
         return
     grid, headings = record.grid, record.headings
     what = "loads over one length, of two load cells or of two specimens"
     what = what if is_load else "lengths of one record, of two sensors"
     said = f"{one.heading.text!r} and {other.heading.text!r} are two {what}"
-    all_ = {*range(len(headings))}
-    both = f", or read two specimens by {grid.option} {_example(headings, twice=True)}"
-    ways = [_only(headings, all_ - {left_out.at}) for left_out in (other, one)]
+    same = {one.at, *(column.at for column in doubles if column.name == one.name)}
+    rest = {*range(len(headings))} - same
+    both = f", or read {len(same)} specimens by {grid.option} {_example(headings, twice=True)}"
+    ways = [_only(headings, rest | {kept.at}) for kept in (one, other)]
     raise _one_of(grid, said, ways, both if is_load and grid.option else "")
 
 
@@ -1590,7 +1596,7 @@ def _with_units_of_head(grid: _Grid, block: _Block) -> _Block:
     """
     units: dict[str, str] = {}
     for line, cells in grid.rows[: block.head]:
-        told = _UNIT_OF.fullmatch(" ".join(cell for cell in cells if cell))
+        told = _SIGNS["unit of"].fullmatch(" ".join(cell for cell in cells if cell))
         unit = told[2] if told else ""
         of_load = "force" if "force" in quantities_of(unit) else ""
         meaning = heading_of(told[1]).meaning if told and told[1] else of_load
@@ -1608,17 +1614,12 @@ def _with_units_of_head(grid: _Grid, block: _Block) -> _Block:
     return replace(block, headings=filled, notes=(f"{grid.where}: {stated} by its head",))
 
 
-_UNIT_OF = re.compile(r"(?:(\w+) )?units?\s*:?\s*[(\[]?([^\s()\[\]]+)[)\]]?", re.IGNORECASE)
-
-
 # ------------------------------------------------------------------------------------------------
 # Where headings are not understood: which ones, and by which others the file can be read.
 
 
 def _by_position(columns: Sequence[str]) -> _Headings:
-    headings = [
-        heading_of("" if c.strip() == "-" else c.strip()) for c in as_texts(columns, "`columns`")
-    ]
+    headings = [heading_of("" if c.strip() == "-" else c) for c in as_texts(columns, "`columns`")]
     for heading in headings:
         if heading.text and not heading.meaning:
             raise FileError(
@@ -1635,9 +1636,7 @@ def _by_position(columns: Sequence[str]) -> _Headings:
 
 def _count_numbers(grid: _Grid) -> int:
     """Return how many rows of a sheet hold two numbers or more."""
-    return sum(
-        sum(grid.number(cell) is not None for cell in cells if cell) > 1 for _, cells in grid.rows
-    )
+    return sum(sum(grid.number(cell) is not None for cell in cells) > 1 for _, cells in grid.rows)
 
 
 def _not_understood(grid: _Grid) -> str:
@@ -1659,7 +1658,11 @@ def _not_understood(grid: _Grid) -> str:
         f"understood: {', '.join(known) or 'none'}; not understood: {', '.join(shown) or 'none'}"
     )
     _refuse_bent(headings, f"{grid.where}, line {line}")
+    if len(_missing(headings)) > 1 and any(len(t) > 2 and size_of(t)[0] for t in unknown):
+        return f"{said}; a list of specimens is called specimens.csv: rename it, or take it away"
     example = _example([replace(h, unit=u) for h, u in zip(headings, units, strict=True)])
+    if sum(bool(h.text) for h in headings) < 2:  # a title stands above numbers without headings
+        example = ",".join("?" * max(len(headings), 2))
     named = example.split(",")
     if named.count("?") < len(_missing(map(heading_of, named))):
         return f"{said}; export what is missing too"

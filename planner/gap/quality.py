@@ -327,6 +327,10 @@ _COMPARED = (0.3, 0.9)
 the break."""
 
 
+_Loads = Mapping[int, float]
+"""ln of measured over predicted force, by a specimen's place."""
+
+
 def _log_loads(model: ObservationModel) -> dict[int, float]:
     """Return ln(measured over predicted force) by place, the median over the first loading.
 
@@ -376,9 +380,7 @@ _Groups = Sequence[tuple[int, ...]]
 """Places of replicates, which differ by scatter alone."""
 
 
-def _outlier_problems(
-    specimens: Sequence[Specimen], loads: Mapping[int, float]
-) -> Iterator[QualityProblem]:
+def _outlier_problems(specimens: Sequence[Specimen], loads: _Loads) -> Iterator[QualityProblem]:
     """Yield outlying specimens, the clearest first in each round.
 
     The level is Bonferroni's over specimens; one that was found is left out and the rest judged
@@ -401,7 +403,7 @@ def _outlier_problems(
         groups = [tuple(i for i in g if i not in gone) for g in groups]
 
 
-def _groups(specimens: Sequence[Specimen], loads: Mapping[int, float]) -> _Groups:
+def _groups(specimens: Sequence[Specimen], loads: _Loads) -> _Groups:
     """Replicates of one batch, unless that leaves less than half of what there is to compare."""
     inside, across = (
         [tuple(i for i in g if i in loads) for g in replicate_groups(specimens, with_batch=of_one)]
@@ -411,9 +413,7 @@ def _groups(specimens: Sequence[Specimen], loads: Mapping[int, float]) -> _Group
     return inside if 2 * freedom[0] >= freedom[1] else across
 
 
-def _judged(
-    loads: Mapping[int, float], groups: _Groups
-) -> Iterator[tuple[float, int, float, tuple[int, ...]]]:
+def _judged(loads: _Loads, groups: _Groups) -> Iterator[tuple[float, int, float, tuple[int, ...]]]:
     """Yield p-value, place, shift and replicates of everyone that can be judged."""
     some = [members for members in groups if len(members) > 1]
     of = [np.array([loads[i] for i in members]) for members in some]
@@ -479,7 +479,7 @@ _SPLIT = 1.0
 than the smallest factor between units, ln 4.4."""
 
 
-def _unit_problems(campaign: Campaign, loads: Mapping[int, float]) -> Iterator[QualityProblem]:
+def _unit_problems(campaign: Campaign, loads: _Loads) -> Iterator[QualityProblem]:
     """Yield what looks like another unit of force, travel or size.
 
     The load of each specimen is put in proportion to the laws' prediction. Specimens apart from
@@ -489,8 +489,7 @@ def _unit_problems(campaign: Campaign, loads: Mapping[int, float]) -> Iterator[Q
     """
     specimens = campaign.specimens
     off = _among_replicates(specimens, loads)
-    rest = {i: v for i, v in loads.items() if i not in off}
-    off |= _apart_from_trend(campaign, rest)
+    off |= _apart_from_trend(campaign, {i: v for i, v in loads.items() if i not in off})
     rest = {i: v for i, v in loads.items() if i not in off}
     materials = _materials_apart(specimens, rest)
     for i, shift in sorted(off.items()):
@@ -502,9 +501,7 @@ def _unit_problems(campaign: Campaign, loads: Mapping[int, float]) -> Iterator[Q
     yield from _whole(campaign, {i: v for i, v in rest.items() if i not in materials})
 
 
-def _among_replicates(
-    specimens: Sequence[Specimen], loads: Mapping[int, float]
-) -> dict[int, float]:
+def _among_replicates(specimens: Sequence[Specimen], loads: _Loads) -> dict[int, float]:
     """Specimens on the wrong side of a group that a unit's factor splits, with their shift."""
     by_factor = defaultdict[float, list[tuple[list[int], list[int], float]]](list)
     whole: list[float] = []
@@ -538,7 +535,7 @@ _SMALLEST = 1e-4
 squares. Numerical: of ln load, a hundredth of any scatter."""
 
 
-def _apart_from_trend(campaign: Campaign, loads: Mapping[int, float]) -> dict[int, float]:
+def _apart_from_trend(campaign: Campaign, loads: _Loads) -> dict[int, float]:
     """Single specimens that a trend over material and conditions leaves off by a factor.
 
     A few strays do not move it: it is a fit of least absolute deviations over the campaign's
@@ -567,7 +564,7 @@ def _apart_from_trend(campaign: Campaign, loads: Mapping[int, float]) -> dict[in
     }
 
 
-def _materials_apart(specimens: Sequence[Specimen], loads: Mapping[int, float]) -> dict[int, float]:
+def _materials_apart(specimens: Sequence[Specimen], loads: _Loads) -> dict[int, float]:
     """All specimens of one material that lies off the others, which agree, by a factor."""
     by_material = defaultdict[str, list[int]](list)
     for i in sorted(loads):
@@ -583,7 +580,7 @@ def _materials_apart(specimens: Sequence[Specimen], loads: Mapping[int, float]) 
     return off
 
 
-def _whole(campaign: Campaign, loads: Mapping[int, float]) -> Iterator[QualityProblem]:
+def _whole(campaign: Campaign, loads: _Loads) -> Iterator[QualityProblem]:
     """Say that the median load is off by a factor, near the reference temperature if any is.
 
     Temperature has the largest effect.

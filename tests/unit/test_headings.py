@@ -73,6 +73,11 @@ FILES = {
         "厚さ（ｍｍ）,2.00\r\n幅（ｍｍ）,6.00\r\nゲージ長（ｍｍ）,25.0\r\n試験速度（ｍｍ/ｍｉｎ）,120\r\n"
         "時間（秒）,荷重（Ｎ）,変位（㎜）\r\n" + columns(",", comma=False),
     ),
+    "russian": (
+        "cp1251",
+        "Ширина;6,00;мм\r\nТолщина;2,00;мм\r\nНачальная длина;25,0;мм\r\nСкорость;2;мм/с\r\n\r\n"
+        "Время;Усилие;Перемещение\r\nс;кН;мм\r\n" + columns(";", comma=True, force=1000.0),
+    ),
     "english-mts": (
         "utf-8",
         "Width: 6.00 mm\r\nThickness: 2.00 mm\r\nGage Length: 25.0 mm\r\n"
@@ -98,6 +103,85 @@ def test_one_record_in_every_language(tmp_path: Path, name: str) -> None:
     assert [table.metadata[s] for s in sizes] == pytest.approx(
         [WIDTH_MM, THICKNESS_MM, GAUGE_MM, SPEED_MM_S], rel=1e-12
     )
+
+
+@pytest.mark.parametrize(
+    "head",
+    [
+        "Время, с;Нагрузка, Н;Деформация, мм", "시간(초);하중(N);변위(mm)",
+        "Czas [s];Siła [N];Droga [mm]", "Čas [s];Síla [N];Posuv [mm]",
+        "Tid (s);Kraft (N);Förlängning (mm)", "ZEIT <s>;KRAFT_IST <N>;WEG_IST <mm>",
+        "Time_S;XForce_N;XDisplacement_mm",
+        "Sig1;Time (s)\nSig2;Static Force (N)\n\nSig3;Displacement (mm)\nStartOfData",
+    ],
+)  # fmt: skip
+def test_heads_of_other_languages_and_machines(tmp_path: Path, head: str) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text(f"{head}\n" + columns(";", comma=True), encoding="utf-8")
+    (table,) = read_tensile(path)
+    # 1e-6: six decimals in the file.
+    for column, values in (
+        ("time_s", TIME_S),
+        ("force_N", FORCE_N),
+        ("displacement_mm", TRAVEL_MM),
+    ):
+        np.testing.assert_allclose(table.columns[column], values, atol=1e-6)
+
+
+def test_two_axes_of_a_biaxial_machine_stop(tmp_path: Path) -> None:
+    """Alike in both, they would be read as one pull."""
+    rows = "\n".join(
+        f"{t},{d},{d},{f},{f}" for t, f, d in zip(TIME_S, FORCE_N, TRAVEL_MM, strict=True)
+    )
+    head = "Time_S,XDisplacement_um,YDisplacement_um,XForce_mN,YForce_mN"
+    (tmp_path / "a.csv").write_text(f"{head}\n{rows}")
+    with pytest.raises(FileError, match="along X and Y, two axes of one test"):
+        read_tensile(tmp_path / "a.csv", option="--columns")
+
+
+def test_loads_of_several_specimens_over_one_strain(tmp_path: Path) -> None:
+    """Whatever the refusal proposes is read, each as it says."""
+    heads = "Strain (%),Stress 1 (MPa),Stress 2 (MPa),Stress 3 (MPa),Average (MPa)"
+    rows = "\n".join(
+        f"{d},{f},{2 * f},{3 * f},{2 * f}" for f, d in zip(FORCE_N, TRAVEL_MM, strict=True)
+    )
+    path = tmp_path / "a.csv"
+    path.write_text(f"{heads}\n{rows}")
+    with pytest.raises(FileError, match="read 3 specimens by") as caught:
+        read_tensile(path, option="--columns")
+    read = []
+    for example in re.findall(r"--columns ([^\s,]+(?:,[^\s,]+)+)", str(caught.value)):
+        tables = read_tensile(path, columns=example.split(","), option="--columns")
+        read.append([table.columns["stress_MPa"][-1] / FORCE_N[-1] for table in tables])
+    # 1e-12: one product.
+    for got, factors in zip(read, ([1.0], [2.0], [1.0, 2.0, 3.0]), strict=True):
+        assert got == pytest.approx(factors, rel=1e-12)
+
+
+def test_numbers_below_a_title_are_told_how_to_be_read(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text(
+        "#data\n" + "\n".join(f"{f},{d}" for f, d in zip(FORCE_N, TRAVEL_MM, strict=True))
+    )
+    with pytest.raises(FileError, match=r"name the columns by position: --columns \?,\? with"):
+        read_tensile(path, option="--columns")
+
+
+def test_a_list_of_specimens_by_another_name_is_told_its_own(tmp_path: Path) -> None:
+    path = tmp_path / "sizes.csv"
+    path.write_text("Sample,Width (mm),Thickness (mm)\n" + "".join(f"S{n},6,2\n" for n in range(4)))
+    with pytest.raises(FileError, match=r"a list of specimens is called specimens\.csv"):
+        read_tensile(path, option="--columns")
+
+
+@pytest.mark.parametrize("heading", ["Eyy", "exx (mm/mm)", "Eyy_mean", "e11"])
+def test_a_tensors_strain_is_told_how_it_is_taken(tmp_path: Path, heading: str) -> None:
+    """Ncorr's and VIC's are Green-Lagrange's; at a strain of 1 they differ by half."""
+    rows = "\n".join(f"{d / 20},{f}" for f, d in zip(FORCE_N, TRAVEL_MM, strict=True))
+    for head in (heading, "Strain"):
+        (tmp_path / "a.csv").write_text(f"{head},Load (N)\n{rows}")
+        (table,) = read_tensile(tmp_path / "a.csv")
+        assert any("read as engineering strain" in n for n in table.notes) == (head == heading)
 
 
 @pytest.mark.parametrize("encoding", ["utf-16-le", "utf-16-be"])
@@ -273,8 +357,8 @@ def test_what_may_be_a_length_or_a_strain_needs_its_unit(tmp_path: Path) -> None
     [
         ("Time (s),Load (N),Gap (mm)\n", r"line 1: no heading of a length.*'Load \(N\)' as force; "
          r"not understood: 'Gap \(mm\)'"),
-        ("Czas;Siła;Droga\ns;N;mm\n", "understood: none; not understood: 'Czas', 'Siła', 'Droga'"),
-        ("Run 7\n\nCzas [s];Siła [kN];Wydłużenie [%]\n", "line 3: no heading"),
+        ("Aika;Voima;Matka\ns;N;mm\n", "understood: none; not understood: 'Aika', 'Voima', 'Mat"),
+        ("Run 7\n\nAika [s];Voima [kN];Venymä [%]\n", "line 3: no heading"),
         ("Temps;Charge;Déplacement\n", r"'Charge': no unit; write it .* as .Charge \(N"),
         ("Time (s),Load (N),Laser travel (mm)\n", "not understood: 'Laser travel"),
     ],
@@ -298,7 +382,7 @@ def test_the_columns_option_that_is_proposed_works(tmp_path: Path, head: str, sa
     ("head", "example"),
     [
         ("a,b,c", "?,?,?"),
-        ("Czas [s],Siła,Droga", "time_s,?,?"),
+        ("Aika [s],Voima,Matka", "time_s,?,?"),
         ("Time (s),Load (N),b", "time_s,force_N,?"),
         ("Time (s),Slack (mm),Gap (mm)", "time_s,?,?"),
     ],

@@ -386,9 +386,9 @@ def test_a_list_elsewhere_names_the_files_of_the_folder_that_was_given(tmp_path:
 
 def test_a_sheet_that_is_not_understood_is_no_silent_loss(tmp_path: Path) -> None:
     sheets = MADE.workbooks()["testxpert_de.xlsx"]
-    sheets["Probe 2"][1] = ["Sila", "Posun", ""]
+    sheets["Probe 2"][1] = ["Voima", "Matka", ""]
     (tmp_path / "a.ods").write_bytes(MADE.ods(sheets))
-    with pytest.raises(FileError, match=r"sheet 'Probe 2', line \d: no heading.*'Sila', 'Posun'"):
+    with pytest.raises(FileError, match=r"sheet 'Probe 2', line \d: no heading.*'Voima', 'Matka'"):
         read_tensile(tmp_path / "a.ods", option="--columns")
 
 

@@ -37,6 +37,12 @@ def test_the_case_of_headings_does_not_matter(tmp_path: Path) -> None:
     assert row.covariates == {"Operator": "Ann"}
 
 
+def test_columns_that_a_spreadsheet_leaves_empty_are_none(tmp_path: Path) -> None:
+    path = tmp_path / "specimens.csv"
+    path.write_text("specimen,material,,\nS1,A,,\n")
+    assert [row.material for row in read_specimens(path)] == ["A"]
+
+
 def test_measured_sizes_go_first(tmp_path: Path) -> None:
     text = "specimen,material,width_mm,thickness_mm,measured_width_mm\nS1,A,3,2,3.5\n"
     assert read_specimens(listing(tmp_path, text))[0].area_mm2 == 7.0
