@@ -131,11 +131,14 @@ def _decoded(data: bytes) -> str:
 
 
 def split_rows(text: str, separator: str) -> Iterator[TextRow]:
-    """Split a text into rows of cells; a blank is any run of blanks, two are a run of two up."""
+    """Split a text into rows of cells; a blank is any run of blanks, two are a run of two up.
+
+    Beside blanks a hash that begins a line, as NumPy's headings, is no cell.
+    """
     if not separator.strip(" "):
         blanks = re.compile(r"\s+" if separator == " " else r"\s{2,}|\t")
         for n, line in enumerate(text.splitlines(), start=1):
-            yield n, blanks.split(line.strip())
+            yield n, blanks.split(line.strip().lstrip("# "))
         return
     reader = csv.reader(io.StringIO(text, newline=""), delimiter=separator)
     start = 1

@@ -184,7 +184,7 @@ def _plain(text: str) -> str:
     CellScale's "XForce_mN" is "Force_mN X".
     """
     short = unicodedata.normalize("NFKC", text) if len(text) <= tables.LONGEST_HEADING else ""
-    return _LEADING.sub(r"\2 \1", " ".join(short.split()).lstrip("# "))
+    return _LEADING.sub(r"\2 \1", " ".join(short.split()).lstrip("# ").rstrip("_"))
 
 
 def _parse(name: str) -> tuple[str, str | None, str] | None:
@@ -900,10 +900,11 @@ def _names_above(grid: _Grid, block: _Block) -> list[list[str]]:
     Figures are sizes; whole numbers may be those of specimens, as words that count are.
     """
     words, counts, numbers = (list[list[str]]() for _ in range(3))
-    for _, above in grid.rows[max(block.head - 3, 0) : block.head][::-1]:
-        cells = [*above, ""]
+    above = grid.rows[max(block.head - 3, 0) : block.head][::-1]
+    for _, near in above + grid.rows[block.head + 1 : block.rows[0]]:
+        cells = [*near, ""]
         if not (figures := [cell for cell in cells if grid.number(cell) is not None]):
-            (counts if _counts({*above} - {""}) else words).append(_carried(cells))
+            (counts if _counts({*near} - {""}) else words).append(_carried(cells))
         elif all(map(str.isdigit, figures)) and size_of(cells[0])[0] is None:
             numbers.append(_carried(cells))
     return words + counts + numbers
@@ -1054,8 +1055,8 @@ def _used_columns(record: _Block, places: Sequence[int]) -> tuple[list[_Column],
     """Return of the columns at some places those that serve: of each canonical name the first.
 
     A crosshead's absolute position serves only where nothing else tells the travel, an
-    extensometer goes before the crosshead; one that never moves goes behind the others. A column
-    with gaps is left out where the others suffice.
+    extensometer goes before the crosshead. A column with gaps, or that never moves, is left out
+    where the others suffice.
 
     Raises
     ------
@@ -1067,6 +1068,8 @@ def _used_columns(record: _Block, places: Sequence[int]) -> tuple[list[_Column],
     cells = {i: column for i, column in cells.items() if any(column)}
     told = {i: c for i, c in cells.items() if any(map(grid.is_number, {*c} - {"NaN", "nan"}))}
     cells = told if _whole(headings, told) else cells
+    moved = {i: c for i, c in cells.items() if headings[i].meaning == "time" or len({*c}) > 1}
+    cells = moved if _whole(headings, moved) else cells
     if lacking := _missing(headings[i] for i in cells):
         raise FileError(f"{where}: no numbers of a {' nor of a '.join(lacking)}; export them too")
     gaps = [i for i, column in cells.items() if "" in column]
@@ -1717,10 +1720,7 @@ def _example(headings: _Headings, *, twice: bool = False) -> str:
         bare = next(iter(_COLUMNS.get(name, {}).values()), name)
         names.append(f"{name.replace(' ', '_')}_{unit}" if unit and name != "specimen" else bare)
     if any(kinds.isdisjoint(meant) for kinds in _SOUGHT.values()):
-        names = [
-            "?" if h.text and not h.meaning and name == "-" else name
-            for h, name in zip(headings, names, strict=True)
-        ]
+        names = ["?" if h.text and n == "-" else n for h, n in zip(headings, names, strict=True)]
     return ",".join(names)
 
 

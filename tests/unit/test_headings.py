@@ -111,7 +111,7 @@ def test_one_record_in_every_language(tmp_path: Path, name: str) -> None:
         "Время, с;Нагрузка, Н;Деформация, мм", "시간(초);하중(N);변위(mm)",
         "Czas [s];Siła [N];Droga [mm]", "Čas [s];Síla [N];Posuv [mm]",
         "Tid (s);Kraft (N);Förlängning (mm)", "ZEIT <s>;KRAFT_IST <N>;WEG_IST <mm>",
-        "Time_S;XForce_N;XDisplacement_mm",
+        "Time_S;XForce_N;XDisplacement_mm", "Time_s_;Force_N_;Displacement_mm_",
         "Sig1;Time (s)\nSig2;Static Force (N)\n\nSig3;Displacement (mm)\nStartOfData",
     ],
 )  # fmt: skip
@@ -156,6 +156,47 @@ def test_loads_of_several_specimens_over_one_strain(tmp_path: Path) -> None:
     # 1e-12: one product.
     for got, factors in zip(read, ([1.0], [2.0], [1.0, 2.0, 3.0]), strict=True):
         assert got == pytest.approx(factors, rel=1e-12)
+
+
+def test_comments_below_the_headings_name_records(tmp_path: Path) -> None:
+    """Origin writes its legend there, below the units; they were read as one material's."""
+    rows = "\n".join(f"\t{d}\t{f}\t{d}\t{f}" for f, d in zip(FORCE_N, TRAVEL_MM, strict=True))
+    head = (
+        "Long Name\tStrain\tStress\tStrain\tStress\nUnits\t%\tMPa\t%\tMPa\n"
+        "Comments\tEcoflex\tEcoflex\tDragon Skin\tDragon Skin"
+    )
+    (tmp_path / "a.txt").write_text(f"{head}\n{rows}")
+    tables = read_tensile(tmp_path / "a.txt")
+    assert [table.specimen for table in tables] == ["Ecoflex", "Dragon Skin"]
+
+
+def test_a_sensor_that_never_moved_is_none(tmp_path: Path) -> None:
+    """Programs write the extensometer that hung beside as zeros."""
+    rows = "\n".join(f"{f},{d},0.0000" for f, d in zip(FORCE_N, TRAVEL_MM, strict=True))
+    (tmp_path / "a.csv").write_text(f"Load (N),Displacement (mm),Strain (mm/mm)\n{rows}")
+    (table,) = read_tensile(tmp_path / "a.csv")
+    assert {*table.columns} == {"force_N", "displacement_mm"}
+    assert table.unused == ("Strain (mm/mm)",)
+
+
+def test_a_commented_head_between_blanks(tmp_path: Path) -> None:
+    """As numpy.savetxt writes it: its hash is no column."""
+    rows = "\n".join(
+        f"{t} {d} {f * 1e6}" for t, f, d in zip(TIME_S, FORCE_N, TRAVEL_MM, strict=True)
+    )
+    (tmp_path / "a.dat").write_text(f"# time disp force\n# s mm uN\n{rows}")
+    (table,) = read_tensile(tmp_path / "a.dat")
+    # 1e-12: one product.
+    np.testing.assert_allclose(table.columns["force_N"], FORCE_N, rtol=1e-12)
+    np.testing.assert_allclose(table.columns["displacement_mm"], TRAVEL_MM, rtol=1e-12)
+
+
+def test_what_is_proposed_drops_no_second_strain(tmp_path: Path) -> None:
+    """Else the second load would be read over the first strain."""
+    path = tmp_path / "a.csv"
+    path.write_text("strain_a,ecoflex MPa,strain_b,skin MPa\n" + "0,0,0,0\n1,2,3,4\n" * 4)
+    with pytest.raises(FileError, match=r"--columns strain,\?,\?,\?"):
+        read_tensile(path, option="--columns")
 
 
 def test_numbers_below_a_title_are_told_how_to_be_read(tmp_path: Path) -> None:
