@@ -913,7 +913,8 @@ def _files(paths: Iterable[str | Path], listing: Path | None) -> tuple[list[Path
     files: list[Path] = []
     for path in map(Path, paths):
         if path.is_dir():
-            inside = sorted(p for p in path.iterdir() if p.suffix.casefold() in _SUFFIXES)
+            # What begins so is Excel's note of an open workbook, or macOS's of a file.
+            inside = sorted(p for p in path.glob("[!.~]*") if p.suffix.casefold() in _SUFFIXES)
             if path / _SPECIMENS in inside and listing in (None, path / _SPECIMENS):
                 listing = path / _SPECIMENS
             files.extend(p for p in inside if p.name != _SPECIMENS)

@@ -108,6 +108,14 @@ def test_names_group_replicates_without_a_list(tmp_path: Path) -> None:
     assert list(forced.groups) == ["X"]
 
 
+@pytest.mark.parametrize("name", ["._a.csv", "~$a.xlsx"])
+def test_what_systems_leave_in_a_folder_is_no_test(tmp_path: Path, name: str) -> None:
+    (tmp_path / "a.csv").write_text(curve())
+    (tmp_path / name).write_bytes(b"\x00\x05\x16\x07\x00\x02")
+    study = read_study([tmp_path], width_mm=2, thickness_mm=1, gauge_mm=10)
+    assert [record.file for record in study.records] == ["a.csv"]
+
+
 def test_missing_sizes_and_files_are_named(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     path.write_text(curve())
