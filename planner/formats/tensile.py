@@ -160,10 +160,10 @@ def heading_of(text: str) -> Heading:
     while inner := _BRACKET.findall(name):  # one within another, as WaveMatrix writes them
         brackets, name = inner + brackets, _BRACKET.sub(" ", name)
     name = " ".join(name.split()) or plain
-    if any(_SIGNS[kind].search(_folded(b)) for b in brackets for kind in ("bent", "otherwise")):
-        return Heading(text, "", None)
     for word in [b for b in brackets if _folded(f"{b} {name}") in _MEANING]:  # "Stress (true)"
         name, brackets = f"{word} {name}", [b for b in brackets if b != word]
+    if any(_SIGNS[k].search(_folded(b)) for b in brackets for k in ("bent", "otherwise", "figure")):
+        return Heading(text, "", None)
     if (found := _parse(_NUMBERED_CHANNEL.sub("", name, count=1)) or _tagged(name)) is None:
         return Heading(text, "", None)
     meaning, unit, tag = found

@@ -262,6 +262,8 @@ def test_utf_16_without_its_mark(tmp_path: Path, encoding: str) -> None:
         ("Eng. Strain (%)", "strain", "%"),
         ("Avg. Force (N)", "force", "N"),
         ("% Strain", "strain", "%"),
+        ("Load (kips)", "force", "kips"),
+        ("Strain (log) [%]", "true strain", "%"),
         ("%Elongation", "elongation", "%"),
         ("# time_s", "time", "s"),
         ("Static force (N)", "force", "N"),
@@ -296,6 +298,8 @@ def test_headings_are_taken_apart(heading: str, meaning: str, unit: str | None) 
         "Strain (transverse) [%]",
         "Stress (shear) [MPa]",
         "2nd PK stress (MPa)",
+        "Stress (2nd PK) [MPa]",
+        "Load (max) [N]",
     ],
 )
 def test_what_only_sounds_alike_is_none(heading: str) -> None:
