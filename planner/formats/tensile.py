@@ -551,7 +551,7 @@ def _best_grid(sheet: _Grid, content: str | list[list[str]]) -> tuple[_Grid, lis
             return grid, found
         if blocks and text is not None and separator.strip():
             raise FileError(
-                f"{grid.where}: headings but no numbers below them; export the raw data too"
+                f"{grid.where}: headings but no bare numbers below; export them, units in headings"
             )
         tried.append(grid)
 

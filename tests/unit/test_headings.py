@@ -191,6 +191,12 @@ def test_a_commented_head_between_blanks(tmp_path: Path) -> None:
     np.testing.assert_allclose(table.columns["displacement_mm"], TRAVEL_MM, rtol=1e-12)
 
 
+def test_units_in_each_cell_are_told(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("Load,Travel\n" + "1.5 N,2.0 mm\n" * 9)
+    with pytest.raises(FileError, match="no bare numbers below; export them, units in headings"):
+        read_tensile(tmp_path / "a.csv")
+
+
 def test_what_is_proposed_drops_no_second_strain(tmp_path: Path) -> None:
     """Else the second load would be read over the first strain."""
     path = tmp_path / "a.csv"
@@ -427,6 +433,7 @@ def test_the_columns_option_that_is_proposed_works(tmp_path: Path, head: str, sa
     ("head", "example"),
     [
         ("a,b,c", "?,?,?"),
+        ("a,b,E_kPa", "?,?,?"),
         ("Aika [s],Voima,Matka", "time_s,?,?"),
         ("Time (s),Load (N),b", "time_s,force_N,?"),
         ("Time (s),Slack (mm),Gap (mm)", "time_s,?,?"),
