@@ -125,8 +125,8 @@ def _decoded(data: bytes) -> str:
         begins = [c.encode("cp932")[0] for c in text if not c.isascii()]
         if 2 * sum(byte < 0xA0 for byte in begins) > len(begins):
             return text
-    # Cyrillic words are of such bytes alone; accents of European letters stand alone.
-    cyrillic = 2 * sum(len(run) > 1 for run in runs) > len(runs)
+    # Cyrillic words are of such bytes alone; of other European letters at most two stand together.
+    cyrillic = sum(map(len, runs)) > 2 * len(runs)
     return data.decode("cp1251" if cyrillic else "cp1252", errors="replace")
 
 

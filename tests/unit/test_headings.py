@@ -191,6 +191,14 @@ def test_a_commented_head_between_blanks(tmp_path: Path) -> None:
     np.testing.assert_allclose(table.columns["displacement_mm"], TRAVEL_MM, rtol=1e-12)
 
 
+def test_two_accents_together_are_not_cyrillic(tmp_path: Path) -> None:
+    head = "Größe;Messgröße;Prüfzeit [s];Prüfkraft [N];Weg [mm]"
+    rows = columns(";", comma=True).replace("\r\n", "\r\n1;2;").removesuffix("1;2;")
+    (tmp_path / "a.csv").write_bytes(f"{head}\r\n1;2;{rows}".encode("cp1252"))
+    (table,) = read_tensile(tmp_path / "a.csv")
+    assert {*table.columns} == {"time_s", "force_N", "displacement_mm"}
+
+
 def test_units_in_each_cell_are_told(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text("Load,Travel\n" + "1.5 N,2.0 mm\n" * 9)
     with pytest.raises(FileError, match="no bare numbers below; export them, units in headings"):
