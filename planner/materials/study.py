@@ -50,20 +50,21 @@ __all__ = [
 # Which files are replicates of one material, by their names alone.
 
 
-_REPLICATE = re.compile(r"(.+?)(?:_\d{1,2}|-0?\d|[ _-][sS]\d{1,2}| ?\(\d{1,2}\))")
-_TENS = re.compile(r"(.+?)-[1-9]\d")
+_REPLICATE = re.compile(
+    r"(.+?)(?:[-_]0{0,2}\d|[ _-](?i:s|#|(?:run|test|trial|sample|specimen) ?)\d\d?| ?\(\d\d?\))"
+)
 
 
 def _materials_by_name(names: Iterable[str]) -> dict[str, str]:
     """Return a material by specimen's name: the name without the replicate's number.
 
-    A number of two digits behind a hyphen is a replicate's only where its stem has replicates
-    below ten too: "Ecoflex 00-10" and "Ecoflex 00-30" are two materials, "FLX-10" is one more of
-    "FLX-1", "FLX-2".
+    A number from ten on behind a hyphen or an underscore is a replicate's only where its stem has
+    replicates below ten too: "Ecoflex 00-10" and "Ecoflex 00-30" are two materials, as are "mix_25"
+    and "mix_50"; "FLX-10" is one more of "FLX-1", "FLX-2".
     """
     found = {name: match[1] for name in names if (match := _REPLICATE.fullmatch(name))}
-    stems = {stem for name, stem in found.items() if re.fullmatch(r"-0?\d", name[len(stem) :])}
-    tens = {name: match[1] for name in names if (match := _TENS.fullmatch(name))}
+    stems = {stem for name, stem in found.items() if re.fullmatch(r"[-_]0*\d", name[len(stem) :])}
+    tens = {name: match[1] for name in names if (match := re.fullmatch(r"(.+?)[-_][1-9]\d", name))}
     found |= {name: stem for name, stem in tens.items() if stem in stems}
     return {name: found.get(name, name) for name in names}
 
@@ -647,11 +648,10 @@ def read_study(
     """
     if isinstance(files, Study):
         return files
-    sizes_given = {"width_mm": width_mm, "thickness_mm": thickness_mm, "gauge_mm": gauge_mm}
-    for name, value in sizes_given.items():
-        if value is not None:
-            positive(value, f"`{name}`")
     given = ListedSpecimen("", width_mm=width_mm, thickness_mm=thickness_mm, gauge_mm=gauge_mm)
+    for name in ("width_mm", "thickness_mm", "gauge_mm"):
+        if (value := getattr(given, name)) is not None:
+            positive(value, f"`{name}`")
     with refused(ArgumentError, f"`files` {files!r}", "give paths of files or folders", TypeError):
         paths = [Path(file) for file in ([files] if isinstance(files, (str, Path)) else files)]
     whole = not any(path.is_file() and not is_specimens_file(path) for path in paths)

@@ -151,6 +151,23 @@ def test_replicates_beyond_nine_belong_to_their_siblings(tmp_path: Path) -> None
     assert "FLX (12 specimens)" in said
 
 
+@pytest.mark.parametrize(
+    ("names", "materials"),
+    [
+        (["mix_25", "mix_50", "mix_75"], 3), (["mix_025", "mix_050"], 2),
+        (["Eco silicone 10", "Eco silicone 20"], 2),
+        (["TPU_1", "TPU_2", "TPU_10"], 1), (["TPU_001", "TPU_002"], 1), (["TPU #1", "TPU #2"], 1),
+        (["silicone sample 1", "silicone Sample 2"], 1), (["TPU run1", "TPU run2"], 1),
+    ],
+)  # fmt: skip
+def test_which_names_are_replicates(tmp_path: Path, names: list[str], materials: int) -> None:
+    """Shares of a mixture in the name are no replicates: they were pooled."""
+    for name in names:
+        (tmp_path / f"{name}.csv").write_text(curve())
+    study = read_study([tmp_path], width_mm=2, thickness_mm=1, gauge_mm=10)
+    assert len(study.groups) == materials
+
+
 def test_materials_by_names_within_a_file_are_told_as_such(tmp_path: Path) -> None:
     rows = [f"{name},{row}" for name in ("FLX-1", "FLX-2") for row in curve().splitlines()[1:]]
     (tmp_path / "all.csv").write_text("\n".join([f"specimen,{curve().splitlines()[0]}", *rows]))
