@@ -1545,7 +1545,8 @@ def _agreed(
     several += [open_] if open_ and several else []
     if len(several) > 1:
         return None, " and ".join(several)
-    return [*values.items()][-1] if values else (None, unclear)
+    # Of texts the first holds: a machine's head names its sample before its fixture.
+    return next(iter(values.items())) if values else (None, unclear)
 
 
 def _series(grid: _Grid) -> str:

@@ -199,6 +199,15 @@ def test_two_accents_together_are_not_cyrillic(tmp_path: Path) -> None:
     assert {*table.columns} == {"time_s", "force_N", "displacement_mm"}
 
 
+def test_a_sample_is_not_called_like_its_fixture(tmp_path: Path) -> None:
+    """A list of specimens names the sample, and TRIOS the fixture further down."""
+    head = "Sample name\tA-9\nName\tA-9\n[Geometry Parameters]\nName\tTension fixture\n"
+    rows = "Time\tForce\tTravel\ns\tN\tmm\n"
+    (tmp_path / "a.txt").write_text(head + rows + columns("\t", comma=False))
+    (table,) = read_tensile(tmp_path / "a.txt")
+    assert table.specimen == "A-9"
+
+
 def test_units_in_each_cell_are_told(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text("Load,Travel\n" + "1.5 N,2.0 mm\n" * 9)
     with pytest.raises(FileError, match="no bare numbers below; export them, units in headings"):

@@ -148,7 +148,7 @@ def test_what_follows_a_blank_line_is_left_out_and_noted(tmp_path: Path) -> None
         (PLAIN.replace("0.5000,2.0", "0.5000,nan"), "line 3, column 'force_N': 'nan"),
         (PLAIN.replace("0.5000,2.0", "0.5000,x2.0"), "line 3, column 'force_N': 'x2.0"),
         (PLAIN.replace("0.100,0.5000,2.000000000", "0.100,0.5000"), "line 3: 2 cells"),
-        ("time_s,displacement_mm,force_N\n", "no numbers below"),
+        ("time_s,displacement_mm,force_N\n", "no bare numbers below"),
         (b"\x00\x01\x02", "binary"),
         (MARK10.replace("X-Axis: Travel", "Units: N"), "unit of force is 'N' here and 'lbF'"),
     ],
