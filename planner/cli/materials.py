@@ -64,7 +64,7 @@ def materials(
     every = scale.palette
     if as_program is not None:
         chosen_ones = [every.resolve(name) for name in names or ()] or every.materials
-        blocks = {one.id: planner.law_block(one, as_program) for one in chosen_ones}
+        blocks = {m.id: planner.law_block(m, as_program, k) for k, m in enumerate(chosen_ones, 1)}
         told = {"schema": 1, "palette": every.name, "blocks": blocks}
         if cli.in_words(lambda: told, as_json):
             cli.say("\n".join(blocks.values()).rstrip())

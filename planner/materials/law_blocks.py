@@ -80,7 +80,7 @@ def _listed(*values: float) -> str:
     return ", ".join(f"{value:.9g}" for value in values)
 
 
-def _abaqus(material: Material) -> Iterator[str]:
+def _abaqus(material: Material, _: int) -> Iterator[str]:
     values = _coefficients(material, lambda mu, alpha: 0.5 * mu * alpha)
     yield f"*MATERIAL, NAME={material.id}"
     if values:
@@ -100,39 +100,39 @@ def _abaqus(material: Material) -> Iterator[str]:
     yield _listed(1e-9 * material.density_g_cm3)
 
 
-def _ansys(material: Material) -> Iterator[str]:
+def _ansys(material: Material, number: int) -> Iterator[str]:
     values = _coefficients(material, lambda mu, alpha: mu)
     if material.law.model == "yeoh":
-        yield "TB,HYPER,1,1,3,YEOH"
+        yield f"TB,HYPER,{number},1,3,YEOH"
     elif values:
-        yield f"TB,HYPER,1,1,{len(values) // 3},OGDEN"
+        yield f"TB,HYPER,{number},1,{len(values) // 3},OGDEN"
     elif material.law.model in ("linear", "yielding"):
-        yield f"MP,EX,1,{_at_rest_MPa(material):.9g}"
-        yield f"MP,PRXY,1,{POISSON:g}"
+        yield f"MP,EX,{number},{_at_rest_MPa(material):.9g}"
+        yield f"MP,PRXY,{number},{POISSON:g}"
         rows = _flow(material).tolist()
-        yield from (f"TB,PLASTIC,1,1,{len(rows)},MISO",) if rows else ()
+        yield from (f"TB,PLASTIC,{number},1,{len(rows)},MISO",) if rows else ()
         yield from (f"TBPT,DEFI,{strain:.9g},{stress:.9g}" for stress, strain in rows)
     else:
         raise _no_block(material, "Ansys")
     for k in range(0, len(values), 6):
         yield f"TBDATA,{k + 1},{_listed(*values[k : k + 6]).replace(' ', '')}"
-    yield f"MP,DENS,1,{1e-9 * material.density_g_cm3:.9g}"
+    yield f"MP,DENS,{number},{1e-9 * material.density_g_cm3:.9g}"
 
 
-def _febio(material: Material) -> Iterator[str]:
+def _febio(material: Material, number: int) -> Iterator[str]:
     terms = _ogden(material)
     if terms is None and material.law.model != "linear":
         raise _no_block(material, "FEBio")
     kind = "Ogden" if terms is not None else "neo-Hookean"
-    yield f'<material id="1" name="{material.id}" type="{kind}">'
+    yield f'<material id="{number}" name="{material.id}" type="{kind}">'
     yield f"  <density>{1e-9 * material.density_g_cm3:.9g}</density>"
     if terms is None:
         yield f"  <E>{_at_rest_MPa(material):.9g}</E>"
         yield f"  <v>{POISSON:g}</v>"
     else:
-        for number, (mu, alpha) in enumerate(zip(*terms, strict=True), start=1):
-            yield f"  <c{number}>{mu * alpha:.9g}</c{number}>"
-            yield f"  <m{number}>{alpha:.9g}</m{number}>"
+        for k, (mu, alpha) in enumerate(zip(*terms, strict=True), start=1):
+            yield f"  <c{k}>{mu * alpha:.9g}</c{k}>"
+            yield f"  <m{k}>{alpha:.9g}</m{k}>"
         yield f"  <k>{_bulk_MPa(material):.9g}</k>"
     yield "</material>"
 
@@ -144,12 +144,12 @@ def _no_block(material: Material, program: str) -> ArgumentError:
     )
 
 
-_PROGRAMS: Mapping[str, tuple[Callable[[Material], Iterator[str]], str, str]] = {
+_PROGRAMS: Mapping[str, tuple[Callable[[Material, int], Iterator[str]], str, str]] = {
     "abaqus": (_abaqus, "** ", ""), "ansys": (_ansys, "! ", ""), "febio": (_febio, "<!-- ", " -->"),
 }  # fmt: skip
 
 
-def law_block(material: Material, program: str) -> str:
+def law_block(material: Material, program: str, number: int = 1) -> str:
     """Return a material's law as lines of a program's input: mm, N, MPa, t.
 
     Parameters
@@ -158,6 +158,8 @@ def law_block(material: Material, program: str) -> str:
         Of a palette.
     program
         ``abaqus``, ``ansys`` or ``febio``.
+    number
+        The material's in a model of several; Abaqus knows it by its name.
 
     Returns
     -------
@@ -185,7 +187,7 @@ def law_block(material: Material, program: str) -> str:
         f"{material.id}: {material.law.model} law of the palette, mm, N, MPa, t; Poisson's ratio "
         f"{POISSON:g}; {until}"
     )
-    return "\n".join([f"{begin}{known}{end}", *block(material)]) + "\n"
+    return "\n".join([f"{begin}{known}{end}", *block(material, number)]) + "\n"
 
 
 # ------------------------------------------------------------------------------------------------

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import planner
+from planner import cli
 from planner.errors import ArgumentError
 from planner.materials.laws import make_law
 from planner.palette import Material
@@ -58,6 +59,17 @@ def test_what_yields_flows_or_says_that_it_stays_straight() -> None:
     assert first < 46.9 < last
     assert "straight" in planner.law_block(PALETTE.resolve("Vero"), "ansys")
     assert "*HYPERELASTIC, MARLOW" in planner.law_block(PALETTE.resolve("FLX9795"), "abaqus")
+
+
+def test_each_material_of_a_model_has_its_own_number(capsys) -> None:
+    """Pasted one below the other, none takes another's place."""
+    every = PALETTE.materials
+    assert cli.run(["materials", "--as", "ansys"]) == 0
+    lines = re.findall(r"^(?:TB|MP),[A-Z]+,([0-9]+),", capsys.readouterr().out, re.MULTILINE)
+    assert list(dict.fromkeys(lines)) == [str(k) for k in range(1, len(every) + 1)]
+    assert cli.run(["materials", *(m.id for m in RUBBERS), "--as", "febio"]) == 0
+    ids = re.findall(r'<material id="([0-9]+)" name="(.*?)"', capsys.readouterr().out)
+    assert ids == [(str(k), m.id) for k, m in enumerate(RUBBERS, 1)]
 
 
 def test_programs_and_laws_that_do_not_meet_are_told() -> None:
