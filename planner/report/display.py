@@ -46,9 +46,10 @@ class ScreenGrid:
 
     @classmethod
     def over(cls, points_mm: Sequence[Float32Array | FloatArray]) -> "ScreenGrid":
-        """Return the grid over the box of several sets of points (n, 3)."""
+        """Return the grid over the box of sets of points (n, 3), of which some may be empty."""
+        held = [points for points in points_mm if len(points)]
         low, high = (
-            find([find(points, axis=0) for points in points_mm], axis=0).astype(np.float64)
+            find([find(points, axis=0) for points in held], axis=0).astype(np.float64)
             for find in (np.min, np.max)
         )
         return cls(low, float((high - low).max()) / _STEPS or 1.0)

@@ -439,8 +439,7 @@ def _next(experiments: Sequence[Experiment], verdict: str) -> Iterator[_Part]:
     rows = [_next_cells(number, x) for number, x in enumerate(experiments, start=1) if x.row]
     if rows:
         columns = [name for name in rows[0] if any(row[name] for row in rows)]
-        cells = tuple(tuple(row[name] for name in columns) for row in rows)
-        yield _Table(tuple(columns), cells)
+        yield _Table(tuple(columns), tuple(tuple(row[name] for name in columns) for row in rows))
     reasons: dict[str, list[str]] = {}
     for number, x in enumerate(experiments, start=1):
         words = [f"{axis_words(k)} {v} {unit_of(k)}".strip() for k, v in x.change.items()]

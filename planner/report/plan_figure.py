@@ -83,8 +83,7 @@ def plan_table(plan: Plan) -> PlanTable:
     }
     strain = f"{plan.stiffness.at_strain:g}"
     title = f"{plan.part.file} on {plan.printer}: secant modulus at strain {strain}"
-    blended = plan.gradient.blend is not None
-    columns = tuple(name for name in rows[0] if name != "blend" or blended)
+    columns = tuple(name for name in rows[0] if name != "blend" or plan.gradient.blend is not None)
     return PlanTable(title, columns, rows, total)
 
 

@@ -19,7 +19,7 @@ import planner
 from planner.cli import run
 from planner.formats.outputs import seal
 from planner.plan import Finding
-from planner.report.display import colours_told_apart, shown
+from planner.report.display import ScreenGrid, colours_told_apart, shown
 from planner.report.markdown import to_html
 from planner.report.plan_figure import plan_table
 
@@ -261,6 +261,17 @@ def test_shells_with_fewer_triangles_are_closed_and_near() -> None:
         )
         assert radius == pytest.approx(np.ones(len(points)), abs=0.02)
     assert 0.0 < display.moved_mm < 0.2
+
+
+def test_a_shell_that_is_too_small_to_be_shown_hinders_nothing() -> None:
+    vertices, faces = ball(120)
+    speck = (2.0 + 1e-5 * vertices, faces)
+    display = shown([(vertices, faces), speck], most=2000)
+    large, none = (points for points, _ in display.shells)
+    assert not len(none)
+    grid, same = ScreenGrid.over([large, none]), ScreenGrid.over([large])
+    assert grid.step_mm == same.step_mm
+    assert (grid.origin_mm == same.origin_mm).all()
 
 
 def test_neighbours_fit_after_they_were_simplified() -> None:
