@@ -118,8 +118,7 @@ class Printing:
         steps = [8 * max(count - 2, 1) for count in self.counts]
         spacing = (high - low) / steps
         index = np.stack(np.meshgrid(*(np.arange(n + 1) for n in steps), indexing="ij"), axis=-1)
-        places = low + index.reshape(-1, 3) * spacing
-        share = self.problem.controls.basis(places) @ values
+        share = self.problem.controls.basis(low + index.reshape(-1, 3) * spacing) @ values
         share = share.reshape(index.shape[:3]).astype(np.float32)
         modulus = self.problem.stiffness.modulus_MPa(share.astype(np.float64)).astype(np.float32)
         return encode_vti(low, spacing, {"position": share, "modulus_MPa": modulus})
@@ -213,7 +212,7 @@ class Printing:
         derivatives say, by a per cent or so. It is solved in larger cells, without interfaces.
         """
         none, larger = np.zeros(len(self.best.off)), self.larger
-        if self.dithered or not len(none):
+        if not len(none):
             return none
         try:
             there = replace(self, problem=larger, best=search.evaluate(larger, self.best.values))
@@ -312,7 +311,8 @@ def _prints(printing: Printing) -> Iterator[Print]:
     best = printing.best
     before: Sequence[Case] = printing.problem.cases
     trail, known = list[Print](), list[FloatArray]()
-    values = _aimed(printing, best.values, -printing.beyond())
+    # Dithered cells follow the gradient itself.
+    values = best.values if printing.dithered else _aimed(printing, best.values, -printing.beyond())
     while len(known) <= _MOST_PRINTS and not any(np.array_equal(values, v) for v in known):
         known.append(values)
         try:

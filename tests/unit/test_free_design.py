@@ -362,6 +362,17 @@ def test_a_limit_of_another_case_is_kept() -> None:
 
 
 @pytest.mark.long
+@pytest.mark.slow
+def test_dithered_cells_do_what_the_gradient_does() -> None:
+    """Also where a pull bends the part, so that derivatives foretell little."""
+    made = design(([50.0, 8.0, 5.0] * BOX, FACES), fix="x=min", load="x=max: 6,0,0 N",
+                  target="x=max uz=1.5 mm", free="6x1x3", cell_mm=6.0, blend="dither",
+                  tolerance=0.02)  # fmt: skip
+    (row,) = made.reached
+    # The table that is printed is straight between an eighth of the controls' distance.
+    assert row.printed == pytest.approx(row.continuous, rel=0.005)
+
+
 def test_robust_limits_hold_at_the_worst_of_the_interval() -> None:
     given = {"load": LOAD, "target": "x=min uz=-8 mm", "free": "5x3x3", "blend": "dither"}
     side = replace(SIDE, limit="x=min uy<6 mm")
