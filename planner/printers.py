@@ -340,4 +340,4 @@ def palette_of(
     file = Path(str(palette or ""))
     if isinstance(palette, Path) or file.name.endswith(".toml") or file.is_file():
         return load_palette(file)
-    return load_printer(printer or "connex3").palette(palette)
+    return load_printer("connex3" if printer is None else printer).palette(palette)

@@ -294,6 +294,7 @@ def export(
         reaches under its loads, or the break.
     """
     given = locals()
+    _check_endings(output=(output, ".vtu" if to == "vtu" else ".inp"))
     cli.check_targets(context, force=force, output=output)
     with cli.progress(not quiet and not as_json) as stage:
         stage("filling the part with cells")

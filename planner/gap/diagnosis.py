@@ -486,8 +486,7 @@ def read_diagnosis(path: str | Path) -> Diagnosis:
     is_folder = isinstance(path, str | Path) and Path(path).is_dir()
     file = path_within(path, "diagnosis.json") if is_folder else path
     advice = "give a diagnosis.json as planner gap diagnose -o writes it, or its folder"
-    data = read_file(file, advice=advice)
-    document = decode_document(data, dict[str, Any], str(file))
+    document = decode_document(read_file(file, advice=advice), dict[str, Any], str(file))
     said = "not a diagnosis: {}; see docs/reference/diagnosis.md for its keys"
     with refused(FileError, file, said, msgspec.ValidationError):
         content = msgspec.convert(_completed(document), _DiagnosisFile)

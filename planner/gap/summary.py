@@ -7,7 +7,7 @@ from pathlib import Path
 from shlex import quote
 from typing import Any
 
-from planner.errors import PlannerError
+from planner.errors import ArgumentError, PlannerError, refused
 from planner.formats.files import path_within
 from planner.formats.specimens import SPECIMEN_COLUMNS
 from planner.formats.tensile import read_tensile
@@ -292,7 +292,8 @@ def campaign_standing(campaign: str | Path) -> Standing:
     >>> planner.campaign_standing("lab").missing  # doctest: +SKIP
     ('D03a', 'D03b')
     """
-    folder = Path(campaign)
+    with refused(ArgumentError, f"campaign {campaign!r}", "give its folder", TypeError):
+        folder = Path(campaign)
     diagnosed = (folder / "diagnosis.json").is_file() and not (folder / "campaign.toml").is_file()
     if folder.is_file() or diagnosed:
         found = read_diagnosis(folder)

@@ -13,8 +13,10 @@ from planner.errors import (
     FileError,
     UnknownNameError,
     as_count,
+    as_number,
     as_texts,
     check_known,
+    refused,
 )
 from planner.formats.files import path_within
 from planner.formats.specimens import read_specimens
@@ -221,7 +223,8 @@ def read_design(
     PaletteError, UnknownNameError
         The palette, or a material that it does not have.
     """
-    path = Path(path)
+    with refused(ArgumentError, f"`design` {path!r}", "give a list or a campaign", TypeError):
+        path = Path(path)
     if path.is_file():
         folder, name = path.parent, ""
         if palette is None and (folder / "campaign.toml").is_file():
@@ -237,15 +240,19 @@ def read_design(
     file = read_campaign_file(path)
     own = file.palette_in(path)
     if has_curves(path) or any(row.file for row in read_specimens(path_within(path, SPECIMENS))):
-        campaign = read_campaign(path, own)
-        specimens = tuple(s for s in map(_retraced, campaign.specimens) if s is not None)
-        if not specimens:
-            raise FileError(
-                f"campaign {campaign.name}: no specimen loads over enough points to be followed; "
-                f"give its {SPECIMENS} alone, and each goes the way of its protocol"
-            )
-        return replace(campaign, specimens=specimens)
+        return _followed(read_campaign(path, own))
     return _listed(path_within(path, SPECIMENS), file.name, own, file.printer, camera)
+
+
+def _followed(campaign: Campaign) -> Campaign:
+    """Return a campaign whose specimens go the ways that they went."""
+    specimens = tuple(s for s in map(_retraced, campaign.specimens) if s is not None)
+    if not specimens:
+        raise FileError(
+            f"campaign {campaign.name}: no specimen loads over enough points to be followed; "
+            f"give its {SPECIMENS} alone, and each goes the way of its protocol"
+        )
+    return replace(campaign, specimens=specimens)
 
 
 def _retraced(specimen: Specimen) -> Specimen | None:
@@ -398,7 +405,7 @@ _SENSOR_LEAST_N = 0.002
 
 
 def synthesise_campaign(
-    design: str | Path,
+    design: Campaign | str | Path,
     *,
     effect: str | Sequence[str] = (),
     scatter: float = _SCATTER,
@@ -415,7 +422,7 @@ def synthesise_campaign(
     Parameters
     ----------
     design
-        Which specimens: a specimens.csv, or the folder of a campaign, whose own palette counts.
+        Which specimens: a specimens.csv, or a campaign or its folder, whose own palette counts.
     effect
         What is at work, each ``"ID:NAME=VALUE,..."``, as in ``"rate:rise=0.12,form=power-law"``;
         what is not given is at the middle of its range.
@@ -450,7 +457,10 @@ def synthesise_campaign(
     >>> planner.diagnose(made).verdict  # doctest: +SKIP
     'rate'
     """
-    plan = read_design(design, palette, printer=load_printer(printer), camera=camera)
+    if isinstance(design, Campaign):
+        plan = _followed(design)
+    else:
+        plan = read_design(design, palette, printer=load_printer(printer), camera=camera)
     effects = [stated_effect(text, plan.palette) for text in as_texts(effect, "`effect`")]
     rng = np.random.default_rng(as_count(seed, "`seed`", 2**63, least=0))
     return synthetic_campaign(plan, effects, rng, scatter=scatter, seed_text=f"seed {seed}")
@@ -486,7 +496,7 @@ def synthetic_campaign(
     PaletteError
         A law that nothing can be predicted with.
     """
-    if not 0.0 <= scatter <= _MOST_SCATTER:
+    if not 0.0 <= as_number(scatter, "`scatter`") <= _MOST_SCATTER:
         raise ArgumentError(f"`scatter` {scatter:g}: it must be from 0 to {_MOST_SCATTER:g}")
     laws = law_tables(plan.palette)
     batches = {

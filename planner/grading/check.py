@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from planner.errors import ArgumentError, FileError, PlannerError
+from planner.errors import ArgumentError, FileError, PlannerError, as_number
 from planner.formats.files import path_within
 from planner.formats.mesh_file import decode_stl
 from planner.formats.outputs import is_as_written, is_scratch
@@ -519,7 +519,7 @@ def diff(
     >>> planner.diff("finger-graded", "five-bands")[0].what  # doctest: +SKIP
     'material removed'
     """
-    if not 0.0 <= tolerance <= 1.0:
+    if not 0.0 <= as_number(tolerance, "`tolerance`") <= 1.0:
         raise ArgumentError(f"`tolerance` {tolerance:g}: it must be a number from 0 to 1")
     plans = [plan if isinstance(plan, Plan) else read_plan(plan) for plan in (before, after)]
     return tuple(_compare(plans[0], plans[1], tolerance))

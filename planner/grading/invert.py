@@ -125,8 +125,7 @@ class Mixture:
 
 
 def _stiffness(of: Mixture | MixtureSecant) -> dict[str, Any]:
-    interval = known_interval(of.interval_MPa)
-    return {"modulus_MPa": of.modulus_MPa, "modulus_interval_MPa": interval}
+    return {"modulus_MPa": of.modulus_MPa, "modulus_interval_MPa": known_interval(of.interval_MPa)}
 
 
 def _law_document(found: MixtureLaw) -> dict[str, Any]:

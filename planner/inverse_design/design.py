@@ -261,7 +261,7 @@ def design(
     move: str | Sequence[str] = (),
     gravity: str | Sequence[float] | None = None,
     moment: str | Sequence[str] = (),
-    cases: Sequence[LoadCase] = (),
+    cases: LoadCase | Sequence[LoadCase] = (),
     limit: str | Sequence[str] = (),
     knots: int = 7,
     axis: str | tuple[float, float, float] | None = None,
@@ -376,7 +376,7 @@ def design(
     first = LoadCase(target, fix, load, pressure, move, gravity, moment=moment)
     limits, figures = Limits.read(limit)
     alone = bool(cases) and first.is_empty and not first.target
-    cases = LoadCase.named(tuple(cases) if alone else (first, *cases))
+    cases = LoadCase.named(cases, *(() if alone else (first,)))
     wanted = [_wanted_of(case) for case in cases]
     for aims in wanted if alone else wanted[:1]:
         aims += figures
@@ -397,7 +397,7 @@ def design(
     if cell_mm is not None and minutes is not None:
         raise ArgumentError("give `cell_mm` or `minutes`, not both")
     positive(tolerance, "`tolerance`")
-    machine = load_printer(printer or "connex3")
+    machine = load_printer("connex3" if printer is None else printer)
     chosen = palette_of(palette, machine)
     scale = stiffness_scale(chosen, at_strain)
     ends, _, _ = targets_of(Wish(start=from_, end=to, profile="log"), scale)

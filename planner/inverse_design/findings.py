@@ -212,17 +212,16 @@ def findings(
             told += " of the farthest that one material alone gives"
         elif row.whole != row.wanted:
             told += f" of a change of {abs(row.whole):.3g} {row.unit}"
-        told += "; "
         if row.missed_by(row.continuous) > tolerance:
             soft, stiff = (f"{e:.4g}" if e is not None else "nothing stable" for e in row.reach)
             told += (
-                f"the nearest gradient comes to {row.continuous:.4g} {row.unit}{why}"
+                f"; the nearest gradient comes to {row.continuous:.4g} {row.unit}{why}"
                 f"{against.get((row.case, row.target), '')}; softest {soft}, stiffest {stiff} "
                 f"{row.unit}"
             )
         else:
             told += (
-                f"the gradient comes to {row.continuous:.4g} {row.unit}, which the printed "
+                f"; the gradient comes to {row.continuous:.4g} {row.unit}, which the printed "
                 f"materials follow in steps{closer}"
             )
         yield DesignFinding("target" if row.kind == "target" else "limit", told)

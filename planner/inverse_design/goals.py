@@ -97,8 +97,7 @@ class Target:
                 "x=min uy<1 mm"
             )
         selector, quantity, value, unit = found[1], found[2].casefold(), float(found[4]), found[5]
-        said = f"{where}: no such quantity {quantity!r}; {{}}there are"
-        check_known(quantity, _QUANTITIES, said)
+        check_known(quantity, _QUANTITIES, f"{where}: no such quantity {quantity!r}; {{}}there are")
         if not unit:
             raise ArgumentError(
                 f"{where}: the unit is missing; displacements (ux) are in mm, turns (ry) in deg, "
@@ -199,8 +198,7 @@ def _shape(text: str, bare: str) -> Target:
             f"`target` {text}: {len(values)} points; a shape takes 1 to {_MOST_POINTS}"
         )
     points = tuple((x, y, z) for x, y, z, *_ in values)
-    moves = tuple((u, v, w) for *_, u, v, w in values)
-    return Target(text, points_mm=points, moves_mm=moves)
+    return Target(text, points_mm=points, moves_mm=tuple((u, v, w) for *_, u, v, w in values))
 
 
 _LIMIT = re.compile(

@@ -203,9 +203,8 @@ class Solved(Solution):
         # nodal_forces multiplies by volumes, which `back` has put in already
         pulled = mechanics.nodal_forces(state, tensor / mechanics.body.cells.weights_mm3[:, None])
         through = mechanics.sensitivity(state, self.factored, pulled)
-        table = body.table
-        gap = 1e-6 * float(np.ptp(table.coordinate)) + 1e-12
-        change = (table.break_at(body.coordinate + gap) - breaks) / gap
+        gap = 1e-6 * float(np.ptp(body.table.coordinate)) + 1e-12
+        change = (body.table.break_at(body.coordinate + gap) - breaks) / gap
         direct = -each * ratio / breaks * change
         by_stress = through.log_modulus / norm * largest
         return OverBreak(largest, norm * largest, through.coordinate + direct, by_stress)

@@ -544,8 +544,7 @@ def candidate_laws(name: str) -> tuple[SeparableLaw, ...]:
     every = tuple(law for laws in FITTED_MODELS.values() for law in laws)
     known = {**FITTED_MODELS, **{law.name: (law,) for law in every}, "all": every}
     wanted = str(name).strip().casefold()
-    said = f"law {name!r}: no such law; {{}}choose one of"
-    check_known(wanted, known, said, UnknownNameError)
+    check_known(wanted, known, f"law {name!r}: no such law; {{}}choose one of", UnknownNameError)
     return known[wanted]
 
 

@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from pathlib import Path
@@ -80,17 +80,19 @@ class LoadCase:
         return tuple(text for text in self.target if _WATCHED.fullmatch(text.strip()))
 
     @staticmethod
-    def named(cases: Sequence["LoadCase"]) -> "tuple[LoadCase, ...]":
-        """Return several cases, each with a name; one alone may have none.
+    def named(cases: "LoadCase | Iterable[LoadCase]", *first: "LoadCase") -> tuple["LoadCase", ...]:
+        """Return cases, behind the first, each with a name; one alone may have none.
 
         Raises
         ------
         ArgumentError
             Two have one name, or one is something else.
         """
-        if wrong := [case for case in cases if not isinstance(case, LoadCase)]:
+        with refused(ArgumentError, f"`cases` {cases!r}", "give a LoadCase, or several", TypeError):
+            every = (*first, *((cases,) if isinstance(cases, LoadCase) else cases or ()))
+        if wrong := [case for case in every if not isinstance(case, LoadCase)]:
             raise ArgumentError(f"`cases`: {wrong[0]!r} is no LoadCase; give one or several")
-        given = [case.name for case in cases]
+        given = [case.name for case in every]
         alone = len(given) < 2
         names = [
             name or ("" if alone else f"unnamed case {k}" if f"case {k}" in given else f"case {k}")
@@ -98,7 +100,7 @@ class LoadCase:
         ]
         if twice := sorted({name for name in names if names.count(name) > 1}):
             raise ArgumentError(f"`cases`: {twice[0]!r} names two; give each case its own name")
-        return tuple(replace(case, name=name) for case, name in zip(cases, names, strict=True))
+        return tuple(replace(case, name=name) for case, name in zip(every, names, strict=True))
 
     @classmethod
     def read(cls, text: str) -> "LoadCase":

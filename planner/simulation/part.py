@@ -677,7 +677,7 @@ def simulate_part(
     >>> held = planner.LoadCase(fix="x=max", load="x=min: 0,0,-0.5 N")  # doctest: +SKIP
     >>> (bent,) = planner.simulate_part("finger-graded", held)  # doctest: +SKIP
     """
-    cases = LoadCase.named((cases,) if isinstance(cases, LoadCase) else tuple(cases or ()))
+    cases = LoadCase.named(cases)
     if not cases:
         raise ArgumentError("`cases`: there is none; say how the part is held and loaded")
     steps = as_count(steps, "`steps`", _MOST_STEPS)

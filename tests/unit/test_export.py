@@ -10,6 +10,7 @@ import pytest
 import trimesh
 
 import planner
+from planner.cli import run
 from planner.errors import ArgumentError, Caution
 from planner.formats.field_file import _open
 from planner.materials.mixtures import CoefficientModel
@@ -216,6 +217,11 @@ def test_mixtures_of_dithered_cells_are_binned(plan):
     assert 16 <= len(made.materials) <= 32
     assert any("stand for all mixtures" in note for note in made.notes)
     assert made.document()["cells"] == 16 * 16 * 80
+
+
+def test_a_file_of_another_kind_is_not_called_so(tmp_path, capsys):
+    assert run(["export", "here", "--to", "vtu", "-o", str(tmp_path / "part.inp")]) == 2
+    assert "its ending must be .vtu" in capsys.readouterr().err
 
 
 def test_what_cannot_be_is_said(plan):

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import planner
 from planner.cli import run
 from planner.errors import ArgumentError, FileError, UnknownNameError
 from planner.gap.campaign import Campaign
@@ -131,6 +132,15 @@ def test_a_campaigns_specimens_are_followed_on_their_own_ways(listed, tmp_path, 
     for old, new in zip(first.specimens, plan.specimens, strict=True):
         assert new.time_s[-1] == pytest.approx(old.time_s[-1], rel=1e-3)
         assert new.displacement_mm.max() == pytest.approx(old.displacement_mm.max(), rel=1e-3)
+
+
+def test_a_campaign_stands_for_its_folder() -> None:
+    folder = Path(__file__).parents[2] / "samples" / "warm-lab"
+    given = {"effect": "rate:rise=0.12", "seed": 7}
+    one = planner.synthesise_campaign(folder, **given)
+    other = planner.synthesise_campaign(read_campaign(folder), **given)
+    for a, b in zip(one.specimens, other.specimens, strict=True):
+        assert (a.force_N == b.force_N).all()
 
 
 @pytest.mark.parametrize(

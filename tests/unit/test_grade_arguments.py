@@ -15,6 +15,7 @@ BAR = m3.Manifold.cube([40.0, 8.0, 6.0]).to_mesh()
 MESH = (np.asarray(BAR.vert_properties[:, :3]), np.asarray(BAR.tri_verts))
 ENDS = {"from_": "Tango", "to": "FLX9795"}
 TESTS = Path(__file__).parents[2] / "samples" / "tensile"
+LAB = TESTS.with_name("warm-lab")
 
 
 class _Mesh:
@@ -105,6 +106,13 @@ def test_what_cannot_be_taken_is_named(arguments: dict) -> None:
         (lambda: planner.fit(TESTS, law="yeoh", columns=3), "`columns` 3: it must be text"),
         (lambda: planner.fit(TESTS, law="yeoh", mode=3), "mode is 3; it must be one of"),
         (lambda: planner.simulate_part(MESH, None), "`cases`: there is none"),
+        (lambda: planner.simulate_part(MESH, 3), "`cases` 3: give a LoadCase, or several"),
+        (lambda: planner.design(MESH, **ENDS, cases=3), "`cases` 3: give a LoadCase, or several"),
+        (lambda: planner.campaign_standing(None), "campaign None: give its folder"),
+        (lambda: planner.synthesise_campaign(3), "`design` 3: give a list or a campaign"),
+        (lambda: planner.synthesise_campaign(LAB, scatter="0.03"), "`scatter` '0.03': it must be"),
+        (lambda: planner.diff(LAB, LAB, tolerance="1e-6"), "`tolerance` '1e-6': it must be a"),
+        (lambda: planner.invert(1.0, printer=""), "no printer ''"),
         (lambda: planner.design_campaign("rate", budget="8"), "`budget` '8': it must be a whole"),
         (lambda: planner.simulate_bar("Tango", to_strain="20%"), "`to_strain` '20%': it must be"),
         (lambda: planner.simulate_bar("Tango", rate_mm_s="1"), "`rate_mm_s` '1': it must be"),

@@ -318,3 +318,5 @@ def test_a_name_that_was_given_is_not_made_for_another() -> None:
     one, two = LoadCase(fix="x=min"), LoadCase(fix="x=max", name="case 1")
     assert [case.name for case in LoadCase.named((one, two))] == ["unnamed case 1", "case 1"]
     assert [case.name for case in LoadCase.named((one, one))] == ["case 1", "case 2"]
+    assert LoadCase.named(one) == LoadCase.named(iter([one])) == (one,)
+    assert LoadCase.named(two, one) == LoadCase.named((one, two))

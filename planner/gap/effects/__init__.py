@@ -106,6 +106,5 @@ def effect_named(id: str, effects: Mapping[str, Effect], option: str) -> Effect:
     UnknownNameError
         There is none; the message names what is near.
     """
-    said = f"{option} {id}: no such effect; {{}}there are"
-    check_known(id, effects, said, UnknownNameError)
+    check_known(id, effects, f"{option} {id}: no such effect; {{}}there are", UnknownNameError)
     return effects[id]

@@ -416,8 +416,7 @@ def weigh(problem: Problem, priors: Priors) -> Weighed:
         _add_axes(none, likelihood, result)
     for one in _chosen(result):
         # Of that alone in which it is likeliest: another's scatter may do without the unknown.
-        best = max(likelihoods, key=lambda w: one.eliminated(w).none + w.log_share)
-        _add_axes(one, best, result)
+        _add_axes(one, max(likelihoods, key=lambda w: one.eliminated(w).none + w.log_share), result)
         # Where it lies beside a gain is not where it lies alone.
         known = any(some.candidate.effects == one.candidate.effects for some in result.beside_some)
         if len(one.candidate.effects) < _MOST_EFFECTS and not known:
