@@ -737,8 +737,7 @@ def _rising(places: NDArray[np.int64]) -> NDArray[np.int64]:
 
 def _holds(rising: NDArray[np.int64], places: NDArray[np.int64]) -> BoolArray:
     """Tell which of some places are among others that rise; `np.isin` would sort both."""
-    at = np.searchsorted(rising, places)
-    return np.asarray(np.append(rising, -1)[at] == places)
+    return np.asarray(np.append(rising, -1)[np.searchsorted(rising, places)] == places)
 
 
 def _indices(cubes: NDArray[np.uint8], places: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -505,8 +505,7 @@ def correct(
     use = _conditions(asked, before.reference)
     section_mm = positive(width_mm, "`width_mm`"), positive(thickness_mm, "`thickness_mm`")
     own = _conditions(Reference(), before.reference)
-    case = _Case(before, diagnosis, own, use, section_mm)
-    return _corrected(case, recalibrate, doubt)
+    return _corrected(_Case(before, diagnosis, own, use, section_mm), recalibrate, doubt)
 
 
 def _diagnosed_palette(

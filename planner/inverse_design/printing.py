@@ -311,9 +311,13 @@ def _prints(printing: Printing) -> Iterator[Print]:
     best = printing.best
     before: Sequence[Case] = printing.problem.cases
     trail, known = list[Print](), list[FloatArray]()
+
+    def is_new(values: FloatArray) -> bool:
+        return not any(np.array_equal(values, v) for v in known)
+
     # Dithered cells follow the gradient itself.
     values = best.values if printing.dithered else _aimed(printing, best.values, -printing.beyond())
-    while len(known) <= _MOST_PRINTS and not any(np.array_equal(values, v) for v in known):
+    while len(known) <= _MOST_PRINTS and is_new(values):
         known.append(values)
         try:
             one = printing.made(values, before)
@@ -336,6 +340,8 @@ def _prints(printing: Printing) -> Iterator[Print]:
                 continue
         nearest = min(trail, key=_missed)
         values = _aimed(printing, best.values, printing.foretold(nearest.values) - nearest.misses)
+        # Where derivatives foretell little, the gradient's own print may be nearer than all.
+        values = values if is_new(values) else best.values
 
 
 def _aimed(

@@ -258,8 +258,7 @@ def open_solid(
     made = Solid(source.part.file, surface, filling, chosen, notes, strain)
     if source.gradient.kind in ("mix", "dither") or len(shells) == 1:
         return made
-    places = joined.vertices - np.array(source.part.translation_mm)
-    own = Mesh(places, np.concatenate(joined.faces))
+    own = Mesh(joined.vertices - np.array(source.part.translation_mm), np.concatenate(joined.faces))
     shell = np.repeat(np.arange(len(shells), dtype=np.int32), [len(s) for s in joined.faces])
     filled = _filled(source, shells, chosen)
     modulus = CoefficientModel(chosen).modulus_MPa(filled, strain)
