@@ -444,7 +444,7 @@ def export(
         data=data,
         cell_mm=as_point(mesh.cell_mm),
         cells=len(mesh.nodes),
-        nodes=len(mesh.node_mm),
+        nodes=len(corners if to == "vtu" else mesh.node_mm),
         volume_mm3=mesh.volume_mm3,
         part_mm3=part_mm3,
         materials=tuple(materials),
