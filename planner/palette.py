@@ -261,7 +261,8 @@ class Palette:
     temperature
         What warming does to its grades, if tests tell.
     sha256
-        Of the file's bytes, so that a plan can say what it was planned with.
+        Of the file's bytes, so that a plan can say what it was planned with; "" where none is
+        known, as is to be said of one that is changed by hand.
     """
 
     name: str

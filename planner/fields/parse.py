@@ -804,8 +804,7 @@ def _composed(rule: str, parts: list[str], text: str, setting: Setting, depth: i
             return np.clip(found[0], numbers["low"], numbers["high"])
         return np.asarray((np.minimum if rule == "min" else np.maximum).reduce(found))
 
-    says = {"fields": [one.description() for one in fields], **numbers}
-    return FunctionField(rule, values, says)
+    return FunctionField(rule, values, {"fields": [one.description() for one in fields], **numbers})
 
 
 def _number(part: str, wish: str) -> float:

@@ -61,6 +61,17 @@ def both(tmp_path_factory: pytest.TempPathFactory) -> PaletteStudy:
     return fitted(lab(tmp_path_factory.mktemp("t") / "both", (COLD_C, WARM_C)))
 
 
+def test_a_warmed_palette_is_known_by_the_file_that_it_makes(
+    both: PaletteStudy, tmp_path: Path
+) -> None:
+    """So that a plan of it is no plan of the palette that was not warmed."""
+    write_palette(both.palette, tmp_path / "lab.toml")
+    cold = load_palette(tmp_path / "lab.toml")
+    warm, _ = at_temperature(30.0, palette=cold)
+    write_palette(warm, tmp_path / "warm.toml")
+    assert warm.sha256 == load_palette(tmp_path / "warm.toml").sha256 != cold.sha256
+
+
 def test_fit_gives_each_grade_its_own_factor(both: PaletteStudy) -> None:
     table = both.palette.temperature
     assert table is not None
