@@ -415,7 +415,9 @@ class Setting:
     def samples_mm(self) -> FloatArray:
         """The part's vertices and points within it."""
         grid, inside = cells_of(self.mesh, self._coarse_mm)
-        return np.concatenate([self.mesh.vertices, grid.centre_mm(np.argwhere(inside))])
+        # Cells of thin walls have their middle outside.
+        within = moved_within(self.surface, grid.centre_mm(np.argwhere(inside)), 0.0)
+        return np.concatenate([self.mesh.vertices, within])
 
     @property
     def _coarse_mm(self) -> float:
@@ -426,18 +428,22 @@ class Setting:
         """Return the greatest value within of one that rises by 1 mm a mm at most, to `_DEPTH_MM`.
 
         The cells that hold most are halved. What they reach beyond the part must be no greater than
-        what is within, or is left out.
+        what is within, or is moved to the surface.
         """
-        points, half_mm = self.samples_mm, 0.5 * self._coarse_mm
+        # Beyond the part as far as the next cell: its middle may lie outside, and the place in it.
+        points, half_mm = self.samples_mm, (0.5 if outside else 1.0) * self._coarse_mm
         values = quantity(points)
         while half_mm > _DEPTH_MM:
-            points, half_mm = points[np.argsort(-values, kind="stable")[:_HALVED]], 0.5 * half_mm
+            best, half_mm = values.max(), 0.5 * half_mm
+            points = points[np.argsort(-values, kind="stable")[:_HALVED]]
             finer = (points[:, None] + half_mm * _CORNERS).reshape(-1, 3)
             if not outside:
-                finer = finer[quantity(finer) > values.max()]
-                finer = np.concatenate([points, finer[~distances(self.surface, finer)[1]]])
+                finer = finer[quantity(finer) > best]
+                finer = np.concatenate([points, moved_within(self.surface, finer, 0.0)])
             points = finer
             values = quantity(points)
+            if not outside and values.max() > best + 0.03 * half_mm:
+                half_mm *= 2.0  # such steps lead on
         return float(values.max())
 
     @cached_property

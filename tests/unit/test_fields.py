@@ -85,6 +85,28 @@ def test_radii_run_over_those_of_the_part(solid, text, least, most):
     assert says["to_mm"] == pytest.approx(most, abs=1e-4)
 
 
+def test_radii_from_a_place_on_the_surface_begin_at_it():
+    """However it lies on the grid of samples: in a face, on an edge, on walls thinner than a cell.
+
+    To two micrometres, as above; the greatest is that of a vertex.
+    """
+    rng = np.random.default_rng(8)
+    cups = [
+        (Manifold.cylinder(height, 30.0, 20.0, 24) - Manifold.cylinder(height, 29.0, 19.0, 24))
+        .rotate((20, 40, 60))
+        for height in (20.0, 150.0)
+    ]  # fmt: skip
+    for solid in (*cups, Manifold.cube([97, 16, 20.0])):
+        mesh = mesh_of(solid)
+        for corners in rng.choice(mesh.triangles, 4):
+            for shares in ((0.3, 0.5, 0.2), (0.3, 0.7, 0.0)):
+                place = shares @ corners
+                says = built(f"radial: point={' '.join(map(str, place))}", mesh).description()
+                assert 0.0 <= says["from_mm"] < 2e-3
+                most = np.linalg.norm(mesh.vertices - place, axis=1).max()
+                assert says["to_mm"] == pytest.approx(most, abs=1e-9)
+
+
 def brute_force(triangles, points):
     """Distances by projection on each plane, edge and vertex, one after the other."""
     best = np.full(len(points), np.inf)
