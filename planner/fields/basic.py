@@ -92,8 +92,7 @@ def axis_field(axis: str | Sequence[float] | None, mesh: Mesh) -> AxisField:
     ArgumentError
         A direction of another form, not finite or zero, or along which the part is flat.
     """
-    bounds_mm = mesh.bounds_mm
-    axis = "xyz"[int(np.argmax(bounds_mm[1] - bounds_mm[0]))] if axis is None else axis
+    axis = "xyz"[int(np.argmax(np.ptp(mesh.bounds_mm, axis=0)))] if axis is None else axis
     direction = unit_direction(axis)
     extent = project(mesh.vertices, direction)[mesh.faces]
     start_mm, end_mm = float(extent.min()), float(extent.max())

@@ -706,8 +706,8 @@ _COMPOSED = re.compile(r"^\s*(\w+)\s*\((.*)\)\s*$", re.DOTALL)
 _NAMED = re.compile(r"^\s*([\w-]+)\s*(?::(.*))?$", re.DOTALL)
 _FIELD_DEEPEST = 20
 _RULES = {
-    "min": "two or more fields",
-    "max": "two or more fields",
+    "min": "two or more fields, parted by ;",
+    "max": "two or more fields, parted by ;",
     "blend": "(field; field; weight 0 to 1)",
     "clamp": "(field; lowest; highest)",
 }
@@ -785,17 +785,14 @@ def _parts(text: str) -> list[str]:
 
 def _composed(rule: str, parts: list[str], text: str, setting: Setting, depth: int) -> Field:
     wish, numbers = f"`field` {text.strip()!r}", dict[str, float]()
-    if rule in ("min", "max"):
-        if len(parts) < 2:
-            raise ArgumentError(f"{wish}: give two or more fields, parted by ;")
-    elif len(parts) != 3:
+    if len(parts) < 2 if rule in ("min", "max") else len(parts) != 3:
         raise ArgumentError(f"{wish}: {rule} takes {_RULES[rule]}")
-    elif rule == "blend":
+    if rule == "blend":
         *parts, last = parts
         numbers = {"weight": _number(last, wish)}
         if not 0.0 <= numbers["weight"] <= 1.0:
             raise ArgumentError(f"{wish}: the weight {numbers['weight']:g} is not 0 to 1")
-    else:
+    elif rule == "clamp":
         low, high = (_number(part, wish) for part in parts[1:])
         if not low < high:
             raise ArgumentError(f"{wish}: {low:g} is not below {high:g}")

@@ -15,6 +15,7 @@ from planner.formats.mesh_file import decode_stl
 from planner.formats.outputs import is_as_written, is_scratch
 from planner.formats.threemf import ThreemfObject, read_threemf
 from planner.glance import counted, one_line, outcome
+from planner.grading.profile import profile_of
 from planner.mesh.mesh import JoinedShells, Measures, Mesh, join_shells, measure, weld_points
 from planner.numerics import FloatArray, Int32Array, Point
 from planner.palette import DENSEST_G_CM3
@@ -132,6 +133,7 @@ def _shared_mm3(shells: JoinedShells) -> float:
 
 
 _VOLUME_ERROR = 1e-6  # relative; plan.json keeps nine digits
+_DIGITS = 1e-8  # of places along the field, and of targets, likewise
 _PLACE_ERROR_MM = 1e-3  # far below a pixel, far above float32 on any tray
 _PLACE_ERROR = 2.0**-22  # of a coordinate: float32 on parts larger than any tray
 
@@ -192,21 +194,28 @@ def _region_problems(plan: Plan, whole_mm3: float) -> Iterator[str]:
         together = before.field == after.field and _dealt(before) and _dealt(after)
         if before.field[1] > after.field[0] + 1e-9 and not together:
             yield f"plan.json: region {after.index} begins before region {before.index} ends"
-    densities = dict[str, float]()
+    densities, profile = dict[str, float](), profile_of(plan.gradient.profile)
     for region in plan.regions:
+        where = f"plan.json: region {region.index}"
         density = 1000.0 * region.mass_g / (region.volume_mm3 or math.nan)
         usual = densities.setdefault(region.printed, density)
         if not (0.0 < density < DENSEST_G_CM3 and math.isclose(density, usual, rel_tol=1e-6)):
             yield (
-                f"plan.json: region {region.index}: its mass, {region.mass_g:.4g} g, is not that "
-                f"of {region.volume_mm3:.4g} mm3 of {region.printed}"
+                f"{where}: its mass, {region.mass_g:.4g} g, is not that of "
+                f"{region.volume_mm3:.4g} mm3 of {region.printed}"
             )
         low, high = region.modulus_interval_MPa
         softest, stiffest = region.target_modulus_MPa
         error = [region.modulus_MPa / target - 1.0 for target in (stiffest, softest)]
-        told = f"plan.json: region {region.index}: its modulus, {region.modulus_MPa:.4g} MPa,"
+        told = f"{where}: its modulus, {region.modulus_MPa:.4g} MPa,"
         if not low <= region.modulus_MPa <= high:
             yield f"{told} is not in its interval, {low:.4g} .. {high:.4g} MPa"
+        # Bands in turn have the target of their period, which is longer.
+        start = min(max(region.field[0] - _DIGITS, 0.0), 1.0 - _DIGITS)
+        least, most = profile.interval_MPa(start, max(region.field[1], start) + _DIGITS)
+        own = softest >= least * (1.0 - _DIGITS) and stiffest <= most * (1.0 + _DIGITS)
+        if not own and (region.blend or {}).get("kind") != "bands":
+            yield f"{where}: its target is not the profile's there, {least:.4g} .. {most:.4g} MPa"
         if region.blend is None and not np.allclose(region.error, error, atol=1e-6):
             yield f"{told} and its target, {softest:.4g} .. {stiffest:.4g} MPa, give another error"
     whole_mm = np.add(plan.part.bounds_mm, plan.part.translation_mm)
@@ -227,7 +236,7 @@ def _shell_problems(
             yield f"{file}: the plan puts {', '.join(materials)} into it, its name says otherwise"
         if not file.startswith("stl/"):
             yield f"{file}: shells stand in stl/; move it there, or grade the part again"
-        if f"__{number:02d}_" not in file:
+        if f"__{number:02d}_" not in file or any(region.index != number for region in regions):
             yield f"{file}: its number is not its place from soft to hard, {number:02d}"
         found = measures[file]
         volume_mm3, said_mm3 = float(found.volume_mm3[0]), sum(r.volume_mm3 for r in regions)
@@ -388,7 +397,7 @@ def check(
     root = file.parent
     plan = read_plan(file)
     problems = list(_misplaced(root, plan))
-    rewritten = [name for name in plan.files_sha256 if _is_rewritten(root, name, plan)]
+    rewritten = dict.fromkeys(n for n in plan.files_sha256 if _is_rewritten(root, n, plan))
     progress("reading the shells")
     shells = dict[str, Triangles]()
     for name, region in {region.file: region for region in plan.regions}.items():
@@ -397,7 +406,7 @@ def check(
                 continue  # told as missing already
             data, changed = read_shell(root, region)
             if changed:
-                rewritten.append(name)
+                rewritten[name] = None
             shells[name] = decode_stl(data, name)
         except FileError as error:
             problems.append(str(error))
@@ -438,16 +447,14 @@ def _misplaced(root: Path, plan: Plan) -> Iterator[str]:
 
 
 _KEPT = (".md", ".png", ".stl")
-_READ = (*_KEPT, ".html")
-"""Of a plan's files beside shells and 3MF, what people read and print; tables are to be filled, and
-the page can be made anew."""
+_READ = (*_KEPT, ".html", ".3mf")
+"""Of a plan's files what people read and print; tables are to be filled, and the page can be made
+anew."""
 
 
 def _is_rewritten(root: Path, name: str, plan: Plan) -> bool:
     """Tell whether such a file is there, and not as it was written."""
-    if not name.endswith(_READ) or any(region.file == name for region in plan.regions):
-        return False
-    is_there = path_within(root, name).is_file()
+    is_there = name.endswith(_READ) and path_within(root, name).is_file()
     return is_there and not is_as_written(root, name, plan.files_sha256[name])
 
 

@@ -1,6 +1,5 @@
 """Dither: cells of two materials along a gradient, and what they come to."""
 
-import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -343,10 +342,9 @@ def _inside(mesh: Mesh, first: FloatArray, cell_mm: float, shape: tuple[int, ...
     count = np.zeros(shape)
     slab_rows = parts * max(1, _SLAB_COLUMNS // (nx * parts))
     for columns in iterate_columns(mesh, grid, slab_rows=slab_rows):
-        fine, row = dense(columns).view(np.uint8), columns.first_row // parts
-        for i, j, k in itertools.product(range(parts), repeat=3):
-            own = fine[i::parts, j::parts, k::parts]
-            count[:, row : row + own.shape[1]] += own
+        row, blocks = columns.first_row // parts, (shape[0], parts, -1, parts, shape[2], parts)
+        own = dense(columns).reshape(blocks).sum(axis=(1, 3, 5))
+        count[:, row : row + own.shape[1]] = own
     return count * float((_PARTS // parts) ** 3)
 
 
@@ -549,10 +547,9 @@ class CellDesign:
         bounds_mm, counted = pieces.bounds_mm, self.counted
         low = np.maximum(counted.bounds_mm[:, :, 0], bounds_mm[None, :, 0])
         high = np.minimum(counted.bounds_mm[:, :, 1], bounds_mm[None, :, 1])
-        boxes = np.stack([low, high], axis=2)
         there = volumes_mm3 > 0.0
-        boxes[~(low < high).all(axis=2) & there] = np.nan
-        boxes = np.where(np.isnan(boxes), bounds_mm, boxes)
+        unseen = there & ~(low < high).all(axis=2)
+        boxes = np.where(unseen[..., None, None], bounds_mm, np.stack([low, high], axis=2))
         for piece in np.flatnonzero(there.any(axis=0)).tolist():
             stretches = np.flatnonzero(there[:, piece])
             own = boxes[stretches, piece]

@@ -565,10 +565,8 @@ def band_design(
         laminate = laminated(target, blend_segments(target, moduli), moduli, periods)
         bands, turns = zip(*laminate, strict=True)
         says = {"kind": "bands", "periods": periods}
-    elif count is None:
-        bands = natural_bands(target, moduli)
     else:
-        bands = equal_bands(target, moduli, count)
+        bands = equal_bands(target, moduli, count) if count else natural_bands(target, moduli)
     printed = tuple(catalogue_material(scale, band.grade, machine) for band in bands)
     return BandDesign(target, bands, printed, says, turns)
 

@@ -2,6 +2,7 @@
 
 import json
 import shutil
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
@@ -80,6 +81,22 @@ DAMAGE: dict[str, Callable[[Path], object]] = {
     "shell a folder": lambda f: _folder(sorted((f / "stl").iterdir())[2]),
     "3MF cut short": lambda f: _cut(f / "finger.3mf"),
     "3MF gone": lambda f: (f / "finger.3mf").unlink(),
+    "3MF in inches": lambda f: _edit_model(f, b'unit="millimeter"', b'unit="inch"'),
+    "3MF in another colour": lambda f: _edit_model(f, b'displaycolor="#F', b'displaycolor="#0'),
+    "listed hash of a shell": lambda f: _change(
+        f, lambda d: d["files_sha256"].update({d["regions"][0]["file"]: 64 * "0"})
+    ),
+    "place along the field": lambda f: _change(
+        f,
+        lambda d: d["regions"][3].update(
+            field=[d["regions"][3]["field"][0], d["regions"][4]["field"][0] - 0.02]
+        ),
+    ),
+    "place beyond the field": lambda f: _change(f, lambda d: d["regions"][9].update(field=[7, 5])),
+    "another profile": lambda f: _change(
+        f, lambda d: d["gradient"]["profile"].update(moduli_MPa=[1.0, 30.0])
+    ),
+    "number wrong": lambda f: _change(f, lambda d: d["regions"][2].update(index=9)),
     "stranger beside": lambda f: (f / "old.STL").write_bytes(b"x"),
     "stranger": lambda f: (f / "stl" / "extra.stl").write_bytes(b"x"),
     "shell outside": lambda f: _change(f, lambda d: d["regions"][0].update(file="/etc/hostname")),
@@ -89,6 +106,17 @@ DAMAGE: dict[str, Callable[[Path], object]] = {
 
 def _cut(path: Path) -> None:
     path.write_bytes(path.read_bytes()[:-100])
+
+
+def _edit_model(folder: Path, old: bytes, new: bytes) -> None:
+    file = folder / "finger.3mf"
+    with zipfile.ZipFile(file) as archive:
+        members = {name: archive.read(name) for name in archive.namelist()}
+    assert old in members["3D/3dmodel.model"]
+    members["3D/3dmodel.model"] = members["3D/3dmodel.model"].replace(old, new, 1)
+    with zipfile.ZipFile(file, "w") as archive:
+        for name, data in members.items():
+            archive.writestr(name, data)
 
 
 def _folder(path: Path) -> None:

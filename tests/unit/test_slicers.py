@@ -174,6 +174,7 @@ def test_a_folder_for_prusaslicer_is_sound_and_an_altered_one_is_not(folders):
     (root / "finger.3mf").write_bytes(encode_threemf(swapped, "finger", one_mesh=True))
     problems = check(root).problems
     assert [text.split(" is ")[0] for text in problems] == [
+        "finger.3mf: its content",
         "finger.3mf: object finger",
         "finger.3mf: object finger",
     ]
