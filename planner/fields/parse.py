@@ -648,7 +648,8 @@ def _points(given: FieldArguments, setting: Setting) -> Field:
     points, values, sha256 = read_point_table(path, array=given.named.get("array"))
     at, ends = points + np.array(setting.origin_mm), (given.number("from"), given.number("to"))
     outside = _outside(path.name, at.min(axis=0), at.max(axis=0), setting)
-    return points_field({"file": path.name, "sha256": sha256, **outside}, at, values, ends)
+    which = {key: text for key, text in given.named.items() if key == "array"}
+    return points_field({"file": path.name, "sha256": sha256, **outside, **which}, at, values, ends)
 
 
 _OUTSIDE = 0.01

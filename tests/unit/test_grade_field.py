@@ -178,9 +178,9 @@ def test_tables_and_points(tmp_path):
     rows = "\n".join(f"{x},{y},{z},{x}" for x, y, z in places.tolist())
     (tmp_path / "a.csv").write_text("x_mm,y_mm,z_mm,v\n" + rows)
     for kind in ("table", "points"):
-        plan = grade(f"{kind}: {tmp_path / 'a.csv'}, from=0, to=80")
+        plan = grade(f"{kind}: {tmp_path / 'a.csv'}, array=v, from=0, to=80")
         assert plan.checks["shells_unsound"].ok
-        assert plan.gradient.field["file"] == "a.csv"
+        assert (plan.gradient.field["file"], plan.gradient.field["array"]) == ("a.csv", "v")
 
 
 @pytest.mark.parametrize(
