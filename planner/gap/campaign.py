@@ -317,12 +317,14 @@ def replicate_groups(
     Further columns count where they are conditions: a laboratory, a treatment. A condition is
     repeated, what is a specimen's own is not: a serial number, the humidity at its test, or who
     happened to test it. So a column counts that leaves `_KEEPING` of the specimens that have a
-    replicate with one; columns are asked in their order, each with those before that count.
+    replicate with one; columns are asked by their number of levels, the fewest first, each with
+    those before that count. Their order in the file says nothing.
     """
     keys: list[Hashable] = list(_condition_keys(specimens))
-    least = _KEEPING * _repeated(keys)
-    for name in dict.fromkeys(name for s in specimens for name in s.covariates):
-        finer = [(key, s.covariates.get(name)) for key, s in zip(keys, specimens, strict=True)]
+    least, names = _KEEPING * _repeated(keys), {n for s in specimens for n in s.covariates}
+    cells = {name: [s.covariates.get(name) for s in specimens] for name in names}
+    for name in sorted(names, key=lambda n: (len(set(cells[n])), n)):
+        finer = [*zip(keys, cells[name], strict=True)]
         if _repeated(finer) >= least:
             keys = [*finer]
     if with_batch:

@@ -136,12 +136,8 @@ def candidates_of(
     wanted = {name for id in effects for name in EFFECTS[id].changes}
     conditions = asdict(stated(palette.reference))
     rate_per_s = conditions.pop("strain_rate_per_s")
-    reference: dict[str, Any] = {
-        **size,
-        **conditions,
-        "rate_mm_s": _rounded(rate_per_s * size["gauge_mm"]),
-        "protocol": "monotonic",
-    }
+    reference: dict[str, Any] = {**size, **conditions, "protocol": "monotonic"}
+    reference["rate_mm_s"] = _rounded(rate_per_s * size["gauge_mm"])
     steps = {name: [_changed(one, reference) for one in ways] for name, ways in STEPS.items()}
     changes: list[_Change] = [{"material": id} for id in three]
     if "materials" in wanted:

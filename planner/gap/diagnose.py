@@ -457,9 +457,8 @@ def _has(campaign: Campaign, specimen: Specimen, material: Material) -> bool:
 
 def _levels_of(specimens: Sequence[Specimen]) -> _Levels:
     """Return the levels of every condition that is known of some specimen."""
-    found: _Levels = {}
-    for name in ("temperature_C", "soak_h", "age_days"):
-        found[name] = _levels([getattr(s, name) for s in specimens], name)
+    conditions = ("temperature_C", "soak_h", "age_days")
+    found: _Levels = {n: _levels([getattr(s, n) for s in specimens], n) for n in conditions}
     found["strain_rate_per_s"] = _levels([r for s in specimens for r in _rates(s)], "rate_mm_s")
     found["orientation"] = tuple(sorted({s.orientation for s in specimens if s.orientation}))
     return {name: values for name, values in found.items() if values}

@@ -119,6 +119,18 @@ def _dead_cell(s: Specimen) -> Iterator[str]:
 
 
 # ------------------------------------------------------------------------------------------------
+# Load cells that were not zeroed alike.
+
+
+def _zero(s: Specimen, usual: float) -> Iterator[str]:
+    """Yield a force at rest that is unlike the others'; one that all share is a gap to diagnose."""
+    rest, noise = float(s.load_N[0]), _NOISE * noise_sd(s.load_N)
+    begins = s.travel_mm[0] <= UNLOADED_SHARE * np.max(s.travel_mm)
+    if begins and abs(rest - usual) > max(UNLOADED_SHARE * float(np.max(s.load_N)), noise):
+        yield f"force is {rest:.3g} N at rest, where {usual:.3g} N is usual; was the cell zeroed?"
+
+
+# ------------------------------------------------------------------------------------------------
 # Gaps in the time channel, and single points that leap out of the record.
 
 
@@ -482,22 +494,27 @@ than the smallest factor between units, ln 4.4."""
 def _unit_problems(campaign: Campaign, loads: _Loads) -> Iterator[QualityProblem]:
     """Yield what looks like another unit of force, travel or size.
 
-    The load of each specimen is put in proportion to the laws' prediction. Specimens apart from
-    their replicates by a unit's factor are named first; then singles apart from the trend of
+    The load of each specimen is put in proportion to the laws' prediction. Travels that their own
+    rate tells are named first: as laws bend, the load is off by less than the unit's factor. Then
+    specimens apart from their replicates by such a factor; then singles apart from the trend of
     all the others over their conditions; then a material apart from the others; last the whole
     campaign. What is aligned with a condition cannot be told from an effect and is not named.
     """
     specimens = campaign.specimens
-    off = _among_replicates(specimens, loads)
-    off |= _apart_from_trend(campaign, {i: v for i, v in loads.items() if i not in off})
-    rest = {i: v for i, v in loads.items() if i not in off}
+    travels = {i: p for i, v in loads.items() if (p := _travel_slip(specimens[i], v)) is not None}
+    if 2 * len(travels) > len(loads):
+        yield _of_all(next(iter(travels.values())))
+        return
+    yield from travels.values()
+    rest = {i: v for i, v in loads.items() if i not in travels}
+    off = _among_replicates(specimens, rest)
+    off |= _apart_from_trend(campaign, {i: v for i, v in rest.items() if i not in off})
+    rest = {i: v for i, v in rest.items() if i not in off}
     materials = _materials_apart(specimens, rest)
     for i, shift in sorted(off.items()):
-        one, whose = specimens[i], "its replicates' or neighbours'"
-        yield _travel_slip(one, loads[i]) or _problem(one, shift, whose)
+        yield _problem(specimens[i], shift, "its replicates' or neighbours'")
     for i, shift in sorted(materials.items()):
         yield _problem(specimens[i], shift, "other materials' (or its law is off by as much)")
-    yield from _each("units", _field_in_percent, specimens)
     yield from _whole(campaign, {i: v for i, v in rest.items() if i not in materials})
 
 
@@ -595,11 +612,8 @@ def _whole(campaign: Campaign, loads: _Loads) -> Iterator[QualityProblem]:
     shift = float(np.median(values))
     if float(np.median(np.abs(values - shift))) * 1.4826 > max(0.5 * _SPLIT, 0.25 * abs(shift)):
         return
-    travel = [t for i in near if (t := _travel_slip(of[i], loads[i])) is not None]
     tolerance = _AGAINST_LAW if abs(shift) < _BEYOND_EFFECTS else 2.0 * _AGAINST_LAW
-    if 2 * len(travel) > len(near):
-        yield _of_all(travel[0])
-    elif _slip(shift, tolerance) is not None:
+    if _slip(shift, tolerance) is not None:
         yield _of_all(_problem(of[near[0]], shift, "the laws'"))
 
 
@@ -694,13 +708,15 @@ def examine(campaign: Campaign, model: ObservationModel) -> tuple[QualityProblem
     live = [s for s in specimens if s.id not in silent]
     timed = [s for s in specimens if s.rate_mm_s is not None and s.time_recorded]
     loads = {i: v for i, v in _log_loads(model).items() if specimens[i].id not in silent}
-    units = list(_unit_problems(campaign, loads))
+    units = [*_unit_problems(campaign, loads), *_each("units", _field_in_percent, specimens)]
     suspect = {p.specimen for p in (*copies, *units)}
     judged = {i: v for i, v in loads.items() if specimens[i].id not in suspect}
+    usual = float(np.median([s.load_N[0] for s in live] or [0.0]))
     problems = (  # in the order in which a specimen's are told
         *dead,
         *units,
         *_sizes(specimens),
+        *_each("zero", partial(_zero, usual=usual), [s for s in live if s.id not in suspect]),
         *_shared("rate", _rate, timed),
         *_each("protocol", _protocol, live),
         *_amplitudes(specimens),

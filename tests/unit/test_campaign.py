@@ -2,13 +2,14 @@
 
 import json
 from dataclasses import replace
+from itertools import permutations
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from planner.errors import FileError, OutputError, PlannerError, UnknownNameError
-from planner.gap.campaign import Campaign
+from planner.gap.campaign import Campaign, replicate_groups
 from planner.gap.campaign_folder import read_campaign, write_campaign
 from planner.gap.observations import ObservationModel
 from planner.materials.study import read_study
@@ -79,6 +80,19 @@ def test_further_columns_are_covariates(folder: Path) -> None:
 def test_replicates_are_alike_but_for_small_differences(folder: Path) -> None:
     groups = read_campaign(folder).replicates()
     assert [[s.id for s in group] for group in groups] == [["S1", "S2"], ["G1"]]
+
+
+def test_the_order_of_further_columns_tells_no_replicates_apart(folder: Path) -> None:
+    """Each of two columns leaves all with a replicate, both together leave hardly any."""
+    one, *_ = read_campaign(folder).specimens
+    own = [("A" if k < 6 else "B", "xyz"[k % 3], k % 2) for k in range(12)]
+    columns = [{"lab": lab, "person": person, "day": float(day)} for lab, person, day in own]
+    groups = set()
+    for names in permutations(columns[0]):
+        cells = ({name: of[name] for name in names} for of in columns)
+        specimens = [replace(one, id=f"S{k}", covariates=c) for k, c in enumerate(cells)]
+        groups.add(replicate_groups(specimens))
+    assert len(groups) == 1
 
 
 def test_a_palette_goes_before_the_files(folder: Path) -> None:

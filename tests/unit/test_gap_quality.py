@@ -251,6 +251,41 @@ def test_travel_in_inches_is_told_from_force_by_the_declared_rate() -> None:
     assert "mm and inches" in rate.problem
 
 
+def test_travel_of_one_in_inches_is_named_where_its_law_bends() -> None:
+    """To a strain of 2 the load is off by less than 25.4; the declared rate says inches."""
+    palette = load_printer("connex3").palette("connex3-agilus-vero")
+    law = make_law(palette.resolve("Agilus30").law)
+    alike = [specimen(k, gauge_mm=6.25) for k in range(6)]
+    stress = law.nominal_stress_MPa(1.0 + np.maximum(alike[0].strain, 1e-9))
+    force = [12.0 * s.force_N[-1] / alike[0].force_N[-1] * stress for s in alike]
+    specimens = [
+        replace(s, material="Agilus30", force_N=f) for s, f in zip(alike, force, strict=True)
+    ]
+    specimens[1] = replace(specimens[1], displacement_mm=specimens[1].displacement_mm / 25.4)
+    of = Campaign("faulty", "connex3", palette, tuple(specimens))
+    (unit,) = (p for p in examine(of) if p.kind == "units")
+    assert unit.specimen == "S1"
+    assert unit.unit_of is not None
+    assert unit.unit_of.quantity == "travel"
+
+
+@pytest.mark.parametrize("share", [0.03, -0.05])
+def test_a_zero_of_its_own_is_named_and_one_that_all_share_is_not(share: float) -> None:
+    def shifted(s: Specimen) -> Specimen:
+        return replace(s, force_N=s.force_N + share * s.force_N.max())
+
+    first, *others = base()
+    (problem,) = found([shifted(first), *others], "zero")
+    assert problem.specimen == "S0"
+    assert "was the cell zeroed?" in problem.problem
+    alike = [replace(s, force_N=s.force_N + 0.5) for s in base()]
+    assert "zero" not in kinds_of(*alike)
+    # Where a record begins on the way, a force is no zero.
+    begun = replace(first, **{n: getattr(first, n)[20:] for n in ("time_s", "displacement_mm")},
+                    force_N=first.force_N[20:])  # fmt: skip
+    assert "zero" not in kinds_of(begun, *others)
+
+
 def test_a_strain_field_in_per_cent_is_named() -> None:
     s = specimen(0)
     strain = np.outer([0.0, 25.0, 50.0], [1.0, 1.0])
