@@ -19,6 +19,9 @@ __all__ = ["LOCAL", "SIX", "advance", "assemble", "observe", "pull", "shape_func
 # stationary over displacements and pressures; pressures are eliminated cell by cell. The bulk
 # modulus κ belongs to Poisson's ratio at rest.
 #
+# A little of κ answers to the volume at each point (`solid._AT_POINTS`): with none, cells that are
+# compressed by 30 % fold within themselves, where no body would.
+#
 # The unknowns of Newton's method are displacements, pressures and, at every quadrature point,
 # strain E and stress S as variables of their own. They are eliminated too, and the matrix has the
 # size and the residual of the displacements' own, but it is taken where the linearised strains are,
@@ -112,13 +115,13 @@ def law_at(table: Any, step: Any, below: Any, share: Any, x: Any) -> Any:
 
 @inner_kernel
 def _law(strain: Any, law: Any, at: Any, p: Any, ci: Any, stress: Any, c: Any) -> Any:
-    """Write C⁻¹, the isochoric stress and the tangent c; return J, J - 1 and d ln W'/dm.
+    """Write C⁻¹, the stress without p's and the tangent c; return J, J - 1 and d ln W'/dm.
 
-    At a point and its pressure. 4 d²(W + p J) / dC² = c[0] I⊗I + c[1] (I⊗C⁻¹ + C⁻¹⊗I) +
+    At a point and its cell's pressure. 4 d²(W + p J) / dC² = c[0] I⊗I + c[1] (I⊗C⁻¹ + C⁻¹⊗I) +
     c[2] C⁻¹⊗C⁻¹ + c[3] K, K D = C⁻¹ D C⁻¹; the last returned is the change of ln W' over a gap
     of the table's nodes.
     """
-    table, step, below, share = law
+    table, step, below, share, bulk = law
     xx, yy, zz = 1.0 + 2.0 * strain[0], 1.0 + 2.0 * strain[1], 1.0 + 2.0 * strain[2]
     d, e, f = 2.0 * strain[3], 2.0 * strain[4], 2.0 * strain[5]
     # J - 1 and 1 - C⁻¹ by what C has over 1: differences would leave rounding times the moduli.
@@ -141,11 +144,14 @@ def _law(strain: Any, law: Any, at: Any, p: Any, ci: Any, stress: Any, c: Any) -
     stress[1] = (more - (s + u + s * u - f * f)) / det
     stress[2] = (more - (s + t + s * t - d * d)) / det
     stress[3], stress[4], stress[5] = -ci[3], -ci[4], -ci[5]
+    own = bulk[at] * growth
     for k in range(6):
-        stress[k] = 2.0 * first * thin * (stress[k] - (s + t + u) / 3.0 * ci[k])
+        stress[k] = 2.0 * first * thin * (stress[k] - (s + t + u) / 3.0 * ci[k]) + own * J * ci[k]
+    p += own
     c[0] = 4.0 * second * thin * thin
     c[1] = -trace / 3.0 * c[0] - 4.0 / 3.0 * first * thin
     c[2] = trace * trace / 9.0 * c[0] + 4.0 / 9.0 * trace * first * thin + p * J
+    c[2] += bulk[at] * det
     c[3] = 4.0 / 3.0 * trace * first * thin - 2.0 * p * J
     return J, growth, over_m
 
@@ -174,10 +180,7 @@ def _strained(F: Any, slopes: Any, k: Any) -> Any:
 @inner_kernel
 def _pressure(coefficients: Any, basis: Any) -> Any:
     """Return the value at a point of what a cell's basis has coefficients of."""
-    p = 0.0
-    for r in range(4):
-        p += coefficients[r] * basis[r]
-    return p
+    return np.dot(coefficients, basis)
 
 
 @inner_kernel
@@ -240,7 +243,7 @@ def assemble(
     along, full, actual, swell = np.empty(3), np.empty(6), np.empty(6), np.empty(27)
     for c in range(first, last):
         begin, count = offsets[c], offsets[c + 1] - offsets[c]
-        right_side, new = np.zeros(4), np.zeros(4)
+        right_side = np.zeros(4)
         for q in range(count):
             at = begin + q
             _gradients(points[at], cell_mm, gradient[q])
@@ -250,11 +253,8 @@ def assemble(
             p = _pressure(pressure[c], basis[at])
             Js[q], growth, _ = _law(strain[at], law, at, p, cis[q], isos[q], coefficients[q])
             swelling = growth + Js[q] * _double(cis[q], gaps[q])
-            for r in range(4):
-                right_side[r] += weights[at] * basis[at, r] * swelling
-        for r in range(4):
-            for s in range(4):
-                new[r] += compliance[c, r, s] * right_side[s]
+            right_side += weights[at] * swelling * basis[at]
+        new = np.dot(compliance[c], right_side)
         volumetric[:] = 0.0
         force = forces[c]
         force[:] = 0.0
@@ -350,12 +350,8 @@ def advance(
             p = _pressure(pressure[c], basis[at])
             Js[q], growth, _ = _law(strain[at], law, at, p, cis[q], isos[q], coefficients[q])
             swelling = growth + Js[q] * _double(cis[q], gaps[q])
-            for r in range(4):
-                right_side[r] += weights[at] * basis[at, r] * swelling
-        for r in range(4):
-            pressure[c, r] = 0.0
-            for s in range(4):
-                pressure[c, r] += compliance[c, r, s] * right_side[s]
+            right_side += weights[at] * swelling * basis[at]
+        pressure[c] = np.dot(compliance[c], right_side)
         for q in range(count):
             at = begin + q
             p = _pressure(pressure[c], basis[at])
@@ -370,8 +366,7 @@ def advance(
             det = minor * (1.0 + 2.0 * e[2]) + 8.0 * e[3] * e[4] * e[5]
             det -= 4.0 * (a * e[4] * e[4] + b * e[5] * e[5])
             if a < 0.04 or minor < 0.02 or det < 0.1 or det > 10.0:
-                for k in range(6):
-                    strain[at, k] = moved[q, k]
+                strain[at] = moved[q]
                 J, _, _ = _law(moved[q], law, at, p, cis[q], isos[q], full)
                 for k in range(6):
                     stress[at, k] = isos[q, k] + p * J * cis[q, k]
@@ -397,27 +392,24 @@ def observe(
     ci, iso, actual, work = np.empty(6), np.empty(6), np.empty(6), np.empty(6)
     tangent = np.empty(4)
     for c in range(first, last):
-        turned, y = np.zeros(4), np.zeros(4)
+        turned = np.zeros(4)
         for q in range(offsets[c], offsets[c + 1]):
             _gradients(points[q], cell_mm, gradient)
             _deform(u, nodes[c], gradient, F, actual)
             _slopes(adjoint, nodes[c], gradient, G)
             for k in range(6):
                 work[k] = _strained(F, G, k)
-            J, _, over_m[q] = _law(actual, law, q, 0.0, ci, iso, tangent)
+            J, growth, over_m[q] = _law(actual, law, q, 0.0, ci, iso, tangent)
             trace = 3.0 + 2.0 * (actual[0] + actual[1] + actual[2])
             invariant[q] = np.sqrt(max(trace * J ** (-2.0 / 3.0) - 3.0, 0.0))
-            isochoric[q] = weights[q] * _double(iso, work)
-            for r in range(4):
-                turned[r] += weights[q] * J * _double(ci, work) * basis[q, r]
-            for k in range(6):
-                strain[q, k] = actual[k]
-        for r in range(4):
-            for s in range(4):
-                y[r] += compliance[c, r, s] * turned[s]
+            volumetric[q] = weights[q] * law[4][q] * growth * J * _double(ci, work)
+            isochoric[q] = weights[q] * _double(iso, work) - volumetric[q]
+            turned += weights[q] * J * _double(ci, work) * basis[q]
+            strain[q] = actual
+        y = np.dot(compliance[c], turned)
         for q in range(offsets[c], offsets[c + 1]):
             p, back = _pressure(pressure[c], basis[q]), _pressure(y, basis[q])
-            volumetric[q] = weights[q] * p * back / bulk[q]
+            volumetric[q] += weights[q] * p * back / bulk[q]
 
 
 @kernel

@@ -837,7 +837,7 @@ def _moment_notes(steps: "LoadSteps", on: Conditions) -> Iterator[str]:
 
 _STEEP = float(np.log(4.0))
 """Change of ln(modulus) over a cell from which it is told. Numerical: beams graded 950:1 over 10
-and over 4 cells, where it is 0.7 and 1.7 a cell, are off by 0.7 and 1.7 %."""
+and over 4 cells, where it is 0.7 and 1.7 a cell, are off by 0.1 and 1.0 %."""
 
 
 def _notes(body: "Body") -> Iterator[str]:

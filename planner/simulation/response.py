@@ -160,13 +160,14 @@ class Solution:
         count, width = len(cells.node_mm), share.shape[1]
         seen, pressure = mechanics.observe(state), body.pressure_MPa(state.pressure)
         # δp of each cell, by the change of ln κ at its points
-        by_bulk = cells.weights_mm3 * pressure / mechanics.bulk * mechanics.bulk_over_m
+        by_bulk = cells.weights_mm3 * pressure / mechanics.cell_bulk * mechanics.bulk_over_m
         grown = (share.multiply((by_bulk * psi)[:, None]).toarray() for psi in mechanics.basis.T)
         swelling = np.stack([np.add.reduceat(g, cells.offsets[:-1]) for g in grown], axis=1)
         swelling = np.einsum("crs,csn->crn", mechanics.compliance, swelling)
-        square = 2.0 * seen.strain[:, SIX] + np.eye(3)
-        bulging = np.linalg.det(square)[:, None, None] ** 0.5 * np.linalg.inv(square)
-        iso = state.stress_MPa[:, SIX] - pressure[:, None, None] * bulging
+        own = mechanics.table[4] * (seen.growth - 1.0)  # pressure of the points
+        inverse = np.linalg.inv(2.0 * seen.strain[:, SIX] + np.eye(3))
+        bulging = seen.growth[:, None, None] * inverse
+        iso = state.stress_MPa[:, SIX] - (pressure + own)[:, None, None] * bulging
         iso *= seen.over_m[:, None, None]
         out = np.zeros((3 * count, width))
         for first in range(0, len(pressure), _RUN):
@@ -177,7 +178,9 @@ class Solution:
             slope = np.eye(3) + np.einsum("qai,qaj->qij", state.displacement_mm[nodes], gradient)
             rows = (3 * nodes[:, :, None] + np.arange(3)).reshape(len(nodes), 81)
             ends = 81 * np.arange(len(nodes) + 1)
-            changes = (share[run], np.einsum("qr,qrn->qn", mechanics.basis[run], swelling[cell]))
+            pressed = share[run].multiply((own * mechanics.bulk_over_m)[run, None]).toarray()
+            pressed += np.einsum("qr,qrn->qn", mechanics.basis[run], swelling[cell])
+            changes = (share[run], pressed)
             for stress, change in zip((iso, bulging), changes, strict=True):
                 pull = np.einsum("qij,qjm,qam->qai", slope, stress[run], gradient, optimize=True)
                 pull *= cells.weights_mm3[run, None, None]

@@ -40,6 +40,11 @@ _SPREAD = 0.03
 standard deviation over half a cell (0.577 in a full one). Columns hold together what spreads by
 0.035 and more: without its pressure across, a wall would bend 5 to 30 times too far."""
 
+_AT_POINTS = 0.25
+"""Bulk modulus that answers to the volume at each point, not to its linear part in the cell, over
+the shear modulus. Numerical: without, a block slid together loses stability at 26 to 32 %; from
+0.25 on at 43 to 50 %, as cells do that are compressible at every point, and 5 would lock."""
+
 # ------------------------------------------------------------------------------------------------
 # The surface: places where supports hold and loads push, each in the cell whose material it bounds.
 
@@ -267,7 +272,7 @@ class Body:
         return np.column_stack([np.ones(len(away)), np.einsum("qi,qij->qj", away, turned)])
 
     def pressure_MPa(self, coefficients: FloatArray) -> FloatArray:
-        """Return the pressure at the points, (Q,), of `Equilibrium.pressure`."""
+        """Return the cells' pressure at the points, (Q,), of `Equilibrium.pressure`."""
         each = coefficients[self.cells.cell_of]
         return np.asarray(np.einsum("qr,qr->q", each, self.pressure_basis))
 
@@ -328,10 +333,12 @@ class Mechanics:
         like = like if like is not None and like.body.cells is cells else None
         below, share = body.table.places(body.coordinate)
         ratio = 2.0 * (1.0 + body.poisson) / (3.0 * (1.0 - 2.0 * body.poisson))
-        self.bulk = ratio * body.shear_modulus_MPa
         self.basis = body.pressure_basis
         starts = cells.offsets[:-1]
-        outer = (cells.weights_mm3 / self.bulk)[:, None, None]
+        own = _AT_POINTS * body.shear_modulus_MPa
+        self.bulk = ratio * body.shear_modulus_MPa
+        self.cell_bulk = self.bulk - own  # what the cells' pressures answer with
+        outer = (cells.weights_mm3 / self.cell_bulk)[:, None, None]
         outer = outer * self.basis[:, :, None] * self.basis[:, None, :]
         gram = np.add.reduceat(outer, starts)
         missing = np.einsum("nii->ni", gram) == 0.0
@@ -348,7 +355,7 @@ class Mechanics:
         linear = np.column_stack([np.ones(27), LOCAL - 1.0])
         sloped = linear[:, 1:] @ np.linalg.pinv(linear[:, 1:])
         self.roughness = np.stack([np.eye(27) - linear @ np.linalg.pinv(linear), sloped])
-        self.table = (body.table.log_slope_MPa, body.table.step, below, share)
+        self.table = (body.table.log_slope_MPa, body.table.step, below, share, own)
         # Nodes of the table below and above the mixture at each point, (2, Q).
         self._beside = np.stack([below, np.minimum(below + 1, len(body.table.coordinate) - 1)])
         lower, upper = body.table.coordinate[self._beside]
@@ -736,7 +743,7 @@ class Mechanics:
         count = len(self.body.cells.points)
         seen = Observed(np.empty(count), np.empty((count, 6)), *np.empty((3, count)))
         field = np.zeros_like(state.displacement_mm) if adjoint is None else adjoint
-        self._run(observe, self.bulk, state.displacement_mm, state.pressure, field, *seen)
+        self._run(observe, self.cell_bulk, state.displacement_mm, state.pressure, field, *seen)
         return seen._replace(over_m=seen.over_m / self._gap)
 
     def sensitivity(
@@ -775,7 +782,8 @@ class Mechanics:
         energy = ((1.0 - t) * root[nodes, i] + t * root[nodes, i + 1]) ** 2
         isochoric = energy[0] ** (1.0 - share) * energy[1] ** share  # as W' between nodes
         p = self.body.pressure_MPa(state.pressure)
-        return np.asarray(isochoric + p * p / (2.0 * self.bulk))
+        volumetric = p * p / self.cell_bulk + self.table[4] * (seen.growth - 1.0) ** 2
+        return np.asarray(isochoric + 0.5 * volumetric)
 
 
 class Observed(NamedTuple):
@@ -798,6 +806,11 @@ class Observed(NamedTuple):
     isochoric: FloatArray
     volumetric: FloatArray
     over_m: FloatArray
+
+    @property
+    def growth(self) -> FloatArray:
+        """Volume over that at rest, (Q,)."""
+        return np.asarray(np.linalg.det(np.eye(3) + 2.0 * self.strain[:, SIX]) ** 0.5)
 
     def largest_stretch(self) -> tuple[FloatArray, FloatArray]:
         """Return the largest principal stretch at the points, and its direction.

@@ -327,8 +327,8 @@ def test_a_prism_that_is_pulled_strains_evenly_on_cut_cells():
     area = cells.volume_mm3 / 6.0
     P = first_piola_MPa(problem, F)
     assert np.abs(P[[0, 1], [0, 1]]).max() < 1e-6 * P[2, 2]
-    # The bulk modulus makes a stress of 50 times the strains' error.
-    assert problem.reactions(state)[3][2] == pytest.approx(P[2, 2] * area, rel=1e-7)
+    # The bulk modulus makes a stress of 50 times the strains' error, of supports at both ends.
+    assert problem.reactions(state)[3][2] == pytest.approx(P[2, 2] * area, rel=2e-7)
 
 
 @pytest.mark.usefixtures("stiff_supports")
@@ -394,7 +394,7 @@ def test_a_cantilever_that_lies_across_the_cells(monkeypatch):
     assert found[0] == pytest.approx(found[1], rel=1e-3)
 
 
-@pytest.mark.parametrize(("count", "most"), [(10, 8e-3), (20, 1e-3)])
+@pytest.mark.parametrize(("count", "most"), [(10, 2e-3), (20, 1.1e-3)])
 def test_a_beam_graded_along_its_length(count, most):
     """E = 950^(1 - x / L), L = 20, t = 1: Timoshenko's tip compliance is 582.992."""
     cells = lattice((20.0, 1.0, 1.0), (count, 1, 1))
@@ -407,14 +407,14 @@ def test_a_beam_graded_along_its_length(count, most):
 
 
 def test_a_beam_graded_through_its_thickness():
-    """E = 950^(1 - z / t): Timoshenko's 953.528; four quadratic cells are 1.7 % soft."""
+    """E = 950^(1 - z / t): Timoshenko's 953.528; four quadratic cells are 1.0 % soft."""
     cells = lattice((20.0, 1.0, 1.0), (20, 1, 4))
     tip = on(cells, 0, 20.0)
     problem = neo_hooke(
         cells, [(on(cells, 0, 0.0), (0.0, 0.0, 0.0))], E=950.0, to=1.0, poisson=0.0,
         share=places(cells)[:, 2], forces=[(tip, (0.0, 0.0, 1e-7))],
     )  # fmt: skip
-    assert mean(problem, settled(problem), tip)[2] / 1e-7 == pytest.approx(953.528, rel=0.02)
+    assert mean(problem, settled(problem), tip)[2] / 1e-7 == pytest.approx(953.528, rel=0.012)
 
 
 @pytest.mark.parametrize(("shape", "wanted"), [(0.25, 1.244), (1.0, 3.343), (2.5, 14.86)])
@@ -598,7 +598,7 @@ def test_weight_has_its_share_in_a_figures_derivative(table):
     assert abs(by_weight @ np.sin(along)) > 0.1 * abs(slope)
 
 
-def test_a_figures_derivative_over_stiffness(beam, solved_beam):
+def test_a_figures_derivative_over_stiffness(beam, solved_beam, monkeypatch):
     """Of ln W' and ln of the bulk modulus in all points at once; their sum is of ln modulus."""
     problem, state, factored = solved_beam
     weights = beam.weights(problem)
@@ -616,10 +616,12 @@ def test_a_figures_derivative_over_stiffness(beam, solved_beam):
     ends = [beam.figure(table=scaled(by)) for by in (1e-4, -1e-4)]
     both = float(np.sum(found.log_modulus))
     assert both == pytest.approx((ends[0] - ends[1]) / 2e-4, rel=FIVE_DIGITS)
-    # A Poisson's ratio changes the bulk modulus alone.
-    two = (0.49003, 0.48997)
-    ratios = [2.0 * (1.0 + nu) / (3.0 * (1.0 - 2.0 * nu)) for nu in two]
-    ends = [beam.figure(poisson=nu) for nu in two]
+    # A Poisson's ratio changes the bulk modulus alone, of which the points' share is to stay.
+    ratios = [2.0 * (1.0 + nu) / (3.0 * (1.0 - 2.0 * nu)) for nu in (0.49003, 0.48997, 0.49)]
+    ends, at_points = [], solid._AT_POINTS
+    for nu, ratio in zip((0.49003, 0.48997), ratios, strict=False):
+        monkeypatch.setattr(solid, "_AT_POINTS", at_points * ratio / ratios[2])
+        ends.append(beam.figure(poisson=nu))
     slope = (ends[0] - ends[1]) / np.log(ratios[0] / ratios[1])
     # It is 1 % of the other, and the steps of its logarithm are 50 times those of the ratio.
     seen = problem.observe(state, factored.solve(weights.ravel()).reshape(-1, 3))
@@ -786,6 +788,19 @@ def test_a_small_load_is_in_proportion_to_the_first_change():
 
 # ------------------------------------------------------------------------------------------------
 # Stability
+
+
+@pytest.mark.parametrize("counts", [(1, 1, 1), (2, 1, 1), (4, 2, 2)])
+def test_a_block_is_slid_together_as_far_as_a_body_is(counts):
+    """By 40 % between smooth plates, whatever the cells; rubber wrinkles at 56 % (Biot 1963).
+
+    Without what answers at each point (`_AT_POINTS`) cells fold within themselves at 26 to 34 %.
+    """
+    cells = lattice((6.0, 4.0, 3.0), counts)
+    problem = neo_hooke(cells, evenly(cells, (-2.4, None, None)))
+    (state, _) = list(problem.follow([0.25, 0.5, 0.75, 1.0], halves=False))[-1]
+    strain = problem.observe(state).strain
+    np.testing.assert_allclose(np.sqrt(1.0 + 2.0 * strain[:, 0]), 0.6, atol=1e-5)
 
 
 def test_a_column_buckles_at_eulers_load():
