@@ -197,8 +197,8 @@ def _parse(name: str) -> tuple[str, str | None, str] | None:
         meaning = _looked_up(stem, _MEANING)
         if meaning is not None and (quantities_of(unit) or not _SIGNS["source"].search(unit)):
             return meaning, unit, ""
-    for stem, unit in _apart(name, _JOINED, _SPACED):
-        if (inner := _parse(stem)) is not None:
+    for stem, unit in _apart(name, _JOINED, _SPACED):  # "Load min" is none in minutes
+        if (inner := _parse(stem)) and (inner[0] == "time" or quantities_of(unit) != {"time"}):
             return inner[0], unit, inner[2]
     if numbered := _NUMBERED.fullmatch(name):
         inner = _parse(numbered[1])

@@ -323,6 +323,7 @@ def test_headings_are_taken_apart(heading: str, meaning: str, unit: str | None) 
         "2nd PK stress (MPa)",
         "Stress (2nd PK) [MPa]",
         "Load (max) [N]",
+        "Load min [N]",
     ],
 )
 def test_what_only_sounds_alike_is_none(heading: str) -> None:
