@@ -47,7 +47,8 @@ from planner.materials.fit import (
 )
 from planner.materials.laws import candidate_laws, make_law, secant_modulus_MPa, stability
 from planner.materials.mixtures import CoefficientModel, left_out_remark
-from planner.materials.study import ReadRecord, Study, read_study, unit_slips
+from planner.materials.study import ReadRecord, Study, read_study
+from planner.materials.unit_slips import unit_slips
 from planner.numerics import FloatArray, normal_quantile
 from planner.palette import DENSEST_G_CM3, SAME_K, Material, Palette, Reference, Temperature
 from planner.printers import Printer, installed_printers, palette_of

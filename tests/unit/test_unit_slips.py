@@ -15,7 +15,7 @@ from planner.cli import run
 from planner.errors import UnknownNameError
 from planner.formats.units import QUANTITY_UNITS, unit_near
 from planner.materials.laws import make_law
-from planner.materials.study import batch_apart
+from planner.materials.unit_slips import batch_apart
 from planner.palette import Palette
 from planner.printers import palette_of
 
