@@ -261,8 +261,8 @@ class Palette:
     temperature
         What warming does to its grades, if tests tell.
     sha256
-        Of the file's bytes, so that a plan can say what it was planned with; "" where none is
-        known, as is to be said of one that is changed by hand.
+        Of the file's bytes, so that a plan can say what it was planned with; "" of a palette that
+        was made or changed since.
     """
 
     name: str
@@ -272,7 +272,7 @@ class Palette:
     base_resins: tuple[str, ...] = ()
     hardness: tuple[tuple[float, float], ...] = ()
     temperature: Temperature | None = None
-    sha256: str = ""
+    sha256: str = field(default="", init=False)
 
     _repr_html_ = html_of
     plot = plotted
@@ -283,6 +283,12 @@ class Palette:
             f"{self.name}: {counted(len(self.materials), 'material')}, "
             f"{self.materials[0].id} to {self.materials[-1].id}"
         )
+
+    def known_by(self, sha256: str) -> "Palette":
+        """Return the palette as that of a file with this hash."""
+        made = replace(self)
+        object.__setattr__(made, "sha256", sha256)
+        return made
 
     def resolve(self, name: str) -> Material:
         """Return the material that `name` stands for.
@@ -433,8 +439,7 @@ def parse_palette(data: bytes, *, name: str) -> Palette:
         base_resins=file.base_resins,
         hardness=() if file.hardness is None else _hardness(file.hardness, name),
         temperature=None if file.temperature is None else _temperature(file.temperature, name),
-        sha256=hashlib.sha256(data).hexdigest(),
-    )
+    ).known_by(hashlib.sha256(data).hexdigest())
 
 
 def _hardness(table: _HardnessFile, name: str) -> tuple[tuple[float, float], ...]:

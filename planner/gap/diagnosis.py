@@ -515,7 +515,7 @@ def _own_palette(file: Path, document: Mapping[str, Any], sha256: str) -> Palett
         written = document["files_sha256"][PALETTE_FILE]
     except (FileError, PaletteError, KeyError, TypeError):
         return None
-    return replace(found, sha256=sha256) if found.sha256 == written else None
+    return found.known_by(sha256) if found.sha256 == written else None
 
 
 def _faults_of(file: _DiagnosisFile) -> Iterator[tuple[str, str, str]]:

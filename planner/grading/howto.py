@@ -91,8 +91,7 @@ _COLUMNS_ACROSS = 256  # of the longest side: as coarse as the figure that is to
 def _beneath_mm3(placed: Mesh) -> float:
     """Return the open volume under a part's roofs, down to the part or to the tray."""
     columns = voxelize(placed, float(np.ptp(placed.bounds_mm, axis=0).max()) / _COLUMNS_ACROSS)
-    filled = np.flatnonzero(np.diff(columns.offsets))
-    roofs = columns.stop[columns.offsets[filled + 1] - 1]
+    roofs = columns.stop[columns.offsets[np.flatnonzero(np.diff(columns.offsets)) + 1] - 1]
     return (int(roofs.sum(dtype=np.int64)) - columns.voxels) * columns.grid.voxel_mm3
 
 

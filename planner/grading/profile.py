@@ -476,7 +476,7 @@ def at_temperature(
     name = f"{chosen.name}-at-{temperature_C:g}C"
     made = replace(chosen, name=name, materials=tuple(warmed), reference=use)
     # Known by the file that it makes.
-    return replace(made, sha256=parse_palette(encode_palette(made), name=name).sha256), tuple(notes)
+    return made.known_by(parse_palette(encode_palette(made), name=name).sha256), tuple(notes)
 
 
 def stiffness_scale(palette: Palette, at_strain: float) -> StiffnessScale:

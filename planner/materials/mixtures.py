@@ -657,7 +657,7 @@ def interpolated(palette: Palette) -> Palette:
     if palette.hardness and len(palette.materials) > 3:
         off = left_out_errors(palette)
         if off["hardness"] > off["coordinate"]:
-            return replace(palette, hardness=())
+            return replace(palette, hardness=()).known_by(palette.sha256)
     return palette
 
 

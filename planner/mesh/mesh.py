@@ -476,8 +476,7 @@ class Topology:
         group, reverse = np.split(joined, 2)
         if (group == reverse).any():
             return None
-        first = np.unique(self.body, return_index=True)[1]
-        turned = group != group[first[self.body]]
+        turned = group != group[np.unique(self.body, return_index=True)[1][self.body]]
         most = np.bincount(self.body, weights=turned) * 2 > np.bincount(self.body)
         return np.asarray(turned ^ most[self.body])
 

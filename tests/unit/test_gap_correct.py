@@ -318,7 +318,7 @@ def test_another_palette_of_that_name_is_not_taken_unasked(palette, tmp_path, ca
 def test_a_diagnosis_carries_its_palette(palette, tmp_path, capsys) -> None:
     """A lab's own palette need not be named again; one that was changed since is not believed."""
     stiffer = tuple(replace(m, law=m.law.stiffened(1.1)) for m in palette.materials)
-    own = replace(palette, name="lab", materials=stiffer, sha256="1" * 64)
+    own = replace(palette, name="lab", materials=stiffer).known_by("1" * 64)
     diagnosis = replace(diagnosed(own, found("temperature")), own_palette=own)
     folder, out = write_diagnosis(diagnosis, tmp_path / "diagnosis"), tmp_path / "warm.toml"
     command = ["gap", "correct", str(folder), "--temperature-C", "33", "-o", str(out), "--force"]

@@ -1,6 +1,7 @@
 """The palette file: what it becomes, how names resolve, and what is refused with which words."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -55,6 +56,8 @@ def test_a_sound_file() -> None:
     # SHA-256 is the file's: another byte, another sum.
     assert len(palette.sha256) == 64
     assert parse(SOUND + "\n").sha256 != palette.sha256
+    # What is changed is no file's.
+    assert replace(palette, materials=palette.materials[:1]).sha256 == ""
 
 
 @pytest.mark.parametrize(

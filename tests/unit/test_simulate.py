@@ -123,7 +123,6 @@ def test_profiles_jump_and_take_their_own_section(tmp_path: Path) -> None:
 def test_another_palette_is_used_and_said(plan: planner.Plan) -> None:
     softer = dataclasses.replace(
         PALETTE,
-        sha256="other",
         materials=tuple(
             dataclasses.replace(
                 m, law=LawParameters(m.law.model, {k: _halved(k, v) for k, v in _items(m)})

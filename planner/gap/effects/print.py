@@ -70,8 +70,7 @@ def _material_law(
 def _gaussian(distance: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Tail, and tail's integral, of a normal density of standard deviation 1, from distances."""
     tail = 0.5 * erfc(distance / np.sqrt(2.0))
-    density = np.exp(-0.5 * distance**2) / np.sqrt(2.0 * np.pi)
-    return tail, density - distance * tail
+    return tail, np.exp(-0.5 * distance**2) / np.sqrt(2.0 * np.pi) - distance * tail
 
 
 def _exponential(distance: FloatArray) -> tuple[FloatArray, FloatArray]:
