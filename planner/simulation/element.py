@@ -19,8 +19,8 @@ __all__ = ["LOCAL", "SIX", "advance", "assemble", "observe", "pull", "shape_func
 # stationary over displacements and pressures; pressures are eliminated cell by cell. The bulk
 # modulus κ belongs to Poisson's ratio at rest.
 #
-# A little of κ answers to the volume at each point (`solid._AT_POINTS`): with none, cells that are
-# compressed by 30 % fold within themselves, where no body would.
+# In full cells a little of κ answers to the volume at each point (`solid._AT_POINTS`): with none,
+# they fold within themselves where they are compressed by 30 %.
 #
 # The unknowns of Newton's method are displacements, pressures and, at every quadrature point,
 # strain E and stress S as variables of their own. They are eliminated too, and the matrix has the
