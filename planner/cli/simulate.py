@@ -294,8 +294,8 @@ def export(
         reaches under its loads, or the break.
     """
     given = locals()
-    _check_endings(output=(output, ".vtu" if to == "vtu" else ".inp"))
     cli.check_targets(context, force=force, output=output)
+    _check_endings(output=(output, ".vtu" if to == "vtu" else ".inp"))
     with cli.progress(not quiet and not as_json) as stage:
         stage("filling the part with cells")
         model = planner.export(**cli.taken(planner.export, given | vars(loads)))

@@ -354,9 +354,9 @@ def test_faces_whose_displacement_is_given_are_not_watched(watch: str, says: str
         simulate(fix="x=min", move="x=max: 1,free,free mm", watch=watch)
 
 
-@pytest.mark.parametrize(("cases", "says"), [(3, "3 is no LoadCase"), ((), "there is none")])
+@pytest.mark.parametrize(("cases", "says"), [(3, " 3: give a LoadCase"), ((), ": there is none")])
 def test_what_is_no_load_case_is_told(cases: Any, says: str) -> None:
-    with pytest.raises(planner.PlannerError, match=f"^`cases`: {says}"):
+    with pytest.raises(planner.PlannerError, match=f"^`cases`{says}"):
         planner.simulate_part("no.stl", cases, material="FLX9760")
 
 

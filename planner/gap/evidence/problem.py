@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from itertools import product
 from math import prod
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -583,6 +583,12 @@ class Problem:
         self.nodes, self.patterns = whiten(changes[count:].T), whiten(patterns)
         self.nuisances = whiten(nuisances)
         self.discrepancy = whiten(_model_discrepancy(table, self.unpredicted))
+
+    def with_(self, **changes: Any) -> "Problem":
+        """Return a copy with some attributes changed."""
+        other = copy(self)
+        vars(other).update(changes)
+        return other
 
     def predictions(
         self, candidates: Sequence[Candidate], like: Prediction | None = None

@@ -1,9 +1,7 @@
 """Candidates at their mode on the forward model, by likelihoods of scatter and discrepancy."""
 
 import itertools
-from copy import copy
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -35,13 +33,6 @@ def plan(planned) -> Campaign:
 def problem(plan, imitated) -> Problem:
     campaign = imitated(plan, f"rate:rise={RISE},form=power-law")
     return Problem(campaign, ObservationModel(campaign), [EFFECTS["rate"]])
-
-
-def changed(problem: Problem, **changes: Any) -> Problem:
-    """A copy with some attributes changed."""
-    other = copy(problem)
-    vars(other).update(changes)
-    return other
 
 
 def candidate(problem: Problem, form: str, size: float = 0.6) -> Candidate:
@@ -198,10 +189,10 @@ def test_a_discrepancy_is_asked_for_where_no_form_fits(plan, imitated) -> None:
 def test_errors_are_those_of_features_that_laws_leave(problem: Problem) -> None:
     found = candidate(problem, "power-law")
     change, level = problem.explained(found), problem.calibration[:, 0]
-    exact = changed(problem, residual=change, target=problem.noise.whiten(change))
+    exact = problem.with_(residual=change, target=problem.noise.whiten(change))
     assert Likelihood(exact).error(found) == pytest.approx([0.0, 0.0], abs=1e-9)
     # What a law's level is off by is mostly taken for that.
-    off = changed(exact, residual=change + level, target=problem.noise.whiten(change + level))
+    off = exact.with_(residual=change + level, target=problem.noise.whiten(change + level))
     likelihood, tests = Likelihood(off), problem.table.test
     whole = sum(np.sqrt(np.mean(level[tests == test] ** 2)) for test in np.unique(tests))
     forces, strains = likelihood.error(found)
@@ -244,7 +235,7 @@ def slack(planned, imitated) -> Problem:
     each = problem.changes(problem.predictions(lost))[
         problem.table.specimen, np.arange(len(problem.table))
     ]
-    return changed(problem, residual=each, target=problem.noise.whiten(each))
+    return problem.with_(residual=each, target=problem.noise.whiten(each))
 
 
 LOST_MM = (0.1, 0.14, 0.2, 0.25, 0.3, 0.4, 0.5, 0.7)
@@ -307,9 +298,9 @@ def test_errors_are_of_each_specimens_own_size(planned, imitated) -> None:
 
 def test_errors_of_strays_are_not_counted(problem: Problem) -> None:
     rows, residual = problem.table.specimen == 0, problem.explained(Candidate(()))
-    exact = changed(problem, residual=residual + rows, target=0.0 * problem.target)
+    exact = problem.with_(residual=residual + rows, target=0.0 * problem.target)
     assert Likelihood(exact).error(Candidate(()))[0] > 0.1
-    stray = changed(exact, strays=np.arange(len(problem.strays)) == 0)
+    stray = exact.with_(strays=np.arange(len(problem.strays)) == 0)
     assert Likelihood(stray).error(Candidate(()))[0] == 0.0
 
 
