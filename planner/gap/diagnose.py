@@ -233,8 +233,7 @@ def closure(
             closed = _closed(_rms(before), _rms(after), floor_rms)
             interval = _interval(problem, np.stack([before, after, floor]), closed, rng)
     # Levels of the verdict's own covariates: along any other column nothing is carried beyond.
-    own = {axis for axis, id in problem.own_axes.items() if id in verdict}
-    beyond = _levels_out(specimens, own)
+    beyond = _levels_out(specimens, {a for a, id in problem.own_axes.items() if id in verdict})
     gap = Gap(
         before=_rms(before),
         after=_rms(after),

@@ -310,7 +310,10 @@ def calibrations_of(palette: Palette, setup: Setup) -> Iterator[Calibration]:
     for k, material in enumerate(palette.materials):
         hat = np.interp(where, at, np.eye(len(at))[k])
         if hat.max() > 0.0:
-            yield Calibration(material.id, "level", material.modulus_log_sd or _UNKNOWN_LOG_SD, hat)
+            # A fit states it of the next print: sqrt(1 + n) times what the mean of n is off by.
+            tested = getattr(material.uncertainty, "specimens", 0)
+            sd = (material.modulus_log_sd or _UNKNOWN_LOG_SD) / math.sqrt(1.0 + tested)
+            yield Calibration(material.id, "level", sd, hat)
             yield Calibration(material.id, "tilt", FIT_SD, hat)
     for low, high in itertools.pairwise(at):
         t = np.clip((where - low) / (high - low), 0.0, 1.0)
