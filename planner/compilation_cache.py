@@ -72,7 +72,9 @@ class Loop:
     @functools.cached_property
     def _dispatcher(self) -> Any:
         """What numba knows the loop by."""
-        return _numba().njit(**self.options)(self.py_func)
+        import numba
+
+        return numba.njit(**self.options)(self.py_func)
 
     def _entry(self, arguments: tuple[Any, ...]) -> Callable[..., Any]:
         """Return what takes arguments of these types."""
@@ -86,7 +88,9 @@ class Loop:
         searching = gc.isenabled()
         gc.disable()  # for cycles of garbage, an eighth of the time of compiling
         try:
-            types = tuple(map(_numba().typeof, arguments))
+            import numba
+
+            types = tuple(map(numba.typeof, arguments))
             self._dispatcher.compile(types)
         finally:
             if searching:
@@ -300,19 +304,6 @@ def nothing_kept() -> bool:
     """
     folder = _folder()
     return folder is not None and not any(folder.glob("*.nbc"))
-
-
-@cache
-def _numba() -> Any:
-    import numba
-
-    # To know whether it can convolve, numba would load scipy.linalg: 0.2 s.
-    blas = "scipy.linalg.cython_blas"
-    if blas not in sys.modules:
-        sys.modules[blas] = None  # type: ignore[assignment] # its import fails at once
-        importlib.import_module("numba.np.arraymath")
-        del sys.modules[blas]
-    return numba
 
 
 # ------------------------------------------------------------------------------------------------

@@ -1,6 +1,6 @@
 """Which material or blend has a wanted stiffness; and what stands at a wanted coordinate."""
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -108,13 +108,7 @@ class Mixture:
             "reachable": self.reachable,
             "range_MPa": list(self.range_MPa),
             "nearest": {"material": self.nearest, "modulus_MPa": self.nearest_modulus_MPa},
-            "blend": {
-                "coordinate": self.blend.coordinate,
-                "lower": self.blend.lower,
-                "upper": self.blend.upper,
-                "fraction": self.blend.fraction,
-                **_stiffness(self),
-            },
+            "blend": {**asdict(self.blend), **_stiffness(self)},
             "notes": list(self.notes),
         }
         if self.target_MPa is None:

@@ -186,10 +186,10 @@ class Blend:
         Ids of materials; the same, with fraction 0, at a catalogue grade.
     """
 
+    coordinate: float
     lower: str
     upper: str
     fraction: float
-    coordinate: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -510,7 +510,7 @@ class CoefficientModel:
         """
         lower, upper, t = self.bracket(coordinate)
         ids = [material.id for material in self.palette.materials]
-        return Blend(ids[int(lower)], ids[int(upper if t > 0.0 else lower)], float(t), coordinate)
+        return Blend(coordinate, ids[int(lower)], ids[int(upper if t > 0.0 else lower)], float(t))
 
 
 def _rows(table: FloatArray, row: IntArray) -> FloatArray:

@@ -90,7 +90,7 @@ def test_blend_describes_the_coordinate(log_modulus: float, strain: float) -> No
 def test_a_blend_at_a_grade_is_that_grade() -> None:
     modulus = float(CONNEX3.grade_moduli_MPa(0.1)[3])
     assert CONNEX3.blend_for(modulus, 0.1) == Blend(
-        "FLX9760", "FLX9760", 0.0, float(CONNEX3.coordinates[3])
+        float(CONNEX3.coordinates[3]), "FLX9760", "FLX9760", 0.0
     )
 
 
@@ -100,7 +100,7 @@ def test_a_palette_of_one_material() -> None:
     assert model.coordinate_for([1.0, 5.0, 9.0], 0.1).tolist() == [0.3, 0.3, 0.3]
     assert nearest_on(model.ladder_MPa(0.1), [1.0, 9.0]).tolist() == [0, 0]
     assert thresholds_of(model.grade_moduli_MPa(0.1)).size == 0
-    assert model.blend_for(9.0, 0.1) == Blend("Only", "Only", 0.0, 0.3)
+    assert model.blend_for(9.0, 0.1) == Blend(0.3, "Only", "Only", 0.0)
 
 
 @pytest.mark.parametrize("function", [CoefficientModel.coordinate_for, CoefficientModel.blend_for])
