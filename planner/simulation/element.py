@@ -351,7 +351,7 @@ def advance(
             Js[q], growth, _ = _law(strain[at], law, at, p, cis[q], isos[q], coefficients[q])
             swelling = growth + Js[q] * _double(cis[q], gaps[q])
             right_side += weights[at] * swelling * basis[at]
-        pressure[c] = np.dot(compliance[c], right_side)
+        np.dot(compliance[c], right_side, pressure[c])
         for q in range(count):
             at = begin + q
             p = _pressure(pressure[c], basis[at])
@@ -366,9 +366,9 @@ def advance(
             det = minor * (1.0 + 2.0 * e[2]) + 8.0 * e[3] * e[4] * e[5]
             det -= 4.0 * (a * e[4] * e[4] + b * e[5] * e[5])
             if a < 0.04 or minor < 0.02 or det < 0.1 or det > 10.0:
-                strain[at] = moved[q]
                 J, _, _ = _law(moved[q], law, at, p, cis[q], isos[q], full)
                 for k in range(6):
+                    strain[at, k] = moved[q, k]
                     stress[at, k] = isos[q, k] + p * J * cis[q, k]
 
 
@@ -389,11 +389,11 @@ def observe(
     """
     nodes, offsets, points, weights, cell_mm = cells
     gradient, F, G = np.empty((3, 27)), np.empty((3, 3)), np.empty((3, 3))
-    ci, iso, actual, work = np.empty(6), np.empty(6), np.empty(6), np.empty(6)
-    tangent = np.empty(4)
+    ci, iso, work, tangent = np.empty(6), np.empty(6), np.empty(6), np.empty(4)
     for c in range(first, last):
         turned = np.zeros(4)
         for q in range(offsets[c], offsets[c + 1]):
+            actual = strain[q]
             _gradients(points[q], cell_mm, gradient)
             _deform(u, nodes[c], gradient, F, actual)
             _slopes(adjoint, nodes[c], gradient, G)
@@ -405,7 +405,6 @@ def observe(
             volumetric[q] = weights[q] * law[4][q] * growth * J * _double(ci, work)
             isochoric[q] = weights[q] * _double(iso, work) - volumetric[q]
             turned += weights[q] * J * _double(ci, work) * basis[q]
-            strain[q] = actual
         y = np.dot(compliance[c], turned)
         for q in range(offsets[c], offsets[c + 1]):
             p, back = _pressure(pressure[c], basis[q]), _pressure(y, basis[q])
