@@ -208,7 +208,7 @@ def as_texts(value: str | Iterable[str], name: str) -> tuple[str, ...]:
 
 
 def positive(value: SupportsFloat, name: str) -> float:
-    """Return a finite number above 0.
+    """Return a number above 0 with which one can reckon.
 
     Raises
     ------
@@ -218,7 +218,8 @@ def positive(value: SupportsFloat, name: str) -> float:
     number = as_number(value, name)
     if not number > 0.0:
         raise ArgumentError(f"{name} {number:g}: it must be above 0")
-    return number
+    # Chosen: no figure is near, and the square of a cube, as of the cells in a part, is a double.
+    return as_number(number, name, (1e-30, 1e30))
 
 
 def as_count(value: Any, name: str, most: int, least: int = 1) -> int:

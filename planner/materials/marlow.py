@@ -52,7 +52,7 @@ class MarlowTable:
     log_slope_MPa : (K, n, 2)
         ln W' in MPa and its derivative over x: cubics between.
     energy_MPa : (K, n)
-        W.
+        W over x²: at rest W'.
     break_strain : (K,)
         Elongation at break, linear between grades.
     """
@@ -108,7 +108,7 @@ def marlow_table(model: CoefficientModel, *, poisson: float = POISSON) -> Marlow
         A law's stress ceases to rise before its break: no energy of it is stable.
     """
     materials = model.palette.materials
-    breaks = np.array([m.elongation_at_break for m in materials])
+    breaks = model.breaks
     top = FARTHEST * breaks.max()
     x = np.linspace(0.0, np.sqrt(first_invariant(top)), _STRAINS)
     strain = uniaxial_strain(x)
@@ -144,8 +144,9 @@ def marlow_table(model: CoefficientModel, *, poisson: float = POISSON) -> Marlow
             f"ceases to rise at a strain of {strain[i]:.3g}; a solid of it is unstable: give laws "
             "that rise"
         )
-    density = 2.0 * x * np.exp(table)  # dW / dx
-    energy = np.zeros_like(table)
-    np.cumsum(0.5 * step * (density[:, 1:] + density[:, :-1]), axis=1, out=energy[:, 1:])
+    energy, square = np.exp(table), x[1:] ** 2  # W', then W over x²
+    # W goes with x²: trapezia of W' over that, in which it is nearly straight.
+    area = 0.5 * np.diff(x**2) * (energy[:, 1:] + energy[:, :-1])
+    energy[:, 1:] = np.cumsum(area, axis=1) / square
     break_strain = np.interp(nodes, model.coordinates, breaks)
     return MarlowTable(nodes, step, np.ascontiguousarray(log_slope), energy, break_strain)

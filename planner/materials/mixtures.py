@@ -300,6 +300,11 @@ class CoefficientModel:
         """Coordinates of the grades, strictly rising."""
         return np.array([m.coordinate for m in self.palette.materials])
 
+    @property
+    def breaks(self) -> FloatArray:
+        """Elongations at break of the grades."""
+        return np.array([m.elongation_at_break for m in self.palette.materials])
+
     def coordinates_between(self, count: int) -> FloatArray:
         """Return coordinates of all mixtures, in so many steps from grade to grade."""
         c = self.coordinates
@@ -321,8 +326,7 @@ class CoefficientModel:
         """Return the strain of each grade, a row each: as asked, or its break."""
         strain = np.asarray(at_strain, dtype=np.float64)
         positive_stretch(1.0 + strain)
-        breaks = np.array([m.elongation_at_break for m in self.palette.materials])
-        return np.asarray(np.minimum(strain, breaks.reshape(-1, *(1,) * strain.ndim)))
+        return np.asarray(np.minimum(strain, self.breaks.reshape(-1, *(1,) * strain.ndim)))
 
     def modulus_MPa(self, coordinate: ArrayLike, at_strain: ArrayLike) -> FloatArray:
         """Return the secant modulus of the nominal stress; that of grades as they hold it.
@@ -599,8 +603,7 @@ def _falling(model: CoefficientModel) -> Iterator[tuple[int, float]]:
     between = model.coordinates[:-1] + np.outer(_PLACES, np.diff(model.coordinates))
     stress = model.nominal_stress_MPa(between[..., None], 1.0 + strains)
     rising = np.diff(model.grade_moduli_MPa(strains) * strains) > 0.0
-    breaks = np.array([m.elongation_at_break for m in model.palette.materials])
-    rising &= strains[1:] <= breaks[:, None]  # beyond its break nothing is known of a grade
+    rising &= strains[1:] <= model.breaks[:, None]  # beyond its break nothing is known of a grade
     bad = (np.diff(stress) <= 0.0).any(axis=0) & rising[:-1] & rising[1:]
     for k in np.flatnonzero(bad.any(axis=1)).tolist():
         yield k, float(strains[1 + np.argmax(bad[k])])

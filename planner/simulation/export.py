@@ -422,7 +422,7 @@ def export(
         data = encode_vtu(mesh.node_mm[corners], [nodes.reshape(-1, 8)], cell_data=values)
     else:
         if to == "calculix" and is_loaded and to_strain is None:
-            to_strain, words = _reached(solid, case)
+            to_strain, words = _reached(solid, case, model)
             notes = (*notes, words)
         laws = [_law(one, model, to, to_strain or np.inf) for one in materials]
         materials = [law.material for law in laws]
@@ -509,11 +509,9 @@ class _Law(NamedTuple):
 
 def _law(made: ExportedMaterial, model: CoefficientModel, to: str, to_strain: float) -> _Law:
     """Return a material with its law: its curve, or what CalculiX has that is nearest."""
-    materials, at = model.palette.materials, model.coordinates
-    end, density = (
-        float(np.interp(made.coordinate, at, [getattr(m, name) for m in materials]))
-        for name in ("elongation_at_break", "density_g_cm3")
-    )
+    end = float(np.interp(made.coordinate, model.coordinates, model.breaks))
+    densities = [material.density_g_cm3 for material in model.palette.materials]
+    density = float(np.interp(made.coordinate, model.coordinates, densities))
     # Closer at rest, where the curve bends most.
     strain = end * np.linspace(0.0, 1.0, _CURVE_POINTS + 1)[1:] ** 2
     stress = model.nominal_stress_MPa(made.coordinate, 1.0 + strain)
@@ -559,7 +557,7 @@ def _yeoh_line(law: Yeoh) -> str:
     return f"{c1:.9g}, {c2:.9g}, {c3:.9g}, {2.0 / bulk:.9g}, 1e9, 1e9"
 
 
-def _reached(solid: Solid, case: LoadCase) -> tuple[float, str]:
+def _reached(solid: Solid, case: LoadCase, model: CoefficientModel) -> tuple[float, str]:
     """Return the strain up to which laws matter under the loads given, and words on it."""
     cell_mm = COARSER * default_cell_mm(solid.surface)
     unknown = (
@@ -571,9 +569,7 @@ def _reached(solid: Solid, case: LoadCase) -> tuple[float, str]:
         return np.inf, f"{unknown} ({error})"
     if found.steps.lost is not None:
         return np.inf, f"{unknown} (with cells of {cell_mm:.2g} mm it is unstable)"
-    breaks = [m.elongation_at_break for m in solid.palette.materials]
-    coordinates = [m.coordinate for m in solid.palette.materials]
-    ends = np.interp(found.surface_coordinate, coordinates, breaks)
+    ends = np.interp(found.surface_coordinate, model.coordinates, model.breaks)
     most = float((found.steps.strain_over_break[-1] * ends).max())
     to_strain = round(_ROUND * max(float(np.ceil(_MARGIN * most / _ROUND)), 1.0), 9)
     return to_strain, (

@@ -553,7 +553,7 @@ def check_effort(
     solutions
         Steps of the load in all cases, or as many equilibria.
     known_bytes
-        What it takes, where that is known; else it is foretold.
+        What it takes, where that is known; else it is foretold. Cells of many materials take more.
 
     Raises
     ------
@@ -564,7 +564,8 @@ def check_effort(
     sizes = np.append(cell_mm, _SIZES_MM[cell_mm < _SIZES_MM])
     cells, unknowns, memory, seconds = _effort(surface, sizes, factors, solutions)
     free = free_memory_bytes()
-    memory *= known_bytes / memory[0] if known_bytes else 1.0
+    more = known_bytes / memory[0] if known_bytes else 1.0
+    memory, seconds = memory * more, seconds * more**1.5  # as n^(4/3), and as n²
     gigabytes = [f"{figure:.2g} GB of memory" for figure in memory / 1e9]
     minutes = [counted(math.ceil(figure / 60.0), "minute") for figure in seconds]
     fits = (memory <= free) & (cells <= MOST_CELLS)
@@ -687,9 +688,9 @@ def simulate_part(
     solid = open_solid(source, material, unit, printer, palette, bodies)
     densities = palette_densities(solid.palette, cases)
     edge = default_cell_mm(solid.surface) if cell_mm is None else cell_mm
-    factors = 1 + several  # cases share the one of the part at rest
-    solutions = (steps + 1) * len(cases)
-    effort = check_effort(solid.surface, edge, factors=factors, solutions=solutions)
+    # Cases share the factor of the part at rest.
+    work = {"factors": 1 + several, "solutions": (steps + 1) * len(cases)}
+    effort = check_effort(solid.surface, edge, **work)
 
     def conditions(surface: Mesh) -> list[Conditions]:
         return [_conditions(surface, case) for case in cases]
@@ -704,24 +705,24 @@ def simulate_part(
     model = CoefficientModel(solid.palette)
     table = marlow_table(model)
 
-    def prepared(edge_mm: float, shift: float = 0.0) -> "list[Mechanics]":
+    def prepared(edge_mm: float, shift: float = 0.0) -> "tuple[list[Mechanics], str]":
         progress(f"cutting the part into cells of {edge_mm:.3g} mm; all takes {effort}")
         cells, coordinate = solid.cut(edge_mm, shift=shift)
         body = Body(cells, table, coordinate, densities=densities)
         progress(f"ordering {3 * len(cells.node_mm)} equations")
         analysis = analyse(cells.nodes, cells.node_mm, cells.interface.cells)
-        needed = factors * analysis.factor_bytes + analysis.work_bytes
+        needed = work["factors"] * analysis.factor_bytes + analysis.work_bytes
         needed += 8 * 6 * 27**2 * len(cells.nodes)
-        check_effort(solid.surface, edge_mm, factors=factors, known_bytes=needed)
+        takes = check_effort(solid.surface, edge_mm, **work, known_bytes=needed)
         rests: dict[object, Factor] | None = {} if several else None
         on, *others = conditions(cells.surface)
-        first = Mechanics(body, on, analysis, rests=rests)
-        return [first, *(Mechanics(body, on, analysis, like=first, rests=rests) for on in others)]
+        one = Mechanics(body, on, analysis, rests=rests)
+        return [one, *(Mechanics(body, o, analysis, like=one, rests=rests) for o in others)], takes
 
-    def told(share: float, iteration: int, residual: float) -> None:
-        progress(f"load {share:.3g}: iteration {iteration}, residual {residual:.1e}")
+    def told(share: float, k: int, residual: float) -> None:
+        progress(f"load {share:.3g}: iteration {k}, residual {residual:.1e}; all takes {effort}")
 
-    solved = prepared(edge)
+    solved, effort = prepared(edge)
     found = [respond(one, model, steps=steps, level=level, progress=told) for one in solved]
     cells, coordinate = solved[0].body.cells, solved[0].body.coordinate
     larger_mm = COARSER * float(cells.cell_mm.max())
@@ -729,7 +730,7 @@ def simulate_part(
     compared: list[Discretisation | None] = [None] * len(cases)
     if compare_cells and longest_mm >= FEWEST_ALONG * larger_mm:
         here = [_small_figures(one) for one in solved]
-        others = [list(map(_small_figures, prepared(larger_mm, shift))) for shift in (0.0, 0.5)]
+        others = [list(map(_small_figures, prepared(larger_mm, shift)[0])) for shift in (0.0, 0.5)]
         compared = [
             Discretisation(larger_mm, tuple(map(_error, *each)))
             if all(each) and reached.share[-1] > 0.0

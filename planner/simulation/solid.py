@@ -631,10 +631,10 @@ class Mechanics:
                 self._first = share, change
             self._run(advance, u, change, strain, stress, pressure)
             u = u + change
-            largest = float(np.abs(u).max())
+            largest = max(float(np.abs(u).max()), 1e-300)
             before, moved = moved, float(np.abs(change).max())
             # Changes go as squares of those before: next comes moved³ / before².
-            quick = moved**3 <= (settled * before) ** 2 * largest
+            quick = (moved / largest) ** 3 <= (settled * before / largest) ** 2
             if moved <= settled * largest and (
                 error <= settled or moved <= 1e-9 * largest or quick
             ):
@@ -768,8 +768,11 @@ class Mechanics:
         return out
 
     def energy_mJ(self, state: Equilibrium) -> float:
-        """Return the energy stored in the material, N mm."""
-        return float(self.body.cells.weights_mm3 @ self.energy_MPa(state))
+        """Return the energy stored in the material, and where materials meet in a cell, N mm."""
+        cells = self.body.cells
+        u = state.displacement_mm[cells.nodes[cells.interface.cells].reshape(-1, 54)]
+        sprung = 0.5 * np.sum(u * (self.springs @ u))
+        return float(cells.weights_mm3 @ self.energy_MPa(state) + sprung)
 
     def energy_MPa(self, state: Equilibrium) -> FloatArray:
         """Return the energy stored at the points over the volume at rest, N mm / mm³, (Q,)."""
@@ -778,10 +781,9 @@ class Mechanics:
         place = np.minimum(seen.x / table.step, table.energy_MPa.shape[1] - 1.001)
         i = place.astype(np.int64)
         t = place - i
-        # W goes as x²: between two values its square root is the straighter.
-        root, nodes, share = np.sqrt(table.energy_MPa), self._beside, self.table[3]
-        energy = ((1.0 - t) * root[nodes, i] + t * root[nodes, i + 1]) ** 2
-        isochoric = energy[0] ** (1.0 - share) * energy[1] ** share  # as W' between nodes
+        over, nodes, share = table.energy_MPa, self._beside, self.table[3]
+        energy = (1.0 - t) * over[nodes, i] + t * over[nodes, i + 1]
+        isochoric = seen.x**2 * energy[0] ** (1.0 - share) * energy[1] ** share  # as W' is
         p = self.body.pressure_MPa(state.pressure)
         volumetric = p * p / self.cell_bulk + self.table[4] * (seen.growth - 1.0) ** 2
         return np.asarray(isochoric + 0.5 * volumetric)

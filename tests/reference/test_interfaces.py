@@ -56,7 +56,7 @@ def laws(moduli, poisson=0.49):
     x = 0.01 * np.arange(201)
     slope = np.zeros((len(log), len(x), 2))
     slope[..., 0] = log[:, None]
-    energy = np.exp(log)[:, None] * x * x
+    energy = np.exp(log)[:, None] + 0.0 * x  # over x²
     return MarlowTable(np.arange(len(log), dtype=float), 0.01, slope, energy, np.ones(len(log)))
 
 

@@ -106,8 +106,8 @@ def test_the_energy_is_the_work_of_a_tensile_test(tables):
         node = int(np.argmin(np.abs(table.coordinate - material.coordinate)))
         strain = material.elongation_at_break
         x = np.sqrt(strain**2 * (strain + 3.0) / (1.0 + strain))
-        stored = np.interp(x, table.step * np.arange(table.energy_MPa.shape[1]),
-                           table.energy_MPa[node])  # fmt: skip
+        places = table.step * np.arange(table.energy_MPa.shape[1])
+        stored = x**2 * np.interp(x, places, table.energy_MPa[node])
         steps = np.linspace(0.0, strain, 4001)
         stress = model.nominal_stress_MPa(model.coordinates[k], 1.0 + steps)
         work = np.sum(0.5 * np.diff(steps) * (stress[1:] + stress[:-1]))
