@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -64,8 +65,8 @@ class _PartFields(NamedTuple):
         return np.asarray(np.einsum("mc,mc->m", _hats(local), self.strain_over_break[cell]))
 
 
-_ROWS = 1 << 14
-# Points whose gradients are held at a time: 10 MB.
+_RUN = 20_000
+"""Points at a time: 30 MB for each of their fields."""
 
 
 def _fields_of(
@@ -74,8 +75,8 @@ def _fields_of(
     """Return what stands in a body; Cauchy's stress is F S Fᵀ / J."""
     cells, u = mechanics.body.cells, state.displacement_mm
     stress = np.empty_like(state.stress_MPa)
-    for first in range(0, len(stress), _ROWS):
-        rows = slice(first, first + _ROWS)
+    for first in range(0, len(stress), _RUN):
+        rows = slice(first, first + _RUN)
         gradient = shape_functions(cells.points[rows], cells.cell_mm)[1]
         F = np.eye(3) + np.einsum("qai,qaj->qij", u[cells.nodes[cells.cell_of[rows]]], gradient)
         S = state.stress_MPa[rows][:, SIX]
@@ -95,9 +96,6 @@ def _hats(local: FloatArray) -> FloatArray:
 # An equilibrium with its factor: how sure a figure is, and how all of the part moves with the
 # material of many places at once.
 
-
-_RUN = 20_000
-"""Points at a time: 30 MB for each of their fields."""
 
 _OUT_OF_PROPORTION = 2.0
 """By how much more than in proportion to the stiffness a figure may change, for its interval to be
@@ -342,8 +340,11 @@ def respond(
             last, factored = reached
             keep(last)
     except LostStabilityError as stop:
-        lost = stop
-        factored = None if factored is None else mechanics.tangent(last)
+        lost, factored, last = stop, None, stop.state or last
+        if last.share > kept[-1]["share"]:
+            keep(last)
+        with suppress(LostStabilityError):  # of a step that has come to just beyond
+            factored = mechanics.tangent(last) if last.share else None
     responses = tuple(
         _responses(mechanics, told, last, factored, model, level) if factored is not None else ()
     )

@@ -175,11 +175,13 @@ class LostStabilityError(Exception):
         Of the load, that was reached.
     place_mm
         Where the stiffness failed, or None where the iteration did not settle.
+    state : Equilibrium, optional
+        That at this share, of `Mechanics.follow`.
     """
 
-    def __init__(self, share: float, place_mm: FloatArray | None) -> None:
+    def __init__(self, share: float, place_mm: FloatArray | None, state: Any = None) -> None:
         super().__init__(f"no stable equilibrium beyond {share:.4g} of the load")
-        self.share, self.place_mm = share, place_mm
+        self.share, self.place_mm, self.state = share, place_mm, state
 
 
 @dataclass(frozen=True, eq=False)
@@ -661,25 +663,23 @@ class Mechanics:
         Raises
         ------
         LostStabilityError
-            After the last stable state was yielded.
+            After the last stable state of those was yielded; it has the last that was found.
         """
         state, before, factored = self.at_rest(), None, None
         for share in shares:
             step = share - state.share
             while True:
-                target = min(share, state.share + step)
-                if share - target < 1e-9:
-                    target = share
+                target = share if share - state.share - step < 1e-9 else state.share + step
                 try:
                     start = state if before is None else _onward(before, state, target)
                     found = self.equilibrated(
                         start, target, progress, factored, settled=settled,
-                        tangent=tangents or target == shares[-1],
+                        tangent=tangents or target not in shares[:-1],
                     )  # fmt: skip
                 except LostStabilityError as lost:
                     before, step = None, 0.5 * step
                     if step < _SMALLEST_STEP or not halves:
-                        raise LostStabilityError(state.share, lost.place_mm) from lost
+                        raise LostStabilityError(state.share, lost.place_mm, state) from lost
                     continue
                 before, (state, factored) = state, found
                 if target == share:
@@ -769,10 +769,9 @@ class Mechanics:
 
     def energy_mJ(self, state: Equilibrium) -> float:
         """Return the energy stored in the material, and where materials meet in a cell, N mm."""
-        cells = self.body.cells
+        cells, springs = self.body.cells, self.springs
         u = state.displacement_mm[cells.nodes[cells.interface.cells].reshape(-1, 54)]
-        sprung = 0.5 * np.sum(u * (self.springs @ u))
-        return float(cells.weights_mm3 @ self.energy_MPa(state) + sprung)
+        return float(cells.weights_mm3 @ self.energy_MPa(state) + 0.5 * np.vdot(u, springs @ u))
 
     def energy_MPa(self, state: Equilibrium) -> FloatArray:
         """Return the energy stored at the points over the volume at rest, N mm / mm³, (Q,)."""

@@ -426,6 +426,33 @@ def test_a_balloon_that_is_inflated_without_end_is_told() -> None:
     assert b"stopped" in result.json()
 
 
+def test_what_is_before_the_loss_of_stability_is_given() -> None:
+    """A column under 1.5 times its critical load in one step, halved down to 1/64 of it."""
+    column = {"fix": "x=min", "load": "x=max: -0.09,0,0 N", "steps": 1}
+    result = simulate(([40.0, 4.0, 4.0] * BOX, FACES), **column)
+    assert result.steps.lost is not None
+    assert result.steps.share[-1] == result.steps.lost.share == pytest.approx(2.0 / 3.0, abs=1 / 64)
+    load, held = result.steps.responses
+    np.testing.assert_allclose(load.force_N[-1] + held.force_N[-1], 0.0, atol=1e-7)
+    assert load.force_N[-1, 0] == pytest.approx(-0.09 * result.steps.share[-1])
+    assert load.interval is not None
+
+
+def test_a_step_that_comes_to_just_beyond_the_loss_of_stability_is_told() -> None:
+    """Where the last factor was positive, and that of the state is not: within 1e-3 of the load."""
+    source = ([40.0, 4.0, 4.0] * BOX, FACES)
+
+    def pushed(newtons: float, steps: int) -> planner.PartSimulation:
+        return simulate(source, fix="x=min", load=f"x=max: {-newtons},0,0 N", steps=steps)
+
+    low, high = 0.05, 0.07
+    for _ in range(11):  # to 1e-5
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if pushed(middle, 1).ok else (low, middle)
+    beyond = pushed(2.0 * (high + 1e-4 * high), 2)
+    assert [finding.kind for finding in beyond.findings] == ["stopped"]
+
+
 def test_a_load_that_nothing_holds_is_told() -> None:
     """A column under a thousand times the force that it carries: the result is that at rest."""
     result = simulate(([40.0, 2.0, 2.0] * BOX, FACES), fix="x=min", load="x=max: -3,0,0 N",
