@@ -190,7 +190,7 @@ def findings(
         word = "softest" if values[0] < 0.5 else "stiffest"
         why = f"; all of the part is in the {word} material that is allowed"
     elif limit is not None and over is not None and over > 0.97 * limit:
-        why = f"; strain over break is at its limit, {limit:g}"
+        why = f"; strain over break is {over:.3g}, its limit {limit:g}"
     against = _against(problem, best, tolerance)
     closer = "" if dithered else "; dithered ones follow it closer (blend: dither)"
     for row in rows:
@@ -226,11 +226,14 @@ def findings(
             )
         yield DesignFinding("target" if row.kind == "target" else "limit", told)
     if limit is not None and over is not None and over > limit * (1.0 + tolerance):
-        told = (
-            f"strain/break<{limit:g}: the printed part comes to {over:.3g}, as materials in steps "
-            f"strain more in places than the gradient; take strain/break<{limit**2 / over:.2g}"
-            f"{closer}"
-        )
+        ends = np.cumsum([1 + sum(g.kind in "<>" for g in case.goals) for case in problem.cases])
+        own = limit * float(np.exp(best.over[ends - 1].max()))  # of each case it is the last
+        told = f"strain/break<{limit:g}: the printed part comes to {over:.3g}, "
+        if own > limit * (1.0 + tolerance):
+            told += f"the nearest gradient to {own:.3g}"
+        else:
+            told += "as materials in steps strain more in places than the gradient; take "
+            told += f"strain/break<{limit**2 / over:.2g}{closer}"
         yield DesignFinding("limit", told)
 
 

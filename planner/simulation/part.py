@@ -825,8 +825,7 @@ def _findings(
 
 
 def _moment_notes(steps: "LoadSteps", on: Conditions) -> Iterator[str]:
-    found = [response.moment_N_mm for response in steps.responses]
-    at_last = [moments[-1] for moments in found if moments is not None]
+    at_last = [r.moment_N_mm[-1] for r in steps.responses if r.moment_N_mm is not None]
     for left, moment in zip(at_last, on.moments, strict=False):  # none where nothing settled
         given = float(steps.share[-1]) * np.array(moment.moment_N_mm)
         size = float(np.linalg.norm(given))

@@ -386,8 +386,7 @@ class Mechanics:
 
     def _carried(self, at: _FacetPoints, nodal: FloatArray) -> FloatArray:
         """Return at points of facets, (n, 3), what is given at the nodes, (N, 3)."""
-        nodes = self.body.cells.nodes[at.cell]
-        return np.asarray(np.einsum("na,nai->ni", at.shape, nodal[nodes]))
+        return np.asarray(np.einsum("na,nai->ni", at.shape, nodal[self.body.cells.nodes[at.cell]]))
 
     def place_mm(self, at: _FacetPoints, u: FloatArray | float = 0.0) -> FloatArray:
         """Return where points of facets are, (n, 3), displaced by `u`, (N, 3), or at rest."""
@@ -775,8 +774,7 @@ class Mechanics:
 
     def energy_MPa(self, state: Equilibrium) -> FloatArray:
         """Return the energy stored at the points over the volume at rest, N mm / mm³, (Q,)."""
-        seen = self.observe(state)
-        table = self.body.table
+        seen, table = self.observe(state), self.body.table
         place = np.minimum(seen.x / table.step, table.energy_MPa.shape[1] - 1.001)
         i = place.astype(np.int64)
         t = place - i

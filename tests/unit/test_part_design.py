@@ -199,6 +199,15 @@ def test_what_is_out_of_reach_is_told_with_the_nearest() -> None:
     assert made.reached[0].continuous < -0.5
 
 
+def test_a_limit_that_no_gradient_keeps_is_not_laid_on_the_steps_of_a_print() -> None:
+    made = design(load=LOAD, target="x=min uz=-8 mm", limit="strain/break<0.0001", cell_mm=5.0)
+    told = [re.search("strain/break<0.0001: the printed part comes to (.*), the nearest gradient "
+                      "to (.*)$", f.message) for f in made.findings]  # fmt: skip
+    printed, own = (float(figure) for figure in told[-1].groups())  # type: ignore[union-attr]
+    assert printed == pytest.approx(made.strain_over_break, rel=5e-3)  # of three digits
+    assert 0.0001 < own < printed
+
+
 @pytest.mark.parametrize(("wanted_mm", "change_mm"), [(39.99, "0.01"), (40.0, "1.17")])
 def test_a_distance_is_missed_of_its_change(wanted_mm: float, change_mm: str) -> None:
     """It is 40 mm at rest: of all of it, nothing that is soft would be missed by a per cent.
