@@ -88,7 +88,7 @@ def _csv_cell(value: str | float | None, digits: int) -> str:
 
 
 def decode_text(data: bytes, path: Path) -> str:
-    """Return a text in UTF-8, UTF-16, GB 18030, Shift-JIS, Windows-1251 or -1252: as it is in.
+    """Return a text in UTF-8, UTF-16, GB 18030, Shift-JIS, or Windows-949, -1251 or -1252.
 
     Raises
     ------
@@ -101,6 +101,10 @@ def decode_text(data: bytes, path: Path) -> str:
     if not text.strip():
         raise FileError(f"{path}: the file is empty; export it again")
     return text
+
+
+_KOREAN = [word.encode("cp949") for word in ("하중", "변위", "시간", "응력", "변형", "연신")]
+"""Load, displacement, time, stress, strain, elongation: as Chinese they are no words."""
 
 
 def _decoded(data: bytes) -> str:
@@ -117,7 +121,8 @@ def _decoded(data: bytes) -> str:
     # A Chinese character is two bytes from 0xA1 on; in European texts such bytes stand alone.
     runs = re.findall(rb"[\x80-\xff]+", data)
     if all(len(run) % 2 == 0 and min(run) >= 0xA1 for run in runs):
-        return data.decode("gb18030", errors="replace")
+        is_korean = any(word in data for word in _KOREAN)
+        return data.decode("cp949" if is_korean else "gb18030", errors="replace")
     with contextlib.suppress(UnicodeDecodeError):
         text = data.decode("cp932")
         # What European letters become as Shift-JIS begins with bytes from 0xA0 on; kana and the

@@ -54,13 +54,13 @@ _SIGNS = {name: re.compile(f"(?:{any_})", re.I) for name, any_ in _ANY.items()}
 """By what cells are known that are no terms; see terms.toml."""
 
 _BRACKET = re.compile(r"[(\[{<]\s*([^()\[\]{}<>]*?)\s*[)\]}>]")
-_LEADING = re.compile(r"^(%(?=\s*[^\W\d])|[XY](?=[A-Z][a-z]))\s*(.+)")
+_LEADING = re.compile(r"^(%(?=\s*[^\W\d])|(?i:percent(?:age)?)\b|[XY](?=[A-Z][a-z]))\s*(.+)")
 _NUMBERED_CHANNEL = re.compile(
     rf"(?<![a-z])(?:{_ANY['channel']})(?=[\s_.:#\d])[\s_.:#]*\d*[\s_.:-]+", re.IGNORECASE
 )
 _SUFFIXED = re.compile(r"(.+)_([^_\s]+)")
-_JOINED = re.compile(r"(.+?)\s*(?:[/,;:]|\s(?:in|en)\s)\s*(.+)")
-_SPACED = re.compile(r"(.+)\s(\S+)")
+_SPACED = re.compile(r"(.+?)(?:\s*[/,;:]|\s(?:in|en))?\s(\S+)")
+_JOINED = re.compile(r"(.+?)\s*[/,;:]\s*(.+)")
 _NUMBERED = re.compile(
     rf"(.+?)(?:[\s_.:#-]+(?P<tag>(?:(?:{_ANY['specimen']})\s*)?[A-Za-z]{{0,3}}-?\d+|[A-Z])|"
     r"(?P<number>\d+))",
@@ -197,7 +197,7 @@ def _parse(name: str) -> tuple[str, str | None, str] | None:
         meaning = _looked_up(stem, _MEANING)
         if meaning is not None and (quantities_of(unit) or not _SIGNS["source"].search(unit)):
             return meaning, unit, ""
-    for stem, unit in _apart(name, _JOINED, _SPACED):  # "Load min" is none in minutes
+    for stem, unit in _apart(name, _SPACED, _JOINED):  # "Load min" is none in minutes
         if (inner := _parse(stem)) and (inner[0] == "time" or quantities_of(unit) != {"time"}):
             return inner[0], unit, inner[2]
     if numbered := _NUMBERED.fullmatch(name):
@@ -265,7 +265,7 @@ def _names(cell: str) -> Iterator[tuple[str, str]]:
     unit = next((b for b in reversed(_BRACKET.findall(plain)) if quantities_of(b)), "")
     name = " ".join(_BRACKET.sub(" ", plain).split()).rstrip(" :=")
     if not unit:
-        name, unit = next(_apart(name, _SUFFIXED, _JOINED, _SPACED), (name, ""))
+        name, unit = next(_apart(name, _SUFFIXED, _SPACED, _JOINED), (name, ""))
     yield name, unit
     last = name.rpartition(" : ")[2]
     yield last, unit
@@ -549,7 +549,7 @@ def _best_grid(sheet: _Grid, content: str | list[list[str]]) -> tuple[_Grid, lis
         blocks = _blocks(grid)
         if found := [block for block in blocks if block.rows]:
             return grid, found
-        if blocks and text is not None and separator.strip():
+        if blocks and text is not None and separator.strip(" "):
             raise FileError(
                 f"{grid.where}: headings but no bare numbers below; export them, units in headings"
             )
@@ -557,7 +557,7 @@ def _best_grid(sheet: _Grid, content: str | list[list[str]]) -> tuple[_Grid, lis
 
     def nearness(grid: _Grid) -> tuple[int, int]:
         width = len(_nearest(grid)[1])
-        return width if grid.separator.strip() and width > 1 else 0, width
+        return width if grid.separator.strip(" ") and width > 1 else 0, width
 
     return max(tried, key=nearness), []
 
@@ -1647,6 +1647,9 @@ def _not_understood(grid: _Grid) -> str:
     if grid.by_position is not None:
         count = len(grid.by_position)
         return f"{grid.where}: no row with {count} columns of numbers; check the columns"
+    for name, *figures in (cells for _, cells in grid.rows if len(cells) > _FEWEST_ROWS):
+        if heading_of(name).meaning in _LENGTHS and all(map(grid.is_number, figures)):
+            return f"{grid.where}: figures stand beside {name!r}, not below; transpose the table"
     line, headings, units = _nearest(grid)
     if not headings:
         return (

@@ -1,4 +1,4 @@
-"""Exports in six languages: headings, units, sizes, speeds, encodings; and how to read others."""
+"""Exports in eight languages: headings, units, sizes, speeds, encodings; and how to read others."""
 
 import re
 from pathlib import Path
@@ -10,6 +10,7 @@ from planner.cli import run
 from planner.errors import FileError
 from planner.formats.tables import number
 from planner.formats.tensile import heading_of, marked_specimen, read_tensile, size_of
+from planner.formats.units import QUANTITY_UNITS
 
 TIME_S = 0.25 * np.arange(41)
 TRAVEL_MM = 0.5 * np.arange(41)
@@ -72,6 +73,11 @@ FILES = {
         "utf-8",
         "厚さ（ｍｍ）,2.00\r\n幅（ｍｍ）,6.00\r\nゲージ長（ｍｍ）,25.0\r\n試験速度（ｍｍ/ｍｉｎ）,120\r\n"
         "時間（秒）,荷重（Ｎ）,変位（㎜）\r\n" + columns(",", comma=False),
+    ),
+    "korean": (
+        "cp949",
+        "시험편명,고무 1\r\n폭 (mm),6.00\r\n두께 (mm),2.00\r\n표점거리 (mm),25.0\r\n"
+        "시험속도 (mm/min),120\r\n시간(초),하중(N),변위(mm)\r\n" + columns(",", comma=False),
     ),
     "russian": (
         "cp1251",
@@ -565,3 +571,46 @@ def test_two_speeds_leave_it_open(tmp_path: Path) -> None:
     head = "Ramp : Speed 1,10,mm/min\nRamp : Speed 2,500,mm/min\nTime (s),Load (N),Travel (mm)\n"
     path.write_text(head + columns(",", comma=False), encoding="utf-8")
     assert "rate_mm_s" not in read_tensile(path)[0].metadata
+
+
+QUANTITY_NAMES = {
+    "force": "Load", "stress": "Stress", "strain": "Strain", "length": "Extension", "time": "Time",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("form", ["{} {}", "{}, {}", "{} / {}", "{} in {}", "{}/{}", "{}_{}"])
+def test_a_unit_is_the_same_however_it_stands_behind_a_name(form: str) -> None:
+    """Of "Strain mm/mm" the last mm were the unit, so that it was a travel."""
+    for quantity, name in QUANTITY_NAMES.items():
+        for unit in QUANTITY_UNITS[quantity]:
+            if unit not in ("", "1", "per cent"):  # a bare name, a number, two words
+                told = heading_of(form.format(name, unit)).column("here")
+                assert told == heading_of(f"{name} ({unit})").column("here"), unit
+    for name, unit in (("Width", "in"), ("Test speed", "mm/min"), ("Area", "mm^2")):
+        assert size_of(form.format(name, unit)) == size_of(f"{name} ({unit})")
+
+
+@pytest.mark.parametrize("name", ["Percentage Strain", "Percent strain", "Strain percentage"])
+def test_a_percentage_is_one_without_a_unit(name: str) -> None:
+    """Nexygen's "Percentage Strain" was taken for a fraction."""
+    assert heading_of(name).column("here") == ("strain", 0.01)
+
+
+def test_a_proposal_of_columns_goes_by_tabs(tmp_path: Path) -> None:
+    """Blanks within headings were taken for ends of columns: "Step time" for two."""
+    path = tmp_path / "a.txt"
+    path.write_text("Step time\tGap\tAxial force\ns\tmm\tN\n" + columns("\t", comma=False))
+    with pytest.raises(FileError, match="not understood: 'Step time', 'Gap'") as caught:
+        read_tensile(path, option="--columns")
+    proposed = str(caught.value).partition("--columns ")[2]
+    (table,) = read_tensile(path, columns=proposed.split(","))
+    # 1e-6: six decimals in the file, whose second column is the force.
+    np.testing.assert_allclose(table.columns["displacement_mm"], FORCE_N, atol=1e-6)
+
+
+def test_a_table_on_its_side_is_told(tmp_path: Path) -> None:
+    rows = [["Strain (%)", *TRAVEL_MM], ["Tango (MPa)", *FORCE_N], ["Vero (MPa)", *FORCE_N]]
+    path = tmp_path / "a.csv"
+    path.write_text("\n".join(",".join(map(str, row)) for row in rows))
+    with pytest.raises(FileError, match=r"beside 'Strain .%.', not below; transpose the table"):
+        read_tensile(path, option="--columns")
