@@ -13,7 +13,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
-from types import MappingProxyType
 from typing import Annotated, Any, Literal
 
 import msgspec
@@ -73,7 +72,7 @@ class LawParameters:
         """Return the law whose stress is `factor` times this one's: its moduli are."""
         by = {name: factor if name.endswith("_MPa") else 1.0 for name in self.parameters}
         parameters = {name: tuple(by[name] * v for v in vs) for name, vs in self.parameters.items()}
-        return LawParameters(self.model, MappingProxyType(parameters))
+        return LawParameters(self.model, parameters)
 
 
 @dataclass(frozen=True, slots=True)

@@ -257,7 +257,7 @@ def _listed(
     known = {*names, *SPECIMEN_COLUMNS, ""}
     others = {name: value for name, value in record.items() if name not in known}
     mode = {name.casefold(): value for name, value in others.items()}.get("mode") or mode
-    return ListedSpecimen(**texts, **conditions, mode=mode, covariates=MappingProxyType(others))
+    return ListedSpecimen(**texts, **conditions, mode=mode, covariates=others)
 
 
 def _without_mode(record: Mapping[str, str]) -> tuple[Mapping[str, str], str]:

@@ -8,7 +8,6 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any, Literal
 
 import msgspec
@@ -92,7 +91,7 @@ def read_list(path: Path) -> tuple[tuple[Row, ...], dict[str, Covariates], list[
             )
     columns = [_column([row.covariates.get(name, "") for row in rows]) for name in names]
     covariates: dict[str, Covariates] = {
-        row.specimen: MappingProxyType(dict(zip(names, cells, strict=True)))
+        row.specimen: dict(zip(names, cells, strict=True))
         for row, *cells in zip(rows, *columns, strict=True)
     }
     return rows, covariates, notes

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from types import MappingProxyType
 from typing import Literal
 
 import numpy as np
@@ -669,7 +668,7 @@ def characterise_curve(
         toughness_MJ_m3=float(np.trapezoid(curve.stress_MPa, strain)) + origin_area,
         elongation_at_break=elongation,
         strength_MPa=float(np.max(curve.stress_MPa)),
-        secant_MPa=MappingProxyType(secants),
+        secant_MPa=secants,
         yield_strain=at_yield,
         deformation=how,
         notes=(_toe_note(curve, part), *_odd(curve, part, how.kind)),
@@ -697,7 +696,7 @@ def characterise_material(
     modulus, elongation = spreads["modulus_MPa"].mean, spreads["elongation_at_break"].mean
     whole = deformation(modulus, elongation, at_yield)
     agree = all(c.deformation.kind == whole.kind for c in found)
-    return MaterialCharacteristics(material, found, MappingProxyType(spreads), whole, agree)
+    return MaterialCharacteristics(material, found, spreads, whole, agree)
 
 
 def spread_of(values: Sequence[float]) -> Spread:

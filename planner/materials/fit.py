@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import astuple, dataclass, replace
-from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -736,7 +735,7 @@ def fit_law(
     count, used = len(sample.stretch), law.columns + law.nonlinear
     return LawFit(
         law=law,
-        parameters=LawParameters(law.model, MappingProxyType(law.parameters(a, c))),
+        parameters=LawParameters(law.model, law.parameters(a, c)),
         a=a,
         c=c,
         lowest=found.a,
@@ -1000,7 +999,7 @@ def _by_symbol(logs: FloatArray) -> dict[str, tuple[float, ...]]:
 
 def yielding_parameters(law: Yielding) -> LawParameters:
     """Return a law that yields as a palette holds it, its figures rounded."""
-    return LawParameters(law.model, MappingProxyType(_by_symbol(_logs(law))))
+    return LawParameters(law.model, _by_symbol(_logs(law)))
 
 
 def least_yielding(

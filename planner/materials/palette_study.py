@@ -16,11 +16,11 @@ from planner.errors import (
     Caution,
     FileError,
     PaletteError,
+    as_count,
     as_number,
     as_texts,
     check_known,
     listed,
-    positive,
 )
 from planner.formats.specimens import ListedSpecimen
 from planner.formats.tables import encode_csv, number
@@ -447,7 +447,7 @@ def fit(
     given = locals()
     study = read_study(**{name: given[name] for name in _READING})
     check_known(weighting, ("relative", "absolute"), f"weighting {weighting!r}: {{}}choose")
-    positive(starts, "`starts`")
+    as_count(starts, "`starts`", 2000)
     if coefficients not in (None, "quadratic"):
         raise ArgumentError(f"`coefficients` {coefficients!r}: it can be quadratic, or left out")
     laws = candidate_laws(law)
@@ -570,7 +570,7 @@ def _coordinates(
     strain = min(_RANKING_STRAIN, *(fit.elongation_at_break for fit in fits.values()))
     laws = {called: make_law(fit.law) for called, fit in fits.items()}
     stiffness = {called: float(secant_modulus_MPa(law, strain)) for called, law in laws.items()}
-    order = as_texts(order or (), "`order`")
+    order = as_texts(() if order is None else order, "`order`")
     found = {} if order else stated
     ordered = list(order) if order else sorted(fits, key=stiffness.__getitem__)
     if order and (sorted(order) != sorted(fits) or given):

@@ -6,7 +6,6 @@ from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from types import MappingProxyType
 
 import numpy as np
 
@@ -266,7 +265,7 @@ def _dimensions_of(
     gauge, rate = product("gauge", "gauge_mm"), product("rate", "rate_mm_s")
     if from_head:
         notes.append(f"{table.file}: its head gives {listed(from_head)}")
-    return Dimensions(area, gauge, rate, MappingProxyType(sources))
+    return Dimensions(area, gauge, rate, sources)
 
 
 _FIRST = 6
@@ -728,12 +727,12 @@ def read_study(
         of[curve.material] = (*of.get(curve.material, ()), curve)
     notes.extend(dict.fromkeys(note for curve in curves for note in curve.notes))
     return Study(
-        MappingProxyType(groups),
-        MappingProxyType(rows),
+        groups,
+        rows,
         tuple(notes),
-        MappingProxyType({name: record.sizes for name, record in used.items()}),
-        MappingProxyType({name: record.table.factors for name, record in used.items()}),
-        MappingProxyType(others),
+        {name: record.sizes for name, record in used.items()},
+        {name: record.table.factors for name, record in used.items()},
+        others,
         tuple(_told(name, one) for name, one in (records | used).items()),
         tuple(unlisted),
     )
@@ -873,8 +872,8 @@ def in_stated_units(
         said = f"{of}{quantity} is read in the unit {unit.unit}, as was asked for"
         table = replace(
             table,
-            columns=MappingProxyType({**table.columns, column: values}),
-            factors=MappingProxyType({**table.factors, column: unit.factor}),
+            columns={**table.columns, column: values},
+            factors={**table.factors, column: unit.factor},
             without_unit=table.without_unit - {column},
             notes=(*table.notes, said),
         )

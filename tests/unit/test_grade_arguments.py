@@ -156,12 +156,19 @@ def test_a_profile_is_whole_or_refused(positions, moduli, shape) -> None:
         planner.Profile("mine", positions, moduli, shape)
 
 
-def test_values_can_be_sent_to_other_processes(tmp_path: Path) -> None:
+def test_values_can_be_sent_to_other_processes(samples: Path) -> None:
+    """Fits and campaigns held views of mappings, and with them palettes and plans of a fit."""
     plan = planner.grade(MESH, **ENDS)
     palette = planner.load_printer("connex3").palette()
-    for value in (plan, palette):
+    fitted = planner.fit(samples / "tensile", law="neo-hookean", starts=2, compare=False)
+    for value in (plan, palette, fitted.palette, palette.materials[0].law.stiffened(2.0)):
         assert pickle.loads(pickle.dumps(value)) == value
         assert copy.deepcopy(value) == value
+    sent = pickle.loads(pickle.dumps(fitted))
+    assert planner.fit_tables(sent) == planner.fit_tables(copy.deepcopy(fitted))
+    moduli = planner.characterise(samples / "tensile", compare=False)
+    for value in (moduli, planner.read_campaign(samples / "warm-lab")):
+        assert repr(pickle.loads(pickle.dumps(value))) == repr(copy.deepcopy(value))
 
 
 def test_a_plan_read_back_says_that_it_holds_no_shells(tmp_path: Path) -> None:

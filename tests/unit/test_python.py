@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import typer
 
@@ -203,3 +204,13 @@ def test_a_seed_is_asked_for_at_once(samples: Path) -> None:
     """A diagnosis took a minute, and then ended in a TypeError."""
     with pytest.raises(planner.PlannerError, match=r"`seed` -1: it must be a whole number"):
         planner.diagnose(samples / "warm-lab", seed=-1)
+
+
+def test_starts_are_counted_and_an_order_may_be_an_array(samples: Path) -> None:
+    """Two and a half starts were three, and an array ended in numpy's ValueError."""
+    tests = samples / "tensile"
+    with pytest.raises(planner.PlannerError, match=r"`starts` 2.5: it must be a whole number"):
+        planner.fit(tests, starts=2.5)  # type: ignore[arg-type]
+    order = np.array(["SYN-soft", "SYN-medium", "SYN-rigid"])
+    fitted = planner.fit(tests, law="neo-hookean", starts=2, order=order, compare=False)
+    assert [material.id for material in fitted.palette.materials] == order.tolist()
