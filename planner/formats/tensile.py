@@ -856,6 +856,13 @@ def _groups(grid: _Grid, block: _Block) -> _Records:
     return numbered or _that_come_again(headings, known, alone)
 
 
+def _without_terms(name: str) -> str:
+    """Return what a heading says besides quantity and unit: "TPU" of "TPU stress (MPa)"."""
+    words = re.split(r"([\s_()\[\],]+)", name)
+    others = (w for w in words if w.isdigit() or not (heading_of(w).meaning or quantities_of(w)))
+    return "".join(others).strip(" _()[],")
+
+
 def _that_come_again(headings: _Headings, known: Sequence[int], alone: set[str]) -> _Records:
     """Return the records whose headings come again; what comes once, as time, belongs to all."""
     first, *others = _walked(headings, known)
@@ -907,7 +914,9 @@ def _names_above(grid: _Grid, block: _Block) -> list[list[str]]:
             (counts if _counts({*near} - {""}) else words).append(_carried(cells))
         elif all(map(str.isdigit, figures)) and size_of(cells[0])[0] is None:
             numbers.append(_carried(cells))
-    return words + counts + numbers
+    found = words + counts + numbers
+    # By position the file's own headings stand above, and may name materials.
+    return [[*map(_without_terms, row)] for row in found] if grid.by_position else found
 
 
 def _counts(names: Collection[str]) -> bool:

@@ -726,16 +726,10 @@ def read_study(
         of = groups if used[curve.specimen].mode == "tension" else others
         of[curve.material] = (*of.get(curve.material, ()), curve)
     notes.extend(dict.fromkeys(note for curve in curves for note in curve.notes))
-    return Study(
-        groups,
-        rows,
-        tuple(notes),
-        {name: record.sizes for name, record in used.items()},
-        {name: record.table.factors for name, record in used.items()},
-        others,
-        tuple(_told(name, one) for name, one in (records | used).items()),
-        tuple(unlisted),
-    )
+    sizes = {name: record.sizes for name, record in used.items()}
+    factors = {name: record.table.factors for name, record in used.items()}
+    told = tuple(_told(name, one) for name, one in (records | used).items())
+    return Study(groups, rows, tuple(notes), sizes, factors, others, told, tuple(unlisted))
 
 
 @dataclass(frozen=True, slots=True)

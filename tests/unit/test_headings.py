@@ -11,6 +11,7 @@ from planner.errors import FileError
 from planner.formats.tables import number
 from planner.formats.tensile import heading_of, marked_specimen, read_tensile, size_of
 from planner.formats.units import QUANTITY_UNITS
+from planner.materials.study import read_study
 
 TIME_S = 0.25 * np.arange(41)
 TRAVEL_MM = 0.5 * np.arange(41)
@@ -614,3 +615,26 @@ def test_a_table_on_its_side_is_told(tmp_path: Path) -> None:
     path.write_text("\n".join(",".join(map(str, row)) for row in rows))
     with pytest.raises(FileError, match=r"beside 'Strain .%.', not below; transpose the table"):
         read_tensile(path, option="--columns")
+
+
+@pytest.mark.parametrize(
+    ("head", "columns"),
+    [
+        ("Strain (%),TangoPlus (MPa),Agilus30 (MPa)", "strain_%,stress_MPa,stress_MPa"),
+        ("TangoPlus_strain,TangoPlus_MPa,Agilus30_strain,Agilus30_MPa",
+         "strain_%,stress_MPa,strain_%,stress_MPa"),
+        ("strain (TangoPlus),stress (TangoPlus),strain (Agilus30),stress (Agilus30)",
+         "strain_%,stress_MPa,strain_%,stress_MPa"),
+    ],
+)  # fmt: skip
+def test_headings_beside_columns_by_position_name_materials(
+    tmp_path: Path, head: str, columns: str
+) -> None:
+    """Two materials were read as replicates of one."""
+    each = [TRAVEL_MM, FORCE_N, TRAVEL_MM, 2 * FORCE_N]
+    each = each if head.count(",") == 3 else [*each[:2], each[3]]
+    rows = "\n".join(",".join(map(str, row)) for row in zip(*each, strict=True))
+    (tmp_path / "a.csv").write_text(f"{head}\n{rows}")
+    study = read_study(tmp_path / "a.csv", columns=columns.split(","))
+    peaks = {material: curve.stress_MPa[-1] for material, (curve,) in study.groups.items()}
+    assert peaks == {"TangoPlus": FORCE_N[-1], "Agilus30": 2 * FORCE_N[-1]}
