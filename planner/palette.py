@@ -289,6 +289,10 @@ class Palette:
         object.__setattr__(made, "sha256", sha256)
         return made
 
+    def as_written(self) -> "Palette":
+        """Return the palette as its file will be read, so that plans of both are equal."""
+        return parse_palette(encode_palette(self), name=self.name)
+
     def resolve(self, name: str) -> Material:
         """Return the material that `name` stands for.
 

@@ -201,6 +201,7 @@ def _dispatch(arguments: list[str], commands: typer.Typer) -> int:
         for found in getattr(error.__cause__, "errors", list)():
             if kind := _FIGURES.get(found["type"]):
                 said = f"{error.param.opts[0]} {found['input']!r}: it must be {kind}"
+        said += "".join(f"; write ./{p}" for p in Path().glob("-*") if p.name in arguments)
         raise ArgumentError(f"{said} (see {path} --help)") from error
     except (KeyboardInterrupt, typer.Abort):
         return INTERRUPTED

@@ -167,7 +167,7 @@ def _grade_report(plan: "planner.Plan", folder: Path | None, like: Path | None) 
     if folder is None:
         cli.say("nothing was written")
         return
-    named = quote(str(folder))
+    named = quote("./" * str(folder).startswith("-") + str(folder))
     cli.say(f"wrote {folder} (next: planner check {named}; planner view {named})")
     if like is not None:
         cli.say(

@@ -31,7 +31,7 @@ from planner.materials.fit import Sample, fit_law, least_yielding, sample_of, yi
 from planner.materials.laws import SeparableLaw, make_law
 from planner.materials.mixtures import CoefficientModel
 from planner.numerics import FloatArray, normal_quantile
-from planner.palette import Material, Palette, Reference, encode_palette, parse_palette
+from planner.palette import Material, Palette, Reference, encode_palette
 from planner.printers import Printer, load_printer, palette_of
 from planner.simulation.bar_solver import LawTables, Setup, law_tables, predict
 
@@ -585,7 +585,7 @@ def _corrected(case: _Case, recalibrate: bool, doubt: Sequence[str]) -> Correcti
     name = palette.name.removesuffix("-corrected") + "-corrected"
     source = _source(case, acting, corrected)
     made = replace(palette, name=name, materials=tuple(materials), reference=use, source=source)
-    made = parse_palette(encode_palette(made), name=name)  # as its file will be read
+    made = made.as_written()
     unfit = "the correction makes the palette unfit to plan with"
     then = "{}; if it is one material's, measure that one again, or leave it out of the palette"
     with refused(PaletteError, unfit, then, PaletteError):

@@ -24,7 +24,7 @@ from planner.glance import brief, counted, html_of, one_line, plotted
 from planner.materials.laws import make_law, secant_modulus_MPa, stability
 from planner.materials.mixtures import CoefficientModel, left_out_remark, nearest_on, thresholds_of
 from planner.numerics import FloatArray, IntArray
-from planner.palette import SAME_K, Material, Palette, encode_palette, parse_palette
+from planner.palette import SAME_K, Material, Palette
 from planner.printers import Printer, palette_of
 
 if TYPE_CHECKING:
@@ -475,8 +475,7 @@ def at_temperature(
     use = replace(chosen.reference, temperature_C=temperature_C)
     name = f"{chosen.name}-at-{temperature_C:g}C"
     made = replace(chosen, name=name, materials=tuple(warmed), reference=use)
-    # Known by the file that it makes.
-    return made.known_by(parse_palette(encode_palette(made), name=name).sha256), tuple(notes)
+    return made.as_written(), tuple(notes)
 
 
 def stiffness_scale(palette: Palette, at_strain: float) -> StiffnessScale:

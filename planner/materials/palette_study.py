@@ -491,7 +491,7 @@ def fit(
     table = _temperature_table(study, fits, elsewhere, coordinates)
     fitted_palette = Palette(
         name or "palette", materials, _reference(study, notes), "planner fit", temperature=table
-    )
+    ).as_written()
     if table is not None:
         notes.extend(_warming(fitted_palette, table))
     by_id = {ids[called]: fits[called] for called in ordered}

@@ -726,10 +726,10 @@ def read_study(
         of = groups if used[curve.specimen].mode == "tension" else others
         of[curve.material] = (*of.get(curve.material, ()), curve)
     notes.extend(dict.fromkeys(note for curve in curves for note in curve.notes))
-    sizes = {name: record.sizes for name, record in used.items()}
+    dimensions = {name: record.sizes for name, record in used.items()}
     factors = {name: record.table.factors for name, record in used.items()}
-    told = tuple(_told(name, one) for name, one in (records | used).items())
-    return Study(groups, rows, tuple(notes), sizes, factors, others, told, tuple(unlisted))
+    read = tuple(_told(name, one) for name, one in (records | used).items())
+    return Study(groups, rows, tuple(notes), dimensions, factors, others, read, tuple(unlisted))
 
 
 @dataclass(frozen=True, slots=True)
@@ -864,13 +864,9 @@ def in_stated_units(
             )
         values = table.columns[column] * (unit.factor / table.factors[column])
         said = f"{of}{quantity} is read in the unit {unit.unit}, as was asked for"
-        table = replace(
-            table,
-            columns={**table.columns, column: values},
-            factors={**table.factors, column: unit.factor},
-            without_unit=table.without_unit - {column},
-            notes=(*table.notes, said),
-        )
+        columns, factors = {**table.columns, column: values}, {**table.factors, column: unit.factor}
+        bare, notes = table.without_unit - {column}, (*table.notes, said)
+        table = replace(table, columns=columns, factors=factors, without_unit=bare, notes=notes)
     return table
 
 

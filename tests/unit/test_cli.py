@@ -3,6 +3,8 @@
 import inspect
 import json
 import os
+import re
+import shutil
 import subprocess
 import sys
 import time
@@ -401,3 +403,14 @@ def test_sigterm_ends_a_compiled_loop_within_three_seconds() -> None:
             assert ran.wait(60.0) == 143
             took_s.append(time.monotonic() - began)
     assert min(took_s) <= 3.0
+
+
+def test_a_file_whose_name_begins_with_a_dash(finger: str, capsys, monkeypatch, tmp_path) -> None:
+    """It is taken for an option; what is said, and what is proposed next, has ./ before it."""
+    monkeypatch.chdir(tmp_path)
+    shutil.copy(finger, "-part.stl")
+    assert run(["grade", "-part.stl", "--from", "Tango", "--to", "Vero"]) == 2
+    assert "No such option: -p; write ./-part.stl (see" in capsys.readouterr().err
+    assert run(["grade", "./-part.stl", "--from", "Tango", "--to", "Vero"]) == 0
+    (proposed,) = re.findall(r"next: planner (check \S+);", capsys.readouterr().out)
+    assert run(proposed.split()) == 0

@@ -167,3 +167,24 @@ def test_a_material_says_what_its_intervals_rest_on(samples: Path, law: str, how
     files = sorted((samples / "tensile").glob("soft-*.txt"))
     (one,) = planner.fit(files, law=law, starts=4, compare=False).fits.values()
     assert one.uncertainty.basis.startswith(f"{how}, by the scatter of ")
+
+
+def test_a_fitted_palette_is_that_of_its_file(samples: Path, tmp_path: Path) -> None:
+    """It had no hash, so that a plan of it was simulated with other laws and nothing said so."""
+    fitted = planner.fit(samples / "tensile", law="ogden", starts=3, compare=False).palette
+    planner.write_palette(fitted, tmp_path / "lab.toml")
+    read = planner.load_palette(tmp_path / "lab.toml")
+    assert fitted == read
+    assert fitted.sha256 == read.sha256 != ""
+    plans = [
+        planner.grade(samples / "dogbone.stl", from_="SYN-soft", to="SYN-rigid", palette=one)
+        for one in (fitted, read)
+    ]
+    assert plans[0].json() == plans[1].json()
+    soft, *rest = read.materials
+    stiffer = replace(soft, law=soft.law.stiffened(2.0))
+    other = replace(read, materials=(stiffer, *rest)).as_written()
+    assert any(
+        "is not the one that the plan was made with" in note
+        for note in planner.simulate_bar(plans[0], palette=other, to_strain=0.05, steps=3).notes
+    )

@@ -127,7 +127,7 @@ def test_one_name_left_out_is_no_list_of_letters(tmp_path: Path) -> None:
 
 
 def test_a_search_has_a_start(tmp_path: Path) -> None:
-    with pytest.raises(ArgumentError, match=r"`starts` 0: it must be above 0"):
+    with pytest.raises(ArgumentError, match=r"`starts` 0: it must be a whole number from 1"):
         planner.fit([lab(tmp_path / "lab", (COLD_C,))], starts=0)
 
 
@@ -139,7 +139,8 @@ def test_a_palette_at_another_temperature(both: PaletteStudy) -> None:
     palette, table = both.palette, both.palette.temperature
     assert table is not None
     warm, notes = at_temperature(WARM_C, palette=palette)
-    np.testing.assert_allclose(moduli(warm) / moduli(palette), table.factor, rtol=1e-12)
+    # 1e-8: palettes hold nine digits, as their files do.
+    np.testing.assert_allclose(moduli(warm) / moduli(palette), table.factor, rtol=1e-8)
     assert warm.reference.temperature_C == WARM_C
     for before, after, sd in zip(palette.materials, warm.materials, table.log_sd, strict=True):
         assert after.modulus_log_sd == pytest.approx(np.hypot(before.modulus_log_sd, sd))
