@@ -528,10 +528,11 @@ def read_tensile(
         rest = replace(grid, rows=[row for row in grid.rows if row[0] not in read])
         if _count_numbers(rest) * (4 if grids[grid] else 1) >= fewest:
             raise FileError(f"{_not_understood(rest)}; the rest of the file is understood")
-    means = [p for p in pieces if len(p.name) > 1 and _is_statistic(p.name)]
+    named = {piece: piece.name or piece.grid.sheet for piece in pieces}
+    means = {p: name for p, name in named.items() if len(name) > 1 and _is_statistic(name)}
     if means and len(pieces) > len(means) + 1:
         pieces = [piece for piece in pieces if piece not in means]
-        notes.append(f"{path.name}: {', '.join(p.name for p in means)} of the others; left out")
+        notes.append(f"{path.name}: {', '.join(means.values())} of the others; left out")
     return tuple(_tables(path, pieces, ordered, notes))
 
 

@@ -996,6 +996,17 @@ def test_a_mean_beside_records_is_no_specimen(tmp_path: Path, label: str, *, bes
     assert f"a.csv: {label} of the others; left out" in " ".join(found.notes)
 
 
+def test_a_sheet_of_means_is_no_specimen(tmp_path: Path) -> None:
+    """A material "Average" was made of it."""
+    heads = ["Load (N)", "Extension (mm)"]
+    rows = {n: [line.split(",") for line in MADE.lines(n, "{f},{d}")] for n in (1, 2)}
+    sheets = {name: [heads, *rows[n]] for name, n in (("S1", 1), ("S2", 2), ("Average", 1))}
+    (tmp_path / "a.ods").write_bytes(MADE.ods(sheets))
+    found = read_study([tmp_path / "a.ods"], **SIZES)  # type: ignore[arg-type]
+    check(found, 2)
+    assert "a.ods: Average of the others; left out" in found.notes
+
+
 def test_sizes_behind_hashes_as_scripts_write_them(tmp_path: Path) -> None:
     """A figure of one digit as well, in one cell with its name."""
     path = tmp_path / "a.csv"
