@@ -299,10 +299,12 @@ def _channel(
 
 def _time(source: _Source, travel: FloatArray) -> tuple[FloatArray, bool]:
     if "time_s" not in source.table.columns:
-        if source.row.rate_mm_s is None:
+        # How long a hold took no travel tells.
+        if (held := source.row.protocol == "relaxation") or source.row.rate_mm_s is None:
+            without = "time in a relaxation test" if held else "time and no rate_mm_s"
             raise FileError(
-                f"{source.where}: no column of time and no rate_mm_s; export the time, headed "
-                "'time_s', or give the rate in specimens.csv"
+                f"{source.where}: no column of {without}; export the time, headed 'time_s'"
+                + ", or give the rate in specimens.csv" * (not held)
             )
         source.notes.append("time was not recorded; it is counted from travel and rate_mm_s")
         path = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(travel)))])

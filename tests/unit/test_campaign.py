@@ -463,6 +463,10 @@ def test_time_may_be_counted_from_the_rate(folder: Path) -> None:
     (folder / "specimens.csv").write_text(HEAD + ROWS.replace("2,25,1,", "2,25,,"))
     with pytest.raises(FileError, match="no column of time and no rate_mm_s"):
         read_campaign(folder)
+    # All points of a hold would come at once.
+    (folder / "specimens.csv").write_text(HEAD + ROWS.replace("monotonic", "relaxation"))
+    with pytest.raises(FileError, match="no column of time in a relaxation test; export"):
+        read_campaign(folder)
 
 
 def test_points_of_one_time_are_averaged(folder: Path) -> None:
