@@ -235,3 +235,11 @@ def test_size_and_rate_go_with_the_study_whatever_their_source(tmp_path: Path) -
     study = read_study([tmp_path], width_mm=2, thickness_mm=1)
     known = study.dimensions["a"]
     assert (known.gauge_mm, known.rate_mm_s) == (33.0, 7.5)
+
+
+@pytest.mark.parametrize("heading", ["L0 (mm)", "Initial length (mm)", "Gauge length [mm]"])
+def test_a_gauge_length_by_its_other_names(tmp_path: Path, heading: str) -> None:
+    """It was kept as a condition of the lab's own, and the gauge length was unknown."""
+    (tmp_path / "a.csv").write_text(curve())
+    listing(tmp_path, f"specimen,material,width_mm,thickness_mm,{heading}\na,A,6,2,25\n")
+    assert read_study([tmp_path]).dimensions["a"].gauge_mm == 25.0
