@@ -301,10 +301,9 @@ def _time(source: _Source, travel: FloatArray) -> tuple[FloatArray, bool]:
     if "time_s" not in source.table.columns:
         # How long a hold took no travel tells.
         if (held := source.row.protocol == "relaxation") or source.row.rate_mm_s is None:
-            without = "time in a relaxation test" if held else "time and no rate_mm_s"
+            said = "in a relaxation test" if held else "and no rate_mm_s in specimens.csv instead"
             raise FileError(
-                f"{source.where}: no column of {without}; export the time, headed 'time_s'"
-                + ", or give the rate in specimens.csv" * (not held)
+                f"{source.where}: no column of time {said}; export the time, headed 'time_s'"
             )
         source.notes.append("time was not recorded; it is counted from travel and rate_mm_s")
         path = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(travel)))])

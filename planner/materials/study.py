@@ -45,7 +45,8 @@ __all__ = [
 
 
 _REPLICATE = re.compile(
-    r"(.+?)(?:[-_]0{0,2}\d|[ _-](?i:s|#|(?:run|test|trial|sample|specimen) ?)\d\d?| ?\(\d\d?\))"
+    r"(.+?)(?:[-_]0{0,2}\d|[ _-](?i:s|#|(?:run|rep|test|trial|sample|specimen)[ _]?)\d\d?"
+    r"| ?\(\d\d?\))"
 )
 
 
@@ -783,20 +784,22 @@ def _said_mode(record: _Record, given: str | None) -> str:
 def _named(found: Sequence[_Record]) -> dict[str, _Record]:
     """Return records by specimen: of names that come in several files, with the file's in front.
 
+    Of files that are called alike in several folders, as of a folder a material, the folder's too.
+
     Raises
     ------
     FileError
         Two of one name all the same.
     """
     paths = {record.path for record in found}
-    stems, files = [p.stem for p in paths], [p.name for p in paths]
+    stems, apart = [p.stem for p in paths], len({p.name for p in paths}) < len(paths)
     names = [r.row.specimen if r.row else _specimen_name(r.path, r.table) for r in found]
     records: dict[str, _Record] = {}
     for name, record in zip(names, found, strict=True):
-        if names.count(name) > 1 and record.row is None:
-            file = record.path.stem
-            if stems.count(file) > 1 and files.count(record.path.name) == 1:
-                file = record.path.name
+        if record.row is None and (apart or names.count(name) > 1):
+            path = record.path.absolute()
+            file = path.name if stems.count(path.stem) > 1 else path.stem
+            file = f"{path.parent.name}_{path.stem}" if apart else file
             name = f"{file} {name}" if record.table.specimen == name else file
         if name in records:
             several = f"; give each specimen of the file a row in {_SPECIMENS}, named as there"
@@ -974,7 +977,7 @@ def _materials(records: Mapping[str, _Record], given: str, notes: list[str]) -> 
         known[name] = record.row.material if record.row else given or named
         called = record.table.specimen
         counts = record.in_company and (_ORDINAL.fullmatch(called) or mode_of(called))
-        told_by[name] = record.path.stem if counts else name
+        told_by[name] = (name.removesuffix(called).strip() or record.path.stem) if counts else name
     unknown = [name for name in known if not known[name]]
     by_name = _materials_by_name(list(dict.fromkeys(told_by[name] for name in unknown)))
     if unknown:

@@ -129,12 +129,39 @@ def test_missing_sizes_and_files_are_named(tmp_path: Path) -> None:
         read_study([])
 
 
-def test_one_id_from_two_files_is_refused(tmp_path: Path) -> None:
-    for folder in ("x", "y"):
+def test_a_folder_a_material(tmp_path: Path) -> None:
+    """Files called alike in several folders were refused; all have their folder's name in front."""
+    for name in ("TPU/1", "TPU/2", "PLA/1", "PLA/2", "PLA/3"):
+        path = tmp_path / f"{name}.csv"
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(curve())
+    folders = [tmp_path / "TPU", tmp_path / "PLA"]
+    study = read_study(folders, width_mm=2, thickness_mm=1, gauge_mm=10)
+    assert {m: [c.specimen for c in group] for m, group in study.groups.items()} == {
+        "TPU": ["TPU_1", "TPU_2"],
+        "PLA": ["PLA_1", "PLA_2", "PLA_3"],
+    }
+
+
+def test_records_of_workbooks_called_alike_are_of_their_folders(tmp_path: Path) -> None:
+    for folder in ("TPU", "PLA"):
         (tmp_path / folder).mkdir()
-        (tmp_path / folder / "a.csv").write_text(curve())
-    with pytest.raises(FileError, match=r"specimen 'a' was read from a\.csv already"):
-        read_study([tmp_path / "x", tmp_path / "y"], width_mm=2, thickness_mm=1, gauge_mm=10)
+        rows = "".join(f"S{k},{0.5 * i},{0.1 * i}\n" for k in (1, 2) for i in range(20))
+        heads = "specimen,displacement_mm,force_N\n"
+        (tmp_path / folder / "results.csv").write_text(heads + rows)
+    folders = [tmp_path / "TPU", tmp_path / "PLA"]
+    study = read_study(folders, width_mm=2, thickness_mm=1, gauge_mm=10)
+    assert {m: len(group) for m, group in study.groups.items()} == {
+        "TPU_results": 2,
+        "PLA_results": 2,
+    }
+
+
+@pytest.mark.parametrize("ending", ["_rep1", "-rep 2", "_specimen_3", " run 4"])
+def test_names_of_replicates(tmp_path: Path, ending: str) -> None:
+    (tmp_path / f"TPU{ending}.csv").write_text(curve())
+    study = read_study([tmp_path], width_mm=2, thickness_mm=1, gauge_mm=10)
+    assert [*study.groups] == ["TPU"]
 
 
 def test_replicates_beyond_nine_belong_to_their_siblings(tmp_path: Path) -> None:
