@@ -184,7 +184,8 @@ def _plain(text: str) -> str:
     CellScale's "XForce_mN" is "Force_mN X".
     """
     short = unicodedata.normalize("NFKC", text) if len(text) <= tables.LONGEST_HEADING else ""
-    return _LEADING.sub(r"\2 \1", " ".join(short.split()).lstrip("# ").rstrip("_"))
+    joined = re.sub(r" / (?=m|in)", "/", " ".join(short.split()))  # "Strain mm / mm"
+    return _LEADING.sub(r"\2 \1", joined.lstrip("# ").rstrip("_"))
 
 
 def _parse(name: str) -> tuple[str, str | None, str] | None:

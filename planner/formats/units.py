@@ -54,7 +54,7 @@ _FOLDED["speed"] = {f"{unit}/{time}": f / s for unit, f in _LENGTHS for time, s 
 
 def _find(quantity: str, unit: str) -> float | None:
     # "sec.", "in."; the Japanese "％" and "㎜" are one character each.
-    unit = unicodedata.normalize("NFKC", unit).removesuffix(".")
+    unit = unicodedata.normalize("NFKC", unit).removesuffix(".").replace(" / ", "/")
     if quantity == "stress" and unit.startswith("MN/"):
         return _find("stress", unit[1:]) and 1e6 * _FOLDED["stress"][unit[1:].casefold()]
     factor = QUANTITY_UNITS.get(quantity, {}).get(unit)

@@ -302,9 +302,7 @@ def _time(source: _Source, travel: FloatArray) -> tuple[FloatArray, bool]:
         # How long a hold took no travel tells.
         if (held := source.row.protocol == "relaxation") or source.row.rate_mm_s is None:
             said = "in a relaxation test" if held else "and no rate_mm_s in specimens.csv instead"
-            raise FileError(
-                f"{source.where}: no column of time {said}; export the time, headed 'time_s'"
-            )
+            raise FileError(f"{source.where}: no column of time {said}; export it, headed 'time_s'")
         source.notes.append("time was not recorded; it is counted from travel and rate_mm_s")
         path = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(travel)))])
         return path / source.row.rate_mm_s, False

@@ -587,6 +587,8 @@ def test_a_unit_is_the_same_however_it_stands_behind_a_name(form: str) -> None:
             if unit not in ("", "1", "per cent"):  # a bare name, a number, two words
                 told = heading_of(form.format(name, unit)).column("here")
                 assert told == heading_of(f"{name} ({unit})").column("here"), unit
+                apart = form.format(name, unit.replace("/", " / "))
+                assert told == heading_of(apart).column("here"), unit
     for name, unit in (("Width", "in"), ("Test speed", "mm/min"), ("Area", "mm^2")):
         assert size_of(form.format(name, unit)) == size_of(f"{name} ({unit})")
 
