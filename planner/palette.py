@@ -395,7 +395,7 @@ def load_palette(path: str | Path) -> Palette:
 
     Examples
     --------
-    >>> planner.load_palette("lab.toml").resolve("flx97").id  # doctest: +SKIP
+    >>> planner.load_palette("lab.toml").resolve("flx976").id  # doctest: +SKIP
     'FLX9760'
     """
     data = read_file(path, advice="give the path of a palette file (TOML)", error=PaletteError)

@@ -855,6 +855,7 @@ def fit_tables(study: PaletteStudy) -> dict[str, bytes]:
 
     Examples
     --------
+    >>> from pathlib import Path  # doctest: +SKIP
     >>> tables = planner.fit_tables(planner.fit(["samples/tensile"]))  # doctest: +SKIP
     >>> Path("laws.csv").write_bytes(tables["laws.csv"])  # doctest: +SKIP
     """

@@ -79,6 +79,7 @@ def part_page(result: PartSimulation | Sequence[PartSimulation]) -> bytes:
 
     Examples
     --------
+    >>> from pathlib import Path  # doctest: +SKIP
     >>> bent = planner.simulate("bar", fix="x=min", gravity="-z")  # doctest: +SKIP
     >>> Path("bent.html").write_bytes(planner.part_page(bent))  # doctest: +SKIP
     """
@@ -552,6 +553,7 @@ def part_volume(result: PartSimulation) -> bytes:
 
     Examples
     --------
+    >>> from pathlib import Path  # doctest: +SKIP
     >>> bent = planner.simulate("bar", fix="x=min", gravity="-z")  # doctest: +SKIP
     >>> Path("bent.vtu").write_bytes(planner.part_volume(bent))  # doctest: +SKIP
     """

@@ -75,6 +75,7 @@ def materials_figure(scale: StiffnessScale) -> bytes:
 
     Examples
     --------
+    >>> from pathlib import Path  # doctest: +SKIP
     >>> figure = planner.materials_figure(planner.list_materials(at_strain=0.2))  # doctest: +SKIP
     >>> Path("ladder.svg").write_bytes(figure)  # doctest: +SKIP
     """
@@ -231,6 +232,7 @@ def characterisation_figure(found: Characterisation) -> bytes:
 
     Examples
     --------
+    >>> from pathlib import Path  # doctest: +SKIP
     >>> figure = planner.characterisation_figure(planner.characterise(["tests"]))  # doctest: +SKIP
     >>> Path("tests.svg").write_bytes(figure)  # doctest: +SKIP
     """
@@ -347,6 +349,7 @@ def fit_figure(study: PaletteStudy) -> bytes:
 
     Examples
     --------
+    >>> from pathlib import Path  # doctest: +SKIP
     >>> figure = planner.fit_figure(planner.fit(["samples/tensile"]))  # doctest: +SKIP
     >>> Path("fit.svg").write_bytes(figure)  # doctest: +SKIP
     """

@@ -648,6 +648,7 @@ def compare_page(
 
     Examples
     --------
+    >>> from pathlib import Path  # doctest: +SKIP
     >>> page = planner.compare_page("finger-graded", "five-bands")  # doctest: +SKIP
     >>> Path("compare.html").write_bytes(page)  # doctest: +SKIP
     """

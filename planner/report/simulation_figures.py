@@ -45,6 +45,7 @@ def simulation_figure(simulation: Simulation | PartSimulation) -> bytes:
 
     Examples
     --------
+    >>> from pathlib import Path  # doctest: +SKIP
     >>> figure = planner.simulation_figure(planner.simulate("FLX9760"))  # doctest: +SKIP
     >>> Path("pull.svg").write_bytes(figure)  # doctest: +SKIP
     """

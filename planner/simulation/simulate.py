@@ -635,7 +635,7 @@ def simulate_bar(
     --------
     >>> result = planner.simulate_bar("FLX9760", to_strain=0.2)  # doctest: +SKIP
     >>> round(float(result.force_N[-1]), 2)  # doctest: +SKIP
-    8.42
+    8.38
     """
     if not 0.0 < as_number(to_strain, "`to_strain`") <= _MOST_STRAIN:
         raise ArgumentError(

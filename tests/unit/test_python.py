@@ -1,6 +1,11 @@
 """The Python interface: all that the commands do, under the same names, with the same defaults."""
 
+import ast
+import builtins
+import contextlib
+import doctest
 import inspect
+import io
 import re
 import subprocess
 import sys
@@ -86,6 +91,33 @@ def test_a_function_is_told_whole(name: str) -> None:
     assert (
         "Raises" in told or name in {"installed_printers", "fit_tables"} or name.endswith("_figure")
     )
+
+
+def examples(name: str) -> list[doctest.Example]:
+    return doctest.DocTestParser().get_examples(inspect.getdoc(FUNCTIONS[name]) or "")
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_examples_name_nothing_that_is_not_there(name: str) -> None:
+    """Eight wrote to a Path that nothing imported."""
+    known = {"planner", *dir(builtins)}
+    for example in examples(name):
+        nodes = [*ast.walk(ast.parse(example.source))]
+        known |= {node.name for node in nodes if isinstance(node, ast.alias)}
+        known |= {node.arg for node in nodes if isinstance(node, ast.arg)}
+        names = [node for node in nodes if isinstance(node, ast.Name)]
+        known |= {node.id for node in names if isinstance(node.ctx, ast.Store)}
+        assert {node.id for node in names} <= known, example.source
+
+
+@pytest.mark.parametrize("name", ["file_schema", "invert", "list_materials", "simulate_bar"])
+def test_examples_give_what_they_show(name: str) -> None:
+    there: dict[str, Any] = {"planner": planner}
+    for example in examples(name):
+        shown = io.StringIO()
+        with contextlib.redirect_stdout(shown):
+            exec(compile(example.source, name, "single"), there)
+        assert shown.getvalue() == example.want, example.source
 
 
 def sections(thing: Any) -> dict[str, str]:
