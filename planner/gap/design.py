@@ -487,9 +487,10 @@ def design_campaign(
         raise ArgumentError(f"`effects`: {double} stands twice; name each effect once")
     as_count(budget, "`budget`", _MOST)
     for name, value in size.items():
-        if not _SMALLEST_mm <= as_number(value, f"`{name}`") <= _LARGEST_mm:
+        size[name] = number = as_number(value, f"`{name}`")
+        if not _SMALLEST_mm <= number <= _LARGEST_mm:
             raise ArgumentError(
-                f"`{name}` {value:g}: it must be from {_SMALLEST_mm:g} to {_LARGEST_mm:g}"
+                f"`{name}` {number:g}: it must be from {_SMALLEST_mm:g} to {_LARGEST_mm:g}"
             )
     say = progress or (lambda what: None)
     plan = Campaign("candidates", machine.name, palette, candidates_of(palette, asked, size))

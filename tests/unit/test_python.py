@@ -246,3 +246,11 @@ def test_starts_are_counted_and_an_order_may_be_an_array(samples: Path) -> None:
     order = np.array(["SYN-soft", "SYN-medium", "SYN-rigid"])
     fitted = planner.fit(tests, law="neo-hookean", starts=2, order=order, compare=False)
     assert [material.id for material in fitted.palette.materials] == order.tolist()
+
+
+def test_a_size_may_be_an_array_of_one_number() -> None:
+    """As xarray and pandas give them; it ended in a TypeError."""
+    made = planner.design_campaign("rate", 4, gauge_mm=np.array(25.0))  # type: ignore[arg-type]
+    assert {specimen.gauge_mm for specimen in made.campaign.specimens} == {25.0}
+    with pytest.raises(planner.PlannerError, match=r"`width_mm` 1e.06: it must be from"):
+        planner.design_campaign("rate", 4, width_mm=np.array(1e6))  # type: ignore[arg-type]
