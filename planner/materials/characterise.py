@@ -108,7 +108,7 @@ def check_record(where: str, columns: Mapping[str, FloatArray]) -> None:
     if points < MINIMUM_POINTS:
         raise FileError(
             f"{where}: the record has {points} points; at least {MINIMUM_POINTS} are needed: "
-            "export all of it, or leave the specimen out"
+            "export all of it, not a row a test, or leave the specimen out"
         )
     for name, array in columns.items():
         if len(bad := np.flatnonzero(~np.isfinite(array))):

@@ -181,8 +181,8 @@ def _check_rising(strain: FloatArray, stress_MPa: FloatArray, *, where: str) -> 
         if fall > _REVERSAL_SHARE * of:
             raise FileError(
                 f"{where}: {said.format(f'{fall:.4g}')} test; give the first loading alone, from "
-                "no load on, or protocol 'cyclic' or 'relaxation' in specimens.csv to leave it "
-                "out; of several specimens, give each a name of its own in a column 'specimen'"
+                "no load on, or leave it out by protocol 'cyclic' or 'relaxation' in specimens.csv"
+                "; name several specimens in a column 'specimen'; if a row is a test, export curves"
             )
 
 

@@ -1028,3 +1028,13 @@ def test_specimens_that_are_counted_ahead_of_the_headings(tmp_path: Path) -> Non
     ):
         path.write_text("\n".join([head, *rows]), encoding="utf-8")
         check(read_study([path], **SIZES), 2)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("tests", [5, 12])
+def test_results_a_row_a_test_are_told(tmp_path: Path, tests: int) -> None:
+    """They were told to be cyclic, or of too few points, and nothing said why."""
+    figures = np.random.default_rng(0).normal([10.0, 25.0], [0.5, 1.0], (tests, 2))
+    rows = "".join(f"{n},{load:.3f},{travel:.3f}\n" for n, (load, travel) in enumerate(figures))
+    (tmp_path / "a.csv").write_text("Test,Load (N),Extension (mm)\n" + rows)
+    with pytest.raises(FileError, match=r"not a row a test|if a row is a test, export curves"):
+        read_study([tmp_path / "a.csv"], **SIZES)  # type: ignore[arg-type]
