@@ -438,6 +438,7 @@ class Plan:
                     )
                 (scratch / shell.file).write_bytes(data)
                 del data
+            hashes = {shell.file: shell.sha256 for shell in self.shells}
             objects = [
                 ThreemfObject(
                     name=Path(shell.file).stem,
@@ -466,7 +467,7 @@ class Plan:
                 **({} if page is None else {"plan.html": page}),
                 **self.coupons,
                 **beside,
-                "plan.json": self.json(),
+                "plan.json": dataclasses.replace(self, files_sha256=hashes).json(),
             }
             for name, data in files.items():
                 (scratch / name).parent.mkdir(exist_ok=True)

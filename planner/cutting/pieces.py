@@ -92,9 +92,11 @@ class Pieces:
         """
         chosen = np.zeros(self.count, dtype=np.bool_)
         chosen[list(members)] = True
-        below, above = chosen[self.cap_level], chosen[self.cap_level + 1]
-        own, lower = self.faces[chosen[self.piece]], self.cap_faces[below & ~above]
-        return np.concatenate([own, lower, self.cap_faces[above & ~below][:, ::-1]])
+        below, above = chosen.take(self.cap_level), chosen[1:].take(self.cap_level)
+        own = self.faces.compress(chosen.take(self.piece), axis=0)
+        lower = self.cap_faces.compress(below & ~above, axis=0)
+        upper = self.cap_faces.compress(above & ~below, axis=0)
+        return np.concatenate([own, lower, upper[:, ::-1]])
 
 
 # ------------------------------------------------------------------------------------------------
@@ -402,7 +404,8 @@ def _divide_along(
 
     # What covers itself within a piece or an interface is left out, and vertices without use.
     own, inner = cancel_opposite(faces, piece), cancel_opposite(caps, cap_level)
-    used, both = compact(np.concatenate([faces[own], caps[inner]]), len(pool))
+    left = np.concatenate([faces.compress(own, axis=0), caps.compress(inner, axis=0)])
+    used, both = compact(left, len(pool))
     faces, caps = np.split(both, [np.count_nonzero(own)])
     ends = sets.field_range
     found = Pieces(pool[used], faces, piece[own], caps, cap_level[inner], len(levels) + 1, ends)
@@ -439,8 +442,8 @@ def _divided(
     normals[cut] = Mesh(pool.astype(np.float64), number[faces[cut]]).area_vectors_mm2
     new, label, source = _fill_loops(loops.joined(number), pool, normals)
     return (
-        np.concatenate([number[faces[whole]], new]),
-        np.concatenate([labels[faces[whole, 0]], label]),
+        np.concatenate([number.take(faces.compress(whole, axis=0)), new]),
+        np.concatenate([labels.take(faces[whole, 0]), label]),
         np.concatenate([np.flatnonzero(whole), source]),
     )
 
@@ -523,14 +526,14 @@ def _fault(divided: Pieces) -> str:
 
 def _thin(divided: Pieces, first_new: int) -> int:
     """Count new triangles so thin that readers drop them."""
-    new = divided.faces[(divided.faces >= first_new).any(axis=1)]
+    new = divided.faces.compress((divided.faces.T.copy() >= first_new).any(axis=0), axis=0)
     return len(thin_faces(divided.vertices, np.concatenate([new, divided.cap_faces]), _READ_MM))
 
 
 def _without_thin(divided: Pieces, first_new: int) -> Pieces:
     """Exchange the long sides of thin new triangles, within each piece and each interface."""
     faces, caps = divided.faces.copy(), divided.cap_faces.copy()
-    new = (faces >= first_new).any(axis=1)
+    new = (faces.T.copy() >= first_new).any(axis=0)
     for own, label in ((faces, np.where(new, divided.piece, -1)), (caps, divided.cap_level)):
         for value in np.unique(label[label >= 0]):
             members = np.flatnonzero(label == value)

@@ -104,12 +104,12 @@ def interfaces_cancel(shells: JoinedShells, part: Mesh | PartGraded) -> bool:
         own = len(part.vertices)
         _, index = weld_points(np.concatenate([part.vertices, vertices]).astype(np.float32))
         new = index[own:] > index[:own].max(initial=-1)
-        moved = moved[new[moved].any(axis=1)]
+        moved = moved.compress(new.take(moved).any(axis=1), axis=0)
     strayed_mm2 = float(measure(vertices, moved).area_mm2[0])
-    corners = vertices[moved]
+    corners = vertices.take(moved, axis=0)
     sides_mm = float(np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2).sum())
     spacing_mm = float(np.spacing(np.float32(np.abs(vertices).max(initial=0.0))))
-    extent_mm = float(np.ptp(vertices, axis=0).max()) if len(vertices) else 0.0
+    extent_mm = float(np.ptp(outside.bounds_mm, axis=0).max()) if len(vertices) else 0.0
     digits = 1e-12 * part.area_mm2
     return (
         shells.outside_closed
@@ -122,7 +122,7 @@ def interfaces_cancel(shells: JoinedShells, part: Mesh | PartGraded) -> bool:
 def _shared_mm3(shells: JoinedShells) -> float:
     """Measure on columns what lies in more than one shell: what is left bounds all together."""
     points = shells.vertices.astype(np.float64)
-    bounds_mm = np.stack([points.min(axis=0), points.max(axis=0)])
+    bounds_mm = np.transpose([(each.min(), each.max()) for each in points.T])
     grid = grid_for(bounds_mm, float(np.ptp(bounds_mm, axis=0).max()) / _COLUMNS_ACROSS)
     whole, *each = voxel_counts(points, (shells.left, *shells.faces), grid)
     return abs(sum(each) - whole) * grid.voxel_mm3

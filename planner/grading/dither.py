@@ -566,7 +566,7 @@ class CellDesign:
 def _furthest_mm(pieces: Pieces, piece: int) -> FloatArray:
     """Return the points, (6, 3), where a piece reaches furthest along each axis, either way."""
     used, _ = compact(pieces.shell_faces([piece]), len(pieces.vertices))
-    own = pieces.vertices[used]
+    own = pieces.vertices.take(used, axis=0)
     furthest = np.concatenate([own.argmin(axis=0), own.argmax(axis=0)])
     return np.asarray(own[furthest], dtype=np.float64)
 

@@ -351,7 +351,7 @@ def _band_thicknesses(part: CutPart) -> Iterator[BandThickness]:
     field has the other level. Ways that do not end there, as beyond an edge of the field, are
     left out.
     """
-    longest_mm = float(np.linalg.norm(np.ptp(part.pieces.vertices, axis=0)))
+    longest_mm = float(np.linalg.norm([np.ptp(each) for each in part.pieces.vertices.T]))
     for _, group in itertools.groupby(range(len(part.names)), key=part.names.__getitem__):
         own = list(group)
         inner = own[0] > 0 and own[-1] < len(part.names) - 1

@@ -139,7 +139,7 @@ def shells_of(
     for number, what in enumerate(from_soft, start=1):
         faces = pieces.shell_faces(np.flatnonzero(names == what.name))
         used, faces = compact(faces, len(pieces.vertices))
-        vertices = pieces.vertices[used]
+        vertices = pieces.vertices.take(used, axis=0)
         header = f"{name} {what.operator_name} unit=mm"
         file = f"stl/{name}__{number:02d}_{what.name}.stl"
         data = encode_stl(vertices, faces, header)

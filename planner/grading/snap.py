@@ -122,7 +122,7 @@ def _moved_cuts(
 
 def _faces_alongside(mesh: Mesh, field: Field) -> _Alongside | None:
     """Find them; None of a field that is not one number everywhere, which cutting tells."""
-    corners = mesh.vertices[mesh.faces]
+    corners = mesh.vertices.take(mesh.faces, axis=0)
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     double = np.linalg.norm(normal, axis=1)
     solid = double > 0.0

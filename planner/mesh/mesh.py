@@ -81,7 +81,7 @@ class Mesh:
     @cached_property
     def triangles(self) -> FloatArray:
         """Corner positions, (m, 3, 3) in mm."""
-        return self.vertices[self.faces]
+        return self.vertices.take(self.faces, axis=0)
 
     @cached_property
     def area_vectors_mm2(self) -> FloatArray:
@@ -283,7 +283,7 @@ def compact(faces: Int32Array, vertices: int) -> tuple[NDArray[np.intp], Int32Ar
     used = np.zeros(vertices, dtype=np.bool_)
     used[faces.ravel()] = True
     index = np.cumsum(used, dtype=np.int32) - np.int32(1)
-    return np.flatnonzero(used), index[faces]
+    return np.flatnonzero(used), index.take(faces)
 
 
 def repeats_index(faces: Int32Array) -> BoolArray:
@@ -314,7 +314,7 @@ def cancel_opposite(faces: Int32Array, label: Int32Array | None = None) -> BoolA
     count = np.diff(starts, append=len(order))
     pairs = starts[count == 2]  # as good as all of them, where shells meet
     one, other = order[pairs], order[pairs + 1]
-    opposite = _turned(faces[one]) != _turned(faces[other])
+    opposite = _turned(faces.take(one, axis=0)) != _turned(faces.take(other, axis=0))
     keep[one[opposite]] = keep[other[opposite]] = False
     if (count > 2).any():
         order = order[np.repeat(count > 2, count)]
@@ -366,7 +366,7 @@ def order_rows(*columns: Int32Array) -> tuple[Int32Array, NDArray[np.int64]]:
     first = np.ones(len(order), dtype=np.bool_)
     first[1:] = False
     for column in columns:
-        ranked = column[order]
+        ranked = column.take(order)
         first[1:] |= ranked[1:] != ranked[:-1]
     return order, np.flatnonzero(first)
 
@@ -563,13 +563,13 @@ class JoinedShells:
     def left(self) -> Int32Array:
         """The faces, (m, 3), that remain of all shells when opposite triangles cancel."""
         faces = np.concatenate([np.empty((0, 3), np.int32), *self.faces])
-        return faces[cancel_opposite(faces)]
+        return faces.compress(cancel_opposite(faces), axis=0)
 
     @cached_property
     def outside(self) -> Mesh:
         """The surface that `left` is, with its own vertices alone."""
         used, faces = compact(self.left, len(self.vertices))
-        return Mesh(self.vertices[used].astype(np.float64), faces)
+        return Mesh(self.vertices.take(used, axis=0).astype(np.float64), faces)
 
     @cached_property
     def outside_closed(self) -> bool:
@@ -588,11 +588,13 @@ class JoinedShells:
         Two faces on the same three vertices then are a body of their own, back to back.
         """
         faces = self.faces[number]
-        topology, third = Topology(faces), np.roll(faces, 1, axis=1).ravel()
-        if not topology.closed or repeats_index(faces).any():
+        order, _, count = order_edges(faces)
+        if not len(faces) or (count != 2).any() or repeats_index(faces).any():
             return False
-        apart = (third != third[topology.twin]).all()
-        return bool(apart and self.measures[number].volume_mm3[0] > 0.0)
+        one, other = order.reshape(-1, 2).T
+        tail, third = faces.ravel(), faces[:, [2, 0, 1]].ravel()
+        fits = all((end.take(one) != end.take(other)).all() for end in (tail, third))
+        return bool(fits and self.measures[number].volume_mm3[0] > 0.0)
 
 
 def join_shells(shells: Iterable[_Floats | tuple[Float32Array, Int32Array]]) -> JoinedShells:
@@ -608,4 +610,4 @@ def join_shells(shells: Iterable[_Floats | tuple[Float32Array, Int32Array]]) -> 
     vertices, index = weld_points(points)
     starts = np.cumsum([0, *(len(vertices) for vertices, _ in indexed)])
     each = zip(starts, indexed, strict=False)
-    return JoinedShells(vertices, tuple(index[start:][faces] for start, (_, faces) in each))
+    return JoinedShells(vertices, tuple(index[start:].take(faces) for start, (_, faces) in each))

@@ -93,9 +93,10 @@ one."""
 def _rounded(mesh: Mesh, translation_mm: FloatArray) -> Mesh:
     """Move a mesh, round it to float32, and join what has become equal."""
     vertices, index = weld_points((mesh.vertices + translation_mm).astype(np.float32))
-    faces = index[mesh.faces]
-    used, faces = compact(faces[cancel_opposite(faces)], len(vertices))
-    return Mesh(vertices[used].astype(np.float64), faces)
+    faces = index.take(mesh.faces)
+    kept = faces.compress(cancel_opposite(faces), axis=0)
+    used, faces = compact(kept, len(vertices))
+    return Mesh(vertices.take(used, axis=0).astype(np.float64), faces)
 
 
 def _least_taken(mesh: Mesh, translation_mm: FloatArray) -> FloatArray:

@@ -47,9 +47,9 @@ class ScreenGrid:
     @classmethod
     def over(cls, points_mm: Sequence[Float32Array | FloatArray]) -> "ScreenGrid":
         """Return the grid over the box of sets of points (n, 3), of which some may be empty."""
-        held = [points for points in points_mm if len(points)]
+        along = list(zip(*(points.T for points in points_mm if len(points)), strict=True))
         low, high = (
-            find([find(points, axis=0) for points in held], axis=0).astype(np.float64)
+            np.array([find([find(each) for each in axis]) for axis in along], np.float64)
             for find in (np.min, np.max)
         )
         return cls(low, float((high - low).max()) / _STEPS or 1.0)
@@ -95,14 +95,16 @@ def shown(shells: Sequence[_Indexed], most: int = _MOST_TRIANGLES) -> Shown:
     keys, at = np.unique(np.concatenate(packed), return_inverse=True)
     points = np.stack([keys >> 32, (keys >> 16) & 0xFFFF, keys & 0xFFFF], axis=1)
     begin = itertools.accumulate((len(vertices) for vertices, _ in shells), initial=0)
-    faces = [at[b + f].astype(np.int32) for b, (_, f) in zip(begin, shells, strict=False)]
+    faces = [at.take(b + f).astype(np.int32) for b, (_, f) in zip(begin, shells, strict=False)]
     of, moved_mm = sum(map(len, faces)), step_mm * 0.75**0.5
     if of > most:
         taken = _coarse(points, faces, most)
-        moved_mm += step_mm * float(np.sqrt(((points - points[taken]) ** 2).sum(axis=1).max()))
-        faces = [taken[f] for f in faces]
-    own = [compact(f[cancel_opposite(f)], len(points)) for f in faces]
-    kept = tuple((points[used].astype(np.uint16), f) for used, f in own)
+        moved_mm += step_mm * float(
+            np.sqrt(((points - points.take(taken, axis=0)) ** 2).sum(axis=1).max())
+        )
+        faces = [taken.take(f) for f in faces]
+    own = [compact(f.compress(cancel_opposite(f), axis=0), len(points)) for f in faces]
+    kept = tuple((points.take(used, axis=0).astype(np.uint16), f) for used, f in own)
     return Shown(grid.origin_mm, step_mm, kept, sum(len(f) for _, f in kept), of, moved_mm)
 
 

@@ -84,8 +84,8 @@ def deal_rows(
     members = rising[:0]
     for first, own in zip(slabs, begun, strict=True):
         last = min(first + slabs.step, ny)
-        members = np.append(members[high[members] > first], own)
-        crossed = np.minimum(high[members], last) - np.maximum(low[members], first)
+        members = np.append(members.compress(high.take(members) > first), own)
+        crossed = np.minimum(high.take(members), last) - np.maximum(low.take(members), first)
         yield first, last, members, int(crossed.sum(dtype=np.int64))
 
 
@@ -116,11 +116,12 @@ def _first_pixel(x0: Any, y0: Any, x1: Any, y1: Any, per_row: Any, y: Any, row_l
     numerator = x0 * (y1 - y0) + (x1 - x0) * (y - y0)
     if row_leads and x1 > x0:
         numerator += 1
-    pixel = int(numerator * per_row)
-    while pixel * denominator < numerator:
-        pixel += 1
-    while (pixel - 1) * denominator >= numerator:
-        pixel -= 1
+    pixel = int(numerator * per_row) + 1
+    beyond = pixel * denominator - numerator
+    while beyond < 0:
+        pixel, beyond = pixel + 1, beyond + denominator
+    while beyond >= denominator:
+        pixel, beyond = pixel - 1, beyond - denominator
     return pixel
 
 
@@ -128,12 +129,12 @@ def _first_pixel(x0: Any, y0: Any, x1: Any, y1: Any, per_row: Any, y: Any, row_l
 def _spans(
     snapped: IntArray, faces: IntArray, members: IntArray, row0: int, row1: int, nx: int,
     row_leads: bool, counts: IntArray, columns: IntArray, heights: FloatArray,
-) -> int:  # fmt: skip
+) -> tuple[int, int]:  # fmt: skip
     # Cut each triangle into one span a row: first column, length, exit (1) or entry (0) and the
     # face (-1 where z is the same all over it, and so exact) in `columns`; z at the first column
     # and its rise a column in `heights`. `counts` gets +1 where a span begins and -1 where it
-    # ends, so that its running sum counts a column's crossings.
-    n = 0
+    # ends, so that its running sum counts a column's crossings. Returns how many of both there are.
+    n = crossings = 0
     for m in range(len(members)):
         f = members[m]
         a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
@@ -183,7 +184,8 @@ def _spans(
             counts[columns[n, 0]] += 1
             counts[columns[n, 0] + columns[n, 1]] -= 1
             n += 1
-    return n
+            crossings += right - left
+    return n, crossings
 
 
 def slab_runs(
@@ -209,13 +211,13 @@ def slab_runs(
     """
     cursor = np.zeros((row1 - row0) * nx + 1, np.int32)
     columns, heights = np.empty((spans, 4), np.int32), np.empty((spans, 2), np.float64)
-    n = _spans(snapped, faces, members, row0, row1, nx, row_leads, cursor, columns, heights)
-    crossings = int(np.sum(columns[:n, 1], dtype=np.int64))
+    given = (snapped, faces, members, row0, row1, nx, row_leads)
+    n, crossings = _spans(*given, cursor, columns, heights)
     start, stop = np.empty((2, crossings // 2), np.int32)
     offsets = np.zeros(len(cursor), np.int64)
     if not crossings:
         return offsets, start, stop, 0
-    keys = np.empty(crossings, np.int64)
+    keys = np.empty(crossings, np.int32)
     drawn = (columns[:n], heights, snapped, faces, row0, nx, row_leads)
     runs, unpaired = _runs(*drawn, cursor, keys, nz, shortest, offsets, start, stop)
     return offsets, start[:runs], stop[:runs], int(unpaired)

@@ -1,16 +1,17 @@
 """Pictures of coloured solids as PNG: from outside, and cut open."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from planner.fields.basic import project
 from planner.formats.png import ImageKind, encode_layer
 from planner.glance import channels
 from planner.mesh.mesh import Mesh
-from planner.numerics import BoolArray, FloatArray, IntArray, as_point
-from planner.voxels.columns import Columns, Grid, iterate_columns
+from planner.numerics import BoolArray, FloatArray, Int32Array, IntArray, as_point
+from planner.voxels.columns import Grid, columns_of, snap
 
 __all__ = ["pictures_of"]
 
@@ -75,12 +76,9 @@ def pictures_of(solids: Sequence[tuple[Mesh, str]], *, width: int, height: int) 
     normal = np.array([(1.0, 0.0, 0.0), (0.0, -1.0, 0.0)][across])
     view = _view()
     # Right, up and away are a left-handed set: what was outside would be inside.
-    turned = [
-        Mesh(_product(solid.vertices - 0.5 * (low + high), view), solid.faces[:, ::-1])
-        for solid, _ in solids
-    ]
-    ends = np.array([[s.vertices.min(axis=0), s.vertices.max(axis=0)] for s in turned])
-    least, most = ends[:, 0].min(axis=0), ends[:, 1].max(axis=0)
+    turned = [_product(solid.vertices - 0.5 * (low + high), view) for solid, _ in solids]
+    ends = np.array([[(each.min(), each.max()) for each in points.T] for points in turned])
+    least, most = ends[:, :, 0].min(axis=0), ends[:, :, 1].max(axis=0)
     fill = 1.0 - 2.0 * _MARGIN
     pitch = float(max((most - least)[0] / width, (most - least)[1] / height)) / fill / _FINER
     nx, ny = width * _FINER, height * _FINER
@@ -93,7 +91,11 @@ def pictures_of(solids: Sequence[tuple[Mesh, str]], *, width: int, height: int) 
     grid = Grid(origin, (pitch, pitch, steps), (nx, ny, nz))
     plane = _plane_depth(_product(normal[None], view)[0], grid)
     colours = [colour for _, colour in solids]
-    both = _look(turned, grid, plane)
+    drawn = (
+        (snap(points, grid), np.ascontiguousarray(solid.faces[:, ::-1]))
+        for points, (solid, _) in zip(turned, solids, strict=True)
+    )
+    both = _look(drawn, grid, plane)
     outside, section = (_colours(seen, colours, steps / pitch) for seen in both)
     return _Pictures(_encode(outside), _encode(section), _encode(_halved(outside)))
 
@@ -121,30 +123,28 @@ def _plane_depth(normal: FloatArray, grid: Grid) -> IntArray:
     return np.asarray(np.clip(step, 0, nz), dtype=np.int64)
 
 
-def _look(meshes: Sequence[Mesh], grid: Grid, plane: IntArray) -> list[_Seen]:
+def _look(
+    solids: Iterable[tuple[NDArray[np.int64], Int32Array]], grid: Grid, plane: IntArray
+) -> list[_Seen]:
     """Follow all rays to what they meet first, and to what they meet first behind a plane."""
     nx, ny, nz = grid.shape
     begins = np.stack([np.zeros(nx * ny, np.int32), plane.ravel().astype(np.int32)])
     shells, depths = np.full_like(begins, -1), np.full_like(begins, nz)
-    for number, mesh in enumerate(meshes):
-        for slab in iterate_columns(mesh, grid):
-            for begin, *seen in zip(begins, shells, depths, strict=True):
-                _meet(slab, slab.first_row * nx, number, begin, seen)
+    for number, solid in enumerate(solids):
+        for slab in columns_of(*solid, grid):
+            rays = np.arange(len(slab.offsets) - 1) + slab.first_row * nx
+            rays = np.repeat(rays, np.diff(slab.offsets))
+            for begin, shell, depth in zip(begins, shells, depths, strict=True):
+                # Where rays meet it, if that is nearer than what they have met.
+                ahead = np.flatnonzero(slab.stop > begin.take(rays))
+                ahead = ahead[np.diff(rays[ahead], prepend=-1) != 0]  # of each ray the first run
+                own = rays[ahead]
+                met = np.maximum(slab.start[ahead], begin[own])
+                nearer = met < depth[own]
+                shell[own[nearer]], depth[own[nearer]] = number, met[nearer]
     # No solid reaches the first step, where the rays of the whole begin.
     both = zip(shells, depths, depths == begins, strict=True)
     return [_Seen(*(each.reshape(ny, nx) for each in seen)) for seen in both]
-
-
-def _meet(slab: Columns, ray: int, number: int, begin: IntArray, seen: Sequence[IntArray]) -> None:
-    """Note where rays from `ray` on meet a solid, if that is nearer than what they have met."""
-    rays = ray + np.repeat(np.arange(len(slab.offsets) - 1), np.diff(slab.offsets))
-    ahead = np.flatnonzero(slab.stop > begin[rays])
-    ahead = ahead[np.diff(rays[ahead], prepend=-1) != 0]  # of each ray the first run
-    rays = rays[ahead]
-    met = np.maximum(slab.start[ahead], begin[rays])
-    shell, depth = seen
-    nearer = met < depth[rays]
-    shell[rays[nearer]], depth[rays[nearer]] = number, met[nearer]
 
 
 def _colours(seen: _Seen, colours: Sequence[str], step: float) -> IntArray:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from planner.mesh.distance import inscribed_balls
 from planner.mesh.mesh import Mesh, number_groups, unite
 from planner.numerics import BoolArray, FloatArray, IntArray, as_point, inner_kernel, kernel
-from planner.voxels.columns import MOST_VOXELS, Columns, Grid, iterate_columns
+from planner.voxels.columns import MOST_VOXELS, Columns, Grid, columns_of, snap
 
 __all__ = [
     "SOUND",
@@ -582,16 +582,17 @@ _BESIDE = 3  # rows on either side of a slab that cells reaching into it are tol
 def _solid_words(mesh: Mesh, raster: Raster) -> Iterator[tuple[_Bits, ...]]:
     """Draw a closed mesh on a raster, slab by slab of `Raster.slab_rows` rows."""
     way = round(np.linalg.det(np.eye(3)[raster.order]))  # -1 of a mirror image: faces turn around
-    along, grid = Mesh(mesh.vertices[:, raster.order], mesh.faces[:, ::way]), raster.grid
-    corners = (along.vertices - np.asarray(grid.origin_mm)) / np.asarray(grid.pitch_mm)
+    along, grid = mesh.vertices.take(raster.order, axis=1), raster.grid
+    faces = np.ascontiguousarray(mesh.faces[:, ::way])
+    corners = (along - np.asarray(grid.origin_mm)) / np.asarray(grid.pitch_mm)
     # rows are below 2^14: sorting whole ones takes a few passes over them
     row = np.clip(np.floor(corners[:, 1]), -1, MOST_VOXELS).astype(np.int16)
-    one, two, three = (row[along.faces[:, i]] for i in range(3))
+    one, two, three = row.take(faces.T)
     first = np.minimum(np.minimum(one, two), three)
     order = np.argsort(first, kind="stable").astype(np.int32)
     last = np.maximum.accumulate(np.maximum(np.maximum(one, two), three)[order])
     first = first[order]
-    slabs = iterate_columns(along, grid, slab_rows=raster.slab_rows, shortest=1)
+    slabs = columns_of(snap(along, grid), faces, grid, slab_rows=raster.slab_rows, shortest=1)
     nothing = empty_set(_BESIDE, grid.shape[0], grid.shape[2])
     before, start = nothing, 0
     for held, after in pairwise(chain(map(_words_drawn, slabs), [nothing])):
@@ -601,7 +602,7 @@ def _solid_words(mesh: Mesh, raster: Raster) -> Iterator[tuple[_Bits, ...]]:
         near = order[low : np.searchsorted(first, stop + _BESIDE, side="right")]
         drawn = np.concatenate([before, held, beside])
         side, at = np.empty((2, 3))
-        _sheets(corners, along.faces, near, start, drawn, held, side, at)
+        _sheets(corners, faces, near, start, drawn, held, side, at)
         yield (held,)
         before, start = drawn[len(held) :][:_BESIDE].copy(), stop
 
