@@ -412,11 +412,8 @@ class Plan:
             The folder exists already, or cannot be written; or the plan was read back from a
             folder, which can be copied instead.
         """
-        import numpy as np
-
         from planner.formats.outputs import new_folder
         from planner.formats.threemf import ThreemfObject, encode_threemf, needs_one_mesh
-        from planner.mesh.mesh import Mesh
         from planner.voxels.picture import pictures_of
 
         if not self.shells:
@@ -438,7 +435,6 @@ class Plan:
                     )
                 (scratch / shell.file).write_bytes(data)
                 del data
-            hashes = {shell.file: shell.sha256 for shell in self.shells}
             objects = [
                 ThreemfObject(
                     name=Path(shell.file).stem,
@@ -451,23 +447,18 @@ class Plan:
                 )
                 for shell in self.shells
             ]
-            solids = [
-                (Mesh(each.vertices.astype(np.float64), each.faces.astype(np.int32)), each.colour)
-                for each in self.shells
-            ]
-            pictures = pictures_of(solids, width=_PICTURE[0], height=_PICTURE[1])
-            del solids
-            thumbnail = pictures.thumbnail
-            model = encode_threemf(objects, self.name, thumbnail=thumbnail, one_mesh=one_mesh)
+            solids = [(each.vertices, each.faces, each.colour) for each in self.shells]
+            drawn = pictures_of(solids, width=_PICTURE[0], height=_PICTURE[1])
+            model = encode_threemf(objects, self.name, thumbnail=drawn.thumbnail, one_mesh=one_mesh)
             files = {
-                "part.png": pictures.outside,
-                "section.png": pictures.section,
+                "part.png": drawn.outside,
+                "section.png": drawn.section,
                 f"{self.name}.3mf": model,
                 "HOWTO.md": self.howto().encode("utf-8"),
                 **({} if page is None else {"plan.html": page}),
                 **self.coupons,
                 **beside,
-                "plan.json": dataclasses.replace(self, files_sha256=hashes).json(),
+                "plan.json": self.json(),
             }
             for name, data in files.items():
                 (scratch / name).parent.mkdir(exist_ok=True)

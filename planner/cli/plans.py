@@ -495,7 +495,7 @@ def rehearse(share: int, shares: int) -> None:
     stages: tuple[Callable[[], object], ...] = (
         lambda: voxel_counts(0.05 * corners, [faces], grid),
         rehearse_sets,
-        lambda: pictures_of([(part, "#808080")], width=32, height=32),
+        lambda: pictures_of([(corners, faces, "#808080")], width=32, height=32),
         lambda: encode_threemf([ThreemfObject("a", corners, faces, "", "#808080")], "a"),
         lambda: shell_checks(join_shells([part.triangles.astype(np.float32)]), part),
         lambda: thin_solid_places(part, 0.6, listed=1),

@@ -404,8 +404,7 @@ def _divide_along(
 
     # What covers itself within a piece or an interface is left out, and vertices without use.
     own, inner = cancel_opposite(faces, piece), cancel_opposite(caps, cap_level)
-    left = np.concatenate([faces.compress(own, axis=0), caps.compress(inner, axis=0)])
-    used, both = compact(left, len(pool))
+    used, both = compact(np.concatenate([faces[own], caps[inner]]), len(pool))
     faces, caps = np.split(both, [np.count_nonzero(own)])
     ends = sets.field_range
     found = Pieces(pool[used], faces, piece[own], caps, cap_level[inner], len(levels) + 1, ends)

@@ -379,8 +379,7 @@ def encode_stl(vertices: Float32Array, faces: IntArray, header: str) -> bytes:
         some = slice(first, first + _ROWS)
         records["corners"][some] = corners = points.take(faces[some], axis=0)
         a, b, c = np.ascontiguousarray(corners.transpose(1, 2, 0), np.float64)
-        (ux, uy, uz), (vx, vy, vz) = b - a, c - a
-        normal = np.stack([uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx])
+        normal = np.cross(b - a, c - a, axis=0)
         length = np.sqrt(normal[0] ** 2 + normal[1] ** 2 + normal[2] ** 2)
         records["normal"][some] = (normal / np.where(length == 0.0, 1.0, length) + 0.0).T
     head = text.encode("ascii", "replace")[:_HEADER_BYTES].ljust(_HEADER_BYTES)

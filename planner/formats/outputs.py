@@ -501,11 +501,10 @@ def write_folder(
 
 
 def _list_files(record: Path) -> None:
-    """Add to a folder's record the hashes of its other files, of which it may have some."""
+    """Add to a folder's record the hashes of its other files."""
     document = msgspec.json.decode(record.read_bytes(), type=dict[str, Any])
-    known = document.get(_LIST, {})
     document[_LIST] = {
-        name: known.get(name) or _sha256(path)
+        name: _sha256(path)
         for name, path in _within(record.parent)
         if path != record and not name.endswith("/")
     }

@@ -6,7 +6,6 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from scipy.interpolate import PPoly
 
 from planner.errors import FileError
 from planner.gap.campaign import (
@@ -181,6 +180,8 @@ def seen_shares(setup: Setup, number: int, x_mm: FloatArray, facet_mm: float) ->
     facet_mm
         Their length.
     """
+    from scipy.interpolate import PPoly  # of a camera's facets alone: slow to import
+
     own = slice(int(setup.first_slice[number]), int(setup.first_slice[number + 1]))
     middle, length = setup.x_mm[own], setup.length_mm[own]
     edges = np.append(middle - 0.5 * length, middle[-1] + 0.5 * length[-1])

@@ -121,15 +121,21 @@ def _least_turn_mm(travel_mm: FloatArray) -> float:
 
 
 def _turns(values: FloatArray, least: float) -> IntArray:
-    """Return the ends and the turns between them, of more than `least` each."""
-    # Half a second to import, which commands that look at no curve do not pay.
-    from scipy.signal import find_peaks
+    """Return the ends and the turns between them, of `least` or more each.
 
-    peaks, valleys = (
-        find_peaks(way * values, prominence=(least, None), plateau_size=1)[1]["left_edges"]
-        for way in (1.0, -1.0)
-    )
-    corners = np.unique(np.concatenate([[0], peaks, valleys]))
+    Turns are what has moved farthest, as often as it has, before a way back of `least`. They are
+    those of scipy's `find_peaks` by prominence, which takes half a second to import.
+    """
+    rises = values - np.minimum.accumulate(values) >= least
+    first = int(np.argmax(rises | (np.maximum.accumulate(values) - values >= least)))
+    turns, way, farthest = [0], 1.0 if rises[first] else -1.0, [first]
+    for place in (np.flatnonzero(np.diff(values[first:])) + first + 1).tolist():
+        ahead = way * float(values[place] - values[farthest[-1]])
+        if ahead >= 0.0:
+            farthest = [*(farthest if ahead == 0.0 else ()), place]
+        elif -ahead >= least:
+            turns, way, farthest = [*turns, *farthest], -way, [place]
+    corners = np.unique(turns)
     # What follows the last turn ends where it has come farthest.
     since = np.abs(values[corners[-1] :] - values[corners[-1]])
     return np.append(corners, corners[-1] + np.argmax(since)) if since.any() else corners

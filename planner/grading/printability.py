@@ -15,7 +15,7 @@ from planner.mesh.part import fits_turned
 from planner.numerics import FloatArray, IntArray, Point, as_point
 from planner.plan import Check, Finding, Shell
 from planner.printers import Printer
-from planner.voxels.columns import MOST_VOXELS, check_reach, grid_for, voxel_counts
+from planner.voxels.columns import MOST_VOXELS, grid_for, voxel_counts
 from planner.voxels.thin_places import (
     SOUND,
     ThinPlace,
@@ -572,7 +572,6 @@ def _voxel_check(part: CutPart, machine: Printer) -> Check:
     extent_mm = np.ptp(part.mesh.bounds_mm, axis=0)
     voxel = native_mm * max(1.0, float((extent_mm / native_mm).max()) / (MOST_VOXELS - 1))
     grid = grid_for(part.mesh.bounds_mm, voxel.tolist())
-    check_reach(part.mesh, grid)
     pieces = part.pieces
     each = (pieces.shell_faces([number]) for number in range(pieces.count))
     counted = np.array(voxel_counts(pieces.vertices.astype(np.float64), each, grid))

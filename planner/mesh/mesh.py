@@ -363,8 +363,7 @@ def order_rows(*columns: Int32Array) -> tuple[Int32Array, NDArray[np.int64]]:
         place = np.zeros(int(column.max(initial=-1)) + 2, dtype=np.int32)
         _count_into(column, order, place, moved)
         order = moved
-    first = np.ones(len(order), dtype=np.bool_)
-    first[1:] = False
+    first = order == order[:1]  # that alone: rows differ
     for column in columns:
         ranked = column.take(order)
         first[1:] |= ranked[1:] != ranked[:-1]
@@ -589,12 +588,11 @@ class JoinedShells:
         """
         faces = self.faces[number]
         order, _, count = order_edges(faces)
-        if not len(faces) or (count != 2).any() or repeats_index(faces).any():
+        if (count != 2).any() or repeats_index(faces).any():
             return False
-        one, other = order.reshape(-1, 2).T
-        tail, third = faces.ravel(), faces[:, [2, 0, 1]].ravel()
-        fits = all((end.take(one) != end.take(other)).all() for end in (tail, third))
-        return bool(fits and self.measures[number].volume_mm3[0] > 0.0)
+        corners = np.stack([faces, faces[:, [2, 0, 1]]]).reshape(2, -1)  # tails, and thirds
+        one, other = corners.take(order.reshape(-1, 2).T, axis=1).swapaxes(0, 1)
+        return bool((one != other).all() and self.measures[number].volume_mm3[0] > 0.0)
 
 
 def join_shells(shells: Iterable[_Floats | tuple[Float32Array, Int32Array]]) -> JoinedShells:

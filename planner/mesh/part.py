@@ -94,8 +94,7 @@ def _rounded(mesh: Mesh, translation_mm: FloatArray) -> Mesh:
     """Move a mesh, round it to float32, and join what has become equal."""
     vertices, index = weld_points((mesh.vertices + translation_mm).astype(np.float32))
     faces = index.take(mesh.faces)
-    kept = faces.compress(cancel_opposite(faces), axis=0)
-    used, faces = compact(kept, len(vertices))
+    used, faces = compact(faces.compress(cancel_opposite(faces), axis=0), len(vertices))
     return Mesh(vertices.take(used, axis=0).astype(np.float64), faces)
 
 
@@ -703,7 +702,7 @@ _LEVEL = 1e-6
 turns them by; whether they do is told by their heights."""
 
 
-def _folds(mesh: Mesh, topology: Topology) -> tuple[Int32Array, Int32Array]:
+def _folds(mesh: Mesh, topology: Topology) -> tuple[Int32Array, IntArray]:
     """Group the faces of a closed mesh by planes, (m,), and tell which groups fold back."""
     size = np.linalg.norm(mesh.area_vectors_mm2, axis=1)
     large, twin = size > _OVERLAP * size.sum(), topology.twin
@@ -717,7 +716,7 @@ def _folds(mesh: Mesh, topology: Topology) -> tuple[Int32Array, Int32Array]:
     folded = one[(cosine < _LEVEL - 1.0) & large[one] & large[other]]
     level = np.abs(cosine) > 1.0 - _LEVEL
     group = connected(len(size), one[level], other[level]) if len(folded) else topology.body
-    return group, np.unique(group[folded])
+    return group, np.flatnonzero(np.bincount(group[folded]))
 
 
 def _unfolded(state: Repaired) -> Repaired:

@@ -47,11 +47,8 @@ class ScreenGrid:
     @classmethod
     def over(cls, points_mm: Sequence[Float32Array | FloatArray]) -> "ScreenGrid":
         """Return the grid over the box of sets of points (n, 3), of which some may be empty."""
-        along = list(zip(*(points.T for points in points_mm if len(points)), strict=True))
-        low, high = (
-            np.array([find([find(each) for each in axis]) for axis in along], np.float64)
-            for find in (np.min, np.max)
-        )
+        axes = np.concatenate(points_mm).T
+        low, high = (np.array(list(map(find, axes)), np.float64) for find in (np.min, np.max))
         return cls(low, float((high - low).max()) / _STEPS or 1.0)
 
     def counts(self, points_mm: Float32Array | FloatArray) -> NDArray[np.int64]:
@@ -99,9 +96,8 @@ def shown(shells: Sequence[_Indexed], most: int = _MOST_TRIANGLES) -> Shown:
     of, moved_mm = sum(map(len, faces)), step_mm * 0.75**0.5
     if of > most:
         taken = _coarse(points, faces, most)
-        moved_mm += step_mm * float(
-            np.sqrt(((points - points.take(taken, axis=0)) ** 2).sum(axis=1).max())
-        )
+        away = points - points.take(taken, axis=0)
+        moved_mm += step_mm * float(np.sqrt((away**2).sum(axis=1).max()))
         faces = [taken.take(f) for f in faces]
     own = [compact(f.compress(cancel_opposite(f), axis=0), len(points)) for f in faces]
     kept = tuple((points.take(used, axis=0).astype(np.uint16), f) for used, f in own)

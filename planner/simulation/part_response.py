@@ -10,13 +10,13 @@ order. The shares s_b add up to 1. So whoever knows force, strains and shares al
 what any change of the laws does to the force, without solving the part anew.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
 import msgspec
 import numpy as np
-from scipy.interpolate import PchipInterpolator
 
 from planner.errors import FileError
 from planner.formats.files import decode_document, encode_document, read_file
@@ -142,8 +142,10 @@ class PartResponse:
 
 
 @lru_cache(maxsize=256)
-def _curves(response: PartResponse) -> PchipInterpolator:
+def _curves(response: PartResponse) -> Callable[[FloatArray], FloatArray]:
     """Return force and strains over the displacement, and shares; all smooth at rest."""
+    from scipy.interpolate import PchipInterpolator  # of a whole part alone: slow to import
+
     d = response.displacement_mm
     over = [response.force_N[:, None] / d[:, None], response.strain / d[:, None], response.share]
     return PchipInterpolator(d, np.concatenate(over, axis=1))

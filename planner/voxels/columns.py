@@ -129,12 +129,12 @@ def _first_pixel(x0: Any, y0: Any, x1: Any, y1: Any, per_row: Any, y: Any, row_l
 def _spans(
     snapped: IntArray, faces: IntArray, members: IntArray, row0: int, row1: int, nx: int,
     row_leads: bool, counts: IntArray, columns: IntArray, heights: FloatArray,
-) -> tuple[int, int]:  # fmt: skip
+) -> int:  # fmt: skip
     # Cut each triangle into one span a row: first column, length, exit (1) or entry (0) and the
     # face (-1 where z is the same all over it, and so exact) in `columns`; z at the first column
     # and its rise a column in `heights`. `counts` gets +1 where a span begins and -1 where it
-    # ends, so that its running sum counts a column's crossings. Returns how many of both there are.
-    n = crossings = 0
+    # ends, so that its running sum counts a column's crossings.
+    n = 0
     for m in range(len(members)):
         f = members[m]
         a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
@@ -184,8 +184,7 @@ def _spans(
             counts[columns[n, 0]] += 1
             counts[columns[n, 0] + columns[n, 1]] -= 1
             n += 1
-            crossings += right - left
-    return n, crossings
+    return n
 
 
 def slab_runs(
@@ -211,8 +210,8 @@ def slab_runs(
     """
     cursor = np.zeros((row1 - row0) * nx + 1, np.int32)
     columns, heights = np.empty((spans, 4), np.int32), np.empty((spans, 2), np.float64)
-    given = (snapped, faces, members, row0, row1, nx, row_leads)
-    n, crossings = _spans(*given, cursor, columns, heights)
+    n = _spans(snapped, faces, members, row0, row1, nx, row_leads, cursor, columns, heights)
+    crossings = int(np.sum(columns[:n, 1], dtype=np.int64))
     start, stop = np.empty((2, crossings // 2), np.int32)
     offsets = np.zeros(len(cursor), np.int64)
     if not crossings:

@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 from planner.fields.basic import project
 from planner.formats.png import ImageKind, encode_layer
 from planner.glance import channels
-from planner.mesh.mesh import Mesh
-from planner.numerics import BoolArray, FloatArray, Int32Array, IntArray, as_point
+from planner.numerics import BoolArray, Float32Array, FloatArray, Int32Array, IntArray, as_point
 from planner.voxels.columns import Grid, columns_of, snap
 
 __all__ = ["pictures_of"]
@@ -57,7 +56,9 @@ class _Seen(NamedTuple):
     cut: BoolArray
 
 
-def pictures_of(solids: Sequence[tuple[Mesh, str]], *, width: int, height: int) -> _Pictures:
+def pictures_of(
+    solids: Sequence[tuple[FloatArray | Float32Array, IntArray, str]], *, width: int, height: int
+) -> _Pictures:
     """Draw closed solids in their colours, on a transparent ground.
 
     Of the section the half in front of a vertical plane through the middle is taken off. The plane
@@ -66,19 +67,18 @@ def pictures_of(solids: Sequence[tuple[Mesh, str]], *, width: int, height: int) 
     Parameters
     ----------
     solids
-        Each with its colour, ``#RRGGBB``.
+        Vertices in mm, outward faces between all of them, and the colour, ``#RRGGBB``.
     width, height
         Of the pictures in pixels, even; the solids fill them.
     """
-    bounds = np.array([solid.bounds_mm for solid, _ in solids])
-    low, high = bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0)
+    placed = [vertices.astype(np.float64) for vertices, _, _ in solids]
+    low, high = _box(placed)
     across = int((high - low)[0] > (high - low)[1])  # of x and y, the shorter side
     normal = np.array([(1.0, 0.0, 0.0), (0.0, -1.0, 0.0)][across])
     view = _view()
     # Right, up and away are a left-handed set: what was outside would be inside.
-    turned = [_product(solid.vertices - 0.5 * (low + high), view) for solid, _ in solids]
-    ends = np.array([[(each.min(), each.max()) for each in points.T] for points in turned])
-    least, most = ends[:, :, 0].min(axis=0), ends[:, :, 1].max(axis=0)
+    turned = [_product(points - 0.5 * (low + high), view) for points in placed]
+    least, most = _box(turned)
     fill = 1.0 - 2.0 * _MARGIN
     pitch = float(max((most - least)[0] / width, (most - least)[1] / height)) / fill / _FINER
     nx, ny = width * _FINER, height * _FINER
@@ -90,14 +90,17 @@ def pictures_of(solids: Sequence[tuple[Mesh, str]], *, width: int, height: int) 
     origin = (float(corner[0]), float(corner[1]), float(least[2]) - steps)
     grid = Grid(origin, (pitch, pitch, steps), (nx, ny, nz))
     plane = _plane_depth(_product(normal[None], view)[0], grid)
-    colours = [colour for _, colour in solids]
-    drawn = (
-        (snap(points, grid), np.ascontiguousarray(solid.faces[:, ::-1]))
-        for points, (solid, _) in zip(turned, solids, strict=True)
-    )
-    both = _look(drawn, grid, plane)
+    _, faces, colours = zip(*solids, strict=True)
+    inwards = (np.ascontiguousarray(each[:, ::-1], np.int32) for each in faces)
+    both = _look(zip((snap(each, grid) for each in turned), inwards, strict=True), grid, plane)
     outside, section = (_colours(seen, colours, steps / pitch) for seen in both)
     return _Pictures(_encode(outside), _encode(section), _encode(_halved(outside)))
+
+
+def _box(solids: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
+    """Return the least and the greatest coordinates of points."""
+    ends = np.array([[(each.min(), each.max()) for each in points.T] for points in solids])
+    return ends[:, :, 0].min(axis=0), ends[:, :, 1].max(axis=0)
 
 
 def _view() -> FloatArray:

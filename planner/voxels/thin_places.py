@@ -586,11 +586,10 @@ def _solid_words(mesh: Mesh, raster: Raster) -> Iterator[tuple[_Bits, ...]]:
     faces = np.ascontiguousarray(mesh.faces[:, ::way])
     corners = (along - np.asarray(grid.origin_mm)) / np.asarray(grid.pitch_mm)
     # rows are below 2^14: sorting whole ones takes a few passes over them
-    row = np.clip(np.floor(corners[:, 1]), -1, MOST_VOXELS).astype(np.int16)
-    one, two, three = row.take(faces.T)
-    first = np.minimum(np.minimum(one, two), three)
+    rows = np.clip(np.floor(corners[:, 1]), -1, MOST_VOXELS).astype(np.int16).take(faces.T)
+    first = rows.min(axis=0)
     order = np.argsort(first, kind="stable").astype(np.int32)
-    last = np.maximum.accumulate(np.maximum(np.maximum(one, two), three)[order])
+    last = np.maximum.accumulate(rows.max(axis=0)[order])
     first = first[order]
     slabs = columns_of(snap(along, grid), faces, grid, slab_rows=raster.slab_rows, shortest=1)
     nothing = empty_set(_BESIDE, grid.shape[0], grid.shape[2])

@@ -1,10 +1,14 @@
 """The observation model of a campaign: segments, shared tests, steps, slices and features."""
 
+import subprocess
+import sys
 from collections import Counter
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.signal import find_peaks
 from scipy.special import ndtr
 
 from planner.errors import FileError
@@ -13,12 +17,14 @@ from planner.gap.campaign_folder import read_campaign, write_campaign
 from planner.gap.diagnose import prepared
 from planner.gap.effects import EFFECTS
 from planner.gap.observations import BRANCHES, ObservationModel
-from planner.gap.segments import path_of
+from planner.gap.segments import _turns, path_of
 from planner.materials.laws import make_law
 from planner.numerics import FloatArray
 from planner.palette import LawParameters, Material, Palette, Reference
 from planner.simulation.bar import ProfileDesign, slice_edges_mm
 from planner.simulation.bar_solver import law_tables, predict
+
+WARM_LAB = Path(__file__).parents[2] / "samples" / "warm-lab"
 
 PALETTE = Palette(
     "two",
@@ -381,6 +387,35 @@ def test_noise_of_the_travel_makes_no_turns():
         shaken = replace(clean, displacement_mm=clean.displacement_mm + 0.02 * rng.normal(size=600))
         kinds = [[segment.kind for segment in path_of(s).segments] for s in (clean, shaken)]
         assert kinds[0] == kinds[1]
+
+
+def test_turns_are_the_peaks_and_valleys_of_scipy_that_are_prominent_enough():
+    rng = np.random.default_rng(3)
+    turned = 0
+    for number in range(600):
+        steps = rng.normal(size=rng.integers(1, 60))
+        # Rounded coarsely, places are met twice, and stay the same for a while.
+        travel = np.round(np.cumsum(steps), (0, 1, 12)[number % 3])
+        least = float(rng.choice([0.3, 1.0, 2.5]))
+        found = [
+            find_peaks(way * travel, prominence=least, plateau_size=1)[1]["left_edges"]
+            for way in (1.0, -1.0)
+        ]
+        wanted = np.unique(np.concatenate([[0], *found]))
+        after = np.abs(travel[wanted[-1] :] - travel[wanted[-1]])
+        end = [wanted[-1] + after.argmax()] if after.any() else []
+        assert _turns(travel, least).tolist() == [*wanted, *end]
+        turned += len(wanted) > 1
+    assert turned > 300
+
+
+def test_a_diagnosis_waits_for_no_package_that_it_does_not_use():
+    script = (
+        "import sys\nfrom pathlib import Path\nimport planner\n"
+        f"planner.diagnose(Path({str(WARM_LAB)!r}))\n"
+        "assert not {'scipy.signal', 'scipy.interpolate', 'scipy.stats'} & sys.modules.keys()"
+    )
+    subprocess.run([sys.executable, "-c", script], check=True)
 
 
 def test_waiting_before_the_test_and_preload_are_taken_off():
