@@ -4,6 +4,7 @@ Only what weighs hypotheses is run: a verdict, a ranking and a class, without wh
 """
 
 from collections.abc import Callable, Mapping
+from copy import copy
 from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
@@ -31,13 +32,20 @@ _NONE = 1e-12
 _Part = tuple[Problem, Priors]
 
 
+def altered(problem: Problem, **changes: Any) -> Problem:
+    """Return a copy with some attributes changed."""
+    other = copy(problem)
+    vars(other).update(changes)
+    return other
+
+
 def _as_it_is(problem: Problem, priors: Priors) -> _Part:
     return problem, priors
 
 
 def _without_specimens(problem: Problem, priors: Priors) -> _Part:
-    """Every figure differs by the sensor alone: no specimen, batch, slope or wandering."""
-    none = dict.fromkeys(("specimen", "batch", "slope", "wander"), _NONE)
+    """Every figure differs by the sensor alone: no specimen, batch, slope, wandering or toe."""
+    none = dict.fromkeys(("specimen", "batch", "slope", "wander", "toe"), _NONE)
     scatter = replace(problem.scatter, **none, field_shared=0.0)
     unknown = np.full(len(problem.campaign.specimens), -1)
     sensor_sd_N = problem.model.sensor_sd_N
@@ -48,14 +56,15 @@ def _without_specimens(problem: Problem, priors: Priors) -> _Part:
     kept = problem.nuisances.shape[1] - problem.noise.batch.shape[1]
     parts["nuisances"] = parts["nuisances"][:, :kept]
     of_laws = problem.of_laws[:kept]
-    return problem.with_(scatter=scatter, noise=noise, of_laws=of_laws, **parts), priors
+    return altered(problem, scatter=scatter, noise=noise, of_laws=of_laws, **parts), priors
 
 
 def _without_calibration(problem: Problem, priors: Priors) -> _Part:
     """Take the palette's laws for exact: neither level nor course of a grade is uncertain."""
     courses = discrepancy_columns(problem.campaign, problem.table, problem.sensitivity).shape[1]
     gone = len(problem.calibrations) + courses
-    less = problem.with_(
+    less = altered(
+        problem,
         calibrations=(),
         calibration=problem.calibration[:, gone:],
         nuisances=problem.nuisances[:, gone:],

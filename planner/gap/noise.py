@@ -52,6 +52,8 @@ class Scatter:
         Of the change of that level from the start of a path to its end.
     wander, wander_length
         Of what comes and goes along a path, and the share of the path over which it lasts.
+    toe
+        Of where the pull begins, over the farthest travel.
     sensor
         Factor on the force noise that each record shows.
     field, field_relative
@@ -69,6 +71,7 @@ class Scatter:
     slope: float
     wander: float
     wander_length: float
+    toe: float
     sensor: float
     field: float
     field_relative: float
@@ -156,10 +159,13 @@ class NoisyFeatures:
         """Return the covariance of one specimen's forces, (d, d)."""
         table, h = self.table, self.sensitivity[rows]
         place, strain = table.path[rows], table.strain[rows]
-        tilt = h * (strain / max(float(strain.max()), 1e-12) - 0.5)
+        share = strain / max(float(strain.max()), 1e-12)
+        # Of nearly straight starts: what travel is off by, over the travel.
+        tilt, early = h * (share - 0.5), h * share / (share**2 + _AT_REST**2)
         far = np.abs(np.subtract.outer(place, place)) / scatter.wander_length
         block = scatter.specimen**2 * np.outer(h, h) + scatter.slope**2 * np.outer(tilt, tilt)
         block += scatter.wander**2 * np.exp(-far) * np.outer(h, h)
+        block += scatter.toe**2 * np.outer(early, early)
         sensor = scatter.sensor * self.sensor_sd_N[table.specimen[rows], table.step[rows]]
         own = sensor * _by_raw(table, self.sensitivity, rows)
         block[np.diag_indices(len(h))] += own**2 + least**2
@@ -343,11 +349,16 @@ def calibration_columns(calibrations: tuple[Calibration, ...], changes: FloatArr
 
 USUAL = Scatter(
     specimen=0.03, batch=0.012, slope=0.012, wander=0.006, wander_length=0.15, sensor=1.0,
-    field=0.004, field_relative=0.03, field_shared=0.5, log_sd=0.5, degrees_of_freedom=0,
+    toe=0.002, field=0.004, field_relative=0.03, field_shared=0.5, log_sd=0.5, degrees_of_freedom=0,
 )  # fmt: skip
 """Without replicates, and the centre of the priors with them. Physical: jetted specimens scatter by
 1 to 9 % within a print, local strains along them alike; facets of image correlation by some
-thousandths of strain. Of the parts of it the shares are chosen: most of a curve goes together."""
+thousandths of strain; specimens are clamped to some hundredths of a millimetre. Of the parts of it
+the shares are chosen: most of a curve goes together."""
+
+_AT_REST = 0.02
+"""Share of the farthest travel, within which a toe does ever less. Numerical: nearer to rest than
+any feature of a first loading but the first, in which no toe shows."""
 
 _MODEL_SD = 0.1 * USUAL.specimen
 """No prediction is truer than this, in transformed units. Numerical: above what discretisation and
@@ -358,7 +369,8 @@ _READ_SD = 0.1 * _MODEL_SD
 so that records without noise have a covariance."""
 
 _PRIOR_SD = {"specimen": 1.0, "batch": 0.5, "slope": 0.8, "wander": 0.8, "wander_length": 0.4,
-             "sensor": 0.4, "field": 1.0, "field_relative": 1.0, "field_shared": 1.5}  # fmt: skip
+             "toe": 0.5, "sensor": 0.4, "field": 1.0, "field_relative": 1.0,
+             "field_shared": 1.5}  # fmt: skip
 """Of their logarithms, and of the last one's odds, before replicates are seen. Physical: 3 % times
 or by e^(2 * 1.0) holds the 1 to 9 % of jetted specimens and the 10 to 30 % of some labs'; what
 batches share is a ratio to it, what changes along a curve is not: a level that scatters says

@@ -653,18 +653,20 @@ def _travel_slip(specimen: Specimen, load: float) -> QualityProblem | None:
     """Say that travel is in another unit where its declared rate and its load both tell.
 
     A factor on travel is told from one on force by the rate; strains that are too small leave
-    loads that are too large.
+    loads that are too large. Strain in per cent is as many mm of a gauge of 100 mm.
     """
     if specimen.rate_mm_s is None or abs(load) < _SPLIT:
         return None
     speed = speed_mm_s(specimen.time_s, specimen.travel_mm)
     ratio = math.log(speed / specimen.rate_mm_s) if speed > 0.0 else 0.0
-    if abs(abs(ratio) - math.log(_INCH)) > TIME_TOLERANCE or ratio * load > 0.0:
+    factor = _slip(ratio, TIME_TOLERANCE, (_INCH, 100.0 / specimen.gauge_mm))
+    if factor is None or abs(ratio) < _AGAINST_LAW or ratio * load > 0.0:
         return None
-    words = "inches taken for mm" if ratio < 0.0 else "mm taken for inches"
-    told = f"travel is off by 25.4 against its declared rate and its load, as if {words}"
-    unit = _unit_of(specimen, "travel", math.copysign(math.log(_INCH), -ratio))
-    return QualityProblem(specimen.id, "units", told, unit)
+    other = "inches" if factor == _INCH else "per cent of the gauge length"
+    told = ("mm", other) if (ratio > 0.0) is (factor == _INCH) else (other, "mm")
+    words = f"against its declared rate and its load, as if {' taken for '.join(told)}"
+    unit = _unit_of(specimen, "travel", math.copysign(math.log(factor), -ratio))
+    return QualityProblem(specimen.id, "units", f"travel is off by {factor:.3g} {words}", unit)
 
 
 _HUNDREDFOLD = (30.0, 300.0)

@@ -353,8 +353,7 @@ def next_command(
         # What is said of a specimen last holds.
         units = "".join(f" --unit-of {quote(unit.text)}" for unit in found.unit_of)
         return f"planner gap diagnose {quote(str(campaign or Path('CAMPAIGN')))}{asked}{units}"
-    known = [EFFECTS[one.id] for one in found.effect if one.id in EFFECTS]
-    known = [effect for effect in known if effect.advice is None]
+    known = [e for one in found.effect if (e := EFFECTS.get(one.id)) and e.advice is None]
     if not known or at is None:
         return ""
     use = ""

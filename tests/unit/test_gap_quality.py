@@ -251,6 +251,19 @@ def test_travel_in_inches_is_told_from_force_by_the_declared_rate() -> None:
     assert "mm and inches" in rate.problem
 
 
+def test_strain_in_per_cent_read_as_travel_is_no_unit_of_force() -> None:
+    """Of a gauge of 25 mm travel is 4 times what it was, and loads look like pounds."""
+    read = [replace(s, displacement_mm=s.displacement_mm * 100.0 / s.gauge_mm) for s in base()]
+    (units,) = [p for p in examine(campaign(*read)) if p.kind == "units"]
+    assert "as if per cent of the gauge length taken for mm" in units.problem
+    assert units.unit_of is None
+    # Of a gauge of 100 mm per cent are mm: what is off then is the force.
+    long = [replace(s, gauge_mm=100.0, displacement_mm=4.0 * s.displacement_mm) for s in base()]
+    pounds = [replace(s, rate_mm_s=4.0, force_N=s.force_N / POUND_N) for s in long]
+    (units,) = [p for p in examine(campaign(*pounds)) if p.kind == "units"]
+    assert "lbf taken for N" in units.problem
+
+
 def test_travel_of_one_in_inches_is_named_where_its_law_bends() -> None:
     """To a strain of 2 the load is off by less than 25.4; the declared rate says inches."""
     palette = load_printer("connex3").palette("connex3-agilus-vero")

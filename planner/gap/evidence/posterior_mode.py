@@ -30,10 +30,9 @@ class Elimination:
     def with_random(self, columns: slice, amplitude: float) -> float:
         """Return `none` with columns integrated over, their coefficients of such a deviation."""
         a = self.products
-        inner = a[columns, columns] + np.eye(columns.stop - columns.start) / amplitude**2
-        left, log_det = _integrated(a[:1, :1], a[columns, :1], inner)
-        log_det += 2.0 * len(inner) * float(np.log(amplitude))
-        return self.none + (0.5 * (float(a[0, 0]) - float(left[0, 0])) - 0.5 * log_det)
+        inner = amplitude**2 * a[columns, columns] + np.eye(columns.stop - columns.start)
+        left, log_det = _integrated(a[:1, :1], amplitude * a[columns, :1], inner)
+        return self.none + 0.5 * (float(a[0, 0]) - float(left[0, 0]) - log_det)
 
 
 def _integrated(kept: FloatArray, cross: FloatArray, inner: FloatArray) -> tuple[FloatArray, float]:
@@ -203,22 +202,21 @@ class Likelihood:
         return sizes * self.coefficients(left)[:count], np.outer(sizes, sizes) * inverse
 
     def error(self, candidate: Candidate) -> FloatArray:
-        """Return root mean square errors beside a candidate, summed: of forces, and of strains.
+        """Return root mean square errors of specimens beside a candidate, of forces and of strains.
 
-        Of each test. Laws are off as they likeliest are then. Features tell small forces from each
-        other as well as large ones: at the start of a curve, errors of its largest force say
-        nothing.
+        (n, 2), strays left out. Laws are off as they likeliest are then. Features tell small forces
+        from each other as well as large ones: at the start of a curve, errors of its largest force
+        say nothing.
         """
         problem, table = self.problem, self.problem.table
         explained = problem.explained(candidate)
         off = self.coefficients(problem.target - problem.noise.whiten(explained))
         off = (self._sizes * off[: len(self._sizes)])[: problem.calibration.shape[1]]
         left = problem.residual - explained - problem.calibration @ off
-        known = ~problem.strays[table.specimen]
-        of = 2 * table.test[known] + table.is_field[known]
-        count = np.bincount(of, minlength=2 * len(problem.model.tests))
-        mean = np.bincount(of, left[known] ** 2, len(count)) / np.maximum(count, 1)
-        return np.asarray(np.sqrt(mean).reshape(-1, 2).sum(axis=0))
+        of = 2 * table.specimen + table.is_field
+        count = np.bincount(of, minlength=2 * len(problem.strays))
+        mean = np.bincount(of, left**2, len(count)) / np.maximum(count, 1)
+        return np.asarray(np.sqrt(mean).reshape(-1, 2)[~problem.strays])
 
     def elimination(
         self, target: FloatArray, slopes: FloatArray | None = None,

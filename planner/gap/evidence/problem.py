@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from itertools import product
 from math import prod
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -426,8 +426,7 @@ def _levels_apart(campaign: Campaign, model: ObservationModel, counts: BoolArray
     explain is more than the variance that they leave, and not so by chance. Who tested is no part
     of the scatter, nor is a batch that is off by far more than its specimens.
     """
-    groups = [[k for k in of if counts[k]] for of in model.replicates]
-    groups = [of for of in groups if len(of) > 1]
+    groups = [g for of in model.replicates if len(g := [k for k in of if counts[k]]) > 1]
     level = np.zeros(len(counts))
     for of in groups:
         mean = model.measured_N[of].mean(axis=0)
@@ -583,12 +582,6 @@ class Problem:
         self.nodes, self.patterns = whiten(changes[count:].T), whiten(patterns)
         self.nuisances = whiten(nuisances)
         self.discrepancy = whiten(_model_discrepancy(table, self.unpredicted))
-
-    def with_(self, **changes: Any) -> "Problem":
-        """Return a copy with some attributes changed."""
-        other = copy(self)
-        vars(other).update(changes)
-        return other
 
     def predictions(
         self, candidates: Sequence[Candidate], like: Prediction | None = None

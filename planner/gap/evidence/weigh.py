@@ -14,7 +14,7 @@ from planner.gap.diagnosis import Detectable, Effects, FoundEffect, Hypothesis
 from planner.gap.evidence.posterior_mode import Likelihood, PosteriorMode, posterior_mode
 from planner.gap.evidence.problem import EVERY_AXIS, Candidate, Problem, joined, node_weights
 from planner.gap.noise import FIT_SD, UNIT_GAINS
-from planner.numerics import BoolArray, FloatArray, IntArray, kernel
+from planner.numerics import BoolArray, FloatArray, kernel
 
 __all__ = [
     "ALIKE_COSINE",
@@ -352,15 +352,16 @@ class Weighed:
         return beside or next(s for s in self.modes if s.candidate.forms == candidate.forms)
 
     def errors(self, effects: Effects, *, own: bool = True) -> tuple[FloatArray, FloatArray]:
-        """Return errors of forces and of strains without effects, and with them at their mode.
+        """Return specimens' errors without effects, and with them at their mode, (n, 2) each.
 
-        Of `own` sizes of specimens, or the effect's for all, whichever leaves less.
+        Of forces and of strains. Of `own` sizes of specimens, or the effect's for all, whichever
+        leaves less.
         """
         mode, found = self.mode_of(self.best[effects]), [self.best[effects]]
         if own and len(mode.own):
             found.append(mode.with_own_sizes(found[0]))
         error = mode.likelihood.error
-        return error(Candidate(())), np.minimum.reduce([error(each) for each in found])
+        return error(Candidate(())), min((error(each) for each in found), key=np.sum)
 
 
 def _likelihoods(problem: Problem) -> tuple[Likelihood, ...]:
@@ -398,13 +399,14 @@ def weigh(problem: Problem, priors: Priors) -> Weighed:
         exact = likelihood.discrepancy <= _law_errors(problem)[0]
         axis, log_prior = ("", logs.of(())) if exact else (EVERY_TEST, logs.any)
         result.add((), axis, log_prior, evidence)
-    beside_gain = (*likelihoods, *_less_scattered(result.plain)) if logs.some else ()
+    share, laws = float(np.exp(result.plain.log_share)) / len(_LEVELS), result.plain.laws
+    less = (Likelihood(problem, level=level, laws=laws, share=share) for level in _LEVELS)
+    beside_gain = (*likelihoods, *less) if logs.some else ()
     result.modes = _modes(result.likelihoods, logs)
-    for one in result.modes:
-        for likelihood in likelihoods:
-            found = one.weighed(likelihood, one.eliminated(likelihood))
-            found = replace(found, log_evidence=found.log_evidence + logs.forms(found))
-            result.add_candidate(found, likelihood)
+    for one, likelihood in product(result.modes, likelihoods):
+        found = one.weighed(likelihood, one.eliminated(likelihood))
+        found = replace(found, log_evidence=found.log_evidence + logs.forms(found))
+        result.add_candidate(found, likelihood)
     _add_subset(none, beside_gain, result)
     result.beside_some = _modes_beside_some(result, beside_gain)
     for one in result.beside_some:
@@ -422,13 +424,6 @@ def weigh(problem: Problem, priors: Priors) -> Weighed:
         if len(one.candidate.effects) < _MOST_EFFECTS and not known:
             _add_subset(one, beside_gain, result)
     return result
-
-
-def _less_scattered(plain: Likelihood) -> Iterator[Likelihood]:
-    """Yield likelihoods like the plain one whose specimens' levels scatter less."""
-    share = float(np.exp(plain.log_share)) / len(_LEVELS)
-    for level in _LEVELS:
-        yield Likelihood(plain.problem, level=level, laws=plain.laws, share=share)
 
 
 def _add_subset(one: PosteriorMode, likelihoods: Sequence[Likelihood], result: Weighed) -> None:
@@ -594,9 +589,11 @@ def _modes(likelihoods: Sequence[Likelihood], logs: _LogPriors) -> list[Posterio
     chosen = [c for c in ranked if value(c) >= least[c.effects] or c.parts[0][0].form.details]
     modes = [posterior_mode(likelihoods, c, likelihood) for c in chosen]
     together = _most_effects(likelihood.problem)
-    best: dict[Effects, PosteriorMode] = {}
+    best, rich = dict[Effects, PosteriorMode](), dict[Effects, PosteriorMode]()
     for one in sorted(modes, key=lambda one: -odds(one)):
         best.setdefault(one.candidate.effects, one)
+        if one.candidate.parts[0][0].form.details:
+            rich.setdefault(one.candidate.effects, one)
     pairs = {
         c.effects: c
         for one in reversed(list(best.values())[: _BESIDE if together > 1 else 0])
@@ -613,7 +610,7 @@ def _modes(likelihoods: Sequence[Likelihood], logs: _LogPriors) -> list[Posterio
     known = {one.candidate.forms for one in both}
     for _ in range(2):
         for effects in sorted(pairs_in_all):
-            for c in _in_all_forms(effects, best, logs):
+            for c in _in_all_forms(effects, (best, rich), logs):
                 if c.forms not in known:
                     known.add(c.forms)
                     both.append(posterior_mode(likelihoods, c, likelihood))
@@ -652,19 +649,26 @@ def _with_parts_alone(
 
 
 def _in_all_forms(
-    effects: Effects, best: Mapping[Effects, PosteriorMode], logs: _LogPriors
+    effects: Effects, known: Sequence[Mapping[Effects, PosteriorMode]], logs: _LogPriors
 ) -> Iterator[Candidate]:
     """Yield either effect in each form, where it is best beside the other at its best.
 
-    One alone does not tell what form suits both. What fits worse there than nothing in its place,
-    as a wrong unit does, is left out: no other effect makes up for that, and the search for its
-    mode is a long one.
+    One alone does not tell what form suits both, nor does one beside a poor form of the other:
+    those with details, as of rate and temperature by one clock, are tried together. What fits worse
+    there than nothing in its place, as a wrong unit does, is left out: no other effect makes up for
+    that, and the search for its mode is a long one.
+
+    Parameters
+    ----------
+    known
+        Effects alone at their best: in any form, and in one with details.
     """
-    for id, other in (effects, effects[::-1]):
-        if (id,) in best:
-            for c in sorted(best[id,].beside, key=lambda c: -(c.log_evidence + logs.forms(c))):
-                if c.effects == (other,) and c.gain > -_ALIKE_NATS:
-                    yield joined([*best[id,].candidate.parts, *c.parts])
+    for (id, other), best in product((effects, effects[::-1]), known):
+        beside = best[id,].beside if (id,) in best else ()
+        for c in sorted(beside, key=lambda c: -(c.log_evidence + logs.forms(c))):
+            suits = best is known[0] or c.parts[0][0].form.details
+            if suits and c.effects == (other,) and c.gain > -_ALIKE_NATS:
+                yield joined([*best[id,].candidate.parts, *c.parts])
 
 
 def _partners(one: PosteriorMode, logs: _LogPriors) -> list[Candidate]:
@@ -845,7 +849,7 @@ def class_of(
     # evidence: what is small in force may count for much there.
     for both in [effects for effects in found if len(effects) > 1]:
         fewer = (tuple(e for e in both if e != id) for id in both)
-        errors = {e: weighed.errors(e)[1] for e in (both, *fewer) if e in weighed.best}
+        errors = {e: weighed.errors(e)[1].sum(axis=0) for e in (both, *fewer) if e in weighed.best}
         found += [e for e in errors if e not in found and not _falls(errors[e], errors[both])]
     return tuple(found)
 
@@ -974,20 +978,23 @@ def _explained(
     """Return `Evidence.closes` and `Evidence.without`, of the best effects and of fewer of each.
 
     Specimens may each have their own size of an effect, but not within the floor: there, what they
-    differ by is no gap. Laws are as they likeliest are with the effects, and without: what the
-    palette is off by is no effect's to close. Nor is it one's to open: a further effect that only a
-    law far off makes up for raises the errors of force by the palette's own laws. Where all
-    together close something, it gains no more than what the form of the others may miss.
+    differ by is no gap, and errors have to fall by more than chance. Laws are as they likeliest are
+    with the effects, and without: what the palette is off by is no effect's to close. Nor is it
+    one's to open: a further effect that only a law far off makes up for raises the errors of force
+    by the palette's own laws. Where all together close something, it gains no more than what the
+    form of the others may miss.
     """
-    problem = weighed.plain.problem
-    none = weighed.log_evidence[(), ""]
+    problem, none = weighed.plain.problem, weighed.log_evidence[(), ""]
+    test_of = problem.model.test_of
     gain = {e: weighed.log_evidence[e, ""] - none for e in weighed.best if e}
     best = sorted(gain, key=lambda e: -gain[e])[:_LOOKED_AT]
     closes: dict[Effects, bool] = {}
     without: dict[Effects, Effects] = {}
     errors: dict[Effects, FloatArray] = {}
     for effects in sorted((e for e in gain if any(set(e) <= set(b) for b in best)), key=len):
-        closes[effects] = _falls(*weighed.errors(effects, own=not within_floor))
+        before, after = weighed.errors(effects, own=not within_floor)
+        falls = _falls(before.sum(axis=0), after.sum(axis=0))
+        closes[effects] = falls and (not within_floor or _rise((before - after).sum(axis=1)))
         errors[effects] = own = problem.squared_errors(weighed.best[effects])
         fewer = [
             e
@@ -995,7 +1002,7 @@ def _explained(
             if set(e) < set(effects)
             and closes[e]
             and (gain[effects] - gain[e] < _WRONG_FORM**2 * gain[e] or not closes[effects])
-            and _rise(own - errors[e], problem.model.test_of)
+            and _rise(np.bincount(test_of, own - errors[e]) / np.bincount(test_of))
         ]
         if fewer:
             least = min(fewer, key=lambda e: errors[e].mean())
@@ -1003,9 +1010,8 @@ def _explained(
     return closes, without
 
 
-def _rise(rises: FloatArray, test_of: IntArray) -> bool:
-    """Return whether tests' errors rise, by a paired t test, of the rises of specimens."""
-    rise = np.bincount(test_of, rises) / np.bincount(test_of)
+def _rise(rise: FloatArray) -> bool:
+    """Return whether errors rise, by a paired t test; of tests, or of specimens, each its rise."""
     least = float(stdtrit(len(rise) - 1, 1.0 - _BY_CHANCE))
     return len(rise) > 1 and bool(rise.mean() > least * rise.std(ddof=1) / np.sqrt(len(rise)))
 
@@ -1038,7 +1044,7 @@ def ranking_of(evidence: Evidence, priors: Priors) -> tuple[Hypothesis, ...]:
     unknown. What raises the errors of force speaks for what does without. Neither is ruled out, as
     each specimen may have its own size of a right effect. A cause out of the library may look like
     one that is in it, which no data tell. Very few specimens show a gap, not its cause: the rest of
-    what they name is unknown.
+    what they name is unknown, or where they show none, none.
     """
     found = evidence.log_evidence
     counts = _counted(found, priors)
@@ -1068,7 +1074,7 @@ def ranking_of(evidence: Evidence, priors: Priors) -> tuple[Hypothesis, ...]:
     most = (evidence.specimens - 1) / (ENOUGH_SPECIMENS - 1) * (1.0 - p.get((), 0.0))
     over = sum(p[effects] for effects in named)
     if evidence.specimens < ENOUGH_SPECIMENS and over > most:
-        _give(p, dict.fromkeys(named, 1.0 - most / over), UNKNOWN)
+        _give(p, dict.fromkeys(named, 1.0 - most / over), () if evidence.within_floor else UNKNOWN)
     beside = {h.effects: h.with_unknown for h in ranking}
     return tuple(
         Hypothesis(effects, p[effects], 0.0 if effects in ((), UNKNOWN) else beside[effects])

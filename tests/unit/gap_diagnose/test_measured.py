@@ -1,11 +1,13 @@
 """What measured campaigns have and made-up ones had not: strays, scatter, other lengths, three."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from benchmarks.thermo_viscoelastic import measured, write_campaign
+from benchmarks.withheld.ablated import altered
 from planner.gap.campaign import Campaign
 from planner.gap.campaign_folder import read_campaign
 from planner.gap.diagnose import diagnose, prepared
@@ -104,15 +106,49 @@ def test_three_effects_are_found_together(planned, imitated) -> None:
 
 
 @pytest.mark.long
-def test_rate_and_temperature_are_one_law_though_neither_alone_shows_it(tmp_path) -> None:
+@pytest.mark.parametrize("number", [0, 2, 3])
+def test_rate_and_temperature_are_one_law_though_neither_alone_shows_it(tmp_path, number) -> None:
     """Of forms that are best alone, or one beside another's best, 129 nats fewer."""
-    tests, _ = measured(np.random.default_rng((1, 3)))
+    tests, _ = measured(np.random.default_rng((1, number)))
     write_campaign(tmp_path, tests)
     problem, *_ = prepared(read_campaign(tmp_path))
     found = weigh(problem, Priors())
     best = found.best["rate", "temperature"]
     assert [b.form.name for b, _ in best.parts] == ["spectrum", "any-course"]
     assert verdict_of(ranking_of(evidence_of(problem, found), Priors())) == best.effects
+
+
+def test_forms_with_details_are_tried_together_though_neither_is_best(planned, imitated) -> None:
+    """A clock that rate and temperature share is in no other pair of forms."""
+    plan = planned(
+        2, material=["FLX9760"], rate_mm_s=[0.085, 0.85, 8.5], temperature_C=[13.0, 23.0, 33.0]
+    )
+    effects = "rate:rise=0.15,form=power-law", "temperature:slope=0.02,form=exponential"
+    found = weigh(ready(imitated(plan, *effects), "rate", "temperature"), Priors())
+    tried = {tuple(b.form.name for b, _ in one.candidate.parts) for one in found.modes}
+    assert {("power-law", "exponential"), ("spectrum", "any-course")} <= tried
+
+
+def begun(campaign: Campaign, at_mm: Sequence[float]) -> Campaign:
+    """Let each specimen bear load from another travel on."""
+    specimens = tuple(
+        replace(s, force_N=np.interp(s.displacement_mm - at, s.displacement_mm, s.force_N))
+        for s, at in zip(campaign.specimens, at_mm, strict=True)
+    )
+    return replace(campaign, specimens=specimens)
+
+
+def test_pulls_that_begin_a_little_apart_are_scatter_and_no_slack(planned, imitated) -> None:
+    """Toes of 0.1 mm, of 7.5 mm of travel, about none; half a millimetre of all is slack."""
+    made = imitated(planned(6, batches=1, material=["FLX9760"]), seed=3)
+    toes = 0.1 * np.array([-1.4, -0.8, -0.3, 0.4, 0.7, 1.4])
+    effects = "grip-slack", "force-scale", "strain-scale"
+    alike, apart = ready(made, *effects), ready(begun(made, toes), *effects)
+    # Neither the level's scatter nor what comes and goes stands for it: to 15 %, their own doubt.
+    assert apart.scatter.specimen == pytest.approx(alike.scatter.specimen, rel=0.15)
+    assert apart.scatter.toe > 2.0 * alike.scatter.toe
+    assert verdict(apart) == ()
+    assert verdict(ready(begun(made, 0.5 + toes), *effects)) == ("grip-slack",)
 
 
 def test_two_effects_are_found_where_there_is_no_third(planned, imitated) -> None:
@@ -136,7 +172,7 @@ def test_laws_are_as_poor_as_the_palette_says_or_may_be(planned, imitated) -> No
     stated = replace(
         palette, materials=tuple(replace(m, uncertainty=sure) for m in palette.materials)
     )
-    told = problem.with_(campaign=replace(problem.campaign, palette=stated))
+    told = altered(problem, campaign=replace(problem.campaign, palette=stated))
     assert _law_errors(told) == (0.05,)
 
 

@@ -256,6 +256,9 @@ def test_very_few_specimens_name_little(specimens: int, most: float) -> None:
     assert found[RATE] == pytest.approx(most, abs=1e-6)
     assert found[UNKNOWN] == pytest.approx(1.0 - most, abs=1e-6)
     assert probabilities(evidence(50.0, specimens=6))[RATE] == pytest.approx(1.0, abs=1e-6)
+    # Where they show no gap, there is nothing that could have an unknown cause.
+    found = probabilities(evidence(50.0, specimens=specimens, within_floor=True))
+    assert found[()] == pytest.approx(1.0 - most, abs=1e-6)
 
 
 def test_a_gap_lies_where_its_likely_causes_do() -> None:
@@ -313,27 +316,51 @@ def test_what_gains_more_than_a_wrong_form_could_is_kept(
         plain=SimpleNamespace(problem=problem),
         best={RATE: RATE, BOTH: BOTH},
         log_evidence={((), ""): -4.0, (RATE, ""): 95.0, (BOTH, ""): 95.0 + extra},
-        errors=lambda effects, own: (1.0, error[effects]),
+        errors=lambda effects, own: (np.ones((8, 2)), np.full((8, 2), error[effects])),
     )
-    monkeypatch.setattr(weigh, "_rise", lambda rises, test_of: True)
+    monkeypatch.setattr(weigh, "_rise", lambda rise: True)
     _, without = weigh._explained(found, within_floor=False)  # type: ignore[arg-type]
     assert without == ({} if kept else {BOTH: RATE})
 
 
 @pytest.mark.parametrize(("rise", "expected"), [(0.0, False), (0.05, True)])
 def test_errors_rise_where_they_do_so_in_most_tests(rise: float, expected: bool) -> None:
-    """Two specimens in each of ten tests; a single test says nothing."""
-    test_of = np.repeat(np.arange(10), 2)
-    own = 0.02 * np.random.default_rng(0).standard_normal(20)
-    assert weigh._rise(rise + own - own.mean(), test_of) is expected
-    assert not weigh._rise(np.ones(2), test_of[:2])
+    """Of ten tests; a single test says nothing."""
+    own = 0.02 * np.random.default_rng(0).standard_normal(10)
+    assert weigh._rise(rise + own - own.mean()) is expected
+    assert not weigh._rise(np.ones(1))
+
+
+@pytest.mark.parametrize(("fall", "closes"), [(0.1, True), (0.05, False)])
+def test_within_the_floor_errors_have_to_fall_by_more_than_chance(
+    fall: float, closes: bool
+) -> None:
+    """Of six specimens that each fall by a tenth more or less: the level is 2.02 / √6 of that."""
+    apart = 0.1 * np.array([-1.3, -0.8, -0.3, 0.3, 0.8, 1.3])
+    before, after = (
+        np.stack([forces, np.zeros(6)], axis=1)
+        for forces in (1.0 + 0.0 * apart, 1.0 - fall - apart)
+    )
+    problem = SimpleNamespace(
+        model=SimpleNamespace(test_of=np.zeros(6, dtype=int)),
+        squared_errors=lambda candidate: np.ones(6),
+    )
+    found = SimpleNamespace(
+        plain=SimpleNamespace(problem=problem),
+        best={RATE: RATE},
+        log_evidence={((), ""): 0.0, (RATE, ""): 6.0},
+        errors=lambda effects, own: (before, after),
+    )
+    for within_floor, expected in ((False, True), (True, closes)):
+        told, _ = weigh._explained(found, within_floor=within_floor)  # type: ignore[arg-type]
+        assert told == {RATE: expected}
 
 
 @pytest.mark.parametrize("mean", [1.6, 1.8])  # the level is 2.92 / √3
 def test_a_rise_is_by_students_one_sided_test(mean: float) -> None:
     rises = mean + np.array([-1.0, 0.0, 1.0])
     by_chance = ttest_1samp(rises, 0.0, alternative="greater").pvalue
-    assert weigh._rise(rises, np.arange(3)) is bool(by_chance < 0.05)
+    assert weigh._rise(rises) is bool(by_chance < 0.05)
 
 
 @pytest.mark.parametrize(("groups", "each"), [(1, 18), (3, 6), (15, 2)])
