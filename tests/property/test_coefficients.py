@@ -14,10 +14,12 @@ from planner.errors import ArgumentError, Caution, PaletteError
 from planner.materials.laws import make_law, secant_modulus_MPa
 from planner.materials.mixtures import (
     CoefficientModel,
+    _coordinates_at,
     gent_modulus_MPa,
     left_out_errors,
     nearest_on,
     pchip_slopes,
+    places_of,
 )
 from planner.numerics import FloatArray
 from planner.palette import LawParameters, Material, Palette
@@ -142,6 +144,19 @@ def test_hardness_of_other_mixtures_moves_what_lies_between(
     assert (np.diff(found) >= -1e-13 * found[1:]).all()
     back = model.modulus_MPa(model.coordinate_for(found, 0.1), 0.1)
     np.testing.assert_allclose(back, found, rtol=1e-12)
+
+
+SCALES = [CONNEX3.palette.hardness, (), ((0.0, 30.0), (1.0, 32.0), (2.0, 60.0), (3.0, 62.0))]
+"""The last one is so flat at its ends that parabolas there do not rise."""
+
+
+@given(m=st.floats(-50.0, 2.0 * LAST), hardness=st.sampled_from(SCALES))
+def test_a_coordinate_has_one_place(m: float, hardness: tuple[tuple[float, float], ...]) -> None:
+    """Also beyond the mixtures whose hardness is known, where either end goes on by its own slope.
+
+    1e-9: places are found by Newton's method to rounding, times slopes of a few hundred at most.
+    """
+    assert _coordinates_at(hardness, places_of(hardness, m)) == pytest.approx(m, abs=1e-9)
 
 
 def test_rubbers_as_stiff_as_their_hardness_says_need_no_test_between() -> None:

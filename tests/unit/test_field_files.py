@@ -329,6 +329,14 @@ def test_an_array_that_a_file_lacks_is_named(tmp_path):
         read_point_table(tmp_path / "a.csv", array="q")
 
 
+def test_a_grid_without_pieces_is_told(tmp_path):
+    (tmp_path / "a.vtu").write_bytes(
+        b"<VTKFile type='UnstructuredGrid'><UnstructuredGrid/></VTKFile>"
+    )
+    with pytest.raises(FileError, match="has no Piece"):
+        read_point_table(tmp_path / "a.vtu")
+
+
 @pytest.mark.slow
 def test_pieces_that_share_one_array_are_counted_together(tmp_path):
     once = vtu("zlib")

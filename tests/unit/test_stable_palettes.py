@@ -21,6 +21,11 @@ def test_bundled_laws_are_stable_from_stretch_0_6_to_their_break(name: str) -> N
             assert not stability(make_law(parameters), material.elongation_at_break).limits
 
 
+def test_a_law_that_falls_from_rest_on_is_sound_nowhere() -> None:
+    law = make_law(LawParameters("yeoh", {"c_MPa": (-0.1, 1.0, 0.0)}))
+    assert set(stability(law, 1.0).sound.values()) == {(1.0, 1.0)}
+
+
 def test_a_law_that_gives_way_is_said_where_it_is_used(tmp_path: Path) -> None:
     palette = load_printer("connex3").palette()
     # TangoPlus' law of before: sum mu alpha l^(-alpha / 2) = 0 at 1.68, inside its break at 2.
