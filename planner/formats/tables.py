@@ -103,7 +103,7 @@ def decode_text(data: bytes, path: Path) -> str:
     return text
 
 
-_KOREAN = [word.encode("cp949") for word in ("하중", "변위", "시간", "응력", "변형", "연신")]
+_KOREAN = "하중 변위 시간 응력 변형 연신".encode("cp949").split()
 """Load, displacement, time, stress, strain, elongation: as Chinese they are no words."""
 
 
