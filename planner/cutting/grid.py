@@ -320,7 +320,7 @@ _EVEN = np.array(
 )  # fmt: skip
 
 
-_FACES, _FACES_EACH = 300_000, 1.4
+_FACES, _FACES_EACH = 360_000, 1.4
 """Triangles of interfaces, and for each of the part's, beyond which none are divided: smooth fields
 need a third of it, so it bounds the cost of fields with creases."""
 
@@ -437,7 +437,8 @@ def _drawn_near(
 
     Tetrahedra are halved by bisection (Maubach 1995), and with them those that share the edge, so
     that no corner lies within a neighbour's side. What is left is divided where creases of the
-    field meet its edges, on which neighbours agree.
+    field meet its edges, on which neighbours agree; at once, so that no round goes to what a
+    halving took from its neighbours.
 
     Parameters
     ----------
@@ -455,26 +456,34 @@ def _drawn_near(
         return one.points_mm, one.faces, one.level, one.cell
     marks, tried = _shown(grid, field, levels, marks, within_mm)
     rounds = [_drawn(grid, levels, field, marks, number) for number in (0, 1)]
-    fresh = rounds
+    told: list[FloatArray] = []
     while (number := len(rounds)) <= _MOST_ROUNDS:
-        held = sum(int(one.held(marks, n).sum()) for n, one in enumerate(rounds))
-        if held >= most_faces:
+        held = [one.held(marks, n) for n, one in enumerate(rounds)]
+        left = int(most_faces) - sum(map(np.count_nonzero, held))
+        if left <= 0:
             break
-        off_mm, area_mm2 = np.concatenate([_errors(field, one, levels) for one in fresh], axis=1)
-        leaf = np.concatenate([one.leaf for one in fresh])
+        told += [_errors(field, one, levels) for one in rounds[len(told) :]]
+        each = [
+            (one.leaf[kept], one.cell[kept], *both[:, kept])
+            for one, both, kept in zip(rounds, told, held, strict=True)
+        ]
+        leaf, cell, off_mm, area_mm2 = map(np.concatenate, zip(*each, strict=True))
         far = np.flatnonzero((off_mm > _SURE_OFF * within_mm) & (leaf[:, 5] < 3 * _DEEPEST))
-        order = np.argsort(-(off_mm * area_mm2)[far], kind="stable")
-        worst = far[order[: int(most_faces) - held]]
-        few = marks.sharp.any() and len(far) < _LEFT_OFF * held
-        if not len(worst) or (few and number >= _USUAL_ROUNDS):
+        share = area_mm2[off_mm > within_mm].sum() / max(area_mm2.sum(), 1e-300)
+        if not len(far) or (marks.sharp.any() and share < _LEFT_OFF * (1.0 - left / most_faces)):
             break
-        ends = leaf[:, _EDGES]
-        marks, tried, mended = _creased(grid, field, marks, ends, worst, within_mm, tried, number)
-        rest = leaf[worst[~mended[worst]]]
-        ends = np.stack([rest[:, 0], rest[np.arange(len(rest)), rest[:, 4]]], axis=1)
-        marks = _halved(grid, field, marks, ends, number)
-        fresh = [_drawn(grid, levels, field, marks, number)]
-        rounds += fresh
+        worst = far[np.argsort(-(off_mm * area_mm2)[far], kind="stable")[:left]]
+        # Far tetrahedra are halved, unless edges turn out to meet creases.
+        marks.divided.reshape(-1)[cell[worst]] = number
+        rest = leaf[worst]
+        middle = rest[:, _EDGES].sum(axis=2) // 2
+        new = ~_holds(tried, middle)
+        marks, tried = _creased(grid, field, marks, rest[:, :4], within_mm, tried, number)
+        rest = rest[~(new & _holds(marks.places, middle)).any(axis=1)]
+        middles = (rest[:, 0] + rest[np.arange(len(rest)), rest[:, 4]]) // 2
+        marks, leaves = _halved(grid, field, marks, middles, number)
+        marks, tried = _creased(grid, field, marks, leaves, within_mm, tried, number)
+        rounds.append(_drawn(grid, levels, field, marks, number))
     return _joined(rounds, marks)
 
 
@@ -610,49 +619,25 @@ def _drawn(
 
 
 def _halved(
-    grid: FieldGrid, field: Field, marks: _Marks, ends: NDArray[np.int64], number: int
-) -> _Marks:
-    """Divide tetrahedra at edges, (n, 2), and those that then have a corner within an edge."""
-    while True:
-        places, first = np.unique(ends.sum(axis=1) // 2, return_index=True)
-        points, values = _parted(grid, field, marks, ends[first])
-        marks = marks.more(number, places, points, values, 0)
-        room = np.empty((max(4 * len(ends), 1000), 2), dtype=np.int64)
-        found = _hanging(grid.active, marks.divided, number, marks.table(grid.origin_mm), room)
-        if not found:
-            return marks
-        # Those from a vertex that is still to come, or to be moved, are found again after that.
-        ends, there = room[:found], marks.places[marks.sharp == 0]
-        known = _holds(there, ends) | (_indices(grid.active, ends) % _FINEST == 0).all(-1)
-        ends = ends[known.all(axis=1)]
+    grid: FieldGrid, field: Field, marks: _Marks, places: NDArray[np.int64], number: int
+) -> tuple[_Marks, NDArray[np.int64]]:
+    """Halve tetrahedra at edges' middles, and those that then have a corner within an edge.
 
-
-_SAMPLES = 8
-"""Stretches in which the sharpest crease of an edge is sought; with 6 and 12 interfaces come out as
-near."""
-
-
-def _parted(
-    grid: FieldGrid, field: Field, marks: _Marks, ends: NDArray[np.int64]
-) -> tuple[FloatArray, FloatArray]:
-    """Return where to part edges that are halved: at their sharpest crease, else in the middle.
-
-    Also returned: the field there. In halves of an edge with several creases are fewer.
+    Also returned: the tetrahedra in all cubes that were divided in the round, (n, 4).
     """
-    (start, low), (end, high) = (marks.seen(grid, ends[:, side]) for side in (0, 1))
-    step = (end - start) / _SAMPLES
-    inner = start[:, None] + np.arange(1, _SAMPLES)[:, None] * step[:, None]
-    found = _values_at(field, inner.reshape(-1, 3)).reshape(-1, _SAMPLES - 1)
-    found = np.column_stack([low, found, high])
-    rise = np.diff(found, axis=1)
-    each, at = np.arange(len(ends)), np.abs(rise[:, 2:] - rise[:, :-2]).argmax(axis=1)
-    sharp, points, values, _ = _meeting(
-        field, start + (at + 1.0)[:, None] * step, step, found[each, at + 1], found[each, at + 2],
-        rise[each, at], rise[each, at + 2],
-    )  # fmt: skip
-    middle = start + 0.5 * (end - start)
-    values = np.where(sharp, values, found[:, _SAMPLES // 2])
-    return np.where(sharp[:, None], points, middle), values
+    leaves = np.empty((0, 4), dtype=np.int64)
+    while True:
+        places = _rising(places)
+        points = _even_mm(grid, _indices(grid.active, places))
+        marks = marks.more(number, places, points, _values_at(field, points), 0)
+        room = np.empty(max(4 * len(places), 1000), dtype=np.int64)
+        given = grid.active, marks.divided, number, marks.table(grid.origin_mm), room
+        found, count = _hanging(*given, leaves)
+        if not found:
+            leaves = np.empty((count, 4), dtype=np.int64)
+            _hanging(*given, leaves)
+            return marks, leaves
+        places = room[:found]
 
 
 _EDGES = np.array([[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]])
@@ -665,35 +650,26 @@ _SHARP = 0.8
 """Of what two slopes foretell: how far a field bends at least where it has a crease. One that bends
 evenly comes to 0.5."""
 
-_LEFT_OFF, _USUAL_ROUNDS = 0.004, 9
-"""Where creases meet in a line no division ends. After as many rounds as elsewhere do, it is over
-when so few of the faces are off: of the area that is less than the hundredth that the check of
-interfaces leaves, since faces there are small."""
+_LEFT_OFF = 0.01
+"""Of the area: where creases meet in a line no division ends. It is over when no more is off than
+the check of interfaces leaves, or as much less as triangles are fewer than they may become."""
 
 
 def _creased(
-    grid: FieldGrid, field: Field, marks: _Marks, ends: NDArray[np.int64],
-    chosen: NDArray[np.int64], within_mm: float, tried: NDArray[np.int64], number: int,
-) -> tuple[_Marks, NDArray[np.int64], BoolArray]:  # fmt: skip
-    """Divide edges of tetrahedra, (n, 6, 2), at creases, from chosen ones on along them.
+    grid: FieldGrid, field: Field, marks: _Marks, corners: NDArray[np.int64], within_mm: float,
+    tried: NDArray[np.int64], number: int,
+) -> tuple[_Marks, NDArray[np.int64]]:  # fmt: skip
+    """Divide edges of tetrahedra, (n, 4), at creases, but for those `tried` before.
 
-    Also returned: the middles of all edges that were ever `tried`, and which tetrahedra have an
-    edge that is divided now.
+    Also returned: the middles of all edges that were ever tried.
     """
-    middle = ends.sum(axis=2) // 2
-    waiting, mended = np.ones(len(ends), dtype=np.bool_), np.zeros(len(ends), dtype=np.bool_)
-    while len(chosen):
-        waiting[chosen] = False
-        places, first = np.unique(middle[chosen], return_index=True)
-        new = ~_holds(tried, places)
-        tried = _rising(np.concatenate([tried, places[new]]))
-        edges = ends[chosen].reshape(-1, 2)[first[new]]
-        sharp, points, values = _crease(grid, field, marks, edges, within_mm)
-        places = places[new][sharp]
-        marks = marks.more(number, places, points[sharp], values[sharp], 1)
-        mended |= _holds(places, middle).any(axis=1)
-        chosen = np.flatnonzero(waiting & mended)
-    return marks, tried, mended
+    ends = corners[:, _EDGES].reshape(-1, 2)
+    places, first = np.unique(ends.sum(axis=1) // 2, return_index=True)
+    new = ~_holds(tried, places)
+    sharp, points, values = _crease(grid, field, marks, ends[first[new]], within_mm)
+    tried = _rising(np.concatenate([tried, places[new]]))
+    places = places[new][sharp]
+    return marks.more(number, places, points[sharp], values[sharp], 1), tried
 
 
 def _crease(
@@ -772,12 +748,11 @@ def _shown(
         large |= small.reshape(x, 2, y, 2, z, 2).max(axis=(1, 3, 5))
     cubes = np.argwhere(found[-1])
     corners = np.arange(8)[:, None] >> np.arange(3) & 1
-    ends = _places(grid, _FINEST * (cubes[:, None] + corners))[:, TETRAHEDRA][:, :, _EDGES]
-    each, none = np.arange(6 * len(cubes)), np.empty(0, dtype=np.int64)
-    edges = ends.reshape(-1, 6, 2)
-    marks, tried, _ = _creased(grid, field, marks, edges, each, within_mm, none, 1)
+    each = _places(grid, _FINEST * (cubes[:, None] + corners))[:, TETRAHEDRA]
+    none = np.empty(0, dtype=np.int64)
+    marks, tried = _creased(grid, field, marks, each.reshape(-1, 4), within_mm, none, 1)
     # What the field is at least and at most at creases of a cube.
-    middle = (ends.sum(axis=-1) // 2).reshape(len(cubes), 36)
+    middle = (each[:, :, _EDGES].sum(axis=-1) // 2).reshape(len(cubes), 36)
     at = np.append(marks.values, np.nan)[np.searchsorted(marks.places, middle)]
     at = np.where(_holds(marks.places, middle), at, np.nan)
     seen = np.full((2, *found[-1].shape), np.nan)
@@ -790,10 +765,8 @@ def _shown(
         hidden &= ~shown.repeat(parts, axis=0).repeat(parts, axis=1).repeat(parts, axis=2)
         twice = 2 * np.argwhere(hidden)[:, None] + inner
         wanted.append(_places(grid, twice * (_FINEST // parts // 2)).ravel())
-    places = _rising(np.concatenate(wanted))
-    points = _even_mm(grid, _indices(grid.active, places))
-    marks = marks.more(1, places, points, _values_at(field, points), 0)
-    return _halved(grid, field, marks, np.empty((0, 2), np.int64), 1), tried
+    marks, leaves = _halved(grid, field, marks, np.concatenate(wanted), 1)
+    return _creased(grid, field, marks, leaves, within_mm, tried, 1)
 
 
 def _hides(
@@ -951,9 +924,12 @@ def _divide_at_crease(stack: Any, top: Any, marks: Any) -> Any:
 
 
 @kernel
-def _hanging(active: Any, divided: Any, number: Any, marks: Any, missing: Any) -> Any:
-    """List the places at which tetrahedra have to be halved as well; return how many."""
-    found = 0
+def _hanging(active: Any, divided: Any, number: Any, marks: Any, missing: Any, leaves: Any) -> Any:
+    """List places at which tetrahedra have to be halved as well, and the tetrahedra that need not.
+
+    Returned is how many of both there are; of places as many as there is room for.
+    """
+    found = count = 0
     stack = np.empty((_STACK, 7), dtype=np.int64)
     for i, j, k in np.ndindex(active.shape):
         if active[i, j, k] == 0 or divided[i, j, k] != number:
@@ -964,15 +940,19 @@ def _hanging(active: Any, divided: Any, number: Any, marks: Any, missing: Any) -
             while left > 0:
                 left -= 1
                 if not _is_halved(stack, left, marks):
+                    if count < leaves.shape[0]:
+                        for c in range(4):
+                            leaves[count, c] = stack[left, c]
+                    count += 1
                     continue
                 last = stack[left, 4]
                 if _divides(stack, left, 0, last, marks) != 1:
                     if found == missing.shape[0]:
-                        return found
-                    missing[found, 0], missing[found, 1] = stack[left, 0], stack[left, last]
+                        return found, count
+                    missing[found] = (stack[left, 0] + stack[left, last]) // 2
                     found += 1
                 left = _halve(stack, left)
-    return found
+    return found, count
 
 
 @inner_kernel

@@ -180,7 +180,7 @@ def zigzag(mesh: Mesh):
     ("mesh", "make", "levels", "most"),
     [
         (part(Manifold.cube([6.0, 4.0, 1.8]).rotate([20.0, 30.0, 0.0])), depth,
-         [0.1, 0.25, 0.4], 15_000),
+         [0.1, 0.25, 0.4], 17_500),
         (part(Manifold.cube([9.0, 7.0, 5.0])), zigzag, [0.55, 0.62, 0.7, 0.8], 10_000),
     ],
     ids=["a wall thinner than a cube", "several creases on an edge"],

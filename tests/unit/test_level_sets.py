@@ -11,7 +11,7 @@ from benchmarks.audit import audit
 from benchmarks.interfaces import BOX, FACES
 from planner.cutting import grid
 from planner.cutting.intersect import volume_sign
-from planner.cutting.pieces import split
+from planner.cutting.pieces import FIRST_SHIFT, split
 from planner.errors import ArgumentError
 from planner.fields.parse import Setting, build_field
 from planner.grading.check import interfaces_cancel
@@ -65,29 +65,36 @@ def test_a_flat_level_set_lies_at_its_level(level):
     """Of a distance from flat faces: within the 2e-3 of a cell that vertices keep off its edges."""
     mesh = Mesh(np.asarray([20.0, 12.0, 6.0] * BOX, dtype=np.float32).astype(float), FACES)
     depth = build_field("distance: surface, to=3", Setting(mesh, (0.0, 0.0, 0.0), 0.56))
-    pieces = split(mesh, depth, [level], pitch_mm=0.56, within_mm=0.02)
-    x, y, z = pieces.vertices[np.unique(pieces.cap_faces)].T
+    sets = grid.draw_level_sets(
+        mesh, depth, np.array([level]), 0.56, FIRST_SHIFT, 0.02, follow=True
+    )
+    x, y, z = sets.vertices.T
     inner = (x > 2.0) & (x < 18.0) & (y > 2.0) & (y < 10.0)
     for deep in (z[inner & (z < 3.0)], 6.0 - z[inner & (z > 3.0)]):
         assert len(deep) > 50
         assert np.abs(deep - 3.0 * level).max() < 2.0 * 2e-3 * 0.56
 
 
-def test_edges_are_parted_from_corners_that_stay(monkeypatch):
-    """A corner at a crease may move once its edge is halved; tetrahedra parted before turn over."""
-    parted, moving = grid._parted, []
+def test_tetrahedra_are_halved_in_the_middle_of_an_edge(monkeypatch):
+    """Also of one that met a crease elsewhere: they keep their shape, and none turns over."""
+    halved, off_mm = grid._halved, []
 
-    def watched(cubes, field, marks, ends):
-        moving.append(np.isin(ends, marks.places[marks.sharp == 1]).any())
-        return parted(cubes, field, marks, ends)
+    def watched(cubes, field, marks, places, number):
+        found, leaves = halved(cubes, field, marks, places, number)
+        there = found.places[found.sharp == 0]
+        middle_mm = grid._even_mm(cubes, grid._indices(cubes.active, there))
+        off_mm.append(np.abs(found.points_mm[found.sharp == 0] - middle_mm).max(initial=0.0))
+        corners = found.seen(cubes, leaves.ravel())[0].reshape(-1, 4, 3)
+        assert (np.abs(np.linalg.det(corners[:, 1:] - corners[:, :1])) > 1e-9).all()
+        return found, leaves
 
-    monkeypatch.setattr(grid, "_parted", watched)
+    monkeypatch.setattr(grid, "_halved", watched)
     mesh = Mesh(np.asarray([20.0, 12.0, 6.0] * BOX, dtype=np.float32).astype(float), FACES)
     wish = "max(distance: surface; radial: point=0 0 0)"
     field = build_field(wish, Setting(mesh, (0.0, 0.0, 0.0), 0.56))
     split(mesh, field, np.arange(1, 8) / 8, pitch_mm=0.56, within_mm=0.02)
-    assert len(moving) > 2
-    assert not any(moving)
+    assert len(off_mm) > 2
+    assert max(off_mm) == 0.0
 
 
 def test_functions_are_asked_where_there_are_points():
