@@ -321,7 +321,7 @@ def test_a_form_that_fits_worse_than_nothing_is_not_followed(problem: Problem) -
             for id in (("rate",), ("strain-scale",))}  # fmt: skip
     forms = {
         signed.form.name
-        for c in _in_all_forms(("rate", "strain-scale"), best, logs)
+        for c in _in_all_forms(("rate", "strain-scale"), (best, {}), logs)
         for signed, _ in c.parts
     }
     assert {"factor", "power-law"} <= forms
