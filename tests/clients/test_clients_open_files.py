@@ -64,7 +64,7 @@ def written(path, *, one_mesh=False):
             zip(shells, ("FLX9740", "VeroWhitePlus"), ("#336699", "#EEEEEE"), strict=True)
         )
     ]
-    solids = [(Mesh(v.astype(np.float64), f), "#336699") for v, f, _ in shells]
+    solids = [(v, f, "#336699") for v, f, _ in shells]
     picture = pictures_of(solids, width=64, height=64).thumbnail
     data = encode_threemf(objects, "ring", thumbnail=picture, one_mesh=one_mesh)
     path.write_bytes(data)
