@@ -320,9 +320,10 @@ _EVEN = np.array(
 )  # fmt: skip
 
 
-_FACES, _FACES_EACH = 360_000, 1.4
+_FACES, _FACES_EACH = 400_000, 1.4
 """Triangles of interfaces, and for each of the part's, beyond which none are divided: smooth fields
-need a third of it, so it bounds the cost of fields with creases."""
+need a quarter of it, so it bounds the cost of fields with creases. When flat ones are merged, a
+third or less is left."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -347,6 +348,8 @@ class LevelSets:
         The field as the grid has it at the part's vertices.
     field_range
         Values between which the field lies over the part, sought about the grid's extremes.
+    flat_mm
+        How far faces may come to lie from the level sets when they are merged.
     """
 
     vertices: Float32Array
@@ -359,7 +362,12 @@ class LevelSets:
     cubes: NDArray[np.uint8]
     values: FloatArray
     field_range: tuple[float, float]
+    flat_mm: float
 
+
+_FLAT = 0.05
+"""How far apart planes are whose triangles are merged, of the wanted distance and of the least one
+between levels: far less than either. With half of it a third more triangles are left."""
 
 _Faces = tuple[FloatArray, NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]]
 """Vertices in mm, faces, and of these the level and the cube."""
@@ -405,9 +413,14 @@ def draw_level_sets(
     points, faces, level, cell = _drawn_near(grid, levels, followed, within_mm, most)
     active.reshape(-1)[cell] = 2
     values = grid.interpolate(mesh.vertices)
+    rise = max(np.fmax.reduce(np.abs(np.diff(grid.values, axis=k)), axis=None) for k in range(3))
+    apart_mm = pitch_mm * float(np.diff(levels).min(initial=np.inf)) / max(rise, 1e-300)
+    flat_mm = min(_FLAT * within_mm, _FLAT * apart_mm)
     points_mm = lattice.rounded(points)
     ends = _extreme(grid, field, mesh.bounds_mm, -1.0), _extreme(grid, field, mesh.bounds_mm, 1.0)
-    return LevelSets(points_mm, faces, level, cell, lattice, offsets, touched, active, values, ends)
+    return LevelSets(
+        points_mm, faces, level, cell, lattice, offsets, touched, active, values, ends, flat_mm
+    )
 
 
 _NARROWED = 12

@@ -29,10 +29,11 @@ from planner.mesh.mesh import (
     Topology,
     cancel_opposite,
     compact,
+    face_normal,
     measure,
     weld_points,
 )
-from planner.numerics import Float32Array, FloatArray, inner_kernel, kernel
+from planner.numerics import BoolArray, Float32Array, FloatArray, inner_kernel, kernel
 
 __all__ = ["FIRST_SHIFT", "Pieces", "split"]
 
@@ -404,10 +405,16 @@ def _divide_along(
 
     # What covers itself within a piece or an interface is left out, and vertices without use.
     own, inner = cancel_opposite(faces, piece), cancel_opposite(caps, cap_level)
-    used, both = compact(np.concatenate([faces[own], caps[inner]]), len(pool))
-    faces, caps = np.split(both, [np.count_nonzero(own)])
+    faces, caps, cap_level = faces[own], caps[inner], cap_level[inner]
+    if np.isfinite(within_mm):
+        free = np.ones(len(pool), dtype=np.bool_)
+        free[faces] = False
+        left = _merged(caps, pool, free, sets.flat_mm)
+        caps, cap_level = caps[left], cap_level[left]
+    used, both = compact(np.concatenate([faces, caps]), len(pool))
+    faces, caps = np.split(both, [len(faces)])
     ends = sets.field_range
-    found = Pieces(pool[used], faces, piece[own], caps, cap_level[inner], len(levels) + 1, ends)
+    found = Pieces(pool[used], faces, piece[own], caps, cap_level, len(levels) + 1, ends)
     return found, meetings.broken + part_loops.broken + level_loops.broken
 
 
@@ -445,6 +452,106 @@ def _divided(
         np.concatenate([labels.take(faces[whole, 0]), label]),
         np.concatenate([np.flatnonzero(whole), source]),
     )
+
+
+# ------------------------------------------------------------------------------------------------
+# Merge an interface's triangles where it is flat, or straight along a crease.
+
+
+_MOST_AROUND = 40  # neighbours of a vertex that is looked at
+
+
+def _merged(
+    faces: NDArray[np.int32], pool: Float32Array, free: BoolArray, flat_mm: float
+) -> BoolArray:
+    """Draw free vertices into free neighbours, in place; tell which faces are left.
+
+    A neighbour takes a vertex if it is as near as that to the planes of all its triangles, if none
+    turns over, and if none becomes lower than the lowest, or than ten times that. What was closed
+    stays so: edges that arise end in free vertices, which no other surface has.
+    """
+    first, seen = np.full(len(pool), -1, np.int32), np.zeros(len(pool), np.int64)
+    after, ring = np.empty(faces.size, np.int32), np.empty((_MOST_AROUND, 2), np.int32)
+    _merge(pool.astype(np.float64), faces, free.copy(), flat_mm, first, after, ring, seen)
+    return np.asarray(faces[:, 0] >= 0)
+
+
+@kernel
+def _merge(
+    points: Any, faces: Any, free: Any, flat: Any, first: Any, after: Any, ring: Any, seen: Any
+) -> None:
+    # Vertex v has the corners 3 f + c of faces f from first[v] on; those that are gone begin with
+    # -1. ring: what follows v in each of its faces; seen: of which ring a vertex was last.
+    for corner in range(after.size):
+        v = faces[corner // 3, corner % 3]
+        after[corner], first[v] = first[v], corner
+    number, total, gone = 0, 0, 1
+    while 50 * gone > total:
+        gone = 0
+        for v in range(first.size):
+            number += 1
+            count, best, into = 0, 100.0 * flat * flat, -1
+            s = first[v] if free[v] else -1
+            while s >= 0 and count < ring.shape[0]:
+                f, c = s // 3, s % 3
+                if faces[f, 0] >= 0:
+                    a, b = faces[f, (c + 1) % 3], faces[f, (c + 2) % 3]
+                    ring[count, 0], ring[count, 1], seen[a] = a, b, number
+                    best = min(best, squared_height(points, v, a, b))
+                    count += 1
+                s = after[s]
+            for n in range(count if s < 0 else 0):
+                u = ring[n, 0]
+                if free[u]:
+                    height = _lowest(points, ring, count, v, u, flat)
+                    if height > best and _beside(faces, after, first[u], seen, number) == 4:
+                        best, into = height, u
+            if into < 0:
+                continue
+            last = s = first[v]
+            while s >= 0:
+                f, c = s // 3, s % 3
+                if faces[f, (c + 1) % 3] == into or faces[f, (c + 2) % 3] == into:
+                    faces[f, 0] = -1
+                elif faces[f, 0] >= 0:
+                    faces[f, c] = into
+                last, s = s, after[s]
+            after[last], first[into], free[v] = first[into], first[v], False
+            gone += 1
+        total += gone
+
+
+@inner_kernel
+def _lowest(points: Any, ring: Any, count: Any, v: Any, u: Any, flat: Any) -> Any:
+    """Square of the least height of faces in a ring around v if v is at u; -1 if it may not be."""
+    height = np.inf
+    for n in range(count):
+        a, b = ring[n, 0], ring[n, 1]
+        if a == u or b == u:
+            continue
+        height = min(height, squared_height(points, u, a, b))
+        before, then = face_normal(points, v, a, b), face_normal(points, u, a, b)
+        turn = off = size = 0.0
+        for d in range(3):
+            turn += before[d] * then[d]
+            size += before[d] * before[d]
+            off += before[d] * (points[u, d] - points[v, d])
+        if turn <= 0.0 or off * off > flat * flat * size:
+            return -1.0
+    return height
+
+
+@inner_kernel
+def _beside(faces: Any, after: Any, s: Any, seen: Any, number: Any) -> Any:
+    """Count a vertex's neighbours that are in a ring, each in both of its faces."""
+    count = 0
+    while s >= 0:
+        f, c = s // 3, s % 3
+        if faces[f, 0] >= 0:
+            for d in range(1, 3):
+                count += 1 if seen[faces[f, (c + d) % 3]] == number else 0
+        s = after[s]
+    return count
 
 
 # ------------------------------------------------------------------------------------------------

@@ -180,7 +180,7 @@ def zigzag(mesh: Mesh):
     ("mesh", "make", "levels", "most"),
     [
         (part(Manifold.cube([6.0, 4.0, 1.8]).rotate([20.0, 30.0, 0.0])), depth,
-         [0.1, 0.25, 0.4], 17_500),
+         [0.1, 0.25, 0.4], 8_000),
         (part(Manifold.cube([9.0, 7.0, 5.0])), zigzag, [0.55, 0.62, 0.7, 0.8], 10_000),
     ],
     ids=["a wall thinner than a cube", "several creases on an edge"],
@@ -293,3 +293,18 @@ def test_a_band_at_the_surface_that_cells_are_too_large_for_is_found() -> None:
     fine = planner.grade(box, pitch_mm=0.3, **given)
     assert fine.regions[0].material == "TangoPlus"
     assert not any("hold nothing" in finding.message for finding in fine.findings)
+
+
+def test_thin_walls_are_within_reach_and_flat_places_take_few_triangles() -> None:
+    """Walls of 1.8 mm aslant, whose creases lie nearer to each other than cells are long."""
+    cavity = Manifold.cube([10.4, 6.4, 4.4]).translate([1.8, 1.8, 1.8])
+    mesh = part((Manifold.cube([14, 10, 8]) - cavity).rotate([10, 20, 30]))
+    field, levels = FunctionField("function", depth(mesh)), np.array([0.1, 0.25, 0.4, 0.55, 0.7])
+    pieces = split(mesh, field, levels, pitch_mm=0.5, within_mm=WITHIN_MM)
+    _, middles = off_mm(pieces, field, levels)
+    area = np.linalg.norm(Mesh(pieces.vertices, pieces.cap_faces).area_vectors_mm2, axis=1)
+    assert area[middles < WITHIN_MM].sum() > 0.99 * area.sum()
+    assert len(pieces.cap_faces) < 60_000
+    soups = [pieces.vertices[pieces.shell_faces([i])] for i in range(pieces.count)]
+    assert all(audit(soup).sound for soup in soups if len(soup))
+    assert interfaces_cancel(join_shells([soup for soup in soups if len(soup)]), mesh)
