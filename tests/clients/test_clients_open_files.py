@@ -14,7 +14,6 @@ import pytest
 
 from planner.formats.mesh_file import encode_stl
 from planner.formats.threemf import ThreemfObject, encode_threemf
-from planner.mesh.mesh import Mesh
 from planner.voxels.picture import pictures_of
 
 
