@@ -978,23 +978,23 @@ def _explained(
     """Return `Evidence.closes` and `Evidence.without`, of the best effects and of fewer of each.
 
     Specimens may each have their own size of an effect, but not within the floor: there, what they
-    differ by is no gap, and errors have to fall by more than chance. Laws are as they likeliest are
-    with the effects, and without: what the palette is off by is no effect's to close. Nor is it
-    one's to open: a further effect that only a law far off makes up for raises the errors of force
-    by the palette's own laws. Where all together close something, it gains no more than what the
-    form of the others may miss.
+    differ by is no gap, and errors of force have to fall by more than chance; it says nothing of
+    strains. Laws are as they likeliest are with the effects, and without: what the palette is
+    off by is no effect's to close. Nor is it one's to open: a further effect that only a law far
+    off makes up for raises the errors of force by the palette's own laws. Where all together close
+    something, it gains no more than what the form of the others may miss.
     """
     problem, none = weighed.plain.problem, weighed.log_evidence[(), ""]
     test_of = problem.model.test_of
     gain = {e: weighed.log_evidence[e, ""] - none for e in weighed.best if e}
     best = sorted(gain, key=lambda e: -gain[e])[:_LOOKED_AT]
-    closes: dict[Effects, bool] = {}
-    without: dict[Effects, Effects] = {}
+    closes, without = dict[Effects, bool](), dict[Effects, Effects]()
     errors: dict[Effects, FloatArray] = {}
     for effects in sorted((e for e in gain if any(set(e) <= set(b) for b in best)), key=len):
         before, after = weighed.errors(effects, own=not within_floor)
-        falls = _falls(before.sum(axis=0), after.sum(axis=0))
-        closes[effects] = falls and (not within_floor or _rise((before - after).sum(axis=1)))
+        force, strain = np.stack([before.sum(axis=0), after.sum(axis=0)], axis=1)
+        by_chance = within_floor and not _rise((before - after)[:, 0])
+        closes[effects] = _falls(*strain) or (_falls(*force) and not by_chance)
         errors[effects] = own = problem.squared_errors(weighed.best[effects])
         fewer = [
             e

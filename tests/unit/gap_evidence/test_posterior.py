@@ -354,6 +354,10 @@ def test_within_the_floor_errors_have_to_fall_by_more_than_chance(
     for within_floor, expected in ((False, True), (True, closes)):
         told, _ = weigh._explained(found, within_floor=within_floor)  # type: ignore[arg-type]
         assert told == {RATE: expected}
+    # The floor is of forces: what a camera sees of one bar counts as it is.
+    before[0, 1] = 0.1
+    told, _ = weigh._explained(found, within_floor=True)  # type: ignore[arg-type]
+    assert told == {RATE: True}
 
 
 @pytest.mark.parametrize("mean", [1.6, 1.8])  # the level is 2.92 / √3
