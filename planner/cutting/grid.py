@@ -55,22 +55,6 @@ class FieldGrid:
     active: NDArray[np.uint8]
     values: FloatArray
 
-    def interpolate(self, points_mm: FloatArray) -> FloatArray:
-        """Return the field as the grid has it at points of the part, (n,)."""
-        at = (points_mm - self.origin_mm) / self.pitch_mm
-        corner = np.floor(at).astype(np.int64)
-        share = at - corner
-        # In the tetrahedron of a cube that has the larger coordinate first, edge by edge.
-        order, each = np.argsort(-share, axis=1, kind="stable"), np.arange(len(at))
-        value: FloatArray = self.values[tuple(corner.T)]
-        found = value.copy()
-        for axis in order.T:
-            corner[each, axis] += 1
-            following = self.values[tuple(corner.T)]
-            found += share[each, axis] * (following - value)
-            value = following
-        return found
-
 
 def default_pitch_mm(mesh: Mesh) -> float:
     """Return a pitch of 0.5 mm; finer for small parts, coarser for large ones.
@@ -344,8 +328,9 @@ class LevelSets:
         Face f of the part may touch the cubes ``touched[offsets[f]:offsets[f + 1]]``.
     cubes : (nx, ny, nz) uint8
         1 where a cube holds any of the part, 2 where it has faces.
-    values
-        The field as the grid has it at the part's vertices.
+    cube, corner, corner_value
+        Of the part's vertices: the number of the cube that each lies in, that cube's lower corner
+        on the lattice, (v, 3), and the field there.
     field_range
         Values between which the field lies over the part, sought about the grid's extremes.
     flat_mm
@@ -360,7 +345,9 @@ class LevelSets:
     offsets: NDArray[np.int64]
     touched: NDArray[np.int32]
     cubes: NDArray[np.uint8]
-    values: FloatArray
+    cube: NDArray[np.int32]
+    corner: NDArray[np.int64]
+    corner_value: FloatArray
     field_range: tuple[float, float]
     flat_mm: float
 
@@ -412,15 +399,20 @@ def draw_level_sets(
     followed = field if follow else None
     points, faces, level, cell = _drawn_near(grid, levels, followed, within_mm, most)
     active.reshape(-1)[cell] = 2
-    values = grid.interpolate(mesh.vertices)
+    edge_mm = size * pitch_mm
+    index = np.clip(((mesh.vertices - origin_mm) / edge_mm).astype(np.int64), 0, cubes - 1)
+    cube = np.ravel_multi_index(tuple(index.T), active.shape).astype(np.int32)
+    corner = lattice.integers(origin_mm + index * edge_mm)
+    corner_value = grid.values[tuple(size * index.T)]
     rise = max(np.fmax.reduce(np.abs(np.diff(grid.values, axis=k)), axis=None) for k in range(3))
     apart_mm = pitch_mm * float(np.diff(levels).min(initial=np.inf)) / max(rise, 1e-300)
     flat_mm = min(_FLAT * within_mm, _FLAT * apart_mm)
     points_mm = lattice.rounded(points)
     ends = _extreme(grid, field, mesh.bounds_mm, -1.0), _extreme(grid, field, mesh.bounds_mm, 1.0)
     return LevelSets(
-        points_mm, faces, level, cell, lattice, offsets, touched, active, values, ends, flat_mm
-    )
+        points_mm, faces, level, cell, lattice, offsets, touched, active, cube, corner,
+        corner_value, ends, flat_mm,
+    )  # fmt: skip
 
 
 _NARROWED = 12

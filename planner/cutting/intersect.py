@@ -163,7 +163,7 @@ def intersect(mesh: Mesh, levels: FloatArray, sets: LevelSets) -> tuple[Meetings
     level = _surface_of(sets.vertices, sets.faces, sets.lattice)
     found = _met(part, level, sets)
     on_part, on_level = _ordered(found, True, part), _ordered(found, False, level)
-    piece = _piece_of_vertices(part, found, levels, sets.values)
+    piece = _piece_of_vertices(part, level, found, levels, sets)
     inside = _inside_part(part, level, found, *on_level, sets)
     lower = sets.level[np.where(found.of_part, found.face, 0)]  # of the part's edges alone
     between = sets.level[found.segment_level]
@@ -331,40 +331,35 @@ def _ordered(
 
 
 def _piece_of_vertices(
-    part: Surface, meetings: Meetings, levels: FloatArray, values: FloatArray
+    part: Surface, level: Surface, meetings: Meetings, levels: FloatArray, sets: LevelSets
 ) -> NDArray[np.int32]:
     """Count the levels below each vertex of the part, (n,).
 
-    The field decides for one vertex of each body, the one farthest from any level; from there
-    on the edges' meetings do.
+    The field at a corner of its cube decides for one vertex of each body, with the level sets on
+    the way there, by the same exact decisions; from there on the edges' meetings do.
     """
-    above = np.searchsorted(levels, values, side="right").astype(np.int32)
-    padded = np.concatenate([[-np.inf], levels, [np.inf]])
-    margin = np.minimum(values - padded[above], padded[above + 1] - values)
-    seeds = np.argsort(-margin, kind="stable")
-    ends = part.ends
+    ends, count = part.ends, len(part.points)
+    _, first = np.unique(connected(count, ends[:, 0], ends[:, 1]), return_index=True)
+    seed = first.astype(np.int32)
+    listed = sets.cell, np.arange(len(level.faces), dtype=np.int32)
+    passed = _passed(level, part, seed, sets.corner[seed], sets.cube[seed], listed, sets, 1)
+    piece = np.full(count, -1, dtype=np.int32)
+    piece[seed] = np.searchsorted(levels, sets.corner_value[seed], side="right") - passed
     own, step = meetings.of_part, np.zeros(len(ends), dtype=np.int32)
     np.add.at(step, meetings.edge[own], meetings.way[own])
     both = np.concatenate([ends, ends[:, ::-1]])
     order = np.argsort(both[:, 0], kind="stable")
-    starts = np.searchsorted(both[order, 0], np.arange(len(values) + 1))
-    piece = np.full(len(values), -1, dtype=np.int32)
-    _spread(
-        starts, both[order, 1], np.concatenate([step, -step])[order], seeds, above, piece,
-        np.empty(len(values), dtype=np.int32),
-    )  # fmt: skip
+    starts = np.searchsorted(both[order, 0], np.arange(count + 1))
+    stack = np.empty(count, dtype=np.int32)
+    _spread(starts, both[order, 1], np.concatenate([step, -step])[order], seed, piece, stack)
     return piece
 
 
 @kernel
-def _spread(
-    starts: Any, other: Any, step: Any, seeds: Any, above: Any, piece: Any, stack: Any
-) -> None:
+def _spread(starts: Any, other: Any, step: Any, seeds: Any, piece: Any, stack: Any) -> None:
     known = np.zeros(piece.size, dtype=np.bool_)
+    known[seeds] = True
     for seed in seeds:
-        if known[seed]:
-            continue
-        known[seed], piece[seed] = True, above[seed]
         stack[0], size = seed, 1
         while size > 0:
             size -= 1
@@ -400,31 +395,54 @@ def _inside_part(
         corners = level.faces.ravel()
         first[group[corners[::-1]]] = np.arange(len(corners))[::-1]
         seed = corners[first[open_groups]]
-        cell = sets.cell[first[open_groups] // 3].astype(np.int64)
-        found = np.empty(len(seed), dtype=np.int32)
+        to = level.points[seed]
+        to[:, 2] = max(part.points[:, 2].max(), level.points[:, 2].max()) + 2
         by_cell = np.argsort(sets.touched, kind="stable")
         face = np.repeat(np.arange(len(part.faces), dtype=np.int32), np.diff(sets.offsets))
-        _, ny, nz = sets.cubes.shape
-        top = int(max(part.points[:, 2].max(), level.points[:, 2].max())) + 2
-        _cast(
-            part.points, part.faces, np.concatenate([level.points, level.points[:1]]), seed, cell,
-            sets.touched[by_cell].astype(np.int64), face[by_cell], ny, nz, top,
-            np.full(len(part.faces), -1, dtype=np.int32), found,
-        )  # fmt: skip
-        answer[open_groups] = found
+        listed = sets.touched[by_cell], face[by_cell]
+        cell = sets.cell[first[open_groups] // 3]
+        answer[open_groups] = _passed(part, level, seed, to, cell, listed, sets, -1) > 0
     return answer[group]
+
+
+def _passed(
+    surface: Surface, other: Surface, seed: NDArray[np.int32], to: NDArray[np.int64],
+    seed_cell: NDArray[np.int32], listed: tuple[NDArray[np.int32], NDArray[np.int32]],
+    sets: LevelSets, moved: int,
+) -> NDArray[np.int32]:  # fmt: skip
+    """Count how often stretches pass a surface towards its front, less how often the other way.
+
+    Each begins at a vertex of the other surface, in a given cube, and ends in that or above it.
+
+    Parameters
+    ----------
+    listed
+        Cubes, rising, and a face of the surface in each.
+    moved
+        1 where the surface is the level sets, which count as moved, else -1.
+    """
+    _, ny, nz = sets.cubes.shape
+    found, stamp = np.empty(len(seed), np.int32), np.full(len(surface.faces), -1, np.int32)
+    points = np.concatenate([other.points, other.points[:1]])
+    cell, face = listed
+    _cast(
+        surface.points, surface.faces, points, seed, to, seed_cell.astype(np.int64),
+        cell.astype(np.int64), face, ny, nz, moved, stamp, found,
+    )  # fmt: skip
+    return found
 
 
 @kernel
 def _cast(
-    a: Any, a_faces: Any, b: Any, seed: Any, seed_cell: Any, cell: Any, face: Any,
-    ny: Any, nz: Any, top: Any, stamp: Any, found: Any,
+    a: Any, a_faces: Any, b: Any, seed: Any, to: Any, seed_cell: Any, cell: Any, face: Any,
+    ny: Any, nz: Any, moved: Any, stamp: Any, found: Any,
 ) -> None:  # fmt: skip
     end = b.shape[0] - 1
     for s in range(seed.size):
         v = seed[s]
-        b[end, 0], b[end, 1], b[end, 2] = b[v, 0], b[v, 1], top
-        inside = 0
+        for d in range(3):
+            b[end, d] = to[s, d]
+        passed = 0
         column = seed_cell[s] // nz
         # A vertex may lie on the border of its cube: look into the neighbours as well.
         for di in range(-1, 2):
@@ -439,13 +457,17 @@ def _cast(
                         continue
                     stamp[t] = s
                     normal = face_normal(a, a_faces[t, 0], a_faces[t, 1], a_faces[t, 2])
-                    s0 = _side(a, a_faces[t, 0], b, v, normal, 1)
-                    s1 = _side(a, a_faces[t, 0], b, end, normal, 1)
+                    s0 = _side(a, a_faces[t, 0], b, v, normal, -moved)
+                    s1 = _side(a, a_faces[t, 0], b, end, normal, -moved)
                     if s0 == s1:
                         continue
-                    t0 = _turn_of_edges(a, a_faces[t, 0], a_faces[t, 1], b, v, end)
-                    t1 = _turn_of_edges(a, a_faces[t, 1], a_faces[t, 2], b, v, end)
-                    t2 = _turn_of_edges(a, a_faces[t, 2], a_faces[t, 0], b, v, end)
-                    if t0 == t1 and t1 == t2:
-                        inside += 1 if s1 > 0 else -1
-        found[s] = 1 if inside > 0 else 0
+                    turns = 0
+                    for j in range(3):
+                        p, q = a_faces[t, j], a_faces[t, (j + 1) % 3]
+                        if moved > 0:
+                            turns += _turn_of_edges(b, v, end, a, p, q)
+                        else:
+                            turns += _turn_of_edges(a, p, q, b, v, end)
+                    if abs(turns) == 3:
+                        passed += 1 if s1 > 0 else -1
+        found[s] = passed
