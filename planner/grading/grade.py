@@ -408,10 +408,11 @@ def _check_thickness(
         fit = int(span_mm / machine.layer_mm)
         unit = next((w.replace("--unit", "`unit`") for w in warnings if "--unit" in w), None)
         fewer = "take fewer periods" if periods else f"take `bands` {fit} or fewer"
+        advice = f"{fewer}, or a gentler profile" if fit else "the part is too small; check `unit`"
         raise ThinBandError(
             f"a band of {1000 * thickness_mm:.3g} um at field {thinnest.start:.6g} is thinner than "
             f"a layer of {machine.title}, {1000 * machine.layer_mm:g} um, on a gradient of "
-            f"{span_mm:.4g} mm; {unit or f'{fewer}, or a gentler profile'}"
+            f"{span_mm:.4g} mm; {unit or advice}"
         )
 
 

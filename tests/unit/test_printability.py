@@ -200,6 +200,15 @@ def test_islands_are_one_finding(tmp_path):
     assert plan.checks["places_too_thin"].value == 3
 
 
+@pytest.mark.parametrize(
+    ("size_mm", "advice"), [(0.02, "part is too small; check `unit`"), (0.2, "take `bands` 6 or")]
+)
+def test_a_part_with_no_room_for_bands_is_told_what_to_do(size_mm, advice):
+    part = mesh_of(cube((size_mm, 5.0, 5.0)))
+    with pytest.raises(planner.PlannerError, match=advice):
+        planner.grade(part, from_="Tango", to="Vero", axis="x")
+
+
 def test_bits_that_no_droplet_shows_are_not_counted():
     block = cube((3, 3, 3))
     crumb = block + cube((0.03, 0.03, 0.03), (4, 0, 0)) + cube((0.1, 0.1, 0.1), (5, 0, 0))
