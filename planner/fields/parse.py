@@ -707,8 +707,8 @@ _COMPOSED = re.compile(r"^\s*(\w+)\s*\((.*)\)\s*$", re.DOTALL)
 _NAMED = re.compile(r"^\s*([\w-]+)\s*(?::(.*))?$", re.DOTALL)
 _FIELD_DEEPEST = 20
 _RULES = {
-    "min": "two or more fields, parted by ;",
-    "max": "two or more fields, parted by ;",
+    "min": "(field; field; ...)",
+    "max": "(field; field; ...)",
     "blend": "(field; field; weight 0 to 1)",
     "clamp": "(field; lowest; highest)",
 }
@@ -764,6 +764,8 @@ def _parse(text: str, setting: Setting, depth: int) -> Field:
     name = named[1] if named else text.split("(")[0].split(":")[0].strip()
     if named is None or name not in _KINDS:
         hint = did_you_mean(name, [*_KINDS, *_RULES])
+        if name in _RULES:
+            hint = f"write {name}{_RULES[name]}; "
         raise ArgumentError(
             f"`field` {text.strip()!r}: there is no field {name!r}; {hint}there are "
             f"{', '.join(_KINDS)}, and {', '.join(_RULES)} of such, as in min(axis: x; axis: y)"
