@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.mesh.mesh import Mesh, face_normal, order_edges
+from planner.mesh.mesh import Mesh, order_edges
 from planner.numerics import FloatArray, IntArray, inner_kernel, kernel
 
 __all__ = ["TriangleTree", "distances", "inscribed_balls", "triangle_tree"]
@@ -246,8 +246,12 @@ def _to_triangle(corners: Any, t: Any, at: Any, closest: Any) -> Any:
 # The largest balls inside a surface near points.
 
 
+_WAYS = np.indices((3, 3, 3)).reshape(3, 27).T[:, None, ::-1] - 1.0
+"""Steps to a place's neighbours and to itself, (27, 1, 3), along x first."""
+
+
 def inscribed_balls(
-    corners: FloatArray, points: FloatArray, step: float, reach: float
+    mesh: Mesh, points: FloatArray, step: float, reach: float
 ) -> tuple[FloatArray, FloatArray]:
     """Climb from each point to the centre of the largest ball that fits there.
 
@@ -256,8 +260,8 @@ def inscribed_balls(
 
     Parameters
     ----------
-    corners : (m, 3, 3)
-        Of the triangles.
+    mesh : Mesh
+        A closed surface.
     points : (n, 3)
     reach
         Radius in mm beyond which the size of a ball is of no interest.
@@ -268,58 +272,29 @@ def inscribed_balls(
         Where no ball fits, the radius is zero.
     """
     around = reach + 2.0 * step
-    along = corners.T.copy()  # by axis, each in one piece: many times as fast
+    along = mesh.triangles.T.copy()  # by axis, each in one piece: many times as fast
     low, high = along.min(axis=1), along.max(axis=1)
-    centres, radii_mm = np.array(points, dtype=np.float64, order="C"), np.empty(len(points))
-    for i, point in enumerate(centres.copy()):
+    near = np.zeros(len(mesh.faces), dtype=np.bool_)
+    for point in points:
         at = point[:, None]
-        near = ((low <= at + around) & (high >= at - around)).all(axis=0)
-        radii_mm[i] = _climb(corners[near], point, step, reach, centres[i])
-    return centres, radii_mm
+        near |= ((low <= at + around) & (high >= at - around)).all(axis=0)
+    if not near.any():
+        return points, np.full(len(points), reach)
+    tree = triangle_tree(Mesh(mesh.vertices, mesh.faces[near]))
 
+    def depth(places: FloatArray) -> FloatArray:
+        distance, outside = distances(tree, places.reshape(-1, 3))
+        found = np.where(distance < reach, np.where(outside, -distance, distance), reach)
+        return found.reshape(places.shape[:-1])
 
-@kernel
-def _climb(corners: Any, point: Any, step: Any, reach: Any, centre: Any) -> Any:
-    closest, start, trial = np.empty((2, 3)), np.empty(3), np.empty(3)
-    best, size = _depth(corners, point, reach, closest), step / 2
-    while size >= step / 16:
-        moved = False
-        for axis in range(3):  # `start[:] = centre` takes 1.4 s to compile
-            start[axis] = centre[axis]
-        for neighbour in range(27):
-            strayed, digits = False, neighbour
-            for axis in range(3):
-                trial[axis] = start[axis] + (digits % 3 - 1) * size
-                strayed |= abs(trial[axis] - point[axis]) > step
-                digits //= 3
-            if strayed:
-                continue
-            depth = _depth(corners, trial, reach, closest)
-            if depth > best + 1e-9:
-                moved, best = True, depth
-                for axis in range(3):
-                    centre[axis] = trial[axis]
-        if not moved:
-            size /= 2
-    return max(best, 0.0)
-
-
-@inner_kernel
-def _depth(corners: Any, point: Any, reach: Any, closest: Any) -> Any:
-    # Distance to the surface, negative outside. Among triangles that share the nearest point
-    # (an edge, a corner) the one seen least edge-on tells the side.
-    nearest, inside, facing = reach * reach, True, 0.0
-    for f in range(corners.shape[0]):
-        distance, _ = _to_triangle(corners, f, point, closest)
-        x, y, z = face_normal(corners[f], 0, 1, 2)
-        height = x * (closest[0, 0] - point[0]) + y * (closest[0, 1] - point[1])
-        height += z * (closest[0, 2] - point[2])
-        square = x * x + y * y + z * z
-        if distance > nearest * (1 + 1e-9) + 1e-18 or square == 0.0:
-            continue
-        cosine = height / np.sqrt(square * max(distance, 1e-300))
-        if distance < nearest * (1 - 1e-9) - 1e-18 or abs(cosine) > facing:
-            facing = abs(cosine)
-            inside = cosine >= 0.0
-        nearest = min(nearest, distance)
-    return np.sqrt(nearest) if inside else -np.sqrt(nearest)
+    centres, size, best = points.copy(), np.full(len(points), step / 2), depth(points)
+    while len(left := np.flatnonzero(size >= step / 16)):
+        trials = centres[left] + _WAYS * size[left, None]
+        strayed = (np.abs(trials - points[left]) > step).any(axis=2)
+        moved = np.zeros(len(left), dtype=np.bool_)
+        for trial, found in zip(trials, np.where(strayed, -np.inf, depth(trials)), strict=True):
+            better = found > best[left] + 1e-9
+            centres[left[better]], best[left[better]] = trial[better], found[better]
+            moved |= better
+        size[left[~moved]] /= 2
+    return centres, np.maximum(best, 0.0)

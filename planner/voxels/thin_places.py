@@ -785,7 +785,7 @@ def room_mm(
 
     Diameters of the limit and more are not told apart; outside the solid they are zero.
     """
-    centres, radii_mm = inscribed_balls(mesh.triangles, points_mm, step_mm, 0.55 * limit_mm)
+    centres, radii_mm = inscribed_balls(mesh, points_mm, step_mm, 0.55 * limit_mm)
     return centres, 2.0 * radii_mm
 
 

@@ -6,6 +6,7 @@ import trimesh
 from scipy import ndimage
 
 from planner.mesh.distance import inscribed_balls
+from planner.mesh.mesh import Mesh
 from planner.voxels.thin_places import (
     _ROOM,
     _add_runs,
@@ -126,7 +127,7 @@ def test_inscribed_ball_of_a_turned_box(seed):
     body = trimesh.creation.box((2, 1, 3))
     body.apply_transform(trimesh.transformations.random_rotation_matrix(rng.random(3)))
     start = rng.uniform(-0.1, 0.1, 3)
-    (centre,), (radius,) = inscribed_balls(np.array(body.triangles), start[None], 0.2, 5.0)
+    (centre,), (radius,) = inscribed_balls(Mesh(body.vertices, body.faces), start[None], 0.2, 5.0)
     assert 0.5 - 0.2 / 16 <= radius <= 0.5 + 1e-9
     distance = np.abs(
         body.face_normals @ centre - np.einsum("ij,ij->i", body.face_normals, body.triangles[:, 0])
@@ -137,6 +138,18 @@ def test_inscribed_ball_of_a_turned_box(seed):
 def test_inscribed_ball_starting_outside_climbs_in():
     body = trimesh.creation.icosphere(3, 0.1)
     start = np.array([[0.12, 0.0, 0.02]])
-    (centre,), (radius,) = inscribed_balls(np.array(body.triangles), start, 0.2, 1.0)
+    (centre,), (radius,) = inscribed_balls(Mesh(body.vertices, body.faces), start, 0.2, 1.0)
     assert np.linalg.norm(centre) < 0.03
     assert radius == pytest.approx(0.1, abs=0.02)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_inscribed_balls_of_a_sharp_body_lie_inside(seed):
+    """Wherever the search starts, a ball with a radius is as large as the nearest face allows."""
+    rng = np.random.default_rng(seed)
+    body = trimesh.convex.convex_hull(rng.uniform(-1, 1, (4, 3)) * [1, 1, 0.1])
+    starts = rng.uniform(-1.2, 1.2, (5, 3)) * [1, 1, 0.3]
+    centres, radii = inscribed_balls(Mesh(body.vertices, body.faces), starts, 0.2, 5.0)
+    arms = centres[:, None] - body.triangles[:, 0]
+    beyond = np.einsum("fj,nfj->nf", body.face_normals, arms).max(axis=1)
+    assert radii == pytest.approx(np.maximum(-beyond, 0.0), abs=1e-9)
