@@ -141,8 +141,6 @@ class Crossed:
         Of its vertices: levels below, or 1 inside the part.
     offsets : (e + 1,) int32, points : int32
         Edge i has the meetings ``points[offsets[i]:offsets[i + 1]]``, from its lower vertex on.
-    lower : (p,) int32
-        A meeting joins this label and the next along its edge, upwards where its way is 1.
     segment_face, segment_label : (s,) int32
         The face that each segment lies in, and the lower of the two labels that it divides, the
         higher one on its left.
@@ -152,7 +150,6 @@ class Crossed:
     labels: NDArray[np.int32]
     offsets: NDArray[np.int32]
     points: NDArray[np.int32]
-    lower: NDArray[np.int32]
     segment_face: NDArray[np.int32]
     segment_label: NDArray[np.int32]
 
@@ -163,13 +160,12 @@ def intersect(mesh: Mesh, levels: FloatArray, sets: LevelSets) -> tuple[Meetings
     level = _surface_of(sets.vertices, sets.faces, sets.lattice)
     found = _met(part, level, sets)
     on_part, on_level = _ordered(found, True, part), _ordered(found, False, level)
-    piece = _piece_of_vertices(part, level, found, levels, sets)
-    inside = _inside_part(part, level, found, *on_level, sets)
     lower = sets.level[np.where(found.of_part, found.face, 0)]  # of the part's edges alone
-    between = sets.level[found.segment_level]
-    of_part = Crossed(part, piece, *on_part, lower, found.segment_part, between)
-    none, between_none = np.zeros_like(lower), np.zeros_like(between)
-    of_level = Crossed(level, inside, *on_level, none, found.segment_level, between_none)
+    none, between = np.zeros_like(lower), sets.level[found.segment_level]
+    piece = _piece_of_vertices(part, level, *_told(part, found, *on_part, lower), levels, sets)
+    inside = _inside_part(part, level, *_told(level, found, *on_level, none), sets)
+    of_part = Crossed(part, piece, *on_part, found.segment_part, between)
+    of_level = Crossed(level, inside, *on_level, found.segment_level, np.zeros_like(between))
     return found, of_part, of_level
 
 
@@ -330,65 +326,54 @@ def _ordered(
     return np.searchsorted(meetings.edge[points], edges).astype(np.int32), points
 
 
+def _told(
+    surface: Surface, meetings: Meetings, offsets: NDArray[np.int32], points: NDArray[np.int32],
+    lower: NDArray[np.int32],
+) -> tuple[NDArray[np.int32], NDArray[np.int32]]:  # fmt: skip
+    """Group vertices that edges without a meeting join; edges with one tell groups' labels.
+
+    Returns
+    -------
+    group : (n,) int32
+        Of each vertex.
+    label : (groups,) int32
+        -1 where no such edge ends.
+    """
+    ends, count = surface.ends, np.diff(offsets)
+    group = connected(len(surface.points), *ends[count == 0].T)
+    label = np.full(int(group.max(initial=-1)) + 1, -1, dtype=np.int32)
+    single = np.flatnonzero(count == 1)
+    met = points[offsets[single]]
+    label[group[ends[single, 0]]] = lower[met] + (meetings.way[met] < 0)
+    label[group[ends[single, 1]]] = lower[met] + (meetings.way[met] > 0)
+    return group, label
+
+
 def _piece_of_vertices(
-    part: Surface, level: Surface, meetings: Meetings, levels: FloatArray, sets: LevelSets
-) -> NDArray[np.int32]:
+    part: Surface, level: Surface, group: NDArray[np.int32], label: NDArray[np.int32],
+    levels: FloatArray, sets: LevelSets,
+) -> NDArray[np.int32]:  # fmt: skip
     """Count the levels below each vertex of the part, (n,).
 
-    The field at a corner of its cube decides for one vertex of each body, with the level sets on
-    the way there, by the same exact decisions; from there on the edges' meetings do.
+    Where no edge tells, the field at a corner of a vertex's cube does, with the level sets on the
+    way there, by the same exact decisions.
     """
-    ends, count = part.ends, len(part.points)
-    _, first = np.unique(connected(count, ends[:, 0], ends[:, 1]), return_index=True)
-    seed = first.astype(np.int32)
+    left = np.flatnonzero(label < 0)
+    seed = np.unique(group, return_index=True)[1][left].astype(np.int32)
     listed = sets.cell, np.arange(len(level.faces), dtype=np.int32)
     passed = _passed(level, part, seed, sets.corner[seed], sets.cube[seed], listed, sets, 1)
-    piece = np.full(count, -1, dtype=np.int32)
-    piece[seed] = np.searchsorted(levels, sets.corner_value[seed], side="right") - passed
-    own, step = meetings.of_part, np.zeros(len(ends), dtype=np.int32)
-    np.add.at(step, meetings.edge[own], meetings.way[own])
-    both = np.concatenate([ends, ends[:, ::-1]])
-    order = np.argsort(both[:, 0], kind="stable")
-    starts = np.searchsorted(both[order, 0], np.arange(count + 1))
-    stack = np.empty(count, dtype=np.int32)
-    _spread(starts, both[order, 1], np.concatenate([step, -step])[order], seed, piece, stack)
-    return piece
-
-
-@kernel
-def _spread(starts: Any, other: Any, step: Any, seeds: Any, piece: Any, stack: Any) -> None:
-    known = np.zeros(piece.size, dtype=np.bool_)
-    known[seeds] = True
-    for seed in seeds:
-        stack[0], size = seed, 1
-        while size > 0:
-            size -= 1
-            v = stack[size]
-            for h in range(starts[v], starts[v + 1]):
-                w = other[h]
-                if not known[w]:
-                    known[w], piece[w] = True, piece[v] + step[h]
-                    stack[size] = w
-                    size += 1
+    label[left] = np.searchsorted(levels, sets.corner_value[seed], side="right") - passed
+    return label[group]
 
 
 def _inside_part(
-    part: Surface, level: Surface, meetings: Meetings, offsets: NDArray[np.int32],
-    points: NDArray[np.int32], sets: LevelSets,
+    part: Surface, level: Surface, group: NDArray[np.int32], answer: NDArray[np.int32],
+    sets: LevelSets,
 ) -> NDArray[np.int32]:  # fmt: skip
     """Tell which vertices of the level sets lie in the part: 1 or 0, (n,).
 
-    Edges that do not meet the part join vertices of one answer; one edge that enters or leaves
-    settles it for all of them. Where there is none, a ray does, by the same exact decisions.
+    Where no edge tells, a ray does, by the same exact decisions.
     """
-    ends, count = level.ends, np.diff(offsets)
-    free = count == 0
-    group = connected(len(level.points), ends[free, 0], ends[free, 1])
-    answer = np.full(int(group.max(initial=-1)) + 1, -1, dtype=np.int32)
-    single = np.flatnonzero(count == 1)
-    way = meetings.way[points[offsets[single]]]
-    answer[group[ends[single, 0]]] = way < 0
-    answer[group[ends[single, 1]]] = way > 0
     open_groups = np.flatnonzero(answer < 0)
     if len(open_groups):
         first = np.full(len(answer), -1, dtype=np.int64)

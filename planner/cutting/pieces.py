@@ -149,46 +149,16 @@ def _walk_faces(crossed: Crossed, meetings: Meetings) -> Loops:
     nodes, loop_starts = np.empty(room, dtype=np.int32), np.zeros(room + 1, dtype=np.int32)
     loop_face, loop_label = np.empty((2, room), dtype=np.int32)
     count = len(labels) + len(way)
-    # The order of near meetings is settled where labels tell it: a copy is changed.
-    points = crossed.points.copy()
-    broken = _order(crossed.offsets, points, surface.ends, labels, way, crossed.lower)
     slot, stamp = np.empty(2 * count, dtype=np.int32), np.full(2 * count, -1, dtype=np.int32)
     loops, lost = _walk(
-        faces.astype(np.int32), surface.faces, surface.of_face, labels, crossed.offsets, points,
-        way, starts, meetings.segment[order], crossed.segment_label[order], slot, stamp,
-        np.empty((most, 4), dtype=np.int32), nodes, loop_starts, loop_face, loop_label,
+        faces.astype(np.int32), surface.faces, surface.of_face, labels, crossed.offsets,
+        crossed.points, way, starts, meetings.segment[order], crossed.segment_label[order], slot,
+        stamp, np.empty((most, 4), dtype=np.int32), nodes, loop_starts, loop_face, loop_label,
     )  # fmt: skip
     return Loops(
         nodes[: loop_starts[loops]], loop_starts[: loops + 1], loop_face[:loops],
-        loop_label[:loops], broken + lost,
+        loop_label[:loops], lost,
     )  # fmt: skip
-
-
-@kernel
-def _order(offsets: Any, points: Any, ends: Any, labels: Any, way: Any, step_level: Any) -> Any:
-    """Let each edge's meetings follow from label to label; return how many edges cannot."""
-    broken = 0
-    for e in range(ends.shape[0]):
-        label = labels[ends[e, 0]]
-        for n in range(offsets[e], offsets[e + 1]):
-            found = -1
-            for m in range(n, offsets[e + 1]):
-                p = points[m]
-                if label == step_level[p] + (0 if way[p] > 0 else 1):
-                    found = m
-                    break
-            if found < 0:
-                broken += 1
-                break
-            p = points[found]
-            for m in range(found, n, -1):
-                points[m] = points[m - 1]
-            points[n] = p
-            label += way[p]
-        else:
-            if label != labels[ends[e, 1]]:
-                broken += 1
-    return broken
 
 
 @kernel
