@@ -9,10 +9,10 @@ import re
 import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from html import escape
 from pathlib import Path
 from typing import NoReturn
 from xml.etree import ElementTree
-from xml.sax.saxutils import quoteattr
 
 import numpy as np
 from numpy.typing import NDArray
@@ -503,7 +503,7 @@ class _Written:
             )
         width = f' NumberOfComponents="{values.shape[1]}"' if values.ndim == 2 else ""
         self.body.write(
-            f'<DataArray type="{kind}" Name={quoteattr(name)}{width} format="appended" '
+            f'<DataArray type="{kind}" Name="{escape(name)}"{width} format="appended" '
             f'offset="{self.blocks.tell()}"/>\n'
         )
         data = np.ascontiguousarray(values, dtype=values.dtype.newbyteorder("<")).tobytes()

@@ -11,9 +11,9 @@ import uuid
 import zlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from html import escape
 from pathlib import Path
 from typing import Any, TypeAlias
-from xml.sax.saxutils import quoteattr
 
 import lib3mf
 import numpy as np
@@ -912,7 +912,7 @@ def _settings(opening: str, name: str, parts: Sequence[_Part], *, typed: bool = 
     def element(opening: str, said: Mapping[str, object], indent: str) -> list[str]:
         of = f'type="{opening.partition(" ")[0]}" ' if typed else ""
         return [f"{indent}<{opening}>"] + [
-            f'{indent}  <metadata {of}key="{key}" value={quoteattr(str(value))}/>'
+            f'{indent}  <metadata {of}key="{key}" value="{escape(str(value))}"/>'
             for key, value in said.items()
         ]
 
