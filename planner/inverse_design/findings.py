@@ -165,10 +165,10 @@ def reached(
                 span, off, ends, whole=whole,
             )  # fmt: skip
         for shape, miss in zip(case.shapes, one.deviations(), strict=True):
-            way_mm = shape.wanted.greatest_mm
+            way_mm, largest_mm = shape.wanted.greatest_mm, float(miss.off_mm.max())
             yield Reached(
                 shape.wanted.target.text, case.name, "near", "mm off", 0.0, next(ideals) * way_mm,
-                miss.rms * way_mm, None, miss.rms, largest=miss.largest * way_mm, whole=way_mm,
+                miss.rms * way_mm, None, miss.rms, largest=largest_mm, whole=way_mm,
             )  # fmt: skip
 
 

@@ -529,7 +529,7 @@ class Deviation(NamedTuple):
 
     Attributes
     ----------
-    rms, largest : float
+    rms : float
         Over the longest way; the mean is over the area.
     off : (m,)
         Whose sum of squares is that of the mean, times the weight.
@@ -540,7 +540,6 @@ class Deviation(NamedTuple):
     """
 
     rms: float
-    largest: float
     off: FloatArray
     rows: Callable[[FloatArray], FloatArray]
     off_mm: FloatArray
@@ -608,9 +607,8 @@ class ShapeGoal(NamedTuple):
             def rows(moved: FloatArray) -> FloatArray:
                 return np.asarray(scale[:, None] * np.einsum("vi,vin->vn", along, moved))
 
-        counts = self.share > 0.0
         rms = float(np.sqrt(self.share @ off_mm**2)) / greatest
-        return Deviation(rms, float(off_mm[counts].max()) / greatest, off, rows, off_mm * counts)
+        return Deviation(rms, off, rows, off_mm * (self.share > 0.0))
 
 
 def carried_along(rest: FloatArray, moved: FloatArray, place: FloatArray) -> FloatArray:

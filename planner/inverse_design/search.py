@@ -200,8 +200,7 @@ class Solved(Solution):
         each = average.back(weights)
         square = along[:, [0, 1, 2, 0, 1, 0]] * along[:, [0, 1, 2, 1, 2, 2]]
         tensor = (each / (breaks * stretch))[:, None] * square
-        # nodal_forces multiplies by volumes, which `back` has put in already
-        pulled = mechanics.nodal_forces(state, tensor / mechanics.body.cells.weights_mm3[:, None])
+        pulled = mechanics.nodal_forces(state.displacement_mm, tensor)  # with volumes, by `back`
         through = mechanics.sensitivity(state, self.factored, pulled)
         gap = 1e-6 * float(np.ptp(body.table.coordinate)) + 1e-12
         change = (body.table.break_at(body.coordinate + gap) - breaks) / gap

@@ -6,7 +6,7 @@ import numpy as np
 
 from planner.numerics import FloatArray, inner_kernel, kernel
 
-__all__ = ["LOCAL", "SIX", "advance", "assemble", "observe", "pull", "shape_functions"]
+__all__ = ["LOCAL", "SIX", "advance", "assemble", "observe", "shape_functions"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -178,12 +178,6 @@ def _strained(F: Any, slopes: Any, k: Any) -> Any:
 
 
 @inner_kernel
-def _pressure(coefficients: Any, basis: Any) -> Any:
-    """Return the value at a point of what a cell's basis has coefficients of."""
-    return np.dot(coefficients, basis)
-
-
-@inner_kernel
 def _deform(u: Any, nodes: Any, gradient: Any, F: Any, strain: Any) -> None:
     """Write F = I + du/dX and the strain (Fᵀ F - I) / 2 of displacements at a point."""
     _slopes(u, nodes, gradient, F)
@@ -250,7 +244,7 @@ def assemble(
             _deform(u, nodes[c], gradient[q], Fs[q], actual)
             for k in range(6):
                 gaps[q, k] = actual[k] - strain[at, k]
-            p = _pressure(pressure[c], basis[at])
+            p = np.dot(pressure[c], basis[at])
             Js[q], growth, _ = _law(strain[at], law, at, p, cis[q], isos[q], coefficients[q])
             swelling = growth + Js[q] * _double(cis[q], gaps[q])
             right_side += weights[at] * swelling * basis[at]
@@ -262,7 +256,7 @@ def assemble(
             at = begin + q
             w, F, ci, co, J = weights[at], Fs[q], cis[q], coefficients[q], Js[q]
             gx, gy, gz = gradient[q, 0], gradient[q, 1], gradient[q, 2]
-            p = _pressure(new, basis[at])
+            p = np.dot(new, basis[at])
             _tangent_times(ci, co, gaps[q], full)
             for k in range(6):
                 full[k] += isos[q, k] + p * J * ci[k]
@@ -347,14 +341,14 @@ def advance(
                 linear = _strained(F, G, k)
                 gaps[q, k] = actual[k] + linear - strain[at, k]
                 moved[q, k] = actual[k] + linear + square
-            p = _pressure(pressure[c], basis[at])
+            p = np.dot(pressure[c], basis[at])
             Js[q], growth, _ = _law(strain[at], law, at, p, cis[q], isos[q], coefficients[q])
             swelling = growth + Js[q] * _double(cis[q], gaps[q])
             right_side += weights[at] * swelling * basis[at]
         np.dot(compliance[c], right_side, pressure[c])
         for q in range(count):
             at = begin + q
-            p = _pressure(pressure[c], basis[at])
+            p = np.dot(pressure[c], basis[at])
             _tangent_times(cis[q], coefficients[q], gaps[q], full)
             for k in range(6):
                 stress[at, k] = isos[q, k] + p * Js[q] * cis[q, k] + full[k]
@@ -407,22 +401,5 @@ def observe(
             turned += weights[q] * J * _double(ci, work) * basis[q]
         y = np.dot(compliance[c], turned)
         for q in range(offsets[c], offsets[c + 1]):
-            p, back = _pressure(pressure[c], basis[q]), _pressure(y, basis[q])
+            p, back = np.dot(pressure[c], basis[q]), np.dot(y, basis[q])
             volumetric[q] += weights[q] * p * back / bulk[q]
-
-
-@kernel
-def pull(cells: Any, u: FloatArray, stress: FloatArray, out: FloatArray) -> None:
-    """Add the nodal forces (N, 3) of stresses at the points, (Q, 6), times their volumes."""
-    nodes, offsets, points, weights, cell_mm = cells
-    gradient, F, strain = np.empty((3, 27)), np.empty((3, 3)), np.empty(6)
-    for c in range(nodes.shape[0]):
-        for q in range(offsets[c], offsets[c + 1]):
-            _gradients(points[q], cell_mm, gradient)
-            _deform(u, nodes[c], gradient, F, strain)
-            for i in range(3):
-                for m in range(3):
-                    first = F[i, 0] * stress[q, SIX[0, m]] + F[i, 1] * stress[q, SIX[1, m]]
-                    first = weights[q] * (first + F[i, 2] * stress[q, SIX[2, m]])
-                    for a in range(27):
-                        out[nodes[c, a], i] += first * gradient[m, a]

@@ -62,27 +62,24 @@ class _PartFields(NamedTuple):
 
     def over_break_at(self, cell: IntArray, local: FloatArray) -> FloatArray:
         """Return the strain over break at places in cells, (n, 3)."""
-        return np.asarray(np.einsum("mc,mc->m", _hats(local), self.strain_over_break[cell]))
-
-
-_RUN = 20_000
-"""Points at a time: 30 MB for each of their fields."""
+        return _between(self.strain_over_break, cell, local)
 
 
 def _fields_of(
     mechanics: Mechanics, state: Equilibrium, strain_over_break: FloatArray
 ) -> _PartFields:
     """Return what stands in a body; Cauchy's stress is F S Fᵀ / J."""
-    cells, u = mechanics.body.cells, state.displacement_mm
-    stress = np.empty_like(state.stress_MPa)
-    for first in range(0, len(stress), _RUN):
-        rows = slice(first, first + _RUN)
-        gradient = shape_functions(cells.points[rows], cells.cell_mm)[1]
-        F = np.eye(3) + np.einsum("qai,qaj->qij", u[cells.nodes[cells.cell_of[rows]]], gradient)
-        S = state.stress_MPa[rows][:, SIX]
+    u, stress = state.displacement_mm, np.empty_like(state.stress_MPa)
+    for run, _, _, F in mechanics.runs(u):
+        S = state.stress_MPa[run][:, SIX]
         full = F @ S @ F.transpose(0, 2, 1) / np.linalg.det(F)[:, None, None]
-        stress[rows] = full[:, [0, 1, 2, 0, 1, 0], [0, 1, 2, 1, 2, 2]]
+        stress[run] = full[:, [0, 1, 2, 0, 1, 0], [0, 1, 2, 1, 2, 2]]
     return _PartFields(u, stress, mechanics.energy_MPa(state), strain_over_break)
+
+
+def _between(corners: FloatArray, cell: IntArray, local: FloatArray) -> FloatArray:
+    """Return at places in cells, (m, 3), what is given at all cells' corners, (n, 8)."""
+    return np.asarray(np.einsum("mc,mc->m", _hats(local), corners[cell]))
 
 
 def _hats(local: FloatArray) -> FloatArray:
@@ -168,16 +165,11 @@ class Solution:
         iso = state.stress_MPa[:, SIX] - (pressure + own)[:, None, None] * bulging
         iso *= seen.over_m[:, None, None]
         out = np.zeros((3 * count, width))
-        for first in range(0, len(pressure), _RUN):
-            run = slice(first, first + _RUN)
-            cell = cells.cell_of[run]
-            nodes = cells.nodes[cell]
-            gradient = shape_functions(cells.points[run], cells.cell_mm)[1]
-            slope = np.eye(3) + np.einsum("qai,qaj->qij", state.displacement_mm[nodes], gradient)
+        for run, nodes, gradient, slope in mechanics.runs(state.displacement_mm):
             rows = (3 * nodes[:, :, None] + np.arange(3)).reshape(len(nodes), 81)
             ends = 81 * np.arange(len(nodes) + 1)
             pressed = share[run].multiply((own * mechanics.bulk_over_m)[run, None]).toarray()
-            pressed += np.einsum("qr,qrn->qn", mechanics.basis[run], swelling[cell])
+            pressed += np.einsum("qr,qrn->qn", mechanics.basis[run], swelling[cells.cell_of[run]])
             changes = (share[run], pressed)
             for stress, change in zip((iso, bulging), changes, strict=True):
                 pull = np.einsum("qij,qjm,qam->qai", slope, stress[run], gradient, optimize=True)
@@ -309,6 +301,7 @@ def respond(
     """
     body, cells = mechanics.body, mechanics.body.cells
     at_vertices, _ = shape_functions(cells.vertex_local, cells.cell_mm)
+    at_surface = np.clip(cells.vertex_local, -1.0, 1.0)
     average = CellAverage(cells)
     factored, last, lost = None, mechanics.at_rest(), None
     kept: list[dict[str, Any]] = []
@@ -326,7 +319,7 @@ def respond(
         kept.append({
             "share": state.share,
             "displacement_mm": moved,
-            "strain_over_break": average.at_vertices(nodal),
+            "strain_over_break": _between(corners, cells.vertex_cell, at_surface),
             "largest": nodal[worst],
             "largest_mm": cells.node_mm[average.node[worst]],
             "energy_mJ": mechanics.energy_mJ(state),
@@ -369,7 +362,6 @@ class CellAverage:
 
     def __init__(self, cells: CutCells) -> None:
         corners = [i + 3 * j + 9 * k for k in (0, 2) for j in (0, 2) for i in (0, 2)]
-        self.cells = cells
         self.node, self.number = np.unique(cells.nodes[:, corners], return_inverse=True)
         self.hat = _hats(cells.points) * cells.weights_mm3[:, None]
         self.at = self.number[cells.cell_of]
@@ -386,11 +378,6 @@ class CellAverage:
         """Return weights : means as weights of the values at the points, (Q,)."""
         scaled = weights / np.where(self.volume > 0.0, self.volume, 1.0)
         return np.asarray(np.einsum("qc,qc->q", self.hat, scaled[self.at]))
-
-    def at_vertices(self, nodal: FloatArray) -> FloatArray:
-        """Return values at the corners between them, at the surface's vertices."""
-        shares = _hats(np.clip(self.cells.vertex_local, -1.0, 1.0))
-        return np.asarray(np.einsum("vc,vc->v", shares, nodal[self.number[self.cells.vertex_cell]]))
 
 
 _Weights = Callable[[FloatArray], FloatArray]

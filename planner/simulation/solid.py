@@ -13,7 +13,7 @@ import numpy as np
 from planner.materials.marlow import POISSON, MarlowTable
 from planner.numerics import BoolArray, FloatArray, IntArray
 from planner.simulation.cut_cells import CutCells
-from planner.simulation.element import LOCAL, SIX, advance, assemble, observe, pull, shape_functions
+from planner.simulation.element import LOCAL, SIX, advance, assemble, observe, shape_functions
 from planner.simulation.loads import Conditions, Pressure, couple
 from planner.simulation.sparse_cholesky import Analysis, Factor, NotPositiveDefinite, factor, reused
 
@@ -289,6 +289,9 @@ def _onward(before: Equilibrium, state: Equilibrium, share: float) -> Equilibriu
     }
     return replace(state, **moved)
 
+
+_RUN = 20_000
+"""Points at a time: 30 MB for each of their fields."""
 
 _THREADS = 2
 _MOST_ITERATIONS = 40
@@ -760,10 +763,21 @@ class Mechanics:
             over_m += self.weight_over_m(state.share).T @ (adjoint @ np.array(gravity))
         return _Sensitivity(-seen.isochoric - seen.volumetric, over_m)
 
-    def nodal_forces(self, state: Equilibrium, stress: FloatArray) -> FloatArray:
-        """Return the nodal forces, (N, 3), of second Piola-Kirchhoff stresses, (Q, 6)."""
-        out = np.zeros_like(state.displacement_mm)
-        pull(self.geometry, state.displacement_mm, stress, out)
+    def runs(self, u: FloatArray) -> Iterator[tuple[slice, IntArray, FloatArray, FloatArray]]:
+        """Yield runs of points with their nodes, their shapes' gradients, and F = I + du/dX."""
+        cells = self.body.cells
+        for first in range(0, len(cells.points), _RUN):
+            run = slice(first, first + _RUN)
+            nodes = cells.nodes[cells.cell_of[run]]
+            gradient = shape_functions(cells.points[run], cells.cell_mm)[1]
+            yield run, nodes, gradient, np.eye(3) + np.einsum("qai,qaj->qij", u[nodes], gradient)
+
+    def nodal_forces(self, u: FloatArray, stress: FloatArray) -> FloatArray:
+        """Return the nodal forces, (N, 3), of second Piola-Kirchhoff stresses times volumes."""
+        out = np.zeros_like(u)
+        for run, nodes, gradient, F in self.runs(u):
+            pulls = gradient @ (F @ stress[run][:, SIX]).transpose(0, 2, 1)
+            out += _summed(nodes, pulls, len(out))
         return out
 
     def energy_mJ(self, state: Equilibrium) -> float:
