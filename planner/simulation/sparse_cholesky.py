@@ -133,8 +133,6 @@ class Analysis(NamedTuple):
         and each one's place in the front above.
     below : (T, 2)
         Fronts of both halves, or -1.
-    side : (T,)
-        At which end of the working memory the update stands.
     cells, cell_start
         Cells of front t, and links by numbers above theirs, at `cell_start[t]:cell_start[t + 1]`.
     place, begin
@@ -143,8 +141,6 @@ class Analysis(NamedTuple):
         Where the columns of each front begin in the factor.
     tasks : (k, 2)
         First front of each task and the one after its last, in postorder.
-    work : (k,)
-        How many numbers each needs for updates.
     """
 
     factor_bytes: int
@@ -155,14 +151,12 @@ class Analysis(NamedTuple):
     above: IntArray
     rest_start: IntArray
     below: IntArray
-    side: IntArray
     cells: IntArray
     cell_start: IntArray
     begin: IntArray
     place: IntArray
     panel: IntArray
     tasks: IntArray
-    work: IntArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -216,10 +210,10 @@ def analyse(nodes: IntArray, node_mm: FloatArray, links: IntArray = _NO_LINKS) -
     ranks = np.stack([_ranks(middle[:, axis]) for axis in range(3)]).astype(np.int32)
     begin = np.append(0, np.cumsum(np.repeat([27, 54], [len(nodes), len(links)])))
     each = np.concatenate([nodes.ravel(), nodes[links].ravel()]).astype(np.int32), begin
-    cells, bounds, halves, depth, owner = _halved(*each, ranks, count, _CELLS_OF_A_LEAF)
+    cells, bounds, halves, owner = _halved(*each, ranks, count, _CELLS_OF_A_LEAF)
     # The last front made comes first: halves before their cut.
     fronts = len(bounds)
-    bounds, depth = bounds[::-1], depth[::-1]
+    bounds = bounds[::-1]
     below = np.where(halves >= 0, fronts - 1 - halves, -1)[::-1].copy()
     # Nodes of no cell stay with the last front, where they fail as pivots.
     front_of = fronts - 1 - owner
@@ -238,13 +232,12 @@ def analyse(nodes: IntArray, node_mm: FloatArray, links: IntArray = _NO_LINKS) -
     panel = np.concatenate([[0], np.cumsum(-(-own * (own + 3 * np.diff(rest_start)) // 8) * 8)])
     k, b = own.astype(np.float64), np.sqrt(update)
     flops = k**3 / 3.0 + k * k * b + k * b * b
-    tasks, work, most = _tasks(below, front_above, update, flops)
+    tasks, most = _tasks(below, front_above, update, flops)
     return Analysis(
         factor_bytes=8 * int(panel[-1]) + 64,
         work_bytes=8 * most,
         order=order, first=first, rest=rest, above=above, rest_start=rest_start, below=below,
-        side=(depth % 2).astype(np.int32), cells=cells, cell_start=cell_start, begin=begin,
-        place=place, panel=panel, tasks=tasks, work=work,
+        cells=cells, cell_start=cell_start, begin=begin, place=place, panel=panel, tasks=tasks,
     )  # fmt: skip
 
 
@@ -262,7 +255,7 @@ def _ranks(value: FloatArray) -> IntArray:
 @kernel
 def _halved(
     nodes: NDArray[np.int32], begin: IntArray, ranks: NDArray[np.int32], count: int, most: int
-) -> tuple[IntArray, IntArray, IntArray, IntArray, IntArray]:
+) -> tuple[IntArray, IntArray, IntArray, IntArray]:
     """Halve the cells until heaps of at most so many are left.
 
     The cut is the plane between layers of cells with the fewest nodes on it over the product of
@@ -277,8 +270,6 @@ def _halved(
         Of each front's cells, cuts before their halves.
     halves : (T, 2)
         -1 for heaps.
-    depth : (T,)
-        How many cuts are above.
     owner : (N,)
         Front that each node is eliminated in.
     """
@@ -286,20 +277,19 @@ def _halved(
     cells = np.arange(n).astype(np.int32)
     bounds = np.zeros((2 * n + 1, 2), dtype=np.int64)
     halves = np.full((2 * n + 1, 2), -1, dtype=np.int64)
-    depth = np.zeros(2 * n + 1, dtype=np.int64)
     owner = np.full(count, -1, dtype=np.int64)
     low, high = np.empty((3, count), dtype=np.int32), np.empty((3, count), dtype=np.int32)
     seen = np.full(count, -1, dtype=np.int64)
     touched = np.empty(count, dtype=np.int32)
     spare = np.empty(n, dtype=np.int32)
-    # Waiting: bounds, depth, and the half of which cut it is.
-    waiting = [(0, n, 0, -1, 0)]
+    # Waiting: bounds, and the half of which cut it is.
+    waiting = [(0, n, -1, 0)]
     made = 0
     while len(waiting) > 0:
-        start, end, deep, cut, half = waiting.pop()
+        start, end, cut, half = waiting.pop()
         t = made
         made += 1
-        bounds[t, 0], bounds[t, 1], depth[t] = start, end, deep
+        bounds[t, 0], bounds[t, 1] = start, end
         if cut >= 0:
             halves[cut, half] = t
         met = 0
@@ -352,11 +342,11 @@ def _halved(
         for i in range(upper):
             cells[lower + i] = spare[i]
         # The larger half is made last and so factored first, while no update waits.
-        waiting.append((lower, end, deep + 1, t, 1))
-        waiting.append((start, lower, deep + 1, t, 0))
+        waiting.append((lower, end, t, 1))
+        waiting.append((start, lower, t, 0))
         if lower - start > upper:
             waiting[-1], waiting[-2] = waiting[-2], waiting[-1]
-    return cells, bounds[:made], halves[:made], depth[:made], np.maximum(owner, 0)
+    return cells, bounds[:made], halves[:made], np.maximum(owner, 0)
 
 
 def _structure(
@@ -396,16 +386,15 @@ def _structure(
 
 def _tasks(
     below: IntArray, above: IntArray, update: IntArray, flops: FloatArray
-) -> tuple[IntArray, IntArray, int]:
+) -> tuple[IntArray, int]:
     """Divide the fronts among tasks.
 
     Returns
     -------
     tasks : (k, 2)
-    work : (k,)
-        Numbers that the updates of each need at most at a time.
     most
-        What all tasks together may have in use at a time, whatever order they run in.
+        Numbers that the updates of all tasks together may have in use at a time, whatever order
+        they run in.
     """
     fronts = len(below)
     total, need, start = flops.copy(), update.copy(), np.arange(fronts)
@@ -420,13 +409,12 @@ def _tasks(
         small[:] = True  # one task has them all
     last = np.flatnonzero((above < 0) | ~small | ~small[above])  # of each task
     tasks = np.stack([np.where(small, start, np.arange(fronts))[last], last + 1], axis=1)
-    work = np.where(small, need, update)[last]
-    all_at_once = need + update
+    all_at_once = need + update  # of fronts that are done memory is not all given back at once
     for t in np.flatnonzero(~small).tolist():
         halves = below[t][below[t] >= 0]
         waiting, busy = update[halves].sum(), all_at_once[halves].sum()
         all_at_once[t] = max(busy, update[t] + waiting)
-    return tasks, work, int(all_at_once[-1])
+    return tasks, int(all_at_once[-1])
 
 
 # ------------------------------------------------------------------------------------------------
@@ -471,29 +459,22 @@ def factor(
         start, end = a.tasks[task]
         return end - start > 1 or all(t < 0 or t in updates for t in a.below[end - 1].tolist())
 
-    def begin(task: int) -> tuple[Future[Any], tuple[int, FloatArray]]:
+    def begin(task: int) -> Future[Any]:
         start, end = a.tasks[task]
         outside = tuple(updates.pop(half, none) for half in a.below[end - 1].tolist())
-        work = np.empty(a.work[task])  # taken in one thread: each keeps what it once had
-        given = (start, end, matrices, springs, columns, work, outside)
-        return pool.submit(_factor_fronts, _blas_addresses(), a, *given), (task, work)
-
-    def keep(task: int, work: FloatArray, at: int) -> None:
-        last = int(a.tasks[task, 1]) - 1
-        size = 9 * int(a.rest_start[last + 1] - a.rest_start[last]) ** 2
-        updates[last] = work if len(work) == size else work[at : at + size].copy()
+        given = (start, end, matrices, springs, columns, outside)
+        return pool.submit(_factor_fronts, _blas_addresses(), a, *given)
 
     with one_blas_thread(), ThreadPoolExecutor(_THREADS) as pool:
         todo = list(range(len(a.tasks)))
-        running: dict[Future[Any], tuple[int, FloatArray]] = {}
+        running: dict[Future[Any], int] = {}
         while todo or running:
             ready = [k for k in todo if is_ready(k)][: _THREADS - len(running)]
             todo = [k for k in todo if k not in ready]
-            running.update(map(begin, ready))
+            running |= {begin(task): task for task in ready}
             for future in wait(running, return_when=FIRST_COMPLETED).done:
-                pivot, at = future.result()
-                task = running[future][0]
-                keep(*running.pop(future), at)
+                task = running.pop(future)
+                pivot, updates[int(a.tasks[task, 1]) - 1] = future.result()
                 if pivot >= 0:
                     # Tasks before this one may fail at an earlier pivot; those after it cannot.
                     failed = min(failed, pivot)
@@ -522,37 +503,27 @@ def reused(size: int, from_: FloatArray | None) -> FloatArray:
 @kernel
 def _factor_fronts(
     blas: tuple[int, ...], analysis: Analysis, start: _Int, end: _Int, matrices: FloatArray,
-    springs: FloatArray, columns: FloatArray, work: FloatArray, outside: Any,
-) -> tuple[_Int, _Int]:  # fmt: skip
+    springs: FloatArray, columns: FloatArray, outside: Any,
+) -> tuple[_Int, FloatArray]:  # fmt: skip
     """Factor fronts of one task, in order; `outside` are updates of halves that others have made.
-
-    Updates stand at both ends of `work`, by depth in turn: those of two halves lie last at one
-    end when their cut's comes to the other.
 
     Returns
     -------
     pivot
         The one that failed, in the order of elimination, or -1.
-    at
-        Where the update of the last front begins in `work`.
+    update
+        Of the last front.
     """
-    low, high = 0, len(work)
-    where = np.zeros(end - start, dtype=np.int64)
+    none = np.empty(0)
+    updates = [none] * (end - start)
     potrf, trsm, syrk, _ = blas
     info = np.zeros(1, dtype=np.int32)
     for t in range(start, end):
         own = np.int64(3 * (analysis.first[t + 1] - analysis.first[t]))
         rest = 3 * (analysis.rest_start[t + 1] - analysis.rest_start[t])
-        rows, size = own + rest, rest * rest
-        if analysis.side[t] == 0:
-            at = low
-            low += size
-        else:
-            high -= size
-            at = high
-        where[t - start] = at
+        rows = own + rest
         panel = columns[analysis.panel[t] : analysis.panel[t] + rows * own]
-        update = work[at : at + size]
+        update = np.empty(rest * rest)
         panel[:] = 0.0
         for j in range(rest):
             update[j * rest + j - j % 3 : (j + 1) * rest] = 0.0
@@ -566,17 +537,12 @@ def _factor_fronts(
             half = analysis.below[t, k]
             if half < 0:
                 continue
-            numbers = 9 * (analysis.rest_start[half + 1] - analysis.rest_start[half]) ** 2
+            given = outside[k]
             if half >= start:
-                given = work[where[half - start] : where[half - start] + numbers]
-                if analysis.side[half] == 0:
-                    low -= numbers
-                else:
-                    high += numbers
-            else:
-                given = outside[k]
+                given, updates[half - start] = updates[half - start], none
             to = analysis.above[analysis.rest_start[half] : analysis.rest_start[half + 1]]
             _add_update(given, to, panel, rows, update, own, rest)
+        updates[t - start] = update
         if own == 0:
             continue
         _call(potrf, (_L, own, panel, rows, info))
@@ -585,12 +551,12 @@ def _factor_fronts(
             if failed == 0 and not panel[j * rows + j] > 0.0:
                 failed = j + 1
         if failed > 0:
-            return np.int64(analysis.first[t]) + (failed - 1) // 3, at
+            return np.int64(analysis.first[t]) + (failed - 1) // 3, none
         if rest > 0:
             under = panel[own:]
             _call(trsm, (_R, _L, _T, _N, rest, own, 1.0, panel, rows, under, rows))
             _call(syrk, (_L, _N, rest, own, -1.0, under, rows, 1.0, update, rest))
-    return np.int64(-1), at
+    return np.int64(-1), update
 
 
 @inner_kernel
