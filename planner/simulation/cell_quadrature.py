@@ -79,44 +79,32 @@ def quadrature(
     offsets, points, weights
         As in `CutCells`; weights in cells.
     """
-    many = int(np.count_nonzero(~full))
     cut = np.where(full, -1, np.cumsum(~full) - 1).astype(np.int32)
     index = index[~full]
     begin, segments = material.segments_of(cut, index[:, 2])
     share = 1.0 / np.maximum(material.per_foot[material.foot], 1)
     rule = np.stack(np.polynomial.legendre.leggauss(4))
     pieces = (segments, begin, material.frame, material.across, material.voxels, share, index, rule)
-    found, used = np.zeros((many, 2 * _POINTS, 4)), np.zeros(many, np.int64)
+    found: list[FloatArray | None] = [None] * len(index)
     if like is not None and _same_columns(material, like.material):
         rows = np.column_stack([like.points, like.weights_mm3 / np.prod(like.cell_mm)])
         every = np.arange(len(like.index), dtype=np.int32)
         names = _names(like.index, *like.material.segments_of(every, like.index[:, 2]))
-        known = dict(zip(names, pairwise(like.offsets.tolist()), strict=True))
-        for p, name in enumerate(_names(index, begin, segments)):
-            own = rows[slice(*known.get(name, (0, 0)))]
-            if len(own) <= 2 * _POINTS:
-                found[p, : len(own)], used[p] = own, len(own)
+        known = dict(zip(names, np.split(rows, like.offsets[1:-1]), strict=True))
+        found = [known.get(name) for name in _names(index, begin, segments)]
 
     def find(first: int) -> None:
-        stop = min(first + _CHUNK, many)
-        measure = np.empty((4 * int(np.max(np.diff(begin[first : stop + 1]))), 4))
-        normal, slopes = np.empty((_MOMENTS, _MOMENTS)), np.empty((8 * _POINTS, _MOMENTS))
-        _find(pieces, first, stop, measure, normal, slopes, found, used)
+        for p in range(first, min(first + _CHUNK, len(found))):
+            if found[p] is None:
+                found[p] = _points(pieces, p)
 
     with one_blas_thread(), ThreadPoolExecutor(_THREADS) as pool:
-        list(pool.map(find, range(0, many, _CHUNK)))
-    counts = np.full(len(full), _POINTS)
-    counts[~full] = np.where(used > 0, used, 4 * np.diff(begin))
-    offsets = np.append(0, np.cumsum(counts))
-    rows = np.empty((int(offsets[-1]), 4))
+        list(pool.map(find, range(0, len(found), _CHUNK)))
     gauss, weight = np.polynomial.legendre.leggauss(3)
     whole = np.column_stack([gauss[LOCAL], weight[LOCAL].prod(axis=1) / 8])
-    rows[np.repeat(full, counts)] = np.tile(whole, (len(full) - many, 1))
-    for p, first in enumerate(offsets[:-1][~full].tolist()):
-        if used[p]:
-            rows[first : first + used[p]] = found[p, : used[p]]
-        else:
-            _measure(pieces, p, rows[first:])
+    cut_ones = iter(found)
+    each = [whole if is_full else next(cut_ones) for is_full in full.tolist()]
+    offsets, rows = np.append(0, np.cumsum([len(own) for own in each])), np.concatenate(each)
     return offsets, rows[:, :3].copy(), rows[:, 3].copy()
 
 
@@ -133,9 +121,9 @@ def _names(
         yield blake2b(place.tobytes() + segments[a:b].tobytes(), digest_size=16).digest()
 
 
-@kernel
+@inner_kernel
 def _measure(pieces: Any, p: Any, measure: Any) -> Any:
-    # The discrete measure of a piece: x, y, z in its cell and weight; how many points.
+    # The discrete measure of a piece: x, y, z in its cell and weight.
     segments, begin, frame, across, voxels, share, index, rule = pieces
     n = 0
     for s in range(begin[p], begin[p + 1]):
@@ -148,52 +136,44 @@ def _measure(pieces: Any, p: Any, measure: Any) -> Any:
             measure[n, 2] = (top + bottom + (top - bottom) * rule[0, g]) / 2.0
             measure[n, 3] = (top - bottom) * rule[1, g] / 4.0 * share[segments[s, 0]]
             n += 1
-    return n
 
 
 @kernel
-def _find(
-    pieces: Any, first: Any, stop: Any, measure: Any, normal: Any, slopes: Any, found: Any,
-    used: Any,
-) -> None:  # fmt: skip
-    # The points of pieces first..stop that have none, and how many; 0 where there are too many to
-    # be `found`.
-    frame = pieces[2]
+def _points(pieces: Any, p: Any) -> Any:
+    # The points of a piece and their weights: few that have its moments, or all of its measure.
+    begin, frame = pieces[1], pieces[2]
+    measure = np.empty((4 * (begin[p + 1] - begin[p]), 4))
+    _measure(pieces, p, measure)
+    if measure.shape[0] <= _POINTS:
+        return measure
+    mass = measure[:, 3].sum()
     wide = frame[2] * min(frame[5], frame[6])  # half a column's width, of the local -1..1
     middle, half, turn = np.empty(3), np.empty(3), np.empty((3, 3))
-    line, moment = np.empty((7, 7)), np.empty(normal.shape[0])
-    for p in range(first, stop):
-        if used[p] > 0:
-            continue
-        n = _measure(pieces, p, measure)
-        if n > _POINTS:
-            mass = measure[:n, 3].sum()
-            _find_box(measure, n, mass, wide, middle, half, turn)
-            _into_box(measure, n, middle, half, turn, False)
-            moment[:] = 0.0
-            for q in range(n):
-                for axis in range(3):
-                    _legendre(measure[q, axis], line[axis], line[3])
-                _add_products(moment, measure[q, 3] / mass, line[0], line[1], line[2])
-            for many in range(_POINTS, min(2 * _POINTS, n) + 1, _POINTS):
-                place = found[p, :many]
-                _guess(measure, n, place)
-                if _adjust(moment, place, line, normal, slopes):
-                    used[p] = many
-                    for q in range(many):
-                        place[q, 3] *= mass
-                    _into_box(place, many, middle, half, turn, True)
-                    break
-        else:
-            used[p] = _measure(pieces, p, found[p])
+    line, moment = np.empty((7, 7)), np.zeros(_MOMENTS)
+    _find_box(measure, mass, wide, middle, half, turn)
+    _into_box(measure, middle, half, turn, False)
+    for q in range(measure.shape[0]):
+        for axis in range(3):
+            _legendre(measure[q, axis], line[axis], line[3])
+        _add_products(moment, measure[q, 3] / mass, line[0], line[1], line[2])
+    for many in range(_POINTS, min(2 * _POINTS, measure.shape[0]) + 1, _POINTS):
+        place = np.empty((many, 4))
+        _guess(measure, place)
+        if _adjust(moment, place, line):
+            for q in range(many):
+                place[q, 3] *= mass
+            _into_box(place, middle, half, turn, True)
+            return place
+    _measure(pieces, p, measure)
+    return measure
 
 
 @inner_kernel
-def _find_box(measure: Any, n: Any, mass: Any, wide: Any, middle: Any, half: Any, turn: Any) -> Any:
+def _find_box(measure: Any, mass: Any, wide: Any, middle: Any, half: Any, turn: Any) -> Any:
     # The box that holds a piece: along the piece's principal axes (the rows of `turn`), or along
     # the cell's where that is not much smaller.
     aligned, mean, spread = np.zeros((3, 3)), np.zeros(3), np.zeros((3, 3))
-    for q in range(n):
+    for q in range(measure.shape[0]):
         for a in range(3):
             mean[a] += measure[q, 3] * measure[q, a]
             for b in range(3):
@@ -213,12 +193,12 @@ def _find_box(measure: Any, n: Any, mass: Any, wide: Any, middle: Any, half: Any
         _rotate(spread.T, a, b, cos, sin)
         _rotate(spread, a, b, cos, sin)
         _rotate(turn, a, b, cos, sin)
-    whole = _bounds(measure, n, wide, aligned, middle, half)
-    if _bounds(measure, n, wide, turn, middle, half) > _MUCH_SMALLER * whole:
+    whole = _bounds(measure, wide, aligned, middle, half)
+    if _bounds(measure, wide, turn, middle, half) > _MUCH_SMALLER * whole:
         for a in range(3):
             for b in range(3):
                 turn[a, b] = aligned[a, b]
-        _bounds(measure, n, wide, turn, middle, half)
+        _bounds(measure, wide, turn, middle, half)
 
 
 @inner_kernel
@@ -229,12 +209,12 @@ def _rotate(rows: Any, a: Any, b: Any, cos: Any, sin: Any) -> Any:
 
 
 @inner_kernel
-def _bounds(measure: Any, n: Any, wide: Any, turn: Any, middle: Any, half: Any) -> Any:
+def _bounds(measure: Any, wide: Any, turn: Any, middle: Any, half: Any) -> Any:
     # The box along the rows of `turn` about all segments, each a pillar as `wide` as its column.
     volume = 1.0
     for a in range(3):
         low, high = np.inf, -np.inf
-        for q in range(0, n, 4):
+        for q in range(0, measure.shape[0], 4):
             across = turn[a, 0] * measure[q, 0] + turn[a, 1] * measure[q, 1]
             rise = (measure[q + 3, 2] - measure[q, 2]) / (2.0 * _OUTERMOST)
             for z in (-rise, rise):
@@ -247,10 +227,10 @@ def _bounds(measure: Any, n: Any, wide: Any, turn: Any, middle: Any, half: Any) 
 
 
 @inner_kernel
-def _into_box(measure: Any, n: Any, middle: Any, half: Any, turn: Any, back: Any) -> Any:
+def _into_box(measure: Any, middle: Any, half: Any, turn: Any, back: Any) -> Any:
     # From the cell's coordinates to those of the box, -1..1, or back.
     at = np.empty(3)
-    for q in range(n):
+    for q in range(measure.shape[0]):
         for a in range(3):
             at[a] = middle[a] + half[a] * measure[q, a] if back else measure[q, a]
         for a in range(3):
@@ -289,15 +269,15 @@ def _add_products(row: Any, factor: Any, x: Any, y: Any, z: Any) -> Any:
 
 
 @inner_kernel
-def _guess(measure: Any, n: Any, place: Any) -> Any:
+def _guess(measure: Any, place: Any) -> Any:
     # 27 points like the material: along x three places as Gauss's are to mean and spread; the
     # material divided between them, the same along y for each share, and along z for theirs. Then
     # each a little aside, evenly to all sides (multiples of powers of an irrational number).
-    group = np.zeros(n, np.int64)
+    group = np.zeros(measure.shape[0], np.int64)
     place[0, 3] = 1.0
     for axis in range(3):
         total, mean, spread = np.zeros(28), np.zeros(28), np.zeros(28)
-        for q in range(n):
+        for q in range(measure.shape[0]):
             x, w = measure[q, axis], measure[q, 3]
             for g in (group[q], 27):  # 27: all of the material, for shares that have none
                 total[g] += w
@@ -307,7 +287,7 @@ def _guess(measure: Any, n: Any, place: Any) -> Any:
             if total[g] > 0.0:
                 mean[g] /= total[g]
                 spread[g] = np.sqrt(max(spread[g] / total[g] - mean[g] ** 2, 0.0025))
-        for q in range(n):
+        for q in range(measure.shape[0]):
             g = group[q]
             away = (measure[q, axis] - mean[g]) / spread[g]
             # shares of 5, 8 and 5 of 18 where it is even
@@ -328,11 +308,12 @@ def _guess(measure: Any, n: Any, place: Any) -> Any:
 
 
 @inner_kernel
-def _adjust(moment: Any, place: Any, line: Any, normal: Any, slopes: Any) -> Any:
+def _adjust(moment: Any, place: Any, line: Any) -> Any:
     """Move points in the box -1..1, and change their weights, until they have the moments."""
     many, moments = place.shape[0], moment.size
     miss, trial_miss, answer = np.empty(moments), np.empty(moments), np.empty(moments)
     trial, step = np.empty((many, 4)), np.empty((many, 4))
+    normal, slopes = np.empty((moments, moments)), np.empty((4 * many, moments))
     error = _miss(moment, place, line, miss)
     for _ in range(_STEPS):
         if np.abs(miss).max() < _MET:
@@ -348,8 +329,8 @@ def _adjust(moment: Any, place: Any, line: Any, normal: Any, slopes: Any) -> Any
             _add_products(slopes[4 * q + 1], w * _room(place[q, 1]), x, line[4], z)
             _add_products(slopes[4 * q + 2], w * _room(place[q, 2]), x, y, line[5])
             _add_products(slopes[4 * q + 3], w, x, y, z)
-        _solve_normal(slopes[: 4 * many], miss, normal, answer)
-        moves = np.dot(slopes[: 4 * many], answer)
+        _solve_normal(slopes, miss, normal, answer)
+        moves = np.dot(slopes, answer)
         most = 1.0
         for q in range(many):
             for k in range(4):
