@@ -566,13 +566,9 @@ class ShapeGoal(NamedTuple):
     @classmethod
     def on(cls, wanted: WantedShape, cells: CutCells, facets: BoolArray | None) -> "ShapeGoal":
         """Pose a shape on the surface of cells; facets of it that count, or all."""
-        from scipy.sparse import csr_matrix
-
         surface = cells.surface
         shape = shape_functions(cells.vertex_local, cells.cell_mm)[0]
-        ends = 27 * np.arange(len(shape) + 1)
-        nodes = cells.nodes[cells.vertex_cell].ravel()
-        carried = csr_matrix((shape.ravel(), nodes, ends), (len(shape), len(cells.node_mm)))
+        carried = cells.carrier(cells.vertex_cell, shape)
         area = np.linalg.norm(surface.area_vectors_mm2, axis=1)
         area = area if facets is None else area * facets
         share = np.bincount(surface.faces.ravel(), np.repeat(area, 3), len(surface.vertices))

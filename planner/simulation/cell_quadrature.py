@@ -148,9 +148,9 @@ def _points(pieces: Any, p: Any) -> Any:
         return measure
     mass = measure[:, 3].sum()
     wide = frame[2] * min(frame[5], frame[6])  # half a column's width, of the local -1..1
-    middle, half, turn = np.empty(3), np.empty(3), np.empty((3, 3))
+    middle, half = np.empty(3), np.empty(3)
     line, moment = np.empty((7, 7)), np.zeros(_MOMENTS)
-    _find_box(measure, mass, wide, middle, half, turn)
+    turn = _find_box(measure, mass, wide, middle, half)
     _into_box(measure, middle, half, turn, False)
     for q in range(measure.shape[0]):
         for axis in range(3):
@@ -169,10 +169,10 @@ def _points(pieces: Any, p: Any) -> Any:
 
 
 @inner_kernel
-def _find_box(measure: Any, mass: Any, wide: Any, middle: Any, half: Any, turn: Any) -> Any:
-    # The box that holds a piece: along the piece's principal axes (the rows of `turn`), or along
-    # the cell's where that is not much smaller.
-    aligned, mean, spread = np.zeros((3, 3)), np.zeros(3), np.zeros((3, 3))
+def _find_box(measure: Any, mass: Any, wide: Any, middle: Any, half: Any) -> Any:
+    # The box that holds a piece, and its axes, a row each: along the piece's principal axes, or
+    # along the cell's where that is not much smaller.
+    aligned, turn, mean, spread = np.eye(3), np.eye(3), np.zeros(3), np.zeros((3, 3))
     for q in range(measure.shape[0]):
         for a in range(3):
             mean[a] += measure[q, 3] * measure[q, a]
@@ -181,7 +181,6 @@ def _find_box(measure: Any, mass: Any, wide: Any, middle: Any, half: Any, turn: 
     for a in range(3):
         for b in range(3):
             spread[a, b] = spread[a, b] / mass - mean[a] * mean[b] / mass**2
-            aligned[a, b] = turn[a, b] = 1.0 if a == b else 0.0
     for sweep in range(18):  # Jacobi's rotations, six times about each axis
         a, b = sweep % 3, (sweep + 1) % 3
         if abs(spread[a, b]) < 1e-14:
@@ -195,10 +194,9 @@ def _find_box(measure: Any, mass: Any, wide: Any, middle: Any, half: Any, turn: 
         _rotate(turn, a, b, cos, sin)
     whole = _bounds(measure, wide, aligned, middle, half)
     if _bounds(measure, wide, turn, middle, half) > _MUCH_SMALLER * whole:
-        for a in range(3):
-            for b in range(3):
-                turn[a, b] = aligned[a, b]
-        _bounds(measure, wide, turn, middle, half)
+        _bounds(measure, wide, aligned, middle, half)
+        return aligned
+    return turn
 
 
 @inner_kernel

@@ -187,6 +187,13 @@ class CutCells:
         local = np.clip(2.0 * (places_mm - corner) / self.cell_mm - 1.0, -1.5, 1.5)
         return cell, shape_functions(local, self.cell_mm)[0]
 
+    def carrier(self, cell: IntArray, shape: FloatArray) -> Any:
+        """Return what takes values at nodes to places, by their cells and shapes: sparse (n, N)."""
+        from scipy.sparse import csr_matrix
+
+        nodes, ends = self.nodes[cell].ravel(), 27 * np.arange(len(shape) + 1)
+        return csr_matrix((shape.ravel(), nodes, ends), (len(shape), len(self.node_mm)))
+
     @cached_property
     def tree(self) -> Any:
         """To find the nearest of `points_mm`."""

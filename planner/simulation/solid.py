@@ -430,15 +430,11 @@ class Mechanics:
     @cached_property
     def _weight(self) -> Any:
         """Force at each node along gravity, N, of 1 g/cm³ at each point: sparse, (N, Q)."""
-        from scipy.sparse import csc_matrix
-
         cells = self.body.cells
         # g/cm³ mm³ = 1e-6 kg
         shape = shape_functions(cells.points, cells.cell_mm)[0] * 9.80665e-6
         shape *= cells.weights_mm3[:, None]
-        nodes = cells.nodes[cells.cell_of]
-        ends = 27 * np.arange(len(nodes) + 1)
-        return csc_matrix((shape.ravel(), nodes.ravel(), ends), (len(cells.node_mm), len(nodes)))
+        return cells.carrier(cells.cell_of, shape).T
 
     def weight_over_m(self, share: float) -> Any:
         """Return how the nodes' forces along gravity change with m at each point: sparse (N, Q)."""
@@ -711,10 +707,7 @@ class Mechanics:
         It is carried by the material nearest to it.
         """
         cells = self.body.cells
-        (cell,), (shape,) = cells.nearest(place_mm[None])
-        weights = np.zeros((len(cells.node_mm), 3))
-        weights[cells.nodes[cell]] = shape[:, None] * direction
-        return weights
+        return np.outer(cells.carrier(*cells.nearest(place_mm[None])).toarray(), direction)
 
     def turn_weights(self, facets: BoolArray, u: FloatArray, axis: FloatArray) -> FloatArray:
         """Return the nodal weights, (N, 3), of how far displaced facets turn about an axis."""
