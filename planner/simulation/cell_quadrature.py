@@ -85,7 +85,7 @@ def quadrature(
     share = 1.0 / np.maximum(material.per_foot[material.foot], 1)
     rule = np.stack(np.polynomial.legendre.leggauss(4))
     pieces = (segments, begin, material.frame, material.across, material.voxels, share, index, rule)
-    found: list[FloatArray | None] = [None] * len(index)
+    found: list[Any] = [None] * len(index)  # points of each piece
     if like is not None and _same_columns(material, like.material):
         rows = np.column_stack([like.points, like.weights_mm3 / np.prod(like.cell_mm)])
         every = np.arange(len(like.index), dtype=np.int32)
