@@ -290,10 +290,8 @@ def _cuts(result: PartSimulation) -> Iterator[_PartCut]:
     surface, cell_mm = result.cells.surface, result.cells.cell_mm
     place = result.steps.largest_mm[-1]
     low, high = surface.bounds_mm
-    corners = surface.vertices[surface.faces]
-    facet = int(np.linalg.norm(corners.mean(axis=1) - place, axis=1).argmin())
-    normal = np.cross(*(corners[facet, 1:] - corners[facet, 0]))
-    normal = np.abs(normal) / np.linalg.norm(normal)
+    facet = int(np.linalg.norm(surface.triangles.mean(axis=1) - place, axis=1).argmin())
+    normal = np.abs(surface.normals[facet])
     tree = triangle_tree(surface)
     for across in np.flatnonzero(normal <= max(_STEEP, float(normal.min()))).tolist():
         along, up = sorted(

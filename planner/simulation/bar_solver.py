@@ -256,9 +256,8 @@ def _cubics_of(
 
 @kernel
 def _fill_instantaneous(
-    stress: FloatArray, shares: FloatArray, keeps: FloatArray, adds: FloatArray,
-    held: FloatArray, passing: FloatArray,
-) -> None:  # fmt: skip
+    stress: FloatArray, shares: FloatArray, keeps: FloatArray, adds: FloatArray
+) -> None:
     """Turn stresses shown at even times, (N, M), into instantaneous ones, in place.
 
     Materials stand side by side, so that processors take several at a time.
@@ -268,13 +267,10 @@ def _fill_instantaneous(
     shares : (K, M)
     keeps, adds : (K,)
         Of what an exponential holds, and of what is new, what is left after a step.
-    held, passing : (K, M), (4, M)
-        Workspace: what each exponential holds of its share; the stress before, what was new in it,
-        what all exponentials hold, and of what is new what they add.
     """
-    before, new, rest, added = passing
-    held[:] = 0.0
-    passing[:] = 0.0
+    held = np.zeros(shares.shape)  # by each exponential
+    # The stress before, what was new in it, what all exponentials hold, what they add of the new.
+    before, new, rest, added = np.zeros((4, stress.shape[1]))
     fixed = np.ones(stress.shape[1])
     for k in range(len(keeps)):
         fixed -= shares[k] * (1.0 - adds[k])
@@ -318,10 +314,7 @@ def instantaneous(
     shown = np.exp(log_secant) * strain
     stress = np.array(shown.T, order="C")  # its own, of one material too
     shares = np.ascontiguousarray(relaxing[:, used].T)
-    _fill_instantaneous(
-        stress, shares, np.exp(-spent), -np.expm1(-spent) / spent, np.empty_like(shares),
-        np.empty((4, len(relaxing))),
-    )  # fmt: skip
+    _fill_instantaneous(stress, shares, np.exp(-spent), -np.expm1(-spent) / spent)
     # Shares of nearly one of a law that falls would ask for less than nothing.
     ratio = np.maximum(stress[1:].T / shown[:, 1:], 1e-3)
     change = np.log(np.concatenate([ratio[:, :1], ratio], axis=1))

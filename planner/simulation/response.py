@@ -396,7 +396,9 @@ def answers(mechanics: Mechanics, state: Equilibrium) -> "Iterator[tuple[Respons
         moved = mechanics.mean(points, u)
         if direction is None:
             direction = force_N if kind == "fix" else moved
-        told = Response(faces.selector, kind, moved, force_N, _unit(direction), **turned)
+        size = float(np.linalg.norm(direction))
+        along = direction / size if size > 0.0 else np.array([0.0, 0.0, 1.0])
+        told = Response(faces.selector, kind, moved, force_N, along, **turned)
         return told, weights or partial(mechanics.mean_weights, points)
 
     for force in on.forces:
@@ -439,11 +441,6 @@ def _responses(
         series = ("displacement_mm", "force_N", *told.turned)
         each = {name: np.stack([getattr(one, name) for one, _ in steps]) for name in series}
         yield replace(told, interval=span, **each)
-
-
-def _unit(vector: FloatArray) -> FloatArray:
-    size = float(np.linalg.norm(vector))
-    return vector / size if size > 0.0 else np.array([0.0, 0.0, 1.0])
 
 
 # ------------------------------------------------------------------------------------------------
