@@ -290,14 +290,12 @@ def _cuts(result: PartSimulation) -> Iterator[_PartCut]:
     surface, cell_mm = result.cells.surface, result.cells.cell_mm
     place = result.steps.largest_mm[-1]
     low, high = surface.bounds_mm
+    sizes = high - low
     facet = int(np.linalg.norm(surface.triangles.mean(axis=1) - place, axis=1).argmin())
     normal = np.abs(surface.normals[facet])
     tree = triangle_tree(surface)
     for across in np.flatnonzero(normal <= max(_STEEP, float(normal.min()))).tolist():
-        along, up = sorted(
-            {0, 1, 2} - {across}, key=lambda axis: (axis == 2, low[axis] - high[axis])
-        )
-        sizes = high - low
+        along, up = sorted({0, 1, 2} - {across}, key=lambda axis: (axis == 2, -sizes[axis]))
         step = _SQUARE * max(sizes[along] / _CUT_LONGEST, sizes[up] / _CUT_HIGHEST)
         x, y = (
             low[axis] + step * (np.arange(max(int(np.ceil(sizes[axis] / step)), 1)) + 0.5)
