@@ -159,7 +159,8 @@ def _points(pieces: Any, p: Any) -> Any:
     for many in range(_POINTS, min(2 * _POINTS, measure.shape[0]) + 1, _POINTS):
         place = np.empty((many, 4))
         _guess(measure, place)
-        if _adjust(moment, place, line):
+        met, place = _adjust(moment, place, line)
+        if met:
             for q in range(many):
                 place[q, 3] *= mass
             _into_box(place, middle, half, turn, True)
@@ -271,8 +272,8 @@ def _guess(measure: Any, place: Any) -> Any:
     # 27 points like the material: along x three places as Gauss's are to mean and spread; the
     # material divided between them, the same along y for each share, and along z for theirs. Then
     # each a little aside, evenly to all sides (multiples of powers of an irrational number).
-    group = np.zeros(measure.shape[0], np.int64)
-    place[0, 3] = 1.0
+    group, many = np.zeros(measure.shape[0], np.int64), place.shape[0]
+    place[:, 3] = 1.0
     for axis in range(3):
         total, mean, spread = np.zeros(28), np.zeros(28), np.zeros(28)
         for q in range(measure.shape[0]):
@@ -290,24 +291,26 @@ def _guess(measure: Any, place: Any) -> Any:
             away = (measure[q, axis] - mean[g]) / spread[g]
             # shares of 5, 8 and 5 of 18 where it is even
             group[q] = 3 * g + (0 if away < -0.7698 else 1 if away < 0.7698 else 2)
-        for g in range(3**axis - 1, -1, -1):
+        for q in range(many):
+            g, k = (
+                q % 27 // 3 ** (3 - axis),
+                q % 27 // 3 ** (2 - axis) % 3,
+            )  # share, and third of it
             of = g if total[g] > 0.0 else 27
-            for k in range(2, -1, -1):
-                for before in range(axis):
-                    place[3 * g + k, before] = place[g, before]
-                place[3 * g + k, axis] = mean[of] + (k - 1) * np.sqrt(1.8) * spread[of]
-                place[3 * g + k, 3] = place[g, 3] * (8.0 if k == 1 else 5.0) / 18.0
-    many = place.shape[0]
-    for q in range(many - 1, -1, -1):
-        place[q, 3] = place[q % 27, 3] * 27 / many
-        for axis in range(3):
             aside = 2.0 * ((q + 1) * 0.8191725134 ** (axis + 1) % 1.0) - 1.0
-            place[q, axis] = min(max(place[q % 27, axis] + _STRAY * aside, -0.97), 0.97)
+            at = mean[of] + (k - 1) * np.sqrt(1.8) * spread[of] + _STRAY * aside
+            place[q, axis] = min(max(at, -0.97), 0.97)
+            place[q, 3] = place[q, 3] * (8.0 if k == 1 else 5.0) / 18.0
+    for q in range(many):
+        place[q, 3] = place[q, 3] * 27 / many
 
 
 @inner_kernel
 def _adjust(moment: Any, place: Any, line: Any) -> Any:
-    """Move points in the box -1..1, and change their weights, until they have the moments."""
+    """Move points in the box -1..1, and change their weights, until they have the moments.
+
+    Return whether they do, and the points.
+    """
     many, moments = place.shape[0], moment.size
     miss, trial_miss, answer = np.empty(moments), np.empty(moments), np.empty(moments)
     trial, step = np.empty((many, 4)), np.empty((many, 4))
@@ -315,7 +318,7 @@ def _adjust(moment: Any, place: Any, line: Any) -> Any:
     error = _miss(moment, place, line, miss)
     for _ in range(_STEPS):
         if np.abs(miss).max() < _MET:
-            return True
+            return True, place
         # slopes of the moments by each place and each weight, in units of the room to the box's
         # sides and of the weight
         for q in range(many):
@@ -350,13 +353,11 @@ def _adjust(moment: Any, place: Any, line: Any) -> Any:
                 break
             most /= 2.0
         if not trial_error < error:
-            return False
+            break
         error = trial_error
         miss, trial_miss = trial_miss, miss
-        for q in range(many):
-            for k in range(4):
-                place[q, k] = trial[q, k]
-    return False
+        place, trial = trial, place
+    return False, place
 
 
 @inner_kernel
